@@ -1,0 +1,1 @@
+"""Drivers of the robot, usable without ROS and without vsx_ros."""

@@ -1,0 +1,1 @@
+"""The RGB camera of the Kinect v1 over USB."""

@@ -1,0 +1,1 @@
+"""Kobuki, the base of the TurtleBot 2."""

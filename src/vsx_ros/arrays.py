@@ -1,0 +1,32 @@
+"""Names for the array shapes that cross room borders. Plain ndarrays; the name tells shape, dtype and unit."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray: TypeAlias = NDArray[np.float64]
+"""Float64 array of any shape; the docstring of the user says which."""
+
+IntArray: TypeAlias = NDArray[np.integer[Any]]
+"""Integer array of any shape."""
+
+BoolArray: TypeAlias = NDArray[np.bool_]
+"""Mask of any shape."""
+
+GrayImage: TypeAlias = NDArray[np.uint8]
+"""(H, W) uint8, row 0 at the top."""
+
+ColorImage: TypeAlias = NDArray[np.uint8]
+"""(H, W, 3) uint8, OpenCV's BGR order."""
+
+Points2: TypeAlias = NDArray[np.float64]
+"""(N, 2) metres."""
+
+Points3: TypeAlias = NDArray[np.float64]
+"""(N, 3) metres, in the frame its name ends with (points_world, points_cam)."""
+
+Pixels: TypeAlias = NDArray[np.float64]
+"""(N, 2) pixels (u right, v down); integer coordinates are pixel centres."""

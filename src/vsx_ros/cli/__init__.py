@@ -1,0 +1,1 @@
+"""The roof, west: the command line."""

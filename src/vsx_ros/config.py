@@ -1,0 +1,174 @@
+"""Every parameter of the stack on one page: name, unit, default, bound. Branches carry the names of the components
+that receive them. ``vsx config`` prints this tree; config/default.yaml is generated from it."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import msgspec
+from msgspec import Meta, Struct
+
+from vsx_ros.errors import ConfigError
+
+Positive = Annotated[float, Meta(gt=0)]
+NonNegative = Annotated[float, Meta(ge=0)]
+Ratio = Annotated[float, Meta(ge=0, le=1)]
+Count = Annotated[int, Meta(ge=1)]
+
+
+class _Branch(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Common policy: immutable, unknown names refused, keyword only."""
+
+
+class MountConfig(_Branch):
+    """Where the camera sits on the base (T_base_cam)."""
+
+    forward_m: float = -0.09
+    left_m: float = 0.0
+    height_m: Positive = 0.31
+    pitch_down_rad: Annotated[float, Meta(ge=-0.8, le=0.8)] = 0.0
+    yaw_left_rad: float = 0.0
+
+
+class RobotConfig(_Branch):
+    """The body."""
+
+    radius_m: Positive = 0.18
+    height_m: Positive = 0.45
+    mount: MountConfig = MountConfig()
+
+
+class LimitsConfig(_Branch):
+    """What the time scaling and the follower never exceed."""
+
+    v_m_s: Positive = 0.25
+    a_m_s2: Positive = 0.3
+    jerk_m_s3: Positive = 1.0
+    omega_rad_s: Positive = 0.35
+    alpha_rad_s2: Positive = 0.7
+
+
+class InitializationConfig(_Branch):
+    """Two-frame start of the map (paper 3.1)."""
+
+    baseline_m: Positive = 0.20
+    baseline_max_m: Positive = 0.6
+    min_matches: Count = 60
+    min_parallax_deg: Positive = 0.7
+
+
+class TrackerConfig(_Branch):
+    """Per-frame tracking."""
+
+    max_points: Count = 800
+    good_ratio: Ratio = 0.3
+    lost_ratio: Ratio = 0.13
+    min_found: Count = 30
+    lost_after_frames: Count = 3
+
+
+class KeyframeConfig(_Branch):
+    """When a frame becomes a keyframe (paper 3.1: conservative where the map is already known)."""
+
+    min_gap_frames: Count = 4
+    distance_ratio: Positive = 0.06
+    angle_deg: Positive = 8.0
+
+
+class MapperConfig(_Branch):
+    """Making, refining and removing points."""
+
+    window_keyframes: Count = 8
+    target_keyframes: Count = 3
+    max_points_per_keyframe: Count = 400
+
+
+class SlamConfig(_Branch):
+    """Keyframe SLAM (paper 3)."""
+
+    initialization: InitializationConfig = InitializationConfig()
+    tracker: TrackerConfig = TrackerConfig()
+    keyframes: KeyframeConfig = KeyframeConfig()
+    mapper: MapperConfig = MapperConfig()
+
+
+class PlannerConfig(_Branch):
+    """Motion planning (paper 4)."""
+
+    phi_rad_m: Positive = 1.0
+    clearance_m: NonNegative = 0.04
+    max_reverse_m: NonNegative = 1.5
+
+
+class FollowerConfig(_Branch):
+    """Following a timed trajectory."""
+
+    stiffness_rad_m: Positive = 4.0
+    max_lateral_error_m: Positive = 0.12
+    max_heading_error_rad: Positive = 0.25
+    pose_timeout_s: Positive = 0.5
+
+
+class GroundMapConfig(_Branch):
+    """The 2-D map (paper 5.2)."""
+
+    resolution_m: Positive = 0.05
+    obstacle_min_height_m: NonNegative = 0.06
+    obstacle_max_height_m: Positive = 0.60
+    max_range_m: Positive = 4.5
+    start_clear_m: NonNegative = 0.7
+
+
+class ExplorationConfig(_Branch):
+    """Frontiers and the mission (paper 5.2)."""
+
+    sensor_range_m: Positive = 4.0
+    sensor_fov_rad: Positive = 1.05
+    min_gain_cells: Count = 30
+    init_drive_m: Positive = 0.45
+
+
+class Config(_Branch):
+    """The whole tree."""
+
+    robot: RobotConfig = RobotConfig()
+    limits: LimitsConfig = LimitsConfig()
+    slam: SlamConfig = SlamConfig()
+    planner: PlannerConfig = PlannerConfig()
+    follower: FollowerConfig = FollowerConfig()
+    ground_map: GroundMapConfig = GroundMapConfig()
+    exploration: ExplorationConfig = ExplorationConfig()
+
+
+def from_dict(tree: dict[str, Any]) -> Config:
+    """The configuration of a nested dict; missing entries take their default.
+
+    Raises ConfigError naming the entry, e.g. ``Expected `float` > 0.0 - at `$.planner.phi_rad_m```.
+    """
+    try:
+        return msgspec.convert(tree, Config)
+    except msgspec.ValidationError as error:
+        raise ConfigError(f"configuration: {error}; 'vsx config' prints every name, unit and default") from error
+
+
+def to_dict(config: Config) -> dict[str, Any]:
+    """The nested dict that ``from_dict`` reads back to the same configuration."""
+    tree: dict[str, Any] = msgspec.to_builtins(config)
+    return tree
+
+
+def overridden(config: Config, assignments: dict[str, Any]) -> Config:
+    """A copy with dotted names replaced, e.g. ``{"planner.phi_rad_m": 0.5}``.
+
+    Raises ConfigError for an unknown name or an impossible value.
+    """
+    tree = to_dict(config)
+    for name, value in assignments.items():
+        *branches, leaf = name.split(".")
+        node = tree
+        for branch in branches:
+            node = node.get(branch, {}) if isinstance(node, dict) else {}
+        if not isinstance(node, dict) or leaf not in node:
+            raise ConfigError(f"configuration: there is no parameter {name!r}; 'vsx config' prints every name")
+        node[leaf] = value
+    return from_dict(tree)

@@ -1,0 +1,1 @@
+"""Fourth floor: following a plan."""

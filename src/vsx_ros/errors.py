@@ -1,0 +1,35 @@
+"""Broken promises. Expected outcomes (lost, refused, unreachable) are values, never exceptions.
+
+VsxError
+├── ConfigError         (ValueError)   a parameter, option or configuration file
+├── CalibrationError    (ValueError)   camera or mount calibration that cannot be used
+├── InputError          (ValueError)   a recording, image, message or trajectory that cannot be used
+├── MapFileError        (ValueError)   a map on disk that cannot be read or written
+└── PlanningError       (ValueError)   a question that has no meaning (NaN pose, phi <= 0)
+
+Every message names the thing, the value found and the remedy.
+"""
+
+
+class VsxError(Exception):
+    """Root of everything vsx_ros raises on purpose; the command line prints it as one sentence."""
+
+
+class ConfigError(VsxError, ValueError):
+    """A parameter has an impossible value or an unknown name."""
+
+
+class CalibrationError(VsxError, ValueError):
+    """A calibration is missing, malformed or does not fit the images."""
+
+
+class InputError(VsxError, ValueError):
+    """A recording, image or trajectory cannot be used."""
+
+
+class MapFileError(VsxError, ValueError):
+    """A map file cannot be read or written."""
+
+
+class PlanningError(VsxError, ValueError):
+    """The planner was asked something without meaning."""

@@ -1,0 +1,1 @@
+"""Fourth floor: judgement against the truth."""

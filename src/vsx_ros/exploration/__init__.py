@@ -1,0 +1,1 @@
+"""Fourth floor: frontier exploration and the mission (paper 5.2)."""

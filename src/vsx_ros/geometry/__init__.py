@@ -1,0 +1,1 @@
+"""First floor: mathematics with names."""

@@ -1,0 +1,94 @@
+"""Pinhole camera with plumb-bob (Brown) distortion, as ROS camera_info and OpenCV state it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from vsx_ros.arrays import FloatArray, Pixels, Points3
+from vsx_ros.errors import CalibrationError
+from vsx_ros.geometry.se3 import SE3
+
+
+@dataclass(frozen=True, slots=True)
+class PinholeCamera:
+    """Intrinsics [px] and distortion (k1, k2, p1, p2, k3). Integer pixel coordinates are pixel centres.
+
+    Raises CalibrationError when a value cannot be a camera's.
+    """
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        numbers = (self.fx, self.fy, self.cx, self.cy, *self.distortion)
+        if not all(math.isfinite(n) for n in numbers):
+            raise CalibrationError(f"camera calibration holds a number that is not finite: {numbers}")
+        if self.width < 16 or self.height < 16 or self.fx <= 0 or self.fy <= 0:
+            raise CalibrationError(
+                f"camera calibration {self.width}x{self.height}, fx {self.fx}, fy {self.fy} cannot be a "
+                "camera's: size must be at least 16x16 and focal lengths positive; calibrate the camera again"
+            )
+
+    @property
+    def K(self) -> FloatArray:
+        """(3, 3) intrinsic matrix [px]."""
+        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
+    @property
+    def is_distorted(self) -> bool:
+        """Whether any distortion coefficient differs from zero."""
+        return any(self.distortion)
+
+    def parameters(self) -> FloatArray:
+        """(9,) fx, fy, cx, cy, k1, k2, p1, p2, k3: what kernels take."""
+        return np.array([self.fx, self.fy, self.cx, self.cy, *self.distortion])
+
+    def project(self, points_cam: Points3) -> Pixels:
+        """(N, 2) pixels of (N, 3) points; NaN where the point is not in front of the camera."""
+        points_cam = np.asarray(points_cam, float).reshape(-1, 3)
+        z = np.where(points_cam[:, 2] > 1e-6, points_cam[:, 2], np.nan)
+        x, y = points_cam[:, 0] / z, points_cam[:, 1] / z
+        k1, k2, p1, p2, k3 = self.distortion
+        r2 = x * x + y * y
+        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        xd = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+        yd = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+        return np.stack([self.fx * xd + self.cx, self.fy * yd + self.cy], axis=1)
+
+    def unproject(self, pixels: Pixels) -> Points3:
+        """(N, 3) points on the plane z = 1 that project to the (N, 2) pixels."""
+        pixels = np.asarray(pixels, float).reshape(-1, 2)
+        if not self.is_distorted:
+            x = (pixels[:, 0] - self.cx) / self.fx
+            y = (pixels[:, 1] - self.cy) / self.fy
+            return np.stack([x, y, np.ones_like(x)], axis=1)
+        criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 40, 1e-9)
+        plane = cv2.undistortPointsIter(
+            pixels.reshape(-1, 1, 2), self.K, np.array(self.distortion), np.eye(3), np.eye(3), criteria
+        ).reshape(-1, 2)
+        return np.column_stack([plane, np.ones(len(plane))])
+
+    def without_distortion(self) -> PinholeCamera:
+        """The ideal camera whose images ``cv2.undistort`` with this calibration produces."""
+        return PinholeCamera(self.width, self.height, self.fx, self.fy, self.cx, self.cy)
+
+
+def mount_pose(forward: float, left: float, height: float, pitch: float, yaw: float = 0.0) -> SE3:
+    """T_base_cam of a camera on a robot: position [m] in the base frame, pitch down and yaw left positive [rad].
+
+    Base: x forward, z up. Camera (optical): z forward, x right, y down (REP 103).
+    """
+    optical = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+    cp, sp, cy, sy = math.cos(pitch), math.sin(pitch), math.cos(yaw), math.sin(yaw)
+    Rz = np.array([[cy, -sy, 0.0], [sy, cy, 0.0], [0.0, 0.0, 1.0]])
+    Ry = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])
+    return SE3(Rz @ Ry @ optical, np.array([forward, left, height]))

@@ -1,0 +1,164 @@
+"""Poses in space. Tangent order is (translation, rotation): xi = (rho, omega), as in the bundle adjustment."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import overload
+
+import numpy as np
+
+from vsx_ros.arrays import FloatArray, Points3
+from vsx_ros.geometry.se2 import SE2
+
+
+def _skew(w: FloatArray) -> FloatArray:
+    return np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
+
+
+def so3_exp(omega: FloatArray) -> FloatArray:
+    """(3, 3) rotation by the vector omega (3,) [rad] (Rodrigues)."""
+    angle = float(np.linalg.norm(omega))
+    W = _skew(omega)
+    if angle < 1e-8:
+        return np.eye(3) + W + 0.5 * W @ W
+    return np.eye(3) + math.sin(angle) / angle * W + (1.0 - math.cos(angle)) / angle**2 * W @ W
+
+
+def so3_log(R: FloatArray) -> FloatArray:
+    """(3,) rotation vector of R, of norm at most pi [rad]; accurate near 0 and near pi."""
+    qx, qy, qz, qw = quaternion_from_rotation(R)
+    v = np.array([qx, qy, qz])
+    norm = float(np.linalg.norm(v))
+    if norm < 1e-12:
+        return 2.0 * v
+    return 2.0 * math.atan2(norm, qw) / norm * v
+
+
+def quaternion_from_rotation(R: FloatArray) -> tuple[float, float, float, float]:
+    """(qx, qy, qz, qw) with qw >= 0, by the largest-component rule (no division by a small number)."""
+    m = np.asarray(R, float)
+    four = np.array([
+        1 + m[0, 0] - m[1, 1] - m[2, 2],
+        1 - m[0, 0] + m[1, 1] - m[2, 2],
+        1 - m[0, 0] - m[1, 1] + m[2, 2],
+        1 + m[0, 0] + m[1, 1] + m[2, 2],
+    ])
+    columns = [
+        (four[0], m[0, 1] + m[1, 0], m[0, 2] + m[2, 0], m[2, 1] - m[1, 2]),
+        (m[0, 1] + m[1, 0], four[1], m[1, 2] + m[2, 1], m[0, 2] - m[2, 0]),
+        (m[0, 2] + m[2, 0], m[1, 2] + m[2, 1], four[2], m[1, 0] - m[0, 1]),
+        (m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1], four[3]),
+    ]
+    q = np.array(columns[int(np.argmax(four))])
+    q = q / np.linalg.norm(q)
+    q = -q if q[3] < 0 else q
+    return float(q[0]), float(q[1]), float(q[2]), float(q[3])
+
+
+def rotation_from_quaternion(qx: float, qy: float, qz: float, qw: float) -> FloatArray:
+    """(3, 3) rotation of a quaternion of any non-zero norm."""
+    n = math.sqrt(qx * qx + qy * qy + qz * qz + qw * qw)
+    x, y, z, w = qx / n, qy / n, qz / n, qw / n
+    return np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SE3:
+    """Rigid motion of space: rotation (3, 3), translation (3,) [m]; both are made read-only."""
+
+    rotation: FloatArray
+    translation: FloatArray
+
+    def __post_init__(self) -> None:
+        R = np.array(self.rotation, dtype=np.float64)
+        t = np.array(self.translation, dtype=np.float64).reshape(3)
+        R.flags.writeable = False
+        t.flags.writeable = False
+        object.__setattr__(self, "rotation", R)
+        object.__setattr__(self, "translation", t)
+
+    @staticmethod
+    def identity() -> SE3:
+        """The motion that moves nothing."""
+        return SE3(np.eye(3), np.zeros(3))
+
+    @overload
+    def __matmul__(self, other: SE3) -> SE3: ...
+    @overload
+    def __matmul__(self, other: Points3) -> Points3: ...
+    def __matmul__(self, other: SE3 | Points3) -> SE3 | Points3:
+        """Compose with a pose, or map (N, 3) points."""
+        if isinstance(other, SE3):
+            return SE3(self.rotation @ other.rotation, self.rotation @ other.translation + self.translation)
+        return np.asarray(other) @ self.rotation.T + self.translation
+
+    def inverse(self) -> SE3:
+        """The motion that undoes this one."""
+        return SE3(self.rotation.T, -self.rotation.T @ self.translation)
+
+    def matrix(self) -> FloatArray:
+        """(4, 4) homogeneous matrix."""
+        T = np.eye(4)
+        T[:3, :3] = self.rotation
+        T[:3, 3] = self.translation
+        return T
+
+    @staticmethod
+    def from_matrix(T: FloatArray) -> SE3:
+        """From a (4, 4) or (3, 4) matrix."""
+        return SE3(T[:3, :3], T[:3, 3])
+
+    @staticmethod
+    def exp(xi: FloatArray) -> SE3:
+        """From the tangent vector (6,) = (rho [m], omega [rad])."""
+        rho, omega = np.asarray(xi[:3], float), np.asarray(xi[3:], float)
+        angle = float(np.linalg.norm(omega))
+        W = _skew(omega)
+        if angle < 1e-6:
+            V = np.eye(3) + 0.5 * W + W @ W / 6.0
+        else:
+            V = (
+                np.eye(3)
+                + (1.0 - math.cos(angle)) / angle**2 * W
+                + (angle - math.sin(angle)) / angle**3 * W @ W
+            )
+        return SE3(so3_exp(omega), V @ rho)
+
+    def log(self) -> FloatArray:
+        """The tangent vector (6,) whose ``exp`` is this motion; rotation below pi."""
+        omega = so3_log(self.rotation)
+        angle = float(np.linalg.norm(omega))
+        W = _skew(omega)
+        if angle < 1e-6:
+            V_inverse = np.eye(3) - 0.5 * W + W @ W / 12.0
+        else:
+            half = 0.5 * angle
+            V_inverse = np.eye(3) - 0.5 * W + (1.0 - half / math.tan(half)) / angle**2 * W @ W
+        return np.concatenate([V_inverse @ self.translation, omega])
+
+    def quaternion(self) -> tuple[float, float, float, float]:
+        """(qx, qy, qz, qw) with qw >= 0."""
+        return quaternion_from_rotation(self.rotation)
+
+    @staticmethod
+    def from_quaternion(translation: FloatArray, quaternion: tuple[float, float, float, float]) -> SE3:
+        """From translation (3,) [m] and (qx, qy, qz, qw)."""
+        return SE3(rotation_from_quaternion(*quaternion), np.asarray(translation, float))
+
+    @staticmethod
+    def from_se2(T: SE2, height: float = 0.0) -> SE3:
+        """A pose on the floor as a pose in space, at the given height [m]."""
+        c, s = math.cos(T.theta), math.sin(T.theta)
+        return SE3(
+            np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]),
+            np.array([T.x, T.y, height]),
+        )
+
+    def rotation_angle_to(self, other: SE3) -> float:
+        """Angle of the rotation between the two poses, in [0, pi] [rad]."""
+        return float(np.linalg.norm(so3_log(self.rotation.T @ other.rotation)))

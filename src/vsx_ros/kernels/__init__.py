@@ -1,0 +1,18 @@
+"""Ground floor: compiled loops over plain arrays and scalars. No classes, no files, no clock.
+
+Every kernel is decorated with ``kernel``: cached on disk, free of Python's global lock, IEEE arithmetic
+(no fastmath), so the same input gives the same bits.
+"""
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numba
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def kernel(function: F) -> F:
+    """Compile on first call, keep the machine code on disk, run without the global lock."""
+    compiled: F = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+    return compiled

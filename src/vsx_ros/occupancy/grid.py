@@ -1,0 +1,77 @@
+"""The 2-D map: free, occupied, unknown."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsx_ros.arrays import BoolArray, IntArray, Points2
+from vsx_ros.errors import MapFileError
+
+UNKNOWN, FREE, OCCUPIED = -1, 0, 100
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OccupancyGrid:
+    """Cells as in nav_msgs/OccupancyGrid: -1 unknown, 0 free, 100 occupied.
+
+    data: (H, W) int8, row 0 at the smallest y; read-only. resolution: metres per cell.
+    origin_x, origin_y: world position of the outer corner of cell (0, 0) [m]; axes parallel to the world's.
+    """
+
+    data: NDArray[np.int8]
+    resolution: float
+    origin_x: float
+    origin_y: float
+
+    def __post_init__(self) -> None:
+        data = np.array(self.data, dtype=np.int8)
+        if data.ndim != 2 or data.size == 0:
+            raise MapFileError(f"a grid needs two dimensions and at least one cell, got shape {data.shape}")
+        if not (self.resolution > 0 and math.isfinite(self.origin_x) and math.isfinite(self.origin_y)):
+            raise MapFileError(
+                f"grid with resolution {self.resolution} m and origin ({self.origin_x}, {self.origin_y}): "
+                "resolution must be positive and the origin finite"
+            )
+        data.flags.writeable = False
+        object.__setattr__(self, "data", data)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, columns)."""
+        return self.data.shape[0], self.data.shape[1]
+
+    def cells(self, points_world: Points2) -> IntArray:
+        """(N, 2) row and column of (N, 2) points [m]; may lie outside the grid."""
+        points_world = np.asarray(points_world, float).reshape(-1, 2)
+        column = np.floor((points_world[:, 0] - self.origin_x) / self.resolution)
+        row = np.floor((points_world[:, 1] - self.origin_y) / self.resolution)
+        return np.stack([row, column], axis=1).astype(np.int64)
+
+    def centres(self, cells: IntArray) -> Points2:
+        """(N, 2) world positions [m] of the middles of (N, 2) cells (row, column)."""
+        cells = np.asarray(cells).reshape(-1, 2)
+        x = self.origin_x + (cells[:, 1] + 0.5) * self.resolution
+        y = self.origin_y + (cells[:, 0] + 0.5) * self.resolution
+        return np.stack([x, y], axis=1)
+
+    def contains(self, cells: IntArray) -> BoolArray:
+        """(N,) whether each (row, column) lies inside."""
+        cells = np.asarray(cells).reshape(-1, 2)
+        inside: BoolArray = (
+            (cells[:, 0] >= 0) & (cells[:, 0] < self.shape[0]) & (cells[:, 1] >= 0) & (cells[:, 1] < self.shape[1])
+        )
+        return inside
+
+    def value_at(self, x: float, y: float) -> int:
+        """The cell's value at a world position [m]; UNKNOWN outside."""
+        cell = self.cells(np.array([[x, y]]))
+        return int(self.data[cell[0, 0], cell[0, 1]]) if bool(self.contains(cell)[0]) else UNKNOWN
+
+    @property
+    def known_area_m2(self) -> float:
+        """Area of all cells that are free or occupied [m2]."""
+        return float(np.count_nonzero(self.data != UNKNOWN)) * self.resolution**2

@@ -1,0 +1,1 @@
+"""Third floor, east: motion planning (paper 4)."""

@@ -1,0 +1,1 @@
+"""The roof, east: the only room that knows ROS."""

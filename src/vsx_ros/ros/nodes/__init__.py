@@ -1,0 +1,1 @@
+"""One module per node; scripts/ holds a starter for each."""

@@ -1,0 +1,1 @@
+"""Fourth floor: the emulated world, camera and body."""

@@ -1,0 +1,1 @@
+"""Third floor, west: keyframe SLAM (paper 3.1)."""
