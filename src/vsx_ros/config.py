@@ -120,12 +120,25 @@ class GroundMapConfig(_Branch):
 
 
 class ExplorationConfig(_Branch):
-    """Frontiers and the mission (paper 5.2)."""
+    """Frontiers, views and the mission (paper 5.2)."""
 
     sensor_range_m: Positive = 4.0
     sensor_fov_rad: Positive = 1.05
-    min_gain_cells: Count = 30
     init_drive_m: Positive = 0.45
+    init_attempts: Count = 4
+    min_frontier_m: NonNegative = 0.25
+    min_gain_m2: NonNegative = 0.15
+    min_distance_m: Positive = 0.5
+    view_spacing_m: Positive = 0.2
+    view_margin_m: NonNegative = 0.05
+    max_ranked_views: Count = 300
+    min_landmarks: Annotated[int, Meta(ge=0)] = 25
+    good_landmarks: Count = 100
+    blacklist_radius_m: Positive = 0.4
+    blacklist_s: Positive = 60.0
+    backtrack_step_m: Positive = 0.35
+    backtrack_max_m: Positive = 1.5
+    retries_without_view: Count = 3
 
 
 class Config(_Branch):

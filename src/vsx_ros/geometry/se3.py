@@ -38,12 +38,14 @@ def so3_log(R: FloatArray) -> FloatArray:
 def quaternion_from_rotation(R: FloatArray) -> tuple[float, float, float, float]:
     """(qx, qy, qz, qw) with qw >= 0, by the largest-component rule (no division by a small number)."""
     m = np.asarray(R, float)
-    four = np.array([
-        1 + m[0, 0] - m[1, 1] - m[2, 2],
-        1 - m[0, 0] + m[1, 1] - m[2, 2],
-        1 - m[0, 0] - m[1, 1] + m[2, 2],
-        1 + m[0, 0] + m[1, 1] + m[2, 2],
-    ])
+    four = np.array(
+        [
+            1 + m[0, 0] - m[1, 1] - m[2, 2],
+            1 - m[0, 0] + m[1, 1] - m[2, 2],
+            1 - m[0, 0] - m[1, 1] + m[2, 2],
+            1 + m[0, 0] + m[1, 1] + m[2, 2],
+        ]
+    )
     columns = [
         (four[0], m[0, 1] + m[1, 0], m[0, 2] + m[2, 0], m[2, 1] - m[1, 2]),
         (m[0, 1] + m[1, 0], four[1], m[1, 2] + m[2, 1], m[0, 2] - m[2, 0]),
@@ -60,11 +62,13 @@ def rotation_from_quaternion(qx: float, qy: float, qz: float, qw: float) -> Floa
     """(3, 3) rotation of a quaternion of any non-zero norm."""
     n = math.sqrt(qx * qx + qy * qy + qz * qz + qw * qw)
     x, y, z, w = qx / n, qy / n, qz / n, qw / n
-    return np.array([
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ])
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,11 +126,7 @@ class SE3:
         if angle < 1e-6:
             V = np.eye(3) + 0.5 * W + W @ W / 6.0
         else:
-            V = (
-                np.eye(3)
-                + (1.0 - math.cos(angle)) / angle**2 * W
-                + (angle - math.sin(angle)) / angle**3 * W @ W
-            )
+            V = np.eye(3) + (1.0 - math.cos(angle)) / angle**2 * W + (angle - math.sin(angle)) / angle**3 * W @ W
         return SE3(so3_exp(omega), V @ rho)
 
     def log(self) -> FloatArray:

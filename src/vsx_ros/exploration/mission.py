@@ -1,0 +1,337 @@
+"""What to do next. One state machine for the robot, the emulator and the lock-step run.
+
+            +--------> STARTING ----(map initialised)----> MAPPING --(no view worth its way)--> DONE
+            |            | attempts used up                 |  ^
+            |            v                             LOST |  | relocalised
+            |           DONE                                v  |
+            |                                            RECOVERING --(way back used up)--> DONE
+            +---------------------------------------------- any state: stop, time over --> DONE
+
+``decide`` is called a few times a second with what is known and answers with one action. Every change of state
+and every choice is an event with its reason.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+
+from vsx_ros.arrays import BoolArray, FloatArray
+from vsx_ros.config import Config
+from vsx_ros.exploration.frontiers import Frontier, find_frontiers
+from vsx_ros.exploration.trail import Trail
+from vsx_ros.exploration.utility import Ranking, TravelCosts, View, rank_views
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.slam.state import TrackingState
+
+
+class NavigationState(Enum):
+    """What became of the last goal."""
+
+    IDLE = "idle"
+    ACTIVE = "active"
+    SUCCEEDED = "succeeded"
+    ABORTED = "aborted"
+
+
+class Situation(NamedTuple):
+    """What the mission knows when it decides.
+
+    T_map_base is None while no map exists. hazard names a pressed bumper or the like. landmarks_world: (M, 3).
+    """
+
+    slam_state: TrackingState
+    slam_reason: str
+    T_map_base: SE2 | None
+    T_odom_base: SE2 | None
+    grid: OccupancyGrid | None
+    navigation: NavigationState
+    navigation_reason: str
+    hazard: str | None
+    landmarks_world: FloatArray
+
+
+class Action(Enum):
+    """WAIT: go on as before. GO: a new goal. CANCEL: give up the goal and stand still. FINISH: the end."""
+
+    WAIT = "wait"
+    GO = "go"
+    CANCEL = "cancel"
+    FINISH = "finish"
+
+
+class MissionState(Enum):
+    """The boxes of the diagram above."""
+
+    STARTING = "starting"
+    MAPPING = "mapping"
+    RECOVERING = "recovering"
+    PAUSED = "paused"
+    DONE = "done"
+
+
+class Outcome(Enum):
+    """How a mission ended."""
+
+    EXPLORED = "explored"
+    HOME = "returned home"
+    STOPPED = "stopped by the operator"
+    NOT_STARTED = "the map could not be started"
+    LOST = "tracking lost for good"
+
+
+class Decision(NamedTuple):
+    """One action; goal and frame ('map' or 'odom') only with GO."""
+
+    action: Action
+    goal: SE2 | None
+    frame: str
+    state: str
+    reason: str
+
+
+class MissionEvent(NamedTuple):
+    """A change of state or a choice, for people."""
+
+    stamp_ns: int
+    state: str
+    reason: str
+
+
+_SECOND_NS = 1_000_000_000
+_RELOCALISE_WAIT_NS = 2 * _SECOND_NS
+_EMPTY_WAIT_NS = 2 * _SECOND_NS
+
+
+TravelCostsFrom = Callable[[SE2, OccupancyGrid], TravelCosts]
+"""Start pose and grid to the function that costs many poses in one call."""
+
+
+class Mission:
+    """Explore until nothing is worth its way; recover when lost; never without a reason."""
+
+    def __init__(self, config: Config, travel_costs: TravelCostsFrom) -> None:
+        self._config = config.exploration
+        self._radius_m = config.robot.radius_m + config.planner.clearance_m
+        self._travel_costs = travel_costs
+        self._trail = Trail(spacing_m=0.05)
+        self._state = MissionState.STARTING
+        self._after_pause = MissionState.STARTING
+        self._goal: View | None = None
+        self._blacklist: list[tuple[SE2, int]] = []
+        self._events: list[MissionEvent] = []
+        self._wait_until_ns = 0
+        self._attempts = 0
+        self._backed_m = 0.0
+        self._empty_rankings = 0
+        self._backing_off = False
+        self._going_home = False
+        self.frontiers: list[Frontier] = []
+        self.ranking = Ranking([], {})
+        self.outcome: Outcome | None = None
+
+    @property
+    def state(self) -> MissionState:
+        """The box of the diagram the mission is in."""
+        return self._state
+
+    def drain_events(self) -> list[MissionEvent]:
+        """The events since the last call."""
+        events, self._events = self._events, []
+        return events
+
+    # Requests of the operator -------------------------------------------------------------------------------
+
+    def pause(self, now_ns: int) -> None:
+        """Stand still until resume."""
+        if self._state not in (MissionState.DONE, MissionState.PAUSED):
+            self._after_pause = self._state
+            self._enter(now_ns, MissionState.PAUSED, "paused by the operator")
+
+    def resume(self, now_ns: int) -> None:
+        """Go on after a pause."""
+        if self._state is MissionState.PAUSED:
+            self._goal = None
+            self._enter(now_ns, self._after_pause, "resumed by the operator")
+
+    def stop(self, now_ns: int) -> None:
+        """End the mission here."""
+        self._finish(now_ns, Outcome.STOPPED, "stopped by the operator")
+
+    def home(self, now_ns: int) -> None:
+        """Drive back to where the map began, then end."""
+        self._going_home = True
+        self._goal = None
+        self._note(now_ns, "returning home on request")
+
+    # The decision --------------------------------------------------------------------------------------------
+
+    def decide(self, now_ns: int, situation: Situation) -> Decision:
+        """One action for the situation. Call it at 2 to 10 Hz; choosing a view takes some tenths of a second."""
+        if situation.T_odom_base is not None:
+            self._trail.add(situation.T_odom_base)
+        if self._state is MissionState.DONE:
+            return self._answer(Action.FINISH, self._events[-1].reason if self._events else "")
+        if self._state is MissionState.PAUSED:
+            active = situation.navigation is NavigationState.ACTIVE
+            return self._answer(Action.CANCEL if active else Action.WAIT, "paused")
+        if situation.T_odom_base is None:
+            return self._answer(Action.WAIT, "waiting for odometry")
+        if self._state is MissionState.STARTING:
+            return self._start(now_ns, situation, situation.T_odom_base)
+        if self._state is MissionState.RECOVERING:
+            return self._recover(now_ns, situation)
+        return self._map(now_ns, situation)
+
+    def _start(self, now_ns: int, situation: Situation, T_odom_base: SE2) -> Decision:
+        """Drive straight until the SLAM has found its two frames (paper 3.1)."""
+        if situation.slam_state in (TrackingState.GOOD, TrackingState.DUBIOUS):
+            self._enter(now_ns, MissionState.MAPPING, "the map is initialised")
+            return self._map(now_ns, situation)
+        if situation.navigation is NavigationState.ACTIVE:
+            return self._answer(Action.WAIT, "driving straight to start the map: " + situation.slam_reason)
+        if self._attempts == 0:
+            self._attempts = 1
+            return self._straight(now_ns, T_odom_base, self._config.init_drive_m, "first straight drive for two frames")
+        if now_ns < self._wait_until_ns:
+            return self._answer(Action.WAIT, "waiting for the map to start")
+        if self._attempts > self._config.init_attempts:
+            self._finish(now_ns, Outcome.NOT_STARTED, f"the map did not start: {situation.slam_reason}")
+            return self._answer(Action.FINISH, self._events[-1].reason)
+        self._attempts += 1
+        way = -self._config.init_drive_m if self._attempts % 2 == 0 else self._config.init_drive_m
+        return self._straight(now_ns, T_odom_base, way, f"another straight drive: {situation.slam_reason}")
+
+    def _straight(self, now_ns: int, T_odom_base: SE2, distance_m: float, reason: str) -> Decision:
+        self._wait_until_ns = now_ns + _SECOND_NS
+        self._note(now_ns, reason)
+        return Decision(Action.GO, T_odom_base @ SE2(distance_m, 0.0, 0.0), "odom", self._state.value, reason)
+
+    def _map(self, now_ns: int, situation: Situation) -> Decision:
+        """Choose a view, wait until it is reached, choose the next."""
+        if situation.slam_state is TrackingState.LOST:
+            self._goal = None
+            self._backed_m = 0.0
+            self._wait_until_ns = now_ns + _RELOCALISE_WAIT_NS
+            self._enter(now_ns, MissionState.RECOVERING, f"tracking lost: {situation.slam_reason}")
+            return self._answer(Action.CANCEL, "tracking lost")
+        if situation.navigation is NavigationState.ACTIVE:
+            return self._supervise(now_ns, situation)
+        if situation.navigation is NavigationState.ABORTED and (self._goal is not None or self._backing_off):
+            self._goal_failed(now_ns, situation.navigation_reason)
+        if situation.hazard and not self._backing_off:
+            return self._back_off(now_ns, f"backing off: {situation.hazard}")
+        self._backing_off = False
+        if self._going_home and self._goal is not None:
+            self._finish(now_ns, Outcome.HOME, "returned to the start")
+            return self._answer(Action.FINISH, "returned to the start")
+        self._goal = None
+        if situation.grid is None or situation.T_map_base is None or now_ns < self._wait_until_ns:
+            return self._answer(Action.WAIT, "waiting for the ground map")
+        return self._choose(now_ns, situation, situation.grid, situation.T_map_base)
+
+    def _supervise(self, now_ns: int, situation: Situation) -> Decision:
+        if situation.hazard and not self._backing_off:
+            return self._answer(Action.CANCEL, f"stopping: {situation.hazard}")
+        return self._answer(Action.WAIT, "on the way")
+
+    def _choose(self, now_ns: int, situation: Situation, grid: OccupancyGrid, T_map_base: SE2) -> Decision:
+        self.frontiers = find_frontiers(grid, self._config.min_frontier_m)
+        if self._going_home:
+            self._goal = View(SE2(), 0.0, 0.0, 0, 0.0)
+            self._note(now_ns, "driving home")
+            return Decision(Action.GO, self._goal.pose, "map", self._state.value, "driving home")
+        self._blacklist = [(pose, until) for pose, until in self._blacklist if until > now_ns]
+        self.ranking = rank_views(
+            grid, self._radius_m, situation.landmarks_world, self._travel_costs(T_map_base, grid),
+            self._is_blacklisted, self._config,
+        )  # fmt: skip
+        if not self.ranking.views:
+            return self._nothing_left(now_ns)
+        self._empty_rankings = 0
+        self._goal = self.ranking.views[0]
+        reason = (
+            f"view at ({self._goal.pose.x:.1f}, {self._goal.pose.y:.1f}): U = v/d = {self._goal.gain_m2:.1f} m2 / "
+            f"{self._goal.distance_m:.1f} m, {self._goal.landmarks} landmarks in view"
+        )
+        self._note(now_ns, reason)
+        return Decision(Action.GO, self._goal.pose, "map", self._state.value, reason)
+
+    def _nothing_left(self, now_ns: int) -> Decision:
+        """No view is worth its way: look from a step back, forget the blacklist, and only then call it explored."""
+        why = ", ".join(f"{count} {name}" for name, count in self.ranking.rejected.items() if count)
+        self._empty_rankings += 1
+        if self._empty_rankings > self._config.retries_without_view:
+            self._finish(now_ns, Outcome.EXPLORED, f"no view is worth its way any more ({why or 'no candidates'})")
+            return self._answer(Action.FINISH, self._events[-1].reason)
+        self._wait_until_ns = now_ns + _EMPTY_WAIT_NS
+        self._blacklist.clear()
+        return self._back_off(now_ns, f"no view found ({why or 'no candidates'}): looking again from further back")
+
+    def _back_off(self, now_ns: int, reason: str) -> Decision:
+        """A step back along the ground just driven: the only way that is surely free."""
+        goal = self._trail.pop_back(self._config.backtrack_step_m)
+        if goal is None:
+            self._wait_until_ns = now_ns + _EMPTY_WAIT_NS
+            return self._answer(Action.WAIT, "no way back along the trail")
+        self._backing_off = True
+        self._note(now_ns, reason)
+        return Decision(Action.GO, goal, "odom", self._state.value, reason)
+
+    def _recover(self, now_ns: int, situation: Situation) -> Decision:
+        """Wait for relocalisation, then back along the executed path step by step."""
+        if situation.slam_state in (TrackingState.GOOD, TrackingState.DUBIOUS):
+            self._enter(now_ns, MissionState.MAPPING, "relocalised")
+            active = situation.navigation is NavigationState.ACTIVE
+            return self._answer(Action.CANCEL if active else Action.WAIT, "relocalised")
+        if situation.navigation is NavigationState.ACTIVE:
+            self._wait_until_ns = now_ns + _RELOCALISE_WAIT_NS
+            return self._answer(Action.WAIT, "backing along the trail")
+        if now_ns < self._wait_until_ns:
+            return self._answer(Action.WAIT, "waiting for relocalisation")
+        goal = None
+        if self._backed_m < self._config.backtrack_max_m:
+            goal = self._trail.pop_back(self._config.backtrack_step_m)
+        if goal is None:
+            self._finish(now_ns, Outcome.LOST, f"tracking lost for good: {situation.slam_reason}")
+            return self._answer(Action.FINISH, self._events[-1].reason)
+        self._backed_m += self._config.backtrack_step_m
+        self._wait_until_ns = now_ns + _RELOCALISE_WAIT_NS
+        reason = f"lost: back along the trail, {self._backed_m:.1f} m so far"
+        self._note(now_ns, reason)
+        return Decision(Action.GO, goal, "odom", self._state.value, reason)
+
+    # Bookkeeping ---------------------------------------------------------------------------------------------
+
+    def _goal_failed(self, now_ns: int, reason: str) -> None:
+        if self._goal is not None:
+            self._blacklist.append((self._goal.pose, now_ns + int(self._config.blacklist_s * _SECOND_NS)))
+            self._note(now_ns, f"goal given up for {self._config.blacklist_s:.0f} s: {reason}")
+        self._goal = None
+
+    def _is_blacklisted(self, poses: FloatArray) -> BoolArray:
+        banned = np.zeros(len(poses), np.bool_)
+        for pose, _ in self._blacklist:
+            near = np.hypot(poses[:, 0] - pose.x, poses[:, 1] - pose.y) < self._config.blacklist_radius_m
+            turn = (poses[:, 2] - pose.theta + np.pi) % (2 * np.pi) - np.pi
+            banned |= near & (np.abs(turn) < 0.8)
+        return banned
+
+    def _enter(self, now_ns: int, state: MissionState, reason: str) -> None:
+        self._state = state
+        self._events.append(MissionEvent(now_ns, state.value, reason))
+
+    def _note(self, now_ns: int, reason: str) -> None:
+        self._events.append(MissionEvent(now_ns, self._state.value, reason))
+
+    def _finish(self, now_ns: int, outcome: Outcome, reason: str) -> None:
+        if self._state is not MissionState.DONE:
+            self.outcome = outcome
+            self._enter(now_ns, MissionState.DONE, reason)
+
+    def _answer(self, action: Action, reason: str) -> Decision:
+        return Decision(action, None, "map", self._state.value, reason)

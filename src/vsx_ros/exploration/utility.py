@@ -1,0 +1,140 @@
+"""Which view to drive to next: utility U = v / d (paper eq. 12) over candidate views.
+
+v is the unknown area a view would show, found by ray casting within the camera's field of view; d is the length
+of the motion-bounded path to it. A view that would show too few known landmarks is worth less, for the tracker
+has to live there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2
+from vsx_ros.config import ExplorationConfig
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.kernels.visibility import unknown_area_by_bearing, visible_landmarks, window_sums
+from vsx_ros.occupancy.grid import FREE, OccupancyGrid
+
+BEARINGS = 72
+HEADINGS = 24
+_LANDMARK_RANGE = (0.5, 6.0)
+
+
+class View(NamedTuple):
+    """A candidate goal: pose, v [m2], d [m], landmarks in view, U [m2 per m]."""
+
+    pose: SE2
+    gain_m2: float
+    distance_m: float
+    landmarks: int
+    utility: float
+
+
+class Ranking(NamedTuple):
+    """Views by falling utility, and how many candidates fell out for which reason."""
+
+    views: list[View]
+    rejected: dict[str, int]
+
+
+TravelCosts = Callable[[FloatArray], FloatArray]
+"""(N, 3) poses to (N,) path lengths [m], infinite where no path exists."""
+
+
+def standing_room(grid: OccupancyGrid, radius_m: float) -> BoolArray:
+    """(H, W) cells where a round robot of this radius [m] stands on known free ground only."""
+    free = (grid.data == FREE).astype(np.uint8)
+    padded = cv2.copyMakeBorder(free, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
+    clearance = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1] * grid.resolution
+    room: BoolArray = clearance - 0.5 * grid.resolution > radius_m
+    return room
+
+
+def view_gain(grid: OccupancyGrid, positions: Points2, config: ExplorationConfig) -> FloatArray:
+    """(N, BEARINGS) unknown area [m2] in the field of view from each position (N, 2) [m], looking at each bearing
+    k * 2 pi / BEARINGS."""
+    bearings = np.arange(BEARINGS) * (2 * math.pi / BEARINGS)
+    per_bearing = unknown_area_by_bearing(
+        grid.data, grid.resolution, grid.origin_x, grid.origin_y, positions, bearings, config.sensor_range_m
+    )
+    window = max(1, round(config.sensor_fov_rad / (2 * math.pi) * BEARINGS))
+    return window_sums(per_bearing, window)
+
+
+def rank_views(
+    grid: OccupancyGrid,
+    radius_m: float,
+    landmarks_world: FloatArray,
+    travel_costs: TravelCosts,
+    avoid: Callable[[FloatArray], BoolArray],
+    config: ExplorationConfig,
+) -> Ranking:
+    """Rank views on a raster over the standing room (eq. 12).
+
+    landmarks_world: (M, 2) or (M, 3) map points [m]. avoid: (N, 3) poses to (N,) True where a view is blacklisted.
+    """
+    candidates, gains, rejected = _promising(grid, radius_m, config)
+    if len(candidates) == 0:
+        return Ranking([], rejected)
+    banned = avoid(candidates)
+    rejected["blacklisted"] = int(banned.sum())
+    candidates, gains = candidates[~banned], gains[~banned]
+    distances = travel_costs(candidates) if len(candidates) else np.zeros(0)
+    reachable = np.isfinite(distances)
+    rejected["unreachable"] = int((~reachable).sum())
+    utility = gains[reachable] / np.maximum(distances[reachable], config.min_distance_m)
+    best = np.flatnonzero(reachable)[np.argsort(-utility, kind="stable")[: config.max_ranked_views]]
+    candidates, gains, distances = candidates[best], gains[best], distances[best]
+    seen = count_landmarks(grid, candidates, landmarks_world, config)
+    utility = gains / np.maximum(distances, config.min_distance_m) * np.minimum(1.0, seen / config.good_landmarks)
+    rejected["too few known landmarks in view"] = int((seen < config.min_landmarks).sum())
+    views = [
+        View(
+            SE2(*map(float, candidates[i])),
+            float(gains[i]),
+            float(distances[i]),
+            int(seen[i]),
+            float(utility[i]),
+        )
+        for i in np.argsort(-utility, kind="stable")
+        if seen[i] >= config.min_landmarks
+    ]
+    return Ranking(views, rejected)
+
+
+def count_landmarks(
+    grid: OccupancyGrid, poses: FloatArray, landmarks_world: FloatArray, config: ExplorationConfig
+) -> IntArray:
+    """(N,) known landmarks that each pose (N, 3) would have in view, estimated on at most 2000 of them."""
+    stride = -(-len(landmarks_world) // 2000) or 1
+    sample = np.ascontiguousarray(landmarks_world[::stride, :2], dtype=np.float64).reshape(-1, 2)
+    counts: IntArray = stride * visible_landmarks(
+        grid.data, grid.resolution, grid.origin_x, grid.origin_y, np.ascontiguousarray(poses), sample,
+        0.5 * config.sensor_fov_rad, *_LANDMARK_RANGE,
+    )  # fmt: skip
+    return counts
+
+
+def _promising(
+    grid: OccupancyGrid, radius_m: float, config: ExplorationConfig
+) -> tuple[FloatArray, FloatArray, dict[str, int]]:
+    """(N, 3) poses and (N,) gains [m2] worth costing: the best headings of raster cells with standing room."""
+    room = standing_room(grid, radius_m + config.view_margin_m)
+    stride = max(1, round(config.view_spacing_m / grid.resolution))
+    cells = np.argwhere(room)
+    cells = cells[(cells[:, 0] % stride == 0) & (cells[:, 1] % stride == 0)]
+    if len(cells) == 0:
+        return np.zeros((0, 3)), np.zeros(0), {"no standing room": int(room.size)}
+    positions = grid.centres(cells)
+    gain = view_gain(grid, positions, config)[:, :: BEARINGS // HEADINGS]
+    enough = gain >= config.min_gain_m2
+    rejected = {"gain too small": int((~enough).sum())}
+    i, k = np.nonzero(enough)
+    order = np.argsort(-gain[i, k], kind="stable")
+    poses = np.column_stack([positions[i], k * (2 * math.pi / HEADINGS)])[order]
+    return poses, gain[i, k][order], rejected

@@ -1,0 +1,101 @@
+"""What a camera on the robot would see from candidate poses: unknown cells, and known landmarks."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsx_ros.arrays import FloatArray, IntArray, Points2
+from vsx_ros.kernels import kernel
+
+OCCUPIED, UNKNOWN = 100, -1
+
+
+@kernel
+def unknown_area_by_bearing(
+    data: NDArray[np.int8],
+    resolution: float,
+    origin_x: float,
+    origin_y: float,
+    positions: Points2,
+    bearings: FloatArray,
+    range_m: float,
+) -> FloatArray:
+    """(N, B) area of unknown cells [m2] seen from each position (N, 2) around each of B equally spaced bearings.
+
+    A ray runs to the first occupied cell, the edge of the grid or range_m; unknown cells do not stop it. Each
+    step counts the area of its ring sector, so near cells are not counted twice.
+    """
+    rows, columns = data.shape
+    n, b = positions.shape[0], bearings.shape[0]
+    sector = 2.0 * math.pi / b
+    step = resolution
+    area = np.zeros((n, b))
+    for i in range(n):
+        for j in range(b):
+            c, s = math.cos(bearings[j]), math.sin(bearings[j])
+            total = 0.0
+            r = 0.5 * step
+            while r < range_m:
+                column = int(math.floor((positions[i, 0] + r * c - origin_x) / resolution))
+                row = int(math.floor((positions[i, 1] + r * s - origin_y) / resolution))
+                if row < 0 or column < 0 or row >= rows or column >= columns:
+                    break
+                value = data[row, column]
+                if value == OCCUPIED:
+                    break
+                if value == UNKNOWN:
+                    total += step * r * sector
+                r += step
+            area[i, j] = total
+    return area
+
+
+@kernel
+def visible_landmarks(
+    data: NDArray[np.int8],
+    resolution: float,
+    origin_x: float,
+    origin_y: float,
+    poses: FloatArray,
+    landmarks: Points2,
+    half_fov: float,
+    range_min: float,
+    range_max: float,
+) -> IntArray:
+    """(N,) how many landmarks (M, 2) each pose (N, 3: x, y, theta) would see: within the field of view and
+    range, and not behind an occupied cell (cells within 0.2 m of the landmark do not count: it sits on them)."""
+    rows, columns = data.shape
+    counts = np.zeros(poses.shape[0], np.int64)
+    for i in range(poses.shape[0]):
+        x, y, theta = poses[i, 0], poses[i, 1], poses[i, 2]
+        for k in range(landmarks.shape[0]):
+            dx, dy = landmarks[k, 0] - x, landmarks[k, 1] - y
+            distance = math.sqrt(dx * dx + dy * dy)
+            if distance < range_min or distance > range_max:
+                continue
+            off = math.atan2(dy, dx) - theta
+            off -= 2.0 * math.pi * math.floor((off + math.pi) / (2.0 * math.pi))
+            if abs(off) > half_fov:
+                continue
+            ux, uy = dx / distance, dy / distance
+            r, hidden = resolution, False
+            while r < distance - 0.2:
+                column = int(math.floor((x + r * ux - origin_x) / resolution))
+                row = int(math.floor((y + r * uy - origin_y) / resolution))
+                if 0 <= row < rows and 0 <= column < columns and data[row, column] == OCCUPIED:
+                    hidden = True
+                    break
+                r += resolution
+            if not hidden:
+                counts[i] += 1
+    return counts
+
+
+def window_sums(per_bearing: FloatArray, window: int) -> FloatArray:
+    """(N, B) sums over ``window`` neighbouring bearings (cyclic) centred on each: what a field of view covers."""
+    b = per_bearing.shape[1]
+    extended = np.concatenate([per_bearing, per_bearing[:, :window]], axis=1)
+    cumulative = np.concatenate([np.zeros((len(per_bearing), 1)), np.cumsum(extended, axis=1)], axis=1)
+    sums = cumulative[:, window : window + b] - cumulative[:, :b]
+    return np.roll(sums, window // 2, axis=1)
