@@ -1,0 +1,68 @@
+# Sourced by scripts/demo and scripts/test: brings what is missing, says what it does, costs nothing when run again.
+# vsx_setup [dev]  sets VSX_PYTHON and PYTHONPATH.
+
+vsx_say() { printf '[setup] %s\n' "$*" >&2; }
+vsx_die() { printf '[setup] %s\n' "$*" >&2; exit 1; }
+
+vsx_list() { sed -e 's/#.*//' -e '/^[[:space:]]*$/d' "$1"; }
+
+vsx_system_packages() {
+    command -v dpkg-query >/dev/null || vsx_die "This needs Debian 12/13 or Ubuntu 22.04/24.04 (apt): no dpkg here. On another system, use a container of one of them."
+    local missing=() package
+    local installed
+    installed=$(dpkg-query -W -f '${Package} ${Status}\n' 2>/dev/null | sed -n 's/ install ok installed$//p')
+    for package in $(vsx_list "$root/apt.txt"); do
+        grep -qxF "$package" <<<"$installed" || missing+=("$package")
+    done
+    [ ${#missing[@]} -eq 0 ] && return 0
+    local sudo=()
+    if [ "$(id -u)" -ne 0 ]; then
+        command -v sudo >/dev/null || vsx_die "ROS packages are missing and neither root nor sudo is at hand. As root, run: apt-get install --no-install-recommends ${missing[*]}"
+        sudo=(sudo)
+    fi
+    vsx_say "installing ${#missing[@]} system packages (about 150 MB, half a minute): ${missing[*]}"
+    "${sudo[@]}" apt-get update -qq || vsx_say "apt-get update reported a problem; trying with the lists at hand"
+    "${sudo[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null ||
+        vsx_die "apt-get could not install: ${missing[*]}. Look at its message above; 'apt-get update' and the archive's universe section (Ubuntu) are the usual remedies."
+}
+
+vsx_python_packages() {
+    local files=("$root/requirements.txt") stamp
+    [ "${1:-}" = dev ] && files+=("$root/requirements-dev.txt")
+    stamp=$({ cat "${files[@]}" "$root/setup.py"; /usr/bin/python3 --version; echo "$root"; } | sha256sum | cut -d' ' -f1)
+    VSX_PYTHON="$venv/bin/python3"
+    if [ -x "$VSX_PYTHON" ] && grep -qsxF "$stamp" "$venv/vsx-setup.stamp"; then return 0; fi
+    if ! "$VSX_PYTHON" -c 'import rospy' 2>/dev/null; then
+        vsx_say "making the Python environment $venv"
+        /usr/bin/python3 -m venv --clear --system-site-packages "$venv" || vsx_die "could not make the environment $venv; set VSX_VENV to a directory you may write to."
+    fi
+    vsx_say "installing Python packages (about 450 MB, under a minute)"
+    local requirements=()
+    local file; for file in "${files[@]}"; do requirements+=(-r "$file"); done
+    "$VSX_PYTHON" -m pip install -q --disable-pip-version-check "setuptools>=64" "${requirements[@]}" ||
+        vsx_die "pip could not install the packages above; the usual reasons are no network or a full disk (df -h)."
+    "$VSX_PYTHON" -m pip install -q --disable-pip-version-check --no-deps --no-build-isolation -e "$root" ||
+        vsx_die "pip could not install this checkout ($root)."
+    echo "$stamp" >>"$venv/vsx-setup.stamp"
+}
+
+vsx_kernels() {
+    local stamp
+    stamp=$({ cat "$root"/src/vsx_ros/kernels/*.py; "$VSX_PYTHON" -c 'import numba, sys; print(numba.__version__, sys.version)'; } | sha256sum | cut -d' ' -f1)
+    [ "$(cat "$root/src/vsx_ros/kernels/__pycache__/warm.stamp" 2>/dev/null)" = "$stamp" ] && return 0
+    vsx_say "compiling the kernels (once for a checkout, one to two minutes)"
+    "$VSX_PYTHON" -m vsx_ros.kernels.warmup || vsx_die "the kernels did not compile; see the message above."
+    mkdir -p "$root/src/vsx_ros/kernels/__pycache__" && echo "$stamp" >"$root/src/vsx_ros/kernels/__pycache__/warm.stamp"
+}
+
+vsx_setup() {
+    local started=$SECONDS
+    root=$(cd "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")/.." && pwd)
+    venv=${VSX_VENV:-${XDG_DATA_HOME:-$HOME/.local/share}/vsx_ros/venv}
+    vsx_system_packages
+    vsx_python_packages "$@"
+    export VSX_PYTHON PYTHONPATH="$root/src:$root/hw${PYTHONPATH:+:$PYTHONPATH}"
+    export ROS_PACKAGE_PATH="$root${ROS_PACKAGE_PATH:+:$ROS_PACKAGE_PATH}:/usr/share"
+    vsx_kernels
+    vsx_say "ready after $((SECONDS - started)) s"
+}
