@@ -56,10 +56,12 @@ SIMPLE_GOAL = "move_base_simple/goal"
 GLOBAL_PLAN = "move_base/global_plan"
 TRAJECTORY = "move_base/trajectory"
 MAKE_PLAN = "move_base/make_plan"
+NAVIGATION_LEASE = "move_base/lease"
 
 # follower
 FOLLOWER_STATUS = "follower/status"
 FOLLOWER_CANCEL = "follower/cancel"
+FOLLOWER_LEASE = "follower/lease"
 
 # explore
 FRONTIERS = "explore/frontiers"
@@ -111,11 +113,13 @@ PUBLISHED: dict[str, dict[str, str]] = {
         SLAM_PATH: "nav_msgs/Path",
         MAP: "nav_msgs/OccupancyGrid",
         MAP_METADATA: "nav_msgs/MapMetaData",
+        FOLLOWER_LEASE: "std_msgs/String",
         **{f"{STATS}/{name}": kind for name, kind in STAT_TYPES.items()},
     },
     "move_base": {
         GLOBAL_PLAN: "nav_msgs/Path",
         TRAJECTORY: "trajectory_msgs/MultiDOFJointTrajectory",
+        FOLLOWER_LEASE: "std_msgs/String",
         f"{MOVE_BASE_ACTION}/status": "actionlib_msgs/GoalStatusArray",
         f"{MOVE_BASE_ACTION}/result": "move_base_msgs/MoveBaseActionResult",
         f"{MOVE_BASE_ACTION}/feedback": "move_base_msgs/MoveBaseActionFeedback",
@@ -128,6 +132,7 @@ PUBLISHED: dict[str, dict[str, str]] = {
         FRONTIERS: "visualization_msgs/MarkerArray",
         EXPLORE_STATUS: "std_msgs/String",
         COVERAGE: "std_msgs/Float32",
+        NAVIGATION_LEASE: "std_msgs/String",
         f"{MOVE_BASE_ACTION}/goal": "move_base_msgs/MoveBaseActionGoal",
         f"{MOVE_BASE_ACTION}/cancel": "actionlib_msgs/GoalID",
     },
@@ -156,13 +161,3 @@ SERVICES: dict[str, dict[str, str]] = {
     },
 }
 """Node -> service -> type."""
-
-HAZARD_BITS = {
-    0: "bump left",
-    1: "bump centre",
-    2: "bump right",
-    3: "cliff",
-    4: "wheel drop",
-    5: "stalled wheel",
-}
-"""Meaning of the bits of ``HAZARDS``."""

@@ -1,0 +1,30 @@
+"""Finds the Python that owns the dependencies and the packages of this checkout, then becomes a node.
+
+rosrun and roslaunch start scripts with the system's Python; the dependencies live in a virtual environment.
+"""
+
+import importlib
+import os
+import sys
+from pathlib import Path
+
+GUARD = "VSX_BOOTED"
+
+
+def _default_python() -> Path:
+    """Where scripts/setup.sh puts the environment."""
+    data = Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local/share")
+    return Path(os.environ.get("VSX_VENV") or data / "vsx_ros/venv") / "bin/python3"
+
+
+def into(module: str) -> None:
+    """Run ``main()`` of the module under $VSX_PYTHON, else under an active environment, else under the default one."""
+    wanted = os.environ.get("VSX_PYTHON")
+    if wanted is None and sys.prefix == sys.base_prefix and _default_python().exists():
+        wanted = str(_default_python())
+    if wanted and GUARD not in os.environ:
+        os.execve(wanted, [wanted, *sys.argv], {**os.environ, GUARD: "1"})
+    os.environ.pop(GUARD, None)
+    checkout = Path(__file__).resolve().parent.parent
+    sys.path[:0] = [str(checkout / "src"), str(checkout / "hw")]
+    importlib.import_module(module).main()

@@ -1,0 +1,211 @@
+"""Poses, motion and maps: messages to our types and back. Pure functions; no node and no master needed.
+
+A message from outside may hold anything: what cannot be used raises InputError or MapFileError.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import rospy
+from geometry_msgs.msg import (
+    Point,
+    Pose,
+    PoseArray,
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    Quaternion,
+    Transform,
+    TransformStamped,
+    Twist,
+    Vector3,
+)
+from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
+from nav_msgs.msg import Odometry as OdometryMsg
+from nav_msgs.msg import Path as PathMsg
+from sensor_msgs.msg import PointCloud2, PointField
+from std_msgs.msg import Header
+
+from vsx_ros.arrays import FloatArray, Points3
+from vsx_ros.config import MountConfig
+from vsx_ros.errors import InputError, MapFileError
+from vsx_ros.geometry.camera import mount_pose
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from vsx_ros.robot import Odometry, VelocityCommand
+from vsx_ros.ros import topics
+
+# map_server's thresholds: what other mappers publish between 0 and 100.
+_FREE_BELOW_PERCENT = 19.6
+_OCCUPIED_ABOVE_PERCENT = 65
+
+
+def header(frame_id: str, stamp_ns: int) -> Header:
+    """A message header."""
+    return Header(stamp=rospy.Time(0, stamp_ns), frame_id=frame_id)
+
+
+# Poses ---------------------------------------------------------------------------------------------------------
+
+
+def quaternion_of_heading(theta: float) -> Quaternion:
+    """Rotation about z by theta [rad]."""
+    return Quaternion(0.0, 0.0, math.sin(0.5 * theta), math.cos(0.5 * theta))
+
+
+def se3(pose: Pose) -> SE3:
+    """The pose in space. Raises InputError for a number that is not finite or a zero quaternion."""
+    p, q = pose.position, pose.orientation
+    numbers = (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
+    if not all(math.isfinite(n) for n in numbers) or q.x**2 + q.y**2 + q.z**2 + q.w**2 < 1e-6:
+        raise InputError(f"pose message holds {numbers}; positions must be finite and quaternions of length 1")
+    return SE3.from_quaternion(np.array([p.x, p.y, p.z]), (q.x, q.y, q.z, q.w))
+
+
+def se2(pose: Pose) -> SE2:
+    """The pose on the floor. Raises InputError as ``se3`` does."""
+    return SE2.from_se3(se3(pose))
+
+
+def pose_msg(T: SE2 | SE3) -> Pose:
+    """A pose on the floor or in space."""
+    if isinstance(T, SE2):
+        return Pose(Point(T.x, T.y, 0.0), quaternion_of_heading(T.theta))
+    return Pose(Point(*T.translation.tolist()), Quaternion(*T.quaternion()))
+
+
+def pose_stamped(frame_id: str, stamp_ns: int, T: SE2 | SE3) -> PoseStamped:
+    """A pose with its frame and time."""
+    return PoseStamped(header(frame_id, stamp_ns), pose_msg(T))
+
+
+def pose_with_covariance(
+    frame_id: str, stamp_ns: int, T: SE2, sigma_m: float, sigma_rad: float
+) -> PoseWithCovarianceStamped:
+    """A pose on the floor with independent standard deviations of position and heading."""
+    msg = PoseWithCovarianceStamped(header=header(frame_id, stamp_ns))
+    msg.pose.pose = pose_msg(T)
+    variances = (sigma_m**2, sigma_m**2, 0.0, 0.0, 0.0, sigma_rad**2)
+    msg.pose.covariance = np.diag(variances).ravel().tolist()
+    return msg
+
+
+def pose_array(frame_id: str, stamp_ns: int, poses: Sequence[SE3]) -> PoseArray:
+    """Many poses."""
+    return PoseArray(header(frame_id, stamp_ns), [pose_msg(T) for T in poses])
+
+
+def path_msg(frame_id: str, stamp_ns: int, poses: Sequence[SE2]) -> PathMsg:
+    """Poses on the floor as a path."""
+    return PathMsg(header(frame_id, stamp_ns), [pose_stamped(frame_id, stamp_ns, T) for T in poses])
+
+
+def transform_stamped(parent: str, child: str, stamp_ns: int, T_parent_child: SE2 | SE3) -> TransformStamped:
+    """One edge of the tf tree."""
+    pose = pose_msg(T_parent_child)
+    translation = Vector3(pose.position.x, pose.position.y, pose.position.z)
+    return TransformStamped(header(parent, stamp_ns), child, Transform(translation, pose.orientation))
+
+
+def mount_transforms(mount: MountConfig, stamp_ns: int) -> list[TransformStamped]:
+    """base_footprint -> base_link -> camera_link -> camera_rgb_frame -> camera_rgb_optical_frame, as mounted."""
+    T_base_optical = mount_pose(mount.forward_m, mount.left_m, mount.height_m, mount.pitch_down_rad, mount.yaw_left_rad)
+    T_camera_optical = mount_pose(0.0, 0.0, 0.0, 0.0)
+    T_base_camera = T_base_optical @ T_camera_optical.inverse()
+    identity = SE3.identity()
+    return [
+        transform_stamped(topics.BASE_FRAME, topics.BODY_FRAME, stamp_ns, identity),
+        transform_stamped(topics.BODY_FRAME, topics.CAMERA_LINK_FRAME, stamp_ns, T_base_camera),
+        transform_stamped(topics.CAMERA_LINK_FRAME, topics.CAMERA_FRAME, stamp_ns, identity),
+        transform_stamped(topics.CAMERA_FRAME, topics.OPTICAL_FRAME, stamp_ns, T_camera_optical),
+    ]
+
+
+# Motion --------------------------------------------------------------------------------------------------------
+
+
+def odometry(msg: OdometryMsg) -> Odometry:
+    """Wheel odometry. Raises InputError for numbers that are not finite."""
+    v, omega = msg.twist.twist.linear.x, msg.twist.twist.angular.z
+    if not (math.isfinite(v) and math.isfinite(omega)):
+        raise InputError(f"odometry message holds speeds {v} m/s, {omega} rad/s; they must be finite")
+    return Odometry(msg.header.stamp.to_nsec(), se2(msg.pose.pose), v, omega)
+
+
+def odometry_msg(reading: Odometry, frame_id: str, child_frame_id: str) -> OdometryMsg:
+    """The message of wheel odometry; covariances are left to the caller, who knows the base."""
+    msg = OdometryMsg(header=header(frame_id, reading.stamp_ns), child_frame_id=child_frame_id)
+    msg.pose.pose = pose_msg(reading.T_odom_base)
+    msg.twist.twist = twist(VelocityCommand(reading.v, reading.omega))
+    return msg
+
+
+def twist(command: VelocityCommand) -> Twist:
+    """A velocity command as a message."""
+    return Twist(linear=Vector3(command.v, 0.0, 0.0), angular=Vector3(0.0, 0.0, command.omega))
+
+
+def velocity_command(msg: Twist) -> VelocityCommand:
+    """The command of a message. Raises InputError for numbers that are not finite."""
+    if not (math.isfinite(msg.linear.x) and math.isfinite(msg.angular.z)):
+        raise InputError(f"velocity command {msg.linear.x} m/s, {msg.angular.z} rad/s must be finite")
+    return VelocityCommand(msg.linear.x, msg.angular.z)
+
+
+# Maps ----------------------------------------------------------------------------------------------------------
+
+
+def grid(msg: OccupancyGridMsg) -> OccupancyGrid:
+    """The map: at most 19 % is free, 65 % and more occupied, anything between unknown (map_server's rule).
+
+    Raises MapFileError when sizes disagree or the map is rotated in its frame.
+    """
+    info = msg.info
+    data = np.asarray(msg.data, np.int16)
+    if data.size != info.width * info.height or data.size == 0:
+        raise MapFileError(f"map message says {info.width}x{info.height} cells but holds {data.size}")
+    origin = se2(info.origin)
+    if abs(origin.theta) > 1e-6:
+        raise MapFileError(
+            f"map message is rotated by {origin.theta:.3f} rad; publish it with axes parallel to its frame"
+        )
+    cells = np.full(data.shape, UNKNOWN, np.int8)
+    cells[(data >= 0) & (data <= _FREE_BELOW_PERCENT)] = FREE
+    cells[data >= _OCCUPIED_ABOVE_PERCENT] = OCCUPIED
+    return OccupancyGrid(cells.reshape(info.height, info.width), float(info.resolution), origin.x, origin.y)
+
+
+def grid_msg(grid: OccupancyGrid, frame_id: str, stamp_ns: int) -> OccupancyGridMsg:
+    """The message of a map."""
+    msg = OccupancyGridMsg(header=header(frame_id, stamp_ns))
+    msg.info.map_load_time = msg.header.stamp
+    msg.info.resolution = grid.resolution
+    msg.info.height, msg.info.width = grid.shape
+    msg.info.origin = pose_msg(SE2(grid.origin_x, grid.origin_y, 0.0))
+    msg.data = grid.data.ravel().tolist()
+    return msg
+
+
+def cloud_msg(points: Points3, frame_id: str, stamp_ns: int) -> PointCloud2:
+    """(N, 3) points [m] as float32 x, y, z."""
+    packed = np.ascontiguousarray(points, dtype="<f4").reshape(-1, 3)
+    fields = [PointField(name, 4 * k, PointField.FLOAT32, 1) for k, name in enumerate("xyz")]
+    return PointCloud2(
+        header(frame_id, stamp_ns), 1, len(packed), fields, False, 12, 12 * len(packed), packed.tobytes(), True
+    )
+
+
+def cloud_points(msg: PointCloud2) -> FloatArray:
+    """(N, 3) x, y, z of a cloud whose first three fields are little-endian float32 x, y, z.
+
+    Raises InputError for another layout.
+    """
+    names = [field.name for field in msg.fields[:3]]
+    count = msg.width * msg.height
+    if names != ["x", "y", "z"] or msg.is_bigendian or msg.point_step < 12 or len(msg.data) < count * msg.point_step:
+        raise InputError(f"cloud with fields {names} and {len(msg.data)} bytes is not float32 x, y, z")
+    rows = np.frombuffer(msg.data, np.uint8, count * msg.point_step).reshape(count, msg.point_step)
+    return np.ascontiguousarray(rows[:, :12]).view("<f4").reshape(-1, 3).astype(np.float64)

@@ -1,0 +1,162 @@
+"""What every node does alike: start, configuration, logging, diagnostics, workers, a clean end."""
+
+from __future__ import annotations
+
+import ctypes
+import logging
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import cv2
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from sensor_msgs.msg import Image
+
+from vsx_hw.errors import DeviceError
+from vsx_ros.config import Config, from_dict
+from vsx_ros.errors import ConfigError, VsxError
+from vsx_ros.ros import topics
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+# Bigger than any image: with rospy's default of 64 kB a slow callback sees images of a second ago (ros_comm #536).
+IMAGE_BUFFER_BYTES = 2**24
+
+DIE_WITH_PARENT = "VSX_DIE_WITH_PARENT"
+"""Environment variable: a node started by a run ends when the run is killed."""
+
+logger = logging.getLogger(__name__)
+
+
+class Node(Protocol):
+    """What ``run`` needs: advertise and subscribe on construction, let go in ``close``."""
+
+    def close(self) -> None:
+        """Stop threads, write what must be written. Called once, when ROS shuts down."""
+
+
+def run(name: str, build: Callable[[Config], Node]) -> None:
+    """Be the node ``name`` until ROS shuts down.
+
+    ``build`` constructs it from the configuration in the private parameter ``~config``; whatever it must compile
+    it compiles before it advertises. A broken promise (configuration, calibration, device) is logged as one
+    sentence and ends the process with exit code 1, 2 for a device.
+    """
+    _die_with_parent()
+    cv2.setNumThreads(1)
+    rospy.init_node(name)
+    bridge_logging()
+    try:
+        node = build(configuration())
+    except KeyboardInterrupt:
+        return
+    except (VsxError, DeviceError) as error:
+        rospy.logfatal("%s: %s", name, error)
+        rospy.signal_shutdown(str(error))
+        sys.exit(2 if isinstance(error, DeviceError) else 1)
+    rospy.on_shutdown(node.close)
+    rospy.loginfo("%s: ready", rospy.get_name())
+    rospy.spin()
+
+
+def configuration() -> Config:
+    """The configuration of the private parameter tree ``~config``; missing entries take their default.
+
+    Raises ConfigError naming the entry.
+    """
+    tree: Any = rospy.get_param("~config", {})
+    if not isinstance(tree, dict):
+        raise ConfigError(f"parameter {rospy.resolve_name('~config')} is {tree!r}, not a tree of names")
+    return from_dict(tree)
+
+
+def bridge_logging() -> None:
+    """Send the loggers of the core and of the drivers to the screen and to /rosout, as rospy's own."""
+    rosout = logging.getLogger("rosout")
+    for name in ("vsx_ros", "vsx_hw"):
+        logging.getLogger(name).parent = rosout
+
+
+def now_ns() -> int:
+    """ROS time, the clock of all stamps [ns]."""
+    nanoseconds: int = rospy.Time.now().to_nsec()
+    return nanoseconds
+
+
+def stamp(stamp_ns: int) -> Any:
+    """The rospy.Time of a stamp [ns]."""
+    return rospy.Time(0, stamp_ns)
+
+
+def image_subscriber(callback: Callable[[Image], None]) -> rospy.Subscriber:
+    """Subscribe to the camera so that the newest image, not a buffered one, arrives."""
+    return rospy.Subscriber(topics.IMAGE, Image, callback, queue_size=1, buff_size=IMAGE_BUFFER_BYTES, tcp_nodelay=True)
+
+
+def worker(name: str, loop: Callable[[], None]) -> threading.Thread:
+    """Run ``loop`` on a thread; if it raises, the whole node ends and says why.
+
+    A node with a dead thread looks alive to everybody else, which is worse than a dead node.
+    """
+
+    def guarded() -> None:
+        try:
+            loop()
+        except rospy.ROSInterruptException:
+            return
+        except Exception as error:
+            logger.exception("thread %r failed", name)
+            rospy.signal_shutdown(f"thread {name!r} failed: {error}")
+
+    thread = threading.Thread(target=guarded, name=name, daemon=True)
+    thread.start()
+    return thread
+
+
+def every(period_s: float, name: str, step: Callable[[], None]) -> threading.Thread:
+    """Call ``step`` on a thread of its own every ``period_s`` seconds until ROS shuts down."""
+
+    def loop() -> None:
+        rate = rospy.Rate(1.0 / period_s, reset=True)
+        while not rospy.is_shutdown():
+            step()
+            rate.sleep()
+
+    return worker(name, loop)
+
+
+class Diagnostics:
+    """Publishes the last known condition of the node's components once a second (REP 107)."""
+
+    def __init__(self, hardware_id: str = "") -> None:
+        self._hardware_id = hardware_id
+        self._components: dict[str, tuple[int, str, dict[str, str]]] = {}
+        self._lock = threading.Lock()
+        self._publisher = rospy.Publisher(topics.DIAGNOSTICS, DiagnosticArray, queue_size=5)
+        every(1.0, "diagnostics", self._publish)
+
+    def set(self, component: str, level: int, message: str, **values: object) -> None:
+        """Replace what is known of a component; ``values`` become key-value strings."""
+        with self._lock:
+            self._components[component] = (level, message, {k: str(v) for k, v in values.items()})
+
+    def _publish(self) -> None:
+        array = DiagnosticArray()
+        array.header.stamp = rospy.Time.now()
+        node = rospy.get_name().lstrip("/")
+        with self._lock:
+            for component, (level, message, values) in self._components.items():
+                pairs = [KeyValue(key, value) for key, value in values.items()]
+                array.status.append(DiagnosticStatus(level, f"{node}: {component}", message, self._hardware_id, pairs))
+        self._publisher.publish(array)
+
+
+def _die_with_parent() -> None:
+    """Ask the kernel for SIGINT when the run that started this node is gone, however it went."""
+    if os.environ.get(DIE_WITH_PARENT) and sys.platform == "linux":
+        pr_set_pdeathsig = 1
+        ctypes.CDLL(None, use_errno=True).prctl(pr_set_pdeathsig, signal.SIGINT)
