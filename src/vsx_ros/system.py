@@ -1,0 +1,172 @@
+"""The whole explorer as one object and one verb: a frame and the odometry in, a velocity out.
+
+This is the lock-step run (``vsx explore --fast``), and the list of what the ROS nodes do between them.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from vsx_ros.config import Config
+from vsx_ros.control.pose_fusion import PoseFuser
+from vsx_ros.control.trajectory_tracker import FollowStatus, TrajectoryTracker
+from vsx_ros.exploration.mission import Action, Decision, Mission, NavigationState, Situation
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.occupancy.ground_map import GroundMap
+from vsx_ros.planning.path import Refusal, Trajectory
+from vsx_ros.planning.planner import Planner, UnconstrainedPlanner
+from vsx_ros.planning.time_scaling import time_scale
+from vsx_ros.robot import STOP, Frame, Odometry, VelocityCommand
+from vsx_ros.slam.slam import SequentialSlam
+from vsx_ros.slam.state import TrackingResult, TrackingState
+
+_DECIDE_EVERY_NS = 200_000_000
+_MAP_EVERY_NS = 500_000_000
+
+
+class StepResult(NamedTuple):
+    """What one step did: the command for the wheels, the tracking behind it and the mission's decision."""
+
+    command: VelocityCommand
+    tracking: TrackingResult
+    decision: Decision | None
+
+
+class Navigator:
+    """Plans to a goal and follows the plan; what the move_base and follower nodes are on the robot."""
+
+    def __init__(self, config: Config, planner: Planner | UnconstrainedPlanner, seed: int) -> None:
+        self._config = config
+        self._planner = planner
+        self._blind = Planner(config.planner, config.robot)
+        self._rng = np.random.default_rng(seed)
+        self._tracker = TrajectoryTracker(config.follower, config.limits)
+        self._frame = "map"
+        self.state = NavigationState.IDLE
+        self.reason = ""
+        self.trajectory: Trajectory | None = None
+        self.plans = 0
+
+    def go(self, now_ns: int, start: SE2 | None, goal: SE2, frame: str, grid: OccupancyGrid | None) -> None:
+        """Plan from start to goal (both in ``frame``) and begin to follow, or end ABORTED with the reason."""
+        self.plans += 1
+        self._frame = frame
+        if start is None or (frame == "map" and grid is None):
+            self._end(NavigationState.ABORTED, "no pose or no map to plan with")
+            return
+        if frame == "odom" or grid is None:
+            plan = self._blind.plan_blind(start, goal)
+        else:
+            plan = self._planner.plan(start, goal, grid, self._rng)
+        if isinstance(plan, Refusal):
+            self._end(NavigationState.ABORTED, plan.reason)
+            return
+        self.trajectory = time_scale(plan.path, self._config.limits)
+        self._tracker.start(self.trajectory, now_ns)
+        self.state, self.reason = NavigationState.ACTIVE, ""
+
+    def cancel(self) -> None:
+        """Give up the goal; the wheels stop at the next command."""
+        self._tracker.cancel()
+        self._end(NavigationState.ABORTED, "cancelled")
+
+    def command(self, now_ns: int, fuser: PoseFuser, tracking_ok: bool) -> VelocityCommand:
+        """The velocity that follows the plan; STOP when there is none."""
+        if self.state is not NavigationState.ACTIVE:
+            return STOP
+        if self._frame == "odom":
+            pose, age_s, tracking_ok = fuser.T_odom_base, 0.0, True
+        else:
+            pose, age_s = fuser.pose(), fuser.age_s(now_ns)
+        result = self._tracker.command(now_ns, pose, age_s, tracking_ok)
+        if result.status is FollowStatus.ARRIVED:
+            self._end(NavigationState.SUCCEEDED, result.reason)
+        elif result.status is FollowStatus.DIVERGED:
+            self._end(NavigationState.ABORTED, result.reason)
+        return result.command
+
+    def _end(self, state: NavigationState, reason: str) -> None:
+        self.state, self.reason, self.trajectory = state, reason, None
+
+
+class ExplorationSystem:
+    """SLAM, ground map, mission, planner and follower in lock-step: same frames, same seed, same bits."""
+
+    def __init__(
+        self, camera: PinholeCamera, T_base_cam: SE3, config: Config, seed: int, unconstrained: bool = False
+    ) -> None:
+        self._config = config
+        self._T_cam_base = T_base_cam.inverse()
+        self._costs = Planner(config.planner, config.robot)
+        planner = UnconstrainedPlanner(config.planner, config.robot) if unconstrained else self._costs
+        self._ground_map = GroundMap(config.ground_map, config.robot)
+        self._fuser = PoseFuser()
+        self._trail: list[SE2] = []
+        self._bumps: list[SE2] = []
+        self._map_version = -1
+        self._next_map_ns = self._next_decision_ns = 0
+        self.slam = SequentialSlam(camera, T_base_cam, config.slam, seed)
+        self.navigator = Navigator(config, planner, seed)
+        self.mission = Mission(config, lambda start, grid: lambda poses: self._costs.travel_costs(start, grid, poses))
+        self.grid: OccupancyGrid | None = None
+
+    def step(self, frame: Frame, odometry: Odometry, hazard: str | None = None) -> StepResult:
+        """Track the frame, refresh the map, decide, and say how the wheels shall turn. hazard: a pressed bumper."""
+        now_ns = frame.stamp_ns
+        self._fuser.add_odometry(odometry)
+        tracking = self.slam.track(frame, odometry)
+        if tracking.T_world_cam is not None:
+            self._fuser.add_slam(now_ns, SE2.from_se3(tracking.T_world_cam @ self._T_cam_base))
+        self._remember(hazard)
+        self._refresh_map(now_ns)
+        decision = None
+        if now_ns >= self._next_decision_ns:
+            self._next_decision_ns = now_ns + _DECIDE_EVERY_NS
+            decision = self._decide(now_ns, tracking, hazard)
+        tracking_ok = tracking.state in (TrackingState.GOOD, TrackingState.DUBIOUS)
+        return StepResult(self.navigator.command(now_ns, self._fuser, tracking_ok), tracking, decision)
+
+    def _remember(self, hazard: str | None) -> None:
+        pose = self._fuser.pose()
+        if pose is None:
+            return
+        if not self._trail or self._trail[-1].distance_to(pose) > 0.05:
+            self._trail.append(pose)
+        if hazard and (not self._bumps or self._bumps[-1].distance_to(pose) > 0.1):
+            self._bumps.append(pose)
+
+    def _refresh_map(self, now_ns: int) -> None:
+        snapshot = self.slam.snapshot()
+        if now_ns < self._next_map_ns or (self.grid is not None and snapshot.version == self._map_version):
+            return
+        self._next_map_ns = now_ns + _MAP_EVERY_NS
+        self._map_version = snapshot.version
+        self.grid = self._ground_map.build(
+            snapshot.T_world_cams, snapshot.points_world, snapshot.obs_keyframe, snapshot.obs_point,
+            trail=self._trail, bumps=self._bumps, start=SE2(),
+        )  # fmt: skip
+
+    def _decide(self, now_ns: int, tracking: TrackingResult, hazard: str | None) -> Decision:
+        situation = Situation(
+            tracking.state,
+            tracking.reason,
+            self._fuser.pose(),
+            self._fuser.T_odom_base,
+            self.grid,
+            self.navigator.state,
+            self.navigator.reason,
+            hazard,
+            self.slam.snapshot().points_world,
+        )
+        decision = self.mission.decide(now_ns, situation)
+        if decision.action is Action.GO and decision.goal is not None:
+            start = self._fuser.T_odom_base if decision.frame == "odom" else self._fuser.pose()
+            self.navigator.go(now_ns, start, decision.goal, decision.frame, self.grid)
+        elif decision.action in (Action.CANCEL, Action.FINISH) and self.navigator.state is NavigationState.ACTIVE:
+            self.navigator.cancel()
+        return decision

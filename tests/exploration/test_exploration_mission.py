@@ -1,0 +1,163 @@
+"""The mission's state machine, driven by hand through every box of its diagram."""
+
+import numpy as np
+import pytest
+
+from vsx_ros.config import Config
+from vsx_ros.exploration.mission import Action, Mission, MissionState, NavigationState, Outcome, Situation
+from vsx_ros.exploration.trail import Trail
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.occupancy.grid import FREE, UNKNOWN, OccupancyGrid
+from vsx_ros.slam.state import TrackingState
+
+SECOND = 1_000_000_000
+LANDMARKS = np.random.default_rng(0).uniform([1.0, -2.0, 0.0], [3.0, 2.0, 1.0], (800, 3))
+
+
+def half_known() -> OccupancyGrid:
+    """Free for x < 1.5 m, unknown beyond."""
+    data = np.full((80, 120), UNKNOWN, np.int8)
+    data[:, :60] = FREE
+    return OccupancyGrid(data, 0.05, -1.5, -2.0)
+
+
+def euclid(start, grid):
+    return lambda poses: np.hypot(poses[:, 0] - start.x, poses[:, 1] - start.y)
+
+
+def situation(**changes) -> Situation:
+    default = Situation(TrackingState.GOOD, "", SE2(), SE2(), half_known(), NavigationState.IDLE, "", None, LANDMARKS)
+    return default._replace(**changes)
+
+
+def mapping_mission() -> Mission:
+    mission = Mission(Config(), euclid)
+    mission.decide(0, situation(slam_state=TrackingState.NOT_INITIALISED, grid=None))
+    assert mission.decide(SECOND, situation()).action is Action.GO
+    assert mission.state is MissionState.MAPPING
+    return mission
+
+
+def test_it_begins_with_a_straight_drive_by_odometry():
+    mission = Mission(Config(), euclid)
+    decision = mission.decide(0, situation(slam_state=TrackingState.NOT_INITIALISED, T_odom_base=SE2(1, 2, np.pi / 2)))
+    assert decision.action is Action.GO
+    assert decision.frame == "odom"
+    assert (decision.goal.x, decision.goal.y) == pytest.approx((1.0, 2.0 + Config().exploration.init_drive_m))
+
+
+def test_it_gives_up_starting_after_its_attempts_and_says_why():
+    mission = Mission(Config(), euclid)
+    blind = situation(slam_state=TrackingState.NOT_INITIALISED, slam_reason="12 corners seen")
+    decisions = [mission.decide(k * 2 * SECOND, blind) for k in range(12)]
+    drives = [d for d in decisions if d.action is Action.GO]
+    assert len(drives) == 1 + Config().exploration.init_attempts
+    assert decisions[-1].action is Action.FINISH
+    assert mission.outcome is Outcome.NOT_STARTED
+    assert "12 corners seen" in decisions[-1].reason
+
+
+def test_it_goes_to_a_view_of_the_unknown_and_says_its_utility():
+    mission = Mission(Config(), euclid)
+    mission.decide(0, situation(slam_state=TrackingState.NOT_INITIALISED))
+    decision = mission.decide(SECOND, situation())
+    assert decision.action is Action.GO
+    assert decision.frame == "map"
+    assert "U = v/d" in decision.reason
+    assert abs(decision.goal.theta) < 1.0 or abs(decision.goal.theta - 2 * np.pi) < 1.0
+
+
+def test_a_failed_goal_is_not_chosen_again_at_once():
+    mission = mapping_mission()
+    first = mission.ranking.views[0].pose
+    decision = mission.decide(
+        2 * SECOND, situation(navigation=NavigationState.ABORTED, navigation_reason="goal blocked")
+    )
+    assert decision.action is Action.GO
+    assert decision.goal.distance_to(first) > 0.3 or abs(decision.goal.angle_to(first)) > 0.7
+    assert any("goal blocked" in event.reason for event in mission.drain_events())
+
+
+def test_lost_cancels_waits_backs_along_the_trail_and_comes_back():
+    mission = mapping_mission()
+    for k in range(40):
+        mission.decide(2 * SECOND + k, situation(T_odom_base=SE2(0.05 * k, 0, 0), navigation=NavigationState.ACTIVE))
+    lost = situation(slam_state=TrackingState.LOST, slam_reason="blurred", T_odom_base=SE2(1.95, 0, 0))
+    assert mission.decide(3 * SECOND, lost).action is Action.CANCEL
+    assert mission.decide(4 * SECOND, lost).action is Action.WAIT
+    back = mission.decide(6 * SECOND, lost)
+    assert back.action is Action.GO
+    assert back.frame == "odom"
+    assert back.goal.x == pytest.approx(1.95 - Config().exploration.backtrack_step_m, abs=0.06)
+    mission.decide(7 * SECOND, situation(T_odom_base=SE2(1.6, 0, 0)))
+    assert mission.state is MissionState.MAPPING
+
+
+def test_lost_for_good_ends_when_the_way_back_is_used_up():
+    mission = mapping_mission()
+    for k in range(80):
+        mission.decide(2 * SECOND + k, situation(T_odom_base=SE2(0.05 * k, 0, 0), navigation=NavigationState.ACTIVE))
+    lost = situation(slam_state=TrackingState.LOST, slam_reason="dark", T_odom_base=SE2(3.95, 0, 0))
+    decisions = [mission.decide((3 + 3 * k) * SECOND, lost) for k in range(12)]
+    driven = sum(d.action is Action.GO for d in decisions)
+    config = Config().exploration
+    assert driven == int(np.ceil(config.backtrack_max_m / config.backtrack_step_m))
+    assert decisions[-1].action is Action.FINISH
+    assert mission.outcome is Outcome.LOST
+
+
+def test_it_ends_explored_when_nothing_is_left_and_counts_the_reasons():
+    known = OccupancyGrid(np.full((80, 80), FREE, np.int8), 0.05, -2.0, -2.0)
+    mission = mapping_mission()
+    decision = None
+    for k in range(20):
+        decision = mission.decide((2 + 3 * k) * SECOND, situation(grid=known, navigation=NavigationState.SUCCEEDED))
+        if decision.action is Action.FINISH:
+            break
+    assert mission.outcome is Outcome.EXPLORED
+    assert "gain too small" in decision.reason
+
+
+def test_a_bumper_stops_and_then_backs_off():
+    mission = mapping_mission()
+    for k in range(20):
+        mission.decide(2 * SECOND + k, situation(T_odom_base=SE2(0.05 * k, 0, 0), navigation=NavigationState.ACTIVE))
+    hit = situation(T_odom_base=SE2(0.95, 0, 0), hazard="bumper left pressed")
+    assert mission.decide(3 * SECOND, hit._replace(navigation=NavigationState.ACTIVE)).action is Action.CANCEL
+    back = mission.decide(4 * SECOND, hit._replace(navigation=NavigationState.ABORTED, navigation_reason="cancelled"))
+    assert back.action is Action.GO
+    assert back.frame == "odom"
+    assert back.goal.x < 0.75
+
+
+def test_pause_resume_stop_and_home():
+    mission = mapping_mission()
+    mission.pause(2 * SECOND)
+    assert mission.decide(2 * SECOND, situation(navigation=NavigationState.ACTIVE)).action is Action.CANCEL
+    assert mission.decide(3 * SECOND, situation()).action is Action.WAIT
+    mission.resume(4 * SECOND)
+    assert mission.decide(5 * SECOND, situation()).action is Action.GO
+    mission.home(6 * SECOND)
+    home = mission.decide(7 * SECOND, situation(navigation=NavigationState.SUCCEEDED))
+    assert (home.goal.x, home.goal.y) == (0.0, 0.0)
+    assert mission.decide(8 * SECOND, situation(navigation=NavigationState.SUCCEEDED)).action is Action.FINISH
+    assert mission.outcome is Outcome.HOME
+    stopped = mapping_mission()
+    stopped.stop(9 * SECOND)
+    assert stopped.decide(9 * SECOND, situation()).action is Action.FINISH
+    assert stopped.outcome is Outcome.STOPPED
+
+
+def test_without_odometry_it_waits():
+    assert Mission(Config(), euclid).decide(0, situation(T_odom_base=None)).action is Action.WAIT
+
+
+def test_the_trail_gives_back_the_way_it_was_driven():
+    trail = Trail(spacing_m=0.1)
+    for k in range(11):
+        trail.add(SE2(0.1 * k, 0.0, 0.0))
+    back = trail.pop_back(0.5)
+    assert back is not None
+    assert back.x == pytest.approx(0.5)
+    assert len(trail) == 6
+    assert Trail(spacing_m=0.1).pop_back(0.5) is None

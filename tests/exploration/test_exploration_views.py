@@ -1,0 +1,123 @@
+"""Frontiers and the ranking of views on grids whose answer is known."""
+
+import math
+
+import numpy as np
+import pytest
+
+from vsx_ros.config import Config
+from vsx_ros.exploration.frontiers import find_frontiers
+from vsx_ros.exploration.utility import BEARINGS, count_landmarks, rank_views, standing_room, view_gain
+from vsx_ros.kernels.visibility import window_sums
+from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+
+CONFIG = Config().exploration
+NO_LANDMARKS_NEEDED = Config().exploration.__class__(min_landmarks=0)
+RESOLUTION = 0.05
+
+
+def half_known_room() -> OccupancyGrid:
+    """A 6 m x 4 m room with walls; x < 3 m is free, the rest unknown. Origin at the corner."""
+    data = np.full((80, 120), UNKNOWN, np.int8)
+    data[1:-1, 1:60] = FREE
+    data[0, :] = data[-1, :] = data[:, 0] = data[:, -1] = OCCUPIED
+    return OccupancyGrid(data, RESOLUTION, 0.0, 0.0)
+
+
+def straight_costs(poses):
+    """Distance from (1, 2), as if nothing were in the way."""
+    return np.hypot(poses[:, 0] - 1.0, poses[:, 1] - 2.0)
+
+
+def nowhere_avoided(poses):
+    return np.zeros(len(poses), bool)
+
+
+def test_the_border_to_the_unknown_is_one_frontier():
+    frontiers = find_frontiers(half_known_room(), 0.25)
+    assert len(frontiers) == 1
+    assert frontiers[0].length_m == pytest.approx(78 * RESOLUTION)
+    np.testing.assert_allclose(frontiers[0].centroid, [2.975, 2.0], atol=0.01)
+
+
+def test_a_known_room_has_no_frontier():
+    data = np.full((40, 40), OCCUPIED, np.int8)
+    data[1:-1, 1:-1] = FREE
+    assert find_frontiers(OccupancyGrid(data, RESOLUTION, 0, 0), 0.05) == []
+
+
+def test_short_frontiers_are_left_out():
+    assert find_frontiers(half_known_room(), 5.0) == []
+
+
+def test_gain_is_the_unknown_area_inside_the_field_of_view():
+    grid = half_known_room()
+    gain = view_gain(grid, np.array([[2.5, 2.0]]), CONFIG)[0]
+    # Looking along +x: a sector of the sensor's angle between the border (x = 3) and range or wall (x = 5.95).
+    half = CONFIG.sensor_fov_rad / 2
+    angles = np.linspace(-half, half, 2001)
+    near = 0.5 / np.cos(angles)
+    far = np.minimum(CONFIG.sensor_range_m, np.minimum(3.45 / np.cos(angles), 1.95 / np.abs(np.sin(angles) + 1e-12)))
+    expected = float(np.trapezoid(0.5 * (far**2 - near**2), angles))
+    assert gain[0] == pytest.approx(expected, rel=0.06)
+    assert gain[BEARINGS // 2] == 0.0
+
+
+def test_window_sums_are_centred_and_cyclic():
+    sums = window_sums(np.eye(1, 8, 0), 3)
+    np.testing.assert_array_equal(sums, [[1, 1, 0, 0, 0, 0, 0, 1]])
+
+
+def test_views_look_into_the_unknown_and_stand_on_free_ground():
+    grid = half_known_room()
+    ranking = rank_views(grid, 0.2, np.zeros((0, 3)), straight_costs, nowhere_avoided, NO_LANDMARKS_NEEDED)
+    # Without landmarks U is 0 for all; ask with plenty of them for the order.
+    landmarks = np.random.default_rng(0).uniform([4.0, 0.5, 0.0], [5.5, 3.5, 1.0], (500, 3))
+    ranking = rank_views(grid, 0.2, landmarks, straight_costs, nowhere_avoided, CONFIG)
+    best = ranking.views[0]
+    assert abs(math.remainder(best.pose.theta, 2 * math.pi)) < math.radians(46)
+    assert best.utility == pytest.approx(best.gain_m2 / max(best.distance_m, CONFIG.min_distance_m))
+    assert [v.utility for v in ranking.views] == sorted((v.utility for v in ranking.views), reverse=True)
+    room = standing_room(grid, 0.2)
+    cells = grid.cells(np.array([[v.pose.x, v.pose.y] for v in ranking.views]))
+    assert room[cells[:, 0], cells[:, 1]].all()
+
+
+def test_few_landmarks_in_view_disqualify():
+    grid = half_known_room()
+    behind = np.tile([[0.2, 2.0, 0.5]], (500, 1))
+    ranking = rank_views(grid, 0.2, behind, straight_costs, nowhere_avoided, CONFIG)
+    assert ranking.rejected["too few known landmarks in view"] > 0
+    for view in ranking.views:
+        assert view.landmarks >= CONFIG.min_landmarks
+
+
+def test_unreachable_and_blacklisted_views_are_counted_not_returned():
+    grid = half_known_room()
+    unreachable = rank_views(
+        grid, 0.2, np.zeros((0, 3)), lambda p: np.full(len(p), np.inf), nowhere_avoided, NO_LANDMARKS_NEEDED
+    )
+    assert unreachable.views == []
+    assert unreachable.rejected["unreachable"] > 0
+    banned = rank_views(
+        grid, 0.2, np.zeros((0, 3)), straight_costs, lambda p: np.ones(len(p), bool), NO_LANDMARKS_NEEDED
+    )
+    assert banned.views == []
+    assert banned.rejected["blacklisted"] > 0
+
+
+def test_a_wall_hides_landmarks():
+    data = np.full((80, 120), FREE, np.int8)
+    data[:, 60] = OCCUPIED
+    grid = OccupancyGrid(data, RESOLUTION, 0.0, 0.0)
+    landmarks = np.array([[2.9, 2.0, 0.5], [4.5, 2.0, 0.5]])
+    poses = np.array([[1.0, 2.0, 0.0], [1.0, 2.0, math.pi]])
+    np.testing.assert_array_equal(count_landmarks(grid, poses, landmarks, CONFIG), [1, 0])
+
+
+def test_standing_room_keeps_the_radius_from_unknown_and_walls():
+    room = standing_room(half_known_room(), 0.3)
+    cells = np.argwhere(room)
+    assert cells[:, 1].max() * RESOLUTION <= 3.0 - 0.3
+    assert cells[:, 0].min() * RESOLUTION >= 0.05 + 0.3 - RESOLUTION
+    assert len(cells) > 1000
