@@ -1,0 +1,140 @@
+"""Errors of an estimated trajectory: alignment (Umeyama 1991), ATE and RPE (Sturm et al., IROS 2012)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from vsx_ros.arrays import FloatArray, Points3
+from vsx_ros.errors import InputError
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.geometry.stamped import StampedPose
+
+AlignmentKind = Literal["se3", "sim3", "yaw"]
+Pairs = list[tuple[SE3, SE3]]
+
+MIN_PAIRS = 3
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """truth ~ scale * rotation @ estimate + translation; ``scale`` is 1 unless the kind is sim3."""
+
+    rotation: FloatArray
+    translation: FloatArray
+    scale: float
+
+    def apply(self, points: Points3) -> Points3:
+        """(N, 3) points of the estimate in the frame of the truth."""
+        return self.scale * np.asarray(points) @ self.rotation.T + self.translation
+
+
+@dataclass(frozen=True)
+class TrajectoryError:
+    """Errors of an estimate over associated poses.
+
+    ate_rmse_m: rms distance after alignment. scale: truth's size over the estimate's (1 = right).
+    scale_error: |1 - size of the estimate / size of the truth|; None when the truth hardly moves.
+    rpe_rmse_m, rpe_rmse_deg: rms error of the motion between successive pairs.
+    """
+
+    pairs: int
+    ate_rmse_m: float
+    ate_max_m: float
+    scale: float
+    scale_error: float | None
+    rpe_rmse_m: float
+    rpe_rmse_deg: float
+
+
+def associate(estimate: Sequence[StampedPose], truth: Sequence[StampedPose], max_gap_ns: int = 20_000_000) -> Pairs:
+    """(estimate, truth) pose pairs whose stamps are nearest to each other, each truth used at most once.
+
+    Raises InputError when fewer than three pairs are within ``max_gap_ns``.
+    """
+    stamps = np.array([pose.stamp_ns for pose in truth], np.int64)
+    order = np.argsort(stamps, kind="stable")
+    best: dict[int, tuple[int, int]] = {}
+    for index, pose in enumerate(estimate):
+        after = int(np.searchsorted(stamps[order], pose.stamp_ns))
+        near = [int(order[i]) for i in (after - 1, after) if 0 <= i < len(order)]
+        gaps = [(abs(int(stamps[i]) - pose.stamp_ns), i) for i in near]
+        if gaps and min(gaps)[0] <= max_gap_ns:
+            gap, chosen = min(gaps)
+            best[chosen] = min(best.get(chosen, (gap, index)), (gap, index))
+    pairs = sorted((index, chosen) for chosen, (_, index) in best.items())
+    if len(pairs) < MIN_PAIRS:
+        raise InputError(
+            f"only {len(pairs)} of {len(estimate)} estimated poses have a true pose within {max_gap_ns / 1e6:.0f} ms; "
+            f"at least {MIN_PAIRS} are needed: check that both files use the same clock"
+        )
+    return [(estimate[i].T, truth[j].T) for i, j in pairs]
+
+
+def align(estimate: Points3, truth: Points3, kind: AlignmentKind) -> Alignment:
+    """Least-squares alignment of (N, 3) positions: rigid, similar, or yaw and translation only (gravity known).
+
+    Umeyama (PAMI 1991), equations 40-42. Degenerate shapes (a point, a line) give one of the equally good answers.
+    """
+    estimate, truth = np.asarray(estimate, float), np.asarray(truth, float)
+    mean_e, mean_t = estimate.mean(axis=0), truth.mean(axis=0)
+    e, t = estimate - mean_e, truth - mean_t
+    if kind == "yaw":
+        angle = math.atan2(float(np.sum(e[:, 0] * t[:, 1] - e[:, 1] * t[:, 0])), float(np.sum(e[:, :2] * t[:, :2])))
+        c, s = math.cos(angle), math.sin(angle)
+        R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        return Alignment(R, mean_t - R @ mean_e, 1.0)
+    U, D, Vt = np.linalg.svd(t.T @ e / len(e))
+    S = np.diag([1.0, 1.0, 1.0 if np.linalg.det(U) * np.linalg.det(Vt) > 0 else -1.0])
+    R = U @ S @ Vt
+    variance = float(np.mean(np.sum(e * e, axis=1)))
+    scale = float(np.sum(D * np.diag(S))) / variance if kind == "sim3" and variance > 1e-12 else 1.0
+    return Alignment(R, mean_t - scale * R @ mean_e, scale)
+
+
+def trajectory_error(pairs: Pairs, kind: AlignmentKind = "se3") -> TrajectoryError:
+    """ATE and RPE of associated poses after the alignment; the scale is measured whatever the kind.
+
+    For RPE the estimate is scaled with the alignment's scale (1 unless sim3).
+    """
+    estimate = np.array([e.translation for e, _ in pairs])
+    truth = np.array([t.translation for _, t in pairs])
+    alignment = align(estimate, truth, kind)
+    errors = np.linalg.norm(alignment.apply(estimate) - truth, axis=1)
+    scale = align(estimate, truth, "sim3").scale
+    extent = float(np.sqrt(np.mean(np.sum((truth - truth.mean(axis=0)) ** 2, axis=1))))
+    rpe_m, rpe_rad = _relative_errors(pairs, alignment.scale)
+    return TrajectoryError(
+        pairs=len(pairs),
+        ate_rmse_m=_rms(errors),
+        ate_max_m=float(errors.max()),
+        scale=scale,
+        scale_error=abs(1.0 - 1.0 / scale) if extent > 0.01 and scale > 1e-6 else None,
+        rpe_rmse_m=_rms(rpe_m),
+        rpe_rmse_deg=math.degrees(_rms(rpe_rad)),
+    )
+
+
+def _relative_errors(pairs: Pairs, scale: float) -> tuple[FloatArray, FloatArray]:
+    """Translation [m] and rotation [rad] errors of the motion from each pair to the next."""
+    metres, radians = [], []
+    for (e0, t0), (e1, t1) in zip(pairs, pairs[1:]):
+        moved, moved_truly = e0.inverse() @ e1, t0.inverse() @ t1
+        error = moved_truly.inverse() @ SE3(moved.rotation, scale * moved.translation)
+        metres.append(float(np.linalg.norm(error.translation)))
+        radians.append(error.rotation_angle_to(SE3.identity()))
+    return np.array(metres), np.array(radians)
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def path_length(poses: Sequence[StampedPose]) -> float:
+    """Sum of the distances between successive positions [m]."""
+    positions = np.array([pose.T.translation for pose in poses]).reshape(-1, 3)
+    return float(np.sum(np.linalg.norm(np.diff(positions, axis=0), axis=1)))

@@ -1,0 +1,211 @@
+"""ROS 1 bags (format 2.0; none, bz2 and lz4 compression) through rosbags, without ROS."""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rosbags.rosbag1 import Reader, ReaderError
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, get_typestore
+
+from vsx_ros.errors import InputError, VsxError
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.io.calibration_file import camera_from_info
+from vsx_ros.io.image_encoding import decoded, gray_image, shift_for
+from vsx_ros.io.recording import Recording
+from vsx_ros.robot import Frame, Odometry
+
+IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
+ODOMETRY, CAMERA_INFO, POSE = "nav_msgs/msg/Odometry", "sensor_msgs/msg/CameraInfo", "geometry_msgs/msg/PoseStamped"
+GROUND_TRUTH_TOPIC = "ground_truth/camera"
+# what rosbags and the decompressors raise on damaged files
+_DAMAGE = (
+    ReaderError,
+    SerdeError,
+    AssertionError,
+    struct.error,
+    EOFError,
+    OSError,
+    ValueError,
+    RuntimeError,
+    LookupError,
+    OverflowError,
+)
+
+
+def open_bag(path: Path, image_topic: str | None = None, odometry_topic: str | None = None) -> Recording:
+    """The recording in a bag; topics are found by type when not given.
+
+    Ground truth is a PoseStamped topic ending in ground_truth/camera (T_world_cam).
+    Raises InputError for a file that is not a readable bag or lacks the topic.
+    """
+    _refuse_foreign(path)
+    with _messages(path) as bag:
+        counts = bag.counts()
+        images = _image_topic(path, counts, image_topic)
+        odometry_from = _odometry_topic(path, counts, odometry_topic)
+        truth_from = [t for t, (kind, _) in counts.items() if kind == POSE and t.endswith(GROUND_TRUTH_TOPIC)]
+        return Recording(
+            source=path,
+            image_topic=images,
+            odometry_topic=odometry_from,
+            frame_count=counts[images][1],
+            camera=_camera(bag, images, counts),
+            odometry=_odometry(bag, odometry_from) if odometry_from else [],
+            ground_truth=_ground_truth(bag, truth_from[0]) if truth_from else [],
+            open_frames=lambda: _frames(path, images),
+        )
+
+
+class _Messages:
+    """Messages of one topic at a time, deserialised."""
+
+    def __init__(self, reader: Any) -> None:
+        self._reader = reader
+        self._types = get_typestore(Stores.ROS1_NOETIC)
+
+    def counts(self) -> dict[str, tuple[str, int]]:
+        """Message type and number of messages of each topic."""
+        topics = sorted(self._reader.topics.items())
+        return {name: (topic.msgtype or "several types", topic.msgcount) for name, topic in topics}
+
+    def of(self, topic: str) -> Iterator[tuple[int, Any]]:
+        """(stamp_ns, message): the header's stamp, or the time of recording where the header has none."""
+        connections = [c for c in self._reader.connections if c.topic == topic]
+        for connection, recorded_ns, raw in self._reader.messages(connections):
+            message = self._types.deserialize_ros1(raw, connection.msgtype)
+            stamp = message.header.stamp
+            yield int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec) or recorded_ns, message
+
+
+@contextmanager
+def _messages(path: Path) -> Iterator[_Messages]:
+    """Open a bag; whatever goes wrong in its bytes becomes an InputError with the remedy."""
+    try:
+        with Reader(path) as reader:
+            yield _Messages(reader)
+    except VsxError:
+        raise
+    except PermissionError as error:
+        raise InputError(f"bag {path} may not be read; check its permissions") from error
+    except _DAMAGE as error:
+        detail = re.sub(r"\('|',\)|\.$", "", str(error)) or "its index contradicts itself"
+        raise InputError(
+            f"bag {path} ({path.stat().st_size} bytes) is cut short or damaged ({detail}); "
+            "copy it again, or repair it with 'rosbag reindex FILE' (Debian: python3-rosbag)"
+        ) from error
+
+
+def _refuse_foreign(path: Path) -> None:
+    try:
+        with path.open("rb") as file:
+            first_line = file.readline(40)
+    except OSError as error:
+        raise InputError(f"bag {path} cannot be read ({error.strerror}); check the path and its permissions") from error
+    if not first_line:
+        raise InputError(f"bag {path} is empty (0 bytes); record it again")
+    if first_line == b"#ROSBAG V2.0\n":
+        return
+    old = re.match(rb"#ROS(?:BAG|RECORD|LOG) V(\d+\.\d+)", first_line)
+    if old:
+        raise InputError(
+            f"bag {path} has the format {old[1].decode()}, this reads 2.0; convert it with 'rosbag fix OLD NEW'"
+        )
+    raise InputError(f"{path} is not a ROS 1 bag (it starts with {first_line[:8]!r}); give a bag of format 2.0")
+
+
+def _listing(counts: dict[str, tuple[str, int]]) -> str:
+    if not any(count for _, count in counts.values()):
+        return "it holds no messages at all"
+    return "it has " + ", ".join(f"{topic} ({kind.replace('/msg/', '/')})" for topic, (kind, _) in counts.items())
+
+
+def _image_topic(path: Path, counts: dict[str, tuple[str, int]], wanted: str | None) -> str:
+    images = [t for t, (kind, count) in counts.items() if kind in (IMAGE, COMPRESSED) and count]
+    if wanted is not None:
+        return _wanted(path, counts, images, wanted, "image")
+    usable = [t for t in images if not any(word in t for word in ("depth", "Depth", "disparity"))]
+    raw_preferred = [t for t in usable if not (t.endswith("/compressed") and t.removesuffix("/compressed") in usable)]
+    if not raw_preferred:
+        raise InputError(f"bag {path} has no image topic; {_listing(counts)}")
+    if len(raw_preferred) > 1:
+        raise InputError(
+            f"bag {path} has several image topics; choose one with --image-topic: {', '.join(raw_preferred)}"
+        )
+    return raw_preferred[0]
+
+
+def _odometry_topic(path: Path, counts: dict[str, tuple[str, int]], wanted: str | None) -> str | None:
+    found = [t for t, (kind, count) in counts.items() if kind == ODOMETRY and count]
+    if wanted is not None:
+        return _wanted(path, counts, found, wanted, "odometry")
+    candidates = [t for t in found if "ground_truth" not in t]
+    if len(candidates) > 1:
+        raise InputError(
+            f"bag {path} has several odometry topics; choose one with --odometry-topic: {', '.join(candidates)}"
+        )
+    return candidates[0] if candidates else None
+
+
+def _wanted(path: Path, counts: dict[str, tuple[str, int]], found: list[str], wanted: str, kind: str) -> str:
+    for name in (wanted, "/" + wanted.lstrip("/")):
+        if name in found:
+            return name
+    raise InputError(f"bag {path} has no {kind} topic {wanted}; {_listing(counts)}")
+
+
+def _camera(bag: _Messages, image_topic: str, counts: dict[str, tuple[str, int]]) -> PinholeCamera | None:
+    namespace = image_topic.removesuffix("/compressed").rpartition("/")[0]
+    topic = f"{namespace}/camera_info"
+    if counts.get(topic, ("", 0))[0] != CAMERA_INFO:
+        return None
+    _, info = next(bag.of(topic))
+    return camera_from_info(info.width, info.height, info.K, info.D, info.distortion_model, f"topic {topic}")
+
+
+def _odometry(bag: _Messages, topic: str) -> list[Odometry]:
+    readings = []
+    for stamp_ns, message in bag.of(topic):
+        pose, twist = message.pose.pose, message.twist.twist
+        reading = Odometry(stamp_ns, SE2.from_se3(_se3(pose, topic)), twist.linear.x, twist.angular.z)
+        if not (reading.T_odom_base.is_finite() and np.isfinite(reading.v + reading.omega)):
+            raise InputError(f"topic {topic} holds a pose that is not finite; record it again or choose another topic")
+        readings.append(reading)
+    return sorted(readings, key=lambda reading: reading.stamp_ns)
+
+
+def _ground_truth(bag: _Messages, topic: str) -> list[StampedPose]:
+    poses = [StampedPose(stamp_ns, _se3(message.pose, topic)) for stamp_ns, message in bag.of(topic)]
+    return sorted(poses, key=lambda pose: pose.stamp_ns)
+
+
+def _se3(pose: Any, topic: str) -> SE3:
+    p, q = pose.position, pose.orientation
+    quaternion = (q.x, q.y, q.z, q.w)
+    if not 0.5 < sum(value * value for value in quaternion) < 2.0:
+        raise InputError(f"topic {topic} holds the quaternion {quaternion}, which is no rotation; choose another topic")
+    return SE3.from_quaternion(np.array([p.x, p.y, p.z]), quaternion)
+
+
+def _frames(path: Path, topic: str) -> Iterator[Frame]:
+    shift_bits: int | None = None
+    with _messages(path) as bag:
+        for number, (stamp_ns, message) in enumerate(bag.of(topic)):
+            if message.__msgtype__ == COMPRESSED:
+                yield Frame(stamp_ns, decoded(bytes(message.data), f"image {number} of topic {topic}"))
+                continue
+            data, big_endian = bytes(message.data), bool(message.is_bigendian)
+            if shift_bits is None:
+                shift_bits = shift_for(data, big_endian=big_endian) if "16" in message.encoding else 0
+            shape = message.height, message.width, message.step
+            image = gray_image(message.encoding, *shape, data, big_endian=big_endian, shift_bits=shift_bits)
+            yield Frame(stamp_ns, image)

@@ -1,0 +1,106 @@
+"""Camera calibration on disk: ROS camera_info YAML (as camera_calibration writes it) and the plain camera.json."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from vsx_ros.errors import CalibrationError
+from vsx_ros.geometry.camera import PinholeCamera
+
+_PINHOLE_MODELS = ("plumb_bob", "radtan", "radial-tangential", "pinhole", "rational_polynomial", "")
+
+
+def camera_from_info(
+    width: int, height: int, K: Sequence[float], D: Sequence[float], model: str, name: str
+) -> PinholeCamera | None:
+    """The camera of a sensor_msgs/CameraInfo's fields; None when K is all zero, ROS's word for uncalibrated.
+
+    K: 9 numbers, row by row. D: distortion, k1 k2 p1 p2 k3. name: what an error message shall call it.
+    Raises CalibrationError for a lens model this stack cannot use.
+    """
+    k = [float(value) for value in K]
+    d = [float(value) for value in D]
+    if len(k) != 9:
+        raise CalibrationError(f"{name}: the camera matrix needs 9 numbers, got {len(k)}; calibrate the camera again")
+    if not any(k):
+        return None
+    if model not in _PINHOLE_MODELS or any(d[5:]):
+        raise CalibrationError(
+            f"{name}: distortion model {model!r} with {len(d)} coefficients is not supported; "
+            "calibrate with plumb_bob (k1 k2 p1 p2 k3)"
+        )
+    k1, k2, p1, p2, k3 = (d + [0.0] * 5)[:5]
+    return PinholeCamera(int(width), int(height), k[0], k[4], k[2], k[5], (k1, k2, p1, p2, k3))
+
+
+def read_calibration(path: Path) -> PinholeCamera:
+    """The camera of a camera_info YAML or a camera.json, told apart by their content.
+
+    Raises CalibrationError when the file is missing, malformed, uncalibrated or of an unsupported lens model.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+        tree = json.loads(text) if path.suffix == ".json" else yaml.safe_load(text)
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        reason = str(error).splitlines()[0]
+        raise CalibrationError(
+            f"calibration {path} cannot be read ({reason}); give a ROS camera_info YAML or a camera.json"
+        ) from error
+    if not isinstance(tree, dict):
+        raise CalibrationError(f"calibration {path} holds no names; give a ROS camera_info YAML or a camera.json")
+    try:
+        camera = _from_yaml_tree(tree, path) if "camera_matrix" in tree else _from_json_tree(tree, path)
+    except (KeyError, TypeError, ValueError) as error:
+        if isinstance(error, CalibrationError):
+            raise
+        raise CalibrationError(
+            f"calibration {path}: entry {error} is missing or malformed; give a ROS camera_info YAML "
+            "(image_width, image_height, camera_matrix, distortion_coefficients) or a camera.json (width, height, "
+            "fx, fy, cx, cy, dist)"
+        ) from error
+    if camera is None:
+        raise CalibrationError(f"calibration {path} is all zero (uncalibrated); run 'vsx calibrate camera'")
+    return camera
+
+
+def _from_yaml_tree(tree: dict[str, Any], path: Path) -> PinholeCamera | None:
+    return camera_from_info(
+        int(tree["image_width"]),
+        int(tree["image_height"]),
+        tree["camera_matrix"]["data"],
+        tree["distortion_coefficients"]["data"],
+        str(tree.get("distortion_model", "plumb_bob")),
+        f"calibration {path}",
+    )
+
+
+def _from_json_tree(tree: dict[str, Any], path: Path) -> PinholeCamera | None:
+    K = [tree["fx"], 0.0, tree["cx"], 0.0, tree["fy"], tree["cy"], 0.0, 0.0, 1.0]
+    size = int(tree["width"]), int(tree["height"])
+    return camera_from_info(*size, K, tree.get("dist", []), str(tree.get("model", "pinhole")), f"calibration {path}")
+
+
+def write_calibration(path: Path, camera: PinholeCamera, camera_name: str = "camera") -> None:
+    """A camera_info YAML that ROS's own tools read."""
+    P = np.column_stack([camera.K, np.zeros(3)])
+    tree = {
+        "image_width": camera.width,
+        "image_height": camera.height,
+        "camera_name": camera_name,
+        "camera_matrix": _matrix(camera.K),
+        "distortion_model": "plumb_bob",
+        "distortion_coefficients": _matrix(np.array([camera.distortion])),
+        "rectification_matrix": _matrix(np.eye(3)),
+        "projection_matrix": _matrix(P),
+    }
+    path.write_text(yaml.safe_dump(tree, sort_keys=False, default_flow_style=None), encoding="utf-8")
+
+
+def _matrix(values: np.ndarray[Any, Any]) -> dict[str, Any]:
+    return {"rows": values.shape[0], "cols": values.shape[1], "data": [float(v) for v in values.ravel()]}

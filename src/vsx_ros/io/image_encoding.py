@@ -1,0 +1,70 @@
+"""Pixels of a sensor_msgs/Image to grey, without cv_bridge (which pip's numpy breaks)."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from vsx_ros.arrays import GrayImage
+from vsx_ros.errors import InputError
+
+# OpenCV's aliases that spell the mosaic's own first rows, as ROS does
+_TO_GRAY = {
+    "rgb8": (3, cv2.COLOR_RGB2GRAY),
+    "bgr8": (3, cv2.COLOR_BGR2GRAY),
+    "8UC3": (3, cv2.COLOR_BGR2GRAY),
+    "rgba8": (4, cv2.COLOR_RGBA2GRAY),
+    "bgra8": (4, cv2.COLOR_BGRA2GRAY),
+    "bayer_rggb8": (1, cv2.COLOR_BayerRGGB2GRAY),
+    "bayer_bggr8": (1, cv2.COLOR_BayerBGGR2GRAY),
+    "bayer_gbrg8": (1, cv2.COLOR_BayerGBRG2GRAY),
+    "bayer_grbg8": (1, cv2.COLOR_BayerGRBG2GRAY),
+}
+_GRAY_8 = ("mono8", "8UC1")
+_GRAY_16 = ("mono16", "16UC1")
+SUPPORTED = (*_GRAY_8, *_GRAY_16, *_TO_GRAY)
+
+
+def gray_image(
+    encoding: str, height: int, width: int, step: int, data: bytes, *, big_endian: bool = False, shift_bits: int = 8
+) -> GrayImage:
+    """(height, width) uint8 from the fields of a sensor_msgs/Image; ``step`` is bytes per row.
+
+    shift_bits: for 16-bit images, how many low bits to drop; values above the top saturate.
+    Raises InputError for an unknown encoding or too few bytes.
+    """
+    if encoding not in SUPPORTED:
+        raise InputError(f"image encoding {encoding!r} is not supported; use one of {', '.join(SUPPORTED)}")
+    channels = _TO_GRAY[encoding][0] if encoding in _TO_GRAY else 1
+    row_bytes = width * channels * (2 if encoding in _GRAY_16 else 1)
+    flat = np.frombuffer(data, np.uint8)
+    if width < 1 or height < 1 or step < row_bytes or flat.size < step * height:
+        raise InputError(
+            f"image {width}x{height} {encoding} with {step} bytes a row needs at least {row_bytes} bytes a row and "
+            f"{max(step, row_bytes) * height} in all, got {flat.size}; the message is damaged, record it again"
+        )
+    rows = np.ascontiguousarray(flat[: step * height].reshape(height, step)[:, :row_bytes])
+    if encoding in _GRAY_16:
+        wide = rows.view(">u2" if big_endian else "<u2").astype(np.uint32) >> shift_bits
+        return np.asarray(np.minimum(wide, 255), np.uint8)
+    if encoding in _GRAY_8:
+        return rows
+    return np.asarray(cv2.cvtColor(rows.reshape(height, width, channels).squeeze(), _TO_GRAY[encoding][1]), np.uint8)
+
+
+def shift_for(data: bytes, *, big_endian: bool = False) -> int:
+    """Low bits to drop so that the brightest 16-bit value of a first image fits 8 bits (sensors give 8 to 16)."""
+    brightest = int(np.frombuffer(data[: len(data) // 2 * 2], ">u2" if big_endian else "<u2").max(initial=0))
+    return max(0, brightest.bit_length() - 8)
+
+
+def decoded(compressed: bytes, name: str) -> GrayImage:
+    """(H, W) uint8 of JPEG, PNG or any other file OpenCV reads.
+
+    Raises InputError with the name of the image when its bytes are not an image.
+    """
+    flat = np.frombuffer(compressed, np.uint8)
+    image = cv2.imdecode(flat, cv2.IMREAD_GRAYSCALE) if flat.size else None
+    if image is None:
+        raise InputError(f"{name} ({flat.size} bytes) cannot be decoded; it must be a whole JPEG or PNG")
+    return np.asarray(image, np.uint8)

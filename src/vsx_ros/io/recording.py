@@ -1,0 +1,88 @@
+"""A recording, wherever it comes from: frames, odometry, calibration and truth behind one small type."""
+
+from __future__ import annotations
+
+import heapq
+from bisect import bisect_right
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from vsx_ros.errors import CalibrationError, InputError
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.robot import Frame, Odometry
+
+GRACE_NS = 500_000_000
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What was recorded, and where it was found.
+
+    source: file or folder. image_topic, odometry_topic: None in a folder or where there is no odometry.
+    frame_count: images there are. camera: its calibration, if found. odometry: all of it, by stamp.
+    ground_truth: T_world_cam by stamp, empty where unknown. open_frames: starts reading the images, in order.
+    """
+
+    source: Path
+    image_topic: str | None
+    odometry_topic: str | None
+    frame_count: int
+    camera: PinholeCamera | None
+    odometry: Sequence[Odometry]
+    ground_truth: Sequence[StampedPose]
+    open_frames: Callable[[], Iterator[Frame]]
+
+    def frames(self) -> Iterator[Frame]:
+        """The images, each later than the one before: one out of order or doubled is left out.
+
+        Raises InputError where the recording is damaged, CalibrationError where an image has not the camera's size.
+        """
+        last_ns: int | None = None
+        for frame in self.open_frames():
+            if last_ns is None or frame.stamp_ns > last_ns:
+                self._check_size(frame)
+                yield frame
+                last_ns = frame.stamp_ns
+
+    def messages(self) -> Iterator[Frame | Odometry]:
+        """Images and odometry in one stream, by stamp; odometry first where stamps are equal."""
+        streams: list[Iterable[Frame | Odometry]] = [self.odometry, self.frames()]
+        yield from heapq.merge(*streams, key=lambda message: message.stamp_ns)
+
+    def odometry_at(self, stamp_ns: int) -> Odometry | None:
+        """Odometry interpolated to the instant; None more than ``GRACE_NS`` away from what was recorded."""
+        after = bisect_right(self.odometry, stamp_ns, key=lambda reading: reading.stamp_ns)
+        near = self.odometry[max(after - 1, 0) : after + 1]
+        if not near or min(abs(reading.stamp_ns - stamp_ns) for reading in near) > GRACE_NS:
+            return None
+        first, last = near[0], near[-1]
+        span_ns = last.stamp_ns - first.stamp_ns
+        ratio = min(max((stamp_ns - first.stamp_ns) / span_ns, 0.0), 1.0) if span_ns > 0 else 0.0
+        pose = first.T_odom_base.interpolate(last.T_odom_base, ratio)
+        v = first.v + ratio * (last.v - first.v)
+        return Odometry(stamp_ns, pose, v, first.omega + ratio * (last.omega - first.omega))
+
+    def _check_size(self, frame: Frame) -> None:
+        height, width = frame.image.shape
+        if self.camera is not None and (width, height) != (self.camera.width, self.camera.height):
+            raise CalibrationError(
+                f"{self.source}: images are {width}x{height} but the calibration is for "
+                f"{self.camera.width}x{self.camera.height}; give the right one with --calibration FILE"
+            )
+
+
+def open_recording(path: Path, image_topic: str | None = None, odometry_topic: str | None = None) -> Recording:
+    """A ROS 1 bag, or a folder in the TUM RGB-D layout (rgb.txt, rgb/, groundtruth.txt, camera.json).
+
+    Raises InputError saying what is wrong with the input and what to do.
+    """
+    from vsx_ros.io.bag import open_bag
+    from vsx_ros.io.tum_folder import open_folder
+
+    if path.is_dir():
+        return open_folder(path)
+    if not path.exists():
+        raise InputError(f"there is no {path}; give a ROS 1 bag or a folder with rgb.txt")
+    return open_bag(path, image_topic, odometry_topic)

@@ -1,0 +1,76 @@
+"""Trajectories as the TUM RGB-D benchmark writes them: ``stamp tx ty tz qx qy qz qw``, seconds and metres."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from vsx_ros.errors import InputError
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.geometry.stamped import StampedPose
+
+HEADER = "# stamp tx ty tz qx qy qz qw\n"
+
+
+def format_stamp(stamp_ns: int) -> str:
+    """Seconds with nine decimals, exactly; the inverse of ``parse_stamp``."""
+    sign = "-" if stamp_ns < 0 else ""
+    seconds, rest = divmod(abs(stamp_ns), 1_000_000_000)
+    return f"{sign}{seconds}.{rest:09d}"
+
+
+def parse_stamp(text: str) -> int:
+    """Nanoseconds of a decimal number of seconds, without rounding through a float.
+
+    Raises ValueError when the text is no number.
+    """
+    whole, point, fraction = text.strip().partition(".")
+    if not point or not fraction.isdigit() or not whole.lstrip("-").isdigit():
+        return round(float(text) * 1e9)
+    nanoseconds = int(whole.lstrip("-")) * 1_000_000_000 + int(fraction[:9].ljust(9, "0"))
+    return -nanoseconds if whole.startswith("-") else nanoseconds
+
+
+def write_trajectory(path: Path, poses: Iterable[StampedPose]) -> None:
+    """Nine decimals each, so that equal runs give equal bytes."""
+    lines = [HEADER]
+    for pose in poses:
+        numbers = (*pose.T.translation, *pose.T.quaternion())
+        # adding 0.0 turns -0.0 into 0.0, whose sign would otherwise be a meaningless difference
+        lines.append(" ".join([format_stamp(pose.stamp_ns), *(f"{float(n) + 0.0:.9f}" for n in numbers)]) + "\n")
+    path.write_text("".join(lines), encoding="utf-8")
+
+
+def read_trajectory(path: Path) -> list[StampedPose]:
+    """All poses of a file, in its order.
+
+    Raises InputError naming file and line when a line is not eight finite numbers with a non-zero quaternion.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"trajectory {path} cannot be read ({error}); give a text file in TUM format") from error
+    poses = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        if line.strip() and not line.lstrip().startswith("#"):
+            poses.append(_pose_of(line, f"trajectory {path}, line {number}"))
+    return poses
+
+
+def _pose_of(line: str, where: str) -> StampedPose:
+    fields = line.replace(",", " ").split()
+    try:
+        stamp_ns = parse_stamp(fields[0])
+        x, y, z, qx, qy, qz, qw = (float(field) for field in fields[1:])
+    except (ValueError, OverflowError) as error:
+        raise InputError(f"{where}: expected 'stamp tx ty tz qx qy qz qw', got {line.strip()[:80]!r}") from error
+    quaternion = (qx, qy, qz, qw)
+    norm = math.sqrt(sum(q * q for q in quaternion))
+    if not (math.isfinite(x + y + z + norm) and abs(norm - 1.0) < 0.05):
+        raise InputError(
+            f"{where}: the numbers must be finite and the quaternion of length 1, got {line.strip()[:80]!r}"
+        )
+    return StampedPose(stamp_ns, SE3.from_quaternion(np.array([x, y, z]), quaternion))

@@ -1,0 +1,90 @@
+"""Image sequences in the layout of the TUM RGB-D benchmark: rgb.txt, rgb/, groundtruth.txt, camera.json."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from vsx_ros.errors import InputError
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.io.calibration_file import read_calibration
+from vsx_ros.io.image_encoding import decoded
+from vsx_ros.io.recording import Recording
+from vsx_ros.io.trajectory_file import parse_stamp, read_trajectory
+from vsx_ros.robot import Frame, Odometry
+
+CALIBRATION_NAMES = ("camera.json", "camera.yaml", "calibration.yaml", "camera_info.yaml")
+
+
+def open_folder(folder: Path) -> Recording:
+    """Images listed in rgb.txt; groundtruth.txt (T_world_cam), odometry.txt (T_odom_base) and calibration if there.
+
+    Raises InputError when rgb.txt is missing, empty or malformed.
+    """
+    listed = _listed_images(folder)
+
+    def frames() -> Iterator[Frame]:
+        for stamp_ns, path in listed:
+            try:
+                yield Frame(stamp_ns, decoded(path.read_bytes(), f"image {path}"))
+            except OSError as error:
+                raise InputError(
+                    f"image {path} named in {folder / 'rgb.txt'} cannot be read ({error.strerror}); "
+                    "copy the folder again or delete its line"
+                ) from error
+
+    truth = folder / "groundtruth.txt"
+    return Recording(
+        source=folder,
+        image_topic=None,
+        odometry_topic=None,
+        frame_count=len(listed),
+        camera=_calibration(folder),
+        odometry=_odometry(folder / "odometry.txt"),
+        ground_truth=sorted(read_trajectory(truth), key=_stamp) if truth.exists() else [],
+        open_frames=frames,
+    )
+
+
+def _listed_images(folder: Path) -> list[tuple[int, Path]]:
+    index = folder / "rgb.txt"
+    if not index.exists():
+        raise InputError(f"folder {folder} has no rgb.txt; give a ROS 1 bag or a folder in the TUM RGB-D layout")
+    listed = []
+    for number, line in enumerate(index.read_text(encoding="utf-8", errors="replace").splitlines(), start=1):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        stamp, _, name = line.strip().partition(" ")
+        try:
+            listed.append((parse_stamp(stamp), folder / name.strip()))
+        except (ValueError, OverflowError) as error:
+            raise InputError(f"{index}, line {number}: expected 'stamp file', got {line.strip()[:80]!r}") from error
+    if not listed:
+        raise InputError(f"{index} lists no image; each line shall be 'stamp file'")
+    return listed
+
+
+def _calibration(folder: Path) -> PinholeCamera | None:
+    found = [folder / name for name in CALIBRATION_NAMES if (folder / name).exists()]
+    return read_calibration(found[0]) if found else None
+
+
+def _stamp(pose: StampedPose) -> int:
+    return pose.stamp_ns
+
+
+def _odometry(path: Path) -> list[Odometry]:
+    if not path.exists():
+        return []
+    readings: list[Odometry] = []
+    for stamp_ns, T in sorted(read_trajectory(path), key=_stamp):
+        pose = SE2.from_se3(T)
+        v = omega = 0.0
+        if readings and stamp_ns > readings[-1].stamp_ns:
+            seconds = (stamp_ns - readings[-1].stamp_ns) * 1e-9
+            motion = readings[-1].T_odom_base.inverse() @ pose
+            v, omega = motion.x / seconds, motion.wrapped().theta / seconds
+        readings.append(Odometry(stamp_ns, pose, v, omega))
+    return readings

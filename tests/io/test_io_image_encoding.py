@@ -1,0 +1,54 @@
+import cv2
+import numpy as np
+import pytest
+
+from vsx_ros.errors import InputError
+from vsx_ros.io.image_encoding import decoded, gray_image, shift_for
+
+COLOR = np.random.default_rng(1).integers(0, 256, (8, 12, 3), dtype=np.uint8)
+
+
+@pytest.mark.parametrize(("encoding", "order"), [("rgb8", (0, 1, 2)), ("bgr8", (2, 1, 0))])
+def test_colour_is_weighed_in_the_right_order(encoding, order):
+    expected = COLOR[..., order[0]] * 0.299 + COLOR[..., order[1]] * 0.587 + COLOR[..., order[2]] * 0.114
+    gray = gray_image(encoding, 8, 12, 36, COLOR.tobytes())
+    assert np.abs(gray - expected).max() <= 1.0
+
+
+@pytest.mark.parametrize(("order", "places"), [("rggb", 0), ("grbg", 1), ("gbrg", 2), ("bggr", 3)])
+def test_a_red_scene_is_dark_grey_in_every_mosaic(order, places):
+    mosaic = np.zeros((16, 16), np.uint8)
+    mosaic[places // 2 :: 2, places % 2 :: 2] = 200
+    gray = gray_image(f"bayer_{order}8", 16, 16, 16, mosaic.tobytes())
+    assert np.abs(gray[4:-4, 4:-4].astype(float) - 0.299 * 200).max() <= 3
+
+
+def test_rows_may_be_padded():
+    padded = np.zeros((8, 20), np.uint8)
+    padded[:, :12] = COLOR[..., 0]
+    assert np.array_equal(gray_image("mono8", 8, 12, 20, padded.tobytes()), COLOR[..., 0])
+
+
+@pytest.mark.parametrize("big_endian", [False, True])
+def test_twelve_bits_fill_eight(big_endian):
+    wide = np.linspace(0, 4095, 96).astype(">u2" if big_endian else "<u2")
+    shift = shift_for(wide.tobytes(), big_endian=big_endian)
+    gray = gray_image("mono16", 8, 12, 24, wide.tobytes(), big_endian=big_endian, shift_bits=shift)
+    assert shift == 4
+    assert np.array_equal(gray.ravel(), np.linspace(0, 4095, 96).astype(int) // 16)
+
+
+@pytest.mark.parametrize(
+    ("encoding", "step", "size"), [("yuv422", 24, 192), ("mono8", 12, 95), ("mono8", 11, 96), ("rgb8", 12, 96)]
+)
+def test_wrong_messages_are_refused(encoding, step, size):
+    with pytest.raises(InputError, match=r"image"):
+        gray_image(encoding, 8, 12, step, bytes(size))
+
+
+def test_decoding_colour_files_gives_grey():
+    png = cv2.imencode(".png", COLOR)[1].tobytes()
+    assert np.abs(decoded(png, "x").astype(int) - cv2.cvtColor(COLOR, cv2.COLOR_BGR2GRAY)).max() <= 1
+    for damaged in (b"", png[:30]):
+        with pytest.raises(InputError, match="image 3"):
+            decoded(damaged, "image 3")

@@ -1,0 +1,60 @@
+import cv2
+import numpy as np
+import pytest
+
+from vsx_ros.errors import CalibrationError, InputError
+from vsx_ros.io.recording import open_recording
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "rgb").mkdir()
+    lines = ["# timestamp filename"]
+    for i in range(4):
+        cv2.imwrite(str(tmp_path / f"rgb/{i:06d}.png"), np.full((20, 30), 10 * i, np.uint8))
+        lines.append(f"{0.1 * i:.6f} rgb/{i:06d}.png")
+    (tmp_path / "rgb.txt").write_text("\n".join(lines) + "\n\n")
+    return tmp_path
+
+
+def test_images_in_order_with_exact_stamps(folder):
+    recording = open_recording(folder)
+    frames = list(recording.frames())
+    assert [(f.stamp_ns, int(f.image[0, 0])) for f in frames] == [(i * 10**8, 10 * i) for i in range(4)]
+    assert (recording.camera, recording.odometry, recording.ground_truth) == (None, [], [])
+
+
+def test_calibration_truth_and_odometry_beside_the_images(folder):
+    (folder / "camera.json").write_text('{"width":30,"height":20,"fx":25,"fy":26,"cx":14,"cy":9,"dist":[0.1,0,0,0,0]}')
+    (folder / "groundtruth.txt").write_text("0.2 1 2 3 0 0 0 1\n0.1 0 0 0 0 0 0 1\n")
+    (folder / "odometry.txt").write_text("0.0 0 0 0 0 0 0 1\n0.1 0.02 0 0 0 0 0 1\n")
+    recording = open_recording(folder)
+    assert (recording.camera.fy, recording.camera.distortion[0]) == (26.0, 0.1)
+    assert [p.stamp_ns for p in recording.ground_truth] == [10**8, 2 * 10**8]
+    assert recording.odometry[1].v == pytest.approx(0.2)
+
+
+def test_a_missing_image_is_named(folder):
+    (folder / "rgb/000002.png").unlink()
+    with pytest.raises(InputError, match=r"000002\.png"):
+        list(open_recording(folder).frames())
+
+
+@pytest.mark.parametrize(("text", "message"), [("", "lists no image"), ("now rgb/0.png\n", "line 1: expected")])
+def test_a_wrong_index_is_refused(folder, text, message):
+    (folder / "rgb.txt").write_text(text)
+    with pytest.raises(InputError, match=message):
+        open_recording(folder)
+
+
+def test_a_folder_of_something_else_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"no rgb\.txt"):
+        open_recording(tmp_path)
+    with pytest.raises(InputError, match="there is no"):
+        open_recording(tmp_path / "absent")
+
+
+def test_wrong_calibration_beside_the_images_is_named(folder):
+    (folder / "camera.json").write_text('{"width":30}')
+    with pytest.raises(CalibrationError, match=r"camera\.json.*'fx' is missing"):
+        open_recording(folder)
