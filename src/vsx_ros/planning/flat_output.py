@@ -1,0 +1,118 @@
+"""The flat outputs as polynomials (paper 4.1, eq. 1-3), in a basis that can be computed with.
+
+The paper writes x(t) and zeta(t) = tan(theta(t)) as sums of powers of t, with xdot and zetadot zero at both ends. The
+same polynomials are written here with that factor taken out, on t in [0, 1]:
+
+    xdot(t) = t (1 - t) * sum_k c_k P_k(t),     P_k the Jacobi (2, 2) polynomials, orthonormal for the weight t^2 (1-t)^2,
+
+so the coefficients c have unit energy norm and the boundary conditions hold by construction. The certified method
+uses (theta, rho) with rho = ds/dt in place of (zeta, xdot): the same basis for rho, and theta(t) = theta_0 + d S(t)
+with a monotone S-curve S. There is no tangent, hence no forbidden heading.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vsx_ros.arrays import FloatArray
+
+COEFFICIENTS = 10
+"""Free coefficients of a rate: x(t) has degree 12, as in the paper's eq. (2)."""
+
+
+def jacobi(t: FloatArray) -> FloatArray:
+    """(N, 10) orthonormal P_k^(2,2) on [0, 1] at t (N,)."""
+    u = 2.0 * np.asarray(t, float) - 1.0
+    values = np.empty((len(u), COEFFICIENTS))
+    values[:, 0] = 1.0
+    values[:, 1] = 5.0 * u
+    for k in range(2, COEFFICIENTS):  # Gegenbauer with lambda = 5/2 is Jacobi (2, 2) up to a factor
+        values[:, k] = (2.0 * u * (k + 1.5) * values[:, k - 1] - (k + 3.0) * values[:, k - 2]) / k
+    scaled: FloatArray = values * _NORMS
+    return scaled
+
+
+def _norms() -> FloatArray:
+    nodes, weights = np.polynomial.legendre.leggauss(16)
+    t = 0.5 * (nodes + 1.0)
+    squared = (0.5 * weights * (t * (1.0 - t)) ** 2) @ jacobi(t) ** 2
+    inverse: FloatArray = 1.0 / np.sqrt(squared)
+    return inverse
+
+
+_NORMS: FloatArray = np.ones(COEFFICIENTS)
+_NORMS = _norms()
+
+
+def rate_basis(t: FloatArray) -> FloatArray:
+    """(N, 10) functions t (1 - t) P_k(t): xdot or rho is their combination."""
+    t = np.asarray(t, float)
+    basis: FloatArray = (t * (1.0 - t))[:, None] * jacobi(t)
+    return basis
+
+
+def profile_rate(t: FloatArray, joint_before: bool, joint_after: bool) -> FloatArray:
+    """(N,) S'(t) / (t (1 - t)) of the S-curve from 0 to 1.
+
+    At an end where the path only bends the other way and does not stop (a joint), S' has a double zero, so the
+    curvature vanishes there; elsewhere it is the minimiser of eq. (7)-(8), S = 7.5 t^2 - 20 t^3 + 22.5 t^4 - 9 t^5.
+    """
+    t = np.asarray(t, float)
+    if joint_before and joint_after:
+        return np.asarray(30.0 * t * (1.0 - t))
+    if joint_before:
+        return np.asarray(12.0 * t)
+    if joint_after:
+        return np.asarray(12.0 * (1.0 - t))
+    return np.asarray(15.0 * (1.0 - 3.0 * t + 3.0 * t * t))
+
+
+def profile(t: FloatArray, joint_before: bool, joint_after: bool) -> FloatArray:
+    """(N,) S(t), the integral of t (1 - t) ``profile_rate``: S(0) = 0, S(1) = 1, monotone."""
+    t = np.asarray(t, float)
+    if joint_before and joint_after:
+        return np.asarray(t**3 * (10.0 - 15.0 * t + 6.0 * t * t))
+    if joint_before:
+        return np.asarray(t**3 * (4.0 - 3.0 * t))
+    if joint_after:
+        return np.asarray(t**2 * (6.0 - 8.0 * t + 3.0 * t * t))
+    return np.asarray(t**2 * (7.5 - 20.0 * t + 22.5 * t * t - 9.0 * t**3))
+
+
+class Quadrature:
+    """Composite Gauss-Legendre rule on [0, 1]; its tables are shared by all pieces.
+
+    t (M,) nodes, weights (M,), basis (M, 10) of ``rate_basis``; knots (intervals + 1,).
+    """
+
+    def __init__(self, intervals: int, order: int) -> None:
+        nodes, weights = np.polynomial.legendre.leggauss(order)
+        self.order = order
+        self.knots = np.linspace(0.0, 1.0, intervals + 1)
+        width = 1.0 / intervals
+        self.t = (self.knots[:-1, None] + 0.5 * width * (nodes + 1.0)).ravel()
+        self.weights = np.tile(0.5 * width * weights, intervals)
+        self.basis = rate_basis(self.t)
+        self.knot_jacobi = jacobi(self.knots)
+        flags = [(a, b) for a in (False, True) for b in (False, True)]
+        self.profile = {flag: profile(self.t, *flag) for flag in flags}
+        self.knot_profile = {flag: profile(self.knots, *flag) for flag in flags}
+        self.knot_turn_rate = {flag: profile_rate(self.knots, *flag) for flag in flags}
+
+    def integral(self, values: FloatArray) -> FloatArray:
+        """(...,) integral over [0, 1] of values (M, ...) given at the nodes."""
+        total: FloatArray = np.tensordot(self.weights, values, axes=(0, 0))
+        return total
+
+    def cumulative(self, values: FloatArray) -> FloatArray:
+        """(intervals + 1,) integral from 0 to every knot of values (M,) given at the nodes."""
+        parts = (self.weights * values).reshape(-1, self.order).sum(axis=1)
+        total: FloatArray = np.concatenate([[0.0], np.cumsum(parts)])
+        return total
+
+
+COARSE = Quadrature(intervals=1, order=48)
+"""What the optimisation integrates with: exact to rounding for turns below a full circle."""
+
+FINE = Quadrature(intervals=256, order=3)
+"""What the finished path is tabulated with: another rule than ``COARSE``, so the two check each other."""

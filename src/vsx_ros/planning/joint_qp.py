@@ -1,0 +1,93 @@
+"""One quadratic programme for all pieces of a heading sequence.
+
+With theta(t) fixed in every piece, positions, length and the bound on the change of view are all linear in the
+coefficients of rho_k = ds/dt >= 0 of the pieces k jointly. So cusp positions need not be chosen: the solution places them.
+
+    minimise    sum_k  int rho_k dt  +  w int rho_k^2 dt          (length and a little energy)
+    subject to  sum_k direction_k int rho_k (cos theta_k, sin theta_k) dt = goal position
+                phi p_k(t) - |q_k(t)| >= phi floor  for all t       (fov_bound.py)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vsx_ros.arrays import FloatArray
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.planning.flat_output import COARSE, COEFFICIENTS
+from vsx_ros.planning.fov_bound import RATE_ROWS, TURN_ROWS, curvature_bound
+from vsx_ros.planning.pieces import Piece, curve_piece
+from vsx_ros.planning.qp import QpProblem, solve_exact
+from vsx_ros.planning.words import HeadingSequence
+
+_ENERGY = 0.01
+_FLOOR_M = 0.01
+_FLOOR_SHARE = 0.02
+_LENGTH: FloatArray = COARSE.integral(COARSE.basis)
+
+
+def start_headings(sequence: HeadingSequence, theta: float) -> FloatArray:
+    """(K,) heading at the start of every piece [rad], beginning with theta."""
+    heads: FloatArray = theta + np.concatenate([[0.0], np.cumsum(sequence.turns)[:-1]])
+    return heads
+
+
+def displacement_rows(sequence: HeadingSequence, theta: float) -> FloatArray:
+    """(2, 10 K) rows that give the displacement from start to end of all pieces."""
+    columns = []
+    for k, head in enumerate(start_headings(sequence, theta)):
+        angle = head + sequence.turns[k] * COARSE.profile[sequence.ends(k)]
+        weighted = sequence.directions[k] * COARSE.weights[:, None] * COARSE.basis
+        columns.append(np.stack([np.cos(angle) @ weighted, np.sin(angle) @ weighted]))
+    return np.concatenate(columns, axis=1)
+
+
+def view_rows(sequence: HeadingSequence, phi: float) -> tuple[FloatArray, FloatArray]:
+    """Rows (40 K, 10 K) and least values (40 K,) of the bound on the change of view."""
+    k = len(sequence.turns)
+    floor = min(_FLOOR_M, _FLOOR_SHARE * sequence.length_m)
+    rows = np.kron(np.eye(k), RATE_ROWS)
+    least = np.concatenate([abs(turn) / phi * TURN_ROWS[sequence.ends(i)] for i, turn in enumerate(sequence.turns)])
+    return rows, least + floor
+
+
+def build(sequence: HeadingSequence, start: SE2, goal: SE2, phi: float) -> QpProblem:
+    """The programme of a sequence between two poses; unknowns are the coefficients (10 K,)."""
+    k = len(sequence.turns)
+    rows, least = view_rows(sequence, phi)
+    target = np.array([goal.x - start.x, goal.y - start.y])
+    return QpProblem(
+        P=np.eye(COEFFICIENTS * k),
+        q=np.tile(_LENGTH, k) * (0.5 * sequence.length_m / _ENERGY),
+        A=np.concatenate([displacement_rows(sequence, start.theta), rows]),
+        lower=np.concatenate([target, least]),
+        upper=np.concatenate([target, np.full(len(rows), np.inf)]),
+    )
+
+
+def solve(sequence: HeadingSequence, start: SE2, goal: SE2, phi: float) -> tuple[Piece, ...] | None:
+    """The pieces, or None where the sequence has no solution that is proved to keep the bound."""
+    problem = build(sequence, start, goal, phi)
+    solution = solve_exact(problem)
+    if solution is None:
+        return None
+    # The solver meets equalities to 1e-9; put the end exactly on the goal with the smallest change.
+    E, target = problem.A[:2], problem.lower[:2]
+    x = solution.x + np.linalg.lstsq(E, target - E @ solution.x, rcond=None)[0]
+    return assemble(sequence, start, x.reshape(-1, COEFFICIENTS), phi)
+
+
+def assemble(
+    sequence: HeadingSequence, start: SE2, coefficients: FloatArray, phi: float
+) -> tuple[Piece, ...] | None:
+    """Pieces of the coefficients (K, 10), each proved to keep phi; None where the proof fails."""
+    pieces: list[Piece] = []
+    at = start
+    for k, row in enumerate(coefficients):
+        joints = sequence.ends(k)
+        bound = curvature_bound(row, sequence.turns[k], joints)
+        if bound > phi:
+            return None
+        pieces.append(curve_piece(at, sequence.turns[k], sequence.directions[k], row, joints, bound))
+        at = pieces[-1].end
+    return tuple(pieces)

@@ -1,0 +1,117 @@
+"""The pieces a path is made of: a table of exact knots between which it is interpolated.
+
+Columns of a table: arc length s from the start of the piece [m], x, y [m], theta [rad, unwrapped], and curvature
+kappa = dtheta/ds [rad/m] with s counted positive in both driving directions.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from vsx_ros.arrays import FloatArray
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.planning.flat_output import FINE
+
+_ARC_STEP_M = 0.02
+_ARC_STEP_RAD = 0.02
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Piece:
+    """A stretch driven in one direction: +1 forward, -1 reverse, 0 turning on the spot.
+
+    table (M >= 2, 5): s, x, y, theta, kappa at knots, s not decreasing; kappa is 0 in a turn on the spot.
+    curvature_bound: proved upper bound of |kappa| over the piece [rad/m], infinite in a turn on the spot.
+    """
+
+    direction: int
+    table: FloatArray
+    curvature_bound: float
+
+    @property
+    def length_m(self) -> float:
+        """Arc length [m]."""
+        return float(self.table[-1, 0])
+
+    @property
+    def turn_rad(self) -> float:
+        """Signed heading change [rad]."""
+        return float(self.table[-1, 3] - self.table[0, 3])
+
+    @property
+    def start(self) -> SE2:
+        """The first pose."""
+        return SE2(*(float(v) for v in self.table[0, 1:4]))
+
+    @property
+    def end(self) -> SE2:
+        """The last pose; theta unwrapped along the piece."""
+        return SE2(*(float(v) for v in self.table[-1, 1:4]))
+
+    def at(self, s: FloatArray) -> FloatArray:
+        """(N, 5) x, y, theta, kappa, direction at arc lengths s (N,) [m], held at the ends.
+
+        Cubic Hermite between the knots, whose tangents are exact; not for turns on the spot.
+        """
+        s = np.clip(np.asarray(s, float), 0.0, self.length_m)
+        knots = self.table[:, 0]
+        i = np.clip(np.searchsorted(knots, s, side="right") - 1, 0, len(knots) - 2)
+        a, b = self.table[i], self.table[i + 1]
+        h = np.maximum(b[:, 0] - a[:, 0], 1e-300)
+        u = (s - a[:, 0]) / h
+        out = np.empty((len(s), 5))
+        for column, da, db in (
+            (0, self.direction * np.cos(a[:, 3]), self.direction * np.cos(b[:, 3])),
+            (1, self.direction * np.sin(a[:, 3]), self.direction * np.sin(b[:, 3])),
+            (2, a[:, 4], b[:, 4]),
+        ):
+            p, q = a[:, column + 1], b[:, column + 1]
+            out[:, column] = (
+                p
+                + u * u * (3.0 - 2.0 * u) * (q - p)
+                + h * u * (1.0 - u) * ((1.0 - u) * da - u * db)
+            )
+        out[:, 3] = a[:, 4] + u * (b[:, 4] - a[:, 4])
+        out[:, 4] = self.direction
+        return out
+
+
+def arc_piece(start: SE2, kappa: float, length_m: float, direction: int) -> Piece:
+    """A circular arc or straight line; kappa = dtheta/ds [rad/m], length positive."""
+    steps = max(1, math.ceil(length_m / _ARC_STEP_M), math.ceil(abs(kappa) * length_m / _ARC_STEP_RAD))
+    s = np.linspace(0.0, length_m, steps + 1)
+    theta = start.theta + kappa * s
+    if abs(kappa) < 1e-12:
+        x = start.x + direction * s * math.cos(start.theta)
+        y = start.y + direction * s * math.sin(start.theta)
+    else:
+        x = start.x + direction * (np.sin(theta) - math.sin(start.theta)) / kappa
+        y = start.y - direction * (np.cos(theta) - math.cos(start.theta)) / kappa
+    return Piece(direction, np.stack([s, x, y, theta, np.full_like(s, kappa)], axis=1), abs(kappa))
+
+
+def turn_piece(start: SE2, angle: float) -> Piece:
+    """A turn on the spot by the signed angle [rad]: what the generic planner does and the other never."""
+    table = np.array([[0.0, start.x, start.y, start.theta, 0.0], [0.0, start.x, start.y, start.theta + angle, 0.0]])
+    return Piece(0, table, math.inf)
+
+
+def curve_piece(
+    start: SE2, turn: float, direction: int, coefficients: FloatArray, joints: tuple[bool, bool], bound: float
+) -> Piece:
+    """The polynomial curve of the certified method: theta = theta_0 + turn S(t), rho = basis @ coefficients (10,).
+
+    joints: whether the path runs on, bending the other way, before and after. bound: proved by ``curvature_bound``.
+    """
+    rho = FINE.basis @ coefficients
+    theta = start.theta + turn * FINE.profile[joints]
+    table = np.empty((len(FINE.knots), 5))
+    table[:, 0] = FINE.cumulative(rho)
+    table[:, 1] = start.x + direction * FINE.cumulative(rho * np.cos(theta))
+    table[:, 2] = start.y + direction * FINE.cumulative(rho * np.sin(theta))
+    table[:, 3] = start.theta + turn * FINE.knot_profile[joints]
+    table[:, 4] = turn * FINE.knot_turn_rate[joints] / (FINE.knot_jacobi @ coefficients)
+    return Piece(direction, table, bound)
