@@ -66,6 +66,7 @@ FOLLOWER_LEASE = "follower/lease"
 # explore
 FRONTIERS = "explore/frontiers"
 EXPLORE_STATUS = "explore/status"
+EXPLORE_EVENTS = "explore/events"
 COVERAGE = "explore/coverage"
 EXPLORE_PAUSE = "explore/pause"
 EXPLORE_RESUME = "explore/resume"
@@ -131,6 +132,7 @@ PUBLISHED: dict[str, dict[str, str]] = {
     "explore": {
         FRONTIERS: "visualization_msgs/MarkerArray",
         EXPLORE_STATUS: "std_msgs/String",
+        EXPLORE_EVENTS: "std_msgs/String",
         COVERAGE: "std_msgs/Float32",
         NAVIGATION_LEASE: "std_msgs/String",
         f"{MOVE_BASE_ACTION}/goal": "move_base_msgs/MoveBaseActionGoal",

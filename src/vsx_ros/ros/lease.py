@@ -1,0 +1,52 @@
+"""Dead man's handle between nodes: whoever wants motion says so again and again; silence stops the robot.
+
+A killed process cannot say that it is gone. So nothing in this stack moves because of one message alone: the
+follower drives only while vslam and move_base renew their leases, move_base pursues a goal of a client that
+holds a lease only while the client renews it.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import rospy
+from std_msgs.msg import String
+
+PERIOD_S = 0.05
+TIMEOUT_S = 0.3
+
+
+class Lease:
+    """One holder's side."""
+
+    def __init__(self, topic: str, holder: str) -> None:
+        self._publisher = rospy.Publisher(topic, String, queue_size=1, tcp_nodelay=True)
+        self._message = String(holder)
+
+    def renew(self) -> None:
+        """Ask for ``TIMEOUT_S`` more; call it at least every ``PERIOD_S``."""
+        self._publisher.publish(self._message)
+
+
+class LeaseWatch:
+    """The other side: who renewed lately. Counts on the monotonic clock, whatever ROS time does."""
+
+    def __init__(self, topic: str) -> None:
+        self._lock = threading.Lock()
+        self._renewed_s: dict[str, float] = {}
+        rospy.Subscriber(topic, String, self._on_renewal, queue_size=20, tcp_nodelay=True)
+
+    def _on_renewal(self, msg: String) -> None:
+        with self._lock:
+            self._renewed_s[msg.data] = time.monotonic()
+
+    def is_known(self, holder: str) -> bool:
+        """Whether the holder ever renewed."""
+        with self._lock:
+            return holder in self._renewed_s
+
+    def is_fresh(self, holder: str) -> bool:
+        """Whether the holder renewed within ``TIMEOUT_S``."""
+        with self._lock:
+            return time.monotonic() - self._renewed_s.get(holder, -1e9) <= TIMEOUT_S

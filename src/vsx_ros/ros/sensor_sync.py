@@ -1,0 +1,81 @@
+"""The newest image together with the odometry of its instant."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.robot import Frame, Odometry
+
+_KEEP_ODOMETRY = 300
+# Wheels report 30 to 50 times a second: a reading later than the image arrives within this time, or not at all.
+_WAIT_FOR_ODOMETRY_S = 0.06
+_MAX_EXTRAPOLATION_NS = 200_000_000
+
+
+class SensorSync:
+    """Two callbacks put in, one thread takes out. Images that nobody took in time are dropped and counted."""
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._odometry: deque[Odometry] = deque(maxlen=_KEEP_ODOMETRY)
+        self._frame: Frame | None = None
+        self._last_taken_ns = -1
+        self.dropped = 0
+
+    def add_odometry(self, odometry: Odometry) -> None:
+        """Remember a reading; readings out of order are left out."""
+        with self._changed:
+            if not self._odometry or odometry.stamp_ns > self._odometry[-1].stamp_ns:
+                self._odometry.append(odometry)
+                self._changed.notify_all()
+
+    def add_frame(self, frame: Frame) -> None:
+        """Offer an image; it replaces one that was not yet taken."""
+        with self._changed:
+            if self._frame is not None:
+                self.dropped += 1
+            self._frame = frame
+            self._changed.notify_all()
+
+    def take(self, timeout_s: float) -> tuple[Frame, Odometry | None] | None:
+        """The newest image and the odometry at its stamp; None when no newer image came in time.
+
+        The odometry is None when none is known within 0.2 s of the image.
+        """
+        with self._changed:
+            if not self._changed.wait_for(lambda: self._frame is not None, timeout_s) or self._frame is None:
+                return None
+            frame, self._frame = self._frame, None
+            if frame.stamp_ns <= self._last_taken_ns:
+                self.dropped += 1
+                return None
+            self._last_taken_ns = frame.stamp_ns
+            if self._odometry:
+                self._changed.wait_for(lambda: self._odometry[-1].stamp_ns >= frame.stamp_ns, _WAIT_FOR_ODOMETRY_S)
+            return frame, self._at(frame.stamp_ns)
+
+    def _at(self, stamp_ns: int) -> Odometry | None:
+        """Interpolated between two readings, extrapolated at constant speed after the last."""
+        later: Odometry | None = None
+        for reading in reversed(self._odometry):
+            if reading.stamp_ns <= stamp_ns:
+                return _extrapolated(reading, stamp_ns) if later is None else _between(reading, later, stamp_ns)
+            later = reading
+        return None
+
+
+def _between(first: Odometry, last: Odometry, stamp_ns: int) -> Odometry:
+    ratio = (stamp_ns - first.stamp_ns) / (last.stamp_ns - first.stamp_ns)
+    pose = first.T_odom_base.interpolate(last.T_odom_base, ratio)
+    v = first.v + ratio * (last.v - first.v)
+    return Odometry(stamp_ns, pose, v, first.omega + ratio * (last.omega - first.omega))
+
+
+def _extrapolated(last: Odometry, stamp_ns: int) -> Odometry | None:
+    if stamp_ns - last.stamp_ns > _MAX_EXTRAPOLATION_NS:
+        return None
+    seconds = (stamp_ns - last.stamp_ns) * 1e-9
+    pose = last.T_odom_base @ SE2.exp(last.v * seconds, 0.0, last.omega * seconds)
+    return Odometry(stamp_ns, pose, last.v, last.omega)

@@ -1,0 +1,159 @@
+"""Conversions need neither node nor master, so they are tested like any function."""
+
+import math
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rospy")
+
+from geometry_msgs.msg import Pose
+from hypothesis import given
+from hypothesis import strategies as st
+from sensor_msgs.msg import Image
+
+from vsx_ros.config import MountConfig
+from vsx_ros.errors import CalibrationError, InputError, MapFileError
+from vsx_ros.geometry.camera import PinholeCamera, mount_pose
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.robot import Odometry, VelocityCommand
+from vsx_ros.ros import convert, images, topics
+
+STAMP_NS = 1_700_000_000_123_456_789
+metres = st.floats(-50, 50)
+angles = st.floats(-3.1, 3.1)
+
+
+def padded_image(encoding: str, pixels: np.ndarray, padding: int) -> Image:
+    rows = pixels.reshape(len(pixels), -1)
+    wide = np.full((rows.shape[0], rows.shape[1] + padding), 99, np.uint8)
+    wide[:, : rows.shape[1]] = rows
+    msg = images.image_msg(STAMP_NS, pixels, encoding, topics.OPTICAL_FRAME)
+    msg.step, msg.data = wide.shape[1], wide.tobytes()
+    return msg
+
+
+@pytest.mark.parametrize("padding", [0, 5])
+def test_mono8_survives_the_journey_with_padded_rows(padding: int) -> None:
+    pixels = np.random.default_rng(0).integers(0, 256, (20, 30), np.uint8)
+    frame = images.frame(padded_image("mono8", pixels, padding))
+    assert frame.stamp_ns == STAMP_NS
+    np.testing.assert_array_equal(frame.image, pixels)
+
+
+@pytest.mark.parametrize(("encoding", "red_channel"), [("rgb8", 0), ("bgr8", 2)])
+def test_colour_order_is_honoured(encoding: str, red_channel: int) -> None:
+    pixels = np.zeros((16, 16, 3), np.uint8)
+    pixels[..., red_channel] = 200
+    gray = images.frame(padded_image(encoding, pixels, 3)).image
+    np.testing.assert_allclose(gray, 0.299 * 200, atol=1)
+
+
+@pytest.mark.parametrize("pattern", ["rggb", "grbg", "gbrg", "bggr"])
+def test_bayer_pattern_names_the_first_two_rows(pattern: str) -> None:
+    colour = {"r": 200, "g": 100, "b": 30}
+    cell = np.array([colour[letter] for letter in pattern], np.uint8).reshape(2, 2)
+    gray = images.frame(padded_image(f"bayer_{pattern}8", np.tile(cell, (8, 8)), 2)).image
+    expected = 0.299 * 200 + 0.587 * 100 + 0.114 * 30
+    np.testing.assert_allclose(gray[2:-2, 2:-2], expected, atol=2)
+
+
+def test_damaged_images_are_refused() -> None:
+    pixels = np.zeros((16, 16), np.uint8)
+    short = images.image_msg(STAMP_NS, pixels, "mono8", "c")
+    short.data = short.data[:-1]
+    unknown = images.image_msg(STAMP_NS, pixels, "mono8", "c")
+    unknown.encoding = "yuv422"
+    for msg in (short, unknown):
+        with pytest.raises(InputError):
+            images.frame(msg)
+
+
+def test_camera_info_round_trip_and_refusals() -> None:
+    camera = PinholeCamera(640, 480, 525.1, 524.2, 319.5, 239.5, (0.1, -0.2, 0.001, -0.002, 0.05))
+    msg = images.camera_info(camera, STAMP_NS, topics.OPTICAL_FRAME)
+    assert images.camera(msg) == camera
+    msg.binning_x = 2
+    with pytest.raises(CalibrationError, match="binning"):
+        images.camera(msg)
+    msg.binning_x, msg.K = 0, [0.0] * 9
+    with pytest.raises(CalibrationError, match="no calibration"):
+        images.camera(msg)
+
+
+@given(metres, metres, angles)
+def test_poses_on_the_floor_survive(x: float, y: float, theta: float) -> None:
+    T = convert.se2(convert.pose_msg(SE2(x, y, theta)))
+    assert (T.x, T.y) == (x, y)
+    assert abs(SE2(x, y, theta).angle_to(T)) < 1e-9
+
+
+def test_poses_in_space_survive() -> None:
+    T = SE3.exp(np.array([1.0, -2.0, 0.5, 0.3, -0.9, 1.4]))
+    np.testing.assert_allclose(convert.se3(convert.pose_msg(T)).matrix(), T.matrix(), atol=1e-12)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_poses_that_are_no_poses_are_refused(bad: float) -> None:
+    pose = convert.pose_msg(SE2(1.0, 2.0, 0.0))
+    pose.position.x = bad
+    with pytest.raises(InputError):
+        convert.se3(pose)
+    with pytest.raises(InputError):
+        convert.se3(Pose())  # an unset quaternion has length zero
+
+
+@given(metres, metres, angles, st.floats(-1, 1), st.floats(-3, 3))
+def test_odometry_survives(x: float, y: float, theta: float, v: float, omega: float) -> None:
+    reading = Odometry(STAMP_NS, SE2(x, y, theta), v, omega)
+    back = convert.odometry(convert.odometry_msg(reading, topics.ODOM_FRAME, topics.BASE_FRAME))
+    assert (back.stamp_ns, back.v, back.omega) == (STAMP_NS, v, omega)
+    assert back.T_odom_base.distance_to(reading.T_odom_base) < 1e-9
+
+
+def test_a_command_that_is_not_finite_is_refused() -> None:
+    assert convert.velocity_command(convert.twist(VelocityCommand(0.2, -0.3))) == VelocityCommand(0.2, -0.3)
+    with pytest.raises(InputError):
+        convert.velocity_command(convert.twist(VelocityCommand(math.nan, 0.0)))
+
+
+def test_maps_survive_and_other_mappers_probabilities_are_thresholded() -> None:
+    data = np.array([[-1, 0, 100], [100, -1, 0]], np.int8)
+    msg = convert.grid_msg(OccupancyGrid(data, 0.05, -1.5, 2.0), topics.MAP_FRAME, STAMP_NS)
+    back = convert.grid(msg)
+    np.testing.assert_array_equal(back.data, data)
+    assert (back.origin_x, back.origin_y) == (-1.5, 2.0)
+    msg.data = [10, 40, 70, 65, 19, -1]
+    np.testing.assert_array_equal(convert.grid(msg).data, [[0, -1, 100], [100, 0, -1]])
+
+
+def test_maps_that_lie_are_refused() -> None:
+    grid = OccupancyGrid(np.zeros((2, 3), np.int8), 0.05, 0.0, 0.0)
+    short = convert.grid_msg(grid, "map", STAMP_NS)
+    short.data = short.data[:-1]
+    rotated = convert.grid_msg(grid, "map", STAMP_NS)
+    rotated.info.origin = convert.pose_msg(SE2(0.0, 0.0, 0.3))
+    for msg in (short, rotated):
+        with pytest.raises(MapFileError):
+            convert.grid(msg)
+
+
+def test_clouds_survive_in_single_precision() -> None:
+    points = np.random.default_rng(1).normal(size=(50, 3))
+    np.testing.assert_allclose(convert.cloud_points(convert.cloud_msg(points, "map", 0)), points, atol=1e-6)
+    assert convert.cloud_points(convert.cloud_msg(np.zeros((0, 3)), "map", 0)).shape == (0, 3)
+
+
+def test_the_mount_chain_multiplies_to_the_mount() -> None:
+    mount = MountConfig(forward_m=-0.09, left_m=0.02, height_m=0.31, pitch_down_rad=0.1, yaw_left_rad=-0.05)
+    product = SE3.identity()
+    parent = topics.BASE_FRAME
+    for edge in convert.mount_transforms(mount, STAMP_NS):
+        assert edge.header.frame_id == parent
+        parent = edge.child_frame_id
+        move, turn = edge.transform.translation, edge.transform.rotation
+        product = product @ SE3.from_quaternion(np.array([move.x, move.y, move.z]), (turn.x, turn.y, turn.z, turn.w))
+    assert parent == topics.OPTICAL_FRAME
+    np.testing.assert_allclose(product.matrix(), mount_pose(-0.09, 0.02, 0.31, 0.1, -0.05).matrix(), atol=1e-12)
