@@ -39,7 +39,7 @@ vsx_python_packages() {
     vsx_say "installing Python packages (about 450 MB, under a minute)"
     local requirements=()
     local file; for file in "${files[@]}"; do requirements+=(-r "$file"); done
-    "$VSX_PYTHON" -m pip install -q --disable-pip-version-check "setuptools>=64" "${requirements[@]}" ||
+    "$VSX_PYTHON" -m pip install -q --disable-pip-version-check "${requirements[@]}" ||
         vsx_die "pip could not install the packages above; the usual reasons are no network or a full disk (df -h)."
     "$VSX_PYTHON" -m pip install -q --disable-pip-version-check --no-deps --no-build-isolation -e "$root" ||
         vsx_die "pip could not install this checkout ($root)."
