@@ -120,7 +120,8 @@ class ExplorationSystem:
         now_ns = frame.stamp_ns
         self._fuser.add_odometry(odometry)
         tracking = self.slam.track(frame, odometry)
-        if tracking.T_world_cam is not None:
+        tracking_ok = tracking.state in (TrackingState.GOOD, TrackingState.DUBIOUS)
+        if tracking_ok and tracking.T_world_cam is not None:
             self._fuser.add_slam(now_ns, SE2.from_se3(tracking.T_world_cam @ self._T_cam_base))
         self._remember(hazard)
         self._refresh_map(now_ns)
@@ -128,7 +129,6 @@ class ExplorationSystem:
         if now_ns >= self._next_decision_ns:
             self._next_decision_ns = now_ns + _DECIDE_EVERY_NS
             decision = self._decide(now_ns, tracking, hazard)
-        tracking_ok = tracking.state in (TrackingState.GOOD, TrackingState.DUBIOUS)
         return StepResult(self.navigator.command(now_ns, self._fuser, tracking_ok), tracking, decision)
 
     def _remember(self, hazard: str | None) -> None:
