@@ -49,18 +49,22 @@ class LimitsConfig(_Branch):
 
 
 class InitializationConfig(_Branch):
-    """Two-frame start of the map (paper 3.1)."""
+    """Two-frame start of the map (paper 3.1). Without odometry the baseline gets unit_baseline_m."""
 
     baseline_m: Positive = 0.20
     baseline_max_m: Positive = 0.6
+    unit_baseline_m: Positive = 0.1
     min_matches: Count = 60
     min_parallax_deg: Positive = 0.7
+    max_turn_deg: Positive = 12.0
 
 
 class TrackerConfig(_Branch):
     """Per-frame tracking."""
 
     max_points: Count = 800
+    coarse_radius_px: Positive = 30.0
+    fine_radius_px: Positive = 10.0
     good_ratio: Ratio = 0.3
     lost_ratio: Ratio = 0.13
     min_found: Count = 30
@@ -73,6 +77,7 @@ class KeyframeConfig(_Branch):
     min_gap_frames: Count = 4
     distance_ratio: Positive = 0.06
     angle_deg: Positive = 8.0
+    overlap_ratio: Ratio = 0.7
 
 
 class MapperConfig(_Branch):
@@ -81,6 +86,20 @@ class MapperConfig(_Branch):
     window_keyframes: Count = 8
     target_keyframes: Count = 3
     max_points_per_keyframe: Count = 400
+    min_parallax_deg: Positive = 0.8
+    local_iterations: Count = 10
+    global_iterations: Count = 10
+
+
+class WheelConfig(_Branch):
+    """How far wheel odometry between keyframes is believed, per axis: a constant plus a share of the motion."""
+
+    distance_sigma_m: Positive = 0.001
+    distance_sigma_ratio: Positive = 0.01
+    sideways_sigma_ratio: Positive = 0.03
+    turn_sigma_rad: Positive = 0.005
+    turn_sigma_ratio: Positive = 0.03
+    tilt_sigma_rad: Positive = 0.01
 
 
 class SlamConfig(_Branch):
@@ -90,6 +109,7 @@ class SlamConfig(_Branch):
     tracker: TrackerConfig = TrackerConfig()
     keyframes: KeyframeConfig = KeyframeConfig()
     mapper: MapperConfig = MapperConfig()
+    wheels: WheelConfig = WheelConfig()
 
 
 class PlannerConfig(_Branch):
@@ -115,6 +135,7 @@ class GroundMapConfig(_Branch):
     resolution_m: Positive = 0.05
     obstacle_min_height_m: NonNegative = 0.06
     obstacle_max_height_m: Positive = 0.60
+    clear_max_height_m: Positive = 0.45
     max_range_m: Positive = 4.5
     start_clear_m: NonNegative = 0.7
 

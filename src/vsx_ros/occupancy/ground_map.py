@@ -1,0 +1,199 @@
+"""The 2-D map of the floor, out of the SLAM's points, the driven trail and the bumper (paper 5.2)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2, Points3
+from vsx_ros.config import GroundMapConfig, RobotConfig
+from vsx_ros.errors import InputError
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.kernels import ground_map as kernels
+from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from vsx_ros.occupancy.virtual_scan import PolarScans, virtual_scans
+
+_MARGIN_M = 0.5
+_MIN_FREE_VOTES = 1
+_MIN_HIT_VOTES = 3
+_OVERRULED_BY = 4.0
+"""A lone point is noise when this many times more keyframes looked through it than saw it."""
+_SPECK_CELLS = 3
+_BUMP_ARC_RAD = 1.0
+_BUMP_AHEAD_M = 0.05
+
+
+@dataclass(frozen=True)
+class _Lattice:
+    """Rows and columns of a grid whose origin is a whole number of cells away from the world's."""
+
+    rows: int
+    columns: int
+    resolution: float
+    origin_x: float
+    origin_y: float
+
+    @staticmethod
+    def around(points: Points2, resolution: float) -> _Lattice:
+        """The smallest lattice with a margin around (N, 2) points; around the origin if there are none."""
+        points = np.vstack([points, np.zeros((0 if len(points) else 1, 2))])
+        low = np.floor((points.min(axis=0) - _MARGIN_M) / resolution).astype(int)
+        high = np.ceil((points.max(axis=0) + _MARGIN_M) / resolution).astype(int)
+        columns, rows = (high - low).tolist()
+        return _Lattice(rows, columns, resolution, float(low[0] * resolution), float(low[1] * resolution))
+
+    def arguments(self) -> tuple[int, int, float, float, float]:
+        """In the order that kernels take them."""
+        return self.rows, self.columns, self.resolution, self.origin_x, self.origin_y
+
+    def centres(self) -> tuple[FloatArray, FloatArray]:
+        """x of each column (1, columns) and y of each row (rows, 1) [m]."""
+        x = self.origin_x + (np.arange(self.columns, dtype=np.float64) + 0.5) * self.resolution
+        y = self.origin_y + (np.arange(self.rows, dtype=np.float64) + 0.5) * self.resolution
+        return x[None, :], y[:, None]
+
+
+class GroundMap:
+    """Builds the whole grid at each call: no residue of old poses, the same input gives the same grid."""
+
+    def __init__(self, config: GroundMapConfig, robot: RobotConfig) -> None:
+        self._config = config
+        self._robot = robot
+
+    def build(
+        self,
+        T_world_cams: Sequence[SE3],
+        points_world: Points3,
+        obs_keyframe: IntArray,
+        obs_point: IntArray,
+        trail: Sequence[SE2] = (),
+        bumps: Sequence[SE2] = (),
+        start: SE2 | None = None,
+    ) -> OccupancyGrid:
+        """The grid; evidence of an obstacle beats evidence of free space, what nobody saw stays unknown.
+
+        T_world_cams: K keyframes. points_world: (M, 3). obs_keyframe, obs_point: (O,) which keyframe saw which point.
+        trail: base poses driven through, free as wide as the robot. bumps: base poses where a bumper was pressed;
+        an arc in front of each is occupied for good. start: the pose in front of which the operator promised
+        ``start_clear_m`` of free floor.
+        Raises InputError when an observation names a keyframe or point that is not there.
+        """
+        self._check(len(T_world_cams), points_world, obs_keyframe, obs_point)
+        scans = virtual_scans(T_world_cams, points_world, obs_keyframe, obs_point, self._config)
+        arcs = self._bump_cells(bumps)
+        lattice = _Lattice.around(
+            self._extent(scans, points_world, obs_point, trail, start, arcs), self._config.resolution_m
+        )
+        free_votes = kernels.count_free(scans.positions, scans.yaws, scans.free, *lattice.arguments())
+        occupied = self._occupied(scans, points_world, obs_point, free_votes, lattice)
+        data = np.full((lattice.rows, lattice.columns), UNKNOWN, np.int8)
+        data[free_votes >= _MIN_FREE_VOTES] = FREE
+        if start is not None:
+            data[self._start_strip(start, lattice)] = FREE
+        data[occupied] = OCCUPIED
+        data[_specks(data)] = FREE
+        data[self._footprints(trail, lattice)] = FREE
+        grid = OccupancyGrid(data, lattice.resolution, lattice.origin_x, lattice.origin_y)
+        if not len(arcs):
+            return grid
+        rows, columns = grid.cells(arcs).T
+        data[rows, columns] = OCCUPIED
+        return OccupancyGrid(data, lattice.resolution, lattice.origin_x, lattice.origin_y)
+
+    @staticmethod
+    def _check(n_keyframes: int, points_world: Points3, obs_keyframe: IntArray, obs_point: IntArray) -> None:
+        for name, indices, count in (("keyframe", obs_keyframe, n_keyframes), ("point", obs_point, len(points_world))):
+            if len(indices) and not 0 <= int(np.min(indices)) <= int(np.max(indices)) < count:
+                raise InputError(
+                    f"an observation names {name} {int(np.max(indices))} of {count}; "
+                    "keyframes, points and observations must come from one snapshot"
+                )
+        if len(obs_keyframe) != len(obs_point) or not np.isfinite(points_world).all():
+            raise InputError("observations must name a keyframe and a point each, and points must be finite")
+
+    def _extent(
+        self, scans: PolarScans, points_world: Points3, obs_point: IntArray, trail: Sequence[SE2], start: SE2 | None,
+        arcs: Points2,
+    ) -> Points2:  # fmt: skip
+        """(N, 2) points that the grid must hold."""
+        keyframe, bearing = np.nonzero(scans.free)
+        angle = scans.yaws[keyframe] + (bearing + 0.5) * 2 * math.pi / scans.free.shape[1]
+        reach = scans.free[keyframe, bearing][:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        poses = [pose.as_array()[:2] for pose in (*trail, *([start] if start else []))]
+        ahead = [(start @ np.array([[self._config.start_clear_m, 0.0]]))[0]] if start else []
+        return np.vstack(
+            [
+                scans.positions[keyframe, :2] + reach,
+                np.asarray(points_world).reshape(-1, 3)[obs_point[scans.hit > 0], :2],
+                np.array([*poses, *ahead]).reshape(-1, 2),
+                arcs,
+            ]
+        )
+
+    def _occupied(
+        self, scans: PolarScans, points_world: Points3, obs_point: IntArray, free_votes: IntArray, lattice: _Lattice
+    ) -> BoolArray:
+        """Cells with enough observations of obstacle points, lone points that others look through left out."""
+        points = np.ascontiguousarray(points_world, np.float64).reshape(-1, 3)
+        votes, members = kernels.count_hits(points, np.asarray(obs_point, np.int64), scans.hit, *lattice.arguments())
+        block = np.ones((3, 3), np.float32)
+        near_votes = cv2.filter2D(votes.astype(np.float32), -1, block, borderType=cv2.BORDER_CONSTANT)
+        near_points = cv2.filter2D(members.astype(np.float32), -1, block, borderType=cv2.BORDER_CONSTANT)
+        lone = (near_points < 1.5) & (free_votes > _OVERRULED_BY * votes)
+        occupied: BoolArray = (votes > 0) & (near_votes >= _MIN_HIT_VOTES) & ~lone
+        return occupied
+
+    def _start_strip(self, start: SE2, lattice: _Lattice) -> BoolArray:
+        """The promised floor: from behind the robot to ``start_clear_m`` in front, a little wider than the robot."""
+        x, y = lattice.centres()
+        c, s = math.cos(start.theta), math.sin(start.theta)
+        forward = c * (x - start.x) + s * (y - start.y)
+        left = -s * (x - start.x) + c * (y - start.y)
+        half_width = self._robot.radius_m + 2 * lattice.resolution
+        strip: BoolArray = (
+            (np.abs(left) <= half_width) & (forward >= -half_width) & (forward <= self._config.start_clear_m)
+        )
+        return strip
+
+    def _footprints(self, trail: Sequence[SE2], lattice: _Lattice) -> BoolArray:
+        """Cells whose centre the robot's body has covered."""
+        inside = np.zeros((lattice.rows, lattice.columns), bool)
+        x, y = lattice.centres()
+        radius = self._robot.radius_m
+        for pose in trail:
+            row = int((pose.y - lattice.origin_y) / lattice.resolution)
+            column = int((pose.x - lattice.origin_x) / lattice.resolution)
+            reach = int(radius / lattice.resolution) + 2
+            window = (
+                slice(max(row - reach, 0), row + reach + 1),
+                slice(max(column - reach, 0), column + reach + 1),
+            )
+            inside[window] |= (x[:, window[1]] - pose.x) ** 2 + (y[window[0]] - pose.y) ** 2 <= radius**2
+        return inside
+
+    def _bump_cells(self, bumps: Sequence[SE2]) -> Points2:
+        """(N, 2) points of the arcs just ahead of the bumper [m]."""
+        radius = self._robot.radius_m + _BUMP_AHEAD_M
+        n = 2 * math.ceil(2 * _BUMP_ARC_RAD * radius / self._config.resolution_m)
+        angles = np.linspace(-_BUMP_ARC_RAD, _BUMP_ARC_RAD, n)
+        arc = radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        return np.vstack([np.zeros((0, 2)), *(pose @ arc for pose in bumps)])
+
+
+def _specks(data: np.ndarray[tuple[int, int], np.dtype[np.int8]]) -> BoolArray:
+    """Unknown patches at most three cells wide and high whose every neighbour is free."""
+    unknown = (data == UNKNOWN).astype(np.uint8)
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(unknown, connectivity=8)
+    small = (stats[:, cv2.CC_STAT_WIDTH] <= _SPECK_CELLS) & (stats[:, cv2.CC_STAT_HEIGHT] <= _SPECK_CELLS)
+    small[0] = False
+    near_obstacle = cv2.dilate((data == OCCUPIED).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    small[np.unique(labels[near_obstacle])] = False
+    border = np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]])
+    small[np.unique(border)] = False
+    specks: BoolArray = small[labels]
+    return specks

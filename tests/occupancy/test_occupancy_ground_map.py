@@ -1,0 +1,225 @@
+"""A box room with known truth, seen by keyframes on a loop, with noise, outliers and floor points."""
+
+import numpy as np
+import pytest
+
+from vsx_ros.config import GroundMapConfig, RobotConfig
+from vsx_ros.errors import InputError
+from vsx_ros.geometry.camera import mount_pose
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN
+from vsx_ros.occupancy.ground_map import GroundMap
+
+MOUNT = mount_pose(-0.09, 0.0, 0.31, 0.0)
+ROOM = (-3.0, 3.0, -2.0, 2.0)
+BOX = (0.9, 1.5, -0.4, 0.4)
+HALF_FOV = np.deg2rad(31)
+
+
+def segment_blocked(a, b, rect):
+    """(N,) whether the segments from a (2,) to b (N, 2) pass through the interior of the rectangle."""
+    x0, x1, y0, y1 = rect
+    t = np.linspace(0.0, 0.995, 200)[:, None, None]
+    points = a + t * (b - a)
+    inside = (points[..., 0] > x0) & (points[..., 0] < x1) & (points[..., 1] > y0) & (points[..., 1] < y1)
+    return inside.any(axis=0)
+
+
+def wall_points(rng, n, rect, heights):
+    x0, x1, y0, y1 = rect
+    s, side = rng.uniform(0, 1, n), rng.integers(0, 4, n)
+    x = np.select([side == 0, side == 1], [x0, x1], x0 + s * (x1 - x0))
+    y = np.select([side == 2, side == 3], [y0, y1], y0 + s * (y1 - y0))
+    return np.column_stack([x, y, rng.uniform(*heights, n)])
+
+
+@pytest.fixture(scope="module")
+def room():
+    """Keyframes, points and observations of a robot that drives a loop around the box."""
+    rng = np.random.default_rng(2)
+    floor = np.column_stack([rng.uniform(-3, 3, 800), rng.uniform(-2, 2, 800), np.zeros(800)])
+    in_box = (floor[:, 0] > 0.9) & (floor[:, 0] < 1.5) & (np.abs(floor[:, 1]) < 0.4)
+    points = np.vstack([
+        wall_points(rng, 1500, ROOM, (0.0, 1.2)), wall_points(rng, 400, BOX, (0.05, 0.5)), floor[~in_box]
+    ])  # fmt: skip
+    angles = np.linspace(0, 2 * np.pi, 60, endpoint=False)
+    trail = [SE2(1.9 * np.cos(a), 1.2 * np.sin(a), np.arctan2(1.2 * np.cos(a), -1.9 * np.sin(a))) for a in angles]
+    inward = [SE2(pose.x, pose.y, pose.theta + 0.9) for pose in trail]
+    poses = [SE3.from_se2(pose) @ MOUNT for pose in (*trail, *inward)]
+    keyframe, point = [], []
+    for k, T in enumerate(poses):
+        p = T.inverse() @ points
+        bearing = np.abs(np.arctan2(p[:, 0], p[:, 2]))
+        elevation = np.abs(p[:, 1]) < 0.45 * p[:, 2]
+        seen = (
+            (p[:, 2] > 0.3) & (bearing < HALF_FOV) & elevation & ~segment_blocked(T.translation[:2], points[:, :2], BOX)
+        )
+        keyframe.append(np.full(seen.sum(), k))
+        point.append(np.flatnonzero(seen))
+    noisy = points + rng.normal(0, 0.008, points.shape)
+    return poses, noisy, np.concatenate(keyframe), np.concatenate(point), trail
+
+
+@pytest.fixture(scope="module")
+def ground_map():
+    return GroundMap(GroundMapConfig(), RobotConfig())
+
+
+def centres_of(grid, value):
+    return grid.centres(np.argwhere(grid.data == value))
+
+
+def distance_to_walls(xy):
+    def outline(rect):
+        x0, x1, y0, y1 = rect
+        dx = np.maximum(np.maximum(x0 - xy[:, 0], xy[:, 0] - x1), 0)
+        dy = np.maximum(np.maximum(y0 - xy[:, 1], xy[:, 1] - y1), 0)
+        inner = np.minimum.reduce([xy[:, 0] - x0, x1 - xy[:, 0], xy[:, 1] - y0, y1 - xy[:, 1]])
+        return np.where(inner > 0, inner, np.hypot(dx, dy))
+
+    return np.minimum(outline(ROOM), outline(BOX))
+
+
+def share_of_floor_called_free(grid):
+    x, y = np.meshgrid(np.arange(-2.85, 2.9, 0.05), np.arange(-1.85, 1.9, 0.05))
+    xy = np.column_stack([x.ravel(), y.ravel()])
+    outside_box = ~((xy[:, 0] > 0.8) & (xy[:, 0] < 1.6) & (np.abs(xy[:, 1]) < 0.5))
+    return np.mean([grid.value_at(*p) == FREE for p in xy[outside_box]])
+
+
+def test_the_room_is_mapped(room, ground_map):
+    grid = ground_map.build(*room)
+    assert np.mean(distance_to_walls(centres_of(grid, OCCUPIED)) < 0.10) > 0.99
+    assert share_of_floor_called_free(grid) > 0.97
+    free = centres_of(grid, FREE)
+    in_box = (free[:, 0] > 1.0) & (free[:, 0] < 1.4) & (np.abs(free[:, 1]) < 0.3)
+    outside = (np.abs(free[:, 0]) > 3.1) | (np.abs(free[:, 1]) > 2.1)
+    assert in_box.mean() < 0.001
+    assert outside.mean() < 0.001
+    assert grid.value_at(1.2, 0.0) == UNKNOWN
+
+
+def test_most_of_the_wall_is_there(room, ground_map):
+    grid = ground_map.build(*room)
+    x = np.arange(-2.9, 2.9, 0.05)
+    wall = np.vstack([np.column_stack([x, np.full_like(x, 2.0)]), np.column_stack([x, np.full_like(x, -2.0)])])
+    occupied = centres_of(grid, OCCUPIED)
+    nearest = np.min(np.linalg.norm(wall[:, None] - occupied[None], axis=2), axis=1)
+    assert np.mean(nearest < 0.1) > 0.85
+
+
+def test_the_same_input_gives_the_same_grid(room, ground_map):
+    assert np.array_equal(ground_map.build(*room).data, ground_map.build(*room).data)
+
+
+def test_outliers_in_free_space_do_not_stay(room, ground_map):
+    poses, points, keyframe, point, trail = room
+    rng = np.random.default_rng(3)
+    outliers = np.column_stack([rng.uniform(-2.5, 0.6, 40), rng.uniform(-1.6, 1.6, 40), rng.uniform(0.1, 0.6, 40)])
+    seen = [np.argsort([np.linalg.norm(T.translation - p) for T in poses])[3:5] for p in outliers]
+    keyframe = np.concatenate([keyframe, np.concatenate(seen)])
+    point = np.concatenate([point, np.repeat(np.arange(len(points), len(points) + 40), 2)])
+    grid = ground_map.build(poses, np.vstack([points, outliers]), keyframe, point, trail)
+    assert np.mean(distance_to_walls(centres_of(grid, OCCUPIED)) < 0.10) > 0.97
+
+
+def test_floor_points_never_become_obstacles(room, ground_map):
+    poses, points, keyframe, point, _ = room
+    floor = np.flatnonzero(points[:, 2] < 0.05)
+    tilted = points.copy()
+    tilted[floor, 2] += 0.02
+    chosen = np.isin(point, floor)
+    grid = ground_map.build(poses, tilted, keyframe[chosen], point[chosen])
+    assert not (grid.data == OCCUPIED).any()
+    assert (grid.data == FREE).sum() > 3000
+
+
+def one_view(points, config=None, n=3, step=0.15):
+    """A grid from n keyframes that look along x and see all points."""
+    poses = [SE3.from_se2(SE2(-step * i, 0.1 * (i % 2), 0.0)) @ MOUNT for i in range(n)]
+    points = np.array(points, float)
+    keyframe, point = np.repeat(np.arange(n), len(points)), np.tile(np.arange(len(points)), n)
+    return GroundMap(config or GroundMapConfig(), RobotConfig()).build(poses, points, keyframe, point)
+
+
+def test_a_ray_to_a_high_point_clears_only_while_it_is_low():
+    grid = one_view([[3.0, 0.0, 1.4]])
+    assert grid.value_at(0.2, 0.0) == FREE
+    assert grid.value_at(0.8, 0.0) == UNKNOWN
+    assert grid.value_at(3.0, 0.0) == UNKNOWN
+
+
+def test_a_wall_point_in_the_band_stops_the_ray_behind_it():
+    grid = one_view([[1.5, 0.0, 0.3], [1.52, 0.01, 0.25], [3.0, 0.005, 0.31]])
+    assert grid.value_at(1.0, 0.0) == FREE
+    assert grid.value_at(1.5, 0.0) == OCCUPIED
+    assert grid.value_at(2.2, 0.0) == UNKNOWN
+
+
+def test_a_table_top_above_the_robot_is_no_obstacle():
+    assert not (one_view([[1.5, 0.0, 0.74], [1.5, 0.04, 0.74]]).data == OCCUPIED).any()
+
+
+def test_reflections_below_the_floor_say_nothing():
+    grid = one_view([[2.0, 0.0, -0.5]])
+    assert not (grid.data != UNKNOWN).any()
+
+
+def test_a_point_of_uncertain_depth_is_no_obstacle():
+    assert not (one_view([[4.0, 0.0, 0.3], [4.0, 0.04, 0.3]], step=0.002, n=2).data == OCCUPIED).any()
+
+
+def test_small_holes_between_free_cells_are_closed():
+    grid = one_view([[3.0, y, 0.02] for y in np.arange(-0.5, 0.5, 0.11)])
+    between = [grid.value_at(2.5, y) for y in np.arange(-0.35, 0.3, 0.05)]
+    assert between.count(UNKNOWN) == 0
+
+
+def test_the_trail_is_free_and_bumps_stay_whatever_is_seen(room, ground_map):
+    poses, points, keyframe, point, trail = room
+    bump = SE2(-1.0, 0.0, 0.0)
+    grid = ground_map.build(poses, points, keyframe, point, trail=[*trail, bump, SE2(-0.7, 0.0, 0.0)], bumps=[bump])
+    assert all(grid.value_at(p.x + 0.1, p.y) == FREE for p in trail)
+    assert grid.value_at(-1.0 + 0.23, 0.0) == OCCUPIED
+    assert grid.value_at(-1.0, 0.0) == FREE
+    arc = centres_of(grid, OCCUPIED)
+    arc = arc[np.linalg.norm(arc - [-1.0, 0.0], axis=1) < 0.35]
+    assert 6 <= len(arc) <= 16
+
+
+def test_the_promised_strip_is_free_until_an_obstacle_is_seen(ground_map):
+    none = np.zeros((0, 3)), np.zeros(0, int), np.zeros(0, int)
+    start = SE2(1.0, 1.0, np.pi / 2)
+    grid = ground_map.build([], *none, start=start)
+    assert grid.value_at(1.0, 1.65) == FREE
+    assert grid.value_at(1.15, 1.3) == FREE
+    assert grid.value_at(1.0, 1.8) == UNKNOWN
+    assert grid.value_at(1.6, 1.0) == UNKNOWN
+    poses = [SE3.from_se2(SE2(1.0 + 0.1 * i, 0.8, np.pi / 2)) @ MOUNT for i in range(3)]
+    points = np.array([[1.0, 1.5, 0.3], [1.02, 1.5, 0.2]])
+    seen = ground_map.build(poses, points, np.repeat([0, 1, 2], 2), np.tile([0, 1], 3), start=start)
+    assert seen.value_at(1.0, 1.51) == OCCUPIED
+
+
+def test_nothing_known_is_a_grid_of_unknown(ground_map):
+    grid = ground_map.build([], np.zeros((0, 3)), np.zeros(0, int), np.zeros(0, int))
+    assert (grid.data == UNKNOWN).all()
+    assert grid.value_at(0.0, 0.0) == UNKNOWN
+
+
+def test_grids_of_successive_builds_align(room, ground_map):
+    poses, points, keyframe, point, trail = room
+    early = keyframe < 20
+    small = ground_map.build(poses[:20], points, keyframe[early], point[early], trail[:20])
+    large = ground_map.build(*room)
+    for a, b in ((small.origin_x, large.origin_x), (small.origin_y, large.origin_y)):
+        cells = (a - b) / 0.05
+        assert abs(cells - round(cells)) < 1e-6
+
+
+def test_observations_of_another_snapshot_are_refused(ground_map):
+    with pytest.raises(InputError, match="point 7 of 2"):
+        ground_map.build([MOUNT], np.ones((2, 3)), np.array([0]), np.array([7]))
+    with pytest.raises(InputError, match="finite"):
+        ground_map.build([MOUNT], np.full((2, 3), np.nan), np.array([0]), np.array([1]))
