@@ -1,0 +1,25 @@
+"""Broken promises of devices.
+
+DeviceError
+├── DeviceNotFound                  nothing there, or no permission to open it
+├── DeviceTimeout   (TimeoutError)  it is there but does not answer in time
+└── ProtocolError   (ValueError)    bytes or values that the device's protocol does not allow
+
+Every message names the device, the value found and the remedy.
+"""
+
+
+class DeviceError(Exception):
+    """Root of everything vsx_hw raises on purpose; a driver that meets one closes the device and opens it again."""
+
+
+class DeviceNotFound(DeviceError):  # noqa: N818
+    """The device is absent, busy or may not be opened."""
+
+
+class DeviceTimeout(DeviceError, TimeoutError):  # noqa: N818
+    """The device did not answer in time."""
+
+
+class ProtocolError(DeviceError, ValueError):
+    """A message or a value that the protocol does not allow."""

@@ -1,0 +1,104 @@
+"""A Kobuki made of bytes: the board that the emulator puts behind a pseudo-terminal."""
+
+from __future__ import annotations
+
+import math
+import random
+import struct
+
+from vsx_hw.kobuki.base_control import WHEEL_BASE_M, BaseControl, twist_of
+from vsx_hw.kobuki.framing import FrameScanner, encode_frame, sub_payloads
+from vsx_hw.kobuki.protocol import BAUD, METRES_PER_TICK
+from vsx_hw.readings import Hazard
+from vsx_hw.serial_emulator import Plant, PlantState, SerialEmulator
+
+FRAME_NS = 20_000_000
+TOP_WHEEL_SPEED_M_S = 0.7
+EXTERNAL_POWER = 0x00F0
+
+
+class KobukiBoard:
+    """Streams a frame every 20 ms from power-on and obeys base control.
+
+    As long as nobody says otherwise it keeps its last command: what the firmware does when commands cease is not
+    documented, and the driver must be safe in the worst case. battery_volt may be changed while it runs;
+    ``outputs`` is the register of lamps and supplies as the driver last wrote it.
+    """
+
+    baud = BAUD
+
+    def __init__(self, plant: Plant, seed: int = 0) -> None:
+        self.battery_volt = 16.2
+        self.outputs = EXTERNAL_POWER
+        self._plant = plant
+        self._rng = random.Random(seed)
+        self._versions_wanted = False
+        self._next_frame_ns = 0
+        self._scanner = FrameScanner()
+        self._counter_origins = (0, 0, 0)
+        self._restart_counters()
+
+    def _restart_counters(self) -> None:
+        """Counters start at arbitrary values, so that every run meets their roll-over."""
+        self._counter_origins = (self._rng.randrange(65536), self._rng.randrange(65536), self._rng.randrange(65536))
+
+    def power_cycle(self) -> None:
+        """See Board."""
+        self._restart_counters()
+        self.outputs = EXTERNAL_POWER
+        self._plant.set_wheel_speeds(0.0, 0.0)
+
+    def receive(self, data: bytes, time_ns: int) -> None:
+        """See Board."""
+        for payload in self._scanner.feed(data):
+            for kind, content in sub_payloads(payload) or ():
+                self._obey(kind, content)
+
+    def _obey(self, kind: int, content: bytes) -> None:
+        if kind == 1 and len(content) == 4:
+            v, omega = twist_of(BaseControl(*struct.unpack("<hh", content)))
+            left, right = v - 0.5 * WHEEL_BASE_M * omega, v + 0.5 * WHEEL_BASE_M * omega
+            excess = max(1.0, abs(left) / TOP_WHEEL_SPEED_M_S, abs(right) / TOP_WHEEL_SPEED_M_S)
+            self._plant.set_wheel_speeds(left / excess, right / excess)
+        elif kind == 12 and len(content) == 2:
+            self.outputs = int.from_bytes(content, "little")
+        elif kind == 9:
+            self._versions_wanted = True
+
+    def emit(self, time_ns: int) -> bytes:
+        """See Board."""
+        if time_ns < self._next_frame_ns:
+            return b""
+        self._next_frame_ns = max(self._next_frame_ns + FRAME_NS, time_ns - FRAME_NS)
+        parts = self._feedback(self._plant.read(), time_ns)
+        if self._versions_wanted:
+            self._versions_wanted = False
+            parts += [bytes((10, 4, 4, 0, 1, 0)), bytes((11, 4, 0, 2, 1, 0)), struct.pack("<BB3I", 19, 12, 1, 2, 3)]
+        return encode_frame(*parts)
+
+    def _feedback(self, state: PlantState, time_ns: int) -> list[bytes]:
+        left0, right0, time0 = self._counter_origins
+        left = (left0 + math.floor(state.left_m / METRES_PER_TICK)) % 65536
+        right = (right0 + math.floor(state.right_m / METRES_PER_TICK)) % 65536
+        bumper, cliff = state.hazards & Hazard.BUMPER, (state.hazards & Hazard.CLIFF) >> 3
+        wheel_drop = (state.hazards & Hazard.WHEEL_DROP) >> 6
+        clock = (time0 + time_ns // 1_000_000) % 65536
+        angle = (round(math.degrees(state.gyro_rad) * 100) + 18000) % 36000 - 18000
+        rate = max(-32768, min(32767, round(math.degrees(state.gyro_rate_rad_s) * 100)))
+        raw = max(-32768, min(32767, round(math.degrees(state.gyro_rate_rad_s) / 0.00875)))
+        volt = round(self.battery_volt * 10)
+        sample = struct.pack("<hhh", 0, 0, raw)
+        return [
+            struct.pack("<BBHBBBHHbbBBBB", 1, 15, clock, bumper, wheel_drop, cliff, left, right, 0, 0, 0, 0, volt, 0),
+            bytes((3, 3, 0, 0, 0)),
+            struct.pack("<BBhh3x", 4, 7, angle, rate),
+            struct.pack("<BB3H", 5, 6, 1600, 1900, 1600),
+            bytes((6, 2, 0, 0)),
+            struct.pack("<BBBB", 13, 14, clock // 20 % 256, 6) + sample + sample,
+            struct.pack("<BB5H6x", 16, 16, 0, 4095, 4095, 4095, 4095),
+        ]
+
+
+def kobuki_emulator(plant: Plant, link: str, seed: int = 0) -> SerialEmulator:
+    """A Kobuki on these wheels, reachable as the serial port ``link``; call ``start`` on it."""
+    return SerialEmulator(KobukiBoard(plant, seed), plant, link, seed)

@@ -1,0 +1,254 @@
+"""Kobuki serial protocol: bytes to values and back, no I/O.
+
+Source: Yujin Robot, Kobuki "Serial Protocol" appendix. A frame is ``AA 55 LEN payload XOR``; the payload is a row of
+sub-payloads ``ID LEN data``, little endian. The XOR of everything from LEN to the checksum is 0. 115200 baud, 8N1.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+import struct
+from typing import NamedTuple
+
+from vsx_hw.errors import ProtocolError
+from vsx_hw.kobuki.base_control import BaseControl
+from vsx_hw.kobuki.framing import FrameScanner, sub_payloads
+
+BAUD = 115200
+METRES_PER_TICK = 0.000085292090497737557
+GYRO_STEP_RAD = math.radians(0.01)
+BATTERY_EMPTY_V, BATTERY_LOW_V, BATTERY_FULL_V = 13.2, 14.0, 16.5
+
+
+class Core(NamedTuple):
+    """Sub-payload 1, in every frame. Bits: bumper and cliff 1 right, 2 centre, 4 left; wheel_drop 1 right, 2 left;
+    overcurrent 1 left, 2 right. Encoders and time are 16-bit counters that wrap."""
+
+    time_ms: int
+    bumper: int
+    wheel_drop: int
+    cliff: int
+    left_ticks: int
+    right_ticks: int
+    left_pwm: int
+    right_pwm: int
+    buttons: int
+    charger: int
+    battery_decivolt: int
+    overcurrent: int
+
+
+class Inertia(NamedTuple):
+    """Sub-payload 4: heading by the gyro and its rate, in hundredths of a degree, counter-clockwise."""
+
+    angle_centideg: int
+    rate_centideg_s: int
+
+
+class RawGyro(NamedTuple):
+    """Sub-payload 13: two or three samples (x, y, z) of 0.00875 deg/s, 10 ms apart, in the sensor's axes."""
+
+    frame_id: int
+    samples: tuple[tuple[int, int, int], ...]
+
+
+class GeneralInput(NamedTuple):
+    """Sub-payload 16: digital inputs 0-3 as bits, four 12-bit voltages of 3.3 V full scale."""
+
+    digital: int
+    analog: tuple[int, int, int, int]
+
+
+class ControllerInfo(NamedTuple):
+    """Sub-payload 21: wheel controller gains, times 1000."""
+
+    kind: int
+    p: int
+    i: int
+    d: int
+
+
+class Feedback(NamedTuple):
+    """One verified frame; parts that the frame did not carry are None.
+
+    dock_ir, cliff_adc: right, centre, left. current: left, right [10 mA]. Versions: (major, minor, patch).
+    """
+
+    core: Core
+    inertia: Inertia | None = None
+    dock_ir: tuple[int, int, int] | None = None
+    cliff_adc: tuple[int, int, int] | None = None
+    current: tuple[int, int] | None = None
+    gyro: RawGyro | None = None
+    general_input: GeneralInput | None = None
+    hardware_version: tuple[int, int, int] | None = None
+    firmware_version: tuple[int, int, int] | None = None
+    udid: tuple[int, int, int] | None = None
+    controller: ControllerInfo | None = None
+
+
+class StreamParser:
+    """Turns the byte stream into verified Feedback frames; recovers after lost, added or changed bytes.
+
+    A frame counts when its XOR is right, its sub-payloads tile it exactly and its core part makes sense: one XOR byte
+    alone lets about one damaged frame in 250 through. ``refused`` counts frames that failed these checks.
+    """
+
+    def __init__(self) -> None:
+        self.frames = 0
+        self.refused = 0
+        self._scanner = FrameScanner()
+
+    @property
+    def skipped_bytes(self) -> int:
+        """Bytes that belonged to no frame."""
+        return self._scanner.skipped_bytes
+
+    def feed(self, data: bytes) -> list[Feedback]:
+        """The frames completed by these bytes, in order."""
+        found = []
+        for payload in self._scanner.feed(data):
+            feedback = _decode(payload)
+            if feedback is None:
+                self.refused += 1
+            else:
+                self.frames += 1
+                found.append(feedback)
+        return found
+
+
+def _decode(payload: bytes) -> Feedback | None:
+    parts = sub_payloads(payload)
+    if parts is None:
+        return None
+    fields = dict(parts)
+    core = _core(fields.get(1, b""))
+    if core is None:
+        return None
+    inertia = fields.get(4)
+    return Feedback(
+        core,
+        Inertia(*struct.unpack_from("<hh", inertia)) if inertia and len(inertia) == 7 else None,
+        dock_ir=_exact("<3B", fields.get(3)),
+        cliff_adc=_exact("<3H", fields.get(5)),
+        current=_exact("<2B", fields.get(6)),
+        gyro=_raw_gyro(fields.get(13)),
+        general_input=_general_input(fields.get(16)),
+        hardware_version=_version(fields.get(10)),
+        firmware_version=_version(fields.get(11)),
+        udid=_exact("<3I", fields.get(19)),
+        controller=ControllerInfo(*values) if (values := _exact("<B3I", fields.get(21))) else None,
+    )
+
+
+def _exact(layout: str, data: bytes | None) -> tuple[int, ...] | None:
+    """The fields of data, or None where it is absent or of another length."""
+    return struct.unpack(layout, data) if data is not None and len(data) == struct.calcsize(layout) else None
+
+
+def _core(data: bytes) -> Core | None:
+    if len(data) != 15:
+        return None
+    core = Core(*struct.unpack("<HBBBHHbbBBBB", data))
+    flags_are_known = max(core.bumper, core.cliff, core.buttons) <= 7 and max(core.wheel_drop, core.overcurrent) <= 3
+    return core if flags_are_known else None
+
+
+def _version(data: bytes | None) -> tuple[int, int, int] | None:
+    """Four bytes patch, minor, major, 0; early boards send one decimal number such as 110 for 1.1.0."""
+    if data is None or len(data) not in (2, 4):
+        return None
+    if len(data) == 4:
+        return data[2], data[1], data[0]
+    digits = str(int.from_bytes(data, "little"))
+    return int(digits[0]), int(digits[1:2] or 0), int(digits[2:3] or 0)
+
+
+def _raw_gyro(data: bytes | None) -> RawGyro | None:
+    if data is None or len(data) < 2 or data[1] % 3 or len(data) != 2 + 2 * data[1]:
+        return None
+    return RawGyro(data[0], tuple(struct.iter_unpack("<hhh", data[2:])))
+
+
+def _general_input(data: bytes | None) -> GeneralInput | None:
+    if data is None or len(data) != 16:
+        return None
+    digital, *analog = struct.unpack_from("<5H", data)
+    return GeneralInput(digital, (analog[0], analog[1], analog[2], analog[3]))
+
+
+def battery_state(decivolt: int, charger: int) -> tuple[float, str, bool]:
+    """(fraction, state in a word, charging) of the core's battery byte and charger byte.
+
+    Thresholds of the vendor's diagnostics: healthy above 14.0 V, low above 13.2 V; 5 % at 13.2 V, 100 % at 16.5 V.
+    """
+    volt = decivolt / 10.0
+    fraction = 0.05 + 0.95 * (volt - BATTERY_EMPTY_V) / (BATTERY_FULL_V - BATTERY_EMPTY_V)
+    states = {2: "charged", 6: "charging"}
+    state = states.get(charger & 0x0F)
+    if state is None:
+        state = "healthy" if volt > BATTERY_LOW_V else "low" if volt > BATTERY_EMPTY_V else "critical"
+    return min(1.0, max(0.0, fraction)), state, charger & 0x0F == 6
+
+
+class Led(enum.IntEnum):
+    """Colour of one of the two lamps."""
+
+    OFF = 0
+    RED = 1
+    GREEN = 2
+    ORANGE = 3
+
+
+class Sound(enum.IntEnum):
+    """Melodies of the base."""
+
+    ON = 0
+    OFF = 1
+    RECHARGE = 2
+    BUTTON = 3
+    ERROR = 4
+    CLEANING_START = 5
+    CLEANING_END = 6
+
+
+def drive_payload(command: BaseControl) -> bytes:
+    """Sub-payload 1."""
+    return struct.pack("<BBhh", 1, 4, command.speed_mm_s, command.radius_mm)
+
+
+def sound_payload(frequency_hz: float, duration_ms: int) -> bytes:
+    """Sub-payload 3: one note. Raises ProtocolError for a note or duration the base cannot play."""
+    note = round(1.0 / (frequency_hz * 0.00000275)) if frequency_hz > 0 else 0
+    if not (1 <= note <= 0xFFFF and 0 <= duration_ms <= 255):
+        raise ProtocolError(f"sound: {frequency_hz} Hz for {duration_ms} ms; use 6 Hz-360 kHz and at most 255 ms")
+    return struct.pack("<BBHB", 3, 3, note, duration_ms)
+
+
+def melody_payload(sound: Sound) -> bytes:
+    """Sub-payload 4."""
+    return bytes((4, 1, sound))
+
+
+def outputs_payload(led1: Led = Led.OFF, led2: Led = Led.OFF, digital: int = 0) -> bytes:
+    """Sub-payload 12. Lamps, digital outputs 0-3 and the external supplies share one register, so the supplies' bits
+    0x00F0 are always set: clearing them with a lamp command would cut the camera's 12 V."""
+    if not 0 <= digital <= 0x0F:
+        raise ProtocolError(f"digital outputs: {digital} is not a mask of the four outputs")
+    return struct.pack("<BBH", 12, 2, digital | 0x00F0 | led1 << 8 | led2 << 10)
+
+
+def request_versions_payload() -> bytes:
+    """Sub-payload 9: hardware version, firmware version and UDID, once."""
+    return bytes((9, 2, 0x0B, 0))
+
+
+def get_gains_payload() -> bytes:
+    """Sub-payload 14."""
+    return bytes((14, 1, 0))
+
+
+def factory_gains_payload() -> bytes:
+    """Sub-payload 13 with the documented defaults P 100, I 0.1, D 2."""
+    return struct.pack("<BBBIII", 13, 13, 0, 100_000, 100, 2_000)

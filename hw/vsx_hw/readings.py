@@ -1,0 +1,90 @@
+"""What the drivers report: values with units in their names and the instant they belong to.
+
+``stamp_ns`` is host time (nanoseconds since the epoch), derived from the device's own clock where it has one.
+"""
+
+from __future__ import annotations
+
+import enum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Hazard(enum.IntFlag):
+    """Reasons not to move, as one byte."""
+
+    NONE = 0
+    BUMPER_RIGHT = 1
+    BUMPER_CENTER = 2
+    BUMPER_LEFT = 4
+    CLIFF_RIGHT = 8
+    CLIFF_CENTER = 16
+    CLIFF_LEFT = 32
+    WHEEL_DROP_RIGHT = 64
+    WHEEL_DROP_LEFT = 128
+
+    BUMPER = 7
+    CLIFF = 56
+    WHEEL_DROP = 192
+
+
+class OdometryReading(NamedTuple):
+    """Dead reckoning since the last reset.
+
+    x_m, y_m, heading_rad: pose of the base in its odometry frame, heading not wrapped, counter-clockwise.
+    v_m_s, omega_rad_s: measured motion. gaps: how often motion went unmeasured (power cycle, lost data).
+    trusted: False where the encoders cannot know the direction of the motion.
+    """
+
+    stamp_ns: int
+    x_m: float
+    y_m: float
+    heading_rad: float
+    v_m_s: float
+    omega_rad_s: float
+    gaps: int = 0
+    trusted: bool = True
+
+
+class BatteryReading(NamedTuple):
+    """State of the base's battery; fraction in [0, 1]; charging means that a charger delivers current."""
+
+    voltage_v: float
+    fraction: float
+    charging: bool
+    state: str
+
+
+class BaseReading(NamedTuple):
+    """One report of a base: where it is, what it touches, how much energy is left.
+
+    mode names the operating mode where the base has several; buttons is the protocol's bit mask.
+    """
+
+    stamp_ns: int
+    odometry: OdometryReading
+    hazards: Hazard
+    battery: BatteryReading
+    buttons: int = 0
+    mode: str = ""
+
+
+class ImageReading(NamedTuple):
+    """One complete image: (H, W) uint8 Bayer mosaic, rows from the top, first row G R G R (GRBG).
+
+    stamp_ns: host time at which the first row left the camera.
+    """
+
+    stamp_ns: int
+    image: NDArray[np.uint8]
+
+
+class LinkStatus(NamedTuple):
+    """Health of the connection to a device, for diagnostics. Counters run from the start of the driver."""
+
+    connected: bool
+    message: str
+    device: str
+    counters: dict[str, int]

@@ -1,0 +1,188 @@
+"""A base that exists only as bytes on a pseudo-terminal, in real time, with faults on demand.
+
+The board speaks the base's protocol, the plant has the wheels; this file owns the cable between them and the driver.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import pty
+import random
+import termios
+import threading
+import time
+import tty
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+from vsx_hw.readings import Hazard
+
+STEP_NS = 5_000_000
+# A fresh pseudo-terminal stands at 38400: that is nobody's choice and counts as right.
+_SPEEDS = {termios.B19200: 19200, termios.B57600: 57600, termios.B115200: 115200}
+
+
+class PlantState(NamedTuple):
+    """What the sensors of a base can feel.
+
+    left_m, right_m: distance that each wheel has rolled. gyro_rad, gyro_rate_rad_s: heading and rate as the gyro has
+    them, counter-clockwise, not wrapped.
+    """
+
+    left_m: float
+    right_m: float
+    gyro_rad: float
+    gyro_rate_rad_s: float
+    hazards: Hazard
+
+
+class Plant(Protocol):
+    """Wheels on a floor. Called by the emulator's thread only."""
+
+    def set_wheel_speeds(self, left_m_s: float, right_m_s: float) -> None:
+        """What the wheel controllers shall reach."""
+
+    def advance(self, dt_ns: int) -> None:
+        """Let time pass."""
+
+    def read(self) -> PlantState:
+        """The sensors now."""
+
+
+class Board(Protocol):
+    """The electronics of one kind of base; time_ns runs from the emulator's start."""
+
+    @property
+    def baud(self) -> int:
+        """The speed it speaks."""
+
+    def receive(self, data: bytes, time_ns: int) -> None:
+        """Bytes from the driver."""
+
+    def emit(self, time_ns: int) -> bytes:
+        """Bytes for the driver that are due."""
+
+    def power_cycle(self) -> None:
+        """Counters start again somewhere else, the wheels stop."""
+
+
+@dataclass
+class Faults:
+    """What goes wrong; may be changed while the emulator runs. Rates are per byte to the driver."""
+
+    drop_rate: float = 0.0
+    garbage_rate: float = 0.0
+    paused: bool = False
+
+
+class SerialEmulator:
+    """Runs board and plant on a thread of its own, 5 ms a step, behind the name ``link``.
+
+    Bytes leave at the board's baud rate; a driver at another rate gets garbage. ``unplug`` and ``replug`` are the USB
+    cable, ``power_cycle`` the base's switch. Usable as a context manager.
+    """
+
+    def __init__(self, board: Board, plant: Plant, link: str, seed: int = 0) -> None:
+        self.faults = Faults()
+        self._board = board
+        self._plant = plant
+        self._link = link
+        self._rng = random.Random(seed)
+        self._lock = threading.Lock()
+        self._closing = threading.Event()
+        self._outbox = bytearray()
+        self._master = self._slave = -1
+        self._thread = threading.Thread(target=self._run, name=f"emulator {link}", daemon=True)
+
+    def __enter__(self) -> SerialEmulator:
+        """Plug in and run."""
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Stop and remove the port."""
+        self.close()
+
+    def start(self) -> None:
+        """Create the port and start time."""
+        self.replug()
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop and remove the port."""
+        self._closing.set()
+        self._thread.join(timeout=2.0)
+        self.unplug()
+
+    def unplug(self) -> None:
+        """Pull the USB cable: the port vanishes, the base runs on."""
+        with self._lock:
+            if self._master >= 0:
+                os.close(self._master)
+                os.close(self._slave)
+                self._master = self._slave = -1
+                with contextlib.suppress(FileNotFoundError):
+                    os.unlink(self._link)
+
+    def replug(self) -> None:
+        """Put the cable back: the same name, a new terminal."""
+        self.unplug()
+        with self._lock:
+            self._master, self._slave = pty.openpty()
+            tty.setraw(self._slave)
+            os.set_blocking(self._master, False)
+            self._outbox.clear()
+            with contextlib.suppress(FileNotFoundError):
+                os.unlink(self._link)
+            os.symlink(os.ttyname(self._slave), self._link)
+
+    def power_cycle(self) -> None:
+        """Switch the base off and on."""
+        with self._lock:
+            self._board.power_cycle()
+
+    def _run(self) -> None:
+        start_ns = time.monotonic_ns()
+        elapsed_ns = 0
+        while not self._closing.is_set():
+            with self._lock:
+                self._board.receive(self._incoming(), elapsed_ns)
+                self._plant.advance(STEP_NS)
+                elapsed_ns += STEP_NS
+                self._outbox += self._board.emit(elapsed_ns)
+                self._send()
+            ahead_ns = start_ns + elapsed_ns - time.monotonic_ns()
+            if ahead_ns > 0:
+                time.sleep(ahead_ns * 1e-9)
+
+    def _incoming(self) -> bytes:
+        if self._master < 0:
+            return b""
+        try:
+            return os.read(self._master, 4096)
+        except (BlockingIOError, OSError):
+            return b""
+
+    def _send(self) -> None:
+        """As many bytes as the line carries in one step; when nobody reads they are lost, as on a wire."""
+        budget = self._board.baud * STEP_NS // 10_000_000_000
+        chunk = bytes(self._outbox[:budget])
+        del self._outbox[:budget]
+        if self._master < 0 or self.faults.paused or not chunk:
+            return
+        with contextlib.suppress(BlockingIOError, OSError):
+            os.write(self._master, self._damaged(chunk))
+
+    def _damaged(self, chunk: bytes) -> bytes:
+        speed = _SPEEDS.get(termios.tcgetattr(self._master)[5], self._board.baud)
+        if speed != self._board.baud:
+            return self._rng.randbytes(len(chunk))
+        faults, rng = self.faults, self._rng
+        if not faults.drop_rate and not faults.garbage_rate:
+            return chunk
+        damaged = bytearray()
+        for byte in chunk:
+            if rng.random() >= faults.drop_rate:
+                damaged.append(rng.randrange(256) if rng.random() < faults.garbage_rate else byte)
+        return bytes(damaged)

@@ -1,0 +1,131 @@
+"""Byte pipes to a device: a serial port, or a null modem for tests."""
+
+from __future__ import annotations
+
+import errno
+import termios
+import threading
+from typing import Protocol
+
+import serial
+
+from vsx_hw.errors import DeviceError, DeviceNotFound, DeviceTimeout
+
+WRITE_TIMEOUT_S = 0.1
+
+
+class Transport(Protocol):
+    """An open connection. Every method raises DeviceError once the device is lost."""
+
+    def read(self, timeout_s: float) -> bytes:
+        """Whatever has arrived; waits for the first byte at most timeout_s; empty when none came."""
+
+    def write(self, data: bytes) -> None:
+        """Send everything or raise; never blocks longer than WRITE_TIMEOUT_S."""
+
+    def close(self) -> None:
+        """Release the device; may be called twice."""
+
+
+class SerialTransport:
+    """A serial port, locked for this process. RTS and DTR stay low: on a Create, RTS moves the wake-up line.
+
+    Raises DeviceNotFound with the remedy when the port is absent, forbidden or in use.
+    """
+
+    def __init__(self, port: str, baud: int) -> None:
+        self.port = port
+        self._serial = serial.Serial(baudrate=baud, timeout=0.0, write_timeout=WRITE_TIMEOUT_S, exclusive=True)
+        self._serial.port = port
+        self._serial.rts = False
+        self._serial.dtr = False
+        try:
+            self._serial.open()
+        except (OSError, termios.error) as error:
+            raise DeviceNotFound(f"{port}: {_open_remedy(error)}") from error
+
+    def read(self, timeout_s: float) -> bytes:
+        """See Transport."""
+        try:
+            self._serial.timeout = timeout_s
+            first: bytes = self._serial.read(1)
+            return first + self._serial.read(self._serial.in_waiting) if first else b""
+        except (OSError, termios.error, TypeError) as error:
+            raise DeviceError(f"{self.port}: lost while reading ({error}); check cable and power") from error
+
+    def write(self, data: bytes) -> None:
+        """See Transport."""
+        try:
+            self._serial.write(data)
+        except serial.SerialTimeoutException as error:
+            raise DeviceTimeout(
+                f"{self.port}: did not take {len(data)} bytes in {WRITE_TIMEOUT_S} s; unplug and replug it"
+            ) from error
+        except (OSError, termios.error) as error:
+            raise DeviceError(f"{self.port}: lost while writing ({error}); check cable and power") from error
+
+    def close(self) -> None:
+        """See Transport."""
+        try:
+            self._serial.close()
+        except (OSError, termios.error):
+            return
+
+
+def _open_remedy(error: Exception) -> str:
+    code = getattr(error, "errno", None)
+    if code == errno.ENOENT:
+        return "no such port; plug the base in, switch it on, and check the name with 'ls /dev/ttyUSB*'"
+    if code in (errno.EACCES, errno.EPERM):
+        return "permission denied; install the udev rule or join the group dialout, then log in again"
+    if code in (errno.EAGAIN, errno.EWOULDBLOCK, errno.EBUSY):
+        return "in use by another program; stop it, only one driver may own the port"
+    return f"cannot be opened ({error})"
+
+
+class LoopbackTransport:
+    """One end of a null modem; ``pair`` makes both. ``sever`` pulls the plug."""
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+        self._arrived = threading.Condition()
+        self._peer: LoopbackTransport | None = None
+        self._severed = False
+
+    @staticmethod
+    def pair() -> tuple[LoopbackTransport, LoopbackTransport]:
+        """Two ends; what one writes the other reads."""
+        a, b = LoopbackTransport(), LoopbackTransport()
+        a._peer, b._peer = b, a
+        return a, b
+
+    def read(self, timeout_s: float) -> bytes:
+        """See Transport."""
+        with self._arrived:
+            self._arrived.wait_for(lambda: bool(self._buffer) or self._severed, timeout_s)
+            if self._severed:
+                raise DeviceError("null modem: severed")
+            data = bytes(self._buffer)
+            self._buffer.clear()
+            return data
+
+    def write(self, data: bytes) -> None:
+        """See Transport."""
+        peer = self._peer
+        if self._severed or peer is None:
+            raise DeviceError("null modem: severed")
+        with peer._arrived:
+            peer._buffer += data
+            peer._arrived.notify_all()
+
+    def sever(self) -> None:
+        """Cut the cable: both ends fail from now on."""
+        for end in (self, self._peer):
+            if end is not None:
+                with end._arrived:
+                    end._severed = True
+                    end._arrived.notify_all()
+
+    def close(self) -> None:
+        """See Transport."""
+        self.sever()
