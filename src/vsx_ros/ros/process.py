@@ -109,7 +109,10 @@ def worker(name: str, loop: Callable[[], None]) -> threading.Thread:
         except rospy.ROSInterruptException:
             return
         except Exception as error:
-            logger.exception("thread %r failed", name)
+            if isinstance(error, VsxError | DeviceError):
+                rospy.logfatal("%s", error)
+            else:
+                logger.exception("thread %r failed", name)
             rospy.signal_shutdown(f"thread {name!r} failed: {error}")
 
     thread = threading.Thread(target=guarded, name=name, daemon=True)

@@ -1,0 +1,68 @@
+"""Where the robot is, as every node but vslam knows it: wheels at 30 Hz and more, corrected by the camera."""
+
+from __future__ import annotations
+
+import threading
+
+import rospy
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from nav_msgs.msg import Odometry as OdometryMsg
+
+from vsx_ros.control.pose_fusion import PoseFuser
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.robot import Odometry
+from vsx_ros.ros import convert, slam_messages, topics
+from vsx_ros.slam.state import TrackingState
+
+_STANDS_M_S, _STANDS_RAD_S = 0.01, 0.02
+
+
+class Localization:
+    """Subscribers: odom, vslam/pose, vslam/state. Thread-safe."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._fuser = PoseFuser()
+        self._odometry: Odometry | None = None
+        self.slam_state = TrackingState.NOT_INITIALISED
+        self.slam_reason = "waiting for vslam"
+        rospy.Subscriber(topics.ODOM, OdometryMsg, self._on_odometry, queue_size=20, tcp_nodelay=True)
+        rospy.Subscriber(topics.POSE, PoseWithCovarianceStamped, self._on_pose, queue_size=5, tcp_nodelay=True)
+        rospy.Subscriber(topics.SLAM_STATE, DiagnosticStatus, self._on_state, queue_size=5, tcp_nodelay=True)
+
+    def _on_odometry(self, msg: OdometryMsg) -> None:
+        odometry = convert.odometry(msg)
+        with self._lock:
+            self._odometry = odometry
+            self._fuser.add_odometry(odometry)
+
+    def _on_pose(self, msg: PoseWithCovarianceStamped) -> None:
+        with self._lock:
+            self._fuser.add_slam(msg.header.stamp.to_nsec(), convert.se2(msg.pose.pose))
+
+    def _on_state(self, msg: DiagnosticStatus) -> None:
+        self.slam_state, self.slam_reason = slam_messages.tracking_state(msg), msg.message
+
+    @property
+    def is_tracking(self) -> bool:
+        """Whether the camera knows where it is."""
+        return self.slam_state in (TrackingState.GOOD, TrackingState.DUBIOUS)
+
+    def pose(self, frame: str) -> SE2 | None:
+        """T_frame_base in 'map' or 'odom'; None while unknown."""
+        if frame == topics.ODOM_FRAME:
+            return self._odometry.T_odom_base if self._odometry is not None else None
+        with self._lock:
+            return self._fuser.pose()
+
+    def age_s(self, now_ns: int) -> float:
+        """Age of the image behind the newest camera pose [s]; infinite before the first."""
+        with self._lock:
+            return self._fuser.slam_age_s(now_ns)
+
+    @property
+    def stands(self) -> bool:
+        """Whether the wheels report that they stand."""
+        odometry = self._odometry
+        return odometry is not None and abs(odometry.v) < _STANDS_M_S and abs(odometry.omega) < _STANDS_RAD_S

@@ -1,0 +1,179 @@
+"""Node ``explore``: decides what to look at next and lets move_base drive there.
+
+Subscribers: map, vslam/map_points, vslam/pose, vslam/state, odom, mobile_base/hazards.
+Publishers: explore/frontiers (as explore_lite), explore/status (latched String, JSON, 1 Hz and on change),
+    explore/events (String, JSON: every change of state and every choice, with its reason), explore/coverage (known
+    area, m2), move_base/lease.
+Services: explore/pause, explore/resume, explore/stop, explore/home.
+Actions: client of move_base.
+Parameters: ~config (tree of config.py).
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections.abc import Callable
+
+import actionlib
+import numpy as np
+import rospy
+from actionlib_msgs.msg import GoalStatus
+from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
+from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Float32, String, UInt8
+from std_srvs.srv import Trigger, TriggerRequest, TriggerResponse
+from visualization_msgs.msg import MarkerArray
+
+from vsx_hw.readings import Hazard
+from vsx_ros.arrays import Points3
+from vsx_ros.config import Config
+from vsx_ros.exploration.mission import Action, Decision, Mission, NavigationState, Situation
+from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.planning.planner import Planner
+from vsx_ros.ros import convert, process, topics
+from vsx_ros.ros.frontier_markers import frontier_markers
+from vsx_ros.ros.lease import PERIOD_S, Lease
+from vsx_ros.ros.localization import Localization
+
+_DECIDE_PERIOD_S = 0.2
+_STATUS_PERIOD_S = 1.0
+_ON_THE_WAY = (GoalStatus.PENDING, GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.RECALLING)
+
+
+class ExploreNode:
+    """The mission, asked five times a second."""
+
+    def __init__(self, config: Config) -> None:
+        planner = Planner(config.planner, config.robot)
+        self._mission = Mission(config, lambda start, grid: lambda poses: planner.travel_costs(start, grid, poses))
+        self._lock = threading.Lock()
+        self._grid: OccupancyGrid | None = None
+        self._landmarks: Points3 = np.zeros((0, 3))
+        self._hazards = Hazard.NONE
+        self._goal_sent = False
+        self._status, self._status_s = "", 0.0
+        self._shown: object = None
+        self._where = Localization()
+        self._diagnostics = process.Diagnostics()
+        self._lease = Lease(topics.NAVIGATION_LEASE, rospy.get_name())
+        self._frontiers_pub = rospy.Publisher(topics.FRONTIERS, MarkerArray, queue_size=1, latch=True)
+        self._status_pub = rospy.Publisher(topics.EXPLORE_STATUS, String, queue_size=5, latch=True)
+        self._events_pub = rospy.Publisher(topics.EXPLORE_EVENTS, String, queue_size=100)
+        self._coverage_pub = rospy.Publisher(topics.COVERAGE, Float32, queue_size=1, latch=True)
+        self._client = actionlib.SimpleActionClient(topics.MOVE_BASE_ACTION, MoveBaseAction)
+        rospy.Subscriber(topics.MAP, OccupancyGridMsg, self._on_map, queue_size=1)
+        rospy.Subscriber(topics.MAP_POINTS, PointCloud2, self._on_points, queue_size=1, buff_size=2**22)
+        rospy.Subscriber(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5)
+        for name, request in (
+            (topics.EXPLORE_PAUSE, self._mission.pause),
+            (topics.EXPLORE_RESUME, self._mission.resume),
+            (topics.EXPLORE_STOP, self._mission.stop),
+            (topics.EXPLORE_HOME, self._mission.home),
+        ):
+            rospy.Service(name, Trigger, self._operator(request))
+        process.every(PERIOD_S, "lease", self._lease.renew)
+        process.every(_DECIDE_PERIOD_S, "mission", self._decide)
+
+    # Callbacks -----------------------------------------------------------------------------------------------
+
+    def _on_map(self, msg: OccupancyGridMsg) -> None:
+        self._grid = convert.grid(msg)
+        self._coverage_pub.publish(self._grid.known_area_m2)
+
+    def _on_points(self, msg: PointCloud2) -> None:
+        self._landmarks = convert.cloud_points(msg)
+
+    def _on_hazards(self, msg: UInt8) -> None:
+        self._hazards = Hazard(msg.data)
+
+    def _operator(self, request: Callable[[int], None]) -> Callable[[TriggerRequest], TriggerResponse]:
+        def handle(_: TriggerRequest) -> TriggerResponse:
+            with self._lock:
+                request(process.now_ns())
+                return TriggerResponse(True, self._mission.state.value)
+
+        return handle
+
+    # The mission ---------------------------------------------------------------------------------------------
+
+    def _decide(self) -> None:
+        if not self._client.wait_for_server(rospy.Duration.from_sec(0.01)):
+            self._diagnostics.set("mission", process.WARN, "waiting for the action server move_base")
+            return
+        with self._lock:
+            decision = self._mission.decide(process.now_ns(), self._situation())
+            events = self._mission.drain_events()
+        self._act(decision)
+        for event in events:
+            rospy.loginfo("%s: %s", event.state, event.reason)
+            self._events_pub.publish(json.dumps(event._asdict()))
+        self._report(decision)
+
+    def _situation(self) -> Situation:
+        navigation, reason = self._navigation()
+        where = self._where
+        return Situation(
+            slam_state=where.slam_state,
+            slam_reason=where.slam_reason,
+            T_map_base=where.pose(topics.MAP_FRAME),
+            T_odom_base=where.pose(topics.ODOM_FRAME),
+            grid=self._grid,
+            navigation=navigation,
+            navigation_reason=reason,
+            hazard=self._hazards.name if self._hazards else None,
+            landmarks_world=self._landmarks,
+        )
+
+    def _navigation(self) -> tuple[NavigationState, str]:
+        if not self._goal_sent:
+            return NavigationState.IDLE, ""
+        state, reason = self._client.get_state(), self._client.get_goal_status_text()
+        if state in _ON_THE_WAY:
+            return NavigationState.ACTIVE, reason
+        return (NavigationState.SUCCEEDED if state == GoalStatus.SUCCEEDED else NavigationState.ABORTED), reason
+
+    def _act(self, decision: Decision) -> None:
+        if decision.action is Action.GO and decision.goal is not None:
+            goal = convert.pose_stamped(decision.frame, process.now_ns(), decision.goal)
+            self._client.send_goal(MoveBaseGoal(goal))
+            self._goal_sent = True
+        elif decision.action in (Action.CANCEL, Action.FINISH) and self._navigation()[0] is NavigationState.ACTIVE:
+            self._client.cancel_all_goals()
+
+    def _report(self, decision: Decision) -> None:
+        """Status as JSON, frontiers when they were searched anew."""
+        mission, goal = self._mission, decision.goal
+        status = {
+            "state": decision.state,
+            "reason": decision.reason,
+            "outcome": mission.outcome.name if mission.outcome else None,
+            "navigation": self._navigation()[0].value,
+            "goal": [goal.x, goal.y, goal.theta] if goal is not None else None,
+            "frontiers": len(mission.frontiers),
+            "views": len(mission.ranking.views),
+            "known_area_m2": self._grid.known_area_m2 if self._grid is not None else None,
+        }
+        text, now_s = json.dumps(status), time.monotonic()
+        if text != self._status or now_s - self._status_s > _STATUS_PERIOD_S:
+            self._status, self._status_s = text, now_s
+            self._status_pub.publish(text)
+            self._diagnostics.set("mission", process.OK, f"{decision.state}: {decision.reason}")
+        if mission.ranking is not self._shown and self._grid is not None:
+            self._shown = mission.ranking
+            self._frontiers_pub.publish(
+                frontier_markers(
+                    self._grid, mission.frontiers, mission.ranking.views, topics.MAP_FRAME, process.now_ns()
+                )
+            )
+
+    def close(self) -> None:
+        """Without the mission nobody wants to drive."""
+        self._client.cancel_all_goals()
+
+
+def main() -> None:
+    """Entry point of scripts/explore."""
+    process.run("explore", ExploreNode)

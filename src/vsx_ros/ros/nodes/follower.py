@@ -1,0 +1,149 @@
+"""Node ``follower``: drives along the trajectory of move_base, 30 times a second.
+
+Subscribers: move_base/trajectory (frame map: by camera and wheels; frame odom: by the wheels alone), odom, vslam/pose,
+    vslam/state, mobile_base/hazards, follower/lease.
+Publishers: cmd_vel_mux/input/navi, follower/status (latched String, JSON: trajectory, status, reason, error).
+Services: follower/cancel.
+Parameters: ~config (tree of config.py).
+
+The wheels turn only while vslam and move_base renew their leases. After a stop the node sends zero for a moment and
+then nothing, so that other inputs of the mux are not disturbed.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+
+import rospy
+from geometry_msgs.msg import Twist
+from std_msgs.msg import String, UInt8
+from std_srvs.srv import Trigger, TriggerRequest, TriggerResponse
+from trajectory_msgs.msg import MultiDOFJointTrajectory
+
+from vsx_hw.readings import Hazard
+from vsx_ros.config import Config
+from vsx_ros.control.trajectory_tracker import FollowResult, FollowStatus, TrajectoryTracker
+from vsx_ros.errors import VsxError
+from vsx_ros.robot import STOP
+from vsx_ros.ros import convert, process, topics
+from vsx_ros.ros.lease import LeaseWatch
+from vsx_ros.ros.localization import Localization
+
+_PERIOD_S = 1.0 / 30.0
+_ZERO_FOR_S = 0.3
+_PATIENCE_S = 2.0
+_STATUS_PERIOD_S = 0.2
+
+
+class FollowerNode:
+    """One loop; callbacks only hand over under the lock."""
+
+    def __init__(self, config: Config) -> None:
+        self._tracker = TrajectoryTracker(config.follower, config.limits)
+        self._lock = threading.Lock()
+        self._id, self._frame, self._following = 0, topics.MAP_FRAME, False
+        self._status, self._reported_s = "", 0.0
+        self._hazards = Hazard.NONE
+        self._zero_until_s = self._heard_vslam_s = 0.0
+        self._where = Localization()
+        self._leases = LeaseWatch(topics.FOLLOWER_LEASE)
+        self._diagnostics = process.Diagnostics()
+        self._command_pub = rospy.Publisher(topics.COMMAND_NAVI, Twist, queue_size=1, tcp_nodelay=True)
+        self._status_pub = rospy.Publisher(topics.FOLLOWER_STATUS, String, queue_size=5, latch=True, tcp_nodelay=True)
+        self._report(FollowResult(STOP, FollowStatus.IDLE, "nothing to follow"))
+        rospy.Service(topics.FOLLOWER_CANCEL, Trigger, self._on_cancel)
+        rospy.Subscriber(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5, tcp_nodelay=True)
+        rospy.Subscriber(topics.TRAJECTORY, MultiDOFJointTrajectory, self._on_trajectory, queue_size=2)
+        process.every(_PERIOD_S, "control", self._control)
+
+    def _on_trajectory(self, msg: MultiDOFJointTrajectory) -> None:
+        """A new trajectory replaces the old one; one without points is a stop."""
+        try:
+            trajectory = convert.trajectory(msg)
+        except VsxError as error:
+            rospy.logerr("%s", error)
+            trajectory = None
+        with self._lock:
+            if trajectory is None:
+                self._end("cancelled")
+                return
+            self._id, self._frame, self._following = msg.header.stamp.to_nsec(), msg.header.frame_id, True
+            self._heard_vslam_s = time.monotonic()
+            self._tracker.start(trajectory, process.now_ns())
+
+    def _on_hazards(self, msg: UInt8) -> None:
+        """A hazard that was not there before ends the drive; one that is still there may be backed away from."""
+        hazards = Hazard(msg.data)
+        with self._lock:
+            new, self._hazards = hazards & ~self._hazards, hazards
+            if new:
+                self._end(f"hazard: {new.name}")
+
+    def _on_cancel(self, _: TriggerRequest) -> TriggerResponse:
+        with self._lock:
+            self._end("cancelled by service")
+        return TriggerResponse(True, "stopped")
+
+    def _control(self) -> None:
+        with self._lock:
+            if self._following:
+                self._follow()
+            elif time.monotonic() < self._zero_until_s:
+                self._command_pub.publish(convert.twist(STOP))
+
+    def _follow(self) -> None:
+        """One command. Silence of vslam stops at once and is waited for, silence of move_base is the end."""
+        now_s = time.monotonic()
+        camera_alive = self._leases.is_fresh("vslam")
+        if camera_alive:
+            self._heard_vslam_s = now_s
+        if not self._leases.is_fresh("move_base"):
+            self._end("move_base is silent")
+            return
+        if now_s - self._heard_vslam_s > _PATIENCE_S:
+            self._end("vslam is silent")
+            return
+        now_ns = process.now_ns()
+        blind = self._frame == topics.ODOM_FRAME
+        age_s = 0.0 if blind else self._where.age_s(now_ns)
+        tracking_ok = camera_alive and (blind or self._where.is_tracking)
+        result = self._tracker.command(now_ns, self._where.pose(self._frame), age_s, tracking_ok)
+        self._command_pub.publish(convert.twist(result.command if camera_alive else STOP))
+        self._report(result)
+        if result.status in (FollowStatus.ARRIVED, FollowStatus.DIVERGED):
+            self._rest()
+
+    def _end(self, reason: str) -> None:
+        """Stop here, for a reason that is not the tracker's."""
+        if self._following:
+            self._tracker.cancel()
+            self._report(FollowResult(STOP, FollowStatus.DIVERGED, reason))
+            self._rest()
+
+    def _rest(self) -> None:
+        self._following = False
+        self._zero_until_s = time.monotonic() + _ZERO_FOR_S
+        self._command_pub.publish(convert.twist(STOP))
+
+    def _report(self, result: FollowResult) -> None:
+        """Status for move_base: on change, and again and again while following."""
+        status = {"trajectory": self._id, "status": result.status.value, "reason": result.reason}
+        key, now_s = json.dumps(status), time.monotonic()
+        if key == self._status and now_s - self._reported_s < _STATUS_PERIOD_S:
+            return
+        self._status, self._reported_s = key, now_s
+        error = list(result.error.as_array()) if result.error is not None else None
+        self._status_pub.publish(json.dumps({**status, "error": error}))
+        level = process.WARN if result.status in (FollowStatus.DIVERGED, FollowStatus.STALE) else process.OK
+        self._diagnostics.set("control", level, f"{result.status.value} {result.reason}".strip())
+
+    def close(self) -> None:
+        """Leave with the wheels told to stand."""
+        self._command_pub.publish(convert.twist(STOP))
+
+
+def main() -> None:
+    """Entry point of scripts/follower."""
+    process.run("follower", FollowerNode)

@@ -1,0 +1,196 @@
+"""Node ``move_base``: plans to goals so that the camera keeps its features, and sees them through.
+
+Subscribers: map, odom, vslam/pose, vslam/state, move_base_simple/goal, follower/status, move_base/lease.
+Publishers: move_base/global_plan, move_base/trajectory (latched; header stamp is its identity), follower/lease.
+Services: move_base/make_plan.
+Actions: move_base. Goals in frame map are planned in the newest map from the fused pose, goals in frame odom by
+    odometry alone: straight or along the trail, without a map.
+Parameters: ~config (tree of config.py), ~planner (fov or unconstrained; fov), ~seed (int, 0).
+
+A client that ever renewed move_base/lease must go on doing so while its goal is pursued.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+
+import actionlib
+import numpy as np
+import rospy
+from geometry_msgs.msg import PoseStamped
+from move_base_msgs.msg import MoveBaseAction, MoveBaseActionGoal, MoveBaseFeedback, MoveBaseGoal
+from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
+from nav_msgs.msg import Path as PathMsg
+from nav_msgs.srv import GetPlan, GetPlanRequest, GetPlanResponse
+from std_msgs.msg import String
+from trajectory_msgs.msg import MultiDOFJointTrajectory
+
+from vsx_ros.config import Config
+from vsx_ros.control.trajectory_tracker import FollowStatus
+from vsx_ros.errors import ConfigError, VsxError
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.planning.path import Plan, Refusal
+from vsx_ros.planning.planner import Planner, UnconstrainedPlanner
+from vsx_ros.planning.time_scaling import time_scale
+from vsx_ros.ros import convert, process, topics
+from vsx_ros.ros.lease import PERIOD_S, Lease, LeaseWatch
+from vsx_ros.ros.localization import Localization
+
+_STAND_WAIT_S = 1.5
+_FOLLOWER_SILENCE_S = 1.0
+_PLAN_STEP_M = 0.05
+_FRAMES = (topics.MAP_FRAME, topics.ODOM_FRAME)
+
+
+class MoveBaseNode:
+    """One goal at a time, on the action server's thread."""
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+        self._blind = Planner(config.planner, config.robot)
+        self._planner = self._chosen_planner(config)
+        self._rng = np.random.default_rng(int(rospy.get_param("~seed", 0)))
+        self._planning = threading.Lock()
+        self._grid: OccupancyGrid | None = None
+        self._follower: dict[str, object] = {}
+        self._follower_s = 0.0
+        self._busy = False
+        self._where = Localization()
+        self._clients = LeaseWatch(topics.NAVIGATION_LEASE)
+        self._lease = Lease(topics.FOLLOWER_LEASE, "move_base")
+        self._diagnostics = process.Diagnostics()
+        self._path_pub = rospy.Publisher(topics.GLOBAL_PLAN, PathMsg, queue_size=1, latch=True)
+        self._trajectory_pub = rospy.Publisher(topics.TRAJECTORY, MultiDOFJointTrajectory, queue_size=2, latch=True)
+        self._goal_pub = rospy.Publisher(f"{topics.MOVE_BASE_ACTION}/goal", MoveBaseActionGoal, queue_size=2)
+        rospy.Subscriber(topics.MAP, OccupancyGridMsg, self._on_map, queue_size=1)
+        rospy.Subscriber(topics.FOLLOWER_STATUS, String, self._on_follower, queue_size=5, tcp_nodelay=True)
+        rospy.Subscriber(topics.SIMPLE_GOAL, PoseStamped, self._on_simple_goal, queue_size=1)
+        rospy.Service(topics.MAKE_PLAN, GetPlan, self._on_make_plan)
+        self._server = actionlib.SimpleActionServer(
+            topics.MOVE_BASE_ACTION, MoveBaseAction, self._execute, auto_start=False
+        )
+        self._server.start()
+        process.every(PERIOD_S, "lease", self._renew)
+
+    @staticmethod
+    def _chosen_planner(config: Config) -> Planner | UnconstrainedPlanner:
+        name = str(rospy.get_param("~planner", "fov"))
+        kinds = {"fov": Planner, "unconstrained": UnconstrainedPlanner}
+        if name not in kinds:
+            raise ConfigError(f"parameter ~planner is {name!r}; give one of {', '.join(kinds)}")
+        return kinds[name](config.planner, config.robot)
+
+    # Callbacks -----------------------------------------------------------------------------------------------
+
+    def _on_map(self, msg: OccupancyGridMsg) -> None:
+        self._grid = convert.grid(msg)
+
+    def _on_follower(self, msg: String) -> None:
+        self._follower, self._follower_s = json.loads(msg.data), time.monotonic()
+
+    def _on_simple_goal(self, msg: PoseStamped) -> None:
+        self._goal_pub.publish(MoveBaseActionGoal(goal=MoveBaseGoal(msg)))
+
+    def _on_make_plan(self, request: GetPlanRequest) -> GetPlanResponse:
+        plan = self._plan(convert.se2(request.start.pose), convert.se2(request.goal.pose), request.goal.header.frame_id)
+        if isinstance(plan, Refusal):
+            rospy.logwarn("make_plan: %s", plan.reason)
+            return GetPlanResponse()
+        return GetPlanResponse(self._path_msg(plan, request.goal.header.frame_id))
+
+    def _renew(self) -> None:
+        if self._busy:
+            self._lease.renew()
+
+    # One goal ------------------------------------------------------------------------------------------------
+
+    def _execute(self, goal: MoveBaseGoal) -> None:
+        self._busy = True
+        try:
+            arrived, reason = self._pursue(goal.target_pose)
+        except VsxError as error:
+            arrived, reason = False, str(error)
+        finally:
+            self._busy = False
+        if not arrived:
+            self._trajectory_pub.publish(convert.trajectory_msg(None, topics.MAP_FRAME, process.now_ns()))
+        rospy.loginfo("goal %s: %s", "reached" if arrived else "given up", reason)
+        self._diagnostics.set("goal", process.OK if arrived else process.WARN, reason)
+        if arrived:
+            self._server.set_succeeded(text=reason)
+        elif self._server.is_preempt_requested():
+            self._server.set_preempted(text=reason)
+        else:
+            self._server.set_aborted(text=reason)
+
+    def _pursue(self, target: PoseStamped) -> tuple[bool, str]:
+        """Plan, hand over to the follower, watch. Whether the goal was reached, and why or why not."""
+        frame = target.header.frame_id
+        self._wait_until_standing()
+        start = self._where.pose(frame)
+        if frame not in _FRAMES or start is None:
+            return False, f"no pose of the base in frame {frame!r}; goals are in map or odom"
+        plan = self._plan(start, convert.se2(target.pose), frame)
+        if isinstance(plan, Refusal):
+            return False, plan.reason
+        trajectory = time_scale(plan.path, self._config.limits)
+        identity_ns = process.now_ns()
+        self._path_pub.publish(self._path_msg(plan, frame))
+        self._follower_s = time.monotonic()
+        self._trajectory_pub.publish(convert.trajectory_msg(trajectory, frame, identity_ns))
+        self._diagnostics.set("goal", process.OK, f"driving {plan.path.length_m:.1f} m")
+        return self._watch(identity_ns, frame)
+
+    def _plan(self, start: SE2, goal: SE2, frame: str) -> Plan | Refusal:
+        grid = self._grid
+        started_s = time.monotonic()
+        with self._planning:
+            if frame == topics.ODOM_FRAME or grid is None:
+                plan = self._blind.plan_blind(start, goal)
+            else:
+                plan = self._planner.plan(start, goal, grid, self._rng)
+        elapsed_ms = 1e3 * (time.monotonic() - started_s)
+        self._diagnostics.set("planner", process.OK, f"last plan took {elapsed_ms:.0f} ms", plan_ms=elapsed_ms)
+        return plan
+
+    def _watch(self, identity_ns: int, frame: str) -> tuple[bool, str]:
+        """Wait for the follower's verdict on the trajectory."""
+        client = str(self._server.current_goal.get_goal_id().id).split("-")[0]
+        while not rospy.is_shutdown():
+            time.sleep(PERIOD_S)
+            if self._server.is_preempt_requested():
+                return False, "cancelled by the client"
+            if self._clients.is_known(client) and not self._clients.is_fresh(client):
+                return False, f"the client {client} is silent"
+            if time.monotonic() - self._follower_s > _FOLLOWER_SILENCE_S:
+                return False, "the follower is silent"
+            pose = self._where.pose(frame)
+            if pose is not None:
+                self._server.publish_feedback(MoveBaseFeedback(convert.pose_stamped(frame, process.now_ns(), pose)))
+            if self._follower.get("trajectory") == identity_ns:
+                status, reason = self._follower.get("status"), str(self._follower.get("reason"))
+                if status in (FollowStatus.ARRIVED.value, FollowStatus.DIVERGED.value):
+                    return status == FollowStatus.ARRIVED.value, reason
+        return False, "shutting down"
+
+    def _wait_until_standing(self) -> None:
+        """A plan begins at rest; after a cancelled goal the base needs a moment."""
+        deadline_s = time.monotonic() + _STAND_WAIT_S
+        while not self._where.stands and time.monotonic() < deadline_s:
+            time.sleep(PERIOD_S)
+
+    def _path_msg(self, plan: Plan, frame: str) -> PathMsg:
+        poses = [SE2(*row[:3]) for row in plan.path.sample(_PLAN_STEP_M).tolist()]
+        return convert.path_msg(frame, process.now_ns(), poses)
+
+    def close(self) -> None:
+        """A last word to the follower."""
+        self._trajectory_pub.publish(convert.trajectory_msg(None, topics.MAP_FRAME, process.now_ns()))
+
+
+def main() -> None:
+    """Entry point of scripts/move_base."""
+    process.run("move_base", MoveBaseNode)

@@ -1,0 +1,150 @@
+"""Node ``vslam``: camera and wheels to pose, sparse map and ground map.
+
+Subscribers: camera/rgb/image_raw, camera/rgb/camera_info, odom, mobile_base/hazards.
+Publishers: vslam/pose (base_footprint in map, stamp of the image), /tf map -> odom, /tf_static (camera mount),
+    vslam/state, vslam/stats/*, follower/lease; map, map_metadata, vslam/{map_points,keyframes,path} (latched).
+Services: static_map.
+Parameters: ~config (tree of config.py), ~seed (int, 0), ~run_dir (folder for the results of the run; none).
+"""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import rospy
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from nav_msgs.msg import Odometry as OdometryMsg
+from sensor_msgs.msg import CameraInfo, Image
+from std_msgs.msg import UInt8
+from tf2_msgs.msg import TFMessage
+
+from vsx_hw.readings import Hazard
+from vsx_ros.config import Config
+from vsx_ros.errors import InputError
+from vsx_ros.geometry.camera import mount_pose
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.robot import Odometry
+from vsx_ros.ros import convert, images, process, topics
+from vsx_ros.ros.ground_mapping import GroundMapping
+from vsx_ros.ros.lease import Lease
+from vsx_ros.ros.sensor_sync import SensorSync
+from vsx_ros.ros.slam_messages import SlamStatus
+from vsx_ros.ros.slam_record import SlamRecord
+from vsx_ros.slam.state import TrackingResult, TrackingState
+from vsx_ros.slam.threads import ThreadedSlam
+
+_MAP_PERIOD_S = 1.0
+_TF_PERIOD_S = 0.05
+_TF_TOLERANCE_NS = 100_000_000
+_SILENCE_S = 3.0
+# What tracking of this quality achieves against a metric map; the SLAM states no covariance of its own.
+_SIGMA = {TrackingState.GOOD: (0.02, 0.01), TrackingState.DUBIOUS: (0.06, 0.03)}
+
+
+class VslamNode:
+    """Tracks on one thread and maps the ground on another; callbacks only hand over."""
+
+    def __init__(self, config: Config) -> None:
+        mount = config.robot.mount
+        self._config = config
+        self._T_base_cam = mount_pose(
+            mount.forward_m, mount.left_m, mount.height_m, mount.pitch_down_rad, mount.yaw_left_rad
+        )
+        self._run_dir = str(rospy.get_param("~run_dir", ""))
+        self._sync = SensorSync()
+        self._record = SlamRecord()
+        self._slam: ThreadedSlam | None = None
+        self._T_map_odom = SE2()
+        self._ground = GroundMapping(config)
+        self._status = SlamStatus()
+        self._lease = Lease(topics.FOLLOWER_LEASE, "vslam")
+        self._pose_pub = rospy.Publisher(topics.POSE, PoseWithCovarianceStamped, queue_size=5, tcp_nodelay=True)
+        self._tf_pub = rospy.Publisher(topics.TF, TFMessage, queue_size=20)
+        self._tf_static_pub = rospy.Publisher(topics.TF_STATIC, TFMessage, queue_size=1, latch=True)
+        self._tf_static_pub.publish(convert.mount_transforms(mount, process.now_ns()))
+        rospy.Subscriber(topics.ODOM, OdometryMsg, self._on_odometry, queue_size=50, tcp_nodelay=True)
+        rospy.Subscriber(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5)
+        process.image_subscriber(self._on_image)
+        process.every(_TF_PERIOD_S, "tf", self._publish_tf)
+        process.every(_MAP_PERIOD_S, "ground map", self._map)
+        self._tracking = process.worker("tracking", self._track)
+
+    def _on_odometry(self, msg: OdometryMsg) -> None:
+        odometry = convert.odometry(msg)
+        self._record.add_odometry(odometry)
+        self._sync.add_odometry(odometry)
+
+    def _on_hazards(self, msg: UInt8) -> None:
+        if Hazard(msg.data) & Hazard.BUMPER:
+            self._ground.bumped()
+
+    def _on_image(self, msg: Image) -> None:
+        try:
+            self._sync.add_frame(images.frame(msg))
+        except InputError as error:
+            rospy.logerr_throttle(5.0, "%s", error)
+
+    def _track(self) -> None:
+        camera = images.camera(self._first_camera_info())
+        seed = int(rospy.get_param("~seed", 0))
+        self._slam = slam = ThreadedSlam(camera, self._T_base_cam, self._config.slam, seed)
+        heard_s = time.monotonic()
+        while not rospy.is_shutdown():
+            taken = self._sync.take(timeout_s=0.2)
+            now_s = time.monotonic()
+            if taken is None:
+                if now_s - heard_s > _SILENCE_S:
+                    self._status.waiting_for(topics.IMAGE)
+                continue
+            frame, odometry = taken
+            result = slam.track(frame, odometry)
+            self._lease.renew()
+            self._publish_pose(result, odometry)
+            self._status.frame(result, now_s - heard_s, self._sync.dropped)
+            self._record.add_frame(result, time.monotonic() - now_s)
+            heard_s = now_s
+
+    def _first_camera_info(self) -> CameraInfo:
+        """The calibration comes with the images; until then say what is missing."""
+        while True:
+            try:
+                return rospy.wait_for_message(topics.CAMERA_INFO, CameraInfo, timeout=_SILENCE_S)
+            except rospy.ROSInterruptException:
+                raise
+            except rospy.ROSException:
+                self._status.waiting_for(topics.CAMERA_INFO)
+
+    def _publish_pose(self, result: TrackingResult, odometry: Odometry | None) -> None:
+        if result.T_world_cam is None or result.state not in _SIGMA:
+            return
+        T_map_base = SE2.from_se3(result.T_world_cam @ self._T_base_cam.inverse())
+        sigma_m, sigma_rad = _SIGMA[result.state]
+        self._pose_pub.publish(
+            convert.pose_with_covariance(topics.MAP_FRAME, result.stamp_ns, T_map_base, sigma_m, sigma_rad)
+        )
+        self._ground.moved(T_map_base)
+        if odometry is not None:
+            self._T_map_odom = (T_map_base @ odometry.T_odom_base.inverse()).wrapped()
+
+    def _publish_tf(self) -> None:
+        stamp_ns = process.now_ns() + _TF_TOLERANCE_NS
+        self._tf_pub.publish(
+            [convert.transform_stamped(topics.MAP_FRAME, topics.ODOM_FRAME, stamp_ns, self._T_map_odom)]
+        )
+
+    def _map(self) -> None:
+        snapshot = self._slam.snapshot() if self._slam is not None else None
+        self._ground.refresh(snapshot)
+        self._status.map(snapshot)
+
+    def close(self) -> None:
+        """Write the run's results after the last frame."""
+        self._tracking.join(timeout=1.0)
+        if self._run_dir and self._slam is not None:
+            self._record.write(Path(self._run_dir), self._slam)
+
+
+def main() -> None:
+    """Entry point of scripts/vslam."""
+    process.run("vslam", VslamNode)

@@ -1,0 +1,95 @@
+"""What the SLAM says about itself, as messages: its state, and the numbers a user may want to plot."""
+
+from __future__ import annotations
+
+import rospy
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from std_msgs.msg import Float32, UInt32
+
+from vsx_ros.errors import InputError
+from vsx_ros.ros import process, topics
+from vsx_ros.slam.map import MapSnapshot
+from vsx_ros.slam.state import TrackingResult, TrackingState
+
+_NAMES = {
+    TrackingState.NOT_INITIALISED: "NOT_INITIALISED",
+    TrackingState.GOOD: "TRACKING",
+    TrackingState.DUBIOUS: "POOR",
+    TrackingState.LOST: "LOST",
+}
+_STATES = {name: state for state, name in _NAMES.items()}
+_LEVELS = {
+    TrackingState.NOT_INITIALISED: process.WARN,
+    TrackingState.GOOD: process.OK,
+    TrackingState.DUBIOUS: process.WARN,
+    TrackingState.LOST: process.ERROR,
+}
+_FPS_MEMORY = 0.1
+
+
+def state_msg(state: TrackingState, reason: str, **values: object) -> DiagnosticStatus:
+    """name: NOT_INITIALISED, TRACKING, POOR or LOST; message: the reason."""
+    pairs = [KeyValue(key, str(value)) for key, value in values.items()]
+    return DiagnosticStatus(_LEVELS[state], _NAMES[state], reason, "vslam", pairs)
+
+
+def tracking_state(msg: DiagnosticStatus) -> TrackingState:
+    """The state of a message. Raises InputError for an unknown name."""
+    if msg.name not in _STATES:
+        raise InputError(f"SLAM state {msg.name!r} is unknown; expected one of {', '.join(_STATES)}")
+    return _STATES[msg.name]
+
+
+class SlamStatus:
+    """Publishers: vslam/state (latched, on change and with every map), vslam/stats/*, /diagnostics."""
+
+    def __init__(self) -> None:
+        kinds = {"std_msgs/Float32": Float32, "std_msgs/UInt32": UInt32}
+        self._stats = {
+            name: rospy.Publisher(f"{topics.STATS}/{name}", kinds[kind], queue_size=10)
+            for name, kind in topics.STAT_TYPES.items()
+        }
+        self._state_pub = rospy.Publisher(topics.SLAM_STATE, DiagnosticStatus, queue_size=5, latch=True)
+        self._diagnostics = process.Diagnostics()
+        self._state, self._reason = TrackingState.NOT_INITIALISED, "waiting for the first image"
+        self._fps = 0.0
+        self._announce()
+
+    def waiting_for(self, topic: str) -> None:
+        """No message on a topic the node cannot do without."""
+        name = rospy.resolve_name(topic)
+        reason = f"no message on {name}; 'rostopic info {name}' shows who publishes it"
+        self._diagnostics.set("input", process.ERROR, reason)
+        rospy.logwarn_throttle(10.0, "%s", reason)
+
+    def frame(self, result: TrackingResult, period_s: float, dropped: int) -> None:
+        """One frame was tracked, ``period_s`` after the one before; ``dropped`` counts those never looked at."""
+        self._fps += _FPS_MEMORY * (1.0 / max(period_s, 1e-3) - self._fps)
+        if (result.state, result.reason) != (self._state, self._reason):
+            if result.state is not self._state:
+                rospy.loginfo("%s: %s", _NAMES[result.state], result.reason)
+            self._state, self._reason = result.state, result.reason
+            self._announce()
+        self._diagnostics.set("input", process.OK, f"{self._fps:.0f} images a second", dropped=dropped)
+        self._publish(
+            tracked_ratio=result.found / max(result.searched, 1),
+            tracked=result.found,
+            attempted=result.searched,
+            fps=self._fps,
+            latency_ms=(process.now_ns() - result.stamp_ns) * 1e-6,
+            dropped=dropped,
+        )
+
+    def map(self, snapshot: MapSnapshot | None) -> None:
+        """Once a second: the state again, and the size of the map."""
+        self._announce()
+        if snapshot is not None:
+            self._publish(keyframes=len(snapshot.T_world_cams), points=len(snapshot.points_world))
+
+    def _announce(self) -> None:
+        self._state_pub.publish(state_msg(self._state, self._reason))
+        self._diagnostics.set("tracking", _LEVELS[self._state], f"{_NAMES[self._state]} {self._reason}".strip())
+
+    def _publish(self, **values: float) -> None:
+        for name, value in values.items():
+            self._stats[name].publish(value)
