@@ -1,0 +1,96 @@
+"""Two views of a rigid scene: essential matrix, homography, and the motions they allow."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from vsx_ros.arrays import BoolArray, FloatArray, Points2
+from vsx_ros.geometry.se3 import SE3
+
+_CHI2_LINE, _CHI2_POINT = 3.84, 5.99
+
+
+class TwoViewMotions(NamedTuple):
+    """Hypotheses T_b_a with unit translation, best supported first; planar: how much a homography explains, in [0, 1]
+    (0.5: as well as the essential matrix); inliers (N,): matches the better model explains."""
+
+    T_b_a: tuple[SE3, ...]
+    planar: float
+    inliers: BoolArray
+
+
+def two_view_motions(rays_a: Points2, rays_b: Points2, tolerance: float) -> TwoViewMotions:
+    """Motions that explain matched rays (N, 2) on the planes z = 1, N >= 8; tolerance: standard deviation on that plane.
+
+    Five-point essential matrix (Nister 2004) and homography, both by RANSAC with OpenCV's fixed seed, weighed against each
+    other by truncated chi-square scores (Mur-Artal et al. 2015). A planar scene yields the homography's decompositions too.
+    """
+    E, mask = cv2.findEssentialMat(rays_a, rays_b, np.eye(3), cv2.RANSAC, 0.999, 2.0 * tolerance)
+    H, _ = cv2.findHomography(rays_a, rays_b, cv2.RANSAC, 2.5 * tolerance, maxIters=1000, confidence=0.999)
+    motions: list[SE3] = []
+    score_e, score_h = 0.0, 0.0
+    inliers = np.zeros(len(rays_a), np.bool_)
+    if E is not None and E.shape == (3, 3):
+        error = epipolar_error(E, rays_a, rays_b) / tolerance**2
+        score_e = _support(error, _CHI2_LINE)
+        inliers = error.max(axis=1) < _CHI2_LINE
+        _, R, t, _ = cv2.recoverPose(E, rays_a, rays_b, np.eye(3), mask=mask.copy())
+        motions.append(SE3(R, t.ravel()))
+    if H is not None:
+        error = transfer_error(H, rays_a, rays_b) / tolerance**2
+        score_h = _support(error, _CHI2_POINT)
+        if score_h > score_e:
+            inliers = error.max(axis=1) < _CHI2_POINT
+        planar = score_h / max(score_h + score_e, 1e-9)
+        if planar > 0.40:
+            motions += _of_homography(H, rays_a[inliers], rays_b[inliers])
+    return TwoViewMotions(tuple(motions), score_h / max(score_h + score_e, 1e-9), inliers)
+
+
+def _of_homography(H: FloatArray, rays_a: Points2, rays_b: Points2) -> list[SE3]:
+    """The decompositions (Malis and Vargas 2007) that keep most points in front of both cameras."""
+    _, rotations, translations, normals = cv2.decomposeHomographyMat(H, np.eye(3))
+    a = np.column_stack([rays_a, np.ones(len(rays_a))])
+    found = []
+    for R, t, normal in zip(rotations, translations, normals):
+        size = float(np.linalg.norm(t))
+        if size > 1e-9 and (a @ normal > 0).mean() > 0.9:
+            found.append(SE3(R, t.ravel() / size))
+    return found
+
+
+def _support(squared: FloatArray, limit: float) -> float:
+    """Sum over both images of how far each error stays below the limit (errors (N, 2) in squared sigmas)."""
+    return float(np.where(squared < limit, _CHI2_POINT - squared, 0.0).sum())
+
+
+def epipolar_error(E: FloatArray, rays_a: Points2, rays_b: Points2) -> FloatArray:
+    """(N, 2) squared distances of b's rays to their epipolar lines, and of a's to theirs."""
+    a, b = np.column_stack([rays_a, np.ones(len(rays_a))]), np.column_stack([rays_b, np.ones(len(rays_b))])
+    lines_b, lines_a = a @ E.T, b @ E
+    product = (b * lines_b).sum(axis=1) ** 2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        both = np.stack(
+            [product / (lines_b[:, :2] ** 2).sum(axis=1), product / (lines_a[:, :2] ** 2).sum(axis=1)], axis=1
+        )
+    return np.nan_to_num(both, nan=np.inf, posinf=np.inf)
+
+
+def transfer_error(H: FloatArray, rays_a: Points2, rays_b: Points2) -> FloatArray:
+    """(N, 2) squared distances of b from H a, and of a from H^-1 b."""
+    columns = []
+    for M, x, y in ((H, rays_a, rays_b), (np.linalg.inv(H), rays_b, rays_a)):
+        mapped = np.column_stack([x, np.ones(len(x))]) @ M.T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            columns.append(((mapped[:, :2] / mapped[:, 2:] - y) ** 2).sum(axis=1))
+    return np.nan_to_num(np.stack(columns, axis=1), nan=np.inf, posinf=np.inf)
+
+
+def essential_matrix(T_b_a: SE3) -> FloatArray:
+    """(3, 3) E with b^T E a = 0 for rays a, b of the same point."""
+    x, y, z = T_b_a.translation
+    E: FloatArray = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) @ T_b_a.rotation
+    return E

@@ -1,0 +1,232 @@
+"""8x8 patches: warp, zero-mean SSD at corners, inverse-compositional sub-pixel alignment (Klein and Murray 2007, 5.4).
+
+An image pyramid is one flat (B,) uint8 buffer and a table (4, 4) int64 with rows (offset, height, width, first row
+index); its corners are (N, 2) int32 (x, y) in level pixels, sorted by level and row, with ``row_table`` giving for every
+row of every level the index of its first corner (one closing entry per level). A map point's patch is 24x24 uint8 of
+its source level around the source corner, which is pixel (12, 12).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from vsx_ros.kernels import kernel
+
+PATCH = 24
+CENTRE = 12
+TEMPLATE = 10
+MAX_ZMSSD = 32000.0
+
+
+@kernel
+def warp_template(patch: Any, w: Any, template: Any) -> bool:
+    """Fill the (10, 10) float32 template from the (24, 24) patch; w (4,): template px -> patch px.
+
+    Template pixel (4 + 1, 4 + 1) is the corner. False when a corner of the template lies outside the patch.
+    """
+    reach = PATCH - 1.0
+    for dy in (-5.0, 4.0):
+        for dx in (-5.0, 4.0):
+            px = CENTRE + w[0] * dx + w[1] * dy
+            py = CENTRE + w[2] * dx + w[3] * dy
+            if not (0.0 <= px < reach and 0.0 <= py < reach):
+                return False
+    for j in range(TEMPLATE):
+        for i in range(TEMPLATE):
+            px = CENTRE + w[0] * (i - 5) + w[1] * (j - 5)
+            py = CENTRE + w[2] * (i - 5) + w[3] * (j - 5)
+            x, y = int(px), int(py)
+            fx, fy = px - x, py - y
+            top = (1.0 - fx) * patch[y, x] + fx * patch[y, x + 1]
+            bottom = (1.0 - fx) * patch[y + 1, x] + fx * patch[y + 1, x + 1]
+            template[j, i] = (1.0 - fy) * top + fy * bottom
+    return True
+
+
+@kernel
+def quantize(template: Any, core: Any) -> tuple[int, int]:
+    """Fill core (64,) int32 with the inner 8x8 of the template; its sum and sum of squares."""
+    total = 0
+    squares = 0
+    for j in range(8):
+        for i in range(8):
+            value = np.int32(template[j + 1, i + 1] + 0.5)
+            core[8 * j + i] = value
+            total += value
+            squares += value * value
+    return total, squares
+
+
+@kernel
+def zmssd(pixels: Any, start: int, width: int, core: Any, total: int, squares: int) -> float:
+    """Zero-mean sum of squared differences between the core and the 8x8 image patch whose first pixel is ``start``."""
+    image_sum = np.int32(0)
+    image_squares = np.int32(0)
+    cross = np.int32(0)
+    for j in range(8):
+        row = start + j * width
+        for i in range(8):
+            a = np.int32(pixels[row + i])
+            image_sum += a
+            image_squares += a * a
+            cross += a * core[8 * j + i]
+    mean = float(total - image_sum)
+    return float(squares + image_squares - 2 * cross) - mean * mean / 64.0
+
+
+@kernel
+def best_corner(
+    pixels: Any,
+    table: Any,
+    corners: Any,
+    row_table: Any,
+    level: int,
+    x: float,
+    y: float,
+    radius: float,
+    core: Any,
+    total: int,
+    squares: int,
+) -> tuple[float, int]:
+    """(lowest ZMSSD, its corner index or -1) among the corners of a level within a radius [level px]."""
+    offset, height, width, first = table[level, 0], table[level, 1], table[level, 2], table[level, 3]
+    best = np.inf
+    winner = -1
+    r2 = radius * radius
+    y0 = max(4, int(math.ceil(y - radius)))
+    y1 = min(height - 5, int(math.floor(y + radius)))
+    for row in range(y0, y1 + 1):
+        dy2 = (row - y) * (row - y)
+        for c in range(row_table[first + row], row_table[first + row + 1]):
+            cx = corners[c, 0]
+            dx = cx - x
+            if dx < -radius:
+                continue
+            if dx > radius:
+                break
+            if dx * dx + dy2 > r2 or cx < 4 or cx > width - 5:
+                continue
+            score = zmssd(pixels, offset + (row - 4) * width + cx - 4, width, core, total, squares)
+            if score < best:
+                best = score
+                winner = c
+    return best, winner
+
+
+@kernel
+def refine(
+    pixels: Any, offset: int, height: int, width: int, template: Any, x: float, y: float, iterations: int
+) -> tuple[bool, float, float]:
+    """Inverse-compositional alignment of the template's inner 8x8 (x, y and mean difference) from a start [level px].
+
+    Returns (converged, x, y). Converged: last step below 0.03 px, at most 2 px from the start, patch inside the image.
+    """
+    gx = np.empty((8, 8))
+    gy = np.empty((8, 8))
+    h00, h01, h02, h11, h12 = 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(8):
+        for i in range(8):
+            a = 0.5 * (template[j + 1, i + 2] - template[j + 1, i])
+            b = 0.5 * (template[j + 2, i + 1] - template[j, i + 1])
+            gx[j, i] = a
+            gy[j, i] = b
+            h00 += a * a
+            h01 += a * b
+            h02 += a
+            h11 += b * b
+            h12 += b
+    # The mean difference is eliminated first, what is left is 2x2.
+    s00 = h00 - h02 * h02 / 64.0
+    s01 = h01 - h02 * h12 / 64.0
+    s11 = h11 - h12 * h12 / 64.0
+    det = s00 * s11 - s01 * s01
+    if det < 1e-3 * (s00 + s11) * (s00 + s11) or det < 1.0:
+        return False, x, y
+    start_x, start_y = x, y
+    for _ in range(iterations):
+        left, top = x - 4.0, y - 4.0
+        if left < 0.0 or top < 0.0 or left + 8.0 >= width or top + 8.0 >= height:
+            return False, x, y
+        ix, iy = int(left), int(top)
+        fx, fy = left - ix, top - iy
+        w00, w10 = (1.0 - fx) * (1.0 - fy), fx * (1.0 - fy)
+        w01, w11 = (1.0 - fx) * fy, fx * fy
+        b0, b1, b2 = 0.0, 0.0, 0.0
+        for j in range(8):
+            p = offset + (iy + j) * width + ix
+            q = p + width
+            for i in range(8):
+                value = w00 * pixels[p + i] + w10 * pixels[p + i + 1] + w01 * pixels[q + i] + w11 * pixels[q + i + 1]
+                r = value - template[j + 1, i + 1]
+                b0 += r * gx[j, i]
+                b1 += r * gy[j, i]
+                b2 += r
+        c0 = b0 - h02 * b2 / 64.0
+        c1 = b1 - h12 * b2 / 64.0
+        dx = (s11 * c0 - s01 * c1) / det
+        dy = (s00 * c1 - s01 * c0) / det
+        x -= dx
+        y -= dy
+        if abs(x - start_x) > 2.0 or abs(y - start_y) > 2.0:
+            return False, x, y
+        if dx * dx + dy * dy < 0.0009:
+            return True, x, y
+    return False, x, y
+
+
+@kernel
+def search(
+    pixels: Any,
+    table: Any,
+    corners: Any,
+    row_table: Any,
+    patches: Any,
+    rows: Any,
+    level: Any,
+    uv: Any,
+    inverse_warp: Any,
+    radius_px: float,
+    iterations: int,
+) -> tuple[Any, Any]:
+    """Find warped map-point patches near their predictions (level-0 px).
+
+    patches (P, 24, 24); rows (S,) point rows; level (S,), uv (S, 2), inverse_warp (S, 4) as ``predict`` returns them.
+    Returns found (S,) bool and position (S, 2) level-0 px, sub-pixel.
+    """
+    n = rows.shape[0]
+    found = np.zeros(n, np.bool_)
+    position = np.zeros((n, 2))
+    template = np.empty((TEMPLATE, TEMPLATE), np.float32)
+    core = np.empty(64, np.int32)
+    for s in range(n):
+        lv = level[s]
+        if lv < 0 or not warp_template(patches[rows[s]], inverse_warp[s], template):
+            continue
+        total, squares = quantize(template, core)
+        scale = 2.0**lv
+        x = (uv[s, 0] + 0.5) / scale - 0.5
+        y = (uv[s, 1] + 0.5) / scale - 0.5
+        radius = max(1.5, radius_px / scale)
+        best, winner = best_corner(
+            pixels, table, corners, row_table, lv, x, y, radius, core, total, squares
+        )
+        if winner < 0 or best > MAX_ZMSSD:
+            continue
+        ok, fx, fy = refine(
+            pixels,
+            table[lv, 0],
+            table[lv, 1],
+            table[lv, 2],
+            template,
+            float(corners[winner, 0]),
+            float(corners[winner, 1]),
+            iterations,
+        )
+        if ok:
+            found[s] = True
+            position[s, 0] = (fx + 0.5) * scale - 0.5
+            position[s, 1] = (fy + 0.5) * scale - 0.5
+    return found, position

@@ -1,0 +1,176 @@
+"""The mapper owns the map: it takes keyframes, makes, refines and removes points (paper 3.1)."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray
+from vsx_ros.config import SlamConfig
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.slam.bundle_adjustment import BundleAdjuster
+from vsx_ros.slam.initialization import Initialization
+from vsx_ros.slam.map import FrameData, Map, MapView, Observations, covisible
+from vsx_ros.slam.point_creation import (
+    Candidates,
+    TargetMatches,
+    candidates_in,
+    match_in_target,
+    new_points,
+    observations_at,
+)
+from vsx_ros.slam.tracker import predicted
+from vsx_ros.vision.patch_search import find_patches, kernel_camera
+
+REFIND_RADIUS_PX = 4.0
+GLOBAL_EVERY = 8
+
+
+class KeyFrameRequest(NamedTuple):
+    """A tracked frame that shall enter the map. T_ref_cam: its pose in keyframe ``reference``, which may have moved since.
+    searched, found (P,): the tracker's counts per point so far."""
+
+    data: FrameData
+    reference: int
+    T_ref_cam: SE3
+    rows: IntArray
+    uv: FloatArray
+    level: IntArray
+    searched: IntArray
+    found: IntArray
+
+
+class Mapper:
+    """``add_keyframe`` does the work of one keyframe to completion."""
+
+    def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, config: SlamConfig) -> None:
+        self.map = Map()
+        self._camera = camera
+        self._camera_array = kernel_camera(camera)
+        self._config = config.mapper
+        self._adjuster = BundleAdjuster(camera, T_base_cam, config.wheels)
+        self._since_global = 0
+
+    def start(self, start: Initialization) -> MapView:
+        """Make the map from two frames and the triangulated corners of the first."""
+        world = self.map = Map()
+        world.add_keyframe(start.first, start.poses[0], Observations.none())
+        world.add_keyframe(start.second, start.poses[1], Observations.none())
+        self._enter(0, 1, start.candidates, start.matches)
+        for k in (0, 1):
+            world.update_depth(k)
+        self._adjuster.adjust(world, [1], 20)
+        self._make_points(1, [0])
+        self._adjuster.adjust(world, [1], 20)
+        world.version += 1
+        return world.view()
+
+    def add_keyframe(self, request: KeyFrameRequest) -> MapView:
+        """Take a frame into the map: measurements, more of them, new points, local adjustment, culling."""
+        world = self.map
+        keep = world.alive[request.rows]
+        observed = observations_at(self._camera, request.rows[keep], request.uv[keep], request.level[keep])
+        pose = world.keyframes[request.reference].T_world_cam @ request.T_ref_cam
+        self._cull(request.searched, request.found)
+        observed = observed.where(world.alive[observed.rows])
+        index = world.add_keyframe(request.data, pose, observed)
+        neighbours = self.neighbours(index, self._config.window_keyframes)
+        self._refind(index, self._points_of(neighbours))
+        created = self._make_points(index, self._targets(index, neighbours))
+        for k in neighbours:
+            self._refind(k, created)
+        self._adjuster.adjust(world, [index, *neighbours], self._config.local_iterations)
+        self._since_global += 1
+        if self._since_global >= GLOBAL_EVERY or len(world.keyframes) < GLOBAL_EVERY:
+            self._adjuster.adjust(world, list(range(len(world.keyframes))), self._config.global_iterations)
+            self._since_global = 0
+        world.version += 1
+        return world.view()
+
+    def neighbours(self, index: int, count: int) -> list[int]:
+        """Indices of the keyframes that share most points with one, at least 15, best first; the previous one always."""
+        shared = covisible(self.map.keyframes, self.map.keyframes[index].observations.rows, self.map.count)
+        shared[index] = 0
+        ranked = [int(k) for k in np.argsort(-shared, kind="stable") if shared[k] >= 15][:count]
+        if index > 0 and index - 1 not in ranked:
+            ranked = [*ranked[: count - 1], index - 1]
+        return ranked
+
+    def _targets(self, index: int, neighbours: list[int]) -> list[int]:
+        """Neighbours to triangulate with: enough baseline for the depth, nearest such first, then ever wider ones."""
+        keyframe = self.map.keyframes[index]
+        depth = keyframe.median_depth or 1.0
+        ranked = []
+        for k in neighbours:
+            other = self.map.keyframes[k].T_world_cam
+            baseline = float(np.linalg.norm(other.translation - keyframe.T_world_cam.translation)) / depth
+            # An angle of about 5 degrees is wide enough to triangulate and small enough to look alike.
+            ranked.append((abs(math.log(max(baseline, 1e-6) / 0.08)), k))
+        return [k for _, k in sorted(ranked)[: self._config.target_keyframes]]
+
+    def _points_of(self, indices: list[int]) -> IntArray:
+        mask = np.zeros(self.map.count, np.bool_)
+        for k in indices:
+            mask[self.map.keyframes[k].observations.rows] = True
+        return np.flatnonzero(mask & self.map.alive)
+
+    def _refind(self, index: int, rows: IntArray) -> None:
+        """Look for points in a keyframe that has not seen them."""
+        world, keyframe = self.map, self.map.keyframes[index]
+        unseen = np.ones(world.count, np.bool_)
+        unseen[keyframe.observations.rows] = False
+        rows = rows[unseen[rows]]
+        if not len(rows):
+            return
+        view = world.view()
+        predictions = predicted(self._camera_array, keyframe.T_world_cam.inverse(), view, rows)
+        found, uv = find_patches(
+            keyframe.data.pyramid, keyframe.data.corners, view.patches, predictions, REFIND_RADIUS_PX
+        )
+        world.observe(
+            index, observations_at(self._camera, predictions.rows[found], uv[found], predictions.level[found])
+        )
+
+    def _make_points(self, index: int, targets: list[int]) -> IntArray:
+        """Triangulate new points of a keyframe with each target in turn; returns their rows."""
+        keyframe = self.map.keyframes[index]
+        candidates = candidates_in(keyframe, self._camera_array, self._config.max_points_per_keyframe)
+        rows = []
+        for k in targets:
+            if not len(candidates.uv):
+                break
+            matches = match_in_target(
+                self.map.keyframes[index],
+                self.map.keyframes[k],
+                candidates,
+                self._camera_array,
+                self._depth_range(index),
+                math.radians(self._config.min_parallax_deg),
+            )
+            rows.append(self._enter(index, k, candidates, matches))
+            left = np.ones(len(candidates.uv), np.bool_)
+            left[matches.index] = False
+            candidates = candidates.where(left)
+        return np.concatenate(rows) if rows else np.zeros(0, np.int64)
+
+    def _depth_range(self, index: int) -> tuple[float, float]:
+        median = self.map.keyframes[index].median_depth or 1.0
+        return 0.15 * median, 8.0 * median
+
+    def _enter(self, source: int, target: int, candidates: Candidates, matches: TargetMatches) -> IntArray:
+        world = self.map
+        rows = world.add_points(new_points(candidates, matches.index, matches.points_world), source)
+        chosen = matches.index
+        world.observe(source, observations_at(self._camera, rows, candidates.uv[chosen], candidates.level[chosen]))
+        world.observe(target, observations_at(self._camera, rows, matches.uv, matches.level))
+        return rows
+
+    def _cull(self, searched: IntArray, found: IntArray) -> None:
+        """Remove points the tracker keeps looking for in vain."""
+        n = min(len(searched), self.map.count)
+        bad: BoolArray = (searched[:n] >= 8) & (found[:n] < 0.25 * searched[:n]) & self.map.alive[:n]
+        self.map.remove_points(np.flatnonzero(bad))
+

@@ -1,0 +1,76 @@
+"""Where the camera should be now: by the wheels where there are any, else by constant velocity and image rotation."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from vsx_ros.arrays import FloatArray
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.slam.map import FrameData
+from vsx_ros.vision.small_image import rotation_between
+
+DAMPING = 0.9
+MAX_GAP_S = 0.5
+
+
+class Prediction(NamedTuple):
+    """T_world_cam expected, and whether it comes from the wheels."""
+
+    T_world_cam: SE3
+    by_wheels: bool
+
+
+class MotionModel:
+    """Holds the last pose. ``predict`` does not change it, ``update`` does."""
+
+    def __init__(self, T_base_cam: SE3 | None, focal_px: float) -> None:
+        self._T_base_cam = T_base_cam
+        self._focal_px = focal_px
+        self._velocity: FloatArray = np.zeros(6)
+        self._last: tuple[FrameData, SE3] | None = None
+
+    def predict(self, data: FrameData) -> Prediction:
+        """The expected pose of a frame. Needs an ``update`` before."""
+        assert self._last is not None
+        before, T = self._last
+        by_wheels = self.by_wheels(before, data)
+        if by_wheels is not None:
+            return Prediction(T @ by_wheels, True)
+        dt = (data.stamp_ns - before.stamp_ns) * 1e-9
+        if dt > MAX_GAP_S:
+            return Prediction(T, False)
+        motion = SE3.exp(self._velocity * dt * DAMPING)
+        rotation, score = rotation_between(before.small, data.small, self._focal_px)
+        if math.isfinite(score):
+            motion = SE3(rotation.T, motion.translation)
+        return Prediction(T @ motion, False)
+
+    def by_wheels(self, before: FrameData, now: FrameData) -> SE3 | None:
+        """T_before_now of the camera by odometry, None without."""
+        if self._T_base_cam is None or before.T_odom_base is None or now.T_odom_base is None:
+            return None
+        base = SE3.from_se2(before.T_odom_base.inverse() @ now.T_odom_base)
+        return self._T_base_cam.inverse() @ base @ self._T_base_cam
+
+    @property
+    def last_pose(self) -> SE3 | None:
+        """T_world_cam of the latest update."""
+        return None if self._last is None else self._last[1]
+
+    def update(self, data: FrameData, T_world_cam: SE3, measured: bool) -> None:
+        """Take the pose a frame was found at; an unmeasured one keeps no velocity."""
+        self._velocity = np.zeros(6)
+        if measured and self._last is not None:
+            before, T = self._last
+            dt = (data.stamp_ns - before.stamp_ns) * 1e-9
+            if 0 < dt <= MAX_GAP_S:
+                self._velocity = (T.inverse() @ T_world_cam).log() / dt
+        self._last = (data, T_world_cam)
+
+    def move(self, correction: SE3) -> None:
+        """Follow a map that was moved by T_new_old under the last pose."""
+        if self._last is not None:
+            self._last = (self._last[0], correction @ self._last[1])

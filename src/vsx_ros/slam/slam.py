@@ -1,0 +1,56 @@
+"""SequentialSlam: tracker and mapper in lock-step, bit-reproducible; for bags, tests and the lock-step explorer."""
+
+from __future__ import annotations
+
+from vsx_ros.config import SlamConfig
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.robot import Frame, Odometry
+from vsx_ros.slam.frontend import FrontEnd
+from vsx_ros.slam.map import MapSnapshot, MapView, empty_view, snapshot
+from vsx_ros.slam.mapper import Mapper
+from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult
+
+
+class SequentialSlam:
+    """``track`` every frame in the order of the stamps; the mapper's work of a keyframe is done before it returns.
+
+    World: with odometry and T_base_cam the odometry frame (z up, metres); without, the first keyframe's camera frame at the
+    configured unit baseline.
+    """
+
+    def __init__(
+        self, camera: PinholeCamera, T_base_cam: SE3 | None, config: SlamConfig, seed: int = 0
+    ) -> None:
+        self._front = FrontEnd(camera, T_base_cam, config, seed)
+        self._mapper = Mapper(camera, T_base_cam, config)
+        self._view: MapView = empty_view()
+        self._snapshot: MapSnapshot = snapshot(self._view)
+
+    def track(self, frame: Frame, odometry: Odometry | None = None) -> TrackingResult:
+        """The pose of one frame. Raises InputError as ``FrontEnd.process`` does."""
+        outcome = self._front.process(frame, odometry)
+        result = outcome.result
+        if outcome.start is not None:
+            self._view = self._mapper.start(outcome.start)
+            self._front.started(self._view, outcome.start)
+            result = result._replace(T_world_cam=self._view.keyframes[-1].T_world_cam)
+        elif outcome.request is not None:
+            self._view = self._mapper.add_keyframe(outcome.request)
+            self._front.use(self._view)
+        return result
+
+    def snapshot(self) -> MapSnapshot:
+        """The map; the same object while the version is unchanged."""
+        if self._snapshot.version != self._view.version:
+            self._snapshot = snapshot(self._view)
+        return self._snapshot
+
+    def drain_events(self) -> list[SlamEvent]:
+        """Everything that happened since the last call, oldest first."""
+        events, self._front.events = self._front.events, []
+        return events
+
+    def statistics(self) -> SlamStatistics:
+        """The run so far."""
+        return self._front.statistics()

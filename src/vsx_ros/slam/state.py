@@ -1,0 +1,58 @@
+"""What the SLAM says about itself: per frame, per event, per run."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import NamedTuple
+
+from vsx_ros.geometry.se3 import SE3
+
+
+class TrackingState(Enum):
+    """How far a pose can be trusted."""
+
+    NOT_INITIALISED = "not initialised"
+    GOOD = "good"
+    DUBIOUS = "dubious"
+    LOST = "lost"
+
+
+class TrackingResult(NamedTuple):
+    """One frame. searched, found: map points expected in the image and found where the pose puts them.
+
+    T_world_cam is None while there is no map and while the camera is lost without odometry; in state LOST with
+    odometry it is the pose the wheels predict. reason: why the state is not GOOD, in words.
+    """
+
+    stamp_ns: int
+    state: TrackingState
+    T_world_cam: SE3 | None
+    searched: int
+    found: int
+    keyframe_added: bool
+    reason: str
+
+
+class SlamEvent(NamedTuple):
+    """A change of state. kind: initialised, keyframe, lost, relocalised, gap, refused."""
+
+    stamp_ns: int
+    kind: str
+    reason: str
+
+
+class SlamStatistics(NamedTuple):
+    """A run so far; names as in summary.json. u1: found / searched averaged over all frames since the start, a lost
+    frame counts 0 (paper 5.3). u2: how long a point is tracked, averaged over points in at least three frames."""
+
+    frames: int
+    frames_tracked: int
+    frames_lost: int
+    relocalizations: int
+    u1: float | None
+    u2_frames: float | None
+    u2_seconds: float | None
+    u2_metres: float | None
+    keyframes: int
+    map_points: int
+    initialized_at_s: float | None

@@ -1,0 +1,89 @@
+"""Counting: U1 and U2 of the paper, frames tracked and lost, and how often each point was looked for and found."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsx_ros.arrays import FloatArray
+from vsx_ros.slam.state import SlamStatistics
+from vsx_ros.slam.tracker import Track
+
+LONG_LIVED = 3
+
+
+class TrackingRecord:
+    """Fed once per frame."""
+
+    def __init__(self) -> None:
+        self.relocalizations = 0
+        self._frames = self._tracked = self._lost = 0
+        self._ratio_sum = 0.0
+        self._first_ns: int | None = None
+        self._initialized_ns: int | None = None
+        self._last: tuple[int, FloatArray] | None = None
+        self._searched = np.zeros(0, np.int64)
+        self._found = np.zeros(0, np.int64)
+        self._seconds = np.zeros(0)
+        self._metres = np.zeros(0)
+
+    def frame_without_map(self, stamp_ns: int) -> None:
+        """A frame before the start."""
+        self._frames += 1
+        self._first_ns = stamp_ns if self._first_ns is None else self._first_ns
+
+    def initialised(self, stamp_ns: int, position: FloatArray) -> None:
+        """The frame that started the map, already counted as one without; it is tracked from here on."""
+        self._initialized_ns = stamp_ns
+        self._tracked += 1
+        self._last = (stamp_ns, position)
+
+    def tracked(self, stamp_ns: int, track: Track, n_points: int) -> None:
+        """A frame with a pose from the map of n_points rows."""
+        self._frames += 1
+        self._tracked += 1
+        self._ratio_sum += track.ratio
+        self._reserve(n_points)
+        self._searched[track.searched_rows] += 1
+        self._found[track.rows] += 1
+        if self._last is not None:
+            self._seconds[track.rows] += (stamp_ns - self._last[0]) * 1e-9
+            self._metres[track.rows] += float(np.linalg.norm(track.T_world_cam.translation - self._last[1]))
+        self._last = (stamp_ns, track.T_world_cam.translation)
+
+    def missed(self, stamp_ns: int) -> None:
+        """A frame after the start without a pose from the map."""
+        self._frames += 1
+        self._lost += 1
+
+    def counts(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """(searched, found) per map row, copies."""
+        return self._searched.copy(), self._found.copy()
+
+    def statistics(self, keyframes: int, map_points: int) -> SlamStatistics:
+        """The run so far."""
+        started = self._initialized_ns is not None
+        after = max(1, self._tracked + self._lost - 1)
+        lived = self._found >= LONG_LIVED
+        any_lived = bool(lived.any())
+        return SlamStatistics(
+            self._frames,
+            self._tracked,
+            self._lost,
+            self.relocalizations,
+            self._ratio_sum / after if started else None,
+            float(self._found[lived].mean()) if any_lived else None,
+            float(self._seconds[lived].mean()) if any_lived else None,
+            float(self._metres[lived].mean()) if any_lived else None,
+            keyframes,
+            map_points,
+            (self._initialized_ns - (self._first_ns or 0)) * 1e-9 if self._initialized_ns is not None else None,
+        )
+
+    def _reserve(self, n: int) -> None:
+        grow = n - len(self._found)
+        if grow > 0:
+            self._searched = np.concatenate([self._searched, np.zeros(grow, np.int64)])
+            self._found = np.concatenate([self._found, np.zeros(grow, np.int64)])
+            self._seconds = np.concatenate([self._seconds, np.zeros(grow)])
+            self._metres = np.concatenate([self._metres, np.zeros(grow)])

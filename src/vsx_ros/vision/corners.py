@@ -1,0 +1,112 @@
+"""FAST corners on every pyramid level, and the strongest of them as candidates for new map points."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vsx_ros.arrays import BoolArray, GrayImage
+from vsx_ros.vision.pyramid import LEVELS, Pyramid
+
+_REFERENCE_PIXELS = 640 * 480
+_TARGETS = (2600, 1400, 700, 350)
+_THRESHOLDS = (5, 60)
+
+
+class Corners(NamedTuple):
+    """positions (N, 2) int32 level px, sorted by level and row; row_table: index of every row's first corner;
+    counts (4,): corners per level."""
+
+    positions: NDArray[np.int32]
+    row_table: NDArray[np.int64]
+    counts: tuple[int, ...]
+
+
+class CornerDetector:
+    """FAST-9 whose thresholds follow the scene: each level steers its corner count towards a target."""
+
+    def __init__(self) -> None:
+        self._thresholds = [12, 15, 15, 10]
+
+    def detect(self, pyramid: Pyramid) -> Corners:
+        """All corners of the four levels, without non-maximum suppression."""
+        area = float(pyramid.table[0, 1] * pyramid.table[0, 2]) / _REFERENCE_PIXELS
+        positions, tables, counts = [], [], []
+        first = 0
+        for level in range(LEVELS):
+            found = _fast(pyramid.level(level), self._thresholds[level], suppress=False)
+            height = int(pyramid.table[level, 1])
+            tables.append(first + np.searchsorted(found[:, 1], np.arange(height + 1)))
+            positions.append(found)
+            counts.append(len(found))
+            first += len(found)
+            self._steer(level, len(found), _TARGETS[level] * area)
+        return Corners(np.concatenate(positions), np.concatenate(tables).astype(np.int64), tuple(counts))
+
+    def _steer(self, level: int, count: int, target: float) -> None:
+        lowest, highest = _THRESHOLDS
+        threshold = self._thresholds[level]
+        if count > 2.5 * target:
+            threshold += 4
+        elif count > 1.2 * target:
+            threshold += 1
+        elif count < 0.4 * target:
+            threshold -= 3
+        elif count < 0.8 * target:
+            threshold -= 1
+        self._thresholds[level] = min(max(threshold, lowest), highest)
+
+
+def _fast(image: GrayImage, threshold: int, suppress: bool) -> NDArray[np.int32]:
+    keypoints = cv2.FastFeatureDetector_create(threshold, suppress).detect(image)
+    if not keypoints:
+        return np.zeros((0, 2), np.int32)
+    return cv2.KeyPoint_convert(keypoints).astype(np.int32)
+
+
+def strongest(
+    image: GrayImage, occupied: BoolArray, count: int, spacing_px: int = 8, min_eigenvalue: float = 3e-4
+) -> NDArray[np.int32]:
+    """Up to ``count`` well-spread corners (N, 2) of one level, best first: FAST maxima by their smaller eigenvalue.
+
+    occupied (H, W): where no corner is wanted. min_eigenvalue in squared grey levels per px, grey in [0, 1].
+    """
+    border = 14
+    found = _fast(image, 7, suppress=True)
+    height, width = image.shape
+    inside = (
+        (found[:, 0] >= border)
+        & (found[:, 1] >= border)
+        & (found[:, 0] < width - border)
+        & (found[:, 1] < height - border)
+    )
+    found = found[inside]
+    found = found[~occupied[found[:, 1], found[:, 0]]]
+    if not len(found):
+        return found
+    strength = cv2.cornerMinEigenVal(image, 7)[found[:, 1], found[:, 0]]
+    keep = strength > min_eigenvalue
+    found, strength = found[keep], strength[keep]
+    order = np.argsort(-strength, kind="stable")
+    return _spread(found[order], count, spacing_px, (height, width))
+
+
+def _spread(
+    ranked: NDArray[np.int32], count: int, spacing_px: int, shape: tuple[int, int]
+) -> NDArray[np.int32]:
+    """Greedy: take the best, forbid its neighbourhood, go on."""
+    taken = np.zeros(shape, np.bool_)
+    chosen = []
+    for x, y in ranked:
+        if taken[y, x]:
+            continue
+        chosen.append((x, y))
+        if len(chosen) == count:
+            break
+        taken[max(0, y - spacing_px) : y + spacing_px + 1, max(0, x - spacing_px) : x + spacing_px + 1] = True
+    return np.array(chosen, np.int32).reshape(-1, 2)
+
+

@@ -1,0 +1,98 @@
+"""Map-point patches: cut them from a keyframe, find them in an image."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.kernels.patches import CENTRE, PATCH, search
+from vsx_ros.kernels.projection import unproject_pixels
+from vsx_ros.vision.corners import Corners
+from vsx_ros.vision.pyramid import Pyramid
+
+
+class Predictions(NamedTuple):
+    """Visible map points: rows (S,), level (S,), uv (S, 2) level-0 px, inverse_warp (S, 4)."""
+
+    rows: IntArray
+    level: IntArray
+    uv: Pixels
+    inverse_warp: FloatArray
+
+    def take(self, chosen: IntArray | BoolArray) -> Predictions:
+        """A subset, by index or mask."""
+        return Predictions(self.rows[chosen], self.level[chosen], self.uv[chosen], self.inverse_warp[chosen])
+
+
+def to_level(uv: Pixels, level: int | IntArray) -> Pixels:
+    """Level-0 pixels at a pyramid level."""
+    scale = np.asarray(2.0 ** np.asarray(level, float)).reshape(-1, 1)
+    return (uv + 0.5) / scale - 0.5
+
+
+def from_level(uv: Pixels, level: int | IntArray) -> Pixels:
+    """Pixels of a pyramid level at level 0."""
+    scale = np.asarray(2.0 ** np.asarray(level, float)).reshape(-1, 1)
+    return (uv + 0.5) * scale - 0.5
+
+
+def find_patches(
+    pyramid: Pyramid,
+    corners: Corners,
+    patches: NDArray[np.uint8],
+    predictions: Predictions,
+    radius_px: float,
+    iterations: int = 10,
+) -> tuple[BoolArray, Pixels]:
+    """(found (S,), position (S, 2) level-0 px) of predicted map points, searched within radius_px (level-0 px)."""
+    found, position = search(
+        pyramid.pixels,
+        pyramid.table,
+        corners.positions,
+        corners.row_table,
+        patches,
+        predictions.rows,
+        predictions.level,
+        predictions.uv,
+        predictions.inverse_warp,
+        float(radius_px),
+        iterations,
+    )
+    return found, position
+
+
+def cut_patches(pyramid: Pyramid, positions: NDArray[np.int32], level: int) -> NDArray[np.uint8]:
+    """(N, 24, 24) patches around integer level positions (N, 2), which must be at least 12 px from the border."""
+    image = pyramid.level(level)
+    windows = np.lib.stride_tricks.sliding_window_view(image, (PATCH, PATCH))
+    return windows[positions[:, 1] - CENTRE, positions[:, 0] - CENTRE].copy()
+
+
+class Rays(NamedTuple):
+    """direction (N, 2) on the plane z = 1; basis (N, 4): its change by one level pixel right and down."""
+
+    direction: FloatArray
+    basis: FloatArray
+
+
+def kernel_camera(camera: PinholeCamera) -> FloatArray:
+    """(12,) camera array of the kernels, with the largest squared radius its image uses (plus 10 %)."""
+    parameters = camera.parameters()
+    w, h = camera.width - 1.0, camera.height - 1.0
+    border = np.array([[0, 0], [w, 0], [0, h], [w, h], [w / 2, 0], [w / 2, h], [0, h / 2], [w, h / 2]])
+    plane = unproject_pixels(np.concatenate([parameters, [np.inf, w, h]]), border)
+    r2_max = 1.21 * float((plane**2).sum(axis=1).max())
+    return np.concatenate([parameters, [r2_max, camera.width, camera.height]])
+
+
+def cast_rays(camera: FloatArray, positions: NDArray[np.int32], level: int) -> Rays:
+    """Viewing rays of integer level positions (N, 2); camera (12,) as ``kernel_camera`` gives it."""
+    offsets = [np.array([0.0, 0.0]), np.array([1.0, 0.0]), np.array([0.0, 1.0])]
+    at, right, down = (
+        unproject_pixels(camera, np.ascontiguousarray(from_level(positions + offset, level))) for offset in offsets
+    )
+    return Rays(at, np.concatenate([right - at, down - at], axis=1))
