@@ -1,0 +1,112 @@
+"""The emulated camera on the emulated base: optics, shutter and sensor together."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from vsx_ros.arrays import FloatArray, GrayImage, IntArray
+from vsx_ros.config import MountConfig
+from vsx_ros.geometry.camera import PinholeCamera, mount_pose
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.sim.renderer import Picture, PoseTrack, Renderer
+from vsx_ros.sim.scene import Scene
+from vsx_ros.sim.sensor import Sensor
+from vsx_ros.sim.settings import CameraSettings
+
+PosesAt = Callable[[IntArray], FloatArray]
+"""(N,) stamps [ns] to (N, 4) x, y [m], theta [rad] and travelled path [m] of the base, as ``Body.poses_at``."""
+
+KINECT = PinholeCamera(640, 480, 517.3, 516.5, 318.6, 255.3, (0.262383, -0.953104, -0.005358, 0.002628, 1.163314))
+"""Colour camera of one Kinect (TUM RGB-D benchmark, sequence family fr1)."""
+
+VIBRATION_WAVES_PER_M = np.array([7.0, 13.0, 23.0, 41.0])
+
+
+def perturbed_calibration(camera: PinholeCamera, settings: CameraSettings, rng: np.random.Generator) -> PinholeCamera:
+    """The calibration a user would have: focal lengths and centre slightly wrong, distortion right."""
+    fx, fy, cx, cy = rng.uniform(-1.0, 1.0, 4)
+    return PinholeCamera(
+        camera.width,
+        camera.height,
+        camera.fx * (1.0 + settings.focal_error * float(fx)),
+        camera.fy * (1.0 + settings.focal_error * float(fy)),
+        camera.cx + settings.centre_error_px * float(cx),
+        camera.cy + settings.centre_error_px * float(cy),
+        camera.distortion,
+    )
+
+
+def mount_transform(mount: MountConfig, pitch_error: float = 0.0, height_error: float = 0.0) -> SE3:
+    """T_base_cam of a mount, off by the errors [rad, m]."""
+    return mount_pose(
+        mount.forward_m,
+        mount.left_m,
+        mount.height_m + height_error,
+        mount.pitch_down_rad + pitch_error,
+        mount.yaw_left_rad,
+    )
+
+
+class EmulatedCamera:
+    """Pictures from a moving base. camera_true and T_base_cam_true are the truth, the _given ones what the stack gets."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        mount: MountConfig,
+        settings: CameraSettings,
+        rng: np.random.Generator,
+        threads: int = 1,
+        camera: PinholeCamera = KINECT,
+    ) -> None:
+        self.camera_true = camera
+        self.camera_given = perturbed_calibration(camera, settings, rng)
+        pitch, height = rng.uniform(-1.0, 1.0, 2) * np.array([settings.pitch_error_rad, settings.height_error_m])
+        self.T_base_cam_given = mount_transform(mount)
+        self.T_base_cam_true = mount_transform(mount, float(pitch), float(height))
+        self._vibration_phases = rng.uniform(0.0, 2.0 * math.pi, len(VIBRATION_WAVES_PER_M))
+        self._settings = settings
+        self._renderer = Renderer(scene, camera, threads)
+        self._sensor = Sensor(camera, settings, rng)
+
+    @property
+    def span_ns(self) -> int:
+        """Time from the stamp until the last row is exposed [ns]; the body must have moved on that far."""
+        overhang = self._renderer.border_rows[-1] / self.camera_true.height
+        return self._settings.exposure_ns + math.ceil(self._settings.readout_ns * overhang) + 1
+
+    def render_gray(self, stamp_ns: int, poses_at: PosesAt) -> GrayImage:
+        """(H, W) uint8 luminance; stamp_ns: start of exposure of the first row."""
+        return self._sensor.develop(self.picture(stamp_ns, poses_at, bayer=False).radiance)
+
+    def render_bayer(self, stamp_ns: int, poses_at: PosesAt) -> GrayImage:
+        """(H, W) uint8 raw mosaic, GRBG (first row green, red), as the Kinect sends it."""
+        return self._sensor.develop(self.picture(stamp_ns, poses_at, bayer=True).radiance)
+
+    def picture(self, stamp_ns: int, poses_at: PosesAt, bayer: bool = False, want_depth: bool = False) -> Picture:
+        """The radiance before the sensor, with true depth if wanted."""
+        settings = self._settings
+        ends = self.poses_cam(poses_at(np.array([stamp_ns, stamp_ns + settings.exposure_ns])))
+        sub_frames = self._renderer.sub_frames(*ends)
+        rows_ns = settings.readout_ns * self._renderer.border_rows / self.camera_true.height
+        middles_ns = settings.exposure_ns * (np.arange(sub_frames) + 0.5) / sub_frames
+        stamps = stamp_ns + np.rint(middles_ns[:, None] + rows_ns[None, :]).astype(np.int64)
+        R, t = self.poses_cam(poses_at(stamps.ravel()))
+        track = PoseTrack(R.reshape(*stamps.shape, 3, 3), t.reshape(*stamps.shape, 3))
+        return self._renderer.render(track, bayer, want_depth)
+
+    def poses_cam(self, base: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Rotations (N, 3, 3) and positions (N, 3) of the camera for base poses (N, 4), with the true mount and its rattle."""
+        c, s = np.cos(base[:, 2]), np.sin(base[:, 2])
+        zero, one = np.zeros_like(c), np.ones_like(c)
+        yaw = np.stack([c, -s, zero, s, c, zero, zero, zero, one], axis=1).reshape(-1, 3, 3)
+        waves = np.sin(2.0 * math.pi * VIBRATION_WAVES_PER_M * base[:, 3:4] + self._vibration_phases)
+        pitch = self._settings.vibration_rad * math.sqrt(2.0 / waves.shape[1]) * waves.sum(axis=1)
+        c, s = np.cos(pitch), np.sin(pitch)
+        rattle = np.stack([c, zero, s, zero, one, zero, -s, zero, c], axis=1).reshape(-1, 3, 3)
+        rotations = yaw @ rattle @ self.T_base_cam_true.rotation
+        positions = yaw @ self.T_base_cam_true.translation + np.column_stack([base[:, :2], zero])
+        return rotations, positions

@@ -1,0 +1,148 @@
+"""The emulated camera's optics: exact lens, rolling shutter and motion blur over the tile ray caster."""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsx_ros.arrays import FloatArray, Points3
+from vsx_ros.errors import CalibrationError
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.kernels.raycast_render import TILE, plane_forms, render_tile_rows
+from vsx_ros.sim.scene import Scene
+
+BLUR_STEP_PX = 1.2
+MAX_SUB_FRAMES = 16
+
+
+class PoseTrack(NamedTuple):
+    """Camera poses T_world_cam at S sub-frames of the exposure and B borders of tile rows.
+
+    R: (S, B, 3, 3). t: (S, B, 3) [m].
+    """
+
+    R: FloatArray
+    t: FloatArray
+
+
+class Picture(NamedTuple):
+    """Radiance before the sensor.
+
+    radiance: (H, W) float32, 1 = white paper at unit irradiance. depth: (H, W) float32 distance along the optical axis [m],
+    0 where nothing is hit, and ident: (H, W) int32 quad, -1 for nothing; both empty unless asked for.
+    """
+
+    radiance: NDArray[np.float32]
+    depth: NDArray[np.float32]
+    ident: NDArray[np.int32]
+
+
+def exact_rays(camera: PinholeCamera, pixels: FloatArray) -> Points3:
+    """(N, 3) rays with z = 1 through (N, 2) pixels: Newton's method on the distortion, to rounding error.
+
+    Raises CalibrationError when the distortion cannot be inverted there.
+    """
+    k1, k2, p1, p2, k3 = camera.distortion
+    xd, yd = (pixels[:, 0] - camera.cx) / camera.fx, (pixels[:, 1] - camera.cy) / camera.fy
+    x, y = xd.copy(), yd.copy()
+    for _ in range(30):
+        r2 = x * x + y * y
+        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        slope = 2.0 * (k1 + r2 * (2.0 * k2 + 3.0 * r2 * k3))
+        ex = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x) - xd
+        ey = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y - yd
+        jxx = radial + x * x * slope + 2 * p1 * y + 6 * p2 * x
+        jxy = x * y * slope + 2 * p1 * x + 2 * p2 * y
+        jyy = radial + y * y * slope + 6 * p1 * y + 2 * p2 * x
+        determinant = jxx * jyy - jxy * jxy
+        x -= (jyy * ex - jxy * ey) / determinant
+        y -= (jxx * ey - jxy * ex) / determinant
+    rays = np.column_stack([x, y, np.ones_like(x)])
+    back = camera.project(rays)
+    if not np.isfinite(back).all() or np.abs(back - pixels).max() > 1e-6:
+        raise CalibrationError(f"the distortion {camera.distortion} cannot be inverted over the whole image")
+    return rays
+
+
+class Renderer:
+    """Pictures of a scene through a camera; ``threads`` share the rows, with the same bits for any number."""
+
+    def __init__(self, scene: Scene, camera: PinholeCamera, threads: int = 1) -> None:
+        self.camera = camera
+        self._scene = scene
+        self._threads = max(1, threads)
+        self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
+        self.tile_rows = math.ceil(camera.height / TILE)
+        columns = math.ceil(camera.width / TILE)
+        self._rx, self._ry = self._ray_tables(columns)
+        self._bounds = self._tile_bounds(columns)
+
+    @property
+    def border_rows(self) -> FloatArray:
+        """(B,) image rows of the tile borders at which ``PoseTrack`` holds poses; the last may lie below the image."""
+        return np.arange(self.tile_rows + 1, dtype=float) * TILE
+
+    def _ray_tables(self, columns: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        height, width = self.tile_rows * TILE + 3, columns * TILE + 3
+        v, u = np.mgrid[0:height, 0:width]
+        # Padding beyond the sensor repeats its border's slope: the polynomial need not be invertible there.
+        inner_u = np.clip(u - 1, 0, self.camera.width - 1)
+        inner_v = np.clip(v - 1, 0, self.camera.height - 1)
+        pixels = np.column_stack([inner_u.ravel(), inner_v.ravel()]).astype(float)
+        rays = exact_rays(self.camera, pixels).reshape(height, width, 3)
+        x = rays[..., 0] + (u - 1 - inner_u) / self.camera.fx
+        y = rays[..., 1] + (v - 1 - inner_v) / self.camera.fy
+        return np.ascontiguousarray(x, np.float32), np.ascontiguousarray(y, np.float32)
+
+    def _tile_bounds(self, columns: int) -> FloatArray:
+        bounds = np.empty((self.tile_rows, columns, 4))
+        for ty in range(self.tile_rows):
+            for tx in range(columns):
+                rows, cols = slice(ty * TILE, ty * TILE + TILE + 2), slice(tx * TILE, tx * TILE + TILE + 2)
+                x, y = self._rx[rows, cols], self._ry[rows, cols]
+                bounds[ty, tx] = x.min(), x.max(), y.min(), y.max()
+        return bounds
+
+    def sub_frames(self, R: FloatArray, t: FloatArray) -> int:
+        """How many sub-frames the motion between two poses (2, 3, 3), (2, 3) during the exposure needs.
+
+        Judged at the image corners and centre for things 1 m away, one sub-frame per 1.2 px of blur.
+        """
+        u, v = self.camera.width - 1.0, self.camera.height - 1.0
+        pixels = np.array([[0, 0], [u, 0], [0, v], [u, v], [u / 2, v / 2]])
+        rays = np.column_stack([(pixels[:, 0] - self.camera.cx) / self.camera.fx,
+                                (pixels[:, 1] - self.camera.cy) / self.camera.fy, np.ones(5)])  # fmt: skip
+        moved = (rays @ R[0].T + t[0] - t[1]) @ R[1]
+        shift = moved[:, :2] / moved[:, 2:] - rays[:, :2]
+        blur_px = float(np.hypot(shift[:, 0] * self.camera.fx, shift[:, 1] * self.camera.fy).max())
+        return int(np.clip(math.ceil(blur_px / BLUR_STEP_PX), 1, MAX_SUB_FRAMES))
+
+    def render(self, track: PoseTrack, bayer: bool = False, want_depth: bool = False) -> Picture:
+        """The picture of the scene. bayer: each pixel sees one colour of the GRBG mosaic, otherwise all see grey."""
+        scene, n = self._scene, len(self._scene.P)
+        forms = np.zeros((*track.R.shape[:2], n, 9))
+        visible = np.zeros(n, np.bool_)
+        plane_forms(scene.P, scene.U, scene.V, scene.two_sided, track.R, track.t, forms, visible)
+        pool = np.flatnonzero(visible)
+        shape = (self.camera.height, self.camera.width)
+        radiance = np.zeros(shape, np.float32)
+        depth = np.zeros(shape if want_depth else (0, 0), np.float32)
+        ident = np.full(shape if want_depth else (0, 0), -1, np.int32)
+
+        def rows(first: int, last: int) -> None:
+            render_tile_rows(
+                first, last, forms, pool, len(pool), self._bounds, self._rx, self._ry, scene.tex, scene.light,
+                scene.surfaces, scene.places, scene.tints, bayer, radiance, depth, ident,
+            )  # fmt: skip
+
+        if self._pool is None:
+            rows(0, self.tile_rows)
+        else:
+            cuts = np.linspace(0, self.tile_rows, 2 * self._threads + 1).astype(int)
+            for done in [self._pool.submit(rows, int(a), int(b)) for a, b in zip(cuts[:-1], cuts[1:])]:
+                done.result()
+        return Picture(radiance, depth, ident)

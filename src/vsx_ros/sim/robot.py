@@ -1,0 +1,134 @@
+"""The emulated robot in lock-step: one command in, one picture and one odometry out; truth apart."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from vsx_ros.config import RobotConfig
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.geometry.unicycle import integrate, wheel_speeds
+from vsx_ros.robot import Frame, Odometry, VelocityCommand
+from vsx_ros.sim.body import Body
+from vsx_ros.sim.camera import EmulatedCamera
+from vsx_ros.sim.scene import compile_scene
+from vsx_ros.sim.settings import SimulationConfig
+from vsx_ros.sim.world import World, obstacle_segments
+
+ODOMETRY_PERIOD_NS = 20_000_000
+
+
+class Observation(NamedTuple):
+    """What the stack receives; the odometry is that of the frame's stamp."""
+
+    frame: Frame
+    odometry: Odometry
+
+
+class Truth(NamedTuple):
+    """What really happened, at the last frame's stamp; for evaluation only. Lengths in metres."""
+
+    stamp_ns: int
+    T_world_base: SE2
+    T_world_cam: SE3
+    path_length_m: float
+    collisions: int
+    min_clearance_m: float
+
+
+class WheelOdometry:
+    """What a base driver makes of encoder ticks and gyro: distance from the ticks, heading from the gyro."""
+
+    def __init__(self, tick_m: float) -> None:
+        self._tick_m = tick_m
+        self._ticks = (0, 0)
+        self._angle = 0.0
+        self._stamp_ns = 0
+        self.latest = Odometry(0, SE2())
+
+    def update(self, stamp_ns: int, ticks: tuple[int, int], gyro_angle: float) -> None:
+        """Account for the reading: ticks since the start, gyro angle [rad], both not wrapped."""
+        elapsed = (stamp_ns - self._stamp_ns) * 1e-9
+        if elapsed <= 0.0:
+            return
+        distance = 0.5 * self._tick_m * (ticks[0] - self._ticks[0] + ticks[1] - self._ticks[1])
+        turn = gyro_angle - self._angle
+        pose = integrate(self.latest.T_odom_base, distance, turn)
+        self.latest = Odometry(stamp_ns, pose, distance / elapsed, turn / elapsed)
+        self._ticks, self._angle, self._stamp_ns = ticks, gyro_angle, stamp_ns
+
+
+class EmulatedRobot:
+    """A robot in a world. camera_given and T_base_cam_given are for the stack; everything called true is not."""
+
+    def __init__(
+        self,
+        world: World,
+        seed: int,
+        config: SimulationConfig = SimulationConfig(),  # noqa: B008 (immutable)
+        robot: RobotConfig = RobotConfig(),  # noqa: B008 (immutable)
+    ) -> None:
+        body_rng, camera_rng = (np.random.default_rng([seed, child]) for child in (1, 2))
+        segments = obstacle_segments(world, 0.0, robot.height_m)
+        self.body = Body(segments, world.start_pose, robot.radius_m, config.body, body_rng)
+        self.camera = EmulatedCamera(compile_scene(world), robot.mount, config.camera, camera_rng, config.threads)
+        self._config = config
+        self._odometry = WheelOdometry(config.body.tick_m)
+        self._frames = 0
+        self._truth = self._read_truth(0)
+
+    @property
+    def camera_given(self) -> PinholeCamera:
+        """The slightly wrong calibration the stack gets."""
+        return self.camera.camera_given
+
+    @property
+    def camera_true(self) -> PinholeCamera:
+        """The calibration the pictures are made with."""
+        return self.camera.camera_true
+
+    @property
+    def T_base_cam_given(self) -> SE3:
+        """The mount the stack is told."""
+        return self.camera.T_base_cam_given
+
+    @property
+    def T_base_cam_true(self) -> SE3:
+        """The mount the pictures are made with."""
+        return self.camera.T_base_cam_true
+
+    @property
+    def truth(self) -> Truth:
+        """The truth at the last frame's stamp; collisions and clearance up to now."""
+        return self._truth
+
+    def step(self, command: VelocityCommand) -> Observation:
+        """Drive by the command until the next frame is read out, and observe.
+
+        The command reaches the base when the last frame had been read out. Raises InputError for a command that is not finite.
+        """
+        body, base = self.body, self._config.body
+        body.set_wheel_speeds(*wheel_speeds(command.v, command.omega, base.wheel_base_m))
+        self._frames += 1
+        stamp_ns = round(self._frames * 1e9 / self._config.frame_rate_hz)
+        odometry = self._drive_until(stamp_ns)
+        self._drive_until(stamp_ns + self.camera.span_ns)
+        image = self.camera.render_gray(stamp_ns, body.poses_at)
+        self._truth = self._read_truth(stamp_ns)
+        return Observation(Frame(stamp_ns, image), odometry)
+
+    def _drive_until(self, stamp_ns: int) -> Odometry:
+        while self.body.time_ns < stamp_ns:
+            self.body.advance(min(ODOMETRY_PERIOD_NS, stamp_ns - self.body.time_ns))
+            self._odometry.update(self.body.time_ns, self.body.encoders(), self.body.gyro_angle_rad)
+        return self._odometry.latest
+
+    def _read_truth(self, stamp_ns: int) -> Truth:
+        base = self.body.poses_at(np.array([stamp_ns]))
+        R, t = self.camera.poses_cam(base)
+        x, y, theta, path = (float(v) for v in base[0])
+        body = self.body
+        return Truth(stamp_ns, SE2(x, y, theta), SE3(R[0], t[0]), path, body.collisions, body.min_clearance_m)

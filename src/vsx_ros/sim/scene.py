@@ -1,0 +1,176 @@
+"""A world made ready for the ray caster: quads, packed textures and light maps as plain arrays."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2
+from vsx_ros.sim.textures import packed_levels, texture
+from vsx_ros.sim.world import Material, World, prisms
+
+SKIRTING_HEIGHT = 0.08
+LIGHT_SPACING = 0.5
+GREY = np.array([0.299, 0.587, 0.114])
+
+
+class Quad(NamedTuple):
+    """corner + u edge_u + v edge_v [m], 0 <= u, v <= 1; seen from the side that edge_u x edge_v points away from (u right, v down).
+
+    fitted: the texture stretches over the quad instead of repeating every ``texel_m`` metres per texel.
+    """
+
+    corner: FloatArray
+    edge_u: FloatArray
+    edge_v: FloatArray
+    material: str
+    two_sided: bool = False
+    fitted: bool = False
+
+
+class Scene(NamedTuple):
+    """Arrays of ``kernels.raycast_render``; Q quads."""
+
+    P: FloatArray
+    U: FloatArray
+    V: FloatArray
+    two_sided: BoolArray
+    surfaces: NDArray[np.float32]
+    places: NDArray[np.int32]
+    tints: NDArray[np.float32]
+    tex: IntArray
+    light: IntArray
+
+
+def _side(a: Points2, b: Points2, z_min: float, z_max: float, material: str) -> Quad:
+    """Upright quad over the floor segment a -> b, seen from its right; texture upright (v down)."""
+    corner = np.array([a[0], a[1], z_max])
+    return Quad(corner, np.array([b[0] - a[0], b[1] - a[1], 0.0]), np.array([0.0, 0.0, z_min - z_max]), material)
+
+
+def _lid(footprint: Points2, z: float, material: str, facing_up: bool) -> list[Quad]:
+    """Quads that cover a convex footprint: the parallelogram itself, or slices of it."""
+    pieces = [footprint]
+    if len(footprint) != 4:
+        # Slices between mirrored pairs of corners; each trapezoid becomes the parallelogram of the same area.
+        pieces = []
+        for i in range(len(footprint) // 2 - 1):
+            a, b, c, d = footprint[i], footprint[-1 - i], footprint[i + 1], footprint[-2 - i]
+            half = 0.25 * (c + d - a - b)
+            near, far = 0.5 * (a + c), 0.5 * (b + d)
+            pieces.append(np.array([near - half, near + half, far + half, far - half]))
+    flip = -1.0 if facing_up else 1.0
+    quads = []
+    for piece in pieces:
+        u, v = piece[1] - piece[0], piece[3] - piece[0]
+        corner = np.array([piece[0][0], piece[0][1], z])
+        edge_u, edge_v = np.array([u[0], u[1], 0.0]), np.array([v[0], v[1], 0.0])
+        if np.cross(edge_u, edge_v)[2] * flip < 0:
+            edge_u, edge_v = edge_v, edge_u
+        quads.append(Quad(corner, edge_u, edge_v, material))
+    return quads
+
+
+def quads(world: World) -> list[Quad]:
+    """Every surface of the world, in the order of the file: floor, ceiling, outlines, solids, posters."""
+    x0, y0, x1, y1 = world.bounds
+    ground = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+    surfaces = _lid(ground, 0.0, world.floor, True) + _lid(ground, world.ceiling_height, world.ceiling, False)
+    for outline in world.outlines:
+        loop = np.asarray(outline.points, float)
+        for a, b in zip(np.roll(loop, -1, axis=0), loop):
+            surfaces.append(_side(a, b, 0.0, outline.height, outline.material))
+            if outline.skirting is not None:
+                along = (b - a) / max(float(np.hypot(*(b - a))), 1e-9)
+                inward = 0.01 * np.array([along[1], -along[0]])
+                surfaces.append(_side(a + inward, b + inward, 0.0, SKIRTING_HEIGHT, outline.skirting))
+    for solid in prisms(world):
+        ring = solid.footprint
+        for a, b in zip(ring, np.roll(ring, -1, axis=0)):
+            surfaces.append(_side(a, b, solid.z_min, solid.z_max, solid.material))
+        if solid.z_max < world.ceiling_height - 0.01:
+            surfaces += _lid(ring, solid.z_max, solid.material, True)
+        if solid.z_min > 0.01:
+            surfaces += _lid(ring, solid.z_min, solid.material, False)
+    for poster in world.posters:
+        c, s = math.cos(poster.yaw_rad), math.sin(poster.yaw_rad)
+        edge_u = np.array([-s, c, 0.0]) * poster.width
+        edge_v = np.array([0.0, 0.0, -poster.height])
+        middle = np.array([poster.x + 0.004 * c, poster.y + 0.004 * s, poster.z])
+        surfaces.append(Quad(middle - 0.5 * (edge_u + edge_v), edge_u, edge_v, poster.material, fitted=True))
+    return surfaces
+
+
+def _light_map(quad: Quad, world: World, nu: int, nv: int) -> FloatArray:
+    """(nv, nu) irradiance at the nodes: ambient plus every lamp by cosine and inverse square."""
+    u, v = np.meshgrid(np.linspace(0, 1, nu), np.linspace(0, 1, nv))
+    points = quad.corner + u[..., None] * quad.edge_u + v[..., None] * quad.edge_v
+    normal = np.cross(quad.edge_v, quad.edge_u)
+    normal = normal / max(float(np.linalg.norm(normal)), 1e-12)
+    total = np.full((nv, nu), world.ambient)
+    for lamp in world.lights:
+        to_lamp = np.array([lamp.x, lamp.y, lamp.z]) - points
+        distance2 = (to_lamp**2).sum(axis=2) + 0.25
+        cosine = to_lamp @ normal / np.sqrt(distance2)
+        cosine = np.abs(cosine) if quad.two_sided else np.maximum(cosine, 0.0)
+        total += lamp.strength * cosine / distance2
+    # A soft contact shadow: light is scarce where upright surfaces meet the floor.
+    if abs(normal[2]) < 0.5:
+        total *= 1.0 - 0.25 * np.exp(-points[..., 2] / 0.3)
+    return total
+
+
+def _pack_light(light: FloatArray, scale: float) -> IntArray:
+    """Nodes as bytes, packed 2x2 like texels but clamped at the border; flat int32."""
+    t = np.clip(np.rint(light * (255.0 / scale)), 0, 255).astype(np.uint32)
+    t = np.pad(t, ((0, 1), (0, 1)), mode="edge")
+    packed = t[:-1, :-1] | t[:-1, 1:] << 8 | t[1:, :-1] << 16 | t[1:, 1:] << 24
+    return np.ascontiguousarray(packed).ravel().view(np.int32)
+
+
+def _reflectance(material: Material) -> FloatArray:
+    """(4,) r, g, b and grey."""
+    tint = np.asarray(material.tint, float)
+    return np.append(tint, float(tint @ GREY))
+
+
+def compile_scene(world: World) -> Scene:
+    """Textures drawn, lights baked, quads laid out. Takes about a second."""
+    surfaces = quads(world)
+    names = sorted({quad.material for quad in surfaces})
+    levels = [packed_levels(texture(world.materials[name])) for name in names]
+    sizes = [int(round(math.log2(math.isqrt((3 * len(level) + 1) // 4)))) for level in levels]
+    starts = np.concatenate([[0], np.cumsum([len(level) for level in levels])])
+    n = len(surfaces)
+    surface, place = np.zeros((n, 5), np.float32), np.zeros((n, 5), np.int32)
+    tints = np.zeros((n, 4), np.float32)
+    maps, at = [], 0
+    for i, quad in enumerate(surfaces):
+        material = world.materials[quad.material]
+        k = names.index(quad.material)
+        lengths = [float(np.linalg.norm(quad.edge_u)), float(np.linalg.norm(quad.edge_v))]
+        nodes = [int(np.clip(math.ceil(length / LIGHT_SPACING) + 1, 2, 64)) for length in lengths]
+        light = _light_map(quad, world, nodes[0], nodes[1])
+        scale = max(float(light.max()), 1e-6)
+        maps.append(_pack_light(light, scale))
+        side = float(2 ** sizes[k])
+        texels = [side, side] if quad.fitted else [length / material.texel_m for length in lengths]
+        offset = [0.0, 0.0] if quad.fitted else [(0.381966 * side * i) % side, (0.236068 * side * i) % side]
+        surface[i] = [*texels, *offset, scale / 255.0 / 255.0]
+        place[i] = [starts[k], sizes[k], at, nodes[0], nodes[1]]
+        tints[i] = _reflectance(material)
+        at += len(maps[-1])
+    return Scene(
+        np.array([quad.corner for quad in surfaces]),
+        np.array([quad.edge_u for quad in surfaces]),
+        np.array([quad.edge_v for quad in surfaces]),
+        np.array([quad.two_sided for quad in surfaces]),
+        surface,
+        place,
+        tints,
+        np.concatenate(levels),
+        np.concatenate(maps),
+    )

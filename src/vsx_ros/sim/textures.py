@@ -1,0 +1,207 @@
+"""Procedural textures: a kind and a seed give a square picture; no image files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+
+from vsx_ros.arrays import FloatArray, GrayImage, IntArray
+from vsx_ros.sim.world import Material
+
+Rng = np.random.Generator
+
+SIZES = {"carpet": 2048, "tiles": 2048, "plain": 64, "paint": 256, "panels": 256}
+
+
+def _noise(rng: Rng, size: int, cells: int) -> FloatArray:
+    """(size, size) smooth noise that repeats seamlessly, ``cells`` lattice points per side, standard deviation 1."""
+    lattice = rng.standard_normal((cells, cells)).astype(np.float32)
+    padded = np.pad(lattice, 2, mode="wrap")
+    scale = size // cells
+    large = cv2.resize(padded, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC)
+    cut = large[2 * scale : 2 * scale + size, 2 * scale : 2 * scale + size]
+    result: FloatArray = cut / max(float(cut.std()), 1e-6)
+    return result
+
+
+def _plain(rng: Rng, size: int) -> FloatArray:
+    return np.zeros((size, size), np.float32)
+
+
+def _paint(rng: Rng, size: int) -> FloatArray:
+    return 0.006 * _noise(rng, size, size // 16) + 0.006 * _noise(rng, size, size // 2)
+
+
+def _wood(rng: Rng, size: int) -> FloatArray:
+    rows = np.arange(size, dtype=np.float32)[:, None] / size
+    warp = 0.02 * _noise(rng, size, 4)
+    lines = rng.standard_normal(64).astype(np.float32)
+    phase = (rows + warp) % 1.0 * 64
+    low = phase.astype(np.int64) % 64
+    mix = phase - np.floor(phase)
+    grain = lines[low] * (1 - mix) + lines[(low + 1) % 64] * mix
+    picture = 0.07 * grain + 0.03 * _noise(rng, size, size // 8)
+    for _ in range(10):
+        centre = (int(rng.integers(24, size - 24)), int(rng.integers(24, size - 24)))
+        axes = (int(rng.integers(6, 14)), int(rng.integers(3, 8)))
+        cv2.ellipse(picture, centre, axes, 0, 0, 360, -0.28, -1)
+    board = size // 4
+    for k in range(4):
+        picture[k * board : (k + 1) * board] += 0.08 * rng.standard_normal()
+        picture[k * board : k * board + 2] -= 0.25
+        joint = int(rng.integers(0, size - 2))
+        picture[k * board : (k + 1) * board, joint : joint + 2] -= 0.25
+    return picture
+
+
+def _brick(rng: Rng, size: int) -> FloatArray:
+    picture = np.full((size, size), 0.22, np.float32)
+    courses, per_course = 16, 8
+    height, width = size // courses, size // per_course
+    for row in range(courses):
+        for column in range(per_course):
+            left = column * width + (row % 2) * width // 2
+            value = float(0.13 * rng.standard_normal() - 0.05)
+            columns = np.arange(left + 2, left + width - 1) % size
+            picture[row * height + 2 : row * height + height - 1, columns] = value
+    return picture + 0.03 * _noise(rng, size, size // 4)
+
+
+def _carpet(rng: Rng, size: int) -> FloatArray:
+    picture = 0.06 * _noise(rng, size, size // 4) + 0.07 * _noise(rng, size, size // 16)
+    picture += 0.05 * _noise(rng, size, size // 64)
+    for _ in range(size * size // 2600):
+        x, y = int(rng.integers(8, size - 8)), int(rng.integers(8, size - 8))
+        side = int(rng.integers(4, 13))
+        value = float(rng.choice([-0.30, -0.2, 0.2, 0.3]))
+        if rng.random() < 0.5:
+            cv2.circle(picture, (x, y), side // 2 + 1, value, -1)
+        else:
+            picture[y : y + side, x : x + int(rng.integers(4, 13))] = value
+    return picture
+
+
+def _tiles(rng: Rng, size: int) -> FloatArray:
+    picture = 0.03 * _noise(rng, size, size // 8) + 0.05 * _noise(rng, size, size // 32)
+    step = size // 16
+    for row in range(16):
+        for column in range(16):
+            part = picture[row * step : (row + 1) * step, column * step : (column + 1) * step]
+            part += float(0.10 * rng.standard_normal())
+            for _ in range(int(rng.integers(2, 9))):
+                x, y = (int(v) for v in rng.integers(8, step - 8, 2))
+                cv2.circle(part, (x, y), int(rng.integers(2, 6)), float(rng.uniform(-0.3, 0.3)), -1)
+            part[:2] -= 0.25
+            part[:, :2] -= 0.25
+    return picture
+
+
+def _text_line(picture: FloatArray, rng: Rng, box: tuple[int, int, int, int], ink: float) -> None:
+    """Letter-like blobs in (x0, y0, x1, y1)."""
+    x, y0, x1, y1 = box
+    height = y1 - y0
+    while x < x1 - height // 2:
+        width = int(rng.integers(max(height // 2, 2), height + 2))
+        if rng.random() > 0.15:
+            stroke = max(1, height // 6)
+            points = rng.integers(0, [width, height], (int(rng.integers(3, 6)), 2)) + [x, y0]
+            cv2.polylines(picture, [points.astype(np.int32)], False, ink, stroke)
+        x += width + max(1, height // 4)
+
+
+def _shape(picture: FloatArray, rng: Rng, low: int, high: int, value: float) -> None:
+    """One filled disc, triangle, quadrilateral or ring somewhere."""
+    size = picture.shape[0]
+    centre = rng.integers(size // 12, size - size // 12, 2)
+    radius = int(rng.integers(low, high))
+    kind = int(rng.integers(4))
+    point = (int(centre[0]), int(centre[1]))
+    if kind == 0:
+        cv2.circle(picture, point, radius, value, -1)
+    elif kind == 1:
+        cv2.circle(picture, point, radius, value, max(2, radius // 4))
+    else:
+        angles = np.sort(rng.uniform(0, 2 * np.pi, kind + 1))
+        corners = centre + radius * np.column_stack([np.cos(angles), np.sin(angles)])
+        cv2.fillPoly(picture, [corners.astype(np.int32)], value)
+
+
+def _poster(rng: Rng, size: int) -> FloatArray:
+    background = float(rng.choice([-0.3, 0.25, 0.35]))
+    picture = np.full((size, size), background, np.float32)
+    for low, high, number in ((size // 7, size // 4, 4), (size // 16, size // 8, 12), (size // 40, size // 20, 26)):
+        for _ in range(number):
+            _shape(picture, rng, low, high, float(rng.uniform(-0.5, 0.4)))
+    y = int(rng.integers(size // 12, size // 4))
+    for _ in range(int(rng.integers(3, 7))):
+        height = int(rng.choice([size // 40, size // 24, size // 14]))
+        if y + height > size - size // 12:
+            break
+        ink = -0.5 if background > 0 else 0.38
+        cv2.rectangle(picture, (size // 12, y - 4), (size - size // 12, y + height + 4), background, -1)
+        _text_line(picture, rng, (size // 10, y, size - size // 10, y + height), ink)
+        y += int(height * rng.uniform(1.8, 4.5))
+    frame = max(4, size // 40)
+    cv2.rectangle(picture, (0, 0), (size - 1, size - 1), -0.45, 2 * frame)
+    return picture
+
+
+def _print(rng: Rng, size: int) -> FloatArray:
+    """A cardboard box: faint fibres, tape, labels, stamped signs."""
+    picture = 0.02 * _noise(rng, size, size // 4) + 0.03 * _noise(rng, size, size // 32)
+    middle = int(rng.uniform(0.3, 0.7) * size)
+    picture[:, middle : middle + size // 12] += 0.15
+    for _ in range(int(rng.integers(5, 9))):
+        x, y = (int(v) for v in rng.integers(0, size - size // 5, 2))
+        width, height = (int(v) for v in rng.integers(size // 10, size // 4, 2))
+        paper = float(rng.choice([0.35, 0.3, -0.3, -0.4]))
+        cv2.rectangle(picture, (x, y), (x + width, y + height), paper, -1)
+        ink = -paper
+        for line in range(y + 4, y + height - 12, 16):
+            _text_line(picture, rng, (x + 4, line, x + width - 4, line + int(rng.integers(6, 12))), ink)
+    for _ in range(16):
+        _shape(picture, rng, size // 60, size // 16, float(rng.choice([-0.35, -0.25, 0.25])))
+    return picture
+
+
+def _panels(rng: Rng, size: int) -> FloatArray:
+    """Ceiling panels: a grid of joints with faint dots."""
+    picture = 0.01 * _noise(rng, size, size // 2)
+    step = size // 4
+    for k in range(4):
+        picture[k * step : k * step + 3] -= 0.18
+        picture[:, k * step : k * step + 3] -= 0.18
+    return picture
+
+
+_PATTERNS: dict[str, Callable[[Rng, int], FloatArray]] = {
+    "plain": _plain, "paint": _paint, "wood": _wood, "brick": _brick, "carpet": _carpet, "tiles": _tiles,
+    "poster": _poster, "print": _print, "panels": _panels,
+}  # fmt: skip
+
+
+def texture(material: Material) -> GrayImage:
+    """(S, S) uint8 reflectance of a material, 255 = 1.0; S is a power of two. Same material, same picture."""
+    size = SIZES.get(material.kind, 512)
+    pattern = _PATTERNS[material.kind](np.random.default_rng([material.seed, 77]), size)
+    picture = 255.0 * (material.brightness + material.contrast * pattern)
+    return np.clip(np.rint(picture), 0, 255).astype(np.uint8)
+
+
+def packed_levels(picture: GrayImage) -> IntArray:
+    """All mip levels of a square power-of-two texture, finest first, flat int32.
+
+    Each entry packs the 2x2 texels starting there (right, below, below right in the higher bytes), with wrap-around.
+    """
+    levels = []
+    level = picture.astype(np.float32)
+    while True:
+        t = np.clip(np.rint(level), 0, 255).astype(np.uint32)
+        right = np.roll(t, -1, axis=1)
+        below, diagonal = np.roll(t, -1, axis=0), np.roll(right, -1, axis=0)
+        levels.append((t | right << 8 | below << 16 | diagonal << 24).ravel().view(np.int32))
+        if level.shape[0] == 1:
+            return np.concatenate(levels)
+        level = 0.25 * (level[::2, ::2] + level[1::2, ::2] + level[::2, 1::2] + level[1::2, 1::2])
