@@ -9,7 +9,7 @@ from __future__ import annotations
 import enum
 import math
 import struct
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from vsx_hw.errors import ProtocolError
 from vsx_hw.kobuki.base_control import BaseControl
@@ -142,7 +142,7 @@ def _decode(payload: bytes) -> Feedback | None:
     )
 
 
-def _exact(layout: str, data: bytes | None) -> tuple[int, ...] | None:
+def _exact(layout: str, data: bytes | None) -> Any:
     """The fields of data, or None where it is absent or of another length."""
     return struct.unpack(layout, data) if data is not None and len(data) == struct.calcsize(layout) else None
 

@@ -1,0 +1,140 @@
+"""The last decision before the wheels: who commands, may he, how fast. Pure; time is an argument.
+
+It knows nothing of cameras, maps and plans, so that it stays right when all of those are wrong.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from vsx_hw.readings import Hazard
+
+ABSURD_V_M_S = 5.0
+ABSURD_OMEGA_RAD_S = 20.0
+STALL_NS = 1_000_000_000
+
+
+class Source(NamedTuple):
+    """Someone who may command; the highest priority that has spoken within its timeout wins."""
+
+    name: str
+    priority: int
+    timeout_s: float
+
+
+SOURCES = (Source("safety_controller", 10, 0.2), Source("teleop", 7, 0.5), Source("navi", 5, 0.25))
+
+
+class SpeedLimits(NamedTuple):
+    """What the wheels never exceed."""
+
+    v_m_s: float = 0.5
+    omega_rad_s: float = 1.5
+
+
+class Decision(NamedTuple):
+    """What the wheels shall do now, on whose word, and why not what he said (empty when it is)."""
+
+    v_m_s: float
+    omega_rad_s: float
+    source: str
+    reason: str
+
+
+class _Command(NamedTuple):
+    v_m_s: float
+    omega_rad_s: float
+    given_ns: int
+
+
+class Supervisor:
+    """Mux, timeouts, hazards, limits and emergency stop of one base. Not thread-safe: its owner has the lock.
+
+    - A bumper forbids driving forward; turning and reversing stay possible.
+    - A cliff leaves only reversing straight.
+    - A raised wheel, or wheels that stall, forbid everything until the cause is gone and the commander has asked for
+      standstill (or was silent): a robot that was carried away must not drive off when it is put down.
+    - The emergency stop forbids everything until it is cleared, and then a new command is needed.
+    - A command that is not finite or is absurd counts as a command to stand still.
+    """
+
+    def __init__(self, limits: SpeedLimits, sources: tuple[Source, ...] = SOURCES) -> None:
+        self._limits = limits
+        self._sources = {s.name: s for s in sorted(sources, key=lambda s: -s.priority)}
+        self._commands: dict[str, _Command] = {}
+        self._latched = ""
+        self._estop = False
+        self._stalled_since_ns = -1
+        self.refused = 0
+
+    @property
+    def estopped(self) -> bool:
+        """Whether the emergency stop is set."""
+        return self._estop
+
+    def command(self, source: str, v_m_s: float, omega_rad_s: float, now_ns: int) -> bool:
+        """A source speaks. False when the command was refused and replaced by standstill.
+
+        Raises KeyError for a source that is not in the mux.
+        """
+        accepted = abs(v_m_s) <= ABSURD_V_M_S and abs(omega_rad_s) <= ABSURD_OMEGA_RAD_S
+        if not accepted:
+            self.refused += 1
+            v_m_s = omega_rad_s = 0.0
+        self._commands[self._sources[source].name] = _Command(v_m_s, omega_rad_s, now_ns)
+        return accepted
+
+    def forget_commands(self) -> None:
+        """Nothing said so far counts any longer (the base was reconnected, the emergency stop cleared)."""
+        self._commands.clear()
+
+    def emergency_stop(self, stop: bool) -> None:
+        """Set the emergency stop, or clear it."""
+        if self._estop and not stop:
+            self.forget_commands()
+        self._estop = stop
+
+    def observe(self, v_m_s: float, omega_rad_s: float, decision: Decision, now_ns: int) -> None:
+        """Measured speeds after the decision that was sent: commanded but not moving for a second is a stall."""
+        wanted = abs(decision.v_m_s) > 0.05 or abs(decision.omega_rad_s) > 0.2
+        moving = abs(v_m_s) > 0.1 * abs(decision.v_m_s) and abs(decision.v_m_s) > 0.05
+        turning = abs(omega_rad_s) > 0.1 * abs(decision.omega_rad_s) and abs(decision.omega_rad_s) > 0.2
+        if not wanted or moving or turning:
+            self._stalled_since_ns = -1
+        elif self._stalled_since_ns < 0:
+            self._stalled_since_ns = now_ns
+        elif now_ns - self._stalled_since_ns > STALL_NS:
+            self._latched = "wheels do not follow the command; free the robot"
+
+    def decide(self, now_ns: int, hazards: Hazard) -> Decision:
+        """What the wheels shall do now."""
+        source, v, omega = self._selected(now_ns)
+        if hazards & Hazard.WHEEL_DROP:
+            self._latched = "wheel raised; put the robot on the floor"
+        elif self._latched and v == 0.0 and omega == 0.0:
+            self._latched = ""
+        if self._estop:
+            return Decision(0.0, 0.0, source, "emergency stop; clear it to drive")
+        if self._latched:
+            return Decision(0.0, 0.0, source, self._latched)
+        v, omega = _limited(v, omega, self._limits)
+        if hazards & Hazard.CLIFF and (v > 0.0 or omega != 0.0):
+            return Decision(min(v, 0.0), 0.0, source, "cliff; only reversing straight is allowed")
+        if hazards & Hazard.BUMPER and v > 0.0:
+            return Decision(0.0, omega, source, "bumper; driving forward is not allowed")
+        return Decision(v, omega, source, "" if source else "no commands")
+
+    def _selected(self, now_ns: int) -> tuple[str, float, float]:
+        """(source, v, omega) of the most important source that is not silent."""
+        for source in self._sources.values():
+            command = self._commands.get(source.name)
+            if command is not None and now_ns - command.given_ns <= source.timeout_s * 1e9:
+                return source.name, command.v_m_s, command.omega_rad_s
+        return "", 0.0, 0.0
+
+
+def _limited(v: float, omega: float, limits: SpeedLimits) -> tuple[float, float]:
+    """Both scaled alike, so that the robot stays on the curve it was sent along."""
+    scale = max(1.0, abs(v) / limits.v_m_s, abs(omega) / limits.omega_rad_s)
+    return (v / scale, omega / scale) if math.isfinite(scale) else (0.0, 0.0)
