@@ -11,6 +11,7 @@ import numpy as np
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.io.atomic import write_text
 
 HEADER = "# stamp tx ty tz qx qy qz qw\n"
 
@@ -41,7 +42,7 @@ def write_trajectory(path: Path, poses: Iterable[StampedPose]) -> None:
         numbers = (*pose.T.translation, *pose.T.quaternion())
         # adding 0.0 turns -0.0 into 0.0, whose sign would otherwise be a meaningless difference
         lines.append(" ".join([format_stamp(pose.stamp_ns), *(f"{float(n) + 0.0:.9f}" for n in numbers)]) + "\n")
-    path.write_text("".join(lines), encoding="utf-8")
+    write_text(path, "".join(lines))
 
 
 def read_trajectory(path: Path) -> list[StampedPose]:

@@ -1,0 +1,100 @@
+"""The numbers of a run: summary.json, exactly the keys that scripts rely on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import msgspec
+import numpy as np
+from msgspec import Struct
+
+from vsx_ros import __version__
+from vsx_ros.errors import InputError
+from vsx_ros.evaluation.trajectory import MIN_PAIRS, AlignmentKind, associate, path_length, trajectory_error
+from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.slam.state import SlamStatistics
+
+
+class Summary(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """SI units; None (null in the file) where nothing is known."""
+
+    frames: int | None = None
+    frames_tracked: int | None = None
+    frames_lost: int | None = None
+    breaks: int | None = None
+    relocalizations: int | None = None
+    initialized_at_s: float | None = None
+    keyframes: int | None = None
+    map_points: int | None = None
+    u1: float | None = None
+    u2_frames: float | None = None
+    u2_seconds: float | None = None
+    u2_metres: float | None = None
+    track_ms_median: float | None = None
+    track_ms_p99: float | None = None
+    ate_rmse_m: float | None = None
+    ate_rmse_sim3_m: float | None = None
+    scale_error: float | None = None
+    path_length_m: float | None = None
+    duration_s: float | None = None
+    coverage: float | None = None
+    coverage_correct: float | None = None
+    occupied_precision: float | None = None
+    occupied_recall: float | None = None
+    free_inside_obstacle: float | None = None
+    collisions: int | None = None
+    planned_vs_executed_rms_m: float | None = None
+    plans: int | None = None
+    plan_ms_median: float | None = None
+    plan_ms_p99: float | None = None
+    stop_reason: str | None = None
+    world: str | None = None
+    seed: int | None = None
+    planner: str | None = None
+    phi: float | None = None
+    version: str = __version__
+
+    def as_dict(self) -> dict[str, Any]:
+        """Every key, in order; not-a-number becomes None, for JSON has no such number."""
+        tree: dict[str, Any] = msgspec.to_builtins(self)
+        return {
+            key: None if isinstance(value, float) and not np.isfinite(value) else value for key, value in tree.items()
+        }
+
+    def with_values(self, **values: Any) -> Summary:
+        """A copy with these values, e.g. those of ``dataclasses.asdict(map_quality(...))``."""
+        return msgspec.structs.replace(self, **values)
+
+
+def tracking_summary(statistics: SlamStatistics, track_ms: Sequence[float]) -> Summary:
+    """What the SLAM itself knows, and how long its frames took [ms]."""
+    times = np.asarray(track_ms, float)
+    return Summary(
+        **statistics._asdict(),
+        track_ms_median=float(np.median(times)) if times.size else None,
+        track_ms_p99=float(np.percentile(times, 99)) if times.size else None,
+    )
+
+
+def with_accuracy(
+    summary: Summary, estimate: Sequence[StampedPose], truth: Sequence[StampedPose], kind: AlignmentKind | None
+) -> Summary:
+    """ATE and scale error against the truth, and the length of the estimated way.
+
+    kind: how ``ate_rmse_m`` is aligned (se3; yaw where gravity is known); None for a map without metric scale, whose
+    scale-free error alone means something. Where the two do not overlap in time the errors stay None.
+    """
+    if kind is not None:
+        summary = summary.with_values(path_length_m=path_length(estimate))
+    if len(estimate) < MIN_PAIRS or len(truth) < MIN_PAIRS:
+        return summary
+    try:
+        pairs = associate(estimate, truth)
+    except InputError:
+        return summary
+    summary = summary.with_values(ate_rmse_sim3_m=trajectory_error(pairs, "sim3").ate_rmse_m)
+    if kind is None:
+        return summary
+    error = trajectory_error(pairs, kind)
+    return summary.with_values(ate_rmse_m=error.ate_rmse_m, scale_error=error.scale_error)

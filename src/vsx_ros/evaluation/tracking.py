@@ -1,0 +1,62 @@
+"""Did the tracking hold? Breaks as the interface defines them (U1 and U2 are counted while tracking, slam/)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.slam.state import TrackingResult, TrackingState
+
+MAX_JUMP_M = 0.15
+MAX_JUMP_DEG = 5.0
+_TRACKED = (TrackingState.GOOD, TrackingState.DUBIOUS)
+
+
+class Break(NamedTuple):
+    """Where tracking broke, and how."""
+
+    stamp_ns: int
+    reason: str
+
+
+def find_breaks(results: Sequence[TrackingResult], reference: Sequence[SE3 | None]) -> list[Break]:
+    """Jumps of more than 0.15 m or 5 deg against the reference, and a loss that lasts to the end.
+
+    results: frames in order. reference: as many camera poses by odometry (or truth), None where unknown. Only frames
+    tracked from the map are compared, each with the tracked frame before it.
+    """
+    breaks = []
+    last: tuple[SE3, SE3 | None] | None = None
+    for result, expected in zip(results, reference, strict=True):
+        if result.state not in _TRACKED or result.T_world_cam is None:
+            continue
+        if last is not None and last[1] is not None and expected is not None:
+            jump = _jump(last[0].inverse() @ result.T_world_cam, last[1].inverse() @ expected)
+            if jump:
+                breaks.append(Break(result.stamp_ns, jump))
+        last = result.T_world_cam, expected
+    if last is not None and results[-1].state is TrackingState.LOST:
+        since = next(r for r, after in zip(results, _suffix_lost(results)) if after)
+        breaks.append(Break(since.stamp_ns, f"lost for good: {since.reason}"))
+    return breaks
+
+
+def _jump(moved: SE3, expected: SE3) -> str:
+    """What is wrong with a motion, in words; empty when nothing is."""
+    error = expected.inverse() @ moved
+    metres = math.hypot(*error.translation)
+    degrees = math.degrees(error.rotation_angle_to(SE3.identity()))
+    if metres > MAX_JUMP_M or degrees > MAX_JUMP_DEG:
+        return f"the pose jumped {metres:.2f} m and {degrees:.1f} deg against odometry"
+    return ""
+
+
+def _suffix_lost(results: Sequence[TrackingResult]) -> list[bool]:
+    """For each frame, whether it and all later ones are lost."""
+    lost, suffix = True, []
+    for result in reversed(results):
+        lost = lost and result.state is TrackingState.LOST
+        suffix.append(lost)
+    return suffix[::-1]

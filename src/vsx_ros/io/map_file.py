@@ -1,0 +1,95 @@
+"""Maps as map_server keeps them: an image and a YAML beside it, so that every ROS navigation stack can load them."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from vsx_ros.errors import MapFileError
+from vsx_ros.io.atomic import write_bytes, write_text
+from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+
+_GRAY_OF_FREE, _GRAY_OF_OCCUPIED, _GRAY_OF_UNKNOWN = 254, 0, 205
+_OCCUPIED_THRESHOLD, _FREE_THRESHOLD = 0.65, 0.196
+
+
+def save_map(grid: OccupancyGrid, path: Path) -> None:
+    """``path`` with the endings .pgm and .yaml, as map_server's map_saver writes them.
+
+    Raises MapFileError when they cannot be written.
+    """
+    gray = np.full(grid.shape, _GRAY_OF_UNKNOWN, np.uint8)
+    gray[grid.data == FREE] = _GRAY_OF_FREE
+    gray[grid.data == OCCUPIED] = _GRAY_OF_OCCUPIED
+    rows, columns = grid.shape
+    image, text = path.with_suffix(".pgm"), path.with_suffix(".yaml")
+    tree = {
+        "image": image.name,
+        "resolution": grid.resolution,
+        "origin": [grid.origin_x, grid.origin_y, 0.0],
+        "negate": 0,
+        "occupied_thresh": _OCCUPIED_THRESHOLD,
+        "free_thresh": _FREE_THRESHOLD,
+    }
+    try:
+        write_bytes(image, f"P5\n{columns} {rows}\n255\n".encode() + gray[::-1].tobytes())
+        write_text(text, yaml.safe_dump(tree, sort_keys=False, default_flow_style=None))
+    except OSError as error:
+        raise MapFileError(f"map {path} cannot be written ({error.strerror}); choose another folder") from error
+
+
+def load_map(path: Path) -> OccupancyGrid:
+    """The grid of a map YAML (or of an image with its YAML beside it): free, occupied, and unknown in between.
+
+    PGM and PNG of any depth, grey or colour; fully transparent pixels are unknown.
+    Raises MapFileError naming what is missing or wrong.
+    """
+    text = path if path.suffix in (".yaml", ".yml") else path.with_suffix(".yaml")
+    try:
+        tree = yaml.safe_load(text.read_text(encoding="utf-8"))
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        reason = str(error).splitlines()[0]
+        raise MapFileError(f"map {text} cannot be read ({reason}); give a map_server YAML") from error
+    try:
+        resolution = float(tree["resolution"])
+        x, y, yaw = (float(value) for value in tree["origin"])
+        thresholds = float(tree["free_thresh"]), float(tree["occupied_thresh"])
+        negate, name = bool(int(tree.get("negate", 0))), str(tree["image"])
+        raw = str(tree.get("mode", "trinary")) == "raw"
+    except (KeyError, TypeError, ValueError) as error:
+        raise MapFileError(
+            f"map {text}: entry {error} is missing or malformed; map_server needs image, resolution, "
+            "origin [x, y, yaw], negate, occupied_thresh, free_thresh"
+        ) from error
+    if yaw != 0.0:
+        raise MapFileError(f"map {text} is turned by {yaw} rad, only 0 is supported; turn the image instead")
+    if not (0 < resolution < 10 and math.isfinite(x + y) and 0 <= thresholds[0] <= thresholds[1] <= 1):
+        raise MapFileError(f"map {text}: resolution {resolution} or thresholds {thresholds} are impossible; correct it")
+    occupancy = _occupancy(text.parent / name, negate=negate, raw=raw)
+    data = np.full(occupancy.shape, UNKNOWN, np.int8)
+    data[occupancy < thresholds[0]] = FREE
+    data[occupancy > thresholds[1]] = OCCUPIED
+    return OccupancyGrid(data[::-1], resolution, x, y)
+
+
+def _occupancy(path: Path, *, negate: bool, raw: bool) -> NDArray[np.float64]:
+    """(H, W) probability of an obstacle, NaN where nothing is known."""
+    image: NDArray[Any] | None = cv2.imread(str(path), cv2.IMREAD_UNCHANGED) if path.exists() else None
+    if image is None or image.dtype not in (np.uint8, np.uint16):
+        raise MapFileError(f"map image {path} is missing or no 8 or 16 bit picture; give a PGM or PNG")
+    depth = float(np.iinfo(image.dtype).max)
+    channels = image.reshape(*image.shape[:2], -1).astype(np.float64)
+    colours = channels[..., : 1 if channels.shape[2] < 3 else 3].mean(axis=2)
+    if raw:
+        occupancy = np.where(colours <= 100, colours / 100.0, np.nan)
+    else:
+        occupancy = colours / depth if negate else 1.0 - colours / depth
+    if channels.shape[2] in (2, 4):
+        occupancy[channels[..., -1] == 0] = np.nan
+    return occupancy
