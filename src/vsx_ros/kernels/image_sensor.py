@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from vsx_ros.kernels import kernel
 
 
 @kernel
-def expose(radiance, vignette, gain, shot, read_variance, noise, starts, response, image):
+def expose(
+    radiance: Any,
+    vignette: Any,
+    gain: Any,
+    shot: Any,
+    read_variance: Any,
+    noise: Any,
+    starts: Any,
+    response: Any,
+    image: Any,
+) -> None:
     """Fill image (H, W) uint8 from radiance (H, W) float32 (1 = full scale at gain 1).
 
     noise: (L,) float32 standard normal draws; row y reads it from starts[y] on, L >= starts.max() + W.

@@ -51,7 +51,7 @@ def mount_transform(mount: MountConfig, pitch_error: float = 0.0, height_error: 
 
 
 class EmulatedCamera:
-    """Pictures from a moving base. camera_true and T_base_cam_true are the truth, the _given ones what the stack gets."""
+    """Pictures from a moving base. camera_true and T_base_cam_true are the truth; the stack gets the _given ones."""
 
     def __init__(
         self,
@@ -75,7 +75,7 @@ class EmulatedCamera:
     @property
     def span_ns(self) -> int:
         """Time from the stamp until the last row is exposed [ns]; the body must have moved on that far."""
-        overhang = self._renderer.border_rows[-1] / self.camera_true.height
+        overhang = float(self._renderer.border_rows[-1]) / self.camera_true.height
         return self._settings.exposure_ns + math.ceil(self._settings.readout_ns * overhang) + 1
 
     def render_gray(self, stamp_ns: int, poses_at: PosesAt) -> GrayImage:
@@ -99,7 +99,7 @@ class EmulatedCamera:
         return self._renderer.render(track, bayer, want_depth)
 
     def poses_cam(self, base: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rotations (N, 3, 3) and positions (N, 3) of the camera for base poses (N, 4), with the true mount and its rattle."""
+        """Rotations (N, 3, 3), positions (N, 3) of the camera on base poses (N, 4), with the true mount and its rattle."""
         c, s = np.cos(base[:, 2]), np.sin(base[:, 2])
         zero, one = np.zeros_like(c), np.ones_like(c)
         yaw = np.stack([c, -s, zero, s, c, zero, zero, zero, one], axis=1).reshape(-1, 3, 3)

@@ -22,6 +22,7 @@ from vsx_ros.sim.world import (
     Poster,
     Start,
     Table,
+    TextureKind,
     Tint,
     Wall,
     World,
@@ -47,13 +48,14 @@ def _materials(rng: Rng) -> dict[str, Material]:
     def tint(choices: list[Tint]) -> Tint:
         return choices[int(rng.integers(len(choices)))]
 
-    floor = "carpet" if rng.random() < 0.5 else "tiles"
+    floor: TextureKind = "carpet" if rng.random() < 0.5 else "tiles"
     brightness = float(rng.uniform(0.36, 0.5))
     materials = {
         "floor": Material(kind=floor, seed=seed(), brightness=brightness, texel_m=0.004, tint=tint(WARM)),
         "ceiling": Material(kind="panels", seed=seed(), brightness=0.8, texel_m=0.6 * 4 / 256),
         "skirting": Material(kind="plain", brightness=float(rng.choice([0.15, 0.25, 0.85]))),
         "paint": Material(kind="paint", seed=seed(), brightness=float(rng.uniform(0.6, 0.75)), tint=tint(WARM)),
+        "wallpaper": Material(kind="wallpaper", seed=seed(), brightness=0.62, texel_m=0.005, tint=tint(WARM)),
         "brick": Material(kind="brick", seed=seed(), brightness=0.5, contrast=0.8, tint=(1.0, 0.8, 0.7)),
         "wood": Material(kind="wood", seed=seed(), brightness=0.5, tint=(1.0, 0.85, 0.65)),
         "grey": Material(kind="plain", brightness=float(rng.uniform(0.3, 0.6))),
@@ -64,6 +66,26 @@ def _materials(rng: Rng) -> dict[str, Material]:
     for k in range(12):
         materials[f"poster{k}"] = Material(kind="poster", seed=seed(), brightness=0.55, tint=tint(VIVID))
     return materials
+
+
+def _wall_material(rng: Rng) -> str:
+    return ["paint", "wallpaper", "brick"][int(rng.choice(3, p=[0.4, 0.42, 0.18]))]
+
+
+def _hang_notices(rng: Rng, stretches: Rooms, spacing_m: float) -> list[Poster]:
+    """Small things low on the walls: sockets, signs, vents."""
+    notices: list[Poster] = []
+    for (ax, ay), (bx, by) in stretches:
+        length, yaw = math.hypot(bx - ax, by - ay), math.atan2(by - ay, bx - ax)
+        at = float(rng.uniform(0.2, 0.6))
+        while at < length - 0.2:
+            x, y = ax + at * math.cos(yaw), ay + at * math.sin(yaw)
+            width, height = (float(v) for v in rng.uniform(0.12, 0.34, 2))
+            z, material = float(rng.uniform(0.3, 0.6)), f"poster{int(rng.integers(12))}"
+            facing = yaw + 0.5 * math.pi
+            notices.append(Poster(x=x, y=y, z=z, yaw_rad=facing, width=width, height=height, material=material))
+            at += float(rng.uniform(0.6, 1.4)) * spacing_m
+    return notices
 
 
 def _hang_posters(rng: Rng, stretches: Rooms, spacing_m: float) -> list[Poster]:
@@ -105,7 +127,7 @@ def _partition(rng: Rng, x: float, y0: float, y1: float, gaps: int) -> list[Wall
         low = y0 + k * span + float(rng.uniform(0.15, max(0.2, span - width - 0.3)))
         cuts += [low, low + width]
     cuts.append(y1)
-    material = "brick" if rng.random() < 0.4 else "paint"
+    material = _wall_material(rng)
     return [
         Wall(points=[(x, a), (x, b)], thickness=0.12, height=HEIGHT_M, material=material, skirting="skirting")
         for a, b in zip(cuts[::2], cuts[1::2])
@@ -128,7 +150,7 @@ def _free(world: World) -> tuple[BoolArray, FloatArray, FloatArray]:
     fits = cv2.distanceTransform(room, cv2.DIST_L2, 5) * grid.resolution > PASSAGE_RADIUS_M + 0.05
     xs = grid.origin_x + (np.arange(grid.shape[1]) + 0.5) * grid.resolution
     ys = grid.origin_y + (np.arange(grid.shape[0]) + 0.5) * grid.resolution
-    return fits, xs, ys
+    return np.asarray(fits, np.bool_), np.asarray(xs, np.float64), np.asarray(ys, np.float64)
 
 
 def is_connected(world: World) -> bool:
@@ -231,7 +253,8 @@ def _lights(width: float, depth: float) -> list[Light]:
 
 def _shell(rng: Rng, name: str, seed: int, width: float, depth: float) -> World:
     corners: list[Point] = [(0.0, 0.0), (width, 0.0), (width, depth), (0.0, depth)]
-    room = Outline(points=corners, height=HEIGHT_M, material="paint", skirting="skirting")
+    sides = [_wall_material(rng) for _ in corners]
+    room = Outline(points=corners, height=HEIGHT_M, material=sides, skirting="skirting")
     return World(
         generator=Origin(name=name, seed=seed),
         start=Start(x=1.2, y=depth / 2, theta_rad=0.0),
@@ -244,25 +267,31 @@ def _shell(rng: Rng, name: str, seed: int, width: float, depth: float) -> World:
     )
 
 
+def _decorated(rng: Rng, world: World, spacing_m: float) -> World:
+    stretches = _stretches(world)
+    posters = _hang_posters(rng, stretches, spacing_m)
+    return _with(world, posters=posters + _hang_notices(rng, stretches, 1.1))
+
+
 def _lab(rng: Rng, seed: int) -> World:
     world = _shell(rng, "lab", seed, 12.0, 8.0)
     world = _with(world, walls=_partition(rng, float(rng.uniform(5.0, 7.5)), 0.0, 8.0, int(rng.integers(1, 3))))
     numbers = int(rng.integers(6, 13)), int(rng.integers(1, 3)), int(rng.integers(1, 4))
     world = _furnish(rng, world, *numbers)
-    return _with(world, posters=_hang_posters(rng, _stretches(world), 1.5))
+    return _decorated(rng, world, 1.5)
 
 
 def _office(rng: Rng, seed: int) -> World:
     world = _shell(rng, "office", seed, 20.0, 12.0)
     walls = [wall for x in (5.0, 10.0, 15.0) for wall in _partition(rng, x, 0.0, 12.0, 2)]
     world = _furnish(rng, _with(world, walls=walls), 14, 4, 3)
-    return _with(world, posters=_hang_posters(rng, _stretches(world), 1.7))
+    return _decorated(rng, world, 1.7)
 
 
 def _corridor(rng: Rng, seed: int) -> World:
     world = _shell(rng, "corridor", seed, 16.0, 2.4)
     world = _furnish(rng, world, 3, 0, 1)
-    return _with(world, posters=_hang_posters(rng, _stretches(world), 1.5))
+    return _decorated(rng, world, 1.5)
 
 
 GENERATORS = {"lab": _lab, "office": _office, "corridor": _corridor}

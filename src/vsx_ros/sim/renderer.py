@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import FloatArray, Points3
 from vsx_ros.errors import CalibrationError
 from vsx_ros.geometry.camera import PinholeCamera
-from vsx_ros.kernels.raycast_render import TILE, plane_forms, render_tile_rows
+from vsx_ros.kernels.raycast_cull import plane_forms
+from vsx_ros.kernels.raycast_render import render_tile_rows
+from vsx_ros.kernels.raycast_shade import TILE
 from vsx_ros.sim.scene import Scene
 
 BLUR_STEP_PX = 1.2
@@ -32,8 +34,8 @@ class PoseTrack(NamedTuple):
 class Picture(NamedTuple):
     """Radiance before the sensor.
 
-    radiance: (H, W) float32, 1 = white paper at unit irradiance. depth: (H, W) float32 distance along the optical axis [m],
-    0 where nothing is hit, and ident: (H, W) int32 quad, -1 for nothing; both empty unless asked for.
+    radiance: (H, W) float32, 1 = white paper at unit irradiance. depth: (H, W) float32 distance along the optical axis
+    [m], 0 where nothing is hit, and ident: (H, W) int32 quad, -1 for nothing; both empty unless asked for.
     """
 
     radiance: NDArray[np.float32]
@@ -133,10 +135,11 @@ class Renderer:
         depth = np.zeros(shape if want_depth else (0, 0), np.float32)
         ident = np.full(shape if want_depth else (0, 0), -1, np.int32)
 
+        tables = (scene.tex, scene.light, scene.surfaces, scene.places, scene.tints)
+
         def rows(first: int, last: int) -> None:
             render_tile_rows(
-                first, last, forms, pool, len(pool), self._bounds, self._rx, self._ry, scene.tex, scene.light,
-                scene.surfaces, scene.places, scene.tints, bayer, radiance, depth, ident,
+                first, last, forms, pool, self._bounds, self._rx, self._ry, tables, bayer, radiance, depth, ident,
             )  # fmt: skip
 
         if self._pool is None:

@@ -108,7 +108,7 @@ class EmulatedRobot:
     def step(self, command: VelocityCommand) -> Observation:
         """Drive by the command until the next frame is read out, and observe.
 
-        The command reaches the base when the last frame had been read out. Raises InputError for a command that is not finite.
+        The command is sent once the last frame has been read out. Raises InputError when it is not finite.
         """
         body, base = self.body, self._config.body
         body.set_wheel_speeds(*wheel_speeds(command.v, command.omega, base.wheel_base_m))

@@ -18,9 +18,10 @@ GREY = np.array([0.299, 0.587, 0.114])
 
 
 class Quad(NamedTuple):
-    """corner + u edge_u + v edge_v [m], 0 <= u, v <= 1; seen from the side that edge_u x edge_v points away from (u right, v down).
+    """corner + u edge_u + v edge_v [m], 0 <= u, v <= 1; seen from the side edge_u x edge_v points away from.
 
-    fitted: the texture stretches over the quad instead of repeating every ``texel_m`` metres per texel.
+    along: where on the texture the quad starts [m], so that neighbouring faces continue each other. fitted: the texture
+    stretches over the quad instead.
     """
 
     corner: FloatArray
@@ -28,6 +29,7 @@ class Quad(NamedTuple):
     edge_v: FloatArray
     material: str
     two_sided: bool = False
+    along: float = 0.0
     fitted: bool = False
 
 
@@ -45,10 +47,11 @@ class Scene(NamedTuple):
     light: IntArray
 
 
-def _side(a: Points2, b: Points2, z_min: float, z_max: float, material: str) -> Quad:
+def _side(a: Points2, b: Points2, z_min: float, z_max: float, material: str, along: float) -> Quad:
     """Upright quad over the floor segment a -> b, seen from its right; texture upright (v down)."""
     corner = np.array([a[0], a[1], z_max])
-    return Quad(corner, np.array([b[0] - a[0], b[1] - a[1], 0.0]), np.array([0.0, 0.0, z_min - z_max]), material)
+    edge_u, edge_v = np.array([b[0] - a[0], b[1] - a[1], 0.0]), np.array([0.0, 0.0, z_min - z_max])
+    return Quad(corner, edge_u, edge_v, material, along=along)
 
 
 def _lid(footprint: Points2, z: float, material: str, facing_up: bool) -> list[Quad]:
@@ -81,16 +84,18 @@ def quads(world: World) -> list[Quad]:
     surfaces = _lid(ground, 0.0, world.floor, True) + _lid(ground, world.ceiling_height, world.ceiling, False)
     for outline in world.outlines:
         loop = np.asarray(outline.points, float)
-        for a, b in zip(np.roll(loop, -1, axis=0), loop):
-            surfaces.append(_side(a, b, 0.0, outline.height, outline.material))
+        for a, b, material in zip(np.roll(loop, -1, axis=0), loop, outline.side_materials):
+            surfaces.append(_side(a, b, 0.0, outline.height, material, float(a[0] + a[1])))
             if outline.skirting is not None:
                 along = (b - a) / max(float(np.hypot(*(b - a))), 1e-9)
                 inward = 0.01 * np.array([along[1], -along[0]])
-                surfaces.append(_side(a + inward, b + inward, 0.0, SKIRTING_HEIGHT, outline.skirting))
+                surfaces.append(_side(a + inward, b + inward, 0.0, SKIRTING_HEIGHT, outline.skirting, 0.0))
     for solid in prisms(world):
         ring = solid.footprint
+        along = 0.7 * float(ring[0].sum())
         for a, b in zip(ring, np.roll(ring, -1, axis=0)):
-            surfaces.append(_side(a, b, solid.z_min, solid.z_max, solid.material))
+            surfaces.append(_side(a, b, solid.z_min, solid.z_max, solid.material, along))
+            along += float(np.hypot(*(b - a)))
         if solid.z_max < world.ceiling_height - 0.01:
             surfaces += _lid(ring, solid.z_max, solid.material, True)
         if solid.z_min > 0.01:
@@ -158,7 +163,7 @@ def compile_scene(world: World) -> Scene:
         maps.append(_pack_light(light, scale))
         side = float(2 ** sizes[k])
         texels = [side, side] if quad.fitted else [length / material.texel_m for length in lengths]
-        offset = [0.0, 0.0] if quad.fitted else [(0.381966 * side * i) % side, (0.236068 * side * i) % side]
+        offset = [0.0, 0.0] if quad.fitted else [quad.along / material.texel_m % side, 0.0]
         surface[i] = [*texels, *offset, scale / 255.0 / 255.0]
         place[i] = [starts[k], sizes[k], at, nodes[0], nodes[1]]
         tints[i] = _reflectance(material)

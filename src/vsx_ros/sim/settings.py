@@ -12,7 +12,7 @@ Rate = Annotated[float, Meta(ge=1, le=20)]
 
 
 class BodySettings(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A Kobuki by default: wheel base, encoder step and gyro of its datasheet; errors are the half-widths or deviations."""
+    """A Kobuki by default: wheel base, encoder step and gyro step are its own; errors are half-widths or deviations."""
 
     wheel_base_m: Positive = 0.230
     tick_m: Positive = 0.000085292

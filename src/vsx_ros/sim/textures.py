@@ -6,35 +6,48 @@ from collections.abc import Callable
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from vsx_ros.arrays import FloatArray, GrayImage, IntArray
+from vsx_ros.arrays import GrayImage, IntArray
 from vsx_ros.sim.world import Material
 
 Rng = np.random.Generator
+Pattern = NDArray[np.float32]
+"""(S, S) deviation from the mean reflectance; 1 is full scale."""
 
 SIZES = {"carpet": 2048, "tiles": 2048, "plain": 64, "paint": 256, "panels": 256}
 
 
-def _noise(rng: Rng, size: int, cells: int) -> FloatArray:
+def _noise(rng: Rng, size: int, cells: int) -> Pattern:
     """(size, size) smooth noise that repeats seamlessly, ``cells`` lattice points per side, standard deviation 1."""
     lattice = rng.standard_normal((cells, cells)).astype(np.float32)
     padded = np.pad(lattice, 2, mode="wrap")
     scale = size // cells
     large = cv2.resize(padded, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC)
     cut = large[2 * scale : 2 * scale + size, 2 * scale : 2 * scale + size]
-    result: FloatArray = cut / max(float(cut.std()), 1e-6)
-    return result
+    return np.asarray(cut / max(float(cut.std()), 1e-6), np.float32)
 
 
-def _plain(rng: Rng, size: int) -> FloatArray:
+def _plain(rng: Rng, size: int) -> Pattern:
     return np.zeros((size, size), np.float32)
 
 
-def _paint(rng: Rng, size: int) -> FloatArray:
+def _paint(rng: Rng, size: int) -> Pattern:
     return 0.006 * _noise(rng, size, size // 16) + 0.006 * _noise(rng, size, size // 2)
 
 
-def _wood(rng: Rng, size: int) -> FloatArray:
+def _wallpaper(rng: Rng, size: int) -> Pattern:
+    """Woodchip paper: low contrast, with scattered small chips and a faint repeating motif."""
+    picture = 0.012 * _noise(rng, size, size // 4) + 0.012 * _noise(rng, size, size // 16)
+    for _ in range(size * size // 900):
+        x, y = (int(v) for v in rng.integers(4, size - 4, 2))
+        axes = (int(rng.integers(1, 5)), int(rng.integers(1, 3)))
+        value = float(rng.choice([-0.17, -0.12, 0.1, 0.14]))
+        cv2.ellipse(picture, (x, y), axes, float(rng.uniform(0, 180)), 0, 360, value, -1)
+    return picture
+
+
+def _wood(rng: Rng, size: int) -> Pattern:
     rows = np.arange(size, dtype=np.float32)[:, None] / size
     warp = 0.02 * _noise(rng, size, 4)
     lines = rng.standard_normal(64).astype(np.float32)
@@ -56,7 +69,7 @@ def _wood(rng: Rng, size: int) -> FloatArray:
     return picture
 
 
-def _brick(rng: Rng, size: int) -> FloatArray:
+def _brick(rng: Rng, size: int) -> Pattern:
     picture = np.full((size, size), 0.22, np.float32)
     courses, per_course = 16, 8
     height, width = size // courses, size // per_course
@@ -69,7 +82,7 @@ def _brick(rng: Rng, size: int) -> FloatArray:
     return picture + 0.03 * _noise(rng, size, size // 4)
 
 
-def _carpet(rng: Rng, size: int) -> FloatArray:
+def _carpet(rng: Rng, size: int) -> Pattern:
     picture = 0.06 * _noise(rng, size, size // 4) + 0.07 * _noise(rng, size, size // 16)
     picture += 0.05 * _noise(rng, size, size // 64)
     for _ in range(size * size // 2600):
@@ -83,7 +96,7 @@ def _carpet(rng: Rng, size: int) -> FloatArray:
     return picture
 
 
-def _tiles(rng: Rng, size: int) -> FloatArray:
+def _tiles(rng: Rng, size: int) -> Pattern:
     picture = 0.03 * _noise(rng, size, size // 8) + 0.05 * _noise(rng, size, size // 32)
     step = size // 16
     for row in range(16):
@@ -98,7 +111,7 @@ def _tiles(rng: Rng, size: int) -> FloatArray:
     return picture
 
 
-def _text_line(picture: FloatArray, rng: Rng, box: tuple[int, int, int, int], ink: float) -> None:
+def _text_line(picture: Pattern, rng: Rng, box: tuple[int, int, int, int], ink: float) -> None:
     """Letter-like blobs in (x0, y0, x1, y1)."""
     x, y0, x1, y1 = box
     height = y1 - y0
@@ -111,7 +124,7 @@ def _text_line(picture: FloatArray, rng: Rng, box: tuple[int, int, int, int], in
         x += width + max(1, height // 4)
 
 
-def _shape(picture: FloatArray, rng: Rng, low: int, high: int, value: float) -> None:
+def _shape(picture: Pattern, rng: Rng, low: int, high: int, value: float) -> None:
     """One filled disc, triangle, quadrilateral or ring somewhere."""
     size = picture.shape[0]
     centre = rng.integers(size // 12, size - size // 12, 2)
@@ -128,7 +141,7 @@ def _shape(picture: FloatArray, rng: Rng, low: int, high: int, value: float) -> 
         cv2.fillPoly(picture, [corners.astype(np.int32)], value)
 
 
-def _poster(rng: Rng, size: int) -> FloatArray:
+def _poster(rng: Rng, size: int) -> Pattern:
     background = float(rng.choice([-0.3, 0.25, 0.35]))
     picture = np.full((size, size), background, np.float32)
     for low, high, number in ((size // 7, size // 4, 4), (size // 16, size // 8, 12), (size // 40, size // 20, 26)):
@@ -148,7 +161,7 @@ def _poster(rng: Rng, size: int) -> FloatArray:
     return picture
 
 
-def _print(rng: Rng, size: int) -> FloatArray:
+def _print(rng: Rng, size: int) -> Pattern:
     """A cardboard box: faint fibres, tape, labels, stamped signs."""
     picture = 0.02 * _noise(rng, size, size // 4) + 0.03 * _noise(rng, size, size // 32)
     middle = int(rng.uniform(0.3, 0.7) * size)
@@ -166,7 +179,7 @@ def _print(rng: Rng, size: int) -> FloatArray:
     return picture
 
 
-def _panels(rng: Rng, size: int) -> FloatArray:
+def _panels(rng: Rng, size: int) -> Pattern:
     """Ceiling panels: a grid of joints with faint dots."""
     picture = 0.01 * _noise(rng, size, size // 2)
     step = size // 4
@@ -176,8 +189,8 @@ def _panels(rng: Rng, size: int) -> FloatArray:
     return picture
 
 
-_PATTERNS: dict[str, Callable[[Rng, int], FloatArray]] = {
-    "plain": _plain, "paint": _paint, "wood": _wood, "brick": _brick, "carpet": _carpet, "tiles": _tiles,
+_PATTERNS: dict[str, Callable[[Rng, int], Pattern]] = {
+    "plain": _plain, "paint": _paint, "wood": _wood, "brick": _brick, "carpet": _carpet, "tiles": _tiles, "wallpaper": _wallpaper,
     "poster": _poster, "print": _print, "panels": _panels,
 }  # fmt: skip
 
@@ -187,7 +200,7 @@ def texture(material: Material) -> GrayImage:
     size = SIZES.get(material.kind, 512)
     pattern = _PATTERNS[material.kind](np.random.default_rng([material.seed, 77]), size)
     picture = 255.0 * (material.brightness + material.contrast * pattern)
-    return np.clip(np.rint(picture), 0, 255).astype(np.uint8)
+    return np.asarray(np.clip(np.rint(picture), 0, 255), np.uint8)
 
 
 def packed_levels(picture: GrayImage) -> IntArray:

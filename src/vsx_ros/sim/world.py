@@ -16,14 +16,14 @@ Metres = Annotated[float, Meta(ge=-10000, le=10000)]
 Ratio = Annotated[float, Meta(ge=0, le=1)]
 Point = tuple[Metres, Metres]
 Tint = tuple[Ratio, Ratio, Ratio]
-TextureKind = Literal["plain", "paint", "wood", "brick", "carpet", "tiles", "poster", "print", "panels"]
+TextureKind = Literal["plain", "paint", "wood", "brick", "carpet", "tiles", "wallpaper", "poster", "print", "panels"]
 
 
 class _Part(Struct, frozen=True, forbid_unknown_fields=True):
     """Common policy: immutable, unknown names refused."""
 
 
-class Material(_Part, kw_only=True):
+class Material(_Part, frozen=True, kw_only=True):
     """A procedural surface: kind and seed fix its pattern; brightness its mean; contrast scales the pattern.
 
     texel_m: metres per texel of a repeating texture (posters stretch over their frame). tint: r, g, b reflectance.
@@ -37,16 +37,24 @@ class Material(_Part, kw_only=True):
     tint: Tint = (1.0, 1.0, 1.0)
 
 
-class Outline(_Part, kw_only=True):
-    """A closed polygon with free space to the left of its direction and solid building to its right."""
+class Outline(_Part, frozen=True, kw_only=True):
+    """A closed polygon with free space to the left of its direction and solid building to its right.
+
+    material: one name for all sides, or one per side.
+    """
 
     points: Annotated[list[Point], Meta(min_length=3)]
     height: Positive
-    material: str
+    material: str | list[str]
     skirting: str | None = None
 
+    @property
+    def side_materials(self) -> list[str]:
+        """The material of each side, the first from points[0] to points[1]."""
+        return [self.material] * len(self.points) if isinstance(self.material, str) else self.material
 
-class Wall(_Part, kw_only=True):
+
+class Wall(_Part, frozen=True, kw_only=True):
     """A free-standing wall along a polyline."""
 
     points: Annotated[list[Point], Meta(min_length=2)]
@@ -56,7 +64,7 @@ class Wall(_Part, kw_only=True):
     skirting: str | None = None
 
 
-class Box(_Part, kw_only=True):
+class Box(_Part, frozen=True, kw_only=True):
     """A cuboid on the floor (or at base_z), centred at x, y, turned by yaw_rad."""
 
     x: Metres
@@ -69,7 +77,7 @@ class Box(_Part, kw_only=True):
     material: str
 
 
-class Table(_Part, kw_only=True):
+class Table(_Part, frozen=True, kw_only=True):
     """A slab on four square legs."""
 
     x: Metres
@@ -83,7 +91,7 @@ class Table(_Part, kw_only=True):
     material: str
 
 
-class Cylinder(_Part, kw_only=True):
+class Cylinder(_Part, frozen=True, kw_only=True):
     """A round pillar or bin, a prism of 16 faces."""
 
     x: Metres
@@ -93,7 +101,7 @@ class Cylinder(_Part, kw_only=True):
     material: str
 
 
-class Poster(_Part, kw_only=True):
+class Poster(_Part, frozen=True, kw_only=True):
     """A picture centred at x, y, z, facing the direction yaw_rad."""
 
     x: Metres
@@ -105,7 +113,7 @@ class Poster(_Part, kw_only=True):
     material: str
 
 
-class Light(_Part, kw_only=True):
+class Light(_Part, frozen=True, kw_only=True):
     """A lamp at x, y, z; strength: irradiance at 1 m, head on, in units of full-scale reflectance."""
 
     x: Metres
@@ -114,14 +122,14 @@ class Light(_Part, kw_only=True):
     strength: Annotated[float, Meta(ge=0, le=100)]
 
 
-class Origin(_Part, kw_only=True):
+class Origin(_Part, frozen=True, kw_only=True):
     """Where a world came from."""
 
     name: str
     seed: int
 
 
-class Start(_Part, kw_only=True):
+class Start(_Part, frozen=True, kw_only=True):
     """Where the robot starts."""
 
     x: Metres
@@ -129,7 +137,7 @@ class Start(_Part, kw_only=True):
     theta_rad: float
 
 
-class World(_Part, kw_only=True):
+class World(_Part, frozen=True, kw_only=True):
     """A whole emulated building. ``world_file`` reads and writes it."""
 
     version: Literal[1] = 1

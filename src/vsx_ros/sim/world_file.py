@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
 
 import cv2
 import msgspec
@@ -13,7 +12,7 @@ import yaml
 
 from vsx_ros.arrays import BoolArray, GrayImage, Points2
 from vsx_ros.errors import ConfigError, MapFileError
-from vsx_ros.sim.world import World
+from vsx_ros.sim.world import Box, Outline, Poster, Table, Wall, World
 
 TOLERANCE_M = 0.06
 
@@ -43,14 +42,25 @@ def load_world(path: Path) -> World:
 
 
 def checked(world: World, name: str) -> World:
-    """The world itself. Raises ConfigError when a part names an unknown material or holds a number that is not finite."""
-    parts: list[Any] = [*world.outlines, *world.walls, *world.boxes, *world.tables, *world.cylinders, *world.posters]
-    used = {world.floor, world.ceiling} | {part.material for part in parts}
-    used |= {part.skirting for part in [*world.outlines, *world.walls] if part.skirting is not None}
+    """The world itself.
+
+    Raises ConfigError when a part names an unknown material or holds an angle that is not finite.
+    """
+    edges: list[Outline | Wall] = [*world.outlines, *world.walls]
+    things: list[Box | Table | Poster] = [*world.boxes, *world.tables, *world.posters]
+    for outline in world.outlines:
+        if len(outline.side_materials) != len(outline.points):
+            raise ConfigError(
+                f"world {name}: an outline of {len(outline.points)} sides names {len(outline.side_materials)} materials; "
+                "write one material, or one per side"
+            )
+    used = {world.floor, world.ceiling} | {part.material for part in [*world.walls, *things, *world.cylinders]}
+    used |= {material for outline in world.outlines for material in outline.side_materials}
+    used |= {edge.skirting for edge in edges if edge.skirting is not None}
     missing = sorted(used - set(world.materials))
     if missing:
         raise ConfigError(f"world {name}: no material called {missing[0]!r}; add it under 'materials'")
-    angles = [part.yaw_rad for part in [*world.boxes, *world.tables, *world.posters]] + [world.start.theta_rad]
+    angles = [thing.yaw_rad for thing in things] + [world.start.theta_rad]
     if not all(math.isfinite(angle) for angle in angles):
         raise ConfigError(f"world {name}: an angle is not finite; write radians")
     return world

@@ -1,0 +1,212 @@
+"""Texture and light of listed pixels: the shading half of the ray caster.
+
+The loops run over flat scratch memory with constant offsets, so that they compile to vector instructions. Texels are
+packed: an int32 holds the 2x2 neighbourhood of a texel, so that one load feeds a bilinear lookup.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from vsx_ros.kernels import kernel
+
+TILE = 16
+N = TILE * TILE
+MAX_PROBES = 8
+
+# Rows of the float scratch memory, each N long.
+RX, RY, DXX, DXY, DYX, DYY, ROW, WEIGHT = 0, N, 2 * N, 3 * N, 4 * N, 5 * N, 6 * N, 7 * N
+TU, TV, MU, MV, LOD, SUM, LIGHT, FX = 8 * N, 9 * N, 10 * N, 11 * N, 12 * N, 13 * N, 14 * N, 15 * N
+FY, SCALE, MIX, VALUE, LU, LV = 16 * N, 17 * N, 18 * N, 19 * N, 20 * N, 21 * N
+FLOAT_ROWS = 22
+# Rows of the integer scratch memory.
+PIXEL, INDEX, SHIFT, BASE, TEXEL = 0, N, 2 * N, 3 * N, 4 * N
+INT_ROWS = 5
+
+F0 = np.float32(0.0)
+F1 = np.float32(1.0)
+HALF = np.float32(0.5)
+EPS = np.float32(1e-5)
+TINY = np.float32(1e-12)
+NEAR = np.float32(1e-4)
+LOG2_SCALE = np.float32(1.0 / (1 << 23))
+LOG2_BIAS = np.float32(127.0)
+BYTE = np.int32(255)
+
+
+@kernel
+def enter(f: Any, g: Any, i: Any, rx: Any, ry: Any, y: Any, x: Any, ratio: Any, weight: Any, width: Any) -> None:
+    """Append pixel (y, x) to the shading list at place i."""
+    f[RX + i] = rx[y + 1, x + 1]
+    f[RY + i] = ry[y + 1, x + 1]
+    f[DXX + i] = rx[y + 1, x + 2] - rx[y + 1, x + 1]
+    f[DXY + i] = ry[y + 1, x + 2] - ry[y + 1, x + 1]
+    f[DYX + i] = rx[y + 2, x + 1] - rx[y + 1, x + 1]
+    f[DYY + i] = ry[y + 2, x + 1] - ry[y + 1, x + 1]
+    f[ROW + i] = ratio
+    f[WEIGHT + i] = weight
+    g[PIXEL + i] = np.int32(y * width + x)
+
+
+@kernel
+def _footprint(f: Any, n: Any, m: Any, k: Any, su: Any, sv: Any, ou: Any, ov: Any, lu: Any, lv: Any) -> tuple[Any, Any]:
+    """Texture coordinates and the axes of the pixel's footprint, in texels of the finest level.
+
+    Leaves TU, TV, LU, LV, the major axis (MU, MV), its length in LOD and the minor length in MIX; returns the largest
+    ratio of the axes and the largest major axis.
+    """
+    a0, a1, a2, b0, b1, b2, c0, c1, c2 = m[k, 0], m[k, 1], m[k, 2], m[k, 3], m[k, 4], m[k, 5], m[k, 6], m[k, 7], m[k, 8]
+    p0, p1, p2, q0, q1, q2 = m[k, 9], m[k, 10], m[k, 11], m[k, 12], m[k, 13], m[k, 14]
+    r0, r1, r2 = m[k, 15], m[k, 16], m[k, 17]
+    for i in range(n):
+        t, dx, dy = f[ROW + i], f[RX + i], f[RY + i]
+        a0t, a1t, b0t, b1t, c0t, c1t = a0 + t * p0, a1 + t * p1, b0 + t * q0, b1 + t * q1, c0 + t * r0, c1 + t * r1
+        c = max(c0t * dx + c1t * dy + (c2 + t * r2), NEAR)
+        inverse = F1 / c
+        u = (a0t * dx + a1t * dy + (a2 + t * p2)) * inverse
+        v = (b0t * dx + b1t * dy + (b2 + t * q2)) * inverse
+        u = min(max(u, F0), F1)
+        v = min(max(v, F0), F1)
+        xx, xy, yx, yy = f[DXX + i], f[DXY + i], f[DYX + i], f[DYY + i]
+        cx, cy = c0t * xx + c1t * xy, c0t * yx + c1t * yy
+        ux = (a0t * xx + a1t * xy - u * cx) * inverse * su
+        uy = (a0t * yx + a1t * yy - u * cy) * inverse * su
+        vx = (b0t * xx + b1t * xy - v * cx) * inverse * sv
+        vy = (b0t * yx + b1t * yy - v * cy) * inverse * sv
+        p = ux * ux + uy * uy
+        q = ux * vx + uy * vy
+        r = vx * vx + vy * vy
+        h = HALF * (p - r)
+        g = np.sqrt(h * h + q * q)
+        middle = HALF * (p + r)
+        major = np.sqrt(middle + g)
+        eu = h + g if h >= F0 else q
+        ev = q if h >= F0 else g - h
+        length = np.sqrt(eu * eu + ev * ev + TINY)
+        scale = major / length
+        f[TU + i] = u * su + ou
+        f[TV + i] = v * sv + ov
+        f[LU + i] = u * lu
+        f[LV + i] = v * lv
+        f[MU + i] = eu * scale
+        f[MV + i] = ev * scale
+        f[LOD + i] = major
+        f[MIX + i] = np.sqrt(max(middle - g, F0))
+    widest = F0
+    longest = F0
+    for i in range(n):
+        longest = max(longest, f[LOD + i])
+        widest = max(widest, f[LOD + i] / (f[MIX + i] + TINY))
+    return widest, longest
+
+
+@kernel
+def _lookup(f: Any, g: Any, tex: Any, n: Any, shift_u: Any, shift_v: Any, probe: Any) -> None:
+    """VALUE = bilinear texel at (TU, TV) + probe * (MU, MV), at the level that SCALE, SHIFT and BASE name."""
+    for i in range(n):
+        x = (f[TU + i] + probe * f[MU + i]) * f[SCALE + i] - HALF
+        y = (f[TV + i] + probe * f[MV + i]) * f[SCALE + i] - HALF
+        x_floor, y_floor = np.floor(x), np.floor(y)
+        f[FX + i] = x - x_floor
+        f[FY + i] = y - y_floor
+        size = np.int32(1) << g[SHIFT + i]
+        column = np.int32(x_floor) & (size - np.int32(1))
+        row = np.int32(y_floor) & (size - np.int32(1))
+        g[INDEX + i] = g[BASE + i] + (row << g[SHIFT + i]) + column
+    for i in range(n):
+        g[TEXEL + i] = tex[np.uint32(g[INDEX + i])]
+    for i in range(n):
+        t = g[TEXEL + i]
+        t00 = np.float32(t & BYTE)
+        t01 = np.float32((t >> np.int32(8)) & BYTE)
+        t10 = np.float32((t >> np.int32(16)) & BYTE)
+        t11 = np.float32((t >> np.int32(24)) & BYTE)
+        fx = f[FX + i]
+        upper = t00 + fx * (t01 - t00)
+        lower = t10 + fx * (t11 - t10)
+        f[VALUE + i] = upper + f[FY + i] * (lower - upper)
+
+
+@kernel
+def _level(f: Any, g: Any, n: Any, above: Any, base: Any, size_log2: Any) -> None:
+    """SCALE, SHIFT and BASE of the mip level floor(LOD) + above, at most the coarsest."""
+    whole = np.int32(1) << size_log2
+    area = np.int32(4) * whole * whole
+    for i in range(n):
+        level = min(np.int32(f[LOD + i]) + above, size_log2)
+        shift = size_log2 - level
+        size = np.int32(1) << shift
+        g[SHIFT + i] = shift
+        f[SCALE + i] = np.float32(size) / np.float32(whole)
+        # The finer levels hold (4 whole^2 - 4 size^2) / 3 texels together.
+        g[BASE + i] = base + (area - np.int32(4) * size * size) // np.int32(3)
+
+
+@kernel
+def shade(f: Any, bits: Any, g: Any, n: Any, tex: Any, light: Any, m: Any, k: Any, surface: Any, place: Any) -> None:
+    """Fill SUM with the radiance of the n listed pixels on quad k: texture (anisotropic, trilinear) times light."""
+    su, sv, ou, ov, light_scale = surface[0], surface[1], surface[2], surface[3], surface[4]
+    base, size_log2, light_base, nu, nv = place[0], place[1], place[2], place[3], place[4]
+    lu, lv = np.float32(nu - 1), np.float32(nv - 1)
+    widest, longest = _footprint(f, n, m, k, su, sv, ou, ov, lu, lv)
+    probes = max(1, min(MAX_PROBES, int(min(widest, np.float32(64.0)) + HALF)))
+    probes = max(1, min(probes, int(min(longest, np.float32(64.0)) + F1)))
+    share = F1 / np.float32(probes)
+    for i in range(n):
+        f[LOD + i] = max(max(f[MIX + i], f[LOD + i] * share), F1)
+    finest = True
+    for i in range(n):
+        # log2 from the bits of the float: piecewise linear, off by at most 0.09 levels, and continuous.
+        lod = np.float32(bits[LOD + i]) * LOG2_SCALE - LOG2_BIAS
+        lod = max(lod, F0)
+        f[LOD + i] = lod
+        f[MIX + i] = lod - np.floor(lod)
+        f[SUM + i] = F0
+    for i in range(n):
+        finest = finest and f[LOD + i] <= F0
+    _level(f, g, n, np.int32(0), base, size_log2)
+    for probe in range(probes):
+        at = (np.float32(probe) + HALF) * share - HALF
+        _lookup(f, g, tex, n, su, sv, at)
+        for i in range(n):
+            f[SUM + i] += (F1 - f[MIX + i]) * f[VALUE + i]
+    if not finest:
+        _level(f, g, n, np.int32(1), base, size_log2)
+        for probe in range(probes):
+            at = (np.float32(probe) + HALF) * share - HALF
+            _lookup(f, g, tex, n, su, sv, at)
+            for i in range(n):
+                f[SUM + i] += f[MIX + i] * f[VALUE + i]
+    top_u, top_v = nu - np.int32(2), nv - np.int32(2)
+    for i in range(n):
+        column = min(np.int32(f[LU + i]), top_u)
+        row = min(np.int32(f[LV + i]), top_v)
+        f[FX + i] = f[LU + i] - np.float32(column)
+        f[FY + i] = f[LV + i] - np.float32(row)
+        g[INDEX + i] = light_base + row * nu + column
+    for i in range(n):
+        g[TEXEL + i] = light[np.uint32(g[INDEX + i])]
+    for i in range(n):
+        t = g[TEXEL + i]
+        t00 = np.float32(t & BYTE)
+        t01 = np.float32((t >> np.int32(8)) & BYTE)
+        t10 = np.float32((t >> np.int32(16)) & BYTE)
+        t11 = np.float32((t >> np.int32(24)) & BYTE)
+        upper = t00 + f[FX + i] * (t01 - t00)
+        lower = t10 + f[FX + i] * (t11 - t10)
+        f[SUM + i] *= share * light_scale * (upper + f[FY + i] * (lower - upper))
+
+
+@kernel
+def spread(f: Any, g: Any, n: Any, tint: Any, bayer: Any, width: Any, share: Any, picture: Any) -> None:
+    """Add SUM, tinted for the colour each pixel sees, to the picture (flat)."""
+    for i in range(n):
+        at = g[PIXEL + i]
+        colour = 3
+        if bayer:
+            # GRBG: even rows green, red; odd rows blue, green.
+            odd_row, odd_column = (at // width) & 1, (at % width) & 1
+            colour = 1 if odd_row == odd_column else (0 if odd_row == 0 else 2)
+        picture[at] += share * f[WEIGHT + i] * tint[colour] * f[SUM + i]
