@@ -18,6 +18,7 @@ from vsx_ros.geometry.camera import PinholeCamera, mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.planning.path import Trajectory
 from vsx_ros.robot import Odometry, VelocityCommand
 from vsx_ros.ros import convert, images, topics
 
@@ -157,3 +158,35 @@ def test_the_mount_chain_multiplies_to_the_mount() -> None:
         product = product @ SE3.from_quaternion(np.array([move.x, move.y, move.z]), (turn.x, turn.y, turn.z, turn.w))
     assert parent == topics.OPTICAL_FRAME
     np.testing.assert_allclose(product.matrix(), mount_pose(-0.09, 0.02, 0.31, 0.1, -0.05).matrix(), atol=1e-12)
+
+
+def test_trajectories_survive_with_their_headings_unwrapped() -> None:
+    times = np.linspace(0.0, 4.0, 41)
+    theta = np.linspace(2.5, 5.0, 41)  # passes pi, where a quaternion jumps
+    poses = np.stack([np.cos(theta), np.sin(theta), theta], axis=1)
+    sent = Trajectory(times, poses, np.linspace(0.0, -0.2, 41), np.full(41, 0.3))
+    msg = convert.trajectory_msg(sent, topics.ODOM_FRAME, STAMP_NS)
+    assert msg.header.frame_id == topics.ODOM_FRAME
+    back = convert.trajectory(msg)
+    assert back is not None
+    np.testing.assert_allclose(back.times_s, times, atol=1e-9)
+    np.testing.assert_allclose(back.poses, poses, atol=1e-9)
+    np.testing.assert_array_equal(back.v, sent.v)
+    np.testing.assert_array_equal(back.omega, sent.omega)
+
+
+def test_no_trajectory_is_a_message_without_points() -> None:
+    assert convert.trajectory(convert.trajectory_msg(None, "map", 0)) is None
+
+
+def test_a_trajectory_without_speeds_is_refused() -> None:
+    trajectory = Trajectory(np.array([0.0, 1.0]), np.zeros((2, 3)), np.zeros(2), np.zeros(2))
+    msg = convert.trajectory_msg(trajectory, "map", 0)
+    msg.points[1].velocities = []
+    with pytest.raises(InputError):
+        convert.trajectory(msg)
+
+
+def test_hazards_in_words() -> None:
+    assert convert.hazard_words(0) == ""
+    assert convert.hazard_words(4 | 16) == "bumper left, cliff center"

@@ -29,6 +29,7 @@ from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
+from vsx_hw.readings import Hazard
 from vsx_ros.arrays import FloatArray, Points3
 from vsx_ros.config import MountConfig
 from vsx_ros.errors import InputError, MapFileError
@@ -187,6 +188,13 @@ def trajectory(msg: MultiDOFJointTrajectory) -> Trajectory | None:
         np.array([point.velocities[0].linear.x for point in msg.points]),
         np.array([point.velocities[0].angular.z for point in msg.points]),
     )
+
+
+def hazard_words(mask: int) -> str:
+    """The bits of mobile_base/hazards in words; empty for none."""
+    hazards = Hazard(mask)
+    single = [hazard for hazard in Hazard if hazard & hazards and hazard & (hazard - 1) == 0]
+    return ", ".join(str(hazard.name).replace("_", " ").lower() for hazard in single)
 
 
 # Maps ----------------------------------------------------------------------------------------------------------

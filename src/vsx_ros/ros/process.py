@@ -64,14 +64,25 @@ def run(name: str, build: Callable[[Config], Node]) -> None:
 
 
 def configuration() -> Config:
-    """The configuration of the private parameter tree ``~config``; missing entries take their default.
+    """The configuration: the tree ``config`` of the namespace, entries of the node's own ``~config`` first.
 
     Raises ConfigError naming the entry.
     """
-    tree: Any = rospy.get_param("~config", {})
-    if not isinstance(tree, dict):
-        raise ConfigError(f"parameter {rospy.resolve_name('~config')} is {tree!r}, not a tree of names")
+    tree: dict[str, Any] = {}
+    for name in ("config", "~config"):
+        branch: Any = rospy.get_param(name, {})
+        if not isinstance(branch, dict):
+            raise ConfigError(f"parameter {rospy.resolve_name(name)} is {branch!r}, not a tree of names")
+        tree = _merged(tree, branch)
     return from_dict(tree)
+
+
+def _merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+    merged = {**below, **above}
+    for name in below.keys() & above.keys():
+        if isinstance(below[name], dict) and isinstance(above[name], dict):
+            merged[name] = _merged(below[name], above[name])
+    return merged
 
 
 def bridge_logging() -> None:

@@ -13,11 +13,12 @@ from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.ply import write_points
 from vsx_ros.io.trajectory_file import write_trajectory
 from vsx_ros.robot import Odometry
-from vsx_ros.slam.state import TrackingResult, TrackingState
+from vsx_ros.slam.state import SlamEvent, TrackingResult, TrackingState
 from vsx_ros.slam.threads import ThreadedSlam
 
 FRAMES_FILE = "frames.csv"
 STATISTICS_FILE = "slam.json"
+EVENTS_FILE = "slam_events.jsonl"
 
 
 class FrameFacts(NamedTuple):
@@ -38,6 +39,7 @@ class SlamRecord:
         self._frames: list[FrameFacts] = []
         self._trajectory: list[StampedPose] = []
         self._odometry: list[StampedPose] = []
+        self._events: list[SlamEvent] = []
 
     def add_odometry(self, odometry: Odometry) -> None:
         """A reading of the wheels."""
@@ -53,8 +55,13 @@ class SlamRecord:
             if tracked and result.T_world_cam is not None:
                 self._trajectory.append(StampedPose(result.stamp_ns, result.T_world_cam))
 
+    def add_events(self, events: list[SlamEvent]) -> None:
+        """Changes of state."""
+        with self._lock:
+            self._events += events
+
     def write(self, folder: Path, slam: ThreadedSlam) -> None:
-        """trajectory.txt (camera to world, as tracked), odometry.txt, sparse.ply, frames.csv, slam.json."""
+        """trajectory.txt (camera to world, as tracked), odometry.txt, sparse.ply, and what the summary is made of."""
         folder.mkdir(parents=True, exist_ok=True)
         with self._lock:
             write_trajectory(folder / "trajectory.txt", self._trajectory)
@@ -63,6 +70,8 @@ class SlamRecord:
                 rows = csv.writer(file)
                 rows.writerow(FrameFacts._fields)
                 rows.writerows(self._frames)
+            lines = [json.dumps(event._asdict()) + "\n" for event in self._events]
+        (folder / EVENTS_FILE).write_text("".join(lines), encoding="utf-8")
         write_points(folder / "sparse.ply", slam.snapshot().points_world)
         statistics = json.dumps(slam.statistics()._asdict(), indent=1)
         (folder / STATISTICS_FILE).write_text(statistics + "\n", encoding="utf-8")

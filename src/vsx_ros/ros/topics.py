@@ -55,6 +55,7 @@ MOVE_BASE_ACTION = "move_base"
 SIMPLE_GOAL = "move_base_simple/goal"
 GLOBAL_PLAN = "move_base/global_plan"
 TRAJECTORY = "move_base/trajectory"
+PLAN_MS = "move_base/stats/plan_ms"
 MAKE_PLAN = "move_base/make_plan"
 NAVIGATION_LEASE = "move_base/lease"
 
@@ -119,6 +120,7 @@ PUBLISHED: dict[str, dict[str, str]] = {
     },
     "move_base": {
         GLOBAL_PLAN: "nav_msgs/Path",
+        PLAN_MS: "std_msgs/Float32",
         TRAJECTORY: "trajectory_msgs/MultiDOFJointTrajectory",
         FOLLOWER_LEASE: "std_msgs/String",
         f"{MOVE_BASE_ACTION}/status": "actionlib_msgs/GoalStatusArray",

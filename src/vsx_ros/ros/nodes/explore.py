@@ -27,7 +27,6 @@ from std_msgs.msg import Float32, String, UInt8
 from std_srvs.srv import Trigger, TriggerRequest, TriggerResponse
 from visualization_msgs.msg import MarkerArray
 
-from vsx_hw.readings import Hazard
 from vsx_ros.arrays import Points3
 from vsx_ros.config import Config
 from vsx_ros.exploration.mission import Action, Decision, Mission, NavigationState, Situation
@@ -52,7 +51,7 @@ class ExploreNode:
         self._lock = threading.Lock()
         self._grid: OccupancyGrid | None = None
         self._landmarks: Points3 = np.zeros((0, 3))
-        self._hazards = Hazard.NONE
+        self._hazards = 0
         self._goal_sent = False
         self._status, self._status_s = "", 0.0
         self._shown: object = None
@@ -87,7 +86,7 @@ class ExploreNode:
         self._landmarks = convert.cloud_points(msg)
 
     def _on_hazards(self, msg: UInt8) -> None:
-        self._hazards = Hazard(msg.data)
+        self._hazards = msg.data
 
     def _operator(self, request: Callable[[int], None]) -> Callable[[TriggerRequest], TriggerResponse]:
         def handle(_: TriggerRequest) -> TriggerResponse:
@@ -123,7 +122,7 @@ class ExploreNode:
             grid=self._grid,
             navigation=navigation,
             navigation_reason=reason,
-            hazard=self._hazards.name if self._hazards else None,
+            hazard=convert.hazard_words(self._hazards) or None,
             landmarks_world=self._landmarks,
         )
 

@@ -79,7 +79,7 @@ class FollowerNode:
         with self._lock:
             new, self._hazards = hazards & ~self._hazards, hazards
             if new:
-                self._end(f"hazard: {new.name}")
+                self._end(f"hazard: {convert.hazard_words(new)}")
 
     def _on_cancel(self, _: TriggerRequest) -> TriggerResponse:
         with self._lock:

@@ -1,7 +1,8 @@
 """Node ``move_base``: plans to goals so that the camera keeps its features, and sees them through.
 
 Subscribers: map, odom, vslam/pose, vslam/state, move_base_simple/goal, follower/status, move_base/lease.
-Publishers: move_base/global_plan, move_base/trajectory (latched; header stamp is its identity), follower/lease.
+Publishers: move_base/global_plan, move_base/trajectory (latched; header stamp is its identity),
+    move_base/stats/plan_ms, follower/lease.
 Services: move_base/make_plan.
 Actions: move_base. Goals in frame map are planned in the newest map from the fused pose, goals in frame odom by
     odometry alone: straight or along the trail, without a map.
@@ -24,7 +25,7 @@ from move_base_msgs.msg import MoveBaseAction, MoveBaseActionGoal, MoveBaseFeedb
 from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
 from nav_msgs.msg import Path as PathMsg
 from nav_msgs.srv import GetPlan, GetPlanRequest, GetPlanResponse
-from std_msgs.msg import String
+from std_msgs.msg import Float32, String
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from vsx_ros.config import Config
@@ -64,6 +65,7 @@ class MoveBaseNode:
         self._diagnostics = process.Diagnostics()
         self._path_pub = rospy.Publisher(topics.GLOBAL_PLAN, PathMsg, queue_size=1, latch=True)
         self._trajectory_pub = rospy.Publisher(topics.TRAJECTORY, MultiDOFJointTrajectory, queue_size=2, latch=True)
+        self._plan_ms_pub = rospy.Publisher(topics.PLAN_MS, Float32, queue_size=10, latch=True)
         self._goal_pub = rospy.Publisher(f"{topics.MOVE_BASE_ACTION}/goal", MoveBaseActionGoal, queue_size=2)
         rospy.Subscriber(topics.MAP, OccupancyGridMsg, self._on_map, queue_size=1)
         rospy.Subscriber(topics.FOLLOWER_STATUS, String, self._on_follower, queue_size=5, tcp_nodelay=True)
@@ -153,7 +155,8 @@ class MoveBaseNode:
             else:
                 plan = self._planner.plan(start, goal, grid, self._rng)
         elapsed_ms = 1e3 * (time.monotonic() - started_s)
-        self._diagnostics.set("planner", process.OK, f"last plan took {elapsed_ms:.0f} ms", plan_ms=elapsed_ms)
+        self._plan_ms_pub.publish(elapsed_ms)
+        self._diagnostics.set("planner", process.OK, f"last plan took {elapsed_ms:.0f} ms")
         return plan
 
     def _watch(self, identity_ns: int, frame: str) -> tuple[bool, str]:

@@ -56,6 +56,7 @@ class VslamNode:
         self._record = SlamRecord()
         self._slam: ThreadedSlam | None = None
         self._T_map_odom = SE2()
+        self._odometry_heard = False
         self._ground = GroundMapping(config)
         self._status = SlamStatus()
         self._lease = Lease(topics.FOLLOWER_LEASE, "vslam")
@@ -72,6 +73,9 @@ class VslamNode:
 
     def _on_odometry(self, msg: OdometryMsg) -> None:
         odometry = convert.odometry(msg)
+        if not self._odometry_heard:
+            self._odometry_heard = True
+            self._ground.started(odometry.T_odom_base)
         self._record.add_odometry(odometry)
         self._sync.add_odometry(odometry)
 
@@ -103,6 +107,7 @@ class VslamNode:
             self._publish_pose(result, odometry)
             self._status.frame(result, now_s - heard_s, self._sync.dropped)
             self._record.add_frame(result, time.monotonic() - now_s)
+            self._record.add_events(slam.drain_events())
             heard_s = now_s
 
     def _first_camera_info(self) -> CameraInfo:

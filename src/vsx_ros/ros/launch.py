@@ -1,0 +1,124 @@
+"""Which nodes make a robot, with which parameters: one table for Python, tests and documentation.
+
+launch/*.launch say the same for users of roslaunch; a test compares the two.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import uuid
+from pathlib import Path
+from typing import Any, NamedTuple
+from xml.sax.saxutils import escape, quoteattr
+
+import roslaunch.core
+import roslaunch.parent
+import yaml
+
+from vsx_ros.errors import ConfigError
+
+SIGINT_TIMEOUT_S, SIGTERM_TIMEOUT_S = 3.0, 1.0
+
+# Parallelism is by process; threads of libraries inside of them only fight for the same cores.
+ENVIRONMENT = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
+
+
+class LaunchNode(NamedTuple):
+    """One process. respawn: start it again when it dies; the wheels stand until it is back."""
+
+    name: str
+    params: dict[str, Any]
+    respawn: bool = False
+    package: str = "vsx_ros"
+    type: str = ""
+    args: str = ""
+
+
+def bringup(
+    base: str = "kobuki", port: str = "/dev/kobuki", camera: str = "kinect", info: str = ""
+) -> list[LaunchNode]:
+    """The robot itself: base and camera. info: URL or path of the camera's calibration."""
+    return [
+        LaunchNode("mobile_base", {"robot_type": base, "port": port}),
+        LaunchNode("camera", {"device": camera, "camera_info_url": info}, respawn=True),
+    ]
+
+
+def exploration(planner: str = "fov", seed: int = 0, run_dir: str = "") -> list[LaunchNode]:
+    """Everything above the robot."""
+    return [
+        LaunchNode("vslam", {"seed": seed, "run_dir": run_dir}),
+        LaunchNode("move_base", {"planner": planner, "seed": seed}, respawn=True),
+        LaunchNode("follower", {}, respawn=True),
+        LaunchNode("explore", {}),
+    ]
+
+
+def replay(bag: str, rate: float = 1.0) -> list[LaunchNode]:
+    """A recording in place of the robot; only the SLAM listens."""
+    player = LaunchNode("player", {}, package="rosbag", type="play", args=f"--clock --delay 3 -r {rate:g} {bag}")
+    return [LaunchNode("vslam", {"seed": 0, "run_dir": ""}), player]
+
+
+def xml(nodes: list[LaunchNode], config: dict[str, Any], params: dict[str, Any] | None = None) -> str:
+    """The launch file of these nodes. config: tree of config.py, for all of them; params: of the namespace."""
+    lines = ["<launch>"]
+    lines += [f'  <env name="{name}" value="{value}"/>' for name, value in ENVIRONMENT.items()]
+    if config:
+        text = escape(yaml.safe_dump(config, default_flow_style=True, width=10**6))
+        lines.append(f'  <rosparam param="config">{text}</rosparam>')
+    lines += [_param(name, value, "  ") for name, value in (params or {}).items()]
+    for node in nodes:
+        lines.append(
+            f'  <node pkg="{node.package}" type="{node.type or node.name}" name="{node.name}" output="screen"'
+            f' respawn="{str(node.respawn).lower()}" args={quoteattr(node.args)}>'
+        )
+        lines += [_param(name, value, "    ") for name, value in node.params.items()]
+        lines.append("  </node>")
+    return "\n".join([*lines, "</launch>\n"])
+
+
+def _param(name: str, value: Any, indent: str) -> str:
+    text = str(value).lower() if isinstance(value, bool) else str(value)
+    kinds: dict[type, str] = {bool: "bool", int: "int", float: "double", str: "str"}
+    return f'{indent}<param name="{name}" type="{kinds[type(value)]}" value={quoteattr(text)}/>'
+
+
+def package_environment() -> None:
+    """Make ``vsx_ros`` findable for rospack and roslaunch, from a checkout or from an installation.
+
+    Raises ConfigError when neither holds the package manifest.
+    """
+    os.environ.setdefault("ROS_HOSTNAME", "localhost")
+    checkout = Path(__file__).resolve().parents[3]
+    if not (checkout / "package.xml").exists():
+        raise ConfigError(f"no package.xml in {checkout}: the live run needs a checkout; use --fast without one")
+    others = os.environ.get("ROS_PACKAGE_PATH", "/usr/share")
+    if str(checkout) not in others.split(":"):
+        os.environ["ROS_PACKAGE_PATH"] = f"{checkout}:{others}"
+
+
+def start(text: str, *, quiet: bool = False) -> roslaunch.parent.ROSLaunchParent:
+    """Start the nodes of a launch text, with a master when none runs. Call it on the main thread.
+
+    Raises ConfigError when roslaunch refuses the text.
+    """
+    package_environment()
+    if shutil.which("rosmaster") is None:
+        raise ConfigError("there is no rosmaster: install ROS with 'scripts/demo' or the packages of apt.txt")
+    try:
+        parent = roslaunch.parent.ROSLaunchParent(
+            str(uuid.uuid1()),
+            [],
+            roslaunch_strs=[text],
+            is_core=False,
+            show_summary=not quiet,
+            force_log=quiet,
+            sigint_timeout=SIGINT_TIMEOUT_S,
+            sigterm_timeout=SIGTERM_TIMEOUT_S,
+        )
+        parent.start(auto_terminate=False)
+    except roslaunch.core.RLException as error:
+        raise ConfigError(f"roslaunch: {error}") from error
+    return parent
