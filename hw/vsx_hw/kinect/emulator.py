@@ -1,0 +1,182 @@
+"""A Kinect made of registers and packets, behind a Unix socket: the driver runs its real start sequence and its real
+assembler."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import socket
+import threading
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsx_hw.errors import DeviceError, ProtocolError
+from vsx_hw.kinect import wire
+from vsx_hw.kinect.packets import packetize
+from vsx_hw.kinect.protocol import (
+    CLOCK_HZ,
+    MICROFRAME_NS,
+    PACKETS_PER_FRAME,
+    START_VGA_BAYER,
+    STREAM_SWITCH,
+    Register,
+    decode_write,
+    encode_write_reply,
+)
+
+logger = logging.getLogger(__name__)
+
+PACKETS_PER_TRANSFER = 32
+SEND_TIMEOUT_S = 1.0
+
+
+@dataclass
+class KinectFaults:
+    """What goes wrong; may be changed while the emulator runs."""
+
+    drop_rate: float = 0.0
+    silent: bool = False
+
+
+class KinectBoard:
+    """The camera's registers and its packet counter."""
+
+    def __init__(self) -> None:
+        self.registers: dict[int, int] = {}
+        self._reply = b""
+        self._sequence = 0
+
+    def control_out(self, message: bytes) -> None:
+        """Obey a register write; nonsense gets no reply."""
+        try:
+            register, tag = decode_write(message)
+        except ProtocolError:
+            self._reply = b""
+            return
+        self.registers[register.address] = register.value
+        self._reply = encode_write_reply(tag)
+
+    def control_in(self) -> bytes:
+        """The reply to the last message, once."""
+        reply, self._reply = self._reply, b""
+        return reply
+
+    @property
+    def streaming(self) -> bool:
+        """Whether the stream is on in a mode the emulator has: VGA Bayer."""
+        mode = [r for r in START_VGA_BAYER if r.address != STREAM_SWITCH]
+        on = self.registers.get(STREAM_SWITCH) == 1
+        return on and all(Register(r.address, self.registers.get(r.address, -1)) == r for r in mode)
+
+    def packets(self, image: NDArray[np.uint8], clock_ticks: int) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
+        """The packets of the next frame."""
+        packets, lengths = packetize(image, clock_ticks, self._sequence)
+        self._sequence = (self._sequence + PACKETS_PER_FRAME) % 256
+        return packets, lengths
+
+
+class KinectEmulator:
+    """Listens at a socket path, serves one driver at a time; ``send_frame`` gives it an image.
+
+    Usable as a context manager.
+    """
+
+    def __init__(self, path: str, seed: int = 0) -> None:
+        self.board = KinectBoard()
+        self.faults = KinectFaults()
+        self._path = path
+        self._rng = np.random.default_rng(seed)
+        self._lock = threading.Lock()
+        self._client: socket.socket | None = None
+        self._receiving = False
+        with contextlib.suppress(FileNotFoundError):
+            os.unlink(path)
+        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self._listener.bind(path)
+        self._listener.listen(1)
+        self._thread = threading.Thread(target=self._accept, name="emulated kinect", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> KinectEmulator:
+        """It listens already."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Remove the socket."""
+        self.close()
+
+    @property
+    def streaming(self) -> bool:
+        """Whether a driver has switched the stream on and listens."""
+        return self._receiving and self.board.streaming
+
+    def send_frame(self, image: NDArray[np.uint8], start_ns: int) -> bool:
+        """Send a (480, 640) mosaic whose first row left the sensor at host time start_ns; False when nobody listens."""
+        with self._lock:
+            if self._client is None or not self.streaming or self.faults.silent:
+                return False
+            packets, lengths = self.board.packets(image, start_ns * (CLOCK_HZ // 1_000_000) // 1000)
+            kept = np.flatnonzero(self._rng.random(len(lengths)) >= self.faults.drop_rate)
+            try:
+                for first in range(0, PACKETS_PER_FRAME, PACKETS_PER_TRANSFER):
+                    rows = kept[(kept >= first) & (kept < first + PACKETS_PER_TRANSFER)]
+                    body = wire.encode_packets(start_ns + first * MICROFRAME_NS, packets[rows], lengths[rows])
+                    wire.send(self._client, wire.PACKETS, body)
+            except DeviceError as error:
+                logger.warning("%s", error)
+                return False
+            return True
+
+    def unplug(self) -> None:
+        """Cut the connection; the driver may connect again at once."""
+        with self._lock:
+            if self._client is not None:
+                with contextlib.suppress(OSError):
+                    self._client.shutdown(socket.SHUT_RDWR)
+
+    def close(self) -> None:
+        """Remove the socket."""
+        with contextlib.suppress(OSError):
+            self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
+        self.unplug()
+        self._thread.join(timeout=2.0)
+        with contextlib.suppress(FileNotFoundError):
+            os.unlink(self._path)
+
+    def _accept(self) -> None:
+        while True:
+            try:
+                client, _ = self._listener.accept()
+            except OSError:
+                return
+            client.settimeout(None)
+            client.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _timeval(SEND_TIMEOUT_S))
+            with self._lock:
+                self._client, self.board, self._receiving = client, KinectBoard(), False
+            self._obey(client)
+            with self._lock:
+                self._client, self._receiving = None, False
+            client.close()
+
+    def _obey(self, client: socket.socket) -> None:
+        try:
+            while True:
+                kind, body = wire.receive(client)
+                if kind == wire.CONTROL_OUT:
+                    self.board.control_out(body)
+                elif kind == wire.CONTROL_IN:
+                    with self._lock:
+                        wire.send(client, wire.REPLY, self.board.control_in())
+                elif kind in (wire.START, wire.STOP):
+                    self._receiving = kind == wire.START
+        except DeviceError as error:
+            logger.debug("%s", error)
+
+
+def _timeval(seconds: float) -> bytes:
+    whole = int(seconds)
+    return whole.to_bytes(8, "little") + round((seconds - whole) * 1e6).to_bytes(8, "little")

@@ -1,0 +1,172 @@
+"""A Kinect on the USB: control transfers and 16 isochronous transfers of 32 packets in flight (64 ms), by libusb1."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Any
+
+import numpy as np
+import usb1
+
+from vsx_hw.errors import DeviceError, DeviceNotFound, DeviceTimeout
+from vsx_hw.kinect.protocol import PACKET_BYTES
+from vsx_hw.kinect.transport import PacketHandler
+
+XBOX = (0x045E, 0x02AE)
+KINECT_FOR_WINDOWS = (0x045E, 0x02BF)
+VIDEO_ENDPOINT = 0x81
+TRANSFERS, PACKETS = 16, 32
+CONTROL_TIMEOUT_MS = 500
+
+_REMEDIES = {
+    usb1.USBErrorAccess: "permission denied; install the udev rule (hw/udev) and replug the camera",
+    usb1.USBErrorBusy: "in use, probably by the kernel's gspca_kinect; run 'sudo rmmod gspca_kinect' and blacklist it",
+    usb1.USBErrorNoDevice: "unplugged; check the cable and the 12 V supply",
+    usb1.USBErrorNotFound: "vanished while opening; check the 12 V supply and replug it",
+    usb1.USBErrorIO: "no bandwidth or a bad cable; give it a USB port of its own, without a hub",
+    usb1.USBErrorNoMem: "no USB memory; raise /sys/module/usbcore/parameters/usbfs_memory_mb",
+}
+ABSENT = "no Kinect on the USB; plug it in and check its 12 V supply (on a TurtleBot 1 the base must be awake)"
+
+
+def remedy(error: usb1.USBError) -> str:
+    """One sentence for a libusb error."""
+    return _REMEDIES.get(type(error), f"USB error {error}; replug the camera")
+
+
+class UsbTransport:
+    """The first Kinect found, or the one with the given serial number; see ``KinectTransport``.
+
+    Raises DeviceNotFound with the remedy when there is none or it cannot be opened.
+    """
+
+    def __init__(self, serial: str = "") -> None:
+        self._context = usb1.USBContext()
+        self._context.open()
+        self._transfers: list[Any] = []
+        self._packets = np.zeros((PACKETS, PACKET_BYTES), np.uint8)
+        self._lengths = np.zeros(PACKETS, np.int64)
+        self._in_flight = 0
+        self._failure = ""
+        self._running = threading.Event()
+        self._handler: PacketHandler | None = None
+        self._handle: Any = None
+        try:
+            self._handle = self._open(serial)
+            self._handle.setAutoDetachKernelDriver(True)
+            self._handle.claimInterface(0)
+            if self._ids == KINECT_FOR_WINDOWS:
+                self._handle.setInterfaceAltSetting(0, 1)
+        except usb1.USBError as error:
+            self.close()
+            raise DeviceNotFound(f"Kinect: {remedy(error)}") from error
+        except DeviceNotFound:
+            self.close()
+            raise
+        self._running.set()
+        self._thread = threading.Thread(target=self._events, name="usb events", daemon=True)
+        self._thread.start()
+
+    def _open(self, serial: str) -> Any:
+        others = []
+        for device in self._context.getDeviceIterator(skip_on_error=True):
+            self._ids = (device.getVendorID(), device.getProductID())
+            if self._ids not in (XBOX, KINECT_FOR_WINDOWS):
+                continue
+            handle = device.open()
+            self.serial = handle.getSerialNumber() or f"usb-{device.getBusNumber()}-{device.getDeviceAddress()}"
+            if serial in ("", self.serial):
+                return handle
+            others.append(self.serial)
+            handle.close()
+        raise DeviceNotFound(f"no Kinect with serial number {serial}; found {others}" if others else ABSENT)
+
+    def control_out(self, data: bytes) -> None:
+        """See KinectTransport."""
+        self._control(lambda: self._handle.controlWrite(0x40, 0, 0, 0, data, CONTROL_TIMEOUT_MS))
+
+    def control_in(self, size: int) -> bytes:
+        """See KinectTransport."""
+        return bytes(self._control(lambda: self._handle.controlRead(0xC0, 0, 0, 0, size, CONTROL_TIMEOUT_MS)))
+
+    @staticmethod
+    def _control(action: Any) -> Any:
+        try:
+            return action()
+        except usb1.USBErrorTimeout as error:
+            raise DeviceTimeout(f"Kinect: no answer in {CONTROL_TIMEOUT_MS} ms; check its 12 V supply") from error
+        except usb1.USBError as error:
+            raise DeviceError(f"Kinect: {remedy(error)}") from error
+
+    def start_iso(self, handler: PacketHandler) -> None:
+        """See KinectTransport."""
+        self._handler = handler
+        self._failure = ""
+        try:
+            for _ in range(TRANSFERS):
+                transfer = self._handle.getTransfer(iso_packets=PACKETS)
+                transfer.setIsochronous(VIDEO_ENDPOINT, PACKETS * PACKET_BYTES, callback=self._on_transfer)
+                self._in_flight += 1
+                self._transfers.append(transfer)
+                transfer.submit()
+        except usb1.USBError as error:
+            self._in_flight -= 1
+            self.stop_iso()
+            raise DeviceError(f"Kinect: {remedy(error)}") from error
+
+    def _on_transfer(self, transfer: Any) -> None:
+        """On the event thread: hand over, submit again."""
+        arrival_ns = time.time_ns()
+        status = transfer.getStatus()
+        if status == usb1.TRANSFER_COMPLETED and self._handler is not None:
+            self._lengths[:] = 0
+            for k, (packet_status, data) in enumerate(transfer.iterISO()):
+                if packet_status == usb1.TRANSFER_COMPLETED and len(data):
+                    self._lengths[k] = len(data)
+                    self._packets[k, : len(data)] = np.frombuffer(data, np.uint8)
+            self._handler(arrival_ns, self._packets, self._lengths)
+            try:
+                transfer.submit()
+                return
+            except usb1.USBError as error:
+                self._failure = f"Kinect: {remedy(error)}"
+        elif status == usb1.TRANSFER_NO_DEVICE:
+            self._failure = "Kinect: unplugged; check the cable and the 12 V supply"
+        elif status != usb1.TRANSFER_CANCELLED:
+            self._failure = f"Kinect: transfer ended with status {status}; give it a USB port of its own"
+        self._in_flight -= 1
+
+    def stop_iso(self) -> None:
+        """Cancel, and wait for every callback: freeing a transfer in flight crashes."""
+        self._handler = None
+        for transfer in self._transfers:
+            if transfer.isSubmitted():
+                try:
+                    transfer.cancel()
+                except usb1.USBError:
+                    continue
+        deadline = time.monotonic() + 2.0
+        while self._in_flight > 0 and time.monotonic() < deadline and self._running.is_set():
+            time.sleep(0.005)
+        self._transfers.clear()
+        self._in_flight = 0
+
+    def failure(self) -> str:
+        """See KinectTransport."""
+        return self._failure
+
+    def _events(self) -> None:
+        while self._running.is_set():
+            self._context.handleEventsTimeout(0.1)
+
+    def close(self) -> None:
+        """See KinectTransport."""
+        if self._running.is_set():
+            self.stop_iso()
+            self._running.clear()
+            self._thread.join(timeout=1.0)
+        if self._handle is not None:
+            self._handle.close()
+            self._handle = None
+        self._context.close()
