@@ -21,6 +21,7 @@ _SHORTEST_SEGMENT = 1e-6
 class HeadingSequence:
     """One entry a piece: direction (+1, -1) and signed turn [rad]; joints[k] tells whether the path runs on
     without stopping from piece k to k + 1. length_m: of the word it comes from; shortest_m: of its shortest piece.
+    members[k]: which segments of the word piece k replaces.
     """
 
     directions: tuple[int, ...]
@@ -28,6 +29,7 @@ class HeadingSequence:
     joints: tuple[bool, ...]
     length_m: float
     shortest_m: float
+    members: tuple[tuple[int, ...], ...]
 
     @property
     def cusps(self) -> int:
@@ -51,7 +53,8 @@ def merge_segments(
     angles: list[float] = []
     sizes: list[float] = []
     joints: list[bool] = []
-    for bend, length in zip(turns.tolist(), lengths.tolist()):
+    members: list[list[int]] = []
+    for index, (bend, length) in enumerate(zip(turns.tolist(), lengths.tolist())):
         if abs(length) * phi < _SHORTEST_SEGMENT:
             continue
         direction = 1 if length > 0 else -1
@@ -60,6 +63,7 @@ def merge_segments(
             bends[-1] = bends[-1] or bend
             angles[-1] += bend * length * phi
             sizes[-1] += abs(length)
+            members[-1].append(index)
             continue
         if directions:
             joints.append(same)
@@ -67,11 +71,14 @@ def merge_segments(
         bends.append(bend)
         angles.append(bend * length * phi)
         sizes.append(abs(length))
+        members.append([index])
     if not directions:
         return None
     widest = int(np.argmax(np.abs(angles)))
     angles[widest] += wrap_angle(total_turn - sum(angles))
-    return HeadingSequence(tuple(directions), tuple(angles), tuple(joints), sum(sizes), min(sizes))
+    return HeadingSequence(
+        tuple(directions), tuple(angles), tuple(joints), sum(sizes), min(sizes), tuple(map(tuple, members))
+    )
 
 
 def free_space_sequences(start: SE2, goal: SE2, phi: float) -> list[HeadingSequence]:

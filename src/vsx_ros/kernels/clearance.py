@@ -1,0 +1,117 @@
+"""Distance to ground that is not known to be free, and marching along curves through it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from vsx_ros.kernels import kernel
+
+
+@kernel
+def _distance_to(mask, reach):  # type: ignore[no-untyped-def]
+    """(H, W) distance [cells] from the middle of each cell to the nearest square cell of the mask, at most reach."""
+    rows, columns = mask.shape
+    far = float(reach)
+    vertical = np.full((rows, columns), far)
+    for j in range(columns):
+        last = -1000000
+        for i in range(rows):
+            if mask[i, j]:
+                last = i
+            d = i - last - 0.5 if i > last else 0.0
+            if d < vertical[i, j]:
+                vertical[i, j] = d
+        last = 1000000
+        for i in range(rows - 1, -1, -1):
+            if mask[i, j]:
+                last = i
+            d = last - i - 0.5 if last > i else 0.0
+            if d < vertical[i, j]:
+                vertical[i, j] = d
+    out = np.empty((rows, columns))
+    for i in range(rows):
+        for j in range(columns):
+            best = vertical[i, j] * vertical[i, j]
+            k = 1
+            while k <= reach:
+                side = (k - 0.5) * (k - 0.5)
+                if side >= best:
+                    break
+                if j >= k:
+                    d = vertical[i, j - k]
+                    if side + d * d < best:
+                        best = side + d * d
+                if j + k < columns:
+                    d = vertical[i, j + k]
+                    if side + d * d < best:
+                        best = side + d * d
+                k += 1
+            out[i, j] = min(far, math.sqrt(best))
+    return out
+
+
+@kernel
+def signed_distance(blocked, reach):  # type: ignore[no-untyped-def]
+    """(H, W) distance [cells] to the nearest blocked square, negative inside by the distance to the nearest open one.
+
+    blocked (H, W) bool. Distances are measured from the middle of the cell and cut off at ``reach`` cells.
+    """
+    outside = _distance_to(blocked, reach)
+    inside = _distance_to(~blocked, reach)
+    return np.where(blocked, -inside, outside)
+
+
+@kernel
+def interpolate(values, resolution, x0, y0, x, y):  # type: ignore[no-untyped-def]
+    """Bilinear value of a field given at the middles of cells; (x0, y0) is the outer corner of cell (0, 0).
+
+    Beyond the middles of the outermost cells their value is held, minus the distance to them.
+    """
+    rows, columns = values.shape
+    u = (x - x0) / resolution - 0.5
+    w = (y - y0) / resolution - 0.5
+    cu = min(max(u, 0.0), columns - 1.0)
+    cw = min(max(w, 0.0), rows - 1.0)
+    outside = math.hypot(u - cu, w - cw) * resolution
+    j = min(int(cu), max(columns - 2, 0))
+    i = min(int(cw), max(rows - 2, 0))
+    j1, i1 = min(j + 1, columns - 1), min(i + 1, rows - 1)
+    fu, fw = cu - j, cw - i
+    low = values[i, j] * (1.0 - fu) + values[i, j1] * fu
+    high = values[i1, j] * (1.0 - fu) + values[i1, j1] * fu
+    return low * (1.0 - fw) + high * fw - outside
+
+
+@kernel
+def interpolate_many(values, resolution, x0, y0, points):  # type: ignore[no-untyped-def]
+    """(N,) ``interpolate`` at points (N, 2)."""
+    out = np.empty(points.shape[0])
+    for i in range(points.shape[0]):
+        out[i] = interpolate(values, resolution, x0, y0, points[i, 0], points[i, 1])
+    return out
+
+
+@kernel
+def arc_is_free(values, resolution, x0, y0, x, y, theta, kappa, length):  # type: ignore[no-untyped-def]
+    """Whether an arc of signed length at curvature kappa (of the signed arc length) stays where the field is positive.
+
+    Steps as far as the field (of slope at most ``1 + ramp``) proves free, but at least half a cell.
+    """
+    total = abs(length)
+    sign = 1.0 if length > 0.0 else -1.0
+    s = 0.0
+    while True:
+        if abs(kappa) < 1e-12:
+            px, py = x + sign * s * math.cos(theta), y + sign * s * math.sin(theta)
+        else:
+            end = theta + kappa * sign * s
+            px = x + (math.sin(end) - math.sin(theta)) / kappa
+            py = y - (math.cos(end) - math.cos(theta)) / kappa
+        d = interpolate(values, resolution, x0, y0, px, py)
+        if d < 0.0:
+            return False
+        if s >= total:
+            return True
+        s = min(total, s + max(0.5 * resolution, 0.7 * d))

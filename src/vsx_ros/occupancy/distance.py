@@ -1,0 +1,67 @@
+"""How far one is from what is not known to be free, and how far it is to drive."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from vsx_ros.arrays import BoolArray, FloatArray, Points2
+from vsx_ros.kernels.clearance import interpolate_many, signed_distance
+from vsx_ros.kernels.lattice import wavefront
+from vsx_ros.occupancy.grid import FREE, OccupancyGrid
+
+CLEARANCE_REACH_M = 1.5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DistanceField:
+    """Values (H, W) [m] at the middles of cells; resolution [m]; origin_x, origin_y: outer corner of cell (0, 0) [m]."""
+
+    values: FloatArray
+    resolution: float
+    origin_x: float
+    origin_y: float
+
+    def at(self, points_world: Points2) -> FloatArray:
+        """(N,) bilinear values [m] at (N, 2) points; outside, the edge's value less the distance to it."""
+        points = np.ascontiguousarray(points_world, float).reshape(-1, 2)
+        values: FloatArray = interpolate_many(self.values, self.resolution, self.origin_x, self.origin_y, points)
+        return values
+
+    def gradient(self, points_world: Points2) -> FloatArray:
+        """(N, 2) central differences over one cell [m/m]."""
+        points = np.asarray(points_world, float).reshape(-1, 2)
+        h = 0.5 * self.resolution
+        dx, dy = np.array([h, 0.0]), np.array([0.0, h])
+        along_x = self.at(points + dx) - self.at(points - dx)
+        along_y = self.at(points + dy) - self.at(points - dy)
+        return np.stack([along_x, along_y], axis=1) / (2.0 * h)
+
+
+def clearance_field(grid: OccupancyGrid, reach_m: float = CLEARANCE_REACH_M) -> DistanceField:
+    """Distance to the nearest cell that is occupied, unknown or outside the map; negative inside such a cell.
+
+    Distances go to the edges of the cells, exactly at the middles of cells, and are cut off at reach_m.
+    """
+    blocked = np.ones((grid.shape[0] + 2, grid.shape[1] + 2), np.bool_)
+    blocked[1:-1, 1:-1] = grid.data != FREE
+    values = signed_distance(blocked, math.ceil(reach_m / grid.resolution)) * grid.resolution
+    return DistanceField(
+        values, grid.resolution, grid.origin_x - grid.resolution, grid.origin_y - grid.resolution
+    )
+
+
+def travel_distance(field: DistanceField, start: tuple[float, float]) -> FloatArray:
+    """(H, W) length [m] of the shortest 8-connected way from start through cells whose field value is not negative.
+
+    Infinite where there is none. The start's own cell is always entered.
+    """
+    open_cells: BoolArray = field.values >= 0.0
+    row = math.floor((start[1] - field.origin_y) / field.resolution)
+    column = math.floor((start[0] - field.origin_x) / field.resolution)
+    if not (0 <= row < open_cells.shape[0] and 0 <= column < open_cells.shape[1]):
+        return np.full(open_cells.shape, np.inf)
+    distances: FloatArray = wavefront(open_cells, row, column) * field.resolution
+    return distances

@@ -1,0 +1,91 @@
+"""Where the base may go: the clearance field less what the base needs, and the check of finished paths against it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from vsx_ros.arrays import FloatArray
+from vsx_ros.config import PlannerConfig, RobotConfig
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.occupancy.distance import DistanceField, clearance_field
+from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.planning.path import Path, Refusal, RefusalKind
+
+_SEARCH_MARGIN_M = 0.01
+_GIVE_M = 0.02
+_ESCAPE_M = 0.3
+_ESCAPE_SLOPE = 2.0
+_CHECK_STEP_M = 0.005
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Corridor:
+    """The ground the base's centre may use.
+
+    clearance: distance to ground not known to be free [m]. margin: that less the clearance the base needs there, less a
+    centimetre for the gaps between checked points; searches stay where it is not negative.
+    """
+
+    clearance: DistanceField
+    margin: DistanceField
+
+    def least_margin(self, path: Path) -> float:
+        """The least of clearance minus need over the path [m], a lower bound between its samples too."""
+        points = path.sample(_CHECK_STEP_M)[:, :2]
+        return float(self.margin.at(points).min()) + _SEARCH_MARGIN_M - _CHECK_STEP_M
+
+    def is_free(self, path: Path) -> bool:
+        """Whether the base needs nowhere more room than there is."""
+        return self.least_margin(path) >= 0.0
+
+    def least_clearance(self, path: Path) -> float:
+        """A lower bound of the clearance along the path [m]."""
+        return float(self.clearance.at(path.sample(_CHECK_STEP_M)[:, :2]).min()) - 0.5 * _CHECK_STEP_M
+
+
+def build_corridor(
+    grid: OccupancyGrid, start: SE2, goal: SE2 | None, config: PlannerConfig, robot: RobotConfig
+) -> Corridor | Refusal:
+    """The corridor for a question; a start or goal the base cannot stand on is refused.
+
+    The base needs its radius and config.clearance_m. Where it already stands closer it may leave, and where the goal
+    lies closer (but not closer than the radius) it may arrive: near these two poses the need shrinks to what there is.
+    """
+    clearance = clearance_field(grid)
+    need = robot.radius_m + config.clearance_m
+    here = float(clearance.at(np.array([[start.x, start.y]]))[0])
+    if here < 0.0:
+        return Refusal(
+            RefusalKind.START_BLOCKED,
+            f"the start ({start.x:.2f}, {start.y:.2f}) lies {-here:.2f} m inside ground that is not known to be free",
+        )
+    needed = np.full(clearance.values.shape, need)
+    _relax(needed, clearance, start, here, need)
+    if goal is not None:
+        there = float(clearance.at(np.array([[goal.x, goal.y]]))[0])
+        if there < robot.radius_m:
+            return Refusal(
+                RefusalKind.GOAL_BLOCKED,
+                f"the goal ({goal.x:.2f}, {goal.y:.2f}) has {there:.2f} m to ground that is not known to be free; "
+                f"the base needs {robot.radius_m:.2f} m",
+            )
+        _relax(needed, clearance, goal, there, need)
+    values = clearance.values - needed - _SEARCH_MARGIN_M
+    margin = DistanceField(values, clearance.resolution, clearance.origin_x, clearance.origin_y)
+    return Corridor(clearance, margin)
+
+
+def _relax(needed: FloatArray, field: DistanceField, pose: SE2, clearance: float, need: float) -> None:
+    """Lower the need around a pose that has less, rising again to the full need away from it (in place)."""
+    have = clearance - _GIVE_M
+    if have >= need:
+        return
+    escape = _ESCAPE_M + _ESCAPE_SLOPE * (need - have)
+    x = field.origin_x + (np.arange(needed.shape[1]) + 0.5) * field.resolution - pose.x
+    y = field.origin_y + (np.arange(needed.shape[0]) + 0.5) * field.resolution - pose.y
+    # The ramp starts a cell away, so that interpolation cannot lift the need at the pose itself.
+    away = np.maximum(np.hypot(x[None, :], y[:, None]) - math.sqrt(2.0) * field.resolution, 0.0)
+    np.minimum(needed, have + (need - have) * away / escape, out=needed)

@@ -1,0 +1,149 @@
+"""The joint programme of a skeleton inside the corridor.
+
+Positions are linear in the unknowns, so at samples of every piece the clearance is kept by half-planes of the margin
+field, linearised at the previous solution and trusted only as far as that stays valid; a few rounds suffice.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vsx_ros.arrays import FloatArray
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.planning import joint_qp
+from vsx_ros.planning.corridor import Corridor
+from vsx_ros.planning.flat_output import COEFFICIENTS, Quadrature
+from vsx_ros.planning.path import Path, certified
+from vsx_ros.planning.pieces import Piece
+from vsx_ros.planning.qp import QpProblem, solve_exact
+from vsx_ros.planning.words import HeadingSequence
+
+MAX_PIECES = 9
+_SAMPLES = Quadrature(intervals=16, order=4)
+_ROUNDS = 6
+_TRUST_M = 0.15
+_SLACK_PRICE = 200.0
+_NEAR_M = 0.3
+_GAP_M = 0.004
+_CONVERGED = 0.003
+
+
+def position_rows(sequence: HeadingSequence, theta: float) -> FloatArray:
+    """(2, 16 K, 10 K) rows that give x and y, relative to the start, at 16 places in every piece (its end included)."""
+    k = len(sequence.turns)
+    n = len(_SAMPLES.knots) - 1
+    rows = np.zeros((2, n * k, COEFFICIENTS * k))
+    for i, head in enumerate(joint_qp.start_headings(sequence, theta)):
+        angle = head + sequence.turns[i] * _SAMPLES.profile[sequence.ends(i)]
+        block = slice(COEFFICIENTS * i, COEFFICIENTS * (i + 1))
+        for axis, direction in enumerate((np.cos(angle), np.sin(angle))):
+            weighted = (sequence.directions[i] * _SAMPLES.weights * direction)[:, None] * _SAMPLES.basis
+            partial = np.cumsum(weighted.reshape(n, _SAMPLES.order, COEFFICIENTS).sum(axis=1), axis=0)
+            rows[axis, n * i : n * (i + 1), block] = partial
+            rows[axis, n * (i + 1) :, block] = partial[-1]
+    return rows
+
+
+def skeleton_points(sequence: HeadingSequence, pieces: list[list[Piece]]) -> FloatArray:
+    """(16 K, 2) points of the skeleton with the headings the pieces will have at their samples.
+
+    pieces[k]: arcs and lines that piece k of the sequence replaces.
+    """
+    points = []
+    for k, run in enumerate(pieces):
+        tables = [arc.table for arc in run]
+        share = _SAMPLES.knot_profile[sequence.ends(k)][1:]
+        x, y = (np.concatenate([table[:, column] for table in tables]) for column in (1, 2))
+        # Heading first, length to break the ties on straight lines.
+        s = np.cumsum(np.concatenate([np.diff(table[:, 0], prepend=0.0) for table in tables]))
+        turned = np.abs(np.concatenate([table[:, 3] for table in tables]) - tables[0][0, 3])
+        key = turned + 1e-3 * s
+        wanted = share * key[-1]
+        points.append(np.stack([np.interp(wanted, key, x), np.interp(wanted, key, y)], axis=1))
+    return np.concatenate(points)
+
+
+def fit(
+    sequence: HeadingSequence, runs: list[list[Piece]], start: SE2, goal: SE2, phi: float, corridor: Corridor
+) -> Path | None:
+    """The shortest path found with the sequence's headings that stays in the corridor, or None.
+
+    runs: the skeleton's arcs and lines, grouped by piece; it is where the search begins.
+    """
+    base = joint_qp.build(sequence, start, goal, phi)
+    X, Y = position_rows(sequence, start.theta)
+    guide = skeleton_points(sequence, runs) - np.array([start.x, start.y])
+    n = base.P.shape[0]
+    follow = 50.0
+    first = QpProblem(
+        P=1e-3 * base.P + follow * (X.T @ X + Y.T @ Y),
+        q=-follow * (X.T @ guide[:, 0] + Y.T @ guide[:, 1]),
+        A=base.A, lower=base.lower, upper=base.upper,
+    )  # fmt: skip
+    solution = solve_exact(first)
+    if solution is None:
+        return None
+    x, best = solution.x, None
+    trust = _TRUST_M
+    for _ in range(_ROUNDS):
+        round_ = _round(base, X, Y, x, start, corridor, trust)
+        answer = solve_exact(round_)
+        if answer is None:
+            break
+        x = answer.x[:n]
+        path = _verified(sequence, start, goal, phi, base, x)
+        if path is None:
+            break
+        if corridor.is_free(path):
+            if best is not None and path.length_m > (1.0 - _CONVERGED) * best.length_m:
+                return best if best.length_m <= path.length_m else path
+            best = path
+        else:
+            trust *= 0.6
+    return best
+
+
+def _round(
+    base: QpProblem, X: FloatArray, Y: FloatArray, x: FloatArray, start: SE2, corridor: Corridor, trust: float
+) -> QpProblem:
+    """The programme linearised at x, with one slack for all half-planes as the last unknown."""
+    points = np.stack([X @ x, Y @ x], axis=1)
+    world = points + np.array([start.x, start.y])
+    margin = corridor.margin.at(world)
+    normal = corridor.margin.gradient(world)
+    size = np.linalg.norm(normal, axis=1)
+    near = (margin < _NEAR_M) & (size > 0.1)
+    reach = np.where(near, trust, np.maximum(trust, 0.8 * margin))
+    normal = normal[near] / size[near, None]
+    planes = normal[:, :1] * X[near] + normal[:, 1:] * Y[near]
+    least = np.sum(normal * points[near], axis=1) - margin[near] + _GAP_M
+    n = len(x)
+    rows = len(base.A) + len(planes) + 2 * len(points) + 1
+    A = np.zeros((rows, n + 1))
+    A[:, :n] = np.concatenate([base.A, planes, X, Y, np.zeros((1, n))])
+    A[len(base.A) : len(base.A) + len(planes), n] = 1.0
+    A[-1, n] = 1.0
+    P = np.eye(n + 1)
+    P[n, n] = 1.0
+    return QpProblem(
+        P=P,
+        q=np.append(base.q, _SLACK_PRICE * float(np.abs(base.q).max())),
+        A=A,
+        lower=np.concatenate([base.lower, least, points[:, 0] - reach, points[:, 1] - reach, [0.0]]),
+        upper=np.concatenate([
+            base.upper, np.full(len(planes), np.inf), points[:, 0] + reach, points[:, 1] + reach, [np.inf],
+        ]),
+    )  # fmt: skip
+
+
+def _verified(
+    sequence: HeadingSequence, start: SE2, goal: SE2, phi: float, base: QpProblem, x: FloatArray
+) -> Path | None:
+    E, target = base.A[:2], base.lower[:2]
+    x = x + np.linalg.lstsq(E, target - E @ x, rcond=None)[0]
+    pieces = joint_qp.assemble(sequence, start, x.reshape(-1, COEFFICIENTS), phi)
+    if pieces is None:
+        return None
+    path = certified(start, goal, pieces, "Bernstein coefficients")
+    exact = path.certificate.end_error_m <= 1e-9 and path.certificate.end_error_rad <= 1e-9
+    return path if exact else None

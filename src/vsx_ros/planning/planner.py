@@ -1,0 +1,177 @@
+"""From a question about a map to a plan or the reason why there is none."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from vsx_ros.arrays import FloatArray
+from vsx_ros.config import PlannerConfig, RobotConfig
+from vsx_ros.errors import PlanningError
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.kernels.lattice import lattice_costs, lattice_search
+from vsx_ros.occupancy.distance import travel_distance
+from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.planning import corridor_qp
+from vsx_ros.planning.connect import check_question, connections, same_pose
+from vsx_ros.planning.corridor import Corridor, build_corridor
+from vsx_ros.planning.path import Path, Plan, Refusal, RefusalKind, certified
+from vsx_ros.planning.skeleton import (
+    CELL_M,
+    CUSP_COST_M,
+    Skeleton,
+    lattice_headings,
+    search_lattice,
+    search_tree,
+    shortened,
+)
+from vsx_ros.planning.unconstrained import UnconstrainedPlanner
+from vsx_ros.planning.words import merge_segments
+
+__all__ = ["Planner", "UnconstrainedPlanner"]
+
+_TIGHT = 0.9
+_DIRECT = 4
+_SKELETONS = 3
+_STOP_COST_M = 0.3
+_REVERSE_SLACK_M = 1e-6
+
+
+class Planner:
+    """Plans whose change of view is bounded by config.phi_rad_m everywhere (paper 4)."""
+
+    def __init__(self, config: PlannerConfig, robot: RobotConfig) -> None:
+        self._config = config
+        self._robot = robot
+
+    def plan(self, start: SE2, goal: SE2, grid: OccupancyGrid, rng: np.random.Generator) -> Plan | Refusal:
+        """A collision-free plan to the exact goal pose over known free ground, or a refusal with its reason.
+
+        The same question with the same state of rng gives the same answer to the last bit. Raises PlanningError for
+        poses that are not finite.
+        """
+        phi = self._config.phi_rad_m
+        check_question(start, goal, phi)
+        corridor = build_corridor(grid, start, goal, self._config, self._robot)
+        if isinstance(corridor, Refusal):
+            return corridor
+        if same_pose(start, goal):
+            return Plan(goal, self._finished(certified(start, goal, (), "start and goal are the same"), corridor), "fov")
+        direct = self._direct(start, goal, corridor)
+        if direct is not None:
+            return Plan(goal, self._finished(direct, corridor), "fov")
+        remaining = travel_distance(corridor.margin, (goal.x, goal.y))
+        if not math.isfinite(_cell_value(remaining, corridor, start)):
+            return Refusal(
+                RefusalKind.DISCONNECTED,
+                f"no way of {2 * (self._robot.radius_m + self._config.clearance_m):.2f} m width over known free ground "
+                f"joins ({start.x:.2f}, {start.y:.2f}) and ({goal.x:.2f}, {goal.y:.2f})",
+            )
+        path = self._through_map(start, goal, corridor, remaining, rng)
+        if path is None:
+            return Refusal(
+                RefusalKind.BUDGET,
+                f"the goal is connected, but no path with phi {phi:g} rad/m and reverse legs of at most "
+                f"{self._config.max_reverse_m:g} m was found within the search budget",
+            )
+        return Plan(goal, self._finished(path, corridor), "fov")
+
+    def plan_blind(self, start: SE2, goal: SE2) -> Plan | Refusal:
+        """A plan where there is no map yet (the first drive, backing along the trail): free space is assumed."""
+        phi = self._config.phi_rad_m
+        check_question(start, goal, phi)
+        if same_pose(start, goal):
+            return Plan(goal, certified(start, goal, (), "start and goal are the same"), "fov")
+        limit = self._config.max_reverse_m
+        paths = connections(start, goal, phi, enough=_DIRECT)
+        allowed = [path for path in paths if path.longest_reverse_m <= limit + _REVERSE_SLACK_M]
+        if allowed:
+            return Plan(goal, allowed[0], "fov")
+        return Refusal(RefusalKind.INFEASIBLE, f"every connection needs a reverse leg longer than {limit:g} m")
+
+    def travel_costs(self, start: SE2, grid: OccupancyGrid, poses: FloatArray) -> FloatArray:
+        """(N,) estimated travel lengths [m] from start to poses (N, 3) around the obstacles; inf where unreachable.
+
+        One search over positions and headings with arcs of curvature phi, forwards and in reverse, serves all poses.
+        Raises PlanningError for poses that are not finite.
+        """
+        phi = self._config.phi_rad_m
+        check_question(start, start, phi)
+        poses = np.ascontiguousarray(poses, float).reshape(-1, 3)
+        if not np.all(np.isfinite(poses)):
+            raise PlanningError("travel_costs was given a pose that is not finite; drop it before asking")
+        corridor = build_corridor(grid, start, None, self._config, self._robot)
+        if isinstance(corridor, Refusal):
+            return np.full(len(poses), np.inf)
+        m = corridor.margin
+        nowhere = np.full(3, np.nan)
+        level, _, _, _, step, _, _ = lattice_search(
+            m.values, m.resolution, m.origin_x, m.origin_y, start.as_array(), phi, *lattice_headings(phi), CELL_M,
+            self._config.max_reverse_m, nowhere, np.zeros((1, 1)),
+        )  # fmt: skip
+        costs: FloatArray = lattice_costs(level, step, start.theta, m.origin_x, m.origin_y, CELL_M, phi, poses)
+        costs[m.at(poses[:, :2]) < 0.0] = np.inf
+        return costs
+
+    def _direct(self, start: SE2, goal: SE2, corridor: Corridor) -> Path | None:
+        """The best connection that ignores the map, if it happens to be free."""
+        best = connections(start, goal, self._config.phi_rad_m, enough=1)[:1]
+        return next((path for path in best if self._allowed(path, corridor)), None)
+
+    def _allowed(self, path: Path, corridor: Corridor) -> bool:
+        limit = self._config.max_reverse_m + _REVERSE_SLACK_M
+        return path.longest_reverse_m <= limit and corridor.is_free(path)
+
+    def _through_map(
+        self, start: SE2, goal: SE2, corridor: Corridor, remaining: FloatArray, rng: np.random.Generator
+    ) -> Path | None:
+        """The cheapest path along a few skeletons, and among the other direct connections."""
+        phi, limit = self._config.phi_rad_m, self._config.max_reverse_m
+        raw = search_lattice(corridor.margin, start, goal, _TIGHT * phi, limit, remaining)
+        if raw is None:
+            raw = search_tree(corridor.margin, start, goal, _TIGHT * phi, limit, rng)
+        found = [
+            path
+            for path in connections(start, goal, phi, enough=_DIRECT)
+            if self._allowed(path, corridor)
+        ]
+        if raw is not None:
+            skeletons = [shortened(raw, corridor.margin, start, limit, rng) for _ in range(_SKELETONS)]
+            for skeleton in sorted(skeletons, key=lambda s: s.length_m):
+                found += [p for p in self._smoothed(skeleton, start, goal, corridor) if self._allowed(p, corridor)]
+                if found and min(map(_cost, found)) < skeleton.length_m + 2.0 * _STOP_COST_M:
+                    break
+        return min(found, key=_cost, default=None)
+
+    def _smoothed(self, skeleton: Skeleton, start: SE2, goal: SE2, corridor: Corridor) -> list[Path]:
+        """The skeleton itself, with stops where its curvature jumps, and its smooth version if there is one."""
+        arcs = skeleton.pieces(start, goal)
+        paths = [certified(start, goal, arcs, "arcs and lines")]
+        sequence = merge_segments(
+            skeleton.turns, skeleton.lengths, skeleton.phi, goal.theta - start.theta
+        )
+        if sequence is not None and len(sequence.turns) <= corridor_qp.MAX_PIECES:
+            kept = [k for k, length in enumerate(skeleton.lengths) if abs(length) >= 1e-9]
+            place = {segment: k for k, segment in enumerate(kept)}
+            runs = [[arcs[place[i]] for i in members] for members in sequence.members]
+            smooth = corridor_qp.fit(sequence, runs, start, goal, self._config.phi_rad_m, corridor)
+            paths += [smooth] if smooth is not None else []
+        return paths
+
+    def _finished(self, path: Path, corridor: Corridor) -> Path:
+        clearance = corridor.least_clearance(path)
+        return certified(path.start, path.end, path.pieces, path.certificate.method, clearance)
+
+
+def _cost(path: Path) -> float:
+    """Length with the price of stopping, for a change of direction or because the curvature jumps [m]."""
+    stops = max(0, len(path.stretches()) - 1 - len(path.cusps))
+    return path.length_m + CUSP_COST_M * len(path.cusps) + _STOP_COST_M * stops
+
+
+def _cell_value(values: FloatArray, corridor: Corridor, pose: SE2) -> float:
+    field = corridor.margin
+    row = math.floor((pose.y - field.origin_y) / field.resolution)
+    column = math.floor((pose.x - field.origin_x) / field.resolution)
+    return float(values[row, column])

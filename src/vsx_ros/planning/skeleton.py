@@ -1,0 +1,108 @@
+"""A way through the map by arcs and straight lines: lattice search, RRT-Connect where that fails, then shortcuts."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from vsx_ros.arrays import FloatArray, IntArray
+from vsx_ros.geometry.se2 import SE2, wrap_angle
+from vsx_ros.kernels.lattice import lattice_search, lattice_way, reverse_run
+from vsx_ros.kernels.rrt import rrt_connect, shorten
+from vsx_ros.occupancy.distance import DistanceField, travel_distance
+from vsx_ros.planning.pieces import Piece, arc_piece
+
+CUSP_COST_M = 0.15
+_ARC_M = 0.27
+CELL_M = 0.1
+_SHORTCUTS = 300
+_RESTARTS = 4
+_ITERATIONS = 3000
+# An 8-connected way is at most this much longer than the straight line it follows.
+_OCTILE = 0.924
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Skeleton:
+    """turns (S,) +1 left, -1 right, 0 straight; lengths (S,) [m], negative in reverse; at curvature phi [rad/m]."""
+
+    turns: IntArray
+    lengths: FloatArray
+    phi: float
+
+    @property
+    def length_m(self) -> float:
+        """Arc length in both directions together [m]."""
+        return float(np.abs(self.lengths).sum())
+
+    @property
+    def longest_reverse_m(self) -> float:
+        """The longest leg driven in reverse [m]."""
+        return float(reverse_run(self.lengths))
+
+    def pieces(self, start: SE2, goal: SE2) -> tuple[Piece, ...]:
+        """Arcs and lines from start; the last heading is the goal's, made equal beyond rounding."""
+        at, pieces = start, []
+        for turn, length in zip(self.turns.tolist(), self.lengths.tolist()):
+            if abs(length) < 1e-9:
+                continue
+            direction = 1 if length > 0 else -1
+            pieces.append(arc_piece(at, turn * direction * self.phi, abs(length), direction))
+            at = pieces[-1].end
+        assert abs(wrap_angle(at.theta - goal.theta)) < 1e-6
+        return tuple(pieces)
+
+
+def lattice_headings(phi: float) -> tuple[int, int]:
+    """Number of heading bins and bins turned by one arc, so that every arc leaves its cell and its bin."""
+    headings = int(min(max(round(2.0 * math.pi / (phi * _ARC_M)), 16), 32))
+    bins = max(1, math.ceil(1.6 * CELL_M * phi * headings / (2.0 * math.pi)))
+    return headings, bins
+
+
+def search_lattice(
+    margin: DistanceField, start: SE2, goal: SE2, phi: float, max_reverse_m: float, remaining: FloatArray
+) -> Skeleton | None:
+    """The cheapest way over the lattice, ended exactly on the goal by a Reeds-Shepp word; None when there is none.
+
+    remaining (H, W): ``travel_distance`` from the goal.
+    """
+    bound = np.where(np.isfinite(remaining), _OCTILE * remaining, 1e6)
+    goal_array = goal.as_array()
+    headings, bins = lattice_headings(phi)
+    _, poses, parents, motions, step, winner, _ = lattice_search(
+        margin.values, margin.resolution, margin.origin_x, margin.origin_y, start.as_array(), phi,
+        headings, bins, CELL_M, max_reverse_m, goal_array, bound,
+    )  # fmt: skip
+    if winner < 0:
+        return None
+    return Skeleton(*lattice_way(poses, parents, motions, winner, step, goal_array, phi), phi)
+
+
+def search_tree(
+    margin: DistanceField, start: SE2, goal: SE2, phi: float, max_reverse_m: float, rng: np.random.Generator
+) -> Skeleton | None:
+    """A way by RRT-Connect, for passages the lattice is too coarse for; None within its budget of iterations."""
+    reached = np.isfinite(travel_distance(margin, (start.x, start.y)))
+    cells = np.flatnonzero(reached)
+    for seed in rng.integers(1, 2**62, _RESTARTS):
+        turns, lengths, _ = rrt_connect(
+            margin.values, margin.resolution, margin.origin_x, margin.origin_y, cells, start.as_array(),
+            goal.as_array(), phi, 2.0 / phi, max_reverse_m, np.uint64(seed), _ITERATIONS,
+        )  # fmt: skip
+        if len(turns):
+            return Skeleton(turns, lengths, phi)
+    return None
+
+
+def shortened(
+    skeleton: Skeleton, margin: DistanceField, start: SE2, max_reverse_m: float, rng: np.random.Generator
+) -> Skeleton:
+    """The skeleton after random shortcuts."""
+    turns, lengths = shorten(
+        margin.values, margin.resolution, margin.origin_x, margin.origin_y, start.as_array(), skeleton.turns,
+        skeleton.lengths, skeleton.phi, max_reverse_m, CUSP_COST_M, np.uint64(rng.integers(1, 2**62)), _SHORTCUTS,
+    )  # fmt: skip
+    return Skeleton(turns, lengths, skeleton.phi)
