@@ -34,8 +34,9 @@ from vsx_ros.errors import ConfigError, VsxError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.path import Plan, Refusal
-from vsx_ros.planning.planner import Planner, UnconstrainedPlanner
+from vsx_ros.planning.planner import Planner
 from vsx_ros.planning.time_scaling import time_scale
+from vsx_ros.planning.unconstrained import UnconstrainedPlanner
 from vsx_ros.ros import convert, process, topics
 from vsx_ros.ros.lease import PERIOD_S, Lease, LeaseWatch
 from vsx_ros.ros.localization import Localization

@@ -53,7 +53,7 @@ class VslamNode:
         )
         self._run_dir = str(rospy.get_param("~run_dir", ""))
         self._sync = SensorSync()
-        self._record = SlamRecord()
+        self._record = SlamRecord(self._T_base_cam)
         self._slam: ThreadedSlam | None = None
         self._T_map_odom = SE2()
         self._odometry_heard = False
@@ -106,7 +106,7 @@ class VslamNode:
             self._lease.renew()
             self._publish_pose(result, odometry)
             self._status.frame(result, now_s - heard_s, self._sync.dropped)
-            self._record.add_frame(result, time.monotonic() - now_s)
+            self._record.add_frame(result, odometry, time.monotonic() - now_s)
             self._record.add_events(slam.drain_events())
             heard_s = now_s
 
