@@ -37,7 +37,7 @@ def position_rows(sequence: HeadingSequence, theta: float) -> FloatArray:
         angle = head + sequence.turns[i] * _SAMPLES.profile[sequence.ends(i)]
         block = slice(COEFFICIENTS * i, COEFFICIENTS * (i + 1))
         for axis, direction in enumerate((np.cos(angle), np.sin(angle))):
-            weighted = (sequence.directions[i] * _SAMPLES.weights * direction)[:, None] * _SAMPLES.basis
+            weighted = (sequence.directions[i] * _SAMPLES.weights * direction)[:, None] * _SAMPLES.basis[sequence.ends(i)]
             partial = np.cumsum(weighted.reshape(n, _SAMPLES.order, COEFFICIENTS).sum(axis=1), axis=0)
             rows[axis, n * i : n * (i + 1), block] = partial
             rows[axis, n * (i + 1) :, block] = partial[-1]

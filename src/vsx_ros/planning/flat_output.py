@@ -44,45 +44,46 @@ _NORMS: FloatArray = np.ones(COEFFICIENTS)
 _NORMS = _norms()
 
 
-def rate_basis(t: FloatArray) -> FloatArray:
-    """(N, 10) functions t (1 - t) P_k(t): xdot or rho is their combination."""
+def rest_factor(t: FloatArray, joint_before: bool, joint_after: bool) -> FloatArray:
+    """(N,) the factor of rho that vanishes at the ends where the base rests; t (1 - t) between two rests.
+
+    At a joint the path runs on, bending the other way, and rho keeps its size.
+    """
     t = np.asarray(t, float)
-    basis: FloatArray = (t * (1.0 - t))[:, None] * jacobi(t)
-    return basis
+    return np.asarray((1.0 if joint_before else t) * (1.0 if joint_after else 1.0 - t) * np.ones_like(t))
 
 
 def profile_rate(t: FloatArray, joint_before: bool, joint_after: bool) -> FloatArray:
-    """(N,) S'(t) / (t (1 - t)) of the S-curve from 0 to 1.
+    """(N,) S'(t) / ``rest_factor`` of the S-curve from 0 to 1.
 
-    At an end where the path only bends the other way and does not stop (a joint), S' has a double zero, so the
-    curvature vanishes there; elsewhere it is the minimiser of eq. (7)-(8), S = 7.5 t^2 - 20 t^3 + 22.5 t^4 - 9 t^5.
+    Between two rests it is the minimiser of eq. (7)-(8), S = 7.5 t^2 - 20 t^3 + 22.5 t^4 - 9 t^5. With a joint it is
+    S = 3 t^2 - 2 t^3, whose rate vanishes there more strongly than rho, so that the curvature passes through zero.
     """
     t = np.asarray(t, float)
-    if joint_before and joint_after:
-        return np.asarray(30.0 * t * (1.0 - t))
-    if joint_before:
-        return np.asarray(12.0 * t)
-    if joint_after:
-        return np.asarray(12.0 * (1.0 - t))
+    if joint_before or joint_after:
+        return np.asarray(6.0 * (t if joint_before else 1.0) * ((1.0 - t) if joint_after else 1.0) * np.ones_like(t))
     return np.asarray(15.0 * (1.0 - 3.0 * t + 3.0 * t * t))
 
 
 def profile(t: FloatArray, joint_before: bool, joint_after: bool) -> FloatArray:
-    """(N,) S(t), the integral of t (1 - t) ``profile_rate``: S(0) = 0, S(1) = 1, monotone."""
+    """(N,) S(t), the integral of ``rest_factor`` times ``profile_rate``: S(0) = 0, S(1) = 1, monotone."""
     t = np.asarray(t, float)
-    if joint_before and joint_after:
-        return np.asarray(t**3 * (10.0 - 15.0 * t + 6.0 * t * t))
-    if joint_before:
-        return np.asarray(t**3 * (4.0 - 3.0 * t))
-    if joint_after:
-        return np.asarray(t**2 * (6.0 - 8.0 * t + 3.0 * t * t))
+    if joint_before or joint_after:
+        return np.asarray(t**2 * (3.0 - 2.0 * t))
     return np.asarray(t**2 * (7.5 - 20.0 * t + 22.5 * t * t - 9.0 * t**3))
+
+
+JOINT_SLOPE = 6.0
+"""|q| leaves a joint with this slope per radian of turn, so dkappa/ds = 6 |d| / p^2 there."""
+
+FLAGS = [(a, b) for a in (False, True) for b in (False, True)]
+"""Every pair of end conditions (joint before, joint after)."""
 
 
 class Quadrature:
     """Composite Gauss-Legendre rule on [0, 1]; its tables are shared by all pieces.
 
-    t (M,) nodes, weights (M,), basis (M, 10) of ``rate_basis``; knots (intervals + 1,).
+    t (M,) nodes, weights (M,); knots (intervals + 1,). basis[flags] (M, 10): rho is its product with the coefficients.
     """
 
     def __init__(self, intervals: int, order: int) -> None:
@@ -92,12 +93,11 @@ class Quadrature:
         width = 1.0 / intervals
         self.t = (self.knots[:-1, None] + 0.5 * width * (nodes + 1.0)).ravel()
         self.weights = np.tile(0.5 * width * weights, intervals)
-        self.basis = rate_basis(self.t)
+        self.basis = {flag: rest_factor(self.t, *flag)[:, None] * jacobi(self.t) for flag in FLAGS}
         self.knot_jacobi = jacobi(self.knots)
-        flags = [(a, b) for a in (False, True) for b in (False, True)]
-        self.profile = {flag: profile(self.t, *flag) for flag in flags}
-        self.knot_profile = {flag: profile(self.knots, *flag) for flag in flags}
-        self.knot_turn_rate = {flag: profile_rate(self.knots, *flag) for flag in flags}
+        self.profile = {flag: profile(self.t, *flag) for flag in FLAGS}
+        self.knot_profile = {flag: profile(self.knots, *flag) for flag in FLAGS}
+        self.knot_turn_rate = {flag: profile_rate(self.knots, *flag) for flag in FLAGS}
 
     def integral(self, values: FloatArray) -> FloatArray:
         """(...,) integral over [0, 1] of values (M, ...) given at the nodes."""

@@ -14,8 +14,8 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.planning.flat_output import COARSE, COEFFICIENTS
-from vsx_ros.planning.fov_bound import RATE_ROWS, TURN_ROWS, curvature_bound
+from vsx_ros.planning.flat_output import COARSE, COEFFICIENTS, FLAGS
+from vsx_ros.planning.fov_bound import RATE_ROWS, curvature_bound, least_rate
 from vsx_ros.planning.pieces import Piece, curve_piece
 from vsx_ros.planning.qp import QpProblem, solve_exact
 from vsx_ros.planning.words import HeadingSequence
@@ -23,7 +23,7 @@ from vsx_ros.planning.words import HeadingSequence
 _ENERGY = 0.01
 _FLOOR_M = 0.01
 _FLOOR_SHARE = 0.02
-_LENGTH: FloatArray = COARSE.integral(COARSE.basis)
+_LENGTH = {flags: COARSE.integral(COARSE.basis[flags]) for flags in FLAGS}
 
 
 def start_headings(sequence: HeadingSequence, theta: float) -> FloatArray:
@@ -37,7 +37,7 @@ def displacement_rows(sequence: HeadingSequence, theta: float) -> FloatArray:
     columns = []
     for k, head in enumerate(start_headings(sequence, theta)):
         angle = head + sequence.turns[k] * COARSE.profile[sequence.ends(k)]
-        weighted = sequence.directions[k] * COARSE.weights[:, None] * COARSE.basis
+        weighted = sequence.directions[k] * COARSE.weights[:, None] * COARSE.basis[sequence.ends(k)]
         columns.append(np.stack([np.cos(angle) @ weighted, np.sin(angle) @ weighted]))
     return np.concatenate(columns, axis=1)
 
@@ -47,8 +47,8 @@ def view_rows(sequence: HeadingSequence, phi: float) -> tuple[FloatArray, FloatA
     k = len(sequence.turns)
     floor = min(_FLOOR_M, _FLOOR_SHARE * sequence.length_m)
     rows = np.kron(np.eye(k), RATE_ROWS)
-    least = np.concatenate([abs(turn) / phi * TURN_ROWS[sequence.ends(i)] for i, turn in enumerate(sequence.turns)])
-    return rows, least + floor
+    least = [least_rate(turn, phi, sequence.ends(i), floor) for i, turn in enumerate(sequence.turns)]
+    return rows, np.concatenate(least)
 
 
 def build(sequence: HeadingSequence, start: SE2, goal: SE2, phi: float) -> QpProblem:
@@ -58,7 +58,7 @@ def build(sequence: HeadingSequence, start: SE2, goal: SE2, phi: float) -> QpPro
     target = np.array([goal.x - start.x, goal.y - start.y])
     return QpProblem(
         P=np.eye(COEFFICIENTS * k),
-        q=np.tile(_LENGTH, k) * (0.5 * sequence.length_m / _ENERGY),
+        q=np.concatenate([_LENGTH[sequence.ends(i)] for i in range(k)]) * (0.5 * sequence.length_m / _ENERGY),
         A=np.concatenate([displacement_rows(sequence, start.theta), rows]),
         lower=np.concatenate([target, least]),
         upper=np.concatenate([target, np.full(len(rows), np.inf)]),

@@ -106,7 +106,7 @@ def curve_piece(
 
     joints: whether the path runs on, bending the other way, before and after. bound: proved by ``curvature_bound``.
     """
-    rho = FINE.basis @ coefficients
+    rho = FINE.basis[joints] @ coefficients
     theta = start.theta + turn * FINE.profile[joints]
     table = np.empty((len(FINE.knots), 5))
     table[:, 0] = FINE.cumulative(rho)
