@@ -49,13 +49,15 @@ class LimitsConfig(_Branch):
 
 
 class InitializationConfig(_Branch):
-    """Two-frame start of the map (paper 3.1). Without odometry the baseline gets unit_baseline_m."""
+    """Two-frame start of the map (paper 3.1). Without odometry the baseline gets unit_baseline_m, and only parallax tells
+    whether it is long enough."""
 
     baseline_m: Positive = 0.20
     baseline_max_m: Positive = 0.6
     unit_baseline_m: Positive = 0.1
     min_matches: Count = 60
     min_parallax_deg: Positive = 0.7
+    min_parallax_without_odometry_deg: Positive = 1.2
     max_turn_deg: Positive = 12.0
 
 

@@ -8,9 +8,12 @@ import numpy as np
 
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.patches import (
-    MAX_ZMSSD,
+    MAX_ALIGNED_SHARE,
+    MAX_SHARE,
+    NOISE_FLOOR,
     TEMPLATE,
     best_corner,
+    contrast,
     quantize,
     refine,
     warp_template,
@@ -82,12 +85,14 @@ def search_rays(
     template = np.empty((TEMPLATE, TEMPLATE), np.float32)
     chosen = np.empty((TEMPLATE, TEMPLATE), np.float32)
     core = np.empty(64, np.int32)
+    centred = np.zeros(2)
     A, B, w = np.empty(4), np.empty(4), np.empty(4)
     for c in range(n):
         far, near = inverse_depth[c, 0], inverse_depth[c, 1]
         rho = far
         best, second = np.inf, np.inf
         winner, winner_level = -1, 0
+        energy, limit = 0.0, 0.0
         last_det, last_level = -1.0, -1
         total, squares = 0, 0
         usable = False
@@ -115,7 +120,7 @@ def search_rays(
                 w[0], w[1] = A[3] / full * scale, -A[1] / full * scale
                 w[2], w[3] = -A[2] / full * scale, A[0] / full * scale
                 last_det, last_level = det, lv
-                usable = warp_template(patches[c], w, template)
+                usable = warp_template(patches[c], centred, w, template)
                 if usable:
                     total, squares = quantize(template, core)
             if not usable:
@@ -144,12 +149,14 @@ def search_rays(
                 if apart:
                     second = best
                 best, winner, winner_level = score, k, lv
+                energy = contrast(total, squares)
+                limit = MAX_SHARE * energy + NOISE_FLOOR
                 chosen[:] = template
             elif apart and score < second:
                 second = score
-        if winner < 0 or best > MAX_ZMSSD or second < DISTINCTION * best:
+        if winner < 0 or best > limit or second < DISTINCTION * best:
             continue
-        ok, x, y = refine(
+        ok, x, y, rest = refine(
             pixels,
             table[winner_level, 0],
             table[winner_level, 1],
@@ -159,7 +166,7 @@ def search_rays(
             float(corners[winner, 1]),
             10,
         )
-        if ok:
+        if ok and rest < MAX_ALIGNED_SHARE * energy + NOISE_FLOOR:
             scale = 2.0**winner_level
             found[c] = True
             position[c, 0] = (x + 0.5) * scale - 0.5

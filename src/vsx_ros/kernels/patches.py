@@ -2,8 +2,8 @@
 
 An image pyramid is one flat (B,) uint8 buffer and a table (4, 4) int64 with rows (offset, height, width, first row
 index); its corners are (N, 2) int32 (x, y) in level pixels, sorted by level and row, with ``row_table`` giving for every
-row of every level the index of its first corner (one closing entry per level). A map point's patch is 24x24 uint8 of
-its source level around the source corner, which is pixel (12, 12).
+row of every level the index of its first corner (one closing entry per level). A template of a map point is a 24x24
+uint8 patch of its source level; the point itself is at (12, 12) plus an offset within half a pixel.
 """
 
 from __future__ import annotations
@@ -18,26 +18,28 @@ from vsx_ros.kernels import kernel
 PATCH = 24
 CENTRE = 12
 TEMPLATE = 10
-MAX_ZMSSD = 32000.0
+# A match is judged against the template's own contrast: loosely at whole pixels (half a pixel of misfit costs much on a
+# sharp edge), strictly once it is aligned. The floor is what sensor noise alone costs.
+MAX_SHARE, MAX_ALIGNED_SHARE, NOISE_FLOOR = 0.6, 0.25, 2000.0
 
 
 @kernel
-def warp_template(patch: Any, w: Any, template: Any) -> bool:
-    """Fill the (10, 10) float32 template from the (24, 24) patch; w (4,): template px -> patch px.
+def warp_template(patch: Any, offset: Any, w: Any, template: Any) -> bool:
+    """Fill the (10, 10) float32 template from the (24, 24) patch; w (4,): template px -> patch px, offset (2,).
 
-    Template pixel (4 + 1, 4 + 1) is the corner. False when a corner of the template lies outside the patch.
+    Template pixel (5, 5) is the point. False when a corner of the template lies outside the patch.
     """
     reach = PATCH - 1.0
     for dy in (-5.0, 4.0):
         for dx in (-5.0, 4.0):
-            px = CENTRE + w[0] * dx + w[1] * dy
-            py = CENTRE + w[2] * dx + w[3] * dy
+            px = CENTRE + offset[0] + w[0] * dx + w[1] * dy
+            py = CENTRE + offset[1] + w[2] * dx + w[3] * dy
             if not (0.0 <= px < reach and 0.0 <= py < reach):
                 return False
     for j in range(TEMPLATE):
         for i in range(TEMPLATE):
-            px = CENTRE + w[0] * (i - 5) + w[1] * (j - 5)
-            py = CENTRE + w[2] * (i - 5) + w[3] * (j - 5)
+            px = CENTRE + offset[0] + w[0] * (i - 5) + w[1] * (j - 5)
+            py = CENTRE + offset[1] + w[2] * (i - 5) + w[3] * (j - 5)
             x, y = int(px), int(py)
             fx, fy = px - x, py - y
             top = (1.0 - fx) * patch[y, x] + fx * patch[y, x + 1]
@@ -58,6 +60,12 @@ def quantize(template: Any, core: Any) -> tuple[int, int]:
             total += value
             squares += value * value
     return total, squares
+
+
+@kernel
+def contrast(total: int, squares: int) -> float:
+    """Sum of squared deviations of a template from its mean."""
+    return float(squares) - float(total) * float(total) / 64.0
 
 
 @kernel
@@ -119,10 +127,11 @@ def best_corner(
 @kernel
 def refine(
     pixels: Any, offset: int, height: int, width: int, template: Any, x: float, y: float, iterations: int
-) -> tuple[bool, float, float]:
+) -> tuple[bool, float, float, float]:
     """Inverse-compositional alignment of the template's inner 8x8 (x, y and mean difference) from a start [level px].
 
-    Returns (converged, x, y). Converged: last step below 0.03 px, at most 2 px from the start, patch inside the image.
+    Returns (converged, x, y, zero-mean squared difference). Converged: last step below 0.03 px, at most 2 px from the
+    start, patch inside the image.
     """
     gx = np.empty((8, 8))
     gy = np.empty((8, 8))
@@ -144,17 +153,17 @@ def refine(
     s11 = h11 - h12 * h12 / 64.0
     det = s00 * s11 - s01 * s01
     if det < 1e-3 * (s00 + s11) * (s00 + s11) or det < 1.0:
-        return False, x, y
+        return False, x, y, np.inf
     start_x, start_y = x, y
     for _ in range(iterations):
         left, top = x - 4.0, y - 4.0
         if left < 0.0 or top < 0.0 or left + 8.0 >= width or top + 8.0 >= height:
-            return False, x, y
+            return False, x, y, np.inf
         ix, iy = int(left), int(top)
         fx, fy = left - ix, top - iy
         w00, w10 = (1.0 - fx) * (1.0 - fy), fx * (1.0 - fy)
         w01, w11 = (1.0 - fx) * fy, fx * fy
-        b0, b1, b2 = 0.0, 0.0, 0.0
+        b0, b1, b2, squares = 0.0, 0.0, 0.0, 0.0
         for j in range(8):
             p = offset + (iy + j) * width + ix
             q = p + width
@@ -164,6 +173,7 @@ def refine(
                 b0 += r * gx[j, i]
                 b1 += r * gy[j, i]
                 b2 += r
+                squares += r * r
         c0 = b0 - h02 * b2 / 64.0
         c1 = b1 - h12 * b2 / 64.0
         dx = (s11 * c0 - s01 * c1) / det
@@ -171,10 +181,26 @@ def refine(
         x -= dx
         y -= dy
         if abs(x - start_x) > 2.0 or abs(y - start_y) > 2.0:
-            return False, x, y
+            return False, x, y, np.inf
         if dx * dx + dy * dy < 0.0009:
-            return True, x, y
-    return False, x, y
+            return True, x, y, squares - b2 * b2 / 64.0
+    return False, x, y, np.inf
+
+
+@kernel
+def best_pixel(
+    pixels: Any, table: Any, level: int, x: float, y: float, reach: int, core: Any, total: int, squares: int
+) -> tuple[float, int, int]:
+    """(lowest ZMSSD, x, y) among the whole pixels within ``reach`` of a place, corner or not."""
+    offset, height, width = table[level, 0], table[level, 1], table[level, 2]
+    best, bx, by = np.inf, 0, 0
+    cx, cy = int(math.floor(x + 0.5)), int(math.floor(y + 0.5))
+    for row in range(max(4, cy - reach), min(height - 5, cy + reach) + 1):
+        for column in range(max(4, cx - reach), min(width - 5, cx + reach) + 1):
+            score = zmssd(pixels, offset + (row - 4) * width + column - 4, width, core, total, squares)
+            if score < best:
+                best, bx, by = score, column, row
+    return best, bx, by
 
 
 @kernel
@@ -184,47 +210,52 @@ def search(
     corners: Any,
     row_table: Any,
     patches: Any,
-    rows: Any,
+    offsets: Any,
+    chosen: Any,
     level: Any,
     uv: Any,
     inverse_warp: Any,
     radius_px: float,
-    iterations: int,
+    reach: int,
 ) -> tuple[Any, Any]:
-    """Find warped map-point patches near their predictions (level-0 px).
+    """Find warped map-point patches near their predictions (level-0 px): at corners within radius_px, or, where none
+    fits, at any pixel within ``reach`` level px (0: corners only).
 
-    patches (P, 24, 24); rows (S,) point rows; level (S,), uv (S, 2), inverse_warp (S, 4) as ``predict`` returns them.
+    patches (T, 24, 24), offsets (T, 2): all templates; chosen (S,): which; level (S,), uv (S, 2), inverse_warp (S, 4) as ``predict`` returns them.
     Returns found (S,) bool and position (S, 2) level-0 px, sub-pixel.
     """
-    n = rows.shape[0]
+    n = chosen.shape[0]
     found = np.zeros(n, np.bool_)
     position = np.zeros((n, 2))
     template = np.empty((TEMPLATE, TEMPLATE), np.float32)
     core = np.empty(64, np.int32)
     for s in range(n):
         lv = level[s]
-        if lv < 0 or not warp_template(patches[rows[s]], inverse_warp[s], template):
+        if lv < 0 or not warp_template(patches[chosen[s]], offsets[chosen[s]], inverse_warp[s], template):
             continue
         total, squares = quantize(template, core)
         scale = 2.0**lv
         x = (uv[s, 0] + 0.5) / scale - 0.5
         y = (uv[s, 1] + 0.5) / scale - 0.5
         radius = max(1.5, radius_px / scale)
+        energy = contrast(total, squares)
         best, winner = best_corner(
             pixels, table, corners, row_table, lv, x, y, radius, core, total, squares
         )
-        if winner < 0 or best > MAX_ZMSSD:
+        limit = MAX_SHARE * energy + NOISE_FLOOR
+        if winner >= 0 and best < limit:
+            px, py = corners[winner, 0], corners[winner, 1]
+        elif reach > 0:
+            best, dx, dy = best_pixel(pixels, table, lv, x, y, reach, core, total, squares)
+            if best >= limit:
+                continue
+            px, py = np.int32(dx), np.int32(dy)
+        else:
             continue
-        ok, fx, fy = refine(
-            pixels,
-            table[lv, 0],
-            table[lv, 1],
-            table[lv, 2],
-            template,
-            float(corners[winner, 0]),
-            float(corners[winner, 1]),
-            iterations,
+        ok, fx, fy, rest = refine(
+            pixels, table[lv, 0], table[lv, 1], table[lv, 2], template, float(px), float(py), 10
         )
+        ok = ok and rest < MAX_ALIGNED_SHARE * energy + NOISE_FLOOR
         if ok:
             found[s] = True
             position[s, 0] = (fx + 0.5) * scale - 0.5

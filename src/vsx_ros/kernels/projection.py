@@ -57,22 +57,26 @@ def predict(
     t: Any,
     points: Any,
     rows: Any,
+    templates: Any,
     source: Any,
     basis: Any,
     source_R: Any,
     source_centre: Any,
     margin_px: float,
-) -> tuple[Any, Any, Any]:
-    """Where map points appear, at which level, and how their source patch is warped.
+) -> tuple[Any, Any, Any, Any]:
+    """Where map points appear, at which level, which of their templates fits best and how it is warped.
 
-    R, t: T_cam_world of the image. points (P, 3): world; rows (C,): the points to predict. source (P,): row of the source
-    keyframe in source_R (K, 3, 3) = R_world_cam and source_centre (K, 3). basis (P, 4): right and down step of one
-    source-level pixel on the plane z = 1 of the source camera.
-    Returns level (C,) (-1: not visible), uv (C, 2) level-0 px, inverse_warp (C, 4): level px -> source px, row-major.
-    The level is the one where the warp's determinant lies in [0.25, 3] (PTAM's rule).
+    R, t: T_cam_world of the image. points (P, 3): world; rows (C,): the points to predict. templates (P, V): template
+    numbers of each point, -1 for none. source (T,): the keyframe a template comes from, as row of source_R (K, 3, 3) =
+    R_world_cam and source_centre (K, 3). basis (T, 4): right and down step of one source-level pixel on the plane z = 1
+    of the source camera.
+    Returns level (C,) (-1: not visible), uv (C, 2) level-0 px, inverse_warp (C, 4): level px -> source px, row-major, and
+    template (C,). The level is the one where the warp's determinant lies in [0.25, 3] (PTAM's rule); the template the one
+    seen from the most similar direction and distance, at most 53 degrees away.
     """
     n = rows.shape[0]
     level = np.full(n, -1, np.int64)
+    template = np.full(n, -1, np.int64)
     uv = np.zeros((n, 2))
     inverse_warp = np.zeros((n, 4))
     cx0 = -(R[0, 0] * t[0] + R[1, 0] * t[1] + R[2, 0] * t[2])
@@ -92,21 +96,32 @@ def predict(
         u, v = project_normalized(camera, xn, yn)
         if u < margin_px or v < margin_px or u > camera[10] - 1 - margin_px or v > camera[11] - 1 - margin_px:
             continue
-        k = source[i]
-        sx, sy, sz = X - source_centre[k, 0], Y - source_centre[k, 1], Z - source_centre[k, 2]
         nx, ny, nz = X - cx0, Y - cy0, Z - cz0
-        cosine = (sx * nx + sy * ny + sz * nz) / math.sqrt(
-            (sx * sx + sy * sy + sz * sz) * (nx * nx + ny * ny + nz * nz)
-        )
-        if cosine < 0.6:
+        n2 = nx * nx + ny * ny + nz * nz
+        best, closest = -1, np.inf
+        for slot in range(templates.shape[1]):
+            candidate = templates[i, slot]
+            if candidate < 0:
+                continue
+            k = source[candidate]
+            sx, sy, sz = X - source_centre[k, 0], Y - source_centre[k, 1], Z - source_centre[k, 2]
+            s2 = sx * sx + sy * sy + sz * sz
+            cosine = (sx * nx + sy * ny + sz * nz) / math.sqrt(s2 * n2)
+            zoom = math.log(s2 / n2)
+            unlike = 2.0 * (1.0 - cosine) + 0.05 * zoom * zoom
+            if cosine > 0.6 and unlike < closest:
+                best, closest = candidate, unlike
+        if best < 0:
             continue
+        k = source[best]
+        sx, sy, sz = X - source_centre[k, 0], Y - source_centre[k, 1], Z - source_centre[k, 2]
         depth = sx * source_R[k, 0, 2] + sy * source_R[k, 1, 2] + sz * source_R[k, 2, 2]
         if depth <= 0.0:
             continue
         A = np.empty(4)
         good = True
         for step in range(2):
-            bx, by = basis[i, 2 * step] * depth, basis[i, 2 * step + 1] * depth
+            bx, by = basis[best, 2 * step] * depth, basis[best, 2 * step + 1] * depth
             wx = source_R[k, 0, 0] * bx + source_R[k, 0, 1] * by
             wy = source_R[k, 1, 0] * bx + source_R[k, 1, 1] * by
             wz = source_R[k, 2, 0] * bx + source_R[k, 2, 1] * by
@@ -130,10 +145,11 @@ def predict(
             continue
         scale = 2.0**chosen
         level[c] = chosen
+        template[c] = best
         uv[c, 0], uv[c, 1] = u, v
         full = A[0] * A[3] - A[1] * A[2]
         inverse_warp[c, 0] = A[3] / full * scale
         inverse_warp[c, 1] = -A[1] / full * scale
         inverse_warp[c, 2] = -A[2] / full * scale
         inverse_warp[c, 3] = A[0] / full * scale
-    return level, uv, inverse_warp
+    return level, uv, inverse_warp, template

@@ -134,7 +134,9 @@ class Initializer:
         if wheels is not None:
             size = float(np.linalg.norm(wheels.translation))
             hypotheses.append(SE3(wheels.rotation, wheels.translation / size))
-        maps = [self._refine(T, rays_a, rays_b, tolerance) for T in hypotheses]
+        config = self._config
+        parallax = config.min_parallax_without_odometry_deg if wheels is None else config.min_parallax_deg
+        maps = [self._refine(T, rays_a, rays_b, tolerance, math.radians(parallax)) for T in hypotheses]
         if not maps:
             return "no rigid motion explains the corners"
         best = self._choose(maps, wheels)
@@ -165,7 +167,9 @@ class Initializer:
                 return "two motions explain this flat scene equally well; move on to another viewpoint"
         return best
 
-    def _refine(self, T_b_a: SE3, rays_a: FloatArray, rays_b: FloatArray, tolerance: float) -> TwoViewMap:
+    def _refine(
+        self, T_b_a: SE3, rays_a: FloatArray, rays_b: FloatArray, tolerance: float, parallax: float
+    ) -> TwoViewMap:
         """Capped two-view adjustment of one hypothesis, and the points that stand the checks."""
         E_error = epipolar_error(essential_matrix(T_b_a), rays_a, rays_b).max(axis=1)
         rough = E_error < (6.0 * tolerance) ** 2
@@ -179,7 +183,7 @@ class Initializer:
             if int(keep.sum()) >= 12:
                 T_b_a = self._adjust(T_b_a, points[keep], rays_a[keep], rays_b[keep])
         points, good = checked_points(
-            T_b_a, rays_a, rays_b, limits, everywhere, math.radians(self._config.min_parallax_deg)  # type: ignore[arg-type]
+            T_b_a, rays_a, rays_b, limits, everywhere, parallax  # type: ignore[arg-type]
         )
         return TwoViewMap(T_b_a, points, good)
 

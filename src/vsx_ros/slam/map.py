@@ -17,6 +17,9 @@ from vsx_ros.vision.pyramid import Pyramid
 from vsx_ros.vision.small_image import SmallImage
 
 
+VIEWS = 5
+
+
 class Observations(NamedTuple):
     """Points seen by one keyframe: rows (n,) in the map, uv (n, 2) level-0 px as in the image, ideal (n, 2) px without
     distortion, level (n,)."""
@@ -61,9 +64,19 @@ class KeyFrame:
     median_depth: float
 
 
+class Templates(NamedTuple):
+    """What points look like from several directions. of_point (P, V): template numbers, -1 for none; source (T,): keyframe
+    index; basis (T, 4): see ``predict``; offset (T, 2) and patches (T, 24, 24): see ``warp_template``."""
+
+    of_point: IntArray
+    source: IntArray
+    basis: FloatArray
+    offset: FloatArray
+    patches: NDArray[np.uint8]
+
+
 class MapView(NamedTuple):
-    """The map at one instant, for the tracker. points (P, 3) world, alive (P,), source (P,): index of the keyframe whose
-    patch the point carries, basis (P, 4), patches (P, 24, 24), level (P,): source level. Rows never change meaning."""
+    """The map at one instant, for the tracker. points (P, 3) world, alive (P,). Rows never change meaning."""
 
     version: int
     keyframes: tuple[KeyFrame, ...]
@@ -71,10 +84,7 @@ class MapView(NamedTuple):
     centres: Points3
     points: Points3
     alive: BoolArray
-    source: IntArray
-    level: IntArray
-    basis: FloatArray
-    patches: NDArray[np.uint8]
+    templates: Templates
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,17 +105,16 @@ class MapSnapshot:
     obs_level: IntArray
 
 
-class NewPoints(NamedTuple):
-    """Points about to enter the map: world (N, 3), level (N,), basis (N, 4), patches (N, 24, 24)."""
+class NewTemplates(NamedTuple):
+    """Looks of points about to enter the map: basis (N, 4), offset (N, 2), patches (N, 24, 24)."""
 
-    world: Points3
-    level: IntArray
     basis: FloatArray
+    offset: FloatArray
     patches: NDArray[np.uint8]
 
 
 class Map:
-    """The mutable map. Rows of points are never reused; patches are written once, hence shared with views."""
+    """The mutable map. Rows of points are never reused; templates are written once, hence shared with views."""
 
     def __init__(self) -> None:
         self.version = 0
@@ -114,8 +123,11 @@ class Map:
         self._points = np.zeros((1024, 3))
         self._alive = np.zeros(1024, np.bool_)
         self._source = np.zeros(1024, np.int64)
-        self._level = np.zeros(1024, np.int64)
+        self._of_point = np.full((1024, VIEWS), -1, np.int64)
+        self.template_count = 0
+        self._template_source = np.zeros(1024, np.int64)
         self._basis = np.zeros((1024, 4))
+        self._offset = np.zeros((1024, 2))
         self._patches = np.zeros((1024, PATCH, PATCH), np.uint8)
 
     @property
@@ -130,7 +142,7 @@ class Map:
 
     @property
     def source(self) -> IntArray:
-        """(P,) keyframe index each point comes from."""
+        """(P,) keyframe index each point was made in."""
         return self._source[: self.count]
 
     def add_keyframe(self, data: FrameData, T_world_cam: SE3, observations: Observations) -> int:
@@ -140,27 +152,42 @@ class Map:
         self.update_depth(index)
         return index
 
-    def add_points(self, new: NewPoints, source: int) -> NDArray[np.int64]:
-        """Append points that carry patches of keyframe ``source``; returns their rows."""
-        n = len(new.world)
-        while self.count + n > len(self._points):
-            self._grow()
+    def add_points(self, points_world: Points3, looks: NewTemplates, source: int) -> NDArray[np.int64]:
+        """Append points (N, 3) first seen in keyframe ``source``; returns their rows."""
+        n = len(points_world)
+        self._reserve(self.count + n, ("_points", "_alive", "_source", "_of_point"))
         rows = np.arange(self.count, self.count + n)
-        self._points[rows] = new.world
+        self._points[rows] = points_world
         self._alive[rows] = True
         self._source[rows] = source
-        self._level[rows] = new.level
-        self._basis[rows] = new.basis
-        self._patches[rows] = new.patches
+        self._of_point[rows] = -1
         self.count += n
+        self.add_templates(rows, looks, source)
         return rows
 
-    def _grow(self) -> None:
-        for name in ("_points", "_alive", "_source", "_level", "_basis", "_patches"):
+    def add_templates(self, rows: IntArray, looks: NewTemplates, source: int) -> None:
+        """Let points (rows) also be looked for as keyframe ``source`` shows them; the oldest look but the first gives way."""
+        n = len(rows)
+        self._reserve(self.template_count + n, ("_template_source", "_basis", "_offset", "_patches"))
+        numbers = np.arange(self.template_count, self.template_count + n)
+        self._template_source[numbers] = source
+        self._basis[numbers] = looks.basis
+        self._offset[numbers] = looks.offset
+        self._patches[numbers] = looks.patches
+        self.template_count += n
+        free = self._of_point[rows] < 0
+        full = ~free.any(axis=1)
+        self._of_point[rows[full], 1:-1] = self._of_point[rows[full], 2:]
+        slot = np.where(full, VIEWS - 1, free.argmax(axis=1))
+        self._of_point[rows, slot] = numbers
+
+    def _reserve(self, needed: int, names: tuple[str, ...]) -> None:
+        for name in names:
             old = getattr(self, name)
-            fresh = np.zeros((2 * len(old), *old.shape[1:]), old.dtype)
-            fresh[: len(old)] = old
-            setattr(self, name, fresh)
+            if needed > len(old):
+                fresh = np.zeros((max(needed, 2 * len(old)), *old.shape[1:]), old.dtype)
+                fresh[: len(old)] = old
+                setattr(self, name, fresh)
 
     def observe(self, index: int, more: Observations) -> None:
         """Add observations to a keyframe."""
@@ -206,9 +233,17 @@ class Map:
             np.array([k.T_world_cam.translation for k in self.keyframes]).reshape(-1, 3),
             self._points[:n].copy(),
             self._alive[:n].copy(),
-            self._source[:n],
-            self._level[:n],
+            self.templates(),
+        )
+
+    def templates(self) -> Templates:
+        """All looks, for searching."""
+        n = self.template_count
+        return Templates(
+            self._of_point[: self.count].copy(),
+            self._template_source[:n],
             self._basis[:n],
+            self._offset[:n],
             self._patches[:n],
         )
 

@@ -19,14 +19,16 @@ from vsx_ros.slam.point_creation import (
     TargetMatches,
     candidates_in,
     match_in_target,
-    new_points,
+    looks_in,
+    looks_of,
     observations_at,
 )
 from vsx_ros.slam.tracker import predicted
 from vsx_ros.vision.patch_search import find_patches, kernel_camera
 
-REFIND_RADIUS_PX = 4.0
+REFIND_RADIUS_PX, REFIND_REACH = 4.0, 2
 GLOBAL_EVERY = 8
+NEW_LOOK = 0.006
 
 
 class KeyFrameRequest(NamedTuple):
@@ -83,6 +85,7 @@ class Mapper:
         for k in neighbours:
             self._refind(k, created)
         self._adjuster.adjust(world, [index, *neighbours], self._config.local_iterations)
+        self._renew_looks(index)
         self._since_global += 1
         if self._since_global >= GLOBAL_EVERY or len(world.keyframes) < GLOBAL_EVERY:
             self._adjuster.adjust(world, list(range(len(world.keyframes))), self._config.global_iterations)
@@ -128,7 +131,11 @@ class Mapper:
         view = world.view()
         predictions = predicted(self._camera_array, keyframe.T_world_cam.inverse(), view, rows)
         found, uv = find_patches(
-            keyframe.data.pyramid, keyframe.data.corners, view.patches, predictions, REFIND_RADIUS_PX
+            keyframe.data.pyramid,
+            keyframe.data.corners,
+            view.templates.patches,
+            view.templates.offset,
+            predictions, REFIND_RADIUS_PX, REFIND_REACH
         )
         world.observe(
             index, observations_at(self._camera, predictions.rows[found], uv[found], predictions.level[found])
@@ -162,11 +169,29 @@ class Mapper:
 
     def _enter(self, source: int, target: int, candidates: Candidates, matches: TargetMatches) -> IntArray:
         world = self.map
-        rows = world.add_points(new_points(candidates, matches.index, matches.points_world), source)
+        rows = world.add_points(matches.points_world, looks_of(candidates, matches.index), source)
         chosen = matches.index
         world.observe(source, observations_at(self._camera, rows, candidates.uv[chosen], candidates.level[chosen]))
         world.observe(target, observations_at(self._camera, rows, matches.uv, matches.level))
         return rows
+
+    def _renew_looks(self, index: int) -> None:
+        """Points seen here from a direction or distance that none of their templates comes near get one more."""
+        world, keyframe = self.map, self.map.keyframes[index]
+        rows = keyframe.observations.rows
+        looks = world.templates()
+        here = world.points[rows] - keyframe.T_world_cam.translation
+        centres = np.array([k.T_world_cam.translation for k in world.keyframes])
+        numbers = looks.of_point[rows]
+        there = world.points[rows][:, None] - centres[looks.source[numbers]]
+        here2, there2 = (here**2).sum(axis=1)[:, None], (there**2).sum(axis=2)
+        cosine = (here[:, None] * there).sum(axis=2) / np.sqrt(here2 * there2)
+        unlike = 2.0 * (1.0 - cosine) + 0.05 * np.log(there2 / here2) ** 2
+        unlike[numbers < 0] = np.inf
+        chosen, more = looks_in(
+            keyframe, self._camera_array, np.flatnonzero(unlike.min(axis=1, initial=np.inf) > NEW_LOOK)
+        )
+        world.add_templates(rows[chosen], more, index)
 
     def _cull(self, searched: IntArray, found: IntArray) -> None:
         """Remove points the tracker keeps looking for in vain."""

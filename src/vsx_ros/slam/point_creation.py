@@ -11,8 +11,9 @@ from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.geometry.triangulation import reprojection_error, triangulate
 from vsx_ros.kernels.epipolar import search_rays
+from vsx_ros.kernels.patches import CENTRE
 from vsx_ros.kernels.projection import unproject_pixels
-from vsx_ros.slam.map import KeyFrame, NewPoints, Observations
+from vsx_ros.slam.map import KeyFrame, NewTemplates, Observations
 from vsx_ros.vision.corners import strongest
 from vsx_ros.vision.patch_search import cast_rays, cut_patches, from_level, kernel_camera, to_level
 from vsx_ros.vision.pyramid import LEVELS
@@ -132,6 +133,24 @@ def checked_points(
     return points, keep
 
 
-def new_points(candidates: Candidates, index: IntArray, points_world: Points3) -> NewPoints:
-    """The map's form of chosen candidates."""
-    return NewPoints(points_world, candidates.level[index], candidates.basis[index], candidates.patches[index])
+def looks_of(candidates: Candidates, index: IntArray) -> NewTemplates:
+    """How chosen candidates look."""
+    return NewTemplates(candidates.basis[index], np.zeros((len(index), 2)), candidates.patches[index])
+
+
+def looks_in(keyframe: KeyFrame, camera: FloatArray, chosen: IntArray) -> tuple[IntArray, NewTemplates]:
+    """How points look in a keyframe that observes them: (which of ``chosen``, indices into its observations, have a whole
+    patch; their looks)."""
+    observed = keyframe.observations
+    kept, parts = [], []
+    for level in range(LEVELS):
+        index = chosen[observed.level[chosen] == level]
+        at = to_level(observed.uv[index], level)
+        whole = np.rint(at).astype(np.int32)
+        height, width = keyframe.data.pyramid.level(level).shape
+        inside = ((whole >= CENTRE) & (whole < np.array([width, height]) - CENTRE)).all(axis=1)
+        index, at, whole = index[inside], at[inside], whole[inside]
+        rays = cast_rays(camera, whole, level)
+        kept.append(index)
+        parts.append((rays.basis, at - whole, cut_patches(keyframe.data.pyramid, whole, level)))
+    return np.concatenate(kept), NewTemplates(*(np.concatenate(column) for column in zip(*parts)))

@@ -20,7 +20,7 @@ COARSE_POINTS = 80
 COARSE_LEVEL = 2
 COARSE_MIN_FOUND = 10
 MARGIN_PX = 8.0
-AGAIN_BELOW = 0.6
+AGAIN_RADIUS_PX, AGAIN_REACH = 3.0, 2
 
 
 class Track(NamedTuple):
@@ -74,13 +74,13 @@ class Tracker:
                 pose, radius = coarse, 0.5 * radius
                 predictions = predicted(self._array, pose, view, candidates)
         predictions = self._choose(predictions)
-        found, uv = find_patches(data.pyramid, data.corners, view.patches, predictions, radius)
+        found, uv = find_patches(data.pyramid, data.corners, view.templates.patches, view.templates.offset, predictions, radius)
         weights = np.zeros(len(found))
         information = np.zeros((6, 6))
         if int(found.sum()) >= 6:
             pose, weights, information = self._pose(view, pose, predictions, found, uv, pull)
             inliers = int((weights > 0).sum())
-            if inliers >= 10 and inliers < AGAIN_BELOW * len(found):
+            if inliers >= 10:
                 predictions, found, uv = self._again(data, view, pose, predictions, weights > 0, uv)
                 pose, weights, information = self._pose(view, pose, predictions, found, uv, pull)
         inlier = weights > 0
@@ -106,7 +106,7 @@ class Tracker:
         if len(rows) > COARSE_POINTS:
             rows = np.sort(self._rng.permutation(rows)[:COARSE_POINTS])
         chosen = predictions.take(rows)
-        found, uv = find_patches(data.pyramid, data.corners, view.patches, chosen, radius)
+        found, uv = find_patches(data.pyramid, data.corners, view.templates.patches, view.templates.offset, chosen, radius)
         if int(found.sum()) < COARSE_MIN_FOUND:
             return None
         estimate, weights, _ = self._pose(view, pose, chosen, found, uv, pull)
@@ -148,7 +148,7 @@ class Tracker:
         is_kept[before.rows[kept]] = True
         fresh = fresh.take(~is_kept[fresh.rows])
         found, more = find_patches(
-            data.pyramid, data.corners, view.patches, fresh, 0.5 * self._config.fine_radius_px
+            data.pyramid, data.corners, view.templates.patches, view.templates.offset, fresh, AGAIN_RADIUS_PX, AGAIN_REACH
         )
         old = before.take(kept)
         joined = Predictions(*(np.concatenate(pair) for pair in zip(old, fresh)))
@@ -169,20 +169,21 @@ class Tracker:
 
 def predicted(camera: FloatArray, T_cam_world: SE3, view: MapView, rows: IntArray) -> Predictions:
     """Which of the points (rows) are visible from a pose, and where. camera (12,) as ``kernel_camera`` gives it."""
-    level, uv, inverse_warp = predict(
+    level, uv, inverse_warp, template = predict(
         camera,
         T_cam_world.rotation,
         T_cam_world.translation,
         view.points,
         rows,
-        view.source,
-        view.basis,
+        view.templates.of_point,
+        view.templates.source,
+        view.templates.basis,
         view.R_world_cam,
         view.centres,
         MARGIN_PX,
     )
     visible = level >= 0
-    return Predictions(rows[visible], level[visible], uv[visible], inverse_warp[visible])
+    return Predictions(rows[visible], level[visible], uv[visible], inverse_warp[visible], template[visible])
 
 
 class LocalMap:

@@ -16,16 +16,17 @@ from vsx_ros.vision.pyramid import Pyramid
 
 
 class Predictions(NamedTuple):
-    """Visible map points: rows (S,), level (S,), uv (S, 2) level-0 px, inverse_warp (S, 4)."""
+    """Visible map points: rows (S,), level (S,), uv (S, 2) level-0 px, inverse_warp (S, 4), template (S,)."""
 
     rows: IntArray
     level: IntArray
     uv: Pixels
     inverse_warp: FloatArray
+    template: IntArray
 
     def take(self, chosen: IntArray | BoolArray) -> Predictions:
         """A subset, by index or mask."""
-        return Predictions(self.rows[chosen], self.level[chosen], self.uv[chosen], self.inverse_warp[chosen])
+        return Predictions(*(column[chosen] for column in self))
 
 
 def to_level(uv: Pixels, level: int | IntArray) -> Pixels:
@@ -44,23 +45,26 @@ def find_patches(
     pyramid: Pyramid,
     corners: Corners,
     patches: NDArray[np.uint8],
+    offsets: FloatArray,
     predictions: Predictions,
     radius_px: float,
-    iterations: int = 10,
+    reach: int = 0,
 ) -> tuple[BoolArray, Pixels]:
-    """(found (S,), position (S, 2) level-0 px) of predicted map points, searched within radius_px (level-0 px)."""
+    """(found (S,), position (S, 2) level-0 px) of predicted map points, at corners within radius_px
+    (level-0 px) and, where none fits, at any pixel within ``reach`` level px."""
     found, position = search(
         pyramid.pixels,
         pyramid.table,
         corners.positions,
         corners.row_table,
         patches,
-        predictions.rows,
+        offsets,
+        predictions.template,
         predictions.level,
         predictions.uv,
         predictions.inverse_warp,
         float(radius_px),
-        iterations,
+        reach,
     )
     return found, position
 
