@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 from vsx_ros.errors import PlanningError
-from vsx_ros.geometry.se2 import SE2, wrap_angle
+from vsx_ros.geometry.se2 import SE2
 from vsx_ros.planning import joint_qp
 from vsx_ros.planning.path import Path, Refusal, RefusalKind, certified
 from vsx_ros.planning.pieces import Piece
+from vsx_ros.planning.position_qp import connect_paper
+from vsx_ros.planning.reach import check_question, feasible
 from vsx_ros.planning.words import free_space_sequences
+
+__all__ = ["connect", "connections", "feasible"]
 
 TIGHTNESS = (1.0, 0.95, 0.9, 0.8)
 """Headings are searched at these shares of phi, so that the programme at phi has room."""
@@ -22,63 +25,9 @@ _CUSP_COST_M = 0.02
 _EXACT = 1e-9
 
 
-def check_question(start: SE2, goal: SE2, phi: float) -> None:
-    """Raise PlanningError for poses that are not finite or a phi that is not positive."""
-    for name, pose in (("start", start), ("goal", goal)):
-        if not pose.is_finite():
-            raise PlanningError(f"{name} pose ({pose.x}, {pose.y}, {pose.theta}) is not finite; give three numbers")
-    if not (math.isfinite(phi) and phi > 0.0):
-        raise PlanningError(f"phi = {phi} rad/m: the bound on the change of view must be positive and finite")
-
-
 def same_pose(start: SE2, goal: SE2) -> bool:
     """Whether nothing remains to be driven (to a nanometre and nanoradian)."""
     return start.distance_to(goal) <= _EXACT and abs(start.angle_to(goal)) <= _EXACT
-
-
-@dataclass(frozen=True, slots=True)
-class Feasibility:
-    """Verdict of the closed form; margin_m: how far inside (positive) or outside the cone the goal lies."""
-
-    ok: bool
-    margin_m: float
-    reason: str
-
-
-def feasible(start: SE2, goal: SE2, phi: float, reverse: bool = False) -> Feasibility:
-    """Whether one segment in one direction with monotone heading can join the poses: the paper's reach, exactly.
-
-    Eq. (7)-(8) make the heading monotone and (11) forbids reversing, so the segment is the minimal arc
-    E = (sin|d|, sign(d) (1 - cos d)) / phi plus a (1, 0) + b (cos d, sin d) with a, b >= 0 for the heading change d:
-    the goal must lie in the cone of start and goal direction behind the arc. Raises PlanningError as ``connect``.
-    """
-    check_question(start, goal, phi)
-    relative = start.inverse() @ goal
-    x, y, d = relative.x, relative.y, wrap_angle(relative.theta)
-    if reverse:  # the mirrored problem: x -> -x, theta -> -theta
-        x, d = -x, -d
-    way = "in reverse" if reverse else "forwards"
-    sign = 1.0 if d >= 0.0 else -1.0
-    gx = x - math.sin(abs(d)) / phi
-    gy = sign * y - (1.0 - math.cos(d)) / phi
-    angle = abs(d)
-    if math.sin(angle) < 1e-9:
-        ok = abs(gy) <= _EXACT and gx >= -_EXACT if angle < 1.0 else gy >= -_EXACT
-        margin = -math.hypot(min(gx, 0.0), gy) if angle < 1.0 else gy
-        words = "straight line" if angle < 1.0 else "half circle"
-        return Feasibility(ok, 0.0 if ok and angle < 1.0 else margin, f"{words} {way}: off by {abs(margin):.3f} m")
-    b = gy / math.sin(angle)
-    a = gx - b * math.cos(angle)
-    margin = min(a, b) * math.sin(angle)
-    if min(a, b) >= -_EXACT:
-        return Feasibility(True, margin, f"{math.degrees(angle):.1f} deg {way}, {margin:.3f} m inside the cone")
-    which = "behind the arc along the start direction" if a < b else "short of the arc along the goal direction"
-    return Feasibility(
-        False,
-        margin,
-        f"a turn of {math.degrees(d):.1f} deg {way} at phi {phi:g} rad/m needs more room: "
-        f"the goal lies {-margin:.3f} m outside the reachable cone ({which})",
-    )
 
 
 def connect(start: SE2, goal: SE2, phi: float, mode: str = "fov") -> Path | Refusal:
@@ -96,8 +45,6 @@ def connect(start: SE2, goal: SE2, phi: float, mode: str = "fov") -> Path | Refu
             return candidates[0]
         return Refusal(RefusalKind.INFEASIBLE, "no heading sequence has a curve proved to keep the bound")
     if mode == "paper":
-        from vsx_ros.planning.position_qp import connect_paper
-
         return connect_paper(start, goal, phi)
     raise PlanningError(f"unknown connection mode {mode!r}; use 'fov' or 'paper'")
 

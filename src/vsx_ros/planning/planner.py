@@ -14,9 +14,10 @@ from vsx_ros.kernels.lattice import lattice_costs, lattice_search
 from vsx_ros.occupancy.distance import travel_distance
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning import corridor_qp
-from vsx_ros.planning.connect import check_question, connections, same_pose
+from vsx_ros.planning.connect import connections, same_pose
 from vsx_ros.planning.corridor import Corridor, build_corridor
 from vsx_ros.planning.path import Path, Plan, Refusal, RefusalKind, certified
+from vsx_ros.planning.reach import check_question
 from vsx_ros.planning.skeleton import (
     CELL_M,
     CUSP_COST_M,

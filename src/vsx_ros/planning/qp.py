@@ -85,7 +85,6 @@ def solve_osqp(problem: QpProblem) -> QpSolution:
             polishing=True,
             adaptive_rho=1,
             adaptive_rho_interval=50,
-            profiler_level=0,
         )
         result = solver.solve(raise_error=False)
     x = np.array(result.x, float)

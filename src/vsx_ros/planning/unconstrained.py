@@ -11,10 +11,10 @@ from vsx_ros.geometry.se2 import SE2, wrap_angle
 from vsx_ros.kernels.clearance import arc_is_free
 from vsx_ros.occupancy.distance import travel_distance
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.planning.connect import check_question
 from vsx_ros.planning.corridor import Corridor, build_corridor
 from vsx_ros.planning.path import Plan, Refusal, RefusalKind, certified
 from vsx_ros.planning.pieces import Piece, arc_piece, turn_piece
+from vsx_ros.planning.reach import check_question
 
 _SMALLEST_TURN = 1e-9
 _SMALLEST_DRIVE_M = 1e-9
