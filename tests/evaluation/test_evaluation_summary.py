@@ -7,48 +7,18 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.slam.state import SlamStatistics
 
-PROMISED = [
-    "frames",
-    "frames_tracked",
-    "frames_lost",
-    "breaks",
-    "relocalizations",
-    "initialized_at_s",
-    "keyframes",
-    "map_points",
-    "u1",
-    "u2_frames",
-    "u2_seconds",
-    "u2_metres",
-    "track_ms_median",
-    "track_ms_p99",
-    "ate_rmse_m",
-    "ate_rmse_sim3_m",
-    "scale_error",
-    "path_length_m",
-    "duration_s",
-    "coverage",
-    "coverage_correct",
-    "occupied_precision",
-    "occupied_recall",
-    "free_inside_obstacle",
-    "collisions",
-    "planned_vs_executed_rms_m",
-    "plans",
-    "plan_ms_median",
-    "plan_ms_p99",
-    "stop_reason",
-    "world",
-    "seed",
-    "planner",
-    "phi",
-    "version",
-]
+PROMISED = (
+    "frames frames_tracked frames_lost breaks relocalizations initialized_at_s keyframes map_points "
+    "u1 u2_frames u2_seconds u2_metres track_ms_median track_ms_p99 ate_rmse_m ate_rmse_sim3_m "
+    "scale_error path_length_m duration_s coverage coverage_correct occupied_precision "
+    "occupied_recall free_inside_obstacle collisions planned_vs_executed_rms_m plans plan_ms_median "
+    "plan_ms_p99 stop_reason world seed planner phi version"
+)
 STATISTICS = SlamStatistics(20, 15, 1, 1, 0.8, 7.0, 0.5, 0.1, 4, 300, 0.4)
 
 
 def test_exactly_the_promised_keys():
-    assert list(Summary().as_dict()) == PROMISED
+    assert " ".join(Summary().as_dict()) == PROMISED
 
 
 def test_what_is_unknown_is_none_and_so_is_not_a_number():

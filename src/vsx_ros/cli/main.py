@@ -1,0 +1,93 @@
+"""``vsx``: one command line for everything. Each subcommand is a module here, with ``add_parser`` and ``run``.
+
+The modules import what they need inside ``run``, so that help and mistakes are answered at once.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+import traceback
+from collections.abc import Sequence
+from typing import NoReturn
+
+from vsx_ros import __version__
+from vsx_ros.cli.exit_codes import DONE, FAILED, HARDWARE, INTERNAL, STOPPED
+from vsx_ros.errors import VsxError
+
+COMMANDS = ("explore", "replay", "evaluate", "report", "config")
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser whose mistakes end with the project's exit code and one sentence."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(FAILED, f"{self.prog}: {message}; '{self.prog} --help' lists what there is\n")
+
+
+def parser() -> argparse.ArgumentParser:
+    """The whole command line."""
+    root = _Parser(
+        prog="vsx",
+        description="A robot with one ordinary camera explores and maps a building by itself.",
+        epilog="exit codes: 0 done, 1 usage or failed check, 2 hardware, 3 tracking lost for good, 4 stopped by the "
+        "operator, 5 internal error",
+    )
+    root.add_argument("--version", action="version", version=f"vsx_ros {__version__}")
+    root.add_argument("--debug", action="store_true", help="show where an error came from (anywhere on the line)")
+    subparsers = root.add_subparsers(dest="command", metavar="COMMAND", required=True, parser_class=_Parser)
+    for name in COMMANDS:
+        importlib.import_module(f"vsx_ros.cli.{name}").add_parser(subparsers)
+    return root
+
+
+def execute(arguments: Sequence[str]) -> int:
+    """Run one command line; its exit code. Errors are one sentence on stderr, with a traceback only after --debug."""
+    debug = "--debug" in arguments
+    try:
+        args = parser().parse_args([word for word in arguments if word != "--debug"])
+        args.debug = debug
+        code: int = args.run(args)
+        sys.stdout.flush()
+        return code
+    except KeyboardInterrupt:
+        return _failed("stopped by the operator", STOPPED, debug=debug)
+    except VsxError as error:
+        return _failed(str(error), FAILED, debug=debug)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return DONE
+    except Exception as error:
+        if _is_device_error(error):
+            return _failed(str(error), HARDWARE, debug=debug)
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        return _failed(
+            f"internal error, please report it: {type(error).__name__}: {error} ({os.path.basename(place.filename)}, "
+            f"line {place.lineno}); --debug shows where it came from",
+            INTERNAL,
+            debug=debug,
+        )
+
+
+def _is_device_error(error: Exception) -> bool:
+    from vsx_hw.errors import DeviceError
+
+    return isinstance(error, DeviceError)
+
+
+def _failed(sentence: str, code: int, *, debug: bool) -> int:
+    if debug:
+        traceback.print_exc()
+    print(f"vsx: {sentence}", file=sys.stderr)
+    return code
+
+
+def main() -> NoReturn:
+    """The console script."""
+    sys.exit(execute(sys.argv[1:]))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,82 @@
+"""``vsx report RUN``: write report.html of a run folder anew."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from vsx_ros.io.run_folder import RunFolder
+
+
+def add_parser(subparsers: Any) -> None:
+    """Register the command and its options."""
+    parser = subparsers.add_parser(
+        "report",
+        help="write the report of a run folder",
+        description="Writes report.html, one page that needs nothing else: what happened, why it ended, the map, the "
+        "trajectory, tracking over time, every number, and the command that repeats the run.",
+    )
+    parser.add_argument("run_folder", type=Path, metavar="RUN", help="a run folder")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the page and say where it is."""
+    from vsx_ros.io.run_folder import RunFolder
+
+    print(write_report(RunFolder.open(args.run_folder)))
+    return 0
+
+
+def write_report(folder: RunFolder) -> Path:
+    """Write report.html of a run; its path."""
+    import numpy as np
+
+    from vsx_ros.cli.config import commented_yaml
+    from vsx_ros.evaluation.report import ReportData, render
+
+    config, facts = folder.read_config()
+    points = folder.read_points()
+    page = render(
+        ReportData(
+            summary=folder.read_summary(),
+            facts=facts,
+            config_yaml=commented_yaml(config),
+            events=folder.read_events(),
+            frames=folder.read_frames(),
+            estimate=folder.read_poses("trajectory"),
+            truth=folder.read_poses("groundtruth"),
+            grid=folder.read_map(),
+            points_world=np.zeros((0, 3)) if points is None else points,
+            world_is_level=bool(folder.read_poses("odometry")),
+        )
+    )
+    return folder.write_report(page)
+
+
+def one_line_facts(summary: Mapping[str, Any]) -> list[str]:
+    """What people want to know first, a line each; what is unknown is left out."""
+
+    def known(*keys: str) -> bool:
+        return all(summary.get(key) is not None for key in keys)
+
+    lines = []
+    if known("frames_tracked", "frames"):
+        since = f", map started after {summary['initialized_at_s']:.1f} s" if known("initialized_at_s") else ""
+        lines.append(f"tracked {summary['frames_tracked']} of {summary['frames']} frames{since}")
+    if known("u1"):
+        lines.append(f"found {100 * summary['u1']:.0f} % of the points searched, {summary.get('breaks')} breaks")
+    if known("keyframes", "map_points") and summary["keyframes"]:
+        lines.append(f"map of {summary['keyframes']} keyframes and {summary['map_points']} points")
+    if known("ate_rmse_m", "scale_error"):
+        lines.append(f"ATE {summary['ate_rmse_m']:.3f} m rms, scale error {100 * summary['scale_error']:.1f} %")
+    if known("ate_rmse_sim3_m"):
+        lines.append(f"ATE after scale alignment {1000 * summary['ate_rmse_sim3_m']:.1f} mm rms")
+    if known("coverage"):
+        lines.append(f"coverage {100 * summary['coverage']:.0f} %")
+    if known("track_ms_median", "track_ms_p99"):
+        lines.append(f"{summary['track_ms_median']:.1f} ms per frame (99 %: {summary['track_ms_p99']:.0f} ms)")
+    return lines

@@ -1,0 +1,234 @@
+"""report.html: what happened in a run and why it ended, on one page that needs nothing else."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from vsx_ros.arrays import FloatArray, Points2, Points3
+from vsx_ros.errors import InputError
+from vsx_ros.evaluation import svg
+from vsx_ros.evaluation.trajectory import AlignmentKind, align, associate
+from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.occupancy.grid import OccupancyGrid
+
+_MAX_EVENTS = 400
+_GOOD_ENDINGS = ("explored", "returned home", "tracked to its end", "time")
+
+
+@dataclass(frozen=True)
+class ReportData:
+    """What a run folder holds. world_is_level: z is up, so the map is seen along z; else the first camera's x and z.
+
+    events: (stamp_ns, source, state, reason). frames: (stamp_ns, state, searched, found, keyframe_added, track_ms).
+    """
+
+    summary: Mapping[str, Any]
+    facts: Mapping[str, Any]
+    config_yaml: str
+    events: Sequence[tuple[int, str, str, str]]
+    frames: Sequence[tuple[int, str, int, int, bool, float | None]]
+    estimate: Sequence[StampedPose]
+    truth: Sequence[StampedPose]
+    grid: OccupancyGrid | None
+    points_world: Points3 = field(default_factory=lambda: np.zeros((0, 3)))
+    world_is_level: bool = True
+
+
+def render(data: ReportData) -> str:
+    """The page."""
+    title = html.escape(f"{data.summary.get('world') or 'run'}")
+    body = [
+        _ending(data, title),
+        _figures(data.summary),
+        _section("Map and trajectory", _map(data)),
+        _section("Tracking over time", _timeline(data)),
+        _section("Events", _events(data)),
+        _section("All numbers", _table(data.summary)),
+        _section("How to repeat it", _repeat(data)),
+    ]
+    return (
+        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
+        f'<meta name="viewport" content="width=device-width"><style>{_STYLE}</style></head>'
+        f"<body><main>{''.join(body)}</main></body></html>\n"
+    )
+
+
+def _section(title: str, content: str) -> str:
+    return f"<section><h2>{title}</h2>{content}</section>" if content else ""
+
+
+def _ending(data: ReportData, title: str) -> str:
+    reason = str(data.summary.get("stop_reason") or "the run did not say why it ended")
+    kind = "fine" if any(word in reason for word in _GOOD_ENDINGS) else "bad"
+    return f'<h1>{title}</h1><p class="ending {kind}">{html.escape(reason)}</p>'
+
+
+def _figures(summary: Mapping[str, Any]) -> str:
+    """The few numbers people look for first; those that are unknown are left out."""
+
+    def share(key: str) -> str | None:
+        return f"{100 * summary[key]:.1f} %" if summary.get(key) is not None else None
+
+    def number(key: str, form: str, unit: str) -> str | None:
+        return f"{summary[key]:{form}} {unit}".strip() if summary.get(key) is not None else None
+
+    tracked = summary.get("frames_tracked"), summary.get("frames")
+    tiles = [
+        ("frames tracked", f"{tracked[0]} of {tracked[1]}" if None not in tracked else None),
+        ("points found (U1)", share("u1")),
+        ("breaks", number("breaks", "d", "")),
+        ("coverage", share("coverage")),
+        ("collisions", number("collisions", "d", "")),
+        ("ATE", number("ate_rmse_m", ".3f", "m")),
+        ("ATE, scale-free", number("ate_rmse_sim3_m", ".4f", "m")),
+        ("scale error", share("scale_error")),
+        ("path", number("path_length_m", ".1f", "m")),
+        ("duration", number("duration_s", ".1f", "s")),
+        ("keyframes", number("keyframes", "d", "")),
+        ("map points", number("map_points", "d", "")),
+        ("per frame", number("track_ms_median", ".1f", "ms")),
+    ]
+    shown = "".join(f"<div><b>{value}</b><span>{name}</span></div>" for name, value in tiles if value is not None)
+    return f'<div class="tiles">{shown}</div>'
+
+
+def _map(data: ReportData) -> str:
+    columns = (0, 1) if data.world_is_level else (0, 2)
+
+    def flat(points: Points3) -> Points2:
+        return np.asarray(points, float).reshape(-1, 3)[:, columns]
+
+    estimate = np.array([pose.T.translation for pose in data.estimate]).reshape(-1, 3)
+    if not len(estimate) and not len(data.points_world) and data.grid is None:
+        return "<p>There is no map: it was never started.</p>"
+    truth = _truth_in_map(data)
+    lines = [("truth", flat(truth)), ("estimate", flat(estimate))]
+    axes = ("x", "y") if data.world_is_level else ("x", "z of the first camera")
+    picture = svg.map_view(data.grid, flat(_thinned(data.points_world)), lines, axes)
+    legend = '<span class="key estimate">estimate</span>'
+    legend += '<span class="key truth">truth, aligned</span>' if len(truth) else ""
+    legend += '<span class="key dots">map points</span>' if len(data.points_world) else ""
+    return f'{picture}<p class="legend">{legend}</p>'
+
+
+def _truth_in_map(data: ReportData) -> Points3:
+    """(N, 3) true positions moved to fit the estimate; empty where they cannot be compared."""
+    kind: AlignmentKind = "yaw" if data.world_is_level else "sim3"
+    try:
+        pairs = associate(data.estimate, data.truth)
+    except InputError:
+        return np.zeros((0, 3))
+    estimate = np.array([e.translation for e, _ in pairs])
+    truth = np.array([t.translation for _, t in pairs])
+    return align(truth, estimate, kind).apply(np.array([pose.T.translation for pose in data.truth]))
+
+
+def _thinned(points: Points3) -> Points3:
+    return points[:: max(1, len(points) // 4000)]
+
+
+def _timeline(data: ReportData) -> str:
+    if not data.frames:
+        return ""
+    seconds = np.array([frame[0] - data.frames[0][0] for frame in data.frames]) * 1e-9
+    ratio = np.array([frame[3] / frame[2] if frame[2] else np.nan for frame in data.frames])
+    times = np.array([np.nan if frame[5] is None else frame[5] for frame in data.frames], float)
+    marks = [((e[0] - data.frames[0][0]) * 1e-9, e[2], e[3]) for e in data.events if e[2] != "keyframe"]
+    states = [frame[1] for frame in data.frames]
+    keys = "".join(
+        f'<span class="key" style="--c:{svg.STATE_COLORS.get(state, "#7a6fd0")}">{html.escape(state)}</span>'
+        for state in dict.fromkeys(states)
+    )
+    inside = [mark for mark in marks if 0 <= mark[0] <= float(seconds[-1])]
+    parts = [svg.state_band(seconds, states, inside), f'<p class="legend">{keys}<span>&#9662; event</span></p>']
+    if np.isfinite(ratio).any():
+        levels = [(0.3, "good above"), (0.13, "lost below")]
+        parts.append("<h3>share of the searched points that were found</h3>")
+        parts.append(svg.time_plot(seconds, ratio, "found / searched", 1.0, levels))
+    if np.isfinite(times).any():
+        parts.append("<h3>time per frame [ms]</h3>")
+        parts.append(svg.time_plot(seconds, times, "ms per frame", _top(times)))
+    return "".join(parts)
+
+
+def _top(values: FloatArray) -> float:
+    """A round upper end of the axis that shows 99.5 % of the values."""
+    highest = float(np.nanpercentile(values, 99.5)) * 1.1
+    return max(svg.ticks(0.0, highest * 1.25, 5)[-1], 1e-3)
+
+
+def _events(data: ReportData) -> str:
+    told = [event for event in data.events if event[2] != "keyframe"]
+    if not told:
+        return ""
+    began = data.frames[0][0] if data.frames else told[0][0]
+    rows = "".join(
+        f"<tr><td>{(stamp - began) * 1e-9:.1f} s</td><td>{html.escape(source)}</td><td>{html.escape(state)}</td>"
+        f"<td>{html.escape(reason)}</td></tr>"
+        for stamp, source, state, reason in told[:_MAX_EVENTS]
+    )
+    more = f"<p>... and {len(told) - _MAX_EVENTS} more in events.jsonl</p>" if len(told) > _MAX_EVENTS else ""
+    return f"<table><tr><th>at</th><th>who</th><th>state</th><th>why</th></tr>{rows}</table>{more}"
+
+
+def _table(summary: Mapping[str, Any]) -> str:
+    def shown(value: Any) -> str:
+        if value is None:
+            return "<i>unknown</i>"
+        return html.escape(f"{value:.5g}" if isinstance(value, float) else str(value))
+
+    rows = "".join(f"<tr><td>{html.escape(key)}</td><td>{shown(value)}</td></tr>" for key, value in summary.items())
+    return f"<details><summary>summary.json</summary><table>{rows}</table></details>"
+
+
+def _repeat(data: ReportData) -> str:
+    versions = data.facts.get("versions")
+    rows = "".join(
+        f"<tr><td>{html.escape(str(name))}</td><td>{html.escape(str(version))}</td></tr>"
+        for name, version in (versions.items() if isinstance(versions, Mapping) else ())
+    )
+    return (
+        f"<pre>{html.escape(str(data.facts.get('command', '')))}</pre>"
+        f"<details><summary>versions</summary><table>{rows}</table></details>"
+        f"<details><summary>configuration</summary><pre>{html.escape(data.config_yaml)}</pre></details>"
+    )
+
+
+_STYLE = """
+:root{color-scheme:light dark;--ink:#1d2329;--soft:#5f6b76;--line:#d9dee3;--paper:#fff;--tile:#f3f5f7;--blue:#1f6fd6;
+--green:#1d9a6c;--red:#c83232}
+@media(prefers-color-scheme:dark){:root{--ink:#e8ebee;--soft:#9aa6b2;--line:#3a434c;--paper:#15191d;--tile:#20262c;
+--blue:#6aa8ff;--green:#4fd1a0;--red:#ff7b7b}}
+body{margin:0;background:var(--paper);color:var(--ink);font:15px/1.5 system-ui,sans-serif}
+main{max-width:940px;margin:0 auto;padding:24px 20px 60px}
+h1{font-size:26px;margin:0 0 6px}h2{font-size:18px;margin:36px 0 10px}
+h3{font-size:13px;font-weight:500;color:var(--soft);margin:14px 0 0}
+.ending{font-size:17px;margin:0 0 20px;padding:10px 14px;border-left:5px solid;background:var(--tile);border-radius:4px}
+.fine{border-color:var(--green)}.bad{border-color:var(--red)}
+.tiles{display:grid;grid-template-columns:repeat(auto-fill,minmax(132px,1fr));gap:10px}
+.tiles div{background:var(--tile);border-radius:6px;padding:10px 12px}
+.tiles b{display:block;font-size:19px;font-variant-numeric:tabular-nums;white-space:nowrap}
+.tiles span{color:var(--soft);font-size:13px}
+svg{display:block;width:100%;height:auto}svg text{fill:var(--soft);font:12px system-ui,sans-serif}
+svg.map{background:var(--tile);border-radius:6px;margin:0 auto}
+.grid{stroke:var(--line)}line.mark{stroke:var(--red);stroke-dasharray:5 4;opacity:.6}
+polyline{fill:none;stroke-width:1.6}.curve{stroke:var(--blue)}.event{fill:var(--ink)}
+polyline.estimate{stroke:var(--blue);stroke-width:2.5}
+polyline.truth{stroke:var(--green);stroke-width:2;stroke-dasharray:6 4}
+circle.estimate{fill:var(--blue)}circle.truth{fill:var(--green)}
+.dots{stroke:var(--soft);stroke-width:2;stroke-linecap:round;opacity:.45}.bar{stroke:var(--ink);stroke-width:3}
+.legend{color:var(--soft);font-size:13px;margin:6px 0}.legend span{margin-right:18px}
+.key::before{content:"";display:inline-block;width:18px;height:4px;margin-right:6px;vertical-align:middle;
+background:var(--c)}
+.key.estimate{--c:var(--blue)}.key.truth{--c:var(--green)}.key.dots{--c:var(--soft)}
+table{border-collapse:collapse;width:100%;font-size:13.5px;font-variant-numeric:tabular-nums}
+td,th{text-align:left;padding:4px 10px 4px 0;border-bottom:1px solid var(--line);vertical-align:top}
+td:first-child{white-space:nowrap}
+pre{overflow:auto;background:var(--tile);padding:10px 12px;border-radius:6px;font-size:13px}
+summary{cursor:pointer;color:var(--blue);margin:8px 0}i{color:var(--soft)}
+"""
