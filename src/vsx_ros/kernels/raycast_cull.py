@@ -17,7 +17,7 @@ from vsx_ros.kernels import kernel
 
 @kernel
 def plane_forms(P: Any, U: Any, V: Any, two_sided: Any, R: Any, t: Any, forms: Any, visible: Any) -> None:
-    """Fill forms (S, B, Q, 9) with the three linear forms of each quad, visible (Q,) with whether the camera may see it.
+    """Fill forms (S, B, Q, 9) with the linear forms of each quad, visible (Q,) with whether the camera may see it.
 
     P, U, V: (Q, 3) corner and edges [m]. R (S, B, 3, 3), t (S, B, 3): camera poses (T_world_cam) of sub-frame s
     at tile-row border b. A one-sided quad is seen when U x V points away from the camera (u right, v down), at every

@@ -12,7 +12,22 @@ import numpy as np
 
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.raycast_cull import candidates, overlap
-from vsx_ros.kernels.raycast_shade import EPS, F0, F1, FLOAT_ROWS, INT_ROWS, TILE, N, enter, shade, spread
+from vsx_ros.kernels.raycast_shade import (
+    EPS,
+    F0,
+    F1,
+    FLOAT_ROWS,
+    INT_ROWS,
+    SUM,
+    TILE,
+    TOTAL,
+    N,
+    enter,
+    enter_rows,
+    shade,
+    spread,
+    spread_rows,
+)  # fmt: skip
 
 RING = TILE + 2
 THIRD = np.float32(1.0 / 3.0)
@@ -94,26 +109,34 @@ def _edge_weights(m: Any, n: Any, rx: Any, ry: Any, y: Any, x: Any, row: Any, we
 
 @kernel
 def _covered_tile(
-    area: Any, m: Any, quad: int, memory: Any, rx: Any, ry: Any, scene: Any, bayer: bool, share: Any, flat: Any
-) -> None:
-    """Add a tile that one quad fills alone. area: y0, y1, x0, x1, width of the picture."""
-    y0, y1, x0, x1, width = area
+    area: Any, m: Any, forms: Any, ty: int, quads: Any, memory: Any, rx: Any, ry: Any, scene: Any, bayer: bool,
+    picture: Any,
+) -> None:  # fmt: skip
+    """Fill a tile that one quad covers alone. area: y0, y1, x0, x1."""
+    y0, y1, x0, x1 = area
     f, bits, g = memory
     tex, light, surfaces, places, tints = scene
-    count = 0
-    for y in range(y0, y1):
-        ratio = np.float32((y - y0) / TILE)
-        for x in range(x0, x1):
-            enter(f, g, count, rx, ry, y, x, ratio, F1, width)
-            count += 1
-    shade(f, bits, g, count, tex, light, m, 0, surfaces[quad], places[quad])
-    spread(f, g, count, tints[quad], bayer, width, share, flat)
+    quad = quads[0]
+    sub_frames = forms.shape[0]
+    n = enter_rows(f, rx, ry, y0, y1, x0, x1)
+    for s in range(sub_frames):
+        _tile_forms(forms, s, ty, quads, 1, m)
+        shade(f, bits, g, n, tex, light, m, 0, surfaces[quad], places[quad], _jitter(s, sub_frames))
+        for i in range(n):
+            f[TOTAL + i] += f[SUM + i]
+    spread_rows(f, tints[quad], bayer, y0, y1, x0, x1, F1 / np.float32(sub_frames), picture)
+
+
+@kernel
+def _jitter(s: int, sub_frames: int) -> Any:
+    """Where between two mip levels sub-frame s decides; -1 without sub-frames."""
+    return np.float32(-1.0) if sub_frames == 1 else np.float32((s + 0.5) / sub_frames)
 
 
 @kernel
 def _mark_edges(area: Any, m: Any, n: int, rx: Any, ry: Any, winner: Any, edge_at: Any, edge_weight: Any) -> int:
     """List the pixels with a differing neighbour and their shares; winner becomes -2 there. Returns their number."""
-    y0, y1, x0, x1, _ = area
+    y0, y1, x0, x1 = area
     weights = np.empty(n, dtype=np.float32)
     edges = 0
     for y in range(y0, y1):
@@ -135,10 +158,11 @@ def _mark_edges(area: Any, m: Any, n: int, rx: Any, ry: Any, winner: Any, edge_a
 @kernel
 def _mixed_tile(
     area: Any, m: Any, quads: Any, n: int, memory: Any, rx: Any, ry: Any, scene: Any, bayer: bool, share: Any,
-    flat: Any, winner: Any, edge_at: Any, edge_weight: Any,
+    jitter: Any, picture: Any, winner: Any, edge_at: Any, edge_weight: Any,
 ) -> None:  # fmt: skip
-    """Add a tile of several quads, given the winner of each ray."""
-    y0, y1, x0, x1, width = area
+    """Add one sub-frame of a tile of several quads, given the winner of each ray."""
+    y0, y1, x0, x1 = area
+    width = picture.shape[1]
     f, bits, g = memory
     tex, light, surfaces, places, tints = scene
     edges = _mark_edges(area, m, n, rx, ry, winner, edge_at, edge_weight)
@@ -158,14 +182,14 @@ def _mixed_tile(
                 count += 1
         if count > 0:
             quad = quads[k]
-            shade(f, bits, g, count, tex, light, m, k, surfaces[quad], places[quad])
-            spread(f, g, count, tints[quad], bayer, width, share, flat)
+            shade(f, bits, g, count, tex, light, m, k, surfaces[quad], places[quad], jitter)
+            spread(f, g, count, tints[quad], bayer, share, picture)
 
 
 @kernel
 def _note_depth(area: Any, quads: Any, nearest: Any, winner: Any, depth: Any, ident: Any) -> None:
     """Depth [m] and quad of each pixel of the tile."""
-    y0, y1, x0, x1, _ = area
+    y0, y1, x0, x1 = area
     for y in range(y0, y1):
         for x in range(x0, x1):
             at = (y - y0 + 1) * RING + x - x0 + 1
@@ -189,7 +213,6 @@ def render_tile_rows(
     size 0 skips them.
     """
     height, width = picture.shape
-    flat = picture.reshape(height * width)
     f = np.zeros(FLOAT_ROWS * N, dtype=np.float32)
     memory = (f, f.view(np.int32), np.zeros(INT_ROWS * N, dtype=np.int32))
     strip = np.empty(len(pool) + 1, dtype=np.int64)
@@ -213,17 +236,16 @@ def render_tile_rows(
         for tx in range(bounds.shape[1]):
             n, alone = candidates(forms, ty, strip, n_strip, bounds[ty, tx], found, cover)
             y0, x0 = ty * TILE, tx * TILE
-            area = (y0, min(y0 + TILE, height), x0, min(x0 + TILE, width), width)
-            for s in range(sub_frames):
+            area = (y0, min(y0 + TILE, height), x0, min(x0 + TILE, width))
+            for s in range(0 if alone and depth.size == 0 else sub_frames):
                 _tile_forms(forms, s, ty, found, n, m)
-                noted = s == 0 and depth.size > 0
-                if not alone or noted:
-                    _visibility(m, n, rx, ry, y0, x0, nearest, winner)
-                if noted:
+                _visibility(m, n, rx, ry, y0, x0, nearest, winner)
+                if s == 0 and depth.size > 0:
                     _note_depth(area, found, nearest, winner, depth, ident)
-                if alone:
-                    _covered_tile(area, m, found[0], memory, rx, ry, scene, bayer, share, flat)
-                else:
+                if not alone:
                     _mixed_tile(
-                        area, m, found, n, memory, rx, ry, scene, bayer, share, flat, winner, edge_at, edge_weight
-                    )
+                        area, m, found, n, memory, rx, ry, scene, bayer, share, _jitter(s, sub_frames), picture, winner,
+                        edge_at, edge_weight,
+                    )  # fmt: skip
+            if alone:
+                _covered_tile(area, m, forms, ty, found, memory, rx, ry, scene, bayer, picture)

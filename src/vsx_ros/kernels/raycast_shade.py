@@ -20,7 +20,8 @@ MAX_PROBES = 8
 RX, RY, DXX, DXY, DYX, DYY, ROW, WEIGHT = 0, N, 2 * N, 3 * N, 4 * N, 5 * N, 6 * N, 7 * N
 TU, TV, MU, MV, LOD, SUM, LIGHT, FX = 8 * N, 9 * N, 10 * N, 11 * N, 12 * N, 13 * N, 14 * N, 15 * N
 FY, SCALE, MIX, VALUE, LU, LV = 16 * N, 17 * N, 18 * N, 19 * N, 20 * N, 21 * N
-FLOAT_ROWS = 22
+TOTAL = 22 * N
+FLOAT_ROWS = 23
 # Rows of the integer scratch memory.
 PIXEL, INDEX, SHIFT, BASE, TEXEL = 0, N, 2 * N, 3 * N, 4 * N
 INT_ROWS = 5
@@ -34,6 +35,7 @@ NEAR = np.float32(1e-4)
 LOG2_SCALE = np.float32(1.0 / (1 << 23))
 LOG2_BIAS = np.float32(127.0)
 BYTE = np.int32(255)
+INVERSE_OF_3 = np.int32(-1431655765)
 
 
 @kernel
@@ -134,19 +136,26 @@ def _level(f: Any, g: Any, n: Any, above: Any, base: Any, size_log2: Any) -> Non
     """SCALE, SHIFT and BASE of the mip level floor(LOD) + above, at most the coarsest."""
     whole = np.int32(1) << size_log2
     area = np.int32(4) * whole * whole
+    per_whole = F1 / np.float32(whole)
     for i in range(n):
         level = min(np.int32(f[LOD + i]) + above, size_log2)
         shift = size_log2 - level
         size = np.int32(1) << shift
         g[SHIFT + i] = shift
-        f[SCALE + i] = np.float32(size) / np.float32(whole)
-        # The finer levels hold (4 whole^2 - 4 size^2) / 3 texels together.
-        g[BASE + i] = base + (area - np.int32(4) * size * size) // np.int32(3)
+        f[SCALE + i] = np.float32(size) * per_whole
+        # The finer levels hold (4 whole^2 - 4 size^2) / 3 texels; 3 divides exactly, by its inverse modulo 2^32.
+        g[BASE + i] = base + (area - np.int32(4) * size * size) * INVERSE_OF_3
 
 
 @kernel
-def shade(f: Any, bits: Any, g: Any, n: Any, tex: Any, light: Any, m: Any, k: Any, surface: Any, place: Any) -> None:
-    """Fill SUM with the radiance of the n listed pixels on quad k: texture (anisotropic, trilinear) times light."""
+def shade(
+    f: Any, bits: Any, g: Any, n: Any, tex: Any, light: Any, m: Any, k: Any, surface: Any, place: Any, jitter: Any
+) -> None:
+    """Fill SUM with the radiance of the n listed pixels on quad k: anisotropic texture times light.
+
+    jitter < 0 blends the two mip levels around the wanted one; otherwise the level is floor(wanted + jitter): the
+    mean over sub-frames of evenly spread jitters is the blend.
+    """
     su, sv, ou, ov, light_scale = surface[0], surface[1], surface[2], surface[3], surface[4]
     base, size_log2, light_base, nu, nv = place[0], place[1], place[2], place[3], place[4]
     lu, lv = np.float32(nu - 1), np.float32(nv - 1)
@@ -156,23 +165,28 @@ def shade(f: Any, bits: Any, g: Any, n: Any, tex: Any, light: Any, m: Any, k: An
     share = F1 / np.float32(probes)
     for i in range(n):
         f[LOD + i] = max(max(f[MIX + i], f[LOD + i] * share), F1)
-    finest = True
     for i in range(n):
         # log2 from the bits of the float: piecewise linear, off by at most 0.09 levels, and continuous.
         lod = np.float32(bits[LOD + i]) * LOG2_SCALE - LOG2_BIAS
-        lod = max(lod, F0)
+        lod = max(lod, F0) + max(jitter, F0)
         f[LOD + i] = lod
         f[MIX + i] = lod - np.floor(lod)
         f[SUM + i] = F0
-    for i in range(n):
-        finest = finest and f[LOD + i] <= F0
+    single = jitter >= F0
+    if not single:
+        single = True
+        for i in range(n):
+            single = single and f[LOD + i] <= F0
+    if single:
+        for i in range(n):
+            f[MIX + i] = F0
     _level(f, g, n, np.int32(0), base, size_log2)
     for probe in range(probes):
         at = (np.float32(probe) + HALF) * share - HALF
         _lookup(f, g, tex, n, su, sv, at)
         for i in range(n):
             f[SUM + i] += (F1 - f[MIX + i]) * f[VALUE + i]
-    if not finest:
+    if not single:
         _level(f, g, n, np.int32(1), base, size_log2)
         for probe in range(probes):
             at = (np.float32(probe) + HALF) * share - HALF
@@ -200,13 +214,55 @@ def shade(f: Any, bits: Any, g: Any, n: Any, tex: Any, light: Any, m: Any, k: An
 
 
 @kernel
-def spread(f: Any, g: Any, n: Any, tint: Any, bayer: Any, width: Any, share: Any, picture: Any) -> None:
-    """Add SUM, tinted for the colour each pixel sees, to the picture (flat)."""
+def enter_rows(f: Any, rx: Any, ry: Any, y0: int, y1: int, x0: int, x1: int) -> int:
+    """List every pixel of a tile, row by row; TOTAL becomes zero. Returns their number."""
+    n = 0
+    for y in range(y0, y1):
+        ratio = np.float32((y - y0) / (1.0 * TILE))
+        x_line, y_line, x_next, y_next = rx[y + 1], ry[y + 1], rx[y + 2], ry[y + 2]
+        for x in range(x0 + 1, x1 + 1):
+            i = n + x - x0 - 1
+            f[RX + i] = x_line[x]
+            f[RY + i] = y_line[x]
+            f[DXX + i] = x_line[x + 1] - x_line[x]
+            f[DXY + i] = y_line[x + 1] - y_line[x]
+            f[DYX + i] = x_next[x] - x_line[x]
+            f[DYY + i] = y_next[x] - y_line[x]
+            f[ROW + i] = ratio
+            f[TOTAL + i] = F0
+        n += x1 - x0
+    return n
+
+
+@kernel
+def _tint_index(y: int, x: int, bayer: bool) -> int:
+    """Which reflectance a pixel sees: 3 grey, or by the GRBG mosaic (even rows green, red; odd rows blue, green)."""
+    if not bayer:
+        return 3
+    if (y & 1) == (x & 1):
+        return 1
+    return 0 if (y & 1) == 0 else 2
+
+
+@kernel
+def spread_rows(
+    f: Any, tint: Any, bayer: bool, y0: int, y1: int, x0: int, x1: int, share: Any, picture: Any
+) -> None:  # fmt: skip
+    """Write TOTAL, tinted, to the tile of the picture (H, W)."""
+    i = 0
+    for y in range(y0, y1):
+        even = share * tint[_tint_index(y, x0, bayer)]
+        odd = share * tint[_tint_index(y, x0 + 1, bayer)]
+        line = picture[y]
+        for x in range(x0, x1):
+            line[x] = f[TOTAL + i + x - x0] * (odd if (x - x0) & 1 else even)
+        i += x1 - x0
+
+
+@kernel
+def spread(f: Any, g: Any, n: int, tint: Any, bayer: bool, share: Any, picture: Any) -> None:
+    """Add SUM, tinted and weighted, to the listed pixels of the picture (H, W)."""
+    width = picture.shape[1]
     for i in range(n):
-        at = g[PIXEL + i]
-        colour = 3
-        if bayer:
-            # GRBG: even rows green, red; odd rows blue, green.
-            odd_row, odd_column = (at // width) & 1, (at % width) & 1
-            colour = 1 if odd_row == odd_column else (0 if odd_row == 0 else 2)
-        picture[at] += share * f[WEIGHT + i] * tint[colour] * f[SUM + i]
+        y, x = g[PIXEL + i] // width, g[PIXEL + i] % width
+        picture[y, x] += share * f[WEIGHT + i] * tint[_tint_index(y, x, bayer)] * f[SUM + i]

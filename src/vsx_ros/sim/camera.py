@@ -99,7 +99,7 @@ class EmulatedCamera:
         return self._renderer.render(track, bayer, want_depth)
 
     def poses_cam(self, base: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rotations (N, 3, 3), positions (N, 3) of the camera on base poses (N, 4), with the true mount and its rattle."""
+        """Rotations (N, 3, 3), positions (N, 3) of the camera on base poses (N, 4): the true mount, and its rattle."""
         c, s = np.cos(base[:, 2]), np.sin(base[:, 2])
         zero, one = np.zeros_like(c), np.ones_like(c)
         yaw = np.stack([c, -s, zero, s, c, zero, zero, zero, one], axis=1).reshape(-1, 3, 3)

@@ -190,7 +190,8 @@ def _panels(rng: Rng, size: int) -> Pattern:
 
 
 _PATTERNS: dict[str, Callable[[Rng, int], Pattern]] = {
-    "plain": _plain, "paint": _paint, "wood": _wood, "brick": _brick, "carpet": _carpet, "tiles": _tiles, "wallpaper": _wallpaper,
+    "plain": _plain, "paint": _paint, "wood": _wood, "brick": _brick, "carpet": _carpet, "tiles": _tiles,
+    "wallpaper": _wallpaper,
     "poster": _poster, "print": _print, "panels": _panels,
 }  # fmt: skip
 

@@ -7,6 +7,7 @@ from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from msgspec import Meta, Struct
+from msgspec.structs import replace
 
 from vsx_ros.arrays import FloatArray, Points2
 from vsx_ros.geometry.se2 import SE2
@@ -167,6 +168,11 @@ class World(_Part, frozen=True, kw_only=True):
     def start_pose(self) -> SE2:
         """T_world_base at the beginning."""
         return SE2(self.start.x, self.start.y, self.start.theta_rad)
+
+
+def changed(world: World, **fields: object) -> World:
+    """A copy of the world with some fields replaced."""
+    return replace(world, **fields)
 
 
 class Prism(NamedTuple):

@@ -1,0 +1,72 @@
+"""``vsx world``: write an emulated building to a file, draw it, or see what the robot would see."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from vsx_ros.sim.world import World
+
+
+def add_parser(subparsers: Any) -> None:
+    """Register the command and its options."""
+    parser = subparsers.add_parser(
+        "world",
+        help="write an emulated building to world.yaml",
+        description="Makes a building for the emulator: from a generator's name and seed, or from a map_server map.",
+        epilog="examples: vsx world lab --seed 3 --out world.yaml   |   vsx world office.yaml --picture plan.png",
+    )
+    parser.add_argument("name", metavar="NAME", help="lab, office, corridor, a world.yaml or a map_server map.yaml")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="which of the generator's worlds (default 0)")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="write the world to this YAML file")
+    parser.add_argument("--picture", type=Path, metavar="FILE.png", help="draw the plan and the first view")
+    parser.add_argument("--map", type=Path, metavar="FILE.pgm", help="write the true map (pgm and yaml) for map_server")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Make the world and write what was asked for; says on the standard output what it wrote."""
+    from vsx_ros.errors import ConfigError
+    from vsx_ros.io.map_file import save_map
+    from vsx_ros.sim.picture import BAND_M, world_picture, write_picture
+    from vsx_ros.sim.truth import ground_truth_grid
+    from vsx_ros.sim.world_file import save_world
+
+    if args.out is None and args.picture is None and args.map is None:
+        raise ConfigError("vsx world: say what to write with --out, --picture or --map")
+    world = open_world(args.name, args.seed)
+    if args.out is not None:
+        save_world(world, args.out)
+        print(f"world: {args.out}")
+    if args.map is not None:
+        save_map(ground_truth_grid(world, 0.05, *BAND_M), args.map)
+        print(f"true map: {args.map}")
+    if args.picture is not None:
+        write_picture(world_picture(world, args.seed), args.picture)
+        print(f"picture: {args.picture}")
+    return 0
+
+
+def open_world(name: str, seed: int) -> World:
+    """A generator's world by name and seed, or that of a world.yaml, or of a map_server map.yaml (walls drawn by seed).
+
+    Raises ConfigError for an unknown name or a malformed world file, MapFileError for an unusable map.
+    """
+    from vsx_ros.errors import ConfigError
+    from vsx_ros.io.map_file import load_map
+    from vsx_ros.sim.generate import GENERATORS, generate_world
+    from vsx_ros.sim.map_import import world_from_grid
+    from vsx_ros.sim.world_file import load_world
+
+    if name in GENERATORS:
+        return generate_world(name, seed)
+    path = Path(name)
+    if path.suffix not in (".yaml", ".yml") or not path.is_file():
+        names = ", ".join(GENERATORS)
+        raise ConfigError(f"world {name!r} is neither a generator ({names}) nor an existing world.yaml or map.yaml")
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    if any(line.startswith("image:") for line in lines):
+        return world_from_grid(load_map(path), path.stem, seed)
+    return load_world(path)

@@ -1,0 +1,80 @@
+"""Any building from its map: a map_server map extruded to walls, its surfaces drawn by seed."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from vsx_ros.arrays import BoolArray, IntArray, Points2
+from vsx_ros.errors import MapFileError
+from vsx_ros.occupancy.grid import FREE, OccupancyGrid
+from vsx_ros.sim.decorate import decorated, random_materials, wall_material
+from vsx_ros.sim.generate import HEIGHT_M, ceiling_lights
+from vsx_ros.sim.placement import with_start
+from vsx_ros.sim.world import Origin, Outline, Start, World
+
+TOLERANCE_M = 0.06
+
+
+def world_from_grid(grid: OccupancyGrid, name: str, seed: int) -> World:
+    """The largest free region of a map as a building whose surfaces are drawn by seed.
+
+    Raises MapFileError when there is no free region of a square metre.
+    """
+    free = grid.data == FREE
+    loops = free_space_outlines(grid)
+    rng = np.random.default_rng([seed, 1000])
+    low = np.concatenate(loops).min(axis=0)
+    high = np.concatenate(loops).max(axis=0)
+    outlines = [
+        Outline(
+            points=[(float(x), float(y)) for x, y in loop],
+            height=HEIGHT_M,
+            material=[wall_material(rng) for _ in loop],
+            skirting="skirting",
+        )
+        for loop in loops
+    ]
+    spot = grid.centres(_open_cell(free))[0]
+    world = World(
+        generator=Origin(name=name, seed=seed),
+        start=Start(x=float(spot[0]), y=float(spot[1]), theta_rad=0.0),
+        ceiling_height=HEIGHT_M,
+        floor="floor",
+        ceiling="ceiling",
+        materials=random_materials(rng),
+        outlines=outlines,
+        lights=ceiling_lights(float(low[0]), float(low[1]), float(high[0]), float(high[1])),
+    )
+    return with_start(rng, decorated(rng, world, 1.5))
+
+
+def _open_cell(free: BoolArray) -> IntArray:
+    """(1, 2) row and column of the place farthest from any obstacle."""
+    distance = cv2.distanceTransform(np.pad(free, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
+    return np.array([np.unravel_index(int(np.argmax(distance)), distance.shape)])
+
+
+def free_space_outlines(grid: OccupancyGrid) -> list[Points2]:
+    """Borders of the largest free region as closed polygons [m], free space to the left, simplified by 6 cm.
+
+    Raises MapFileError when there is no free region of a square metre.
+    """
+    free = (grid.data == FREE).astype(np.uint8)
+    count, labels, statistics, _ = cv2.connectedComponentsWithStats(free, connectivity=4)
+    areas = statistics[1:, cv2.CC_STAT_AREA] * grid.resolution**2
+    if count < 2 or float(areas.max()) < 1.0:
+        raise MapFileError("the map has no free region of at least 1 m2; are its thresholds wrong?")
+    region = (labels == 1 + int(np.argmax(areas))).astype(np.uint8)
+    contours, tree = cv2.findContours(region, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    outlines = []
+    for contour, links in zip(contours, tree[0]):
+        simple = cv2.approxPolyDP(contour, TOLERANCE_M / grid.resolution, True).reshape(-1, 2).astype(float)
+        if len(simple) < 3:
+            continue
+        points = (simple + 0.5) * grid.resolution + np.array([grid.origin_x, grid.origin_y])
+        x, y = points[:, 0], points[:, 1]
+        signed = float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+        is_hole = links[3] >= 0
+        outlines.append(points[::-1] if (signed > 0) == is_hole else points)
+    return outlines
