@@ -45,6 +45,13 @@ def bringup(
     ]
 
 
+def emulation(world: str, seed: int = 0, devices: str = "/tmp", base: str = "kobuki") -> list[LaunchNode]:
+    """A robot that exists only as bytes, and the real drivers above it. devices: folder for port and socket."""
+    port, camera_socket = f"{devices}/vsx_base", f"{devices}/vsx_camera"
+    emulator = {"world": world, "seed": seed, "robot_type": base, "port": port, "camera_socket": camera_socket}
+    return [LaunchNode("emulator", emulator), *bringup(base, port, f"emulator:{camera_socket}")]
+
+
 def exploration(planner: str = "fov", seed: int = 0, run_dir: str = "") -> list[LaunchNode]:
     """Everything above the robot."""
     return [

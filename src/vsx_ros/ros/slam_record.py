@@ -58,7 +58,7 @@ class SlamRecord:
             folder.write_poses("trajectory", (StampedPose(r.stamp_ns, r.T_world_cam) for r in tracked if r.T_world_cam))
             folder.write_poses("odometry", self._odometry)
             folder.write_frames(
-                FrameRecord(r.stamp_ns, r.state.name, r.searched, r.found, r.keyframe_added, ms)
+                FrameRecord(r.stamp_ns, r.state.value, r.searched, r.found, r.keyframe_added, ms)
                 for r, ms in zip(results, self._track_ms)
             )
             folder.write_points(slam.snapshot().points_world)

@@ -81,7 +81,10 @@ class MoveBaseNode:
     @staticmethod
     def _chosen_planner(config: Config) -> Planner | UnconstrainedPlanner:
         name = str(rospy.get_param("~planner", "fov"))
-        kinds = {"fov": Planner, "unconstrained": UnconstrainedPlanner}
+        kinds: dict[str, type[Planner] | type[UnconstrainedPlanner]] = {
+            "fov": Planner,
+            "unconstrained": UnconstrainedPlanner,
+        }
         if name not in kinds:
             raise ConfigError(f"parameter ~planner is {name!r}; give one of {', '.join(kinds)}")
         return kinds[name](config.planner, config.robot)

@@ -1,0 +1,120 @@
+"""The processes of a live run: a master when none runs, all nodes, a watch over them, and a stop before the end."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import threading
+import time
+from types import TracebackType
+from typing import Any
+
+import rosgraph
+import roslaunch.core
+import roslaunch.pmon
+import rospy
+from geometry_msgs.msg import Twist
+from std_srvs.srv import SetBool
+
+from vsx_ros.errors import ConfigError
+from vsx_ros.ros import launch, process, topics
+from vsx_ros.ros.launch import LaunchNode
+
+DEFAULT_MASTER = "http://localhost:11311"
+_STOP_S = 0.3
+_ESTOP_WAIT_S = 1.0
+
+
+class Live:
+    """Usable as a context manager: whatever happens inside, the robot is stopped and every process is ended."""
+
+    def __init__(self, nodes: list[LaunchNode], config: dict[str, Any], vital: tuple[str, ...]) -> None:
+        self._text = launch.xml(nodes, config)
+        self._vital = vital
+        self._parent: Any = None
+        self._zero_pub: Any = None
+        self._dead: list[str] = []
+        self._interrupted = threading.Event()
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether someone pressed Ctrl-C or sent SIGTERM."""
+        return self._interrupted.is_set()
+
+    @property
+    def dead(self) -> str:
+        """The first vital node that died, or nothing."""
+        return next((name for name in self._dead if name in self._vital), "")
+
+    def __enter__(self) -> Live:
+        """Start everything. Raises ConfigError when a run is in the way or roslaunch refuses."""
+        os.environ[process.DIE_WITH_PARENT] = "1"
+        launch.package_environment()
+        choose_master()
+        roslaunch.core.clear_printlog_handlers()
+        roslaunch.core.clear_printerrlog_handlers()
+        self._parent = launch.start(self._text, quiet=True)
+        self._parent.runner.pm.add_process_listener(_Listener(self._dead))
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, self._on_signal)
+        rospy.init_node("run", disable_signals=True, anonymous=True)
+        self._zero_pub = rospy.Publisher(topics.COMMAND_SAFETY, Twist, queue_size=1)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        """Stop the robot, then the processes."""
+        if self._parent is None:
+            return
+        try:
+            self.stop_robot()
+        finally:
+            rospy.signal_shutdown("the run is over")
+            self._parent.shutdown()
+
+    def stop_robot(self) -> None:
+        """Zero with the highest priority and the emergency stop; either one alone is enough."""
+        deadline_s = time.monotonic() + _STOP_S
+        while time.monotonic() < deadline_s:
+            self._zero_pub.publish(Twist())
+            time.sleep(0.05)
+        try:
+            rospy.wait_for_service(topics.ESTOP, timeout=_ESTOP_WAIT_S)
+            rospy.ServiceProxy(topics.ESTOP, SetBool)(True)
+        except (rospy.ROSException, rospy.ServiceException) as error:
+            rospy.logdebug("no emergency stop: %s", error)
+
+    def _on_signal(self, *_: object) -> None:
+        self._interrupted.set()
+
+
+class _Listener(roslaunch.pmon.ProcessListener):
+    """Remembers which nodes died; roslaunch numbers its processes."""
+
+    def __init__(self, dead: list[str]) -> None:
+        self._dead = dead
+
+    def process_died(self, process_name: str, exit_code: int) -> None:
+        self._dead.append(process_name.rsplit("-", 1)[0])
+
+
+def choose_master() -> None:
+    """Use the master that runs; else let roslaunch start one at the usual port, or at a free one if that is taken.
+
+    Raises ConfigError when ROS_MASTER_URI names another machine where no master answers.
+    """
+    uri = os.environ.setdefault("ROS_MASTER_URI", DEFAULT_MASTER)
+    if rosgraph.is_master_online(uri):
+        return
+    host, port = rosgraph.network.parse_http_host_and_port(uri)
+    if not rosgraph.network.is_local_address(host):
+        raise ConfigError(f"no ROS master answers at ROS_MASTER_URI={uri}; start it there, or unset ROS_MASTER_URI")
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(("", port))
+        except OSError:
+            probe.bind(("", 0))
+            os.environ["ROS_MASTER_URI"] = f"http://localhost:{probe.getsockname()[1]}"

@@ -1,0 +1,61 @@
+"""One line that tells how a run is going: rewritten on a terminal, a plain line now and then otherwise."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import time
+from typing import TextIO
+
+from vsx_ros.ros.witness import Witness
+
+_TERMINAL_PERIOD_S = 1.0
+_PLAIN_PERIOD_S = 5.0
+
+
+def progress_line(witness: Witness, coverage: float | None, elapsed_s: float, limit_s: float | None) -> str:
+    """State, coverage, keyframes, tracked ratio, distance, time, and the reason of the state."""
+    stats, status = witness.stats, witness.status
+    area = witness.grid.known_area_m2 if witness.grid is not None else 0.0
+    covered = f"{100 * coverage:.0f} % covered" if coverage is not None else f"{area:.1f} m2 known"
+    clock = f"{elapsed_s:.0f}" + (f"/{limit_s:.0f} s" if limit_s is not None else " s")
+    facts = [
+        clock,
+        str(status.get("state", "starting")),
+        witness.slam_state,
+        covered,
+        f"{stats.get('keyframes', 0):.0f} keyframes",
+        f"{100 * stats.get('tracked_ratio', 0.0):.0f} % tracked at {stats.get('fps', 0.0):.0f} Hz",
+        f"{witness.distance_m:.1f} m",
+    ]
+    return " | ".join([*facts, str(status.get("reason", ""))])
+
+
+class Progress:
+    """Writes to stderr, so that stdout stays free for results."""
+
+    def __init__(self, out: TextIO | None = None) -> None:
+        self._out = out or sys.stderr
+        self._rewrites = self._out.isatty()
+        self._shown_s = -1e9
+
+    @property
+    def is_due(self) -> bool:
+        """Whether it is time for the next line."""
+        period_s = _TERMINAL_PERIOD_S if self._rewrites else _PLAIN_PERIOD_S
+        return time.monotonic() - self._shown_s >= period_s
+
+    def show(self, line: str) -> None:
+        """Show the line, cut to the width of a terminal."""
+        self._shown_s = time.monotonic()
+        if self._rewrites:
+            width = shutil.get_terminal_size().columns
+            self._out.write(f"\r\x1b[K{line[: width - 1]}")
+        else:
+            self._out.write(line + "\n")
+        self._out.flush()
+
+    def say(self, line: str) -> None:
+        """A line that stays."""
+        self._out.write(f"\r\x1b[K{line}\n" if self._rewrites else line + "\n")
+        self._out.flush()

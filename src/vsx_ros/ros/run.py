@@ -1,0 +1,210 @@
+"""The live run behind ``vsx explore``: all nodes, an emulated robot when a world is given, and a run folder at the end.
+
+Run as ``python -m vsx_ros.ros.run`` with the options of ``vsx explore``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from vsx_hw.errors import DeviceError
+from vsx_ros.cli.config import load
+from vsx_ros.cli.exit_codes import DONE, FAILED, HARDWARE, INTERNAL, LOST, STOPPED
+from vsx_ros.cli.explore import add_arguments
+from vsx_ros.cli.report import one_line_facts, write_report
+from vsx_ros.config import Config, overridden, to_dict
+from vsx_ros.errors import VsxError
+from vsx_ros.evaluation.coverage import map_quality, observable_cells
+from vsx_ros.evaluation.summary import Summary, with_accuracy
+from vsx_ros.exploration.mission import MissionState, Outcome
+from vsx_ros.io.run_folder import RunFolder
+from vsx_ros.ros import launch
+from vsx_ros.ros.emulation import open_world
+from vsx_ros.ros.launch import LaunchNode
+from vsx_ros.ros.live import Live
+from vsx_ros.ros.progress import Progress, progress_line
+from vsx_ros.ros.witness import Witness
+from vsx_ros.sim.truth import ground_truth_grid
+from vsx_ros.sim.world import World
+from vsx_ros.sim.world_file import save_world
+
+_READY_WAIT_S = 180.0
+_COVERAGE_PERIOD_S = 2.0
+_TICK_S = 0.1
+
+
+class Ending(NamedTuple):
+    """Why a run is over, and the exit code that says so."""
+
+    reason: str
+    code: int
+
+
+_OUTCOMES = {
+    Outcome.EXPLORED.name: DONE,
+    Outcome.HOME.name: DONE,
+    Outcome.STOPPED.name: STOPPED,
+    Outcome.NOT_STARTED.name: FAILED,
+    Outcome.LOST.name: LOST,
+}
+
+
+class Judge:
+    """Compares the map with the emulated world; knows nothing on a real robot."""
+
+    def __init__(self, world: World | None, config: Config) -> None:
+        self._world = world
+        if world is not None:
+            ground = config.ground_map
+            self._truth = ground_truth_grid(
+                world, ground.resolution_m, ground.obstacle_min_height_m, ground.obstacle_max_height_m
+            )
+            self._observable = observable_cells(
+                self._truth, world.start_pose, config.robot.radius_m, config.exploration.sensor_range_m
+            )
+        self._coverage: float | None = None
+        self._judged_s = -1e9
+
+    def coverage(self, witness: Witness) -> float | None:
+        """Share of the observable cells that are known; computed now and then."""
+        if time.monotonic() - self._judged_s > _COVERAGE_PERIOD_S:
+            self._judged_s = time.monotonic()
+            self._coverage = self.judged(Summary(), witness).coverage
+        return self._coverage
+
+    def judged(self, summary: Summary, witness: Witness) -> Summary:
+        """The summary with the quality of the map. The map's origin is where the base stood at the start."""
+        if self._world is None or witness.grid is None:
+            return summary
+        quality = map_quality(witness.grid, self._truth, self._observable, self._world.start_pose)
+        return summary.with_values(collisions=witness.collisions, **dataclasses.asdict(quality))
+
+
+def explore(args: argparse.Namespace) -> int:
+    """One live run; its exit code."""
+    config = load(args.config, args.set)
+    if args.phi is not None:
+        config = overridden(config, {"planner.phi_rad_m": args.phi})
+    world = open_world(args.world, args.seed) if args.world else None
+    name = args.world if args.world else args.base
+    now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
+    folder = RunFolder.create(args.out or Path("runs") / f"{now}_{Path(name).stem}")
+    folder.write_config(config, ["vsx", "explore", *sys.argv[1:]], seed=args.seed, world=args.world)
+    os.environ["ROS_LOG_DIR"] = str((folder.path / "log").resolve())
+    judge, progress = Judge(world, config), Progress()
+    with tempfile.TemporaryDirectory(prefix="vsx-") as devices:
+        nodes = _nodes(args, folder, world, Path(devices))
+        with Live(nodes, to_dict(config), vital=("mobile_base", "vslam", "explore", "emulator")) as live:
+            progress.say(f"nodes are starting at ROS_MASTER_URI={os.environ['ROS_MASTER_URI']}; Ctrl-C stops the robot")
+            witness = Witness(emulated=world is not None)
+            began_s = time.monotonic()
+            ending = _watch(live, witness, judge, progress, args.time)
+            duration_s = time.monotonic() - began_s
+            progress.say(f"stopping: {ending.reason}")
+    _gather(folder, witness, judge, ending, duration_s, args)
+    return ending.code
+
+
+def _nodes(args: argparse.Namespace, folder: RunFolder, world: World | None, devices: Path) -> list[LaunchNode]:
+    above = launch.exploration(args.planner, args.seed, str(folder.path.resolve()))
+    if world is None:
+        return [*launch.bringup(args.base, args.port, args.camera), *above]
+    save_world(world, folder.path / "world.yaml")
+    return [*launch.emulation(str(folder.path.resolve() / "world.yaml"), args.seed, str(devices), args.base), *above]
+
+
+def _watch(live: Live, witness: Witness, judge: Judge, progress: Progress, limit_s: float | None) -> Ending:
+    """Until the mission, the time, the operator or a failure ends it. Time counts from the mission's first word."""
+    started_s = time.monotonic()
+    began_s: float | None = None
+    while True:
+        time.sleep(_TICK_S)
+        now_s = time.monotonic()
+        if began_s is None and witness.status:
+            began_s = now_s
+        elapsed_s = now_s - began_s if began_s is not None else 0.0
+        ending = _ending(live, witness, elapsed_s, limit_s)
+        if ending is None and began_s is None and now_s - started_s > _READY_WAIT_S:
+            ending = Ending(
+                f"the nodes were not ready within {_READY_WAIT_S:.0f} s; see the run's log folder", HARDWARE
+            )
+        if ending is not None:
+            return ending
+        if progress.is_due:
+            progress.show(progress_line(witness, judge.coverage(witness), elapsed_s, limit_s))
+
+
+def _ending(live: Live, witness: Witness, elapsed_s: float, limit_s: float | None) -> Ending | None:
+    status = witness.status
+    if live.interrupted:
+        return Ending("stopped by the operator", STOPPED)
+    if live.dead:
+        return Ending(f"node {live.dead} died; its last words are in the run's log folder", INTERNAL)
+    if status.get("state") == MissionState.DONE.value:
+        return Ending(str(status.get("reason")), _OUTCOMES.get(str(status.get("outcome")), INTERNAL))
+    if limit_s is not None and elapsed_s >= limit_s:
+        return Ending(f"time limit of {limit_s:g} s", DONE)
+    return None
+
+
+def _gather(
+    folder: RunFolder, witness: Witness, judge: Judge, ending: Ending, duration_s: float, args: argparse.Namespace
+) -> None:
+    """Complete what vslam wrote with what the witness saw, and tell it."""
+    known = folder.read_summary() if (folder.path / "summary.json").exists() else {}
+    navigation, truth = witness.navigation(), witness.truth()
+    summary = with_accuracy(Summary(**known), folder.read_poses("trajectory"), truth, "yaw")
+    summary = judge.judged(summary, witness)
+    plan_ms, error_m = np.array(navigation.plan_ms), np.array(navigation.error_m)
+    config, _ = folder.read_config()
+    summary = summary.with_values(
+        duration_s=duration_s,
+        plans=len(plan_ms),
+        plan_ms_median=float(np.median(plan_ms)) if plan_ms.size else None,
+        plan_ms_p99=float(np.percentile(plan_ms, 99)) if plan_ms.size else None,
+        planned_vs_executed_rms_m=float(np.sqrt(np.mean(error_m**2))) if error_m.size else None,
+        stop_reason=ending.reason,
+        world=args.world,
+        seed=args.seed if args.world else None,
+        planner=args.planner,
+        phi=config.planner.phi_rad_m,
+    )
+    folder.write_events([*folder.read_events(), *witness.events()])
+    if truth:
+        folder.write_poses("groundtruth", truth)
+    if witness.grid is not None:
+        folder.write_map(witness.grid)
+    folder.write_summary(summary.as_dict())
+    report = write_report(folder)
+    facts = [f"  {line}\n" for line in one_line_facts(summary.as_dict())]
+    sys.stdout.write("".join([f"{ending.reason}\n", *facts, f"  report: {report}\n"]))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Parse and run; errors are one sentence."""
+    parser = argparse.ArgumentParser(prog="vsx explore")
+    add_arguments(parser)
+    args = parser.parse_args(arguments)
+    try:
+        return explore(args)
+    except KeyboardInterrupt:
+        sys.stderr.write("vsx: stopped by the operator\n")
+        return STOPPED
+    except (VsxError, DeviceError) as error:
+        sys.stderr.write(f"vsx: {error}\n")
+        return HARDWARE if isinstance(error, DeviceError) else FAILED
+
+
+if __name__ == "__main__":
+    sys.exit(main())
