@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from vsx_ros.cli import config
 from vsx_ros.errors import ConfigError
 
 
@@ -40,9 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--fast", action="store_true", help="one process, lock-step, no ROS, deterministic")
     parser.add_argument("--headless", action="store_true", help="open no window and no browser")
     parser.add_argument("--out", type=Path, metavar="RUN", help="run folder (default runs/<date>_<world>)")
-    parser.add_argument(
-        "--set", action="append", default=[], metavar="NAME=VALUE", help="override a parameter, e.g. limits.v_m_s=0.2"
-    )
+    config.add_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
