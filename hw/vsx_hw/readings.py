@@ -36,6 +36,7 @@ class OdometryReading(NamedTuple):
     x_m, y_m, heading_rad: pose of the base in its odometry frame, heading not wrapped, counter-clockwise.
     v_m_s, omega_rad_s: measured motion. gaps: how often motion went unmeasured (power cycle, lost data).
     trusted: False where the encoders cannot know the direction of the motion.
+    wheels_m: (left, right) distance rolled since the start.
     """
 
     stamp_ns: int
@@ -46,6 +47,7 @@ class OdometryReading(NamedTuple):
     omega_rad_s: float
     gaps: int = 0
     trusted: bool = True
+    wheels_m: tuple[float, float] = (0.0, 0.0)
 
 
 class BatteryReading(NamedTuple):
@@ -72,13 +74,15 @@ class BaseReading(NamedTuple):
 
 
 class ImageReading(NamedTuple):
-    """One complete image: (H, W) uint8 Bayer mosaic, rows from the top, first row G R G R (GRBG).
+    """One complete image, (H, W) uint8, rows from the top.
 
-    stamp_ns: host time at which the first row left the camera.
+    stamp_ns: host time at which the first row left the camera. encoding: ROS's name, bayer_grbg8 (first row G R G R)
+    or mono8.
     """
 
     stamp_ns: int
     image: NDArray[np.uint8]
+    encoding: str = "bayer_grbg8"
 
 
 class LinkStatus(NamedTuple):

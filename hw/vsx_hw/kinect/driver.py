@@ -30,7 +30,7 @@ logger = logging.getLogger(__name__)
 
 REPLY_TIMEOUT_S = 0.5
 REVIVE_AFTER_S = 5.0
-BACKOFF_S = (0.5, 1.0, 2.0, 5.0)
+BACKOFF_S = (0.5, 1.0, 2.0)
 
 
 class KinectCamera:

@@ -14,7 +14,6 @@ from vsx_hw.errors import ProtocolError
 
 WIDTH_PX, HEIGHT_PX = 640, 480
 FRAME_BYTES = WIDTH_PX * HEIGHT_PX
-PIXEL_ORDER = "bayer_grbg8"
 CLOCK_HZ, CLOCK_BITS = 60_000_000, 32
 
 REPLY_BYTES = 0x200

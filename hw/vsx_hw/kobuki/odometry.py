@@ -26,6 +26,7 @@ class KobukiOdometry:
         self._angular_scale = angular_scale
         self._previous: Feedback | None = None
         self._pose = (0.0, 0.0, 0.0)
+        self._wheels = (0.0, 0.0)
         self._gaps = 0
 
     def reset(self) -> None:
@@ -45,7 +46,7 @@ class KobukiOdometry:
                 v, omega = distance / dt_s, turn / dt_s
         self._previous = feedback
         x, y, heading = self._pose
-        return OdometryReading(stamp_ns, x, y, heading, v, omega, self._gaps)
+        return OdometryReading(stamp_ns, x, y, heading, v, omega, self._gaps, True, self._wheels)
 
     def _motion(self, before: Feedback, after: Feedback) -> tuple[float, float, float] | None:
         """(distance [m], turn [rad], duration [s]) between two frames, or None where it cannot be known."""
@@ -56,6 +57,7 @@ class KobukiOdometry:
         right = METRES_PER_TICK * _signed(after.core.right_ticks - before.core.right_ticks, 0x10000)
         if max(abs(left), abs(right)) > FASTEST_M_S * max(dt_ms, 20) / 1000.0:
             return None
+        self._wheels = (self._wheels[0] + left, self._wheels[1] + right)
         turn = (right - left) / WHEEL_BASE_M
         if after.inertia is not None and before.inertia is not None:
             turn = GYRO_STEP_RAD * _signed(after.inertia.angle_centideg - before.inertia.angle_centideg, 36000)

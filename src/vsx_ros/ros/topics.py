@@ -79,6 +79,7 @@ TRUTH = "emulator/ground_truth"
 TRUTH_ODOMETRY = "emulator/ground_truth/odometry"
 TRUTH_CAMERA = "emulator/ground_truth/camera_pose"
 TRUTH_COLLISIONS = "emulator/ground_truth/collisions"
+RENDER_RATE = "emulator/render_rate_hz"
 
 STAT_TYPES = {
     "tracked_ratio": "std_msgs/Float32",
@@ -147,6 +148,7 @@ PUBLISHED: dict[str, dict[str, str]] = {
         TRUTH_ODOMETRY: "nav_msgs/Odometry",
         TRUTH_CAMERA: "geometry_msgs/PoseStamped",
         TRUTH_COLLISIONS: "std_msgs/UInt32",
+        RENDER_RATE: "std_msgs/Float32",
     },
 }
 """Node -> topic -> type. Every node but teleop also publishes ``DIAGNOSTICS``."""

@@ -1,0 +1,62 @@
+"""What a base reports, as messages. Pure functions; no node and no master needed."""
+
+from __future__ import annotations
+
+import math
+
+from geometry_msgs.msg import TransformStamped
+from nav_msgs.msg import Odometry as OdometryMsg
+from sensor_msgs.msg import BatteryState, JointState
+
+from vsx_hw.readings import BatteryReading, OdometryReading
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.robot import Odometry
+from vsx_ros.ros import convert, topics
+
+# Variances of the turtlebot's own driver (kobuki_node): what a planar base cannot know is huge.
+_POSITION_M2, _HEADING_RAD2, _UNKNOWN = 0.1, 0.05, 1e10
+_DISTRUST = 100.0
+_WHEEL_RADIUS_M = 0.035
+_JOINTS = ["wheel_left_joint", "wheel_right_joint"]
+
+
+def _pose(reading: OdometryReading) -> SE2:
+    return SE2(reading.x_m, reading.y_m, reading.heading_rad)
+
+
+def odometry(reading: OdometryReading) -> OdometryMsg:
+    """Dead reckoning; covariance grows where the base says that its encoders may be wrong."""
+    moved = Odometry(reading.stamp_ns, _pose(reading), reading.v_m_s, reading.omega_rad_s)
+    msg = convert.odometry_msg(moved, topics.ODOM_FRAME, topics.BASE_FRAME)
+    factor = 1.0 if reading.trusted else _DISTRUST
+    variances = (_POSITION_M2 * factor, _POSITION_M2 * factor, _UNKNOWN, _UNKNOWN, _UNKNOWN, _HEADING_RAD2 * factor)
+    covariance = [0.0] * 36
+    covariance[::7] = variances
+    msg.pose.covariance = covariance
+    msg.twist.covariance = covariance
+    return msg
+
+
+def odom_transform(reading: OdometryReading) -> TransformStamped:
+    """odom -> base_footprint."""
+    return convert.transform_stamped(topics.ODOM_FRAME, topics.BASE_FRAME, reading.stamp_ns, _pose(reading))
+
+
+def joint_states(reading: OdometryReading) -> JointState:
+    """The wheels' angles, for a robot model."""
+    angles = [travel / _WHEEL_RADIUS_M for travel in reading.wheels_m]
+    return JointState(header=convert.header("", reading.stamp_ns), name=_JOINTS, position=angles)
+
+
+def battery(reading: BatteryReading, stamp_ns: int) -> BatteryState:
+    """The base's battery; what it does not measure is NaN."""
+    msg = BatteryState(header=convert.header("", stamp_ns), voltage=reading.voltage_v, percentage=reading.fraction)
+    msg.temperature = msg.current = msg.charge = msg.capacity = msg.design_capacity = math.nan
+    msg.present = True
+    if reading.state == "charged":
+        msg.power_supply_status = BatteryState.POWER_SUPPLY_STATUS_FULL
+    elif reading.charging:
+        msg.power_supply_status = BatteryState.POWER_SUPPLY_STATUS_CHARGING
+    else:
+        msg.power_supply_status = BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
+    return msg

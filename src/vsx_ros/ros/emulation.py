@@ -1,0 +1,104 @@
+"""The emulated world under the emulated devices: the body as wheels for a board, the camera in a process of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from vsx_hw.readings import Hazard
+from vsx_hw.serial_emulator import PlantState
+from vsx_ros.config import RobotConfig
+from vsx_ros.errors import ConfigError
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.sim.body import Body, Bumper
+from vsx_ros.sim.generate import GENERATORS, generate_world
+from vsx_ros.sim.settings import SimulationConfig
+from vsx_ros.sim.world import World, obstacle_segments
+from vsx_ros.sim.world_file import load_world
+
+BODY_CHILD, CAMERA_CHILD = 1, 2
+"""Children of the run's seed, the same as in the lock-step robot."""
+
+_RATE_WINDOW_NS = 20_000_000
+
+
+def open_world(name: str, seed: int) -> World:
+    """A generated world by its name, or one from a world.yaml. Raises ConfigError when there is neither."""
+    if name in GENERATORS:
+        return generate_world(name, seed)
+    if not name.endswith((".yaml", ".yml")):
+        raise ConfigError(f"world {name!r}: give {', '.join(GENERATORS)} or a world.yaml")
+    return load_world(Path(name))
+
+
+class BodyState(NamedTuple):
+    """The truth at one instant since the emulator's start."""
+
+    time_ns: int
+    T_world_base: SE2
+    path_length_m: float
+
+
+class BodyPlant:
+    """``vsx_hw.serial_emulator.Plant`` over the emulated body; only the emulator's thread calls it.
+
+    ``state``, ``collisions`` may be read from anywhere. ``on_step`` is called after each step.
+    """
+
+    def __init__(
+        self, world: World, seed: int, robot: RobotConfig, on_step: Callable[[BodyState], None], wheel_base_m: float
+    ) -> None:
+        settings = msgspec.structs.replace(SimulationConfig().body, wheel_base_m=wheel_base_m)
+        rng = np.random.default_rng([seed, BODY_CHILD])
+        segments = obstacle_segments(world, 0.0, robot.height_m)
+        self._settings = settings
+        self._body = Body(segments, world.start_pose, robot.radius_m, settings, rng)
+        self._on_step = on_step
+        self._gyro_before = (0, 0.0)
+        self._rate_rad_s = 0.0
+        self.state = self._state()
+
+    @property
+    def collisions(self) -> int:
+        """How often a wall was touched."""
+        return self._body.collisions
+
+    def set_wheel_speeds(self, left_m_s: float, right_m_s: float) -> None:
+        """See Plant."""
+        self._body.set_wheel_speeds(left_m_s, right_m_s)
+
+    def advance(self, dt_ns: int) -> None:
+        """See Plant."""
+        self._body.advance(dt_ns)
+        self.state = self._state()
+        self._on_step(self.state)
+
+    def read(self) -> PlantState:
+        """See Plant. The rate is that of the gyro's angle over the last 20 ms."""
+        body, tick_m = self._body, self._settings.tick_m
+        then_ns, angle_before = self._gyro_before
+        if body.time_ns - then_ns >= _RATE_WINDOW_NS:
+            self._rate_rad_s = (body.gyro_angle_rad - angle_before) / (body.time_ns - then_ns) * 1e9
+            self._gyro_before = body.time_ns, body.gyro_angle_rad
+        left, right = body.encoders()
+        hazards = hazards_of(body.bumper)
+        return PlantState(left * tick_m, right * tick_m, body.gyro_angle_rad, self._rate_rad_s, hazards)
+
+    def _state(self) -> BodyState:
+        return BodyState(self._body.time_ns, self._body.T_world_base, self._body.path_length_m)
+
+
+def hazards_of(bumper: Bumper) -> Hazard:
+    """The bumper's sectors as hazards."""
+    hazards = Hazard.NONE
+    if bumper.left:
+        hazards |= Hazard.BUMPER_LEFT
+    if bumper.centre:
+        hazards |= Hazard.BUMPER_CENTER
+    if bumper.right:
+        hazards |= Hazard.BUMPER_RIGHT
+    return hazards

@@ -1,0 +1,132 @@
+"""Node ``camera``: images and their calibration.
+
+Subscribers: none.
+Publishers: camera/rgb/image_raw (bayer_grbg8 or mono8), camera/rgb/camera_info with the same stamps.
+Services: camera/rgb/set_camera_info (stores the calibration where the node reads it).
+Parameters: ~device (kinect): kinect, kinect:SERIAL, v4l:N or emulator:SOCKET.
+    ~camera_info_url (""): file with the calibration; without one $ROS_HOME/camera_info/rgb_SERIAL.yaml, for an emulated
+    camera SOCKET.yaml, and if that is missing too nominal values with a warning.
+    ~frame_id (camera_rgb_optical_frame).
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import rospy
+from sensor_msgs.msg import CameraInfo, Image
+from sensor_msgs.srv import SetCameraInfo, SetCameraInfoRequest, SetCameraInfoResponse
+
+from vsx_hw.kinect.driver import KinectCamera
+from vsx_hw.kinect.socket_transport import SocketTransport
+from vsx_hw.kinect.usb_transport import UsbTransport
+from vsx_hw.readings import ImageReading
+from vsx_hw.v4l import V4lCamera
+from vsx_ros.config import Config
+from vsx_ros.errors import CalibrationError, ConfigError
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.io.calibration_file import read_calibration, write_calibration
+from vsx_ros.ros import images, process, topics
+
+_NOMINAL = PinholeCamera(640, 480, 525.0, 525.0, 319.5, 239.5)
+
+
+class CameraNode:
+    """The driver's thread publishes; a timer reports health."""
+
+    def __init__(self, config: Config) -> None:
+        self._device = str(rospy.get_param("~device", "kinect"))
+        self._url = str(rospy.get_param("~camera_info_url", ""))
+        self._frame_id = str(rospy.get_param("~frame_id", topics.OPTICAL_FRAME))
+        self._calibration: PinholeCamera | None = None
+        self._calibrated = False
+        if self._url and not self._device.startswith("emulator:"):
+            self._calibration, self._calibrated = read_calibration(_path(self._url)), True
+        self._frames_reported = 0
+        self._image_pub = rospy.Publisher(topics.IMAGE, Image, queue_size=5, tcp_nodelay=True)
+        self._info_pub = rospy.Publisher(topics.CAMERA_INFO, CameraInfo, queue_size=5, tcp_nodelay=True)
+        rospy.Service(topics.SET_CAMERA_INFO, SetCameraInfo, self._on_set_camera_info)
+        self._source = open_camera(self._device, self._on_image)
+        self._diagnostics = process.Diagnostics(self._device)
+        process.every(1.0, "health", self._report)
+        self._source.start()
+
+    def _on_image(self, reading: ImageReading) -> None:
+        if self._calibration is None:
+            self._calibration = self._find_calibration()
+        camera, (height, width) = self._calibration, reading.image.shape
+        if (camera.width, camera.height) != (width, height):
+            camera = PinholeCamera(width, height, float(width), float(width), 0.5 * (width - 1), 0.5 * (height - 1))
+            self._calibration, self._calibrated = camera, False
+        self._info_pub.publish(images.camera_info(camera, reading.stamp_ns, self._frame_id))
+        self._image_pub.publish(images.image_msg(reading.stamp_ns, reading.image, reading.encoding, self._frame_id))
+
+    def _calibration_file(self) -> Path:
+        if self._url:
+            return _path(self._url)
+        if self._device.startswith("emulator:"):
+            return Path(self._device.partition(":")[2] + ".yaml")
+        home = Path(os.environ.get("ROS_HOME", Path.home() / ".ros"))
+        return home / "camera_info" / f"rgb_{self._source.serial}.yaml"
+
+    def _find_calibration(self) -> PinholeCamera:
+        path = self._calibration_file()
+        try:
+            camera = read_calibration(path)
+        except CalibrationError as error:
+            rospy.logwarn("camera is not calibrated: %s. Nominal values are used; expect a bent map", error)
+            return _NOMINAL
+        self._calibrated = True
+        return camera
+
+    def _on_set_camera_info(self, request: SetCameraInfoRequest) -> SetCameraInfoResponse:
+        path = self._calibration_file()
+        try:
+            camera = images.camera(request.camera_info)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_calibration(path, camera, path.stem)
+        except (CalibrationError, OSError) as error:
+            return SetCameraInfoResponse(False, str(error))
+        self._calibration, self._calibrated = camera, True
+        return SetCameraInfoResponse(True, f"stored in {path}")
+
+    def _report(self) -> None:
+        status = self._source.status()
+        frames = status.counters["frames"]
+        rate_hz, self._frames_reported = frames - self._frames_reported, frames
+        alive = status.connected and rate_hz > 0
+        message = status.message if alive or not status.connected else "no images"
+        level = process.OK if alive else process.ERROR
+        self._diagnostics.set("stream", level, message, rate_hz=rate_hz, device=status.device, **status.counters)
+        if self._calibrated:
+            self._diagnostics.set("calibration", process.OK, "calibrated")
+        else:
+            self._diagnostics.set("calibration", process.WARN, "not calibrated; run 'vsx calibrate camera'")
+
+    def close(self) -> None:
+        """Stop the stream."""
+        self._source.close()
+
+
+def open_camera(device: str, on_image: Callable[[ImageReading], None]) -> KinectCamera | V4lCamera:
+    """The driver of a ~device; it connects when started. Raises ConfigError for a device that has no meaning."""
+    kind, _, name = device.partition(":")
+    if kind == "kinect":
+        return KinectCamera(lambda: UsbTransport(name), device, on_image)
+    if kind == "emulator" and name:
+        return KinectCamera(lambda: SocketTransport(name), device, on_image)
+    if kind == "v4l" and name.isdigit():
+        return V4lCamera(int(name), on_image)
+    raise ConfigError(f"camera ~device {device!r}: give kinect, kinect:SERIAL, v4l:N or emulator:SOCKET")
+
+
+def _path(url: str) -> Path:
+    """A file from a file:// URL or a path; ${ROS_HOME} and ~ are expanded."""
+    return Path(os.path.expandvars(url.removeprefix("file://"))).expanduser()
+
+
+def main() -> None:
+    """Entry point of scripts/camera."""
+    process.run("camera", CameraNode)

@@ -1,0 +1,153 @@
+"""Node ``mobile_base``: driver, command mux and the last decision before the wheels, in one small process.
+
+Subscribers: cmd_vel_mux/input/{safety_controller,teleop,navi} (priority in this order; each has its own timeout).
+Publishers: odom (50 Hz), /tf odom -> base_footprint, joint_states, mobile_base/hazards (UInt8, the bits of
+    vsx_hw.readings.Hazard, latched, on change), battery (1 Hz), cmd_vel_mux/active (latched, on change).
+Services: mobile_base/estop (true stops, false allows), mobile_base/reset_odometry.
+Parameters: ~robot_type (kobuki, create, create2), ~port (/dev/kobuki), ~cmd_vel_timeout (s, 0.25: navi and the driver),
+    ~max_vel (m/s, 0.5), ~max_angular_vel (rad/s, 1.5), ~odom_linear_scale_correction (1.0),
+    ~odom_angular_scale_correction (1.0).
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import rospy
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry as OdometryMsg
+from sensor_msgs.msg import BatteryState, JointState
+from std_msgs.msg import String, UInt8
+from std_srvs.srv import SetBool, SetBoolRequest, SetBoolResponse, Trigger, TriggerRequest, TriggerResponse
+from tf2_msgs.msg import TFMessage
+
+from vsx_hw.base_driver import BaseDriver
+from vsx_hw.readings import BaseReading, Hazard
+from vsx_hw.safety import SOURCES, Decision, SpeedLimits, Supervisor
+from vsx_ros.config import Config
+from vsx_ros.ros import base_messages, process, topics
+from vsx_ros.ros.base_drivers import base_driver
+
+_INPUTS = {
+    "safety_controller": topics.COMMAND_SAFETY,
+    "teleop": topics.COMMAND_TELEOP,
+    "navi": topics.COMMAND_NAVI,
+}
+
+
+class MobileBaseNode:
+    """Every report of the base is answered with a decision in the same cycle; commands only leave their word."""
+
+    def __init__(self, config: Config) -> None:
+        timeout_s = float(rospy.get_param("~cmd_vel_timeout", 0.25))
+        limits = SpeedLimits(
+            float(rospy.get_param("~max_vel", 0.5)),
+            float(rospy.get_param("~max_angular_vel", 1.5)),
+        )
+        sources = tuple(s._replace(timeout_s=timeout_s) if s.name == "navi" else s for s in SOURCES)
+        self._supervisor = Supervisor(limits, sources)
+        self._lock = threading.Lock()
+        self._latest: tuple[BaseReading, Decision] | None = None
+        self._hazards = Hazard.NONE
+        self._advertise()
+        self._driver: BaseDriver = base_driver(
+            str(rospy.get_param("~robot_type", "kobuki")),
+            str(rospy.get_param("~port", "/dev/kobuki")),
+            self._on_reading,
+            self._on_link,
+            timeout_s,
+            float(rospy.get_param("~odom_linear_scale_correction", 1.0)),
+            float(rospy.get_param("~odom_angular_scale_correction", 1.0)),
+        )
+        self._diagnostics = process.Diagnostics(self._driver.status().device)
+        for source, topic in _INPUTS.items():
+            rospy.Subscriber(topic, Twist, self._on_command, source, queue_size=1, tcp_nodelay=True)
+        rospy.Service(topics.ESTOP, SetBool, self._on_estop)
+        rospy.Service(topics.RESET_ODOMETRY, Trigger, self._on_reset_odometry)
+        self._driver.start()
+        process.every(1.0, "health", self._report)
+
+    def _advertise(self) -> None:
+        self._odom_pub = rospy.Publisher(topics.ODOM, OdometryMsg, queue_size=50, tcp_nodelay=True)
+        self._tf_pub = rospy.Publisher(topics.TF, TFMessage, queue_size=50, tcp_nodelay=True)
+        self._joints_pub = rospy.Publisher(topics.JOINT_STATES, JointState, queue_size=5)
+        self._hazards_pub = rospy.Publisher(topics.HAZARDS, UInt8, queue_size=5, latch=True, tcp_nodelay=True)
+        self._battery_pub = rospy.Publisher(topics.BATTERY, BatteryState, queue_size=1)
+        self._active_pub = rospy.Publisher(topics.MUX_ACTIVE, String, queue_size=5, latch=True)
+        self._hazards_pub.publish(UInt8(0))
+        self._active = ""
+        self._active_pub.publish(String("idle"))
+
+    def _on_command(self, msg: Twist, source: str) -> None:
+        with self._lock:
+            accepted = self._supervisor.command(source, msg.linear.x, msg.angular.z, time.monotonic_ns())
+        if not accepted:
+            rospy.logwarn_throttle(1.0, "%s: command refused, not finite or absurd:\n%s", _INPUTS[source], msg)
+
+    def _on_reading(self, reading: BaseReading) -> None:
+        """On the driver's thread: decide first, talk later."""
+        now_ns = time.monotonic_ns()
+        odometry = reading.odometry
+        with self._lock:
+            decision = self._supervisor.decide(now_ns, reading.hazards)
+            self._supervisor.observe(odometry.v_m_s, odometry.omega_rad_s, decision, now_ns)
+        self._driver.drive(decision.v_m_s, decision.omega_rad_s)
+        self._odom_pub.publish(base_messages.odometry(odometry))
+        self._tf_pub.publish(TFMessage([base_messages.odom_transform(odometry)]))
+        self._joints_pub.publish(base_messages.joint_states(odometry))
+        if reading.hazards != self._hazards:
+            self._hazards = reading.hazards
+            self._hazards_pub.publish(UInt8(int(reading.hazards)))
+        if decision.source != self._active:
+            self._active = decision.source
+            self._active_pub.publish(String(decision.source or "idle"))
+        self._latest = reading, decision
+
+    def _on_link(self, connected: bool, message: str) -> None:
+        """Commands of before a reconnection do not count; a base that is away touches nothing."""
+        with self._lock:
+            self._supervisor.forget_commands()
+
+    def _on_estop(self, request: SetBoolRequest) -> SetBoolResponse:
+        with self._lock:
+            self._supervisor.emergency_stop(bool(request.data))
+        rospy.logwarn("emergency stop %s", "set" if request.data else "cleared")
+        return SetBoolResponse(True, "stopped" if request.data else "free to drive")
+
+    def _on_reset_odometry(self, _: TriggerRequest) -> TriggerResponse:
+        self._driver.reset_odometry()
+        return TriggerResponse(True, "odometry starts at the origin")
+
+    def _report(self) -> None:
+        """Once a second: battery and health."""
+        status = self._driver.status()
+        level = process.OK if status.connected else process.ERROR
+        self._diagnostics.set("link", level, status.message, device=status.device, **status.counters)
+        latest = self._latest
+        if latest is None or not status.connected:
+            return
+        reading, decision = latest
+        battery = reading.battery
+        self._battery_pub.publish(base_messages.battery(battery, reading.stamp_ns))
+        low = battery.state in ("low", "critical")
+        self._diagnostics.set(
+            "battery", process.WARN if low else process.OK, battery.state, voltage_v=battery.voltage_v,
+            fraction=round(battery.fraction, 3), charging=battery.charging,
+        )  # fmt: skip
+        blocked = bool(decision.reason) and decision.source != ""
+        message = decision.reason or f"driving for {decision.source}"
+        self._diagnostics.set(
+            "safety", process.WARN if blocked or reading.hazards else process.OK, message,
+            hazards=reading.hazards.name or "NONE", estop=self._supervisor.estopped,
+            refused_commands=self._supervisor.refused, gaps=reading.odometry.gaps, mode=reading.mode,
+        )  # fmt: skip
+
+    def close(self) -> None:
+        """Stop the wheels and leave the base safe."""
+        self._driver.close()
+
+
+def main() -> None:
+    """Entry point of scripts/mobile_base."""
+    process.run("mobile_base", MobileBaseNode)

@@ -1,0 +1,126 @@
+"""The emulated camera as a process of its own: rendering must not hold up the wheels.
+
+Reads poses of the base from standard input (``POSE``, one every 5 ms), renders each frame when its exposure is over,
+and sends it through the emulated Kinect at a socket. Writes one line of JSON per frame to standard output: stamp, true
+camera pose, render time, frames skipped. Ends when its input ends. No ROS in here.
+"""
+
+from __future__ import annotations
+
+import json
+import signal
+import struct
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import msgspec
+import numpy as np
+
+from vsx_hw.kinect.emulator import KinectEmulator
+from vsx_ros.arrays import FloatArray, IntArray
+from vsx_ros.config import RobotConfig
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.io.calibration_file import write_calibration
+from vsx_ros.ros.emulation import CAMERA_CHILD, open_world
+from vsx_ros.sim.camera import EmulatedCamera
+from vsx_ros.sim.scene import compile_scene
+from vsx_ros.sim.settings import SimulationConfig
+
+POSE = struct.Struct("<q4d")
+"""Time since the emulator's start [ns], x, y [m], theta [rad], travelled path [m]."""
+
+_KEPT = 600
+
+
+class RenderSettings(msgspec.Struct, frozen=True, kw_only=True):
+    """What the parent tells its child. start_ns: host time at the emulator's start."""
+
+    world: str
+    seed: int
+    socket: str
+    rate_hz: float
+    start_ns: int
+    robot: RobotConfig
+
+
+class PoseHistory:
+    """The last three seconds of the base, filled by one thread and read by another."""
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._rows = np.empty((0, 5))
+        self._ended = False
+
+    def fill(self, stream: BinaryIO) -> None:
+        """Read until the stream ends."""
+        pending = b""
+        while chunk := stream.read1(POSE.size * 64):  # type: ignore[attr-defined]
+            pending += chunk
+            whole = len(pending) // POSE.size * POSE.size
+            rows = np.array(list(POSE.iter_unpack(pending[:whole])), float).reshape(-1, 5)
+            pending = pending[whole:]
+            with self._changed:
+                self._rows = np.concatenate([self._rows, rows])[-_KEPT:]
+                self._changed.notify_all()
+        with self._changed:
+            self._ended = True
+            self._changed.notify_all()
+
+    def wait_for(self, time_ns: int) -> int:
+        """Wait until the base has been there; the newest time then, -1 when there will be no more."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._ended or (len(self._rows) > 0 and self._rows[-1, 0] >= time_ns))
+            return -1 if self._ended else int(self._rows[-1, 0])
+
+    def poses_at(self, stamps_ns: IntArray) -> FloatArray:
+        """(N, 4) x, y, theta, path at the stamps, as ``Body.poses_at``."""
+        rows = self._rows
+        return np.column_stack([np.interp(stamps_ns, rows[:, 0], rows[:, k]) for k in range(1, 5)])
+
+
+def render(settings: RenderSettings, history: PoseHistory) -> None:
+    """Frames on a grid of 1 / rate_hz until the history ends; slots that come too late are skipped and counted."""
+    rng = np.random.default_rng([settings.seed, CAMERA_CHILD])
+    world = open_world(settings.world, settings.seed)
+    camera = EmulatedCamera(compile_scene(world), settings.robot.mount, SimulationConfig().camera, rng)
+    write_calibration(Path(settings.socket + ".yaml"), camera.camera_given, "emulated")
+    history.wait_for(0)
+    camera.picture(0, history.poses_at, bayer=True)
+    period_ns = 1e9 / settings.rate_hz
+    slot = 0
+    with KinectEmulator(settings.socket, settings.seed) as kinect:
+        while (now_ns := history.wait_for(round((slot + 1) * period_ns) + camera.span_ns)) >= 0:
+            newest = int((now_ns - camera.span_ns) / period_ns)
+            skipped, slot = newest - slot - 1, newest
+            if not kinect.streaming:
+                continue
+            stamp_ns = round(slot * period_ns)
+            began_s = time.perf_counter()
+            image = camera.render_bayer(stamp_ns, history.poses_at)
+            render_ms = (time.perf_counter() - began_s) * 1e3
+            if kinect.send_frame(image, settings.start_ns + stamp_ns):
+                R, t = camera.poses_cam(history.poses_at(np.array([stamp_ns])))
+                _say(settings.start_ns + stamp_ns, SE3(R[0], t[0]), render_ms, skipped)
+
+
+def _say(stamp_ns: int, T_world_cam: SE3, render_ms: float, skipped: int) -> None:
+    line: dict[str, Any] = {"stamp_ns": stamp_ns, "render_ms": render_ms, "skipped": skipped}
+    line["translation"], line["quaternion"] = T_world_cam.translation.tolist(), list(T_world_cam.quaternion())
+    sys.stdout.write(json.dumps(line) + "\n")
+    sys.stdout.flush()
+
+
+def main() -> None:
+    """Settings as JSON in the only argument."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    settings = msgspec.json.decode(sys.argv[1], type=RenderSettings)
+    history = PoseHistory()
+    threading.Thread(target=history.fill, args=(sys.stdin.buffer,), daemon=True).start()
+    render(settings, history)
+
+
+if __name__ == "__main__":
+    main()

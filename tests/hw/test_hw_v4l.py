@@ -1,0 +1,44 @@
+"""Kernel cameras, with a capture device that the test scripts."""
+
+import queue
+
+import numpy as np
+import pytest
+
+from vsx_hw.errors import DeviceNotFound
+from vsx_hw.v4l import V4lCamera, open_video
+
+
+class ScriptedCapture:
+    def __init__(self, images: list) -> None:
+        self.images = images
+        self.released = False
+
+    def read(self):
+        return (True, self.images.pop(0)) if self.images else (False, None)
+
+    def release(self) -> None:
+        self.released = True
+
+
+def test_bayer_stays_raw_and_colour_becomes_gray():
+    color = np.full((480, 640, 3), (50, 100, 200), np.uint8)
+    raw = np.arange(480 * 640, dtype=np.uint32).reshape(480, 640).astype(np.uint8)
+    capture = ScriptedCapture([raw, color])
+    images: queue.Queue = queue.Queue()
+    camera = V4lCamera(3, images.put, lambda number: capture)
+    camera.start()
+    first, second = images.get(timeout=5.0), images.get(timeout=5.0)
+    camera.close()
+    assert (first.encoding, second.encoding) == ("bayer_grbg8", "mono8")
+    np.testing.assert_array_equal(first.image, raw)
+    assert second.image.shape == (480, 640)
+    assert abs(int(second.image[0, 0]) - 124) <= 1
+    assert second.stamp_ns >= first.stamp_ns
+    assert capture.released
+    assert camera.status().counters["frames"] == 2
+
+
+def test_absent_device_is_named():
+    with pytest.raises(DeviceNotFound, match="/dev/video97"):
+        open_video(97)
