@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import socket
 import threading
 import time
+from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import IO, Any, TextIO
 
 import rosgraph
-import roslaunch.core
 import roslaunch.pmon
 import rospy
 from geometry_msgs.msg import Twist
@@ -36,6 +37,8 @@ class Live:
         self._zero_pub: Any = None
         self._dead: list[str] = []
         self._interrupted = threading.Event()
+        self._log: IO[str] | None = None
+        self.terminal: TextIO = os.fdopen(os.dup(2), "w", buffering=1)
 
     @property
     def interrupted(self) -> bool:
@@ -48,31 +51,50 @@ class Live:
         return next((name for name in self._dead if name in self._vital), "")
 
     def __enter__(self) -> Live:
-        """Start everything. Raises ConfigError when a run is in the way or roslaunch refuses."""
+        """Start everything. Raises ConfigError when no master can be had or roslaunch refuses."""
         os.environ[process.DIE_WITH_PARENT] = "1"
         launch.package_environment()
         choose_master()
-        roslaunch.core.clear_printlog_handlers()
-        roslaunch.core.clear_printerrlog_handlers()
-        self._parent = launch.start(self._text, quiet=True)
-        self._parent.runner.pm.add_process_listener(_Listener(self._dead))
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number, self._on_signal)
-        rospy.init_node("run", disable_signals=True, anonymous=True)
-        self._zero_pub = rospy.Publisher(topics.COMMAND_SAFETY, Twist, queue_size=1)
+        self._log = self._silence()
+        try:
+            self._start(self._log)
+        except BaseException:
+            self._end(self._log)
+            raise
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         """Stop the robot, then the processes."""
-        if self._parent is None:
-            return
+        assert self._log is not None
         try:
             self.stop_robot()
         finally:
-            rospy.signal_shutdown("the run is over")
-            self._parent.shutdown()
+            self._end(self._log)
+
+    def _start(self, log: IO[str]) -> None:
+        with contextlib.redirect_stdout(log):
+            self._parent = launch.start(self._text, quiet=True)
+        self._parent.runner.pm.add_process_listener(_Listener(self._dead))
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, self._on_signal)
+        rospy.init_node("run", disable_signals=True, anonymous=True)
+        self._zero_pub = rospy.Publisher(topics.COMMAND_SAFETY, Twist, queue_size=1)
+
+    def _end(self, log: IO[str]) -> None:
+        rospy.signal_shutdown("the run is over")
+        if self._parent is not None:
+            with contextlib.redirect_stdout(log):
+                self._parent.shutdown()
+        os.dup2(self.terminal.fileno(), 2)
+        log.close()
+
+    def _silence(self) -> IO[str]:
+        """The words of roslaunch and of all nodes go to a file; ``terminal`` still is the terminal."""
+        log = (Path(os.environ["ROS_LOG_DIR"]) / "terminal.log").open("w", encoding="utf-8")
+        os.dup2(log.fileno(), 2)
+        return log
 
     def stop_robot(self) -> None:
         """Zero with the highest priority and the emergency stop; either one alone is enough."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import sys
 import time
 from typing import TextIO
 
@@ -32,10 +31,10 @@ def progress_line(witness: Witness, coverage: float | None, elapsed_s: float, li
 
 
 class Progress:
-    """Writes to stderr, so that stdout stays free for results."""
+    """Writes to a terminal or a file, line by line."""
 
-    def __init__(self, out: TextIO | None = None) -> None:
-        self._out = out or sys.stderr
+    def __init__(self, out: TextIO) -> None:
+        self._out = out
         self._rewrites = self._out.isatty()
         self._shown_s = -1e9
 

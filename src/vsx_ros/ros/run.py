@@ -102,15 +102,15 @@ def explore(args: argparse.Namespace) -> int:
     folder = RunFolder.create(args.out or Path("runs") / f"{now}_{Path(name).stem}")
     folder.write_config(config, ["vsx", "explore", *sys.argv[1:]], seed=args.seed, world=args.world)
     os.environ["ROS_LOG_DIR"] = str((folder.path / "log").resolve())
-    judge, progress = Judge(world, config), Progress()
+    (folder.path / "log").mkdir(exist_ok=True)
+    judge = Judge(world, config)
     with tempfile.TemporaryDirectory(prefix="vsx-") as devices:
         nodes = _nodes(args, folder, world, Path(devices))
         with Live(nodes, to_dict(config), vital=("mobile_base", "vslam", "explore", "emulator")) as live:
+            progress = Progress(live.terminal)
             progress.say(f"nodes are starting at ROS_MASTER_URI={os.environ['ROS_MASTER_URI']}; Ctrl-C stops the robot")
             witness = Witness(emulated=world is not None)
-            began_s = time.monotonic()
-            ending = _watch(live, witness, judge, progress, args.time)
-            duration_s = time.monotonic() - began_s
+            ending, duration_s = _watch(live, witness, judge, progress, args.time)
             progress.say(f"stopping: {ending.reason}")
     _gather(folder, witness, judge, ending, duration_s, args)
     return ending.code
@@ -124,8 +124,13 @@ def _nodes(args: argparse.Namespace, folder: RunFolder, world: World | None, dev
     return [*launch.emulation(str(folder.path.resolve() / "world.yaml"), args.seed, str(devices), args.base), *above]
 
 
-def _watch(live: Live, witness: Witness, judge: Judge, progress: Progress, limit_s: float | None) -> Ending:
-    """Until the mission, the time, the operator or a failure ends it. Time counts from the mission's first word."""
+def _watch(
+    live: Live, witness: Witness, judge: Judge, progress: Progress, limit_s: float | None
+) -> tuple[Ending, float]:
+    """Until the mission, the time, the operator or a failure ends it; and how many seconds that took.
+
+    Time counts from the mission's first word.
+    """
     started_s = time.monotonic()
     began_s: float | None = None
     while True:
@@ -140,7 +145,9 @@ def _watch(live: Live, witness: Witness, judge: Judge, progress: Progress, limit
                 f"the nodes were not ready within {_READY_WAIT_S:.0f} s; see the run's log folder", HARDWARE
             )
         if ending is not None:
-            return ending
+            return ending, elapsed_s
+        for warning in witness.new_warnings():
+            progress.say(warning)
         if progress.is_due:
             progress.show(progress_line(witness, judge.coverage(witness), elapsed_s, limit_s))
 

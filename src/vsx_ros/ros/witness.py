@@ -15,6 +15,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
 from nav_msgs.msg import Odometry as OdometryMsg
+from rosgraph_msgs.msg import Log
 from std_msgs.msg import Float32, String, UInt8, UInt32
 
 from vsx_ros.geometry.se2 import SE2
@@ -35,7 +36,7 @@ class Navigation(NamedTuple):
 
 class Witness:
     """Subscribers: explore/status, explore/events, vslam/state, vslam/stats/*, map, odom, follower/status,
-    move_base/stats/plan_ms, mobile_base/hazards; emulator/ground_truth/* when there is an emulator.
+    move_base/stats/plan_ms, mobile_base/hazards, /rosout; emulator/ground_truth/* when there is an emulator.
     """
 
     def __init__(self, *, emulated: bool) -> None:
@@ -47,6 +48,9 @@ class Witness:
         self.distance_m = 0.0
         self.collisions = 0
         self._base: SE2 | None = None
+        self._followed: tuple[int, str] = (0, "")
+        self._warnings: list[str] = []
+        self._warned: set[str] = set()
         self._events: list[RunEvent] = []
         self._truth: list[StampedPose] = []
         self._navigation = Navigation([], [])
@@ -54,6 +58,7 @@ class Witness:
         subscribe(topics.EXPLORE_STATUS, String, self._on_status, queue_size=5)
         subscribe(topics.EXPLORE_EVENTS, String, self._on_event, queue_size=100)
         subscribe(topics.SLAM_STATE, DiagnosticStatus, self._on_slam_state, queue_size=20)
+        subscribe("/rosout", Log, self._on_log, queue_size=50)
         subscribe(topics.MAP, OccupancyGridMsg, self._on_map, queue_size=1)
         subscribe(topics.ODOM, OdometryMsg, self._on_odometry, queue_size=20)
         subscribe(topics.FOLLOWER_STATUS, String, self._on_follower, queue_size=20)
@@ -80,6 +85,19 @@ class Witness:
         """Plans and following so far."""
         with self._lock:
             return Navigation(list(self._navigation.plan_ms), list(self._navigation.error_m))
+
+    def new_warnings(self) -> list[str]:
+        """What nodes warned of since the last call, each sentence once."""
+        with self._lock:
+            fresh, self._warnings = self._warnings, []
+        return fresh
+
+    def _on_log(self, msg: Log) -> None:
+        line = f"{msg.name.lstrip('/')}: {msg.msg.splitlines()[0] if msg.msg else ''}"
+        with self._lock:
+            if msg.level >= Log.WARN and line not in self._warned:
+                self._warned.add(line)
+                self._warnings.append(line)
 
     def _note(self, source: str, state: str, reason: str) -> None:
         with self._lock:
@@ -113,7 +131,8 @@ class Witness:
         if status["error"] is not None and status["status"] == "following":
             with self._lock:
                 self._navigation.error_m.append(math.hypot(*status["error"][:2]))
-        elif status["status"] != "following" and status["trajectory"]:
+        if (status["trajectory"], status["status"]) != self._followed:
+            self._followed = status["trajectory"], status["status"]
             self._note("navigation", status["status"], status["reason"])
 
     def _on_plan(self, msg: Float32) -> None:

@@ -1,6 +1,6 @@
 """Node ``explore``: decides what to look at next and lets move_base drive there.
 
-Subscribers: map, vslam/map_points, vslam/pose, vslam/state, odom, mobile_base/hazards.
+Subscribers: map, vslam/map_points, vslam/pose, vslam/state, odom, mobile_base/hazards, follower/lease.
 Publishers: explore/frontiers (as explore_lite), explore/status (latched String, JSON, 1 Hz and on change),
     explore/events (String, JSON: every change of state and every choice, with its reason), explore/coverage (known
     area, m2), move_base/lease.
@@ -30,12 +30,15 @@ from visualization_msgs.msg import MarkerArray
 from vsx_ros.arrays import Points3
 from vsx_ros.config import Config
 from vsx_ros.exploration.mission import Action, Decision, Mission, NavigationState, Situation
+from vsx_ros.exploration.utility import TravelCosts
+from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.planner import Planner
 from vsx_ros.ros import convert, process, topics
 from vsx_ros.ros.frontier_markers import frontier_markers
-from vsx_ros.ros.lease import PERIOD_S, Lease
+from vsx_ros.ros.lease import PERIOD_S, Lease, LeaseWatch
 from vsx_ros.ros.localization import Localization
+from vsx_ros.ros.warm_up import warm_up_mission
 
 _DECIDE_PERIOD_S = 0.2
 _STATUS_PERIOD_S = 1.0
@@ -47,7 +50,12 @@ class ExploreNode:
 
     def __init__(self, config: Config) -> None:
         planner = Planner(config.planner, config.robot)
-        self._mission = Mission(config, lambda start, grid: lambda poses: planner.travel_costs(start, grid, poses))
+
+        def travel_costs(start: SE2, grid: OccupancyGrid) -> TravelCosts:
+            return lambda poses: planner.travel_costs(start, grid, poses)
+
+        warm_up_mission(Mission(config, travel_costs))
+        self._mission = Mission(config, travel_costs)
         self._lock = threading.Lock()
         self._grid: OccupancyGrid | None = None
         self._landmarks: Points3 = np.zeros((0, 3))
@@ -56,6 +64,7 @@ class ExploreNode:
         self._status, self._status_s = "", 0.0
         self._shown: object = None
         self._where = Localization()
+        self._slam = LeaseWatch(topics.FOLLOWER_LEASE)
         self._diagnostics = process.Diagnostics()
         self._lease = Lease(topics.NAVIGATION_LEASE, rospy.get_name())
         self._frontiers_pub = rospy.Publisher(topics.FRONTIERS, MarkerArray, queue_size=1, latch=True)
@@ -99,8 +108,8 @@ class ExploreNode:
     # The mission ---------------------------------------------------------------------------------------------
 
     def _decide(self) -> None:
-        if not self._client.wait_for_server(rospy.Duration.from_sec(0.01)):
-            self._diagnostics.set("mission", process.WARN, "waiting for the action server move_base")
+        if not (self._slam.is_known("vslam") and self._client.wait_for_server(rospy.Duration.from_sec(0.01))):
+            self._diagnostics.set("mission", process.WARN, "waiting for vslam to see images and for move_base")
             return
         with self._lock:
             decision = self._mission.decide(process.now_ns(), self._situation())

@@ -26,7 +26,7 @@ from vsx_hw.readings import Hazard
 from vsx_ros.config import Config
 from vsx_ros.control.trajectory_tracker import FollowResult, FollowStatus, TrajectoryTracker
 from vsx_ros.errors import VsxError
-from vsx_ros.robot import STOP
+from vsx_ros.robot import STOP, VelocityCommand
 from vsx_ros.ros import convert, process, topics
 from vsx_ros.ros.lease import LeaseWatch
 from vsx_ros.ros.localization import Localization
@@ -91,7 +91,7 @@ class FollowerNode:
             if self._following:
                 self._follow()
             elif time.monotonic() < self._zero_until_s:
-                self._command_pub.publish(convert.twist(STOP))
+                self._send(STOP)
 
     def _follow(self) -> None:
         """One command. Silence of vslam stops at once and is waited for, silence of move_base is the end."""
@@ -110,7 +110,7 @@ class FollowerNode:
         age_s = 0.0 if blind else self._where.age_s(now_ns)
         tracking_ok = camera_alive and (blind or self._where.is_tracking)
         result = self._tracker.command(now_ns, self._where.pose(self._frame), age_s, tracking_ok)
-        self._command_pub.publish(convert.twist(result.command if camera_alive else STOP))
+        self._send(result.command if camera_alive else STOP)
         self._report(result)
         if result.status in (FollowStatus.ARRIVED, FollowStatus.DIVERGED):
             self._rest()
@@ -125,7 +125,11 @@ class FollowerNode:
     def _rest(self) -> None:
         self._following = False
         self._zero_until_s = time.monotonic() + _ZERO_FOR_S
-        self._command_pub.publish(convert.twist(STOP))
+        self._send(STOP)
+
+    def _send(self, command: VelocityCommand) -> None:
+        if not rospy.is_shutdown():
+            self._command_pub.publish(convert.twist(command))
 
     def _report(self, result: FollowResult) -> None:
         """Status for move_base: on change, and again and again while following."""

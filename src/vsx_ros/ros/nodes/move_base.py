@@ -40,6 +40,7 @@ from vsx_ros.planning.unconstrained import UnconstrainedPlanner
 from vsx_ros.ros import convert, process, topics
 from vsx_ros.ros.lease import PERIOD_S, Lease, LeaseWatch
 from vsx_ros.ros.localization import Localization
+from vsx_ros.ros.warm_up import warm_up_planning
 
 _STAND_WAIT_S = 1.5
 _FOLLOWER_SILENCE_S = 1.0
@@ -54,6 +55,7 @@ class MoveBaseNode:
         self._config = config
         self._blind = Planner(config.planner, config.robot)
         self._planner = self._chosen_planner(config)
+        warm_up_planning(self._blind, config)
         self._rng = np.random.default_rng(int(rospy.get_param("~seed", 0)))
         self._planning = threading.Lock()
         self._grid: OccupancyGrid | None = None
