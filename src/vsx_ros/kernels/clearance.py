@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from vsx_ros.kernels import kernel
 
 
 @kernel
-def _distance_to(mask, reach):  # type: ignore[no-untyped-def]
+def _distance_to(mask: Any, reach: int) -> Any:
     """(H, W) distance [cells] from the middle of each cell to the nearest square cell of the mask, at most reach."""
     rows, columns = mask.shape
     far = float(reach)
@@ -53,7 +54,7 @@ def _distance_to(mask, reach):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def signed_distance(blocked, reach):  # type: ignore[no-untyped-def]
+def signed_distance(blocked: Any, reach: int) -> Any:
     """(H, W) distance [cells] to the nearest blocked square, negative inside by the distance to the nearest open one.
 
     blocked (H, W) bool. Distances are measured from the middle of the cell and cut off at ``reach`` cells.
@@ -64,7 +65,7 @@ def signed_distance(blocked, reach):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def interpolate(values, resolution, x0, y0, x, y):  # type: ignore[no-untyped-def]
+def interpolate(values: Any, resolution: float, x0: float, y0: float, x: float, y: float) -> float:
     """Bilinear value of a field given at the middles of cells; (x0, y0) is the outer corner of cell (0, 0).
 
     Beyond the middles of the outermost cells their value is held, minus the distance to them.
@@ -81,11 +82,12 @@ def interpolate(values, resolution, x0, y0, x, y):  # type: ignore[no-untyped-de
     fu, fw = cu - j, cw - i
     low = values[i, j] * (1.0 - fu) + values[i, j1] * fu
     high = values[i1, j] * (1.0 - fu) + values[i1, j1] * fu
-    return low * (1.0 - fw) + high * fw - outside
+    value: float = low * (1.0 - fw) + high * fw - outside
+    return value
 
 
 @kernel
-def interpolate_many(values, resolution, x0, y0, points):  # type: ignore[no-untyped-def]
+def interpolate_many(values: Any, resolution: float, x0: float, y0: float, points: Any) -> Any:
     """(N,) ``interpolate`` at points (N, 2)."""
     out = np.empty(points.shape[0])
     for i in range(points.shape[0]):
@@ -94,7 +96,9 @@ def interpolate_many(values, resolution, x0, y0, points):  # type: ignore[no-unt
 
 
 @kernel
-def arc_is_free(values, resolution, x0, y0, x, y, theta, kappa, length):  # type: ignore[no-untyped-def]
+def arc_is_free(
+    values: Any, resolution: float, x0: float, y0: float, x: float, y: float, theta: float, kappa: float, length: float
+) -> bool:
     """Whether an arc of signed length at curvature kappa (of the signed arc length) stays where the field is positive.
 
     Steps as far as the field (of slope at most ``1 + ramp``) proves free, but at least half a cell.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ _SIGNS = np.array([1, 1, 1, -1, -1, -1])
 
 
 @kernel
-def wavefront(open_cells, row, column):  # type: ignore[no-untyped-def]
+def wavefront(open_cells: Any, row: int, column: int) -> Any:
     """(H, W) length [cells] of the shortest 8-connected way from a cell through open cells; inf where there is none.
 
     open_cells (H, W) bool. A diagonal step needs both cells beside it open. Label-correcting, so exact.
@@ -54,7 +55,18 @@ def wavefront(open_cells, row, column):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def word_is_free(values, resolution, x0, y0, x, y, theta, turns, lengths, phi):  # type: ignore[no-untyped-def]
+def word_is_free(
+    values: Any,
+    resolution: float,
+    x0: float,
+    y0: float,
+    x: float,
+    y: float,
+    theta: float,
+    turns: Any,
+    lengths: Any,
+    phi: float,
+) -> bool:
     """Whether a Reeds-Shepp word (lengths in radii) from a pose stays where the field is not negative."""
     for k in range(SEGMENTS):
         length = lengths[k] / phi
@@ -66,7 +78,7 @@ def word_is_free(values, resolution, x0, y0, x, y, theta, turns, lengths, phi): 
 
 
 @kernel
-def reverse_run(lengths):  # type: ignore[no-untyped-def]
+def reverse_run(lengths: Any) -> float:
     """The longest reverse leg of a word, in the units of its lengths (S,)."""
     longest, run = 0.0, 0.0
     for k in range(lengths.shape[0]):
@@ -79,7 +91,20 @@ def reverse_run(lengths):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def lattice_search(values, resolution, x0, y0, start, phi, headings, bins, cell, max_reverse, goal, remaining):  # type: ignore[no-untyped-def]
+def lattice_search(
+    values: Any,
+    resolution: float,
+    x0: float,
+    y0: float,
+    start: Any,
+    phi: float,
+    headings: int,
+    bins: int,
+    cell: float,
+    max_reverse: float,
+    goal: Any,
+    remaining: Any,
+) -> Any:
     """Search from a pose by arcs of one length, turning by ``bins`` of ``headings`` bins left, right or not, both ways.
 
     values (H, W): margin field [m] in which the way must not be negative. start (3,). Every state is a cell of size
@@ -196,7 +221,9 @@ def lattice_search(values, resolution, x0, y0, start, phi, headings, bins, cell,
 
 
 @kernel
-def lattice_costs(level, step, start_theta, x0, y0, cell, phi, poses):  # type: ignore[no-untyped-def]
+def lattice_costs(
+    level: Any, step: float, start_theta: float, x0: float, y0: float, cell: float, phi: float, poses: Any
+) -> Any:
     """(N,) travel length [m] to poses (N, 3): the least over the states around each, plus what remains from there.
 
     level (R, C, headings) of ``lattice_search``. What remains is estimated from the offset: along, aside and turn.
@@ -226,7 +253,9 @@ def lattice_costs(level, step, start_theta, x0, y0, cell, phi, poses):  # type: 
 
 
 @kernel
-def lattice_way(poses, parents, motions, winner, step, goal, phi):  # type: ignore[no-untyped-def]
+def lattice_way(
+    poses: Any, parents: Any, motions: Any, winner: int, step: float, goal: Any, phi: float
+) -> tuple[Any, Any]:
     """Turns (S,) and signed lengths (S,) [m] from the start of a search to its winner and on to the goal (3,)."""
     hops = 0
     node = winner

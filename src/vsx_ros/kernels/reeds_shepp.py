@@ -8,6 +8,7 @@ left, -1 for right, 0 for straight.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -20,12 +21,12 @@ _ZERO = 1e-10
 
 
 @kernel
-def _wrap(a):  # type: ignore[no-untyped-def]
+def _wrap(a: float) -> float:
     return a - 2.0 * math.pi * math.floor((a + math.pi) / (2.0 * math.pi))
 
 
 @kernel
-def _tau_omega(u, v, xi, eta, phi):  # type: ignore[no-untyped-def]
+def _tau_omega(u: float, v: float, xi: float, eta: float, phi: float) -> tuple[float, float]:
     delta = _wrap(u - v)
     a = math.sin(u) - math.sin(delta)
     b = math.cos(u) - math.cos(delta) - 1.0
@@ -36,7 +37,9 @@ def _tau_omega(u, v, xi, eta, phi):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _store(turns, lengths, n, reverse, flip, mirror, word_turns, word_lengths):  # type: ignore[no-untyped-def]
+def _store(
+    turns: Any, lengths: Any, n: int, reverse: bool, flip: bool, mirror: bool, word_turns: Any, word_lengths: Any
+) -> int:
     """Append a word, undoing time flip, reflection and reversal of the order."""
     m = word_turns.shape[0]
     for i in range(SEGMENTS):
@@ -50,7 +53,7 @@ def _store(turns, lengths, n, reverse, flip, mirror, word_turns, word_lengths): 
 
 
 @kernel
-def reeds_shepp_words(x, y, theta, turns, lengths):  # type: ignore[no-untyped-def]
+def reeds_shepp_words(x: float, y: float, theta: float, turns: Any, lengths: Any) -> int:
     """All words from the origin to (x, y, theta), x and y in turning radii.
 
     turns (MAX_WORDS, 5) int64 and lengths (MAX_WORDS, 5) float64 are filled; returns the number of words.
@@ -153,7 +156,9 @@ def reeds_shepp_words(x, y, theta, turns, lengths):  # type: ignore[no-untyped-d
 
 
 @kernel
-def reeds_shepp_shortest(x, y, theta, turns, lengths, word_turns, word_lengths):  # type: ignore[no-untyped-def]
+def reeds_shepp_shortest(
+    x: float, y: float, theta: float, turns: Any, lengths: Any, word_turns: Any, word_lengths: Any
+) -> float:
     """Length of the shortest word in turning radii; its segments go to word_turns (5,) and word_lengths (5,).
 
     turns and lengths are work space, as for ``reeds_shepp_words``.
@@ -174,7 +179,7 @@ def reeds_shepp_shortest(x, y, theta, turns, lengths, word_turns, word_lengths):
 
 
 @kernel
-def reeds_shepp_lengths(starts, goals, phi):  # type: ignore[no-untyped-def]
+def reeds_shepp_lengths(starts: Any, goals: Any, phi: float) -> Any:
     """(N,) shortest lengths [m] between the poses starts (N, 3) and goals (N, 3) at curvature phi [rad/m]."""
     n = starts.shape[0]
     out = np.empty(n)
@@ -195,7 +200,7 @@ def reeds_shepp_lengths(starts, goals, phi):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def advance(x, y, theta, turn, length, phi):  # type: ignore[no-untyped-def]
+def advance(x: float, y: float, theta: float, turn: float, length: float, phi: float) -> tuple[float, float, float]:
     """The pose after one segment of signed length [m] at curvature turn * phi (turn may be any real ratio)."""
     kappa = turn * phi
     if abs(kappa) < 1e-12:

@@ -7,6 +7,7 @@ A way is a list of segments: turn (+1 left, -1 right, 0 straight) and signed len
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +20,7 @@ _NEAREST = 3
 
 
 @kernel
-def _random(state):  # type: ignore[no-untyped-def]
+def _random(state: Any) -> float:
     """Uniform in [0, 1) from a xorshift64* generator; state (1,) uint64, never zero."""
     x = state[0]
     x ^= x >> np.uint64(12)
@@ -30,7 +31,7 @@ def _random(state):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _shortest(a, b, phi, work_turns, work_lengths, turns, lengths):  # type: ignore[no-untyped-def]
+def _shortest(a: Any, b: Any, phi: float, work_turns: Any, work_lengths: Any, turns: Any, lengths: Any) -> float:
     """Length [m] of the shortest word from pose a (3,) to b (3,)."""
     dx, dy = b[0] - a[0], b[1] - a[1]
     c, s = math.cos(a[2]), math.sin(a[2])
@@ -39,7 +40,7 @@ def _shortest(a, b, phi, work_turns, work_lengths, turns, lengths):  # type: ign
 
 
 @kernel
-def _truncate(lengths, most):  # type: ignore[no-untyped-def]
+def _truncate(lengths: Any, most: float) -> None:
     """Cut a word (lengths in radii, changed in place) to a total of ``most`` radii."""
     left = most
     for k in range(SEGMENTS):
@@ -50,12 +51,25 @@ def _truncate(lengths, most):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _flipped_reverse_run(lengths):  # type: ignore[no-untyped-def]
+def _flipped_reverse_run(lengths: Any) -> float:
     return reverse_run(-lengths)
 
 
 @kernel
-def rrt_connect(values, resolution, x0, y0, open_cells, start, goal, phi, reach, max_reverse, seed, iterations):  # type: ignore[no-untyped-def]
+def rrt_connect(
+    values: Any,
+    resolution: float,
+    x0: float,
+    y0: float,
+    open_cells: Any,
+    start: Any,
+    goal: Any,
+    phi: float,
+    reach: float,
+    max_reverse: float,
+    seed: Any,
+    iterations: int,
+) -> tuple[Any, Any, int]:
     """A way from start (3,) to goal (3,) through the margin field, or none.
 
     open_cells (M,): flat indices of the cells to sample from. reach [m]: longest extension. max_reverse [m]: longest
@@ -176,7 +190,7 @@ def rrt_connect(values, resolution, x0, y0, open_cells, start, goal, phi, reach,
 
 
 @kernel
-def way_cost(lengths, cusp_cost):  # type: ignore[no-untyped-def]
+def way_cost(lengths: Any, cusp_cost: float) -> float:
     """Length [m] plus a price [m] for every change of direction."""
     total, sign = 0.0, 0.0
     for k in range(lengths.shape[0]):
@@ -189,7 +203,20 @@ def way_cost(lengths, cusp_cost):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def shorten(values, resolution, x0, y0, start, turns, lengths, phi, max_reverse, cusp_cost, seed, tries):  # type: ignore[no-untyped-def]
+def shorten(
+    values: Any,
+    resolution: float,
+    x0: float,
+    y0: float,
+    start: Any,
+    turns: Any,
+    lengths: Any,
+    phi: float,
+    max_reverse: float,
+    cusp_cost: float,
+    seed: Any,
+    tries: int,
+) -> tuple[Any, Any]:
     """A way with parts replaced by Reeds-Shepp words where that is cheaper and free; same start and end.
 
     turns (S,), lengths (S,) [m]. The longest reverse leg is kept below max_reverse [m] or at least not made longer.

@@ -17,7 +17,7 @@ CLEARANCE_REACH_M = 1.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DistanceField:
-    """Values (H, W) [m] at the middles of cells; resolution [m]; origin_x, origin_y: outer corner of cell (0, 0) [m]."""
+    """Values (H, W) [m] at the middles of cells; origin_x, origin_y: outer corner of cell (0, 0) [m]."""
 
     values: FloatArray
     resolution: float
@@ -29,6 +29,10 @@ class DistanceField:
         points = np.ascontiguousarray(points_world, float).reshape(-1, 2)
         values: FloatArray = interpolate_many(self.values, self.resolution, self.origin_x, self.origin_y, points)
         return values
+
+    def cell(self, x: float, y: float) -> tuple[int, int]:
+        """Row and column of the cell at a position [m]; may lie outside."""
+        return math.floor((y - self.origin_y) / self.resolution), math.floor((x - self.origin_x) / self.resolution)
 
     def gradient(self, points_world: Points2) -> FloatArray:
         """(N, 2) central differences over one cell [m/m]."""
@@ -48,9 +52,7 @@ def clearance_field(grid: OccupancyGrid, reach_m: float = CLEARANCE_REACH_M) -> 
     blocked = np.ones((grid.shape[0] + 2, grid.shape[1] + 2), np.bool_)
     blocked[1:-1, 1:-1] = grid.data != FREE
     values = signed_distance(blocked, math.ceil(reach_m / grid.resolution)) * grid.resolution
-    return DistanceField(
-        values, grid.resolution, grid.origin_x - grid.resolution, grid.origin_y - grid.resolution
-    )
+    return DistanceField(values, grid.resolution, grid.origin_x - grid.resolution, grid.origin_y - grid.resolution)
 
 
 def travel_distance(field: DistanceField, start: tuple[float, float]) -> FloatArray:
@@ -59,8 +61,7 @@ def travel_distance(field: DistanceField, start: tuple[float, float]) -> FloatAr
     Infinite where there is none. The start's own cell is always entered.
     """
     open_cells: BoolArray = field.values >= 0.0
-    row = math.floor((start[1] - field.origin_y) / field.resolution)
-    column = math.floor((start[0] - field.origin_x) / field.resolution)
+    row, column = field.cell(*start)
     if not (0 <= row < open_cells.shape[0] and 0 <= column < open_cells.shape[1]):
         return np.full(open_cells.shape, np.inf)
     distances: FloatArray = wavefront(open_cells, row, column) * field.resolution

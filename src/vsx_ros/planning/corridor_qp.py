@@ -16,9 +16,10 @@ from vsx_ros.planning.flat_output import COEFFICIENTS, Quadrature
 from vsx_ros.planning.path import Path, certified
 from vsx_ros.planning.pieces import Piece
 from vsx_ros.planning.qp import QpProblem, solve_exact
-from vsx_ros.planning.words import HeadingSequence
+from vsx_ros.planning.skeleton import Skeleton
+from vsx_ros.planning.words import HeadingSequence, merge_segments
 
-MAX_PIECES = 9
+MAX_PIECES = 12
 _SAMPLES = Quadrature(intervals=16, order=4)
 _ROUNDS = 6
 _TRUST_M = 0.15
@@ -37,7 +38,9 @@ def position_rows(sequence: HeadingSequence, theta: float) -> FloatArray:
         angle = head + sequence.turns[i] * _SAMPLES.profile[sequence.ends(i)]
         block = slice(COEFFICIENTS * i, COEFFICIENTS * (i + 1))
         for axis, direction in enumerate((np.cos(angle), np.sin(angle))):
-            weighted = (sequence.directions[i] * _SAMPLES.weights * direction)[:, None] * _SAMPLES.basis[sequence.ends(i)]
+            weighted = (sequence.directions[i] * _SAMPLES.weights * direction)[:, None] * _SAMPLES.basis[
+                sequence.ends(i)
+            ]
             partial = np.cumsum(weighted.reshape(n, _SAMPLES.order, COEFFICIENTS).sum(axis=1), axis=0)
             rows[axis, n * i : n * (i + 1), block] = partial
             rows[axis, n * (i + 1) :, block] = partial[-1]
@@ -63,10 +66,24 @@ def skeleton_points(sequence: HeadingSequence, pieces: list[list[Piece]]) -> Flo
     return np.concatenate(points)
 
 
+def smooth(
+    skeleton: Skeleton, cuts: frozenset[int], start: SE2, goal: SE2, phi: float, corridor: Corridor
+) -> Path | None:
+    """The shortest path found with the skeleton's headings that stays in the corridor, or None.
+
+    cuts: segments after which a new piece begins although the way runs straight on.
+    """
+    sequence = merge_segments(skeleton.turns, skeleton.lengths, skeleton.phi, goal.theta - start.theta, cuts)
+    if sequence is None or len(sequence.turns) > MAX_PIECES:
+        return None
+    arcs = skeleton.arcs(start)
+    return fit(sequence, [[arcs[i] for i in members] for members in sequence.members], start, goal, phi, corridor)
+
+
 def fit(
     sequence: HeadingSequence, runs: list[list[Piece]], start: SE2, goal: SE2, phi: float, corridor: Corridor
 ) -> Path | None:
-    """The shortest path found with the sequence's headings that stays in the corridor, or None.
+    """As ``smooth`` for a sequence.
 
     runs: the skeleton's arcs and lines, grouped by piece; it is where the search begins.
     """

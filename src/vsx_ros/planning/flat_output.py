@@ -3,7 +3,7 @@
 The paper writes x(t) and zeta(t) = tan(theta(t)) as sums of powers of t, with xdot and zetadot zero at both ends. The
 same polynomials are written here with that factor taken out, on t in [0, 1]:
 
-    xdot(t) = t (1 - t) * sum_k c_k P_k(t),     P_k the Jacobi (2, 2) polynomials, orthonormal for the weight t^2 (1-t)^2,
+    xdot(t) = t (1 - t) * sum_k c_k P_k(t),   P_k the Jacobi (2, 2) polynomials, orthonormal for t^2 (1 - t)^2,
 
 so the coefficients c have unit energy norm and the boundary conditions hold by construction. The certified method
 uses (theta, rho) with rho = ds/dt in place of (zeta, xdot): the same basis for rho, and theta(t) = theta_0 + d S(t)

@@ -21,12 +21,12 @@ JOINT_RAMP = 8.0
 
 
 def bernstein_rows(values_at: FloatArray, nodes: FloatArray) -> FloatArray:
-    """(10, ...) Bernstein coefficients of degree 9 of the polynomials with values (10, ...) at nodes (10,) in [0, 1]."""
+    """(10, ...) Bernstein coefficients of degree 9 of polynomials with values (10, ...) at nodes (10,) in [0, 1]."""
     degree = COEFFICIENTS - 1
     vandermonde = np.stack(
         [comb(degree, j) * nodes**j * (1.0 - nodes) ** (degree - j) for j in range(COEFFICIENTS)], axis=1
     )
-    return np.linalg.solve(vandermonde, values_at)
+    return np.asarray(np.linalg.solve(vandermonde, values_at), np.float64)
 
 
 _NODES: FloatArray = 0.5 - 0.5 * np.cos(np.pi * (np.arange(COEFFICIENTS) + 0.5) / COEFFICIENTS)

@@ -1,7 +1,7 @@
 """One quadratic programme for all pieces of a heading sequence.
 
 With theta(t) fixed in every piece, positions, length and the bound on the change of view are all linear in the
-coefficients of rho_k = ds/dt >= 0 of the pieces k jointly. So cusp positions need not be chosen: the solution places them.
+coefficients of rho_k = ds/dt >= 0 of all pieces jointly. Cusp positions are not chosen: the solution places them.
 
     minimise    sum_k  int rho_k dt  +  w int rho_k^2 dt          (length and a little energy)
     subject to  sum_k direction_k int rho_k (cos theta_k, sin theta_k) dt = goal position
@@ -46,7 +46,7 @@ def view_rows(sequence: HeadingSequence, phi: float) -> tuple[FloatArray, FloatA
     """Rows (40 K, 10 K) and least values (40 K,) of the bound on the change of view."""
     k = len(sequence.turns)
     floor = min(_FLOOR_M, _FLOOR_SHARE * sequence.length_m)
-    rows = np.kron(np.eye(k), RATE_ROWS)
+    rows: FloatArray = np.asarray(np.kron(np.eye(k), RATE_ROWS), np.float64)
     least = [least_rate(turn, phi, sequence.ends(i), floor) for i, turn in enumerate(sequence.turns)]
     return rows, np.concatenate(least)
 
@@ -77,9 +77,7 @@ def solve(sequence: HeadingSequence, start: SE2, goal: SE2, phi: float) -> tuple
     return assemble(sequence, start, x.reshape(-1, COEFFICIENTS), phi)
 
 
-def assemble(
-    sequence: HeadingSequence, start: SE2, coefficients: FloatArray, phi: float
-) -> tuple[Piece, ...] | None:
+def assemble(sequence: HeadingSequence, start: SE2, coefficients: FloatArray, phi: float) -> tuple[Piece, ...] | None:
     """Pieces of the coefficients (K, 10), each proved to keep phi; None where the proof fails."""
     pieces: list[Piece] = []
     at = start

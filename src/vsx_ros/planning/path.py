@@ -1,4 +1,4 @@
-"""What planning hands on: a Path is geometry, a Plan a path to a goal, a Trajectory has time; a Refusal says why not."""
+"""What planning hands on: a Path is geometry, a Plan a path to a goal, a Trajectory has time, a Refusal a reason."""
 
 from __future__ import annotations
 
@@ -139,9 +139,7 @@ class Path:
             "reverse_m": self.reverse_m,
             "cusps_m": list(self.cusps),
             "turn_on_spot_rad": self.turn_on_spot_rad,
-            "pieces": [
-                {"direction": p.direction, "length_m": p.length_m, "turn_rad": p.turn_rad} for p in self.pieces
-            ],
+            "pieces": [{"direction": p.direction, "length_m": p.length_m, "turn_rad": p.turn_rad} for p in self.pieces],
             "certificate": {
                 "curvature_bound_rad_m": bound if np.isfinite(bound) else None,
                 "method": c.method,
@@ -174,7 +172,7 @@ class Plan:
 class Trajectory:
     """A path in time, as samples.
 
-    times_s (N,) from 0, not decreasing; poses (N, 3) x, y [m], theta [rad, unwrapped]; v (N,) [m/s], negative in reverse;
+    times_s (N,) not decreasing; poses (N, 3) x, y [m], theta [rad, unwrapped]; v (N,) [m/s], negative in reverse;
     omega (N,) [rad/s]. Raises PlanningError for arrays that do not fit together.
     """
 

@@ -69,11 +69,7 @@ class Piece:
             (2, a[:, 4], b[:, 4]),
         ):
             p, q = a[:, column + 1], b[:, column + 1]
-            out[:, column] = (
-                p
-                + u * u * (3.0 - 2.0 * u) * (q - p)
-                + h * u * (1.0 - u) * ((1.0 - u) * da - u * db)
-            )
+            out[:, column] = p + u * u * (3.0 - 2.0 * u) * (q - p) + h * u * (1.0 - u) * ((1.0 - u) * da - u * db)
         out[:, 3] = a[:, 4] + u * (b[:, 4] - a[:, 4])
         out[:, 4] = self.direction
         return out

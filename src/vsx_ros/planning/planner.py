@@ -28,7 +28,6 @@ from vsx_ros.planning.skeleton import (
     shortened,
 )
 from vsx_ros.planning.unconstrained import UnconstrainedPlanner
-from vsx_ros.planning.words import merge_segments
 
 __all__ = ["Planner", "UnconstrainedPlanner"]
 
@@ -37,6 +36,7 @@ _DIRECT = 4
 _SKELETONS = 3
 _STOP_COST_M = 0.3
 _REVERSE_SLACK_M = 1e-6
+_STRAIGHTS_M = (math.inf, 0.5)
 
 
 class Planner:
@@ -58,12 +58,14 @@ class Planner:
         if isinstance(corridor, Refusal):
             return corridor
         if same_pose(start, goal):
-            return Plan(goal, self._finished(certified(start, goal, (), "start and goal are the same"), corridor), "fov")
+            return Plan(
+                goal, self._finished(certified(start, goal, (), "start and goal are the same"), goal, corridor), "fov"
+            )
         direct = self._direct(start, goal, corridor)
         if direct is not None:
-            return Plan(goal, self._finished(direct, corridor), "fov")
+            return Plan(goal, self._finished(direct, goal, corridor), "fov")
         remaining = travel_distance(corridor.margin, (goal.x, goal.y))
-        if not math.isfinite(_cell_value(remaining, corridor, start)):
+        if not math.isfinite(remaining[corridor.margin.cell(start.x, start.y)]):
             return Refusal(
                 RefusalKind.DISCONNECTED,
                 f"no way of {2 * (self._robot.radius_m + self._config.clearance_m):.2f} m width over known free ground "
@@ -76,7 +78,7 @@ class Planner:
                 f"the goal is connected, but no path with phi {phi:g} rad/m and reverse legs of at most "
                 f"{self._config.max_reverse_m:g} m was found within the search budget",
             )
-        return Plan(goal, self._finished(path, corridor), "fov")
+        return Plan(goal, self._finished(path, goal, corridor), "fov")
 
     def plan_blind(self, start: SE2, goal: SE2) -> Plan | Refusal:
         """A plan where there is no map yet (the first drive, backing along the trail): free space is assumed."""
@@ -132,11 +134,7 @@ class Planner:
         raw = search_lattice(corridor.margin, start, goal, _TIGHT * phi, limit, remaining)
         if raw is None:
             raw = search_tree(corridor.margin, start, goal, _TIGHT * phi, limit, rng)
-        found = [
-            path
-            for path in connections(start, goal, phi, enough=_DIRECT)
-            if self._allowed(path, corridor)
-        ]
+        found = [path for path in connections(start, goal, phi, enough=_DIRECT) if self._allowed(path, corridor)]
         if raw is not None:
             skeletons = [shortened(raw, corridor.margin, start, limit, rng) for _ in range(_SKELETONS)]
             for skeleton in sorted(skeletons, key=lambda s: s.length_m):
@@ -147,32 +145,20 @@ class Planner:
 
     def _smoothed(self, skeleton: Skeleton, start: SE2, goal: SE2, corridor: Corridor) -> list[Path]:
         """The skeleton itself, with stops where its curvature jumps, and its smooth version if there is one."""
-        arcs = skeleton.pieces(start, goal)
-        paths = [certified(start, goal, arcs, "arcs and lines")]
-        sequence = merge_segments(
-            skeleton.turns, skeleton.lengths, skeleton.phi, goal.theta - start.theta
-        )
-        if sequence is not None and len(sequence.turns) <= corridor_qp.MAX_PIECES:
-            kept = [k for k, length in enumerate(skeleton.lengths) if abs(length) >= 1e-9]
-            place = {segment: k for k, segment in enumerate(kept)}
-            runs = [[arcs[place[i]] for i in members] for members in sequence.members]
-            smooth = corridor_qp.fit(sequence, runs, start, goal, self._config.phi_rad_m, corridor)
-            paths += [smooth] if smooth is not None else []
+        paths = [certified(start, goal, skeleton.pieces(start), "arcs and lines")]
+        for longest_straight_m in _STRAIGHTS_M:
+            halved, cuts = skeleton.halved(longest_straight_m)
+            smooth = corridor_qp.smooth(halved, cuts, start, goal, self._config.phi_rad_m, corridor)
+            if smooth is not None:
+                return [*paths, smooth]
         return paths
 
-    def _finished(self, path: Path, corridor: Corridor) -> Path:
+    def _finished(self, path: Path, goal: SE2, corridor: Corridor) -> Path:
         clearance = corridor.least_clearance(path)
-        return certified(path.start, path.end, path.pieces, path.certificate.method, clearance)
+        return certified(path.start, goal, path.pieces, path.certificate.method, clearance)
 
 
 def _cost(path: Path) -> float:
     """Length with the price of stopping, for a change of direction or because the curvature jumps [m]."""
     stops = max(0, len(path.stretches()) - 1 - len(path.cusps))
     return path.length_m + CUSP_COST_M * len(path.cusps) + _STOP_COST_M * stops
-
-
-def _cell_value(values: FloatArray, corridor: Corridor, pose: SE2) -> float:
-    field = corridor.margin
-    row = math.floor((pose.y - field.origin_y) / field.resolution)
-    column = math.floor((pose.x - field.origin_x) / field.resolution)
-    return float(values[row, column])

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vsx_ros.arrays import FloatArray, IntArray
-from vsx_ros.geometry.se2 import SE2, wrap_angle
+from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.lattice import lattice_search, lattice_way, reverse_run
 from vsx_ros.kernels.rrt import rrt_connect, shorten
 from vsx_ros.occupancy.distance import DistanceField, travel_distance
@@ -16,6 +16,7 @@ from vsx_ros.planning.pieces import Piece, arc_piece
 
 CUSP_COST_M = 0.15
 _ARC_M = 0.27
+_SHORTEST_M = 1e-9
 CELL_M = 0.1
 _SHORTCUTS = 300
 _RESTARTS = 4
@@ -42,17 +43,33 @@ class Skeleton:
         """The longest leg driven in reverse [m]."""
         return float(reverse_run(self.lengths))
 
-    def pieces(self, start: SE2, goal: SE2) -> tuple[Piece, ...]:
-        """Arcs and lines from start; the last heading is the goal's, made equal beyond rounding."""
+    def halved(self, longest_m: float) -> tuple[Skeleton, frozenset[int]]:
+        """The same way with longer straight lines cut in the middle, and the segments that end at such a cut."""
+        turns: list[int] = []
+        lengths: list[float] = []
+        cuts: list[int] = []
+        for turn, length in zip(self.turns.tolist(), self.lengths.tolist()):
+            if turn == 0 and abs(length) > longest_m:
+                cuts.append(len(turns))
+                turns += [0, 0]
+                lengths += [0.5 * length, 0.5 * length]
+            else:
+                turns.append(turn)
+                lengths.append(length)
+        return Skeleton(np.array(turns, np.int64), np.array(lengths), self.phi), frozenset(cuts)
+
+    def arcs(self, start: SE2) -> list[Piece]:
+        """An arc or line for every segment."""
         at, pieces = start, []
         for turn, length in zip(self.turns.tolist(), self.lengths.tolist()):
-            if abs(length) < 1e-9:
-                continue
             direction = 1 if length > 0 else -1
             pieces.append(arc_piece(at, turn * direction * self.phi, abs(length), direction))
             at = pieces[-1].end
-        assert abs(wrap_angle(at.theta - goal.theta)) < 1e-6
-        return tuple(pieces)
+        return pieces
+
+    def pieces(self, start: SE2) -> tuple[Piece, ...]:
+        """Arcs and lines without those of no length."""
+        return tuple(piece for piece in self.arcs(start) if piece.length_m >= _SHORTEST_M)
 
 
 def lattice_headings(phi: float) -> tuple[int, int]:
@@ -78,7 +95,8 @@ def search_lattice(
     )  # fmt: skip
     if winner < 0:
         return None
-    return Skeleton(*lattice_way(poses, parents, motions, winner, step, goal_array, phi), phi)
+    turns, lengths = lattice_way(poses, parents, motions, winner, step, goal_array, phi)
+    return Skeleton(turns, lengths, phi)
 
 
 def search_tree(

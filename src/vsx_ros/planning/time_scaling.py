@@ -52,7 +52,9 @@ class _Geometry:
         return out
 
 
-def _segment_limits(g: _Geometry, cuts: FloatArray, limits: LimitsConfig, share: float) -> tuple[FloatArray, FloatArray]:
+def _segment_limits(
+    g: _Geometry, cuts: FloatArray, limits: LimitsConfig, share: float
+) -> tuple[FloatArray, FloatArray]:
     """(n,) speed and (n,) acceleration allowed in each segment so that omega and alpha hold whatever the move."""
     middle = 0.5 * (g.s[1:] + g.s[:-1])
     from_rest = 2.0 * limits.a_m_s2 * np.minimum(g.s[1:], g.length - g.s[:-1])
@@ -201,9 +203,7 @@ def _scale_turn(piece: Piece, limits: LimitsConfig) -> tuple[FloatArray, FloatAr
     turned, rate, _ = profile.at(times)
     sign = 1.0 if angle > 0.0 else -1.0
     start = piece.start
-    poses = np.stack(
-        [np.full_like(times, start.x), np.full_like(times, start.y), start.theta + sign * turned], axis=1
-    )
+    poses = np.stack([np.full_like(times, start.x), np.full_like(times, start.y), start.theta + sign * turned], axis=1)
     rate[0] = rate[-1] = 0.0
     return times, poses, np.zeros_like(times), sign * rate
 

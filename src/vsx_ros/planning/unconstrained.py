@@ -41,15 +41,16 @@ class UnconstrainedPlanner:
             )
         pieces = _turn_and_drive(start, goal, _in_sight(points, corridor))
         path = certified(start, goal, pieces, "turns on the spot")
-        return Plan(goal, certified(start, goal, pieces, "turns on the spot", corridor.least_clearance(path)), "unconstrained")
+        return Plan(
+            goal, certified(start, goal, pieces, "turns on the spot", corridor.least_clearance(path)), "unconstrained"
+        )
 
 
 def _grid_way(start: SE2, goal: SE2, corridor: Corridor) -> list[tuple[float, float]] | None:
     """Points from start to goal down the travel distance; None where they are not joined."""
     field = corridor.margin
     distance = travel_distance(field, (goal.x, goal.y))
-    i = math.floor((start.y - field.origin_y) / field.resolution)
-    j = math.floor((start.x - field.origin_x) / field.resolution)
+    i, j = field.cell(start.x, start.y)
     if not math.isfinite(distance[i, j]):
         return None
     points = [(start.x, start.y)]
@@ -58,9 +59,7 @@ def _grid_way(start: SE2, goal: SE2, corridor: Corridor) -> list[tuple[float, fl
         window = distance[a : i + 2, b : j + 2]
         di, dj = np.unravel_index(int(np.argmin(window)), window.shape)
         i, j = a + int(di), b + int(dj)
-        points.append(
-            (field.origin_x + (j + 0.5) * field.resolution, field.origin_y + (i + 0.5) * field.resolution)
-        )
+        points.append((field.origin_x + (j + 0.5) * field.resolution, field.origin_y + (i + 0.5) * field.resolution))
     return [*points[:-1], (goal.x, goal.y)] if len(points) > 1 else [points[0], (goal.x, goal.y)]
 
 
@@ -75,9 +74,7 @@ def _in_sight(points: list[tuple[float, float]], corridor: Corridor) -> list[tup
         while ahead > at + 1:
             dx, dy = points[ahead][0] - x, points[ahead][1] - y
             theta, length = math.atan2(dy, dx), math.hypot(dx, dy)
-            if arc_is_free(
-                field.values, field.resolution, field.origin_x, field.origin_y, x, y, theta, 0.0, length
-            ):
+            if arc_is_free(field.values, field.resolution, field.origin_x, field.origin_y, x, y, theta, 0.0, length):
                 break
             ahead -= 1
         kept.append(points[ahead])

@@ -42,11 +42,12 @@ class HeadingSequence:
 
 
 def merge_segments(
-    turns: IntArray, lengths: FloatArray, phi: float, total_turn: float
+    turns: IntArray, lengths: FloatArray, phi: float, total_turn: float, breaks: frozenset[int] = frozenset()
 ) -> HeadingSequence | None:
     """The sequence of a word: turns (S,) in -1, 0, 1 and signed lengths (S,) [m] at curvature phi.
 
-    The headings are made to add up to total_turn modulo a full circle exactly. None for a word without length.
+    The headings are made to add up to total_turn modulo a full circle exactly. After a segment in breaks, which must be
+    straight, a new piece begins in any case. None for a word without length.
     """
     directions: list[int] = []
     bends: list[int] = []
@@ -59,7 +60,7 @@ def merge_segments(
             continue
         direction = 1 if length > 0 else -1
         same = bool(directions) and directions[-1] == direction
-        if same and (bend == 0 or bends[-1] in (0, bend)):
+        if same and members[-1][-1] not in breaks and (bend == 0 or bends[-1] in (0, bend)):
             bends[-1] = bends[-1] or bend
             angles[-1] += bend * length * phi
             sizes[-1] += abs(length)

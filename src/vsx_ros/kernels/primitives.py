@@ -1,0 +1,125 @@
+"""A tree of motion primitives of bounded change of view, grown until the last segment can be tried (paper 4.4)."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from vsx_ros.kernels import kernel
+from vsx_ros.kernels.clearance import arc_is_free
+from vsx_ros.kernels.reeds_shepp import advance
+from vsx_ros.kernels.rrt import _random
+
+BENDS = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
+_FAVOURABLE = 0.15
+
+
+@kernel
+def cone(x: float, y: float, d: float, phi: float) -> tuple[float, float]:
+    """(a, b): straight lengths before and after the minimal arc of turn d to (x, y); both >= 0 if reachable."""
+    sign = 1.0 if d >= 0.0 else -1.0
+    angle = abs(d)
+    gx, gy = x - math.sin(angle) / phi, sign * y - (1.0 - math.cos(angle)) / phi
+    if math.sin(angle) < 1e-6:
+        return -1.0, -1.0
+    b = gy / math.sin(angle)
+    return gx - b * math.cos(angle), b
+
+
+@kernel
+def _last_leg_is_free(
+    values: Any, resolution: float, x0: float, y0: float, pose: Any, goal: Any, phi: float, direction: float
+) -> bool:
+    """Whether straight, arc, straight joins two poses in one direction over free ground."""
+    dx, dy = goal[0] - pose[0], goal[1] - pose[1]
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    turn = goal[2] - pose[2]
+    turn -= 2.0 * math.pi * math.floor((turn + math.pi) / (2.0 * math.pi))
+    a, b = cone(direction * (c * dx + s * dy), c * dy - s * dx, direction * turn, phi)
+    if a < 0.0 or b < 0.0:
+        return False
+    x, y, theta = pose[0], pose[1], pose[2]
+    bend = direction * (1.0 if direction * turn > 0.0 else -1.0)
+    arc = abs(turn) / phi
+    for kappa, length in ((0.0, a), (direction * bend * phi, arc), (0.0, b)):
+        if not arc_is_free(values, resolution, x0, y0, x, y, theta, kappa, direction * length):
+            return False
+        x, y, theta = advance(x, y, theta, kappa / phi, direction * length, phi)
+    return True
+
+
+@kernel
+def grow(
+    values: Any,
+    resolution: float,
+    x0: float,
+    y0: float,
+    open_cells: Any,
+    goal: Any,
+    phi: float,
+    step: float,
+    max_reverse: float,
+    poses: Any,
+    parents: Any,
+    bends: Any,
+    signs: Any,
+    runs: Any,
+    size: int,
+    rng: Any,
+) -> tuple[int, int]:
+    """Grow a tree until a new state's last leg to the goal (3,) looks free, or the arrays are full.
+
+    poses (N, 3), parents (N,), bends (N,), signs (N,) of the primitive to each state, runs (N,) reverse length so far;
+    filled up to ``size``; rng (1,) uint64. Returns (size, state to try or -1).
+    """
+    columns = values.shape[1]
+    sample = np.empty(3)
+    for _ in range(20 * poses.shape[0]):
+        if size >= poses.shape[0]:
+            return size, -1
+        if _random(rng) < _FAVOURABLE:
+            # A state from which goal = straight, arc, straight, by construction: d, a, b drawn, the start backed out.
+            d = (0.5 + 2.1 * _random(rng)) * (1.0 if _random(rng) < 0.5 else -1.0)
+            direction = 1.0 if _random(rng) < 0.5 else -1.0
+            x, y, theta = advance(goal[0], goal[1], goal[2], 0.0, -direction * _random(rng), phi)
+            x, y, theta = advance(x, y, theta, direction * (1.0 if d > 0.0 else -1.0), -direction * abs(d) / phi, phi)
+            sample[0], sample[1], sample[2] = advance(x, y, theta, 0.0, -direction * _random(rng), phi)
+        else:
+            cell = open_cells[int(_random(rng) * open_cells.shape[0])]
+            sample[0] = x0 + (cell % columns + _random(rng)) * resolution
+            sample[1] = y0 + (cell // columns + _random(rng)) * resolution
+            sample[2] = (2.0 * _random(rng) - 1.0) * math.pi
+        best, near = np.inf, 0
+        for k in range(size):
+            turn = abs(poses[k, 2] - sample[2]) % (2.0 * math.pi)
+            d = math.hypot(poses[k, 0] - sample[0], poses[k, 1] - sample[1])
+            d += 0.4 / phi * min(turn, 2.0 * math.pi - turn)
+            if d < best:
+                best, near = d, k
+        best, bend, sign = np.inf, 0.0, 0.0
+        for m in range(2 * BENDS.shape[0]):
+            way = 1.0 if m % 2 == 0 else -1.0
+            kappa = BENDS[m // 2]
+            if way < 0.0 and runs[near] + step > max_reverse:
+                continue
+            x, y, theta = advance(poses[near, 0], poses[near, 1], poses[near, 2], kappa, way * step, phi)
+            turn = abs(theta - sample[2]) % (2.0 * math.pi)
+            d = math.hypot(x - sample[0], y - sample[1]) + 0.4 / phi * min(turn, 2.0 * math.pi - turn)
+            if d < best and arc_is_free(
+                values, resolution, x0, y0, poses[near, 0], poses[near, 1], poses[near, 2], kappa * phi, way * step
+            ):
+                best, bend, sign = d, kappa, way
+        if sign == 0.0:
+            continue
+        x, y, theta = advance(poses[near, 0], poses[near, 1], poses[near, 2], bend, sign * step, phi)
+        poses[size, 0], poses[size, 1], poses[size, 2] = x, y, theta
+        parents[size], bends[size], signs[size] = near, bend, sign
+        runs[size] = runs[near] + step if sign < 0.0 else 0.0
+        size += 1
+        if _last_leg_is_free(values, resolution, x0, y0, poses[size - 1], goal, phi, 1.0) or _last_leg_is_free(
+            values, resolution, x0, y0, poses[size - 1], goal, phi, -1.0
+        ):
+            return size, size - 1
+    return size, -1

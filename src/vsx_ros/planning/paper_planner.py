@@ -1,0 +1,97 @@
+"""The paper's whole planner (4.4): one optimised segment, guided by motion primitives where that leaves the map."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from vsx_ros.arrays import IntArray
+from vsx_ros.config import PlannerConfig, RobotConfig
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.kernels.primitives import grow
+from vsx_ros.occupancy.distance import travel_distance
+from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.planning.connect import same_pose
+from vsx_ros.planning.corridor import Corridor, build_corridor
+from vsx_ros.planning.path import Path, Plan, Refusal, RefusalKind, certified
+from vsx_ros.planning.pieces import Piece, arc_piece
+from vsx_ros.planning.position_qp import connect_paper
+from vsx_ros.planning.reach import check_question
+
+_STATES = 4000
+_ATTEMPTS = 20
+_STEP_RAD = 0.4
+
+
+class PaperPlanner:
+    """For the comparison: no cusp within a segment, no shortcuts, curvature jumps between primitives."""
+
+    def __init__(self, config: PlannerConfig, robot: RobotConfig) -> None:
+        self._config = config
+        self._robot = robot
+
+    def plan(self, start: SE2, goal: SE2, grid: OccupancyGrid, rng: np.random.Generator) -> Plan | Refusal:
+        """As ``Planner.plan``. Raises PlanningError for poses that are not finite."""
+        phi = self._config.phi_rad_m
+        check_question(start, goal, phi)
+        corridor = build_corridor(grid, start, goal, self._config, self._robot)
+        if isinstance(corridor, Refusal):
+            return corridor
+        if same_pose(start, goal):
+            return Plan(goal, certified(start, goal, (), "start and goal are the same"), "paper")
+        direct = connect_paper(start, goal, phi)
+        if isinstance(direct, Path) and self._allowed(direct, corridor):
+            return self._plan(start, goal, direct.pieces, corridor)
+        reached = travel_distance(corridor.margin, (start.x, start.y))
+        if not math.isfinite(reached[corridor.margin.cell(goal.x, goal.y)]):
+            return Refusal(RefusalKind.DISCONNECTED, "start and goal are not joined over known free ground")
+        return self._guided(start, goal, corridor, np.flatnonzero(np.isfinite(reached)), rng)
+
+    def _guided(
+        self, start: SE2, goal: SE2, corridor: Corridor, cells: IntArray, rng: np.random.Generator
+    ) -> Plan | Refusal:
+        """Primitives to a favourable state, then the optimised segment to the goal."""
+        phi, field = self._config.phi_rad_m, corridor.margin
+        poses, parents = np.zeros((_STATES, 3)), np.full(_STATES, -1, np.int64)
+        bends, signs, runs = np.zeros(_STATES), np.zeros(_STATES), np.zeros(_STATES)
+        poses[0] = start.as_array()
+        state = np.array([rng.integers(1, 2**62)], np.uint64)
+        size, step = 1, _STEP_RAD / phi
+        for _ in range(_ATTEMPTS):
+            size, candidate = grow(
+                field.values, field.resolution, field.origin_x, field.origin_y, cells, goal.as_array(), phi, step,
+                self._config.max_reverse_m, poses, parents, bends, signs, runs, size, state,
+            )  # fmt: skip
+            if candidate < 0:
+                break
+            last = connect_paper(SE2(*poses[candidate].tolist()), goal, phi)
+            if isinstance(last, Refusal) or not corridor.is_free(last):
+                continue
+            chain = []
+            while candidate > 0:
+                chain.append((float(bends[candidate]), int(signs[candidate])))
+                candidate = int(parents[candidate])
+            pieces = _primitives(start, chain[::-1], phi, step) + last.pieces
+            if self._allowed(certified(start, goal, pieces, ""), corridor):
+                return self._plan(start, goal, pieces, corridor)
+        return Refusal(
+            RefusalKind.BUDGET, f"{size} states of motion primitives and no segment from them to the goal that is free"
+        )
+
+    def _allowed(self, path: Path, corridor: Corridor) -> bool:
+        return path.longest_reverse_m <= self._config.max_reverse_m + 1e-6 and corridor.is_free(path)
+
+    def _plan(self, start: SE2, goal: SE2, pieces: tuple[Piece, ...], corridor: Corridor) -> Plan:
+        method = "motion primitives and dense samples of the two-level optimisation"
+        clearance = corridor.least_clearance(certified(start, goal, pieces, method))
+        return Plan(goal, certified(start, goal, pieces, method, clearance), "paper")
+
+
+def _primitives(start: SE2, chain: list[tuple[float, int]], phi: float, step: float) -> tuple[Piece, ...]:
+    pieces: list[Piece] = []
+    at = start
+    for bend, sign in chain:
+        pieces.append(arc_piece(at, bend * phi * sign, step, sign))
+        at = pieces[-1].end
+    return tuple(pieces)
