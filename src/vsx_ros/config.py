@@ -145,13 +145,16 @@ class GroundMapConfig(_Branch):
 class ExplorationConfig(_Branch):
     """Frontiers, views and the mission (paper 5.2)."""
 
-    sensor_range_m: Positive = 4.0
+    sensor_range_m: Positive = 3.0
     sensor_fov_rad: Positive = 1.05
     init_drive_m: Positive = 0.45
     init_attempts: Count = 4
     min_frontier_m: NonNegative = 0.25
     min_gain_m2: NonNegative = 0.15
-    min_distance_m: Positive = 0.5
+    stop_cost_m: Positive = 0.8
+    look_range_m: Positive = 3.0
+    looks_to_half: Positive = 2.0
+    look_spacing_m: Positive = 0.25
     view_spacing_m: Positive = 0.2
     view_margin_m: NonNegative = 0.05
     max_ranked_views: Count = 300

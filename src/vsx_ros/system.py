@@ -5,13 +5,14 @@ This is the lock-step run (``vsx explore --fast``), and the list of what the ROS
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from vsx_ros.config import Config
 from vsx_ros.control.pose_fusion import PoseFuser
-from vsx_ros.control.trajectory_tracker import FollowStatus, TrajectoryTracker
+from vsx_ros.control.trajectory_tracker import FollowResult, FollowStatus, TrajectoryTracker
 from vsx_ros.exploration.mission import Action, Decision, Mission, NavigationState, Situation
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
@@ -30,11 +31,13 @@ _MAP_EVERY_NS = 500_000_000
 
 
 class StepResult(NamedTuple):
-    """What one step did: the command for the wheels, the tracking behind it and the mission's decision."""
+    """What one step did: the command for the wheels, the tracking behind it, the mission's decision if it was asked,
+    and how far the base was from the plan [m] if there is one."""
 
     command: VelocityCommand
     tracking: TrackingResult
     decision: Decision | None
+    follow_error_m: float | None
 
 
 class Navigator:
@@ -75,20 +78,19 @@ class Navigator:
         self._tracker.cancel()
         self._end(NavigationState.ABORTED, "cancelled")
 
-    def command(self, now_ns: int, fuser: PoseFuser, tracking_ok: bool) -> VelocityCommand:
-        """The velocity that follows the plan; STOP when there is none."""
+    def command(self, now_ns: int, T_odom_base: SE2, fuser: PoseFuser, tracking_ok: bool) -> FollowResult:
+        """The velocity that follows the plan; a stop when there is none."""
         if self.state is not NavigationState.ACTIVE:
-            return STOP
+            return FollowResult(STOP, FollowStatus.IDLE, "")
         if self._frame == "odom":
-            pose, age_s, tracking_ok = fuser.T_odom_base, 0.0, True
+            result = self._tracker.command(now_ns, T_odom_base, 0.0, True)
         else:
-            pose, age_s = fuser.pose(), fuser.age_s(now_ns)
-        result = self._tracker.command(now_ns, pose, age_s, tracking_ok)
+            result = self._tracker.command(now_ns, fuser.pose(), fuser.slam_age_s(now_ns), tracking_ok)
         if result.status is FollowStatus.ARRIVED:
             self._end(NavigationState.SUCCEEDED, result.reason)
         elif result.status is FollowStatus.DIVERGED:
             self._end(NavigationState.ABORTED, result.reason)
-        return result.command
+        return result
 
     def _end(self, state: NavigationState, reason: str) -> None:
         self.state, self.reason, self.trajectory = state, reason, None
@@ -128,8 +130,10 @@ class ExplorationSystem:
         decision = None
         if now_ns >= self._next_decision_ns:
             self._next_decision_ns = now_ns + _DECIDE_EVERY_NS
-            decision = self._decide(now_ns, tracking, hazard)
-        return StepResult(self.navigator.command(now_ns, self._fuser, tracking_ok), tracking, decision)
+            decision = self._decide(now_ns, odometry.T_odom_base, tracking, hazard)
+        followed = self.navigator.command(now_ns, odometry.T_odom_base, self._fuser, tracking_ok)
+        error_m = math.hypot(followed.error.x, followed.error.y) if followed.error is not None else None
+        return StepResult(followed.command, tracking, decision, error_m)
 
     def _remember(self, hazard: str | None) -> None:
         pose = self._fuser.pose()
@@ -151,12 +155,12 @@ class ExplorationSystem:
             trail=self._trail, bumps=self._bumps, start=SE2(),
         )  # fmt: skip
 
-    def _decide(self, now_ns: int, tracking: TrackingResult, hazard: str | None) -> Decision:
+    def _decide(self, now_ns: int, T_odom_base: SE2, tracking: TrackingResult, hazard: str | None) -> Decision:
         situation = Situation(
             tracking.state,
             tracking.reason,
             self._fuser.pose(),
-            self._fuser.T_odom_base,
+            T_odom_base,
             self.grid,
             self.navigator.state,
             self.navigator.reason,
@@ -165,7 +169,7 @@ class ExplorationSystem:
         )
         decision = self.mission.decide(now_ns, situation)
         if decision.action is Action.GO and decision.goal is not None:
-            start = self._fuser.T_odom_base if decision.frame == "odom" else self._fuser.pose()
+            start = T_odom_base if decision.frame == "odom" else self._fuser.pose()
             self.navigator.go(now_ns, start, decision.goal, decision.frame, self.grid)
         elif decision.action in (Action.CANCEL, Action.FINISH) and self.navigator.state is NavigationState.ACTIVE:
             self.navigator.cancel()

@@ -70,9 +70,9 @@ def test_it_goes_to_a_view_of_the_unknown_and_says_its_utility():
 def test_a_failed_goal_is_not_chosen_again_at_once():
     mission = mapping_mission()
     first = mission.ranking.views[0].pose
-    decision = mission.decide(
-        2 * SECOND, situation(navigation=NavigationState.ABORTED, navigation_reason="goal blocked")
-    )
+    failed = situation(navigation=NavigationState.ABORTED, navigation_reason="goal blocked")
+    assert mission.decide(2 * SECOND, failed).reason == "coming to rest"
+    decision = mission.decide(4 * SECOND, failed)
     assert decision.action is Action.GO
     assert decision.goal.distance_to(first) > 0.3 or abs(decision.goal.angle_to(first)) > 0.7
     assert any("goal blocked" in event.reason for event in mission.drain_events())
@@ -124,7 +124,9 @@ def test_a_bumper_stops_and_then_backs_off():
         mission.decide(2 * SECOND + k, situation(T_odom_base=SE2(0.05 * k, 0, 0), navigation=NavigationState.ACTIVE))
     hit = situation(T_odom_base=SE2(0.95, 0, 0), hazard="bumper left pressed")
     assert mission.decide(3 * SECOND, hit._replace(navigation=NavigationState.ACTIVE)).action is Action.CANCEL
-    back = mission.decide(4 * SECOND, hit._replace(navigation=NavigationState.ABORTED, navigation_reason="cancelled"))
+    aborted = hit._replace(navigation=NavigationState.ABORTED, navigation_reason="cancelled")
+    assert mission.decide(4 * SECOND, aborted).action is Action.WAIT
+    back = mission.decide(6 * SECOND, aborted)
     assert back.action is Action.GO
     assert back.frame == "odom"
     assert back.goal.x < 0.75

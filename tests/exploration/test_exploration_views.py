@@ -7,13 +7,21 @@ import pytest
 
 from vsx_ros.config import Config
 from vsx_ros.exploration.frontiers import find_frontiers
-from vsx_ros.exploration.utility import BEARINGS, count_landmarks, rank_views, standing_room, view_gain
+from vsx_ros.exploration.utility import (
+    BEARINGS,
+    count_landmarks,
+    rank_views,
+    standing_room,
+    unknown_worth,
+    view_gain,
+)
 from vsx_ros.kernels.visibility import window_sums
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
 CONFIG = Config().exploration
 NO_LANDMARKS_NEEDED = Config().exploration.__class__(min_landmarks=0)
 RESOLUTION = 0.05
+NOWHERE_YET = np.zeros((0, 3))
 
 
 def half_known_room() -> OccupancyGrid:
@@ -52,7 +60,7 @@ def test_short_frontiers_are_left_out():
 
 def test_gain_is_the_unknown_area_inside_the_field_of_view():
     grid = half_known_room()
-    gain = view_gain(grid, np.array([[2.5, 2.0]]), CONFIG)[0]
+    gain = view_gain(grid, np.array([[2.5, 2.0]]), np.ones(grid.shape), CONFIG)[0]
     # Looking along +x: a sector of the sensor's angle between the border (x = 3) and range or wall (x = 5.95).
     half = CONFIG.sensor_fov_rad / 2
     angles = np.linspace(-half, half, 2001)
@@ -70,13 +78,13 @@ def test_window_sums_are_centred_and_cyclic():
 
 def test_views_look_into_the_unknown_and_stand_on_free_ground():
     grid = half_known_room()
-    ranking = rank_views(grid, 0.2, np.zeros((0, 3)), straight_costs, nowhere_avoided, NO_LANDMARKS_NEEDED)
+    ranking = rank_views(grid, 0.2, np.zeros((0, 3)), NOWHERE_YET, straight_costs, nowhere_avoided, NO_LANDMARKS_NEEDED)
     # Without landmarks U is 0 for all; ask with plenty of them for the order.
     landmarks = np.random.default_rng(0).uniform([4.0, 0.5, 0.0], [5.5, 3.5, 1.0], (500, 3))
-    ranking = rank_views(grid, 0.2, landmarks, straight_costs, nowhere_avoided, CONFIG)
+    ranking = rank_views(grid, 0.2, landmarks, NOWHERE_YET, straight_costs, nowhere_avoided, CONFIG)
     best = ranking.views[0]
     assert abs(math.remainder(best.pose.theta, 2 * math.pi)) < math.radians(46)
-    assert best.utility == pytest.approx(best.gain_m2 / max(best.distance_m, CONFIG.min_distance_m))
+    assert best.utility == pytest.approx(best.gain_m2 / (best.distance_m + CONFIG.stop_cost_m))
     assert [v.utility for v in ranking.views] == sorted((v.utility for v in ranking.views), reverse=True)
     room = standing_room(grid, 0.2)
     cells = grid.cells(np.array([[v.pose.x, v.pose.y] for v in ranking.views]))
@@ -86,7 +94,7 @@ def test_views_look_into_the_unknown_and_stand_on_free_ground():
 def test_few_landmarks_in_view_disqualify():
     grid = half_known_room()
     behind = np.tile([[0.2, 2.0, 0.5]], (500, 1))
-    ranking = rank_views(grid, 0.2, behind, straight_costs, nowhere_avoided, CONFIG)
+    ranking = rank_views(grid, 0.2, behind, NOWHERE_YET, straight_costs, nowhere_avoided, CONFIG)
     assert ranking.rejected["too few known landmarks in view"] > 0
     for view in ranking.views:
         assert view.landmarks >= CONFIG.min_landmarks
@@ -95,15 +103,33 @@ def test_few_landmarks_in_view_disqualify():
 def test_unreachable_and_blacklisted_views_are_counted_not_returned():
     grid = half_known_room()
     unreachable = rank_views(
-        grid, 0.2, np.zeros((0, 3)), lambda p: np.full(len(p), np.inf), nowhere_avoided, NO_LANDMARKS_NEEDED
+        grid,
+        0.2,
+        np.zeros((0, 3)),
+        NOWHERE_YET,
+        lambda p: np.full(len(p), np.inf),
+        nowhere_avoided,
+        NO_LANDMARKS_NEEDED,
     )
     assert unreachable.views == []
     assert unreachable.rejected["unreachable"] > 0
     banned = rank_views(
-        grid, 0.2, np.zeros((0, 3)), straight_costs, lambda p: np.ones(len(p), bool), NO_LANDMARKS_NEEDED
+        grid, 0.2, np.zeros((0, 3)), NOWHERE_YET, straight_costs, lambda p: np.ones(len(p), bool), NO_LANDMARKS_NEEDED
     )
     assert banned.views == []
-    assert banned.rejected["blacklisted"] > 0
+    assert banned.rejected["given up or looked from already"] > 0
+
+
+def test_unknown_ground_is_worth_less_with_every_look_from_nearby():
+    grid = half_known_room()
+    looks = np.tile([[2.5, 2.0, 0.0]], (2, 1))
+    worth = unknown_worth(grid, looks, CONFIG)
+    ahead, beside, far = grid.cells(np.array([[4.0, 2.0], [2.5, 3.5], [5.9, 2.0]]))
+    assert worth[tuple(ahead)] == 0.5 ** (2 / CONFIG.looks_to_half)
+    assert worth[tuple(beside)] == 1.0
+    assert worth[tuple(far)] == 1.0
+    position = np.array([[2.5, 2.0]])
+    assert view_gain(grid, position, worth, CONFIG)[0, 0] < 0.7 * view_gain(grid, position, worth**0, CONFIG)[0, 0]
 
 
 def test_a_wall_hides_landmarks():

@@ -105,6 +105,7 @@ class MissionEvent(NamedTuple):
 _SECOND_NS = 1_000_000_000
 _RELOCALISE_WAIT_NS = 2 * _SECOND_NS
 _EMPTY_WAIT_NS = 2 * _SECOND_NS
+_SETTLE_NS = _SECOND_NS
 
 
 TravelCostsFrom = Callable[[SE2, OccupancyGrid], TravelCosts]
@@ -123,6 +124,7 @@ class Mission:
         self._after_pause = MissionState.STARTING
         self._goal: View | None = None
         self._blacklist: list[tuple[SE2, int]] = []
+        self._looked_from: list[SE2] = []
         self._events: list[MissionEvent] = []
         self._wait_until_ns = 0
         self._attempts = 0
@@ -174,6 +176,8 @@ class Mission:
         """One action for the situation. Call it at 2 to 10 Hz; choosing a view takes some tenths of a second."""
         if situation.T_odom_base is not None:
             self._trail.add(situation.T_odom_base)
+        if situation.T_map_base is not None and situation.slam_state is TrackingState.GOOD:
+            self._look(situation.T_map_base)
         if self._state is MissionState.DONE:
             return self._answer(Action.FINISH, self._events[-1].reason if self._events else "")
         if self._state is MissionState.PAUSED:
@@ -223,6 +227,11 @@ class Mission:
             return self._supervise(now_ns, situation)
         if situation.navigation is NavigationState.ABORTED and (self._goal is not None or self._backing_off):
             self._goal_failed(now_ns, situation.navigation_reason)
+            self._backing_off = False
+            self._wait_until_ns = now_ns + _SETTLE_NS
+            return self._answer(Action.WAIT, "coming to rest")
+        if now_ns < self._wait_until_ns:
+            return self._answer(Action.WAIT, "coming to rest")
         if situation.hazard and not self._backing_off:
             return self._back_off(now_ns, f"backing off: {situation.hazard}")
         self._backing_off = False
@@ -230,7 +239,7 @@ class Mission:
             self._finish(now_ns, Outcome.HOME, "returned to the start")
             return self._answer(Action.FINISH, "returned to the start")
         self._goal = None
-        if situation.grid is None or situation.T_map_base is None or now_ns < self._wait_until_ns:
+        if situation.grid is None or situation.T_map_base is None:
             return self._answer(Action.WAIT, "waiting for the ground map")
         return self._choose(now_ns, situation, situation.grid, situation.T_map_base)
 
@@ -247,19 +256,22 @@ class Mission:
             return Decision(Action.GO, self._goal.pose, "map", self._state.value, "driving home")
         self._blacklist = [(pose, until) for pose, until in self._blacklist if until > now_ns]
         self.ranking = rank_views(
-            grid, self._radius_m, situation.landmarks_world, self._travel_costs(T_map_base, grid),
+            grid, self._radius_m, situation.landmarks_world,
+            np.array([pose.as_array() for pose in self._looked_from]),
+            self._travel_costs(T_map_base, grid),
             self._is_blacklisted, self._config,
         )  # fmt: skip
         if not self.ranking.views:
             return self._nothing_left(now_ns)
         self._empty_rankings = 0
         self._goal = self.ranking.views[0]
+        goal = self._goal
         reason = (
-            f"view at ({self._goal.pose.x:.1f}, {self._goal.pose.y:.1f}): U = v/d = {self._goal.gain_m2:.1f} m2 / "
-            f"{self._goal.distance_m:.1f} m, {self._goal.landmarks} landmarks in view"
+            f"view at ({goal.pose.x:.1f}, {goal.pose.y:.1f}) looking {np.degrees(goal.pose.theta):.0f} deg: U = v/d = "
+            f"{goal.gain_m2:.1f} m2 / {goal.distance_m + self._config.stop_cost_m:.1f} m, {goal.landmarks} landmarks"
         )
         self._note(now_ns, reason)
-        return Decision(Action.GO, self._goal.pose, "map", self._state.value, reason)
+        return Decision(Action.GO, goal.pose, "map", self._state.value, reason)
 
     def _nothing_left(self, now_ns: int) -> Decision:
         """No view is worth its way: look from a step back, forget the blacklist, and only then call it explored."""
@@ -307,6 +319,16 @@ class Mission:
 
     # Bookkeeping ---------------------------------------------------------------------------------------------
 
+    def _look(self, T_map_base: SE2) -> None:
+        """Remember where the camera has looked from, a pose for every bit of way or turn."""
+        last = self._looked_from[-1] if self._looked_from else None
+        if (
+            last is None
+            or last.distance_to(T_map_base) > self._config.look_spacing_m
+            or abs(last.angle_to(T_map_base)) > self._config.look_spacing_m
+        ):
+            self._looked_from.append(T_map_base)
+
     def _goal_failed(self, now_ns: int, reason: str) -> None:
         if self._goal is not None:
             self._blacklist.append((self._goal.pose, now_ns + int(self._config.blacklist_s * _SECOND_NS)))
@@ -314,12 +336,10 @@ class Mission:
         self._goal = None
 
     def _is_blacklisted(self, poses: FloatArray) -> BoolArray:
-        banned = np.zeros(len(poses), np.bool_)
-        for pose, _ in self._blacklist:
-            near = np.hypot(poses[:, 0] - pose.x, poses[:, 1] - pose.y) < self._config.blacklist_radius_m
-            turn = (poses[:, 2] - pose.theta + np.pi) % (2 * np.pi) - np.pi
-            banned |= near & (np.abs(turn) < 0.8)
-        return banned
+        """(N,) poses that failed a while ago, or from which the camera has looked already."""
+        config = self._config
+        banned = near_poses(poses, [pose for pose, _ in self._blacklist], config.blacklist_radius_m, 0.8)
+        return banned | near_poses(poses, self._looked_from, config.look_spacing_m, config.look_spacing_m)
 
     def _enter(self, now_ns: int, state: MissionState, reason: str) -> None:
         self._state = state
@@ -335,3 +355,12 @@ class Mission:
 
     def _answer(self, action: Action, reason: str) -> Decision:
         return Decision(action, None, "map", self._state.value, reason)
+
+
+def near_poses(poses: FloatArray, others: list[SE2], radius_m: float, angle: float) -> BoolArray:
+    """(N,) which of the poses (N, 3) lie within radius [m] and angle [rad] of any of the others."""
+    near = np.zeros(len(poses), np.bool_)
+    for other in others:
+        turn = (poses[:, 2] - other.theta + np.pi) % (2 * np.pi) - np.pi
+        near |= (np.hypot(poses[:, 0] - other.x, poses[:, 1] - other.y) < radius_m) & (np.abs(turn) < angle)
+    return near

@@ -1,8 +1,9 @@
 """Which view to drive to next: utility U = v / d (paper eq. 12) over candidate views.
 
-v is the unknown area a view would show, found by ray casting within the camera's field of view; d is the length
-of the motion-bounded path to it. A view that would show too few known landmarks is worth less, for the tracker
-has to live there.
+v is the unknown area a view would show, found by ray casting within the camera's field of view; unknown cells that
+were looked at from nearby before, and stayed unknown (a wall without texture, say), are worth less with every look.
+d is the length of the motion-bounded path plus what a stop costs. A view that would show too few known landmarks is
+worth less, for the tracker has to live there.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2
 from vsx_ros.config import ExplorationConfig
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.kernels.visibility import unknown_area_by_bearing, visible_landmarks, window_sums
+from vsx_ros.kernels.visibility import count_looks, unknown_area_by_bearing, visible_landmarks, window_sums
 from vsx_ros.occupancy.grid import FREE, OccupancyGrid
 
 BEARINGS = 72
@@ -55,12 +56,23 @@ def standing_room(grid: OccupancyGrid, radius_m: float) -> BoolArray:
     return room
 
 
-def view_gain(grid: OccupancyGrid, positions: Points2, config: ExplorationConfig) -> FloatArray:
-    """(N, BEARINGS) unknown area [m2] in the field of view from each position (N, 2) [m], looking at each bearing
-    k * 2 pi / BEARINGS."""
+def unknown_worth(grid: OccupancyGrid, looked_from: FloatArray, config: ExplorationConfig) -> FloatArray:
+    """(H, W) what finding out each unknown cell is worth, in (0, 1]: half for every ``looks_to_half`` looks at it from
+    within ``look_range_m`` among the poses looked_from (N, 3)."""
+    looks = count_looks(
+        grid.data, grid.resolution, grid.origin_x, grid.origin_y, np.ascontiguousarray(looked_from).reshape(-1, 3),
+        0.5 * config.sensor_fov_rad, config.look_range_m,
+    )  # fmt: skip
+    worth: FloatArray = 0.5 ** (looks / config.looks_to_half)
+    return worth
+
+
+def view_gain(grid: OccupancyGrid, positions: Points2, worth: FloatArray, config: ExplorationConfig) -> FloatArray:
+    """(N, BEARINGS) worthy unknown area [m2] in the field of view from each position (N, 2) [m], looking at each
+    bearing k * 2 pi / BEARINGS."""
     bearings = np.arange(BEARINGS) * (2 * math.pi / BEARINGS)
     per_bearing = unknown_area_by_bearing(
-        grid.data, grid.resolution, grid.origin_x, grid.origin_y, positions, bearings, config.sensor_range_m
+        grid.data, worth, grid.resolution, grid.origin_x, grid.origin_y, positions, bearings, config.sensor_range_m
     )
     window = max(1, round(config.sensor_fov_rad / (2 * math.pi) * BEARINGS))
     return window_sums(per_bearing, window)
@@ -70,28 +82,31 @@ def rank_views(
     grid: OccupancyGrid,
     radius_m: float,
     landmarks_world: FloatArray,
+    looked_from: FloatArray,
     travel_costs: TravelCosts,
     avoid: Callable[[FloatArray], BoolArray],
     config: ExplorationConfig,
 ) -> Ranking:
     """Rank views on a raster over the standing room (eq. 12).
 
-    landmarks_world: (M, 2) or (M, 3) map points [m]. avoid: (N, 3) poses to (N,) True where a view is blacklisted.
+    landmarks_world: (M, 2) or (M, 3) map points [m]. looked_from: (L, 3) past poses of the robot.
+    avoid: (N, 3) poses to (N,) True where a view is blacklisted.
     """
-    candidates, gains, rejected = _promising(grid, radius_m, config)
+    worth = unknown_worth(grid, looked_from, config)
+    candidates, gains, rejected = _promising(grid, radius_m, worth, config)
     if len(candidates) == 0:
         return Ranking([], rejected)
     banned = avoid(candidates)
-    rejected["blacklisted"] = int(banned.sum())
+    rejected["given up or looked from already"] = int(banned.sum())
     candidates, gains = candidates[~banned], gains[~banned]
     distances = travel_costs(candidates) if len(candidates) else np.zeros(0)
     reachable = np.isfinite(distances)
     rejected["unreachable"] = int((~reachable).sum())
-    utility = gains[reachable] / np.maximum(distances[reachable], config.min_distance_m)
+    utility = gains[reachable] / (distances[reachable] + config.stop_cost_m)
     best = np.flatnonzero(reachable)[np.argsort(-utility, kind="stable")[: config.max_ranked_views]]
     candidates, gains, distances = candidates[best], gains[best], distances[best]
     seen = count_landmarks(grid, candidates, landmarks_world, config)
-    utility = gains / np.maximum(distances, config.min_distance_m) * np.minimum(1.0, seen / config.good_landmarks)
+    utility = gains / (distances + config.stop_cost_m) * np.minimum(1.0, seen / config.good_landmarks)
     rejected["too few known landmarks in view"] = int((seen < config.min_landmarks).sum())
     views = [
         View(
@@ -121,7 +136,7 @@ def count_landmarks(
 
 
 def _promising(
-    grid: OccupancyGrid, radius_m: float, config: ExplorationConfig
+    grid: OccupancyGrid, radius_m: float, worth: FloatArray, config: ExplorationConfig
 ) -> tuple[FloatArray, FloatArray, dict[str, int]]:
     """(N, 3) poses and (N,) gains [m2] worth costing: the best headings of raster cells with standing room."""
     room = standing_room(grid, radius_m + config.view_margin_m)
@@ -131,7 +146,7 @@ def _promising(
     if len(cells) == 0:
         return np.zeros((0, 3)), np.zeros(0), {"no standing room": int(room.size)}
     positions = grid.centres(cells)
-    gain = view_gain(grid, positions, config)[:, :: BEARINGS // HEADINGS]
+    gain = view_gain(grid, positions, worth, config)[:, :: BEARINGS // HEADINGS]
     enough = gain >= config.min_gain_m2
     rejected = {"gain too small": int((~enough).sum())}
     i, k = np.nonzero(enough)

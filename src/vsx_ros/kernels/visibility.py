@@ -14,6 +14,7 @@ OCCUPIED, UNKNOWN = 100, -1
 @kernel
 def unknown_area_by_bearing(
     data: NDArray[np.int8],
+    worth: FloatArray,
     resolution: float,
     origin_x: float,
     origin_y: float,
@@ -21,7 +22,8 @@ def unknown_area_by_bearing(
     bearings: FloatArray,
     range_m: float,
 ) -> FloatArray:
-    """(N, B) area of unknown cells [m2] seen from each position (N, 2) around each of B equally spaced bearings.
+    """(N, B) area [m2], weighted by ``worth`` (H, W), of the unknown cells seen from each position (N, 2) around
+    each of B equally spaced bearings.
 
     A ray runs to the first occupied cell, the edge of the grid or range_m; unknown cells do not stop it. Each
     step counts the area of its ring sector, so near cells are not counted twice.
@@ -45,10 +47,42 @@ def unknown_area_by_bearing(
                 if value == OCCUPIED:
                     break
                 if value == UNKNOWN:
-                    total += step * r * sector
+                    total += worth[row, column] * step * r * sector
                 r += step
             area[i, j] = total
     return area
+
+
+@kernel
+def count_looks(
+    data: NDArray[np.int8],
+    resolution: float,
+    origin_x: float,
+    origin_y: float,
+    poses: FloatArray,
+    half_fov: float,
+    range_m: float,
+) -> IntArray:
+    """(H, W) from how many of the poses (N, 3: x, y, theta) each cell lay in the field of view, in range, unhidden."""
+    rows, columns = data.shape
+    looks = np.zeros((rows, columns), np.int64)
+    last = np.full((rows, columns), -1, np.int64)
+    rays = int(math.ceil(2.0 * half_fov * range_m / resolution))
+    for i in range(poses.shape[0]):
+        for j in range(rays + 1):
+            angle = poses[i, 2] - half_fov + 2.0 * half_fov * j / rays
+            c, s = math.cos(angle), math.sin(angle)
+            r = 0.5 * resolution
+            while r < range_m:
+                column = int(math.floor((poses[i, 0] + r * c - origin_x) / resolution))
+                row = int(math.floor((poses[i, 1] + r * s - origin_y) / resolution))
+                if row < 0 or column < 0 or row >= rows or column >= columns or data[row, column] == OCCUPIED:
+                    break
+                if last[row, column] != i:
+                    last[row, column] = i
+                    looks[row, column] += 1
+                r += resolution
+    return looks
 
 
 @kernel

@@ -1,0 +1,97 @@
+"""What a run leaves behind, collected while it goes on, and the judgement of its map against the emulated world."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable
+
+from vsx_ros.config import Config
+from vsx_ros.evaluation.coverage import MapQuality, map_quality, observable_cells
+from vsx_ros.evaluation.summary import Summary, tracking_summary
+from vsx_ros.evaluation.tracking import find_breaks
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.io.run_folder import FrameRecord, RunEvent, RunFolder
+from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.robot import Odometry
+from vsx_ros.sim.truth import ground_truth_grid
+from vsx_ros.sim.world import World
+from vsx_ros.slam.map import MapSnapshot
+from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult, TrackingState
+
+_TRACKED = (TrackingState.GOOD, TrackingState.DUBIOUS)
+
+
+class RunRecord:
+    """The SLAM of a run, frame by frame."""
+
+    def __init__(self, T_base_cam: SE3) -> None:
+        self._T_base_cam = T_base_cam
+        self._by_odometry: list[SE3 | None] = []
+        self._odometry: list[StampedPose] = []
+        self.results: list[TrackingResult] = []
+        self.track_ms: list[float] = []
+        self.events: list[RunEvent] = []
+
+    def add_odometry(self, odometry: Odometry) -> None:
+        """A reading of the wheels."""
+        self._odometry.append(StampedPose(odometry.stamp_ns, SE3.from_se2(odometry.T_odom_base)))
+
+    def add_frame(self, result: TrackingResult, odometry: Odometry | None, track_s: float) -> None:
+        """A frame the tracker has seen, the odometry of its instant, and how long it took [s]."""
+        camera = SE3.from_se2(odometry.T_odom_base) @ self._T_base_cam if odometry is not None else None
+        self.results.append(result)
+        self._by_odometry.append(camera)
+        self.track_ms.append(1e3 * track_s)
+
+    def add_slam_events(self, events: Iterable[SlamEvent]) -> None:
+        """Changes of state of the SLAM."""
+        self.events += [RunEvent(event.stamp_ns, "slam", event.kind, event.reason) for event in events]
+
+    def estimate(self) -> list[StampedPose]:
+        """T_world_cam of every frame tracked from the map."""
+        return [
+            StampedPose(r.stamp_ns, r.T_world_cam)
+            for r in self.results
+            if r.state in _TRACKED and r.T_world_cam is not None
+        ]
+
+    def summary(self, statistics: SlamStatistics) -> Summary:
+        """What is known without any truth."""
+        breaks = len(find_breaks(self.results, self._by_odometry))
+        return tracking_summary(statistics, self.track_ms).with_values(breaks=breaks)
+
+    def write(self, folder: RunFolder, snapshot: MapSnapshot) -> None:
+        """trajectory.txt (camera in the map, as tracked), odometry.txt, sparse.ply, frames.csv and events.jsonl."""
+        folder.write_poses("trajectory", self.estimate())
+        if self._odometry:
+            folder.write_poses("odometry", self._odometry)
+        if len(snapshot.points_world):
+            folder.write_points(snapshot.points_world)
+        folder.write_events(self.events)
+        folder.write_frames(
+            FrameRecord(r.stamp_ns, r.state.value, r.searched, r.found, r.keyframe_added, ms)
+            for r, ms in zip(self.results, self.track_ms, strict=True)
+        )
+
+
+class MapJudge:
+    """Compares maps with an emulated world; the map's origin is where the base stood at the start."""
+
+    def __init__(self, world: World, config: Config) -> None:
+        ground = config.ground_map
+        self._start = world.start_pose
+        self._truth = ground_truth_grid(
+            world, ground.resolution_m, ground.obstacle_min_height_m, ground.obstacle_max_height_m
+        )
+        self._observable = observable_cells(
+            self._truth, self._start, config.robot.radius_m, config.exploration.sensor_range_m
+        )
+
+    def quality(self, grid: OccupancyGrid) -> MapQuality:
+        """Coverage, precision and recall, free cells inside obstacles."""
+        return map_quality(grid, self._truth, self._observable, self._start)
+
+    def judged(self, summary: Summary, grid: OccupancyGrid | None) -> Summary:
+        """The summary with the quality of the map."""
+        return summary if grid is None else summary.with_values(**dataclasses.asdict(self.quality(grid)))
