@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from vsx_hw.base_driver import BaseDriver
+from vsx_hw.create.driver import create_driver
+from vsx_hw.create.emulator import create_emulator
+from vsx_hw.create.protocol import CREATE_1, CREATE_2, Model
 from vsx_hw.kobuki.base_control import WHEEL_BASE_M as KOBUKI_WHEEL_BASE_M
 from vsx_hw.kobuki.driver import kobuki_driver
 from vsx_hw.kobuki.emulator import kobuki_emulator
@@ -25,22 +28,24 @@ def base_driver(
     """The driver of a base; it connects when started. Raises ConfigError for an unknown robot_type."""
     if robot_type == "kobuki":
         return kobuki_driver(port, on_reading, on_link, command_timeout_s, linear_scale, angular_scale)
-    raise _unknown(robot_type)
+    model = _create_model(robot_type)
+    return create_driver(model, port, on_reading, on_link, command_timeout_s, linear_scale, angular_scale)
 
 
 def base_emulator(robot_type: str, plant: Plant, link: str, seed: int) -> SerialEmulator:
     """A base on emulated wheels behind the serial port ``link``. Raises ConfigError for an unknown robot_type."""
     if robot_type == "kobuki":
         return kobuki_emulator(plant, link, seed)
-    raise _unknown(robot_type)
+    return create_emulator(_create_model(robot_type), plant, link, seed)
 
 
 def wheel_base_m(robot_type: str) -> float:
     """Distance between the wheels [m]. Raises ConfigError for an unknown robot_type."""
-    if robot_type == "kobuki":
-        return KOBUKI_WHEEL_BASE_M
-    raise _unknown(robot_type)
+    return KOBUKI_WHEEL_BASE_M if robot_type == "kobuki" else _create_model(robot_type).wheel_base_m
 
 
-def _unknown(robot_type: str) -> ConfigError:
-    return ConfigError(f"~robot_type {robot_type!r}: give kobuki, create or create2")
+def _create_model(robot_type: str) -> Model:
+    for model in (CREATE_1, CREATE_2):
+        if robot_type == model.name:
+            return model
+    raise ConfigError(f"~robot_type {robot_type!r}: give kobuki, create or create2")

@@ -1,0 +1,208 @@
+"""iRobot Open Interface of the Create 1 and of the Create 2 (Roomba 600): bytes to values and back, no I/O.
+
+Source: iRobot, "Create Open Interface" and "Create 2 Open Interface Specification". Big endian throughout.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+import struct
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+from vsx_hw.errors import ProtocolError
+
+SPEED_LIMIT_MM_S = 500
+STREAM_HEADER = 19
+STREAM_PERIOD_NS = 15_000_000
+
+
+class Opcode(enum.IntEnum):
+    """The first byte of a command."""
+
+    START = 128
+    SAFE = 131
+    DRIVE = 137
+    DRIVE_DIRECT = 145
+    DIGITAL_OUTPUTS = 147
+    STREAM = 148
+    QUERY_LIST = 149
+    STOP = 173
+
+
+class Mode(enum.IntEnum):
+    """Packet 35. Real robots also report 4 and 32: UNKNOWN."""
+
+    UNKNOWN = -1
+    OFF = 0
+    PASSIVE = 1
+    SAFE = 2
+    FULL = 3
+
+
+class Model(NamedTuple):
+    """What differs between the two robots; lengths in metres."""
+
+    name: str
+    baud: int
+    wheel_base_m: float
+    wheel_diameter_m: float
+
+
+CREATE_1 = Model("create", 57600, 0.258, 0.078)
+CREATE_2 = Model("create2", 115200, 0.235, 0.072)
+TICKS_PER_REVOLUTION = 508.8
+METRES_PER_TICK = math.pi * CREATE_2.wheel_diameter_m / TICKS_PER_REVOLUTION
+
+_U8, _I8, _U16, _I16 = ">B", ">b", ">H", ">h"
+LAYOUT: dict[int, str] = {
+    **dict.fromkeys(range(7, 19), _U8),
+    **dict.fromkeys((19, 20, 23), _I16),
+    **dict.fromkeys((22, 25, 26, 27, 28, 29, 30, 31, 33), _U16),
+    **dict.fromkeys((21, 32, 34, 35, 36, 37, 38, 45, 52, 53, 58), _U8),
+    24: _I8,
+    **dict.fromkeys((39, 40, 41, 42, 54, 55, 56, 57), _I16),
+    **dict.fromkeys((43, 44, 46, 47, 48, 49, 50, 51), _U16),
+}
+"""Packet id -> struct layout. 7 bumps and wheel drops, 9-12 cliffs, 18 buttons, 19 distance [mm], 20 angle [deg],
+21 charging state, 22 voltage [mV], 25 charge and 26 capacity [mAh], 34 chargers, 35 mode, 43 and 44 encoders."""
+
+GROUPS: dict[int, range] = {
+    0: range(7, 27), 1: range(7, 17), 2: range(17, 21), 3: range(21, 27), 4: range(27, 35), 5: range(35, 43),
+    6: range(7, 43), 100: range(7, 59), 101: range(43, 59), 106: range(46, 52), 107: range(54, 59),
+}  # fmt: skip
+"""Packet ids that stand for several packets in a row."""
+
+
+def packet_bytes(packet: int) -> int:
+    """Length of a packet or group. Raises ProtocolError for an unknown id."""
+    if packet in GROUPS:
+        return sum(packet_bytes(member) for member in GROUPS[packet])
+    if packet not in LAYOUT:
+        raise ProtocolError(f"Open Interface: there is no packet {packet}")
+    return struct.calcsize(LAYOUT[packet])
+
+
+def decode_packets(data: bytes, packets: Iterable[int]) -> dict[int, int]:
+    """Packet id -> value of packets sent one after the other; data must be exactly as long as they are."""
+    values = {}
+    at = 0
+    for packet in packets:
+        (values[packet],) = struct.unpack_from(LAYOUT[packet], data, at)
+        at += struct.calcsize(LAYOUT[packet])
+    return values
+
+
+def encode_packets(values: Mapping[int, int]) -> bytes:
+    """What the robot sends for these values, without their ids."""
+    return b"".join(struct.pack(LAYOUT[packet], value) for packet, value in values.items())
+
+
+class StreamParser:
+    """Turns the byte stream of opcode 148 into {packet: value} frames; recovers after lost, added or changed bytes.
+
+    The two manuals disagree whether the checksum includes the header byte. Either is accepted until LOCK_AFTER frames
+    agreed; then the other one is an error. ``refused`` counts frames with a wrong checksum or unknown packets.
+    """
+
+    LOCK_AFTER = 3
+
+    def __init__(self) -> None:
+        self.frames = 0
+        self.refused = 0
+        self._buffer = bytearray()
+        self._agreed = {0: 0, STREAM_HEADER: 0}
+
+    def feed(self, data: bytes) -> list[dict[int, int]]:
+        """The frames completed by these bytes, in order."""
+        self._buffer += data
+        found = []
+        while (frame := self._next()) is not None:
+            found.append(frame)
+        return found
+
+    def _next(self) -> dict[int, int] | None:
+        buffer = self._buffer
+        while True:
+            at = buffer.find(STREAM_HEADER)
+            del buffer[: at if at >= 0 else len(buffer)]
+            if len(buffer) < 2 or len(buffer) < buffer[1] + 3:
+                return None
+            length = buffer[1]
+            remainder = sum(buffer[: length + 3]) % 256
+            values = _stream_values(bytes(buffer[2 : length + 2])) if self._accepts(remainder) else None
+            if values is None:
+                self.refused += 1
+                del buffer[:1]
+                continue
+            self.frames += 1
+            self._agreed[remainder] += 1
+            del buffer[: length + 3]
+            return values
+
+    def _accepts(self, remainder: int) -> bool:
+        """The sum of the whole frame is 0 when the checksum includes the header, else the header remains."""
+        locked = max(self._agreed.values()) >= self.LOCK_AFTER
+        return remainder in self._agreed and (not locked or self._agreed[remainder] >= self.LOCK_AFTER)
+
+
+def _stream_values(content: bytes) -> dict[int, int] | None:
+    """The packets of a stream frame, or None unless they tile it exactly."""
+    values = {}
+    at = 0
+    while at < len(content):
+        layout = LAYOUT.get(content[at])
+        if layout is None or at + 1 + struct.calcsize(layout) > len(content):
+            return None
+        (values[content[at]],) = struct.unpack_from(layout, content, at + 1)
+        at += 1 + struct.calcsize(layout)
+    return values or None
+
+
+def encode_stream_frame(values: Mapping[int, int]) -> bytes:
+    """What the robot streams for these values; the checksum includes the header."""
+    content = b"".join(bytes((packet,)) + encode_packets({packet: value}) for packet, value in values.items())
+    frame = bytes((STREAM_HEADER, len(content))) + content
+    return frame + bytes((-sum(frame) % 256,))
+
+
+def encode_drive_direct(left_mm_s: float, right_mm_s: float) -> bytes:
+    """Wheel speeds, right one first on the wire; both scaled alike to the robot's 500 mm/s, so the curve stays.
+
+    Raises ProtocolError for numbers that are not finite.
+    """
+    if not (math.isfinite(left_mm_s) and math.isfinite(right_mm_s)):
+        raise ProtocolError(f"drive: wheel speeds {left_mm_s}, {right_mm_s} mm/s are not finite; send numbers")
+    scale = max(1.0, abs(left_mm_s) / SPEED_LIMIT_MM_S, abs(right_mm_s) / SPEED_LIMIT_MM_S)
+    return struct.pack(">Bhh", Opcode.DRIVE_DIRECT, round(right_mm_s / scale), round(left_mm_s / scale))
+
+
+STRAIGHT, SPIN_CLOCKWISE, SPIN_COUNTERCLOCKWISE = -0x8000, -1, 1
+"""Special radii of ``encode_drive``."""
+
+
+def encode_drive(speed_mm_s: int, radius_mm: int) -> bytes:
+    """Speed and radius, positive to the left. Raises ProtocolError beyond 500 mm/s or 2000 mm."""
+    if abs(speed_mm_s) > SPEED_LIMIT_MM_S or (abs(radius_mm) > 2000 and radius_mm != STRAIGHT):
+        raise ProtocolError(f"drive: {speed_mm_s} mm/s at radius {radius_mm} mm; the limits are 500 and 2000")
+    return struct.pack(">Bhh", Opcode.DRIVE, speed_mm_s, radius_mm)
+
+
+def encode_stream_request(packets: list[int], baud: int) -> bytes:
+    """Ask for these packets every 15 ms. Raises ProtocolError when they do not fit into 15 ms at this baud rate."""
+    needed = 3 + len(packets) + sum(packet_bytes(p) for p in packets)
+    room = baud * STREAM_PERIOD_NS // 10_000_000_000
+    if needed > room:
+        raise ProtocolError(f"stream of {needed} bytes does not fit: {room} bytes pass in 15 ms at {baud} baud")
+    return bytes((Opcode.STREAM, len(packets), *packets))
+
+
+def encode_query(packets: list[int]) -> bytes:
+    """Ask once for these packets; the answer is their data and nothing else."""
+    return bytes((Opcode.QUERY_LIST, len(packets), *packets))
+
+
+def mode_of(value: int) -> Mode:
+    """The mode of packet 35; anything undocumented is UNKNOWN."""
+    return Mode(value) if 0 <= value <= 3 else Mode.UNKNOWN

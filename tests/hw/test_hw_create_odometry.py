@@ -1,0 +1,72 @@
+"""Dead reckoning of the Creates."""
+
+import math
+
+import pytest
+
+from vsx_hw.create.odometry import DistanceOdometry, EncoderOdometry
+from vsx_hw.create.protocol import METRES_PER_TICK
+
+MS = 1_000_000
+
+
+def drive(odometry, counts, driving=True):
+    return [odometry.update(a % 65536, b % 65536, driving, k * 15 * MS) for k, (a, b) in enumerate(counts)][-1]
+
+
+def test_a_thousand_ticks():
+    reading = drive(EncoderOdometry(), [(20 * k, 20 * k) for k in range(51)])
+    assert reading.x_m == pytest.approx(0.444565, abs=1e-6)
+    assert reading.heading_rad == 0.0
+    assert reading.wheels_m == pytest.approx((0.444565, 0.444565), abs=1e-6)
+
+
+@pytest.mark.parametrize("start", [10, 65530])
+@pytest.mark.parametrize("step", [12, -12])
+def test_encoders_wrap_in_both_directions(start, step):
+    reading = drive(EncoderOdometry(), [(start + step * k, start + step * k) for k in range(11)])
+    assert reading.x_m == pytest.approx(120 * math.copysign(METRES_PER_TICK, step), rel=1e-9)
+
+
+def test_a_pushed_robot_is_not_believed():
+    odometry = EncoderOdometry()
+    before = drive(odometry, [(10 * k, 10 * k) for k in range(10)])
+    coasting = odometry.update(95, 95, False, 10 * 15 * MS)
+    assert coasting.trusted
+    assert coasting.x_m > before.x_m
+    still = odometry.update(95, 95, False, 700 * MS)
+    pushed = odometry.update(150, 150, False, 715 * MS)
+    assert (still.trusted, pushed.trusted) == (True, False)
+    assert pushed.x_m == coasting.x_m
+
+
+def test_a_power_cycle_is_a_new_base_line():
+    odometry = EncoderOdometry()
+    before = drive(odometry, [(10 * k, 10 * k) for k in range(10)])
+    after = odometry.update(40_000, 12_000, True, 10 * 15 * MS)
+    assert after.x_m == before.x_m
+    assert after.gaps == 1
+    assert odometry.update(40_010, 12_010, True, 11 * 15 * MS).x_m > before.x_m
+
+
+def test_create_1_shows_the_command_between_readings_and_the_truth_at_them():
+    odometry = DistanceOdometry()
+    odometry.command(0.2, 0.0)
+    odometry.reading(1)
+    shown = [odometry.reading(k * 20 * MS) for k in range(1, 11)][-1]
+    assert shown.x_m == pytest.approx(0.04, abs=1e-6)
+    odometry.measure(36, 0)
+    assert odometry.reading(10 * 20 * MS).x_m == pytest.approx(0.036)
+    odometry.measure(0, 30)
+    turned = odometry.reading(10 * 20 * MS)
+    assert math.degrees(turned.heading_rad) == pytest.approx(30.0)
+
+
+@pytest.mark.parametrize("junk", [(1500, 0), (0, 90), (-2000, 300)])
+def test_create_1_junk_is_a_gap(junk):
+    odometry = DistanceOdometry()
+    odometry.measure(*junk)
+    reading = odometry.reading(1)
+    assert (reading.x_m, reading.gaps, reading.trusted) == (0.0, 1, False)
+    odometry.measure(10, 0)
+    assert odometry.reading(1).trusted
