@@ -17,6 +17,7 @@ from vsx_ros.kernels.pose import (
     compose,
     exp_se3,
     factor_in_place,
+    orthonormalize,
     point_jacobian,
     solve_factored,
     tukey_sigma,
@@ -416,5 +417,7 @@ def adjust(
             linearise = False
             if damping > 1e8:
                 break
+    for f in range(free.shape[0]):
+        orthonormalize(R[f])
     sigma = tukey_sigma(e, n_obs, sigma_min)
     return R, t, points, e, sigma, accepted

@@ -50,6 +50,22 @@ def compose(Ra: Any, ta: Any, Rb: Any, tb: Any) -> tuple[Any, Any]:
 
 
 @kernel
+def orthonormalize(R: Any) -> None:
+    """Make the rows of a nearly orthonormal (3, 3) matrix exactly so, in place.
+
+    Poses are composed thousands of times from one another; without this the rounding errors multiply.
+    """
+    for i in range(3):
+        for k in range(i):
+            dot = R[i, 0] * R[k, 0] + R[i, 1] * R[k, 1] + R[i, 2] * R[k, 2]
+            for j in range(3):
+                R[i, j] -= dot * R[k, j]
+        norm = math.sqrt(R[i, 0] * R[i, 0] + R[i, 1] * R[i, 1] + R[i, 2] * R[i, 2])
+        for j in range(3):
+            R[i, j] /= norm
+
+
+@kernel
 def point_jacobian(K: Any, x: float, y: float, z: float, J: Any) -> None:
     """Fill J (2, 6): derivative of the undistorted pixel of the camera point (x, y, z) by xi. K (4,): fx, fy, cx, cy."""
     iz = 1.0 / z
@@ -183,6 +199,7 @@ def optimize_pose(
         R, t = compose(dR, dt, R, t)
         if iteration > iterations // 3 and np.abs(step).max() < 1e-7:
             break
+    orthonormalize(R)
     for a in range(6):
         for b in range(a + 1, 6):
             H[b, a] = H[a, b]

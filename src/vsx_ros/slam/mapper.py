@@ -29,6 +29,7 @@ from vsx_ros.vision.patch_search import find_patches, kernel_camera
 REFIND_RADIUS_PX, REFIND_REACH = 4.0, 2
 GLOBAL_EVERY = 8
 NEW_LOOK = 0.006
+BASELINES = (0.07, 0.025, 0.12, 0.045)
 
 
 class KeyFrameRequest(NamedTuple):
@@ -103,16 +104,20 @@ class Mapper:
         return ranked
 
     def _targets(self, index: int, neighbours: list[int]) -> list[int]:
-        """Neighbours to triangulate with: enough baseline for the depth, nearest such first, then ever wider ones."""
+        """Neighbours to triangulate with: one at a comfortable baseline, one near for what has just come into view, then
+        wider ones. Baselines count relative to the depth."""
         keyframe = self.map.keyframes[index]
         depth = keyframe.median_depth or 1.0
-        ranked = []
-        for k in neighbours:
-            other = self.map.keyframes[k].T_world_cam
-            baseline = float(np.linalg.norm(other.translation - keyframe.T_world_cam.translation)) / depth
-            # An angle of about 5 degrees is wide enough to triangulate and small enough to look alike.
-            ranked.append((abs(math.log(max(baseline, 1e-6) / 0.08)), k))
-        return [k for _, k in sorted(ranked)[: self._config.target_keyframes]]
+        offset = {
+            k: np.linalg.norm(self.map.keyframes[k].T_world_cam.translation - keyframe.T_world_cam.translation)
+            for k in neighbours
+        }
+        chosen: list[int] = []
+        for wanted in BASELINES[: self._config.target_keyframes]:
+            left = [k for k in neighbours if k not in chosen and offset[k] > 0.2 * BASELINES[1] * depth]
+            if left:
+                chosen.append(min(left, key=lambda k: abs(math.log(offset[k] / depth / wanted))))
+        return chosen
 
     def _points_of(self, indices: list[int]) -> IntArray:
         mask = np.zeros(self.map.count, np.bool_)
