@@ -6,6 +6,7 @@ launch/*.launch say the same for users of roslaunch; a test compares the two.
 from __future__ import annotations
 
 import os
+import shlex
 import shutil
 import uuid
 from pathlib import Path
@@ -18,6 +19,7 @@ import yaml
 
 from vsx_ros.errors import ConfigError
 
+DEFAULT_MASTER = "http://localhost:11311"
 SIGINT_TIMEOUT_S, SIGTERM_TIMEOUT_S = 3.0, 1.0
 
 # Parallelism is by process; threads of libraries inside of them only fight for the same cores.
@@ -64,7 +66,8 @@ def exploration(planner: str = "fov", seed: int = 0, run_dir: str = "") -> list[
 
 def replay(bag: str, rate: float = 1.0) -> list[LaunchNode]:
     """A recording in place of the robot; only the SLAM listens."""
-    player = LaunchNode("player", {}, package="rosbag", type="play", args=f"--clock --delay 3 -r {rate:g} {bag}")
+    play = f"--clock --delay 3 -r {rate:g} {shlex.quote(bag)}"
+    player = LaunchNode("player", {}, package="rosbag", type="play", args=play)
     return [LaunchNode("vslam", {"seed": 0, "run_dir": ""}), player]
 
 

@@ -22,7 +22,6 @@ from vsx_ros.errors import ConfigError
 from vsx_ros.ros import launch, process, topics
 from vsx_ros.ros.launch import LaunchNode
 
-DEFAULT_MASTER = "http://localhost:11311"
 _STOP_S = 0.3
 _ESTOP_WAIT_S = 1.0
 
@@ -127,7 +126,7 @@ def choose_master() -> None:
 
     Raises ConfigError when ROS_MASTER_URI names another machine where no master answers.
     """
-    uri = os.environ.setdefault("ROS_MASTER_URI", DEFAULT_MASTER)
+    uri = os.environ.setdefault("ROS_MASTER_URI", launch.DEFAULT_MASTER)
     if rosgraph.is_master_online(uri):
         return
     host, port = rosgraph.network.parse_http_host_and_port(uri)

@@ -1,0 +1,11 @@
+#!/usr/bin/env python3
+"""A bag in place of the robot; only the SLAM listens. --help lists the options."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "scripts"))
+
+import boot
+
+boot.into("vsx_ros.ros.launching")

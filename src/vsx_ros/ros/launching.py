@@ -1,0 +1,77 @@
+"""What launch_py/*.py do: launch the nodes that the script is named after, and stay until Ctrl-C."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from vsx_ros.cli.config import load
+from vsx_ros.cli.exit_codes import DONE, FAILED
+from vsx_ros.config import to_dict
+from vsx_ros.errors import VsxError
+from vsx_ros.ros import launch
+from vsx_ros.ros.emulation import open_world
+from vsx_ros.ros.launch import LaunchNode
+
+_TEXTS = {
+    "bringup": "The robot itself: base and camera.",
+    "explore": "A real robot explores.",
+    "simulate": "An emulated robot under the real drivers explores.",
+    "replay": "A bag in place of the robot; only the SLAM listens.",
+}
+
+
+def nodes_of(name: str, args: argparse.Namespace) -> list[LaunchNode]:
+    """The nodes of a launch by its name and options."""
+    if name == "replay":
+        return launch.replay(str(args.bag.resolve()), args.rate)
+    if name == "simulate":
+        open_world(args.world, args.seed)
+        robot = launch.emulation(args.world, args.seed, args.devices, args.base)
+    else:
+        robot = launch.bringup(args.base, args.port, args.camera, args.camera_info_url)
+    return robot if name == "bringup" else [*robot, *launch.exploration(args.planner, args.seed, args.run_dir)]
+
+
+def parser(name: str) -> argparse.ArgumentParser:
+    """The options of a launch; those of its .launch file."""
+    options = argparse.ArgumentParser(prog=f"{name}.py", description=_TEXTS[name])
+    add: Callable[..., Any] = options.add_argument
+    add("--config", type=Path, help="YAML with parameters, as 'vsx config' prints it")
+    if name == "replay":
+        add("--bag", type=Path, required=True, help="bag with camera/rgb/image_raw, camera/rgb/camera_info and odom")
+        add("--rate", type=float, default=1.0, help="1 is real time")
+        return options
+    add("--base", choices=("kobuki", "create", "create2"), default="kobuki", help="kind of base")
+    if name == "simulate":
+        add("--world", default="lab", help="lab, office, corridor or a world.yaml")
+        add("--devices", default="/tmp", help="folder for the emulated port and camera")
+    else:
+        add("--port", default="/dev/kobuki", help="serial port of the base")
+        add("--camera", default="kinect", help="kinect, kinect:SERIAL or v4l:N")
+        add("--camera-info-url", default="", help="file with the camera's calibration")
+    if name != "bringup":
+        add("--planner", choices=("fov", "unconstrained"), default="fov", help="motion planner")
+        add("--seed", type=int, default=0, help="seed of the random draws")
+        add("--run-dir", default="", help="folder for the results of the SLAM")
+    return options
+
+
+def main() -> None:
+    """Entry point; the launch is named like the script."""
+    name = Path(sys.argv[0]).stem
+    args = parser(name).parse_args()
+    try:
+        config = to_dict(load(args.config, []))
+        params = {"use_sim_time": True} if name == "replay" else {}
+        os.environ.setdefault("ROS_MASTER_URI", launch.DEFAULT_MASTER)
+        parent = launch.start(launch.xml(nodes_of(name, args), config, params))
+        parent.spin()
+    except VsxError as error:
+        sys.stderr.write(f"{name}: {error}\n")
+        sys.exit(FAILED)
+    sys.exit(DONE)

@@ -1,0 +1,99 @@
+"""The launch table for Python and the .launch files for roslaunch describe the same nodes."""
+
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rospy")
+
+import roslaunch.config
+import yaml
+
+from vsx_ros.config import Config, to_dict
+from vsx_ros.errors import ConfigError
+from vsx_ros.ros import launch, topics
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+
+
+def described(files: list[Any], texts: list[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Nodes and parameters as roslaunch understands them; no master needed."""
+    config = roslaunch.config.load_config_default(files, 11311, roslaunch_strs=texts, verbose=False)
+    nodes = {
+        node.namespace + node.name: (
+            node.package,
+            node.type,
+            node.args,
+            node.respawn,
+            node.output,
+            dict(node.env_args),
+        )
+        for node in config.nodes
+    }
+    params = {name: param.value for name, param in config.params.items() if not name.startswith("/ros")}
+    return nodes, params
+
+
+@pytest.fixture(autouse=True)
+def _package(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_PACKAGE_PATH", f"{CHECKOUT}:/usr/share")
+
+
+@pytest.mark.parametrize(
+    ("name", "args", "nodes"),
+    [
+        ("bringup", [], launch.bringup()),
+        ("explore", ["base:=create", "planner:=unconstrained"], [
+            *launch.bringup("create"),
+            *launch.exploration("unconstrained"),
+        ]),
+        ("simulate", ["seed:=3", "devices:=/dev/shm"], [
+            *launch.emulation("lab", 3, "/dev/shm"),
+            *launch.exploration(seed=3),
+        ]),
+    ],
+)  # fmt: skip
+def test_launch_files_and_the_table_agree(name: str, args: list[str], nodes: list[launch.LaunchNode]) -> None:
+    by_file = described([(str(CHECKOUT / "launch" / f"{name}.launch"), args)], [])
+    assert by_file == described([], [launch.xml(nodes, {})])
+
+
+def test_replay_agrees_too() -> None:
+    file = (str(CHECKOUT / "launch" / "replay.launch"), ["bag:=/data/a.bag", "rate:=2"])
+    nodes, params = described([file], [])
+    assert (nodes, params) == described([], [launch.xml(launch.replay("/data/a.bag", 2), {}, {"use_sim_time": True})])
+    assert params["/use_sim_time"] is True
+
+
+def test_a_configuration_file_reaches_every_node(tmp_path: Path) -> None:
+    tree = to_dict(Config())
+    tree["planner"]["phi_rad_m"] = 0.625
+    file = tmp_path / "mine.yaml"
+    file.write_text(yaml.safe_dump(tree), encoding="utf-8")
+    _, by_file = described([(str(CHECKOUT / "launch" / "explore.launch"), [f"config:={file}"])], [])
+    nodes = [*launch.bringup(), *launch.exploration()]
+    _, by_table = described([], [launch.xml(nodes, tree)])
+    assert by_file == by_table
+    assert by_file["/config/planner/phi_rad_m"] == 0.625
+
+
+def test_every_node_of_the_table_has_a_starter() -> None:
+    nodes = [*launch.emulation("lab"), *launch.exploration(), launch.LaunchNode("teleop", {})]
+    assert {node.name for node in nodes} == set(topics.PUBLISHED)
+    for node in nodes:
+        starter = CHECKOUT / "scripts" / node.name
+        assert os.access(starter, os.X_OK)
+
+
+def test_markup_in_values_stays_text() -> None:
+    node = launch.LaunchNode("camera", {"device": 'v4l:0"><evil/>'})
+    _, params = described([], [launch.xml([node], {})])
+    assert params == {"/camera/device": 'v4l:0"><evil/>'}
+
+
+def test_without_a_checkout_the_run_says_what_to_do(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(launch, "__file__", str(tmp_path / "a" / "b" / "c" / "launch.py"))
+    with pytest.raises(ConfigError, match="checkout"):
+        launch.package_environment()
