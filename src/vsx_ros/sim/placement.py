@@ -7,13 +7,15 @@ import math
 import cv2
 import numpy as np
 
-from vsx_ros.arrays import BoolArray, FloatArray
+from vsx_ros.arrays import BoolArray, FloatArray, Points2
 from vsx_ros.occupancy.grid import FREE
 from vsx_ros.sim.truth import ground_truth_grid
 from vsx_ros.sim.world import Start, World, changed, obstacle_segments
 
 PASSAGE_RADIUS_M = 0.25
 START_AHEAD_M = 1.2
+START_GAP_M = 0.5
+START_TRIES = 120
 BAND_M = 0.6
 
 
@@ -35,18 +37,21 @@ def is_connected(world: World) -> bool:
     return count >= 2 and (count == 2 or float(areas[-2]) < 0.1)
 
 
+def gap_to_walls(segments: FloatArray, points: Points2) -> FloatArray:
+    """(N,) distance [m] from points (N, 2) to the nearest of the segments (M, 4)."""
+    a, edge = segments[:, :2], segments[:, 2:] - segments[:, :2]
+    offset = points[:, None, :] - a
+    ratio = np.clip((offset * edge).sum(axis=2) / np.maximum((edge**2).sum(axis=1), 1e-12), 0.0, 1.0)
+    gap = offset - ratio[..., None] * edge
+    return np.asarray(np.hypot(gap[..., 0], gap[..., 1]).min(axis=1), np.float64)
+
+
 def free_ahead(world: World, x: float, y: float, theta: float) -> float:
     """How far a disc of radius 0.25 m can go straight from a pose before it touches something, at most 6 m [m]."""
-    segments = obstacle_segments(world, 0.0, BAND_M)
-    a, b = segments[:, :2], segments[:, 2:]
-    edge = b - a
-    for step in np.arange(0.0, 6.0, 0.05):
-        p = np.array([x + step * math.cos(theta), y + step * math.sin(theta)])
-        ratio = np.clip(((p - a) * edge).sum(axis=1) / np.maximum((edge**2).sum(axis=1), 1e-12), 0, 1)
-        gap = p - a - ratio[:, None] * edge
-        if float(np.hypot(gap[:, 0], gap[:, 1]).min()) < PASSAGE_RADIUS_M:
-            return float(step)
-    return 6.0
+    steps = np.arange(0.0, 6.0, 0.05)
+    points = np.array([x, y]) + steps[:, None] * np.array([math.cos(theta), math.sin(theta)])
+    blocked = gap_to_walls(obstacle_segments(world, 0.0, BAND_M), points) < PASSAGE_RADIUS_M
+    return float(steps[np.argmax(blocked)]) if blocked.any() else 6.0
 
 
 def with_start(rng: np.random.Generator, world: World) -> World:
@@ -54,13 +59,14 @@ def with_start(rng: np.random.Generator, world: World) -> World:
     fits, xs, ys = free_places(world)
     rows, columns = np.nonzero(fits)
     sights = [(p.x, p.y) for p in world.posters] + [(b.x, b.y) for b in world.boxes if b.material.startswith("print")]
+    segments = obstacle_segments(world, 0.0, BAND_M)
     best, best_score = world.start, -1.0
-    for _ in range(60):
+    for _ in range(START_TRIES):
         k = int(rng.integers(len(rows)))
         x, y = float(xs[columns[k]]), float(ys[rows[k]])
         theta = float(rng.uniform(-math.pi, math.pi))
         ahead = free_ahead(world, x, y, theta)
-        if ahead < START_AHEAD_M + 0.3:
+        if ahead < START_AHEAD_M + 0.3 or gap_to_walls(segments, np.array([[x, y]]))[0] < START_GAP_M:
             continue
         angles = [math.atan2(sy - y, sx - x) - theta for sx, sy in sights]
         distances = [math.hypot(sx - x, sy - y) for sx, sy in sights]

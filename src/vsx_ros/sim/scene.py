@@ -13,7 +13,7 @@ from vsx_ros.sim.textures import packed_levels, texture
 from vsx_ros.sim.world import Material, World, prisms
 
 SKIRTING_HEIGHT = 0.08
-LIGHT_SPACING = 0.5
+LIGHT_SPACING = 0.25
 GREY = np.array([0.299, 0.587, 0.114])
 
 

@@ -1,0 +1,46 @@
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import cv2
+import pytest
+
+from vsx_ros.cli import world as command
+from vsx_ros.errors import ConfigError, MapFileError
+from vsx_ros.io.map_file import load_map
+from vsx_ros.occupancy.grid import FREE
+from vsx_ros.sim.generate import generate_world
+from vsx_ros.sim.world_file import load_world
+
+
+def run(*words: str) -> int:
+    parser = argparse.ArgumentParser()
+    command.add_parser(parser.add_subparsers())
+    args = parser.parse_args(["world", *words])
+    return int(args.run(args))
+
+
+def test_writes_the_world_its_true_map_and_a_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, pgm, png = tmp_path / "w.yaml", tmp_path / "m.pgm", tmp_path / "p.png"
+    assert run("lab", "--seed", "2", "--out", str(out), "--map", str(pgm), "--picture", str(png)) == 0
+    assert load_world(out) == generate_world("lab", 2)
+    grid = load_map(tmp_path / "m.yaml")
+    assert 80 < (grid.data == FREE).sum() * grid.resolution**2 < 96
+    assert cv2.imread(str(png)).shape[0] == 480
+    said = capsys.readouterr().out
+    assert all(str(path) in said for path in (out, pgm, png))
+    assert run(str(tmp_path / "m.yaml"), "--out", str(tmp_path / "again.yaml")) == 0
+    assert load_world(tmp_path / "again.yaml").generator.name == "m"
+
+
+def test_wrong_uses_are_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="--out"):
+        run("lab")
+    with pytest.raises(ConfigError, match="castle"):
+        run("castle", "--out", str(tmp_path / "w.yaml"))
+    with pytest.raises(ConfigError, match="cannot be written"):
+        run("corridor", "--picture", str(tmp_path / "no" / "p.png"))
+    (tmp_path / "m.yaml").write_text("image: missing.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n")
+    with pytest.raises(MapFileError):
+        run(str(tmp_path / "m.yaml"), "--out", str(tmp_path / "w.yaml"))

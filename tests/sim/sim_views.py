@@ -1,0 +1,35 @@
+"""How tests look into an emulated world."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from vsx_ros.arrays import FloatArray, GrayImage, IntArray
+from vsx_ros.config import MountConfig
+from vsx_ros.sim.camera import EmulatedCamera
+from vsx_ros.sim.scene import Scene, compile_scene
+from vsx_ros.sim.settings import CameraSettings
+from vsx_ros.sim.world import World
+
+PERFECT = CameraSettings(
+    readout_ns=0, exposure_ns=0, shot_noise=0.0, read_noise=0.0, vibration_rad=0.0, pitch_error_rad=0.0,
+    height_error_m=0.0, vignetting=0.0,
+)  # fmt: skip
+
+
+def standing(x: float, y: float, theta: float) -> Callable[[IntArray], FloatArray]:
+    """Poses of a base that does not move."""
+    return lambda stamps: np.repeat(np.array([[x, y, theta, 0.0]]), len(stamps), axis=0)
+
+
+def camera_in(world: World | Scene, settings: CameraSettings = PERFECT, threads: int = 1) -> EmulatedCamera:
+    scene = world if isinstance(world, Scene) else compile_scene(world)
+    return EmulatedCamera(scene, MountConfig(), settings, np.random.default_rng(0), threads)
+
+
+def still_view(world: World) -> Callable[[float, float, float], GrayImage]:
+    """Noisy pictures of a base that stands at x, y, theta."""
+    camera = camera_in(world, CameraSettings(exposure_ramp=1.0))
+    return lambda x, y, theta: camera.render_gray(0, standing(x, y, theta))

@@ -1,0 +1,70 @@
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from sim_views import still_view
+
+from vsx_ros.errors import ConfigError
+from vsx_ros.sim.generate import generate_world
+from vsx_ros.sim.placement import free_ahead, free_places, gap_to_walls, is_connected
+from vsx_ros.sim.world import obstacle_segments
+
+SEEDS = range(12)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_labs_are_furnished_connected_and_start_in_the_open(seed: int) -> None:
+    world = generate_world("lab", seed)
+    assert world.bounds == (0.0, 0.0, 12.0, 8.0)
+    assert 4 <= len(world.boxes) <= 12
+    assert 1 <= len(world.tables) <= 2
+    assert is_connected(world)
+    start = world.start
+    assert free_ahead(world, start.x, start.y, start.theta_rad) >= 1.2
+    assert gap_to_walls(obstacle_segments(world, 0.0, 0.6), np.array([[start.x, start.y]]))[0] >= 0.5
+
+
+@pytest.mark.parametrize("name", ["office", "corridor"])
+def test_other_generators_are_connected(name: str) -> None:
+    for seed in (0, 1):
+        assert is_connected(generate_world(name, seed))
+
+
+def test_same_seed_same_world_and_other_seed_another() -> None:
+    assert generate_world("lab", 5) == generate_world("lab", 5)
+    assert generate_world("lab", 5) != generate_world("lab", 6)
+    assert generate_world("lab", 5) != generate_world("office", 5)
+
+
+def test_unknown_name_and_negative_seed_are_refused() -> None:
+    with pytest.raises(ConfigError, match="castle"):
+        generate_world("castle", 0)
+    with pytest.raises(ConfigError, match="-1"):
+        generate_world("lab", -1)
+
+
+@pytest.mark.parametrize("seed", [0, 4, 7])
+def test_ordinary_views_hold_corners_and_plain_surfaces(seed: int) -> None:
+    """A camera that looks where the robot could drive sees corners nearly everywhere, yet half the picture is plain."""
+    world = generate_world("lab", seed)
+    view = still_view(world)
+    fast = cv2.FastFeatureDetector_create(20)
+    start = world.start_pose
+    assert len(fast.detect(view(start.x, start.y, start.theta))) >= 150
+    fits, xs, ys = free_places(world)
+    rows, columns = np.nonzero(fits)
+    rng = np.random.default_rng(1)
+    counts, plain = [], []
+    while len(counts) < 30:
+        k, theta = int(rng.integers(len(rows))), float(rng.uniform(-np.pi, np.pi))
+        if free_ahead(world, xs[columns[k]], ys[rows[k]], theta) < 0.8:
+            continue
+        image = view(xs[columns[k]], ys[rows[k]], theta)
+        counts.append(len(fast.detect(image)))
+        plain.append(
+            np.mean([part.std() < 4.0 for part in image.reshape(60, 8, 80, 8).transpose(0, 2, 1, 3).reshape(-1, 8, 8)])
+        )
+    assert np.mean(np.array(counts) >= 150) >= 0.93
+    assert 350 <= np.median(counts) <= 1500
+    assert 0.25 <= np.mean(plain) <= 0.75
