@@ -43,19 +43,19 @@ def polar_scans(
     obs_point: Any,
     n_bearings: int,
     heights: tuple[float, float, float, float],
-    ranges: tuple[float, float, float, float],
+    ranges: tuple[float, float, float, float, float],
 ) -> Any:
     """What each keyframe's observations say about the floor around it.
 
     yaws: (K,) [rad], bearings count from them, counter-clockwise, in n_bearings equal bins around the circle.
     heights: obstacle_min, obstacle_max, clear_max [m], floor threshold growth [m per m].
     ranges: max range [m], angular noise of a pixel [rad], largest depth error of a hit [m],
-    half the width that a hit hides [m].
+    half a cell [m], how many depth errors short of its point a ray ends.
     Returns free (K, n_bearings): distance [m] up to which the floor is passable, 0 where unknown; and
     hit (O,): horizontal distance [m] of the obstacle seen by each observation, 0 where it is none.
     """
     obstacle_min, obstacle_max, clear_max, growth = heights
-    max_range, noise, max_error, half_width = ranges
+    max_range, noise, max_error, half_width, caution = ranges
     free = np.zeros((positions.shape[0], n_bearings))
     nearest = np.full((positions.shape[0], n_bearings), np.inf)
     hit = np.zeros(obs_point.shape[0])
@@ -69,17 +69,18 @@ def polar_scans(
             continue
         error = noise * distance / parallax[p]
         bearing = bearing_bin(math.atan2(dy, dx) - yaws[k], n_bearings)
-        proven = distance - error
-        if z > clear_max:
-            proven = distance * max(0.0, clear_max - camera_z) / (z - camera_z) if z > camera_z else 0.0
+        proven = distance - caution * error - 2.0 * half_width
         if floor < z <= obstacle_max and error <= max_error:
             reach = 1 + int(half_width / distance * n_bearings / (2.0 * math.pi))
             for b in range(bearing - reach, bearing + reach + 1):
-                nearest[k, b % n_bearings] = min(nearest[k, b % n_bearings], distance - error)
+                nearest[k, b % n_bearings] = min(nearest[k, b % n_bearings], proven)
             if distance <= max_range:
                 hit[o] = distance
+        if z > clear_max:
+            low_until = distance * max(0.0, clear_max - camera_z) / (z - camera_z) if z > camera_z else 0.0
+            proven = min(proven, low_until)
         free[k, bearing] = max(free[k, bearing], min(proven, max_range))
-    return np.minimum(free, nearest), hit
+    return np.maximum(np.minimum(free, nearest), 0.0), hit
 
 
 @kernel

@@ -22,7 +22,9 @@ _MAX_GAP_BINS = 4
 """Bearings between two rays this close take the shorter of both."""
 _PIXEL_NOISE_RAD = 0.0012
 """0.6 pixels at a focal length of 500: how well a bearing to a point is known."""
-_MAX_HIT_ERROR_M = 0.20
+_MAX_HIT_ERROR_M = 0.10
+_CAUTION = 2.0
+"""A ray proves the floor free up to this many depth errors, and one cell, short of its point."""
 _FLOOR_GROWTH = 0.012
 """Floor points scatter with distance: pose and depth errors add about this much height per metre."""
 
@@ -66,7 +68,7 @@ def virtual_scans(
         min(config.clear_max_height_m, config.obstacle_max_height_m),
         _FLOOR_GROWTH,
     )
-    ranges = config.max_range_m, _PIXEL_NOISE_RAD, _MAX_HIT_ERROR_M, 0.5 * config.resolution_m
+    ranges = config.max_range_m, _PIXEL_NOISE_RAD, _MAX_HIT_ERROR_M, 0.5 * config.resolution_m, _CAUTION
     parallax = kernels.point_parallax(positions, points, keyframe, point)
     free, hit = kernels.polar_scans(positions, yaws, points, parallax, keyframe, point, N_BEARINGS, heights, ranges)
     return PolarScans(positions, yaws, kernels.bridge_gaps(free, _MAX_GAP_BINS), hit)
