@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import textwrap
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -84,7 +85,10 @@ def _branch(branch: Any, indent: str) -> Iterator[str]:
         value = getattr(branch, field.name)
         if isinstance(value, msgspec.Struct):
             yield ""
-            yield f"{indent}# {' '.join((type(value).__doc__ or '').split())}"
+            lead = f"{indent}# "
+            yield from textwrap.wrap(
+                " ".join((type(value).__doc__ or "").split()), 110, initial_indent=lead, subsequent_indent=lead
+            )
             yield f"{indent}{field.name}:"
             yield from _branch(value, indent + "  ")
         else:

@@ -52,6 +52,8 @@ def write_report(folder: RunFolder) -> Path:
             grid=folder.read_map(),
             points_world=np.zeros((0, 3)) if points is None else points,
             world_is_level=bool(folder.read_poses("odometry")),
+            good_ratio=config.slam.tracker.good_ratio,
+            lost_ratio=config.slam.tracker.lost_ratio,
         )
     )
     return folder.write_report(page)

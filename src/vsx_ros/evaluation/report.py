@@ -24,6 +24,7 @@ _GOOD_ENDINGS = ("explored", "returned home", "tracked to its end", "time")
 class ReportData:
     """What a run folder holds. world_is_level: z is up, so the map is seen along z; else the first camera's x and z.
 
+    good_ratio, lost_ratio: shares of found points above and below which tracking is good and lost.
     events: (stamp_ns, source, state, reason). frames: (stamp_ns, state, searched, found, keyframe_added, track_ms).
     """
 
@@ -37,6 +38,8 @@ class ReportData:
     grid: OccupancyGrid | None
     points_world: Points3 = field(default_factory=lambda: np.zeros((0, 3)))
     world_is_level: bool = True
+    good_ratio: float = 0.3
+    lost_ratio: float = 0.13
 
 
 def render(data: ReportData) -> str:
@@ -107,12 +110,13 @@ def _map(data: ReportData) -> str:
     if not len(estimate) and not len(data.points_world) and data.grid is None:
         return "<p>There is no map: it was never started.</p>"
     truth = _truth_in_map(data)
-    lines = [("truth", flat(truth)), ("estimate", flat(estimate))]
+    lines = [("estimate", flat(estimate)), ("truth", flat(truth))]
     axes = ("x", "y") if data.world_is_level else ("x", "z of the first camera")
-    picture = svg.map_view(data.grid, flat(_thinned(data.points_world)), lines, axes)
+    unit = "m" if data.world_is_level else "map units (no odometry, hence no scale)"
+    picture = svg.map_view(data.grid, flat(_thinned(data.points_world)), lines, axes, unit)
     legend = '<span class="key estimate">estimate</span>'
     legend += '<span class="key truth">truth, aligned</span>' if len(truth) else ""
-    legend += '<span class="key dots">map points</span>' if len(data.points_world) else ""
+    legend += '<span class="key points">map points</span>' if len(data.points_world) else ""
     return f'{picture}<p class="legend">{legend}</p>'
 
 
@@ -147,7 +151,7 @@ def _timeline(data: ReportData) -> str:
     inside = [mark for mark in marks if 0 <= mark[0] <= float(seconds[-1])]
     parts = [svg.state_band(seconds, states, inside), f'<p class="legend">{keys}<span>&#9662; event</span></p>']
     if np.isfinite(ratio).any():
-        levels = [(0.3, "good above"), (0.13, "lost below")]
+        levels = [(data.good_ratio, "good above"), (data.lost_ratio, "lost below")]
         parts.append("<h3>share of the searched points that were found</h3>")
         parts.append(svg.time_plot(seconds, ratio, "found / searched", 1.0, levels))
     if np.isfinite(times).any():
@@ -225,7 +229,7 @@ circle.estimate{fill:var(--blue)}circle.truth{fill:var(--green)}
 .legend{color:var(--soft);font-size:13px;margin:6px 0}.legend span{margin-right:18px}
 .key::before{content:"";display:inline-block;width:18px;height:4px;margin-right:6px;vertical-align:middle;
 background:var(--c)}
-.key.estimate{--c:var(--blue)}.key.truth{--c:var(--green)}.key.dots{--c:var(--soft)}
+.key.estimate{--c:var(--blue)}.key.truth{--c:var(--green)}.key.points{--c:var(--soft)}
 table{border-collapse:collapse;width:100%;font-size:13.5px;font-variant-numeric:tabular-nums}
 td,th{text-align:left;padding:4px 10px 4px 0;border-bottom:1px solid var(--line);vertical-align:top}
 td:first-child{white-space:nowrap}

@@ -86,9 +86,9 @@ def state_band(seconds: FloatArray, states: Sequence[str], marks: Sequence[tuple
 
 
 def map_view(
-    grid: OccupancyGrid | None, points: Points2, lines: Sequence[tuple[str, Points2]], axes: tuple[str, str]
+    grid: OccupancyGrid | None, points: Points2, lines: Sequence[tuple[str, Points2]], axes: tuple[str, str], unit: str
 ) -> str:
-    """The map from above, metres: grid as a picture, points as dots, lines by CSS class; a scale bar."""
+    """The map from above: grid as a picture, points as dots, lines by CSS class; a scale bar."""
     low, high = _extent(grid, [points, *(line for _, line in lines)])
     scale = min(WIDTH / (high[0] - low[0]), 620.0 / (high[1] - low[1]))
     width, height = (high - low) * scale
@@ -114,9 +114,9 @@ def map_view(
         parts.append(f'<polyline class="{name}" points="{" ".join(f"{u:.1f},{v:.1f}" for u, v in pixels)}"/>')
         if len(pixels):
             parts.append(f'<circle class="{name}" cx="{pixels[0, 0]:.1f}" cy="{pixels[0, 1]:.1f}" r="5"/>')
-    bar = ticks(0.0, (high[0] - low[0]) / 4, 1)[-1] or (high[0] - low[0]) / 4
+    bar = ticks(0.0, float(high[0] - low[0]), 5)[1]
     parts.append(f'<path class="bar" d="M12 {height - 12:.1f}h{bar * scale:.1f}"/>')
-    parts.append(f'<text x="12" y="{height - 18:.1f}">{bar:g} m</text></svg>')
+    parts.append(f'<text x="12" y="{height - 18:.1f}">{bar:g} {unit}</text></svg>')
     return "".join(parts)
 
 
