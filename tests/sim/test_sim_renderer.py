@@ -3,6 +3,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from sim_views import PERFECT, camera_in, standing
 
 from vsx_ros.arrays import FloatArray, IntArray
@@ -80,8 +81,7 @@ def test_a_texture_seen_close_is_its_bilinear_picture(empty_room: World) -> None
     """A wall of 2 cm texels 1 m away: every pixel lies between texel centres, so no mip level may blur it."""
     material = Material(kind="brick", seed=3, brightness=0.5, texel_m=0.02)
     wall = Outline(points=[(0, 0), (6, 0), (6, 4), (0, 4)], height=2.5, material="brick")
-    world = World(**{f: getattr(empty_room, f) for f in empty_room.__struct_fields__} | {
-        "materials": {**empty_room.materials, "brick": material}, "outlines": [wall]})  # fmt: skip
+    world = replace(empty_room, materials={**empty_room.materials, "brick": material}, outlines=[wall])
     camera = camera_in(world)
     pose = (5.0, 2.0, 0.0)
     picture = camera.picture(0, standing(*pose))
@@ -167,12 +167,12 @@ def edge_columns(image: FloatArray, rows: IntArray) -> FloatArray:
 @pytest.fixture
 def post_room(empty_room: World) -> World:
     post = Box(x=3.5, y=2.0, length=0.2, width=3.0, height=2.5, material="dark")
-    return World(**{f: getattr(empty_room, f) for f in empty_room.__struct_fields__} | {"boxes": [post]})
+    return replace(empty_room, boxes=[post])
 
 
 def test_rolling_shutter_leans_upright_edges(post_room: World) -> None:
     """Turning left moves the scene to the right: lower rows, exposed later, see an upright edge further right."""
-    rolling = CameraSettings(**{f: getattr(PERFECT, f) for f in PERFECT.__struct_fields__} | {"readout_ns": 26_000_000})
+    rolling = replace(PERFECT, readout_ns=26_000_000)
     rows, omega = np.array([60, 300]), 0.8
     camera = camera_in(post_room, rolling)
     upright = camera.picture(0, turning(0.0, 2.0, 0.7, 0.0)).radiance[:, 250:]  # type: ignore[arg-type]
@@ -186,9 +186,7 @@ def test_rolling_shutter_leans_upright_edges(post_room: World) -> None:
 
 def test_motion_blur_widens_edges_by_the_way_they_move(post_room: World) -> None:
     exposure_s, omega = 0.020, 0.6
-    blurred = CameraSettings(
-        **{f: getattr(PERFECT, f) for f in PERFECT.__struct_fields__} | {"exposure_ns": 20_000_000}
-    )
+    blurred = replace(PERFECT, exposure_ns=20_000_000)
     camera = camera_in(post_room, blurred)
 
     def width(rate: float) -> float:

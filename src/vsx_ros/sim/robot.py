@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vsx_ros.config import RobotConfig
+from vsx_ros.errors import ConfigError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
@@ -71,10 +72,17 @@ class EmulatedRobot:
         config: SimulationConfig = SimulationConfig(),  # noqa: B008 (immutable)
         robot: RobotConfig = RobotConfig(),  # noqa: B008 (immutable)
     ) -> None:
+        """Raises ConfigError when frames follow each other faster than they can be read out."""
         body_rng, camera_rng = (np.random.default_rng([seed, child]) for child in (1, 2))
         segments = obstacle_segments(world, 0.0, robot.height_m)
         self.body = Body(segments, world.start_pose, robot.radius_m, config.body, body_rng)
         self.camera = EmulatedCamera(compile_scene(world), robot.mount, config.camera, camera_rng, config.threads)
+        period_ns = round(1e9 / config.frame_rate_hz)
+        if self.camera.span_ns > period_ns:
+            raise ConfigError(
+                f"simulation: a frame takes {self.camera.span_ns / 1e6:.0f} ms to expose and read out, longer than the "
+                f"{period_ns / 1e6:.0f} ms between frames; lower frame_rate_hz or the exposure"
+            )
         self._config = config
         self._odometry = WheelOdometry(config.body.tick_m)
         self._frames = 0
