@@ -6,19 +6,21 @@ import argparse
 import dataclasses
 import sys
 import time
-from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from vsx_ros.cli.run_record import RunRecord
     from vsx_ros.config import Config
     from vsx_ros.evaluation.summary import Summary
     from vsx_ros.evaluation.trajectory import AlignmentKind
+    from vsx_ros.geometry.camera import PinholeCamera
     from vsx_ros.geometry.se3 import SE3
     from vsx_ros.io.recording import Recording
+    from vsx_ros.io.run_folder import RunFolder
     from vsx_ros.slam.slam import SequentialSlam
-    from vsx_ros.slam.state import SlamEvent, TrackingResult
+    from vsx_ros.slam.state import TrackingResult
 
 _PROGRESS_EVERY_S = 0.5
 
@@ -45,20 +47,12 @@ def add_parser(subparsers: Any) -> None:
     parser.set_defaults(run=run)
 
 
-@dataclasses.dataclass
-class _Replayed:
-    """What the frames gave. expected: the camera pose by odometry at each frame, None where unknown."""
-
-    results: list[TrackingResult]
-    expected: list[SE3 | None]
-    track_ms: list[float]
-    events: list[SlamEvent]
-
-
 def run(args: argparse.Namespace) -> int:
     """Replay, write the run folder, say what happened; 3 when tracking was lost for good, 1 when it never began."""
     from vsx_ros.cli.config import load
     from vsx_ros.cli.exit_codes import DONE, FAILED, LOST
+    from vsx_ros.cli.report import one_line_facts, write_report
+    from vsx_ros.cli.run_record import RunRecord
     from vsx_ros.errors import InputError
     from vsx_ros.geometry.camera import mount_pose
     from vsx_ros.io.recording import open_recording
@@ -67,91 +61,75 @@ def run(args: argparse.Namespace) -> int:
     from vsx_ros.slam.state import TrackingState
 
     config = load(args.config, args.set)
-    recording = _calibrated(open_recording(args.input, args.image_topic, args.odometry_topic), args.calibration)
+    recording = open_recording(args.input, args.image_topic, args.odometry_topic)
+    recording = dataclasses.replace(recording, camera=_calibration(recording, args.calibration))
     if args.map and not recording.odometry:
-        raise InputError(
-            f"{args.input} has no odometry, and without it neither scale nor floor is known: leave out --map"
-        )
+        raise InputError(f"{args.input} has no odometry, without which scale and floor are unknown; leave out --map")
     now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
     folder = RunFolder.create(args.out or Path("runs") / f"{now}_{args.input.stem}")
+    folder.write_config(config, ["vsx", *sys.argv[1:]], seed=args.seed, input=str(args.input.resolve()))
     mount = config.robot.mount
     T_base_cam = mount_pose(mount.forward_m, mount.left_m, mount.height_m, mount.pitch_down_rad, mount.yaw_left_rad)
     assert recording.camera is not None
     slam = SequentialSlam(recording.camera, T_base_cam if recording.odometry else None, config.slam, args.seed)
-    replayed = _track_all(slam, recording, T_base_cam)
-    summary = _summary(slam, recording, replayed).with_values(seed=args.seed)
-    folder.write_config(config, ["vsx", *sys.argv[1:]], seed=args.seed, input=str(args.input.resolve()))
-    _write(folder, slam, recording, replayed)
+    record = RunRecord(T_base_cam)
+    _track_all(slam, recording, record)
+    summary = _summary(slam, recording, record).with_values(seed=args.seed).as_dict()
+    record.write(folder, slam.snapshot())
+    if recording.ground_truth:
+        folder.write_poses("groundtruth", recording.ground_truth)
     if args.map:
-        _write_map(folder, slam, config, _estimate(replayed.results), T_base_cam)
-    folder.write_summary(summary.as_dict())
-    _tell(folder, summary)
-    if not replayed.results or replayed.results[-1].state is TrackingState.NOT_INITIALISED:
-        return FAILED
-    return LOST if replayed.results[-1].state is TrackingState.LOST else DONE
+        _write_map(folder, slam, config, record, T_base_cam)
+    folder.write_summary(summary)
+    print(summary["stop_reason"], *one_line_facts(summary), f"report: {write_report(folder)}", sep="\n  ")
+    ending = record.results[-1].state if record.results else TrackingState.NOT_INITIALISED
+    return {TrackingState.NOT_INITIALISED: FAILED, TrackingState.LOST: LOST}.get(ending, DONE)
 
 
-def _calibrated(recording: Recording, file: Path | None) -> Recording:
+def _calibration(recording: Recording, file: Path | None) -> PinholeCamera:
     from vsx_ros.errors import CalibrationError
     from vsx_ros.io.calibration_file import read_calibration
 
     if file is not None:
-        return dataclasses.replace(recording, camera=read_calibration(file))
+        return read_calibration(file)
     if recording.camera is None:
         raise CalibrationError(
             f"{recording.source} brings no camera calibration; give one with --calibration FILE "
             "(ROS camera_info YAML or camera.json)"
         )
-    return recording
+    return recording.camera
 
 
-def _track_all(slam: SequentialSlam, recording: Recording, T_base_cam: SE3) -> _Replayed:
-    from vsx_ros.geometry.se3 import SE3
-
-    replayed = _Replayed([], [], [], [])
-    for frame in _with_progress(recording, replayed):
+def _track_all(slam: SequentialSlam, recording: Recording, record: RunRecord) -> None:
+    """Every frame, with the odometry of its instant; on a terminal, one line tells how far it is."""
+    for reading in recording.odometry:
+        record.add_odometry(reading)
+    shown = 0.0
+    for number, frame in enumerate(recording.frames(), start=1):
         odometry = recording.odometry_at(frame.stamp_ns)
         began = time.perf_counter()
         result = slam.track(frame, odometry)
-        replayed.track_ms.append((time.perf_counter() - began) * 1e3)
-        replayed.results.append(result)
-        replayed.expected.append(SE3.from_se2(odometry.T_odom_base) @ T_base_cam if odometry else None)
-        replayed.events += slam.drain_events()
-    return replayed
-
-
-def _with_progress(recording: Recording, replayed: _Replayed) -> Iterator[Any]:
-    """The frames; on a terminal, one line that tells how far it is."""
-    shown = 0.0
-    for frame in recording.frames():
-        yield frame
-        if sys.stderr.isatty() and time.perf_counter() - shown > _PROGRESS_EVERY_S:
-            shown = time.perf_counter()
-            last = replayed.results[-1]
-            line = f"frame {len(replayed.results)}/{recording.frame_count}  {last.state.value}"
-            print(f"\r{line}  {last.found}/{last.searched} points \x1b[K", end="", file=sys.stderr, flush=True)
+        record.add_frame(result, odometry, time.perf_counter() - began)
+        record.add_slam_events(slam.drain_events())
+        if sys.stderr.isatty() and began - shown > _PROGRESS_EVERY_S:
+            shown = began
+            line = (
+                f"frame {number}/{recording.frame_count}  {result.state.value}  {result.found}/{result.searched} points"
+            )
+            print(f"\r{line}\x1b[K", end="", file=sys.stderr, flush=True)
     if shown:
         print("\r\x1b[K", end="", file=sys.stderr, flush=True)
 
 
-def _estimate(results: list[TrackingResult]) -> list[Any]:
-    from vsx_ros.geometry.stamped import StampedPose
-    from vsx_ros.slam.state import TrackingState
+def _summary(slam: SequentialSlam, recording: Recording, record: RunRecord) -> Summary:
+    from vsx_ros.evaluation.summary import with_accuracy
 
-    tracked = (TrackingState.GOOD, TrackingState.DUBIOUS)
-    return [StampedPose(r.stamp_ns, r.T_world_cam) for r in results if r.T_world_cam is not None and r.state in tracked]
-
-
-def _summary(slam: SequentialSlam, recording: Recording, replayed: _Replayed) -> Summary:
-    from vsx_ros.evaluation.summary import tracking_summary, with_accuracy
-    from vsx_ros.evaluation.tracking import find_breaks
-
-    results = replayed.results
+    results = record.results
     kind: AlignmentKind | None = "yaw" if recording.odometry else None
-    summary = tracking_summary(slam.statistics(), replayed.track_ms)
-    summary = with_accuracy(summary, _estimate(results), recording.ground_truth, kind)
+    summary = with_accuracy(record.summary(slam.statistics()), record.estimate(), recording.ground_truth, kind)
+    if kind is None:
+        summary = summary.with_values(u2_metres=None)
     return summary.with_values(
-        breaks=len(find_breaks(results, replayed.expected)),
         duration_s=(results[-1].stamp_ns - results[0].stamp_ns) * 1e-9 if results else 0.0,
         stop_reason=_stop_reason(results),
         world=recording.source.name,
@@ -173,44 +151,11 @@ def _stop_reason(results: list[TrackingResult]) -> str:
     return "the recording was tracked to its end"
 
 
-def _write(folder: Any, slam: SequentialSlam, recording: Recording, replayed: _Replayed) -> None:
-    """Poses, points, events and frames."""
-    from vsx_ros.geometry.se3 import SE3
-    from vsx_ros.geometry.stamped import StampedPose
-    from vsx_ros.io.run_folder import FrameRecord, RunEvent
-
-    estimate, snapshot = _estimate(replayed.results), slam.snapshot()
-    folder.write_poses("trajectory", estimate)
-    if recording.odometry:
-        folder.write_poses(
-            "odometry", [StampedPose(o.stamp_ns, SE3.from_se2(o.T_odom_base)) for o in recording.odometry]
-        )
-    if recording.ground_truth:
-        folder.write_poses("groundtruth", recording.ground_truth)
-    if len(snapshot.points_world):
-        folder.write_points(snapshot.points_world)
-    folder.write_events(RunEvent(e.stamp_ns, "slam", e.kind, e.reason) for e in replayed.events)
-    folder.write_frames(
-        FrameRecord(r.stamp_ns, r.state.value, r.searched, r.found, r.keyframe_added, ms)
-        for r, ms in zip(replayed.results, replayed.track_ms, strict=True)
-    )
-
-
-def _write_map(folder: Any, slam: SequentialSlam, config: Config, estimate: list[Any], T_base_cam: SE3) -> None:
+def _write_map(folder: RunFolder, slam: SequentialSlam, config: Config, record: RunRecord, T_base_cam: SE3) -> None:
     from vsx_ros.geometry.se2 import SE2
     from vsx_ros.occupancy.ground_map import GroundMap
 
     snapshot = slam.snapshot()
-    trail = [SE2.from_se3(pose.T @ T_base_cam.inverse()) for pose in estimate]
+    trail = [SE2.from_se3(pose.T @ T_base_cam.inverse()) for pose in record.estimate()]
     observed = snapshot.points_world, snapshot.obs_keyframe, snapshot.obs_point
     folder.write_map(GroundMap(config.ground_map, config.robot).build(snapshot.T_world_cams, *observed, trail=trail))
-
-
-def _tell(folder: Any, summary: Summary) -> None:
-    from vsx_ros.cli.report import one_line_facts, write_report
-
-    report = write_report(folder)
-    print(summary.stop_reason)
-    for line in one_line_facts(summary.as_dict()):
-        print(f"  {line}")
-    print(f"  report: {report}")
