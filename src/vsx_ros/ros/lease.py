@@ -38,8 +38,12 @@ class LeaseWatch:
         rospy.Subscriber(topic, String, self._on_renewal, queue_size=20, tcp_nodelay=True)
 
     def _on_renewal(self, msg: String) -> None:
+        self.grant(msg.data)
+
+    def grant(self, holder: str) -> None:
+        """Count as if the holder had just renewed: he did something else that shows he is there."""
         with self._lock:
-            self._renewed_s[msg.data] = time.monotonic()
+            self._renewed_s[holder] = time.monotonic()
 
     def is_known(self, holder: str) -> bool:
         """Whether the holder ever renewed."""

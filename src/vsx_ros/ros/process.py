@@ -117,9 +117,9 @@ def worker(name: str, loop: Callable[[], None]) -> threading.Thread:
     def guarded() -> None:
         try:
             loop()
-        except rospy.ROSInterruptException:
-            return
         except Exception as error:
+            if isinstance(error, rospy.ROSException) and rospy.is_shutdown():
+                return  # topics close while threads still run
             if isinstance(error, VsxError | DeviceError):
                 rospy.logfatal("%s", error)
             else:

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 from vsx_ros.config import Config
 from vsx_ros.exploration.mission import Mission, NavigationState, Situation
+from vsx_ros.geometry.camera import PinholeCamera, mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OCCUPIED, UNKNOWN, OccupancyGrid
+from vsx_ros.occupancy.ground_map import GroundMap
 from vsx_ros.planning.path import Plan
 from vsx_ros.planning.planner import Planner
 from vsx_ros.planning.time_scaling import time_scale
+from vsx_ros.robot import Frame, Odometry
+from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.state import TrackingState
 
 _CELLS = 100
 _RESOLUTION_M = 0.05
+_FRAMES, _STEP_M, _TEXEL_M = 25, 0.02, 0.01
 
 
 def _small_room() -> OccupancyGrid:
@@ -23,6 +29,29 @@ def _small_room() -> OccupancyGrid:
     data[45:55, 45:55] = OCCUPIED
     data[:, 90:] = UNKNOWN
     return OccupancyGrid(data, _RESOLUTION_M, 0.0, 0.0)
+
+
+def warm_up_slam(config: Config) -> None:
+    """Let a SLAM that is thrown away drive towards two textured walls, and map the ground before them."""
+    width, height, focal = 640, 480, 525.0
+    camera = PinholeCamera(width, height, focal, focal, 0.5 * width, 0.5 * height)
+    T_base_cam = mount_pose(0.0, 0.0, 0.3, 0.0)
+    slam = SequentialSlam(camera, T_base_cam, config.slam)
+    noise = np.random.default_rng(0).integers(0, 256, (600, 800), np.uint8)
+    texture = cv2.GaussianBlur(noise, (0, 0), 1.5)
+    cv2.normalize(texture, texture, 0, 255, cv2.NORM_MINMAX)
+    for step in range(_FRAMES):
+        driven_m = step * _STEP_M
+        image = np.empty((height, width), np.uint8)
+        for wall_m, columns in ((2.0, slice(0, width // 2)), (3.0, slice(width // 2, width))):
+            scale = focal * _TEXEL_M / (wall_m - driven_m)
+            centre = np.array([[scale, 0.0, 0.5 * width - 400 * scale], [0.0, scale, 0.5 * height - 300 * scale]])
+            image[:, columns] = cv2.warpAffine(texture, centre, (width, height))[:, columns]
+        stamp_ns = step * 66_666_667
+        slam.track(Frame(stamp_ns, image), Odometry(stamp_ns, SE2(driven_m, 0.0, 0.0), 0.3, 0.0))
+    seen = slam.snapshot()
+    ground_map = GroundMap(config.ground_map, config.robot)
+    ground_map.build(seen.T_world_cams, seen.points_world, seen.obs_keyframe, seen.obs_point, [SE2()], [SE2()], SE2())
 
 
 def warm_up_planning(planner: Planner, config: Config) -> None:

@@ -19,6 +19,7 @@ from collections.abc import Callable
 import actionlib
 import numpy as np
 import rospy
+from actionlib import CommState
 from actionlib_msgs.msg import GoalStatus
 from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
 from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
@@ -42,7 +43,6 @@ from vsx_ros.ros.warm_up import warm_up_mission
 
 _DECIDE_PERIOD_S = 0.2
 _STATUS_PERIOD_S = 1.0
-_ON_THE_WAY = (GoalStatus.PENDING, GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.RECALLING)
 
 
 class ExploreNode:
@@ -60,7 +60,7 @@ class ExploreNode:
         self._grid: OccupancyGrid | None = None
         self._landmarks: Points3 = np.zeros((0, 3))
         self._hazards = 0
-        self._goal_sent = False
+        self._goal: actionlib.ClientGoalHandle | None = None
         self._status, self._status_s = "", 0.0
         self._shown: object = None
         self._where = Localization()
@@ -71,7 +71,7 @@ class ExploreNode:
         self._status_pub = rospy.Publisher(topics.EXPLORE_STATUS, String, queue_size=5, latch=True)
         self._events_pub = rospy.Publisher(topics.EXPLORE_EVENTS, String, queue_size=100)
         self._coverage_pub = rospy.Publisher(topics.COVERAGE, Float32, queue_size=1, latch=True)
-        self._client = actionlib.SimpleActionClient(topics.MOVE_BASE_ACTION, MoveBaseAction)
+        self._client = actionlib.ActionClient(topics.MOVE_BASE_ACTION, MoveBaseAction)
         rospy.Subscriber(topics.MAP, OccupancyGridMsg, self._on_map, queue_size=1)
         rospy.Subscriber(topics.MAP_POINTS, PointCloud2, self._on_points, queue_size=1, buff_size=2**22)
         rospy.Subscriber(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5)
@@ -136,18 +136,19 @@ class ExploreNode:
         )
 
     def _navigation(self) -> tuple[NavigationState, str]:
-        if not self._goal_sent:
+        if self._goal is None:
             return NavigationState.IDLE, ""
-        state, reason = self._client.get_state(), self._client.get_goal_status_text()
-        if state in _ON_THE_WAY:
+        reason = str(self._goal.get_goal_status_text())
+        if self._goal.get_comm_state() != CommState.DONE:
             return NavigationState.ACTIVE, reason
-        return (NavigationState.SUCCEEDED if state == GoalStatus.SUCCEEDED else NavigationState.ABORTED), reason
+        if self._goal.get_terminal_state() == GoalStatus.SUCCEEDED:
+            return NavigationState.SUCCEEDED, reason
+        return NavigationState.ABORTED, reason
 
     def _act(self, decision: Decision) -> None:
         if decision.action is Action.GO and decision.goal is not None:
             goal = convert.pose_stamped(decision.frame, process.now_ns(), decision.goal)
-            self._client.send_goal(MoveBaseGoal(goal))
-            self._goal_sent = True
+            self._goal = self._client.send_goal(MoveBaseGoal(goal))
         elif decision.action in (Action.CANCEL, Action.FINISH) and self._navigation()[0] is NavigationState.ACTIVE:
             self._client.cancel_all_goals()
 

@@ -71,6 +71,7 @@ class FollowerNode:
                 return
             self._id, self._frame, self._following = msg.header.stamp.to_nsec(), msg.header.frame_id, True
             self._heard_vslam_s = time.monotonic()
+            self._leases.grant("move_base")
             self._tracker.start(trajectory, process.now_ns())
 
     def _on_hazards(self, msg: UInt8) -> None:

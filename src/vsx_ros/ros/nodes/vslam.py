@@ -31,6 +31,7 @@ from vsx_ros.ros.lease import Lease
 from vsx_ros.ros.sensor_sync import SensorSync
 from vsx_ros.ros.slam_messages import SlamStatus
 from vsx_ros.ros.slam_record import SlamRecord
+from vsx_ros.ros.warm_up import warm_up_slam
 from vsx_ros.slam.state import TrackingResult, TrackingState
 from vsx_ros.slam.threads import ThreadedSlam
 
@@ -47,6 +48,7 @@ class VslamNode:
 
     def __init__(self, config: Config) -> None:
         mount = config.robot.mount
+        warm_up_slam(config)
         self._config = config
         self._T_base_cam = mount_pose(
             mount.forward_m, mount.left_m, mount.height_m, mount.pitch_down_rad, mount.yaw_left_rad

@@ -1,0 +1,179 @@
+"""A whole stack for tests: own master, real nodes as processes, real drivers over an emulator whose wires we watch."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+pytest.importorskip("rospy")
+
+from vsx_ros.config import RobotConfig
+from vsx_ros.ros import launch, topics
+from vsx_ros.ros.base_drivers import base_emulator, wheel_base_m
+from vsx_ros.ros.emulation import BodyPlant, BodyState, open_world
+from vsx_ros.ros.render_process import POSE, RenderSettings
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+SEED = 1
+HOST = "localhost"
+
+
+class WatchedPlant(BodyPlant):
+    """The wheels at the far end of the wire; remembers what they were told last, and when that changed."""
+
+    def __init__(self, *args: Any) -> None:
+        self.commanded = (0.0, 0.0)
+        self.stopped_s = time.monotonic()
+        super().__init__(*args)
+
+    def set_wheel_speeds(self, left_m_s: float, right_m_s: float) -> None:
+        if self.moving and (left_m_s, right_m_s) == (0.0, 0.0):
+            self.stopped_s = time.monotonic()
+        self.commanded = (left_m_s, right_m_s)
+        super().set_wheel_speeds(left_m_s, right_m_s)
+
+    @property
+    def moving(self) -> bool:
+        return self.commanded != (0.0, 0.0)
+
+
+class Stack:
+    """Nodes by name; ``kill`` is SIGKILL, ``start`` brings a node back."""
+
+    def __init__(self, folder: Path) -> None:
+        self.environment = {
+            **os.environ,
+            **launch.ENVIRONMENT,
+            "ROS_MASTER_URI": os.environ["ROS_MASTER_URI"],
+            "ROS_HOSTNAME": HOST,
+            "ROS_HOME": str(folder),
+            "PYTHONPATH": os.pathsep.join(p for p in sys.path if p),
+        }
+        self._folder = folder
+        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        world = open_world("lab", SEED)
+        self.plant = WatchedPlant(world, SEED, RobotConfig(), self._on_step, wheel_base_m("kobuki"))
+        self._base = base_emulator("kobuki", self.plant, str(folder / "base"), SEED)
+        self._camera: subprocess.Popen[bytes] | None = None
+        self.nodes = {
+            node.name: node
+            for node in [
+                *launch.bringup("kobuki", str(folder / "base"), f"emulator:{folder / 'camera'}"),
+                *launch.exploration(seed=SEED, run_dir=str(folder / "run")),
+            ]
+        }
+
+    def up(self) -> None:
+        self._spawn("rosmaster", ["rosmaster", "--core", "-p", os.environ["ROS_MASTER_URI"].rsplit(":", 1)[1]])
+        import rosgraph
+
+        self.wait(lambda: rosgraph.is_master_online(), 20.0, "the master")
+        settings = RenderSettings(
+            world="lab",
+            seed=SEED,
+            socket=str(self._folder / "camera"),
+            rate_hz=15.0,
+            start_ns=time.time_ns(),
+            robot=RobotConfig(),
+        )
+        child = [sys.executable, "-m", "vsx_ros.ros.render_process", msgspec.json.encode(settings).decode()]
+        self._camera = subprocess.Popen(
+            child, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, env=self.environment, bufsize=0
+        )
+        self._base.start()
+        for name in self.nodes:
+            self.start(name)
+
+    def start(self, name: str) -> None:
+        import rospy
+
+        node = self.nodes[name]
+        for key, value in node.params.items():
+            rospy.set_param(f"/{name}/{key}", value)
+        self._spawn(name, [sys.executable, str(CHECKOUT / "scripts" / name), f"__name:={name}"])
+
+    def kill(self, name: str) -> None:
+        self._processes.pop(name).kill()
+
+    def down(self) -> None:
+        self._base.close()
+        if self._camera is not None:
+            self._camera.kill()
+        for process in self._processes.values():
+            process.send_signal(signal.SIGINT)
+        deadline_s = time.monotonic() + 4.0
+        for process in self._processes.values():
+            try:
+                process.wait(max(0.1, deadline_s - time.monotonic()))
+            except subprocess.TimeoutExpired:
+                os.killpg(process.pid, signal.SIGKILL)
+
+    @staticmethod
+    def wait(condition: Callable[[], Any], seconds: float, what: str) -> None:
+        deadline_s = time.monotonic() + seconds
+        while not condition():
+            if time.monotonic() > deadline_s:
+                pytest.fail(f"waited {seconds:.0f} s for {what}")
+            time.sleep(0.02)
+
+    def wait_until_driving(self) -> None:
+        """The wheels turn, and have done so for a moment."""
+
+        def driving() -> bool:
+            for _ in range(10):
+                if not self.plant.moving:
+                    return False
+                time.sleep(0.03)
+            return True
+
+        self.wait(driving, 60.0, "the robot to drive")
+
+    def _spawn(self, name: str, command: list[str]) -> None:
+        log = (self._folder / f"{name}.txt").open("ab")
+        self._processes[name] = subprocess.Popen(
+            command, env=self.environment, stdout=log, stderr=log, start_new_session=True
+        )
+
+    def _on_step(self, state: BodyState) -> None:
+        pose = state.T_world_base
+        if self._camera is not None and self._camera.stdin is not None and self._camera.poll() is None:
+            self._camera.stdin.write(POSE.pack(state.time_ns, pose.x, pose.y, pose.theta, state.path_length_m))
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind((HOST, 0))
+        return int(probe.getsockname()[1])
+
+
+@pytest.fixture(scope="session")
+def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
+    """One bring-up for all tests; rospy allows one node a process, so this is the only test process with one."""
+    import rospy
+
+    folder = tmp_path_factory.mktemp("s", numbered=True)
+    os.environ.update(ROS_MASTER_URI=f"http://{HOST}:{free_port()}", ROS_HOSTNAME=HOST, ROS_LOG_DIR=str(folder))
+    running = Stack(folder)
+    starter = threading.Thread(target=running.up)
+    try:
+        starter.start()
+        starter.join()
+        rospy.init_node("observer", disable_signals=True)
+        yield running
+    finally:
+        rospy.signal_shutdown("tests are over")
+        running.down()
+
+
+EXPECTED_NODES = {f"/{name}" for name in topics.PUBLISHED} - {"/teleop", "/emulator"}

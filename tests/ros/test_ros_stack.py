@@ -1,0 +1,111 @@
+"""The live stack: who talks to whom, and that the wheels stop whoever dies."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+pytest.importorskip("rospy")
+
+import rosgraph
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from nav_msgs.msg import OccupancyGrid, Odometry
+from nav_msgs.srv import GetMap
+from sensor_msgs.msg import PointCloud2
+from tf2_msgs.msg import TFMessage
+
+from vsx_ros.ros import convert, topics
+
+if TYPE_CHECKING:
+    from conftest import Stack
+
+pytestmark = pytest.mark.ros
+
+NODES = set(topics.PUBLISHED) - {"teleop", "emulator"}
+STOP_WITHIN_S = 0.5
+
+
+def graph() -> tuple[dict[str, set[str]], dict[str, set[str]], dict[str, set[str]]]:
+    """Topic -> publishers, topic -> subscribers, service -> providers, as the master has them."""
+    published, subscribed, services = rosgraph.Master("/observer").getSystemState()
+    return tuple({name: set(nodes) for name, nodes in part} for part in (published, subscribed, services))  # type: ignore[return-value]
+
+
+def absolute(name: str) -> str:
+    return name if name.startswith("/") else f"/{name}"
+
+
+def heard(topic: str, kind: Any, seconds: float = 30.0) -> Any:
+    return rospy.wait_for_message(absolute(topic), kind, timeout=seconds)
+
+
+def test_every_node_advertises_what_the_table_says(stack: Stack) -> None:
+    wanted = {(absolute(t), f"/{node}") for node in NODES for t in topics.PUBLISHED[node]}
+    offered = {(absolute(s), f"/{node}") for node in NODES for s in topics.SERVICES.get(node, {})}
+
+    def complete() -> bool:
+        published, _, services = graph()
+        topics_there = all(node in published.get(topic, ()) for topic, node in wanted)
+        return topics_there and all(node in services.get(service, ()) for service, node in offered)
+
+    stack.wait(complete, 90.0, "all topics and services of the table")
+    kinds = dict(rosgraph.Master("/observer").getTopicTypes())
+    for node in NODES:
+        for topic, kind in topics.PUBLISHED[node].items():
+            assert kinds[absolute(topic)] == kind, topic
+
+
+def test_nobody_listens_to_the_ground_truth(stack: Stack) -> None:
+    stack.wait(lambda: len(graph()[1]) > 10, 60.0, "subscribers")
+    _, subscribed, _ = graph()
+    assert not [topic for topic in subscribed if topic.startswith(absolute(topics.TRUTH))]
+
+
+def test_pictures_become_a_pose_a_map_and_a_tf_tree(stack: Stack) -> None:
+    stack.wait_until_driving()
+    pose = heard(topics.POSE, PoseWithCovarianceStamped, 60.0)
+    odometry = convert.odometry(heard(topics.ODOM, Odometry))
+    T_map_base = convert.se2(pose.pose.pose)
+    # Both begin where the robot started and drift apart by little in so short a time.
+    assert T_map_base.distance_to(odometry.T_odom_base) < 0.3
+    assert pose.header.frame_id == topics.MAP_FRAME
+    stack.wait(lambda: heard(topics.MAP_POINTS, PointCloud2).width > 100, 30.0, "map points")
+    edges = {(t.header.frame_id, t.child_frame_id) for _ in range(60) for t in heard(topics.TF, TFMessage).transforms}
+    static = {(t.header.frame_id, t.child_frame_id) for t in heard(topics.TF_STATIC, TFMessage).transforms}
+    assert edges == {(topics.MAP_FRAME, topics.ODOM_FRAME), (topics.ODOM_FRAME, topics.BASE_FRAME)}
+    assert (topics.BASE_FRAME, topics.BODY_FRAME) in static
+    assert (topics.CAMERA_FRAME, topics.OPTICAL_FRAME) in static
+    grid = convert.grid(heard(topics.MAP, OccupancyGrid))
+    assert grid.value_at(T_map_base.x, T_map_base.y) == 0  # nothing is where the robot stands
+    served = convert.grid(rospy.ServiceProxy(absolute(topics.STATIC_MAP), GetMap)().map)
+    assert served.resolution == grid.resolution
+
+
+def test_diagnostics_name_their_node(stack: Stack) -> None:
+    seen: set[str] = set()
+
+    def listen(msg: DiagnosticArray) -> None:
+        seen.update(status.name.split(":")[0] for status in msg.status)
+
+    subscriber = rospy.Subscriber(topics.DIAGNOSTICS, DiagnosticArray, listen)
+    stack.wait(lambda: seen >= NODES, 20.0, f"diagnostics of {NODES}")
+    subscriber.unregister()
+
+
+@pytest.mark.parametrize("name", ["camera", "follower", "move_base", "explore", "vslam"])
+def test_the_wheels_stop_when_a_node_is_killed(
+    stack: Stack, name: str, record_property: Callable[[str, object], None]
+) -> None:
+    stack.wait_until_driving()
+    killed_s = time.monotonic()
+    stack.kill(name)
+    time.sleep(2.0)
+    assert not stack.plant.moving, f"{name} is dead and the robot drives on"
+    assert stack.plant.stopped_s - killed_s < STOP_WITHIN_S
+    record_property("stopped_after_s", round(stack.plant.stopped_s - killed_s, 3))
+    stack.start(name)
