@@ -7,10 +7,11 @@ import math
 import numpy as np
 
 from vsx_ros.sim.placement import is_connected
-from vsx_ros.sim.world import Box, Cylinder, Table, World, changed
+from vsx_ros.sim.world import Box, Cylinder, Point, Table, World, changed
 
 Rng = np.random.Generator
-TRIES = 30
+TRIES = 40
+JAMB_GAP_M = 0.6
 
 
 def _box(rng: Rng, x: float, y: float) -> Box:
@@ -21,8 +22,15 @@ def _box(rng: Rng, x: float, y: float) -> Box:
     return Box(x=x, y=y, yaw_rad=yaw, length=length, width=width, height=height, material=material)
 
 
+def jambs(world: World) -> list[Point]:
+    """Ends of free-standing walls that do not touch the building's outline: the sides of its doors."""
+    x0, y0, x1, y1 = world.bounds
+    ends = [end for wall in world.walls for end in (wall.points[0], wall.points[-1])]
+    return [(x, y) for x, y in ends if x0 + 0.01 < x < x1 - 0.01 and y0 + 0.01 < y < y1 - 0.01]
+
+
 def _touching(world: World) -> bool:
-    """Whether the newest piece of furniture stands inside another or in a partition."""
+    """Whether furniture stands inside other furniture, in a partition or in the way of a door."""
     solids = [(b.x, b.y, 0.5 * math.hypot(b.length, b.width)) for b in world.boxes]
     solids += [(t.x, t.y, 0.5 * math.hypot(t.length, t.width)) for t in world.tables]
     solids += [(c.x, c.y, c.radius) for c in world.cylinders]
@@ -35,7 +43,8 @@ def _touching(world: World) -> bool:
         for wall in world.walls
         for x, y, r in solids
     )
-    return near or in_wall
+    at_door = any(math.hypot(x - px, y - py) < r + JAMB_GAP_M for x, y, r in solids for px, py in jambs(world))
+    return near or in_wall or at_door
 
 
 def furnished(rng: Rng, world: World, boxes: int, tables: int, cylinders: int) -> World:
