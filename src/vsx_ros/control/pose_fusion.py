@@ -6,29 +6,48 @@ import bisect
 import math
 from collections import deque
 
+import numpy as np
+
+from vsx_ros.arrays import FloatArray
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.unicycle import integrate
 from vsx_ros.robot import Odometry
 
 _MEMORY = 400
-_BLEND = 0.25
 _JUMP_M, _JUMP_RAD = 0.3, 0.35
 _EXTRAPOLATE_NS = 200_000_000
+# Standard deviations: of a SLAM pose; of odometry per square root of a metre; of the bend at first and its drift.
+_SLAM_M, _SLAM_RAD = 0.01, 0.008
+_DRIFT_M, _DRIFT_RAD, _STANDING_VARIANCE = 0.02, 0.03, 1e-8
+_BEND_RAD_M, _BEND_DRIFT = 0.15, 0.05
 
 
 class PoseFuser:
-    """Keeps T_world_odom: SLAM says where the odometry frame lies, odometry where the base is in it.
+    """A Kalman filter of the pose at the last image and of the bend of the odometry.
 
     A SLAM pose belongs to the instant its image was taken, so it is compared with the odometry of that instant, however
-    late it arrives. Its correction is blended in, except the first and those too large to be noise (a relocalisation).
+    late it arrives. Wheels of unequal size make the base bend by an unknown angle per metre; that bend is estimated
+    too, because at the curvatures allowed here it is what leads off the path. A SLAM pose too far from the prediction to be
+    noise (a relocalisation) is taken as it is.
     """
 
     def __init__(self) -> None:
-        self.T_world_odom: SE2 | None = None
         self._odometry: deque[Odometry] = deque(maxlen=_MEMORY)
         self._slam_stamp_ns: int | None = None
         self._slam_pose: SE2 | None = None
+        # The anchor: pose in the world and in odometry at the stamp of the last SLAM pose that met odometry.
+        self._anchor: tuple[SE2, SE2] | None = None
+        self._bend_rad_m = 0.0
+        self._covariance: FloatArray = np.zeros((4, 4))
+
+    @property
+    def T_world_odom(self) -> SE2 | None:
+        """Where the odometry frame lies, judged by the newest odometry; None before SLAM and odometry met."""
+        pose = self.pose()
+        if pose is None or self._anchor is None:
+            return None
+        return pose @ self._odometry[-1].T_odom_base.inverse()
 
     def add_odometry(self, odometry: Odometry) -> None:
         """Take a reading; one that is not newer than the last is ignored. Raises InputError for NaN."""
@@ -48,12 +67,14 @@ class PoseFuser:
         T_odom_base = self._odometry_at(stamp_ns)
         if T_odom_base is None:
             return
-        if self.T_world_odom is not None:
-            believed = self.T_world_odom @ T_odom_base
-            jump = believed.distance_to(T_world_base) > _JUMP_M or abs(believed.angle_to(T_world_base)) > _JUMP_RAD
-            if not jump:
-                T_world_base = believed.interpolate(T_world_base, _BLEND)
-        self.T_world_odom = T_world_base @ T_odom_base.inverse()
+        if self._anchor is not None:
+            believed = self._carried(T_odom_base)
+            if believed.distance_to(T_world_base) <= _JUMP_M and abs(believed.angle_to(T_world_base)) <= _JUMP_RAD:
+                self._anchor = self._corrected(believed, T_odom_base, T_world_base), T_odom_base
+                return
+        self._anchor = T_world_base, T_odom_base
+        bend_variance = float(self._covariance[3, 3]) or _BEND_RAD_M**2
+        self._covariance = np.diag([_SLAM_M**2, _SLAM_M**2, _SLAM_RAD**2, bend_variance])
 
     def pose(self, stamp_ns: int | None = None) -> SE2 | None:
         """T_world_base at an instant, or the newest known; None before the first SLAM pose.
@@ -64,13 +85,41 @@ class PoseFuser:
         if not self._odometry:
             return self._slam_pose
         T_odom_base = self._odometry_at(self._odometry[-1].stamp_ns if stamp_ns is None else stamp_ns)
-        if self.T_world_odom is None or T_odom_base is None:
+        if self._anchor is None or T_odom_base is None:
             return None
-        return self.T_world_odom @ T_odom_base
+        return self._carried(T_odom_base)
 
     def slam_age_s(self, now_ns: int) -> float:
         """Time since the image of the last SLAM pose [s]; infinite before the first."""
         return math.inf if self._slam_stamp_ns is None else (now_ns - self._slam_stamp_ns) * 1e-9
+
+    def _carried(self, T_odom_base: SE2) -> SE2:
+        """The anchor moved by the odometry since, bent."""
+        assert self._anchor is not None
+        T_world_anchor, T_odom_anchor = self._anchor
+        step = T_odom_anchor.inverse() @ T_odom_base
+        turn = self._bend_rad_m * math.hypot(step.x, step.y)
+        half = SE2(0.0, 0.0, 0.5 * turn)
+        return T_world_anchor @ half @ SE2(step.x, step.y, step.theta) @ half
+
+    def _corrected(self, believed: SE2, T_odom_base: SE2, measured: SE2) -> SE2:
+        """Predict the covariance to the new stamp and take in the measurement; the pose there."""
+        assert self._anchor is not None
+        before = self._anchor[0]
+        dx, dy = believed.x - before.x, believed.y - before.y
+        way = math.hypot(dx, dy)
+        F = np.eye(4)
+        F[0, 2], F[1, 2], F[2, 3] = -dy, dx, way
+        F[0, 3], F[1, 3] = -0.5 * dy * way, 0.5 * dx * way
+        drift = np.array([_DRIFT_M**2, _DRIFT_M**2, _DRIFT_RAD**2, _BEND_DRIFT**2]) * way
+        P = F @ self._covariance @ F.T + np.diag(drift + np.array([_STANDING_VARIANCE] * 3 + [0.0]))
+        residual = np.array([measured.x - believed.x, measured.y - believed.y, believed.angle_to(measured)])
+        S = P[:3, :3] + np.diag([_SLAM_M**2, _SLAM_M**2, _SLAM_RAD**2])
+        gain = np.linalg.solve(S, P[:3, :]).T
+        change = gain @ residual
+        self._covariance = P - gain @ P[:3, :]
+        self._bend_rad_m += float(change[3])
+        return SE2(believed.x + float(change[0]), believed.y + float(change[1]), believed.theta + float(change[2]))
 
     def _odometry_at(self, stamp_ns: int) -> SE2 | None:
         """T_odom_base, interpolated or a little extrapolated; None outside of what is remembered."""

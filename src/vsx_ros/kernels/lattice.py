@@ -13,6 +13,7 @@ from vsx_ros.kernels.reeds_shepp import MAX_WORDS, SEGMENTS, advance, reeds_shep
 
 MOTIONS = 6
 _BUCKETS = 4
+_AROUND = 3  # cells; an arc is about as long
 _BENDS = np.array([0, 1, -1, 0, 1, -1])
 _SIGNS = np.array([1, 1, 1, -1, -1, -1])
 
@@ -237,8 +238,8 @@ def lattice_costs(
         turn = (theta - start_theta) / width
         g = int(math.floor(turn + 0.5))
         c, s = math.cos(theta), math.sin(theta)
-        for di in range(-1, 2):
-            for dj in range(-1, 2):
+        for di in range(-_AROUND, _AROUND + 1):
+            for dj in range(-_AROUND, _AROUND + 1):
                 a, b = i + di, j + dj
                 if a < 0 or b < 0 or a >= rows or b >= columns:
                     continue

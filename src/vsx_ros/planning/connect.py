@@ -7,11 +7,11 @@ import math
 from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.planning import joint_qp
-from vsx_ros.planning.path import Path, Refusal, RefusalKind, certified
-from vsx_ros.planning.pieces import Piece
+from vsx_ros.planning.path import Path, Refusal, certified
+from vsx_ros.planning.pieces import Piece, arc_piece
 from vsx_ros.planning.position_qp import connect_paper
 from vsx_ros.planning.reach import check_question, feasible
-from vsx_ros.planning.words import free_space_sequences
+from vsx_ros.planning.words import free_space_sequences, shortest_segments
 
 __all__ = ["connect", "connections", "feasible"]
 
@@ -22,6 +22,7 @@ GOOD_ENOUGH = 1.004
 _TRIES = 5
 _SHORTEST_PIECE_M = 0.01
 _CUSP_COST_M = 0.02
+_JUMP_COST_M = 0.3
 _EXACT = 1e-9
 
 
@@ -40,24 +41,27 @@ def connect(start: SE2, goal: SE2, phi: float, mode: str = "fov") -> Path | Refu
     if same_pose(start, goal):
         return certified(start, goal, (), "start and goal are the same")
     if mode == "fov":
-        candidates = connections(start, goal, phi, enough=1)
-        if candidates:
-            return candidates[0]
-        return Refusal(RefusalKind.INFEASIBLE, "no heading sequence has a curve proved to keep the bound")
+        return connections(start, goal, phi, enough=1)[0]
     if mode == "paper":
         return connect_paper(start, goal, phi)
     raise PlanningError(f"unknown connection mode {mode!r}; use 'fov' or 'paper'")
 
 
 def cost(path: Path) -> float:
-    """Length with a small price on every stop to change direction [m]."""
-    return path.length_m + _CUSP_COST_M * len(path.cusps)
+    """Length with a small price on changes of direction and a larger on stops for a jump of curvature [m]."""
+    jumps = max(0, len(path.stretches()) - 1 - len(path.cusps))
+    return path.length_m + _CUSP_COST_M * len(path.cusps) + _JUMP_COST_M * jumps
 
 
 def connections(start: SE2, goal: SE2, phi: float, enough: int) -> list[Path]:
-    """Verified paths, cheapest first; searches on until ``enough`` were found and the first is near the optimum."""
+    """Verified paths, cheapest first, never none; searches on until ``enough`` smooth ones are found.
+
+    The shortest Reeds-Shepp word itself, arcs with stops between them, stands in where no smooth path comes near it
+    (between poses a hair apart).
+    """
     found: list[Path] = []
-    optimum = free_space_sequences(start, goal, phi)[0].length_m
+    word = shortest_word(start, goal, phi)
+    optimum = word.length_m
     for tight in TIGHTNESS:
         sequences = free_space_sequences(start, goal, tight * phi)
         long = [s for s in sequences if s.shortest_m >= _SHORTEST_PIECE_M or len(s.turns) == 1]
@@ -71,7 +75,18 @@ def connections(start: SE2, goal: SE2, phi: float, enough: int) -> list[Path]:
         best = min((path.length_m for path in found), default=math.inf)
         if len(found) >= enough and best <= GOOD_ENOUGH * optimum:
             break
-    return sorted(found, key=cost)
+    return sorted([*found, word], key=cost)
+
+
+def shortest_word(start: SE2, goal: SE2, phi: float) -> Path:
+    """The shortest path of curvature phi, by arcs and lines (Reeds and Shepp)."""
+    pieces: list[Piece] = []
+    at = start
+    for turn, length in shortest_segments(start, goal, phi):
+        direction = 1 if length > 0.0 else -1
+        pieces.append(arc_piece(at, turn * direction * phi, abs(length), direction))
+        at = pieces[-1].end
+    return certified(start, goal, tuple(pieces), "arcs and lines")
 
 
 def verified(start: SE2, goal: SE2, pieces: tuple[Piece, ...] | None, phi: float) -> Path | None:

@@ -42,7 +42,8 @@ def feasible(start: SE2, goal: SE2, phi: float, reverse: bool = False) -> Feasib
     if reverse:  # the mirrored problem: x -> -x, theta -> -theta
         x, d = -x, -d
     way = "in reverse" if reverse else "forwards"
-    sign = 1.0 if d >= 0.0 else -1.0
+    half_circle = math.pi - abs(d) < _EXACT  # then either way round will do
+    sign = 1.0 if (y if half_circle else d) >= 0.0 else -1.0
     gx = x - math.sin(abs(d)) / phi
     gy = sign * y - (1.0 - math.cos(d)) / phi
     angle = abs(d)

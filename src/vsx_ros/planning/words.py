@@ -12,7 +12,7 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.geometry.se2 import SE2, wrap_angle
-from vsx_ros.kernels.reeds_shepp import MAX_WORDS, SEGMENTS, reeds_shepp_words
+from vsx_ros.kernels.reeds_shepp import MAX_WORDS, SEGMENTS, reeds_shepp_shortest, reeds_shepp_words
 
 _SHORTEST_SEGMENT = 1e-6
 
@@ -80,6 +80,17 @@ def merge_segments(
     return HeadingSequence(
         tuple(directions), tuple(angles), tuple(joints), sum(sizes), min(sizes), tuple(map(tuple, members))
     )
+
+
+def shortest_segments(start: SE2, goal: SE2, phi: float) -> list[tuple[int, float]]:
+    """(turn, signed length [m]) of the shortest Reeds-Shepp word between two poses at curvature phi [rad/m]."""
+    relative = start.inverse() @ goal
+    turns, lengths = np.zeros((MAX_WORDS, SEGMENTS), np.int64), np.zeros((MAX_WORDS, SEGMENTS))
+    word_turns, word_lengths = np.zeros(SEGMENTS, np.int64), np.zeros(SEGMENTS)
+    x, y = phi * relative.x, phi * relative.y
+    reeds_shepp_shortest(x, y, relative.theta, turns, lengths, word_turns, word_lengths)
+    segments = zip(word_turns.tolist(), (word_lengths / phi).tolist())
+    return [(turn, length) for turn, length in segments if abs(length) > 1e-12]
 
 
 def free_space_sequences(start: SE2, goal: SE2, phi: float) -> list[HeadingSequence]:

@@ -1,0 +1,220 @@
+"""In a map: what is planned is free, exact and bounded; what is refused is refused for the right reason."""
+
+import math
+
+import numpy as np
+import pytest
+
+from vsx_ros.config import PlannerConfig, RobotConfig
+from vsx_ros.errors import PlanningError
+from vsx_ros.geometry.se2 import SE2, wrap_angle
+from vsx_ros.occupancy.distance import clearance_field
+from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from vsx_ros.planning.paper_planner import PaperPlanner
+from vsx_ros.planning.path import Path, Plan, Refusal, RefusalKind
+from vsx_ros.planning.planner import Planner, UnconstrainedPlanner
+
+ROBOT, CONFIG = RobotConfig(), PlannerConfig()
+NEED = ROBOT.radius_m + CONFIG.clearance_m
+
+
+def room(columns: int = 121, rows: int = 83) -> np.ndarray:
+    """A free room of odd size, 5 cm cells, with walls."""
+    data = np.full((rows, columns), FREE, np.int8)
+    data[:2] = data[-2:] = OCCUPIED
+    data[:, :2] = data[:, -2:] = OCCUPIED
+    return data
+
+
+def grid(data: np.ndarray) -> OccupancyGrid:
+    return OccupancyGrid(data, 0.05, -1.0, -1.0)
+
+
+def with_wall(gap: slice) -> OccupancyGrid:
+    data = room()
+    data[:, 58:61] = OCCUPIED
+    data[gap, 58:61] = FREE
+    return grid(data)
+
+
+def rng() -> np.random.Generator:
+    return np.random.default_rng(0)
+
+
+def check(path: Path, grid_: OccupancyGrid, phi: float) -> None:
+    """Dense and independent of the planner: bound, exact end, and distance to every cell that is not free."""
+    blocked = grid_.centres(np.argwhere(grid_.data != FREE))
+    rows = path.sample(0.01)
+    assert np.abs(rows[:, 3]).max() <= phi * (1 + 1e-6)
+    assert path.certificate.end_error_m <= 1e-9
+    assert path.certificate.end_error_rad <= 1e-9
+    half = 0.5 * grid_.resolution
+    for x, y in rows[::3, :2]:
+        d = np.maximum(np.abs(blocked - (x, y)) - half, 0.0)
+        assert np.hypot(d[:, 0], d[:, 1]).min() >= NEED - 0.011
+    assert path.longest_reverse_m <= CONFIG.max_reverse_m + 1e-6
+
+
+def test_through_a_gap_and_turning_round_behind_it():
+    map_ = with_wall(slice(30, 48))
+    start, goal = SE2(0.5, -0.3, 2.0), SE2(3.5, 2.0, math.pi)
+    plan = Planner(CONFIG, ROBOT).plan(start, goal, map_, rng())
+    assert isinstance(plan, Plan)
+    check(plan.path, map_, CONFIG.phi_rad_m)
+    assert plan.path.start == start
+    assert plan.goal == goal
+    assert plan.path.certificate.min_clearance_m == pytest.approx(NEED, abs=0.25)
+    assert plan.path.certificate.curvature_bound_rad_m <= CONFIG.phi_rad_m
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_among_boxes(seed):
+    draw = np.random.default_rng(seed)
+    data = room(161, 121)
+    for _ in range(7):
+        r, c = draw.integers(10, 95), draw.integers(10, 135)
+        data[r : r + 12, c : c + 14] = OCCUPIED
+    map_ = grid(data)
+    field = clearance_field(map_)
+    free = []
+    while len(free) < 2:
+        pose = SE2(*(draw.uniform((-0.7, -0.7, -3.0), (6.8, 4.8, 3.0))))
+        if field.at(np.array([[pose.x, pose.y]]))[0] > NEED:
+            free.append(pose)
+    plan = Planner(CONFIG, ROBOT).plan(free[0], free[1], map_, rng())
+    generic = UnconstrainedPlanner(CONFIG, ROBOT).plan(free[0], free[1], map_, rng())
+    if isinstance(plan, Refusal):
+        assert plan.kind is RefusalKind.DISCONNECTED
+        assert isinstance(generic, Refusal)
+        return
+    check(plan.path, map_, CONFIG.phi_rad_m)
+    assert isinstance(generic, Plan)
+    again = Planner(CONFIG, ROBOT).plan(free[0], free[1], map_, rng())
+    assert isinstance(again, Plan)
+    assert plan.path.sample(0.01).tobytes() == again.path.sample(0.01).tobytes()
+
+
+def test_refusals_name_their_reason():
+    planner = Planner(CONFIG, ROBOT)
+    closed = with_wall(slice(0, 0))
+    start, goal = SE2(0.5, 1.0, 0.0), SE2(3.5, 1.0, 0.0)
+    split = planner.plan(start, goal, closed, rng())
+    assert isinstance(split, Refusal)
+    assert split.kind is RefusalKind.DISCONNECTED
+    in_wall = planner.plan(start, SE2(1.98, 1.0, 0.0), closed, rng())
+    assert isinstance(in_wall, Refusal)
+    assert in_wall.kind is RefusalKind.GOAL_BLOCKED
+    assert "0.18" in in_wall.reason
+    outside = planner.plan(SE2(30.0, 1.0, 0.0), goal, closed, rng())
+    assert isinstance(outside, Refusal)
+    assert outside.kind is RefusalKind.START_BLOCKED
+    beyond = planner.plan(start, SE2(-40.0, 1.0, 0.0), closed, rng())
+    assert isinstance(beyond, Refusal)
+    assert beyond.kind is RefusalKind.GOAL_BLOCKED
+
+
+def test_unknown_ground_is_not_free():
+    data = room()
+    data[:, 50:70] = UNKNOWN
+    plan = Planner(CONFIG, ROBOT).plan(SE2(0.5, 1.0, 0.0), SE2(3.9, 1.0, 0.0), grid(data), rng())
+    assert isinstance(plan, Refusal)
+    assert plan.kind is RefusalKind.DISCONNECTED
+
+
+def test_a_start_too_near_a_wall_may_leave_it():
+    map_ = grid(room())
+    start = SE2(-0.9 + 0.12, 1.0, math.pi)  # 12 cm from the wall, facing it
+    plan = Planner(CONFIG, ROBOT).plan(start, SE2(2.5, 1.5, 0.0), map_, rng())
+    assert isinstance(plan, Plan)
+    clearance = clearance_field(map_).at(plan.path.sample(0.01)[:, :2])
+    assert clearance.min() >= 0.12 - 0.025
+    assert clearance[-50:].min() >= NEED
+
+
+def test_exactly_straight_ahead_straight_behind_and_nowhere():
+    planner = Planner(CONFIG, ROBOT)
+    for distance in (0.6, -0.6, 0.0):
+        start = SE2(1.0, 1.0, 0.4)
+        goal = start @ SE2(distance, 0.0, 0.0)
+        for plan in (planner.plan(start, goal, grid(room()), rng()), planner.plan_blind(start, goal)):
+            assert isinstance(plan, Plan)
+            assert plan.path.length_m == pytest.approx(abs(distance), abs=1e-6)
+
+
+def test_reverse_legs_are_short():
+    planner = Planner(CONFIG, ROBOT)
+    blind = planner.plan_blind(SE2(), SE2(-3.0, 0.0, 0.0))
+    if isinstance(blind, Plan):
+        assert blind.path.longest_reverse_m <= CONFIG.max_reverse_m + 1e-6
+    else:
+        assert blind.kind is RefusalKind.INFEASIBLE
+        assert "1.5" in blind.reason
+    mapped = planner.plan(SE2(4.0, 1.0, 0.0), SE2(0.0, 1.0, 0.0), grid(room()), rng())
+    assert isinstance(mapped, Plan)
+    check(mapped.path, grid(room()), CONFIG.phi_rad_m)
+
+
+def test_travel_costs_go_around_obstacles():
+    planner = Planner(CONFIG, ROBOT)
+    start = SE2(0.5, 0.0, 0.0)
+    map_ = with_wall(slice(55, 75))
+    poses = np.array([
+        [1.2, 0.0, 0.0],
+        [3.0, 0.0, 0.0],  # behind the wall
+        [1.98, 0.0, 0.0],  # in the wall
+        [90.0, 0.0, 0.0],
+        [0.5, 0.0, math.pi],  # here, but turned round
+    ])  # fmt: skip
+    costs = planner.travel_costs(start, map_, poses)
+    assert costs[0] == pytest.approx(0.7, abs=0.2)
+    assert 5.0 < costs[1] < 10.0
+    assert np.isinf(costs[2])
+    assert np.isinf(costs[3])
+    assert 1.5 < costs[4] < 5.0
+    plan = planner.plan(start, SE2(*poses[1]), map_, rng())
+    assert isinstance(plan, Plan)
+    assert costs[1] == pytest.approx(plan.path.length_m, rel=0.2)
+    blocked = planner.travel_costs(SE2(50.0, 50.0, 0.0), map_, poses)
+    assert np.all(np.isinf(blocked))
+
+
+def test_the_generic_planner_turns_on_the_spot():
+    map_ = with_wall(slice(55, 75))
+    plan = UnconstrainedPlanner(CONFIG, ROBOT).plan(SE2(0.5, 0.0, 0.0), SE2(3.5, 0.0, 3.0), map_, rng())
+    assert isinstance(plan, Plan)
+    assert plan.path.turn_on_spot_rad > 2.0
+    assert plan.path.reverse_m == 0.0
+    assert plan.path.certificate.end_error_m <= 1e-9
+    assert plan.path.certificate.end_error_rad <= 1e-9
+    assert abs(wrap_angle(plan.path.end.theta - 3.0)) <= 1e-9
+    assert clearance_field(map_).at(plan.path.sample(0.01)[:, :2]).min() >= NEED - 0.01
+    assert math.isinf(plan.path.certificate.curvature_bound_rad_m)
+
+
+def test_the_papers_planner_uses_primitives_where_one_segment_cannot():
+    map_ = grid(room(161, 161))
+    start, goal = SE2(1.0, 1.0, 0.0), SE2(4.0, 4.0, 0.3)
+    plan = PaperPlanner(CONFIG, ROBOT).plan(start, goal, map_, rng())
+    assert isinstance(plan, Plan)
+    check(plan.path, map_, CONFIG.phi_rad_m * 1.001)
+    assert len(plan.path.pieces) > 1
+
+
+@pytest.mark.parametrize("kind", [Planner, UnconstrainedPlanner, PaperPlanner])
+def test_nan_is_an_error_and_start_equal_goal_is_not(kind):
+    planner = kind(CONFIG, ROBOT)
+    with pytest.raises(PlanningError, match="start pose"):
+        planner.plan(SE2(math.nan, 0.0, 0.0), SE2(1.0, 1.0, 0.0), grid(room()), rng())
+    plan = planner.plan(SE2(1.0, 1.0, 0.5), SE2(1.0, 1.0, 0.5), grid(room()), rng())
+    assert isinstance(plan, Plan)
+    assert plan.path.length_m == 0.0
+    with pytest.raises(PlanningError, match="drop it"):
+        Planner(CONFIG, ROBOT).travel_costs(SE2(1.0, 1.0, 0.0), grid(room()), np.full((1, 3), np.nan))
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (3, 5), (40, 1)])
+def test_maps_too_small_for_anything(shape):
+    tiny = OccupancyGrid(np.zeros(shape, np.int8), 0.05, 0.0, 0.0)
+    plan = Planner(CONFIG, ROBOT).plan(SE2(0.02, 0.02, 0.0), SE2(0.03, 0.02, 0.0), tiny, rng())
+    assert isinstance(plan, Refusal)
+    assert plan.kind is RefusalKind.GOAL_BLOCKED

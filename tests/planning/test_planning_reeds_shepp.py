@@ -1,0 +1,69 @@
+"""Every Reeds-Shepp word leads where it says; the shortest is no longer than any other way found."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from vsx_ros.geometry.se2 import SE2, wrap_angle
+from vsx_ros.kernels.reeds_shepp import MAX_WORDS, SEGMENTS, advance, reeds_shepp_lengths, reeds_shepp_words
+from vsx_ros.planning.words import free_space_sequences
+
+coordinate = st.floats(-6.0, 6.0)
+angle = st.floats(-math.pi, math.pi)
+
+
+def words(x: float, y: float, theta: float) -> tuple[np.ndarray, np.ndarray]:
+    turns, lengths = np.zeros((MAX_WORDS, SEGMENTS), np.int64), np.zeros((MAX_WORDS, SEGMENTS))
+    n = reeds_shepp_words(x, y, theta, turns, lengths)
+    return turns[:n], lengths[:n]
+
+
+@given(coordinate, coordinate, angle)
+@settings(max_examples=200, deadline=None)
+def test_every_word_ends_on_the_goal(x, y, theta):
+    turns, lengths = words(x, y, theta)
+    assert len(turns) >= 1
+    for turn, length in zip(turns, lengths):
+        pose = (0.0, 0.0, 0.0)
+        for k in range(SEGMENTS):
+            pose = advance(*pose, float(turn[k]), float(length[k]), 1.0)
+        assert math.hypot(pose[0] - x, pose[1] - y) < 1e-6
+        assert abs(wrap_angle(pose[2] - theta)) < 1e-6
+
+
+@given(coordinate, coordinate, angle)
+@settings(max_examples=200, deadline=None)
+def test_the_shortest_length_is_symmetric_and_at_least_the_straight_line(x, y, theta):
+    there = np.array([[x, y, theta]])
+    here = np.zeros((1, 3))
+    forth, back = reeds_shepp_lengths(here, there, 1.0)[0], reeds_shepp_lengths(there, here, 1.0)[0]
+    assert forth == pytest.approx(back, abs=1e-6)
+    assert forth >= math.hypot(x, y) - 1e-9
+    assert forth >= abs(wrap_angle(theta)) - 1e-9
+
+
+@pytest.mark.parametrize(
+    ("goal", "length"),
+    [
+        ((3.0, 0.0, 0.0), 3.0),
+        ((-3.0, 0.0, 0.0), 3.0),
+        ((1.0, 1.0, math.pi / 2), math.pi / 2),
+        ((0.0, 0.0, math.pi), math.pi),  # three arcs of 60 deg, two cusps
+    ],
+)
+def test_known_lengths(goal, length):
+    assert reeds_shepp_lengths(np.zeros((1, 3)), np.array([goal]), 1.0)[0] == pytest.approx(length, abs=1e-9)
+
+
+@given(coordinate, coordinate, angle, st.floats(0.2, 4.0))
+@settings(max_examples=100, deadline=None)
+def test_sequences_turn_by_the_heading_difference(x, y, theta, phi):
+    start, goal = SE2(0.4, -1.0, 0.7), SE2(0.4, -1.0, 0.7) @ SE2(x, y, theta)
+    for sequence in free_space_sequences(start, goal, phi):
+        assert abs(wrap_angle(sum(sequence.turns) - theta)) < 1e-12
+        assert len(sequence.joints) == len(sequence.turns) - 1
+        for k, joint in enumerate(sequence.joints):
+            assert joint == (sequence.directions[k] == sequence.directions[k + 1])
