@@ -28,8 +28,8 @@ class PoseFuser:
 
     A SLAM pose belongs to the instant its image was taken, so it is compared with the odometry of that instant, however
     late it arrives. Wheels of unequal size make the base bend by an unknown angle per metre; that bend is estimated
-    too, because at the curvatures allowed here it is what leads off the path. A SLAM pose too far from the prediction to be
-    noise (a relocalisation) is taken as it is.
+    too, because at the curvatures allowed here it is what leads off the path. A SLAM pose too far from the prediction
+    to be noise (a relocalisation) is taken as it is.
     """
 
     def __init__(self) -> None:

@@ -1,0 +1,122 @@
+"""Compile every kernel once, on tiny arrays: at node start, never in a callback."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vsx_ros.kernels import alignment, bundle, clearance, epipolar, lattice, patches, pose, projection, reeds_shepp,
+rrt
+
+
+def warm_up() -> None:
+    """Call all kernels with the argument types they are used with; seconds on a fresh checkout, then from disk."""
+    _tracking()
+    _mapping()
+    _planning()
+
+
+def _tracking() -> None:
+    camera = np.array([100.0, 100.0, 31.5, 31.5, 0.0, 0.0, 0.0, 0.0, 0.0, 10.0, 64.0, 64.0])
+    pixels, table, corners, row_table = _pyramid()
+    templates = np.zeros((1, 24, 24), np.uint8)
+    eye, zero = np.eye(3), np.zeros(3)
+    # Poses arrive read-only, which is a type of its own.
+    eye.flags.writeable = zero.flags.writeable = False
+    points = np.array([[0.0, 0.0, 1.0]])
+    basis = np.array([[0.01, 0.0, 0.0, 0.01]])
+    one = np.zeros(1, np.int64)
+    projection.unproject_pixels(camera, np.zeros((1, 2)))
+    level, uv, warp, chosen = projection.predict(
+        camera,
+        eye,
+        zero,
+        points,
+        one,
+        np.zeros((1, 5), np.int64),
+        one,
+        basis,
+        np.zeros((1, 3, 3)),
+        np.zeros((1, 3)),
+        8.0,
+    )
+    patches.search(pixels, table, corners, row_table, templates, np.zeros((1, 2)), chosen, level, uv, warp, 10.0, 2)
+    epipolar.search_rays(
+        camera,
+        eye,
+        zero,
+        np.zeros((1, 2)),
+        basis,
+        templates,
+        np.array([[0.1, 1.0]]),
+        pixels,
+        table,
+        corners,
+        row_table,
+    )
+    small = np.zeros((30, 40), np.float32)
+    alignment.align_small(small, small, 2)
+    K = np.array([100.0, 100.0, 31.5, 31.5])
+    pose.optimize_pose(K, eye, zero, points, np.zeros((1, 2)), np.ones(1), np.zeros(6), 2, 0.4)
+
+
+def _mapping() -> None:
+    K = np.array([100.0, 100.0, 31.5, 31.5])
+    pair = np.array([np.eye(3), np.eye(3)])
+    one = np.zeros(1, np.int64)
+    bundle.adjust(
+        K,
+        pair,
+        np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]),
+        np.array([-1, 0]),
+        np.array([[0.0, 0.0, 1.0]]),
+        np.array([0, 2]),
+        np.zeros(2, np.int64),
+        np.array([0, 1]),
+        np.zeros((2, 2)),
+        np.ones(2),
+        one,
+        one + 1,
+        pair[:1],
+        np.zeros((1, 3)),
+        np.eye(6)[None],
+        2,
+        0.4,
+    )
+
+
+def _planning() -> None:
+    blocked = np.ones((12, 12), np.bool_)
+    blocked[1:-1, 1:-1] = False
+    field = clearance.signed_distance(blocked, 4) * 0.1
+    clearance.interpolate_many(field, 0.1, 0.0, 0.0, np.full((1, 2), 0.5))
+    clearance.arc_is_free(field, 0.1, 0.0, 0.0, 0.5, 0.5, 0.0, 0.0, 0.1)
+    start, goal, nowhere = np.array([0.5, 0.5, 0.0]), np.array([0.7, 0.5, 0.0]), np.full(3, np.nan)
+    remaining = lattice.wavefront(field >= 0.0, 5, 5) * 0.1
+    ground = (field, 0.1, 0.0, 0.0)
+    _, poses, parents, motions, step, winner, _ = lattice.lattice_search(
+        *ground, start, 1.0, 24, 1, 0.1, 1.5, goal, remaining
+    )
+    turns, lengths = lattice.lattice_way(poses, parents, motions, winner, step, goal, 1.0)
+    lattice.reverse_run(lengths)
+    level = lattice.lattice_search(*ground, start, 1.0, 24, 1, 0.1, 1.5, nowhere, np.zeros((1, 1)))[0]
+    lattice.lattice_costs(level, step, 0.0, 0.0, 0.0, 0.1, 1.0, goal[None])
+    rrt.shorten(*ground, start, turns, lengths, 1.0, 1.5, 0.1, np.uint64(1), 4)
+    rrt.rrt_connect(*ground, np.flatnonzero(field > 0.0), start, goal, 1.0, 2.0, 1.5, np.uint64(1), 4)
+    work = (
+        np.zeros((reeds_shepp.MAX_WORDS, reeds_shepp.SEGMENTS), np.int64),
+        np.zeros((reeds_shepp.MAX_WORDS, reeds_shepp.SEGMENTS)),
+    )
+    reeds_shepp.reeds_shepp_words(1.0, 1.0, 1.0, *work)
+    word = np.zeros(reeds_shepp.SEGMENTS, np.int64), np.zeros(reeds_shepp.SEGMENTS)
+    reeds_shepp.reeds_shepp_shortest(1.0, 1.0, 1.0, *work, *word)
+
+
+def _pyramid() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    table = np.zeros((4, 4), np.int64)
+    offset, row = 0, 0
+    for level in range(4):
+        size = 64 >> level
+        table[level] = offset, size, size, row
+        offset += size * size
+        row += size + 1
+    return np.zeros(offset, np.uint8), table, np.zeros((0, 2), np.int32), np.zeros(row, np.int64)
