@@ -152,9 +152,9 @@ class BaseDriver:
             transport.write(data)
             self._closing.wait(pause_s)
         self._last_reading_ns = time.monotonic_ns()
-        sent_ns = 0
+        sent_ns, answered = 0, False
         while not self._closing.is_set():
-            due_ns = sent_ns + KEEP_ALIVE_NS
+            due_ns = sent_ns + (SHORTEST_PERIOD_NS if answered else KEEP_ALIVE_NS)
             data = transport.read(max(0.0, (due_ns - time.monotonic_ns()) * 1e-9))
             readings = self._dialect.receive(data, time.time_ns()) if data else []
             now_ns = time.monotonic_ns()
@@ -166,9 +166,10 @@ class BaseDriver:
                 self._set_link(True, "connected")
             if now_ns - self._last_reading_ns > SILENT_NS:
                 raise DeviceTimeout(f"{self._device}: no data for {SILENT_NS / 1e9:.0f} s; {self._dialect.silence()}")
-            if now_ns >= due_ns or (readings and now_ns - sent_ns >= SHORTEST_PERIOD_NS):
+            answered = answered or bool(readings)
+            if now_ns - sent_ns >= (SHORTEST_PERIOD_NS if answered else KEEP_ALIVE_NS):
                 transport.write(self._dialect.drive(*self._current(time.monotonic_ns())))
-                sent_ns = now_ns
+                sent_ns, answered = now_ns, False
 
     def _current(self, now_ns: int) -> tuple[float, float]:
         command = self._command

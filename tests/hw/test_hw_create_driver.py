@@ -62,7 +62,7 @@ def rig(request, tmp_path):
 def test_starts_in_safe_drives_measures_and_stops_without_commands(rig):
     rig.twist = (0.2, 0.4)
     reading = rig.wait(lambda r: r.odometry.heading_rad > 0.4)
-    assert reading.odometry.x_m == pytest.approx(0.5 * math.sin(0.4), abs=0.03)
+    assert reading.odometry.x_m == pytest.approx(0.5 * math.sin(0.4), abs=0.05)
     assert reading.battery.fraction == pytest.approx(0.889, abs=0.01)
     assert rig.plant.speeds == pytest.approx(
         (0.2 - 0.2 * rig.model.wheel_base_m, 0.2 + 0.2 * rig.model.wheel_base_m), abs=0.001

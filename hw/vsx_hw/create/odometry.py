@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from copy import copy
 
 from vsx_hw.create.protocol import CREATE_1, CREATE_2, METRES_PER_TICK
@@ -10,6 +11,7 @@ from vsx_hw.readings import OdometryReading
 
 LONGEST_GAP_S = 0.5
 FASTEST_M_S = 1.0
+SPEED_WINDOW = 5
 COASTING_NS = 500_000_000
 """After a stop the wheels roll on for a moment; later counts come from someone who pushes the robot."""
 
@@ -41,6 +43,7 @@ class EncoderOdometry:
         self._previous: tuple[int, int, int] | None = None
         self._driven_ns = 0
         self._wheels = (0.0, 0.0)
+        self._travel: deque[tuple[int, float, float]] = deque([(0, 0.0, 0.0)], SPEED_WINDOW)
         self._gaps = 0
 
     def reset(self) -> None:
@@ -62,17 +65,24 @@ class EncoderOdometry:
             elif now_ns - self._driven_ns > COASTING_NS:
                 trusted = left == right == 0.0
             else:
-                v, omega = self._move(left, right, dt_s)
+                v, omega = self._move(left, right, now_ns)
         self._previous = left_ticks, right_ticks, now_ns
         p = self._pose
         return OdometryReading(now_ns, p.x_m, p.y_m, p.heading_rad, v, omega, self._gaps, trusted, self._wheels)
 
-    def _move(self, left: float, right: float, dt_s: float) -> tuple[float, float]:
+    def _move(self, left: float, right: float, now_ns: int) -> tuple[float, float]:
+        """Advance the pose; the speeds are means over a few reports, because their arrival is not even."""
         distance = 0.5 * (left + right) * self._scales[0]
         turn = (right - left) / CREATE_2.wheel_base_m * self._scales[1]
         self._pose.advance(distance, turn)
         self._wheels = (self._wheels[0] + left, self._wheels[1] + right)
-        return (distance / dt_s, turn / dt_s) if dt_s > 0.0 else (0.0, 0.0)
+        then_ns, distance_then, turn_then = self._travel[0]
+        _, distance_before, turn_before = self._travel[-1]
+        self._travel.append((now_ns, distance_before + distance, turn_before + turn))
+        dt_s = (now_ns - then_ns) * 1e-9
+        if not 0.0 < dt_s < LONGEST_GAP_S:
+            return 0.0, 0.0
+        return (distance_before + distance - distance_then) / dt_s, (turn_before + turn - turn_then) / dt_s
 
 
 class DistanceOdometry:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
@@ -12,27 +11,15 @@ import numpy as np
 from vsx_hw.readings import Hazard
 from vsx_hw.serial_emulator import PlantState
 from vsx_ros.config import RobotConfig
-from vsx_ros.errors import ConfigError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.sim.body import Body, Bumper
-from vsx_ros.sim.generate import GENERATORS, generate_world
 from vsx_ros.sim.settings import SimulationConfig
 from vsx_ros.sim.world import World, obstacle_segments
-from vsx_ros.sim.world_file import load_world
 
 BODY_CHILD, CAMERA_CHILD = 1, 2
 """Children of the run's seed, the same as in the lock-step robot."""
 
 _RATE_WINDOW_NS = 20_000_000
-
-
-def open_world(name: str, seed: int) -> World:
-    """A generated world by its name, or one from a world.yaml. Raises ConfigError when there is neither."""
-    if name in GENERATORS:
-        return generate_world(name, seed)
-    if not name.endswith((".yaml", ".yml")):
-        raise ConfigError(f"world {name!r}: give {', '.join(GENERATORS)} or a world.yaml")
-    return load_world(Path(name))
 
 
 class BodyState(NamedTuple):

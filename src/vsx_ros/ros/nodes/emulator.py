@@ -4,7 +4,7 @@ Subscribers: none. The devices are a serial port and a camera socket; nobody in 
 Publishers: emulator/ground_truth/odometry (frame world: that of the world file, 30 Hz),
     emulator/ground_truth/camera_pose (per image, its stamp), emulator/ground_truth/collisions (latched),
     emulator/render_rate_hz (1 Hz).
-Parameters: ~world (lab): lab, office, corridor or a world.yaml. ~seed (0). ~robot_type (kobuki).
+Parameters: ~world (lab): lab, office, corridor, a world.yaml or a map.yaml. ~seed (0). ~robot_type (kobuki).
     ~port (ttyVSX in the folder for temporary files): the serial port it makes.
     ~camera_socket (vsx_kinect, same folder): the socket it makes; the camera's calibration is written beside it, with
     .yaml appended. ~rate_hz (15.0): images a second at most. ~config (tree of config.py).
@@ -31,12 +31,13 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry as OdometryMsg
 from std_msgs.msg import Float32, UInt32
 
+from vsx_ros.cli.world import open_world
 from vsx_ros.config import Config
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Odometry
 from vsx_ros.ros import convert, process, topics
 from vsx_ros.ros.base_drivers import base_emulator, wheel_base_m
-from vsx_ros.ros.emulation import BodyPlant, BodyState, open_world
+from vsx_ros.ros.emulation import BodyPlant, BodyState
 from vsx_ros.ros.render_process import POSE, RenderSettings
 
 _WORLD_FRAME = "world"
