@@ -91,8 +91,11 @@ def bearing_bin(angle: float, n_bearings: int) -> int:
 
 
 @kernel
-def bridge_gaps(free: Any, max_gap: int) -> Any:
-    """Copy of free (K, B) where at most max_gap empty bins between two filled ones take the smaller of the two."""
+def bridge_gaps(free: Any, max_gap: int, max_width: float) -> Any:
+    """Copy of free (K, B) where the empty bins between two filled ones take the smaller of the two.
+
+    Only where at most max_gap bins are empty, and only as far out as they are at most max_width [m] wide.
+    """
     bridged = free.copy()
     n = free.shape[1]
     for k in range(free.shape[0]):
@@ -102,8 +105,9 @@ def bridge_gaps(free: Any, max_gap: int) -> Any:
             for gap in range(1, max_gap + 1):
                 far = free[k, (b + gap + 1) % n]
                 if far > 0.0:
+                    reach = min(min(free[k, b], far), max_width / ((gap + 1) * 2.0 * math.pi / n))
                     for i in range(1, gap + 1):
-                        bridged[k, (b + i) % n] = min(free[k, b], far)
+                        bridged[k, (b + i) % n] = reach
                     break
     return bridged
 

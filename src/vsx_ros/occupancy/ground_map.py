@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2, Points3
 from vsx_ros.config import GroundMapConfig, RobotConfig
@@ -96,7 +97,7 @@ class GroundMap:
         if start is not None:
             data[self._start_strip(start, lattice)] = FREE
         data[occupied] = OCCUPIED
-        data[_specks(data)] = FREE
+        data[_gaps(data)] = FREE
         data[self._footprints(trail, lattice)] = FREE
         grid = OccupancyGrid(data, lattice.resolution, lattice.origin_x, lattice.origin_y)
         if not len(arcs):
@@ -185,15 +186,17 @@ class GroundMap:
         return np.vstack([np.zeros((0, 2)), *(pose @ arc for pose in bumps)])
 
 
-def _specks(data: np.ndarray[tuple[int, int], np.dtype[np.int8]]) -> BoolArray:
-    """Unknown patches at most three cells wide and high whose every neighbour is free."""
-    unknown = (data == UNKNOWN).astype(np.uint8)
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(unknown, connectivity=8)
+def _gaps(data: NDArray[np.int8]) -> BoolArray:
+    """Unknown cells in gaps of at most two cells between free ones, two cells or more from any obstacle; and unknown
+    patches at most three cells wide and high whose every neighbour is free. Sparse rays leave both everywhere."""
+    free = np.pad((data == FREE).astype(np.uint8), 2)
+    closed = cv2.morphologyEx(free, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))[2:-2, 2:-2] > 0
+    near_obstacle = cv2.dilate((data == OCCUPIED).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    gaps: BoolArray = closed & (data == UNKNOWN) & ~near_obstacle
+    unknown = ((data == UNKNOWN) & ~gaps).astype(np.uint8)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(unknown, connectivity=8)
     small = (stats[:, cv2.CC_STAT_WIDTH] <= _SPECK_CELLS) & (stats[:, cv2.CC_STAT_HEIGHT] <= _SPECK_CELLS)
     small[0] = False
-    near_obstacle = cv2.dilate((data == OCCUPIED).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     small[np.unique(labels[near_obstacle])] = False
-    border = np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]])
-    small[np.unique(border)] = False
-    specks: BoolArray = small[labels]
-    return specks
+    small[np.unique(np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]]))] = False
+    return gaps | small[labels]

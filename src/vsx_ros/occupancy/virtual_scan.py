@@ -18,8 +18,9 @@ from vsx_ros.kernels import ground_map as kernels
 
 N_BEARINGS = 720
 """Half a degree each: 4 cm at 4.5 m, less than a cell."""
-_MAX_GAP_BINS = 4
-"""Bearings between two rays this close take the shorter of both."""
+_MAX_GAP_BINS = 20
+_MAX_GAP_M = 0.15
+"""Bearings between two rays take the shorter of both, as far out as the rays are this close to each other."""
 _PIXEL_NOISE_RAD = 0.0012
 """0.6 pixels at a focal length of 500: how well a bearing to a point is known."""
 _MAX_HIT_ERROR_M = 0.10
@@ -71,4 +72,4 @@ def virtual_scans(
     ranges = config.max_range_m, _PIXEL_NOISE_RAD, _MAX_HIT_ERROR_M, 0.5 * config.resolution_m, _CAUTION
     parallax = kernels.point_parallax(positions, points, keyframe, point)
     free, hit = kernels.polar_scans(positions, yaws, points, parallax, keyframe, point, N_BEARINGS, heights, ranges)
-    return PolarScans(positions, yaws, kernels.bridge_gaps(free, _MAX_GAP_BINS), hit)
+    return PolarScans(positions, yaws, kernels.bridge_gaps(free, _MAX_GAP_BINS, _MAX_GAP_M), hit)
