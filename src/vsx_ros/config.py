@@ -79,7 +79,7 @@ class KeyframeConfig(_Branch):
     min_gap_frames: Count = 4
     distance_ratio: Positive = 0.06
     angle_deg: Positive = 8.0
-    overlap_ratio: Ratio = 0.7
+    overlap_ratio: Ratio = 0.55
 
 
 class MapperConfig(_Branch):
@@ -96,11 +96,11 @@ class MapperConfig(_Branch):
 class WheelConfig(_Branch):
     """How far wheel odometry between keyframes is believed, per axis: a constant plus a share of the motion."""
 
-    distance_sigma_m: Positive = 0.001
+    distance_sigma_m: Positive = 0.0003
     distance_sigma_ratio: Positive = 0.01
-    sideways_sigma_ratio: Positive = 0.03
-    turn_sigma_rad: Positive = 0.005
-    turn_sigma_ratio: Positive = 0.03
+    sideways_sigma_ratio: Positive = 0.012
+    turn_sigma_rad: Positive = 0.002
+    turn_sigma_ratio: Positive = 0.01
     tilt_sigma_rad: Positive = 0.01
 
 
@@ -125,7 +125,7 @@ class PlannerConfig(_Branch):
 class FollowerConfig(_Branch):
     """Following a timed trajectory."""
 
-    stiffness_rad_m: Positive = 4.0
+    stiffness_rad_m: Positive = 5.0
     max_lateral_error_m: Positive = 0.12
     max_heading_error_rad: Positive = 0.25
     pose_timeout_s: Positive = 0.5
@@ -151,15 +151,15 @@ class ExplorationConfig(_Branch):
     init_attempts: Count = 4
     min_frontier_m: NonNegative = 0.25
     min_gain_m2: NonNegative = 0.15
-    stop_cost_m: Positive = 0.8
+    stop_cost_m: Positive = 2.0
     look_range_m: Positive = 3.0
     looks_to_half: Positive = 2.0
-    look_spacing_m: Positive = 0.25
+    look_spacing_m: Positive = 0.35
     view_spacing_m: Positive = 0.2
     view_margin_m: NonNegative = 0.05
     max_ranked_views: Count = 300
-    min_landmarks: Annotated[int, Meta(ge=0)] = 25
-    good_landmarks: Count = 100
+    min_landmarks: Annotated[int, Meta(ge=0)] = 10
+    good_landmarks: Count = 30
     blacklist_radius_m: Positive = 0.4
     blacklist_s: Positive = 60.0
     backtrack_step_m: Positive = 0.35

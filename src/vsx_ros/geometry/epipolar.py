@@ -23,10 +23,12 @@ class TwoViewMotions(NamedTuple):
 
 
 def two_view_motions(rays_a: Points2, rays_b: Points2, tolerance: float) -> TwoViewMotions:
-    """Motions that explain matched rays (N, 2) on the planes z = 1, N >= 8; tolerance: standard deviation on that plane.
+    """Motions that explain matched rays (N, 2) on the planes z = 1, N >= 8; tolerance: standard deviation on that
+    plane.
 
-    Five-point essential matrix (Nister 2004) and homography, both by RANSAC with OpenCV's fixed seed, weighed against each
-    other by truncated chi-square scores (Mur-Artal et al. 2015). A planar scene yields the homography's decompositions too.
+    Five-point essential matrix (Nister 2004) and homography, both by RANSAC with OpenCV's fixed seed, weighed
+    against each other by truncated chi-square scores (Mur-Artal et al. 2015). A planar scene yields the homography's
+    decompositions too.
     """
     E, mask = cv2.findEssentialMat(rays_a, rays_b, np.eye(3), cv2.RANSAC, 0.999, 2.0 * tolerance)
     H, _ = cv2.findHomography(rays_a, rays_b, cv2.RANSAC, 2.5 * tolerance, maxIters=1000, confidence=0.999)
@@ -76,7 +78,8 @@ def epipolar_error(E: FloatArray, rays_a: Points2, rays_b: Points2) -> FloatArra
         both = np.stack(
             [product / (lines_b[:, :2] ** 2).sum(axis=1), product / (lines_a[:, :2] ** 2).sum(axis=1)], axis=1
         )
-    return np.nan_to_num(both, nan=np.inf, posinf=np.inf)
+    finite: FloatArray = np.nan_to_num(both, nan=np.inf, posinf=np.inf)
+    return finite
 
 
 def transfer_error(H: FloatArray, rays_a: Points2, rays_b: Points2) -> FloatArray:
@@ -86,7 +89,8 @@ def transfer_error(H: FloatArray, rays_a: Points2, rays_b: Points2) -> FloatArra
         mapped = np.column_stack([x, np.ones(len(x))]) @ M.T
         with np.errstate(divide="ignore", invalid="ignore"):
             columns.append(((mapped[:, :2] / mapped[:, 2:] - y) ** 2).sum(axis=1))
-    return np.nan_to_num(np.stack(columns, axis=1), nan=np.inf, posinf=np.inf)
+    finite: FloatArray = np.nan_to_num(np.stack(columns, axis=1), nan=np.inf, posinf=np.inf)
+    return finite
 
 
 def essential_matrix(T_b_a: SE3) -> FloatArray:

@@ -79,7 +79,7 @@ class SE3:
     translation: FloatArray
 
     def __post_init__(self) -> None:
-        R = np.array(self.rotation, dtype=np.float64)
+        R = np.array(self.rotation, dtype=np.float64, order="C")
         t = np.array(self.translation, dtype=np.float64).reshape(3)
         R.flags.writeable = False
         t.flags.writeable = False

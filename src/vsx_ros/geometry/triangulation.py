@@ -11,8 +11,8 @@ from vsx_ros.geometry.se3 import SE3
 def triangulate(T_b_a: SE3, rays_a: Points2, rays_b: Points2) -> tuple[Points3, FloatArray]:
     """Linear triangulation of rays on the planes z = 1 of two cameras.
 
-    T_b_a: camera a in b. rays (N, 2). Returns (points_a (N, 3) in camera a, parallax (N,) [rad]). Points may lie behind a
-    camera or be non-finite where the rays are parallel: the caller checks.
+    T_b_a: camera a in b. rays (N, 2). Returns (points_a (N, 3) in camera a, parallax (N,) [rad]). Points may lie
+    behind a camera or be non-finite where the rays are parallel: the caller checks.
     """
     R, t = T_b_a.rotation, T_b_a.translation
     a, b = np.column_stack([rays_a, np.ones(len(rays_a))]), np.column_stack([rays_b, np.ones(len(rays_b))])
@@ -26,7 +26,8 @@ def triangulate(T_b_a: SE3, rays_a: Points2, rays_b: Points2) -> tuple[Points3, 
 
 
 def reprojection_error(T_c_w: SE3, points: Points3, rays: Points2) -> FloatArray:
-    """(N,) distance on the plane z = 1 between points (N, 3) seen from c and rays (N, 2); infinite behind the camera."""
+    """(N,) distance on the plane z = 1 between points (N, 3) seen from c and rays (N, 2); infinite behind the
+    camera."""
     cam = T_c_w @ points
     with np.errstate(divide="ignore", invalid="ignore"):
         error: FloatArray = np.linalg.norm(cam[:, :2] / cam[:, 2:] - rays, axis=1)

@@ -15,8 +15,8 @@ from vsx_ros.kernels.pose import factor_in_place, solve_factored
 def align_small(reference: Any, current: Any, iterations: int) -> tuple[float, float, float, float]:
     """Planar motion from one (h, w) float32 image to another: current(Rot(a) x + (tx, ty)) = reference(x) + mean.
 
-    x is measured from the image centre. Returns tx, ty [small px], a [rad] and the mean squared difference reached over
-    the overlap. Efficient second-order: mean of both gradients (Benhimane and Malis 2004).
+    x is measured from the image centre. Returns tx, ty [small px], a [rad] and the mean squared difference reached
+    over the overlap. Efficient second-order: mean of both gradients (Benhimane and Malis 2004).
     """
     height, width = reference.shape
     cx, cy = 0.5 * (width - 1), 0.5 * (height - 1)

@@ -88,15 +88,18 @@ def _bracket(xi: Any, factor: float) -> Any:
 
 @kernel
 def relative_jacobians(xi: Any, Zr: Any, zt: Any) -> tuple[Any, Any]:
-    """(6, 6) derivatives of ``relative_residual`` (value xi) by the perturbations of frames a and b, second order in xi."""
+    """(6, 6) derivatives of ``relative_residual`` (value xi) by the perturbations of frames a and b, second order in
+    xi."""
     left = _bracket(xi, -0.5)
     right = _bracket(xi, 0.5)
     adjoint = np.zeros((6, 6))
-    s = np.array([
-        Zr[0, 0] * zt[0] + Zr[1, 0] * zt[1] + Zr[2, 0] * zt[2],
-        Zr[0, 1] * zt[0] + Zr[1, 1] * zt[1] + Zr[2, 1] * zt[2],
-        Zr[0, 2] * zt[0] + Zr[1, 2] * zt[1] + Zr[2, 2] * zt[2],
-    ])
+    s = np.array(
+        [
+            Zr[0, 0] * zt[0] + Zr[1, 0] * zt[1] + Zr[2, 0] * zt[2],
+            Zr[0, 1] * zt[0] + Zr[1, 1] * zt[1] + Zr[2, 1] * zt[2],
+            Zr[0, 2] * zt[0] + Zr[1, 2] * zt[1] + Zr[2, 2] * zt[2],
+        ]
+    )
     for i in range(3):
         for j in range(3):
             adjoint[i, j] = Zr[j, i]
@@ -166,7 +169,16 @@ def _quadratic(r: Any, info: Any) -> float:
 
 @kernel
 def _add_factors(
-    S: Any, g: Any, R: Any, t: Any, free: Any, factor_a: Any, factor_b: Any, factor_R: Any, factor_t: Any, factor_info: Any
+    S: Any,
+    g: Any,
+    R: Any,
+    t: Any,
+    free: Any,
+    factor_a: Any,
+    factor_b: Any,
+    factor_R: Any,
+    factor_t: Any,
+    factor_info: Any,
 ) -> None:
     """Add the relative-pose factors to the upper triangle of the reduced system S and its right-hand side g."""
     for f in range(factor_a.shape[0]):
@@ -281,7 +293,8 @@ def _invert_symmetric(V: Any, damping: float, out: Any) -> bool:
 def _reduce(
     free: Any, obs_start: Any, obs_frame: Any, V: Any, gp: Any, W: Any, damping: float, S: Any, rhs: Any, Vi: Any
 ) -> None:
-    """Subtract the points' share from the upper triangle of S and from rhs; keep the inverted point blocks Vi (M, 6)."""
+    """Subtract the points' share from the upper triangle of S and from rhs; keep the inverted point blocks Vi (M,
+    6)."""
     Y = np.empty((6, 3))
     for p in range(V.shape[0]):
         if not _invert_symmetric(V[p], damping, Vi[p]):
@@ -380,9 +393,7 @@ def adjust(
         if linearise:
             sigma = tukey_sigma(e, n_obs, sigma_min)
             cost = _cost(e, sigma, R, t, factor_a, factor_b, factor_R, factor_t, factor_info)
-            _point_blocks(
-                K, R, t, free, points, obs_start, obs_frame, obs_weight, res, e, sigma, H, g, V, gp, W
-            )
+            _point_blocks(K, R, t, free, points, obs_start, obs_frame, obs_weight, res, e, sigma, H, g, V, gp, W)
         S, rhs = np.zeros((n, n)), g.copy()
         for i in range(n_free):
             for a in range(6):
@@ -409,7 +420,7 @@ def adjust(
             damping, growth = max(1e-9, damping * 0.3), 2.0
             accepted += 1
             linearise = True
-            small = small + 1 if gain < 1e-4 else 0
+            small = small + 1 if gain < 1e-5 else 0
             if small >= 2:
                 break
         else:

@@ -73,9 +73,9 @@ def search_rays(
     """Find source patches in a target image somewhere along their rays.
 
     R, t: T_target_source. rays (C, 2): on the plane z = 1 of the source; basis (C, 4) as in ``predict``; patches
-    (C, 24, 24); inverse_depth (C, 2): (far, near) bounds [1/m]. The image is walked in steps of 2.5 level px; the patch
-    is warped again whenever its scale changed by 12 %. A match must be 1.25 times better than any other corner at
-    least 4 level px away.
+    (C, 24, 24); inverse_depth (C, 2): (far, near) bounds [1/m]. The image is walked in steps of 2.5 level px; the
+    patch is warped again whenever its scale changed by 12 %. A match must be 1.25 times better than any other corner
+    at least 4 level px away.
     Returns found (C,) bool, position (C, 2) level-0 px, level (C,).
     """
     n = rays.shape[0]

@@ -1,9 +1,9 @@
 """8x8 patches: warp, zero-mean SSD at corners, inverse-compositional sub-pixel alignment (Klein and Murray 2007, 5.4).
 
 An image pyramid is one flat (B,) uint8 buffer and a table (4, 4) int64 with rows (offset, height, width, first row
-index); its corners are (N, 2) int32 (x, y) in level pixels, sorted by level and row, with ``row_table`` giving for every
-row of every level the index of its first corner (one closing entry per level). A template of a map point is a 24x24
-uint8 patch of its source level; the point itself is at (12, 12) plus an offset within half a pixel.
+index); its corners are (N, 2) int32 (x, y) in level pixels, sorted by level and row, with ``row_table`` giving for
+every row of every level the index of its first corner (one closing entry per level). A template of a map point is a
+24x24 uint8 patch of its source level; the point itself is at (12, 12) plus an offset within half a pixel.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from vsx_ros.kernels import kernel
 PATCH = 24
 CENTRE = 12
 TEMPLATE = 10
-# A match is judged against the template's own contrast: loosely at whole pixels (half a pixel of misfit costs much on a
-# sharp edge), strictly once it is aligned. The floor is what sensor noise alone costs.
+# A match is judged against the template's own contrast: loosely at whole pixels (half a pixel of misfit costs much
+# on a sharp edge), strictly once it is aligned. The floor is what sensor noise alone costs.
 MAX_SHARE, MAX_ALIGNED_SHARE, NOISE_FLOOR = 0.6, 0.25, 2000.0
 
 
@@ -51,11 +51,10 @@ def warp_template(patch: Any, offset: Any, w: Any, template: Any) -> bool:
 @kernel
 def quantize(template: Any, core: Any) -> tuple[int, int]:
     """Fill core (64,) int32 with the inner 8x8 of the template; its sum and sum of squares."""
-    total = 0
-    squares = 0
+    total, squares = 0, 0
     for j in range(8):
         for i in range(8):
-            value = np.int32(template[j + 1, i + 1] + 0.5)
+            value = int(template[j + 1, i + 1] + 0.5)
             core[8 * j + i] = value
             total += value
             squares += value * value
@@ -221,7 +220,8 @@ def search(
     """Find warped map-point patches near their predictions (level-0 px): at corners within radius_px, or, where none
     fits, at any pixel within ``reach`` level px (0: corners only).
 
-    patches (T, 24, 24), offsets (T, 2): all templates; chosen (S,): which; level (S,), uv (S, 2), inverse_warp (S, 4) as ``predict`` returns them.
+    patches (T, 24, 24), offsets (T, 2): all templates; chosen (S,): which; level (S,), uv (S, 2), inverse_warp (S,
+    4) as ``predict`` returns them.
     Returns found (S,) bool and position (S, 2) level-0 px, sub-pixel.
     """
     n = chosen.shape[0]
@@ -239,9 +239,7 @@ def search(
         y = (uv[s, 1] + 0.5) / scale - 0.5
         radius = max(1.5, radius_px / scale)
         energy = contrast(total, squares)
-        best, winner = best_corner(
-            pixels, table, corners, row_table, lv, x, y, radius, core, total, squares
-        )
+        best, winner = best_corner(pixels, table, corners, row_table, lv, x, y, radius, core, total, squares)
         limit = MAX_SHARE * energy + NOISE_FLOOR
         if winner >= 0 and best < limit:
             px, py = corners[winner, 0], corners[winner, 1]
@@ -252,9 +250,7 @@ def search(
             px, py = np.int32(dx), np.int32(dy)
         else:
             continue
-        ok, fx, fy, rest = refine(
-            pixels, table[lv, 0], table[lv, 1], table[lv, 2], template, float(px), float(py), 10
-        )
+        ok, fx, fy, rest = refine(pixels, table[lv, 0], table[lv, 1], table[lv, 2], template, float(px), float(py), 10)
         ok = ok and rest < MAX_ALIGNED_SHARE * energy + NOISE_FLOOR
         if ok:
             found[s] = True

@@ -1,4 +1,5 @@
-"""Robust six-degree pose from points and pixels. Perturbation: T_cam_world <- exp(xi) T_cam_world, xi = (rho, omega)."""
+"""Robust six-degree pose from points and pixels. Perturbation: T_cam_world <- exp(xi) T_cam_world, xi = (rho,
+omega)."""
 
 from __future__ import annotations
 
@@ -67,7 +68,8 @@ def orthonormalize(R: Any) -> None:
 
 @kernel
 def point_jacobian(K: Any, x: float, y: float, z: float, J: Any) -> None:
-    """Fill J (2, 6): derivative of the undistorted pixel of the camera point (x, y, z) by xi. K (4,): fx, fy, cx, cy."""
+    """Fill J (2, 6): derivative of the undistorted pixel of the camera point (x, y, z) by xi. K (4,): fx, fy, cx,
+    cy."""
     iz = 1.0 / z
     a, b = K[0] * iz, K[1] * iz
     xn, yn = x * iz, y * iz
@@ -88,7 +90,8 @@ def tukey_sigma(squared: Any, n: int, sigma_min: float) -> float:
 
 @kernel
 def factor_in_place(A: Any) -> bool:
-    """Upper Cholesky factor of the symmetric A (upper triangle read and overwritten); False when not positive definite.
+    """Upper Cholesky factor of the symmetric A (upper triangle read and overwritten); False when not positive
+    definite.
 
     Right-looking with contiguous row updates: vectorises without reassociating sums, hence reproducible.
     """

@@ -68,11 +68,11 @@ def predict(
 
     R, t: T_cam_world of the image. points (P, 3): world; rows (C,): the points to predict. templates (P, V): template
     numbers of each point, -1 for none. source (T,): the keyframe a template comes from, as row of source_R (K, 3, 3) =
-    R_world_cam and source_centre (K, 3). basis (T, 4): right and down step of one source-level pixel on the plane z = 1
-    of the source camera.
-    Returns level (C,) (-1: not visible), uv (C, 2) level-0 px, inverse_warp (C, 4): level px -> source px, row-major, and
-    template (C,). The level is the one where the warp's determinant lies in [0.25, 3] (PTAM's rule); the template the one
-    seen from the most similar direction and distance, at most 53 degrees away.
+    R_world_cam and source_centre (K, 3). basis (T, 4): right and down step of one source-level pixel on the plane z
+    = 1 of the source camera.
+    Returns level (C,) (-1: not visible), uv (C, 2) level-0 px, inverse_warp (C, 4): level px -> source px,
+    row-major, and template (C,). The level is the one where the warp's determinant lies in [0.25, 3] (PTAM's rule);
+    the template the one seen from the most similar direction and distance, at most 53 degrees away.
     """
     n = rows.shape[0]
     level = np.full(n, -1, np.int64)

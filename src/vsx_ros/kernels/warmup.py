@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vsx_ros.kernels import alignment, bundle, clearance, epipolar, lattice, patches, pose, projection, reeds_shepp,
-rrt
+from vsx_ros.kernels import alignment, bundle, clearance, epipolar, lattice, patches, pose, projection, reeds_shepp, rrt
 
 
 def warm_up() -> None:

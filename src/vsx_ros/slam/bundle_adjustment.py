@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsx_ros.arrays import FloatArray, IntArray
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.config import WheelConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
@@ -64,8 +64,8 @@ class BundleAdjuster:
         self._wheels = wheels
 
     def adjust(self, world: Map, free: list[int], iterations: int) -> Adjustment:
-        """Move the keyframes ``free`` (indices) and all points they see; every other keyframe that sees these points holds
-        them in place. Keyframe 0 never moves."""
+        """Move the keyframes ``free`` (indices) and all points they see; every other keyframe that sees these points
+        holds them in place. Keyframe 0 never moves."""
         free = sorted(set(free) - {0})
         seen = np.zeros(world.count, np.bool_)
         for index in free:
@@ -110,7 +110,7 @@ class BundleAdjuster:
         return Adjustment(float(sigma), int(bad.sum()), dead)
 
     def _observations(
-        self, world: Map, frames: list[int], seen: FloatArray
+        self, world: Map, frames: list[int], seen: BoolArray
     ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
         parts = []
         for position, k in enumerate(frames):
@@ -123,7 +123,9 @@ class BundleAdjuster:
         point, frame, xy, weight = (np.concatenate(column) for column in zip(*parts))
         return point, frame, xy, weight.astype(float)
 
-    def _factors(self, world: Map, frames: list[int], free: set[int]) -> tuple[FloatArray, ...]:
+    def _factors(
+        self, world: Map, frames: list[int], free: set[int]
+    ) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray]:
         """Arrays of the odometry factors between successive keyframes of which at least one moves."""
         where = {k: i for i, k in enumerate(frames)}
         found: list[tuple[int, int, OdometryFactor]] = []

@@ -63,8 +63,8 @@ class FrontEnd:
     def process(self, frame: Frame, odometry: Odometry | None) -> FrameOutcome:
         """One frame, in the order of the stamps.
 
-        Raises InputError for an image of the wrong size or type and for a stamp that does not advance; the frame is then
-        as if it had never come.
+        Raises InputError for an image of the wrong size or type and for a stamp that does not advance; the frame is
+        then as if it had never come.
         """
         data = self._take_apart(frame, odometry)
         if not self._view.keyframes:
@@ -117,9 +117,7 @@ class FrontEnd:
             self._coarse_next = True
         self._last_stamp_ns = frame.stamp_ns
         wheels = self._odometry_at(frame.stamp_ns, odometry)
-        return FrameData(
-            frame.stamp_ns, pyramid, self._detector.detect(pyramid), small_image(pyramid), wheels
-        )
+        return FrameData(frame.stamp_ns, pyramid, self._detector.detect(pyramid), small_image(pyramid), wheels)
 
     def _odometry_at(self, stamp_ns: int, odometry: Odometry | None) -> SE2 | None:
         """The base's odometry pose at the instant of the image, None when it cannot be told."""
@@ -144,12 +142,10 @@ class FrontEnd:
             self._refusal = outcome
             state = TrackingState.NOT_INITIALISED
             return FrameOutcome(TrackingResult(data.stamp_ns, state, None, 0, 0, False, outcome))
-        found = len(outcome.matches.index)
+        found = len(outcome.matches.chosen)
         self._event(data.stamp_ns, "initialised", f"{found} points from two frames")
         self.record.initialised(data.stamp_ns, outcome.poses[1].translation)
-        result = TrackingResult(
-            data.stamp_ns, TrackingState.GOOD, outcome.poses[1], found, found, True, "map started"
-        )
+        result = TrackingResult(data.stamp_ns, TrackingState.GOOD, outcome.poses[1], found, found, True, "map started")
         return FrameOutcome(result, start=outcome)
 
     def _tracked(self, data: FrameData, track: Track, reference: int) -> FrameOutcome:
@@ -212,4 +208,3 @@ class FrontEnd:
 
     def _event(self, stamp_ns: int, kind: str, reason: str) -> None:
         self.events.append(SlamEvent(stamp_ns, kind, reason))
-

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 
-from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels, Points3
+from vsx_ros.arrays import BoolArray, FloatArray, GrayImage, IntArray, Pixels, Points3
 from vsx_ros.config import InitializationConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.epipolar import epipolar_error, essential_matrix, two_view_motions
@@ -172,19 +172,12 @@ class Initializer:
     ) -> TwoViewMap:
         """Capped two-view adjustment of one hypothesis, and the points that stand the checks."""
         E_error = epipolar_error(essential_matrix(T_b_a), rays_a, rays_b).max(axis=1)
-        rough = E_error < (6.0 * tolerance) ** 2
-        limits = (tolerance * 2.0, tolerance * 2.0)
-        everywhere = (0.0, 1e6)
-        if int(rough.sum()) >= 12:
-            points, keep = checked_points(
-                T_b_a, rays_a, rays_b, (3 * limits[0], 3 * limits[1]), everywhere, math.radians(0.2)  # type: ignore[arg-type]
-            )
-            keep &= rough
-            if int(keep.sum()) >= 12:
-                T_b_a = self._adjust(T_b_a, points[keep], rays_a[keep], rays_b[keep])
-        points, good = checked_points(
-            T_b_a, rays_a, rays_b, limits, everywhere, parallax  # type: ignore[arg-type]
-        )
+        strict, loose, anywhere = 2.0 * tolerance, 6.0 * tolerance, (0.0, 1e6)
+        points, keep = checked_points(T_b_a, rays_a, rays_b, (loose, loose), anywhere, math.radians(0.2))
+        keep &= E_error < loose**2
+        if int(keep.sum()) >= 12:
+            T_b_a = self._adjust(T_b_a, points[keep], rays_a[keep], rays_b[keep])
+        points, good = checked_points(T_b_a, rays_a, rays_b, (strict, strict), anywhere, parallax)
         return TwoViewMap(T_b_a, points, good)
 
     def _adjust(self, T_b_a: SE3, points: Points3, rays_a: FloatArray, rays_b: FloatArray) -> SE3:
@@ -229,11 +222,16 @@ class Initializer:
         return Initialization(self._reference, data, (first, first @ T_b_a.inverse()), matches, self._candidates)
 
 
-def _flow(before: FloatArray, now: FloatArray, start: Pixels, guess: Pixels) -> tuple[Pixels, BoolArray]:
+def _flow(before: GrayImage, now: GrayImage, start: Pixels, guess: Pixels) -> tuple[Pixels, BoolArray]:
     """Pyramidal Lucas-Kanade with a backward check: (positions (N, 2), kept (N,))."""
     if not len(start):
         return guess, np.zeros(0, np.bool_)
-    options = {"winSize": (15, 15), "maxLevel": 3, "criteria": (3, 20, 0.01), "flags": cv2.OPTFLOW_USE_INITIAL_FLOW}
+    options: dict[str, Any] = {
+        "winSize": (15, 15),
+        "maxLevel": 3,
+        "criteria": (3, 20, 0.01),
+        "flags": cv2.OPTFLOW_USE_INITIAL_FLOW,
+    }
     a, b = start.astype(np.float32), guess.astype(np.float32)
     forward, ok, _ = cv2.calcOpticalFlowPyrLK(before, now, a, b.copy(), **options)
     back, ok_back, _ = cv2.calcOpticalFlowPyrLK(now, before, forward, a.copy(), **options)

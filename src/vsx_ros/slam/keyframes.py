@@ -1,4 +1,5 @@
-"""When a tracked frame becomes a keyframe (paper 3.1): rarely where the map is known, often enough to survive a turn."""
+"""When a tracked frame becomes a keyframe (paper 3.1): rarely where the map is known, often enough to survive a
+turn."""
 
 from __future__ import annotations
 
@@ -13,9 +14,7 @@ from vsx_ros.slam.state import TrackingState
 from vsx_ros.slam.tracker import Track, nearest_keyframes
 
 
-def keyframe_reason(
-    config: KeyframeConfig, view: MapView, track: Track, reference: int, frames_since: int
-) -> str:
+def keyframe_reason(config: KeyframeConfig, view: MapView, track: Track, reference: int, frames_since: int) -> str:
     """Why this frame should enter the map; empty when it should not.
 
     Distance and angle are measured to the nearest keyframe of the whole map, so that explored area yields none.

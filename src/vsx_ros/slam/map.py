@@ -16,7 +16,6 @@ from vsx_ros.vision.corners import Corners
 from vsx_ros.vision.pyramid import Pyramid
 from vsx_ros.vision.small_image import SmallImage
 
-
 VIEWS = 5
 
 
@@ -34,13 +33,20 @@ class Observations(NamedTuple):
         """No observation."""
         return Observations(np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, np.int64))
 
-    def joined(self, other: Observations) -> Observations:
-        """Both, this one's first."""
-        return Observations(*(np.concatenate(pair) for pair in zip(self, other)))
+    @staticmethod
+    def concatenated(parts: list[Observations]) -> Observations:
+        """All of them in one, in order."""
+        parts = [Observations.none(), *parts]
+        return Observations(
+            np.concatenate([part.rows for part in parts]),
+            np.concatenate([part.uv for part in parts]),
+            np.concatenate([part.ideal for part in parts]),
+            np.concatenate([part.level for part in parts]),
+        )
 
     def where(self, mask: BoolArray) -> Observations:
         """Those the mask (n,) keeps."""
-        return Observations(*(column[mask] for column in self))
+        return Observations(self.rows[mask], self.uv[mask], self.ideal[mask], self.level[mask])
 
 
 class FrameData(NamedTuple):
@@ -65,8 +71,8 @@ class KeyFrame:
 
 
 class Templates(NamedTuple):
-    """What points look like from several directions. of_point (P, V): template numbers, -1 for none; source (T,): keyframe
-    index; basis (T, 4): see ``predict``; offset (T, 2) and patches (T, 24, 24): see ``warp_template``."""
+    """What points look like from several directions. of_point (P, V): template numbers, -1 for none; source (T,):
+    keyframe index; basis (T, 4): see ``predict``; offset (T, 2) and patches (T, 24, 24): see ``warp_template``."""
 
     of_point: IntArray
     source: IntArray
@@ -89,8 +95,8 @@ class MapView(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MapSnapshot:
-    """The map as others see it. obs_keyframe and obs_point index the keyframes and points of this snapshot; obs_uv level-0
-    px as in the image (distorted), images are level 0."""
+    """The map as others see it. obs_keyframe and obs_point index the keyframes and points of this snapshot; obs_uv
+    level-0 px as in the image (distorted), images are level 0."""
 
     version: int
     keyframe_ids: IntArray
@@ -166,7 +172,8 @@ class Map:
         return rows
 
     def add_templates(self, rows: IntArray, looks: NewTemplates, source: int) -> None:
-        """Let points (rows) also be looked for as keyframe ``source`` shows them; the oldest look but the first gives way."""
+        """Let points (rows) also be looked for as keyframe ``source`` shows them; the oldest look but the first
+        gives way."""
         n = len(rows)
         self._reserve(self.template_count + n, ("_template_source", "_basis", "_offset", "_patches"))
         numbers = np.arange(self.template_count, self.template_count + n)
@@ -192,7 +199,7 @@ class Map:
     def observe(self, index: int, more: Observations) -> None:
         """Add observations to a keyframe."""
         keyframe = self.keyframes[index]
-        self.keyframes[index] = replace(keyframe, observations=keyframe.observations.joined(more))
+        self.keyframes[index] = replace(keyframe, observations=Observations.concatenated([keyframe.observations, more]))
 
     def forget(self, index: int, mask: BoolArray) -> None:
         """Remove the observations of a keyframe where mask (n,) is set."""
@@ -268,14 +275,8 @@ def snapshot(view: MapView) -> MapSnapshot:
     rows = np.flatnonzero(view.alive & (seen >= 2))
     number = np.full(len(view.points), -1, np.int64)
     number[rows] = np.arange(len(rows))
-    columns: list[list[NDArray]] = [[np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros((0, 2))], []]
-    columns[3].append(np.zeros(0, np.int64))
-    for index, keyframe in enumerate(view.keyframes):
-        kept = keyframe.observations.where(number[keyframe.observations.rows] >= 0)
-        columns[0].append(np.full(len(kept.rows), index, np.int64))
-        columns[1].append(number[kept.rows])
-        columns[2].append(kept.uv)
-        columns[3].append(kept.level)
+    kept = [k.observations.where(number[k.observations.rows] >= 0) for k in view.keyframes]
+    every = Observations.concatenated(kept)
     return MapSnapshot(
         view.version,
         np.array([k.id for k in view.keyframes], np.int64),
@@ -284,5 +285,8 @@ def snapshot(view: MapView) -> MapSnapshot:
         tuple(k.data.pyramid.level(0) for k in view.keyframes),
         rows,
         view.points[rows],
-        *(np.concatenate(column) for column in columns),
+        np.repeat(np.arange(len(kept)), [len(observed.rows) for observed in kept]),
+        number[every.rows],
+        every.uv,
+        every.level,
     )

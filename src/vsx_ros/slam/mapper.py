@@ -18,9 +18,9 @@ from vsx_ros.slam.point_creation import (
     Candidates,
     TargetMatches,
     candidates_in,
-    match_in_target,
     looks_in,
     looks_of,
+    match_in_target,
     observations_at,
 )
 from vsx_ros.slam.tracker import predicted
@@ -33,7 +33,8 @@ BASELINES = (0.07, 0.025, 0.12, 0.045)
 
 
 class KeyFrameRequest(NamedTuple):
-    """A tracked frame that shall enter the map. T_ref_cam: its pose in keyframe ``reference``, which may have moved since.
+    """A tracked frame that shall enter the map. T_ref_cam: its pose in keyframe ``reference``, which may have moved
+    since.
     searched, found (P,): the tracker's counts per point so far."""
 
     data: FrameData
@@ -47,7 +48,7 @@ class KeyFrameRequest(NamedTuple):
 
 
 class Mapper:
-    """``add_keyframe`` does the work of one keyframe to completion."""
+    """``add_keyframe`` does the work of one keyframe to completion; ``refine`` follows when there is time."""
 
     def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, config: SlamConfig) -> None:
         self.map = Map()
@@ -88,14 +89,26 @@ class Mapper:
         self._adjuster.adjust(world, [index, *neighbours], self._config.local_iterations)
         self._renew_looks(index)
         self._since_global += 1
-        if self._since_global >= GLOBAL_EVERY or len(world.keyframes) < GLOBAL_EVERY:
-            self._adjuster.adjust(world, list(range(len(world.keyframes))), self._config.global_iterations)
-            self._since_global = 0
+        world.version += 1
+        return world.view()
+
+    @property
+    def refinement_due(self) -> bool:
+        """Whether the whole map should be adjusted: always while it is young, later every eighth keyframe."""
+        young = len(self.map.keyframes) < GLOBAL_EVERY
+        return self._since_global >= (1 if young else GLOBAL_EVERY)
+
+    def refine(self) -> MapView:
+        """Adjust the whole map."""
+        world = self.map
+        self._adjuster.adjust(world, list(range(len(world.keyframes))), self._config.global_iterations)
+        self._since_global = 0
         world.version += 1
         return world.view()
 
     def neighbours(self, index: int, count: int) -> list[int]:
-        """Indices of the keyframes that share most points with one, at least 15, best first; the previous one always."""
+        """Indices of the keyframes that share most points with one, at least 15, best first; the previous one
+        always."""
         shared = covisible(self.map.keyframes, self.map.keyframes[index].observations.rows, self.map.count)
         shared[index] = 0
         ranked = [int(k) for k in np.argsort(-shared, kind="stable") if shared[k] >= 15][:count]
@@ -104,8 +117,8 @@ class Mapper:
         return ranked
 
     def _targets(self, index: int, neighbours: list[int]) -> list[int]:
-        """Neighbours to triangulate with: one at a comfortable baseline, one near for what has just come into view, then
-        wider ones. Baselines count relative to the depth."""
+        """Neighbours to triangulate with: one at a comfortable baseline, one near for what has just come into view,
+        then wider ones. Baselines count relative to the depth."""
         keyframe = self.map.keyframes[index]
         depth = keyframe.median_depth or 1.0
         offset = {
@@ -140,7 +153,9 @@ class Mapper:
             keyframe.data.corners,
             view.templates.patches,
             view.templates.offset,
-            predictions, REFIND_RADIUS_PX, REFIND_REACH
+            predictions,
+            REFIND_RADIUS_PX,
+            REFIND_REACH,
         )
         world.observe(
             index, observations_at(self._camera, predictions.rows[found], uv[found], predictions.level[found])
@@ -164,7 +179,7 @@ class Mapper:
             )
             rows.append(self._enter(index, k, candidates, matches))
             left = np.ones(len(candidates.uv), np.bool_)
-            left[matches.index] = False
+            left[matches.chosen] = False
             candidates = candidates.where(left)
         return np.concatenate(rows) if rows else np.zeros(0, np.int64)
 
@@ -174,8 +189,8 @@ class Mapper:
 
     def _enter(self, source: int, target: int, candidates: Candidates, matches: TargetMatches) -> IntArray:
         world = self.map
-        rows = world.add_points(matches.points_world, looks_of(candidates, matches.index), source)
-        chosen = matches.index
+        rows = world.add_points(matches.points_world, looks_of(candidates, matches.chosen), source)
+        chosen = matches.chosen
         world.observe(source, observations_at(self._camera, rows, candidates.uv[chosen], candidates.level[chosen]))
         world.observe(target, observations_at(self._camera, rows, matches.uv, matches.level))
         return rows
@@ -203,4 +218,3 @@ class Mapper:
         n = min(len(searched), self.map.count)
         bad: BoolArray = (searched[:n] >= 8) & (found[:n] < 0.25 * searched[:n]) & self.map.alive[:n]
         self.map.remove_points(np.flatnonzero(bad))
-

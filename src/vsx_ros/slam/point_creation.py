@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points3
 from vsx_ros.geometry.camera import PinholeCamera
@@ -30,17 +31,17 @@ class Candidates(NamedTuple):
     level: IntArray
     rays: FloatArray
     basis: FloatArray
-    patches: IntArray
+    patches: NDArray[np.uint8]
 
     def where(self, mask: BoolArray) -> Candidates:
         """Those the mask keeps."""
-        return Candidates(*(column[mask] for column in self))
+        return Candidates(self.uv[mask], self.level[mask], self.rays[mask], self.basis[mask], self.patches[mask])
 
 
 class TargetMatches(NamedTuple):
-    """Candidates (by index) found in a target keyframe: where, and the points (n, 3) in the world."""
+    """Candidates (their numbers) found in a target keyframe: where, and the points (n, 3) in the world."""
 
-    index: IntArray
+    chosen: IntArray
     uv: FloatArray
     level: IntArray
     points_world: Points3
@@ -66,13 +67,15 @@ def candidates_in(keyframe: KeyFrame, camera: FloatArray, budget: int) -> Candid
             occupied[max(0, y - radius) : y + radius + 1, max(0, x - radius) : x + radius + 1] = True
         corners = strongest(image, occupied, int(budget * _SHARE[level]), radius)
         rays = cast_rays(camera, corners, level)
-        parts.append((
-            from_level(corners.astype(float), level),
-            np.full(len(corners), level, np.int64),
-            rays.direction,
-            rays.basis,
-            cut_patches(keyframe.data.pyramid, corners, level),
-        ))
+        parts.append(
+            (
+                from_level(corners.astype(float), level),
+                np.full(len(corners), level, np.int64),
+                rays.direction,
+                rays.basis,
+                cut_patches(keyframe.data.pyramid, corners, level),
+            )
+        )
     return Candidates(*(np.concatenate(column) for column in zip(*parts)))
 
 
@@ -120,7 +123,7 @@ def checked_points(
     T_b_a: SE3,
     rays_a: FloatArray,
     rays_b: FloatArray,
-    tolerance: tuple[FloatArray, FloatArray],
+    tolerance: tuple[FloatArray | float, FloatArray | float],
     depth_range: tuple[float, float],
     min_parallax_rad: float,
 ) -> tuple[Points3, BoolArray]:
@@ -139,8 +142,8 @@ def looks_of(candidates: Candidates, index: IntArray) -> NewTemplates:
 
 
 def looks_in(keyframe: KeyFrame, camera: FloatArray, chosen: IntArray) -> tuple[IntArray, NewTemplates]:
-    """How points look in a keyframe that observes them: (which of ``chosen``, indices into its observations, have a whole
-    patch; their looks)."""
+    """How points look in a keyframe that observes them: (which of ``chosen``, indices into its observations, have a
+    whole patch; their looks)."""
     observed = keyframe.observations
     kept, parts = [], []
     for level in range(LEVELS):

@@ -1,4 +1,5 @@
-"""Finding the camera again: where the wheels say, then every keyframe that looks alike, each verified by patch search."""
+"""Finding the camera again: where the wheels say, then every keyframe that looks alike, each verified by patch
+search."""
 
 from __future__ import annotations
 

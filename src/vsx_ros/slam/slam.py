@@ -15,13 +15,11 @@ from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult
 class SequentialSlam:
     """``track`` every frame in the order of the stamps; the mapper's work of a keyframe is done before it returns.
 
-    World: with odometry and T_base_cam the odometry frame (z up, metres); without, the first keyframe's camera frame at the
-    configured unit baseline.
+    World: with odometry and T_base_cam the odometry frame (z up, metres); without, the first keyframe's camera frame
+    at the configured unit baseline.
     """
 
-    def __init__(
-        self, camera: PinholeCamera, T_base_cam: SE3 | None, config: SlamConfig, seed: int = 0
-    ) -> None:
+    def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, config: SlamConfig, seed: int = 0) -> None:
         self._front = FrontEnd(camera, T_base_cam, config, seed)
         self._mapper = Mapper(camera, T_base_cam, config)
         self._view: MapView = empty_view()
@@ -37,6 +35,8 @@ class SequentialSlam:
             result = result._replace(T_world_cam=self._view.keyframes[-1].T_world_cam)
         elif outcome.request is not None:
             self._view = self._mapper.add_keyframe(outcome.request)
+            if self._mapper.refinement_due:
+                self._view = self._mapper.refine()
             self._front.use(self._view)
         return result
 

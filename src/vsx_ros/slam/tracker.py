@@ -74,7 +74,9 @@ class Tracker:
                 pose, radius = coarse, 0.5 * radius
                 predictions = predicted(self._array, pose, view, candidates)
         predictions = self._choose(predictions)
-        found, uv = find_patches(data.pyramid, data.corners, view.templates.patches, view.templates.offset, predictions, radius)
+        found, uv = find_patches(
+            data.pyramid, data.corners, view.templates.patches, view.templates.offset, predictions, radius
+        )
         weights = np.zeros(len(found))
         information = np.zeros((6, 6))
         if int(found.sum()) >= 6:
@@ -106,7 +108,9 @@ class Tracker:
         if len(rows) > COARSE_POINTS:
             rows = np.sort(self._rng.permutation(rows)[:COARSE_POINTS])
         chosen = predictions.take(rows)
-        found, uv = find_patches(data.pyramid, data.corners, view.templates.patches, view.templates.offset, chosen, radius)
+        found, uv = find_patches(
+            data.pyramid, data.corners, view.templates.patches, view.templates.offset, chosen, radius
+        )
         if int(found.sum()) < COARSE_MIN_FOUND:
             return None
         estimate, weights, _ = self._pose(view, pose, chosen, found, uv, pull)
@@ -148,7 +152,13 @@ class Tracker:
         is_kept[before.rows[kept]] = True
         fresh = fresh.take(~is_kept[fresh.rows])
         found, more = find_patches(
-            data.pyramid, data.corners, view.templates.patches, view.templates.offset, fresh, AGAIN_RADIUS_PX, AGAIN_REACH
+            data.pyramid,
+            data.corners,
+            view.templates.patches,
+            view.templates.offset,
+            fresh,
+            AGAIN_RADIUS_PX,
+            AGAIN_REACH,
         )
         old = before.take(kept)
         joined = Predictions(*(np.concatenate(pair) for pair in zip(old, fresh)))
@@ -187,8 +197,8 @@ def predicted(camera: FloatArray, T_cam_world: SE3, view: MapView, rows: IntArra
 
 
 class LocalMap:
-    """The points worth projecting: those of keyframes that share points with, or stand near, the reference keyframe. Their
-    number does not grow with the map."""
+    """The points worth projecting: those of keyframes that share points with, or stand near, the reference keyframe.
+    Their number does not grow with the map."""
 
     NEAREST = 40
     COVISIBLE = 12

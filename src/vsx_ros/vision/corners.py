@@ -61,10 +61,11 @@ class CornerDetector:
 
 
 def _fast(image: GrayImage, threshold: int, suppress: bool) -> NDArray[np.int32]:
-    keypoints = cv2.FastFeatureDetector_create(threshold, suppress).detect(image)
+    keypoints = cv2.FastFeatureDetector.create(threshold, suppress).detect(image)
     if not keypoints:
         return np.zeros((0, 2), np.int32)
-    return cv2.KeyPoint_convert(keypoints).astype(np.int32)
+    positions: NDArray[np.int32] = np.asarray(cv2.KeyPoint.convert(keypoints)).astype(np.int32)
+    return positions
 
 
 def strongest(
@@ -75,7 +76,7 @@ def strongest(
     occupied (H, W): where no corner is wanted. min_eigenvalue in squared grey levels per px, grey in [0, 1].
     """
     border = 14
-    found = _fast(image, 7, suppress=True)
+    found: NDArray[np.int32] = _fast(image, 7, suppress=True)
     height, width = image.shape
     inside = (
         (found[:, 0] >= border)
@@ -85,18 +86,13 @@ def strongest(
     )
     found = found[inside]
     found = found[~occupied[found[:, 1], found[:, 0]]]
-    if not len(found):
-        return found
-    strength = cv2.cornerMinEigenVal(image, 7)[found[:, 1], found[:, 0]]
-    keep = strength > min_eigenvalue
-    found, strength = found[keep], strength[keep]
+    strength = np.asarray(cv2.cornerMinEigenVal(image, 7))[found[:, 1], found[:, 0]]
     order = np.argsort(-strength, kind="stable")
+    order = order[strength[order] > min_eigenvalue]
     return _spread(found[order], count, spacing_px, (height, width))
 
 
-def _spread(
-    ranked: NDArray[np.int32], count: int, spacing_px: int, shape: tuple[int, int]
-) -> NDArray[np.int32]:
+def _spread(ranked: NDArray[np.int32], count: int, spacing_px: int, shape: tuple[int, int]) -> NDArray[np.int32]:
     """Greedy: take the best, forbid its neighbourhood, go on."""
     taken = np.zeros(shape, np.bool_)
     chosen = []
@@ -108,5 +104,3 @@ def _spread(
             break
         taken[max(0, y - spacing_px) : y + spacing_px + 1, max(0, x - spacing_px) : x + spacing_px + 1] = True
     return np.array(chosen, np.int32).reshape(-1, 2)
-
-

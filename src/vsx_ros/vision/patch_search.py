@@ -26,7 +26,13 @@ class Predictions(NamedTuple):
 
     def take(self, chosen: IntArray | BoolArray) -> Predictions:
         """A subset, by index or mask."""
-        return Predictions(*(column[chosen] for column in self))
+        return Predictions(
+            self.rows[chosen],
+            self.level[chosen],
+            self.uv[chosen],
+            self.inverse_warp[chosen],
+            self.template[chosen],
+        )
 
 
 def to_level(uv: Pixels, level: int | IntArray) -> Pixels:

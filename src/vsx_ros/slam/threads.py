@@ -1,0 +1,101 @@
+"""ThreadedSlam: the steps of SequentialSlam with the mapper on a thread of its own. The only file here that may use
+threads.
+
+The tracker runs in the caller's thread on the newest finished map, which arrives by one reference assignment; nobody
+waits for a lock that the other holds while it works. Kernels release Python's global lock.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+
+from vsx_ros.config import SlamConfig
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.robot import Frame, Odometry
+from vsx_ros.slam.frontend import FrontEnd
+from vsx_ros.slam.map import MapSnapshot, MapView, empty_view, snapshot
+from vsx_ros.slam.mapper import KeyFrameRequest, Mapper
+from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult
+
+MAX_WAITING = 3
+
+
+class ThreadedSlam:
+    """Live SLAM: ``track`` from one thread; ``snapshot`` and ``statistics`` from any; ``close`` at the end.
+
+    When the mapper is three keyframes behind, further ones are not taken.
+    """
+
+    def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, config: SlamConfig, seed: int = 0) -> None:
+        self._front = FrontEnd(camera, T_base_cam, config, seed)
+        self._mapper = Mapper(camera, T_base_cam, config)
+        self._view: MapView = empty_view()
+        self._used: MapView = self._view
+        self._snapshot: MapSnapshot = snapshot(self._view)
+        self._waiting: deque[KeyFrameRequest] = deque()
+        self._work = threading.Condition()
+        self._closing = False
+        self._failure: BaseException | None = None
+        self._thread = threading.Thread(target=self._run, name="mapper", daemon=True)
+        self._thread.start()
+
+    def track(self, frame: Frame, odometry: Odometry | None = None) -> TrackingResult:
+        """The pose of one frame. Raises InputError as ``FrontEnd.process`` does, and whatever broke the mapper."""
+        if self._failure is not None:
+            raise self._failure
+        view = self._view
+        if view is not self._used:
+            self._front.use(view)
+            self._used = view
+        outcome = self._front.process(frame, odometry)
+        result = outcome.result
+        if outcome.start is not None:
+            self._view = self._used = self._mapper.start(outcome.start)
+            self._front.started(self._view, outcome.start)
+            result = result._replace(T_world_cam=self._view.keyframes[-1].T_world_cam)
+        elif outcome.request is not None:
+            with self._work:
+                taken = len(self._waiting) < MAX_WAITING
+                if taken:
+                    self._waiting.append(outcome.request)
+                    self._work.notify()
+            result = result._replace(keyframe_added=taken)
+        return result
+
+    def snapshot(self) -> MapSnapshot:
+        """The newest finished map; the same object while the version is unchanged."""
+        view = self._view
+        if self._snapshot.version != view.version:
+            self._snapshot = snapshot(view)
+        return self._snapshot
+
+    def drain_events(self) -> list[SlamEvent]:
+        """Everything that happened since the last call, oldest first."""
+        events, self._front.events = self._front.events, []
+        return events
+
+    def statistics(self) -> SlamStatistics:
+        """The run so far."""
+        return self._front.statistics()
+
+    def close(self) -> None:
+        """Stop the mapper after the step it is in. Can be called twice."""
+        with self._work:
+            self._closing = True
+            self._work.notify()
+        self._thread.join()
+
+    def _run(self) -> None:
+        try:
+            while True:
+                with self._work:
+                    while not (self._waiting or self._closing or self._mapper.refinement_due):
+                        self._work.wait()
+                    if self._closing:
+                        return
+                    request = self._waiting.popleft() if self._waiting else None
+                self._view = self._mapper.refine() if request is None else self._mapper.add_keyframe(request)
+        except BaseException as error:  # handed to the tracker's thread, which raises it
+            self._failure = error
