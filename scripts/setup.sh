@@ -26,6 +26,12 @@ vsx_system_packages() {
         vsx_die "apt-get could not install: ${missing[*]}. Look at its message above; 'apt-get update' and the archive's universe section (Ubuntu) are the usual remedies."
 }
 
+vsx_pip() {
+    "$VSX_PYTHON" -m pip install -q --disable-pip-version-check "$@" >"$venv/vsx-setup.log" 2>&1 && return 0
+    tail -n 20 "$venv/vsx-setup.log" >&2
+    vsx_die "pip could not install $*; its last words are above. The usual reasons: no network, a full disk (df -h)."
+}
+
 vsx_python_packages() {
     local files=("$root/requirements.txt") stamp
     [ "${1:-}" = dev ] && files+=("$root/requirements-dev.txt")
@@ -39,10 +45,8 @@ vsx_python_packages() {
     vsx_say "installing Python packages (about 450 MB, under a minute)"
     local requirements=()
     local file; for file in "${files[@]}"; do requirements+=(-r "$file"); done
-    "$VSX_PYTHON" -m pip install -q --disable-pip-version-check "${requirements[@]}" ||
-        vsx_die "pip could not install the packages above; the usual reasons are no network or a full disk (df -h)."
-    "$VSX_PYTHON" -m pip install -q --disable-pip-version-check --no-deps --no-build-isolation -e "$root" ||
-        vsx_die "pip could not install this checkout ($root)."
+    vsx_pip "${requirements[@]}"
+    vsx_pip --no-deps --no-build-isolation -e "$root"
     echo "$stamp" >>"$venv/vsx-setup.stamp"
 }
 
