@@ -11,10 +11,10 @@ from typing import Any
 
 from vsx_ros.cli.config import load
 from vsx_ros.cli.exit_codes import DONE, FAILED
+from vsx_ros.cli.world import open_world
 from vsx_ros.config import to_dict
 from vsx_ros.errors import VsxError
 from vsx_ros.ros import launch
-from vsx_ros.ros.emulation import open_world
 from vsx_ros.ros.launch import LaunchNode
 
 _TEXTS = {

@@ -23,6 +23,7 @@ from vsx_ros.cli.config import load
 from vsx_ros.cli.exit_codes import DONE, FAILED, HARDWARE, INTERNAL, LOST, STOPPED
 from vsx_ros.cli.explore import add_arguments
 from vsx_ros.cli.report import one_line_facts, write_report
+from vsx_ros.cli.world import open_world
 from vsx_ros.config import Config, overridden, to_dict
 from vsx_ros.errors import VsxError
 from vsx_ros.evaluation.coverage import map_quality, observable_cells
@@ -30,7 +31,6 @@ from vsx_ros.evaluation.summary import Summary, with_accuracy
 from vsx_ros.exploration.mission import MissionState, Outcome
 from vsx_ros.io.run_folder import RunFolder
 from vsx_ros.ros import launch
-from vsx_ros.ros.emulation import open_world
 from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.live import Live
 from vsx_ros.ros.progress import Progress, progress_line

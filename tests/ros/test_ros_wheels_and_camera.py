@@ -1,0 +1,163 @@
+"""The device nodes in the live stack: images with their calibration, and who may turn the wheels."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+pytest.importorskip("rospy")
+
+import rospy
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import BatteryState, CameraInfo, Image
+from std_msgs.msg import UInt8
+from std_srvs.srv import SetBool
+
+from vsx_hw.readings import Hazard
+from vsx_ros.ros import convert, images, topics
+
+if TYPE_CHECKING:
+    from conftest import Stack
+
+pytestmark = pytest.mark.ros
+
+
+def absolute(name: str) -> str:
+    return f"/{name}"
+
+
+class Teleop:
+    """A hand on the joystick; more important than the explorer."""
+
+    def __init__(self) -> None:
+        self.twist = Twist()
+        self._publisher = rospy.Publisher(absolute(topics.COMMAND_TELEOP), Twist, queue_size=1)
+        self._timer = rospy.Timer(rospy.Duration(0.05), lambda _: self._publisher.publish(self.twist))
+
+    def drive(self, v: float, omega: float = 0.0) -> None:
+        self.twist = Twist()
+        self.twist.linear.x, self.twist.angular.z = v, omega
+
+    def let_go(self) -> None:
+        self.drive(0.0)
+        time.sleep(0.2)
+        self._timer.shutdown()
+
+
+@pytest.fixture
+def teleop(stack: Stack) -> Iterator[Teleop]:
+    rospy.wait_for_message(absolute(topics.ODOM), Odometry, timeout=60.0)
+    hand = Teleop()
+    yield hand
+    hand.let_go()
+
+
+def collect(topic: str, kind: Any, seconds: float) -> list[Any]:
+    messages: list[Any] = []
+    subscriber = rospy.Subscriber(absolute(topic), kind, messages.append, buff_size=2**24)
+    time.sleep(seconds)
+    subscriber.unregister()
+    return messages
+
+
+def test_images_come_with_the_calibration_of_their_instant(stack: Stack) -> None:
+    rospy.wait_for_message(absolute(topics.IMAGE), Image, timeout=60.0)
+    infos: list[CameraInfo] = []
+    subscriber = rospy.Subscriber(absolute(topics.CAMERA_INFO), CameraInfo, infos.append)
+    time.sleep(0.3)
+    pictures = collect(topics.IMAGE, Image, 1.5)
+    time.sleep(0.2)
+    subscriber.unregister()
+    assert len(pictures) >= 3
+    assert {(p.encoding, p.width, p.height, p.step) for p in pictures} == {("bayer_grbg8", 640, 480, 640)}
+    stamps = [p.header.stamp.to_nsec() for p in pictures]
+    assert stamps == sorted(set(stamps))
+    assert set(stamps) <= {i.header.stamp.to_nsec() for i in infos}
+    # Exposure times lie on the camera's own grid of 1/15 s, whatever the machine's load.
+    steps = [(b - a) * 15e-9 for a, b in zip(stamps, stamps[1:])]
+    assert max(abs(step - round(step)) for step in steps) < 0.001
+    camera = images.camera(infos[-1])
+    assert 510.0 < camera.fx < 525.0
+    assert images.frame(pictures[-1]).image.std() > 5.0
+
+
+def test_odometry_is_even_and_the_battery_known(stack: Stack) -> None:
+    readings = collect(topics.ODOM, Odometry, 1.0)
+    assert len(readings) >= 25
+    steps_ms = [(b.header.stamp - a.header.stamp).to_nsec() * 1e-6 for a, b in zip(readings, readings[1:])]
+    assert max(abs(step - 20.0) for step in steps_ms if step < 30.0) < 5.0
+    battery = rospy.wait_for_message(absolute(topics.BATTERY), BatteryState, timeout=5.0)
+    assert battery.voltage == pytest.approx(16.2)
+    assert math.isnan(battery.current)
+
+
+def test_emergency_stop_holds_until_it_is_cleared(stack: Stack, teleop: Teleop) -> None:
+    estop = rospy.ServiceProxy(absolute(topics.ESTOP), SetBool)
+    teleop.drive(-0.05)
+    stack.wait(lambda: stack.plant.commanded[0] < -0.03, 5.0, "teleop to drive")
+    assert estop(True).success
+    stack.wait(lambda: not stack.plant.moving, 2.0, "the emergency stop")
+    time.sleep(0.5)
+    assert not stack.plant.moving
+    assert estop(False).success
+    stack.wait(lambda: stack.plant.commanded[0] < -0.03, 2.0, "teleop to drive again")
+
+
+def test_a_command_that_is_no_number_stops(stack: Stack, teleop: Teleop) -> None:
+    teleop.drive(0.0, 0.3)
+    stack.wait(lambda: stack.plant.moving, 5.0, "teleop to turn")
+    teleop.drive(math.nan, 0.3)
+    stack.wait(lambda: not stack.plant.moving, 2.0, "the refusal")
+
+
+@pytest.mark.parametrize(
+    ("hazard", "command", "allowed"),
+    [
+        (Hazard.BUMPER_LEFT, (0.05, 0.0), False),
+        (Hazard.BUMPER_LEFT, (-0.05, 0.0), True),
+        (Hazard.CLIFF_CENTER, (0.0, 0.3), False),
+        (Hazard.WHEEL_DROP_LEFT, (-0.05, 0.0), False),
+    ],
+)
+def test_hazards_are_told_and_obeyed(
+    stack: Stack,
+    teleop: Teleop,
+    monkeypatch: pytest.MonkeyPatch,
+    hazard: Hazard,
+    command: tuple[float, float],
+    allowed: bool,
+) -> None:
+    teleop.drive(*command)
+    stack.wait(lambda: stack.plant.moving, 5.0, "teleop to drive")
+    read = stack.plant.read
+    monkeypatch.setattr(stack.plant, "read", lambda: read()._replace(hazards=hazard))
+    told: list[int] = []
+    subscriber = rospy.Subscriber(absolute(topics.HAZARDS), UInt8, lambda msg: told.append(msg.data))
+    stack.wait(lambda: int(hazard) in told, 2.0, "the hazard to be told")
+    time.sleep(0.3)
+    assert stack.plant.moving == allowed
+    monkeypatch.undo()
+    stack.wait(lambda: told[-1] & int(hazard) == 0, 2.0, "the hazard to be over")
+    subscriber.unregister()
+    teleop.drive(0.0)
+    time.sleep(0.2)
+    teleop.drive(*command)
+    stack.wait(lambda: stack.plant.moving, 2.0, "teleop to drive again")
+
+
+def test_reset_odometry_starts_at_the_origin(stack: Stack, teleop: Teleop) -> None:
+    from std_srvs.srv import Trigger
+
+    teleop.drive(0.0)
+    stack.wait(lambda: not stack.plant.moving, 2.0, "the robot to stand")
+    time.sleep(0.5)
+    assert rospy.ServiceProxy(absolute(topics.RESET_ODOMETRY), Trigger)().success
+    time.sleep(0.1)
+    pose = convert.odometry(rospy.wait_for_message(absolute(topics.ODOM), Odometry, timeout=5.0)).T_odom_base
+    assert math.hypot(pose.x, pose.y) < 0.002
+    assert abs(pose.theta) < 0.01
