@@ -18,10 +18,11 @@ import pytest
 
 pytest.importorskip("rospy")
 
+from vsx_ros.cli.world import open_world
 from vsx_ros.config import RobotConfig
 from vsx_ros.ros import launch, topics
 from vsx_ros.ros.base_drivers import base_emulator, wheel_base_m
-from vsx_ros.ros.emulation import BodyPlant, BodyState, open_world
+from vsx_ros.ros.emulation import BodyPlant, BodyState
 from vsx_ros.ros.render_process import POSE, RenderSettings
 
 CHECKOUT = Path(__file__).resolve().parents[2]
