@@ -17,6 +17,8 @@ from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.occupancy.grid import OccupancyGrid
 
 _MAX_EVENTS = 400
+_MAX_DOTS = 4000
+_FLOOR_M = 0.06
 _GOOD_ENDINGS = ("explored", "returned home", "tracked to its end", "time")
 
 
@@ -113,7 +115,8 @@ def _map(data: ReportData) -> str:
     lines = [("estimate", flat(estimate)), ("truth", flat(truth))]
     axes = ("x", "y") if data.world_is_level else ("x", "z of the first camera")
     unit = "m" if data.world_is_level else "map units (no odometry, hence no scale)"
-    picture = svg.map_view(data.grid, flat(_thinned(data.points_world)), lines, axes, unit)
+    points = data.points_world if data.grid is None else data.points_world[data.points_world[:, 2] > _FLOOR_M]
+    picture = svg.map_view(data.grid, flat(points[:: max(1, len(points) // _MAX_DOTS)]), lines, axes, unit)
     legend = '<span class="key estimate">estimate</span>'
     legend += '<span class="key truth">truth, aligned</span>' if len(truth) else ""
     legend += '<span class="key points">map points</span>' if len(data.points_world) else ""
@@ -130,10 +133,6 @@ def _truth_in_map(data: ReportData) -> Points3:
     estimate = np.array([e.translation for e, _ in pairs])
     truth = np.array([t.translation for _, t in pairs])
     return align(truth, estimate, kind).apply(np.array([pose.T.translation for pose in data.truth]))
-
-
-def _thinned(points: Points3) -> Points3:
-    return points[:: max(1, len(points) // 4000)]
 
 
 def _timeline(data: ReportData) -> str:
@@ -214,7 +213,7 @@ h1{font-size:26px;margin:0 0 6px}h2{font-size:18px;margin:36px 0 10px}
 h3{font-size:13px;font-weight:500;color:var(--soft);margin:14px 0 0}
 .ending{font-size:17px;margin:0 0 20px;padding:10px 14px;border-left:5px solid;background:var(--tile);border-radius:4px}
 .fine{border-color:var(--green)}.bad{border-color:var(--red)}
-.tiles{display:grid;grid-template-columns:repeat(auto-fill,minmax(132px,1fr));gap:10px}
+.tiles{display:grid;grid-template-columns:repeat(auto-fill,minmax(150px,1fr));gap:10px}
 .tiles div{background:var(--tile);border-radius:6px;padding:10px 12px}
 .tiles b{display:block;font-size:19px;font-variant-numeric:tabular-nums;white-space:nowrap}
 .tiles span{color:var(--soft);font-size:13px}

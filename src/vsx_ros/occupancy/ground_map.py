@@ -199,4 +199,5 @@ def _gaps(data: NDArray[np.int8]) -> BoolArray:
     small[0] = False
     small[np.unique(labels[near_obstacle])] = False
     small[np.unique(np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]]))] = False
-    return gaps | small[labels]
+    gaps |= small[labels]
+    return gaps

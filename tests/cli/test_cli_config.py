@@ -1,0 +1,75 @@
+from pathlib import Path
+
+import pytest
+import yaml
+
+from vsx_ros.cli.config import commented_yaml, load
+from vsx_ros.cli.main import execute
+from vsx_ros.config import Config, from_dict, to_dict
+from vsx_ros.errors import ConfigError
+
+DEFAULT = Path(__file__).parents[2] / "config" / "default.yaml"
+
+
+def test_the_file_in_the_checkout_is_the_default_tree():
+    assert DEFAULT.read_text() == commented_yaml(Config()), "run: scripts/vsx config > config/default.yaml"
+
+
+def test_the_printed_tree_is_read_back(tmp_path, capsys):
+    assert execute(["config", "--set", "planner.phi_rad_m=0.5"]) == 0
+    text = capsys.readouterr().out
+    (tmp_path / "my.yaml").write_text(text)
+    config = load(tmp_path / "my.yaml", [])
+    assert config.planner.phi_rad_m == 0.5
+    assert to_dict(config) == {**to_dict(Config()), "planner": to_dict(config)["planner"]}
+
+
+def test_entries_tell_unit_and_bound():
+    lines = {line.split(":")[0].strip(): line for line in commented_yaml(Config()).splitlines() if ":" in line}
+    assert lines["phi_rad_m"].endswith("# rad/m, > 0")
+    assert lines["jerk_m_s3"].endswith("# m/s^3, > 0")
+    assert lines["good_ratio"].endswith("# >= 0 and <= 1")
+    assert lines["pitch_down_rad"].endswith("# rad, >= -0.8 and <= 0.8")
+
+
+def test_every_branch_is_explained():
+    text = commented_yaml(Config())
+    for name, value in to_dict(Config()).items():
+        assert isinstance(value, dict)
+        before = text.split(f"\n{name}:")[0]
+        assert before.rstrip().splitlines()[-1].startswith("# ")
+    assert from_dict(yaml.safe_load(text)) == Config()
+
+
+def test_a_file_changes_only_what_it_names(tmp_path):
+    (tmp_path / "a.yaml").write_text("limits: {v_m_s: 0.1}\n")
+    config = load(tmp_path / "a.yaml", ["limits.omega_rad_s=0.2"])
+    assert (config.limits.v_m_s, config.limits.omega_rad_s) == (0.1, 0.2)
+    assert config.limits.a_m_s2 == Config().limits.a_m_s2
+    (tmp_path / "empty.yaml").write_text("# nothing\n")
+    assert load(tmp_path / "empty.yaml", []) == Config()
+
+
+@pytest.mark.parametrize(
+    ("text", "assignments", "message"),
+    [
+        ("limits: {v_m_s: -1}", [], "limits.v_m_s"),
+        ("limits: {speed: 1}", [], "speed"),
+        ("limits: [", [], "cannot be read"),
+        ("3", [], "configuration"),
+        ("", ["limits.v_m_s"], "NAME=VALUE"),
+        ("", ["limits.v_m_s="], "v_m_s"),
+        ("", ["limits.v_m_s=fast"], "v_m_s"),
+        ("", ["limits.speed=1"], "no parameter 'limits.speed'"),
+    ],
+)
+def test_wrong_parameters_are_named(tmp_path, text, assignments, message):
+    (tmp_path / "a.yaml").write_text(text)
+    with pytest.raises(ConfigError, match=message) as caught:
+        load(tmp_path / "a.yaml", assignments)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_file_is_named(tmp_path, capsys):
+    assert execute(["config", "--config", str(tmp_path / "absent.yaml")]) == 1
+    assert "absent.yaml" in capsys.readouterr().err

@@ -1,0 +1,72 @@
+import subprocess
+import sys
+
+import pytest
+
+from vsx_hw.errors import DeviceNotFound
+from vsx_ros import __version__
+from vsx_ros.cli import main
+from vsx_ros.errors import InputError
+
+LIGHT = "import sys, vsx_ros.cli.main as m; m.parser(); print([n for n in {heavy!r} if n in sys.modules])"
+
+
+def test_help_loads_nothing_heavy():
+    heavy = ("numpy", "numba", "cv2", "yaml", "msgspec", "rosbags", "rospy")
+    code = LIGHT.format(heavy=heavy)
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert shown.stdout.strip() == "[]"
+
+
+def test_version(capsys):
+    with pytest.raises(SystemExit) as left:
+        main.execute(["--version"])
+    assert left.value.code == 0
+    assert capsys.readouterr().out.strip() == f"vsx_ros {__version__}"
+
+
+@pytest.mark.parametrize("line", [[], ["fly"], ["replay"], ["replay", "x", "--wings"]])
+def test_wrong_usage_is_one_line_and_exit_1(line, capsys):
+    with pytest.raises(SystemExit) as left:
+        main.execute(line)
+    assert left.value.code == 1
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "--help" in error
+
+
+@pytest.mark.parametrize(
+    ("raised", "code", "said"),
+    [
+        (None, 0, ""),
+        (InputError("bag x is empty; record it again"), 1, "vsx: bag x is empty; record it again\n"),
+        (DeviceNotFound("/dev/kobuki is absent; plug it in"), 2, "vsx: /dev/kobuki is absent; plug it in\n"),
+        (KeyboardInterrupt(), 4, "vsx: stopped by the operator\n"),
+        (ZeroDivisionError("oops"), 5, "internal error"),
+    ],
+)
+@pytest.mark.parametrize("debug", [False, True])
+def test_exit_codes_and_one_sentence(raised, code, said, debug, monkeypatch, capsys):
+    def run(args):
+        assert args.debug is debug
+        if raised is not None:
+            raise raised
+        return 0
+
+    monkeypatch.setattr("vsx_ros.cli.config.run", run)
+    assert main.execute(["config", *(["--debug"] if debug else [])]) == code
+    error = capsys.readouterr().err
+    assert said in error
+    assert ("Traceback" in error) == (debug and raised is not None)
+    assert debug or error.count("\n") == (raised is not None)
+
+
+def test_a_reader_that_leaves_is_no_error():
+    code = f"import sys; sys.path[:0] = {sys.path!r}; from vsx_ros.cli.main import main; main()"
+    line = [sys.executable, "-c", code, "config"]
+    with subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        process.stdout.close()
+        assert process.stderr is not None
+        assert process.stderr.read() == b""
+        assert process.wait() == 0

@@ -1,0 +1,191 @@
+"""Replays: what cannot be, a camera that stands still, an emulated drive, and real recordings where present."""
+
+import json
+import os
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+
+from vsx_ros.cli.main import execute
+from vsx_ros.evaluation.summary import Summary
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.io.run_folder import RunFolder
+from vsx_ros.io.trajectory_file import format_stamp, write_trajectory
+from vsx_ros.robot import VelocityCommand
+from vsx_ros.sim.generate import generate_world
+from vsx_ros.sim.robot import EmulatedRobot
+
+DATA = Path(os.environ.get("VSX_DATA", Path(__file__).parents[2] / "../shared/data"))
+
+
+def write_camera(folder, camera):
+    tree = {name: getattr(camera, name) for name in ("width", "height", "fx", "fy", "cx", "cy")}
+    (folder / "camera.json").write_text(json.dumps({**tree, "dist": list(camera.distortion)}))
+
+
+def write_images(folder, images):
+    (folder / "rgb").mkdir(parents=True)
+    lines = []
+    for number, (stamp_ns, image) in enumerate(images):
+        cv2.imwrite(str(folder / f"rgb/{number:06d}.png"), image)
+        lines.append(f"{format_stamp(stamp_ns)} rgb/{number:06d}.png")
+    (folder / "rgb.txt").write_text("\n".join(lines) + "\n")
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory):
+    """Four seconds straight ahead in an emulated lab."""
+    folder = tmp_path_factory.mktemp("drive")
+    robot = EmulatedRobot(generate_world("lab", 3), 3)
+    seen, odometry, truth = [], [], []
+    for _ in range(60):
+        frame, reading = robot.step(VelocityCommand(0.2, 0.0))
+        seen.append(frame)
+        odometry.append(StampedPose(reading.stamp_ns, SE3.from_se2(reading.T_odom_base)))
+        truth.append(StampedPose(frame.stamp_ns, robot.truth.T_world_cam))
+    write_images(folder, seen)
+    write_camera(folder, robot.camera_given)
+    write_trajectory(folder / "odometry.txt", odometry)
+    write_trajectory(folder / "groundtruth.txt", truth)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def replayed(drive, tmp_path_factory):
+    out = tmp_path_factory.mktemp("runs") / "drive"
+    assert execute(["replay", str(drive), "--map", "--out", str(out)]) == 0
+    return RunFolder.open(out)
+
+
+def test_a_drive_is_tracked_at_metric_scale(replayed):
+    summary = replayed.read_summary()
+    assert list(summary) == list(Summary().as_dict())
+    assert summary["frames"] == 60
+    assert summary["frames_tracked"] >= 30
+    assert summary["ate_rmse_m"] < 0.05
+    assert summary["breaks"] == 0
+    assert summary["stop_reason"] == "the recording was tracked to its end"
+    assert summary["coverage"] is None
+
+
+def test_the_run_folder_holds_what_it_promises(replayed):
+    for name in (
+        "config.yaml",
+        "trajectory.txt",
+        "odometry.txt",
+        "groundtruth.txt",
+        "map.pgm",
+        "map.yaml",
+        "sparse.ply",
+    ):
+        assert (replayed.path / name).stat().st_size > 0
+    assert len(replayed.read_poses("trajectory")) == replayed.read_summary()["frames_tracked"]
+    assert any(event.state == "initialised" for event in replayed.read_events())
+    assert len(replayed.read_frames()) == 60
+    free_m2 = np.count_nonzero(replayed.read_map().data == 0) * 0.05**2
+    assert 0.3 < free_m2 < 20
+    assert yaml.safe_load((replayed.path / "config.yaml").read_text())["versions"]["numpy"] == np.__version__
+
+
+def test_the_report_needs_nothing_else(replayed, capsys):
+    page = (replayed.path / "report.html").read_text()
+    assert "the recording was tracked to its end" in page
+    assert page.count("<svg") == page.count("</svg>") == 4
+    assert "data:image/png;base64," in page
+    for outside in ('src="http', 'href="http', "url(http", "<script"):
+        assert outside not in page
+    assert execute(["report", str(replayed.path)]) == 0
+    assert capsys.readouterr().out.strip() == str(replayed.path / "report.html")
+    assert (replayed.path / "report.html").read_text() == page
+
+
+def test_the_same_recording_gives_the_same_bytes(drive, replayed, tmp_path):
+    assert execute(["replay", str(drive), "--map", "--out", str(tmp_path / "again")]) == 0
+    for name in ("trajectory.txt", "sparse.ply", "map.pgm", "events.jsonl"):
+        assert (tmp_path / "again" / name).read_bytes() == (replayed.path / name).read_bytes()
+
+
+def test_a_camera_that_stands_still_says_why(drive, tmp_path, capsys):
+    image = cv2.imread(str(drive / "rgb/000010.png"), cv2.IMREAD_GRAYSCALE)
+    write_images(tmp_path / "still", [(i * 10**8, image) for i in range(8)])
+    (tmp_path / "still/camera.json").write_text((drive / "camera.json").read_text())
+    assert execute(["replay", str(tmp_path / "still"), "--out", str(tmp_path / "run")]) == 1
+    assert "the map was never started: " in capsys.readouterr().out
+    summary = RunFolder.open(tmp_path / "run").read_summary()
+    assert (summary["frames_tracked"], summary["u1"], summary["ate_rmse_m"]) == (0, None, None)
+    assert "There is no map" in (tmp_path / "run/report.html").read_text()
+
+
+def test_a_map_needs_odometry_and_images_need_a_calibration(drive, tmp_path, capsys):
+    write_images(tmp_path / "bare", [(0, np.zeros((48, 64), np.uint8))])
+    assert execute(["replay", str(tmp_path / "bare"), "--out", str(tmp_path / "run")]) == 1
+    assert "--calibration FILE" in capsys.readouterr().err
+    calibration = ["--calibration", str(drive / "camera.json")]
+    assert execute(["replay", str(tmp_path / "bare"), *calibration, "--map", "--out", str(tmp_path / "run")]) == 1
+    assert "leave out --map" in capsys.readouterr().err
+    assert execute(["replay", str(tmp_path / "bare"), *calibration, "--out", str(tmp_path / "run")]) == 1
+    assert "64x48 but the calibration is for 640x480" in capsys.readouterr().err
+
+
+def replay(name, tmp_path, *more):
+    """Exit code and run folder of a replay of a recording."""
+    if not (DATA / name).exists():
+        pytest.skip(f"{DATA / name} is absent (set VSX_DATA)")
+    out = tmp_path / "run"
+    return execute(["replay", str(DATA / name), "--out", str(out), *more]), RunFolder(out)
+
+
+@pytest.mark.data
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("bags/foxglove/empty-file.bag", "is empty (0 bytes)"),
+        ("bags/derived_shared_tsukuba/truncated_70pct.bag", "cut short or damaged"),
+        ("bags/scan_tools/laser_scan_sparsifier_demo_v12.bag", "has the format 1.2"),
+        ("bags/evo/tf_example.bag", "no image topic; it has /tf"),
+        ("bags/foxglove/no-messages.bag", "it holds no messages"),
+        ("bags/derived_shared_tsukuba/tsukuba_60_compressed_none.bag", "give one with --calibration FILE"),
+    ],
+)
+def test_unusable_bags_are_one_sentence(name, message, tmp_path, capsys):
+    code, _ = replay(name, tmp_path)
+    error = capsys.readouterr().err
+    assert code == 1
+    assert message in error
+    assert error.count("\n") == 1
+
+
+@pytest.mark.data
+@pytest.mark.parametrize(
+    ("name", "tracked", "ate_m"), [("vamr_checkerboard", 80, 0.005), ("new_tsukuba_150", 120, 0.03)]
+)
+def test_real_recordings_are_tracked(name, tracked, ate_m, tmp_path):
+    code, run = replay(name, tmp_path)
+    summary = run.read_summary()
+    assert code == 0
+    assert summary["frames_tracked"] >= tracked
+    assert summary["ate_rmse_sim3_m"] <= ate_m
+    assert summary["ate_rmse_m"] is None
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("compression", ["none", "bz2", "lz4"])
+def test_bags_of_every_compression_replay(compression, tmp_path):
+    calibration = str(DATA / "new_tsukuba_150/camera.json")
+    name = f"bags/derived_shared_tsukuba/tsukuba_60_compressed_{compression}.bag"
+    code, run = replay(name, tmp_path, "--calibration", calibration)
+    assert code == 0
+    assert run.read_summary()["frames_tracked"] >= 40
+    assert run.read_summary()["ate_rmse_sim3_m"] < 0.02
+
+
+@pytest.mark.data
+def test_a_drone_that_stands_on_the_floor_never_starts(tmp_path, capsys):
+    code, run = replay("euroc_v101_stationary", tmp_path)
+    assert code == 1
+    assert run.read_summary()["frames_tracked"] == 0
+    assert "stands still" in capsys.readouterr().out

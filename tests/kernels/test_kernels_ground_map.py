@@ -1,0 +1,114 @@
+"""Each kernel against a slow twin in plain NumPy."""
+
+import math
+
+import numpy as np
+import pytest
+
+from vsx_ros.kernels import ground_map as kernels
+
+HEIGHTS = (0.06, 0.60, 0.45, 0.012)
+RANGES = (4.5, 0.0012, 0.10, 0.025, 2.0)
+BINS = 360
+
+
+@pytest.fixture
+def scene():
+    rng = np.random.default_rng(4)
+    positions = np.column_stack([rng.uniform(-1, 1, (6, 2)), np.full(6, 0.31)])
+    points = np.column_stack([rng.uniform(-4, 4, (80, 2)), rng.uniform(-0.2, 1.2, 80)])
+    keyframe, point = (a.ravel() for a in np.meshgrid(np.arange(6), np.arange(80), indexing="ij"))
+    keep = rng.uniform(size=len(point)) < 0.5
+    return positions, rng.uniform(-4, 4, 6), points, keyframe[keep], point[keep]
+
+
+def test_parallax_is_the_angle_to_the_first_ray(scene):
+    positions, _, points, keyframe, point = scene
+    parallax = kernels.point_parallax(positions, points, keyframe, point)
+    for p in range(len(points)):
+        rays = points[p] - positions[keyframe[point == p]]
+        rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+        expected = np.arccos(np.clip(rays @ rays[0], -1, 1))[1:].max() if len(rays) > 1 else 0.0
+        assert parallax[p] == pytest.approx(expected, abs=1e-9)
+
+
+def slow_scans(positions, yaws, points, parallax, keyframe, point):
+    free, hit = np.zeros((len(positions), BINS)), np.zeros(len(point))
+    nearest = np.full(free.shape, np.inf)
+    for o, (k, p) in enumerate(zip(keyframe, point)):
+        d = points[p, :2] - positions[k, :2]
+        z, camera_z, distance = points[p, 2], positions[k, 2], math.hypot(*d)
+        threshold = 0.06 + 0.012 * distance
+        if parallax[p] <= 0 or z < -threshold:
+            continue
+        error = 0.0012 * distance / parallax[p]
+        b = math.floor(((math.atan2(d[1], d[0]) - yaws[k]) / (2 * math.pi) % 1.0) * BINS) % BINS
+        end = distance - 2.0 * error - 0.05
+        if threshold < z <= 0.60 and error <= 0.10:
+            reach = 1 + int(0.025 / distance * BINS / (2 * math.pi))
+            for i in range(-reach, reach + 1):
+                nearest[k, (b + i) % BINS] = min(nearest[k, (b + i) % BINS], end)
+            hit[o] = distance if distance <= 4.5 else 0.0
+        if z > 0.45:
+            end = min(end, distance * (0.45 - camera_z) / (z - camera_z))
+        free[k, b] = max(free[k, b], min(end, 4.5))
+    return np.maximum(np.minimum(free, nearest), 0), hit
+
+
+def test_scans_agree_with_the_slow_twin(scene):
+    positions, yaws, points, keyframe, point = scene
+    parallax = kernels.point_parallax(positions, points, keyframe, point)
+    free, hit = kernels.polar_scans(positions, yaws, points, parallax, keyframe, point, BINS, HEIGHTS, RANGES)
+    slow_free, slow_hit = slow_scans(positions, yaws, points, parallax, keyframe, point)
+    assert np.allclose(free, slow_free, atol=1e-9)
+    assert np.allclose(hit, slow_hit, atol=1e-9)
+    assert (hit > 0).any()
+    assert (free > 0).any()
+
+
+@pytest.mark.parametrize(
+    ("angle", "bin_"), [(0.0, 0), (-1e-9, 7), (math.pi, 4), (-math.pi, 4), (7 * math.pi, 4), (0.8, 1)]
+)
+def test_bearings_wrap(angle, bin_):
+    assert kernels.bearing_bin(angle, 8) == bin_
+
+
+def test_gaps_are_bridged_only_while_they_are_narrow():
+    free = np.zeros((1, 360))
+    free[0, [0, 3, 10, 30, 359]] = [2.0, 1.0, 3.0, 3.0, 0.5]
+    bridged = kernels.bridge_gaps(free, 8, 0.15)
+    assert np.allclose(bridged[0, 1:3], 1.0)
+    assert np.allclose(bridged[0, 4:10], 1.0)
+    assert not bridged[0, 11:30].any()
+    narrow = kernels.bridge_gaps(free, 8, 0.04)
+    assert np.allclose(narrow[0, 1:3], 0.04 / math.radians(3))
+    assert np.array_equal(narrow[0, [0, 3, 10]], free[0, [0, 3, 10]])
+
+
+def test_votes_count_keyframes_not_rays():
+    free = np.zeros((2, 360))
+    free[:, :20] = 1.0
+    lattice = (60, 60, 0.05, -1.5, -1.5)
+    votes = kernels.count_free(np.array([[0.01, 0.01, 0.3]] * 2), np.zeros(2), free, *lattice)
+    x, y = np.meshgrid(-1.475 + 0.05 * np.arange(60), -1.475 + 0.05 * np.arange(60))
+    r, angle = np.hypot(x - 0.01, y - 0.01), np.arctan2(y - 0.01, x - 0.01)
+    inside = (r > 0.4) & (r < 0.92) & (angle > 0.08) & (angle < np.deg2rad(20) - 0.08)
+    outside = (r > 1.06) | ((r > 0.3) & ((angle < -0.3) | (angle > np.deg2rad(20) + 0.3)))
+    assert (votes[inside] == 2).all()
+    assert inside.sum() > 20
+    assert not votes[outside].any()
+
+
+def test_hits_count_observations_and_points(scene):
+    _, _, points, _, point = scene
+    hit = np.where(np.arange(len(point)) % 3, 1.0, 0.0)
+    votes, members = kernels.count_hits(points, point, hit, 100, 90, 0.1, -4.0, -4.0)
+    seen = point[hit > 0]
+    cells = np.floor((points[:, [1, 0]] + 4.0) / 0.1).astype(int)
+    slow_votes, slow_members = np.zeros((100, 90), int), np.zeros((100, 90), int)
+    for row, column in cells[seen]:
+        slow_votes[row, column] += 1
+    for row, column in cells[np.unique(seen)]:
+        slow_members[row, column] += 1
+    assert np.array_equal(votes, slow_votes)
+    assert np.array_equal(members, slow_members)
