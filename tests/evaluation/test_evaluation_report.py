@@ -1,0 +1,122 @@
+import re
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+import pytest
+
+from vsx_ros.evaluation import svg
+from vsx_ros.evaluation.report import ReportData, render
+from vsx_ros.evaluation.summary import Summary
+from vsx_ros.geometry.se3 import SE3, so3_exp
+from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.occupancy.grid import OccupancyGrid
+
+SECOND = 10**9
+
+
+def poses(n=40, turn=0.0):
+    R = so3_exp(np.array([0, 0, turn]))
+    return [StampedPose(i * SECOND, SE3(R, R @ np.array([0.1 * i, np.sin(0.2 * i), 0.3]))) for i in range(n)]
+
+
+def page(**changes):
+    data = {
+        "summary": Summary(
+            frames=40, frames_tracked=30, u1=0.8, stop_reason="explored: nothing left", world="lab"
+        ).as_dict(),
+        "facts": {"command": "vsx explore --set a=<b>", "versions": {"numpy": "2"}},
+        "config_yaml": "planner:\n  phi_rad_m: 1.0\n",
+        "events": [
+            (5 * SECOND, "slam", "lost", "too few points < 30 & fading"),
+            (2 * SECOND, "slam", "keyframe", "kf"),
+        ],
+        "frames": [(i * SECOND, "good" if i < 30 else "lost", 100 * (i < 30), 80, False, 5.0) for i in range(40)],
+        "estimate": poses(),
+        "truth": poses(turn=1.0),
+        "grid": OccupancyGrid(np.array([[0, 100], [-1, 0]]), 1.0, 0.0, 0.0),
+        "points_world": np.random.default_rng(0).normal(0, 1, (50, 3)),
+    }
+    return render(ReportData(**{**data, **changes}))
+
+
+def drawings(text):
+    return [ElementTree.fromstring(found) for found in re.findall(r"<svg.*?</svg>", text, re.DOTALL)]
+
+
+def test_the_page_tells_the_story_and_escapes_it():
+    text = page()
+    assert "explored: nothing left" in text
+    assert "too few points &lt; 30 &amp; fading" in text
+    assert "vsx explore --set a=&lt;b&gt;" in text
+    assert "<td>keyframe</td>" not in text
+    assert len(drawings(text)) == 4
+
+
+def test_nothing_is_fetched_from_elsewhere():
+    assert not re.search(r'(src|href)="(?!data:)|url\(|<script|@import', page())
+
+
+def test_what_is_unknown_is_not_shown_as_zero():
+    text = page()
+    assert "80.0 %" in text
+    assert "<span>collisions</span>" not in text
+    assert "<td>ate_rmse_m</td><td><i>unknown</i></td>" in text
+
+
+@pytest.mark.parametrize(
+    ("reason", "kind"), [("explored: done", "fine"), ("lost for good from frame 3", "bad"), (None, "bad")]
+)
+def test_the_ending_is_coloured(reason, kind):
+    summary = Summary(stop_reason=reason).as_dict()
+    assert f'class="ending {kind}"' in page(summary=summary)
+
+
+def test_the_truth_is_laid_over_the_estimate():
+    lines = {line.get("class"): line.get("points") for line in drawings(page())[0].iter("polyline")}
+    assert lines["truth"] == lines["estimate"]
+
+
+def test_a_run_that_never_began_still_has_a_page():
+    nothing = np.zeros((0, 3))
+    text = page(estimate=[], truth=[], grid=None, points_world=nothing, frames=[], events=[], facts={})
+    assert "There is no map" in text
+    assert "<h2>Events</h2>" not in text
+
+
+def test_one_frame_one_pose():
+    text = page(frames=[(7 * SECOND, "good", 0, 0, True, None)], estimate=poses(1), truth=[], grid=None)
+    assert len(drawings(text)) == 2
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "expected"), [(0, 1, [0, 0.2, 0.4, 0.6, 0.8, 1.0]), (0, 95, [0, 20, 40, 60, 80]), (3, 3, [3])]
+)
+def test_ticks_are_round(low, high, expected):
+    assert svg.ticks(low, high, 6) == pytest.approx(expected)
+
+
+def test_a_curve_breaks_where_nothing_is_known():
+    seconds, values = np.arange(6.0), np.array([1.0, 1.0, np.nan, np.nan, 0.5, 0.5])
+    curves = list(drawings(svg.time_plot(seconds, values, "x", 1.0))[0].iter("polyline"))
+    assert len(curves) == 2
+    heights = [float(c.get("points").split()[0].split(",")[1]) for c in curves]
+    assert heights[0] < heights[1]
+
+
+def test_the_map_is_drawn_to_scale():
+    lines = [("estimate", np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 4.0]]))]
+    drawing = drawings(svg.map_view(None, np.zeros((0, 2)), lines, ("x", "y"), "m"))[0]
+    line = next(iter(drawing.iter("polyline"))).get("points").split()
+    a, b, c = (np.array(p.split(","), float) for p in line)
+    assert np.linalg.norm(c - b) / np.linalg.norm(b - a) == pytest.approx(4 / 3, abs=0.01)
+    assert c[1] < b[1]
+    bar = next(p for p in drawing.iter("path") if p.get("class") == "bar").get("d")
+    metres = float(next(t.text for t in drawing.iter("text")).split()[0])
+    assert float(bar.split("h")[1]) / metres == pytest.approx(np.linalg.norm(b - a) / 3, rel=0.01)
+
+
+def test_the_grid_picture_has_north_up():
+    picture = svg.grid_image(OccupancyGrid(np.array([[0, 100], [-1, 0]]), 1.0, 0.0, 0.0))
+    assert picture[1, 0, :3].tolist() == [255, 255, 255]
+    assert picture[1, 1, 0] < 60
+    assert picture[0, 0, 3] < 255
