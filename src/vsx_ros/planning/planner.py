@@ -19,10 +19,10 @@ from vsx_ros.planning.corridor import Corridor, build_corridor
 from vsx_ros.planning.path import Path, Plan, Refusal, RefusalKind, certified
 from vsx_ros.planning.reach import check_question
 from vsx_ros.planning.skeleton import (
-    CELL_M,
     CUSP_COST_M,
     Skeleton,
-    lattice_headings,
+    coarse_lattice,
+    fine_lattice,
     search_lattice,
     search_tree,
     shortened,
@@ -108,12 +108,12 @@ class Planner:
         if isinstance(corridor, Refusal):
             return np.full(len(poses), np.inf)
         m = corridor.margin
-        nowhere = np.full(3, np.nan)
+        nowhere, lattice = np.full(3, np.nan), coarse_lattice(phi)
         level, _, _, _, step, _, _ = lattice_search(
-            m.values, m.resolution, m.origin_x, m.origin_y, start.as_array(), phi, *lattice_headings(phi), CELL_M,
-            self._config.max_reverse_m, nowhere, np.zeros((1, 1)),
+            m.values, m.resolution, m.origin_x, m.origin_y, start.as_array(), phi, lattice.headings, lattice.bins,
+            lattice.cell_m, self._config.max_reverse_m, nowhere, np.zeros((1, 1)),
         )  # fmt: skip
-        costs: FloatArray = lattice_costs(level, step, start.theta, m.origin_x, m.origin_y, CELL_M, phi, poses)
+        costs: FloatArray = lattice_costs(level, step, start.theta, m.origin_x, m.origin_y, lattice.cell_m, phi, poses)
         costs[m.at(poses[:, :2]) < 0.0] = np.inf
         return costs
 
@@ -131,9 +131,12 @@ class Planner:
     ) -> Path | None:
         """The cheapest path along a few skeletons, and among the other direct connections."""
         phi, limit = self._config.phi_rad_m, self._config.max_reverse_m
-        raw = search_lattice(corridor.margin, start, goal, _TIGHT * phi, limit, remaining)
-        if raw is None:
-            raw = search_tree(corridor.margin, start, goal, _TIGHT * phi, limit, rng)
+        tight, margin = _TIGHT * phi, corridor.margin
+        raw = (
+            search_lattice(margin, start, goal, tight, limit, remaining, coarse_lattice(tight))
+            or search_tree(margin, start, goal, tight, limit, rng)
+            or search_lattice(margin, start, goal, tight, limit, remaining, fine_lattice(tight))
+        )
         found = [path for path in connections(start, goal, phi, enough=_DIRECT) if self._allowed(path, corridor)]
         if raw is not None:
             skeletons = [shortened(raw, corridor.margin, start, limit, rng) for _ in range(_SKELETONS)]

@@ -17,12 +17,13 @@ from vsx_ros.planning.pieces import Piece, arc_piece
 CUSP_COST_M = 0.15
 _ARC_M = 0.27
 _SHORTEST_M = 1e-9
-CELL_M = 0.1
+_CELL_M = 0.1
 _SHORTCUTS = 300
 _RESTARTS = 4
 _ITERATIONS = 3000
 # An 8-connected way is at most this much longer than the straight line it follows.
 _OCTILE = 0.924
+_GREED = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,26 +73,46 @@ class Skeleton:
         return tuple(piece for piece in self.arcs(start) if piece.length_m >= _SHORTEST_M)
 
 
-def lattice_headings(phi: float) -> tuple[int, int]:
-    """Number of heading bins and bins turned by one arc, so that every arc leaves its cell and its bin."""
+@dataclass(frozen=True, slots=True)
+class Lattice:
+    """Heading bins, bins turned by one arc, cell size [m]: every arc must leave its cell and its bin."""
+
+    headings: int
+    bins: int
+    cell_m: float
+
+
+def coarse_lattice(phi: float) -> Lattice:
+    """Arcs of about 0.27 m."""
     headings = int(min(max(round(2.0 * math.pi / (phi * _ARC_M)), 16), 32))
-    bins = max(1, math.ceil(1.6 * CELL_M * phi * headings / (2.0 * math.pi)))
-    return headings, bins
+    bins = max(1, math.ceil(1.6 * _CELL_M * phi * headings / (2.0 * math.pi)))
+    return Lattice(headings, bins, _CELL_M)
+
+
+def fine_lattice(phi: float) -> Lattice:
+    """Half the cells and half the arcs, for manoeuvres where there is hardly room."""
+    coarse = coarse_lattice(phi)
+    return Lattice(2 * coarse.headings, coarse.bins, 0.5 * coarse.cell_m)
 
 
 def search_lattice(
-    margin: DistanceField, start: SE2, goal: SE2, phi: float, max_reverse_m: float, remaining: FloatArray
+    margin: DistanceField,
+    start: SE2,
+    goal: SE2,
+    phi: float,
+    max_reverse_m: float,
+    remaining: FloatArray,
+    lattice: Lattice,
 ) -> Skeleton | None:
     """The cheapest way over the lattice, ended exactly on the goal by a Reeds-Shepp word; None when there is none.
 
     remaining (H, W): ``travel_distance`` from the goal.
     """
-    bound = np.where(np.isfinite(remaining), _OCTILE * remaining, 1e6)
+    bound = np.where(np.isfinite(remaining), _GREED * _OCTILE * remaining, 1e6)
     goal_array = goal.as_array()
-    headings, bins = lattice_headings(phi)
     _, poses, parents, motions, step, winner, _ = lattice_search(
         margin.values, margin.resolution, margin.origin_x, margin.origin_y, start.as_array(), phi,
-        headings, bins, CELL_M, max_reverse_m, goal_array, bound,
+        lattice.headings, lattice.bins, lattice.cell_m, max_reverse_m, goal_array, bound,
     )  # fmt: skip
     if winner < 0:
         return None
