@@ -4,7 +4,8 @@ Subscribers: camera/rgb/image_raw, camera/rgb/camera_info, odom, mobile_base/haz
 Publishers: vslam/pose (base_footprint in map, stamp of the image), /tf map -> odom, /tf_static (camera mount),
     vslam/state, vslam/stats/*, follower/lease; map, map_metadata, vslam/{map_points,keyframes,path} (latched).
 Services: static_map.
-Parameters: ~config (tree of config.py), ~seed (int, 0), ~run_dir (folder for the results of the run; none).
+Parameters: ~config (tree of config.py), ~seed (int, 0), ~run_dir (folder for the results of the run; none),
+    ~use_odometry (bool, true: wait for odom, the map is metric; false: the map has no scale and no floor).
 """
 
 from __future__ import annotations
@@ -94,8 +95,10 @@ class VslamNode:
     def _track(self) -> None:
         camera = images.camera(self._first_camera_info())
         seed = int(rospy.get_param("~seed", 0))
-        self._slam = slam = ThreadedSlam(camera, self._T_base_cam, self._config.slam, seed)
-        heard_s = time.monotonic()
+        metric = bool(rospy.get_param("~use_odometry", True))
+        T_base_cam = self._T_base_cam if metric else None
+        self._slam = slam = ThreadedSlam(camera, T_base_cam, self._config.slam, seed)
+        heard_s, tracked_any = time.monotonic(), False
         while not rospy.is_shutdown():
             taken = self._sync.take(timeout_s=0.2)
             now_s = time.monotonic()
@@ -104,6 +107,10 @@ class VslamNode:
                     self._status.waiting_for(topics.IMAGE)
                 continue
             frame, odometry = taken
+            if metric and odometry is None and not tracked_any:
+                self._status.waiting_for(topics.ODOM)  # a map begun without the wheels would have no scale for good
+                continue
+            tracked_any = True
             result = slam.track(frame, odometry)
             self._lease.renew()
             self._publish_pose(result, odometry)
@@ -148,8 +155,10 @@ class VslamNode:
     def close(self) -> None:
         """Write the run's results after the last frame."""
         self._tracking.join(timeout=1.0)
-        if self._run_dir and self._slam is not None:
-            self._record.write(Path(self._run_dir), self._slam)
+        if self._slam is not None:
+            self._slam.close()
+            if self._run_dir:
+                self._record.write(Path(self._run_dir), self._slam)
 
 
 def main() -> None:
