@@ -204,6 +204,14 @@ def battery_of(values: dict[int, int]) -> BatteryReading:
     return BatteryReading(values[22] / 1000.0, fraction, charging, state)
 
 
+def create_dialect(
+    model: Model, linear_scale: float = 1.0, angular_scale: float = 1.0
+) -> Create1Dialect | Create2Dialect:
+    """How CREATE_1 or CREATE_2 is spoken to."""
+    dialect = Create1Dialect if model is CREATE_1 else Create2Dialect
+    return dialect(linear_scale, angular_scale)
+
+
 def create_driver(
     model: Model,
     port: str,
@@ -214,9 +222,8 @@ def create_driver(
     angular_scale: float = 1.0,
 ) -> BaseDriver:
     """A driver for CREATE_1 or CREATE_2 at a serial port; call ``start`` on it."""
-    dialect = Create1Dialect if model is CREATE_1 else Create2Dialect
     return BaseDriver(
-        dialect(linear_scale, angular_scale),
+        create_dialect(model, linear_scale, angular_scale),
         lambda: SerialTransport(port, model.baud),
         port,
         on_reading,

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from vsx_hw.base_driver import BaseDriver
-from vsx_hw.create.driver import create_driver
+from vsx_hw.create.driver import create_dialect, create_driver
 from vsx_hw.create.emulator import create_emulator
 from vsx_hw.create.protocol import CREATE_1, CREATE_2, Model
+from vsx_hw.guardian import Guardian
 from vsx_hw.kobuki.base_control import WHEEL_BASE_M as KOBUKI_WHEEL_BASE_M
-from vsx_hw.kobuki.driver import kobuki_driver
+from vsx_hw.kobuki.driver import KobukiDialect, kobuki_driver
 from vsx_hw.kobuki.emulator import kobuki_emulator
+from vsx_hw.kobuki.protocol import BAUD as KOBUKI_BAUD
 from vsx_hw.readings import BaseReading
 from vsx_hw.serial_emulator import Plant, SerialEmulator
 from vsx_ros.errors import ConfigError
@@ -37,6 +39,14 @@ def base_emulator(robot_type: str, plant: Plant, link: str, seed: int) -> Serial
     if robot_type == "kobuki":
         return kobuki_emulator(plant, link, seed)
     return create_emulator(_create_model(robot_type), plant, link, seed)
+
+
+def base_guardian(robot_type: str, port: str) -> Guardian:
+    """The process that stops the base should this one be killed. Raises ConfigError for an unknown robot_type."""
+    if robot_type == "kobuki":
+        return Guardian(port, KOBUKI_BAUD, KobukiDialect().farewell())
+    model = _create_model(robot_type)
+    return Guardian(port, model.baud, create_dialect(model).farewell())
 
 
 def wheel_base_m(robot_type: str) -> float:

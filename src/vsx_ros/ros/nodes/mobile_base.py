@@ -1,5 +1,7 @@
 """Node ``mobile_base``: driver, command mux and the last decision before the wheels, in one small process.
 
+A second process stops the wheels when this one is killed (vsx_hw.guardian).
+
 Subscribers: cmd_vel_mux/input/{safety_controller,teleop,navi} (priority in this order; each has its own timeout).
 Publishers: odom (50 Hz), /tf odom -> base_footprint, joint_states, mobile_base/hazards (UInt8, the bits of
     vsx_hw.readings.Hazard, latched, on change), battery (1 Hz), cmd_vel_mux/active (latched, on change).
@@ -27,7 +29,7 @@ from vsx_hw.readings import BaseReading, Hazard
 from vsx_hw.safety import SOURCES, Decision, SpeedLimits, Supervisor
 from vsx_ros.config import Config
 from vsx_ros.ros import base_messages, process, topics
-from vsx_ros.ros.base_drivers import base_driver
+from vsx_ros.ros.base_drivers import base_driver, base_guardian
 
 _INPUTS = {
     "safety_controller": topics.COMMAND_SAFETY,
@@ -51,9 +53,10 @@ class MobileBaseNode:
         self._latest: tuple[BaseReading, Decision] | None = None
         self._hazards = Hazard.NONE
         self._advertise()
+        robot_type, port = str(rospy.get_param("~robot_type", "kobuki")), str(rospy.get_param("~port", "/dev/kobuki"))
         self._driver: BaseDriver = base_driver(
-            str(rospy.get_param("~robot_type", "kobuki")),
-            str(rospy.get_param("~port", "/dev/kobuki")),
+            robot_type,
+            port,
             self._on_reading,
             self._on_link,
             timeout_s,
@@ -65,6 +68,7 @@ class MobileBaseNode:
             rospy.Subscriber(topic, Twist, self._on_command, source, queue_size=1, tcp_nodelay=True)
         rospy.Service(topics.ESTOP, SetBool, self._on_estop)
         rospy.Service(topics.RESET_ODOMETRY, Trigger, self._on_reset_odometry)
+        self._guardian = base_guardian(robot_type, port)
         self._driver.start()
         process.every(1.0, "health", self._report)
 
@@ -146,6 +150,7 @@ class MobileBaseNode:
     def close(self) -> None:
         """Stop the wheels and leave the base safe."""
         self._driver.close()
+        self._guardian.release()
 
 
 def main() -> None:
