@@ -22,7 +22,7 @@ from vsx_ros.errors import ConfigError
 from vsx_ros.ros import launch, process, topics
 from vsx_ros.ros.launch import LaunchNode
 
-_STOP_S = 0.3
+_STOP_S = 0.6
 _ESTOP_WAIT_S = 1.0
 
 

@@ -6,7 +6,6 @@ Run as ``python -m vsx_ros.ros.run`` with the options of ``vsx explore``.
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import os
 import sys
 import tempfile
@@ -23,10 +22,10 @@ from vsx_ros.cli.config import load
 from vsx_ros.cli.exit_codes import DONE, FAILED, HARDWARE, INTERNAL, LOST, STOPPED
 from vsx_ros.cli.explore import add_arguments
 from vsx_ros.cli.report import one_line_facts, write_report
+from vsx_ros.cli.run_record import MapJudge
 from vsx_ros.cli.world import open_world
-from vsx_ros.config import Config, overridden, to_dict
+from vsx_ros.config import overridden, to_dict
 from vsx_ros.errors import VsxError
-from vsx_ros.evaluation.coverage import map_quality, observable_cells
 from vsx_ros.evaluation.summary import Summary, with_accuracy
 from vsx_ros.exploration.mission import MissionState, Outcome
 from vsx_ros.io.run_folder import RunFolder
@@ -35,7 +34,6 @@ from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.live import Live
 from vsx_ros.ros.progress import Progress, progress_line
 from vsx_ros.ros.witness import Witness
-from vsx_ros.sim.truth import ground_truth_grid
 from vsx_ros.sim.world import World
 from vsx_ros.sim.world_file import save_world
 
@@ -60,35 +58,21 @@ _OUTCOMES = {
 }
 
 
-class Judge:
-    """Compares the map with the emulated world; knows nothing on a real robot."""
+class Coverage:
+    """Share of the emulated world that the map covers; computed now and then, None on a real robot."""
 
-    def __init__(self, world: World | None, config: Config) -> None:
-        self._world = world
-        if world is not None:
-            ground = config.ground_map
-            self._truth = ground_truth_grid(
-                world, ground.resolution_m, ground.obstacle_min_height_m, ground.obstacle_max_height_m
-            )
-            self._observable = observable_cells(
-                self._truth, world.start_pose, config.robot.radius_m, config.exploration.sensor_range_m
-            )
-        self._coverage: float | None = None
+    def __init__(self, judge: MapJudge | None) -> None:
+        self._judge = judge
+        self._share: float | None = None
         self._judged_s = -1e9
 
-    def coverage(self, witness: Witness) -> float | None:
-        """Share of the observable cells that are known; computed now and then."""
-        if time.monotonic() - self._judged_s > _COVERAGE_PERIOD_S:
+    def of(self, witness: Witness) -> float | None:
+        """The share now, or a moment ago."""
+        due = time.monotonic() - self._judged_s > _COVERAGE_PERIOD_S
+        if self._judge is not None and witness.grid is not None and due:
             self._judged_s = time.monotonic()
-            self._coverage = self.judged(Summary(), witness).coverage
-        return self._coverage
-
-    def judged(self, summary: Summary, witness: Witness) -> Summary:
-        """The summary with the quality of the map. The map's origin is where the base stood at the start."""
-        if self._world is None or witness.grid is None:
-            return summary
-        quality = map_quality(witness.grid, self._truth, self._observable, self._world.start_pose)
-        return summary.with_values(collisions=witness.collisions, **dataclasses.asdict(quality))
+            self._share = self._judge.quality(witness.grid).coverage
+        return self._share
 
 
 def explore(args: argparse.Namespace) -> int:
@@ -103,14 +87,14 @@ def explore(args: argparse.Namespace) -> int:
     folder.write_config(config, ["vsx", "explore", *sys.argv[1:]], seed=args.seed, world=args.world)
     os.environ["ROS_LOG_DIR"] = str((folder.path / "log").resolve())
     (folder.path / "log").mkdir(exist_ok=True)
-    judge = Judge(world, config)
+    judge = MapJudge(world, config) if world is not None else None
     with tempfile.TemporaryDirectory(prefix="vsx-") as devices:
         nodes = _nodes(args, folder, world, Path(devices))
         with Live(nodes, to_dict(config), vital=("mobile_base", "vslam", "explore", "emulator")) as live:
             progress = Progress(live.terminal)
             progress.say(f"nodes are starting at ROS_MASTER_URI={os.environ['ROS_MASTER_URI']}; Ctrl-C stops the robot")
             witness = Witness(emulated=world is not None)
-            ending, duration_s = _watch(live, witness, judge, progress, args.time)
+            ending, duration_s = _watch(live, witness, Coverage(judge), progress, args.time)
             progress.say(f"stopping: {ending.reason}")
     _gather(folder, witness, judge, ending, duration_s, args)
     return ending.code
@@ -125,7 +109,7 @@ def _nodes(args: argparse.Namespace, folder: RunFolder, world: World | None, dev
 
 
 def _watch(
-    live: Live, witness: Witness, judge: Judge, progress: Progress, limit_s: float | None
+    live: Live, witness: Witness, coverage: Coverage, progress: Progress, limit_s: float | None
 ) -> tuple[Ending, float]:
     """Until the mission, the time, the operator or a failure ends it; and how many seconds that took.
 
@@ -149,7 +133,7 @@ def _watch(
         for warning in witness.new_warnings():
             progress.say(warning)
         if progress.is_due:
-            progress.show(progress_line(witness, judge.coverage(witness), elapsed_s, limit_s))
+            progress.show(progress_line(witness, coverage.of(witness), elapsed_s, limit_s))
 
 
 def _ending(live: Live, witness: Witness, elapsed_s: float, limit_s: float | None) -> Ending | None:
@@ -166,13 +150,19 @@ def _ending(live: Live, witness: Witness, elapsed_s: float, limit_s: float | Non
 
 
 def _gather(
-    folder: RunFolder, witness: Witness, judge: Judge, ending: Ending, duration_s: float, args: argparse.Namespace
+    folder: RunFolder,
+    witness: Witness,
+    judge: MapJudge | None,
+    ending: Ending,
+    duration_s: float,
+    args: argparse.Namespace,
 ) -> None:
     """Complete what vslam wrote with what the witness saw, and tell it."""
     known = folder.read_summary() if (folder.path / "summary.json").exists() else {}
     navigation, truth = witness.navigation(), witness.truth()
     summary = with_accuracy(Summary(**known), folder.read_poses("trajectory"), truth, "yaw")
-    summary = judge.judged(summary, witness)
+    if judge is not None:
+        summary = judge.judged(summary, witness.grid).with_values(collisions=witness.collisions)
     plan_ms, error_m = np.array(navigation.plan_ms), np.array(navigation.error_m)
     config, _ = folder.read_config()
     summary = summary.with_values(

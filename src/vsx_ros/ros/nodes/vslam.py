@@ -21,17 +21,18 @@ from std_msgs.msg import UInt8
 from tf2_msgs.msg import TFMessage
 
 from vsx_hw.readings import Hazard
+from vsx_ros.cli.run_record import RunRecord
 from vsx_ros.config import Config
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.camera import mount_pose
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.io.run_folder import RunFolder
 from vsx_ros.robot import Odometry
 from vsx_ros.ros import convert, images, process, topics
 from vsx_ros.ros.ground_mapping import GroundMapping
 from vsx_ros.ros.lease import Lease
 from vsx_ros.ros.sensor_sync import SensorSync
 from vsx_ros.ros.slam_messages import SlamStatus
-from vsx_ros.ros.slam_record import SlamRecord
 from vsx_ros.ros.warm_up import warm_up_slam
 from vsx_ros.slam.state import TrackingResult, TrackingState
 from vsx_ros.slam.threads import ThreadedSlam
@@ -56,7 +57,7 @@ class VslamNode:
         )
         self._run_dir = str(rospy.get_param("~run_dir", ""))
         self._sync = SensorSync()
-        self._record = SlamRecord(self._T_base_cam)
+        self._record = RunRecord(self._T_base_cam)
         self._slam: ThreadedSlam | None = None
         self._T_map_odom = SE2()
         self._odometry_heard = False
@@ -116,7 +117,7 @@ class VslamNode:
             self._publish_pose(result, odometry)
             self._status.frame(result, now_s - heard_s, self._sync.dropped)
             self._record.add_frame(result, odometry, time.monotonic() - now_s)
-            self._record.add_events(slam.drain_events())
+            self._record.add_slam_events(slam.drain_events())
             heard_s = now_s
 
     def _first_camera_info(self) -> CameraInfo:
@@ -158,7 +159,10 @@ class VslamNode:
         if self._slam is not None:
             self._slam.close()
             if self._run_dir:
-                self._record.write(Path(self._run_dir), self._slam)
+                folder = RunFolder(Path(self._run_dir))
+                folder.path.mkdir(parents=True, exist_ok=True)
+                self._record.write(folder, self._slam.snapshot())
+                folder.write_summary(self._record.summary(self._slam.statistics()).as_dict())
 
 
 def main() -> None:

@@ -1,0 +1,90 @@
+"""The live run as its users start it: an emulated robot explores, Ctrl-C ends it in order."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rospy")
+
+from vsx_ros.cli.exit_codes import FAILED, STOPPED
+from vsx_ros.io.run_folder import RunFolder
+
+pytestmark = pytest.mark.ros
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+
+
+def environment(tmp_path: Path, port: int) -> dict[str, str]:
+    paths = os.pathsep.join([str(CHECKOUT / "src"), str(CHECKOUT / "hw")])
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("ROS_")}
+    return {**kept, "PYTHONPATH": paths, "ROS_HOME": str(tmp_path), "ROS_MASTER_URI": f"http://localhost:{port}"}
+
+
+def run_command(*words: str) -> list[str]:
+    return [sys.executable, "-m", "vsx_ros.ros.run", *words]
+
+
+def processes_that_name(text: str) -> list[str]:
+    lines = subprocess.run(["ps", "-eo", "args"], capture_output=True, text=True, check=True).stdout.splitlines()
+    return [line for line in lines if text in line]
+
+
+def test_ctrl_c_stops_the_robot_ends_every_process_and_leaves_a_run_folder(tmp_path: Path) -> None:
+    from conftest import free_port
+
+    port, out = free_port(), tmp_path / "run"
+    command = run_command("--world", "lab", "--seed", "1", "--time", "300", "--headless", "--out", str(out))
+    lines: list[str] = []
+    with subprocess.Popen(
+        command, env=environment(tmp_path, port), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as run:
+        assert run.stderr is not None
+        reader = threading.Thread(target=lines.extend, args=(run.stderr,), daemon=True)
+        reader.start()
+        deadline_s = time.monotonic() + 90.0
+        while not any("| mapping |" in line for line in lines):
+            assert time.monotonic() < deadline_s, lines
+            assert run.poll() is None, lines
+            time.sleep(0.1)
+        run.send_signal(signal.SIGINT)
+        assert run.wait(30.0) == STOPPED
+    assert not processes_that_name(f"-p {port}")
+    assert not processes_that_name(str(out))
+    folder = RunFolder.open(out)
+    summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    assert summary["stop_reason"] == "stopped by the operator"
+    assert summary["collisions"] == 0
+    assert summary["frames_tracked"] > 0
+    assert 0.0 < summary["coverage"] < 1.0
+    truth = folder.read_poses("groundtruth")
+    last, before = truth[-1], truth[-3]
+    moved_m = float(abs(last.T.translation - before.T.translation).max())
+    assert moved_m < 0.002, "the robot still rolled when its nodes were ended"
+    assert (out / "report.html").exists()
+    assert folder.read_map() is not None
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--world", "moon"], "moon"),
+        (["--world", "lab", "--set", "planner.phi_rad_m=-1"], "phi_rad_m"),
+    ],
+)
+def test_mistakes_are_one_sentence_before_anything_starts(tmp_path: Path, words: list[str], sentence: str) -> None:
+    command = run_command(*words, "--out", str(tmp_path / "run"))
+    done = subprocess.run(
+        command, env=environment(tmp_path, 1), capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == FAILED
+    assert sentence in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
