@@ -22,8 +22,9 @@ from vsx_ros.occupancy.virtual_scan import PolarScans, virtual_scans
 _MARGIN_M = 0.5
 _MIN_FREE_VOTES = 1
 _MIN_HIT_VOTES = 3
-_OVERRULED_BY = 4.0
-"""A lone point is noise when this many times more keyframes looked through it than saw it."""
+_OVERRULED_BY = 2.0
+_SURE_POINTS = 3
+"""Fewer points than this are noise where this many times more keyframes looked through their place than saw them."""
 _SPECK_CELLS = 3
 _BUMP_ARC_RAD = 1.0
 _BUMP_AHEAD_M = 0.05
@@ -139,14 +140,15 @@ class GroundMap:
     def _occupied(
         self, scans: PolarScans, points_world: Points3, obs_point: IntArray, free_votes: IntArray, lattice: _Lattice
     ) -> BoolArray:
-        """Cells with enough observations of obstacle points, lone points that others look through left out."""
+        """Cells with enough observations of obstacle points, the few that others look through left out."""
         points = np.ascontiguousarray(points_world, np.float64).reshape(-1, 3)
         votes, members = kernels.count_hits(points, np.asarray(obs_point, np.int64), scans.hit, *lattice.arguments())
         block = np.ones((3, 3), np.float32)
         near_votes = cv2.filter2D(votes.astype(np.float32), -1, block, borderType=cv2.BORDER_CONSTANT)
         near_points = cv2.filter2D(members.astype(np.float32), -1, block, borderType=cv2.BORDER_CONSTANT)
-        lone = (near_points < 1.5) & (free_votes > _OVERRULED_BY * votes)
-        occupied: BoolArray = (votes > 0) & (near_votes >= _MIN_HIT_VOTES) & ~lone
+        near_free = cv2.blur(free_votes.astype(np.float32), (3, 3), borderType=cv2.BORDER_CONSTANT)
+        noise = (near_points < _SURE_POINTS - 0.5) & (near_free > _OVERRULED_BY * near_votes)
+        occupied: BoolArray = (votes > 0) & (near_votes >= _MIN_HIT_VOTES) & ~noise
         return occupied
 
     def _start_strip(self, start: SE2, lattice: _Lattice) -> BoolArray:
