@@ -81,9 +81,9 @@ def section_connect(n: int) -> None:
         shortest = reeds_shepp_lengths(np.zeros((n, 3)), goals, phi)
         ratio, seconds, bound, end, words = [], [], 0.0, 0.0, 0
         for goal, least in zip(goals, shortest):
-            begun = time.perf_counter()
+            begun = time.process_time()
             path = connect(SE2(), SE2(*goal.tolist()), phi)
-            seconds.append(time.perf_counter() - begun)
+            seconds.append(time.process_time() - begun)
             if isinstance(path, Path):
                 ratio.append(path.length_m / least)
                 bound = max(bound, path.certificate.curvature_bound_rad_m / phi)
@@ -107,9 +107,9 @@ def section_lab(labs: int, each: int = 4) -> None:
         seconds, smooth, solved, solvable, longer, peer_better = [], 0, 0, 0, [], []
         peer_solved, peer_seconds = 0, []
         for grid, start, goal in questions:
-            begun = time.perf_counter()
+            begun = time.process_time()
             plan = ours.plan(start, goal, grid, np.random.default_rng(1))
-            seconds.append(time.perf_counter() - begun)
+            seconds.append(time.process_time() - begun)
             joined = isinstance(generic.plan(start, goal, grid, np.random.default_rng(1)), Plan)
             peer = peer_rrt_connect(grid, start, goal, config) if ompl and joined else None
             if peer is not None:
@@ -168,11 +168,11 @@ def peer_rrt_connect(grid: OccupancyGrid, start: SE2, goal: SE2, config: Planner
         ends.append(state)
     setup.setStartAndGoalStates(*ends)
     setup.setPlanner(geometric.RRTConnect(setup.getSpaceInformation()))
-    begun = time.perf_counter()
+    begun = time.process_time()
     if not setup.solve(10.0) or not setup.haveExactSolutionPath():
         return None
     setup.simplifySolution(0.5)
-    return time.perf_counter() - begun, float(setup.getSolutionPath().length())
+    return time.process_time() - begun, float(setup.getSolutionPath().length())
 
 
 def section_costs() -> None:
@@ -181,18 +181,18 @@ def section_costs() -> None:
     poses = np.stack([rng.uniform(-6, 6, 500), rng.uniform(-4, 4, 500), rng.uniform(-3, 3, 500)], axis=1)
     seconds = []
     for _ in range(20):
-        begun = time.perf_counter()
+        begun = time.process_time()
         reeds_shepp_lengths(np.zeros((500, 3)), poses, 1.0)
-        seconds.append(time.perf_counter() - begun)
+        seconds.append(time.process_time() - begun)
     print(f"500 poses, obstacle-free bound, ms: {percentiles(seconds, 1e3)}")
     for phi in PHIS:
         planner = Planner(PlannerConfig(phi_rad_m=phi), ROBOT)
         seconds, ratio = [], []
         for grid, start, goal in problems(10, 1):
             ends = np.concatenate([poses, goal.as_array()[None]])
-            begun = time.perf_counter()
+            begun = time.process_time()
             costs = planner.travel_costs(start, grid, ends)
-            seconds.append(time.perf_counter() - begun)
+            seconds.append(time.process_time() - begun)
             plan = planner.plan(start, goal, grid, np.random.default_rng(0))
             if isinstance(plan, Plan) and np.isfinite(costs[-1]):
                 ratio.append(costs[-1] / plan.path.length_m)
@@ -210,9 +210,9 @@ def section_time(n: int) -> None:
         for goal in random_goals(n, 1):
             path = connect(SE2(), SE2(*goal.tolist()), phi)
             assert isinstance(path, Path)
-            begun = time.perf_counter()
+            begun = time.process_time()
             trajectory = time_scale(path, LIMITS)
-            seconds.append(time.perf_counter() - begun)
+            seconds.append(time.process_time() - begun)
             ours += trajectory.duration_s
             peer += peer_toppra(path) if toppra else 0.0
             change = np.abs(np.diff(trajectory.omega) / np.diff(trajectory.times_s)).max()
@@ -255,11 +255,11 @@ def section_paper(n: int) -> None:
         for goal in random_goals(n, 2):
             pose = SE2(*goal.tolist())
             reachable += feasible(SE2(), pose, phi).ok or feasible(SE2(), pose, phi, reverse=True).ok
-            begun = time.perf_counter()
+            begun = time.process_time()
             path = connect(SE2(), pose, phi, mode="paper")
             if isinstance(path, Path):
                 solved += 1
-                seconds.append(time.perf_counter() - begun)
+                seconds.append(time.process_time() - begun)
                 excess.append(path.certificate.curvature_bound_rad_m / phi)
         print(f"phi {phi}: reachable {reachable}/{n}, solved {solved}; max curvature / phi: {max(excess):.5f}")
         print(f"  ms where solved: {percentiles(seconds, 1e3)}")

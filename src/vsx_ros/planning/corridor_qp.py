@@ -26,7 +26,7 @@ _TRUST_M = 0.15
 _SLACK_PRICE = 200.0
 _NEAR_M = 0.3
 _GAP_M = 0.004
-_CONVERGED = 0.003
+_CONVERGED = 0.01
 
 
 def position_rows(sequence: HeadingSequence, theta: float) -> FloatArray:

@@ -20,9 +20,11 @@ from vsx_ros.planning.path import Path, Plan, Refusal, RefusalKind, certified
 from vsx_ros.planning.reach import check_question
 from vsx_ros.planning.skeleton import (
     CUSP_COST_M,
+    OCTILE,
     Skeleton,
     coarse_lattice,
     fine_lattice,
+    free_words,
     search_lattice,
     search_tree,
     shortened,
@@ -33,7 +35,8 @@ __all__ = ["Planner", "UnconstrainedPlanner"]
 
 _TIGHT = 0.9
 _DIRECT = 4
-_SKELETONS = 3
+_SHORTENINGS = 3
+_NEAR_BOUND = 1.15
 _STOP_COST_M = 0.3
 _REVERSE_SLACK_M = 1e-6
 _STRAIGHTS_M = (math.inf, 0.5)
@@ -129,21 +132,23 @@ class Planner:
     def _through_map(
         self, start: SE2, goal: SE2, corridor: Corridor, remaining: FloatArray, rng: np.random.Generator
     ) -> Path | None:
-        """The cheapest path along a few skeletons, and among the other direct connections."""
-        phi, limit = self._config.phi_rad_m, self._config.max_reverse_m
-        tight, margin = _TIGHT * phi, corridor.margin
-        raw = (
-            search_lattice(margin, start, goal, tight, limit, remaining, coarse_lattice(tight))
-            or search_tree(margin, start, goal, tight, limit, rng)
-            or search_lattice(margin, start, goal, tight, limit, remaining, fine_lattice(tight))
-        )
-        found = [path for path in connections(start, goal, phi, enough=_DIRECT) if self._allowed(path, corridor)]
-        if raw is not None:
-            skeletons = [shortened(raw, corridor.margin, start, limit, rng) for _ in range(_SKELETONS)]
-            for skeleton in sorted(skeletons, key=lambda s: s.length_m):
-                found += [p for p in self._smoothed(skeleton, start, goal, corridor) if self._allowed(p, corridor)]
-                if found and min(map(_cost, found)) < skeleton.length_m + 2.0 * _STOP_COST_M:
-                    break
+        """The cheapest path along a few skeletons: a free Reeds-Shepp word, or what a search finds."""
+        tight, limit, margin = _TIGHT * self._config.phi_rad_m, self._config.max_reverse_m, corridor.margin
+        skeletons = free_words(margin, start, goal, tight, limit)[:1]
+        bound = OCTILE * float(remaining[margin.cell(start.x, start.y)])
+        if not skeletons or skeletons[0].length_m > _NEAR_BOUND * bound + _STOP_COST_M:
+            raw = (
+                search_lattice(margin, start, goal, tight, limit, remaining, coarse_lattice(tight))
+                or search_tree(margin, start, goal, tight, limit, rng)
+                or search_lattice(margin, start, goal, tight, limit, remaining, fine_lattice(tight))
+            )
+            if raw is not None:
+                skeletons += [shortened(raw, margin, start, limit, rng) for _ in range(_SHORTENINGS)]
+        found: list[Path] = []
+        for skeleton in sorted(skeletons, key=lambda s: s.length_m):
+            found += [p for p in self._smoothed(skeleton, start, goal, corridor) if self._allowed(p, corridor)]
+            if found and min(map(_cost, found)) < skeleton.length_m + 2.0 * _STOP_COST_M:
+                break
         return min(found, key=_cost, default=None)
 
     def _smoothed(self, skeleton: Skeleton, start: SE2, goal: SE2, corridor: Corridor) -> list[Path]:

@@ -9,7 +9,8 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.kernels.lattice import lattice_search, lattice_way, reverse_run
+from vsx_ros.kernels.lattice import lattice_search, lattice_way, reverse_run, word_is_free
+from vsx_ros.kernels.reeds_shepp import MAX_WORDS, SEGMENTS, reeds_shepp_words
 from vsx_ros.kernels.rrt import rrt_connect, shorten
 from vsx_ros.occupancy.distance import DistanceField, travel_distance
 from vsx_ros.planning.pieces import Piece, arc_piece
@@ -21,9 +22,8 @@ _CELL_M = 0.1
 _SHORTCUTS = 300
 _RESTARTS = 4
 _ITERATIONS = 3000
-# An 8-connected way is at most this much longer than the straight line it follows.
-_OCTILE = 0.924
-_GREED = 1.0
+OCTILE = 0.924
+"""A straight line is at least this share of the 8-connected way along it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,6 +73,21 @@ class Skeleton:
         return tuple(piece for piece in self.arcs(start) if piece.length_m >= _SHORTEST_M)
 
 
+def free_words(margin: DistanceField, start: SE2, goal: SE2, phi: float, max_reverse_m: float) -> list[Skeleton]:
+    """The Reeds-Shepp words between two poses that stay in the margin field, shortest first."""
+    relative = start.inverse() @ goal
+    turns, lengths = np.zeros((MAX_WORDS, SEGMENTS), np.int64), np.zeros((MAX_WORDS, SEGMENTS))
+    n = reeds_shepp_words(phi * relative.x, phi * relative.y, relative.theta, turns, lengths)
+    words = []
+    for k in range(n):
+        if reverse_run(lengths[k]) <= max_reverse_m * phi and word_is_free(
+            margin.values, margin.resolution, margin.origin_x, margin.origin_y, start.x, start.y, start.theta,
+            turns[k], lengths[k], phi,
+        ):  # fmt: skip
+            words.append(Skeleton(turns[k], lengths[k] / phi, phi))
+    return sorted(words, key=lambda word: word.length_m)
+
+
 @dataclass(frozen=True, slots=True)
 class Lattice:
     """Heading bins, bins turned by one arc, cell size [m]: every arc must leave its cell and its bin."""
@@ -108,7 +123,7 @@ def search_lattice(
 
     remaining (H, W): ``travel_distance`` from the goal.
     """
-    bound = np.where(np.isfinite(remaining), _GREED * _OCTILE * remaining, 1e6)
+    bound = np.where(np.isfinite(remaining), OCTILE * remaining, 1e6)
     goal_array = goal.as_array()
     _, poses, parents, motions, step, winner, _ = lattice_search(
         margin.values, margin.resolution, margin.origin_x, margin.origin_y, start.as_array(), phi,
