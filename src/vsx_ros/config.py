@@ -20,7 +20,7 @@ class _Branch(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Common policy: immutable, unknown names refused, keyword only."""
 
 
-class MountConfig(_Branch):
+class MountConfig(_Branch, frozen=True):
     """Where the camera sits on the base (T_base_cam)."""
 
     forward_m: float = -0.09
@@ -30,7 +30,7 @@ class MountConfig(_Branch):
     yaw_left_rad: float = 0.0
 
 
-class RobotConfig(_Branch):
+class RobotConfig(_Branch, frozen=True):
     """The body."""
 
     radius_m: Positive = 0.18
@@ -38,17 +38,17 @@ class RobotConfig(_Branch):
     mount: MountConfig = MountConfig()
 
 
-class LimitsConfig(_Branch):
+class LimitsConfig(_Branch, frozen=True):
     """What the time scaling and the follower never exceed."""
 
-    v_m_s: Positive = 0.25
-    a_m_s2: Positive = 0.3
-    jerk_m_s3: Positive = 1.0
-    omega_rad_s: Positive = 0.35
-    alpha_rad_s2: Positive = 0.7
+    v_m_s: Positive = 0.3
+    a_m_s2: Positive = 0.4
+    jerk_m_s3: Positive = 2.0
+    omega_rad_s: Positive = 0.4
+    alpha_rad_s2: Positive = 1.0
 
 
-class InitializationConfig(_Branch):
+class InitializationConfig(_Branch, frozen=True):
     """Two-frame start of the map (paper 3.1). Without odometry the baseline gets unit_baseline_m, and only parallax tells
     whether it is long enough."""
 
@@ -61,7 +61,7 @@ class InitializationConfig(_Branch):
     max_turn_deg: Positive = 12.0
 
 
-class TrackerConfig(_Branch):
+class TrackerConfig(_Branch, frozen=True):
     """Per-frame tracking."""
 
     max_points: Count = 800
@@ -73,7 +73,7 @@ class TrackerConfig(_Branch):
     lost_after_frames: Count = 3
 
 
-class KeyframeConfig(_Branch):
+class KeyframeConfig(_Branch, frozen=True):
     """When a frame becomes a keyframe (paper 3.1: conservative where the map is already known)."""
 
     min_gap_frames: Count = 4
@@ -82,7 +82,7 @@ class KeyframeConfig(_Branch):
     overlap_ratio: Ratio = 0.55
 
 
-class MapperConfig(_Branch):
+class MapperConfig(_Branch, frozen=True):
     """Making, refining and removing points."""
 
     window_keyframes: Count = 8
@@ -93,7 +93,7 @@ class MapperConfig(_Branch):
     global_iterations: Count = 10
 
 
-class WheelConfig(_Branch):
+class WheelConfig(_Branch, frozen=True):
     """How far wheel odometry between keyframes is believed, per axis: a constant plus a share of the motion."""
 
     distance_sigma_m: Positive = 0.0003
@@ -104,7 +104,7 @@ class WheelConfig(_Branch):
     tilt_sigma_rad: Positive = 0.01
 
 
-class SlamConfig(_Branch):
+class SlamConfig(_Branch, frozen=True):
     """Keyframe SLAM (paper 3)."""
 
     initialization: InitializationConfig = InitializationConfig()
@@ -114,7 +114,7 @@ class SlamConfig(_Branch):
     wheels: WheelConfig = WheelConfig()
 
 
-class PlannerConfig(_Branch):
+class PlannerConfig(_Branch, frozen=True):
     """Motion planning (paper 4)."""
 
     phi_rad_m: Positive = 1.0
@@ -122,7 +122,7 @@ class PlannerConfig(_Branch):
     max_reverse_m: NonNegative = 1.5
 
 
-class FollowerConfig(_Branch):
+class FollowerConfig(_Branch, frozen=True):
     """Following a timed trajectory."""
 
     stiffness_rad_m: Positive = 5.0
@@ -131,7 +131,7 @@ class FollowerConfig(_Branch):
     pose_timeout_s: Positive = 0.5
 
 
-class GroundMapConfig(_Branch):
+class GroundMapConfig(_Branch, frozen=True):
     """The 2-D map (paper 5.2)."""
 
     resolution_m: Positive = 0.05
@@ -142,7 +142,7 @@ class GroundMapConfig(_Branch):
     start_clear_m: NonNegative = 0.7
 
 
-class ExplorationConfig(_Branch):
+class ExplorationConfig(_Branch, frozen=True):
     """Frontiers, views and the mission (paper 5.2)."""
 
     sensor_range_m: Positive = 3.0
@@ -167,7 +167,7 @@ class ExplorationConfig(_Branch):
     retries_without_view: Count = 3
 
 
-class Config(_Branch):
+class Config(_Branch, frozen=True):
     """The whole tree."""
 
     robot: RobotConfig = RobotConfig()

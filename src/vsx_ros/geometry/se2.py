@@ -40,7 +40,8 @@ class SE2:
                 self.y + s * other.x + c * other.y,
                 self.theta + other.theta,
             )
-        return np.asarray(other) @ np.array([[c, s], [-s, c]]) + np.array([self.x, self.y])
+        mapped: Points2 = np.asarray(other) @ np.array([[c, s], [-s, c]]) + np.array([self.x, self.y])
+        return mapped
 
     def inverse(self) -> SE2:
         """The pose that undoes this one."""
