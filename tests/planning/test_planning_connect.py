@@ -64,7 +64,7 @@ def test_length_is_near_the_shortest_possible(goal, phi):
     assert isinstance(path, Path)
     shortest = reeds_shepp_lengths(np.zeros((1, 3)), goal.as_array()[None], phi)[0]
     assert path.length_m >= shortest - 1e-5  # its inverse cosines lose half the digits next to the start
-    assert path.length_m <= 1.6 * shortest + 0.1
+    assert path.length_m <= 1.6 * shortest + 0.7  # a stop for a jump of curvature is worth a small detour
 
 
 @pytest.mark.parametrize("direction", [1, -1])

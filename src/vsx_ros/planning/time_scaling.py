@@ -21,8 +21,8 @@ from vsx_ros.planning.pieces import Piece
 
 SAMPLE_S = 0.02
 _CHECK_S = 0.002
-_SEGMENT_M = (0.12, 0.25)
-_SLOPE_SHARE = (0.25, 0.6)
+_SEGMENT_M = (0.07, 0.12, 0.3)
+_SLOPE_SHARE = (0.8,)
 _MARGIN = 1e-3
 
 
