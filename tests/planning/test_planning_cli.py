@@ -1,0 +1,83 @@
+"""``vsx plan``: words, JSON, picture and exit codes."""
+
+import argparse
+import json
+import math
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from vsx_ros.cli import plan
+from vsx_ros.errors import ConfigError, InputError, PlanningError
+from vsx_ros.io.map_file import save_map
+from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
+
+
+def run(*words: str) -> int:
+    parser = argparse.ArgumentParser()
+    plan.add_parser(parser.add_subparsers())
+    args = parser.parse_args(["plan", *words])
+    return int(args.run(args))
+
+
+@pytest.fixture
+def divided_room(tmp_path: Path) -> Path:
+    data = np.zeros((80, 121), np.int8)
+    data[:, 60:62] = OCCUPIED
+    save_map(OccupancyGrid(data, 0.05, -3.0, -2.0), tmp_path / "room")
+    return tmp_path / "room.yaml"
+
+
+def test_json_holds_the_certificate_and_the_trajectory(capsys):
+    assert run("--start", "-1,0,90", "--goal", "1,-0.5,0", "--phi", "0.8", "--json") == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["solved"] is True
+    certificate = answer["path"]["certificate"]
+    assert 0.0 < certificate["curvature_bound_rad_m"] <= 0.8
+    assert certificate["end_error_m"] <= 1e-9
+    samples = np.array(answer["trajectory"]["t_x_y_theta_v_omega"])
+    assert samples[0, 1:4] == pytest.approx([-1.0, 0.0, math.pi / 2], abs=1e-6)
+    assert samples[-1, 1:3] == pytest.approx([1.0, -0.5], abs=1e-5)
+    assert samples[-1, 0] == pytest.approx(answer["trajectory"]["duration_s"], abs=1e-5)
+
+
+def test_words_and_picture(capsys, tmp_path):
+    picture = tmp_path / "plan.png"
+    assert run("--start", "0,0,0", "--goal", "2,1,0", "--plot", str(picture)) == 0
+    out = capsys.readouterr().out
+    assert "change of view" in out
+    assert "rad/m (phi 1)" in out
+    image = cv2.imread(str(picture))
+    assert image is not None
+    assert image.shape[1] == 900
+    with pytest.raises(InputError, match="picture"):
+        run("--start", "0,0,0", "--goal", "2,1,0", "--plot", str(tmp_path / "no" / "plan.png"))
+
+
+@pytest.mark.parametrize("planner", plan.PLANNERS)
+def test_a_refusal_is_an_exit_code_and_a_reason(planner, divided_room, capsys):
+    words = ("--start", "-1.5,0,0", "--goal", "1.5,0,0", "--map", str(divided_room), "--planner", planner)
+    assert run(*words) == 1
+    assert "disconnected" in capsys.readouterr().out
+    assert run(*words, "--json") == 1
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["solved"] is False
+    assert answer["refusal"]["kind"] == "disconnected"
+
+
+def test_the_generic_planner_says_how_much_it_turns(capsys):
+    assert run("--start", "0,0,0", "--goal", "0,2,180", "--planner", "unconstrained") == 0
+    assert "180 deg of turns on the spot" in capsys.readouterr().out
+
+
+def test_meaningless_questions():
+    with pytest.raises(PlanningError, match="goal pose"):
+        run("--start", "0,0,0", "--goal", "nan,0,0")
+    with pytest.raises(ConfigError, match="phi"):
+        run("--start", "0,0,0", "--goal", "1,0,0", "--phi", "0")
+    with pytest.raises(PlanningError, match="apart"):
+        run("--start", "0,0,0", "--goal", "1e6,0,0")
+    with pytest.raises(SystemExit):
+        run("--start", "0,0", "--goal", "1,0,0")
