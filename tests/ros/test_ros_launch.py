@@ -87,6 +87,12 @@ def test_every_node_of_the_table_has_a_starter() -> None:
         assert os.access(starter, os.X_OK)
 
 
+def test_names_are_relative_so_that_a_namespace_gives_a_second_robot() -> None:
+    published = {topic for node in topics.PUBLISHED.values() for topic in node}
+    served = {service for node in topics.SERVICES.values() for service in node}
+    assert {name for name in published | served if name.startswith("/")} == {topics.TF, topics.TF_STATIC}
+
+
 def test_markup_in_values_stays_text() -> None:
     node = launch.LaunchNode("camera", {"device": 'v4l:0"><evil/>'})
     _, params = described([], [launch.xml([node], {})])

@@ -27,7 +27,7 @@ def progress_line(witness: Witness, coverage: float | None, elapsed_s: float, li
         f"{100 * stats.get('tracked_ratio', 0.0):.0f} % tracked at {stats.get('fps', 0.0):.0f} Hz",
         f"{witness.distance_m:.1f} m",
     ]
-    return " | ".join([*facts, str(status.get("reason", ""))])
+    return " | ".join([*facts, str(status.get("reason", "waiting for the nodes"))])
 
 
 class Progress:

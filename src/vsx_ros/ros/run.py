@@ -130,8 +130,10 @@ def _watch(
             )
         if ending is not None:
             return ending, elapsed_s
-        for warning in witness.new_warnings():
-            progress.say(warning)
+        warnings = witness.new_warnings()
+        if began_s is not None or not witness.emulated:  # emulated devices appear while their drivers already look
+            for warning in warnings:
+                progress.say(warning)
         if progress.is_due:
             progress.show(progress_line(witness, coverage.of(witness), elapsed_s, limit_s))
 

@@ -25,6 +25,8 @@ from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.ros import convert, process, topics
 
 _JITTER_M = 0.002
+# rospy's own remarks on connections that come and go while nodes start and end.
+_TRANSPORT_FILES = ("tcpros_base.py", "tcpros_service.py", "registration.py")
 
 
 class Navigation(NamedTuple):
@@ -41,6 +43,7 @@ class Witness:
 
     def __init__(self, *, emulated: bool) -> None:
         self._lock = threading.Lock()
+        self.emulated = emulated
         self.status: dict[str, Any] = {}
         self.stats: dict[str, float] = {}
         self.slam_state = "NOT_INITIALISED"
@@ -93,6 +96,8 @@ class Witness:
         return fresh
 
     def _on_log(self, msg: Log) -> None:
+        if msg.file in _TRANSPORT_FILES:
+            return
         line = f"{msg.name.lstrip('/')}: {msg.msg.splitlines()[0] if msg.msg else ''}"
         with self._lock:
             if msg.level >= Log.WARN and line not in self._warned:
