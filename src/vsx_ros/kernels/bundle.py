@@ -23,7 +23,7 @@ from vsx_ros.kernels.pose import (
     tukey_sigma,
 )
 
-HUBER = 2.5
+HUBER = 5.0
 
 
 @kernel

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -19,13 +20,19 @@ from vsx_ros.slam.mapper import KeyFrameRequest
 from vsx_ros.slam.motion_model import MotionModel
 from vsx_ros.slam.relocalization import Relocalizer
 from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult, TrackingState
-from vsx_ros.slam.tracker import LocalMap, Track, Tracker
+from vsx_ros.slam.tracker import LocalMap, Track, Tracker, nearest_keyframes
 from vsx_ros.slam.tracking_record import TrackingRecord
 from vsx_ros.vision.corners import CornerDetector
 from vsx_ros.vision.pyramid import build_pyramid
 from vsx_ros.vision.small_image import small_image
 
 GAP_S = 1.0
+# While the wheels tell where the camera must be, a place elsewhere only looks alike; but after this many frames it may
+# have been carried.
+REACH_M, REACH_RAD, PATIENCE_FRAMES = 0.2, 0.15, 60
+ANYWHERE = (math.inf, math.inf)
+MAX_STEP_M, MAX_STEP_RAD = 0.08, 0.06
+BRIDGE_CORNERS, BRIDGE_GAP_FRAMES, BRIDGE_DISTANCE_M, BRIDGE_ANGLE_RAD = 150, 2, 0.04, 0.07
 MAX_ODOMETRY_AGE_S = 0.25
 
 
@@ -71,10 +78,16 @@ class FrontEnd:
             return self._start(data)
         self._since_keyframe += 1
         prediction = self._motion.predict(data)
+        if self._bad_frames and prediction.by_wheels:
+            self._reference = int(nearest_keyframes(self._view, prediction.T_world_cam)[0])
         self._local.select(self._view, self._reference)
         radius = self._config.tracker.coarse_radius_px
         coarse = radius if self._coarse_next or not prediction.by_wheels else 0.0
-        track = self._tracker.track(data, self._view, prediction.T_world_cam, self._local.rows, coarse)
+        track = self._tracker.track(
+            data, self._view, prediction.T_world_cam, self._local.rows, coarse, prediction.information
+        )
+        if track.state is not TrackingState.LOST and prediction.by_wheels:
+            track = self._checked(track, prediction.T_world_cam)
         if track.state is TrackingState.LOST:
             return self._recover(data, track, prediction.T_world_cam if prediction.by_wheels else None)
         return self._tracked(data, track, self._local.follow(self._view, track.rows))
@@ -148,8 +161,22 @@ class FrontEnd:
         result = TrackingResult(data.stamp_ns, TrackingState.GOOD, outcome.poses[1], found, found, True, "map started")
         return FrameOutcome(result, start=outcome)
 
+    def _checked(self, track: Track, by_wheels: SE3) -> Track:
+        """A pose far from where the wheels moved the last one is a mistake, not a measurement."""
+        if self._bad_frames:
+            return track
+        step = float(np.linalg.norm(track.T_world_cam.translation - by_wheels.translation))
+        turn = track.T_world_cam.rotation_angle_to(by_wheels)
+        if step < MAX_STEP_M and turn < MAX_STEP_RAD:
+            return track
+        reason = f"contradicts the wheels by {step:.2f} m and {np.degrees(turn):.1f} deg"
+        return track._replace(state=TrackingState.LOST, reason=reason)
+
     def _tracked(self, data: FrameData, track: Track, reference: int) -> FrameOutcome:
         self._motion.update(data, track.T_world_cam, measured=True)
+        if self._bad_frames >= self._config.tracker.lost_after_frames:
+            self.record.relocalizations += 1
+            self._event(data.stamp_ns, "relocalised", f"{len(track.rows)} points of the map found again")
         self._reference, self._bad_frames, self._coarse_next = reference, 0, track.state is not TrackingState.GOOD
         self.record.tracked(data.stamp_ns, track, len(self._view.points))
         why = keyframe_reason(self._config.keyframes, self._view, track, reference, self._since_keyframe)
@@ -183,28 +210,44 @@ class FrontEnd:
     def _recover(self, data: FrameData, track: Track, by_wheels: SE3 | None) -> FrameOutcome:
         """Too little was found: try everything to find the camera again, at once and in every frame."""
         expected = by_wheels or self._motion.last_pose
-        recovered = self._relocalizer.relocalize(data, self._view, expected)
+        reach = ANYWHERE
+        if by_wheels is not None and self._bad_frames < PATIENCE_FRAMES:
+            reach = (REACH_M + 0.01 * self._bad_frames, REACH_RAD + 0.01 * self._bad_frames)
+        recovered = self._relocalizer.relocalize(data, self._view, expected, reach)
         if recovered is not None:
-            found, reference = recovered
-            if self._bad_frames >= self._config.tracker.lost_after_frames:
-                self.record.relocalizations += 1
-                self._event(data.stamp_ns, "relocalised", f"{len(found.rows)} points of the map found again")
-                found = found._replace(reason="found again")
-            outcome = self._tracked(data, found, reference)
+            outcome = self._tracked(data, *recovered)
             self._coarse_next = True
             return outcome
         self._bad_frames += 1
         lost = self._bad_frames >= self._config.tracker.lost_after_frames
         if self._bad_frames == self._config.tracker.lost_after_frames:
             self._event(data.stamp_ns, "lost", track.reason)
+        request = None
         if by_wheels is not None:
             self._motion.update(data, by_wheels, measured=False)
+            request = self._bridge(data, track, by_wheels) if lost else None
         self._coarse_next = True
         self.record.missed(data.stamp_ns)
         state = TrackingState.LOST if lost else TrackingState.DUBIOUS
         reason = track.reason + ("; position by the wheels" if by_wheels is not None else "")
         searched = len(track.searched_rows)
-        return FrameOutcome(TrackingResult(data.stamp_ns, state, by_wheels, searched, 0, False, reason))
+        added = request is not None
+        result = TrackingResult(data.stamp_ns, state, by_wheels, searched, 0, added, reason)
+        return FrameOutcome(result, request=request)
+
+    def _bridge(self, data: FrameData, track: Track, by_wheels: SE3) -> KeyFrameRequest | None:
+        """Lost, but the image shows something and the wheels turn: let the map go on from where they put the camera, so
+        that what is in view becomes a map again. The odometry factors keep the stretch as uncertain as it is."""
+        if len(data.corners.positions) < BRIDGE_CORNERS or self._since_keyframe < BRIDGE_GAP_FRAMES:
+            return None
+        nearest = self._view.keyframes[int(nearest_keyframes(self._view, by_wheels)[0])].T_world_cam
+        moved = float(np.linalg.norm(nearest.translation - by_wheels.translation))
+        if moved < BRIDGE_DISTANCE_M and nearest.rotation_angle_to(by_wheels) < BRIDGE_ANGLE_RAD:
+            return None
+        self._event(data.stamp_ns, "bridged", "keyframe placed by the wheels alone")
+        nothing = np.zeros(0, np.int64)
+        unseen = track._replace(T_world_cam=by_wheels, rows=nothing, uv=np.zeros((0, 2)), level=nothing)
+        return self._request(data, unseen)
 
     def _event(self, stamp_ns: int, kind: str, reason: str) -> None:
         self.events.append(SlamEvent(stamp_ns, kind, reason))

@@ -13,13 +13,17 @@ from vsx_ros.slam.map import MapView
 from vsx_ros.slam.state import TrackingState
 from vsx_ros.slam.tracker import Track, nearest_keyframes
 
+# Few points found nearly all still make a good keyframe: it is where new points are needed most.
+SURE_RATIO = 0.5
+
 
 def keyframe_reason(config: KeyframeConfig, view: MapView, track: Track, reference: int, frames_since: int) -> str:
     """Why this frame should enter the map; empty when it should not.
 
     Distance and angle are measured to the nearest keyframe of the whole map, so that explored area yields none.
     """
-    if frames_since < config.min_gap_frames or track.state is not TrackingState.GOOD:
+    sure = track.state is TrackingState.GOOD or track.ratio > SURE_RATIO
+    if frames_since < config.min_gap_frames or not sure:
         return ""
     pose = track.T_world_cam
     nearest = [view.keyframes[int(k)] for k in nearest_keyframes(view, pose)[:5]]

@@ -154,7 +154,8 @@ class Map:
     def add_keyframe(self, data: FrameData, T_world_cam: SE3, observations: Observations) -> int:
         """Append a keyframe; returns its index, which is also its id."""
         index = len(self.keyframes)
-        self.keyframes.append(KeyFrame(index, data, T_world_cam, observations, 0.0))
+        depth = self.keyframes[-1].median_depth if self.keyframes else 0.0
+        self.keyframes.append(KeyFrame(index, data, T_world_cam, observations, depth))
         self.update_depth(index)
         return index
 

@@ -112,9 +112,9 @@ class Mapper:
         shared = covisible(self.map.keyframes, self.map.keyframes[index].observations.rows, self.map.count)
         shared[index] = 0
         ranked = [int(k) for k in np.argsort(-shared, kind="stable") if shared[k] >= 15][:count]
-        if index > 0 and index - 1 not in ranked:
-            ranked = [*ranked[: count - 1], index - 1]
-        return ranked
+        previous = [k for k in range(index - 1, max(-1, index - 4), -1) if k not in ranked]
+        wanted = 1 if len(ranked) >= 3 else 3
+        return [*ranked[: count - wanted], *previous[:wanted]]
 
     def _targets(self, index: int, neighbours: list[int]) -> list[int]:
         """Neighbours to triangulate with: one at a comfortable baseline, one near for what has just come into view,

@@ -17,10 +17,12 @@ MAX_GAP_S = 0.5
 
 
 class Prediction(NamedTuple):
-    """T_world_cam expected, and whether it comes from the wheels."""
+    """T_world_cam expected, whether it comes from the wheels, and how firmly: information (6,) per axis of the camera's
+    tangent."""
 
     T_world_cam: SE3
     by_wheels: bool
+    information: FloatArray
 
 
 class MotionModel:
@@ -38,15 +40,18 @@ class MotionModel:
         before, T = self._last
         by_wheels = self.by_wheels(before, data)
         if by_wheels is not None:
-            return Prediction(T @ by_wheels, True)
+            distance = float(np.linalg.norm(by_wheels.translation))
+            turn = by_wheels.rotation_angle_to(SE3.identity())
+            sigma = np.repeat([0.0015 + 0.05 * distance, 0.0015 + 0.05 * turn], 3)
+            return Prediction(T @ by_wheels, True, sigma**-2)
         dt = (data.stamp_ns - before.stamp_ns) * 1e-9
         if dt > MAX_GAP_S:
-            return Prediction(T, False)
+            return Prediction(T, False, np.zeros(6))
         motion = SE3.exp(self._velocity * dt * DAMPING)
         rotation, score = rotation_between(before.small, data.small, self._focal_px)
         if math.isfinite(score):
             motion = SE3(rotation.T, motion.translation)
-        return Prediction(T @ motion, False)
+        return Prediction(T @ motion, False, np.zeros(6))
 
     def by_wheels(self, before: FrameData, now: FrameData) -> SE3 | None:
         """T_before_now of the camera by odometry, None without."""

@@ -26,8 +26,11 @@ class Relocalizer:
         self._focal_px = camera.fx
         self._tracker = tracker
 
-    def relocalize(self, data: FrameData, view: MapView, expected: SE3 | None) -> tuple[Track, int] | None:
-        """(track, reference keyframe index), or None. expected: T_world_cam by the wheels or the last pose."""
+    def relocalize(
+        self, data: FrameData, view: MapView, expected: SE3 | None, reach: tuple[float, float]
+    ) -> tuple[Track, int] | None:
+        """(track, reference keyframe index), or None. expected: T_world_cam by the wheels or the last pose; reach: how
+        far from it the camera can be (metres, radians): places that only look alike are turned down."""
         best: tuple[Track, int] | None = None
         hypotheses: list[tuple[SE3, int]] = []
         if expected is not None:
@@ -38,6 +41,8 @@ class Relocalizer:
             local.select(view, reference)
             radius = WIDE * self._config.coarse_radius_px
             track = self._tracker.track(data, view, pose, local.rows, radius)
+            if expected is not None and not _within(expected, track.T_world_cam, reach):
+                continue
             if track.state is TrackingState.GOOD and (best is None or len(track.rows) > len(best[0].rows)):
                 best = track, local.follow(view, track.rows)
                 if track.ratio > 0.5:
@@ -56,3 +61,8 @@ class Relocalizer:
                 aligned.append((score, int(k), turned))
         aligned.sort(key=lambda entry: entry[:2])
         return [(pose, k) for _, k, pose in aligned[:TRIED]]
+
+
+def _within(expected: SE3, found: SE3, reach: tuple[float, float]) -> bool:
+    distance = float(np.linalg.norm(found.translation - expected.translation))
+    return distance <= reach[0] and expected.rotation_angle_to(found) <= reach[1]

@@ -34,7 +34,8 @@ class TrackingResult(NamedTuple):
 
 
 class SlamEvent(NamedTuple):
-    """A change of state. kind: initialised, keyframe, lost, relocalised, gap, refused."""
+    """A change of state. kind: refused, initialised, lost, bridged (a keyframe placed by the wheels
+    alone), relocalised, gap."""
 
     stamp_ns: int
     kind: str

@@ -20,6 +20,7 @@ COARSE_POINTS = 80
 COARSE_LEVEL = 2
 COARSE_MIN_FOUND = 10
 MARGIN_PX = 8.0
+FEW, FEW_RATIO = 12, 0.5
 AGAIN_RADIUS_PX, AGAIN_REACH = 3.0, 2
 
 
@@ -58,13 +59,14 @@ class Tracker:
         T_world_cam: SE3,
         candidates: IntArray,
         coarse_radius_px: float,
-        prior: FloatArray | None = None,
+        information: FloatArray | None = None,
     ) -> Track:
         """Look for the candidate points (rows) around their place at the expected pose.
 
-        coarse_radius_px: 0 leaves the coarse stage out. prior (6,): how much the expected pose is believed.
+        coarse_radius_px: 0 leaves the coarse stage out. information (6,): how firmly the
+        expected pose is known, per axis of the camera's tangent; None without wheels.
         """
-        pull = np.zeros(6) if prior is None else prior
+        pull = np.zeros(6) if information is None else information
         pose = T_world_cam.inverse()
         predictions = predicted(self._array, pose, view, candidates)
         radius = self._config.fine_radius_px
@@ -78,15 +80,17 @@ class Tracker:
             data.pyramid, data.corners, view.templates.patches, view.templates.offset, predictions, radius
         )
         weights = np.zeros(len(found))
-        information = np.zeros((6, 6))
+        certainty = np.zeros((6, 6))
         if int(found.sum()) >= 6:
-            pose, weights, information = self._pose(view, pose, predictions, found, uv, pull)
+            pose, weights, certainty = self._pose(view, pose, predictions, found, uv, pull)
             inliers = int((weights > 0).sum())
             if inliers >= 10:
                 predictions, found, uv = self._again(data, view, pose, predictions, weights > 0, uv)
-                pose, weights, information = self._pose(view, pose, predictions, found, uv, pull)
+                pose, weights, certainty = self._pose(view, pose, predictions, found, uv, pull)
         inlier = weights > 0
-        state, reason = self._judge(int(inlier.sum()), len(predictions.rows), int(len(data.corners.positions)))
+        state, reason = self._judge(
+            int(inlier.sum()), len(predictions.rows), int(len(data.corners.positions)), bool(pull.any())
+        )
         return Track(
             pose.inverse(),
             state,
@@ -94,7 +98,7 @@ class Tracker:
             uv[inlier],
             predictions.level[inlier],
             predictions.rows,
-            information,
+            certainty,
             reason,
         )
 
@@ -165,9 +169,12 @@ class Tracker:
         everything = np.concatenate([np.ones(len(old.rows), np.bool_), found])
         return joined, everything, np.concatenate([uv[kept], more])
 
-    def _judge(self, found: int, searched: int, corners: int) -> tuple[TrackingState, str]:
+    def _judge(self, found: int, searched: int, corners: int, guided: bool) -> tuple[TrackingState, str]:
+        """A pose that the wheels support needs fewer points, provided that most of them are where they should be."""
         config = self._config
         share = found / max(1, searched)
+        if guided and found < config.min_found and found >= FEW and share > FEW_RATIO:
+            return TrackingState.DUBIOUS, f"only {found} points in view"
         if found < config.min_found or share < config.lost_ratio:
             if corners < 50:
                 return TrackingState.LOST, f"the image shows nothing to hold on to ({corners} corners)"
