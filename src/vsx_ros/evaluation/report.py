@@ -218,7 +218,7 @@ h3{font-size:13px;font-weight:500;color:var(--soft);margin:14px 0 0}
 .tiles b{display:block;font-size:19px;font-variant-numeric:tabular-nums;white-space:nowrap}
 .tiles span{color:var(--soft);font-size:13px}
 svg{display:block;width:100%;height:auto}svg text{fill:var(--soft);font:12px system-ui,sans-serif}
-svg.map{background:var(--tile);border-radius:6px;margin:0 auto}
+svg.map{--blue:#1f6fd6;--green:#12855a;--soft:#4d5964;--ink:#1d2329;background:#c4c9ce;border-radius:6px;margin:0 auto}
 .grid{stroke:var(--line)}line.mark{stroke:var(--red);stroke-dasharray:5 4;opacity:.6}
 polyline{fill:none;stroke-width:1.6}.curve{stroke:var(--blue)}.event{fill:var(--ink)}
 polyline.estimate{stroke:var(--blue);stroke-width:2.5}

@@ -121,8 +121,8 @@ def map_view(
 
 
 def grid_image(grid: OccupancyGrid) -> NDArray[np.uint8]:
-    """(H, W, 4) BGRA picture, north up: free white, occupied black, unknown transparent grey."""
-    image = np.full((*grid.shape, 4), (170, 170, 170, 60), np.uint8)
+    """(H, W, 4) BGRA picture, north up: free white, occupied black, unknown transparent."""
+    image = np.full((*grid.shape, 4), (0, 0, 0, 0), np.uint8)
     image[grid.data == FREE] = (255, 255, 255, 255)
     image[grid.data == OCCUPIED] = (40, 30, 30, 255)
     return image[::-1].copy()
