@@ -4,7 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from vsx_ros.kernels import alignment, bundle, clearance, epipolar, lattice, patches, pose, projection, reeds_shepp, rrt
+from vsx_ros.kernels import (
+    alignment,
+    bundle,
+    clearance,
+    epipolar,
+    ground_map,
+    lattice,
+    patches,
+    pose,
+    projection,
+    reeds_shepp,
+    rrt,
+)
 
 
 def warm_up() -> None:
@@ -12,6 +24,18 @@ def warm_up() -> None:
     _tracking()
     _mapping()
     _planning()
+    _ground_map()
+
+
+def _ground_map() -> None:
+    positions, yaws = np.zeros((1, 3)), np.zeros(1)
+    points, one = np.array([[1.0, 0.0, 0.3]]), np.zeros(1, np.int64)
+    parallax = ground_map.point_parallax(positions, points, one, one)
+    heights, ranges = (0.06, 0.6, 0.45, 0.01), (4.5, 0.001, 0.1, 0.025, 2.0)
+    free, hit = ground_map.polar_scans(positions, yaws, points, parallax, one, one, 8, heights, ranges)
+    free = ground_map.bridge_gaps(free, 2, 0.1)
+    ground_map.count_free(positions, yaws, free, 4, 4, 0.05, 0.0, 0.0)
+    ground_map.count_hits(points, one, hit, 4, 4, 0.05, 0.0, 0.0)
 
 
 def _tracking() -> None:

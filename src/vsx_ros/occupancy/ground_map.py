@@ -141,8 +141,8 @@ class GroundMap:
         self, scans: PolarScans, points_world: Points3, obs_point: IntArray, free_votes: IntArray, lattice: _Lattice
     ) -> BoolArray:
         """Cells with enough observations of obstacle points, the few that others look through left out."""
-        points = np.ascontiguousarray(points_world, np.float64).reshape(-1, 3)
-        votes, members = kernels.count_hits(points, np.asarray(obs_point, np.int64), scans.hit, *lattice.arguments())
+        points, point = np.array(points_world, np.float64).reshape(-1, 3), np.array(obs_point, np.int64)
+        votes, members = kernels.count_hits(points, point, scans.hit, *lattice.arguments())
         block = np.ones((3, 3), np.float32)
         near_votes = cv2.filter2D(votes.astype(np.float32), -1, block, borderType=cv2.BORDER_CONSTANT)
         near_points = cv2.filter2D(members.astype(np.float32), -1, block, borderType=cv2.BORDER_CONSTANT)

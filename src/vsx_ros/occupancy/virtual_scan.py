@@ -61,8 +61,9 @@ def virtual_scans(
     positions = np.array([T.translation for T in T_world_cams]).reshape(-1, 3)
     axes = np.array([T.rotation[:2, 2] for T in T_world_cams]).reshape(-1, 2)
     yaws = np.arctan2(axes[:, 1], axes[:, 0])
-    points = np.ascontiguousarray(points_world, np.float64).reshape(-1, 3)
-    keyframe, point = np.asarray(obs_keyframe, np.int64), np.asarray(obs_point, np.int64)
+    # Copies, because a read-only array is a type of its own to the compiler.
+    points = np.array(points_world, np.float64).reshape(-1, 3)
+    keyframe, point = np.array(obs_keyframe, np.int64), np.array(obs_point, np.int64)
     heights = (
         config.obstacle_min_height_m,
         config.obstacle_max_height_m,
