@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vsx_ros.occupancy.distance import DistanceField, clearance_field, travel_distance
+from vsx_ros.occupancy.distance import DistanceField, clearance_field, travel_distance, with_fringe
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
 
@@ -49,3 +49,14 @@ def test_travel_distance_goes_around():
     # Down past the wall's end and up again: two legs of 5 columns and 10 rows, diagonals counted as such.
     assert 2.0 < d[5, 15] < 2.9
     assert np.all(np.isinf(travel_distance(field, (9.0, 9.0))))
+
+
+def test_the_fringe_is_one_cell_deep():
+    values = np.ones((9, 9))
+    values[:, 4:7] = -1.0
+    field = DistanceField(values, 0.1, 0.0, 0.0)
+    d = with_fringe(travel_distance(field, (0.05, 0.45)), 0.1)
+    assert d[4, 3] == pytest.approx(0.3)
+    assert d[4, 4] == pytest.approx(0.4)
+    assert np.isinf(d[4, 5])
+    assert np.isinf(d[4, 8])

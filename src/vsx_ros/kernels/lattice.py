@@ -22,7 +22,7 @@ _SIGNS = np.array([1, 1, 1, -1, -1, -1])
 def wavefront(open_cells: Any, row: int, column: int) -> Any:
     """(H, W) length [cells] of the shortest 8-connected way from a cell through open cells; inf where there is none.
 
-    open_cells (H, W) bool. A diagonal step needs both cells beside it open. Label-correcting, so exact.
+    open_cells (H, W) bool. A diagonal step needs both cells beside it open, except from the start. Exact.
     """
     rows, columns = open_cells.shape
     size = rows * columns
@@ -43,9 +43,10 @@ def wavefront(open_cells: Any, row: int, column: int) -> Any:
                 a, b = i + di, j + dj
                 if (di == 0 and dj == 0) or a < 0 or b < 0 or a >= rows or b >= columns or not open_cells[a, b]:
                     continue
-                if di != 0 and dj != 0 and not (open_cells[i, b] and open_cells[a, j]):
+                corner = di != 0 and dj != 0
+                if corner and not (open_cells[i, b] and open_cells[a, j]) and not (i == row and j == column):
                     continue
-                d = distance[i, j] + (diagonal if di != 0 and dj != 0 else 1.0)
+                d = distance[i, j] + (diagonal if corner else 1.0)
                 if d < distance[a, b] - 1e-9:
                     distance[a, b] = d
                     if not queued[a, b]:

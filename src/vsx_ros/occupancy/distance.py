@@ -58,17 +58,23 @@ def clearance_field(grid: OccupancyGrid, reach_m: float = CLEARANCE_REACH_M) -> 
 def travel_distance(field: DistanceField, start: tuple[float, float]) -> FloatArray:
     """(H, W) length [m] of the shortest 8-connected way from start through cells whose field value is not negative.
 
-    Infinite where there is none. The start's own cell is always entered, and so are cells beside the reached ones: a
-    position can be open although the middle of its cell is not.
+    Infinite where there is none. The start's own cell is always entered.
     """
     open_cells: BoolArray = field.values >= 0.0
     row, column = field.cell(*start)
     if not (0 <= row < open_cells.shape[0] and 0 <= column < open_cells.shape[1]):
         return np.full(open_cells.shape, np.inf)
-    distances: FloatArray = wavefront(open_cells, row, column)
-    padded = np.pad(distances, 1, constant_values=np.inf)
+    distances: FloatArray = wavefront(open_cells, row, column) * field.resolution
+    return distances
+
+
+def with_fringe(distances: FloatArray, resolution: float) -> FloatArray:
+    """Travel distances (H, W) [m] carried one cell further into cells that are closed.
+
+    A position can be open although the middle of its cell is not; its distance is that of the nearest cell beside it.
+    """
     rows, columns = distances.shape
-    beside = np.min(
-        [padded[1 + i : 1 + i + rows, 1 + j : 1 + j + columns] for i in (-1, 0, 1) for j in (-1, 0, 1)], axis=0
-    )
-    return np.asarray(np.where(np.isinf(distances), beside + 1.0, distances) * field.resolution)
+    padded = np.pad(distances, 1, constant_values=np.inf)
+    shifted = [padded[1 + i : 1 + i + rows, 1 + j : 1 + j + columns] for i in (-1, 0, 1) for j in (-1, 0, 1)]
+    nearest = np.min(shifted, axis=0) + resolution
+    return np.asarray(np.where(np.isinf(distances), nearest, distances))

@@ -10,7 +10,7 @@ from vsx_ros.arrays import IntArray
 from vsx_ros.config import PlannerConfig, RobotConfig
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.primitives import grow
-from vsx_ros.occupancy.distance import travel_distance
+from vsx_ros.occupancy.distance import travel_distance, with_fringe
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.connect import same_pose
 from vsx_ros.planning.corridor import Corridor, build_corridor
@@ -44,7 +44,8 @@ class PaperPlanner:
         if isinstance(direct, Path) and self._allowed(direct, corridor):
             return self._plan(start, goal, direct.pieces, corridor)
         reached = travel_distance(corridor.margin, (start.x, start.y))
-        if not math.isfinite(reached[corridor.margin.cell(goal.x, goal.y)]):
+        joined = with_fringe(reached, grid.resolution)
+        if not math.isfinite(joined[corridor.margin.cell(goal.x, goal.y)]):
             return Refusal(RefusalKind.DISCONNECTED, "start and goal are not joined over known free ground")
         return self._guided(start, goal, corridor, np.flatnonzero(np.isfinite(reached)), rng)
 

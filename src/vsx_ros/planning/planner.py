@@ -11,7 +11,7 @@ from vsx_ros.config import PlannerConfig, RobotConfig
 from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.lattice import lattice_costs, lattice_search
-from vsx_ros.occupancy.distance import travel_distance
+from vsx_ros.occupancy.distance import travel_distance, with_fringe
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning import corridor_qp
 from vsx_ros.planning.connect import connections, same_pose
@@ -67,7 +67,7 @@ class Planner:
         direct = self._direct(start, goal, corridor)
         if direct is not None:
             return Plan(goal, self._finished(direct, goal, corridor), "fov")
-        remaining = travel_distance(corridor.margin, (goal.x, goal.y))
+        remaining = with_fringe(travel_distance(corridor.margin, (goal.x, goal.y)), grid.resolution)
         if not math.isfinite(remaining[corridor.margin.cell(start.x, start.y)]):
             return Refusal(
                 RefusalKind.DISCONNECTED,
@@ -117,7 +117,12 @@ class Planner:
             lattice.cell_m, self._config.max_reverse_m, nowhere, np.zeros((1, 1)),
         )  # fmt: skip
         costs: FloatArray = lattice_costs(level, step, start.theta, m.origin_x, m.origin_y, lattice.cell_m, phi, poses)
-        costs[m.at(poses[:, :2]) < 0.0] = np.inf
+        # The estimate looks a few cells around a pose, perhaps through a thin wall: believe it only on joined ground.
+        joined = np.isfinite(with_fringe(travel_distance(m, (start.x, start.y)), m.resolution))
+        inside = np.flatnonzero(m.at(poses[:, :2]) >= 0.0)
+        cells = [m.cell(x, y) for x, y in poses[inside, :2].tolist()]
+        allowed = [k for k, cell in zip(inside, cells) if joined[cell]]
+        costs[np.setdiff1d(np.arange(len(poses)), allowed)] = np.inf
         return costs
 
     def _direct(self, start: SE2, goal: SE2, corridor: Corridor) -> Path | None:

@@ -9,7 +9,7 @@ import numpy as np
 from vsx_ros.config import PlannerConfig, RobotConfig
 from vsx_ros.geometry.se2 import SE2, wrap_angle
 from vsx_ros.kernels.clearance import arc_is_free
-from vsx_ros.occupancy.distance import travel_distance
+from vsx_ros.occupancy.distance import travel_distance, with_fringe
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.corridor import Corridor, build_corridor
 from vsx_ros.planning.path import Plan, Refusal, RefusalKind, certified
@@ -51,7 +51,7 @@ def _grid_way(start: SE2, goal: SE2, corridor: Corridor) -> list[tuple[float, fl
     field = corridor.margin
     distance = travel_distance(field, (goal.x, goal.y))
     i, j = field.cell(start.x, start.y)
-    if not math.isfinite(distance[i, j]):
+    if not math.isfinite(with_fringe(distance, field.resolution)[i, j]):
         return None
     points = [(start.x, start.y)]
     while distance[i, j] > 0.0:
