@@ -64,11 +64,11 @@ def exploration(planner: str = "fov", seed: int = 0, run_dir: str = "") -> list[
     ]
 
 
-def replay(bag: str, rate: float = 1.0) -> list[LaunchNode]:
+def replay(bag: str, rate: float = 1.0, use_odometry: bool = True, run_dir: str = "") -> list[LaunchNode]:
     """A recording in place of the robot; only the SLAM listens."""
     play = f"--clock --delay 3 -r {rate:g} {shlex.quote(bag)}"
     player = LaunchNode("player", {}, package="rosbag", type="play", args=play)
-    return [LaunchNode("vslam", {"seed": 0, "run_dir": ""}), player]
+    return [LaunchNode("vslam", {"seed": 0, "run_dir": run_dir, "use_odometry": use_odometry}), player]
 
 
 def xml(nodes: list[LaunchNode], config: dict[str, Any], params: dict[str, Any] | None = None) -> str:

@@ -28,7 +28,7 @@ _TEXTS = {
 def nodes_of(name: str, args: argparse.Namespace) -> list[LaunchNode]:
     """The nodes of a launch by its name and options."""
     if name == "replay":
-        return launch.replay(str(args.bag.resolve()), args.rate)
+        return launch.replay(str(args.bag.resolve()), args.rate, not args.without_odometry, args.run_dir)
     if name == "simulate":
         open_world(args.world, args.seed)
         robot = launch.emulation(args.world, args.seed, args.devices, args.base)
@@ -45,6 +45,8 @@ def parser(name: str) -> argparse.ArgumentParser:
     if name == "replay":
         add("--bag", type=Path, required=True, help="bag with camera/rgb/image_raw, camera/rgb/camera_info and odom")
         add("--rate", type=float, default=1.0, help="1 is real time")
+        add("--without-odometry", action="store_true", help="the bag has none: the map has no scale")
+        add("--run-dir", default="", help="folder for the results of the SLAM")
         return options
     add("--base", choices=("kobuki", "create", "create2"), default="kobuki", help="kind of base")
     if name == "simulate":

@@ -1,0 +1,51 @@
+"""A plain checkout is a ROS package: ROS_PACKAGE_PATH is all that rospack and rosrun need."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rospy")
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+
+pytestmark = [
+    pytest.mark.ros,
+    pytest.mark.skipif(shutil.which("rosrun") is None, reason="rosrun (package rosbash) is not installed"),
+]
+
+
+def environment(**changes: str) -> dict[str, str]:
+    """As in a user's shell: no virtual environment, no PYTHONPATH."""
+    kept = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "VIRTUAL_ENV")}
+    return {**kept, "ROS_PACKAGE_PATH": f"{CHECKOUT}:/usr/share", **changes}
+
+
+def output_of(command: list[str], **changes: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(command, env=environment(**changes), capture_output=True, text=True, timeout=60, check=False)
+
+
+def test_rospack_finds_the_checkout() -> None:
+    assert output_of(["rospack", "find", "vsx_ros"]).stdout.strip() == str(CHECKOUT)
+
+
+def test_rosrun_finds_one_starter_and_the_starter_finds_its_python(tmp_path: Path) -> None:
+    spy = tmp_path / "python3"
+    spy.write_text(f'#!/bin/sh\necho "$VSX_BOOTED $@"\nexec {sys.executable} -c "pass"\n', encoding="utf-8")
+    spy.chmod(0o755)
+    done = output_of(["rosrun", "vsx_ros", "follower", "_x:=1"], VSX_PYTHON=str(spy))
+    assert done.returncode == 0, done.stderr
+    guard, script, argument = done.stdout.split()
+    assert (guard, Path(script).name, argument) == ("1", "follower", "_x:=1")
+
+
+def test_a_node_without_a_master_does_not_hang_in_the_starter() -> None:
+    """The guard is against loops: under its own Python the starter goes straight to the node."""
+    done = output_of([sys.executable, "-c", "import boot; boot.into('json.tool')"], PYTHONPATH=str(CHECKOUT / "scripts"),
+                     VSX_PYTHON=sys.executable, VSX_BOOTED="1")  # fmt: skip
+    assert "Expecting value" in done.stderr  # json.tool ran, on empty input
