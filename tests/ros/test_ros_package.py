@@ -44,8 +44,8 @@ def test_rosrun_finds_one_starter_and_the_starter_finds_its_python(tmp_path: Pat
     assert (guard, Path(script).name, argument) == ("1", "follower", "_x:=1")
 
 
-def test_a_node_without_a_master_does_not_hang_in_the_starter() -> None:
-    """The guard is against loops: under its own Python the starter goes straight to the node."""
-    done = output_of([sys.executable, "-c", "import boot; boot.into('json.tool')"], PYTHONPATH=str(CHECKOUT / "scripts"),
-                     VSX_PYTHON=sys.executable, VSX_BOOTED="1")  # fmt: skip
+def test_under_its_own_python_the_starter_goes_straight_to_the_node() -> None:
+    scripts = str(CHECKOUT / "scripts")
+    command = [sys.executable, "-c", "import boot; boot.into('json.tool')"]
+    done = output_of(command, PYTHONPATH=scripts, VSX_PYTHON=sys.executable, VSX_BOOTED="1")
     assert "Expecting value" in done.stderr  # json.tool ran, on empty input
