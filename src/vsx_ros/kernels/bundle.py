@@ -6,7 +6,6 @@ Perturbation as in ``pose``: T_cam_world <- exp(xi) T_cam_world; points additive
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -22,99 +21,7 @@ from vsx_ros.kernels.pose import (
     solve_factored,
     tukey_sigma,
 )
-
-HUBER = 5.0
-
-
-@kernel
-def log_se3(R: Any, t: Any) -> Any:
-    """Tangent vector (6,) of a rigid motion whose rotation stays well below pi."""
-    xi = np.empty(6)
-    sx, sy, sz = 0.5 * (R[2, 1] - R[1, 2]), 0.5 * (R[0, 2] - R[2, 0]), 0.5 * (R[1, 0] - R[0, 1])
-    sine = math.sqrt(sx * sx + sy * sy + sz * sz)
-    cosine = 0.5 * (R[0, 0] + R[1, 1] + R[2, 2] - 1.0)
-    angle = math.atan2(sine, cosine)
-    k = 1.0 if sine < 1e-9 else angle / sine
-    wx, wy, wz = k * sx, k * sy, k * sz
-    if angle < 1e-5:
-        c = 1.0 / 12.0
-    else:
-        c = (1.0 - 0.5 * angle / math.tan(0.5 * angle)) / (angle * angle)
-    cx, cy, cz = wy * t[2] - wz * t[1], wz * t[0] - wx * t[2], wx * t[1] - wy * t[0]
-    xi[0] = t[0] - 0.5 * cx + c * (wy * cz - wz * cy)
-    xi[1] = t[1] - 0.5 * cy + c * (wz * cx - wx * cz)
-    xi[2] = t[2] - 0.5 * cz + c * (wx * cy - wy * cx)
-    xi[3], xi[4], xi[5] = wx, wy, wz
-    return xi
-
-
-@kernel
-def relative_residual(Ra: Any, ta: Any, Rb: Any, tb: Any, Zr: Any, zt: Any) -> Any:
-    """(6,) log(Z^-1 T_a_world T_b_world^-1): how far two frames are from their measured relative pose Z = T_a_b."""
-    Rab = np.empty((3, 3))
-    tab = np.empty(3)
-    for i in range(3):
-        for j in range(3):
-            Rab[i, j] = Ra[i, 0] * Rb[j, 0] + Ra[i, 1] * Rb[j, 1] + Ra[i, 2] * Rb[j, 2]
-    for i in range(3):
-        tab[i] = ta[i] - (Rab[i, 0] * tb[0] + Rab[i, 1] * tb[1] + Rab[i, 2] * tb[2]) - zt[i]
-    E = np.empty((3, 3))
-    e = np.empty(3)
-    for i in range(3):
-        for j in range(3):
-            E[i, j] = Zr[0, i] * Rab[0, j] + Zr[1, i] * Rab[1, j] + Zr[2, i] * Rab[2, j]
-        e[i] = Zr[0, i] * tab[0] + Zr[1, i] * tab[1] + Zr[2, i] * tab[2]
-    return log_se3(E, e)
-
-
-@kernel
-def _bracket(xi: Any, factor: float) -> Any:
-    """(6, 6) identity + factor * ad(xi)."""
-    A = np.zeros((6, 6))
-    for block in range(2):
-        o = 3 * block
-        A[o, o + 1], A[o, o + 2] = -xi[5], xi[4]
-        A[o + 1, o], A[o + 1, o + 2] = xi[5], -xi[3]
-        A[o + 2, o], A[o + 2, o + 1] = -xi[4], xi[3]
-    A[0, 4], A[0, 5] = -xi[2], xi[1]
-    A[1, 3], A[1, 5] = xi[2], -xi[0]
-    A[2, 3], A[2, 4] = -xi[1], xi[0]
-    for i in range(6):
-        for j in range(6):
-            A[i, j] *= factor
-        A[i, i] += 1.0
-    return A
-
-
-@kernel
-def relative_jacobians(xi: Any, Zr: Any, zt: Any) -> tuple[Any, Any]:
-    """(6, 6) derivatives of ``relative_residual`` (value xi) by the perturbations of frames a and b, second order in
-    xi."""
-    left = _bracket(xi, -0.5)
-    right = _bracket(xi, 0.5)
-    adjoint = np.zeros((6, 6))
-    s = np.array(
-        [
-            Zr[0, 0] * zt[0] + Zr[1, 0] * zt[1] + Zr[2, 0] * zt[2],
-            Zr[0, 1] * zt[0] + Zr[1, 1] * zt[1] + Zr[2, 1] * zt[2],
-            Zr[0, 2] * zt[0] + Zr[1, 2] * zt[1] + Zr[2, 2] * zt[2],
-        ]
-    )
-    for i in range(3):
-        for j in range(3):
-            adjoint[i, j] = Zr[j, i]
-            adjoint[3 + i, 3 + j] = Zr[j, i]
-    for j in range(3):
-        c0, c1, c2 = Zr[j, 0], Zr[j, 1], Zr[j, 2]
-        adjoint[0, 3 + j] = -(s[1] * c2 - s[2] * c1)
-        adjoint[1, 3 + j] = -(s[2] * c0 - s[0] * c2)
-        adjoint[2, 3 + j] = -(s[0] * c1 - s[1] * c0)
-    Ja = np.zeros((6, 6))
-    for i in range(6):
-        for k in range(6):
-            for j in range(6):
-                Ja[i, j] += left[i, k] * adjoint[k, j]
-    return Ja, -right
+from vsx_ros.kernels.relative_pose import add_factors, factor_cost
 
 
 @kernel
@@ -150,61 +57,8 @@ def _cost(
         else:
             root = 1.0 - e[o] / limit
             total += worst * (1.0 - root * root * root)
-    for f in range(factor_a.shape[0]):
-        a, b = factor_a[f], factor_b[f]
-        r = relative_residual(R[a], t[a], R[b], t[b], factor_R[f], factor_t[f])
-        m = math.sqrt(max(0.0, _quadratic(r, factor_info[f])))
-        total += 0.5 * m * m if m <= HUBER else HUBER * (m - 0.5 * HUBER)
+    total += factor_cost(R, t, factor_a, factor_b, factor_R, factor_t, factor_info)
     return total
-
-
-@kernel
-def _quadratic(r: Any, info: Any) -> float:
-    total = 0.0
-    for i in range(6):
-        for j in range(6):
-            total += r[i] * info[i, j] * r[j]
-    return total
-
-
-@kernel
-def _add_factors(
-    S: Any,
-    g: Any,
-    R: Any,
-    t: Any,
-    free: Any,
-    factor_a: Any,
-    factor_b: Any,
-    factor_R: Any,
-    factor_t: Any,
-    factor_info: Any,
-) -> None:
-    """Add the relative-pose factors to the upper triangle of the reduced system S and its right-hand side g."""
-    for f in range(factor_a.shape[0]):
-        a, b = factor_a[f], factor_b[f]
-        r = relative_residual(R[a], t[a], R[b], t[b], factor_R[f], factor_t[f])
-        m = math.sqrt(max(0.0, _quadratic(r, factor_info[f])))
-        info = factor_info[f] * (1.0 if m <= HUBER else HUBER / m)
-        Ja, Jb = relative_jacobians(r, factor_R[f], factor_t[f])
-        for first in range(2):
-            J1 = Ja if first == 0 else Jb
-            i = free[a] if first == 0 else free[b]
-            if i < 0:
-                continue
-            JI = J1.T @ info
-            rhs = JI @ r
-            for k in range(6):
-                g[6 * i + k] -= rhs[k]
-            for second in range(2):
-                J2 = Ja if second == 0 else Jb
-                j = free[a] if second == 0 else free[b]
-                if j < i:
-                    continue
-                block = JI @ J2
-                for k in range(6):
-                    for m2 in range(6):
-                        S[6 * i + k, 6 * j + m2] += block[k, m2]
 
 
 @kernel
@@ -399,7 +253,7 @@ def adjust(
             for a in range(6):
                 for b in range(a, 6):
                     S[6 * i + a, 6 * i + b] = H[i, a, b]
-        _add_factors(S, rhs, R, t, free, factor_a, factor_b, factor_R, factor_t, factor_info)
+        add_factors(S, rhs, R, t, free, factor_a, factor_b, factor_R, factor_t, factor_info)
         for k in range(n):
             S[k, k] = S[k, k] * (1.0 + damping) + 1e-9
         _reduce(free, obs_start, obs_frame, V, gp, W, damping, S, rhs, Vi)

@@ -13,7 +13,7 @@ from vsx_ros.vision.pyramid import LEVELS, Pyramid
 
 _REFERENCE_PIXELS = 640 * 480
 _TARGETS = (2600, 1400, 700, 350)
-_THRESHOLDS = (5, 60)
+_THRESHOLDS = (5, 120)
 
 
 class Corners(NamedTuple):
@@ -50,7 +50,7 @@ class CornerDetector:
         lowest, highest = _THRESHOLDS
         threshold = self._thresholds[level]
         if count > 2.5 * target:
-            threshold += 4
+            threshold += max(4, threshold // 4)
         elif count > 1.2 * target:
             threshold += 1
         elif count < 0.4 * target:

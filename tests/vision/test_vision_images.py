@@ -1,0 +1,115 @@
+"""Pyramid, corners, small images, patches: geometry between levels and promises about input."""
+
+import cv2
+import numpy as np
+import pytest
+
+from vsx_ros.errors import InputError
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.se3 import so3_exp
+from vsx_ros.vision.corners import CornerDetector, strongest
+from vsx_ros.vision.patch_search import cast_rays, cut_patches, from_level, kernel_camera, to_level
+from vsx_ros.vision.pyramid import build_pyramid
+from vsx_ros.vision.small_image import rotation_between, small_image
+
+CAMERA = PinholeCamera(640, 480, 525.0, 525.0, 319.5, 239.5)
+
+
+def noise_image(scale=4, seed=0):
+    coarse = np.random.default_rng(seed).uniform(0, 255, (480 // scale, 640 // scale)).astype(np.float32)
+    return np.clip(cv2.resize(coarse, (640, 480), interpolation=cv2.INTER_CUBIC), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize("size", [(480, 640), (480, 752), (241, 323)])
+def test_levels_are_means_of_two_by_two(size):
+    image = np.random.default_rng(1).integers(0, 255, size, np.uint8)
+    pyramid = build_pyramid(image)
+    assert (pyramid.level(0) == image).all()
+    for level in (1, 2, 3):
+        fine, coarse = pyramid.level(level - 1).astype(float), pyramid.level(level)
+        h, w = coarse.shape
+        assert (h, w) == (size[0] >> level, size[1] >> level)
+        mean = fine[: 2 * h, : 2 * w].reshape(h, 2, w, 2).mean(axis=(1, 3))
+        assert np.abs(coarse - mean).max() <= 0.5
+
+
+@pytest.mark.parametrize(
+    "image",
+    [np.zeros((480, 640, 3), np.uint8), np.zeros((480, 640), np.float32), np.zeros((20, 20), np.uint8), None, "x"],
+)
+def test_what_is_no_grey_image_is_refused(image):
+    with pytest.raises(InputError, match="image"):
+        build_pyramid(image)
+
+
+def test_level_coordinates_keep_the_pixel_centre():
+    uv = np.array([[100.0, 37.5], [0.0, 0.0]])
+    for level in range(4):
+        assert from_level(to_level(uv, level), level) == pytest.approx(uv)
+    assert to_level(np.array([[0.5, 0.5]]), 1) == pytest.approx(np.zeros((1, 2)))
+
+
+def test_row_table_finds_every_corner_of_a_row():
+    pyramid = build_pyramid(noise_image())
+    corners = CornerDetector().detect(pyramid)
+    assert len(corners.positions) == sum(corners.counts)
+    start = 0
+    for level in range(4):
+        own = corners.positions[start : start + corners.counts[level]]
+        first, height = int(pyramid.table[level, 3]), int(pyramid.table[level, 1])
+        for row in range(0, height, 7):
+            a, b = corners.row_table[first + row], corners.row_table[first + row + 1]
+            assert sorted(map(tuple, corners.positions[a:b])) == sorted(map(tuple, own[own[:, 1] == row]))
+        start += corners.counts[level]
+
+
+def test_corner_counts_settle_near_their_targets():
+    detector, rich = CornerDetector(), build_pyramid(noise_image(4) // 2)
+    first = detector.detect(rich).counts[0]
+    for _ in range(40):
+        settled = detector.detect(rich).counts[0]
+    assert settled < first
+    assert 1300 < settled < 5200
+
+
+def test_no_corner_on_black():
+    assert len(CornerDetector().detect(build_pyramid(np.zeros((480, 640), np.uint8))).positions) == 0
+    assert strongest(np.zeros((480, 640), np.uint8), np.zeros((480, 640), np.bool_), 50).shape == (0, 2)
+
+
+def test_strongest_corners_keep_their_distance_and_the_mask():
+    image, occupied = noise_image(), np.zeros((480, 640), np.bool_)
+    occupied[:, :320] = True
+    chosen = strongest(image, occupied, 150, spacing_px=12)
+    assert 50 < len(chosen) <= 150
+    assert (chosen[:, 0] >= 320).all()
+    gaps = np.abs(chosen[:, None] - chosen[None]).max(axis=2) + 100 * np.eye(len(chosen), dtype=int)
+    assert gaps.min() > 12
+
+
+@pytest.mark.parametrize("omega", [(0.0, 0.04, 0.0), (0.03, -0.02, 0.0), (0.0, 0.02, 0.05), (0.0, 0.0, 0.0)])
+def test_rotation_is_read_from_small_images(omega):
+    scene = cv2.GaussianBlur(noise_image(40), (0, 0), 9)
+    R = so3_exp(np.array(omega))
+    turned = cv2.warpPerspective(
+        scene, CAMERA.K @ R @ np.linalg.inv(CAMERA.K), (640, 480), borderMode=cv2.BORDER_REFLECT
+    )
+    a, b = small_image(build_pyramid(scene)), small_image(build_pyramid(turned))
+    assert a.shape == (30, 40)
+    assert abs(float(a.mean())) < 1e-3
+    found, score = rotation_between(a, b, CAMERA.fx)
+    error = np.linalg.norm(cv2.Rodrigues(found @ R.T)[0])
+    assert error < 0.006
+    assert score < 0.2 * float(a.var())
+
+
+def test_rays_and_patches_belong_to_their_corner():
+    pyramid = build_pyramid(noise_image())
+    positions = np.array([[30, 40], [60, 25]], np.int32)
+    rays = cast_rays(kernel_camera(CAMERA), positions, 1)
+    expected = CAMERA.unproject(from_level(positions.astype(float), 1))[:, :2]
+    assert rays.direction == pytest.approx(expected, abs=1e-9)
+    assert rays.basis == pytest.approx(np.tile([2 / 525.0, 0, 0, 2 / 525.0], (2, 1)), abs=1e-9)
+    patches = cut_patches(pyramid, positions, 1)
+    assert patches.shape == (2, 24, 24)
+    assert (patches[0] == pyramid.level(1)[28:52, 18:42]).all()
