@@ -2,8 +2,8 @@
 
 Sections: connect, lab, costs, time, paper (all when none is given). Seeds are fixed, so everything but the milliseconds
 repeats exactly. Peers (OMPL's RRTConnect with its simplification, toppra) are measured in the same run where
-``pip install ompl toppra`` provides them, and left out with a note where not. Times include Python; state the load of
-the machine next to them.
+``pip install ompl toppra`` provides them, and left out with a note where not. Times are
+processor time of this process, Python included.
 """
 
 import argparse
@@ -71,7 +71,7 @@ def problems(labs: int, each: int) -> list[tuple[OccupancyGrid, SE2, SE2]]:
 
 def percentiles(values: list[float], scale: float = 1.0) -> str:
     p50, p90, p99, most = np.percentile(np.array(values) * scale, [50, 90, 99, 100])
-    return f"median {p50:.3f}  p90 {p90:.3f}  p99 {p99:.3f}  max {most:.3f}"
+    return f"mean {np.mean(values) * scale:.3f}  median {p50:.3f}  p90 {p90:.3f}  p99 {p99:.3f}  max {most:.3f}"
 
 
 def section_connect(n: int) -> None:

@@ -101,7 +101,7 @@ def arc_is_free(
 ) -> bool:
     """Whether an arc of signed length at curvature kappa (of the signed arc length) stays where the field is positive.
 
-    Steps as far as the field (of slope at most ``1 + ramp``) proves free, but at least half a cell.
+    Steps as far as the field (of slope at most ``1 + ramp``) proves free, but at least a third of a cell.
     """
     total = abs(length)
     sign = 1.0 if length > 0.0 else -1.0
@@ -118,4 +118,4 @@ def arc_is_free(
             return False
         if s >= total:
             return True
-        s = min(total, s + max(0.5 * resolution, 0.7 * d))
+        s = min(total, s + max(0.3 * resolution, 0.7 * d))

@@ -17,6 +17,7 @@ from vsx_ros.planning import corridor_qp
 from vsx_ros.planning.connect import connections, same_pose
 from vsx_ros.planning.corridor import Corridor, build_corridor
 from vsx_ros.planning.path import Path, Plan, Refusal, RefusalKind, certified
+from vsx_ros.planning.pieces import Piece
 from vsx_ros.planning.reach import check_question
 from vsx_ros.planning.skeleton import (
     CUSP_COST_M,
@@ -157,14 +158,27 @@ class Planner:
         return min(found, key=_cost, default=None)
 
     def _smoothed(self, skeleton: Skeleton, start: SE2, goal: SE2, corridor: Corridor) -> list[Path]:
-        """The skeleton itself, with stops where its curvature jumps, and its smooth version if there is one."""
+        """The skeleton itself, with stops where its curvature jumps, and its smooth version, whole or leg by leg."""
         paths = [certified(start, goal, skeleton.pieces(start), "arcs and lines")]
+        whole = self._fitted(skeleton, start, goal, corridor)
+        if whole is not None:
+            return [*paths, whole]
+        pieces: list[Piece] = []
+        at = start
+        for leg in skeleton.legs():
+            arcs = leg.pieces(at)
+            smooth = self._fitted(leg, at, arcs[-1].end, corridor)
+            pieces += smooth.pieces if smooth is not None else arcs
+            at = arcs[-1].end
+        return [*paths, certified(start, goal, tuple(pieces), "Bernstein coefficients; arcs and lines")]
+
+    def _fitted(self, skeleton: Skeleton, start: SE2, goal: SE2, corridor: Corridor) -> Path | None:
         for longest_straight_m in _STRAIGHTS_M:
             halved, cuts = skeleton.halved(longest_straight_m)
             smooth = corridor_qp.smooth(halved, cuts, start, goal, self._config.phi_rad_m, corridor)
             if smooth is not None:
-                return [*paths, smooth]
-        return paths
+                return smooth
+        return None
 
     def _finished(self, path: Path, goal: SE2, corridor: Corridor) -> Path:
         clearance = corridor.least_clearance(path)

@@ -59,6 +59,14 @@ class Skeleton:
                 lengths.append(length)
         return Skeleton(np.array(turns, np.int64), np.array(lengths), self.phi), frozenset(cuts)
 
+    def legs(self) -> list[Skeleton]:
+        """The ways between changes of direction."""
+        keep = np.abs(self.lengths) >= _SHORTEST_M
+        turns, lengths = self.turns[keep], self.lengths[keep]
+        cusps = np.flatnonzero(lengths[1:] * lengths[:-1] < 0.0) + 1
+        parts = zip(np.split(turns, cusps), np.split(lengths, cusps))
+        return [Skeleton(part, size, self.phi) for part, size in parts if len(part)]
+
     def arcs(self, start: SE2) -> list[Piece]:
         """An arc or line for every segment."""
         at, pieces = start, []

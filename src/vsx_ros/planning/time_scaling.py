@@ -57,7 +57,9 @@ def _segment_limits(
 ) -> tuple[FloatArray, FloatArray]:
     """(n,) speed and (n,) acceleration allowed in each segment so that omega and alpha hold whatever the move."""
     middle = 0.5 * (g.s[1:] + g.s[:-1])
-    from_rest = 2.0 * limits.a_m_s2 * np.minimum(g.s[1:], g.length - g.s[:-1])
+    # The square of the speed that rest allows at a distance: by the acceleration, and nearer by the jerk.
+    off = np.minimum(g.s[1:], g.length - g.s[:-1])
+    from_rest = np.minimum(2.0 * limits.a_m_s2 * off, (4.5 * limits.jerk_m_s3 * off**2) ** (2.0 / 3.0))
     v_all, a_all = np.empty(len(cuts) - 1), np.empty(len(cuts) - 1)
     for i, (low, high) in enumerate(zip(cuts[:-1], cuts[1:])):
         first = max(0, int(np.searchsorted(g.s, low, side="right")) - 1)
