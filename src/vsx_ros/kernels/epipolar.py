@@ -13,7 +13,6 @@ from vsx_ros.kernels.patches import (
     NOISE_FLOOR,
     TEMPLATE,
     best_corner,
-    contrast,
     quantize,
     refine,
     warp_template,
@@ -94,7 +93,7 @@ def search_rays(
         winner, winner_level = -1, 0
         energy, limit = 0.0, 0.0
         last_det, last_level = -1.0, -1
-        total, squares = 0, 0
+        contrast = 0.0
         usable = False
         for _ in range(MAX_STEPS):
             if rho > near:
@@ -122,7 +121,7 @@ def search_rays(
                 last_det, last_level = det, lv
                 usable = warp_template(patches[c], centred, w, template)
                 if usable:
-                    total, squares = quantize(template, core)
+                    contrast = quantize(template, core)
             if not usable:
                 continue
             score, k = best_corner(
@@ -135,8 +134,6 @@ def search_rays(
                 (v + 0.5) / scale - 0.5,
                 REACH_PX,
                 core,
-                total,
-                squares,
             )
             if k < 0:
                 continue
@@ -149,7 +146,7 @@ def search_rays(
                 if apart:
                     second = best
                 best, winner, winner_level = score, k, lv
-                energy = contrast(total, squares)
+                energy = contrast
                 limit = MAX_SHARE * energy + NOISE_FLOOR
                 chosen[:] = template
             elif apart and score < second:

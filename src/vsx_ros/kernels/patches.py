@@ -49,8 +49,9 @@ def warp_template(patch: Any, offset: Any, w: Any, template: Any) -> bool:
 
 
 @kernel
-def quantize(template: Any, core: Any) -> tuple[int, int]:
-    """Fill core (64,) int32 with the inner 8x8 of the template; its sum and sum of squares."""
+def quantize(template: Any, core: Any) -> float:
+    """Fill core (64,) int32 with the inner 8x8 of the template; returns its contrast, the sum of squared deviations
+    from the mean."""
     total, squares = 0, 0
     for j in range(8):
         for i in range(8):
@@ -58,30 +59,21 @@ def quantize(template: Any, core: Any) -> tuple[int, int]:
             core[8 * j + i] = value
             total += value
             squares += value * value
-    return total, squares
-
-
-@kernel
-def contrast(total: int, squares: int) -> float:
-    """Sum of squared deviations of a template from its mean."""
     return float(squares) - float(total) * float(total) / 64.0
 
 
 @kernel
-def zmssd(pixels: Any, start: int, width: int, core: Any, total: int, squares: int) -> float:
+def zmssd(pixels: Any, start: int, width: int, core: Any) -> float:
     """Zero-mean sum of squared differences between the core and the 8x8 image patch whose first pixel is ``start``."""
-    image_sum = np.int32(0)
-    image_squares = np.int32(0)
-    cross = np.int32(0)
+    # 32-bit sums and unsigned indices (no test for negative ones) let the compiler vectorise: three times faster.
+    total, squares = np.int32(0), np.int32(0)
     for j in range(8):
         row = start + j * width
         for i in range(8):
-            a = np.int32(pixels[row + i])
-            image_sum += a
-            image_squares += a * a
-            cross += a * core[8 * j + i]
-    mean = float(total - image_sum)
-    return float(squares + image_squares - 2 * cross) - mean * mean / 64.0
+            d = np.int32(np.int32(pixels[np.uint64(row + i)]) - core[np.uint64(8 * j + i)])
+            total = np.int32(total + d)
+            squares = np.int32(squares + np.int32(d * d))
+    return float(squares) - float(total) * float(total) / 64.0
 
 
 @kernel
@@ -95,8 +87,6 @@ def best_corner(
     y: float,
     radius: float,
     core: Any,
-    total: int,
-    squares: int,
 ) -> tuple[float, int]:
     """(lowest ZMSSD, its corner index or -1) among the corners of a level within a radius [level px]."""
     offset, height, width, first = table[level, 0], table[level, 1], table[level, 2], table[level, 3]
@@ -116,7 +106,7 @@ def best_corner(
                 break
             if dx * dx + dy2 > r2 or cx < 4 or cx > width - 5:
                 continue
-            score = zmssd(pixels, offset + (row - 4) * width + cx - 4, width, core, total, squares)
+            score = zmssd(pixels, offset + (row - 4) * width + cx - 4, width, core)
             if score < best:
                 best = score
                 winner = c
@@ -167,7 +157,9 @@ def refine(
             p = offset + (iy + j) * width + ix
             q = p + width
             for i in range(8):
-                value = w00 * pixels[p + i] + w10 * pixels[p + i + 1] + w01 * pixels[q + i] + w11 * pixels[q + i + 1]
+                a, b = np.uint64(p + i), np.uint64(q + i)
+                top = w00 * pixels[a] + w10 * pixels[a + np.uint64(1)]
+                value = top + w01 * pixels[b] + w11 * pixels[b + np.uint64(1)]
                 r = value - template[j + 1, i + 1]
                 b0 += r * gx[j, i]
                 b1 += r * gy[j, i]
@@ -188,7 +180,7 @@ def refine(
 
 @kernel
 def best_pixel(
-    pixels: Any, table: Any, level: int, x: float, y: float, reach: int, core: Any, total: int, squares: int
+    pixels: Any, table: Any, level: int, x: float, y: float, reach: int, core: Any
 ) -> tuple[float, int, int]:
     """(lowest ZMSSD, x, y) among the whole pixels within ``reach`` of a place, corner or not."""
     offset, height, width = table[level, 0], table[level, 1], table[level, 2]
@@ -196,7 +188,7 @@ def best_pixel(
     cx, cy = int(math.floor(x + 0.5)), int(math.floor(y + 0.5))
     for row in range(max(4, cy - reach), min(height - 5, cy + reach) + 1):
         for column in range(max(4, cx - reach), min(width - 5, cx + reach) + 1):
-            score = zmssd(pixels, offset + (row - 4) * width + column - 4, width, core, total, squares)
+            score = zmssd(pixels, offset + (row - 4) * width + column - 4, width, core)
             if score < best:
                 best, bx, by = score, column, row
     return best, bx, by
@@ -233,18 +225,17 @@ def search(
         lv = level[s]
         if lv < 0 or not warp_template(patches[chosen[s]], offsets[chosen[s]], inverse_warp[s], template):
             continue
-        total, squares = quantize(template, core)
+        energy = quantize(template, core)
         scale = 2.0**lv
         x = (uv[s, 0] + 0.5) / scale - 0.5
         y = (uv[s, 1] + 0.5) / scale - 0.5
         radius = max(1.5, radius_px / scale)
-        energy = contrast(total, squares)
-        best, winner = best_corner(pixels, table, corners, row_table, lv, x, y, radius, core, total, squares)
+        best, winner = best_corner(pixels, table, corners, row_table, lv, x, y, radius, core)
         limit = MAX_SHARE * energy + NOISE_FLOOR
         if winner >= 0 and best < limit:
             px, py = corners[winner, 0], corners[winner, 1]
         elif reach > 0:
-            best, dx, dy = best_pixel(pixels, table, lv, x, y, reach, core, total, squares)
+            best, dx, dy = best_pixel(pixels, table, lv, x, y, reach, core)
             if best >= limit:
                 continue
             px, py = np.int32(dx), np.int32(dy)
