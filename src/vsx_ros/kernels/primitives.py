@@ -10,7 +10,7 @@ import numpy as np
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.clearance import arc_is_free
 from vsx_ros.kernels.reeds_shepp import advance
-from vsx_ros.kernels.rrt import _random
+from vsx_ros.kernels.rrt import random_unit
 
 BENDS = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
 _FAVOURABLE = 0.15
@@ -79,18 +79,18 @@ def grow(
     for _ in range(20 * poses.shape[0]):
         if size >= poses.shape[0]:
             return size, -1
-        if _random(rng) < _FAVOURABLE:
+        if random_unit(rng) < _FAVOURABLE:
             # A state from which goal = straight, arc, straight, by construction: d, a, b drawn, the start backed out.
-            d = (0.5 + 2.1 * _random(rng)) * (1.0 if _random(rng) < 0.5 else -1.0)
-            direction = 1.0 if _random(rng) < 0.5 else -1.0
-            x, y, theta = advance(goal[0], goal[1], goal[2], 0.0, -direction * _random(rng), phi)
+            d = (0.5 + 2.1 * random_unit(rng)) * (1.0 if random_unit(rng) < 0.5 else -1.0)
+            direction = 1.0 if random_unit(rng) < 0.5 else -1.0
+            x, y, theta = advance(goal[0], goal[1], goal[2], 0.0, -direction * random_unit(rng), phi)
             x, y, theta = advance(x, y, theta, direction * (1.0 if d > 0.0 else -1.0), -direction * abs(d) / phi, phi)
-            sample[0], sample[1], sample[2] = advance(x, y, theta, 0.0, -direction * _random(rng), phi)
+            sample[0], sample[1], sample[2] = advance(x, y, theta, 0.0, -direction * random_unit(rng), phi)
         else:
-            cell = open_cells[int(_random(rng) * open_cells.shape[0])]
-            sample[0] = x0 + (cell % columns + _random(rng)) * resolution
-            sample[1] = y0 + (cell // columns + _random(rng)) * resolution
-            sample[2] = (2.0 * _random(rng) - 1.0) * math.pi
+            cell = open_cells[int(random_unit(rng) * open_cells.shape[0])]
+            sample[0] = x0 + (cell % columns + random_unit(rng)) * resolution
+            sample[1] = y0 + (cell // columns + random_unit(rng)) * resolution
+            sample[2] = (2.0 * random_unit(rng) - 1.0) * math.pi
         best, near = np.inf, 0
         for k in range(size):
             turn = abs(poses[k, 2] - sample[2]) % (2.0 * math.pi)

@@ -1,4 +1,4 @@
-"""RRT-Connect over Reeds-Shepp words, and shortcuts of what it finds.
+"""RRT-Connect over Reeds-Shepp words.
 
 J. J. Kuffner, S. M. LaValle, "RRT-Connect", ICRA 2000; every extension is a motion of bounded curvature (paper 4.4).
 A way is a list of segments: turn (+1 left, -1 right, 0 straight) and signed length [m].
@@ -20,7 +20,7 @@ _NEAREST = 3
 
 
 @kernel
-def _random(state: Any) -> float:
+def random_unit(state: Any) -> float:
     """Uniform in [0, 1) from a xorshift64* generator; state (1,) uint64, never zero."""
     x = state[0]
     x ^= x >> np.uint64(12)
@@ -31,7 +31,7 @@ def _random(state: Any) -> float:
 
 
 @kernel
-def _shortest(a: Any, b: Any, phi: float, work_turns: Any, work_lengths: Any, turns: Any, lengths: Any) -> float:
+def shortest_word(a: Any, b: Any, phi: float, work_turns: Any, work_lengths: Any, turns: Any, lengths: Any) -> float:
     """Length [m] of the shortest word from pose a (3,) to b (3,)."""
     dx, dy = b[0] - a[0], b[1] - a[1]
     c, s = math.cos(a[2]), math.sin(a[2])
@@ -99,10 +99,10 @@ def rrt_connect(
         used = iteration + 1
         tree = iteration % 2
         if iteration > 0:
-            cell = open_cells[int(_random(state) * open_cells.shape[0])]
-            sample[0] = x0 + (cell % columns + _random(state)) * resolution
-            sample[1] = y0 + (cell // columns + _random(state)) * resolution
-            sample[2] = (2.0 * _random(state) - 1.0) * math.pi
+            cell = open_cells[int(random_unit(state) * open_cells.shape[0])]
+            sample[0] = x0 + (cell % columns + random_unit(state)) * resolution
+            sample[1] = y0 + (cell // columns + random_unit(state)) * resolution
+            sample[2] = (2.0 * random_unit(state) - 1.0) * math.pi
             best, winner = np.inf, 0
             for k in range(sizes[tree]):
                 d = math.hypot(poses[tree, k, 0] - sample[0], poses[tree, k, 1] - sample[1])
@@ -111,7 +111,7 @@ def rrt_connect(
                     d += 0.4 / phi * min(turn, 2.0 * math.pi - turn)
                     if d < best:
                         best, winner = d, k
-            _shortest(poses[tree, winner], sample, phi, work_turns, work_lengths, turns, lengths)
+            shortest_word(poses[tree, winner], sample, phi, work_turns, work_lengths, turns, lengths)
             _truncate(lengths, reach * phi)
             run = reverse_run(lengths) if tree == 0 else _flipped_reverse_run(lengths)
             x, y, theta = poses[tree, winner, 0], poses[tree, winner, 1], poses[tree, winner, 2]
@@ -148,7 +148,7 @@ def rrt_connect(
         for m in range(found):
             a = new if tree == 0 else near[m]
             b = near[m] if tree == 0 else new
-            _shortest(poses[0, a], poses[1, b], phi, work_turns, work_lengths, bridge_turns, bridge_lengths)
+            shortest_word(poses[0, a], poses[1, b], phi, work_turns, work_lengths, bridge_turns, bridge_lengths)
             if reverse_run(bridge_lengths) <= max_reverse * phi + 1e-9 and word_is_free(
                 values, resolution, x0, y0, poses[0, a, 0], poses[0, a, 1], poses[0, a, 2],
                 bridge_turns, bridge_lengths, phi,
@@ -187,126 +187,3 @@ def rrt_connect(
     if count >= MAX_SEGMENTS:
         count = 0
     return out_turns[:count], out_lengths[:count], used
-
-
-@kernel
-def way_cost(lengths: Any, cusp_cost: float) -> float:
-    """Length [m] plus a price [m] for every change of direction."""
-    total, sign = 0.0, 0.0
-    for k in range(lengths.shape[0]):
-        if lengths[k] != 0.0:
-            total += abs(lengths[k])
-            if sign * lengths[k] < 0.0:
-                total += cusp_cost
-            sign = lengths[k]
-    return total
-
-
-@kernel
-def shorten(
-    values: Any,
-    resolution: float,
-    x0: float,
-    y0: float,
-    start: Any,
-    turns: Any,
-    lengths: Any,
-    phi: float,
-    max_reverse: float,
-    cusp_cost: float,
-    seed: Any,
-    tries: int,
-) -> tuple[Any, Any]:
-    """A way with parts replaced by Reeds-Shepp words where that is cheaper and free; same start and end.
-
-    turns (S,), lengths (S,) [m]. The longest reverse leg is kept below max_reverse [m] or at least not made longer.
-    Returns new turns and lengths.
-    """
-    state = np.array([seed], np.uint64)
-    way_turns = np.zeros(MAX_SEGMENTS, np.int64)
-    way_lengths = np.zeros(MAX_SEGMENTS)
-    n = turns.shape[0]
-    way_turns[:n], way_lengths[:n] = turns, lengths
-    work_turns = np.zeros((MAX_WORDS, SEGMENTS), np.int64)
-    work_lengths = np.zeros((MAX_WORDS, SEGMENTS))
-    word_turns = np.zeros(SEGMENTS, np.int64)
-    word_lengths = np.zeros(SEGMENTS)
-    new_turns = np.zeros(MAX_SEGMENTS, np.int64)
-    new_lengths = np.zeros(MAX_SEGMENTS)
-    ends = np.empty((2, 3))
-    cost = way_cost(way_lengths[:n], cusp_cost)
-    run = reverse_run(way_lengths[:n])
-    for attempt in range(tries):
-        total = 0.0
-        for k in range(n):
-            total += abs(way_lengths[k])
-        first, second = _random(state) * total, _random(state) * total
-        if attempt == 0:
-            first, second = 0.0, total
-        if second < first:
-            first, second = second, first
-        if attempt % 4 == 1:
-            second = total
-        elif attempt % 4 == 2:
-            first = 0.0
-        if second - first < 0.05:
-            continue
-        # Poses at both places, and the segments before and after.
-        x, y, theta = start[0], start[1], start[2]
-        s, count = 0.0, 0
-        before, after, after_part = 0, n, 0.0
-        before_part = 0.0
-        for k in range(n):
-            size = abs(way_lengths[k])
-            sign = 1.0 if way_lengths[k] > 0.0 else -1.0
-            if s <= first < s + size:
-                before, before_part = k, first - s
-                ends[0] = np.array(advance(x, y, theta, way_turns[k], sign * before_part, phi))
-            if s < second <= s + size + (1e-9 if k == n - 1 else 0.0):
-                after, after_part = k, min(second - s, size)
-                ends[1] = np.array(advance(x, y, theta, way_turns[k], sign * after_part, phi))
-            x, y, theta = advance(x, y, theta, way_turns[k], way_lengths[k], phi)
-            s += size
-        if after == n:
-            continue
-        _shortest(ends[0], ends[1], phi, work_turns, work_lengths, word_turns, word_lengths)
-        for k in range(before):
-            new_turns[count], new_lengths[count] = way_turns[k], way_lengths[k]
-            count += 1
-        if before_part > 1e-9:
-            new_turns[count] = way_turns[before]
-            new_lengths[count] = before_part if way_lengths[before] > 0.0 else -before_part
-            count += 1
-        for k in range(SEGMENTS):
-            if word_lengths[k] != 0.0:
-                new_turns[count], new_lengths[count] = word_turns[k], word_lengths[k] / phi
-                count += 1
-        rest = abs(way_lengths[after]) - after_part
-        if rest > 1e-9:
-            new_turns[count] = way_turns[after]
-            new_lengths[count] = rest if way_lengths[after] > 0.0 else -rest
-            count += 1
-        if count + n - after - 1 >= MAX_SEGMENTS - SEGMENTS - 2:
-            continue
-        for k in range(after + 1, n):
-            new_turns[count], new_lengths[count] = way_turns[k], way_lengths[k]
-            count += 1
-        new_cost = way_cost(new_lengths[:count], cusp_cost)
-        new_run = reverse_run(new_lengths[:count])
-        if (
-            new_cost < cost - 1e-6
-            and new_run <= max(max_reverse, run) + 1e-9
-            and word_is_free(
-                values, resolution, x0, y0, ends[0, 0], ends[0, 1], ends[0, 2], word_turns, word_lengths, phi
-            )
-        ):
-            # Join neighbours that bend alike in the same direction.
-            n = 0
-            for k in range(count):
-                if n > 0 and way_turns[n - 1] == new_turns[k] and way_lengths[n - 1] * new_lengths[k] > 0.0:
-                    way_lengths[n - 1] += new_lengths[k]
-                else:
-                    way_turns[n], way_lengths[n] = new_turns[k], new_lengths[k]
-                    n += 1
-            cost, run = way_cost(way_lengths[:n], cusp_cost), reverse_run(way_lengths[:n])
-    return way_turns[:n].copy(), way_lengths[:n].copy()

@@ -16,6 +16,7 @@ from vsx_ros.kernels import (
     projection,
     reeds_shepp,
     rrt,
+    shortcuts,
 )
 
 
@@ -123,7 +124,7 @@ def _planning() -> None:
     lattice.reverse_run(lengths)
     level = lattice.lattice_search(*ground, start, 1.0, 24, 1, 0.1, 1.5, nowhere, np.zeros((1, 1)))[0]
     lattice.lattice_costs(level, step, 0.0, 0.0, 0.0, 0.1, 1.0, goal[None])
-    rrt.shorten(*ground, start, turns, lengths, 1.0, 1.5, 0.1, np.uint64(1), 4)
+    shortcuts.shorten(*ground, start, turns, lengths, 1.0, 1.5, 0.1, np.uint64(1), 4)
     rrt.rrt_connect(*ground, np.flatnonzero(field > 0.0), start, goal, 1.0, 2.0, 1.5, np.uint64(1), 4)
     work = (
         np.zeros((reeds_shepp.MAX_WORDS, reeds_shepp.SEGMENTS), np.int64),

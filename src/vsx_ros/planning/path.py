@@ -161,11 +161,15 @@ def certified(start: SE2, goal: SE2, pieces: tuple[Piece, ...], method: str, cle
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """A path to a goal and the name of the planner that made it."""
+    """A path to a goal and the name of the planner that made it.
+
+    blind_m: length along which the camera sees too few landmarks [m], None where the planner was told of none.
+    """
 
     goal: SE2
     path: Path
     planner: str
+    blind_m: float | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -19,6 +19,7 @@ from vsx_ros.planning.corridor import Corridor, build_corridor
 from vsx_ros.planning.path import Path, Plan, Refusal, RefusalKind, certified
 from vsx_ros.planning.pieces import Piece
 from vsx_ros.planning.reach import check_question
+from vsx_ros.planning.sight import Sight
 from vsx_ros.planning.skeleton import (
     CUSP_COST_M,
     OCTILE,
@@ -39,6 +40,7 @@ _DIRECT = 4
 _SHORTENINGS = 3
 _NEAR_BOUND = 1.15
 _STOP_COST_M = 0.3
+_BLIND_COST = 3.0
 _REVERSE_SLACK_M = 1e-6
 _STRAIGHTS_M = (math.inf, 0.5)
 
@@ -50,11 +52,15 @@ class Planner:
         self._config = config
         self._robot = robot
 
-    def plan(self, start: SE2, goal: SE2, grid: OccupancyGrid, rng: np.random.Generator) -> Plan | Refusal:
+    def plan(
+        self, start: SE2, goal: SE2, grid: OccupancyGrid, rng: np.random.Generator, sight: Sight | None = None
+    ) -> Plan | Refusal:
         """A collision-free plan to the exact goal pose over known free ground, or a refusal with its reason.
 
-        The same question with the same state of rng gives the same answer to the last bit. Raises PlanningError for
-        poses that are not finite.
+        With ``sight`` the way along which too few landmarks are in view counts several times, so that a path which
+        keeps the map in view is preferred to a shorter one that loses it; ``Plan.blind_m`` says what remains. The same
+        question with the same state of rng gives the same answer to the last bit. Raises PlanningError for poses that
+        are not finite.
         """
         phi = self._config.phi_rad_m
         check_question(start, goal, phi)
@@ -62,12 +68,15 @@ class Planner:
         if isinstance(corridor, Refusal):
             return corridor
         if same_pose(start, goal):
-            return Plan(
-                goal, self._finished(certified(start, goal, (), "start and goal are the same"), goal, corridor), "fov"
-            )
-        direct = self._direct(start, goal, corridor)
-        if direct is not None:
-            return Plan(goal, self._finished(direct, goal, corridor), "fov")
+            nothing = certified(start, goal, (), "start and goal are the same")
+            return Plan(goal, self._finished(nothing, goal, corridor), "fov")
+
+        def cost(path: Path) -> float:
+            return _cost(path) + (_BLIND_COST * sight.blind_m(path, grid) if sight is not None else 0.0)
+
+        direct = self._direct(start, goal, corridor, enough=1 if sight is None else _DIRECT)
+        if direct and (sight is None or cost(direct[0]) == _cost(direct[0])):
+            return self._plan(direct[0], goal, corridor, sight, grid)
         remaining = with_fringe(travel_distance(corridor.margin, (goal.x, goal.y)), grid.resolution)
         if not math.isfinite(remaining[corridor.margin.cell(start.x, start.y)]):
             return Refusal(
@@ -75,14 +84,14 @@ class Planner:
                 f"no way of {2 * (self._robot.radius_m + self._config.clearance_m):.2f} m width over known free ground "
                 f"joins ({start.x:.2f}, {start.y:.2f}) and ({goal.x:.2f}, {goal.y:.2f})",
             )
-        path = self._through_map(start, goal, corridor, remaining, rng)
-        if path is None:
+        found = direct + self._through_map(start, goal, corridor, remaining, rng)
+        if not found:
             return Refusal(
                 RefusalKind.BUDGET,
                 f"the goal is connected, but no path with phi {phi:g} rad/m and reverse legs of at most "
                 f"{self._config.max_reverse_m:g} m was found within the search budget",
             )
-        return Plan(goal, self._finished(path, goal, corridor), "fov")
+        return self._plan(min(found, key=cost), goal, corridor, sight, grid)
 
     def plan_blind(self, start: SE2, goal: SE2) -> Plan | Refusal:
         """A plan where there is no map yet (the first drive, backing along the trail): free space is assumed."""
@@ -126,10 +135,14 @@ class Planner:
         costs[np.setdiff1d(np.arange(len(poses)), allowed)] = np.inf
         return costs
 
-    def _direct(self, start: SE2, goal: SE2, corridor: Corridor) -> Path | None:
-        """The best connection that ignores the map, if it happens to be free."""
-        best = connections(start, goal, self._config.phi_rad_m, enough=1)[:1]
-        return next((path for path in best if self._allowed(path, corridor)), None)
+    def _direct(self, start: SE2, goal: SE2, corridor: Corridor, enough: int) -> list[Path]:
+        """The best connections that ignore the map, those that happen to be free."""
+        best = connections(start, goal, self._config.phi_rad_m, enough)[:enough]
+        return [path for path in best if self._allowed(path, corridor)]
+
+    def _plan(self, path: Path, goal: SE2, corridor: Corridor, sight: Sight | None, grid: OccupancyGrid) -> Plan:
+        blind_m = None if sight is None else sight.blind_m(path, grid)
+        return Plan(goal, self._finished(path, goal, corridor), "fov", blind_m)
 
     def _allowed(self, path: Path, corridor: Corridor) -> bool:
         limit = self._config.max_reverse_m + _REVERSE_SLACK_M
@@ -137,8 +150,8 @@ class Planner:
 
     def _through_map(
         self, start: SE2, goal: SE2, corridor: Corridor, remaining: FloatArray, rng: np.random.Generator
-    ) -> Path | None:
-        """The cheapest path along a few skeletons: a free Reeds-Shepp word, or what a search finds."""
+    ) -> list[Path]:
+        """Paths along a few skeletons: a free Reeds-Shepp word, or what a search finds."""
         tight, limit, margin = _TIGHT * self._config.phi_rad_m, self._config.max_reverse_m, corridor.margin
         skeletons = free_words(margin, start, goal, tight, limit)[:1]
         bound = OCTILE * float(remaining[margin.cell(start.x, start.y)])
@@ -155,7 +168,7 @@ class Planner:
             found += [p for p in self._smoothed(skeleton, start, goal, corridor) if self._allowed(p, corridor)]
             if found and min(map(_cost, found)) < skeleton.length_m + 2.0 * _STOP_COST_M:
                 break
-        return min(found, key=_cost, default=None)
+        return found
 
     def _smoothed(self, skeleton: Skeleton, start: SE2, goal: SE2, corridor: Corridor) -> list[Path]:
         """The skeleton itself, with stops where its curvature jumps, and its smooth version, whole or leg by leg."""

@@ -11,7 +11,8 @@ from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.lattice import lattice_search, lattice_way, reverse_run, word_is_free
 from vsx_ros.kernels.reeds_shepp import MAX_WORDS, SEGMENTS, reeds_shepp_words
-from vsx_ros.kernels.rrt import rrt_connect, shorten
+from vsx_ros.kernels.rrt import rrt_connect
+from vsx_ros.kernels.shortcuts import shorten
 from vsx_ros.occupancy.distance import DistanceField, travel_distance
 from vsx_ros.planning.pieces import Piece, arc_piece
 

@@ -1,0 +1,135 @@
+"""Shortcuts: parts of a way replaced by Reeds-Shepp words. A way is a list of turns and signed lengths [m]."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from vsx_ros.kernels import kernel
+from vsx_ros.kernels.lattice import reverse_run, word_is_free
+from vsx_ros.kernels.reeds_shepp import MAX_WORDS, SEGMENTS, advance
+from vsx_ros.kernels.rrt import MAX_SEGMENTS, random_unit, shortest_word
+
+
+@kernel
+def way_cost(lengths: Any, cusp_cost: float) -> float:
+    """Length [m] plus a price [m] for every change of direction."""
+    total, sign = 0.0, 0.0
+    for k in range(lengths.shape[0]):
+        if lengths[k] != 0.0:
+            total += abs(lengths[k])
+            if sign * lengths[k] < 0.0:
+                total += cusp_cost
+            sign = lengths[k]
+    return total
+
+
+@kernel
+def shorten(
+    values: Any,
+    resolution: float,
+    x0: float,
+    y0: float,
+    start: Any,
+    turns: Any,
+    lengths: Any,
+    phi: float,
+    max_reverse: float,
+    cusp_cost: float,
+    seed: Any,
+    tries: int,
+) -> tuple[Any, Any]:
+    """A way with parts replaced by Reeds-Shepp words where that is cheaper and free; same start and end.
+
+    turns (S,), lengths (S,) [m]. The longest reverse leg is kept below max_reverse [m] or at least not made longer.
+    Returns new turns and lengths.
+    """
+    state = np.array([seed], np.uint64)
+    way_turns = np.zeros(MAX_SEGMENTS, np.int64)
+    way_lengths = np.zeros(MAX_SEGMENTS)
+    n = turns.shape[0]
+    way_turns[:n], way_lengths[:n] = turns, lengths
+    work_turns = np.zeros((MAX_WORDS, SEGMENTS), np.int64)
+    work_lengths = np.zeros((MAX_WORDS, SEGMENTS))
+    word_turns = np.zeros(SEGMENTS, np.int64)
+    word_lengths = np.zeros(SEGMENTS)
+    new_turns = np.zeros(MAX_SEGMENTS, np.int64)
+    new_lengths = np.zeros(MAX_SEGMENTS)
+    ends = np.empty((2, 3))
+    cost = way_cost(way_lengths[:n], cusp_cost)
+    run = reverse_run(way_lengths[:n])
+    for attempt in range(tries):
+        total = 0.0
+        for k in range(n):
+            total += abs(way_lengths[k])
+        first, second = random_unit(state) * total, random_unit(state) * total
+        if attempt == 0:
+            first, second = 0.0, total
+        if second < first:
+            first, second = second, first
+        if attempt % 4 == 1:
+            second = total
+        elif attempt % 4 == 2:
+            first = 0.0
+        if second - first < 0.05:
+            continue
+        # Poses at both places, and the segments before and after.
+        x, y, theta = start[0], start[1], start[2]
+        s, count = 0.0, 0
+        before, after, after_part = 0, n, 0.0
+        before_part = 0.0
+        for k in range(n):
+            size = abs(way_lengths[k])
+            sign = 1.0 if way_lengths[k] > 0.0 else -1.0
+            if s <= first < s + size:
+                before, before_part = k, first - s
+                ends[0] = np.array(advance(x, y, theta, way_turns[k], sign * before_part, phi))
+            if s < second <= s + size + (1e-9 if k == n - 1 else 0.0):
+                after, after_part = k, min(second - s, size)
+                ends[1] = np.array(advance(x, y, theta, way_turns[k], sign * after_part, phi))
+            x, y, theta = advance(x, y, theta, way_turns[k], way_lengths[k], phi)
+            s += size
+        if after == n:
+            continue
+        shortest_word(ends[0], ends[1], phi, work_turns, work_lengths, word_turns, word_lengths)
+        for k in range(before):
+            new_turns[count], new_lengths[count] = way_turns[k], way_lengths[k]
+            count += 1
+        if before_part > 1e-9:
+            new_turns[count] = way_turns[before]
+            new_lengths[count] = before_part if way_lengths[before] > 0.0 else -before_part
+            count += 1
+        for k in range(SEGMENTS):
+            if word_lengths[k] != 0.0:
+                new_turns[count], new_lengths[count] = word_turns[k], word_lengths[k] / phi
+                count += 1
+        rest = abs(way_lengths[after]) - after_part
+        if rest > 1e-9:
+            new_turns[count] = way_turns[after]
+            new_lengths[count] = rest if way_lengths[after] > 0.0 else -rest
+            count += 1
+        if count + n - after - 1 >= MAX_SEGMENTS - SEGMENTS - 2:
+            continue
+        for k in range(after + 1, n):
+            new_turns[count], new_lengths[count] = way_turns[k], way_lengths[k]
+            count += 1
+        new_cost = way_cost(new_lengths[:count], cusp_cost)
+        new_run = reverse_run(new_lengths[:count])
+        if (
+            new_cost < cost - 1e-6
+            and new_run <= max(max_reverse, run) + 1e-9
+            and word_is_free(
+                values, resolution, x0, y0, ends[0, 0], ends[0, 1], ends[0, 2], word_turns, word_lengths, phi
+            )
+        ):
+            # Join neighbours that bend alike in the same direction.
+            n = 0
+            for k in range(count):
+                if n > 0 and way_turns[n - 1] == new_turns[k] and way_lengths[n - 1] * new_lengths[k] > 0.0:
+                    way_lengths[n - 1] += new_lengths[k]
+                else:
+                    way_turns[n], way_lengths[n] = new_turns[k], new_lengths[k]
+                    n += 1
+            cost, run = way_cost(way_lengths[:n], cusp_cost), reverse_run(way_lengths[:n])
+    return way_turns[:n].copy(), way_lengths[:n].copy()

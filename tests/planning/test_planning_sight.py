@@ -1,0 +1,75 @@
+"""The camera's view along a path, and the planner's preference for keeping it."""
+
+import math
+
+import numpy as np
+import pytest
+
+from vsx_ros.config import PlannerConfig, RobotConfig
+from vsx_ros.errors import PlanningError
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
+from vsx_ros.planning.path import Plan, certified
+from vsx_ros.planning.pieces import arc_piece, turn_piece
+from vsx_ros.planning.planner import Planner
+from vsx_ros.planning.sight import Sight
+
+OPEN = OccupancyGrid(np.zeros((160, 160), np.int8), 0.05, -4.0, -4.0)
+
+
+def wall_ahead(n: int = 400) -> np.ndarray:
+    """Landmarks on the wall x = 3.5."""
+    rng = np.random.default_rng(0)
+    return np.stack([np.full(n, 3.5), rng.uniform(-3.0, 3.0, n), rng.uniform(0.0, 1.0, n)], axis=1)
+
+
+def sight(landmarks: np.ndarray) -> Sight:
+    return Sight(landmarks, fov_rad=1.05, range_m=4.5, least=30)
+
+
+def test_poses_that_look_away_or_at_an_edge_are_blind():
+    poses = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, math.pi], [0.0, 2.9, 0.6], [-3.0, 0.0, 0.0]])
+    assert sight(wall_ahead()).blind(poses, OPEN).tolist() == [False, True, True, True]
+    assert sight(np.zeros((0, 3))).blind(poses, OPEN).all()
+
+
+def test_a_wall_between_hides_the_landmarks():
+    data = np.array(OPEN.data)
+    data[:, 120] = OCCUPIED
+    hidden = OccupancyGrid(data, 0.05, -4.0, -4.0)
+    assert sight(wall_ahead()).blind(np.array([[0.0, 0.0, 0.0]]), hidden).all()
+
+
+def test_only_the_way_driven_blind_is_counted():
+    start = SE2(-0.5, 0.0, 0.0)
+    ahead = arc_piece(start, 0.0, 1.0, 1)
+    about = turn_piece(ahead.end, math.pi)
+    back = arc_piece(about.end, 0.0, 0.7, 1)
+    path = certified(start, back.end, (ahead, about, back), "by hand")
+    assert sight(wall_ahead()).blind_m(path, OPEN) == pytest.approx(0.7, abs=1e-9)
+
+
+def test_a_path_that_keeps_the_map_in_view_is_preferred():
+    planner = Planner(PlannerConfig(), RobotConfig())
+    rng = np.random.default_rng(4)
+    better = 0
+    for _ in range(12):
+        start = SE2(rng.uniform(-1.0, 1.0), rng.uniform(-1.5, 1.5), rng.uniform(-0.5, 0.5))
+        goal = SE2(rng.uniform(-1.0, 1.0), rng.uniform(-1.5, 1.5), rng.uniform(-0.5, 0.5))
+        view = sight(wall_ahead())
+        plain = planner.plan(start, goal, OPEN, np.random.default_rng(0))
+        seeing = planner.plan(start, goal, OPEN, np.random.default_rng(0), view)
+        assert isinstance(plain, Plan)
+        assert isinstance(seeing, Plan)
+        assert plain.blind_m is None
+        assert seeing.blind_m is not None
+        without = view.blind_m(plain.path, OPEN)
+        assert seeing.blind_m <= without + 1e-9
+        assert seeing.path.certificate.end_error_m <= 1e-9
+        better += seeing.blind_m < without - 0.1
+    assert better >= 1
+
+
+def test_landmarks_that_are_not_finite_are_an_error():
+    with pytest.raises(PlanningError, match="landmark"):
+        sight(np.full((1, 3), np.nan))
