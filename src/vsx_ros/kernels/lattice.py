@@ -106,6 +106,7 @@ def lattice_search(
     max_reverse: float,
     goal: Any,
     remaining: Any,
+    most: int,
 ) -> Any:
     """Search from a pose by arcs of one length, turning by ``bins`` of ``headings`` bins left, right or not, both ways.
 
@@ -113,7 +114,7 @@ def lattice_search(
     ``cell`` [m] and a heading bin; the pose of its cheapest arrival is kept exactly, so no error adds up. With a goal
     (3,) it is an A* search: remaining (H, W) [m] is a lower bound of what is left, each state tries the shortest
     Reeds-Shepp word to the goal, and the search ends when no state can improve on the best. With a goal of NaN
-    everything is reached, cheapest first.
+    everything is reached, cheapest first. No more than ``most`` arrivals are recorded.
 
     Returns level (R, C, headings) int32 (in steps, -1 unreached), poses (N, 3), parents (N,), motions (N,) of the
     arrivals, step [m], the arrival from which the goal is reached and that way's length [m], or (-1, inf).
@@ -122,13 +123,14 @@ def lattice_search(
     columns = int(math.ceil(values.shape[1] * resolution / cell))
     step = bins * 2.0 * math.pi / headings / phi
     size = rows * columns * headings
+    capacity = min(size, most)
     level = np.full((rows, columns, headings), -1, np.int32)
-    states = np.empty(size, np.int64)
-    poses = np.empty((size, 3))
-    parents = np.empty(size, np.int64)
-    motions = np.empty(size, np.int8)
-    reversed_m = np.empty(size)
-    following = np.empty(size, np.int64)
+    states = np.empty(capacity, np.int64)
+    poses = np.empty((capacity, 3))
+    parents = np.empty(capacity, np.int64)
+    motions = np.empty(capacity, np.int8)
+    reversed_m = np.empty(capacity)
+    following = np.empty(capacity, np.int64)
     turns = np.zeros((MAX_WORDS, SEGMENTS), np.int64)
     lengths = np.zeros((MAX_WORDS, SEGMENTS))
     word_turns = np.zeros(SEGMENTS, np.int64)
@@ -186,7 +188,7 @@ def lattice_search(
         arrived = level[i, j, h] + 1
         for m in range(MOTIONS):
             backwards = reversed_m[node] + step if _SIGNS[m] < 0 else 0.0
-            if backwards > max_reverse or count >= size:
+            if backwards > max_reverse or count >= capacity:
                 continue
             nx = x + c * moves[m, 0] - s * moves[m, 1]
             ny = y + s * moves[m, 0] + c * moves[m, 1]

@@ -67,14 +67,14 @@ def skeleton_points(sequence: HeadingSequence, pieces: list[list[Piece]]) -> Flo
 
 
 def smooth(
-    skeleton: Skeleton, cuts: frozenset[int], start: SE2, goal: SE2, phi: float, corridor: Corridor
+    skeleton: Skeleton, cuts: frozenset[int], start: SE2, goal: SE2, phi: float, corridor: Corridor, most: int
 ) -> Path | None:
     """The shortest path found with the skeleton's headings that stays in the corridor, or None.
 
-    cuts: segments after which a new piece begins although the way runs straight on.
+    cuts: segments after which a new piece begins although the way runs straight on. most: pieces it may have.
     """
     sequence = merge_segments(skeleton.turns, skeleton.lengths, skeleton.phi, goal.theta - start.theta, cuts)
-    if sequence is None or len(sequence.turns) > MAX_PIECES:
+    if sequence is None or len(sequence.turns) > most:
         return None
     arcs = skeleton.arcs(start)
     return fit(sequence, [[arcs[i] for i in members] for members in sequence.members], start, goal, phi, corridor)

@@ -41,6 +41,8 @@ _SHORTENINGS = 3
 _NEAR_BOUND = 1.15
 _STOP_COST_M = 0.3
 _BLIND_COST = 3.0
+_MOST_AT_ONCE = 7
+_ANOTHER = 1.01  # a way hardly longer than the one before is most likely the same
 _REVERSE_SLACK_M = 1e-6
 _STRAIGHTS_M = (math.inf, 0.5)
 
@@ -124,7 +126,7 @@ class Planner:
         nowhere, lattice = np.full(3, np.nan), coarse_lattice(phi)
         level, _, _, _, step, _, _ = lattice_search(
             m.values, m.resolution, m.origin_x, m.origin_y, start.as_array(), phi, lattice.headings, lattice.bins,
-            lattice.cell_m, self._config.max_reverse_m, nowhere, np.zeros((1, 1)),
+            lattice.cell_m, self._config.max_reverse_m, nowhere, np.zeros((1, 1)), lattice.most_states,
         )  # fmt: skip
         costs: FloatArray = lattice_costs(level, step, start.theta, m.origin_x, m.origin_y, lattice.cell_m, phi, poses)
         # The estimate looks a few cells around a pose, perhaps through a thin wall: believe it only on joined ground.
@@ -164,7 +166,11 @@ class Planner:
             if raw is not None:
                 skeletons += [shortened(raw, margin, start, limit, rng) for _ in range(_SHORTENINGS)]
         found: list[Path] = []
+        before_m = 0.0
         for skeleton in sorted(skeletons, key=lambda s: s.length_m):
+            if skeleton.length_m < _ANOTHER * before_m:
+                continue
+            before_m = skeleton.length_m
             found += [p for p in self._smoothed(skeleton, start, goal, corridor) if self._allowed(p, corridor)]
             if found and min(map(_cost, found)) < skeleton.length_m + 2.0 * _STOP_COST_M:
                 break
@@ -173,22 +179,25 @@ class Planner:
     def _smoothed(self, skeleton: Skeleton, start: SE2, goal: SE2, corridor: Corridor) -> list[Path]:
         """The skeleton itself, with stops where its curvature jumps, and its smooth version, whole or leg by leg."""
         paths = [certified(start, goal, skeleton.pieces(start), "arcs and lines")]
-        whole = self._fitted(skeleton, start, goal, corridor)
+        legs = skeleton.legs()
+        # The joint programme grows with the cube of its pieces; long ways are fitted leg by leg at once.
+        most = corridor_qp.MAX_PIECES if len(legs) == 1 else _MOST_AT_ONCE
+        whole = self._fitted(skeleton, start, goal, corridor, most)
         if whole is not None:
             return [*paths, whole]
         pieces: list[Piece] = []
         at = start
-        for leg in skeleton.legs():
+        for leg in legs:
             arcs = leg.pieces(at)
-            smooth = self._fitted(leg, at, arcs[-1].end, corridor)
+            smooth = self._fitted(leg, at, arcs[-1].end, corridor, corridor_qp.MAX_PIECES)
             pieces += smooth.pieces if smooth is not None else arcs
             at = arcs[-1].end
         return [*paths, certified(start, goal, tuple(pieces), "Bernstein coefficients; arcs and lines")]
 
-    def _fitted(self, skeleton: Skeleton, start: SE2, goal: SE2, corridor: Corridor) -> Path | None:
+    def _fitted(self, skeleton: Skeleton, start: SE2, goal: SE2, corridor: Corridor, most: int) -> Path | None:
         for longest_straight_m in _STRAIGHTS_M:
             halved, cuts = skeleton.halved(longest_straight_m)
-            smooth = corridor_qp.smooth(halved, cuts, start, goal, self._config.phi_rad_m, corridor)
+            smooth = corridor_qp.smooth(halved, cuts, start, goal, self._config.phi_rad_m, corridor, most)
             if smooth is not None:
                 return smooth
         return None

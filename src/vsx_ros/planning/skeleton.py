@@ -20,6 +20,7 @@ CUSP_COST_M = 0.15
 _ARC_M = 0.27
 _SHORTEST_M = 1e-9
 _CELL_M = 0.1
+_COARSE_STATES, _FINE_STATES = 5_000_000, 250_000
 _SHORTCUTS = 300
 _RESTARTS = 4
 _ITERATIONS = 3000
@@ -99,24 +100,28 @@ def free_words(margin: DistanceField, start: SE2, goal: SE2, phi: float, max_rev
 
 @dataclass(frozen=True, slots=True)
 class Lattice:
-    """Heading bins, bins turned by one arc, cell size [m]: every arc must leave its cell and its bin."""
+    """Heading bins, bins turned by one arc, cell size [m]: every arc must leave its cell and its bin.
+
+    most_states: where the search gives up.
+    """
 
     headings: int
     bins: int
     cell_m: float
+    most_states: int
 
 
 def coarse_lattice(phi: float) -> Lattice:
     """Arcs of about 0.27 m."""
     headings = int(min(max(round(2.0 * math.pi / (phi * _ARC_M)), 16), 32))
     bins = max(1, math.ceil(1.6 * _CELL_M * phi * headings / (2.0 * math.pi)))
-    return Lattice(headings, bins, _CELL_M)
+    return Lattice(headings, bins, _CELL_M, _COARSE_STATES)
 
 
 def fine_lattice(phi: float) -> Lattice:
     """Half the cells and half the arcs, for manoeuvres where there is hardly room."""
     coarse = coarse_lattice(phi)
-    return Lattice(2 * coarse.headings, coarse.bins, 0.5 * coarse.cell_m)
+    return Lattice(2 * coarse.headings, coarse.bins, 0.5 * coarse.cell_m, _FINE_STATES)
 
 
 def search_lattice(
@@ -137,6 +142,7 @@ def search_lattice(
     _, poses, parents, motions, step, winner, _ = lattice_search(
         margin.values, margin.resolution, margin.origin_x, margin.origin_y, start.as_array(), phi,
         lattice.headings, lattice.bins, lattice.cell_m, max_reverse_m, goal_array, bound,
+        lattice.most_states,
     )  # fmt: skip
     if winner < 0:
         return None
