@@ -20,7 +20,7 @@ pytest.importorskip("rospy")
 
 from vsx_ros.cli.world import open_world
 from vsx_ros.config import RobotConfig
-from vsx_ros.ros import launch, topics
+from vsx_ros.ros import launch
 from vsx_ros.ros.base_drivers import base_emulator, wheel_base_m
 from vsx_ros.ros.emulation import BodyPlant, BodyState
 from vsx_ros.ros.render_process import POSE, RenderSettings
@@ -107,6 +107,12 @@ class Stack:
     def kill(self, name: str) -> None:
         self._processes.pop(name).kill()
 
+    def dead(self) -> list[str]:
+        return [name for name, process in self._processes.items() if process.poll() is not None]
+
+    def logs(self) -> str:
+        return "".join(file.read_text(encoding="utf-8", errors="replace") for file in self._folder.glob("*.txt"))
+
     def down(self) -> None:
         self._base.close()
         if self._camera is not None:
@@ -175,6 +181,3 @@ def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
     finally:
         rospy.signal_shutdown("tests are over")
         running.down()
-
-
-EXPECTED_NODES = {f"/{name}" for name in topics.PUBLISHED} - {"/teleop", "/emulator"}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 
-import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry as OdometryMsg
@@ -12,7 +11,7 @@ from nav_msgs.msg import Odometry as OdometryMsg
 from vsx_ros.control.pose_fusion import PoseFuser
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Odometry
-from vsx_ros.ros import convert, slam_messages, topics
+from vsx_ros.ros import convert, process, slam_messages, topics
 from vsx_ros.slam.state import TrackingState
 
 _STANDS_M_S, _STANDS_RAD_S = 0.01, 0.02
@@ -27,9 +26,9 @@ class Localization:
         self._odometry: Odometry | None = None
         self.slam_state = TrackingState.NOT_INITIALISED
         self.slam_reason = "waiting for vslam"
-        rospy.Subscriber(topics.ODOM, OdometryMsg, self._on_odometry, queue_size=20, tcp_nodelay=True)
-        rospy.Subscriber(topics.POSE, PoseWithCovarianceStamped, self._on_pose, queue_size=5, tcp_nodelay=True)
-        rospy.Subscriber(topics.SLAM_STATE, DiagnosticStatus, self._on_state, queue_size=5, tcp_nodelay=True)
+        process.subscribe(topics.ODOM, OdometryMsg, self._on_odometry, queue_size=20, tcp_nodelay=True)
+        process.subscribe(topics.POSE, PoseWithCovarianceStamped, self._on_pose, queue_size=5, tcp_nodelay=True)
+        process.subscribe(topics.SLAM_STATE, DiagnosticStatus, self._on_state, queue_size=5, tcp_nodelay=True)
 
     def _on_odometry(self, msg: OdometryMsg) -> None:
         odometry = convert.odometry(msg)

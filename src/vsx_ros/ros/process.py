@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import ctypes
 import logging
+import math
 import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable
 from typing import Any, Protocol
 
 import cv2
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from genpy import Message
 from sensor_msgs.msg import Image
 
 from vsx_hw.errors import DeviceError
@@ -25,6 +28,8 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 
 # Bigger than any image: with rospy's default of 64 kB a slow callback sees images of a second ago (ros_comm #536).
 IMAGE_BUFFER_BYTES = 2**24
+
+_NAME_AGAIN_S = 5.0
 
 DIE_WITH_PARENT = "VSX_DIE_WITH_PARENT"
 """Environment variable: a node started by a run ends when the run is killed."""
@@ -103,9 +108,27 @@ def stamp(stamp_ns: int) -> Any:
     return rospy.Time(0, stamp_ns)
 
 
+def subscribe(
+    topic: str, kind: type[Message], callback: Callable[[Any], None], *, queue_size: int, **options: Any
+) -> rospy.Subscriber:
+    """Subscribe; a message that cannot be used is dropped and named, at most every few seconds."""
+    named_s = -math.inf
+
+    def guarded(msg: Any) -> None:
+        nonlocal named_s
+        try:
+            callback(msg)
+        except VsxError as error:
+            if time.monotonic() - named_s > _NAME_AGAIN_S:
+                named_s = time.monotonic()
+                rospy.logerr("%s: %s", topic, error)
+
+    return rospy.Subscriber(topic, kind, guarded, queue_size=queue_size, **options)
+
+
 def image_subscriber(callback: Callable[[Image], None]) -> rospy.Subscriber:
     """Subscribe to the camera so that the newest image, not a buffered one, arrives."""
-    return rospy.Subscriber(topics.IMAGE, Image, callback, queue_size=1, buff_size=IMAGE_BUFFER_BYTES, tcp_nodelay=True)
+    return subscribe(topics.IMAGE, Image, callback, queue_size=1, buff_size=IMAGE_BUFFER_BYTES, tcp_nodelay=True)
 
 
 def worker(name: str, loop: Callable[[], None]) -> threading.Thread:

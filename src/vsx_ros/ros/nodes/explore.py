@@ -72,9 +72,9 @@ class ExploreNode:
         self._events_pub = rospy.Publisher(topics.EXPLORE_EVENTS, String, queue_size=100)
         self._coverage_pub = rospy.Publisher(topics.COVERAGE, Float32, queue_size=1, latch=True)
         self._client = actionlib.ActionClient(topics.MOVE_BASE_ACTION, MoveBaseAction)
-        rospy.Subscriber(topics.MAP, OccupancyGridMsg, self._on_map, queue_size=1)
-        rospy.Subscriber(topics.MAP_POINTS, PointCloud2, self._on_points, queue_size=1, buff_size=2**22)
-        rospy.Subscriber(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5)
+        process.subscribe(topics.MAP, OccupancyGridMsg, self._on_map, queue_size=1)
+        process.subscribe(topics.MAP_POINTS, PointCloud2, self._on_points, queue_size=1, buff_size=2**22)
+        process.subscribe(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5)
         for name, request in (
             (topics.EXPLORE_PAUSE, self._mission.pause),
             (topics.EXPLORE_RESUME, self._mission.resume),

@@ -25,7 +25,6 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 from vsx_hw.readings import Hazard
 from vsx_ros.config import Config
 from vsx_ros.control.trajectory_tracker import FollowResult, FollowStatus, TrajectoryTracker
-from vsx_ros.errors import VsxError
 from vsx_ros.robot import STOP, VelocityCommand
 from vsx_ros.ros import convert, process, topics
 from vsx_ros.ros.lease import LeaseWatch
@@ -54,17 +53,13 @@ class FollowerNode:
         self._status_pub = rospy.Publisher(topics.FOLLOWER_STATUS, String, queue_size=5, latch=True, tcp_nodelay=True)
         self._report(FollowResult(STOP, FollowStatus.IDLE, "nothing to follow"))
         rospy.Service(topics.FOLLOWER_CANCEL, Trigger, self._on_cancel)
-        rospy.Subscriber(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5, tcp_nodelay=True)
-        rospy.Subscriber(topics.TRAJECTORY, MultiDOFJointTrajectory, self._on_trajectory, queue_size=2)
+        process.subscribe(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5, tcp_nodelay=True)
+        process.subscribe(topics.TRAJECTORY, MultiDOFJointTrajectory, self._on_trajectory, queue_size=2)
         process.every(_PERIOD_S, "control", self._control)
 
     def _on_trajectory(self, msg: MultiDOFJointTrajectory) -> None:
         """A new trajectory replaces the old one; one without points is a stop."""
-        try:
-            trajectory = convert.trajectory(msg)
-        except VsxError as error:
-            rospy.logerr("%s", error)
-            trajectory = None
+        trajectory = convert.trajectory(msg)
         with self._lock:
             if trajectory is None:
                 self._end("cancelled")

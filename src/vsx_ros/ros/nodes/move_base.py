@@ -70,9 +70,9 @@ class MoveBaseNode:
         self._trajectory_pub = rospy.Publisher(topics.TRAJECTORY, MultiDOFJointTrajectory, queue_size=2, latch=True)
         self._plan_ms_pub = rospy.Publisher(topics.PLAN_MS, Float32, queue_size=10, latch=True)
         self._goal_pub = rospy.Publisher(f"{topics.MOVE_BASE_ACTION}/goal", MoveBaseActionGoal, queue_size=2)
-        rospy.Subscriber(topics.MAP, OccupancyGridMsg, self._on_map, queue_size=1)
-        rospy.Subscriber(topics.FOLLOWER_STATUS, String, self._on_follower, queue_size=5, tcp_nodelay=True)
-        rospy.Subscriber(topics.SIMPLE_GOAL, PoseStamped, self._on_simple_goal, queue_size=1)
+        process.subscribe(topics.MAP, OccupancyGridMsg, self._on_map, queue_size=1)
+        process.subscribe(topics.FOLLOWER_STATUS, String, self._on_follower, queue_size=5, tcp_nodelay=True)
+        process.subscribe(topics.SIMPLE_GOAL, PoseStamped, self._on_simple_goal, queue_size=1)
         rospy.Service(topics.MAKE_PLAN, GetPlan, self._on_make_plan)
         self._server = actionlib.SimpleActionServer(
             topics.MOVE_BASE_ACTION, MoveBaseAction, self._execute, auto_start=False

@@ -23,7 +23,6 @@ from tf2_msgs.msg import TFMessage
 from vsx_hw.readings import Hazard
 from vsx_ros.cli.run_record import RunRecord
 from vsx_ros.config import Config
-from vsx_ros.errors import InputError
 from vsx_ros.geometry.camera import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.run_folder import RunFolder
@@ -68,8 +67,8 @@ class VslamNode:
         self._tf_pub = rospy.Publisher(topics.TF, TFMessage, queue_size=20)
         self._tf_static_pub = rospy.Publisher(topics.TF_STATIC, TFMessage, queue_size=1, latch=True)
         self._tf_static_pub.publish(convert.mount_transforms(mount, process.now_ns()))
-        rospy.Subscriber(topics.ODOM, OdometryMsg, self._on_odometry, queue_size=50, tcp_nodelay=True)
-        rospy.Subscriber(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5)
+        process.subscribe(topics.ODOM, OdometryMsg, self._on_odometry, queue_size=50, tcp_nodelay=True)
+        process.subscribe(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5)
         process.image_subscriber(self._on_image)
         process.every(_TF_PERIOD_S, "tf", self._publish_tf)
         process.every(_MAP_PERIOD_S, "ground map", self._map)
@@ -88,10 +87,7 @@ class VslamNode:
             self._ground.bumped()
 
     def _on_image(self, msg: Image) -> None:
-        try:
-            self._sync.add_frame(images.frame(msg))
-        except InputError as error:
-            rospy.logerr_throttle(5.0, "%s", error)
+        self._sync.add_frame(images.frame(msg))
 
     def _track(self) -> None:
         camera = images.camera(self._first_camera_info())
