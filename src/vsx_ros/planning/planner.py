@@ -42,7 +42,7 @@ _NEAR_BOUND = 1.15
 _STOP_COST_M = 0.3
 _BLIND_COST = 3.0
 _MOST_AT_ONCE = 7
-_ANOTHER = 1.01  # a way hardly longer than the one before is most likely the same
+_ANOTHER = 1.002  # a way hardly longer than the one before is most likely the same
 _REVERSE_SLACK_M = 1e-6
 _STRAIGHTS_M = (math.inf, 0.5)
 
