@@ -153,18 +153,19 @@ class ExplorationConfig(_Branch, frozen=True):
     min_gain_m2: NonNegative = 0.15
     stop_cost_m: Positive = 2.0
     look_range_m: Positive = 3.0
-    looks_to_half: Positive = 2.0
+    looks_to_half: Positive = 1.5
     look_spacing_m: Positive = 0.35
     view_spacing_m: Positive = 0.2
     view_margin_m: NonNegative = 0.05
     max_ranked_views: Count = 300
-    min_landmarks: Annotated[int, Meta(ge=0)] = 10
-    good_landmarks: Count = 30
+    min_landmarks: Annotated[int, Meta(ge=0)] = 15
+    good_landmarks: Count = 60
     blacklist_radius_m: Positive = 0.4
     blacklist_s: Positive = 60.0
     backtrack_step_m: Positive = 0.35
     backtrack_max_m: Positive = 1.5
-    retries_without_view: Count = 3
+    retries_without_view: Count = 2
+    retries_boxed_in: Count = 10
 
 
 class Config(_Branch, frozen=True):

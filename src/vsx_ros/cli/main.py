@@ -85,7 +85,9 @@ def _failed(sentence: str, code: int, *, debug: bool) -> int:
 
 
 def main() -> NoReturn:
-    """The console script."""
+    """The console script. Threads inside of small matrix products only fight for the cores, and cost bits."""
+    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
     sys.exit(execute(sys.argv[1:]))
 
 

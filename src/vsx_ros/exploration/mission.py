@@ -218,7 +218,8 @@ class Mission:
     def _map(self, now_ns: int, situation: Situation) -> Decision:
         """Choose a view, wait until it is reached, choose the next."""
         if situation.slam_state is TrackingState.LOST:
-            self._goal = None
+            self._goal_failed(now_ns, "tracking was lost on the way")
+            self._backing_off = False
             self._backed_m = 0.0
             self._wait_until_ns = now_ns + _RELOCALISE_WAIT_NS
             self._enter(now_ns, MissionState.RECOVERING, f"tracking lost: {situation.slam_reason}")
@@ -238,6 +239,8 @@ class Mission:
         if self._going_home and self._goal is not None:
             self._finish(now_ns, Outcome.HOME, "returned to the start")
             return self._answer(Action.FINISH, "returned to the start")
+        if self._goal is not None:
+            self._looked_from.append(self._goal.pose)
         self._goal = None
         if situation.grid is None or situation.T_map_base is None:
             return self._answer(Action.WAIT, "waiting for the ground map")
@@ -274,14 +277,15 @@ class Mission:
         return Decision(Action.GO, goal.pose, "map", self._state.value, reason)
 
     def _nothing_left(self, now_ns: int) -> Decision:
-        """No view is worth its way: look from a step back, forget the blacklist, and only then call it explored."""
+        """No view is worth its way: look again from further back; only where nothing is out of reach is it explored."""
         why = ", ".join(f"{count} {name}" for name, count in self.ranking.rejected.items() if count)
         self._empty_rankings += 1
-        if self._empty_rankings > self._config.retries_without_view:
+        boxed_in = self.ranking.rejected.get("unreachable", 0) > 0
+        retries = self._config.retries_boxed_in if boxed_in else self._config.retries_without_view
+        if self._empty_rankings > retries:
             self._finish(now_ns, Outcome.EXPLORED, f"no view is worth its way any more ({why or 'no candidates'})")
             return self._answer(Action.FINISH, self._events[-1].reason)
         self._wait_until_ns = now_ns + _EMPTY_WAIT_NS
-        self._blacklist.clear()
         return self._back_off(now_ns, f"no view found ({why or 'no candidates'}): looking again from further back")
 
     def _back_off(self, now_ns: int, reason: str) -> Decision:

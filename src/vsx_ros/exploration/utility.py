@@ -19,7 +19,7 @@ from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2
 from vsx_ros.config import ExplorationConfig
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.visibility import count_looks, unknown_area_by_bearing, visible_landmarks, window_sums
-from vsx_ros.occupancy.grid import FREE, OccupancyGrid
+from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
 BEARINGS = 72
 HEADINGS = 24
@@ -54,6 +54,18 @@ def standing_room(grid: OccupancyGrid, radius_m: float) -> BoolArray:
     clearance = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1] * grid.resolution
     room: BoolArray = clearance - 0.5 * grid.resolution > radius_m
     return room
+
+
+def closed_gaps(grid: OccupancyGrid, width_m: float) -> OccupancyGrid:
+    """The grid with unknown gaps narrower than width_m [m] between obstacle cells taken as obstacle.
+
+    A sparse map shows a plain wall as a row of dots; what lies behind them cannot be seen, nor driven to.
+    """
+    cells = max(1, round(width_m / grid.resolution)) | 1
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (cells, cells))
+    closed = cv2.morphologyEx((grid.data == OCCUPIED).astype(np.uint8), cv2.MORPH_CLOSE, disc)
+    data = np.where((closed > 0) & (grid.data == UNKNOWN), OCCUPIED, grid.data).astype(np.int8)
+    return OccupancyGrid(data, grid.resolution, grid.origin_x, grid.origin_y)
 
 
 def unknown_worth(grid: OccupancyGrid, looked_from: FloatArray, config: ExplorationConfig) -> FloatArray:
@@ -92,8 +104,9 @@ def rank_views(
     landmarks_world: (M, 2) or (M, 3) map points [m]. looked_from: (L, 3) past poses of the robot.
     avoid: (N, 3) poses to (N,) True where a view is blacklisted.
     """
-    worth = unknown_worth(grid, looked_from, config)
-    candidates, gains, rejected = _promising(grid, radius_m, worth, config)
+    opaque = closed_gaps(grid, 2.0 * radius_m)
+    worth = unknown_worth(opaque, looked_from, config)
+    candidates, gains, rejected = _promising(grid, opaque, radius_m, worth, config)
     if len(candidates) == 0:
         return Ranking([], rejected)
     banned = avoid(candidates)
@@ -136,7 +149,7 @@ def count_landmarks(
 
 
 def _promising(
-    grid: OccupancyGrid, radius_m: float, worth: FloatArray, config: ExplorationConfig
+    grid: OccupancyGrid, opaque: OccupancyGrid, radius_m: float, worth: FloatArray, config: ExplorationConfig
 ) -> tuple[FloatArray, FloatArray, dict[str, int]]:
     """(N, 3) poses and (N,) gains [m2] worth costing: the best headings of raster cells with standing room."""
     room = standing_room(grid, radius_m + config.view_margin_m)
@@ -146,7 +159,7 @@ def _promising(
     if len(cells) == 0:
         return np.zeros((0, 3)), np.zeros(0), {"no standing room": int(room.size)}
     positions = grid.centres(cells)
-    gain = view_gain(grid, positions, worth, config)[:, :: BEARINGS // HEADINGS]
+    gain = view_gain(opaque, positions, worth, config)[:, :: BEARINGS // HEADINGS]
     enough = gain >= config.min_gain_m2
     rejected = {"gain too small": int((~enough).sum())}
     i, k = np.nonzero(enough)
