@@ -123,6 +123,14 @@ class BundleAdjuster:
         point, frame, xy, weight = (np.concatenate(column) for column in zip(*parts))
         return point, frame, xy, weight.astype(float)
 
+    def by_wheels(self, world: Map, index: int) -> OdometryFactor | None:
+        """The odometry factor between a keyframe and the one before, None without odometry."""
+        before = world.keyframes[index - 1].data.T_odom_base if index else None
+        now = world.keyframes[index].data.T_odom_base
+        if self._T_base_cam is None or before is None or now is None:
+            return None
+        return odometry_factor(before.inverse() @ now, self._T_base_cam, self._wheels)
+
     def _factors(
         self, world: Map, frames: list[int], free: set[int]
     ) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray]:
@@ -130,12 +138,8 @@ class BundleAdjuster:
         where = {k: i for i, k in enumerate(frames)}
         found: list[tuple[int, int, OdometryFactor]] = []
         for k in frames:
-            before = world.keyframes[k - 1].data.T_odom_base if k else None
-            now = world.keyframes[k].data.T_odom_base
-            if self._T_base_cam is None or before is None or now is None:
-                continue
-            if k - 1 in where and (k in free or k - 1 in free):
-                factor = odometry_factor(before.inverse() @ now, self._T_base_cam, self._wheels)
+            factor = self.by_wheels(world, k)
+            if factor is not None and k - 1 in where and (k in free or k - 1 in free):
                 found.append((where[k - 1], where[k], factor))
         n = len(found)
         a, b = np.array([f[0] for f in found], np.int64), np.array([f[1] for f in found], np.int64)

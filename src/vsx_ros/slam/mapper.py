@@ -29,6 +29,7 @@ from vsx_ros.vision.patch_search import find_patches, kernel_camera
 REFIND_RADIUS_PX, REFIND_REACH = 4.0, 2
 GLOBAL_EVERY = 8
 NEW_LOOK = 0.006
+VETO_OBSERVATIONS, VETO_AGE, VETO_SIGMAS = 100, 3, 6.0
 BASELINES = (0.07, 0.025, 0.12, 0.045)
 
 
@@ -86,7 +87,11 @@ class Mapper:
         created = self._make_points(index, self._targets(index, neighbours))
         for k in neighbours:
             self._refind(k, created)
+        before = list(world.keyframes), world.points.copy(), world.alive.copy()
         self._adjuster.adjust(world, [index, *neighbours], self._config.local_iterations)
+        if self._contradicts_wheels(index):
+            world.keyframes[:], world.points[:], world.alive[:] = before
+            self._place_by_wheels(index)
         self._renew_looks(index)
         self._since_global += 1
         world.version += 1
@@ -194,6 +199,26 @@ class Mapper:
         world.observe(source, observations_at(self._camera, rows, candidates.uv[chosen], candidates.level[chosen]))
         world.observe(target, observations_at(self._camera, rows, matches.uv, matches.level))
         return rows
+
+    def _contradicts_wheels(self, index: int) -> bool:
+        """Whether the step from the previous keyframe is beyond what the wheels can have got wrong, and few points
+        that the map has known for a while vouch for it (many do when the wheels slip)."""
+        factor = self._adjuster.by_wheels(self.map, index)
+        known = self.map.source[self.map.keyframes[index].observations.rows] < index - VETO_AGE
+        if factor is None or np.count_nonzero(known) >= VETO_OBSERVATIONS:
+            return False
+        previous, newest = (self.map.keyframes[k].T_world_cam for k in (index - 1, index))
+        error = (factor.T_a_b.inverse() @ previous.inverse() @ newest).log()
+        return float(error @ factor.information @ error) > VETO_SIGMAS**2
+
+    def _place_by_wheels(self, index: int) -> None:
+        """Few points that contradict the wheels are not believed: they can pull the map into another scale. The
+        keyframe stands where the wheels put it, without them."""
+        world, factor = self.map, self._adjuster.by_wheels(self.map, index)
+        assert factor is not None
+        world.remove_points(np.flatnonzero(world.alive & (world.source == index)))
+        world.forget(index, np.ones(len(world.keyframes[index].observations.rows), np.bool_))
+        world.move_keyframe(index, world.keyframes[index - 1].T_world_cam @ factor.T_a_b)
 
     def _renew_looks(self, index: int) -> None:
         """Points seen here from a direction or distance that none of their templates comes near get one more."""
