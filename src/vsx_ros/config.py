@@ -49,8 +49,8 @@ class LimitsConfig(_Branch, frozen=True):
 
 
 class InitializationConfig(_Branch, frozen=True):
-    """Two-frame start of the map (paper 3.1). Without odometry the baseline gets unit_baseline_m, and only parallax tells
-    whether it is long enough."""
+    """Two-frame start of the map (paper 3.1). Without odometry the baseline gets unit_baseline_m, and only parallax
+    tells whether it is long enough."""
 
     baseline_m: Positive = 0.20
     baseline_max_m: Positive = 0.6

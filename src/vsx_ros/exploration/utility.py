@@ -75,7 +75,7 @@ def unknown_worth(grid: OccupancyGrid, looked_from: FloatArray, config: Explorat
         grid.data, grid.resolution, grid.origin_x, grid.origin_y, np.ascontiguousarray(looked_from).reshape(-1, 3),
         0.5 * config.sensor_fov_rad, config.look_range_m,
     )  # fmt: skip
-    worth: FloatArray = 0.5 ** (looks / config.looks_to_half)
+    worth: FloatArray = np.exp2(-looks / config.looks_to_half).astype(np.float64)
     return worth
 
 

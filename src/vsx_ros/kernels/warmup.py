@@ -144,3 +144,7 @@ def _pyramid() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         offset += size * size
         row += size + 1
     return np.zeros(offset, np.uint8), table, np.zeros((0, 2), np.int32), np.zeros(row, np.int64)
+
+
+if __name__ == "__main__":
+    warm_up()
