@@ -82,7 +82,7 @@ def unknown_worth(grid: OccupancyGrid, looked_from: FloatArray, config: Explorat
 def view_gain(grid: OccupancyGrid, positions: Points2, worth: FloatArray, config: ExplorationConfig) -> FloatArray:
     """(N, BEARINGS) worthy unknown area [m2] in the field of view from each position (N, 2) [m], looking at each
     bearing k * 2 pi / BEARINGS."""
-    bearings = np.arange(BEARINGS) * (2 * math.pi / BEARINGS)
+    bearings: FloatArray = np.arange(BEARINGS, dtype=np.float64) * (2 * math.pi / BEARINGS)
     per_bearing = unknown_area_by_bearing(
         grid.data, worth, grid.resolution, grid.origin_x, grid.origin_y, positions, bearings, config.sensor_range_m
     )
