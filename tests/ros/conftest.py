@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -18,6 +17,8 @@ import pytest
 
 pytest.importorskip("rospy")
 
+from ros_ports import HOST, free_port
+
 from vsx_ros.cli.world import open_world
 from vsx_ros.config import RobotConfig
 from vsx_ros.ros import launch
@@ -27,7 +28,6 @@ from vsx_ros.ros.render_process import POSE, RenderSettings
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 SEED = 1
-HOST = "localhost"
 
 
 class WatchedPlant(BodyPlant):
@@ -156,12 +156,6 @@ class Stack:
         pose = state.T_world_base
         if self._camera is not None and self._camera.stdin is not None and self._camera.poll() is None:
             self._camera.stdin.write(POSE.pack(state.time_ns, pose.x, pose.y, pose.theta, state.path_length_m))
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind((HOST, 0))
-        return int(probe.getsockname()[1])
 
 
 @pytest.fixture(scope="session")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -14,6 +15,8 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("rospy")
+
+from ros_ports import free_port
 
 from vsx_ros.cli.exit_codes import FAILED, STOPPED
 from vsx_ros.io.run_folder import RunFolder
@@ -34,13 +37,15 @@ def run_command(*words: str) -> list[str]:
 
 
 def processes_that_name(text: str) -> list[str]:
-    lines = subprocess.run(["ps", "-eo", "args"], capture_output=True, text=True, check=True).stdout.splitlines()
+    """Command lines of the running processes that hold the text."""
+    lines = []
+    for entry in Path("/proc").glob("[0-9]*/cmdline"):
+        with contextlib.suppress(OSError):
+            lines.append(entry.read_bytes().replace(b"\0", b" ").decode(errors="replace"))
     return [line for line in lines if text in line]
 
 
 def test_ctrl_c_stops_the_robot_ends_every_process_and_leaves_a_run_folder(tmp_path: Path) -> None:
-    from conftest import free_port
-
     port, out = free_port(), tmp_path / "run"
     command = run_command("--world", "lab", "--seed", "1", "--time", "300", "--headless", "--out", str(out))
     lines: list[str] = []
