@@ -14,6 +14,7 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 import cv2
+import rosgraph
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from genpy import Message
@@ -53,6 +54,12 @@ def run(name: str, build: Callable[[Config], Node]) -> None:
     """
     _die_with_parent()
     cv2.setNumThreads(1)
+    if not rosgraph.is_master_online():
+        sys.stderr.write(
+            f"{name}: no ROS master answers at {rosgraph.get_master_uri()}; start one with 'roscore', set ROS_MASTER_URI, "
+            "or let roslaunch or 'vsx explore' bring one\n"
+        )
+        sys.exit(1)
     rospy.init_node(name)
     bridge_logging()
     try:
