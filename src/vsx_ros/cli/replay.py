@@ -87,17 +87,25 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _calibration(recording: Recording, file: Path | None) -> PinholeCamera:
-    from vsx_ros.errors import CalibrationError
+    """The operator's calibration, else the recording's own, else a Kinect's nominal one with a warning."""
+    from vsx_ros.errors import InputError
+    from vsx_ros.geometry.camera import nominal_camera
     from vsx_ros.io.calibration_file import read_calibration
 
     if file is not None:
         return read_calibration(file)
-    if recording.camera is None:
-        raise CalibrationError(
-            f"{recording.source} brings no camera calibration; give one with --calibration FILE "
-            "(ROS camera_info YAML or camera.json)"
-        )
-    return recording.camera
+    if recording.camera is not None:
+        return recording.camera
+    first = next(recording.frames(), None)
+    if first is None:
+        raise InputError(f"{recording.source} holds no image that could be used; record it again")
+    camera = nominal_camera(first.image.shape[1], first.image.shape[0])
+    print(
+        f"vsx: {recording.source} brings no camera calibration: a Kinect's nominal one is assumed ({camera.fx:g} px), "
+        "expect a bent map; give the right one with --calibration FILE (ROS camera_info YAML or camera.json)",
+        file=sys.stderr,
+    )
+    return camera
 
 
 def _track_all(slam: SequentialSlam, recording: Recording, record: RunRecord) -> None:

@@ -82,6 +82,12 @@ class PinholeCamera:
         return PinholeCamera(self.width, self.height, self.fx, self.fy, self.cx, self.cy)
 
 
+def nominal_camera(width: int, height: int) -> PinholeCamera:
+    """An uncalibrated Kinect's RGB camera (525 px at 640 columns, as ROS' own default), for images of any size [px]."""
+    focal = 525.0 * width / 640.0
+    return PinholeCamera(width, height, focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))
+
+
 def mount_pose(forward: float, left: float, height: float, pitch: float, yaw: float = 0.0) -> SE3:
     """T_base_cam of a camera on a robot: position [m] in the base frame, pitch down and yaw left positive [rad].
 

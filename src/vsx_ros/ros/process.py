@@ -56,8 +56,8 @@ def run(name: str, build: Callable[[Config], Node]) -> None:
     cv2.setNumThreads(1)
     if not rosgraph.is_master_online():
         sys.stderr.write(
-            f"{name}: no ROS master answers at {rosgraph.get_master_uri()}; start one with 'roscore', set ROS_MASTER_URI, "
-            "or let roslaunch or 'vsx explore' bring one\n"
+            f"{name}: no ROS master answers at {rosgraph.get_master_uri()}; start one with 'roscore', set "
+            "ROS_MASTER_URI, or let roslaunch or 'vsx explore' bring one\n"
         )
         sys.exit(1)
     rospy.init_node(name)

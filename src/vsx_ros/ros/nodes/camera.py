@@ -26,11 +26,11 @@ from vsx_hw.readings import ImageReading
 from vsx_hw.v4l import V4lCamera
 from vsx_ros.config import Config
 from vsx_ros.errors import CalibrationError, ConfigError
-from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.camera import PinholeCamera, nominal_camera
 from vsx_ros.io.calibration_file import read_calibration, write_calibration
 from vsx_ros.ros import images, process, topics
 
-_NOMINAL = PinholeCamera(640, 480, 525.0, 525.0, 319.5, 239.5)
+_NOMINAL = nominal_camera(640, 480)
 
 
 class CameraNode:
