@@ -13,7 +13,8 @@ import numpy as np
 from vsx_ros.config import Config
 from vsx_ros.control.pose_fusion import PoseFuser
 from vsx_ros.control.trajectory_tracker import FollowResult, FollowStatus, TrajectoryTracker
-from vsx_ros.exploration.mission import Action, Decision, Mission, NavigationState, Situation
+from vsx_ros.exploration.decision import Action, Decision, NavigationState, Situation
+from vsx_ros.exploration.mission import Mission
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from vsx_ros.config import Config
-from vsx_ros.exploration.mission import Action, Mission, MissionState, NavigationState, Outcome, Situation
+from vsx_ros.exploration.decision import Action, MissionState, NavigationState, Outcome, Situation
+from vsx_ros.exploration.mission import Mission
 from vsx_ros.exploration.trail import Trail
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import FREE, UNKNOWN, OccupancyGrid

@@ -17,7 +17,7 @@ from vsx_ros.cli.run_record import MapJudge, RunRecord
 from vsx_ros.cli.world import open_world
 from vsx_ros.config import Config, overridden
 from vsx_ros.evaluation.summary import with_accuracy
-from vsx_ros.exploration.mission import Outcome
+from vsx_ros.exploration.decision import Outcome
 from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.run_folder import RunEvent, RunFolder
 from vsx_ros.robot import STOP

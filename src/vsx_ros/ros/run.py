@@ -27,7 +27,7 @@ from vsx_ros.cli.world import open_world
 from vsx_ros.config import overridden, to_dict
 from vsx_ros.errors import VsxError
 from vsx_ros.evaluation.summary import Summary, with_accuracy
-from vsx_ros.exploration.mission import MissionState, Outcome
+from vsx_ros.exploration.decision import MissionState, Outcome
 from vsx_ros.io.run_folder import RunFolder
 from vsx_ros.ros import launch
 from vsx_ros.ros.launch import LaunchNode

@@ -6,7 +6,8 @@ import cv2
 import numpy as np
 
 from vsx_ros.config import Config
-from vsx_ros.exploration.mission import Mission, NavigationState, Situation
+from vsx_ros.exploration.decision import NavigationState, Situation
+from vsx_ros.exploration.mission import Mission
 from vsx_ros.geometry.camera import PinholeCamera, mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OCCUPIED, UNKNOWN, OccupancyGrid

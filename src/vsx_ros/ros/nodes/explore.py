@@ -30,7 +30,8 @@ from visualization_msgs.msg import MarkerArray
 
 from vsx_ros.arrays import Points3
 from vsx_ros.config import Config
-from vsx_ros.exploration.mission import Action, Decision, Mission, NavigationState, Situation
+from vsx_ros.exploration.decision import Action, Decision, NavigationState, Situation
+from vsx_ros.exploration.mission import Mission
 from vsx_ros.exploration.utility import TravelCosts
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
