@@ -94,7 +94,8 @@ class MapperConfig(_Branch, frozen=True):
 
 
 class WheelConfig(_Branch, frozen=True):
-    """How far wheel odometry between keyframes is believed, per axis: a constant plus a share of the motion."""
+    """How far wheel odometry between keyframes is believed, per axis: a constant plus a share of the motion; and how
+    far the base stands level on the floor."""
 
     distance_sigma_m: Positive = 0.0003
     distance_sigma_ratio: Positive = 0.01
@@ -102,6 +103,8 @@ class WheelConfig(_Branch, frozen=True):
     turn_sigma_rad: Positive = 0.002
     turn_sigma_ratio: Positive = 0.01
     tilt_sigma_rad: Positive = 0.01
+    floor_height_sigma_m: Positive = 0.01
+    floor_tilt_sigma_rad: Positive = 0.02
 
 
 class SlamConfig(_Branch, frozen=True):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels import bundle, relative_pose
+from vsx_ros.kernels import bundle, floor, relative_pose
 
 K = np.array([525.0, 525.0, 320.0, 240.0])
 DATA = Path(os.environ.get("VSX_DATA", Path(__file__).parents[2] / "../shared/data"))
@@ -64,7 +64,7 @@ class Problem:
         self.start_poses = [T if f < 2 else random_pose(rng, 0.01) @ T for f, T in enumerate(self.truth)]
         self.start_points = self.points + rng.normal(0, 0.05, self.points.shape)
 
-    def solve(self, free, factors=(), scale=1.0, iterations=30):
+    def solve(self, free, factors=(), scale=1.0, iterations=30, ground=None):
         poses = [SE3(T.rotation, T.translation * scale) for T in self.start_poses]
         n = len(factors)
         return bundle.adjust(
@@ -83,6 +83,7 @@ class Problem:
             np.array([(self.truth[a] @ self.truth[b].inverse()).rotation for a, b in factors]).reshape(n, 3, 3),
             np.array([(self.truth[a] @ self.truth[b].inverse()).translation for a, b in factors]).reshape(n, 3),
             np.tile(np.diag([1e6, 1e4, 1e4, 1e4, 1e4, 1e4]), (n, 1, 1)),
+            ground or floor.no_floor(),
             iterations,
             0.4,
         )
@@ -171,6 +172,7 @@ def test_real_reconstruction_returns_to_its_residual():
             np.zeros((0, 3, 3)),
             np.zeros((0, 3)),
             np.zeros((0, 6, 6)),
+            floor.no_floor(),
             iterations,
             0.2,
         )

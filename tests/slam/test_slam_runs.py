@@ -123,6 +123,16 @@ def test_standing_still_never_starts_and_says_so(arc_drive):
     assert slam.statistics().initialized_at_s is None
 
 
+def test_a_refusal_is_an_event_only_when_its_kind_changes(arc_drive):
+    slam, results, _ = run(arc_drive)
+    reasons = [r.reason for r in results if r.state is TrackingState.NOT_INITIALISED]
+    kinds = [reason.split(":")[0] for reason in reasons]
+    changes = [reason for k, reason in enumerate(reasons) if k == 0 or kinds[k] != kinds[k - 1]]
+    refusals = [e.reason for e in slam.drain_events() if e.kind == "refused"]
+    assert refusals == changes
+    assert len(refusals) < 5 < len(set(reasons))
+
+
 def test_odometry_that_contradicts_the_images_is_refused(arc_drive):
     def sideways(k, frame, odometry):
         T = odometry.T_odom_base

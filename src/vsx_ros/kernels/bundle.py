@@ -1,5 +1,5 @@
 """Bundle adjustment: Levenberg-Marquardt on the reduced camera system (Schur complement), Tukey weights with the scale
-re-estimated at every linearisation, and relative-pose factors between frames (wheel odometry).
+re-estimated at every linearisation, relative-pose factors between frames (wheel odometry) and the floor under them.
 
 Perturbation as in ``pose``: T_cam_world <- exp(xi) T_cam_world; points additively. Only free frames are moved.
 """
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from vsx_ros.kernels import kernel
+from vsx_ros.kernels.floor import add_floor, floor_cost, hold_anchor
 from vsx_ros.kernels.pose import (
     TUKEY,
     compose,
@@ -45,7 +46,16 @@ def _residuals(
 
 @kernel
 def _cost(
-    e: Any, sigma: float, R: Any, t: Any, factor_a: Any, factor_b: Any, factor_R: Any, factor_t: Any, factor_info: Any
+    e: Any,
+    sigma: float,
+    R: Any,
+    t: Any,
+    factor_a: Any,
+    factor_b: Any,
+    factor_R: Any,
+    factor_t: Any,
+    factor_info: Any,
+    floor: Any,
 ) -> float:
     """Half the robust squared error in units of sigma."""
     limit = TUKEY * TUKEY * sigma * sigma
@@ -58,7 +68,7 @@ def _cost(
             root = 1.0 - e[o] / limit
             total += worst * (1.0 - root * root * root)
     total += factor_cost(R, t, factor_a, factor_b, factor_R, factor_t, factor_info)
-    return total
+    return total + floor_cost(R, t, floor)
 
 
 @kernel
@@ -216,6 +226,7 @@ def adjust(
     factor_R: Any,
     factor_t: Any,
     factor_info: Any,
+    floor: Any,
     iterations: int,
     sigma_min: float,
 ) -> tuple[Any, Any, Any, Any, float, int]:
@@ -224,6 +235,7 @@ def adjust(
     free (F,): 0..n-1 for frames that move, in ascending order, -1 for fixed ones. Observations are sorted by point
     (obs_start (M + 1,)) and within a point by frame; obs_xy (O, 2) undistorted px, obs_weight (O,) = 2^-level.
     Factors (E,): T_a_b measured as factor_R, factor_t with information factor_info (E, 6, 6).
+    floor: see ``kernels.floor.Floor``.
     Returns R, t, points, squared weighted residuals (O,), sigma [px], accepted steps. At most ``iterations``
     trials, whatever happens.
     """
@@ -246,7 +258,7 @@ def adjust(
     for _ in range(iterations):
         if linearise:
             sigma = tukey_sigma(e, n_obs, sigma_min)
-            cost = _cost(e, sigma, R, t, factor_a, factor_b, factor_R, factor_t, factor_info)
+            cost = _cost(e, sigma, R, t, factor_a, factor_b, factor_R, factor_t, factor_info, floor)
             _point_blocks(K, R, t, free, points, obs_start, obs_frame, obs_weight, res, e, sigma, H, g, V, gp, W)
         S, rhs = np.zeros((n, n)), g.copy()
         for i in range(n_free):
@@ -254,8 +266,10 @@ def adjust(
                 for b in range(a, 6):
                     S[6 * i + a, 6 * i + b] = H[i, a, b]
         add_factors(S, rhs, R, t, free, factor_a, factor_b, factor_R, factor_t, factor_info)
+        add_floor(S, rhs, R, t, free, floor)
         for k in range(n):
             S[k, k] = S[k, k] * (1.0 + damping) + 1e-9
+        hold_anchor(S, R, free, floor)
         _reduce(free, obs_start, obs_frame, V, gp, W, damping, S, rhs, Vi)
         solved = factor_in_place(S)
         new_cost = np.inf
@@ -267,7 +281,7 @@ def adjust(
                     R_new[f], t_new[f] = compose(dR, dt, R[f], t[f])
             _back_substitute(free, obs_start, obs_frame, gp, W, Vi, rhs, points, moved)
             _residuals(K, R_new, t_new, moved, obs_point, obs_frame, obs_xy, obs_weight, res_new, e_new)
-            new_cost = _cost(e_new, sigma, R_new, t_new, factor_a, factor_b, factor_R, factor_t, factor_info)
+            new_cost = _cost(e_new, sigma, R_new, t_new, factor_a, factor_b, factor_R, factor_t, factor_info, floor)
         if new_cost < cost:
             gain = (cost - new_cost) / cost
             R[:], t[:], points[:], res[:], e[:] = R_new, t_new, moved, res_new, e_new

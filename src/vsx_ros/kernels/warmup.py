@@ -18,6 +18,7 @@ from vsx_ros.kernels import (
     rrt,
     shortcuts,
 )
+from vsx_ros.kernels.floor import no_floor
 
 
 def warm_up() -> None:
@@ -103,6 +104,7 @@ def _mapping() -> None:
         pair[:1],
         np.zeros((1, 3)),
         np.eye(6)[None],
+        no_floor(),
         2,
         0.4,
     )

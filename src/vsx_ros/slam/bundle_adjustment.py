@@ -1,4 +1,5 @@
-"""Bundle adjustment of a part of the map: the n nearest keyframes (paper 3.1) or all of it, with odometry factors."""
+"""Bundle adjustment of a part of the map: the n nearest keyframes (paper 3.1) or all of it, with odometry and
+floor factors."""
 
 from __future__ import annotations
 
@@ -12,6 +13,7 @@ from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.bundle import adjust
+from vsx_ros.kernels.floor import Floor, no_floor
 from vsx_ros.kernels.pose import TUKEY
 from vsx_ros.slam.map import Map
 
@@ -65,8 +67,9 @@ class BundleAdjuster:
 
     def adjust(self, world: Map, free: list[int], iterations: int) -> Adjustment:
         """Move the keyframes ``free`` (indices) and all points they see; every other keyframe that sees these points
-        holds them in place. Keyframe 0 never moves."""
-        free = sorted(set(free) - {0})
+        holds them in place. Keyframe 0 never moves, but that it is levelled where the world's floor is known: its
+        first tilt is the mount's, which is wrong by a little, and would lean the world."""
+        free = sorted(set(free) if self._knows_floor(world) else set(free) - {0})
         seen = np.zeros(world.count, np.bool_)
         for index in free:
             seen[world.keyframes[index].observations.rows] = True
@@ -96,6 +99,7 @@ class BundleAdjuster:
             xy[order],
             weight[order],
             *self._factors(world, frames, set(free)),
+            self._floor(world, frames),
             iterations,
             SIGMA_MIN_PX,
         )
@@ -146,6 +150,23 @@ class BundleAdjuster:
         R = np.array([f[2].T_a_b.rotation for f in found]).reshape(n, 3, 3)
         t = np.array([f[2].T_a_b.translation for f in found]).reshape(n, 3)
         return a, b, R, t, np.array([f[2].information for f in found]).reshape(n, 6, 6)
+
+    def _knows_floor(self, world: Map) -> bool:
+        return self._T_base_cam is not None and world.keyframes[0].data.T_odom_base is not None
+
+    def _floor(self, world: Map, frames: list[int]) -> Floor:
+        """The floor under all keyframes with odometry, when the world's frame has been made by it."""
+        if self._T_base_cam is None or not self._knows_floor(world):
+            return no_floor()
+        standing = [i for i, k in enumerate(frames) if world.keyframes[k].data.T_odom_base is not None]
+        tilt = self._wheels.floor_tilt_sigma_rad
+        return Floor(
+            np.array(standing, np.int64),
+            np.array(self._T_base_cam.rotation),
+            np.array(self._T_base_cam.inverse().translation),
+            np.array([self._wheels.floor_height_sigma_m, tilt, tilt]),
+            frames.index(0) if 0 in frames else -1,
+        )
 
     def _discard(self, world: Map, frames: IntArray, rows: IntArray) -> int:
         """Forget the given observations; remove points left with fewer than two or without their source."""

@@ -14,6 +14,7 @@ from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.epipolar import epipolar_error, essential_matrix, two_view_motions
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.bundle import adjust
+from vsx_ros.kernels.floor import no_floor
 from vsx_ros.kernels.projection import unproject_pixels
 from vsx_ros.slam.map import FrameData, KeyFrame, Observations
 from vsx_ros.slam.point_creation import Candidates, TargetMatches, candidates_in, checked_points
@@ -105,11 +106,11 @@ class Initializer:
         if turned > config.max_turn_deg:
             return self._restart(data, f"turns: {turned:.0f} deg over {driven:.2f} m; drive straight to start")
         if driven > config.baseline_max_m:
-            return self._restart(data, f"no start within {driven:.2f} m of straight drive; trying again from here")
+            return self._restart(data, f"no start: {driven:.2f} m driven straight in vain; trying again from here")
         if driven < 0.01:
             return "stands still: the wheels have not moved; drive straight ahead to start"
         if driven < config.baseline_m:
-            return f"has driven {driven:.2f} m of the {config.baseline_m:.2f} m needed to start"
+            return f"not far enough: has driven {driven:.2f} m of the {config.baseline_m:.2f} m needed to start"
         return ""
 
     def _too_early(self, data: FrameData) -> str:
@@ -202,6 +203,7 @@ class Initializer:
             np.zeros((0, 3, 3)),
             np.zeros((0, 3)),
             np.zeros((0, 6, 6)),
+            no_floor(),
             12,
             0.3,
         )
