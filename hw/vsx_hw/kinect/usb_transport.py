@@ -43,7 +43,12 @@ class UsbTransport:
 
     def __init__(self, serial: str = "") -> None:
         self._context = usb1.USBContext()
-        self._context.open()
+        try:
+            self._context.open()
+        except OSError as error:
+            raise DeviceNotFound("Kinect: libusb is missing; 'apt-get install libusb-1.0-0' brings it") from error
+        except usb1.USBError as error:
+            raise DeviceNotFound(f"Kinect: {remedy(error)}") from error
         self._transfers: list[Any] = []
         self._packets = np.zeros((PACKETS, PACKET_BYTES), np.uint8)
         self._lengths = np.zeros(PACKETS, np.int64)
