@@ -3,7 +3,7 @@
 rosrun and roslaunch start scripts with the system's Python; the dependencies live in a virtual environment.
 """
 
-import importlib
+import importlib.util
 import os
 import sys
 from pathlib import Path
@@ -24,6 +24,8 @@ def into(module: str) -> None:
         wanted = str(_default_python())
     if wanted and GUARD not in os.environ:
         os.execve(wanted, [wanted, *sys.argv], {**os.environ, GUARD: "1"})
+    elif not wanted and importlib.util.find_spec("numba") is None:
+        sys.exit(f"vsx_ros is not set up: there is no {_default_python()}; run scripts/demo or scripts/test once")
     os.environ.pop(GUARD, None)
     checkout = Path(__file__).resolve().parent.parent
     sys.path[:0] = [str(checkout / "src"), str(checkout / "hw")]
