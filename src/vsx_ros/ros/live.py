@@ -124,12 +124,19 @@ class _Listener(roslaunch.pmon.ProcessListener):
 def choose_master() -> None:
     """Use the master that runs; else let roslaunch start one at the usual port, or at a free one if that is taken.
 
-    Raises ConfigError when ROS_MASTER_URI names another machine where no master answers.
+    Raises ConfigError when ROS_MASTER_URI names another machine where no master answers, or a name nobody knows.
     """
     uri = os.environ.setdefault("ROS_MASTER_URI", launch.DEFAULT_MASTER)
     if rosgraph.is_master_online(uri):
         return
     host, port = rosgraph.network.parse_http_host_and_port(uri)
+    try:
+        socket.getaddrinfo(host, port)
+    except OSError:
+        raise ConfigError(
+            f"the name {host!r} in ROS_MASTER_URI={uri} has no address; if it is this machine, add the line "
+            f"'127.0.0.1 {host}' to /etc/hosts"
+        ) from None
     if not rosgraph.network.is_local_address(host):
         raise ConfigError(f"no ROS master answers at ROS_MASTER_URI={uri}; start it there, or unset ROS_MASTER_URI")
     with socket.socket() as probe:
