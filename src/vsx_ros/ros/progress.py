@@ -24,7 +24,7 @@ def progress_line(witness: Witness, coverage: float | None, elapsed_s: float, li
         witness.slam_state,
         covered,
         f"{stats.get('keyframes', 0):.0f} keyframes",
-        f"{100 * stats.get('tracked_ratio', 0.0):.0f} % tracked at {stats.get('fps', 0.0):.0f} Hz",
+        f"{100 * stats.get('tracked_ratio', 0.0):.0f} % of points found at {stats.get('fps', 0.0):.0f} Hz",
         f"{witness.distance_m:.1f} m",
     ]
     return " | ".join([*facts, str(status.get("reason", "waiting for the nodes"))])
