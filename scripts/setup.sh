@@ -20,7 +20,7 @@ vsx_system_packages() {
         command -v sudo >/dev/null || vsx_die "ROS packages are missing and neither root nor sudo is at hand. As root, run: apt-get install --no-install-recommends ${missing[*]}"
         sudo=(sudo)
     fi
-    vsx_say "installing ${#missing[@]} system packages (about 150 MB, half a minute): ${missing[*]}"
+    vsx_say "installing ${#missing[@]} system packages (up to 500 MB on disk, half a minute to two): ${missing[*]}"
     "${sudo[@]}" apt-get update -qq || vsx_say "apt-get update reported a problem; trying with the lists at hand"
     "${sudo[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null ||
         vsx_die "apt-get could not install: ${missing[*]}. Look at its message above; 'apt-get update' and the archive's universe section (Ubuntu) are the usual remedies."
@@ -29,7 +29,7 @@ vsx_system_packages() {
 vsx_pip() {
     "$VSX_PYTHON" -m pip install -q --disable-pip-version-check "$@" >"$venv/vsx-setup.log" 2>&1 && return 0
     tail -n 20 "$venv/vsx-setup.log" >&2
-    vsx_die "pip could not install $*; its last words are above. The usual reasons: no network, a full disk (df -h)."
+    vsx_die "pip could not install $*; its last words are above. The usual reasons: no network, a certificate or proxy pip does not know (pip config list), a full disk (df -h)."
 }
 
 vsx_python_packages() {
@@ -42,7 +42,7 @@ vsx_python_packages() {
         vsx_say "making the Python environment $venv"
         /usr/bin/python3 -m venv --clear --system-site-packages "$venv" || vsx_die "could not make the environment $venv; set VSX_VENV to a directory you may write to."
     fi
-    vsx_say "installing Python packages (about 450 MB, under a minute)"
+    vsx_say "installing Python packages (650 MB on disk, under a minute)"
     local requirements=()
     local file; for file in "${files[@]}"; do requirements+=(-r "$file"); done
     vsx_pip "${requirements[@]}"
