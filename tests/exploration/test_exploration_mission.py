@@ -85,7 +85,7 @@ def test_lost_cancels_waits_backs_along_the_trail_and_comes_back():
         mission.decide(2 * SECOND + k, situation(T_odom_base=SE2(0.05 * k, 0, 0), navigation=NavigationState.ACTIVE))
     lost = situation(slam_state=TrackingState.LOST, slam_reason="blurred", T_odom_base=SE2(1.95, 0, 0))
     assert mission.decide(3 * SECOND, lost).action is Action.CANCEL
-    assert mission.decide(4 * SECOND, lost).action is Action.WAIT
+    assert mission.decide(3 * SECOND + SECOND // 2, lost).action is Action.WAIT
     back = mission.decide(6 * SECOND, lost)
     assert back.action is Action.GO
     assert back.frame == "odom"

@@ -36,7 +36,7 @@ from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.slam.state import TrackingState
 
 _SECOND_NS = 1_000_000_000
-_RELOCALISE_WAIT_NS = 2 * _SECOND_NS
+_RELOCALISE_WAIT_NS = _SECOND_NS
 _EMPTY_WAIT_NS = 2 * _SECOND_NS
 _SETTLE_NS = _SECOND_NS
 

@@ -22,7 +22,7 @@ from vsx_ros.occupancy.virtual_scan import PolarScans, virtual_scans
 _MARGIN_M = 0.5
 _MIN_FREE_VOTES = 1
 _MIN_HIT_VOTES = 3
-_OVERRULED_BY = 2.0
+_OVERRULED_BY = 1.0
 _SURE_POINTS = 3
 """Fewer points than this are noise where this many times more keyframes looked through their place than saw them."""
 _SPECK_CELLS = 3
