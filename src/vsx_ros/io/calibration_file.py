@@ -65,7 +65,9 @@ def read_calibration(path: Path) -> PinholeCamera:
             "fx, fy, cx, cy, dist)"
         ) from error
     if camera is None:
-        raise CalibrationError(f"calibration {path} is all zero (uncalibrated); run 'vsx calibrate camera'")
+        raise CalibrationError(
+            f"calibration {path} is all zero (uncalibrated); calibrate with ROS' cameracalibrator.py"
+        )
     return camera
 
 

@@ -103,7 +103,9 @@ class CameraNode:
         if self._calibrated:
             self._diagnostics.set("calibration", process.OK, "calibrated")
         else:
-            self._diagnostics.set("calibration", process.WARN, "not calibrated; run 'vsx calibrate camera'")
+            self._diagnostics.set(
+                "calibration", process.WARN, "not calibrated; calibrate with ROS' cameracalibrator.py"
+            )
 
     def close(self) -> None:
         """Stop the stream."""
