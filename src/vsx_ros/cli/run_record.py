@@ -16,7 +16,7 @@ from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import Odometry
 from vsx_ros.sim.truth import ground_truth_grid
 from vsx_ros.sim.world import World
-from vsx_ros.slam.map import MapSnapshot
+from vsx_ros.slam.snapshot import MapSnapshot
 from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult, TrackingState
 
 _TRACKED = (TrackingState.GOOD, TrackingState.DUBIOUS)

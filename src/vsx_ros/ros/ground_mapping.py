@@ -20,7 +20,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.ground_map import GroundMap
 from vsx_ros.ros import convert, process, topics
-from vsx_ros.slam.map import MapSnapshot
+from vsx_ros.slam.snapshot import MapSnapshot
 
 _TRAIL_STEP_M = 0.05
 _BUMP_STEP_M = 0.1

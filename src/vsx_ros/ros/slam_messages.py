@@ -8,7 +8,7 @@ from std_msgs.msg import Float32, UInt32
 
 from vsx_ros.errors import InputError
 from vsx_ros.ros import process, topics
-from vsx_ros.slam.map import MapSnapshot
+from vsx_ros.slam.snapshot import MapSnapshot
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
 _NAMES = {

@@ -69,6 +69,7 @@ class BundleAdjuster:
         """Move the keyframes ``free`` (indices) and all points they see; every other keyframe that sees these points
         holds them in place. Keyframe 0 never moves, but that it is levelled where the world's floor is known: its
         first tilt is the mount's, which is wrong by a little, and would lean the world."""
+        free = [k for k in free if world.keyframes[k].alive]
         free = sorted(set(free) if self._knows_floor(world) else set(free) - {0})
         seen = np.zeros(world.count, np.bool_)
         for index in free:
@@ -128,8 +129,9 @@ class BundleAdjuster:
         return point, frame, xy, weight.astype(float)
 
     def by_wheels(self, world: Map, index: int) -> OdometryFactor | None:
-        """The odometry factor between a keyframe and the one before, None without odometry."""
-        before = world.keyframes[index - 1].data.T_odom_base if index else None
+        """The odometry factor between a keyframe and its predecessor, None without odometry."""
+        previous = world.predecessor(index)
+        before = None if previous is None else world.keyframes[previous].data.T_odom_base
         now = world.keyframes[index].data.T_odom_base
         if self._T_base_cam is None or before is None or now is None:
             return None
@@ -142,9 +144,9 @@ class BundleAdjuster:
         where = {k: i for i, k in enumerate(frames)}
         found: list[tuple[int, int, OdometryFactor]] = []
         for k in frames:
-            factor = self.by_wheels(world, k)
-            if factor is not None and k - 1 in where and (k in free or k - 1 in free):
-                found.append((where[k - 1], where[k], factor))
+            factor, previous = self.by_wheels(world, k), world.predecessor(k)
+            if factor is not None and previous in where and (k in free or previous in free):
+                found.append((where[previous], where[k], factor))
         n = len(found)
         a, b = np.array([f[0] for f in found], np.int64), np.array([f[1] for f in found], np.int64)
         R = np.array([f[2].T_a_b.rotation for f in found]).reshape(n, 3, 3)

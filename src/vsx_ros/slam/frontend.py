@@ -95,8 +95,9 @@ class FrontEnd:
     def use(self, view: MapView) -> None:
         """Track on a newer map; the last pose follows its reference keyframe."""
         if self._view.keyframes and self._reference < len(view.keyframes):
-            old = self._view.keyframes[self._reference].T_world_cam
-            self._motion.move(view.keyframes[self._reference].T_world_cam @ old.inverse())
+            old, new = self._view.keyframes[self._reference], view.keyframes[self._reference]
+            self._motion.move(new.T_world_cam @ old.T_world_cam.inverse())
+            self._reference = self._reference if new.anchor is None else new.anchor.keyframe
         self._view = view
 
     def started(self, view: MapView, start: Initialization) -> None:
@@ -109,7 +110,7 @@ class FrontEnd:
 
     def statistics(self) -> SlamStatistics:
         """The run so far."""
-        return self.record.statistics(len(self._view.keyframes), int(np.count_nonzero(self._view.alive)))
+        return self.record.statistics(len(self._view.living), int(np.count_nonzero(self._view.alive)))
 
     def _take_apart(self, frame: Frame, odometry: Odometry | None) -> FrameData:
         camera = self._camera

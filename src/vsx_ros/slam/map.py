@@ -8,12 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, FloatArray, GrayImage, IntArray, Pixels, Points3
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels, Points3
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.patches import PATCH
 from vsx_ros.vision.corners import Corners
-from vsx_ros.vision.pyramid import Pyramid
+from vsx_ros.vision.pyramid import LEVELS, Pyramid
 from vsx_ros.vision.small_image import SmallImage
 
 VIEWS = 5
@@ -58,16 +58,40 @@ class FrameData(NamedTuple):
     small: SmallImage
     T_odom_base: SE2 | None
 
+    def without_image(self) -> FrameData:
+        """The instant and the wheels alone."""
+        nothing = Pyramid(np.zeros(0, np.uint8), np.zeros((LEVELS, 4), np.int64))
+        no_corners = Corners(np.zeros((0, 2), np.int32), np.zeros(0, np.int64), (0,) * LEVELS)
+        return self._replace(pyramid=nothing, corners=no_corners, small=np.zeros((0, 0), np.float32))
+
+
+class Anchor(NamedTuple):
+    """What carries a culled keyframe: the index of a living one, and the culled one's pose in its camera."""
+
+    keyframe: int
+    T_keyframe_this: SE3
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KeyFrame:
-    """A frame the map is made of. Replaced, never changed."""
+    """A frame the map is made of. Replaced, never changed.
+
+    chain: the wheels tell the way between successive living keyframes of one chain, never between two chains. A culled
+    keyframe has an anchor, no image and no observations; its pose is still that of the templates cut from it.
+    """
 
     id: int
     data: FrameData
     T_world_cam: SE3
     observations: Observations
     median_depth: float
+    chain: int = 0
+    anchor: Anchor | None = None
+
+    @property
+    def alive(self) -> bool:
+        """Whether it is still part of what is ranked, searched and adjusted."""
+        return self.anchor is None
 
 
 class Templates(NamedTuple):
@@ -82,33 +106,18 @@ class Templates(NamedTuple):
 
 
 class MapView(NamedTuple):
-    """The map at one instant, for the tracker. points (P, 3) world, alive (P,). Rows never change meaning."""
+    """The map at one instant, for the tracker. living (L,): indices of the keyframes that are not culled. points (P, 3)
+    world, alive (P,), source (P,): keyframe they were made in. Indices and rows never change meaning."""
 
     version: int
     keyframes: tuple[KeyFrame, ...]
+    living: IntArray
     R_world_cam: FloatArray
     centres: Points3
     points: Points3
     alive: BoolArray
+    source: IntArray
     templates: Templates
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class MapSnapshot:
-    """The map as others see it. obs_keyframe and obs_point index the keyframes and points of this snapshot; obs_uv
-    level-0 px as in the image (distorted), images are level 0."""
-
-    version: int
-    keyframe_ids: IntArray
-    keyframe_stamps_ns: IntArray
-    T_world_cams: tuple[SE3, ...]
-    images: tuple[GrayImage, ...]
-    point_ids: IntArray
-    points_world: Points3
-    obs_keyframe: IntArray
-    obs_point: IntArray
-    obs_uv: Pixels
-    obs_level: IntArray
 
 
 class NewTemplates(NamedTuple):
@@ -120,11 +129,14 @@ class NewTemplates(NamedTuple):
 
 
 class Map:
-    """The mutable map. Rows of points are never reused; templates are written once, hence shared with views."""
+    """The mutable map. Rows of points are never reused; templates are written once, hence shared with views. chain is
+    that of the keyframes to come."""
 
     def __init__(self) -> None:
         self.version = 0
+        self.chain = 0
         self.keyframes: list[KeyFrame] = []
+        self._carried: dict[int, list[int]] = {}
         self.count = 0
         self._points = np.zeros((1024, 3))
         self._alive = np.zeros(1024, np.bool_)
@@ -155,7 +167,7 @@ class Map:
         """Append a keyframe; returns its index, which is also its id."""
         index = len(self.keyframes)
         depth = self.keyframes[-1].median_depth if self.keyframes else 0.0
-        self.keyframes.append(KeyFrame(index, data, T_world_cam, observations, depth))
+        self.keyframes.append(KeyFrame(index, data, T_world_cam, observations, depth, self.chain))
         self.update_depth(index)
         return index
 
@@ -208,8 +220,51 @@ class Map:
         self.keyframes[index] = replace(keyframe, observations=keyframe.observations.where(~mask))
 
     def move_keyframe(self, index: int, T_world_cam: SE3) -> None:
-        """Give a keyframe a new pose."""
+        """Give a living keyframe a new pose; the culled ones it carries move with it."""
         self.keyframes[index] = replace(self.keyframes[index], T_world_cam=T_world_cam)
+        for k in self._carried.get(index, ()):
+            anchor = self.keyframes[k].anchor
+            assert anchor is not None
+            self.keyframes[k] = replace(self.keyframes[k], T_world_cam=T_world_cam @ anchor.T_keyframe_this)
+
+    @property
+    def living(self) -> list[int]:
+        """Indices of the keyframes that are not culled."""
+        return [k for k, keyframe in enumerate(self.keyframes) if keyframe.alive]
+
+    def predecessor(self, index: int) -> int | None:
+        """The living keyframe before this one in its chain, None for the first."""
+        chain = self.keyframes[index].chain
+        for k in range(index - 1, -1, -1):
+            if self.keyframes[k].alive and self.keyframes[k].chain == chain:
+                return k
+        return None
+
+    def cull_keyframe(self, index: int) -> None:
+        """Take a living keyframe out for good; keyframe 0, which holds the world, cannot be.
+
+        It keeps its index and is carried from now on by the living keyframe that shares most points with it. Its image
+        and observations are gone, and so are points that fewer than two other keyframes see; those first seen in it
+        live on.
+        """
+        keyframe = self.keyframes[index]
+        assert index > 0, "keyframe 0 holds the world"
+        assert keyframe.alive, f"keyframe {index} is culled already"
+        rows = keyframe.observations.rows
+        shared = covisible(self.keyframes, rows, self.count)
+        others = [k for k in self.living if k != index]
+        parent = max(others, key=lambda k: (shared[k], -abs(k - index)))
+        self.keyframes[index] = replace(keyframe, data=keyframe.data.without_image(), observations=Observations.none())
+        self._carry(parent, [index, *self._carried.pop(index, [])])
+        seen = np.bincount(np.concatenate([k.observations.rows for k in self.keyframes]), minlength=self.count)
+        self.remove_points(rows[seen[rows] < 2])
+
+    def _carry(self, parent: int, carried: list[int]) -> None:
+        T_parent_world = self.keyframes[parent].T_world_cam.inverse()
+        for k in carried:
+            anchor = Anchor(parent, T_parent_world @ self.keyframes[k].T_world_cam)
+            self.keyframes[k] = replace(self.keyframes[k], anchor=anchor)
+        self._carried.setdefault(parent, []).extend(carried)
 
     def remove_points(self, rows: IntArray) -> None:
         """Take points out of the map, with all that was seen of them."""
@@ -237,10 +292,12 @@ class Map:
         return MapView(
             self.version,
             tuple(self.keyframes),
+            np.array(self.living, np.int64),
             np.array([k.T_world_cam.rotation for k in self.keyframes]).reshape(-1, 3, 3),
             np.array([k.T_world_cam.translation for k in self.keyframes]).reshape(-1, 3),
             self._points[:n].copy(),
             self._alive[:n].copy(),
+            self._source[:n].copy(),
             self.templates(),
         )
 
@@ -266,28 +323,3 @@ def covisible(keyframes: tuple[KeyFrame, ...] | list[KeyFrame], rows: IntArray, 
     wanted = np.zeros(n_points, np.bool_)
     wanted[rows] = True
     return np.array([np.count_nonzero(wanted[k.observations.rows]) for k in keyframes], np.int64)
-
-
-def snapshot(view: MapView) -> MapSnapshot:
-    """The public form of a view: points that live and are seen at least twice, renumbered."""
-    seen = np.zeros(len(view.points), np.int64)
-    for keyframe in view.keyframes:
-        seen[keyframe.observations.rows] += 1
-    rows = np.flatnonzero(view.alive & (seen >= 2))
-    number = np.full(len(view.points), -1, np.int64)
-    number[rows] = np.arange(len(rows))
-    kept = [k.observations.where(number[k.observations.rows] >= 0) for k in view.keyframes]
-    every = Observations.concatenated(kept)
-    return MapSnapshot(
-        view.version,
-        np.array([k.id for k in view.keyframes], np.int64),
-        np.array([k.data.stamp_ns for k in view.keyframes], np.int64),
-        tuple(k.T_world_cam for k in view.keyframes),
-        tuple(k.data.pyramid.level(0) for k in view.keyframes),
-        rows,
-        view.points[rows],
-        np.repeat(np.arange(len(kept)), [len(observed.rows) for observed in kept]),
-        number[every.rows],
-        every.uv,
-        every.level,
-    )

@@ -106,20 +106,29 @@ class Mapper:
     def refine(self) -> MapView:
         """Adjust the whole map."""
         world = self.map
-        self._adjuster.adjust(world, list(range(len(world.keyframes))), self._config.global_iterations)
+        self._adjuster.adjust(world, world.living, self._config.global_iterations)
         self._since_global = 0
         world.version += 1
         return world.view()
 
     def neighbours(self, index: int, count: int) -> list[int]:
-        """Indices of the keyframes that share most points with one, at least 15, best first; the previous one
-        always."""
+        """Indices of the living keyframes that share most points with one, at least 15, best first; the previous one of
+        its chain always."""
         shared = covisible(self.map.keyframes, self.map.keyframes[index].observations.rows, self.map.count)
         shared[index] = 0
         ranked = [int(k) for k in np.argsort(-shared, kind="stable") if shared[k] >= 15][:count]
-        previous = [k for k in range(index - 1, max(-1, index - 4), -1) if k not in ranked]
+        previous = [k for k in self._previous(index, 3) if k not in ranked]
         wanted = 1 if len(ranked) >= 3 else 3
         return [*ranked[: count - wanted], *previous[:wanted]]
+
+    def _previous(self, index: int, count: int) -> list[int]:
+        """Up to ``count`` living keyframes before one in its chain, latest first."""
+        found: list[int] = []
+        before = self.map.predecessor(index)
+        while before is not None and len(found) < count:
+            found.append(before)
+            before = self.map.predecessor(before)
+        return found
 
     def _targets(self, index: int, neighbours: list[int]) -> list[int]:
         """Neighbours to triangulate with: one at a comfortable baseline, one near for what has just come into view,
@@ -203,22 +212,23 @@ class Mapper:
     def _contradicts_wheels(self, index: int) -> bool:
         """Whether the step from the previous keyframe is beyond what the wheels can have got wrong, and few points
         that the map has known for a while vouch for it (many do when the wheels slip)."""
-        factor = self._adjuster.by_wheels(self.map, index)
+        factor, before = self._adjuster.by_wheels(self.map, index), self.map.predecessor(index)
         known = self.map.source[self.map.keyframes[index].observations.rows] < index - VETO_AGE
-        if factor is None or np.count_nonzero(known) >= VETO_OBSERVATIONS:
+        if factor is None or before is None or np.count_nonzero(known) >= VETO_OBSERVATIONS:
             return False
-        previous, newest = (self.map.keyframes[k].T_world_cam for k in (index - 1, index))
+        previous, newest = (self.map.keyframes[k].T_world_cam for k in (before, index))
         error = (factor.T_a_b.inverse() @ previous.inverse() @ newest).log()
         return float(error @ factor.information @ error) > VETO_SIGMAS**2
 
     def _place_by_wheels(self, index: int) -> None:
         """Few points that contradict the wheels are not believed: they can pull the map into another scale. The
         keyframe stands where the wheels put it, without them."""
-        world, factor = self.map, self._adjuster.by_wheels(self.map, index)
+        world, factor, before = self.map, self._adjuster.by_wheels(self.map, index), self.map.predecessor(index)
         assert factor is not None
+        assert before is not None
         world.remove_points(np.flatnonzero(world.alive & (world.source == index)))
         world.forget(index, np.ones(len(world.keyframes[index].observations.rows), np.bool_))
-        world.move_keyframe(index, world.keyframes[index - 1].T_world_cam @ factor.T_a_b)
+        world.move_keyframe(index, world.keyframes[before].T_world_cam @ factor.T_a_b)
 
     def _renew_looks(self, index: int) -> None:
         """Points seen here from a direction or distance that none of their templates comes near get one more."""

@@ -51,14 +51,15 @@ class Relocalizer:
 
     def _look_alikes(self, data: FrameData, view: MapView) -> list[tuple[SE3, int]]:
         """Keyframes whose small image resembles this one, turned so that the images agree."""
-        difference = [float(((k.data.small - data.small) ** 2).mean()) for k in view.keyframes]
+        living = [view.keyframes[int(k)] for k in view.living]
+        difference = [float(((k.data.small - data.small) ** 2).mean()) for k in living]
         aligned = []
-        for k in np.argsort(difference, kind="stable")[:LIKELY]:
-            keyframe = view.keyframes[int(k)]
+        for position in np.argsort(difference, kind="stable")[:LIKELY]:
+            keyframe = living[int(position)]
             rotation, score = rotation_between(keyframe.data.small, data.small, self._focal_px)
             if np.isfinite(score):
                 turned = keyframe.T_world_cam @ SE3(rotation.T, np.zeros(3))
-                aligned.append((score, int(k), turned))
+                aligned.append((score, keyframe.id, turned))
         aligned.sort(key=lambda entry: entry[:2])
         return [(pose, k) for _, k, pose in aligned[:TRIED]]
 

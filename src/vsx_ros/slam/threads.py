@@ -15,8 +15,9 @@ from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.slam.frontend import FrontEnd
-from vsx_ros.slam.map import MapSnapshot, MapView, empty_view, snapshot
+from vsx_ros.slam.map import MapView, empty_view
 from vsx_ros.slam.mapper import KeyFrameRequest, Mapper
+from vsx_ros.slam.snapshot import MapSnapshot, snapshot
 from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult
 
 MAX_WAITING = 3

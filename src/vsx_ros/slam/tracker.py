@@ -245,8 +245,10 @@ class LocalMap:
 
 
 def nearest_keyframes(view: MapView, T_world_cam: SE3) -> IntArray:
-    """Keyframe indices by distance in position and viewing direction (1 rad weighs like the median depth)."""
-    offset = np.linalg.norm(view.centres - T_world_cam.translation, axis=1)
-    depth = np.array([k.median_depth or 1.0 for k in view.keyframes])
-    cosine = view.R_world_cam[:, :, 2] @ T_world_cam.rotation[:, 2]
-    return np.argsort(offset / depth + np.arccos(np.clip(cosine, -1.0, 1.0)), kind="stable")
+    """Indices of the living keyframes by distance in position and viewing direction (1 rad weighs like the median
+    depth)."""
+    living = view.living
+    offset = np.linalg.norm(view.centres[living] - T_world_cam.translation, axis=1)
+    depth = np.array([view.keyframes[int(k)].median_depth or 1.0 for k in living])
+    cosine = view.R_world_cam[living, :, 2] @ T_world_cam.rotation[:, 2]
+    return living[np.argsort(offset / depth + np.arccos(np.clip(cosine, -1.0, 1.0)), kind="stable")]

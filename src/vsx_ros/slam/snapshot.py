@@ -1,0 +1,55 @@
+"""The map as everybody outside the SLAM sees it: keyframes, points, who saw what, and nothing of how it is tracked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vsx_ros.arrays import GrayImage, IntArray, Pixels, Points3
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.slam.map import MapView, Observations
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MapSnapshot:
+    """Living keyframes and points. obs_keyframe and obs_point index the keyframes and points of this snapshot; obs_uv
+    level-0 px as in the image (distorted), images are level 0."""
+
+    version: int
+    keyframe_ids: IntArray
+    keyframe_stamps_ns: IntArray
+    T_world_cams: tuple[SE3, ...]
+    images: tuple[GrayImage, ...]
+    point_ids: IntArray
+    points_world: Points3
+    obs_keyframe: IntArray
+    obs_point: IntArray
+    obs_uv: Pixels
+    obs_level: IntArray
+
+
+def snapshot(view: MapView) -> MapSnapshot:
+    """The public form of a view: its living keyframes, and points that live and are seen at least twice, renumbered."""
+    keyframes = [view.keyframes[int(k)] for k in view.living]
+    seen = np.zeros(len(view.points), np.int64)
+    for keyframe in keyframes:
+        seen[keyframe.observations.rows] += 1
+    rows = np.flatnonzero(view.alive & (seen >= 2))
+    number = np.full(len(view.points), -1, np.int64)
+    number[rows] = np.arange(len(rows))
+    kept = [k.observations.where(number[k.observations.rows] >= 0) for k in keyframes]
+    every = Observations.concatenated(kept)
+    return MapSnapshot(
+        view.version,
+        np.array([k.id for k in keyframes], np.int64),
+        np.array([k.data.stamp_ns for k in keyframes], np.int64),
+        tuple(k.T_world_cam for k in keyframes),
+        tuple(k.data.pyramid.level(0) for k in keyframes),
+        rows,
+        view.points[rows],
+        np.repeat(np.arange(len(kept)), [len(observed.rows) for observed in kept]),
+        number[every.rows],
+        every.uv,
+        every.level,
+    )
