@@ -14,8 +14,9 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.slam.initialization import Initialization, Initializer
+from vsx_ros.slam.keyframe import FrameData
 from vsx_ros.slam.keyframes import keyframe_reason
-from vsx_ros.slam.map import FrameData, MapView, empty_view
+from vsx_ros.slam.map import MapView, empty_view
 from vsx_ros.slam.mapper import KeyFrameRequest
 from vsx_ros.slam.motion_model import MotionModel
 from vsx_ros.slam.relocalization import Relocalizer

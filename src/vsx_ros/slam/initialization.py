@@ -16,7 +16,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.bundle import adjust
 from vsx_ros.kernels.floor import no_floor
 from vsx_ros.kernels.projection import unproject_pixels
-from vsx_ros.slam.map import FrameData, KeyFrame, Observations
+from vsx_ros.slam.keyframe import FrameData, KeyFrame, Observations
 from vsx_ros.slam.point_creation import Candidates, TargetMatches, candidates_in, checked_points
 from vsx_ros.vision.patch_search import kernel_camera
 

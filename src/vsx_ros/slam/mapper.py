@@ -13,7 +13,8 @@ from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.bundle_adjustment import BundleAdjuster
 from vsx_ros.slam.initialization import Initialization
-from vsx_ros.slam.map import FrameData, Map, MapView, Observations, covisible
+from vsx_ros.slam.keyframe import FrameData, Observations, covisible
+from vsx_ros.slam.map import Map, MapView
 from vsx_ros.slam.point_creation import (
     Candidates,
     TargetMatches,

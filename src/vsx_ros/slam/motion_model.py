@@ -9,7 +9,7 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.slam.map import FrameData
+from vsx_ros.slam.keyframe import FrameData
 from vsx_ros.vision.small_image import rotation_between
 
 DAMPING = 0.9

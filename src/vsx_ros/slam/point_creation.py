@@ -14,7 +14,8 @@ from vsx_ros.geometry.triangulation import reprojection_error, triangulate
 from vsx_ros.kernels.epipolar import search_rays
 from vsx_ros.kernels.patches import CENTRE
 from vsx_ros.kernels.projection import unproject_pixels
-from vsx_ros.slam.map import KeyFrame, NewTemplates, Observations
+from vsx_ros.slam.keyframe import KeyFrame, Observations
+from vsx_ros.slam.map import NewTemplates
 from vsx_ros.vision.corners import strongest
 from vsx_ros.vision.patch_search import cast_rays, cut_patches, from_level, kernel_camera, to_level
 from vsx_ros.vision.pyramid import LEVELS

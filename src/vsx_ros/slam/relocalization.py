@@ -8,7 +8,8 @@ import numpy as np
 from vsx_ros.config import TrackerConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.slam.map import FrameData, MapView
+from vsx_ros.slam.keyframe import FrameData
+from vsx_ros.slam.map import MapView
 from vsx_ros.slam.state import TrackingState
 from vsx_ros.slam.tracker import LocalMap, Track, Tracker, nearest_keyframes
 from vsx_ros.vision.small_image import rotation_between

@@ -8,7 +8,8 @@ import numpy as np
 
 from vsx_ros.arrays import GrayImage, IntArray, Pixels, Points3
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.slam.map import MapView, Observations
+from vsx_ros.slam.keyframe import Observations
+from vsx_ros.slam.map import MapView
 
 
 @dataclass(frozen=True, slots=True, eq=False)

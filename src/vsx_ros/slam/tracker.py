@@ -11,7 +11,8 @@ from vsx_ros.config import TrackerConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.projection import predict
-from vsx_ros.slam.map import FrameData, MapView
+from vsx_ros.slam.keyframe import FrameData
+from vsx_ros.slam.map import MapView
 from vsx_ros.slam.pose_optimization import PoseOptimizer
 from vsx_ros.slam.state import TrackingState
 from vsx_ros.vision.patch_search import Predictions, find_patches, kernel_camera

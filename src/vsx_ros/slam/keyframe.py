@@ -1,0 +1,98 @@
+"""What the map is made of: an image taken apart, the keyframe it becomes, and the points seen in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsx_ros.arrays import BoolArray, IntArray, Pixels
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.vision.corners import Corners
+from vsx_ros.vision.pyramid import LEVELS, Pyramid
+from vsx_ros.vision.small_image import SmallImage
+
+
+class Observations(NamedTuple):
+    """Points seen by one keyframe: rows (n,) in the map, uv (n, 2) level-0 px as in the image, ideal (n, 2) px without
+    distortion, level (n,)."""
+
+    rows: NDArray[np.int64]
+    uv: Pixels
+    ideal: Pixels
+    level: NDArray[np.int64]
+
+    @staticmethod
+    def none() -> Observations:
+        """No observation."""
+        return Observations(np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, np.int64))
+
+    @staticmethod
+    def concatenated(parts: list[Observations]) -> Observations:
+        """All of them in one, in order."""
+        parts = [Observations.none(), *parts]
+        return Observations(
+            np.concatenate([part.rows for part in parts]),
+            np.concatenate([part.uv for part in parts]),
+            np.concatenate([part.ideal for part in parts]),
+            np.concatenate([part.level for part in parts]),
+        )
+
+    def where(self, mask: BoolArray) -> Observations:
+        """Those the mask (n,) keeps."""
+        return Observations(self.rows[mask], self.uv[mask], self.ideal[mask], self.level[mask])
+
+
+class FrameData(NamedTuple):
+    """An image taken apart once, used by tracker, mapper and relocaliser."""
+
+    stamp_ns: int
+    pyramid: Pyramid
+    corners: Corners
+    small: SmallImage
+    T_odom_base: SE2 | None
+
+    def without_image(self) -> FrameData:
+        """The instant and the wheels alone."""
+        nothing = Pyramid(np.zeros(0, np.uint8), np.zeros((LEVELS, 4), np.int64))
+        no_corners = Corners(np.zeros((0, 2), np.int32), np.zeros(0, np.int64), (0,) * LEVELS)
+        return self._replace(pyramid=nothing, corners=no_corners, small=np.zeros((0, 0), np.float32))
+
+
+class Anchor(NamedTuple):
+    """What carries a culled keyframe: the index of a living one, and the culled one's pose in its camera."""
+
+    keyframe: int
+    T_keyframe_this: SE3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class KeyFrame:
+    """A frame the map is made of. Replaced, never changed.
+
+    chain: the wheels tell the way between successive living keyframes of one chain, never between two chains. A culled
+    keyframe has an anchor, no image and no observations; its pose is still that of the templates cut from it.
+    """
+
+    id: int
+    data: FrameData
+    T_world_cam: SE3
+    observations: Observations
+    median_depth: float
+    chain: int = 0
+    anchor: Anchor | None = None
+
+    @property
+    def alive(self) -> bool:
+        """Whether it is still part of what is ranked, searched and adjusted."""
+        return self.anchor is None
+
+
+def covisible(keyframes: tuple[KeyFrame, ...] | list[KeyFrame], rows: IntArray, n_points: int) -> IntArray:
+    """(K,) how many of the given points each keyframe sees."""
+    wanted = np.zeros(n_points, np.bool_)
+    wanted[rows] = True
+    return np.array([np.count_nonzero(wanted[k.observations.rows]) for k in keyframes], np.int64)
