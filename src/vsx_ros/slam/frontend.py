@@ -21,7 +21,7 @@ from vsx_ros.slam.mapper import KeyFrameRequest
 from vsx_ros.slam.motion_model import MotionModel
 from vsx_ros.slam.relocalization import Relocalizer
 from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult, TrackingState
-from vsx_ros.slam.tracker import LocalMap, Track, Tracker, nearest_keyframes
+from vsx_ros.slam.tracker import LocalMap, Track, Tracker, nearest_keyframes, nothing_tracked
 from vsx_ros.slam.tracking_record import TrackingRecord
 from vsx_ros.vision.corners import CornerDetector
 from vsx_ros.vision.pyramid import build_pyramid
@@ -78,6 +78,8 @@ class FrontEnd:
         if not self._view.keyframes:
             return self._start(data)
         self._since_keyframe += 1
+        if self._motion.last_pose is None:
+            return self._recover(data, self._unplaced(data), None)
         prediction = self._motion.predict(data)
         if self._bad_frames and prediction.by_wheels:
             self._reference = int(nearest_keyframes(self._view, prediction.T_world_cam)[0])
@@ -92,6 +94,10 @@ class FrontEnd:
         if track.state is TrackingState.LOST:
             return self._recover(data, track, prediction.T_world_cam if prediction.by_wheels else None)
         return self._tracked(data, track, self._local.follow(self._view, track.rows))
+
+    def resume(self, view: MapView) -> None:
+        """Begin in a map made before, lost: the camera is looked for everywhere in it."""
+        self._view = view
 
     def use(self, view: MapView) -> None:
         """Track on a newer map; the last pose follows its reference keyframe."""
@@ -237,6 +243,14 @@ class FrontEnd:
         result = TrackingResult(data.stamp_ns, state, by_wheels, searched, 0, added, reason)
         return FrameOutcome(result, request=request)
 
+    def _unplaced(self, data: FrameData) -> Track:
+        """Where the camera is in the map made before is not known yet; the wheels count from elsewhere."""
+        reason = f"not yet recognised in the loaded map of {len(self._view.living)} keyframes"
+        if not self._bad_frames:
+            self._bad_frames = self._config.tracker.lost_after_frames
+            self._event(data.stamp_ns, "lost", reason)
+        return nothing_tracked(reason)
+
     def _bridge(self, data: FrameData, track: Track, by_wheels: SE3) -> KeyFrameRequest | None:
         """Lost, but the image shows something and the wheels turn: let the map go on from where they put the camera, so
         that what is in view becomes a map again. The odometry factors keep the stretch as uncertain as it is."""
@@ -247,9 +261,7 @@ class FrontEnd:
         if moved < BRIDGE_DISTANCE_M and nearest.rotation_angle_to(by_wheels) < BRIDGE_ANGLE_RAD:
             return None
         self._event(data.stamp_ns, "bridged", "keyframe placed by the wheels alone")
-        nothing = np.zeros(0, np.int64)
-        unseen = track._replace(T_world_cam=by_wheels, rows=nothing, uv=np.zeros((0, 2)), level=nothing)
-        return self._request(data, unseen)
+        return self._request(data, nothing_tracked(track.reason, by_wheels))
 
     def _event(self, stamp_ns: int, kind: str, reason: str) -> None:
         self.events.append(SlamEvent(stamp_ns, kind, reason))

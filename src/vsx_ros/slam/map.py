@@ -62,13 +62,30 @@ class Map:
         self.count = 0
         self._points = np.zeros((1024, 3))
         self._alive = np.zeros(1024, np.bool_)
-        self._source = np.zeros(1024, np.int64)
-        self._of_point = np.full((1024, VIEWS), -1, np.int64)
+        self._source: IntArray = np.zeros(1024, np.int64)
+        self._of_point: IntArray = np.full((1024, VIEWS), -1, np.int64)
         self.template_count = 0
-        self._template_source = np.zeros(1024, np.int64)
+        self._template_source: IntArray = np.zeros(1024, np.int64)
         self._basis = np.zeros((1024, 4))
         self._offset = np.zeros((1024, 2))
         self._patches = np.zeros((1024, PATCH, PATCH), np.uint8)
+
+    @staticmethod
+    def resumed(view: MapView) -> Map:
+        """The map of a view, to go on with; its new keyframes begin a chain of their own."""
+        world = Map()
+        world.version, world.keyframes = view.version, list(view.keyframes)
+        world.chain = 1 + max(keyframe.chain for keyframe in view.keyframes)
+        for k, keyframe in enumerate(view.keyframes):
+            if keyframe.anchor is not None:
+                world._carried.setdefault(keyframe.anchor.keyframe, []).append(k)
+        world.count = len(view.points)
+        world._points, world._alive, world._source = view.points.copy(), view.alive.copy(), view.source.copy()
+        looks = view.templates
+        world.template_count = len(looks.source)
+        world._of_point, world._template_source = looks.of_point.copy(), looks.source
+        world._basis, world._offset, world._patches = looks.basis, looks.offset, looks.patches
+        return world
 
     @property
     def points(self) -> Points3:

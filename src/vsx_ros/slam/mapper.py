@@ -52,8 +52,8 @@ class KeyFrameRequest(NamedTuple):
 class Mapper:
     """``add_keyframe`` does the work of one keyframe to completion; ``refine`` follows when there is time."""
 
-    def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, config: SlamConfig) -> None:
-        self.map = Map()
+    def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, config: SlamConfig, world: Map) -> None:
+        self.map = world
         self._camera = camera
         self._camera_array = kernel_camera(camera)
         self._config = config.mapper

@@ -20,8 +20,9 @@ class TrackingState(Enum):
 class TrackingResult(NamedTuple):
     """One frame. searched, found: map points expected in the image and found where the pose puts them.
 
-    T_world_cam is None while there is no map and while the camera is lost without odometry; in state LOST with
-    odometry it is the pose the wheels predict. reason: why the state is not GOOD, in words.
+    T_world_cam is None while there is no map, while the camera is lost without odometry and until it is recognised in
+    a loaded map; in state LOST with odometry it is the pose the wheels predict. reason: why the state is not GOOD, in
+    words.
     """
 
     stamp_ns: int
@@ -43,8 +44,9 @@ class SlamEvent(NamedTuple):
 
 
 class SlamStatistics(NamedTuple):
-    """A run so far; names as in summary.json. u1: found / searched averaged over all frames since the start, a lost
-    frame counts 0 (paper 5.3). u2: how long a point is tracked, averaged over points in at least three frames."""
+    """A run so far; names as in summary.json. The start is the frame that begins the map or is recognised in a loaded
+    one. u1: found / searched averaged over all frames since the start, a lost frame counts 0 (paper 5.3). u2: how long
+    a point is tracked, averaged over points in at least three frames."""
 
     frames: int
     frames_tracked: int

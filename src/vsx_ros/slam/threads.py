@@ -15,8 +15,9 @@ from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.slam.frontend import FrontEnd
-from vsx_ros.slam.map import MapView, empty_view
+from vsx_ros.slam.map import Map, MapView
 from vsx_ros.slam.mapper import KeyFrameRequest, Mapper
+from vsx_ros.slam.slam_map import SlamMap
 from vsx_ros.slam.snapshot import MapSnapshot, snapshot
 from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult
 
@@ -24,17 +25,30 @@ MAX_WAITING = 3
 
 
 class ThreadedSlam:
-    """Live SLAM: ``track`` from one thread; ``snapshot`` and ``statistics`` from any; ``close`` at the end.
+    """Live SLAM: ``track`` from one thread; ``snapshot``, ``slam_map``, ``statistics`` from any; ``close`` at the end.
 
     When the mapper is three keyframes behind, further ones are not taken.
     """
 
-    def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, config: SlamConfig, seed: int = 0) -> None:
+    def __init__(
+        self,
+        camera: PinholeCamera,
+        T_base_cam: SE3 | None,
+        config: SlamConfig,
+        seed: int = 0,
+        slam_map: SlamMap | None = None,
+    ) -> None:
+        """slam_map: a map to go on in, the camera anywhere in it. Raises CalibrationError when it was made with another
+        camera or mount."""
+        world = Map() if slam_map is None else slam_map.resumed(camera, T_base_cam)
         self._front = FrontEnd(camera, T_base_cam, config, seed)
-        self._mapper = Mapper(camera, T_base_cam, config)
-        self._view: MapView = empty_view()
+        self._camera, self._mount = camera, T_base_cam if slam_map is None else slam_map.T_base_cam
+        self._mapper = Mapper(camera, self._mount, config, world)
+        self._view: MapView = world.view()
         self._used: MapView = self._view
         self._snapshot: MapSnapshot = snapshot(self._view)
+        if self._view.keyframes:
+            self._front.resume(self._view)
         self._waiting: deque[KeyFrameRequest] = deque()
         self._work = threading.Condition()
         self._closing = False
@@ -71,6 +85,11 @@ class ThreadedSlam:
         if self._snapshot.version != view.version:
             self._snapshot = snapshot(view)
         return self._snapshot
+
+    def slam_map(self) -> SlamMap | None:
+        """The map to save and continue, None while there is none."""
+        view = self._view
+        return SlamMap(self._camera, self._mount, view) if view.keyframes else None
 
     def drain_events(self) -> list[SlamEvent]:
         """Everything that happened since the last call, oldest first."""

@@ -44,6 +44,12 @@ class Track(NamedTuple):
         return len(self.rows) / max(1, len(self.searched_rows))
 
 
+def nothing_tracked(reason: str, T_world_cam: SE3 | None = None) -> Track:
+    """A frame no point was looked for in; the pose is the one given, or means nothing."""
+    none, pose = np.zeros(0, np.int64), T_world_cam or SE3.identity()
+    return Track(pose, TrackingState.LOST, none, np.zeros((0, 2)), none, none, np.zeros((6, 6)), reason)
+
+
 class Tracker:
     """``track`` changes nothing but the random order in which surplus points are dropped."""
 

@@ -18,6 +18,7 @@ class TrackingRecord:
     def __init__(self) -> None:
         self.relocalizations = 0
         self._frames = self._tracked = self._lost = 0
+        self._uncounted = 0
         self._ratio_sum = 0.0
         self._first_ns: int | None = None
         self._initialized_ns: int | None = None
@@ -35,11 +36,15 @@ class TrackingRecord:
     def initialised(self, stamp_ns: int, position: FloatArray) -> None:
         """The frame that started the map, already counted as one without; it is tracked from here on."""
         self._initialized_ns = stamp_ns
+        self._uncounted = 1
         self._tracked += 1
         self._last = (stamp_ns, position)
 
     def tracked(self, stamp_ns: int, track: Track, n_points: int) -> None:
-        """A frame with a pose from the map of n_points rows."""
+        """A frame with a pose from the map of n_points rows; the first one in a map made before is the start."""
+        if self._initialized_ns is None:
+            self._initialized_ns, self._uncounted = stamp_ns, self._lost
+            self._first_ns = stamp_ns if self._first_ns is None else self._first_ns
         self._frames += 1
         self._tracked += 1
         self._ratio_sum += track.ratio
@@ -55,6 +60,7 @@ class TrackingRecord:
         """A frame after the start without a pose from the map."""
         self._frames += 1
         self._lost += 1
+        self._first_ns = stamp_ns if self._first_ns is None else self._first_ns
 
     def counts(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """(searched, found) per map row, copies."""
@@ -63,7 +69,7 @@ class TrackingRecord:
     def statistics(self, keyframes: int, map_points: int) -> SlamStatistics:
         """The run so far."""
         started = self._initialized_ns is not None
-        after = max(1, self._tracked + self._lost - 1)
+        after = max(1, self._tracked + self._lost - self._uncounted)
         lived = self._found >= LONG_LIVED
         any_lived = bool(lived.any())
         return SlamStatistics(
