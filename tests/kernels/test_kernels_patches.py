@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from vsx_ros.kernels.patches import best_pixel, quantize, refine, search, warp_template, zmssd
+from vsx_ros.kernels.patches import best_pixel, quantize, refine, search, warp_template, warp_templates, zmssd
 from vsx_ros.vision.corners import CornerDetector
 from vsx_ros.vision.patch_search import cut_patches
 from vsx_ros.vision.pyramid import build_pyramid
@@ -25,7 +25,7 @@ def shifted(texture, dx, dy):
 def template_at(image, x, y):
     pyramid = build_pyramid(image)
     patch = cut_patches(pyramid, np.array([[x, y]], np.int32), 0)[0]
-    template, core = np.empty((10, 10), np.float32), np.empty(64, np.int32)
+    template, core = np.empty((10, 10), np.int32), np.empty(64, np.int32)
     assert warp_template(patch, np.zeros(2), np.array([1.0, 0.0, 0.0, 1.0]), template)
     return template, core, quantize(template, core)
 
@@ -50,7 +50,7 @@ def test_zmssd_ignores_brightness(texture):
 
 
 def test_template_outside_its_patch_is_refused():
-    template = np.empty((10, 10), np.float32)
+    template = np.empty((10, 10), np.int32)
     assert not warp_template(np.zeros((24, 24), np.uint8), np.zeros(2), np.array([3.0, 0.0, 0.0, 3.0]), template)
 
 
@@ -65,7 +65,7 @@ def test_refinement_finds_the_subpixel_shift(texture, shift):
 
 
 def test_refinement_gives_up_on_a_blank_wall():
-    blank = np.full((10, 10), 90.0, np.float32)
+    blank = np.full((10, 10), 16 * 90, np.int32)
     assert not refine(np.full(240 * 320, 90, np.uint8), 0, 240, 320, blank, 150.0, 120.0, 10)[0]
 
 
@@ -87,17 +87,16 @@ def test_search_finds_shifted_points_and_rejects_foreign_ones(texture, reach):
     n = len(corners)
     patches = cut_patches(first, corners, 0)
     patches[::2] = patches[::2][:, ::-1, ::-1]
+    looks, usable = warp_templates(patches, np.zeros((n, 2)), np.arange(n), np.tile([1.0, 0.0, 0.0, 1.0], (n, 1)))
     found, position = search(
         second.pixels,
         second.table,
         CornerDetector().detect(second).positions,
         CornerDetector().detect(second).row_table,
-        patches,
-        np.zeros((n, 2)),
-        np.arange(n),
+        looks,
+        usable,
         np.zeros(n, np.int64),
         corners.astype(float),
-        np.tile([1.0, 0.0, 0.0, 1.0], (n, 1)),
         6.0,
         reach,
     )

@@ -25,40 +25,46 @@ MAX_SHARE, MAX_ALIGNED_SHARE, NOISE_FLOOR = 0.6, 0.25, 2000.0
 
 @kernel
 def warp_template(patch: Any, offset: Any, w: Any, template: Any) -> bool:
-    """Fill the (10, 10) float32 template from the (24, 24) patch; w (4,): template px -> patch px, offset (2,).
+    """Fill the (10, 10) int32 template, in 1/16 grey levels, from the (24, 24) patch; w (4,): template px -> patch px,
+    offset (2,).
 
     Template pixel (5, 5) is the point. False when a corner of the template lies outside the patch.
     """
-    reach = PATCH - 1.0
-    for dy in (-5.0, 4.0):
-        for dx in (-5.0, 4.0):
-            px = CENTRE + offset[0] + w[0] * dx + w[1] * dy
-            py = CENTRE + offset[1] + w[2] * dx + w[3] * dy
-            if not (0.0 <= px < reach and 0.0 <= py < reach):
-                return False
+    x0 = CENTRE + offset[0] - 5.0 * (w[0] + w[1])
+    y0 = CENTRE + offset[1] - 5.0 * (w[2] + w[3])
+    for corner in range(4):
+        i, j = 9.0 * (corner & 1), 9.0 * (corner >> 1)
+        px = x0 + w[0] * i + w[1] * j
+        py = y0 + w[2] * i + w[3] * j
+        # The margin is more than the rounding of the fixed-point steps below.
+        if not (1e-3 <= px < PATCH - 1.001 and 1e-3 <= py < PATCH - 1.001):
+            return False
+    X, Y = int(x0 * 65536.0), int(y0 * 65536.0)
+    a, b, c, d = int(w[0] * 65536.0), int(w[1] * 65536.0), int(w[2] * 65536.0), int(w[3] * 65536.0)
+    one = np.uint64(1)
     for j in range(TEMPLATE):
         for i in range(TEMPLATE):
-            px = CENTRE + offset[0] + w[0] * (i - 5) + w[1] * (j - 5)
-            py = CENTRE + offset[1] + w[2] * (i - 5) + w[3] * (j - 5)
-            x, y = int(px), int(py)
-            fx, fy = px - x, py - y
-            top = (1.0 - fx) * patch[y, x] + fx * patch[y, x + 1]
-            bottom = (1.0 - fx) * patch[y + 1, x] + fx * patch[y + 1, x + 1]
-            template[j, i] = (1.0 - fy) * top + fy * bottom
+            px = X + a * i + b * j
+            py = Y + c * i + d * j
+            x, y = np.uint64(px >> 16), np.uint64(py >> 16)
+            fx, fy = (px >> 6) & 1023, (py >> 6) & 1023
+            top = (1024 - fx) * np.int64(patch[y, x]) + fx * np.int64(patch[y, x + one])
+            bottom = (1024 - fx) * np.int64(patch[y + one, x]) + fx * np.int64(patch[y + one, x + one])
+            template[j, i] = ((1024 - fy) * top + fy * bottom + 32768) >> 16
     return True
 
 
 @kernel
 def quantize(template: Any, core: Any) -> float:
-    """Fill core (64,) int32 with the inner 8x8 of the template; returns its contrast, the sum of squared deviations
-    from the mean."""
-    total, squares = 0, 0
+    """Fill core (64,) int32 with the inner 8x8 of the template in grey levels; returns its contrast, the sum of squared
+    deviations from the mean."""
+    total, squares = np.int32(0), np.int32(0)
     for j in range(8):
         for i in range(8):
-            value = int(template[j + 1, i + 1] + 0.5)
-            core[8 * j + i] = value
-            total += value
-            squares += value * value
+            value = np.int32((template[np.uint64(j + 1), np.uint64(i + 1)] + 8) >> 4)
+            core[np.uint64(8 * j + i)] = value
+            total = np.int32(total + value)
+            squares = np.int32(squares + value * value)
     return float(squares) - float(total) * float(total) / 64.0
 
 
@@ -114,6 +120,58 @@ def best_corner(
 
 
 @kernel
+def slopes(template: Any, gx: Any, gy: Any) -> tuple[float, float, float, float, float]:
+    """Fill gx, gy (64,) int32 with the differences across the inner 8x8 of the template (32 times the slope in grey
+    levels per px); returns the sums over it of gx^2, gx gy, gy^2, gx, gy, in grey levels per px."""
+    h00, h01, h11, h02, h12 = np.int32(0), np.int32(0), np.int32(0), np.int32(0), np.int32(0)
+    one = np.uint64(1)
+    for j in range(8):
+        for i in range(8):
+            u, v, k = np.uint64(j + 1), np.uint64(i + 1), np.uint64(8 * j + i)
+            a = np.int32(template[u, v + one] - template[u, v - one])
+            b = np.int32(template[u + one, v] - template[u - one, v])
+            gx[k] = a
+            gy[k] = b
+            h00 = np.int32(h00 + a * a)
+            h01 = np.int32(h01 + a * b)
+            h11 = np.int32(h11 + b * b)
+            h02 = np.int32(h02 + a)
+            h12 = np.int32(h12 + b)
+    return h00 / 1024.0, h01 / 1024.0, h11 / 1024.0, h02 / 32.0, h12 / 32.0
+
+
+@kernel
+def misfit(
+    pixels: Any, start: int, width: int, fx: float, fy: float, template: Any, gx: Any, gy: Any
+) -> tuple[float, float, float, float]:
+    """Sums over 8x8 of r gx, r gy, r and r^2, where r is the image's grey level at (fx, fy) right of and below
+    ``start`` minus the template's. Grey levels and px.
+
+    In whole numbers (1/16 grey levels, weights of 1/4096 px), whose sums the compiler may reorder and vectorise; none
+    of them reaches 2^31.
+    """
+    w11 = np.int32(fx * fy * 4096.0)
+    w10 = np.int32(np.int32(fx * 4096.0) - w11)
+    w01 = np.int32(np.int32(fy * 4096.0) - w11)
+    w00 = np.int32(4096 - w11 - w10 - w01)
+    b0, b1, b2, squares = np.int32(0), np.int32(0), np.int32(0), np.int32(0)
+    one = np.uint64(1)
+    for j in range(8):
+        p = start + j * width
+        for i in range(8):
+            a, b, k = np.uint64(p + i), np.uint64(p + width + i), np.uint64(8 * j + i)
+            top = np.int32(w00 * np.int32(pixels[a]) + w10 * np.int32(pixels[a + one]))
+            bottom = np.int32(w01 * np.int32(pixels[b]) + w11 * np.int32(pixels[b + one]))
+            value = np.int32(np.int32(top + bottom + np.int32(128)) >> np.int32(8))
+            r = np.int32(value - template[np.uint64(j + 1), np.uint64(i + 1)])
+            b0 = np.int32(b0 + r * gx[k])
+            b1 = np.int32(b1 + r * gy[k])
+            b2 = np.int32(b2 + r)
+            squares = np.int32(squares + r * r)
+    return b0 / 512.0, b1 / 512.0, b2 / 16.0, squares / 256.0
+
+
+@kernel
 def refine(
     pixels: Any, offset: int, height: int, width: int, template: Any, x: float, y: float, iterations: int
 ) -> tuple[bool, float, float, float]:
@@ -122,20 +180,9 @@ def refine(
     Returns (converged, x, y, zero-mean squared difference). Converged: last step below 0.03 px, at most 2 px from the
     start, patch inside the image.
     """
-    gx = np.empty((8, 8))
-    gy = np.empty((8, 8))
-    h00, h01, h02, h11, h12 = 0.0, 0.0, 0.0, 0.0, 0.0
-    for j in range(8):
-        for i in range(8):
-            a = 0.5 * (template[j + 1, i + 2] - template[j + 1, i])
-            b = 0.5 * (template[j + 2, i + 1] - template[j, i + 1])
-            gx[j, i] = a
-            gy[j, i] = b
-            h00 += a * a
-            h01 += a * b
-            h02 += a
-            h11 += b * b
-            h12 += b
+    gx = np.empty(64, np.int32)
+    gy = np.empty(64, np.int32)
+    h00, h01, h11, h02, h12 = slopes(template, gx, gy)
     # The mean difference is eliminated first, what is left is 2x2.
     s00 = h00 - h02 * h02 / 64.0
     s01 = h01 - h02 * h12 / 64.0
@@ -149,22 +196,7 @@ def refine(
         if left < 0.0 or top < 0.0 or left + 8.0 >= width or top + 8.0 >= height:
             return False, x, y, np.inf
         ix, iy = int(left), int(top)
-        fx, fy = left - ix, top - iy
-        w00, w10 = (1.0 - fx) * (1.0 - fy), fx * (1.0 - fy)
-        w01, w11 = (1.0 - fx) * fy, fx * fy
-        b0, b1, b2, squares = 0.0, 0.0, 0.0, 0.0
-        for j in range(8):
-            p = offset + (iy + j) * width + ix
-            q = p + width
-            for i in range(8):
-                a, b = np.uint64(p + i), np.uint64(q + i)
-                top = w00 * pixels[a] + w10 * pixels[a + np.uint64(1)]
-                value = top + w01 * pixels[b] + w11 * pixels[b + np.uint64(1)]
-                r = value - template[j + 1, i + 1]
-                b0 += r * gx[j, i]
-                b1 += r * gy[j, i]
-                b2 += r
-                squares += r * r
+        b0, b1, b2, squares = misfit(pixels, offset + iy * width + ix, width, left - ix, top - iy, template, gx, gy)
         c0 = b0 - h02 * b2 / 64.0
         c1 = b1 - h12 * b2 / 64.0
         dx = (s11 * c0 - s01 * c1) / det
@@ -195,36 +227,45 @@ def best_pixel(
 
 
 @kernel
+def warp_templates(patches: Any, offsets: Any, chosen: Any, inverse_warp: Any) -> tuple[Any, Any]:
+    """Templates (S, 10, 10) int32 of the chosen (S,) patches (T, 24, 24) with offsets (T, 2), warped by inverse_warp
+    (S, 4) as ``predict`` returns it; usable (S,)."""
+    n = chosen.shape[0]
+    templates = np.empty((n, TEMPLATE, TEMPLATE), np.int32)
+    usable = np.empty(n, np.bool_)
+    for s in range(n):
+        usable[s] = warp_template(patches[chosen[s]], offsets[chosen[s]], inverse_warp[s], templates[s])
+    return templates, usable
+
+
+@kernel
 def search(
     pixels: Any,
     table: Any,
     corners: Any,
     row_table: Any,
-    patches: Any,
-    offsets: Any,
-    chosen: Any,
+    templates: Any,
+    wanted: Any,
     level: Any,
     uv: Any,
-    inverse_warp: Any,
     radius_px: float,
     reach: int,
 ) -> tuple[Any, Any]:
     """Find warped map-point patches near their predictions (level-0 px): at corners within radius_px, or, where none
     fits, at any pixel within ``reach`` level px (0: corners only).
 
-    patches (T, 24, 24), offsets (T, 2): all templates; chosen (S,): which; level (S,), uv (S, 2), inverse_warp (S,
-    4) as ``predict`` returns them.
+    templates (S, 10, 10): see ``warp_templates``; wanted (S,): which to look for; level (S,), uv (S, 2) as
+    ``predict`` returns them.
     Returns found (S,) bool and position (S, 2) level-0 px, sub-pixel.
     """
-    n = chosen.shape[0]
+    n = templates.shape[0]
     found = np.zeros(n, np.bool_)
     position = np.zeros((n, 2))
-    template = np.empty((TEMPLATE, TEMPLATE), np.float32)
     core = np.empty(64, np.int32)
     for s in range(n):
-        lv = level[s]
-        if lv < 0 or not warp_template(patches[chosen[s]], offsets[chosen[s]], inverse_warp[s], template):
+        if not wanted[s]:
             continue
+        lv, template = level[s], templates[s]
         energy = quantize(template, core)
         scale = 2.0**lv
         x = (uv[s, 0] + 0.5) / scale - 0.5
@@ -242,8 +283,7 @@ def search(
         else:
             continue
         ok, fx, fy, rest = refine(pixels, table[lv, 0], table[lv, 1], table[lv, 2], template, float(px), float(py), 10)
-        ok = ok and rest < MAX_ALIGNED_SHARE * energy + NOISE_FLOOR
-        if ok:
+        if ok and rest < MAX_ALIGNED_SHARE * energy + NOISE_FLOOR:
             found[s] = True
             position[s, 0] = (fx + 0.5) * scale - 0.5
             position[s, 1] = (fy + 0.5) * scale - 0.5

@@ -64,7 +64,8 @@ def _tracking() -> None:
         np.zeros((1, 3)),
         8.0,
     )
-    patches.search(pixels, table, corners, row_table, templates, np.zeros((1, 2)), chosen, level, uv, warp, 10.0, 2)
+    looks, usable = patches.warp_templates(templates, np.zeros((1, 2)), chosen, warp)
+    patches.search(pixels, table, corners, row_table, looks, usable, level, uv, 10.0, 2)
     epipolar.search_rays(
         camera,
         eye,

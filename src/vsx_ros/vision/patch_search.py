@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels
 from vsx_ros.geometry.camera import PinholeCamera
-from vsx_ros.kernels.patches import CENTRE, PATCH, search
+from vsx_ros.kernels.patches import CENTRE, PATCH, search, warp_templates
 from vsx_ros.kernels.projection import unproject_pixels
 from vsx_ros.vision.corners import Corners
 from vsx_ros.vision.pyramid import Pyramid
@@ -47,6 +47,45 @@ def from_level(uv: Pixels, level: int | IntArray) -> Pixels:
     return (uv + 0.5) * scale - 0.5
 
 
+class Looks(NamedTuple):
+    """How predicted points should appear: templates (S, 10, 10) int32, see ``warp_template``; usable (S,)."""
+
+    templates: NDArray[np.int32]
+    usable: BoolArray
+
+
+def expected_looks(patches: NDArray[np.uint8], offsets: FloatArray, predictions: Predictions) -> Looks:
+    """The patches (T, 24, 24) with offsets (T, 2) of predicted points, as the predictions see them."""
+    return Looks(*warp_templates(patches, offsets, predictions.template, predictions.inverse_warp))
+
+
+def search_looks(
+    pyramid: Pyramid,
+    corners: Corners,
+    looks: Looks,
+    level: IntArray,
+    uv: Pixels,
+    radius_px: float,
+    reach: int = 0,
+    wanted: BoolArray | None = None,
+) -> tuple[BoolArray, Pixels]:
+    """(found (S,), position (S, 2) level-0 px) of looks near uv (S, 2) level-0 px: at corners within radius_px
+    (level-0 px) and, where none fits, at any pixel within ``reach`` level px. wanted (S,): None means all usable."""
+    found, position = search(
+        pyramid.pixels,
+        pyramid.table,
+        corners.positions,
+        corners.row_table,
+        looks.templates,
+        looks.usable if wanted is None else wanted & looks.usable,
+        level,
+        uv,
+        float(radius_px),
+        reach,
+    )
+    return found, position
+
+
 def find_patches(
     pyramid: Pyramid,
     corners: Corners,
@@ -56,23 +95,9 @@ def find_patches(
     radius_px: float,
     reach: int = 0,
 ) -> tuple[BoolArray, Pixels]:
-    """(found (S,), position (S, 2) level-0 px) of predicted map points, at corners within radius_px
-    (level-0 px) and, where none fits, at any pixel within ``reach`` level px."""
-    found, position = search(
-        pyramid.pixels,
-        pyramid.table,
-        corners.positions,
-        corners.row_table,
-        patches,
-        offsets,
-        predictions.template,
-        predictions.level,
-        predictions.uv,
-        predictions.inverse_warp,
-        float(radius_px),
-        reach,
-    )
-    return found, position
+    """``search_looks`` of predicted points where they are predicted."""
+    looks = expected_looks(patches, offsets, predictions)
+    return search_looks(pyramid, corners, looks, predictions.level, predictions.uv, radius_px, reach)
 
 
 def cut_patches(pyramid: Pyramid, positions: NDArray[np.int32], level: int) -> NDArray[np.uint8]:
