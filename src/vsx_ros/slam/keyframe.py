@@ -55,11 +55,12 @@ class FrameData(NamedTuple):
     small: SmallImage
     T_odom_base: SE2 | None
 
-    def without_image(self) -> FrameData:
+    @staticmethod
+    def without_image(stamp_ns: int, T_odom_base: SE2 | None) -> FrameData:
         """The instant and the wheels alone."""
         nothing = Pyramid(np.zeros(0, np.uint8), np.zeros((LEVELS, 4), np.int64))
         no_corners = Corners(np.zeros((0, 2), np.int32), np.zeros(0, np.int64), (0,) * LEVELS)
-        return self._replace(pyramid=nothing, corners=no_corners, small=np.zeros((0, 0), np.float32))
+        return FrameData(stamp_ns, nothing, no_corners, np.zeros((0, 0), np.float32), T_odom_base)
 
 
 class Anchor(NamedTuple):

@@ -193,7 +193,8 @@ class Map:
         shared = covisible(self.keyframes, rows, self.count)
         others = [k for k in self.living if k != index]
         parent = max(others, key=lambda k: (shared[k], -abs(k - index)))
-        self.keyframes[index] = replace(keyframe, data=keyframe.data.without_image(), observations=Observations.none())
+        data = FrameData.without_image(keyframe.data.stamp_ns, keyframe.data.T_odom_base)
+        self.keyframes[index] = replace(keyframe, data=data, observations=Observations.none())
         self._carry(parent, [index, *self._carried.pop(index, [])])
         seen = np.bincount(np.concatenate([k.observations.rows for k in self.keyframes]), minlength=self.count)
         self.remove_points(rows[seen[rows] < 2])

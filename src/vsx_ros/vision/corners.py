@@ -34,17 +34,12 @@ class CornerDetector:
     def detect(self, pyramid: Pyramid) -> Corners:
         """All corners of the four levels, without non-maximum suppression."""
         area = float(pyramid.table[0, 1] * pyramid.table[0, 2]) / _REFERENCE_PIXELS
-        positions, tables, counts = [], [], []
-        first = 0
+        levels = []
         for level in range(LEVELS):
             found = _fast(pyramid.level(level), self._thresholds[level], suppress=False)
-            height = int(pyramid.table[level, 1])
-            tables.append(first + np.searchsorted(found[:, 1], np.arange(height + 1)))
-            positions.append(found)
-            counts.append(len(found))
-            first += len(found)
+            levels.append(found)
             self._steer(level, len(found), _TARGETS[level] * area)
-        return Corners(np.concatenate(positions), np.concatenate(tables).astype(np.int64), tuple(counts))
+        return indexed(levels, pyramid)
 
     def _steer(self, level: int, count: int, target: float) -> None:
         lowest, highest = _THRESHOLDS
@@ -58,6 +53,16 @@ class CornerDetector:
         elif count < 0.8 * target:
             threshold -= 1
         self._thresholds[level] = min(max(threshold, lowest), highest)
+
+
+def indexed(levels: list[NDArray[np.int32]], pyramid: Pyramid) -> Corners:
+    """Corners from their level px, one (n, 2) a level, sorted by row."""
+    tables, first = [], 0
+    for level, found in enumerate(levels):
+        tables.append(first + np.searchsorted(found[:, 1], np.arange(int(pyramid.table[level, 1]) + 1)))
+        first += len(found)
+    counts = tuple(len(found) for found in levels)
+    return Corners(np.concatenate(levels), np.concatenate(tables).astype(np.int64), counts)
 
 
 def _fast(image: GrayImage, threshold: int, suppress: bool) -> NDArray[np.int32]:

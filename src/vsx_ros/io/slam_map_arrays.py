@@ -1,0 +1,160 @@
+"""A map of the SLAM as arrays: their names, types and shapes, and what must hold between them.
+
+K keyframes, O observations and C corners (of one keyframe after the other), P points, T templates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsx_ros.kernels.patches import PATCH
+from vsx_ros.slam.map import VIEWS, MapView
+from vsx_ros.vision.pyramid import LEVELS
+
+Arrays: TypeAlias = dict[str, NDArray[Any]]
+
+LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
+    "stamp_ns": ("<i8", ("K",)),
+    "rotation": ("<f8", ("K", 3, 3)),
+    "translation": ("<f8", ("K", 3)),
+    "median_depth": ("<f8", ("K",)),
+    "chain": ("<i8", ("K",)),
+    "has_odometry": ("|b1", ("K",)),
+    "odometry": ("<f8", ("K", 3)),
+    "anchor": ("<i8", ("K",)),
+    "anchor_rotation": ("<f8", ("K", 3, 3)),
+    "anchor_translation": ("<f8", ("K", 3)),
+    "corner_count": ("<i8", ("K", LEVELS)),
+    "corner": ("<i4", ("C", 2)),
+    "observation_count": ("<i8", ("K",)),
+    "observation_row": ("<i8", ("O",)),
+    "observation_uv": ("<f8", ("O", 2)),
+    "observation_ideal": ("<f8", ("O", 2)),
+    "observation_level": ("<i8", ("O",)),
+    "point": ("<f8", ("P", 3)),
+    "point_alive": ("|b1", ("P",)),
+    "point_source": ("<i8", ("P",)),
+    "point_templates": ("<i8", ("P", VIEWS)),
+    "template_source": ("<i8", ("T",)),
+    "template_basis": ("<f8", ("T", 4)),
+    "template_offset": ("<f8", ("T", 2)),
+    "template_patch": ("|u1", ("T", PATCH, PATCH)),
+}
+"""Type and shape of every array; anchor is -1 for a living keyframe, odometry is x, y, theta where there is any."""
+
+_ORTHONORMAL = 1e-6
+
+
+def arrays_of(view: MapView) -> Arrays:
+    """All of a view but the pixels of its keyframes."""
+    frames, looks = view.keyframes, view.templates
+    anchors = [(-1, np.eye(3), np.zeros(3)) if k.anchor is None else _flat(k.anchor) for k in frames]
+    wheels = [k.data.T_odom_base for k in frames]
+    arrays = {
+        "stamp_ns": [k.data.stamp_ns for k in frames],
+        "rotation": view.R_world_cam,
+        "translation": view.centres,
+        "median_depth": [k.median_depth for k in frames],
+        "chain": [k.chain for k in frames],
+        "has_odometry": [T is not None for T in wheels],
+        "odometry": [(0.0, 0.0, 0.0) if T is None else (T.x, T.y, T.theta) for T in wheels],
+        "anchor": [a[0] for a in anchors],
+        "anchor_rotation": [a[1] for a in anchors],
+        "anchor_translation": [a[2] for a in anchors],
+        "corner_count": [k.data.corners.counts for k in frames],
+        "corner": np.concatenate([k.data.corners.positions for k in frames]),
+        "observation_count": [len(k.observations.rows) for k in frames],
+        "observation_row": np.concatenate([k.observations.rows for k in frames]),
+        "observation_uv": np.concatenate([k.observations.uv for k in frames]),
+        "observation_ideal": np.concatenate([k.observations.ideal for k in frames]),
+        "observation_level": np.concatenate([k.observations.level for k in frames]),
+        "point": view.points,
+        "point_alive": view.alive,
+        "point_source": view.source,
+        "point_templates": looks.of_point,
+        "template_source": looks.source,
+        "template_basis": looks.basis,
+        "template_offset": looks.offset,
+        "template_patch": looks.patches,
+    }
+    return {name: np.asarray(arrays[name], LAYOUT[name][0]) for name in LAYOUT}
+
+
+def _flat(anchor: Any) -> tuple[int, NDArray[np.float64], NDArray[np.float64]]:
+    return anchor.keyframe, anchor.T_keyframe_this.rotation, anchor.T_keyframe_this.translation
+
+
+def check(arrays: Mapping[str, NDArray[Any]], width: int, height: int) -> None:
+    """Raise ValueError, naming the array, where it is missing or cannot be that of a map with images of this size."""
+    sizes = _check_shapes(arrays)
+    for name, array in arrays.items():
+        if array.dtype.kind == "f" and not np.isfinite(array).all():
+            raise ValueError(f"{name} holds a number that is not finite")
+    for name in ("rotation", "anchor_rotation"):
+        R = arrays[name]
+        if np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max() > _ORTHONORMAL or np.linalg.det(R).min() < 0:
+            raise ValueError(f"{name} holds a matrix that is no rotation")
+    K, P, T = sizes["K"], sizes["P"], sizes["T"]
+    _within(arrays, "anchor", -1, K)
+    _within(arrays, "observation_row", 0, P)
+    _within(arrays, "observation_level", 0, LEVELS)
+    _within(arrays, "point_source", 0, K)
+    _within(arrays, "point_templates", -1, T)
+    _within(arrays, "template_source", 0, K)
+    _within(arrays, "median_depth", 0, np.inf)
+    _within(arrays, "chain", 0, np.iinfo(np.int64).max)
+    _check_counts(arrays, sizes)
+    uv = arrays["observation_uv"]
+    if ((uv < -1) | (uv > [width, height])).any():
+        raise ValueError(f"observation_uv lies outside an image of {width}x{height}")
+    _check_corners(arrays, width, height)
+
+
+def _check_shapes(arrays: Mapping[str, NDArray[Any]]) -> dict[str, int]:
+    sizes: dict[str, int] = {}
+    for name, (kind, shape) in LAYOUT.items():
+        if name not in arrays:
+            raise ValueError(f"{name} is missing")
+        array = arrays[name]
+        wanted = tuple(sizes.get(s, s) if isinstance(s, str) else s for s in shape)
+        fits = len(array.shape) == len(wanted) and all(
+            isinstance(w, str) or w == n for w, n in zip(wanted, array.shape)
+        )
+        if array.dtype != np.dtype(kind) or not fits:
+            raise ValueError(f"{name} is {array.dtype} of shape {array.shape}, expected {np.dtype(kind)} of {wanted}")
+        sizes |= {s: n for s, n in zip(shape, array.shape) if isinstance(s, str)}
+    if not sizes["K"]:
+        raise ValueError("it holds no keyframe")
+    return sizes
+
+
+def _within(arrays: Mapping[str, NDArray[Any]], name: str, lowest: float, end: float) -> None:
+    array = arrays[name]
+    if array.size and not lowest <= array.min() <= array.max() < end:
+        raise ValueError(f"{name} reaches from {array.min()} to {array.max()}, allowed is {lowest} to below {end}")
+
+
+def _check_counts(arrays: Mapping[str, NDArray[Any]], sizes: Mapping[str, int]) -> None:
+    for name, of in (("observation_count", "O"), ("corner_count", "C")):
+        counts = arrays[name]
+        if counts.min() < 0 or counts.max() > sizes[of] or counts.sum() != sizes[of]:
+            raise ValueError(f"{name} does not add up to {sizes[of]}")
+        if counts[arrays["anchor"] >= 0].any():
+            raise ValueError(f"{name} is not zero for a culled keyframe")
+    anchor = arrays["anchor"]
+    if anchor[0] >= 0 or (anchor[anchor[anchor >= 0]] >= 0).any():
+        raise ValueError("anchor names a culled keyframe, or keyframe 0 has one")
+
+
+def _check_corners(arrays: Mapping[str, NDArray[Any]], width: int, height: int) -> None:
+    """Corners lie in their level's image, row by row: the search trusts it."""
+    counts, corners = arrays["corner_count"].ravel(), arrays["corner"]
+    level = np.repeat(np.tile(np.arange(LEVELS), len(counts) // LEVELS), counts)
+    inside = (corners >= 0).all(axis=1) & (corners[:, 0] < width >> level) & (corners[:, 1] < height >> level)
+    block = np.repeat(np.arange(len(counts)), counts)
+    if not inside.all() or ((np.diff(corners[:, 1]) < 0) & (np.diff(block) == 0)).any():
+        raise ValueError("corner lies outside its image or out of order")

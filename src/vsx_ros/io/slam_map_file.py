@@ -1,0 +1,184 @@
+"""A map of the SLAM on disk, with all that is needed to continue it (``.vsxmap``).
+
+A zip file: manifest.json (format, camera, mount), keyframes/<index>.png (grey images), arrays/<name>.npy
+(``slam_map_arrays.LAYOUT``); its last 64 bytes are the SHA-256 of all bytes before.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vsx_ros import __version__
+from vsx_ros.arrays import GrayImage
+from vsx_ros.errors import MapFileError
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.io.atomic import write_bytes
+from vsx_ros.io.sealed_archive import seal, unseal
+from vsx_ros.io.slam_map_arrays import LAYOUT, Arrays, arrays_of, check
+from vsx_ros.slam.keyframe import Anchor, FrameData, KeyFrame, Observations
+from vsx_ros.slam.map import MapView, Templates
+from vsx_ros.slam.slam_map import SlamMap
+from vsx_ros.vision.corners import indexed
+from vsx_ros.vision.pyramid import build_pyramid
+from vsx_ros.vision.small_image import small_image
+
+FORMAT, VERSION = "vsx_ros slam map", 1
+
+
+def save_slam_map(slam_map: SlamMap, path: Path) -> None:
+    """Write the file in one step; the SLAM may go on meanwhile.
+
+    Raises MapFileError when it cannot be written.
+    """
+    view, mount = slam_map.view, slam_map.T_base_cam
+    camera = {name: getattr(slam_map.camera, name) for name in PinholeCamera.__slots__}
+    manifest = {
+        "format": FORMAT,
+        "version": VERSION,
+        "written_by": f"vsx_ros {__version__}",
+        "camera": camera,
+        "T_base_cam": None if mount is None else mount.matrix().tolist(),
+        "map_version": view.version,
+    }
+    entries = {"manifest.json": json.dumps(manifest, indent=1).encode()}
+    entries |= {
+        _image_name(k.id): _encoded(k.data.pyramid.level(0), [cv2.IMWRITE_PNG_COMPRESSION, 1])
+        for k in view.keyframes
+        if k.alive
+    }
+    for name, array in arrays_of(view).items():
+        content = io.BytesIO()
+        np.save(content, array, allow_pickle=False)
+        entries[f"arrays/{name}.npy"] = content.getvalue()
+    try:
+        write_bytes(path, seal(entries))
+    except OSError as error:
+        raise MapFileError(f"map {path} cannot be written ({error.strerror}); choose another folder") from error
+
+
+def load_slam_map(path: Path) -> SlamMap:
+    """The map of a file that ``save_slam_map`` wrote, bit for bit.
+
+    Raises MapFileError when it is missing, damaged, something else or from a newer program.
+    """
+    try:
+        entries = unseal(path.read_bytes())
+        manifest = _manifest(entries)
+        camera, mount = _camera(manifest), _mount(manifest)
+        arrays = _arrays(entries)
+        check(arrays, camera.width, camera.height)
+        return SlamMap(camera, mount, _view(arrays, entries, camera, int(manifest["map_version"])))
+    except OSError as error:
+        raise MapFileError(f"map {path} cannot be read ({error.strerror}); check the path") from error
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        reason = f"entry {error} is missing" if isinstance(error, KeyError) else str(error).splitlines()[0]
+        raise MapFileError(f"map {path} cannot be used: {reason}; give a file that this program saved") from error
+
+
+def _manifest(entries: Mapping[str, bytes]) -> dict[str, Any]:
+    tree = json.loads(entries["manifest.json"])
+    if not isinstance(tree, dict) or tree.get("format") != FORMAT:
+        raise ValueError("its manifest is not that of a SLAM map")
+    version = tree.get("version")
+    if not isinstance(version, int) or version > VERSION:
+        raise ValueError(
+            f"it has format version {version}, vsx_ros {__version__} reads up to {VERSION}, update vsx_ros or"
+            f" use the program that wrote it ({tree.get('written_by')})"
+        )
+    return tree
+
+
+def _camera(manifest: Mapping[str, Any]) -> PinholeCamera:
+    tree = manifest["camera"]
+    k1, k2, p1, p2, k3 = (float(k) for k in tree["distortion"])
+    fx, fy, cx, cy = (float(tree[name]) for name in ("fx", "fy", "cx", "cy"))
+    return PinholeCamera(int(tree["width"]), int(tree["height"]), fx, fy, cx, cy, (k1, k2, p1, p2, k3))
+
+
+def _mount(manifest: Mapping[str, Any]) -> SE3 | None:
+    if manifest["T_base_cam"] is None:
+        return None
+    T = np.array(manifest["T_base_cam"], float)
+    rigid = T.shape == (4, 4) and np.isfinite(T).all() and np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-6)
+    if not rigid:
+        raise ValueError("T_base_cam in its manifest is no pose")
+    return SE3.from_matrix(T)
+
+
+def _arrays(entries: Mapping[str, bytes]) -> Arrays:
+    return {name: np.load(io.BytesIO(entries[f"arrays/{name}.npy"]), allow_pickle=False) for name in LAYOUT}
+
+
+def _view(arrays: Arrays, entries: Mapping[str, bytes], camera: PinholeCamera, version: int) -> MapView:
+    frames = tuple(_keyframe(k, arrays, entries, camera) for k in range(len(arrays["stamp_ns"])))
+    looks = (arrays[f"template_{name}"] for name in ("source", "basis", "offset", "patch"))
+    return MapView(
+        version,
+        frames,
+        np.flatnonzero(arrays["anchor"] < 0),
+        arrays["rotation"],
+        arrays["translation"],
+        arrays["point"],
+        arrays["point_alive"],
+        arrays["point_source"],
+        Templates(arrays["point_templates"], *looks),
+    )
+
+
+def _keyframe(k: int, arrays: Arrays, entries: Mapping[str, bytes], camera: PinholeCamera) -> KeyFrame:
+    ends = np.concatenate([[0], np.cumsum(arrays["observation_count"])])
+    part = slice(int(ends[k]), int(ends[k + 1]))
+    observed = Observations(*(arrays[f"observation_{name}"][part] for name in ("row", "uv", "ideal", "level")))
+    anchor = None
+    if arrays["anchor"][k] >= 0:
+        T = SE3(arrays["anchor_rotation"][k], arrays["anchor_translation"][k])
+        anchor = Anchor(int(arrays["anchor"][k]), T)
+    return KeyFrame(
+        k,
+        _frame_data(k, arrays, entries, camera),
+        SE3(arrays["rotation"][k], arrays["translation"][k]),
+        observed,
+        float(arrays["median_depth"][k]),
+        int(arrays["chain"][k]),
+        anchor,
+    )
+
+
+def _frame_data(k: int, arrays: Arrays, entries: Mapping[str, bytes], camera: PinholeCamera) -> FrameData:
+    """All that follows from the image is made anew; corners follow from earlier images, too, hence are stored."""
+    stamp_ns = int(arrays["stamp_ns"][k])
+    wheels = SE2(*arrays["odometry"][k].tolist()) if arrays["has_odometry"][k] else None
+    if arrays["anchor"][k] >= 0:
+        return FrameData.without_image(stamp_ns, wheels)
+    pyramid = build_pyramid(_decoded(entries[_image_name(k)], k, camera))
+    counts = arrays["corner_count"]
+    first = int(counts[:k].sum())
+    ends = first + np.cumsum(counts[k])
+    corners = indexed(np.split(arrays["corner"][first : ends[-1]], ends[:-1] - first), pyramid)
+    return FrameData(stamp_ns, pyramid, corners, small_image(pyramid), wheels)
+
+
+def _image_name(index: int) -> str:
+    return f"keyframes/{index:06d}.png"
+
+
+def _encoded(image: GrayImage, parameters: list[int]) -> bytes:
+    return bytes(cv2.imencode(".png", image, parameters)[1])
+
+
+def _decoded(content: bytes, index: int, camera: PinholeCamera) -> GrayImage:
+    pixels = np.frombuffer(content, np.uint8)
+    image: NDArray[Any] | None = cv2.imdecode(pixels, cv2.IMREAD_UNCHANGED) if len(pixels) else None
+    if image is None or image.dtype != np.uint8 or image.shape != (camera.height, camera.width):
+        raise ValueError(f"the image of keyframe {index} is no grey picture of {camera.width}x{camera.height}")
+    return image
