@@ -64,7 +64,7 @@ class Problem:
         self.start_poses = [T if f < 2 else random_pose(rng, 0.01) @ T for f, T in enumerate(self.truth)]
         self.start_points = self.points + rng.normal(0, 0.05, self.points.shape)
 
-    def solve(self, free, factors=(), scale=1.0, iterations=30, ground=None):
+    def solve(self, free, factors=(), scale=1.0, iterations=30, ground=None, progress=bundle.START):
         poses = [SE3(T.rotation, T.translation * scale) for T in self.start_poses]
         n = len(factors)
         return bundle.adjust(
@@ -78,20 +78,23 @@ class Problem:
             self.obs_frame,
             self.obs_xy,
             np.ones(len(self.obs_xy)),
-            np.array([a for a, _ in factors], np.int64),
-            np.array([b for _, b in factors], np.int64),
-            np.array([(self.truth[a] @ self.truth[b].inverse()).rotation for a, b in factors]).reshape(n, 3, 3),
-            np.array([(self.truth[a] @ self.truth[b].inverse()).translation for a, b in factors]).reshape(n, 3),
-            np.tile(np.diag([1e6, 1e4, 1e4, 1e4, 1e4, 1e4]), (n, 1, 1)),
+            relative_pose.Factors(
+                np.array([a for a, _ in factors], np.int64),
+                np.array([b for _, b in factors], np.int64),
+                np.array([(self.truth[a] @ self.truth[b].inverse()).rotation for a, b in factors]).reshape(n, 3, 3),
+                np.array([(self.truth[a] @ self.truth[b].inverse()).translation for a, b in factors]).reshape(n, 3),
+                np.tile(np.diag([1e6, 1e4, 1e4, 1e4, 1e4, 1e4]), (n, 1, 1)),
+            ),
             ground or floor.no_floor(),
             iterations,
             0.4,
+            progress,
         )
 
 
 def test_recovers_poses_points_and_names_the_outliers():
     problem = Problem()
-    R, t, points, squared, sigma, steps = problem.solve([-1, -1, 0, 1, 2, 3])
+    R, t, points, squared, sigma, steps, _ = problem.solve([-1, -1, 0, 1, 2, 3])
     for f, T in enumerate(problem.truth):
         assert np.abs(t[f] - T.translation).max() < 0.012
         assert T.rotation_angle_to(SE3(R[f], t[f])) < 0.002
@@ -125,7 +128,7 @@ def test_factors_hold_the_metric_scale():
 def test_work_is_capped_whatever_the_input():
     problem = Problem()
     problem.obs_xy = np.random.default_rng(0).uniform(0, 640, problem.obs_xy.shape)
-    R, t, points, *_, steps = problem.solve([-1, -1, 0, 1, 2, 3], iterations=7)
+    R, t, points, *_, steps, _ = problem.solve([-1, -1, 0, 1, 2, 3], iterations=7)
     assert steps <= 7
     assert np.isfinite(t).all()
     assert np.isfinite(R).all()
@@ -155,7 +158,6 @@ def test_real_reconstruction_returns_to_its_residual():
     obs_point, obs_frame = table[:, 0].astype(int), table[:, 1].astype(int)
 
     def solve(poses, points, iterations):
-        none = np.zeros(0, np.int64)
         return bundle.adjust(
             np.array([f, f, cx, cy]),
             np.array([T.rotation for T in poses]),
@@ -167,14 +169,11 @@ def test_real_reconstruction_returns_to_its_residual():
             obs_frame,
             np.ascontiguousarray(table[:, 2:]),
             np.ones(len(table)),
-            none,
-            none,
-            np.zeros((0, 3, 3)),
-            np.zeros((0, 3)),
-            np.zeros((0, 6, 6)),
+            relative_pose.no_factors(),
             floor.no_floor(),
             iterations,
             0.2,
+            bundle.START,
         )
 
     rng = np.random.default_rng(0)

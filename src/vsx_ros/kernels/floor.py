@@ -85,36 +85,36 @@ def floor_cost(R: Any, t: Any, floor: Any) -> float:
 
 
 @kernel
-def _add_rows(S: Any, J: Any, weight: float, i: int) -> None:
-    """Add weight J^T J to block i of the upper triangle of S."""
+def _add_rows(block: Any, J: Any, weight: float) -> None:
+    """Add weight J^T J to the upper triangle of a block (6, 6)."""
     for k in range(J.shape[0]):
         for a in range(6):
             for b in range(a, 6):
-                S[6 * i + a, 6 * i + b] += weight * J[k, a] * J[k, b]
+                block[a, b] += weight * J[k, a] * J[k, b]
 
 
 @kernel
-def add_floor(S: Any, g: Any, R: Any, t: Any, free: Any, floor: Any) -> None:
-    """Add the floor to the upper triangle of the reduced system S and its right-hand side g."""
+def add_floor(blocks: Any, g: Any, R: Any, t: Any, pattern: Any, floor: Any) -> None:
+    """Add the floor to the blocks of the frames' system (see ``schur.Pattern``) and its right-hand side g (n, 6)."""
     for f in floor.frames:
-        i = free[f]
+        i = pattern.number[f]
         if i < 0:
             continue
         r = floor_residual(R[f], t[f], floor)
         m = math.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
         weight = 1.0 if m <= HUBER else HUBER / m
         J = floor_jacobian(R[f], floor)
-        _add_rows(S, J, weight, i)
+        _add_rows(blocks[pattern.begin[i]], J, weight)
         for a in range(6):
             for k in range(3):
-                g[6 * i + a] -= weight * J[k, a] * r[k]
+                g[i, a] -= weight * J[k, a] * r[k]
 
 
 @kernel
-def hold_anchor(S: Any, R: Any, free: Any, floor: Any) -> None:
+def hold_anchor(blocks: Any, R: Any, pattern: Any, floor: Any) -> None:
     """Forbid the anchor what the floor does not tell (x, y and yaw): the world's place. Call after the damping, which
     would else take the stiffness for a scale."""
-    if floor.anchor < 0 or free[floor.anchor] < 0:
+    if floor.anchor < 0 or pattern.number[floor.anchor] < 0:
         return
     A = R[floor.anchor]
     J = np.zeros((3, 6))
@@ -122,4 +122,4 @@ def hold_anchor(S: Any, R: Any, free: Any, floor: Any) -> None:
     _position_row(A[:, 1], floor.base_in_cam, J[1])
     for k in range(3):
         J[2, 3 + k] = A[k, 2]
-    _add_rows(S, J, HOLD, free[floor.anchor])
+    _add_rows(blocks[pattern.begin[pattern.number[floor.anchor]]], J, HOLD)

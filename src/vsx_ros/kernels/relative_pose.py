@@ -8,13 +8,30 @@ linearly.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from vsx_ros.kernels import kernel
 
 HUBER = 5.0
+
+
+class Factors(NamedTuple):
+    """E measured poses T_a_b between frames: a (E,), b (E,) the frames, R (E, 3, 3) and t (E, 3) the measurement,
+    information (E, 6, 6) in the tangent of ``relative_residual``."""
+
+    a: Any
+    b: Any
+    R: Any
+    t: Any
+    information: Any
+
+
+def no_factors() -> Factors:
+    """Nothing is measured between frames."""
+    none = np.zeros(0, np.int64)
+    return Factors(none, none, np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 6, 6)))
 
 
 @kernel
@@ -118,52 +135,38 @@ def _quadratic(r: Any, info: Any) -> float:
 
 
 @kernel
-def factor_cost(R: Any, t: Any, factor_a: Any, factor_b: Any, factor_R: Any, factor_t: Any, factor_info: Any) -> float:
+def factor_cost(R: Any, t: Any, factors: Any) -> float:
     """Half the squared error of all factors, linear beyond HUBER deviations."""
     total = 0.0
-    for f in range(factor_a.shape[0]):
-        a, b = factor_a[f], factor_b[f]
-        r = relative_residual(R[a], t[a], R[b], t[b], factor_R[f], factor_t[f])
-        m = math.sqrt(max(0.0, _quadratic(r, factor_info[f])))
+    for f in range(factors.a.shape[0]):
+        a, b = factors.a[f], factors.b[f]
+        r = relative_residual(R[a], t[a], R[b], t[b], factors.R[f], factors.t[f])
+        m = math.sqrt(max(0.0, _quadratic(r, factors.information[f])))
         total += 0.5 * m * m if m <= HUBER else HUBER * (m - 0.5 * HUBER)
     return total
 
 
 @kernel
-def add_factors(
-    S: Any,
-    g: Any,
-    R: Any,
-    t: Any,
-    free: Any,
-    factor_a: Any,
-    factor_b: Any,
-    factor_R: Any,
-    factor_t: Any,
-    factor_info: Any,
-) -> None:
-    """Add the relative-pose factors to the upper triangle of the reduced system S and its right-hand side g."""
-    for f in range(factor_a.shape[0]):
-        a, b = factor_a[f], factor_b[f]
-        r = relative_residual(R[a], t[a], R[b], t[b], factor_R[f], factor_t[f])
-        m = math.sqrt(max(0.0, _quadratic(r, factor_info[f])))
-        info = factor_info[f] * (1.0 if m <= HUBER else HUBER / m)
-        Ja, Jb = relative_jacobians(r, factor_R[f], factor_t[f])
+def add_factors(blocks: Any, g: Any, R: Any, t: Any, pattern: Any, factors: Any) -> None:
+    """Add the factors to the blocks of the frames' system (see ``schur.Pattern``) and its right-hand side g (n, 6)."""
+    for f in range(factors.a.shape[0]):
+        a, b = factors.a[f], factors.b[f]
+        r = relative_residual(R[a], t[a], R[b], t[b], factors.R[f], factors.t[f])
+        m = math.sqrt(max(0.0, _quadratic(r, factors.information[f])))
+        info = factors.information[f] * (1.0 if m <= HUBER else HUBER / m)
+        Ja, Jb = relative_jacobians(r, factors.R[f], factors.t[f])
         for first in range(2):
             J1 = Ja if first == 0 else Jb
-            i = free[a] if first == 0 else free[b]
+            i = pattern.number[a] if first == 0 else pattern.number[b]
             if i < 0:
                 continue
             JI = J1.T @ info
             rhs = JI @ r
             for k in range(6):
-                g[6 * i + k] -= rhs[k]
+                g[i, k] -= rhs[k]
             for second in range(2):
                 J2 = Ja if second == 0 else Jb
-                j = free[a] if second == 0 else free[b]
+                j = pattern.number[a] if second == 0 else pattern.number[b]
                 if j < i:
                     continue
-                block = JI @ J2
-                for k in range(6):
-                    for m2 in range(6):
-                        S[6 * i + k, 6 * j + m2] += block[k, m2]
+                blocks[pattern.index[i, j]] += JI @ J2

@@ -19,6 +19,7 @@ from vsx_ros.kernels import (
     shortcuts,
 )
 from vsx_ros.kernels.floor import no_floor
+from vsx_ros.kernels.relative_pose import Factors
 
 
 def warm_up() -> None:
@@ -100,14 +101,11 @@ def _mapping() -> None:
         np.array([0, 1]),
         np.zeros((2, 2)),
         np.ones(2),
-        one,
-        one + 1,
-        pair[:1],
-        np.zeros((1, 3)),
-        np.eye(6)[None],
+        Factors(one, one + 1, pair[:1], np.zeros((1, 3)), np.eye(6)[None]),
         no_floor(),
         2,
         0.4,
+        bundle.START,
     )
 
 

@@ -3,6 +3,7 @@ floor factors."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -12,20 +13,29 @@ from vsx_ros.config import WheelConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels.bundle import adjust
+from vsx_ros.kernels.bundle import START, adjust
 from vsx_ros.kernels.floor import Floor, no_floor
 from vsx_ros.kernels.pose import TUKEY
+from vsx_ros.kernels.relative_pose import Factors
 from vsx_ros.slam.map import Map
 
 SIGMA_MIN_PX = 0.4
+SLICE_OBSERVATIONS = 160_000
 
 
 class Adjustment(NamedTuple):
-    """sigma_px: robust residual scale reached. outliers: observations removed. dead: points removed."""
+    """sigma_px: robust residual scale reached. outliers: observations removed. dead: points removed. finished: False
+    when it was interrupted; what had been gained by then is in the map, nothing is removed."""
 
     sigma_px: float
     outliers: int
     dead: int
+    finished: bool
+
+
+def never() -> bool:
+    """Nothing interrupts."""
+    return False
 
 
 class OdometryFactor(NamedTuple):
@@ -33,6 +43,30 @@ class OdometryFactor(NamedTuple):
 
     T_a_b: SE3
     information: FloatArray
+
+
+class Observed(NamedTuple):
+    """Observations grouped by point. rows (M,): the points in the map; start (M + 1,), point (O,), frame (O,), xy (O,
+    2), weight (O,): see ``bundle.adjust``."""
+
+    rows: IntArray
+    start: IntArray
+    point: IntArray
+    frame: IntArray
+    xy: FloatArray
+    weight: FloatArray
+
+
+class Solution(NamedTuple):
+    """What ``bundle.adjust`` returns, with the number of each frame among those that move (-1: none)."""
+
+    free: IntArray
+    R: FloatArray
+    t: FloatArray
+    points: FloatArray
+    squared: FloatArray
+    sigma_px: float
+    finished: bool
 
 
 def adjoint(T: SE3) -> FloatArray:
@@ -65,10 +99,14 @@ class BundleAdjuster:
         self._T_base_cam = T_base_cam
         self._wheels = wheels
 
-    def adjust(self, world: Map, free: list[int], iterations: int) -> Adjustment:
+    def adjust(
+        self, world: Map, free: list[int], iterations: int, interrupted: Callable[[], bool] = never
+    ) -> Adjustment:
         """Move the keyframes ``free`` (indices) and all points they see; every other keyframe that sees these points
         holds them in place. Keyframe 0 never moves, but that it is levelled where the world's floor is known: its
-        first tilt is the mount's, which is wrong by a little, and would lean the world."""
+        first tilt is the mount's, which is wrong by a little, and would lean the world.
+
+        ``interrupted`` is asked between slices of the work: a few iterations of a small problem, one of a large one."""
         free = [k for k in free if world.keyframes[k].alive]
         free = sorted(set(free) if self._knows_floor(world) else set(free) - {0})
         seen = np.zeros(world.count, np.bool_)
@@ -77,56 +115,46 @@ class BundleAdjuster:
         frames = [
             k for k, keyframe in enumerate(world.keyframes) if k in free or seen[keyframe.observations.rows].any()
         ]
-        point, frame, xy, weight = self._observations(world, frames, seen)
-        counts = np.bincount(point, minlength=world.count)
-        keep = counts[point] >= 2
-        point, frame, xy, weight = point[keep], frame[keep], xy[keep], weight[keep]
-        if not free or len(point) < 12:
-            return Adjustment(0.0, 0, 0)
-        rows, local = np.unique(point, return_inverse=True)
-        order = np.lexsort((frame, local))
-        local, frame = local[order], frame[order]
-        number = {k: i for i, k in enumerate(free)}
-        T_cam_world = [world.keyframes[k].T_world_cam.inverse() for k in frames]
-        R, t, points, squared, sigma, _ = adjust(
-            self._K,
-            np.array([T.rotation for T in T_cam_world]),
-            np.array([T.translation for T in T_cam_world]),
-            np.array([number.get(k, -1) for k in frames], np.int64),
-            world.points[rows],
-            np.searchsorted(local, np.arange(len(rows) + 1)),
-            local,
-            frame,
-            xy[order],
-            weight[order],
-            *self._factors(world, frames, set(free)),
-            self._floor(world, frames),
-            iterations,
-            SIGMA_MIN_PX,
-        )
+        observed = _observed(world, frames, seen)
+        if not free or len(observed.frame) < 12:
+            return Adjustment(0.0, 0, 0, True)
+        solution = self._solve(world, frames, free, observed, iterations, interrupted)
         for position, k in enumerate(frames):
-            if k in number:
-                world.move_keyframe(k, SE3(R[position], t[position]).inverse())
-        world.points[rows] = points
-        bad = squared > (TUKEY * sigma) ** 2
-        dead = self._discard(world, np.array(frames)[frame[bad]], rows[local[bad]])
+            if solution.free[position] >= 0:
+                world.move_keyframe(k, SE3(solution.R[position], solution.t[position]).inverse())
+        world.points[observed.rows] = solution.points
+        bad = solution.squared > (TUKEY * solution.sigma_px) ** 2
+        dead = 0
+        if solution.finished:
+            dead = _discard(world, np.array(frames)[observed.frame[bad]], observed.rows[observed.point[bad]])
         for k in free:
             world.update_depth(k)
-        return Adjustment(float(sigma), int(bad.sum()), dead)
+        return Adjustment(solution.sigma_px, int(bad.sum()) if solution.finished else 0, dead, solution.finished)
 
-    def _observations(
-        self, world: Map, frames: list[int], seen: BoolArray
-    ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
-        parts = []
-        for position, k in enumerate(frames):
-            observed = world.keyframes[k].observations
-            mask = seen[observed.rows]
-            rows = observed.rows[mask]
-            parts.append((rows, np.full(len(rows), position), observed.ideal[mask], 0.5 ** observed.level[mask]))
-        if not parts:
-            return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros(0)
-        point, frame, xy, weight = (np.concatenate(column) for column in zip(*parts))
-        return point, frame, xy, weight.astype(float)
+    def _solve(
+        self,
+        world: Map,
+        frames: list[int],
+        free: list[int],
+        observed: Observed,
+        iterations: int,
+        interrupted: Callable[[], bool],
+    ) -> Solution:
+        number = {k: i for i, k in enumerate(free)}
+        moving = np.array([number.get(k, -1) for k in frames], np.int64)
+        T_cam_world = [world.keyframes[k].T_world_cam.inverse() for k in frames]
+        R, t = np.array([T.rotation for T in T_cam_world]), np.array([T.translation for T in T_cam_world])
+        factors, floor = self._factors(world, frames, set(free)), self._floor(world, frames)
+        points, squared, sigma, progress, done = world.points[observed.rows], np.zeros(0), 0.0, START, 0
+        while done < iterations and not progress.done:
+            trials = min(max(1, SLICE_OBSERVATIONS // len(observed.frame)), iterations - done)
+            R, t, points, squared, sigma, _, progress = adjust(
+                self._K, R, t, moving, points, *observed[1:], factors, floor, trials, SIGMA_MIN_PX, progress
+            )
+            done += trials
+            if interrupted():
+                break
+        return Solution(moving, R, t, points, squared, float(sigma), progress.done or done >= iterations)
 
     def by_wheels(self, world: Map, index: int) -> OdometryFactor | None:
         """The odometry factor between a keyframe and its predecessor, None without odometry."""
@@ -137,21 +165,24 @@ class BundleAdjuster:
             return None
         return odometry_factor(before.inverse() @ now, self._T_base_cam, self._wheels)
 
-    def _factors(
-        self, world: Map, frames: list[int], free: set[int]
-    ) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray]:
-        """Arrays of the odometry factors between successive keyframes of which at least one moves."""
+    def _factors(self, world: Map, frames: list[int], free: set[int]) -> Factors:
+        """The odometry factors between successive keyframes of which at least one moves."""
         where = {k: i for i, k in enumerate(frames)}
         found: list[tuple[int, int, OdometryFactor]] = []
         for k in frames:
-            factor, previous = self.by_wheels(world, k), world.predecessor(k)
-            if factor is not None and previous in where and (k in free or previous in free):
-                found.append((where[previous], where[k], factor))
+            previous = world.predecessor(k)
+            if previous in where and (k in free or previous in free):
+                factor = self.by_wheels(world, k)
+                if factor is not None:
+                    found.append((where[previous], where[k], factor))
         n = len(found)
-        a, b = np.array([f[0] for f in found], np.int64), np.array([f[1] for f in found], np.int64)
-        R = np.array([f[2].T_a_b.rotation for f in found]).reshape(n, 3, 3)
-        t = np.array([f[2].T_a_b.translation for f in found]).reshape(n, 3)
-        return a, b, R, t, np.array([f[2].information for f in found]).reshape(n, 6, 6)
+        return Factors(
+            np.array([a for a, _, _ in found], np.int64),
+            np.array([b for _, b, _ in found], np.int64),
+            np.array([factor.T_a_b.rotation for _, _, factor in found]).reshape(n, 3, 3),
+            np.array([factor.T_a_b.translation for _, _, factor in found]).reshape(n, 3),
+            np.array([factor.information for _, _, factor in found]).reshape(n, 6, 6),
+        )
 
     def _knows_floor(self, world: Map) -> bool:
         return self._T_base_cam is not None and world.keyframes[0].data.T_odom_base is not None
@@ -170,18 +201,37 @@ class BundleAdjuster:
             frames.index(0) if 0 in frames else -1,
         )
 
-    def _discard(self, world: Map, frames: IntArray, rows: IntArray) -> int:
-        """Forget the given observations; remove points left with fewer than two or without their source."""
-        marked = np.zeros(world.count, np.bool_)
-        for k in np.unique(frames):
-            marked[:] = False
-            marked[rows[frames == k]] = True
-            world.forget(int(k), marked[world.keyframes[k].observations.rows])
-        touched = np.unique(rows)
-        left = np.zeros(world.count, np.int64)
-        for keyframe in world.keyframes:
-            left[keyframe.observations.rows] += 1
-        lost_source = rows[frames == world.source[rows]]
-        dead = np.union1d(touched[left[touched] < 2], lost_source)
-        world.remove_points(dead)
-        return len(dead)
+
+def _observed(world: Map, frames: list[int], seen: BoolArray) -> Observed:
+    """What the keyframes ``frames`` see of the points in ``seen`` (P,), where at least two see a point."""
+    every = [world.keyframes[k].observations for k in frames]
+    rows = np.concatenate([np.zeros(0, np.int64), *(o.rows for o in every)])
+    frame = np.repeat(np.arange(len(frames)), [len(o.rows) for o in every])
+    counts = np.bincount(rows, minlength=world.count)
+    wanted = np.flatnonzero(seen & (counts >= 2))
+    number = np.full(world.count, -1)
+    number[wanted] = np.arange(len(wanted))
+    local = number[rows]
+    order = np.argsort(local, kind="stable")
+    order = order[np.count_nonzero(local < 0) :]
+    start = np.concatenate([[0], np.cumsum(counts[wanted])])
+    ideal = np.concatenate([np.zeros((0, 2)), *(o.ideal for o in every)])
+    level = np.concatenate([np.zeros(0, np.int64), *(o.level for o in every)])
+    return Observed(wanted, start, local[order], frame[order], ideal[order], 0.5 ** level[order])
+
+
+def _discard(world: Map, frames: IntArray, rows: IntArray) -> int:
+    """Forget the given observations; remove points left with fewer than two or without their source."""
+    marked = np.zeros(world.count, np.bool_)
+    for k in np.unique(frames):
+        here = rows[frames == k]
+        marked[here] = True
+        world.forget(int(k), marked[world.keyframes[k].observations.rows])
+        marked[here] = False
+    touched = np.unique(rows)
+    seen = np.concatenate([keyframe.observations.rows for keyframe in world.keyframes])
+    left = np.bincount(seen, minlength=world.count)
+    lost_source = rows[frames == world.source[rows]]
+    dead = np.union1d(touched[left[touched] < 2], lost_source)
+    world.remove_points(dead)
+    return len(dead)

@@ -13,9 +13,10 @@ from vsx_ros.config import InitializationConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.epipolar import epipolar_error, essential_matrix, two_view_motions
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels.bundle import adjust
+from vsx_ros.kernels.bundle import START, adjust
 from vsx_ros.kernels.floor import no_floor
 from vsx_ros.kernels.projection import unproject_pixels
+from vsx_ros.kernels.relative_pose import no_factors
 from vsx_ros.slam.keyframe import FrameData, KeyFrame, Observations
 from vsx_ros.slam.point_creation import Candidates, TargetMatches, candidates_in, checked_points
 from vsx_ros.vision.patch_search import kernel_camera
@@ -186,8 +187,7 @@ class Initializer:
         R = np.array([np.eye(3), T_b_a.rotation])
         t = np.array([np.zeros(3), T_b_a.translation])
         xy = np.stack([rays_a, rays_b], axis=1).reshape(-1, 2) * f
-        none = np.zeros(0, np.int64)
-        R, t, _, _, _, _ = adjust(
+        R, t, *_ = adjust(
             np.array([f, f, 0.0, 0.0]),
             R,
             t,
@@ -198,14 +198,11 @@ class Initializer:
             np.tile([0, 1], n),
             xy,
             np.ones(2 * n),
-            none,
-            none,
-            np.zeros((0, 3, 3)),
-            np.zeros((0, 3)),
-            np.zeros((0, 6, 6)),
+            no_factors(),
             no_floor(),
             12,
             0.3,
+            START,
         )
         return SE3(R[1], t[1] / max(float(np.linalg.norm(t[1])), 1e-12))
 

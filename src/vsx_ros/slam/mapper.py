@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.config import SlamConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.slam.bundle_adjustment import BundleAdjuster
+from vsx_ros.slam.bundle_adjustment import BundleAdjuster, never
 from vsx_ros.slam.initialization import Initialization
 from vsx_ros.slam.keyframe import FrameData, Observations, covisible
 from vsx_ros.slam.map import Map, MapView
@@ -104,11 +105,11 @@ class Mapper:
         young = len(self.map.keyframes) < GLOBAL_EVERY
         return self._since_global >= (1 if young else GLOBAL_EVERY)
 
-    def refine(self) -> MapView:
-        """Adjust the whole map."""
+    def refine(self, interrupted: Callable[[], bool] = never) -> MapView:
+        """Adjust the whole map; what ``interrupted`` cuts short stays due."""
         world = self.map
-        self._adjuster.adjust(world, world.living, self._config.global_iterations)
-        self._since_global = 0
+        if self._adjuster.adjust(world, world.living, self._config.global_iterations, interrupted).finished:
+            self._since_global = 0
         world.version += 1
         return world.view()
 

@@ -107,6 +107,10 @@ class ThreadedSlam:
             self._work.notify()
         self._thread.join()
 
+    def _wanted(self) -> bool:
+        """Whether something waits that is more urgent than refining the map."""
+        return bool(self._waiting) or self._closing
+
     def _run(self) -> None:
         try:
             while True:
@@ -116,6 +120,8 @@ class ThreadedSlam:
                     if self._closing:
                         return
                     request = self._waiting.popleft() if self._waiting else None
-                self._view = self._mapper.refine() if request is None else self._mapper.add_keyframe(request)
+                self._view = (
+                    self._mapper.refine(self._wanted) if request is None else self._mapper.add_keyframe(request)
+                )
         except BaseException as error:  # handed to the tracker's thread, which raises it
             self._failure = error

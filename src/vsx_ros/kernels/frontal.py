@@ -1,0 +1,226 @@
+"""Sparse Cholesky solution of systems of 6 x 6 blocks by the frontal method (Irons, Int. J. Numer. Meth. Eng. 2, 1970).
+
+Frames are eliminated one after another in an order that keeps the front small (King, Int. J. Numer. Meth. Eng. 2,
+1970): the front is the set of frames that are not eliminated but tied to one that is. Along a path it is as wide as
+the view reaches, whatever the length of the path; each elimination is a dense update of the front alone.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from vsx_ros.kernels import kernel
+
+
+@kernel
+def _next(front: Any, waiting: int, entered: Any, fresh: Any) -> int:
+    """The place in the front of the frame that brings the fewest new ones, of the one that waits longest among
+    equals."""
+    best = 0
+    for k in range(1, waiting):
+        v, b = front[k], front[best]
+        if fresh[v] < fresh[b] or (fresh[v] == fresh[b] and entered[v] < entered[b]):
+            best = k
+    return best
+
+
+@kernel
+def _least_tied(entered: Any, fresh: Any) -> int:
+    """The frame to begin with: of those that have not entered the one with the fewest neighbours."""
+    best = -1
+    for v in range(entered.shape[0]):
+        if entered[v] < 0 and (best < 0 or fresh[v] < fresh[best]):
+            best = v
+    return best
+
+
+@kernel
+def _neighbours(tied: Any) -> tuple[Any, Any]:
+    """The ties (n, n; upper triangle) as lists: those of v are list[begin[v] : begin[v + 1]]."""
+    n = tied.shape[0]
+    begin = np.zeros(n + 1, np.int64)
+    for i in range(n):
+        for j in range(i + 1, n):
+            if tied[i, j]:
+                begin[i + 1] += 1
+                begin[j + 1] += 1
+    for i in range(n):
+        begin[i + 1] += begin[i]
+    lists, filled = np.empty(begin[n], np.int64), begin[:n].copy()
+    for i in range(n):
+        for j in range(i + 1, n):
+            if tied[i, j]:
+                lists[filled[i]], lists[filled[j]] = j, i
+                filled[i] += 1
+                filled[j] += 1
+    return begin, lists
+
+
+@kernel
+def elimination(tied: Any) -> tuple[Any, Any, Any]:
+    """In which order to eliminate n frames, given which are tied: tied (n, n) bool, its upper triangle is read.
+
+    Returns order (n,): the frame eliminated at each step; entry (n,): the frames as they enter the front; extent (n,):
+    width of the front at each step. The place of an eliminated frame is taken by the last of the front.
+    """
+    n = tied.shape[0]
+    begin, neighbours = _neighbours(tied)
+    fresh, entered = begin[1:] - begin[:-1], np.full(n, -1)
+    order, entry, extent = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64)
+    front = np.empty(n, np.int64)
+    waiting, count = 0, 0
+    for step in range(n):
+        chosen = _next(front, waiting, entered, fresh) if waiting else -1
+        v = front[chosen] if waiting else _least_tied(entered, fresh)
+        for q in range(begin[v] - 1, begin[v + 1]):
+            u = neighbours[q] if q >= begin[v] else v
+            if entered[u] >= 0:
+                continue
+            front[waiting], entry[count], entered[u] = u, u, count
+            waiting += 1
+            count += 1
+            for m in range(begin[u], begin[u + 1]):
+                fresh[neighbours[m]] -= 1
+        order[step], extent[step] = v, waiting
+        waiting -= 1
+        front[max(chosen, 0)] = front[waiting]
+    return order, entry, extent
+
+
+@kernel
+def _gather(front: Any, s: int, panel: Any) -> None:
+    """Fill panel (6, E) with rows s..s+5 of the symmetric front, whose upper triangle is kept."""
+    e = panel.shape[1]
+    for a in range(6):
+        for c in range(s + a):
+            panel[a, c] = front[c, s + a]
+        for c in range(s + a, e):
+            panel[a, c] = front[s + a, c]
+
+
+@kernel
+def _factor_rows(panel: Any, s: int, diagonal: Any) -> bool:
+    """Upper Cholesky factor (6, 6) of the panel's columns s..s+5, and the panel's other columns divided by it."""
+    e = panel.shape[1]
+    for a in range(6):
+        pivot = panel[a, s + a]
+        if not pivot > 1e-12:
+            return False
+        inverse = 1.0 / math.sqrt(pivot)
+        row = panel[a]
+        for c in range(e):
+            row[c] *= inverse
+        for b in range(a + 1, 6):
+            f, other = row[s + b], panel[b]
+            for c in range(e):
+                other[c] -= f * row[c]
+    for a in range(6):
+        for b in range(6):
+            diagonal[a, b] = panel[a, s + b] if b >= a else 0.0
+            panel[a, s + b] = 0.0
+    return True
+
+
+@kernel
+def _update(front: Any, panel: Any) -> None:
+    """front -= panel^T panel, upper triangle."""
+    e = panel.shape[1]
+    for r in range(e):
+        f0, f1, f2, f3, f4, f5 = panel[0, r], panel[1, r], panel[2, r], panel[3, r], panel[4, r], panel[5, r]
+        row = front[r, r:e]
+        # Slices that are read from zero on: with an offset in the index the loop is not vectorised.
+        p0, p1, p2, p3, p4, p5 = panel[0, r:], panel[1, r:], panel[2, r:], panel[3, r:], panel[4, r:], panel[5, r:]
+        for c in range(e - r):
+            row[c] -= f0 * p0[c] + f1 * p1[c] + f2 * p2[c] + f3 * p3[c] + f4 * p4[c] + f5 * p5[c]
+
+
+@kernel
+def _close_gap(front: Any, s: int, last: int) -> None:
+    """Move the front's rows and columns last..last+5 to s..s+5 and leave zeros there."""
+    for a in range(6):
+        for c in range(last + a + 1):
+            value = front[c, last + a]
+            front[c, last + a] = 0.0
+            if s == last:
+                continue
+            if c < s:
+                front[c, s + a] = value
+            elif c >= last:
+                front[s + c - last, s + a] = value
+            elif c >= s + 6:
+                front[s + a, c] = value
+
+
+@kernel
+def solve(blocks: Any, begin: Any, column: Any, entry: Any, extent: Any, b: Any) -> bool:
+    """Overwrite b (n, 6) with the solution of S x = b; False when S is not positive definite.
+
+    All frames are numbered in the order of elimination: row k of S's upper triangle are blocks (B, 6, 6)
+    begin[k]..begin[k + 1], the diagonal first, in the columns ``column`` (B,). entry, extent: see ``elimination``.
+    """
+    n, widest = extent.shape[0], 0
+    room = np.zeros(n + 1, np.int64)
+    for k in range(n):
+        widest = max(widest, extent[k])
+        room[k + 1] = room[k] + 36 * extent[k]
+    front, carried = np.zeros((6 * widest, 6 * widest)), np.zeros(6 * widest)
+    factor, diagonal = np.empty(room[n]), np.empty((n, 6, 6))
+    place, occupant = np.zeros(n, np.int64), np.zeros(widest, np.int64)
+    waiting, count = 0, 0
+    for k in range(n):
+        while waiting < extent[k]:
+            place[entry[count]], occupant[waiting] = waiting, entry[count]
+            waiting += 1
+            count += 1
+        s, last = 6 * place[k], 6 * (waiting - 1)
+        panel = factor[room[k] : room[k + 1]].reshape(6, 6 * waiting)
+        _gather(front, s, panel)
+        for q in range(begin[k], begin[k + 1]):
+            at = 6 * place[column[q]]
+            for i in range(6):
+                for j in range(6):
+                    panel[i, at + j] += blocks[q, i, j]
+        if not _factor_rows(panel, s, diagonal[k]):
+            return False
+        for i in range(6):
+            value = b[k, i] + carried[s + i]
+            for j in range(i):
+                value -= diagonal[k, j, i] * b[k, j]
+            b[k, i] = value / diagonal[k, i, i]
+        for i in range(6):
+            for c in range(panel.shape[1]):
+                carried[c] -= panel[i, c] * b[k, i]
+        _update(front, panel)
+        _close_gap(front, s, last)
+        for i in range(6):
+            carried[s + i] = carried[last + i]
+            carried[last + i] = 0.0
+        waiting -= 1
+        occupant[place[k]] = occupant[waiting]
+        place[occupant[waiting]] = place[k]
+    _back(factor, room, diagonal, place, b)
+    return True
+
+
+@kernel
+def _back(factor: Any, room: Any, diagonal: Any, place: Any, b: Any) -> None:
+    """Second half of ``solve``: the frames' values in reverse order; the front's places are filled as they were."""
+    n = b.shape[0]
+    known = np.zeros(((room[1:] - room[:-1]) // 6).max())
+    for k in range(n - 1, -1, -1):
+        panel = factor[room[k] : room[k + 1]].reshape(6, (room[k + 1] - room[k]) // 6)
+        s, last = 6 * place[k], panel.shape[1] - 6
+        for i in range(6):
+            known[last + i] = known[s + i]
+        for i in range(5, -1, -1):
+            value = b[k, i]
+            for c in range(panel.shape[1]):
+                value -= panel[i, c] * known[c]
+            for j in range(i + 1, 6):
+                value -= diagonal[k, i, j] * b[k, j]
+            b[k, i] = value / diagonal[k, i, i]
+        for i in range(6):
+            known[s + i] = b[k, i]

@@ -1,0 +1,180 @@
+"""Points eliminated from a bundle adjustment (Schur complement): the sparse system of the frames alone, and the points
+that belong to its solution.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from vsx_ros.kernels import kernel
+from vsx_ros.kernels.frontal import elimination
+
+
+class Pattern(NamedTuple):
+    """Where the system of n frames has blocks. number (F,): a frame's row in the order of elimination, -1 when it is
+    fixed; index (n, n): number of the block in a row and column of the upper triangle, -1 where there is none; begin,
+    column, entry, extent: see ``frontal.solve``."""
+
+    number: Any
+    index: Any
+    begin: Any
+    column: Any
+    entry: Any
+    extent: Any
+
+
+@kernel
+def _tie(i: int, j: int, tied: Any) -> None:
+    if i >= 0 and j >= 0:
+        tied[min(i, j), max(i, j)] = True
+
+
+@kernel
+def pattern_of(free: Any, obs_start: Any, obs_frame: Any, factor_a: Any, factor_b: Any) -> Any:
+    """The ``Pattern`` of frames that are tied by points or factors. free (F,): 0..n-1, or -1 for fixed frames."""
+    n = 0
+    for f in range(free.shape[0]):
+        n = max(n, free[f] + 1)
+    tied = np.zeros((n, n), np.bool_)
+    for p in range(obs_start.shape[0] - 1):
+        for o in range(obs_start[p], obs_start[p + 1]):
+            for q in range(o + 1, obs_start[p + 1]):
+                _tie(free[obs_frame[o]], free[obs_frame[q]], tied)
+    for f in range(factor_a.shape[0]):
+        _tie(free[factor_a[f]], free[factor_b[f]], tied)
+    order, entry, extent = elimination(tied)
+    position = np.empty(n, np.int64)
+    for k in range(n):
+        position[order[k]] = k
+    number = free.astype(np.int64)
+    for f in range(free.shape[0]):
+        if free[f] >= 0:
+            number[f] = position[free[f]]
+    for k in range(n):
+        entry[k] = position[entry[k]]
+    index, begin = np.full((n, n), -1, np.int32), np.zeros(n + 1, np.int64)
+    column = np.empty(n + np.count_nonzero(tied), np.int64)
+    count = 0
+    for k in range(n):
+        for j in range(k, n):
+            a, b = min(order[k], order[j]), max(order[k], order[j])
+            if a == b or tied[a, b]:
+                index[k, j], column[count] = count, j
+                count += 1
+        begin[k + 1] = count
+    return Pattern(number, index, begin, column[:count], entry, extent)
+
+
+@kernel
+def _factor_point(V: Any, damping: float, L: Any) -> bool:
+    """Lower Cholesky factor (6 entries by columns) of a damped symmetric 3x3 (6 upper entries by rows); False when
+    it is singular."""
+    grow = 1.0 + damping
+    a, d, f = V[0] * grow + 1e-12, V[3] * grow + 1e-12, V[5] * grow + 1e-12
+    l0 = math.sqrt(a)
+    l1, l2 = V[1] / l0, V[2] / l0
+    d1 = d - l1 * l1
+    if not d1 > 1e-14 * d:
+        return False
+    l3 = math.sqrt(d1)
+    l4 = (V[4] - l1 * l2) / l3
+    f1 = f - l2 * l2 - l4 * l4
+    if not f1 > 1e-14 * f:
+        return False
+    L[0], L[1], L[2], L[3], L[4], L[5] = l0, l1, l2, l3, l4, math.sqrt(f1)
+    return True
+
+
+@kernel
+def _members(number: Any, obs_frame: Any, W: Any, first: int, beyond: int, members: Any) -> int:
+    """Fill members with the inlying observations of one point in free frames, in the order of elimination."""
+    count = 0
+    for o in range(first, beyond):
+        i = number[obs_frame[o]]
+        if i < 0 or np.isnan(W[o, 0, 0]):
+            continue
+        k = count
+        while k > 0 and number[obs_frame[members[k - 1]]] > i:
+            members[k] = members[k - 1]
+            k -= 1
+        members[k] = o
+        count += 1
+    return count
+
+
+@kernel
+def reduce_points(
+    pattern: Any,
+    obs_start: Any,
+    obs_frame: Any,
+    V: Any,
+    gp: Any,
+    W: Any,
+    damping: float,
+    blocks: Any,
+    rhs: Any,
+    L: Any,
+) -> None:
+    """Subtract the points' share from the system's blocks and from rhs (n, 6); keep the factored point blocks L
+    (M, 6)."""
+    longest = 1
+    for p in range(V.shape[0]):
+        longest = max(longest, obs_start[p + 1] - obs_start[p])
+    members, at, Z = np.empty(longest, np.int64), np.empty(longest, np.int64), np.empty((longest, 3, 6))
+    for p in range(V.shape[0]):
+        if not _factor_point(V[p], damping, L[p]):
+            L[p, 0] = np.nan
+            continue
+        l0, l1, l2, l3, l4, l5 = L[p, 0], L[p, 1], L[p, 2], L[p, 3], L[p, 4], L[p, 5]
+        y0 = gp[p, 0] / l0
+        y1 = (gp[p, 1] - l1 * y0) / l3
+        y2 = (gp[p, 2] - l2 * y0 - l4 * y1) / l5
+        count = _members(pattern.number, obs_frame, W, obs_start[p], obs_start[p + 1], members)
+        for k in range(count):
+            o = members[k]
+            at[k] = pattern.number[obs_frame[o]]
+            for a in range(6):
+                z0 = W[o, 0, a] / l0
+                z1 = (W[o, 1, a] - l1 * z0) / l3
+                z2 = (W[o, 2, a] - l2 * z0 - l4 * z1) / l5
+                Z[k, 0, a], Z[k, 1, a], Z[k, 2, a] = z0, z1, z2
+                rhs[at[k], a] -= z0 * y0 + z1 * y1 + z2 * y2
+        for k in range(count):
+            for m in range(k, count):
+                q = pattern.index[at[k], at[m]]
+                for a in range(6):
+                    z0, z1, z2 = Z[k, 0, a], Z[k, 1, a], Z[k, 2, a]
+                    for b in range(6):
+                        blocks[q, a, b] -= z0 * Z[m, 0, b] + z1 * Z[m, 1, b] + z2 * Z[m, 2, b]
+
+
+@kernel
+def back_substitute(
+    number: Any, obs_start: Any, obs_frame: Any, gp: Any, W: Any, L: Any, step: Any, points: Any, moved: Any
+) -> None:
+    """Fill moved (M, 3): points after the step that belongs to the frames' step (n, 6)."""
+    for p in range(points.shape[0]):
+        moved[p, 0], moved[p, 1], moved[p, 2] = points[p, 0], points[p, 1], points[p, 2]
+        if np.isnan(L[p, 0]):
+            continue
+        b0, b1, b2 = gp[p, 0], gp[p, 1], gp[p, 2]
+        for o in range(obs_start[p], obs_start[p + 1]):
+            i = number[obs_frame[o]]
+            if i < 0 or np.isnan(W[o, 0, 0]):
+                continue
+            for a in range(6):
+                s = step[i, a]
+                b0 -= W[o, 0, a] * s
+                b1 -= W[o, 1, a] * s
+                b2 -= W[o, 2, a] * s
+        l0, l1, l2, l3, l4, l5 = L[p, 0], L[p, 1], L[p, 2], L[p, 3], L[p, 4], L[p, 5]
+        y0 = b0 / l0
+        y1 = (b1 - l1 * y0) / l3
+        x2 = (b2 - l2 * y0 - l4 * y1) / (l5 * l5)
+        x1 = (y1 - l4 * x2) / l3
+        moved[p, 0] += (y0 - l1 * x1 - l2 * x2) / l0
+        moved[p, 1] += x1
+        moved[p, 2] += x2
