@@ -41,6 +41,8 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument("--image-topic", metavar="T", help="image topic of the bag (default: the only one)")
     parser.add_argument("--odometry-topic", metavar="T", help="odometry topic of the bag (likewise)")
     parser.add_argument("--map", action="store_true", help="also build the ground map (needs odometry)")
+    parser.add_argument("--load-map", type=Path, metavar="FILE", help="go on in a SLAM map that --save-map wrote")
+    parser.add_argument("--save-map", type=Path, metavar="FILE", help="at the end, save the SLAM map to go on in it")
     parser.add_argument("--out", type=Path, metavar="RUN", help="run folder (default runs/<date>_<name>)")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the SLAM's random draws (default 0)")
     add_arguments(parser)
@@ -57,7 +59,6 @@ def run(args: argparse.Namespace) -> int:
     from vsx_ros.geometry.camera import mount_pose
     from vsx_ros.io.recording import open_recording
     from vsx_ros.io.run_folder import RunFolder
-    from vsx_ros.slam.slam import SequentialSlam
     from vsx_ros.slam.state import TrackingState
 
     config = load(args.config, args.set)
@@ -65,22 +66,23 @@ def run(args: argparse.Namespace) -> int:
     recording = dataclasses.replace(recording, camera=_calibration(recording, args.calibration))
     if args.map and not recording.odometry:
         raise InputError(f"{args.input} has no odometry, without which scale and floor are unknown; leave out --map")
+    mount = config.robot.mount
+    T_base_cam = mount_pose(mount.forward_m, mount.left_m, mount.height_m, mount.pitch_down_rad, mount.yaw_left_rad)
+    slam = _slam(recording, config, args, T_base_cam)
     now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
     folder = RunFolder.create(args.out or Path("runs") / f"{now}_{args.input.stem}")
     folder.write_config(config, ["vsx", *sys.argv[1:]], seed=args.seed, input=str(args.input.resolve()))
-    mount = config.robot.mount
-    T_base_cam = mount_pose(mount.forward_m, mount.left_m, mount.height_m, mount.pitch_down_rad, mount.yaw_left_rad)
-    assert recording.camera is not None
-    slam = SequentialSlam(recording.camera, T_base_cam if recording.odometry else None, config.slam, args.seed)
     record = RunRecord(T_base_cam)
     _track_all(slam, recording, record)
-    summary = _summary(slam, recording, record).with_values(seed=args.seed).as_dict()
+    continued = str(args.load_map.resolve()) if args.load_map else None
+    summary = _summary(slam, recording, record).with_values(seed=args.seed, continued_map=continued).as_dict()
     record.write(folder, slam.snapshot())
     if recording.ground_truth:
         folder.write_poses("groundtruth", recording.ground_truth)
     if args.map:
         _write_map(folder, slam, config, record, T_base_cam)
     folder.write_summary(summary)
+    _save_slam_map(slam, args.save_map)
     print(summary["stop_reason"], *one_line_facts(summary), f"report: {write_report(folder)}", sep="\n  ")
     ending = record.results[-1].state if record.results else TrackingState.NOT_INITIALISED
     return {TrackingState.NOT_INITIALISED: FAILED, TrackingState.LOST: LOST}.get(ending, DONE)
@@ -106,6 +108,20 @@ def _calibration(recording: Recording, file: Path | None) -> PinholeCamera:
         file=sys.stderr,
     )
     return camera
+
+
+def _slam(recording: Recording, config: Config, args: argparse.Namespace, T_base_cam: SE3) -> SequentialSlam:
+    """A new map or the one to go on in; what cannot be read or written at the end is said now."""
+    from vsx_ros.errors import MapFileError
+    from vsx_ros.io.slam_map_file import load_slam_map
+    from vsx_ros.slam.slam import SequentialSlam
+
+    if args.save_map and not args.save_map.resolve().parent.is_dir():
+        raise MapFileError(f"map {args.save_map} cannot be written: its folder does not exist; choose another folder")
+    loaded = load_slam_map(args.load_map) if args.load_map else None
+    assert recording.camera is not None
+    mount = T_base_cam if recording.odometry else None
+    return SequentialSlam(recording.camera, mount, config.slam, args.seed, loaded)
 
 
 def _track_all(slam: SequentialSlam, recording: Recording, record: RunRecord) -> None:
@@ -154,9 +170,22 @@ def _stop_reason(results: list[TrackingResult]) -> str:
     if last.state is TrackingState.NOT_INITIALISED:
         return f"the map was never started: {last.reason}"
     if last.state is TrackingState.LOST:
-        tracked = max(i for i, r in enumerate(results) if r.state in (TrackingState.GOOD, TrackingState.DUBIOUS))
+        good = (TrackingState.GOOD, TrackingState.DUBIOUS)
+        tracked = max((i for i, r in enumerate(results) if r.state in good), default=-1)
         return f"lost for good from frame {tracked + 1} of {len(results)}: {results[tracked + 1].reason}"
     return "the recording was tracked to its end"
+
+
+def _save_slam_map(slam: SequentialSlam, path: Path | None) -> None:
+    from vsx_ros.io.slam_map_file import save_slam_map
+
+    if path is None:
+        return
+    slam_map = slam.slam_map()
+    if slam_map is None:
+        print(f"vsx: {path} is not written: there is no map, it was never started", file=sys.stderr)
+    else:
+        save_slam_map(slam_map, path)
 
 
 def _write_map(folder: RunFolder, slam: SequentialSlam, config: Config, record: RunRecord, T_base_cam: SE3) -> None:

@@ -53,6 +53,7 @@ class Summary(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     seed: int | None = None
     planner: str | None = None
     phi: float | None = None
+    continued_map: str | None = None
     version: str = __version__
 
     def as_dict(self) -> dict[str, Any]:

@@ -5,7 +5,8 @@ Publishers: vslam/pose (base_footprint in map, stamp of the image), /tf map -> o
     vslam/state, vslam/stats/*, follower/lease; map, map_metadata, vslam/{map_points,keyframes,path} (latched).
 Services: static_map.
 Parameters: ~config (tree of config.py), ~seed (int, 0), ~run_dir (folder for the results of the run; none),
-    ~use_odometry (bool, true: wait for odom, the map is metric; false: the map has no scale and no floor).
+    ~use_odometry (bool, true: wait for odom, the map is metric; false: the map has no scale and no floor),
+    ~load_map (SLAM map to go on in, the robot anywhere in it; none), ~save_map (file to save it to at the end; none).
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from vsx_ros.config import Config
 from vsx_ros.geometry.camera import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.run_folder import RunFolder
+from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
 from vsx_ros.robot import Odometry
 from vsx_ros.ros import convert, images, process, topics
 from vsx_ros.ros.ground_mapping import GroundMapping
@@ -55,12 +57,17 @@ class VslamNode:
             mount.forward_m, mount.left_m, mount.height_m, mount.pitch_down_rad, mount.yaw_left_rad
         )
         self._run_dir = str(rospy.get_param("~run_dir", ""))
+        load_map = str(rospy.get_param("~load_map", ""))
+        self._loaded = load_slam_map(Path(load_map)) if load_map else None
         self._sync = SensorSync()
         self._record = RunRecord(self._T_base_cam)
         self._slam: ThreadedSlam | None = None
         self._T_map_odom = SE2()
         self._odometry_heard = False
         self._ground = GroundMapping(config)
+        if self._loaded is not None:
+            first = self._loaded.view.keyframes[0].T_world_cam
+            self._ground.started(SE2.from_se3(first @ self._T_base_cam.inverse()))
         self._status = SlamStatus()
         self._lease = Lease(topics.FOLLOWER_LEASE, "vslam")
         self._pose_pub = rospy.Publisher(topics.POSE, PoseWithCovarianceStamped, queue_size=5, tcp_nodelay=True)
@@ -78,7 +85,8 @@ class VslamNode:
         odometry = convert.odometry(msg)
         if not self._odometry_heard:
             self._odometry_heard = True
-            self._ground.started(odometry.T_odom_base)
+            if self._loaded is None:
+                self._ground.started(odometry.T_odom_base)
         self._record.add_odometry(odometry)
         self._sync.add_odometry(odometry)
 
@@ -94,7 +102,7 @@ class VslamNode:
         seed = int(rospy.get_param("~seed", 0))
         metric = bool(rospy.get_param("~use_odometry", True))
         T_base_cam = self._T_base_cam if metric else None
-        self._slam = slam = ThreadedSlam(camera, T_base_cam, self._config.slam, seed)
+        self._slam = slam = ThreadedSlam(camera, T_base_cam, self._config.slam, seed, self._loaded)
         heard_s, tracked_any = time.monotonic(), False
         while not rospy.is_shutdown():
             taken = self._sync.take(timeout_s=0.2)
@@ -159,6 +167,9 @@ class VslamNode:
                 folder.path.mkdir(parents=True, exist_ok=True)
                 self._record.write(folder, self._slam.snapshot())
                 folder.write_summary(self._record.summary(self._slam.statistics()).as_dict())
+            slam_map, path = self._slam.slam_map(), str(rospy.get_param("~save_map", ""))
+            if path and slam_map is not None:
+                save_slam_map(slam_map, Path(path))
 
 
 def main() -> None:
