@@ -64,9 +64,20 @@ def scene():
 
 
 def optimize(start, points, observed, prior=0.0):
-    weight = np.ones(len(points))
+    every = np.arange(len(points))
     return pose.optimize_pose(
-        K, start.rotation, start.translation, points, observed, weight, np.full(6, prior), 12, 0.4
+        np.concatenate([K, np.zeros(5), [9.0, 640.0, 480.0]]),
+        start.rotation,
+        start.translation,
+        points,
+        every,
+        observed,
+        np.zeros_like(every),
+        every >= 0,
+        np.full(6, prior),
+        4,
+        12,
+        0.4,
     )
 
 

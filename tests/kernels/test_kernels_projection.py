@@ -60,7 +60,8 @@ def predicted(points, T_world_cam, template, camera=CAMERA):
 def test_prediction_lands_where_the_camera_projects(one_template):
     points = np.array([[0.1, 0.05, 2.0], [-0.6, 0.3, 2.5], [0.0, 0.0, 3.0]])
     pose = SE3.exp(np.array([0.05, 0.0, 0.1, 0.0, 0.05, 0.02]))
-    level, uv, _, chosen = predicted(points, pose, one_template)
+    rows, level, uv, _, chosen = predicted(points, pose, one_template)
+    assert rows.tolist() == [0, 1, 2]
     assert (level == 0).all()
     assert (chosen == 0).all()
     assert np.allclose(uv, CAMERA.project(pose.inverse() @ points), atol=1e-9)
@@ -68,21 +69,21 @@ def test_prediction_lands_where_the_camera_projects(one_template):
 
 def test_behind_outside_and_from_the_back_are_invisible(one_template):
     ahead, behind, aside = [0.0, 0.0, 2.0], [0.0, 0.0, -2.0], [3.0, 0.0, 2.0]
-    level, *_ = predicted([ahead, behind, aside], SE3.identity(), one_template)
-    assert level.tolist() == [0, -1, -1]
+    rows, *_ = predicted([behind, ahead, aside], SE3.identity(), one_template)
+    assert rows.tolist() == [1]
     turned = SE3(np.diag([-1.0, 1.0, -1.0]), np.array([0.0, 0.0, 4.0]))
-    assert predicted([ahead], turned, one_template)[0].tolist() == [-1]
+    assert predicted([ahead], turned, one_template)[0].tolist() == []
 
 
 @pytest.mark.parametrize(
-    ("distance", "expected"), [(2.0, 0), (1.2, 0), (1.0, 1), (0.6, 1), (0.45, 2), (3.9, 0), (4.2, -1)]
+    ("distance", "expected"), [(2.0, 0), (1.2, 0), (1.0, 1), (0.6, 1), (0.45, 2), (3.9, 0), (4.2, None)]
 )
 def test_level_follows_scale(one_template, distance, expected):
     straight = PinholeCamera(640, 480, 525.0, 520.0, 318.0, 243.0)
     pose = SE3(np.eye(3), np.array([0.0, 0.0, 2.0 - distance]))
-    level, _, warp, _ = predicted([[0.0, 0.0, 2.0]], pose, one_template, straight)
-    assert level[0] == expected
-    if expected >= 0:
+    rows, level, _, warp, _ = predicted([[0.0, 0.0, 2.0]], pose, one_template, straight)
+    assert level.tolist() == ([] if expected is None else [expected])
+    if len(rows):
         # One px at the chosen level is 2^level * distance / 2 px of the source.
         assert warp[0] == pytest.approx(
             [2.0**expected * distance / 2.0, 0, 0, 2.0**expected * distance / 2.0], rel=1e-3

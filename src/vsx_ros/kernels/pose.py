@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from vsx_ros.kernels import kernel
+from vsx_ros.kernels.projection import unproject_pixel
 
 TUKEY = 4.6851
 TO_SIGMA = 1.4826
@@ -84,8 +85,16 @@ def tukey_sigma(squared: Any, n: int, sigma_min: float) -> float:
     """Robust standard deviation of n residuals from the median of their squares (PTAM's small-sample factor)."""
     if n < 6:
         return max(sigma_min, 4.0)
-    median = np.median(squared[:n])
-    return max(sigma_min, TO_SIGMA * (1.0 + 5.0 / (2.0 * n - 6.0)) * math.sqrt(median))
+    to_sigma = TO_SIGMA * (1.0 + 5.0 / (2.0 * n - 6.0))
+    # Counting tells whether the median is below the floor, and is much faster than finding it.
+    floor = (sigma_min / to_sigma) * (sigma_min / to_sigma)
+    below = 0
+    for i in range(n):
+        if squared[i] <= floor:
+            below += 1
+    if 2 * below > n:
+        return sigma_min
+    return max(sigma_min, to_sigma * math.sqrt(np.median(squared[:n])))
 
 
 @kernel
@@ -128,71 +137,121 @@ def solve_factored(U: Any, b: Any) -> None:
 
 
 @kernel
+def add_observation(K: Any, x: float, y: float, z: float, ru: float, rv: float, scale: float, H: Any, g: Any) -> None:
+    """Add scale * J^T J to the upper triangle of H (6, 6) and scale * J^T r to g (6,); J as ``point_jacobian``."""
+    iz = 1.0 / z
+    xn, yn = x * iz, y * iz
+    a0, a2, a3, a4, a5 = K[0] * iz, -K[0] * iz * xn, -K[0] * xn * yn, K[0] * (1.0 + xn * xn), -K[0] * yn
+    b1, b2, b3, b4, b5 = K[1] * iz, -K[1] * iz * yn, -K[1] * (1.0 + yn * yn), K[1] * xn * yn, K[1] * xn
+    sa0, sa2, sa3, sa4, sa5 = scale * a0, scale * a2, scale * a3, scale * a4, scale * a5
+    sb1, sb2, sb3, sb4, sb5 = scale * b1, scale * b2, scale * b3, scale * b4, scale * b5
+    g[0] += sa0 * ru
+    g[1] += sb1 * rv
+    g[2] += sa2 * ru + sb2 * rv
+    g[3] += sa3 * ru + sb3 * rv
+    g[4] += sa4 * ru + sb4 * rv
+    g[5] += sa5 * ru + sb5 * rv
+    H[0, 0] += sa0 * a0
+    H[0, 2] += sa0 * a2
+    H[0, 3] += sa0 * a3
+    H[0, 4] += sa0 * a4
+    H[0, 5] += sa0 * a5
+    H[1, 1] += sb1 * b1
+    H[1, 2] += sb1 * b2
+    H[1, 3] += sb1 * b3
+    H[1, 4] += sb1 * b4
+    H[1, 5] += sb1 * b5
+    H[2, 2] += sa2 * a2 + sb2 * b2
+    H[2, 3] += sa2 * a3 + sb2 * b3
+    H[2, 4] += sa2 * a4 + sb2 * b4
+    H[2, 5] += sa2 * a5 + sb2 * b5
+    H[3, 3] += sa3 * a3 + sb3 * b3
+    H[3, 4] += sa3 * a4 + sb3 * b4
+    H[3, 5] += sa3 * a5 + sb3 * b5
+    H[4, 4] += sa4 * a4 + sb4 * b4
+    H[4, 5] += sa4 * a5 + sb4 * b5
+    H[5, 5] += sa5 * a5 + sb5 * b5
+
+
+@kernel
 def optimize_pose(
-    K: Any,
+    camera: Any,
     R0: Any,
     t0: Any,
     points: Any,
-    observed: Any,
-    weight: Any,
+    rows: Any,
+    uv: Any,
+    level: Any,
+    found: Any,
     prior_information: Any,
+    wide: int,
     iterations: int,
     sigma_min: float,
 ) -> tuple[Any, Any, Any, Any, float]:
-    """Tukey-weighted Gauss-Newton on T_cam_world.
+    """Tukey-weighted Gauss-Newton on T_cam_world, on pixels freed from distortion.
 
-    points (N, 3) world, observed (N, 2) undistorted px, weight (N,) = 2^-level, prior_information (6,): diagonal
-    pull towards the start. Returns R, t, weights (N,) in [0, 1] (0: outlier), information (6, 6), sigma [px].
-    The first third of the iterations keeps sigma wide so that a bad start does not reject everything.
+    points (P, 3) world; of the matches rows (S,), uv (S, 2) level-0 px, level (S,) those with found (S,) are used,
+    each with sigma 2^level. prior_information (6,): diagonal pull towards the start. Returns R, t, weights (S,) in
+    [0, 1] (0: outlier or not found), information (6, 6), sigma [px].
+    The first ``wide`` iterations keep sigma wide so that a bad start does not reject everything.
     """
-    n = points.shape[0]
+    n = 0
+    for i in range(found.shape[0]):
+        if found[i]:
+            n += 1
+    K = camera[:4]
+    index = np.empty(n, np.int64)
+    observed = np.empty((n, 2))
+    n = 0
+    for i in range(found.shape[0]):
+        if found[i]:
+            index[n] = i
+            x, y = unproject_pixel(camera, uv[i, 0], uv[i, 1])
+            observed[n, 0], observed[n, 1] = x * K[0], y * K[1]
+            n += 1
     R, t = R0.copy(), t0.copy()
-    w = np.ones(n)
-    H = np.zeros((6, 6))
-    g = np.zeros(6)
-    drift = np.zeros(6)
-    J = np.zeros((2, 6))
+    weights = np.zeros(found.shape[0])
+    H, A = np.zeros((6, 6)), np.zeros((6, 6))
+    g, step, drift = np.zeros(6), np.zeros(6), np.zeros(6)
     squared = np.empty(n)
-    res = np.empty((n, 2))
-    cam = np.empty((n, 3))
+    res, cam = np.empty((n, 2)), np.empty((n, 3))
     sigma = sigma_min
     for iteration in range(iterations):
         m = 0
         for i in range(n):
+            p = rows[index[i]]
+            X, Y, Z = points[p, 0], points[p, 1], points[p, 2]
             for r in range(3):
-                cam[i, r] = R[r, 0] * points[i, 0] + R[r, 1] * points[i, 1] + R[r, 2] * points[i, 2] + t[r]
+                cam[i, r] = R[r, 0] * X + R[r, 1] * Y + R[r, 2] * Z + t[r]
             if cam[i, 2] > 1e-6:
-                res[i, 0] = (observed[i, 0] - K[0] * cam[i, 0] / cam[i, 2] - K[2]) * weight[i]
-                res[i, 1] = (observed[i, 1] - K[1] * cam[i, 1] / cam[i, 2] - K[3]) * weight[i]
+                weight = 1.0 / (1 << level[index[i]])
+                res[i, 0] = (observed[i, 0] - K[0] * cam[i, 0] / cam[i, 2]) * weight
+                res[i, 1] = (observed[i, 1] - K[1] * cam[i, 1] / cam[i, 2]) * weight
                 squared[m] = res[i, 0] * res[i, 0] + res[i, 1] * res[i, 1]
                 m += 1
-        sigma = tukey_sigma(squared, m, sigma_min)
-        if iteration < iterations // 3:
-            sigma = max(sigma, 3.0)
+        sigma = tukey_sigma(squared, m, max(sigma_min, 3.0) if iteration < wide else sigma_min)
         limit = TUKEY * TUKEY * sigma * sigma
         H[:, :] = 0.0
         g[:] = 0.0
         for i in range(n):
-            w[i] = 0.0
+            weights[index[i]] = 0.0
             if cam[i, 2] <= 1e-6:
                 continue
             e = res[i, 0] * res[i, 0] + res[i, 1] * res[i, 1]
             if e >= limit:
                 continue
             root = 1.0 - e / limit
-            w[i] = root * root
-            point_jacobian(K, cam[i, 0], cam[i, 1], cam[i, 2], J)
-            scale = w[i] * weight[i]
-            for a in range(6):
-                g[a] += scale * (J[0, a] * res[i, 0] + J[1, a] * res[i, 1])
-                for b in range(a, 6):
-                    H[a, b] += scale * weight[i] * (J[0, a] * J[0, b] + J[1, a] * J[1, b])
-        A = H.copy()
-        step = g.copy()
+            weights[index[i]] = root * root
+            weight = 1.0 / (1 << level[index[i]])
+            scale = root * root * weight * weight
+            ru, rv = res[i, 0] / weight, res[i, 1] / weight
+            add_observation(K, cam[i, 0], cam[i, 1], cam[i, 2], ru, rv, scale, H, g)
         s2 = sigma * sigma
         for a in range(6):
+            for b in range(a, 6):
+                A[a, b] = H[a, b]
             A[a, a] += prior_information[a] * s2 + 1e-9
-            step[a] -= prior_information[a] * s2 * drift[a]
+            step[a] = g[a] - prior_information[a] * s2 * drift[a]
         if not factor_in_place(A):
             break
         solve_factored(A, step)
@@ -200,10 +259,10 @@ def optimize_pose(
             drift[a] += step[a]
         dR, dt = exp_se3(step)
         R, t = compose(dR, dt, R, t)
-        if iteration > iterations // 3 and np.abs(step).max() < 1e-7:
+        if iteration >= wide and np.abs(step).max() < 1e-6:
             break
     orthonormalize(R)
     for a in range(6):
         for b in range(a + 1, 6):
             H[b, a] = H[a, b]
-    return R, t, w, H / (sigma * sigma), sigma
+    return R, t, weights, H / (sigma * sigma), sigma

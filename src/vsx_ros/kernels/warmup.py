@@ -52,7 +52,8 @@ def _tracking() -> None:
     basis = np.array([[0.01, 0.0, 0.0, 0.01]])
     one = np.zeros(1, np.int64)
     projection.unproject_pixels(camera, np.zeros((1, 2)))
-    level, uv, warp, chosen = projection.predict(
+    projection.project_rows(camera, eye, zero, points, one, 8.0)
+    rows, level, uv, warp, chosen = projection.predict(
         camera,
         eye,
         zero,
@@ -66,7 +67,6 @@ def _tracking() -> None:
         8.0,
     )
     looks, usable = patches.warp_templates(templates, np.zeros((1, 2)), chosen, warp)
-    patches.search(pixels, table, corners, row_table, looks, usable, level, uv, 10.0, 2)
     epipolar.search_rays(
         camera,
         eye,
@@ -82,8 +82,8 @@ def _tracking() -> None:
     )
     small = np.zeros((30, 40), np.float32)
     alignment.align_small(small, small, 2)
-    K = np.array([100.0, 100.0, 31.5, 31.5])
-    pose.optimize_pose(K, eye, zero, points, np.zeros((1, 2)), np.ones(1), np.zeros(6), 2, 0.4)
+    found, uv = patches.search(pixels, table, corners, row_table, looks, usable, level, uv, 10.0, 2)
+    pose.optimize_pose(camera, eye, zero, points, rows, uv, level, found, np.zeros(6), 1, 2, 0.4)
 
 
 def _mapping() -> None:

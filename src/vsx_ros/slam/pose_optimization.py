@@ -4,21 +4,18 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
-from vsx_ros.arrays import FloatArray, IntArray, Pixels, Points3
+from vsx_ros.arrays import BoolArray, FloatArray, Pixels, Points3
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.pose import optimize_pose
-from vsx_ros.kernels.projection import unproject_pixels
-from vsx_ros.vision.patch_search import kernel_camera
+from vsx_ros.vision.patch_search import Predictions, kernel_camera
 
 SIGMA_MIN_PX = 0.4
 
 
 class PoseEstimate(NamedTuple):
-    """weights (N,): Tukey weight per match, 0 is an outlier. information (6, 6): inverse covariance in the camera's
-    tangent (translation, rotation)."""
+    """weights (S,): Tukey weight per prediction, 0 is an outlier or was not found. information (6, 6): inverse
+    covariance in the camera's tangent (translation, rotation)."""
 
     T_cam_world: SE3
     weights: FloatArray
@@ -30,22 +27,34 @@ class PoseOptimizer:
     """Gauss-Newton with Tukey weights (PTAM 1.4), on pixels freed from distortion."""
 
     def __init__(self, camera: PinholeCamera) -> None:
-        self._K = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
         self._array = kernel_camera(camera)
 
-    def optimize(self, start: SE3, points: Points3, uv: Pixels, level: IntArray, prior: FloatArray) -> PoseEstimate:
-        """T_cam_world of matches: points (N, 3) world, uv (N, 2) distorted px, level (N,); prior (6,): diagonal
-        information that pulls towards the start."""
-        plane = unproject_pixels(self._array, uv)
+    def optimize(
+        self,
+        start: SE3,
+        points: Points3,
+        predictions: Predictions,
+        found: BoolArray,
+        uv: Pixels,
+        prior: FloatArray,
+        wide: int,
+        iterations: int,
+    ) -> PoseEstimate:
+        """T_cam_world from the predictions found (S,) at uv (S, 2) distorted px, of points (P, 3) world; prior (6,):
+        diagonal information that pulls towards the start. The first ``wide`` of the iterations accept residuals of
+        many pixels."""
         R, t, weights, information, sigma = optimize_pose(
-            self._K,
+            self._array,
             start.rotation,
             start.translation,
             points,
-            plane * self._K[:2] + self._K[2:],
-            0.5 ** level.astype(float),
+            predictions.rows,
+            uv,
+            predictions.level,
+            found,
             prior,
-            12,
+            wide,
+            iterations,
             SIGMA_MIN_PX,
         )
         return PoseEstimate(SE3(R, t), weights, information, float(sigma))

@@ -10,12 +10,12 @@ from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels
 from vsx_ros.config import TrackerConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels.projection import predict
+from vsx_ros.kernels.projection import predict, project_rows
 from vsx_ros.slam.keyframe import FrameData
 from vsx_ros.slam.map import MapView
-from vsx_ros.slam.pose_optimization import PoseOptimizer
+from vsx_ros.slam.pose_optimization import PoseEstimate, PoseOptimizer
 from vsx_ros.slam.state import TrackingState
-from vsx_ros.vision.patch_search import Predictions, find_patches, kernel_camera
+from vsx_ros.vision.patch_search import Looks, Predictions, expected_looks, find_patches, kernel_camera, search_looks
 
 COARSE_POINTS = 80
 COARSE_LEVEL = 2
@@ -23,6 +23,9 @@ COARSE_MIN_FOUND = 10
 MARGIN_PX = 8.0
 FEW, FEW_RATIO = 12, 0.5
 AGAIN_RADIUS_PX, AGAIN_REACH = 3.0, 2
+MIN_FIRST = 10
+# (iterations that accept almost everything, iterations): the first pose only has to guide the second search.
+FIRST, SECOND = (4, 7), (1, 12)
 
 
 class Track(NamedTuple):
@@ -75,106 +78,85 @@ class Tracker:
         """
         pull = np.zeros(6) if information is None else information
         pose = T_world_cam.inverse()
-        predictions = predicted(self._array, pose, view, candidates)
+        expected = predicted(self._array, pose, view, candidates)
         radius = self._config.fine_radius_px
         if coarse_radius_px > 0:
-            coarse = self._coarse(data, view, pose, predictions, coarse_radius_px, pull)
+            coarse = self._coarse(data, view, pose, expected, coarse_radius_px, pull)
             if coarse is not None:
                 pose, radius = coarse, 0.5 * radius
-                predictions = predicted(self._array, pose, view, candidates)
-        predictions = self._choose(predictions)
-        found, uv = find_patches(
-            data.pyramid, data.corners, view.templates.patches, view.templates.offset, predictions, radius
-        )
-        weights = np.zeros(len(found))
-        certainty = np.zeros((6, 6))
-        if int(found.sum()) >= 6:
-            pose, weights, certainty = self._pose(view, pose, predictions, found, uv, pull)
-            inliers = int((weights > 0).sum())
-            if inliers >= 10:
-                predictions, found, uv = self._again(data, view, pose, predictions, weights > 0, uv)
-                pose, weights, certainty = self._pose(view, pose, predictions, found, uv, pull)
-        inlier = weights > 0
+                expected = predicted(self._array, pose, view, candidates)
+        expected = self._choose(expected)
+        looks = expected_looks(view.templates.patches, view.templates.offset, expected)
+        found, uv = search_looks(data.pyramid, data.corners, looks, expected.level, expected.uv, radius)
+        fit = self._optimizer.optimize(pose, view.points, expected, found, uv, pull, *FIRST)
+        counted = np.ones(len(uv), np.bool_)
+        if np.count_nonzero(fit.weights) >= MIN_FIRST:
+            fit, uv, counted = self._again(data, view, fit, expected, looks, uv, pull)
+        kept = fit.weights > 0
+        searched = expected.rows[counted]
         state, reason = self._judge(
-            int(inlier.sum()), len(predictions.rows), int(len(data.corners.positions)), bool(pull.any())
+            int(np.count_nonzero(kept)), len(searched), len(data.corners.positions), bool(pull.any())
         )
         return Track(
-            pose.inverse(),
+            fit.T_cam_world.inverse(),
             state,
-            predictions.rows[inlier],
-            uv[inlier],
-            predictions.level[inlier],
-            predictions.rows,
-            certainty,
+            expected.rows[kept],
+            uv[kept],
+            expected.level[kept],
+            searched,
+            fit.information,
             reason,
         )
 
     def _coarse(
-        self, data: FrameData, view: MapView, pose: SE3, predictions: Predictions, radius: float, pull: FloatArray
+        self, data: FrameData, view: MapView, pose: SE3, expected: Predictions, radius: float, pull: FloatArray
     ) -> SE3 | None:
         """Pose from up to 80 points of the coarse levels in a wide circle; None when too few are found."""
-        rows = np.flatnonzero(predictions.level >= COARSE_LEVEL)
+        rows = np.flatnonzero(expected.level >= COARSE_LEVEL)
         if len(rows) < COARSE_MIN_FOUND:
-            rows = np.flatnonzero(predictions.level >= 1)
+            rows = np.flatnonzero(expected.level >= 1)
         if len(rows) > COARSE_POINTS:
             rows = np.sort(self._rng.permutation(rows)[:COARSE_POINTS])
-        chosen = predictions.take(rows)
+        chosen = expected.take(rows)
         found, uv = find_patches(
             data.pyramid, data.corners, view.templates.patches, view.templates.offset, chosen, radius
         )
-        if int(found.sum()) < COARSE_MIN_FOUND:
+        if np.count_nonzero(found) < COARSE_MIN_FOUND:
             return None
-        estimate, weights, _ = self._pose(view, pose, chosen, found, uv, pull)
-        return estimate if int((weights > 0).sum()) >= COARSE_MIN_FOUND else None
+        fit = self._optimizer.optimize(pose, view.points, chosen, found, uv, pull, *FIRST)
+        return fit.T_cam_world if np.count_nonzero(fit.weights) >= COARSE_MIN_FOUND else None
 
-    def _choose(self, predictions: Predictions) -> Predictions:
+    def _choose(self, expected: Predictions) -> Predictions:
         """At most ``max_points``: coarse levels first, the rest at random."""
-        n = len(predictions.rows)
+        n = len(expected.rows)
         if n <= self._config.max_points:
-            return predictions
+            return expected
         order = self._rng.permutation(n)
-        order = order[np.argsort(-predictions.level[order], kind="stable")]
-        return predictions.take(np.sort(order[: self._config.max_points]))
-
-    def _pose(
-        self,
-        view: MapView,
-        start: SE3,
-        predictions: Predictions,
-        found: BoolArray,
-        uv: Pixels,
-        pull: FloatArray,
-    ) -> tuple[SE3, FloatArray, FloatArray]:
-        """Pose, weights (S,) over all predictions (0: not found or outlier), information."""
-        chosen = np.flatnonzero(found)
-        estimate = self._optimizer.optimize(
-            start, view.points[predictions.rows[chosen]], uv[chosen], predictions.level[chosen], pull
-        )
-        weights = np.zeros(len(found))
-        weights[chosen] = estimate.weights
-        return estimate.T_cam_world, weights, estimate.information
+        order = order[np.argsort(-expected.level[order], kind="stable")]
+        return expected.take(np.sort(order[: self._config.max_points]))
 
     def _again(
-        self, data: FrameData, view: MapView, pose: SE3, before: Predictions, kept: BoolArray, uv: Pixels
-    ) -> tuple[Predictions, BoolArray, Pixels]:
-        """Search what was not found once more from the better pose; what was found stays."""
-        fresh = predicted(self._array, pose, view, before.rows)
-        is_kept = np.zeros(len(view.points), np.bool_)
-        is_kept[before.rows[kept]] = True
-        fresh = fresh.take(~is_kept[fresh.rows])
-        found, more = find_patches(
-            data.pyramid,
-            data.corners,
-            view.templates.patches,
-            view.templates.offset,
-            fresh,
-            AGAIN_RADIUS_PX,
-            AGAIN_REACH,
+        self,
+        data: FrameData,
+        view: MapView,
+        fit: PoseEstimate,
+        expected: Predictions,
+        looks: Looks,
+        uv: Pixels,
+        pull: FloatArray,
+    ) -> tuple[PoseEstimate, Pixels, BoolArray]:
+        """Search what the first pose does not explain once more around it: (better pose, uv (S, 2), which of the
+        expected (S,) are in the image after all)."""
+        kept, pose = fit.weights > 0, fit.T_cam_world
+        where, inside = project_rows(
+            self._array, pose.rotation, pose.translation, view.points, expected.rows, MARGIN_PX
         )
-        old = before.take(kept)
-        joined = Predictions(*(np.concatenate(pair) for pair in zip(old, fresh)))
-        everything = np.concatenate([np.ones(len(old.rows), np.bool_), found])
-        return joined, everything, np.concatenate([uv[kept], more])
+        found, more = search_looks(
+            data.pyramid, data.corners, looks, expected.level, where, AGAIN_RADIUS_PX, AGAIN_REACH, inside & ~kept
+        )
+        uv = np.where(kept[:, None], uv, more)
+        fit = self._optimizer.optimize(pose, view.points, expected, kept | found, uv, pull, *SECOND)
+        return fit, uv, kept | inside
 
     def _judge(self, found: int, searched: int, corners: int, guided: bool) -> tuple[TrackingState, str]:
         """A pose that the wheels support needs fewer points, provided that most of them are where they should be."""
@@ -193,21 +175,21 @@ class Tracker:
 
 def predicted(camera: FloatArray, T_cam_world: SE3, view: MapView, rows: IntArray) -> Predictions:
     """Which of the points (rows) are visible from a pose, and where. camera (12,) as ``kernel_camera`` gives it."""
-    level, uv, inverse_warp, template = predict(
-        camera,
-        T_cam_world.rotation,
-        T_cam_world.translation,
-        view.points,
-        rows,
-        view.templates.of_point,
-        view.templates.source,
-        view.templates.basis,
-        view.R_world_cam,
-        view.centres,
-        MARGIN_PX,
+    return Predictions(
+        *predict(
+            camera,
+            T_cam_world.rotation,
+            T_cam_world.translation,
+            view.points,
+            rows,
+            view.templates.of_point,
+            view.templates.source,
+            view.templates.basis,
+            view.R_world_cam,
+            view.centres,
+            MARGIN_PX,
+        )
     )
-    visible = level >= 0
-    return Predictions(rows[visible], level[visible], uv[visible], inverse_warp[visible], template[visible])
 
 
 class LocalMap:
