@@ -1,0 +1,107 @@
+"""How long a frame takes: against cv2.ORB, with a large map against a small one, and live beside the mapper."""
+
+import threading
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+from slam_accuracy import SLAM, TRACKED, Row, note
+from slam_drives import Drive, tour_drive
+
+from vsx_ros.robot import Frame, Odometry
+from vsx_ros.ros.sensor_sync import SensorSync
+from vsx_ros.slam.slam import SequentialSlam
+from vsx_ros.slam.state import TrackingResult
+from vsx_ros.slam.threads import ThreadedSlam
+
+LIVE_S, LIVE_HZ = 60.0, 30.0
+COMPARED, SMALL_MAP = 150, 300
+ORB_EVERY = 3
+
+
+def timed(slam: SequentialSlam, drive: Drive, k: int) -> tuple[TrackingResult, float]:
+    """The result of frame k and this thread's processor time [ms]."""
+    begun = time.thread_time()
+    result = slam.track(drive.frame(k), drive.wheels(k))
+    return result, 1e3 * (time.thread_time() - begun)
+
+
+def timing(seeds: range, keep: Path | None) -> list[Row]:
+    """One tour through an office; per frame ours and ORB's time, and at its end that of a SLAM begun late."""
+    drive, orb = tour_drive(seeds[0], keep), cv2.ORB_create(1000)
+    whole, late = (SequentialSlam(drive.camera, drive.T_base_cam, SLAM, 1) for _ in range(2))
+    tracking_ms, orb_ms, large_ms, small_ms = [], [], [], []
+    for k in range(len(drive)):
+        result, ms = timed(whole, drive, k)
+        plain = result.state in TRACKED and not result.keyframe_added
+        if plain:
+            tracking_ms.append(ms)
+        if k % ORB_EVERY == 0:
+            begun = time.thread_time()
+            orb.detectAndCompute(drive.images[k], None)
+            orb_ms.append(1e3 * (time.thread_time() - begun))
+        if k >= len(drive) - COMPARED - SMALL_MAP:
+            other, other_ms = timed(late, drive, k)
+            if k >= len(drive) - COMPARED and plain and other.state in TRACKED and not other.keyframe_added:
+                large_ms.append(ms)
+                small_ms.append(other_ms)
+        if k % 200 == 0:
+            note(f"timing: frame {k} of {len(drive)}, {whole.statistics().keyframes} keyframes")
+    counts = [slam.statistics().keyframes for slam in (whole, late)]
+    ratios = [float(np.median(tracking_ms) / np.median(orb_ms)), float(np.median(large_ms) / np.median(small_ms))]
+    return [
+        Row("tracking a frame, processor time, median", "ms", None, None, [float(np.median(tracking_ms))]),
+        Row("tracking a frame / cv2.ORB of 1000 features", "", 0.8, 0.45, [ratios[0]]),
+        Row(f"frame with {counts[0]} keyframes / with {counts[1]}", "", 1.2, 1.0, [ratios[1]]),
+    ]
+
+
+def live(seeds: range, keep: Path | None) -> list[Row]:
+    """Frames handed over on a clock, newest only, as the vslam node does; the mapper works on its own thread."""
+    drive, sync = tour_drive(seeds[0], keep), SensorSync()
+    slam = ThreadedSlam(drive.camera, drive.T_base_cam, SLAM, 1)
+    n = min(len(drive), round(LIVE_S * LIVE_HZ))
+    offered, stopped = np.zeros(n), threading.Event()
+
+    def feed() -> None:
+        begun = time.perf_counter()
+        for k in range(n):
+            time.sleep(max(0.0, begun + k / LIVE_HZ - time.perf_counter()))
+            wheels = drive.wheels(k)
+            stamp_ns, faster = round(k * 1e9 / LIVE_HZ), LIVE_HZ / (1e9 / (drive.stamps_ns[1] - drive.stamps_ns[0]))
+            offered[k] = time.perf_counter()
+            sync.add_odometry(Odometry(stamp_ns, wheels.T_odom_base, faster * wheels.v, faster * wheels.omega))
+            sync.add_frame(Frame(stamp_ns, drive.images[k]))
+        stopped.set()
+
+    feeder = threading.Thread(target=feed)
+    feeder.start()
+    track_ms, age_ms, lost = [], [], 0
+    while not stopped.is_set():
+        taken = sync.take(timeout_s=0.1)
+        if taken is None:
+            continue
+        begun = time.perf_counter()
+        result = slam.track(*taken)
+        done = time.perf_counter()
+        track_ms.append(1e3 * (done - begun))
+        age_ms.append(1e3 * (done - offered[round(taken[0].stamp_ns * 1e-9 * LIVE_HZ)]))
+        lost += result.state.value == "lost"
+    feeder.join()
+    slam.close()
+    note(f"live: {len(track_ms)} of {n} frames, {slam.statistics().keyframes} keyframes")
+    p99 = [float(np.percentile(values, 99)) for values in (track_ms, age_ms)]
+    return [
+        Row(
+            f"live at {LIVE_HZ:.0f} Hz for {n / LIVE_HZ:.0f} s: track, median",
+            "ms",
+            None,
+            None,
+            [float(np.median(track_ms))],
+        ),
+        Row("live: track, 99th percentile", "ms", 33.0, None, [p99[0]]),
+        Row("live: from hand-over to pose, 99th percentile", "ms", None, None, [p99[1]]),
+        Row("live: frames dropped", "", 0.0, None, [float(sync.dropped)]),
+        Row("live: frames lost", "", None, None, [float(lost)]),
+    ]
