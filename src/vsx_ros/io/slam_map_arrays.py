@@ -23,6 +23,7 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "translation": ("<f8", ("K", 3)),
     "median_depth": ("<f8", ("K",)),
     "chain": ("<i8", ("K",)),
+    "map_id": ("<i8", ("K",)),
     "has_odometry": ("|b1", ("K",)),
     "odometry": ("<f8", ("K", 3)),
     "anchor": ("<i8", ("K",)),
@@ -60,6 +61,7 @@ def arrays_of(view: MapView) -> Arrays:
         "translation": view.centres,
         "median_depth": [k.median_depth for k in frames],
         "chain": [k.chain for k in frames],
+        "map_id": [k.map_id for k in frames],
         "has_odometry": [T is not None for T in wheels],
         "odometry": [(0.0, 0.0, 0.0) if T is None else (T.x, T.y, T.theta) for T in wheels],
         "anchor": [a[0] for a in anchors],
@@ -107,6 +109,7 @@ def check(arrays: Mapping[str, NDArray[Any]], width: int, height: int) -> None:
     _within(arrays, "template_source", 0, K)
     _within(arrays, "median_depth", 0, np.inf)
     _within(arrays, "chain", 0, np.iinfo(np.int64).max)
+    _within(arrays, "map_id", 0, np.iinfo(np.int64).max)
     _check_counts(arrays, sizes)
     uv = arrays["observation_uv"]
     if ((uv < -1) | (uv > [width, height])).any():

@@ -151,6 +151,7 @@ def _keyframe(k: int, arrays: Arrays, entries: Mapping[str, bytes], camera: Pinh
         float(arrays["median_depth"][k]),
         int(arrays["chain"][k]),
         anchor,
+        int(arrays["map_id"][k]),
     )
 
 

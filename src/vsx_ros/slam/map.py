@@ -41,6 +41,11 @@ class MapView(NamedTuple):
     source: IntArray
     templates: Templates
 
+    def part(self, map_id: int) -> MapView:
+        """The same with the keyframes of one map alone among the living."""
+        inside = np.array([self.keyframes[int(k)].map_id == map_id for k in self.living], np.bool_)
+        return self._replace(living=self.living[inside])
+
 
 class NewTemplates(NamedTuple):
     """Looks of points about to enter the map: basis (N, 4), offset (N, 2), patches (N, 24, 24)."""
@@ -102,11 +107,11 @@ class Map:
         """(P,) keyframe index each point was made in."""
         return self._source[: self.count]
 
-    def add_keyframe(self, data: FrameData, T_world_cam: SE3, observations: Observations) -> int:
+    def add_keyframe(self, data: FrameData, T_world_cam: SE3, observations: Observations, map_id: int = 0) -> int:
         """Append a keyframe; returns its index, which is also its id."""
         index = len(self.keyframes)
         depth = self.keyframes[-1].median_depth if self.keyframes else 0.0
-        self.keyframes.append(KeyFrame(index, data, T_world_cam, observations, depth, self.chain))
+        self.keyframes.append(KeyFrame(index, data, T_world_cam, observations, depth, self.chain, None, map_id))
         self.update_depth(index)
         return index
 
@@ -166,10 +171,43 @@ class Map:
             assert anchor is not None
             self.keyframes[k] = replace(self.keyframes[k], T_world_cam=T_world_cam @ anchor.T_keyframe_this)
 
+    def resize_keyframe(self, index: int, T_world_cam: SE3, factor: float) -> None:
+        """Move a living keyframe and all that it carries into a frame whose unit of length is ``factor`` times finer."""
+        for k in (index, *self._carried.get(index, ())):
+            keyframe, anchor = self.keyframes[k], self.keyframes[k].anchor
+            if anchor is not None:
+                T = anchor.T_keyframe_this
+                anchor = anchor._replace(T_keyframe_this=SE3(T.rotation, factor * T.translation))
+            depth = factor * keyframe.median_depth
+            self.keyframes[k] = replace(keyframe, anchor=anchor, scale=factor * keyframe.scale, median_depth=depth)
+        self.move_keyframe(index, T_world_cam)
+
+    def join(self, map_id: int, into: int) -> None:
+        """All keyframes of one map become part of another."""
+        self.keyframes = [replace(k, map_id=into) if k.map_id == map_id else k for k in self.keyframes]
+
+    def replace_points(self, old: IntArray, new: IntArray) -> None:
+        """Whoever saw the points ``old`` (rows) has seen ``new`` (as many) instead; the old ones leave the map."""
+        becomes = np.arange(self.count)
+        becomes[old] = new
+        for index, keyframe in enumerate(self.keyframes):
+            observed = keyframe.observations
+            rows = becomes[observed.rows]
+            order = np.argsort(rows != observed.rows, kind="stable")
+            kept = np.zeros(len(rows), np.bool_)
+            kept[order[np.unique(rows[order], return_index=True)[1]]] = True
+            if (rows != observed.rows).any():
+                self.keyframes[index] = replace(keyframe, observations=observed._replace(rows=rows).where(kept))
+        self.alive[old] = False
+
     @property
     def living(self) -> list[int]:
         """Indices of the keyframes that are not culled."""
         return [k for k, keyframe in enumerate(self.keyframes) if keyframe.alive]
+
+    def living_in(self, map_id: int) -> list[int]:
+        """Indices of the living keyframes of one map."""
+        return [k for k, keyframe in enumerate(self.keyframes) if keyframe.alive and keyframe.map_id == map_id]
 
     def predecessor(self, index: int) -> int | None:
         """The living keyframe before this one in its chain, None for the first."""

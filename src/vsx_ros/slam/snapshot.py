@@ -31,7 +31,9 @@ class MapSnapshot:
 
 
 def snapshot(view: MapView) -> MapSnapshot:
-    """The public form of a view: its living keyframes, and points that live and are seen at least twice, renumbered."""
+    """The public form of a view: the living keyframes of the first map, and points that live and are seen at least
+    twice by them, renumbered."""
+    view = view.part(0)
     keyframes = [view.keyframes[int(k)] for k in view.living]
     seen = np.zeros(len(view.points), np.int64)
     for keyframe in keyframes:
