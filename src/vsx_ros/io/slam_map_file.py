@@ -80,7 +80,7 @@ def load_slam_map(path: Path) -> SlamMap:
         return SlamMap(camera, mount, _view(arrays, entries, camera, int(manifest["map_version"])))
     except OSError as error:
         raise MapFileError(f"map {path} cannot be read ({error.strerror}); check the path") from error
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError, MemoryError) as error:
         reason = f"entry {error} is missing" if isinstance(error, KeyError) else str(error).splitlines()[0]
         raise MapFileError(f"map {path} cannot be used: {reason}; give a file that this program saved") from error
 
@@ -116,7 +116,8 @@ def _mount(manifest: Mapping[str, Any]) -> SE3 | None:
 
 
 def _arrays(entries: Mapping[str, bytes]) -> Arrays:
-    return {name: np.load(io.BytesIO(entries[f"arrays/{name}.npy"]), allow_pickle=False) for name in LAYOUT}
+    contents = {name: io.BytesIO(entries[f"arrays/{name}.npy"]) for name in LAYOUT}
+    return {name: np.lib.format.read_array(content, allow_pickle=False) for name, content in contents.items()}
 
 
 def _view(arrays: Arrays, entries: Mapping[str, bytes], camera: PinholeCamera, version: int) -> MapView:
