@@ -10,46 +10,60 @@ import numpy as np
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.pose import factor_in_place, solve_factored
 
+ONE = np.uint64(1)
+CONVERGED_PX = 0.01
+
 
 @kernel
 def align_small(reference: Any, current: Any, iterations: int) -> tuple[float, float, float, float]:
     """Planar motion from one (h, w) float32 image to another: current(Rot(a) x + (tx, ty)) = reference(x) + mean.
 
-    x is measured from the image centre. Returns tx, ty [small px], a [rad] and the mean squared difference reached
-    over the overlap. Efficient second-order: mean of both gradients (Benhimane and Malis 2004).
+    x is measured from the image centre. At most ``iterations`` steps. Returns tx, ty [small px], a [rad] and the mean
+    squared difference over the overlap (but for a last step below 0.01 px). Efficient second-order: mean of both gradients (Benhimane and Malis 2004).
     """
     height, width = reference.shape
     cx, cy = 0.5 * (width - 1), 0.5 * (height - 1)
     tx, ty, a, mean = 0.0, 0.0, 0.0, 0.0
     score = np.inf
-    J = np.empty(4)
     for iteration in range(iterations + 1):
         c, s = math.cos(a), math.sin(a)
         H, b = np.zeros((4, 4)), np.zeros(4)
+        h00, h01, h02, h03, h11, h12, h13, h22, h23 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        b0, b1, b2, b3 = 0.0, 0.0, 0.0, 0.0
         squares, count = 0.0, 0
         for y in range(1, height - 1):
+            dy = y - cy
             for x in range(1, width - 1):
-                dx, dy = x - cx, y - cy
+                dx = x - cx
                 wx = c * dx - s * dy + tx + cx
                 wy = s * dx + c * dy + ty + cy
                 if not (1.0 <= wx < width - 2.0 and 1.0 <= wy < height - 2.0):
                     continue
                 ix, iy = int(wx), int(wy)
                 fx, fy = wx - ix, wy - iy
-                i00, i10 = current[iy, ix], current[iy, ix + 1]
-                i01, i11 = current[iy + 1, ix], current[iy + 1, ix + 1]
+                u, v, p, q = np.uint64(ix), np.uint64(iy), np.uint64(x), np.uint64(y)
+                i00, i10 = current[v, u], current[v, u + ONE]
+                i01, i11 = current[v + ONE, u], current[v + ONE, u + ONE]
                 value = (1 - fy) * ((1 - fx) * i00 + fx * i10) + fy * ((1 - fx) * i01 + fx * i11)
                 gx2 = (1 - fy) * (i10 - i00) + fy * (i11 - i01)
                 gy2 = (1 - fx) * (i01 - i00) + fx * (i11 - i10)
-                gx = 0.5 * (gx2 + 0.5 * (reference[y, x + 1] - reference[y, x - 1]))
-                gy = 0.5 * (gy2 + 0.5 * (reference[y + 1, x] - reference[y - 1, x]))
-                r = value - reference[y, x] - mean
-                J[0], J[1], J[3] = gx, gy, -1.0
-                J[2] = gx * (-s * dx - c * dy) + gy * (c * dx - s * dy)
-                for k in range(4):
-                    b[k] -= J[k] * r
-                    for m in range(k, 4):
-                        H[k, m] += J[k] * J[m]
+                gx = 0.5 * (gx2 + 0.5 * (reference[q, p + ONE] - reference[q, p - ONE]))
+                gy = 0.5 * (gy2 + 0.5 * (reference[q + ONE, p] - reference[q - ONE, p]))
+                ga = gx * (-s * dx - c * dy) + gy * (c * dx - s * dy)
+                r = value - reference[q, p] - mean
+                h00 += gx * gx
+                h01 += gx * gy
+                h02 += gx * ga
+                h03 -= gx
+                h11 += gy * gy
+                h12 += gy * ga
+                h13 -= gy
+                h22 += ga * ga
+                h23 -= ga
+                b0 -= gx * r
+                b1 -= gy * r
+                b2 -= ga * r
+                b3 += r
                 squares += r * r
                 count += 1
         if count < (width * height) // 4:
@@ -57,6 +71,10 @@ def align_small(reference: Any, current: Any, iterations: int) -> tuple[float, f
         score = squares / count
         if iteration == iterations:
             break
+        H[0, 0], H[0, 1], H[0, 2], H[0, 3] = h00, h01, h02, h03
+        H[1, 1], H[1, 2], H[1, 3] = h11, h12, h13
+        H[2, 2], H[2, 3], H[3, 3] = h22, h23, count
+        b[0], b[1], b[2], b[3] = b0, b1, b2, b3
         for k in range(4):
             H[k, k] = H[k, k] * 1.0001 + 1e-6
         if not factor_in_place(H):
@@ -66,4 +84,6 @@ def align_small(reference: Any, current: Any, iterations: int) -> tuple[float, f
         ty += b[1]
         a += b[2]
         mean += b[3]
+        if abs(b[0]) + abs(b[1]) + width * abs(b[2]) < CONVERGED_PX:
+            break
     return tx, ty, a, score
