@@ -172,7 +172,7 @@ def _stop_reason(results: list[TrackingResult]) -> str:
     if last.state is TrackingState.LOST:
         good = (TrackingState.GOOD, TrackingState.DUBIOUS)
         tracked = max((i for i, r in enumerate(results) if r.state in good), default=-1)
-        return f"lost for good from frame {tracked + 1} of {len(results)}: {results[tracked + 1].reason}"
+        return f"lost for good from frame {tracked + 2} of {len(results)}: {results[tracked + 1].reason}"
     return "the recording was tracked to its end"
 
 

@@ -67,7 +67,8 @@ def one_line_facts(summary: Mapping[str, Any]) -> list[str]:
 
     lines = []
     if known("frames_tracked", "frames"):
-        since = f", map started after {summary['initialized_at_s']:.1f} s" if known("initialized_at_s") else ""
+        begun = "continued" if known("continued_map") else "started"
+        since = f", map {begun} after {summary['initialized_at_s']:.1f} s" if known("initialized_at_s") else ""
         lines.append(f"tracked {summary['frames_tracked']} of {summary['frames']} frames{since}")
     if known("u1"):
         lines.append(f"found {100 * summary['u1']:.0f} % of the points searched, {summary.get('breaks')} breaks")
