@@ -37,12 +37,14 @@ BASELINES = (0.07, 0.025, 0.12, 0.045)
 
 class KeyFrameRequest(NamedTuple):
     """A tracked frame that shall enter the map. T_ref_cam: its pose in keyframe ``reference``, which may have moved
-    since.
+    since, and been resized from ``scale``. chain: that of the wheels, see KeyFrame.
     searched, found (P,): the tracker's counts per point so far."""
 
     data: FrameData
     reference: int
     T_ref_cam: SE3
+    scale: float
+    chain: int
     rows: IntArray
     uv: FloatArray
     level: IntArray
@@ -62,16 +64,20 @@ class Mapper:
         self._since_global = 0
 
     def start(self, start: Initialization) -> MapView:
-        """Make the map from two frames and the triangulated corners of the first."""
-        world = self.map = Map()
-        world.add_keyframe(start.first, start.poses[0], Observations.none())
-        world.add_keyframe(start.second, start.poses[1], Observations.none())
-        self._enter(0, 1, start.candidates, start.matches)
-        for k in (0, 1):
+        """Make a map from two frames and the triangulated corners of the first: the first map, or one of its own."""
+        world = self.map
+        map_id = 0
+        if world.keyframes:
+            map_id = 1 + max(keyframe.map_id for keyframe in world.keyframes)
+            world.chain = 1 + max(keyframe.chain for keyframe in world.keyframes)
+        first = world.add_keyframe(start.first, start.poses[0], Observations.none(), map_id)
+        second = world.add_keyframe(start.second, start.poses[1], Observations.none(), map_id)
+        self._enter(first, second, start.candidates, start.matches)
+        for k in (first, second):
             world.update_depth(k)
-        self._adjuster.adjust(world, [1], 20)
-        self._make_points(1, [0])
-        self._adjuster.adjust(world, [1], 20)
+        self._adjuster.adjust(world, [second], 20)
+        self._make_points(second, [first])
+        self._adjuster.adjust(world, [second], 20)
         world.version += 1
         return world.view()
 
@@ -80,17 +86,20 @@ class Mapper:
         world = self.map
         keep = world.alive[request.rows]
         observed = observations_at(self._camera, request.rows[keep], request.uv[keep], request.level[keep])
-        pose = world.keyframes[request.reference].T_world_cam @ request.T_ref_cam
+        reference, T_ref_cam = world.keyframes[request.reference], request.T_ref_cam
+        grown = reference.scale / request.scale
+        pose = reference.T_world_cam @ SE3(T_ref_cam.rotation, grown * T_ref_cam.translation)
+        world.chain = request.chain
         self._cull(request.searched, request.found)
         observed = observed.where(world.alive[observed.rows])
-        index = world.add_keyframe(request.data, pose, observed)
+        index = world.add_keyframe(request.data, pose, observed, reference.map_id)
         neighbours = self.neighbours(index, self._config.window_keyframes)
         self._refind(index, self._points_of(neighbours))
         created = self._make_points(index, self._targets(index, neighbours))
         for k in neighbours:
             self._refind(k, created)
         before = list(world.keyframes), world.points.copy(), world.alive.copy()
-        self._adjuster.adjust(world, [index, *neighbours], self._config.local_iterations)
+        self._adjuster.adjust(world, self._movable([index, *neighbours]), self._config.local_iterations)
         if self._contradicts_wheels(index):
             world.keyframes[:], world.points[:], world.alive[:] = before
             self._place_by_wheels(index)
@@ -108,10 +117,17 @@ class Mapper:
     def refine(self, interrupted: Callable[[], bool] = never) -> MapView:
         """Adjust the whole map; what ``interrupted`` cuts short stays due."""
         world = self.map
-        if self._adjuster.adjust(world, world.living, self._config.global_iterations, interrupted).finished:
+        free = self._movable(world.living)
+        if self._adjuster.adjust(world, free, self._config.global_iterations, interrupted).finished:
             self._since_global = 0
         world.version += 1
         return world.view()
+
+    def _movable(self, indices: list[int]) -> list[int]:
+        """Keyframes that an adjustment may move: the first one of a second map holds its frame (that of the first map
+        is known to the adjuster)."""
+        maps = {self.map.keyframes[k].map_id for k in indices} - {0}
+        return [k for k in indices if k not in {self.map.living_in(m)[0] for m in maps}]
 
     def neighbours(self, index: int, count: int) -> list[int]:
         """Indices of the living keyframes that share most points with one, at least 15, best first; the previous one of

@@ -75,7 +75,8 @@ class MotionModel:
                 self._velocity = (T.inverse() @ T_world_cam).log() / dt
         self._last = (data, T_world_cam)
 
-    def move(self, correction: SE3) -> None:
-        """Follow a map that was moved by T_new_old under the last pose."""
+    def move(self, T_world_cam: SE3, factor: float) -> None:
+        """The last pose after the map moved under it and became ``factor`` times as large."""
         if self._last is not None:
-            self._last = (self._last[0], correction @ self._last[1])
+            self._last = (self._last[0], T_world_cam)
+            self._velocity[:3] *= factor

@@ -1,7 +1,10 @@
-"""Finding the camera again: where the wheels say, then every keyframe that looks alike, each verified by patch
-search."""
+"""Finding the camera again: where it is expected, then at every place that looks alike, each verified by patch search;
+a place that nothing else speaks for must be recognised beyond doubt."""
 
 from __future__ import annotations
+
+import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,61 +13,119 @@ from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.keyframe import FrameData
 from vsx_ros.slam.map import MapView
+from vsx_ros.slam.motion_model import MotionModel
+from vsx_ros.slam.place_recognition import PlaceRecognizer, Recognition, is_certain, is_sure, occupied_cells
 from vsx_ros.slam.state import TrackingState
 from vsx_ros.slam.tracker import LocalMap, Track, Tracker, nearest_keyframes
-from vsx_ros.vision.small_image import rotation_between
+from vsx_ros.vision.descriptors import features_of
 
-LIKELY = 12
-TRIED = 5
+BEST_LIKELY, IN_TURN = 3, 2
 WIDE = 2.0
+AGREE_M, AGREE_RAD, AGREE_S = 0.15, 0.15, 0.5
+
+
+class Expectation(NamedTuple):
+    """Where the camera should be: T_world_cam in map ``map_id``, and how far from it the wheels allow it to be
+    (metres, radians), infinite when they do not tell."""
+
+    T_world_cam: SE3
+    map_id: int
+    reach: tuple[float, float]
+
+    @property
+    def is_firm(self) -> bool:
+        """Whether another place is out of the question."""
+        return math.isfinite(self.reach[0])
+
+    def allows(self, T_world_cam: SE3, map_id: int) -> bool:
+        """Whether the camera can be there."""
+        if map_id != self.map_id:
+            return not self.is_firm
+        distance = float(np.linalg.norm(T_world_cam.translation - self.T_world_cam.translation))
+        return distance <= self.reach[0] and self.T_world_cam.rotation_angle_to(T_world_cam) <= self.reach[1]
+
+
+class Found(NamedTuple):
+    """The camera in map ``map_id``. reference: keyframe index."""
+
+    track: Track
+    reference: int
+    map_id: int
 
 
 class Relocalizer:
-    """``relocalize`` returns the first hypothesis that patch search confirms."""
+    """``relocalize`` each lost frame in turn: it looks at the likeliest keyframes each time, and at the others by and
+    by. ``forget`` when the camera is tracked again."""
 
-    def __init__(self, camera: PinholeCamera, config: TrackerConfig, tracker: Tracker) -> None:
+    def __init__(self, camera: PinholeCamera, config: TrackerConfig, tracker: Tracker, motion: MotionModel) -> None:
+        self._camera = camera
         self._config = config
-        self._focal_px = camera.fx
         self._tracker = tracker
+        self._motion = motion
+        self._places = PlaceRecognizer(camera, tracker)
+        self._turn = 0
+        self._unconfirmed: tuple[FrameData, Found] | None = None
 
-    def relocalize(
-        self, data: FrameData, view: MapView, expected: SE3 | None, reach: tuple[float, float]
-    ) -> tuple[Track, int] | None:
-        """(track, reference keyframe index), or None. expected: T_world_cam by the wheels or the last pose; reach: how
-        far from it the camera can be (metres, radians): places that only look alike are turned down."""
-        best: tuple[Track, int] | None = None
-        hypotheses: list[tuple[SE3, int]] = []
+    def forget(self) -> None:
+        """The next loss has nothing to do with this one."""
+        self._turn, self._unconfirmed = 0, None
+
+    def relocalize(self, data: FrameData, view: MapView, expected: Expectation | None) -> Found | None:
+        """The camera in any of the maps, None when it cannot be told."""
         if expected is not None:
-            hypotheses.append((expected, int(nearest_keyframes(view, expected)[0])))
-        hypotheses += self._look_alikes(data, view)
-        for pose, reference in hypotheses:
-            local = LocalMap()
-            local.select(view, reference)
-            radius = WIDE * self._config.coarse_radius_px
-            track = self._tracker.track(data, view, pose, local.rows, radius)
-            if expected is not None and not _within(expected, track.T_world_cam, reach):
+            found = self._where_expected(data, view, expected)
+            if found is not None:
+                return found
+        features = features_of(data.pyramid, data.corners)
+        for k in self._likely(data, view, expected):
+            seen = self._places.recognise(data, features, view, k)
+            if seen is None or not is_sure(seen):
                 continue
-            if track.state is TrackingState.GOOD and (best is None or len(track.rows) > len(best[0].rows)):
-                best = track, local.follow(view, track.rows)
-                if track.ratio > 0.5:
-                    return best
-        return best
+            found = self._found(seen.track, view, seen.keyframe)
+            if expected is not None and not expected.allows(found.track.T_world_cam, found.map_id):
+                continue
+            firm = expected is not None and expected.is_firm
+            if firm or is_certain(seen) or self._confirms(data, found):
+                return found
+            self._unconfirmed = data, found
+        return None
 
-    def _look_alikes(self, data: FrameData, view: MapView) -> list[tuple[SE3, int]]:
-        """Keyframes whose small image resembles this one, turned so that the images agree."""
-        living = [view.keyframes[int(k)] for k in view.living]
-        difference = [float(((k.data.small - data.small) ** 2).mean()) for k in living]
-        aligned = []
-        for position in np.argsort(difference, kind="stable")[:LIKELY]:
-            keyframe = living[int(position)]
-            rotation, score = rotation_between(keyframe.data.small, data.small, self._focal_px)
-            if np.isfinite(score):
-                turned = keyframe.T_world_cam @ SE3(rotation.T, np.zeros(3))
-                aligned.append((score, keyframe.id, turned))
-        aligned.sort(key=lambda entry: entry[:2])
-        return [(pose, k) for _, k, pose in aligned[:TRIED]]
+    def _where_expected(self, data: FrameData, view: MapView, expected: Expectation) -> Found | None:
+        here = view.part(expected.map_id)
+        reference = int(nearest_keyframes(here, expected.T_world_cam)[0])
+        local = LocalMap()
+        local.select(here, reference)
+        radius = WIDE * self._config.coarse_radius_px
+        track = self._tracker.track(data, here, expected.T_world_cam, local.rows, radius)
+        if track.state is not TrackingState.GOOD or not expected.allows(track.T_world_cam, expected.map_id):
+            return None
+        seen = Recognition(reference, track, 0, occupied_cells(track.uv, self._camera))
+        return self._found(track, view, reference) if expected.is_firm or is_sure(seen) else None
 
+    def _likely(self, data: FrameData, view: MapView, expected: Expectation | None) -> list[int]:
+        """The best look-alikes, and some of the rest in turn."""
+        among = view.living if expected is None or not expected.is_firm else view.part(expected.map_id).living
+        ranked = [int(k) for k in self._places.ranked(data.small, view, among)]
+        best, rest = ranked[:BEST_LIKELY], ranked[BEST_LIKELY:]
+        in_turn = [rest[(self._turn + n) % len(rest)] for n in range(min(IN_TURN, len(rest)))]
+        self._turn += IN_TURN
+        return best + in_turn
 
-def _within(expected: SE3, found: SE3, reach: tuple[float, float]) -> bool:
-    distance = float(np.linalg.norm(found.translation - expected.translation))
-    return distance <= reach[0] and expected.rotation_angle_to(found) <= reach[1]
+    def _found(self, track: Track, view: MapView, keyframe: int) -> Found:
+        map_id = view.keyframes[keyframe].map_id
+        here = view.part(map_id)
+        local = LocalMap()
+        local.select(here, keyframe)
+        return Found(track, local.follow(here, track.rows), map_id)
+
+    def _confirms(self, data: FrameData, found: Found) -> bool:
+        """Whether a frame shortly before was recognised where the camera must then have been."""
+        if self._unconfirmed is None:
+            return False
+        before, earlier = self._unconfirmed
+        if earlier.map_id != found.map_id or (data.stamp_ns - before.stamp_ns) * 1e-9 > AGREE_S:
+            return False
+        moved = self._motion.by_wheels(before, data) or SE3.identity()
+        step = (earlier.track.T_world_cam @ moved).inverse() @ found.track.T_world_cam
+        angle = step.rotation_angle_to(SE3.identity())
+        return float(np.linalg.norm(step.translation)) < AGREE_M and angle < AGREE_RAD

@@ -46,8 +46,7 @@ class SequentialSlam:
         result = outcome.result
         if outcome.start is not None:
             self._view = self._mapper.start(outcome.start)
-            self._front.started(self._view, outcome.start)
-            result = result._replace(T_world_cam=self._view.keyframes[-1].T_world_cam)
+            result = self._front.started(self._view, outcome.start, result)
         elif outcome.request is not None:
             self._view = self._mapper.add_keyframe(outcome.request)
             if self._mapper.refinement_due:

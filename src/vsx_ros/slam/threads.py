@@ -2,7 +2,8 @@
 threads.
 
 The tracker runs in the caller's thread on the newest finished map, which arrives by one reference assignment; nobody
-waits for a lock that the other holds while it works. Kernels release Python's global lock.
+waits for a lock that the other holds while it works, but for the start of a second map. Kernels release Python's global
+lock.
 """
 
 from __future__ import annotations
@@ -51,7 +52,8 @@ class ThreadedSlam:
             self._front.resume(self._view)
         self._waiting: deque[KeyFrameRequest] = deque()
         self._work = threading.Condition()
-        self._closing = False
+        self._step = threading.Lock()
+        self._closing = self._starting = False
         self._failure: BaseException | None = None
         self._thread = threading.Thread(target=self._run, name="mapper", daemon=True)
         self._thread.start()
@@ -67,9 +69,11 @@ class ThreadedSlam:
         outcome = self._front.process(frame, odometry)
         result = outcome.result
         if outcome.start is not None:
-            self._view = self._used = self._mapper.start(outcome.start)
-            self._front.started(self._view, outcome.start)
-            result = result._replace(T_world_cam=self._view.keyframes[-1].T_world_cam)
+            self._starting = True
+            with self._step:
+                self._view = self._used = self._mapper.start(outcome.start)
+            self._starting = False
+            result = self._front.started(self._view, outcome.start, result)
         elif outcome.request is not None:
             with self._work:
                 taken = len(self._waiting) < MAX_WAITING
@@ -109,7 +113,7 @@ class ThreadedSlam:
 
     def _wanted(self) -> bool:
         """Whether something waits that is more urgent than refining the map."""
-        return bool(self._waiting) or self._closing
+        return bool(self._waiting) or self._closing or self._starting
 
     def _run(self) -> None:
         try:
@@ -120,8 +124,9 @@ class ThreadedSlam:
                     if self._closing:
                         return
                     request = self._waiting.popleft() if self._waiting else None
-                self._view = (
-                    self._mapper.refine(self._wanted) if request is None else self._mapper.add_keyframe(request)
-                )
+                with self._step:
+                    self._view = (
+                        self._mapper.refine(self._wanted) if request is None else self._mapper.add_keyframe(request)
+                    )
         except BaseException as error:  # handed to the tracker's thread, which raises it
             self._failure = error

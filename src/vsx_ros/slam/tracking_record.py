@@ -40,8 +40,15 @@ class TrackingRecord:
         self._tracked += 1
         self._last = (stamp_ns, position)
 
-    def tracked(self, stamp_ns: int, track: Track, n_points: int) -> None:
-        """A frame with a pose from the map of n_points rows; the first one in a map made before is the start."""
+    def tracked(self, stamp_ns: int, track: Track, n_points: int, in_world: bool) -> None:
+        """A frame with a pose from the map of n_points rows; the first one in a map made before is the start. Outside
+        the world, in a map not yet joined with the first one, the frame counts as lost."""
+        if not in_world:
+            self.missed(stamp_ns)
+            self._reserve(n_points)
+            self._searched[track.searched_rows] += 1
+            self._found[track.rows] += 1
+            return
         if self._initialized_ns is None:
             self._initialized_ns, self._uncounted = stamp_ns, self._lost
             self._first_ns = stamp_ns if self._first_ns is None else self._first_ns

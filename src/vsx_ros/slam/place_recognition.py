@@ -1,0 +1,167 @@
+"""Which keyframes show the place an image shows, and where it was taken: likeness of the small images, then binary
+descriptors of the keyframe's points, then the pose that explains the matches, then patch search of all that should be
+in view."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vsx_ros.arrays import FloatArray, IntArray
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.kernels.projection import unproject_pixels
+from vsx_ros.slam.keyframe import FrameData, KeyFrame
+from vsx_ros.slam.map import MapView
+from vsx_ros.slam.tracker import LocalMap, Track, Tracker
+from vsx_ros.vision.descriptors import Features, describe, match
+from vsx_ros.vision.patch_search import kernel_camera
+from vsx_ros.vision.small_image import SmallImage
+
+REMEMBERED = 400
+MIN_MATCHES, PNP_ERROR_PX, PNP_TRIALS = 12, 6.0, 200
+SEARCH_RADIUS_PX = 12.0
+SHIFT_X, SHIFT_Y = 6, 1
+CELLS = 4
+SURE_FOUND, SURE_RATIO, SURE_CELLS = 40, 0.42, 5
+CERTAIN_FOUND, CERTAIN_RATIO, CERTAIN_CELLS = 120, 0.5, 8
+
+
+class Recognition(NamedTuple):
+    """An image placed in the map by a keyframe of it. matches: descriptors the first guess rests on; track: what patch
+    search then found around the keyframe, with the pose; cells: in how many of 4 x 4 parts of the image."""
+
+    keyframe: int
+    track: Track
+    matches: int
+    cells: int
+
+
+def is_sure(seen: Recognition) -> bool:
+    """Whether this is the place, when something else speaks for it too. A poster or a chair that hangs or stands
+    elsewhere as well brings its own points, but not those around it, and fills a part of the image only."""
+    return len(seen.track.rows) >= SURE_FOUND and seen.track.ratio >= SURE_RATIO and seen.cells >= SURE_CELLS
+
+
+def is_certain(seen: Recognition) -> bool:
+    """Whether this is the place, though nothing else speaks for it."""
+    few = len(seen.track.rows) < CERTAIN_FOUND
+    return not few and seen.track.ratio >= CERTAIN_RATIO and seen.cells >= CERTAIN_CELLS
+
+
+class _Looks(NamedTuple):
+    n_observations: int
+    rows: IntArray
+    features: Features
+
+
+class PlaceRecognizer:
+    """``ranked`` says which keyframes look alike, ``recognise`` whether one of them is the place. Remembers the
+    descriptors of the keyframes it compared last."""
+
+    def __init__(self, camera: PinholeCamera, tracker: Tracker) -> None:
+        self._camera = camera
+        self._array = kernel_camera(camera)
+        self._tracker = tracker
+        self._looks: dict[int, _Looks] = {}
+        self._tiny: dict[int, SmallImage] = {}
+
+    def ranked(self, small: SmallImage, view: MapView, among: IntArray) -> IntArray:
+        """The keyframes ``among`` (indices), those that look most like a small image first."""
+        if not len(among):
+            return among
+        places = np.stack([self._shrunk(view.keyframes[int(k)]) for k in among])
+        return among[np.argsort(-likeness(halved(small), places), kind="stable")]
+
+    def features_seen(self, keyframe: KeyFrame) -> Features:
+        """What a keyframe observes, described."""
+        return self._described(keyframe).features
+
+    def recognise(self, data: FrameData, features: Features, view: MapView, index: int) -> Recognition | None:
+        """The image placed by keyframe ``index``; None when its points do not appear in it in one consistent view."""
+        guess = self._guess(features, view, index)
+        if guess is None:
+            return None
+        pose, matches = guess
+        view = view.part(view.keyframes[index].map_id)
+        local = LocalMap()
+        local.select(view, index)
+        track = self._tracker.track(data, view, pose, local.rows, SEARCH_RADIUS_PX)
+        return Recognition(index, track, matches, occupied_cells(track.uv, self._camera))
+
+    def _guess(self, features: Features, view: MapView, index: int) -> tuple[SE3, int] | None:
+        """T_world_cam from descriptor matches with a keyframe's points (perspective three-point and consensus)."""
+        looks = self._described(view.keyframes[index])
+        there, here = match(looks.features, features)
+        rows = looks.rows[there]
+        alive = view.alive[rows]
+        rows, here = rows[alive], here[alive]
+        if len(rows) < MIN_MATCHES:
+            return None
+        centre = view.centres[index]
+        plane = unproject_pixels(self._array, np.ascontiguousarray(features.uv[here]))
+        ok, rotation, translation, inliers = cv2.solvePnPRansac(
+            np.ascontiguousarray(view.points[rows] - centre),
+            plane,
+            np.eye(3),
+            None,
+            iterationsCount=PNP_TRIALS,
+            reprojectionError=PNP_ERROR_PX / self._camera.fx,
+            confidence=0.999,
+            flags=cv2.SOLVEPNP_AP3P,
+        )
+        if not ok or inliers is None or len(inliers) < MIN_MATCHES:
+            return None
+        T_cam_local = SE3(np.asarray(cv2.Rodrigues(rotation)[0]), np.asarray(translation, float).ravel())
+        return SE3(np.eye(3), centre) @ T_cam_local.inverse(), len(inliers)
+
+    def _described(self, keyframe: KeyFrame) -> _Looks:
+        observed = keyframe.observations
+        known = self._looks.pop(keyframe.id, None)
+        if known is None or known.n_observations != len(observed.rows):
+            index, features = describe(keyframe.data.pyramid, observed.uv, observed.level)
+            known = _Looks(len(observed.rows), observed.rows[index], features)
+        self._looks[keyframe.id] = known
+        if len(self._looks) > REMEMBERED:
+            del self._looks[next(iter(self._looks))]
+        return known
+
+    def _shrunk(self, keyframe: KeyFrame) -> SmallImage:
+        if keyframe.id not in self._tiny:
+            self._tiny[keyframe.id] = halved(keyframe.data.small)
+        return self._tiny[keyframe.id]
+
+
+def occupied_cells(uv: NDArray[np.float64], camera: PinholeCamera) -> int:
+    """In how many of 4 x 4 parts of the image at least two of the pixels (n, 2) lie."""
+    column = np.clip((uv[:, 0] * CELLS / camera.width).astype(int), 0, CELLS - 1)
+    row = np.clip((uv[:, 1] * CELLS / camera.height).astype(int), 0, CELLS - 1)
+    return int(np.count_nonzero(np.bincount(row * CELLS + column, minlength=CELLS * CELLS) >= 2))
+
+
+def halved(small: SmallImage) -> SmallImage:
+    """A small image at half its size (20 x 15 for VGA)."""
+    height, width = small.shape
+    tiny: SmallImage = cv2.resize(small, (width // 2, height // 2), interpolation=cv2.INTER_AREA)
+    return tiny
+
+
+def likeness(query: SmallImage, places: NDArray[np.float32]) -> FloatArray:
+    """(K,) best correlation of a halved small image (h, w) with each of K places (K, h, w), over the shifts that
+    turning the camera by up to 17 deg to a side, or nodding a little, brings about; 1 for the same image."""
+    count, height, width = places.shape
+    shifts = [(dy, dx) for dy in range(-SHIFT_Y, SHIFT_Y + 1) for dx in range(-SHIFT_X, SHIFT_X + 1)]
+    shifted = np.zeros((len(shifts), height, width))
+    inside = np.zeros((len(shifts), height, width))
+    for n, (dy, dx) in enumerate(shifts):
+        to = slice(max(0, dy), height + min(0, dy)), slice(max(0, dx), width + min(0, dx))
+        of = slice(max(0, -dy), height - max(0, dy)), slice(max(0, -dx), width - max(0, dx))
+        shifted[n][to] = query[of]
+        inside[n][to] = 1.0
+    flat, there = shifted.reshape(len(shifts), -1), places.reshape(count, -1).astype(float)
+    power = np.sqrt((flat**2).sum(axis=1)[:, None] * (inside.reshape(len(shifts), -1) @ (there**2).T))
+    best: FloatArray = np.max((flat @ there.T) / (power + 1e-6), axis=0)
+    return best

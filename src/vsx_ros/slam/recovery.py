@@ -1,0 +1,105 @@
+"""From the first frame that cannot be tracked until the camera is found: where it may be, whether the wheels bridge the
+gap, and when a map of its own shall begin."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from vsx_ros.config import SlamConfig
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.slam.initialization import Initialization, Initializer
+from vsx_ros.slam.keyframe import FrameData
+from vsx_ros.slam.map import MapView
+from vsx_ros.slam.motion_model import MotionModel
+from vsx_ros.slam.relocalization import Expectation, Found, Relocalizer
+from vsx_ros.slam.tracker import Tracker, nearest_keyframes
+
+# While the wheels tell where the camera must be, a place elsewhere only looks alike; but after this many frames they
+# may have slipped.
+REACH_M, REACH_RAD, REACH_GROWTH, PATIENCE_FRAMES = 0.2, 0.15, 0.01, 60
+# So many frames that show something else while the wheels stood: the camera was carried away.
+CARRIED_FRAMES, STOOD_M, STOOD_RAD = 20, 0.05, 0.1
+SECOND_MAP_FRAMES = 30
+ENOUGH_CORNERS = 150
+BRIDGE_GAP_FRAMES, BRIDGE_DISTANCE_M, BRIDGE_ANGLE_RAD = 2, 0.04, 0.07
+
+
+class Recovery:
+    """One loss after the other: ``search`` and ``missed`` every lost frame, ``over`` when the camera is found."""
+
+    def __init__(
+        self, camera: PinholeCamera, T_base_cam: SE3 | None, config: SlamConfig, tracker: Tracker, motion: MotionModel
+    ) -> None:
+        self._camera = camera
+        self._T_base_cam = T_base_cam
+        self._config = config
+        self._motion = motion
+        self._relocalizer = Relocalizer(camera, config.tracker, tracker, motion)
+        self.over(None)
+
+    def over(self, data: FrameData | None) -> None:
+        """The camera is tracked in this frame; None before the first."""
+        self._last_tracked = data
+        self.bad_frames = 0
+        self._unexplained = 0
+        self.carried = False
+        self._initializer: Initializer | None = None
+        self._relocalizer.forget()
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether enough frames failed to say so."""
+        return self.bad_frames >= self._config.tracker.lost_after_frames
+
+    def begin_lost(self) -> None:
+        """The camera has not been seen in this map yet."""
+        self.bad_frames = self._config.tracker.lost_after_frames
+
+    def search(self, data: FrameData, view: MapView, by_wheels: SE3 | None, map_id: int) -> Found | None:
+        """The camera wherever it can be. by_wheels: T_world_cam in map ``map_id`` as the wheels have it."""
+        return self._relocalizer.relocalize(data, view, self.expectation(by_wheels, map_id))
+
+    def expectation(self, by_wheels: SE3 | None, map_id: int) -> Expectation | None:
+        """Where the camera should be in map ``map_id``, None before it was ever tracked."""
+        if by_wheels is not None and self.bad_frames < PATIENCE_FRAMES and not self.carried:
+            growth = REACH_GROWTH * self.bad_frames
+            return Expectation(by_wheels, map_id, (REACH_M + growth, REACH_RAD + growth))
+        expected = by_wheels or self._motion.last_pose
+        return None if expected is None else Expectation(expected, map_id, (math.inf, math.inf))
+
+    def missed(self, data: FrameData) -> bool:
+        """Count a frame in which the camera was not found; True when it has just become clear that it was carried."""
+        self.bad_frames += 1
+        if self.carried or not self._wheels_stood(data) or len(data.corners.positions) < ENOUGH_CORNERS:
+            return False
+        self._unexplained += 1
+        self.carried = self._unexplained >= CARRIED_FRAMES
+        return self.carried
+
+    def second_map(self, data: FrameData, has_wheels: bool) -> Initialization | None:
+        """The start of a map of its own, when the wheels do not bridge the gap and the camera allows one."""
+        if self.bad_frames < SECOND_MAP_FRAMES or (has_wheels and not self.carried):
+            return None
+        if self._initializer is None:
+            self._initializer = Initializer(self._camera, self._T_base_cam, self._config.initialization)
+        outcome = self._initializer.add(data)
+        return None if isinstance(outcome, str) else outcome
+
+    def bridges(self, data: FrameData, view: MapView, by_wheels: SE3, since_keyframe: int) -> bool:
+        """Whether the wheels shall place a keyframe: the image shows something and they turn, so that what is in view
+        becomes a map again."""
+        if self.carried or len(data.corners.positions) < ENOUGH_CORNERS or since_keyframe < BRIDGE_GAP_FRAMES:
+            return False
+        nearest = view.keyframes[int(nearest_keyframes(view, by_wheels)[0])].T_world_cam
+        moved = float(np.linalg.norm(nearest.translation - by_wheels.translation))
+        return moved >= BRIDGE_DISTANCE_M or nearest.rotation_angle_to(by_wheels) >= BRIDGE_ANGLE_RAD
+
+    def _wheels_stood(self, data: FrameData) -> bool:
+        moved = None if self._last_tracked is None else self._motion.by_wheels(self._last_tracked, data)
+        if moved is None:
+            return False
+        turned = moved.rotation_angle_to(SE3.identity())
+        return float(np.linalg.norm(moved.translation)) < STOOD_M and turned < STOOD_RAD
