@@ -28,14 +28,14 @@ T_BASE_CAM = SE3.exp(np.array([0.1, 0.0, 0.3, -1.2, 1.2, -1.2]))
 
 @pytest.fixture(scope="module")
 def slam_map():
-    """Five keyframes, one culled, one without odometry, in two chains."""
+    """Five keyframes, one culled, one without odometry, one of a second map, in two chains."""
     rng, detector, world = np.random.default_rng(3), CornerDetector(), Map()
     for k in range(5):
         pyramid = build_pyramid(cv2.GaussianBlur(rng.integers(0, 256, (120, 160), np.uint8), (0, 0), 1.5))
         wheels = None if k == 2 else SE2(0.1 * k, 0.2, -0.3 * k)
         data = FrameData(7 * k + 10**18, pyramid, detector.detect(pyramid), small_image(pyramid), wheels)
         world.chain = k // 3
-        world.add_keyframe(data, SE3.exp(rng.normal(0.0, 0.3, 6)), Observations.none())
+        world.add_keyframe(data, SE3.exp(rng.normal(0.0, 0.3, 6)), Observations.none(), map_id=int(k == 4))
         looks = NewTemplates(rng.normal(size=(30, 4)), rng.random((30, 2)), rng.integers(0, 256, (30, PATCH, PATCH)))
         world.add_points(rng.normal(size=(30, 3)), looks, k)
     for k in range(5):
@@ -60,7 +60,8 @@ def test_everything_comes_back_bit_for_bit(slam_map, saved):
     assert (back.view.version, back.view.living.tolist()) == (42, [0, 2, 3, 4])
     assert [k.alive for k in back.view.keyframes] == [True, False, True, True, True]
     for ours, theirs in zip(slam_map.view.keyframes, back.view.keyframes, strict=True):
-        assert (ours.id, ours.chain, ours.median_depth) == (theirs.id, theirs.chain, theirs.median_depth)
+        assert (ours.id, ours.chain, ours.map_id) == (theirs.id, theirs.chain, theirs.map_id)
+        assert ours.median_depth == theirs.median_depth
         assert (ours.data.stamp_ns, ours.data.T_odom_base) == (theirs.data.stamp_ns, theirs.data.T_odom_base)
         assert all(np.array_equal(a, b) for a, b in zip(ours.data.pyramid, theirs.data.pyramid, strict=True))
         assert all(np.array_equal(a, b) for a, b in zip(ours.data.corners, theirs.data.corners, strict=True))
@@ -186,6 +187,7 @@ def test_manifests_that_cannot_be(saved, change, message):
         ("anchor", put(0, 2), "is not zero for a culled keyframe"),
         ("median_depth", put(0, -1.0), "median_depth reaches"),
         ("chain", put(0, -1), "chain reaches"),
+        ("map_id", put(2, -1), "map_id reaches"),
         ("corner", put((0, 0), 160), "corner lies outside its image"),
         ("corner", put((0, 1), 60), "corner lies outside its image or out of order"),
         ("corner_count", put((0, 0), 0), "corner_count does not add up"),

@@ -9,6 +9,7 @@ from vsx_ros.errors import CalibrationError
 from vsx_ros.evaluation.trajectory import trajectory_error
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
+from vsx_ros.io.slam_map_arrays import arrays_of, check
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
 from vsx_ros.kernels.patches import PATCH
 from vsx_ros.robot import VelocityCommand
@@ -228,6 +229,27 @@ def test_a_map_of_another_calibration_is_refused_with_both_values(arc_drive, mad
         ThreadedSlam(camera, raised, CONFIG, 1, made_before)
     with pytest.raises(CalibrationError, match="no metric scale"):
         SequentialSlam(camera, mount, CONFIG, 1, SlamMap(camera, None, made_before.view))
+
+
+def test_a_map_taken_while_the_mapper_works_does_not_change(arc_drive):
+    slam = ThreadedSlam(arc_drive.camera, arc_drive.T_base_cam, CONFIG, 1)
+    taken = []
+    try:
+        for frame, odometry, _ in arc_drive.frames:
+            slam.track(frame, odometry)
+            slam_map = slam.slam_map()
+            if slam_map is not None and (not taken or slam_map.view.version > taken[-1][0].version):
+                taken.append((slam_map.view, contents(slam_map.view)))
+    finally:
+        slam.close()
+    assert len(taken) >= 3
+    for view, bytes_then in taken:
+        assert contents(view) == bytes_then
+        check(arrays_of(view), 640, 480)
+
+
+def contents(view):
+    return b"".join(array.tobytes() for array in arrays_of(view).values())
 
 
 def test_a_session_without_wheels_may_go_on_in_a_metric_map(arc_drive, made_before, second_drive):
