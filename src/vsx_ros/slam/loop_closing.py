@@ -1,0 +1,168 @@
+"""Seeing again what the map holds elsewhere: a loop to close, or another map to join. Found for every new keyframe,
+believed when a second keyframe agrees or the first leaves no doubt."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from vsx_ros.arrays import FloatArray, IntArray
+from vsx_ros.config import TrackerConfig
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.slam.fusion import same_points
+from vsx_ros.slam.keyframe import KeyFrame, covisible
+from vsx_ros.slam.map import Map, MapView
+from vsx_ros.slam.place_recognition import PlaceRecognizer, Recognition, is_certain, is_sure
+from vsx_ros.slam.tracker import Tracker, nearest_keyframes
+
+TRIED = 2
+# A keyframe knows the neighbourhood when it shares so many points with what was seen so long ago.
+KNOWN_POINTS, LONG_AGO = 40, 1.5
+# How far a map can have drifted along a way: a constant and a share, with the wheels' help and without.
+DRIFT_M, DRIFT_RAD = 0.15, 0.06
+DRIFT_WHEELS, DRIFT_CAMERA, TURN_WHEELS, TURN_CAMERA = 0.03, 0.3, 0.015, 0.06
+VIEW_DEPTHS, VIEW_RAD = 0.7, 0.6
+SCALE_PAIRS, SCALE_SPREAD = 12, 0.1
+AGREE_M, AGREE_RAD, AGREE_SCALE, AGREE_KEYFRAMES = 0.05, 0.03, 0.05, 6
+
+
+class Reunion(NamedTuple):
+    """Keyframe ``newer`` was recognised by ``older``: where it stands by that part of the map, how many times as large
+    its own part would have to be, and how many points were found."""
+
+    older: int
+    newer: int
+    T_older_newer: SE3
+    factor: float
+    points: int
+
+    def place(self, world: Map) -> SE3:
+        """T_world_cam of ``newer`` by ``older``'s part of the map, in the frame of ``older``'s map."""
+        return world.keyframes[self.older].T_world_cam @ self.T_older_newer
+
+
+class LoopFinder:
+    """``look`` at every new keyframe once. has_wheels: the map is metric, sizes are not in question."""
+
+    def __init__(
+        self, camera: PinholeCamera, config: TrackerConfig, has_wheels: bool, rng: np.random.Generator
+    ) -> None:
+        self._places = PlaceRecognizer(camera, Tracker(camera, config, rng))
+        self._has_wheels = has_wheels
+        self._unconfirmed: Reunion | None = None
+
+    def look(self, world: Map, view: MapView, index: int) -> list[Reunion]:
+        """The reunions of keyframe ``index`` and of one before that agree, empty when there is nothing to act on."""
+        among = self._strangers(world, view, index)
+        if not len(among):
+            return []
+        newest = world.keyframes[index]
+        features = self._places.features_seen(newest)
+        for k in self._places.ranked(newest.data.small, view, among)[:TRIED]:
+            seen = self._places.recognise(newest.data, features, view, int(k))
+            if seen is None or not is_sure(seen):
+                continue
+            reunion = self._reunion(world, index, seen)
+            if reunion is None or not self._can_be(world, reunion):
+                continue
+            before, self._unconfirmed = self._unconfirmed, reunion
+            if before is not None and self._agree(world, before, reunion):
+                return [before, reunion]
+            if is_certain(seen):
+                return [reunion]
+            return []
+        return []
+
+    def forget(self) -> None:
+        """What was seen has been acted on."""
+        self._unconfirmed = None
+
+    def _strangers(self, world: Map, view: MapView, index: int) -> IntArray:
+        """Keyframes that may show the same place without being known to: of an earlier map, or of this one from long
+        ago and near enough for the drift since then."""
+        newest = world.keyframes[index]
+        if newest.map_id:
+            return np.array([k for k in view.living if world.keyframes[int(k)].map_id < newest.map_id], np.int64)
+        way = path_lengths(world)
+        way = way[index] - way
+        mine = view.part(newest.map_id).living
+        long_ago = mine[way[mine] > LONG_AGO * max(newest.median_depth, 1e-6)]
+        shared = covisible([world.keyframes[int(k)] for k in long_ago], newest.observations.rows, world.count)
+        if not len(long_ago) or shared.max() >= KNOWN_POINTS:
+            return np.zeros(0, np.int64)
+        offset = np.linalg.norm(view.centres[long_ago] - newest.T_world_cam.translation, axis=1)
+        cosine = view.R_world_cam[long_ago, :, 2] @ newest.T_world_cam.rotation[:, 2]
+        metres, angle = self._drift(way[long_ago])
+        near = offset < metres + VIEW_DEPTHS * newest.median_depth
+        near &= np.arccos(np.clip(cosine, -1.0, 1.0)) < angle + VIEW_RAD
+        strangers: IntArray = long_ago[near]
+        return strangers
+
+    def _drift(self, way: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """How far [m, rad] the map can be off after a way [m]."""
+        share, turn = (DRIFT_WHEELS, TURN_WHEELS) if self._has_wheels else (DRIFT_CAMERA, TURN_CAMERA)
+        return DRIFT_M + share * way, DRIFT_RAD + turn * way
+
+    def _can_be(self, world: Map, reunion: Reunion) -> bool:
+        """Whether the map can have drifted so far; maps that were begun apart can lie anyhow."""
+        older, newer = world.keyframes[reunion.older], world.keyframes[reunion.newer]
+        if older.map_id != newer.map_id:
+            return True
+        way = path_lengths(world)
+        metres, angle = self._drift(way[reunion.newer] - way[reunion.older])
+        there = reunion.place(world)
+        off = float(np.linalg.norm(there.translation - newer.T_world_cam.translation))
+        return off < float(metres) and there.rotation_angle_to(newer.T_world_cam) < float(angle)
+
+    def _reunion(self, world: Map, index: int, seen: Recognition) -> Reunion | None:
+        """With the factor of size: 1 by the wheels, else from the depths of points that both parts see at one spot."""
+        newest, track = world.keyframes[index], seen.track
+        factor = 1.0
+        if not self._has_wheels:
+            mine, known = same_points(newest, track.rows, track.uv, track.level)
+            if len(mine) < SCALE_PAIRS:
+                return None
+            ratio = np.log(_depth(world, track.T_world_cam, known) / _depth(world, newest.T_world_cam, mine))
+            middle = float(np.median(ratio))
+            if float(np.median(np.abs(ratio - middle))) > SCALE_SPREAD:
+                return None
+            factor = float(np.exp(middle))
+        T_older_newer = world.keyframes[seen.keyframe].T_world_cam.inverse() @ track.T_world_cam
+        return Reunion(seen.keyframe, index, T_older_newer, factor, len(track.rows))
+
+    def _agree(self, world: Map, a: Reunion, b: Reunion) -> bool:
+        """Whether two keyframes tell of the same displacement."""
+        first, second = world.keyframes[a.newer], world.keyframes[b.newer]
+        older = [world.keyframes[r.older].map_id for r in (a, b)]
+        if b.newer - a.newer > AGREE_KEYFRAMES or first.map_id != second.map_id or older[0] != older[1]:
+            return False
+        step = first.T_world_cam.inverse() @ second.T_world_cam
+        moved = SE3(step.rotation, b.factor * step.translation)
+        error = (a.place(world) @ moved).inverse() @ b.place(world)
+        apart = float(np.linalg.norm(error.translation)) / max(b.factor * second.median_depth, 1e-6)
+        angle = error.rotation_angle_to(SE3.identity())
+        return apart < AGREE_M and angle < AGREE_RAD and abs(np.log(a.factor / b.factor)) < AGREE_SCALE
+
+
+def path_lengths(world: Map) -> FloatArray:
+    """(K,) length of the way through all keyframes up to each of them, in the order in which they were made [m]."""
+    centres = np.array([k.T_world_cam.translation for k in world.keyframes])
+    steps = np.linalg.norm(np.diff(centres, axis=0, prepend=centres[:1]), axis=1)
+    return np.cumsum(steps)
+
+
+def _depth(world: Map, T_world_cam: SE3, rows: IntArray) -> FloatArray:
+    here = world.points[rows] - T_world_cam.translation
+    return np.maximum(here @ T_world_cam.rotation[:, 2], 1e-6)
+
+
+def neighbourhood(world: Map, view: MapView, keyframe: KeyFrame) -> IntArray:
+    """Points (rows) seen by a keyframe and the living ones of its map around it."""
+    here = view.part(keyframe.map_id)
+    near = nearest_keyframes(here, keyframe.T_world_cam)[:8]
+    seen = np.zeros(world.count, np.bool_)
+    for k in (keyframe.id, *near.tolist()):
+        seen[world.keyframes[k].observations.rows] = True
+    return np.flatnonzero(seen & world.alive)

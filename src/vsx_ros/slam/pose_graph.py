@@ -1,0 +1,113 @@
+"""Bending a map so that a place seen twice becomes one: a pose graph of its keyframes, the points carried along."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from vsx_ros.arrays import FloatArray, IntArray
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.kernels.pose_graph import optimize_graph
+from vsx_ros.slam.map import Map
+
+# Standard deviations of what two keyframes that share points know of one another: a constant and a share of the way.
+DISTANCE_M, DISTANCE_RATIO, ANGLE_RAD, ANGLE_RAD_M, SCALE, SCALE_RATIO = 0.002, 0.01, 0.001, 0.005, 0.002, 0.01
+LOOSE = 5.0
+STRANGERS, CLOSE_FRIENDS, FRIENDS = 15, 60, 2
+LOOP_SIGMA = np.array([0.004, 0.004, 0.004, 0.002, 0.002, 0.002, 0.003])
+ITERATIONS = 12
+
+
+class Loop(NamedTuple):
+    """Keyframe ``newer`` stands at T_older_newer of keyframe ``older``, in the unit of length of ``older``; scale: the
+    length that ``newer``'s part of the map takes for 1, measured by ``older``'s."""
+
+    older: int
+    newer: int
+    T_older_newer: SE3
+    scale: float
+
+
+class _Edge(NamedTuple):
+    a: int
+    b: int
+    T_a_b: SE3
+    scale: float
+    sigma: FloatArray
+
+
+def bend(world: Map, map_id: int, loops: list[Loop], free_scale: bool) -> float:
+    """Move all living keyframes of a map but the first so that the loops close, each stretch giving way as far as it is
+    uncertain: where successive keyframes share few points, first. free_scale: without odometry the size drifts too.
+
+    Returns how far the last keyframe of the loops moved [m]."""
+    nodes = world.living_in(map_id)
+    number = {k: n for n, k in enumerate(nodes)}
+    before = [world.keyframes[k].T_world_cam for k in nodes]
+    edges = [_Edge(number[e.older], number[e.newer], e.T_older_newer, e.scale, LOOP_SIGMA) for e in loops]
+    edges += _edges_within(world, nodes, before)
+    R, t, s, _ = optimize_graph(
+        np.array([T.rotation for T in before]),
+        np.array([T.translation for T in before]),
+        np.ones(len(nodes)),
+        np.arange(len(nodes)) == 0,
+        np.array([e.a for e in edges], np.int64),
+        np.array([e.b for e in edges], np.int64),
+        np.array([e.T_a_b.rotation for e in edges]),
+        np.array([e.T_a_b.translation for e in edges]),
+        np.array([e.scale for e in edges]),
+        np.array([np.diag(e.sigma**-2.0) for e in edges]),
+        free_scale,
+        ITERATIONS,
+    )
+    after = [SE3(R[n], t[n]) for n in range(len(nodes))]
+    place(world, nodes, after, s)
+    last = number[loops[-1].newer]
+    return float(np.linalg.norm(after[last].translation - before[last].translation))
+
+
+def place(world: Map, nodes: list[int], poses: list[SE3], factors: FloatArray) -> None:
+    """Move keyframes (indices) to new poses, ``factors`` times as large, with the points first seen in them or in
+    culled keyframes they carry."""
+    before = [world.keyframes[k].T_world_cam for k in nodes]
+    holder = carriers(world)[world.source]
+    for k, old, new, factor in zip(nodes, before, poses, factors):
+        mine = holder == k
+        world.points[mine] = new @ (factor * (old.inverse() @ world.points[mine]))
+        world.resize_keyframe(k, new, float(factor))
+
+
+def carriers(world: Map) -> IntArray:
+    """(K,) for each keyframe the living one that holds it: itself, or what carries it."""
+    return np.array([k.id if k.anchor is None else k.anchor.keyframe for k in world.keyframes], np.int64)
+
+
+def shared_points(world: Map, nodes: list[int]) -> IntArray:
+    """(N, N) how many points each two of the keyframes (indices) share."""
+    sees = np.zeros((len(nodes), world.count), np.float32)
+    for n, k in enumerate(nodes):
+        sees[n, world.keyframes[k].observations.rows] = 1.0
+    return (sees @ sees.T).astype(np.int64)
+
+
+def _edges_within(world: Map, nodes: list[int], poses: list[SE3]) -> list[_Edge]:
+    """Successive keyframes, and for each the two earlier ones that share most points with it: as they stand now."""
+    shared = shared_points(world, nodes)
+    edges = []
+    for n in range(1, len(nodes)):
+        edges.append(_edge(world, nodes, poses, n - 1, n, bool(shared[n, n - 1] < STRANGERS)))
+        earlier = np.argsort(-shared[n, : n - 1], kind="stable")[:FRIENDS]
+        edges += [_edge(world, nodes, poses, int(m), n, False) for m in earlier if shared[n, m] >= CLOSE_FRIENDS]
+    return edges
+
+
+def _edge(world: Map, nodes: list[int], poses: list[SE3], a: int, b: int, loose: bool) -> _Edge:
+    T_a_b = poses[a].inverse() @ poses[b]
+    distance = float(np.linalg.norm(T_a_b.translation))
+    depth = max(world.keyframes[nodes[a]].median_depth, 1e-6)
+    metres = DISTANCE_M + DISTANCE_RATIO * distance
+    angle = ANGLE_RAD + ANGLE_RAD_M * distance
+    scale = SCALE + SCALE_RATIO * distance / depth
+    sigma = np.array([metres] * 3 + [angle] * 3 + [scale])
+    return _Edge(a, b, T_a_b, 1.0, LOOSE * sigma if loose else sigma)
