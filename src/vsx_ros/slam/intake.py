@@ -11,24 +11,32 @@ from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry
+from vsx_ros.slam.calibration_check import check_calibration
 from vsx_ros.slam.keyframe import FrameData
-from vsx_ros.vision.corners import CornerDetector
-from vsx_ros.vision.pyramid import build_pyramid
+from vsx_ros.slam.wheel_readings import WheelReadings
+from vsx_ros.vision.corners import CornerDetector, Corners, indexed
+from vsx_ros.vision.pyramid import LEVELS, Pyramid, build_pyramid
 from vsx_ros.vision.small_image import small_image
 
 GAP_S = 1.0
-MAX_ODOMETRY_AGE_S = 0.25
+# Wheels that count less than this between two images stand.
+STILL_M, STILL_RAD = 0.001, 0.001
 
 
 class Intake:
-    """``take`` one frame after the other. gap: told (stamp_ns, reason) when time or odometry has a hole."""
+    """``take`` one frame after the other. gap: told (stamp_ns, reason) when time, images or odometry have a hole.
+
+    Raises CalibrationError for a camera or a mount that cannot be.
+    """
 
     def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, gap: Callable[[int, str], None]) -> None:
+        check_calibration(camera, T_base_cam)
         self._camera = camera
-        self._T_base_cam = T_base_cam
         self._gap = gap
+        self._wheels = None if T_base_cam is None else WheelReadings(gap)
         self._detector = CornerDetector()
         self._last_stamp_ns: int | None = None
+        self._last_image: tuple[Pyramid, SE2 | None] | None = None
 
     def take(self, frame: Frame, odometry: Odometry | None) -> FrameData:
         """The next frame. Raises InputError for an image of the wrong size or type and a stamp that does not advance;
@@ -49,19 +57,23 @@ class Intake:
         if last is not None and (frame.stamp_ns - last) * 1e-9 > GAP_S:
             self._gap(frame.stamp_ns, f"no frame for {(frame.stamp_ns - last) * 1e-9:.1f} s")
         self._last_stamp_ns = frame.stamp_ns
-        wheels = self._odometry_at(frame.stamp_ns, odometry)
+        wheels = None if self._wheels is None else self._wheels.at(frame.stamp_ns, odometry)
+        if self._hangs(pyramid, wheels):
+            self._gap(frame.stamp_ns, "the image is the last one to the bit though the wheels turn: the camera hangs")
+            return FrameData(frame.stamp_ns, pyramid, _no_corners(pyramid), small_image(pyramid), wheels)
         return FrameData(frame.stamp_ns, pyramid, self._detector.detect(pyramid), small_image(pyramid), wheels)
 
-    def _odometry_at(self, stamp_ns: int, odometry: Odometry | None) -> SE2 | None:
-        """The base's odometry pose at the instant of the image, None when it cannot be told."""
-        if odometry is None or self._T_base_cam is None:
-            return None
-        age = (stamp_ns - odometry.stamp_ns) * 1e-9
-        numbers = (odometry.v, odometry.omega)
-        if not (odometry.T_odom_base.is_finite() and np.isfinite(numbers).all()):
-            self._gap(stamp_ns, "odometry is not a number: ignored for this frame")
-            return None
-        if abs(age) > MAX_ODOMETRY_AGE_S:
-            self._gap(stamp_ns, f"odometry is {age:.2f} s older than the image: ignored for this frame")
-            return None
-        return odometry.T_odom_base @ SE2.exp(odometry.v * age, 0.0, odometry.omega * age)
+    def _hangs(self, pyramid: Pyramid, wheels: SE2 | None) -> bool:
+        """Whether the camera repeats its last image, which noise never does, though the wheels have turned since."""
+        before, self._last_image = self._last_image, (pyramid, wheels)
+        if before is None or wheels is None or before[1] is None:
+            return False
+        still = before[1].distance_to(wheels) < STILL_M and abs(before[1].angle_to(wheels)) < STILL_RAD
+        if still or not np.array_equal(before[0].pixels, pyramid.pixels):
+            return False
+        self._last_image = before
+        return True
+
+
+def _no_corners(pyramid: Pyramid) -> Corners:
+    return indexed([np.zeros((0, 2), np.int32)] * LEVELS, pyramid)
