@@ -22,10 +22,13 @@ from vsx_ros.slam.relocalization import Found
 from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult, TrackingState
 from vsx_ros.slam.tracker import LocalMap, Track, Tracker, nearest_keyframes, nothing_tracked
 from vsx_ros.slam.tracking_record import TrackingRecord
+from vsx_ros.slam.wheel_trust import WheelTrust
 
 MAX_STEP_M, MAX_STEP_RAD = 0.08, 0.06
 # A last pose that a new map moves by more than this is a jump of the map.
 CORRECTION_M, CORRECTION_RAD = 0.05, 0.02
+# A frame with so many points, and that share of the expected ones, knows better than the wheels.
+SURE_POINTS, SURE_RATIO = 100, 0.5
 
 
 class FrameOutcome(NamedTuple):
@@ -47,6 +50,7 @@ class FrontEnd:
         self._initializer = Initializer(camera, T_base_cam, config.initialization)
         self._motion = MotionModel(T_base_cam, camera.fx)
         self._recovery = Recovery(camera, T_base_cam, config, self._tracker, self._motion)
+        self._trust = WheelTrust(T_base_cam)
         self._local = LocalMap()
         self._view = self._here = empty_view()
         self._reference = self._map_id = self._chain = 0
@@ -64,7 +68,7 @@ class FrontEnd:
         Raises InputError for an image of the wrong size or type and for a stamp that does not advance; the frame is
         then as if it had never come.
         """
-        data = self._intake.take(frame, odometry)
+        data = self._trust.admit(self._intake.take(frame, odometry))
         if not self._view.keyframes:
             return self._start(data)
         self._since_keyframe += 1
@@ -99,6 +103,7 @@ class FrontEnd:
             T_old_cam = old.T_world_cam.inverse() @ before
             moved = new.T_world_cam @ SE3(T_old_cam.rotation, factor * T_old_cam.translation)
             self._motion.move(moved, factor)
+            self._trust.move(moved @ before.inverse())
             far = float(np.linalg.norm(moved.translation - before.translation)) > CORRECTION_M
             self._corrected |= far or moved.rotation_angle_to(before) > CORRECTION_RAD
             self._reference = self._reference if new.anchor is None else new.anchor.keyframe
@@ -160,6 +165,10 @@ class FrontEnd:
 
     def _tracked(self, data: FrameData, track: Track, reference: int) -> FrameOutcome:
         self._motion.update(data, track.T_world_cam, measured=True)
+        if len(track.rows) >= SURE_POINTS and track.ratio > SURE_RATIO:
+            change = self._trust.compare(track.T_world_cam)
+            if change:
+                self._event(data.stamp_ns, "gap", change)
         if self._recovery.is_lost:
             where = "" if self._map_id == 0 else f" in map {self._map_id}"
             self.record.relocalizations += self._map_id == 0
@@ -204,6 +213,8 @@ class FrontEnd:
     def _recover(self, data: FrameData, track: Track, by_wheels: SE3 | None) -> FrameOutcome:
         """Too little was found: try everything to find the camera again, at once and in every frame."""
         recovery = self._recovery
+        if recovery.is_lost:
+            self._trust.interrupt()
         found = recovery.search(data, self._view, by_wheels, self._map_id)
         if found is not None:
             return self._found_again(data, found, by_wheels)
