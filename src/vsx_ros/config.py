@@ -57,7 +57,7 @@ class InitializationConfig(_Branch, frozen=True):
     unit_baseline_m: Positive = 0.1
     min_matches: Count = 60
     min_parallax_deg: Positive = 0.7
-    min_parallax_without_odometry_deg: Positive = 1.2
+    min_parallax_without_odometry_deg: Positive = 0.25
     max_turn_deg: Positive = 12.0
 
 

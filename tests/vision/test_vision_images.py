@@ -7,7 +7,7 @@ import pytest
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import so3_exp
-from vsx_ros.vision.corners import CornerDetector, strongest
+from vsx_ros.vision.corners import CornerDetector, dense_corners, strongest
 from vsx_ros.vision.patch_search import cast_rays, cut_patches, from_level, kernel_camera, to_level
 from vsx_ros.vision.pyramid import build_pyramid
 from vsx_ros.vision.small_image import rotation_between, small_image
@@ -69,7 +69,14 @@ def test_corner_counts_settle_near_their_targets():
     for _ in range(40):
         settled = detector.detect(rich).counts[0]
     assert settled < first
-    assert 1300 < settled < 5200
+    assert 650 < settled < 2600
+
+
+def test_dense_corners_meet_their_targets_at_once_whatever_the_contrast():
+    for contrast in (1, 2, 6):
+        counts = np.array(dense_corners(build_pyramid(noise_image(4) // contrast)).counts)
+        assert (np.abs(np.log(counts / [2600, 1400, 700, 350])) < np.log(1.5)).all()
+        assert all(count > 100 for count in counts)
 
 
 def test_no_corner_on_black():

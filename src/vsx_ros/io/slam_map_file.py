@@ -129,6 +129,7 @@ def _view(arrays: Arrays, entries: Mapping[str, bytes], camera: PinholeCamera, v
         np.flatnonzero(arrays["anchor"] < 0),
         arrays["rotation"],
         arrays["translation"],
+        np.array([k.median_depth or 1.0 for k in frames]),
         arrays["point"],
         arrays["point_alive"],
         arrays["point_source"],

@@ -26,6 +26,7 @@ STILL_PX = 2.0
 START_PX = 10.0
 MAX_DIRECTION_ERROR_RAD = math.radians(20.0)
 MAX_ROTATION_ERROR_RAD = math.radians(4.0)
+RIVAL, DIFFERENT_RAD = 0.92, math.radians(15.0)
 
 
 class Initialization(NamedTuple):
@@ -39,9 +40,11 @@ class Initialization(NamedTuple):
 
 
 class TwoViewMap(NamedTuple):
-    """A motion hypothesis refined: T_b_a, points_a (N, 3), good (N,): usable ones."""
+    """A motion hypothesis refined: T_b_a, support: how well it explains the matches, 1 for perfectly, points_a (N, 3),
+    good (N,): usable ones."""
 
     T_b_a: SE3
+    support: float
     points_a: Points3
     good: BoolArray
 
@@ -148,9 +151,10 @@ class Initializer:
         return self._initialization(data, best, scale, index, uv_b)
 
     def _choose(self, maps: list[TwoViewMap], wheels: SE3 | None) -> TwoViewMap | str:
-        """The hypothesis with most usable points that is not contradicted by the wheels or by an equal rival."""
+        """The hypothesis that explains the matches best, if it has enough usable points and is not contradicted by the
+        wheels or by an equal rival. (Usable points do not rank them: a wrong motion sees parallax everywhere.)"""
         needed = self._config.min_matches
-        ranked = sorted(maps, key=lambda m: -int(m.good.sum()))
+        ranked = sorted(maps, key=lambda m: -m.support)
         if wheels is not None:
             agreeing = [m for m in ranked if _disagreement(m.T_b_a, wheels) == ""]
             if not agreeing:
@@ -164,8 +168,7 @@ class Initializer:
                 "moved far enough"
             )
         for rival in ranked[1:] if wheels is None else ():
-            apart = best.T_b_a.rotation_angle_to(rival.T_b_a) > math.radians(2.0)
-            if apart and int(rival.good.sum()) > 0.9 * count:
+            if _differ(best.T_b_a, rival.T_b_a) and rival.support > RIVAL * best.support:
                 return "two motions explain this flat scene equally well; move on to another viewpoint"
         return best
 
@@ -180,7 +183,10 @@ class Initializer:
         if int(keep.sum()) >= 12:
             T_b_a = self._adjust(T_b_a, points[keep], rays_a[keep], rays_b[keep])
         points, good = checked_points(T_b_a, rays_a, rays_b, (strict, strict), anywhere, parallax)
-        return TwoViewMap(T_b_a, points, good)
+        _, possible = checked_points(T_b_a, rays_a, rays_b, (strict, strict), anywhere, 0.0)
+        error = epipolar_error(essential_matrix(T_b_a), rays_a, rays_b).max(axis=1) / tolerance**2
+        support = float(np.where(possible, np.maximum(0.0, 1.0 - error), 0.0).mean())
+        return TwoViewMap(T_b_a, support, points, good)
 
     def _adjust(self, T_b_a: SE3, points: Points3, rays_a: FloatArray, rays_b: FloatArray) -> SE3:
         n, f = len(points), self._camera.fx
@@ -238,6 +244,12 @@ def _flow(before: GrayImage, now: GrayImage, start: Pixels, guess: Pixels) -> tu
     inside = (forward >= 4).all(axis=1) & (forward[:, 0] < width - 5) & (forward[:, 1] < height - 5)
     close = np.linalg.norm(back - a, axis=1) < 0.7
     return forward.astype(np.float64), (ok.ravel() > 0) & (ok_back.ravel() > 0) & inside & close
+
+
+def _differ(a: SE3, b: SE3) -> bool:
+    """Whether two motions with unit translation lead to different scenes."""
+    angle = math.acos(min(1.0, max(-1.0, float(a.translation @ b.translation))))
+    return angle > DIFFERENT_RAD or a.rotation_angle_to(b) > math.radians(2.0)
 
 
 def _disagreement(T_b_a: SE3, wheels: SE3) -> str:

@@ -28,14 +28,16 @@ class Templates(NamedTuple):
 
 
 class MapView(NamedTuple):
-    """The map at one instant, for the tracker. living (L,): indices of the keyframes that are not culled. points (P, 3)
-    world, alive (P,), source (P,): keyframe they were made in. Indices and rows never change meaning."""
+    """The map at one instant, for the tracker. living (L,): indices of the keyframes that are not culled; depths (K,):
+    their median scene depths, 1 where unknown. points (P, 3) world, alive (P,), source (P,): keyframe they were made
+    in. Indices and rows never change meaning."""
 
     version: int
     keyframes: tuple[KeyFrame, ...]
     living: IntArray
     R_world_cam: FloatArray
     centres: Points3
+    depths: FloatArray
     points: Points3
     alive: BoolArray
     source: IntArray
@@ -172,7 +174,7 @@ class Map:
             self.keyframes[k] = replace(self.keyframes[k], T_world_cam=T_world_cam @ anchor.T_keyframe_this)
 
     def resize_keyframe(self, index: int, T_world_cam: SE3, factor: float) -> None:
-        """Move a living keyframe and all that it carries into a frame whose unit of length is ``factor`` times finer."""
+        """Move a living keyframe and all that it carries into a frame where it is ``factor`` times as large."""
         for k in (index, *self._carried.get(index, ())):
             keyframe, anchor = self.keyframes[k], self.keyframes[k].anchor
             if anchor is not None:
@@ -273,6 +275,7 @@ class Map:
             np.array(self.living, np.int64),
             np.array([k.T_world_cam.rotation for k in self.keyframes]).reshape(-1, 3, 3),
             np.array([k.T_world_cam.translation for k in self.keyframes]).reshape(-1, 3),
+            np.array([k.median_depth or 1.0 for k in self.keyframes]),
             self._points[:n].copy(),
             self._alive[:n].copy(),
             self._source[:n].copy(),

@@ -238,6 +238,5 @@ def nearest_keyframes(view: MapView, T_world_cam: SE3) -> IntArray:
     depth)."""
     living = view.living
     offset = np.linalg.norm(view.centres[living] - T_world_cam.translation, axis=1)
-    depth = np.array([view.keyframes[int(k)].median_depth or 1.0 for k in living])
     cosine = view.R_world_cam[living, :, 2] @ T_world_cam.rotation[:, 2]
-    return living[np.argsort(offset / depth + np.arccos(np.clip(cosine, -1.0, 1.0)), kind="stable")]
+    return living[np.argsort(offset / view.depths[living] + np.arccos(np.clip(cosine, -1.0, 1.0)), kind="stable")]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import cv2
@@ -12,7 +13,8 @@ from vsx_ros.arrays import BoolArray, GrayImage
 from vsx_ros.vision.pyramid import LEVELS, Pyramid
 
 _REFERENCE_PIXELS = 640 * 480
-_TARGETS = (2600, 1400, 700, 350)
+_TRACKED, _DENSE = (1300, 700, 350, 175), (2600, 1400, 700, 350)
+_FIRST_THRESHOLDS = (12, 15, 15, 10)
 _THRESHOLDS = (5, 120)
 
 
@@ -29,7 +31,7 @@ class CornerDetector:
     """FAST-9 whose thresholds follow the scene: each level steers its corner count towards a target."""
 
     def __init__(self) -> None:
-        self._thresholds = [12, 15, 15, 10]
+        self._thresholds = list(_FIRST_THRESHOLDS)
 
     def detect(self, pyramid: Pyramid) -> Corners:
         """All corners of the four levels, without non-maximum suppression."""
@@ -38,7 +40,7 @@ class CornerDetector:
         for level in range(LEVELS):
             found = _fast(pyramid.level(level), self._thresholds[level], suppress=False)
             levels.append(found)
-            self._steer(level, len(found), _TARGETS[level] * area)
+            self._steer(level, len(found), _TRACKED[level] * area)
         return indexed(levels, pyramid)
 
     def _steer(self, level: int, count: int, target: float) -> None:
@@ -53,6 +55,27 @@ class CornerDetector:
         elif count < 0.8 * target:
             threshold -= 1
         self._thresholds[level] = min(max(threshold, lowest), highest)
+
+
+def dense_corners(pyramid: Pyramid) -> Corners:
+    """Twice as many corners as tracking needs, for an image in which new points are looked for."""
+    area = float(pyramid.table[0, 1] * pyramid.table[0, 2]) / _REFERENCE_PIXELS
+    return indexed([_about(pyramid.level(k), _FIRST_THRESHOLDS[k], _DENSE[k] * area) for k in range(LEVELS)], pyramid)
+
+
+def _about(image: GrayImage, threshold: int, target: float) -> NDArray[np.int32]:
+    """Corners at the threshold that gives about the wanted number of them, as near as five trials come."""
+    low, high = _THRESHOLDS
+    for _ in range(5):
+        found = _fast(image, threshold, suppress=False)
+        low, high = (threshold, high) if len(found) > target else (low, threshold)
+        # Counts fall about with the square of the threshold; where they do not, halving the interval helps.
+        wanted = round(threshold * math.sqrt(max(len(found), 1) / target))
+        wanted = wanted if low < wanted < high else round(math.sqrt(low * high))
+        if wanted == threshold or 0.8 * target < len(found) < 1.25 * target:
+            break
+        threshold = wanted
+    return found
 
 
 def indexed(levels: list[NDArray[np.int32]], pyramid: Pyramid) -> Corners:
