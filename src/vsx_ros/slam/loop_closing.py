@@ -44,13 +44,10 @@ class Reunion(NamedTuple):
 
 
 class LoopFinder:
-    """``look`` at every new keyframe once. has_wheels: the map is metric, sizes are not in question."""
+    """``look`` at every new keyframe once."""
 
-    def __init__(
-        self, camera: PinholeCamera, config: TrackerConfig, has_wheels: bool, rng: np.random.Generator
-    ) -> None:
+    def __init__(self, camera: PinholeCamera, config: TrackerConfig, rng: np.random.Generator) -> None:
         self._places = PlaceRecognizer(camera, Tracker(camera, config, rng))
-        self._has_wheels = has_wheels
         self._unconfirmed: Reunion | None = None
 
     def look(self, world: Map, view: MapView, index: int) -> list[Reunion]:
@@ -94,16 +91,11 @@ class LoopFinder:
             return np.zeros(0, np.int64)
         offset = np.linalg.norm(view.centres[long_ago] - newest.T_world_cam.translation, axis=1)
         cosine = view.R_world_cam[long_ago, :, 2] @ newest.T_world_cam.rotation[:, 2]
-        metres, angle = self._drift(way[long_ago])
+        metres, angle = _drift(way[long_ago], is_metric(newest))
         near = offset < metres + VIEW_DEPTHS * newest.median_depth
         near &= np.arccos(np.clip(cosine, -1.0, 1.0)) < angle + VIEW_RAD
         strangers: IntArray = long_ago[near]
         return strangers
-
-    def _drift(self, way: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """How far [m, rad] the map can be off after a way [m]."""
-        share, turn = (DRIFT_WHEELS, TURN_WHEELS) if self._has_wheels else (DRIFT_CAMERA, TURN_CAMERA)
-        return DRIFT_M + share * way, DRIFT_RAD + turn * way
 
     def _can_be(self, world: Map, reunion: Reunion) -> bool:
         """Whether the map can have drifted so far; maps that were begun apart can lie anyhow."""
@@ -111,7 +103,7 @@ class LoopFinder:
         if older.map_id != newer.map_id:
             return True
         way = path_lengths(world)
-        metres, angle = self._drift(way[reunion.newer] - way[reunion.older])
+        metres, angle = _drift(way[reunion.newer] - way[reunion.older], is_metric(older, newer))
         there = reunion.place(world)
         off = float(np.linalg.norm(there.translation - newer.T_world_cam.translation))
         return off < float(metres) and there.rotation_angle_to(newer.T_world_cam) < float(angle)
@@ -120,7 +112,7 @@ class LoopFinder:
         """With the factor of size: 1 by the wheels, else from the depths of points that both parts see at one spot."""
         newest, track = world.keyframes[index], seen.track
         factor = 1.0
-        if not self._has_wheels:
+        if not is_metric(newest, world.keyframes[seen.keyframe]):
             mine, known = same_points(newest, track.rows, track.uv, track.level)
             if len(mine) < SCALE_PAIRS:
                 return None
@@ -144,6 +136,17 @@ class LoopFinder:
         apart = float(np.linalg.norm(error.translation)) / max(b.factor * second.median_depth, 1e-6)
         angle = error.rotation_angle_to(SE3.identity())
         return apart < AGREE_M and angle < AGREE_RAD and abs(np.log(a.factor / b.factor)) < AGREE_SCALE
+
+
+def is_metric(*keyframes: KeyFrame) -> bool:
+    """Whether the wheels measured the size of the map around the keyframes."""
+    return all(keyframe.data.T_odom_base is not None for keyframe in keyframes)
+
+
+def _drift(way: FloatArray, by_wheels: bool) -> tuple[FloatArray, FloatArray]:
+    """How far [m, rad] the map can be off after a way [m]."""
+    share, turn = (DRIFT_WHEELS, TURN_WHEELS) if by_wheels else (DRIFT_CAMERA, TURN_CAMERA)
+    return DRIFT_M + share * way, DRIFT_RAD + turn * way
 
 
 def path_lengths(world: Map) -> FloatArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -15,6 +16,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.bundle_adjustment import BundleAdjuster, never
 from vsx_ros.slam.initialization import Initialization
 from vsx_ros.slam.keyframe import FrameData, Observations, covisible
+from vsx_ros.slam.loop_closing import LoopFinder
 from vsx_ros.slam.map import Map, MapView
 from vsx_ros.slam.point_creation import (
     Candidates,
@@ -25,8 +27,9 @@ from vsx_ros.slam.point_creation import (
     match_in_target,
     observations_at,
 )
+from vsx_ros.slam.reunion import reunite
+from vsx_ros.slam.state import SlamEvent
 from vsx_ros.slam.tracker import predicted
-from vsx_ros.vision.corners import dense_corners
 from vsx_ros.vision.patch_search import find_patches, kernel_camera
 
 REFIND_RADIUS_PX, REFIND_REACH = 4.0, 2
@@ -63,6 +66,8 @@ class Mapper:
         self._config = config.mapper
         self._adjuster = BundleAdjuster(camera, T_base_cam, config.wheels)
         self._since_global = 0
+        self._loops = LoopFinder(camera, config.tracker, np.random.default_rng(0))
+        self.events: deque[SlamEvent] = deque()
 
     def start(self, start: Initialization) -> MapView:
         """Make a map from two frames and the triangulated corners of the first: the first map, or one of its own."""
@@ -71,8 +76,8 @@ class Mapper:
         if world.keyframes:
             map_id = 1 + max(keyframe.map_id for keyframe in world.keyframes)
             world.chain = 1 + max(keyframe.chain for keyframe in world.keyframes)
-        first = world.add_keyframe(_with_dense_corners(start.first), start.poses[0], Observations.none(), map_id)
-        second = world.add_keyframe(_with_dense_corners(start.second), start.poses[1], Observations.none(), map_id)
+        first = world.add_keyframe(start.first, start.poses[0], Observations.none(), map_id)
+        second = world.add_keyframe(start.second, start.poses[1], Observations.none(), map_id)
         self._enter(first, second, start.candidates, start.matches)
         for k in (first, second):
             world.update_depth(k)
@@ -93,7 +98,7 @@ class Mapper:
         world.chain = request.chain
         self._cull(request.searched, request.found)
         observed = observed.where(world.alive[observed.rows])
-        index = world.add_keyframe(_with_dense_corners(request.data), pose, observed, reference.map_id)
+        index = world.add_keyframe(request.data, pose, observed, reference.map_id)
         neighbours = self.neighbours(index, self._config.window_keyframes)
         self._refind(index, self._points_of(neighbours))
         created = self._make_points(index, self._targets(index, neighbours))
@@ -106,8 +111,22 @@ class Mapper:
             self._place_by_wheels(index)
         self._renew_looks(index)
         self._since_global += 1
+        self._reunite(index, neighbours)
         world.version += 1
         return world.view()
+
+    def _reunite(self, index: int, neighbours: list[int]) -> None:
+        """Close the loop, or join the map, when a new keyframe shows a place that is known from elsewhere."""
+        reunions = self._loops.look(self.map, self.map.view(), index)
+        if not reunions:
+            return
+        around, older = [index, *neighbours], reunions[-1].older
+        self.events.append(reunite(self.map, self._camera, reunions, around))
+        self._loops.forget()
+        there = [older, *self.neighbours(older, self._config.window_keyframes)]
+        free = self._movable(sorted({*around, *there}))
+        self._adjuster.adjust(self.map, free, self._config.local_iterations)
+        self._since_global = GLOBAL_EVERY
 
     @property
     def refinement_due(self) -> bool:
@@ -272,7 +291,3 @@ class Mapper:
         n = min(len(searched), self.map.count)
         bad: BoolArray = (searched[:n] >= 8) & (found[:n] < 0.25 * searched[:n]) & self.map.alive[:n]
         self.map.remove_points(np.flatnonzero(bad))
-
-
-def _with_dense_corners(data: FrameData) -> FrameData:
-    return data._replace(corners=dense_corners(data.pyramid))

@@ -93,6 +93,8 @@ class Recovery:
         becomes a map again."""
         if self.carried or len(data.corners.positions) < ENOUGH_CORNERS or since_keyframe < BRIDGE_GAP_FRAMES:
             return False
+        if self._wheels_stood(data):
+            return False
         nearest = view.keyframes[int(nearest_keyframes(view, by_wheels)[0])].T_world_cam
         moved = float(np.linalg.norm(nearest.translation - by_wheels.translation))
         return moved >= BRIDGE_DISTANCE_M or nearest.rotation_angle_to(by_wheels) >= BRIDGE_ANGLE_RAD

@@ -7,15 +7,13 @@ import numpy as np
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.fusion import fuse
-from vsx_ros.slam.loop_closing import Reunion, neighbourhood, path_lengths
+from vsx_ros.slam.loop_closing import Reunion, is_metric, neighbourhood, path_lengths
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.pose_graph import Loop, bend, place
 from vsx_ros.slam.state import SlamEvent
 
 
-def reunite(
-    world: Map, camera: PinholeCamera, reunions: list[Reunion], around: list[int], free_scale: bool
-) -> SlamEvent:
+def reunite(world: Map, camera: PinholeCamera, reunions: list[Reunion], around: list[int]) -> SlamEvent:
     """Change the map by reunions of the same two parts; around: keyframes that shall look for the older part's points.
     Returns what was done."""
     last = reunions[-1]
@@ -25,7 +23,7 @@ def reunite(
         way = path_lengths(world)
         length = way[last.newer] - way[last.older]
         loops = [Loop(r.older, r.newer, r.T_older_newer, r.factor) for r in reunions]
-        moved = bend(world, newer.map_id, loops, free_scale)
+        moved = bend(world, newer.map_id, loops, free_scale=not is_metric(older, newer))
         kind, what = "loop closed", f"after {length:.1f} m, {moved:.3f} m off"
     else:
         apart = newer.map_id

@@ -68,7 +68,9 @@ class SequentialSlam:
     def drain_events(self) -> list[SlamEvent]:
         """Everything that happened since the last call, oldest first."""
         events, self._front.events = self._front.events, []
-        return events
+        while self._mapper.events:
+            events.append(self._mapper.events.popleft())
+        return sorted(events, key=lambda event: event.stamp_ns)
 
     def statistics(self) -> SlamStatistics:
         """The run so far."""
