@@ -70,21 +70,21 @@ def pattern_of(free: Any, obs_start: Any, obs_frame: Any, factor_a: Any, factor_
 
 @kernel
 def _factor_point(V: Any, damping: float, L: Any) -> bool:
-    """Lower Cholesky factor (6 entries by columns) of a damped symmetric 3x3 (6 upper entries by rows); False when
-    it is singular."""
+    """Lower Cholesky factor (6 entries by columns, the diagonal's inverted) of a damped symmetric 3x3 (6 upper entries
+    by rows); False when it is singular."""
     grow = 1.0 + damping
     a, d, f = V[0] * grow + 1e-12, V[3] * grow + 1e-12, V[5] * grow + 1e-12
-    l0 = math.sqrt(a)
-    l1, l2 = V[1] / l0, V[2] / l0
+    l0 = 1.0 / math.sqrt(a)
+    l1, l2 = V[1] * l0, V[2] * l0
     d1 = d - l1 * l1
     if not d1 > 1e-14 * d:
         return False
-    l3 = math.sqrt(d1)
-    l4 = (V[4] - l1 * l2) / l3
+    l3 = 1.0 / math.sqrt(d1)
+    l4 = (V[4] - l1 * l2) * l3
     f1 = f - l2 * l2 - l4 * l4
     if not f1 > 1e-14 * f:
         return False
-    L[0], L[1], L[2], L[3], L[4], L[5] = l0, l1, l2, l3, l4, math.sqrt(f1)
+    L[0], L[1], L[2], L[3], L[4], L[5] = l0, l1, l2, l3, l4, 1.0 / math.sqrt(f1)
     return True
 
 
@@ -129,26 +129,34 @@ def reduce_points(
             L[p, 0] = np.nan
             continue
         l0, l1, l2, l3, l4, l5 = L[p, 0], L[p, 1], L[p, 2], L[p, 3], L[p, 4], L[p, 5]
-        y0 = gp[p, 0] / l0
-        y1 = (gp[p, 1] - l1 * y0) / l3
-        y2 = (gp[p, 2] - l2 * y0 - l4 * y1) / l5
+        y0 = gp[p, 0] * l0
+        y1 = (gp[p, 1] - l1 * y0) * l3
+        y2 = (gp[p, 2] - l2 * y0 - l4 * y1) * l5
         count = _members(pattern.number, obs_frame, W, obs_start[p], obs_start[p + 1], members)
         for k in range(count):
             o = members[k]
             at[k] = pattern.number[obs_frame[o]]
             for a in range(6):
-                z0 = W[o, 0, a] / l0
-                z1 = (W[o, 1, a] - l1 * z0) / l3
-                z2 = (W[o, 2, a] - l2 * z0 - l4 * z1) / l5
+                z0 = W[o, 0, a] * l0
+                z1 = (W[o, 1, a] - l1 * z0) * l3
+                z2 = (W[o, 2, a] - l2 * z0 - l4 * z1) * l5
                 Z[k, 0, a], Z[k, 1, a], Z[k, 2, a] = z0, z1, z2
                 rhs[at[k], a] -= z0 * y0 + z1 * y1 + z2 * y2
-        for k in range(count):
-            for m in range(k, count):
-                q = pattern.index[at[k], at[m]]
+        for m in range(count):
+            # Spelled out, these loads stay outside of the loop over k: a tenth of the whole adjustment.
+            a0, a1, a2, a3, a4, a5 = Z[m, 0, 0], Z[m, 0, 1], Z[m, 0, 2], Z[m, 0, 3], Z[m, 0, 4], Z[m, 0, 5]
+            b0, b1, b2, b3, b4, b5 = Z[m, 1, 0], Z[m, 1, 1], Z[m, 1, 2], Z[m, 1, 3], Z[m, 1, 4], Z[m, 1, 5]
+            c0, c1, c2, c3, c4, c5 = Z[m, 2, 0], Z[m, 2, 1], Z[m, 2, 2], Z[m, 2, 3], Z[m, 2, 4], Z[m, 2, 5]
+            for k in range(m + 1):
+                block = blocks[pattern.index[at[k], at[m]]]
                 for a in range(6):
                     z0, z1, z2 = Z[k, 0, a], Z[k, 1, a], Z[k, 2, a]
-                    for b in range(6):
-                        blocks[q, a, b] -= z0 * Z[m, 0, b] + z1 * Z[m, 1, b] + z2 * Z[m, 2, b]
+                    block[a, 0] -= z0 * a0 + z1 * b0 + z2 * c0
+                    block[a, 1] -= z0 * a1 + z1 * b1 + z2 * c1
+                    block[a, 2] -= z0 * a2 + z1 * b2 + z2 * c2
+                    block[a, 3] -= z0 * a3 + z1 * b3 + z2 * c3
+                    block[a, 4] -= z0 * a4 + z1 * b4 + z2 * c4
+                    block[a, 5] -= z0 * a5 + z1 * b5 + z2 * c5
 
 
 @kernel
@@ -171,10 +179,10 @@ def back_substitute(
                 b1 -= W[o, 1, a] * s
                 b2 -= W[o, 2, a] * s
         l0, l1, l2, l3, l4, l5 = L[p, 0], L[p, 1], L[p, 2], L[p, 3], L[p, 4], L[p, 5]
-        y0 = b0 / l0
-        y1 = (b1 - l1 * y0) / l3
-        x2 = (b2 - l2 * y0 - l4 * y1) / (l5 * l5)
-        x1 = (y1 - l4 * x2) / l3
-        moved[p, 0] += (y0 - l1 * x1 - l2 * x2) / l0
+        y0 = b0 * l0
+        y1 = (b1 - l1 * y0) * l3
+        x2 = (b2 - l2 * y0 - l4 * y1) * l5 * l5
+        x1 = (y1 - l4 * x2) * l3
+        moved[p, 0] += (y0 - l1 * x1 - l2 * x2) * l0
         moved[p, 1] += x1
         moved[p, 2] += x2
