@@ -30,6 +30,7 @@ from vsx_ros.slam.point_creation import (
 from vsx_ros.slam.reunion import reunite
 from vsx_ros.slam.state import SlamEvent
 from vsx_ros.slam.tracker import predicted
+from vsx_ros.vision.corners import dense_corners
 from vsx_ros.vision.patch_search import find_patches, kernel_camera
 
 REFIND_RADIUS_PX, REFIND_REACH = 4.0, 2
@@ -76,8 +77,8 @@ class Mapper:
         if world.keyframes:
             map_id = 1 + max(keyframe.map_id for keyframe in world.keyframes)
             world.chain = 1 + max(keyframe.chain for keyframe in world.keyframes)
-        first = world.add_keyframe(start.first, start.poses[0], Observations.none(), map_id)
-        second = world.add_keyframe(start.second, start.poses[1], Observations.none(), map_id)
+        first = world.add_keyframe(_with_dense_corners(start.first), start.poses[0], Observations.none(), map_id)
+        second = world.add_keyframe(_with_dense_corners(start.second), start.poses[1], Observations.none(), map_id)
         self._enter(first, second, start.candidates, start.matches)
         for k in (first, second):
             world.update_depth(k)
@@ -98,7 +99,7 @@ class Mapper:
         world.chain = request.chain
         self._cull(request.searched, request.found)
         observed = observed.where(world.alive[observed.rows])
-        index = world.add_keyframe(request.data, pose, observed, reference.map_id)
+        index = world.add_keyframe(_with_dense_corners(request.data), pose, observed, reference.map_id)
         neighbours = self.neighbours(index, self._config.window_keyframes)
         self._refind(index, self._points_of(neighbours))
         created = self._make_points(index, self._targets(index, neighbours))
@@ -291,3 +292,7 @@ class Mapper:
         n = min(len(searched), self.map.count)
         bad: BoolArray = (searched[:n] >= 8) & (found[:n] < 0.25 * searched[:n]) & self.map.alive[:n]
         self.map.remove_points(np.flatnonzero(bad))
+
+
+def _with_dense_corners(data: FrameData) -> FrameData:
+    return data._replace(corners=dense_corners(data.pyramid))
