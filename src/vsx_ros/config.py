@@ -93,6 +93,14 @@ class MapperConfig(_Branch, frozen=True):
     global_iterations: Count = 10
 
 
+class ShutterConfig(_Branch, frozen=True):
+    """How the camera exposes: its rows one after the other (0: all at once), each for so long. With odometry, images
+    are freed from how the camera moves meanwhile. Defaults: the Kinect's colour camera indoors."""
+
+    readout_s: NonNegative = 0.026
+    exposure_s: NonNegative = 0.015
+
+
 class WheelConfig(_Branch, frozen=True):
     """How far wheel odometry between keyframes is believed, per axis: a constant plus a share of the motion; and how
     far the base stands level on the floor."""
@@ -115,6 +123,7 @@ class SlamConfig(_Branch, frozen=True):
     keyframes: KeyframeConfig = KeyframeConfig()
     mapper: MapperConfig = MapperConfig()
     wheels: WheelConfig = WheelConfig()
+    shutter: ShutterConfig = ShutterConfig()
 
 
 class PlannerConfig(_Branch, frozen=True):

@@ -19,6 +19,7 @@ from vsx_ros.slam.keyframe import FrameData, Observations
 from vsx_ros.slam.map import Map, NewTemplates
 from vsx_ros.slam.slam_map import SlamMap
 from vsx_ros.vision.corners import CornerDetector
+from vsx_ros.vision.patch_search import kernel_camera, moving
 from vsx_ros.vision.pyramid import build_pyramid
 from vsx_ros.vision.small_image import small_image
 
@@ -33,7 +34,8 @@ def slam_map():
     for k in range(5):
         pyramid = build_pyramid(cv2.GaussianBlur(rng.integers(0, 256, (120, 160), np.uint8), (0, 0), 1.5))
         wheels = None if k == 2 else SE2(0.1 * k, 0.2, -0.3 * k)
-        data = FrameData(7 * k + 10**18, pyramid, detector.detect(pyramid), small_image(pyramid), wheels)
+        camera = moving(kernel_camera(CAMERA), rng.normal(0.0, 0.01, 6))
+        data = FrameData(7 * k + 10**18, pyramid, detector.detect(pyramid), small_image(pyramid), wheels, camera)
         world.chain = k // 3
         world.add_keyframe(data, SE3.exp(rng.normal(0.0, 0.3, 6)), Observations.none(), map_id=int(k == 4))
         looks = NewTemplates(rng.normal(size=(30, 4)), rng.random((30, 2)), rng.integers(0, 256, (30, PATCH, PATCH)))

@@ -66,7 +66,7 @@ def scene():
 def optimize(start, points, observed, prior=0.0):
     every = np.arange(len(points))
     return pose.optimize_pose(
-        np.concatenate([K, np.zeros(5), [9.0, 640.0, 480.0]]),
+        np.concatenate([K, np.zeros(5), [9.0, 640.0, 480.0], np.zeros(6)]),
         start.rotation,
         start.translation,
         points,

@@ -26,6 +26,7 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "map_id": ("<i8", ("K",)),
     "has_odometry": ("|b1", ("K",)),
     "odometry": ("<f8", ("K", 3)),
+    "readout_motion": ("<f8", ("K", 6)),
     "anchor": ("<i8", ("K",)),
     "anchor_rotation": ("<f8", ("K", 3, 3)),
     "anchor_translation": ("<f8", ("K", 3)),
@@ -45,7 +46,8 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "template_offset": ("<f8", ("T", 2)),
     "template_patch": ("|u1", ("T", PATCH, PATCH)),
 }
-"""Type and shape of every array; anchor is -1 for a living keyframe, odometry is x, y, theta where there is any."""
+"""Type and shape of every array; anchor is -1 for a living keyframe, odometry is x, y, theta where there is any,
+readout_motion as ``moving`` takes it."""
 
 _ORTHONORMAL = 1e-6
 
@@ -64,6 +66,7 @@ def arrays_of(view: MapView) -> Arrays:
         "map_id": [k.map_id for k in frames],
         "has_odometry": [T is not None for T in wheels],
         "odometry": [(0.0, 0.0, 0.0) if T is None else (T.x, T.y, T.theta) for T in wheels],
+        "readout_motion": [k.data.camera[-6:] for k in frames],
         "anchor": [a[0] for a in anchors],
         "anchor_rotation": [a[1] for a in anchors],
         "anchor_translation": [a[2] for a in anchors],

@@ -29,6 +29,7 @@ from vsx_ros.slam.keyframe import Anchor, FrameData, KeyFrame, Observations
 from vsx_ros.slam.map import MapView, Templates
 from vsx_ros.slam.slam_map import SlamMap
 from vsx_ros.vision.corners import indexed
+from vsx_ros.vision.patch_search import kernel_camera, moving
 from vsx_ros.vision.pyramid import build_pyramid
 from vsx_ros.vision.small_image import small_image
 
@@ -168,7 +169,8 @@ def _frame_data(k: int, arrays: Arrays, entries: Mapping[str, bytes], camera: Pi
     first = int(counts[:k].sum())
     ends = first + np.cumsum(counts[k])
     corners = indexed(np.split(arrays["corner"][first : ends[-1]], ends[:-1] - first), pyramid)
-    return FrameData(stamp_ns, pyramid, corners, small_image(pyramid), wheels)
+    own = moving(kernel_camera(camera), arrays["readout_motion"][k])
+    return FrameData(stamp_ns, pyramid, corners, small_image(pyramid), wheels, own)
 
 
 def _image_name(index: int) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from vsx_ros.kernels import kernel
-from vsx_ros.kernels.projection import unproject_pixel
+from vsx_ros.kernels.projection import row_share, unproject_pixel
 
 TUKEY = 4.6851
 TO_SIGMA = 1.4826
@@ -201,13 +201,14 @@ def optimize_pose(
             n += 1
     K = camera[:4]
     index = np.empty(n, np.int64)
-    observed = np.empty((n, 2))
+    observed, share = np.empty((n, 2)), np.empty(n)
     n = 0
     for i in range(found.shape[0]):
         if found[i]:
             index[n] = i
             x, y = unproject_pixel(camera, uv[i, 0], uv[i, 1])
             observed[n, 0], observed[n, 1] = x * K[0], y * K[1]
+            share[n] = row_share(camera, uv[i, 1])
             n += 1
     R, t = R0.copy(), t0.copy()
     weights = np.zeros(found.shape[0])
@@ -222,7 +223,7 @@ def optimize_pose(
             p = rows[index[i]]
             X, Y, Z = points[p, 0], points[p, 1], points[p, 2]
             for r in range(3):
-                cam[i, r] = R[r, 0] * X + R[r, 1] * Y + R[r, 2] * Z + t[r]
+                cam[i, r] = R[r, 0] * X + R[r, 1] * Y + R[r, 2] * Z + t[r] - share[i] * camera[15 + r]
             if cam[i, 2] > 1e-6:
                 weight = 1.0 / (1 << level[index[i]])
                 res[i, 0] = (observed[i, 0] - K[0] * cam[i, 0] / cam[i, 2]) * weight

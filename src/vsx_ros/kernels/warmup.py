@@ -42,7 +42,7 @@ def _ground_map() -> None:
 
 
 def _tracking() -> None:
-    camera = np.array([100.0, 100.0, 31.5, 31.5, 0.0, 0.0, 0.0, 0.0, 0.0, 10.0, 64.0, 64.0])
+    camera = np.array([100.0, 100.0, 31.5, 31.5, 0.0, 0.0, 0.0, 0.0, 0.0, 10.0, 64.0, 64.0, *np.zeros(6)])
     pixels, table, corners, row_table = _pyramid()
     templates = np.zeros((1, 24, 24), np.uint8)
     eye, zero = np.eye(3), np.zeros(3)
@@ -52,6 +52,7 @@ def _tracking() -> None:
     basis = np.array([[0.01, 0.0, 0.0, 0.01]])
     one = np.zeros(1, np.int64)
     projection.unproject_pixels(camera, np.zeros((1, 2)))
+    projection.ideal_pixels(camera, np.zeros((1, 2)), np.ones(1))
     projection.project_rows(camera, eye, zero, points, one, 8.0)
     rows, level, uv, warp, chosen = projection.predict(
         camera,

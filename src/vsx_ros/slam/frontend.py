@@ -46,7 +46,7 @@ class FrontEnd:
         self._camera = camera
         self._T_base_cam = T_base_cam
         self._config = config
-        self._tracker = Tracker(camera, config.tracker, np.random.default_rng(seed))
+        self._tracker = Tracker(config.tracker, np.random.default_rng(seed))
         self._initializer = Initializer(camera, T_base_cam, config.initialization)
         self._motion = MotionModel(T_base_cam, camera.fx)
         self._recovery = Recovery(camera, T_base_cam, config, self._tracker, self._motion)
@@ -60,7 +60,7 @@ class FrontEnd:
         self._refusal = ""
         self.record = TrackingRecord()
         self.events: list[SlamEvent] = []
-        self._intake = Intake(camera, T_base_cam, self._gap)
+        self._intake = Intake(camera, T_base_cam, config.shutter, self._gap)
 
     def process(self, frame: Frame, odometry: Odometry | None) -> FrameOutcome:
         """One frame, in the order of the stamps.
@@ -68,7 +68,10 @@ class FrontEnd:
         Raises InputError for an image of the wrong size or type and for a stamp that does not advance; the frame is
         then as if it had never come.
         """
-        data = self._trust.admit(self._intake.take(frame, odometry))
+        outcome = self._process(self._trust.admit(self._intake.take(frame, odometry)))
+        return outcome._replace(result=self._at_stamp(outcome.result))
+
+    def _process(self, data: FrameData) -> FrameOutcome:
         if not self._view.keyframes:
             return self._start(data)
         self._since_keyframe += 1
@@ -120,7 +123,15 @@ class FrontEnd:
         self._recovery.over(start.second)
         self._since_keyframe = 0
         self._coarse_next = True
-        return self._placed(result._replace(map_id=newest.map_id), newest.T_world_cam)
+        return self._at_stamp(self._placed(result._replace(map_id=newest.map_id), newest.T_world_cam))
+
+    def _at_stamp(self, result: TrackingResult) -> TrackingResult:
+        """Inside, poses are those of the image's middle row; outside, of its stamp, the start of its first row."""
+        T = self._intake.T_middle_stamp
+        world, local = result.T_world_cam, result.T_map_cam
+        return result._replace(
+            T_world_cam=None if world is None else world @ T, T_map_cam=None if local is None else local @ T
+        )
 
     def _enter(self, view: MapView, map_id: int) -> None:
         self._view, self._here, self._map_id = view, view.part(map_id), map_id

@@ -5,25 +5,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels
-from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.arrays import BoolArray, IntArray, Pixels
 from vsx_ros.slam.keyframe import KeyFrame
 from vsx_ros.slam.map import Map, MapView
 from vsx_ros.slam.point_creation import observations_at
 from vsx_ros.slam.tracker import predicted
-from vsx_ros.vision.patch_search import Predictions, find_patches, kernel_camera
+from vsx_ros.vision.patch_search import Predictions, find_patches
 
 RADIUS_PX, REACH = 6.0, 2
 SAME_PX = 2.0
 
 
-def fuse(world: Map, camera: PinholeCamera, keyframes: list[int], rows: IntArray) -> int:
+def fuse(world: Map, keyframes: list[int], rows: IntArray) -> int:
     """Let keyframes (indices) see the points (rows) where they appear in them; their own points at the same spots
     become these. Returns the number of points fused."""
-    array = kernel_camera(camera)
     votes: dict[tuple[int, int], int] = {}
     view = world.view()
-    found_in = {k: _find(world.keyframes[k], view, rows, array) for k in keyframes}
+    found_in = {k: _find(world.keyframes[k], view, rows) for k in keyframes}
     for k, (predictions, uv) in found_in.items():
         for mine, known in _same(world.keyframes[k], predictions, uv):
             votes[mine, known] = votes.get((mine, known), 0) + 1
@@ -35,7 +33,9 @@ def fuse(world: Map, camera: PinholeCamera, keyframes: list[int], rows: IntArray
     world.replace_points(old, np.array([becomes[int(k)] for k in old], np.int64))
     for k, (predictions, uv) in found_in.items():
         unseen = ~np.isin(predictions.rows, world.keyframes[k].observations.rows)
-        world.observe(k, observations_at(camera, predictions.rows[unseen], uv[unseen], predictions.level[unseen]))
+        seen = predictions.rows[unseen], uv[unseen], predictions.level[unseen]
+        keyframe = world.keyframes[k]
+        world.observe(k, observations_at(keyframe.data, keyframe.T_world_cam, world.points, *seen))
     return len(old)
 
 
@@ -52,10 +52,10 @@ def same_points(keyframe: KeyFrame, rows: IntArray, uv: Pixels, level: IntArray)
     return observed.rows[near[same]], rows[same]
 
 
-def _find(keyframe: KeyFrame, view: MapView, rows: IntArray, camera: FloatArray) -> tuple[Predictions, Pixels]:
+def _find(keyframe: KeyFrame, view: MapView, rows: IntArray) -> tuple[Predictions, Pixels]:
     """Where the points appear in a keyframe that does not see them yet."""
     wanted = rows[view.alive[rows] & ~np.isin(rows, keyframe.observations.rows)]
-    expected = predicted(camera, keyframe.T_world_cam.inverse(), view, wanted)
+    expected = predicted(keyframe.data.camera, keyframe.T_world_cam.inverse(), view, wanted)
     looks = view.templates
     found, uv = find_patches(
         keyframe.data.pyramid, keyframe.data.corners, looks.patches, looks.offset, expected, RADIUS_PX, REACH

@@ -19,7 +19,6 @@ from vsx_ros.kernels.projection import unproject_pixels
 from vsx_ros.kernels.relative_pose import no_factors
 from vsx_ros.slam.keyframe import FrameData, KeyFrame, Observations
 from vsx_ros.slam.point_creation import Candidates, TargetMatches, candidates_in, checked_points
-from vsx_ros.vision.patch_search import kernel_camera
 
 TRAILS = 600
 STILL_PX = 2.0
@@ -54,7 +53,6 @@ class Initializer:
 
     def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, config: InitializationConfig) -> None:
         self._camera = camera
-        self._array = kernel_camera(camera)
         self._T_base_cam = T_base_cam
         self._config = config
         self._reference: FrameData | None = None
@@ -74,7 +72,7 @@ class Initializer:
     def _restart(self, data: FrameData, reason: str) -> str:
         keyframe = KeyFrame(0, data, SE3.identity(), Observations.none(), 0.0)
         self._reference = self._last = data
-        self._candidates = candidates_in(keyframe, self._array, TRAILS)
+        self._candidates = candidates_in(keyframe, TRAILS)
         self._index: IntArray = np.arange(len(self._candidates.uv))
         self._positions: Pixels = self._candidates.uv.copy()
         return reason
@@ -132,7 +130,7 @@ class Initializer:
         if len(index) < self._config.min_matches:
             return f"sees too little: {len(index)} corners match the first frame"
         uv_b = np.ascontiguousarray(self._positions[self._sure])
-        rays_a, rays_b = self._candidates.rays[index], unproject_pixels(self._array, uv_b)
+        rays_a, rays_b = self._candidates.rays[index], unproject_pixels(data.camera, uv_b)
         tolerance = 1.0 / self._camera.fx
         motions = two_view_motions(rays_a, rays_b, tolerance)
         hypotheses = list(motions.T_b_a)

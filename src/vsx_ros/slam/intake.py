@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from vsx_ros.config import ShutterConfig
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
@@ -13,6 +14,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.slam.calibration_check import check_calibration
 from vsx_ros.slam.keyframe import FrameData
+from vsx_ros.slam.shutter import Shutter
 from vsx_ros.slam.wheel_readings import WheelReadings
 from vsx_ros.vision.corners import CornerDetector, Corners, indexed
 from vsx_ros.vision.pyramid import LEVELS, Pyramid, build_pyramid
@@ -24,15 +26,24 @@ STILL_M, STILL_RAD = 0.001, 0.001
 
 
 class Intake:
-    """``take`` one frame after the other. gap: told (stamp_ns, reason) when time, images or odometry have a hole.
+    """``take`` one frame after the other. T_middle_stamp: the camera at the latest frame's stamp, seen from the middle
+    of its exposure. gap: told (stamp_ns, reason) when time, images or odometry have a hole.
 
     Raises CalibrationError for a camera or a mount that cannot be.
     """
 
-    def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, gap: Callable[[int, str], None]) -> None:
+    def __init__(
+        self,
+        camera: PinholeCamera,
+        T_base_cam: SE3 | None,
+        shutter: ShutterConfig,
+        gap: Callable[[int, str], None],
+    ) -> None:
         check_calibration(camera, T_base_cam)
         self._camera = camera
         self._gap = gap
+        self._shutter = Shutter(camera, T_base_cam, shutter)
+        self.T_middle_stamp = SE3.identity()
         self._wheels = None if T_base_cam is None else WheelReadings(gap)
         self._detector = CornerDetector()
         self._last_stamp_ns: int | None = None
@@ -57,11 +68,15 @@ class Intake:
         if last is not None and (frame.stamp_ns - last) * 1e-9 > GAP_S:
             self._gap(frame.stamp_ns, f"no frame for {(frame.stamp_ns - last) * 1e-9:.1f} s")
         self._last_stamp_ns = frame.stamp_ns
-        wheels = None if self._wheels is None else self._wheels.at(frame.stamp_ns, odometry)
+        middle_ns = frame.stamp_ns + self._shutter.middle_ns
+        wheels = None if self._wheels is None else self._wheels.at(middle_ns, odometry)
+        exposure = self._shutter.exposure(odometry if wheels is not None else None)
+        self.T_middle_stamp = exposure.T_middle_stamp
+        small = small_image(pyramid)
         if self._hangs(pyramid, wheels):
             self._gap(frame.stamp_ns, "the image is the last one to the bit though the wheels turn: the camera hangs")
-            return FrameData(frame.stamp_ns, pyramid, _no_corners(pyramid), small_image(pyramid), wheels)
-        return FrameData(frame.stamp_ns, pyramid, self._detector.detect(pyramid), small_image(pyramid), wheels)
+            return FrameData(frame.stamp_ns, pyramid, _no_corners(pyramid), small, wheels, exposure.camera)
+        return FrameData(frame.stamp_ns, pyramid, self._detector.detect(pyramid), small, wheels, exposure.camera)
 
     def _hangs(self, pyramid: Pyramid, wheels: SE2 | None) -> bool:
         """Whether the camera repeats its last image, which noise never does, though the wheels have turned since."""

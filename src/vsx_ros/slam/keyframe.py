@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, IntArray, Pixels
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.vision.corners import Corners
@@ -47,20 +47,22 @@ class Observations(NamedTuple):
 
 
 class FrameData(NamedTuple):
-    """An image taken apart once, used by tracker, mapper and relocaliser."""
+    """An image taken apart once, used by tracker, mapper and relocaliser. camera (18,): the kernels' array, with
+    the motion during its readout. T_odom_base: by the wheels when its middle row was exposed, None when not known."""
 
     stamp_ns: int
     pyramid: Pyramid
     corners: Corners
     small: SmallImage
     T_odom_base: SE2 | None
+    camera: FloatArray
 
     @staticmethod
     def without_image(stamp_ns: int, T_odom_base: SE2 | None) -> FrameData:
         """The instant and the wheels alone."""
         nothing = Pyramid(np.zeros(0, np.uint8), np.zeros((LEVELS, 4), np.int64))
         no_corners = Corners(np.zeros((0, 2), np.int32), np.zeros(0, np.int64), (0,) * LEVELS)
-        return FrameData(stamp_ns, nothing, no_corners, np.zeros((0, 0), np.float32), T_odom_base)
+        return FrameData(stamp_ns, nothing, no_corners, np.zeros((0, 0), np.float32), T_odom_base, np.zeros(18))
 
 
 class Anchor(NamedTuple):

@@ -47,7 +47,7 @@ class LoopFinder:
     """``look`` at every new keyframe once."""
 
     def __init__(self, camera: PinholeCamera, config: TrackerConfig, rng: np.random.Generator) -> None:
-        self._places = PlaceRecognizer(camera, Tracker(camera, config, rng))
+        self._places = PlaceRecognizer(camera, Tracker(config, rng))
         self._unconfirmed: Reunion | None = None
 
     def look(self, world: Map, view: MapView, index: int) -> list[Reunion]:

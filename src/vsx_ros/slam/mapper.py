@@ -31,7 +31,7 @@ from vsx_ros.slam.reunion import reunite
 from vsx_ros.slam.state import SlamEvent
 from vsx_ros.slam.tracker import predicted
 from vsx_ros.vision.corners import dense_corners
-from vsx_ros.vision.patch_search import find_patches, kernel_camera
+from vsx_ros.vision.patch_search import find_patches
 
 REFIND_RADIUS_PX, REFIND_REACH = 4.0, 2
 GLOBAL_EVERY = 8
@@ -62,8 +62,6 @@ class Mapper:
 
     def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, config: SlamConfig, world: Map) -> None:
         self.map = world
-        self._camera = camera
-        self._camera_array = kernel_camera(camera)
         self._config = config.mapper
         self._adjuster = BundleAdjuster(camera, T_base_cam, config.wheels)
         self._since_global = 0
@@ -92,11 +90,12 @@ class Mapper:
         """Take a frame into the map: measurements, more of them, new points, local adjustment, culling."""
         world = self.map
         keep = world.alive[request.rows]
-        observed = observations_at(self._camera, request.rows[keep], request.uv[keep], request.level[keep])
         reference, T_ref_cam = world.keyframes[request.reference], request.T_ref_cam
         grown = reference.scale / request.scale
         pose = reference.T_world_cam @ SE3(T_ref_cam.rotation, grown * T_ref_cam.translation)
         world.chain = request.chain
+        seen = request.rows[keep], request.uv[keep], request.level[keep]
+        observed = observations_at(request.data, pose, world.points, *seen)
         self._cull(request.searched, request.found)
         observed = observed.where(world.alive[observed.rows])
         index = world.add_keyframe(_with_dense_corners(request.data), pose, observed, reference.map_id)
@@ -122,7 +121,7 @@ class Mapper:
         if not reunions:
             return
         around, older = [index, *neighbours], reunions[-1].older
-        self.events.append(reunite(self.map, self._camera, reunions, around))
+        self.events.append(reunite(self.map, reunions, around))
         self._loops.forget()
         there = [older, *self.neighbours(older, self._config.window_keyframes)]
         free = self._movable(sorted({*around, *there}))
@@ -200,7 +199,7 @@ class Mapper:
         if not len(rows):
             return
         view = world.view()
-        predictions = predicted(self._camera_array, keyframe.T_world_cam.inverse(), view, rows)
+        predictions = predicted(keyframe.data.camera, keyframe.T_world_cam.inverse(), view, rows)
         found, uv = find_patches(
             keyframe.data.pyramid,
             keyframe.data.corners,
@@ -210,14 +209,16 @@ class Mapper:
             REFIND_RADIUS_PX,
             REFIND_REACH,
         )
-        world.observe(
-            index, observations_at(self._camera, predictions.rows[found], uv[found], predictions.level[found])
-        )
+        self._observe(index, predictions.rows[found], uv[found], predictions.level[found])
+
+    def _observe(self, index: int, rows: IntArray, uv: FloatArray, level: IntArray) -> None:
+        world, keyframe = self.map, self.map.keyframes[index]
+        world.observe(index, observations_at(keyframe.data, keyframe.T_world_cam, world.points, rows, uv, level))
 
     def _make_points(self, index: int, targets: list[int]) -> IntArray:
         """Triangulate new points of a keyframe with each target in turn; returns their rows."""
         keyframe = self.map.keyframes[index]
-        candidates = candidates_in(keyframe, self._camera_array, self._config.max_points_per_keyframe)
+        candidates = candidates_in(keyframe, self._config.max_points_per_keyframe)
         rows = []
         for k in targets:
             if not len(candidates.uv):
@@ -226,7 +227,6 @@ class Mapper:
                 self.map.keyframes[index],
                 self.map.keyframes[k],
                 candidates,
-                self._camera_array,
                 self._depth_range(index),
                 math.radians(self._config.min_parallax_deg),
             )
@@ -244,8 +244,8 @@ class Mapper:
         world = self.map
         rows = world.add_points(matches.points_world, looks_of(candidates, matches.chosen), source)
         chosen = matches.chosen
-        world.observe(source, observations_at(self._camera, rows, candidates.uv[chosen], candidates.level[chosen]))
-        world.observe(target, observations_at(self._camera, rows, matches.uv, matches.level))
+        self._observe(source, rows, candidates.uv[chosen], candidates.level[chosen])
+        self._observe(target, rows, matches.uv, matches.level)
         return rows
 
     def _contradicts_wheels(self, index: int) -> bool:
@@ -282,9 +282,7 @@ class Mapper:
         cosine = (here[:, None] * there).sum(axis=2) / np.sqrt(here2 * there2)
         unlike = 2.0 * (1.0 - cosine) + 0.05 * np.log(there2 / here2) ** 2
         unlike[numbers < 0] = np.inf
-        chosen, more = looks_in(
-            keyframe, self._camera_array, np.flatnonzero(unlike.min(axis=1, initial=np.inf) > NEW_LOOK)
-        )
+        chosen, more = looks_in(keyframe, np.flatnonzero(unlike.min(axis=1, initial=np.inf) > NEW_LOOK))
         world.add_templates(rows[chosen], more, index)
 
     def _cull(self, searched: IntArray, found: IntArray) -> None:

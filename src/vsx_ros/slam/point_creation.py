@@ -8,21 +8,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points3
-from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.geometry.triangulation import reprojection_error, triangulate
 from vsx_ros.kernels.epipolar import search_rays
 from vsx_ros.kernels.patches import CENTRE
-from vsx_ros.kernels.projection import unproject_pixels
-from vsx_ros.slam.keyframe import KeyFrame, Observations
+from vsx_ros.kernels.projection import ideal_pixels, unproject_pixels
+from vsx_ros.slam.keyframe import FrameData, KeyFrame, Observations
 from vsx_ros.slam.map import NewTemplates
 from vsx_ros.vision.corners import strongest
-from vsx_ros.vision.patch_search import cast_rays, cut_patches, from_level, kernel_camera, to_level
+from vsx_ros.vision.patch_search import cast_rays, cut_patches, from_level, to_level
 from vsx_ros.vision.pyramid import LEVELS
 
 _SHARE = (0.40, 0.30, 0.20, 0.10)
 _SPACING_PX = (10, 8, 6, 5)
 _MAX_ERROR_PX = 2.0
+NEAREST_M = 0.1
 
 
 class Candidates(NamedTuple):
@@ -48,14 +48,16 @@ class TargetMatches(NamedTuple):
     points_world: Points3
 
 
-def observations_at(camera: PinholeCamera, rows: IntArray, uv: FloatArray, level: IntArray) -> Observations:
-    """Observations of points at distorted level-0 pixels."""
-    plane = unproject_pixels(kernel_camera(camera), np.ascontiguousarray(uv))
-    ideal = plane * np.array([camera.fx, camera.fy]) + np.array([camera.cx, camera.cy])
+def observations_at(
+    data: FrameData, T_world_cam: SE3, points: Points3, rows: IntArray, uv: FloatArray, level: IntArray
+) -> Observations:
+    """Observations of points (P, 3) world, those of ``rows``, at level-0 pixels of an image taken at a pose."""
+    depth = np.maximum((points[rows] - T_world_cam.translation) @ T_world_cam.rotation[:, 2], NEAREST_M)
+    ideal = ideal_pixels(data.camera, np.ascontiguousarray(uv), depth)
     return Observations(np.asarray(rows, np.int64), uv, ideal, np.asarray(level, np.int64))
 
 
-def candidates_in(keyframe: KeyFrame, camera: FloatArray, budget: int) -> Candidates:
+def candidates_in(keyframe: KeyFrame, budget: int) -> Candidates:
     """The strongest corners of every level that no observation of the same or the next coarser level is near to."""
     parts = []
     for level in range(LEVELS):
@@ -67,7 +69,7 @@ def candidates_in(keyframe: KeyFrame, camera: FloatArray, budget: int) -> Candid
         for x, y in np.rint(to_level(near, level)).astype(int):
             occupied[max(0, y - radius) : y + radius + 1, max(0, x - radius) : x + radius + 1] = True
         corners = strongest(image, occupied, int(budget * _SHARE[level]), radius)
-        rays = cast_rays(camera, corners, level)
+        rays = cast_rays(keyframe.data.camera, corners, level)
         parts.append(
             (
                 from_level(corners.astype(float), level),
@@ -84,14 +86,13 @@ def match_in_target(
     source: KeyFrame,
     target: KeyFrame,
     candidates: Candidates,
-    camera: FloatArray,
     depth_range: tuple[float, float],
     min_parallax_rad: float,
 ) -> TargetMatches:
     """Search the candidates of ``source`` in ``target`` between two depths [m] and triangulate with checks: parallax,
     depth inside the range, reprojection within 2 level px in both."""
     T_target_source = target.T_world_cam.inverse() @ source.T_world_cam
-    n = len(candidates.uv)
+    camera, n = target.data.camera, len(candidates.uv)
     bounds = np.tile([1.0 / depth_range[1], 1.0 / depth_range[0]], (n, 1))
     pyramid, corners = target.data.pyramid, target.data.corners
     found, uv, level = search_rays(
@@ -142,7 +143,7 @@ def looks_of(candidates: Candidates, index: IntArray) -> NewTemplates:
     return NewTemplates(candidates.basis[index], np.zeros((len(index), 2)), candidates.patches[index])
 
 
-def looks_in(keyframe: KeyFrame, camera: FloatArray, chosen: IntArray) -> tuple[IntArray, NewTemplates]:
+def looks_in(keyframe: KeyFrame, chosen: IntArray) -> tuple[IntArray, NewTemplates]:
     """How points look in a keyframe that observes them: (which of ``chosen``, indices into its observations, have a
     whole patch; their looks)."""
     observed = keyframe.observations
@@ -154,7 +155,7 @@ def looks_in(keyframe: KeyFrame, camera: FloatArray, chosen: IntArray) -> tuple[
         height, width = keyframe.data.pyramid.level(level).shape
         inside = ((whole >= CENTRE) & (whole < np.array([width, height]) - CENTRE)).all(axis=1)
         index, at, whole = index[inside], at[inside], whole[inside]
-        rays = cast_rays(camera, whole, level)
+        rays = cast_rays(keyframe.data.camera, whole, level)
         kept.append(index)
         parts.append((rays.basis, at - whole, cut_patches(keyframe.data.pyramid, whole, level)))
     return np.concatenate(kept), NewTemplates(*(np.concatenate(column) for column in zip(*parts)))

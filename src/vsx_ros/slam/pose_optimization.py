@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from vsx_ros.arrays import BoolArray, FloatArray, Pixels, Points3
-from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.pose import optimize_pose
-from vsx_ros.vision.patch_search import Predictions, kernel_camera
+from vsx_ros.vision.patch_search import Predictions
 
 SIGMA_MIN_PX = 0.4
 
@@ -23,38 +22,30 @@ class PoseEstimate(NamedTuple):
     sigma_px: float
 
 
-class PoseOptimizer:
-    """Gauss-Newton with Tukey weights (PTAM 1.4), on pixels freed from distortion."""
-
-    def __init__(self, camera: PinholeCamera) -> None:
-        self._array = kernel_camera(camera)
-
-    def optimize(
-        self,
-        start: SE3,
-        points: Points3,
-        predictions: Predictions,
-        found: BoolArray,
-        uv: Pixels,
-        prior: FloatArray,
-        wide: int,
-        iterations: int,
-    ) -> PoseEstimate:
-        """T_cam_world from the predictions found (S,) at uv (S, 2) distorted px, of points (P, 3) world; prior (6,):
-        diagonal information that pulls towards the start. The first ``wide`` of the iterations accept residuals of
-        many pixels."""
-        R, t, weights, information, sigma = optimize_pose(
-            self._array,
-            start.rotation,
-            start.translation,
-            points,
-            predictions.rows,
-            uv,
-            predictions.level,
-            found,
-            prior,
-            wide,
-            iterations,
-            SIGMA_MIN_PX,
-        )
-        return PoseEstimate(SE3(R, t), weights, information, float(sigma))
+def optimized(
+    camera: FloatArray,
+    start: SE3,
+    points: Points3,
+    predictions: Predictions,
+    found: BoolArray,
+    uv: Pixels,
+    prior: FloatArray,
+    effort: tuple[int, int],
+) -> PoseEstimate:
+    """Gauss-Newton with Tukey weights (PTAM 1.4) from the predictions found (S,) at uv (S, 2) px of an image, of points
+    (P, 3) world. camera (18,): the image's; prior (6,): diagonal information that pulls towards the start; effort:
+    iterations that accept residuals of many pixels, and iterations in all."""
+    R, t, weights, information, sigma = optimize_pose(
+        camera,
+        start.rotation,
+        start.translation,
+        points,
+        predictions.rows,
+        uv,
+        predictions.level,
+        found,
+        prior,
+        *effort,
+        SIGMA_MIN_PX,
+    )
+    return PoseEstimate(SE3(R, t), weights, information, float(sigma))

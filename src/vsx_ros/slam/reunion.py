@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.fusion import fuse
 from vsx_ros.slam.loop_closing import Reunion, is_metric, neighbourhood, path_lengths
@@ -13,7 +12,7 @@ from vsx_ros.slam.pose_graph import Loop, bend, place
 from vsx_ros.slam.state import SlamEvent
 
 
-def reunite(world: Map, camera: PinholeCamera, reunions: list[Reunion], around: list[int]) -> SlamEvent:
+def reunite(world: Map, reunions: list[Reunion], around: list[int]) -> SlamEvent:
     """Change the map by reunions of the same two parts; around: keyframes that shall look for the older part's points.
     Returns what was done."""
     last = reunions[-1]
@@ -29,7 +28,7 @@ def reunite(world: Map, camera: PinholeCamera, reunions: list[Reunion], around: 
         apart = newer.map_id
         _join(world, last)
         kind, what = "merged", f"map {apart} into map {older.map_id}, {last.factor:.3f} times as large"
-    fused = fuse(world, camera, around, known)
+    fused = fuse(world, around, known)
     why = f"keyframe {last.newer} shows the place of {last.older}, {last.points} points"
     return SlamEvent(newer.data.stamp_ns, kind, f"{what}: {why}; {fused} points fused")
 

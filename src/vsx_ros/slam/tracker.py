@@ -8,14 +8,13 @@ import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels
 from vsx_ros.config import TrackerConfig
-from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.projection import predict, project_rows
 from vsx_ros.slam.keyframe import FrameData
 from vsx_ros.slam.map import MapView
-from vsx_ros.slam.pose_optimization import PoseEstimate, PoseOptimizer
+from vsx_ros.slam.pose_optimization import PoseEstimate, optimized
 from vsx_ros.slam.state import TrackingState
-from vsx_ros.vision.patch_search import Looks, Predictions, expected_looks, find_patches, kernel_camera, search_looks
+from vsx_ros.vision.patch_search import Looks, Predictions, expected_looks, find_patches, search_looks
 
 COARSE_POINTS = 80
 COARSE_LEVEL = 2
@@ -56,10 +55,8 @@ def nothing_tracked(reason: str, T_world_cam: SE3 | None = None) -> Track:
 class Tracker:
     """``track`` changes nothing but the random order in which surplus points are dropped."""
 
-    def __init__(self, camera: PinholeCamera, config: TrackerConfig, rng: np.random.Generator) -> None:
+    def __init__(self, config: TrackerConfig, rng: np.random.Generator) -> None:
         self._config = config
-        self._array = kernel_camera(camera)
-        self._optimizer = PoseOptimizer(camera)
         self._rng = rng
 
     def track(
@@ -78,17 +75,17 @@ class Tracker:
         """
         pull = np.zeros(6) if information is None else information
         pose = T_world_cam.inverse()
-        expected = predicted(self._array, pose, view, candidates)
+        expected = predicted(data.camera, pose, view, candidates)
         radius = self._config.fine_radius_px
         if coarse_radius_px > 0:
             coarse = self._coarse(data, view, pose, expected, coarse_radius_px, pull)
             if coarse is not None:
                 pose, radius = coarse, 0.5 * radius
-                expected = predicted(self._array, pose, view, candidates)
+                expected = predicted(data.camera, pose, view, candidates)
         expected = self._choose(expected)
         looks = expected_looks(view.templates.patches, view.templates.offset, expected)
         found, uv = search_looks(data.pyramid, data.corners, looks, expected.level, expected.uv, radius)
-        fit = self._optimizer.optimize(pose, view.points, expected, found, uv, pull, *FIRST)
+        fit = optimized(data.camera, pose, view.points, expected, found, uv, pull, FIRST)
         counted = np.ones(len(uv), np.bool_)
         if np.count_nonzero(fit.weights) >= MIN_FIRST:
             fit, uv, counted = self._again(data, view, fit, expected, looks, uv, pull)
@@ -123,7 +120,7 @@ class Tracker:
         )
         if np.count_nonzero(found) < COARSE_MIN_FOUND:
             return None
-        fit = self._optimizer.optimize(pose, view.points, chosen, found, uv, pull, *FIRST)
+        fit = optimized(data.camera, pose, view.points, chosen, found, uv, pull, FIRST)
         return fit.T_cam_world if np.count_nonzero(fit.weights) >= COARSE_MIN_FOUND else None
 
     def _choose(self, expected: Predictions) -> Predictions:
@@ -149,13 +146,13 @@ class Tracker:
         expected (S,) are in the image after all)."""
         kept, pose = fit.weights > 0, fit.T_cam_world
         where, inside = project_rows(
-            self._array, pose.rotation, pose.translation, view.points, expected.rows, MARGIN_PX
+            data.camera, pose.rotation, pose.translation, view.points, expected.rows, MARGIN_PX
         )
         found, more = search_looks(
             data.pyramid, data.corners, looks, expected.level, where, AGAIN_RADIUS_PX, AGAIN_REACH, inside & ~kept
         )
         uv = np.where(kept[:, None], uv, more)
-        fit = self._optimizer.optimize(pose, view.points, expected, kept | found, uv, pull, *SECOND)
+        fit = optimized(data.camera, pose, view.points, expected, kept | found, uv, pull, SECOND)
         return fit, uv, kept | inside
 
     def _judge(self, found: int, searched: int, corners: int, guided: bool) -> tuple[TrackingState, str]:
@@ -174,7 +171,7 @@ class Tracker:
 
 
 def predicted(camera: FloatArray, T_cam_world: SE3, view: MapView, rows: IntArray) -> Predictions:
-    """Which of the points (rows) are visible from a pose, and where. camera (12,) as ``kernel_camera`` gives it."""
+    """Which of the points (rows) are visible from a pose, and where. camera (18,): the image's."""
     return Predictions(
         *predict(
             camera,

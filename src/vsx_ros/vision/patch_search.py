@@ -115,17 +115,25 @@ class Rays(NamedTuple):
 
 
 def kernel_camera(camera: PinholeCamera) -> FloatArray:
-    """(12,) camera array of the kernels, with the largest squared radius its image uses (plus 10 %)."""
+    """(18,) camera array of the kernels of an image taken standing still, with the largest squared radius the image
+    uses (plus 10 %)."""
     parameters = camera.parameters()
     w, h = camera.width - 1.0, camera.height - 1.0
+    standing = np.zeros(6)
     border = np.array([[0, 0], [w, 0], [0, h], [w, h], [w / 2, 0], [w / 2, h], [0, h / 2], [w, h / 2]])
-    plane = unproject_pixels(np.concatenate([parameters, [np.inf, w, h]]), border)
+    plane = unproject_pixels(np.concatenate([parameters, [np.inf, w, h], standing]), border)
     r2_max = 1.21 * float((plane**2).sum(axis=1).max())
-    return np.concatenate([parameters, [r2_max, camera.width, camera.height]])
+    return np.concatenate([parameters, [r2_max, camera.width, camera.height], standing])
+
+
+def moving(camera: FloatArray, motion: FloatArray) -> FloatArray:
+    """The camera array of an image during whose readout the camera moved: motion (6,), rotation vector [rad] and way
+    [m] in its own frame."""
+    return np.concatenate([camera[:-6], motion])
 
 
 def cast_rays(camera: FloatArray, positions: NDArray[np.int32], level: int) -> Rays:
-    """Viewing rays of integer level positions (N, 2); camera (12,) as ``kernel_camera`` gives it."""
+    """Viewing rays of integer level positions (N, 2); camera (18,) as ``kernel_camera`` gives it."""
     offsets = [np.array([0.0, 0.0]), np.array([1.0, 0.0]), np.array([0.0, 1.0])]
     at, right, down = (
         unproject_pixels(camera, np.ascontiguousarray(from_level(positions + offset, level))) for offset in offsets
