@@ -16,7 +16,7 @@ from vsx_ros.slam.state import TrackingResult
 from vsx_ros.slam.threads import ThreadedSlam
 
 LIVE_S, LIVE_HZ = 60.0, 30.0
-COMPARED, SMALL_MAP = 150, 300
+COMPARED, SMALL_MAP = 150, 100
 ORB_EVERY = 3
 
 
@@ -90,7 +90,11 @@ def live(seeds: range, keep: Path | None) -> list[Row]:
         lost += result.state.value == "lost"
     feeder.join()
     slam.close()
-    note(f"live: {len(track_ms)} of {n} frames, {slam.statistics().keyframes} keyframes")
+    slowest = int(np.argmax(track_ms))
+    note(
+        f"live: {len(track_ms)} of {n} frames, {slam.statistics().keyframes} keyframes, "
+        f"{track_ms[slowest]:.0f} ms at most, in frame {slowest}"
+    )
     p99 = [float(np.percentile(values, 99)) for values in (track_ms, age_ms)]
     return [
         Row(
