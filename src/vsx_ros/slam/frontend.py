@@ -29,6 +29,7 @@ MAX_STEP_M, MAX_STEP_RAD = 0.08, 0.06
 CORRECTION_M, CORRECTION_RAD = 0.05, 0.02
 # A frame with so many points, and that share of the expected ones, knows better than the wheels.
 SURE_POINTS, SURE_RATIO = 100, 0.5
+BLURRED = "the image is blurred: not used to start; move more slowly or add light"
 
 
 class FrameOutcome(NamedTuple):
@@ -149,7 +150,7 @@ class FrontEnd:
         return self.record.statistics(len(self._view.living), int(np.count_nonzero(self._view.alive)))
 
     def _start(self, data: FrameData) -> FrameOutcome:
-        outcome = self._initializer.add(data)
+        outcome = BLURRED if data.blurred else self._initializer.add(data)
         self.record.frame_without_map(data.stamp_ns)
         if isinstance(outcome, str):
             if outcome.split(":")[0] != self._refusal.split(":")[0]:
@@ -187,7 +188,9 @@ class FrontEnd:
         self._recovery.over(data)
         self._reference, self._coarse_next = reference, track.state is not TrackingState.GOOD
         self.record.tracked(data.stamp_ns, track, len(self._view.points), self._map_id == 0)
-        why = keyframe_reason(self._config.keyframes, self._here, track, reference, self._since_keyframe)
+        why = not data.blurred and keyframe_reason(
+            self._config.keyframes, self._here, track, reference, self._since_keyframe
+        )
         request = self._request(data, track) if why else None
         result = TrackingResult(
             data.stamp_ns,
@@ -234,13 +237,17 @@ class FrontEnd:
             self._event(data.stamp_ns, "carried", "the image is another one though the wheels stood")
         if recovery.is_lost and not was_lost:
             self._event(data.stamp_ns, "lost", track.reason)
-        start = recovery.second_map(data, by_wheels is not None)
+        start = None if data.blurred else recovery.second_map(data, by_wheels is not None)
         if start is not None:
             return self._start_again(data, start)
         request = None
         if by_wheels is not None:
             self._motion.update(data, by_wheels, measured=False)
-            if recovery.is_lost and recovery.bridges(data, self._here, by_wheels, self._since_keyframe):
+            if (
+                not data.blurred
+                and recovery.is_lost
+                and recovery.bridges(data, self._here, by_wheels, self._since_keyframe)
+            ):
                 self._event(data.stamp_ns, "bridged", "keyframe placed by the wheels alone")
                 request = self._request(data, nothing_tracked(track.reason, by_wheels))
         self._coarse_next = True

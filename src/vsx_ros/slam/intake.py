@@ -18,6 +18,7 @@ from vsx_ros.slam.shutter import Shutter
 from vsx_ros.slam.wheel_readings import WheelReadings
 from vsx_ros.vision.corners import CornerDetector, Corners, indexed
 from vsx_ros.vision.pyramid import LEVELS, Pyramid, build_pyramid
+from vsx_ros.vision.sharpness import BlurDetector
 from vsx_ros.vision.small_image import small_image
 
 GAP_S = 1.0
@@ -46,6 +47,7 @@ class Intake:
         self.T_middle_stamp = SE3.identity()
         self._wheels = None if T_base_cam is None else WheelReadings(gap)
         self._detector = CornerDetector()
+        self._blur = BlurDetector()
         self._last_stamp_ns: int | None = None
         self._last_image: tuple[Pyramid, SE2 | None] | None = None
 
@@ -76,7 +78,9 @@ class Intake:
         if self._hangs(pyramid, wheels):
             self._gap(frame.stamp_ns, "the image is the last one to the bit though the wheels turn: the camera hangs")
             return FrameData(frame.stamp_ns, pyramid, _no_corners(pyramid), small, wheels, exposure.camera)
-        return FrameData(frame.stamp_ns, pyramid, self._detector.detect(pyramid), small, wheels, exposure.camera)
+        blurred = self._blur.blurred(pyramid)
+        corners = self._detector.detect(pyramid, steer=not blurred)
+        return FrameData(frame.stamp_ns, pyramid, corners, small, wheels, exposure.camera, blurred)
 
     def _hangs(self, pyramid: Pyramid, wheels: SE2 | None) -> bool:
         """Whether the camera repeats its last image, which noise never does, though the wheels have turned since."""

@@ -48,7 +48,8 @@ class Observations(NamedTuple):
 
 class FrameData(NamedTuple):
     """An image taken apart once, used by tracker, mapper and relocaliser. camera (18,): the kernels' array, with
-    the motion during its readout. T_odom_base: by the wheels when its middle row was exposed, None when not known."""
+    the motion during its readout. T_odom_base: by the wheels when its middle row was exposed, None when not known.
+    blurred: much less sharp than the frames before; good enough to track, not to make a map of."""
 
     stamp_ns: int
     pyramid: Pyramid
@@ -56,6 +57,7 @@ class FrameData(NamedTuple):
     small: SmallImage
     T_odom_base: SE2 | None
     camera: FloatArray
+    blurred: bool = False
 
     @staticmethod
     def without_image(stamp_ns: int, T_odom_base: SE2 | None) -> FrameData:

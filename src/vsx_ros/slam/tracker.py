@@ -94,6 +94,9 @@ class Tracker:
         state, reason = self._judge(
             int(np.count_nonzero(kept)), len(searched), len(data.corners.positions), bool(pull.any())
         )
+        if data.blurred:
+            state = TrackingState.LOST if state is TrackingState.LOST else TrackingState.DUBIOUS
+            reason = "; ".join(filter(None, ["the image is blurred", reason]))
         return Track(
             fit.T_cam_world.inverse(),
             state,

@@ -33,14 +33,16 @@ class CornerDetector:
     def __init__(self) -> None:
         self._thresholds = list(_FIRST_THRESHOLDS)
 
-    def detect(self, pyramid: Pyramid) -> Corners:
-        """All corners of the four levels, without non-maximum suppression."""
+    def detect(self, pyramid: Pyramid, steer: bool = True) -> Corners:
+        """All corners of the four levels, without non-maximum suppression. steer: whether their number shall move the
+        thresholds."""
         area = float(pyramid.table[0, 1] * pyramid.table[0, 2]) / _REFERENCE_PIXELS
         levels = []
         for level in range(LEVELS):
             found = _fast(pyramid.level(level), self._thresholds[level], suppress=False)
             levels.append(found)
-            self._steer(level, len(found), _TRACKED[level] * area)
+            if steer:
+                self._steer(level, len(found), _TRACKED[level] * area)
         return indexed(levels, pyramid)
 
     def _steer(self, level: int, count: int, target: float) -> None:
