@@ -30,9 +30,9 @@ from vsx_ros.slam.bundle_adjustment import BundleAdjuster
 
 sys.path.append(str(Path(__file__).parents[1] / "tests"))
 RUNS = 5
-# Ceres has no Tukey loss. 1 px is COLMAP's own scale; 2.385 of our residual scale (0.9 px) is what makes Cauchy's loss
-# as efficient on Gaussian noise as 4.685 of it make Tukey's. The other number is the relative gain at which Ceres stops;
-# ours stops at the second in a row below 1e-5.
+# Cauchy scale and relative gain at which Ceres, which has no Tukey loss, stops (ours stops at the second gain in a row
+# below 1e-5). 1 px is COLMAP's own scale; 2.385 of our residual scale (0.9 px) is what makes Cauchy's loss as efficient
+# on Gaussian noise as 4.685 of it make Tukey's.
 PEER = ((1.0, 1e-4), (2.1, 1e-4), (2.1, 1e-5))
 
 
@@ -118,14 +118,11 @@ def section_peer() -> None:
         for px, tolerance in PEER:
             name = f"pycolmap, {px} px, {tolerance:.0e}"
             solvers[name] = functools.partial(pycolmaps, cauchy_px=px, tolerance=tolerance)
-    for name, problem in (("local", ring(10, 1000, 5500)), ("global", ring(100, 8000, 59600))):
-        begin_px, begin_mm = (
-            residual_px(problem, problem.poses, problem.points),
-            1e3 * problem.pose_error_m(problem.poses),
-        )
+    for name, problem in (("local", ring(10, 1110, 5550)), ("global", ring(100, 8090, 59600))):
+        px, mm = residual_px(problem, problem.poses, problem.points), 1e3 * problem.pose_error_m(problem.poses)
         print(
             f"{name}: {len(problem.truth)} keyframes, {len(problem.points)} points, {len(problem.xy)} observations; "
-            f"start {begin_px:.3f} px, {begin_mm:.1f} mm"
+            f"start {px:.3f} px, {mm:.1f} mm"
         )
         reference = 0.0
         for who, solver in solvers.items():

@@ -98,6 +98,7 @@ class BundleAdjuster:
         self._K = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
         self._T_base_cam = T_base_cam
         self._wheels = wheels
+        self._made: dict[tuple[SE2, SE2], OdometryFactor] = {}
 
     def adjust(
         self, world: Map, free: list[int], iterations: int, interrupted: Callable[[], bool] = never
@@ -163,7 +164,9 @@ class BundleAdjuster:
         now = world.keyframes[index].data.T_odom_base
         if self._T_base_cam is None or before is None or now is None:
             return None
-        return odometry_factor(before.inverse() @ now, self._T_base_cam, self._wheels)
+        if (before, now) not in self._made:
+            self._made[before, now] = odometry_factor(before.inverse() @ now, self._T_base_cam, self._wheels)
+        return self._made[before, now]
 
     def _factors(self, world: Map, frames: list[int], free: set[int]) -> Factors:
         """The odometry factors between successive keyframes of which at least one moves."""
