@@ -23,7 +23,8 @@ from vsx_ros.vision.small_image import small_image
 
 GAP_S = 1.0
 # Wheels that count less than this between two images stand.
-STILL_M, STILL_RAD = 0.001, 0.001
+# What a reading that stops between two images can differ by, carried from its stamp to the image's middle row.
+STILL_M, STILL_RAD = 0.006, 0.01
 
 
 class Intake:
