@@ -240,7 +240,7 @@ def test_a_standing_robot_may_send_the_same_image_again(arc_drive):
         after = slam.track(Frame(stamp_ns, frame.image), odometry._replace(stamp_ns=stamp_ns, v=0.0, omega=0.0))
         assert after.state in TRACKED
     moved = before.T_world_cam.translation - after.T_world_cam.translation
-    assert np.linalg.norm(moved) < 0.002
+    assert np.linalg.norm(moved) < 0.005  # a halt without braking is 2 mm between the stamp and the middle row
     assert not [e for e in slam.drain_events() if e.kind == "gap"]
 
 
