@@ -4,7 +4,7 @@
 Sections: peer, files, building (all when none is given). Everything but the milliseconds repeats exactly. The peer
 (pycolmap's adjuster, that is Ceres) is measured in the same run where ``pip install pycolmap`` provides it, and left
 out with a note where not. files needs the recordings in $VSX_DATA. Times are processor time of this process on one
-thread; of the peer section the median of five runs.
+thread; in the peer section medians over the problems, each the median of three runs.
 """
 
 import argparse
@@ -29,7 +29,7 @@ from vsx_ros.slam import bundle_adjustment
 from vsx_ros.slam.bundle_adjustment import BundleAdjuster
 
 sys.path.append(str(Path(__file__).parents[1] / "tests"))
-RUNS = 5
+SEEDS, RUNS = 7, 3
 # Cauchy scale and relative gain at which Ceres, which has no Tukey loss, stops (ours stops at the second gain in a row
 # below 1e-5). 1 px is COLMAP's own scale; 2.385 of our residual scale (0.9 px) is what makes Cauchy's loss as efficient
 # on Gaussian noise as 4.685 of it make Tukey's.
@@ -118,22 +118,26 @@ def section_peer() -> None:
         for px, tolerance in PEER:
             name = f"pycolmap, {px} px, {tolerance:.0e}"
             solvers[name] = functools.partial(pycolmaps, cauchy_px=px, tolerance=tolerance)
-    for name, problem in (("local", ring(10, 1110, 5550)), ("global", ring(100, 8090, 59600))):
-        px, mm = residual_px(problem, problem.poses, problem.points), 1e3 * problem.pose_error_m(problem.poses)
-        print(
-            f"{name}: {len(problem.truth)} keyframes, {len(problem.points)} points, {len(problem.xy)} observations; "
-            f"start {px:.3f} px, {mm:.1f} mm"
-        )
-        reference = 0.0
+    for name, size in (("local", (10, 1110, 5550)), ("global", (100, 8090, 59600))):
+        problems = [ring(*size, seed) for seed in range(SEEDS)]
+        counts = [f"{np.median([len(part) for part in parts]):.0f}" for parts in zip(*[p[1:3] for p in problems])]
+        print(f"{name}: {size[0]} keyframes, about {counts[0]} points, {counts[1]} observations; {SEEDS} problems")
+        reference = np.zeros(2)
         for who, solver in solvers.items():
-            solver(problem)
-            runs = [solver(problem) for _ in range(RUNS)]
-            solve, build = (float(np.median([getattr(run, part) for run in runs])) for part in ("solve_ms", "build_ms"))
-            reference = reference or solve
-            last = runs[-1]
-            px, mm = residual_px(problem, last.poses, last.points), 1e3 * problem.pose_error_m(last.poses)
-            times = [f"{ms:6.1f} ms ({ms / reference:.1f} x)" for ms in (solve, solve + build)]
-            print(f"  {who:23s} {times[0]}, with building {times[1]}, {last.steps:2d} steps, {px:.3f} px, {mm:.2f} mm")
+            solver(problems[0])
+            runs = [[solver(problem) for _ in range(RUNS)] for problem in problems]
+            solve = np.median([[run.solve_ms for run in each] for each in runs], axis=1)
+            whole = np.median([[run.solve_ms + run.build_ms for run in each] for each in runs], axis=1)
+            reference = reference if reference.any() else solve
+            last = [(problem, each[-1]) for problem, each in zip(problems, runs)]
+            px = [residual_px(problem, run.poses, run.points) for problem, run in last]
+            mm = [1e3 * problem.pose_error_m(run.poses) for problem, run in last]
+            ratio = solve / reference
+            print(
+                f"  {who:23s} {np.median(solve):6.1f} ms ({np.median(ratio):.1f} x ours; {ratio.min():.1f} .. "
+                f"{ratio.max():.1f}), with building {np.median(whole):6.1f} ms, "
+                f"{np.median([run.steps for _, run in last]):.0f} steps, {np.median(px):.3f} px, {np.median(mm):.2f} mm"
+            )
 
 
 def section_files() -> None:
