@@ -19,7 +19,8 @@ def align_small(reference: Any, current: Any, iterations: int) -> tuple[float, f
     """Planar motion from one (h, w) float32 image to another: current(Rot(a) x + (tx, ty)) = reference(x) + mean.
 
     x is measured from the image centre. At most ``iterations`` steps. Returns tx, ty [small px], a [rad] and the mean
-    squared difference over the overlap (but for a last step below 0.01 px).
+    squared difference over the overlap (but for a last step below 0.01 px). Efficient second-order: mean of both
+    gradients (Benhimane and Malis 2004).
     """
     height, width = reference.shape
     cx, cy = 0.5 * (width - 1), 0.5 * (height - 1)
