@@ -32,6 +32,12 @@ def test_jumps_are_counted_from_the_promised_size(metres, degrees, count):
     assert [b.stamp_ns for b in found] == [10 * 10**8] * count
 
 
+def test_a_jump_of_the_map_itself_is_no_break():
+    told = results(shifted(drive(), 10, 0.5), [GOOD] * 20)
+    told[10] = told[10]._replace(corrected=True)
+    assert find_breaks(told, drive()) == []
+
+
 def test_relocalising_at_the_right_place_is_no_break():
     states = [GOOD] * 5 + [LOST] * 5 + [GOOD] * 10
     assert find_breaks(results(drive(), states), drive()) == []

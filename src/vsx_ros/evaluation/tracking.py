@@ -25,14 +25,15 @@ def find_breaks(results: Sequence[TrackingResult], reference: Sequence[SE3 | Non
     """Jumps of more than 0.15 m or 5 deg against the reference, and a loss that lasts to the end.
 
     results: frames in order. reference: as many camera poses by odometry (or truth), None where unknown. Only frames
-    tracked from the map are compared, each with the tracked frame before it.
+    tracked from the map are compared, each with the tracked frame before it; a jump that the map made, because a loop
+    was closed, is none of the tracking.
     """
     breaks = []
     last: tuple[SE3, SE3 | None] | None = None
     for result, expected in zip(results, reference, strict=True):
         if result.state not in _TRACKED or result.T_world_cam is None:
             continue
-        if last is not None and last[1] is not None and expected is not None:
+        if last is not None and last[1] is not None and expected is not None and not result.corrected:
             jump = _jump(last[0].inverse() @ result.T_world_cam, last[1].inverse() @ expected)
             if jump:
                 breaks.append(Break(result.stamp_ns, jump))

@@ -13,6 +13,7 @@ from vsx_ros.kernels import (
     lattice,
     patches,
     pose,
+    pose_graph,
     projection,
     reeds_shepp,
     rrt,
@@ -108,6 +109,9 @@ def _mapping() -> None:
         0.4,
         bundle.START,
     )
+    first = np.array([True, False])
+    edge = pair[:1], np.zeros((1, 3)), np.ones(1), np.eye(pose_graph.NODE_DOF)[None]
+    pose_graph.optimize_graph(pair, np.zeros((2, 3)), np.ones(2), first, one, one + 1, *edge, False, 1)
 
 
 def _planning() -> None:
