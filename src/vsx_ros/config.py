@@ -132,6 +132,12 @@ class PlannerConfig(_Branch, frozen=True):
     phi_rad_m: Positive = 1.0
     clearance_m: NonNegative = 0.04
     max_reverse_m: NonNegative = 1.5
+    # What the tracker needs in view, how fast to drive where it is not, and how far at most in one go.
+    sight_landmarks: Count = 20
+    sight_fov_rad: Annotated[float, Meta(gt=0, lt=3.14)] = 1.05
+    sight_range_m: Positive = 5.0
+    blind_v_m_s: Positive = 0.15
+    max_blind_m: NonNegative = 2.0
 
 
 class FollowerConfig(_Branch, frozen=True):
@@ -152,6 +158,44 @@ class GroundMapConfig(_Branch, frozen=True):
     clear_max_height_m: Positive = 0.45
     max_range_m: Positive = 4.5
     start_clear_m: NonNegative = 0.7
+
+
+class PlanesConfig(_Branch, frozen=True):
+    """Planes of the sparse map by J-linkage (paper 5.1), tile by tile."""
+
+    tile_m: Positive = 3.0
+    max_points_per_tile: Count = 1000
+    hypotheses: Count = 2000
+    noise_px: Positive = 0.6
+    floor_sigma_m: Positive = 0.01
+    inlier_sigmas: Positive = 2.5
+    partner_sigma_m: Positive = 0.8
+    min_separation_m: Positive = 0.10
+    min_points: Count = 12
+
+
+class DenseConfig(_Branch, frozen=True):
+    """Dense planar mapping (paper 5.1). Textures are standard deviations, in grey levels, of what a cell shows."""
+
+    enabled: bool = True
+    planes: PlanesConfig = PlanesConfig()
+    cell_m: Positive = 0.08
+    patch_m: Positive = 0.12
+    patch_samples: Count = 8
+    min_texture: NonNegative = 4.0
+    accept_zncc: Ratio = 0.75
+    grow_zncc: Ratio = 0.65
+    max_views: Count = 6
+    min_parallax_deg: Positive = 4.0
+    max_parallax_deg: Positive = 25.0
+    min_range_m: Positive = 0.4
+    max_range_m: Positive = 4.5
+    max_incidence_deg: Annotated[float, Meta(gt=0, lt=90)] = 72.0
+    column_m: Positive = 0.05
+    contact_contrast: NonNegative = 8.0
+    contact_share: Ratio = 0.6
+    contact_min_views: Count = 3
+    contact_max_support_m: Positive = 1.0
 
 
 class ExplorationConfig(_Branch, frozen=True):
@@ -189,6 +233,7 @@ class Config(_Branch, frozen=True):
     planner: PlannerConfig = PlannerConfig()
     follower: FollowerConfig = FollowerConfig()
     ground_map: GroundMapConfig = GroundMapConfig()
+    dense: DenseConfig = DenseConfig()
     exploration: ExplorationConfig = ExplorationConfig()
 
 
