@@ -17,9 +17,7 @@ from vsx_ros.robot import Odometry
 from vsx_ros.sim.truth import ground_truth_grid
 from vsx_ros.sim.world import World
 from vsx_ros.slam.snapshot import MapSnapshot
-from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult, TrackingState
-
-_TRACKED = (TrackingState.GOOD, TrackingState.DUBIOUS)
+from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult
 
 
 class RunRecord:
@@ -53,7 +51,7 @@ class RunRecord:
         return [
             StampedPose(r.stamp_ns, r.T_world_cam)
             for r in self.results
-            if r.state in _TRACKED and r.T_world_cam is not None
+            if r.state.tracked and r.T_world_cam is not None
         ]
 
     def summary(self, statistics: SlamStatistics) -> Summary:

@@ -11,7 +11,6 @@ from vsx_ros.slam.state import TrackingResult, TrackingState
 
 MAX_JUMP_M = 0.15
 MAX_JUMP_DEG = 5.0
-_TRACKED = (TrackingState.GOOD, TrackingState.DUBIOUS)
 
 
 class Break(NamedTuple):
@@ -31,7 +30,7 @@ def find_breaks(results: Sequence[TrackingResult], reference: Sequence[SE3 | Non
     breaks = []
     last: tuple[SE3, SE3 | None] | None = None
     for result, expected in zip(results, reference, strict=True):
-        if result.state not in _TRACKED or result.T_world_cam is None:
+        if not result.state.tracked or result.T_world_cam is None:
             continue
         if last is not None and last[1] is not None and expected is not None and not result.corrected:
             jump = _jump(last[0].inverse() @ result.T_world_cam, last[1].inverse() @ expected)

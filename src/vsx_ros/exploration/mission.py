@@ -126,7 +126,7 @@ class Mission:
 
     def _start(self, now_ns: int, situation: Situation, T_odom_base: SE2) -> Decision:
         """Drive straight until the SLAM has found its two frames (paper 3.1)."""
-        if situation.slam_state in (TrackingState.GOOD, TrackingState.DUBIOUS):
+        if situation.slam_state.tracked:
             self._enter(now_ns, MissionState.MAPPING, "the map is initialised")
             return self._map(now_ns, situation)
         if situation.navigation is NavigationState.ACTIVE:
@@ -233,7 +233,7 @@ class Mission:
 
     def _recover(self, now_ns: int, situation: Situation) -> Decision:
         """Wait for relocalisation, then back along the executed path step by step."""
-        if situation.slam_state in (TrackingState.GOOD, TrackingState.DUBIOUS):
+        if situation.slam_state.tracked:
             self._enter(now_ns, MissionState.MAPPING, "relocalised")
             active = situation.navigation is NavigationState.ACTIVE
             return self._answer(Action.CANCEL if active else Action.WAIT, "relocalised")

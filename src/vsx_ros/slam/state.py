@@ -16,6 +16,11 @@ class TrackingState(Enum):
     DUBIOUS = "dubious"
     LOST = "lost"
 
+    @property
+    def tracked(self) -> bool:
+        """Whether the pose was found in the image."""
+        return self in (TrackingState.GOOD, TrackingState.DUBIOUS)
+
 
 class TrackingResult(NamedTuple):
     """One frame. searched, found: map points expected in the image and found where the pose puts them.
