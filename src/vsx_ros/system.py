@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vsx_ros.arrays import FloatArray
 from vsx_ros.config import Config
 from vsx_ros.control.pose_fusion import PoseFuser
 from vsx_ros.control.trajectory_tracker import FollowResult, FollowStatus, TrajectoryTracker
@@ -22,6 +23,7 @@ from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.ground_map import GroundMap
 from vsx_ros.planning.path import Refusal, Trajectory
 from vsx_ros.planning.planner import Planner, UnconstrainedPlanner
+from vsx_ros.planning.sight import Sight
 from vsx_ros.planning.time_scaling import time_scale
 from vsx_ros.robot import STOP, Frame, Odometry, VelocityCommand
 from vsx_ros.slam.slam import SequentialSlam
@@ -56,8 +58,19 @@ class Navigator:
         self.trajectory: Trajectory | None = None
         self.plans = 0
 
-    def go(self, now_ns: int, start: SE2 | None, goal: SE2, frame: str, grid: OccupancyGrid | None) -> None:
-        """Plan from start to goal (both in ``frame``) and begin to follow, or end ABORTED with the reason."""
+    def go(
+        self,
+        now_ns: int,
+        start: SE2 | None,
+        goal: SE2,
+        frame: str,
+        grid: OccupancyGrid | None,
+        landmarks_world: FloatArray,
+    ) -> None:
+        """Plan from start to goal (both in ``frame``) and begin to follow, or end ABORTED with the reason.
+
+        landmarks_world (M, 3): the way shall keep them in view; none: no matter.
+        """
         self.plans += 1
         self._frame = frame
         if start is None or (frame == "map" and grid is None):
@@ -65,12 +78,16 @@ class Navigator:
             return
         if frame == "odom" or grid is None:
             plan = self._blind.plan_blind(start, goal)
+        elif isinstance(self._planner, Planner) and len(landmarks_world):
+            sight = Sight.of(landmarks_world, self._config.planner)
+            plan = self._planner.plan(start, goal, grid, self._rng, sight)
         else:
             plan = self._planner.plan(start, goal, grid, self._rng)
         if isinstance(plan, Refusal):
             self._end(NavigationState.ABORTED, plan.reason)
             return
-        self.trajectory = time_scale(plan.path, self._config.limits)
+        config = self._config
+        self.trajectory = time_scale(plan.path, config.limits, plan.blind_spans, config.planner.blind_v_m_s)
         self._tracker.start(self.trajectory, now_ns)
         self.state, self.reason = NavigationState.ACTIVE, ""
 
@@ -171,7 +188,7 @@ class ExplorationSystem:
         decision = self.mission.decide(now_ns, situation)
         if decision.action is Action.GO and decision.goal is not None:
             start = T_odom_base if decision.frame == "odom" else self._fuser.pose()
-            self.navigator.go(now_ns, start, decision.goal, decision.frame, self.grid)
+            self.navigator.go(now_ns, start, decision.goal, decision.frame, self.grid, situation.landmarks_world)
         elif decision.action in (Action.CANCEL, Action.FINISH) and self.navigator.state is NavigationState.ACTIVE:
             self.navigator.cancel()
         return decision

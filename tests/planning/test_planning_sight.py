@@ -5,14 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from vsx_ros.config import PlannerConfig, RobotConfig
+from vsx_ros.config import LimitsConfig, PlannerConfig, RobotConfig
 from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
-from vsx_ros.planning.path import Plan, certified
+from vsx_ros.planning.path import Plan, Refusal, RefusalKind, certified
 from vsx_ros.planning.pieces import arc_piece, turn_piece
 from vsx_ros.planning.planner import Planner
 from vsx_ros.planning.sight import Sight
+from vsx_ros.planning.time_scaling import time_scale
 
 OPEN = OccupancyGrid(np.zeros((160, 160), np.int8), 0.05, -4.0, -4.0)
 
@@ -47,10 +48,12 @@ def test_only_the_way_driven_blind_is_counted():
     back = arc_piece(about.end, 0.0, 0.7, 1)
     path = certified(start, back.end, (ahead, about, back), "by hand")
     assert sight(wall_ahead()).blind_m(path, OPEN) == pytest.approx(0.7, abs=1e-9)
+    assert sight(wall_ahead()).blind_spans(path, OPEN) == pytest.approx(np.array([[1.0, 1.7]]), abs=1e-9)
+    assert sight(np.zeros((0, 3))).blind_spans(path, OPEN) == pytest.approx(np.array([[0.0, 1.7]]), abs=1e-9)
 
 
 def test_a_path_that_keeps_the_map_in_view_is_preferred():
-    planner = Planner(PlannerConfig(), RobotConfig())
+    planner = Planner(PlannerConfig(max_blind_m=20.0), RobotConfig())
     rng = np.random.default_rng(4)
     better = 0
     for _ in range(12):
@@ -68,6 +71,29 @@ def test_a_path_that_keeps_the_map_in_view_is_preferred():
         assert seeing.path.certificate.end_error_m <= 1e-9
         better += seeing.blind_m < without - 0.1
     assert better >= 1
+
+
+def test_driving_long_without_the_map_is_refused_and_a_little_of_it_is_slow():
+    config = PlannerConfig(sight_landmarks=30, max_blind_m=0.5)
+    start, goal = SE2(0.0, 0.0, 0.0), SE2(-2.0, 0.0, 3.0)
+    refusal = Planner(config, RobotConfig()).plan(
+        start, goal, OPEN, np.random.default_rng(0), Sight.of(wall_ahead(), config)
+    )
+    assert isinstance(refusal, Refusal)
+    assert refusal.kind is RefusalKind.BLIND
+    assert "limit 0.5 m" in refusal.reason
+    config = PlannerConfig(sight_landmarks=30, max_blind_m=9.0)
+    plan = Planner(config, RobotConfig()).plan(
+        start, goal, OPEN, np.random.default_rng(0), Sight.of(wall_ahead(), config)
+    )
+    assert isinstance(plan, Plan)
+    assert plan.blind_spans is not None
+    assert 0.5 < np.sum(np.diff(plan.blind_spans)) < plan.path.length_m
+    trajectory = time_scale(plan.path, LimitsConfig(), plan.blind_spans, 0.12)
+    s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(trajectory.poses[:, :2], axis=0).T))])
+    inside = np.any((s[:, None] > plan.blind_spans[:, 0] + 0.01) & (s[:, None] < plan.blind_spans[:, 1] - 0.01), axis=1)
+    assert 0.1 < np.abs(trajectory.v[inside]).max() <= 0.12 + 1e-9
+    assert np.abs(trajectory.v[~inside]).max() > 0.2
 
 
 def test_landmarks_that_are_not_finite_are_an_error():

@@ -26,6 +26,7 @@ class RefusalKind(enum.Enum):
     DISCONNECTED = "disconnected"
     BUDGET = "budget"
     INFEASIBLE = "infeasible"
+    BLIND = "blind"
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,13 +164,19 @@ def certified(start: SE2, goal: SE2, pieces: tuple[Piece, ...], method: str, cle
 class Plan:
     """A path to a goal and the name of the planner that made it.
 
-    blind_m: length along which the camera sees too few landmarks [m], None where the planner was told of none.
+    blind_spans (K, 2): first and last arc length [m] of every stretch along which the camera sees too few landmarks,
+    None where the planner was told of none.
     """
 
     goal: SE2
     path: Path
     planner: str
-    blind_m: float | None = None
+    blind_spans: FloatArray | None = None
+
+    @property
+    def blind_m(self) -> float | None:
+        """Length along which the camera sees too few landmarks [m], None where the planner was told of none."""
+        return None if self.blind_spans is None else float(np.sum(np.diff(self.blind_spans)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -30,6 +30,7 @@ from vsx_ros.planning.skeleton import (
     search_lattice,
     search_tree,
     shortened,
+    word_table,
 )
 from vsx_ros.planning.unconstrained import UnconstrainedPlanner
 
@@ -60,7 +61,8 @@ class Planner:
         """A collision-free plan to the exact goal pose over known free ground, or a refusal with its reason.
 
         With ``sight`` the way along which too few landmarks are in view counts several times, so that a path which
-        keeps the map in view is preferred to a shorter one that loses it; ``Plan.blind_m`` says what remains. The same
+        keeps the map in view is preferred to a shorter one that loses it; ``Plan.blind_spans`` says what remains, and
+        more of it in one go than config.max_blind_m is refused. The same
         question with the same state of rng gives the same answer to the last bit. Raises PlanningError for poses that
         are not finite.
         """
@@ -126,7 +128,7 @@ class Planner:
         nowhere, lattice = np.full(3, np.nan), coarse_lattice(phi)
         level, _, _, _, step, _, _ = lattice_search(
             m.values, m.resolution, m.origin_x, m.origin_y, start.as_array(), phi, lattice.headings, lattice.bins,
-            lattice.cell_m, self._config.max_reverse_m, nowhere, np.zeros((1, 1)), lattice.most_states,
+            lattice.cell_m, self._config.max_reverse_m, nowhere, np.zeros((1, 1)), word_table(), lattice.most_states,
         )  # fmt: skip
         costs: FloatArray = lattice_costs(level, step, start.theta, m.origin_x, m.origin_y, lattice.cell_m, phi, poses)
         # The estimate looks a few cells around a pose, perhaps through a thin wall: believe it only on joined ground.
@@ -142,9 +144,21 @@ class Planner:
         best = connections(start, goal, self._config.phi_rad_m, enough)[:enough]
         return [path for path in best if self._allowed(path, corridor)]
 
-    def _plan(self, path: Path, goal: SE2, corridor: Corridor, sight: Sight | None, grid: OccupancyGrid) -> Plan:
-        blind_m = None if sight is None else sight.blind_m(path, grid)
-        return Plan(goal, self._finished(path, goal, corridor), "fov", blind_m)
+    def _plan(
+        self, path: Path, goal: SE2, corridor: Corridor, sight: Sight | None, grid: OccupancyGrid
+    ) -> Plan | Refusal:
+        if sight is None:
+            return Plan(goal, self._finished(path, goal, corridor), "fov")
+        spans = sight.blind_spans(path, grid)
+        longest = max((last - first for first, last in spans.tolist()), default=0.0)
+        if longest > self._config.max_blind_m:
+            return Refusal(
+                RefusalKind.BLIND,
+                f"of the best way, {path.length_m:.1f} m long, {longest:.1f} m in one go would be driven with fewer "
+                f"than {sight.least} of the {len(sight.landmarks_world)} landmarks in view or all on one side "
+                f"(limit {self._config.max_blind_m:g} m)",
+            )
+        return Plan(goal, self._finished(path, goal, corridor), "fov", spans)
 
     def _allowed(self, path: Path, corridor: Corridor) -> bool:
         limit = self._config.max_reverse_m + _REVERSE_SLACK_M

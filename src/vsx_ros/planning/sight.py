@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray
+from vsx_ros.config import PlannerConfig
 from vsx_ros.errors import PlanningError
 from vsx_ros.kernels.visibility import visible_landmarks
 from vsx_ros.occupancy.grid import OccupancyGrid
@@ -37,6 +38,11 @@ class Sight:
         if not np.all(np.isfinite(self.landmarks_world)):
             raise PlanningError("a landmark for planning is not finite; drop it before asking")
 
+    @classmethod
+    def of(cls, landmarks_world: FloatArray, config: PlannerConfig) -> Sight:
+        """The sight that the planner's configuration describes. Raises PlanningError as the constructor does."""
+        return cls(landmarks_world, config.sight_fov_rad, config.sight_range_m, config.sight_landmarks)
+
     def blind(self, poses: FloatArray, grid: OccupancyGrid) -> BoolArray:
         """(N,) which of the poses (N, 3) would see too little."""
         stride = max(1, math.ceil(len(self.landmarks_world) / _MOST_LANDMARKS))
@@ -55,9 +61,15 @@ class Sight:
         few = halves[0] + halves[1] < self.least
         return np.asarray(few | (np.minimum(*halves) < _SMALLER_HALF * self.least))
 
+    def blind_spans(self, path: Path, grid: OccupancyGrid) -> FloatArray:
+        """(K, 2) first and last arc length [m] of every stretch along which the camera would see too little."""
+        rows = path.sample(_STEP_M)
+        s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(rows[:, :2], axis=0).T))])
+        blind = np.concatenate([[False], self.blind(rows[:, :3], grid)[1:], [False]])
+        first, last = np.flatnonzero(blind[1:] & ~blind[:-1]), np.flatnonzero(~blind[1:] & blind[:-1])
+        spans: FloatArray = np.stack([s[first], s[last]], axis=1)
+        return spans[spans[:, 1] > spans[:, 0]]
+
     def blind_m(self, path: Path, grid: OccupancyGrid) -> float:
         """Length of the path along which the camera would see too little [m]."""
-        rows = path.sample(_STEP_M)
-        steps = np.hypot(*np.diff(rows[:, :2], axis=0).T)
-        blind = self.blind(rows[:, :3], grid)
-        return float(np.sum(steps[blind[1:]]))
+        return float(np.sum(np.diff(self.blind_spans(path, grid))))

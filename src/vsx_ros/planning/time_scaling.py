@@ -24,12 +24,14 @@ _CHECK_S = 0.002
 _SEGMENT_M = (0.07, 0.12, 0.3)
 _SLOPE_SHARE = (0.8,)
 _MARGIN = 1e-3
+_NOWHERE = np.zeros((0, 2))
 
 
 class _Geometry:
     """Curvature over the arc length of one stretch."""
 
-    def __init__(self, pieces: list[Piece]) -> None:
+    def __init__(self, pieces: list[Piece], slow: FloatArray = _NOWHERE, slow_v_m_s: float = math.inf) -> None:
+        self.slow, self.slow_v_m_s = slow, slow_v_m_s
         offsets = np.cumsum([0.0] + [piece.length_m for piece in pieces])
         self.pieces, self.offsets, self.direction = pieces, offsets, pieces[0].direction
         s = np.concatenate([piece.table[:, 0] + offset for piece, offset in zip(pieces, offsets)])
@@ -67,6 +69,8 @@ def _segment_limits(
         slope = np.abs(g.slope[first:last])
         kappa = float(np.max(np.abs(g.kappa[first : last + 1])))
         v = min(limits.v_m_s, limits.omega_rad_s / max(kappa, 1e-9))
+        if np.any((g.slow[:, 0] < high) & (g.slow[:, 1] > low)):
+            v = min(v, g.slow_v_m_s)
         # Near a stop the curvature may change steeply, but the speed there is bounded by the way from rest.
         room = from_rest[first:last]
         steep = slope * np.minimum(v * v, room)
@@ -210,11 +214,16 @@ def _scale_turn(piece: Piece, limits: LimitsConfig) -> tuple[FloatArray, FloatAr
     return times, poses, np.zeros_like(times), sign * rate
 
 
-def time_scale(path: Path, limits: LimitsConfig) -> Trajectory:
+def time_scale(
+    path: Path, limits: LimitsConfig, slow_spans: FloatArray | None = None, slow_v_m_s: float = math.inf
+) -> Trajectory:
     """The path in time, starting and ending at rest, standing still at cusps and curvature jumps.
 
-    Speed, acceleration, jerk, turn rate and turn acceleration stay within ``limits``. An empty path gives one sample.
+    Speed, acceleration, jerk, turn rate and turn acceleration stay within ``limits``, and the speed within slow_v_m_s
+    along slow_spans (K, 2), arc lengths from and to [m]. An empty path gives one sample.
     """
+    slow = _NOWHERE if slow_spans is None else slow_spans
+    driven_m = 0.0
     times, poses, v, omega = [np.zeros(1)], [path.start.as_array()[None]], [np.zeros(1)], [np.zeros(1)]
     now = 0.0
     for run in path.stretches():
@@ -223,7 +232,8 @@ def time_scale(path: Path, limits: LimitsConfig) -> Trajectory:
                 continue
             part = _scale_turn(run[0], limits)
         else:
-            geometry = _Geometry(run)
+            geometry = _Geometry(run, slow - driven_m, slow_v_m_s)
+            driven_m += geometry.length
             if geometry.length < 1e-9:
                 continue
             part = _scale_stretch(geometry, limits)

@@ -243,11 +243,14 @@ def cloud_msg(points: Points3, frame_id: str, stamp_ns: int) -> PointCloud2:
 def cloud_points(msg: PointCloud2) -> FloatArray:
     """(N, 3) x, y, z of a cloud whose first three fields are little-endian float32 x, y, z.
 
-    Raises InputError for another layout.
+    Raises InputError for another layout or a number that is not finite.
     """
     names = [field.name for field in msg.fields[:3]]
     count = msg.width * msg.height
     if names != ["x", "y", "z"] or msg.is_bigendian or msg.point_step < 12 or len(msg.data) < count * msg.point_step:
         raise InputError(f"cloud with fields {names} and {len(msg.data)} bytes is not float32 x, y, z")
     rows = np.frombuffer(msg.data, np.uint8, count * msg.point_step).reshape(count, msg.point_step)
-    return np.ascontiguousarray(rows[:, :12]).view("<f4").reshape(-1, 3).astype(np.float64)
+    points = np.ascontiguousarray(rows[:, :12]).view("<f4").reshape(-1, 3).astype(np.float64)
+    if not np.all(np.isfinite(points)):
+        raise InputError(f"cloud of {count} points holds a coordinate that is not finite")
+    return points

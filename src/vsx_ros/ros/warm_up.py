@@ -14,6 +14,7 @@ from vsx_ros.occupancy.grid import OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.occupancy.ground_map import GroundMap
 from vsx_ros.planning.path import Plan
 from vsx_ros.planning.planner import Planner
+from vsx_ros.planning.sight import Sight
 from vsx_ros.planning.time_scaling import time_scale
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.slam.slam import SequentialSlam
@@ -58,7 +59,9 @@ def warm_up_slam(config: Config) -> None:
 def warm_up_planning(planner: Planner, config: Config) -> None:
     """Plan once around a pillar, once blindly, and put time on both."""
     start, goal = SE2(1.0, 2.5, 0.0), SE2(4.0, 2.6, 0.3)
-    plans = planner.plan(start, goal, _small_room(), np.random.default_rng(0)), planner.plan_blind(start, goal)
+    sight = Sight.of(np.full((1, 3), 3.0), config.planner)
+    rng = np.random.default_rng(0)
+    plans = planner.plan(start, goal, _small_room(), rng, sight), planner.plan_blind(start, goal)
     for plan in plans:
         if isinstance(plan, Plan):
             time_scale(plan.path, config.limits)

@@ -1,11 +1,13 @@
 """Node ``move_base``: plans to goals so that the camera keeps its features, and sees them through.
 
-Subscribers: map, odom, vslam/pose, vslam/state, move_base_simple/goal, follower/status, move_base/lease.
+Subscribers: map, vslam/map_points, odom, vslam/pose, vslam/state, move_base_simple/goal, follower/status,
+    move_base/lease.
 Publishers: move_base/global_plan, move_base/trajectory (latched; header stamp is its identity),
     move_base/stats/plan_ms, follower/lease.
 Services: move_base/make_plan.
 Actions: move_base. Goals in frame map are planned in the newest map from the fused pose, goals in frame odom by
-    odometry alone: straight or along the trail, without a map.
+    odometry alone: straight or along the trail, without a map. Plans keep the map points in view, drive slowly where
+    they cannot, and are refused where that would be long; points much older or newer than the map do not count.
 Parameters: ~config (tree of config.py), ~planner (fov or unconstrained; fov), ~seed (int, 0).
 
 A client that ever renewed move_base/lease must go on doing so while its goal is pursued.
@@ -25,9 +27,11 @@ from move_base_msgs.msg import MoveBaseAction, MoveBaseActionGoal, MoveBaseFeedb
 from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
 from nav_msgs.msg import Path as PathMsg
 from nav_msgs.srv import GetPlan, GetPlanRequest, GetPlanResponse
+from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float32, String
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
+from vsx_ros.arrays import FloatArray
 from vsx_ros.config import Config
 from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.errors import ConfigError, VsxError
@@ -35,6 +39,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.path import Plan, Refusal
 from vsx_ros.planning.planner import Planner
+from vsx_ros.planning.sight import Sight
 from vsx_ros.planning.time_scaling import time_scale
 from vsx_ros.planning.unconstrained import UnconstrainedPlanner
 from vsx_ros.ros import convert, process, topics
@@ -43,6 +48,7 @@ from vsx_ros.ros.localization import Localization
 from vsx_ros.ros.warm_up import warm_up_planning
 
 _STAND_WAIT_S = 1.5
+_SAME_MAP_NS = 3_000_000_000
 _FOLLOWER_SILENCE_S = 1.0
 _PLAN_STEP_M = 0.05
 _FRAMES = (topics.MAP_FRAME, topics.ODOM_FRAME)
@@ -59,6 +65,8 @@ class MoveBaseNode:
         self._rng = np.random.default_rng(int(rospy.get_param("~seed", 0)))
         self._planning = threading.Lock()
         self._grid: OccupancyGrid | None = None
+        self._grid_ns = self._landmarks_ns = 0
+        self._landmarks: FloatArray = np.zeros((0, 3))
         self._follower: dict[str, object] = {}
         self._follower_s = 0.0
         self._busy = False
@@ -71,6 +79,7 @@ class MoveBaseNode:
         self._plan_ms_pub = rospy.Publisher(topics.PLAN_MS, Float32, queue_size=10, latch=True)
         self._goal_pub = rospy.Publisher(f"{topics.MOVE_BASE_ACTION}/goal", MoveBaseActionGoal, queue_size=2)
         process.subscribe(topics.MAP, OccupancyGridMsg, self._on_map, queue_size=1)
+        process.subscribe(topics.MAP_POINTS, PointCloud2, self._on_points, queue_size=1, buff_size=2**22)
         process.subscribe(topics.FOLLOWER_STATUS, String, self._on_follower, queue_size=5, tcp_nodelay=True)
         process.subscribe(topics.SIMPLE_GOAL, PoseStamped, self._on_simple_goal, queue_size=1)
         rospy.Service(topics.MAKE_PLAN, GetPlan, self._on_make_plan)
@@ -94,7 +103,10 @@ class MoveBaseNode:
     # Callbacks -----------------------------------------------------------------------------------------------
 
     def _on_map(self, msg: OccupancyGridMsg) -> None:
-        self._grid = convert.grid(msg)
+        self._grid, self._grid_ns = convert.grid(msg), msg.header.stamp.to_nsec()
+
+    def _on_points(self, msg: PointCloud2) -> None:
+        self._landmarks, self._landmarks_ns = convert.cloud_points(msg), msg.header.stamp.to_nsec()
 
     def _on_follower(self, msg: String) -> None:
         self._follower, self._follower_s = json.loads(msg.data), time.monotonic()
@@ -144,7 +156,7 @@ class MoveBaseNode:
         plan = self._plan(start, convert.se2(target.pose), frame)
         if isinstance(plan, Refusal):
             return False, plan.reason
-        trajectory = time_scale(plan.path, self._config.limits)
+        trajectory = time_scale(plan.path, self._config.limits, plan.blind_spans, self._config.planner.blind_v_m_s)
         identity_ns = process.now_ns()
         self._path_pub.publish(self._path_msg(plan, frame))
         self._follower_s = time.monotonic()
@@ -158,12 +170,21 @@ class MoveBaseNode:
         with self._planning:
             if frame == topics.ODOM_FRAME or grid is None:
                 plan = self._blind.plan_blind(start, goal)
+            elif isinstance(self._planner, Planner):
+                plan = self._planner.plan(start, goal, grid, self._rng, self._sight())
             else:
                 plan = self._planner.plan(start, goal, grid, self._rng)
         elapsed_ms = 1e3 * (time.monotonic() - started_s)
         self._plan_ms_pub.publish(elapsed_ms)
         self._diagnostics.set("planner", process.OK, f"last plan took {elapsed_ms:.0f} ms")
         return plan
+
+    def _sight(self) -> Sight | None:
+        """What to keep in view; None where no landmarks belong to the map at hand."""
+        landmarks = self._landmarks
+        if len(landmarks) == 0 or abs(self._landmarks_ns - self._grid_ns) > _SAME_MAP_NS:
+            return None
+        return Sight.of(landmarks, self._config.planner)
 
     def _watch(self, identity_ns: int, frame: str) -> tuple[bool, str]:
         """Wait for the follower's verdict on the trajectory."""
