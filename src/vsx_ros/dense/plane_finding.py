@@ -1,0 +1,152 @@
+"""The planes of the map, kept up to date while it grows (paper 5.1: dominant planes of the sparse map by J-linkage)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points3
+from vsx_ros.config import PlanesConfig
+from vsx_ros.dense.observed_points import ObservedPoints, observed_points
+from vsx_ros.dense.plane_fitting import Attitude, Fit
+from vsx_ros.dense.plane_merging import Found, merged
+from vsx_ros.dense.plane_tiles import noise_of, planes_of_tile
+from vsx_ros.dense.planes import Plane, PlaneKind, in_plane_axes, kind_of
+from vsx_ros.slam.snapshot import MapSnapshot
+
+_MOVED_M = 0.01
+_CHANGED = 0.05
+_TYPICAL_RANGE_M = 2.0
+_FLOOR_GATE, _FLOOR_LIMIT_M = 3.0, 0.05
+_FLOOR_TILT_SIGMA_RAD, _FLOOR_OFFSET_SIGMA_M = 0.01, 0.01
+_FLOOR_ID = 0
+_EXTENT_SHARE = 0.005
+
+Key = tuple[int, ...]
+
+
+class _Tile(NamedTuple):
+    """What a tile was made of, and the planes found in it with their points' ids."""
+
+    ids: IntArray
+    world: Points3
+    planes: list[tuple[Fit, IntArray]]
+
+
+class PlaneFinder:
+    """``update`` with each snapshot of one growing map; only tiles whose points moved or changed are done again.
+
+    With a floor (a map made with odometry) z is up, z = 0 the floor, lengths are metres, and planes are vertical or
+    level. Without, planes have any direction and lengths are told by the typical distance of the points.
+    """
+
+    def __init__(self, focal_px: float, config: PlanesConfig, has_floor: bool, seed: int = 0) -> None:
+        self._focal_px = focal_px
+        self._config = config
+        self._has_floor = has_floor
+        self._seed = seed
+        self._unit: float | None = 1.0 if has_floor else None
+        self._tiles: dict[Key, _Tile] = {}
+        self._known: list[tuple[int, IntArray]] = []
+        self._next_id = _FLOOR_ID + 1
+
+    def update(self, snapshot: MapSnapshot) -> tuple[Plane, ...]:
+        """The planes of the snapshot, the floor first, then those of most points. Ids last while most of a plane's
+        points do."""
+        points = observed_points(snapshot, self._focal_px, self._config.noise_px)
+        if not len(points.world):
+            return ()
+        if self._unit is None:
+            self._unit = float(np.median(points.range)) / _TYPICAL_RANGE_M
+        floor = self._on_floor(points)
+        usable = np.flatnonzero(~floor & (points.sigma < self._config.max_sigma_m * self._unit))
+        candidates = points.at(usable)
+        self._redo(candidates)
+        noise = noise_of(self._config, self._unit)
+        pieces = [Found(fit, np.flatnonzero(np.isin(candidates.ids, ids))) for fit, ids in self._tile_planes()]
+        pieces = [piece for piece in pieces if len(piece.rows) >= self._config.min_points // 2]
+        found = merged(pieces, candidates, self._config.min_points, noise, self._unit)
+        planes = [self._floor_plane(points, floor)] if floor.sum() >= self._config.min_points else []
+        for number, each in zip(self._numbers(found, candidates), found):
+            planes.append(self._plane(number, each, candidates, usable[each.rows]))
+        return tuple(planes)
+
+    def _tile_planes(self) -> list[tuple[Fit, IntArray]]:
+        return [plane for key in sorted(self._tiles) for plane in self._tiles[key].planes]
+
+    def _on_floor(self, points: ObservedPoints) -> BoolArray:
+        if not self._has_floor:
+            return np.zeros(len(points.world), np.bool_)
+        z, up = points.world[:, 2], np.array([0.0, 0.0, 1.0])
+        gate = _FLOOR_GATE * np.sqrt(points.variances(up) + self._config.floor_sigma_m**2)
+        on_floor: BoolArray = np.abs(z) < np.minimum(gate, _FLOOR_LIMIT_M)
+        return on_floor
+
+    def _redo(self, points: ObservedPoints) -> None:
+        """Find the planes of tiles, half overlapping, whose points are no longer what they were."""
+        assert self._unit is not None
+        dimensions = 2 if self._has_floor else 3
+        stride = 0.5 * self._config.tile_m * self._unit
+        steps = np.floor(points.world[:, :dimensions] / stride).astype(np.int64)
+        shifts = np.indices((2,) * dimensions).reshape(dimensions, -1).T
+        every = np.concatenate([steps - shift for shift in shifts])
+        keys, number = np.unique(every, axis=0, return_inverse=True)
+        order = np.argsort(number.ravel(), kind="stable")
+        rows = np.split(order % len(points.world), np.cumsum(np.bincount(number.ravel()))[:-1])
+        fresh: dict[Key, _Tile] = {}
+        for key, members in zip(map(tuple, keys.tolist()), rows):
+            inside = points.at(np.sort(members))
+            old = self._tiles.get(key)
+            if old is None or _changed(old, inside):
+                rng = np.random.default_rng([self._seed, *(2 * abs(k) + (k < 0) for k in key)])
+                planes = planes_of_tile(inside, self._config, self._has_floor, self._unit, rng)
+                old = _Tile(inside.ids, inside.world, planes)
+            fresh[key] = old
+        self._tiles = fresh
+
+    def _numbers(self, found: list[Found], points: ObservedPoints) -> list[int]:
+        """An id for each plane: that of the earlier plane with which it shares most points, if it is the first."""
+        numbers, taken, known = [], set[int](), []
+        for plane in found:
+            ids = points.ids[plane.rows]
+            shared = [(int(np.isin(ids, old).sum()), -number) for number, old in self._known if number not in taken]
+            most, number = max(shared, default=(0, 0))
+            if 2 * most < min(len(ids), self._size(-number)):
+                number = -self._next_id
+                self._next_id += 1
+            taken.add(-number)
+            numbers.append(-number)
+            known.append((-number, ids))
+        self._known = known
+        return numbers
+
+    def _size(self, number: int) -> int:
+        return next((len(ids) for known, ids in self._known if known == number), 1)
+
+    def _plane(self, number: int, found: Found, candidates: ObservedPoints, rows: IntArray) -> Plane:
+        fit, axes = found.fit, in_plane_axes(found.fit.normal)
+        extent = _extent(candidates.world[found.rows] @ axes.T)
+        kind = kind_of(fit.normal, fit.offset) if fit.attitude is not Attitude.FREE else PlaneKind.OTHER
+        return Plane(number, fit.normal, fit.offset, fit.covariance, kind, axes, extent, rows)
+
+    def _floor_plane(self, points: ObservedPoints, floor: BoolArray) -> Plane:
+        normal = np.array([0.0, 0.0, 1.0])
+        axes = in_plane_axes(normal)
+        extent = _extent(points.world[floor] @ axes.T)
+        covariance = np.diag([_FLOOR_TILT_SIGMA_RAD, _FLOOR_TILT_SIGMA_RAD, _FLOOR_OFFSET_SIGMA_M]) ** 2
+        return Plane(_FLOOR_ID, normal, 0.0, covariance, PlaneKind.FLOOR, axes, extent, np.flatnonzero(floor))
+
+
+def _changed(old: _Tile, now: ObservedPoints) -> bool:
+    """Whether more than a few of the points are new, gone or elsewhere."""
+    _, before, after = np.intersect1d(old.ids, now.ids, assume_unique=True, return_indices=True)
+    still = int((np.abs(old.world[before] - now.world[after]).max(axis=1, initial=0.0) <= _MOVED_M).sum())
+    most = max(len(old.ids), len(now.ids))
+    return most - still > _CHANGED * most
+
+
+def _extent(coordinates: FloatArray) -> FloatArray:
+    """(4,) right_min, right_max, up_min, up_max of (N, 2), but for a few stragglers."""
+    low, high = np.quantile(coordinates, [_EXTENT_SHARE, 1.0 - _EXTENT_SHARE], axis=0)
+    return np.array([low[0], high[0], low[1], high[1]])

@@ -1,0 +1,111 @@
+"""Planes of overlapping tiles made into planes of the map."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray
+from vsx_ros.dense.observed_points import ObservedPoints
+from vsx_ros.dense.plane_fitting import Fit, Noise, deviations, fit_plane, inliers
+from vsx_ros.dense.plane_tiles import is_plane
+from vsx_ros.dense.planes import in_plane_axes
+
+_MAX_ANGLE_COS = math.cos(math.radians(12.0))
+_SAME_SHARE = 0.8
+_GAP_M = 1.5
+_MARGIN_M = 0.3
+_MIN_OWN = 0.5
+
+
+class Found(NamedTuple):
+    """A plane and the rows of its points."""
+
+    fit: Fit
+    rows: IntArray
+
+
+def merged(pieces: list[Found], points: ObservedPoints, min_points: int, noise: Noise, unit: float) -> list[Found]:
+    """The planes of all tiles, each once, each point on the one it fits best, those of most points first."""
+    groups: list[Found] = []
+    for piece in sorted(pieces, key=lambda piece: -len(piece.rows)):
+        for k, group in enumerate(groups):
+            joined = _joined(group, piece, points, noise, unit)
+            if joined is not None:
+                groups[k] = joined
+                break
+        else:
+            groups.append(piece)
+    groups = _shared_out(groups, points, min_points, noise, unit)
+    return _shared_out(groups, points, min_points, noise, unit)
+
+
+def _joined(a: Found, b: Found, points: ObservedPoints, noise: Noise, unit: float) -> Found | None:
+    """Both as one plane; None when they are not the same or lie apart."""
+    if a.fit.attitude is not b.fit.attitude or float(a.fit.normal @ b.fit.normal) < _MAX_ANGLE_COS:
+        return None
+    if abs(float((b.fit.middle - a.fit.middle) @ a.fit.normal)) > 4.0 * noise.limit:
+        return None
+    axes = in_plane_axes(a.fit.normal)
+    one, other = points.world[a.rows] @ axes.T, points.world[b.rows] @ axes.T
+    gap = np.maximum(one.min(axis=0) - other.max(axis=0), other.min(axis=0) - one.max(axis=0))
+    if gap.max() > _GAP_M * unit:
+        return None
+    rows = np.union1d(a.rows, b.rows)
+    fit = fit_plane(points.at(rows), a.fit.normal, a.fit.attitude, noise)
+    if fit is None:
+        return None
+    for part in (a, b):
+        if inliers(points.at(part.rows), fit.normal, fit.offset, noise).mean() < _SAME_SHARE:
+            return None
+    return Found(fit, rows)
+
+
+def _shared_out(groups: list[Found], points: ObservedPoints, min_points: int, noise: Noise, unit: float) -> list[Found]:
+    """Every point to the plane it fits best; planes refitted, split where they are interrupted, and dropped where
+    others explain most of their points."""
+    best = np.full(len(points.world), noise.gate)
+    owner = np.full(len(points.world), -1)
+    reach = np.zeros(len(groups), np.int64)
+    for k, group in enumerate(groups):
+        near = np.flatnonzero(_within(group, points, unit))
+        sigmas = deviations(points.at(near), group.fit.normal, group.fit.offset, noise)
+        reach[k] = (sigmas <= noise.gate).sum()
+        nearer = near[sigmas < best[near]]
+        best[nearer], owner[nearer] = sigmas[sigmas < best[near]], k
+    out = []
+    for k, group in enumerate(groups):
+        own = np.flatnonzero(owner == k)
+        if len(own) < max(min_points, _MIN_OWN * reach[k]):
+            continue
+        for rows in _pieces(points.world[own] @ in_plane_axes(group.fit.normal).T, _GAP_M * unit):
+            if len(rows) < min_points:
+                continue
+            fit = fit_plane(points.at(own[rows]), group.fit.normal, group.fit.attitude, noise)
+            if fit is not None and is_plane(fit, noise):
+                out.append(Found(fit, own[rows]))
+    return sorted(out, key=lambda found: -len(found.rows))
+
+
+def _within(group: Found, points: ObservedPoints, unit: float) -> BoolArray:
+    """(N,) points beside the plane's own ones, a little margin around."""
+    axes = in_plane_axes(group.fit.normal)
+    own, every = points.world[group.rows] @ axes.T, points.world @ axes.T
+    margin = _MARGIN_M * unit
+    inside: BoolArray = ((every >= own.min(axis=0) - margin) & (every <= own.max(axis=0) + margin)).all(axis=1)
+    return inside
+
+
+def _pieces(coordinates: FloatArray, gap: float) -> list[IntArray]:
+    """Rows of points between gaps along the first axis, then along the second."""
+    pieces = [np.arange(len(coordinates))]
+    for axis in range(2):
+        finer = []
+        for rows in pieces:
+            order = rows[np.argsort(coordinates[rows, axis], kind="stable")]
+            cuts = np.flatnonzero(np.diff(coordinates[order, axis]) > gap) + 1
+            finer += [np.sort(part) for part in np.split(order, cuts)]
+        pieces = finer
+    return pieces

@@ -1,0 +1,101 @@
+"""The planes of one tile of the map: hypotheses, J-linkage, refinement."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray
+from vsx_ros.config import PlanesConfig
+from vsx_ros.dense.jlinkage import cluster
+from vsx_ros.dense.observed_points import ObservedPoints
+from vsx_ros.dense.plane_fitting import Attitude, Fit, Noise, fit_plane, inliers
+from vsx_ros.dense.plane_hypotheses import draw_hypotheses
+from vsx_ros.kernels.jlinkage import plane_preferences
+
+_VOXEL_M = 0.10
+_MIN_NEW = 0.5
+_MIN_SPREAD_M = 0.03
+_MAX_TILT_SIGMA_RAD = 0.10
+
+
+def noise_of(config: PlanesConfig, unit: float) -> Noise:
+    """How far a point may lie off its plane; unit: length [m or the map's] of what is 1 m in a building."""
+    return Noise(config.floor_sigma_m * unit, config.inlier_sigmas, config.max_distance_m * unit)
+
+
+def is_plane(fit: Fit, noise: Noise) -> bool:
+    """Whether the points spread in two directions and tell the tilt; a row of points belongs to any plane."""
+    tilt = np.sqrt(np.diag(fit.covariance)[:2])
+    return bool(fit.spread.min() > _MIN_SPREAD_M / 0.01 * noise.floor and tilt.max() < _MAX_TILT_SIGMA_RAD)
+
+
+def spread_out(points: ObservedPoints, count: int, voxel: float) -> IntArray:
+    """Rows of at most ``count`` points: the best known of every voxel, then the second best, and so on."""
+    if len(points.world) <= count:
+        return np.arange(len(points.world))
+    _, voxels = np.unique(np.floor(points.world / voxel).astype(np.int64), axis=0, return_inverse=True)
+    order = np.lexsort((points.sigma, voxels.ravel()))
+    number = voxels.ravel()[order]
+    start = np.flatnonzero(np.r_[True, number[1:] != number[:-1]])
+    rank = np.arange(len(order)) - np.repeat(start, np.diff(np.r_[start, len(order)]))
+    return np.sort(order[np.lexsort((points.sigma[order], rank))[:count]])
+
+
+def planes_of_tile(
+    points: ObservedPoints, config: PlanesConfig, upright: bool, unit: float, rng: np.random.Generator
+) -> list[tuple[Fit, IntArray]]:
+    """Planes and their points' ids, those of most points first. The points: of one tile, the floor's taken out."""
+    noise = noise_of(config, unit)
+    chosen = points.at(spread_out(points, config.max_points_per_tile, _VOXEL_M * unit))
+    if len(chosen.world) < config.min_points:
+        return []
+    hypotheses, attitudes = draw_hypotheses(
+        chosen, config.hypotheses, upright, config.partner_sigma_m * unit, config.min_separation_m * unit, rng
+    )
+    preferences = plane_preferences(
+        chosen.world, chosen.covariances, chosen.views, hypotheses, noise.floor**2, noise.gate, noise.limit
+    )
+    labels = cluster(preferences)
+    sizes = np.bincount(labels[labels >= 0], minlength=1)
+    fits = []
+    for label in np.argsort(-sizes, kind="stable"):
+        if sizes[label] < config.min_points // 2:
+            break
+        members = labels == label
+        shared = np.flatnonzero(_unpacked(np.bitwise_and.reduce(preferences[members]), len(hypotheses)))[0]
+        fit = _grown(points, chosen.at(np.flatnonzero(members)), hypotheses[shared, :3], attitudes[shared], noise)
+        if fit is not None:
+            fits.append(fit)
+    return _unexplained(points, fits, config.min_points, noise)
+
+
+def _unpacked(row: FloatArray, count: int) -> BoolArray:
+    bits: BoolArray = np.unpackbits(row.view(np.uint8), bitorder="little")[:count] > 0
+    return bits
+
+
+def _grown(
+    points: ObservedPoints, members: ObservedPoints, normal: FloatArray, attitude: int, noise: Noise
+) -> Fit | None:
+    """The plane of a cluster, refined with all points of the tile that lie on it."""
+    fit = fit_plane(members, normal, Attitude(attitude), noise)
+    if fit is None or not is_plane(fit, noise):
+        return None
+    on_it = inliers(points, fit.normal, fit.offset, noise)
+    return fit_plane(points.at(np.flatnonzero(on_it)), fit.normal, fit.attitude, noise)
+
+
+def _unexplained(points: ObservedPoints, fits: list[Fit], min_points: int, noise: Noise) -> list[tuple[Fit, IntArray]]:
+    """The fits of most points first, those left out whose points are mostly explained by earlier ones."""
+    on_them = [inliers(points, fit.normal, fit.offset, noise) for fit in fits]
+    explained = np.zeros(len(points.world), np.bool_)
+    kept = []
+    for k in sorted(range(len(fits)), key=lambda k: -int(on_them[k].sum())):
+        own = on_them[k] & ~explained
+        if own.sum() < max(min_points, _MIN_NEW * on_them[k].sum()):
+            continue
+        fit = fit_plane(points.at(np.flatnonzero(own)), fits[k].normal, fits[k].attitude, noise)
+        if fit is not None and is_plane(fit, noise):
+            explained |= on_them[k]
+            kept.append((fit, points.ids[own]))
+    return kept
