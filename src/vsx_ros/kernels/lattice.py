@@ -9,10 +9,12 @@ import numpy as np
 
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.clearance import arc_is_free, interpolate
-from vsx_ros.kernels.reeds_shepp import MAX_WORDS, SEGMENTS, advance, reeds_shepp_shortest
+from vsx_ros.kernels.reeds_shepp import MAX_WORDS, SEGMENTS, advance, look_up_length, reeds_shepp_shortest
 
 MOTIONS = 6
 _BUCKETS = 4
+_GREED = 1.2  # what is left counts so much: far fewer states for ways that are shortened afterwards anyway
+_SLACK = 1.0  # steps by which the guide may overestimate what is left
 _AROUND = 3  # cells; an arc is about as long
 _BENDS = np.array([0, 1, -1, 0, 1, -1])
 _SIGNS = np.array([1, 1, 1, -1, -1, -1])
@@ -106,14 +108,16 @@ def lattice_search(
     max_reverse: float,
     goal: Any,
     remaining: Any,
+    table: Any,
     most: int,
 ) -> Any:
     """Search from a pose by arcs of one length, turning by ``bins`` of ``headings`` bins left, right or not, both ways.
 
     values (H, W): margin field [m] in which the way must not be negative. start (3,). Every state is a cell of size
     ``cell`` [m] and a heading bin; the pose of its cheapest arrival is kept exactly, so no error adds up. With a goal
-    (3,) it is an A* search: remaining (H, W) [m] is a lower bound of what is left, each state tries the shortest
-    Reeds-Shepp word to the goal, and the search ends when no state can improve on the best. With a goal of NaN
+    (3,) it is an A* search, greedy by a fifth: remaining (H, W) [m] is a lower bound of what is left around the
+    obstacles and ``table`` (``reeds_shepp_table``) tells what is left without any; the shortest Reeds-Shepp word to the
+    goal is tried on the way, and the search ends when no state promises to improve on the best. With a goal of NaN
     everything is reached, cheapest first. No more than ``most`` arrivals are recorded.
 
     Returns level (R, C, headings) int32 (in steps, -1 unreached), poses (N, 3), parents (N,), motions (N,) of the
@@ -130,6 +134,7 @@ def lattice_search(
     parents = np.empty(capacity, np.int64)
     motions = np.empty(capacity, np.int8)
     reversed_m = np.empty(capacity)
+    left_m = np.empty(capacity)
     following = np.empty(capacity, np.int64)
     turns = np.zeros((MAX_WORDS, SEGMENTS), np.int64)
     lengths = np.zeros((MAX_WORDS, SEGMENTS))
@@ -144,11 +149,11 @@ def lattice_search(
     if not (0 <= i < rows and 0 <= j < columns):
         return level, poses[:0], parents[:0], motions[:0], step, winner, best
     # Arrivals wait in buckets of total length; each bucket is a linked list, last in first out.
-    buckets = np.full(4 * _BUCKETS * (rows + columns) + 1, -1, np.int64)
+    buckets = np.full(8 * _BUCKETS * (rows + columns) + 1, -1, np.int64)
     level[i, j, 0] = 0
     states[0] = (i * columns + j) * headings
     poses[0] = start
-    parents[0], motions[0], reversed_m[0], following[0] = -1, -1, 0.0, -1
+    parents[0], motions[0], reversed_m[0], left_m[0], following[0] = -1, -1, 0.0, 0.0, -1
     done = np.zeros(size, np.bool_)
     buckets[0] = 0
     count, bucket = 1, 0
@@ -169,11 +174,10 @@ def lattice_search(
         x, y, theta = poses[node, 0], poses[node, 1], poses[node, 2]
         reached = level[i, j, h] * step
         if seek:
-            dx, dy = goal[0] - x, goal[1] - y
-            crow = math.hypot(dx, dy)
-            if reached + crow >= best:
+            if reached + left_m[node] - _SLACK * step >= best:
                 continue
-            if crow < 2.0 / phi or state % 4 == 0:
+            dx, dy = goal[0] - x, goal[1] - y
+            if math.hypot(dx, dy) < 0.5 / phi or state % 4 == 0:
                 c, s = math.cos(theta), math.sin(theta)
                 px, py = phi * (c * dx + s * dy), phi * (c * dy - s * dx)
                 word = reeds_shepp_shortest(px, py, goal[2] - theta, turns, lengths, word_turns, word_lengths) / phi
@@ -209,15 +213,19 @@ def lattice_search(
                 v = min(int((ny - y0) / resolution), remaining.shape[0] - 1)
                 u = min(int((nx - x0) / resolution), remaining.shape[1] - 1)
                 left = remaining[v, u]
-                left = max(math.hypot(goal[0] - nx, goal[1] - ny), left)
-            place = max(bucket, int(_BUCKETS * (arrived + left / step)))
+                dx, dy = goal[0] - nx, goal[1] - ny
+                turned = theta + _BENDS[m] * _SIGNS[m] * step * phi
+                tc, ts = math.cos(turned), math.sin(turned)
+                px, py = phi * (tc * dx + ts * dy), phi * (tc * dy - ts * dx)
+                left = max(math.hypot(dx, dy), left, look_up_length(table, px, py, goal[2] - turned) / phi)
+            place = max(bucket, int(_BUCKETS * (arrived + _GREED * left / step)))
             if place >= buckets.shape[0]:
                 continue
             level[a, b, g] = arrived
             states[count] = (a * columns + b) * headings + g
             poses[count, 0], poses[count, 1] = nx, ny
             poses[count, 2] = start[2] + g * 2.0 * math.pi / headings
-            parents[count], motions[count], reversed_m[count] = node, m, backwards
+            parents[count], motions[count], reversed_m[count], left_m[count] = node, m, backwards, left
             following[count] = buckets[place]
             buckets[place] = count
             count += 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 
@@ -10,7 +11,7 @@ import numpy as np
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.lattice import lattice_search, lattice_way, reverse_run, word_is_free
-from vsx_ros.kernels.reeds_shepp import MAX_WORDS, SEGMENTS, reeds_shepp_words
+from vsx_ros.kernels.reeds_shepp import MAX_WORDS, SEGMENTS, reeds_shepp_table, reeds_shepp_words
 from vsx_ros.kernels.rrt import rrt_connect
 from vsx_ros.kernels.shortcuts import shorten
 from vsx_ros.occupancy.distance import DistanceField, travel_distance
@@ -111,6 +112,14 @@ class Lattice:
     most_states: int
 
 
+@functools.cache
+def word_table() -> FloatArray:
+    """The lengths of shortest words, by which the search is guided; computed once, it is the same for every phi."""
+    table: FloatArray = reeds_shepp_table()
+    table.flags.writeable = False
+    return table
+
+
 def coarse_lattice(phi: float) -> Lattice:
     """Arcs of about 0.27 m."""
     headings = int(min(max(round(2.0 * math.pi / (phi * _ARC_M)), 16), 32))
@@ -141,7 +150,7 @@ def search_lattice(
     goal_array = goal.as_array()
     _, poses, parents, motions, step, winner, _ = lattice_search(
         margin.values, margin.resolution, margin.origin_x, margin.origin_y, start.as_array(), phi,
-        lattice.headings, lattice.bins, lattice.cell_m, max_reverse_m, goal_array, bound,
+        lattice.headings, lattice.bins, lattice.cell_m, max_reverse_m, goal_array, bound, word_table(),
         lattice.most_states,
     )  # fmt: skip
     if winner < 0:
