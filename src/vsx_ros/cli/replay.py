@@ -170,8 +170,7 @@ def _stop_reason(results: list[TrackingResult]) -> str:
     if last.state is TrackingState.NOT_INITIALISED:
         return f"the map was never started: {last.reason}"
     if last.state is TrackingState.LOST:
-        good = (TrackingState.GOOD, TrackingState.DUBIOUS)
-        tracked = max((i for i, r in enumerate(results) if r.state in good), default=-1)
+        tracked = max((i for i, r in enumerate(results) if r.state.tracked), default=-1)
         return f"lost for good from frame {tracked + 2} of {len(results)}: {results[tracked + 1].reason}"
     return "the recording was tracked to its end"
 

@@ -46,7 +46,7 @@ class Localization:
     @property
     def is_tracking(self) -> bool:
         """Whether the camera knows where it is."""
-        return self.slam_state in (TrackingState.GOOD, TrackingState.DUBIOUS)
+        return self.slam_state.tracked
 
     def pose(self, frame: str) -> SE2 | None:
         """T_frame_base in 'map' or 'odom'; None while unknown."""
