@@ -30,7 +30,8 @@ from vsx_ros.sim.settings import SimulationConfig
 from vsx_ros.sim.truth import ground_truth_grid
 from vsx_ros.sim.world import Start, World, obstacle_segments
 
-RATE_HZ = SimulationConfig().frame_rate_hz
+EMULATION = SimulationConfig()
+RATE_HZ = EMULATION.frame_rate_hz
 DRAWS = 1000
 CLEAR_M = 0.28
 TOUR_M, DEAD_END_AFTER = 26.0, 30
@@ -131,9 +132,9 @@ def command(start: SE2, leg: Leg, pose: SE2) -> VelocityCommand | None:
     return VelocityCommand(v, v * (curvature - STEER_LATERAL * aside - STEER_HEADING * heading))
 
 
-def record(world: World, seed: int, legs: list[Leg]) -> Drive:
+def record(world: World, seed: int, legs: list[Leg], config: SimulationConfig = EMULATION) -> Drive:
     """Drive the course from the world's start pose. Raises RuntimeError when the robot touches something."""
-    robot = EmulatedRobot(world, seed)
+    robot = EmulatedRobot(world, seed, config)
     seen, truth = [], []
 
     def step(wanted: VelocityCommand) -> None:

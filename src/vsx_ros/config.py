@@ -93,6 +93,15 @@ class MapperConfig(_Branch, frozen=True):
     global_iterations: Count = 10
 
 
+class CullingConfig(_Branch, frozen=True):
+    """A keyframe is redundant when that share of its points is seen by so many others from as near; the newest are
+    kept."""
+
+    seen_ratio: Ratio = 0.9
+    viewers: Count = 3
+    keep_newest: Count = 10
+
+
 class ShutterConfig(_Branch, frozen=True):
     """How the camera exposes: its rows one after the other (0: all at once), each for so long. With odometry, images
     are freed from how the camera moves meanwhile. Defaults: the Kinect's colour camera indoors."""
@@ -122,6 +131,7 @@ class SlamConfig(_Branch, frozen=True):
     tracker: TrackerConfig = TrackerConfig()
     keyframes: KeyframeConfig = KeyframeConfig()
     mapper: MapperConfig = MapperConfig()
+    culling: CullingConfig = CullingConfig()
     wheels: WheelConfig = WheelConfig()
     shutter: ShutterConfig = ShutterConfig()
 
@@ -169,6 +179,8 @@ class PlanesConfig(_Branch, frozen=True):
     noise_px: Positive = 0.6
     floor_sigma_m: Positive = 0.01
     inlier_sigmas: Positive = 2.5
+    max_distance_m: Positive = 0.08
+    max_sigma_m: Positive = 0.3
     partner_sigma_m: Positive = 0.8
     min_separation_m: Positive = 0.10
     min_points: Count = 12

@@ -16,8 +16,9 @@ from vsx_ros.io.slam_map_arrays import LAYOUT, arrays_of
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
 from vsx_ros.kernels.patches import PATCH
 from vsx_ros.slam.keyframe import FrameData, Observations
-from vsx_ros.slam.map import Map, NewTemplates
+from vsx_ros.slam.map import Map
 from vsx_ros.slam.slam_map import SlamMap
+from vsx_ros.slam.templates import NewTemplates
 from vsx_ros.vision.corners import CornerDetector
 from vsx_ros.vision.patch_search import kernel_camera, moving
 from vsx_ros.vision.pyramid import build_pyramid

@@ -14,7 +14,8 @@ from vsx_ros.kernels.patches import PATCH
 from vsx_ros.slam import bundle_adjustment
 from vsx_ros.slam.bundle_adjustment import BundleAdjuster, adjoint, odometry_factor
 from vsx_ros.slam.keyframe import FrameData, Observations
-from vsx_ros.slam.map import Map, NewTemplates
+from vsx_ros.slam.map import Map
+from vsx_ros.slam.templates import NewTemplates
 
 MOUNT = mount_pose(-0.09, 0.02, 0.31, 0.1, 0.05)
 WHEELS = WheelConfig()

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsx_ros.kernels.patches import PATCH
-from vsx_ros.slam.map import VIEWS, MapView
+from vsx_ros.slam.map import MapView
+from vsx_ros.slam.templates import VIEWS
 from vsx_ros.vision.pyramid import LEVELS
 
 Arrays: TypeAlias = dict[str, NDArray[Any]]

@@ -26,8 +26,9 @@ from vsx_ros.io.atomic import write_bytes
 from vsx_ros.io.sealed_archive import seal, unseal
 from vsx_ros.io.slam_map_arrays import LAYOUT, Arrays, arrays_of, check
 from vsx_ros.slam.keyframe import Anchor, FrameData, KeyFrame, Observations
-from vsx_ros.slam.map import MapView, Templates
+from vsx_ros.slam.map import MapView
 from vsx_ros.slam.slam_map import SlamMap
+from vsx_ros.slam.templates import Templates
 from vsx_ros.vision.corners import indexed
 from vsx_ros.vision.patch_search import kernel_camera, moving
 from vsx_ros.vision.pyramid import build_pyramid

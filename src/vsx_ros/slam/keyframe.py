@@ -105,3 +105,25 @@ def covisible(keyframes: tuple[KeyFrame, ...] | list[KeyFrame], rows: IntArray, 
     wanted = np.zeros(n_points, np.bool_)
     wanted[rows] = True
     return np.array([np.count_nonzero(wanted[k.observations.rows]) for k in keyframes], np.int64)
+
+
+class Seers:
+    """Who may have seen which points: keyframe indices by blocks of successive rows, which are of one place. Asking
+    costs as much as there are keyframes at that place, however large the map is."""
+
+    BLOCK_BITS = 6
+
+    def __init__(self) -> None:
+        self._of_block: dict[int, set[int]] = {}
+
+    def add(self, index: int, rows: IntArray) -> None:
+        """Keyframe ``index`` sees the points (rows)."""
+        for block in np.unique(rows >> self.BLOCK_BITS).tolist():
+            self._of_block.setdefault(block, set()).add(index)
+
+    def of(self, rows: IntArray) -> list[int]:
+        """Every keyframe that has seen any of the points (rows), ascending, and some that have not."""
+        found: set[int] = set()
+        for block in np.unique(rows >> self.BLOCK_BITS).tolist():
+            found |= self._of_block.get(block, set())
+        return sorted(found)

@@ -10,21 +10,8 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points3
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels.patches import PATCH
-from vsx_ros.slam.keyframe import Anchor, FrameData, KeyFrame, Observations, covisible
-
-VIEWS = 5
-
-
-class Templates(NamedTuple):
-    """What points look like from several directions. of_point (P, V): template numbers, -1 for none; source (T,):
-    keyframe index; basis (T, 4): see ``predict``; offset (T, 2) and patches (T, 24, 24): see ``warp_template``."""
-
-    of_point: IntArray
-    source: IntArray
-    basis: FloatArray
-    offset: FloatArray
-    patches: NDArray[np.uint8]
+from vsx_ros.slam.keyframe import Anchor, FrameData, KeyFrame, Observations, Seers, covisible
+from vsx_ros.slam.templates import NewTemplates, Templates, TemplateStore, grown
 
 
 class MapView(NamedTuple):
@@ -49,33 +36,20 @@ class MapView(NamedTuple):
         return self._replace(living=self.living[inside])
 
 
-class NewTemplates(NamedTuple):
-    """Looks of points about to enter the map: basis (N, 4), offset (N, 2), patches (N, 24, 24)."""
-
-    basis: FloatArray
-    offset: FloatArray
-    patches: NDArray[np.uint8]
-
-
 class Map:
-    """The mutable map. Rows of points are never reused; templates are written once, hence shared with views. chain is
-    that of the keyframes to come."""
+    """The mutable map. Rows of points are never reused. chain is that of the keyframes to come."""
 
     def __init__(self) -> None:
         self.version = 0
         self.chain = 0
         self.keyframes: list[KeyFrame] = []
         self._carried: dict[int, list[int]] = {}
+        self._seers = Seers()
         self.count = 0
         self._points = np.zeros((1024, 3))
         self._alive = np.zeros(1024, np.bool_)
         self._source: IntArray = np.zeros(1024, np.int64)
-        self._of_point: IntArray = np.full((1024, VIEWS), -1, np.int64)
-        self.template_count = 0
-        self._template_source: IntArray = np.zeros(1024, np.int64)
-        self._basis = np.zeros((1024, 4))
-        self._offset = np.zeros((1024, 2))
-        self._patches = np.zeros((1024, PATCH, PATCH), np.uint8)
+        self._templates = TemplateStore()
 
     @staticmethod
     def resumed(view: MapView) -> Map:
@@ -86,12 +60,10 @@ class Map:
         for k, keyframe in enumerate(view.keyframes):
             if keyframe.anchor is not None:
                 world._carried.setdefault(keyframe.anchor.keyframe, []).append(k)
+            world._seers.add(k, keyframe.observations.rows)
         world.count = len(view.points)
         world._points, world._alive, world._source = view.points.copy(), view.alive.copy(), view.source.copy()
-        looks = view.templates
-        world.template_count = len(looks.source)
-        world._of_point, world._template_source = looks.of_point.copy(), looks.source
-        world._basis, world._offset, world._patches = looks.basis, looks.offset, looks.patches
+        world._templates = TemplateStore.resumed(view.templates)
         return world
 
     @property
@@ -114,18 +86,23 @@ class Map:
         index = len(self.keyframes)
         depth = self.keyframes[-1].median_depth if self.keyframes else 0.0
         self.keyframes.append(KeyFrame(index, data, T_world_cam, observations, depth, self.chain, None, map_id))
+        self._seers.add(index, observations.rows)
         self.update_depth(index)
         return index
 
     def add_points(self, points_world: Points3, looks: NewTemplates, source: int) -> NDArray[np.int64]:
         """Append points (N, 3) first seen in keyframe ``source``; returns their rows."""
         n = len(points_world)
-        self._reserve(self.count + n, ("_points", "_alive", "_source", "_of_point"))
+        self._points, self._alive, self._source = (
+            grown(self._points, self.count + n),
+            grown(self._alive, self.count + n),
+            grown(self._source, self.count + n),
+        )
         rows = np.arange(self.count, self.count + n)
         self._points[rows] = points_world
         self._alive[rows] = True
         self._source[rows] = source
-        self._of_point[rows] = -1
+        self._templates.add_points(n)
         self.count += n
         self.add_templates(rows, looks, source)
         return rows
@@ -133,32 +110,13 @@ class Map:
     def add_templates(self, rows: IntArray, looks: NewTemplates, source: int) -> None:
         """Let points (rows) also be looked for as keyframe ``source`` shows them; the oldest look but the first
         gives way."""
-        n = len(rows)
-        self._reserve(self.template_count + n, ("_template_source", "_basis", "_offset", "_patches"))
-        numbers = np.arange(self.template_count, self.template_count + n)
-        self._template_source[numbers] = source
-        self._basis[numbers] = looks.basis
-        self._offset[numbers] = looks.offset
-        self._patches[numbers] = looks.patches
-        self.template_count += n
-        free = self._of_point[rows] < 0
-        full = ~free.any(axis=1)
-        self._of_point[rows[full], 1:-1] = self._of_point[rows[full], 2:]
-        slot = np.where(full, VIEWS - 1, free.argmax(axis=1))
-        self._of_point[rows, slot] = numbers
-
-    def _reserve(self, needed: int, names: tuple[str, ...]) -> None:
-        for name in names:
-            old = getattr(self, name)
-            if needed > len(old):
-                fresh = np.zeros((max(needed, 2 * len(old)), *old.shape[1:]), old.dtype)
-                fresh[: len(old)] = old
-                setattr(self, name, fresh)
+        self._templates.add(rows, looks, source)
 
     def observe(self, index: int, more: Observations) -> None:
         """Add observations to a keyframe."""
         keyframe = self.keyframes[index]
         self.keyframes[index] = replace(keyframe, observations=Observations.concatenated([keyframe.observations, more]))
+        self._seers.add(index, more.rows)
 
     def forget(self, index: int, mask: BoolArray) -> None:
         """Remove the observations of a keyframe where mask (n,) is set."""
@@ -192,7 +150,8 @@ class Map:
         """Whoever saw the points ``old`` (rows) has seen ``new`` (as many) instead; the old ones leave the map."""
         becomes = np.arange(self.count)
         becomes[old] = new
-        for index, keyframe in enumerate(self.keyframes):
+        for index in self._seers.of(old):
+            keyframe = self.keyframes[index]
             observed = keyframe.observations
             rows = becomes[observed.rows]
             order = np.argsort(rows != observed.rows, kind="stable")
@@ -200,6 +159,7 @@ class Map:
             kept[order[np.unique(rows[order], return_index=True)[1]]] = True
             if (rows != observed.rows).any():
                 self.keyframes[index] = replace(keyframe, observations=observed._replace(rows=rows).where(kept))
+                self._seers.add(index, rows)
         self.alive[old] = False
 
     @property
@@ -219,6 +179,27 @@ class Map:
                 return k
         return None
 
+    def successor(self, index: int) -> int | None:
+        """The living keyframe after this one in its chain, None for the last."""
+        return next(
+            (k for k in self.living if k > index and self.keyframes[k].chain == self.keyframes[index].chain), None
+        )
+
+    def seers(self, rows: IntArray) -> list[int]:
+        """All living keyframes that see any of the points (rows), and some that do not, ascending."""
+        return [k for k in self._seers.of(rows) if self.keyframes[k].alive]
+
+    def covisible(self, rows: IntArray) -> IntArray:
+        """(K,) how many of the points (rows) each keyframe sees."""
+        seers, shared = self.seers(rows), np.zeros(len(self.keyframes), np.int64)
+        shared[seers] = covisible([self.keyframes[k] for k in seers], rows, self.count)
+        return shared
+
+    def seen(self, rows: IntArray) -> IntArray:
+        """(P,) how many keyframes see each of the points (rows); fewer than do, or none, for other points."""
+        every = [self.keyframes[k].observations.rows for k in self.seers(rows)]
+        return np.bincount(np.concatenate([np.zeros(0, np.int64), *every]), minlength=self.count)
+
     def cull_keyframe(self, index: int) -> None:
         """Take a living keyframe out for good; keyframe 0, which holds the world, cannot be.
 
@@ -230,14 +211,13 @@ class Map:
         assert index > 0, "keyframe 0 holds the world"
         assert keyframe.alive, f"keyframe {index} is culled already"
         rows = keyframe.observations.rows
-        shared = covisible(self.keyframes, rows, self.count)
+        shared = self.covisible(rows)
         others = [k for k in self.living if k != index]
         parent = max(others, key=lambda k: (shared[k], -abs(k - index)))
         data = FrameData.without_image(keyframe.data.stamp_ns, keyframe.data.T_odom_base)
         self.keyframes[index] = replace(keyframe, data=data, observations=Observations.none())
         self._carry(parent, [index, *self._carried.pop(index, [])])
-        seen = np.bincount(np.concatenate([k.observations.rows for k in self.keyframes]), minlength=self.count)
-        self.remove_points(rows[seen[rows] < 2])
+        self.remove_points(rows[self.seen(rows)[rows] < 2])
 
     def _carry(self, parent: int, carried: list[int]) -> None:
         T_parent_world = self.keyframes[parent].T_world_cam.inverse()
@@ -251,8 +231,8 @@ class Map:
         if not len(rows):
             return
         self.alive[rows] = False
-        for index, keyframe in enumerate(self.keyframes):
-            gone = ~self.alive[keyframe.observations.rows]
+        for index in self.seers(rows):
+            gone = ~self.alive[self.keyframes[index].observations.rows]
             if gone.any():
                 self.forget(index, gone)
 
@@ -284,14 +264,7 @@ class Map:
 
     def templates(self) -> Templates:
         """All looks, for searching."""
-        n = self.template_count
-        return Templates(
-            self._of_point[: self.count].copy(),
-            self._template_source[:n],
-            self._basis[:n],
-            self._offset[:n],
-            self._patches[:n],
-        )
+        return self._templates.view()
 
 
 def empty_view() -> MapView:

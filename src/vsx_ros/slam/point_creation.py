@@ -14,7 +14,7 @@ from vsx_ros.kernels.epipolar import search_rays
 from vsx_ros.kernels.patches import CENTRE
 from vsx_ros.kernels.projection import ideal_pixels, unproject_pixels
 from vsx_ros.slam.keyframe import FrameData, KeyFrame, Observations
-from vsx_ros.slam.map import NewTemplates
+from vsx_ros.slam.templates import NewTemplates
 from vsx_ros.vision.corners import strongest
 from vsx_ros.vision.patch_search import cast_rays, cut_patches, from_level, to_level
 from vsx_ros.vision.pyramid import LEVELS

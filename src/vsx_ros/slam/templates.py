@@ -1,0 +1,97 @@
+"""What points look like from several directions: the patches the tracker searches for."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsx_ros.arrays import FloatArray, IntArray
+from vsx_ros.kernels.patches import PATCH
+
+VIEWS = 5
+Entry = TypeVar("Entry", bound=np.generic)
+
+
+class Templates(NamedTuple):
+    """What points look like from several directions. of_point (P, V): template numbers, -1 for none; source (T,):
+    keyframe index; basis (T, 4): see ``predict``; offset (T, 2) and patches (T, 24, 24): see ``warp_template``."""
+
+    of_point: IntArray
+    source: IntArray
+    basis: FloatArray
+    offset: FloatArray
+    patches: NDArray[np.uint8]
+
+
+class NewTemplates(NamedTuple):
+    """Looks of points about to enter the map: basis (N, 4), offset (N, 2), patches (N, 24, 24)."""
+
+    basis: FloatArray
+    offset: FloatArray
+    patches: NDArray[np.uint8]
+
+
+class TemplateStore:
+    """Templates are written once, hence shared with views; which of them belong to a point changes."""
+
+    def __init__(self) -> None:
+        self._points = 0
+        self._of_point: IntArray = np.full((1024, VIEWS), -1, np.int64)
+        self._count = 0
+        self._source: IntArray = np.zeros(1024, np.int64)
+        self._basis = np.zeros((1024, 4))
+        self._offset = np.zeros((1024, 2))
+        self._patches = np.zeros((1024, PATCH, PATCH), np.uint8)
+
+    @staticmethod
+    def resumed(looks: Templates) -> TemplateStore:
+        """The templates of a view, to go on with."""
+        store = TemplateStore()
+        store._points, store._of_point = len(looks.of_point), looks.of_point.copy()
+        store._count, store._source = len(looks.source), looks.source
+        store._basis, store._offset, store._patches = looks.basis, looks.offset, looks.patches
+        return store
+
+    def add_points(self, count: int) -> None:
+        """So many points more, which look like nothing yet."""
+        self._points += count
+        self._of_point = grown(self._of_point, self._points)
+        self._of_point[self._points - count : self._points] = -1
+
+    def add(self, rows: IntArray, looks: NewTemplates, source: int) -> None:
+        """Points (rows) also look as keyframe ``source`` shows them; the oldest look but the first gives way."""
+        first = self._count
+        self._count += len(rows)
+        self._source, self._basis, self._offset, self._patches = (
+            grown(self._source, self._count),
+            grown(self._basis, self._count),
+            grown(self._offset, self._count),
+            grown(self._patches, self._count),
+        )
+        numbers = np.arange(first, self._count)
+        self._source[numbers] = source
+        self._basis[numbers] = looks.basis
+        self._offset[numbers] = looks.offset
+        self._patches[numbers] = looks.patches
+        free = self._of_point[rows] < 0
+        full = ~free.any(axis=1)
+        self._of_point[rows[full], 1:-1] = self._of_point[rows[full], 2:]
+        slot = np.where(full, VIEWS - 1, free.argmax(axis=1))
+        self._of_point[rows, slot] = numbers
+
+    def view(self) -> Templates:
+        """All looks, for searching."""
+        n = self._count
+        of_point = self._of_point[: self._points].copy()
+        return Templates(of_point, self._source[:n], self._basis[:n], self._offset[:n], self._patches[:n])
+
+
+def grown(rows: NDArray[Entry], needed: int) -> NDArray[Entry]:
+    """The array, or a copy of at least twice the length when it has fewer than ``needed`` rows."""
+    if needed <= len(rows):
+        return rows
+    longer = np.zeros((max(needed, 2 * len(rows)), *rows.shape[1:]), rows.dtype)
+    longer[: len(rows)] = rows
+    return longer
