@@ -7,20 +7,17 @@ after a lost connection nothing moves until a new command; closing sends the sto
 
 from __future__ import annotations
 
-import logging
-import threading
 import time
 from collections.abc import Callable, Iterable
 from typing import NamedTuple, Protocol
 
-from vsx_hw.errors import DeviceError, DeviceTimeout
+from vsx_hw.errors import DeviceTimeout
+from vsx_hw.keeper import Keeper
 from vsx_hw.readings import BaseReading, LinkStatus
 from vsx_hw.transport import Transport
 
-logger = logging.getLogger(__name__)
-
 KEEP_ALIVE_NS = 50_000_000
-SHORTEST_PERIOD_NS = 15_000_000
+SHORTEST_PERIOD_NS = 20_000_000
 STALE_NS = 250_000_000
 SILENT_NS = 2_000_000_000
 BACKOFF_S = (0.2, 0.5, 1.0, 2.0)
@@ -38,6 +35,9 @@ class Dialect(Protocol):
     def drive(self, v_m_s: float, omega_rad_s: float) -> bytes:
         """The command bytes, with whatever else the base should hear now."""
 
+    def halt(self) -> bytes:
+        """Wheels still, and nothing else: may be sent at any moment, between question and answer too."""
+
     def farewell(self) -> bytes:
         """Stop, and leave the base in a state in which it can be left alone."""
 
@@ -54,14 +54,18 @@ class Dialect(Protocol):
 class _Command(NamedTuple):
     v_m_s: float
     omega_rad_s: float
-    given_ns: int
+    until_ns: int
+
+
+_STILL = (0.0, 0.0)
 
 
 class BaseDriver:
     """Drives a base through ``open_transport``; reports come to ``on_reading`` on the driver's own thread.
 
     ``on_link`` is told (connected, message) at every change. Within ``on_reading`` a call of ``drive`` reaches the
-    wheels in the same cycle. Usable as a context manager.
+    wheels in the same cycle. ``on_command`` hears after each command whether it lets the wheels turn: the pulse of a
+    guardian. Usable as a context manager.
     """
 
     def __init__(
@@ -72,20 +76,16 @@ class BaseDriver:
         on_reading: Callable[[BaseReading], None],
         on_link: Callable[[bool, str], None] = lambda connected, message: None,
         command_timeout_s: float = 0.25,
+        on_command: Callable[[bool], None] = lambda turning: None,
     ) -> None:
         self._dialect = dialect
-        self._open_transport = open_transport
         self._device = device
-        self._on_reading = on_reading
-        self._on_link = on_link
+        self._on_reading, self._on_command = on_reading, on_command
         self._timeout_ns = round(command_timeout_s * 1e9)
         self._command: _Command | None = None
-        self._closing = threading.Event()
-        self._connected = False
-        self._message = "not started"
-        self._connections = 0
-        self._last_reading_ns = 0
-        self._thread = threading.Thread(target=self._run, name=f"base {device}", daemon=True)
+        self._last_reading_ns = self._heard_bytes = 0
+        self._sent = _STILL
+        self._keeper = Keeper(device, open_transport, self._serve, self._leave, on_link, BACKOFF_S)
 
     def __enter__(self) -> BaseDriver:
         """Start."""
@@ -98,11 +98,12 @@ class BaseDriver:
 
     def start(self) -> None:
         """Begin connecting; returns at once."""
-        self._thread.start()
+        self._keeper.start()
 
-    def drive(self, v_m_s: float, omega_rad_s: float) -> None:
-        """Move like this until the timeout or the next command."""
-        self._command = _Command(v_m_s, omega_rad_s, time.monotonic_ns())
+    def drive(self, v_m_s: float, omega_rad_s: float, until_ns: int | None = None) -> None:
+        """Move like this until the next command, at most until the timeout or the instant until_ns (monotonic)."""
+        latest_ns = time.monotonic_ns() + self._timeout_ns
+        self._command = _Command(v_m_s, omega_rad_s, latest_ns if until_ns is None else min(until_ns, latest_ns))
 
     def stop(self) -> None:
         """Stand still until the next command."""
@@ -114,80 +115,70 @@ class BaseDriver:
 
     def status(self) -> LinkStatus:
         """Health for diagnostics."""
-        counters = {"connections": self._connections, **self._dialect.counters()}
-        return LinkStatus(self._connected, self._message, self._device, counters)
+        counters = {"connections": self._keeper.connections, **self._dialect.counters()}
+        return LinkStatus(self._keeper.connected, self._keeper.message, self._device, counters)
 
     def close(self) -> None:
         """Stop the wheels, leave the base safe and release the port."""
-        self._closing.set()
-        if self._thread.is_alive() and self._thread is not threading.current_thread():
-            self._thread.join(timeout=2.0)
-
-    def _run(self) -> None:
-        failures = 0
-        while not self._closing.is_set():
-            try:
-                transport = self._open_transport()
-                try:
-                    self._serve(transport)
-                finally:
-                    self._leave(transport)
-            except DeviceError as error:
-                failures = self._failed(failures, str(error))
-            except Exception as error:  # a fault in a callback must not leave a base without its driver
-                logger.exception("%s: fault in the driver's thread", self._device)
-                failures = self._failed(failures, f"{self._device}: internal fault ({error!r}); the base was stopped")
-
-    def _failed(self, failures: int, message: str) -> int:
-        """Report, wait a little, and count failures in a row."""
-        failures = 0 if self._connected else failures + 1
-        self._set_link(False, message)
-        self._closing.wait(BACKOFF_S[min(failures, len(BACKOFF_S) - 1)])
-        return failures
+        self._keeper.close()
 
     def _serve(self, transport: Transport) -> None:
         """One connection: until the driver closes or the device fails."""
-        self._command = None
+        self._command, self._sent, self._heard_bytes = None, _STILL, 0
         for data, pause_s in self._dialect.hello():
             transport.write(data)
-            self._closing.wait(pause_s)
+            self._keeper.closing.wait(pause_s)
         self._last_reading_ns = time.monotonic_ns()
         sent_ns, answered = 0, False
-        while not self._closing.is_set():
+        while not self._keeper.closing.is_set():
             due_ns = sent_ns + (SHORTEST_PERIOD_NS if answered else KEEP_ALIVE_NS)
-            data = transport.read(max(0.0, (due_ns - time.monotonic_ns()) * 1e-9))
-            readings = self._dialect.receive(data, time.time_ns()) if data else []
+            readings = self._listen(transport, due_ns)
             now_ns = time.monotonic_ns()
-            for reading in readings:
-                self._last_reading_ns = now_ns
-                self._on_reading(reading)
-            if readings and not self._connected:
-                self._connections += 1
-                self._set_link(True, "connected")
-            if now_ns - self._last_reading_ns > SILENT_NS:
-                raise DeviceTimeout(f"{self._device}: no data for {SILENT_NS / 1e9:.0f} s; {self._dialect.silence()}")
             answered = answered or bool(readings)
-            if now_ns - sent_ns >= (SHORTEST_PERIOD_NS if answered else KEEP_ALIVE_NS):
-                transport.write(self._dialect.drive(*self._current(time.monotonic_ns())))
+            if now_ns - self._last_reading_ns > SILENT_NS:
+                raise DeviceTimeout(self._silence())
+            due = now_ns - sent_ns >= (SHORTEST_PERIOD_NS if answered else KEEP_ALIVE_NS)
+            command = self._current(time.monotonic_ns())
+            if due:
+                transport.write(self._dialect.drive(*command))
                 sent_ns, answered = now_ns, False
+            elif command == _STILL != self._sent:
+                transport.write(self._dialect.halt())
+            else:
+                continue
+            self._sent = command
+            self._on_command(command != _STILL)
+
+    def _listen(self, transport: Transport, due_ns: int) -> list[BaseReading]:
+        """Wait for bytes until a command is due or the one that was sent expires."""
+        if self._sent != _STILL and self._command is not None:
+            due_ns = min(due_ns, max(self._command.until_ns, time.monotonic_ns()) + 1)
+        data = transport.read(max(0.0, (due_ns - time.monotonic_ns()) * 1e-9))
+        self._heard_bytes += len(data)
+        readings = self._dialect.receive(data, time.time_ns()) if data else []
+        for reading in readings:
+            self._last_reading_ns = time.monotonic_ns()
+            self._on_reading(reading)
+        if readings:
+            self._heard_bytes = 0
+            self._keeper.report(True, "connected")
+        return readings
+
+    def _silence(self) -> str:
+        """What is wrong with a base that has told nothing for long."""
+        heard = f"{self._heard_bytes} bytes that make no sense" if self._heard_bytes else "no data"
+        return f"{self._device}: {heard} for {SILENT_NS / 1e9:.0f} s; {self._dialect.silence()}"
 
     def _current(self, now_ns: int) -> tuple[float, float]:
         command = self._command
         fresh = now_ns - self._last_reading_ns <= STALE_NS
-        if command is None or not fresh or now_ns - command.given_ns > self._timeout_ns:
-            return 0.0, 0.0
+        if command is None or not fresh or now_ns >= command.until_ns:
+            return _STILL
         return command.v_m_s, command.omega_rad_s
 
     def _leave(self, transport: Transport) -> None:
-        """Stop bytes on every way out; the device may be gone already."""
+        """Stop bytes on every way out."""
         try:
             transport.write(self._dialect.farewell())
-        except DeviceError as error:
-            logger.debug("%s: no farewell (%s)", self._device, error)
-        transport.close()
-
-    def _set_link(self, connected: bool, message: str) -> None:
-        if message != self._message:
-            logger.log(logging.INFO if connected else logging.WARNING, "%s: %s", self._device, message)
-            self._connected, self._message = connected, message
-            self._on_link(connected, message)
+        finally:
+            self._on_command(False)

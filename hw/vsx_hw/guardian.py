@@ -1,64 +1,101 @@
-"""A second, tiny process that stops the wheels when the driver's process dies.
+"""A second, tiny process that stops the wheels when the driver's process dies or hangs.
 
-A base may go on driving by its last command for ever. The guardian waits on a pipe; when it breaks without a word (the
-driver was killed), it opens the port and sends the stop bytes.
+A base may go on driving by its last command for ever. The driver beats on a pipe after each command. When the beats
+cease while the wheels turn, the guardian writes standstill to the port (the driver may still hold it and go on later);
+when the pipe breaks without a word, the driver is dead and the base is left for good.
 """
 
 from __future__ import annotations
 
+import contextlib
 import os
+import select
 import signal
 import subprocess
 import sys
 import time
+from typing import NamedTuple
 
 from vsx_hw.errors import DeviceError
 from vsx_hw.transport import SerialTransport
 
-RELEASED = b"released"
+STANDING, TURNING, RELEASED = b"s", b"t", b"r"
+HUNG_AFTER_S = 0.25
+"""The driver beats at least every 50 ms."""
 ATTEMPTS, PAUSE_S = 40, 0.05
+
+
+class StopBytes(NamedTuple):
+    """What the guardian says to a base: to the one of a hanging driver, and to the one of a dead driver."""
+
+    halt: bytes
+    farewell: bytes
 
 
 class Guardian:
     """The parent's end. Start it before the wheels may turn, ``release`` it after they were stopped."""
 
-    def __init__(self, port: str, baud: int, stop_bytes: bytes) -> None:
+    def __init__(self, port: str, baud: int, stop: StopBytes) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "vsx_hw.guardian", port, str(baud), stop_bytes.hex()],
+            [sys.executable, "-m", "vsx_hw.guardian", port, str(baud), stop.halt.hex(), stop.farewell.hex()],
             stdin=subprocess.PIPE,
             env={**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
             start_new_session=True,
+            bufsize=0,
         )
+        assert self._process.stdin is not None
+        self._pipe = self._process.stdin
+        os.set_blocking(self._pipe.fileno(), False)
+
+    def beat(self, turning: bool) -> None:
+        """The driver is well, and has just let the wheels turn or stand. Never blocks."""
+        with contextlib.suppress(OSError):
+            os.write(self._pipe.fileno(), TURNING if turning else STANDING)
 
     def release(self) -> None:
         """All is well; the guardian ends without touching the port."""
         if self._process.poll() is None:
+            os.set_blocking(self._pipe.fileno(), True)
             self._process.communicate(RELEASED, timeout=2.0)
 
 
-def watch(port: str, baud: int, stop_bytes: bytes, last_words: bytes) -> bool:
-    """What the guardian does once the pipe has ended: True when it stopped the wheels.
-
-    Another driver may have taken the port meanwhile; that one begins by stopping the wheels itself.
-    """
-    if last_words == RELEASED:
-        return False
-    for _ in range(ATTEMPTS):
+def send(port: str, baud: int, data: bytes, attempts: int, exclusive: bool = True) -> bool:
+    """Open the port and write; True when it worked within the attempts."""
+    for attempt in range(attempts):
+        if attempt:
+            time.sleep(PAUSE_S)
         try:
-            transport = SerialTransport(port, baud)
-            transport.write(stop_bytes)
+            transport = SerialTransport(port, baud, exclusive)
+            transport.write(data)
             transport.close()
             return True
         except DeviceError:
-            time.sleep(PAUSE_S)
+            continue
     return False
 
 
+def watch(port: str, baud: int, stop: StopBytes, beats: int) -> bool:
+    """What the guardian does: until the file descriptor ``beats`` ends. True when it left the base of a dead driver.
+
+    Another driver may have taken the port meanwhile; that one begins by stopping the wheels itself.
+    """
+    last = STANDING
+    while True:
+        if select.select([beats], [], [], HUNG_AFTER_S)[0]:
+            data = os.read(beats, 4096)
+            if not data:
+                return last != RELEASED and send(port, baud, stop.farewell, ATTEMPTS)
+            last = data[-1:]
+        elif last == TURNING:
+            send(port, baud, stop.halt, 1, exclusive=False)
+
+
 def main() -> None:
-    """Port, baud rate and stop bytes in hexadecimal are the arguments."""
+    """Port, baud rate and the two stop messages in hexadecimal are the arguments."""
     for ignored in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(ignored, signal.SIG_IGN)
-    watch(sys.argv[1], int(sys.argv[2]), bytes.fromhex(sys.argv[3]), sys.stdin.buffer.read())
+    stop = StopBytes(bytes.fromhex(sys.argv[3]), bytes.fromhex(sys.argv[4]))
+    watch(sys.argv[1], int(sys.argv[2]), stop, sys.stdin.fileno())
 
 
 if __name__ == "__main__":

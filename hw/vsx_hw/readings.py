@@ -50,6 +50,13 @@ class OdometryReading(NamedTuple):
     wheels_m: tuple[float, float] = (0.0, 0.0)
 
 
+class GyroReading(NamedTuple):
+    """Heading since the gyro was switched on and its rate, counter-clockwise; the heading may wrap at +-pi."""
+
+    heading_rad: float
+    rate_rad_s: float
+
+
 class BatteryReading(NamedTuple):
     """State of the base's battery; fraction in [0, 1]; charging means that a charger delivers current."""
 
@@ -62,7 +69,8 @@ class BatteryReading(NamedTuple):
 class BaseReading(NamedTuple):
     """One report of a base: where it is, what it touches, how much energy is left.
 
-    mode names the operating mode where the base has several; buttons is the protocol's bit mask.
+    mode names the operating mode where the base has several; buttons is the protocol's bit mask; gyro is None for a
+    base without one, or before its zero is known.
     """
 
     stamp_ns: int
@@ -71,6 +79,7 @@ class BaseReading(NamedTuple):
     battery: BatteryReading
     buttons: int = 0
     mode: str = ""
+    gyro: GyroReading | None = None
 
 
 class ImageReading(NamedTuple):

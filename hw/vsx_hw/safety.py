@@ -34,18 +34,22 @@ class SpeedLimits(NamedTuple):
 
 
 class Decision(NamedTuple):
-    """What the wheels shall do now, on whose word, and why not what he said (empty when it is)."""
+    """What the wheels shall do now, on whose word, and why not what he said (empty when it is).
+
+    until_ns: when that word loses its validity, on the clock of ``decide``.
+    """
 
     v_m_s: float
     omega_rad_s: float
     source: str
     reason: str
+    until_ns: int = 0
 
 
 class _Command(NamedTuple):
     v_m_s: float
     omega_rad_s: float
-    given_ns: int
+    until_ns: int
 
 
 class Supervisor:
@@ -82,7 +86,9 @@ class Supervisor:
         if not accepted:
             self.refused += 1
             v_m_s = omega_rad_s = 0.0
-        self._commands[self._sources[source].name] = _Command(v_m_s, omega_rad_s, now_ns)
+        speaker = self._sources[source]
+        until_ns = now_ns + round(speaker.timeout_s * 1e9)
+        self._commands[speaker.name] = _Command(v_m_s, omega_rad_s, until_ns)
         return accepted
 
     def forget_commands(self) -> None:
@@ -109,7 +115,7 @@ class Supervisor:
 
     def decide(self, now_ns: int, hazards: Hazard) -> Decision:
         """What the wheels shall do now."""
-        source, v, omega = self._selected(now_ns)
+        source, v, omega, until_ns = self._selected(now_ns)
         if hazards & Hazard.WHEEL_DROP:
             self._latched = "wheel raised; put the robot on the floor"
         elif self._latched and v == 0.0 and omega == 0.0:
@@ -120,18 +126,18 @@ class Supervisor:
             return Decision(0.0, 0.0, source, self._latched)
         v, omega = _limited(v, omega, self._limits)
         if hazards & Hazard.CLIFF and (v > 0.0 or omega != 0.0):
-            return Decision(min(v, 0.0), 0.0, source, "cliff; only reversing straight is allowed")
+            return Decision(min(v, 0.0), 0.0, source, "cliff; only reversing straight is allowed", until_ns)
         if hazards & Hazard.BUMPER and v > 0.0:
-            return Decision(0.0, omega, source, "bumper; driving forward is not allowed")
-        return Decision(v, omega, source, "" if source else "no commands")
+            return Decision(0.0, omega, source, "bumper; driving forward is not allowed", until_ns)
+        return Decision(v, omega, source, "" if source else "no commands", until_ns)
 
-    def _selected(self, now_ns: int) -> tuple[str, float, float]:
-        """(source, v, omega) of the most important source that is not silent."""
+    def _selected(self, now_ns: int) -> tuple[str, float, float, int]:
+        """(source, v, omega, end of validity) of the most important source that is not silent."""
         for source in self._sources.values():
             command = self._commands.get(source.name)
-            if command is not None and now_ns - command.given_ns <= source.timeout_s * 1e9:
-                return source.name, command.v_m_s, command.omega_rad_s
-        return "", 0.0, 0.0
+            if command is not None and now_ns <= command.until_ns:
+                return source.name, command.v_m_s, command.omega_rad_s, command.until_ns
+        return "", 0.0, 0.0, now_ns
 
 
 def _limited(v: float, omega: float, limits: SpeedLimits) -> tuple[float, float]:

@@ -1,24 +1,29 @@
-"""The wheels stop although the driver was killed."""
+"""The wheels stop although the driver was killed or hangs."""
 
 import os
+import signal
 import subprocess
 import sys
 import time
 
+import pytest
 from hw_plant import FreeWheels
 
-from vsx_hw.guardian import RELEASED, Guardian, watch
+from vsx_hw.guardian import Guardian, StopBytes, send
 from vsx_hw.kobuki.base_control import WHEEL_BASE_M
 from vsx_hw.kobuki.driver import KobukiDialect
 from vsx_hw.kobuki.emulator import kobuki_emulator
 from vsx_hw.kobuki.protocol import BAUD
 
+STOP = StopBytes(KobukiDialect().halt(), KobukiDialect().farewell())
+
 DRIVER = """
 import sys, time
-from vsx_hw.guardian import Guardian
+from vsx_hw.guardian import Guardian, StopBytes
 from vsx_hw.kobuki.driver import KobukiDialect, kobuki_driver
-guardian = Guardian(sys.argv[1], 115200, KobukiDialect().farewell())
-driver = kobuki_driver(sys.argv[1], lambda reading: driver.drive(0.2, 0.0))
+dialect = KobukiDialect()
+guardian = Guardian(sys.argv[1], 115200, StopBytes(dialect.halt(), dialect.farewell()))
+driver = kobuki_driver(sys.argv[1], lambda reading: driver.drive(0.2, 0.0), on_command=guardian.beat)
 driver.start()
 time.sleep(60)
 """
@@ -33,7 +38,9 @@ def until(condition, timeout_s=10.0) -> bool:
     return False
 
 
-def test_a_killed_driver_leaves_the_wheels_stopped(tmp_path):
+@pytest.fixture
+def driven(tmp_path):
+    """Wheels that a driver in another process lets turn."""
     port = str(tmp_path / "ttyKOBUKI")
     plant = FreeWheels(WHEEL_BASE_M)
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
@@ -43,10 +50,27 @@ def test_a_killed_driver_leaves_the_wheels_stopped(tmp_path):
             assert until(lambda: plant.speeds[0] > 0.1)
             time.sleep(0.5)
             assert plant.speeds[0] > 0.1
+            yield plant, process
         finally:
             process.kill()
             process.wait()
-        assert until(lambda: plant.speeds == (0.0, 0.0))
+
+
+def test_a_killed_driver_leaves_the_wheels_stopped(driven):
+    plant, process = driven
+    process.kill()
+    process.wait()
+    assert until(lambda: plant.speeds == (0.0, 0.0))
+
+
+def test_a_hanging_driver_leaves_the_wheels_stopped_and_may_go_on_later(driven):
+    plant, process = driven
+    process.send_signal(signal.SIGSTOP)
+    assert until(lambda: plant.speeds == (0.0, 0.0))
+    time.sleep(0.3)
+    assert plant.speeds == (0.0, 0.0)
+    process.send_signal(signal.SIGCONT)
+    assert until(lambda: plant.speeds[0] > 0.1)
 
 
 def test_a_released_guardian_does_not_touch_the_port(tmp_path):
@@ -54,10 +78,24 @@ def test_a_released_guardian_does_not_touch_the_port(tmp_path):
     plant = FreeWheels(WHEEL_BASE_M)
     plant.speeds = (0.1, 0.1)
     with kobuki_emulator(plant, port):
-        guardian = Guardian(port, BAUD, KobukiDialect().farewell())
+        guardian = Guardian(port, BAUD, STOP)
+        guardian.beat(True)
         guardian.release()
-        assert not watch(port, BAUD, KobukiDialect().farewell(), RELEASED)
         time.sleep(0.05)
         assert plant.speeds == (0.1, 0.1)
-        assert watch(port, BAUD, KobukiDialect().farewell(), b"")
+        assert send(port, BAUD, STOP.farewell, 1)
         assert until(lambda: plant.speeds == (0.0, 0.0))
+
+
+def test_a_driver_that_stands_is_left_alone_by_its_guardian(tmp_path):
+    port = str(tmp_path / "ttyKOBUKI")
+    plant = FreeWheels(WHEEL_BASE_M)
+    plant.speeds = (0.1, 0.1)
+    with kobuki_emulator(plant, port):
+        guardian = Guardian(port, BAUD, STOP)
+        guardian.beat(False)
+        time.sleep(0.6)
+        assert plant.speeds == (0.1, 0.1)
+        guardian.beat(True)
+        assert until(lambda: plant.speeds == (0.0, 0.0))
+        guardian.release()

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vsx_hw.readings import Hazard
-from vsx_hw.safety import Decision, SpeedLimits, Supervisor
+from vsx_hw.safety import SpeedLimits, Supervisor
 
 S = 1_000_000_000
 MS = 1_000_000
@@ -69,8 +69,8 @@ def test_absurd_commands_stop_and_are_counted(bad):
 @pytest.mark.parametrize(("source", "timeout_ms"), [("safety_controller", 200), ("teleop", 500), ("navi", 250)])
 def test_each_source_has_its_timeout(source, timeout_ms):
     supervisor = told(0.2, 0.1, source, 10 * S)
-    assert supervisor.decide(10 * S + timeout_ms * MS, Hazard.NONE) == Decision(0.2, 0.1, source, "")
-    assert supervisor.decide(10 * S + timeout_ms * MS + 1, Hazard.NONE) == Decision(0.0, 0.0, "", "no commands")
+    assert supervisor.decide(10 * S + timeout_ms * MS, Hazard.NONE)[:4] == (0.2, 0.1, source, "")
+    assert supervisor.decide(10 * S + timeout_ms * MS + 1, Hazard.NONE)[:4] == (0.0, 0.0, "", "no commands")
 
 
 def test_the_more_important_source_wins_while_it_speaks():
@@ -90,13 +90,13 @@ def test_an_unknown_source_is_a_programming_error():
 
 def test_bumper_allows_reversing_and_turning():
     assert told(0.2, 0.4).decide(0, Hazard.BUMPER_LEFT)[:2] == (0.0, 0.4)
-    assert told(-0.2, 0.4).decide(0, Hazard.BUMPER_LEFT) == Decision(-0.2, 0.4, "navi", "")
+    assert told(-0.2, 0.4).decide(0, Hazard.BUMPER_LEFT)[:4] == (-0.2, 0.4, "navi", "")
 
 
 def test_cliff_allows_reversing_straight_only():
     assert told(0.2, 0.4).decide(0, Hazard.CLIFF_CENTER)[:2] == (0.0, 0.0)
     assert told(-0.2, 0.4).decide(0, Hazard.CLIFF_CENTER)[:2] == (-0.2, 0.0)
-    assert told(-0.2, 0.0).decide(0, Hazard.CLIFF_CENTER) == Decision(-0.2, 0.0, "navi", "")
+    assert told(-0.2, 0.0).decide(0, Hazard.CLIFF_CENTER)[:4] == (-0.2, 0.0, "navi", "")
 
 
 def test_a_robot_put_down_again_waits_for_standstill():
@@ -107,7 +107,7 @@ def test_a_robot_put_down_again_waits_for_standstill():
     supervisor.command("navi", 0.0, 0.0, 2 * S)
     supervisor.decide(2 * S, Hazard.NONE)
     supervisor.command("navi", 0.2, 0.0, 2 * S + 1)
-    assert supervisor.decide(2 * S + 1, Hazard.NONE) == Decision(0.2, 0.0, "navi", "")
+    assert supervisor.decide(2 * S + 1, Hazard.NONE)[:4] == (0.2, 0.0, "navi", "")
 
 
 def test_silence_also_ends_the_wait():

@@ -2,90 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 
 from vsx_hw.base_driver import BaseDriver
+from vsx_hw.create.dialect import BATTERY_PACKETS, SAFETY_PACKETS, CreateDialect, is_plausible
+from vsx_hw.create.gyro import BoardGyro
 from vsx_hw.create.odometry import DistanceOdometry, EncoderOdometry
 from vsx_hw.create.protocol import (
     CREATE_1,
     CREATE_2,
-    Mode,
     Model,
     Opcode,
     StreamParser,
     decode_packets,
-    encode_drive_direct,
+    encode_lamps,
     encode_query,
     encode_stream_request,
-    mode_of,
     packet_bytes,
 )
-from vsx_hw.readings import BaseReading, BatteryReading, Hazard, OdometryReading
+from vsx_hw.readings import BaseReading, GyroReading
 from vsx_hw.transport import SerialTransport
 
-SAFETY_PACKETS = [7, 9, 10, 11, 12, 18, 35]
-BATTERY_PACKETS = [21, 22, 25, 26]
 ENCODER_PACKETS = [43, 44]
 MOTION_PACKETS = [19, 20]
+GYRO_PACKET = 33
 
 MODE_PAUSE_S = 0.05
 """Commands within 20 ms of a change of mode are lost."""
 
-QUERIES_PER_MOTION = 30
+QUERIES_PER_MOTION = 25
 """Every half second: each reading of distance and angle may cut off most of a millimetre and of a degree."""
 
-CYCLES_TO_RETRY_MODE = 25
+GREEN, BRIGHT = 0, 255
 
 
-class _CreateDialect:
-    """What both robots share: modes, hazards, battery, the way to stop. See ``vsx_hw.base_driver.Dialect``.
-
-    The robots are driven in Safe mode: at a cliff or a raised wheel they stop by themselves and fall to Passive. They
-    are put back to Safe when the cause is gone, or for reversing from a cliff, and a command to move arrives.
-    """
-
-    def __init__(self, model: Model) -> None:
-        self._model = model
-        self._mode = Mode.UNKNOWN
-        self._hazards = Hazard.NONE
-        self._cycles_out_of_safe = 0
-        self.driving = False
-
-    def wheel_command(self, v_m_s: float, omega_rad_s: float) -> bytes:
-        """Drive, or go back to Safe first."""
-        self.driving = v_m_s != 0.0 or omega_rad_s != 0.0
-        if self._mode in (Mode.SAFE, Mode.FULL, Mode.UNKNOWN):
-            self._cycles_out_of_safe = 0
-            half = 500.0 * self._model.wheel_base_m * omega_rad_s
-            return encode_drive_direct(1000.0 * v_m_s - half, 1000.0 * v_m_s + half)
-        self._cycles_out_of_safe += 1
-        cause = self._hazards & (Hazard.WHEEL_DROP if v_m_s < 0.0 else Hazard.WHEEL_DROP | Hazard.CLIFF)
-        if self.driving and not cause and self._cycles_out_of_safe % CYCLES_TO_RETRY_MODE == 1:
-            return bytes((Opcode.SAFE,))
-        return b""
-
-    def farewell(self) -> bytes:
-        """Wheels still, then Passive: in Safe a robot does not charge and drains its battery. Create 2 sleeps."""
-        end = bytes((Opcode.STOP,)) if self._model is CREATE_2 else b""
-        return encode_drive_direct(0.0, 0.0) + bytes((Opcode.START,)) + end
-
-    def base_reading(self, values: dict[int, int], odometry: OdometryReading) -> BaseReading:
-        """The reading of SAFETY_PACKETS and BATTERY_PACKETS."""
-        self._mode = mode_of(values[35])
-        self._hazards = hazards_of(values)
-        return BaseReading(
-            odometry.stamp_ns, odometry, self._hazards, battery_of(values), values[18], self._mode.name.lower()
-        )
-
-    def silence(self) -> str:
-        """See Dialect."""
-        return (
-            f"switch the robot on and check ~robot_type: {CREATE_1.name} speaks at {CREATE_1.baud} baud, "
-            f"{CREATE_2.name} at {CREATE_2.baud}; this driver listens at {self._model.baud}"
-        )
-
-
-class Create2Dialect(_CreateDialect):
+class Create2Dialect(CreateDialect):
     """Create 2: a stream every 15 ms, odometry by encoders."""
 
     def __init__(self, linear_scale: float = 1.0, angular_scale: float = 1.0) -> None:
@@ -98,6 +49,7 @@ class Create2Dialect(_CreateDialect):
         packets = SAFETY_PACKETS + BATTERY_PACKETS + ENCODER_PACKETS
         yield bytes((Opcode.START,)), MODE_PAUSE_S
         yield bytes((Opcode.SAFE,)), MODE_PAUSE_S
+        yield encode_lamps(0, GREEN, BRIGHT), 0.0
         yield encode_stream_request(packets, self._model.baud), 0.0
 
     def receive(self, data: bytes, now_ns: int) -> list[BaseReading]:
@@ -122,12 +74,15 @@ class Create2Dialect(_CreateDialect):
         return {"frames": self._parser.frames, "refused_frames": self._parser.refused}
 
 
-class Create1Dialect(_CreateDialect):
+class Create1Dialect(CreateDialect):
     """Create 1: questions and answers, because its distance and angle suffer from being read often."""
 
     def __init__(self, linear_scale: float = 1.0, angular_scale: float = 1.0) -> None:
         super().__init__(CREATE_1)
         self._odometry = DistanceOdometry(linear_scale, angular_scale)
+        self._gyro = BoardGyro()
+        self._gyro_heading_rad = 0.0
+        self._gyro_ns = 0
         self._buffer = bytearray()
         self._asked: list[int] = []
         self._queries = 0
@@ -139,39 +94,63 @@ class Create1Dialect(_CreateDialect):
         self._asked, self._measured_once = [], False
         yield bytes((Opcode.START,)), MODE_PAUSE_S
         yield bytes((Opcode.SAFE,)), MODE_PAUSE_S
+        yield encode_lamps(0, GREEN, BRIGHT), 0.0
 
     def receive(self, data: bytes, now_ns: int) -> list[BaseReading]:
-        """See Dialect."""
+        """See Dialect. Bytes that nobody asked for are a late answer: the motion in it was given up already."""
         if not self._asked:
             return []
         self._buffer += data
-        if len(self._buffer) < sum(packet_bytes(p) for p in self._asked):
+        expected = sum(packet_bytes(p) for p in self._asked)
+        if len(self._buffer) < expected:
             return []
-        asked, self._asked = self._asked, []
-        values = decode_packets(bytes(self._buffer), asked)
+        values = decode_packets(bytes(self._buffer[:expected]), self._asked)
+        if len(self._buffer) > expected or not is_plausible(values):
+            self._give_up()
+            return []
+        self._asked = []
         self._frames += 1
         if 19 in values:
             # The first reading holds whatever happened before this program began.
             if self._measured_once:
                 self._odometry.measure(values[19], values[20])
             self._measured_once = True
-        return [self.base_reading(values, self._odometry.reading(now_ns))]
+        gyro = self._turned(values, now_ns)
+        rate = None if gyro is None else gyro.rate_rad_s
+        return [self.base_reading(values, self._odometry.reading(now_ns, rate), gyro)]
+
+    def _turned(self, values: Mapping[int, int], now_ns: int) -> GyroReading | None:
+        rate = self._gyro.rate_rad_s(values[GYRO_PACKET], not self.driving)
+        dt_s = min((now_ns - self._gyro_ns) * 1e-9, 0.1) if self._gyro_ns else 0.0
+        self._gyro_ns = now_ns
+        if rate is None:
+            return None
+        self._gyro_heading_rad += rate * dt_s
+        return GyroReading(self._gyro_heading_rad, rate)
 
     def drive(self, v_m_s: float, omega_rad_s: float) -> bytes:
         """The command, the camera's supply (digital output 0 of a TurtleBot 1, cleared whenever Safe is left), and the
-        next question. An answer that did not come in time is given up."""
-        if self._asked:
-            self._lost += 1
-            if 19 in self._asked:
-                self._odometry.lose()
-        self._buffer.clear()
+        next question; none after an answer that did not come, so that its late bytes are not taken for the next."""
         self._odometry.command(v_m_s, omega_rad_s)
-        self._asked = SAFETY_PACKETS + BATTERY_PACKETS
+        command = self.wheel_command(v_m_s, omega_rad_s) + bytes((Opcode.DIGITAL_OUTPUTS, 1))
+        if self._asked:
+            self._give_up()
+            return command
+        self._buffer.clear()
+        self._asked = [*SAFETY_PACKETS, *BATTERY_PACKETS, GYRO_PACKET]
         if self._queries % QUERIES_PER_MOTION == 0:
             self._asked = self._asked + MOTION_PACKETS
         self._queries += 1
-        supply = bytes((Opcode.DIGITAL_OUTPUTS, 1))
-        return self.wheel_command(v_m_s, omega_rad_s) + supply + encode_query(self._asked)
+        return command + encode_query(self._asked)
+
+    def _give_up(self) -> None:
+        """The answer is lost. A motion that was asked for is asked for again: what the robot read out is gone, what it
+        has not read out still counts up inside."""
+        self._lost += 1
+        if 19 in self._asked:
+            self._odometry.lose()
+            self._queries = 0
+        self._asked = []
 
     def reset_odometry(self) -> None:
         """See Dialect."""
@@ -180,28 +159,6 @@ class Create1Dialect(_CreateDialect):
     def counters(self) -> dict[str, int]:
         """See Dialect."""
         return {"frames": self._frames, "refused_frames": self._lost}
-
-
-def hazards_of(values: dict[int, int]) -> Hazard:
-    """Packets 7 (bit 0 right, 1 left bump; 2 right, 3 left, 4 caster drop) and 9-12 (cliffs from left to right)."""
-    bumps = values[7]
-    hazards = Hazard.NONE
-    for bit, hazard in ((1, Hazard.BUMPER_RIGHT), (2, Hazard.BUMPER_LEFT)):
-        hazards |= hazard if bumps & bit else Hazard.NONE
-    for bit, hazard in ((4, Hazard.WHEEL_DROP_RIGHT), (8, Hazard.WHEEL_DROP_LEFT), (16, Hazard.WHEEL_DROP)):
-        hazards |= hazard if bumps & bit else Hazard.NONE
-    sides = ((9, Hazard.CLIFF_LEFT), (10, Hazard.CLIFF_CENTER), (11, Hazard.CLIFF_CENTER), (12, Hazard.CLIFF_RIGHT))
-    for packet, hazard in sides:
-        hazards |= hazard if values[packet] else Hazard.NONE
-    return hazards
-
-
-def battery_of(values: dict[int, int]) -> BatteryReading:
-    """Packets 21 (charging state), 22 (mV), 25 and 26 (charge and capacity)."""
-    fraction = min(1.0, values[25] / values[26]) if values[26] else 0.0
-    charging = values[21] in (1, 2, 3)
-    state = "charging" if charging else "critical" if fraction < 0.1 else "low" if fraction < 0.2 else "healthy"
-    return BatteryReading(values[22] / 1000.0, fraction, charging, state)
 
 
 def create_dialect(
@@ -220,6 +177,7 @@ def create_driver(
     command_timeout_s: float = 0.25,
     linear_scale: float = 1.0,
     angular_scale: float = 1.0,
+    on_command: Callable[[bool], None] = lambda turning: None,
 ) -> BaseDriver:
     """A driver for CREATE_1 or CREATE_2 at a serial port; call ``start`` on it."""
     return BaseDriver(
@@ -229,4 +187,5 @@ def create_driver(
         on_reading,
         on_link,
         command_timeout_s,
+        on_command,
     )

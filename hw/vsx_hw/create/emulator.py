@@ -6,6 +6,7 @@ import math
 import random
 import struct
 
+from vsx_hw.create.gyro import counts_of
 from vsx_hw.create.protocol import (
     CREATE_1,
     LAYOUT,
@@ -22,7 +23,10 @@ from vsx_hw.serial_emulator import Plant, PlantState, SerialEmulator
 
 DEAF_NS = 20_000_000
 BANNER = b"bl-start\r\nSTR730\r\nbootloader id: #x47186549\r\nr3_robot/tags/release-3.3.0:5058\r\n"
-_ARGUMENTS = {Opcode.DRIVE: 4, Opcode.DRIVE_DIRECT: 4, Opcode.DIGITAL_OUTPUTS: 1}
+_ARGUMENTS = {
+    Opcode.DRIVE: 4, Opcode.DRIVE_DIRECT: 4, Opcode.DIGITAL_OUTPUTS: 1, Opcode.LAMPS: 3, Opcode.PLAY: 1,
+    Opcode.PAUSE_STREAM: 1,
+}  # fmt: skip
 
 
 class CreateBoard:
@@ -71,6 +75,8 @@ class CreateBoard:
     def _argument_bytes(self, opcode: int) -> int:
         if opcode in (Opcode.STREAM, Opcode.QUERY_LIST):
             return 1 + self._incoming[1] if len(self._incoming) > 1 else 1
+        if opcode == Opcode.SONG:
+            return 2 + 2 * self._incoming[2] if len(self._incoming) > 2 else 2
         return next((count for known, count in _ARGUMENTS.items() if known == opcode), 0)
 
     def _obey(self, opcode: int, arguments: bytes, time_ns: int) -> None:
@@ -90,6 +96,8 @@ class CreateBoard:
             self.outputs = arguments[0]
         elif opcode == Opcode.STREAM and self.mode is not Mode.OFF:
             self._stream = [p for p in arguments[1:] if p in LAYOUT]
+        elif opcode == Opcode.PAUSE_STREAM and arguments == b"\0":
+            self._stream = []
         elif opcode == Opcode.QUERY_LIST and self.mode is not Mode.OFF:
             values = self._values(self._plant.read())
             self._reply += encode_packets({p: values.get(p, 0) for p in arguments[1:] if p in LAYOUT})
@@ -128,6 +136,7 @@ class CreateBoard:
         values = {7: bumps, 22: 16000, 25: 2400, 26: 2700, 35: int(self.mode)}
         values |= {packet: int(bool(h & hazard)) for packet, hazard in cliffs.items()}
         if self._model is CREATE_1:
+            values[33] = counts_of(state.gyro_rate_rad_s)
             distance, angle = self._travelled(state)
             values[19] = max(-32767, min(32767, math.trunc(1000.0 * (distance - self._read_mark[0]))))
             values[20] = max(-32767, min(32767, math.trunc(math.degrees(angle - self._read_mark[1]))))

@@ -87,7 +87,8 @@ class EncoderOdometry:
 
 class DistanceOdometry:
     """Create 1. Its distance and angle are whole millimetres and degrees, zeroed by each reading, so they are read
-    seldom; in between the pose follows the commanded speeds and is corrected at the next reading."""
+    seldom; in between the pose follows the commanded speeds and is corrected at the next reading. Where the power board
+    has a gyro, the turn is the gyro's throughout."""
 
     def __init__(self, linear_scale: float = 1.0, angular_scale: float = 1.0) -> None:
         self._scales = linear_scale, angular_scale
@@ -98,6 +99,7 @@ class DistanceOdometry:
         self._wheels = (0.0, 0.0)
         self._gaps = 0
         self._trusted = True
+        self._gyro_turn: float | None = 0.0  # since the last reading of the distance; None when the gyro was silent
 
     def reset(self) -> None:
         """Start again at the origin."""
@@ -114,21 +116,29 @@ class DistanceOdometry:
 
     def measure(self, distance_mm: int, angle_deg: int) -> None:
         """Distance and angle since the last reading; impossible values count as lost."""
+        gyro_turn, self._gyro_turn = self._gyro_turn, 0.0
         if abs(distance_mm) > 1000 or abs(angle_deg) > 57:
             self.lose()
             return
-        distance, turn = distance_mm / 1000.0 * self._scales[0], math.radians(angle_deg) * self._scales[1]
+        measured = math.radians(angle_deg) if gyro_turn is None else gyro_turn
+        distance, turn = distance_mm / 1000.0 * self._scales[0], measured * self._scales[1]
         self._measured.advance(distance, turn)
         half = 0.5 * CREATE_1.wheel_base_m * turn
         self._wheels = (self._wheels[0] + distance - half, self._wheels[1] + distance + half)
         self._shown = copy(self._measured)
         self._trusted = True
 
-    def reading(self, now_ns: int) -> OdometryReading:
-        """The pose now."""
+    def reading(self, now_ns: int, gyro_rad_s: float | None = None) -> OdometryReading:
+        """The pose now; gyro_rad_s is the measured rate where there is one."""
         dt_s = min((now_ns - self._then_ns) * 1e-9, 0.1) if self._then_ns else 0.0
         self._then_ns = now_ns
         v, omega = self._speeds
+        if gyro_rad_s is None:
+            self._gyro_turn = None
+        else:
+            omega = gyro_rad_s * self._scales[1]
+            if self._gyro_turn is not None:
+                self._gyro_turn += gyro_rad_s * dt_s
         self._shown.advance(v * dt_s, omega * dt_s)
         p = self._shown
         return OdometryReading(now_ns, p.x_m, p.y_m, p.heading_rad, v, omega, self._gaps, self._trusted, self._wheels)

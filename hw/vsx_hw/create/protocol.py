@@ -24,10 +24,14 @@ class Opcode(enum.IntEnum):
     START = 128
     SAFE = 131
     DRIVE = 137
+    LAMPS = 139
+    SONG = 140
+    PLAY = 141
     DRIVE_DIRECT = 145
     DIGITAL_OUTPUTS = 147
     STREAM = 148
     QUERY_LIST = 149
+    PAUSE_STREAM = 150
     STOP = 173
 
 
@@ -187,6 +191,35 @@ def encode_drive(speed_mm_s: int, radius_mm: int) -> bytes:
     if abs(speed_mm_s) > SPEED_LIMIT_MM_S or (abs(radius_mm) > 2000 and radius_mm != STRAIGHT):
         raise ProtocolError(f"drive: {speed_mm_s} mm/s at radius {radius_mm} mm; the limits are 500 and 2000")
     return struct.pack(">Bhh", Opcode.DRIVE, speed_mm_s, radius_mm)
+
+
+def encode_lamps(bits: int, color: int, intensity: int) -> bytes:
+    """Lamps. bits: Create 1 2 play, 8 advance; Create 2 1 debris, 2 spot, 4 dock, 8 check. The power lamp's color runs
+    from 0 green to 255 red. Raises ProtocolError for values that are no bytes."""
+    if not all(0 <= value <= 255 for value in (bits, color, intensity)):
+        raise ProtocolError(f"lamps: {bits}, {color}, {intensity}; each is a byte")
+    return bytes((Opcode.LAMPS, bits, color, intensity))
+
+
+def encode_song(number: int, notes: list[tuple[int, float]]) -> bytes:
+    """Store a song: (MIDI note 31-127, duration [s]) each; numbers 0-4 exist on all robots.
+
+    Raises ProtocolError, so that nothing is sent half, for a number, a note, a duration or a count out of range.
+    """
+    if not (0 <= number <= 4 and 1 <= len(notes) <= 16):
+        raise ProtocolError(f"song {number} of {len(notes)} notes; songs 0-4 hold 1 to 16 notes")
+    content = b""
+    for note, duration_s in notes:
+        ticks = round(64 * duration_s) if math.isfinite(duration_s) else 0
+        if not (31 <= note <= 127 and 1 <= ticks <= 255):
+            raise ProtocolError(f"song: note {note} for {duration_s} s; notes are 31-127, up to 3.98 s long")
+        content += bytes((note, ticks))
+    return bytes((Opcode.SONG, number, len(notes))) + content
+
+
+def encode_play(number: int) -> bytes:
+    """Play a stored song, in Safe or Full mode only."""
+    return bytes((Opcode.PLAY, number))
 
 
 def encode_stream_request(packets: list[int], baud: int) -> bytes:

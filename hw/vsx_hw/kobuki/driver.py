@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 
 from vsx_hw.base_driver import BaseDriver
@@ -20,7 +21,7 @@ from vsx_hw.kobuki.protocol import (
     outputs_payload,
     request_versions_payload,
 )
-from vsx_hw.readings import BaseReading, BatteryReading, Hazard
+from vsx_hw.readings import BaseReading, BatteryReading, GyroReading, Hazard
 from vsx_hw.transport import SerialTransport
 
 VERSION_REQUESTS = 10
@@ -65,6 +66,7 @@ class KobukiDialect:
             hazards_of(core),
             BatteryReading(core.battery_decivolt / 10.0, fraction, charging, state),
             core.buttons,
+            gyro=gyro_of(feedback),
         )
 
     def drive(self, v_m_s: float, omega_rad_s: float) -> bytes:
@@ -75,6 +77,10 @@ class KobukiDialect:
             payloads.append(request_versions_payload())
         self._commands_sent += 1
         return encode_frame(*payloads)
+
+    def halt(self) -> bytes:
+        """See Dialect."""
+        return encode_frame(drive_payload(BaseControl(0, 0)))
 
     def farewell(self) -> bytes:
         """Stand still; the supplies stay on."""
@@ -94,12 +100,23 @@ class KobukiDialect:
 
     def silence(self) -> str:
         """See Dialect."""
-        return f"switch the Kobuki on and check that this port is a Kobuki (it speaks unasked, at {BAUD} baud)"
+        return (
+            f"switch the Kobuki on and check ~robot_type: a Kobuki speaks unasked at {BAUD} baud; a Create 1 answers "
+            "at 57600, a Create 2 or Roomba at 115200; 'auto' finds out"
+        )
 
     def _keep_counters(self) -> None:
         self._frames += self._parser.frames
         self._refused += self._parser.refused
         self._skipped += self._parser.skipped_bytes
+
+
+def gyro_of(feedback: Feedback) -> GyroReading | None:
+    """Heading and rate of sub-payload 4."""
+    inertia = feedback.inertia
+    if inertia is None:
+        return None
+    return GyroReading(math.radians(inertia.angle_centideg / 100.0), math.radians(inertia.rate_centideg_s / 100.0))
 
 
 def hazards_of(core: Core) -> Hazard:
@@ -114,6 +131,7 @@ def kobuki_driver(
     command_timeout_s: float = 0.25,
     linear_scale: float = 1.0,
     angular_scale: float = 1.0,
+    on_command: Callable[[bool], None] = lambda turning: None,
 ) -> BaseDriver:
     """A driver for the Kobuki at a serial port such as /dev/kobuki; call ``start`` on it."""
     return BaseDriver(
@@ -123,4 +141,5 @@ def kobuki_driver(
         on_reading,
         on_link,
         command_timeout_s,
+        on_command,
     )

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry as OdometryMsg
-from sensor_msgs.msg import BatteryState, JointState
+from sensor_msgs.msg import BatteryState, Imu, JointState, PointCloud2, PointField
 
-from vsx_hw.readings import BatteryReading, OdometryReading
+from vsx_hw.readings import BatteryReading, GyroReading, Hazard, OdometryReading
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Odometry
 from vsx_ros.ros import convert, topics
@@ -17,6 +18,8 @@ from vsx_ros.ros import convert, topics
 _POSITION_M2, _HEADING_RAD2, _UNKNOWN = 0.1, 0.05, 1e10
 _DISTRUST = 100.0
 _WHEEL_RADIUS_M = 0.035
+_GYRO_FRAME = "gyro_link"
+_RIM_M, _FAR_M, _SIDE_RAD, _BUMPER_HEIGHT_M = 0.25, 100.0, 0.349, 0.04
 _JOINTS = ["wheel_left_joint", "wheel_right_joint"]
 
 
@@ -59,4 +62,33 @@ def battery(reading: BatteryReading, stamp_ns: int) -> BatteryState:
         msg.power_supply_status = BatteryState.POWER_SUPPLY_STATUS_CHARGING
     else:
         msg.power_supply_status = BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
+    return msg
+
+
+def imu(reading: GyroReading, stamp_ns: int) -> Imu:
+    """Heading and rate of the base's gyro; the axes that it does not have are marked unknown."""
+    msg = Imu(header=convert.header(_GYRO_FRAME, stamp_ns))
+    msg.orientation.z, msg.orientation.w = math.sin(0.5 * reading.heading_rad), math.cos(0.5 * reading.heading_rad)
+    msg.angular_velocity.z = reading.rate_rad_s
+    msg.orientation_covariance = [_UNKNOWN, 0.0, 0.0, 0.0, _UNKNOWN, 0.0, 0.0, 0.0, _HEADING_RAD2]
+    msg.angular_velocity_covariance = [_UNKNOWN, 0.0, 0.0, 0.0, _UNKNOWN, 0.0, 0.0, 0.0, _HEADING_RAD2]
+    msg.linear_acceleration_covariance = [-1.0] + [0.0] * 8
+    return msg
+
+
+def bumper_cloud(hazards: Hazard, stamp_ns: int) -> PointCloud2:
+    """Three points for a costmap, left, centre, right: on the rim where a bumper or cliff sensor fires, else far away,
+    so that an obstacle layer clears what was there (the convention of kobuki_bumper2pc)."""
+    points = []
+    for angle, sides in (
+        (_SIDE_RAD, Hazard.BUMPER_LEFT | Hazard.CLIFF_LEFT),
+        (0.0, Hazard.BUMPER_CENTER | Hazard.CLIFF_CENTER),
+        (-_SIDE_RAD, Hazard.BUMPER_RIGHT | Hazard.CLIFF_RIGHT),
+    ):
+        radius = _RIM_M if hazards & sides else _FAR_M
+        points.append((radius * math.cos(angle), radius * math.sin(angle), _BUMPER_HEIGHT_M))
+    msg = PointCloud2(header=convert.header(topics.BODY_FRAME, stamp_ns), height=1, width=len(points))
+    msg.fields = [PointField(name, 4 * k, PointField.FLOAT32, 1) for k, name in enumerate("xyz")]
+    msg.point_step, msg.row_step, msg.is_dense = 12, 12 * len(points), True
+    msg.data = np.array(points, "<f4").tobytes()
     return msg

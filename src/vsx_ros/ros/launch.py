@@ -42,7 +42,7 @@ def bringup(
 ) -> list[LaunchNode]:
     """The robot itself: base and camera. info: URL or path of the camera's calibration."""
     return [
-        LaunchNode("mobile_base", {"robot_type": base, "port": port}),
+        LaunchNode("mobile_base", {"robot_type": base, "port": port}, respawn=True),
         LaunchNode("camera", {"device": camera, "camera_info_url": info}, respawn=True),
     ]
 

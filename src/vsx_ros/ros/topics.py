@@ -104,6 +104,8 @@ PUBLISHED: dict[str, dict[str, str]] = {
         JOINT_STATES: "sensor_msgs/JointState",
         HAZARDS: "std_msgs/UInt8",
         BATTERY: "sensor_msgs/BatteryState",
+        IMU: "sensor_msgs/Imu",
+        BUMPER_CLOUD: "sensor_msgs/PointCloud2",
         MUX_ACTIVE: "std_msgs/String",
     },
     "vslam": {

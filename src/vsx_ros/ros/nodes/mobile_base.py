@@ -1,14 +1,16 @@
 """Node ``mobile_base``: driver, command mux and the last decision before the wheels, in one small process.
 
-A second process stops the wheels when this one is killed (vsx_hw.guardian).
+A second process stops the wheels when this one is killed or hangs (vsx_hw.guardian).
 
 Subscribers: cmd_vel_mux/input/{safety_controller,teleop,navi} (priority in this order; each has its own timeout).
 Publishers: odom (50 Hz), /tf odom -> base_footprint, joint_states, mobile_base/hazards (UInt8, the bits of
-    vsx_hw.readings.Hazard, latched, on change), battery (1 Hz), cmd_vel_mux/active (latched, on change).
-Services: mobile_base/estop (true stops, false allows), mobile_base/reset_odometry.
-Parameters: ~robot_type (kobuki, create, create2), ~port (/dev/kobuki), ~cmd_vel_timeout (s, 0.25: navi and the driver),
-    ~max_vel (m/s, 0.5), ~max_angular_vel (rad/s, 1.5), ~odom_linear_scale_correction (1.0),
-    ~odom_angular_scale_correction (1.0).
+    vsx_hw.readings.Hazard, latched, on change), battery (1 Hz), cmd_vel_mux/active (latched, on change),
+    mobile_base/sensors/imu_data (where the base has a gyro), mobile_base/sensors/bumper_pointcloud (while a bumper is
+    pressed or a cliff seen, and once after).
+Services: mobile_base/estop (true stops, false allows; outlives a restart of the node), mobile_base/reset_odometry.
+Parameters: ~robot_type (kobuki, create, create2; auto finds out which one answers), ~port (/dev/kobuki),
+    ~cmd_vel_timeout (s, 0.25: navi and the driver), ~max_vel (m/s, 0.5), ~max_angular_vel (rad/s, 1.5),
+    ~odom_linear_scale_correction (1.0), ~odom_angular_scale_correction (1.0). ~estopped is the emergency stop as this node remembers it.
 """
 
 from __future__ import annotations
@@ -19,17 +21,19 @@ import time
 import rospy
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry as OdometryMsg
-from sensor_msgs.msg import BatteryState, JointState
+from sensor_msgs.msg import BatteryState, Imu, JointState, PointCloud2
 from std_msgs.msg import String, UInt8
 from std_srvs.srv import SetBool, SetBoolRequest, SetBoolResponse, Trigger, TriggerRequest, TriggerResponse
 from tf2_msgs.msg import TFMessage
 
 from vsx_hw.base_driver import BaseDriver
+from vsx_hw.detect import detect_base
+from vsx_hw.errors import DeviceError
 from vsx_hw.readings import BaseReading, Hazard
 from vsx_hw.safety import SOURCES, Decision, SpeedLimits, Supervisor
 from vsx_ros.config import Config
 from vsx_ros.ros import base_messages, process, topics
-from vsx_ros.ros.base_drivers import base_driver, base_guardian
+from vsx_ros.ros.base_drivers import BaseSettings, base_driver, base_guardian
 
 _INPUTS = {
     "safety_controller": topics.COMMAND_SAFETY,
@@ -52,23 +56,23 @@ class MobileBaseNode:
         self._lock = threading.Lock()
         self._latest: tuple[BaseReading, Decision] | None = None
         self._hazards = Hazard.NONE
+        self._supervisor.emergency_stop(bool(rospy.get_param("~estopped", False)))
         self._advertise()
-        robot_type, port = str(rospy.get_param("~robot_type", "kobuki")), str(rospy.get_param("~port", "/dev/kobuki"))
-        self._driver: BaseDriver = base_driver(
-            robot_type,
+        port = str(rospy.get_param("~port", "/dev/kobuki"))
+        settings = BaseSettings(
+            _robot_type(port),
             port,
-            self._on_reading,
-            self._on_link,
             timeout_s,
             float(rospy.get_param("~odom_linear_scale_correction", 1.0)),
             float(rospy.get_param("~odom_angular_scale_correction", 1.0)),
         )
+        self._guardian = base_guardian(settings.robot_type, port)
+        self._driver: BaseDriver = base_driver(settings, self._on_reading, self._on_link, self._guardian.beat)
         self._diagnostics = process.Diagnostics(self._driver.status().device)
         for source, topic in _INPUTS.items():
             rospy.Subscriber(topic, Twist, self._on_command, source, queue_size=1, tcp_nodelay=True)
         rospy.Service(topics.ESTOP, SetBool, self._on_estop)
         rospy.Service(topics.RESET_ODOMETRY, Trigger, self._on_reset_odometry)
-        self._guardian = base_guardian(robot_type, port)
         self._driver.start()
         process.every(1.0, "health", self._report)
 
@@ -78,6 +82,8 @@ class MobileBaseNode:
         self._joints_pub = rospy.Publisher(topics.JOINT_STATES, JointState, queue_size=5)
         self._hazards_pub = rospy.Publisher(topics.HAZARDS, UInt8, queue_size=5, latch=True, tcp_nodelay=True)
         self._battery_pub = rospy.Publisher(topics.BATTERY, BatteryState, queue_size=1)
+        self._imu_pub = rospy.Publisher(topics.IMU, Imu, queue_size=50, tcp_nodelay=True)
+        self._bumper_pub = rospy.Publisher(topics.BUMPER_CLOUD, PointCloud2, queue_size=5, tcp_nodelay=True)
         self._active_pub = rospy.Publisher(topics.MUX_ACTIVE, String, queue_size=5, latch=True)
         self._hazards_pub.publish(UInt8(0))
         self._active = ""
@@ -96,10 +102,15 @@ class MobileBaseNode:
         with self._lock:
             decision = self._supervisor.decide(now_ns, reading.hazards)
             self._supervisor.observe(odometry.v_m_s, odometry.omega_rad_s, decision, now_ns)
-        self._driver.drive(decision.v_m_s, decision.omega_rad_s)
+        self._driver.drive(decision.v_m_s, decision.omega_rad_s, decision.until_ns)
         self._odom_pub.publish(base_messages.odometry(odometry))
         self._tf_pub.publish(TFMessage([base_messages.odom_transform(odometry)]))
         self._joints_pub.publish(base_messages.joint_states(odometry))
+        if reading.gyro is not None:
+            self._imu_pub.publish(base_messages.imu(reading.gyro, reading.stamp_ns))
+        touches = Hazard.BUMPER | Hazard.CLIFF
+        if reading.hazards & touches or self._hazards & touches:
+            self._bumper_pub.publish(base_messages.bumper_cloud(reading.hazards, reading.stamp_ns))
         if reading.hazards != self._hazards:
             self._hazards = reading.hazards
             self._hazards_pub.publish(UInt8(int(reading.hazards)))
@@ -116,6 +127,7 @@ class MobileBaseNode:
     def _on_estop(self, request: SetBoolRequest) -> SetBoolResponse:
         with self._lock:
             self._supervisor.emergency_stop(bool(request.data))
+        rospy.set_param("~estopped", bool(request.data))
         rospy.logwarn("emergency stop %s", "set" if request.data else "cleared")
         return SetBoolResponse(True, "stopped" if request.data else "free to drive")
 
@@ -151,6 +163,19 @@ class MobileBaseNode:
         """Stop the wheels and leave the base safe."""
         self._driver.close()
         self._guardian.release()
+
+
+def _robot_type(port: str) -> str:
+    """~robot_type; with auto the node waits until a base answers."""
+    robot_type = str(rospy.get_param("~robot_type", "kobuki"))
+    while robot_type == "auto" and not rospy.is_shutdown():
+        try:
+            robot_type = detect_base(port)
+            rospy.loginfo("%s: found a %s", port, robot_type)
+        except DeviceError as error:
+            rospy.logwarn_throttle(10.0, "%s", error)
+            time.sleep(1.0)
+    return robot_type
 
 
 def main() -> None:

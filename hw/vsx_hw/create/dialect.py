@@ -1,0 +1,97 @@
+"""What the Create 1 and the Create 2 share: modes, hazards, battery, the way to stop."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from vsx_hw.create.protocol import CREATE_1, CREATE_2, Mode, Model, Opcode, encode_drive_direct, mode_of
+from vsx_hw.readings import BaseReading, BatteryReading, GyroReading, Hazard, OdometryReading
+
+SAFETY_PACKETS = [7, 9, 10, 11, 12, 18, 35]
+BATTERY_PACKETS = [21, 22, 25, 26]
+
+CYCLES_TO_RETRY_MODE = 25
+
+
+class CreateDialect:
+    """See ``vsx_hw.base_driver.Dialect``.
+
+    The robots are driven in Safe mode: at a cliff or a raised wheel they stop by themselves and fall to Passive. They
+    are put back to Safe when the cause is gone, or for reversing from a cliff, and a command to move arrives.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self._model = model
+        self._mode = Mode.UNKNOWN
+        self._hazards = Hazard.NONE
+        self._cycles_out_of_safe = 0
+        self.driving = False
+
+    def wheel_command(self, v_m_s: float, omega_rad_s: float) -> bytes:
+        """Drive, or go back to Safe first."""
+        self.driving = v_m_s != 0.0 or omega_rad_s != 0.0
+        if self._mode in (Mode.SAFE, Mode.FULL, Mode.UNKNOWN):
+            self._cycles_out_of_safe = 0
+            half = 500.0 * self._model.wheel_base_m * omega_rad_s
+            return encode_drive_direct(1000.0 * v_m_s - half, 1000.0 * v_m_s + half)
+        self._cycles_out_of_safe += 1
+        cause = self._hazards & (Hazard.WHEEL_DROP if v_m_s < 0.0 else Hazard.WHEEL_DROP | Hazard.CLIFF)
+        if self.driving and not cause and self._cycles_out_of_safe % CYCLES_TO_RETRY_MODE == 1:
+            return bytes((Opcode.SAFE,))
+        return b""
+
+    def halt(self) -> bytes:
+        """See Dialect."""
+        return encode_drive_direct(0.0, 0.0)
+
+    def farewell(self) -> bytes:
+        """Wheels still, then Passive: in Safe a robot does not charge and drains its battery. Create 2 sleeps."""
+        end = bytes((Opcode.STOP,)) if self._model is CREATE_2 else b""
+        return self.halt() + bytes((Opcode.START,)) + end
+
+    def base_reading(
+        self, values: Mapping[int, int], odometry: OdometryReading, gyro: GyroReading | None = None
+    ) -> BaseReading:
+        """The reading of SAFETY_PACKETS and BATTERY_PACKETS."""
+        self._mode = mode_of(values[35])
+        self._hazards = hazards_of(values)
+        return BaseReading(
+            odometry.stamp_ns, odometry, self._hazards, battery_of(values), values[18], self._mode.name.lower(), gyro
+        )
+
+    def silence(self) -> str:
+        """See Dialect."""
+        return (
+            f"switch the robot on and check ~robot_type: {CREATE_1.name} speaks at {CREATE_1.baud} baud, "
+            f"{CREATE_2.name} and kobuki at {CREATE_2.baud}; this driver listens at {self._model.baud}; "
+            "'auto' finds out"
+        )
+
+
+def is_plausible(values: Mapping[int, int]) -> bool:
+    """Whether a robot can have sent SAFETY_PACKETS and BATTERY_PACKETS like these. An answer to a query has neither
+    frame nor checksum, so this is all that tells it from bytes that slipped."""
+    flags = values[7] <= 31 and max(values[p] for p in (9, 10, 11, 12)) <= 1
+    return flags and values[21] <= 6 and 5_000 <= values[22] <= 25_000 and values[26] <= 10_000
+
+
+def hazards_of(values: Mapping[int, int]) -> Hazard:
+    """Packets 7 (bit 0 right, 1 left bump; 2 right, 3 left, 4 caster drop) and 9-12 (cliffs from left to right)."""
+    bumps = values[7]
+    hazards = Hazard.NONE
+    for bit, hazard in ((1, Hazard.BUMPER_RIGHT), (2, Hazard.BUMPER_LEFT)):
+        hazards |= hazard if bumps & bit else Hazard.NONE
+    for bit, hazard in ((4, Hazard.WHEEL_DROP_RIGHT), (8, Hazard.WHEEL_DROP_LEFT), (16, Hazard.WHEEL_DROP)):
+        hazards |= hazard if bumps & bit else Hazard.NONE
+    sides = ((9, Hazard.CLIFF_LEFT), (10, Hazard.CLIFF_CENTER), (11, Hazard.CLIFF_CENTER), (12, Hazard.CLIFF_RIGHT))
+    for packet, hazard in sides:
+        hazards |= hazard if values[packet] else Hazard.NONE
+    return hazards
+
+
+def battery_of(values: Mapping[int, int]) -> BatteryReading:
+    """Packets 21 (charging state), 22 (mV), 25 and 26 (charge and capacity)."""
+    fraction = min(1.0, values[25] / values[26]) if values[26] else 0.0
+    charging = values[21] in (1, 2, 3)
+    state = "charging" if charging else "critical" if fraction < 0.1 else "low" if fraction < 0.2 else "healthy"
+    return BatteryReading(values[22] / 1000.0, fraction, charging, state)
