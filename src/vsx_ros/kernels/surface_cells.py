@@ -1,0 +1,224 @@
+"""Whether small squares of a plane look the same from several keyframes (paper 5.1; Argiles, Civera, Montesano, IROS
+2011), and what else keyframes say about them: rays that pass through.
+
+Images are the rows of a store (S, B) uint8: undistorted, LEVELS levels, each half as large as the one before; table
+(LEVELS, 3): offset, height, width. K (4,): fx, fy, cx, cy [px] of level 0 of the store. Cameras: R (K, 3, 3), t (K, 3) =
+T_cam_world, centres (K, 3) world [m], slots (K,): their rows of the store. Frame (3, 3) of a plane: right, up, normal
+(towards its observers), world.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from vsx_ros.kernels import kernel
+
+LEVELS = 4
+SIDE = 8
+"""Samples a side of the square that is compared."""
+VIEWS = 6
+RIVALS = 4
+
+
+@kernel
+def _sample_patch(
+    pixels: Any, table: Any, K: Any, R: Any, t: Any, frame: Any, x: float, y: float, z: float, half: float, out: Any
+) -> bool:
+    """Fill out (SIDE * SIDE,) with the grey values of a square centred at (x, y, z) [m], ``half`` [m] from its middle
+    to its outer samples; False where any lies outside the image or behind the camera."""
+    px = R[0, 0] * x + R[0, 1] * y + R[0, 2] * z + t[0]
+    py = R[1, 0] * x + R[1, 1] * y + R[1, 2] * z + t[1]
+    pz = R[2, 0] * x + R[2, 1] * y + R[2, 2] * z + t[2]
+    if pz < 0.1:
+        return False
+    rx = R[0, 0] * frame[0, 0] + R[0, 1] * frame[0, 1] + R[0, 2] * frame[0, 2]
+    ry = R[1, 0] * frame[0, 0] + R[1, 1] * frame[0, 1] + R[1, 2] * frame[0, 2]
+    rz = R[2, 0] * frame[0, 0] + R[2, 1] * frame[0, 1] + R[2, 2] * frame[0, 2]
+    ux = R[0, 0] * frame[1, 0] + R[0, 1] * frame[1, 1] + R[0, 2] * frame[1, 2]
+    uy = R[1, 0] * frame[1, 0] + R[1, 1] * frame[1, 1] + R[1, 2] * frame[1, 2]
+    uz = R[2, 0] * frame[1, 0] + R[2, 1] * frame[1, 1] + R[2, 2] * frame[1, 2]
+    step = 2.0 * half / (SIDE - 1)
+    spacing = K[0] * step / pz
+    level = 0
+    while level < LEVELS - 1 and spacing > 1.5:
+        spacing *= 0.5
+        level += 1
+    offset, height, width = table[level, 0], table[level, 1], table[level, 2]
+    shrink = 1.0 / (1 << level)
+    for i in range(SIDE):
+        b = half - i * step
+        for j in range(SIDE):
+            a = j * step - half
+            qz = pz + a * rz + b * uz
+            if qz < 0.05:
+                return False
+            u = ((px + a * rx + b * ux) / qz * K[0] + K[2] + 0.5) * shrink - 0.5
+            v = ((py + a * ry + b * uy) / qz * K[1] + K[3] + 0.5) * shrink - 0.5
+            if not (0.0 <= u < width - 1 and 0.0 <= v < height - 1):
+                return False
+            c, r = int(u), int(v)
+            fu, fv = u - c, v - r
+            at = offset + r * width + c
+            top = pixels[at] * (1.0 - fu) + pixels[at + 1] * fu
+            bottom = pixels[at + width] * (1.0 - fu) + pixels[at + width + 1] * fu
+            out[i * SIDE + j] = top * (1.0 - fv) + bottom * fv
+    return True
+
+
+@kernel
+def _standardise(patch: Any) -> float:
+    """Make the patch zero mean and unit norm in place; its standard deviation [grey levels]."""
+    n = patch.shape[0]
+    mean = 0.0
+    for i in range(n):
+        mean += patch[i]
+    mean /= n
+    squares = 0.0
+    for i in range(n):
+        patch[i] -= mean
+        squares += patch[i] * patch[i]
+    scale = 1.0 / math.sqrt(squares + 1e-9)
+    for i in range(n):
+        patch[i] *= scale
+    return math.sqrt(squares / n)
+
+
+@kernel
+def _second_best(values: Any, n: int) -> float:
+    best = second = -1.0
+    for i in range(n):
+        if values[i] > best:
+            best, second = values[i], best
+        elif values[i] > second:
+            second = values[i]
+    return second
+
+
+@kernel
+def choose_views(
+    table: Any, K: Any, R: Any, t: Any, centres: Any, frame: Any, x: float, y: float, z: float, half: float,
+    limits: Any, worth: Any, views: Any,
+) -> int:  # fmt: skip
+    """The keyframes to compare a cell in: views[0] is the reference, the nearest and most frontal; the others, up to
+    VIEWS, are the next best with enough parallax to it and to each other. worth (K,): filled here. limits: nearest, farthest [m], least cosine of incidence, cosines of least and
+    largest parallax and of the least between two views. How many, reference included; 0 without any.
+    """
+    nearest, farthest, grazing, least, largest, apart, enough = limits
+    n = centres.shape[0]
+    best, chosen = 0.0, -1
+    for k in range(n):
+        worth[k] = 0.0
+        dx, dy, dz = centres[k, 0] - x, centres[k, 1] - y, centres[k, 2] - z
+        distance = math.sqrt(dx * dx + dy * dy + dz * dz)
+        if not nearest <= distance <= farthest:
+            continue
+        cosine = (dx * frame[2, 0] + dy * frame[2, 1] + dz * frame[2, 2]) / distance
+        if cosine < grazing:
+            continue
+        depth = -(R[k, 2, 0] * dx + R[k, 2, 1] * dy + R[k, 2, 2] * dz)
+        if depth < 0.5 * distance:
+            continue
+        margin = 1.5 * half * K[0] / depth
+        u = K[2] - K[0] * (R[k, 0, 0] * dx + R[k, 0, 1] * dy + R[k, 0, 2] * dz) / depth
+        v = K[3] - K[1] * (R[k, 1, 0] * dx + R[k, 1, 1] * dy + R[k, 1, 2] * dz) / depth
+        if not (margin <= u < table[0, 2] - margin and margin <= v < table[0, 1] - margin):
+            continue
+        worth[k] = cosine / distance
+        if worth[k] > best:
+            best, chosen = worth[k], k
+    if chosen < 0:
+        return 0
+    views[0] = chosen
+    for k in range(n):
+        if worth[k] > 0.0:
+            cosine = _cosine_between(centres, k, chosen, x, y, z)
+            worth[k] *= min(1.0, (1.0 - cosine) / enough) if largest <= cosine <= least else 0.0
+    count = 1
+    while count <= VIEWS:
+        best, chosen = 0.0, -1
+        for k in range(n):
+            if worth[k] > best:
+                best, chosen = worth[k], k
+        if chosen < 0:
+            break
+        views[count] = chosen
+        count += 1
+        for k in range(n):
+            if worth[k] > 0.0 and _cosine_between(centres, k, chosen, x, y, z) > apart:
+                worth[k] = 0.0
+    return count
+
+
+@kernel
+def _cosine_between(centres: Any, k: int, m: int, x: float, y: float, z: float) -> float:
+    ax, ay, az = centres[k, 0] - x, centres[k, 1] - y, centres[k, 2] - z
+    bx, by, bz = centres[m, 0] - x, centres[m, 1] - y, centres[m, 2] - z
+    norm = math.sqrt((ax * ax + ay * ay + az * az) * (bx * bx + by * by + bz * bz))
+    cosine: float = (ax * bx + ay * by + az * bz) / norm
+    return cosine
+
+
+@kernel
+def judge_cells(
+    store: Any,
+    table: Any,
+    K: Any,
+    R: Any,
+    t: Any,
+    centres: Any,
+    slots: Any,
+    frame: Any,
+    cells: Any,
+    half: float,
+    limits: Any,
+    depths: Any,
+) -> tuple[Any, Any, Any, Any, Any]:
+    """How cells (N, 3) look in the keyframes; limits: see choose_views.
+
+    depths (RIVALS,): relative depths, in the reference, of the places a cell is compared with.
+    Returns texture (N,) [grey levels], score (N,) and rival (N,): second best ZNCC over the views at the cell and at the
+    best of the rival depths, -1 where fewer than two views see it; views (N,): how many, reference left out; reference
+    (N,): keyframe, -1 without.
+    """
+    n = cells.shape[0]
+    texture, score, rival = np.zeros(n), np.full(n, -1.0), np.full(n, -1.0)
+    counts, reference = np.zeros(n, np.int64), np.full(n, -1, np.int64)
+    views = np.zeros(VIEWS + 1, np.int64)
+    look, other = np.zeros(SIDE * SIDE), np.zeros(SIDE * SIDE)
+    alike = np.zeros(VIEWS)
+    worth = np.zeros(centres.shape[0])
+    for i in range(n):
+        x, y, z = cells[i, 0], cells[i, 1], cells[i, 2]
+        count = choose_views(table, K, R, t, centres, frame, x, y, z, half, limits, worth, views)
+        if count == 0:
+            continue
+        k = views[0]
+        if not _sample_patch(store[slots[k]], table, K, R[k], t[k], frame, x, y, z, half, look):
+            continue
+        reference[i] = k
+        texture[i] = _standardise(look)
+        for d in range(-1, RIVALS):
+            depth = 1.0 if d < 0 else depths[d]
+            cx = centres[k, 0] + depth * (x - centres[k, 0])
+            cy = centres[k, 1] + depth * (y - centres[k, 1])
+            cz = centres[k, 2] + depth * (z - centres[k, 2])
+            seen = 0
+            for m in range(1, count):
+                o = views[m]
+                if not _sample_patch(store[slots[o]], table, K, R[o], t[o], frame, cx, cy, cz, depth * half, other):
+                    continue
+                _standardise(other)
+                dot = 0.0
+                for s in range(SIDE * SIDE):
+                    dot += look[s] * other[s]
+                alike[seen] = dot
+                seen += 1
+            if d < 0:
+                counts[i] = seen
+                score[i] = _second_best(alike, seen)
+            else:
+                rival[i] = max(rival[i], _second_best(alike, seen))
+    return texture, score, rival, counts, reference
