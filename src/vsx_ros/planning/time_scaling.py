@@ -11,148 +11,26 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import ruckig
 
 from vsx_ros.arrays import FloatArray
 from vsx_ros.config import LimitsConfig
 from vsx_ros.errors import PlanningError
 from vsx_ros.planning.path import Path, Trajectory
 from vsx_ros.planning.pieces import Piece
+from vsx_ros.planning.speed_profile import NOWHERE, Geometry, Profile, cut_speeds, excess, segment_limits
 
 SAMPLE_S = 0.02
-_CHECK_S = 0.002
 _SEGMENT_M = (0.07, 0.12, 0.3)
 _SLOPE_SHARE = (0.8,)
 _MARGIN = 1e-3
-_NOWHERE = np.zeros((0, 2))
 
 
-class _Geometry:
-    """Curvature over the arc length of one stretch."""
-
-    def __init__(self, pieces: list[Piece], slow: FloatArray = _NOWHERE, slow_v_m_s: float = math.inf) -> None:
-        self.slow, self.slow_v_m_s = slow, slow_v_m_s
-        offsets = np.cumsum([0.0] + [piece.length_m for piece in pieces])
-        self.pieces, self.offsets, self.direction = pieces, offsets, pieces[0].direction
-        s = np.concatenate([piece.table[:, 0] + offset for piece, offset in zip(pieces, offsets)])
-        kappa = np.concatenate([piece.table[:, 4] for piece in pieces])
-        keep = np.concatenate([[True], np.diff(s) > 1e-9])
-        self.s, self.kappa = s[keep], kappa[keep]
-        if len(self.s) == 1:
-            self.s, self.kappa = np.array([0.0, float(offsets[-1])]), np.repeat(self.kappa, 2)
-        self.slope = np.diff(self.kappa) / np.diff(self.s)
-        self.length = float(offsets[-1])
-
-    def at(self, s: FloatArray) -> FloatArray:
-        """(N, 5) of ``Piece.at`` over the whole stretch."""
-        out = np.empty((len(s), 5))
-        index = np.clip(np.searchsorted(self.offsets, s, side="right") - 1, 0, len(self.pieces) - 1)
-        for k, piece in enumerate(self.pieces):
-            mask = index == k
-            if np.any(mask):
-                out[mask] = piece.at(s[mask] - self.offsets[k])
-        return out
-
-
-def _segment_limits(
-    g: _Geometry, cuts: FloatArray, limits: LimitsConfig, share: float
-) -> tuple[FloatArray, FloatArray]:
-    """(n,) speed and (n,) acceleration allowed in each segment so that omega and alpha hold whatever the move."""
-    middle = 0.5 * (g.s[1:] + g.s[:-1])
-    # The square of the speed that rest allows at a distance: by the acceleration, and nearer by the jerk.
-    off = np.minimum(g.s[1:], g.length - g.s[:-1])
-    from_rest = np.minimum(2.0 * limits.a_m_s2 * off, (4.5 * limits.jerk_m_s3 * off**2) ** (2.0 / 3.0))
-    v_all, a_all = np.empty(len(cuts) - 1), np.empty(len(cuts) - 1)
-    for i, (low, high) in enumerate(zip(cuts[:-1], cuts[1:])):
-        first = max(0, int(np.searchsorted(g.s, low, side="right")) - 1)
-        last = min(len(middle), int(np.searchsorted(g.s, high, side="left")))
-        slope = np.abs(g.slope[first:last])
-        kappa = float(np.max(np.abs(g.kappa[first : last + 1])))
-        v = min(limits.v_m_s, limits.omega_rad_s / max(kappa, 1e-9))
-        if np.any((g.slow[:, 0] < high) & (g.slow[:, 1] > low)):
-            v = min(v, g.slow_v_m_s)
-        # Near a stop the curvature may change steeply, but the speed there is bounded by the way from rest.
-        room = from_rest[first:last]
-        steep = slope * np.minimum(v * v, room)
-        if float(steep.max()) > share * limits.alpha_rad_s2:
-            binding = slope * room > share * limits.alpha_rad_s2
-            if np.any(binding):
-                v = min(v, math.sqrt(share * limits.alpha_rad_s2 / float(slope[binding].max())))
-            steep = slope * np.minimum(v * v, room)
-        left = limits.alpha_rad_s2 - float(steep.max())
-        v_all[i] = v
-        a_all[i] = min(limits.a_m_s2, max(left, 0.1 * limits.alpha_rad_s2) / max(kappa, 1e-9))
-    return v_all, a_all
-
-
-def _reach(v: float, length: float, a: float, jerk: float, v_max: float) -> float:
-    """The largest speed to which one can change from v within the length, acceleration zero at both ends."""
-
-    def distance(target: float) -> float:
-        dv = target - v
-        duration = 2.0 * math.sqrt(dv / jerk) if dv * jerk <= a * a else dv / a + a / jerk
-        return 0.5 * (v + target) * duration
-
-    if distance(max(v, v_max)) <= length:
-        return max(v, v_max)
-    low, high = v, v_max
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if distance(middle) <= length else (low, middle)
-    return low
-
-
-def _cut_speeds(lengths: FloatArray, v: FloatArray, a: FloatArray, jerk: float) -> FloatArray:
-    """(n + 1,) speeds at the cuts, zero at both ends, reachable from each other."""
-    n = len(lengths)
-    speeds = np.concatenate([[0.0], np.minimum(v[1:], v[:-1]), [0.0]])
-    for i in range(n):
-        speeds[i + 1] = min(speeds[i + 1], _reach(float(speeds[i]), float(lengths[i]), float(a[i]), jerk, float(v[i])))
-    for i in range(n - 1, -1, -1):
-        speeds[i] = min(speeds[i], _reach(float(speeds[i + 1]), float(lengths[i]), float(a[i]), jerk, float(v[i])))
-    return speeds
-
-
-class _Profile:
-    """Phases of constant jerk: start time, position, speed, acceleration and jerk of each."""
-
-    def __init__(self) -> None:
-        self.rows: list[tuple[float, float, float, float, float]] = []
-        self.duration = 0.0
-
-    def add_move(self, s: float, length: float, ends: tuple[float, float], bounds: tuple[float, float, float]) -> bool:
-        """Append the time-optimal move over a length between two speeds; False where there is none."""
-        query = ruckig.InputParameter(1)
-        query.current_position, query.current_velocity, query.current_acceleration = [0.0], [ends[0]], [0.0]
-        query.target_position, query.target_velocity, query.target_acceleration = [length], [ends[1]], [0.0]
-        query.max_velocity, query.max_acceleration, query.max_jerk = [bounds[0]], [bounds[1]], [bounds[2]]
-        move = ruckig.Trajectory(1)
-        if ruckig.Ruckig(1).calculate(query, move) not in (ruckig.Result.Working, ruckig.Result.Finished):
-            return False
-        profile = move.profiles[0][0]
-        if profile.brake.duration > 0.0 or min(profile.v) < -1e-9:
-            return False
-        for t, p, v, a, j in zip(profile.t, profile.p, profile.v, profile.a, profile.j):
-            if t > 0.0:
-                self.rows.append((self.duration, s + p, v, a, j))
-                self.duration += t
-        return True
-
-    def at(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Position, speed and acceleration at times (N,)."""
-        table = np.array(self.rows)
-        row = table[np.clip(np.searchsorted(table[:, 0], times, side="right") - 1, 0, len(table) - 1)]
-        u = np.clip(times, 0.0, self.duration) - row[:, 0]
-        position = row[:, 1] + u * (row[:, 2] + u * (row[:, 3] / 2.0 + u * row[:, 4] / 6.0))
-        return position, row[:, 2] + u * (row[:, 3] + u * row[:, 4] / 2.0), row[:, 3] + u * row[:, 4]
-
-
-def _profile(g: _Geometry, limits: LimitsConfig, segment_m: float, share: float) -> _Profile | None:
+def _profile(g: Geometry, limits: LimitsConfig, segment_m: float, share: float) -> Profile | None:
     n = max(1, math.ceil(g.length / segment_m))
     cuts = np.linspace(0.0, g.length, n + 1)
-    v, a = _segment_limits(g, cuts, limits, share)
-    speeds = _cut_speeds(np.diff(cuts), v, a, limits.jerk_m_s3)
-    profile = _Profile()
+    v, a = segment_limits(g, cuts, limits, share)
+    speeds = cut_speeds(np.diff(cuts), v, a, limits.jerk_m_s3)
+    profile = Profile()
     for i in range(n):
         ends = float(speeds[i]), float(speeds[i + 1])
         bounds = max(float(v[i]), *ends), float(a[i]), limits.jerk_m_s3
@@ -161,29 +39,14 @@ def _profile(g: _Geometry, limits: LimitsConfig, segment_m: float, share: float)
     return profile
 
 
-def _excess(g: _Geometry, profile: _Profile, limits: LimitsConfig) -> float:
-    """The factor by which time must be stretched so that every limit holds (1 where all do)."""
-    times = np.linspace(0.0, profile.duration, max(3, math.ceil(profile.duration / _CHECK_S)))
-    s, v, a = profile.at(times)
-    omega = np.interp(s, g.s, g.kappa) * v
-    alpha = np.diff(omega) / np.diff(times)
-    return max(
-        1.0,
-        float(np.max(v)) / limits.v_m_s,
-        float(np.max(np.abs(omega))) / limits.omega_rad_s,
-        math.sqrt(float(np.max(np.abs(a))) / limits.a_m_s2),
-        math.sqrt(float(np.max(np.abs(alpha))) / limits.alpha_rad_s2),
-    )
-
-
-def _scale_stretch(g: _Geometry, limits: LimitsConfig) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _scale_stretch(g: Geometry, limits: LimitsConfig) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """times, poses (N, 3), v, omega of one stretch, from rest to rest."""
-    best: tuple[float, float, _Profile] | None = None
+    best: tuple[float, float, Profile] | None = None
     for segment_m in _SEGMENT_M:
         for share in _SLOPE_SHARE:
             profile = _profile(g, limits, segment_m, share)
             if profile is not None:
-                stretch = _excess(g, profile, limits)
+                stretch = excess(g, profile, limits)
                 if best is None or stretch * profile.duration < best[0]:
                     best = stretch * profile.duration, stretch, profile
     if best is None:
@@ -201,7 +64,7 @@ def _scale_stretch(g: _Geometry, limits: LimitsConfig) -> tuple[FloatArray, Floa
 def _scale_turn(piece: Piece, limits: LimitsConfig) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """A turn on the spot, from rest to rest, as smooth in angle as the drive is in length."""
     angle = piece.turn_rad
-    profile = _Profile()
+    profile = Profile()
     jerk = limits.alpha_rad_s2 * limits.jerk_m_s3 / limits.a_m_s2
     if not profile.add_move(0.0, abs(angle), (0.0, 0.0), (limits.omega_rad_s, limits.alpha_rad_s2, jerk)):
         raise PlanningError(f"no speed profile for a turn by {angle:.4f} rad; are the limits {limits} sensible?")
@@ -222,7 +85,7 @@ def time_scale(
     Speed, acceleration, jerk, turn rate and turn acceleration stay within ``limits``, and the speed within slow_v_m_s
     along slow_spans (K, 2), arc lengths from and to [m]. An empty path gives one sample.
     """
-    slow = _NOWHERE if slow_spans is None else slow_spans
+    slow = NOWHERE if slow_spans is None else slow_spans
     driven_m = 0.0
     times, poses, v, omega = [np.zeros(1)], [path.start.as_array()[None]], [np.zeros(1)], [np.zeros(1)]
     now = 0.0
@@ -232,7 +95,7 @@ def time_scale(
                 continue
             part = _scale_turn(run[0], limits)
         else:
-            geometry = _Geometry(run, slow - driven_m, slow_v_m_s)
+            geometry = Geometry(run, slow - driven_m, slow_v_m_s)
             driven_m += geometry.length
             if geometry.length < 1e-9:
                 continue

@@ -1,0 +1,191 @@
+"""Slowing down, holding and resuming on the way: a planned trajectory's remainder in another time, limits kept.
+
+Playing a time-optimal plan slower by a changing factor adds the change of the factor to accelerations and jerks that
+are at their limits already. So the speed is planned anew from the speed and acceleration there are now: a jerk-limited
+change (ruckig) to a speed from which the segments of ``speed_profile`` go on. Every candidate is checked densely.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from vsx_ros.arrays import FloatArray
+from vsx_ros.config import LimitsConfig
+from vsx_ros.planning.path import Trajectory
+from vsx_ros.planning.pieces import Piece
+from vsx_ros.planning.speed_profile import Geometry, Profile, cut_speeds, excess, segment_limits
+
+_SAMPLE_S = 0.02
+_SEGMENTS_M = (0.12, 0.3)
+_ENTRY_SHARES = (1.0, 0.8, 0.6, 0.4, 0.2)
+_BRAKE_SHARES = (1.0, 0.75, 0.5, 0.35)
+_TOLERANCE = 2e-3
+_NOTHING = 1e-9
+
+
+class Timing(NamedTuple):
+    """A trajectory over the way of a planned one. places_s (N,): where its samples are, in the planned one's time."""
+
+    trajectory: Trajectory
+    places_s: FloatArray
+
+
+def as_planned(planned: Trajectory) -> Timing:
+    """The planned trajectory itself."""
+    return Timing(planned, planned.times_s - planned.times_s[0])
+
+
+class _Stretch:
+    """The way between two stops of the planned trajectory, over arc length, or over the angle of a turn on the spot."""
+
+    def __init__(self, planned: Trajectory, place_s: float, limits: LimitsConfig) -> None:
+        times = planned.times_s - planned.times_s[0]
+        stands = np.flatnonzero((planned.v == 0.0) & (planned.omega == 0.0))
+        k = int(np.clip(np.searchsorted(times[stands], place_s, side="right") - 1, 0, max(0, len(stands) - 2)))
+        first, self.last = int(stands[k]), int(stands[min(k + 1, len(stands) - 1)])
+        part = slice(first, self.last + 1)
+        self.times, v, omega = times[part], planned.v[part], planned.omega[part]
+        self.turns = bool(np.all(v == 0.0))
+        self.sign = float(np.sign(np.sum(omega if self.turns else v)))
+        self.speed: FloatArray = np.abs(omega if self.turns else v)
+        self.limits = limits
+        half = 0.5 * np.diff(planned.poses[part, 2])
+        step = 2.0 * np.abs(half)
+        kappa = np.zeros(len(v))
+        if self.turns:
+            a, alpha = limits.a_m_s2, limits.alpha_rad_s2
+            self.limits = LimitsConfig(v_m_s=limits.omega_rad_s, a_m_s2=alpha, jerk_m_s3=alpha * limits.jerk_m_s3 / a)
+        else:
+            # From chord to arc.
+            step = np.hypot(*np.diff(planned.poses[part, :2], axis=0).T) / np.sinc(half / math.pi)
+            inner = slice(1, -1)
+            kappa[inner] = omega[inner] / self.speed[inner]
+            kappa[0], kappa[-1] = kappa[1 % len(v)], kappa[-2 % len(v)]
+        self.s: FloatArray = np.concatenate([[0.0], np.cumsum(step)])
+        table = np.column_stack([self.s, planned.poses[part], kappa])
+        self.geometry = Geometry([Piece(int(self.sign), table, math.inf)])
+
+    def envelope(self, cuts: FloatArray, factor: float) -> FloatArray:
+        """(n,) the planned speed's maximum over each segment, times the factor."""
+        inside = [self.speed[(self.s > low) & (self.s < high)].max(initial=0.0) for low, high in zip(cuts, cuts[1:])]
+        at_cuts = np.interp(cuts, self.s, self.speed)
+        most: FloatArray = np.maximum(np.array(inside), np.maximum(at_cuts[1:], at_cuts[:-1]))
+        return factor * most
+
+    def onward(self, s: float, entry: float, factor: float, segment_m: float, profile: Profile) -> bool:
+        """Append the way from s to the end of the stretch, entered at a speed; whether there is one."""
+        g, jerk = self.geometry, self.limits.jerk_m_s3
+        if g.length - s < _NOTHING:
+            return entry < _NOTHING
+        cuts = np.linspace(s, g.length, max(1, math.ceil((g.length - s) / segment_m)) + 1)
+        v, a = segment_limits(g, cuts, self.limits, 0.8)
+        v = np.minimum(v, self.envelope(cuts, factor))
+        speeds = cut_speeds(np.diff(cuts), v, a, jerk, entry)
+        if speeds[0] < entry - _NOTHING:
+            return False
+        for i in range(len(v)):
+            ends, bounds = (float(speeds[i]), float(speeds[i + 1])), (max(float(v[i]), entry), float(a[i]), jerk)
+            if not profile.add_move(float(cuts[i]), float(cuts[i + 1] - cuts[i]), ends, bounds):
+                return False
+        return True
+
+    def profile(self, s: float, u: float, a: float, factor: float) -> tuple[Profile, float] | None:
+        """The fastest profile found from a place, speed and acceleration, and by how much it must be stretched."""
+        best: tuple[Profile, float] | None = None
+        free = factor * float(np.interp(s, self.s, self.speed))
+        entry = min(max(u + a * abs(a) / (2.0 * self.limits.jerk_m_s3), 0.0), free)
+        rests = u < _NOTHING
+        entries = [share * entry for share in _ENTRY_SHARES] if factor > 0.0 and not rests else [0.0]
+        for entry in entries:
+            for share in _BRAKE_SHARES:
+                for segment_m in _SEGMENTS_M:
+                    profile = Profile()
+                    if not rests and not profile.add_change(s, (u, a), entry, share * self.limits.a_m_s2, self.limits):
+                        continue
+                    reached = profile.end if profile.rows else s
+                    if reached > self.geometry.length + _NOTHING:
+                        continue
+                    if factor > 0.0 and not self.onward(reached, entry, factor, segment_m, profile):
+                        continue
+                    if not profile.rows:
+                        continue
+                    stretch = excess(self.geometry, profile, self.limits)
+                    if stretch > 1.0 + _TOLERANCE and not rests:
+                        continue
+                    if best is None or stretch * profile.duration < best[1] * best[0].duration:
+                        best = profile, stretch
+                if best is not None:
+                    return best
+        return best
+
+
+def retime(planned: Trajectory, current: Timing, t_s: float, factor: float, limits: LimitsConfig) -> Timing | None:
+    """What follows the instant t_s of ``current``: the rest of the way at ``factor`` times the planned speeds.
+
+    It begins with the speed and acceleration of the instant; factor 0 ends at rest as soon as may be, on the way. None
+    where no such change keeps the limits just now: the current timing does, so go on with it and ask again.
+    """
+    t = float(np.clip(t_s, 0.0, current.trajectory.duration_s))
+    times = current.trajectory.times_s - current.trajectory.times_s[0]
+    place = float(np.interp(t, times, current.places_s))
+    if len(planned.times_s) < 2 or place >= planned.duration_s:
+        return Timing(_standing(planned, place), np.array([place]))
+    stretch = _Stretch(planned, place, limits)
+    u, a = _speed_and_acceleration(current.trajectory, times, t, stretch.turns)
+    a = min(max(a, -stretch.limits.a_m_s2), stretch.limits.a_m_s2)
+    if u < _NOTHING and factor == 0.0:
+        return Timing(_standing(planned, place), np.array([place]))
+    s = float(np.interp(place, stretch.times, stretch.s))
+    found = stretch.profile(s, u, a, factor)
+    return None if found is None else _sampled(planned, stretch, *found, factor)
+
+
+def _speed_and_acceleration(trajectory: Trajectory, times: FloatArray, t: float, turns: bool) -> tuple[float, float]:
+    """|speed| at an instant and its change: the slopes of the samples, interpolated between the intervals' middles."""
+    speed = np.abs(trajectory.omega if turns else trajectory.v)
+    steps = np.diff(times)
+    keep = steps > 0.0
+    if not np.any(keep) or t >= times[-1]:
+        return float(speed[-1]) if t >= times[-1] else 0.0, 0.0
+    middles = 0.5 * (times[1:] + times[:-1])[keep]
+    slopes = (np.diff(speed)[keep]) / steps[keep]
+    u = float(np.interp(t, times, speed))
+    return u, float(np.interp(t, middles, slopes)) if u > 0.0 else 0.0
+
+
+def _standing(planned: Trajectory, place: float) -> Trajectory:
+    pose = planned.at(place)[0]
+    return Trajectory(np.zeros(1), pose.as_array()[None], np.zeros(1), np.zeros(1))
+
+
+def _sampled(planned: Trajectory, stretch: _Stretch, profile: Profile, slowed: float, factor: float) -> Timing:
+    """The profile as samples, and behind it the stretches to come, slower by the factor."""
+    n = max(2, math.ceil(profile.duration * slowed / _SAMPLE_S) + 1)
+    times = np.linspace(0.0, profile.duration, n)
+    s, speed, _ = profile.at(times)
+    speed = np.maximum(speed, 0.0) / slowed
+    speed[-1] = 0.0
+    places = np.interp(s, stretch.s, stretch.times)
+    own = planned.times_s - planned.times_s[0]
+    poses = np.column_stack([np.interp(places, own, column) for column in planned.poses.T])
+    turn_rate = (
+        speed * stretch.sign if stretch.turns else speed * np.interp(s, stretch.geometry.s, stretch.geometry.kappa)
+    )
+    v = np.zeros(n) if stretch.turns else stretch.sign * speed
+    times = times * slowed
+    if factor == 0.0:
+        return Timing(Trajectory(times, poses, v, turn_rate), places)
+    later = slice(stretch.last + 1, None)
+    after = times[-1] + (own[later] - own[stretch.last]) / factor
+    return Timing(
+        Trajectory(
+            np.concatenate([times, after]),
+            np.concatenate([poses, planned.poses[later]]),
+            np.concatenate([v, factor * planned.v[later]]),
+            np.concatenate([turn_rate, factor * planned.omega[later]]),
+        ),
+        np.concatenate([places, own[later]]),
+    )
