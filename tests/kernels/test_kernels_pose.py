@@ -24,14 +24,18 @@ def test_exponential_is_se3s():
         assert np.allclose(t, SE3.exp(xi).translation, atol=1e-12)
 
 
-def test_jacobian_is_the_finite_difference():
+def test_observation_adds_the_finite_differences():
     point, h = np.array([[0.3, -0.2, 2.0]]), 1e-6
     J = np.empty((2, 6))
-    pose.point_jacobian(K, *point[0], J)
     for k in range(6):
         step = np.eye(6)[k] * h
-        slope = (pixels(SE3.exp(step), point) - pixels(SE3.exp(-step), point))[0] / (2 * h)
-        assert slope == pytest.approx(J[:, k], rel=1e-6, abs=1e-5)
+        J[:, k] = (pixels(SE3.exp(step), point) - pixels(SE3.exp(-step), point))[0] / (2 * h)
+    H, g, w = np.ones((6, 6)), np.ones(6), np.array([0.7, -0.4])
+    x, y, z = point[0]
+    pose.add_observation(K, x / z, y / z, 1 / z, *w, 3.0, H, g)
+    upper = np.triu_indices(6)
+    assert H[upper] - 1.0 == pytest.approx((3.0 * J.T @ J)[upper], rel=1e-6, abs=1e-2)
+    assert g - 1.0 == pytest.approx(J.T @ w, rel=1e-6, abs=1e-3)
 
 
 def test_factorisation_solves_and_refuses():

@@ -9,6 +9,10 @@ from typing import Any, TypeVar
 
 import numba
 
+# Numba leaves LLVM's vectoriser of straight-line code off by default; it makes 6 x 6 blocks twice as fast and, without
+# fastmath, changes no bit.
+numba.config.SLP_VECTORIZE = 1  # type: ignore[attr-defined]
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 

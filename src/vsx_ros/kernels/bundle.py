@@ -13,22 +13,23 @@ import numpy as np
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.floor import add_floor, floor_cost, hold_anchor
 from vsx_ros.kernels.frontal import solve
-from vsx_ros.kernels.pose import TUKEY, compose, exp_se3, orthonormalize, point_jacobian, tukey_sigma
+from vsx_ros.kernels.pose import TUKEY, add_observation, compose, exp_se3, orthonormalize, tukey_sigma
 from vsx_ros.kernels.relative_pose import add_factors, factor_cost
 from vsx_ros.kernels.schur import back_substitute, pattern_of, reduce_points
 
 
 class Progress(NamedTuple):
-    """How far an adjustment is: the damping of its next step and its growth when that fails, steps in a row that hardly
-    gained, whether it has come to its end."""
+    """How far an adjustment is: the damping of its next step and its growth when that fails, whether it has come to its
+    end."""
 
     damping: float
     growth: float
-    small: int
     done: bool
 
 
-START = Progress(1e-4, 2.0, 0, False)
+START = Progress(1e-4, 2.0, False)
+# A step that lowers the cost by a smaller part of it is the last.
+LEAST_GAIN = 1e-4
 
 
 @kernel
@@ -88,50 +89,54 @@ def _linearise(
     (O, 3, 6), NaN for outliers."""
     limit = TUKEY * TUKEY * sigma * sigma
     inverse_variance = 1.0 / (sigma * sigma)
-    J = np.empty((2, 6))
-    P = np.empty((2, 3))
     H[:, :, :] = 0.0
     g[:, :] = 0.0
     for p in range(points.shape[0]):
-        for k in range(6):
-            V[p, k] = 0.0
-        for k in range(3):
-            gp[p, k] = 0.0
         X, Y, Z = points[p, 0], points[p, 1], points[p, 2]
+        v0 = v1 = v2 = v3 = v4 = v5 = g0 = g1 = g2 = 0.0
         for o in range(obs_start[p], obs_start[p + 1]):
-            f = obs_frame[o]
             W[o, 0, 0] = np.nan
             if e[o] >= limit:
                 continue
-            root = 1.0 - e[o] / limit
-            w = root * root * inverse_variance * obs_weight[o]
-            x = R[f, 0, 0] * X + R[f, 0, 1] * Y + R[f, 0, 2] * Z + t[f, 0]
-            y = R[f, 1, 0] * X + R[f, 1, 1] * Y + R[f, 1, 2] * Z + t[f, 1]
-            z = R[f, 2, 0] * X + R[f, 2, 1] * Y + R[f, 2, 2] * Z + t[f, 2]
-            point_jacobian(K, x, y, z, J)
-            for r in range(2):
-                for k in range(3):
-                    P[r, k] = J[r, 0] * R[f, 0, k] + J[r, 1] * R[f, 1, k] + J[r, 2] * R[f, 2, k]
-            ww = w * obs_weight[o]
-            r0, r1 = w * res[o, 0], w * res[o, 1]
-            V[p, 0] += ww * (P[0, 0] * P[0, 0] + P[1, 0] * P[1, 0])
-            V[p, 1] += ww * (P[0, 0] * P[0, 1] + P[1, 0] * P[1, 1])
-            V[p, 2] += ww * (P[0, 0] * P[0, 2] + P[1, 0] * P[1, 2])
-            V[p, 3] += ww * (P[0, 1] * P[0, 1] + P[1, 1] * P[1, 1])
-            V[p, 4] += ww * (P[0, 1] * P[0, 2] + P[1, 1] * P[1, 2])
-            V[p, 5] += ww * (P[0, 2] * P[0, 2] + P[1, 2] * P[1, 2])
-            for k in range(3):
-                gp[p, k] += P[0, k] * r0 + P[1, k] * r1
+            f = obs_frame[o]
+            root, weight = 1.0 - e[o] / limit, obs_weight[o]
+            scale = root * root * inverse_variance * weight
+            wu, wv = scale * res[o, 0], scale * res[o, 1]
+            scale *= weight
+            iz = 1.0 / (R[f, 2, 0] * X + R[f, 2, 1] * Y + R[f, 2, 2] * Z + t[f, 2])
+            x = (R[f, 0, 0] * X + R[f, 0, 1] * Y + R[f, 0, 2] * Z + t[f, 0]) * iz
+            y = (R[f, 1, 0] * X + R[f, 1, 1] * Y + R[f, 1, 2] * Z + t[f, 1]) * iz
+            # Derivatives of u and v by the point in the world: one row each.
+            a0, a2, b1, b2 = K[0] * iz, -K[0] * iz * x, K[1] * iz, -K[1] * iz * y
+            p0, q0 = a0 * R[f, 0, 0] + a2 * R[f, 2, 0], b1 * R[f, 1, 0] + b2 * R[f, 2, 0]
+            p1, q1 = a0 * R[f, 0, 1] + a2 * R[f, 2, 1], b1 * R[f, 1, 1] + b2 * R[f, 2, 1]
+            p2, q2 = a0 * R[f, 0, 2] + a2 * R[f, 2, 2], b1 * R[f, 1, 2] + b2 * R[f, 2, 2]
+            v0 += scale * (p0 * p0 + q0 * q0)
+            v1 += scale * (p0 * p1 + q0 * q1)
+            v2 += scale * (p0 * p2 + q0 * q2)
+            v3 += scale * (p1 * p1 + q1 * q1)
+            v4 += scale * (p1 * p2 + q1 * q2)
+            v5 += scale * (p2 * p2 + q2 * q2)
+            g0 += p0 * wu + q0 * wv
+            g1 += p1 * wu + q1 * wv
+            g2 += p2 * wu + q2 * wv
             i = number[f]
             if i < 0:
                 continue
-            for a in range(6):
-                j0, j1 = J[0, a], J[1, a]
-                g[i, a] += j0 * r0 + j1 * r1
-                for b in range(a, 6):
-                    H[i, a, b] += ww * (j0 * J[0, b] + j1 * J[1, b])
-                for k in range(3):
-                    W[o, k, a] = ww * (j0 * P[0, k] + j1 * P[1, k])
+            add_observation(K, x, y, iz, wu, wv, scale, H[i], g[i])
+            a3, a4, a5 = -K[0] * x * y, K[0] * (1.0 + x * x), -K[0] * y
+            b3, b4, b5 = -K[1] * (1.0 + y * y), K[1] * x * y, K[1] * x
+            for k in range(3):
+                u, v = (p0, q0) if k == 0 else (p1, q1) if k == 1 else (p2, q2)
+                u, v = scale * u, scale * v
+                W[o, k, 0] = a0 * u
+                W[o, k, 1] = b1 * v
+                W[o, k, 2] = a2 * u + b2 * v
+                W[o, k, 3] = a3 * u + b3 * v
+                W[o, k, 4] = a4 * u + b4 * v
+                W[o, k, 5] = a5 * u + b5 * v
+        V[p, 0], V[p, 1], V[p, 2], V[p, 3], V[p, 4], V[p, 5] = v0, v1, v2, v3, v4, v5
+        gp[p, 0], gp[p, 1], gp[p, 2] = g0, g1, g2
 
 
 @kernel
@@ -198,7 +203,7 @@ def adjust(
     R_new, t_new, moved = R.copy(), t.copy(), points.copy()
     res_new, e_new = np.zeros((n_obs, 2)), np.empty(n_obs)
     _residuals(K, R, t, points, obs_point, obs_frame, obs_xy, obs_weight, res, e)
-    damping, growth, small, done = progress.damping, progress.growth, progress.small, progress.done
+    damping, growth, done = progress.damping, progress.growth, progress.done
     linearise = True
     accepted = 0
     sigma, cost = sigma_min, 0.0
@@ -220,16 +225,15 @@ def adjust(
             new_cost = _cost(e_new, sigma, R_new, t_new, factors, floor)
         linearise = new_cost < cost
         if linearise:
-            gain = (cost - new_cost) / cost
-            R[:], t[:], points[:], res[:], e[:] = R_new, t_new, moved, res_new, e_new
+            done = cost - new_cost < LEAST_GAIN * cost
+            R, R_new, t, t_new, points, moved = R_new, R, t_new, t, moved, points
+            res, res_new, e, e_new = res_new, res, e_new, e
             damping, growth = max(1e-9, damping * 0.3), 2.0
             accepted += 1
-            small = small + 1 if gain < 1e-5 else 0
-            done = small >= 2
         else:
             damping, growth = damping * growth, growth * 2.0
             done = damping > 1e8
     for f in range(free.shape[0]):
         orthonormalize(R[f])
     sigma = tukey_sigma(e, n_obs, sigma_min)
-    return R, t, points, e, sigma, accepted, Progress(damping, growth, small, done)
+    return R, t, points, e, sigma, accepted, Progress(damping, growth, done)

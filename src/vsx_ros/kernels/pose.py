@@ -68,19 +68,6 @@ def orthonormalize(R: Any) -> None:
 
 
 @kernel
-def point_jacobian(K: Any, x: float, y: float, z: float, J: Any) -> None:
-    """Fill J (2, 6): derivative of the undistorted pixel of the camera point (x, y, z) by xi. K (4,): fx, fy, cx,
-    cy."""
-    iz = 1.0 / z
-    a, b = K[0] * iz, K[1] * iz
-    xn, yn = x * iz, y * iz
-    J[0, 0], J[0, 1], J[0, 2] = a, 0.0, -a * xn
-    J[1, 0], J[1, 1], J[1, 2] = 0.0, b, -b * yn
-    J[0, 3], J[0, 4], J[0, 5] = -K[0] * xn * yn, K[0] * (1.0 + xn * xn), -K[0] * yn
-    J[1, 3], J[1, 4], J[1, 5] = -K[1] * (1.0 + yn * yn), K[1] * xn * yn, K[1] * xn
-
-
-@kernel
 def tukey_sigma(squared: Any, n: int, sigma_min: float) -> float:
     """Robust standard deviation of n residuals from the median of their squares (PTAM's small-sample factor)."""
     if n < 6:
@@ -137,20 +124,19 @@ def solve_factored(U: Any, b: Any) -> None:
 
 
 @kernel
-def add_observation(K: Any, x: float, y: float, z: float, ru: float, rv: float, scale: float, H: Any, g: Any) -> None:
-    """Add scale * J^T J to the upper triangle of H (6, 6) and scale * J^T r to g (6,); J as ``point_jacobian``."""
-    iz = 1.0 / z
-    xn, yn = x * iz, y * iz
-    a0, a2, a3, a4, a5 = K[0] * iz, -K[0] * iz * xn, -K[0] * xn * yn, K[0] * (1.0 + xn * xn), -K[0] * yn
-    b1, b2, b3, b4, b5 = K[1] * iz, -K[1] * iz * yn, -K[1] * (1.0 + yn * yn), K[1] * xn * yn, K[1] * xn
+def add_observation(K: Any, x: float, y: float, iz: float, wu: float, wv: float, scale: float, H: Any, g: Any) -> None:
+    """Add scale * J^T J to the upper triangle of H (6, 6) and J^T (wu, wv) to g (6,). J (2, 6): derivative by xi of the
+    undistorted pixel of the camera point (x, y, 1) / iz; K (4,): fx, fy, cx, cy."""
+    a0, a2, a3, a4, a5 = K[0] * iz, -K[0] * iz * x, -K[0] * x * y, K[0] * (1.0 + x * x), -K[0] * y
+    b1, b2, b3, b4, b5 = K[1] * iz, -K[1] * iz * y, -K[1] * (1.0 + y * y), K[1] * x * y, K[1] * x
     sa0, sa2, sa3, sa4, sa5 = scale * a0, scale * a2, scale * a3, scale * a4, scale * a5
     sb1, sb2, sb3, sb4, sb5 = scale * b1, scale * b2, scale * b3, scale * b4, scale * b5
-    g[0] += sa0 * ru
-    g[1] += sb1 * rv
-    g[2] += sa2 * ru + sb2 * rv
-    g[3] += sa3 * ru + sb3 * rv
-    g[4] += sa4 * ru + sb4 * rv
-    g[5] += sa5 * ru + sb5 * rv
+    g[0] += a0 * wu
+    g[1] += b1 * wv
+    g[2] += a2 * wu + b2 * wv
+    g[3] += a3 * wu + b3 * wv
+    g[4] += a4 * wu + b4 * wv
+    g[5] += a5 * wu + b5 * wv
     H[0, 0] += sa0 * a0
     H[0, 2] += sa0 * a2
     H[0, 3] += sa0 * a3
@@ -244,9 +230,9 @@ def optimize_pose(
             root = 1.0 - e / limit
             weights[index[i]] = root * root
             weight = 1.0 / (1 << level[index[i]])
-            scale = root * root * weight * weight
-            ru, rv = res[i, 0] / weight, res[i, 1] / weight
-            add_observation(K, cam[i, 0], cam[i, 1], cam[i, 2], ru, rv, scale, H, g)
+            scale = root * root * weight
+            wu, wv, iz = scale * res[i, 0], scale * res[i, 1], 1.0 / cam[i, 2]
+            add_observation(K, cam[i, 0] * iz, cam[i, 1] * iz, iz, wu, wv, scale * weight, H, g)
         s2 = sigma * sigma
         for a in range(6):
             for b in range(a, 6):
