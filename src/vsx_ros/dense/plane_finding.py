@@ -48,7 +48,8 @@ class PlaneFinder:
         self._seed = seed
         self._unit: float | None = 1.0 if has_floor else None
         self._tiles: dict[Key, _Tile] = {}
-        self._known: list[tuple[int, IntArray]] = []
+        self._ids: IntArray = np.zeros(0, np.int64)
+        self._owner: IntArray = np.zeros(0, np.int64)
         self._next_id = _FLOOR_ID + 1
 
     def update(self, snapshot: MapSnapshot) -> tuple[Plane, ...]:
@@ -64,8 +65,7 @@ class PlaneFinder:
         candidates = points.at(usable)
         self._redo(candidates)
         noise = noise_of(self._config, self._unit)
-        pieces = [Found(fit, np.flatnonzero(np.isin(candidates.ids, ids))) for fit, ids in self._tile_planes()]
-        pieces = [piece for piece in pieces if len(piece.rows) >= self._config.min_points // 2]
+        pieces = [Found(fit, _rows_of(ids, candidates.ids)) for fit, ids in self._tile_planes()]
         found = merged(pieces, candidates, self._config.min_points, noise, self._unit)
         planes = [self._floor_plane(points, floor)] if floor.sum() >= self._config.min_points else []
         for number, each in zip(self._numbers(found, candidates), found):
@@ -78,8 +78,8 @@ class PlaneFinder:
     def _on_floor(self, points: ObservedPoints) -> BoolArray:
         if not self._has_floor:
             return np.zeros(len(points.world), np.bool_)
-        z, up = points.world[:, 2], np.array([0.0, 0.0, 1.0])
-        gate = _FLOOR_GATE * np.sqrt(points.variances(up) + self._config.floor_sigma_m**2)
+        z = points.world[:, 2]
+        gate = _FLOOR_GATE * np.sqrt(points.covariances[:, 2, 2] + self._config.floor_sigma_m**2)
         on_floor: BoolArray = np.abs(z) < np.minimum(gate, _FLOOR_LIMIT_M)
         return on_floor
 
@@ -106,23 +106,26 @@ class PlaneFinder:
         self._tiles = fresh
 
     def _numbers(self, found: list[Found], points: ObservedPoints) -> list[int]:
-        """An id for each plane: that of the earlier plane with which it shares most points, if it is the first."""
-        numbers, taken, known = [], set[int](), []
+        """An id for each plane: that of the earlier plane with which it shares at least half of the points of the
+        smaller one; each id once."""
+        owner = np.zeros(len(points.ids), np.int64)
+        _, now, before = np.intersect1d(points.ids, self._ids, assume_unique=True, return_indices=True)
+        owner[now] = self._owner[before]
+        size = np.bincount(self._owner, minlength=self._next_id)
+        numbers = list[int]()
         for plane in found:
-            ids = points.ids[plane.rows]
-            shared = [(int(np.isin(ids, old).sum()), -number) for number, old in self._known if number not in taken]
-            most, number = max(shared, default=(0, 0))
-            if 2 * most < min(len(ids), self._size(-number)):
-                number = -self._next_id
+            shared = np.bincount(owner[plane.rows], minlength=len(size))
+            shared[[_FLOOR_ID, *numbers]] = 0
+            number = int(shared.argmax())
+            if 2 * shared[number] < min(len(plane.rows), size[number]) or number == _FLOOR_ID:
+                number = self._next_id
                 self._next_id += 1
-            taken.add(-number)
-            numbers.append(-number)
-            known.append((-number, ids))
-        self._known = known
+                size = np.append(size, 0)
+            numbers.append(number)
+        self._ids, self._owner = points.ids, np.zeros(len(points.ids), np.int64)
+        for number, plane in zip(numbers, found):
+            self._owner[plane.rows] = number
         return numbers
-
-    def _size(self, number: int) -> int:
-        return next((len(ids) for known, ids in self._known if known == number), 1)
 
     def _plane(self, number: int, found: Found, candidates: ObservedPoints, rows: IntArray) -> Plane:
         fit, axes = found.fit, in_plane_axes(found.fit.normal)
@@ -136,6 +139,14 @@ class PlaneFinder:
         extent = _extent(points.world[floor] @ axes.T)
         covariance = np.diag([_FLOOR_TILT_SIGMA_RAD, _FLOOR_TILT_SIGMA_RAD, _FLOOR_OFFSET_SIGMA_M]) ** 2
         return Plane(_FLOOR_ID, normal, 0.0, covariance, PlaneKind.FLOOR, axes, extent, np.flatnonzero(floor))
+
+
+def _rows_of(ids: IntArray, among: IntArray) -> IntArray:
+    """Rows of those ids that are still among the ascending ones."""
+    rows = np.searchsorted(among, ids)
+    inside = rows < len(among)
+    kept: IntArray = rows[inside][among[rows[inside]] == ids[inside]]
+    return kept
 
 
 def _changed(old: _Tile, now: ObservedPoints) -> bool:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
 
-from vsx_ros.arrays import BoolArray, FloatArray
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.dense.observed_points import ObservedPoints
 from vsx_ros.dense.planes import in_plane_axes
+from vsx_ros.kernels import planes as kernels
 
 _ROUNDS = 4
-_MIN_FACING = 0.05
+_CUTOFF_GATES = 2.0
+_NO_CUTOFF = 1e9
 
 
 class Attitude(IntEnum):
@@ -21,6 +24,10 @@ class Attitude(IntEnum):
     FREE = 0
     UPRIGHT = 1
     LEVEL = 2
+
+
+_TILTS = {Attitude.FREE: [0, 1], Attitude.UPRIGHT: [1], Attitude.LEVEL: list[int]()}
+"""The tilts that remain to be found: 0 about right, 1 about up."""
 
 
 class Fit(NamedTuple):
@@ -44,51 +51,48 @@ class Noise(NamedTuple):
     limit: float
 
 
-def inliers(points: ObservedPoints, normal: FloatArray, offset: float, noise: Noise) -> BoolArray:
-    """(N,) points on the plane, as far as their noise allows, that were seen from its front."""
-    return deviations(points, normal, offset, noise) <= noise.gate
-
-
-def deviations(points: ObservedPoints, normal: FloatArray, offset: float, noise: Noise) -> FloatArray:
-    """(N,) distances to the plane in standard deviations; infinite where a point cannot belong to it."""
-    distance = np.abs(points.world @ normal - offset)
-    sigmas: FloatArray = distance / np.sqrt(points.variances(normal) + noise.floor**2)
-    sigmas[(distance > noise.limit) | (points.views @ normal <= _MIN_FACING)] = np.inf
+def deviations(points: ObservedPoints, rows: IntArray, normal: FloatArray, offset: float, noise: Noise) -> FloatArray:
+    """(R,) distances of points (rows) to the plane in standard deviations; infinite where a point cannot belong to it:
+    too far off, or seen from behind."""
+    plane = np.append(normal, offset)
+    sigmas: FloatArray = kernels.deviations(
+        points.world, points.covariances, points.views, rows, plane, noise.floor, noise.limit
+    )
     return sigmas
 
 
-def fit_plane(points: ObservedPoints, normal: FloatArray, attitude: Attitude, noise: Noise) -> Fit | None:
-    """The plane near a first guess of its normal; None where the points do not determine one.
+def on_plane(points: ObservedPoints, rows: IntArray, fit: Fit, noise: Noise) -> BoolArray:
+    """(R,) which of the points (rows) lie on the plane, as far as their noise allows."""
+    return deviations(points, rows, fit.normal, fit.offset, noise) <= noise.gate
+
+
+def fit_plane(
+    points: ObservedPoints, rows: IntArray, normal: FloatArray, attitude: Attitude, noise: Noise
+) -> Fit | None:
+    """The plane of some points (rows) near a first guess of its normal; None where they do not determine one.
 
     Gauss-Newton on two tilts and the offset, Tukey's weights from the second round on. A vertical plane turns about
     the vertical only, a level one not at all.
     """
-    free = {Attitude.FREE: [0, 1, 2], Attitude.UPRIGHT: [1, 2], Attitude.LEVEL: [2]}[attitude]
-    robust = np.ones(len(points.world))
+    if not len(rows):
+        return None
+    tilts = _TILTS[attitude]
+    offset, cutoff = 0.0, _NO_CUTOFF
     for _ in range(_ROUNDS):
-        variance = points.variances(normal) + noise.floor**2
-        weight = robust / variance
-        if not weight.sum() > 0.0:
+        total, middle, scatter = kernels.plane_moments(
+            points.world, points.covariances, rows, np.append(normal, offset), noise.floor, cutoff
+        )
+        axes = in_plane_axes(normal)
+        # How the distance of a point changes as the plane tilts about right, then about up.
+        slopes = np.array([-axes[1], axes[0]])[tilts]
+        H = slopes @ scatter @ slopes.T
+        if not total > 0.0 or not np.linalg.det(H) > 1e-12 * np.prod(np.diag(H)) > 0.0:
             return None
-        middle = weight @ points.world / weight.sum()
-        right, up = in_plane_axes(normal)
-        local = points.world - middle
-        J = np.stack([-local @ up, local @ right, -np.ones(len(local))], axis=1)[:, free]
-        residual = local @ normal
-        H = (J * weight[:, None]).T @ J
-        if np.linalg.cond(H / np.sqrt(np.outer(np.diag(H), np.diag(H)) + 1e-300)) > 1e8:
-            return None
-        step = np.zeros(3)
-        step[free] = -np.linalg.solve(H, J.T @ (weight * residual))
-        normal = normal + step[0] * -up + step[1] * right
-        normal = normal / np.linalg.norm(normal)
-        middle = middle + step[2] * normal
-        sigmas = (points.world - middle) @ normal / np.sqrt(variance)
-        robust = np.clip(1.0 - (sigmas / (2.0 * noise.gate)) ** 2, 0.0, None) ** 2
+        normal = normal - np.linalg.solve(H, slopes @ (scatter @ normal)) @ slopes
+        normal = normal / math.sqrt(float(normal @ normal))
+        offset, cutoff = float(normal @ middle), _CUTOFF_GATES * noise.gate
     covariance = np.zeros((3, 3))
-    covariance[np.ix_(free, free)] = np.linalg.inv(H)
-    covariance[2, 2] += noise.floor**2
-    right, up = in_plane_axes(normal)
-    share = weight / weight.sum()
-    spread = np.sqrt([share @ (local @ right) ** 2, share @ (local @ up) ** 2])
-    return Fit(normal, float(normal @ middle), attitude, covariance, middle, spread)
+    covariance[np.ix_(tilts, tilts)] = np.linalg.inv(H)
+    covariance[2, 2] = 1.0 / total + noise.floor**2
+    spread = np.sqrt(np.einsum("ij,jk,ik->i", axes, scatter, axes) / total)
+    return Fit(normal, offset, attitude, covariance, middle, spread)

@@ -9,7 +9,7 @@ import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.dense.observed_points import ObservedPoints
-from vsx_ros.dense.plane_fitting import Fit, Noise, deviations, fit_plane, inliers
+from vsx_ros.dense.plane_fitting import Fit, Noise, deviations, fit_plane, on_plane
 from vsx_ros.dense.plane_tiles import is_plane
 from vsx_ros.dense.planes import in_plane_axes
 
@@ -54,11 +54,11 @@ def _joined(a: Found, b: Found, points: ObservedPoints, noise: Noise, unit: floa
     if gap.max() > _GAP_M * unit:
         return None
     rows = np.union1d(a.rows, b.rows)
-    fit = fit_plane(points.at(rows), a.fit.normal, a.fit.attitude, noise)
+    fit = fit_plane(points, rows, a.fit.normal, a.fit.attitude, noise)
     if fit is None:
         return None
     for part in (a, b):
-        if inliers(points.at(part.rows), fit.normal, fit.offset, noise).mean() < _SAME_SHARE:
+        if on_plane(points, part.rows, fit, noise).mean() < _SAME_SHARE:
             return None
     return Found(fit, rows)
 
@@ -71,7 +71,7 @@ def _shared_out(groups: list[Found], points: ObservedPoints, min_points: int, no
     reach = np.zeros(len(groups), np.int64)
     for k, group in enumerate(groups):
         near = np.flatnonzero(_within(group, points, unit))
-        sigmas = deviations(points.at(near), group.fit.normal, group.fit.offset, noise)
+        sigmas = deviations(points, near, group.fit.normal, group.fit.offset, noise)
         reach[k] = (sigmas <= noise.gate).sum()
         nearer = near[sigmas < best[near]]
         best[nearer], owner[nearer] = sigmas[sigmas < best[near]], k
@@ -83,7 +83,7 @@ def _shared_out(groups: list[Found], points: ObservedPoints, min_points: int, no
         for rows in _pieces(points.world[own] @ in_plane_axes(group.fit.normal).T, _GAP_M * unit):
             if len(rows) < min_points:
                 continue
-            fit = fit_plane(points.at(own[rows]), group.fit.normal, group.fit.attitude, noise)
+            fit = fit_plane(points, own[rows], group.fit.normal, group.fit.attitude, noise)
             if fit is not None and is_plane(fit, noise):
                 out.append(Found(fit, own[rows]))
     return sorted(out, key=lambda found: -len(found.rows))
@@ -100,9 +100,9 @@ def _within(group: Found, points: ObservedPoints, unit: float) -> BoolArray:
 
 def _pieces(coordinates: FloatArray, gap: float) -> list[IntArray]:
     """Rows of points between gaps along the first axis, then along the second."""
-    pieces = [np.arange(len(coordinates))]
+    pieces: list[IntArray] = [np.arange(len(coordinates))]
     for axis in range(2):
-        finer = []
+        finer = list[IntArray]()
         for rows in pieces:
             order = rows[np.argsort(coordinates[rows, axis], kind="stable")]
             cuts = np.flatnonzero(np.diff(coordinates[order, axis]) > gap) + 1

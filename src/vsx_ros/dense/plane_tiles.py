@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, FloatArray, IntArray
+from vsx_ros.arrays import BoolArray, IntArray
 from vsx_ros.config import PlanesConfig
 from vsx_ros.dense.jlinkage import cluster
 from vsx_ros.dense.observed_points import ObservedPoints
-from vsx_ros.dense.plane_fitting import Attitude, Fit, Noise, fit_plane, inliers
+from vsx_ros.dense.plane_fitting import Attitude, Fit, Noise, fit_plane, on_plane
 from vsx_ros.dense.plane_hypotheses import draw_hypotheses
-from vsx_ros.kernels.jlinkage import plane_preferences
+from vsx_ros.kernels.planes import plane_preferences
 
 _VOXEL_M = 0.10
 _MIN_NEW = 0.5
@@ -53,7 +54,7 @@ def planes_of_tile(
         chosen, config.hypotheses, upright, config.partner_sigma_m * unit, config.min_separation_m * unit, rng
     )
     preferences = plane_preferences(
-        chosen.world, chosen.covariances, chosen.views, hypotheses, noise.floor**2, noise.gate, noise.limit
+        chosen.world, chosen.covariances, chosen.views, hypotheses, noise.floor, noise.gate, noise.limit
     )
     labels = cluster(preferences)
     sizes = np.bincount(labels[labels >= 0], minlength=1)
@@ -61,41 +62,35 @@ def planes_of_tile(
     for label in np.argsort(-sizes, kind="stable"):
         if sizes[label] < config.min_points // 2:
             break
-        members = labels == label
+        members = np.flatnonzero(labels == label)
         shared = np.flatnonzero(_unpacked(np.bitwise_and.reduce(preferences[members]), len(hypotheses)))[0]
-        fit = _grown(points, chosen.at(np.flatnonzero(members)), hypotheses[shared, :3], attitudes[shared], noise)
-        if fit is not None:
+        fit = fit_plane(chosen, members, hypotheses[shared, :3], Attitude(attitudes[shared]), noise)
+        if fit is not None and is_plane(fit, noise):
             fits.append(fit)
     return _unexplained(points, fits, config.min_points, noise)
 
 
-def _unpacked(row: FloatArray, count: int) -> BoolArray:
+def _unpacked(row: NDArray[np.uint64], count: int) -> BoolArray:
     bits: BoolArray = np.unpackbits(row.view(np.uint8), bitorder="little")[:count] > 0
     return bits
 
 
-def _grown(
-    points: ObservedPoints, members: ObservedPoints, normal: FloatArray, attitude: int, noise: Noise
-) -> Fit | None:
-    """The plane of a cluster, refined with all points of the tile that lie on it."""
-    fit = fit_plane(members, normal, Attitude(attitude), noise)
-    if fit is None or not is_plane(fit, noise):
-        return None
-    on_it = inliers(points, fit.normal, fit.offset, noise)
-    return fit_plane(points.at(np.flatnonzero(on_it)), fit.normal, fit.attitude, noise)
-
-
 def _unexplained(points: ObservedPoints, fits: list[Fit], min_points: int, noise: Noise) -> list[tuple[Fit, IntArray]]:
-    """The fits of most points first, those left out whose points are mostly explained by earlier ones."""
-    on_them = [inliers(points, fit.normal, fit.offset, noise) for fit in fits]
+    """The fits of most points first, refined with all points of the tile; those left out whose points are mostly
+    explained by earlier ones."""
+    every = np.arange(len(points.world))
+    refined = [
+        fit_plane(points, every[on_plane(points, every, fit, noise)], fit.normal, fit.attitude, noise) for fit in fits
+    ]
+    candidates = [(fit, on_plane(points, every, fit, noise)) for fit in refined if fit is not None]
     explained = np.zeros(len(points.world), np.bool_)
     kept = []
-    for k in sorted(range(len(fits)), key=lambda k: -int(on_them[k].sum())):
-        own = on_them[k] & ~explained
-        if own.sum() < max(min_points, _MIN_NEW * on_them[k].sum()):
+    for first, on_it in sorted(candidates, key=lambda candidate: -int(candidate[1].sum())):
+        own = on_it & ~explained
+        if own.sum() < max(min_points, _MIN_NEW * on_it.sum()):
             continue
-        fit = fit_plane(points.at(np.flatnonzero(own)), fits[k].normal, fits[k].attitude, noise)
+        fit = fit_plane(points, every[own], first.normal, first.attitude, noise)
         if fit is not None and is_plane(fit, noise):
-            explained |= on_them[k]
+            explained |= on_it
             kept.append((fit, points.ids[own]))
     return kept

@@ -57,10 +57,11 @@ class Plane(NamedTuple):
 
 def in_plane_axes(normal: FloatArray) -> FloatArray:
     """(2, 3) right and up of a plane: up is the direction in the plane nearest to +z, or to +y for a level plane."""
-    up = np.array([0.0, 1.0, 0.0]) if abs(float(normal[2])) >= _LEVEL else np.array([0.0, 0.0, 1.0])
-    up = up - float(up @ normal) * normal
-    up = up / float(np.linalg.norm(up))
-    return np.stack([np.cross(up, normal), up])
+    x, y, z = (float(c) for c in normal)
+    ux, uy, uz = (-x * y, 1.0 - y * y, -z * y) if abs(z) >= _LEVEL else (-x * z, -y * z, 1.0 - z * z)
+    length = math.sqrt(ux * ux + uy * uy + uz * uz)
+    ux, uy, uz = ux / length, uy / length, uz / length
+    return np.array([[uy * z - uz * y, uz * x - ux * z, ux * y - uy * x], [ux, uy, uz]])
 
 
 def kind_of(normal: FloatArray, offset: float) -> PlaneKind:

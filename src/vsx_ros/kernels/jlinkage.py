@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ WORD = 64
 
 
 @kernel
-def _bits_set(x: np.uint64) -> int:
+def _bits_set(x: Any) -> Any:
     """How many bits of a word are one; written so that the compiler knows it for one machine instruction."""
     x = x - ((x >> np.uint64(1)) & np.uint64(0x5555555555555555))
     x = (x & np.uint64(0x3333333333333333)) + ((x >> np.uint64(2)) & np.uint64(0x3333333333333333))
@@ -22,7 +21,7 @@ def _bits_set(x: np.uint64) -> int:
 
 
 @kernel
-def _common(a: Any, b: Any) -> int:
+def _common(a: Any, b: Any) -> Any:
     """Models that both rows prefer."""
     count = 0
     for w in range(a.shape[0]):
@@ -89,7 +88,7 @@ def agglomerate(preferences: Any) -> Any:
             if not alive[j] or j == p:
                 continue
             old = nearest[j]
-            if old == p or old == q:
+            if old in (p, q):
                 nearest[j] = _nearest(common, size, alive, j)
             elif common[p, j] > 0:
                 both, union = np.int64(common[p, j]), size[p] + size[j] - common[p, j]
@@ -98,33 +97,3 @@ def agglomerate(preferences: Any) -> Any:
                 nearer, farther = both * old_union, old_both * union
                 if nearer > farther or (nearer == farther and p < old):
                     nearest[j] = p
-
-
-@kernel
-def plane_preferences(
-    points: Any, covariances: Any, views: Any, planes: Any, floor_variance: float, gate: float, limit: float
-) -> Any:
-    """(N, W) uint64: bit h of a point is set where it lies on plane h, as far as its own noise allows.
-
-    points: (N, 3). covariances: (N, 3, 3) of them. views: (N, 3) unit vectors towards those who saw them. planes:
-    (M, 4) unit normal and offset. A point may lie ``gate`` standard deviations off, ``limit`` [m] at most, and must
-    have been seen from the plane's front.
-    """
-    n, m = points.shape[0], planes.shape[0]
-    preferences = np.zeros((n, (m + WORD - 1) // WORD), np.uint64)
-    for i in range(n):
-        x, y, z = points[i]
-        vx, vy, vz = views[i]
-        c = covariances[i]
-        for h in range(m):
-            a, b, e = planes[h, 0], planes[h, 1], planes[h, 2]
-            if a * vx + b * vy + e * vz <= 0.05:
-                continue
-            r = abs(a * x + b * y + e * z - planes[h, 3])
-            if r > limit:
-                continue
-            variance = a * a * c[0, 0] + b * b * c[1, 1] + e * e * c[2, 2]
-            variance += 2.0 * (a * b * c[0, 1] + a * e * c[0, 2] + b * e * c[1, 2])
-            if r <= gate * math.sqrt(floor_variance + variance):
-                preferences[i, h // WORD] |= np.uint64(1) << np.uint64(h % WORD)
-    return preferences
