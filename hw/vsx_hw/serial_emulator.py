@@ -13,6 +13,7 @@ import termios
 import threading
 import time
 import tty
+from collections import deque
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -69,11 +70,19 @@ class Board(Protocol):
 
 @dataclass
 class Faults:
-    """What goes wrong; may be changed while the emulator runs. Rates are per byte to the driver."""
+    """What goes wrong; may be changed while the emulator runs. Rates are per byte to the driver.
+
+    paused: the line to the driver is silent. deaf: nobody takes the driver's bytes, its buffer fills.
+    command_delay_ns: dead time between a command's arrival and its effect. report_delay_ns: age of what the driver
+    hears.
+    """
 
     drop_rate: float = 0.0
     garbage_rate: float = 0.0
     paused: bool = False
+    deaf: bool = False
+    command_delay_ns: int = 0
+    report_delay_ns: int = 0
 
 
 class SerialEmulator:
@@ -92,6 +101,8 @@ class SerialEmulator:
         self._lock = threading.Lock()
         self._closing = threading.Event()
         self._outbox = bytearray()
+        self._commands: deque[tuple[int, bytes]] = deque()
+        self._reports: deque[tuple[int, bytes]] = deque()
         self._master = self._slave = -1
         self._thread = threading.Thread(target=self._run, name=f"emulator {link}", daemon=True)
 
@@ -147,17 +158,22 @@ class SerialEmulator:
         elapsed_ns = 0
         while not self._closing.is_set():
             with self._lock:
-                self._board.receive(self._incoming(), elapsed_ns)
-                self._plant.advance(STEP_NS)
+                self._step(elapsed_ns)
                 elapsed_ns += STEP_NS
-                self._outbox += self._board.emit(elapsed_ns)
-                self._send()
             ahead_ns = start_ns + elapsed_ns - time.monotonic_ns()
             if ahead_ns > 0:
                 time.sleep(ahead_ns * 1e-9)
 
+    def _step(self, now_ns: int) -> None:
+        self._commands.append((now_ns + self.faults.command_delay_ns, self._incoming()))
+        self._board.receive(_due(self._commands, now_ns), now_ns)
+        self._plant.advance(STEP_NS)
+        self._reports.append((now_ns + self.faults.report_delay_ns, self._board.emit(now_ns + STEP_NS)))
+        self._outbox += _due(self._reports, now_ns)
+        self._send()
+
     def _incoming(self) -> bytes:
-        if self._master < 0:
+        if self._master < 0 or self.faults.deaf:
             return b""
         try:
             return os.read(self._master, 4096)
@@ -186,3 +202,11 @@ class SerialEmulator:
             if rng.random() >= faults.drop_rate:
                 damaged.append(rng.randrange(256) if rng.random() < faults.garbage_rate else byte)
         return bytes(damaged)
+
+
+def _due(queue: deque[tuple[int, bytes]], now_ns: int) -> bytes:
+    """Take what has waited long enough."""
+    data = b""
+    while queue and queue[0][0] <= now_ns:
+        data += queue.popleft()[1]
+    return data

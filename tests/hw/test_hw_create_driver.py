@@ -123,3 +123,21 @@ def test_the_wrong_model_is_named_with_both_baud_rates(tmp_path):
     rig = Rig(CREATE_1, str(tmp_path / "ttyCREATE"), CREATE_2)
     with rig.emulator, rig.driver:
         assert until(lambda: "57600" in rig.driver.status().message and "115200" in rig.driver.status().message)
+
+
+def test_many_commands_disturb_no_report(rig):
+    """Fifty and more a second: reports stay whole, the newest command wins."""
+    refused = rig.driver.status().counters["refused_frames"]
+    for k in range(200):
+        rig.driver.drive(0.001 * k, 0.0)
+        time.sleep(0.01)
+    assert rig.plant.speeds[0] == pytest.approx(0.199, abs=0.012)
+    assert rig.driver.status().counters["refused_frames"] - refused <= 1
+
+
+def test_the_gyro_of_the_turtlebot_1_is_told(rig):
+    rig.wait(lambda r: (r.gyro is not None) == (rig.model is CREATE_1) and r.stamp_ns > 0)
+    if rig.model is CREATE_1:
+        rig.twist = (0.0, 0.5)
+        reading = rig.wait(lambda r: r.odometry.heading_rad > 0.4)
+        assert reading.gyro.rate_rad_s == pytest.approx(0.5, abs=0.03)

@@ -1,6 +1,7 @@
 """The Kobuki driver against the emulated base on a pseudo-terminal, and its thread against a null modem."""
 
 import queue
+import struct
 import threading
 import time
 
@@ -8,11 +9,16 @@ import pytest
 from hw_plant import FreeWheels
 
 from vsx_hw.base_driver import BaseDriver
-from vsx_hw.errors import DeviceNotFound
-from vsx_hw.kobuki.base_control import WHEEL_BASE_M
+from vsx_hw.create.emulator import create_emulator
+from vsx_hw.create.protocol import CREATE_1, CREATE_2
+from vsx_hw.detect import detect_base
+from vsx_hw.errors import DeviceNotFound, DeviceTimeout
+from vsx_hw.kobuki.base_control import WHEEL_BASE_M, BaseControl, twist_of
 from vsx_hw.kobuki.driver import KobukiDialect, kobuki_driver
 from vsx_hw.kobuki.emulator import KobukiBoard, kobuki_emulator
+from vsx_hw.kobuki.framing import FrameScanner, sub_payloads
 from vsx_hw.readings import Hazard
+from vsx_hw.safety import Source, SpeedLimits, Supervisor
 from vsx_hw.transport import LoopbackTransport, SerialTransport
 
 
@@ -167,3 +173,130 @@ def test_versions_are_asked_for_a_bounded_number_of_times():
     dialect = KobukiDialect()
     sent = [dialect.drive(0.0, 0.0) for _ in range(2000)]
     assert sum(len(frame) > 10 for frame in sent) == 10
+
+
+def commands_in(data: bytes) -> list[tuple[float, float]]:
+    """The twists in bytes to the base."""
+    parts = [part for payload in FrameScanner().feed(data) for part in sub_payloads(payload)]
+    return [twist_of(BaseControl(*struct.unpack("<hh", content))) for kind, content in parts if kind == 1]
+
+
+class Stage:
+    """A driver whose base is the test, with the mux before it; the driver says what it wrote."""
+
+    def __init__(self) -> None:
+        self.supervisor = Supervisor(SpeedLimits())
+        self.end, theirs = LoopbackTransport.pair()
+        self.board = KobukiBoard(FreeWheels(WHEEL_BASE_M))
+        self.driver = BaseDriver(KobukiDialect(), lambda: theirs, "stage", self.on_reading)
+        self.frames = 0
+
+    def on_reading(self, reading) -> None:
+        now_ns = time.monotonic_ns()
+        decision = self.supervisor.decide(now_ns, reading.hazards)
+        self.driver.drive(decision.v_m_s, decision.omega_rad_s, decision.until_ns)
+
+    def exchange(self, v: float, omega: float) -> list[tuple[float, float]]:
+        """One report of the base after a command; the answer is what it hears until then and shortly after."""
+        self.supervisor.command("navi", v, omega, time.monotonic_ns())
+        self.frames += 1
+        self.end.write(self.board.emit(20_000_000 * self.frames))
+        deadline = time.monotonic() + 0.03
+        data = b""
+        while (left := deadline - time.monotonic()) > 0:
+            data += self.end.read(left)
+        return commands_in(data)
+
+
+def test_a_bumper_ends_the_forward_motion_with_the_next_command():
+    stage = Stage()
+    with stage.driver:
+        assert until(lambda: any(v > 0.1 for v, _ in stage.exchange(0.2, 0.3)))
+        stage.board._plant.hazards = Hazard.BUMPER_LEFT
+        commands = [command for _ in range(4) for command in stage.exchange(0.2, 0.3)]
+        first_still = next(k for k, (v, _) in enumerate(commands) if v == 0.0)
+        assert first_still <= 1, "one command may have been on its way"
+        assert all(v == 0.0 for v, _ in commands[first_still:])
+        assert until(lambda: any(v < -0.1 for v, _ in stage.exchange(-0.2, 0.0)))
+
+
+def test_an_expired_command_is_never_driven():
+    stage = Stage()
+    stage.supervisor = Supervisor(SpeedLimits(), (Source("navi", 5, 0.0),))
+    with stage.driver:
+        heard = [command for _ in range(10) for command in stage.exchange(0.2, 0.0)]
+    assert len(heard) >= 5
+    assert all(abs(v) < 1e-3 for v, _ in heard[1:])
+
+
+def test_a_flood_of_commands_reaches_the_wire_once_a_report(rig):
+    heard = []
+    obey = rig.emulator._board._obey
+    rig.emulator._board._obey = lambda kind, content: (
+        heard.append(content) if kind == 1 else None,
+        obey(kind, content),
+    )
+    frames = rig.driver.status().counters["frames"]
+    for k in range(1000):
+        rig.driver.drive(0.1 + 0.0001 * k, 0.0)
+        time.sleep(0.001)
+    assert until(lambda: rig.plant.speeds[0] == 0.0)
+    frames = rig.driver.status().counters["frames"] - frames
+    assert 20 <= len(heard) <= frames + 5
+    speeds = [struct.unpack("<hh", content)[0] for content in heard]
+    driven = [speed for speed in speeds if speed]
+    assert driven == sorted(driven), "the newest command wins"
+
+
+def test_a_base_that_takes_no_bytes_is_given_up_not_waited_for(rig):
+    rig.emulator.faults.deaf = True
+    transport = SerialTransport(str(rig.emulator._link), 115200, exclusive=False)
+    with pytest.raises(DeviceTimeout, match="did not take"):
+        for _ in range(100):
+            transport.write(bytes(4096))
+    transport.close()
+
+
+def test_a_permanent_fault_is_told_once(tmp_path, caplog):
+    port = str(tmp_path / "nothing")
+    with kobuki_driver(port, lambda reading: None):
+        time.sleep(1.5)
+    told = [record.getMessage() for record in caplog.records]
+    assert told == [f"{port}: no such port; plug the base in, switch it on, and check the name with 'ls /dev/ttyUSB*'"]
+
+
+def test_a_fault_in_the_listener_is_told_and_the_base_stopped(tmp_path):
+    port = str(tmp_path / "ttyKOBUKI")
+    plant = FreeWheels(WHEEL_BASE_M)
+
+    def fail(reading) -> None:
+        driver.drive(0.2, 0.0)
+        if plant.speeds[0] > 0.1:
+            raise ZeroDivisionError("listener")
+
+    driver = kobuki_driver(port, fail)
+    with kobuki_emulator(plant, port), driver:
+        assert until(lambda: "ZeroDivisionError" in driver.status().message)
+        assert until(lambda: plant.speeds == (0.0, 0.0))
+
+
+def test_the_gyro_is_told(rig):
+    rig.twist = (0.0, 0.5)
+    turning = rig.wait(lambda r: r.gyro is not None and r.gyro.heading_rad > 0.2)
+    assert turning.gyro.rate_rad_s == pytest.approx(0.5, abs=0.02)
+
+
+@pytest.mark.parametrize("kind", ["kobuki", "create", "create2", "nobody"])
+def test_a_base_is_found_by_asking(tmp_path, kind):
+    port = str(tmp_path / "tty")
+    plant = FreeWheels(WHEEL_BASE_M)
+    models = {"create": CREATE_1, "create2": CREATE_2}
+    emulator = create_emulator(models[kind], plant, port) if kind in models else kobuki_emulator(plant, port)
+    emulator.faults.paused = kind == "nobody"
+    with emulator:
+        if kind == "nobody":
+            with pytest.raises(DeviceNotFound, match="57600"):
+                detect_base(port)
+        else:
+            assert detect_base(port) == kind
+    assert plant.travel == [0.0, 0.0]

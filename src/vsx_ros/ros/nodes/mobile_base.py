@@ -10,7 +10,8 @@ Publishers: odom (50 Hz), /tf odom -> base_footprint, joint_states, mobile_base/
 Services: mobile_base/estop (true stops, false allows; outlives a restart of the node), mobile_base/reset_odometry.
 Parameters: ~robot_type (kobuki, create, create2; auto finds out which one answers), ~port (/dev/kobuki),
     ~cmd_vel_timeout (s, 0.25: navi and the driver), ~max_vel (m/s, 0.5), ~max_angular_vel (rad/s, 1.5),
-    ~odom_linear_scale_correction (1.0), ~odom_angular_scale_correction (1.0). ~estopped is the emergency stop as this node remembers it.
+    ~odom_linear_scale_correction (1.0), ~odom_angular_scale_correction (1.0).
+    ~estopped is the emergency stop as this node remembers it.
 """
 
 from __future__ import annotations

@@ -1,0 +1,123 @@
+"""The Create 1's questions and answers: what is lost, late or slipped, and the gyro of the TurtleBot 1's board."""
+
+import math
+import struct
+
+import pytest
+
+from vsx_hw.create.dialect import BATTERY_PACKETS, SAFETY_PACKETS
+from vsx_hw.create.driver import Create1Dialect, Create2Dialect
+from vsx_hw.create.gyro import BoardGyro, counts_of
+from vsx_hw.create.protocol import Opcode, encode_packets
+
+MS = 1_000_000
+
+
+def answer(question: bytes, distance_mm: int = 0, angle_deg: int = 0, bump: int = 0, gyro: int = 512) -> bytes:
+    """What the robot says to the query at the end of these bytes."""
+    count = question[question.index(Opcode.QUERY_LIST) + 1]
+    values = dict.fromkeys([*SAFETY_PACKETS, *BATTERY_PACKETS], 0)
+    values |= {7: bump, 22: 16000, 25: 2000, 26: 2700, 35: 2, 33: gyro, 19: distance_mm, 20: angle_deg}
+    return encode_packets({p: values[p] for p in question[-count:]})
+
+
+def asks_motion(question: bytes) -> bool:
+    return bytes(question[-2:]) == bytes((19, 20))
+
+
+def converse(dialect: Create1Dialect, cycles: int, now_ns: int = 0, **values: int) -> list:
+    readings = []
+    for k in range(cycles):
+        question = dialect.drive(0.0, 0.0)
+        readings += dialect.receive(answer(question, **values), now_ns + k * 20 * MS)
+    return readings
+
+
+def test_a_lost_answer_with_the_motion_is_a_gap_that_is_told():
+    dialect = Create1Dialect()
+    assert len(converse(dialect, 25)) == 25
+    assert asks_motion(dialect.drive(0.1, 0.0))
+    assert Opcode.QUERY_LIST not in dialect.drive(0.1, 0.0), "a question now would be answered by late bytes"
+    question = dialect.drive(0.1, 0.0)
+    assert asks_motion(question), "what the robot has not read out is still inside"
+    (measured,) = dialect.receive(answer(question, distance_mm=12), 600 * MS)
+    assert measured.odometry.gaps == 1
+    assert dialect.counters() == {"frames": 26, "refused_frames": 1}
+
+
+def test_until_the_next_measurement_the_odometry_is_not_trusted():
+    dialect = Create1Dialect()
+    converse(dialect, 25)
+    lost = dialect.drive(0.1, 0.0)
+    dialect.drive(0.1, 0.0)
+    dialect._queries = 1
+    (reading,) = dialect.receive(answer(dialect.drive(0.1, 0.0)), 580 * MS)
+    assert not reading.odometry.trusted
+    dialect._queries = 0
+    question = dialect.drive(0.1, 0.0)
+    (reading,) = dialect.receive(answer(question, distance_mm=12), 600 * MS)
+    assert asks_motion(lost)
+    assert reading.odometry.trusted
+
+
+def test_late_bytes_are_not_taken_for_the_next_answer():
+    dialect = Create1Dialect()
+    converse(dialect, 25)
+    late = answer(dialect.drive(0.1, 0.0), bump=1)
+    assert dialect.drive(0.1, 0.0)
+    assert dialect.receive(late, 560 * MS) == []
+    question = dialect.drive(0.1, 0.0)
+    (reading,) = dialect.receive(answer(question, distance_mm=3), 600 * MS)
+    assert reading.odometry.wheels_m == pytest.approx((0.003, 0.003))
+
+
+@pytest.mark.parametrize("spoil", [lambda a: a[1:] + b"\0", lambda a: a + b"\0", lambda a: bytes(len(a))])
+def test_slipped_bytes_are_refused(spoil):
+    dialect = Create1Dialect()
+    converse(dialect, 3)
+    question = dialect.drive(0.0, 0.0)
+    assert dialect.receive(spoil(answer(question)), 80 * MS) == []
+    assert dialect.counters()["refused_frames"] == 1
+    assert len(converse(dialect, 2, 100 * MS)) == 2
+
+
+def test_the_create_2_is_never_asked_for_its_angle():
+    """Its firmware up to 3.4.0 tells 0.324 of the true angle; the encoders are right in all of them."""
+    requests = [data for data, _ in Create2Dialect().hello() if data[0] == Opcode.STREAM]
+    (request,) = requests
+    assert not {19, 20} & set(request[2:])
+    assert {43, 44} <= set(request[2:])
+
+
+def test_the_board_gyro_learns_its_zero_and_measures_turns():
+    gyro = BoardGyro()
+    rates = [gyro.rate_rad_s(507, True) for _ in range(60)]
+    assert rates[:49] == [None] * 49
+    assert rates[-1] == pytest.approx(0.0, abs=1e-9)
+    assert math.degrees(gyro.rate_rad_s(507 - 100, False)) == pytest.approx(100 / 507 * 150 * 1.35)
+    carried = [gyro.rate_rad_s(407, True) for _ in range(500)][-1]
+    assert gyro.offset == pytest.approx(507)
+    assert carried > 0.5
+
+
+@pytest.mark.parametrize("counts", [0, 80, 1023])
+def test_an_unpowered_board_tells_nothing(counts):
+    gyro = BoardGyro()
+    assert [gyro.rate_rad_s(counts, True) for _ in range(200)][-1] is None
+
+
+def test_the_heading_follows_the_gyro_between_and_at_the_measurements():
+    dialect = Create1Dialect()
+    converse(dialect, 75)
+    rate = 0.5
+    readings = []
+    for k in range(100):
+        question = dialect.drive(0.0, 0.01)
+        readings += dialect.receive(answer(question, gyro=counts_of(rate)), (1500 + 20 * k) * MS)
+    turned = readings[-1].odometry.heading_rad - readings[0].odometry.heading_rad
+    assert turned == pytest.approx(rate * 99 * 0.02, rel=0.02)
+    assert readings[-1].gyro.rate_rad_s == pytest.approx(rate, rel=0.02)
+
+
+def test_the_gyro_byte_order_is_that_of_the_open_interface():
+    assert encode_packets({33: counts_of(0.0)}) == struct.pack(">H", 512)
