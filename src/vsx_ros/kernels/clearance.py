@@ -119,3 +119,28 @@ def arc_is_free(
         if s >= total:
             return True
         s = min(total, s + max(0.3 * resolution, 0.7 * d))
+
+
+@kernel
+def least_on_curve(
+    values: Any, resolution: float, x0: float, y0: float, table: Any, direction: float, step: float
+) -> float:
+    """Least value of the field on a curve given by knots (M, 5) of s, x, y, theta, kappa, at most ``step`` apart.
+
+    Between knots that lie further apart the positions are interpolated by cubics with the knots' exact tangents.
+    """
+    least = interpolate(values, resolution, x0, y0, table[0, 1], table[0, 2])
+    for k in range(table.shape[0] - 1):
+        h = table[k + 1, 0] - table[k, 0]
+        n = max(1, int(math.ceil(h / step)))
+        for m in range(1, n):
+            u = m / n
+            blend, before, after = u * u * (3.0 - 2.0 * u), h * u * (1.0 - u) ** 2, h * u * u * (1.0 - u)
+            before, after = direction * before, direction * after
+            x = table[k, 1] + blend * (table[k + 1, 1] - table[k, 1])
+            x += before * math.cos(table[k, 3]) - after * math.cos(table[k + 1, 3])
+            y = table[k, 2] + blend * (table[k + 1, 2] - table[k, 2])
+            y += before * math.sin(table[k, 3]) - after * math.sin(table[k + 1, 3])
+            least = min(least, interpolate(values, resolution, x0, y0, x, y))
+        least = min(least, interpolate(values, resolution, x0, y0, table[k + 1, 1], table[k + 1, 2]))
+    return least

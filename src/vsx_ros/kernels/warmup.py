@@ -119,6 +119,7 @@ def _planning() -> None:
     blocked[1:-1, 1:-1] = False
     field = clearance.signed_distance(blocked, 4) * 0.1
     clearance.interpolate_many(field, 0.1, 0.0, 0.0, np.full((1, 2), 0.5))
+    clearance.least_on_curve(field, 0.1, 0.0, 0.0, np.full((2, 5), 0.5), 1, 0.005)
     clearance.arc_is_free(field, 0.1, 0.0, 0.0, 0.5, 0.5, 0.0, 0.0, 0.1)
     start, goal, nowhere = np.array([0.5, 0.5, 0.0]), np.array([0.7, 0.5, 0.0]), np.full(3, np.nan)
     remaining = lattice.wavefront(field >= 0.0, 5, 5) * 0.1

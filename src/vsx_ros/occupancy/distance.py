@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, Points2
-from vsx_ros.kernels.clearance import interpolate_many, signed_distance
+from vsx_ros.kernels.clearance import interpolate_many, least_on_curve, signed_distance
 from vsx_ros.kernels.lattice import wavefront
 from vsx_ros.occupancy.grid import FREE, OccupancyGrid
 
@@ -29,6 +29,13 @@ class DistanceField:
         points = np.ascontiguousarray(points_world, float).reshape(-1, 2)
         values: FloatArray = interpolate_many(self.values, self.resolution, self.origin_x, self.origin_y, points)
         return values
+
+    def least_on(self, table: FloatArray, direction: int, step_m: float) -> float:
+        """The least value [m] on a curve of knots (M, 5) s, x, y, theta, kappa, looked at every step_m."""
+        least: float = least_on_curve(
+            self.values, self.resolution, self.origin_x, self.origin_y, np.ascontiguousarray(table), direction, step_m
+        )
+        return least
 
     def cell(self, x: float, y: float) -> tuple[int, int]:
         """Row and column of the cell at a position [m]; may lie outside."""

@@ -34,8 +34,7 @@ class Corridor:
 
     def least_margin(self, path: Path) -> float:
         """The least of clearance minus need over the path [m], a lower bound between its samples too."""
-        points = path.sample(_CHECK_STEP_M)[:, :2]
-        return float(self.margin.at(points).min()) + _SEARCH_MARGIN_M - _CHECK_STEP_M
+        return _least(self.margin, path) + _SEARCH_MARGIN_M - _CHECK_STEP_M
 
     def is_free(self, path: Path) -> bool:
         """Whether the base needs nowhere more room than there is."""
@@ -43,7 +42,13 @@ class Corridor:
 
     def least_clearance(self, path: Path) -> float:
         """A lower bound of the clearance along the path [m]."""
-        return float(self.clearance.at(path.sample(_CHECK_STEP_M)[:, :2]).min()) - 0.5 * _CHECK_STEP_M
+        return _least(self.clearance, path) - 0.5 * _CHECK_STEP_M
+
+
+def _least(field: DistanceField, path: Path) -> float:
+    """The field's least value on the path, looked at every ``_CHECK_STEP_M``."""
+    at_start = float(field.at(np.array([[path.start.x, path.start.y]]))[0])
+    return min([at_start, *(field.least_on(p.table, p.direction, _CHECK_STEP_M) for p in path.pieces)])
 
 
 def build_corridor(

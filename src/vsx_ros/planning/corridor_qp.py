@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vsx_ros.arrays import FloatArray
+from vsx_ros.arrays import BoolArray, FloatArray
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.planning import joint_qp
 from vsx_ros.planning.corridor import Corridor
@@ -20,7 +20,8 @@ from vsx_ros.planning.skeleton import Skeleton
 from vsx_ros.planning.words import HeadingSequence, merge_segments
 
 MAX_PIECES = 12
-_SAMPLES = Quadrature(intervals=16, order=4)
+_SAMPLES = Quadrature(intervals=32, order=4)
+_TRUSTED = 4  # every so many samples one is held near where it was
 _ROUNDS = 6
 _TRUST_M = 0.15
 _SLACK_PRICE = 200.0
@@ -30,7 +31,7 @@ _CONVERGED = 0.01
 
 
 def position_rows(sequence: HeadingSequence, theta: float) -> FloatArray:
-    """(2, 16 K, 10 K) rows that give x and y, relative to the start, at 16 places in every piece (its end included)."""
+    """(2, 32 K, 10 K) rows that give x and y, relative to the start, at 32 places in every piece (its end included)."""
     k = len(sequence.turns)
     n = len(_SAMPLES.knots) - 1
     rows = np.zeros((2, n * k, COEFFICIENTS * k))
@@ -48,7 +49,7 @@ def position_rows(sequence: HeadingSequence, theta: float) -> FloatArray:
 
 
 def skeleton_points(sequence: HeadingSequence, pieces: list[list[Piece]]) -> FloatArray:
-    """(16 K, 2) points of the skeleton with the headings the pieces will have at their samples.
+    """(32 K, 2) points of the skeleton with the headings the pieces will have at their samples.
 
     pieces[k]: arcs and lines that piece k of the sequence replaces.
     """
@@ -102,11 +103,14 @@ def fit(
         return None
     x, best = solution.x, None
     trust = _TRUST_M
+    duals = None
     for _ in range(_ROUNDS):
-        round_ = _round(base, X, Y, x, start, corridor, trust)
-        answer = solve_exact(round_)
-        if answer is None:
+        round_, kept = _round(base, X, Y, x, start, corridor, trust)
+        answer = solve_exact(round_, None if duals is None else duals[kept])
+        if answer is None or answer.duals is None:
             break
+        duals = np.zeros(len(kept))
+        duals[kept] = answer.duals
         x = answer.x[:n]
         path = _verified(sequence, start, goal, phi, base, x)
         if path is None:
@@ -122,8 +126,11 @@ def fit(
 
 def _round(
     base: QpProblem, X: FloatArray, Y: FloatArray, x: FloatArray, start: SE2, corridor: Corridor, trust: float
-) -> QpProblem:
-    """The programme linearised at x, with one slack for all half-planes as the last unknown."""
+) -> tuple[QpProblem, BoolArray]:
+    """The programme linearised at x, with one slack for all half-planes as the last unknown.
+
+    Half-planes are left out where the ground is open; the second value marks the rows that remain.
+    """
     points = np.stack([X @ x, Y @ x], axis=1)
     world = points + np.array([start.x, start.y])
     margin = corridor.margin.at(world)
@@ -135,29 +142,33 @@ def _round(
     planes = normal[:, :1] * X[near] + normal[:, 1:] * Y[near]
     least = np.sum(normal * points[near], axis=1) - margin[near] + _GAP_M
     n = len(x)
-    rows = len(base.A) + len(planes) + 2 * len(points) + 1
+    few = slice(_TRUSTED - 1, None, _TRUSTED)
+    tx, ty, low, high = X[few], Y[few], points[few] - reach[few, None], points[few] + reach[few, None]
+    rows = len(base.A) + len(planes) + 2 * len(low) + 1
     A = np.zeros((rows, n + 1))
-    A[:, :n] = np.concatenate([base.A, planes, X, Y, np.zeros((1, n))])
+    A[:, :n] = np.concatenate([base.A, planes, tx, ty, np.zeros((1, n))])
     A[len(base.A) : len(base.A) + len(planes), n] = 1.0
     A[-1, n] = 1.0
     P = np.eye(n + 1)
     P[n, n] = 1.0
-    return QpProblem(
+    kept = np.concatenate([np.ones(len(base.A), np.bool_), near, np.ones(2 * len(low) + 1, np.bool_)])
+    problem = QpProblem(
         P=P,
         q=np.append(base.q, _SLACK_PRICE * float(np.abs(base.q).max())),
         A=A,
-        lower=np.concatenate([base.lower, least, points[:, 0] - reach, points[:, 1] - reach, [0.0]]),
+        lower=np.concatenate([base.lower, least, low[:, 0], low[:, 1], [0.0]]),
         upper=np.concatenate([
-            base.upper, np.full(len(planes), np.inf), points[:, 0] + reach, points[:, 1] + reach, [np.inf],
+            base.upper, np.full(len(planes), np.inf), high[:, 0], high[:, 1], [np.inf],
         ]),
     )  # fmt: skip
+    return problem, kept
 
 
 def _verified(
     sequence: HeadingSequence, start: SE2, goal: SE2, phi: float, base: QpProblem, x: FloatArray
 ) -> Path | None:
     E, target = base.A[:2], base.lower[:2]
-    x = x + np.linalg.lstsq(E, target - E @ x, rcond=None)[0]
+    x = x + E.T @ np.linalg.solve(E @ E.T, target - E @ x)
     pieces = joint_qp.assemble(sequence, start, x.reshape(-1, COEFFICIENTS), phi)
     if pieces is None:
         return None

@@ -203,7 +203,8 @@ class Planner:
         at = start
         for leg in legs:
             arcs = leg.pieces(at)
-            smooth = self._fitted(leg, at, arcs[-1].end, corridor, corridor_qp.MAX_PIECES)
+            # One arc from rest to rest has nothing to smooth.
+            smooth = self._fitted(leg, at, arcs[-1].end, corridor, corridor_qp.MAX_PIECES) if len(arcs) > 1 else None
             pieces += smooth.pieces if smooth is not None else arcs
             at = arcs[-1].end
         return [*paths, certified(start, goal, tuple(pieces), "Bernstein coefficients; arcs and lines")]

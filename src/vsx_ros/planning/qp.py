@@ -18,6 +18,8 @@ from scipy import sparse
 
 from vsx_ros.arrays import FloatArray
 
+_ITERATIONS = 1000
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class QpProblem:
@@ -40,17 +42,21 @@ class QpProblem:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class QpSolution:
-    """x (n,) and what it really violates; ``word`` is what the solver said."""
+    """x (n,) and what it really violates; ``word`` is what the solver said; duals (m,) of the rows, where it tells."""
 
     x: FloatArray
     violation: float
     word: str
+    duals: FloatArray | None = None
 
 
-def solve_exact(problem: QpProblem, iteration_limit: int = 1000) -> QpSolution | None:
-    """DAQP's solution, or None when it reports none (infeasible, or the iteration limit)."""
+def solve_exact(problem: QpProblem, duals: FloatArray | None = None) -> QpSolution | None:
+    """DAQP's solution, or None when it reports none (infeasible, or the iteration limit).
+
+    duals (m,): those of a similar problem, from whose active rows the search begins; the solution is the same.
+    """
     sense = np.where(problem.lower == problem.upper, 5, 0).astype(np.int32)
-    x, _, flag, _ = daqp.solve(
+    x, _, flag, info = daqp.solve(
         problem.P,
         problem.q,
         np.ascontiguousarray(problem.A),
@@ -58,12 +64,13 @@ def solve_exact(problem: QpProblem, iteration_limit: int = 1000) -> QpSolution |
         np.maximum(problem.lower, -1e30),
         sense,
         primal_tol=1e-9,
-        iter_limit=iteration_limit,
+        iter_limit=_ITERATIONS,
+        dual_start=duals,
     )
     x = np.array(x, float)
     if flag < 1 or not np.all(np.isfinite(x)):
         return None
-    return QpSolution(x, problem.violation(x), f"optimal ({flag})")
+    return QpSolution(x, problem.violation(x), f"optimal ({flag})", np.array(info["lam"], float))
 
 
 def solve_osqp(problem: QpProblem) -> QpSolution:
