@@ -193,21 +193,21 @@ class DenseConfig(_Branch, frozen=True):
     planes: PlanesConfig = PlanesConfig()
     cell_m: Positive = 0.08
     patch_m: Positive = 0.12
-    patch_samples: Count = 8
-    min_texture: NonNegative = 4.0
+    min_texture: NonNegative = 1.5
     accept_zncc: Ratio = 0.75
     grow_zncc: Ratio = 0.65
-    max_views: Count = 6
-    min_parallax_deg: Positive = 4.0
-    max_parallax_deg: Positive = 25.0
+    rival_margin: Ratio = 0.05
+    min_parallax_deg: Positive = 2.0
+    max_parallax_deg: Positive = 30.0
     min_range_m: Positive = 0.4
     max_range_m: Positive = 4.5
-    max_incidence_deg: Annotated[float, Meta(gt=0, lt=90)] = 72.0
-    column_m: Positive = 0.05
-    contact_contrast: NonNegative = 8.0
-    contact_share: Ratio = 0.6
+    max_incidence_deg: Annotated[float, Meta(gt=0, lt=90)] = 80.0
+    contact_contrast: NonNegative = 5.0
+    contact_step: Positive = 1.2
     contact_min_views: Count = 3
-    contact_max_support_m: Positive = 1.0
+    contact_max_support_m: Positive = 0.3
+    max_fill_height_m: Positive = 0.6
+    cells_per_update: Count = 3000
 
 
 class ExplorationConfig(_Branch, frozen=True):

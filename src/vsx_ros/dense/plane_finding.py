@@ -52,6 +52,11 @@ class PlaneFinder:
         self._owner: IntArray = np.zeros(0, np.int64)
         self._next_id = _FLOOR_ID + 1
 
+    @property
+    def unit(self) -> float:
+        """Length of a metre in the map; 1 where it has a floor, else guessed when the first points come."""
+        return self._unit if self._unit is not None else 1.0
+
     def update(self, snapshot: MapSnapshot) -> tuple[Plane, ...]:
         """The planes of the snapshot, the floor first, then those of most points. Ids last while most of a plane's
         points do."""

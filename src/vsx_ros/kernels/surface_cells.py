@@ -1,8 +1,8 @@
 """Whether small squares of a plane look the same from several keyframes (paper 5.1; Argiles, Civera, Montesano, IROS
-2011), and what else keyframes say about them: rays that pass through.
+2011), and which of them rays pass through.
 
 Images are the rows of a store (S, B) uint8: undistorted, LEVELS levels, each half as large as the one before; table
-(LEVELS, 3): offset, height, width. K (4,): fx, fy, cx, cy [px] of level 0 of the store. Cameras: R (K, 3, 3), t (K, 3) =
+(LEVELS, 3): offset, height, width. K (4,): fx, fy, cx, cy [px] of level 0 of the store. Cameras: R (K, 3, 3), t (K, 3):
 T_cam_world, centres (K, 3) world [m], slots (K,): their rows of the store. Frame (3, 3) of a plane: right, up, normal
 (towards its observers), world.
 """
@@ -20,7 +20,6 @@ LEVELS = 4
 SIDE = 8
 """Samples a side of the square that is compared."""
 VIEWS = 6
-RIVALS = 4
 
 
 @kernel
@@ -103,8 +102,10 @@ def choose_views(
     limits: Any, worth: Any, views: Any,
 ) -> int:  # fmt: skip
     """The keyframes to compare a cell in: views[0] is the reference, the nearest and most frontal; the others, up to
-    VIEWS, are the next best with enough parallax to it and to each other. worth (K,): filled here. limits: nearest, farthest [m], least cosine of incidence, cosines of least and
-    largest parallax and of the least between two views. How many, reference included; 0 without any.
+    VIEWS, are the next best with parallax to it and to each other. How many, reference included; 0 without any.
+
+    worth (K,): filled here. limits: nearest, farthest [m], least cosine of incidence, cosines of the least and largest
+    parallax and of the least between two views, and 1 - cosine of the parallax from which more is no better.
     """
     nearest, farthest, grazing, least, largest, apart, enough = limits
     n = centres.shape[0]
@@ -174,14 +175,16 @@ def judge_cells(
     cells: Any,
     half: float,
     limits: Any,
+    gates: Any,
     depths: Any,
 ) -> tuple[Any, Any, Any, Any, Any]:
-    """How cells (N, 3) look in the keyframes; limits: see choose_views.
+    """How cells (N, 3) look in the keyframes; half: of the square's side [m], limits: see choose_views.
 
-    depths (RIVALS,): relative depths, in the reference, of the places a cell is compared with.
-    Returns texture (N,) [grey levels], score (N,) and rival (N,): second best ZNCC over the views at the cell and at the
-    best of the rival depths, -1 where fewer than two views see it; views (N,): how many, reference left out; reference
-    (N,): keyframe, -1 without.
+    depths (D,): relative depths, in the reference, of the places a cell is compared with: where the picture is as much
+    alike there, it says nothing. gates: least texture [grey levels] and score worth asking that.
+    Returns texture (N,) [grey levels], score (N,) and rival (N,): second best ZNCC over the views at the cell and at
+    the best of the other depths, -1 where fewer than two views see it; views (N,): how many, the reference left out;
+    reference (N,): keyframe, -1 without.
     """
     n = cells.shape[0]
     texture, score, rival = np.zeros(n), np.full(n, -1.0), np.full(n, -1.0)
@@ -200,7 +203,10 @@ def judge_cells(
             continue
         reference[i] = k
         texture[i] = _standardise(look)
-        for d in range(-1, RIVALS):
+        if texture[i] < gates[0]:
+            counts[i] = count - 1
+            continue
+        for d in range(-1, depths.shape[0]):
             depth = 1.0 if d < 0 else depths[d]
             cx = centres[k, 0] + depth * (x - centres[k, 0])
             cy = centres[k, 1] + depth * (y - centres[k, 1])
@@ -216,9 +222,53 @@ def judge_cells(
                     dot += look[s] * other[s]
                 alike[seen] = dot
                 seen += 1
-            if d < 0:
-                counts[i] = seen
-                score[i] = _second_best(alike, seen)
-            else:
+            if d >= 0:
                 rival[i] = max(rival[i], _second_best(alike, seen))
+                continue
+            counts[i] = seen
+            score[i] = _second_best(alike, seen)
+            if score[i] < gates[1]:
+                break
     return texture, score, rival, counts, reference
+
+
+@kernel
+def count_passing(
+    frame: Any,
+    offset: float,
+    centres: Any,
+    points: Any,
+    obs_keyframe: Any,
+    obs_point: Any,
+    behind: Any,
+    low: Any,
+    size: float,
+    votes: Any,
+) -> None:
+    """Add to votes (W, H), the cells of a plane from index low (2,) on, how many keyframes see a point through each.
+
+    Observations are in the order of keyframes. behind: least distance [m] of a point behind the plane, and least share
+    of its distance from the camera.
+    """
+    width, height = votes.shape
+    last = np.full((width, height), -1, np.int64)
+    for o in range(obs_point.shape[0]):
+        k, p = obs_keyframe[o], obs_point[o]
+        before = after = -offset
+        squares = 0.0
+        for axis in range(3):
+            before += frame[2, axis] * centres[k, axis]
+            after += frame[2, axis] * points[p, axis]
+            squares += (points[p, axis] - centres[k, axis]) ** 2
+        if before < behind[0] or -after < max(behind[0], behind[1] * math.sqrt(squares)):
+            continue
+        share = before / (before - after)
+        a = b = 0.0
+        for axis in range(3):
+            place = centres[k, axis] + share * (points[p, axis] - centres[k, axis])
+            a += frame[0, axis] * place
+            b += frame[1, axis] * place
+        i, j = math.floor(a / size) - low[0], math.floor(b / size) - low[1]
+        if 0 <= i < width and 0 <= j < height and last[i, j] != k:
+            last[i, j] = k
+            votes[i, j] += 1

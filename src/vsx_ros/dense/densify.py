@@ -1,0 +1,95 @@
+"""The dense map: planes of the sparse map and the cells of them that are surface, kept up to date as it grows."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from vsx_ros.arrays import IntArray
+from vsx_ros.config import DenseConfig
+from vsx_ros.dense.cells import Cells
+from vsx_ros.dense.photoconsistency import KeyframeImages, Views
+from vsx_ros.dense.plane_finding import PlaneFinder
+from vsx_ros.dense.planes import Plane, PlaneKind
+from vsx_ros.dense.surface import Surface, moved
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.slam.snapshot import MapSnapshot
+
+_UNSETTLED = 2
+"""The newest keyframes, whose poses bundle adjustment is about to move."""
+_MOVED_M = 0.02
+
+
+class DenseMap(NamedTuple):
+    """What is surface; version and keyframe indices are those of the snapshot it was made of. complete: whether every
+    cell has been judged with all keyframes, or some wait for the next update."""
+
+    version: int
+    planes: tuple[Plane, ...]
+    cells: Cells
+    complete: bool
+
+
+class Densifier:
+    """``update`` with each snapshot of one growing map. Work is counted in cells, never in time: same snapshots, same
+    cells."""
+
+    def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, config: DenseConfig, seed: int = 0) -> None:
+        """T_base_cam: None for a map without floor and metres."""
+        self._config, self._has_floor = config, T_base_cam is not None
+        self._finder = PlaneFinder(camera.fx, config.planes, self._has_floor, seed)
+        self._images = KeyframeImages(camera)
+        self._surfaces: dict[int, Surface] = {}
+        self._used: set[int] = set()
+
+    def update(self, snapshot: MapSnapshot, budget: int | None = None) -> DenseMap:
+        """The dense map of a snapshot. budget: cells to judge at most, ``cells_per_update`` of the configuration by
+        default; what it does not suffice for waits."""
+        planes = self._finder.update(snapshot)
+        surfaces = [plane for plane in planes if plane.kind is not PlaneKind.FLOOR]
+        views = self._images.views(snapshot, max(0, len(snapshot.images) - _UNSETTLED))
+        fresh = np.flatnonzero([number not in self._used for number in views.ids.tolist()])
+        self._used = set(views.ids.tolist())
+        every = np.arange(len(views.ids))
+        kept: dict[int, Surface] = {}
+        for plane in surfaces:
+            kept[plane.id] = self._prepared(plane, snapshot, views, fresh, every)
+        self._surfaces = kept
+        self._work(surfaces, snapshot, views, self._config.cells_per_update if budget is None else budget)
+        cells = Cells.concatenated([self._cells(plane, snapshot) for plane in surfaces])
+        complete = not any(surface.due.any() for surface in kept.values())
+        return DenseMap(snapshot.version, planes, cells, complete)
+
+    def _prepared(self, plane: Plane, snapshot: MapSnapshot, views: Views, fresh: IntArray, every: IntArray) -> Surface:
+        """The plane's surface with everything the fresh keyframes show marked as due; anew if the plane has moved."""
+        surface, unit = self._surfaces.get(plane.id), self._finder.unit
+        if surface is None or moved(surface.judged_at, plane, _MOVED_M * unit):
+            surface = Surface(plane, self._config, unit, self._has_floor)
+            fresh = every
+        else:
+            surface.extended(plane)
+            surface.seen_anew(plane, views.at(fresh))
+        observed = np.isin(snapshot.obs_keyframe, fresh)
+        surface.look_through(
+            plane, views.centres, snapshot.points_world, snapshot.obs_keyframe[observed], snapshot.obs_point[observed]
+        )
+        return surface
+
+    def _work(self, planes: list[Plane], snapshot: MapSnapshot, views: Views, budget: int) -> None:
+        """Judge what is due, first on the planes of which the newest keyframe sees most points."""
+        if not len(views.ids):
+            return
+        newest = np.zeros(len(snapshot.points_world), np.bool_)
+        newest[snapshot.obs_point[snapshot.obs_keyframe == len(views.ids) - 1]] = True
+        for plane in sorted(planes, key=lambda plane: -int(newest[plane.points].sum())):
+            surface = self._surfaces[plane.id]
+            if budget > 0 and surface.due.any():
+                budget -= surface.work(plane, views, budget)
+
+    def _cells(self, plane: Plane, snapshot: MapSnapshot) -> Cells:
+        seen_by = np.zeros(len(snapshot.points_world), np.int64)
+        seen_by[snapshot.obs_point] = snapshot.keyframe_ids[snapshot.obs_keyframe]
+        points = snapshot.points_world[plane.points]
+        return self._surfaces[plane.id].cells(plane, points, seen_by[plane.points], snapshot.keyframe_ids)

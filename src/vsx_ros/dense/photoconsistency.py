@@ -1,0 +1,135 @@
+"""Photo-consistency of cells: the second best correlation over several keyframes, against that at other depths.
+
+Paper 5.1, after Argiles, Civera, Montesano (IROS 2011). A high correlation alone does not tell a surface from the floor
+seen through a gap, where the picture runs along the motion: what is alike at the plane's depth must be less alike in
+front of it and behind.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vsx_ros.arrays import FloatArray, GrayImage, IntArray, Points3
+from vsx_ros.config import DenseConfig
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.kernels import surface_cells as kernels
+from vsx_ros.slam.snapshot import MapSnapshot
+
+_STORE_WIDTH_PX = 320
+_RIVAL_DEPTHS = np.array([0.65, 0.8, 1.2, 1.5])
+_ENOUGH_PARALLAX_DEG = 8.0
+_APART_DEG = 1.0
+_HOPELESS_ZNCC = 0.5
+
+
+class Views(NamedTuple):
+    """Keyframes to look at cells in. ids (K,), R (K, 3, 3) and t (K, 3): T_cam_world, centres (K, 3) world, slots (K,)
+    of the images; the images as kernels/surface_cells.py describes."""
+
+    ids: IntArray
+    R: FloatArray
+    t: FloatArray
+    centres: Points3
+    slots: NDArray[np.int64]
+    store: NDArray[np.uint8]
+    table: NDArray[np.int64]
+    K: FloatArray
+
+    def at(self, rows: IntArray) -> Views:
+        """Only some of them."""
+        return self._replace(
+            ids=self.ids[rows],
+            R=self.R[rows],
+            t=self.t[rows],
+            centres=self.centres[rows],
+            slots=self.slots[rows],
+        )
+
+
+class Judgement(NamedTuple):
+    """Of N cells: texture [grey levels], score and rival (ZNCC at the cell, and at the best of other depths), views:
+    how many compared, keyframe: id of the reference, -1 where nobody sees it. All (N,)."""
+
+    texture: FloatArray
+    score: FloatArray
+    rival: FloatArray
+    views: NDArray[np.int64]
+    keyframe: NDArray[np.int64]
+
+
+class KeyframeImages:
+    """Undistorted image pyramids of the living keyframes, from a quarter of the pixels down: a cell's samples are some
+    two pixels apart at arm's length and never need more."""
+
+    def __init__(self, camera: PinholeCamera) -> None:
+        shrink = max(0, round(math.log2(camera.width / _STORE_WIDTH_PX)))
+        factor = 0.5**shrink
+        size = camera.width >> shrink, camera.height >> shrink
+        self._K = np.array(
+            [camera.fx, camera.fy, (camera.cx + 0.5) - 0.5 / factor, (camera.cy + 0.5) - 0.5 / factor]
+        ) * factor  # fmt: skip
+        self._size = camera.width, camera.height
+        self._maps = cv2.initUndistortRectifyMap(
+            camera.K, np.array(camera.distortion), np.eye(3), camera.K, self._size, cv2.CV_16SC2
+        )
+        rows, offset = [], 0
+        for level in range(kernels.LEVELS):
+            width, height = size[0] >> level, size[1] >> level
+            rows.append((offset, height, width))
+            offset += width * height
+        self._table = np.array(rows, np.int64)
+        self._store = np.zeros((16, offset), np.uint8)
+        self._slot: dict[int, int] = {}
+
+    def views(self, snapshot: MapSnapshot, count: int) -> Views:
+        """The first ``count`` keyframes of a snapshot; images of those no longer living are forgotten."""
+        ids = snapshot.keyframe_ids[:count]
+        living = set(snapshot.keyframe_ids.tolist())
+        self._slot = {number: slot for number, slot in self._slot.items() if number in living}
+        for number, image in zip(ids.tolist(), snapshot.images):
+            if number not in self._slot:
+                self._slot[number] = self._add(image)
+        T_cam_worlds = [T.inverse() for T in snapshot.T_world_cams[:count]]
+        return Views(
+            ids,
+            np.array([T.rotation for T in T_cam_worlds]).reshape(-1, 3, 3),
+            np.array([T.translation for T in T_cam_worlds]).reshape(-1, 3),
+            np.array([T.translation for T in snapshot.T_world_cams[:count]]).reshape(-1, 3),
+            np.array([self._slot[number] for number in ids.tolist()], np.int64),
+            self._store,
+            self._table,
+            self._K,
+        )
+
+    def _add(self, image: GrayImage) -> int:
+        taken = set(self._slot.values())
+        slot = next(n for n in range(len(taken) + 1) if n not in taken)
+        if slot == len(self._store):
+            self._store = np.concatenate([self._store, np.zeros_like(self._store)])
+        finer = cv2.remap(image, *self._maps, cv2.INTER_LINEAR)
+        for offset, height, width in self._table.tolist():
+            finer = cv2.resize(finer, (width, height), interpolation=cv2.INTER_AREA)
+            self._store[slot, offset : offset + height * width] = finer.ravel()
+        return slot
+
+
+def judge(views: Views, frame: FloatArray, centres: Points3, config: DenseConfig, unit: float) -> Judgement:
+    """What the keyframes say about cells of a plane. frame (3, 3): its right, up and normal; centres (N, 3) world;
+    unit: length of a metre in the map."""
+    cosines = [
+        math.cos(math.radians(angle))
+        for angle in (config.max_incidence_deg, config.min_parallax_deg, config.max_parallax_deg, _APART_DEG)
+    ]
+    enough = 1.0 - math.cos(math.radians(_ENOUGH_PARALLAX_DEG))
+    limits = (config.min_range_m * unit, config.max_range_m * unit, *cosines, enough)
+    texture, score, rival, counts, reference = kernels.judge_cells(
+        views.store, views.table, views.K, views.R, views.t, views.centres, views.slots,
+        frame, centres, 0.5 * config.patch_m * unit, limits, (config.min_texture, _HOPELESS_ZNCC), _RIVAL_DEPTHS,
+    )  # fmt: skip
+    ids = np.append(views.ids, -1)
+    return Judgement(texture, score, rival, counts, ids[reference].astype(np.int64))

@@ -1,0 +1,186 @@
+"""The grid on one plane: what is known about each of its cells, and which of them are surface."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2, Points3
+from vsx_ros.config import DenseConfig
+from vsx_ros.dense.cells import CellKind, Cells
+from vsx_ros.dense.floor_contact import Contact, fill_heights, floor_contact, supported_runs
+from vsx_ros.dense.growing import consistent, enclosed, grown, refuted
+from vsx_ros.dense.photoconsistency import Judgement, Views, judge
+from vsx_ros.dense.planes import Plane, PlaneKind
+from vsx_ros.kernels.surface_cells import count_passing
+
+_MARGIN_M = 0.3
+_BEHIND_M, _BEHIND_SHARE = 0.15, 0.08
+_GUESSED_SCORE = 0.5
+
+
+class Surface:
+    """Evidence about the cells of a plane, (W, H) arrays: columns along its right axis, rows up; for a wall row 0
+    stands on the floor. ``due``: cells to be judged (again). Kept while the plane stays where it was."""
+
+    def __init__(self, plane: Plane, config: DenseConfig, unit: float, has_floor: bool) -> None:
+        """unit: length of a metre in the map. has_floor: whether z = 0 is the floor."""
+        self.judged_at = plane
+        self._config, self._unit, self._size = config, unit, config.cell_m * unit
+        self._stands = has_floor and plane.kind is PlaneKind.WALL
+        self.low, shape = self._bounds(plane)
+        self.due = np.ones(shape, np.bool_)
+        self._texture, self._score, self._rival = np.zeros(shape), np.full(shape, -1.0), np.full(shape, -1.0)
+        self._views, self._passing = np.zeros(shape, np.int64), np.zeros(shape, np.int64)
+        self._keyframe = np.full(shape, -1, np.int64)
+        self._touches = np.zeros(shape[0], np.bool_)
+        self._contact_keyframe = np.full(shape[0], -1, np.int64)
+
+    def _bounds(self, plane: Plane) -> tuple[NDArray[np.int64], tuple[int, int]]:
+        margin = _MARGIN_M * self._unit
+        low = np.floor((plane.extent[[0, 2]] - margin) / self._size).astype(np.int64)
+        high = np.ceil((plane.extent[[1, 3]] + margin) / self._size).astype(np.int64)
+        if self._stands:
+            low[1] = 0
+        shape = np.maximum(high - low, 1)
+        return low, (int(shape[0]), int(shape[1]))
+
+    def extended(self, plane: Plane) -> None:
+        """Make room for all of a plane that has grown; cells that are new are due."""
+        low, shape = self._bounds(plane)
+        before = np.maximum(self.low - low, 0)
+        after = np.maximum(low + shape - self.low - self.due.shape, 0)
+        if not before.any() and not after.any():
+            return
+        pad = [(int(before[0]), int(after[0])), (int(before[1]), int(after[1]))]
+        self.low = self.low - before
+        self.due = np.pad(self.due, pad, constant_values=True)
+        self._texture = np.pad(self._texture, pad)
+        self._score, self._rival = (np.pad(a, pad, constant_values=-1.0) for a in (self._score, self._rival))
+        self._views, self._passing = np.pad(self._views, pad), np.pad(self._passing, pad)
+        self._keyframe = np.pad(self._keyframe, pad, constant_values=-1)
+        self._touches = np.pad(self._touches, pad[0])
+        self._contact_keyframe = np.pad(self._contact_keyframe, pad[0], constant_values=-1)
+
+    def centres(self, plane: Plane, cells: IntArray) -> Points3:
+        """(N, 3) world positions of cells (N, 2), rows and columns of the arrays."""
+        coordinates: Points2 = np.asarray((cells + self.low + 0.5) * self._size, np.float64)
+        return plane.points_at(coordinates)
+
+    def look_through(
+        self, plane: Plane, centres: Points3, points: Points3, keyframe: IntArray, point: IntArray
+    ) -> None:
+        """Account for observations (keyframe of centres, row of points), ordered by keyframe, of what is behind."""
+        behind = np.array([_BEHIND_M * self._unit, _BEHIND_SHARE])
+        frame = np.vstack([plane.axes, plane.normal])
+        count_passing(
+            frame, plane.offset, centres, points, keyframe, point, behind, self.low, self._size, self._passing
+        )
+
+    def seen_anew(self, plane: Plane, views: Views) -> None:
+        """Cells not yet consistent that some of the views show are due again."""
+        near, (_, height_px, width_px) = self._config.max_range_m * self._unit, views.table[0]
+        open_cells = np.argwhere(~self.due & ~self._consistent())
+        centres = self.centres(plane, open_cells)
+        for R, t in zip(views.R, views.t):
+            x, y, z = R @ centres.T + t[:, None]
+            ahead = np.maximum(z, 1e-6)
+            u, v = views.K[0] * x / ahead + views.K[2], views.K[1] * y / ahead + views.K[3]
+            shown = (z > 0.0) & (z < near) & (u > 0.0) & (v > 0.0) & (u < width_px) & (v < height_px)
+            self.due[tuple(open_cells[shown].T)] = True
+
+    def work(self, plane: Plane, views: Views, budget: int) -> int:
+        """Judge at most ``budget`` of the cells that are due; how many."""
+        cells = np.argwhere(self.due)[:budget]
+        centres = self.centres(plane, cells)
+        views = views.at(self._useful(plane, views, centres))
+        said = judge(views, np.vstack([plane.axes, plane.normal]), centres, self._config, self._unit)
+        self._enter(tuple(cells.T), said)
+        if self._stands and len(cells):
+            columns = np.unique(cells[:, 0])
+            contact: Contact = floor_contact(views, plane, columns + self.low[0], self._config)
+            self._touches[columns], self._contact_keyframe[columns] = contact
+        return len(cells)
+
+    def _useful(self, plane: Plane, views: Views, centres: Points3) -> IntArray:
+        middle = centres.mean(axis=0)
+        reach = float(np.linalg.norm(centres - middle, axis=1).max()) + self._config.max_range_m * self._unit
+        near = np.linalg.norm(views.centres - middle, axis=1) < reach
+        return np.flatnonzero(near & (plane.distances(views.centres) > 0.0))
+
+    def _enter(self, where: tuple[IntArray, ...], said: Judgement) -> None:
+        self.due[where] = False
+        self._texture[where], self._score[where], self._rival[where] = said.texture, said.score, said.rival
+        self._views[where], self._keyframe[where] = said.views, said.keyframe
+
+    def _consistent(self) -> BoolArray:
+        return consistent(self._texture, self._score, self._rival, self._config)
+
+    def cells(self, plane: Plane, points: Points3, seen_by: IntArray, living: IntArray) -> Cells:
+        """The cells that are surface. points (M, 3): those of the plane, and ids (M,) of keyframes that see them.
+        living: ids of all keyframes of the snapshot, ascending; cells name their places in it."""
+        seed, seed_keyframe = self._seeds(plane, points, seen_by)
+        strong = self._consistent()
+        weak = (self._score >= self._config.grow_zncc) & (self._score > self._rival)
+        against = refuted(self._texture, self._score, self._views, self._passing)
+        believed = grown(seed & ~(against & ~strong), strong, weak, self._passing)
+        filled = self._standing(believed, against)
+        holes = enclosed(believed | filled, against)
+        kind = np.full(seed.shape, -1, np.int64)
+        for mask, why in ((holes, CellKind.ENCLOSED), (filled, CellKind.CONTACT), (believed, CellKind.PHOTO)):
+            kind[mask] = why
+        kind[believed & seed] = CellKind.SEED
+        keyframe = np.where(self._keyframe >= 0, self._keyframe, seed_keyframe)
+        keyframe = np.where(kind == CellKind.CONTACT, self._contact_keyframe[:, None], keyframe)
+        keyframe = _nearest_known(keyframe, np.isin(keyframe, living))
+        kind[keyframe < 0] = -1
+        score = np.where((kind == CellKind.PHOTO) | (kind == CellKind.SEED), self._score, _GUESSED_SCORE)
+        where = np.nonzero(kind >= 0)
+        cells = np.stack(where, axis=1).astype(np.int64)
+        return Cells(
+            np.full(len(cells), plane.id, np.int64),
+            cells + self.low,
+            self.centres(plane, cells),
+            kind[where],
+            np.clip(score[where], 0.0, 1.0),
+            np.searchsorted(living, keyframe[where]).astype(np.int64),
+        )
+
+    def _seeds(self, plane: Plane, points: Points3, seen_by: IntArray) -> tuple[BoolArray, NDArray[np.int64]]:
+        cells = np.floor(plane.coordinates(points) / self._size).astype(np.int64) - self.low
+        inside = ((cells >= 0) & (cells < self.due.shape)).all(axis=1)
+        seed, keyframe = np.zeros(self.due.shape, np.bool_), np.full(self.due.shape, -1, np.int64)
+        seed[tuple(cells[inside].T)] = True
+        keyframe[tuple(cells[inside].T)] = seen_by[inside]
+        return seed, keyframe
+
+    def _standing(self, believed: BoolArray, against: BoolArray) -> BoolArray:
+        """Cells filled from the floor up, where the wall touches it."""
+        if not self._stands:
+            return np.zeros_like(believed)
+        support: BoolArray = np.any(believed, axis=1)
+        runs = supported_runs(self._touches, support, self._config)
+        rows = np.arange(believed.shape[1])
+        filled: BoolArray = (rows < fill_heights(believed, runs, self._config)[:, None]) & ~believed
+        return filled & ~(against & (self._passing > 0))
+
+
+def moved(before: Plane, now: Plane, limit: float) -> bool:
+    """Whether any corner of the plane's former extent is more than ``limit`` from where it was."""
+    a, b, c, d = before.extent
+    corners: FloatArray = np.array([[a, c], [a, d], [b, c], [b, d]])
+    return bool((np.linalg.norm(before.points_at(corners) - now.points_at(corners), axis=1) > limit).any())
+
+
+def _nearest_known(values: NDArray[np.int64], known: BoolArray) -> NDArray[np.int64]:
+    """(W, H) values, each unknown one replaced by the nearest known one; all -1 where none is known."""
+    if not known.any():
+        return np.full_like(values, -1)
+    _, labels = cv2.distanceTransformWithLabels(
+        (~known).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    of_label = np.zeros(int(labels.max()) + 1, np.int64)
+    of_label[labels[known]] = values[known]
+    nearest: NDArray[np.int64] = of_label[labels]
+    return nearest

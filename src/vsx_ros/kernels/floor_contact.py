@@ -1,0 +1,120 @@
+"""Where a wall meets the floor: the brightness steps at the line where its plane cuts z = 0, and nowhere near it.
+
+A gap in the wall has no such step: through it the floor goes on. Arrays as in kernels/surface_cells.py.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from vsx_ros.kernels import kernel
+from vsx_ros.kernels.surface_cells import LEVELS
+
+ROWS = 4
+ACROSS = 3
+
+
+@kernel
+def _strip(
+    pixels: Any, table: Any, K: Any, R: Any, t: Any, origin: Any, along: Any, across: Any, begin: float, end: float
+) -> tuple[float, float, bool]:
+    """Mean and standard deviation [grey levels] of a rectangle: from ``begin`` to ``end`` [m] in the direction along
+    (3,) from origin (3,), across (3,) [m] to both sides; and whether all of it is in the image."""
+    total = squares = 0.0
+    for i in range(ROWS):
+        a = begin + (end - begin) * (i + 0.5) / ROWS
+        for j in range(ACROSS):
+            b = (2.0 * j + 1.0) / ACROSS - 1.0
+            x = origin[0] + a * along[0] + b * across[0]
+            y = origin[1] + a * along[1] + b * across[1]
+            z = origin[2] + a * along[2] + b * across[2]
+            px = R[0, 0] * x + R[0, 1] * y + R[0, 2] * z + t[0]
+            py = R[1, 0] * x + R[1, 1] * y + R[1, 2] * z + t[1]
+            pz = R[2, 0] * x + R[2, 1] * y + R[2, 2] * z + t[2]
+            if pz < 0.1:
+                return 0.0, 0.0, False
+            level = 0
+            spacing = K[0] * (end - begin) / ROWS / pz
+            while level < LEVELS - 1 and spacing > 2.0:
+                spacing *= 0.5
+                level += 1
+            shrink = 1.0 / (1 << level)
+            u = (px / pz * K[0] + K[2] + 0.5) * shrink - 0.5
+            v = (py / pz * K[1] + K[3] + 0.5) * shrink - 0.5
+            offset, height, width = table[level, 0], table[level, 1], table[level, 2]
+            if not (0.0 <= u < width - 1 and 0.0 <= v < height - 1):
+                return 0.0, 0.0, False
+            c, r = int(u), int(v)
+            fu, fv = u - c, v - r
+            at = offset + r * width + c
+            top = pixels[at] * (1.0 - fu) + pixels[at + 1] * fu
+            bottom = pixels[at + width] * (1.0 - fu) + pixels[at + width + 1] * fu
+            value = top * (1.0 - fv) + bottom * fv
+            total += value
+            squares += value * value
+    n = ROWS * ACROSS
+    mean = total / n
+    return mean, math.sqrt(max(0.0, squares / n - mean * mean)), True
+
+
+@kernel
+def contact_steps(
+    store: Any, table: Any, K: Any, R: Any, t: Any, centres: Any, slots: Any, feet: Any, front: Any, right: Any,
+    strips: Any, shifts: Any, limits: Any,
+) -> tuple[Any, Any, Any]:  # fmt: skip
+    """Brightness steps at the feet of columns of one plane, over the keyframes that see them from its front.
+
+    feet (C, 3): where the columns meet the floor, world. front (3,): horizontal, away from the wall; right (3,): along
+    it. strips: half width, begin and end on the wall, begin and least length on the floor [m] (longer where less than
+    two pixels high). shifts (S,) [m]: the same is asked this far in front of the wall. limits: nearest, farthest [m],
+    least cosine of incidence, grey levels beside the strips' own roughness that make a step, most keyframes (the
+    newest are asked first).
+    Returns seen (C,): how many keyframes; steps (C, S): mean signed step over them, 1 where it just is one; reference
+    (C,): the nearest of them, -1 without.
+    """
+    nearest, farthest, grazing, least, most = limits
+    half_width, low, high, begin, length = strips
+    n = feet.shape[0]
+    seen, steps = np.zeros(n, np.int64), np.zeros((n, shifts.shape[0]))
+    reference = np.full(n, -1, np.int64)
+    up = np.array([0.0, 0.0, 1.0])
+    across = half_width * right
+    origin = np.zeros(3)
+    found = np.zeros(shifts.shape[0])
+    for i in range(n):
+        closest = np.inf
+        for k in range(centres.shape[0] - 1, -1, -1):
+            dx, dy, dz = centres[k, 0] - feet[i, 0], centres[k, 1] - feet[i, 1], centres[k, 2] - feet[i, 2]
+            distance = math.sqrt(dx * dx + dy * dy + dz * dz)
+            if not nearest <= distance <= farthest or dx * front[0] + dy * front[1] < grazing * distance:
+                continue
+            depth = -(R[k, 2, 0] * dx + R[k, 2, 1] * dy + R[k, 2, 2] * dz)
+            if depth < 0.5 * distance:
+                continue
+            reach = begin + max(length, 2.0 * depth * depth / (K[1] * max(dz, 0.05)))
+            good = True
+            for s in range(shifts.shape[0]):
+                for axis in range(3):
+                    origin[axis] = feet[i, axis] + shifts[s] * front[axis]
+                above, rough, good = _strip(store[slots[k]], table, K, R[k], t[k], origin, up, across, low, high)
+                if not good:
+                    break
+                below, coarse, good = _strip(store[slots[k]], table, K, R[k], t[k], origin, front, across, begin, reach)
+                if not good:
+                    break
+                found[s] = min(2.0, max(-2.0, (above - below) / (least + rough + coarse)))
+            if not good:
+                continue
+            seen[i] += 1
+            steps[i] += found
+            if distance < closest:
+                closest = distance
+                reference[i] = k
+            if seen[i] >= most:
+                break
+        if seen[i] > 0:
+            steps[i] /= seen[i]
+    return seen, steps, reference
