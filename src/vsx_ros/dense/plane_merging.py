@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsx_ros.arrays import BoolArray, FloatArray, IntArray
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points3
 from vsx_ros.dense.observed_points import ObservedPoints
 from vsx_ros.dense.plane_fitting import Fit, Noise, deviations, fit_plane, on_plane
 from vsx_ros.dense.plane_tiles import is_plane
@@ -18,6 +18,7 @@ _SAME_SHARE = 0.8
 _GAP_M = 1.5
 _MARGIN_M = 0.3
 _MIN_OWN = 0.5
+_MANY_POINTS, _DENSE_PER_M2 = 40, 20.0
 
 
 class Found(NamedTuple):
@@ -84,9 +85,16 @@ def _shared_out(groups: list[Found], points: ObservedPoints, min_points: int, no
             if len(rows) < min_points:
                 continue
             fit = fit_plane(points, own[rows], group.fit.normal, group.fit.attitude, noise)
-            if fit is not None and is_plane(fit, noise):
+            if fit is not None and is_plane(fit, noise) and _is_dense(points.world[own[rows]], fit, unit):
                 out.append(Found(fit, own[rows]))
     return sorted(out, key=lambda found: -len(found.rows))
+
+
+def _is_dense(world: Points3, fit: Fit, unit: float) -> bool:
+    """Whether there are many points, or at least many on each square metre: few in a wide space lie on some plane by
+    chance."""
+    size = np.ptp(world @ in_plane_axes(fit.normal).T, axis=0) / unit
+    return len(world) >= _MANY_POINTS or bool(len(world) >= _DENSE_PER_M2 * size[0] * size[1])
 
 
 def _within(group: Found, points: ObservedPoints, unit: float) -> BoolArray:

@@ -13,10 +13,11 @@ from vsx_ros.dense.plane_fitting import Attitude, Fit, Noise, fit_plane, on_plan
 from vsx_ros.dense.plane_hypotheses import draw_hypotheses
 from vsx_ros.kernels.planes import plane_preferences
 
+_PASSES = 2
 _VOXEL_M = 0.10
 _MIN_NEW = 0.5
 _MIN_SPREAD_M = 0.03
-_MAX_TILT_SIGMA_RAD = 0.10
+_MAX_TILT_SIGMA_RAD = 0.06
 
 
 def noise_of(config: PlanesConfig, unit: float) -> Noise:
@@ -45,11 +46,30 @@ def spread_out(points: ObservedPoints, count: int, voxel: float) -> IntArray:
 def planes_of_tile(
     points: ObservedPoints, config: PlanesConfig, upright: bool, unit: float, rng: np.random.Generator
 ) -> list[tuple[Fit, IntArray]]:
-    """Planes and their points' ids, those of most points first. The points: of one tile, the floor's taken out."""
+    """Planes and their points' ids. The points: of one tile, the floor's taken out.
+
+    The points that no plane explains are asked again: among fewer points, pairs from one small face are drawn more
+    often.
+    """
+    planes = list[tuple[Fit, IntArray]]()
+    for _ in range(_PASSES):
+        if len(points.world) < config.min_points:
+            break
+        fits = _linked(points, config, upright, unit, rng)
+        fresh, explained = _unexplained(points, fits, config.min_points, noise_of(config, unit))
+        if not fresh:
+            break
+        planes += fresh
+        points = points.at(np.flatnonzero(~explained))
+    return planes
+
+
+def _linked(
+    points: ObservedPoints, config: PlanesConfig, upright: bool, unit: float, rng: np.random.Generator
+) -> list[Fit]:
+    """The planes of the clusters that J-linkage makes of some points."""
     noise = noise_of(config, unit)
     chosen = points.at(spread_out(points, config.max_points_per_tile, _VOXEL_M * unit))
-    if len(chosen.world) < config.min_points:
-        return []
     hypotheses, attitudes = draw_hypotheses(
         chosen, config.hypotheses, upright, config.partner_sigma_m * unit, config.min_separation_m * unit, rng
     )
@@ -59,15 +79,13 @@ def planes_of_tile(
     labels = cluster(preferences)
     sizes = np.bincount(labels[labels >= 0], minlength=1)
     fits = []
-    for label in np.argsort(-sizes, kind="stable"):
-        if sizes[label] < config.min_points // 2:
-            break
+    for label in np.flatnonzero(sizes >= config.min_points // 2):
         members = np.flatnonzero(labels == label)
         shared = np.flatnonzero(_unpacked(np.bitwise_and.reduce(preferences[members]), len(hypotheses)))[0]
         fit = fit_plane(chosen, members, hypotheses[shared, :3], Attitude(attitudes[shared]), noise)
         if fit is not None and is_plane(fit, noise):
             fits.append(fit)
-    return _unexplained(points, fits, config.min_points, noise)
+    return fits
 
 
 def _unpacked(row: NDArray[np.uint64], count: int) -> BoolArray:
@@ -75,9 +93,11 @@ def _unpacked(row: NDArray[np.uint64], count: int) -> BoolArray:
     return bits
 
 
-def _unexplained(points: ObservedPoints, fits: list[Fit], min_points: int, noise: Noise) -> list[tuple[Fit, IntArray]]:
+def _unexplained(
+    points: ObservedPoints, fits: list[Fit], min_points: int, noise: Noise
+) -> tuple[list[tuple[Fit, IntArray]], BoolArray]:
     """The fits of most points first, refined with all points of the tile; those left out whose points are mostly
-    explained by earlier ones."""
+    explained by earlier ones; and (N,) which points are explained."""
     every = np.arange(len(points.world))
     refined = [
         fit_plane(points, every[on_plane(points, every, fit, noise)], fit.normal, fit.attitude, noise) for fit in fits
@@ -93,4 +113,4 @@ def _unexplained(points: ObservedPoints, fits: list[Fit], min_points: int, noise
         if fit is not None and is_plane(fit, noise):
             explained |= on_it
             kept.append((fit, points.ids[own]))
-    return kept
+    return kept, explained
