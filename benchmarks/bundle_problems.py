@@ -55,21 +55,22 @@ def _problem(
     rng: np.random.Generator,
     pose_sigma: np.ndarray,
     point_sigma_m: float,
+    gross_share: float = 0.03,
 ) -> Problem:
-    """Noise of 0.6 px, 3 % gross outliers of 30 px; the first two cameras start at the truth."""
+    """Noise of 0.6 px, a share of gross outliers of 30 px; the first two cameras start at the truth."""
     seen = seen & (seen.sum(axis=0) >= 2)
     kept = np.flatnonzero(seen.any(axis=0))
     kept = kept[np.argsort(seen[:, kept].argmax(axis=0), kind="stable")]
     point, frame = np.nonzero(seen[:, kept].T)
     noise = rng.normal(0, 0.6, (len(point), 2))
-    gross = rng.random(len(point)) < 0.03
+    gross = rng.random(len(point)) < gross_share
     noise[gross] = rng.normal(0, 30.0, (int(gross.sum()), 2))
     poses = [T if k < 2 else SE3.exp(rng.normal(0, 1, 6) * pose_sigma) @ T for k, T in enumerate(truth)]
     start = points[kept] + rng.normal(0, point_sigma_m, (len(kept), 3))
     return Problem(truth, points[kept], point, frame, uv[frame, kept[point]] + noise, poses, start)
 
 
-def ring(frames: int, points: int, observations: int, seed: int = 0) -> Problem:
+def ring(frames: int, points: int, observations: int, seed: int = 0, gross_share: float = 0.03) -> Problem:
     """Cameras on a circle of 2 m that look outwards at points 4 to 7 m from its middle, 3.6 degrees apart, about
     ``observations`` of what they could see. They start 17 mm off."""
     rng, step = np.random.default_rng(seed), np.deg2rad(3.6)
@@ -83,7 +84,7 @@ def ring(frames: int, points: int, observations: int, seed: int = 0) -> Problem:
     cloud = np.column_stack([distance * np.cos(angle), distance * np.sin(angle), height])
     seen, uv = _seen(truth, cloud, 0.5, 20.0)
     seen &= rng.random(seen.shape) < observations / seen.sum()
-    return _problem(truth, cloud, seen, uv, rng, np.full(6, 0.01) * [1, 1, 1, 0.7, 0.7, 0.7], 0.05)
+    return _problem(truth, cloud, seen, uv, rng, np.full(6, 0.01) * [1, 1, 1, 0.7, 0.7, 0.7], 0.05, gross_share)
 
 
 def _walls(half_x: float, half_y: float, inwards: float) -> list[tuple[float, ...]]:
