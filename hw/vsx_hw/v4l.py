@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import logging
-import threading
 import time
 from collections.abc import Callable
 from typing import Any
@@ -11,12 +9,11 @@ from typing import Any
 import cv2
 
 from vsx_hw.errors import DeviceError, DeviceNotFound
+from vsx_hw.keeper import Keeper
 from vsx_hw.readings import ImageReading, LinkStatus
 
-logger = logging.getLogger(__name__)
-
 GRBG = cv2.VideoWriter.fourcc(*"GRBG")
-BACKOFF_S = 2.0
+BACKOFF_S = (0.5, 2.0)
 
 
 def open_video(number: int) -> Any:
@@ -46,54 +43,50 @@ class V4lCamera:
         open_capture: Callable[[int], Any] = open_video,
     ) -> None:
         self.serial = f"video{number}"
-        self._number = number
-        self._on_image = on_image
-        self._open_capture = open_capture
-        self._closing = threading.Event()
-        self._counters = {"connections": 0, "frames": 0}
-        self._connected, self._message = False, "not started"
-        self._thread = threading.Thread(target=self._run, name=self.serial, daemon=True)
+        self._number, self._on_image = number, on_image
+        self._frames = 0
+        self._keeper: Keeper[_Capture] = Keeper(
+            f"/dev/video{number}",
+            lambda: _Capture(open_capture(number)),
+            self._serve,
+            lambda capture: None,
+            lambda connected, message: None,
+            BACKOFF_S,
+        )
 
     def start(self) -> None:
         """Begin; returns at once."""
-        self._thread.start()
+        self._keeper.start()
 
     def status(self) -> LinkStatus:
         """Health for diagnostics."""
-        return LinkStatus(self._connected, self._message, self.serial, dict(self._counters))
+        counters = {"connections": self._keeper.connections, "frames": self._frames}
+        return LinkStatus(self._keeper.connected, self._keeper.message, self.serial, counters)
 
     def close(self) -> None:
         """Release the device."""
-        self._closing.set()
-        if self._thread.is_alive():
-            self._thread.join(timeout=3.0)
+        self._keeper.close()
 
-    def _run(self) -> None:
-        while not self._closing.is_set():
-            try:
-                self._serve(self._open_capture(self._number))
-            except DeviceError as error:
-                self._report(False, str(error))
-                self._closing.wait(BACKOFF_S)
+    def _serve(self, capture: _Capture) -> None:
+        while not self._keeper.closing.is_set():
+            ok, image = capture.device.read()
+            stamp_ns = time.time_ns()
+            if not ok:
+                raise DeviceError(f"/dev/video{self._number}: no image; check the cable")
+            self._frames += 1
+            self._keeper.report(True, "streaming")
+            if image.ndim == 3:
+                self._on_image(ImageReading(stamp_ns, cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), "mono8"))
+            else:
+                self._on_image(ImageReading(stamp_ns, image))
 
-    def _serve(self, capture: Any) -> None:
-        self._counters["connections"] += 1
-        try:
-            while not self._closing.is_set():
-                ok, image = capture.read()
-                stamp_ns = time.time_ns()
-                if not ok:
-                    raise DeviceError(f"/dev/video{self._number}: no image; check the cable")
-                self._counters["frames"] += 1
-                self._report(True, "streaming")
-                if image.ndim == 3:
-                    self._on_image(ImageReading(stamp_ns, cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), "mono8"))
-                else:
-                    self._on_image(ImageReading(stamp_ns, image))
-        finally:
-            capture.release()
 
-    def _report(self, connected: bool, message: str) -> None:
-        if message != self._message:
-            logger.log(logging.INFO if connected else logging.WARNING, "%s: %s", self.serial, message)
-            self._connected, self._message = connected, message
+class _Capture:
+    """An OpenCV capture as something that is closed."""
+
+    def __init__(self, device: Any) -> None:
+        self.device = device
+
+    def close(self) -> None:
+        """Release the device."""
+        self.device.release()

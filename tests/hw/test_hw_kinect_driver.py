@@ -12,7 +12,21 @@ from vsx_hw.kinect import driver as driver_module
 from vsx_hw.kinect.driver import KinectCamera
 from vsx_hw.kinect.emulator import KinectBoard, KinectEmulator
 from vsx_hw.kinect.packets import packetize
-from vsx_hw.kinect.protocol import START_VGA_BAYER, STOP, check_write_reply, encode_write, encode_write_reply
+from vsx_hw.kinect.protocol import (
+    EXPOSURE_MODES,
+    MODES,
+    STOP,
+    SXGA_BAYER,
+    VGA_BAYER,
+    VGA_UYVY,
+    Register,
+    decode_message,
+    decode_reply,
+    encode_cmos_read,
+    encode_cmos_write,
+    encode_reply,
+    encode_write,
+)
 from vsx_hw.kinect.socket_transport import SocketTransport
 
 MS = 1_000_000
@@ -42,20 +56,20 @@ def rig(tmp_path):
 
 def test_register_writes_are_byte_exact_with_consecutive_tags():
     expected = ["0C000000", "0D000100", "0E001E00", "05000100", "47000000"]
-    writes = [encode_write(register, 7 + k) for k, register in enumerate(START_VGA_BAYER)]
+    writes = [encode_write(register, 7 + k) for k, register in enumerate(VGA_BAYER.start)]
     for k, (write, payload) in enumerate(zip(writes, expected)):
         assert write == bytes.fromhex(f"474D02000300{7 + k:02X}00{payload}")
     assert encode_write(STOP[0], 0x1234) == bytes.fromhex("474D02000300341205000000")
-    assert encode_write_reply(0x1234) == bytes.fromhex("52420100030034120000")
+    assert encode_reply(3, 0x1234, 0) == bytes.fromhex("52420100030034120000")
 
 
 @pytest.mark.parametrize(
     "reply", ["", "524201000300", "52420100030008000000", "47420100030007000000", "524202000300070000"]
 )
 def test_foreign_replies_are_refused(reply):
-    check_write_reply(bytes.fromhex("52420100030007000000"), STOP[0], 7)
+    assert decode_reply(bytes.fromhex("52420100030007000000"), 3, 7) == (0,)
     with pytest.raises(ProtocolError, match="replug"):
-        check_write_reply(bytes.fromhex(reply), STOP[0], 7)
+        decode_reply(bytes.fromhex(reply), 3, 7)
 
 
 def test_images_arrive_byte_for_byte_with_the_stamps_of_the_camera(rig):
@@ -87,6 +101,8 @@ def test_lost_packets_cost_their_frames_only(rig):
 
 def test_unplugged_camera_is_found_again(rig):
     emulator, camera, images = rig
+    assert emulator.send_frame(image(2), time.time_ns())
+    np.testing.assert_array_equal(images.get(timeout=5.0).image, image(2))
     emulator.unplug()
     assert until(lambda: not emulator.streaming)
     assert until(lambda: emulator.streaming)
@@ -164,3 +180,77 @@ def test_the_boards_sequence_runs_on_over_frames():
     second, _ = board.packets(image(1), 1)
     assert (int(second[0, 5]) - int(first[-1, 5])) % 256 == 1
     np.testing.assert_array_equal(first, packetize(image(0), 0, 0)[0])
+
+
+def test_the_high_resolution_mode_wakes_the_depth_stream_first():
+    addresses = [register.address for register in SXGA_BAYER.start]
+    assert addresses == [0x105, 0x05, 0x13, 0x14, 0x06, 0x06, 0x0C, 0x0D, 0x0E, 0x05, 0x47]
+    assert (SXGA_BAYER.packets_per_frame, VGA_UYVY.packets_per_frame, VGA_BAYER.packets_per_frame) == (687, 323, 162)
+    assert {register.address: register.value for register in VGA_UYVY.start}[0x0C] == 5
+
+
+@pytest.mark.parametrize("mode", MODES.values(), ids=MODES)
+def test_every_mode_comes_through(tmp_path, mode):
+    path = str(tmp_path / "kinect")
+    images: queue.Queue = queue.Queue()
+    shape = (mode.height_px, mode.width_px) + ((2,) if mode.pixel_bytes == 2 else ())
+    sent = np.random.default_rng(5).integers(16, 236, shape, np.uint8)
+    if mode.pixel_bytes == 2:
+        sent[0, :, 1] = 235
+    with KinectEmulator(path) as emulator, KinectCamera(lambda: SocketTransport(path), path, images.put, mode):
+        assert until(lambda: emulator.streaming)
+        assert emulator.board.mode == mode
+        assert not emulator.send_frame(np.zeros((2, 2), np.uint8), time.time_ns())
+        assert emulator.send_frame(sent, time.time_ns())
+        reading = images.get(timeout=5.0)
+    assert reading.image.shape == (mode.height_px, mode.width_px)
+    if mode is VGA_UYVY:
+        assert reading.encoding == "mono8"
+        assert reading.image[0].tolist() == [255] * 640
+        expected = np.clip((sent[..., 1].astype(float) - 16) * 255 / 219, 0, 255)
+        assert np.abs(reading.image - expected).max() <= 0.5 + 1e-9
+    else:
+        assert reading.encoding == "bayer_grbg8"
+        np.testing.assert_array_equal(reading.image, sent)
+
+
+def test_exposure_and_white_balance_are_locked_when_the_picture_has_settled(tmp_path, monkeypatch):
+    monkeypatch.setattr(driver_module, "LOCK_AFTER_S", 0.2)
+    path = str(tmp_path / "kinect")
+    with (
+        KinectEmulator(path) as emulator,
+        KinectCamera(lambda: SocketTransport(path), path, lambda reading: None, lock_exposure=True) as camera,
+    ):
+        assert until(lambda: emulator.streaming)
+        time.sleep(0.3)
+        assert emulator.board.cmos[EXPOSURE_MODES] == 0x708E, "no image yet, nothing has settled"
+
+        def locked():
+            emulator.send_frame(image(0), time.time_ns())
+            return emulator.board.cmos[EXPOSURE_MODES] == 0x708E & ~0x4002
+
+        assert until(locked)
+        assert until(lambda: camera.status().counters["exposure_locked"] == 1)
+
+
+def test_sensor_registers_are_read_and_written():
+    assert encode_cmos_read(0x0106, 9) == bytes.fromhex("474D0300950009000100060100 00")
+    assert encode_cmos_write(Register(0x0106, 0x308C), 10) == bytes.fromhex("474D030095000A00010006818C30")
+    assert decode_message(encode_cmos_read(0x0106, 9)) == (0x95, 9, (1, 0x0106, 0))
+    board = KinectBoard()
+    board.control_out(encode_cmos_write(Register(0x0106, 0x308C), 1))
+    board.control_out(encode_cmos_read(0x0106, 2))
+    assert decode_reply(board.control_in(), 0x95, 2)[2] == 0x308C
+
+
+def test_a_fault_in_the_listener_is_not_silent(tmp_path):
+    path = str(tmp_path / "kinect")
+
+    def fail(reading) -> None:
+        raise ZeroDivisionError("listener")
+
+    with KinectEmulator(path) as emulator, KinectCamera(lambda: SocketTransport(path), path, fail) as camera:
+        assert until(lambda: emulator.send_frame(image(0), time.time_ns()))
+        assert until(lambda: "ZeroDivisionError" in camera.status().message)
+        assert not camera.status().connected
+        assert until(lambda: emulator.streaming), "and the camera is tried again"

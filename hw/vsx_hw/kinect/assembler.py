@@ -13,20 +13,20 @@ from vsx_hw.kinect.protocol import (
     FLAG_END,
     FLAG_MIDDLE,
     FLAG_START,
-    FRAME_BYTES,
     HEADER_BYTES,
-    HEIGHT_PX,
     PACKET_BYTES,
     PACKET_MAGIC,
-    WIDTH_PX,
+    VGA_BAYER,
+    StreamMode,
 )
 
 Bytes = NDArray[np.uint8]
 BETWEEN_FRAMES, SKIPPING = -1, -2
 
 
-class BayerFrame(NamedTuple):
-    """A complete mosaic (480, 640), the camera's 60 MHz clock at its last packet, and the arrival of its first one."""
+class RawFrame(NamedTuple):
+    """A complete image, (H, W) mosaic or (H, W, 2) UYVY, the camera's 60 MHz clock at its last packet, and the arrival
+    of its first one."""
 
     clock_ticks: int
     first_arrival_ns: int
@@ -36,14 +36,16 @@ class BayerFrame(NamedTuple):
 class FrameAssembler:
     """``feed`` batches of packets in order of arrival; ``counters`` tell frames, torn_frames and bad_packets."""
 
-    def __init__(self) -> None:
+    def __init__(self, mode: StreamMode = VGA_BAYER) -> None:
+        self._size = mode.frame_bytes
+        self._shape = (mode.height_px, mode.width_px) + ((mode.pixel_bytes,) if mode.pixel_bytes > 1 else ())
         self.counters: Counter[str] = Counter(frames=0, torn_frames=0, bad_packets=0)
-        self._image = np.empty(FRAME_BYTES, np.uint8)
+        self._image = np.empty(self._size, np.uint8)
         self._filled = SKIPPING  # bytes of the open frame, or one of the two states above
         self._sequence = -1
         self._first_arrival_ns = 0
 
-    def feed(self, arrival_ns: int, packets: Bytes, lengths: NDArray[np.int64]) -> list[BayerFrame]:
+    def feed(self, arrival_ns: int, packets: Bytes, lengths: NDArray[np.int64]) -> list[RawFrame]:
         """The frames completed by these packets.
 
         packets: (N, 1920), row i holds packet i. lengths: (N,) bytes received; 0 is an idle slot.
@@ -77,7 +79,7 @@ class FrameAssembler:
 
     def _take(
         self, arrival_ns: int, packets: Bytes, lengths: NDArray[np.int64], rows: NDArray[np.intp], lost: bool
-    ) -> BayerFrame | None:
+    ) -> RawFrame | None:
         """A run without gap, start flag only at its beginning, end flag only at its end."""
         starts = packets[rows[0], 3] == FLAG_START
         if (self._filled >= 0 and (starts or lost)) or (self._filled == BETWEEN_FRAMES and not starts):
@@ -87,14 +89,14 @@ class FrameAssembler:
         if self._filled < 0:
             return None
         data = self._data(packets, lengths, rows)
-        if self._filled + len(data) > FRAME_BYTES:
+        if self._filled + len(data) > self._size:
             self._tear()
             return None
         self._image[self._filled : self._filled + len(data)] = data
         self._filled += len(data)
         if packets[rows[-1], 3] != FLAG_END:
             return None
-        if self._filled < FRAME_BYTES:
+        if self._filled < self._size:
             self._tear()
             return None
         return self._finish(packets[rows[-1]])
@@ -108,13 +110,13 @@ class FrameAssembler:
         parts += [packets[row, HEADER_BYTES : lengths[row]] for row in rows[full:]]
         return np.concatenate(parts) if len(parts) > 1 else parts[0]
 
-    def _finish(self, last_packet: Bytes) -> BayerFrame:
+    def _finish(self, last_packet: Bytes) -> RawFrame:
         clock_ticks = int.from_bytes(last_packet[8:12].tobytes(), "little")
-        image = self._image.reshape(HEIGHT_PX, WIDTH_PX)
-        self._image = np.empty(FRAME_BYTES, np.uint8)
+        image = self._image.reshape(self._shape)
+        self._image = np.empty(self._size, np.uint8)
         self._filled = BETWEEN_FRAMES
         self.counters["frames"] += 1
-        return BayerFrame(clock_ticks, self._first_arrival_ns, image)
+        return RawFrame(clock_ticks, self._first_arrival_ns, image)
 
     def _tear(self) -> None:
         self.counters["torn_frames"] += 1

@@ -3,24 +3,33 @@
 from __future__ import annotations
 
 import logging
-import threading
 import time
 from collections.abc import Callable, Iterable
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from vsx_hw.clock import DeviceClock
 from vsx_hw.errors import DeviceError, DeviceTimeout
-from vsx_hw.kinect.assembler import FrameAssembler
+from vsx_hw.keeper import Keeper
+from vsx_hw.kinect.assembler import FrameAssembler, RawFrame
 from vsx_hw.kinect.protocol import (
+    AUTOMATIC_EXPOSURE,
+    AUTOMATIC_WHITE_BALANCE,
     CLOCK_BITS,
     CLOCK_HZ,
+    CMOS_REGISTER,
+    EXPOSURE_MODES,
     REPLY_BYTES,
-    START_VGA_BAYER,
     STOP,
+    VGA_BAYER,
+    WRITE_REGISTER,
     Register,
-    check_write_reply,
+    StreamMode,
+    decode_reply,
+    encode_cmos_read,
+    encode_cmos_write,
     encode_write,
 )
 from vsx_hw.kinect.transport import KinectTransport
@@ -30,32 +39,41 @@ logger = logging.getLogger(__name__)
 
 REPLY_TIMEOUT_S = 0.5
 REVIVE_AFTER_S = 5.0
+LOCK_AFTER_S = 2.0
 BACKOFF_S = (0.5, 1.0, 2.0)
+
+_FULL_RANGE = np.clip((np.arange(256) - 16) * 255.0 / 219.0 + 0.5, 0, 255).astype(np.uint8)
+"""Luma 16..235 of the camera's UYVY to 0..255 (ITU-R BT.601)."""
 
 
 class KinectCamera:
-    """640 x 480 Bayer images at 30 Hz to ``on_image``, called on the transport's thread.
+    """Images of one mode to ``on_image``, called on the transport's thread.
 
     A stream that delivers nothing for five seconds is stopped and started again; a camera that vanishes is opened
-    again with growing pauses. Usable as a context manager.
+    again with growing pauses. lock_exposure: after two seconds of images, exposure and white balance stay as they are.
+    Usable as a context manager.
     """
 
     def __init__(
-        self, open_transport: Callable[[], KinectTransport], device: str, on_image: Callable[[ImageReading], None]
+        self,
+        open_transport: Callable[[], KinectTransport],
+        device: str,
+        on_image: Callable[[ImageReading], None],
+        mode: StreamMode = VGA_BAYER,
+        lock_exposure: bool = False,
     ) -> None:
-        self._open_transport = open_transport
-        self._device = device
-        self._on_image = on_image
-        self._closing = threading.Event()
+        self._device, self._on_image, self._mode = device, on_image, mode
+        self._wants_lock, self._locked = lock_exposure, False
         self._tag = 0
-        self._assembler = FrameAssembler()
+        self._assembler = FrameAssembler(mode)
         self._clock = DeviceClock(CLOCK_HZ, CLOCK_BITS)
-        self._last_image_s = 0.0
-        self._connected = False
-        self._message = "not started"
-        self._counters = {"connections": 0, "revivals": 0, "frames": 0, "torn_frames": 0, "bad_packets": 0}
+        self._last_image_s = self._streaming_since_s = 0.0
+        self._fault: Exception | None = None
+        self._counters = {"revivals": 0, "frames": 0, "torn_frames": 0, "bad_packets": 0}
         self.serial = ""
-        self._thread = threading.Thread(target=self._run, name=f"camera {device}", daemon=True)
+        self._keeper: Keeper[KinectTransport] = Keeper(
+            device, open_transport, self._serve, self._end, lambda connected, message: None, BACKOFF_S
+        )
 
     def __enter__(self) -> KinectCamera:
         """Start."""
@@ -68,54 +86,48 @@ class KinectCamera:
 
     def start(self) -> None:
         """Begin connecting; returns at once."""
-        self._thread.start()
+        self._keeper.start()
 
     def status(self) -> LinkStatus:
         """Health for diagnostics."""
-        return LinkStatus(self._connected, self._message, self.serial or self._device, dict(self._counters))
+        counters = {"connections": self._keeper.connections, **self._counters, "exposure_locked": int(self._locked)}
+        return LinkStatus(self._keeper.connected, self._keeper.message, self.serial or self._device, counters)
 
     def close(self) -> None:
         """Stop the stream and release the camera."""
-        self._closing.set()
-        if self._thread.is_alive():
-            self._thread.join(timeout=3.0)
-
-    def _run(self) -> None:
-        failures = 0
-        while not self._closing.is_set():
-            try:
-                transport = self._open_transport()
-                try:
-                    self._serve(transport)
-                    failures = 0
-                finally:
-                    self._leave(transport)
-            except DeviceError as error:
-                failures = 0 if self._connected else failures + 1
-                self._report(False, str(error))
-                self._closing.wait(BACKOFF_S[min(failures, len(BACKOFF_S) - 1)])
+        self._keeper.close()
 
     def _serve(self, transport: KinectTransport) -> None:
         """One connection: until the driver closes or the camera fails."""
         self.serial = transport.serial
-        self._counters["connections"] += 1
+        self._fault = None
         self._begin(transport)
-        while not self._closing.wait(0.1):
+        while not self._keeper.closing.wait(0.1):
+            if self._fault is not None:
+                raise self._fault
             if transport.failure():
                 raise DeviceError(transport.failure())
             if time.monotonic() - self._last_image_s > REVIVE_AFTER_S:
-                self._counters["revivals"] += 1
-                self._report(False, f"{self._device}: no image for {REVIVE_AFTER_S:.0f} s; starting the stream again")
-                self._end(transport)
-                self._begin(transport)
+                self._revive(transport)
+            elif self._wants_lock and not self._locked and self._has_settled():
+                self._locked = True
+                self._lock_exposure(transport)
+
+    def _revive(self, transport: KinectTransport) -> None:
+        self._counters["revivals"] += 1
+        message = f"{self._device}: no image for {REVIVE_AFTER_S:.0f} s; starting the stream again"
+        self._keeper.report(False, message)
+        self._end(transport)
+        self._begin(transport)
 
     def _begin(self, transport: KinectTransport) -> None:
         """Receive first, then switch on: the other way round the first packets are lost."""
-        self._assembler = FrameAssembler()
+        self._assembler = FrameAssembler(self._mode)
         self._clock = DeviceClock(CLOCK_HZ, CLOCK_BITS)
         self._last_image_s = time.monotonic()
+        self._streaming_since_s, self._locked = 0.0, False
         transport.start_iso(self._on_packets)
-        self._write(transport, START_VGA_BAYER)
+        self._write(transport, self._mode.start)
 
     def _end(self, transport: KinectTransport) -> None:
         """Switch off first, then stop receiving."""
@@ -124,40 +136,54 @@ class KinectCamera:
         finally:
             transport.stop_iso()
 
-    def _leave(self, transport: KinectTransport) -> None:
+    def _has_settled(self) -> bool:
+        return 0.0 < self._streaming_since_s < time.monotonic() - LOCK_AFTER_S
+
+    def _lock_exposure(self, transport: KinectTransport) -> None:
+        """A camera that refuses is used as it is."""
         try:
-            self._end(transport)
-        except DeviceError as error:
-            logger.debug("%s: not stopped properly (%s)", self._device, error)
-        transport.close()
+            modes = self._ask(transport, encode_cmos_read(EXPOSURE_MODES, self._tag), CMOS_REGISTER)[2]
+            fixed = Register(EXPOSURE_MODES, modes & ~(AUTOMATIC_EXPOSURE | AUTOMATIC_WHITE_BALANCE))
+            self._ask(transport, encode_cmos_write(fixed, self._tag), CMOS_REGISTER)
+        except (DeviceError, IndexError) as error:
+            logger.warning("%s: exposure stays automatic (%s)", self._device, error)
 
     def _write(self, transport: KinectTransport, registers: Iterable[Register]) -> None:
         for register in registers:
-            transport.control_out(encode_write(register, self._tag))
-            check_write_reply(self._reply(transport), register, self._tag)
-            self._tag = (self._tag + 1) & 0xFFFF
+            self._ask(transport, encode_write(register, self._tag), WRITE_REGISTER)
 
-    def _reply(self, transport: KinectTransport) -> bytes:
-        """The camera says nothing until it is done; ask again, but not for ever."""
+    def _ask(self, transport: KinectTransport, message: bytes, command: int) -> tuple[int, ...]:
+        """Send a message with the present tag; the words of its reply. The camera says nothing until it is done: ask
+        again, but not for ever."""
+        transport.control_out(message)
         deadline = time.monotonic() + REPLY_TIMEOUT_S
         while time.monotonic() < deadline:
             reply = transport.control_in(REPLY_BYTES)
             if reply:
-                return reply
+                words = decode_reply(reply, command, self._tag)
+                self._tag = (self._tag + 1) & 0xFFFF
+                return words
             time.sleep(0.001)
         raise DeviceTimeout(f"{self._device}: no answer in {REPLY_TIMEOUT_S} s; check its 12 V supply and replug it")
 
     def _on_packets(self, arrival_ns: int, packets: NDArray[np.uint8], lengths: NDArray[np.int64]) -> None:
-        before = dict(self._assembler.counters)
-        for frame in self._assembler.feed(arrival_ns, packets, lengths):
-            self._last_image_s = time.monotonic()
-            self._report(True, "streaming")
-            stamp_ns = self._clock.host_ns(frame.clock_ticks, frame.first_arrival_ns)
-            self._on_image(ImageReading(stamp_ns, frame.image))
-        for name, value in self._assembler.counters.items():
-            self._counters[name] += value - before[name]
+        """On the transport's thread, where nobody would see an exception: the driver's own thread raises it."""
+        try:
+            before = dict(self._assembler.counters)
+            for frame in self._assembler.feed(arrival_ns, packets, lengths):
+                self._hand_over(frame)
+            for name, value in self._assembler.counters.items():
+                self._counters[name] += value - before[name]
+        except Exception as error:
+            self._fault = error
 
-    def _report(self, connected: bool, message: str) -> None:
-        if message != self._message:
-            logger.log(logging.INFO if connected else logging.WARNING, "%s: %s", self._device, message)
-            self._connected, self._message = connected, message
+    def _hand_over(self, frame: RawFrame) -> None:
+        self._last_image_s = time.monotonic()
+        self._streaming_since_s = self._streaming_since_s or self._last_image_s
+        self._keeper.report(True, "streaming")
+        stamp_ns = self._clock.host_ns(frame.clock_ticks, frame.first_arrival_ns)
+        if frame.image.ndim == 2:
+            self._on_image(ImageReading(stamp_ns, frame.image))
+        else:
+            luma = cv2.cvtColor(frame.image, cv2.COLOR_YUV2GRAY_UYVY)
+            self._on_image(ImageReading(stamp_ns, _FULL_RANGE[luma], "mono8"))

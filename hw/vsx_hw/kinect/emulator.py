@@ -18,13 +18,15 @@ from vsx_hw.kinect import wire
 from vsx_hw.kinect.packets import packetize
 from vsx_hw.kinect.protocol import (
     CLOCK_HZ,
+    CMOS_REGISTER,
+    EXPOSURE_MODES,
     MICROFRAME_NS,
-    PACKETS_PER_FRAME,
-    START_VGA_BAYER,
+    MODES,
     STREAM_SWITCH,
-    Register,
-    decode_write,
-    encode_write_reply,
+    WRITE_REGISTER,
+    StreamMode,
+    decode_message,
+    encode_reply,
 )
 
 logger = logging.getLogger(__name__)
@@ -41,23 +43,35 @@ class KinectFaults:
     silent: bool = False
 
 
+_SETTINGS = (0x0C, 0x0D, 0x0E)
+AUTOMATIC = 0x708E
+"""Register EXPOSURE_MODES after power-on: everything automatic."""
+
+
 class KinectBoard:
-    """The camera's registers and its packet counter."""
+    """The camera's registers, those of its image sensor (``cmos``), and its packet counter."""
 
     def __init__(self) -> None:
         self.registers: dict[int, int] = {}
+        self.cmos: dict[int, int] = {EXPOSURE_MODES: AUTOMATIC}
         self._reply = b""
         self._sequence = 0
 
     def control_out(self, message: bytes) -> None:
-        """Obey a register write; nonsense gets no reply."""
+        """Obey a write, read or write the sensor; nonsense gets no reply."""
+        self._reply = b""
         try:
-            register, tag = decode_write(message)
+            command, tag, words = decode_message(message)
         except ProtocolError:
-            self._reply = b""
             return
-        self.registers[register.address] = register.value
-        self._reply = encode_write_reply(tag)
+        if command == WRITE_REGISTER and len(words) == 2:
+            self.registers[words[0]] = words[1]
+            self._reply = encode_reply(command, tag, 0)
+        elif command == CMOS_REGISTER and len(words) == 3:
+            address = words[1] & 0x7FFF
+            if words[1] & 0x8000:
+                self.cmos[address] = words[2]
+            self._reply = encode_reply(command, tag, 1, words[1], self.cmos.get(address, 0))
 
     def control_in(self) -> bytes:
         """The reply to the last message, once."""
@@ -66,15 +80,23 @@ class KinectBoard:
 
     @property
     def streaming(self) -> bool:
-        """Whether the stream is on in a mode the emulator has: VGA Bayer."""
-        mode = [r for r in START_VGA_BAYER if r.address != STREAM_SWITCH]
-        on = self.registers.get(STREAM_SWITCH) == 1
-        return on and all(Register(r.address, self.registers.get(r.address, -1)) == r for r in mode)
+        """Whether the stream is on, in one of the modes."""
+        return self.registers.get(STREAM_SWITCH) == 1 and self.mode is not None
+
+    @property
+    def mode(self) -> StreamMode | None:
+        """The mode that the registers select, None for a combination that is none."""
+        selected = [self.registers.get(address) for address in _SETTINGS]
+        for mode in MODES.values():
+            wanted = dict(mode.start)
+            if selected == [wanted[address] for address in _SETTINGS]:
+                return mode
+        return None
 
     def packets(self, image: NDArray[np.uint8], clock_ticks: int) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
         """The packets of the next frame."""
         packets, lengths = packetize(image, clock_ticks, self._sequence)
-        self._sequence = (self._sequence + PACKETS_PER_FRAME) % 256
+        self._sequence = (self._sequence + len(lengths)) % 256
         return packets, lengths
 
 
@@ -114,14 +136,18 @@ class KinectEmulator:
         return self._receiving and self.board.streaming
 
     def send_frame(self, image: NDArray[np.uint8], start_ns: int) -> bool:
-        """Send a (480, 640) mosaic whose first row left the sensor at host time start_ns; False when nobody listens."""
+        """Send an image whose first row left the sensor at host time start_ns; False when nobody listens, or wants
+        another mode."""
         with self._lock:
-            if self._client is None or not self.streaming or self.faults.silent:
+            mode = self.board.mode
+            if self._client is None or not self.streaming or self.faults.silent or mode is None:
+                return False
+            if image.size != mode.frame_bytes:
                 return False
             packets, lengths = self.board.packets(image, start_ns * (CLOCK_HZ // 1_000_000) // 1000)
             kept = np.flatnonzero(self._rng.random(len(lengths)) >= self.faults.drop_rate)
             try:
-                for first in range(0, PACKETS_PER_FRAME, PACKETS_PER_TRANSFER):
+                for first in range(0, len(lengths), PACKETS_PER_TRANSFER):
                     rows = kept[(kept >= first) & (kept < first + PACKETS_PER_TRANSFER)]
                     body = wire.encode_packets(start_ns + first * MICROFRAME_NS, packets[rows], lengths[rows])
                     wire.send(self._client, wire.PACKETS, body)

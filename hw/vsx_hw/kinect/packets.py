@@ -9,30 +9,29 @@ from vsx_hw.kinect.protocol import (
     FLAG_END,
     FLAG_MIDDLE,
     FLAG_START,
-    FRAME_BYTES,
     HEADER_BYTES,
     PACKET_BYTES,
     PACKET_DATA_BYTES,
     PACKET_MAGIC,
-    PACKETS_PER_FRAME,
 )
 
 
 def packetize(
     image: NDArray[np.uint8], clock_ticks: int, first_sequence: int
 ) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
-    """(162, 1920) packets and their (162,) lengths for a (480, 640) mosaic; the next sequence number is
-    first_sequence + 162, modulo 256."""
-    packets = np.zeros((PACKETS_PER_FRAME, PACKET_BYTES), np.uint8)
+    """(N, 1920) packets and their (N,) lengths for an image of any mode, 162 for a VGA mosaic; the next sequence number
+    is first_sequence + N, modulo 256."""
+    pixels = image.reshape(-1)
+    count = -(-len(pixels) // PACKET_DATA_BYTES)
+    packets = np.zeros((count, PACKET_BYTES), np.uint8)
     packets[:, :2] = PACKET_MAGIC
     packets[:, 3] = FLAG_MIDDLE
     packets[0, 3], packets[-1, 3] = FLAG_START, FLAG_END
-    packets[:, 5] = (first_sequence + np.arange(PACKETS_PER_FRAME)) % 256
+    packets[:, 5] = (first_sequence + np.arange(count)) % 256
     packets[:, 8:12] = np.frombuffer((clock_ticks % 2**32).to_bytes(4, "little"), np.uint8)
-    pixels = image.reshape(-1)
-    whole = (PACKETS_PER_FRAME - 1) * PACKET_DATA_BYTES
+    whole = (count - 1) * PACKET_DATA_BYTES
     packets[:-1, HEADER_BYTES:] = pixels[:whole].reshape(-1, PACKET_DATA_BYTES)
-    packets[-1, HEADER_BYTES : HEADER_BYTES + FRAME_BYTES - whole] = pixels[whole:]
-    lengths = np.full(PACKETS_PER_FRAME, PACKET_BYTES, np.int64)
-    lengths[-1] = HEADER_BYTES + FRAME_BYTES - whole
+    packets[-1, HEADER_BYTES : HEADER_BYTES + len(pixels) - whole] = pixels[whole:]
+    lengths = np.full(count, PACKET_BYTES, np.int64)
+    lengths[-1] = HEADER_BYTES + len(pixels) - whole
     return packets, lengths

@@ -12,18 +12,16 @@ from typing import NamedTuple
 
 from vsx_hw.errors import ProtocolError
 
-WIDTH_PX, HEIGHT_PX = 640, 480
-FRAME_BYTES = WIDTH_PX * HEIGHT_PX
 CLOCK_HZ, CLOCK_BITS = 60_000_000, 32
 
 REPLY_BYTES = 0x200
 _REQUEST, _REPLY = 0x4D47, 0x4252
-_WRITE_REGISTER = 0x03
+WRITE_REGISTER, CMOS_REGISTER = 0x03, 0x95
+_CMOS_WRITE = 0x8000
 
 PACKET_BYTES = 1920
 HEADER_BYTES = 12
 PACKET_DATA_BYTES = PACKET_BYTES - HEADER_BYTES
-PACKETS_PER_FRAME = -(-FRAME_BYTES // PACKET_DATA_BYTES)
 MICROFRAME_NS = 125_000
 PACKET_MAGIC = (0x52, 0x42)
 FLAG_START, FLAG_MIDDLE, FLAG_END = 0x81, 0x82, 0x85
@@ -36,43 +34,93 @@ class Register(NamedTuple):
     value: int
 
 
-STREAM_SWITCH = 0x05
-START_VGA_BAYER = (
-    Register(0x0C, 0x00),  # format: Bayer
-    Register(0x0D, 0x01),  # resolution: 640 x 480
-    Register(0x0E, 0x1E),  # 30 frames a second
-    Register(STREAM_SWITCH, 0x01),
-    Register(0x47, 0x00),  # not mirrored
-)
+STREAM_SWITCH, DEPTH_SWITCH = 0x05, 0x06
+_OFF = (Register(0x105, 0x00), Register(STREAM_SWITCH, 0x00))
+_ON = (Register(STREAM_SWITCH, 0x01), Register(0x47, 0x00))  # 0x47: not mirrored
+_WAKE_DEPTH = (Register(0x13, 0x01), Register(0x14, 0x1E), Register(DEPTH_SWITCH, 0x02), Register(DEPTH_SWITCH, 0x00))
 STOP = (Register(STREAM_SWITCH, 0x00),)
+
+
+class StreamMode(NamedTuple):
+    """An image format: size, bytes a pixel, frames a second, and the register writes that start it."""
+
+    name: str
+    width_px: int
+    height_px: int
+    pixel_bytes: int
+    rate_hz: int
+    start: tuple[Register, ...]
+
+    @property
+    def frame_bytes(self) -> int:
+        """Bytes of one image."""
+        return self.width_px * self.height_px * self.pixel_bytes
+
+    @property
+    def packets_per_frame(self) -> int:
+        """All but the last one are full."""
+        return -(-self.frame_bytes // PACKET_DATA_BYTES)
+
+
+def _settings(image_format: int, resolution: int, rate_hz: int) -> tuple[Register, ...]:
+    """0x0C format: 0 Bayer, 5 UYVY. 0x0D resolution: 1 VGA, 2 SXGA. 0x0E frames a second."""
+    return (Register(0x0C, image_format), Register(0x0D, resolution), Register(0x0E, rate_hz))
+
+
+VGA_BAYER = StreamMode("vga", 640, 480, 1, 30, (*_settings(0, 1, 30), *_ON))
+VGA_UYVY = StreamMode("uyvy", 640, 480, 2, 15, (*_settings(5, 1, 15), *_ON))
+SXGA_BAYER = StreamMode("sxga", 1280, 1024, 1, 10, (*_OFF, *_WAKE_DEPTH, *_settings(0, 2, 15), *_ON))
+"""Asked for 15, delivers about 10 a second. The firmware refuses it unless the depth stream was switched on and off."""
+
+MODES = {mode.name: mode for mode in (VGA_BAYER, VGA_UYVY, SXGA_BAYER)}
+
+EXPOSURE_MODES = 0x0106
+"""CMOS register, Micron MT9M112 data sheet: bit 14 automatic exposure, bit 1 automatic white balance."""
+AUTOMATIC_EXPOSURE, AUTOMATIC_WHITE_BALANCE = 1 << 14, 1 << 1
+
+
+def encode_message(command: int, tag: int, *words: int) -> bytes:
+    """A control message to the camera."""
+    return struct.pack(f"<{4 + len(words)}H", _REQUEST, len(words), command, tag & 0xFFFF, *words)
 
 
 def encode_write(register: Register, tag: int) -> bytes:
     """The control message that writes a register."""
-    return struct.pack("<6H", _REQUEST, 2, _WRITE_REGISTER, tag & 0xFFFF, register.address, register.value)
+    return encode_message(WRITE_REGISTER, tag, *register)
 
 
-def check_write_reply(reply: bytes, register: Register, tag: int) -> None:
-    """Raises ProtocolError unless the reply belongs to the write of this register with this tag."""
+def encode_cmos_read(address: int, tag: int) -> bytes:
+    """The control message that reads a register of the image sensor."""
+    return encode_message(CMOS_REGISTER, tag, 1, address, 0)
+
+
+def encode_cmos_write(register: Register, tag: int) -> bytes:
+    """The control message that writes a register of the image sensor."""
+    return encode_message(CMOS_REGISTER, tag, 1, register.address | _CMOS_WRITE, register.value)
+
+
+def decode_reply(reply: bytes, command: int, tag: int) -> tuple[int, ...]:
+    """The words of the reply to a message. Raises ProtocolError unless it answers this command with this tag."""
     if len(reply) < 8:
-        raise ProtocolError(f"Kinect: reply of {len(reply)} bytes to register 0x{register.address:02X}; replug it")
-    magic, words, command, got_tag = struct.unpack_from("<4H", reply)
-    if (magic, command, got_tag) != (_REPLY, _WRITE_REGISTER, tag & 0xFFFF) or len(reply) != 8 + 2 * words:
+        raise ProtocolError(f"Kinect: reply of {len(reply)} bytes to command 0x{command:02X}; replug it")
+    magic, words, got_command, got_tag = struct.unpack_from("<4H", reply)
+    if (magic, got_command, got_tag) != (_REPLY, command, tag & 0xFFFF) or len(reply) != 8 + 2 * words:
         raise ProtocolError(
-            f"Kinect: reply {reply[:10].hex(' ')} does not answer register 0x{register.address:02X}, tag {tag}; replug"
+            f"Kinect: reply {reply[:10].hex(' ')} does not answer command 0x{command:02X}, tag {tag}; replug it"
         )
+    return struct.unpack_from(f"<{words}H", reply, 8)
 
 
-def decode_write(message: bytes) -> tuple[Register, int]:
-    """(register, tag) of a control message, as the camera reads it. Raises ProtocolError for anything else."""
-    if len(message) != 12:
-        raise ProtocolError(f"Kinect: control message of {len(message)} bytes, 12 expected for a register write")
-    magic, words, command, tag, address, value = struct.unpack("<6H", message)
-    if (magic, words, command) != (_REQUEST, 2, _WRITE_REGISTER):
-        raise ProtocolError(f"Kinect: control message {message.hex(' ')} is not a register write")
-    return Register(address, value), tag
+def decode_message(message: bytes) -> tuple[int, int, tuple[int, ...]]:
+    """(command, tag, words) of a control message, as the camera reads it. Raises ProtocolError for anything else."""
+    if len(message) < 8:
+        raise ProtocolError(f"Kinect: control message of {len(message)} bytes")
+    magic, words, command, tag = struct.unpack_from("<4H", message)
+    if magic != _REQUEST or len(message) != 8 + 2 * words:
+        raise ProtocolError(f"Kinect: {message[:12].hex(' ')} is not a control message")
+    return command, tag, struct.unpack_from(f"<{words}H", message, 8)
 
 
-def encode_write_reply(tag: int) -> bytes:
-    """The camera's answer to a register write."""
-    return struct.pack("<5H", _REPLY, 1, _WRITE_REGISTER, tag, 0)
+def encode_reply(command: int, tag: int, *words: int) -> bytes:
+    """The camera's answer."""
+    return struct.pack(f"<{4 + len(words)}H", _REPLY, len(words), command, tag, *words)

@@ -10,6 +10,7 @@ import numpy as np
 import usb1
 
 from vsx_hw.errors import DeviceError, DeviceNotFound, DeviceTimeout
+from vsx_hw.kinect.audio import FIRST_MODEL, light_lamp
 from vsx_hw.kinect.protocol import PACKET_BYTES
 from vsx_hw.kinect.transport import PacketHandler
 
@@ -57,6 +58,7 @@ class UsbTransport:
         self._running = threading.Event()
         self._handler: PacketHandler | None = None
         self._handle: Any = None
+        self._thread: threading.Thread | None = None
         try:
             self._handle = self._open(serial)
             self._handle.setAutoDetachKernelDriver(True)
@@ -80,12 +82,19 @@ class UsbTransport:
             if self._ids not in (XBOX, KINECT_FOR_WINDOWS):
                 continue
             handle = device.open()
-            self.serial = handle.getSerialNumber() or f"usb-{device.getBusNumber()}-{device.getDeviceAddress()}"
+            self.serial = self._serial_number(device, handle)
             if serial in ("", self.serial):
                 return handle
             others.append(self.serial)
             handle.close()
         raise DeviceNotFound(f"no Kinect with serial number {serial}; found {others}" if others else ABSENT)
+
+    def _serial_number(self, device: Any, handle: Any) -> str:
+        """The camera's own; of newer models, whose cameras say zero, that of the audio part; else its place."""
+        serial = str(handle.getSerialNumber() or "")
+        if device.getbcdDevice() != FIRST_MODEL:
+            serial = light_lamp(self._context) or serial
+        return serial if serial.strip("0") else f"usb-{device.getBusNumber()}-{device.getDeviceAddress()}"
 
     def control_out(self, data: bytes) -> None:
         """See KinectTransport."""
@@ -162,15 +171,20 @@ class UsbTransport:
         return self._failure
 
     def _events(self) -> None:
-        while self._running.is_set():
-            self._context.handleEventsTimeout(0.1)
+        try:
+            while self._running.is_set():
+                self._context.handleEventsTimeout(0.1)
+        except usb1.USBError as error:
+            self._failure = f"Kinect: {remedy(error)}"
+            self._running.clear()
 
     def close(self) -> None:
         """See KinectTransport."""
-        if self._running.is_set():
+        if self._thread is not None:
             self.stop_iso()
             self._running.clear()
             self._thread.join(timeout=1.0)
+            self._thread = None
         if self._handle is not None:
             self._handle.close()
             self._handle = None

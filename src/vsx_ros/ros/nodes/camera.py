@@ -6,7 +6,9 @@ Services: camera/rgb/set_camera_info (stores the calibration where the node read
 Parameters: ~device (kinect): kinect, kinect:SERIAL, v4l:N or emulator:SOCKET.
     ~camera_info_url (""): file with the calibration; without one $ROS_HOME/camera_info/rgb_SERIAL.yaml, for an emulated
     camera SOCKET.yaml, and if that is missing too nominal values with a warning.
-    ~frame_id (camera_rgb_optical_frame).
+    ~frame_id (camera_rgb_optical_frame). ~mode (vga): of a Kinect, vga (30 Hz), uyvy (15 Hz) or sxga (1280x1024,
+    10 Hz). ~lock_exposure (true): a Kinect keeps exposure and white balance as they are after two seconds; give false
+    where the light changes much from room to room.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from sensor_msgs.msg import CameraInfo, Image
 from sensor_msgs.srv import SetCameraInfo, SetCameraInfoRequest, SetCameraInfoResponse
 
 from vsx_hw.kinect.driver import KinectCamera
+from vsx_hw.kinect.protocol import MODES
 from vsx_hw.kinect.socket_transport import SocketTransport
 from vsx_hw.kinect.usb_transport import UsbTransport
 from vsx_hw.readings import ImageReading
@@ -29,8 +32,6 @@ from vsx_ros.errors import CalibrationError, ConfigError
 from vsx_ros.geometry.camera import PinholeCamera, nominal_camera
 from vsx_ros.io.calibration_file import read_calibration, write_calibration
 from vsx_ros.ros import images, process, topics
-
-_NOMINAL = nominal_camera(640, 480)
 
 
 class CameraNode:
@@ -48,18 +49,23 @@ class CameraNode:
         self._image_pub = rospy.Publisher(topics.IMAGE, Image, queue_size=5, tcp_nodelay=True)
         self._info_pub = rospy.Publisher(topics.CAMERA_INFO, CameraInfo, queue_size=5, tcp_nodelay=True)
         rospy.Service(topics.SET_CAMERA_INFO, SetCameraInfo, self._on_set_camera_info)
-        self._source = open_camera(self._device, self._on_image)
+        self._source = open_camera(
+            self._device,
+            self._on_image,
+            str(rospy.get_param("~mode", "vga")),
+            bool(rospy.get_param("~lock_exposure", True)),
+        )
         self._diagnostics = process.Diagnostics(self._device)
         process.every(1.0, "health", self._report)
         self._source.start()
 
     def _on_image(self, reading: ImageReading) -> None:
-        if self._calibration is None:
-            self._calibration = self._find_calibration()
-        camera, (height, width) = self._calibration, reading.image.shape
+        height, width = reading.image.shape
+        camera = self._calibration or self._find_calibration(width, height)
         if (camera.width, camera.height) != (width, height):
-            camera = PinholeCamera(width, height, float(width), float(width), 0.5 * (width - 1), 0.5 * (height - 1))
-            self._calibration, self._calibrated = camera, False
+            rospy.logwarn("calibration is of %dx%d, images are %dx%d", camera.width, camera.height, width, height)
+            camera, self._calibrated = self._nominal(width, height), False
+        self._calibration = camera
         self._info_pub.publish(images.camera_info(camera, reading.stamp_ns, self._frame_id))
         self._image_pub.publish(images.image_msg(reading.stamp_ns, reading.image, reading.encoding, self._frame_id))
 
@@ -71,13 +77,20 @@ class CameraNode:
         home = Path(os.environ.get("ROS_HOME", Path.home() / ".ros"))
         return home / "camera_info" / f"rgb_{self._source.serial}.yaml"
 
-    def _find_calibration(self) -> PinholeCamera:
+    def _nominal(self, width: int, height: int) -> PinholeCamera:
+        """The 4:3 image of a Kinect is the upper part of its 1280 x 1024 one, so the centre lies above the middle."""
+        if self._device.startswith("v4l"):
+            return nominal_camera(width, height)
+        upper = nominal_camera(width, width * 3 // 4)
+        return PinholeCamera(width, height, upper.fx, upper.fy, upper.cx, upper.cy)
+
+    def _find_calibration(self, width: int, height: int) -> PinholeCamera:
         path = self._calibration_file()
         try:
             camera = read_calibration(path)
         except CalibrationError as error:
             rospy.logwarn("camera is not calibrated: %s. Nominal values are used; expect a bent map", error)
-            return _NOMINAL
+            return self._nominal(width, height)
         self._calibrated = True
         return camera
 
@@ -112,13 +125,17 @@ class CameraNode:
         self._source.close()
 
 
-def open_camera(device: str, on_image: Callable[[ImageReading], None]) -> KinectCamera | V4lCamera:
-    """The driver of a ~device; it connects when started. Raises ConfigError for a device that has no meaning."""
+def open_camera(
+    device: str, on_image: Callable[[ImageReading], None], mode: str = "vga", lock_exposure: bool = False
+) -> KinectCamera | V4lCamera:
+    """The driver of a ~device; it connects when started. Raises ConfigError for a device or mode without meaning."""
     kind, _, name = device.partition(":")
+    if mode not in MODES:
+        raise ConfigError(f"camera ~mode {mode!r}: give one of {', '.join(MODES)}")
     if kind == "kinect":
-        return KinectCamera(lambda: UsbTransport(name), device, on_image)
+        return KinectCamera(lambda: UsbTransport(name), device, on_image, MODES[mode], lock_exposure)
     if kind == "emulator" and name:
-        return KinectCamera(lambda: SocketTransport(name), device, on_image)
+        return KinectCamera(lambda: SocketTransport(name), device, on_image, MODES[mode], lock_exposure)
     if kind == "v4l" and name.isdigit():
         return V4lCamera(int(name), on_image)
     raise ConfigError(f"camera ~device {device!r}: give kinect, kinect:SERIAL, v4l:N or emulator:SOCKET")
