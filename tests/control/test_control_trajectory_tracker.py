@@ -4,23 +4,22 @@ import math
 
 import numpy as np
 import pytest
+from following import drive
 
 from vsx_ros.config import FollowerConfig, LimitsConfig, PlannerConfig, RobotConfig
-from vsx_ros.control.pose_fusion import PoseFuser
 from vsx_ros.control.trajectory_tracker import FollowStatus, TrajectoryTracker
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.geometry.unicycle import integrate, integrate_wheels, wheel_speeds
+from vsx_ros.geometry.unicycle import integrate
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.connect import connect
 from vsx_ros.planning.path import Path, Plan, Trajectory, certified
 from vsx_ros.planning.pieces import arc_piece
 from vsx_ros.planning.planner import UnconstrainedPlanner
 from vsx_ros.planning.time_scaling import time_scale
-from vsx_ros.robot import STOP, Odometry, VelocityCommand
+from vsx_ros.robot import STOP
 
 LIMITS, FOLLOWER = LimitsConfig(), FollowerConfig()
-WHEEL_BASE, DT = 0.23, 0.005
 
 
 def straight(length: float) -> Trajectory:
@@ -29,67 +28,22 @@ def straight(length: float) -> Trajectory:
     return time_scale(certified(SE2(), SE2(length, 0.0, 0.0), pieces, "arcs and lines"), LIMITS)
 
 
-def simulate(trajectory: Trajectory, seed: int, wheel_error: float) -> tuple[list[float], SE2, FollowStatus]:
-    """Lateral errors on the way, the final error and status. 100 ms SLAM latency, 30 % of the poses missing, commands
-    50 ms late and lagging by 80 ms, 15 Hz SLAM with 1 cm and 0.4 deg noise."""
-    rng = np.random.default_rng(seed)
-    fuser, tracker = PoseFuser(), TrajectoryTracker(FOLLOWER, LIMITS)
-    left, right = 1.0 + wheel_error * rng.choice([-1, 1]), 1.0 + wheel_error * rng.choice([-1, 1])
-    true, odom, v, omega = trajectory.at(0.0)[0], SE2(), 0.0, 0.0
-    target = STOP
-    commands: list[tuple[float, VelocityCommand]] = []
-    poses: list[tuple[float, int, SE2]] = []
-    lateral: list[float] = []
-    status, ended = FollowStatus.IDLE, math.inf
-    for k in range(int((trajectory.duration_s + 12.0) / DT)):
-        t = k * DT
-        now = int(t * 1e9)
-        if k % 4 == 0:
-            fuser.add_odometry(Odometry(now, odom, v, omega))
-        if k % 13 == 0 and (rng.random() > 0.3 or k == 0):
-            noise = rng.normal(0.0, (0.01, 0.01, math.radians(0.4)))
-            poses.append((t + 0.1, now, SE2(true.x + noise[0], true.y + noise[1], true.theta + noise[2])))
-        while poses and poses[0][0] <= t:
-            _, stamp, pose = poses.pop(0)
-            fuser.add_slam(stamp, pose)
-        if k == 100:
-            tracker.start(trajectory, now)
-        if k >= 100 and k % 4 == 0 and t < ended:
-            result = tracker.command(now, fuser.pose(now), fuser.slam_age_s(now), True)
-            status = result.status
-            commands.append((t + 0.05, result.command))
-            if status is FollowStatus.FOLLOWING:
-                lateral.append((true.inverse() @ trajectory.at(tracker.progress_s)[0]).y)
-            elif status is not FollowStatus.STALE:
-                ended = t
-        while commands and commands[0][0] <= t:
-            target = commands.pop(0)[1]
-        if t > ended + 0.6:
-            break
-        v += (target.v - v) * DT / 0.08
-        omega += (target.omega - omega) * DT / 0.08
-        one, other = wheel_speeds(v, omega, WHEEL_BASE)
-        odom = integrate_wheels(odom, one * DT, other * DT, WHEEL_BASE)
-        true = integrate_wheels(true, one * left * DT, other * right * DT, WHEEL_BASE)
-    goal = trajectory.at(math.inf)[0]
-    return lateral, SE2(true.distance_to(goal), 0.0, abs(true.angle_to(goal))), status
-
-
 def test_it_arrives_within_centimetres_despite_latency_dropouts_and_unequal_wheels():
     rng = np.random.default_rng(5)
-    squares, finals, headings = [], [], []
+    drives = []
     for seed in range(10):
         path = connect(SE2(), SE2(*rng.uniform(-2.5, 2.5, 3)), 1.0)
         assert isinstance(path, Path)
-        lateral, final, status = simulate(time_scale(path, LIMITS), seed, wheel_error=0.02)
-        assert status is FollowStatus.ARRIVED
-        squares.append(np.mean(np.square(lateral)))
-        finals.append(final.x)
-        headings.append(final.theta)
-    assert 0.0005 < math.sqrt(np.median(squares)) <= 0.010
-    assert np.median(finals) <= 0.015
-    assert max(finals) <= 0.04
-    assert np.median(headings) <= math.radians(1.5)
+        drives.append(drive(time_scale(path, LIMITS), seed))
+    assert {d.status for d in drives} == {FollowStatus.ARRIVED}
+    assert 0.0005 < math.sqrt(np.median([np.mean(np.square(d.lateral_m)) for d in drives])) <= 0.010
+    assert np.median([d.final_m for d in drives]) <= 0.012
+    assert max(d.final_m for d in drives) <= 0.03
+    assert np.median([d.final_rad for d in drives]) <= math.radians(1.0)
+    for d in drives:
+        change = np.abs(np.diff(d.commands[:-1], axis=0)).max(axis=0) / 0.02  # the last one is the stop
+        assert change[0] <= LIMITS.a_m_s2 * (1 + 1e-6)
+        assert change[1] <= LIMITS.alpha_rad_s2 * (1 + 1e-6)
 
 
 def test_the_generic_planners_turns_on_the_spot_are_followed_too():
@@ -97,10 +51,10 @@ def test_the_generic_planners_turns_on_the_spot_are_followed_too():
     planner = UnconstrainedPlanner(PlannerConfig(), RobotConfig())
     plan = planner.plan(SE2(), SE2(-1.0, 1.0, 0.5), grid, np.random.default_rng(0))
     assert isinstance(plan, Plan)
-    _, final, status = simulate(time_scale(plan.path, LIMITS), 3, wheel_error=0.02)
-    assert status is FollowStatus.ARRIVED
-    assert final.x <= 0.04
-    assert final.theta <= math.radians(3.0)
+    driven = drive(time_scale(plan.path, LIMITS), 3)
+    assert driven.status is FollowStatus.ARRIVED
+    assert driven.final_m <= 0.05
+    assert driven.final_rad <= math.radians(3.5)
 
 
 def follow_exactly(tracker: TrajectoryTracker, pose: SE2, start_ns: int, seconds: float, **kwargs):

@@ -6,11 +6,15 @@ import enum
 import math
 from typing import NamedTuple
 
+import numpy as np
+
+from vsx_ros.arrays import FloatArray
 from vsx_ros.config import FollowerConfig, LimitsConfig
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.unicycle import limit_twist
 from vsx_ros.planning.path import Trajectory
+from vsx_ros.planning.retiming import Timing, as_planned, retime
 from vsx_ros.robot import STOP, VelocityCommand
 
 _CREEP_M_S = 0.01
@@ -20,6 +24,7 @@ _GOAL_SLACK_M = 0.004
 _GOAL_WAIT_S = 1.5
 _LONGEST_STEP_S = 0.2
 _BEHIND_FACTOR = 3.0
+_LATER_S = 0.1
 
 
 class FollowStatus(enum.Enum):
@@ -42,31 +47,40 @@ class FollowResult(NamedTuple):
 
 
 class TrajectoryTracker:
-    """A unicycle law in arc length along a trajectory whose clock can be held.
+    """A unicycle law in arc length along a trajectory that can be slowed and held, always within the limits.
 
     C. Samson, "Control of chained systems", IEEE TAC 40 (1995), with gains per metre, so that it corrects alike at any
-    speed and in both directions: omega = omega_r + wn^2 v_r e_y + 2 wn |v_r| e_theta, v = v_r cos e_theta + k e_x.
-    Where the reference stands, it does not turn the base to correct an error; only a reference that turns does.
+    speed and in both directions: v = v_r cos e_theta + k e_x, omega = v (kappa + wn^2 e_y) + 2 wn |v| e_theta. A base
+    that stands is not turned to correct an error; only a reference that turns on the spot does that.
     """
 
     def __init__(self, config: FollowerConfig, limits: LimitsConfig) -> None:
         self._config = config
         self._limits = limits
         self._trajectory: Trajectory | None = None
+        self._timing: Timing | None = None
+        self._factor = 1.0
         self._clock_s = 0.0
-        self._rate = 0.0
+        self._rate = 1.0
         self._waited_s = 0.0
         self._last_ns = 0
+        self._sent = STOP
+        self._curvature: FloatArray = np.zeros(1)
 
     @property
     def progress_s(self) -> float:
         """The trajectory's own time reached so far [s]; it stands while the follower holds."""
-        return self._clock_s
+        if self._timing is None:
+            return 0.0
+        own = self._timing.trajectory.times_s
+        return float(np.interp(self._clock_s, own - own[0], self._timing.places_s))
 
     def start(self, trajectory: Trajectory, now_ns: int) -> None:
         """Follow from its beginning, from rest."""
-        self._trajectory = trajectory
-        self._clock_s, self._rate, self._waited_s, self._last_ns = 0.0, 0.0, 0.0, now_ns
+        self._trajectory, self._timing, self._factor = trajectory, as_planned(trajectory), 1.0
+        self._curvature = _curvature(trajectory)
+        self._clock_s, self._rate, self._waited_s, self._last_ns = 0.0, 1.0, 0.0, now_ns
+        self._sent = STOP
 
     def cancel(self) -> None:
         """Forget the trajectory; the next command is a stop."""
@@ -74,9 +88,16 @@ class TrajectoryTracker:
 
     def predicted_stop(self) -> SE2 | None:
         """Where the base would stand if held now: the pose to plan from while still moving; None when idle."""
-        if self._trajectory is None:
+        if self._trajectory is None or self._timing is None:
             return None
-        return self._trajectory.at(self._clock_s + 0.5 * self._rate**2 * self._ramp_s)[0]
+        timing, clock_s = self._timing, self._clock_s
+        while self._factor > 0.0 and clock_s < timing.trajectory.duration_s:
+            held = retime(self._trajectory, timing, clock_s, 0.0, self._limits)
+            if held is not None:
+                timing = held
+                break
+            clock_s += _LATER_S
+        return timing.trajectory.at(math.inf)[0]
 
     def command(
         self, now_ns: int, pose: SE2 | None, pose_age_s: float, tracking_ok: bool, speed_factor: float = 1.0
@@ -85,20 +106,20 @@ class TrajectoryTracker:
 
         pose: T_world_base, None where unknown. pose_age_s: age of the SLAM pose behind it. tracking_ok: whether SLAM
         holds. Without a fresh pose the base slows to a stop along the path and resumes when it is back.
-        speed_factor in [0, 1] slows the whole trajectory. Raises InputError for a pose that is not finite.
+        speed_factor in [0, 1] slows the way ahead. Raises InputError for a pose that is not finite.
         """
         if pose is not None and not pose.is_finite():
             raise InputError(f"the pose to follow from is not finite: {pose}; pass None when it is unknown")
-        if self._trajectory is None:
+        if self._trajectory is None or self._timing is None:
             return FollowResult(STOP, FollowStatus.IDLE, "nothing to follow")
         stale = self._why_stale(pose, pose_age_s, tracking_ok)
         dt = min(max((now_ns - self._last_ns) * 1e-9, 0.0), _LONGEST_STEP_S)
         self._last_ns = now_ns
         self._advance(dt, 0.0 if stale else min(max(speed_factor, 0.0), 1.0))
-        reference, v, omega = self._trajectory.at(self._clock_s)
+        reference, v, omega = self._timing.trajectory.at(self._clock_s)
         v, omega = v * self._rate, omega * self._rate
         if pose is None:
-            return FollowResult(self._limited(v, omega), FollowStatus.STALE, stale)
+            return FollowResult(self._limited(v, omega, dt), FollowStatus.STALE, stale)
         error = pose.inverse() @ reference
         error = SE2(error.x, error.y, pose.angle_to(reference))
         diverged = self._why_diverged(error)
@@ -106,19 +127,14 @@ class TrajectoryTracker:
             self.cancel()
             return FollowResult(STOP, FollowStatus.DIVERGED, diverged, error)
         if stale:
-            standing = self._rate == 0.0
-            command = STOP if standing else self._limited(*self._law(v, omega, error))
+            standing = self._factor == 0.0 and self._clock_s >= self._timing.trajectory.duration_s
+            command = STOP if standing else self._limited(*self._law(v, omega, error), dt)
             return FollowResult(command, FollowStatus.STALE, stale, error)
         if self._arrived(error, dt):
             self.cancel()
             reason = f"arrived {100 * math.hypot(error.x, error.y):.1f} cm, {math.degrees(error.theta):.1f} deg off"
             return FollowResult(STOP, FollowStatus.ARRIVED, reason, error)
-        return FollowResult(self._limited(*self._law(v, omega, error)), FollowStatus.FOLLOWING, "", error)
-
-    @property
-    def _ramp_s(self) -> float:
-        """Time in which the clock goes from full rate to rest without exceeding the acceleration limit."""
-        return self._limits.v_m_s / self._limits.a_m_s2
+        return FollowResult(self._limited(*self._law(v, omega, error), dt), FollowStatus.FOLLOWING, "", error)
 
     def _why_stale(self, pose: SE2 | None, pose_age_s: float, tracking_ok: bool) -> str:
         if pose is None:
@@ -139,36 +155,62 @@ class TrajectoryTracker:
             return f"{abs(error.x):.2f} m behind or ahead of the plan (limit {_BEHIND_FACTOR * lateral:g} m)"
         return ""
 
-    def _advance(self, dt: float, target_rate: float) -> None:
-        """Move the trajectory's clock, its rate ramping towards the target."""
-        before = self._rate
-        change = dt / self._ramp_s
-        self._rate = min(max(target_rate, before - change), before + change)
-        if self._clock_s == 0.0:
-            self._rate = target_rate  # it starts from rest by itself
+    def _advance(self, dt: float, factor: float) -> None:
+        """Change the timing if another speed is wanted, and move the clock along it."""
         assert self._trajectory is not None
-        self._clock_s = min(self._clock_s + 0.5 * (before + self._rate) * dt, self._trajectory.duration_s)
+        assert self._timing is not None
+        if factor != self._factor:
+            timing = retime(self._trajectory, self._timing, self._clock_s, factor, self._limits)
+            if timing is not None:
+                self._timing, self._factor, self._clock_s = timing, factor, 0.0
+        before = self._rate
+        self._rate = min(1.0, before + dt * self._limits.a_m_s2 / self._limits.v_m_s)
+        duration_s = self._timing.trajectory.duration_s
+        self._clock_s = min(self._clock_s + 0.5 * (before + self._rate) * dt, duration_s)
 
     def _law(self, v: float, omega: float, error: SE2) -> tuple[float, float]:
-        along = v * math.cos(error.theta) + _ALONG_GAIN_PER_S * error.x
-        if abs(v) >= _CREEP_M_S:
-            wn = self._config.stiffness_rad_m
-            return along, omega + wn * wn * v * error.y + 2.0 * wn * abs(v) * error.theta
         if v == 0.0 and omega != 0.0:
             return 0.0, omega + _TURN_GAIN_PER_S * error.theta
-        return along, omega
+        # What lies beside the path is told where the base is on it, not where the reference is, ahead on a bend.
+        kappa, wn = self._curvature_here(), self._config.stiffness_rad_m
+        heading = error.theta - kappa * error.x
+        sideways = error.y - error.x * error.theta + 0.5 * kappa * error.x**2
+        along = v * math.cos(error.theta) + _ALONG_GAIN_PER_S * error.x
+        return along, along * (kappa + wn * wn * sideways) + 2.0 * wn * abs(along) * heading
 
-    def _limited(self, v: float, omega: float) -> VelocityCommand:
+    def _curvature_here(self) -> float:
+        assert self._trajectory is not None
+        times = self._trajectory.times_s
+        i = int(np.searchsorted(times, times[0] + self.progress_s, side="right")) - 1
+        return float(self._curvature[i])
+
+    def _limited(self, v: float, omega: float, dt: float) -> VelocityCommand:
         """Within the limits, keeping the curvature; the clock waits for what was cut off."""
         limits = self._limits
         limited = VelocityCommand(*limit_twist(v, omega, limits.v_m_s, limits.omega_rad_s))
         if abs(v) > 1e-9 and abs(limited.v) < abs(v):
             self._rate = min(self._rate, max(0.5, abs(limited.v / v)))
-        return limited
+        dv, domega = limits.a_m_s2 * dt, limits.alpha_rad_s2 * dt
+        self._sent = VelocityCommand(
+            min(max(limited.v, self._sent.v - dv), self._sent.v + dv),
+            min(max(limited.omega, self._sent.omega - domega), self._sent.omega + domega),
+        )
+        return self._sent
 
     def _arrived(self, error: SE2, dt: float) -> bool:
-        assert self._trajectory is not None
-        if self._clock_s < self._trajectory.duration_s:
+        assert self._timing is not None
+        if self._factor == 0.0 or self._clock_s < self._timing.trajectory.duration_s:
             return False
         self._waited_s += dt
         return abs(error.x) <= _GOAL_SLACK_M or self._waited_s >= _GOAL_WAIT_S
+
+
+def _curvature(trajectory: Trajectory) -> FloatArray:
+    """(N,) omega / v [rad/m] at the samples; where the base stands that of its way to there, or of the first way."""
+    moves = np.abs(trajectory.v) > _CREEP_M_S
+    if not np.any(moves):
+        return np.zeros(len(trajectory.v))
+    last = np.maximum.accumulate(np.where(moves, np.arange(len(moves)), -1))
+    last[last < 0] = int(np.argmax(moves))
+    kappa: FloatArray = trajectory.omega[last] / trajectory.v[last]
+    return kappa
