@@ -95,10 +95,10 @@ class MapperConfig(_Branch, frozen=True):
 
 class CullingConfig(_Branch, frozen=True):
     """A keyframe is redundant when that share of its points is seen by so many others from as near; the newest are
-    kept."""
+    kept. With 3 viewers, as ORB-SLAM has it, keyframes as near to each other as here are made again at once."""
 
     seen_ratio: Ratio = 0.9
-    viewers: Count = 3
+    viewers: Count = 6
     keep_newest: Count = 10
 
 
@@ -112,11 +112,12 @@ class ShutterConfig(_Branch, frozen=True):
 
 class WheelConfig(_Branch, frozen=True):
     """How far wheel odometry between keyframes is believed, per axis: a constant plus a share of the motion; and how
-    far the base stands level on the floor."""
+    far the base stands level on the floor. What is wrong with the wheels' diameter is wrong everywhere alike and
+    becomes the world's size; what counts here is how unlike one stretch is to the next."""
 
     distance_sigma_m: Positive = 0.0003
-    distance_sigma_ratio: Positive = 0.01
-    sideways_sigma_ratio: Positive = 0.012
+    distance_sigma_ratio: Positive = 0.002
+    sideways_sigma_ratio: Positive = 0.006
     turn_sigma_rad: Positive = 0.002
     turn_sigma_ratio: Positive = 0.01
     tilt_sigma_rad: Positive = 0.01
@@ -157,6 +158,10 @@ class FollowerConfig(_Branch, frozen=True):
     max_lateral_error_m: Positive = 0.12
     max_heading_error_rad: Positive = 0.25
     pose_timeout_s: Positive = 0.5
+    # Speed while tracking is dubious, as a share of the planned one, and how long it stays so afterwards.
+    dubious_speed_factor: Ratio = 0.5
+    dubious_hold_s: NonNegative = 1.0
+    replans_after_divergence: Annotated[int, Meta(ge=0)] = 2
 
 
 class GroundMapConfig(_Branch, frozen=True):

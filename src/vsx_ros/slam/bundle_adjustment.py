@@ -113,9 +113,8 @@ class BundleAdjuster:
         seen = np.zeros(world.count, np.bool_)
         for index in free:
             seen[world.keyframes[index].observations.rows] = True
-        frames = [
-            k for k, keyframe in enumerate(world.keyframes) if k in free or seen[keyframe.observations.rows].any()
-        ]
+        frames = sorted(set(world.seers(np.flatnonzero(seen))) | set(free))
+        frames = [k for k in frames if k in free or seen[world.keyframes[k].observations.rows].any()]
         observed = _observed(world, frames, seen)
         if not free or len(observed.frame) < 12:
             return Adjustment(0.0, 0, 0, True)
@@ -232,8 +231,7 @@ def _discard(world: Map, frames: IntArray, rows: IntArray) -> int:
         world.forget(int(k), marked[world.keyframes[k].observations.rows])
         marked[here] = False
     touched = np.unique(rows)
-    seen = np.concatenate([keyframe.observations.rows for keyframe in world.keyframes])
-    left = np.bincount(seen, minlength=world.count)
+    left = world.seen(touched)
     lost_source = rows[frames == world.source[rows]]
     dead = np.union1d(touched[left[touched] < 2], lost_source)
     world.remove_points(dead)

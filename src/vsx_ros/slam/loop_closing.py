@@ -12,7 +12,7 @@ from vsx_ros.config import TrackerConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.fusion import same_points
-from vsx_ros.slam.keyframe import KeyFrame, covisible
+from vsx_ros.slam.keyframe import KeyFrame
 from vsx_ros.slam.map import Map, MapView
 from vsx_ros.slam.place_recognition import PlaceRecognizer, Recognition, is_certain, is_sure
 from vsx_ros.slam.tracker import Tracker, nearest_keyframes
@@ -20,6 +20,8 @@ from vsx_ros.slam.tracker import Tracker, nearest_keyframes
 TRIED = 2
 # A keyframe knows the neighbourhood when it shares so many points with what was seen so long ago.
 KNOWN_POINTS, LONG_AGO = 40, 1.5
+# After a way of so many depths it is a loop that tracking has closed, when no keyframe shortly before did.
+HOME_WAY, HOME_KEYFRAMES = 4.0, 20
 # How far a map can have drifted along a way: a constant and a share, with the wheels' help and without.
 DRIFT_M, DRIFT_RAD = 0.15, 0.06
 DRIFT_WHEELS, DRIFT_CAMERA, TURN_WHEELS, TURN_CAMERA = 0.03, 0.3, 0.015, 0.06
@@ -44,14 +46,18 @@ class Reunion(NamedTuple):
 
 
 class LoopFinder:
-    """``look`` at every new keyframe once."""
+    """``look`` at every new keyframe once. came_home: in words, that the keyframe last looked at shares points with
+    keyframes of long ago, and the ones before did not: tracking alone has closed a loop; else empty."""
 
     def __init__(self, camera: PinholeCamera, config: TrackerConfig, rng: np.random.Generator) -> None:
         self._places = PlaceRecognizer(camera, Tracker(config, rng))
         self._unconfirmed: Reunion | None = None
+        self._last_at_home = -HOME_KEYFRAMES
+        self.came_home = ""
 
     def look(self, world: Map, view: MapView, index: int) -> list[Reunion]:
         """The reunions of keyframe ``index`` and of one before that agree, empty when there is nothing to act on."""
+        self.came_home = ""
         among = self._strangers(world, view, index)
         if not len(among):
             return []
@@ -65,7 +71,7 @@ class LoopFinder:
             if reunion is None or not self._can_be(world, reunion):
                 continue
             before, self._unconfirmed = self._unconfirmed, reunion
-            if before is not None and self._agree(world, before, reunion):
+            if before is not None and world.keyframes[before.older].alive and self._agree(world, before, reunion):
                 return [before, reunion]
             if is_certain(seen):
                 return [reunion]
@@ -86,8 +92,9 @@ class LoopFinder:
         way = way[index] - way
         mine = view.part(newest.map_id).living
         long_ago = mine[way[mine] > LONG_AGO * max(newest.median_depth, 1e-6)]
-        shared = covisible([world.keyframes[int(k)] for k in long_ago], newest.observations.rows, world.count)
+        shared = world.covisible(newest.observations.rows)[long_ago]
         if not len(long_ago) or shared.max() >= KNOWN_POINTS:
+            self._notice_home(index, long_ago[shared >= KNOWN_POINTS], way, newest)
             return np.zeros(0, np.int64)
         offset = np.linalg.norm(view.centres[long_ago] - newest.T_world_cam.translation, axis=1)
         cosine = view.R_world_cam[long_ago, :, 2] @ newest.T_world_cam.rotation[:, 2]
@@ -96,6 +103,14 @@ class LoopFinder:
         near &= np.arccos(np.clip(cosine, -1.0, 1.0)) < angle + VIEW_RAD
         strangers: IntArray = long_ago[near]
         return strangers
+
+    def _notice_home(self, index: int, known: IntArray, way: FloatArray, newest: KeyFrame) -> None:
+        oldest = max(known.tolist(), key=lambda k: float(way[k]), default=index)
+        if way[oldest] < HOME_WAY * newest.median_depth:
+            return
+        if index - self._last_at_home > HOME_KEYFRAMES:
+            self.came_home = f"after {way[oldest]:.1f} m, by tracking alone: keyframe {index} sees points of {oldest}"
+        self._last_at_home = index
 
     def _can_be(self, world: Map, reunion: Reunion) -> bool:
         """Whether the map can have drifted so far; maps that were begun apart can lie anyhow."""

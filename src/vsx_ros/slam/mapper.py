@@ -14,8 +14,9 @@ from vsx_ros.config import SlamConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.bundle_adjustment import BundleAdjuster, never
+from vsx_ros.slam.culling import cull_redundant
 from vsx_ros.slam.initialization import Initialization
-from vsx_ros.slam.keyframe import FrameData, Observations, covisible
+from vsx_ros.slam.keyframe import FrameData, Observations
 from vsx_ros.slam.loop_closing import LoopFinder
 from vsx_ros.slam.map import Map, MapView
 from vsx_ros.slam.point_creation import (
@@ -34,7 +35,8 @@ from vsx_ros.vision.corners import dense_corners
 from vsx_ros.vision.patch_search import find_patches
 
 REFIND_RADIUS_PX, REFIND_REACH = 4.0, 2
-GLOBAL_EVERY = 8
+# The whole map is adjusted when it has grown by so many keyframes and that share: the work per keyframe stays the same.
+GLOBAL_EVERY, GLOBAL_GROWTH = 8, 0.1
 NEW_LOOK = 0.006
 VETO_OBSERVATIONS, VETO_AGE, VETO_SIGMAS = 100, 3, 6.0
 BASELINES = (0.07, 0.025, 0.12, 0.045)
@@ -62,7 +64,7 @@ class Mapper:
 
     def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, config: SlamConfig, world: Map) -> None:
         self.map = world
-        self._config = config.mapper
+        self._config, self._culling = config.mapper, config.culling
         self._adjuster = BundleAdjuster(camera, T_base_cam, config.wheels)
         self._since_global = 0
         self._loops = LoopFinder(camera, config.tracker, np.random.default_rng(0))
@@ -100,10 +102,9 @@ class Mapper:
         observed = observed.where(world.alive[observed.rows])
         index = world.add_keyframe(_with_dense_corners(request.data), pose, observed, reference.map_id)
         neighbours = self.neighbours(index, self._config.window_keyframes)
-        self._refind(index, self._points_of(neighbours))
+        self._refind([index], self._points_of(neighbours))
         created = self._make_points(index, self._targets(index, neighbours))
-        for k in neighbours:
-            self._refind(k, created)
+        self._refind(neighbours, created)
         before = list(world.keyframes), world.points.copy(), world.alive.copy()
         self._adjuster.adjust(world, self._movable([index, *neighbours]), self._config.local_iterations)
         if self._contradicts_wheels(index):
@@ -112,12 +113,16 @@ class Mapper:
         self._renew_looks(index)
         self._since_global += 1
         self._reunite(index, neighbours)
+        cull_redundant(world, neighbours, self._culling)
         world.version += 1
         return world.view()
 
     def _reunite(self, index: int, neighbours: list[int]) -> None:
         """Close the loop, or join the map, when a new keyframe shows a place that is known from elsewhere."""
         reunions = self._loops.look(self.map, self.map.view(), index)
+        if self._loops.came_home:
+            self.events.append(SlamEvent(self.map.keyframes[index].data.stamp_ns, "loop closed", self._loops.came_home))
+            self._since_global = len(self.map.keyframes)
         if not reunions:
             return
         around, older = [index, *neighbours], reunions[-1].older
@@ -126,13 +131,14 @@ class Mapper:
         there = [older, *self.neighbours(older, self._config.window_keyframes)]
         free = self._movable(sorted({*around, *there}))
         self._adjuster.adjust(self.map, free, self._config.local_iterations)
-        self._since_global = GLOBAL_EVERY
+        self._since_global = len(self.map.keyframes)
 
     @property
     def refinement_due(self) -> bool:
-        """Whether the whole map should be adjusted: always while it is young, later every eighth keyframe."""
+        """Whether the whole map should be adjusted: always while it is young, later when it has grown by a tenth, and
+        when a loop has been closed."""
         young = len(self.map.keyframes) < GLOBAL_EVERY
-        return self._since_global >= (1 if young else GLOBAL_EVERY)
+        return self._since_global >= (1 if young else max(GLOBAL_EVERY, round(GLOBAL_GROWTH * len(self.map.living))))
 
     def refine(self, interrupted: Callable[[], bool] = never) -> MapView:
         """Adjust the whole map; what ``interrupted`` cuts short stays due."""
@@ -152,7 +158,7 @@ class Mapper:
     def neighbours(self, index: int, count: int) -> list[int]:
         """Indices of the living keyframes that share most points with one, at least 15, best first; the previous one of
         its chain always."""
-        shared = covisible(self.map.keyframes, self.map.keyframes[index].observations.rows, self.map.count)
+        shared = self.map.covisible(self.map.keyframes[index].observations.rows)
         shared[index] = 0
         ranked = [int(k) for k in np.argsort(-shared, kind="stable") if shared[k] >= 15][:count]
         previous = [k for k in self._previous(index, 3) if k not in ranked]
@@ -190,26 +196,20 @@ class Mapper:
             mask[self.map.keyframes[k].observations.rows] = True
         return np.flatnonzero(mask & self.map.alive)
 
-    def _refind(self, index: int, rows: IntArray) -> None:
-        """Look for points in a keyframe that has not seen them."""
-        world, keyframe = self.map, self.map.keyframes[index]
-        unseen = np.ones(world.count, np.bool_)
-        unseen[keyframe.observations.rows] = False
-        rows = rows[unseen[rows]]
+    def _refind(self, indices: list[int], rows: IntArray) -> None:
+        """Look for points in keyframes that have not seen them."""
         if not len(rows):
             return
-        view = world.view()
-        predictions = predicted(keyframe.data.camera, keyframe.T_world_cam.inverse(), view, rows)
-        found, uv = find_patches(
-            keyframe.data.pyramid,
-            keyframe.data.corners,
-            view.templates.patches,
-            view.templates.offset,
-            predictions,
-            REFIND_RADIUS_PX,
-            REFIND_REACH,
-        )
-        self._observe(index, predictions.rows[found], uv[found], predictions.level[found])
+        view = self.map.view()
+        looks = view.templates
+        for index in indices:
+            data, pose = self.map.keyframes[index].data, self.map.keyframes[index].T_world_cam
+            unseen = rows[~np.isin(rows, self.map.keyframes[index].observations.rows)]
+            expected = predicted(data.camera, pose.inverse(), view, unseen)
+            found, uv = find_patches(
+                data.pyramid, data.corners, looks.patches, looks.offset, expected, REFIND_RADIUS_PX, REFIND_REACH
+            )
+            self._observe(index, expected.rows[found], uv[found], expected.level[found])
 
     def _observe(self, index: int, rows: IntArray, uv: FloatArray, level: IntArray) -> None:
         world, keyframe = self.map, self.map.keyframes[index]
