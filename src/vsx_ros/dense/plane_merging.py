@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points3
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.dense.observed_points import ObservedPoints
 from vsx_ros.dense.plane_fitting import Fit, Noise, deviations, fit_plane, on_plane
 from vsx_ros.dense.plane_tiles import is_plane
@@ -69,41 +69,40 @@ def _shared_out(groups: list[Found], points: ObservedPoints, min_points: int, no
     others explain most of their points."""
     best = np.full(len(points.world), noise.gate)
     owner = np.full(len(points.world), -1)
-    reach = np.zeros(len(groups), np.int64)
     for k, group in enumerate(groups):
-        near = np.flatnonzero(_within(group, points, unit))
+        near = _within(group, points, _MARGIN_M * unit)
         sigmas = deviations(points, near, group.fit.normal, group.fit.offset, noise)
-        reach[k] = (sigmas <= noise.gate).sum()
-        nearer = near[sigmas < best[near]]
-        best[nearer], owner[nearer] = sigmas[sigmas < best[near]], k
+        nearer = sigmas < best[near]
+        best[near[nearer]], owner[near[nearer]] = sigmas[nearer], k
     out = []
     for k, group in enumerate(groups):
         own = np.flatnonzero(owner == k)
-        if len(own) < max(min_points, _MIN_OWN * reach[k]):
-            continue
-        for rows in _pieces(points.world[own] @ in_plane_axes(group.fit.normal).T, _GAP_M * unit):
-            if len(rows) < min_points:
-                continue
-            fit = fit_plane(points, own[rows], group.fit.normal, group.fit.attitude, noise)
-            if fit is not None and is_plane(fit, noise) and _is_dense(points.world[own[rows]], fit, unit):
-                out.append(Found(fit, own[rows]))
+        for part in _pieces(points.world[own] @ in_plane_axes(group.fit.normal).T, _GAP_M * unit):
+            if len(part) >= min_points:
+                fit = fit_plane(points, own[part], group.fit.normal, group.fit.attitude, noise)
+                if fit is not None and _stands(Found(fit, own[part]), points, noise, unit):
+                    out.append(Found(fit, own[part]))
     return sorted(out, key=lambda found: -len(found.rows))
 
 
-def _is_dense(world: Points3, fit: Fit, unit: float) -> bool:
-    """Whether there are many points, or at least many on each square metre: few in a wide space lie on some plane by
-    chance."""
-    size = np.ptp(world @ in_plane_axes(fit.normal).T, axis=0) / unit
-    return len(world) >= _MANY_POINTS or bool(len(world) >= _DENSE_PER_M2 * size[0] * size[1])
+def _stands(found: Found, points: ObservedPoints, noise: Noise, unit: float) -> bool:
+    """Whether the plane's own points make it one: spread in two directions; many, or at least many on each square
+    metre, as few in a wide space lie on some plane by chance; and most of the points that lie on it where they are."""
+    if not is_plane(found.fit, noise):
+        return False
+    size = np.ptp(points.world[found.rows] @ in_plane_axes(found.fit.normal).T, axis=0) / unit
+    if len(found.rows) < min(_MANY_POINTS, _DENSE_PER_M2 * size[0] * size[1]):
+        return False
+    beside = on_plane(points, _within(found, points, 0.0), found.fit, noise).sum()
+    return bool(len(found.rows) >= _MIN_OWN * beside)
 
 
-def _within(group: Found, points: ObservedPoints, unit: float) -> BoolArray:
-    """(N,) points beside the plane's own ones, a little margin around."""
-    axes = in_plane_axes(group.fit.normal)
-    own, every = points.world[group.rows] @ axes.T, points.world @ axes.T
-    margin = _MARGIN_M * unit
+def _within(found: Found, points: ObservedPoints, margin: float) -> IntArray:
+    """Rows of the points beside the plane's own ones, up to a margin [m] around."""
+    axes = in_plane_axes(found.fit.normal)
+    own, every = points.world[found.rows] @ axes.T, points.world @ axes.T
     inside: BoolArray = ((every >= own.min(axis=0) - margin) & (every <= own.max(axis=0) + margin)).all(axis=1)
-    return inside
+    return np.flatnonzero(inside)
 
 
 def _pieces(coordinates: FloatArray, gap: float) -> list[IntArray]:
