@@ -1,7 +1,8 @@
 """How well and how fast the SLAM works: ``PYTHONPATH=src:hw python benchmarks/slam.py [section ...]``.
 
-Sections: loops, arcs, turns, kidnap, recordings, timing, live (all when none or ``all`` is given). The table goes to
-stdout, progress to stderr. Everything but timing and live repeats exactly. Recordings are looked for in $VSX_DATA.
+Sections: loops, arcs, turns, kidnap, tour, laps, recordings, timing, live (all when none or ``all`` is given). The
+table goes to stdout, progress to stderr. Everything but timing, live and the times of tour repeats exactly. Recordings
+are looked for in $VSX_DATA.
 See benchmarks/README.md for what is driven and how each figure is taken.
 """
 
@@ -14,6 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 from slam_accuracy import Row, arcs, kidnappings, loops, recordings, turns
+from slam_large import laps, tour
 from slam_timing import live, timing
 
 from vsx_ros.kernels.warmup import warm_up
@@ -23,6 +25,8 @@ SECTIONS = {
     "arcs": arcs,
     "turns": turns,
     "kidnap": kidnappings,
+    "tour": tour,
+    "laps": laps,
     "recordings": recordings,
     "timing": timing,
     "live": live,

@@ -2,15 +2,15 @@
 it. Twelve kinds of posters hang everywhere and two of four sides are painted alike, so that places look alike."""
 
 import math
+from pathlib import Path
 
 import numpy as np
+from slam_drives import CLEAR_M, Drive, Leg, clearest_start, kept, record
 
-from slam_drives import Drive, Leg, kept, record
 from vsx_ros.sim.decorate import decorated, random_materials, wall_material
-from vsx_ros.sim.generate import HEIGHT_M, ceiling_lights
+from vsx_ros.sim.generate import HEIGHT_M, ceiling_lights, generate_world
 from vsx_ros.sim.settings import BodySettings, SimulationConfig
-from vsx_ros.sim.world import Box, Origin, Outline, Point, Start, Wall, World
-from pathlib import Path
+from vsx_ros.sim.world import Box, Origin, Outline, Point, Start, Wall, World, changed
 
 WIDTH_M, DEPTH_M = 40.0, 25.0
 ROOM_M, CORRIDOR_M, WALL_M = 2.5, 2.0, 0.12
@@ -19,9 +19,7 @@ BEND_M = 0.9
 # 0.3 m/s, whatever the frame rate: slam_drives counts in frames of 15 Hz.
 STEP_M, RATE_HZ = 0.02, 7.5
 # Wheels that nobody calibrated: 1.5 % of the way and of the turns.
-SIMULATION = SimulationConfig(
-    frame_rate_hz=RATE_HZ, body=BodySettings(wheel_scale_error=0.015, gyro_scale_error=0.015)
-)
+SIMULATION = SimulationConfig(frame_rate_hz=RATE_HZ, body=BodySettings(wheel_scale_error=0.015, gyro_scale_error=0.015))
 
 
 def _wall(a: Point, b: Point, material: str) -> Wall:
@@ -87,7 +85,9 @@ def building(seed: int) -> World:
         ceiling="ceiling",
         materials=random_materials(rng),
         outlines=[
-            Outline(points=corners, height=HEIGHT_M, material=[wall_material(rng) for _ in corners], skirting="skirting")
+            Outline(
+                points=corners, height=HEIGHT_M, material=[wall_material(rng) for _ in corners], skirting="skirting"
+            )
         ],
         walls=[*walls, *_partitions(rng)],
         boxes=_boxes(rng),
@@ -112,3 +112,25 @@ def ring_drive(seed: int, keep: Path | None) -> Drive:
     drive = kept(f"ring_{seed}", keep, lambda: record(building(seed), seed, way_round(6.0), SIMULATION))
     assert drive is not None
     return drive
+
+
+def laps_legs() -> list[Leg]:
+    """Five laps of an oval, each of another width, hence nowhere on the way of the one before."""
+    legs = []
+    for radius in (0.9, 0.8, 1.0, 0.85, 0.95):
+        side, bend = Leg(1.6, step=STEP_M), Leg(0.5 * math.pi * radius, 0.5 * math.pi, step=STEP_M)
+        legs += [side, bend, bend, side, bend, bend]
+    return legs
+
+
+def laps_drive(seed: int, keep: Path | None) -> Drive | None:
+    """Five laps in lab ``seed`` at 4 cm per frame, from its clearest place; None when it has none."""
+
+    def make() -> Drive | None:
+        world = generate_world("lab", seed)
+        clearance, start = clearest_start(world, laps_legs())
+        if clearance < CLEAR_M:
+            return None
+        return record(changed(world, start=start), seed, laps_legs(), SimulationConfig(frame_rate_hz=RATE_HZ))
+
+    return kept(f"laps_{seed}", keep, make)
