@@ -1,4 +1,4 @@
-"""A base that follows a trajectory by late, noisy, sometimes missing poses, on wheels that are not as they should be."""
+"""A base that follows a trajectory by late, noisy, often missing poses, on wheels that are not as they should be."""
 
 import math
 from typing import NamedTuple

@@ -7,6 +7,8 @@ from typing import NamedTuple
 from vsx_ros.arrays import GrayImage
 from vsx_ros.geometry.se2 import SE2
 
+_STANDS_M_S, _STANDS_RAD_S = 0.01, 0.02
+
 
 class Frame(NamedTuple):
     """One image of the camera.
@@ -30,6 +32,11 @@ class Odometry(NamedTuple):
     T_odom_base: SE2
     v: float = 0.0
     omega: float = 0.0
+
+    @property
+    def stands(self) -> bool:
+        """Whether the wheels report that they stand."""
+        return abs(self.v) < _STANDS_M_S and abs(self.omega) < _STANDS_RAD_S
 
 
 class VelocityCommand(NamedTuple):

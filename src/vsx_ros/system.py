@@ -12,6 +12,7 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray
 from vsx_ros.config import Config
+from vsx_ros.control.caution import Caution
 from vsx_ros.control.pose_fusion import PoseFuser
 from vsx_ros.control.trajectory_tracker import FollowResult, FollowStatus, TrajectoryTracker
 from vsx_ros.exploration.decision import Action, Decision, NavigationState, Situation
@@ -43,6 +44,13 @@ class StepResult(NamedTuple):
     follow_error_m: float | None
 
 
+class Surroundings(NamedTuple):
+    """What a plan takes into account: the map, if there is one, and landmarks (M, 3) [m] to keep in view."""
+
+    grid: OccupancyGrid | None
+    landmarks_world: FloatArray
+
+
 class Navigator:
     """Plans to a goal and follows the plan; what the move_base and follower nodes are on the robot."""
 
@@ -52,7 +60,11 @@ class Navigator:
         self._blind = Planner(config.planner, config.robot)
         self._rng = np.random.default_rng(seed)
         self._tracker = TrajectoryTracker(config.follower, config.limits)
+        self._caution = Caution(config.follower)
         self._frame = "map"
+        self._goal = SE2()
+        self._replans_left = 0
+        self._diverged = ""
         self.state = NavigationState.IDLE
         self.reason = ""
         self.trajectory: Trajectory | None = None
@@ -64,15 +76,19 @@ class Navigator:
         start: SE2 | None,
         goal: SE2,
         frame: str,
-        grid: OccupancyGrid | None,
-        landmarks_world: FloatArray,
+        around: Surroundings,
     ) -> None:
         """Plan from start to goal (both in ``frame``) and begin to follow, or end ABORTED with the reason.
 
-        landmarks_world (M, 3): the way shall keep them in view; none: no matter.
+        Where the base leaves the path it stops, and another path is planned from there, a few times.
         """
+        self._frame, self._goal, self._diverged = frame, goal, ""
+        self._replans_left = self._config.follower.replans_after_divergence
+        self._begin(now_ns, start, around)
+
+    def _begin(self, now_ns: int, start: SE2 | None, around: Surroundings) -> None:
         self.plans += 1
-        self._frame = frame
+        (grid, landmarks_world), goal, frame = around, self._goal, self._frame
         if start is None or (frame == "map" and grid is None):
             self._end(NavigationState.ABORTED, "no pose or no map to plan with")
             return
@@ -96,16 +112,30 @@ class Navigator:
         self._tracker.cancel()
         self._end(NavigationState.ABORTED, "cancelled")
 
-    def command(self, now_ns: int, T_odom_base: SE2, fuser: PoseFuser, tracking_ok: bool) -> FollowResult:
+    def command(
+        self, now_ns: int, odometry: Odometry, fuser: PoseFuser, state: TrackingState, around: Surroundings
+    ) -> FollowResult:
         """The velocity that follows the plan; a stop when there is none."""
         if self.state is not NavigationState.ACTIVE:
             return FollowResult(STOP, FollowStatus.IDLE, "")
-        if self._frame == "odom":
-            result = self._tracker.command(now_ns, T_odom_base, 0.0, True)
+        blind = self._frame == "odom"
+        pose = odometry.T_odom_base if blind else fuser.pose()
+        if self._diverged:
+            if not odometry.stands:
+                return FollowResult(STOP, FollowStatus.DIVERGED, self._diverged)
+            self._diverged = ""
+            self._begin(now_ns, pose, around)
+            return FollowResult(STOP, FollowStatus.IDLE, self.reason)
+        if blind:
+            result = self._tracker.command(now_ns, pose, 0.0, True)
         else:
-            result = self._tracker.command(now_ns, fuser.pose(), fuser.slam_age_s(now_ns), tracking_ok)
+            factor = self._caution.speed_factor(now_ns, state)
+            result = self._tracker.command(now_ns, pose, fuser.slam_age_s(now_ns), state.tracked, factor)
         if result.status is FollowStatus.ARRIVED:
             self._end(NavigationState.SUCCEEDED, result.reason)
+        elif result.status is FollowStatus.DIVERGED and self._replans_left > 0:
+            self._replans_left -= 1
+            self._diverged = result.reason
         elif result.status is FollowStatus.DIVERGED:
             self._end(NavigationState.ABORTED, result.reason)
         return result
@@ -140,8 +170,7 @@ class ExplorationSystem:
         now_ns = frame.stamp_ns
         self._fuser.add_odometry(odometry)
         tracking = self.slam.track(frame, odometry)
-        tracking_ok = tracking.state in (TrackingState.GOOD, TrackingState.DUBIOUS)
-        if tracking_ok and tracking.T_world_cam is not None:
+        if tracking.state.tracked and tracking.T_world_cam is not None:
             self._fuser.add_slam(now_ns, SE2.from_se3(tracking.T_world_cam @ self._T_cam_base))
         self._remember(hazard)
         self._refresh_map(now_ns)
@@ -149,7 +178,8 @@ class ExplorationSystem:
         if now_ns >= self._next_decision_ns:
             self._next_decision_ns = now_ns + _DECIDE_EVERY_NS
             decision = self._decide(now_ns, odometry.T_odom_base, tracking, hazard)
-        followed = self.navigator.command(now_ns, odometry.T_odom_base, self._fuser, tracking_ok)
+        around = Surroundings(self.grid, self.slam.snapshot().points_world)
+        followed = self.navigator.command(now_ns, odometry, self._fuser, tracking.state, around)
         error_m = math.hypot(followed.error.x, followed.error.y) if followed.error is not None else None
         return StepResult(followed.command, tracking, decision, error_m)
 
@@ -188,7 +218,8 @@ class ExplorationSystem:
         decision = self.mission.decide(now_ns, situation)
         if decision.action is Action.GO and decision.goal is not None:
             start = T_odom_base if decision.frame == "odom" else self._fuser.pose()
-            self.navigator.go(now_ns, start, decision.goal, decision.frame, self.grid, situation.landmarks_world)
+            around = Surroundings(self.grid, situation.landmarks_world)
+            self.navigator.go(now_ns, start, decision.goal, decision.frame, around)
         elif decision.action in (Action.CANCEL, Action.FINISH) and self.navigator.state is NavigationState.ACTIVE:
             self.navigator.cancel()
         return decision

@@ -14,8 +14,6 @@ from vsx_ros.robot import Odometry
 from vsx_ros.ros import convert, process, slam_messages, topics
 from vsx_ros.slam.state import TrackingState
 
-_STANDS_M_S, _STANDS_RAD_S = 0.01, 0.02
-
 
 class Localization:
     """Subscribers: odom, vslam/pose, vslam/state. Thread-safe."""
@@ -63,5 +61,4 @@ class Localization:
     @property
     def stands(self) -> bool:
         """Whether the wheels report that they stand."""
-        odometry = self._odometry
-        return odometry is not None and abs(odometry.v) < _STANDS_M_S and abs(odometry.omega) < _STANDS_RAD_S
+        return self._odometry is not None and self._odometry.stands
