@@ -1,5 +1,5 @@
 """A large building for the SLAM: an office of 40 m x 25 m whose corridor runs round a block of rooms, and the way round
-it. Twelve kinds of posters hang everywhere and two of four sides are painted alike, so that places look alike."""
+it. The same twelve kinds of posters hang everywhere, so that places look alike."""
 
 import math
 from pathlib import Path
