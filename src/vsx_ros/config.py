@@ -147,7 +147,7 @@ class PlannerConfig(_Branch, frozen=True):
     sight_landmarks: Count = 20
     sight_fov_rad: Annotated[float, Meta(gt=0, lt=3.14)] = 1.05
     sight_range_m: Positive = 5.0
-    blind_v_m_s: Positive = 0.15
+    blind_v_m_s: Positive = 0.2
     max_blind_m: NonNegative = 2.0
 
 
