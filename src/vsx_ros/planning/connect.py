@@ -7,7 +7,7 @@ import math
 from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.planning import joint_qp
-from vsx_ros.planning.path import Path, Refusal, certified
+from vsx_ros.planning.path import CUSP_COST_M, Path, Refusal, certified
 from vsx_ros.planning.pieces import Piece, arc_piece
 from vsx_ros.planning.position_qp import connect_paper
 from vsx_ros.planning.reach import check_question, feasible
@@ -21,8 +21,6 @@ TIGHTNESS = (1.0, 0.95, 0.9, 0.8)
 GOOD_ENOUGH = 1.004
 _TRIES = 5
 _SHORTEST_PIECE_M = 0.01
-_CUSP_COST_M = 0.1
-_JUMP_COST_M = 0.3
 _EXACT = 1e-9
 
 
@@ -47,12 +45,6 @@ def connect(start: SE2, goal: SE2, phi: float, mode: str = "fov") -> Path | Refu
     raise PlanningError(f"unknown connection mode {mode!r}; use 'fov' or 'paper'")
 
 
-def cost(path: Path) -> float:
-    """Length with a small price on changes of direction and a larger on stops for a jump of curvature [m]."""
-    jumps = max(0, len(path.stretches()) - 1 - len(path.cusps))
-    return path.length_m + _CUSP_COST_M * len(path.cusps) + _JUMP_COST_M * jumps
-
-
 def connections(start: SE2, goal: SE2, phi: float, enough: int) -> list[Path]:
     """Verified paths, cheapest first, never none; searches on until ``enough`` smooth ones are found.
 
@@ -66,8 +58,8 @@ def connections(start: SE2, goal: SE2, phi: float, enough: int) -> list[Path]:
         sequences = free_space_sequences(start, goal, tight * phi)
         long = [s for s in sequences if s.shortest_m >= _SHORTEST_PIECE_M or len(s.turns) == 1]
         for sequence in (long or sequences)[: max(_TRIES, enough)]:
-            best = min((cost(path) for path in found), default=math.inf)
-            if len(found) >= enough and tight * sequence.length_m >= best:
+            best = min((path.cost_m for path in found), default=math.inf)
+            if len(found) >= enough and tight * sequence.length_m + CUSP_COST_M * sequence.cusps >= best:
                 break
             path = verified(start, goal, joint_qp.solve(sequence, start, goal, phi), phi)
             if path is not None:
@@ -75,7 +67,7 @@ def connections(start: SE2, goal: SE2, phi: float, enough: int) -> list[Path]:
         best = min((path.length_m for path in found), default=math.inf)
         if len(found) >= enough and best <= GOOD_ENOUGH * optimum:
             break
-    return sorted([*found, word], key=cost)
+    return sorted([*found, word], key=lambda path: path.cost_m)
 
 
 def shortest_word(start: SE2, goal: SE2, phi: float) -> Path:

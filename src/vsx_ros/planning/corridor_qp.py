@@ -19,14 +19,15 @@ from vsx_ros.planning.qp import QpProblem, solve_exact
 from vsx_ros.planning.skeleton import Skeleton
 from vsx_ros.planning.words import HeadingSequence, merge_segments
 
-MAX_PIECES = 12
+_MOST_IN_A_LEG, _MOST_PIECES = 12, 7  # the programme grows with the cube of its pieces; long ways are fitted in parts
 _SAMPLES = Quadrature(intervals=32, order=4)
 _TRUSTED = 4  # every so many samples one is held near where it was
-_ROUNDS = 6
+_ROUNDS = 5
 _TRUST_M = 0.15
 _SLACK_PRICE = 200.0
 _NEAR_M = 0.3
 _GAP_M = 0.004
+_HOPELESS_M = 0.05
 _CONVERGED = 0.01
 
 
@@ -68,14 +69,14 @@ def skeleton_points(sequence: HeadingSequence, pieces: list[list[Piece]]) -> Flo
 
 
 def smooth(
-    skeleton: Skeleton, cuts: frozenset[int], start: SE2, goal: SE2, phi: float, corridor: Corridor, most: int
+    skeleton: Skeleton, cuts: frozenset[int], start: SE2, goal: SE2, phi: float, corridor: Corridor
 ) -> Path | None:
     """The shortest path found with the skeleton's headings that stays in the corridor, or None.
 
-    cuts: segments after which a new piece begins although the way runs straight on. most: pieces it may have.
+    cuts: segments after which a new piece begins although the way runs straight on.
     """
     sequence = merge_segments(skeleton.turns, skeleton.lengths, skeleton.phi, goal.theta - start.theta, cuts)
-    if sequence is None or len(sequence.turns) > most:
+    if sequence is None or len(sequence.turns) > (_MOST_PIECES if sequence.cusps else _MOST_IN_A_LEG):
         return None
     arcs = skeleton.arcs(start)
     return fit(sequence, [[arcs[i] for i in members] for members in sequence.members], start, goal, phi, corridor)
@@ -102,10 +103,10 @@ def fit(
     if solution is None:
         return None
     x, best = solution.x, None
-    trust = _TRUST_M
+    trust, gap = _TRUST_M, _GAP_M
     duals = None
     for _ in range(_ROUNDS):
-        round_, kept = _round(base, X, Y, x, start, corridor, trust)
+        round_, kept = _round(base, X, Y, x, start, corridor, trust, gap)
         answer = solve_exact(round_, None if duals is None else duals[kept])
         if answer is None or answer.duals is None:
             break
@@ -115,17 +116,28 @@ def fit(
         path = _verified(sequence, start, goal, phi, base, x)
         if path is None:
             break
-        if corridor.is_free(path):
-            if best is not None and path.length_m > (1.0 - _CONVERGED) * best.length_m:
-                return best if best.length_m <= path.length_m else path
-            best = path
-        else:
+        short = -corridor.least_margin(path)
+        if short > 0.0:
+            if best is not None or short > _HOPELESS_M:
+                break
+            gap += short + _GAP_M
             trust *= 0.6
+        elif best is not None and path.length_m > (1.0 - _CONVERGED) * best.length_m:
+            return best if best.length_m <= path.length_m else path
+        else:
+            best = path
     return best
 
 
 def _round(
-    base: QpProblem, X: FloatArray, Y: FloatArray, x: FloatArray, start: SE2, corridor: Corridor, trust: float
+    base: QpProblem,
+    X: FloatArray,
+    Y: FloatArray,
+    x: FloatArray,
+    start: SE2,
+    corridor: Corridor,
+    trust: float,
+    gap: float,
 ) -> tuple[QpProblem, BoolArray]:
     """The programme linearised at x, with one slack for all half-planes as the last unknown.
 
@@ -140,7 +152,7 @@ def _round(
     reach = np.where(near, trust, np.maximum(trust, 0.8 * margin))
     normal = normal[near] / size[near, None]
     planes = normal[:, :1] * X[near] + normal[:, 1:] * Y[near]
-    least = np.sum(normal * points[near], axis=1) - margin[near] + _GAP_M
+    least = np.sum(normal * points[near], axis=1) - margin[near] + gap
     n = len(x)
     few = slice(_TRUSTED - 1, None, _TRUSTED)
     tx, ty, low, high = X[few], Y[few], points[few] - reach[few, None], points[few] + reach[few, None]

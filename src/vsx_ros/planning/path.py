@@ -14,6 +14,9 @@ from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2, wrap_angle
 from vsx_ros.planning.pieces import Piece
 
+CUSP_COST_M, STOP_COST_M = 0.15, 0.3
+"""What a change of direction, and a stop only because the curvature jumps, are worth in length [m]."""
+
 _CURVATURE_JUMP = 1e-6
 _TURN_STEP_RAD = 0.1
 
@@ -109,6 +112,16 @@ class Path:
             else:
                 runs.append([piece])
         return runs
+
+    @property
+    def jumps(self) -> int:
+        """How often the base stops only because the curvature jumps."""
+        return max(0, len(self.stretches()) - 1 - len(self.cusps))
+
+    @property
+    def cost_m(self) -> float:
+        """Length with the price of stopping, by which paths are chosen [m]."""
+        return self.length_m + CUSP_COST_M * len(self.cusps) + STOP_COST_M * self.jumps
 
     def sample(self, step_m: float) -> FloatArray:
         """(N, 5) x, y, theta (unwrapped), kappa, direction, at most step_m apart; piece ends included.

@@ -16,12 +16,11 @@ from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning import corridor_qp
 from vsx_ros.planning.connect import connections, same_pose
 from vsx_ros.planning.corridor import Corridor, build_corridor
-from vsx_ros.planning.path import Path, Plan, Refusal, RefusalKind, certified
+from vsx_ros.planning.path import STOP_COST_M, Path, Plan, Refusal, RefusalKind, certified
 from vsx_ros.planning.pieces import Piece
 from vsx_ros.planning.reach import check_question
 from vsx_ros.planning.sight import Sight
 from vsx_ros.planning.skeleton import (
-    CUSP_COST_M,
     OCTILE,
     Skeleton,
     coarse_lattice,
@@ -40,9 +39,7 @@ _TIGHT = 0.9
 _DIRECT = 4
 _SHORTENINGS = 3
 _NEAR_BOUND = 1.15
-_STOP_COST_M = 0.3
 _BLIND_COST = 1.0
-_MOST_AT_ONCE = 7
 _ANOTHER = 1.002  # a way hardly longer than the one before is most likely the same
 _REVERSE_SLACK_M = 1e-6
 _STRAIGHTS_M = (math.inf, 0.5)
@@ -76,10 +73,10 @@ class Planner:
             return Plan(goal, self._finished(nothing, goal, corridor), "fov")
 
         def cost(path: Path) -> float:
-            return _cost(path) + (_BLIND_COST * sight.blind_m(path, grid) if sight is not None else 0.0)
+            return path.cost_m + (_BLIND_COST * sight.blind_m(path, grid) if sight is not None else 0.0)
 
         direct = self._direct(start, goal, corridor, enough=1 if sight is None else _DIRECT)
-        if direct and (sight is None or cost(direct[0]) == _cost(direct[0])):
+        if direct and (sight is None or cost(direct[0]) == direct[0].cost_m):
             return self._plan(direct[0], goal, corridor, sight, grid)
         remaining = with_fringe(travel_distance(corridor.margin, (goal.x, goal.y)), grid.resolution)
         if not math.isfinite(remaining[corridor.margin.cell(start.x, start.y)]):
@@ -141,7 +138,11 @@ class Planner:
 
     def _direct(self, start: SE2, goal: SE2, corridor: Corridor, enough: int) -> list[Path]:
         """The best connections that ignore the map, those that happen to be free."""
-        best = connections(start, goal, self._config.phi_rad_m, enough)[:enough]
+        phi, limit = self._config.phi_rad_m, self._config.max_reverse_m
+        # Where no shortest curve is free, hardly any smooth one is, and to compute it costs a hundred times as much.
+        if not any(free_words(corridor.margin, start, goal, bend, limit) for bend in (phi, _TIGHT * phi)):
+            return []
+        best = connections(start, goal, phi, enough)[:enough]
         return [path for path in best if self._allowed(path, corridor)]
 
     def _plan(
@@ -171,7 +172,7 @@ class Planner:
         tight, limit, margin = _TIGHT * self._config.phi_rad_m, self._config.max_reverse_m, corridor.margin
         skeletons = free_words(margin, start, goal, tight, limit)[:1]
         bound = OCTILE * float(remaining[margin.cell(start.x, start.y)])
-        if not skeletons or skeletons[0].length_m > _NEAR_BOUND * bound + _STOP_COST_M:
+        if not skeletons or skeletons[0].length_m > _NEAR_BOUND * bound + STOP_COST_M:
             raw = (
                 search_lattice(margin, start, goal, tight, limit, remaining, coarse_lattice(tight))
                 or search_tree(margin, start, goal, tight, limit, rng)
@@ -186,33 +187,42 @@ class Planner:
                 continue
             before_m = skeleton.length_m
             found += [p for p in self._smoothed(skeleton, start, goal, corridor) if self._allowed(p, corridor)]
-            if found and min(map(_cost, found)) < skeleton.length_m + 2.0 * _STOP_COST_M:
+            best = min(found, key=lambda path: path.cost_m, default=None)
+            if best is not None and not best.jumps and best.cost_m < skeleton.length_m + 2.0 * STOP_COST_M:
                 break
         return found
 
     def _smoothed(self, skeleton: Skeleton, start: SE2, goal: SE2, corridor: Corridor) -> list[Path]:
-        """The skeleton itself, with stops where its curvature jumps, and its smooth version, whole or leg by leg."""
+        """The skeleton itself, with stops where its curvature jumps, and its smooth version as far as there is one."""
         paths = [certified(start, goal, skeleton.pieces(start), "arcs and lines")]
-        legs = skeleton.legs()
-        # The joint programme grows with the cube of its pieces; long ways are fitted leg by leg at once.
-        most = corridor_qp.MAX_PIECES if len(legs) == 1 else _MOST_AT_ONCE
-        whole = self._fitted(skeleton, start, goal, corridor, most)
+        whole = self._fitted(skeleton, start, goal, corridor)
         if whole is not None:
             return [*paths, whole]
-        pieces: list[Piece] = []
-        at = start
-        for leg in legs:
-            arcs = leg.pieces(at)
-            # One arc from rest to rest has nothing to smooth.
-            smooth = self._fitted(leg, at, arcs[-1].end, corridor, corridor_qp.MAX_PIECES) if len(arcs) > 1 else None
-            pieces += smooth.pieces if smooth is not None else arcs
-            at = arcs[-1].end
-        return [*paths, certified(start, goal, tuple(pieces), "Bernstein coefficients; arcs and lines")]
+        pieces = self._in_parts(skeleton, start, corridor)
+        return [*paths, certified(start, goal, pieces, "Bernstein coefficients; arcs and lines")]
 
-    def _fitted(self, skeleton: Skeleton, start: SE2, goal: SE2, corridor: Corridor, most: int) -> Path | None:
+    def _in_parts(self, skeleton: Skeleton, start: SE2, corridor: Corridor) -> tuple[Piece, ...]:
+        """A way that cannot be fitted as a whole, in two halves, and these again: the base stops in between.
+
+        It is cut where it stops anyway, as long as there are such places.
+        """
+        pieces: tuple[Piece, ...] = ()
+        at = start
+        for part in skeleton.parted():
+            arcs = part.pieces(at)
+            if len(arcs) > 1:  # one arc from rest to rest has nothing to smooth
+                smooth = self._fitted(part, at, arcs[-1].end, corridor)
+                pieces += smooth.pieces if smooth is not None else self._in_parts(part, at, corridor)
+            else:
+                pieces += arcs
+            at = arcs[-1].end
+        return pieces
+
+    def _fitted(self, skeleton: Skeleton, start: SE2, goal: SE2, corridor: Corridor) -> Path | None:
+        """The smooth version of a way, with its long straight lines whole or cut."""
         for longest_straight_m in _STRAIGHTS_M:
             halved, cuts = skeleton.halved(longest_straight_m)
-            smooth = corridor_qp.smooth(halved, cuts, start, goal, self._config.phi_rad_m, corridor, most)
+            smooth = corridor_qp.smooth(halved, cuts, start, goal, self._config.phi_rad_m, corridor)
             if smooth is not None:
                 return smooth
         return None
@@ -220,9 +230,3 @@ class Planner:
     def _finished(self, path: Path, goal: SE2, corridor: Corridor) -> Path:
         clearance = corridor.least_clearance(path)
         return certified(path.start, goal, path.pieces, path.certificate.method, clearance)
-
-
-def _cost(path: Path) -> float:
-    """Length with the price of stopping, for a change of direction or because the curvature jumps [m]."""
-    stops = max(0, len(path.stretches()) - 1 - len(path.cusps))
-    return path.length_m + CUSP_COST_M * len(path.cusps) + _STOP_COST_M * stops

@@ -15,13 +15,13 @@ from vsx_ros.kernels.reeds_shepp import MAX_WORDS, SEGMENTS, reeds_shepp_table, 
 from vsx_ros.kernels.rrt import rrt_connect
 from vsx_ros.kernels.shortcuts import shorten
 from vsx_ros.occupancy.distance import DistanceField, travel_distance
+from vsx_ros.planning.path import CUSP_COST_M
 from vsx_ros.planning.pieces import Piece, arc_piece
 
-CUSP_COST_M = 0.15
 _ARC_M = 0.27
 _SHORTEST_M = 1e-9
 _CELL_M = 0.1
-_COARSE_STATES, _FINE_STATES = 5_000_000, 250_000
+_COARSE_STATES, _FINE_STATES = 5_000_000, 120_000
 _SHORTCUTS = 300
 _RESTARTS = 4
 _ITERATIONS = 3000
@@ -69,6 +69,14 @@ class Skeleton:
         cusps = np.flatnonzero(lengths[1:] * lengths[:-1] < 0.0) + 1
         parts = zip(np.split(turns, cusps), np.split(lengths, cusps))
         return [Skeleton(part, size, self.phi) for part, size in parts if len(part)]
+
+    def parted(self) -> list[Skeleton]:
+        """The way in two parts: cut at the middle one of its changes of direction, else between its segments."""
+        legs = self.legs()
+        sizes = [len(leg.turns) for leg in legs]
+        half = sum(sizes[: len(legs) // 2]) if len(legs) > 1 else sizes[0] // 2
+        turns, lengths = (np.concatenate([getattr(leg, name) for leg in legs]) for name in ("turns", "lengths"))
+        return [Skeleton(turns[:half], lengths[:half], self.phi), Skeleton(turns[half:], lengths[half:], self.phi)]
 
     def arcs(self, start: SE2) -> list[Piece]:
         """An arc or line for every segment."""

@@ -13,6 +13,7 @@ import numpy as np
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.geometry.se2 import SE2, wrap_angle
 from vsx_ros.kernels.reeds_shepp import MAX_WORDS, SEGMENTS, reeds_shepp_shortest, reeds_shepp_words
+from vsx_ros.planning.path import CUSP_COST_M
 
 _SHORTEST_SEGMENT = 1e-6
 
@@ -94,7 +95,7 @@ def shortest_segments(start: SE2, goal: SE2, phi: float) -> list[tuple[int, floa
 
 
 def free_space_sequences(start: SE2, goal: SE2, phi: float) -> list[HeadingSequence]:
-    """The sequences of all Reeds-Shepp words between two poses at curvature phi [rad/m], shortest first."""
+    """The sequences of all Reeds-Shepp words between two poses at curvature phi [rad/m], cheapest first."""
     relative = start.inverse() @ goal
     turns = np.zeros((MAX_WORDS, SEGMENTS), np.int64)
     lengths = np.zeros((MAX_WORDS, SEGMENTS))
@@ -104,4 +105,4 @@ def free_space_sequences(start: SE2, goal: SE2, phi: float) -> list[HeadingSeque
         for i in range(n)
         if (sequence := merge_segments(turns[i], lengths[i] / phi, phi, relative.theta)) is not None
     ]
-    return sorted(sequences, key=lambda sequence: sequence.length_m)
+    return sorted(sequences, key=lambda sequence: sequence.length_m + CUSP_COST_M * sequence.cusps)
