@@ -60,6 +60,7 @@ class Supervisor:
     - A raised wheel, or wheels that stall, forbid everything until the cause is gone and the commander has asked for
       standstill (or was silent): a robot that was carried away must not drive off when it is put down.
     - The emergency stop forbids everything until it is cleared, and then a new command is needed.
+    - ``hold``, a reason that its owner sets and clears, forbids everything while it is set.
     - A command that is not finite or is absurd counts as a command to stand still.
     """
 
@@ -71,6 +72,7 @@ class Supervisor:
         self._estop = False
         self._stalled_since_ns = -1
         self.refused = 0
+        self.hold = ""
 
     @property
     def estopped(self) -> bool:
@@ -122,6 +124,8 @@ class Supervisor:
             self._latched = ""
         if self._estop:
             return Decision(0.0, 0.0, source, "emergency stop; clear it to drive")
+        if self.hold:
+            return Decision(0.0, 0.0, source, self.hold)
         if self._latched:
             return Decision(0.0, 0.0, source, self._latched)
         v, omega = _limited(v, omega, self._limits)

@@ -1,4 +1,4 @@
-"""The Kinect driver above the real libusb, whose device is made of answered ioctls (control and isochronous transfers)."""
+"""The Kinect driver above the real libusb, whose device answers ioctls (control and isochronous transfers)."""
 
 import json
 import os

@@ -152,3 +152,11 @@ def test_stalled_wheels_stop_the_robot():
 
 def test_wheels_that_follow_slowly_are_no_stall():
     assert all(d.v_m_s == 0.2 for d in run_for(Supervisor(LIMITS), 3.0, 0.05))
+
+
+def test_the_owner_may_hold_the_robot():
+    supervisor = told(0.2, 0.0)
+    supervisor.hold = "no master"
+    assert supervisor.decide(1, Hazard.NONE)[:4] == (0.0, 0.0, "navi", "no master")
+    supervisor.hold = ""
+    assert supervisor.decide(2, Hazard.NONE).v_m_s == 0.2

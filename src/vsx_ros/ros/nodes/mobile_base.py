@@ -1,6 +1,6 @@
 """Node ``mobile_base``: driver, command mux and the last decision before the wheels, in one small process.
 
-A second process stops the wheels when this one is killed or hangs (vsx_hw.guardian).
+A second process stops the wheels when this one is killed or hangs (vsx_hw.guardian). Without a master they stand.
 
 Subscribers: cmd_vel_mux/input/{safety_controller,teleop,navi} (priority in this order; each has its own timeout).
 Publishers: odom (50 Hz), /tf odom -> base_footprint, joint_states, mobile_base/hazards (UInt8, the bits of
@@ -35,6 +35,7 @@ from vsx_hw.safety import SOURCES, Decision, SpeedLimits, Supervisor
 from vsx_ros.config import Config
 from vsx_ros.ros import base_messages, process, topics
 from vsx_ros.ros.base_drivers import BaseSettings, base_driver, base_guardian
+from vsx_ros.ros.master_watch import MasterWatch
 
 _INPUTS = {
     "safety_controller": topics.COMMAND_SAFETY,
@@ -58,6 +59,7 @@ class MobileBaseNode:
         self._latest: tuple[BaseReading, Decision] | None = None
         self._hazards = Hazard.NONE
         self._supervisor.emergency_stop(bool(rospy.get_param("~estopped", False)))
+        self._master = MasterWatch()
         self._advertise()
         port = str(rospy.get_param("~port", "/dev/kobuki"))
         settings = BaseSettings(
@@ -101,6 +103,7 @@ class MobileBaseNode:
         now_ns = time.monotonic_ns()
         odometry = reading.odometry
         with self._lock:
+            self._supervisor.hold = "" if self._master.answers else "the ROS master does not answer; start it again"
             decision = self._supervisor.decide(now_ns, reading.hazards)
             self._supervisor.observe(odometry.v_m_s, odometry.omega_rad_s, decision, now_ns)
         self._driver.drive(decision.v_m_s, decision.omega_rad_s, decision.until_ns)

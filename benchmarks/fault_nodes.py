@@ -1,0 +1,96 @@
+"""How long the wheels turn after a node is killed, stopped or hung, seen at the emulator's end of the wire.
+
+python benchmarks/fault_nodes.py [--repetitions 20] [--nodes mobile_base follower ...] [--how killed hung stopped]
+                                 [--out benchmarks/fault_nodes.json] [--minutes M]
+
+The real nodes explore the lab, over a real driver and a pseudo-terminal. Each repetition waits until the wheels turn,
+then does it (SIGKILL, SIGSTOP or SIGINT to that process), measures until the wheels were told to stand, and mends it.
+Results are kept after each repetition; benchmarks/fault_matrix.py makes the table of docs/reliability.md from them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+TESTS = Path(__file__).resolve().parents[1] / "tests" / "ros"
+sys.path.insert(0, str(TESTS))
+
+from ros_ports import HOST, free_port  # noqa: E402
+
+NODES = ("mobile_base", "follower", "move_base", "explore", "camera", "vslam", "rosmaster")
+SIGNALS = {"killed": signal.SIGKILL, "hung": signal.SIGSTOP, "stopped": signal.SIGINT}
+WATCH_S = 2.0
+
+
+def wait_for_motion(stack: object, seconds: float) -> bool:
+    """The wheels turn, and have done so for 0.3 s."""
+    deadline, since = time.monotonic() + seconds, 0.0
+    while time.monotonic() < deadline:
+        since = (since or time.monotonic()) if stack.plant.moving else 0.0
+        if since and time.monotonic() - since > 0.3:
+            return True
+        time.sleep(0.02)
+    return False
+
+
+def repetition(stack: object, node: str, how: str) -> float:
+    """Seconds until the wheels stand; -1 when they did not within WATCH_S."""
+    process = stack._processes[node]
+    begin_s = time.monotonic()
+    process.send_signal(SIGNALS[how])
+    time.sleep(WATCH_S)
+    turned_s = -1.0 if stack.plant.moving else max(0.0, stack.plant.stopped_s - begin_s)
+    mend(stack, node, how)
+    return turned_s
+
+
+def mend(stack: object, node: str, how: str) -> None:
+    process = stack._processes[node]
+    if how == "hung":
+        process.send_signal(signal.SIGCONT)
+        return
+    process.wait(10.0)
+    stack._processes.pop(node)
+    stack.start(node)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--repetitions", type=int, default=20)
+    parser.add_argument("--nodes", nargs="+", default=list(NODES), choices=NODES)
+    parser.add_argument("--how", nargs="+", default=list(SIGNALS), choices=SIGNALS)
+    parser.add_argument("--minutes", type=float, default=240.0)
+    parser.add_argument("--out", type=Path, default=Path(__file__).with_suffix(".json"))
+    args = parser.parse_args()
+    end_s = time.monotonic() + 60.0 * args.minutes
+    folder = Path(tempfile.mkdtemp(prefix="vsxf"))
+    os.environ.update(ROS_MASTER_URI=f"http://{HOST}:{free_port()}", ROS_HOSTNAME=HOST, ROS_LOG_DIR=str(folder))
+    from conftest import Stack
+
+    results = json.loads(args.out.read_text()) if args.out.exists() else {}
+    stack = Stack(folder)
+    try:
+        stack.up()
+        for how in args.how:
+            for node in args.nodes:
+                turned = results.setdefault(f"{node} {how}", [])
+                while len(turned) < args.repetitions and time.monotonic() < end_s:
+                    if not wait_for_motion(stack, 90.0):
+                        print(f"{node} {how}: the robot does not drive; next", flush=True)
+                        break
+                    turned.append(round(repetition(stack, node, how), 3))
+                    args.out.write_text(json.dumps(results, indent=1) + "\n")
+                    print(node, how, turned[-1], flush=True)
+    finally:
+        stack.down()
+
+
+if __name__ == "__main__":
+    main()
