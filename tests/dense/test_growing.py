@@ -13,7 +13,7 @@ NO_RAYS = np.zeros((3, 6), np.int64)
 
 def test_growth_goes_from_seeds_through_strong_cells_over_gaps_of_one() -> None:
     seeds = mask("#.....", "......", "......")
-    strong = mask("##.##.", "......", "......")
+    strong = mask("##.###", "##.###", "##.###")
     assert (grown(seeds, strong, NOTHING, NO_RAYS) == strong).all()
 
 
@@ -24,10 +24,16 @@ def test_strong_cells_out_of_reach_of_any_seed_are_not_believed() -> None:
 
 
 def test_a_weak_cell_needs_two_believed_neighbours() -> None:
-    weak = mask("..#...", "......", "......")
+    weak = mask("..##..", "..##..", "......")
     one, two = mask(".#....", "......", "......"), mask(".#....", ".#....", "......")
     assert (grown(one, NOTHING, weak, NO_RAYS) == one).all()
     assert (grown(two, NOTHING, weak, NO_RAYS) == (two | weak)).all()
+
+
+def test_a_chance_match_beside_a_seed_is_not_believed() -> None:
+    seeds = mask("......", "#.....", "......")
+    strong = mask("......", "#.#...", "......")
+    assert (grown(seeds, strong, NOTHING, NO_RAYS) == seeds).all()
 
 
 def test_what_many_keyframes_look_through_is_never_believed() -> None:

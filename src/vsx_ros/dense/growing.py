@@ -14,8 +14,9 @@ _REFUTED_TEXTURE = 5.0
 _CARVED_VOTES = 2
 _SURELY_CARVED_VOTES = 4
 _REACH = np.ones((5, 5), np.uint8)
-_BLOCK = np.ones((3, 3), np.float32)
+_RING = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], np.uint8)
 _WEAK_NEIGHBOURS = 2
+_COMPANY = 3
 _HOLE_ROWS = 4
 _HOLE_COLUMNS = 1
 
@@ -37,16 +38,24 @@ def refuted(texture: FloatArray, score: FloatArray, views: IntArray, passing: In
 
 def grown(seeds: BoolArray, strong: BoolArray, weak: BoolArray, passing: IntArray) -> BoolArray:
     """Cells (W, H) reached from the seeds: strong ones within two cells of believed ones, weak ones beside at least two
-    believed ones. Cells that many keyframes look through are never believed."""
+    believed ones; last, whatever is no seed and stands almost alone is dropped, as the chance matches of a gap do. Cells
+    that many keyframes look through are never believed."""
     open_cells = passing < _SURELY_CARVED_VOTES
     believed = seeds & open_cells
     while True:
         near = cv2.dilate(believed.astype(np.uint8), _REACH) > 0
-        beside = cv2.filter2D(believed.astype(np.float32), -1, _BLOCK, borderType=cv2.BORDER_CONSTANT)
-        more: BoolArray = believed | (open_cells & ((strong & near) | (weak & (beside >= _WEAK_NEIGHBOURS - 0.5))))
+        more = believed | (open_cells & ((strong & near) | (weak & (_neighbours(believed) >= _WEAK_NEIGHBOURS))))
         if (more == believed).all():
-            return more
+            break
         believed = more
+    kept: BoolArray = believed & (seeds | (_neighbours(believed) >= _COMPANY))
+    return kept
+
+
+def _neighbours(mask: BoolArray) -> IntArray:
+    """(W, H) how many of the eight cells around each are set."""
+    around = cv2.filter2D(mask.astype(np.uint8), -1, _RING, borderType=cv2.BORDER_CONSTANT)
+    return np.asarray(around, np.int64)
 
 
 def enclosed(believed: BoolArray, against: BoolArray) -> BoolArray:

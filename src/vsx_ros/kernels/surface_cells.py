@@ -68,8 +68,8 @@ def _sample_patch(
 
 
 @kernel
-def _standardise(patch: Any) -> float:
-    """Make the patch zero mean and unit norm in place; its standard deviation [grey levels]."""
+def _standardise(patch: Any) -> None:
+    """Make the patch zero mean and unit norm in place."""
     n = patch.shape[0]
     mean = 0.0
     for i in range(n):
@@ -82,7 +82,20 @@ def _standardise(patch: Any) -> float:
     scale = 1.0 / math.sqrt(squares + 1e-9)
     for i in range(n):
         patch[i] *= scale
-    return math.sqrt(squares / n)
+
+
+@kernel
+def _inner_texture(patch: Any) -> float:
+    """Standard deviation [grey levels] of a patch but for its outermost samples: an edge beside the cell is no texture
+    of the cell."""
+    total = squares = 0.0
+    for i in range(1, SIDE - 1):
+        for j in range(1, SIDE - 1):
+            value = patch[i * SIDE + j]
+            total += value
+            squares += value * value
+    n = (SIDE - 2) * (SIDE - 2)
+    return math.sqrt(max(0.0, squares / n - (total / n) ** 2))
 
 
 @kernel
@@ -202,7 +215,8 @@ def judge_cells(
         if not _sample_patch(store[slots[k]], table, K, R[k], t[k], frame, x, y, z, half, look):
             continue
         reference[i] = k
-        texture[i] = _standardise(look)
+        texture[i] = _inner_texture(look)
+        _standardise(look)
         if texture[i] < gates[0]:
             counts[i] = count - 1
             continue
