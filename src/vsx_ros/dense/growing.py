@@ -38,8 +38,8 @@ def refuted(texture: FloatArray, score: FloatArray, views: IntArray, passing: In
 
 def grown(seeds: BoolArray, strong: BoolArray, weak: BoolArray, passing: IntArray) -> BoolArray:
     """Cells (W, H) reached from the seeds: strong ones within two cells of believed ones, weak ones beside at least two
-    believed ones; last, whatever is no seed and stands almost alone is dropped, as the chance matches of a gap do. Cells
-    that many keyframes look through are never believed."""
+    believed ones. Last, what is no seed and stands almost alone is dropped: chance matches in gaps do. Cells that many
+    keyframes look through are never believed."""
     open_cells = passing < _SURELY_CARVED_VOTES
     believed = seeds & open_cells
     while True:

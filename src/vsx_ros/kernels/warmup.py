@@ -9,6 +9,7 @@ from vsx_ros.kernels import (
     bundle,
     clearance,
     epipolar,
+    floor_contact,
     ground_map,
     lattice,
     patches,
@@ -18,6 +19,7 @@ from vsx_ros.kernels import (
     reeds_shepp,
     rrt,
     shortcuts,
+    surface_cells,
 )
 from vsx_ros.kernels.floor import no_floor
 from vsx_ros.kernels.relative_pose import Factors
@@ -29,6 +31,20 @@ def warm_up() -> None:
     _mapping()
     _planning()
     _ground_map()
+    _surfaces()
+
+
+def _surfaces() -> None:
+    table = np.array([[0, 8, 8]] * surface_cells.LEVELS)
+    views = np.zeros((1, 64), np.uint8), table, np.array([8.0, 8.0, 3.5, 3.5]), np.eye(3)[None], np.zeros((1, 3))
+    eye, place, one = np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]), np.zeros(1, np.int64)
+    frame = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
+    limits = (0.4, 4.5, 0.2, 0.999, 0.9, 0.9999, 0.01)
+    surface_cells.judge_cells(*views, eye, one, frame, place, 0.06, limits, (1.0, 0.5), np.array([0.8, 1.2]))
+    behind, votes = np.array([0.15, 0.08]), np.zeros((2, 2), np.int64)
+    surface_cells.count_passing(frame, -0.5, eye, place, one, one, behind, np.zeros(2, np.int64), 0.08, votes)
+    strips, contact = (0.025, 0.01, 0.05, 0.02, 0.08), (0.4, 4.5, 0.2, 5.0, 24)
+    floor_contact.contact_steps(*views, eye, one, place, frame[2], frame[0], strips, np.zeros(5), contact)
 
 
 def _ground_map() -> None:
