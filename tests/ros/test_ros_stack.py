@@ -10,10 +10,12 @@ import pytest
 
 pytest.importorskip("rospy")
 
+import numpy as np
 import rosgraph
 import rospy
+from actionlib_msgs.msg import GoalID
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseWithCovarianceStamped
+from geometry_msgs.msg import PoseWithCovarianceStamped, Twist
 from nav_msgs.msg import OccupancyGrid, Odometry
 from nav_msgs.srv import GetMap
 from sensor_msgs.msg import PointCloud2
@@ -95,6 +97,21 @@ def test_diagnostics_name_their_node(stack: Stack) -> None:
     subscriber = rospy.Subscriber(topics.DIAGNOSTICS, DiagnosticArray, listen)
     stack.wait(lambda: seen >= NODES, 20.0, f"diagnostics of {NODES}")
     subscriber.unregister()
+
+
+def test_a_cancelled_goal_is_braked_for_on_the_way(stack: Stack) -> None:
+    speeds: list[float] = []
+    subscriber = rospy.Subscriber(topics.COMMAND_NAVI, Twist, lambda msg: speeds.append(abs(msg.linear.x)))
+    cancel = rospy.Publisher(f"{topics.MOVE_BASE_ACTION}/cancel", GoalID, queue_size=1)
+    stack.wait(lambda: cancel.get_num_connections() > 0, 20.0, "move_base to hear of cancelling")
+    stack.wait(lambda: len(speeds) > 5 and min(speeds[-5:]) > 0.15, 90.0, "a fast drive")
+    before = len(speeds)
+    cancel.publish(GoalID())
+    stack.wait(lambda: 0.0 in speeds[before:], 20.0, "the stop")
+    subscriber.unregister()
+    braking = speeds[before : before + speeds[before:].index(0.0)]
+    assert len([v for v in braking if 0.02 < v < 0.14]) >= 2
+    assert max(np.abs(np.diff(speeds[before - 1 : before + len(braking)]))) < 0.1
 
 
 @pytest.mark.parametrize("name", ["camera", "follower", "move_base", "explore", "vslam"])

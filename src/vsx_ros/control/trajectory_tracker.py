@@ -35,6 +35,7 @@ class FollowStatus(enum.Enum):
     ARRIVED = "arrived"
     DIVERGED = "diverged"
     STALE = "stale"
+    STOPPED = "stopped"
 
 
 class FollowResult(NamedTuple):
@@ -74,6 +75,11 @@ class TrajectoryTracker:
             return 0.0
         own = self._timing.trajectory.times_s
         return float(np.interp(self._clock_s, own - own[0], self._timing.places_s))
+
+    @property
+    def stands(self) -> bool:
+        """Whether it was held and the reference rests."""
+        return self._factor == 0.0 and self._timing is not None and self._clock_s >= self._timing.trajectory.duration_s
 
     def start(self, trajectory: Trajectory, now_ns: int) -> None:
         """Follow from its beginning, from rest."""
@@ -127,8 +133,7 @@ class TrajectoryTracker:
             self.cancel()
             return FollowResult(STOP, FollowStatus.DIVERGED, diverged, error)
         if stale:
-            standing = self._factor == 0.0 and self._clock_s >= self._timing.trajectory.duration_s
-            command = STOP if standing else self._limited(*self._law(v, omega, error), dt)
+            command = STOP if self.stands else self._limited(*self._law(v, omega, error), dt)
             return FollowResult(command, FollowStatus.STALE, stale, error)
         if self._arrived(error, dt):
             self.cancel()

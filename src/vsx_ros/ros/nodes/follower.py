@@ -2,7 +2,8 @@
 
 Subscribers: move_base/trajectory (frame map: by camera and wheels; frame odom: by the wheels alone), odom, vslam/pose,
     vslam/state, mobile_base/hazards, follower/lease.
-Publishers: cmd_vel_mux/input/navi, follower/status (latched String, JSON: trajectory, status, reason, error).
+Publishers: cmd_vel_mux/input/navi, follower/status (latched String, JSON: trajectory, status, reason, error; while it
+    is stopping on the way because move_base wants so, also stop: where it will stand, x, y, theta, and frame).
 Services: follower/cancel.
 Parameters: ~config (tree of config.py).
 
@@ -24,7 +25,9 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from vsx_hw.readings import Hazard
 from vsx_ros.config import Config
+from vsx_ros.control.caution import Caution
 from vsx_ros.control.trajectory_tracker import FollowResult, FollowStatus, TrajectoryTracker
+from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import STOP, VelocityCommand
 from vsx_ros.ros import convert, process, topics
 from vsx_ros.ros.lease import LeaseWatch
@@ -43,6 +46,8 @@ class FollowerNode:
         self._tracker = TrajectoryTracker(config.follower, config.limits)
         self._lock = threading.Lock()
         self._id, self._frame, self._following = 0, topics.MAP_FRAME, False
+        self._stop: SE2 | None = None
+        self._caution = Caution(config.follower)
         self._status, self._reported_s = "", 0.0
         self._hazards = Hazard.NONE
         self._zero_until_s = self._heard_vslam_s = 0.0
@@ -58,12 +63,17 @@ class FollowerNode:
         process.every(_PERIOD_S, "control", self._control)
 
     def _on_trajectory(self, msg: MultiDOFJointTrajectory) -> None:
-        """A new trajectory replaces the old one; one without points is a stop."""
+        """A new trajectory replaces the old one; one without points is a stop at once, one of a single pose, without
+        motion, a stop on the way as fast as the limits allow."""
         trajectory = convert.trajectory(msg)
         with self._lock:
             if trajectory is None:
                 self._end("cancelled")
                 return
+            if self._following and len(trajectory.times_s) == 1:
+                self._stop = self._stop or self._tracker.predicted_stop()
+                return
+            self._stop = None
             self._id, self._frame, self._following = msg.header.stamp.to_nsec(), msg.header.frame_id, True
             self._heard_vslam_s = time.monotonic()
             self._leases.grant("move_base")
@@ -105,9 +115,15 @@ class FollowerNode:
         blind = self._frame == topics.ODOM_FRAME
         age_s = 0.0 if blind else self._where.age_s(now_ns)
         tracking_ok = camera_alive and (blind or self._where.is_tracking)
-        result = self._tracker.command(now_ns, self._where.pose(self._frame), age_s, tracking_ok)
+        factor = 1.0 if blind else self._caution.speed_factor(now_ns, self._where.slam_state)
+        if self._stop is not None:
+            factor = 0.0
+        result = self._tracker.command(now_ns, self._where.pose(self._frame), age_s, tracking_ok, factor)
         self._send(result.command if camera_alive else STOP)
         self._report(result)
+        if self._stop is not None and self._tracker.stands:
+            self._end("cancelled")
+            return
         if result.status in (FollowStatus.ARRIVED, FollowStatus.DIVERGED):
             self._rest()
 
@@ -115,11 +131,11 @@ class FollowerNode:
         """Stop here, for a reason that is not the tracker's."""
         if self._following:
             self._tracker.cancel()
-            self._report(FollowResult(STOP, FollowStatus.DIVERGED, reason))
+            self._report(FollowResult(STOP, FollowStatus.STOPPED, reason))
             self._rest()
 
     def _rest(self) -> None:
-        self._following = False
+        self._following, self._stop = False, None
         self._zero_until_s = time.monotonic() + _ZERO_FOR_S
         self._send(STOP)
 
@@ -129,14 +145,19 @@ class FollowerNode:
 
     def _report(self, result: FollowResult) -> None:
         """Status for move_base: on change, and again and again while following."""
-        status = {"trajectory": self._id, "status": result.status.value, "reason": result.reason}
+        status: dict[str, object] = {
+            "trajectory": self._id, "status": result.status.value, "reason": result.reason
+        }  # fmt: skip
+        if self._stop is not None and result.status is not FollowStatus.STOPPED:
+            status |= {"stop": list(self._stop.as_array()), "frame": self._frame}
         key, now_s = json.dumps(status), time.monotonic()
         if key == self._status and now_s - self._reported_s < _STATUS_PERIOD_S:
             return
         self._status, self._reported_s = key, now_s
         error = list(result.error.as_array()) if result.error is not None else None
         self._status_pub.publish(json.dumps({**status, "error": error}))
-        level = process.WARN if result.status in (FollowStatus.DIVERGED, FollowStatus.STALE) else process.OK
+        bad = FollowStatus.DIVERGED, FollowStatus.STALE, FollowStatus.STOPPED
+        level = process.WARN if result.status in bad else process.OK
         self._diagnostics.set("control", level, f"{result.status.value} {result.reason}".strip())
 
     def close(self) -> None:

@@ -37,7 +37,7 @@ from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.errors import ConfigError, VsxError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.planning.path import Plan, Refusal
+from vsx_ros.planning.path import Plan, Refusal, Trajectory
 from vsx_ros.planning.planner import Planner
 from vsx_ros.planning.sight import Sight
 from vsx_ros.planning.time_scaling import time_scale
@@ -48,7 +48,9 @@ from vsx_ros.ros.localization import Localization
 from vsx_ros.ros.warm_up import warm_up_planning
 
 _STAND_WAIT_S = 1.5
+_STOP_WAIT_S = 0.3
 _SAME_MAP_NS = 3_000_000_000
+_NEAR_M, _NEAR_RAD = 0.04, 0.06
 _FOLLOWER_SILENCE_S = 1.0
 _PLAN_STEP_M = 0.05
 _FRAMES = (topics.MAP_FRAME, topics.ODOM_FRAME)
@@ -131,11 +133,13 @@ class MoveBaseNode:
         self._busy = True
         try:
             arrived, reason = self._pursue(goal.target_pose)
+            if self._server.is_preempt_requested():
+                self._come_to_rest(goal.target_pose.header.frame_id)
         except VsxError as error:
             arrived, reason = False, str(error)
         finally:
             self._busy = False
-        if not arrived:
+        if not arrived and not self._server.is_new_goal_available():
             self._trajectory_pub.publish(convert.trajectory_msg(None, topics.MAP_FRAME, process.now_ns()))
         rospy.loginfo("goal %s: %s", "reached" if arrived else "given up", reason)
         self._diagnostics.set("goal", process.OK if arrived else process.WARN, reason)
@@ -147,15 +151,30 @@ class MoveBaseNode:
             self._server.set_aborted(text=reason)
 
     def _pursue(self, target: PoseStamped) -> tuple[bool, str]:
-        """Plan, hand over to the follower, watch. Whether the goal was reached, and why or why not."""
-        frame = target.header.frame_id
+        """Drive there; where the base leaves the path, stop and plan again, a few times. Whether the goal was reached,
+        and why or why not."""
+        frame, goal = target.header.frame_id, convert.se2(target.pose)
+        replans = self._config.follower.replans_after_divergence
+        for left in range(replans, -1, -1):
+            status, reason = self._drive(goal, frame)
+            if status is not FollowStatus.DIVERGED or left == 0 or self._server.is_preempt_requested():
+                break
+            rospy.logwarn("planning again: %s", reason)
+        return status is FollowStatus.ARRIVED, reason
+
+    def _drive(self, goal: SE2, frame: str) -> tuple[FollowStatus, str]:
+        """Plan, from where the base will stand if it is stopping, hand over to the follower, watch."""
+        plan, start = None, self._stop_pose(frame)
+        if start is not None:
+            plan = self._plan(start, goal, frame)
         self._wait_until_standing()
-        start = self._where.pose(frame)
-        if frame not in _FRAMES or start is None:
-            return False, f"no pose of the base in frame {frame!r}; goals are in map or odom"
-        plan = self._plan(start, convert.se2(target.pose), frame)
+        real = self._where.pose(frame)
+        if frame not in _FRAMES or real is None:
+            return FollowStatus.STOPPED, f"no pose of the base in frame {frame!r}; goals are in map or odom"
+        if plan is None or start is None or not _near(start, real):
+            plan = self._plan(real, goal, frame)
         if isinstance(plan, Refusal):
-            return False, plan.reason
+            return FollowStatus.STOPPED, plan.reason
         trajectory = time_scale(plan.path, self._config.limits, plan.blind_spans, self._config.planner.blind_v_m_s)
         identity_ns = process.now_ns()
         self._path_pub.publish(self._path_msg(plan, frame))
@@ -186,25 +205,45 @@ class MoveBaseNode:
             return None
         return Sight.of(landmarks, self._config.planner)
 
-    def _watch(self, identity_ns: int, frame: str) -> tuple[bool, str]:
+    def _watch(self, identity_ns: int, frame: str) -> tuple[FollowStatus, str]:
         """Wait for the follower's verdict on the trajectory."""
         client = str(self._server.current_goal.get_goal_id().id).split("-")[0]
         while not rospy.is_shutdown():
             time.sleep(PERIOD_S)
             if self._server.is_preempt_requested():
-                return False, "cancelled by the client"
+                return FollowStatus.STOPPED, "cancelled by the client"
             if self._clients.is_known(client) and not self._clients.is_fresh(client):
-                return False, f"the client {client} is silent"
+                return FollowStatus.STOPPED, f"the client {client} is silent"
             if time.monotonic() - self._follower_s > _FOLLOWER_SILENCE_S:
-                return False, "the follower is silent"
+                return FollowStatus.STOPPED, "the follower is silent"
             pose = self._where.pose(frame)
             if pose is not None:
                 self._server.publish_feedback(MoveBaseFeedback(convert.pose_stamped(frame, process.now_ns(), pose)))
             if self._follower.get("trajectory") == identity_ns:
-                status, reason = self._follower.get("status"), str(self._follower.get("reason"))
-                if status in (FollowStatus.ARRIVED.value, FollowStatus.DIVERGED.value):
-                    return status == FollowStatus.ARRIVED.value, reason
-        return False, "shutting down"
+                status, reason = FollowStatus(self._follower.get("status")), str(self._follower.get("reason"))
+                if status in (FollowStatus.ARRIVED, FollowStatus.DIVERGED, FollowStatus.STOPPED):
+                    return status, reason
+        return FollowStatus.STOPPED, "shutting down"
+
+    def _stop_pose(self, frame: str) -> SE2 | None:
+        """Where the base will stand, told by a follower that is stopping; None where it stands or says nothing."""
+        deadline_s = time.monotonic() + _STOP_WAIT_S
+        while not self._where.stands and time.monotonic() < deadline_s:
+            follower = self._follower
+            stop = follower.get("stop")
+            if isinstance(stop, list) and follower.get("frame") == frame:
+                return SE2(*map(float, stop))
+            time.sleep(PERIOD_S)
+        return None
+
+    def _come_to_rest(self, frame: str) -> None:
+        """Let the follower stop on the way; a goal that waits is planned meanwhile, from where the base will stand."""
+        pose = self._where.pose(frame)
+        if pose is not None:
+            here = Trajectory(np.zeros(1), pose.as_array()[None], np.zeros(1), np.zeros(1))
+            self._trajectory_pub.publish(convert.trajectory_msg(here, frame, process.now_ns()))
+        if not self._server.is_new_goal_available():
+            self._wait_until_standing()
 
     def _wait_until_standing(self) -> None:
         """A plan begins at rest; after a cancelled goal the base needs a moment."""
@@ -219,6 +258,11 @@ class MoveBaseNode:
     def close(self) -> None:
         """A last word to the follower."""
         self._trajectory_pub.publish(convert.trajectory_msg(None, topics.MAP_FRAME, process.now_ns()))
+
+
+def _near(a: SE2, b: SE2) -> bool:
+    """Whether a path planned from one pose may be followed from the other."""
+    return a.distance_to(b) <= _NEAR_M and abs(a.angle_to(b)) <= _NEAR_RAD
 
 
 def main() -> None:
