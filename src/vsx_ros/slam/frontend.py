@@ -189,7 +189,7 @@ class FrontEnd:
         self._reference, self._coarse_next = reference, track.state is not TrackingState.GOOD
         self.record.tracked(data.stamp_ns, track, len(self._view.points), self._map_id == 0)
         why = not data.blurred and keyframe_reason(
-            self._config.keyframes, self._here, track, reference, self._since_keyframe
+            self._config.keyframes, self._local.linked or self._here, track, reference, self._since_keyframe
         )
         request = self._request(data, track) if why else None
         result = TrackingResult(

@@ -3,6 +3,7 @@ believed when a second keyframe agrees or the first leaves no doubt."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,7 @@ from vsx_ros.slam.map import Map, MapView
 from vsx_ros.slam.place_recognition import PlaceRecognizer, Recognition, is_certain, is_sure
 from vsx_ros.slam.tracker import Tracker, nearest_keyframes
 
-TRIED = 2
+TRIED, DRIFTED_PX = 2, 60.0
 # A keyframe knows the neighbourhood when it shares so many points with what was seen so long ago.
 KNOWN_POINTS, LONG_AGO = 40, 1.5
 # After a way of so many depths it is a loop that tracking has closed, when no keyframe shortly before did.
@@ -61,22 +62,30 @@ class LoopFinder:
         among = self._strangers(world, view, index)
         if not len(among):
             return []
-        newest = world.keyframes[index]
-        features = self._places.features_seen(newest)
-        for k in self._places.ranked(newest.data.small, view, among)[:TRIED]:
-            seen = self._places.recognise(newest.data, features, view, int(k))
-            if seen is None or not is_sure(seen):
+        for seen in self._recognitions(world.keyframes[index], view, among):
+            if not is_sure(seen):
                 continue
             reunion = self._reunion(world, index, seen)
             if reunion is None or not self._can_be(world, reunion):
                 continue
             before, self._unconfirmed = self._unconfirmed, reunion
+            found = [reunion] if is_certain(seen) else []
             if before is not None and world.keyframes[before.older].alive and self._agree(world, before, reunion):
-                return [before, reunion]
-            if is_certain(seen):
-                return [reunion]
-            return []
+                found = [before, reunion]
+            self._last_at_home = index if found else self._last_at_home
+            return found
         return []
+
+    def _recognitions(self, newest: KeyFrame, view: MapView, among: IntArray) -> Iterator[Recognition]:
+        """By the keyframes that look most alike; then by the nearest one of the same map, the drift being small."""
+        features = self._places.features_seen(newest)
+        for k in self._places.ranked(newest.data.small, view, among)[:TRIED]:
+            seen = self._places.recognise(newest.data, features, view, int(k))
+            if seen is not None:
+                yield seen
+        if view.keyframes[int(among[0])].map_id == newest.map_id:
+            nearest = nearest_keyframes(view._replace(living=among), newest.T_world_cam)[0]
+            yield self._places.verify(newest.data, view, int(nearest), newest.T_world_cam, DRIFTED_PX)
 
     def forget(self) -> None:
         """What was seen has been acted on."""

@@ -86,10 +86,16 @@ class PlaceRecognizer:
         if guess is None:
             return None
         pose, matches = guess
+        return self.verify(data, view, index, pose, SEARCH_RADIUS_PX, matches)
+
+    def verify(
+        self, data: FrameData, view: MapView, index: int, pose: SE3, radius_px: float, matches: int = 0
+    ) -> Recognition:
+        """The image placed by keyframe ``index`` and its neighbours, from a guess of T_world_cam."""
         view = view.part(view.keyframes[index].map_id)
         local = LocalMap()
         local.select(view, index)
-        track = self._tracker.track(data, view, pose, local.rows, SEARCH_RADIUS_PX)
+        track = self._tracker.track(data, view, pose, local.rows, radius_px)
         return Recognition(index, track, matches, occupied_cells(track.uv, self._camera))
 
     def _guess(self, features: Features, view: MapView, index: int) -> tuple[SE3, int] | None:

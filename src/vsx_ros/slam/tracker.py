@@ -21,15 +21,18 @@ COARSE_LEVEL = 2
 COARSE_MIN_FOUND = 10
 MARGIN_PX = 8.0
 FEW, FEW_RATIO = 12, 0.5
-AGAIN_RADIUS_PX, AGAIN_REACH = 3.0, 2
+AGAIN_RADIUS_PX, AGAIN_REACH = 3.0, 1
 MIN_FIRST = 10
+HIDING_CELL_PX, BEHIND = 16, 1.25
 # (iterations that accept almost everything, iterations): the first pose only has to guide the second search.
 FIRST, SECOND = (4, 7), (1, 12)
 
 
 class Track(NamedTuple):
     """Outcome for one frame. rows, uv, level (F,): points found where the pose puts them; searched_rows: all that were
-    looked for. information (6, 6): inverse covariance of the pose in the camera's tangent."""
+    looked for. information (6, 6): inverse covariance of the pose in the camera's tangent. hidden: how many of the
+    searched were not found and lie behind found ones. blurred: the image was, and not finding a point in it says
+    nothing about the point."""
 
     T_world_cam: SE3
     state: TrackingState
@@ -39,11 +42,18 @@ class Track(NamedTuple):
     searched_rows: IntArray
     information: FloatArray
     reason: str
+    hidden: int = 0
+    blurred: bool = False
 
     @property
     def ratio(self) -> float:
         """Found over searched."""
         return len(self.rows) / max(1, len(self.searched_rows))
+
+    @property
+    def visible_ratio(self) -> float:
+        """Found over those of the searched that no found point hides."""
+        return len(self.rows) / max(1, len(self.searched_rows) - self.hidden)
 
 
 def nothing_tracked(reason: str, T_world_cam: SE3 | None = None) -> Track:
@@ -90,7 +100,8 @@ class Tracker:
         if np.count_nonzero(fit.weights) >= MIN_FIRST:
             fit, uv, counted = self._again(data, view, fit, expected, looks, uv, pull)
         kept = fit.weights > 0
-        searched = expected.rows[counted]
+        searched, pose = expected.rows[counted], fit.T_cam_world
+        depth = view.points[expected.rows] @ pose.rotation[2] + pose.translation[2]
         state, reason = self._judge(
             int(np.count_nonzero(kept)), len(searched), len(data.corners.positions), bool(pull.any())
         )
@@ -106,6 +117,8 @@ class Tracker:
             searched,
             fit.information,
             reason,
+            hidden(expected.uv[counted], depth[counted], kept[counted]),
+            data.blurred,
         )
 
     def _coarse(
@@ -173,6 +186,16 @@ class Tracker:
         return TrackingState.GOOD, ""
 
 
+def hidden(uv: Pixels, depth: FloatArray, found: BoolArray) -> int:
+    """How many points at uv (S, 2) px and depth (S,) m are not found and a quarter farther away than a found one in the
+    same 16 px of the image."""
+    column, row = (uv // HIDING_CELL_PX).astype(np.int64).T
+    cell = row * (int(column.max(initial=0)) + 1) + column
+    nearest = np.full(int(cell.max(initial=0)) + 1, np.inf)
+    np.minimum.at(nearest, cell[found], depth[found])
+    return int(np.count_nonzero(~found & (depth > BEHIND * nearest[cell])))
+
+
 def predicted(camera: FloatArray, T_cam_world: SE3, view: MapView, rows: IntArray) -> Predictions:
     """Which of the points (rows) are visible from a pose, and where. camera (18,): the image's."""
     return Predictions(
@@ -194,9 +217,12 @@ def predicted(camera: FloatArray, T_cam_world: SE3, view: MapView, rows: IntArra
 
 class LocalMap:
     """The points worth projecting: those of keyframes that share points with, or stand near, the reference keyframe.
-    Their number does not grow with the map."""
+    Their number does not grow with the map. linked: the map without what lies near but is a long way off and not tied
+    to it by points: the map may have drifted in between, and tracking on both would tear the camera from one to the
+    other. To join them is the loop finder's."""
 
     NEAREST = 40
+    LINKED_POINTS, STRANGE_WAY = 15, 8.0
     COVISIBLE = 12
     ALWAYS = 4
 
@@ -205,6 +231,7 @@ class LocalMap:
         self.reference = 0
         self.keyframes: list[int] = []
         self.rows: IntArray = np.zeros(0, np.int64)
+        self.linked: MapView | None = None
 
     def select(self, view: MapView, reference: int) -> None:
         """Choose around a reference keyframe; cheap while neither it nor the map changed."""
@@ -215,6 +242,9 @@ class LocalMap:
         mark = np.zeros(len(view.points), np.bool_)
         mark[view.keyframes[reference].observations.rows] = True
         shared = np.array([np.count_nonzero(mark[view.keyframes[k].observations.rows]) for k in near])
+        self.linked = self._part(view, near[shared >= self.LINKED_POINTS])
+        tied = np.isin(near, self.linked.living)
+        near, shared = near[tied], shared[tied]
         chosen = [int(k) for k in near[np.argsort(-shared, kind="stable")[: self.COVISIBLE]]]
         chosen += [int(k) for k in near[: self.ALWAYS] if int(k) not in chosen]
         if reference not in chosen:
@@ -223,6 +253,15 @@ class LocalMap:
         for k in chosen:
             mark[view.keyframes[k].observations.rows] = True
         self.rows = np.flatnonzero(mark & view.alive)
+
+    def _part(self, view: MapView, linked: IntArray) -> MapView:
+        """The map within a way of so many depths from the reference or from a keyframe linked with it."""
+        steps = np.linalg.norm(np.diff(view.centres, axis=0, prepend=view.centres[:1]), axis=1)
+        way = np.cumsum(steps)
+        known = np.sort(way[np.append(linked, self.reference)])
+        after = np.minimum(np.searchsorted(known, way[view.living]), len(known) - 1)
+        gap = np.abs(np.stack([known[after], known[np.maximum(after - 1, 0)]]) - way[view.living]).min(axis=0)
+        return view._replace(living=view.living[gap <= self.STRANGE_WAY * view.depths[self.reference]])
 
     def follow(self, view: MapView, found: IntArray) -> int:
         """The keyframe that sees most of the found points; the reference stays unless another one is 20 % better."""
