@@ -243,6 +243,12 @@ def lattice_costs(
     rows, columns, headings = level.shape
     width = 2.0 * math.pi / headings
     out = np.full(poses.shape[0], np.inf)
+    nearest = np.full((rows, columns), np.inf)  # the least over all headings, to pass over most of what is around
+    for a in range(rows):
+        for b in range(columns):
+            for g in range(headings):
+                if level[a, b, g] >= 0:
+                    nearest[a, b] = min(nearest[a, b], level[a, b, g] * step)
     for k in range(poses.shape[0]):
         x, y, theta = poses[k, 0], poses[k, 1], poses[k, 2]
         i, j = int(math.floor((y - y0) / cell)), int(math.floor((x - x0) / cell))
@@ -252,10 +258,12 @@ def lattice_costs(
         for di in range(-_AROUND, _AROUND + 1):
             for dj in range(-_AROUND, _AROUND + 1):
                 a, b = i + di, j + dj
-                if a < 0 or b < 0 or a >= rows or b >= columns:
+                if a < 0 or b < 0 or a >= rows or b >= columns or nearest[a, b] >= out[k]:
                     continue
                 dx, dy = x - (x0 + (b + 0.5) * cell), y - (y0 + (a + 0.5) * cell)
                 along, aside = abs(c * dx + s * dy), abs(c * dy - s * dx)
+                if nearest[a, b] + along + 2.0 * aside >= out[k]:
+                    continue
                 for dg in range(-1, 2):
                     reached = level[a, b, (g + dg) % headings]
                     if reached >= 0:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vsx_ros.arrays import BoolArray, FloatArray, Points2
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2
 from vsx_ros.kernels.clearance import interpolate_many, least_on_curve, signed_distance
 from vsx_ros.kernels.lattice import wavefront
 from vsx_ros.occupancy.grid import FREE, OccupancyGrid
@@ -40,6 +40,13 @@ class DistanceField:
     def cell(self, x: float, y: float) -> tuple[int, int]:
         """Row and column of the cell at a position [m]; may lie outside."""
         return math.floor((y - self.origin_y) / self.resolution), math.floor((x - self.origin_x) / self.resolution)
+
+    def cells(self, points_world: Points2) -> tuple[IntArray, IntArray]:
+        """Rows (N,) and columns (N,) of the cells at (N, 2) positions [m]; may lie outside."""
+        x, y = np.asarray(points_world, float).reshape(-1, 2).T
+        rows = np.floor((y - self.origin_y) / self.resolution).astype(np.int64)
+        columns = np.floor((x - self.origin_x) / self.resolution).astype(np.int64)
+        return rows, columns
 
     def gradient(self, points_world: Points2) -> FloatArray:
         """(N, 2) central differences over one cell [m/m]."""

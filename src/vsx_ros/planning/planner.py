@@ -131,9 +131,10 @@ class Planner:
         # The estimate looks a few cells around a pose, perhaps through a thin wall: believe it only on joined ground.
         joined = np.isfinite(with_fringe(travel_distance(m, (start.x, start.y)), m.resolution))
         inside = np.flatnonzero(m.at(poses[:, :2]) >= 0.0)
-        cells = [m.cell(x, y) for x, y in poses[inside, :2].tolist()]
-        allowed = [k for k, cell in zip(inside, cells) if joined[cell]]
-        costs[np.setdiff1d(np.arange(len(poses)), allowed)] = np.inf
+        rows, columns = m.cells(poses[inside, :2])
+        allowed = np.zeros(len(poses), np.bool_)
+        allowed[inside] = joined[rows, columns]
+        costs[~allowed] = np.inf
         return costs
 
     def _direct(self, start: SE2, goal: SE2, corridor: Corridor, enough: int) -> list[Path]:
