@@ -1,0 +1,132 @@
+"""Which keyframes leave the map, and that the work for a keyframe does not grow with the map."""
+
+import numpy as np
+import pytest
+
+from vsx_ros.config import Config, CullingConfig
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.kernels.patches import PATCH
+from vsx_ros.slam.culling import cull_redundant, is_redundant
+from vsx_ros.slam.keyframe import FrameData, Observations
+from vsx_ros.slam.map import Map
+from vsx_ros.slam.mapper import Mapper
+from vsx_ros.slam.templates import NewTemplates
+from vsx_ros.slam.tracker import LocalMap
+
+CAMERA = PinholeCamera(640, 480, 525.0, 525.0, 319.5, 239.5)
+RULE = CullingConfig(seen_ratio=0.9, viewers=3, keep_newest=2)
+
+
+def made_map(sees, step_m=0.1, levels=None, places=None):
+    """Keyframes that see the given points, 0.1 m apart unless ``places`` (K, 3) says where."""
+    world, n_points = Map(), 1 + max(max(rows) for rows in sees)
+    for k in range(len(sees)):
+        centre = np.array([step_m * k, 0.0, 0.0]) if places is None else places[k]
+        world.add_keyframe(
+            FrameData.without_image(k, SE2(step_m * k, 0.0, 0.0)), SE3(np.eye(3), centre), Observations.none()
+        )
+    looks = NewTemplates(np.zeros((n_points, 4)), np.zeros((n_points, 2)), np.zeros((n_points, PATCH, PATCH), np.uint8))
+    world.add_points(np.tile([0.0, 0.0, 2.0], (n_points, 1)), looks, 0)
+    for k, rows in enumerate(sees):
+        n, level = len(rows), 0 if levels is None else levels[k]
+        world.observe(k, Observations(np.array(rows), np.zeros((n, 2)), np.zeros((n, 2)), np.full(n, level)))
+    for k in range(len(sees)):
+        world.update_depth(k)
+    return world
+
+
+def corridor(n_keyframes, made=25, seen=200):
+    """Each keyframe sees 25 new points and those of the seven before it."""
+    return made_map([list(range(made * k, made * k + seen)) for k in range(n_keyframes)])
+
+
+def test_a_keyframe_is_redundant_when_enough_others_see_nearly_all_its_points():
+    all_of_them, most, fewer = range(100), range(91), range(89)
+    assert is_redundant(made_map([all_of_them, most, most, most]), 0, RULE)
+    assert not is_redundant(made_map([all_of_them, most, most, fewer]), 0, RULE)
+    assert not is_redundant(made_map([all_of_them, most, most]), 0, RULE)
+
+
+def test_coarser_views_do_not_replace_a_fine_one():
+    sees = [range(100)] * 4
+    assert not is_redundant(made_map(sees, levels=[0, 0, 0, 1]), 0, RULE)
+    assert is_redundant(made_map(sees, levels=[1, 0, 0, 1]), 0, RULE)
+
+
+def test_keyframes_with_few_points_stay():
+    assert not is_redundant(made_map([range(39)] * 5), 2, RULE)
+    assert is_redundant(made_map([range(41)] * 5), 2, RULE)
+
+
+def test_the_first_two_and_the_newest_stay_and_so_many_viewers_are_left():
+    world = made_map([range(100)] * 12)
+    culled = cull_redundant(world, list(range(12)), RULE)
+    assert culled == list(range(2, 10))
+    assert world.living == [0, 1, 10, 11]
+    assert world.alive.all()
+    assert [k.id for k in world.keyframes] == list(range(12))
+    assert cull_redundant(world, world.living, RULE) == []
+
+
+def test_a_keyframe_that_ties_its_neighbours_together_stays():
+    left, right = list(range(60)), list(range(60, 120))
+    sees = [left, left, left, left, left + right, right, right, right, right]
+    world = made_map(sees)
+    assert is_redundant(world, 4, RULE)
+    assert cull_redundant(world, [4], RULE) == []
+    world = made_map([*sees[:4], left + right, *sees[4:]])
+    assert cull_redundant(world, [4], RULE) == [4], "the one after it ties them as well"
+
+
+def test_who_sees_a_point_is_found_among_the_keyframes_of_its_place_alone():
+    asked = []
+    for n in (30, 300):
+        world = corridor(n)
+        rows = world.keyframes[20].observations.rows
+        seers = world.seers(rows)
+        assert set(seers) >= {k for k in range(n) if np.isin(world.keyframes[k].observations.rows, rows).any()}
+        whole = [np.count_nonzero(np.isin(k.observations.rows, rows)) for k in world.keyframes]
+        assert world.covisible(rows).tolist() == whole
+        asked.append(sum(len(world.keyframes[k].observations.rows) for k in seers))
+    assert asked[0] == asked[1], "observations touched in a map ten times as large"
+
+
+def test_the_neighbourhood_that_is_adjusted_does_not_grow_with_the_map():
+    sizes = []
+    for n in (30, 300):
+        mapper = Mapper(CAMERA, None, Config().slam, corridor(n))
+        neighbours = mapper.neighbours(n - 1, 8)
+        seen = np.unique(np.concatenate([mapper.map.keyframes[k].observations.rows for k in (n - 1, *neighbours)]))
+        sizes.append((len(neighbours), len(seen), sum(n - k for k in neighbours)))
+    assert sizes[0] == sizes[1]
+
+
+@pytest.mark.parametrize("n", [8, 40, 400])
+def test_the_whole_map_is_adjusted_when_it_has_grown_by_a_tenth(n):
+    mapper = Mapper(CAMERA, None, Config().slam, corridor(n))
+    due = max(8, round(0.1 * n))
+    for added in range(due):
+        assert not mapper.refinement_due, added
+        mapper._since_global += 1
+    assert mapper.refinement_due
+
+
+def test_strangers_nearby_are_not_tracked_until_a_loop_ties_them():
+    """A ring of 40 m at a depth of 2 m; the last keyframes stand beside the first."""
+    angles = np.linspace(0.0, 2.0 * np.pi, 200)
+    places = np.column_stack([6.4 * np.cos(angles), 6.4 * np.sin(angles), np.zeros(200)])
+    sees = [list(range(25 * k, 25 * k + 200)) for k in range(200)]
+    local = LocalMap()
+    local.select(made_map(sees, places=places).view(), 199)
+    assert min(local.keyframes) > 100
+    assert local.linked.living.min() > 100
+    sees[199] = [*sees[199], *range(20)]
+    local = LocalMap()
+    world = made_map(sees, places=places)
+    world.version += 1
+    local.select(world.view(), 199)
+    assert 0 in local.keyframes
+    assert {0, 1, 2, 198, 199} <= set(local.linked.living.tolist())
+    assert 100 not in local.linked.living
