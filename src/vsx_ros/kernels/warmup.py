@@ -11,8 +11,10 @@ from vsx_ros.kernels import (
     epipolar,
     floor_contact,
     ground_map,
+    jlinkage,
     lattice,
     patches,
+    planes,
     pose,
     pose_graph,
     projection,
@@ -31,7 +33,18 @@ def warm_up() -> None:
     _mapping()
     _planning()
     _ground_map()
+    _planes()
     _surfaces()
+
+
+def _planes() -> None:
+    points, one = np.array([[2.0, 0.0, 0.3]]), np.zeros(1, np.int64)
+    information, rays, _ = planes.point_information(points, np.zeros((1, 3)), one, one, np.ones(1))
+    wall = np.array([-1.0, 0.0, 0.0, -2.0])
+    covariances = np.linalg.inv(information + np.eye(3))
+    planes.deviations(points, covariances, rays, one, wall, 0.01, 0.1)
+    planes.plane_moments(points, covariances, one, wall, 0.01, 5.0)
+    jlinkage.agglomerate(planes.plane_preferences(points, covariances, rays, wall[None], 0.01, 2.5, 0.1))
 
 
 def _surfaces() -> None:
