@@ -26,7 +26,8 @@ from ros_ports import HOST, free_port  # noqa: E402
 
 NODES = ("mobile_base", "follower", "move_base", "explore", "camera", "vslam", "rosmaster")
 SIGNALS = {"killed": signal.SIGKILL, "hung": signal.SIGSTOP, "stopped": signal.SIGINT}
-WATCH_S = 2.0
+WATCH_S = 1.5
+START_S = 15.0
 
 
 def wait_for_motion(stack: object, seconds: float) -> bool:
@@ -38,6 +39,25 @@ def wait_for_motion(stack: object, seconds: float) -> bool:
             return True
         time.sleep(0.02)
     return False
+
+
+def ready(stack: object) -> bool:
+    """The robot drives; where it has given up, what could have made it give up is started anew."""
+    for restart in ((), ("explore",), ("vslam", "explore"), ("vslam", "move_base", "follower", "explore")):
+        for node in restart:
+            stack._processes.pop(node).send_signal(signal.SIGKILL)
+            stack.start(node)
+        if "vslam" in restart:
+            begin(stack)
+        if wait_for_motion(stack, 30.0):
+            return True
+    return False
+
+
+def begin(stack: object) -> None:
+    """Let the map start: before it exists, the robot gives up when it is held back."""
+    wait_for_motion(stack, 90.0)
+    time.sleep(START_S)
 
 
 def repetition(stack: object, node: str, how: str) -> float:
@@ -78,11 +98,12 @@ def main() -> None:
     stack = Stack(folder)
     try:
         stack.up()
+        begin(stack)
         for how in args.how:
             for node in args.nodes:
                 turned = results.setdefault(f"{node} {how}", [])
                 while len(turned) < args.repetitions and time.monotonic() < end_s:
-                    if not wait_for_motion(stack, 90.0):
+                    if not ready(stack):
                         print(f"{node} {how}: the robot does not drive; next", flush=True)
                         break
                     turned.append(round(repetition(stack, node, how), 3))

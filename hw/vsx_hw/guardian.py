@@ -59,19 +59,27 @@ class Guardian:
             self._process.communicate(RELEASED, timeout=2.0)
 
 
-def send(port: str, baud: int, data: bytes, attempts: int, exclusive: bool = True) -> bool:
-    """Open the port and write; True when it worked within the attempts."""
-    for attempt in range(attempts):
-        if attempt:
-            time.sleep(PAUSE_S)
+def take_over(port: str, baud: int, data: bytes) -> bool:
+    """Open the port of a dead driver and write; True when it worked within two seconds."""
+    for _ in range(ATTEMPTS):
         try:
-            transport = SerialTransport(port, baud, exclusive)
+            transport = SerialTransport(port, baud)
             transport.write(data)
             transport.close()
             return True
         except DeviceError:
-            continue
+            time.sleep(PAUSE_S)
     return False
+
+
+def whisper(port: str, data: bytes) -> None:
+    """Write to the port that a hanging driver holds, past its lock and without touching settings or buffers."""
+    with contextlib.suppress(OSError):
+        descriptor = os.open(port, os.O_WRONLY | os.O_NOCTTY | os.O_NONBLOCK)
+        try:
+            os.write(descriptor, data)
+        finally:
+            os.close(descriptor)
 
 
 def watch(port: str, baud: int, stop: StopBytes, beats: int) -> bool:
@@ -84,10 +92,10 @@ def watch(port: str, baud: int, stop: StopBytes, beats: int) -> bool:
         if select.select([beats], [], [], HUNG_AFTER_S)[0]:
             data = os.read(beats, 4096)
             if not data:
-                return last != RELEASED and send(port, baud, stop.farewell, ATTEMPTS)
+                return last != RELEASED and take_over(port, baud, stop.farewell)
             last = data[-1:]
         elif last == TURNING:
-            send(port, baud, stop.halt, 1, exclusive=False)
+            whisper(port, stop.halt)
 
 
 def main() -> None:

@@ -72,7 +72,7 @@ class Board(Protocol):
 class Faults:
     """What goes wrong; may be changed while the emulator runs. Rates are per byte to the driver.
 
-    paused: the line to the driver is silent. deaf: nobody takes the driver's bytes, its buffer fills.
+    paused: the line to the driver is silent.
     command_delay_ns: dead time between a command's arrival and its effect. report_delay_ns: age of what the driver
     hears.
     """
@@ -80,7 +80,6 @@ class Faults:
     drop_rate: float = 0.0
     garbage_rate: float = 0.0
     paused: bool = False
-    deaf: bool = False
     command_delay_ns: int = 0
     report_delay_ns: int = 0
 
@@ -173,7 +172,7 @@ class SerialEmulator:
         self._send()
 
     def _incoming(self) -> bytes:
-        if self._master < 0 or self.faults.deaf:
+        if self._master < 0:
             return b""
         try:
             return os.read(self._master, 4096)

@@ -28,16 +28,14 @@ class Transport(Protocol):
 
 
 class SerialTransport:
-    """A serial port, locked for this process unless exclusive is False (then somebody else may hold it: the guardian of
-    a hanging driver must get through). RTS and DTR stay low: on a Create, RTS moves the wake-up line.
+    """A serial port, locked for this process. RTS and DTR stay low: on a Create, RTS moves the wake-up line.
 
     Raises DeviceNotFound with the remedy when the port is absent, forbidden or in use.
     """
 
-    def __init__(self, port: str, baud: int, exclusive: bool = True) -> None:
+    def __init__(self, port: str, baud: int) -> None:
         self.port = port
-        lock = True if exclusive else None
-        self._serial = serial.Serial(baudrate=baud, timeout=0.0, write_timeout=WRITE_TIMEOUT_S, exclusive=lock)
+        self._serial = serial.Serial(baudrate=baud, timeout=0.0, write_timeout=WRITE_TIMEOUT_S, exclusive=True)
         self._serial.port = port
         self._serial.rts = False
         self._serial.dtr = False

@@ -70,3 +70,16 @@ def test_create_1_junk_is_a_gap(junk):
     assert (reading.x_m, reading.gaps, reading.trusted) == (0.0, 1, False)
     odometry.measure(10, 0)
     assert odometry.reading(1).trusted
+
+
+def test_create_1_wheels_that_are_held_report_no_speed():
+    odometry = DistanceOdometry()
+    odometry.command(0.2, 0.0)
+    shown = [odometry.reading(1 + k * 20 * MS) for k in range(26)]
+    odometry.measure(0, 0)
+    held = [odometry.reading(1 + (26 + k) * 20 * MS) for k in range(26)]
+    assert shown[-1].v_m_s == 0.2
+    assert {reading.v_m_s for reading in held} == {0.0}
+    assert held[-1].x_m == 0.0
+    odometry.measure(90, 0)
+    assert odometry.reading(53 * 20 * MS).v_m_s == 0.2

@@ -9,7 +9,7 @@ import time
 import pytest
 from hw_plant import FreeWheels
 
-from vsx_hw.guardian import Guardian, StopBytes, send
+from vsx_hw.guardian import Guardian, StopBytes, take_over
 from vsx_hw.kobuki.base_control import WHEEL_BASE_M
 from vsx_hw.kobuki.driver import KobukiDialect
 from vsx_hw.kobuki.emulator import kobuki_emulator
@@ -83,7 +83,7 @@ def test_a_released_guardian_does_not_touch_the_port(tmp_path):
         guardian.release()
         time.sleep(0.05)
         assert plant.speeds == (0.1, 0.1)
-        assert send(port, BAUD, STOP.farewell, 1)
+        assert take_over(port, BAUD, STOP.farewell)
         assert until(lambda: plant.speeds == (0.0, 0.0))
 
 

@@ -1,5 +1,7 @@
 """The Kobuki driver against the emulated base on a pseudo-terminal, and its thread against a null modem."""
 
+import os
+import pty
 import queue
 import struct
 import threading
@@ -248,12 +250,14 @@ def test_a_flood_of_commands_reaches_the_wire_once_a_report(rig):
     assert driven == sorted(driven), "the newest command wins"
 
 
-def test_a_base_that_takes_no_bytes_is_given_up_not_waited_for(rig):
-    rig.emulator.faults.deaf = True
-    transport = SerialTransport(str(rig.emulator._link), 115200, exclusive=False)
+def test_a_base_that_takes_no_bytes_is_given_up_not_waited_for():
+    master, slave = pty.openpty()
+    transport = SerialTransport(os.ttyname(slave), 115200)
     with pytest.raises(DeviceTimeout, match="did not take"):
         transport.write(bytes(400_000))
     transport.close()
+    os.close(master)
+    os.close(slave)
 
 
 def test_a_permanent_fault_is_told_once(tmp_path, caplog):

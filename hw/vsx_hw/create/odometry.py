@@ -12,6 +12,7 @@ from vsx_hw.readings import OdometryReading
 LONGEST_GAP_S = 0.5
 FASTEST_M_S = 1.0
 SPEED_WINDOW = 5
+SURELY_ROLLED_M = 0.03
 COASTING_NS = 500_000_000
 """After a stop the wheels roll on for a moment; later counts come from someone who pushes the robot."""
 
@@ -99,6 +100,8 @@ class DistanceOdometry:
         self._wheels = (0.0, 0.0)
         self._gaps = 0
         self._trusted = True
+        self._expected_m = 0.0  # way of the faster wheel, by the commands since the last reading of the distance
+        self._held = False
         self._gyro_turn: float | None = 0.0  # since the last reading of the distance; None when the gyro was silent
 
     def reset(self) -> None:
@@ -121,6 +124,9 @@ class DistanceOdometry:
             self.lose()
             return
         measured = math.radians(angle_deg) if gyro_turn is None else gyro_turn
+        rolled_m = abs(distance_mm) / 1000.0 + 0.5 * CREATE_1.wheel_base_m * abs(measured)
+        self._held = self._expected_m > SURELY_ROLLED_M and rolled_m < 0.1 * self._expected_m
+        self._expected_m = 0.0
         distance, turn = distance_mm / 1000.0 * self._scales[0], measured * self._scales[1]
         self._measured.advance(distance, turn)
         half = 0.5 * CREATE_1.wheel_base_m * turn
@@ -133,6 +139,9 @@ class DistanceOdometry:
         dt_s = min((now_ns - self._then_ns) * 1e-9, 0.1) if self._then_ns else 0.0
         self._then_ns = now_ns
         v, omega = self._speeds
+        self._expected_m += (abs(v) + 0.5 * CREATE_1.wheel_base_m * abs(omega)) * dt_s
+        if self._held:
+            v = omega = 0.0
         if gyro_rad_s is None:
             self._gyro_turn = None
         else:
