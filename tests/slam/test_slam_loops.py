@@ -1,0 +1,183 @@
+"""Places seen twice: closed when they are one, left alone when they only look alike; maps joined in the right size; the
+camera found again by whichever keyframe shows it."""
+
+import numpy as np
+import pytest
+
+from vsx_ros.config import Config
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.kernels.patches import PATCH
+from vsx_ros.slam.frontend import FrontEnd
+from vsx_ros.slam.keyframe import FrameData, Observations
+from vsx_ros.slam.loop_closing import LoopFinder, Reunion
+from vsx_ros.slam.map import Map
+from vsx_ros.slam.place_recognition import PlaceRecognizer, is_certain, is_sure
+from vsx_ros.slam.pose_graph import Loop, bend
+from vsx_ros.slam.recovery import Recovery
+from vsx_ros.slam.reunion import reunite
+from vsx_ros.slam.slam import SequentialSlam
+from vsx_ros.slam.templates import NewTemplates
+from vsx_ros.slam.tracker import Tracker
+from vsx_ros.vision.descriptors import features_of
+
+CONFIG = Config().slam
+
+
+@pytest.fixture(scope="module")
+def arc(arc_drive):
+    """A map of the arc, and every fifth frame of it taken apart as the front end does."""
+    slam = SequentialSlam(arc_drive.camera, arc_drive.T_base_cam, CONFIG, 1)
+    for frame, odometry, _ in arc_drive.frames:
+        slam.track(frame, odometry)
+    return slam._mapper.map
+
+
+@pytest.fixture
+def places(arc_drive):
+    return PlaceRecognizer(arc_drive.camera, Tracker(CONFIG.tracker, np.random.default_rng(0)))
+
+
+def taken_apart(drive, image, k):
+    front = FrontEnd(drive.camera, drive.T_base_cam, CONFIG, 0)
+    frame, odometry, _ = drive.frames[k]
+    return front._intake.take(frame._replace(image=image), odometry)
+
+
+def best(places, data, view):
+    """The surest recognition by any keyframe, None when no keyframe even guesses."""
+    features = features_of(data.pyramid, data.corners)
+    seen = [places.recognise(data, features, view, int(k)) for k in view.living]
+    return max((s for s in seen if s is not None), key=lambda s: len(s.track.rows), default=None)
+
+
+def test_a_place_of_the_map_is_recognised_where_it_is(arc_drive, arc, places):
+    view = arc.view()
+    for k in (30, 60, 90):
+        seen = best(places, taken_apart(arc_drive, arc_drive.frames[k][0].image, k), view)
+        assert is_sure(seen)
+        truth = arc_drive.T_base_cam @ arc_drive.frames[0][2].inverse() @ arc_drive.frames[k][2]
+        assert np.linalg.norm(seen.track.T_world_cam.translation - truth.translation) < 0.03
+
+
+@pytest.mark.parametrize("side", [slice(0, 240), slice(400, 640)])
+def test_a_poster_that_hangs_elsewhere_too_is_not_the_place(arc_drive, spin_drive, arc, places, side):
+    """A part of a mapped image in the surroundings of another lab."""
+    view = arc.view()
+    for k in (30, 60, 90):
+        image = spin_drive.frames[k][0].image.copy()
+        image[100:340, side] = arc_drive.frames[k][0].image[100:340, side]
+        seen = best(places, taken_apart(arc_drive, image, k), view)
+        assert seen is None or not is_sure(seen)
+
+
+def test_another_lab_is_no_place_of_this_map(spin_drive, arc, places):
+    view = arc.view()
+    for k in range(0, len(spin_drive.frames), 20):
+        seen = best(places, taken_apart(spin_drive, spin_drive.frames[k][0].image, k), view)
+        assert seen is None or not (is_sure(seen) or is_certain(seen))
+
+
+def test_every_keyframe_gets_its_turn_when_the_likeliest_mislead(arc_drive, arc, monkeypatch):
+    """Look-alikes first, the true place last: found as soon as its turn comes."""
+    view = arc.view()
+    front = FrontEnd(arc_drive.camera, arc_drive.T_base_cam, CONFIG, 0)
+    recovery = Recovery(arc_drive.camera, None, CONFIG, front._tracker, front._motion)
+    data = taken_apart(arc_drive, arc_drive.frames[15][0].image, 15)
+    places = recovery._relocalizer._places
+    features = features_of(data.pyramid, data.corners)
+    shows = [k for k in view.living.tolist() if (s := places.recognise(data, features, view, k)) and is_certain(s)]
+    assert 0 < len(shows) < len(view.living)
+    backwards = np.array([k for k in view.living.tolist() if k not in shows] + shows)
+    monkeypatch.setattr(places, "ranked", lambda small, view, among: backwards)
+    turns = -(-(len(backwards) - 3) // 2)
+    found = [recovery.search(data, view, None, 0) is not None for _ in range(turns)]
+    assert any(found)
+    assert not found[0]
+
+
+def ring(n=40, radius=3.0, drift=0.004, map_id=0):
+    """Keyframes round a circle, the turn estimated too large at each step: (world, true poses). Each sees 20 points
+    of its own and those of the four before it."""
+    world, true, T = Map(), [], SE3.identity()
+    step, turn = 2.0 * np.pi * radius / n, 2.0 * np.pi / n
+    estimate = SE3.identity()
+    for k in range(n + 1):
+        data = FrameData.without_image(k, SE2())
+        world.add_keyframe(data, estimate, Observations.none(), map_id)
+        true.append(T)
+        T = T @ SE3.exp(np.array([step, 0.0, 0.0, 0.0, 0.0, turn]))
+        estimate = estimate @ SE3.exp(np.array([step, 0.0, 0.0, 0.0, 0.0, turn + drift]))
+    looks = NewTemplates(np.zeros((20, 4)), np.zeros((20, 2)), np.zeros((20, PATCH, PATCH), np.uint8))
+    for k in range(n + 1):
+        rows = world.add_points(world.keyframes[k].T_world_cam @ np.tile([0.0, 0.0, 2.0], (20, 1)), looks, k)
+        for j in range(k, min(k + 5, n + 1)):
+            world.observe(j, Observations(rows, np.zeros((20, 2)), np.zeros((20, 2)), np.zeros(20, np.int64)))
+    return world, true
+
+
+def error_m(world, true):
+    apart = [k.T_world_cam.translation - T.translation for k, T in zip(world.keyframes, true)]
+    return float(np.sqrt(np.mean(np.sum(np.square(apart), axis=1))))
+
+
+def test_a_true_loop_is_closed_and_the_error_falls_everywhere():
+    world, true = ring()
+    before, last = error_m(world, true), len(true) - 1
+    seam = np.linalg.norm(world.keyframes[last].T_world_cam.translation)
+    assert seam > 0.3
+    relative = [k.T_world_cam.inverse() @ world.points[20 * n] for n, k in enumerate(world.keyframes)]
+    moved = bend(world, 0, [Loop(0, last, true[0].inverse() @ true[last], 1.0)], free_scale=False)
+    assert abs(moved - seam) < 0.05
+    assert np.linalg.norm(world.keyframes[last].T_world_cam.translation) < 0.01
+    assert error_m(world, true) < 0.25 * before
+    assert np.allclose(world.keyframes[0].T_world_cam.matrix(), np.eye(4), atol=1e-15)
+    after = [k.T_world_cam.inverse() @ world.points[20 * n] for n, k in enumerate(world.keyframes)]
+    assert np.allclose(after, relative, atol=1e-9), "points go with the keyframe they were made in"
+
+
+def test_a_culled_keyframe_is_bent_with_what_carries_it():
+    world, true = ring()
+    last = len(true) - 1
+    world.cull_keyframe(20)
+    parent = world.keyframes[20].anchor.keyframe
+    held = world.keyframes[parent].T_world_cam.inverse() @ world.keyframes[20].T_world_cam
+    bend(world, 0, [Loop(0, last, true[0].inverse() @ true[last], 1.0)], free_scale=False)
+    after = world.keyframes[parent].T_world_cam.inverse() @ world.keyframes[20].T_world_cam
+    assert np.allclose(after.matrix(), held.matrix(), atol=1e-12)
+    assert error_m(world, true) < 0.05
+
+
+def test_maps_begun_apart_become_one_of_the_right_size_and_keep_their_indices():
+    """The second map is made half as large and in a frame of its own."""
+    world, true = ring(n=20, drift=0.0)
+    n, offset = len(true), SE3.exp(np.array([5.0, -2.0, 0.3, 0.2, -0.1, 0.7]))
+    small = [offset @ SE3(T.rotation, 0.5 * T.translation) for T in true]
+    one = NewTemplates(np.zeros((1, 4)), np.zeros((1, 2)), np.zeros((1, PATCH, PATCH), np.uint8))
+    for k, T in enumerate(small):
+        world.add_keyframe(FrameData.without_image(n + k, None), T, Observations.none(), 1)
+    ahead = [(T @ np.array([0.0, 0.0, 1.0]))[None] for T in small]
+    rows = np.concatenate([world.add_points(p, one, n + k) for k, p in enumerate(ahead)])
+    count = world.count
+    reunion = Reunion(3, n + 3, SE3.identity(), 2.0, 100)
+    event = reunite(world, [reunion], [])
+    assert event.kind == "merged"
+    assert "map 1 into map 0, 2.000 times as large" in event.reason
+    assert [k.id for k in world.keyframes] == list(range(2 * n))
+    assert {k.map_id for k in world.keyframes} == {0}
+    assert {k.scale for k in world.keyframes[n:]} == {2.0}
+    assert error_m(world, true + true) < 1e-9
+    assert world.count == count
+    expected = [T @ np.array([0.0, 0.0, 2.0]) for T in true]
+    assert np.allclose(world.points[rows], expected, atol=1e-9)
+
+
+def test_what_the_map_cannot_have_drifted_is_not_believed(arc_drive):
+    world, true = ring(drift=0.0)
+    finder = LoopFinder(arc_drive.camera, CONFIG.tracker, np.random.default_rng(0))
+    last = len(true) - 1
+    way = 2.0 * np.pi * 3.0
+    for off, possible in ((0.15 + 0.03 * way - 0.02, True), (0.15 + 0.03 * way + 0.02, False)):
+        shifted = SE3(np.eye(3), [off, 0.0, 0.0]) @ world.keyframes[last].T_world_cam
+        reunion = Reunion(0, last, world.keyframes[0].T_world_cam.inverse() @ shifted, 1.0, 100)
+        assert finder._can_be(world, reunion) is possible
