@@ -114,6 +114,45 @@ def test_curvature_runs_smoothly_except_at_cusps():
     assert len(path.stretches()) == len(path.cusps) + 1
 
 
+SIGNS = [(a, b, c) for a in (1, -1) for b in (1, -1) for c in (1, -1)]
+
+
+@pytest.mark.parametrize(("ahead", "left", "turn"), SIGNS)
+@pytest.mark.parametrize("phi", [0.5, 2.0])
+def test_every_combination_of_signs_is_a_mirror_image(ahead, left, turn, phi):
+    path = connect(SE2(), SE2(ahead * 1.4, left * 0.8, turn * 1.1), phi)
+    # Mirroring left and right and driving the other way round are symmetries of the question.
+    side = connect(SE2(), SE2(ahead * 1.4, -left * 0.8, -turn * 1.1), phi)
+    back = connect(SE2(), SE2(-ahead * 1.4, left * 0.8, -turn * 1.1), phi)
+    assert isinstance(path, Path)
+    assert isinstance(side, Path)
+    assert isinstance(back, Path)
+    assert side.length_m == pytest.approx(path.length_m, rel=1e-6)
+    assert back.length_m == pytest.approx(path.length_m, rel=1e-6)
+    assert back.reverse_m == pytest.approx(path.length_m - path.reverse_m, abs=1e-5)
+    assert driven(path).distance_to(path.end) < 2e-3
+
+
+@pytest.mark.parametrize("offset", [-1e-9, 0.0, 1e-9])
+@pytest.mark.parametrize("heading", [0.0, math.pi / 2, -math.pi / 2, math.pi, -math.pi])
+def test_headings_where_formulas_divide_by_nothing(heading, offset):
+    for goal in (SE2(1.0, 0.0, heading + offset), SE2(0.0, 1.0, heading + offset), SE2(-1.5, 0.0, heading + offset)):
+        path = connect(SE2(), goal, 1.0)
+        assert isinstance(path, Path)
+        assert path.certificate.end_error_m <= 1e-9
+        assert path.certificate.end_error_rad <= 1e-9
+        assert path.certificate.curvature_bound_rad_m <= 1.0 + 1e-9
+
+
+@given(poses, st.sampled_from([1e-2, 1e2, 1e3]))
+@settings(max_examples=40, deadline=None)
+def test_absurd_bounds_are_kept_too(goal, phi):
+    path = connect(SE2(), goal, phi)
+    assert isinstance(path, Path)
+    assert path.certificate.curvature_bound_rad_m <= phi * (1.0 + 1e-9)
+    assert path.certificate.end_error_m <= 1e-6 / min(phi, 1.0)
+
+
 @given(poses, bounds)
 @settings(max_examples=60, deadline=None)
 def test_paper_mode_reports_its_own_violation(goal, phi):

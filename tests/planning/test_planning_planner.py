@@ -10,8 +10,9 @@ from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2, wrap_angle
 from vsx_ros.occupancy.distance import clearance_field
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from vsx_ros.planning.corridor import Corridor, build_corridor
 from vsx_ros.planning.paper_planner import PaperPlanner
-from vsx_ros.planning.path import Path, Plan, Refusal, RefusalKind
+from vsx_ros.planning.path import CUSP_COST_M, Path, Plan, Refusal, RefusalKind
 from vsx_ros.planning.planner import Planner, UnconstrainedPlanner
 
 ROBOT, CONFIG = RobotConfig(), PlannerConfig()
@@ -111,6 +112,51 @@ def test_refusals_name_their_reason():
     beyond = planner.plan(start, SE2(-40.0, 1.0, 0.0), closed, rng())
     assert isinstance(beyond, Refusal)
     assert beyond.kind is RefusalKind.GOAL_BLOCKED
+
+
+def test_a_goal_no_manoeuvre_reaches_is_refused_by_the_budget():
+    data = np.full((80, 80), OCCUPIED, np.int8)
+    data[20:31, 5:75] = FREE  # a lane too narrow to turn round in, entered the wrong way
+    lane = OccupancyGrid(data, 0.05, 0.0, 0.0)
+    start, goal = SE2(0.8, 1.275, 0.0), SE2(2.8, 1.275, math.pi)
+    plan = Planner(PlannerConfig(phi_rad_m=0.5), ROBOT).plan(start, goal, lane, rng())
+    assert isinstance(plan, Refusal)
+    assert plan.kind is RefusalKind.BUDGET
+    assert "phi 0.5" in plan.reason
+    assert "1.5 m" in plan.reason
+    again = Planner(PlannerConfig(phi_rad_m=0.5), ROBOT).plan(start, goal, lane, rng())
+    assert again == plan
+
+
+def test_without_a_map_a_reverse_leg_too_long_is_infeasible():
+    plan = Planner(PlannerConfig(max_reverse_m=0.0), ROBOT).plan_blind(SE2(), SE2(-0.4, 0.0, 0.0))
+    if isinstance(plan, Plan):
+        assert plan.path.reverse_m == 0.0
+    else:
+        assert plan.kind is RefusalKind.INFEASIBLE
+        assert "longer than 0 m" in plan.reason
+
+
+@pytest.mark.parametrize("phi", [0.5, 1.0, 2.0])
+def test_long_ways_are_smooth_but_for_a_few_stops(phi):
+    map_ = with_wall(slice(55, 75))
+    plan = Planner(PlannerConfig(phi_rad_m=phi), ROBOT).plan(SE2(0.5, 0.0, 0.0), SE2(3.5, 0.0, 3.0), map_, rng())
+    assert isinstance(plan, Plan)
+    check(plan.path, map_, phi)
+    assert plan.path.jumps == 0
+    assert plan.path.cost_m == pytest.approx(plan.path.length_m + CUSP_COST_M * len(plan.path.cusps))
+
+
+def test_clearance_along_a_path_is_a_lower_bound_near_the_truth():
+    map_ = with_wall(slice(55, 75))
+    start, goal = SE2(0.5, 0.0, 0.0), SE2(3.5, 0.0, 3.0)
+    plan = Planner(CONFIG, ROBOT).plan(start, goal, map_, rng())
+    corridor = build_corridor(map_, start, goal, CONFIG, ROBOT)
+    assert isinstance(plan, Plan)
+    assert isinstance(corridor, Corridor)
+    dense = corridor.clearance.at(plan.path.sample(0.001)[:, :2]).min()
+    assert corridor.least_clearance(plan.path) <= dense
+    assert corridor.least_clearance(plan.path) == pytest.approx(dense, abs=0.004)
 
 
 def test_unknown_ground_is_not_free():

@@ -8,7 +8,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vsx_ros.geometry.se2 import SE2, wrap_angle
-from vsx_ros.kernels.reeds_shepp import MAX_WORDS, SEGMENTS, advance, reeds_shepp_lengths, reeds_shepp_words
+from vsx_ros.kernels.reeds_shepp import (
+    MAX_WORDS,
+    SEGMENTS,
+    TABLE_HEADINGS,
+    TABLE_STEP,
+    advance,
+    look_up_length,
+    reeds_shepp_lengths,
+    reeds_shepp_words,
+)
+from vsx_ros.planning.skeleton import word_table
 from vsx_ros.planning.words import free_space_sequences
 
 coordinate = st.floats(-6.0, 6.0)
@@ -67,3 +77,21 @@ def test_sequences_turn_by_the_heading_difference(x, y, theta, phi):
         assert len(sequence.joints) == len(sequence.turns) - 1
         for k, joint in enumerate(sequence.joints):
             assert joint == (sequence.directions[k] == sequence.directions[k + 1])
+
+
+@pytest.mark.parametrize(("sx", "sy"), [(1, 1), (1, -1), (-1, 1), (-1, -1)])
+def test_the_table_is_exact_at_its_places_in_every_quadrant(sx, sy):
+    for i, j, k in ((0, 0, 5), (3, 7, 0), (20, 2, 31), (31, 31, 16)):
+        x, y, theta = sx * i * TABLE_STEP, sy * j * TABLE_STEP, k * 2.0 * math.pi / TABLE_HEADINGS
+        length = reeds_shepp_lengths(np.zeros((1, 3)), np.array([[x, y, theta]]), 1.0)[0]
+        assert look_up_length(word_table(), x, y, theta) == pytest.approx(length, abs=1e-5)
+    assert look_up_length(word_table(), 50.0, 0.0, 0.0) == 0.0
+
+
+def test_the_table_is_near_the_length_between_its_places():
+    rng = np.random.default_rng(0)
+    goals = rng.uniform((-6.0, -6.0, -9.0), (6.0, 6.0, 9.0), (500, 3))
+    exact = reeds_shepp_lengths(np.zeros((500, 3)), goals, 1.0)
+    error = np.array([look_up_length(word_table(), *goal) for goal in goals]) - exact
+    assert np.abs(error).max() < 0.25
+    assert 1e-4 < np.abs(error).mean() < 0.02

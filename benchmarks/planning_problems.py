@@ -1,0 +1,123 @@
+"""Questions for the planners, and the peers that are asked the same: OMPL 2.0.1 and toppra 0.6.10.
+
+``pip install ompl==2.0.1 toppra==0.6.10`` (into a place of their own) provides the peers; nothing else needs them.
+"""
+
+import importlib.util
+import time
+
+import numpy as np
+
+from vsx_ros.config import LimitsConfig, PlannerConfig, RobotConfig
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.occupancy.distance import clearance_field
+from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.planning.corridor import build_corridor
+from vsx_ros.planning.path import Path, Refusal
+
+ROBOT, LIMITS = RobotConfig(), LimitsConfig()
+OMPL = importlib.util.find_spec("ompl") is not None
+TOPPRA = importlib.util.find_spec("toppra") is not None
+
+
+def random_goals(n: int, seed: int) -> np.ndarray:
+    """(n, 3) poses, uniform in a disc of 4 m, any heading."""
+    rng = np.random.default_rng(seed)
+    radius, bearing = 4.0 * np.sqrt(rng.random(n)), rng.uniform(-np.pi, np.pi, n)
+    return np.stack([radius * np.cos(bearing), radius * np.sin(bearing), rng.uniform(-np.pi, np.pi, n)], axis=1)
+
+
+def lab(seed: int) -> OccupancyGrid:
+    """12 m x 8 m at 5 cm, 12 boxes of 0.4 to 1.4 m, a wall with a gap of 1.2 m."""
+    rng = np.random.default_rng(seed)
+    data = np.zeros((160, 240), np.int8)
+    data[:2] = data[-2:] = 100
+    data[:, :2] = data[:, -2:] = 100
+    for _ in range(12):
+        width, height = rng.integers(8, 28, 2)
+        row, column = rng.integers(0, 160 - height), rng.integers(0, 240 - width)
+        data[row : row + height, column : column + width] = 100
+    wall, gap = rng.integers(80, 160), rng.integers(10, 126)
+    data[:, wall : wall + 3] = 100
+    data[gap : gap + 24, wall : wall + 3] = 0
+    return OccupancyGrid(data, 0.05, -6.0, -4.0)
+
+
+def free_pose(grid: OccupancyGrid, rng: np.random.Generator) -> SE2:
+    field = clearance_field(grid)
+    while True:
+        pose = SE2(float(rng.uniform(-6, 6)), float(rng.uniform(-4, 4)), float(rng.uniform(-np.pi, np.pi)))
+        if field.at(np.array([[pose.x, pose.y]]))[0] > 0.23:
+            return pose
+
+
+def problems(seeds: range, each: int) -> list[tuple[OccupancyGrid, SE2, SE2]]:
+    """Questions (map, start, goal), ``each`` in every lab."""
+    out = []
+    for seed in seeds:
+        grid, rng = lab(seed), np.random.default_rng(1000 + seed)
+        out += [(grid, free_pose(grid, rng), free_pose(grid, rng)) for _ in range(each)]
+    return out
+
+
+def peer_rrt_connect(grid: OccupancyGrid, start: SE2, goal: SE2, config: PlannerConfig) -> tuple[float, float] | None:
+    """(seconds, length [m]) of OMPL's RRTConnect over Reeds-Shepp curves, simplified for at most half a second."""
+    from ompl import base, geometric, util
+
+    util.setLogLevel(util.LogLevel.LOG_NONE)
+    util.RNG.setSeed(1)
+    corridor = build_corridor(grid, start, goal, config, ROBOT)
+    assert not isinstance(corridor, Refusal)
+    margin = corridor.margin
+    space = base.ReedsSheppStateSpace(1.0 / config.phi_rad_m)
+    bounds = base.RealVectorBounds(2)
+    for axis, (low, high) in enumerate(((-6.0, 6.0), (-4.0, 4.0))):
+        bounds.setLow(axis, low)
+        bounds.setHigh(axis, high)
+    space.setBounds(bounds)
+    setup = geometric.SimpleSetup(space)
+    point = np.empty((1, 2))
+
+    def free(state: object) -> bool:
+        point[0] = state.getX(), state.getY()  # type: ignore[attr-defined]
+        return bool(margin.at(point)[0] >= 0.0)
+
+    setup.setStateValidityChecker(free)
+    setup.getSpaceInformation().setStateValidityCheckingResolution(0.003)
+    ends = []
+    for pose in (start, goal):
+        state = space.allocState()
+        state.setX(pose.x)
+        state.setY(pose.y)
+        state.setYaw(pose.wrapped().theta)
+        ends.append(state)
+    setup.setStartAndGoalStates(*ends)
+    setup.setPlanner(geometric.RRTConnect(setup.getSpaceInformation()))
+    begun = time.process_time()
+    if not setup.solve(10.0) or not setup.haveExactSolutionPath():
+        return None
+    setup.simplifySolution(0.5)
+    return time.process_time() - begun, float(setup.getSolutionPath().length())
+
+
+def peer_toppra(path: Path) -> float:
+    """Duration [s] of toppra's time-optimal profiles over the stretches between stops, without jerk limits."""
+    import toppra
+    from toppra import algorithm, constraint
+
+    toppra.setup_logging("ERROR")
+    total = 0.0
+    for run in path.stretches():
+        s = np.concatenate([piece.table[:, 0] + sum(p.length_m for p in run[:k]) for k, piece in enumerate(run)])
+        kappa = np.concatenate([piece.table[:, 4] for piece in run])
+        even = np.linspace(0.0, s[-1], max(30, int(s[-1] / 0.01)))
+        turned = np.concatenate([[0.0], np.cumsum(np.interp(0.5 * (even[1:] + even[:-1]), s, kappa) * np.diff(even))])
+        curve = toppra.SplineInterpolator(even, np.stack([even, turned], axis=1))
+        v, a = (LIMITS.v_m_s, LIMITS.omega_rad_s), (LIMITS.a_m_s2, LIMITS.alpha_rad_s2)
+        bounds = [
+            constraint.JointVelocityConstraint(np.array([[-m, m] for m in v])),
+            constraint.JointAccelerationConstraint(np.array([[-m, m] for m in a])),
+        ]
+        solver = algorithm.TOPPRA(bounds, curve, gridpoints=np.linspace(0.0, s[-1], 201))
+        total += float(solver.compute_trajectory().duration)
+    return total
