@@ -1,15 +1,26 @@
 """Which of several two-view motions starts the map."""
 
+import cv2
 import numpy as np
 import pytest
 
 from vsx_ros.config import Config
-from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.camera import PinholeCamera, mount_pose
+from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.slam.initialization import Initializer, TwoViewMap
+from vsx_ros.slam.initialization import Initialization, Initializer, TwoViewMap
+from vsx_ros.slam.keyframe import FrameData
+from vsx_ros.vision.corners import CornerDetector
+from vsx_ros.vision.patch_search import kernel_camera
+from vsx_ros.vision.pyramid import build_pyramid
+from vsx_ros.vision.small_image import small_image
 
 CAMERA = PinholeCamera(640, 480, 525.0, 525.0, 319.5, 239.5)
 CONFIG = Config().slam.initialization
+MOUNT = mount_pose(0.0, 0.0, 0.3, 0.0, 0.0)
+# (normal . x, distance [m], where it is: x below) in the first camera: a leaning wall; the same with a nearer one.
+WALL = [((0.35, 0.0, 1.0), 2.5, np.inf)]
+SCENE = [*WALL, ((0.0, 0.0, 1.0), 1.5, -0.1)]
 SIDEWAYS, AHEAD = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 
@@ -51,3 +62,83 @@ def test_refinement_tells_the_true_motion_from_the_mirrored_one(initializer):
     assert maps[0].support > 0.8
     assert maps[1].support < 0.3
     assert initializer._choose(maps, None).T_b_a.translation == pytest.approx(true.translation / size, abs=0.03)
+
+
+def picture(T_first_cam, planes):
+    """(480, 640) uint8: the planes with a texture of blurred noise, the nearest in front."""
+    noise = np.random.default_rng(0).integers(0, 256, (1024, 1024)).astype(np.float32)
+    texture = cv2.normalize(cv2.GaussianBlur(noise, (0, 0), 2.0), None, 0, 255, cv2.NORM_MINMAX)
+    v, u = np.mgrid[0:480, 0:640]
+    rays = np.stack([(u - 319.5) / 525.0, (v - 239.5) / 525.0, np.ones(u.shape)], axis=-1) @ T_first_cam.rotation.T
+    nearest, image = np.full(u.shape, np.inf), np.zeros(u.shape, np.float32)
+    for normal, distance, beyond in planes:
+        depth = (distance - np.dot(normal, T_first_cam.translation)) / (rays @ np.array(normal))
+        place = T_first_cam.translation + depth[..., None] * rays
+        at = ((place[..., :2] * 210.0 + 37.0 * distance) % 1023).astype(np.float32)
+        seen = (depth > 0) & (depth < nearest) & (place[..., 0] < beyond)
+        image[seen] = cv2.remap(texture, at[..., 0], at[..., 1], cv2.INTER_LINEAR)[seen]
+        nearest[seen] = depth[seen]
+    return np.round(image).astype(np.uint8)
+
+
+def frame(stamp, image, base=None):
+    pyramid = build_pyramid(image)
+    corners = CornerDetector().detect(pyramid)
+    return FrameData(stamp, pyramid, corners, small_image(pyramid), base, kernel_camera(CAMERA))
+
+
+def moved(x=0.0, z=0.0, yaw=0.0):
+    return SE3.exp(np.array([x, 0.0, z, 0.0, yaw, 0.0]))
+
+
+def outcome(initializer, planes, poses, bases=None):
+    """What the last of the frames gives, or the first that starts a map."""
+    for k, T in enumerate(poses):
+        got = initializer.add(frame(k, picture(T, planes), None if bases is None else bases[k]))
+        if isinstance(got, Initialization):
+            break
+    return got
+
+
+@pytest.mark.parametrize("planes", [WALL, SCENE])
+def test_a_wall_and_a_scene_start_with_the_true_motion(initializer, planes):
+    steps = np.arange(0.0, 0.36, 0.05)
+    got = outcome(initializer, planes, [moved(x=x) for x in steps])
+    assert isinstance(got, Initialization)
+    T = got.poses[0].inverse() @ got.poses[1]
+    size = np.linalg.norm(T.translation)
+    assert np.degrees(np.arccos(T.translation[0] / size)) < 3.0
+    assert np.degrees(T.rotation_angle_to(SE3.identity())) < 1.0
+    points = got.matches.points_world * (steps[got.second.stamp_ns] / size)
+    off = [np.abs(points @ np.array(n) - d) / np.linalg.norm(n) for n, d, _ in planes]
+    assert np.median(np.min(off, axis=0)) < 0.05
+
+
+def test_a_wall_starts_with_the_wheels_scale():
+    ways = np.arange(0.0, 0.5, 0.05)
+    got = outcome(
+        Initializer(CAMERA, MOUNT, CONFIG), WALL, [moved(z=z) for z in ways], [SE2(float(z), 0.0, 0.0) for z in ways]
+    )
+    assert isinstance(got, Initialization)
+    driven = np.linalg.norm(got.poses[1].translation - got.poses[0].translation)
+    assert driven == pytest.approx(ways[got.second.stamp_ns], abs=1e-9)
+
+
+def test_standing_and_turning_and_darkness_are_refused_by_name(initializer):
+    assert "stands still" in outcome(initializer, SCENE, [moved()] * 2)
+    turning = outcome(Initializer(CAMERA, None, CONFIG), SCENE, [moved(yaw=a) for a in (0.0, 0.03, 0.06, 0.09)])
+    assert "turns in place" in turning
+    assert "sees too little" in outcome(Initializer(CAMERA, None, CONFIG), [], [moved()] * 2)
+
+
+def test_the_wheels_refuse_by_name():
+    ways, turns = (0.0, 0.05, 0.1), np.linspace(0.0, 0.22, 8).tolist()
+    bases = [SE2(0.0, 0.0, a) for a in turns]
+    turning = outcome(Initializer(CAMERA, MOUNT, CONFIG), SCENE, [moved(yaw=-a) for a in turns], bases)
+    assert isinstance(turning, str)
+    assert "turns: 13 deg" in turning
+    standing = outcome(Initializer(CAMERA, MOUNT, CONFIG), SCENE, [moved()] * 2, [SE2()] * 2)
+    assert "stands still" in standing
+    ahead = [SE2(2.0 * x, 0.0, 0.0) for x in ways]
+    disagreeing = outcome(Initializer(CAMERA, MOUNT, CONFIG), SCENE, [moved(x=x) for x in ways], ahead)
+    assert "odometry disagrees" in disagreeing

@@ -31,6 +31,7 @@ class Summary(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     u2_frames: float | None = None
     u2_seconds: float | None = None
     u2_metres: float | None = None
+    visible_ratio: float | None = None
     track_ms_median: float | None = None
     track_ms_p99: float | None = None
     ate_rmse_m: float | None = None

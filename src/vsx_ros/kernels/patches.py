@@ -15,6 +15,7 @@ import numpy as np
 
 from vsx_ros.kernels import kernel
 
+I32 = np.int32
 PATCH = 24
 CENTRE = 12
 TEMPLATE = 10
@@ -132,11 +133,11 @@ def slopes(template: Any, gx: Any, gy: Any) -> tuple[float, float, float, float,
             b = np.int32(template[u + one, v] - template[u - one, v])
             gx[k] = a
             gy[k] = b
-            h00 = np.int32(h00 + a * a)
-            h01 = np.int32(h01 + a * b)
-            h11 = np.int32(h11 + b * b)
-            h02 = np.int32(h02 + a)
-            h12 = np.int32(h12 + b)
+            h00 = I32(h00 + I32(a * a))
+            h01 = I32(h01 + I32(a * b))
+            h11 = I32(h11 + I32(b * b))
+            h02 = I32(h02 + a)
+            h12 = I32(h12 + b)
     return h00 / 1024.0, h01 / 1024.0, h11 / 1024.0, h02 / 32.0, h12 / 32.0
 
 
@@ -148,26 +149,26 @@ def misfit(
     ``start`` minus the template's. Grey levels and px.
 
     In whole numbers (1/16 grey levels, weights of 1/4096 px), whose sums the compiler may reorder and vectorise; none
-    of them reaches 2^31.
+    of them reaches 2^31. It does so only where every product is cut to 32 bits at once.
     """
-    w11 = np.int32(fx * fy * 4096.0)
-    w10 = np.int32(np.int32(fx * 4096.0) - w11)
-    w01 = np.int32(np.int32(fy * 4096.0) - w11)
-    w00 = np.int32(4096 - w11 - w10 - w01)
-    b0, b1, b2, squares = np.int32(0), np.int32(0), np.int32(0), np.int32(0)
+    w11 = I32(fx * fy * 4096.0)
+    w10 = I32(I32(fx * 4096.0) - w11)
+    w01 = I32(I32(fy * 4096.0) - w11)
+    w00 = I32(I32(4096) - I32(w11 + w10) - w01)
+    b0, b1, b2, squares = I32(0), I32(0), I32(0), I32(0)
     one = np.uint64(1)
     for j in range(8):
         p = start + j * width
         for i in range(8):
             a, b, k = np.uint64(p + i), np.uint64(p + width + i), np.uint64(8 * j + i)
-            top = np.int32(w00 * np.int32(pixels[a]) + w10 * np.int32(pixels[a + one]))
-            bottom = np.int32(w01 * np.int32(pixels[b]) + w11 * np.int32(pixels[b + one]))
-            value = np.int32(np.int32(top + bottom + np.int32(128)) >> np.int32(8))
-            r = np.int32(value - template[np.uint64(j + 1), np.uint64(i + 1)])
-            b0 = np.int32(b0 + r * gx[k])
-            b1 = np.int32(b1 + r * gy[k])
-            b2 = np.int32(b2 + r)
-            squares = np.int32(squares + r * r)
+            top = I32(I32(w00 * I32(pixels[a])) + I32(w10 * I32(pixels[a + one])))
+            bottom = I32(I32(w01 * I32(pixels[b])) + I32(w11 * I32(pixels[b + one])))
+            value = I32(I32(I32(top + bottom) + I32(128)) >> I32(8))
+            r = I32(value - template[np.uint64(j + 1), np.uint64(i + 1)])
+            b0 = I32(b0 + I32(r * gx[k]))
+            b1 = I32(b1 + I32(r * gy[k]))
+            b2 = I32(b2 + r)
+            squares = I32(squares + I32(r * r))
     return b0 / 512.0, b1 / 512.0, b2 / 16.0, squares / 256.0
 
 

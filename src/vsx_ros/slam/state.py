@@ -58,7 +58,8 @@ class SlamEvent(NamedTuple):
 class SlamStatistics(NamedTuple):
     """A run so far; names as in summary.json. The start is the frame that begins the map or is recognised in a loaded
     one. u1: found / searched averaged over all frames since the start, a lost frame counts 0 (paper 5.3). u2: how long
-    a point is tracked, averaged over points in at least three frames."""
+    a point is tracked, averaged over points in at least three frames. visible_ratio: u1 of the sharp tracked frames,
+    without the points that nearer ones hide: what is left is the tracker's own doing."""
 
     frames: int
     frames_tracked: int
@@ -71,3 +72,4 @@ class SlamStatistics(NamedTuple):
     keyframes: int
     map_points: int
     initialized_at_s: float | None
+    visible_ratio: float | None = None

@@ -19,7 +19,8 @@ class TrackingRecord:
         self.relocalizations = 0
         self._frames = self._tracked = self._lost = 0
         self._uncounted = 0
-        self._ratio_sum = 0.0
+        self._ratio_sum = self._visible_sum = 0.0
+        self._sharp = 0
         self._first_ns: int | None = None
         self._initialized_ns: int | None = None
         self._last: tuple[int, FloatArray] | None = None
@@ -46,8 +47,7 @@ class TrackingRecord:
         if not in_world:
             self.missed(stamp_ns)
             self._reserve(n_points)
-            self._searched[track.searched_rows] += 1
-            self._found[track.rows] += 1
+            self._count(track)
             return
         if self._initialized_ns is None:
             self._initialized_ns, self._uncounted = stamp_ns, self._lost
@@ -55,9 +55,11 @@ class TrackingRecord:
         self._frames += 1
         self._tracked += 1
         self._ratio_sum += track.ratio
+        if not track.blurred:
+            self._sharp += 1
+            self._visible_sum += track.visible_ratio
         self._reserve(n_points)
-        self._searched[track.searched_rows] += 1
-        self._found[track.rows] += 1
+        self._count(track)
         if self._last is not None:
             self._seconds[track.rows] += (stamp_ns - self._last[0]) * 1e-9
             self._metres[track.rows] += float(np.linalg.norm(track.T_world_cam.translation - self._last[1]))
@@ -91,7 +93,13 @@ class TrackingRecord:
             keyframes,
             map_points,
             (self._initialized_ns - (self._first_ns or 0)) * 1e-9 if self._initialized_ns is not None else None,
+            self._visible_sum / self._sharp if self._sharp else None,
         )
+
+    def _count(self, track: Track) -> None:
+        """A point that a blurred image does not show is no worse for it."""
+        self._searched[track.rows if track.blurred else track.searched_rows] += 1
+        self._found[track.rows] += 1
 
     def _reserve(self, n: int) -> None:
         grow = n - len(self._found)

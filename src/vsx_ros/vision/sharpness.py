@@ -14,8 +14,9 @@ FINE, COARSE = 0, 3
 NEIGHBOURS, LEAST = 9, 3
 # A fifth of the rows tells as much as all of them.
 ROW_STEP = 5
-# A blur of 9 px leaves less than this of the gradient energy along it (measured on four recordings); frames of a steady
-# camera keep more than 0.8.
+# A blur of 9 px leaves less than this of the gradient energy along it, a frame of a steady camera keeps more than 0.8.
+# Between them are hand-held frames, blurred a little or turned to what has less texture (down to 0.28 and 0.48 of their
+# neighbours in two recordings): some of them are called blurred too, which costs a keyframe, not the pose.
 BLURRED_SHARE = 0.45
 
 
