@@ -33,7 +33,7 @@ from vsx_hw.errors import DeviceError
 from vsx_hw.readings import BaseReading, Hazard
 from vsx_hw.safety import SOURCES, Decision, SpeedLimits, Supervisor
 from vsx_ros.config import Config
-from vsx_ros.ros import base_messages, process, topics
+from vsx_ros.ros import base_messages, process, service_manager, topics
 from vsx_ros.ros.base_drivers import BaseSettings, base_driver, base_guardian
 from vsx_ros.ros.master_watch import MasterWatch
 
@@ -77,6 +77,7 @@ class MobileBaseNode:
         rospy.Service(topics.ESTOP, SetBool, self._on_estop)
         rospy.Service(topics.RESET_ODOMETRY, Trigger, self._on_reset_odometry)
         self._driver.start()
+        service_manager.notify(service_manager.READY)
         process.every(1.0, "health", self._report)
 
     def _advertise(self) -> None:
@@ -141,6 +142,8 @@ class MobileBaseNode:
 
     def _report(self) -> None:
         """Once a second: battery and health."""
+        with self._lock:
+            service_manager.notify(service_manager.ALIVE)
         status = self._driver.status()
         level = process.OK if status.connected else process.ERROR
         self._diagnostics.set("link", level, status.message, device=status.device, **status.counters)

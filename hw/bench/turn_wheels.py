@@ -1,0 +1,26 @@
+"""turn_wheels.py PORT, the robot on a box: you should see the wheels turn 2 s ahead (0.2 m) and 2 s to the left, and stop.
+
+Odometry is printed after each; compare it with marks on the wheels.
+"""
+
+import math
+import sys
+import time
+
+from bench_base import driver_at
+
+last = []
+with driver_at(sys.argv[1], lambda reading: last.__setitem__(slice(None), [reading])) as driver:
+    while not last:
+        time.sleep(0.1)
+    for v, omega in ((0.1, 0.0), (0.0, 0.5)):
+        end_s = time.monotonic() + 2.0
+        while time.monotonic() < end_s:
+            driver.drive(v, omega)
+            time.sleep(0.05)
+        driver.stop()
+        time.sleep(0.7)
+        odometry = last[0].odometry
+        print(
+            f"x {odometry.x_m:.3f} m, heading {math.degrees(odometry.heading_rad):.1f} deg, wheels {odometry.wheels_m}"
+        )

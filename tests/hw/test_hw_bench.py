@@ -1,0 +1,61 @@
+"""The scripts for the first hour with a robot, beside an emulated one; and the stop bytes of the service manager."""
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from hw_plant import FreeWheels
+
+from vsx_hw.create.emulator import create_emulator
+from vsx_hw.create.protocol import CREATE_2
+from vsx_hw.kobuki.base_control import WHEEL_BASE_M
+from vsx_hw.kobuki.emulator import kobuki_emulator
+
+BENCH = Path(__file__).resolve().parents[2] / "hw" / "bench"
+ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p), "PYTHONUNBUFFERED": "1"}
+
+
+def run(*arguments: str, seconds: float = 30.0) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, *arguments], env=ENVIRONMENT, capture_output=True, text=True, timeout=seconds
+    )
+
+
+@pytest.fixture
+def kobuki(tmp_path):
+    plant, port = FreeWheels(WHEEL_BASE_M), str(tmp_path / "ttyKOBUKI")
+    with kobuki_emulator(plant, port):
+        yield plant, port
+
+
+def test_the_wheels_turn_as_announced(kobuki):
+    plant, port = kobuki
+    done = run(str(BENCH / "turn_wheels.py"), port)
+    assert done.returncode == 0, done.stderr
+    assert plant.speeds == (0.0, 0.0)
+    left, right = plant.travel
+    assert 0.5 * (left + right) == pytest.approx(0.2, abs=0.06)
+    assert (right - left) / WHEEL_BASE_M == pytest.approx(1.0, abs=0.3)
+
+
+def test_a_killed_driver_is_shown_to_stop(kobuki):
+    plant, port = kobuki
+    done = run(str(BENCH / "stop_wheels.py"), port)
+    assert "killed" in done.stdout, done.stderr
+    assert plant.travel[0] > 0.1
+    assert plant.speeds == (0.0, 0.0)
+
+
+def test_a_create_is_found_and_told_to_stop(tmp_path):
+    plant, port = FreeWheels(CREATE_2.wheel_base_m), str(tmp_path / "ttyCREATE")
+    with create_emulator(CREATE_2, plant, port) as emulator:
+        assert "create2" in run(str(BENCH / "find_base.py"), port).stdout
+        plant.speeds = (0.1, 0.1)
+        done = run("-c", "import vsx_hw.stop_base as s; s.main()", port, "create2")
+        assert done.returncode == 0, done.stderr
+        time.sleep(0.1)
+        assert bytes(emulator._board.log).endswith(bytes((145, 0, 0, 0, 0, 128, 173)))
+    assert "create" in run("-c", "import vsx_hw.stop_base as s; s.main()", port, "tricycle").stderr
