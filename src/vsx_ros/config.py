@@ -202,6 +202,7 @@ class DenseConfig(_Branch, frozen=True):
     accept_zncc: Ratio = 0.75
     grow_zncc: Ratio = 0.65
     rival_margin: Ratio = 0.05
+    min_views: Count = 3
     min_parallax_deg: Positive = 2.0
     max_parallax_deg: Positive = 30.0
     min_range_m: Positive = 0.4

@@ -22,7 +22,7 @@ def judged(world: list[scene.Rectangle], x: float, poses: list = scene.DRIVE) ->
     images = KeyframeImages(scene.CAMERA)
     views = images.views(scene.snapshot(world, poses, np.zeros((0, 3))), len(poses))
     said = judge(views, FRAME, cells_at(x), CONFIG, 1.0)
-    return consistent(said.texture, said.score, said.rival, CONFIG), said
+    return consistent(said.texture, said.score, said.rival, said.views, CONFIG), said
 
 
 def textured(x: float, **look: object) -> scene.Rectangle:

@@ -21,12 +21,13 @@ _HOLE_ROWS = 4
 _HOLE_COLUMNS = 1
 
 
-def consistent(texture: FloatArray, score: FloatArray, rival: FloatArray, config: DenseConfig) -> BoolArray:
-    """Cells that look alike at the plane's depth and less so at others."""
-    alike: BoolArray = (
-        (texture >= config.min_texture) & (score >= config.accept_zncc) & (score > rival + config.rival_margin)
-    )
-    return alike
+def consistent(
+    texture: FloatArray, score: FloatArray, rival: FloatArray, views: IntArray, config: DenseConfig
+) -> BoolArray:
+    """Cells that look alike at the plane's depth and less so at others, in enough keyframes beside the reference."""
+    alike = (texture >= config.min_texture) & (score >= config.accept_zncc)
+    told: BoolArray = alike & (score > rival + config.rival_margin) & (views >= config.min_views)
+    return told
 
 
 def refuted(texture: FloatArray, score: FloatArray, views: IntArray, passing: IntArray) -> BoolArray:

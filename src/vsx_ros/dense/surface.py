@@ -115,7 +115,7 @@ class Surface:
         self._views[where], self._keyframe[where] = said.views, said.keyframe
 
     def _consistent(self) -> BoolArray:
-        return consistent(self._texture, self._score, self._rival, self._config)
+        return consistent(self._texture, self._score, self._rival, self._views, self._config)
 
     def cells(self, plane: Plane, points: Points3, seen_by: IntArray, living: IntArray) -> Cells:
         """The cells that are surface. points (M, 3): those of the plane, and ids (M,) of keyframes that see them.
