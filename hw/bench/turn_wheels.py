@@ -1,4 +1,4 @@
-"""turn_wheels.py PORT, the robot on a box: you should see the wheels turn 2 s ahead (0.2 m) and 2 s to the left, and stop.
+"""turn_wheels.py PORT, the robot on a box: the wheels turn 2 s ahead (0.2 m), 2 s to the left, and stop.
 
 Odometry is printed after each; compare it with marks on the wheels.
 """
@@ -7,10 +7,10 @@ import math
 import sys
 import time
 
-from bench_base import driver_at
+from bench_base import BenchBase
 
 last = []
-with driver_at(sys.argv[1], lambda reading: last.__setitem__(slice(None), [reading])) as driver:
+with BenchBase(sys.argv[1]).driver(lambda reading: last.__setitem__(slice(None), [reading])) as driver:
     while not last:
         time.sleep(0.1)
     for v, omega in ((0.1, 0.0), (0.0, 0.5)):
@@ -21,6 +21,5 @@ with driver_at(sys.argv[1], lambda reading: last.__setitem__(slice(None), [readi
         driver.stop()
         time.sleep(0.7)
         odometry = last[0].odometry
-        print(
-            f"x {odometry.x_m:.3f} m, heading {math.degrees(odometry.heading_rad):.1f} deg, wheels {odometry.wheels_m}"
-        )
+        heading_deg = math.degrees(odometry.heading_rad)
+        print(f"x {odometry.x_m:.3f} m, heading {heading_deg:.1f} deg, wheels {odometry.wheels_m}")

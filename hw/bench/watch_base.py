@@ -1,16 +1,18 @@
 """watch_base.py PORT: you should see, once a second, the rate of readings, battery, buttons and what is touched.
 
-Press each bumper, lift each wheel, hold paper under each cliff sensor: its own name appears. No wheel turns. Ctrl-C ends.
+Press each bumper, lift each wheel, hold paper under each cliff sensor: its own name appears. No wheel turns..
 """
 
 import math
 import sys
 import time
 
-from bench_base import driver_at
+from bench_base import BenchBase
+
+from vsx_hw.readings import Hazard
 
 readings = []
-with driver_at(sys.argv[1], readings.append) as driver:
+with BenchBase(sys.argv[1]).driver(readings.append) as driver:
     try:
         while True:
             time.sleep(1.0)
@@ -18,13 +20,13 @@ with driver_at(sys.argv[1], readings.append) as driver:
             if not heard:
                 print(driver.status().message)
                 continue
-            touched, last = 0, heard[-1]
+            touched, last = Hazard.NONE, heard[-1]
             for reading in heard:
                 touched |= reading.hazards
             gyro = "none" if last.gyro is None else f"{math.degrees(last.gyro.rate_rad_s):.1f} deg/s"
             print(
                 f"{len(heard)} a second, {last.battery.voltage_v:.1f} V {last.battery.state}, {last.mode or '-'}, "
-                f"buttons {last.buttons}, gyro {gyro}, touched: {last.hazards.__class__(touched).name or 'nothing'}"
+                f"buttons {last.buttons}, gyro {gyro}, touched: {touched.name or 'nothing'}"
             )
     except KeyboardInterrupt:
         print(driver.status())
