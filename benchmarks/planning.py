@@ -9,6 +9,7 @@ process, Python included. How well a trajectory is followed is measured by tests
 
 import argparse
 import os
+import sys
 import time
 from dataclasses import dataclass
 
@@ -38,11 +39,11 @@ class Row:
     measured: float
     least: bool = False
 
-    def __str__(self) -> str:
-        def met(bound: float) -> bool:
-            return self.measured >= bound if self.least else self.measured <= bound
+    def meets(self, bound: float) -> bool:
+        return self.measured >= bound if self.least else self.measured <= bound
 
-        word = "aim" if met(self.aim) else "must" if met(self.must) else "MISSED"
+    def __str__(self) -> str:
+        word = "aim" if self.meets(self.aim) else "must" if self.meets(self.must) else "MISSED"
         return f"{self.what:58s} {self.must:12.7g} {self.aim:12.7g} {self.measured:12.7g}  {word}"
 
 
@@ -239,6 +240,7 @@ def main() -> None:
         rows += todo[name](args.quick)
     print(f"\n{'quantity':58s} {'must':>12s} {'aim':>12s} {'measured':>12s}  meets")
     print(*rows, sep="\n", flush=True)
+    sys.exit(0 if all(row.meets(row.must) for row in rows) else 1)
 
 
 if __name__ == "__main__":
