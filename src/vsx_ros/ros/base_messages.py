@@ -92,3 +92,8 @@ def bumper_cloud(hazards: Hazard, stamp_ns: int) -> PointCloud2:
     msg.point_step, msg.row_step, msg.is_dense = 12, 12 * len(points), True
     msg.data = np.array(points, "<f4").tobytes()
     return msg
+
+
+def is_nearly_empty(msg: BatteryState) -> bool:
+    """At most a tenth is left and nothing charges it: on a Kobuki 13.4 V."""
+    return msg.power_supply_status == BatteryState.POWER_SUPPLY_STATUS_DISCHARGING and msg.percentage <= 0.1

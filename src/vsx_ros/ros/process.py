@@ -177,7 +177,7 @@ class Diagnostics:
     """Publishes the last known condition of the node's components once a second (REP 107)."""
 
     def __init__(self, hardware_id: str = "") -> None:
-        self._hardware_id = hardware_id
+        self._hardware_id = hardware_id or rospy.get_name()
         self._components: dict[str, tuple[int, str, dict[str, str]]] = {}
         self._lock = threading.Lock()
         self._publisher = rospy.Publisher(topics.DIAGNOSTICS, DiagnosticArray, queue_size=5)

@@ -1,6 +1,7 @@
 """Node ``explore``: decides what to look at next and lets move_base drive there.
 
-Subscribers: map, vslam/map_points, vslam/pose, vslam/state, odom, mobile_base/hazards, follower/lease.
+Subscribers: map, vslam/map_points, vslam/pose, vslam/state, odom, mobile_base/hazards, battery
+    (nearly empty: the robot goes home, once), follower/lease.
 Publishers: explore/frontiers (as explore_lite), explore/status (latched String, JSON, 1 Hz and on change),
     explore/events (String, JSON: every change of state and every choice, with its reason), explore/coverage (known
     area, m2), move_base/lease.
@@ -23,7 +24,7 @@ from actionlib import CommState
 from actionlib_msgs.msg import GoalStatus
 from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
 from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
-from sensor_msgs.msg import PointCloud2
+from sensor_msgs.msg import BatteryState, PointCloud2
 from std_msgs.msg import Float32, String, UInt8
 from std_srvs.srv import Trigger, TriggerRequest, TriggerResponse
 from visualization_msgs.msg import MarkerArray
@@ -36,7 +37,7 @@ from vsx_ros.exploration.utility import TravelCosts
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.planner import Planner
-from vsx_ros.ros import convert, process, topics
+from vsx_ros.ros import base_messages, convert, process, topics
 from vsx_ros.ros.frontier_markers import frontier_markers
 from vsx_ros.ros.lease import PERIOD_S, Lease, LeaseWatch
 from vsx_ros.ros.localization import Localization
@@ -64,6 +65,7 @@ class ExploreNode:
         self._goal: actionlib.ClientGoalHandle | None = None
         self._status, self._status_s = "", 0.0
         self._shown: object = None
+        self._battery_empty = False
         self._where = Localization()
         self._slam = LeaseWatch(topics.FOLLOWER_LEASE)
         self._diagnostics = process.Diagnostics()
@@ -76,6 +78,7 @@ class ExploreNode:
         process.subscribe(topics.MAP, OccupancyGridMsg, self._on_map, queue_size=1)
         process.subscribe(topics.MAP_POINTS, PointCloud2, self._on_points, queue_size=1, buff_size=2**22)
         process.subscribe(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5)
+        process.subscribe(topics.BATTERY, BatteryState, self._on_battery, queue_size=1)
         for name, request in (
             (topics.EXPLORE_PAUSE, self._mission.pause),
             (topics.EXPLORE_RESUME, self._mission.resume),
@@ -97,6 +100,14 @@ class ExploreNode:
 
     def _on_hazards(self, msg: UInt8) -> None:
         self._hazards = msg.data
+
+    def _on_battery(self, msg: BatteryState) -> None:
+        empty = base_messages.is_nearly_empty(msg)
+        if empty and not self._battery_empty:
+            rospy.logwarn("battery at %.1f V is nearly empty: going home", msg.voltage)
+            with self._lock:
+                self._mission.home(process.now_ns())
+        self._battery_empty = self._battery_empty or empty
 
     def _operator(self, request: Callable[[int], None]) -> Callable[[TriggerRequest], TriggerResponse]:
         def handle(_: TriggerRequest) -> TriggerResponse:

@@ -1,0 +1,56 @@
+"""What a base reports, as messages."""
+
+import math
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rospy")
+
+from sensor_msgs.msg import BatteryState
+
+from vsx_hw.kobuki.protocol import battery_state
+from vsx_hw.readings import BatteryReading, GyroReading, Hazard, OdometryReading
+from vsx_ros.ros import base_messages
+
+
+@pytest.mark.parametrize(
+    ("decivolt", "charger", "empty"),
+    [(131, 0, True), (134, 0, True), (136, 0, False), (131, 6, False), (160, 0, False)],
+)
+def test_a_nearly_empty_battery_is_one_that_nobody_charges(decivolt: int, charger: int, empty: bool) -> None:
+    fraction, state, charging = battery_state(decivolt, charger)
+    msg = base_messages.battery(BatteryReading(decivolt / 10, fraction, charging, state), 1)
+    assert isinstance(msg, BatteryState)
+    assert base_messages.is_nearly_empty(msg) == empty
+
+
+def test_motion_that_nobody_measured_has_a_large_covariance() -> None:
+    sure, unsure = (base_messages.odometry(OdometryReading(1, 1.0, 0.0, 0.0, 0.0, 0.0, 0, t)) for t in (True, False))
+    assert unsure.pose.covariance[0] == pytest.approx(100 * sure.pose.covariance[0])
+    assert unsure.pose.covariance[35] == pytest.approx(100 * sure.pose.covariance[35])
+
+
+def test_the_gyro_is_a_heading_about_the_vertical() -> None:
+    msg = base_messages.imu(GyroReading(math.pi / 2, 0.3), 5)
+    assert (msg.orientation.z, msg.orientation.w) == pytest.approx((math.sqrt(0.5), math.sqrt(0.5)))
+    assert msg.angular_velocity.z == 0.3
+    assert msg.orientation_covariance[8] == 0.05 < msg.orientation_covariance[0]
+    assert msg.linear_acceleration_covariance[0] == -1.0
+
+
+@pytest.mark.parametrize(
+    ("hazards", "near"),
+    [
+        (Hazard.BUMPER_LEFT, [0]),
+        (Hazard.CLIFF_CENTER, [1]),
+        (Hazard.BUMPER_RIGHT | Hazard.CLIFF_LEFT, [0, 2]),
+        (Hazard.NONE, []),
+    ],
+)
+def test_bumpers_are_points_on_the_rim_and_silence_clears_them(hazards: Hazard, near: list[int]) -> None:
+    msg = base_messages.bumper_cloud(hazards, 1)
+    points = np.frombuffer(msg.data, "<f4").reshape(3, 3)
+    radii = np.hypot(points[:, 0], points[:, 1])
+    assert [k for k in range(3) if radii[k] < 1.0] == near
+    assert points[0, 1] > 0.0 > points[2, 1]
