@@ -9,7 +9,7 @@ from vsx_ros.dense.observed_points import ObservedPoints
 from vsx_ros.dense.plane_fitting import Attitude
 
 _TRIES = 24
-_LEVEL_SHARE = 0.25
+_LEVEL_SHARE = 0.1
 _MIN_FACING = 0.05
 _MIN_SINE = 0.25
 

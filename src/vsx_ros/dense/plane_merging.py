@@ -18,6 +18,7 @@ _SAME_SHARE = 0.8
 _GAP_M = 1.5
 _MARGIN_M = 0.3
 _MIN_OWN = 0.5
+_CELL_M, _COMPANY, _COMPACT_SHARE = 0.25, 4, 0.7
 _MANY_POINTS, _DENSE_PER_M2 = 40, 20.0
 
 
@@ -78,11 +79,37 @@ def _shared_out(groups: list[Found], points: ObservedPoints, min_points: int, no
     for k, group in enumerate(groups):
         own = np.flatnonzero(owner == k)
         for part in _pieces(points.world[own] @ in_plane_axes(group.fit.normal).T, _GAP_M * unit):
-            if len(part) >= min_points:
-                fit = fit_plane(points, own[part], group.fit.normal, group.fit.attitude, noise)
-                if fit is not None and _stands(Found(fit, own[part]), points, noise, unit):
-                    out.append(Found(fit, own[part]))
+            found = _standing(group.fit, own[part], points, min_points, noise, unit)
+            if found is not None:
+                out.append(found)
     return sorted(out, key=lambda found: -len(found.rows))
+
+
+def _standing(
+    guess: Fit, rows: IntArray, points: ObservedPoints, min_points: int, noise: Noise, unit: float
+) -> Found | None:
+    """The plane near a guess made of the points (rows), with or without those that lie alone; None if neither is one.
+    Without, where few do: they would make it larger than it is."""
+    if len(rows) < min_points:
+        return None
+    core = rows[_in_company(points.world[rows] @ in_plane_axes(guess.normal).T, unit)]
+    few = len(core) >= _COMPACT_SHARE * len(rows)
+    for some in (core, rows) if few else (rows, core):
+        fit = fit_plane(points, some, guess.normal, guess.attitude, noise) if len(some) >= min_points else None
+        if fit is not None and _stands(Found(fit, some), points, noise, unit):
+            return Found(fit, some)
+    return None
+
+
+def _in_company(coordinates: FloatArray, unit: float) -> BoolArray:
+    """(N,) which points have some others around them: in their own cell and those that touch it."""
+    cells = np.floor(coordinates / (_CELL_M * unit)).astype(np.int64)
+    cells -= cells.min(axis=0) - 1
+    counts = np.zeros(cells.max(axis=0) + 2)
+    np.add.at(counts, (cells[:, 0], cells[:, 1]), 1.0)
+    around = sum(counts[cells[:, 0] + i, cells[:, 1] + j] for i in (-1, 0, 1) for j in (-1, 0, 1))
+    company: BoolArray = np.asarray(around) >= _COMPANY
+    return company
 
 
 def _stands(found: Found, points: ObservedPoints, noise: Noise, unit: float) -> bool:
