@@ -95,5 +95,6 @@ def bumper_cloud(hazards: Hazard, stamp_ns: int) -> PointCloud2:
 
 
 def is_nearly_empty(msg: BatteryState) -> bool:
-    """At most a tenth is left and nothing charges it: on a Kobuki 13.4 V."""
-    return msg.power_supply_status == BatteryState.POWER_SUPPLY_STATUS_DISCHARGING and msg.percentage <= 0.1
+    """At most a tenth is left and nothing charges it: on a Kobuki 13.3 V."""
+    discharging = msg.power_supply_status == BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
+    return bool(discharging and msg.percentage <= 0.1)

@@ -64,7 +64,7 @@ class CameraNode:
         camera = self._calibration or self._find_calibration(width, height)
         if (camera.width, camera.height) != (width, height):
             rospy.logwarn("calibration is of %dx%d, images are %dx%d", camera.width, camera.height, width, height)
-            camera, self._calibrated = self._nominal(width, height), False
+            camera, self._calibrated = nominal(self._device, width, height), False
         self._calibration = camera
         self._info_pub.publish(images.camera_info(camera, reading.stamp_ns, self._frame_id))
         self._image_pub.publish(images.image_msg(reading.stamp_ns, reading.image, reading.encoding, self._frame_id))
@@ -77,20 +77,13 @@ class CameraNode:
         home = Path(os.environ.get("ROS_HOME", Path.home() / ".ros"))
         return home / "camera_info" / f"rgb_{self._source.serial}.yaml"
 
-    def _nominal(self, width: int, height: int) -> PinholeCamera:
-        """The 4:3 image of a Kinect is the upper part of its 1280 x 1024 one, so the centre lies above the middle."""
-        if self._device.startswith("v4l"):
-            return nominal_camera(width, height)
-        upper = nominal_camera(width, width * 3 // 4)
-        return PinholeCamera(width, height, upper.fx, upper.fy, upper.cx, upper.cy)
-
     def _find_calibration(self, width: int, height: int) -> PinholeCamera:
         path = self._calibration_file()
         try:
             camera = read_calibration(path)
         except CalibrationError as error:
             rospy.logwarn("camera is not calibrated: %s. Nominal values are used; expect a bent map", error)
-            return self._nominal(width, height)
+            return nominal(self._device, width, height)
         self._calibrated = True
         return camera
 
@@ -123,6 +116,15 @@ class CameraNode:
     def close(self) -> None:
         """Stop the stream."""
         self._source.close()
+
+
+def nominal(device: str, width: int, height: int) -> PinholeCamera:
+    """What is assumed of an uncalibrated camera. The 4:3 image of a Kinect is the upper part of its 1280 x 1024 one, so
+    the centre lies above the middle of that."""
+    if device.startswith("v4l"):
+        return nominal_camera(width, height)
+    upper = nominal_camera(width, width * 3 // 4)
+    return PinholeCamera(width, height, upper.fx, upper.fy, upper.cx, upper.cy)
 
 
 def open_camera(
