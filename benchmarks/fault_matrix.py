@@ -225,7 +225,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--repetitions", type=int, default=5)
     parser.add_argument("--table", type=Path)
+    parser.add_argument("--nodes-only", action="store_true", help="only the table of what fault_nodes.py has measured")
     args = parser.parse_args()
+    if args.nodes_only:
+        replace(args.table, "nodes", node_table())
+        return
     with tempfile.TemporaryDirectory() as folder:
         tables = {"cameras": camera_table(folder), "bases": base_table(args.repetitions, folder), "nodes": node_table()}
     for name, lines in tables.items():
