@@ -188,7 +188,7 @@ class PlanesConfig(_Branch, frozen=True):
     max_sigma_m: Positive = 0.3
     partner_sigma_m: Positive = 0.8
     min_separation_m: Positive = 0.10
-    min_points: Count = 12
+    min_points: Count = 15
 
 
 class DenseConfig(_Branch, frozen=True):
