@@ -13,8 +13,8 @@ from vsx_ros.slam.snapshot import MapSnapshot
 
 class ObservedPoints(NamedTuple):
     """ids (N,): point_ids of the snapshot. world (N, 3). covariances (N, 3, 3) [m2] of the positions, keyframes taken
-    as known. views (N, 3): mean unit direction to the observers. sigma (N,): standard deviation [m], all directions together.
-    range (N,): mean distance of the observers [m]."""
+    as known. views (N, 3): mean unit direction to the observers. sigma (N,): standard deviation [m], all directions
+    together. range (N,): mean distance of the observers [m]."""
 
     ids: IntArray
     world: Points3
