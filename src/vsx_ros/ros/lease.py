@@ -23,10 +23,16 @@ class Lease:
     def __init__(self, topic: str, holder: str) -> None:
         self._publisher = rospy.Publisher(topic, String, queue_size=1, tcp_nodelay=True)
         self._message = String(holder)
+        self._released = False
 
     def renew(self) -> None:
         """Ask for ``TIMEOUT_S`` more; call it at least every ``PERIOD_S``."""
-        self._publisher.publish(self._message)
+        if not self._released:
+            self._publisher.publish(self._message)
+
+    def release(self) -> None:
+        """Never ask again: the holder is leaving, which takes a while."""
+        self._released = True
 
 
 class LeaseWatch:

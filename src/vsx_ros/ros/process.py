@@ -31,6 +31,8 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 IMAGE_BUFFER_BYTES = 2**24
 
 _NAME_AGAIN_S = 5.0
+_SIGNAL_S = 0.05
+"""Python runs a signal's handler when the main thread wakes; rospy.spin would sleep for half a second."""
 
 DIE_WITH_PARENT = "VSX_DIE_WITH_PARENT"
 """Environment variable: a node started by a run ends when the run is killed."""
@@ -72,7 +74,8 @@ def run(name: str, build: Callable[[Config], Node]) -> None:
         sys.exit(2 if isinstance(error, DeviceError) else 1)
     rospy.on_shutdown(node.close)
     rospy.loginfo("%s: ready", rospy.get_name())
-    rospy.spin()
+    while not rospy.is_shutdown():
+        time.sleep(_SIGNAL_S)
 
 
 def configuration() -> Config:
