@@ -9,9 +9,10 @@ vsx_list() { sed -e 's/#.*//' -e '/^[[:space:]]*$/d' "$1"; }
 vsx_system_packages() {
     command -v dpkg-query >/dev/null || vsx_die "This needs Debian 12/13 or Ubuntu 22.04/24.04 (apt): no dpkg here. On another system, use a container of one of them."
     local missing=() package
-    local installed
+    local installed lists=("$root/apt.txt")
+    [ "${1:-}" = dev ] && lists+=("$root/apt-dev.txt")
     installed=$(dpkg-query -W -f '${Package} ${Status}\n' 2>/dev/null | sed -n 's/ install ok installed$//p')
-    for package in $(vsx_list "$root/apt.txt"); do
+    for package in $(for list in "${lists[@]}"; do vsx_list "$list"; done); do
         grep -qxF "$package" <<<"$installed" || missing+=("$package")
     done
     [ ${#missing[@]} -eq 0 ] && return 0
@@ -67,7 +68,7 @@ vsx_setup() {
     local started=$SECONDS
     root=$(cd "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")/.." && pwd)
     venv=${VSX_VENV:-${XDG_DATA_HOME:-$HOME/.local/share}/vsx_ros/venv}
-    vsx_system_packages
+    vsx_system_packages "${1:-}"
     vsx_python_packages "$@"
     export VSX_PYTHON PYTHONPATH="$root/src:$root/hw${PYTHONPATH:+:$PYTHONPATH}"
     export ROS_PACKAGE_PATH="$root${ROS_PACKAGE_PATH:+:$ROS_PACKAGE_PATH}:/usr/share"
