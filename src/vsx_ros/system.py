@@ -15,19 +15,22 @@ from vsx_ros.config import Config
 from vsx_ros.control.caution import Caution
 from vsx_ros.control.pose_fusion import PoseFuser
 from vsx_ros.control.trajectory_tracker import FollowResult, FollowStatus, TrajectoryTracker
+from vsx_ros.dense.anchored import AnchoredSpots
+from vsx_ros.dense.densify import DenseMap, Densifier
+from vsx_ros.dense.mapped_ground import MappedGround
 from vsx_ros.exploration.decision import Action, Decision, NavigationState, Situation
 from vsx_ros.exploration.mission import Mission
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.occupancy.ground_map import GroundMap
 from vsx_ros.planning.path import Refusal, Trajectory
 from vsx_ros.planning.planner import Planner, UnconstrainedPlanner
 from vsx_ros.planning.sight import Sight
 from vsx_ros.planning.time_scaling import time_scale
 from vsx_ros.robot import STOP, Frame, Odometry, VelocityCommand
 from vsx_ros.slam.slam import SequentialSlam
+from vsx_ros.slam.snapshot import MapSnapshot
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
 _DECIDE_EVERY_NS = 200_000_000
@@ -145,7 +148,7 @@ class Navigator:
 
 
 class ExplorationSystem:
-    """SLAM, ground map, mission, planner and follower in lock-step: same frames, same seed, same bits."""
+    """SLAM, dense map, ground map, mission, planner and follower in lock-step: same frames, same seed, same bits."""
 
     def __init__(
         self, camera: PinholeCamera, T_base_cam: SE3, config: Config, seed: int, unconstrained: bool = False
@@ -154,16 +157,16 @@ class ExplorationSystem:
         self._T_cam_base = T_base_cam.inverse()
         self._costs = Planner(config.planner, config.robot)
         planner = UnconstrainedPlanner(config.planner, config.robot) if unconstrained else self._costs
-        self._ground_map = GroundMap(config.ground_map, config.robot)
+        self._ground = MappedGround(config)
+        self._densifier = Densifier(camera, T_base_cam, config.dense, seed) if config.dense.enabled else None
         self._fuser = PoseFuser()
-        self._trail: list[SE2] = []
-        self._bumps: list[SE2] = []
-        self._map_version = -1
+        self._map_version = self._newest_keyframe = -1
         self._next_map_ns = self._next_decision_ns = 0
         self.slam = SequentialSlam(camera, T_base_cam, config.slam, seed)
         self.navigator = Navigator(config, planner, seed)
         self.mission = Mission(config, lambda start, grid: lambda poses: self._costs.travel_costs(start, grid, poses))
         self.grid: OccupancyGrid | None = None
+        self.dense: DenseMap | None = None
 
     def step(self, frame: Frame, odometry: Odometry, hazard: str | None = None) -> StepResult:
         """Track the frame, refresh the map, decide, and say how the wheels shall turn. hazard: a pressed bumper."""
@@ -187,10 +190,9 @@ class ExplorationSystem:
         pose = self._fuser.pose()
         if pose is None:
             return
-        if not self._trail or self._trail[-1].distance_to(pose) > 0.05:
-            self._trail.append(pose)
-        if hazard and (not self._bumps or self._bumps[-1].distance_to(pose) > 0.1):
-            self._bumps.append(pose)
+        self._ground.moved(pose)
+        if hazard:
+            self._ground.bumped(pose)
 
     def _refresh_map(self, now_ns: int) -> None:
         snapshot = self.slam.snapshot()
@@ -198,10 +200,17 @@ class ExplorationSystem:
             return
         self._next_map_ns = now_ns + _MAP_EVERY_NS
         self._map_version = snapshot.version
-        self.grid = self._ground_map.build(
-            snapshot.T_world_cams, snapshot.points_world, snapshot.obs_keyframe, snapshot.obs_point,
-            trail=self._trail, bumps=self._bumps, start=SE2(),
-        )  # fmt: skip
+        self._densify(snapshot)
+        self.grid = self._ground.grid(snapshot)
+
+    def _densify(self, snapshot: MapSnapshot) -> None:
+        """Once for each new keyframe: the work of one update is that of one keyframe."""
+        newest = int(snapshot.keyframe_ids[-1]) if len(snapshot.keyframe_ids) else -1
+        if self._densifier is None or newest == self._newest_keyframe:
+            return
+        self._newest_keyframe = newest
+        self.dense = self._densifier.update(snapshot)
+        self._ground.dense = AnchoredSpots.of(self.dense, snapshot, self._config.dense.cell_m)
 
     def _decide(self, now_ns: int, T_odom_base: SE2, tracking: TrackingResult, hazard: str | None) -> Decision:
         situation = Situation(

@@ -84,6 +84,28 @@ def polar_scans(
 
 
 @kernel
+def block_scans(positions: Any, yaws: Any, free: Any, spots: Any, keyframe: Any, sigma: Any, shape: Any) -> None:
+    """Shorten scans free (K, B) in place where the keyframe of a spot of surface (N, 3) sees it.
+
+    sigma: (N,) uncertainty of its distance [m]. shape: half its width [m], how many sigmas and, besides, how far [m]
+    short of it a ray ends.
+    """
+    half_width, caution, short = shape[0], shape[1], shape[2]
+    n = free.shape[1]
+    for i in range(spots.shape[0]):
+        k = keyframe[i]
+        dx, dy = spots[i, 0] - positions[k, 0], spots[i, 1] - positions[k, 1]
+        distance = math.sqrt(dx * dx + dy * dy)
+        if distance <= half_width:
+            continue
+        until = max(0.0, distance - caution * sigma[i] - short)
+        bearing = bearing_bin(math.atan2(dy, dx) - yaws[k], n)
+        reach = int(half_width / distance * n / (2.0 * math.pi))
+        for b in range(bearing - reach, bearing + reach + 1):
+            free[k, b % n] = min(free[k, b % n], until)
+
+
+@kernel
 def bearing_bin(angle: float, n_bearings: int) -> int:
     """The bin of an angle [rad]; bin 0 begins at angle 0."""
     turn = angle / (2.0 * math.pi)
@@ -171,3 +193,34 @@ def count_hits(
                 counted[p] = True
                 members[row, column] += 1
     return votes, members
+
+
+@kernel
+def count_spots(spots: Any, rows: int, columns: int, resolution: float, origin_x: float, origin_y: float) -> Any:
+    """(rows, columns) int32: how many of the spots (N, 3) lie above each cell."""
+    votes = np.zeros((rows, columns), np.int32)
+    for i in range(spots.shape[0]):
+        column = math.floor((spots[i, 0] - origin_x) / resolution)
+        row = math.floor((spots[i, 1] - origin_y) / resolution)
+        if 0 <= row < rows and 0 <= column < columns:
+            votes[row, column] += 1
+    return votes
+
+
+@kernel
+def cover_discs(
+    poses: Any, radius: float, rows: int, columns: int, resolution: float, origin_x: float, origin_y: float
+) -> Any:
+    """(rows, columns) whether the middle of a cell lies within radius [m] of one of the poses (N, 2)."""
+    covered = np.zeros((rows, columns), np.bool_)
+    reach = int(radius / resolution) + 2
+    for i in range(poses.shape[0]):
+        x, y = poses[i, 0] - origin_x, poses[i, 1] - origin_y
+        row, column = math.floor(y / resolution), math.floor(x / resolution)
+        for r in range(max(0, row - reach), min(rows, row + reach + 1)):
+            dy = (r + 0.5) * resolution - y
+            for c in range(max(0, column - reach), min(columns, column + reach + 1)):
+                dx = (c + 0.5) * resolution - x
+                if dx * dx + dy * dy <= radius * radius:
+                    covered[r, c] = True
+    return covered

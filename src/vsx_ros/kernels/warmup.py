@@ -67,6 +67,9 @@ def _ground_map() -> None:
     heights, ranges = (0.06, 0.6, 0.45, 0.01), (4.5, 0.001, 0.1, 0.025, 2.0)
     free, hit = ground_map.polar_scans(positions, yaws, points, parallax, one, one, 8, heights, ranges)
     free = ground_map.bridge_gaps(free, 2, 0.1)
+    ground_map.block_scans(positions, yaws, free, points, one, np.zeros(1), np.array([0.04, 2.0, 0.05]))
+    ground_map.count_spots(points, 4, 4, 0.05, 0.0, 0.0)
+    ground_map.cover_discs(np.zeros((1, 2)), 0.2, 4, 4, 0.05, 0.0, 0.0)
     ground_map.count_free(positions, yaws, free, 4, 4, 0.05, 0.0, 0.0)
     ground_map.count_hits(points, one, hit, 4, 4, 0.05, 0.0, 0.0)
 

@@ -17,7 +17,8 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels import ground_map as kernels
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from vsx_ros.occupancy.virtual_scan import PolarScans, virtual_scans
+from vsx_ros.occupancy.surfaces import Surfaces
+from vsx_ros.occupancy.virtual_scan import PolarScans, blocked, virtual_scans
 
 _MARGIN_M = 0.5
 _MIN_FREE_VOTES = 1
@@ -26,6 +27,9 @@ _OVERRULED_BY = 1.0
 _SURE_POINTS = 3
 """Fewer points than this are noise where this many times more keyframes looked through their place than saw them."""
 _SPECK_CELLS = 3
+_MIN_SPOTS = 6
+_SEEN_THROUGH = 0.25
+_MAX_SURFACE_SIGMA_M = 0.05
 _BUMP_ARC_RAD = 1.0
 _BUMP_AHEAD_M = 0.05
 
@@ -76,23 +80,27 @@ class GroundMap:
         trail: Sequence[SE2] = (),
         bumps: Sequence[SE2] = (),
         start: SE2 | None = None,
+        surfaces: Surfaces | None = None,
     ) -> OccupancyGrid:
         """The grid; evidence of an obstacle beats evidence of free space, what nobody saw stays unknown.
 
         T_world_cams: K keyframes. points_world: (M, 3). obs_keyframe, obs_point: (O,) which keyframe saw which point.
         trail: base poses driven through, free as wide as the robot. bumps: base poses where a bumper was pressed;
         an arc in front of each is occupied for good. start: the pose in front of which the operator promised
-        ``start_clear_m`` of free floor.
-        Raises InputError when an observation names a keyframe or point that is not there.
+        ``start_clear_m`` of free floor. surfaces: what is known to be solid besides the points; never proves a floor
+        free.
+        Raises InputError when an observation or a surface names a keyframe or point that is not there.
         """
         self._check(len(T_world_cams), points_world, obs_keyframe, obs_point)
         scans = virtual_scans(T_world_cams, points_world, obs_keyframe, obs_point, self._config)
+        spots = self._usable(surfaces, len(T_world_cams))
+        scans = blocked(scans, spots, self._config)
         arcs = self._bump_cells(bumps)
-        lattice = _Lattice.around(
-            self._extent(scans, points_world, obs_point, trail, start, arcs), self._config.resolution_m
-        )
+        extent = self._extent(scans, points_world, obs_point, trail, start)
+        lattice = _Lattice.around(np.vstack([extent, spots.points[:, :2], arcs]), self._config.resolution_m)
         free_votes = kernels.count_free(scans.positions, scans.yaws, scans.free, *lattice.arguments())
         occupied = self._occupied(scans, points_world, obs_point, free_votes, lattice)
+        occupied |= _solid(spots, free_votes, lattice)
         data = np.full((lattice.rows, lattice.columns), UNKNOWN, np.int8)
         data[free_votes >= _MIN_FREE_VOTES] = FREE
         if start is not None:
@@ -119,10 +127,9 @@ class GroundMap:
             raise InputError("observations must name a keyframe and a point each, and points must be finite")
 
     def _extent(
-        self, scans: PolarScans, points_world: Points3, obs_point: IntArray, trail: Sequence[SE2], start: SE2 | None,
-        arcs: Points2,
-    ) -> Points2:  # fmt: skip
-        """(N, 2) points that the grid must hold."""
+        self, scans: PolarScans, points_world: Points3, obs_point: IntArray, trail: Sequence[SE2], start: SE2 | None
+    ) -> Points2:
+        """(N, 2) points seen, driven and promised that the grid must hold."""
         keyframe, bearing = np.nonzero(scans.free)
         angle = scans.yaws[keyframe] + (bearing + 0.5) * 2 * math.pi / scans.free.shape[1]
         reach = scans.free[keyframe, bearing][:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -130,10 +137,10 @@ class GroundMap:
         ahead = [(start @ np.array([[self._config.start_clear_m, 0.0]]))[0]] if start else []
         return np.vstack(
             [
+                scans.positions[:, :2],
                 scans.positions[keyframe, :2] + reach,
                 np.asarray(points_world).reshape(-1, 3)[obs_point[scans.hit > 0], :2],
                 np.array([*poses, *ahead]).reshape(-1, 2),
-                arcs,
             ]
         )
 
@@ -151,6 +158,23 @@ class GroundMap:
         occupied: BoolArray = (votes > 0) & (near_votes >= _MIN_HIT_VOTES) & ~noise
         return occupied
 
+    def _usable(self, surfaces: Surfaces | None, n_keyframes: int) -> Surfaces:
+        """The spots that the robot could touch and that lie where they seem to."""
+        if surfaces is None:
+            return Surfaces.none()
+        points, keyframe = np.array(surfaces.points, np.float64).reshape(-1, 3), np.array(surfaces.keyframe, np.int64)
+        sigma = np.array(surfaces.sigma_m, np.float64)
+        if not len(points) == len(keyframe) == len(sigma) or not np.isfinite(points).all():
+            raise InputError("surfaces must give a finite point, a keyframe and a sigma each")
+        if len(keyframe) and not 0 <= int(keyframe.min()) <= int(keyframe.max()) < n_keyframes:
+            raise InputError(
+                f"a surface names keyframe {int(keyframe.max())} of {n_keyframes}; "
+                "surfaces and keyframes must come from one snapshot"
+            )
+        low, high = self._config.obstacle_min_height_m, self._config.obstacle_max_height_m
+        touched = (points[:, 2] > low) & (points[:, 2] <= high) & (sigma <= _MAX_SURFACE_SIGMA_M)
+        return Surfaces(points[touched], keyframe[touched], sigma[touched])
+
     def _start_strip(self, start: SE2, lattice: _Lattice) -> BoolArray:
         """The promised floor: from behind the robot to ``start_clear_m`` in front, a little wider than the robot."""
         x, y = lattice.centres()
@@ -165,19 +189,9 @@ class GroundMap:
 
     def _footprints(self, trail: Sequence[SE2], lattice: _Lattice) -> BoolArray:
         """Cells whose centre the robot's body has covered."""
-        inside = np.zeros((lattice.rows, lattice.columns), bool)
-        x, y = lattice.centres()
-        radius = self._robot.radius_m
-        for pose in trail:
-            row = int((pose.y - lattice.origin_y) / lattice.resolution)
-            column = int((pose.x - lattice.origin_x) / lattice.resolution)
-            reach = int(radius / lattice.resolution) + 2
-            window = (
-                slice(max(row - reach, 0), row + reach + 1),
-                slice(max(column - reach, 0), column + reach + 1),
-            )
-            inside[window] |= (x[:, window[1]] - pose.x) ** 2 + (y[window[0]] - pose.y) ** 2 <= radius**2
-        return inside
+        places = np.array([(pose.x, pose.y) for pose in trail]).reshape(-1, 2)
+        covered: BoolArray = kernels.cover_discs(places, self._robot.radius_m, *lattice.arguments())
+        return covered
 
     def _bump_cells(self, bumps: Sequence[SE2]) -> Points2:
         """(N, 2) points of the arcs just ahead of the bumper [m]."""
@@ -186,6 +200,15 @@ class GroundMap:
         angles = np.linspace(-_BUMP_ARC_RAD, _BUMP_ARC_RAD, n)
         arc = radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
         return np.vstack([np.zeros((0, 2)), *(pose @ arc for pose in bumps)])
+
+
+def _solid(spots: Surfaces, free_votes: IntArray, lattice: _Lattice) -> BoolArray:
+    """Cells under surfaces, but for those that many keyframes look through."""
+    votes = kernels.count_spots(spots.points, *lattice.arguments())
+    near_free = cv2.blur(free_votes.astype(np.float32), (3, 3), borderType=cv2.BORDER_CONSTANT)
+    near_spots = cv2.filter2D(votes.astype(np.float32), -1, np.ones((3, 3), np.float32), borderType=cv2.BORDER_CONSTANT)
+    solid: BoolArray = (votes > 0) & (near_spots >= _MIN_SPOTS) & (near_free <= _SEEN_THROUGH * near_spots)
+    return solid
 
 
 def _gaps(data: NDArray[np.int8]) -> BoolArray:

@@ -15,6 +15,7 @@ from vsx_ros.arrays import FloatArray, IntArray, Points3
 from vsx_ros.config import GroundMapConfig
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels import ground_map as kernels
+from vsx_ros.occupancy.surfaces import Surfaces
 
 N_BEARINGS = 720
 """Half a degree each: 4 cm at 4.5 m, less than a cell."""
@@ -74,3 +75,13 @@ def virtual_scans(
     parallax = kernels.point_parallax(positions, points, keyframe, point)
     free, hit = kernels.polar_scans(positions, yaws, points, parallax, keyframe, point, N_BEARINGS, heights, ranges)
     return PolarScans(positions, yaws, kernels.bridge_gaps(free, _MAX_GAP_BINS, _MAX_GAP_M), hit)
+
+
+def blocked(scans: PolarScans, spots: Surfaces, config: GroundMapConfig) -> PolarScans:
+    """The scans, each ending before the spots of surface that its own keyframe sees."""
+    if not len(spots.points):
+        return scans
+    free, half = scans.free.copy(), 0.5 * config.resolution_m
+    shape = np.array([half, _CAUTION, 2.0 * half])
+    kernels.block_scans(scans.positions, scans.yaws, free, spots.points, spots.keyframe, spots.sigma_m, shape)
+    return PolarScans(scans.positions, scans.yaws, free, scans.hit)

@@ -1,0 +1,51 @@
+"""The ground map of one run: what is seen, driven, bumped and known to be surface, in the map as it is now."""
+
+from __future__ import annotations
+
+from vsx_ros.config import Config
+from vsx_ros.dense.anchored import AnchoredSpots
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.occupancy.driven import BUMP_STEP_M, TRAIL_STEP_M, Anchored
+from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.occupancy.ground_map import GroundMap
+from vsx_ros.slam.snapshot import MapSnapshot
+
+
+class MappedGround:
+    """``moved`` and ``bumped`` as it happens, ``dense`` when surfaces are known anew, then ``grid``."""
+
+    def __init__(self, config: Config) -> None:
+        self._ground_map = GroundMap(config.ground_map, config.robot)
+        self._trail, self._bumps = Anchored(TRAIL_STEP_M), Anchored(BUMP_STEP_M)
+        self.start = SE2()
+        self.dense: AnchoredSpots | None = None
+
+    def moved(self, pose: SE2) -> None:
+        """The base stands here [m], so the ground is free."""
+        self._trail.add(pose)
+
+    def bumped(self, pose: SE2) -> None:
+        """The bumper is pressed here [m]."""
+        self._bumps.add(pose)
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """How many poses were driven through and bumped at; with the snapshot they say whether the grid has changed."""
+        return len(self._trail), len(self._bumps)
+
+    def trail(self, snapshot: MapSnapshot) -> list[SE2]:
+        """The poses driven through, in the map of a snapshot."""
+        return self._trail.poses(snapshot.keyframe_ids, snapshot.T_world_cams)
+
+    def grid(self, snapshot: MapSnapshot) -> OccupancyGrid:
+        """The map of a snapshot."""
+        return self._ground_map.build(
+            snapshot.T_world_cams,
+            snapshot.points_world,
+            snapshot.obs_keyframe,
+            snapshot.obs_point,
+            trail=self.trail(snapshot),
+            bumps=self._bumps.poses(snapshot.keyframe_ids, snapshot.T_world_cams),
+            start=self.start,
+            surfaces=self.dense.surfaces(snapshot) if self.dense is not None else None,
+        )

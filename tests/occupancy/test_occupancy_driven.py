@@ -1,0 +1,54 @@
+"""Poses move with the keyframes they were made beside."""
+
+import numpy as np
+import pytest
+
+from vsx_ros.geometry.camera import mount_pose
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.occupancy.driven import Anchored
+
+MOUNT = mount_pose(-0.09, 0.0, 0.31, 0.1)
+
+
+def cameras(*poses):
+    return [SE3.from_se2(pose) @ MOUNT for pose in poses]
+
+
+def rows(poses):
+    return np.array([pose.as_array() for pose in poses])
+
+
+FIRST, SECOND = SE2(0.0, 0.0, 0.0), SE2(2.0, 0.0, 0.5)
+
+
+@pytest.fixture
+def driven():
+    anchored = Anchored(0.05)
+    for x in (0.0, 0.1, 0.12, 1.9, 2.0):
+        anchored.add(SE2(x, 0.1, 0.2))
+    assert len(anchored) == 4
+    anchored.poses(np.array([3, 7]), cameras(FIRST, SECOND))
+    return anchored
+
+
+def test_without_keyframes_they_stay():
+    anchored = Anchored(0.05)
+    anchored.add(SE2(1.0, 2.0, 3.0))
+    assert anchored.poses(np.zeros(0, int), []) == [SE2(1.0, 2.0, 3.0)]
+
+
+def test_each_moves_with_its_keyframe(driven):
+    correction = SE2(0.3, -0.2, 0.4)
+    before = driven.poses(np.array([3, 7]), cameras(FIRST, SECOND))
+    after = driven.poses(np.array([3, 7]), cameras(FIRST, correction @ SECOND))
+    assert rows(after[:2]) == pytest.approx(rows(before[:2]), abs=1e-12)
+    assert rows(after[2:]) == pytest.approx(rows([correction @ pose for pose in before[2:]]), abs=1e-9)
+
+
+def test_when_its_keyframe_is_gone_it_stays_and_follows_the_nearest(driven):
+    before = driven.poses(np.array([3, 7]), cameras(FIRST, SECOND))
+    assert rows(driven.poses(np.array([3]), cameras(FIRST))) == pytest.approx(rows(before), abs=1e-12)
+    correction = SE2(0.0, 1.0, 0.0)
+    moved = driven.poses(np.array([3]), cameras(correction @ FIRST))
+    assert rows(moved) == pytest.approx(rows([correction @ pose for pose in before]), abs=1e-9)

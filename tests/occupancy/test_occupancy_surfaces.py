@@ -1,0 +1,95 @@
+"""Surfaces stop rays and fill obstacles, and never free anything nor outvote those who look through them."""
+
+import numpy as np
+import pytest
+
+from vsx_ros.config import GroundMapConfig, RobotConfig
+from vsx_ros.errors import InputError
+from vsx_ros.geometry.camera import mount_pose
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN
+from vsx_ros.occupancy.ground_map import GroundMap
+from vsx_ros.occupancy.surfaces import Surfaces
+
+MOUNT = mount_pose(-0.09, 0.0, 0.31, 0.0)
+POSES = [SE2(-0.15 * i, 0.1 * (i % 2), 0.0) for i in range(8)]
+
+
+def wall(x, y_from, y_to, heights=(0.1, 0.2, 0.3, 0.4), keyframe=0, sigma_m=0.01):
+    """Spots every 4 cm of a wall across the x axis."""
+    y = np.arange(y_from, y_to, 0.04)
+    points = np.array([(x, b, h) for b in y for h in heights])
+    return Surfaces(points, np.full(len(points), keyframe), np.full(len(points), sigma_m))
+
+
+def built(points, surfaces=None, n=8, **more):
+    """Keyframes that look along x and all see all points."""
+    points = np.array(points, float).reshape(-1, 3)
+    cameras = [SE3.from_se2(pose) @ MOUNT for pose in POSES[:n]]
+    keyframe, point = np.repeat(np.arange(n), len(points)), np.tile(np.arange(len(points)), n)
+    return GroundMap(GroundMapConfig(), RobotConfig()).build(
+        cameras, points, keyframe, point, surfaces=surfaces, **more
+    )
+
+
+def column(grid, x, y_from=-0.5, y_to=0.5):
+    return [grid.value_at(x, y) for y in np.arange(y_from, y_to, 0.05)]
+
+
+def test_a_wall_without_points_is_occupied_all_along():
+    grid = built([], wall(1.51, -0.6, 0.6))
+    assert set(column(grid, 1.51)) == {OCCUPIED}
+    assert set(column(grid, 1.3)) == {UNKNOWN}
+
+
+def test_no_surface_is_the_map_without_surfaces():
+    points = [[1.5, y, 0.3] for y in np.linspace(-0.4, 0.4, 9)]
+    assert np.array_equal(built(points).data, built(points, Surfaces.none()).data)
+
+
+def test_a_surface_frees_no_cell():
+    points = [[2.5, y, 0.3] for y in np.linspace(-0.4, 0.4, 30)]
+    without, with_wall = built(points), built(points, wall(1.51, 0.1, 0.3))
+    freed = with_wall.centres(np.argwhere(with_wall.data == FREE))
+    assert all(without.value_at(x, y) == FREE for x, y in freed)
+    assert len(freed) > 100
+
+
+def test_its_own_keyframe_does_not_see_through_it():
+    beyond = [[3.0, y, 0.31] for y in np.linspace(-0.3, 0.3, 40)]
+    assert built(beyond, n=2).value_at(2.2, 0.02) == FREE
+    both = [np.concatenate(pair) for pair in zip(wall(1.51, -0.6, 0.6), wall(1.51, -0.6, 0.6, keyframe=1))]
+    grid = built(beyond, Surfaces(*both), n=2)
+    assert grid.value_at(1.0, 0.02) == FREE
+    assert grid.value_at(2.2, 0.02) == UNKNOWN
+
+
+def test_many_that_look_through_outvote_a_few_spots():
+    beyond = [[3.0, y, 0.02] for y in np.linspace(-0.4, 0.4, 60)]
+    grid = built(beyond, wall(1.51, -0.02, 0.05, heights=(0.3,)))
+    assert OCCUPIED not in column(grid, 1.51)
+
+
+@pytest.mark.parametrize("heights", [(0.01, 0.03, 0.05), (0.7, 0.8, 0.9)])
+def test_what_the_robot_cannot_touch_is_no_obstacle(heights):
+    assert not (built([], wall(1.51, -0.5, 0.5, heights=heights)).data == OCCUPIED).any()
+
+
+def test_a_surface_nobody_knows_where_is_left_out():
+    assert not (built([], wall(1.51, -0.5, 0.5, sigma_m=0.2)).data == OCCUPIED).any()
+
+
+def test_where_the_robot_drove_is_free_and_where_it_bumped_is_not():
+    driven = built([], wall(0.51, -0.5, 0.5), trail=[SE2(x, 0.0, 0.0) for x in np.arange(0.0, 1.0, 0.05)])
+    assert set(column(driven, 0.51, -0.1, 0.1)) == {FREE}
+    assert driven.value_at(0.51, 0.4) == OCCUPIED
+    bumped = built([], wall(0.51, -0.5, 0.5), trail=[SE2(0.3, 0.0, 0.0)], bumps=[SE2(0.3, 0.0, 0.0)])
+    assert bumped.value_at(0.53, 0.0) == OCCUPIED
+
+
+def test_surfaces_of_another_snapshot_are_refused():
+    with pytest.raises(InputError, match="keyframe 9 of 8"):
+        built([], wall(1.5, 0.0, 0.3, keyframe=9))
+    with pytest.raises(InputError, match="finite"):
+        built([], wall(np.nan, 0.0, 0.3))
