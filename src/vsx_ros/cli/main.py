@@ -17,7 +17,7 @@ from vsx_ros import __version__
 from vsx_ros.cli.exit_codes import DONE, FAILED, HARDWARE, INTERNAL, STOPPED
 from vsx_ros.errors import VsxError
 
-COMMANDS = ("explore", "replay", "plan", "evaluate", "report", "config", "world")
+COMMANDS = ("explore", "replay", "plan", "evaluate", "report", "doctor", "config", "world")
 
 
 class _Parser(argparse.ArgumentParser):

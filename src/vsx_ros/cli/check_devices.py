@@ -1,0 +1,141 @@
+"""``vsx doctor``: base, camera, permissions and calibration, as the kernel shows them; with ``--hw`` also spoken to."""
+
+from __future__ import annotations
+
+import grp
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from vsx_ros.cli.finding import FAIL, NOTE, OK, WARN, Finding, from_error
+from vsx_ros.errors import CalibrationError
+
+_KINECT_CAMERAS = {"045e:02ae": "Kinect", "045e:02bf": "Kinect for Windows"}
+_KINECT_PARTS = {"045e:02b0", "045e:02c2", "045e:02ad", "045e:02be", "045e:02bb", "045e:02c3"}
+_GROUPS = {"dialout": "serial ports", "plugdev": "the Kinect", "video": "/dev/videoN"}
+_RULE = "sudo cp hw/udev/60-vsx.rules /etc/udev/rules.d/ && sudo udevadm control --reload && sudo udevadm trigger"
+_BREAKER = "check its 12 V supply; on a TurtleBot 1 the base switches it: start 'rosrun vsx_ros mobile_base' first"
+
+
+class UsbDevice(NamedTuple):
+    """A device on the USB. node: its file in /dev/bus/usb."""
+
+    ids: str
+    serial: str
+    node: Path
+
+
+def usb_devices(root: Path) -> list[UsbDevice]:
+    """Everything plugged in, as /sys/bus/usb/devices names it. root: where the file system begins."""
+    devices = []
+    for entry in sorted((root / "sys/bus/usb/devices").glob("*")):
+        vendor, product, bus, number = (_content(entry / n) for n in ("idVendor", "idProduct", "busnum", "devnum"))
+        if vendor and product:
+            node = root / f"dev/bus/usb/{int(bus or 0):03d}/{int(number or 0):03d}"
+            devices.append(UsbDevice(f"{vendor}:{product}", _content(entry / "serial"), node))
+    return devices
+
+
+def check_devices(root: Path, environment: Mapping[str, str], speak: bool) -> Iterator[Finding]:
+    """Findings about the hardware. speak: open the devices and ask who they are; what is missing then is a failure."""
+    ports = sorted({*(root / "dev").glob("ttyUSB*"), *(root / "dev").glob("ttyACM*"), *(root / "dev").glob("kobuki")})
+    kinects = [device for device in usb_devices(root) if device.ids in _KINECT_CAMERAS]
+    absent = FAIL if speak else NOTE
+    yield from _ports(ports, absent)
+    yield from _cameras(root, kinects, absent)
+    if ports or kinects:
+        yield from _permissions(root)
+    if speak:
+        yield from _spoken_to(ports, kinects)
+    home = Path(environment.get("ROS_HOME") or Path(environment.get("HOME", "/")) / ".ros")
+    yield from _calibration(home / "camera_info")
+
+
+def _ports(ports: list[Path], absent: str) -> Iterator[Finding]:
+    if not ports:
+        yield Finding(
+            "base", absent, "no serial port (/dev/ttyUSB*, /dev/ttyACM*)", "plug the base in and switch it on"
+        )
+    for port in ports:
+        if os.access(port, os.R_OK | os.W_OK):
+            yield Finding("base", OK, f"{port} may be opened")
+        else:
+            remedy = "sudo usermod -aG dialout $USER, then log in again"
+            yield Finding("base", FAIL, f"{port} may not be opened by this user", remedy)
+
+
+def _cameras(root: Path, kinects: list[UsbDevice], absent: str) -> Iterator[Finding]:
+    videos = sorted((root / "sys/class/video4linux").glob("video*"))
+    for device in kinects:
+        name = f"{_KINECT_CAMERAS[device.ids]} {device.serial}".rstrip()
+        if os.access(device.node, os.R_OK | os.W_OK):
+            yield Finding("camera", OK, f"{name} at {device.node}")
+        else:
+            yield Finding("camera", FAIL, f"{name} at {device.node} may not be opened by this user", _RULE)
+    for video in videos:
+        yield Finding("camera", OK, f"/dev/{video.name}: {_content(video / 'name')}, as --camera v4l:{video.name[5:]}")
+    if not kinects and any(device.ids in _KINECT_PARTS for device in usb_devices(root)):
+        yield Finding("camera", FAIL, "the Kinect's motor or audio is on the USB, its camera is not", _BREAKER)
+    elif not kinects and not videos:
+        yield Finding("camera", absent, "neither a Kinect nor a /dev/videoN", f"plug it in; {_BREAKER}")
+    if kinects and (root / "sys/module/gspca_kinect").exists():
+        remedy = "sudo cp hw/udev/vsx-kinect.conf /etc/modprobe.d/ && sudo rmmod gspca_kinect"
+        yield Finding("camera", WARN, "the kernel's driver gspca_kinect takes the Kinect from libusb", remedy)
+
+
+def _permissions(root: Path) -> Iterator[Finding]:
+    rules = [root / "etc/udev/rules.d/60-vsx.rules", root / "usr/lib/udev/rules.d/60-vsx.rules"]
+    if any(rule.exists() for rule in rules):
+        yield Finding("permissions", OK, "the udev rule is installed")
+    else:
+        yield Finding("permissions", WARN, "the udev rule is not installed: no /dev/kobuki, 16 ms of delay", _RULE)
+    mine = {entry.gr_name for entry in grp.getgrall() if entry.gr_gid in os.getgroups()}
+    lacking = [name for name in _GROUPS if name not in mine]
+    if lacking and os.geteuid() != 0:
+        wanted = ", ".join(f"{name} ({_GROUPS[name]})" for name in lacking)
+        remedy = f"sudo usermod -aG {','.join(lacking)} $USER, then log in again"
+        yield Finding("permissions", WARN, f"this user is not in the groups {wanted}", remedy)
+
+
+def _spoken_to(ports: list[Path], kinects: list[UsbDevice]) -> Iterator[Finding]:
+    """No wheel turns: the base is listened to and asked who it is."""
+    from vsx_hw.detect import detect_base
+    from vsx_hw.errors import DeviceError
+    from vsx_hw.kinect.usb_transport import UsbTransport
+
+    for port in {path.resolve(): path for path in ports}.values():
+        try:
+            yield Finding("base", OK, f"{port} is a {detect_base(str(port))}")
+        except DeviceError as error:
+            yield from_error("base", FAIL, error)
+    if kinects:
+        try:
+            transport = UsbTransport()
+            yield Finding("camera", OK, f"the Kinect opens, serial number {transport.serial}")
+            transport.close()
+        except DeviceError as error:
+            yield from_error("camera", FAIL, error)
+
+
+def _calibration(folder: Path) -> Iterator[Finding]:
+    from vsx_ros.io.calibration_file import read_calibration
+
+    files = sorted(folder.glob("*.yaml"))
+    if not files:
+        remedy = "calibrate with ROS' cameracalibrator.py (hw/README.md); without it the map is bent"
+        yield Finding("calibration", WARN, f"{folder} holds none, nominal values will be used", remedy)
+    for file in files:
+        try:
+            camera = read_calibration(file)
+        except CalibrationError as error:
+            yield from_error("calibration", FAIL, error)
+        else:
+            yield Finding("calibration", OK, f"{file}: {camera.width}x{camera.height}, {camera.fx:.1f} px")
+
+
+def _content(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8", errors="replace").strip()
+    except OSError:
+        return ""
