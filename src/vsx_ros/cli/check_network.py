@@ -108,9 +108,10 @@ def _ask(host: str, port: int, method: str, *words: str, fallback: Any = None) -
         body = xmlrpc.client.dumps(("/vsx_doctor", *words), method)
         connection.request("POST", "/RPC2", body, {"Content-Type": "text/xml"})
         response = connection.getresponse()
-        ((code, _, value),), _ = xmlrpc.client.loads(response.read())  # type: ignore[misc]
+        answer: Any = xmlrpc.client.loads(response.read())[0][0]
         stated = response.getheader("Date")
     finally:
         connection.close()
     date = email.utils.parsedate_to_datetime(stated).timestamp() if stated else None
+    code, _, value = answer
     return (value if code == 1 else fallback), date

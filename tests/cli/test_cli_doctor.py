@@ -1,0 +1,293 @@
+"""The doctor's checks against real things: a ROS master, a base on an emulated wire, a Kinect in an emulated sysfs."""
+
+from __future__ import annotations
+
+import http.server
+import json
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from email.utils import formatdate
+from pathlib import Path
+
+import pytest
+
+from vsx_hw.kobuki.emulator import kobuki_emulator
+from vsx_ros.cli import check_devices, check_machine, main
+from vsx_ros.cli.check_devices import check_devices as devices
+from vsx_ros.cli.check_network import check_network
+from vsx_ros.cli.check_speed import check_speed, judged
+from vsx_ros.cli.finding import FAIL, NOTE, OK, WARN, Finding
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+CAMERA_INFO = """image_width: 640
+image_height: 480
+camera_name: rgb
+camera_matrix: {rows: 3, cols: 3, data: [525.0, 0, 319.5, 0, 525.0, 239.5, 0, 0, 1]}
+distortion_model: plumb_bob
+distortion_coefficients: {rows: 1, cols: 5, data: [0, 0, 0, 0, 0]}
+"""
+KINECT = """P: /devices/pci0000:00/0000:00:14.0/usb1/1-1
+N: bus/usb/001/002
+E: DEVNAME=/dev/bus/usb/001/002
+E: SUBSYSTEM=usb
+A: busnum=1\\n
+A: devnum=2\\n
+A: idVendor=045e\\n
+A: idProduct=02ae\\n
+A: serial=A00367A00955107A\\n
+"""
+
+
+def of(area: str, findings: list[Finding]) -> list[Finding]:
+    return [finding for finding in findings if finding.area == area]
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("localhost", 0))
+        return int(probe.getsockname()[1])
+
+
+def network(**environment: str) -> dict[str, Finding]:
+    return {finding.area: finding for finding in check_network(environment)}
+
+
+# Network -------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def master(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    rosgraph = pytest.importorskip("rosgraph")
+    port, folder = free_port(), tmp_path_factory.mktemp("ros")
+    uri = f"http://localhost:{port}"
+    environment = {**os.environ, "ROS_MASTER_URI": uri, "ROS_HOSTNAME": "localhost", "ROS_LOG_DIR": str(folder)}
+    command = ["rosmaster", "--core", "-p", str(port)]
+    with subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        deadline_s = time.monotonic() + 20.0
+        while not rosgraph.is_master_online(uri):
+            assert time.monotonic() < deadline_s
+            time.sleep(0.05)
+        yield uri
+        process.terminate()
+
+
+@pytest.mark.ros
+def test_a_master_that_runs(master: str) -> None:
+    found = network(ROS_MASTER_URI=master, ROS_HOSTNAME="localhost")
+    assert {area: finding.level for area, finding in found.items()} == {"hostname": OK, "master": OK, "clock": OK}
+    assert master in found["master"].text
+
+
+@pytest.mark.ros
+def test_simulated_time_without_a_clock_is_told(master: str) -> None:
+    import rosgraph
+
+    rosgraph.Master("/test", master).setParam("/use_sim_time", True)
+    try:
+        clock = network(ROS_MASTER_URI=master, ROS_HOSTNAME="localhost")["clock"]
+    finally:
+        rosgraph.Master("/test", master).deleteParam("/use_sim_time")
+    assert clock.level == WARN
+    assert "rosparam delete" in clock.remedy
+
+
+class _Late(http.server.BaseHTTPRequestHandler):
+    """A master whose clock is a minute behind."""
+
+    def do_POST(self) -> None:  # noqa: N802
+        import xmlrpc.client
+
+        body = xmlrpc.client.dumps(((1, "", []),), methodresponse=True).encode()
+        self.send_response_only(200)
+        self.send_header("Date", formatdate(time.time() - 60.0, usegmt=True))
+        self.send_header("Content-Length", str(len(body)))
+        self.end_headers()
+        self.wfile.write(body)
+
+    def log_message(self, *_: object) -> None:
+        pass
+
+
+def test_a_master_with_another_clock_is_told() -> None:
+    with http.server.HTTPServer(("localhost", 0), _Late) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        clock = network(ROS_MASTER_URI=f"http://localhost:{server.server_port}")["clock"]
+        server.shutdown()
+    assert clock.level == FAIL
+    assert "-60 s" in clock.text or "-61 s" in clock.text
+
+
+def test_nobody_at_home_is_no_fault() -> None:
+    assert network(ROS_MASTER_URI=f"http://localhost:{free_port()}")["master"].level == NOTE
+
+
+@pytest.mark.parametrize("uri", ["localhost", "http://", "http://host:port"])
+def test_a_master_uri_that_is_none(uri: str) -> None:
+    found = network(ROS_MASTER_URI=uri)["master"]
+    assert found.level == FAIL
+    assert uri in found.text
+
+
+@pytest.mark.parametrize(
+    ("environment", "said"),
+    [
+        ({"ROS_MASTER_URI": "http://robot.invalid:11311"}, "master"),
+        ({"ROS_HOSTNAME": "robot.invalid"}, "hostname"),
+        ({"ROS_IP": "192.0.2.1"}, "hostname"),
+    ],
+)
+def test_names_without_address_and_addresses_of_others(environment: dict[str, str], said: str) -> None:
+    found = network(**{"ROS_MASTER_URI": f"http://localhost:{free_port()}", **environment})[said]
+    assert found.level == FAIL
+    assert next(iter(environment.values())).removeprefix("http://").split(":")[0] in found.text
+    assert found.remedy
+
+
+# Devices -------------------------------------------------------------------------------------------------------
+
+
+def usb(root: Path, place: str, product: str, node: int) -> None:
+    entry = root / "sys/bus/usb/devices" / place
+    entry.mkdir(parents=True)
+    for name, content in (("idVendor", "045e"), ("idProduct", product), ("busnum", "1"), ("devnum", str(node))):
+        (entry / name).write_text(f"{content}\n", encoding="utf-8")
+    (root / "dev/bus/usb/001").mkdir(parents=True, exist_ok=True)
+    (root / f"dev/bus/usb/001/{node:03d}").touch()
+
+
+def test_an_empty_machine_is_a_note_and_with_hw_a_failure(tmp_path: Path) -> None:
+    for speak, level in ((False, NOTE), (True, FAIL)):
+        found = list(devices(tmp_path, {"ROS_HOME": str(tmp_path)}, speak))
+        assert [f.level for f in of("base", found) + of("camera", found)] == [level, level]
+        assert of("calibration", found)[0].level == WARN
+
+
+def test_a_kinect_and_the_driver_that_takes_it(tmp_path: Path) -> None:
+    usb(tmp_path, "1-1", "02ae", 2)
+    assert [f.level for f in of("camera", list(devices(tmp_path, {}, False)))] == [OK]
+    (tmp_path / "sys/module/gspca_kinect").mkdir(parents=True)
+    found = of("camera", list(devices(tmp_path, {}, False)))
+    assert [f.level for f in found] == [OK, WARN]
+    assert "rmmod gspca_kinect" in found[1].remedy
+
+
+def test_a_kinect_without_power_shows_its_motor_only(tmp_path: Path) -> None:
+    usb(tmp_path, "1-1", "02b0", 2)
+    (found,) = of("camera", list(devices(tmp_path, {}, False)))
+    assert found.level == FAIL
+    assert "12 V" in found.remedy
+
+
+def test_missing_permissions_name_the_group(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    usb(tmp_path, "1-1", "02ae", 2)
+    (tmp_path / "dev/ttyUSB0").touch()
+    monkeypatch.setattr(check_devices.os, "access", lambda *_: False)
+    monkeypatch.setattr(check_devices.os, "getgroups", lambda: [])
+    monkeypatch.setattr(check_devices.os, "geteuid", lambda: 1000)
+    found = list(devices(tmp_path, {}, False))
+    assert [f.level for f in of("base", found) + of("camera", found)] == [FAIL, FAIL]
+    assert "dialout" in of("base", found)[0].remedy
+    assert [f.level for f in of("permissions", found)] == [WARN, WARN]
+    rules = tmp_path / "etc/udev/rules.d"
+    rules.mkdir(parents=True)
+    shutil.copy(CHECKOUT / "hw/udev/60-vsx.rules", rules)
+    assert of("permissions", list(devices(tmp_path, {}, False)))[0].level == OK
+
+
+def test_calibrations_are_read_not_only_found(tmp_path: Path) -> None:
+    folder = tmp_path / "camera_info"
+    folder.mkdir()
+    (folder / "rgb_A.yaml").write_text(CAMERA_INFO, encoding="utf-8")
+    (folder / "rgb_B.yaml").write_text("image_width: many\n", encoding="utf-8")
+    good, bad = of("calibration", list(devices(tmp_path, {"ROS_HOME": str(tmp_path)}, False)))
+    assert (good.level, bad.level) == (OK, FAIL)
+    assert "640x480, 525.0 px" in good.text
+    assert "rgb_B.yaml" in bad.text
+
+
+class Wheels:
+    """A plant that stands."""
+
+    speeds = (0.0, 0.0)
+
+    def set_wheel_speeds(self, left_m_s: float, right_m_s: float) -> None:
+        self.speeds = left_m_s, right_m_s
+
+    def advance(self, dt_ns: int) -> None:
+        pass
+
+    def read(self) -> object:
+        from vsx_hw.readings import Hazard
+        from vsx_hw.serial_emulator import PlantState
+
+        return PlantState(0.0, 0.0, 0.0, 0.0, Hazard.NONE)
+
+
+def test_with_hw_the_base_says_who_it_is_and_no_wheel_turns(tmp_path: Path) -> None:
+    (tmp_path / "dev").mkdir()
+    plant = Wheels()
+    with kobuki_emulator(plant, str(tmp_path / "dev/kobuki")):
+        found = of("base", list(devices(tmp_path, {}, True)))
+    assert [f.level for f in found] == [OK, OK]
+    assert "is a kobuki" in found[1].text
+    assert plant.speeds == (0.0, 0.0)
+
+
+@pytest.mark.skipif(shutil.which("umockdev-run") is None, reason="needs umockdev: apt-get install umockdev")
+def test_the_whole_command_on_a_machine_with_a_kinect(tmp_path: Path) -> None:
+    (tmp_path / "kinect.umockdev").write_text(KINECT, encoding="utf-8")
+    command = [sys.executable, "-m", "vsx_ros.cli.main", "doctor", "--quick", "--json"]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p), "ROS_HOME": str(tmp_path)}
+    environment["ROS_MASTER_URI"] = f"http://localhost:{free_port()}"
+    wrapped = ["umockdev-run", "--device", str(tmp_path / "kinect.umockdev"), "--", *command]
+    done = subprocess.run(wrapped, env=environment, capture_output=True, text=True, timeout=60, check=False)
+    findings = [Finding(**entry) for entry in json.loads(done.stdout)]
+    assert done.returncode == int(any(f.level == FAIL for f in findings)), done.stderr
+    assert "Kinect A00367A00955107A" in of("camera", findings)[0].text
+    assert of("permissions", findings)
+
+
+# Machine -------------------------------------------------------------------------------------------------------
+
+
+def test_two_ros_installations_are_told(tmp_path: Path) -> None:
+    (tmp_path / "opt/ros/noetic").mkdir(parents=True)
+    (tmp_path / "usr/lib/python3/dist-packages/rospy").mkdir(parents=True)
+    found = of("ros", list(check_machine.check_machine(tmp_path, tmp_path)))
+    assert [f.level for f in found if "noetic" in f.text] == [WARN]
+
+
+def test_a_full_disk_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for free, level in ((0.5e9, FAIL), (3e9, WARN), (50e9, OK)):
+        usage = shutil._ntuple_diskusage(100e9, 0.0, free)  # type: ignore[attr-defined]
+        monkeypatch.setattr(check_machine.shutil, "disk_usage", lambda _, usage=usage: usage)
+        assert of("disk", list(check_machine.check_machine(tmp_path, tmp_path)))[0].level == level
+
+
+def test_a_library_of_an_unknown_major_version_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    real = check_machine.metadata.version
+    monkeypatch.setattr(check_machine.metadata, "version", lambda n: "5.0.0" if n.startswith("opencv") else real(n))
+    found = of("libraries", list(check_machine.check_machine(tmp_path, tmp_path)))
+    assert [f.level for f in found] == [FAIL, OK]
+    assert "opencv-python-headless 5.0.0" in found[0].text
+
+
+def test_the_speed_of_tracking_is_measured_and_judged() -> None:
+    assert "ms per image" in check_speed().text
+    assert [judged([ms] * 3, 0.0, 2).level for ms in (16.0, 20.0, 40.0)] == [OK, WARN, FAIL]
+    assert "end them" in judged([40.0], 5.0, 2).remedy
+    assert judged([], 0.0, 2).level == FAIL
+
+
+def test_a_failure_is_exit_code_1(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_MASTER_URI", "http://robot.invalid:11311")
+    assert main.execute(["doctor", "--quick"]) == 1
+    shown = capsys.readouterr().out
+    assert "fail master" in shown
+    assert "-> correct ROS_MASTER_URI" in shown
