@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsx_ros.arrays import FloatArray
+from vsx_ros.arrays import FloatArray, Points3
 from vsx_ros.config import Config
 from vsx_ros.control.caution import Caution
 from vsx_ros.control.pose_fusion import PoseFuser
@@ -185,6 +185,11 @@ class ExplorationSystem:
         followed = self.navigator.command(now_ns, odometry, self._fuser, tracking.state, around)
         error_m = math.hypot(followed.error.x, followed.error.y) if followed.error is not None else None
         return StepResult(followed.command, tracking, decision, error_m)
+
+    def surface_points(self) -> Points3:
+        """(N, 3) spots of surface of the dense map, in the map as it is now [m]."""
+        spots = self._ground.dense
+        return spots.surfaces(self.slam.snapshot()).points if spots is not None else np.zeros((0, 3))
 
     def _remember(self, hazard: str | None) -> None:
         pose = self._fuser.pose()

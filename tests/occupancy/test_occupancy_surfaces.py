@@ -11,6 +11,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN
 from vsx_ros.occupancy.ground_map import GroundMap
 from vsx_ros.occupancy.surfaces import Surfaces
+from vsx_ros.occupancy.virtual_scan import laser_scan
 
 MOUNT = mount_pose(-0.09, 0.0, 0.31, 0.0)
 POSES = [SE2(-0.15 * i, 0.1 * (i % 2), 0.0) for i in range(8)]
@@ -93,3 +94,15 @@ def test_surfaces_of_another_snapshot_are_refused():
         built([], wall(1.5, 0.0, 0.3, keyframe=9))
     with pytest.raises(InputError, match="finite"):
         built([], wall(np.nan, 0.0, 0.3))
+
+
+def test_a_laser_scan_of_the_map_stops_at_the_nearest_obstacle_and_turns_with_the_pose():
+    grid = built([], Surfaces(*[np.concatenate(pair) for pair in zip(wall(1.51, -0.6, 0.6), wall(2.51, -2.0, 2.0))]))
+    ahead = laser_scan(grid, SE2(), 360, 4.5)
+    assert ahead[0] == pytest.approx(1.51, abs=0.04)
+    assert ahead[10] == pytest.approx(1.51 / np.cos(np.deg2rad(10)), abs=0.06)
+    assert ahead[33] == pytest.approx(2.51 / np.cos(np.deg2rad(33)), abs=0.08)
+    assert np.isinf(ahead[60:300]).all()
+    turned = laser_scan(grid, SE2(0.5, 0.0, np.pi / 2), 360, 4.5)
+    assert turned[270] == pytest.approx(1.01, abs=0.04)
+    assert np.isinf(laser_scan(grid, SE2(), 360, 1.0)).all()

@@ -83,7 +83,7 @@ class FastRun:
     def write(self, folder: RunFolder, args: argparse.Namespace, reason: str) -> dict[str, object]:
         """Every file of the run folder but config and report; the summary."""
         system, errors = self.system, np.array(self._errors_m)
-        self.record.write(folder, system.slam.snapshot())
+        self.record.write(folder, system.slam.snapshot(), system.surface_points())
         folder.write_poses("groundtruth", self._truth)
         save_world(self._world, folder.path / "world.yaml")
         if system.grid is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable
 
+from vsx_ros.arrays import Points3
 from vsx_ros.config import Config
 from vsx_ros.evaluation.coverage import MapQuality, map_quality, observable_cells
 from vsx_ros.evaluation.summary import Summary, tracking_summary
@@ -59,13 +60,16 @@ class RunRecord:
         breaks = len(find_breaks(self.results, self._by_odometry))
         return tracking_summary(statistics, self.track_ms).with_values(breaks=breaks)
 
-    def write(self, folder: RunFolder, snapshot: MapSnapshot) -> None:
-        """trajectory.txt (camera in the map, as tracked), odometry.txt, sparse.ply, frames.csv and events.jsonl."""
+    def write(self, folder: RunFolder, snapshot: MapSnapshot, surface: Points3 | None = None) -> None:
+        """trajectory.txt (camera in the map, as tracked), odometry.txt, sparse.ply, frames.csv and events.jsonl; with
+        spots of surface (N, 3), dense.ply too."""
         folder.write_poses("trajectory", self.estimate())
         if self._odometry:
             folder.write_poses("odometry", self._odometry)
         if len(snapshot.points_world):
             folder.write_points(snapshot.points_world)
+        if surface is not None and len(surface):
+            folder.write_surface(surface)
         folder.write_events(self.events)
         folder.write_frames(
             FrameRecord(r.stamp_ns, r.state.value, r.searched, r.found, r.keyframe_added, ms)

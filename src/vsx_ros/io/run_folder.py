@@ -163,6 +163,10 @@ class RunFolder:
         """The SLAM's points, None where there are none."""
         return read_ply(self.path / "sparse.ply") if (self.path / "sparse.ply").exists() else None
 
+    def write_surface(self, points_world: Points3) -> None:
+        """dense.ply: (N, 3) spots of the dense map's surface."""
+        write_ply(self.path / "dense.ply", points_world)
+
     def write_report(self, html: str) -> Path:
         """report.html; its path."""
         write_text(self.path / "report.html", html)

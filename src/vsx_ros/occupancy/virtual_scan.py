@@ -13,8 +13,10 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray, IntArray, Points3
 from vsx_ros.config import GroundMapConfig
+from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels import ground_map as kernels
+from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 from vsx_ros.occupancy.surfaces import Surfaces
 
 N_BEARINGS = 720
@@ -85,3 +87,19 @@ def blocked(scans: PolarScans, spots: Surfaces, config: GroundMapConfig) -> Pola
     shape = np.array([half, _CAUTION, 2.0 * half])
     kernels.block_scans(scans.positions, scans.yaws, free, spots.points, spots.keyframe, spots.sigma_m, shape)
     return PolarScans(scans.positions, scans.yaws, free, scans.hit)
+
+
+def laser_scan(grid: OccupancyGrid, pose: SE2, n_bearings: int, max_range_m: float) -> FloatArray:
+    """(n_bearings,) distances [m] from a pose to the nearest obstacle cell in each bearing, counter-clockwise from
+    straight ahead; infinite where there is none within range."""
+    middles = pose.inverse() @ grid.centres(np.argwhere(grid.data == OCCUPIED))
+    distances = np.hypot(middles[:, 0], middles[:, 1])
+    near = (distances <= max_range_m) & (distances > 0.5 * grid.resolution)
+    bearings, distances = np.arctan2(middles[near, 1], middles[near, 0]), distances[near]
+    ranges = np.full(n_bearings, np.inf)
+    half_widths = np.ceil(0.5 * grid.resolution / distances * n_bearings / (2 * np.pi)).astype(np.int64)
+    centre_bins = np.rint(bearings * n_bearings / (2 * np.pi)).astype(np.int64)
+    for shift in range(-int(half_widths.max(initial=0)), int(half_widths.max(initial=0)) + 1):
+        covered = np.abs(shift) <= half_widths
+        np.minimum.at(ranges, (centre_bins[covered] + shift) % n_bearings, distances[covered])
+    return ranges

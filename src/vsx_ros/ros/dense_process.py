@@ -1,0 +1,132 @@
+"""The densifier as a process of its own: what of it holds Python's global lock must not hold up the tracker.
+
+The child reads pickled requests from standard input and answers each on standard output; it ends when its input ends.
+No ROS in here.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import os
+import pickle
+import signal
+import subprocess
+import sys
+from typing import BinaryIO, NamedTuple
+
+import cv2
+
+from vsx_ros.arrays import GrayImage
+from vsx_ros.config import DenseConfig
+from vsx_ros.dense.anchored import AnchoredSpots
+from vsx_ros.dense.densify import DenseMap, Densifier
+from vsx_ros.errors import VsxError
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.slam.snapshot import MapSnapshot
+
+_NICE = 5
+
+
+class _Settings(NamedTuple):
+    camera: PinholeCamera
+    T_base_cam: SE3 | None
+    config: DenseConfig
+    seed: int
+
+
+class _Request(NamedTuple):
+    """A snapshot without its images, and the images that the child does not have yet, by keyframe."""
+
+    snapshot: MapSnapshot
+    images: dict[int, GrayImage]
+
+
+class DenseProcess:
+    """``Densifier.update`` in a child; from one thread."""
+
+    def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, config: DenseConfig, seed: int) -> None:
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
+        self._child = subprocess.Popen(
+            [sys.executable, "-m", "vsx_ros.ros.dense_process"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env=environment,
+        )
+        self._sent: set[int] = set()
+        self._say(_Settings(camera, T_base_cam, config, seed))
+
+    @property
+    def pid(self) -> int:
+        """Of the child."""
+        return self._child.pid
+
+    def update(self, snapshot: MapSnapshot) -> tuple[DenseMap, AnchoredSpots]:
+        """The dense map of a snapshot, and its spots. Raises VsxError when the child is gone."""
+        ids = snapshot.keyframe_ids.tolist()
+        images = {number: image for number, image in zip(ids, snapshot.images) if number not in self._sent}
+        self._sent = set(ids)
+        self._say(_Request(dataclasses.replace(snapshot, images=()), images))
+        assert self._child.stdout is not None
+        try:
+            answer: tuple[DenseMap, AnchoredSpots] = pickle.load(self._child.stdout)
+        except (EOFError, OSError, pickle.UnpicklingError) as error:
+            raise self._gone() from error
+        return answer
+
+    def close(self) -> None:
+        """End the child once it has finished what it is at."""
+        assert self._child.stdin is not None
+        with contextlib.suppress(OSError):
+            self._child.stdin.close()
+
+    def _say(self, request: _Settings | _Request) -> None:
+        assert self._child.stdin is not None
+        try:
+            pickle.dump(request, self._child.stdin, pickle.HIGHEST_PROTOCOL)
+            self._child.stdin.flush()
+        except (OSError, ValueError) as error:
+            raise self._gone() from error
+
+    def _gone(self) -> VsxError:
+        return VsxError(
+            f"the dense mapping process has ended (exit code {self._child.poll()}); "
+            "the ground map goes on without surfaces; see the log above, or set dense.enabled to false"
+        )
+
+
+def serve(requests: BinaryIO, answers: BinaryIO) -> None:
+    """Settings first, then one answer for each request until there are no more."""
+    settings: _Settings = pickle.load(requests)
+    densifier = Densifier(*settings)
+    images: dict[int, GrayImage] = {}
+    while True:
+        try:
+            request: _Request = pickle.load(requests)
+        except EOFError:
+            return
+        ids = request.snapshot.keyframe_ids.tolist()
+        images = {number: image for number, image in {**images, **request.images}.items() if number in set(ids)}
+        snapshot = dataclasses.replace(request.snapshot, images=tuple(images[number] for number in ids))
+        dense = densifier.update(snapshot)
+        answer = dense, AnchoredSpots.of(dense, snapshot, settings.config.cell_m)
+        pickle.dump(answer, answers, pickle.HIGHEST_PROTOCOL)
+        answers.flush()
+
+
+def main() -> None:
+    """Answers go to what was standard output; anything else that is printed goes to standard error."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.nice(_NICE)
+    cv2.setNumThreads(1)
+    with os.fdopen(os.dup(1), "wb") as answers, contextlib.suppress(BrokenPipeError):
+        os.dup2(2, 1)
+        serve(sys.stdin.buffer, answers)
+
+
+if __name__ == "__main__":
+    # The parent's pickles name these classes by this module, not by __main__.
+    from vsx_ros.ros import dense_process
+
+    dense_process.main()

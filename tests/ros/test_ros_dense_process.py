@@ -1,0 +1,65 @@
+"""The dense map of the process beside the tracker is the one that would be made here."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import signal
+import time
+
+import numpy as np
+import pytest
+
+from vsx_ros.config import DenseConfig
+from vsx_ros.dense.anchored import AnchoredSpots
+from vsx_ros.dense.densify import Densifier
+from vsx_ros.errors import VsxError
+from vsx_ros.geometry.camera import PinholeCamera, mount_pose
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.ros.dense_process import DenseProcess
+from vsx_ros.slam.snapshot import MapSnapshot
+
+CAMERA = PinholeCamera(160, 120, 130.0, 130.0, 79.5, 59.5)
+MOUNT = mount_pose(-0.09, 0.0, 0.31, 0.0)
+
+
+def seen(n: int) -> MapSnapshot:
+    """n keyframes before a wall at x = 2 with a hundred points."""
+    rng = np.random.default_rng(3)
+    points = np.column_stack([np.full(100, 2.0), rng.uniform(-0.7, 0.7, 100), rng.uniform(0.0, 0.6, 100)])
+    cameras = tuple(SE3.from_se2(SE2(-0.1 * k, 0.15 * k, 0.0)) @ MOUNT for k in range(n))
+    image = rng.integers(0, 256, (120, 160), np.uint8)
+    keyframe, point = np.repeat(np.arange(n), 100), np.tile(np.arange(100), n)
+    in_camera = [T.inverse() @ points for T in cameras]
+    uv = np.vstack([130.0 * p[:, :2] / p[:, 2:] + [79.5, 59.5] for p in in_camera])
+    ids = np.arange(n)
+    return MapSnapshot(
+        n, ids, ids, cameras, (image,) * n, np.arange(100), points, keyframe, point, uv, np.zeros(100 * n, np.int64)
+    )
+
+
+def test_it_answers_as_the_densifier_would_and_is_sent_each_image_once() -> None:
+    config = DenseConfig()
+    beside, here = DenseProcess(CAMERA, MOUNT, config, 1), Densifier(CAMERA, MOUNT, config, 1)
+    try:
+        for n in (3, 5):
+            (dense, spots), wanted = beside.update(seen(n)), here.update(seen(n))
+            assert dense.version == n
+            assert len(dense.cells.plane) > 20
+            assert all(np.array_equal(a, b) for a, b in zip(dense.cells, wanted.cells))
+            expected = AnchoredSpots.of(wanted, seen(n), config.cell_m)
+            assert all(np.array_equal(a, b) for a, b in zip(spots, expected))
+        later = dataclasses.replace(seen(5), images=(None,) * 5)
+        assert len(beside.update(later)[0].planes) == len(dense.planes)
+    finally:
+        beside.close()
+
+
+def test_when_it_is_gone_one_is_told() -> None:
+    beside = DenseProcess(CAMERA, MOUNT, DenseConfig(), 1)
+    os.kill(beside.pid, signal.SIGKILL)
+    time.sleep(0.2)
+    with pytest.raises(VsxError, match="has ended"):
+        beside.update(seen(3))
+    beside.close()
