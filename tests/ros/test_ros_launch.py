@@ -80,7 +80,7 @@ def test_a_configuration_file_reaches_every_node(tmp_path: Path) -> None:
 
 
 def test_every_node_of_the_table_has_a_starter() -> None:
-    nodes = [*launch.emulation("lab"), *launch.exploration(), launch.LaunchNode("teleop", {})]
+    nodes = [*launch.emulation("lab"), *launch.exploration(), *launch.view(), launch.LaunchNode("teleop", {})]
     assert {node.name for node in nodes} == set(topics.PUBLISHED)
     for node in nodes:
         starter = CHECKOUT / "scripts" / node.name

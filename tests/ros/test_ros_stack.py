@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.ros
 
-NODES = set(topics.PUBLISHED) - {"teleop", "emulator"}
+NODES = set(topics.PUBLISHED) - {"teleop", "emulator", "dashboard"}
 STOP_WITHIN_S = 0.5
 
 

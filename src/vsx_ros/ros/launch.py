@@ -64,6 +64,11 @@ def exploration(planner: str = "fov", seed: int = 0, run_dir: str = "") -> list[
     ]
 
 
+def view(host: str = "127.0.0.1", port: int = 8765) -> list[LaunchNode]:
+    """The live view in a browser."""
+    return [LaunchNode("dashboard", {"host": host, "port": port}, respawn=True)]
+
+
 def replay(bag: str, rate: float = 1.0, use_odometry: bool = True, run_dir: str = "") -> list[LaunchNode]:
     """A recording in place of the robot; only the SLAM listens."""
     play = f"--clock --delay 3 -r {rate:g} {shlex.quote(bag)}"

@@ -44,8 +44,12 @@ POSE = "vslam/pose"
 SLAM_STATE = "vslam/state"
 STATS = "vslam/stats"
 MAP_POINTS = "vslam/map_points"
+PLANES = "vslam/planes"
+DENSE_POINTS = "vslam/dense_points"
+SCAN = "scan"
 KEYFRAMES = "vslam/keyframes"
 SLAM_PATH = "vslam/path"
+PREVIEW = "vslam/preview/compressed"
 MAP = "map"
 MAP_METADATA = "map_metadata"
 STATIC_MAP = "static_map"
@@ -114,8 +118,12 @@ PUBLISHED: dict[str, dict[str, str]] = {
         TF_STATIC: "tf2_msgs/TFMessage",
         SLAM_STATE: "diagnostic_msgs/DiagnosticStatus",
         MAP_POINTS: "sensor_msgs/PointCloud2",
+        PLANES: "visualization_msgs/MarkerArray",
+        DENSE_POINTS: "sensor_msgs/PointCloud2",
+        SCAN: "sensor_msgs/LaserScan",
         KEYFRAMES: "geometry_msgs/PoseArray",
         SLAM_PATH: "nav_msgs/Path",
+        PREVIEW: "sensor_msgs/CompressedImage",
         MAP: "nav_msgs/OccupancyGrid",
         MAP_METADATA: "nav_msgs/MapMetaData",
         FOLLOWER_LEASE: "std_msgs/String",
@@ -152,8 +160,9 @@ PUBLISHED: dict[str, dict[str, str]] = {
         TRUTH_COLLISIONS: "std_msgs/UInt32",
         RENDER_RATE: "std_msgs/Float32",
     },
+    "dashboard": {},
 }
-"""Node -> topic -> type. Every node but teleop also publishes ``DIAGNOSTICS``."""
+"""Node -> topic -> type. Every node but teleop and dashboard also publishes ``DIAGNOSTICS``."""
 
 SERVICES: dict[str, dict[str, str]] = {
     "camera": {SET_CAMERA_INFO: "sensor_msgs/SetCameraInfo"},

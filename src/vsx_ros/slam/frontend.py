@@ -61,6 +61,7 @@ class FrontEnd:
         self._refusal = ""
         self.record = TrackingRecord()
         self.events: list[SlamEvent] = []
+        self.last_track: tuple[MapView, Track] | None = None
         self._intake = Intake(camera, T_base_cam, config.shutter, self._gap)
 
     def process(self, frame: Frame, odometry: Odometry | None) -> FrameOutcome:
@@ -73,6 +74,7 @@ class FrontEnd:
         return outcome._replace(result=self._at_stamp(outcome.result))
 
     def _process(self, data: FrameData) -> FrameOutcome:
+        self.last_track = None
         if not self._view.keyframes:
             return self._start(data)
         self._since_keyframe += 1
@@ -87,6 +89,7 @@ class FrontEnd:
         track = self._tracker.track(
             data, self._here, prediction.T_world_cam, self._local.rows, coarse, prediction.information
         )
+        self.last_track = self._here, track
         if track.state is not TrackingState.LOST and prediction.by_wheels:
             track = self._checked(track, prediction.T_world_cam)
         if track.state is TrackingState.LOST:

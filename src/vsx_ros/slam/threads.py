@@ -18,6 +18,7 @@ from vsx_ros.robot import Frame, Odometry
 from vsx_ros.slam.frontend import FrontEnd
 from vsx_ros.slam.map import Map, MapView
 from vsx_ros.slam.mapper import KeyFrameRequest, Mapper
+from vsx_ros.slam.sight import Sight, sight
 from vsx_ros.slam.slam_map import SlamMap
 from vsx_ros.slam.snapshot import MapSnapshot, snapshot
 from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult
@@ -82,6 +83,11 @@ class ThreadedSlam:
                     self._work.notify()
             result = result._replace(keyframe_added=taken)
         return result
+
+    def sight(self) -> Sight | None:
+        """The points looked for in the newest frame, None where there were none; from the thread that tracks."""
+        last = self._front.last_track
+        return None if last is None else sight(self._camera, *last)
 
     def snapshot(self) -> MapSnapshot:
         """The newest finished map; the same object while the version is unchanged."""

@@ -2,7 +2,8 @@
 
 Subscribers: camera/rgb/image_raw, camera/rgb/camera_info, odom, mobile_base/hazards.
 Publishers: vslam/pose (base_footprint in map, stamp of the image), /tf map -> odom, /tf_static (camera mount),
-    vslam/state, vslam/stats/*, follower/lease; map, map_metadata, vslam/{map_points,keyframes,path} (latched).
+    vslam/state, vslam/stats/*, follower/lease; vslam/preview/compressed (while someone looks); map, map_metadata,
+    vslam/{map_points,keyframes,path} (latched); vslam/planes, vslam/dense_points, scan (while someone listens).
 Services: static_map.
 Parameters: ~config (tree of config.py), ~seed (int, 0), ~run_dir (folder for the results of the run; none),
     ~use_odometry (bool, true: wait for odom, the map is metric; false: the map has no scale and no floor),
@@ -30,15 +31,20 @@ from vsx_ros.io.run_folder import RunFolder
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
 from vsx_ros.robot import Odometry
 from vsx_ros.ros import convert, images, process, topics
+from vsx_ros.ros.dense_mapping import DenseMapping
 from vsx_ros.ros.ground_mapping import GroundMapping
 from vsx_ros.ros.lease import Lease
+from vsx_ros.ros.preview import Preview
 from vsx_ros.ros.sensor_sync import SensorSync
 from vsx_ros.ros.slam_messages import SlamStatus
 from vsx_ros.ros.warm_up import warm_up_slam
+from vsx_ros.slam.map import Map
+from vsx_ros.slam.snapshot import snapshot as snapshot_of
 from vsx_ros.slam.state import TrackingResult, TrackingState
 from vsx_ros.slam.threads import ThreadedSlam
 
 _MAP_PERIOD_S = 1.0
+_DENSE_PERIOD_S = 0.5
 _TF_PERIOD_S = 0.05
 _TF_TOLERANCE_NS = 100_000_000
 _SILENCE_S = 3.0
@@ -47,7 +53,7 @@ _SIGMA = {TrackingState.GOOD: (0.02, 0.01), TrackingState.DUBIOUS: (0.06, 0.03)}
 
 
 class VslamNode:
-    """Tracks on one thread and maps the ground on another; callbacks only hand over."""
+    """Tracks on one thread, maps the ground on another, and densifies beside both; callbacks only hand over."""
 
     def __init__(self, config: Config) -> None:
         mount = config.robot.mount
@@ -65,10 +71,12 @@ class VslamNode:
         self._T_map_odom = SE2()
         self._odometry_heard = False
         self._ground = GroundMapping(config)
+        self._dense = DenseMapping(config)
         if self._loaded is not None:
             first = self._loaded.view.keyframes[0].T_world_cam
             self._ground.started(SE2.from_se3(first @ self._T_base_cam.inverse()))
         self._status = SlamStatus()
+        self._preview = Preview()
         self._lease = Lease(topics.FOLLOWER_LEASE, "vslam")
         self._pose_pub = rospy.Publisher(topics.POSE, PoseWithCovarianceStamped, queue_size=5, tcp_nodelay=True)
         self._tf_pub = rospy.Publisher(topics.TF, TFMessage, queue_size=20)
@@ -79,6 +87,7 @@ class VslamNode:
         process.image_subscriber(self._on_image)
         process.every(_TF_PERIOD_S, "tf", self._publish_tf)
         process.every(_MAP_PERIOD_S, "ground map", self._map)
+        process.every(_DENSE_PERIOD_S, "dense map", self._densify)
         self._tracking = process.worker("tracking", self._track)
 
     def _on_odometry(self, msg: OdometryMsg) -> None:
@@ -102,6 +111,7 @@ class VslamNode:
         seed = int(rospy.get_param("~seed", 0))
         metric = bool(rospy.get_param("~use_odometry", True))
         T_base_cam = self._T_base_cam if metric else None
+        self._dense.start(camera, T_base_cam, seed)
         self._slam = slam = ThreadedSlam(camera, T_base_cam, self._config.slam, seed, self._loaded)
         heard_s, tracked_any = time.monotonic(), False
         while not rospy.is_shutdown():
@@ -122,6 +132,8 @@ class VslamNode:
             self._status.frame(result, now_s - heard_s, self._sync.dropped)
             self._record.add_frame(result, odometry, time.monotonic() - now_s)
             self._record.add_slam_events(slam.drain_events())
+            if self._preview.is_due:
+                self._preview.show(frame, slam.sight())
             heard_s = now_s
 
     def _first_camera_info(self) -> CameraInfo:
@@ -153,19 +165,28 @@ class VslamNode:
         )
 
     def _map(self) -> None:
-        snapshot = self._slam.snapshot() if self._slam is not None else None
-        self._ground.refresh(snapshot)
-        self._status.map(snapshot)
+        slam = self._slam
+        snapshot = slam.snapshot() if slam is not None else snapshot_of(Map().view())
+        self._ground.refresh(snapshot, self._dense.spots)
+        if self._ground.grid is not None:
+            self._dense.publish(snapshot, self._ground.grid, self._ground.pose)
+        self._status.map(snapshot if slam is not None else None)
+
+    def _densify(self) -> None:
+        if self._slam is not None:
+            self._dense.refresh(self._slam.snapshot())
 
     def close(self) -> None:
         """Write the run's results after the last frame."""
         self._tracking.join(timeout=1.0)
+        self._dense.close()
         if self._slam is not None:
             self._slam.close()
             if self._run_dir:
                 folder = RunFolder(Path(self._run_dir))
                 folder.path.mkdir(parents=True, exist_ok=True)
-                self._record.write(folder, self._slam.snapshot())
+                snapshot = self._slam.snapshot()
+                self._record.write(folder, snapshot, self._dense.points(snapshot))
                 folder.write_summary(self._record.summary(self._slam.statistics()).as_dict())
             slam_map, path = self._slam.slam_map(), str(rospy.get_param("~save_map", ""))
             if path and slam_map is not None:

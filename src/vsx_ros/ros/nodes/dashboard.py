@@ -1,0 +1,97 @@
+"""Node ``dashboard``: the live view in a browser.
+
+Subscribers, while somebody looks: vslam/{preview/compressed,pose,state,keyframes,stats/*}, map, explore/{status,
+    events,frontiers}, move_base/{global_plan,stats/plan_ms}, mobile_base/hazards, cmd_vel_mux/active, /diagnostics.
+Services called: explore/{pause,resume,home,stop}, mobile_base/estop.
+Parameters: ~host (127.0.0.1: this machine alone), ~port (8765).
+Environment: VSX_VIEW_TOKEN, which commands must show; without it one is made and printed once.
+"""
+
+from __future__ import annotations
+
+import os
+import secrets
+import sys
+import time
+from typing import Any
+
+import rosgraph
+import rospy
+from std_srvs.srv import SetBool, Trigger
+
+from vsx_ros.config import Config
+from vsx_ros.ros import process, topics
+from vsx_ros.ros.dashboard import words
+from vsx_ros.ros.dashboard.board import Board
+from vsx_ros.ros.dashboard.feed import Feed
+from vsx_ros.ros.dashboard.server import DEFAULT_PORT, LOOPBACK, Answer, Command, ViewServer, address
+
+TOKEN = "VSX_VIEW_TOKEN"
+
+_MASTER_PERIOD_S = 2.0
+_SERVICE_WAIT_S = 1.0
+
+
+class DashboardNode:
+    """Serves the page; outlives the stack it shows."""
+
+    def __init__(self, _: Config) -> None:
+        host, port = str(rospy.get_param("~host", LOOPBACK)), int(rospy.get_param("~port", DEFAULT_PORT))
+        self._board = Board()
+        token = os.environ.get(TOKEN) or secrets.token_urlsafe(12)
+        self._server = ViewServer(self._board, commands(), Feed(self._board).viewers, token, host, port)
+        if TOKEN not in os.environ:
+            os.environ[TOKEN] = token
+            sys.stderr.write(f"live view: {address(host, self._server.port, token)}\n")
+        process.worker("master", self._watch_master)
+
+    def _watch_master(self) -> None:
+        """A new master knows nothing of this node, and rospy joins one master only: begin anew, at the same address."""
+        master = rosgraph.Master(rospy.get_name())
+        while not rospy.is_shutdown():
+            answers = True
+            try:
+                master.lookupNode(rospy.get_name())
+            except rosgraph.MasterError:
+                os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
+            except OSError:
+                answers = False
+            self._board.post("stack", words.text(answers))
+            time.sleep(_MASTER_PERIOD_S)
+
+    def close(self) -> None:
+        """No more requests."""
+        self._server.close()
+
+
+def commands() -> dict[str, Command]:
+    """What the page may ask for: the services behind its buttons."""
+    return {
+        "pause": _call(topics.EXPLORE_PAUSE, Trigger),
+        "resume": _call(topics.EXPLORE_RESUME, Trigger),
+        "home": _call(topics.EXPLORE_HOME, Trigger),
+        "stop": _call(topics.EXPLORE_STOP, Trigger),
+        "estop": _call(topics.ESTOP, SetBool, True),
+        "release": _call(topics.ESTOP, SetBool, False),
+    }
+
+
+def _call(service: str, kind: type[Any], *arguments: object) -> Command:
+    def call() -> Answer:
+        try:
+            rospy.wait_for_service(service, timeout=_SERVICE_WAIT_S)
+            response = rospy.ServiceProxy(service, kind)(*arguments)
+        except (rospy.ROSException, rospy.ServiceException, OSError):
+            return Answer(False, f"service {rospy.resolve_name(service)} does not answer; is its node running?")
+        return Answer(bool(response.success), str(response.message))
+
+    return call
+
+
+def main() -> None:
+    """Entry point of scripts/dashboard."""
+    process.run("dashboard", DashboardNode)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,105 @@
+"""A real browser for tests: headless Chromium, driven over a pipe by its DevTools protocol."""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import shutil
+import subprocess
+import time
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+EXECUTABLE = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+
+
+class Chromium:
+    """One page. As a context manager it ends the browser."""
+
+    def __init__(self, profile: Path, width: int = 1280, height: int = 900) -> None:
+        to_browser, self._write = os.pipe()
+        self._read, from_browser = os.pipe()
+        command = [
+            str(EXECUTABLE), "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage",
+            "--no-first-run", "--disable-background-networking", f"--user-data-dir={profile}",
+            f"--window-size={width},{height}", "--remote-debugging-pipe", "about:blank",
+        ]  # fmt: skip
+
+        def take_pipes() -> None:
+            os.dup2(to_browser, 60)
+            os.dup2(from_browser, 61)
+            os.dup2(60, 3)
+            os.dup2(61, 4)
+
+        self._process = subprocess.Popen(
+            command, preexec_fn=take_pipes, close_fds=False, start_new_session=True,
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+        os.close(to_browser)
+        os.close(from_browser)
+        self._number, self._buffer, self._session = 0, b"", ""
+        self.requested: list[str] = []
+        target = self.call("Target.createTarget", url="about:blank")["targetId"]
+        self._session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        self.call("Page.enable")
+        self.call("Network.enable")
+
+    def __enter__(self) -> Chromium:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self._process.kill()
+        self._process.wait()
+        os.close(self._write)
+        os.close(self._read)
+
+    def call(self, method: str, **params: Any) -> dict[str, Any]:
+        """One DevTools command and its result."""
+        self._number += 1
+        message = {"id": self._number, "method": method, "params": params}
+        if self._session:
+            message["sessionId"] = self._session
+        os.write(self._write, json.dumps(message).encode() + b"\0")
+        while True:
+            answer = self._message()
+            if answer.get("method") == "Network.requestWillBeSent":
+                self.requested.append(str(answer["params"]["request"]["url"]))
+            if answer.get("id") == self._number:
+                assert "error" not in answer, answer
+                return dict(answer["result"])
+
+    def open(self, url: str) -> None:
+        """Go to an address."""
+        self.call("Page.navigate", url=url)
+
+    def evaluate(self, expression: str) -> Any:
+        """The value of a JavaScript expression in the page."""
+        result = self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
+        assert "exceptionDetails" not in result, result["exceptionDetails"]
+        return result["result"].get("value")
+
+    def wait(self, expression: str, seconds: float = 20.0) -> Any:
+        """The value of an expression once it is true."""
+        deadline_s = time.monotonic() + seconds
+        while True:
+            value = self.evaluate(expression)
+            if value:
+                return value
+            assert time.monotonic() < deadline_s, f"waited {seconds:.0f} s for {expression}"
+            time.sleep(0.1)
+
+    def screenshot(self, path: Path) -> None:
+        """A picture of the page (PNG)."""
+        path.write_bytes(base64.b64decode(self.call("Page.captureScreenshot")["data"]))
+
+    def _message(self) -> dict[str, Any]:
+        while b"\0" not in self._buffer:
+            more = os.read(self._read, 2**20)
+            assert more, "the browser ended"
+            self._buffer += more
+        text, self._buffer = self._buffer.split(b"\0", 1)
+        return dict(json.loads(text))

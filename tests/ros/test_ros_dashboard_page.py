@@ -1,0 +1,180 @@
+"""The page in a real browser, fed with messages as the stack sends them; no master needed."""
+
+from __future__ import annotations
+
+import base64
+import math
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rospy")
+
+import cv2
+import numpy as np
+from chromium import EXECUTABLE, Chromium
+
+from vsx_ros.exploration.frontiers import Frontier
+from vsx_ros.exploration.utility import View
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from vsx_ros.robot import Frame
+from vsx_ros.ros import convert
+from vsx_ros.ros.dashboard import words
+from vsx_ros.ros.dashboard.board import Board
+from vsx_ros.ros.dashboard.server import Answer, ViewServer
+from vsx_ros.ros.frontier_markers import frontier_markers
+from vsx_ros.ros.preview import drawn
+from vsx_ros.slam.sight import Sight
+
+pytestmark = pytest.mark.skipif(EXECUTABLE is None, reason="no chromium is installed")
+
+TOKEN = "a-token-of-tests"
+RATE_HZ = 15.0
+
+
+def room() -> OccupancyGrid:
+    cells = np.full((120, 160), UNKNOWN, np.int8)
+    cells[20:100, 20:130] = FREE
+    cells[20, 20:130] = cells[99, 20:130] = cells[20:100, 20] = OCCUPIED
+    cells[50:60, 60:75] = OCCUPIED
+    return OccupancyGrid(cells, 0.05, -2.0, -3.0)
+
+
+class Robot:
+    """Posts what a run would, at the rates of a run, on a thread."""
+
+    def __init__(self, board: Board) -> None:
+        self._board = board
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def close(self) -> None:
+        self._over.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        grid = room()
+        border = np.array([[row, 129] for row in range(30, 90)])
+        views = [View(SE2(3.6, y, 0.0), 4.0 / k, 1.0 + k, 30, 2.5 / k) for k, y in ((1, 0.5), (2, -1.0))]
+        markers = frontier_markers(grid, [Frontier(border, np.zeros(2), 3.0)], views, "map", 1)
+        self._board.post("frontiers", words.text(words.frontiers(markers)))
+        self._board.post("map", words.text(words.grid(convert.grid_msg(grid, "map", 1))))
+        path = [SE2(0.05 * k, 0.3 * math.sin(0.1 * k), 0.0) for k in range(60)]
+        self._board.post("plan", words.text(words.plan(convert.path_msg("map", 1, path))))
+        status = {"state": "mapping", "reason": "driving to a view of 4.0 m2, 2.0 m away", "goal": [3.0, 0.3, 0.0]}
+        self._board.post("mission", words.text(status))
+        self._board.post("slam", words.text(["TRACKING", ""]))
+        health = {"mobile_base: safety": [1, "emergency stop", {"estop": "True"}], "vslam: input": [0, "30 Hz", {}]}
+        self._board.post("health", words.text(health))
+        event = {"stamp_ns": 10**18, "state": "mapping", "reason": "<b>chosen</b>"}
+        self._board.post("events", words.text([event]))
+        rng = np.random.default_rng(0)
+        noise = cv2.GaussianBlur(rng.integers(0, 255, (480, 640), dtype=np.uint8), (31, 31), 0)
+        k = 0
+        while not self._over.wait(1.0 / RATE_HZ):
+            k += 1
+            points = rng.uniform((10, 10), (630, 470), (300, 2))
+            picture = drawn(Frame(k, noise), Sight(points[:220], points[220:]))
+            _, jpeg = cv2.imencode(".jpg", picture)
+            self._board.post("camera", words.text(base64.b64encode(jpeg.tobytes()).decode()))
+            self._board.post("pose", words.text([0.02 * k % 3.0, 0.3 * math.sin(0.04 * k), 0.0]))
+            stats = {"tracked_ratio": 0.7 + 0.2 * math.sin(0.1 * k), "tracked": 220, "attempted": 300, "fps": 15.0}
+            self._board.post("stats", words.text({**stats, "latency_ms": 20.0, "keyframes": 12, "points": 3000}))
+
+
+@pytest.fixture()
+def board() -> Iterator[Board]:
+    board = Board()
+    robot = Robot(board)
+    yield board
+    robot.close()
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chromium]:
+    with Chromium(tmp_path_factory.mktemp("profile")) as chromium:
+        yield chromium
+
+
+def served(board: Board, done: list[str], port: int = 0) -> ViewServer:
+    def command() -> Answer:
+        done.append("pause")
+        return Answer(True, "paused")
+
+    return ViewServer(board, {"pause": command}, lambda count: None, TOKEN, port=port)
+
+
+def test_the_page_shows_everything_and_asks_nobody_else(browser: Chromium, board: Board, tmp_path: Path) -> None:
+    server = served(board, [])
+    try:
+        browser.requested.clear()
+        browser.open(f"http://127.0.0.1:{server.port}/#{TOKEN}")
+        browser.wait("frames > 5 && ground !== null && series.ratio.length > 5")
+        assert browser.evaluate("$('mission').textContent") == "MAPPING"
+        assert "4.0 m2" in browser.evaluate("$('why').textContent")
+        assert browser.evaluate("$('camera').naturalWidth") == 640
+        assert browser.evaluate("$('release').hidden") is False
+        assert "<b>chosen</b>" in browser.evaluate("$('events').textContent")  # words from outside stay words
+        colours = browser.evaluate(
+            "drawMap(), Array.from(new Uint32Array($('map').getContext('2d').getImageData(0, 0, $('map').width, "
+            "$('map').height).data.buffer)).reduce((seen, c) => seen.add(c), new Set()).size"
+        )
+        assert colours > 10
+        browser.screenshot(tmp_path / "page.png")
+        assert {url.split("/")[2] for url in browser.requested if url.startswith("http")} == {f"127.0.0.1:{server.port}"}
+    finally:
+        browser.open("about:blank")
+        server.close()
+
+
+def test_the_picture_changes_at_least_five_times_a_second(browser: Chromium, board: Board) -> None:
+    server = served(board, [])
+    try:
+        browser.open(f"http://127.0.0.1:{server.port}/#{TOKEN}")
+        browser.wait("frames > 2")
+        # Counted on the browser's clock, between two pictures.
+        rate_hz = browser.evaluate(
+            "new Promise(done => { const f = frames, t = performance.now(); setTimeout(() => "
+            "done(1000 * (frames - f) / (performance.now() - t)), 3000); })"
+        )
+        assert 5.0 <= rate_hz <= 11.0
+    finally:
+        browser.open("about:blank")
+        server.close()
+
+
+def test_the_page_says_that_the_stack_is_away_and_comes_back_with_it(browser: Chromium, board: Board) -> None:
+    server = served(board, [])
+    port = server.port
+    browser.open(f"http://127.0.0.1:{port}/#{TOKEN}")
+    browser.wait("frames > 2 && $('banner').hidden")
+    server.close()
+    browser.wait("!$('banner').hidden && $('banner').textContent.includes('No connection')")
+    before = browser.evaluate("frames")
+    again = served(board, [], port)
+    try:
+        browser.wait(f"frames > {before} + 2 && $('banner').hidden", 30.0)
+    finally:
+        browser.open("about:blank")
+        again.close()
+
+
+def test_buttons_need_the_token(browser: Chromium, board: Board) -> None:
+    done: list[str] = []
+    server = served(board, done)
+    try:
+        for fragment, said in (("", "Looking only"), ("#wrong", "wrong token"), (f"#{TOKEN}", "pause: done")):
+            browser.open("about:blank")
+            browser.open(f"http://127.0.0.1:{server.port}/{fragment}")
+            browser.wait("document.readyState === 'complete' && typeof frames === 'number'")
+            browser.evaluate("document.querySelector('[data-command=pause]').click()")
+            browser.wait(f"$('said').textContent.includes({said!r})")
+            assert bool(done) == (said == "pause: done")
+    finally:
+        browser.open("about:blank")
+        server.close()
+    assert done == ["pause"]
