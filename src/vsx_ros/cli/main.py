@@ -17,7 +17,9 @@ from vsx_ros import __version__
 from vsx_ros.cli.exit_codes import DONE, FAILED, HARDWARE, INTERNAL, STOPPED
 from vsx_ros.errors import VsxError
 
-COMMANDS = ("explore", "replay", "plan", "evaluate", "report", "doctor", "config", "world")
+COMMANDS = (
+    "explore", "replay", "plan", "evaluate", "report", "status", "stop", "teleop", "record", "doctor", "config", "world",
+)  # fmt: skip
 
 
 class _Parser(argparse.ArgumentParser):

@@ -1,14 +1,19 @@
 """Node ``teleop``: drive with the keyboard, above the exploration and below the safety controller.
 
 Publishers: cmd_vel_mux/input/teleop, only while a key is held.
-Parameters: ~v_m_s (0.2), ~omega_rad_s (0.6).
+Parameters: ~v_m_s (0.2), ~omega_rad_s (0.6); ``vsx teleop`` gives them as --v and --omega.
 
 Arrow keys or w a s d move, space stops, + and - change the speed, q ends. Releasing the key stops the robot.
 """
 
 from __future__ import annotations
 
+import argparse
+import atexit
+import os
+import re
 import select
+import signal
 import sys
 import termios
 import time
@@ -17,13 +22,15 @@ import tty
 import rospy
 from geometry_msgs.msg import Twist
 
+from vsx_ros.cli.teleop import KEYS, add_arguments
 from vsx_ros.config import Config
+from vsx_ros.errors import ConfigError
 from vsx_ros.robot import STOP, VelocityCommand
 from vsx_ros.ros import convert, process, topics
 
 _PERIOD_S = 0.05
-# A held key repeats 10 to 30 times a second after a first pause of up to half a second.
-_HELD_FOR_S = 0.55
+# A held key repeats 10 to 30 times a second, after a first pause of up to half a second.
+_FIRST_HELD_FOR_S, _HELD_FOR_S = 0.55, 0.25
 _FASTER = 1.1
 _KEYS = {
     "w": (1.0, 0.0),
@@ -35,62 +42,96 @@ _KEYS = {
     "\x1b[D": (0.0, 1.0),
     "\x1b[C": (0.0, -1.0),
 }
+_ARROW = re.compile(r"\x1b[\[O]([A-D])|.", re.DOTALL)
+
+
+def keys(text: str) -> list[str]:
+    """The keys of what a terminal sent; arrows are three characters, in either of a terminal's two modes."""
+    return [f"\x1b[{match[1]}" if match[1] else match[0] for match in _ARROW.finditer(text)]
 
 
 class TeleopNode:
-    """Reads the terminal on a thread; needs one."""
+    """Reads the terminal on a thread, and gives it back as it was however the process ends.
+
+    Raises ConfigError where there is no terminal.
+    """
 
     def __init__(self, _: Config) -> None:
+        if not sys.stdin.isatty():
+            raise ConfigError("there is no keyboard; start teleop in a terminal of its own, not from a launch file")
         self._publisher = rospy.Publisher(topics.COMMAND_TELEOP, Twist, queue_size=1, tcp_nodelay=True)
         self._v, self._omega = float(rospy.get_param("~v_m_s", 0.2)), float(rospy.get_param("~omega_rad_s", 0.6))
         self._command, self._until_s = STOP, 0.0
-        self._terminal = termios.tcgetattr(sys.stdin) if sys.stdin.isatty() else None
-        if self._terminal is None:
-            rospy.signal_shutdown("teleop needs a terminal: start it by itself, not from a launch file")
-            return
-        tty.setcbreak(sys.stdin)
-        sys.stderr.write("arrows or w a s d: drive   space: stop   + -: speed   q: quit\n")
+        self._input = sys.stdin.fileno()
+        self._terminal = termios.tcgetattr(self._input)
+        atexit.register(self._give_back)
+        signal.signal(signal.SIGHUP, lambda *_: rospy.signal_shutdown("the terminal is gone"))
+        tty.setcbreak(self._input)
+        sys.stderr.write(f"{KEYS}\n")
+        self._say_speed()
         process.worker("keyboard", self._loop)
 
     def _loop(self) -> None:
         driving = False
         while not rospy.is_shutdown():
-            key = self._key()
-            if key:
-                self._pressed(key)
+            for key in self._pressed_keys():
+                self._on_key(key)
             held = time.monotonic() < self._until_s
             if held or driving:
                 self._publisher.publish(convert.twist(self._command if held else STOP))
             driving = held
 
-    def _key(self) -> str:
-        """The newest key within one period; arrows are three characters."""
-        if not select.select([sys.stdin], [], [], _PERIOD_S)[0]:
-            return ""
-        key = sys.stdin.read(1)
-        return key + sys.stdin.read(2) if key == "\x1b" else key
+    def _pressed_keys(self) -> list[str]:
+        """Those that arrive within one period. Never waits longer: a robot drives meanwhile."""
+        if not select.select([self._input], [], [], _PERIOD_S)[0]:
+            return []
+        content = os.read(self._input, 1024)
+        if not content:
+            rospy.signal_shutdown("the terminal is closed")
+        return keys(content.decode(errors="replace"))
 
-    def _pressed(self, key: str) -> None:
+    def _on_key(self, key: str) -> None:
+        now_s = time.monotonic()
         if key in _KEYS:
             forward, left = _KEYS[key]
             self._command = VelocityCommand(forward * self._v, left * self._omega)
-            self._until_s = time.monotonic() + _HELD_FOR_S
+            self._until_s = now_s + (_HELD_FOR_S if now_s < self._until_s else _FIRST_HELD_FOR_S)
         elif key == " ":
-            self._command, self._until_s = STOP, time.monotonic() + _HELD_FOR_S
-        elif key in "+-":
+            self._command, self._until_s = STOP, now_s + _FIRST_HELD_FOR_S
+        elif key in ("+", "-"):
             factor = _FASTER if key == "+" else 1.0 / _FASTER
             self._v, self._omega = self._v * factor, self._omega * factor
-            sys.stderr.write(f"\r{self._v:.2f} m/s {self._omega:.2f} rad/s ")
+            self._say_speed()
         elif key == "q":
             rospy.signal_shutdown("ended by the operator")
+
+    def _say_speed(self) -> None:
+        sys.stderr.write(f"\r{self._v:.2f} m/s {self._omega:.2f} rad/s ")
+        sys.stderr.flush()
+
+    def _give_back(self) -> None:
+        termios.tcsetattr(self._input, termios.TCSADRAIN, self._terminal)
 
     def close(self) -> None:
         """Stop, and give the terminal back as it was."""
         self._publisher.publish(convert.twist(STOP))
-        if self._terminal is not None:
-            termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._terminal)
+        self._give_back()
+        sys.stderr.write("\n")
 
 
 def main() -> None:
     """Entry point of scripts/teleop."""
     process.run("teleop", TeleopNode)
+
+
+def command() -> None:
+    """``vsx teleop``: its options become the node's parameters, as on a roslaunch line."""
+    parser = argparse.ArgumentParser(prog="vsx teleop")
+    add_arguments(parser)
+    args = parser.parse_args()
+    sys.argv = [sys.argv[0], f"_v_m_s:={args.v}", f"_omega_rad_s:={args.omega}"]
+    main()
+
+
+if __name__ == "__main__":
+    command()

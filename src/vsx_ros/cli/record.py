@@ -1,0 +1,64 @@
+"""``vsx record``: a bag of what a replay needs, of a robot that is running."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from vsx_ros.errors import ConfigError
+
+_UNITS = {"kB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12}
+
+
+def add_parser(subparsers: Any) -> None:
+    """Register the command and its options."""
+    parser = subparsers.add_parser(
+        "record",
+        help="record a bag of a running robot, for vsx replay",
+        description="Records images, calibration, odometry, tf, commands and states of a running robot into a ROS 1 "
+        "bag until Ctrl-C, a limit, or a nearly full disk. Raw images are 9 MB a second and replay bit for bit; png is "
+        "half of that and loses nothing of the grey picture that the SLAM sees; jpeg is a fifteenth. While it is "
+        "written the bag is called NAME.bag.active.",
+        epilog="examples: vsx record   |   vsx record --images jpeg --time 600 --out office.bag   |   then: vsx replay "
+        "office.bag --map",
+    )
+    add_arguments(parser)
+    parser.set_defaults(run=run)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options, for here and for the program above."""
+    parser.add_argument("--out", type=Path, metavar="FILE", help="the bag (default <date>_<time>.bag)")
+    parser.add_argument("--images", choices=("raw", "png", "jpeg"), default="raw", help="how images are kept (raw)")
+    parser.add_argument("--time", type=float, metavar="S", help="stop after this time")
+    parser.add_argument("--limit", default="1TB", metavar="SIZE", help="stop at this size, e.g. 4GB")
+    parser.add_argument("--keep-free", default="1GB", metavar="SIZE", help="stop when the disk has less left (1GB)")
+    parser.add_argument("--topic", action="append", default=[], metavar="T", help="record this topic, too; repeatable")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Check what can be checked, and continue where ROS is."""
+    from vsx_ros.cli.above import continue_as
+
+    size_bytes(args.limit)
+    size_bytes(args.keep_free)
+    if args.time is not None and not args.time > 0:
+        raise ConfigError(f"--time {args.time}: give a positive number of seconds")
+    if args.out is not None and args.out.exists():
+        raise ConfigError(f"{args.out} exists; give another name, or delete it")
+    if args.out is not None and not args.out.resolve().parent.is_dir():
+        raise ConfigError(f"--out {args.out}: its folder does not exist; make it first")
+    continue_as("vsx_ros.ros.record", args)
+
+
+def size_bytes(text: str) -> float:
+    """Bytes of a size like 500MB. Raises ConfigError for anything else."""
+    number, unit = text.strip()[:-2], text.strip()[-2:]
+    try:
+        size = float(number) * _UNITS[unit]
+    except (ValueError, KeyError):
+        size = 0.0
+    if not 0.0 < size < 1e18:
+        raise ConfigError(f"size {text!r}: give a number and one of {', '.join(_UNITS)}, e.g. 4GB")
+    return size

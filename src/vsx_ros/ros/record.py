@@ -1,0 +1,153 @@
+"""The recorder behind ``vsx record``. Run as ``python -m vsx_ros.ros.record`` with its options."""
+
+from __future__ import annotations
+
+import argparse
+import io
+import shutil
+import signal
+import sys
+import threading
+import time
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import cv2
+import rospy
+from sensor_msgs.msg import CompressedImage, Image
+
+from vsx_ros.cli.exit_codes import DONE, FAILED
+from vsx_ros.cli.record import add_arguments, size_bytes
+from vsx_ros.errors import InputError
+from vsx_ros.ros import guest, images, process, topics
+from vsx_ros.ros.bag_writer import BagWriter, Serialized
+from vsx_ros.ros.progress import Progress
+
+_TOPICS = (
+    topics.CAMERA_INFO, topics.ODOM, topics.TF, topics.TF_STATIC, topics.IMU, topics.HAZARDS, topics.BATTERY,
+    topics.MUX_ACTIVE, topics.COMMAND_SAFETY, topics.COMMAND_TELEOP, topics.COMMAND_NAVI, topics.POSE,
+    topics.SLAM_STATE, topics.EXPLORE_STATUS, topics.EXPLORE_EVENTS, topics.DIAGNOSTICS,
+)  # fmt: skip
+_NEEDED = (topics.IMAGE, topics.CAMERA_INFO, topics.ODOM)
+_WARN_AFTER_S = 3.0
+_TICK_S = 0.1
+_JPEG_QUALITY = 90
+_ENCODING = {"png": [cv2.IMWRITE_PNG_COMPRESSION, 1], "jpeg": [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]}
+
+
+class Recorder:
+    """Subscribes to everything and hands it to the writer as it came; images as they are wanted."""
+
+    def __init__(self, writer: BagWriter, how: str, more: list[str]) -> None:
+        self._writer, self._how = writer, how
+        for topic in (*_TOPICS, *more, *((topics.IMAGE,) if how == "raw" else ())):
+            name = rospy.resolve_name(topic)
+            rospy.Subscriber(name, rospy.AnyMsg, self._on_any, name, buff_size=process.IMAGE_BUFFER_BYTES)
+        if how != "raw":
+            process.subscribe(topics.IMAGE, Image, self._on_image, queue_size=5, buff_size=process.IMAGE_BUFFER_BYTES)
+
+    def _on_any(self, msg: Any, topic: str) -> None:
+        said: dict[str, str] = msg._connection_header
+        self._writer.put(
+            Serialized(
+                topic,
+                process.now_ns(),
+                said["type"],
+                said["md5sum"],
+                said.get("message_definition", ""),
+                said.get("callerid", ""),
+                said.get("latching") == "1",
+                msg._buff,
+            )
+        )
+
+    def _on_image(self, msg: Image) -> None:
+        """Grey, as the SLAM sees it. Raises InputError for an image that cannot be used."""
+        gray = images.frame(msg).image
+        good, content = cv2.imencode(".png" if self._how == "png" else ".jpg", gray, _ENCODING[self._how])
+        if not good:
+            raise InputError(f"image of {gray.shape[1]}x{gray.shape[0]} cannot be encoded; record with --images raw")
+        packed, data = CompressedImage(msg.header, self._how, content.tobytes()), io.BytesIO()
+        packed.serialize(data)
+        topic = f"{rospy.resolve_name(topics.IMAGE)}/compressed"
+        kind, md5sum, definition = packed._type, packed._md5sum, packed._full_text
+        self._writer.put(
+            Serialized(topic, process.now_ns(), kind, md5sum, definition, "/vsx_record", False, data.getvalue())
+        )
+
+
+def record(args: argparse.Namespace) -> int:
+    """Record until Ctrl-C or a limit; say what the bag is called and what is in it."""
+    guest.join("record")
+    ended = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda *_: ended.set())
+    path: Path = args.out or Path(f"{datetime.now():%Y-%m-%d_%H-%M-%S}.bag")
+    writer, progress = BagWriter(path), Progress(sys.stderr)
+    Recorder(writer, args.images, args.topic)
+    began_s, warned = time.monotonic(), False
+    reason = ""
+    while not ended.wait(_TICK_S) and not reason:
+        elapsed_s = time.monotonic() - began_s
+        reason = _limit(args, writer, elapsed_s, path)
+        if not warned and elapsed_s > _WARN_AFTER_S:
+            warned = True
+            for line in _missing(writer):
+                progress.say(line)
+        if progress.is_due:
+            progress.show(f"{elapsed_s:5.0f} s  {writer.bytes / 1e6:.0f} MB  {_images(writer)} images  Ctrl-C ends it")
+    elapsed_s = time.monotonic() - began_s
+    rospy.signal_shutdown("recorded")
+    path = writer.close()
+    progress.say(reason or "ended by the operator")
+    return _say(writer, path, elapsed_s)
+
+
+def _limit(args: argparse.Namespace, writer: BagWriter, elapsed_s: float, path: Path) -> str:
+    """Why it must end now, or nothing."""
+    if writer.failure:
+        return f"the disk took no more: {writer.failure}"
+    if args.time is not None and elapsed_s >= args.time:
+        return f"ended after {args.time:g} s"
+    if writer.bytes >= size_bytes(args.limit):
+        return f"ended at the limit of {args.limit}"
+    free = shutil.disk_usage(path.resolve().parent).free
+    if free < size_bytes(args.keep_free):
+        return f"ended with {free / 1e9:.1f} GB left on the disk (--keep-free {args.keep_free})"
+    return "" if not rospy.is_shutdown() else "ended, as the ROS master asked for it"
+
+
+def _images(writer: BagWriter) -> int:
+    image = rospy.resolve_name(topics.IMAGE)
+    return writer.counts.get(image, 0) + writer.counts.get(f"{image}/compressed", 0)
+
+
+def _missing(writer: BagWriter) -> list[str]:
+    names = [rospy.resolve_name(topic) for topic in _NEEDED]
+    silent = [n for n in names if not (writer.counts.get(n) or writer.counts.get(f"{n}/compressed"))]
+    return [f"nothing arrives on {name}; 'rostopic info {name}' shows who publishes it" for name in silent]
+
+
+def _say(writer: BagWriter, path: Path, elapsed_s: float) -> int:
+    """The result in words; a bag without images is no success."""
+    if not writer.counts:
+        sys.stderr.write("vsx: nothing was heard, so there is no bag; is a robot running? 'vsx status' tells\n")
+        return FAILED
+    dropped = f", {writer.dropped} messages dropped because the disk is too slow" if writer.dropped else ""
+    sys.stdout.write(
+        f"{path}: {elapsed_s:.1f} s, {_images(writer)} images, {sum(writer.counts.values())} messages, "
+        f"{writer.bytes / 1e6:.1f} MB{dropped}\n  vsx replay {path} --map\n"
+    )
+    return FAILED if writer.failure or not _images(writer) else DONE
+
+
+def main() -> int:
+    """Parse and run."""
+    parser = argparse.ArgumentParser(prog="vsx record")
+    add_arguments(parser)
+    return guest.command(record, parser.parse_args())
+
+
+if __name__ == "__main__":
+    sys.exit(main())

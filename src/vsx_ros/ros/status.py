@@ -1,0 +1,126 @@
+"""The one screen behind ``vsx status``. Run as ``python -m vsx_ros.ros.status`` with its options."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections import deque
+from typing import Any
+
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from sensor_msgs.msg import BatteryState, CameraInfo
+from std_msgs.msg import Float32, String, UInt8
+
+from vsx_ros.cli.exit_codes import DONE, FAILED
+from vsx_ros.cli.status import add_arguments
+from vsx_ros.ros import convert, guest, topics
+
+_LISTEN_S, _PERIOD_S = 2.0, 1.0
+_SAFETY = "mobile_base: safety"
+
+
+class StatusBoard:
+    """Subscribers: explore/status, vslam/state, vslam/stats/tracked_ratio, camera/rgb/camera_info (each image has one),
+    battery, cmd_vel_mux/active, mobile_base/hazards, /diagnostics."""
+
+    def __init__(self) -> None:
+        self._facts: dict[str, Any] = dict.fromkeys(
+            ("state", "reason", "slam_state", "slam_reason", "tracked_ratio", "camera_hz", "driver", "base_reason",
+             "estop", "hazards", "battery_fraction", "battery_v", "charging")
+        )  # fmt: skip
+        self._images_s: deque[float] = deque(maxlen=200)
+        subscribe = rospy.Subscriber
+        subscribe(topics.EXPLORE_STATUS, String, self._on_explore, queue_size=1)
+        subscribe(topics.SLAM_STATE, DiagnosticStatus, self._on_slam, queue_size=1)
+        subscribe(f"{topics.STATS}/tracked_ratio", Float32, lambda m: self._set(tracked_ratio=m.data), queue_size=1)
+        subscribe(topics.CAMERA_INFO, CameraInfo, lambda _: self._images_s.append(time.monotonic()), queue_size=10)
+        subscribe(topics.BATTERY, BatteryState, self._on_battery, queue_size=1)
+        subscribe(topics.MUX_ACTIVE, String, lambda m: self._set(driver=m.data), queue_size=1)
+        subscribe(topics.HAZARDS, UInt8, lambda m: self._set(hazards=convert.hazard_words(m.data)), queue_size=1)
+        subscribe(topics.DIAGNOSTICS, DiagnosticArray, self._on_diagnostics, queue_size=20)
+
+    def facts(self) -> dict[str, Any]:
+        """What is known now; None for what nobody said."""
+        recent = [s for s in list(self._images_s) if time.monotonic() - s < _LISTEN_S]
+        if len(recent) > 1:
+            rate_hz: float | None = round((len(recent) - 1) / (recent[-1] - recent[0]), 1)
+        else:
+            rate_hz = 0.0 if self._images_s else None
+        return {**self._facts, "camera_hz": rate_hz}
+
+    def _set(self, **facts: Any) -> None:
+        self._facts.update(facts)
+
+    def _on_explore(self, msg: String) -> None:
+        status = json.loads(msg.data)
+        self._set(state=status["state"], reason=status["reason"])
+
+    def _on_slam(self, msg: DiagnosticStatus) -> None:
+        self._set(slam_state=msg.name, slam_reason=msg.message)
+
+    def _on_battery(self, msg: BatteryState) -> None:
+        charging = msg.power_supply_status == BatteryState.POWER_SUPPLY_STATUS_CHARGING
+        self._set(battery_fraction=round(msg.percentage, 3), battery_v=round(msg.voltage, 2), charging=charging)
+
+    def _on_diagnostics(self, msg: DiagnosticArray) -> None:
+        for status in msg.status:
+            if status.name.endswith(_SAFETY):
+                values = {pair.key: pair.value for pair in status.values}
+                self._set(estop=values.get("estop") == "True", base_reason=status.message)
+
+
+def screen(facts: dict[str, Any]) -> str:
+    """The facts as lines for people."""
+
+    def shown(name: str, form: str = "{}", unknown: str = "-") -> str:
+        return unknown if facts[name] is None else form.format(facts[name])
+
+    def with_reason(state: str, reason: str) -> str:
+        return shown(state) + (f": {facts[reason]}" if facts[reason] else "")
+
+    wheels = "EMERGENCY STOP, 'vsx stop --release' ends it" if facts["estop"] else shown("base_reason")
+    battery = shown("battery_fraction", "{:.0%}") + shown("battery_v", ", {:.1f} V", "")
+    found = shown("tracked_ratio", "; {:.0%} of the points searched are found", "")
+    lines = {
+        "exploration": with_reason("state", "reason"),
+        "slam": with_reason("slam_state", "slam_reason") + found,
+        "camera": shown("camera_hz", "{:.1f} images a second"),
+        "wheels": wheels,
+        "hazards": "none" if facts["hazards"] == "" else shown("hazards"),
+        "battery": battery + (", charging" if facts["charging"] else ""),
+    }
+    return "".join(f"{name:12} {text}\n" for name, text in lines.items())
+
+
+def status(args: argparse.Namespace) -> int:
+    """Listen and print, once or until Ctrl-C."""
+    guest.join("status")
+    board = StatusBoard()
+    time.sleep(_LISTEN_S)
+    while True:
+        facts = board.facts()
+        clear = "\x1b[H\x1b[J" if args.watch and sys.stdout.isatty() else ""
+        sys.stdout.write(json.dumps(facts) + "\n" if args.json else clear + screen(facts))
+        sys.stdout.flush()
+        if not args.watch:
+            return DONE if any(value is not None for value in facts.values()) else _nobody()
+        time.sleep(_PERIOD_S)
+
+
+def _nobody() -> int:
+    sys.stderr.write("vsx: a ROS master runs, but no robot; start one with 'vsx explore', or set ROS_NAMESPACE\n")
+    return FAILED
+
+
+def main() -> int:
+    """Parse and run."""
+    parser = argparse.ArgumentParser(prog="vsx status")
+    add_arguments(parser)
+    return guest.command(status, parser.parse_args())
+
+
+if __name__ == "__main__":
+    sys.exit(main())

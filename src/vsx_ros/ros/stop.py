@@ -1,0 +1,80 @@
+"""The emergency stop behind ``vsx stop``. Run as ``python -m vsx_ros.ros.stop`` with its options."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import threading
+import time
+
+import rospy
+from nav_msgs.msg import Odometry
+from std_srvs.srv import SetBool
+
+from vsx_hw.errors import DeviceError, DeviceTimeout
+from vsx_ros.cli.exit_codes import DONE
+from vsx_ros.cli.stop import add_arguments
+from vsx_ros.errors import ConfigError
+from vsx_ros.ros import guest, topics
+
+_ANSWER_S = 3.0
+_STAND_S = 2.0
+_STANDING_M_S, _STANDING_RAD_S = 0.01, 0.02
+
+
+def stop(args: argparse.Namespace) -> int:
+    """Set or release the emergency stop, and see that the wheels stand.
+
+    Raises ConfigError when there is no master or no base, DeviceError when the base does not answer or rolls on.
+    """
+    failure: list[Exception] = []
+
+    def call() -> None:
+        try:
+            guest.join("stop")
+            rospy.ServiceProxy(topics.ESTOP, SetBool)(not args.release)
+        except (ConfigError, rospy.ServiceException, rospy.ROSException) as error:
+            failure.append(error)
+
+    caller = threading.Thread(target=call, daemon=True)  # a master or base that hangs would never answer
+    caller.start()
+    caller.join(_ANSWER_S)
+    if caller.is_alive():
+        raise DeviceTimeout(f"the base did not answer in {_ANSWER_S:g} s; use its power button")
+    if failure and isinstance(failure[0], ConfigError):
+        raise failure[0]
+    if failure:
+        name = rospy.resolve_name(topics.ESTOP)
+        raise ConfigError(f"no base offers {name} ({failure[0]}); if wheels turn use its power button, else start it")
+    if args.release:
+        sys.stdout.write("released: the robot may drive\n")
+        return DONE
+    _see_it_stand()
+    sys.stdout.write("stopped: the wheels stand until 'vsx stop --release'\n")
+    return DONE
+
+
+def _see_it_stand() -> None:
+    """Wait for odometry that says so. Raises DeviceError when the wheels still turn, or nobody knows."""
+    said = "it sends no odometry"
+    deadline_s = time.monotonic() + _STAND_S
+    while (left_s := deadline_s - time.monotonic()) > 0.0:
+        try:
+            twist = rospy.wait_for_message(topics.ODOM, Odometry, timeout=left_s).twist.twist
+        except rospy.ROSException:
+            break
+        if abs(twist.linear.x) < _STANDING_M_S and abs(twist.angular.z) < _STANDING_RAD_S:
+            return
+        said = f"its odometry says {twist.linear.x:.2f} m/s, {twist.angular.z:.2f} rad/s"
+    raise DeviceError(f"the base took the emergency stop, but {said}; look at it, and use its power button if it rolls")
+
+
+def main() -> int:
+    """Parse and run."""
+    parser = argparse.ArgumentParser(prog="vsx stop")
+    add_arguments(parser)
+    return guest.command(stop, parser.parse_args())
+
+
+if __name__ == "__main__":
+    sys.exit(main())
