@@ -86,7 +86,7 @@ class Robot:
             self._board.post("stats", words.text({**stats, "latency_ms": 20.0, "keyframes": 12, "points": 3000}))
 
 
-@pytest.fixture()
+@pytest.fixture
 def board() -> Iterator[Board]:
     board = Board()
     robot = Robot(board)
@@ -125,7 +125,9 @@ def test_the_page_shows_everything_and_asks_nobody_else(browser: Chromium, board
         )
         assert colours > 10
         browser.screenshot(tmp_path / "page.png")
-        assert {url.split("/")[2] for url in browser.requested if url.startswith("http")} == {f"127.0.0.1:{server.port}"}
+        assert {url.split("/")[2] for url in browser.requested if url.startswith("http")} == {
+            f"127.0.0.1:{server.port}"
+        }
     finally:
         browser.open("about:blank")
         server.close()

@@ -51,7 +51,7 @@ class Served:
         return answer.status, text
 
 
-@pytest.fixture()
+@pytest.fixture
 def served() -> Iterator[Served]:
     made = Served()
     yield made

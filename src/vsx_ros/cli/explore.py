@@ -39,6 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--phi", type=float, metavar="RAD_PER_M", help="bound on the change of view per metre")
     parser.add_argument("--time", type=float, metavar="S", help="stop after this time")
     parser.add_argument("--fast", action="store_true", help="one process, lock-step, no ROS, deterministic")
+    parser.add_argument("--view", action="store_true", help="serve the live view, for a browser on this machine")
     parser.add_argument("--headless", action="store_true", help="open no window and no browser")
     parser.add_argument("--out", type=Path, metavar="RUN", help="run folder (default runs/<date>_<world>)")
     config.add_arguments(parser)
@@ -48,6 +49,8 @@ def run(args: argparse.Namespace) -> int:
     """Lock-step here; the live run in a process of its own, because ROS lives above the command line."""
     if args.time is not None and not args.time > 0:
         raise ConfigError(f"--time {args.time}: give a positive number of seconds")
+    if args.fast and args.view:
+        raise ConfigError("--view shows the live nodes, and --fast runs none; leave out one of the two")
     if args.fast:
         from vsx_ros.cli.explore_fast import explore_fast
 

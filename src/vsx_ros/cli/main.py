@@ -18,7 +18,8 @@ from vsx_ros.cli.exit_codes import DONE, FAILED, HARDWARE, INTERNAL, STOPPED
 from vsx_ros.errors import VsxError
 
 COMMANDS = (
-    "explore", "replay", "plan", "evaluate", "report", "status", "stop", "teleop", "record", "doctor", "config", "world",
+    "explore", "replay", "record", "plan", "evaluate", "report", "view", "status", "stop", "teleop", "doctor", "config",
+    "world",
 )  # fmt: skip
 
 

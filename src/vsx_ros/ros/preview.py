@@ -1,4 +1,4 @@
-"""The camera's picture as the SLAM sees it: for eyes only, so only as often as eyes need it, and only while they look."""
+"""The camera's picture as the SLAM sees it: as often as eyes need it, and only while they look."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from vsx_ros.slam.sight import Sight
 _PERIOD_S = 0.12
 _QUALITY_PERCENT = 70
 _FOUND_BGR, _MISSED_BGR = (90, 220, 60), (60, 60, 235)
-_FOUND_PX, _MISSED_PX = 3, 2
+_FOUND_PX, _MISSED_PX = 4, 3
 
 
 class Preview:

@@ -29,7 +29,7 @@ from vsx_ros.errors import VsxError
 from vsx_ros.evaluation.summary import Summary, with_accuracy
 from vsx_ros.exploration.decision import MissionState, Outcome
 from vsx_ros.io.run_folder import RunFolder
-from vsx_ros.ros import launch
+from vsx_ros.ros import launch, view
 from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.live import Live
 from vsx_ros.ros.progress import Progress, progress_line
@@ -90,9 +90,17 @@ def explore(args: argparse.Namespace) -> int:
     judge = MapJudge(world, config) if world is not None else None
     with tempfile.TemporaryDirectory(prefix="vsx-") as devices:
         nodes = _nodes(args, folder, world, Path(devices))
+        url = ""
+        if args.view:
+            port, url = view.prepare()
+            nodes += launch.view(port=port)
         with Live(nodes, to_dict(config), vital=("mobile_base", "vslam", "explore", "emulator")) as live:
             progress = Progress(live.terminal)
             progress.say(f"nodes are starting at ROS_MASTER_URI={os.environ['ROS_MASTER_URI']}; Ctrl-C stops the robot")
+            if url:
+                progress.say(f"live view: {url}")
+            if url and not args.headless:
+                view.open_browser(url)
             witness = Witness(emulated=world is not None)
             ending, duration_s = _watch(live, witness, Coverage(judge), progress, args.time)
             progress.say(f"stopping: {ending.reason}")

@@ -71,7 +71,9 @@ class Feed:
 
             self._subscribers.append(process.subscribe(topic, kind, on_message, **{"queue_size": 1, **options}))
 
-        hear(topics.PREVIEW, CompressedImage, "camera", lambda msg: base64.b64encode(msg.data).decode(), buff_size=2**20)
+        hear(
+            topics.PREVIEW, CompressedImage, "camera", lambda msg: base64.b64encode(msg.data).decode(), buff_size=2**20
+        )
         hear(topics.POSE, PoseWithCovarianceStamped, "pose", words.pose)
         hear(topics.SLAM_STATE, DiagnosticStatus, "slam", lambda msg: [msg.name, msg.message])
         hear(topics.EXPLORE_STATUS, String, "mission", words.parsed)
@@ -83,10 +85,13 @@ class Feed:
         hear(topics.HAZARDS, UInt8, "hazards", words.hazards)
         hear(topics.MUX_ACTIVE, String, "driver", lambda msg: msg.data)
         hear(topics.DIAGNOSTICS, DiagnosticArray, "health", self._condition, queue_size=20)
-        hear(topics.PLAN_MS, Float32, "stats", lambda msg: self._number("plan_ms", msg.data))
+        hear(topics.PLAN_MS, Float32, "stats", self._statistic("plan_ms"))
         for name in _SHOWN_STATS:
             kind = Float32 if topics.STAT_TYPES[name] == "std_msgs/Float32" else UInt32
-            hear(f"{topics.STATS}/{name}", kind, "stats", lambda msg, name=name: self._number(name, msg.data))
+            hear(f"{topics.STATS}/{name}", kind, "stats", self._statistic(name))
+
+    def _statistic(self, name: str) -> Callable[[Float32 | UInt32], dict[str, float]]:
+        return lambda msg: self._number(name, msg.data)
 
     def _event(self, msg: String) -> list[Any]:
         with self._lock:

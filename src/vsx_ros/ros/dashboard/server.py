@@ -59,12 +59,7 @@ class ViewServer:
         port: int = DEFAULT_PORT,
     ) -> None:
         """Raises ConfigError when the address cannot be had."""
-        try:
-            self._http = _Http((host, port), _Handler)
-        except OSError as error:
-            raise ConfigError(
-                f"live view: cannot listen on {host} port {port} ({error.strerror or error}); give another --port"
-            ) from error
+        self._http = _listening(host, port)
         self._http.view = _View(board, commands, _Viewers(viewers), token, is_loopback(host))
         threading.Thread(target=self._http.serve_forever, args=(0.5,), name="http", daemon=True).start()
 
@@ -92,6 +87,30 @@ def address(host: str, port: int, token: str) -> str:
     """What to open: the token is in the fragment, which browsers never send."""
     name = socket.gethostname() if host in ("0.0.0.0", "::", "") else host
     return f"http://{f'[{name}]' if ':' in name else name}:{port}/#{token}"
+
+
+def choose_port(host: str, port: int | None) -> int:
+    """The port; without one the default, or a free one if that is taken.
+
+    Raises ConfigError when the address cannot be had.
+    """
+    try:
+        probe = _listening(host, DEFAULT_PORT if port is None else port)
+    except ConfigError:
+        if port is not None:
+            raise
+        probe = _listening(host, 0)
+    probe.server_close()
+    return int(probe.server_address[1])
+
+
+def _listening(host: str, port: int) -> _Http:
+    try:
+        return _Http((host, port), _Handler)
+    except OSError as error:
+        raise ConfigError(
+            f"live view: cannot listen on {host} port {port} ({error.strerror or error}); give another address or port"
+        ) from error
 
 
 class _Viewers:

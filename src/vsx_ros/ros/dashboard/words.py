@@ -17,7 +17,7 @@ from std_msgs.msg import String, UInt8
 from visualization_msgs.msg import Marker, MarkerArray
 
 from vsx_ros.errors import InputError
-from vsx_ros.occupancy.grid import FREE, OCCUPIED
+from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN
 from vsx_ros.ros import convert, topics
 
 _FREE_BGRA, _OCCUPIED_BGRA = (92, 70, 52, 255), (236, 232, 228, 255)
@@ -51,17 +51,20 @@ def pose(msg: PoseWithCovarianceStamped) -> list[float]:
 
 
 def grid(msg: OccupancyGridMsg) -> dict[str, Any]:
-    """A PNG, top row first, unknown transparent; resolution and lower left corner [m], known area [m2]."""
+    """A PNG of what is known, top row first, unknown transparent; resolution and lower left corner [m], area [m2]."""
     found = convert.grid(msg)
-    picture = np.zeros((*found.shape, 4), np.uint8)
-    picture[found.data == FREE] = _FREE_BGRA
-    picture[found.data == OCCUPIED] = _OCCUPIED_BGRA
+    rows, columns = (np.flatnonzero((found.data != UNKNOWN).any(axis=axis)) for axis in (1, 0))
+    bottom, left = (int(rows[0]), int(columns[0])) if rows.size else (0, 0)
+    cells = found.data[bottom : rows[-1] + 1, left : columns[-1] + 1] if rows.size else found.data[:1, :1]
+    picture = np.zeros((*cells.shape, 4), np.uint8)
+    picture[cells == FREE] = _FREE_BGRA
+    picture[cells == OCCUPIED] = _OCCUPIED_BGRA
     _, png = cv2.imencode(".png", np.ascontiguousarray(picture[::-1]), [cv2.IMWRITE_PNG_COMPRESSION, 1])
     return {
         "png": base64.b64encode(png.tobytes()).decode(),
         "resolution": found.resolution,
-        "x": found.origin_x,
-        "y": found.origin_y,
+        "x": found.origin_x + left * found.resolution,
+        "y": found.origin_y + bottom * found.resolution,
         "known_m2": found.known_area_m2,
     }
 
