@@ -12,8 +12,8 @@ def add_parser(subparsers: Any) -> None:
         "stop",
         help="emergency stop: the wheels stand until it is released",
         description="Sets the emergency stop of the base, which no other command overrides and which outlives a "
-        "restart of its node, and waits until the wheels stand. --release lets the robot drive again. A second robot is "
-        "reached with ROS_NAMESPACE=robot1 vsx stop.",
+        "restart of its node, and waits until the wheels stand. --release lets the robot drive again. A second robot "
+        "is reached with ROS_NAMESPACE=robot1 vsx stop.",
         epilog="exit codes: 0 the wheels stand (or are free again), 1 no base can be reached, 2 it does not obey",
     )
     add_arguments(parser)

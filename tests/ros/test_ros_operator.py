@@ -1,0 +1,226 @@
+"""vsx status, stop, teleop and record as an operator types them, beside a robot that explores."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+import termios
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+pytest.importorskip("rospy")
+
+import numpy as np
+
+from vsx_ros.cli.exit_codes import DONE, FAILED
+from vsx_ros.io.recording import open_recording
+from vsx_ros.ros import topics
+from vsx_ros.ros.nodes.teleop import keys
+
+if TYPE_CHECKING:
+    from conftest import Stack
+
+pytestmark = pytest.mark.ros
+
+VSX = [sys.executable, "-m", "vsx_ros.cli.main"]
+
+
+def vsx(stack: Stack, *words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*VSX, *words], env=stack.environment, capture_output=True, text=True, timeout=60, check=False
+    )
+
+
+def facts(stack: Stack) -> dict[str, Any]:
+    done = vsx(stack, "status", "--json")
+    assert done.returncode == DONE, done.stderr
+    found: dict[str, Any] = json.loads(done.stdout)
+    return found
+
+
+def test_status_says_what_the_robot_does(stack: Stack) -> None:
+    stack.wait_until_driving()
+    stack.wait(lambda: facts(stack)["slam_state"] == "TRACKING", 60.0, "tracking")
+    said = facts(stack)
+    assert None not in [said[name] for name in ("state", "reason", "tracked_ratio", "base_reason", "hazards")]
+    assert 0.0 < said["tracked_ratio"] <= 1.0
+    assert 1.0 < said["camera_hz"] < 20.0
+    assert 0.0 < said["battery_fraction"] <= 1.0
+    assert said["estop"] is False
+    screen = vsx(stack, "status").stdout
+    assert [line.split()[0] for line in screen.splitlines()] == [
+        "exploration", "slam", "camera", "wheels", "hazards", "battery",
+    ]  # fmt: skip
+
+
+def test_a_watch_goes_on_until_ctrl_c(stack: Stack) -> None:
+    command = [*VSX, "status", "--watch", "--json"]
+    with subprocess.Popen(command, env=stack.environment, stdout=subprocess.PIPE, text=True) as watch:
+        assert watch.stdout is not None
+        lines = [json.loads(watch.stdout.readline()) for _ in range(2)]
+        watch.send_signal(signal.SIGINT)
+        assert watch.wait(10.0) == DONE
+    assert all(line["base_reason"] for line in lines)
+
+
+def test_stop_stands_until_it_is_released(stack: Stack) -> None:
+    stack.wait_until_driving()
+    stopped = vsx(stack, "stop")
+    assert not stack.plant.moving
+    assert stopped.returncode == DONE, stopped.stderr
+    assert "--release" in stopped.stdout
+    assert facts(stack)["estop"] is True
+    assert not stack.plant.moving
+    assert "EMERGENCY STOP" in vsx(stack, "status").stdout
+    assert vsx(stack, "stop", "--release").returncode == DONE
+    stack.wait_until_driving()
+
+
+def test_a_namespace_without_a_robot_is_told(stack: Stack) -> None:
+    other = {**stack.environment, "ROS_NAMESPACE": "robot9"}
+    done = subprocess.run([*VSX, "stop"], env=other, capture_output=True, text=True, timeout=30, check=False)
+    assert done.returncode == FAILED
+    assert "/robot9/mobile_base/estop" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+class Keyboard:
+    """``vsx teleop`` in a terminal of its own."""
+
+    def __init__(self, stack: Stack) -> None:
+        self.master, self.slave = pty.openpty()
+        self.before = termios.tcgetattr(self.slave)
+        self.process = subprocess.Popen(
+            [*VSX, "teleop", "--omega", "0.5"],
+            env=stack.environment,
+            stdin=self.slave,
+            stdout=subprocess.DEVNULL,
+            stderr=self.slave,
+            start_new_session=True,
+        )
+        self.said = b""
+        threading.Thread(target=self._listen, daemon=True).start()
+        stack.wait(lambda: b"0.50 rad/s" in self.said, 30.0, "teleop to be ready")
+
+    def _listen(self) -> None:
+        with contextlib.suppress(OSError):
+            while content := os.read(self.master, 1024):
+                self.said += content
+
+    def hold(self, key: str, seconds: float) -> None:
+        deadline_s = time.monotonic() + seconds
+        while time.monotonic() < deadline_s:
+            os.write(self.master, key.encode())
+            time.sleep(0.04)
+
+    def close(self) -> None:
+        self.process.kill()
+        self.process.wait()
+        os.close(self.slave)
+        os.close(self.master)
+
+
+@pytest.fixture
+def keyboard(stack: Stack) -> Iterator[Keyboard]:
+    stack.wait_until_driving()
+    typed = Keyboard(stack)
+    yield typed
+    typed.close()
+
+
+def test_a_held_key_turns_the_robot_and_a_released_one_stops_it(stack: Stack, keyboard: Keyboard) -> None:
+    assert termios.tcgetattr(keyboard.slave) != keyboard.before
+    turning = []
+    holder = threading.Thread(target=keyboard.hold, args=("\x1b[D", 2.5))
+    holder.start()
+    while holder.is_alive():
+        left, right = stack.plant.commanded
+        turning.append(left < -0.02 and right == pytest.approx(-left, abs=0.003))
+        time.sleep(0.02)
+    assert (
+        sum(turning) > 20
+    )  # in place, to the left: nothing that the explorer would do for so long with the same speed
+    os.write(keyboard.master, b"\x1b")  # half an arrow key must not keep the robot turning
+    stack.wait(lambda: stack.plant.commanded == (0.0, 0.0) or stack.plant.commanded[0] >= 0.0, 1.5, "the key's release")
+    os.write(keyboard.master, b"q")
+    assert keyboard.process.wait(10.0) == DONE
+    assert termios.tcgetattr(keyboard.slave) == keyboard.before
+    assert b"drive" in keyboard.said
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_the_terminal_is_given_back_however_teleop_ends(keyboard: Keyboard, number: int) -> None:
+    assert termios.tcgetattr(keyboard.slave) != keyboard.before
+    keyboard.process.send_signal(number)
+    keyboard.process.wait(10.0)
+    assert termios.tcgetattr(keyboard.slave) == keyboard.before
+
+
+@pytest.mark.parametrize(
+    ("text", "pressed"),
+    [
+        ("w", ["w"]),
+        ("\x1b[A\x1b[A", ["\x1b[A", "\x1b[A"]),
+        ("\x1bOD+", ["\x1b[D", "+"]),
+        ("\x1b", ["\x1b"]),
+        ("\x1b[", ["\x1b", "["]),
+        ("", []),
+    ],
+)
+def test_keys(text: str, pressed: list[str]) -> None:
+    assert keys(text) == pressed
+
+
+def test_a_bag_replays_and_png_is_the_same_picture(stack: Stack, tmp_path: Path) -> None:
+    stack.wait_until_driving()
+    raw, png = tmp_path / "raw.bag", tmp_path / "png.bag"
+    command = [*VSX, "record", "--images", "raw", "--out", str(raw)]
+    with subprocess.Popen(
+        command, env=stack.environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as recorder:
+        timed = vsx(stack, "record", "--images", "png", "--time", "4", "--out", str(png))
+        recorder.send_signal(signal.SIGINT)
+        out, err = recorder.communicate(timeout=20.0)
+    assert (recorder.returncode, timed.returncode) == (DONE, DONE), err + timed.stderr
+    assert f"vsx replay {raw}" in out
+    pictures = {}
+    for path in (raw, png):
+        recording = open_recording(path)
+        frames = {frame.stamp_ns: frame.image for frame in recording.frames()}
+        assert len(frames) > 5
+        assert recording.camera is not None
+        assert recording.odometry_at(next(iter(frames))) is not None
+        pictures[path] = frames
+    shared = pictures[raw].keys() & pictures[png].keys()
+    assert len(shared) > 5
+    assert all(np.array_equal(pictures[raw][stamp], pictures[png][stamp]) for stamp in shared)
+    assert not list(tmp_path.glob("*.active"))
+
+
+def test_the_size_limit_ends_a_recording(stack: Stack, tmp_path: Path) -> None:
+    done = vsx(stack, "record", "--limit", "2MB", "--out", str(tmp_path / "a.bag"))
+    assert done.returncode == DONE, done.stderr
+    assert "limit of 2MB" in done.stderr
+    assert 2e6 < (tmp_path / "a.bag").stat().st_size < 6e6
+    refused = vsx(stack, "record", "--out", str(tmp_path / "a.bag"))
+    assert refused.returncode == FAILED
+    assert "exists" in refused.stderr
+
+
+def test_a_recording_of_nothing_leaves_no_bag(stack: Stack, tmp_path: Path) -> None:
+    other = {**stack.environment, "ROS_NAMESPACE": "robot9"}
+    command = [*VSX, "record", "--time", "4", "--out", str(tmp_path / "a.bag")]
+    done = subprocess.run(command, env=other, capture_output=True, text=True, timeout=30, check=False)
+    assert "/robot9/camera/rgb/image_raw" in done.stderr
+    assert done.returncode == FAILED
+    assert topics.IMAGE in done.stderr
