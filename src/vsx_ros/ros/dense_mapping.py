@@ -1,0 +1,119 @@
+"""The dense half of the vslam node: planes and surfaces of the newest map, for the ground map and for whoever looks."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import rospy
+from geometry_msgs.msg import Point, Vector3
+from sensor_msgs.msg import LaserScan, PointCloud2
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
+
+from vsx_ros.arrays import Points3
+from vsx_ros.config import Config
+from vsx_ros.dense.anchored import AnchoredSpots
+from vsx_ros.dense.densify import DenseMap
+from vsx_ros.dense.planes import Plane, PlaneKind
+from vsx_ros.errors import VsxError
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.occupancy.virtual_scan import laser_scan
+from vsx_ros.ros import convert, process, topics
+from vsx_ros.ros.dense_process import DenseProcess
+from vsx_ros.slam.snapshot import MapSnapshot
+
+_COLORS = {
+    PlaneKind.WALL: ColorRGBA(0.2, 0.5, 1.0, 0.4),
+    PlaneKind.FLOOR: ColorRGBA(0.5, 0.5, 0.5, 0.2),
+    PlaneKind.TABLE: ColorRGBA(1.0, 0.6, 0.1, 0.4),
+    PlaneKind.OTHER: ColorRGBA(0.6, 0.2, 0.8, 0.4),
+}
+_SCAN_BEARINGS = 720
+
+
+class DenseMapping:
+    """Publishers: vslam/planes, vslam/dense_points, scan; each is made only while someone listens.
+
+    ``refresh`` from one thread, ``publish`` from any.
+    """
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+        self._process: DenseProcess | None = None
+        self._newest: tuple[int, ...] = ()
+        self._map: DenseMap | None = None
+        self.spots: AnchoredSpots | None = None
+        self._planes_pub = rospy.Publisher(topics.PLANES, MarkerArray, queue_size=1)
+        self._points_pub = rospy.Publisher(topics.DENSE_POINTS, PointCloud2, queue_size=1)
+        self._scan_pub = rospy.Publisher(topics.SCAN, LaserScan, queue_size=1)
+
+    def start(self, camera: PinholeCamera, T_base_cam: SE3 | None, seed: int) -> None:
+        """Begin, now that the camera is known; without metres and a floor, or not enabled, there is nothing to do."""
+        if self._config.dense.enabled and T_base_cam is not None:
+            self._process = DenseProcess(camera, T_base_cam, self._config.dense, seed)
+
+    def refresh(self, snapshot: MapSnapshot) -> None:
+        """Densify when there is a new keyframe, or work left from the last one."""
+        newest = tuple(snapshot.keyframe_ids[-1:].tolist())
+        done = newest == self._newest and (self._map is None or self._map.complete)
+        if self._process is None or not newest or done:
+            return
+        try:
+            self._map, self.spots = self._process.update(snapshot)
+            self._newest = newest
+        except VsxError as error:
+            self._process = None
+            if not rospy.is_shutdown():
+                rospy.logerr("%s", error)
+
+    def publish(self, snapshot: MapSnapshot, grid: OccupancyGrid, T_map_base: SE2) -> None:
+        """Show what is known, to those who look."""
+        stamp_ns = process.now_ns()
+        if self._scan_pub.get_num_connections():
+            self._scan_pub.publish(scan_msg(grid, T_map_base, self._config.ground_map.max_range_m, stamp_ns))
+        if self._map is not None and self._planes_pub.get_num_connections():
+            self._planes_pub.publish(plane_markers(self._map.planes, topics.MAP_FRAME, stamp_ns))
+        if self._points_pub.get_num_connections():
+            self._points_pub.publish(convert.cloud_msg(self.points(snapshot), topics.MAP_FRAME, stamp_ns))
+
+    def points(self, snapshot: MapSnapshot) -> Points3:
+        """(N, 3) spots of surface in the map of a snapshot [m]; none while nothing is known."""
+        return self.spots.surfaces(snapshot).points if self.spots is not None else np.zeros((0, 3))
+
+    def close(self) -> None:
+        """End the process beside this one."""
+        if self._process is not None:
+            self._process.close()
+
+
+def plane_markers(planes: tuple[Plane, ...], frame_id: str, stamp_ns: int) -> MarkerArray:
+    """A translucent rectangle for each plane's extent; its number is the plane's id."""
+    markers = [Marker(header=convert.header(frame_id, stamp_ns), action=Marker.DELETEALL)]
+    for plane in planes:
+        a, b, c, d = plane.extent.tolist()
+        corners = plane.points_at(np.array([[a, c], [b, c], [b, d], [a, c], [b, d], [a, d]]))
+        marker = Marker(header=convert.header(frame_id, stamp_ns), ns="planes", id=plane.id)
+        marker.type, marker.action = Marker.TRIANGLE_LIST, Marker.ADD
+        marker.pose, marker.scale = convert.pose_msg(SE2()), Vector3(1.0, 1.0, 1.0)
+        marker.color = _COLORS[plane.kind]
+        marker.points = [Point(*corner) for corner in corners.tolist()]
+        markers.append(marker)
+    return MarkerArray(markers)
+
+
+def scan_msg(grid: OccupancyGrid, T_map_base: SE2, max_range_m: float, stamp_ns: int) -> LaserScan:
+    """The virtual laser scan of the paper: the map's obstacles around the base, all around; infinite where none."""
+    ranges = laser_scan(grid, T_map_base, _SCAN_BEARINGS, max_range_m)
+    return LaserScan(
+        header=convert.header(topics.BASE_FRAME, stamp_ns),
+        angle_min=0.0,
+        angle_max=2.0 * math.pi * (1.0 - 1.0 / _SCAN_BEARINGS),
+        angle_increment=2.0 * math.pi / _SCAN_BEARINGS,
+        range_min=0.0,
+        range_max=max_range_m,
+        ranges=ranges.tolist(),
+    )
