@@ -162,8 +162,7 @@ class ExploreNode:
             goal = convert.pose_stamped(decision.frame, process.now_ns(), decision.goal)
             self._goal = self._client.send_goal(MoveBaseGoal(goal))
         elif decision.action in (Action.CANCEL, Action.FINISH) and self._navigation()[0] is NavigationState.ACTIVE:
-            self._lease.release()
-        self._client.cancel_all_goals()
+            self._client.cancel_all_goals()
 
     def _report(self, decision: Decision) -> None:
         """Status as JSON, frontiers when they were searched anew."""
@@ -193,6 +192,7 @@ class ExploreNode:
 
     def close(self) -> None:
         """Without the mission nobody wants to drive."""
+        self._lease.release()
         self._client.cancel_all_goals()
 
 
