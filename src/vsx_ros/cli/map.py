@@ -1,0 +1,104 @@
+"""``vsx map``: what is in a SLAM map (``.vsxmap``), and the same for other programs."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from vsx_ros.slam.slam_map import SlamMap
+
+_FORMATS = {"tum": ".txt", "ply": ".ply", "colmap": "_colmap"}
+
+
+def add_parser(subparsers: Any) -> None:
+    """Register the command and its options."""
+    parser = subparsers.add_parser(
+        "map",
+        help="look into a SLAM map, export it",
+        description="Works on the SLAM maps that 'vsx replay --save-map' and the node vslam write (.vsxmap); "
+        "--load-map goes on in one. The ground map of a run is map.pgm and map.yaml in its folder, as map_server has them.",
+        epilog="examples: vsx map info lab.vsxmap   |   vsx map export lab.vsxmap --format colmap --out lab_colmap",
+    )
+    verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
+    info = verbs.add_parser("info", help="print what is in it", description="Prints what is in a SLAM map.")
+    info.add_argument("file", type=Path, metavar="FILE", help="a .vsxmap")
+    info.add_argument("--json", action="store_true", help="as JSON")
+    info.set_defaults(run=run_info)
+    export = verbs.add_parser(
+        "export",
+        help="write it for other programs",
+        description="tum: the keyframes' camera poses in the map, as evo and the TUM tools read them. ply: the points, "
+        "for MeshLab, CloudCompare, Blender. colmap: a folder with COLMAP's text model (cameras.txt, images.txt, "
+        "points3D.txt) and the keyframes' pictures, for COLMAP and what reads it: dense stereo, meshing, splatting.",
+    )
+    export.add_argument("file", type=Path, metavar="FILE", help="a .vsxmap")
+    export.add_argument("--format", choices=tuple(_FORMATS), required=True, help="what to write")
+    export.add_argument("--out", type=Path, metavar="PATH", help="file or folder (default: beside FILE)")
+    export.set_defaults(run=run_export)
+
+
+def run_info(args: argparse.Namespace) -> int:
+    """Print the facts, a line each."""
+    import json
+
+    from vsx_ros.io.slam_map_file import load_slam_map
+
+    known = facts(load_slam_map(args.file))
+    if args.json:
+        print(json.dumps(known))
+    else:
+        for name, value in known.items():
+            print(f"{name:20} {'-' if value is None else value}")
+    return 0
+
+
+def facts(slam_map: SlamMap) -> dict[str, Any]:
+    """What people ask of a map; lengths in metres where it has a scale, else in its own unit."""
+    import numpy as np
+
+    from vsx_ros.slam.snapshot import snapshot
+
+    camera, seen = slam_map.camera, snapshot(slam_map.view)
+    centres = np.array([T.translation for T in seen.T_world_cams]).reshape(-1, 3)
+    extent = np.ptp(seen.points_world, axis=0).round(2).tolist() if len(seen.points_world) else None
+    return {
+        "keyframes": len(seen.keyframe_ids),
+        "points": len(seen.point_ids),
+        "observations": len(seen.obs_point),
+        "maps": len({keyframe.map_id for keyframe in slam_map.view.keyframes}),
+        "metric_scale": slam_map.T_base_cam is not None,
+        "extent": extent,
+        "way_between_keyframes": round(float(np.linalg.norm(np.diff(centres, axis=0), axis=1).sum()), 2),
+        "duration_s": round(float(np.ptp(seen.keyframe_stamps_ns)) * 1e-9, 1) if len(seen.keyframe_ids) else None,
+        "camera": f"{camera.width}x{camera.height}, {camera.fx:.1f} {camera.fy:.1f} px",
+    }
+
+
+def run_export(args: argparse.Namespace) -> int:
+    """Write it and say where it is."""
+    from vsx_ros.geometry.stamped import StampedPose
+    from vsx_ros.io.colmap_folder import write_colmap
+    from vsx_ros.io.ply_file import write_ply
+    from vsx_ros.io.slam_map_file import load_slam_map
+    from vsx_ros.io.trajectory_file import write_trajectory
+    from vsx_ros.slam.snapshot import snapshot
+
+    slam_map = load_slam_map(args.file)
+    seen = snapshot(slam_map.view)
+    out: Path = args.out or args.file.with_name(f"{args.file.stem}{_FORMATS[args.format]}")
+    try:
+        if args.format == "tum":
+            stamps = seen.keyframe_stamps_ns.tolist()
+            write_trajectory(out, (StampedPose(*pose) for pose in zip(stamps, seen.T_world_cams, strict=True)))
+        elif args.format == "ply":
+            write_ply(out, seen.points_world)
+        else:
+            write_colmap(out, slam_map.camera, seen)
+    except OSError as error:
+        from vsx_ros.errors import InputError
+
+        raise InputError(f"{out} cannot be written ({error.strerror}); give another one with --out") from error
+    print(out)
+    return 0
