@@ -27,7 +27,7 @@ def prepare(host: str = LOOPBACK, port: int | None = None) -> tuple[int, str]:
     Raises ConfigError when the address cannot be listened on.
     """
     port = choose_port(host, port)
-    token = os.environ[TOKEN] = secrets.token_urlsafe(12)
+    token = os.environ[TOKEN] = os.environ.get(TOKEN) or secrets.token_urlsafe(12)
     return port, address(host, port, token)
 
 

@@ -1,0 +1,130 @@
+"""The view on the live stack: silent without a viewer, and its buttons reach the wheels."""
+
+from __future__ import annotations
+
+import base64
+import http.client
+import json
+import time
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+pytest.importorskip("rospy")
+
+import cv2
+import numpy as np
+import rosgraph
+import rospy
+from ros_ports import free_port
+from std_msgs.msg import String
+
+from vsx_ros.ros import launch, topics
+from vsx_ros.ros.dashboard.server import TOKEN_HEADER
+from vsx_ros.ros.nodes.dashboard import TOKEN
+
+if TYPE_CHECKING:
+    from conftest import Stack
+
+pytestmark = pytest.mark.ros
+
+SECRET = "a-token-of-tests"
+
+
+class Viewer:
+    """A stream of events, read until something came."""
+
+    def __init__(self, port: int) -> None:
+        self._connection = http.client.HTTPConnection("127.0.0.1", port, timeout=20)
+        self._connection.request("GET", "/events")
+        self._answer = self._connection.getresponse()
+        self.known: dict[str, Any] = {}
+
+    def hear(self, *subjects: str, seconds: float = 60.0) -> None:
+        deadline_s = time.monotonic() + seconds
+        while not self.known.keys() >= set(subjects):
+            assert time.monotonic() < deadline_s, f"only {sorted(self.known)}"
+            subject, data, _ = (self._answer.readline().decode().strip() for _ in range(3))
+            self.known[subject.removeprefix("event: ")] = json.loads(data.removeprefix("data: "))
+
+    def close(self) -> None:
+        self._answer.close()
+        self._connection.close()
+
+
+@pytest.fixture(scope="module")
+def port(stack: Stack) -> int:
+    stack.environment[TOKEN] = SECRET
+    node = launch.view(port=free_port())[0]
+    stack.nodes["dashboard"] = node
+    stack.start("dashboard")
+    stack.wait(lambda: _answers(node.params["port"]), 30.0, "the view")
+    return int(node.params["port"])
+
+
+def _answers(port: int) -> bool:
+    try:
+        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=5)
+        connection.request("GET", "/")
+        return connection.getresponse().status == 200
+    except OSError:
+        return False
+
+
+def command(port: int, name: str) -> dict[str, Any]:
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=20)
+    connection.request("POST", f"/command/{name}", headers={TOKEN_HEADER: SECRET})
+    return dict(json.loads(connection.getresponse().read()))
+
+
+def subscriptions() -> set[str]:
+    _, subscribed, _ = rosgraph.Master("/observer").getSystemState()
+    return {topic for topic, nodes in subscribed if "/dashboard" in nodes}
+
+
+def mission() -> str:
+    return str(json.loads(rospy.wait_for_message(f"/{topics.EXPLORE_STATUS}", String, timeout=30.0).data)["state"])
+
+
+def test_it_listens_to_the_stack_only_while_somebody_looks(stack: Stack, port: int) -> None:
+    stack.wait_until_driving()
+    assert subscriptions() <= {"/clock"}
+    viewer = Viewer(port)
+    viewer.hear("camera", "pose", "map", "keyframes", "slam", "mission", "stats", "health", "hazards", "stack")
+    listened = subscriptions()
+    known = viewer.known
+    viewer.close()
+    offered = {f"/{t}" if not t.startswith("/") else t for node in topics.PUBLISHED.values() for t in node}
+    assert listened - {"/clock"} <= offered | {topics.DIAGNOSTICS}
+    picture = cv2.imdecode(np.frombuffer(base64.b64decode(known["camera"]), np.uint8), cv2.IMREAD_COLOR)
+    assert picture.shape == (480, 640, 3)
+    assert known["map"]["known_m2"] > 0.0
+    assert known["stack"] is True
+    assert "mobile_base: safety" in known["health"]
+    stack.wait(lambda: subscriptions() <= {"/clock"}, 20.0, "the view to leave the topics")
+
+
+def test_pause_and_resume_reach_the_mission(stack: Stack, port: int) -> None:
+    assert command(port, "pause")["ok"]
+    stack.wait(lambda: mission() == "paused", 20.0, "the pause")
+    assert command(port, "resume")["ok"]
+    stack.wait(lambda: mission() != "paused", 20.0, "the mission to go on")
+
+
+def test_the_emergency_stop_reaches_the_wheels(stack: Stack, port: int) -> None:
+    stack.wait_until_driving()
+    assert command(port, "estop") == {"ok": True, "message": "stopped"}
+    stack.wait(lambda: not stack.plant.moving, 2.0, "the wheels to stand")
+    assert command(port, "release")["ok"]
+    stack.wait_until_driving()
+
+
+def test_without_the_node_behind_it_a_button_says_so(stack: Stack, port: int) -> None:
+    stack.kill("explore")
+    try:
+        answer = command(port, "home")
+        assert not answer["ok"]
+        assert "/explore/home" in answer["message"]
+    finally:
+        stack.start("explore")
+    stack.wait_until_driving()
