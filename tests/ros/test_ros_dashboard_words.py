@@ -1,0 +1,105 @@
+"""Messages become what the page draws; messages that lie are refused by name."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+
+import pytest
+
+pytest.importorskip("rospy")
+
+import cv2
+import numpy as np
+from geometry_msgs.msg import PoseArray
+from std_msgs.msg import String
+
+from vsx_ros.errors import InputError
+from vsx_ros.exploration.frontiers import Frontier
+from vsx_ros.exploration.utility import View
+from vsx_ros.geometry.camera import mount_pose
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from vsx_ros.robot import Frame
+from vsx_ros.ros import convert
+from vsx_ros.ros.dashboard import words
+from vsx_ros.ros.frontier_markers import frontier_markers
+from vsx_ros.ros.preview import drawn
+from vsx_ros.slam.sight import Sight
+
+
+def grid() -> OccupancyGrid:
+    cells = np.full((10, 20), UNKNOWN, np.int8)
+    cells[2:5, 4:10] = FREE
+    cells[2, 4] = OCCUPIED
+    return OccupancyGrid(cells, 0.5, -3.0, 1.0)
+
+
+def test_the_map_is_cut_to_what_is_known_and_stays_in_place() -> None:
+    told = words.grid(convert.grid_msg(grid(), "map", 1))
+    assert (told["x"], told["y"], told["resolution"]) == (-3.0 + 4 * 0.5, 1.0 + 2 * 0.5, 0.5)
+    png = cv2.imdecode(np.frombuffer(base64.b64decode(told["png"]), np.uint8), cv2.IMREAD_UNCHANGED)
+    assert png.shape == (3, 6, 4)
+    colours, counts = np.unique(png.reshape(-1, 4), axis=0, return_counts=True)
+    assert sorted(counts) == [1, 17]
+    assert (png[2, 0] == colours[np.argmin(counts)]).all()  # the lowest row of the map is the last of the picture
+
+
+def test_a_map_without_knowledge_is_one_transparent_pixel() -> None:
+    nothing = OccupancyGrid(np.full((4, 4), UNKNOWN, np.int8), 0.1, 0.0, 0.0)
+    told = words.grid(convert.grid_msg(nothing, "map", 1))
+    png = cv2.imdecode(np.frombuffer(base64.b64decode(told["png"]), np.uint8), cv2.IMREAD_UNCHANGED)
+    assert png.shape == (1, 1, 4)
+    assert png[0, 0, 3] == 0
+
+
+@pytest.mark.parametrize("heading", [-2.5, 0.0, 1.0, 3.0])
+def test_keyframes_look_where_their_camera_looks(heading: float) -> None:
+    T_world_cam = SE3.from_se2(SE2(1.0, 2.0, heading)) @ mount_pose(0.0, 0.0, 0.5, 0.2)
+    [[x, y, looks]] = words.keyframes(convert.pose_array("map", 1, [T_world_cam]))
+    assert (x, y) == (1.0, 2.0)
+    assert math.cos(looks - heading) == pytest.approx(1.0, abs=1e-4)
+    assert words.keyframes(PoseArray()) == []
+
+
+def test_frontiers_come_with_their_utility() -> None:
+    border = Frontier(np.array([[2, 9], [3, 9]]), np.zeros(2), 1.0)
+    views = [View(SE2(1.0, 2.0, 0.0), 4.0, 2.0, 30, 2.0), View(SE2(0.0, 0.0, 0.0), 1.0, 4.0, 30, 0.25)]
+    told = words.frontiers(frontier_markers(grid(), [border], views, "map", 1))
+    assert told["borders"] == [[[1.75, 2.25], [1.75, 2.75]]]
+    assert [view["utility"] for view in told["views"]] == [2.0, 0.25]
+    assert told["views"][0]["text"] == "v 4.0 m2, d 2.0 m, U 2.00"
+
+
+def test_a_long_plan_is_thinned_and_keeps_its_ends() -> None:
+    poses = [SE2(0.01 * k, 0.0, 0.0) for k in range(1001)]
+    told = words.plan(convert.path_msg("map", 1, poses))
+    assert len(told) < 250
+    assert (told[0], told[-1]) == ([0.0, 0.0], [10.0, 0.0])
+    assert words.plan(convert.path_msg("odom", 1, poses)) == []
+
+
+@pytest.mark.parametrize("data", ["", "{", "[1]", "null"])
+def test_status_that_is_no_object_is_refused(data: str) -> None:
+    with pytest.raises(InputError, match="JSON"):
+        words.parsed(String(data))
+
+
+def test_numbers_that_are_not_finite_are_refused() -> None:
+    assert json.loads(words.text({"a": [1, 2.5]})) == {"a": [1, 2.5]}
+    with pytest.raises(InputError, match="finite"):
+        words.text({"tracked_ratio": math.nan})
+
+
+def test_found_points_are_green_circles_and_missed_ones_red_crosses() -> None:
+    dark = np.zeros((60, 80), np.uint8)
+    picture = drawn(Frame(1, dark), Sight(np.array([[20.2, 30.4]]), np.array([[60.0, 10.0], [-50.0, 900.0]])))
+    assert picture.shape == (60, 80, 3)
+    blue, green, red = picture[30, 24]
+    assert green > max(blue, red)
+    blue, green, red = picture[10, 60]
+    assert red > max(blue, green)
+    assert not picture[30, 20].any()  # the point itself stays visible
+    assert not drawn(Frame(1, dark), None).any()
