@@ -83,10 +83,11 @@ class Chromium:
         return result["result"].get("value")
 
     def wait(self, expression: str, seconds: float = 20.0) -> Any:
-        """The value of an expression once it is true."""
+        """The value of an expression once it is true; until the page is there it is not."""
+        guarded = f"(() => {{ try {{ return {expression}; }} catch (error) {{ return false; }} }})()"
         deadline_s = time.monotonic() + seconds
         while True:
-            value = self.evaluate(expression)
+            value = self.evaluate(guarded)
             if value:
                 return value
             assert time.monotonic() < deadline_s, f"waited {seconds:.0f} s for {expression}"

@@ -44,7 +44,9 @@ def displayed(manager: dict[str, Any]) -> Iterator[tuple[str, str]]:
 def test_every_display_shows_a_topic_of_its_kind(manager: dict[str, Any]) -> None:
     published = {topic: kind for node in topics.PUBLISHED.values() for topic, kind in node.items()}
     shown = dict(displayed(manager))
-    assert {topic: SHOWS[display] for topic, display in shown.items()} == {topic: published.get(topic) for topic in shown}
+    assert {topic: SHOWS[display] for topic, display in shown.items()} == {
+        topic: published.get(topic) for topic in shown
+    }
     wanted = {topics.MAP, topics.MAP_POINTS, topics.KEYFRAMES, topics.GLOBAL_PLAN, topics.FRONTIERS, topics.POSE}
     assert wanted <= shown.keys()
 
