@@ -157,7 +157,7 @@ class ExplorationSystem:
         self._T_cam_base = T_base_cam.inverse()
         self._costs = Planner(config.planner, config.robot)
         planner = UnconstrainedPlanner(config.planner, config.robot) if unconstrained else self._costs
-        self._ground = MappedGround(config)
+        self.ground = MappedGround(config)
         self._densifier = Densifier(camera, T_base_cam, config.dense, seed) if config.dense.enabled else None
         self._fuser = PoseFuser()
         self._map_version = self._newest_keyframe = -1
@@ -188,16 +188,16 @@ class ExplorationSystem:
 
     def surface_points(self) -> Points3:
         """(N, 3) spots of surface of the dense map, in the map as it is now [m]."""
-        spots = self._ground.dense
+        spots = self.ground.dense
         return spots.surfaces(self.slam.snapshot()).points if spots is not None else np.zeros((0, 3))
 
     def _remember(self, hazard: str | None) -> None:
         pose = self._fuser.pose()
         if pose is None:
             return
-        self._ground.moved(pose)
+        self.ground.moved(pose)
         if hazard:
-            self._ground.bumped(pose)
+            self.ground.bumped(pose)
 
     def _refresh_map(self, now_ns: int) -> None:
         snapshot = self.slam.snapshot()
@@ -206,7 +206,7 @@ class ExplorationSystem:
         self._next_map_ns = now_ns + _MAP_EVERY_NS
         self._map_version = snapshot.version
         self._densify(snapshot)
-        self.grid = self._ground.grid(snapshot)
+        self.grid = self.ground.grid(snapshot)
 
     def _densify(self, snapshot: MapSnapshot) -> None:
         """Once for each new keyframe: the work of one update is that of one keyframe."""
@@ -215,7 +215,7 @@ class ExplorationSystem:
             return
         self._newest_keyframe = newest
         self.dense = self._densifier.update(snapshot)
-        self._ground.dense = AnchoredSpots.of(self.dense, snapshot, self._config.dense.cell_m)
+        self.ground.dense = AnchoredSpots.of(self.dense, snapshot, self._config.dense.cell_m)
 
     def _decide(self, now_ns: int, T_odom_base: SE2, tracking: TrackingResult, hazard: str | None) -> Decision:
         situation = Situation(

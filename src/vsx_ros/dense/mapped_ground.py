@@ -37,8 +37,8 @@ class MappedGround:
         """The poses driven through, in the map of a snapshot."""
         return self._trail.poses(snapshot.keyframe_ids, snapshot.T_world_cams)
 
-    def grid(self, snapshot: MapSnapshot) -> OccupancyGrid:
-        """The map of a snapshot."""
+    def grid(self, snapshot: MapSnapshot, with_surfaces: bool = True) -> OccupancyGrid:
+        """The map of a snapshot; without surfaces it is the paper's sparse one."""
         return self._ground_map.build(
             snapshot.T_world_cams,
             snapshot.points_world,
@@ -47,5 +47,5 @@ class MappedGround:
             trail=self.trail(snapshot),
             bumps=self._bumps.poses(snapshot.keyframe_ids, snapshot.T_world_cams),
             start=self.start,
-            surfaces=self.dense.surfaces(snapshot) if self.dense is not None else None,
+            surfaces=self.dense.surfaces(snapshot) if self.dense is not None and with_surfaces else None,
         )

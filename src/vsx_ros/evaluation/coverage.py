@@ -57,10 +57,10 @@ def observable_cells(truth: OccupancyGrid, start: SE2, robot_radius_m: float, se
 
 def map_quality(estimate: OccupancyGrid, truth: OccupancyGrid, observable: BoolArray, T_truth_map: SE2) -> MapQuality:
     """Judge a map. observable: (H, W) mask over the truth. T_truth_map: where the map's origin truly lies."""
-    to_obstacle = _metres_to(truth.data == OCCUPIED, truth)
-    to_free = _metres_to(truth.data == FREE, truth)
+    to_obstacle = metres_to(truth.data == OCCUPIED, truth)
+    to_free = metres_to(truth.data == FREE, truth)
     cells = np.argwhere(observable)
-    values = _values(estimate, T_truth_map.inverse() @ truth.centres(cells))
+    values = values_at(estimate, T_truth_map.inverse() @ truth.centres(cells))
     depth, gap = to_free[observable], to_obstacle[observable]
     known = values != UNKNOWN
     right = np.where(values == OCCUPIED, gap <= TOLERANCE_M, depth <= TOLERANCE_M) & known
@@ -74,7 +74,7 @@ def map_quality(estimate: OccupancyGrid, truth: OccupancyGrid, observable: BoolA
         coverage=_share(known),
         coverage_correct=_share(right),
         occupied_precision=_share(to_obstacle[occupied[:, 0], occupied[:, 1]] <= TOLERANCE_M),
-        occupied_recall=_share(_metres_to(estimated, truth)[faces] <= TOLERANCE_M),
+        occupied_recall=_share(metres_to(estimated, truth)[faces] <= TOLERANCE_M),
         free_inside_obstacle=_share(to_free[free[:, 0], free[:, 1]] > TOLERANCE_M),
     )
 
@@ -83,7 +83,7 @@ def _share(hits: BoolArray) -> float | None:
     return float(np.mean(hits)) if hits.size else None
 
 
-def _metres_to(cells: BoolArray, grid: OccupancyGrid) -> np.ndarray[tuple[int, int], np.dtype[np.float32]]:
+def metres_to(cells: BoolArray, grid: OccupancyGrid) -> np.ndarray[tuple[int, int], np.dtype[np.float32]]:
     """(H, W) distance [m] of each cell to the nearest of the given cells; infinite when there is none."""
     if not cells.any():
         return np.full(cells.shape, math.inf, np.float32)
@@ -91,7 +91,8 @@ def _metres_to(cells: BoolArray, grid: OccupancyGrid) -> np.ndarray[tuple[int, i
     return np.asarray(cells_away * grid.resolution, np.float32)
 
 
-def _values(grid: OccupancyGrid, points: Points2) -> np.ndarray[tuple[int], np.dtype[np.int8]]:
+def values_at(grid: OccupancyGrid, points: Points2) -> np.ndarray[tuple[int], np.dtype[np.int8]]:
+    """(N,) the grid's values at (N, 2) points [m], UNKNOWN outside."""
     cells = grid.cells(points)
     inside = grid.contains(cells)
     values = np.full(len(cells), UNKNOWN, np.int8)

@@ -97,7 +97,7 @@ class GroundMap:
         scans = blocked(scans, spots, self._config)
         arcs = self._bump_cells(bumps)
         extent = self._extent(scans, points_world, obs_point, trail, start)
-        lattice = _Lattice.around(np.vstack([extent, spots.points[:, :2], arcs]), self._config.resolution_m)
+        lattice = _Lattice.around(np.vstack([extent, _corners(spots.points[:, :2]), arcs]), self._config.resolution_m)
         free_votes = kernels.count_free(scans.positions, scans.yaws, scans.free, *lattice.arguments())
         occupied = self._occupied(scans, points_world, obs_point, free_votes, lattice)
         occupied |= _solid(spots, free_votes, lattice)
@@ -129,20 +129,16 @@ class GroundMap:
     def _extent(
         self, scans: PolarScans, points_world: Points3, obs_point: IntArray, trail: Sequence[SE2], start: SE2 | None
     ) -> Points2:
-        """(N, 2) points seen, driven and promised that the grid must hold."""
+        """(N, 2) corners of what is seen, driven and promised, which the grid must hold."""
         keyframe, bearing = np.nonzero(scans.free)
         angle = scans.yaws[keyframe] + (bearing + 0.5) * 2 * math.pi / scans.free.shape[1]
         reach = scans.free[keyframe, bearing][:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        poses = [pose.as_array()[:2] for pose in (*trail, *([start] if start else []))]
+        poses = [(pose.x, pose.y) for pose in (*trail, *([start] if start else []))]
         ahead = [(start @ np.array([[self._config.start_clear_m, 0.0]]))[0]] if start else []
-        return np.vstack(
-            [
-                scans.positions[:, :2],
-                scans.positions[keyframe, :2] + reach,
-                np.asarray(points_world).reshape(-1, 3)[obs_point[scans.hit > 0], :2],
-                np.array([*poses, *ahead]).reshape(-1, 2),
-            ]
-        )
+        seen = np.asarray(points_world).reshape(-1, 3)[obs_point[scans.hit > 0], :2]
+        passed = np.array([*poses, *ahead]).reshape(-1, 2)
+        parts = (scans.positions[:, :2], scans.positions[keyframe, :2] + reach, seen, passed)
+        return np.vstack([_corners(part) for part in parts])
 
     def _occupied(
         self, scans: PolarScans, points_world: Points3, obs_point: IntArray, free_votes: IntArray, lattice: _Lattice
@@ -150,10 +146,8 @@ class GroundMap:
         """Cells with enough observations of obstacle points, the few that others look through left out."""
         points, point = np.array(points_world, np.float64).reshape(-1, 3), np.array(obs_point, np.int64)
         votes, members = kernels.count_hits(points, point, scans.hit, *lattice.arguments())
-        block = np.ones((3, 3), np.float32)
-        near_votes = cv2.filter2D(votes.astype(np.float32), -1, block, borderType=cv2.BORDER_CONSTANT)
-        near_points = cv2.filter2D(members.astype(np.float32), -1, block, borderType=cv2.BORDER_CONSTANT)
-        near_free = cv2.blur(free_votes.astype(np.float32), (3, 3), borderType=cv2.BORDER_CONSTANT)
+        near_votes, near_points = _around(votes), _around(members)
+        near_free = _around(free_votes) / 9.0
         noise = (near_points < _SURE_POINTS - 0.5) & (near_free > _OVERRULED_BY * near_votes)
         occupied: BoolArray = (votes > 0) & (near_votes >= _MIN_HIT_VOTES) & ~noise
         return occupied
@@ -178,11 +172,15 @@ class GroundMap:
     def _start_strip(self, start: SE2, lattice: _Lattice) -> BoolArray:
         """The promised floor: from behind the robot to ``start_clear_m`` in front, a little wider than the robot."""
         x, y = lattice.centres()
+        half_width = self._robot.radius_m + 2 * lattice.resolution
+        reach = max(half_width, self._config.start_clear_m) + half_width
+        columns, rows = np.abs(x[0] - start.x) <= reach, np.abs(y[:, 0] - start.y) <= reach
+        x, y = x[:, columns], y[rows]
         c, s = math.cos(start.theta), math.sin(start.theta)
         forward = c * (x - start.x) + s * (y - start.y)
         left = -s * (x - start.x) + c * (y - start.y)
-        half_width = self._robot.radius_m + 2 * lattice.resolution
-        strip: BoolArray = (
+        strip = np.zeros((lattice.rows, lattice.columns), bool)
+        strip[np.ix_(rows, columns)] = (
             (np.abs(left) <= half_width) & (forward >= -half_width) & (forward <= self._config.start_clear_m)
         )
         return strip
@@ -202,11 +200,21 @@ class GroundMap:
         return np.vstack([np.zeros((0, 2)), *(pose @ arc for pose in bumps)])
 
 
+def _around(counts: IntArray) -> NDArray[np.float32]:
+    """(H, W) sums over each cell and its eight neighbours."""
+    sums = cv2.boxFilter(counts.astype(np.float32), -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT)
+    return np.asarray(sums, np.float32)
+
+
+def _corners(points: Points2) -> Points2:
+    """The two corners of the box around (N, 2) points; none for none."""
+    return np.stack([points.min(axis=0), points.max(axis=0)]) if len(points) else points
+
+
 def _solid(spots: Surfaces, free_votes: IntArray, lattice: _Lattice) -> BoolArray:
     """Cells under surfaces, but for those that many keyframes look through."""
     votes = kernels.count_spots(spots.points, *lattice.arguments())
-    near_free = cv2.blur(free_votes.astype(np.float32), (3, 3), borderType=cv2.BORDER_CONSTANT)
-    near_spots = cv2.filter2D(votes.astype(np.float32), -1, np.ones((3, 3), np.float32), borderType=cv2.BORDER_CONSTANT)
+    near_free, near_spots = _around(free_votes) / 9.0, _around(votes)
     solid: BoolArray = (votes > 0) & (near_spots >= _MIN_SPOTS) & (near_free <= _SEEN_THROUGH * near_spots)
     return solid
 

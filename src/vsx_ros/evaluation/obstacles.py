@@ -1,0 +1,90 @@
+"""How well a map shows the obstacles that the robot had before its camera (paper, Figure 5)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray
+from vsx_ros.evaluation.coverage import TOLERANCE_M, metres_to, values_at
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
+
+MIN_RANGE_M, MAX_RANGE_M = 0.5, 3.5
+_HALF_VIEW_RAD = 0.45
+_MIN_VIEWS = 3
+_RAYS = 120
+
+
+@dataclass(frozen=True)
+class ObstacleQuality:
+    """Of a map against the truth, at 10 cm; shares, None where there is nothing to divide by.
+
+    precision: of occupied cells near a true obstacle. recall: of seen faces near an occupied cell. f1: of both.
+    surface_free: seen faces whose cell is called free. free_inside: free cells deeper than 10 cm inside an obstacle.
+    phantom_m2: area of occupied cells over 10 cm from any obstacle.
+    """
+
+    precision: float | None
+    recall: float | None
+    f1: float | None
+    surface_free: float | None
+    free_inside: float | None
+    phantom_m2: float
+
+
+def seen_faces(truth: OccupancyGrid, T_world_cams: Sequence[SE3]) -> BoolArray:
+    """(H, W) cells of obstacle surface that at least three cameras see within 3.5 m, well inside their pictures."""
+    counts = np.zeros(truth.shape, np.int64)
+    blocked = truth.data != FREE
+    for T in T_world_cams:
+        heading = math.atan2(float(T.rotation[1, 2]), float(T.rotation[0, 2]))
+        hits = _first_hits(blocked, truth, T.translation[:2], heading)
+        counts[hits[:, 0], hits[:, 1]] += 1
+    faces: BoolArray = (counts >= _MIN_VIEWS) & (truth.data == OCCUPIED)
+    return faces
+
+
+def _first_hits(blocked: BoolArray, truth: OccupancyGrid, eye: FloatArray, heading: float) -> IntArray:
+    """(N, 2) the cells where rays over the field of view end, each once."""
+    angles = heading + np.linspace(-_HALF_VIEW_RAD, _HALF_VIEW_RAD, _RAYS)
+    steps = np.arange(0.0, MAX_RANGE_M, 0.4 * truth.resolution)
+    places = eye + steps[None, :, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)[:, None, :]
+    cells = truth.cells(places.reshape(-1, 2))
+    inside = truth.contains(cells)
+    solid = np.zeros(len(cells), bool)
+    solid[inside] = blocked[cells[inside, 0], cells[inside, 1]]
+    stops = solid.reshape(len(angles), len(steps))
+    first = stops.argmax(axis=1)
+    good = stops.any(axis=1) & (steps[first] > MIN_RANGE_M)
+    return np.unique(cells.reshape(len(angles), len(steps), 2)[np.flatnonzero(good), first[good]], axis=0)
+
+
+def obstacle_quality(grid: OccupancyGrid, truth: OccupancyGrid, faces: BoolArray, T_truth_map: SE2) -> ObstacleQuality:
+    """Judge a map. faces: (H, W) of ``seen_faces``. T_truth_map: where the map's origin truly lies."""
+    values = _on_truth(grid, truth, T_truth_map)
+    to_obstacle, to_free = metres_to(truth.data == OCCUPIED, truth), metres_to(truth.data == FREE, truth)
+    occupied, free = values == OCCUPIED, values == FREE
+    wrong = occupied & (to_obstacle > TOLERANCE_M) & (truth.data == FREE)
+    near = metres_to(occupied, truth)[faces] <= TOLERANCE_M
+    precision = 1.0 - float(wrong.sum()) / float(occupied.sum()) if occupied.any() else None
+    recall = float(near.mean()) if near.size else None
+    total = (precision or 0.0) + (recall or 0.0)
+    return ObstacleQuality(
+        precision,
+        recall,
+        2.0 * (precision or 0.0) * (recall or 0.0) / total if total > 0.0 else None,
+        float(free[faces].mean()) if near.size else None,
+        float((to_free[free] > TOLERANCE_M).mean()) if free.any() else None,
+        float(wrong.sum()) * truth.resolution**2,
+    )
+
+
+def _on_truth(grid: OccupancyGrid, truth: OccupancyGrid, T_truth_map: SE2) -> IntArray:
+    """(H, W) the map's values at the middles of the truth's cells."""
+    cells = np.argwhere(np.ones(truth.shape, bool))
+    return values_at(grid, T_truth_map.inverse() @ truth.centres(cells)).reshape(truth.shape).astype(np.int64)
