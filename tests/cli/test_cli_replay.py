@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 from pathlib import Path
 
 import cv2
@@ -10,10 +11,12 @@ import pytest
 import yaml
 
 from vsx_ros.cli.main import execute
+from vsx_ros.cli.run_record import RunRecord
 from vsx_ros.evaluation.summary import Summary
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.run_folder import RunFolder
+from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.io.trajectory_file import format_stamp, write_trajectory
 from vsx_ros.robot import VelocityCommand
 from vsx_ros.sim.generate import generate_world
@@ -70,6 +73,25 @@ def test_a_drive_is_tracked_at_metric_scale(replayed):
     assert summary["breaks"] == 0
     assert summary["stop_reason"] == "the recording was tracked to its end"
     assert summary["coverage"] is None
+
+
+def test_ctrl_c_ends_a_replay_with_what_there_is(drive, tmp_path, monkeypatch, capsys):
+    add_frame = RunRecord.add_frame
+
+    def press_at_frame_40(record, *frame):
+        add_frame(record, *frame)
+        if len(record.results) == 40:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(RunRecord, "add_frame", press_at_frame_40)
+    before, saved = signal.getsignal(signal.SIGINT), tmp_path / "a.vsxmap"
+    assert execute(["replay", str(drive), "--map", "--save-map", str(saved), "--out", str(tmp_path / "run")]) == 4
+    assert signal.getsignal(signal.SIGINT) is before
+    assert "stopped by the operator after 40 of 60 frames" in capsys.readouterr().out
+    folder = RunFolder.open(tmp_path / "run")
+    assert folder.read_summary()["frames"] == 40
+    assert folder.read_map() is not None
+    assert load_slam_map(saved).view.keyframes
 
 
 def test_the_run_folder_holds_what_it_promises(replayed):

@@ -49,8 +49,13 @@ def run(args: argparse.Namespace) -> int:
     """Print the script."""
     from vsx_ros.cli.main import parser
 
-    print((_ZSH if args.shell == "zsh" else "") + script(parser()), end="")
+    print(for_zsh(parser()) if args.shell == "zsh" else script(parser()), end="")
     return 0
+
+
+def for_zsh(parser: argparse.ArgumentParser) -> str:
+    """The script of bash, behind what lets zsh run it."""
+    return _ZSH + script(parser)
 
 
 def script(parser: argparse.ArgumentParser) -> str:

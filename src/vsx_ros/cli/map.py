@@ -18,7 +18,7 @@ def add_parser(subparsers: Any) -> None:
         "map",
         help="look into a SLAM map, export it",
         description="Works on the SLAM maps that 'vsx replay --save-map' and the node vslam write (.vsxmap); "
-        "--load-map goes on in one. The ground map of a run is map.pgm and map.yaml in its folder, as map_server has them.",
+        "--load-map goes on in one. The ground map of a run is map.pgm with map.yaml in its folder.",
         epilog="examples: vsx map info lab.vsxmap   |   vsx map export lab.vsxmap --format colmap --out lab_colmap",
     )
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)

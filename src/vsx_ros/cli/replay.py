@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import signal
 import sys
+import threading
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -33,7 +37,8 @@ def add_parser(subparsers: Any) -> None:
         "replay",
         help="run the SLAM over a ROS 1 bag or an image folder",
         description="Tracks every image of a ROS 1 bag or of a folder in the TUM RGB-D layout (rgb.txt, camera.json, "
-        "groundtruth.txt), in order and repeatably, and leaves a run folder with the trajectory and a report.",
+        "groundtruth.txt), in order and repeatably, and leaves a run folder with the trajectory and a report. Ctrl-C "
+        "ends it with what there is.",
         epilog="examples: vsx replay drive.bag --map   |   vsx replay rgbd_freiburg1_xyz --calibration fr1.yaml",
     )
     parser.add_argument("input", type=Path, metavar="INPUT", help="a ROS 1 bag (format 2.0) or a folder with rgb.txt")
@@ -52,7 +57,7 @@ def add_parser(subparsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Replay, write the run folder, say what happened; 3 when tracking was lost for good, 1 when it never began."""
     from vsx_ros.cli.config import load
-    from vsx_ros.cli.exit_codes import DONE, FAILED, LOST
+    from vsx_ros.cli.exit_codes import DONE, FAILED, LOST, STOPPED
     from vsx_ros.cli.report import one_line_facts, write_report
     from vsx_ros.cli.run_record import RunRecord
     from vsx_ros.errors import InputError
@@ -73,9 +78,13 @@ def run(args: argparse.Namespace) -> int:
     folder = RunFolder.create(args.out or Path("runs") / f"{now}_{args.input.stem}")
     folder.write_config(config, ["vsx", *sys.argv[1:]], seed=args.seed, input=str(args.input.resolve()))
     record = RunRecord(T_base_cam)
-    _track_all(slam, recording, record)
+    stopped = _track_all(slam, recording, record)
     continued = str(args.load_map.resolve()) if args.load_map else None
     summary = _summary(slam, recording, record).with_values(seed=args.seed, continued_map=continued).as_dict()
+    if stopped:
+        summary["stop_reason"] = (
+            f"stopped by the operator after {len(record.results)} of {recording.frame_count} frames"
+        )
     record.write(folder, slam.snapshot())
     if recording.ground_truth:
         folder.write_poses("groundtruth", recording.ground_truth)
@@ -84,6 +93,8 @@ def run(args: argparse.Namespace) -> int:
     folder.write_summary(summary)
     _save_slam_map(slam, args.save_map)
     print(summary["stop_reason"], *one_line_facts(summary), f"report: {write_report(folder)}", sep="\n  ")
+    if stopped:
+        return STOPPED
     ending = record.results[-1].state if record.results else TrackingState.NOT_INITIALISED
     return {TrackingState.NOT_INITIALISED: FAILED, TrackingState.LOST: LOST}.get(ending, DONE)
 
@@ -124,25 +135,46 @@ def _slam(recording: Recording, config: Config, args: argparse.Namespace, T_base
     return SequentialSlam(recording.camera, mount, config.slam, args.seed, loaded)
 
 
-def _track_all(slam: SequentialSlam, recording: Recording, record: RunRecord) -> None:
-    """Every frame, with the odometry of its instant; on a terminal, one line tells how far it is."""
+def _track_all(slam: SequentialSlam, recording: Recording, record: RunRecord) -> bool:
+    """Every frame, with the odometry of its instant; on a terminal, one line tells how far it is. Whether Ctrl-C came
+    first."""
     for reading in recording.odometry:
         record.add_odometry(reading)
     shown = 0.0
-    for number, frame in enumerate(recording.frames(), start=1):
-        odometry = recording.odometry_at(frame.stamp_ns)
-        began = time.perf_counter()
-        result = slam.track(frame, odometry)
-        record.add_frame(result, odometry, time.perf_counter() - began)
-        record.add_slam_events(slam.drain_events())
-        if sys.stderr.isatty() and began - shown > _PROGRESS_EVERY_S:
-            shown = began
-            line = (
-                f"frame {number}/{recording.frame_count}  {result.state.value}  {result.found}/{result.searched} points"
-            )
-            print(f"\r{line}\x1b[K", end="", file=sys.stderr, flush=True)
+    with _stoppable() as stopped:
+        for number, frame in enumerate(recording.frames(), start=1):
+            odometry = recording.odometry_at(frame.stamp_ns)
+            began = time.perf_counter()
+            result = slam.track(frame, odometry)
+            record.add_frame(result, odometry, time.perf_counter() - began)
+            record.add_slam_events(slam.drain_events())
+            if sys.stderr.isatty() and began - shown > _PROGRESS_EVERY_S:
+                shown = began
+                found = f"{result.found}/{result.searched} points"
+                line = f"frame {number}/{recording.frame_count}  {result.state.value}  {found}"
+                print(f"\r{line}\x1b[K", end="", file=sys.stderr, flush=True)
+            if stopped():
+                break
     if shown:
         print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+    return stopped()
+
+
+@contextmanager
+def _stoppable() -> Iterator[Callable[[], bool]]:
+    """Whether Ctrl-C was pressed: asked between two frames, because a half tracked one would spoil the map. A second
+    Ctrl-C ends the program at once."""
+    pressed = threading.Event()
+
+    def on_signal(*_: object) -> None:
+        pressed.set()
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    before = signal.signal(signal.SIGINT, on_signal)
+    try:
+        yield pressed.is_set
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _summary(slam: SequentialSlam, recording: Recording, record: RunRecord) -> Summary:
