@@ -14,14 +14,14 @@ from vsx_ros.robot import Frame
 from vsx_ros.ros import convert, process, topics
 from vsx_ros.slam.sight import Sight
 
-_PERIOD_S = 0.12
+_PERIOD_S = 0.1
 _QUALITY_PERCENT = 70
 _FOUND_BGR, _MISSED_BGR = (90, 220, 60), (60, 60, 235)
 _FOUND_PX, _MISSED_PX = 4, 3
 
 
 class Preview:
-    """Publishers: vslam/preview/compressed (JPEG, at most 8 Hz, while someone subscribes)."""
+    """Publishers: vslam/preview/compressed (JPEG, at most 10 Hz, while someone subscribes)."""
 
     def __init__(self) -> None:
         self._publisher = rospy.Publisher(topics.PREVIEW, CompressedImage, queue_size=1)

@@ -25,7 +25,8 @@ _GRACE_S = 3.0
 """A page that is loaded again comes back within this time and finds everything still there."""
 
 _EVENTS = 60
-_SHOWN_STATS = ("tracked_ratio", "tracked", "attempted", "keyframes", "points", "fps", "latency_ms", "dropped")
+_SHOWN_STATS = ("tracked", "attempted", "keyframes", "points", "latency_ms")
+"""The others follow from these, or stand in the diagnostics, once a second instead of with every image."""
 
 
 class Feed:
