@@ -36,14 +36,14 @@ class FastRun:
     """One lock-step run: the robot, the system and what they leave behind."""
 
     def __init__(self, args: argparse.Namespace, config: Config) -> None:
-        self._world = open_world(args.world or "lab", args.seed)
-        self._judge = MapJudge(self._world, config)
-        self.robot = EmulatedRobot(self._world, args.seed, SimulationConfig(threads=2), config.robot)
+        self.world = open_world(args.world or "lab", args.seed)
+        self._judge = MapJudge(self.world, config)
+        self.robot = EmulatedRobot(self.world, args.seed, SimulationConfig(threads=2), config.robot)
         mount = self.robot.T_base_cam_given
         unconstrained = args.planner == "unconstrained"
         self.system = ExplorationSystem(self.robot.camera_given, mount, config, args.seed, unconstrained)
         self.record = RunRecord(mount)
-        self._truth: list[StampedPose] = []
+        self.truth: list[StampedPose] = []
         self._errors_m: list[float] = []
         self._config = config
 
@@ -61,7 +61,7 @@ class FastRun:
             self.record.add_odometry(odometry)
             self.record.add_slam_events(self.system.slam.drain_events())
             self.record.events += [RunEvent(e.stamp_ns, "mission", e.state, e.reason) for e in mission.drain_events()]
-            self._truth.append(StampedPose(frame.stamp_ns, self.robot.truth.T_world_cam))
+            self.truth.append(StampedPose(frame.stamp_ns, self.robot.truth.T_world_cam))
             if step.follow_error_m is not None:
                 self._errors_m.append(step.follow_error_m)
             command = step.command
@@ -84,15 +84,15 @@ class FastRun:
         """Every file of the run folder but config and report; the summary."""
         system, errors = self.system, np.array(self._errors_m)
         self.record.write(folder, system.slam.snapshot(), system.surface_points())
-        folder.write_poses("groundtruth", self._truth)
-        save_world(self._world, folder.path / "world.yaml")
+        folder.write_poses("groundtruth", self.truth)
+        save_world(self.world, folder.path / "world.yaml")
         if system.grid is not None:
             folder.write_map(system.grid)
         summary = self.record.summary(system.slam.statistics())
-        summary = with_accuracy(summary, self.record.estimate(), self._truth, "yaw")
+        summary = with_accuracy(summary, self.record.estimate(), self.truth, "yaw")
         summary = self._judge.judged(summary, system.grid).with_values(
             collisions=self.robot.truth.collisions,
-            duration_s=self._truth[-1].stamp_ns * 1e-9 if self._truth else 0.0,
+            duration_s=self.truth[-1].stamp_ns * 1e-9 if self.truth else 0.0,
             planned_vs_executed_rms_m=float(np.sqrt(np.mean(errors**2))) if errors.size else None,
             plans=system.navigator.plans,
             stop_reason=reason,

@@ -18,7 +18,7 @@ from vsx_ros.cli.exit_codes import DONE, FAILED, HARDWARE, INTERNAL, STOPPED
 from vsx_ros.errors import VsxError
 
 COMMANDS = (
-    "explore", "replay", "record", "plan", "evaluate", "report", "map", "view", "status", "stop", "teleop", "doctor",
+    "explore", "replay", "record", "plan", "evaluate", "report", "reproduce", "map", "view", "status", "stop", "teleop", "doctor",
     "config", "world", "completion",
 )  # fmt: skip
 

@@ -66,7 +66,7 @@ def _first_hits(blocked: BoolArray, truth: OccupancyGrid, eye: FloatArray, headi
 
 def obstacle_quality(grid: OccupancyGrid, truth: OccupancyGrid, faces: BoolArray, T_truth_map: SE2) -> ObstacleQuality:
     """Judge a map. faces: (H, W) of ``seen_faces``. T_truth_map: where the map's origin truly lies."""
-    values = _on_truth(grid, truth, T_truth_map)
+    values = on_truth(grid, truth, T_truth_map)
     to_obstacle, to_free = metres_to(truth.data == OCCUPIED, truth), metres_to(truth.data == FREE, truth)
     occupied, free = values == OCCUPIED, values == FREE
     wrong = occupied & (to_obstacle > TOLERANCE_M) & (truth.data == FREE)
@@ -84,7 +84,7 @@ def obstacle_quality(grid: OccupancyGrid, truth: OccupancyGrid, faces: BoolArray
     )
 
 
-def _on_truth(grid: OccupancyGrid, truth: OccupancyGrid, T_truth_map: SE2) -> IntArray:
+def on_truth(grid: OccupancyGrid, truth: OccupancyGrid, T_truth_map: SE2) -> IntArray:
     """(H, W) the map's values at the middles of the truth's cells."""
     cells = np.argwhere(np.ones(truth.shape, bool))
     return values_at(grid, T_truth_map.inverse() @ truth.centres(cells)).reshape(truth.shape).astype(np.int64)

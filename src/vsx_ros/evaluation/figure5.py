@@ -1,0 +1,101 @@
+"""The paper's Figure 5 as a page: the same keyframes as a sparse and as a dense ground map, beside the truth."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsx_ros.arrays import BoolArray
+from vsx_ros.evaluation.coverage import TOLERANCE_M, metres_to
+from vsx_ros.evaluation.obstacles import ObstacleQuality, obstacle_quality, on_truth
+from vsx_ros.evaluation.svg import png_url
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
+
+_UNKNOWN_GREY, _FREE_WHITE, _FOUND, _MISSED, _PHANTOM = (
+    (200,) * 3,
+    (255,) * 3,
+    (30, 30, 30),
+    (40, 140, 255),
+    (40, 40, 220),
+)
+_ROWS = (
+    ("f1", "F1 of obstacles at 10 cm", ".3f"),
+    ("precision", "occupied cells that are obstacles", ".3f"),
+    ("recall", "seen faces that are there (the rest are gaps in the boundary)", ".3f"),
+    ("surface_free", "seen faces called free", ".4f"),
+    ("free_inside", "free cells over 10 cm inside an obstacle", ".4f"),
+    ("phantom_m2", "phantom obstacles on free floor [m2]", ".4f"),
+)
+_STYLE = (
+    "body{font:15px/1.5 sans-serif;margin:2em auto;max-width:75em;padding:0 1em}"
+    "figure{display:inline-block;margin:0 1em 1em 0}"
+    "img{image-rendering:pixelated;border:1px solid #888}"
+    "td,th{padding:.2em 1em;text-align:left;border-bottom:1px solid #ddd}"
+)
+
+
+@dataclass(frozen=True)
+class Figure5:
+    """truth and faces (of ``seen_faces``), one grid a name, and where their origin truly lies. facts: how it came
+    about, in words."""
+
+    truth: OccupancyGrid
+    faces: BoolArray
+    grids: Sequence[tuple[str, OccupancyGrid]]
+    T_truth_map: SE2
+    facts: str
+
+    def qualities(self) -> dict[str, ObstacleQuality]:
+        """Of each grid."""
+        return {name: obstacle_quality(grid, self.truth, self.faces, self.T_truth_map) for name, grid in self.grids}
+
+
+def render(figure: Figure5) -> str:
+    """One page that needs nothing else."""
+    qualities = figure.qualities()
+    head = "".join(f"<th>{html.escape(name)}</th>" for name in qualities)
+    rows = "".join(
+        f"<tr><td>{words}</td>{''.join(f'<td>{_number(q, key, form)}</td>' for q in qualities.values())}</tr>"
+        for key, words, form in _ROWS
+    )
+    pictures = [("truth: faces that were seen", _picture(figure, None))]
+    pictures += [(name, _picture(figure, grid)) for name, grid in figure.grids]
+    shown = "".join(
+        f'<figure><img width="{3 * image.shape[1]}" alt="" src="{png_url(image)}"><figcaption>{html.escape(name)}'
+        "</figcaption></figure>"
+        for name, image in pictures
+    )
+    return (
+        '<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Figure 5</title>'
+        f"<style>{_STYLE}</style></head><body><h1>Ground map: sparse, dense, truth</h1>"
+        f"<p>{html.escape(figure.facts)}</p>"
+        f"{shown}<p>Black: obstacles found. Orange: faces seen but missing. Red: phantom obstacles. White: free.</p>"
+        f"<table><tr><th></th>{head}</tr>{rows}</table></body></html>\n"
+    )
+
+
+def _number(quality: ObstacleQuality, key: str, form: str) -> str:
+    value = getattr(quality, key)
+    return "unknown" if value is None else format(value, form)
+
+
+def _picture(figure: Figure5, grid: OccupancyGrid | None) -> NDArray[np.uint8]:
+    """(H, W, 3) BGR, north up."""
+    image = np.full((*figure.truth.shape, 3), _UNKNOWN_GREY, np.uint8)
+    if grid is None:
+        image[figure.truth.data == FREE] = _FREE_WHITE
+        image[figure.faces] = _FOUND
+        return image[::-1].copy()
+    values = on_truth(grid, figure.truth, figure.T_truth_map)
+    occupied = values == OCCUPIED
+    image[values == FREE] = _FREE_WHITE
+    image[figure.faces & (metres_to(occupied, figure.truth) > TOLERANCE_M)] = _MISSED
+    image[occupied] = _FOUND
+    far = metres_to(figure.truth.data == OCCUPIED, figure.truth) > TOLERANCE_M
+    image[occupied & far & (figure.truth.data == FREE)] = _PHANTOM
+    return image[::-1].copy()

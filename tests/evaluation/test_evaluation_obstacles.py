@@ -1,0 +1,75 @@
+"""Sparse and dense maps are judged by the faces that were seen."""
+
+import re
+
+import numpy as np
+import pytest
+
+from vsx_ros.evaluation.figure5 import Figure5, render
+from vsx_ros.evaluation.obstacles import obstacle_quality, seen_faces
+from vsx_ros.geometry.camera import mount_pose
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+
+RES = 0.05
+START = SE2(2.0, 1.5, 0.0)
+
+
+def room():
+    """5 m x 3 m, walls two cells thick."""
+    data = np.full((60, 100), OCCUPIED, np.int8)
+    data[2:-2, 2:-2] = FREE
+    return OccupancyGrid(data, RES, 0.0, 0.0)
+
+
+TRUTH = room()
+CAMERAS = [SE3.from_se2(SE2(2.0 + 0.1 * k, 1.5, 0.0)) @ mount_pose(0.0, 0.0, 0.3, 0.0) for k in range(4)]
+FACES = seen_faces(TRUTH, CAMERAS)
+
+
+def shifted(data):
+    """A map in its own frame, whose origin is at the start."""
+    return OccupancyGrid(data, RES, -START.x, -START.y)
+
+
+def test_faces_ahead_within_the_view_were_seen_and_no_others():
+    cells = np.argwhere(FACES)
+    assert set(cells[:, 1]) == {98}
+    y = (cells[:, 0] + 0.5) * RES
+    assert y.min() == pytest.approx(1.5 - 2.75 * np.tan(0.45), abs=0.15)
+    assert y.max() == pytest.approx(1.5 + 2.75 * np.tan(0.45), abs=0.15)
+    assert not seen_faces(TRUTH, CAMERAS[:2]).any()
+
+
+def test_the_truth_itself_is_perfect():
+    quality = obstacle_quality(shifted(TRUTH.data), TRUTH, FACES, START)
+    assert (quality.precision, quality.recall, quality.f1) == (1.0, 1.0, 1.0)
+    assert (quality.surface_free, quality.free_inside, quality.phantom_m2) == (0.0, 0.0, 0.0)
+
+
+def test_gaps_phantoms_and_lies_are_counted():
+    data = TRUTH.data.copy()
+    data[10:14, 40:50] = OCCUPIED
+    data[30:, 95:] = FREE
+    quality = obstacle_quality(shifted(data), TRUTH, FACES, START)
+    assert quality.phantom_m2 == pytest.approx(40 * RES**2)
+    below = (np.argwhere(FACES)[:, 0] < 30).mean()
+    assert quality.recall == pytest.approx(below, abs=0.1)
+    assert quality.surface_free == pytest.approx(1.0 - below, abs=0.02)
+    assert 0.9 < quality.precision < 1.0
+    assert quality.f1 == pytest.approx(2 * quality.precision * quality.recall / (quality.precision + quality.recall))
+
+
+def test_nothing_known_is_judged_by_what_is_missing():
+    quality = obstacle_quality(shifted(np.full(TRUTH.shape, UNKNOWN, np.int8)), TRUTH, FACES, START)
+    assert (quality.precision, quality.recall, quality.f1, quality.phantom_m2) == (None, 0.0, None, 0.0)
+
+
+def test_the_page_shows_each_map_and_says_what_is_unknown():
+    empty = shifted(np.full(TRUTH.shape, UNKNOWN, np.int8))
+    page = render(Figure5(TRUTH, FACES, [("sparse", empty), ("dense", shifted(TRUTH.data))], START, "a <room>"))
+    assert page.count("<img") == 3
+    assert "a &lt;room&gt;" in page
+    assert "<td>unknown</td><td>1.000</td>" in page
+    assert not re.search(r'(src|href)="(?!data:)|url\(|<script', page)
