@@ -24,7 +24,6 @@ import numpy as np
 
 from vsx_ros.cli.exit_codes import DONE, FAILED
 from vsx_ros.io.recording import open_recording
-from vsx_ros.ros import topics
 from vsx_ros.ros.nodes.teleop import keys
 
 if TYPE_CHECKING:
@@ -37,7 +36,7 @@ VSX = [sys.executable, "-m", "vsx_ros.cli.main"]
 
 def vsx(stack: Stack, *words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [*VSX, *words], env=stack.environment, capture_output=True, text=True, timeout=60, check=False
+        [*VSX, *words], env=stack.environment, capture_output=True, text=True, timeout=120, check=False
     )
 
 
@@ -69,7 +68,7 @@ def test_a_watch_goes_on_until_ctrl_c(stack: Stack) -> None:
         assert watch.stdout is not None
         lines = [json.loads(watch.stdout.readline()) for _ in range(2)]
         watch.send_signal(signal.SIGINT)
-        assert watch.wait(10.0) == DONE
+        assert watch.wait(60.0) == DONE
     assert all(line["base_reason"] for line in lines)
 
 
@@ -88,7 +87,7 @@ def test_stop_stands_until_it_is_released(stack: Stack) -> None:
 
 def test_a_namespace_without_a_robot_is_told(stack: Stack) -> None:
     other = {**stack.environment, "ROS_NAMESPACE": "robot9"}
-    done = subprocess.run([*VSX, "stop"], env=other, capture_output=True, text=True, timeout=30, check=False)
+    done = subprocess.run([*VSX, "stop"], env=other, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == FAILED
     assert "/robot9/mobile_base/estop" in done.stderr
     assert done.stderr.count("\n") == 1
@@ -110,7 +109,7 @@ class Keyboard:
         )
         self.said = b""
         threading.Thread(target=self._listen, daemon=True).start()
-        stack.wait(lambda: b"0.50 rad/s" in self.said, 30.0, "teleop to be ready")
+        stack.wait(lambda: b"0.50 rad/s" in self.said, 60.0, "teleop to be ready")
 
     def _listen(self) -> None:
         with contextlib.suppress(OSError):
@@ -153,7 +152,7 @@ def test_a_held_key_turns_the_robot_and_a_released_one_stops_it(stack: Stack, ke
     os.write(keyboard.master, b"\x1b")  # half an arrow key must not keep the robot turning
     stack.wait(lambda: stack.plant.commanded == (0.0, 0.0) or stack.plant.commanded[0] >= 0.0, 1.5, "the key's release")
     os.write(keyboard.master, b"q")
-    assert keyboard.process.wait(10.0) == DONE
+    assert keyboard.process.wait(60.0) == DONE
     assert termios.tcgetattr(keyboard.slave) == keyboard.before
     assert b"drive" in keyboard.said
 
@@ -162,7 +161,7 @@ def test_a_held_key_turns_the_robot_and_a_released_one_stops_it(stack: Stack, ke
 def test_the_terminal_is_given_back_however_teleop_ends(keyboard: Keyboard, number: int) -> None:
     assert termios.tcgetattr(keyboard.slave) != keyboard.before
     keyboard.process.send_signal(number)
-    keyboard.process.wait(10.0)
+    keyboard.process.wait(60.0)
     assert termios.tcgetattr(keyboard.slave) == keyboard.before
 
 
@@ -190,7 +189,7 @@ def test_a_bag_replays_and_png_is_the_same_picture(stack: Stack, tmp_path: Path)
     ) as recorder:
         timed = vsx(stack, "record", "--images", "png", "--time", "4", "--out", str(png))
         recorder.send_signal(signal.SIGINT)
-        out, err = recorder.communicate(timeout=20.0)
+        out, err = recorder.communicate(timeout=60.0)
     assert (recorder.returncode, timed.returncode) == (DONE, DONE), err + timed.stderr
     assert f"vsx replay {raw}" in out
     pictures = {}
@@ -217,10 +216,11 @@ def test_the_size_limit_ends_a_recording(stack: Stack, tmp_path: Path) -> None:
     assert "exists" in refused.stderr
 
 
-def test_a_recording_of_nothing_leaves_no_bag(stack: Stack, tmp_path: Path) -> None:
+def test_a_recording_without_images_is_no_success(stack: Stack, tmp_path: Path) -> None:
     other = {**stack.environment, "ROS_NAMESPACE": "robot9"}
     command = [*VSX, "record", "--time", "4", "--out", str(tmp_path / "a.bag")]
-    done = subprocess.run(command, env=other, capture_output=True, text=True, timeout=30, check=False)
+    done = subprocess.run(command, env=other, capture_output=True, text=True, timeout=120, check=False)
     assert "/robot9/camera/rgb/image_raw" in done.stderr
     assert done.returncode == FAILED
-    assert topics.IMAGE in done.stderr
+    assert "no image" in done.stderr
+    assert "vsx replay" not in done.stdout

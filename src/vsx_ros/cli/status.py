@@ -11,9 +11,9 @@ def add_parser(subparsers: Any) -> None:
     parser = subparsers.add_parser(
         "status",
         help="what a running robot does, and why",
-        description="Listens for two seconds and prints state and reason of exploration and SLAM, the ratio of map "
-        "points found, the camera's rate, who drives the wheels, hazards and battery. What nobody says is shown as -, "
-        "in JSON as null.",
+        description="Listens for two to four seconds and prints state and reason of exploration and SLAM, the ratio of "
+        "map points found, the camera's rate, who drives the wheels, hazards and battery. What nobody says is shown as "
+        "-, in JSON as null.",
         epilog="exit codes: 0 somebody answers, 1 nobody does",
     )
     add_arguments(parser)

@@ -11,9 +11,9 @@ import rosgraph
 import rospy
 
 from vsx_hw.errors import DeviceError
+from vsx_ros.cli.check_network import DEFAULT_MASTER
 from vsx_ros.cli.exit_codes import DONE, FAILED, HARDWARE
 from vsx_ros.errors import ConfigError, VsxError
-from vsx_ros.ros import launch
 
 Arguments = TypeVar("Arguments")
 
@@ -23,7 +23,7 @@ def join(name: str) -> None:
 
     Raises ConfigError when no master answers.
     """
-    uri = os.environ.setdefault("ROS_MASTER_URI", launch.DEFAULT_MASTER)
+    uri = os.environ.setdefault("ROS_MASTER_URI", DEFAULT_MASTER)
     if not rosgraph.is_master_online():
         raise ConfigError(
             f"no ROS master answers at {uri}, so no robot is running there (a base without its master stands still); "

@@ -137,9 +137,17 @@ def _say(writer: BagWriter, path: Path, elapsed_s: float) -> int:
     dropped = f", {writer.dropped} messages dropped because the disk is too slow" if writer.dropped else ""
     sys.stdout.write(
         f"{path}: {elapsed_s:.1f} s, {_images(writer)} images, {sum(writer.counts.values())} messages, "
-        f"{writer.bytes / 1e6:.1f} MB{dropped}\n  vsx replay {path} --map\n"
+        f"{writer.bytes / 1e6:.1f} MB{dropped}\n"
     )
-    return FAILED if writer.failure or not _images(writer) else DONE
+    if writer.failure:
+        return FAILED
+    if not _images(writer):
+        sys.stderr.write(
+            "vsx: the bag has no image and cannot be replayed; is the camera running? 'vsx status' tells\n"
+        )
+        return FAILED
+    sys.stdout.write(f"  vsx replay {path} --map\n")
+    return DONE
 
 
 def main() -> int:

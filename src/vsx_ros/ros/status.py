@@ -19,6 +19,9 @@ from vsx_ros.cli.status import add_arguments
 from vsx_ros.ros import convert, guest, topics
 
 _LISTEN_S, _PERIOD_S = 2.0, 1.0
+_PATIENCE_S = 4.0
+"""So long is waited for what nobody has said yet."""
+
 _SAFETY = "mobile_base: safety"
 
 
@@ -100,6 +103,9 @@ def status(args: argparse.Namespace) -> int:
     guest.join("status")
     board = StatusBoard()
     time.sleep(_LISTEN_S)
+    deadline_s = time.monotonic() + _PATIENCE_S - _LISTEN_S
+    while None in board.facts().values() and time.monotonic() < deadline_s:
+        time.sleep(0.1)
     while True:
         facts = board.facts()
         clear = "\x1b[H\x1b[J" if args.watch and sys.stdout.isatty() else ""

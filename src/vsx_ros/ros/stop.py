@@ -17,7 +17,7 @@ from vsx_ros.cli.stop import add_arguments
 from vsx_ros.errors import ConfigError
 from vsx_ros.ros import guest, topics
 
-_ANSWER_S = 3.0
+_ANSWER_S = 6.0
 _STAND_S = 2.0
 _STANDING_M_S, _STANDING_RAD_S = 0.01, 0.02
 
