@@ -39,7 +39,9 @@ def _profile(g: Geometry, limits: LimitsConfig, segment_m: float, share: float) 
     return profile
 
 
-def _scale_stretch(g: Geometry, limits: LimitsConfig) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _scale_stretch(
+    g: Geometry, limits: LimitsConfig, sample_s: float
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """times, poses (N, 3), v, omega of one stretch, from rest to rest."""
     best: tuple[float, float, Profile] | None = None
     for segment_m in _SEGMENT_M:
@@ -53,7 +55,7 @@ def _scale_stretch(g: Geometry, limits: LimitsConfig) -> tuple[FloatArray, Float
         raise PlanningError(f"no speed profile over a stretch of {g.length:.4f} m; are the limits {limits} sensible?")
     _, stretch, profile = best
     stretch = stretch * (1.0 + _MARGIN) if stretch > 1.0 else 1.0
-    times = np.linspace(0.0, profile.duration, max(2, math.ceil(profile.duration * stretch / SAMPLE_S) + 1))
+    times = np.linspace(0.0, profile.duration, max(2, math.ceil(profile.duration * stretch / sample_s) + 1))
     s, speed, _ = profile.at(times)
     speed = np.maximum(speed, 0.0) / stretch
     speed[0] = speed[-1] = 0.0
@@ -61,14 +63,16 @@ def _scale_stretch(g: Geometry, limits: LimitsConfig) -> tuple[FloatArray, Float
     return times * stretch, rows[:, :3], g.direction * speed, rows[:, 3] * speed
 
 
-def _scale_turn(piece: Piece, limits: LimitsConfig) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _scale_turn(
+    piece: Piece, limits: LimitsConfig, sample_s: float
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """A turn on the spot, from rest to rest, as smooth in angle as the drive is in length."""
     angle = piece.turn_rad
     profile = Profile()
     jerk = limits.alpha_rad_s2 * limits.jerk_m_s3 / limits.a_m_s2
     if not profile.add_move(0.0, abs(angle), (0.0, 0.0), (limits.omega_rad_s, limits.alpha_rad_s2, jerk)):
         raise PlanningError(f"no speed profile for a turn by {angle:.4f} rad; are the limits {limits} sensible?")
-    times = np.linspace(0.0, profile.duration, max(2, math.ceil(profile.duration / SAMPLE_S) + 1))
+    times = np.linspace(0.0, profile.duration, max(2, math.ceil(profile.duration / sample_s) + 1))
     turned, rate, _ = profile.at(times)
     sign = 1.0 if angle > 0.0 else -1.0
     start = piece.start
@@ -78,12 +82,16 @@ def _scale_turn(piece: Piece, limits: LimitsConfig) -> tuple[FloatArray, FloatAr
 
 
 def time_scale(
-    path: Path, limits: LimitsConfig, slow_spans: FloatArray | None = None, slow_v_m_s: float = math.inf
+    path: Path,
+    limits: LimitsConfig,
+    slow_spans: FloatArray | None = None,
+    slow_v_m_s: float = math.inf,
+    sample_s: float = SAMPLE_S,
 ) -> Trajectory:
     """The path in time, starting and ending at rest, standing still at cusps and curvature jumps.
 
     Speed, acceleration, jerk, turn rate and turn acceleration stay within ``limits``, and the speed within slow_v_m_s
-    along slow_spans (K, 2), arc lengths from and to [m]. An empty path gives one sample.
+    along slow_spans (K, 2), arc lengths from and to [m]; samples are sample_s apart. An empty path gives one.
     """
     slow = NOWHERE if slow_spans is None else slow_spans
     driven_m = 0.0
@@ -93,13 +101,13 @@ def time_scale(
         if run[0].direction == 0:
             if abs(run[0].turn_rad) < 1e-9:
                 continue
-            part = _scale_turn(run[0], limits)
+            part = _scale_turn(run[0], limits, sample_s)
         else:
             geometry = Geometry(run, slow - driven_m, slow_v_m_s)
             driven_m += geometry.length
             if geometry.length < 1e-9:
                 continue
-            part = _scale_stretch(geometry, limits)
+            part = _scale_stretch(geometry, limits, sample_s)
         times.append(part[0][1:] + now)
         poses.append(part[1][1:])
         v.append(part[2][1:])
