@@ -17,6 +17,7 @@ import roslaunch.core
 import roslaunch.parent
 import yaml
 
+from vsx_ros.cli.own_address import tell_ros
 from vsx_ros.errors import ConfigError
 
 DEFAULT_MASTER = "http://localhost:11311"
@@ -105,7 +106,7 @@ def package_environment() -> None:
 
     Raises ConfigError when neither holds the package manifest.
     """
-    os.environ.setdefault("ROS_HOSTNAME", "localhost")
+    tell_ros()
     checkout = Path(__file__).resolve().parents[3]
     if not (checkout / "package.xml").exists():
         raise ConfigError(f"no package.xml in {checkout}: the live run needs a checkout; use --fast without one")

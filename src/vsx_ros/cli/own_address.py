@@ -1,0 +1,34 @@
+"""The name under which nodes of this machine are found by others."""
+
+from __future__ import annotations
+
+import os
+import socket
+from urllib.parse import urlparse
+
+MASTER_PORT = 11311
+
+
+def own_address(master_uri: str) -> str:
+    """The address this machine has towards the master: 'localhost' where it is this one or cannot be resolved."""
+    master = urlparse(master_uri)
+    try:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            probe.connect((master.hostname or "localhost", master.port or MASTER_PORT))  # sends nothing
+            address = str(probe.getsockname()[0])
+    except (OSError, ValueError):
+        return "localhost"
+    return "localhost" if address.startswith("127.") or _is_ours(master.hostname, address) else address
+
+
+def _is_ours(host: str | None, address: str) -> bool:
+    return host is not None and socket.gethostbyname(host) == address
+
+
+def tell_ros() -> None:
+    """Set ROS_IP or ROS_HOSTNAME for this process and its children, unless the user did: a machine's host name often
+    has no address that others can reach."""
+    if os.environ.get("ROS_IP") or os.environ.get("ROS_HOSTNAME"):
+        return
+    address = own_address(os.environ.get("ROS_MASTER_URI", f"http://localhost:{MASTER_PORT}"))
+    os.environ["ROS_HOSTNAME" if address == "localhost" else "ROS_IP"] = address
