@@ -9,9 +9,9 @@ from vsx_ros.cli.own_address import own_address, tell_ros
 
 
 @pytest.mark.parametrize(
-    "uri", ["http://localhost:11311", "http://127.0.0.1:11399", "http://no-such-host.invalid:1", "?"]
+    "master", ["http://localhost:11311", "http://127.0.0.1:11399", "http://no-such-host.invalid:1", "?"]
 )
-def test_a_master_here_or_nowhere_is_met_as_localhost(uri):
+def test_a_master_here_or_nowhere_is_met_as_localhost(master):
     assert own_address(master) == "localhost"
 
 
