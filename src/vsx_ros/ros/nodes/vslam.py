@@ -63,6 +63,7 @@ class VslamNode:
             mount.forward_m, mount.left_m, mount.height_m, mount.pitch_down_rad, mount.yaw_left_rad
         )
         self._run_dir = str(rospy.get_param("~run_dir", ""))
+        self._save_map = str(rospy.get_param("~save_map", ""))  # the master may be gone before the end
         load_map = str(rospy.get_param("~load_map", ""))
         self._loaded = load_slam_map(Path(load_map)) if load_map else None
         self._sync = SensorSync()
@@ -188,9 +189,9 @@ class VslamNode:
                 snapshot = self._slam.snapshot()
                 self._record.write(folder, snapshot, self._dense.points(snapshot))
                 folder.write_summary(self._record.summary(self._slam.statistics()).as_dict())
-            slam_map, path = self._slam.slam_map(), str(rospy.get_param("~save_map", ""))
-            if path and slam_map is not None:
-                save_slam_map(slam_map, Path(path))
+            slam_map = self._slam.slam_map()
+            if self._save_map and slam_map is not None:
+                save_slam_map(slam_map, Path(self._save_map))
 
 
 def main() -> None:
