@@ -194,7 +194,7 @@ class PlanesConfig(_Branch, frozen=True):
 class DenseConfig(_Branch, frozen=True):
     """Dense planar mapping (paper 5.1). Textures are standard deviations, in grey levels, of what a cell shows."""
 
-    enabled: bool = True
+    enabled: bool = False
     planes: PlanesConfig = PlanesConfig()
     cell_m: Positive = 0.08
     patch_m: Positive = 0.12

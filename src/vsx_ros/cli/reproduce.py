@@ -36,7 +36,7 @@ def run(args: argparse.Namespace) -> int:
     import json
 
     from vsx_ros.cli.explore_fast import FastRun
-    from vsx_ros.config import Config
+    from vsx_ros.config import Config, overridden
     from vsx_ros.evaluation.figure5 import Figure5, render
     from vsx_ros.evaluation.obstacles import seen_faces
     from vsx_ros.io.atomic import write_text
@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
 
     if not args.time > 0:
         raise ConfigError(f"--time {args.time}: give a positive number of seconds")
-    config = Config()
+    config = overridden(Config(), {"dense.enabled": True})
     exploration = FastRun(argparse.Namespace(world=args.world, seed=args.seed, planner="fov"), config)
     reason = exploration.run(args.time)
     system, ground = exploration.system, config.ground_map
