@@ -15,22 +15,18 @@ def _distance_to(mask: Any, reach: int) -> Any:
     """(H, W) distance [cells] from the middle of each cell to the nearest square cell of the mask, at most reach."""
     rows, columns = mask.shape
     far = float(reach)
-    vertical = np.full((rows, columns), far)
+    vertical = np.empty((rows, columns))
+    # Row by row, as the memory lies: down, then up.
     for j in range(columns):
-        last = -1000000
-        for i in range(rows):
-            if mask[i, j]:
-                last = i
-            d = i - last - 0.5 if i > last else 0.0
-            if d < vertical[i, j]:
-                vertical[i, j] = d
-        last = 1000000
-        for i in range(rows - 1, -1, -1):
-            if mask[i, j]:
-                last = i
-            d = last - i - 0.5 if last > i else 0.0
-            if d < vertical[i, j]:
-                vertical[i, j] = d
+        vertical[0, j] = 0.0 if mask[0, j] else far
+    for i in range(1, rows):
+        for j in range(columns):
+            before = vertical[i - 1, j]
+            vertical[i, j] = 0.0 if mask[i, j] else min(far, before + (0.5 if before == 0.0 else 1.0))
+    for i in range(rows - 2, -1, -1):
+        for j in range(columns):
+            before = vertical[i + 1, j]
+            vertical[i, j] = min(vertical[i, j], before + (0.5 if before == 0.0 else 1.0))
     out = np.empty((rows, columns))
     for i in range(rows):
         for j in range(columns):

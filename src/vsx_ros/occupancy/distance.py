@@ -87,8 +87,7 @@ def with_fringe(distances: FloatArray, resolution: float) -> FloatArray:
 
     A position can be open although the middle of its cell is not; its distance is that of the nearest cell beside it.
     """
-    rows, columns = distances.shape
     padded = np.pad(distances, 1, constant_values=np.inf)
-    shifted = [padded[1 + i : 1 + i + rows, 1 + j : 1 + j + columns] for i in (-1, 0, 1) for j in (-1, 0, 1)]
-    nearest = np.min(shifted, axis=0) + resolution
+    aside = np.minimum(np.minimum(padded[:, :-2], padded[:, 1:-1]), padded[:, 2:])
+    nearest = np.minimum(np.minimum(aside[:-2], aside[1:-1]), aside[2:]) + resolution
     return np.asarray(np.where(np.isinf(distances), nearest, distances))

@@ -78,15 +78,18 @@ class Piece:
 def arc_piece(start: SE2, kappa: float, length_m: float, direction: int) -> Piece:
     """A circular arc or straight line; kappa = dtheta/ds [rad/m], length positive."""
     steps = max(1, math.ceil(length_m / _ARC_STEP_M), math.ceil(abs(kappa) * length_m / _ARC_STEP_RAD))
-    s = np.linspace(0.0, length_m, steps + 1)
+    s = np.arange(steps + 1.0) * (length_m / steps)
+    s[-1] = length_m
     theta = start.theta + kappa * s
+    table = np.empty((steps + 1, 5))
+    table[:, 0], table[:, 3], table[:, 4] = s, theta, kappa
     if abs(kappa) < 1e-12:
-        x = start.x + direction * s * math.cos(start.theta)
-        y = start.y + direction * s * math.sin(start.theta)
+        table[:, 1] = start.x + direction * s * math.cos(start.theta)
+        table[:, 2] = start.y + direction * s * math.sin(start.theta)
     else:
-        x = start.x + direction * (np.sin(theta) - math.sin(start.theta)) / kappa
-        y = start.y - direction * (np.cos(theta) - math.cos(start.theta)) / kappa
-    return Piece(direction, np.stack([s, x, y, theta, np.full_like(s, kappa)], axis=1), abs(kappa))
+        table[:, 1] = start.x + direction * (np.sin(theta) - math.sin(start.theta)) / kappa
+        table[:, 2] = start.y - direction * (np.cos(theta) - math.cos(start.theta)) / kappa
+    return Piece(direction, table, abs(kappa))
 
 
 def turn_piece(start: SE2, angle: float) -> Piece:

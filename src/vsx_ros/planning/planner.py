@@ -127,14 +127,15 @@ class Planner:
             m.values, m.resolution, m.origin_x, m.origin_y, start.as_array(), phi, lattice.headings, lattice.bins,
             lattice.cell_m, self._config.max_reverse_m, nowhere, np.zeros((1, 1)), word_table(), lattice.most_states,
         )  # fmt: skip
-        costs: FloatArray = lattice_costs(level, step, start.theta, m.origin_x, m.origin_y, lattice.cell_m, phi, poses)
         # The estimate looks a few cells around a pose, perhaps through a thin wall: believe it only on joined ground.
         joined = np.isfinite(with_fringe(travel_distance(m, (start.x, start.y)), m.resolution))
         inside = np.flatnonzero(m.at(poses[:, :2]) >= 0.0)
         rows, columns = m.cells(poses[inside, :2])
-        allowed = np.zeros(len(poses), np.bool_)
-        allowed[inside] = joined[rows, columns]
-        costs[~allowed] = np.inf
+        allowed = inside[joined[rows, columns]]
+        costs = np.full(len(poses), np.inf)
+        costs[allowed] = lattice_costs(
+            level, step, start.theta, m.origin_x, m.origin_y, lattice.cell_m, phi, poses[allowed]
+        )
         return costs
 
     def _direct(self, start: SE2, goal: SE2, corridor: Corridor, enough: int) -> list[Path]:
