@@ -11,6 +11,14 @@ from vsx_ros.kernels import kernel
 
 
 @kernel
+def _lower(best: Any, left: Any, right: Any, side: float) -> None:
+    """Lower best (N,) to left (N,) or right (N,) plus side where that is less."""
+    for j in range(best.shape[0]):
+        d = left[j] if left[j] < right[j] else right[j]
+        best[j] = side + d if side + d < best[j] else best[j]
+
+
+@kernel
 def _distance_to(mask: Any, reach: int) -> Any:
     """(H, W) distance [cells] from the middle of each cell to the nearest square cell of the mask, at most reach."""
     rows, columns = mask.shape
@@ -28,24 +36,25 @@ def _distance_to(mask: Any, reach: int) -> Any:
             before = vertical[i + 1, j]
             vertical[i, j] = min(vertical[i, j], before + (0.5 if before == 0.0 else 1.0))
     out = np.empty((rows, columns))
+    squares = np.full(columns + 2 * reach, far * far)
+    best = np.empty(columns)
     for i in range(rows):
+        most = 0.0
         for j in range(columns):
-            best = vertical[i, j] * vertical[i, j]
-            k = 1
-            while k <= reach:
-                side = (k - 0.5) * (k - 0.5)
-                if side >= best:
-                    break
-                if j >= k:
-                    d = vertical[i, j - k]
-                    if side + d * d < best:
-                        best = side + d * d
-                if j + k < columns:
-                    d = vertical[i, j + k]
-                    if side + d * d < best:
-                        best = side + d * d
-                k += 1
-            out[i, j] = min(far, math.sqrt(best))
+            best[j] = vertical[i, j] * vertical[i, j]
+            squares[reach + j] = best[j]
+            most = max(most, best[j])
+        # All cells of the row at once, one column further with every step, until no cell can gain.
+        for k in range(1, reach + 1):
+            side = (k - 0.5) * (k - 0.5)
+            if k % 4 == 0:
+                most = best.max()
+            if side >= most:
+                break
+            left, right = squares[reach - k : reach - k + columns], squares[reach + k : reach + k + columns]
+            _lower(best, left, right, side)
+        for j in range(columns):
+            out[i, j] = min(far, math.sqrt(best[j]))
     return out
 
 

@@ -59,10 +59,17 @@ def shorten(
     ends = np.empty((2, 3))
     cost = way_cost(way_lengths[:n], cusp_cost)
     run = reverse_run(way_lengths[:n])
+    at = np.empty((MAX_SEGMENTS + 1, 3))  # where every segment begins
+    total, changed = 0.0, True
     for attempt in range(tries):
-        total = 0.0
-        for k in range(n):
-            total += abs(way_lengths[k])
+        if changed:
+            changed, total = False, 0.0
+            x, y, theta = start[0], start[1], start[2]
+            at[0, 0], at[0, 1], at[0, 2] = x, y, theta
+            for k in range(n):
+                total += abs(way_lengths[k])
+                x, y, theta = advance(x, y, theta, way_turns[k], way_lengths[k], phi)
+                at[k + 1, 0], at[k + 1, 1], at[k + 1, 2] = x, y, theta
         first, second = random_unit(state) * total, random_unit(state) * total
         if attempt == 0:
             first, second = 0.0, total
@@ -74,24 +81,25 @@ def shorten(
             first = 0.0
         if second - first < 0.05:
             continue
-        # Poses at both places, and the segments before and after.
-        x, y, theta = start[0], start[1], start[2]
+        # The segments at both places.
         s, count = 0.0, 0
         before, after, after_part = 0, n, 0.0
         before_part = 0.0
         for k in range(n):
             size = abs(way_lengths[k])
-            sign = 1.0 if way_lengths[k] > 0.0 else -1.0
             if s <= first < s + size:
                 before, before_part = k, first - s
-                ends[0] = np.array(advance(x, y, theta, way_turns[k], sign * before_part, phi))
             if s < second <= s + size + (1e-9 if k == n - 1 else 0.0):
                 after, after_part = k, min(second - s, size)
-                ends[1] = np.array(advance(x, y, theta, way_turns[k], sign * after_part, phi))
-            x, y, theta = advance(x, y, theta, way_turns[k], way_lengths[k], phi)
             s += size
+        if before == after and way_turns[before] == 0:
+            continue  # nothing is shorter than a straight line
         if after == n:
             continue
+        for end, k, part in ((0, before, before_part), (1, after, after_part)):
+            signed = part if way_lengths[k] > 0.0 else -part
+            x, y, theta = advance(at[k, 0], at[k, 1], at[k, 2], way_turns[k], signed, phi)
+            ends[end, 0], ends[end, 1], ends[end, 2] = x, y, theta
         shortest_word(ends[0], ends[1], phi, work_turns, work_lengths, word_turns, word_lengths)
         for k in range(before):
             new_turns[count], new_lengths[count] = way_turns[k], way_lengths[k]
@@ -132,4 +140,5 @@ def shorten(
                     way_turns[n], way_lengths[n] = new_turns[k], new_lengths[k]
                     n += 1
             cost, run = way_cost(way_lengths[:n], cusp_cost), reverse_run(way_lengths[:n])
+            changed = True
     return way_turns[:n].copy(), way_lengths[:n].copy()

@@ -158,7 +158,7 @@ def _round(
     tx, ty, low, high = X[few], Y[few], points[few] - reach[few, None], points[few] + reach[few, None]
     rows = len(base.A) + len(planes) + 2 * len(low) + 1
     A = np.zeros((rows, n + 1))
-    A[:, :n] = np.concatenate([base.A, planes, tx, ty, np.zeros((1, n))])
+    np.concatenate([base.A, planes, tx, ty], out=A[:-1, :n])
     A[len(base.A) : len(base.A) + len(planes), n] = 1.0
     A[-1, n] = 1.0
     P = np.eye(n + 1)

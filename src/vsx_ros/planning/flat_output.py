@@ -105,9 +105,10 @@ class Quadrature:
         return total
 
     def cumulative(self, values: FloatArray) -> FloatArray:
-        """(intervals + 1,) integral from 0 to every knot of values (M,) given at the nodes."""
-        parts = (self.weights * values).reshape(-1, self.order).sum(axis=1)
-        total: FloatArray = np.concatenate([[0.0], np.cumsum(parts)])
+        """(..., intervals + 1) integral from 0 to every knot of values (..., M) given at the nodes."""
+        parts = (self.weights * values).reshape(*values.shape[:-1], -1, self.order).sum(axis=-1)
+        total: FloatArray = np.zeros((*values.shape[:-1], len(self.knots)))
+        np.cumsum(parts, axis=-1, out=total[..., 1:])
         return total
 
 

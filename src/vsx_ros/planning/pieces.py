@@ -108,9 +108,10 @@ def curve_piece(
     rho = FINE.basis[joints] @ coefficients
     theta = start.theta + turn * FINE.profile[joints]
     table = np.empty((len(FINE.knots), 5))
-    table[:, 0] = FINE.cumulative(rho)
-    table[:, 1] = start.x + direction * FINE.cumulative(rho * np.cos(theta))
-    table[:, 2] = start.y + direction * FINE.cumulative(rho * np.sin(theta))
+    rates = np.stack([rho, rho * np.cos(theta), rho * np.sin(theta)])
+    table[:, 0], x, y = FINE.cumulative(rates)
+    table[:, 1] = start.x + direction * x
+    table[:, 2] = start.y + direction * y
     table[:, 3] = start.theta + turn * FINE.knot_profile[joints]
     table[:, 4] = turn * FINE.knot_turn_rate[joints] / (FINE.knot_jacobi @ coefficients)
     return Piece(direction, table, bound)
