@@ -66,7 +66,27 @@ def signed_distance(blocked: Any, reach: int) -> Any:
     """
     outside = _distance_to(blocked, reach)
     inside = _distance_to(~blocked, reach)
-    return np.where(blocked, -inside, outside)
+    for i in range(blocked.shape[0]):
+        for j in range(blocked.shape[1]):
+            if blocked[i, j]:
+                outside[i, j] = -inside[i, j]
+    return outside
+
+
+@kernel
+def fringe(distances: Any, step: float) -> Any:
+    """distances (H, W), where infinite the least of the eight around plus a step."""
+    rows, columns = distances.shape
+    out = distances.copy()
+    for i in range(rows):
+        for j in range(columns):
+            if distances[i, j] == np.inf:
+                least = np.inf
+                for a in range(max(i - 1, 0), min(i + 2, rows)):
+                    for b in range(max(j - 1, 0), min(j + 2, columns)):
+                        least = min(least, distances[a, b])
+                out[i, j] = least + step
+    return out
 
 
 @kernel

@@ -154,7 +154,7 @@ def _planning() -> None:
     clearance.least_on_curve(field, 0.1, 0.0, 0.0, np.full((2, 5), 0.5), 1, 0.005)
     clearance.arc_is_free(field, 0.1, 0.0, 0.0, 0.5, 0.5, 0.0, 0.0, 0.1)
     start, goal, nowhere = np.array([0.5, 0.5, 0.0]), np.array([0.7, 0.5, 0.0]), np.full(3, np.nan)
-    remaining = lattice.wavefront(field >= 0.0, 5, 5) * 0.1
+    remaining = clearance.fringe(lattice.wavefront(field >= 0.0, 5, 5) * 0.1, 0.1)
     ground = (field, 0.1, 0.0, 0.0)
     table = reeds_shepp.reeds_shepp_table()
     table.flags.writeable = False

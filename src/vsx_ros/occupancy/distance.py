@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2
-from vsx_ros.kernels.clearance import interpolate_many, least_on_curve, signed_distance
+from vsx_ros.kernels.clearance import fringe, interpolate_many, least_on_curve, signed_distance
 from vsx_ros.kernels.lattice import wavefront
 from vsx_ros.occupancy.grid import FREE, OccupancyGrid
 
@@ -65,7 +65,8 @@ def clearance_field(grid: OccupancyGrid, reach_m: float = CLEARANCE_REACH_M) -> 
     """
     blocked = np.ones((grid.shape[0] + 2, grid.shape[1] + 2), np.bool_)
     blocked[1:-1, 1:-1] = grid.data != FREE
-    values = signed_distance(blocked, math.ceil(reach_m / grid.resolution)) * grid.resolution
+    values = signed_distance(blocked, math.ceil(reach_m / grid.resolution))
+    values *= grid.resolution
     return DistanceField(values, grid.resolution, grid.origin_x - grid.resolution, grid.origin_y - grid.resolution)
 
 
@@ -78,7 +79,8 @@ def travel_distance(field: DistanceField, start: tuple[float, float]) -> FloatAr
     row, column = field.cell(*start)
     if not (0 <= row < open_cells.shape[0] and 0 <= column < open_cells.shape[1]):
         return np.full(open_cells.shape, np.inf)
-    distances: FloatArray = wavefront(open_cells, row, column) * field.resolution
+    distances: FloatArray = wavefront(open_cells, row, column)
+    distances *= field.resolution
     return distances
 
 
@@ -87,7 +89,5 @@ def with_fringe(distances: FloatArray, resolution: float) -> FloatArray:
 
     A position can be open although the middle of its cell is not; its distance is that of the nearest cell beside it.
     """
-    padded = np.pad(distances, 1, constant_values=np.inf)
-    aside = np.minimum(np.minimum(padded[:, :-2], padded[:, 1:-1]), padded[:, 2:])
-    nearest = np.minimum(np.minimum(aside[:-2], aside[1:-1]), aside[2:]) + resolution
-    return np.asarray(np.where(np.isinf(distances), nearest, distances))
+    reached: FloatArray = fringe(np.ascontiguousarray(distances, float), resolution)
+    return reached

@@ -78,7 +78,8 @@ def build_corridor(
                 f"the base needs {robot.radius_m:.2f} m",
             )
         _relax(needed, clearance, goal, there, need)
-    values = clearance.values - needed - _SEARCH_MARGIN_M
+    values = np.subtract(clearance.values, needed, out=needed)
+    values -= _SEARCH_MARGIN_M
     margin = DistanceField(values, clearance.resolution, clearance.origin_x, clearance.origin_y)
     return Corridor(clearance, margin)
 
