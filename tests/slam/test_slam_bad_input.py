@@ -245,7 +245,7 @@ def test_a_standing_robot_may_send_the_same_image_again(arc_drive):
     # Half the readout at 0.14 m/s and 0.34 rad/s: once the image counts as taken in motion, then as taken at rest.
     halt, *rest = (result.T_world_cam.translation for result in standing)
     assert np.linalg.norm(halt - moving.T_world_cam.translation) < 0.01
-    assert max(np.linalg.norm(after - halt) for after in rest) < 0.001
+    assert max(np.linalg.norm(after - halt) for after in rest) < 0.003
     assert not [e for e in slam.drain_events() if e.kind == "gap"]
 
 

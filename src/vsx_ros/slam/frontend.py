@@ -252,6 +252,7 @@ class FrontEnd:
                 and recovery.bridges(data, self._here, by_wheels, self._since_keyframe)
             ):
                 self._event(data.stamp_ns, "bridged", "keyframe placed by the wheels alone")
+                self._trust.bridge()
                 request = self._request(data, nothing_tracked(track.reason, by_wheels))
         self._coarse_next = True
         self.record.missed(data.stamp_ns)

@@ -42,7 +42,7 @@ class MotionModel:
         if by_wheels is not None:
             distance = float(np.linalg.norm(by_wheels.translation))
             turn = by_wheels.rotation_angle_to(SE3.identity())
-            sigma = np.repeat([0.0015 + 0.05 * distance, 0.0015 + 0.05 * turn], 3)
+            sigma = np.repeat([0.0006 + 0.01 * distance, 0.0006 + 0.01 * turn], 3)
             return Prediction(T @ by_wheels, True, sigma**-2)
         dt = (data.stamp_ns - before.stamp_ns) * 1e-9
         if dt > MAX_GAP_S:

@@ -14,6 +14,8 @@ WINDOWS = (8, 30)
 # Beyond this the wheels slip, spin or are disconnected: a constant, and shares of the way and of the turn.
 GAP_M, GAP_PER_M, GAP_PER_RAD = 0.008, 0.08, 0.02
 GAP_RAD, GAP_RAD_PER_RAD = 0.02, 0.06
+# A stretch of map that hangs on the wheels alone does not judge them until they have gone on so far.
+FAITH_M = 0.5
 
 
 class _Moment(NamedTuple):
@@ -32,19 +34,22 @@ class WheelTrust:
         self._wheels: SE2 | None = None
         self._T_used_wheels = SE2()
         self._last_used: _Moment | None = None
+        self._unproven_m = 0.0
         self.doubted = False
 
     def admit(self, data: FrameData) -> FrameData:
         """The frame with the wheels' pose that may be used: none while they are in doubt, later as if they had counted
         rightly in the meantime."""
-        self._wheels = data.T_odom_base
+        before, self._wheels = self._wheels, data.T_odom_base
         if self._wheels is None:
             return data
+        if before is not None:
+            self._unproven_m = max(0.0, self._unproven_m - before.distance_to(self._wheels))
         return data._replace(T_odom_base=None if self.doubted else self._T_used_wheels @ self._wheels)
 
     def compare(self, T_world_cam: SE3) -> str:
         """Judge the wheels by the last admitted frame's pose; what has changed about them, in words, or nothing."""
-        if self._wheels is None:
+        if self._wheels is None or self._unproven_m > 0.0:
             self._moments.clear()
             return ""
         now = _Moment(self._wheels, SE2.from_se3(T_world_cam @ self._T_cam_base))
@@ -64,6 +69,10 @@ class WheelTrust:
         """The image is not sure of this frame: it judges nobody, and doubtful wheels are better than none."""
         self._moments.clear()
         self.doubted = False
+
+    def bridge(self) -> None:
+        """A keyframe was placed by the wheels: the size of what is seen from there is theirs."""
+        self._unproven_m = FAITH_M
 
     def move(self, T_new_old: SE3) -> None:
         """Follow a map that was moved under the camera."""
