@@ -55,7 +55,7 @@ vsx_kernels() {
     local stamp
     stamp=$({ find "$root/src/vsx_ros/kernels" -name "*.py" -exec cat {} +; "$VSX_PYTHON" -c 'import numba, sys; print(numba.__version__, sys.version)'; } | sha256sum | cut -d' ' -f1)
     [ "$(cat "$root/src/vsx_ros/kernels/__pycache__/warm.stamp" 2>/dev/null)" = "$stamp" ] && return 0
-    vsx_say "compiling the kernels (once for a checkout, one to two minutes)"
+    vsx_say "compiling the kernels (once for a checkout, two to five minutes)"
     local trial; trial=$(mktemp -d)
     { "$VSX_PYTHON" -m vsx_ros.kernels.warmup &&
         "$VSX_PYTHON" -m vsx_ros.cli.main explore --fast --time 8 --out "$trial/run"; } >"$trial/log" 2>&1 ||
