@@ -43,9 +43,18 @@ class Viewer:
     def hear(self, *subjects: str, seconds: float = 60.0) -> None:
         deadline_s = time.monotonic() + seconds
         while not self.known.keys() >= set(subjects):
-            assert time.monotonic() < deadline_s, f"only {sorted(self.known)}"
-            subject, data, _ = (self._answer.readline().decode().strip() for _ in range(3))
-            self.known[subject.removeprefix("event: ")] = json.loads(data.removeprefix("data: "))
+            self._next(deadline_s)
+
+    def hear_health_of(self, name: str, seconds: float = 30.0) -> None:
+        """Every node tells its own once a second."""
+        deadline_s = time.monotonic() + seconds
+        while name not in self.known.get("health", {}):
+            self._next(deadline_s)
+
+    def _next(self, deadline_s: float) -> None:
+        assert time.monotonic() < deadline_s, f"only {sorted(self.known)}"
+        subject, data, _ = (self._answer.readline().decode().strip() for _ in range(3))
+        self.known[subject.removeprefix("event: ")] = json.loads(data.removeprefix("data: "))
 
     def close(self) -> None:
         self._answer.close()
@@ -91,6 +100,7 @@ def test_it_listens_to_the_stack_only_while_somebody_looks(stack: Stack, port: i
     assert subscriptions() <= {"/clock"}
     viewer = Viewer(port)
     viewer.hear("camera", "pose", "map", "keyframes", "slam", "mission", "stats", "health", "hazards", "stack")
+    viewer.hear_health_of("mobile_base: safety")
     listened = subscriptions()
     known = viewer.known
     viewer.close()
