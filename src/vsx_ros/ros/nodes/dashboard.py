@@ -46,12 +46,17 @@ class DashboardNode:
         process.worker("master", self._watch_master)
 
     def _watch_master(self) -> None:
-        """A new master knows nothing of this node, and rospy joins one master only: begin anew, at the same address."""
+        """A new master knows nothing of this node, and rospy joins one master only: begin anew, at the same address.
+
+        Asked for is a service that rospy registers once. The node's name would not do: a subscription asked for while
+        no master answered is registered with the new one, which then knows the name and nothing else.
+        """
         master = rosgraph.Master(rospy.get_name())
+        registered_once = rospy.resolve_name("~get_loggers")
         while not rospy.is_shutdown():
             answers = True
             try:
-                master.lookupNode(rospy.get_name())
+                master.lookupService(registered_once)
             except rosgraph.MasterError:
                 os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
             except OSError:
