@@ -21,15 +21,11 @@ from pathlib import Path
 
 import numpy as np
 
-from vsx_hw.create.driver import create_driver
-from vsx_hw.create.emulator import create_emulator
-from vsx_hw.create.protocol import CREATE_1, CREATE_2
+from vsx_hw.bases import BASES, base_driver
+from vsx_hw.emulators import base_emulator
 from vsx_hw.kinect.driver import KinectCamera
 from vsx_hw.kinect.emulator import KinectEmulator
 from vsx_hw.kinect.socket_transport import SocketTransport
-from vsx_hw.kobuki.base_control import WHEEL_BASE_M
-from vsx_hw.kobuki.driver import kobuki_driver
-from vsx_hw.kobuki.emulator import kobuki_emulator
 from vsx_hw.readings import Hazard
 from vsx_hw.safety import SpeedLimits, Supervisor
 from vsx_hw.serial_emulator import PlantState
@@ -75,16 +71,11 @@ class Base:
 
     def __init__(self, kind: str, folder: str) -> None:
         port = f"{folder}/{kind}"
-        model = {"create": CREATE_1, "create2": CREATE_2}.get(kind)
-        self.wheels = Wheels(WHEEL_BASE_M if model is None else model.wheel_base_m)
+        self.wheels = Wheels(BASES[kind].wheel_base_m)
         self.supervisor, self.reason = Supervisor(SpeedLimits()), ""
         self.commanding = True
-        if model is None:
-            self.emulator = kobuki_emulator(self.wheels, port)
-            self.driver = kobuki_driver(port, self.on_reading)
-        else:
-            self.emulator = create_emulator(model, self.wheels, port)
-            self.driver = create_driver(model, port, self.on_reading)
+        self.emulator = base_emulator(kind, self.wheels, port)
+        self.driver = base_driver(kind, port, self.on_reading)
         self.closing = threading.Event()
         self.commander = threading.Thread(target=self.command, daemon=True)
 

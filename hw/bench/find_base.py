@@ -1,7 +1,7 @@
-"""find_base.py PORT: you should see the kind of base within three seconds. No wheel turns."""
+"""find_base.py PORT: you should see the kind of base and its baud rate within three seconds. No wheel turns."""
 
 import sys
 
-from vsx_hw.detect import detect_base
+from bench_base import BenchBase
 
-print(f"{sys.argv[1]}: {detect_base(sys.argv[1])}")
+BenchBase(sys.argv[1])

@@ -10,11 +10,12 @@ import time
 
 from bench_base import BenchBase
 
-from vsx_hw.guardian import Guardian, StopBytes
+from vsx_hw.bases import BASES
+from vsx_hw.guardian import Guardian
 
 if os.fork() == 0:
     base = BenchBase(sys.argv[1])
-    guardian = Guardian(base.port, base.baud, StopBytes(base.dialect.halt(), base.dialect.farewell()))
+    guardian = Guardian(base.port, BASES[base.kind].baud, BASES[base.kind].stop_bytes())
     driver = base.driver(lambda reading: driver.drive(0.1, 0.0), guardian.beat)
     driver.start()
     time.sleep(4.0)

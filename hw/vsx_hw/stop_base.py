@@ -7,29 +7,21 @@ from __future__ import annotations
 
 import sys
 
-from vsx_hw.create.driver import create_dialect
-from vsx_hw.create.protocol import CREATE_1, CREATE_2
+from vsx_hw.bases import BASES
 from vsx_hw.detect import detect_base
 from vsx_hw.errors import DeviceError
 from vsx_hw.guardian import take_over
-from vsx_hw.kobuki.driver import KobukiDialect
-from vsx_hw.kobuki.protocol import BAUD as KOBUKI_BAUD
-
-FAREWELLS = {
-    "kobuki": (KOBUKI_BAUD, KobukiDialect().farewell()),
-    **{model.name: (model.baud, create_dialect(model).farewell()) for model in (CREATE_1, CREATE_2)},
-}
 
 
 def main() -> None:
     """Exit code 0 when the bytes were sent, 1 for wrong arguments, 2 when the port could not be had."""
     arguments = sys.argv[1:]
-    if len(arguments) not in (1, 2) or (len(arguments) == 2 and arguments[1] not in FAREWELLS):
-        sys.exit(f"stop_base PORT [{'|'.join(FAREWELLS)}]")
+    if len(arguments) not in (1, 2) or (len(arguments) == 2 and arguments[1] not in BASES):
+        sys.exit(f"stop_base PORT [{'|'.join(BASES)}]")
     port = arguments[0]
     try:
-        baud, farewell = FAREWELLS[arguments[1] if len(arguments) == 2 else detect_base(port)]
+        base = BASES[arguments[1] if len(arguments) == 2 else detect_base(port)]
     except DeviceError as error:
         sys.stderr.write(f"stop_base: {error}\n")
         sys.exit(2)
-    sys.exit(0 if take_over(port, baud, farewell) else 2)
+    sys.exit(0 if take_over(port, base.baud, base.stop_bytes().farewell) else 2)

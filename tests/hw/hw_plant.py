@@ -1,11 +1,18 @@
-"""Wheels without a world, for the emulators' tests: speeds reached at once."""
+"""What the tests of the drivers share: wheels without a world, a base with its driver above them, and waiting."""
 
+import queue
+import time
+
+import pytest
+
+from vsx_hw.bases import BASES, base_driver
+from vsx_hw.emulators import base_emulator
 from vsx_hw.readings import Hazard
 from vsx_hw.serial_emulator import PlantState
 
 
 class FreeWheels:
-    """The simplest plant; ``hazards`` may be set by the test."""
+    """The simplest plant: speeds are reached at once; ``hazards`` may be set by the test."""
 
     def __init__(self, wheel_base_m: float) -> None:
         self.wheel_base_m = wheel_base_m
@@ -24,3 +31,45 @@ class FreeWheels:
         left, right = self.travel
         rate = (self.speeds[1] - self.speeds[0]) / self.wheel_base_m
         return PlantState(left, right, (right - left) / self.wheel_base_m, rate, self.hazards)
+
+
+def until(condition, timeout_s=5.0) -> bool:
+    deadline = time.monotonic() + timeout_s
+    while time.monotonic() < deadline:
+        if condition():
+            return True
+        time.sleep(0.005)
+    return False
+
+
+class Rig:
+    """An emulated base with its driver; ``twist`` is commanded at every reading while it is set.
+
+    driver_kind: the kind that the driver believes in, where it is not the true one.
+    """
+
+    def __init__(self, kind: str, port: str, driver_kind: str = "") -> None:
+        self.kind = kind
+        self.plant = FreeWheels(BASES[kind].wheel_base_m)
+        self.emulator = base_emulator(kind, self.plant, port, seed=4)
+        self.board = self.emulator._board
+        self.readings: queue.Queue = queue.Queue()
+        self.twist = None
+        self.driver = base_driver(driver_kind or kind, port, self.on_reading)
+
+    def on_reading(self, reading) -> None:
+        if self.twist is not None:
+            self.driver.drive(*self.twist)
+        self.readings.put(reading)
+
+    def wait(self, condition, timeout_s=5.0):
+        """The first reading from now on for which the condition holds."""
+        deadline = time.monotonic() + timeout_s
+        while time.monotonic() < deadline:
+            try:
+                reading = self.readings.get(timeout=0.1)
+            except queue.Empty:
+                continue
+            if condition(reading):
+                return reading
+        pytest.fail(f"condition not met; driver says: {self.driver.status()}")

@@ -7,35 +7,25 @@ import sys
 import time
 
 import pytest
-from hw_plant import FreeWheels
+from hw_plant import FreeWheels, until
 
-from vsx_hw.guardian import Guardian, StopBytes, take_over
+from vsx_hw.bases import BASES
+from vsx_hw.guardian import Guardian, take_over
 from vsx_hw.kobuki.base_control import WHEEL_BASE_M
-from vsx_hw.kobuki.driver import KobukiDialect
 from vsx_hw.kobuki.emulator import kobuki_emulator
 from vsx_hw.kobuki.protocol import BAUD
 
-STOP = StopBytes(KobukiDialect().halt(), KobukiDialect().farewell())
+STOP = BASES["kobuki"].stop_bytes()
 
 DRIVER = """
 import sys, time
-from vsx_hw.guardian import Guardian, StopBytes
-from vsx_hw.kobuki.driver import KobukiDialect, kobuki_driver
-dialect = KobukiDialect()
-guardian = Guardian(sys.argv[1], 115200, StopBytes(dialect.halt(), dialect.farewell()))
-driver = kobuki_driver(sys.argv[1], lambda reading: driver.drive(0.2, 0.0), on_command=guardian.beat)
+from vsx_hw.bases import BASES, base_driver
+from vsx_hw.guardian import Guardian
+guardian = Guardian(sys.argv[1], 115200, BASES["kobuki"].stop_bytes())
+driver = base_driver("kobuki", sys.argv[1], lambda reading: driver.drive(0.2, 0.0), on_command=guardian.beat)
 driver.start()
 time.sleep(60)
 """
-
-
-def until(condition, timeout_s=10.0) -> bool:
-    deadline = time.monotonic() + timeout_s
-    while time.monotonic() < deadline:
-        if condition():
-            return True
-        time.sleep(0.005)
-    return False
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ import time
 
 import numpy as np
 import pytest
+from hw_plant import until
 
 from vsx_hw.errors import DeviceNotFound, ProtocolError
 from vsx_hw.kinect import driver as driver_module
@@ -34,15 +35,6 @@ MS = 1_000_000
 
 def image(seed: int) -> np.ndarray:
     return np.random.default_rng(seed).integers(0, 256, (480, 640), np.uint8)
-
-
-def until(condition, timeout_s=5.0) -> bool:
-    deadline = time.monotonic() + timeout_s
-    while time.monotonic() < deadline:
-        if condition():
-            return True
-        time.sleep(0.005)
-    return False
 
 
 @pytest.fixture

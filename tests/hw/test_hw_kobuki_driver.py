@@ -8,15 +8,15 @@ import threading
 import time
 
 import pytest
-from hw_plant import FreeWheels
+from hw_plant import FreeWheels, Rig, until
 
 from vsx_hw.base_driver import BaseDriver
-from vsx_hw.create.emulator import create_emulator
-from vsx_hw.create.protocol import CREATE_1, CREATE_2
+from vsx_hw.bases import base_driver
 from vsx_hw.detect import detect_base
+from vsx_hw.emulators import base_emulator
 from vsx_hw.errors import DeviceNotFound, DeviceTimeout
 from vsx_hw.kobuki.base_control import WHEEL_BASE_M, BaseControl, twist_of
-from vsx_hw.kobuki.driver import KobukiDialect, kobuki_driver
+from vsx_hw.kobuki.driver import KobukiDialect
 from vsx_hw.kobuki.emulator import KobukiBoard, kobuki_emulator
 from vsx_hw.kobuki.framing import FrameScanner, sub_payloads
 from vsx_hw.readings import Hazard
@@ -24,49 +24,12 @@ from vsx_hw.safety import Source, SpeedLimits, Supervisor
 from vsx_hw.transport import LoopbackTransport, SerialTransport
 
 
-class Rig:
-    """An emulated Kobuki with its driver; ``twist`` is commanded at every reading while it is set."""
-
-    def __init__(self, port: str) -> None:
-        self.plant = FreeWheels(WHEEL_BASE_M)
-        self.emulator = kobuki_emulator(self.plant, port, seed=4)
-        self.readings: queue.Queue = queue.Queue()
-        self.twist = None
-        self.driver = kobuki_driver(port, self.on_reading)
-
-    def on_reading(self, reading) -> None:
-        if self.twist is not None:
-            self.driver.drive(*self.twist)
-        self.readings.put(reading)
-
-    def wait(self, condition, timeout_s=5.0):
-        """The first reading from now on for which the condition holds."""
-        deadline = time.monotonic() + timeout_s
-        while time.monotonic() < deadline:
-            try:
-                reading = self.readings.get(timeout=0.1)
-            except queue.Empty:
-                continue
-            if condition(reading):
-                return reading
-        pytest.fail(f"condition not met; driver says: {self.driver.status()}")
-
-
 @pytest.fixture
 def rig(tmp_path):
-    rig = Rig(str(tmp_path / "ttyKOBUKI"))
+    rig = Rig("kobuki", str(tmp_path / "ttyKOBUKI"))
     with rig.emulator, rig.driver:
         rig.wait(lambda reading: True)
         yield rig
-
-
-def until(condition, timeout_s=5.0) -> bool:
-    deadline = time.monotonic() + timeout_s
-    while time.monotonic() < deadline:
-        if condition():
-            return True
-        time.sleep(0.005)
-    return False
 
 
 def test_drives_measures_and_stops_without_commands(rig):
@@ -262,7 +225,7 @@ def test_a_base_that_takes_no_bytes_is_given_up_not_waited_for():
 
 def test_a_permanent_fault_is_told_once(tmp_path, caplog):
     port = str(tmp_path / "nothing")
-    with kobuki_driver(port, lambda reading: None):
+    with base_driver("kobuki", port, lambda reading: None):
         time.sleep(1.5)
     told = [record.getMessage() for record in caplog.records]
     assert told == [f"{port}: no such port; plug the base in, switch it on, and check the name with 'ls /dev/ttyUSB*'"]
@@ -277,7 +240,7 @@ def test_a_fault_in_the_listener_is_told_and_the_base_stopped(tmp_path):
         if plant.speeds[0] > 0.1:
             raise ZeroDivisionError("listener")
 
-    driver = kobuki_driver(port, fail)
+    driver = base_driver("kobuki", port, fail)
     with kobuki_emulator(plant, port), driver:
         assert until(lambda: "ZeroDivisionError" in driver.status().message)
         assert until(lambda: plant.speeds == (0.0, 0.0))
@@ -293,8 +256,7 @@ def test_the_gyro_is_told(rig):
 def test_a_base_is_found_by_asking(tmp_path, kind):
     port = str(tmp_path / "tty")
     plant = FreeWheels(WHEEL_BASE_M)
-    models = {"create": CREATE_1, "create2": CREATE_2}
-    emulator = create_emulator(models[kind], plant, port) if kind in models else kobuki_emulator(plant, port)
+    emulator = base_emulator("kobuki" if kind == "nobody" else kind, plant, port)
     emulator.faults.paused = kind == "nobody"
     with emulator:
         if kind == "nobody":

@@ -1,17 +1,15 @@
-"""The Create 1 and the Create 2 behind a serial port."""
+"""The languages of the Create 1 and the Create 2."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 
-from vsx_hw.base_driver import BaseDriver
 from vsx_hw.create.dialect import BATTERY_PACKETS, SAFETY_PACKETS, CreateDialect, is_plausible
 from vsx_hw.create.gyro import BoardGyro
 from vsx_hw.create.odometry import DistanceOdometry, EncoderOdometry
 from vsx_hw.create.protocol import (
     CREATE_1,
     CREATE_2,
-    Model,
     Opcode,
     StreamParser,
     decode_packets,
@@ -21,7 +19,6 @@ from vsx_hw.create.protocol import (
     packet_bytes,
 )
 from vsx_hw.readings import BaseReading, GyroReading
-from vsx_hw.transport import SerialTransport
 
 ENCODER_PACKETS = [43, 44]
 MOTION_PACKETS = [19, 20]
@@ -159,33 +156,3 @@ class Create1Dialect(CreateDialect):
     def counters(self) -> dict[str, int]:
         """See Dialect."""
         return {"frames": self._frames, "refused_frames": self._lost}
-
-
-def create_dialect(
-    model: Model, linear_scale: float = 1.0, angular_scale: float = 1.0
-) -> Create1Dialect | Create2Dialect:
-    """How CREATE_1 or CREATE_2 is spoken to."""
-    dialect = Create1Dialect if model is CREATE_1 else Create2Dialect
-    return dialect(linear_scale, angular_scale)
-
-
-def create_driver(
-    model: Model,
-    port: str,
-    on_reading: Callable[[BaseReading], None],
-    on_link: Callable[[bool, str], None] = lambda connected, message: None,
-    command_timeout_s: float = 0.25,
-    linear_scale: float = 1.0,
-    angular_scale: float = 1.0,
-    on_command: Callable[[bool], None] = lambda turning: None,
-) -> BaseDriver:
-    """A driver for CREATE_1 or CREATE_2 at a serial port; call ``start`` on it."""
-    return BaseDriver(
-        create_dialect(model, linear_scale, angular_scale),
-        lambda: SerialTransport(port, model.baud),
-        port,
-        on_reading,
-        on_link,
-        command_timeout_s,
-        on_command,
-    )

@@ -1,11 +1,10 @@
-"""The Kobuki behind a serial port."""
+"""The language of the Kobuki."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
-from vsx_hw.base_driver import BaseDriver
 from vsx_hw.clock import DeviceClock
 from vsx_hw.kobuki.base_control import BaseControl, base_control
 from vsx_hw.kobuki.framing import encode_frame
@@ -22,7 +21,6 @@ from vsx_hw.kobuki.protocol import (
     request_versions_payload,
 )
 from vsx_hw.readings import BaseReading, BatteryReading, GyroReading, Hazard
-from vsx_hw.transport import SerialTransport
 
 VERSION_REQUESTS = 10
 FRAMES_PER_REQUEST = 25
@@ -122,24 +120,3 @@ def gyro_of(feedback: Feedback) -> GyroReading | None:
 def hazards_of(core: Core) -> Hazard:
     """The level of each contact in this frame (not its edges: a missed edge would leave the robot blind)."""
     return Hazard(core.bumper | core.cliff << 3 | core.wheel_drop << 6)
-
-
-def kobuki_driver(
-    port: str,
-    on_reading: Callable[[BaseReading], None],
-    on_link: Callable[[bool, str], None] = lambda connected, message: None,
-    command_timeout_s: float = 0.25,
-    linear_scale: float = 1.0,
-    angular_scale: float = 1.0,
-    on_command: Callable[[bool], None] = lambda turning: None,
-) -> BaseDriver:
-    """A driver for the Kobuki at a serial port such as /dev/kobuki; call ``start`` on it."""
-    return BaseDriver(
-        KobukiDialect(linear_scale, angular_scale),
-        lambda: SerialTransport(port, BAUD),
-        port,
-        on_reading,
-        on_link,
-        command_timeout_s,
-        on_command,
-    )

@@ -5,15 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
+from vsx_hw import bases, emulators
 from vsx_hw.base_driver import BaseDriver
-from vsx_hw.create.driver import create_dialect, create_driver
-from vsx_hw.create.emulator import create_emulator
-from vsx_hw.create.protocol import CREATE_1, CREATE_2, Model
-from vsx_hw.guardian import Guardian, StopBytes
-from vsx_hw.kobuki.base_control import WHEEL_BASE_M as KOBUKI_WHEEL_BASE_M
-from vsx_hw.kobuki.driver import KobukiDialect, kobuki_driver
-from vsx_hw.kobuki.emulator import kobuki_emulator
-from vsx_hw.kobuki.protocol import BAUD as KOBUKI_BAUD
+from vsx_hw.guardian import Guardian
 from vsx_hw.readings import BaseReading
 from vsx_hw.serial_emulator import Plant, SerialEmulator
 from vsx_ros.errors import ConfigError
@@ -37,36 +31,28 @@ def base_driver(
 ) -> BaseDriver:
     """The driver of a base; it connects when started. Raises ConfigError for an unknown robot_type."""
     robot_type, port, timeout_s, linear, angular = settings
-    if robot_type == "kobuki":
-        return kobuki_driver(port, on_reading, on_link, timeout_s, linear, angular, on_command)
-    model = _create_model(robot_type)
-    return create_driver(model, port, on_reading, on_link, timeout_s, linear, angular, on_command)
+    _base(robot_type)
+    return bases.base_driver(robot_type, port, on_reading, on_link, timeout_s, linear, angular, on_command)
 
 
 def base_emulator(robot_type: str, plant: Plant, link: str, seed: int) -> SerialEmulator:
     """A base on emulated wheels behind the serial port ``link``. Raises ConfigError for an unknown robot_type."""
-    if robot_type == "kobuki":
-        return kobuki_emulator(plant, link, seed)
-    return create_emulator(_create_model(robot_type), plant, link, seed)
+    _base(robot_type)
+    return emulators.base_emulator(robot_type, plant, link, seed)
 
 
 def base_guardian(robot_type: str, port: str) -> Guardian:
     """The process that stops the base should this one die or hang. Raises ConfigError for an unknown robot_type."""
-    if robot_type == "kobuki":
-        kobuki = KobukiDialect()
-        return Guardian(port, KOBUKI_BAUD, StopBytes(kobuki.halt(), kobuki.farewell()))
-    model = _create_model(robot_type)
-    create = create_dialect(model)
-    return Guardian(port, model.baud, StopBytes(create.halt(), create.farewell()))
+    base = _base(robot_type)
+    return Guardian(port, base.baud, base.stop_bytes())
 
 
 def wheel_base_m(robot_type: str) -> float:
     """Distance between the wheels [m]. Raises ConfigError for an unknown robot_type."""
-    return KOBUKI_WHEEL_BASE_M if robot_type == "kobuki" else _create_model(robot_type).wheel_base_m
+    return _base(robot_type).wheel_base_m
 
 
-def _create_model(robot_type: str) -> Model:
-    for model in (CREATE_1, CREATE_2):
-        if robot_type == model.name:
-            return model
-    raise ConfigError(f"~robot_type {robot_type!r}: give kobuki, create, create2 or auto")
+def _base(robot_type: str) -> bases.Base:
+    if robot_type not in bases.BASES:
+        raise ConfigError(f"~robot_type {robot_type!r}: give {', '.join(bases.BASES)} or auto")
+    return bases.BASES[robot_type]

@@ -168,6 +168,8 @@ class MoveBaseNode:
         if start is not None:
             plan = self._plan(start, goal, frame)
         self._wait_until_standing()
+        if client := self._silent_client():
+            return FollowStatus.STOPPED, f"the client {client} is silent"
         real = self._where.pose(frame)
         if frame not in _FRAMES or real is None:
             return FollowStatus.STOPPED, f"no pose of the base in frame {frame!r}; goals are in map or odom"
@@ -207,12 +209,11 @@ class MoveBaseNode:
 
     def _watch(self, identity_ns: int, frame: str) -> tuple[FollowStatus, str]:
         """Wait for the follower's verdict on the trajectory."""
-        client = str(self._server.current_goal.get_goal_id().id).split("-")[0]
         while not rospy.is_shutdown():
             time.sleep(PERIOD_S)
             if self._server.is_preempt_requested():
                 return FollowStatus.STOPPED, "cancelled by the client"
-            if self._clients.is_known(client) and not self._clients.is_fresh(client):
+            if client := self._silent_client():
                 return FollowStatus.STOPPED, f"the client {client} is silent"
             if time.monotonic() - self._follower_s > _FOLLOWER_SILENCE_S:
                 return FollowStatus.STOPPED, "the follower is silent"
@@ -246,10 +247,15 @@ class MoveBaseNode:
             self._wait_until_standing()
 
     def _wait_until_standing(self) -> None:
-        """A plan begins at rest; after a cancelled goal the base needs a moment."""
+        """A plan begins at rest: after a cancelled goal the base needs a moment, and has it while the client lives."""
         deadline_s = time.monotonic() + _STAND_WAIT_S
-        while not self._where.stands and time.monotonic() < deadline_s:
+        while not (self._where.stands or self._silent_client()) and time.monotonic() < deadline_s:
             time.sleep(PERIOD_S)
+
+    def _silent_client(self) -> str:
+        """The client of the goal, if it once renewed its lease and has ceased to; else nothing."""
+        client = str(self._server.current_goal.get_goal_id().id).split("-")[0]
+        return client if self._clients.is_known(client) and not self._clients.is_fresh(client) else ""
 
     def _path_msg(self, plan: Plan, frame: str) -> PathMsg:
         poses = [SE2(*row[:3]) for row in plan.path.sample(_PLAN_STEP_M).tolist()]
