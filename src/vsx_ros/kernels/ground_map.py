@@ -15,7 +15,7 @@ def point_parallax(positions: Any, points: Any, obs_keyframe: Any, obs_point: An
     positions: (K, 3) camera centres. points: (M, 3). obs_keyframe, obs_point: (O,) indices of each observation.
     """
     first = np.full(points.shape[0], -1, np.int64)
-    parallax = np.zeros(points.shape[0])
+    cosine = np.ones(points.shape[0])
     for o in range(obs_point.shape[0]):
         p, k = obs_point[o], obs_keyframe[o]
         if first[p] < 0:
@@ -29,8 +29,8 @@ def point_parallax(positions: Any, points: Any, obs_keyframe: Any, obs_point: An
             aa += a * a
             bb += b * b
         if aa > 0.0 and bb > 0.0:
-            parallax[p] = max(parallax[p], math.acos(min(1.0, max(-1.0, dot / math.sqrt(aa * bb)))))
-    return parallax
+            cosine[p] = min(cosine[p], max(-1.0, dot / math.sqrt(aa * bb)))
+    return np.arccos(cosine)
 
 
 @kernel
@@ -56,9 +56,10 @@ def polar_scans(
     """
     obstacle_min, obstacle_max, clear_max, growth = heights
     max_range, noise, max_error, half_width, caution = ranges
-    free = np.zeros((positions.shape[0], n_bearings))
-    nearest = np.full((positions.shape[0], n_bearings), np.inf)
-    hit = np.zeros(obs_point.shape[0])
+    n, bins_per_rad = n_bearings, n_bearings / (2.0 * math.pi)
+    free = np.zeros((positions.shape[0], n), np.float32)
+    nearest = np.full((positions.shape[0], n), np.inf, np.float32)
+    hit = np.zeros(obs_point.shape[0], np.float32)
     for o in range(obs_point.shape[0]):
         k, p = obs_keyframe[o], obs_point[o]
         dx, dy = points[p, 0] - positions[k, 0], points[p, 1] - positions[k, 1]
@@ -68,57 +69,86 @@ def polar_scans(
         if parallax[p] <= 0.0 or distance < 1e-6 or z < -floor:
             continue
         error = noise * distance / parallax[p]
-        bearing = bearing_bin(math.atan2(dy, dx) - yaws[k], n_bearings)
+        bearing = bearing_bin(math.atan2(dy, dx) - yaws[k], n)
         proven = distance - caution * error - 2.0 * half_width
         if floor < z <= obstacle_max and error <= max_error:
-            reach = 1 + int(half_width / distance * n_bearings / (2.0 * math.pi))
-            for b in range(bearing - reach, bearing + reach + 1):
-                nearest[k, b % n_bearings] = min(nearest[k, b % n_bearings], proven)
+            shorten(nearest[k], bearing, min(n // 2, 1 + int(half_width / distance * bins_per_rad)), proven)
             if distance <= max_range:
                 hit[o] = distance
         if z > clear_max:
             low_until = distance * max(0.0, clear_max - camera_z) / (z - camera_z) if z > camera_z else 0.0
             proven = min(proven, low_until)
         free[k, bearing] = max(free[k, bearing], min(proven, max_range))
-    return np.maximum(np.minimum(free, nearest), 0.0), hit
+    for k in range(free.shape[0]):
+        for b in range(n):
+            free[k, b] = max(min(free[k, b], nearest[k, b]), np.float32(0.0))
+    return free, hit
 
 
 @kernel
-def block_scans(positions: Any, yaws: Any, free: Any, spots: Any, keyframe: Any, sigma: Any, shape: Any) -> None:
-    """Shorten scans free (K, B) in place where the keyframe of a spot of surface (N, 3) sees it.
+def touchable(spots: Any, sigma: Any, low: float, high: float, max_sigma: float) -> Any:
+    """Which spots of surface (N, 3) lie higher than ``low`` and up to ``high`` [m] and are known to ``max_sigma`` [m].
+
+    Returns (N,) bool, the (2, 2) least and greatest x and y of them [m], and whether all spots are finite.
+    """
+    touched = np.zeros(spots.shape[0], np.bool_)
+    corners = np.array([[np.inf, np.inf], [-np.inf, -np.inf]])
+    finite = True
+    for i in range(spots.shape[0]):
+        x, y, z = spots[i, 0], spots[i, 1], spots[i, 2]
+        finite = finite and math.isfinite(x) and math.isfinite(y) and math.isfinite(z)
+        if low < z <= high and sigma[i] <= max_sigma:
+            touched[i] = True
+            corners[0, 0], corners[0, 1] = min(corners[0, 0], x), min(corners[0, 1], y)
+            corners[1, 0], corners[1, 1] = max(corners[1, 0], x), max(corners[1, 1], y)
+    return touched, corners, finite
+
+
+@kernel
+def block_scans(
+    positions: Any, yaws: Any, free: Any, spots: Any, keyframe: Any, sigma: Any, touched: Any, shape: Any
+) -> None:
+    """Shorten scans free (K, B) in place where the keyframe of a touched spot of surface (N, 3) sees it.
 
     sigma: (N,) uncertainty of its distance [m]. shape: half its width [m], how many sigmas and, besides, how far [m]
     short of it a ray ends.
     """
-    half_width, caution, short = shape[0], shape[1], shape[2]
+    half_width, caution, short = shape
     n = free.shape[1]
+    bins_per_rad = n / (2.0 * math.pi)
     for i in range(spots.shape[0]):
         k = keyframe[i]
         dx, dy = spots[i, 0] - positions[k, 0], spots[i, 1] - positions[k, 1]
         distance = math.sqrt(dx * dx + dy * dy)
-        if distance <= half_width:
+        if distance <= half_width or not touched[i]:
             continue
-        until = max(0.0, distance - caution * sigma[i] - short)
         bearing = bearing_bin(math.atan2(dy, dx) - yaws[k], n)
-        reach = int(half_width / distance * n / (2.0 * math.pi))
-        for b in range(bearing - reach, bearing + reach + 1):
-            free[k, b % n] = min(free[k, b % n], until)
+        reach = min(n // 2, int(half_width / distance * bins_per_rad))
+        shorten(free[k], bearing, reach, max(0.0, distance - caution * sigma[i] - short))
+
+
+@kernel
+def shorten(scan: Any, bearing: int, reach: int, until: float) -> None:
+    """Let no ray of a scan (B,) within ``reach`` bins of a bearing go farther than ``until`` [m]."""
+    n = scan.shape[0]
+    for b in range(bearing - reach, bearing + reach + 1):
+        wrapped = b + n if b < 0 else (b - n if b >= n else b)
+        scan[wrapped] = min(scan[wrapped], until)
 
 
 @kernel
 def bearing_bin(angle: float, n_bearings: int) -> int:
     """The bin of an angle [rad]; bin 0 begins at angle 0."""
     turn = angle / (2.0 * math.pi)
-    return int((turn - math.floor(turn)) * n_bearings) % n_bearings
+    return min(int((turn - math.floor(turn)) * n_bearings), n_bearings - 1)
 
 
 @kernel
-def bridge_gaps(free: Any, max_gap: int, max_width: float) -> Any:
-    """Copy of free (K, B) where the empty bins between two filled ones take the smaller of the two.
+def bridge_gaps(free: Any, max_gap: int, max_width: float) -> None:
+    """Give the empty bins of free (K, B) between two filled ones the smaller of the two, in place.
 
     Only where at most max_gap bins are empty, and only as far out as they are at most max_width [m] wide.
     """
-    bridged = free.copy()
     n = free.shape[1]
     for k in range(free.shape[0]):
         for b in range(n):
@@ -129,41 +159,8 @@ def bridge_gaps(free: Any, max_gap: int, max_width: float) -> Any:
                 if far > 0.0:
                     reach = min(min(free[k, b], far), max_width / ((gap + 1) * 2.0 * math.pi / n))
                     for i in range(1, gap + 1):
-                        bridged[k, (b + i) % n] = reach
+                        free[k, (b + i) % n] = reach
                     break
-    return bridged
-
-
-@kernel
-def count_free(
-    positions: Any,
-    yaws: Any,
-    free: Any,
-    rows: int,
-    columns: int,
-    resolution: float,
-    origin_x: float,
-    origin_y: float,
-) -> Any:
-    """(rows, columns) int32: how many keyframes' scans pass through each cell."""
-    votes = np.zeros((rows, columns), np.int32)
-    seen_by = np.full((rows, columns), -1, np.int32)
-    n = free.shape[1]
-    step = 0.5 * resolution
-    for k in range(free.shape[0]):
-        x0 = (positions[k, 0] - origin_x) / resolution
-        y0 = (positions[k, 1] - origin_y) / resolution
-        for b in range(n):
-            if free[k, b] <= 0.0:
-                continue
-            angle = yaws[k] + (b + 0.5) * 2.0 * math.pi / n
-            dx, dy = 0.5 * math.cos(angle), 0.5 * math.sin(angle)
-            for i in range(int(free[k, b] / step) + 1):
-                column, row = math.floor(x0 + i * dx), math.floor(y0 + i * dy)
-                if 0 <= row < rows and 0 <= column < columns and seen_by[row, column] != k:
-                    seen_by[row, column] = k
-                    votes[row, column] += 1
-    return votes
 
 
 @kernel
@@ -196,13 +193,15 @@ def count_hits(
 
 
 @kernel
-def count_spots(spots: Any, rows: int, columns: int, resolution: float, origin_x: float, origin_y: float) -> Any:
-    """(rows, columns) int32: how many of the spots (N, 3) lie above each cell."""
+def count_spots(
+    spots: Any, touched: Any, rows: int, columns: int, resolution: float, origin_x: float, origin_y: float
+) -> Any:
+    """(rows, columns) int32: how many of the touched spots (N, 3) lie above each cell."""
     votes = np.zeros((rows, columns), np.int32)
     for i in range(spots.shape[0]):
         column = math.floor((spots[i, 0] - origin_x) / resolution)
         row = math.floor((spots[i, 1] - origin_y) / resolution)
-        if 0 <= row < rows and 0 <= column < columns:
+        if touched[i] and 0 <= row < rows and 0 <= column < columns:
             votes[row, column] += 1
     return votes
 

@@ -20,6 +20,7 @@ from vsx_ros.kernels import (
     projection,
     reeds_shepp,
     rrt,
+    scan_casting,
     shortcuts,
     surface_cells,
 )
@@ -66,11 +67,13 @@ def _ground_map() -> None:
     parallax = ground_map.point_parallax(positions, points, one, one)
     heights, ranges = (0.06, 0.6, 0.45, 0.01), (4.5, 0.001, 0.1, 0.025, 2.0)
     free, hit = ground_map.polar_scans(positions, yaws, points, parallax, one, one, 8, heights, ranges)
-    free = ground_map.bridge_gaps(free, 2, 0.1)
-    ground_map.block_scans(positions, yaws, free, points, one, np.zeros(1), np.array([0.04, 2.0, 0.05]))
-    ground_map.count_spots(points, 4, 4, 0.05, 0.0, 0.0)
+    ground_map.bridge_gaps(free, 2, 0.1)
+    scan_casting.scan_corners(positions, yaws, free, points, one, hit)
+    touched, _, _ = ground_map.touchable(points, np.zeros(1), 0.06, 0.6, 0.05)
+    ground_map.block_scans(positions, yaws, free, points, one, np.zeros(1), touched, (0.04, 2.0, 0.05))
+    ground_map.count_spots(points, touched, 4, 4, 0.05, 0.0, 0.0)
     ground_map.cover_discs(np.zeros((1, 2)), 0.2, 4, 4, 0.05, 0.0, 0.0)
-    ground_map.count_free(positions, yaws, free, 4, 4, 0.05, 0.0, 0.0)
+    scan_casting.count_free(positions, yaws, free, 4, 4, 0.05, 0.0, 0.0)
     ground_map.count_hits(points, one, hit, 4, 4, 0.05, 0.0, 0.0)
 
 

@@ -16,9 +16,10 @@ from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels import ground_map as kernels
+from vsx_ros.kernels.scan_casting import count_free
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.occupancy.surfaces import Surfaces
-from vsx_ros.occupancy.virtual_scan import PolarScans, blocked, virtual_scans
+from vsx_ros.occupancy.virtual_scan import PolarScans, block, virtual_scans, writable
 
 _MARGIN_M = 0.5
 _MIN_FREE_VOTES = 1
@@ -93,14 +94,15 @@ class GroundMap:
         """
         self._check(len(T_world_cams), points_world, obs_keyframe, obs_point)
         scans = virtual_scans(T_world_cams, points_world, obs_keyframe, obs_point, self._config)
-        spots = self._usable(surfaces, len(T_world_cams))
-        scans = blocked(scans, spots, self._config)
+        spots, touched, outline = self._touched(surfaces or Surfaces.none(), len(T_world_cams))
+        block(scans, spots, touched, self._config)
         arcs = self._bump_cells(bumps)
-        extent = self._extent(scans, points_world, obs_point, trail, start)
-        lattice = _Lattice.around(np.vstack([extent, _corners(spots.points[:, :2]), arcs]), self._config.resolution_m)
-        free_votes = kernels.count_free(scans.positions, scans.yaws, scans.free, *lattice.arguments())
+        seen = scans.corners(points_world, obs_point)
+        extent = np.vstack([seen, outline, self._passed(trail, start), arcs])
+        lattice = _Lattice.around(extent, self._config.resolution_m)
+        free_votes = count_free(scans.positions, scans.yaws, scans.free, *lattice.arguments())
         occupied = self._occupied(scans, points_world, obs_point, free_votes, lattice)
-        occupied |= _solid(spots, free_votes, lattice)
+        occupied |= _solid(spots, touched, free_votes, lattice)
         data = np.full((lattice.rows, lattice.columns), UNKNOWN, np.int8)
         data[free_votes >= _MIN_FREE_VOTES] = FREE
         if start is not None:
@@ -126,25 +128,17 @@ class GroundMap:
         if len(obs_keyframe) != len(obs_point) or not np.isfinite(points_world).all():
             raise InputError("observations must name a keyframe and a point each, and points must be finite")
 
-    def _extent(
-        self, scans: PolarScans, points_world: Points3, obs_point: IntArray, trail: Sequence[SE2], start: SE2 | None
-    ) -> Points2:
-        """(N, 2) corners of what is seen, driven and promised, which the grid must hold."""
-        keyframe, bearing = np.nonzero(scans.free)
-        angle = scans.yaws[keyframe] + (bearing + 0.5) * 2 * math.pi / scans.free.shape[1]
-        reach = scans.free[keyframe, bearing][:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        poses = [(pose.x, pose.y) for pose in (*trail, *([start] if start else []))]
+    def _passed(self, trail: Sequence[SE2], start: SE2 | None) -> Points2:
+        """(N, 2) what is driven and promised, which the grid must hold."""
         ahead = [(start @ np.array([[self._config.start_clear_m, 0.0]]))[0]] if start else []
-        seen = np.asarray(points_world).reshape(-1, 3)[obs_point[scans.hit > 0], :2]
-        passed = np.array([*poses, *ahead]).reshape(-1, 2)
-        parts = (scans.positions[:, :2], scans.positions[keyframe, :2] + reach, seen, passed)
-        return np.vstack([_corners(part) for part in parts])
+        poses = [(pose.x, pose.y) for pose in (*trail, *([start] if start else []))]
+        return np.array([*poses, *ahead]).reshape(-1, 2)
 
     def _occupied(
         self, scans: PolarScans, points_world: Points3, obs_point: IntArray, free_votes: IntArray, lattice: _Lattice
     ) -> BoolArray:
         """Cells with enough observations of obstacle points, the few that others look through left out."""
-        points, point = np.array(points_world, np.float64).reshape(-1, 3), np.array(obs_point, np.int64)
+        points, point = writable(points_world, np.float64).reshape(-1, 3), writable(obs_point, np.int64)
         votes, members = kernels.count_hits(points, point, scans.hit, *lattice.arguments())
         near_votes, near_points = _around(votes), _around(members)
         near_free = _around(free_votes) / 9.0
@@ -152,22 +146,23 @@ class GroundMap:
         occupied: BoolArray = (votes > 0) & (near_votes >= _MIN_HIT_VOTES) & ~noise
         return occupied
 
-    def _usable(self, surfaces: Surfaces | None, n_keyframes: int) -> Surfaces:
-        """The spots that the robot could touch and that lie where they seem to."""
-        if surfaces is None:
-            return Surfaces.none()
-        points, keyframe = np.array(surfaces.points, np.float64).reshape(-1, 3), np.array(surfaces.keyframe, np.int64)
-        sigma = np.array(surfaces.sigma_m, np.float64)
-        if not len(points) == len(keyframe) == len(sigma) or not np.isfinite(points).all():
-            raise InputError("surfaces must give a finite point, a keyframe and a sigma each")
+    def _touched(self, surfaces: Surfaces, n_keyframes: int) -> tuple[Surfaces, BoolArray, Points2]:
+        """The surfaces as kernels take them, which of them the robot could touch and lie where they seem to, and the
+        corners of those."""
+        points, keyframe = writable(surfaces.points, np.float64).reshape(-1, 3), writable(surfaces.keyframe, np.int64)
+        sigma = writable(surfaces.sigma_m, np.float64)
+        low, high = self._config.obstacle_min_height_m, self._config.obstacle_max_height_m
+        if not len(points) == len(keyframe) == len(sigma):
+            raise InputError("surfaces must give a point, a keyframe and a sigma each")
+        touched, corners, finite = kernels.touchable(points, sigma, low, high, _MAX_SURFACE_SIGMA_M)
+        if not finite:
+            raise InputError("surfaces must be finite points")
         if len(keyframe) and not 0 <= int(keyframe.min()) <= int(keyframe.max()) < n_keyframes:
             raise InputError(
                 f"a surface names keyframe {int(keyframe.max())} of {n_keyframes}; "
                 "surfaces and keyframes must come from one snapshot"
             )
-        low, high = self._config.obstacle_min_height_m, self._config.obstacle_max_height_m
-        touched = (points[:, 2] > low) & (points[:, 2] <= high) & (sigma <= _MAX_SURFACE_SIGMA_M)
-        return Surfaces(points[touched], keyframe[touched], sigma[touched])
+        return Surfaces(points, keyframe, sigma), touched, corners if touched.any() else np.zeros((0, 2))
 
     def _start_strip(self, start: SE2, lattice: _Lattice) -> BoolArray:
         """The promised floor: from behind the robot to ``start_clear_m`` in front, a little wider than the robot."""
@@ -206,14 +201,9 @@ def _around(counts: IntArray) -> NDArray[np.float32]:
     return np.asarray(sums, np.float32)
 
 
-def _corners(points: Points2) -> Points2:
-    """The two corners of the box around (N, 2) points; none for none."""
-    return np.stack([points.min(axis=0), points.max(axis=0)]) if len(points) else points
-
-
-def _solid(spots: Surfaces, free_votes: IntArray, lattice: _Lattice) -> BoolArray:
+def _solid(spots: Surfaces, touched: BoolArray, free_votes: IntArray, lattice: _Lattice) -> BoolArray:
     """Cells under surfaces, but for those that many keyframes look through."""
-    votes = kernels.count_spots(spots.points, *lattice.arguments())
+    votes = kernels.count_spots(spots.points, touched, *lattice.arguments())
     near_free, near_spots = _around(free_votes) / 9.0, _around(votes)
     solid: BoolArray = (votes > 0) & (near_spots >= _MIN_SPOTS) & (near_free <= _SEEN_THROUGH * near_spots)
     return solid

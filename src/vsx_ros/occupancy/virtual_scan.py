@@ -8,14 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from vsx_ros.arrays import FloatArray, IntArray, Points3
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2, Points3
 from vsx_ros.config import GroundMapConfig
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels import ground_map as kernels
+from vsx_ros.kernels.scan_casting import scan_corners
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 from vsx_ros.occupancy.surfaces import Surfaces
 
@@ -38,14 +41,23 @@ class PolarScans:
     """Scans of K keyframes and what they hit.
 
     positions: (K, 3) camera centres, world [m]. yaws: (K,) headings of the optical axes, where bearing 0 begins [rad].
-    free: (K, N_BEARINGS) passable up to this distance [m], 0 where unknown.
-    hit: (O,) distance [m] of the obstacle in each observation, 0 where the observation is of none.
+    free: (K, N_BEARINGS) float32, passable up to this distance [m], 0 where unknown.
+    hit: (O,) float32, distance [m] of the obstacle in each observation, 0 where the observation is of none.
     """
 
     positions: Points3
     yaws: FloatArray
-    free: FloatArray
-    hit: FloatArray
+    free: NDArray[np.float32]
+    hit: NDArray[np.float32]
+
+    def corners(self, points_world: Points3, obs_point: IntArray) -> Points2:
+        """(2, 2) least and greatest x and y [m] of the cameras, of all that is passable, and of the obstacles among
+        the points; (0, 2) without a scan."""
+        if not len(self.positions):
+            return np.zeros((0, 2))
+        points, point = writable(points_world, np.float64).reshape(-1, 3), writable(obs_point, np.int64)
+        corners: Points2 = scan_corners(self.positions, self.yaws, self.free, points, point, self.hit)
+        return corners
 
 
 def virtual_scans(
@@ -64,9 +76,8 @@ def virtual_scans(
     positions = np.array([T.translation for T in T_world_cams]).reshape(-1, 3)
     axes = np.array([T.rotation[:2, 2] for T in T_world_cams]).reshape(-1, 2)
     yaws = np.arctan2(axes[:, 1], axes[:, 0])
-    # Copies, because a read-only array is a type of its own to the compiler.
-    points = np.array(points_world, np.float64).reshape(-1, 3)
-    keyframe, point = np.array(obs_keyframe, np.int64), np.array(obs_point, np.int64)
+    points = writable(points_world, np.float64).reshape(-1, 3)
+    keyframe, point = writable(obs_keyframe, np.int64), writable(obs_point, np.int64)
     heights = (
         config.obstacle_min_height_m,
         config.obstacle_max_height_m,
@@ -76,17 +87,19 @@ def virtual_scans(
     ranges = config.max_range_m, _PIXEL_NOISE_RAD, _MAX_HIT_ERROR_M, 0.5 * config.resolution_m, _CAUTION
     parallax = kernels.point_parallax(positions, points, keyframe, point)
     free, hit = kernels.polar_scans(positions, yaws, points, parallax, keyframe, point, N_BEARINGS, heights, ranges)
-    return PolarScans(positions, yaws, kernels.bridge_gaps(free, _MAX_GAP_BINS, _MAX_GAP_M), hit)
+    kernels.bridge_gaps(free, _MAX_GAP_BINS, _MAX_GAP_M)
+    return PolarScans(positions, yaws, free, hit)
 
 
-def blocked(scans: PolarScans, spots: Surfaces, config: GroundMapConfig) -> PolarScans:
-    """The scans, each ending before the spots of surface that its own keyframe sees."""
-    if not len(spots.points):
-        return scans
-    free, half = scans.free.copy(), 0.5 * config.resolution_m
-    shape = np.array([half, _CAUTION, 2.0 * half])
-    kernels.block_scans(scans.positions, scans.yaws, free, spots.points, spots.keyframe, spots.sigma_m, shape)
-    return PolarScans(scans.positions, scans.yaws, free, scans.hit)
+def block(scans: PolarScans, surfaces: Surfaces, touched: BoolArray, config: GroundMapConfig) -> None:
+    """End each of the scans, in place, before the touched (N,) spots of surface that its own keyframe sees."""
+    shape = 0.5 * config.resolution_m, _CAUTION, config.resolution_m
+    kernels.block_scans(scans.positions, scans.yaws, scans.free, *surfaces, touched, shape)
+
+
+def writable(array: Any, dtype: Any) -> NDArray[Any]:
+    """The array as a kernel takes it; a copy if it is read-only, which is a type of its own to the compiler."""
+    return np.require(array, dtype, ["C", "W"])
 
 
 def laser_scan(grid: OccupancyGrid, pose: SE2, n_bearings: int, max_range_m: float) -> FloatArray:

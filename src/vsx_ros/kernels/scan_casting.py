@@ -1,0 +1,114 @@
+"""From polar scans to the grid: how far they reach, and which cells they pass."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from vsx_ros.kernels import kernel
+
+_FIXED_BITS = 24
+_FIXED = float(1 << _FIXED_BITS)
+"""Rays step in fixed point: integers need no rounding at every cell."""
+
+
+@kernel
+def half_bearings(n_bearings: int) -> Any:
+    """(2 * n_bearings, 2) cosine and sine of the edges and the middles of bins, in turn."""
+    table = np.empty((2 * n_bearings, 2))
+    for h in range(2 * n_bearings):
+        angle = h * math.pi / n_bearings
+        table[h, 0], table[h, 1] = math.cos(angle), math.sin(angle)
+    return table
+
+
+@kernel
+def scan_corners(positions: Any, yaws: Any, free: Any, points: Any, obs_point: Any, hit: Any) -> Any:
+    """(2, 2) least and greatest x and y [m] of camera centres, of where their scans end, and of what was hit."""
+    corners = np.array([[np.inf, np.inf], [-np.inf, -np.inf]])
+    for o in range(obs_point.shape[0]):
+        if hit[o] > 0.0:
+            x, y = points[obs_point[o], 0], points[obs_point[o], 1]
+            corners[0, 0], corners[0, 1] = min(corners[0, 0], x), min(corners[0, 1], y)
+            corners[1, 0], corners[1, 1] = max(corners[1, 0], x), max(corners[1, 1], y)
+    n = free.shape[1]
+    table = half_bearings(n)
+    for k in range(free.shape[0]):
+        c, s = math.cos(yaws[k]), math.sin(yaws[k])
+        for b in range(-1, n):
+            reach = free[k, b] if b >= 0 else np.float32(0.0)
+            if b >= 0 and reach <= 0.0:
+                continue
+            x = positions[k, 0] + reach * (c * table[2 * b + 1, 0] - s * table[2 * b + 1, 1])
+            y = positions[k, 1] + reach * (s * table[2 * b + 1, 0] + c * table[2 * b + 1, 1])
+            corners[0, 0], corners[0, 1] = min(corners[0, 0], x), min(corners[0, 1], y)
+            corners[1, 0], corners[1, 1] = max(corners[1, 0], x), max(corners[1, 1], y)
+    return corners
+
+
+@kernel
+def count_free(
+    positions: Any,
+    yaws: Any,
+    free: Any,
+    rows: int,
+    columns: int,
+    resolution: float,
+    origin_x: float,
+    origin_y: float,
+) -> Any:
+    """(rows, columns) int32: how many keyframes' scans pass through each cell.
+
+    Near the camera, where rays lie closer than cells are wide, one ray stands for two bins, or for four, as far as all
+    of them are free; the number of bins is a multiple of four.
+    """
+    # The count in the lower half of each word, the keyframe that counted last in the upper.
+    votes = np.zeros((rows, columns), np.int64)
+    n = free.shape[1]
+    table = half_bearings(n)
+    # Rays 0.8 cells apart, and points half a cell apart on each, miss no cell that lies between them.
+    pair_until = 0.8 * n / (4.0 * math.pi)
+    for k in range(free.shape[0]):
+        x0, y0 = (positions[k, 0] - origin_x) / resolution, (positions[k, 1] - origin_y) / resolution
+        frame = (x0, y0, math.cos(yaws[k]), math.sin(yaws[k]))
+        for b in range(0, n, 4):
+            pairs = min(free[k, b], free[k, b + 1]), min(free[k, b + 2], free[k, b + 3])
+            if free[k, b] <= 0.0 and free[k, b + 1] <= 0.0 and free[k, b + 2] <= 0.0 and free[k, b + 3] <= 0.0:
+                continue
+            shared = cast(
+                votes, k + 1, frame, table[2 * b + 4], 0.0, min(pairs[0], pairs[1]) / resolution, 0.5 * pair_until
+            )
+            for i in range(2):
+                at = b + 2 * i
+                until = cast(votes, k + 1, frame, table[2 * at + 2], shared, pairs[i] / resolution, pair_until)
+                for j in range(at, at + 2):
+                    cast(votes, k + 1, frame, table[2 * j + 1], until, free[k, j] / resolution, np.inf)
+    return votes.astype(np.int32)
+
+
+@kernel
+def cast(votes: Any, number: int, frame: Any, bearing: Any, begin: float, reach: float, limit: float) -> float:
+    """Count the cells between ``begin`` and ``reach`` along a ray once for keyframe ``number``, up to ``limit``, all in
+    cells; where it stopped, ``begin`` if that was farther.
+
+    votes: (rows, columns), see ``count_free``. frame: x, y of the camera [cells], cosine and sine of
+    its heading.
+    """
+    until = min(reach, limit)
+    if until <= begin:
+        return begin
+    x0, y0, c, s = frame
+    rows, columns = votes.shape[0], votes.shape[1]
+    dx = int(0.5 * _FIXED * (c * bearing[0] - s * bearing[1]))
+    dy = int(0.5 * _FIXED * (s * bearing[0] + c * bearing[1]))
+    first, last = int(2.0 * begin), int(2.0 * until)
+    x, y = int(_FIXED * x0) + first * dx, int(_FIXED * y0) + first * dy
+    for _ in range(first, last + 1):
+        column, row = x >> _FIXED_BITS, y >> _FIXED_BITS
+        if 0 <= row < rows and 0 <= column < columns:
+            said = votes[row, column]
+            if said >> 32 != number:
+                votes[row, column] = (number << 32) + (said & 0xFFFFFFFF) + 1
+        x += dx
+        y += dy
+    return until
