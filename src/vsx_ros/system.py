@@ -6,9 +6,10 @@ This is the lock-step run (``vsx explore --fast``), and the list of what the ROS
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vsx_ros.arrays import FloatArray, Points3
 from vsx_ros.config import Config
@@ -19,6 +20,7 @@ from vsx_ros.dense.anchored import AnchoredSpots
 from vsx_ros.dense.densify import DenseMap, Densifier
 from vsx_ros.dense.mapped_ground import MappedGround
 from vsx_ros.exploration.decision import Action, Decision, NavigationState, Situation
+from vsx_ros.exploration.memory import MissionMemory
 from vsx_ros.exploration.mission import Mission
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
@@ -30,8 +32,10 @@ from vsx_ros.planning.sight import Sight
 from vsx_ros.planning.time_scaling import time_scale
 from vsx_ros.robot import STOP, Frame, Odometry, VelocityCommand
 from vsx_ros.slam.slam import SequentialSlam
+from vsx_ros.slam.slam_map import SlamMap
 from vsx_ros.slam.snapshot import MapSnapshot
 from vsx_ros.slam.state import TrackingResult, TrackingState
+from vsx_ros.slam.tracking_record import TrackingRecord
 
 _DECIDE_EVERY_NS = 200_000_000
 _MAP_EVERY_NS = 500_000_000
@@ -52,6 +56,15 @@ class Surroundings(NamedTuple):
 
     grid: OccupancyGrid | None
     landmarks_world: FloatArray
+
+
+class Memory(NamedTuple):
+    """What another session needs to go on: the map, what was counted and driven, by name, and what the mission
+    remembers."""
+
+    slam_map: SlamMap
+    state: dict[str, NDArray[Any]]
+    mission: MissionMemory
 
 
 class Navigator:
@@ -151,8 +164,16 @@ class ExplorationSystem:
     """SLAM, dense map, ground map, mission, planner and follower in lock-step: same frames, same seed, same bits."""
 
     def __init__(
-        self, camera: PinholeCamera, T_base_cam: SE3, config: Config, seed: int, unconstrained: bool = False
+        self,
+        camera: PinholeCamera,
+        T_base_cam: SE3,
+        config: Config,
+        seed: int,
+        unconstrained: bool = False,
+        memory: Memory | None = None,
     ) -> None:
+        """memory: of a run to go on with, the base standing where it stood. Raises CalibrationError when that was made
+        with another camera or mount, InputError when it is damaged."""
         self._config = config
         self._T_cam_base = T_base_cam.inverse()
         self._costs = Planner(config.planner, config.robot)
@@ -162,11 +183,26 @@ class ExplorationSystem:
         self._fuser = PoseFuser()
         self._map_version = self._newest_keyframe = -1
         self._next_map_ns = self._next_decision_ns = 0
-        self.slam = SequentialSlam(camera, T_base_cam, config.slam, seed)
+        known = () if memory is None else (memory.slam_map, TrackingRecord.restored(memory.state))
+        self.slam = SequentialSlam(camera, T_base_cam, config.slam, seed, *known)
         self.navigator = Navigator(config, planner, seed)
         self.mission = Mission(config, lambda start, grid: lambda poses: self._costs.travel_costs(start, grid, poses))
         self.grid: OccupancyGrid | None = None
         self.dense: DenseMap | None = None
+        self._recalled = None if memory is None else memory.mission
+        if memory is not None:
+            self.ground.restore(memory.state)
+            while self._densifier is not None and not (self.dense is not None and self.dense.complete):
+                self._densify(self.slam.snapshot())
+                self._newest_keyframe = -1
+
+    def memory(self, now_ns: int, odometry: Odometry) -> Memory | None:
+        """What another session needs to go on from here; None while there is no map."""
+        slam_map = self.slam.slam_map()
+        if slam_map is None:
+            return None
+        state: dict[str, NDArray[Any]] = {**self.slam.record(), **self.ground.state()}
+        return Memory(slam_map, state, self.mission.memory(now_ns, odometry.T_odom_base))
 
     def step(self, frame: Frame, odometry: Odometry, hazard: str | None = None) -> StepResult:
         """Track the frame, refresh the map, decide, and say how the wheels shall turn. hazard: a pressed bumper."""
@@ -180,6 +216,9 @@ class ExplorationSystem:
         decision = None
         if now_ns >= self._next_decision_ns:
             self._next_decision_ns = now_ns + _DECIDE_EVERY_NS
+            if self._recalled is not None:
+                self.mission.recall(now_ns, self._recalled, odometry.T_odom_base)
+                self._recalled = None
             decision = self._decide(now_ns, odometry.T_odom_base, tracking, hazard)
         around = Surroundings(self.grid, self.slam.snapshot().points_world)
         followed = self.navigator.command(now_ns, odometry, self._fuser, tracking.state, around)

@@ -5,11 +5,20 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from collections.abc import Mapping
+from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from vsx_ros.cli import config
 from vsx_ros.errors import ConfigError
+
+if TYPE_CHECKING:
+    from vsx_ros.config import Config
+    from vsx_ros.io.run_folder import RunFolder
+
+DEFAULTS = {"seed": 1, "base": "kobuki", "port": "/dev/kobuki", "camera": "kinect", "planner": "fov"}
+REMEMBERED = ("world", "seed", "base", "port", "camera", "planner", "time", "fast")
 
 
 def add_parser(subparsers: Any) -> None:
@@ -20,7 +29,7 @@ def add_parser(subparsers: Any) -> None:
         description="An autonomous exploration. With --world the emulator stands in for the robot under the real "
         "drivers; without it, real devices are used.",
         epilog="examples: vsx explore --world lab --seed 1 --time 240   |   vsx explore --base kobuki --port "
-        "/dev/kobuki   |   vsx explore --fast --seed 1",
+        "/dev/kobuki   |   vsx explore --fast --seed 1   |   vsx explore --resume runs/today",
     )
     add_arguments(parser)
     parser.set_defaults(run=run)
@@ -31,13 +40,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--world", metavar="NAME|FILE", help="emulate: lab, office, corridor, a world.yaml or a map.yaml"
     )
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="world and noise of the emulator (default 1)")
-    parser.add_argument("--base", choices=("kobuki", "create", "create2"), default="kobuki", help="kind of base")
-    parser.add_argument("--port", default="/dev/kobuki", metavar="DEV", help="serial port of the base")
-    parser.add_argument("--camera", default="kinect", metavar="kinect|v4l:N", help="where the pictures come from")
-    parser.add_argument("--planner", choices=("fov", "unconstrained"), default="fov", help="motion planner")
+    parser.add_argument("--seed", type=int, metavar="N", help="world and noise of the emulator (default 1)")
+    parser.add_argument("--base", choices=("kobuki", "create", "create2"), help="kind of base (default kobuki)")
+    parser.add_argument("--port", metavar="DEV", help="serial port of the base (default /dev/kobuki)")
+    parser.add_argument("--camera", metavar="kinect|v4l:N", help="where the pictures come from (default kinect)")
+    parser.add_argument("--planner", choices=("fov", "unconstrained"), help="motion planner (default fov)")
     parser.add_argument("--phi", type=float, metavar="RAD_PER_M", help="bound on the change of view per metre")
-    parser.add_argument("--time", type=float, metavar="S", help="stop after this time")
+    parser.add_argument("--time", type=float, metavar="S", help="stop after this time (the whole run's, if resumed)")
+    parser.add_argument(
+        "--resume", type=Path, metavar="RUN", help="go on with an interrupted run, in its map and with its options"
+    )
     parser.add_argument("--fast", action="store_true", help="one process, lock-step, no ROS, deterministic")
     parser.add_argument("--view", action="store_true", help="serve the live view, for a browser on this machine")
     parser.add_argument("--headless", action="store_true", help="open no window and no browser")
@@ -57,6 +69,51 @@ def run(args: argparse.Namespace) -> int:
         return explore_fast(args)
     sys.stdout.flush()
     os.execv(sys.executable, [sys.executable, "-m", "vsx_ros.ros.run", *live_arguments(args)])
+
+
+def begin(args: argparse.Namespace) -> tuple[RunFolder, Config]:
+    """The run folder and its configuration; what was not said becomes the default, or what the run to resume had.
+
+    Raises InputError or ConfigError when there is no such run, or an option contradicts it.
+    """
+    from vsx_ros.config import overridden
+    from vsx_ros.io.run_folder import RunFolder
+
+    if args.resume is not None:
+        return _begin_again(args, RunFolder.open(args.resume))
+    fill(args, DEFAULTS)
+    parameters = config.load(args.config, args.set)
+    if args.phi is not None:
+        parameters = overridden(parameters, {"planner.phi_rad_m": args.phi})
+    now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
+    world = args.world or ("lab" if args.fast else args.base)
+    folder = RunFolder.create(args.out or Path("runs") / f"{now}_{Path(world).stem}")
+    facts = {name: getattr(args, name) for name in REMEMBERED}
+    folder.write_config(parameters, ["vsx", "explore", *sys.argv[1 + ("explore" in sys.argv[:2]) :]], **facts)
+    return folder, parameters
+
+
+def fill(args: argparse.Namespace, values: Mapping[str, Any]) -> None:
+    """Give the options that were not given these values."""
+    for name, value in values.items():
+        if getattr(args, name) is None:
+            setattr(args, name, value)
+
+
+def _begin_again(args: argparse.Namespace, folder: RunFolder) -> tuple[RunFolder, Config]:
+    contradicting = [
+        name for name in ("world", "seed", "base", "planner", "phi", "config", "set", "out") if getattr(args, name)
+    ]
+    if contradicting:
+        raise ConfigError(f"--resume goes on with the options of {folder.path}; leave out --{contradicting[0]}")
+    parameters, facts = folder.read_config()
+    if facts.get("fast") is not args.fast:
+        raise ConfigError(
+            f"{folder.path} was made {'with' if facts.get('fast') else 'without'} --fast; resume it so, too"
+        )
+    fill(args, {name: facts.get(name) for name in REMEMBERED})
+    fill(args, DEFAULTS)
+    return folder, parameters
 
 
 def live_arguments(args: argparse.Namespace) -> list[str]:

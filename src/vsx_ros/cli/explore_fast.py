@@ -5,72 +5,146 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from datetime import datetime
-from pathlib import Path
 
 import numpy as np
 
-from vsx_ros.cli.config import load
 from vsx_ros.cli.exit_codes import DONE, FAILED, LOST, STOPPED
+from vsx_ros.cli.explore import begin
 from vsx_ros.cli.report import one_line_facts, write_report
 from vsx_ros.cli.run_record import MapJudge, RunRecord
+from vsx_ros.cli.session import Before, Session
+from vsx_ros.cli.stoppable import stoppable
 from vsx_ros.cli.world import open_world
-from vsx_ros.config import Config, overridden
+from vsx_ros.config import Config
+from vsx_ros.errors import ConfigError
 from vsx_ros.evaluation.summary import with_accuracy
 from vsx_ros.exploration.decision import Outcome
 from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.io.journal import EventLine, FrameLine, TruthLine, flat, unflat
 from vsx_ros.io.run_folder import RunEvent, RunFolder
-from vsx_ros.robot import STOP
-from vsx_ros.sim.robot import EmulatedRobot
+from vsx_ros.robot import STOP, Frame, Odometry, VelocityCommand
+from vsx_ros.sim.robot import EmulatedRobot, Observation
 from vsx_ros.sim.settings import SimulationConfig
-from vsx_ros.sim.world_file import save_world
+from vsx_ros.sim.world import Start, World, changed
+from vsx_ros.sim.world_file import load_world, save_world
 from vsx_ros.slam.state import TrackingState
 from vsx_ros.system import ExplorationSystem
 
+STOPPED_BY_OPERATOR = "stopped by the operator"
 _DEFAULT_TIME_S = 600.0
 _PROGRESS_EVERY_S = 0.5
 _CODES = {Outcome.LOST: LOST, Outcome.NOT_STARTED: FAILED, Outcome.STOPPED: STOPPED}
 
 
 class FastRun:
-    """One lock-step run: the robot, the system and what they leave behind."""
+    """One lock-step run: the robot, the system and what they leave behind.
 
-    def __init__(self, args: argparse.Namespace, config: Config) -> None:
-        self.world = open_world(args.world or "lab", args.seed)
-        self._judge = MapJudge(self.world, config)
-        self.robot = EmulatedRobot(self.world, args.seed, SimulationConfig(threads=2), config.robot)
+    session: keeps what another one needs to go on.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        seed: int,
+        planner: str,
+        config: Config,
+        before: Before | None = None,
+        session: Session | None = None,
+    ) -> None:
+        """before: an interrupted run to go on with, in the same world with the same seed; the robot stands where it
+        stood when the power went."""
+        self.world, self._config, self._session = world, config, session
+        self._judge = MapJudge(world, config)
+        self._before, truth = before, before.truth if before is not None else None
+        if truth is not None:
+            x, y, theta = truth.T_world_base
+            world = changed(world, start=Start(x=x, y=y, theta_rad=theta))
+        self.robot = EmulatedRobot(world, seed, SimulationConfig(threads=2), config.robot)
         mount = self.robot.T_base_cam_given
-        unconstrained = args.planner == "unconstrained"
-        self.system = ExplorationSystem(self.robot.camera_given, mount, config, args.seed, unconstrained)
+        memory = before.memory if before is not None else None
+        unconstrained = planner == "unconstrained"
+        self.system = ExplorationSystem(self.robot.camera_given, mount, config, seed, unconstrained, memory)
         self.record = RunRecord(mount)
         self.truth: list[StampedPose] = []
         self._errors_m: list[float] = []
-        self._config = config
+        if before is not None:
+            self.record.recall(before.lines)
+            known = [line for line in before.lines if isinstance(line, TruthLine)]
+            self.truth += [StampedPose(line.stamp_ns, unflat(line.T_world_cam)) for line in known]
+            self._errors_m += before.errors_m
+
+    @property
+    def collisions(self) -> int:
+        """So far, of all sessions."""
+        earlier = self._before.truth if self._before is not None else None
+        return self.robot.truth.collisions + (earlier.collisions if earlier is not None else 0)
+
+    @property
+    def plans(self) -> int:
+        """So far, of all sessions."""
+        return self.system.navigator.plans + (self._before.plans if self._before is not None else 0)
 
     def run(self, limit_s: float) -> str:
-        """Step until the mission is done or the emulated time is over; why it ended."""
+        """Step until the mission is done, the emulated time is over or Ctrl-C is pressed; why it ended."""
         mission, command, shown = self.system.mission, STOP, 0.0
-        while mission.outcome is None:
-            frame, odometry = self.robot.step(command)
-            if frame.stamp_ns * 1e-9 > limit_s:
-                return f"time limit of {limit_s:g} s"
-            bumper = "bumper pressed" if any(self.robot.body.bumper) else None
-            began = time.perf_counter()
-            step = self.system.step(frame, odometry, bumper)
-            self.record.add_frame(step.tracking, odometry, time.perf_counter() - began)
-            self.record.add_odometry(odometry)
-            self.record.add_slam_events(self.system.slam.drain_events())
-            self.record.events += [RunEvent(e.stamp_ns, "mission", e.state, e.reason) for e in mission.drain_events()]
-            self.truth.append(StampedPose(frame.stamp_ns, self.robot.truth.T_world_cam))
-            if step.follow_error_m is not None:
-                self._errors_m.append(step.follow_error_m)
-            command = step.command
-            if sys.stderr.isatty() and time.perf_counter() - shown > _PROGRESS_EVERY_S:
-                shown = time.perf_counter()
-                print(f"\r{self._progress(frame.stamp_ns)}\x1b[K", end="", file=sys.stderr, flush=True)
+        seen: Observation | None = None
+        reason = STOPPED_BY_OPERATOR
+        with stoppable() as stopped:
+            while mission.outcome is None and not stopped():
+                now = self._observe(command)
+                if now.frame.stamp_ns * 1e-9 > limit_s:
+                    reason = f"time limit of {limit_s:g} s"
+                    break
+                seen, command = now, self._step(*now)
+                if sys.stderr.isatty() and time.perf_counter() - shown > _PROGRESS_EVERY_S:
+                    shown = time.perf_counter()
+                    print(f"\r{self._progress(now.frame.stamp_ns)}\x1b[K", end="", file=sys.stderr, flush=True)
         if shown:
             print("\r\x1b[K", end="", file=sys.stderr)
-        return self.record.events[-1].reason
+        if self._session is not None and seen is not None:
+            self._save(self._session, seen.frame.stamp_ns, seen.odometry)
+        return reason if mission.outcome is None else self.record.events[-1].reason
+
+    def _save(self, session: Session, stamp_ns: int, odometry: Odometry) -> None:
+        session.save(stamp_ns, self.system.memory(stamp_ns, odometry), self._errors_m, self.plans)
+
+    def _observe(self, command: VelocityCommand) -> Observation:
+        """What the robot's sensors say; time and wheels go on from where an earlier session left them."""
+        frame, odometry = self.robot.step(command)
+        if self._before is None:
+            return Observation(frame, odometry)
+        stamp_ns, T = frame.stamp_ns + self._before.ended_ns, self._before.T_odom_base
+        odometry = odometry._replace(stamp_ns=stamp_ns, T_odom_base=T @ odometry.T_odom_base)
+        return Observation(frame._replace(stamp_ns=stamp_ns), odometry)
+
+    def _step(self, frame: Frame, odometry: Odometry) -> VelocityCommand:
+        bumper = "bumper pressed" if any(self.robot.body.bumper) else None
+        began = time.perf_counter()
+        step = self.system.step(frame, odometry, bumper)
+        record, told = self.record, len(self.record.events)
+        record.add_frame(step.tracking, odometry, time.perf_counter() - began)
+        record.add_odometry(odometry)
+        record.add_slam_events(self.system.slam.drain_events())
+        events = self.system.mission.drain_events()
+        record.events += [RunEvent(e.stamp_ns, "mission", e.state, e.reason) for e in events]
+        self.truth.append(StampedPose(frame.stamp_ns, self.robot.truth.T_world_cam))
+        if step.follow_error_m is not None:
+            self._errors_m.append(step.follow_error_m)
+        if self._session is not None:
+            self._session.journal.add(
+                *(EventLine(**event._asdict()) for event in record.events[told:]),
+                FrameLine.of(step.tracking, odometry.T_odom_base, record.track_ms[-1]),
+                self._truth_line(frame.stamp_ns),
+            )
+            if self._session.is_due(frame.stamp_ns):
+                self._save(self._session, frame.stamp_ns, odometry)
+        return step.command
+
+    def _truth_line(self, stamp_ns: int) -> TruthLine:
+        truth = self.robot.truth
+        base = truth.T_world_base.x, truth.T_world_base.y, truth.T_world_base.theta
+        camera = flat(truth.T_world_cam)
+        return TruthLine(stamp_ns=stamp_ns, T_world_cam=camera, T_world_base=base, collisions=self.collisions)
 
     def _progress(self, now_ns: int) -> str:
         last = self.record.results[-1]
@@ -80,25 +154,22 @@ class FastRun:
             f"{self.robot.truth.path_length_m:.1f} m driven  {last.found}/{last.searched} points"
         )
 
-    def write(self, folder: RunFolder, args: argparse.Namespace, reason: str) -> dict[str, object]:
-        """Every file of the run folder but config and report; the summary."""
+    def write(self, folder: RunFolder, reason: str, **facts: str | int) -> dict[str, object]:
+        """Every file of the run folder but config, world and report; the summary. facts: world, seed and planner."""
         system, errors = self.system, np.array(self._errors_m)
         self.record.write(folder, system.slam.snapshot(), system.surface_points())
         folder.write_poses("groundtruth", self.truth)
-        save_world(self.world, folder.path / "world.yaml")
         if system.grid is not None:
             folder.write_map(system.grid)
         summary = self.record.summary(system.slam.statistics())
         summary = with_accuracy(summary, self.record.estimate(), self.truth, "yaw")
         summary = self._judge.judged(summary, system.grid).with_values(
-            collisions=self.robot.truth.collisions,
+            collisions=self.collisions,
             duration_s=self.truth[-1].stamp_ns * 1e-9 if self.truth else 0.0,
             planned_vs_executed_rms_m=float(np.sqrt(np.mean(errors**2))) if errors.size else None,
-            plans=system.navigator.plans,
+            plans=self.plans,
             stop_reason=reason,
-            world=args.world or "lab",
-            seed=args.seed,
-            planner=args.planner,
+            **facts,
             phi=self._config.planner.phi_rad_m,
         )
         folder.write_summary(summary.as_dict())
@@ -107,21 +178,22 @@ class FastRun:
 
 def explore_fast(args: argparse.Namespace) -> int:
     """One lock-step exploration; its exit code."""
-    config = load(args.config, args.set)
-    if args.phi is not None:
-        config = overridden(config, {"planner.phi_rad_m": args.phi})
-    now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
-    folder = RunFolder.create(args.out or Path("runs") / f"{now}_{Path(args.world or 'lab').stem}")
-    folder.write_config(config, ["vsx", *sys.argv[1:]], seed=args.seed, world=args.world or "lab")
-    run = FastRun(args, config)
-    try:
-        reason = run.run(args.time or _DEFAULT_TIME_S)
-    except KeyboardInterrupt:
-        reason = "stopped by the operator"
-    summary = run.write(folder, args, reason)
+    folder, config = begin(args)
+    name, before = args.world or "lab", None
+    if args.resume is not None:
+        world, before = load_world(folder.path / "world.yaml"), Before.of(folder)
+    else:
+        world = open_world(name, args.seed)
+        save_world(world, folder.path / "world.yaml")
+    limit_s = args.time or _DEFAULT_TIME_S
+    if before is not None and before.ended_ns * 1e-9 >= limit_s:
+        raise ConfigError(f"{folder.path} has lasted {before.ended_ns * 1e-9:.0f} s; to go on give more with --time")
+    run = FastRun(world, args.seed, args.planner, config, before, Session(folder, before))
+    reason = run.run(limit_s)
+    summary = run.write(folder, reason, world=name, seed=args.seed, planner=args.planner)
     report = write_report(folder)
     print("\n".join([reason, *(f"  {line}" for line in one_line_facts(summary)), f"  report: {report}"]))
-    if reason == "stopped by the operator":
+    if reason == STOPPED_BY_OPERATOR:
         return STOPPED
     outcome = run.system.mission.outcome
     if outcome is not None:

@@ -36,6 +36,7 @@ def run(args: argparse.Namespace) -> int:
     import json
 
     from vsx_ros.cli.explore_fast import FastRun
+    from vsx_ros.cli.world import open_world
     from vsx_ros.config import Config, overridden
     from vsx_ros.evaluation.figure5 import Figure5, render
     from vsx_ros.evaluation.obstacles import seen_faces
@@ -45,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
     if not args.time > 0:
         raise ConfigError(f"--time {args.time}: give a positive number of seconds")
     config = overridden(Config(), {"dense.enabled": True})
-    exploration = FastRun(argparse.Namespace(world=args.world, seed=args.seed, planner="fov"), config)
+    exploration = FastRun(open_world(args.world, args.seed), args.seed, "fov", config)
     reason = exploration.run(args.time)
     system, ground = exploration.system, config.ground_map
     snapshot, true_poses = system.slam.snapshot(), {pose.stamp_ns: pose.T for pose in exploration.truth}

@@ -10,8 +10,10 @@ from vsx_ros.config import Config
 from vsx_ros.evaluation.coverage import MapQuality, map_quality, observable_cells
 from vsx_ros.evaluation.summary import Summary, tracking_summary
 from vsx_ros.evaluation.tracking import find_breaks
+from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.io.journal import EventLine, FrameLine, Line
 from vsx_ros.io.run_folder import FrameRecord, RunEvent, RunFolder
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import Odometry
@@ -46,6 +48,18 @@ class RunRecord:
     def add_slam_events(self, events: Iterable[SlamEvent]) -> None:
         """Changes of state of the SLAM."""
         self.events += [RunEvent(event.stamp_ns, "slam", event.kind, event.reason) for event in events]
+
+    def recall(self, lines: Iterable[Line]) -> None:
+        """Go on from the journal of the sessions before."""
+        for line in lines:
+            if isinstance(line, FrameLine):
+                wheels = None if line.T_odom_base is None else SE2(*line.T_odom_base)
+                odometry = None if wheels is None else Odometry(line.stamp_ns, wheels)
+                self.add_frame(line.result(), odometry, 1e-3 * line.track_ms)
+                if odometry is not None:
+                    self.add_odometry(odometry)
+            elif isinstance(line, EventLine):
+                self.events.append(RunEvent(line.stamp_ns, line.source, line.state, line.reason))
 
     def estimate(self) -> list[StampedPose]:
         """T_world_cam of every frame tracked from the map."""

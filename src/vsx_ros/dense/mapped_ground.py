@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
+from vsx_ros.arrays import FloatArray
 from vsx_ros.config import Config
 from vsx_ros.dense.anchored import AnchoredSpots
+from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.driven import BUMP_STEP_M, TRAIL_STEP_M, Anchored
 from vsx_ros.occupancy.grid import OccupancyGrid
@@ -27,6 +31,19 @@ class MappedGround:
     def bumped(self, pose: SE2) -> None:
         """The bumper is pressed here [m]."""
         self._bumps.add(pose)
+
+    def state(self) -> dict[str, FloatArray]:
+        """What was driven and bumped, for ``restore``; surfaces are found again from the map."""
+        return {"start": self.start.as_array(), "trail": self._trail.state(), "bumps": self._bumps.state()}
+
+    def restore(self, state: Mapping[str, FloatArray]) -> None:
+        """Go on from what ``state`` gave. Raises InputError for anything else."""
+        try:
+            self.start = SE2(*(float(x) for x in state["start"]))
+            self._trail.restore(state["trail"])
+            self._bumps.restore(state["bumps"])
+        except (KeyError, TypeError) as error:
+            raise InputError(f"the ground map to go on with is damaged ({error}); start a new run") from error
 
     @property
     def counts(self) -> tuple[int, int]:

@@ -29,6 +29,7 @@ from vsx_ros.exploration.decision import (
     Situation,
 )
 from vsx_ros.exploration.frontiers import Frontier, find_frontiers
+from vsx_ros.exploration.memory import MissionMemory
 from vsx_ros.exploration.trail import Trail
 from vsx_ros.exploration.utility import Ranking, TravelCosts, View, rank_views
 from vsx_ros.geometry.se2 import SE2
@@ -37,6 +38,7 @@ from vsx_ros.slam.state import TrackingState
 
 _SECOND_NS = 1_000_000_000
 _RELOCALISE_WAIT_NS = _SECOND_NS
+_RECOGNISE_WAIT_NS = 10 * _SECOND_NS
 _EMPTY_WAIT_NS = 2 * _SECOND_NS
 _SETTLE_NS = _SECOND_NS
 
@@ -102,6 +104,24 @@ class Mission:
         self._going_home = True
         self._goal = None
         self._note(now_ns, "returning home on request")
+
+    # An interruption ----------------------------------------------------------------------------------------
+
+    def memory(self, now_ns: int, T_odom_base: SE2) -> MissionMemory:
+        """What another session needs to go on from here."""
+        left = [(pose, (until - now_ns) / _SECOND_NS) for pose, until in self._blacklist if until > now_ns]
+        trail = [T_odom_base.inverse() @ pose for pose in self._trail.poses]
+        return MissionMemory(list(self._looked_from), left, trail, self._going_home)
+
+    def recall(self, now_ns: int, memory: MissionMemory, T_odom_base: SE2) -> None:
+        """Go on with the map of a session before, standing where its trail ended: first the camera must recognise
+        it."""
+        self._looked_from, self._going_home = list(memory.looked_from), memory.going_home
+        self._blacklist = [(pose, now_ns + int(left * _SECOND_NS)) for pose, left in memory.given_up]
+        for pose in memory.trail:
+            self._trail.add(T_odom_base @ pose)
+        self._wait_until_ns = now_ns + _RECOGNISE_WAIT_NS
+        self._enter(now_ns, MissionState.RECOVERING, "resumed: looking for a place of the known map")
 
     # The decision --------------------------------------------------------------------------------------------
 
@@ -234,6 +254,7 @@ class Mission:
     def _recover(self, now_ns: int, situation: Situation) -> Decision:
         """Wait for relocalisation, then back along the executed path step by step."""
         if situation.slam_state.tracked:
+            self._wait_until_ns = min(self._wait_until_ns, now_ns + _SETTLE_NS)
             self._enter(now_ns, MissionState.MAPPING, "relocalised")
             active = situation.navigation is NavigationState.ACTIVE
             return self._answer(Action.CANCEL if active else Action.WAIT, "relocalised")

@@ -16,6 +16,11 @@ class Trail:
     def __len__(self) -> int:
         return len(self._poses)
 
+    @property
+    def poses(self) -> tuple[SE2, ...]:
+        """The trail, oldest first."""
+        return tuple(self._poses)
+
     def add(self, T_odom_base: SE2) -> None:
         """Append the pose when it is far enough from the last one."""
         if not self._poses or self._poses[-1].distance_to(T_odom_base) >= self._spacing_m:

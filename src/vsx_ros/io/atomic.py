@@ -6,10 +6,14 @@ import os
 from pathlib import Path
 
 
-def write_bytes(path: Path, content: bytes) -> None:
-    """Replace the file in one step."""
+def write_bytes(path: Path, content: bytes, *, durable: bool = False) -> None:
+    """Replace the file in one step; a durable one outlives a power cut from then on."""
     beside = path.with_name(f".{path.name}.part")
-    beside.write_bytes(content)
+    with beside.open("wb") as file:
+        file.write(content)
+        if durable:
+            file.flush()
+            os.fsync(file.fileno())
     os.replace(beside, path)
 
 

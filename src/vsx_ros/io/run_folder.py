@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import platform
+import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import metadata
@@ -20,6 +21,7 @@ from vsx_ros.config import Config, from_dict, to_dict
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.atomic import write_text
+from vsx_ros.io.checkpoint import Checkpoint
 from vsx_ros.io.map_file import load_map, save_map
 from vsx_ros.io.ply_file import read_ply, write_ply
 from vsx_ros.io.trajectory_file import format_stamp, parse_stamp, read_trajectory, write_trajectory
@@ -70,6 +72,7 @@ class RunFolder:
             path.mkdir(parents=True, exist_ok=True)
             for name in FILES:
                 (path / name).unlink(missing_ok=True)
+            shutil.rmtree(path / "resume", ignore_errors=True)
         except OSError as error:
             raise InputError(
                 f"run folder {path} cannot be made ({error.strerror}); choose another with --out"
@@ -82,6 +85,16 @@ class RunFolder:
         if not _is_run(path):
             raise InputError(f"{path} is not a run folder (no config.yaml or summary.json in it); give one")
         return RunFolder(path)
+
+    @property
+    def checkpoint(self) -> Checkpoint:
+        """What the run needs to go on after it was interrupted."""
+        return Checkpoint(self.path / "resume")
+
+    @property
+    def journal(self) -> Path:
+        """The journal of the run, see ``journal``."""
+        return self.path / "resume" / "journal.jsonl"
 
     def write_config(self, config: Config, command: Sequence[str], **facts: Any) -> None:
         """The exact configuration, the versions of all that computes, the command line, and facts such as the seed."""

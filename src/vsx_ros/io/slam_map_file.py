@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +43,24 @@ def save_slam_map(slam_map: SlamMap, path: Path) -> None:
 
     Raises MapFileError when it cannot be written.
     """
+    pictures = {image_name(k.id): encoded(k.data.pyramid.level(0)) for k in slam_map.view.keyframes if k.alive}
+    try:
+        write_bytes(path, seal(entries_of(slam_map) | pictures))
+    except OSError as error:
+        raise MapFileError(f"map {path} cannot be written ({error.strerror}); choose another folder") from error
+
+
+def load_slam_map(path: Path) -> SlamMap:
+    """The map of a file that ``save_slam_map`` wrote, bit for bit.
+
+    Raises MapFileError when it is missing, damaged, something else or from a newer program.
+    """
+    with damage_explained(path):
+        return slam_map_of(unseal(path.read_bytes()))
+
+
+def entries_of(slam_map: SlamMap) -> dict[str, bytes]:
+    """Manifest and arrays of a map: all but its pictures."""
     view, mount = slam_map.view, slam_map.T_base_cam
     camera = {name: getattr(slam_map.camera, name) for name in PinholeCamera.__slots__}
     manifest = {
@@ -52,39 +71,45 @@ def save_slam_map(slam_map: SlamMap, path: Path) -> None:
         "T_base_cam": None if mount is None else mount.matrix().tolist(),
         "map_version": view.version,
     }
-    entries = {"manifest.json": json.dumps(manifest, indent=1).encode()}
-    entries |= {
-        _image_name(k.id): _encoded(k.data.pyramid.level(0), [cv2.IMWRITE_PNG_COMPRESSION, 1])
-        for k in view.keyframes
-        if k.alive
-    }
-    for name, array in arrays_of(view).items():
-        content = io.BytesIO()
-        np.save(content, array, allow_pickle=False)
-        entries[f"arrays/{name}.npy"] = content.getvalue()
-    try:
-        write_bytes(path, seal(entries))
-    except OSError as error:
-        raise MapFileError(f"map {path} cannot be written ({error.strerror}); choose another folder") from error
+    arrays = {f"arrays/{name}.npy": array_bytes(array) for name, array in arrays_of(view).items()}
+    return {"manifest.json": json.dumps(manifest, indent=1).encode()} | arrays
 
 
-def load_slam_map(path: Path) -> SlamMap:
-    """The map of a file that ``save_slam_map`` wrote, bit for bit.
+def slam_map_of(entries: Mapping[str, bytes]) -> SlamMap:
+    """The map of ``entries_of`` with a picture, ``image_name(index)``, of each living keyframe.
 
-    Raises MapFileError when it is missing, damaged, something else or from a newer program.
+    Raises KeyError, TypeError, ValueError, OverflowError or MemoryError for anything else.
     """
+    manifest = _manifest(entries)
+    camera, mount = _camera(manifest), _mount(manifest)
+    arrays = {name: array_of(entries[f"arrays/{name}.npy"]) for name in LAYOUT}
+    check(arrays, camera.width, camera.height)
+    return SlamMap(camera, mount, _view(arrays, entries, camera, int(manifest["map_version"])))
+
+
+@contextmanager
+def damage_explained(path: Path) -> Iterator[None]:
+    """What goes wrong inside, while the map of a path is read, becomes a MapFileError."""
     try:
-        entries = unseal(path.read_bytes())
-        manifest = _manifest(entries)
-        camera, mount = _camera(manifest), _mount(manifest)
-        arrays = _arrays(entries)
-        check(arrays, camera.width, camera.height)
-        return SlamMap(camera, mount, _view(arrays, entries, camera, int(manifest["map_version"])))
+        yield
     except OSError as error:
         raise MapFileError(f"map {path} cannot be read ({error.strerror}); check the path") from error
     except (KeyError, TypeError, ValueError, OverflowError, MemoryError) as error:
         reason = f"entry {error} is missing" if isinstance(error, KeyError) else str(error).splitlines()[0]
         raise MapFileError(f"map {path} cannot be used: {reason}; give a file that this program saved") from error
+
+
+def array_bytes(array: NDArray[Any]) -> bytes:
+    """An array as the content of a .npy file."""
+    content = io.BytesIO()
+    np.save(content, array, allow_pickle=False)
+    return content.getvalue()
+
+
+def array_of(content: bytes) -> NDArray[Any]:
+    """The array of a .npy file. Raises ValueError for anything else."""
+    array: NDArray[Any] = np.lib.format.read_array(io.BytesIO(content), allow_pickle=False)
+    return array
 
 
 def _manifest(entries: Mapping[str, bytes]) -> dict[str, Any]:
@@ -115,11 +140,6 @@ def _mount(manifest: Mapping[str, Any]) -> SE3 | None:
     if not rigid:
         raise ValueError("T_base_cam in its manifest is no pose")
     return SE3.from_matrix(T)
-
-
-def _arrays(entries: Mapping[str, bytes]) -> Arrays:
-    contents = {name: io.BytesIO(entries[f"arrays/{name}.npy"]) for name in LAYOUT}
-    return {name: np.lib.format.read_array(content, allow_pickle=False) for name, content in contents.items()}
 
 
 def _view(arrays: Arrays, entries: Mapping[str, bytes], camera: PinholeCamera, version: int) -> MapView:
@@ -165,7 +185,7 @@ def _frame_data(k: int, arrays: Arrays, entries: Mapping[str, bytes], camera: Pi
     wheels = SE2(*arrays["odometry"][k].tolist()) if arrays["has_odometry"][k] else None
     if arrays["anchor"][k] >= 0:
         return FrameData.without_image(stamp_ns, wheels)
-    pyramid = build_pyramid(_decoded(entries[_image_name(k)], k, camera))
+    pyramid = build_pyramid(_decoded(entries[image_name(k)], k, camera))
     counts = arrays["corner_count"]
     first = int(counts[:k].sum())
     ends = first + np.cumsum(counts[k])
@@ -174,12 +194,14 @@ def _frame_data(k: int, arrays: Arrays, entries: Mapping[str, bytes], camera: Pi
     return FrameData(stamp_ns, pyramid, corners, small_image(pyramid), wheels, own)
 
 
-def _image_name(index: int) -> str:
+def image_name(index: int) -> str:
+    """The entry of a keyframe's picture."""
     return f"keyframes/{index:06d}.png"
 
 
-def _encoded(image: GrayImage, parameters: list[int]) -> bytes:
-    return bytes(cv2.imencode(".png", image, parameters)[1])
+def encoded(image: GrayImage) -> bytes:
+    """The picture as a .png, quickly rather than small."""
+    return bytes(cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1])
 
 
 def _decoded(content: bytes, index: int, camera: PinholeCamera) -> GrayImage:

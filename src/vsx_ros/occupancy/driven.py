@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from vsx_ros.arrays import FloatArray, IntArray
+from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 
@@ -34,6 +35,17 @@ class Anchored:
         self._world = np.vstack([self._world, pose.as_array()])
         self._relative = np.vstack([self._relative, np.zeros(3)])
         self._anchor = np.append(self._anchor, _LOOSE)
+
+    def state(self) -> FloatArray:
+        """(N, 7) all of it, for ``restore``: pose in the world and relative to its keyframe, id of the keyframe."""
+        return np.hstack([self._world, self._relative, self._anchor[:, None]])
+
+    def restore(self, state: FloatArray) -> None:
+        """Go on from what ``state`` gave. Raises InputError for anything else."""
+        if state.ndim != 2 or state.shape[1] != 7 or not np.isfinite(state).all():
+            raise InputError(f"poses to go on with must be finite, of shape (N, 7), not {state.shape}; start a new run")
+        self._world, self._relative = state[:, :3].astype(float), state[:, 3:6].astype(float)
+        self._anchor = state[:, 6].astype(np.int64)
 
     def poses(self, keyframe_ids: IntArray, T_world_cams: Sequence[SE3]) -> list[SE2]:
         """Where they are in a map of these keyframes (K,), ids ascending."""

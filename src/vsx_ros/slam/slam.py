@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+from numpy.typing import NDArray
+
 from vsx_ros.config import SlamConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
@@ -12,6 +16,7 @@ from vsx_ros.slam.mapper import Mapper
 from vsx_ros.slam.slam_map import SlamMap
 from vsx_ros.slam.snapshot import MapSnapshot, snapshot
 from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult
+from vsx_ros.slam.tracking_record import TrackingRecord
 
 
 class SequentialSlam:
@@ -28,15 +33,18 @@ class SequentialSlam:
         config: SlamConfig,
         seed: int = 0,
         slam_map: SlamMap | None = None,
+        record: TrackingRecord | None = None,
     ) -> None:
-        """slam_map: a map to go on in, the camera anywhere in it. Raises CalibrationError when it was made with another
-        camera or mount."""
+        """slam_map: a map to go on in, the camera anywhere in it; record: what was counted while it was made, to go on
+        counting. Raises CalibrationError when the map was made with another camera or mount."""
         world = Map() if slam_map is None else slam_map.resumed(camera, T_base_cam)
         self._front = FrontEnd(camera, T_base_cam, config, seed)
         self._camera, self._mount = camera, T_base_cam if slam_map is None else slam_map.T_base_cam
         self._mapper = Mapper(camera, self._mount, config, world)
         self._view: MapView = world.view()
         self._snapshot: MapSnapshot = snapshot(self._view)
+        if record is not None:
+            self._front.record = record
         if self._view.keyframes:
             self._front.resume(self._view)
 
@@ -71,6 +79,10 @@ class SequentialSlam:
         while self._mapper.events:
             events.append(self._mapper.events.popleft())
         return sorted(events, key=lambda event: event.stamp_ns)
+
+    def record(self) -> dict[str, NDArray[Any]]:
+        """What was counted, for a session that goes on; from the thread that tracks."""
+        return self._front.record.state()
 
     def statistics(self) -> SlamStatistics:
         """The run so far."""

@@ -10,6 +10,9 @@ from __future__ import annotations
 
 import threading
 from collections import deque
+from typing import Any
+
+from numpy.typing import NDArray
 
 from vsx_ros.config import SlamConfig
 from vsx_ros.geometry.camera import PinholeCamera
@@ -22,6 +25,7 @@ from vsx_ros.slam.sight import Sight, sight
 from vsx_ros.slam.slam_map import SlamMap
 from vsx_ros.slam.snapshot import MapSnapshot, snapshot
 from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult
+from vsx_ros.slam.tracking_record import TrackingRecord
 
 MAX_WAITING = 3
 
@@ -39,9 +43,10 @@ class ThreadedSlam:
         config: SlamConfig,
         seed: int = 0,
         slam_map: SlamMap | None = None,
+        record: TrackingRecord | None = None,
     ) -> None:
-        """slam_map: a map to go on in, the camera anywhere in it. Raises CalibrationError when it was made with another
-        camera or mount."""
+        """slam_map: a map to go on in, the camera anywhere in it; record: what was counted while it was made, to go on
+        counting. Raises CalibrationError when the map was made with another camera or mount."""
         world = Map() if slam_map is None else slam_map.resumed(camera, T_base_cam)
         self._front = FrontEnd(camera, T_base_cam, config, seed)
         self._camera, self._mount = camera, T_base_cam if slam_map is None else slam_map.T_base_cam
@@ -49,6 +54,8 @@ class ThreadedSlam:
         self._view: MapView = world.view()
         self._used: MapView = self._view
         self._snapshot: MapSnapshot = snapshot(self._view)
+        if record is not None:
+            self._front.record = record
         if self._view.keyframes:
             self._front.resume(self._view)
         self._waiting: deque[KeyFrameRequest] = deque()
@@ -107,6 +114,10 @@ class ThreadedSlam:
         while self._mapper.events:
             events.append(self._mapper.events.popleft())
         return sorted(events, key=lambda event: event.stamp_ns)
+
+    def record(self) -> dict[str, NDArray[Any]]:
+        """What was counted, for a session that goes on; from the thread that tracks."""
+        return self._front.record.state()
 
     def statistics(self) -> SlamStatistics:
         """The run so far."""

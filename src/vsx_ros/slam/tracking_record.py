@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from vsx_ros.arrays import FloatArray
+from vsx_ros.errors import InputError
 from vsx_ros.slam.state import SlamStatistics
 from vsx_ros.slam.tracker import Track
 
 LONG_LIVED = 3
+_PER_POINT = {"searched": np.int64, "found": np.int64, "seconds": np.float64, "metres": np.float64}
+_NEVER_NS = -1
 
 
 class TrackingRecord:
@@ -70,6 +76,37 @@ class TrackingRecord:
         self._frames += 1
         self._lost += 1
         self._first_ns = stamp_ns if self._first_ns is None else self._first_ns
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """All that was counted, copies, for ``restored``."""
+        never = _NEVER_NS
+        first = never if self._first_ns is None else self._first_ns
+        initialized = never if self._initialized_ns is None else self._initialized_ns
+        counters = [self.relocalizations, self._frames, self._tracked, self._lost, self._uncounted, self._sharp]
+        return {
+            **{name: getattr(self, f"_{name}").copy() for name in _PER_POINT},
+            "counters": np.array([*counters, first, initialized], np.int64),
+            "sums": np.array([self._ratio_sum, self._visible_sum]),
+        }
+
+    @staticmethod
+    def restored(state: Mapping[str, NDArray[Any]]) -> TrackingRecord:
+        """The record to go on counting with, in the same map. Raises InputError for what ``state`` never gave."""
+        record = TrackingRecord()
+        try:
+            points = len(state["found"])
+            for name, kind in _PER_POINT.items():
+                if state[name].shape != (points,):
+                    raise ValueError(f"{name} is of shape {state[name].shape}, expected ({points},)")
+                setattr(record, f"_{name}", state[name].astype(kind))
+            record.relocalizations, *counters, first, initialized = (int(count) for count in state["counters"])
+            record._frames, record._tracked, record._lost, record._uncounted, record._sharp = counters
+            record._ratio_sum, record._visible_sum = (float(total) for total in state["sums"])
+        except (KeyError, ValueError, TypeError) as error:
+            raise InputError(f"the tracking record to go on with is damaged ({error}); start a new run") from error
+        record._first_ns = None if first == _NEVER_NS else first
+        record._initialized_ns = None if initialized == _NEVER_NS else initialized
+        return record
 
     def counts(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """(searched, found) per map row, copies."""

@@ -1,0 +1,81 @@
+"""A run that may be killed at any moment, and the next session that goes on with it (``vsx explore --resume``)."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsx_ros.errors import InputError
+from vsx_ros.exploration.memory import MissionMemory
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.io.checkpoint import Saved
+from vsx_ros.io.journal import FrameLine, Journal, Line, TruthLine, read_journal
+from vsx_ros.io.run_folder import RunFolder
+from vsx_ros.system import Memory
+
+CHECKPOINT_EVERY_NS = 5_000_000_000
+
+
+class Before(NamedTuple):
+    """What is known of the sessions before. lines: the journal, frames and events up to the checkpoint, the truth up to
+    the last moment. ended_ns: that moment. T_odom_base: the wheels then. errors_m, plans: how goals were pursued."""
+
+    memory: Memory
+    lines: list[Line]
+    ended_ns: int
+    T_odom_base: SE2
+    errors_m: list[float]
+    plans: int
+
+    @property
+    def truth(self) -> TruthLine | None:
+        """Where the emulated robot stood last."""
+        return next((line for line in reversed(self.lines) if isinstance(line, TruthLine)), None)
+
+    @staticmethod
+    def of(folder: RunFolder) -> Before | None:
+        """None where the run was interrupted before it had a map. Raises MapFileError or InputError when damaged."""
+        if not folder.checkpoint.exists:
+            return None
+        saved, lines = folder.checkpoint.read(), read_journal(folder.journal)
+        driven = [
+            (line.stamp_ns, SE2(*line.T_odom_base))
+            for line in lines
+            if isinstance(line, FrameLine) and line.T_odom_base
+        ]
+        then = [T for stamp_ns, T in driven if stamp_ns == saved.stamp_ns]
+        if not then or not {"errors_m", "plans"} <= saved.state.keys():
+            raise InputError(f"{folder.checkpoint.path} holds a map but not how it came about; start a new run")
+        since = [T for stamp_ns, T in driven if stamp_ns >= saved.stamp_ns]
+        mission = MissionMemory.of(saved.mission).carried([then[0].inverse() @ T for T in since])
+        return Before(
+            Memory(saved.slam_map, saved.state, mission),
+            [line for line in lines if line.stamp_ns <= saved.stamp_ns or isinstance(line, TruthLine)],
+            max(line.stamp_ns for line in lines),
+            since[-1],
+            saved.state["errors_m"].tolist(),
+            int(saved.state["plans"].sum()),
+        )
+
+
+class Session:
+    """What a run keeps writing into its folder while it goes on."""
+
+    def __init__(self, folder: RunFolder, before: Before | None) -> None:
+        self._checkpoint = folder.checkpoint
+        self._due_ns = 0
+        self.journal = Journal(folder.journal, before.lines if before is not None else ())
+
+    def is_due(self, now_ns: int) -> bool:
+        """Whether it is time for a checkpoint."""
+        return now_ns >= self._due_ns
+
+    def save(self, now_ns: int, memory: Memory | None, errors_m: list[float], plans: int) -> None:
+        """A checkpoint of this moment; nothing while there is no map."""
+        self._due_ns = now_ns + CHECKPOINT_EVERY_NS
+        if memory is None:
+            return
+        pursued: dict[str, NDArray[Any]] = {"errors_m": np.array(errors_m, float), "plans": np.array([plans])}
+        self._checkpoint.write(Saved(memory.slam_map, now_ns, {**memory.state, **pursued}, memory.mission.tree()))

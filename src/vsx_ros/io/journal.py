@@ -1,0 +1,127 @@
+"""What happens in a run, a line each as it happens, so that a killed run is remembered to its last moment."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TypeAlias
+
+import msgspec
+import numpy as np
+from msgspec import Struct
+
+from vsx_ros.errors import InputError
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.io.atomic import write_bytes
+from vsx_ros.slam.state import TrackingResult, TrackingState
+
+Pose2: TypeAlias = tuple[float, float, float]
+Pose3: TypeAlias = tuple[float, float, float, float, float, float, float]
+
+
+class FrameLine(Struct, frozen=True, kw_only=True, tag="frame"):
+    """A tracked frame. T_world_cam: translation and quaternion. T_odom_base: x, y, theta."""
+
+    stamp_ns: int
+    state: TrackingState
+    searched: int
+    found: int
+    keyframe_added: bool
+    corrected: bool
+    reason: str
+    track_ms: float
+    T_world_cam: Pose3 | None
+    T_odom_base: Pose2 | None
+
+    @staticmethod
+    def of(result: TrackingResult, T_odom_base: SE2 | None, track_ms: float) -> FrameLine:
+        """The line of a frame, its odometry, and how long it took."""
+        wheels = None if T_odom_base is None else (T_odom_base.x, T_odom_base.y, T_odom_base.theta)
+        return FrameLine(
+            stamp_ns=result.stamp_ns,
+            state=result.state,
+            searched=result.searched,
+            found=result.found,
+            keyframe_added=result.keyframe_added,
+            corrected=result.corrected,
+            reason=result.reason,
+            track_ms=track_ms,
+            T_world_cam=None if result.T_world_cam is None else flat(result.T_world_cam),
+            T_odom_base=wheels,
+        )
+
+    def result(self) -> TrackingResult:
+        """The frame as it was tracked, but for its place in maps not joined with the first."""
+        T = None if self.T_world_cam is None else unflat(self.T_world_cam)
+        counts = self.searched, self.found, self.keyframe_added
+        return TrackingResult(self.stamp_ns, self.state, T, *counts, self.reason, corrected=self.corrected)
+
+
+class TruthLine(Struct, frozen=True, kw_only=True, tag="truth"):
+    """What really happened up to a stamp, where an emulator knows it."""
+
+    stamp_ns: int
+    T_world_cam: Pose3
+    T_world_base: Pose2
+    collisions: int
+
+
+class EventLine(Struct, frozen=True, kw_only=True, tag="event"):
+    """A change of state, as in events.jsonl."""
+
+    stamp_ns: int
+    source: str
+    state: str
+    reason: str
+
+
+Line: TypeAlias = FrameLine | TruthLine | EventLine
+_ENCODE, _DECODE = msgspec.json.Encoder(), msgspec.json.Decoder(Line)
+
+
+class Journal:
+    """``add`` lines as they come; each is with the operating system before ``add`` returns."""
+
+    def __init__(self, path: Path, known: Sequence[Line] = ()) -> None:
+        """Begin with the lines that are known already. Raises InputError when the file cannot be written."""
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_bytes(path, _text(known))
+            self._file = path.open("ab", buffering=0)
+        except OSError as error:
+            raise InputError(f"journal {path} cannot be written ({error.strerror}); choose another --out") from error
+
+    def add(self, *lines: Line) -> None:
+        """Append lines."""
+        self._file.write(_text(lines))
+
+    def close(self) -> None:
+        """No further lines."""
+        self._file.close()
+
+
+def read_journal(path: Path) -> list[Line]:
+    """All lines but a last one that was cut off. Raises InputError when the file is damaged elsewhere."""
+    if not path.exists():
+        return []
+    try:
+        *lines, _ = path.read_bytes().split(b"\n")
+        return [_DECODE.decode(line) for line in lines]
+    except (OSError, msgspec.DecodeError) as error:
+        raise InputError(f"journal {path} is damaged ({error}); start a new run") from error
+
+
+def flat(T: SE3) -> Pose3:
+    """Translation and quaternion (x, y, z, w)."""
+    x, y, z = T.translation.tolist()
+    return (x, y, z, *(float(q) for q in T.quaternion()))
+
+
+def unflat(pose: Pose3) -> SE3:
+    """The pose of ``flat``."""
+    return SE3.from_quaternion(np.array(pose[:3]), pose[3:])
+
+
+def _text(lines: Iterable[Line]) -> bytes:
+    return b"".join(_ENCODE.encode(line) + b"\n" for line in lines)
