@@ -18,7 +18,7 @@ ASK = '\nCOMP_WORDS=("$@"); COMP_CWORD=$(($#-1)); _vsx; echo "${COMPREPLY[@]}"'
         (["st"], ["status", "stop"]),
         (["map", ""], ["--help", "info", "export"]),
         (["map", "export", "a.vsxmap", "--format", "p"], ["ply"]),
-        (["explore", "--base", ""], ["kobuki", "create", "create2"]),
+        (["explore", "--base", ""], ["auto", "kobuki", "create", "create2"]),
         (["explore", "--world", "lab", "--fa"], ["--fast"]),
         (["completion", "z"], ["zsh"]),
         (["replay", "--out", ""], []),

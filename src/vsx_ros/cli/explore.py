@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from vsx_ros.config import Config
     from vsx_ros.io.run_folder import RunFolder
 
-DEFAULTS = {"seed": 1, "base": "kobuki", "port": "/dev/kobuki", "camera": "kinect", "planner": "fov"}
+DEFAULTS = {"seed": 1, "base": "auto", "port": "/dev/kobuki", "camera": "kinect", "planner": "fov"}
 REMEMBERED = ("world", "seed", "base", "port", "camera", "planner", "time", "fast")
 
 
@@ -41,7 +41,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--world", metavar="NAME|FILE", help="emulate: lab, office, corridor, a world.yaml or a map.yaml"
     )
     parser.add_argument("--seed", type=int, metavar="N", help="world and noise of the emulator (default 1)")
-    parser.add_argument("--base", choices=("kobuki", "create", "create2"), help="kind of base (default kobuki)")
+    parser.add_argument(
+        "--base", choices=("auto", "kobuki", "create", "create2"), help="kind of base (default: the one that answers)"
+    )
     parser.add_argument("--port", metavar="DEV", help="serial port of the base (default /dev/kobuki)")
     parser.add_argument("--camera", metavar="kinect|v4l:N", help="where the pictures come from (default kinect)")
     parser.add_argument("--planner", choices=("fov", "unconstrained"), help="motion planner (default fov)")

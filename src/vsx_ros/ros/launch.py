@@ -38,10 +38,8 @@ class LaunchNode(NamedTuple):
     args: str = ""
 
 
-def bringup(
-    base: str = "kobuki", port: str = "/dev/kobuki", camera: str = "kinect", info: str = ""
-) -> list[LaunchNode]:
-    """The robot itself: base and camera. info: URL or path of the camera's calibration."""
+def bringup(base: str = "auto", port: str = "/dev/kobuki", camera: str = "kinect", info: str = "") -> list[LaunchNode]:
+    """The robot itself: base and camera. base: its kind, or auto; info: URL or path of the camera's calibration."""
     return [
         LaunchNode("mobile_base", {"robot_type": base, "port": port}, respawn=True),
         LaunchNode("camera", {"device": camera, "camera_info_url": info}, respawn=True),
@@ -49,9 +47,13 @@ def bringup(
 
 
 def emulation(world: str, seed: int = 0, devices: str = "/tmp", base: str = "kobuki") -> list[LaunchNode]:
-    """A robot that exists only as bytes, and the real drivers above it. devices: folder for port and socket."""
+    """A robot that exists only as bytes, and the real drivers above it. devices: folder for port and socket.
+
+    base: its kind; auto is a Kobuki whose driver is not told so.
+    """
     port, camera_socket = f"{devices}/vsx_base", f"{devices}/vsx_camera"
-    emulator = {"world": world, "seed": seed, "robot_type": base, "port": port, "camera_socket": camera_socket}
+    kind = "kobuki" if base == "auto" else base
+    emulator = {"world": world, "seed": seed, "robot_type": kind, "port": port, "camera_socket": camera_socket}
     return [LaunchNode("emulator", emulator), *bringup(base, port, f"emulator:{camera_socket}")]
 
 

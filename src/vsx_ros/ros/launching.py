@@ -48,8 +48,10 @@ def parser(name: str) -> argparse.ArgumentParser:
         add("--without-odometry", action="store_true", help="the bag has none: the map has no scale")
         add("--run-dir", default="", help="folder for the results of the SLAM")
         return options
-    bases = ("kobuki", "create", "create2") if name == "simulate" else ("kobuki", "create", "create2", "auto")
-    add("--base", choices=bases, default="kobuki", help="kind of base")
+    bases = ["kobuki", "create", "create2"]
+    if name != "simulate":
+        bases.insert(0, "auto")
+    add("--base", choices=bases, default=bases[0], help="kind of base; auto: the one that answers")
     if name == "simulate":
         add("--world", default="lab", help="lab, office, corridor or a world.yaml")
         add("--devices", default="/tmp", help="folder for the emulated port and camera")

@@ -8,7 +8,7 @@ Publishers: odom (50 Hz), /tf odom -> base_footprint, joint_states, mobile_base/
     mobile_base/sensors/imu_data (where the base has a gyro), mobile_base/sensors/bumper_pointcloud (while a bumper is
     pressed or a cliff seen, and once after).
 Services: mobile_base/estop (true stops, false allows; outlives a restart of the node), mobile_base/reset_odometry.
-Parameters: ~robot_type (kobuki, create, create2; auto finds out which one answers), ~port (/dev/kobuki),
+Parameters: ~robot_type (auto: which one answers; kobuki, create, create2), ~port (/dev/kobuki),
     ~cmd_vel_timeout (s, 0.25: navi and the driver), ~max_vel (m/s, 0.5), ~max_angular_vel (rad/s, 1.5),
     ~odom_linear_scale_correction (1.0), ~odom_angular_scale_correction (1.0).
     ~estopped is the emergency stop as this node remembers it.
@@ -42,6 +42,7 @@ _INPUTS = {
     "teleop": topics.COMMAND_TELEOP,
     "navi": topics.COMMAND_NAVI,
 }
+_BATTERY_LEVELS = {"low": process.WARN, "critical": process.ERROR}
 
 
 class MobileBaseNode:
@@ -62,8 +63,9 @@ class MobileBaseNode:
         self._master = MasterWatch()
         self._advertise()
         port = str(rospy.get_param("~port", "/dev/kobuki"))
+        self._diagnostics = process.Diagnostics(port)
         settings = BaseSettings(
-            _robot_type(port),
+            self._find_base(port),
             port,
             timeout_s,
             float(rospy.get_param("~odom_linear_scale_correction", 1.0)),
@@ -71,7 +73,6 @@ class MobileBaseNode:
         )
         self._guardian = base_guardian(settings.robot_type, port)
         self._driver: BaseDriver = base_driver(settings, self._on_reading, self._on_link, self._guardian.beat)
-        self._diagnostics = process.Diagnostics(self._driver.status().device)
         for source, topic in _INPUTS.items():
             rospy.Subscriber(topic, Twist, self._on_command, source, queue_size=1, tcp_nodelay=True)
         rospy.Service(topics.ESTOP, SetBool, self._on_estop)
@@ -92,6 +93,19 @@ class MobileBaseNode:
         self._hazards_pub.publish(UInt8(0))
         self._active = ""
         self._active_pub.publish(String("idle"))
+
+    def _find_base(self, port: str) -> str:
+        """~robot_type; with auto the node waits until a base answers."""
+        robot_type = str(rospy.get_param("~robot_type", "auto"))
+        while robot_type == "auto" and not rospy.is_shutdown():
+            try:
+                robot_type = detect_base(port)
+                rospy.loginfo("%s: found a %s", port, robot_type)
+            except DeviceError as error:
+                self._diagnostics.set("link", process.ERROR, str(error), device=port)
+                rospy.logwarn_throttle(10.0, "%s", error)
+                time.sleep(1.0)
+        return robot_type
 
     def _on_command(self, msg: Twist, source: str) -> None:
         with self._lock:
@@ -153,9 +167,8 @@ class MobileBaseNode:
         reading, decision = latest
         battery = reading.battery
         self._battery_pub.publish(base_messages.battery(battery, reading.stamp_ns))
-        low = battery.state in ("low", "critical")
         self._diagnostics.set(
-            "battery", process.WARN if low else process.OK, battery.state, voltage_v=battery.voltage_v,
+            "battery", _BATTERY_LEVELS.get(battery.state, process.OK), battery.state, voltage_v=battery.voltage_v,
             fraction=round(battery.fraction, 3), charging=battery.charging,
         )  # fmt: skip
         blocked = bool(decision.reason) and decision.source != ""
@@ -170,19 +183,6 @@ class MobileBaseNode:
         """Stop the wheels and leave the base safe."""
         self._driver.close()
         self._guardian.release()
-
-
-def _robot_type(port: str) -> str:
-    """~robot_type; with auto the node waits until a base answers."""
-    robot_type = str(rospy.get_param("~robot_type", "kobuki"))
-    while robot_type == "auto" and not rospy.is_shutdown():
-        try:
-            robot_type = detect_base(port)
-            rospy.loginfo("%s: found a %s", port, robot_type)
-        except DeviceError as error:
-            rospy.logwarn_throttle(10.0, "%s", error)
-            time.sleep(1.0)
-    return robot_type
 
 
 def main() -> None:

@@ -1,0 +1,81 @@
+"""The loop that all bases share, in simulated time: what is on the wire, and when."""
+
+import pytest
+from hw_wire import MS, Wire
+
+from vsx_hw.kobuki.framing import FrameScanner, sub_payloads
+
+KINDS = ["kobuki", "create", "create2"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_when_commands_cease_the_wheels_are_told_to_stand_and_told_again(kind, monkeypatch):
+    wire = Wire(kind, monkeypatch)
+    last_ns = 4000 * MS
+
+    def command() -> None:
+        if wire.now_ns % (50 * MS) == 0 and wire.now_ns <= last_ns:
+            wire.driver.drive(0.2, 0.0)
+
+    wire.each_ms = command
+    wire.serve(5.0)
+    driven = wire.driven()
+    moving = [time_ns for time_ns, v in driven if v > 0.19]
+    still = [time_ns for time_ns, v in driven if v == 0.0 and time_ns > moving[0]]
+    assert still[0] > moving[-1], "it stood while commands came"
+    assert 249 * MS <= still[0] - last_ns <= 300 * MS
+    assert wire.plant.speeds == (0.0, 0.0)
+    pauses = [later - earlier for earlier, later in zip(still, still[1:])]
+    assert len(still) >= 30
+    assert max(pauses) <= 26 * MS, "one zero per report"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_many_commands_disturb_no_report_and_the_newest_wins(kind, monkeypatch):
+    """Two hundred commands a second for ten seconds."""
+    wire = Wire(kind, monkeypatch)
+    told: list[tuple[int, float]] = []
+
+    def command() -> None:
+        if wire.now_ns % (5 * MS) == 0:
+            told.append((wire.now_ns, 0.001 * (1 + len(told) % 400)))
+            wire.driver.drive(told[-1][1], 0.0)
+
+    wire.each_ms = command
+    wire.serve(10.0)
+    counters = wire.driver.status().counters
+    assert counters["refused_frames"] == 0
+    assert 490 <= counters["frames"] <= 680
+    driven = [(time_ns, v) for time_ns, v in wire.driven() if v > 0.0]
+    assert 440 <= len(driven) <= 501, "one command in 20 ms"
+    for time_ns, v in driven:
+        newest = [speed for when_ns, speed in told if when_ns <= time_ns][-1]
+        assert v == pytest.approx(newest, abs=0.0006)
+    capacity = wire.board.baud // 10 * 20 // 1000
+    assert max(len(data) for _, data in wire.written) < capacity, "what is sent in 20 ms is through in 20 ms"
+
+
+def requests_in(wire: Wire) -> list[int]:
+    """When the Kobuki was asked for its versions."""
+    frames = [(time_ns, payload) for time_ns, data in wire.written for payload in FrameScanner().feed(data)]
+    return [time_ns for time_ns, payload in frames for kind, _ in sub_payloads(payload) if kind == 9]
+
+
+def test_a_kobuki_that_tells_nothing_is_asked_ten_times_in_each_connection(monkeypatch):
+    wire = Wire("kobuki", monkeypatch)
+    obey = wire.board._obey
+    monkeypatch.setattr(wire.board, "_obey", lambda kind, content: None if kind == 9 else obey(kind, content))
+    wire.serve(20.0)
+    asked = requests_in(wire)
+    assert len(asked) == 10
+    assert min(later - earlier for earlier, later in zip(asked, asked[1:])) >= 480 * MS
+    assert wire.driver.status().counters["frames"] >= 990
+    wire.serve(20.0)
+    assert len(requests_in(wire)) == 20
+
+
+def test_a_kobuki_that_has_answered_is_not_asked_again(monkeypatch):
+    wire = Wire("kobuki", monkeypatch)
+    wire.serve(5.0)
+    assert len(requests_in(wire)) == 1
+    assert wire.driver._dialect.firmware == (1, 2, 0)
