@@ -26,7 +26,7 @@ setup(
         "osqp>=1.0",
         "daqp>=0.7",
         "ruckig>=0.14",
-        "rosbags>=0.10",
+        "rosbags>=0.11",
         "pyserial>=3.5",
         "libusb1>=2",
         "msgspec>=0.18",

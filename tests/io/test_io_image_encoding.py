@@ -39,11 +39,38 @@ def test_twelve_bits_fill_eight(big_endian):
 
 
 @pytest.mark.parametrize(
-    ("encoding", "step", "size"), [("yuv422", 24, 192), ("mono8", 12, 95), ("mono8", 11, 96), ("rgb8", 12, 96)]
+    ("encoding", "step", "size"),
+    [("jpeg", 24, 192), ("yuv422", 23, 192), ("mono8", 12, 95), ("mono8", 11, 96), ("rgb8", 12, 96)],
 )
 def test_wrong_messages_are_refused(encoding, step, size):
     with pytest.raises(InputError, match=r"image"):
         gray_image(encoding, 8, 12, step, bytes(size))
+
+
+@pytest.mark.parametrize(("encoding", "place"), [("yuv422", 1), ("uyvy", 1), ("yuv422_yuy2", 0), ("yuyv", 0)])
+def test_of_luminance_and_colour_the_luminance_is_taken(encoding, place):
+    pairs = np.full((8, 12, 2), 128, np.uint8)
+    pairs[..., place] = COLOR[..., 0]
+    assert np.array_equal(gray_image(encoding, 8, 12, 24, pairs.tobytes()), COLOR[..., 0])
+
+
+@pytest.mark.parametrize("order", ["rggb", "grbg", "gbrg", "bggr"])
+def test_a_mosaic_of_sixteen_bits_is_that_of_eight(order):
+    small = np.random.default_rng(2).integers(0, 256, (16, 16), dtype=np.uint8)
+    wide = (small.astype("<u2") << 4).tobytes()
+    expected = gray_image(f"bayer_{order}8", 16, 16, 16, small.tobytes())
+    assert np.array_equal(gray_image(f"bayer_{order}16", 16, 16, 32, wide, shift_bits=4), expected)
+
+
+def test_a_compressed_mosaic_is_told_by_its_format():
+    mosaic = np.zeros((16, 16), np.uint8)
+    mosaic[::2, ::2] = 200
+    png = cv2.imencode(".png", mosaic)[1].tobytes()
+    gray = decoded(png, "x", "bayer_rggb8; png compressed ")
+    assert np.array_equal(gray, gray_image("bayer_rggb8", 16, 16, 16, mosaic.tobytes()))
+    coloured = cv2.imencode(".png", COLOR)[1].tobytes()
+    said = "bayer_rggb8; png compressed bgr8"
+    assert np.abs(decoded(coloured, "x", said).astype(int) - decoded(coloured, "x").astype(int)).max() <= 1
 
 
 def test_decoding_colour_files_gives_grey():

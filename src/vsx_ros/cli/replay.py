@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import signal
 import sys
-import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from vsx_ros.cli.stoppable import stoppable
 
 if TYPE_CHECKING:
     from vsx_ros.cli.run_record import RunRecord
@@ -35,13 +33,18 @@ def add_parser(subparsers: Any) -> None:
 
     parser = subparsers.add_parser(
         "replay",
-        help="run the SLAM over a ROS 1 bag or an image folder",
-        description="Tracks every image of a ROS 1 bag or of a folder in the TUM RGB-D layout (rgb.txt, camera.json, "
-        "groundtruth.txt), in order and repeatably, and leaves a run folder with the trajectory and a report. Ctrl-C "
-        "ends it with what there is.",
+        help="run the SLAM over a bag or an image folder",
+        description="Tracks every image of a ROS 1 or ROS 2 bag or of a folder in the TUM RGB-D layout (rgb.txt, "
+        "camera.json, groundtruth.txt), in order and repeatably, and leaves a run folder with the trajectory and a "
+        "report. Ctrl-C ends it with what there is.",
         epilog="examples: vsx replay drive.bag --map   |   vsx replay rgbd_freiburg1_xyz --calibration fr1.yaml",
     )
-    parser.add_argument("input", type=Path, metavar="INPUT", help="a ROS 1 bag (format 2.0) or a folder with rgb.txt")
+    parser.add_argument(
+        "input",
+        type=Path,
+        metavar="INPUT",
+        help="a bag (ROS 1: .bag; ROS 2: folder, .db3 or .mcap) or a folder with rgb.txt",
+    )
     parser.add_argument("--calibration", type=Path, metavar="FILE", help="ROS camera_info YAML or camera.json")
     parser.add_argument("--image-topic", metavar="T", help="image topic of the bag (default: the only one)")
     parser.add_argument("--odometry-topic", metavar="T", help="odometry topic of the bag (likewise)")
@@ -68,6 +71,8 @@ def run(args: argparse.Namespace) -> int:
 
     config = load(args.config, args.set)
     recording = open_recording(args.input, args.image_topic, args.odometry_topic)
+    if recording.damage:
+        print(f"vsx: {recording.damage}", file=sys.stderr)
     recording = dataclasses.replace(recording, camera=_calibration(recording, args.calibration))
     if args.map and not recording.odometry:
         raise InputError(f"{args.input} has no odometry, without which scale and floor are unknown; leave out --map")
@@ -141,7 +146,7 @@ def _track_all(slam: SequentialSlam, recording: Recording, record: RunRecord) ->
     for reading in recording.odometry:
         record.add_odometry(reading)
     shown = 0.0
-    with _stoppable() as stopped:
+    with stoppable() as stopped:
         for number, frame in enumerate(recording.frames(), start=1):
             odometry = recording.odometry_at(frame.stamp_ns)
             began = time.perf_counter()
@@ -158,23 +163,6 @@ def _track_all(slam: SequentialSlam, recording: Recording, record: RunRecord) ->
     if shown:
         print("\r\x1b[K", end="", file=sys.stderr, flush=True)
     return stopped()
-
-
-@contextmanager
-def _stoppable() -> Iterator[Callable[[], bool]]:
-    """Whether Ctrl-C was pressed: asked between two frames, because a half tracked one would spoil the map. A second
-    Ctrl-C ends the program at once."""
-    pressed = threading.Event()
-
-    def on_signal(*_: object) -> None:
-        pressed.set()
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-
-    before = signal.signal(signal.SIGINT, on_signal)
-    try:
-        yield pressed.is_set
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def _summary(slam: SequentialSlam, recording: Recording, record: RunRecord) -> Summary:

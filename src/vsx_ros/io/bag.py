@@ -1,24 +1,19 @@
-"""ROS 1 bags (format 2.0; none, bz2 and lz4 compression) through rosbags, without ROS."""
+"""Bags as recordings: which topics are the camera, the odometry, the calibration and the truth."""
 
 from __future__ import annotations
 
-import re
-import struct
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rosbags.rosbag1 import Reader, ReaderError
-from rosbags.serde import SerdeError
-from rosbags.typesys import Stores, get_typestore
 
-from vsx_ros.errors import InputError, VsxError
+from vsx_ros.errors import InputError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.io.bag_reader import Messages, messages
 from vsx_ros.io.calibration_file import camera_from_info
 from vsx_ros.io.image_encoding import decoded, gray_image, shift_for
 from vsx_ros.io.recording import Recording
@@ -27,29 +22,16 @@ from vsx_ros.robot import Frame, Odometry
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 ODOMETRY, CAMERA_INFO, POSE = "nav_msgs/msg/Odometry", "sensor_msgs/msg/CameraInfo", "geometry_msgs/msg/PoseStamped"
 GROUND_TRUTH_TOPIC = "ground_truth/camera"
-# what rosbags and the decompressors raise on damaged files
-_DAMAGE = (
-    ReaderError,
-    SerdeError,
-    AssertionError,
-    struct.error,
-    EOFError,
-    OSError,
-    ValueError,
-    RuntimeError,
-    LookupError,
-    OverflowError,
-)
 
 
 def open_bag(path: Path, image_topic: str | None = None, odometry_topic: str | None = None) -> Recording:
     """The recording in a bag; topics are found by type when not given.
 
     Ground truth is a PoseStamped topic ending in ground_truth/camera (T_world_cam).
+    The calibration is the camera_info beside the images, else the only one of the bag; rectified images take its P.
     Raises InputError for a file that is not a readable bag or lacks the topic.
     """
-    _refuse_foreign(path)
-    with _messages(path) as bag:
+    with messages(path) as bag:
         counts = bag.counts()
         images = _image_topic(path, counts, image_topic)
         odometry_from = _odometry_topic(path, counts, odometry_topic)
@@ -63,64 +45,8 @@ def open_bag(path: Path, image_topic: str | None = None, odometry_topic: str | N
             odometry=_odometry(bag, odometry_from) if odometry_from else [],
             ground_truth=_ground_truth(bag, truth_from[0]) if truth_from else [],
             open_frames=lambda: _frames(path, images),
+            damage=bag.damage,
         )
-
-
-class _Messages:
-    """Messages of one topic at a time, deserialised."""
-
-    def __init__(self, reader: Any) -> None:
-        self._reader = reader
-        self._types = get_typestore(Stores.ROS1_NOETIC)
-
-    def counts(self) -> dict[str, tuple[str, int]]:
-        """Message type and number of messages of each topic."""
-        topics = sorted(self._reader.topics.items())
-        return {name: (topic.msgtype or "several types", topic.msgcount) for name, topic in topics}
-
-    def of(self, topic: str) -> Iterator[tuple[int, Any]]:
-        """(stamp_ns, message): the header's stamp, or the time of recording where the header has none."""
-        connections = [c for c in self._reader.connections if c.topic == topic]
-        for connection, recorded_ns, raw in self._reader.messages(connections):
-            message = self._types.deserialize_ros1(raw, connection.msgtype)
-            stamp = message.header.stamp
-            yield int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec) or recorded_ns, message
-
-
-@contextmanager
-def _messages(path: Path) -> Iterator[_Messages]:
-    """Open a bag; whatever goes wrong in its bytes becomes an InputError with the remedy."""
-    try:
-        with Reader(path) as reader:
-            yield _Messages(reader)
-    except VsxError:
-        raise
-    except PermissionError as error:
-        raise InputError(f"bag {path} may not be read; check its permissions") from error
-    except _DAMAGE as error:
-        detail = re.sub(r"\('|',\)|\.$", "", str(error)) or "its index contradicts itself"
-        raise InputError(
-            f"bag {path} ({path.stat().st_size} bytes) is cut short or damaged ({detail}); "
-            "copy it again, or repair it with 'rosbag reindex FILE' (Debian: python3-rosbag)"
-        ) from error
-
-
-def _refuse_foreign(path: Path) -> None:
-    try:
-        with path.open("rb") as file:
-            first_line = file.readline(40)
-    except OSError as error:
-        raise InputError(f"bag {path} cannot be read ({error.strerror}); check the path and its permissions") from error
-    if not first_line:
-        raise InputError(f"bag {path} is empty (0 bytes); record it again")
-    if first_line == b"#ROSBAG V2.0\n":
-        return
-    old = re.match(rb"#ROS(?:BAG|RECORD|LOG) V(\d+\.\d+)", first_line)
-    if old:
-        raise InputError(
-            f"bag {path} has the format {old[1].decode()}, this reads 2.0; convert it with 'rosbag fix OLD NEW'"
-        )
-    raise InputError(f"{path} is not a ROS 1 bag (it starts with {first_line[:8]!r}); give a bag of format 2.0")
 
 
 def _listing(counts: dict[str, tuple[str, int]]) -> str:
@@ -163,16 +89,24 @@ def _wanted(path: Path, counts: dict[str, tuple[str, int]], found: list[str], wa
     raise InputError(f"bag {path} has no {kind} topic {wanted}; {_listing(counts)}")
 
 
-def _camera(bag: _Messages, image_topic: str, counts: dict[str, tuple[str, int]]) -> PinholeCamera | None:
-    namespace = image_topic.removesuffix("/compressed").rpartition("/")[0]
-    topic = f"{namespace}/camera_info"
-    if counts.get(topic, ("", 0))[0] != CAMERA_INFO:
+def _camera(bag: Messages, image_topic: str, counts: dict[str, tuple[str, int]]) -> PinholeCamera | None:
+    infos = [t for t, (kind, count) in counts.items() if kind == CAMERA_INFO and count]
+    namespace, _, name = image_topic.removesuffix("/compressed").rpartition("/")
+    beside = f"{namespace}/camera_info"
+    if beside not in infos and len(infos) != 1:
         return None
+    topic = beside if beside in infos else infos[0]
     _, info = next(bag.of(topic))
-    return camera_from_info(info.width, info.height, info.K, info.D, info.distortion_model, f"topic {topic}")
+    size, source = (info.width, info.height), f"topic {topic}"
+    K, D, P = (getattr(info, letter, None) for letter in "KDP")
+    if K is None or D is None or P is None:  # ROS 2 writes them small
+        K, D, P = info.k, info.d, info.p
+    if "rect" in name and any(P):
+        return camera_from_info(*size, P.reshape(3, 4)[:, :3].ravel(), (), "", source)
+    return camera_from_info(*size, K, D, info.distortion_model, source)
 
 
-def _odometry(bag: _Messages, topic: str) -> list[Odometry]:
+def _odometry(bag: Messages, topic: str) -> list[Odometry]:
     readings = []
     for stamp_ns, message in bag.of(topic):
         pose, twist = message.pose.pose, message.twist.twist
@@ -183,7 +117,7 @@ def _odometry(bag: _Messages, topic: str) -> list[Odometry]:
     return sorted(readings, key=lambda reading: reading.stamp_ns)
 
 
-def _ground_truth(bag: _Messages, topic: str) -> list[StampedPose]:
+def _ground_truth(bag: Messages, topic: str) -> list[StampedPose]:
     poses = [StampedPose(stamp_ns, _se3(message.pose, topic)) for stamp_ns, message in bag.of(topic)]
     return sorted(poses, key=lambda pose: pose.stamp_ns)
 
@@ -198,10 +132,11 @@ def _se3(pose: Any, topic: str) -> SE3:
 
 def _frames(path: Path, topic: str) -> Iterator[Frame]:
     shift_bits: int | None = None
-    with _messages(path) as bag:
+    with messages(path) as bag:
         for number, (stamp_ns, message) in enumerate(bag.of(topic)):
             if message.__msgtype__ == COMPRESSED:
-                yield Frame(stamp_ns, decoded(bytes(message.data), f"image {number} of topic {topic}"))
+                name = f"image {number} of topic {topic}"
+                yield Frame(stamp_ns, decoded(bytes(message.data), name, message.format))
                 continue
             data, big_endian = bytes(message.data), bool(message.is_bigendian)
             if shift_bits is None:

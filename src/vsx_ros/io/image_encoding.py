@@ -13,6 +13,7 @@ _TO_GRAY = {
     "rgb8": (3, cv2.COLOR_RGB2GRAY),
     "bgr8": (3, cv2.COLOR_BGR2GRAY),
     "8UC3": (3, cv2.COLOR_BGR2GRAY),
+    "8UC4": (4, cv2.COLOR_BGRA2GRAY),
     "rgba8": (4, cv2.COLOR_RGBA2GRAY),
     "bgra8": (4, cv2.COLOR_BGRA2GRAY),
     "bayer_rggb8": (1, cv2.COLOR_BayerRGGB2GRAY),
@@ -22,7 +23,10 @@ _TO_GRAY = {
 }
 _GRAY_8 = ("mono8", "8UC1")
 _GRAY_16 = ("mono16", "16UC1")
-SUPPORTED = (*_GRAY_8, *_GRAY_16, *_TO_GRAY)
+_BAYER_16 = tuple(name.replace("8", "16") for name in _TO_GRAY if name.startswith("bayer"))
+# of each pixel's two bytes, which one is its luminance; ROS 1 has the first two names, ROS 2 the others
+_LUMINANCE = {"yuv422": 1, "yuv422_yuy2": 0, "uyvy": 1, "yuyv": 0}
+SUPPORTED = (*_GRAY_8, *_GRAY_16, *_TO_GRAY, *_BAYER_16, *_LUMINANCE)
 
 
 def gray_image(
@@ -35,8 +39,9 @@ def gray_image(
     """
     if encoding not in SUPPORTED:
         raise InputError(f"image encoding {encoding!r} is not supported; use one of {', '.join(SUPPORTED)}")
+    wide = encoding in _GRAY_16 or encoding in _BAYER_16
     channels = _TO_GRAY[encoding][0] if encoding in _TO_GRAY else 1
-    row_bytes = width * channels * (2 if encoding in _GRAY_16 else 1)
+    row_bytes = width * (2 if wide or encoding in _LUMINANCE else channels)
     flat = np.frombuffer(data, np.uint8)
     if width < 1 or height < 1 or step < row_bytes or flat.size < step * height:
         raise InputError(
@@ -44,12 +49,15 @@ def gray_image(
             f"{max(step, row_bytes) * height} in all, got {flat.size}; the message is damaged, record it again"
         )
     rows = np.ascontiguousarray(flat[: step * height].reshape(height, step)[:, :row_bytes])
-    if encoding in _GRAY_16:
-        wide = rows.view(">u2" if big_endian else "<u2").astype(np.uint32) >> shift_bits
-        return np.asarray(np.minimum(wide, 255), np.uint8)
-    if encoding in _GRAY_8:
-        return rows
-    return np.asarray(cv2.cvtColor(rows.reshape(height, width, channels).squeeze(), _TO_GRAY[encoding][1]), np.uint8)
+    if encoding in _LUMINANCE:
+        return np.ascontiguousarray(rows[:, _LUMINANCE[encoding] :: 2])
+    if wide:
+        values = rows.view(">u2" if big_endian else "<u2").astype(np.uint32) >> shift_bits
+        rows, encoding = np.asarray(np.minimum(values, 255), np.uint8), encoding.replace("16", "8")
+    if encoding in _TO_GRAY:
+        pixels = rows.reshape(height, width, channels).squeeze()
+        return np.asarray(cv2.cvtColor(pixels, _TO_GRAY[encoding][1]), np.uint8)
+    return rows
 
 
 def shift_for(data: bytes, *, big_endian: bool = False) -> int:
@@ -58,13 +66,19 @@ def shift_for(data: bytes, *, big_endian: bool = False) -> int:
     return max(0, brightest.bit_length() - 8)
 
 
-def decoded(compressed: bytes, name: str) -> GrayImage:
+def decoded(compressed: bytes, name: str, said: str = "") -> GrayImage:
     """(H, W) uint8 of JPEG, PNG or any other file OpenCV reads.
 
-    Raises InputError with the name of the image when its bytes are not an image.
+    said: the format of a sensor_msgs/CompressedImage; where it begins with a Bayer encoding, an image of one channel
+    is a mosaic. Raises InputError with the name of the image when its bytes are not an image.
     """
     flat = np.frombuffer(compressed, np.uint8)
-    image = cv2.imdecode(flat, cv2.IMREAD_GRAYSCALE) if flat.size else None
+    mosaic = said.partition(";")[0].strip()
+    how = cv2.IMREAD_UNCHANGED if mosaic.startswith("bayer") else cv2.IMREAD_GRAYSCALE
+    image = cv2.imdecode(flat, how) if flat.size else None
     if image is None:
         raise InputError(f"{name} ({flat.size} bytes) cannot be decoded; it must be a whole JPEG or PNG")
+    if mosaic.startswith("bayer"):
+        height, width = image.shape[:2]
+        return gray_image(mosaic if image.ndim == 2 else "bgr8", height, width, image.strides[0], image.tobytes())
     return np.asarray(image, np.uint8)

@@ -23,6 +23,7 @@ class Recording:
     source: file or folder. image_topic, odometry_topic: None in a folder or where there is no odometry.
     frame_count: images there are. camera: its calibration, if found. odometry: all of it, by stamp.
     ground_truth: T_world_cam by stamp, empty where unknown. open_frames: starts reading the images, in order.
+    damage: what is wrong with a recording that can be used in part, in words; nothing for a good one.
     """
 
     source: Path
@@ -33,6 +34,7 @@ class Recording:
     odometry: Sequence[Odometry]
     ground_truth: Sequence[StampedPose]
     open_frames: Callable[[], Iterator[Frame]]
+    damage: str = ""
 
     def frames(self) -> Iterator[Frame]:
         """The images, each later than the one before: one out of order or doubled is left out.
@@ -74,15 +76,16 @@ class Recording:
 
 
 def open_recording(path: Path, image_topic: str | None = None, odometry_topic: str | None = None) -> Recording:
-    """A ROS 1 bag, or a folder in the TUM RGB-D layout (rgb.txt, rgb/, groundtruth.txt, camera.json).
+    """A ROS 1 or ROS 2 bag, or a folder in the TUM RGB-D layout (rgb.txt, rgb/, groundtruth.txt, camera.json).
 
     Raises InputError saying what is wrong with the input and what to do.
     """
     from vsx_ros.io.bag import open_bag
+    from vsx_ros.io.bag_reader import METADATA
     from vsx_ros.io.tum_folder import open_folder
 
-    if path.is_dir():
+    if path.is_dir() and not (path / METADATA).exists():
         return open_folder(path)
     if not path.exists():
-        raise InputError(f"there is no {path}; give a ROS 1 bag or a folder with rgb.txt")
+        raise InputError(f"there is no {path}; give a bag or a folder with rgb.txt")
     return open_bag(path, image_topic, odometry_topic)

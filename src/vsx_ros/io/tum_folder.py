@@ -51,7 +51,9 @@ def open_folder(folder: Path) -> Recording:
 def _listed_images(folder: Path) -> list[tuple[int, Path]]:
     index = folder / "rgb.txt"
     if not index.exists():
-        raise InputError(f"folder {folder} has no rgb.txt; give a ROS 1 bag or a folder in the TUM RGB-D layout")
+        raise InputError(
+            f"folder {folder} has no rgb.txt and no metadata.yaml; give a bag or a folder in the TUM RGB-D layout"
+        )
     listed = []
     for number, line in enumerate(index.read_text(encoding="utf-8", errors="replace").splitlines(), start=1):
         if not line.strip() or line.lstrip().startswith("#"):

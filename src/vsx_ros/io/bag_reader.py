@@ -1,0 +1,149 @@
+"""Messages of a bag, ROS 1 (format 2.0; none, bz2, lz4) or ROS 2 (sqlite3, mcap), through rosbags, without ROS."""
+
+from __future__ import annotations
+
+import re
+import sqlite3
+import struct
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+import apsw
+from rosbags.rosbag1 import Reader as Ros1Reader
+from rosbags.rosbag1 import ReaderError as Ros1ReaderError
+from rosbags.rosbag2 import Reader as Ros2Reader
+from rosbags.rosbag2 import ReaderError as Ros2ReaderError
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, get_typestore
+
+from vsx_ros.errors import InputError, VsxError
+from vsx_ros.io.bag_without_index import UnindexedBag
+
+METADATA = "metadata.yaml"
+"""What makes a folder a ROS 2 bag."""
+
+_ROS1_MAGIC = b"#ROSBAG V2.0\n"
+_ROS2_MAGIC = {b"\x89MCAP0\r\n": ".mcap", b"SQLite format 3\x00": ".db3"}
+# what rosbags, the decompressors and sqlite raise on damaged files
+_DAMAGE = (
+    Ros1ReaderError,
+    Ros2ReaderError,
+    SerdeError,
+    sqlite3.Error,
+    apsw.Error,
+    AssertionError,
+    struct.error,
+    EOFError,
+    OSError,
+    ValueError,
+    RuntimeError,
+    LookupError,
+    OverflowError,
+    MemoryError,
+)
+
+
+class Messages:
+    """Messages of one topic at a time, deserialised. ``damage`` says what is wrong with a bag that is read anyway."""
+
+    def __init__(self, reader: Any, *, ros2: bool, damage: str = "") -> None:
+        self._reader, self._ros2 = reader, ros2
+        # Embedded definitions are not needed for standard types, which have not changed within either ROS.
+        self._types = get_typestore(Stores.ROS2_HUMBLE if ros2 else Stores.ROS1_NOETIC)
+        self.damage = damage
+
+    def counts(self) -> dict[str, tuple[str, int]]:
+        """Message type and number of messages of each topic."""
+        found: dict[str, tuple[str, int]] = {}
+        for connection in sorted(self._reader.connections, key=lambda c: str(c.topic)):
+            kind, count = found.get(connection.topic, (connection.msgtype, 0))
+            kind = kind if kind == connection.msgtype else "several types"
+            found[connection.topic] = kind, count + connection.msgcount
+        return found
+
+    def of(self, topic: str) -> Iterator[tuple[int, Any]]:
+        """(stamp_ns, message): the header's stamp, or the time of recording where the header has none."""
+        connections = [c for c in self._reader.connections if c.topic == topic]
+        read = self._types.deserialize_cdr if self._ros2 else self._types.deserialize_ros1
+        for connection, recorded_ns, raw in self._reader.messages(connections):
+            message: Any = read(raw, connection.msgtype)
+            stamp = message.header.stamp
+            yield int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec) or recorded_ns, message
+
+
+@contextmanager
+def messages(path: Path) -> Iterator[Messages]:
+    """Open a bag; whatever goes wrong in its bytes becomes an InputError with the remedy.
+
+    A ROS 1 bag without a usable index is read without one.
+    """
+    ros2 = _is_ros2(path)
+    try:
+        with ExitStack() as stack:
+            yield _opened_ros2(path, stack) if ros2 else _opened_ros1(path, stack)
+    except VsxError:
+        raise
+    except PermissionError as error:
+        raise InputError(f"bag {path} may not be read; check its permissions") from error
+    except _DAMAGE as error:
+        remedy = "'ros2 bag reindex'" if ros2 else "'rosbag reindex FILE' (Debian: python3-rosbag)"
+        raise InputError(
+            f"bag {path} is cut short or damaged ({_detail(error)}); copy it again, or repair it with {remedy}"
+        ) from error
+
+
+def _opened_ros1(path: Path, stack: ExitStack) -> Messages:
+    try:
+        return Messages(stack.enter_context(Ros1Reader(path)), ros2=False)
+    except PermissionError:
+        raise
+    except _DAMAGE as error:
+        bag = UnindexedBag(path)
+        count = sum(connection.msgcount for connection in bag.connections)
+        if not count:
+            raise
+        damage = (
+            f"bag {path} is cut short or damaged ({_detail(error)}); the {count} messages that are whole are used, "
+            "'rosbag reindex FILE' makes it a good one"
+        )
+        return Messages(bag, ros2=False, damage=damage)
+
+
+def _opened_ros2(path: Path, stack: ExitStack) -> Messages:
+    return Messages(stack.enter_context(Ros2Reader(path)), ros2=True)
+
+
+def _detail(error: Exception) -> str:
+    """The library's words without their wrapping."""
+    return re.sub(r"\('|',\)|\.$", "", str(error)) or "its index contradicts itself"
+
+
+def _is_ros2(path: Path) -> bool:
+    """By content. Raises InputError for what is no bag."""
+    if path.is_dir():
+        return True
+    try:
+        with path.open("rb") as file:
+            first_line = file.readline(40)
+    except OSError as error:
+        raise InputError(f"bag {path} cannot be read ({error.strerror}); check the path and its permissions") from error
+    if not first_line:
+        raise InputError(f"bag {path} is empty (0 bytes); record it again")
+    for magic, suffix in _ROS2_MAGIC.items():
+        if first_line.startswith(magic):
+            if path.suffix != suffix:
+                raise InputError(f"bag {path} has the content of a {suffix} file; rename it to *{suffix}")
+            return True
+    if first_line == _ROS1_MAGIC:
+        return False
+    old = re.match(rb"#ROS(?:BAG|RECORD|LOG) V(\d+\.\d+)", first_line)
+    if old:
+        raise InputError(
+            f"bag {path} has the format {old[1].decode()}, this reads 2.0; convert it with 'rosbag fix OLD NEW'"
+        )
+    raise InputError(
+        f"{path} is not a bag (it starts with {first_line[:8]!r}); give a ROS 1 bag of format 2.0, or a ROS 2 bag: "
+        "its folder, .db3 or .mcap"
+    )
