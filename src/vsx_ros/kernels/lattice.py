@@ -1,4 +1,4 @@
-"""Breadth-first searches over cells, and over cells and headings with arcs of bounded curvature."""
+"""Searches over cells, and over cells and headings by arcs of bounded curvature to a goal."""
 
 from __future__ import annotations
 
@@ -9,15 +9,14 @@ import numpy as np
 
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.clearance import arc_is_free, interpolate
+from vsx_ros.kernels.motions import BENDS, MOTIONS, SIGNS, arc_places, places_are_free
 from vsx_ros.kernels.reeds_shepp import MAX_WORDS, SEGMENTS, advance, look_up_length, reeds_shepp_shortest
 
-MOTIONS = 6
 _BUCKETS = 4
 _GREED = 1.2  # what is left counts so much: far fewer states for ways that are shortened afterwards anyway
 _SLACK = 1.0  # steps by which the guide may overestimate what is left
-_AROUND = 3  # cells; an arc is about as long
-_BENDS = np.array([0, 1, -1, 0, 1, -1])
-_SIGNS = np.array([1, 1, 1, -1, -1, -1])
+_MOST_ARCS = 32_000
+_NEARER = 1.1  # by so much a word's length read from the table may fall short of it
 
 
 @kernel
@@ -114,40 +113,42 @@ def lattice_search(
     """Search from a pose by arcs of one length, turning by ``bins`` of ``headings`` bins left, right or not, both ways.
 
     values (H, W): margin field [m] in which the way must not be negative. start (3,). Every state is a cell of size
-    ``cell`` [m] and a heading bin; the pose of its cheapest arrival is kept exactly, so no error adds up. With a goal
-    (3,) it is an A* search, greedy by a fifth: remaining (H, W) [m] is a lower bound of what is left around the
-    obstacles and ``table`` (``reeds_shepp_table``) tells what is left without any; the shortest Reeds-Shepp word to the
-    goal is tried on the way, and the search ends when no state promises to improve on the best. With a goal of NaN
-    everything is reached, cheapest first. No more than ``most`` arrivals are recorded.
+    ``cell`` [m] and a heading bin; the pose of its cheapest arrival is kept exactly, so no error adds up. An A* search
+    to the goal (3,), greedy by a fifth: remaining (H, W) [m] is a lower bound of what is left around the obstacles and
+    ``table`` (``reeds_shepp_table``) tells what is left without any; the shortest Reeds-Shepp word to the goal is tried
+    on the way, and the search ends when no state promises to improve on the best. No more than ``most`` arrivals are
+    recorded.
 
-    Returns level (R, C, headings) int32 (in steps, -1 unreached), poses (N, 3), parents (N,), motions (N,) of the
-    arrivals, step [m], the arrival from which the goal is reached and that way's length [m], or (-1, inf).
+    Returns poses (N, 3), parents (N,), motions (N,) of the arrivals, step [m] and the arrival from which the goal is
+    reached, -1 where it is not.
     """
     rows = int(math.ceil(values.shape[0] * resolution / cell))
     columns = int(math.ceil(values.shape[1] * resolution / cell))
     step = bins * 2.0 * math.pi / headings / phi
     size = rows * columns * headings
     capacity = min(size, most)
-    level = np.full((rows, columns, headings), -1, np.int32)
+    level = np.full((rows, columns, headings), -1, np.int16)
     states = np.empty(capacity, np.int64)
     poses = np.empty((capacity, 3))
     parents = np.empty(capacity, np.int64)
     motions = np.empty(capacity, np.int8)
     reversed_m = np.empty(capacity)
     left_m = np.empty(capacity)
+    hopeful = np.ones(capacity, np.bool_)  # a word no shorter than the way around the obstacles may be free
     following = np.empty(capacity, np.int64)
     turns = np.zeros((MAX_WORDS, SEGMENTS), np.int64)
     lengths = np.zeros((MAX_WORDS, SEGMENTS))
     word_turns = np.zeros(SEGMENTS, np.int64)
     word_lengths = np.zeros(SEGMENTS)
-    moves = np.empty((MOTIONS, 3))  # displacement of each motion in the base frame
-    for m in range(MOTIONS):
-        moves[m] = advance(0.0, 0.0, 0.0, float(_BENDS[m]), _SIGNS[m] * step, phi)
-    seek = not math.isnan(goal[0])
+    arcs = arc_places(headings, start[2], step, phi, resolution)
+    last = arcs.shape[2] - 1
+    width = 2.0 * math.pi / headings
+    cosines = np.cos(start[2] + np.arange(headings) * width)
+    sines = np.sin(start[2] + np.arange(headings) * width)
     best, winner = np.inf, -1
     i, j = int(math.floor((start[1] - y0) / cell)), int(math.floor((start[0] - x0) / cell))
     if not (0 <= i < rows and 0 <= j < columns):
-        return level, poses[:0], parents[:0], motions[:0], step, winner, best
+        return poses[:0], parents[:0], motions[:0], step, winner
     # Arrivals wait in buckets of total length; each bucket is a linked list, last in first out.
     buckets = np.full(8 * _BUCKETS * (rows + columns) + 1, -1, np.int64)
     level[i, j, 0] = 0
@@ -161,7 +162,7 @@ def lattice_search(
         node = buckets[bucket]
         if node < 0:
             bucket += 1
-            if seek and bucket * step / _BUCKETS >= best:
+            if bucket * step / _BUCKETS >= best:
                 break
             continue
         buckets[bucket] = following[node]
@@ -171,105 +172,58 @@ def lattice_search(
         done[state] = True
         h = state % headings
         i, j = state // headings // columns, state // headings % columns
-        x, y, theta = poses[node, 0], poses[node, 1], poses[node, 2]
+        x, y = poses[node, 0], poses[node, 1]
         reached = level[i, j, h] * step
-        if seek:
-            if reached + left_m[node] - _SLACK * step >= best:
-                continue
-            dx, dy = goal[0] - x, goal[1] - y
-            if math.hypot(dx, dy) < 0.5 / phi or state % 4 == 0:
-                c, s = math.cos(theta), math.sin(theta)
-                px, py = phi * (c * dx + s * dy), phi * (c * dy - s * dx)
-                word = reeds_shepp_shortest(px, py, goal[2] - theta, turns, lengths, word_turns, word_lengths) / phi
-                if (
-                    reached + word < best
-                    and reversed_m[node] + reverse_run(word_lengths) / phi <= max_reverse + 1e-9
-                    and word_is_free(values, resolution, x0, y0, x, y, theta, word_turns, word_lengths, phi)
-                ):
-                    best, winner = reached + word, node
+        if reached + left_m[node] - _SLACK * step >= best:
+            continue
+        dx, dy = goal[0] - x, goal[1] - y
+        if hopeful[node] and (dx * dx + dy * dy < 0.25 / (phi * phi) or state % 4 == 0):
+            theta, c, s = poses[node, 2], cosines[h], sines[h]
+            px, py = phi * (c * dx + s * dy), phi * (c * dy - s * dx)
+            word = reeds_shepp_shortest(px, py, goal[2] - theta, turns, lengths, word_turns, word_lengths) / phi
+            if (
+                reached + word < best
+                and reversed_m[node] + reverse_run(word_lengths) / phi <= max_reverse + 1e-9
+                and word_is_free(values, resolution, x0, y0, x, y, theta, word_turns, word_lengths, phi)
+            ):
+                best, winner = reached + word, node
         margin = interpolate(values, resolution, x0, y0, x, y)
-        c, s = math.cos(theta), math.sin(theta)
         arrived = level[i, j, h] + 1
         for m in range(MOTIONS):
-            backwards = reversed_m[node] + step if _SIGNS[m] < 0 else 0.0
-            if backwards > max_reverse or count >= capacity:
+            backwards = reversed_m[node] + step if SIGNS[m] < 0 else 0.0
+            if backwards > max_reverse or count >= capacity or arrived > _MOST_ARCS:
                 continue
-            nx = x + c * moves[m, 0] - s * moves[m, 1]
-            ny = y + s * moves[m, 0] + c * moves[m, 1]
+            nx, ny = x + arcs[h, m, last, 0], y + arcs[h, m, last, 1]
             a, b = int((ny - y0) / cell), int((nx - x0) / cell)
             if ny < y0 or nx < x0 or a >= rows or b >= columns:
                 continue
-            g = (h + _BENDS[m] * _SIGNS[m] * bins + headings) % headings
+            g = (h + BENDS[m] * SIGNS[m] * bins + headings) % headings
             before = level[a, b, g]
             if before >= 0 and (before <= arrived or done[(a * columns + b) * headings + g]):
                 continue
             # Open ground: the field (of slope about one) proves the whole arc free.
-            if margin < 1.3 * step and not arc_is_free(
-                values, resolution, x0, y0, x, y, theta, _BENDS[m] * phi, _SIGNS[m] * step
-            ):
+            if margin < 1.3 * step and not places_are_free(values, resolution, x0, y0, x, y, arcs[h, m], step):
                 continue
-            left = 0.0
-            if seek:
-                v = min(int((ny - y0) / resolution), remaining.shape[0] - 1)
-                u = min(int((nx - x0) / resolution), remaining.shape[1] - 1)
-                left = remaining[v, u]
-                dx, dy = goal[0] - nx, goal[1] - ny
-                turned = theta + _BENDS[m] * _SIGNS[m] * step * phi
-                tc, ts = math.cos(turned), math.sin(turned)
-                px, py = phi * (tc * dx + ts * dy), phi * (tc * dy - ts * dx)
-                left = max(math.hypot(dx, dy), left, look_up_length(table, px, py, goal[2] - turned) / phi)
+            v = min(int((ny - y0) / resolution), remaining.shape[0] - 1)
+            u = min(int((nx - x0) / resolution), remaining.shape[1] - 1)
+            around = remaining[v, u]
+            dx, dy = goal[0] - nx, goal[1] - ny
+            c, s = cosines[g], sines[g]
+            turned = start[2] + g * width
+            direct = look_up_length(table, phi * (c * dx + s * dy), phi * (c * dy - s * dx), goal[2] - turned) / phi
+            left = max(math.sqrt(dx * dx + dy * dy), around, direct)
             place = max(bucket, int(_BUCKETS * (arrived + _GREED * left / step)))
             if place >= buckets.shape[0]:
                 continue
             level[a, b, g] = arrived
             states[count] = (a * columns + b) * headings + g
-            poses[count, 0], poses[count, 1] = nx, ny
-            poses[count, 2] = start[2] + g * 2.0 * math.pi / headings
+            poses[count, 0], poses[count, 1], poses[count, 2] = nx, ny, turned
             parents[count], motions[count], reversed_m[count], left_m[count] = node, m, backwards, left
+            hopeful[count] = direct == 0.0 or around <= _NEARER * direct + step
             following[count] = buckets[place]
             buckets[place] = count
             count += 1
-    return level, poses[:count], parents[:count], motions[:count], step, winner, best
-
-
-@kernel
-def lattice_costs(
-    level: Any, step: float, start_theta: float, x0: float, y0: float, cell: float, phi: float, poses: Any
-) -> Any:
-    """(N,) travel length [m] to poses (N, 3): the least over the states around each, plus what remains from there.
-
-    level (R, C, headings) of ``lattice_search``. What remains is estimated from the offset: along, aside and turn.
-    """
-    rows, columns, headings = level.shape
-    width = 2.0 * math.pi / headings
-    out = np.full(poses.shape[0], np.inf)
-    nearest = np.full((rows, columns), np.inf)  # the least over all headings, to pass over most of what is around
-    for a in range(rows):
-        for b in range(columns):
-            for g in range(headings):
-                if level[a, b, g] >= 0:
-                    nearest[a, b] = min(nearest[a, b], level[a, b, g] * step)
-    for k in range(poses.shape[0]):
-        x, y, theta = poses[k, 0], poses[k, 1], poses[k, 2]
-        i, j = int(math.floor((y - y0) / cell)), int(math.floor((x - x0) / cell))
-        turn = (theta - start_theta) / width
-        g = int(math.floor(turn + 0.5))
-        c, s = math.cos(theta), math.sin(theta)
-        for di in range(-_AROUND, _AROUND + 1):
-            for dj in range(-_AROUND, _AROUND + 1):
-                a, b = i + di, j + dj
-                if a < 0 or b < 0 or a >= rows or b >= columns or nearest[a, b] >= out[k]:
-                    continue
-                dx, dy = x - (x0 + (b + 0.5) * cell), y - (y0 + (a + 0.5) * cell)
-                along, aside = abs(c * dx + s * dy), abs(c * dy - s * dx)
-                if nearest[a, b] + along + 2.0 * aside >= out[k]:
-                    continue
-                for dg in range(-1, 2):
-                    reached = level[a, b, (g + dg) % headings]
-                    if reached >= 0:
-                        rest = along + 2.0 * aside + 0.5 * abs(turn - g - dg) * width / phi
-                        out[k] = min(out[k], reached * step + rest)
-    return out
+    return poses[:count], parents[:count], motions[:count], step, winner
 
 
 @kernel
@@ -286,7 +240,7 @@ def lattice_way(
     lengths = np.zeros(hops + SEGMENTS)
     node = winner
     for k in range(hops - 1, -1, -1):
-        turns[k], lengths[k] = _BENDS[motions[node]], _SIGNS[motions[node]] * step
+        turns[k], lengths[k] = BENDS[motions[node]], SIGNS[motions[node]] * step
         node = parents[node]
     pose = poses[winner]
     dx, dy = goal[0] - pose[0], goal[1] - pose[1]

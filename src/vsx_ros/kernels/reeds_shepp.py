@@ -18,7 +18,8 @@ MAX_WORDS = 48
 SEGMENTS = 5
 TABLE_PLACES, TABLE_STEP, TABLE_HEADINGS = 33, 0.2, 32
 _HALF_PI = 0.5 * math.pi
-_ZERO = 1e-10
+_ZERO, _NEARLY = 1e-10, 1e-8
+_LONGER = 1e300  # than any word
 
 
 @kernel
@@ -27,22 +28,38 @@ def _wrap(a: float) -> float:
 
 
 @kernel
-def _tau_omega(u: float, v: float, xi: float, eta: float, phi: float) -> tuple[float, float]:
-    delta = _wrap(u - v)
-    a = math.sin(u) - math.sin(delta)
-    b = math.cos(u) - math.cos(delta) - 1.0
-    t1 = math.atan2(eta * a - xi * b, xi * a + eta * b)
-    t2 = 2.0 * (math.cos(delta) - math.cos(v) - math.cos(u)) + 3.0
-    tau = _wrap(t1 + math.pi) if t2 < 0.0 else _wrap(t1)
-    return tau, _wrap(tau - u + v - phi)
+def _first_arc(xi: float, eta: float, sine: float, cosine: float, same: bool) -> float:
+    """The first arc of the words with four, whose second turns by an angle of this sine and cosine: (8.7), or (8.8)
+    where the third turns the ``same`` way round."""
+    sine_off, cosine_off = (0.0, 1.0) if same else (2.0 * sine * cosine, 2.0 * cosine * cosine - 1.0)
+    a, b = sine - sine_off, cosine - cosine_off - 1.0
+    side = -1.0 if 2.0 * cosine_off - 4.0 * cosine + 3.0 < 0.0 else 1.0
+    ahead = side * (eta * a - xi * b)
+    return math.atan2(ahead, side * (xi * a + eta * b)) if ahead >= -_NEARLY else -1.0
 
 
 @kernel
 def _store(
-    turns: Any, lengths: Any, n: int, reverse: bool, flip: bool, mirror: bool, word_turns: Any, word_lengths: Any
-) -> int:
-    """Append a word, undoing time flip, reflection and reversal of the order."""
-    m = word_turns.shape[0]
+    turns: Any,
+    lengths: Any,
+    n: int,
+    best: float,
+    reverse: bool,
+    flip: bool,
+    mirror: bool,
+    word_turns: tuple[int, ...],
+    word_lengths: tuple[float, ...],
+) -> tuple[int, float]:
+    """Append a word, undoing time flip, reflection and reversal of the order; or, where best is finite, replace the
+    one word there is if the new one is shorter. Returns the number of words and the best length."""
+    m = len(word_turns)
+    total = 0.0
+    for i in range(m):
+        total += abs(word_lengths[i])
+    if not total < best:
+        return n, best
+    if best < np.inf:
+        n, best = 0, total
     for i in range(SEGMENTS):
         turns[n, i] = 0
         lengths[n, i] = 0.0
@@ -50,7 +67,109 @@ def _store(
         j = m - 1 - i if reverse else i
         turns[n, i] = -word_turns[j] if mirror else word_turns[j]
         lengths[n, i] = -word_lengths[j] if flip else word_lengths[j]
-    return n + 1
+    return n + 1, best
+
+
+@kernel
+def _words(x: float, y: float, theta: float, best: float, turns: Any, lengths: Any) -> int:
+    """Words from the origin to (x, y, theta): all of them where best is infinite, else the shortest below best.
+
+    What cannot be a word, or not be shorter than the best so far, is seen before any angle is computed: the first arc
+    must not turn by less than nothing, and all arcs turn by ``least`` together.
+    """
+    n = 0
+    theta = _wrap(theta)
+    sine, cosine, least = math.sin(theta), math.cos(theta), abs(theta)
+    for variant in range(8):
+        flip = variant & 1 == 1
+        mirror = variant & 2 == 2
+        backwards = variant & 4 == 4
+        px, py, pt = x, y, theta
+        if backwards:
+            px = x * cosine + y * sine
+            py = x * sine - y * cosine
+        if flip:
+            px, pt = -px, -pt
+        if mirror:
+            py, pt = -py, -pt
+        s, c = -sine if flip != mirror else sine, cosine
+        xi_l, eta_l = px - s, py - 1.0 + c
+        xi_r, eta_r = px + s, py - 1.0 - c
+        rho_l, rho_r = math.sqrt(xi_l * xi_l + eta_l * eta_l), math.sqrt(xi_r * xi_r + eta_r * eta_r)
+        if not backwards:
+            # (8.1): L+ S+ L+
+            if eta_l >= -_NEARLY and rho_l + least < best:
+                t = math.atan2(eta_l, xi_l)
+                v = _wrap(pt - t)
+                if t >= -_ZERO and v >= -_ZERO:
+                    n, best = _store(turns, lengths, n, best, False, flip, mirror, (1, 0, 1), (t, rho_l, v))
+            # (8.2): L+ S+ R+
+            u = math.sqrt(max(rho_r * rho_r - 4.0, 0.0))
+            ahead = u * eta_r + 2.0 * xi_r
+            if rho_r >= 2.0 and ahead >= -_NEARLY and u + least < best:
+                t = math.atan2(ahead, u * xi_r - 2.0 * eta_r)
+                v = _wrap(t - pt)
+                if t >= -_ZERO and v >= -_ZERO:
+                    n, best = _store(turns, lengths, n, best, False, flip, mirror, (1, 0, -1), (t, u, v))
+        # (8.3), (8.4): L+ R- L
+        if rho_l <= 4.0 and least < best:
+            half = 0.25 * rho_l
+            other = math.sqrt(1.0 - half * half)
+            ahead = half * xi_l - other * eta_l
+            if ahead >= -_NEARLY:
+                u = -2.0 * math.asin(half)
+                t = math.atan2(ahead, -other * xi_l - half * eta_l)
+                v = _wrap(pt - t + u)
+                if t >= -_ZERO:
+                    n, best = _store(turns, lengths, n, best, backwards, flip, mirror, (1, -1, 1), (t, u, v))
+        # (8.9): L+ R-(pi/2) S- L-
+        least_arcs = max(least, _HALF_PI)
+        r = math.sqrt(max(rho_l * rho_l - 4.0, 0.0))
+        u, ahead = 2.0 - r, r * xi_l - 2.0 * eta_l
+        if rho_l >= 2.0 and u <= _ZERO and ahead >= -_NEARLY and least_arcs - u < best:
+            t = math.atan2(ahead, -2.0 * xi_l - r * eta_l)
+            v = _wrap(pt - _HALF_PI - t)
+            if t >= -_ZERO and v <= _ZERO:
+                word = (1, -1, 0, 1), (t, -_HALF_PI, u, v)
+                n, best = _store(turns, lengths, n, best, backwards, flip, mirror, word[0], word[1])
+        # (8.10): L+ R-(pi/2) S- R-
+        u = 2.0 - rho_r
+        if u <= _ZERO and xi_r >= -_NEARLY and least_arcs - u < best:
+            t = math.atan2(xi_r, -eta_r)
+            v = _wrap(t + _HALF_PI - pt)
+            if t >= -_ZERO and v <= _ZERO:
+                word = (1, -1, 0, -1), (t, -_HALF_PI, u, v)
+                n, best = _store(turns, lengths, n, best, backwards, flip, mirror, word[0], word[1])
+        if backwards:
+            continue
+        # (8.7): L+ R+ L- R-
+        rho = 0.25 * (2.0 + rho_r)
+        if rho <= 1.0 and least < best:
+            t = _first_arc(xi_r, eta_r, math.sqrt(1.0 - rho * rho), rho, False)
+            if t >= -_ZERO:
+                u = math.acos(rho)
+                v = _wrap(t - 2.0 * u - pt)
+                if v <= _ZERO:
+                    n, best = _store(turns, lengths, n, best, False, flip, mirror, (1, -1, 1, -1), (t, u, -u, v))
+        # (8.8): L+ R- L- R+
+        rho = (20.0 - rho_r * rho_r) / 16.0
+        if 0.0 <= rho <= 1.0 and least < best:
+            t = _first_arc(xi_r, eta_r, -math.sqrt(1.0 - rho * rho), rho, True)
+            if t >= -_ZERO:
+                u = -math.acos(rho)
+                v = _wrap(t - pt)
+                if v >= -_ZERO:
+                    n, best = _store(turns, lengths, n, best, False, flip, mirror, (1, -1, 1, -1), (t, u, u, v))
+        # (8.11): L+ R-(pi/2) S- L-(pi/2) R+
+        u = 4.0 - math.sqrt(max(rho_r * rho_r - 4.0, 0.0))
+        ahead = (4.0 - u) * xi_r - 2.0 * eta_r
+        if rho_r >= 2.0 and u <= _ZERO and ahead >= -_NEARLY and max(least, math.pi) - u < best:
+            t = math.atan2(ahead, -2.0 * xi_r + (u - 4.0) * eta_r)
+            v = _wrap(t - pt)
+            if t >= -_ZERO and v >= -_ZERO:
+                longest = (1, -1, 0, 1, -1), (t, -_HALF_PI, u, -_HALF_PI, v)
+                n, best = _store(turns, lengths, n, best, False, flip, mirror, longest[0], longest[1])
+    return n
 
 
 @kernel
@@ -59,101 +178,7 @@ def reeds_shepp_words(x: float, y: float, theta: float, turns: Any, lengths: Any
 
     turns (MAX_WORDS, 5) int64 and lengths (MAX_WORDS, 5) float64 are filled; returns the number of words.
     """
-    n = 0
-    wt = np.zeros(5, np.int64)
-    wl = np.zeros(5)
-    theta = _wrap(theta)
-    for variant in range(8):
-        flip = variant & 1 == 1
-        mirror = variant & 2 == 2
-        backwards = variant & 4 == 4
-        px, py, pt = x, y, theta
-        if backwards:
-            px = x * math.cos(theta) + y * math.sin(theta)
-            py = x * math.sin(theta) - y * math.cos(theta)
-        if flip:
-            px, pt = -px, -pt
-        if mirror:
-            py, pt = -py, -pt
-        s, c = math.sin(pt), math.cos(pt)
-        xi_l, eta_l = px - s, py - 1.0 + c
-        xi_r, eta_r = px + s, py - 1.0 - c
-        rho_l, angle_l = math.hypot(xi_l, eta_l), math.atan2(eta_l, xi_l)
-        rho_r = math.hypot(xi_r, eta_r)
-        # (8.3), (8.4): L+ R- L
-        if rho_l <= 4.0:
-            u = -2.0 * math.asin(0.25 * rho_l)
-            t = _wrap(angle_l + 0.5 * u + math.pi)
-            v = _wrap(pt - t + u)
-            if t >= -_ZERO and u <= _ZERO:
-                wt[0], wt[1], wt[2] = 1, -1, 1
-                wl[0], wl[1], wl[2] = t, u, v
-                n = _store(turns, lengths, n, backwards, flip, mirror, wt[:3], wl[:3])
-        # (8.9): L+ R-(pi/2) S- L-
-        if rho_l >= 2.0:
-            r = math.sqrt(rho_l * rho_l - 4.0)
-            u = 2.0 - r
-            t = _wrap(angle_l + math.atan2(r, -2.0))
-            v = _wrap(pt - _HALF_PI - t)
-            if t >= -_ZERO and u <= _ZERO and v <= _ZERO:
-                wt[0], wt[1], wt[2], wt[3] = 1, -1, 0, 1
-                wl[0], wl[1], wl[2], wl[3] = t, -_HALF_PI, u, v
-                n = _store(turns, lengths, n, backwards, flip, mirror, wt[:4], wl[:4])
-        # (8.10): L+ R-(pi/2) S- R-
-        if rho_r >= 2.0:
-            t = math.atan2(xi_r, -eta_r)
-            u = 2.0 - rho_r
-            v = _wrap(t + _HALF_PI - pt)
-            if t >= -_ZERO and u <= _ZERO and v <= _ZERO:
-                wt[0], wt[1], wt[2], wt[3] = 1, -1, 0, -1
-                wl[0], wl[1], wl[2], wl[3] = t, -_HALF_PI, u, v
-                n = _store(turns, lengths, n, backwards, flip, mirror, wt[:4], wl[:4])
-        if backwards:
-            continue
-        # (8.1): L+ S+ L+
-        v = _wrap(pt - angle_l)
-        if angle_l >= -_ZERO and v >= -_ZERO:
-            wt[0], wt[1], wt[2] = 1, 0, 1
-            wl[0], wl[1], wl[2] = angle_l, rho_l, v
-            n = _store(turns, lengths, n, False, flip, mirror, wt[:3], wl[:3])
-        # (8.2): L+ S+ R+
-        if rho_r >= 2.0:
-            u = math.sqrt(rho_r * rho_r - 4.0)
-            t = _wrap(math.atan2(eta_r, xi_r) + math.atan2(2.0, u))
-            v = _wrap(t - pt)
-            if t >= -_ZERO and v >= -_ZERO:
-                wt[0], wt[1], wt[2] = 1, 0, -1
-                wl[0], wl[1], wl[2] = t, u, v
-                n = _store(turns, lengths, n, False, flip, mirror, wt[:3], wl[:3])
-        # (8.7): L+ R+ L- R-
-        rho = 0.25 * (2.0 + rho_r)
-        if rho <= 1.0:
-            u = math.acos(rho)
-            t, v = _tau_omega(u, -u, xi_r, eta_r, pt)
-            if t >= -_ZERO and v <= _ZERO:
-                wt[0], wt[1], wt[2], wt[3] = 1, -1, 1, -1
-                wl[0], wl[1], wl[2], wl[3] = t, u, -u, v
-                n = _store(turns, lengths, n, False, flip, mirror, wt[:4], wl[:4])
-        # (8.8): L+ R- L- R+
-        rho = (20.0 - xi_r * xi_r - eta_r * eta_r) / 16.0
-        if 0.0 <= rho <= 1.0:
-            u = -math.acos(rho)
-            t, v = _tau_omega(u, u, xi_r, eta_r, pt)
-            if t >= -_ZERO and v >= -_ZERO:
-                wt[0], wt[1], wt[2], wt[3] = 1, -1, 1, -1
-                wl[0], wl[1], wl[2], wl[3] = t, u, u, v
-                n = _store(turns, lengths, n, False, flip, mirror, wt[:4], wl[:4])
-        # (8.11): L+ R-(pi/2) S- L-(pi/2) R+
-        if rho_r >= 2.0:
-            u = 4.0 - math.sqrt(rho_r * rho_r - 4.0)
-            if u <= _ZERO:
-                t = _wrap(math.atan2((4.0 - u) * xi_r - 2.0 * eta_r, -2.0 * xi_r + (u - 4.0) * eta_r))
-                v = _wrap(t - pt)
-                if t >= -_ZERO and v >= -_ZERO:
-                    wt[0], wt[1], wt[2], wt[3], wt[4] = 1, -1, 0, 1, -1
-                    wl[0], wl[1], wl[2], wl[3], wl[4] = t, -_HALF_PI, u, -_HALF_PI, v
-                    n = _store(turns, lengths, n, False, flip, mirror, wt, wl)
-    return n
+    return _words(x, y, theta, np.inf, turns, lengths)
 
 
 @kernel
@@ -164,19 +189,14 @@ def reeds_shepp_shortest(
 
     turns and lengths are work space, as for ``reeds_shepp_words``.
     """
-    n = reeds_shepp_words(x, y, theta, turns, lengths)
-    best, winner = np.inf, -1
-    for i in range(n):
-        total = 0.0
-        for j in range(SEGMENTS):
-            total += abs(lengths[i, j])
-        if total < best:
-            best, winner = total, i
-    if winner >= 0:
-        for j in range(SEGMENTS):
-            word_turns[j] = turns[winner, j]
-            word_lengths[j] = lengths[winner, j]
-    return best
+    if _words(x, y, theta, _LONGER, turns, lengths) == 0:
+        return np.inf
+    total = 0.0
+    for j in range(SEGMENTS):
+        word_turns[j] = turns[0, j]
+        word_lengths[j] = lengths[0, j]
+        total += abs(lengths[0, j])
+    return total
 
 
 @kernel

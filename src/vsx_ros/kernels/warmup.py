@@ -9,6 +9,7 @@ from vsx_ros.kernels import (
     bundle,
     clearance,
     epipolar,
+    flood,
     floor_contact,
     ground_map,
     jlinkage,
@@ -156,18 +157,18 @@ def _planning() -> None:
     clearance.interpolate_many(field, 0.1, 0.0, 0.0, np.full((1, 2), 0.5))
     clearance.least_on_curve(field, 0.1, 0.0, 0.0, np.full((2, 5), 0.5), 1, 0.005)
     clearance.arc_is_free(field, 0.1, 0.0, 0.0, 0.5, 0.5, 0.0, 0.0, 0.1)
-    start, goal, nowhere = np.array([0.5, 0.5, 0.0]), np.array([0.7, 0.5, 0.0]), np.full(3, np.nan)
+    start, goal = np.array([0.5, 0.5, 0.0]), np.array([0.7, 0.5, 0.0])
     remaining = clearance.fringe(lattice.wavefront(field >= 0.0, 5, 5) * 0.1, 0.1)
     ground = (field, 0.1, 0.0, 0.0)
     table = reeds_shepp.reeds_shepp_table()
     table.flags.writeable = False
-    _, poses, parents, motions, step, winner, _ = lattice.lattice_search(
+    poses, parents, motions, step, winner = lattice.lattice_search(
         *ground, start, 1.0, 24, 1, 0.1, 1.5, goal, remaining, table, 1000
     )
     turns, lengths = lattice.lattice_way(poses, parents, motions, winner, step, goal, 1.0)
     lattice.reverse_run(lengths)
-    level = lattice.lattice_search(*ground, start, 1.0, 24, 1, 0.1, 1.5, nowhere, np.zeros((1, 1)), table, 1000)[0]
-    lattice.lattice_costs(level, step, 0.0, 0.0, 0.0, 0.1, 1.0, goal[None])
+    level, step = flood.flood(*ground, start, 1.0, 24, 1, 0.1, 1.5)
+    flood.flood_costs(level, step, 0.0, 0.0, 0.0, 0.1, 1.0, field, 0.1, field >= 0.0, goal[None])
     shortcuts.shorten(*ground, start, turns, lengths, 1.0, 1.5, 0.1, np.uint64(1), 4)
     rrt.rrt_connect(*ground, np.flatnonzero(field > 0.0), start, goal, 1.0, 2.0, 1.5, np.uint64(1), 4)
     work = (

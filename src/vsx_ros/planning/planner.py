@@ -10,7 +10,7 @@ from vsx_ros.arrays import FloatArray
 from vsx_ros.config import PlannerConfig, RobotConfig
 from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.kernels.lattice import lattice_costs, lattice_search
+from vsx_ros.kernels.flood import flood, flood_costs
 from vsx_ros.occupancy.distance import travel_distance, with_fringe
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning import corridor_qp
@@ -29,7 +29,6 @@ from vsx_ros.planning.skeleton import (
     search_lattice,
     search_tree,
     shortened,
-    word_table,
 )
 from vsx_ros.planning.unconstrained import UnconstrainedPlanner
 
@@ -121,20 +120,15 @@ class Planner:
         corridor = build_corridor(grid, start, None, self._config, self._robot)
         if isinstance(corridor, Refusal):
             return np.full(len(poses), np.inf)
-        m = corridor.margin
-        nowhere, lattice = np.full(3, np.nan), coarse_lattice(phi)
-        level, _, _, _, step, _, _ = lattice_search(
+        m, lattice = corridor.margin, coarse_lattice(phi)
+        level, step = flood(
             m.values, m.resolution, m.origin_x, m.origin_y, start.as_array(), phi, lattice.headings, lattice.bins,
-            lattice.cell_m, self._config.max_reverse_m, nowhere, np.zeros((1, 1)), word_table(), lattice.most_states,
+            lattice.cell_m, self._config.max_reverse_m,
         )  # fmt: skip
         # The estimate looks a few cells around a pose, perhaps through a thin wall: believe it only on joined ground.
         joined = np.isfinite(with_fringe(travel_distance(m, (start.x, start.y)), m.resolution))
-        inside = np.flatnonzero(m.at(poses[:, :2]) >= 0.0)
-        rows, columns = m.cells(poses[inside, :2])
-        allowed = inside[joined[rows, columns]]
-        costs = np.full(len(poses), np.inf)
-        costs[allowed] = lattice_costs(
-            level, step, start.theta, m.origin_x, m.origin_y, lattice.cell_m, phi, poses[allowed]
+        costs: FloatArray = flood_costs(
+            level, step, start.theta, m.origin_x, m.origin_y, lattice.cell_m, phi, m.values, m.resolution, joined, poses
         )
         return costs
 
@@ -177,8 +171,8 @@ class Planner:
         if not skeletons or skeletons[0].length_m > _NEAR_BOUND * bound + STOP_COST_M:
             raw = (
                 search_lattice(margin, start, goal, tight, limit, remaining, coarse_lattice(tight))
-                or search_tree(margin, start, goal, tight, limit, rng)
                 or search_lattice(margin, start, goal, tight, limit, remaining, fine_lattice(tight))
+                or search_tree(margin, start, goal, tight, limit, rng)
             )
             if raw is not None:
                 skeletons += [shortened(raw, margin, start, limit, rng) for _ in range(_SHORTENINGS)]

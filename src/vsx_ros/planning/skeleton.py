@@ -156,7 +156,7 @@ def search_lattice(
     """
     bound = np.where(np.isfinite(remaining), OCTILE * remaining, 1e6)
     goal_array = goal.as_array()
-    _, poses, parents, motions, step, winner, _ = lattice_search(
+    poses, parents, motions, step, winner = lattice_search(
         margin.values, margin.resolution, margin.origin_x, margin.origin_y, start.as_array(), phi,
         lattice.headings, lattice.bins, lattice.cell_m, max_reverse_m, goal_array, bound, word_table(),
         lattice.most_states,

@@ -1,0 +1,149 @@
+"""How far it is to every position and heading of a map by arcs of one length, and from there to any pose."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from vsx_ros.kernels import kernel
+from vsx_ros.kernels.clearance import interpolate
+from vsx_ros.kernels.motions import BENDS, MOTIONS, SIGNS, arc_places, places_are_free
+
+UNREACHED = 16384
+_AROUND = 8  # cells; half of it to either side, about as far as an arc
+
+
+@kernel
+def flood(
+    values: Any,
+    resolution: float,
+    x0: float,
+    y0: float,
+    start: Any,
+    phi: float,
+    headings: int,
+    bins: int,
+    cell: float,
+    max_reverse: float,
+) -> tuple[Any, float]:
+    """Breadth first from a pose by arcs of one length, turning by ``bins`` of ``headings`` bins left, right or not.
+
+    values (H, W): margin field [m] in which the way must not be negative. start (3,). Every state is a heading bin and
+    a cell of size ``cell`` [m]; the position of its first arrival is kept exactly, so no error adds up. Returns level
+    (headings, R, C) int16, arcs to each state or UNREACHED, and the arcs' length [m].
+    """
+    rows = int(math.ceil(values.shape[0] * resolution / cell))
+    columns = int(math.ceil(values.shape[1] * resolution / cell))
+    size = rows * columns
+    step = bins * 2.0 * math.pi / headings / phi
+    level = np.full((headings, rows, columns), UNREACHED, np.int16)
+    i, j = int(math.floor((start[1] - y0) / cell)), int(math.floor((start[0] - x0) / cell))
+    if not (0 <= i < rows and 0 <= j < columns):
+        return level, step
+    arcs = arc_places(headings, start[2], step, phi, resolution)
+    last = arcs.shape[2] - 1
+    reverses = int((max_reverse + 1e-9) / step)
+    states = np.empty(headings * size, np.int32)
+    at = np.empty((headings * size, 2))
+    backed = np.empty(headings * size, np.int16)  # arcs in reverse since the last forward one
+    level[0, i, j] = 0
+    states[0], at[0, 0], at[0, 1], backed[0] = i * columns + j, start[0], start[1], 0
+    head, tail = 0, 1
+    while head < tail:
+        h, place = states[head] // size, states[head] % size
+        x, y = at[head, 0], at[head, 1]
+        arrived = level[h, place // columns, place % columns] + 1
+        if arrived == UNREACHED:
+            break
+        margin = math.nan
+        for m in range(MOTIONS):
+            backwards = backed[head] + 1 if SIGNS[m] < 0 else 0
+            if backwards > reverses:
+                break
+            nx, ny = x + arcs[h, m, last, 0], y + arcs[h, m, last, 1]
+            a, b = int((ny - y0) / cell), int((nx - x0) / cell)
+            g = (h + BENDS[m] * SIGNS[m] * bins + headings) % headings
+            if ny < y0 or nx < x0 or a >= rows or b >= columns or level[g, a, b] != UNREACHED:
+                continue
+            if math.isnan(margin):
+                margin = interpolate(values, resolution, x0, y0, x, y)
+            # Open ground: the field (of slope about one) proves the whole arc free.
+            if margin < 1.3 * step and not places_are_free(values, resolution, x0, y0, x, y, arcs[h, m], step):
+                continue
+            level[g, a, b] = arrived
+            states[tail] = (g * rows + a) * columns + b
+            at[tail, 0], at[tail, 1], backed[tail] = nx, ny, backwards
+            tail += 1
+        head += 1
+    return level, step
+
+
+@kernel
+def flood_costs(
+    level: Any,
+    step: float,
+    start_theta: float,
+    x0: float,
+    y0: float,
+    cell: float,
+    phi: float,
+    values: Any,
+    resolution: float,
+    joined: Any,
+    poses: Any,
+) -> Any:
+    """(N,) travel length [m] to poses (N, 3): the least over the states around each, plus what remains from there.
+
+    level (headings, R, C) and step of ``flood``. What remains is estimated from the offset: along, aside and turn. A
+    pose where the margin field values (H, W) [m] is negative or whose cell is not in joined (H, W) bool is not reached:
+    inf. Poses that share a position are answered sooner one after the other.
+    """
+    headings, rows, columns = level.shape
+    half = _AROUND // 2
+    reached = np.full((headings, rows + 2 * half, columns + 2 * half), np.float32(np.inf))
+    for g in range(headings):
+        for a in range(rows):
+            for b in range(columns):
+                if level[g, a, b] != UNREACHED:
+                    reached[g, a + half, b + half] = np.float32(level[g, a, b] * step)
+    width = 2.0 * math.pi / headings
+    bend = np.float32(0.5 * width / phi)
+    size = np.float32(cell)
+    out = np.full(poses.shape[0], np.inf)
+    best = np.empty(_AROUND, np.float32)
+    x, y, there = math.nan, math.nan, False
+    i, j, dx0, dy0 = 0, 0, np.float32(0.0), np.float32(0.0)
+    for k in range(poses.shape[0]):
+        if poses[k, 0] != x or poses[k, 1] != y:
+            x, y = poses[k, 0], poses[k, 1]
+            there = interpolate(values, resolution, x0, y0, x, y) >= 0.0
+            u, v = int(math.floor((y - y0) / resolution)), int(math.floor((x - x0) / resolution))
+            there = there and 0 <= u < joined.shape[0] and 0 <= v < joined.shape[1] and joined[u, v]
+            # The corner of the cells around, in the padded planes, and how far the pose is from the middle of it.
+            i, j = int(math.floor((y - y0) / cell + 0.5)), int(math.floor((x - x0) / cell + 0.5))
+            dy0, dx0 = np.float32(y - y0 - (i - half + 0.5) * cell), np.float32(x - x0 - (j - half + 0.5) * cell)
+        if not there:
+            continue
+        turn = (poses[k, 2] - start_theta) / width
+        g = int(math.floor(turn + 0.5))
+        here = reached[g % headings]
+        left, right = reached[(g + 1) % headings], reached[(g - 1) % headings]
+        off = np.float32(turn - g)
+        stay, to_left, to_right = bend * abs(off), bend * abs(off - np.float32(1)), bend * abs(off + np.float32(1))
+        c, s = np.float32(math.cos(poses[k, 2])), np.float32(math.sin(poses[k, 2]))
+        best[:] = np.float32(np.inf)
+        for di in range(_AROUND):
+            dy = dy0 - np.float32(di) * size
+            a = i + di
+            for dj in range(_AROUND):
+                dx = dx0 - np.float32(dj) * size
+                d = here[a, j + dj] + stay
+                e, f = left[a, j + dj] + to_left, right[a, j + dj] + to_right
+                d = e if e < d else d
+                d = f if f < d else d
+                d += abs(c * dx + s * dy) + np.float32(2.0) * abs(c * dy - s * dx)
+                best[dj] = d if d < best[dj] else best[dj]
+        out[k] = best.min()
+    return out

@@ -1,0 +1,53 @@
+"""The arcs of one length that searches over positions and headings drive by, looked at without trigonometry."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from vsx_ros.kernels import kernel
+from vsx_ros.kernels.clearance import interpolate
+from vsx_ros.kernels.reeds_shepp import advance
+
+BENDS = np.array([0, 1, -1, 0, 1, -1])
+SIGNS = np.array([1, 1, 1, -1, -1, -1])
+MOTIONS = 6
+"""Straight on, to the left and to the right; forwards, then in reverse."""
+
+_SPACING = 0.3  # of a cell of the margin field, at which an arc is looked at
+
+
+@kernel
+def arc_places(headings: int, theta: float, step: float, phi: float, resolution: float) -> Any:
+    """(headings, MOTIONS, P, 2) places along the arcs from the origin at every heading, from theta on."""
+    places = int(math.ceil(step / (_SPACING * resolution)))
+    out = np.empty((headings, MOTIONS, places + 1, 2))
+    for g in range(headings):
+        head = theta + g * 2.0 * math.pi / headings
+        for m in range(MOTIONS):
+            for p in range(places + 1):
+                length = SIGNS[m] * step * p / places
+                out[g, m, p, 0], out[g, m, p, 1], _ = advance(0.0, 0.0, head, float(BENDS[m]), length, phi)
+    return out
+
+
+@kernel
+def places_are_free(
+    values: Any, resolution: float, x0: float, y0: float, x: float, y: float, places: Any, step: float
+) -> bool:
+    """Whether an arc of length ``step`` from (x, y) by ``places`` (P, 2) stays where the field is not negative.
+
+    Places that the field proves free are passed over; the last one is looked at first.
+    """
+    last = places.shape[0] - 1
+    if interpolate(values, resolution, x0, y0, x + places[last, 0], y + places[last, 1]) < 0.0:
+        return False
+    p = 0
+    while p < last:
+        d = interpolate(values, resolution, x0, y0, x + places[p, 0], y + places[p, 1])
+        if d < 0.0:
+            return False
+        p += max(1, int(0.7 * d * last / step))
+    return True
