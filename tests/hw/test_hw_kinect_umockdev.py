@@ -16,9 +16,10 @@ pytestmark = pytest.mark.skipif(
 )
 
 
-def run(frames: int, paced: bool = False, unplug_after: int = 0, lose: int = 0) -> dict:
+def run(frames: int, paced: bool = False, unplug_after: int = 0, lose: int = 0, back: bool = False) -> dict:
     child = Path(__file__).with_name("umockdev_kinect.py")
-    command = [str(WRAPPER), sys.executable, str(child), str(frames), str(int(paced)), str(unplug_after), str(lose)]
+    arguments = [str(int(argument)) for argument in (frames, paced, unplug_after, lose, back)]
+    command = [str(WRAPPER), sys.executable, str(child), *arguments]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
@@ -42,3 +43,12 @@ def test_a_camera_unplugged_at_the_usb_is_told_so():
     result = run(100, unplug_after=8)
     assert "unplugged" in result["message"]
     assert 5 <= result["good"] == result["delivered"] <= 8
+
+
+def test_a_camera_plugged_in_again_streams_by_itself():
+    result = run(30, unplug_after=8, back=True)
+    assert "no Kinect on the USB" in result["absent"]
+    assert result["good"] == result["delivered"] == 30
+    assert result["connections"] == 2
+    assert result["message"] == "streaming"
+    assert result["switched_off"]

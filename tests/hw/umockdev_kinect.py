@@ -1,6 +1,6 @@
 """A Kinect below the real libusb: umockdev hands this process the ioctls of its usbfs node. Run under umockdev-wrapper.
 
-``python umockdev_kinect.py FRAMES PACED UNPLUG_AFTER LOSE`` starts the real driver on it and prints a JSON line.
+``python umockdev_kinect.py FRAMES PACED UNPLUG_AFTER LOSE REPLUG`` starts the real driver on it and prints a JSON line.
 struct usbdevfs_urb of Linux on x86-64: u8 type, u8 endpoint, i32 status at 4, u64 buffer at 16, i32 length at 24,
 actual at 28, i32 packets at 36, u64 at 48, then per packet u32 length, actual, status from 56 on.
 """
@@ -185,8 +185,7 @@ class Wire:
         return packet
 
 
-def plug_in(wire: Wire) -> object:
-    testbed = UMockdev.Testbed.new()
+def plug_in(testbed: UMockdev.Testbed, wire: Wire) -> UMockdev.IoctlBase:
     tree = f"""P: {SYSFS.removeprefix("/sys")}
 N: bus/usb/001/002
 E: DEVNAME=/dev/bus/usb/001/002
@@ -206,23 +205,38 @@ H: descriptors={descriptors().hex().upper()}
     handler = UMockdev.IoctlBase()
     handler.connect("handle-ioctl", wire.handle)
     assert testbed.attach_ioctl(NODE, handler)
-    threading.Thread(target=GLib.MainLoop().run, daemon=True).start()
-    return testbed, handler
+    return handler
+
+
+def replug(testbed: UMockdev.Testbed, camera: KinectCamera) -> tuple[Wire, UMockdev.IoctlBase, str]:
+    """The cable is pulled until the driver has noticed, and put back; what the driver said meanwhile."""
+    testbed.detach_ioctl(NODE)
+    testbed.remove_device(SYSFS)
+    deadline_s = time.monotonic() + 10.0
+    while "no Kinect" not in camera.status().message and time.monotonic() < deadline_s:
+        time.sleep(0.02)
+    said = camera.status().message
+    wire = Wire(paced=True, unplug_after=0, lose=0)
+    return wire, plug_in(testbed, wire), said
 
 
 def main() -> None:
-    count, paced, unplug_after, lose = (int(argument) for argument in sys.argv[1:])
+    count, paced, unplug_after, lose, back = (int(argument) for argument in sys.argv[1:])
     wire = Wire(bool(paced), unplug_after, lose)
-    plugged = plug_in(wire)
+    testbed = UMockdev.Testbed.new()
+    threading.Thread(target=GLib.MainLoop().run, daemon=True).start()
+    plugged, absent = plug_in(testbed, wire), ""
     images: queue.Queue = queue.Queue()
     good, first_s, last_s = 0, 0.0, 0.0
     camera = KinectCamera(UsbTransport, "kinect", images.put)
     stamps = []
     with camera:
-        deadline_s = time.monotonic() + 15.0
+        deadline_s = time.monotonic() + 25.0
         while good < count and time.monotonic() < deadline_s:
-            if unplug_after and "unplugged" in camera.status().message:
-                break
+            if unplug_after and not absent and "unplugged" in camera.status().message:
+                if not back:
+                    break
+                wire, plugged, absent = replug(testbed, camera)
             try:
                 reading = images.get(timeout=0.2)
             except queue.Empty:
@@ -237,7 +251,7 @@ def main() -> None:
     steps = [b - a for a, b in zip(stamps, stamps[1:])]
     print(
         json.dumps(
-            {"good": good, "delivered": len(stamps), "rate_hz": rate_hz, "message": status.message,
+            {"good": good, "delivered": len(stamps), "rate_hz": rate_hz, "message": status.message, "absent": absent,
              "serial": camera.serial, "step_ns": [min(steps), max(steps)] if steps else [], **status.counters,
              "switched_off": wire.board.registers.get(5) == 0}
         )

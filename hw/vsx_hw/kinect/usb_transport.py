@@ -1,4 +1,4 @@
-"""A Kinect on the USB: control transfers and 16 isochronous transfers of 32 packets in flight (64 ms), by libusb1."""
+"""A Kinect on the USB: control transfers and 32 isochronous transfers of 32 packets in flight (128 ms), by libusb1."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from vsx_hw.kinect.transport import PacketHandler
 XBOX = (0x045E, 0x02AE)
 KINECT_FOR_WINDOWS = (0x045E, 0x02BF)
 VIDEO_ENDPOINT = 0x81
-TRANSFERS, PACKETS = 16, 32
+TRANSFERS, PACKETS = 32, 32
 CONTROL_TIMEOUT_MS = 500
 
 _REMEDIES = {
