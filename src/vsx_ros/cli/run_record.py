@@ -61,6 +61,13 @@ class RunRecord:
             elif isinstance(line, EventLine):
                 self.events.append(RunEvent(line.stamp_ns, line.source, line.state, line.reason))
 
+    def wheels_start_anew(self) -> None:
+        """From here on the wheels count from elsewhere: no frame so far is compared with one to come."""
+        for index in reversed(range(len(self.results))):
+            self._by_odometry[index] = None
+            if self.results[index].state.tracked:
+                return
+
     def estimate(self) -> list[StampedPose]:
         """T_world_cam of every frame tracked from the map."""
         return [

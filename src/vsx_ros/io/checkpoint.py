@@ -7,13 +7,14 @@ the program dies, map.zip is the old or the new one, and the pictures it names a
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
 from vsx_ros.errors import InputError
-from vsx_ros.io.atomic import write_bytes
+from vsx_ros.io.atomic import write_bytes, write_text
 from vsx_ros.io.sealed_archive import seal, unseal
 from vsx_ros.io.slam_map_file import array_bytes, array_of, damage_explained, encoded, entries_of, image_name
 from vsx_ros.io.slam_map_file import slam_map_of as slam_map_of_entries
@@ -78,6 +79,23 @@ class Checkpoint:
                 if name.startswith(_STATE)
             }
             return Saved(slam_map_of_entries(entries), int(tree["stamp_ns"]), state, dict(tree["mission"]))
+
+    def write_mission(self, memory: Mapping[str, Any]) -> None:
+        """What a mission in a process of its own remembers, apart from the map, in one step."""
+        self.path.mkdir(parents=True, exist_ok=True)
+        write_text(self.path / "mission.json", json.dumps(dict(memory)))
+
+    def read_mission(self) -> dict[str, Any] | None:
+        """What the mission of an interrupted run remembered; None without a map to use it in. Raises InputError when
+        damaged."""
+        path = self.path / "mission.json"
+        if not (self.exists and path.exists()):
+            return None
+        try:
+            tree = json.loads(path.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise InputError(f"{path} cannot be read ({error}); delete it, the mission then begins anew") from error
+        return tree if isinstance(tree, dict) else {}
 
 
 def _file(keyframe: KeyFrame) -> str:

@@ -76,7 +76,16 @@ class EventLine(Struct, frozen=True, kw_only=True, tag="event"):
     reason: str
 
 
-Line: TypeAlias = FrameLine | TruthLine | EventLine
+class ClockLine(Struct, frozen=True, kw_only=True, tag="clock"):
+    """How long the run has lasted so far, and what was counted in it."""
+
+    stamp_ns: int
+    elapsed_s: float
+    plans: int
+    collisions: int
+
+
+Line: TypeAlias = FrameLine | TruthLine | EventLine | ClockLine
 _ENCODE, _DECODE = msgspec.json.Encoder(), msgspec.json.Decoder(Line)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Mapping
 
 import rospy
 from geometry_msgs.msg import PoseArray
@@ -12,6 +13,7 @@ from nav_msgs.msg import Path as PathMsg
 from nav_msgs.srv import GetMap, GetMapRequest, GetMapResponse
 from sensor_msgs.msg import PointCloud2
 
+from vsx_ros.arrays import FloatArray
 from vsx_ros.config import Config
 from vsx_ros.dense.anchored import AnchoredSpots
 from vsx_ros.dense.mapped_ground import MappedGround
@@ -59,6 +61,15 @@ class GroundMapping:
         """The bumper was pressed at the last pose."""
         with self._lock:
             self._bumped.append(self.pose)
+
+    def state(self) -> dict[str, FloatArray]:
+        """What was driven and bumped until the last map, for another session; from the thread of ``refresh``."""
+        return self._ground.state()
+
+    def restore(self, state: Mapping[str, FloatArray]) -> None:
+        """Go on from the ``state`` of a session before. Raises InputError for anything else."""
+        self._ground.restore(state)
+        self._start = self._ground.start
 
     def refresh(self, snapshot: MapSnapshot, spots: AnchoredSpots | None) -> None:
         """Build and publish again what changed; without keyframes the map is the strip assumed free at the start."""

@@ -63,7 +63,7 @@ def exploration(planner: str = "fov", seed: int = 0, run_dir: str = "") -> list[
         LaunchNode("vslam", {"seed": seed, "run_dir": run_dir}),
         LaunchNode("move_base", {"planner": planner, "seed": seed}, respawn=True),
         LaunchNode("follower", {}, respawn=True),
-        LaunchNode("explore", {}),
+        LaunchNode("explore", {"run_dir": run_dir}),
     ]
 
 

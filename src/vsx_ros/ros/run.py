@@ -11,31 +11,31 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
-from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from vsx_hw.errors import DeviceError
-from vsx_ros.cli.config import load
 from vsx_ros.cli.exit_codes import DONE, FAILED, HARDWARE, INTERNAL, LOST, STOPPED
-from vsx_ros.cli.explore import add_arguments
+from vsx_ros.cli.explore import add_arguments, begin
 from vsx_ros.cli.report import one_line_facts, write_report
 from vsx_ros.cli.run_record import MapJudge
 from vsx_ros.cli.world import open_world
-from vsx_ros.config import overridden, to_dict
-from vsx_ros.errors import VsxError
+from vsx_ros.config import to_dict
+from vsx_ros.errors import ConfigError, VsxError
 from vsx_ros.evaluation.summary import Summary, with_accuracy
 from vsx_ros.exploration.decision import MissionState, Outcome
+from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.run_folder import RunFolder
-from vsx_ros.ros import launch, view
+from vsx_ros.ros import launch, process, view
 from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.live import Live
 from vsx_ros.ros.progress import Progress, progress_line
 from vsx_ros.ros.witness import Witness
-from vsx_ros.sim.world import World
-from vsx_ros.sim.world_file import save_world
+from vsx_ros.ros.witness_journal import WitnessJournal
+from vsx_ros.sim.world import Start, World, changed
+from vsx_ros.sim.world_file import load_world, save_world
 
 _READY_WAIT_S = 180.0
 _COVERAGE_PERIOD_S = 2.0
@@ -76,20 +76,19 @@ class Coverage:
 
 
 def explore(args: argparse.Namespace) -> int:
-    """One live run; its exit code."""
-    config = load(args.config, args.set)
-    if args.phi is not None:
-        config = overridden(config, {"planner.phi_rad_m": args.phi})
-    world = open_world(args.world, args.seed) if args.world else None
-    name = args.world if args.world else args.base
-    now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
-    folder = RunFolder.create(args.out or Path("runs") / f"{now}_{Path(name).stem}")
-    folder.write_config(config, ["vsx", "explore", *sys.argv[1:]], seed=args.seed, world=args.world)
+    """One live run, or the rest of one that was interrupted; its exit code."""
+    folder, config = begin(args)
+    world = None
+    if args.world:
+        world = open_world(args.world, args.seed) if args.resume is None else load_world(folder.path / "world.yaml")
     os.environ["ROS_LOG_DIR"] = str((folder.path / "log").resolve())
     (folder.path / "log").mkdir(exist_ok=True)
     judge = MapJudge(world, config) if world is not None else None
+    journal = WitnessJournal(folder, config.robot.mount)
+    if args.time is not None and journal.clock.elapsed_s >= args.time:
+        raise ConfigError(f"{folder.path} has lasted {journal.clock.elapsed_s:.0f} s; to go on give more with --time")
     with tempfile.TemporaryDirectory(prefix="vsx-") as devices:
-        nodes = _nodes(args, folder, world, Path(devices))
+        nodes = _nodes(args, folder, world, Path(devices), journal.T_world_base)
         url = ""
         if args.view:
             port, url = view.prepare()
@@ -102,26 +101,39 @@ def explore(args: argparse.Namespace) -> int:
             if url and not args.headless:
                 view.open_browser(url)
             witness = Witness(emulated=world is not None)
-            ending, duration_s = _watch(live, witness, Coverage(judge), progress, args.time)
+            ending = _watch(live, witness, journal, Coverage(judge), progress, args.time)
             progress.say(f"stopping: {ending.reason}")
-    _gather(folder, witness, judge, ending, duration_s, args)
+    _gather(folder, witness, journal, judge, ending, args)
     return ending.code
 
 
-def _nodes(args: argparse.Namespace, folder: RunFolder, world: World | None, devices: Path) -> list[LaunchNode]:
+def _nodes(
+    args: argparse.Namespace, folder: RunFolder, world: World | None, devices: Path, T_world_base: SE2 | None
+) -> list[LaunchNode]:
+    """T_world_base: where an emulated robot stood when the run was interrupted."""
     above = launch.exploration(args.planner, args.seed, str(folder.path.resolve()))
     if world is None:
         return [*launch.bringup(args.base, args.port, args.camera), *above]
-    save_world(world, folder.path / "world.yaml")
-    return [*launch.emulation(str(folder.path.resolve() / "world.yaml"), args.seed, str(devices), args.base), *above]
+    path = folder.path.resolve() / "world.yaml"
+    save_world(world, path)
+    if T_world_base is not None:
+        path = path.with_name("world_resumed.yaml")
+        start = Start(x=T_world_base.x, y=T_world_base.y, theta_rad=T_world_base.theta)
+        save_world(changed(world, start=start), path)
+    return [*launch.emulation(str(path), args.seed, str(devices), args.base), *above]
 
 
 def _watch(
-    live: Live, witness: Witness, coverage: Coverage, progress: Progress, limit_s: float | None
-) -> tuple[Ending, float]:
-    """Until the mission, the time, the operator or a failure ends it; and how many seconds that took.
+    live: Live,
+    witness: Witness,
+    journal: WitnessJournal,
+    coverage: Coverage,
+    progress: Progress,
+    limit_s: float | None,
+) -> Ending:
+    """Until the mission, the time, the operator or a failure ends it.
 
-    Time counts from the mission's first word.
+    Time counts from the mission's first word, and from where an earlier session was interrupted.
     """
     started_s = time.monotonic()
     began_s: float | None = None
@@ -130,14 +142,15 @@ def _watch(
         now_s = time.monotonic()
         if began_s is None and witness.status:
             began_s = now_s
-        elapsed_s = now_s - began_s if began_s is not None else 0.0
+        elapsed_s = journal.clock.elapsed_s + (now_s - began_s if began_s is not None else 0.0)
         ending = _ending(live, witness, elapsed_s, limit_s)
         if ending is None and began_s is None and now_s - started_s > _READY_WAIT_S:
             ending = Ending(
                 f"the nodes were not ready within {_READY_WAIT_S:.0f} s; see the run's log folder", HARDWARE
             )
+        journal.keep(witness, process.now_ns(), elapsed_s)
         if ending is not None:
-            return ending, elapsed_s
+            return ending
         warnings = witness.new_warnings()
         if began_s is not None or not witness.emulated:  # emulated devices appear while their drivers already look
             for warning in warnings:
@@ -162,22 +175,22 @@ def _ending(live: Live, witness: Witness, elapsed_s: float, limit_s: float | Non
 def _gather(
     folder: RunFolder,
     witness: Witness,
+    journal: WitnessJournal,
     judge: MapJudge | None,
     ending: Ending,
-    duration_s: float,
     args: argparse.Namespace,
 ) -> None:
     """Complete what vslam wrote with what the witness saw, and tell it."""
     known = folder.read_summary() if (folder.path / "summary.json").exists() else {}
-    navigation, truth = witness.navigation(), witness.truth()
+    navigation, truth, so_far = witness.navigation(), [*journal.truth(), *witness.truth()], journal.so_far
     summary = with_accuracy(Summary(**known), folder.read_poses("trajectory"), truth, "yaw")
     if judge is not None:
-        summary = judge.judged(summary, witness.grid).with_values(collisions=witness.collisions)
+        summary = judge.judged(summary, witness.grid).with_values(collisions=so_far.collisions)
     plan_ms, error_m = np.array(navigation.plan_ms), np.array(navigation.error_m)
     config, _ = folder.read_config()
     summary = summary.with_values(
-        duration_s=duration_s,
-        plans=len(plan_ms),
+        duration_s=so_far.elapsed_s,
+        plans=so_far.plans,
         plan_ms_median=float(np.median(plan_ms)) if plan_ms.size else None,
         plan_ms_p99=float(np.percentile(plan_ms, 99)) if plan_ms.size else None,
         planned_vs_executed_rms_m=float(np.sqrt(np.mean(error_m**2))) if error_m.size else None,
@@ -187,7 +200,7 @@ def _gather(
         planner=args.planner,
         phi=config.planner.phi_rad_m,
     )
-    folder.write_events([*folder.read_events(), *witness.events()])
+    folder.write_events([*folder.read_events(), *journal.events(), *witness.events()])
     if truth:
         folder.write_poses("groundtruth", truth)
     if witness.grid is not None:

@@ -7,7 +7,8 @@ Publishers: explore/frontiers (as explore_lite), explore/status (latched String,
     area, m2), move_base/lease.
 Services: explore/pause, explore/resume, explore/stop, explore/home.
 Actions: client of move_base.
-Parameters: ~config (tree of config.py).
+Parameters: ~config (tree of config.py), ~run_dir (folder of the run, for what the mission shall remember of it when it
+    is interrupted; none).
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import json
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import actionlib
 import numpy as np
@@ -32,9 +34,11 @@ from visualization_msgs.msg import MarkerArray
 from vsx_ros.arrays import Points3
 from vsx_ros.config import Config
 from vsx_ros.exploration.decision import Action, Decision, NavigationState, Situation
+from vsx_ros.exploration.memory import MissionMemory
 from vsx_ros.exploration.mission import Mission
 from vsx_ros.exploration.utility import TravelCosts
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.io.run_folder import RunFolder
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.planner import Planner
 from vsx_ros.ros import base_messages, convert, process, topics
@@ -45,6 +49,7 @@ from vsx_ros.ros.warm_up import warm_up_mission
 
 _DECIDE_PERIOD_S = 0.2
 _STATUS_PERIOD_S = 1.0
+_REMEMBER_PERIOD_S = 1.0
 
 
 class ExploreNode:
@@ -66,6 +71,11 @@ class ExploreNode:
         self._status, self._status_s = "", 0.0
         self._shown: object = None
         self._battery_empty = False
+        run_dir = str(rospy.get_param("~run_dir", ""))
+        self._checkpoint = RunFolder(Path(run_dir)).checkpoint if run_dir else None
+        remembered = self._checkpoint.read_mission() if self._checkpoint is not None else None
+        self._recalled = None if remembered is None else MissionMemory.of(remembered)
+        self._remembered_s = 0.0
         self._where = Localization()
         self._slam = LeaseWatch(topics.FOLLOWER_LEASE)
         self._diagnostics = process.Diagnostics()
@@ -123,14 +133,26 @@ class ExploreNode:
         if not (self._slam.is_known("vslam") and self._client.wait_for_server(rospy.Duration.from_sec(0.01))):
             self._diagnostics.set("mission", process.WARN, "waiting for vslam to see images and for move_base")
             return
+        now_ns, situation = process.now_ns(), self._situation()
         with self._lock:
-            decision = self._mission.decide(process.now_ns(), self._situation())
+            if self._recalled is not None and situation.T_odom_base is not None:
+                self._mission.recall(now_ns, self._recalled, situation.T_odom_base)
+                self._recalled = None
+            decision = self._mission.decide(now_ns, situation)
             events = self._mission.drain_events()
         self._act(decision)
         for event in events:
             rospy.loginfo("%s: %s", event.state, event.reason)
             self._events_pub.publish(json.dumps(event._asdict()))
         self._report(decision)
+        if situation.T_odom_base is not None:
+            self._remember(now_ns, situation.T_odom_base)
+
+    def _remember(self, now_ns: int, T_odom_base: SE2) -> None:
+        """Once a second, what the mission needs to go on after an interruption."""
+        if self._checkpoint is not None and time.monotonic() - self._remembered_s > _REMEMBER_PERIOD_S:
+            self._remembered_s = time.monotonic()
+            self._checkpoint.write_mission(self._mission.memory(now_ns, T_odom_base).tree())
 
     def _situation(self) -> Situation:
         navigation, reason = self._navigation()

@@ -5,7 +5,8 @@ Publishers: vslam/pose (base_footprint in map, stamp of the image), /tf map -> o
     vslam/state, vslam/stats/*, follower/lease; vslam/preview/compressed (while someone looks); map, map_metadata,
     vslam/{map_points,keyframes,path} (latched); vslam/planes, vslam/dense_points, scan (while someone listens).
 Services: static_map.
-Parameters: ~config (tree of config.py), ~seed (int, 0), ~run_dir (folder for the results of the run; none),
+Parameters: ~config (tree of config.py), ~seed (int, 0), ~run_dir (folder for the results of the run, gone
+    on with when it holds the map of an interrupted one; none),
     ~use_odometry (bool, true: wait for odom, the map is metric; false: the map has no scale and no floor),
     ~load_map (SLAM map to go on in, the robot anywhere in it; none), ~save_map (file to save it to at the end; none).
 """
@@ -35,6 +36,7 @@ from vsx_ros.ros.dense_mapping import DenseMapping
 from vsx_ros.ros.ground_mapping import GroundMapping
 from vsx_ros.ros.lease import Lease
 from vsx_ros.ros.preview import Preview
+from vsx_ros.ros.run_keeper import RunKeeper
 from vsx_ros.ros.sensor_sync import SensorSync
 from vsx_ros.ros.slam_messages import SlamStatus
 from vsx_ros.ros.warm_up import warm_up_slam
@@ -42,6 +44,7 @@ from vsx_ros.slam.map import Map
 from vsx_ros.slam.snapshot import snapshot as snapshot_of
 from vsx_ros.slam.state import TrackingResult, TrackingState
 from vsx_ros.slam.threads import ThreadedSlam
+from vsx_ros.slam.tracking_record import TrackingRecord
 
 _MAP_PERIOD_S = 1.0
 _DENSE_PERIOD_S = 0.5
@@ -68,12 +71,18 @@ class VslamNode:
         self._loaded = load_slam_map(Path(load_map)) if load_map else None
         self._sync = SensorSync()
         self._record = RunRecord(self._T_base_cam)
+        self._keeper = RunKeeper(Path(self._run_dir), self._record) if self._run_dir else None
+        before = self._keeper.before if self._keeper is not None else None
+        self._counted = None if before is None else TrackingRecord.restored(before.state)
         self._slam: ThreadedSlam | None = None
         self._T_map_odom = SE2()
         self._odometry_heard = False
         self._ground = GroundMapping(config)
         self._dense = DenseMapping(config)
-        if self._loaded is not None:
+        if before is not None:
+            self._loaded = before.slam_map
+            self._ground.restore(before.state)
+        elif self._loaded is not None:
             first = self._loaded.view.keyframes[0].T_world_cam
             self._ground.started(SE2.from_se3(first @ self._T_base_cam.inverse()))
         self._status = SlamStatus()
@@ -113,7 +122,7 @@ class VslamNode:
         metric = bool(rospy.get_param("~use_odometry", True))
         T_base_cam = self._T_base_cam if metric else None
         self._dense.start(camera, T_base_cam, seed)
-        self._slam = slam = ThreadedSlam(camera, T_base_cam, self._config.slam, seed, self._loaded)
+        self._slam = slam = ThreadedSlam(camera, T_base_cam, self._config.slam, seed, self._loaded, self._counted)
         heard_s, tracked_any = time.monotonic(), False
         while not rospy.is_shutdown():
             taken = self._sync.take(timeout_s=0.2)
@@ -131,11 +140,18 @@ class VslamNode:
             self._lease.renew()
             self._publish_pose(result, odometry)
             self._status.frame(result, now_s - heard_s, self._sync.dropped)
-            self._record.add_frame(result, odometry, time.monotonic() - now_s)
-            self._record.add_slam_events(slam.drain_events())
+            self._remember(slam, result, odometry, time.monotonic() - now_s)
             if self._preview.is_due:
                 self._preview.show(frame, slam.sight())
             heard_s = now_s
+
+    def _remember(self, slam: ThreadedSlam, result: TrackingResult, odometry: Odometry | None, track_s: float) -> None:
+        told = len(self._record.events)
+        self._record.add_frame(result, odometry, track_s)
+        self._record.add_slam_events(slam.drain_events())
+        if self._keeper is not None:
+            self._keeper.frame(result, odometry, track_s, self._record.events[told:])
+            self._keeper.note(slam, result.stamp_ns)
 
     def _first_camera_info(self) -> CameraInfo:
         """The calibration comes with the images; until then say what is missing."""
@@ -172,6 +188,8 @@ class VslamNode:
         if self._ground.grid is not None:
             self._dense.publish(snapshot, self._ground.grid, self._ground.pose)
         self._status.map(snapshot if slam is not None else None)
+        if self._keeper is not None:
+            self._keeper.write(self._ground.state())
 
     def _densify(self) -> None:
         if self._slam is not None:
@@ -189,6 +207,9 @@ class VslamNode:
                 snapshot = self._slam.snapshot()
                 self._record.write(folder, snapshot, self._dense.points(snapshot))
                 folder.write_summary(self._record.summary(self._slam.statistics()).as_dict())
+            if self._keeper is not None and self._record.results:
+                self._keeper.note(self._slam, self._record.results[-1].stamp_ns, now=True)
+                self._keeper.write(self._ground.state())
             slam_map = self._slam.slam_map()
             if self._save_map and slam_map is not None:
                 save_slam_map(slam_map, Path(self._save_map))

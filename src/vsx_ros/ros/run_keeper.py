@@ -1,0 +1,64 @@
+"""What the vslam node keeps writing into the run folder, so that a run killed at any moment can be gone on with."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from vsx_ros.cli.run_record import RunRecord
+from vsx_ros.cli.session import CHECKPOINT_EVERY_NS
+from vsx_ros.io.checkpoint import Saved
+from vsx_ros.io.journal import EventLine, FrameLine, Journal, read_journal
+from vsx_ros.io.run_folder import RunEvent, RunFolder
+from vsx_ros.robot import Odometry
+from vsx_ros.slam.slam_map import SlamMap
+from vsx_ros.slam.state import TrackingResult
+from vsx_ros.slam.threads import ThreadedSlam
+
+
+class RunKeeper:
+    """``frame`` and ``note`` on the thread that tracks; ``write`` on another, which may wait for the disk."""
+
+    def __init__(self, run_dir: Path, record: RunRecord) -> None:
+        """record: takes in what the journal of an interrupted run tells. Raises MapFileError or InputError when the
+        folder holds something damaged."""
+        folder = RunFolder(run_dir)
+        self._checkpoint = folder.checkpoint
+        self.before: Saved | None = self._checkpoint.read() if self._checkpoint.exists else None
+        lines = [] if self.before is None else read_journal(folder.journal)
+        lines = [line for line in lines if self.before is not None and line.stamp_ns <= self.before.stamp_ns]
+        record.recall(lines)
+        record.wheels_start_anew()
+        self._journal = Journal(folder.journal, lines)
+        self._lock = threading.Lock()
+        self._noted: tuple[SlamMap, int, dict[str, NDArray[Any]]] | None = None
+        self._due_ns = 0
+
+    def frame(
+        self, result: TrackingResult, odometry: Odometry | None, track_s: float, events: Sequence[RunEvent]
+    ) -> None:
+        """A frame was tracked, and what it told."""
+        T_odom_base = None if odometry is None else odometry.T_odom_base
+        self._journal.add(
+            *(EventLine(**event._asdict()) for event in events), FrameLine.of(result, T_odom_base, 1e3 * track_s)
+        )
+
+    def note(self, slam: ThreadedSlam, stamp_ns: int, *, now: bool = False) -> None:
+        """Remember the map as it is, every few seconds, to be written."""
+        slam_map = slam.slam_map() if now or stamp_ns >= self._due_ns else None
+        if slam_map is not None:
+            self._due_ns = stamp_ns + CHECKPOINT_EVERY_NS
+            with self._lock:
+                self._noted = slam_map, stamp_ns, slam.record()
+
+    def write(self, ground: dict[str, Any]) -> None:
+        """Write the map noted last, with what is driven and bumped, if there is one."""
+        with self._lock:
+            noted, self._noted = self._noted, None
+        if noted is not None:
+            slam_map, stamp_ns, record = noted
+            self._checkpoint.write(Saved(slam_map, stamp_ns, {**record, **ground}, {}))

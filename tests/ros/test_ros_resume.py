@@ -1,0 +1,76 @@
+"""A live run, killed without warning with all its nodes, goes on in the same map."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rospy")
+
+from ros_ports import free_port
+from test_ros_run import environment, run_command
+
+from vsx_ros.io.journal import ClockLine, FrameLine, read_journal
+from vsx_ros.io.run_folder import RunFolder
+
+pytestmark = pytest.mark.ros
+
+
+def wait_for(condition: Callable[[], bool], run: subprocess.Popen[bytes], seconds: float) -> None:
+    deadline_s = time.monotonic() + seconds
+    while not condition():
+        assert run.poll() is None, "the run ended by itself"
+        assert time.monotonic() < deadline_s
+        time.sleep(0.2)
+
+
+def kill_everything(folder: Path, port: int) -> None:
+    """kill -9 for every process of the run; a second round for those that were just being born."""
+    for _ in range(2):
+        for entry in Path("/proc").glob("[0-9]*/environ"):
+            with contextlib.suppress(OSError):
+                text = entry.read_bytes() + (entry.parent / "cmdline").read_bytes()
+                if f"localhost:{port}".encode() in text or str(folder).encode() in text:
+                    os.kill(int(entry.parent.name), signal.SIGKILL)
+        time.sleep(0.5)
+
+
+def test_killed_and_resumed(tmp_path: Path) -> None:
+    out, port = tmp_path / "run", free_port()
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    command = run_command("--world", "lab", "--seed", "1", "--time", "300", "--headless", "--out", str(out))
+    folder = RunFolder(out)
+    with subprocess.Popen(command, env=environment(tmp_path, port), **quiet) as run:
+        wait_for(lambda: folder.checkpoint.exists and len(folder.checkpoint.read().slam_map.view.living) >= 8, run, 120)
+        kill_everything(out, port)
+        run.wait()
+    assert not (out / "summary.json").exists()
+    before = folder.checkpoint.read()
+    frames = [line for line in read_journal(folder.journal) if isinstance(line, FrameLine)]
+    clock = [line for line in read_journal(out / "resume/witness.jsonl") if isinstance(line, ClockLine)][-1]
+    assert frames[-1].stamp_ns - before.stamp_ns < 8_000_000_000
+
+    command = run_command("--resume", str(out), "--time", f"{clock.elapsed_s + 8:.0f}", "--headless")
+    port = free_port()
+    done = subprocess.run(
+        command, env=environment(tmp_path, port), timeout=150, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    assert summary["duration_s"] > clock.elapsed_s + 6
+    assert (summary["breaks"], summary["collisions"], summary["relocalizations"]) == (0, 0, 1)
+    assert 0.0 < summary["ate_rmse_m"] < 0.05
+    assert summary["keyframes"] >= len(before.slam_map.view.living) - 1
+    assert summary["frames"] == len(folder.read_frames()) > len(frames) - 8 * 15
+    reasons = [event.reason for event in folder.read_events()]
+    assert reasons.count("resumed: looking for a place of the known map") == 1
+    assert "relocalised" in reasons
+    assert folder.read_poses("trajectory")[0].stamp_ns < before.stamp_ns
