@@ -16,6 +16,7 @@ from typing import Any, Protocol
 import cv2
 import rosgraph
 import rospy
+import rospy.core
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from genpy import Message
 from sensor_msgs.msg import Image
@@ -107,6 +108,11 @@ def bridge_logging() -> None:
         logging.getLogger(name).parent = rosout
 
 
+def is_ending() -> bool:
+    """Whether the node is about to end: topics close, and refuse to publish, before ``rospy.is_shutdown`` is true."""
+    return bool(rospy.core.is_shutdown_requested())
+
+
 def now_ns() -> int:
     """ROS time, the clock of all stamps [ns]."""
     nanoseconds: int = rospy.Time.now().to_nsec()
@@ -132,6 +138,9 @@ def subscribe(
             if time.monotonic() - named_s > _NAME_AGAIN_S:
                 named_s = time.monotonic()
                 rospy.logerr("%s: %s", topic, error)
+        except rospy.ROSException:
+            if not is_ending():
+                raise
 
     return rospy.Subscriber(topic, kind, guarded, queue_size=queue_size, **options)
 
@@ -151,7 +160,7 @@ def worker(name: str, loop: Callable[[], None]) -> threading.Thread:
         try:
             loop()
         except Exception as error:
-            if isinstance(error, rospy.ROSException) and rospy.is_shutdown():
+            if isinstance(error, rospy.ROSException) and is_ending():
                 return  # topics close while threads still run
             if isinstance(error, VsxError | DeviceError):
                 rospy.logfatal("%s", error)
@@ -169,7 +178,7 @@ def every(period_s: float, name: str, step: Callable[[], None]) -> threading.Thr
 
     def loop() -> None:
         rate = rospy.Rate(1.0 / period_s, reset=True)
-        while not rospy.is_shutdown():
+        while not is_ending():
             step()
             rate.sleep()
 

@@ -140,7 +140,7 @@ class FollowerNode:
         self._send(STOP)
 
     def _send(self, command: VelocityCommand) -> None:
-        if not rospy.is_shutdown():
+        if not process.is_ending():
             self._command_pub.publish(convert.twist(command))
 
     def _report(self, result: FollowResult) -> None:

@@ -209,7 +209,7 @@ class MoveBaseNode:
 
     def _watch(self, identity_ns: int, frame: str) -> tuple[FollowStatus, str]:
         """Wait for the follower's verdict on the trajectory."""
-        while not rospy.is_shutdown():
+        while not process.is_ending():
             time.sleep(PERIOD_S)
             if self._server.is_preempt_requested():
                 return FollowStatus.STOPPED, "cancelled by the client"
@@ -262,8 +262,11 @@ class MoveBaseNode:
         return convert.path_msg(frame, process.now_ns(), poses)
 
     def close(self) -> None:
-        """A last word to the follower."""
+        """A last word to the follower; and the goal's end is told while its topics are open."""
         self._trajectory_pub.publish(convert.trajectory_msg(None, topics.MAP_FRAME, process.now_ns()))
+        deadline_s = time.monotonic() + _STOP_WAIT_S
+        while self._busy and time.monotonic() < deadline_s:
+            time.sleep(0.01)
 
 
 def _near(a: SE2, b: SE2) -> bool:

@@ -1,0 +1,50 @@
+"""What nodes do alike, without a master: threads that fail, and threads that are still running at the end."""
+
+from __future__ import annotations
+
+import logging
+
+import pytest
+
+pytest.importorskip("rospy")
+
+import rospy
+import rospy.core
+
+from vsx_ros.ros import process
+
+
+def refuse() -> None:
+    raise rospy.ROSException("publish() to a closed topic")
+
+
+@pytest.fixture
+def told(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    reasons: list[str] = []
+    monkeypatch.setattr(rospy, "signal_shutdown", reasons.append)
+    return reasons
+
+
+@pytest.mark.parametrize("ending", [True, False])
+def test_topics_that_close_at_the_end_are_no_failure(
+    ending: bool, told: list[str], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(rospy.core, "is_shutdown_requested", lambda: ending)
+    with caplog.at_level(logging.ERROR, process.__name__):
+        process.worker("mission", refuse).join(5.0)
+    assert told == ([] if ending else ["thread 'mission' failed: publish() to a closed topic"])
+    assert bool(caplog.records) != ending
+
+
+def test_a_thread_that_fails_ends_the_node(told: list[str], caplog: pytest.LogCaptureFixture) -> None:
+    process.worker("sums", lambda: [][0]).join(5.0)
+    assert told == ["thread 'sums' failed: list index out of range"]
+
+
+def test_what_is_done_every_so_often_ends_with_the_node(told: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    steps: list[int] = []
+    monkeypatch.setattr(rospy.core, "is_shutdown_requested", lambda: len(steps) >= 3)
+    rospy.rostime.set_rostime_initialized(True)
+    process.every(0.001, "steps", lambda: steps.append(1)).join(5.0)
+    assert len(steps) == 3
+    assert told == []
