@@ -22,12 +22,12 @@ from vsx_ros.planning.words import HeadingSequence, merge_segments
 _MOST_IN_A_LEG, _MOST_PIECES = 12, 7  # the programme grows with the cube of its pieces; long ways are fitted in parts
 _SAMPLES = Quadrature(intervals=32, order=4)
 _TRUSTED = 4  # every so many samples one is held near where it was
-_ROUNDS = 5
 _TRUST_M = 0.15
 _SLACK_PRICE = 200.0
 _NEAR_M = 0.3
 _GAP_M = 0.004
-_HOPELESS_M = 0.05
+_HOPELESS_M = (0.05, 0.02, 0.0, 0.0, 0.0)
+"""Rounds, and how much room may be missing after each for another to be worth while."""
 _CONVERGED = 0.01
 
 
@@ -100,14 +100,18 @@ def fit(
         A=base.A, lower=base.lower, upper=base.upper,
     )  # fmt: skip
     solution = solve_exact(first)
-    if solution is None:
+    if solution is None or solution.duals is None:
         return None
     x, best = solution.x, None
     trust, gap = _TRUST_M, _GAP_M
     duals = None
-    for _ in range(_ROUNDS):
+    for hopeless_m in _HOPELESS_M:
         round_, kept = _round(base, X, Y, x, start, corridor, trust, gap)
-        answer = solve_exact(round_, None if duals is None else duals[kept])
+        if duals is None:
+            duals = np.zeros(len(kept))
+            duals[: len(base.A)] = solution.duals
+            duals[-1] = -1.0
+        answer = solve_exact(round_, duals[kept])
         if answer is None or answer.duals is None:
             break
         duals = np.zeros(len(kept))
@@ -118,7 +122,7 @@ def fit(
             break
         short = -corridor.least_margin(path)
         if short > 0.0:
-            if best is not None or short > _HOPELESS_M:
+            if best is not None or short > hopeless_m:
                 break
             gap += short + _GAP_M
             trust *= 0.6

@@ -13,6 +13,7 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.kernels.curves import arc_table, curve_table
 from vsx_ros.planning.flat_output import FINE
 
 _ARC_STEP_M = 0.02
@@ -78,17 +79,7 @@ class Piece:
 def arc_piece(start: SE2, kappa: float, length_m: float, direction: int) -> Piece:
     """A circular arc or straight line; kappa = dtheta/ds [rad/m], length positive."""
     steps = max(1, math.ceil(length_m / _ARC_STEP_M), math.ceil(abs(kappa) * length_m / _ARC_STEP_RAD))
-    s = np.arange(steps + 1.0) * (length_m / steps)
-    s[-1] = length_m
-    theta = start.theta + kappa * s
-    table = np.empty((steps + 1, 5))
-    table[:, 0], table[:, 3], table[:, 4] = s, theta, kappa
-    if abs(kappa) < 1e-12:
-        table[:, 1] = start.x + direction * s * math.cos(start.theta)
-        table[:, 2] = start.y + direction * s * math.sin(start.theta)
-    else:
-        table[:, 1] = start.x + direction * (np.sin(theta) - math.sin(start.theta)) / kappa
-        table[:, 2] = start.y - direction * (np.cos(theta) - math.cos(start.theta)) / kappa
+    table = arc_table(start.x, start.y, start.theta, kappa, length_m, direction, steps)
     return Piece(direction, table, abs(kappa))
 
 
@@ -105,13 +96,9 @@ def curve_piece(
 
     joints: whether the path runs on, bending the other way, before and after. bound: proved by ``curvature_bound``.
     """
-    rho = FINE.basis[joints] @ coefficients
-    theta = start.theta + turn * FINE.profile[joints]
-    table = np.empty((len(FINE.knots), 5))
-    rates = np.stack([rho, rho * np.cos(theta), rho * np.sin(theta)])
-    table[:, 0], x, y = FINE.cumulative(rates)
-    table[:, 1] = start.x + direction * x
-    table[:, 2] = start.y + direction * y
-    table[:, 3] = start.theta + turn * FINE.knot_profile[joints]
-    table[:, 4] = turn * FINE.knot_turn_rate[joints] / (FINE.knot_jacobi @ coefficients)
+    table = curve_table(
+        start.as_array(), turn, direction, np.ascontiguousarray(coefficients), FINE.basis[joints],
+        FINE.profile[joints], FINE.weights, FINE.order, FINE.knot_jacobi, FINE.knot_profile[joints],
+        FINE.knot_turn_rate[joints],
+    )  # fmt: skip
     return Piece(direction, table, bound)

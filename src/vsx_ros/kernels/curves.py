@@ -1,0 +1,70 @@
+"""Tables of knots along arcs, lines and polynomial curves: arc length, x, y, theta, curvature."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from vsx_ros.kernels import kernel
+
+
+@kernel
+def arc_table(x: float, y: float, theta: float, kappa: float, length: float, direction: int, steps: int) -> Any:
+    """(steps + 1, 5) knots of an arc of positive length at dtheta/ds = kappa [rad/m], direction +1 or -1."""
+    table = np.empty((steps + 1, 5))
+    straight = abs(kappa) < 1e-12
+    c, s = math.cos(theta), math.sin(theta)
+    for i in range(steps + 1):
+        d = length if i == steps else i * (length / steps)
+        turned = theta + kappa * d
+        table[i, 0], table[i, 3], table[i, 4] = d, turned, kappa
+        if straight:
+            table[i, 1] = x + direction * d * c
+            table[i, 2] = y + direction * d * s
+        else:
+            table[i, 1] = x + direction * (math.sin(turned) - s) / kappa
+            table[i, 2] = y - direction * (math.cos(turned) - c) / kappa
+    return table
+
+
+@kernel
+def curve_table(
+    start: Any,
+    turn: float,
+    direction: int,
+    coefficients: Any,
+    basis: Any,
+    profile: Any,
+    weights: Any,
+    order: int,
+    knot_jacobi: Any,
+    knot_profile: Any,
+    knot_turn_rate: Any,
+) -> Any:
+    """(I + 1, 5) knots of the curve theta = theta_0 + turn S(t), ds/dt = basis @ coefficients, from a pose (3,).
+
+    basis (I order, 10), profile (I order,) S, weights (I order,) at the nodes of a quadrature with I intervals;
+    knot_jacobi (I + 1, 10), knot_profile (I + 1,) and knot_turn_rate (I + 1,) at its knots.
+    """
+    intervals = knot_profile.shape[0] - 1
+    table = np.empty((intervals + 1, 5))
+    length, x, y = 0.0, 0.0, 0.0
+    for i in range(intervals + 1):
+        if i > 0:
+            for k in range((i - 1) * order, i * order):
+                rate = 0.0
+                for n in range(coefficients.shape[0]):
+                    rate += basis[k, n] * coefficients[n]
+                rate *= weights[k]
+                angle = start[2] + turn * profile[k]
+                length += rate
+                x += rate * math.cos(angle)
+                y += rate * math.sin(angle)
+        rate = 0.0
+        for n in range(coefficients.shape[0]):
+            rate += knot_jacobi[i, n] * coefficients[n]
+        table[i, 0], table[i, 1], table[i, 2] = length, start[0] + direction * x, start[1] + direction * y
+        table[i, 3], table[i, 4] = start[2] + turn * knot_profile[i], turn * knot_turn_rate[i] / rate
+    return table
