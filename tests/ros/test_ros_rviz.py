@@ -1,18 +1,26 @@
-"""The rviz configuration shows topics that exist, with displays that can show them."""
+"""The rviz configuration shows topics that exist, with displays that can show them; the real rviz agrees."""
 
 from __future__ import annotations
 
+import shutil
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
 pytest.importorskip("rospy")
 
+import numpy as np
+import rosgraph
+import screen
 import yaml
 
 from vsx_ros.ros import topics
+
+if TYPE_CHECKING:
+    from conftest import Stack
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 
@@ -27,6 +35,11 @@ SHOWS = {
     "rviz/Image": "sensor_msgs/Image",
 }
 
+FRONTIER, BACKGROUND, PANEL = (0, 0, 255), (24, 28, 34), (239, 239, 239)
+STATUS_ERROR = (178, 23, 46)
+"""How rviz writes the name of a display that cannot show its topic."""
+PANEL_WIDTH_PX = 330
+
 
 @pytest.fixture
 def manager() -> dict[str, Any]:
@@ -39,6 +52,10 @@ def displayed(manager: dict[str, Any]) -> Iterator[tuple[str, str]]:
         for key in ("Topic", "Marker Topic", "Image Topic"):
             if key in display:
                 yield display[key], display["Class"]
+
+
+def enabled(manager: dict[str, Any], topic: str) -> bool:
+    return any(display["Enabled"] for display in manager["Displays"] if topic in display.values())
 
 
 def test_every_display_shows_a_topic_of_its_kind(manager: dict[str, Any]) -> None:
@@ -55,3 +72,34 @@ def test_goals_go_where_the_planner_listens(manager: dict[str, Any]) -> None:
     tools = {tool["Class"]: tool for tool in manager["Tools"]}
     assert tools["rviz/SetGoal"]["Topic"] == topics.SIMPLE_GOAL
     assert manager["Global Options"]["Fixed Frame"] == topics.MAP_FRAME
+
+
+def amount_of(colour: tuple[int, int, int], pixels: np.ndarray) -> int:
+    return int(np.count_nonzero((np.abs(pixels.astype(int) - colour) <= 3).all(axis=2)))
+
+
+@pytest.mark.ros
+@pytest.mark.skipif(shutil.which("rviz") is None, reason="rviz is not installed (apt install rviz)")
+@pytest.mark.skipif(screen.EXECUTABLE is None, reason="there is no Xvfb to show rviz on (apt install xvfb)")
+def test_rviz_shows_the_running_robot(stack: Stack, manager: dict[str, Any], tmp_path: Path) -> None:
+    stack.wait_until_driving()
+    wanted = {f"/{topic}" for topic, kind in displayed(manager) if enabled(manager, topic)} | {"/tf", "/tf_static"}
+
+    def listens() -> bool:
+        _, subscribed, _ = rosgraph.Master("/observer").getSystemState()
+        return wanted <= {topic for topic, nodes in subscribed if any(node.startswith("/rviz") for node in nodes)}
+
+    with screen.Screen(tmp_path, 1400, 900) as shown, (tmp_path / "rviz.txt").open("w") as words:
+        display = {"DISPLAY": shown.display, "HOME": str(tmp_path), "LIBGL_ALWAYS_SOFTWARE": "1"}
+        command = ["rviz", "-d", str(CHECKOUT / "config" / "vsx_ros.rviz")]
+        rviz = subprocess.Popen(command, env={**stack.environment, **display}, stdout=words, stderr=words)
+        try:
+            stack.wait(listens, 40.0, f"rviz to listen to {wanted}")
+            stack.wait(lambda: amount_of(FRONTIER, shown.pixels()) > 100, 40.0, "frontiers on the screen")
+            pixels = shown.pixels()
+        finally:
+            rviz.kill()
+            rviz.wait()
+    assert amount_of(BACKGROUND, pixels) > 100_000
+    assert amount_of(PANEL, pixels) > 10_000
+    assert amount_of(STATUS_ERROR, pixels[:, :PANEL_WIDTH_PX]) == 0, "rviz says that a display has an error"

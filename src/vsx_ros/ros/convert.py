@@ -39,7 +39,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.planning.path import Trajectory
 from vsx_ros.robot import Odometry, VelocityCommand
-from vsx_ros.ros import topics
+from vsx_ros.ros import frames, topics
 
 # map_server's thresholds: what other mappers publish between 0 and 100.
 _FREE_BELOW_PERCENT = 19.6
@@ -47,8 +47,8 @@ _OCCUPIED_ABOVE_PERCENT = 65
 
 
 def header(frame_id: str, stamp_ns: int) -> Header:
-    """A message header."""
-    return Header(stamp=rospy.Time(0, stamp_ns), frame_id=frame_id)
+    """A message header; the frame is called as others know it (ros/frames.py)."""
+    return Header(stamp=rospy.Time(0, stamp_ns), frame_id=frames.own(frame_id))
 
 
 # Poses ---------------------------------------------------------------------------------------------------------
@@ -110,7 +110,7 @@ def transform_stamped(parent: str, child: str, stamp_ns: int, T_parent_child: SE
     """One edge of the tf tree."""
     pose = pose_msg(T_parent_child)
     translation = Vector3(pose.position.x, pose.position.y, pose.position.z)
-    return TransformStamped(header(parent, stamp_ns), child, Transform(translation, pose.orientation))
+    return TransformStamped(header(parent, stamp_ns), frames.own(child), Transform(translation, pose.orientation))
 
 
 def mount_transforms(mount: MountConfig, stamp_ns: int) -> list[TransformStamped]:
@@ -140,7 +140,7 @@ def odometry(msg: OdometryMsg) -> Odometry:
 
 def odometry_msg(reading: Odometry, frame_id: str, child_frame_id: str) -> OdometryMsg:
     """The message of wheel odometry; covariances are left to the caller, who knows the base."""
-    msg = OdometryMsg(header=header(frame_id, reading.stamp_ns), child_frame_id=child_frame_id)
+    msg = OdometryMsg(header=header(frame_id, reading.stamp_ns), child_frame_id=frames.own(child_frame_id))
     msg.pose.pose = pose_msg(reading.T_odom_base)
     msg.twist.twist = twist(VelocityCommand(reading.v, reading.omega))
     return msg

@@ -24,7 +24,7 @@ from sensor_msgs.msg import Image
 from vsx_hw.errors import DeviceError
 from vsx_ros.config import Config, from_dict
 from vsx_ros.errors import ConfigError, VsxError
-from vsx_ros.ros import topics
+from vsx_ros.ros import frames, topics
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
@@ -64,6 +64,7 @@ def run(name: str, build: Callable[[Config], Node]) -> None:
         )
         sys.exit(1)
     rospy.init_node(name)
+    frames.adopt_prefix()
     bridge_logging()
     try:
         node = build(configuration())

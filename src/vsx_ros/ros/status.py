@@ -22,8 +22,6 @@ _LISTEN_S, _PERIOD_S = 2.0, 1.0
 _PATIENCE_S = 4.0
 """So long is waited for what nobody has said yet."""
 
-_SAFETY = "mobile_base: safety"
-
 
 class StatusBoard:
     """Subscribers: explore/status, vslam/state, vslam/stats/tracked_ratio, camera/rgb/camera_info (each image has one),
@@ -34,6 +32,7 @@ class StatusBoard:
             ("state", "reason", "slam_state", "slam_reason", "tracked_ratio", "camera_hz", "driver", "base_reason",
              "estop", "hazards", "battery_fraction", "battery_v", "charging")
         )  # fmt: skip
+        self._safety = f"{rospy.resolve_name('mobile_base').lstrip('/')}: safety"
         self._images_s: deque[float] = deque(maxlen=200)
         subscribe = rospy.Subscriber
         subscribe(topics.EXPLORE_STATUS, String, self._on_explore, queue_size=1)
@@ -70,7 +69,7 @@ class StatusBoard:
 
     def _on_diagnostics(self, msg: DiagnosticArray) -> None:
         for status in msg.status:
-            if status.name.endswith(_SAFETY):
+            if status.name == self._safety:
                 values = {pair.key: pair.value for pair in status.values}
                 self._set(estop=values.get("estop") == "True", base_reason=status.message)
 

@@ -96,7 +96,7 @@ class Witness:
         return fresh
 
     def _on_log(self, msg: Log) -> None:
-        if msg.file in _TRANSPORT_FILES:
+        if msg.file in _TRANSPORT_FILES or not msg.name.startswith(rospy.get_namespace()):
             return
         line = f"{msg.name.lstrip('/')}: {msg.msg.splitlines()[0] if msg.msg else ''}"
         with self._lock:

@@ -102,6 +102,8 @@ class Feed:
     def _condition(self, msg: DiagnosticArray) -> dict[str, list[Any]]:
         with self._lock:
             for status in msg.status:
+                if not f"/{status.name}".startswith(rospy.get_namespace()):
+                    continue  # another robot's
                 values = {pair.key: pair.value for pair in status.values}
                 self._health[status.name] = [int(status.level), status.message, values]
             return dict(self._health)

@@ -18,7 +18,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from vsx_ros.errors import InputError
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN
-from vsx_ros.ros import convert, topics
+from vsx_ros.ros import convert, frames, topics
 
 _FREE_BGRA, _OCCUPIED_BGRA = (92, 70, 52, 255), (236, 232, 228, 255)
 _UTILITY = re.compile(r"\bU ([0-9.]+)")
@@ -94,7 +94,7 @@ def keyframes(msg: PoseArray) -> list[list[float]]:
 
 def plan(msg: PathMsg) -> list[list[float]]:
     """x, y [m] of the path, thinned; empty for one that is not in the map's frame (driven by the wheels alone)."""
-    if msg.header.frame_id != topics.MAP_FRAME:
+    if frames.bare(msg.header.frame_id) != topics.MAP_FRAME:
         return []
     step = max(1, len(msg.poses) // _PLAN_POINTS)
     kept = [*msg.poses[::step], *msg.poses[-1:]]

@@ -31,7 +31,7 @@ from vsx_ros.config import Config
 from vsx_ros.errors import CalibrationError, ConfigError
 from vsx_ros.geometry.camera import PinholeCamera, nominal_camera
 from vsx_ros.io.calibration_file import read_calibration, write_calibration
-from vsx_ros.ros import images, process, topics
+from vsx_ros.ros import frames, images, process, topics
 
 
 class CameraNode:
@@ -40,7 +40,7 @@ class CameraNode:
     def __init__(self, config: Config) -> None:
         self._device = str(rospy.get_param("~device", "kinect"))
         self._url = str(rospy.get_param("~camera_info_url", ""))
-        self._frame_id = str(rospy.get_param("~frame_id", topics.OPTICAL_FRAME))
+        self._frame_id = str(rospy.get_param("~frame_id", frames.own(topics.OPTICAL_FRAME)))
         self._calibration: PinholeCamera | None = None
         self._calibrated = False
         if self._url and not self._device.startswith("emulator:"):

@@ -29,7 +29,7 @@ from vsx_ros.control.caution import Caution
 from vsx_ros.control.trajectory_tracker import FollowResult, FollowStatus, TrajectoryTracker
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import STOP, VelocityCommand
-from vsx_ros.ros import convert, process, topics
+from vsx_ros.ros import convert, frames, process, topics
 from vsx_ros.ros.lease import LeaseWatch
 from vsx_ros.ros.localization import Localization
 
@@ -74,7 +74,7 @@ class FollowerNode:
                 self._stop = self._stop or self._tracker.predicted_stop()
                 return
             self._stop = None
-            self._id, self._frame, self._following = msg.header.stamp.to_nsec(), msg.header.frame_id, True
+            self._id, self._frame, self._following = msg.header.stamp.to_nsec(), frames.bare(msg.header.frame_id), True
             self._heard_vslam_s = time.monotonic()
             self._leases.grant("move_base")
             self._tracker.start(trajectory, process.now_ns())

@@ -42,7 +42,7 @@ from vsx_ros.planning.planner import Planner
 from vsx_ros.planning.sight import Sight
 from vsx_ros.planning.time_scaling import time_scale
 from vsx_ros.planning.unconstrained import UnconstrainedPlanner
-from vsx_ros.ros import convert, process, topics
+from vsx_ros.ros import convert, frames, process, topics
 from vsx_ros.ros.lease import PERIOD_S, Lease, LeaseWatch
 from vsx_ros.ros.localization import Localization
 from vsx_ros.ros.warm_up import warm_up_planning
@@ -117,11 +117,12 @@ class MoveBaseNode:
         self._goal_pub.publish(MoveBaseActionGoal(goal=MoveBaseGoal(msg)))
 
     def _on_make_plan(self, request: GetPlanRequest) -> GetPlanResponse:
-        plan = self._plan(convert.se2(request.start.pose), convert.se2(request.goal.pose), request.goal.header.frame_id)
+        frame = frames.bare(request.goal.header.frame_id)
+        plan = self._plan(convert.se2(request.start.pose), convert.se2(request.goal.pose), frame)
         if isinstance(plan, Refusal):
             rospy.logwarn("make_plan: %s", plan.reason)
             return GetPlanResponse()
-        return GetPlanResponse(self._path_msg(plan, request.goal.header.frame_id))
+        return GetPlanResponse(self._path_msg(plan, frame))
 
     def _renew(self) -> None:
         if self._busy:
@@ -134,7 +135,7 @@ class MoveBaseNode:
         try:
             arrived, reason = self._pursue(goal.target_pose)
             if self._server.is_preempt_requested():
-                self._come_to_rest(goal.target_pose.header.frame_id)
+                self._come_to_rest(frames.bare(goal.target_pose.header.frame_id))
         except VsxError as error:
             arrived, reason = False, str(error)
         finally:
@@ -153,7 +154,7 @@ class MoveBaseNode:
     def _pursue(self, target: PoseStamped) -> tuple[bool, str]:
         """Drive there; where the base leaves the path, stop and plan again, a few times. Whether the goal was reached,
         and why or why not."""
-        frame, goal = target.header.frame_id, convert.se2(target.pose)
+        frame, goal = frames.bare(target.header.frame_id), convert.se2(target.pose)
         replans = self._config.follower.replans_after_divergence
         for left in range(replans, -1, -1):
             status, reason = self._drive(goal, frame)
