@@ -4,8 +4,9 @@ python benchmarks/fault_matrix.py [--repetitions 5] [--table docs/reliability.md
 
 Bases: the real driver with the mux before it, over an emulated base on a pseudo-terminal, commanded 0.2 m/s: how
 long the wheels turned after the fault set in, seen at the emulator's end of the wire; where it drove on, it says so.
-Camera: the real driver over the emulated Kinect. Nodes: what benchmarks/fault_nodes.py has measured. With
---table the three tables replace those of the document.
+Camera: the real driver over the emulated Kinect. Nodes, and the camera of an exploring robot: what
+benchmarks/fault_nodes.py and benchmarks/fault_camera.py have measured. With --table the tables replace those of the
+document.
 """
 
 from __future__ import annotations
@@ -204,6 +205,23 @@ def node_table() -> list[str]:
     return lines
 
 
+def robot_table() -> list[str]:
+    results = json.loads(Path(__file__).with_name("fault_camera.json").read_text())
+    lines = [
+        "| fault of the camera | wheels turned (median, most of n) | what the robot says then | four seconds later |",
+        "|---|---|---|---|",
+    ]
+    for name, runs in results.items():
+        times = [run["turned_s"] for run in runs if run["turned_s"] >= 0.0]
+        on = len(runs) - len(times)
+        turned = f"{statistics.median(times):.3f} s, {max(times):.3f} s of {len(times)}" if times else ""
+        turned += f" drives on ({on} of {len(runs)})" if on else ""
+        said = statistics.mode(f"{run['slam']}; {run['follower']}" for run in runs)
+        later = statistics.mode(run["later"] for run in runs)
+        lines.append(f"| {name} | {turned.strip()} | {said} | {later} |")
+    return lines
+
+
 def replace(document: Path, name: str, lines: list[str]) -> None:
     text = document.read_text()
     begin, end = BEGIN.format(name), END.format(name)
@@ -216,13 +234,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--repetitions", type=int, default=5)
     parser.add_argument("--table", type=Path)
-    parser.add_argument("--nodes-only", action="store_true", help="only the table of what fault_nodes.py has measured")
+    parser.add_argument("--measured-only", action="store_true", help="only the tables of what was measured before")
     args = parser.parse_args()
-    if args.nodes_only:
-        replace(args.table, "nodes", node_table())
-        return
-    with tempfile.TemporaryDirectory() as folder:
-        tables = {"cameras": camera_table(folder), "bases": base_table(args.repetitions, folder), "nodes": node_table()}
+    tables = {"nodes": node_table(), "robots": robot_table()}
+    if not args.measured_only:
+        with tempfile.TemporaryDirectory() as folder:
+            tables |= {"cameras": camera_table(folder), "bases": base_table(args.repetitions, folder)}
     for name, lines in tables.items():
         if args.table is not None:
             replace(args.table, name, lines)

@@ -4,8 +4,9 @@ python benchmarks/fault_nodes.py [--repetitions 20] [--nodes mobile_base followe
                                  [--out benchmarks/fault_nodes.json] [--minutes M]
 
 The real nodes explore the lab, over a real driver and a pseudo-terminal. Each repetition waits until the wheels turn,
-then does it (SIGKILL, SIGSTOP or SIGINT to that process), measures until the wheels were told to stand, and mends it.
-Results are kept after each repetition; benchmarks/fault_matrix.py makes the table of docs/reliability.md from them.
+then does it (SIGKILL, SIGSTOP or SIGINT to that process), measures until the wheels were told to stand, and mends it;
+a stack whose master ended is built anew. Results are kept after each repetition; benchmarks/fault_matrix.py makes the
+table of docs/reliability.md from them.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ NODES = ("mobile_base", "follower", "move_base", "explore", "camera", "vslam", "
 SIGNALS = {"killed": signal.SIGKILL, "hung": signal.SIGSTOP, "stopped": signal.SIGINT}
 WATCH_S = 1.5
 START_S = 15.0
+"""Before a map exists, a robot that is held back gives up."""
 
 
 def wait_for_motion(stack: object, seconds: float) -> bool:
@@ -55,20 +57,18 @@ def ready(stack: object) -> bool:
 
 
 def begin(stack: object) -> None:
-    """Let the map start: before it exists, the robot gives up when it is held back."""
+    """Let the map start."""
     wait_for_motion(stack, 90.0)
     time.sleep(START_S)
 
 
 def repetition(stack: object, node: str, how: str) -> float:
-    """Seconds until the wheels stand; -1 when they did not within WATCH_S."""
+    """Seconds until the wheels stand for good; -1 when they turn after WATCH_S."""
     process = stack._processes[node]
     begin_s = time.monotonic()
     process.send_signal(SIGNALS[how])
     time.sleep(WATCH_S)
-    turned_s = -1.0 if stack.plant.moving else max(0.0, stack.plant.stopped_s - begin_s)
-    mend(stack, node, how)
-    return turned_s
+    return -1.0 if stack.plant.moving else max(0.0, stack.plant.stopped_s - begin_s)
 
 
 def mend(stack: object, node: str, how: str) -> None:
@@ -96,24 +96,30 @@ def main() -> None:
     from conftest import Stack
 
     results = json.loads(args.out.read_text()) if args.out.exists() else {}
-    stack = Stack(folder)
+    stack = None
     try:
-        stack.up()
-        begin(stack)
         for how in args.how:
             for node in args.nodes:
-                if node == "rosmaster" and how != "hung":
-                    continue  # a stack that has lost its master is not mended by a new one
                 turned = results.setdefault(f"{node} {how}", [])
                 while len(turned) < args.repetitions and time.monotonic() < end_s:
+                    if stack is None:
+                        stack = Stack(Path(tempfile.mkdtemp(dir=folder)))
+                        stack.up()
+                        begin(stack)
                     if not ready(stack):
                         print(f"{node} {how}: the robot does not drive; next", flush=True)
                         break
                     turned.append(round(repetition(stack, node, how), 3))
                     args.out.write_text(json.dumps(results, indent=1) + "\n")
                     print(node, how, turned[-1], flush=True)
+                    if node == "rosmaster" and how != "hung":
+                        stack.down()
+                        stack = None
+                    else:
+                        mend(stack, node, how)
     finally:
-        stack.down()
+        if stack is not None:
+            stack.down()
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 
 from vsx_hw.errors import DeviceTimeout
 from vsx_hw.keeper import Keeper
-from vsx_hw.readings import BaseReading, LinkStatus
+from vsx_hw.readings import BaseReading, LinkStatus, Signal
 from vsx_hw.transport import Transport
 
 KEEP_ALIVE_NS = 50_000_000
@@ -37,6 +37,9 @@ class Dialect(Protocol):
 
     def halt(self) -> bytes:
         """Wheels still, and nothing else: may be sent at any moment, between question and answer too."""
+
+    def show(self, signal: Signal) -> bytes:
+        """Lamp and sound, once."""
 
     def farewell(self) -> bytes:
         """Stop, and leave the base in a state in which it can be left alone."""
@@ -85,6 +88,7 @@ class BaseDriver:
         self._command: _Command | None = None
         self._last_reading_ns = self._heard_bytes = 0
         self._sent = _STILL
+        self._signal, self._shown = Signal.READY, ""
         self._keeper = Keeper(device, open_transport, self._serve, self._leave, on_link, BACKOFF_S)
 
     def __enter__(self) -> BaseDriver:
@@ -109,6 +113,10 @@ class BaseDriver:
         """Stand still until the next command."""
         self._command = None
 
+    def show(self, signal: Signal) -> None:
+        """Lamp and sound, from the next cycle on."""
+        self._signal = signal
+
     def reset_odometry(self) -> None:
         """Start the pose again at the origin."""
         self._dialect.reset_odometry()
@@ -124,7 +132,7 @@ class BaseDriver:
 
     def _serve(self, transport: Transport) -> None:
         """One connection: until the driver closes or the device fails."""
-        self._command, self._sent, self._heard_bytes = None, _STILL, 0
+        self._command, self._sent, self._shown, self._heard_bytes = None, _STILL, "", 0
         for data, pause_s in self._dialect.hello():
             transport.write(data)
             self._keeper.closing.wait(pause_s)
@@ -141,6 +149,7 @@ class BaseDriver:
             command = self._current(time.monotonic_ns())
             if due:
                 transport.write(self._dialect.drive(*command))
+                self._show(transport)
                 sent_ns, answered = now_ns, False
             elif command == _STILL != self._sent:
                 transport.write(self._dialect.halt())
@@ -148,6 +157,12 @@ class BaseDriver:
                 continue
             self._sent = command
             self._on_command(command != _STILL)
+
+    def _show(self, transport: Transport) -> None:
+        signal = self._signal
+        if signal.value != self._shown:
+            transport.write(self._dialect.show(signal))
+            self._shown = signal.value
 
     def _listen(self, transport: Transport, due_ns: int) -> list[BaseReading]:
         """Wait for bytes until a command is due or the one that was sent expires."""

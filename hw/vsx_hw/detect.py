@@ -14,7 +14,7 @@ from vsx_hw.transport import SerialTransport, Transport
 
 LISTEN_S, ANSWER_S = 0.3, 0.3
 ENOUGH_FRAMES = 2
-QUESTIONS = [7, 9, 10, 11, 12, 21, 22, 25, 26, 35]
+QUESTIONS = [7, 9, 10, 11, 12, 21, 22, 25, 26, 34, 35]
 
 
 def detect_base(port: str, open_transport: Callable[[str, int], Transport] = SerialTransport) -> str:

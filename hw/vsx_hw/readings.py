@@ -30,6 +30,14 @@ class Hazard(enum.IntFlag):
     WHEEL_DROP = 192
 
 
+class Signal(enum.Enum):
+    """What a base shows to those around it: a green, an orange or a red lamp; an alarm also sounds when it begins."""
+
+    READY = "ready"
+    HELD = "held back"
+    ALARM = "someone must act"
+
+
 class OdometryReading(NamedTuple):
     """Dead reckoning since the last reset.
 
@@ -58,12 +66,14 @@ class GyroReading(NamedTuple):
 
 
 class BatteryReading(NamedTuple):
-    """State of the base's battery; fraction in [0, 1]; charging means that a charger delivers current."""
+    """State of the base's battery; fraction in [0, 1]; charging means that a charger delivers current, docked that the
+    base stands at its dock."""
 
     voltage_v: float
     fraction: float
     charging: bool
     state: str
+    docked: bool = False
 
 
 class BaseReading(NamedTuple):

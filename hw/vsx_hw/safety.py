@@ -79,6 +79,11 @@ class Supervisor:
         """Whether the emergency stop is set."""
         return self._estop
 
+    @property
+    def locked(self) -> bool:
+        """Whether someone must act: the emergency stop is set, a wheel was raised, or the wheels stalled."""
+        return self._estop or bool(self._latched)
+
     def command(self, source: str, v_m_s: float, omega_rad_s: float, now_ns: int) -> bool:
         """A source speaks. False when the command was refused and replaced by standstill.
 

@@ -3,7 +3,11 @@
 import pytest
 from hw_wire import MS, Wire
 
-from vsx_hw.kobuki.framing import FrameScanner, sub_payloads
+from vsx_hw.bases import BASES
+from vsx_hw.create.protocol import encode_lamps, encode_play
+from vsx_hw.kobuki.framing import FrameScanner, encode_frame, sub_payloads
+from vsx_hw.kobuki.protocol import Led, Sound, melody_payload, outputs_payload
+from vsx_hw.readings import Signal
 
 KINDS = ["kobuki", "create", "create2"]
 
@@ -79,3 +83,37 @@ def test_a_kobuki_that_has_answered_is_not_asked_again(monkeypatch):
     wire.serve(5.0)
     assert len(requests_in(wire)) == 1
     assert wire.driver._dialect.firmware == (1, 2, 0)
+
+
+KOBUKI_ALARM = encode_frame(outputs_payload(led1=Led.RED), melody_payload(Sound.ERROR))
+CREATE_ALARM = encode_lamps(0, 255, 255) + encode_play(0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "alarm"), [("kobuki", KOBUKI_ALARM), ("create", CREATE_ALARM), ("create2", CREATE_ALARM)]
+)
+def test_lamp_and_sound_are_told_once_and_again_after_a_reconnection(kind, alarm, monkeypatch):
+    wire = Wire(kind, monkeypatch)
+
+    def alarm_later() -> None:
+        if wire.now_ns == 1500 * MS:
+            wire.driver.show(Signal.ALARM)
+
+    wire.each_ms = alarm_later
+    wire.serve(2.0)
+    ready = BASES[kind].dialect(1.0, 1.0).show(Signal.READY)
+    assert [data for _, data in wire.written].count(ready) == 1
+    assert [data for _, data in wire.written].count(alarm) == 1
+    wire.written.clear()
+    wire.serve(1.0)
+    assert [data for _, data in wire.written].count(alarm) == 1
+
+
+@pytest.mark.parametrize(
+    ("charger", "docked", "charging"), [(0, False, False), (2, True, False), (6, True, True), (22, False, True)]
+)
+def test_a_kobuki_knows_whether_it_stands_at_its_dock(charger, docked, charging, monkeypatch):
+    wire = Wire("kobuki", monkeypatch)
+    monkeypatch.setattr(wire.board, "charger", charger)
+    wire.serve(0.2)
+    assert {(r.battery.docked, r.battery.charging) for r in wire.readings} == {(docked, charging)}

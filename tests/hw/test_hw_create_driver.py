@@ -1,11 +1,14 @@
 """The Create drivers against the emulated robots on a pseudo-terminal."""
 
+import contextlib
+import itertools
 import math
 import time
 
 import pytest
 from hw_plant import Rig, until
 
+from vsx_hw.bases import BASES
 from vsx_hw.create.protocol import Mode
 from vsx_hw.readings import Hazard
 
@@ -78,20 +81,17 @@ def test_a_restarted_robot_is_found_again(rig):
     assert after.odometry.x_m == pytest.approx(before.odometry.x_m, abs=1e-6)
 
 
-def test_the_wrong_model_is_named_with_both_baud_rates(tmp_path):
-    rig = Rig("create", str(tmp_path / "ttyCREATE"), "create2")
-    with rig.emulator, rig.driver:
-        assert until(lambda: "57600" in rig.driver.status().message and "115200" in rig.driver.status().message)
-
-
-def test_many_commands_disturb_no_report(rig):
-    """Fifty and more a second: reports stay whole, the newest command wins."""
-    refused = rig.driver.status().counters["refused_frames"]
-    for k in range(200):
-        rig.driver.drive(0.001 * k, 0.0)
-        time.sleep(0.01)
-    assert rig.plant.speeds[0] == pytest.approx(0.199, abs=0.012)
-    assert rig.driver.status().counters["refused_frames"] - refused <= 1
+def test_the_wrong_kind_is_named_with_both_baud_rates(tmp_path):
+    """Each of the three robots with the driver of each other one."""
+    pairs = list(itertools.permutations(BASES, 2))
+    rigs = [Rig(kind, str(tmp_path / f"{kind}-{believed}"), believed) for kind, believed in pairs]
+    with contextlib.ExitStack() as running:
+        for rig in rigs:
+            running.enter_context(rig.emulator)
+            running.enter_context(rig.driver)
+        messages = [rig.driver.status for rig in rigs]
+        assert until(lambda: all("57600" in told().message and "115200" in told().message for told in messages), 6.0)
+        assert [rig.plant.travel for rig in rigs] == [[0.0, 0.0]] * 6
 
 
 def test_the_gyro_of_the_turtlebot_1_is_told(rig):

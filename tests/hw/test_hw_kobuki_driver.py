@@ -134,12 +134,6 @@ def test_silence_means_standing_still():
         bench.allowed.release()
 
 
-def test_versions_are_asked_for_a_bounded_number_of_times():
-    dialect = KobukiDialect()
-    sent = [dialect.drive(0.0, 0.0) for _ in range(2000)]
-    assert sum(len(frame) > 10 for frame in sent) == 10
-
-
 def commands_in(data: bytes) -> list[tuple[float, float]]:
     """The twists in bytes to the base."""
     parts = [part for payload in FrameScanner().feed(data) for part in sub_payloads(payload)]

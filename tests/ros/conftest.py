@@ -67,10 +67,11 @@ class Stack:
         self.plant = WatchedPlant(world, SEED, RobotConfig(), self._on_step, wheel_base_m("kobuki"))
         self._base = base_emulator("kobuki", self.plant, str(folder / "base"), SEED)
         self._camera: subprocess.Popen[bytes] | None = None
+        self._watchers: list[Callable[[BodyState], None]] = []
         self.nodes = {
             node.name: node
             for node in [
-                *launch.bringup("kobuki", str(folder / "base"), f"emulator:{folder / 'camera'}"),
+                *launch.bringup("auto", str(folder / "base"), f"emulator:{folder / 'camera'}"),
                 *launch.exploration(seed=SEED, run_dir=str(folder / "run")),
             ]
         }
@@ -95,6 +96,10 @@ class Stack:
         self._base.start()
         for name in self.nodes:
             self.start(name)
+
+    def watch_steps(self, watcher: Callable[[BodyState], None]) -> None:
+        """Call it with every step of the emulated body, on the emulator's thread."""
+        self._watchers.append(watcher)
 
     def start(self, name: str) -> None:
         import rospy
@@ -153,6 +158,8 @@ class Stack:
         )
 
     def _on_step(self, state: BodyState) -> None:
+        for watcher in self._watchers:
+            watcher(state)
         pose = state.T_world_base
         if self._camera is not None and self._camera.stdin is not None and self._camera.poll() is None:
             self._camera.stdin.write(POSE.pack(state.time_ns, pose.x, pose.y, pose.theta, state.path_length_m))

@@ -9,6 +9,7 @@ pytest.importorskip("rospy")
 
 from sensor_msgs.msg import BatteryState
 
+from vsx_hw.create.dialect import battery_of
 from vsx_hw.kobuki.protocol import battery_state
 from vsx_hw.readings import BatteryReading, GyroReading, Hazard, OdometryReading
 from vsx_ros.ros import base_messages
@@ -23,6 +24,17 @@ def test_a_nearly_empty_battery_is_one_that_nobody_charges(decivolt: int, charge
     msg = base_messages.battery(BatteryReading(decivolt / 10, fraction, charging, state), 1)
     assert isinstance(msg, BatteryState)
     assert base_messages.is_nearly_empty(msg) == empty
+
+
+@pytest.mark.parametrize(
+    ("charge_mah", "charger", "state", "empty"),
+    [(269, 0, "critical", True), (271, 0, "low", False), (541, 0, "healthy", False), (269, 2, "charging", False)],
+)
+def test_a_create_is_nearly_empty_below_a_tenth(charge_mah: int, charger: int, state: str, empty: bool) -> None:
+    reading = battery_of({21: charger, 22: 14000, 25: charge_mah, 26: 2700, 34: 2})
+    assert reading.state == state
+    assert reading.docked
+    assert base_messages.is_nearly_empty(base_messages.battery(reading, 1)) == empty
 
 
 def test_motion_that_nobody_measured_has_a_large_covariance() -> None:

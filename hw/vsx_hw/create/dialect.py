@@ -2,15 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
-from vsx_hw.create.protocol import CREATE_1, CREATE_2, Mode, Model, Opcode, encode_drive_direct, mode_of
-from vsx_hw.readings import BaseReading, BatteryReading, GyroReading, Hazard, OdometryReading
+from vsx_hw.create.protocol import (
+    CREATE_1,
+    CREATE_2,
+    Mode,
+    Model,
+    Opcode,
+    encode_drive_direct,
+    encode_lamps,
+    encode_play,
+    encode_song,
+    mode_of,
+)
+from vsx_hw.readings import BaseReading, BatteryReading, GyroReading, Hazard, OdometryReading, Signal
 
 SAFETY_PACKETS = [7, 9, 10, 11, 12, 18, 35]
-BATTERY_PACKETS = [21, 22, 25, 26]
+BATTERY_PACKETS = [21, 22, 25, 26, 34]
 
 CYCLES_TO_RETRY_MODE = 25
+
+MODE_PAUSE_S = 0.05
+"""Commands within 20 ms of a change of mode are lost."""
+
+BRIGHT = 255
+_COLORS = {Signal.READY: 0, Signal.HELD: 128, Signal.ALARM: 255}
+ALARM_SONG, ALARM_NOTES = 0, [(84, 0.125), (72, 0.25)]
 
 
 class CreateDialect:
@@ -39,6 +57,16 @@ class CreateDialect:
         if self.driving and not cause and self._cycles_out_of_safe % CYCLES_TO_RETRY_MODE == 1:
             return bytes((Opcode.SAFE,))
         return b""
+
+    def show(self, signal: Signal) -> bytes:
+        """See Dialect. The power lamp, and in an alarm the song of ``greeting``."""
+        return encode_lamps(0, _COLORS[signal], BRIGHT) + (encode_play(ALARM_SONG) if signal is Signal.ALARM else b"")
+
+    def greeting(self) -> Iterable[tuple[bytes, float]]:
+        """To Passive, to Safe, with the pauses that the robots need, and the song of an alarm to their memory."""
+        yield bytes((Opcode.START,)), MODE_PAUSE_S
+        yield bytes((Opcode.SAFE,)), MODE_PAUSE_S
+        yield encode_song(ALARM_SONG, ALARM_NOTES), 0.0
 
     def halt(self) -> bytes:
         """See Dialect."""
@@ -72,7 +100,7 @@ def is_plausible(values: Mapping[int, int]) -> bool:
     """Whether a robot can have sent SAFETY_PACKETS and BATTERY_PACKETS like these. An answer to a query has neither
     frame nor checksum, so this is all that tells it from bytes that slipped."""
     flags = values[7] <= 31 and max(values[p] for p in (9, 10, 11, 12)) <= 1
-    return flags and values[21] <= 6 and 5_000 <= values[22] <= 25_000 and values[26] <= 10_000
+    return flags and values[21] <= 6 and values[34] <= 3 and 5_000 <= values[22] <= 25_000 and values[26] <= 10_000
 
 
 def hazards_of(values: Mapping[int, int]) -> Hazard:
@@ -90,8 +118,8 @@ def hazards_of(values: Mapping[int, int]) -> Hazard:
 
 
 def battery_of(values: Mapping[int, int]) -> BatteryReading:
-    """Packets 21 (charging state), 22 (mV), 25 and 26 (charge and capacity)."""
+    """Packets 21 (charging state), 22 (mV), 25 and 26 (charge and capacity), 34 (chargers: 2 is the dock)."""
     fraction = min(1.0, values[25] / values[26]) if values[26] else 0.0
     charging = values[21] in (1, 2, 3)
     state = "charging" if charging else "critical" if fraction < 0.1 else "low" if fraction < 0.2 else "healthy"
-    return BatteryReading(values[22] / 1000.0, fraction, charging, state)
+    return BatteryReading(values[22] / 1000.0, fraction, charging, state, bool(values[34] & 2))

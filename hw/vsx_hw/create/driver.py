@@ -13,7 +13,6 @@ from vsx_hw.create.protocol import (
     Opcode,
     StreamParser,
     decode_packets,
-    encode_lamps,
     encode_query,
     encode_stream_request,
     packet_bytes,
@@ -24,13 +23,8 @@ ENCODER_PACKETS = [43, 44]
 MOTION_PACKETS = [19, 20]
 GYRO_PACKET = 33
 
-MODE_PAUSE_S = 0.05
-"""Commands within 20 ms of a change of mode are lost."""
-
 QUERIES_PER_MOTION = 25
 """Every half second: each reading of distance and angle may cut off most of a millimetre and of a degree."""
-
-GREEN, BRIGHT = 0, 255
 
 
 class Create2Dialect(CreateDialect):
@@ -44,9 +38,7 @@ class Create2Dialect(CreateDialect):
     def hello(self) -> Iterable[tuple[bytes, float]]:
         """See Dialect."""
         packets = SAFETY_PACKETS + BATTERY_PACKETS + ENCODER_PACKETS
-        yield bytes((Opcode.START,)), MODE_PAUSE_S
-        yield bytes((Opcode.SAFE,)), MODE_PAUSE_S
-        yield encode_lamps(0, GREEN, BRIGHT), 0.0
+        yield from self.greeting()
         yield encode_stream_request(packets, self._model.baud), 0.0
 
     def receive(self, data: bytes, now_ns: int) -> list[BaseReading]:
@@ -89,9 +81,7 @@ class Create1Dialect(CreateDialect):
     def hello(self) -> Iterable[tuple[bytes, float]]:
         """See Dialect. What the robot printed at start-up is not an answer."""
         self._asked, self._measured_once = [], False
-        yield bytes((Opcode.START,)), MODE_PAUSE_S
-        yield bytes((Opcode.SAFE,)), MODE_PAUSE_S
-        yield encode_lamps(0, GREEN, BRIGHT), 0.0
+        yield from self.greeting()
 
     def receive(self, data: bytes, now_ns: int) -> list[BaseReading]:
         """See Dialect. Bytes that nobody asked for are a late answer: the motion in it was given up already."""

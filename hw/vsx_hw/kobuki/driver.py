@@ -10,17 +10,22 @@ from vsx_hw.kobuki.base_control import BaseControl, base_control
 from vsx_hw.kobuki.framing import encode_frame
 from vsx_hw.kobuki.odometry import KobukiOdometry
 from vsx_hw.kobuki.protocol import (
+    AT_THE_DOCK,
     BAUD,
     Core,
     Feedback,
     Led,
+    Sound,
     StreamParser,
     battery_state,
     drive_payload,
+    melody_payload,
     outputs_payload,
     request_versions_payload,
 )
-from vsx_hw.readings import BaseReading, BatteryReading, GyroReading, Hazard
+from vsx_hw.readings import BaseReading, BatteryReading, GyroReading, Hazard, Signal
+
+_LAMPS = {Signal.READY: Led.GREEN, Signal.HELD: Led.ORANGE, Signal.ALARM: Led.RED}
 
 VERSION_REQUESTS = 10
 FRAMES_PER_REQUEST = 25
@@ -43,11 +48,10 @@ class KobukiDialect:
         self._commands_sent = 0
 
     def hello(self) -> Iterable[tuple[bytes, float]]:
-        """Supplies on (the camera's 12 V), first lamp green, wheels still."""
+        """Supplies on (the camera's 12 V), wheels still."""
         self._keep_counters()
         self._start_connection()
-        outputs = outputs_payload(led1=Led.GREEN)
-        return [(encode_frame(outputs, drive_payload(BaseControl(0, 0))), 0.0)]
+        return [(encode_frame(outputs_payload(), drive_payload(BaseControl(0, 0))), 0.0)]
 
     def receive(self, data: bytes, now_ns: int) -> list[BaseReading]:
         """See Dialect."""
@@ -62,7 +66,7 @@ class KobukiDialect:
             stamp_ns,
             self._odometry.update(feedback, stamp_ns),
             hazards_of(core),
-            BatteryReading(core.battery_decivolt / 10.0, fraction, charging, state),
+            BatteryReading(core.battery_decivolt / 10.0, fraction, charging, state, core.charger in AT_THE_DOCK),
             core.buttons,
             gyro=gyro_of(feedback),
         )
@@ -79,6 +83,11 @@ class KobukiDialect:
     def halt(self) -> bytes:
         """See Dialect."""
         return encode_frame(drive_payload(BaseControl(0, 0)))
+
+    def show(self, signal: Signal) -> bytes:
+        """See Dialect. The first lamp."""
+        sound = [melody_payload(Sound.ERROR)] if signal is Signal.ALARM else []
+        return encode_frame(outputs_payload(led1=_LAMPS[signal]), *sound)
 
     def farewell(self) -> bytes:
         """Stand still; the supplies stay on."""

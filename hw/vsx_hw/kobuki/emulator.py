@@ -21,14 +21,14 @@ class KobukiBoard:
     """Streams a frame every 20 ms from power-on and obeys base control.
 
     As long as nobody says otherwise it keeps its last command: what the firmware does when commands cease is not
-    documented, and the driver must be safe in the worst case. battery_volt may be changed while it runs;
+    documented, and the driver must be safe in the worst case. battery_volt and charger may be changed while it runs;
     ``outputs`` is the register of lamps and supplies as the driver last wrote it.
     """
 
     baud = BAUD
 
     def __init__(self, plant: Plant, seed: int = 0) -> None:
-        self.battery_volt = 16.2
+        self.battery_volt, self.charger = 16.2, 0
         self.outputs = EXTERNAL_POWER
         self._plant = plant
         self._rng = random.Random(seed)
@@ -89,7 +89,9 @@ class KobukiBoard:
         volt = round(self.battery_volt * 10)
         sample = struct.pack("<hhh", 0, 0, raw)
         return [
-            struct.pack("<BBHBBBHHbbBBBB", 1, 15, clock, bumper, wheel_drop, cliff, left, right, 0, 0, 0, 0, volt, 0),
+            struct.pack(
+                "<BBHBBBHHbbBBBB", 1, 15, clock, bumper, wheel_drop, cliff, left, right, 0, 0, 0, self.charger, volt, 0
+            ),
             bytes((3, 3, 0, 0, 0)),
             struct.pack("<BBhh3x", 4, 7, angle, rate),
             struct.pack("<BB3H", 5, 6, 1600, 1900, 1600),

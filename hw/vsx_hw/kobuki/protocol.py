@@ -18,6 +18,8 @@ from vsx_hw.kobuki.framing import FrameScanner, sub_payloads
 BAUD = 115200
 METRES_PER_TICK = 0.000085292090497737557
 GYRO_STEP_RAD = math.radians(0.01)
+AT_THE_DOCK = (2, 6)
+"""Charger bytes, charged and charging; those of the adapter have bit 16 set."""
 BATTERY_EMPTY_V, BATTERY_LOW_V, BATTERY_FULL_V = 13.2, 14.0, 16.5
 
 

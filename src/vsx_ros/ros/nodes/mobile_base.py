@@ -30,7 +30,7 @@ from tf2_msgs.msg import TFMessage
 from vsx_hw.base_driver import BaseDriver
 from vsx_hw.detect import detect_base
 from vsx_hw.errors import DeviceError
-from vsx_hw.readings import BaseReading, Hazard
+from vsx_hw.readings import BaseReading, Hazard, Signal
 from vsx_hw.safety import SOURCES, Decision, SpeedLimits, Supervisor
 from vsx_ros.config import Config
 from vsx_ros.ros import base_messages, process, service_manager, topics
@@ -121,7 +121,10 @@ class MobileBaseNode:
             self._supervisor.hold = "" if self._master.answers else "the ROS master does not answer; start it again"
             decision = self._supervisor.decide(now_ns, reading.hazards)
             self._supervisor.observe(odometry.v_m_s, odometry.omega_rad_s, decision, now_ns)
+            locked = self._supervisor.locked
         self._driver.drive(decision.v_m_s, decision.omega_rad_s, decision.until_ns)
+        held = bool(decision.reason and decision.source)
+        self._driver.show(Signal.ALARM if locked else Signal.HELD if held else Signal.READY)
         self._odom_pub.publish(base_messages.odometry(odometry))
         self._tf_pub.publish(TFMessage([base_messages.odom_transform(odometry)]))
         self._joints_pub.publish(base_messages.joint_states(odometry))
@@ -169,7 +172,7 @@ class MobileBaseNode:
         self._battery_pub.publish(base_messages.battery(battery, reading.stamp_ns))
         self._diagnostics.set(
             "battery", _BATTERY_LEVELS.get(battery.state, process.OK), battery.state, voltage_v=battery.voltage_v,
-            fraction=round(battery.fraction, 3), charging=battery.charging,
+            fraction=round(battery.fraction, 3), charging=battery.charging, docked=battery.docked,
         )  # fmt: skip
         blocked = bool(decision.reason) and decision.source != ""
         message = decision.reason or f"driving for {decision.source}"

@@ -1,0 +1,224 @@
+"""How long the wheels turn after the camera of an exploring robot fails, seen at the emulator's end of the base's wire.
+
+python benchmarks/fault_camera.py [--repetitions 5] [--faults off stuck ...] [--out benchmarks/fault_camera.json]
+                                  [--minutes M]
+
+The real nodes explore the lab; a faulty cable lies between the emulated Kinect and its real driver. Each repetition
+waits until the wheels turn, lets the fault set in, measures until the wheels were told to stand, notes what the robot
+says, and mends the cable. Results are kept after each repetition; benchmarks/fault_matrix.py makes the table from them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import os
+import queue
+import signal
+import socket
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+
+TESTS = Path(__file__).resolve().parents[1] / "tests" / "ros"
+sys.path.insert(0, str(TESTS))
+
+from fault_nodes import begin, ready  # noqa: E402
+from ros_ports import HOST, free_port  # noqa: E402
+
+from vsx_hw.errors import DeviceError  # noqa: E402
+from vsx_hw.kinect import wire  # noqa: E402
+from vsx_hw.kinect.protocol import FLAG_START, HEADER_BYTES  # noqa: E402
+
+FAULTS = ("unplugged", "off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent")
+WATCH_S = 4.0
+SLOW, DELAY_S, ON_S, OFF_S = 8, 1.0, 0.4, 0.6
+"""One image of so many; seconds late; seconds with and without images."""
+
+
+class FaultyCable:
+    """Between the driver, which opens ``path``, and the emulated Kinect at ``camera``; ``fault`` is what it does to the
+    images now."""
+
+    def __init__(self, path: str, camera: str) -> None:
+        self.fault, self.since_s = "", 0.0
+        self._camera = camera
+        self._rng = np.random.default_rng(0)
+        self._frame = self._row = 0
+        self._picture: dict[int, bytes] = {}
+        self._ends: list[socket.socket] = []
+        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self._listener.bind(path)
+        self._listener.listen(1)
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    @classmethod
+    def below(cls, stack: object, folder: Path) -> FaultyCable:
+        """Between the camera of a stack that is not up yet and its driver."""
+        cable = cls(str(folder / "cable"), str(folder / "camera"))
+        (folder / "cable.yaml").symlink_to(folder / "camera.yaml")
+        camera = stack.nodes["camera"]
+        stack.nodes["camera"] = camera._replace(params={**camera.params, "device": f"emulator:{folder / 'cable'}"})
+        return cable
+
+    def inject(self, fault: str) -> None:
+        """From now on; an empty name mends the cable."""
+        self.fault, self.since_s = fault, time.monotonic()
+        if fault == "unplugged":
+            for end in self._ends:
+                with contextlib.suppress(OSError):
+                    end.shutdown(socket.SHUT_RDWR)
+
+    def _accept(self) -> None:
+        while True:
+            driver, _ = self._listener.accept()
+            camera = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+            try:
+                if self.fault == "unplugged":
+                    raise OSError("unplugged")
+                camera.connect(self._camera)
+            except OSError:
+                driver.close()
+                continue
+            self._ends = [driver, camera]
+            late: queue.Queue[tuple[float, bytes, bytes]] = queue.Queue()
+            for work in ((self._to_camera, driver, camera), (self._from_camera, camera, late), (_send, late, driver)):
+                threading.Thread(target=work[0], args=work[1:], daemon=True).start()
+
+    @staticmethod
+    def _to_camera(driver: socket.socket, camera: socket.socket) -> None:
+        with contextlib.suppress(DeviceError):
+            while True:
+                wire.send(camera, *wire.receive(driver))
+        camera.close()
+
+    def _from_camera(self, camera: socket.socket, late: queue.Queue[tuple[float, bytes, bytes]]) -> None:
+        with contextlib.suppress(DeviceError):
+            while True:
+                kind, body = wire.receive(camera)
+                if kind == wire.PACKETS:
+                    body = self._spoil(body)
+                if body or kind != wire.PACKETS:
+                    delay_s = DELAY_S if self.fault == "delayed" and kind == wire.PACKETS else 0.0
+                    late.put((time.monotonic() + delay_s, kind, body))
+        late.put((0.0, b"", b""))
+
+    def _spoil(self, body: bytes) -> bytes:
+        """The packets as this cable passes them on; nothing when it swallows them."""
+        start_ns, packets, lengths = wire.decode_packets(body)
+        since_s = time.monotonic() - self.since_s
+        for packet, length in zip(packets, lengths):
+            if packet[3] == FLAG_START:
+                self._frame, self._row = self._frame + 1, 0
+            data = packet[HEADER_BYTES:length]
+            if self.fault == "stuck":
+                data[:] = np.frombuffer(self._picture.get(self._row, data.tobytes()), np.uint8)
+            elif self.fault == "garbage":
+                data[:] = self._rng.integers(0, 256, len(data), np.uint8)
+            elif self.fault == "wrong":
+                data[:] = 0
+            else:
+                self._picture[self._row] = data.tobytes()
+            self._row += 1
+        silent = (
+            self.fault == "off"
+            or (self.fault == "slow" and self._frame % SLOW)
+            or (self.fault == "intermittent" and since_s % (ON_S + OFF_S) < OFF_S)
+        )
+        return b"" if silent else wire.encode_packets(start_ns, packets, lengths)
+
+
+def _send(late: queue.Queue[tuple[float, bytes, bytes]], driver: socket.socket) -> None:
+    with contextlib.suppress(DeviceError):
+        while True:
+            when_s, kind, body = late.get()
+            if not kind:
+                break
+            time.sleep(max(0.0, when_s - time.monotonic()))
+            wire.send(driver, kind, body)
+    driver.close()
+
+
+class Ear:
+    """What the robot says of itself now."""
+
+    def __init__(self) -> None:
+        import rospy
+        from diagnostic_msgs.msg import DiagnosticStatus
+        from std_msgs.msg import String
+
+        from vsx_ros.ros import topics
+
+        self.slam = self.follower = self.mission = ""
+        rospy.init_node("ear", anonymous=True, disable_signals=True)
+        rospy.Subscriber(f"/{topics.SLAM_STATE}", DiagnosticStatus, self._on_slam)
+        rospy.Subscriber(f"/{topics.FOLLOWER_STATUS}", String, self._on_follower)
+        rospy.Subscriber(f"/{topics.EXPLORE_STATUS}", String, self._on_mission)
+
+    def _on_slam(self, msg: object) -> None:
+        self.slam = f"{msg.name}: {msg.message}" if msg.message else msg.name
+
+    def _on_follower(self, msg: object) -> None:
+        status = json.loads(msg.data)
+        self.follower = f"{status['status']} {status['reason']}".strip()
+
+    def _on_mission(self, msg: object) -> None:
+        status = json.loads(msg.data)
+        self.mission = f"{status['state']}: {status['reason']}"
+
+
+def repetition(stack: object, cable: FaultyCable, ear: Ear, fault: str) -> dict[str, object]:
+    """Seconds until the wheels stood for the first time, -1 when they never did; what was said a moment later."""
+    begin_s = time.monotonic()
+    cable.inject(fault)
+    while stack.plant.moving and time.monotonic() - begin_s < WATCH_S:
+        time.sleep(0.005)
+    turned_s = -1.0 if stack.plant.moving else max(0.0, stack.plant.stopped_s - begin_s)
+    time.sleep(0.3)
+    told = {"slam": ear.slam, "follower": ear.follower, "mission": ear.mission}
+    time.sleep(max(0.0, begin_s + WATCH_S - time.monotonic()))
+    told["later"] = f"{'driving' if stack.plant.moving else 'standing'}; {ear.slam}; {ear.mission}"
+    cable.inject("")
+    return {"turned_s": round(turned_s, 3), **told}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--repetitions", type=int, default=5)
+    parser.add_argument("--faults", nargs="+", default=list(FAULTS), choices=FAULTS)
+    parser.add_argument("--minutes", type=float, default=60.0)
+    parser.add_argument("--out", type=Path, default=Path(__file__).with_suffix(".json"))
+    args = parser.parse_args()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    end_s = time.monotonic() + 60.0 * args.minutes
+    folder = Path(tempfile.mkdtemp(prefix="vsxf"))
+    os.environ.update(ROS_MASTER_URI=f"http://{HOST}:{free_port()}", ROS_HOSTNAME=HOST, ROS_LOG_DIR=str(folder))
+    from conftest import Stack
+
+    results = json.loads(args.out.read_text()) if args.out.exists() else {}
+    stack = Stack(folder)
+    cable = FaultyCable.below(stack, folder)
+    try:
+        stack.up()
+        ear = Ear()
+        begin(stack)
+        for fault in args.faults:
+            runs = results.setdefault(fault, [])
+            while len(runs) < args.repetitions and time.monotonic() < end_s:
+                if not ready(stack):
+                    print(f"{fault}: the robot does not drive; next", flush=True)
+                    break
+                runs.append(repetition(stack, cable, ear, fault))
+                args.out.write_text(json.dumps(results, indent=1) + "\n")
+                print(fault, runs[-1], flush=True)
+    finally:
+        stack.down()
+
+
+if __name__ == "__main__":
+    main()
