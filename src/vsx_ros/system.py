@@ -171,9 +171,11 @@ class ExplorationSystem:
         seed: int,
         unconstrained: bool = False,
         memory: Memory | None = None,
+        slam_map: SlamMap | None = None,
     ) -> None:
-        """memory: of a run to go on with, the base standing where it stood. Raises CalibrationError when that was made
-        with another camera or mount, InputError when it is damaged."""
+        """memory: of a run to go on with, the base standing where it stood; slam_map: a map to go on in, the base
+        anywhere in it. Raises CalibrationError when either was made with another camera or mount, InputError when
+        memory is damaged."""
         self._config = config
         self._T_cam_base = T_base_cam.inverse()
         self._costs = Planner(config.planner, config.robot)
@@ -183,16 +185,25 @@ class ExplorationSystem:
         self._fuser = PoseFuser()
         self._map_version = self._newest_keyframe = -1
         self._next_map_ns = self._next_decision_ns = 0
-        known = () if memory is None else (memory.slam_map, TrackingRecord.restored(memory.state))
-        self.slam = SequentialSlam(camera, T_base_cam, config.slam, seed, *known)
+        record = None if memory is None else TrackingRecord.restored(memory.state)
+        slam_map = slam_map if memory is None else memory.slam_map
+        self.slam = SequentialSlam(camera, T_base_cam, config.slam, seed, slam_map, record)
         self.navigator = Navigator(config, planner, seed)
         self.mission = Mission(config, lambda start, grid: lambda poses: self._costs.travel_costs(start, grid, poses))
         self.grid: OccupancyGrid | None = None
         self.dense: DenseMap | None = None
         self._recalled = None if memory is None else memory.mission
+        if slam_map is not None:
+            self._take_over(slam_map, memory)
+
+    def _take_over(self, slam_map: SlamMap, memory: Memory | None) -> None:
+        """The ground of a map made before: what was driven then, or where its first keyframe stood, is free."""
         if memory is not None:
             self.ground.restore(memory.state)
-            while self._densifier is not None and not (self.dense is not None and self.dense.complete):
+        else:
+            self.ground.start = SE2.from_se3(slam_map.view.keyframes[0].T_world_cam @ self._T_cam_base)
+        if self._densifier is not None:
+            while self.dense is None or not self.dense.complete:
                 self._densify(self.slam.snapshot())
                 self._newest_keyframe = -1
 

@@ -16,7 +16,7 @@ ASK = '\nCOMP_WORDS=("$@"); COMP_CWORD=$(($#-1)); _vsx; echo "${COMPREPLY[@]}"'
     ("words", "offered"),
     [
         (["st"], ["status", "stop"]),
-        (["map", ""], ["--help", "info", "export"]),
+        (["map", ""], ["--help", "info", "export", "save", "load"]),
         (["map", "export", "a.vsxmap", "--format", "p"], ["ply"]),
         (["explore", "--base", ""], ["auto", "kobuki", "create", "create2"]),
         (["explore", "--world", "lab", "--fa"], ["--fast"]),

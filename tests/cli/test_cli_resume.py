@@ -16,6 +16,7 @@ from vsx_ros.cli.session import Before
 from vsx_ros.io.checkpoint import Checkpoint
 from vsx_ros.io.journal import FrameLine, read_journal
 from vsx_ros.io.run_folder import RunFolder
+from vsx_ros.io.slam_map_file import load_slam_map
 
 SECOND = 1_000_000_000
 
@@ -119,3 +120,23 @@ def test_pictures_are_written_once_and_go_with_their_keyframe(resumed):
     (folder / "000099_1.png").touch()
     checkpoint.write(saved)
     assert {path.name: path.stat().st_mtime_ns for path in folder.iterdir()} == before
+
+
+def test_its_map_can_be_saved_and_gone_on_in_by_another_run(resumed, tmp_path, capsys):
+    out, _ = resumed
+    path = tmp_path / "lab.vsxmap"
+    assert execute(["map", "save", str(out), "--out", str(path)]) == 0
+    assert capsys.readouterr().out == f"{path}\n"
+    known = load_slam_map(path).view
+    other = tmp_path / "other"
+    words = ["--fast", "--seed", "1", "--time", "3", "--out", str(other)]
+    assert execute(["map", "load", str(path), *words]) == 0
+    summary = json.loads((other / "summary.json").read_text())
+    assert summary["continued_map"] == str(path)
+    assert summary["keyframes"] >= len(known.living) - 1
+    assert summary["frames_tracked"] > 40
+    assert summary["coverage"] is None
+    command = RunFolder.open(other).read_config()[1]["command"]
+    assert command == f"vsx explore --fast --load-map {path} --seed 1 --time 3.0 --out {other}"
+    assert execute(["map", "save", str(tmp_path)]) == 1
+    assert "is not a run folder" in capsys.readouterr().err

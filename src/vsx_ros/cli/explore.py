@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from vsx_ros.io.run_folder import RunFolder
 
 DEFAULTS = {"seed": 1, "base": "auto", "port": "/dev/kobuki", "camera": "kinect", "planner": "fov"}
-REMEMBERED = ("world", "seed", "base", "port", "camera", "planner", "time", "fast")
+REMEMBERED = ("world", "seed", "base", "port", "camera", "planner", "time", "fast", "load_map")
 
 
 def add_parser(subparsers: Any) -> None:
@@ -35,8 +35,8 @@ def add_parser(subparsers: Any) -> None:
     parser.set_defaults(run=run)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options that the live run and the lock-step run share."""
+def add_arguments(parser: argparse.ArgumentParser, *, with_load_map: bool = True) -> None:
+    """The options that the live run and the lock-step run share; without --load-map where the map is given."""
     parser.add_argument(
         "--world", metavar="NAME|FILE", help="emulate: lab, office, corridor, a world.yaml or a map.yaml"
     )
@@ -52,6 +52,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--resume", type=Path, metavar="RUN", help="go on with an interrupted run, in its map and with its options"
     )
+    if with_load_map:
+        parser.add_argument(
+            "--load-map", metavar="FILE", help="go on in a SLAM map (.vsxmap), the robot anywhere in it: 'vsx map save'"
+        )
     parser.add_argument("--fast", action="store_true", help="one process, lock-step, no ROS, deterministic")
     parser.add_argument("--view", action="store_true", help="serve the live view, for a browser on this machine")
     parser.add_argument("--headless", action="store_true", help="open no window and no browser")
@@ -83,7 +87,10 @@ def begin(args: argparse.Namespace) -> tuple[RunFolder, Config]:
 
     if args.resume is not None:
         return _begin_again(args, RunFolder.open(args.resume))
+    command = ["vsx", "explore", *(["--fast"] if args.fast else []), *live_arguments(args)]
     fill(args, DEFAULTS)
+    if args.load_map is not None:
+        args.load_map = str(Path(args.load_map).resolve())
     parameters = config.load(args.config, args.set)
     if args.phi is not None:
         parameters = overridden(parameters, {"planner.phi_rad_m": args.phi})
@@ -91,7 +98,7 @@ def begin(args: argparse.Namespace) -> tuple[RunFolder, Config]:
     world = args.world or ("lab" if args.fast else args.base)
     folder = RunFolder.create(args.out or Path("runs") / f"{now}_{Path(world).stem}")
     facts = {name: getattr(args, name) for name in REMEMBERED}
-    folder.write_config(parameters, ["vsx", "explore", *sys.argv[1 + ("explore" in sys.argv[:2]) :]], **facts)
+    folder.write_config(parameters, command, **facts)
     return folder, parameters
 
 
@@ -107,7 +114,9 @@ def _begin_again(args: argparse.Namespace, folder: RunFolder) -> tuple[RunFolder
         name for name in ("world", "seed", "base", "planner", "phi", "config", "set", "out") if getattr(args, name)
     ]
     if contradicting:
-        raise ConfigError(f"--resume goes on with the options of {folder.path}; leave out --{contradicting[0]}")
+        raise ConfigError(
+            f"--resume goes on with the options of {folder.path}; leave out --{contradicting[0].replace('_', '-')}"
+        )
     parameters, facts = folder.read_config()
     if facts.get("fast") is not args.fast:
         raise ConfigError(

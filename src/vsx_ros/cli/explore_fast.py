@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 
@@ -22,11 +23,13 @@ from vsx_ros.exploration.decision import Outcome
 from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.journal import EventLine, FrameLine, TruthLine, flat, unflat
 from vsx_ros.io.run_folder import RunEvent, RunFolder
+from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.robot import STOP, Frame, Odometry, VelocityCommand
 from vsx_ros.sim.robot import EmulatedRobot, Observation
 from vsx_ros.sim.settings import SimulationConfig
 from vsx_ros.sim.world import Start, World, changed
 from vsx_ros.sim.world_file import load_world, save_world
+from vsx_ros.slam.slam_map import SlamMap
 from vsx_ros.slam.state import TrackingState
 from vsx_ros.system import ExplorationSystem
 
@@ -50,11 +53,13 @@ class FastRun:
         config: Config,
         before: Before | None = None,
         session: Session | None = None,
+        slam_map: SlamMap | None = None,
     ) -> None:
         """before: an interrupted run to go on with, in the same world with the same seed; the robot stands where it
-        stood when the power went."""
+        stood when the power went. slam_map: a map to go on in."""
         self.world, self._config, self._session = world, config, session
-        self._judge = MapJudge(world, config)
+        # Where a loaded map lies in the world is not known.
+        self._judge = MapJudge(world, config) if slam_map is None else None
         self._before, truth = before, before.truth if before is not None else None
         if truth is not None:
             x, y, theta = truth.T_world_base
@@ -63,7 +68,7 @@ class FastRun:
         mount = self.robot.T_base_cam_given
         memory = before.memory if before is not None else None
         unconstrained = planner == "unconstrained"
-        self.system = ExplorationSystem(self.robot.camera_given, mount, config, seed, unconstrained, memory)
+        self.system = ExplorationSystem(self.robot.camera_given, mount, config, seed, unconstrained, memory, slam_map)
         self.record = RunRecord(mount)
         self.truth: list[StampedPose] = []
         self._errors_m: list[float] = []
@@ -154,8 +159,8 @@ class FastRun:
             f"{self.robot.truth.path_length_m:.1f} m driven  {last.found}/{last.searched} points"
         )
 
-    def write(self, folder: RunFolder, reason: str, **facts: str | int) -> dict[str, object]:
-        """Every file of the run folder but config, world and report; the summary. facts: world, seed and planner."""
+    def write(self, folder: RunFolder, reason: str, **facts: str | int | None) -> dict[str, object]:
+        """Every file of the run folder but config, world and report; the summary. facts: of the summary."""
         system, errors = self.system, np.array(self._errors_m)
         self.record.write(folder, system.slam.snapshot(), system.surface_points())
         folder.write_poses("groundtruth", self.truth)
@@ -163,7 +168,9 @@ class FastRun:
             folder.write_map(system.grid)
         summary = self.record.summary(system.slam.statistics())
         summary = with_accuracy(summary, self.record.estimate(), self.truth, "yaw")
-        summary = self._judge.judged(summary, system.grid).with_values(
+        if self._judge is not None:
+            summary = self._judge.judged(summary, system.grid)
+        summary = summary.with_values(
             collisions=self.collisions,
             duration_s=self.truth[-1].stamp_ns * 1e-9 if self.truth else 0.0,
             planned_vs_executed_rms_m=float(np.sqrt(np.mean(errors**2))) if errors.size else None,
@@ -188,9 +195,11 @@ def explore_fast(args: argparse.Namespace) -> int:
     limit_s = args.time or _DEFAULT_TIME_S
     if before is not None and before.ended_ns * 1e-9 >= limit_s:
         raise ConfigError(f"{folder.path} has lasted {before.ended_ns * 1e-9:.0f} s; to go on give more with --time")
-    run = FastRun(world, args.seed, args.planner, config, before, Session(folder, before))
+    slam_map = load_slam_map(Path(args.load_map)) if args.load_map else None
+    run = FastRun(world, args.seed, args.planner, config, before, Session(folder, before), slam_map)
     reason = run.run(limit_s)
-    summary = run.write(folder, reason, world=name, seed=args.seed, planner=args.planner)
+    facts = {"world": name, "seed": args.seed, "planner": args.planner, "continued_map": args.load_map}
+    summary = run.write(folder, reason, **facts)
     report = write_report(folder)
     print("\n".join([reason, *(f"  {line}" for line in one_line_facts(summary)), f"  report: {report}"]))
     if reason == STOPPED_BY_OPERATOR:

@@ -16,10 +16,11 @@ def add_parser(subparsers: Any) -> None:
     """Register the command and its options."""
     parser = subparsers.add_parser(
         "map",
-        help="look into a SLAM map, export it",
-        description="Works on the SLAM maps that 'vsx replay --save-map' and the node vslam write (.vsxmap); "
-        "--load-map goes on in one. The ground map of a run is map.pgm with map.yaml in its folder.",
-        epilog="examples: vsx map info lab.vsxmap   |   vsx map export lab.vsxmap --format colmap --out lab_colmap",
+        help="save a SLAM map, go on in it, look into it, export it",
+        description="Works on SLAM maps (.vsxmap), which another session can go on in. The ground map of a run is "
+        "map.pgm with map.yaml in its folder.",
+        epilog="examples: vsx map save --out lab.vsxmap   |   vsx map load lab.vsxmap   |   vsx map export lab.vsxmap "
+        "--format colmap",
     )
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
     info = verbs.add_parser("info", help="print what is in it", description="Prints what is in a SLAM map.")
@@ -37,6 +38,54 @@ def add_parser(subparsers: Any) -> None:
     export.add_argument("--format", choices=tuple(_FORMATS), required=True, help="what to write")
     export.add_argument("--out", type=Path, metavar="PATH", help="file or folder (default: beside FILE)")
     export.set_defaults(run=run_export)
+    _add_save_and_load(verbs)
+
+
+def _add_save_and_load(verbs: Any) -> None:
+    from vsx_ros.cli import explore
+
+    save = verbs.add_parser(
+        "save",
+        help="save the map of a running robot, or of a run",
+        description="Saves the SLAM map of the robot that runs now, by its service vslam/save_map, or that of a run "
+        "folder, interrupted or not. A second robot is reached with ROS_NAMESPACE=robot1 vsx map save.",
+    )
+    save.add_argument("run_folder", type=Path, nargs="?", metavar="RUN", help="a run folder (default: the robot)")
+    save.add_argument("--out", type=Path, metavar="FILE", help="default: map.vsxmap in the run folder")
+    save.set_defaults(run=run_save)
+    load = verbs.add_parser(
+        "load",
+        help="explore on in a map",
+        description="Starts an exploration that goes on in a map, the robot anywhere in it: 'vsx explore --load-map "
+        "FILE', with the same options. 'vsx replay --load-map' does so with a recording.",
+    )
+    load.add_argument("load_map", metavar="FILE", help="a .vsxmap")
+    explore.add_arguments(load, with_load_map=False)
+    load.set_defaults(run=run_load)
+
+
+def run_save(args: argparse.Namespace) -> int:
+    """From the folder here, from the robot where ROS is."""
+    if args.run_folder is None:
+        from vsx_ros.cli.above import continue_as
+
+        continue_as("vsx_ros.ros.save_map", argparse.Namespace(out=args.out and args.out.resolve()))
+    from vsx_ros.io.run_folder import RunFolder
+    from vsx_ros.io.slam_map_file import save_slam_map
+
+    folder = RunFolder.open(args.run_folder)
+    out = args.out or folder.path / "map.vsxmap"
+    save_slam_map(folder.checkpoint.read().slam_map, out)
+    print(out)
+    return 0
+
+
+def run_load(args: argparse.Namespace) -> int:
+    """An exploration in the map."""
+    from vsx_ros.cli import explore
+
+    del args.verb
+    return explore.run(args)
 
 
 def run_info(args: argparse.Namespace) -> int:

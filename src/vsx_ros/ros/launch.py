@@ -57,10 +57,10 @@ def emulation(world: str, seed: int = 0, devices: str = "/tmp", base: str = "kob
     return [LaunchNode("emulator", emulator), *bringup(base, port, f"emulator:{camera_socket}")]
 
 
-def exploration(planner: str = "fov", seed: int = 0, run_dir: str = "") -> list[LaunchNode]:
-    """Everything above the robot."""
+def exploration(planner: str = "fov", seed: int = 0, run_dir: str = "", load_map: str = "") -> list[LaunchNode]:
+    """Everything above the robot. load_map: a SLAM map to go on in."""
     return [
-        LaunchNode("vslam", {"seed": seed, "run_dir": run_dir}),
+        LaunchNode("vslam", {"seed": seed, "run_dir": run_dir, "load_map": load_map}),
         LaunchNode("move_base", {"planner": planner, "seed": seed}, respawn=True),
         LaunchNode("follower", {}, respawn=True),
         LaunchNode("explore", {"run_dir": run_dir}),

@@ -83,7 +83,8 @@ def explore(args: argparse.Namespace) -> int:
         world = open_world(args.world, args.seed) if args.resume is None else load_world(folder.path / "world.yaml")
     os.environ["ROS_LOG_DIR"] = str((folder.path / "log").resolve())
     (folder.path / "log").mkdir(exist_ok=True)
-    judge = MapJudge(world, config) if world is not None else None
+    # Where a loaded map lies in the world is not known.
+    judge = MapJudge(world, config) if world is not None and not args.load_map else None
     journal = WitnessJournal(folder, config.robot.mount)
     if args.time is not None and journal.clock.elapsed_s >= args.time:
         raise ConfigError(f"{folder.path} has lasted {journal.clock.elapsed_s:.0f} s; to go on give more with --time")
@@ -111,7 +112,7 @@ def _nodes(
     args: argparse.Namespace, folder: RunFolder, world: World | None, devices: Path, T_world_base: SE2 | None
 ) -> list[LaunchNode]:
     """T_world_base: where an emulated robot stood when the run was interrupted."""
-    above = launch.exploration(args.planner, args.seed, str(folder.path.resolve()))
+    above = launch.exploration(args.planner, args.seed, str(folder.path.resolve()), args.load_map or "")
     if world is None:
         return [*launch.bringup(args.base, args.port, args.camera), *above]
     path = folder.path.resolve() / "world.yaml"
@@ -199,6 +200,7 @@ def _gather(
         seed=args.seed if args.world else None,
         planner=args.planner,
         phi=config.planner.phi_rad_m,
+        continued_map=args.load_map,
     )
     folder.write_events([*folder.read_events(), *journal.events(), *witness.events()])
     if truth:

@@ -53,6 +53,8 @@ PREVIEW = "vslam/preview/compressed"
 MAP = "map"
 MAP_METADATA = "map_metadata"
 STATIC_MAP = "static_map"
+SAVE_MAP = "vslam/save_map"
+SAVE_MAP_TO = "vslam/save_map_to"
 
 # move_base: the planner
 MOVE_BASE_ACTION = "move_base"
@@ -167,7 +169,7 @@ PUBLISHED: dict[str, dict[str, str]] = {
 SERVICES: dict[str, dict[str, str]] = {
     "camera": {SET_CAMERA_INFO: "sensor_msgs/SetCameraInfo"},
     "mobile_base": {ESTOP: "std_srvs/SetBool", RESET_ODOMETRY: "std_srvs/Trigger"},
-    "vslam": {STATIC_MAP: "nav_msgs/GetMap"},
+    "vslam": {STATIC_MAP: "nav_msgs/GetMap", SAVE_MAP: "std_srvs/Trigger"},
     "move_base": {MAKE_PLAN: "nav_msgs/GetPlan"},
     "follower": {FOLLOWER_CANCEL: "std_srvs/Trigger"},
     "explore": {

@@ -4,15 +4,17 @@ Subscribers: camera/rgb/image_raw, camera/rgb/camera_info, odom, mobile_base/haz
 Publishers: vslam/pose (base_footprint in map, stamp of the image), /tf map -> odom, /tf_static (camera mount),
     vslam/state, vslam/stats/*, follower/lease; vslam/preview/compressed (while someone looks); map, map_metadata,
     vslam/{map_points,keyframes,path} (latched); vslam/planes, vslam/dense_points, scan (while someone listens).
-Services: static_map.
+Services: static_map; vslam/save_map (Trigger: saves the SLAM map, the answer says where).
 Parameters: ~config (tree of config.py), ~seed (int, 0), ~run_dir (folder for the results of the run, gone
     on with when it holds the map of an interrupted one; none),
     ~use_odometry (bool, true: wait for odom, the map is metric; false: the map has no scale and no floor),
-    ~load_map (SLAM map to go on in, the robot anywhere in it; none), ~save_map (file to save it to at the end; none).
+    ~load_map (SLAM map to go on in, the robot anywhere in it; none), ~save_map (file to save it to at the end; none),
+    ~save_map_to (file the service saves to; default map.vsxmap in ~run_dir, else in the folder for temporary files).
 """
 
 from __future__ import annotations
 
+import tempfile
 import time
 from pathlib import Path
 
@@ -21,11 +23,13 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry as OdometryMsg
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import UInt8
+from std_srvs.srv import Trigger, TriggerRequest, TriggerResponse
 from tf2_msgs.msg import TFMessage
 
 from vsx_hw.readings import Hazard
 from vsx_ros.cli.run_record import RunRecord
 from vsx_ros.config import Config
+from vsx_ros.errors import MapFileError
 from vsx_ros.geometry.camera import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.run_folder import RunFolder
@@ -98,6 +102,7 @@ class VslamNode:
         process.every(_TF_PERIOD_S, "tf", self._publish_tf)
         process.every(_MAP_PERIOD_S, "ground map", self._map)
         process.every(_DENSE_PERIOD_S, "dense map", self._densify)
+        rospy.Service(topics.SAVE_MAP, Trigger, self._on_save_map)
         self._tracking = process.worker("tracking", self._track)
 
     def _on_odometry(self, msg: OdometryMsg) -> None:
@@ -115,6 +120,18 @@ class VslamNode:
 
     def _on_image(self, msg: Image) -> None:
         self._sync.add_frame(images.frame(msg))
+
+    def _on_save_map(self, _: TriggerRequest) -> TriggerResponse:
+        slam_map = self._slam.slam_map() if self._slam is not None else None
+        if slam_map is None:
+            return TriggerResponse(False, "there is no map yet: it starts with the first straight drive")
+        default = Path(self._run_dir or tempfile.gettempdir()) / "map.vsxmap"
+        path = Path(str(rospy.get_param("~save_map_to", "")) or default)
+        try:
+            save_slam_map(slam_map, path)
+        except MapFileError as error:
+            return TriggerResponse(False, str(error))
+        return TriggerResponse(True, str(path))
 
     def _track(self) -> None:
         camera = images.camera(self._first_camera_info())

@@ -1,0 +1,47 @@
+"""The map of a running robot behind ``vsx map save``. Run as ``python -m vsx_ros.ros.save_map`` with its options."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+import rospy
+from std_srvs.srv import Trigger
+
+from vsx_ros.cli.exit_codes import DONE
+from vsx_ros.errors import ConfigError, MapFileError
+from vsx_ros.ros import guest, topics
+
+_WAIT_S = 5.0
+
+
+def save_map(args: argparse.Namespace) -> int:
+    """Ask vslam to save its map, and say where it is.
+
+    Raises ConfigError when no robot maps, MapFileError when the map cannot be saved.
+    """
+    guest.join("save_map")
+    try:
+        rospy.wait_for_service(topics.SAVE_MAP, timeout=_WAIT_S)
+        rospy.set_param(topics.SAVE_MAP_TO, args.out or "")
+        answer = rospy.ServiceProxy(topics.SAVE_MAP, Trigger)()
+    except (rospy.ROSException, rospy.ServiceException) as error:
+        name = rospy.resolve_name(topics.SAVE_MAP)
+        raise ConfigError(
+            f"nobody offers {name} ({error}); start the robot, or save the map of a run: 'vsx map save RUN'"
+        ) from error
+    if not answer.success:
+        raise MapFileError(answer.message)
+    sys.stdout.write(f"{answer.message}\n")
+    return DONE
+
+
+def main() -> int:
+    """Parse and run."""
+    parser = argparse.ArgumentParser(prog="vsx map save")
+    parser.add_argument("--out")
+    return guest.command(save_map, parser.parse_args())
+
+
+if __name__ == "__main__":
+    sys.exit(main())
