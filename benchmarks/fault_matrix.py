@@ -1,12 +1,12 @@
 """Off, stuck, garbage, wrong, slow, delayed, intermittent: each fault of each device, and what the robot does about it.
 
-python benchmarks/fault_matrix.py [--repetitions 5] [--table docs/reliability.md]
+python benchmarks/fault_matrix.py [--repetitions 5] [--measure-robot] [--table docs/reliability.md]
 
 Bases: the real driver with the mux before it, over an emulated base on a pseudo-terminal, commanded 0.2 m/s: how
 long the wheels turned after the fault set in, seen at the emulator's end of the wire; where it drove on, it says so.
 Camera: the real driver over the emulated Kinect. Nodes, and the camera of an exploring robot: what
-benchmarks/fault_nodes.py and benchmarks/fault_camera.py have measured. With --table the tables replace those of the
-document.
+benchmarks/fault_nodes.py and benchmarks/fault_camera.py have measured; with --measure-robot they measure what is still
+missing (hours). With --table the tables replace those of the document.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ from __future__ import annotations
 import argparse
 import json
 import statistics
+import subprocess
+import sys
 import tempfile
 import threading
 import time
@@ -235,7 +237,11 @@ def main() -> None:
     parser.add_argument("--repetitions", type=int, default=5)
     parser.add_argument("--table", type=Path)
     parser.add_argument("--measured-only", action="store_true", help="only the tables of what was measured before")
+    parser.add_argument("--measure-robot", action="store_true", help="run fault_nodes.py and fault_camera.py first")
     args = parser.parse_args()
+    if args.measure_robot:
+        for script in ("fault_nodes.py", "fault_camera.py"):
+            subprocess.run([sys.executable, str(Path(__file__).with_name(script))], check=True)
     tables = {"nodes": node_table(), "robots": robot_table()}
     if not args.measured_only:
         with tempfile.TemporaryDirectory() as folder:

@@ -122,9 +122,13 @@ class BaseDriver:
         self._dialect.reset_odometry()
 
     def status(self) -> LinkStatus:
-        """Health for diagnostics."""
+        """Health for diagnostics: a base that has been silent for longer than STALE_NS is not connected."""
         counters = {"connections": self._keeper.connections, **self._dialect.counters()}
-        return LinkStatus(self._keeper.connected, self._keeper.message, self._device, counters)
+        connected, message = self._keeper.connected, self._keeper.message
+        silent_ns = time.monotonic_ns() - self._last_reading_ns
+        if connected and silent_ns > STALE_NS:
+            connected, message = False, f"{self._heard()} for {silent_ns * 1e-9:.1f} s; the wheels are told to stand"
+        return LinkStatus(connected, message, self._device, counters)
 
     def close(self) -> None:
         """Stop the wheels, leave the base safe and release the port."""
@@ -181,8 +185,10 @@ class BaseDriver:
 
     def _silence(self) -> str:
         """What is wrong with a base that has told nothing for long."""
-        heard = f"{self._heard_bytes} bytes that make no sense" if self._heard_bytes else "no data"
-        return f"{self._device}: {heard} for {SILENT_NS / 1e9:.0f} s; {self._dialect.silence()}"
+        return f"{self._device}: {self._heard()} for {SILENT_NS / 1e9:.0f} s; {self._dialect.silence()}"
+
+    def _heard(self) -> str:
+        return f"{self._heard_bytes} bytes that make no sense" if self._heard_bytes else "no data"
 
     def _current(self, now_ns: int) -> tuple[float, float]:
         command = self._command

@@ -117,3 +117,27 @@ def test_a_kobuki_knows_whether_it_stands_at_its_dock(charger, docked, charging,
     monkeypatch.setattr(wire.board, "charger", charger)
     wire.serve(0.2)
     assert {(r.battery.docked, r.battery.charging) for r in wire.readings} == {(docked, charging)}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    ("damage", "words"), [(lambda data: b"", "no data"), (lambda data: bytes(len(data)), "no sense")]
+)
+def test_a_base_that_falls_silent_or_mad_is_told_so_while_its_wheels_are_stopped(kind, damage, words, monkeypatch):
+    wire = Wire(kind, monkeypatch)
+    emit = wire.board.emit
+    monkeypatch.setattr(wire.board, "emit", lambda now_ns: (damage if now_ns > 2000 * MS else bytes)(emit(now_ns)))
+    before = []
+
+    def command() -> None:
+        wire.driver.drive(0.2, 0.0)
+        if wire.now_ns == 1900 * MS:
+            before.append((*wire.driver.status()[:2], wire.plant.speeds != (0.0, 0.0)))
+
+    wire.each_ms = command
+    wire.serve(1.5)
+    assert before == [(True, "connected", True)]
+    connected, message = wire.driver.status()[:2]
+    assert not connected
+    assert words in message
+    assert wire.plant.speeds == (0.0, 0.0)
