@@ -30,12 +30,20 @@ class MountConfig(_Branch, frozen=True):
     yaw_left_rad: float = 0.0
 
 
+class OdometryConfig(_Branch, frozen=True):
+    """What the base multiplies way and turn of its wheels by; 'vsx calibrate odometry' finds it."""
+
+    linear_scale: Annotated[float, Meta(ge=0.5, le=2)] = 1.0
+    angular_scale: Annotated[float, Meta(ge=0.5, le=2)] = 1.0
+
+
 class RobotConfig(_Branch, frozen=True):
     """The body."""
 
     radius_m: Positive = 0.18
     height_m: Positive = 0.45
     mount: MountConfig = MountConfig()
+    odometry: OdometryConfig = OdometryConfig()
 
 
 class LimitsConfig(_Branch, frozen=True):

@@ -41,7 +41,7 @@ def test_the_yaml_of_ros_is_read(tmp_path):
         (
             "438.78, 0.0, 305.59, 0.0, 437.34, 243.73, 0.0, 0.0, 1.0",
             "0, 0, 0, 0, 0, 0, 0, 0, 0",
-            "cameracalibrator.py",
+            "vsx calibrate camera",
         ),
         ("image_width: 640", "", "'image_width'"),
         ("image_width: 640", "image_width: wide", "wide"),

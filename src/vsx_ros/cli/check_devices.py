@@ -123,7 +123,7 @@ def _calibration(folder: Path) -> Iterator[Finding]:
 
     files = sorted(folder.glob("*.yaml"))
     if not files:
-        remedy = "calibrate with ROS' cameracalibrator.py (hw/README.md); without it the map is bent"
+        remedy = "vsx calibrate camera --live --board 8x6x0.025 (docs/how-to/calibrate.md); without it the map is bent"
         yield Finding("calibration", WARN, f"{folder} holds none, nominal values will be used", remedy)
     for file in files:
         try:

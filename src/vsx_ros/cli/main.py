@@ -19,7 +19,7 @@ from vsx_ros.errors import VsxError
 
 COMMANDS = (
     "explore", "replay", "record", "plan", "evaluate", "report", "reproduce", "map", "view", "status", "stop", "teleop",
-    "doctor", "config", "world", "completion",
+    "calibrate", "doctor", "config", "world", "completion",
 )  # fmt: skip
 
 

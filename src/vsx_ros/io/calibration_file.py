@@ -66,7 +66,7 @@ def read_calibration(path: Path) -> PinholeCamera:
         ) from error
     if camera is None:
         raise CalibrationError(
-            f"calibration {path} is all zero (uncalibrated); calibrate with ROS' cameracalibrator.py"
+            f"calibration {path} is all zero (uncalibrated); run 'vsx calibrate camera'"
         )
     return camera
 
@@ -88,8 +88,8 @@ def _from_json_tree(tree: dict[str, Any], path: Path) -> PinholeCamera | None:
     return camera_from_info(*size, K, tree.get("dist", []), str(tree.get("model", "pinhole")), f"calibration {path}")
 
 
-def write_calibration(path: Path, camera: PinholeCamera, camera_name: str = "camera") -> None:
-    """A camera_info YAML that ROS's own tools read."""
+def write_calibration(path: Path, camera: PinholeCamera, camera_name: str = "camera", remark: str = "") -> None:
+    """A camera_info YAML that ROS's own tools read. remark: comment on top of it."""
     P = np.column_stack([camera.K, np.zeros(3)])
     tree = {
         "image_width": camera.width,
@@ -101,7 +101,8 @@ def write_calibration(path: Path, camera: PinholeCamera, camera_name: str = "cam
         "rectification_matrix": _matrix(np.eye(3)),
         "projection_matrix": _matrix(P),
     }
-    path.write_text(yaml.safe_dump(tree, sort_keys=False, default_flow_style=None), encoding="utf-8")
+    comment = "".join(f"# {line}\n" for line in remark.splitlines())
+    path.write_text(comment + yaml.safe_dump(tree, sort_keys=False, default_flow_style=None), encoding="utf-8")
 
 
 def _matrix(values: np.ndarray[Any, Any]) -> dict[str, Any]:

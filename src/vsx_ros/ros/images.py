@@ -43,8 +43,8 @@ def camera(msg: CameraInfo) -> PinholeCamera:
     found = camera_from_info(msg.width, msg.height, msg.K, msg.D, msg.distortion_model, "camera_info")
     if found is None:
         raise CalibrationError(
-            "camera_info holds no calibration (K is zero); calibrate with ROS' cameracalibrator.py and give its file "
-            "to the camera node as ~camera_info_url"
+            "camera_info holds no calibration (K is zero); run 'vsx calibrate camera --live', or give a file to the "
+            "camera node as ~camera_info_url"
         )
     return found
 

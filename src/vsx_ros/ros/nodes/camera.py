@@ -109,9 +109,7 @@ class CameraNode:
         if self._calibrated:
             self._diagnostics.set("calibration", process.OK, "calibrated")
         else:
-            self._diagnostics.set(
-                "calibration", process.WARN, "not calibrated; calibrate with ROS' cameracalibrator.py"
-            )
+            self._diagnostics.set("calibration", process.WARN, "not calibrated; run 'vsx calibrate camera --live'")
 
     def close(self) -> None:
         """Stop the stream."""

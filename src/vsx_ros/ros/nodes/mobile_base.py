@@ -10,7 +10,7 @@ Publishers: odom (50 Hz), /tf odom -> base_footprint, joint_states, mobile_base/
 Services: mobile_base/estop (true stops, false allows; outlives a restart of the node), mobile_base/reset_odometry.
 Parameters: ~robot_type (auto: which one answers; kobuki, create, create2), ~port (/dev/kobuki),
     ~cmd_vel_timeout (s, 0.25: navi and the driver), ~max_vel (m/s, 0.5), ~max_angular_vel (rad/s, 1.5),
-    ~odom_linear_scale_correction (1.0), ~odom_angular_scale_correction (1.0).
+    ~odom_linear_scale_correction, ~odom_angular_scale_correction (as configured under robot.odometry).
     ~estopped is the emergency stop as this node remembers it.
 """
 
@@ -68,8 +68,8 @@ class MobileBaseNode:
             self._find_base(port),
             port,
             timeout_s,
-            float(rospy.get_param("~odom_linear_scale_correction", 1.0)),
-            float(rospy.get_param("~odom_angular_scale_correction", 1.0)),
+            float(rospy.get_param("~odom_linear_scale_correction", config.robot.odometry.linear_scale)),
+            float(rospy.get_param("~odom_angular_scale_correction", config.robot.odometry.angular_scale)),
         )
         self._guardian = base_guardian(settings.robot_type, port)
         self._driver: BaseDriver = base_driver(settings, self._on_reading, self._on_link, self._guardian.beat)

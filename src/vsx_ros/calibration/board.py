@@ -1,0 +1,67 @@
+"""Flat patterns of known size, and finding them in a picture."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from vsx_ros.arrays import FloatArray, GrayImage, Pixels, Points3
+from vsx_ros.errors import ConfigError
+
+REFINE_SHARE, MAX_REFINE_PX = 0.3, 6
+
+
+@dataclass(frozen=True)
+class Board:
+    """columns x rows inner corners of a checkerboard, or circles in a square grid, spacing [m] apart."""
+
+    pattern: str
+    columns: int
+    rows: int
+    spacing: float
+
+    @classmethod
+    def parse(cls, text: str, pattern: str = "checkerboard") -> Board:
+        """The board of a text like 8x6x0.025. Raises ConfigError for anything else."""
+        match = re.fullmatch(r"(\d+)x(\d+)x(\d*\.?\d+)", text.strip())
+        columns, rows, spacing = (int(match[1]), int(match[2]), float(match[3])) if match else (0, 0, 0.0)
+        if not (3 <= columns <= 50 and 3 <= rows <= 50 and 0.001 <= spacing <= 1.0):
+            raise ConfigError(
+                f"board {text!r}: give columns x rows x spacing, counting inner corners (or circles) from 3 to 50, and "
+                "the spacing in metres, e.g. 8x6x0.025"
+            )
+        return cls(pattern, columns, rows, spacing)
+
+    def points(self) -> Points3:
+        """(columns * rows, 3) places on the board, row by row, z = 0 [m]."""
+        y, x = np.mgrid[: self.rows, : self.columns]
+        return self.spacing * np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
+
+    def find(self, image: GrayImage, *, quick: bool = False) -> Pixels | None:
+        """(columns * rows, 2) pixels of the same places, or None where the board is not wholly in view. A board that
+        looks the same upside down may be found so. quick: pass by pictures without squares at a twentieth of the time;
+        for films, where one picture more or less does not count."""
+        size = (self.columns, self.rows)
+        if quick and self.pattern == "checkerboard" and not cv2.checkChessboard(image, size):
+            return None
+        if self.pattern == "circles":
+            found, pixels = cv2.findCirclesGrid(image, size, flags=cv2.CALIB_CB_SYMMETRIC_GRID)
+        else:
+            found, pixels = cv2.findChessboardCornersSB(image, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
+        if not found:
+            return None
+        if self.pattern == "checkerboard":
+            pixels = _refined(image, pixels, self.columns)
+        return np.asarray(pixels, float).reshape(-1, 2)
+
+
+def _refined(image: GrayImage, corners: FloatArray, columns: int) -> FloatArray:
+    """Each corner where the edges around it meet: more exact than the search, near the border of the pattern above
+    all."""
+    along = np.linalg.norm(np.diff(corners.reshape(-1, columns, 2), axis=1), axis=2).min()
+    radius = int(np.clip(REFINE_SHARE * along, 2, MAX_REFINE_PX))
+    enough = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 30, 0.01)
+    return np.asarray(cv2.cornerSubPix(image, corners, (radius, radius), (-1, -1), enough), float)

@@ -1,0 +1,166 @@
+"""Where the camera looks and how high it sits, from a drive straight ahead.
+
+A camera that moves without turning moves towards the focus of expansion; straight ahead on wheels that is the base's
+own x axis, whatever the map's scale (Hartley and Zisserman, Multiple View Geometry, 11.7.2). The floor is the level
+plane below the camera that most map points lie on; its distance gets its metres from the wheels.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from vsx_ros.arrays import FloatArray, Points3
+from vsx_ros.calibration.verdict import Complaint, Grade, Verdict
+from vsx_ros.errors import InputError
+from vsx_ros.geometry.camera import mount_pose
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+
+WINDOW_M, STRAIGHT_RAD = 0.3, math.radians(2.0)
+MIN_WINDOWS = 3
+GOOD_DIRECTION_RAD, USABLE_DIRECTION_RAD = math.radians(0.2), math.radians(0.6)
+FLOOR_REACH_M, FLOOR_BIN_M, FLOOR_INLIER_M = 3.0, 0.06, 0.03
+LOWEST_M, HIGHEST_M = 2.0, 0.05
+MIN_FLOOR_POINTS = 30
+LEVEL_RAD = math.radians(1.0)
+MAX_PITCH_RAD, MAX_YAW_RAD = 0.8, math.radians(30.0)
+
+
+class TrackedPose(NamedTuple):
+    """One image of the drive: T_odom_base by the wheels, and T_ref_cam by vision alone, whose scale may be unknown."""
+
+    T_odom_base: SE2
+    T_ref_cam: SE3
+
+
+class Floor(NamedTuple):
+    """The floor as the drive shows it. height: the lens above it, with its standard error sigma [m]. pitch_off: how far
+    it falls away ahead, where it should be level [rad]. roll: how far it leans to the left [rad]. points: that lie on
+    it."""
+
+    height: float
+    sigma: float
+    pitch_off: float
+    roll: float
+    points: int
+
+
+class MountCalibration(NamedTuple):
+    """pitch_down, yaw_left: where the camera looks [rad]. direction_sigma: their standard error [rad]. way: driven
+    straight [m]. floor: None where too little of it is seen to tell the height."""
+
+    pitch_down: float
+    yaw_left: float
+    direction_sigma: float
+    way: float
+    floor: Floor | None
+    verdict: Verdict
+
+
+def calibrate_mount(drive: Sequence[TrackedPose], points_ref: Points3, forward: float, left: float) -> MountCalibration:
+    """The mount of a camera whose place over the floor (forward, left [m]) is known.
+
+    drive: the images in order. points_ref: (N, 3) map points in the frame of the drive's reference.
+    Raises InputError when less than ``MIN_WINDOWS`` times ``WINDOW_M`` was driven straight ahead.
+    """
+    moved_base, moved_cam = _straight_windows(drive, np.array([forward, left]))
+    if len(moved_base) < MIN_WINDOWS:
+        raise InputError(
+            f"only {len(moved_base)} pieces of {WINDOW_M:g} m of this drive were both straight ahead and tracked, "
+            f"{MIN_WINDOWS} are needed; drive 1.5 m or more straight ahead towards something with texture"
+        )
+    pitch, yaw, sigma = _direction(moved_base, moved_cam)
+    metres = float(np.linalg.norm(moved_base, axis=1).sum() / np.linalg.norm(moved_cam, axis=1).sum())
+    T_base_cam = mount_pose(0.0, 0.0, 0.0, pitch, yaw)
+    first = drive[0].T_ref_cam
+    seen = metres * (first.inverse() @ np.asarray(points_ref, float).reshape(-1, 3))
+    floor = _floor(seen @ T_base_cam.rotation.T)
+    way = float(np.linalg.norm(moved_base, axis=1).sum())
+    return MountCalibration(pitch, yaw, sigma, way, floor, _verdict(pitch, yaw, sigma, floor))
+
+
+def _straight_windows(drive: Sequence[TrackedPose], lever: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(K, 2) ways of the camera in the base's frame by the wheels [m], and (K, 3) the same in its own by vision, over
+    pieces that follow each other."""
+    moved_base, moved_cam = [], []
+    start = 0
+    for k in range(len(drive)):
+        motion = drive[start].T_odom_base.inverse() @ drive[k].T_odom_base
+        if abs(motion.wrapped().theta) > STRAIGHT_RAD or motion.x < -0.02:
+            start = k
+        elif motion.x >= WINDOW_M:
+            moved_base.append((motion @ lever[None])[0] - lever)
+            T_start_end = drive[start].T_ref_cam.inverse() @ drive[k].T_ref_cam
+            moved_cam.append(T_start_end.translation)
+            start = k
+    return np.array(moved_base).reshape(-1, 2), np.array(moved_cam).reshape(-1, 3)
+
+
+def _direction(moved_base: FloatArray, moved_cam: FloatArray) -> tuple[float, float, float]:
+    """Pitch, yaw and their standard error [rad]; the median of the pieces is not led astray by one of them."""
+    unit = moved_cam / np.linalg.norm(moved_cam, axis=1, keepdims=True)
+    course = np.arctan2(moved_base[:, 1], moved_base[:, 0])
+    pitches = np.arctan2(-unit[:, 1], unit[:, 2])
+    yaws = np.arcsin(unit[:, 0]) + course
+    pitch, yaw = float(np.median(pitches)), float(np.median(yaws))
+    spread = 1.4826 * max(float(np.median(np.abs(pitches - pitch))), float(np.median(np.abs(yaws - yaw))))
+    return pitch, yaw, 1.25 * spread / math.sqrt(len(unit))
+
+
+def _floor(points: Points3) -> Floor | None:
+    """The floor among (N, 3) points [m], x ahead, z up, the camera in the origin; None where it shows too little."""
+    near = points[(points[:, 0] > 0.0) & (points[:, 0] < FLOOR_REACH_M)]
+    below = near[(near[:, 2] < -HIGHEST_M) & (near[:, 2] > -LOWEST_M)]
+    if len(below) < MIN_FLOOR_POINTS:
+        return None
+    z = np.sort(below[:, 2])
+    within = np.searchsorted(z, z + FLOOR_BIN_M, side="right") - np.arange(len(z))
+    lowest = z[int(np.argmax(within))]
+    plane = np.array([lowest + 0.5 * FLOOR_BIN_M, 0.0, 0.0])
+    rows = np.column_stack([np.ones(len(below)), below[:, :2]])
+    for _ in range(10):
+        off = below[:, 2] - rows @ plane
+        inlier = np.abs(off) < FLOOR_INLIER_M
+        if inlier.sum() < MIN_FLOOR_POINTS:
+            return None
+        plane = np.linalg.lstsq(rows[inlier], below[inlier, 2], rcond=None)[0]
+    off = (below[:, 2] - rows @ plane)[inlier]
+    covariance = np.linalg.inv(rows[inlier].T @ rows[inlier]) * float(off @ off) / (len(off) - 3)
+    level = math.sqrt(1.0 + plane[1] ** 2 + plane[2] ** 2)
+    return Floor(
+        float(-plane[0] / level),
+        float(math.sqrt(covariance[0, 0])),
+        float(-math.atan(plane[1])),
+        float(-math.atan(plane[2])),
+        int(inlier.sum()),
+    )
+
+
+def _verdict(pitch: float, yaw: float, sigma: float, floor: Floor | None) -> Verdict:
+    complaints = []
+
+    def complain(grade: Grade, words: str) -> None:
+        complaints.append(Complaint(grade, words))
+
+    if sigma > GOOD_DIRECTION_RAD:
+        grade = Grade.USABLE if sigma <= USABLE_DIRECTION_RAD else Grade.BAD
+        complain(grade, f"the direction scatters by {math.degrees(sigma):.2f} deg: drive slower and farther")
+    if abs(pitch) > MAX_PITCH_RAD or abs(yaw) > MAX_YAW_RAD:
+        looks = f"{math.degrees(pitch):.0f} deg down and {math.degrees(yaw):.0f} deg left"
+        complain(Grade.BAD, f"a camera that looks {looks} cannot map what the robot drives to: turn it ahead")
+    if floor is None:
+        complain(Grade.USABLE, "too few points on the floor to tell the height: measure it with a ruler")
+        return Verdict(tuple(complaints))
+    if abs(floor.pitch_off) > LEVEL_RAD:
+        complain(
+            Grade.USABLE,
+            f"what seems to be the floor slopes by {math.degrees(floor.pitch_off):.1f} deg ahead: check the height "
+            "with a ruler",
+        )
+    if abs(floor.roll) > LEVEL_RAD:
+        complain(Grade.USABLE, f"the floor leans by {math.degrees(floor.roll):.1f} deg: mount the camera level")
+    return Verdict(tuple(complaints))

@@ -1,0 +1,103 @@
+"""``vsx calibrate camera`` from pictures: files, folders, recordings."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+from vsx_ros.arrays import GrayImage
+from vsx_ros.calibration.board import Board
+from vsx_ros.calibration.camera import BoardView, CameraCalibration, calibrate_camera
+from vsx_ros.calibration.variety import ViewChooser
+from vsx_ros.calibration.verdict import Grade
+from vsx_ros.cli.exit_codes import DONE, FAILED
+from vsx_ros.cli.robot_file import ros_home
+from vsx_ros.errors import CalibrationError, InputError
+from vsx_ros.io.calibration_file import write_calibration
+from vsx_ros.io.image_encoding import decoded
+from vsx_ros.io.recording import open_recording
+
+PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".tif", ".tiff")
+MAX_SEARCHED = 150
+
+
+def calibrate_from_pictures(args: argparse.Namespace) -> int:
+    """Find the board, calibrate, say how good it is, write it unless it is bad."""
+    board = Board.parse(args.board, args.pattern)
+    out: Path = args.out or ros_home() / "camera_info" / f"{args.name}.yaml"
+    views: list[BoardView] = []
+    searched, size = 0, None
+    for source in args.input:
+        film, chooser = _is_recording(source), None
+        for name, image in _pictures(source, args.image_topic):
+            searched += 1
+            if size is not None and image.shape != size:
+                raise InputError(
+                    f"{name} is {_text(image.shape)} but others are {_text(size)}; give one camera's alone"
+                )
+            size = image.shape
+            chooser = chooser or ViewChooser(board, size[1], size[0])
+            pixels = board.find(image, quick=film)
+            if pixels is not None and (not film or chooser.offer(BoardView(name, pixels))):
+                views.append(BoardView(name, pixels))
+    if size is None:
+        raise InputError(
+            f"there is no picture in {', '.join(map(str, args.input))}; give {' '.join(PICTURES)} or a bag"
+        )
+    result = calibrate_camera(board, views, size[1], size[0])
+    print(f"the board is in {len(views)} of {searched} pictures that were searched", *report(result), sep="\n  ")
+    print(result.verdict)
+    if result.verdict.grade is Grade.BAD:
+        print(f"  {out} is not written")
+        return FAILED
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        write_calibration(out, result.camera, args.name, remark(result))
+    except OSError as error:
+        raise CalibrationError(f"{out} cannot be written ({error.strerror}); give another file with --out") from error
+    print(f"written: {out}", f"for a node: camera_info_url:=file://{out.resolve()}", sep="\n  ")
+    return DONE
+
+
+def report(result: CameraCalibration) -> list[str]:
+    """The result in lines for people."""
+    camera = result.camera
+    left_out = f"; left out, as they contradict the others: {', '.join(result.left_out)}" if result.left_out else ""
+    k1, k2, p1, p2, _ = camera.distortion
+    return [
+        f"residual      {result.rms_px:.3f} px rms, {max(result.view_rms_px):.3f} px in the worst picture{left_out}",
+        f"focal length  {camera.fx:.2f} {camera.fy:.2f} px, known to {result.focal_sigma_px:.2f} px",
+        f"centre        {camera.cx:.2f} {camera.cy:.2f} px, known to {result.centre_sigma_px:.2f} px",
+        f"distortion    k1 {k1:.4f}  k2 {k2:.4f}  p1 {p1:.4f}  p2 {p2:.4f}",
+        f"views         {100 * result.cover:.0f} % of the picture, tilted by up to {math.degrees(result.tilt):.0f} deg",
+    ]
+
+
+def remark(result: CameraCalibration) -> str:
+    """The result in two lines for a file."""
+    count = f"{len(result.view_rms_px)} pictures"
+    return f"vsx calibrate camera: {result.rms_px:.3f} px rms over {count}\n{result.verdict}"
+
+
+def _is_recording(source: Path) -> bool:
+    return (source / "rgb.txt").exists() or (source.is_file() and source.suffix.lower() not in PICTURES)
+
+
+def _pictures(source: Path, image_topic: str | None) -> Iterator[tuple[str, GrayImage]]:
+    """Name and picture; of a recording at most ``MAX_SEARCHED``, evenly spread."""
+    if _is_recording(source) or not source.exists():
+        recording = open_recording(source, image_topic)
+        step = -(-recording.frame_count // MAX_SEARCHED)
+        for number, frame in enumerate(recording.frames()):
+            if number % step == 0:
+                yield f"image {number} of {source}", frame.image
+        return
+    files = [source] if source.is_file() else sorted(p for p in source.iterdir() if p.suffix.lower() in PICTURES)
+    for file in files:
+        yield str(file), decoded(file.read_bytes(), f"picture {file}")
+
+
+def _text(shape: tuple[int, ...]) -> str:
+    return f"{shape[1]}x{shape[0]}"

@@ -1,0 +1,176 @@
+"""``vsx calibrate odometry`` and ``vsx calibrate mount``: what a recorded drive tells."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import math
+from pathlib import Path
+
+from vsx_ros.arrays import Points3
+from vsx_ros.calibration.board import Board
+from vsx_ros.calibration.board_poses import board_poses
+from vsx_ros.calibration.closing import closing_turn
+from vsx_ros.calibration.mount import MountCalibration, TrackedPose, calibrate_mount
+from vsx_ros.calibration.odometry import OdometryCalibration, from_camera, from_known_turns, from_known_way
+from vsx_ros.calibration.verdict import Grade, Verdict
+from vsx_ros.cli.config import load
+from vsx_ros.cli.exit_codes import DONE, FAILED
+from vsx_ros.cli.robot_file import default_robot_file, update_robot_file
+from vsx_ros.config import Config, MountConfig, SlamConfig
+from vsx_ros.errors import CalibrationError, InputError
+from vsx_ros.geometry.camera import PinholeCamera, mount_pose
+from vsx_ros.io.calibration_file import read_calibration
+from vsx_ros.io.recording import Recording, open_recording
+from vsx_ros.slam.slam import SequentialSlam
+
+
+def calibrate_odometry(args: argparse.Namespace) -> int:
+    """Find the factors the chosen way, say how sure they are, write them unless they are bad."""
+    config, recording = load(args.config, args.set), _recording(args)
+    poses = [reading.T_odom_base for reading in recording.odometry]
+    if args.distance is not None:
+        result = from_known_way(poses, args.distance)
+    elif args.turns is not None:
+        result = _by_turns(recording, args.turns)
+    else:
+        mount = config.robot.mount
+        T_base_cam = mount_pose(mount.forward_m, mount.left_m, mount.height_m, mount.pitch_down_rad, mount.yaw_left_rad)
+        if args.board is not None:
+            drive = _seen_from_board(recording, Board.parse(args.board, args.pattern))
+        else:
+            drive, _ = _seen_by_slam(recording, config.slam)
+        result = from_camera(drive, T_base_cam, metric=args.board is not None)
+    values = _new_factors(result, config)
+    print(*_odometry_lines(result, values, config), sep="\n")
+    return _conclude(args.out, "odometry", values, result.verdict)
+
+
+def calibrate_mount_of_drive(args: argparse.Namespace) -> int:
+    """Find the mount, say how sure it is, write it unless it is bad."""
+    config, recording = load(args.config, args.set), _recording(args)
+    before = config.robot.mount
+    drive, points = _seen_by_slam(recording, config.slam)
+    result = calibrate_mount(drive, points, before.forward_m, before.left_m)
+    print(*_mount_lines(result, before), sep="\n")
+    values = {"pitch_down_rad": round(result.pitch_down, 5), "yaw_left_rad": round(result.yaw_left, 5)}
+    values |= {"forward_m": before.forward_m, "left_m": before.left_m, "height_m": before.height_m}
+    if result.floor is not None:
+        values["height_m"] = round(result.floor.height, 4)
+    return _conclude(args.out, "mount", values, result.verdict)
+
+
+def _recording(args: argparse.Namespace) -> Recording:
+    """The drive, with a camera. Raises InputError where it has no odometry, CalibrationError where no calibration."""
+    recording = open_recording(args.input, args.image_topic, args.odometry_topic)
+    if len(recording.odometry) < 2:
+        raise InputError(f"{args.input} has no odometry; record it with 'vsx record' while the base node runs")
+    if args.calibration is not None:
+        recording = dataclasses.replace(recording, camera=read_calibration(args.calibration))
+    return recording
+
+
+def _camera(recording: Recording) -> PinholeCamera:
+    if recording.camera is None:
+        raise CalibrationError(
+            f"{recording.source} brings no camera calibration, and a nominal one will not do here; run 'vsx calibrate "
+            "camera' and give its file with --calibration"
+        )
+    return recording.camera
+
+
+def _by_turns(recording: Recording, turns: float) -> OdometryCalibration:
+    """Between the first and the last picture, of which the camera tells how far they are apart."""
+    first = last = None
+    for frame in recording.frames():
+        first, last = first or frame, frame
+    if first is None or last is None:
+        raise InputError(f"{recording.source} holds no image that could be used; record it again")
+    poses = [r.T_odom_base for r in recording.odometry if first.stamp_ns <= r.stamp_ns <= last.stamp_ns]
+    closing = closing_turn(_camera(recording), first.image, last.image)
+    if closing is None:
+        print("the last picture does not show what the first one showed: the turn is taken as you say it")
+    else:
+        print(f"the last picture is turned by {math.degrees(closing):+.2f} deg against the first one")
+    return from_known_turns(poses, turns, closing)
+
+
+def _seen_from_board(recording: Recording, board: Board) -> list[TrackedPose]:
+    camera, stamps, views = _camera(recording), [], []
+    for frame in recording.frames():
+        stamps.append(frame.stamp_ns)
+        views.append(board.find(frame.image, quick=True))
+    seen = sum(view is not None for view in views)
+    print(f"the board is wholly in sight in {seen} of {len(views)} pictures")
+    drive = []
+    for stamp_ns, T_board_cam in zip(stamps, board_poses(board, camera, views), strict=True):
+        odometry = recording.odometry_at(stamp_ns)
+        if T_board_cam is not None and odometry is not None:
+            drive.append(TrackedPose(odometry.T_odom_base, T_board_cam))
+    return drive
+
+
+def _seen_by_slam(recording: Recording, config: SlamConfig) -> tuple[list[TrackedPose], Points3]:
+    """The drive by vision alone: the wheels and the mount are what is in question."""
+    slam = SequentialSlam(_camera(recording), None, config)
+    drive, frames = [], 0
+    for frame in recording.frames():
+        frames += 1
+        result, odometry = slam.track(frame), recording.odometry_at(frame.stamp_ns)
+        if result.state.tracked and result.T_world_cam is not None and odometry is not None:
+            drive.append(TrackedPose(odometry.T_odom_base, result.T_world_cam))
+    print(f"{len(drive)} of {frames} pictures were tracked without the wheels")
+    return drive, slam.snapshot().points_world
+
+
+def _new_factors(result: OdometryCalibration, config: Config) -> dict[str, float]:
+    """What takes the place of the factors in force while the drive was recorded."""
+    known = config.robot.odometry
+    values = {"linear_scale": known.linear_scale, "angular_scale": known.angular_scale}
+    if result.linear is not None:
+        values["linear_scale"] = round(known.linear_scale * result.linear.value, 5)
+    if result.angular is not None:
+        values["angular_scale"] = round(known.angular_scale * result.angular.value, 5)
+    return values
+
+
+def _odometry_lines(result: OdometryCalibration, values: dict[str, float], config: Config) -> list[str]:
+    lines = []
+    known = config.robot.odometry
+    for name, factor, of, before in (
+        ("linear_scale", result.linear, "m of way", known.linear_scale),
+        ("angular_scale", result.angular, "rad of turning", known.angular_scale),
+    ):
+        if factor is None:
+            lines.append(f"{name:14} {values[name]:.4f}: this drive does not tell")
+        else:
+            measured = f"known to {100 * factor.sigma:.2f} % from {factor.measured:.2f} {of}"
+            lines.append(f"{name:14} {values[name]:.4f}: the drive was recorded with {before:.4f}; {measured}")
+    return lines
+
+
+def _mount_lines(result: MountCalibration, before: MountConfig) -> list[str]:
+    def degrees(angle: float) -> str:
+        return f"{math.degrees(angle):+.2f} deg"
+
+    sure = f"known to {math.degrees(result.direction_sigma):.2f} deg from {result.way:.2f} m"
+    lines = [
+        f"pitch_down  {degrees(result.pitch_down)} (was {degrees(before.pitch_down_rad)}), {sure}",
+        f"yaw_left    {degrees(result.yaw_left)} (was {degrees(before.yaw_left_rad)})",
+    ]
+    if result.floor is None:
+        return [*lines, f"height      stays {before.height_m:.3f} m: too little of the floor is seen"]
+    height, sigma_m, pitch_off, roll, points = result.floor
+    floor = f"{points} points; it slopes by {degrees(pitch_off)} ahead and {degrees(roll)} to the left"
+    return [*lines, f"height      {height:.3f} m (was {before.height_m:.3f}), known to {sigma_m:.3f} m from {floor}"]
+
+
+def _conclude(out: Path | None, branch: str, values: dict[str, float], verdict: Verdict) -> int:
+    print(verdict)
+    path = out or default_robot_file()
+    if verdict.grade is Grade.BAD:
+        print(f"  {path} is not written")
+        return FAILED
+    update_robot_file(path, branch, values, f"vsx calibrate {branch}: {verdict}")
+    print(f"written: {path}", f"give it to vsx with --config {path}, to roslaunch with config:={path}", sep="\n  ")
+    return DONE

@@ -1,0 +1,60 @@
+"""The robot's own file of parameters: what calibrations found, for ``--config`` and ``config:=``."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+from vsx_ros.errors import ConfigError
+
+
+def ros_home() -> Path:
+    """Where ROS keeps what belongs to this machine."""
+    return Path(os.environ.get("ROS_HOME") or Path.home() / ".ros")
+
+
+def default_robot_file() -> Path:
+    """Where a robot's parameters go when nobody says otherwise."""
+    return ros_home() / "vsx_ros" / "robot.yaml"
+
+
+def update_robot_file(path: Path, branch: str, values: dict[str, float], remark: str) -> None:
+    """Replace entries of ``robot.BRANCH`` in the file; the rest of it stays, each branch with its remark on top.
+
+    Raises ConfigError when what is there holds no parameters, or the file cannot be written.
+    """
+    import yaml
+
+    from vsx_ros.config import from_dict
+    from vsx_ros.io.atomic import write_text
+
+    remarks, tree = _known(path)
+    robot = tree.setdefault("robot", {})
+    robot[branch] = {**robot.get(branch, {}), **values}
+    from_dict(tree)
+    kept = [line for line in remarks if not line.startswith(f"# {branch}: ")]
+    text = "\n".join([*kept, f"# {branch}: {remark}", yaml.safe_dump(tree, sort_keys=False)])
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_text(path, text)
+    except OSError as error:
+        raise ConfigError(f"{path} cannot be written ({error.strerror}); give another file with --out") from error
+
+
+def _known(path: Path) -> tuple[list[str], dict[str, Any]]:
+    """The remarks on top of the file and its tree; nothing where there is none."""
+    import yaml
+
+    from vsx_ros.config import from_dict
+
+    if not path.exists():
+        return [], {}
+    try:
+        text = path.read_text(encoding="utf-8")
+        tree = yaml.safe_load(text) or {}
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        reason = str(error).splitlines()[0]
+        raise ConfigError(f"{path} cannot be read ({reason}); give another file with --out") from error
+    from_dict(tree)
+    return [line for line in text.splitlines() if line.startswith("# ")], tree

@@ -1,0 +1,114 @@
+"""Emulated drives on wrong wheels, with a camera that sits elsewhere than the stack is told; the commands find both."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import yaml
+from calibration.drives import record
+
+from vsx_ros.cli.main import execute
+
+
+@pytest.fixture(scope="module")
+def straight(tmp_path_factory):
+    return record(tmp_path_factory.mktemp("drives") / "straight", [(0.2, 0.0, 8.0)])
+
+
+@pytest.fixture(scope="module")
+def spin(tmp_path_factory):
+    return record(tmp_path_factory.mktemp("drives") / "spin", [(0.0, 0.5, 2.0 * math.pi / 0.5)], rate_hz=2.0)
+
+
+def calibrated(words, out):
+    assert execute(["calibrate", *map(str, words), "--out", str(out)]) == 0
+    return yaml.safe_load(out.read_text(encoding="utf-8"))["robot"]
+
+
+def wheels_way(recorded):
+    rows = np.loadtxt(recorded.folder / "odometry.txt")
+    return float(np.hypot(*(rows[-1, 1:3] - rows[0, 1:3])))
+
+
+def test_the_mount_is_found_from_a_straight_drive(straight, tmp_path, capsys):
+    found = calibrated(["mount", straight.folder], tmp_path / "robot.yaml")["mount"]
+    ahead = straight.T_base_cam.rotation.T @ [1.0, 0.0, 0.0]
+    pitch, yaw = math.atan2(-ahead[1], ahead[2]), math.asin(ahead[0])
+    assert found["pitch_down_rad"] == pytest.approx(pitch, abs=math.radians(0.2))
+    assert found["yaw_left_rad"] == pytest.approx(yaw, abs=math.radians(0.3))
+    scale = straight.way / wheels_way(straight)
+    assert found["height_m"] == pytest.approx(straight.T_base_cam.translation[2] / scale, abs=0.008)
+    assert "good" in capsys.readouterr().out
+
+
+def test_the_way_is_scaled_to_the_ruler_s(straight, tmp_path):
+    out = tmp_path / "robot.yaml"
+    found = calibrated(["odometry", straight.folder, "--distance", straight.way], out)["odometry"]
+    expected = straight.way / wheels_way(straight)
+    assert abs(expected - 1.0) > 0.003, "this drive's wheels are too good to show anything"
+    assert found["linear_scale"] == pytest.approx(expected, rel=1e-3)
+    assert found["angular_scale"] == 1.0
+
+
+def test_the_turn_is_scaled_to_what_the_camera_sees_after_a_whole_turn(spin, tmp_path):
+    """The robot stops a few degrees short of a turn; only the camera knows."""
+    assert abs(spin.turn - 2.0 * math.pi) > math.radians(1.0)
+    out = tmp_path / "robot.yaml"
+    found = calibrated(["odometry", spin.folder, "--turns", 1], out)["odometry"]
+    headings = 2.0 * np.arctan2(*np.loadtxt(spin.folder / "odometry.txt")[:, 6:8].T)
+    expected = spin.turn / float(np.ptp(np.unwrap(headings)))
+    assert found["angular_scale"] == pytest.approx(expected, abs=0.003)
+
+
+def test_factors_replace_those_the_drive_was_recorded_with(spin, tmp_path):
+    first, second = tmp_path / "first.yaml", tmp_path / "second.yaml"
+    once = calibrated(["odometry", spin.folder, "--turns", 1], first)["odometry"]["angular_scale"]
+    more = ["--set", "robot.odometry.angular_scale=0.98"]
+    again = calibrated(["odometry", spin.folder, "--turns", 1, *more], second)["odometry"]["angular_scale"]
+    assert again == pytest.approx(0.98 * once, abs=2e-5)
+
+
+def test_the_file_keeps_what_other_calibrations_found(straight, spin, tmp_path):
+    out = tmp_path / "deep" / "robot.yaml"
+    calibrated(["mount", straight.folder], out)
+    both = calibrated(["odometry", spin.folder, "--turns", 1], out)
+    assert set(both) == {"mount", "odometry"}
+    remarks = [line for line in out.read_text(encoding="utf-8").splitlines() if line.startswith("#")]
+    assert [line.split(":")[0] for line in remarks] == ["# mount", "# odometry"]
+    assert execute(["config", "--config", str(out)]) == 0
+
+
+@pytest.mark.parametrize(
+    ("what", "words", "said"),
+    [
+        ("spin", ["--distance", "2"], "drive straight"),
+        ("spin", ["--turns", "-1"], "check the number and its sign"),
+        ("straight", ["--turns", "1"], "no base is that wrong"),
+        ("straight", ["--distance", "0.1"], "too short"),
+        ("straight", ["--distance", "4"], "no base is that wrong"),
+        ("straight", ["--board", "8x6x0.03"], "drive more of them"),
+    ],
+)
+def test_a_drive_that_does_not_tell_is_refused_in_one_sentence(what, words, said, tmp_path, capsys, request):
+    recorded, out = request.getfixturevalue(what), tmp_path / "robot.yaml"
+    assert execute(["calibrate", "odometry", str(recorded.folder), *words, "--out", str(out)]) == 1
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+    assert not out.exists()
+
+
+def test_a_turn_on_the_spot_tells_no_mount(spin, tmp_path, capsys):
+    assert execute(["calibrate", "mount", str(spin.folder), "--out", str(tmp_path / "r.yaml")]) == 1
+    assert "straight ahead" in capsys.readouterr().err
+
+
+def test_a_file_of_something_else_is_not_overwritten(straight, tmp_path, capsys):
+    out = tmp_path / "robot.yaml"
+    out.write_text("wings: 2\n", encoding="utf-8")
+    distance = ["--distance", str(straight.way)]
+    assert execute(["calibrate", "odometry", str(straight.folder), *distance, "--out", str(out)]) == 1
+    assert "wings" in capsys.readouterr().err
+    assert out.read_text(encoding="utf-8") == "wings: 2\n"

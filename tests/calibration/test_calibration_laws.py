@@ -1,0 +1,149 @@
+"""What holds exactly: drives made by hand, on paper."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from vsx_ros.calibration.closing import closing_turn
+from vsx_ros.calibration.mount import TrackedPose, calibrate_mount
+from vsx_ros.calibration.odometry import from_camera, total_turn
+from vsx_ros.calibration.verdict import Complaint, Grade, Verdict
+from vsx_ros.errors import InputError
+from vsx_ros.geometry.camera import PinholeCamera, mount_pose
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3, so3_exp
+
+X = mount_pose(0.1, -0.02, 0.4, math.radians(7.0), math.radians(-4.0))
+
+
+def wandering(linear=1.0, angular=1.0, steps=400):
+    """Poses by the wheels, and the camera's true ones in a frame of its own; the wheels are to be multiplied by linear
+    and angular."""
+    true, wheels, drive = SE2(), SE2(), []
+    gauge = SE3(so3_exp(np.array([0.3, -0.5, 0.2])), np.array([1.0, 2.0, -0.5]))
+    for k in range(steps):
+        drive.append(TrackedPose(wheels, gauge @ SE3.from_se2(true) @ X))
+        v, omega = 0.01, 0.0 if k % 100 < 50 else (0.02 if k % 200 < 100 else -0.02)
+        true, wheels = true @ SE2.exp(v, 0.0, omega), wheels @ SE2.exp(v / linear, 0.0, omega / angular)
+    return drive
+
+
+@pytest.mark.parametrize(("linear", "angular"), [(1.0, 1.0), (1.03, 0.97), (0.9, 1.1)])
+def test_a_camera_that_knows_metres_finds_both_factors_exactly(linear, angular):
+    result = from_camera(wandering(linear, angular), X, metric=True)
+    assert result.linear.value == pytest.approx(linear, abs=2e-4)
+    assert result.angular.value == pytest.approx(angular, abs=1e-6)
+    assert result.verdict.grade is Grade.GOOD
+
+
+def test_a_camera_that_knows_no_metres_finds_the_turn_alone():
+    drive = [TrackedPose(p.T_odom_base, SE3(p.T_ref_cam.rotation, 3.7 * p.T_ref_cam.translation)) for p in wandering()]
+    result = from_camera(drive, X, metric=False)
+    assert result.linear is None
+    assert result.angular.value == pytest.approx(1.0, abs=1e-6)
+
+
+def test_noise_is_told_as_uncertainty():
+    rng, values, sigmas = np.random.default_rng(0), [], []
+    for _ in range(30):
+        noisy = [
+            TrackedPose(p.T_odom_base, p.T_ref_cam @ SE3.exp(rng.normal(0.0, 0.003, 6))) for p in wandering(1.02, 0.98)
+        ]
+        result = from_camera(noisy, X, metric=True)
+        values.append((result.linear.value, result.angular.value))
+        sigmas.append((result.linear.sigma, result.angular.sigma))
+    assert np.abs(np.mean(values, axis=0) - [1.02, 0.98]).max() < 0.01
+    ratio = np.std(values, axis=0) / np.mean(sigmas, axis=0)
+    assert ratio.min() > 0.4
+    assert ratio.max() < 2.5
+
+
+def test_turns_add_up_beyond_a_circle():
+    poses = [SE2(0.0, 0.0, 0.2 * k).wrapped() for k in range(100)]
+    assert total_turn(poses) == pytest.approx(0.2 * 99)
+    assert total_turn(poses[::-1]) == pytest.approx(-0.2 * 99)
+
+
+def straight(scale, forward=0.1, left=-0.02):
+    """2 m ahead and a floor, in camera 0's frame at a scale of its own."""
+    drive = []
+    for k in range(101):
+        T = X.inverse() @ SE3.from_se2(SE2(0.02 * k, 0.0, 0.0)) @ X
+        drive.append(TrackedPose(SE2(0.02 * k, 0.0, 0.0), SE3(T.rotation, T.translation / scale)))
+    rng = np.random.default_rng(1)
+    floor = np.column_stack([rng.uniform(0.5, 3.0, 200), rng.uniform(-1.0, 1.0, 200), np.zeros(200)])
+    shelf = np.column_stack([rng.uniform(1.0, 3.0, 120), rng.uniform(-1.0, 1.0, 120), rng.uniform(0.1, 1.5, 120)])
+    return drive, (X.inverse() @ np.concatenate([floor, shelf])) / scale
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.2, 12.0])
+def test_the_mount_is_found_exactly_whatever_the_map_s_scale(scale):
+    drive, points = straight(scale)
+    result = calibrate_mount(drive, points, 0.1, -0.02)
+    assert result.pitch_down == pytest.approx(math.radians(7.0), abs=1e-9)
+    assert result.yaw_left == pytest.approx(math.radians(-4.0), abs=1e-9)
+    assert result.floor.height == pytest.approx(0.4, abs=1e-3)
+    assert abs(result.floor.pitch_off) < 2e-3
+    assert abs(result.floor.roll) < 2e-3
+    assert result.verdict.grade is Grade.GOOD
+
+
+def test_without_a_floor_there_is_no_height_and_the_verdict_says_so():
+    drive, points = straight(1.0)
+    result = calibrate_mount(drive, points[200:], 0.1, -0.02)
+    assert result.floor is None
+    assert "ruler" in str(result.verdict)
+    assert result.verdict.grade is Grade.USABLE
+
+
+def test_a_leaning_camera_is_told():
+    drive, points = straight(1.0)
+    lean = SE3(so3_exp(np.array([0.0, 0.0, math.radians(3.0)])), np.zeros(3))
+    rolled = [TrackedPose(p.T_odom_base, lean @ p.T_ref_cam @ lean.inverse()) for p in drive]
+    result = calibrate_mount(rolled, lean @ points, 0.1, -0.02)
+    assert abs(result.floor.roll) == pytest.approx(math.radians(3.0), abs=2e-3)
+    assert "mount the camera level" in str(result.verdict)
+
+
+def test_a_short_drive_is_refused():
+    drive, points = straight(1.0)
+    with pytest.raises(InputError, match="drive 1.5 m"):
+        calibrate_mount(drive[:40], points, 0.1, -0.02)
+
+
+@pytest.mark.parametrize("degrees", [-12.0, -0.5, 0.0, 3.0, 20.0])
+def test_the_closing_turn_is_that_of_the_camera(degrees):
+    """A far wall with random dots; left is positive."""
+    camera = PinholeCamera(480, 360, 400.0, 400.0, 240.0, 180.0)
+    rng = np.random.default_rng(2)
+    import cv2
+
+    wall = cv2.resize(rng.integers(0, 255, (120, 240), np.uint8), (1920, 960), interpolation=cv2.INTER_CUBIC)
+
+    def seen(angle):
+        R_wall_cam = so3_exp(np.array([0.0, -angle, 0.0]))
+        u, v = np.meshgrid(np.arange(480.0), np.arange(360.0))
+        rays = camera.unproject(np.column_stack([u.ravel(), v.ravel()])) @ R_wall_cam.T
+        at = 900.0 * rays[:, :2] / rays[:, 2:] + [960.0, 480.0]
+        return cv2.remap(wall, at.astype(np.float32).reshape(360, 480, 2), None, cv2.INTER_LINEAR)
+
+    turn = closing_turn(camera, seen(0.0), seen(math.radians(degrees)))
+    assert turn == pytest.approx(math.radians(degrees), abs=math.radians(0.05))
+
+
+def test_pictures_of_different_things_close_nothing():
+    camera = PinholeCamera(480, 360, 400.0, 400.0, 240.0, 180.0)
+    rng = np.random.default_rng(5)
+    a, b = (np.repeat(np.repeat(rng.integers(0, 255, (90, 120), np.uint8), 4, 0), 4, 1) for _ in range(2))
+    assert closing_turn(camera, a, b) is None
+    assert closing_turn(camera, a, np.full((360, 480), 128, np.uint8)) is None
+
+
+def test_the_verdict_is_the_worst_complaint():
+    assert str(Verdict(())) == "good"
+    both = Verdict((Complaint(Grade.USABLE, "few views"), Complaint(Grade.BAD, "no corner fits")))
+    assert both.grade is Grade.BAD
+    assert str(both) == "bad: no corner fits; few views"

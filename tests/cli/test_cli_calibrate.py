@@ -1,0 +1,70 @@
+"""``vsx calibrate camera`` from files and recordings, and what it writes."""
+
+from __future__ import annotations
+
+import cv2
+import pytest
+import yaml
+from calibration.board_pictures import CAMERA, Photographer, poses
+
+from vsx_ros.cli.main import execute
+from vsx_ros.io.calibration_file import read_calibration
+
+BOARD = ["--board", "8x6x0.03"]
+
+
+@pytest.fixture(scope="module")
+def pictures(tmp_path_factory):
+    folder, photographer = tmp_path_factory.mktemp("pictures"), Photographer()
+    for k, T in enumerate(poses(15)):
+        cv2.imwrite(str(folder / f"{k:02d}.png"), photographer.picture(T))
+    return folder
+
+
+def test_pictures_become_a_file_where_ros_looks_for_it(pictures, tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("ROS_HOME", str(tmp_path))
+    assert execute(["calibrate", "camera", str(pictures), *BOARD, "--name", "rgb_A1"]) == 0
+    said = capsys.readouterr().out
+    file = tmp_path / "camera_info/rgb_A1.yaml"
+    for words in ("15 of 15 pictures", "px rms", "good", str(file)):
+        assert words in said
+    assert read_calibration(file).fx == pytest.approx(CAMERA.fx, rel=0.003)
+    text = file.read_text(encoding="utf-8")
+    assert text.startswith("# vsx calibrate camera: 0.")
+    assert yaml.safe_load(text)["camera_name"] == "rgb_A1"
+
+
+def test_a_recording_is_searched_for_views_that_differ(pictures, tmp_path, capsys):
+    (tmp_path / "rgb").symlink_to(pictures)
+    files = sorted(pictures.glob("*.png"))
+    lines = [f"{k * 0.1 + d * 0.01:.3f} rgb/{file.name}" for k, file in enumerate(files) for d in range(3)]
+    (tmp_path / "rgb.txt").write_text("\n".join(lines), encoding="utf-8")
+    assert execute(["calibrate", "camera", str(tmp_path), *BOARD, "--out", str(tmp_path / "c.yaml")]) == 0
+    assert "15 of 45 pictures" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["{p}/00.png", "{p}/01.png", *BOARD], "4 are needed"),
+        (["{p}", "--board", "9x7x0.03"], "check the number of inner corners"),
+        (["{p}", "--board", "8x6"], "8x6x0.025"),
+        (["{p}/none", *BOARD], "there is no"),
+        ([*BOARD], "--live"),
+        (["{p}", "--live", *BOARD], "--live"),
+        (["{t}", *BOARD], "no picture"),
+        (["{p}", "{t}/small.png", *BOARD], "64x48"),
+        (["{t}/text.png", *BOARD], "cannot be decoded"),
+        (["{p}", *BOARD, "--out", "{t}/text.png/c.yaml"], "another file with --out"),
+    ],
+)
+def test_what_cannot_be_used_is_said_in_one_sentence(words, said, pictures, tmp_path, capsys):
+    if any("small" in word for word in words):
+        cv2.imwrite(str(tmp_path / "small.png"), cv2.imread(str(pictures / "00.png"))[:48, :64])
+    if any("text" in word for word in words):
+        (tmp_path / "text.png").write_text("no picture", encoding="utf-8")
+    line = ["calibrate", "camera", *(word.format(p=pictures, t=tmp_path) for word in words)]
+    assert execute(line) == 1
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
