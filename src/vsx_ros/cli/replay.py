@@ -6,11 +6,13 @@ import argparse
 import dataclasses
 import sys
 import time
+from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from vsx_ros.cli.stoppable import stoppable
+from vsx_ros.errors import ConfigError
 
 if TYPE_CHECKING:
     from vsx_ros.cli.run_record import RunRecord
@@ -22,29 +24,33 @@ if TYPE_CHECKING:
     from vsx_ros.io.recording import Recording
     from vsx_ros.io.run_folder import RunFolder
     from vsx_ros.slam.slam import SequentialSlam
-    from vsx_ros.slam.state import TrackingResult
+    from vsx_ros.slam.state import TrackingResult, TrackingState
 
 _PROGRESS_EVERY_S = 0.5
+_MAX_RATE = 100.0
 
 
 def add_parser(subparsers: Any) -> None:
     """Register the command and its options."""
-    from vsx_ros.cli.config import add_arguments
-
     parser = subparsers.add_parser(
         "replay",
         help="run the SLAM over a bag or an image folder",
         description="Tracks every image of a ROS 1 or ROS 2 bag or of a folder in the TUM RGB-D layout (rgb.txt, "
         "camera.json, groundtruth.txt), in order and repeatably, and leaves a run folder with the trajectory and a "
         "report. Ctrl-C ends it with what there is.",
-        epilog="examples: vsx replay drive.bag --map   |   vsx replay rgbd_freiburg1_xyz --calibration fr1.yaml",
+        epilog="examples: vsx replay drive.bag --map   |   vsx replay rgbd_freiburg1_xyz --calibration fr1.yaml   |   "
+        "vsx replay drive.bag --ros --view",
     )
-    parser.add_argument(
-        "input",
-        type=Path,
-        metavar="INPUT",
-        help="a bag (ROS 1: .bag; ROS 2: folder, .db3 or .mcap) or a folder with rgb.txt",
-    )
+    help_ = "a bag (ROS 1: .bag; ROS 2: folder, .db3 or .mcap) or a folder with rgb.txt"
+    parser.add_argument("input", type=Path, metavar="INPUT", help=help_)
+    add_options(parser)
+    parser.set_defaults(run=run)
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """The options, for here and for the program that feeds the nodes."""
+    from vsx_ros.cli.config import add_arguments
+
     parser.add_argument("--calibration", type=Path, metavar="FILE", help="ROS camera_info YAML or camera.json")
     parser.add_argument("--image-topic", metavar="T", help="image topic of the bag (default: the only one)")
     parser.add_argument("--odometry-topic", metavar="T", help="odometry topic of the bag (likewise)")
@@ -53,35 +59,33 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument("--save-map", type=Path, metavar="FILE", help="at the end, save the SLAM map to go on in it")
     parser.add_argument("--out", type=Path, metavar="RUN", help="run folder (default runs/<date>_<name>)")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the SLAM's random draws (default 0)")
+    parser.add_argument("--ros", action="store_true", help="feed the ROS nodes instead, with /clock and use_sim_time")
+    parser.add_argument(
+        "--rate", type=float, metavar="R", help="with --ros: speed; 1 (default) real time, 0 with no image left out"
+    )
+    parser.add_argument("--view", action="store_true", help="with --ros: serve the live view")
     add_arguments(parser)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Replay, write the run folder, say what happened; 3 when tracking was lost for good, 1 when it never began."""
+    if args.ros:
+        _feed_nodes(args)
+    if args.rate is not None or args.view:
+        raise ConfigError("--rate and --view go with --ros; without it every image is tracked, in order, by no node")
     from vsx_ros.cli.config import load
-    from vsx_ros.cli.exit_codes import DONE, FAILED, LOST, STOPPED
+    from vsx_ros.cli.exit_codes import STOPPED
     from vsx_ros.cli.report import one_line_facts, write_report
     from vsx_ros.cli.run_record import RunRecord
-    from vsx_ros.errors import InputError
     from vsx_ros.geometry.camera import mount_pose
-    from vsx_ros.io.recording import open_recording
-    from vsx_ros.io.run_folder import RunFolder
     from vsx_ros.slam.state import TrackingState
 
     config = load(args.config, args.set)
-    recording = open_recording(args.input, args.image_topic, args.odometry_topic)
-    if recording.damage:
-        print(f"vsx: {recording.damage}", file=sys.stderr)
-    recording = dataclasses.replace(recording, camera=_calibration(recording, args.calibration))
-    if args.map and not recording.odometry:
-        raise InputError(f"{args.input} has no odometry, without which scale and floor are unknown; leave out --map")
+    recording = opened(args)
     mount = config.robot.mount
     T_base_cam = mount_pose(mount.forward_m, mount.left_m, mount.height_m, mount.pitch_down_rad, mount.yaw_left_rad)
     slam = _slam(recording, config, args, T_base_cam)
-    now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
-    folder = RunFolder.create(args.out or Path("runs") / f"{now}_{args.input.stem}")
-    folder.write_config(config, ["vsx", *sys.argv[1:]], seed=args.seed, input=str(args.input.resolve()))
+    folder = new_folder(args, config, ["vsx", *sys.argv[1:]])
     record = RunRecord(T_base_cam)
     stopped = _track_all(slam, recording, record)
     continued = str(args.load_map.resolve()) if args.load_map else None
@@ -100,7 +104,49 @@ def run(args: argparse.Namespace) -> int:
     print(summary["stop_reason"], *one_line_facts(summary), f"report: {write_report(folder)}", sep="\n  ")
     if stopped:
         return STOPPED
-    ending = record.results[-1].state if record.results else TrackingState.NOT_INITIALISED
+    return exit_code(record.results[-1].state if record.results else TrackingState.NOT_INITIALISED)
+
+
+def _feed_nodes(args: argparse.Namespace) -> NoReturn:
+    """Become the program above that feeds the nodes."""
+    from vsx_ros.cli.above import continue_as
+
+    if args.rate is not None and not 0.0 <= args.rate <= _MAX_RATE:
+        raise ConfigError(f"--rate {args.rate}: give a number from 0 (no image left out) to {_MAX_RATE:g}")
+    continue_as("vsx_ros.ros.replay", args)
+
+
+def opened(args: argparse.Namespace) -> Recording:
+    """The recording of the options, with a camera; what is wrong with it is said.
+
+    Raises InputError when it cannot be used as wished, CalibrationError for a calibration that cannot be read.
+    """
+    from vsx_ros.errors import InputError
+    from vsx_ros.io.recording import open_recording
+
+    recording = open_recording(args.input, args.image_topic, args.odometry_topic)
+    if recording.damage:
+        print(f"vsx: {recording.damage}", file=sys.stderr)
+    if args.map and not recording.odometry:
+        raise InputError(f"{args.input} has no odometry, without which scale and floor are unknown; leave out --map")
+    return dataclasses.replace(recording, camera=_calibration(recording, args.calibration))
+
+
+def new_folder(args: argparse.Namespace, config: Config, command: Sequence[str]) -> RunFolder:
+    """The run folder, with the configuration in it. Raises InputError where something else is in the way."""
+    from vsx_ros.io.run_folder import RunFolder
+
+    now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
+    folder = RunFolder.create(args.out or Path("runs") / f"{now}_{args.input.stem}")
+    folder.write_config(config, command, seed=args.seed, input=str(args.input.resolve()))
+    return folder
+
+
+def exit_code(ending: TrackingState) -> int:
+    """What the state after the last image means."""
+    from vsx_ros.cli.exit_codes import DONE, FAILED, LOST
+    from vsx_ros.slam.state import TrackingState
+
     return {TrackingState.NOT_INITIALISED: FAILED, TrackingState.LOST: LOST}.get(ending, DONE)
 
 

@@ -29,9 +29,13 @@ _ESTOP_WAIT_S = 1.0
 class Live:
     """Usable as a context manager: whatever happens inside, the robot is stopped and every process is ended."""
 
-    def __init__(self, nodes: list[LaunchNode], config: dict[str, Any], vital: tuple[str, ...]) -> None:
-        self._text = launch.xml(nodes, config)
-        self._vital = vital
+    def __init__(
+        self, nodes: list[LaunchNode], config: dict[str, Any], vital: tuple[str, ...], *, replayed: bool = False
+    ) -> None:
+        """vital: names of nodes without which it cannot go on. replayed: a recording gives the time, and there is no
+        robot to stop."""
+        self._text = launch.xml(nodes, config, {"/use_sim_time": True} if replayed else None)
+        self._vital, self._replayed = vital, replayed
         self._parent: Any = None
         self._zero_pub: Any = None
         self._dead: list[str] = []
@@ -68,7 +72,10 @@ class Live:
         """Stop the robot, then the processes."""
         assert self._log is not None
         try:
-            self.stop_robot()
+            if self._replayed:
+                rospy.delete_param("/use_sim_time")
+            else:
+                self.stop_robot()
         finally:
             self._end(self._log)
 

@@ -19,6 +19,7 @@ OPTICAL_FRAME = "camera_rgb_optical_frame"
 TF = "/tf"
 TF_STATIC = "/tf_static"
 DIAGNOSTICS = "/diagnostics"
+CLOCK = "/clock"
 
 # camera
 IMAGE = "camera/rgb/image_raw"

@@ -1,0 +1,156 @@
+"""A recording in place of a robot's camera and wheels, and of time."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from itertools import chain
+
+import rospy
+from nav_msgs.msg import Odometry as OdometryMsg
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import CameraInfo, Image
+from std_msgs.msg import Float32
+from tf2_msgs.msg import TFMessage
+
+from vsx_ros.io.recording import Recording
+from vsx_ros.robot import Frame, Odometry
+from vsx_ros.ros import convert, frames, images, topics
+
+_TICK_S = 0.01
+_NEVER_NS = 2**62
+_LEAD_NS = 1_000_000_000
+_HOLD_NS = 100_000_000
+_FIRST_ANSWER_S, _ANSWER_S = 30.0, 2.0
+_END_NS = 3_000_000_000
+"""So long time goes on after the last image, for maps that are made once a second."""
+
+
+class Player:
+    """Publishers: /clock, camera/rgb/image_raw (mono8), camera/rgb/camera_info (latched), odom, /tf odom ->
+    base_footprint. Subscribers: vslam/stats/latency_ms, which comes once an image.
+    """
+
+    def __init__(self, recording: Recording) -> None:
+        self._recording = recording
+        self._clock_pub = rospy.Publisher(topics.CLOCK, Clock, queue_size=10, tcp_nodelay=True)
+        self._image_pub = rospy.Publisher(topics.IMAGE, Image, queue_size=5, tcp_nodelay=True)
+        self._info_pub = rospy.Publisher(topics.CAMERA_INFO, CameraInfo, queue_size=5, latch=True)
+        self._odom_pub = rospy.Publisher(topics.ODOM, OdometryMsg, queue_size=50, tcp_nodelay=True)
+        self._tf_pub = rospy.Publisher(topics.TF, TFMessage, queue_size=50)
+        self._answer = threading.Condition()
+        self._answered = 0
+        self._answers = rospy.Subscriber(
+            f"{topics.STATS}/latency_ms", Float32, self._on_answer, queue_size=100, tcp_nodelay=True
+        )
+        self._now_ns = 0
+        self.sent, self.count = 0, recording.frame_count
+
+    @property
+    def ready(self) -> bool:
+        """Whether the SLAM listens and will be heard."""
+        return all(link.get_num_connections() > 0 for link in (self._image_pub, self._odom_pub, self._answers))
+
+    def play(self, rate: float, goes_on: Callable[[], bool]) -> None:
+        """Everything in its order until the end, or until not ``goes_on()``.
+
+        rate: recorded seconds a second; 0: as fast as the SLAM answers, and no image is left out. The first image is
+        waited for, whatever the rate: by then everybody has found everybody.
+        """
+        messages = _deliveries(self._recording)
+        first = next(messages, None)
+        if first is None:
+            return
+        played = _Stopwatch(first.stamp_ns, rate)
+        for message in chain([first], messages):
+            if not self._wait_until(message.stamp_ns, played, goes_on):
+                return
+            if isinstance(message, Odometry):
+                self._move(message)
+                continue
+            self._show(message)
+            if self.sent == 1:
+                self._wait_for_answer(_FIRST_ANSWER_S, goes_on)
+                played = _Stopwatch(self._now_ns, rate)
+            elif rate == 0.0:
+                self._wait_for_answer(_ANSWER_S, goes_on)
+        self._wait_until(self._now_ns + _END_NS, _Stopwatch(self._now_ns, 1.0), goes_on)
+
+    def _wait_until(self, stamp_ns: int, played: _Stopwatch, goes_on: Callable[[], bool]) -> bool:
+        """Let the clock run to the stamp, never back. False when it does not go on."""
+        while goes_on():
+            now_ns = played.now_ns
+            self._set_clock(max(self._now_ns, min(now_ns, stamp_ns)))
+            if now_ns >= stamp_ns:
+                return True
+            time.sleep(min(_TICK_S, (stamp_ns - now_ns) * 1e-9 / played.rate))
+        return False
+
+    def _set_clock(self, now_ns: int) -> None:
+        self._now_ns = now_ns
+        self._clock_pub.publish(Clock(rospy.Time(0, now_ns)))
+
+    def _move(self, reading: Odometry) -> None:
+        self._odom_pub.publish(convert.odometry_msg(reading, topics.ODOM_FRAME, topics.BASE_FRAME))
+        edge = topics.ODOM_FRAME, topics.BASE_FRAME, reading.stamp_ns, reading.T_odom_base
+        self._tf_pub.publish([convert.transform_stamped(*edge)])
+
+    def _show(self, frame: Frame) -> None:
+        camera, optical = self._recording.camera, frames.own(topics.OPTICAL_FRAME)
+        assert camera is not None
+        self._info_pub.publish(images.camera_info(camera, frame.stamp_ns, optical))
+        self._image_pub.publish(images.image_msg(frame.stamp_ns, frame.image, "mono8", optical))
+        self.sent += 1
+
+    def _on_answer(self, _: Float32) -> None:
+        with self._answer:
+            self._answered += 1
+            self._answer.notify_all()
+
+    def _wait_for_answer(self, seconds: float, goes_on: Callable[[], bool]) -> None:
+        """Until the SLAM has looked at every image sent; not for ever, for it may have dropped one."""
+        deadline_s = time.monotonic() + seconds
+        with self._answer:
+            while self._answered < self.sent and time.monotonic() < deadline_s and goes_on():
+                self._answer.wait(_TICK_S)
+            self._answered = self.sent  # what was not answered by now was dropped
+
+
+class _Stopwatch:
+    """The recording's time, running from ``begin_ns`` on; at rate 0 it is over at once."""
+
+    def __init__(self, begin_ns: int, rate: float) -> None:
+        self.rate = rate
+        self._begin_ns, self._began_s = begin_ns, time.monotonic()
+
+    @property
+    def now_ns(self) -> int:
+        if self.rate == 0.0:
+            return _NEVER_NS
+        return self._begin_ns + int((time.monotonic() - self._began_s) * self.rate * 1e9)
+
+
+def _deliveries(recording: Recording) -> Iterator[Frame | Odometry]:
+    """Messages by stamp, but an image after the first odometry that is not older, as from a real camera. Left out are
+    images before the wheels were heard, which have no pose, and odometry long before the first image."""
+    odometry, waiting = recording.odometry, deque[Frame]()
+    first = next(recording.frames(), None)
+    if first is None:
+        return
+    if not odometry:
+        yield from recording.frames()
+        return
+    for message in recording.messages():
+        if isinstance(message, Frame):
+            if message.stamp_ns >= odometry[0].stamp_ns:
+                waiting.append(message)
+            due_ns = message.stamp_ns - _HOLD_NS
+        else:
+            if message.stamp_ns >= first.stamp_ns - _LEAD_NS:
+                yield message
+            due_ns = message.stamp_ns
+        while waiting and waiting[0].stamp_ns <= due_ns:
+            yield waiting.popleft()
+    yield from waiting

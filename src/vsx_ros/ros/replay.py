@@ -1,0 +1,162 @@
+"""The recording behind ``vsx replay --ros``: the node vslam hears it as it would a robot, and time is the recording's.
+
+Run as ``python -m vsx_ros.ros.replay`` with the options of ``vsx replay`` and ``--input``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from pathlib import Path
+
+import rosgraph
+import rospy
+
+from vsx_ros.cli.config import load
+from vsx_ros.cli.exit_codes import FAILED, INTERNAL, STOPPED
+from vsx_ros.cli.explore import live_arguments
+from vsx_ros.cli.replay import add_options, exit_code, new_folder, opened
+from vsx_ros.cli.report import one_line_facts, write_report
+from vsx_ros.config import to_dict
+from vsx_ros.errors import ConfigError, VsxError
+from vsx_ros.evaluation.summary import Summary, with_accuracy
+from vsx_ros.evaluation.trajectory import AlignmentKind
+from vsx_ros.io.recording import Recording
+from vsx_ros.io.run_folder import RunFolder
+from vsx_ros.ros import launch, topics, view
+from vsx_ros.ros.launch import LaunchNode
+from vsx_ros.ros.live import Live
+from vsx_ros.ros.player import Player
+from vsx_ros.ros.progress import Progress
+from vsx_ros.ros.witness import Witness
+from vsx_ros.slam.state import TrackingState
+
+_READY_WAIT_S = 180.0
+
+
+def replay(args: argparse.Namespace) -> int:
+    """Play it all, write the run folder, say what happened; its exit code."""
+    config, recording = load(args.config, args.set), opened(args)
+    _refuse_company()
+    words = live_arguments(argparse.Namespace(**{k: v for k, v in vars(args).items() if k != "input"}))
+    folder = new_folder(args, config, ["vsx", "replay", str(args.input), *words])
+    os.environ["ROS_LOG_DIR"] = str((folder.path / "log").resolve())
+    (folder.path / "log").mkdir(exist_ok=True)
+    nodes = [_slam(args, recording, folder)]
+    url = ""
+    if args.view:
+        port, url = view.prepare()
+        nodes += launch.view(port=port)
+    with Live(nodes, to_dict(config), vital=("vslam",), replayed=True) as live:
+        progress = Progress(live.terminal)
+        progress.say(f"nodes are starting at ROS_MASTER_URI={os.environ['ROS_MASTER_URI']}; Ctrl-C ends the replay")
+        if url:
+            progress.say(f"live view: {url}")
+        witness, player = Witness(emulated=False), Player(recording)
+        _play(live, witness, player, progress, 1.0 if args.rate is None else args.rate)
+        interrupted, dead = live.interrupted, live.dead
+    return _gather(folder, recording, witness, args, f"node {dead} died" if dead else "", interrupted)
+
+
+def _refuse_company() -> None:
+    """Raises ConfigError where a robot, or another replay, already speaks at the master."""
+    if not rosgraph.is_master_online():
+        return
+    published = dict(rosgraph.Master("/vsx_replay").getSystemState()[0])
+    for topic in (topics.CLOCK, topics.IMAGE, topics.ODOM):
+        name = rospy.resolve_name(topic)
+        if published.get(name):
+            raise ConfigError(
+                f"{published[name][0]} already publishes {name} at {rosgraph.get_master_uri()}; end it, or give the "
+                "replay a master of its own, e.g. ROS_MASTER_URI=http://localhost:11312"
+            )
+
+
+def _slam(args: argparse.Namespace, recording: Recording, folder: RunFolder) -> LaunchNode:
+    params = {"seed": args.seed, "run_dir": str(folder.path.resolve()), "use_odometry": bool(recording.odometry)}
+    for name in ("load_map", "save_map"):
+        if getattr(args, name) is not None:
+            params[name] = str(getattr(args, name).resolve())
+    return LaunchNode("vslam", params)
+
+
+def _play(live: Live, witness: Witness, player: Player, progress: Progress, rate: float) -> None:
+    """Wait for the SLAM and play. Raises ConfigError when it never gets ready."""
+    deadline_s = time.monotonic() + _READY_WAIT_S
+
+    def goes_on() -> bool:
+        if progress.is_due and player.sent:
+            stats = witness.stats
+            found = f"{stats.get('tracked', 0):.0f}/{stats.get('attempted', 0):.0f} points"
+            dropped = f"{stats.get('dropped', 0):.0f} dropped"
+            progress.show(f"image {player.sent}/{player.count}  {witness.slam_state}  {found}  {dropped}")
+        return not live.interrupted and not live.dead
+
+    while goes_on() and not player.ready:
+        if time.monotonic() > deadline_s:
+            raise ConfigError(f"vslam was not ready within {_READY_WAIT_S:.0f} s; see the run's log folder")
+        time.sleep(0.05)
+    player.play(rate, goes_on)
+
+
+def _gather(
+    folder: RunFolder, recording: Recording, witness: Witness, args: argparse.Namespace, failure: str, interrupted: bool
+) -> int:
+    """Complete what vslam wrote, and tell it."""
+    known = folder.read_summary() if (folder.path / "summary.json").exists() else {}
+    looked_at = folder.read_frames()
+    ending = TrackingState(looked_at[-1].state) if looked_at else TrackingState.NOT_INITIALISED
+    kind: AlignmentKind | None = "yaw" if recording.odometry else None
+    summary = with_accuracy(Summary(**known), folder.read_poses("trajectory"), recording.ground_truth, kind)
+    if interrupted:
+        failure = f"stopped by the operator after {len(looked_at)} of {recording.frame_count} frames"
+    summary = summary.with_values(
+        duration_s=(looked_at[-1].stamp_ns - looked_at[0].stamp_ns) * 1e-9 if looked_at else 0.0,
+        stop_reason=failure or _stop_reason(folder, ending),
+        world=recording.source.name,
+        seed=args.seed,
+        continued_map=str(args.load_map.resolve()) if args.load_map else None,
+        u2_metres=summary.u2_metres if kind else None,
+    )
+    if recording.ground_truth:
+        folder.write_poses("groundtruth", recording.ground_truth)
+    if args.map and witness.grid is not None:
+        folder.write_map(witness.grid)
+    folder.write_summary(summary.as_dict())
+    facts = [f"  {line}\n" for line in one_line_facts(summary.as_dict())]
+    sys.stdout.write("".join([f"{summary.stop_reason}\n", *facts, f"  report: {write_report(folder)}\n"]))
+    if interrupted:
+        return STOPPED
+    return INTERNAL if failure else exit_code(ending)
+
+
+def _stop_reason(folder: RunFolder, ending: TrackingState) -> str:
+    """How the recording ended, in words."""
+    events = [event for event in folder.read_events() if event.source == "slam"]
+    last = events[-1].reason if events else "the SLAM saw no image that it could use"
+    if ending is TrackingState.NOT_INITIALISED:
+        return f"the map was never started: {last}"
+    if ending is TrackingState.LOST:
+        return f"lost for good: {last}"
+    return "the recording was played to its end"
+
+
+def main() -> int:
+    """Parse and run; errors are one sentence."""
+    parser = argparse.ArgumentParser(prog="vsx replay")
+    parser.add_argument("--input", type=Path, required=True)
+    add_options(parser)
+    try:
+        return replay(parser.parse_args())
+    except KeyboardInterrupt:
+        sys.stderr.write("vsx: stopped by the operator\n")
+        return STOPPED
+    except VsxError as error:
+        sys.stderr.write(f"vsx: {error}\n")
+        return FAILED
+
+
+if __name__ == "__main__":
+    sys.exit(main())

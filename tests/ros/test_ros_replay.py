@@ -1,0 +1,112 @@
+"""``vsx replay --ros``: a bag in place of the robot, in real time, and what is left of it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rospy")
+
+from drive_bag import write_drive
+from ros_ports import free_port
+
+from vsx_ros.cli import main
+from vsx_ros.cli.exit_codes import DONE, FAILED, STOPPED
+from vsx_ros.io.run_folder import RunFolder
+
+pytestmark = pytest.mark.ros
+
+FRAMES = 60
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_drive(tmp_path_factory.mktemp("drive") / "drive.bag", FRAMES)
+
+
+def environment(tmp_path: Path) -> dict[str, str]:
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("ROS_")}
+    master = {"ROS_MASTER_URI": f"http://localhost:{free_port()}", "ROS_HOME": str(tmp_path)}
+    return {**kept, **master, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
+
+
+def command(bag: Path, *words: str) -> list[str]:
+    return [sys.executable, "-m", "vsx_ros.cli.main", "replay", str(bag), "--ros", *words]
+
+
+@pytest.fixture(scope="module")
+def in_lock_step(bag: Path, tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
+    out = tmp_path_factory.mktemp("runs") / "lock_step"
+    assert main.execute(["replay", str(bag), "--map", "--out", str(out)]) == DONE
+    return RunFolder.open(out)
+
+
+@pytest.mark.parametrize("rate", ["1", "0"])
+def test_the_nodes_find_what_lock_step_finds(bag: Path, in_lock_step: RunFolder, tmp_path: Path, rate: str) -> None:
+    out = tmp_path / "run"
+    done = subprocess.run(
+        command(bag, "--map", "--rate", rate, "--out", str(out)),
+        env=environment(tmp_path), capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert done.returncode == DONE, done.stderr + done.stdout
+    assert "the recording was played to its end" in done.stdout
+    folder, expected = RunFolder.open(out), in_lock_step.read_summary()
+    summary = folder.read_summary()
+    if rate == "0":
+        assert summary["frames"] == FRAMES
+    assert expected["frames_tracked"] - 20 <= summary["frames_tracked"] <= expected["frames_tracked"] + 5
+    assert summary["frames_lost"] == 0
+    assert expected["ate_rmse_m"] < 0.03
+    assert summary["ate_rmse_m"] < 0.03
+    here, there = folder.read_poses("trajectory")[-1], in_lock_step.read_poses("trajectory")[-1]
+    assert here.stamp_ns == there.stamp_ns
+    assert abs(here.T.translation - there.T.translation).max() < 0.03
+    free_m2 = [(f.read_map().data == 0).sum() * 0.05**2 for f in (folder, in_lock_step)]
+    assert free_m2[0] == pytest.approx(free_m2[1], rel=0.3)
+    assert (out / "report.html").exists()
+    assert not list((out / "log").glob("*.active"))
+
+
+def test_ctrl_c_ends_it_and_a_second_replay_is_refused(bag: Path, tmp_path: Path) -> None:
+    out, shared, lines = tmp_path / "run", environment(tmp_path), []
+    with subprocess.Popen(
+        command(bag, "--rate", "0.1", "--out", str(out)), env=shared, stderr=subprocess.PIPE, text=True
+    ) as first:
+        assert first.stderr is not None
+        threading.Thread(target=lines.extend, args=(first.stderr,), daemon=True).start()
+        deadline_s = time.monotonic() + 90.0
+        while not any(line.startswith("image ") for line in lines):
+            assert time.monotonic() < deadline_s, lines
+            time.sleep(0.1)
+        refused = subprocess.run(
+            command(bag, "--out", str(tmp_path / "other")),
+            env=shared, capture_output=True, text=True, timeout=60, check=False,
+        )  # fmt: skip
+        first.send_signal(signal.SIGINT)
+        assert first.wait(30.0) == STOPPED
+    assert refused.returncode == FAILED
+    assert "already publishes /clock" in refused.stderr
+    assert refused.stderr.count("\n") == 1
+    assert "stopped by the operator" in RunFolder.open(out).read_summary()["stop_reason"]
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--ros", "--rate", "-1"], "--rate -1.0: give a number from 0"),
+        (["--rate", "2"], "go with --ros"),
+        (["--view"], "go with --ros"),
+    ],
+)
+def test_mistakes_are_one_sentence(
+    bag: Path, words: list[str], sentence: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main.execute(["replay", str(bag), *words]) == FAILED
+    assert sentence in capsys.readouterr().err
