@@ -104,13 +104,14 @@ def test_votes_count_keyframes_not_rays():
 def test_hits_count_observations_and_points(scene):
     _, _, points, _, point = scene
     hit = np.where(np.arange(len(point)) % 3, 1.0, 0.0)
-    votes, members = kernels.count_hits(points, point, hit, 100, 90, 0.1, -4.0, -4.0)
+    votes, members = kernels.count_hits(points, point, hit, 2, 100, 90, 0.1, -4.0, -4.0)
     seen = point[hit > 0]
     cells = np.floor((points[:, [1, 0]] + 4.0) / 0.1).astype(int)
+    assert set(np.bincount(seen, minlength=len(points))) > {1, 2}
     slow_votes, slow_members = np.zeros((100, 90), int), np.zeros((100, 90), int)
     for row, column in cells[seen]:
         slow_votes[row, column] += 1
-    for row, column in cells[np.unique(seen)]:
+    for row, column in cells[np.bincount(seen, minlength=len(points)) >= 2]:
         slow_members[row, column] += 1
     assert np.array_equal(votes, slow_votes)
     assert np.array_equal(members, slow_members)

@@ -223,3 +223,17 @@ def test_observations_of_another_snapshot_are_refused(ground_map):
         ground_map.build([MOUNT], np.ones((2, 3)), np.array([0]), np.array([7]))
     with pytest.raises(InputError, match="finite"):
         ground_map.build([MOUNT], np.full((2, 3), np.nan), np.array([0]), np.array([1]))
+
+
+def test_a_lone_point_is_no_obstacle():
+    beyond = [[3.0, 0.005, 0.31], [3.0, 0.0, 0.25]]
+    lone = one_view([[1.5, 0.0, 0.3], *beyond])
+    assert np.all(centres_of(lone, OCCUPIED)[:, 0] > 2.9)
+    pair = one_view([[1.5, 0.0, 0.3], [1.51, 0.01, 0.2], *beyond])
+    assert pair.value_at(1.51, 0.0) == OCCUPIED
+
+
+def test_points_that_only_two_keyframes_see_are_no_obstacle():
+    points = [[1.5, 0.0, 0.3], [1.52, 0.01, 0.25], [1.51, -0.01, 0.2]]
+    assert one_view(points, n=3).value_at(1.51, 0.0) == OCCUPIED
+    assert not (one_view(points, n=2).data == OCCUPIED).any()

@@ -168,16 +168,17 @@ def count_hits(
     points: Any,
     obs_point: Any,
     hit: Any,
+    enough: int,
     rows: int,
     columns: int,
     resolution: float,
     origin_x: float,
     origin_y: float,
 ) -> Any:
-    """(rows, columns) int32 twice: observations of obstacle points in each cell, and the points themselves."""
+    """(rows, columns) int32 twice: observations of obstacle points in each cell, and points with enough of them."""
     votes = np.zeros((rows, columns), np.int32)
     members = np.zeros((rows, columns), np.int32)
-    counted = np.zeros(points.shape[0], np.bool_)
+    counted = np.zeros(points.shape[0], np.int32)
     for o in range(obs_point.shape[0]):
         if hit[o] <= 0.0:
             continue
@@ -186,8 +187,8 @@ def count_hits(
         row = math.floor((points[p, 1] - origin_y) / resolution)
         if 0 <= row < rows and 0 <= column < columns:
             votes[row, column] += 1
-            if not counted[p]:
-                counted[p] = True
+            counted[p] += 1
+            if counted[p] == enough:
                 members[row, column] += 1
     return votes, members
 

@@ -76,7 +76,7 @@ def _ground_map() -> None:
     ground_map.count_spots(points, touched, 4, 4, 0.05, 0.0, 0.0)
     ground_map.cover_discs(np.zeros((1, 2)), 0.2, 4, 4, 0.05, 0.0, 0.0)
     scan_casting.count_free(positions, yaws, free, 4, 4, 0.05, 0.0, 0.0)
-    ground_map.count_hits(points, one, hit, 4, 4, 0.05, 0.0, 0.0)
+    ground_map.count_hits(points, one, hit, 3, 4, 4, 0.05, 0.0, 0.0)
 
 
 def _tracking() -> None:

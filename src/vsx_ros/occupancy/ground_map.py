@@ -23,10 +23,11 @@ from vsx_ros.occupancy.virtual_scan import PolarScans, block, virtual_scans, wri
 
 _MARGIN_M = 0.5
 _MIN_FREE_VOTES = 1
-_MIN_HIT_VOTES = 3
-_OVERRULED_BY = 1.0
+_MIN_POINTS, _POINT_HITS = 2, 3
+"""A lone point is no obstacle, nor one that hardly anybody saw: edges before the far floor are matched wrongly."""
 _SURE_POINTS = 3
-"""Fewer points than this are noise where this many times more keyframes looked through their place than saw them."""
+_OVERRULED_BY, _FEW_OVERRULED_BY = 1.0, 0.25
+"""Points, or fewer than sure ones, are noise where so many times more keyframes looked through their place."""
 _SPECK_CELLS = 3
 _MIN_SPOTS = 6
 _SEEN_THROUGH = 0.25
@@ -139,11 +140,11 @@ class GroundMap:
     ) -> BoolArray:
         """Cells with enough observations of obstacle points, the few that others look through left out."""
         points, point = writable(points_world, np.float64).reshape(-1, 3), writable(obs_point, np.int64)
-        votes, members = kernels.count_hits(points, point, scans.hit, *lattice.arguments())
-        near_votes, near_points = _around(votes), _around(members)
-        near_free = _around(free_votes) / 9.0
-        noise = (near_points < _SURE_POINTS - 0.5) & (near_free > _OVERRULED_BY * near_votes)
-        occupied: BoolArray = (votes > 0) & (near_votes >= _MIN_HIT_VOTES) & ~noise
+        votes, members = kernels.count_hits(points, point, scans.hit, _POINT_HITS, *lattice.arguments())
+        near_votes, near_points, near_free = _around(votes), _around(members), _around(free_votes) / 9.0
+        overruled_by = np.where(near_points > _SURE_POINTS - 0.5, _OVERRULED_BY, _FEW_OVERRULED_BY)
+        believed = (near_points > _MIN_POINTS - 0.5) & (near_free <= overruled_by * near_votes)
+        occupied: BoolArray = (votes > 0) & believed
         return occupied
 
     def _touched(self, surfaces: Surfaces, n_keyframes: int) -> tuple[Surfaces, BoolArray, Points2]:
