@@ -236,6 +236,7 @@ class ExplorationConfig(_Branch, frozen=True):
     stop_cost_m: Positive = 2.0
     look_range_m: Positive = 3.0
     looks_to_half: Positive = 1.5
+    wall_gap_m: Positive = 1.0
     look_spacing_m: Positive = 0.35
     view_spacing_m: Positive = 0.2
     view_margin_m: NonNegative = 0.05

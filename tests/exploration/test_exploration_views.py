@@ -12,9 +12,9 @@ from vsx_ros.exploration.utility import (
     count_landmarks,
     rank_views,
     standing_room,
-    unknown_worth,
     view_gain,
 )
+from vsx_ros.exploration.worth import SECTORS, opaque_walls, unknown_worth
 from vsx_ros.kernels.visibility import window_sums
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
@@ -60,7 +60,7 @@ def test_short_frontiers_are_left_out():
 
 def test_gain_is_the_unknown_area_inside_the_field_of_view():
     grid = half_known_room()
-    gain = view_gain(grid, np.array([[2.5, 2.0]]), np.ones(grid.shape), CONFIG)[0]
+    gain = view_gain(grid, np.array([[2.5, 2.0]]), np.ones((1, *grid.shape)), CONFIG)[0]
     # Looking along +x: a sector of the sensor's angle between the border (x = 3) and range or wall (x = 5.95).
     half = CONFIG.sensor_fov_rad / 2
     angles = np.linspace(-half, half, 2001)
@@ -120,16 +120,39 @@ def test_unreachable_and_blacklisted_views_are_counted_not_returned():
     assert banned.rejected["given up or looked from already"] > 0
 
 
-def test_unknown_ground_is_worth_less_with_every_look_from_nearby():
+def test_unknown_ground_is_worth_less_with_every_look_from_the_same_side():
     grid = half_known_room()
-    looks = np.tile([[2.5, 2.0, 0.0]], (2, 1))
+    looks = np.tile([[2.5, 1.9, 0.1]], (2, 1))
     worth = unknown_worth(grid, looks, CONFIG)
-    ahead, beside, far = grid.cells(np.array([[4.0, 2.0], [2.5, 3.5], [5.9, 2.0]]))
-    assert worth[tuple(ahead)] == 0.5 ** (2 / CONFIG.looks_to_half)
-    assert worth[tuple(beside)] == 1.0
-    assert worth[tuple(far)] == 1.0
-    position = np.array([[2.5, 2.0]])
-    assert view_gain(grid, position, worth, CONFIG)[0, 0] < 0.7 * view_gain(grid, position, worth**0, CONFIG)[0, 0]
+    ahead, beside, far = grid.cells(np.array([[4.0, 2.4], [2.5, 3.5], [5.9, 2.4]]))
+    assert worth[(0, *ahead)] == pytest.approx(0.5 ** (2 / CONFIG.looks_to_half))
+    assert worth[(1, *ahead)] == worth[(SECTORS - 1, *ahead)] == pytest.approx(0.5 ** (1 / CONFIG.looks_to_half))
+    assert (worth[(slice(2, SECTORS - 1), *ahead)] == 1.0).all()
+    assert (worth[(slice(None), *beside)] == 1.0).all()
+    assert (worth[(slice(None), *far)] == 1.0).all()
+
+
+def test_what_was_looked_at_from_one_side_gains_from_the_other():
+    grid = OccupancyGrid(np.full((80, 120), UNKNOWN, np.int8), RESOLUTION, 0.0, 0.0)
+    worth = unknown_worth(grid, np.tile([[1.0, 2.0, 0.0]], (6, 1)), CONFIG)
+    before = view_gain(grid, np.array([[1.0, 2.0], [4.0, 2.0]]), np.ones_like(worth), CONFIG)
+    after = view_gain(grid, np.array([[1.0, 2.0], [4.0, 2.0]]), worth, CONFIG)
+    again, from_behind = after / np.maximum(before, 1e-9)
+    assert again[0] < 0.2
+    assert from_behind[BEARINGS // 2] == pytest.approx(1.0)
+
+
+def test_dots_in_a_line_are_a_wall_and_a_seen_gap_is_none():
+    data = np.full((60, 60), UNKNOWN, np.int8)
+    data[30, 5:55:12] = OCCUPIED
+    data[30, 20:26] = FREE
+    grid = OccupancyGrid(data, RESOLUTION, 0.0, 0.0)
+    opaque = opaque_walls(grid, 0.3, 1.0).data
+    row = np.delete(opaque[30, 5:54], np.arange(15, 21))
+    assert (row == OCCUPIED).all()
+    assert (opaque[30, 20:26] == FREE).all()
+    assert (opaque[:29] == UNKNOWN).all()
+    np.testing.assert_array_equal(opaque_walls(grid, 0.3, 0.3).data, data)
 
 
 def test_a_wall_hides_landmarks():

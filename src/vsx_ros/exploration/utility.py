@@ -1,7 +1,7 @@
 """Which view to drive to next: utility U = v / d (paper eq. 12) over candidate views.
 
-v is the unknown area a view would show, found by ray casting within the camera's field of view; unknown cells that
-were looked at from nearby before, and stayed unknown (a wall without texture, say), are worth less with every look.
+v is the unknown area a view would show, found by ray casting within the camera's field of view, and what it is worth
+(``worth.py``).
 d is the length of the motion-bounded path plus what a stop costs. A view that would show too few known landmarks is
 worth less, for the tracker has to live there.
 """
@@ -17,9 +17,10 @@ import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2
 from vsx_ros.config import ExplorationConfig
+from vsx_ros.exploration.worth import opaque_walls, unknown_worth
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.kernels.visibility import count_looks, unknown_area_by_bearing, visible_landmarks, window_sums
-from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from vsx_ros.kernels.visibility import unknown_area_by_bearing, visible_landmarks, window_sums
+from vsx_ros.occupancy.grid import FREE, OccupancyGrid
 
 BEARINGS = 72
 HEADINGS = 24
@@ -56,32 +57,9 @@ def standing_room(grid: OccupancyGrid, radius_m: float) -> BoolArray:
     return room
 
 
-def closed_gaps(grid: OccupancyGrid, width_m: float) -> OccupancyGrid:
-    """The grid with unknown gaps narrower than width_m [m] between obstacle cells taken as obstacle.
-
-    A sparse map shows a plain wall as a row of dots; what lies behind them cannot be seen, nor driven to.
-    """
-    cells = max(1, round(width_m / grid.resolution)) | 1
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (cells, cells))
-    closed = cv2.morphologyEx((grid.data == OCCUPIED).astype(np.uint8), cv2.MORPH_CLOSE, disc)
-    data = np.where((closed > 0) & (grid.data == UNKNOWN), OCCUPIED, grid.data).astype(np.int8)
-    return OccupancyGrid(data, grid.resolution, grid.origin_x, grid.origin_y)
-
-
-def unknown_worth(grid: OccupancyGrid, looked_from: FloatArray, config: ExplorationConfig) -> FloatArray:
-    """(H, W) what finding out each unknown cell is worth, in (0, 1]: half for every ``looks_to_half`` looks at it from
-    within ``look_range_m`` among the poses looked_from (N, 3)."""
-    looks = count_looks(
-        grid.data, grid.resolution, grid.origin_x, grid.origin_y, np.ascontiguousarray(looked_from).reshape(-1, 3),
-        0.5 * config.sensor_fov_rad, config.look_range_m,
-    )  # fmt: skip
-    worth: FloatArray = np.exp2(-looks / config.looks_to_half).astype(np.float64)
-    return worth
-
-
 def view_gain(grid: OccupancyGrid, positions: Points2, worth: FloatArray, config: ExplorationConfig) -> FloatArray:
-    """(N, BEARINGS) worthy unknown area [m2] in the field of view from each position (N, 2) [m], looking at each
-    bearing k * 2 pi / BEARINGS."""
+    """(N, BEARINGS) unknown area [m2], weighted by worth (S, H, W), in the field of view from each position (N, 2) [m],
+    looking at each bearing k * 2 pi / BEARINGS."""
     bearings: FloatArray = np.arange(BEARINGS, dtype=np.float64) * (2 * math.pi / BEARINGS)
     per_bearing = unknown_area_by_bearing(
         grid.data, worth, grid.resolution, grid.origin_x, grid.origin_y, positions, bearings, config.sensor_range_m
@@ -104,7 +82,7 @@ def rank_views(
     landmarks_world: (M, 2) or (M, 3) map points [m]. looked_from: (L, 3) past poses of the robot.
     avoid: (N, 3) poses to (N,) True where a view is blacklisted.
     """
-    opaque = closed_gaps(grid, 2.0 * radius_m)
+    opaque = opaque_walls(grid, 2.0 * radius_m, config.wall_gap_m)
     worth = unknown_worth(opaque, looked_from, config)
     candidates, gains, rejected = _promising(grid, opaque, radius_m, worth, config)
     if len(candidates) == 0:
@@ -118,7 +96,7 @@ def rank_views(
     utility = gains[reachable] / (distances[reachable] + config.stop_cost_m)
     best = np.flatnonzero(reachable)[np.argsort(-utility, kind="stable")[: config.max_ranked_views]]
     candidates, gains, distances = candidates[best], gains[best], distances[best]
-    seen = count_landmarks(grid, candidates, landmarks_world, config)
+    seen = count_landmarks(opaque, candidates, landmarks_world, config)
     utility = gains / (distances + config.stop_cost_m) * np.minimum(1.0, seen / config.good_landmarks)
     rejected["too few known landmarks in view"] = int((seen < config.min_landmarks).sum())
     views = [

@@ -22,20 +22,21 @@ def unknown_area_by_bearing(
     bearings: FloatArray,
     range_m: float,
 ) -> FloatArray:
-    """(N, B) area [m2], weighted by ``worth`` (H, W), of the unknown cells seen from each position (N, 2) around
-    each of B equally spaced bearings.
+    """(N, B) area [m2], weighted by ``worth`` (S, H, W), of the unknown cells seen from each position (N, 2) around
+    each of B equally spaced bearings; what a cell is worth depends on which of S equal sectors the bearing is in.
 
     A ray runs to the first occupied cell, the edge of the grid or range_m; unknown cells do not stop it. Each
     step counts the area of its ring sector, so near cells are not counted twice.
     """
     rows, columns = data.shape
-    n, b = positions.shape[0], bearings.shape[0]
-    sector = 2.0 * math.pi / b
+    n, b, sectors = positions.shape[0], bearings.shape[0], worth.shape[0]
+    width = 2.0 * math.pi / b
     step = resolution
     area = np.zeros((n, b))
     for i in range(n):
         for j in range(b):
             c, s = math.cos(bearings[j]), math.sin(bearings[j])
+            k = int(math.floor(bearings[j] * sectors / (2.0 * math.pi))) % sectors
             total = 0.0
             r = 0.5 * step
             while r < range_m:
@@ -47,7 +48,7 @@ def unknown_area_by_bearing(
                 if value == OCCUPIED:
                     break
                 if value == UNKNOWN:
-                    total += worth[row, column] * step * r * sector
+                    total += worth[k, row, column] * step * r * width
                 r += step
             area[i, j] = total
     return area
@@ -62,16 +63,19 @@ def count_looks(
     poses: FloatArray,
     half_fov: float,
     range_m: float,
+    sectors: int,
 ) -> IntArray:
-    """(H, W) from how many of the poses (N, 3: x, y, theta) each cell lay in the field of view, in range, unhidden."""
+    """(S, H, W) from how many of the poses (N, 3: x, y, theta) each cell lay in the field of view, in range, unhidden,
+    apart for each of S equal sectors of the bearing from pose to cell."""
     rows, columns = data.shape
-    looks = np.zeros((rows, columns), np.int64)
+    looks = np.zeros((sectors, rows, columns), np.int64)
     last = np.full((rows, columns), -1, np.int64)
     rays = int(math.ceil(2.0 * half_fov * range_m / resolution))
     for i in range(poses.shape[0]):
         for j in range(rays + 1):
             angle = poses[i, 2] - half_fov + 2.0 * half_fov * j / rays
             c, s = math.cos(angle), math.sin(angle)
+            k = int(math.floor(angle * sectors / (2.0 * math.pi))) % sectors
             r = 0.5 * resolution
             while r < range_m:
                 column = int(math.floor((poses[i, 0] + r * c - origin_x) / resolution))
@@ -80,7 +84,7 @@ def count_looks(
                     break
                 if last[row, column] != i:
                     last[row, column] = i
-                    looks[row, column] += 1
+                    looks[k, row, column] += 1
                 r += resolution
     return looks
 
