@@ -291,3 +291,16 @@ def test_a_failure_is_exit_code_1(capsys: pytest.CaptureFixture[str], monkeypatc
     shown = capsys.readouterr().out
     assert "fail master" in shown
     assert "-> correct ROS_MASTER_URI" in shown
+
+
+def test_the_robot_s_own_parameters_are_read(tmp_path: Path) -> None:
+    folder = tmp_path / "vsx_ros"
+    folder.mkdir()
+    (folder / "robot.yaml").write_text("robot: {odometry: {linear_scale: 1.012}}\n", encoding="utf-8")
+    [_, good] = of("calibration", list(devices(tmp_path, {"ROS_HOME": str(tmp_path)}, False)))
+    assert good.level == OK
+    assert "1.0120" in good.text
+    (folder / "robot.yaml").write_text("robot: {wings: 2}\n", encoding="utf-8")
+    [_, bad] = of("calibration", list(devices(tmp_path, {"ROS_HOME": str(tmp_path)}, False)))
+    assert bad.level == FAIL
+    assert "wings" in bad.text

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import grp
+import math
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -50,6 +51,7 @@ def check_devices(root: Path, environment: Mapping[str, str], speak: bool) -> It
         yield from _spoken_to(ports, kinects)
     home = Path(environment.get("ROS_HOME") or Path(environment.get("HOME", "/")) / ".ros")
     yield from _calibration(home / "camera_info")
+    yield from _robot_file(home / "vsx_ros/robot.yaml")
 
 
 def _ports(ports: list[Path], absent: str) -> Iterator[Finding]:
@@ -132,6 +134,27 @@ def _calibration(folder: Path) -> Iterator[Finding]:
             yield from_error("calibration", FAIL, error)
         else:
             yield Finding("calibration", OK, f"{file}: {camera.width}x{camera.height}, {camera.fx:.1f} px")
+
+
+def _robot_file(file: Path) -> Iterator[Finding]:
+    """What 'vsx calibrate odometry' and 'mount' wrote; without it the robot is taken as built."""
+    from vsx_ros.cli.config import load
+    from vsx_ros.errors import ConfigError
+
+    if not file.exists():
+        return
+    try:
+        robot = load(file, []).robot
+    except ConfigError as error:
+        yield from_error("calibration", FAIL, error)
+        return
+    mount, wheels = robot.mount, robot.odometry
+    yield Finding(
+        "calibration",
+        OK,
+        f"{file}: wheels {wheels.linear_scale:.4f}, {wheels.angular_scale:.4f}; camera {mount.height_m:.3f} m high, "
+        f"{math.degrees(mount.pitch_down_rad):.1f} deg down; used with --config {file}",
+    )
 
 
 def _content(path: Path) -> str:

@@ -1,0 +1,123 @@
+"""``vsx calibrate camera --live``. Run as ``python -m vsx_ros.ros.calibrate_camera`` with its options."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import threading
+
+import numpy as np
+import rospy
+from sensor_msgs.msg import Image
+from sensor_msgs.srv import SetCameraInfo
+
+from vsx_ros.arrays import Pixels
+from vsx_ros.calibration.board import Board
+from vsx_ros.calibration.camera import MIN_VIEWS, BoardView, calibrate_camera
+from vsx_ros.calibration.variety import ViewChooser
+from vsx_ros.calibration.verdict import Grade
+from vsx_ros.cli.calibrate import add_camera_arguments
+from vsx_ros.cli.calibrate_camera import report
+from vsx_ros.cli.exit_codes import DONE, FAILED
+from vsx_ros.errors import InputError
+from vsx_ros.robot import Frame
+from vsx_ros.ros import guest, images, process, topics
+from vsx_ros.ros.progress import Progress
+
+_STILL_PX, _STILL_S = 2.0, 0.5
+_FIRST_IMAGE_S, _SERVICE_S = 10.0, 5.0
+
+
+class BoardWatcher:
+    """Looks at the newest image again and again; keeps views in which the board is held still and shown anew."""
+
+    def __init__(self, board: Board) -> None:
+        self._board = board
+        self._arrived = threading.Condition()
+        self._newest: Frame | None = None
+        self._before: tuple[int, Pixels] | None = None
+        self.chooser: ViewChooser | None = None
+        self.size = (0, 0)
+        process.image_subscriber(self._on_image)
+
+    def _on_image(self, msg: Image) -> None:
+        frame = images.frame(msg)
+        with self._arrived:
+            self._newest = frame
+            self._arrived.notify()
+
+    def look(self, wait_s: float) -> str:
+        """What the next image shows, in words. Raises InputError when none comes within ``wait_s``."""
+        with self._arrived:
+            if not self._arrived.wait_for(lambda: self._newest is not None, wait_s) or self._newest is None:
+                topic = rospy.resolve_name(topics.IMAGE)
+                raise InputError(f"no image arrives on {topic}; is the camera running? 'vsx status' tells")
+            frame, self._newest = self._newest, None
+        height, width = frame.image.shape
+        if self.chooser is None or (width, height) != self.size:
+            self.size, self.chooser = (width, height), ViewChooser(self._board, width, height)
+        pixels = self._board.find(frame.image, quick=True)
+        if pixels is None:
+            self._before = None
+            return "no board in sight"
+        before, self._before = self._before, (frame.stamp_ns, pixels)
+        if before is None or frame.stamp_ns - before[0] > _STILL_S * 1e9:
+            return "hold it still"
+        if np.abs(pixels - before[1]).max() > _STILL_PX:
+            return "hold it still"
+        name = f"view {len(self.chooser.views) + 1}"
+        return f"{name} taken" if self.chooser.offer(BoardView(name, pixels)) else "seen like this before"
+
+
+def calibrate(args: argparse.Namespace) -> int:
+    """Collect until nothing is missing or Ctrl-C; calibrate, and let the camera node store it."""
+    guest.join("calibrate")
+    ended = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: ended.set())
+    board, progress = Board.parse(args.board, args.pattern), Progress(sys.stderr)
+    watcher = BoardWatcher(board)
+    while not ended.is_set() and not rospy.is_shutdown():
+        said = watcher.look(_FIRST_IMAGE_S)
+        assert watcher.chooser is not None
+        missing, count = watcher.chooser.missing(), len(watcher.chooser.views)
+        if said.endswith("taken"):
+            progress.say(f"{said}; still wanted: {', '.join(missing) or 'nothing'}")
+        elif progress.is_due:
+            progress.show(f"{count} views, {said}. Show it {missing[0] if missing else ''}; Ctrl-C ends")
+        if not missing:
+            break
+    if watcher.chooser is None or len(watcher.chooser.views) < MIN_VIEWS:
+        raise InputError(f"ended with too few views of the board, {MIN_VIEWS} are needed; nothing is stored")
+    result = calibrate_camera(board, watcher.chooser.views, *watcher.size)
+    sys.stdout.write("\n".join([f"{len(watcher.chooser.views)} views", *(f"  {line}" for line in report(result))]))
+    sys.stdout.write(f"\n{result.verdict}\n")
+    if result.verdict.grade is Grade.BAD:
+        sys.stdout.write("  it is not stored\n")
+        return FAILED
+    info = images.camera_info(result.camera, process.now_ns(), topics.OPTICAL_FRAME)
+    return _store(rospy.resolve_name(topics.SET_CAMERA_INFO), info)
+
+
+def _store(service: str, info: object) -> int:
+    try:
+        rospy.wait_for_service(service, _SERVICE_S)
+        answer = rospy.ServiceProxy(service, SetCameraInfo)(info)
+    except (rospy.ROSException, rospy.ServiceException) as error:
+        raise InputError(f"{service} does not store it ({error}); record a bag and calibrate from that") from error
+    if not answer.success:
+        raise InputError(f"{service} does not store it: {answer.status_message}")
+    sys.stdout.write(f"  the camera node has {answer.status_message} and uses it now\n")
+    return DONE
+
+
+def main() -> int:
+    """Parse and run."""
+    parser = argparse.ArgumentParser(prog="vsx calibrate camera --live")
+    add_camera_arguments(parser)
+    return guest.command(calibrate, parser.parse_args())
+
+
+if __name__ == "__main__":
+    sys.exit(main())
