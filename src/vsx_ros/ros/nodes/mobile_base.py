@@ -97,7 +97,9 @@ class MobileBaseNode:
     def _find_base(self, port: str) -> str:
         """~robot_type; with auto the node waits until a base answers."""
         robot_type = str(rospy.get_param("~robot_type", "auto"))
-        while robot_type == "auto" and not rospy.is_shutdown():
+        while robot_type == "auto":
+            if process.is_ending():
+                raise KeyboardInterrupt
             try:
                 robot_type = detect_base(port)
                 rospy.loginfo("%s: found a %s", port, robot_type)
