@@ -100,14 +100,15 @@ def interpolate(values: Any, resolution: float, x0: float, y0: float, x: float, 
     w = (y - y0) / resolution - 0.5
     cu = min(max(u, 0.0), columns - 1.0)
     cw = min(max(w, 0.0), rows - 1.0)
-    outside = math.hypot(u - cu, w - cw) * resolution
     j = min(int(cu), max(columns - 2, 0))
     i = min(int(cw), max(rows - 2, 0))
     j1, i1 = min(j + 1, columns - 1), min(i + 1, rows - 1)
     fu, fw = cu - j, cw - i
     low = values[i, j] * (1.0 - fu) + values[i, j1] * fu
     high = values[i1, j] * (1.0 - fu) + values[i1, j1] * fu
-    value: float = low * (1.0 - fw) + high * fw - outside
+    value: float = low * (1.0 - fw) + high * fw
+    if u != cu or w != cw:
+        value -= math.hypot(u - cu, w - cw) * resolution
     return value
 
 
@@ -117,6 +118,25 @@ def interpolate_many(values: Any, resolution: float, x0: float, y0: float, point
     out = np.empty(points.shape[0])
     for i in range(points.shape[0]):
         out[i] = interpolate(values, resolution, x0, y0, points[i, 0], points[i, 1])
+    return out
+
+
+@kernel
+def gradient_many(values: Any, resolution: float, x0: float, y0: float, points: Any) -> Any:
+    """(N, 2) central differences of ``interpolate`` over one cell at points (N, 2)."""
+    out = np.empty((points.shape[0], 2))
+    h = 0.5 * resolution
+    for i in range(points.shape[0]):
+        x, y = points[i, 0], points[i, 1]
+        right, left = (
+            interpolate(values, resolution, x0, y0, x + h, y),
+            interpolate(values, resolution, x0, y0, x - h, y),
+        )
+        above, below = (
+            interpolate(values, resolution, x0, y0, x, y + h),
+            interpolate(values, resolution, x0, y0, x, y - h),
+        )
+        out[i, 0], out[i, 1] = (right - left) / resolution, (above - below) / resolution
     return out
 
 

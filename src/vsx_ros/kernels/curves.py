@@ -68,3 +68,34 @@ def curve_table(
         table[i, 0], table[i, 1], table[i, 2] = length, start[0] + direction * x, start[1] + direction * y
         table[i, 3], table[i, 4] = start[2] + turn * knot_profile[i], turn * knot_turn_rate[i] / rate
     return table
+
+
+@kernel
+def position_rows(
+    kinds: Any, heads: Any, turns: Any, directions: Any, basis: Any, profile: Any, weights: Any, order: int
+) -> Any:
+    """(2, I K, C K) rows that give x and y, relative to the start, at the ends of the I intervals of all K pieces.
+
+    The pieces follow each other: kinds (K,) which of the end conditions each has, heads (K,) [rad] where it begins,
+    turns (K,) [rad], directions (K,). basis (4, I order, C), profile (4, I order), weights (I order,) of a quadrature.
+    """
+    k, n, width = kinds.shape[0], weights.shape[0] // order, basis.shape[2]
+    rows = np.zeros((2, n * k, width * k))
+    for i in range(k):
+        x, y = np.zeros(width), np.zeros(width)
+        first = width * i
+        for node in range(n * order):
+            angle = heads[i] + turns[i] * profile[kinds[i], node]
+            along_x = directions[i] * weights[node] * math.cos(angle)
+            along_y = directions[i] * weights[node] * math.sin(angle)
+            for c in range(width):
+                x[c] += along_x * basis[kinds[i], node, c]
+                y[c] += along_y * basis[kinds[i], node, c]
+            if (node + 1) % order == 0:
+                at = n * i + node // order
+                rows[0, at, first : first + width] = x
+                rows[1, at, first : first + width] = y
+        for at in range(n * (i + 1), n * k):
+            rows[0, at, first : first + width] = x
+            rows[1, at, first : first + width] = y
+    return rows

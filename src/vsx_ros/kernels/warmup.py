@@ -156,12 +156,22 @@ def _planning() -> None:
     blocked[1:-1, 1:-1] = False
     field = clearance.signed_distance(blocked, 4) * 0.1
     clearance.interpolate_many(field, 0.1, 0.0, 0.0, np.full((1, 2), 0.5))
+    clearance.gradient_many(field, 0.1, 0.0, 0.0, np.full((1, 2), 0.5))
     clearance.least_on_curve(field, 0.1, 0.0, 0.0, np.full((2, 5), 0.5), 1, 0.005)
     clearance.arc_is_free(field, 0.1, 0.0, 0.0, 0.5, 0.5, 0.0, 0.0, 0.1)
     start, goal = np.array([0.5, 0.5, 0.0]), np.array([0.7, 0.5, 0.0])
     curves.arc_table(0.5, 0.5, 0.0, 1.0, 0.1, 1, 2)
     nodes, knots = (np.ones((2, 10)), np.ones(2), np.ones(2), 2), (np.ones((2, 10)), np.ones(2), np.ones(2))
     curves.curve_table(start, 1.0, 1, np.ones(10), *nodes, *knots)
+    curves.position_rows(
+        np.zeros(1, np.int64),
+        np.zeros(1),
+        np.ones(1),
+        np.ones(1, np.int64),
+        np.ones((4, 2, 10)),
+        np.ones((4, 2)),
+        *nodes[2:],
+    )
     remaining = clearance.fringe(lattice.wavefront(field >= 0.0, 5, 5) * 0.1, 0.1)
     ground = (field, 0.1, 0.0, 0.0)
     table = reeds_shepp.reeds_shepp_table()

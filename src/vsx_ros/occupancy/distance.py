@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2
-from vsx_ros.kernels.clearance import fringe, interpolate_many, least_on_curve, signed_distance
+from vsx_ros.kernels.clearance import fringe, gradient_many, interpolate_many, least_on_curve, signed_distance
 from vsx_ros.kernels.lattice import wavefront
 from vsx_ros.occupancy.grid import FREE, OccupancyGrid
 
@@ -50,12 +50,9 @@ class DistanceField:
 
     def gradient(self, points_world: Points2) -> FloatArray:
         """(N, 2) central differences over one cell [m/m]."""
-        points = np.asarray(points_world, float).reshape(-1, 2)
-        h = 0.5 * self.resolution
-        dx, dy = np.array([h, 0.0]), np.array([0.0, h])
-        along_x = self.at(points + dx) - self.at(points - dx)
-        along_y = self.at(points + dy) - self.at(points - dy)
-        return np.stack([along_x, along_y], axis=1) / (2.0 * h)
+        points = np.ascontiguousarray(points_world, float).reshape(-1, 2)
+        gradient: FloatArray = gradient_many(self.values, self.resolution, self.origin_x, self.origin_y, points)
+        return gradient
 
 
 def clearance_field(grid: OccupancyGrid, reach_m: float = CLEARANCE_REACH_M) -> DistanceField:

@@ -31,24 +31,6 @@ _HOPELESS_M = (0.05, 0.02, 0.0, 0.0, 0.0)
 _CONVERGED = 0.01
 
 
-def position_rows(sequence: HeadingSequence, theta: float) -> FloatArray:
-    """(2, 32 K, 10 K) rows that give x and y, relative to the start, at 32 places in every piece (its end included)."""
-    k = len(sequence.turns)
-    n = len(_SAMPLES.knots) - 1
-    rows = np.zeros((2, n * k, COEFFICIENTS * k))
-    for i, head in enumerate(joint_qp.start_headings(sequence, theta)):
-        angle = head + sequence.turns[i] * _SAMPLES.profile[sequence.ends(i)]
-        block = slice(COEFFICIENTS * i, COEFFICIENTS * (i + 1))
-        for axis, direction in enumerate((np.cos(angle), np.sin(angle))):
-            weighted = (sequence.directions[i] * _SAMPLES.weights * direction)[:, None] * _SAMPLES.basis[
-                sequence.ends(i)
-            ]
-            partial = np.cumsum(weighted.reshape(n, _SAMPLES.order, COEFFICIENTS).sum(axis=1), axis=0)
-            rows[axis, n * i : n * (i + 1), block] = partial
-            rows[axis, n * (i + 1) :, block] = partial[-1]
-    return rows
-
-
 def skeleton_points(sequence: HeadingSequence, pieces: list[list[Piece]]) -> FloatArray:
     """(32 K, 2) points of the skeleton with the headings the pieces will have at their samples.
 
@@ -90,7 +72,7 @@ def fit(
     runs: the skeleton's arcs and lines, grouped by piece; it is where the search begins.
     """
     base = joint_qp.build(sequence, start, goal, phi)
-    X, Y = position_rows(sequence, start.theta)
+    X, Y = joint_qp.position_rows(sequence, start.theta, _SAMPLES)
     guide = skeleton_points(sequence, runs) - np.array([start.x, start.y])
     n = base.P.shape[0]
     follow = 50.0
@@ -184,7 +166,7 @@ def _verified(
     sequence: HeadingSequence, start: SE2, goal: SE2, phi: float, base: QpProblem, x: FloatArray
 ) -> Path | None:
     E, target = base.A[:2], base.lower[:2]
-    x = x + E.T @ np.linalg.solve(E @ E.T, target - E @ x)
+    x = x + np.linalg.lstsq(E, target - E @ x, rcond=None)[0]
     pieces = joint_qp.assemble(sequence, start, x.reshape(-1, COEFFICIENTS), phi)
     if pieces is None:
         return None

@@ -84,6 +84,7 @@ class Quadrature:
     """Composite Gauss-Legendre rule on [0, 1]; its tables are shared by all pieces.
 
     t (M,) nodes, weights (M,); knots (intervals + 1,). basis[flags] (M, 10): rho is its product with the coefficients.
+    every_basis (4, M, 10), every_profile (4, M): the same in the order of ``FLAGS``.
     """
 
     def __init__(self, intervals: int, order: int) -> None:
@@ -96,6 +97,8 @@ class Quadrature:
         self.basis = {flag: rest_factor(self.t, *flag)[:, None] * jacobi(self.t) for flag in FLAGS}
         self.knot_jacobi = jacobi(self.knots)
         self.profile = {flag: profile(self.t, *flag) for flag in FLAGS}
+        self.every_basis = np.stack([self.basis[flag] for flag in FLAGS])
+        self.every_profile = np.stack([self.profile[flag] for flag in FLAGS])
         self.knot_profile = {flag: profile(self.knots, *flag) for flag in FLAGS}
         self.knot_turn_rate = {flag: profile_rate(self.knots, *flag) for flag in FLAGS}
 

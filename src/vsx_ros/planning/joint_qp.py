@@ -14,7 +14,8 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.planning.flat_output import COARSE, COEFFICIENTS, FLAGS
+from vsx_ros.kernels import curves as kernels
+from vsx_ros.planning.flat_output import COARSE, COEFFICIENTS, FLAGS, Quadrature
 from vsx_ros.planning.fov_bound import RATE_ROWS, curvature_bound, least_rate
 from vsx_ros.planning.pieces import Piece, curve_piece
 from vsx_ros.planning.qp import QpProblem, solve_exact
@@ -32,14 +33,14 @@ def start_headings(sequence: HeadingSequence, theta: float) -> FloatArray:
     return heads
 
 
-def displacement_rows(sequence: HeadingSequence, theta: float) -> FloatArray:
-    """(2, 10 K) rows that give the displacement from start to end of all pieces."""
-    columns = []
-    for k, head in enumerate(start_headings(sequence, theta)):
-        angle = head + sequence.turns[k] * COARSE.profile[sequence.ends(k)]
-        weighted = sequence.directions[k] * COARSE.weights[:, None] * COARSE.basis[sequence.ends(k)]
-        columns.append(np.stack([np.cos(angle) @ weighted, np.sin(angle) @ weighted]))
-    return np.concatenate(columns, axis=1)
+def position_rows(sequence: HeadingSequence, theta: float, rule: Quadrature) -> FloatArray:
+    """(2, I K, 10 K) rows that give x and y, relative to the start, at the ends of all intervals of the K pieces."""
+    kinds = np.array([FLAGS.index(sequence.ends(k)) for k in range(len(sequence.turns))])
+    rows: FloatArray = kernels.position_rows(
+        kinds, start_headings(sequence, theta), np.array(sequence.turns), np.array(sequence.directions),
+        rule.every_basis, rule.every_profile, rule.weights, rule.order,
+    )  # fmt: skip
+    return rows
 
 
 def view_rows(sequence: HeadingSequence, phi: float) -> tuple[FloatArray, FloatArray]:
@@ -62,7 +63,7 @@ def build(sequence: HeadingSequence, start: SE2, goal: SE2, phi: float) -> QpPro
     return QpProblem(
         P=np.eye(COEFFICIENTS * k),
         q=np.concatenate([_LENGTH[sequence.ends(i)] for i in range(k)]) * (0.5 * sequence.length_m / _ENERGY),
-        A=np.concatenate([displacement_rows(sequence, start.theta), rows]),
+        A=np.concatenate([position_rows(sequence, start.theta, COARSE)[:, -1], rows]),
         lower=np.concatenate([target, least]),
         upper=np.concatenate([target, np.full(len(rows), np.inf)]),
     )
