@@ -10,7 +10,8 @@ MASTER_PORT = 11311
 
 
 def own_address(master_uri: str) -> str:
-    """The address this machine has towards the master: 'localhost' where it is this one or cannot be resolved."""
+    """The address this machine has towards the master, for others to find it by; 'localhost' where the master is
+    called so or has no address."""
     master = urlparse(master_uri)
     try:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
@@ -18,11 +19,7 @@ def own_address(master_uri: str) -> str:
             address = str(probe.getsockname()[0])
     except (OSError, ValueError):
         return "localhost"
-    return "localhost" if address.startswith("127.") or _is_ours(master.hostname, address) else address
-
-
-def _is_ours(host: str | None, address: str) -> bool:
-    return host is not None and socket.gethostbyname(host) == address
+    return "localhost" if address.startswith("127.") else address
 
 
 def tell_ros() -> None:

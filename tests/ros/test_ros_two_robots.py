@@ -1,0 +1,115 @@
+"""Two robots at one master, each in its namespace: topics, commands and tf frames do not cross."""
+
+from __future__ import annotations
+
+import json
+import sys
+import xmlrpc.client
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rospy")
+
+import rosgraph
+from processes import Processes
+from ros_ports import HOST, free_port
+
+from vsx_ros.ros import launch, topics
+
+pytestmark = pytest.mark.ros
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+ROBOTS = ("a", "b")
+SHARED = {topics.TF, topics.TF_STATIC, topics.DIAGNOSTICS, "/rosout", "/rosout_agg"}
+
+OBSERVER = """
+import json, sys
+import rospy
+from nav_msgs.msg import Odometry
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Twist
+from tf2_msgs.msg import TFMessage
+
+rospy.init_node("observer", disable_signals=True)
+edges, stamped, speeds, named = set(), {}, {"a": [], "b": []}, set()
+def on_tf(msg):
+    edges.update((t.header.frame_id, t.child_frame_id) for t in msg.transforms)
+for topic in ("/tf", "/tf_static"):
+    rospy.Subscriber(topic, TFMessage, on_tf, queue_size=100)
+rospy.Subscriber("/diagnostics", DiagnosticArray, lambda m: named.update(s.name for s in m.status), queue_size=50)
+def on_odometry(msg, robot):
+    stamped[robot] = [msg.header.frame_id, msg.child_frame_id]
+    speeds[robot].append(msg.twist.twist.linear.x)
+for robot in speeds:
+    rospy.Subscriber(f"/{robot}/odom", Odometry, on_odometry, robot, queue_size=50)
+def wait(condition, what):
+    deadline = rospy.get_time() + 60.0
+    while not condition():
+        if rospy.get_time() > deadline:
+            sys.exit(f"waited for {what}: {sorted(edges)} {stamped}")
+        rospy.sleep(0.05)
+wait(lambda: len(edges) >= 12 and len(stamped) == 2, "frames and odometry of both")
+for each in speeds.values():
+    each.clear()
+teleop = rospy.Publisher("/a/cmd_vel_mux/input/teleop", Twist, queue_size=1)
+command = Twist()
+command.linear.x = 0.1
+def drive():
+    teleop.publish(command)
+    return max(speeds["a"], default=0.0) > 0.05
+wait(drive, "robot a to drive")
+wait(lambda: len(speeds["b"]) > 20, "odometry of b meanwhile")
+print(json.dumps({"edges": sorted(edges), "stamped": stamped, "named": sorted(named),
+                  "fastest": {robot: max(map(abs, each)) for robot, each in speeds.items()}}))
+"""
+
+
+def start_robot(processes: Processes, folder: Path, robot: str) -> None:
+    devices = folder / robot
+    devices.mkdir()
+    for node in (*launch.emulation("lab", 1, str(devices)), launch.LaunchNode("vslam", {})):
+        params = {**node.params, **({"rate_hz": 2.0} if node.name == "emulator" else {})}
+        words = [f"_{key}:={value}" for key, value in params.items() if value != ""]
+        script = str(CHECKOUT / "scripts" / node.name)
+        processes.start(f"{robot}_{node.name}", sys.executable, script, *words, ROS_NAMESPACE=robot)
+
+
+@pytest.fixture
+def processes(tmp_path: Path) -> Iterator[Processes]:
+    made = Processes(tmp_path, f"http://{HOST}:{free_port()}", ROS_HOSTNAME=HOST)
+    yield made
+    made.end()
+
+
+def test_two_robots_do_not_hear_each_other(processes: Processes, tmp_path: Path) -> None:
+    uri = processes.environment["ROS_MASTER_URI"]
+    processes.start("master", "rosmaster", "--core", "-p", uri.rsplit(":", 1)[1])
+    processes.wait(lambda: rosgraph.is_master_online(uri), "the master")
+    for robot in ROBOTS:
+        start_robot(processes, tmp_path, robot)
+    observed = processes.run(sys.executable, "-c", OBSERVER)
+    assert observed.returncode == 0, observed.stderr + processes.logs()
+    seen = json.loads(observed.stdout)
+
+    chain = [topics.MAP_FRAME, topics.ODOM_FRAME, topics.BASE_FRAME, topics.BODY_FRAME, topics.CAMERA_LINK_FRAME,
+             topics.CAMERA_FRAME, topics.OPTICAL_FRAME]  # fmt: skip
+    assert seen["edges"] == sorted([f"{r}/{p}", f"{r}/{c}"] for r in ROBOTS for p, c in zip(chain, chain[1:]))
+    assert seen["stamped"] == {r: [f"{r}/{topics.ODOM_FRAME}", f"{r}/{topics.BASE_FRAME}"] for r in ROBOTS}
+    assert seen["fastest"]["a"] > 0.05
+    assert seen["fastest"]["b"] < 0.005
+    assert {name.split("/")[0] for name in seen["named"]} == set(ROBOTS)
+
+    published, subscribed, services = xmlrpc.client.ServerProxy(uri).getSystemState("/test")[2]
+    for name, nodes in [*published, *subscribed]:
+        if name not in SHARED:
+            assert {node.split("/")[1] for node in nodes} <= {name.split("/")[1]}, name
+    for robot in ROBOTS:
+        assert f"/{robot}/{topics.ESTOP}" in dict(services)
+
+    stopped = processes.vsx("stop", ROS_NAMESPACE="a")
+    assert stopped.returncode == 0, stopped.stderr
+    said = json.loads(processes.vsx("status", "--json", ROS_NAMESPACE="b").stdout)
+    assert said["estop"] is False
+    assert said["base_reason"]
