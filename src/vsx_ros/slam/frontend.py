@@ -10,7 +10,6 @@ from vsx_ros.config import SlamConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry
-from vsx_ros.slam.initialization import Initialization, Initializer
 from vsx_ros.slam.intake import Intake
 from vsx_ros.slam.keyframe import FrameData
 from vsx_ros.slam.keyframes import keyframe_reason
@@ -19,9 +18,11 @@ from vsx_ros.slam.mapper import KeyFrameRequest
 from vsx_ros.slam.motion_model import MotionModel
 from vsx_ros.slam.recovery import Recovery
 from vsx_ros.slam.relocalization import Found
+from vsx_ros.slam.starting import Starting
 from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult, TrackingState
 from vsx_ros.slam.tracker import LocalMap, Track, Tracker, nearest_keyframes, nothing_tracked
 from vsx_ros.slam.tracking_record import TrackingRecord
+from vsx_ros.slam.two_views import Pair
 from vsx_ros.slam.wheel_trust import WheelTrust
 
 MAX_STEP_M, MAX_STEP_RAD = 0.08, 0.06
@@ -29,14 +30,14 @@ MAX_STEP_M, MAX_STEP_RAD = 0.08, 0.06
 CORRECTION_M, CORRECTION_RAD = 0.05, 0.02
 # A frame with so many points, and that share of the expected ones, knows better than the wheels.
 SURE_POINTS, SURE_RATIO = 100, 0.5
-BLURRED = "the image is blurred: not used to start; move more slowly or add light"
 
 
 class FrameOutcome(NamedTuple):
-    """A result and the work it gives to the mapper (at most one of the two)."""
+    """A result and the work it gives to the mapper (at most one of the two). After a ``start`` the front end wants to
+    hear of ``started`` or ``refused``, at once or some frames later; it proposes no other before."""
 
     result: TrackingResult
-    start: Initialization | None = None
+    start: Pair | None = None
     request: KeyFrameRequest | None = None
 
 
@@ -48,7 +49,6 @@ class FrontEnd:
         self._T_base_cam = T_base_cam
         self._config = config
         self._tracker = Tracker(config.tracker, np.random.default_rng(seed))
-        self._initializer = Initializer(camera, T_base_cam, config.initialization)
         self._motion = MotionModel(T_base_cam, camera.fx)
         self._recovery = Recovery(camera, T_base_cam, config, self._tracker, self._motion)
         self._trust = WheelTrust(T_base_cam)
@@ -58,10 +58,10 @@ class FrontEnd:
         self._corrected = False
         self._since_keyframe = 0
         self._coarse_next = True
-        self._refusal = ""
         self.record = TrackingRecord()
         self.events: list[SlamEvent] = []
         self.last_track: tuple[MapView, Track] | None = None
+        self._starting = Starting(T_base_cam, config.initialization, lambda ns, why: self._event(ns, "refused", why))
         self._intake = Intake(camera, T_base_cam, config.shutter, self._gap)
 
     def process(self, frame: Frame, odometry: Odometry | None) -> FrameOutcome:
@@ -117,17 +117,37 @@ class FrontEnd:
             self._map_id = new.map_id
         self._enter(view, self._map_id)
 
-    def started(self, view: MapView, start: Initialization, result: TrackingResult) -> TrackingResult:
-        """The mapper made a map of this start: the result with the pose in it."""
-        newest = view.keyframes[-1]
+    def started(self, view: MapView) -> TrackingResult | None:
+        """The mapper made a map of the proposed pair: go on in it. Returns what the result of the pair's second frame
+        becomes; None when the camera has been found in another map since, and stays there."""
+        pair, newest = self._starting.done(), view.keyframes[-1]
+        found, in_world = len(newest.observations.rows), newest.map_id == 0
+        if in_world:
+            self._event(pair.second.stamp_ns, "initialised", f"{found} points from two frames")
+            self.record.initialised(pair.second.stamp_ns, newest.T_world_cam.translation)
+        else:
+            self._event(pair.second.stamp_ns, "second map", f"the known map was out of sight; {found} points")
+        if not in_world and not self._recovery.is_lost:
+            self.use(view)
+            return None
         self._enter(view, newest.map_id)
         self._chain = newest.chain
         self._reference = len(view.keyframes) - 1
-        self._motion.update(start.second, newest.T_world_cam, measured=False)
-        self._recovery.over(start.second)
+        self._motion.update(pair.second, newest.T_world_cam, measured=False)
+        self._recovery.over(pair.second)
         self._since_keyframe = 0
         self._coarse_next = True
-        return self._at_stamp(self._placed(result._replace(map_id=newest.map_id), newest.T_world_cam))
+        result = TrackingResult(
+            pair.second.stamp_ns, TrackingState.GOOD, None, found, found, True, "map started", newest.map_id
+        )
+        return self._at_stamp(self._placed(result, newest.T_world_cam))
+
+    def refused(self, reason: str) -> None:
+        """The mapper could not make a map of the proposed pair."""
+        if self._view.keyframes:
+            self._starting.done()
+        else:
+            self._starting.refused(reason)
 
     def _at_stamp(self, result: TrackingResult) -> TrackingResult:
         """Inside, poses are those of the image's middle row; outside, of its stamp, the start of its first row."""
@@ -153,19 +173,10 @@ class FrontEnd:
         return self.record.statistics(len(self._view.living), int(np.count_nonzero(self._view.alive)))
 
     def _start(self, data: FrameData) -> FrameOutcome:
-        outcome = BLURRED if data.blurred else self._initializer.add(data)
+        reason, pair = self._starting.first_map(data)
         self.record.frame_without_map(data.stamp_ns)
-        if isinstance(outcome, str):
-            if outcome.split(":")[0] != self._refusal.split(":")[0]:
-                self._event(data.stamp_ns, "refused", outcome)
-            self._refusal = outcome
-            state = TrackingState.NOT_INITIALISED
-            return FrameOutcome(TrackingResult(data.stamp_ns, state, None, 0, 0, False, outcome))
-        found = len(outcome.matches.chosen)
-        self._event(data.stamp_ns, "initialised", f"{found} points from two frames")
-        self.record.initialised(data.stamp_ns, outcome.poses[1].translation)
-        result = TrackingResult(data.stamp_ns, TrackingState.GOOD, outcome.poses[1], found, found, True, "map started")
-        return FrameOutcome(result, start=outcome)
+        result = TrackingResult(data.stamp_ns, TrackingState.NOT_INITIALISED, None, 0, 0, False, reason)
+        return FrameOutcome(result, start=pair)
 
     def _checked(self, track: Track, by_wheels: SE3) -> Track:
         """A pose far from where the wheels moved the last one is a mistake, not a measurement."""
@@ -240,9 +251,7 @@ class FrontEnd:
             self._event(data.stamp_ns, "carried", "the image is another one though the wheels stood")
         if recovery.is_lost and not was_lost:
             self._event(data.stamp_ns, "lost", track.reason)
-        start = None if data.blurred else recovery.second_map(data, by_wheels is not None)
-        if start is not None:
-            return self._start_again(data, start)
+        pair = None if data.blurred else self._starting.once(recovery.second_map(data, by_wheels is not None))
         request = None
         if by_wheels is not None:
             self._motion.update(data, by_wheels, measured=False)
@@ -261,7 +270,7 @@ class FrontEnd:
         reason = track.reason + ("; position by the wheels" if trusted is not None else "")
         searched, added = len(track.searched_rows), request is not None
         result = TrackingResult(data.stamp_ns, state, trusted, searched, 0, added, reason, self._map_id, by_wheels)
-        return FrameOutcome(result, request=request)
+        return FrameOutcome(result, pair, request)
 
     def _found_again(self, data: FrameData, found: Found, by_wheels: SE3 | None) -> FrameOutcome:
         """The camera is somewhere in the maps; where the wheels cannot have brought it, they count anew."""
@@ -273,16 +282,6 @@ class FrontEnd:
         outcome = self._tracked(data, found.track, found.reference)
         self._coarse_next = True
         return outcome
-
-    def _start_again(self, data: FrameData, start: Initialization) -> FrameOutcome:
-        """The camera is in no map that is known: it gets one of its own, which is joined when the first is seen."""
-        found = len(start.matches.chosen)
-        number = 1 + max(keyframe.map_id for keyframe in self._view.keyframes)
-        reason = f"lost for {self._recovery.bad_frames} frames, the known map is out of sight; {found} points"
-        self._event(data.stamp_ns, "second map", reason)
-        self.record.missed(data.stamp_ns)
-        result = TrackingResult(data.stamp_ns, TrackingState.LOST, None, found, found, True, reason, number)
-        return FrameOutcome(result, start=start)
 
     def _unplaced(self, data: FrameData) -> Track:
         """Where the camera is in the map made before is not known yet; the wheels count from elsewhere."""

@@ -15,7 +15,6 @@ from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.bundle_adjustment import BundleAdjuster, never
 from vsx_ros.slam.culling import cull_redundant
-from vsx_ros.slam.initialization import Initialization
 from vsx_ros.slam.keyframe import FrameData, Observations
 from vsx_ros.slam.loop_closing import LoopFinder
 from vsx_ros.slam.map import Map, MapView
@@ -31,6 +30,7 @@ from vsx_ros.slam.point_creation import (
 from vsx_ros.slam.reunion import reunite
 from vsx_ros.slam.state import SlamEvent
 from vsx_ros.slam.tracker import predicted
+from vsx_ros.slam.two_views import Pair, TwoViews
 from vsx_ros.vision.corners import dense_corners
 from vsx_ros.vision.patch_search import find_patches
 
@@ -65,13 +65,18 @@ class Mapper:
     def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, config: SlamConfig, world: Map) -> None:
         self.map = world
         self._config, self._culling = config.mapper, config.culling
+        self._two_views = TwoViews(camera, config.initialization)
         self._adjuster = BundleAdjuster(camera, T_base_cam, config.wheels)
         self._since_global = 0
         self._loops = LoopFinder(camera, config.tracker, np.random.default_rng(0))
         self.events: deque[SlamEvent] = deque()
 
-    def start(self, start: Initialization) -> MapView:
-        """Make a map from two frames and the triangulated corners of the first: the first map, or one of its own."""
+    def start(self, pair: Pair) -> MapView | str:
+        """Make a map of two frames, the first one or one of its own; nothing changes when they do not allow it, for the
+        reason returned."""
+        start = self._two_views.reconstruct(pair)
+        if isinstance(start, str):
+            return start
         world = self.map
         map_id = 0
         if world.keyframes:

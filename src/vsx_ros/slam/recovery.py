@@ -10,12 +10,13 @@ import numpy as np
 from vsx_ros.config import SlamConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.slam.initialization import Initialization, Initializer
+from vsx_ros.slam.initialization import Initializer
 from vsx_ros.slam.keyframe import FrameData
 from vsx_ros.slam.map import MapView
 from vsx_ros.slam.motion_model import MotionModel
 from vsx_ros.slam.relocalization import Expectation, Found, Relocalizer
 from vsx_ros.slam.tracker import Tracker, nearest_keyframes
+from vsx_ros.slam.two_views import Pair
 
 # While the wheels tell where the camera must be, a place elsewhere only looks alike; but after this many frames they
 # may have slipped.
@@ -33,7 +34,6 @@ class Recovery:
     def __init__(
         self, camera: PinholeCamera, T_base_cam: SE3 | None, config: SlamConfig, tracker: Tracker, motion: MotionModel
     ) -> None:
-        self._camera = camera
         self._T_base_cam = T_base_cam
         self._config = config
         self._motion = motion
@@ -79,12 +79,12 @@ class Recovery:
         self.carried = self._unexplained >= CARRIED_FRAMES
         return self.carried
 
-    def second_map(self, data: FrameData, has_wheels: bool) -> Initialization | None:
-        """The start of a map of its own, when the wheels do not bridge the gap and the camera allows one."""
+    def second_map(self, data: FrameData, has_wheels: bool) -> Pair | None:
+        """Two frames for a map of its own, when the wheels do not bridge the gap and the camera allows one."""
         if self.bad_frames < SECOND_MAP_FRAMES or (has_wheels and not self.carried):
             return None
         if self._initializer is None:
-            self._initializer = Initializer(self._camera, self._T_base_cam, self._config.initialization)
+            self._initializer = Initializer(self._T_base_cam, self._config.initialization)
         outcome = self._initializer.add(data)
         return None if isinstance(outcome, str) else outcome
 

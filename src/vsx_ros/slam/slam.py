@@ -15,7 +15,7 @@ from vsx_ros.slam.map import Map, MapView
 from vsx_ros.slam.mapper import Mapper
 from vsx_ros.slam.slam_map import SlamMap
 from vsx_ros.slam.snapshot import MapSnapshot, snapshot
-from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult
+from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult, TrackingState
 from vsx_ros.slam.tracking_record import TrackingRecord
 
 
@@ -53,8 +53,12 @@ class SequentialSlam:
         outcome = self._front.process(frame, odometry)
         result = outcome.result
         if outcome.start is not None:
-            self._view = self._mapper.start(outcome.start)
-            result = self._front.started(self._view, outcome.start, result)
+            made = self._mapper.start(outcome.start)
+            if isinstance(made, str):
+                self._front.refused(made)
+                return result._replace(reason=made) if result.state is TrackingState.NOT_INITIALISED else result
+            self._view = made
+            result = self._front.started(made) or result
         elif outcome.request is not None:
             self._view = self._mapper.add_keyframe(outcome.request)
             if self._mapper.refinement_due:

@@ -1,9 +1,8 @@
 """ThreadedSlam: the steps of SequentialSlam with the mapper on a thread of its own. The only file here that may use
 threads.
 
-The tracker runs in the caller's thread on the newest finished map, which arrives by one reference assignment; nobody
-waits for a lock that the other holds while it works, but for the start of a second map. Kernels release Python's global
-lock.
+The tracker runs in the caller's thread on the newest finished map; nobody waits for a lock that the other holds while
+it works. Kernels release Python's global lock.
 """
 
 from __future__ import annotations
@@ -26,6 +25,7 @@ from vsx_ros.slam.slam_map import SlamMap
 from vsx_ros.slam.snapshot import MapSnapshot, snapshot
 from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult
 from vsx_ros.slam.tracking_record import TrackingRecord
+from vsx_ros.slam.two_views import Pair
 
 MAX_WAITING = 3
 
@@ -58,10 +58,10 @@ class ThreadedSlam:
             self._front.record = record
         if self._view.keyframes:
             self._front.resume(self._view)
-        self._waiting: deque[KeyFrameRequest] = deque()
+        self._waiting: deque[KeyFrameRequest | Pair] = deque()
+        self._tried: MapView | str | None = None
         self._work = threading.Condition()
-        self._step = threading.Lock()
-        self._closing = self._starting = False
+        self._closing = False
         self._failure: BaseException | None = None
         self._thread = threading.Thread(target=self._run, name="mapper", daemon=True)
         self._thread.start()
@@ -70,18 +70,13 @@ class ThreadedSlam:
         """The pose of one frame. Raises InputError as ``FrontEnd.process`` does, and whatever broke the mapper."""
         if self._failure is not None:
             raise self._failure
-        view = self._view
-        if view is not self._used:
-            self._front.use(view)
-            self._used = view
+        self._take_over()
         outcome = self._front.process(frame, odometry)
         result = outcome.result
         if outcome.start is not None:
-            self._starting = True
-            with self._step:
-                self._view = self._used = self._mapper.start(outcome.start)
-            self._starting = False
-            result = self._front.started(self._view, outcome.start, result)
+            with self._work:
+                self._waiting.append(outcome.start)
+                self._work.notify()
         elif outcome.request is not None:
             with self._work:
                 taken = len(self._waiting) < MAX_WAITING
@@ -130,9 +125,22 @@ class ThreadedSlam:
             self._work.notify()
         self._thread.join()
 
+    def _take_over(self) -> None:
+        """Go on with what the mapper has finished since the last frame."""
+        with self._work:
+            view, tried, self._tried = self._view, self._tried, None
+        if isinstance(tried, str):
+            self._front.refused(tried)
+        elif tried is not None:
+            self._front.started(tried)
+            self._used = tried
+        if view is not self._used:
+            self._front.use(view)
+            self._used = view
+
     def _wanted(self) -> bool:
         """Whether something waits that is more urgent than refining the map."""
-        return bool(self._waiting) or self._closing or self._starting
+        return bool(self._waiting) or self._closing
 
     def _run(self) -> None:
         try:
@@ -143,9 +151,17 @@ class ThreadedSlam:
                     if self._closing:
                         return
                     request = self._waiting.popleft() if self._waiting else None
-                with self._step:
-                    self._view = (
-                        self._mapper.refine(self._wanted) if request is None else self._mapper.add_keyframe(request)
-                    )
+                self._step(request)
         except BaseException as error:  # handed to the tracker's thread, which raises it
             self._failure = error
+
+    def _step(self, request: KeyFrameRequest | Pair | None) -> None:
+        if isinstance(request, Pair):
+            tried = self._mapper.start(request)
+            with self._work:
+                self._tried = tried
+                self._view = self._view if isinstance(tried, str) else tried
+        elif request is None:
+            self._view = self._mapper.refine(self._wanted)
+        else:
+            self._view = self._mapper.add_keyframe(request)

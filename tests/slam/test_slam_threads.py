@@ -1,0 +1,92 @@
+"""A start takes longer than a frame: the tracker goes on while the mapper makes the map."""
+
+import threading
+import time
+
+import pytest
+
+from vsx_ros.config import Config
+from vsx_ros.slam.slam import SequentialSlam
+from vsx_ros.slam.starting import TRIED
+from vsx_ros.slam.state import TrackingState
+from vsx_ros.slam.threads import ThreadedSlam
+
+
+@pytest.fixture
+def slam(arc_drive):
+    slam = ThreadedSlam(arc_drive.camera, arc_drive.T_base_cam, Config().slam, 1)
+    yield slam
+    slam.close()
+
+
+def until_tried(slam, frames):
+    """(number of the first frame that waits for a map, its result)."""
+    for k, (frame, odometry, _) in enumerate(frames):
+        result = slam.track(frame, odometry)
+        if result.reason == TRIED:
+            return k, result
+    raise AssertionError("no pair of frames was tried")
+
+
+def finished(slam):
+    while slam._tried is None:
+        time.sleep(0.001)
+
+
+def test_frames_go_on_while_the_map_is_made(slam, arc_drive, monkeypatch):
+    begun, release, make = threading.Event(), threading.Event(), slam._mapper.start
+
+    def slow(pair):
+        begun.set()
+        assert release.wait(60)
+        return make(pair)
+
+    monkeypatch.setattr(slam._mapper, "start", slow)
+    first, result = until_tried(slam, arc_drive.frames)
+    assert begun.wait(60)
+    for frame, odometry, _ in arc_drive.frames[first + 1 : first + 4]:
+        result = slam.track(frame, odometry)
+        assert (result.state, result.reason) == (TrackingState.NOT_INITIALISED, TRIED)
+    assert slam.slam_map() is None
+    release.set()
+    finished(slam)
+    later = [slam.track(frame, odometry) for frame, odometry, _ in arc_drive.frames[first + 4 : first + 8]]
+    assert {r.state for r in later} == {TrackingState.GOOD}
+    event = next(e for e in slam.drain_events() if e.kind == "initialised")
+    assert event.stamp_ns == arc_drive.frames[first][0].stamp_ns
+    assert slam.statistics().frames == first + 8
+    assert slam.statistics().frames_tracked == 5
+
+
+def test_a_refusal_of_the_mapper_is_told_and_another_pair_tried(slam, arc_drive, monkeypatch):
+    make = slam._mapper.start
+    monkeypatch.setattr(slam._mapper, "start", lambda pair: "odometry disagrees with the images: by far")
+    first, _ = until_tried(slam, arc_drive.frames)
+    finished(slam)
+    monkeypatch.setattr(slam._mapper, "start", make)
+    frame, odometry, _ = arc_drive.frames[first + 1]
+    result = slam.track(frame, odometry)
+    assert result.state is TrackingState.NOT_INITIALISED
+    assert "odometry disagrees" in result.reason
+    refused = [e for e in slam.drain_events() if e.kind == "refused"][-1]
+    assert (refused.stamp_ns, refused.reason) == (arc_drive.frames[first][0].stamp_ns, result.reason)
+    finished(slam)
+    frame, odometry, _ = arc_drive.frames[first + 2]
+    assert slam.track(frame, odometry).state is TrackingState.GOOD
+
+
+def test_a_camera_found_again_meanwhile_stays_where_it_is(arc_drive, monkeypatch):
+    slam = SequentialSlam(arc_drive.camera, arc_drive.T_base_cam, Config().slam, 1)
+    pairs, make = [], slam._mapper.start
+    monkeypatch.setattr(slam._mapper, "start", lambda pair: pairs.append(pair) or make(pair))
+    for frame, odometry, _ in arc_drive.frames[:40]:
+        slam.track(frame, odometry)
+    front = slam._front
+    assert front._starting.once(pairs[0]) is pairs[0]
+    assert front._starting.once(pairs[0]) is None
+    second = make(pairs[0])
+    assert second.keyframes[-1].map_id == 1
+    assert front.started(second) is None
+    frame, odometry, _ = arc_drive.frames[40]
+    result = slam.track(frame, odometry)
+    assert (result.state, result.map_id) == (TrackingState.GOOD, 0)
