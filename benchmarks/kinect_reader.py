@@ -88,7 +88,7 @@ def read_usb(seconds: float) -> None:
     cpu_s, frames = 0.0, 0
     while frames < 30 * seconds or len(slots) >= PACKETS:
         if len(slots) < PACKETS:
-            packets, lengths = board.packets(picture, 2_000_000 * frames)
+            packets, lengths = board.packets(picture ^ np.uint8(frames & 1), 2_000_000 * frames)
             slots += [packet[:length] for packet, length in zip(packets, lengths)]
             slots += [packets[0, :0]] * (SLOTS_PER_FRAME - len(lengths))
             frames += 1

@@ -90,7 +90,7 @@ def stream(emulator: KinectEmulator, closing: threading.Event, rng: random.Rando
             emulator.faults.drop_rate = rng.choice((0.0, 0.001))
         if faulty and k % 1800 == 1799:
             emulator.unplug()
-        emulator.send_frame(picture, time.time_ns())
+        emulator.send_frame(picture ^ np.uint8(k & 1), time.time_ns())
 
 
 def run(kind: str, minutes: float, faulty: bool, folder: str) -> dict[str, float]:

@@ -9,6 +9,7 @@ from typing import Any
 import cv2
 
 from vsx_hw.errors import DeviceError, DeviceNotFound
+from vsx_hw.frozen import FROZEN, FrozenWatch
 from vsx_hw.keeper import Keeper
 from vsx_hw.readings import ImageReading, LinkStatus
 
@@ -34,7 +35,7 @@ def open_video(number: int) -> Any:
 
 
 class V4lCamera:
-    """Images to ``on_image`` on a thread of its own; opens the device again when it fails."""
+    """Images to ``on_image`` on a thread of its own, none that repeats itself; opens the device again when it fails."""
 
     def __init__(
         self,
@@ -44,7 +45,8 @@ class V4lCamera:
     ) -> None:
         self.serial = f"video{number}"
         self._number, self._on_image = number, on_image
-        self._frames = 0
+        self._frames = self._frozen_frames = 0
+        self._watch = FrozenWatch()
         self._keeper: Keeper[_Capture] = Keeper(
             f"/dev/video{number}",
             lambda: _Capture(open_capture(number)),
@@ -60,7 +62,11 @@ class V4lCamera:
 
     def status(self) -> LinkStatus:
         """Health for diagnostics."""
-        counters = {"connections": self._keeper.connections, "frames": self._frames}
+        counters = {
+            "connections": self._keeper.connections,
+            "frames": self._frames,
+            "frozen_frames": self._frozen_frames,
+        }
         return LinkStatus(self._keeper.connected, self._keeper.message, self.serial, counters)
 
     def close(self) -> None:
@@ -74,6 +80,10 @@ class V4lCamera:
             if not ok:
                 raise DeviceError(f"/dev/video{self._number}: no image; check the cable")
             self._frames += 1
+            if self._watch.is_frozen(image):
+                self._frozen_frames += 1
+                self._keeper.report(False, f"/dev/video{self._number}: {FROZEN}")
+                continue
             self._keeper.report(True, "streaming")
             if image.ndim == 3:
                 self._on_image(ImageReading(stamp_ns, cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), "mono8"))

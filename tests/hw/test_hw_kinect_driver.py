@@ -103,6 +103,19 @@ def test_unplugged_camera_is_found_again(rig):
     assert camera.status().counters["connections"] == 2
 
 
+def test_a_frozen_camera_is_told_so_and_its_picture_not_delivered(rig):
+    emulator, camera, images = rig
+    for _ in range(20):
+        assert emulator.send_frame(image(1), time.time_ns())
+    assert until(lambda: camera.status().counters["frozen_frames"] == 15)
+    assert images.qsize() == 5
+    assert not camera.status().connected
+    assert "same picture" in camera.status().message
+    assert emulator.send_frame(image(2), time.time_ns())
+    assert until(lambda: camera.status().message == "streaming")
+    np.testing.assert_array_equal(images.queue[-1].image, image(2))
+
+
 def test_a_silent_stream_is_started_again(rig, monkeypatch):
     emulator, camera, _ = rig
     monkeypatch.setattr(driver_module, "REVIVE_AFTER_S", 0.3)

@@ -42,3 +42,14 @@ def test_bayer_stays_raw_and_colour_becomes_gray():
 def test_absent_device_is_named():
     with pytest.raises(DeviceNotFound, match="/dev/video97"):
         open_video(97)
+
+
+def test_a_picture_that_repeats_itself_is_not_delivered():
+    still, other = (np.full((480, 640), value, np.uint8) for value in (7, 8))
+    images: queue.Queue = queue.Queue()
+    camera = V4lCamera(3, images.put, lambda number: ScriptedCapture([still] * 9 + [other]))
+    camera.start()
+    delivered = [int(images.get(timeout=5.0).image[0, 0]) for _ in range(6)]
+    camera.close()
+    assert delivered == [7, 7, 7, 7, 7, 8]
+    assert camera.status().counters["frozen_frames"] == 4

@@ -14,6 +14,7 @@ import pytest
 
 pytest.importorskip("rospy")
 
+import numpy as np
 import rosgraph
 from calibration.board_pictures import Photographer, pose, poses
 from ros_ports import HOST, free_port
@@ -44,7 +45,8 @@ class Show:
         with KinectEmulator(self._socket) as kinect:
             while not self._over.wait(PERIOD_S):
                 if kinect.streaming:
-                    kinect.send_frame(self._pictures[number // STILL_IMAGES % len(self._pictures)], time.time_ns())
+                    picture = self._pictures[number // STILL_IMAGES % len(self._pictures)]
+                    kinect.send_frame(picture ^ np.uint8(number & 1), time.time_ns())  # what repeats itself is frozen
                     number += 1
 
     def __enter__(self) -> Show:

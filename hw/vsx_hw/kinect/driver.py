@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from vsx_hw.clock import DeviceClock
 from vsx_hw.errors import DeviceError, DeviceTimeout
+from vsx_hw.frozen import FROZEN, FrozenWatch
 from vsx_hw.keeper import Keeper
 from vsx_hw.kinect.assembler import FrameAssembler, RawFrame
 from vsx_hw.kinect.protocol import (
@@ -49,9 +50,9 @@ _FULL_RANGE = np.clip((np.arange(256) - 16) * 255.0 / 219.0 + 0.5, 0, 255).astyp
 class KinectCamera:
     """Images of one mode to ``on_image``, called on the transport's thread.
 
-    A stream that delivers nothing for five seconds is stopped and started again; a camera that vanishes is opened
-    again with growing pauses. lock_exposure: after two seconds of images, exposure and white balance stay as they are.
-    Usable as a context manager.
+    A stream that delivers nothing new for five seconds is stopped and started again; a camera that vanishes is opened
+    again with growing pauses; a picture that repeats itself is not delivered. lock_exposure: after two seconds of
+    images, exposure and white balance stay as they are. Usable as a context manager.
     """
 
     def __init__(
@@ -69,7 +70,8 @@ class KinectCamera:
         self._clock = DeviceClock(CLOCK_HZ, CLOCK_BITS)
         self._last_image_s = self._streaming_since_s = 0.0
         self._fault: Exception | None = None
-        self._counters = {"revivals": 0, "frames": 0, "torn_frames": 0, "bad_packets": 0}
+        self._watch = FrozenWatch()
+        self._counters = {"revivals": 0, "frames": 0, "torn_frames": 0, "bad_packets": 0, "frozen_frames": 0}
         self.serial = ""
         self._keeper: Keeper[KinectTransport] = Keeper(
             device, open_transport, self._serve, self._end, lambda connected, message: None, BACKOFF_S
@@ -178,6 +180,10 @@ class KinectCamera:
             self._fault = error
 
     def _hand_over(self, frame: RawFrame) -> None:
+        if self._watch.is_frozen(frame.image):
+            self._counters["frozen_frames"] += 1
+            self._keeper.report(False, f"{self._device}: {FROZEN}")
+            return
         self._last_image_s = time.monotonic()
         self._streaming_since_s = self._streaming_since_s or self._last_image_s
         self._keeper.report(True, "streaming")
