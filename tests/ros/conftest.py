@@ -109,8 +109,8 @@ class Stack:
             rospy.set_param(f"/{name}/{key}", value)
         self._spawn(name, [sys.executable, str(CHECKOUT / "scripts" / name), f"__name:={name}"])
 
-    def kill(self, name: str) -> None:
-        self._processes.pop(name).kill()
+    def kill(self, name: str, end: signal.Signals = signal.SIGKILL) -> None:
+        self._processes.pop(name).send_signal(end)
 
     def dead(self) -> list[str]:
         return [name for name, process in self._processes.items() if process.poll() is not None]

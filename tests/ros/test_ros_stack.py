@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
@@ -114,13 +115,17 @@ def test_a_cancelled_goal_is_braked_for_on_the_way(stack: Stack) -> None:
     assert max(np.abs(np.diff(speeds[before - 1 : before + len(braking)]))) < 0.1
 
 
-@pytest.mark.parametrize("name", ["camera", "follower", "move_base", "explore", "vslam"])
-def test_the_wheels_stop_when_a_node_is_killed(
-    stack: Stack, name: str, record_property: Callable[[str, object], None]
+@pytest.mark.parametrize(
+    ("name", "end"),
+    [(name, signal.SIGKILL) for name in ("camera", "follower", "move_base", "explore", "vslam")]
+    + [("explore", signal.SIGINT)],
+)
+def test_the_wheels_stop_when_a_node_ends(
+    stack: Stack, name: str, end: signal.Signals, record_property: Callable[[str, object], None]
 ) -> None:
     stack.wait_until_driving()
     killed_s = time.monotonic()
-    stack.kill(name)
+    stack.kill(name, end)
     time.sleep(2.0)
     assert not stack.plant.moving, f"{name} is dead and the robot drives on"
     assert stack.plant.stopped_s - killed_s < STOP_WITHIN_S

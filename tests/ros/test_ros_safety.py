@@ -1,0 +1,185 @@
+"""Silence, emergency and an empty battery in the live stack, and how its diagnostics tell of them."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+import threading
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import pytest
+
+pytest.importorskip("rospy")
+
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import Twist
+from std_msgs.msg import String
+from std_srvs.srv import SetBool
+
+from vsx_ros.ros import topics
+
+if TYPE_CHECKING:
+    from conftest import Stack
+
+pytestmark = pytest.mark.ros
+
+STOP_WITHIN_S = 0.5
+STALE_S = 5.0
+"""After so long without a word the aggregator of ROS calls a task stale."""
+
+
+class Diagnostics:
+    """Everything that the nodes say of their health, by the name of the task."""
+
+    def __init__(self) -> None:
+        self.said: dict[str, list[tuple[float, DiagnosticStatus]]] = defaultdict(list)
+        self._lock = threading.Lock()
+        self._subscriber = rospy.Subscriber(topics.DIAGNOSTICS, DiagnosticArray, self._listen)
+
+    def _listen(self, msg: DiagnosticArray) -> None:
+        with self._lock:
+            for status in msg.status:
+                self.said[status.name].append((time.monotonic(), status))
+
+    def since(self, begin_s: float) -> dict[str, list[DiagnosticStatus]]:
+        with self._lock:
+            recent = {name: [status for when_s, status in told if when_s > begin_s] for name, told in self.said.items()}
+        return {name: told for name, told in recent.items() if told}
+
+    def latest(self, name: str) -> DiagnosticStatus:
+        with self._lock:
+            return self.said[name][-1][1]
+
+    def close(self) -> None:
+        self._subscriber.unregister()
+
+
+@pytest.fixture
+def diagnostics(stack: Stack) -> Iterator[Diagnostics]:
+    listening = Diagnostics()
+    yield listening
+    listening.close()
+
+
+def test_a_silent_camera_stops_the_robot_and_its_images_bring_it_back(stack: Stack, diagnostics: Diagnostics) -> None:
+    stack.wait_until_driving()
+    assert stack._camera is not None
+    stack._camera.send_signal(signal.SIGSTOP)
+    silent_s = time.monotonic()
+    try:
+        time.sleep(2.5)
+        assert not stack.plant.moving, "no images and the robot drives on"
+        assert stack.plant.stopped_s - silent_s < STOP_WITHIN_S
+        stack.wait(lambda: diagnostics.latest("camera: stream").level == DiagnosticStatus.ERROR, 3.0, "the complaint")
+        assert diagnostics.latest("camera: stream").message == "no images"
+        assert not stack.dead()
+    finally:
+        stack._camera.send_signal(signal.SIGCONT)
+    stack.wait_until_driving()
+    stack.wait(lambda: diagnostics.latest("camera: stream").level == DiagnosticStatus.OK, 3.0, "images to be well")
+    assert not stack.dead()
+
+
+def test_the_emergency_stop_outlives_a_reconnection_and_a_restart_of_its_node(stack: Stack) -> None:
+    hand = rospy.Publisher(f"/{topics.COMMAND_TELEOP}", Twist, queue_size=1)
+    forwards = Twist()
+    forwards.linear.x = -0.05
+    timer = rospy.Timer(rospy.Duration.from_sec(0.05), lambda _: hand.publish(forwards))
+
+    def estop(stop: bool) -> None:
+        rospy.wait_for_service(f"/{topics.ESTOP}", 20.0)
+        assert rospy.ServiceProxy(f"/{topics.ESTOP}", SetBool)(stop).success
+
+    def stands() -> bool:
+        time.sleep(1.0)
+        return not stack.plant.moving
+
+    try:
+        stack.wait(lambda: stack.plant.commanded[0] < -0.03, 10.0, "teleop to drive")
+        estop(True)
+        stack.wait(lambda: not stack.plant.moving, 2.0, "the emergency stop")
+        assert stands()
+        stack._base.unplug()
+        time.sleep(0.5)
+        stack._base.replug()
+        rospy.wait_for_message(f"/{topics.ODOM}", rospy.AnyMsg, 10.0)
+        assert stands(), "reconnected, and it drives"
+        stack.kill("mobile_base")
+        stack.start("mobile_base")
+        rospy.wait_for_message(f"/{topics.ODOM}", rospy.AnyMsg, 20.0)
+        stack.wait(lambda: hand.get_num_connections() > 0, 10.0, "the new node to listen")
+        assert stands(), "restarted, and it drives"
+        estop(False)
+        stack.wait(lambda: stack.plant.commanded[0] < -0.03, 5.0, "teleop to drive again")
+    finally:
+        timer.shutdown()
+        estop(False)
+
+
+def test_every_task_is_told_once_a_second_under_a_lasting_name(stack: Stack, diagnostics: Diagnostics) -> None:
+    stack.wait_until_driving()
+    time.sleep(1.5)
+    begin_s = time.monotonic()
+    time.sleep(6.0)
+    first = diagnostics.since(begin_s)
+    tasks = {"camera: stream", "camera: calibration", "mobile_base: link", "mobile_base: battery"}
+    tasks |= {"mobile_base: safety", "follower: control", "explore: mission", "move_base: goal", "move_base: planner"}
+    assert tasks <= set(first)
+    assert {len(told) for name, told in first.items() if name in tasks} <= {5, 6, 7}
+    assert all(status.hardware_id for told in first.values() for status in told)
+    assert [name for name in first if not re.fullmatch(r"\w+: [\w ]+", name)] == []
+    again_s = time.monotonic()
+    time.sleep(2.0)
+    assert set(diagnostics.since(again_s)) >= tasks
+
+
+def test_a_dead_node_is_silent_long_enough_to_be_called_stale(stack: Stack, diagnostics: Diagnostics) -> None:
+    stack.wait(lambda: "camera: stream" in diagnostics.said, 20.0, "the camera's health")
+    stack.kill("camera")
+    time.sleep(0.5)
+    begin_s = time.monotonic()
+    time.sleep(STALE_S)
+    told = diagnostics.since(begin_s)
+    assert not [name for name in told if name.startswith("camera:")]
+    assert "mobile_base: link" in told
+    stack.start("camera")
+    stack.wait(lambda: "camera: stream" in diagnostics.since(begin_s), 20.0, "the camera to be back")
+
+
+def test_an_empty_battery_is_an_error_and_sends_the_robot_home_once(stack: Stack, diagnostics: Diagnostics) -> None:
+    stack.wait_until_driving()
+    events: list[dict[str, str]] = []
+    listener = rospy.Subscriber(f"/{topics.EXPLORE_EVENTS}", String, lambda msg: events.append(json.loads(msg.data)))
+    stack.wait(lambda: listener.get_num_connections() > 0, 10.0, "the mission's words")
+
+    def level() -> int:
+        return int(diagnostics.latest("mobile_base: battery").level)
+
+    def requests() -> list[str]:
+        return [event["reason"] for event in events if "home on request" in event["reason"]]
+
+    board = stack._base._board
+    stack.wait(lambda: "mobile_base: battery" in diagnostics.said, 10.0, "the battery's health")
+    stack.wait(lambda: level() == DiagnosticStatus.OK, 5.0, "a healthy battery")
+    try:
+        board.battery_volt = 13.8
+        stack.wait(lambda: level() == DiagnosticStatus.WARN, 5.0, "the warning")
+        assert requests() == []
+        board.battery_volt = 13.1
+        stack.wait(lambda: level() == DiagnosticStatus.ERROR, 5.0, "the error")
+        stack.wait(requests, 5.0, "the way home")
+        board.battery_volt = 13.4
+        time.sleep(2.0)
+        board.battery_volt = 13.1
+        time.sleep(3.0)
+        assert len(requests()) == 1
+    finally:
+        board.battery_volt = 16.2
+        listener.unregister()
+        stack.kill("explore")
+        stack.start("explore")
