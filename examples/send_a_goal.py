@@ -1,0 +1,35 @@
+"""A goal in the map (X Y DEG) for a running robot, as any move_base client sends it; the exploration pauses meanwhile.
+
+scripts/vsx explore --world lab &
+python examples/send_a_goal.py 0.5 0.0 0
+"""
+
+import math
+import sys
+
+import actionlib
+import rospy
+from actionlib_msgs.msg import GoalStatus
+from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
+from std_srvs.srv import Trigger
+
+
+def main(x: float, y: float, heading: float) -> int:
+    rospy.init_node("send_a_goal", anonymous=True, disable_signals=True)
+    client = actionlib.SimpleActionClient("move_base", MoveBaseAction)
+    client.wait_for_server()
+    rospy.ServiceProxy("explore/pause", Trigger)()
+    goal = MoveBaseGoal()
+    goal.target_pose.header.frame_id = "map"
+    goal.target_pose.header.stamp = rospy.Time.now()
+    goal.target_pose.pose.position.x, goal.target_pose.pose.position.y = x, y
+    goal.target_pose.pose.orientation.z = math.sin(0.5 * heading)
+    goal.target_pose.pose.orientation.w = math.cos(0.5 * heading)
+    state = client.send_goal_and_wait(goal, rospy.Duration(60.0))
+    print(f"{GoalStatus.to_string(state)}: {client.get_goal_status_text()}")
+    rospy.ServiceProxy("explore/resume", Trigger)()
+    return 0 if state == GoalStatus.SUCCEEDED else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main(float(sys.argv[1]), float(sys.argv[2]), math.radians(float(sys.argv[3]))))
