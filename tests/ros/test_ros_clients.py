@@ -1,0 +1,161 @@
+"""What users of ROS bring along: rostopic, rosbag, and their own actionlib clients beside a running robot."""
+
+from __future__ import annotations
+
+import re
+import signal
+import subprocess
+import threading
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+pytest.importorskip("rospy")
+
+import actionlib
+import rospy
+from actionlib_msgs.msg import GoalStatus
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
+from nav_msgs.msg import Odometry
+from nav_msgs.msg import Path as PathMsg
+from nav_msgs.srv import GetPlan
+from std_srvs.srv import Trigger
+
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.io.recording import open_recording
+from vsx_ros.ros import convert, topics
+
+if TYPE_CHECKING:
+    from conftest import Stack
+
+pytestmark = pytest.mark.ros
+
+AHEAD_M = 0.25
+
+
+def tool(stack: Stack, *words: str, until: str = "") -> str:
+    """What a command line tool says until it ends or has said what it shall; then it gets a Ctrl-C."""
+    environment = {**stack.environment, "PYTHONUNBUFFERED": "1"}
+    with subprocess.Popen(
+        words, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    ) as started:
+        assert started.stdout is not None
+        watchdog = threading.Timer(60.0, started.kill)
+        watchdog.start()
+        said = ""
+        for line in started.stdout:
+            said += line
+            if until and until in line:
+                started.send_signal(signal.SIGINT)
+        watchdog.cancel()
+    return said
+
+
+def call(service: str) -> None:
+    answer = rospy.ServiceProxy(f"/{service}", Trigger)()
+    assert answer.success, answer.message
+
+
+def heard(topic: str, kind: type, seconds: float = 30.0) -> object:
+    return rospy.wait_for_message(f"/{topic}", kind, timeout=seconds)
+
+
+def base_in(frame: str) -> SE2:
+    if frame == topics.ODOM_FRAME:
+        return convert.odometry(heard(topics.ODOM, Odometry)).T_odom_base
+    return convert.se2(heard(topics.POSE, PoseWithCovarianceStamped).pose.pose)
+
+
+def wait_until_standing(stack: Stack) -> None:
+    since_s = [time.monotonic()]
+
+    def stands() -> bool:
+        if stack.plant.moving:
+            since_s[0] = time.monotonic()
+        return time.monotonic() - since_s[0] > 0.7
+
+    stack.wait(stands, 30.0, "the robot to stand")
+
+
+def test_rostopic_echoes_and_measures(stack: Stack) -> None:
+    stack.wait_until_driving()
+    said = tool(stack, "rostopic", "echo", "-n", "1", "/odom")
+    assert f'child_frame_id: "{topics.BASE_FRAME}"' in said
+    rates = re.findall(r"average rate: ([\d.]+)", tool(stack, "rostopic", "hz", "/odom", until="average rate"))
+    assert rates
+    assert 20.0 < float(rates[-1]) < 60.0
+    assert "nav_msgs/OccupancyGrid" in tool(stack, "rostopic", "type", "/map")
+
+
+def test_a_bag_by_rosbag_replays(stack: Stack, tmp_path: Path) -> None:
+    stack.wait_until_driving()
+    bag = tmp_path / "drive.bag"
+    wanted = [f"/{name}" for name in (topics.IMAGE, topics.CAMERA_INFO, topics.ODOM)]
+    said = tool(stack, "rosbag", "record", "--duration=3", "-O", str(bag), *wanted)
+    assert bag.exists(), said
+    recording = open_recording(bag)
+    frames = list(recording.frames())
+    assert len(frames) > 5
+    assert recording.camera is not None
+    assert recording.damage == ""
+    assert recording.odometry_at(frames[len(frames) // 2].stamp_ns) is not None
+
+
+@pytest.mark.parametrize("frame", [topics.MAP_FRAME, f"/{topics.MAP_FRAME}", topics.ODOM_FRAME])
+def test_a_client_of_move_base_is_driven_to_its_goal(stack: Stack, frame: str) -> None:
+    """The robot stands while exploration pauses; ahead is what it was about to drive over."""
+    stack.wait_until_driving()
+    call(topics.EXPLORE_PAUSE)
+    try:
+        wait_until_standing(stack)
+        start = base_in(frame.lstrip("/"))
+        client = actionlib.SimpleActionClient(f"/{topics.MOVE_BASE_ACTION}", MoveBaseAction)
+        assert client.wait_for_server(rospy.Duration(10))
+        fed: list[float] = []
+        for ahead_m in (AHEAD_M, -AHEAD_M):
+            target = convert.pose_stamped(frame, time.time_ns(), start @ SE2(ahead_m, 0.0, 0.0))
+            client.send_goal(MoveBaseGoal(target), feedback_cb=lambda f: fed.append(f.base_position.pose.position.x))
+            assert client.wait_for_result(rospy.Duration(40)), "no result"
+            if client.get_state() == GoalStatus.SUCCEEDED:
+                break
+        assert client.get_state() == GoalStatus.SUCCEEDED, client.get_goal_status_text()
+        assert fed
+        reached = start.inverse() @ base_in(frame.lstrip("/"))
+        assert reached.x == pytest.approx(ahead_m, abs=0.1)
+        assert reached.y == pytest.approx(0.0, abs=0.1)
+    finally:
+        call(topics.EXPLORE_RESUME)
+    stack.wait_until_driving()
+
+
+def test_an_arrow_drawn_in_rviz_is_a_goal(stack: Stack) -> None:
+    stack.wait_until_driving()
+    call(topics.EXPLORE_PAUSE)
+    try:
+        wait_until_standing(stack)
+        paths: list[PathMsg] = []
+        listener = rospy.Subscriber(f"/{topics.GLOBAL_PLAN}", PathMsg, paths.append, queue_size=5)
+        arrow = rospy.Publisher(f"/{topics.SIMPLE_GOAL}", PoseStamped, queue_size=1)
+        stack.wait(lambda: arrow.get_num_connections() and paths, 20.0, "move_base to listen")
+        before = len(paths)
+        arrow.publish(
+            convert.pose_stamped(topics.ODOM_FRAME, time.time_ns(), base_in(topics.ODOM_FRAME) @ SE2(-0.1, 0.0, 0.0))
+        )
+        stack.wait(lambda: len(paths) > before, 20.0, "a plan to the arrow")
+        wait_until_standing(stack)
+        listener.unregister()
+    finally:
+        call(topics.EXPLORE_RESUME)
+    stack.wait_until_driving()
+
+
+def test_make_plan_answers_without_driving(stack: Stack) -> None:
+    start = convert.pose_stamped(topics.ODOM_FRAME, 0, SE2())
+    goal = convert.pose_stamped(topics.ODOM_FRAME, 0, SE2(0.5, 0.0, 0.0))
+    plan = rospy.ServiceProxy(f"/{topics.MAKE_PLAN}", GetPlan)(start, goal, 0.1).plan
+    ends = plan.poses[0].pose.position.x, plan.poses[-1].pose.position.x
+    assert ends == pytest.approx((0.0, 0.5), abs=1e-6)
+    assert plan.header.frame_id == topics.ODOM_FRAME
