@@ -49,6 +49,7 @@ from vsx_ros.ros.warm_up import warm_up_planning
 
 _STAND_WAIT_S = 1.5
 _STOP_WAIT_S = 0.3
+_LAST_WORD_S = 0.5
 _SAME_MAP_NS = 3_000_000_000
 _NEAR_M, _NEAR_RAD = 0.04, 0.06
 _FOLLOWER_SILENCE_S = 1.0
@@ -65,7 +66,7 @@ class MoveBaseNode:
         self._planner = self._chosen_planner(config)
         warm_up_planning(self._blind, config)
         self._rng = np.random.default_rng(int(rospy.get_param("~seed", 0)))
-        self._planning = threading.Lock()
+        self._planning, self._pursuing = threading.Lock(), threading.Lock()
         self._grid: OccupancyGrid | None = None
         self._grid_ns = self._landmarks_ns = 0
         self._landmarks: FloatArray = np.zeros((0, 3))
@@ -131,10 +132,15 @@ class MoveBaseNode:
     # One goal ------------------------------------------------------------------------------------------------
 
     def _execute(self, goal: MoveBaseGoal) -> None:
+        with self._pursuing:
+            self._see_through(goal)
+
+    def _see_through(self, goal: MoveBaseGoal) -> None:
+        """Pursue the goal, and tell how it ended."""
         self._busy = True
         try:
             arrived, reason = self._pursue(goal.target_pose)
-            if self._server.is_preempt_requested():
+            if self._server.is_preempt_requested() and not process.is_ending():
                 self._come_to_rest(frames.bare(goal.target_pose.header.frame_id))
         except VsxError as error:
             arrived, reason = False, str(error)
@@ -265,9 +271,8 @@ class MoveBaseNode:
     def close(self) -> None:
         """A last word to the follower; and the goal's end is told while its topics are open."""
         self._trajectory_pub.publish(convert.trajectory_msg(None, topics.MAP_FRAME, process.now_ns()))
-        deadline_s = time.monotonic() + _STOP_WAIT_S
-        while self._busy and time.monotonic() < deadline_s:
-            time.sleep(0.01)
+        self._pursuing.acquire(timeout=_LAST_WORD_S)
+        self._server.action_server.status_timer.shutdown()
 
 
 def _near(a: SE2, b: SE2) -> bool:
