@@ -32,4 +32,5 @@ setup(
         "msgspec>=0.18",
         "PyYAML>=5.4",
     ],
+    extras_require={"sweep": ["distributed>=2024.1"]},
 )

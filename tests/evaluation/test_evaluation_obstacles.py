@@ -5,8 +5,9 @@ import re
 import numpy as np
 import pytest
 
-from vsx_ros.evaluation.figure5 import Figure5, render
+from vsx_ros.evaluation.figure5 import Figure5, section
 from vsx_ros.evaluation.obstacles import obstacle_quality, seen_faces
+from vsx_ros.evaluation.page import page as page_of
 from vsx_ros.geometry.camera import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
@@ -68,7 +69,8 @@ def test_nothing_known_is_judged_by_what_is_missing():
 
 def test_the_page_shows_each_map_and_says_what_is_unknown():
     empty = shifted(np.full(TRUTH.shape, UNKNOWN, np.int8))
-    page = render(Figure5(TRUTH, FACES, [("sparse", empty), ("dense", shifted(TRUTH.data))], START, "a <room>"))
+    figure = Figure5(TRUTH, FACES, [("sparse", empty), ("dense", shifted(TRUTH.data))], START, "a <room>")
+    page = page_of("Figure 5", "", [section(figure)])
     assert page.count("<img") == 3
     assert "a &lt;room&gt;" in page
     assert "<td>unknown</td><td>1.000</td>" in page

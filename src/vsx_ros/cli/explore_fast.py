@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from vsx_ros.cli.stoppable import stoppable
 from vsx_ros.cli.world import open_world
 from vsx_ros.config import Config
 from vsx_ros.errors import ConfigError
-from vsx_ros.evaluation.summary import with_accuracy
+from vsx_ros.evaluation.summary import Summary, with_accuracy
 from vsx_ros.exploration.decision import Outcome
 from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.journal import EventLine, FrameLine, TruthLine, flat, unflat
@@ -89,8 +90,11 @@ class FastRun:
         """So far, of all sessions."""
         return self.system.navigator.plans + (self._before.plans if self._before is not None else 0)
 
-    def run(self, limit_s: float) -> str:
-        """Step until the mission is done, the emulated time is over or Ctrl-C is pressed; why it ended."""
+    def run(self, limit_s: float, watch: Callable[[int], None] | None = None) -> str:
+        """Step until the mission is done, the emulated time is over or Ctrl-C is pressed; why it ended.
+
+        watch: told the stamp after each step.
+        """
         mission, command, shown = self.system.mission, STOP, 0.0
         seen: Observation | None = None
         reason = STOPPED_BY_OPERATOR
@@ -101,6 +105,8 @@ class FastRun:
                     reason = f"time limit of {limit_s:g} s"
                     break
                 seen, command = now, self._step(*now)
+                if watch is not None:
+                    watch(now.frame.stamp_ns)
                 if sys.stderr.isatty() and time.perf_counter() - shown > _PROGRESS_EVERY_S:
                     shown = time.perf_counter()
                     print(f"\r{self._progress(now.frame.stamp_ns)}\x1b[K", end="", file=sys.stderr, flush=True)
@@ -112,6 +118,11 @@ class FastRun:
 
     def _save(self, session: Session, stamp_ns: int, odometry: Odometry) -> None:
         session.save(stamp_ns, self.system.memory(stamp_ns, odometry), self._errors_m, self.plans)
+
+    @property
+    def judge(self) -> MapJudge | None:
+        """Compares maps with the world; None where it is not known how the map lies in it."""
+        return self._judge
 
     def _observe(self, command: VelocityCommand) -> Observation:
         """What the robot's sensors say; time and wheels go on from where an earlier session left them."""
@@ -159,28 +170,31 @@ class FastRun:
             f"{self.robot.truth.path_length_m:.1f} m driven  {last.found}/{last.searched} points"
         )
 
-    def write(self, folder: RunFolder, reason: str, **facts: str | int | None) -> dict[str, object]:
-        """Every file of the run folder but config, world and report; the summary. facts: of the summary."""
+    def summary(self, reason: str, **facts: str | int | None) -> Summary:
+        """The numbers of the run. reason: why it ended; facts: what else the summary shall say."""
         system, errors = self.system, np.array(self._errors_m)
-        self.record.write(folder, system.slam.snapshot(), system.surface_points())
-        folder.write_poses("groundtruth", self.truth)
-        if system.grid is not None:
-            folder.write_map(system.grid)
         summary = self.record.summary(system.slam.statistics())
         summary = with_accuracy(summary, self.record.estimate(), self.truth, "yaw")
         if self._judge is not None:
             summary = self._judge.judged(summary, system.grid)
-        summary = summary.with_values(
+        return summary.with_values(
             collisions=self.collisions,
             duration_s=self.truth[-1].stamp_ns * 1e-9 if self.truth else 0.0,
             planned_vs_executed_rms_m=float(np.sqrt(np.mean(errors**2))) if errors.size else None,
             plans=self.plans,
             stop_reason=reason,
-            **facts,
             phi=self._config.planner.phi_rad_m,
+            **facts,
         )
+
+    def write(self, folder: RunFolder, summary: Summary) -> None:
+        """Every file of the run folder but config, world and report."""
+        system = self.system
+        self.record.write(folder, system.slam.snapshot(), system.surface_points())
+        folder.write_poses("groundtruth", self.truth)
+        if system.grid is not None:
+            folder.write_map(system.grid)
         folder.write_summary(summary.as_dict())
-        return summary.as_dict()
 
 
 def explore_fast(args: argparse.Namespace) -> int:
@@ -199,9 +213,10 @@ def explore_fast(args: argparse.Namespace) -> int:
     run = FastRun(world, args.seed, args.planner, config, before, Session(folder, before), slam_map)
     reason = run.run(limit_s)
     facts = {"world": name, "seed": args.seed, "planner": args.planner, "continued_map": args.load_map}
-    summary = run.write(folder, reason, **facts)
+    summary = run.summary(reason, **facts)
+    run.write(folder, summary)
     report = write_report(folder)
-    print("\n".join([reason, *(f"  {line}" for line in one_line_facts(summary)), f"  report: {report}"]))
+    print("\n".join([reason, *(f"  {line}" for line in one_line_facts(summary.as_dict())), f"  report: {report}"]))
     if reason == STOPPED_BY_OPERATOR:
         return STOPPED
     outcome = run.system.mission.outcome

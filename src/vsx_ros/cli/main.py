@@ -18,8 +18,8 @@ from vsx_ros.cli.exit_codes import DONE, FAILED, HARDWARE, INTERNAL, STOPPED
 from vsx_ros.errors import VsxError
 
 COMMANDS = (
-    "explore", "replay", "record", "plan", "evaluate", "report", "reproduce", "map", "view", "status", "stop", "teleop",
-    "calibrate", "doctor", "config", "world", "completion",
+    "explore", "replay", "record", "plan", "evaluate", "report", "reproduce", "sweep", "map", "view", "status", "stop",
+    "teleop", "calibrate", "doctor", "config", "world", "completion",
 )  # fmt: skip
 
 

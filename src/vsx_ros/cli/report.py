@@ -1,4 +1,4 @@
-"""``vsx report RUN``: write report.html of a run folder anew."""
+"""``vsx report RUN``: write report.html of a run folder anew; ``vsx report A B``: two runs side by side."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from vsx_ros.evaluation.report import ReportData
     from vsx_ros.io.run_folder import RunFolder
 
 
@@ -15,48 +16,72 @@ def add_parser(subparsers: Any) -> None:
     """Register the command and its options."""
     parser = subparsers.add_parser(
         "report",
-        help="write the report of a run folder",
+        help="write the report of a run folder, or compare two",
         description="Writes report.html, one page that needs nothing else: what happened, why it ended, the map, the "
-        "trajectory, tracking over time, every number, and the command that repeats the run.",
+        "trajectory, tracking over time, every number, and the command that repeats the run. With a second run, a page "
+        "that shows both side by side, and what differs in numbers and settings.",
+        epilog="examples: vsx report runs/today   |   vsx report runs/before runs/after --out compared.html",
     )
     parser.add_argument("run_folder", type=Path, metavar="RUN", help="a run folder")
+    parser.add_argument("other", type=Path, nargs="?", metavar="OTHER", help="another one, to compare with")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="the comparison (default compared.html in OTHER)")
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Write the page and say where it is."""
+    from vsx_ros.errors import ConfigError
     from vsx_ros.io.run_folder import RunFolder
 
-    print(write_report(RunFolder.open(args.run_folder)))
+    folder = RunFolder.open(args.run_folder)
+    if args.other is not None:
+        print(_compare(folder, RunFolder.open(args.other), args.out))
+    elif args.out is not None:
+        raise ConfigError("--out is for a comparison: give a second run, or leave it out")
+    else:
+        print(write_report(folder))
     return 0
 
 
 def write_report(folder: RunFolder) -> Path:
     """Write report.html of a run; its path."""
+    from vsx_ros.evaluation.report import render
+
+    return folder.write_report(render(_data(folder)))
+
+
+def _compare(a: RunFolder, b: RunFolder, out: Path | None) -> Path:
+    from vsx_ros.evaluation.comparison import compare
+    from vsx_ros.io.atomic import write_text
+
+    out = out or b.path / "compared.html"
+    names = (a.path.name, b.path.name) if a.path.name != b.path.name else (str(a.path), str(b.path))
+    write_text(out, compare((names[0], _data(a)), (names[1], _data(b))))
+    return out
+
+
+def _data(folder: RunFolder) -> ReportData:
     import numpy as np
 
     from vsx_ros.cli.config import commented_yaml
-    from vsx_ros.evaluation.report import ReportData, render
+    from vsx_ros.evaluation.report import ReportData
 
     config, facts = folder.read_config()
     points = folder.read_points()
-    page = render(
-        ReportData(
-            summary=folder.read_summary(),
-            facts=facts,
-            config_yaml=commented_yaml(config),
-            events=folder.read_events(),
-            frames=folder.read_frames(),
-            estimate=folder.read_poses("trajectory"),
-            truth=folder.read_poses("groundtruth"),
-            grid=folder.read_map(),
-            points_world=np.zeros((0, 3)) if points is None else points,
-            world_is_level=bool(folder.read_poses("odometry")),
-            good_ratio=config.slam.tracker.good_ratio,
-            lost_ratio=config.slam.tracker.lost_ratio,
-        )
+    return ReportData(
+        summary=folder.read_summary(),
+        facts=facts,
+        config_yaml=commented_yaml(config),
+        events=folder.read_events(),
+        frames=folder.read_frames(),
+        estimate=folder.read_poses("trajectory"),
+        truth=folder.read_poses("groundtruth"),
+        grid=folder.read_map(),
+        points_world=np.zeros((0, 3)) if points is None else points,
+        world_is_level=bool(folder.read_poses("odometry")),
+        good_ratio=config.slam.tracker.good_ratio,
+        lost_ratio=config.slam.tracker.lost_ratio,
     )
-    return folder.write_report(page)
 
 
 def one_line_facts(summary: Mapping[str, Any]) -> list[str]:

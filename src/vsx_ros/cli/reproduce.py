@@ -1,71 +1,156 @@
-"""``vsx reproduce``: a figure of the paper made anew, in emulation, with the numbers behind it."""
+"""``vsx reproduce``: the paper's table and figures made anew, in emulation, with the numbers behind them."""
 
 from __future__ import annotations
 
 import argparse
+import re
 from pathlib import Path
 from typing import Any
 
 from vsx_ros.errors import ConfigError
 
-_FIGURES = ("fig5",)
+WHAT = ("table1", "fig2", "fig5", "fig6", "fig7", "all")
+_QUICK_SEEDS, _QUICK_TIME_S = 2, 60.0
 
 
 def add_parser(subparsers: Any) -> None:
     """Register the command and its options."""
     parser = subparsers.add_parser(
         "reproduce",
-        help="make a figure of the paper anew",
-        description="fig5: explores an emulated building, builds the ground map of the same keyframes without and "
-        "with the dense planes, and compares both with the truth: fig5.html and fig5.json.",
-        epilog="example: vsx reproduce fig5 --seed 101 --time 90",
+        help="make the paper's table and figures anew",
+        description="table1: drives of many worlds to goals that look elsewhere, by the constrained planner and by one "
+        "that turns on the spot, tracked as in the paper and by the full tracker. fig2, fig6: their paths, planned and "
+        "tracked. fig5: the sparse and the dense ground map beside the truth. fig7: the map at stages of an "
+        "exploration. Each leaves a page that needs nothing else, and its numbers. Ctrl-C interrupts, the same command "
+        "continues.",
+        epilog="examples: vsx reproduce all --quick   |   vsx reproduce table1 --seeds 100:120 --jobs 2   |   "
+        "vsx reproduce fig5 --seeds 101:102 --time 90",
     )
-    parser.add_argument("figure", metavar="FIGURE", choices=_FIGURES, help="fig5")
-    parser.add_argument("--world", default="lab", metavar="NAME|FILE", help="lab, office, corridor or a world.yaml")
-    parser.add_argument("--seed", type=int, default=101, metavar="N", help="world and noise (default 101)")
-    parser.add_argument("--time", type=float, default=90.0, metavar="S", help="emulated time (default 90)")
+    parser.add_argument("what", metavar="WHAT", choices=WHAT, help=", ".join(WHAT))
+    parser.add_argument("--world", default="lab", metavar="NAME", help="lab, office, corridor or a world.yaml")
+    parser.add_argument("--seeds", type=seeds, metavar="A:B", help="worlds A to B - 1 (default 100:120; figures: A)")
+    parser.add_argument("--seed", type=int, metavar="N", help="the same as --seeds N:N+1")
     parser.add_argument(
-        "--out", type=Path, default=Path("results"), metavar="FOLDER", help="where to (default results)"
+        "--noises", type=int, default=1, metavar="K", help="drives of each with other noise (default 1)"
     )
+    parser.add_argument("--time", type=float, metavar="S", help="emulated time of fig5 (90) and fig7 (600)")
+    parser.add_argument("--quick", action="store_true", help="two worlds and a minute: done in some minutes")
+    parser.add_argument("--out", type=Path, default=Path("results"), metavar="FOLDER", help="default: results")
+    add_engine_arguments(parser)
     parser.set_defaults(run=run)
 
 
+def add_engine_arguments(parser: argparse.ArgumentParser) -> None:
+    """Where the work is done."""
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes on this machine (default 1)")
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="a dask scheduler with workers on other machines")
+
+
+def seeds(text: str) -> range:
+    """A:B as a range."""
+    match = re.fullmatch(r"(\d+):(\d+)", text)
+    if match is None or int(match[1]) >= int(match[2]):
+        raise argparse.ArgumentTypeError(f"{text!r} is no range of seeds; write A:B, e.g. 100:120")
+    return range(int(match[1]), int(match[2]))
+
+
 def run(args: argparse.Namespace) -> int:
-    """Explore, compare, write the page, say where it is."""
-    import dataclasses
+    """Make what was asked for, and say where it is."""
+    from vsx_ros import __version__
+    from vsx_ros.evaluation.page import page
+    from vsx_ros.io.atomic import write_text
+
+    if args.time is not None and not args.time > 0:
+        raise ConfigError(f"--time {args.time}: give a positive number of seconds")
+    if args.jobs < 1 or args.noises < 1:
+        raise ConfigError("--jobs and --noises: give a number of at least 1")
+    if args.seeds is None:
+        args.seeds = range(100, 120) if args.seed is None else range(args.seed, args.seed + 1)
+    if args.quick:
+        args.seeds, args.time = args.seeds[:_QUICK_SEEDS], args.time or _QUICK_TIME_S
+    args.out.mkdir(parents=True, exist_ok=True)
+    makers = {"table1": _table1, "fig2": _fig2, "fig5": _fig5, "fig6": _fig6, "fig7": _fig7}
+    names = [name for name in makers if args.what in (name, "all")]
+    facts = f"Made by vsx_ros {__version__}; {args.world}, seeds {args.seeds.start} to {args.seeds.stop - 1}."
+    sections = []
+    for name in names:
+        section = makers[name](args)
+        sections.append(section)
+        write_text(args.out / f"{name}.html", page(section.title, facts, [section]))
+        print(f"page: {args.out / name}.html")
+    if args.what == "all":
+        write_text(args.out / "paper.html", page("The paper's experiments", facts, sections))
+        print(f"page: {args.out / 'paper.html'}")
+    return 0
+
+
+def _table1(args: argparse.Namespace) -> Any:
     import json
 
-    from vsx_ros.cli.explore_fast import FastRun
-    from vsx_ros.cli.world import open_world
-    from vsx_ros.config import Config, overridden
-    from vsx_ros.evaluation.figure5 import Figure5, render
-    from vsx_ros.evaluation.obstacles import seen_faces
-    from vsx_ros.io.atomic import write_text
-    from vsx_ros.sim.truth import ground_truth_grid
+    import msgspec
 
-    if not args.time > 0:
-        raise ConfigError(f"--time {args.time}: give a positive number of seconds")
-    config = overridden(Config(), {"dense.enabled": True})
-    exploration = FastRun(open_world(args.world, args.seed), args.seed, "fov", config)
-    reason = exploration.run(args.time)
-    system, ground = exploration.system, config.ground_map
-    snapshot, true_poses = system.slam.snapshot(), {pose.stamp_ns: pose.T for pose in exploration.truth}
-    truth = ground_truth_grid(
-        exploration.world, ground.resolution_m, ground.obstacle_min_height_m, ground.obstacle_max_height_m
-    )
-    figure = Figure5(
-        truth,
-        seen_faces(truth, [true_poses[stamp] for stamp in snapshot.keyframe_stamps_ns.tolist()]),
-        [("sparse points", system.ground.grid(snapshot, False)), ("dense planes", system.ground.grid(snapshot))],
-        exploration.world.start_pose,
-        f"{args.world}, seed {args.seed}: {len(snapshot.keyframe_ids)} keyframes, "
-        f"{exploration.robot.truth.path_length_m:.1f} m; {reason}. Faces count that three keyframes saw within 3.5 m.",
-    )
-    args.out.mkdir(parents=True, exist_ok=True)
-    write_text(args.out / "fig5.html", render(figure))
-    numbers = {name: dataclasses.asdict(quality) for name, quality in figure.qualities().items()}
-    write_text(args.out / "fig5.json", json.dumps({"facts": figure.facts, **numbers}, indent=1) + "\n")
-    for name, values in numbers.items():
+    from vsx_ros.cli.experiments import table1
+    from vsx_ros.io.atomic import write_text
+
+    drives = _drives(args, list(args.seeds))
+    write_text(args.out / "table1.csv", table1.as_csv(drives))
+    numbers = msgspec.to_builtins(table1.numbers(drives))
+    write_text(args.out / "table1.json", json.dumps(numbers, indent=1) + "\n")
+    for tracker, datasets in numbers.items():
+        u1, u2, broken = (datasets["both"][name] for name in ("u1", "u2_frames", "broken"))
+        shown = "  ".join(f"{arm} {_of(u1[arm])}/{_of(u2[arm])}/{_of(broken[arm])}" for arm in list(broken)[:-1])
+        print(f"tracker {tracker}: U1/U2/broken  {shown}")
+    return table1.table_section(drives)
+
+
+def _of(interval: Any) -> str:
+    return "unknown" if interval is None else f"{interval[0]:.3g}"
+
+
+def _fig2(args: argparse.Namespace) -> Any:
+    from vsx_ros.cli.experiments import table1
+    from vsx_ros.cli.experiments.drive import DriveTask
+
+    return table1.figure2_section([DriveTask(args.world, args.seeds[0], args.seeds[0], k) for k in (1, 2)])
+
+
+def _fig6(args: argparse.Namespace) -> Any:
+    from vsx_ros.cli.experiments import table1
+
+    return table1.figure6_section(_drives(args, [args.seeds[0]]))
+
+
+def _drives(args: argparse.Namespace, worlds: list[int]) -> list[Any]:
+    """Tasks with their results, those that are known from results/drives.jsonl."""
+    from vsx_ros.cli.experiments.campaign import Engine, Store, run_campaign
+    from vsx_ros.cli.experiments.drive import DriveTask, run_drives
+
+    noises = range(args.noises)
+    tasks = [DriveTask(args.world, seed, seed + 1000 * k, d) for seed in worlds for k in noises for d in (1, 2)]
+    engine = Engine(args.jobs, args.scheduler)
+    return list(zip(tasks, run_campaign(tasks, run_drives, Store(args.out / "drives.jsonl"), engine), strict=True))
+
+
+def _fig7(args: argparse.Namespace) -> Any:
+    import json
+
+    from vsx_ros.cli.experiments.stages import explore_in_stages, figure7
+    from vsx_ros.io.atomic import write_text
+
+    section, numbers = figure7(*explore_in_stages(args.world, args.seeds[0], args.time or 600.0))
+    write_text(args.out / "fig7.json", json.dumps(numbers, indent=1) + "\n")
+    return section
+
+
+def _fig5(args: argparse.Namespace) -> Any:
+    import json
+
+    from vsx_ros.cli.experiments.ground_maps import explore_and_map
+    from vsx_ros.evaluation.figure5 import section
+    from vsx_ros.io.atomic import write_text
+
+    figure, numbers = explore_and_map(args.world, args.seeds[0], args.time or 90.0)
+    write_text(args.out / "fig5.json", json.dumps(numbers, indent=1) + "\n")
+    for name, values in list(numbers.items())[1:]:
         print(f"{name}: " + ", ".join(f"{k} {v:.4f}" for k, v in values.items() if v is not None))
-    print(f"page: {args.out / 'fig5.html'}")
-    return 0
+    return section(figure)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import BoolArray
 from vsx_ros.evaluation.coverage import TOLERANCE_M, metres_to
 from vsx_ros.evaluation.obstacles import ObstacleQuality, obstacle_quality, on_truth
+from vsx_ros.evaluation.page import Section, figures, paragraph, table
 from vsx_ros.evaluation.svg import png_url
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
@@ -31,12 +31,6 @@ _ROWS = (
     ("free_inside", "free cells over 10 cm inside an obstacle", ".4f"),
     ("phantom_m2", "phantom obstacles on free floor [m2]", ".4f"),
 )
-_STYLE = (
-    "body{font:15px/1.5 sans-serif;margin:2em auto;max-width:75em;padding:0 1em}"
-    "figure{display:inline-block;margin:0 1em 1em 0}"
-    "img{image-rendering:pixelated;border:1px solid #888}"
-    "td,th{padding:.2em 1em;text-align:left;border-bottom:1px solid #ddd}"
-)
 
 
 @dataclass(frozen=True)
@@ -55,28 +49,19 @@ class Figure5:
         return {name: obstacle_quality(grid, self.truth, self.faces, self.T_truth_map) for name, grid in self.grids}
 
 
-def render(figure: Figure5) -> str:
-    """One page that needs nothing else."""
+def section(figure: Figure5) -> Section:
+    """Its part of a page."""
     qualities = figure.qualities()
-    head = "".join(f"<th>{html.escape(name)}</th>" for name in qualities)
-    rows = "".join(
-        f"<tr><td>{words}</td>{''.join(f'<td>{_number(q, key, form)}</td>' for q in qualities.values())}</tr>"
-        for key, words, form in _ROWS
-    )
+    rows = [[words, *(_number(q, key, form) for q in qualities.values())] for key, words, form in _ROWS]
     pictures = [("truth: faces that were seen", _picture(figure, None))]
     pictures += [(name, _picture(figure, grid)) for name, grid in figure.grids]
-    shown = "".join(
-        f'<figure><img width="{3 * image.shape[1]}" alt="" src="{png_url(image)}"><figcaption>{html.escape(name)}'
-        "</figcaption></figure>"
+    shown = [
+        (name, f'<img width="{3 * image.shape[1]}" style="image-rendering:pixelated" alt="" src="{png_url(image)}">')
         for name, image in pictures
-    )
-    return (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Figure 5</title>'
-        f"<style>{_STYLE}</style></head><body><h1>Ground map: sparse, dense, truth</h1>"
-        f"<p>{html.escape(figure.facts)}</p>"
-        f"{shown}<p>Black: obstacles found. Orange: faces seen but missing. Red: phantom obstacles. White: free.</p>"
-        f"<table><tr><th></th>{head}</tr>{rows}</table></body></html>\n"
-    )
+    ]
+    legend = "Black: obstacles found. Orange: faces seen but missing. Red: phantom obstacles. White: free."
+    body = paragraph(figure.facts) + figures(shown) + paragraph(legend) + table(["", *qualities], rows)
+    return Section("Figure 5: ground map, sparse, dense, truth", body)
 
 
 def _number(quality: ObstacleQuality, key: str, form: str) -> str:

@@ -50,15 +50,15 @@ def render(data: ReportData) -> str:
     body = [
         _ending(data, title),
         _figures(data.summary),
-        _section("Map and trajectory", _map(data)),
-        _section("Tracking over time", _timeline(data)),
+        _section("Map and trajectory", map_picture(data)),
+        _section("Tracking over time", timeline(data)),
         _section("Events", _events(data)),
         _section("All numbers", _table(data.summary)),
         _section("How to repeat it", _repeat(data)),
     ]
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
-        f'<meta name="viewport" content="width=device-width"><style>{_STYLE}</style></head>'
+        f'<meta name="viewport" content="width=device-width"><style>{STYLE}</style></head>'
         f"<body><main>{''.join(body)}</main></body></html>\n"
     )
 
@@ -102,7 +102,8 @@ def _figures(summary: Mapping[str, Any]) -> str:
     return f'<div class="tiles">{shown}</div>'
 
 
-def _map(data: ReportData) -> str:
+def map_picture(data: ReportData) -> str:
+    """The map from above with trajectory, truth and points."""
     columns = (0, 1) if data.world_is_level else (0, 2)
 
     def flat(points: Points3) -> Points2:
@@ -135,7 +136,8 @@ def _truth_in_map(data: ReportData) -> Points3:
     return align(truth, estimate, kind).apply(np.array([pose.T.translation for pose in data.truth]))
 
 
-def _timeline(data: ReportData) -> str:
+def timeline(data: ReportData) -> str:
+    """States, share of found points and time per frame over time."""
     if not data.frames:
         return ""
     seconds = np.array([frame[0] - data.frames[0][0] for frame in data.frames]) * 1e-9
@@ -202,7 +204,7 @@ def _repeat(data: ReportData) -> str:
     )
 
 
-_STYLE = """
+STYLE = """
 :root{color-scheme:light dark;--ink:#1d2329;--soft:#5f6b76;--line:#d9dee3;--paper:#fff;--tile:#f3f5f7;--blue:#1f6fd6;
 --green:#1d9a6c;--red:#c83232}
 @media(prefers-color-scheme:dark){:root{--ink:#e8ebee;--soft:#9aa6b2;--line:#3a434c;--paper:#15191d;--tile:#20262c;

@@ -1,0 +1,1 @@
+"""The paper's experiments: drives, explorations, and what is made of many of them."""

@@ -1,0 +1,43 @@
+"""A whole exploration as a task of a sweep."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from vsx_ros.cli.config import load
+from vsx_ros.cli.explore_fast import FastRun
+from vsx_ros.cli.world import open_world
+
+_JUDGE_EVERY_NS = 2_000_000_000
+_SHARES = (0.5, 0.9, 0.95)
+
+
+class ExplorationTask(NamedTuple):
+    """settings: NAME=VALUE by which the configuration is changed, as --set takes them."""
+
+    world: str
+    seed: int
+    planner: str
+    time_s: float
+    settings: tuple[str, ...] = ()
+
+
+def explore(task: ExplorationTask) -> dict[str, Any]:
+    """The summary of the run, and its way to shares of what can be seen (known and right)."""
+    run = FastRun(open_world(task.world, task.seed), task.seed, task.planner, load(None, task.settings))
+    reached: dict[str, float] = {}
+    due_ns = 0
+
+    def watch(stamp_ns: int) -> None:
+        nonlocal due_ns
+        if stamp_ns < due_ns or run.system.grid is None or run.judge is None:
+            return
+        due_ns = stamp_ns + _JUDGE_EVERY_NS
+        right = run.judge.quality(run.system.grid).coverage_correct or 0.0
+        for name in [f"way_to_{100 * share:.0f}_m" for share in _SHARES if right >= share]:
+            reached.setdefault(name, run.robot.truth.path_length_m)
+
+    reason = run.run(task.time_s, watch)
+    summary = run.summary(reason, world=task.world, seed=task.seed, planner=task.planner).as_dict()
+    clearance_m = run.robot.truth.min_clearance_m
+    return {**summary, "driven_m": run.robot.truth.path_length_m, "min_clearance_m": clearance_m, **reached}

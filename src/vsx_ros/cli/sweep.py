@@ -1,0 +1,69 @@
+"""``vsx sweep``: many explorations, on this machine or on many, and what they prove together."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from vsx_ros.cli.reproduce import add_engine_arguments, seeds
+from vsx_ros.errors import ConfigError
+
+_PLANNERS = ("fov", "unconstrained")
+
+
+def add_parser(subparsers: Any) -> None:
+    """Register the command and its options."""
+    parser = subparsers.add_parser(
+        "sweep",
+        help="explore many worlds, compare planners and settings",
+        description="Explores every world with every seed and planner, in lock-step, on this machine or by a dask "
+        "scheduler's workers, and leaves results.jsonl (a line a run, as it ends), sweep.csv and sweep.html. Ctrl-C "
+        "interrupts, the same command continues with what is missing.",
+        epilog="examples: vsx sweep --worlds lab,corridor --seeds 0:20 --jobs 2   |   vsx sweep --seeds 100:400 "
+        "--planners fov,unconstrained --scheduler tcp://10.0.0.5:8786",
+    )
+    parser.add_argument("--worlds", default="lab", metavar="NAME,...", help="lab, office, corridor or map files")
+    parser.add_argument("--seeds", type=seeds, default=range(20), metavar="A:B", help="A to B - 1 (default 0:20)")
+    parser.add_argument("--planners", default="fov", metavar="NAME,...", help="fov, unconstrained (default fov)")
+    parser.add_argument("--time", type=float, default=600.0, metavar="S", help="emulated time of each (default 600)")
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="override a parameter")
+    parser.add_argument("--out", type=Path, default=Path("sweep"), metavar="FOLDER", help="default: sweep")
+    add_engine_arguments(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """All runs that are missing, then the page."""
+    from vsx_ros import __version__
+    from vsx_ros.cli.config import load
+    from vsx_ros.cli.experiments import sweeps
+    from vsx_ros.cli.experiments.campaign import Engine, Store, run_campaign
+    from vsx_ros.cli.experiments.exploration import ExplorationTask, explore
+    from vsx_ros.evaluation.page import page
+    from vsx_ros.io.atomic import write_text
+
+    planners, worlds = args.planners.split(","), args.worlds.split(",")
+    unknown = [name for name in planners if name not in _PLANNERS]
+    if unknown:
+        raise ConfigError(f"--planners: there is no planner {unknown[0]!r}; choose of {', '.join(_PLANNERS)}")
+    if args.jobs < 1 or not args.time > 0:
+        raise ConfigError("--jobs and --time: give positive numbers")
+    load(None, args.set)  # a mistake in --set is told before hundreds of runs fail by it
+    settings = tuple(args.set)
+    tasks = [
+        ExplorationTask(world, seed, planner, args.time, settings)
+        for seed in args.seeds
+        for world in worlds
+        for planner in planners
+    ]
+    results = run_campaign(tasks, explore, Store(args.out / "results.jsonl"), Engine(args.jobs, args.scheduler))
+    runs = list(zip(tasks, results, strict=True))
+    write_text(args.out / "sweep.csv", sweeps.as_csv(runs))
+    facts = (
+        f"Made by vsx_ros {__version__}: {args.worlds}, seeds {args.seeds.start} to {args.seeds.stop - 1}, "
+        f"{args.planners}, {args.time:g} s each; {' '.join(settings) or 'default settings'}."
+    )
+    write_text(args.out / "sweep.html", page("Sweep", facts, [sweeps.section(runs)]))
+    print(f"page: {args.out / 'sweep.html'}")
+    return 0

@@ -1,0 +1,104 @@
+"""Two runs on one page: what differs in their numbers and settings, their maps and their tracking side by side."""
+
+from __future__ import annotations
+
+import difflib
+import html
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from vsx_ros.evaluation.report import STYLE, ReportData, map_picture, timeline
+
+Named = tuple[str, ReportData]
+
+_MORE_IS_BETTER = {
+    "frames_tracked", "u1", "u2_frames", "u2_seconds", "u2_metres", "visible_ratio", "coverage", "coverage_correct",
+    "occupied_precision", "occupied_recall",
+}  # fmt: skip
+_LESS_IS_BETTER = {
+    "frames_lost", "breaks", "track_ms_median", "track_ms_p99", "ate_rmse_m", "ate_rmse_sim3_m", "scale_error",
+    "free_inside_obstacle", "collisions", "planned_vs_executed_rms_m", "plan_ms_median", "plan_ms_p99",
+}  # fmt: skip
+_SIDE = "main{max-width:1500px}.sides{display:grid;grid-template-columns:1fr 1fr;gap:24px}.better{color:var(--green)}"
+_WORSE = ".worse{color:var(--red)}"
+
+
+def compare(a: Named, b: Named) -> str:
+    """The page: the second run against the first."""
+    title = html.escape(f"{b[0]} against {a[0]}")
+    body = [
+        f"<h1>{title}</h1>",
+        _side_by_side(a, b, lambda data: html.escape(str(data.summary.get("stop_reason") or "unknown"))),
+        _section("Numbers", _numbers(a, b)),
+        _section("Map and trajectory", _side_by_side(a, b, map_picture)),
+        _section("Tracking over time", _side_by_side(a, b, timeline)),
+        _section("Settings that differ", _settings(a, b)),
+        _section("How to repeat them", _side_by_side(a, b, _command)),
+    ]
+    return (
+        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
+        f'<meta name="viewport" content="width=device-width"><style>{STYLE}{_SIDE}{_WORSE}</style></head>'
+        f"<body><main>{''.join(body)}</main></body></html>\n"
+    )
+
+
+def change(key: str, before: Any, after: Any) -> tuple[str, str]:
+    """The difference of two values in words, and whether it is better, worse or neither (empty)."""
+    if not (_is_number(before) and _is_number(after)):
+        return "", ""
+    difference = after - before
+    if difference == 0:
+        return "same", ""
+    share = f" ({100 * difference / abs(before):+.0f} %)" if before else ""
+    gain = difference if key in _MORE_IS_BETTER else -difference if key in _LESS_IS_BETTER else 0.0
+    return f"{difference:+.4g}{share}", "better" if gain > 0 else "worse" if gain < 0 else ""
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _numbers(a: Named, b: Named) -> str:
+    rows = []
+    for key in dict.fromkeys([*a[1].summary, *b[1].summary]):
+        before, after = a[1].summary.get(key), b[1].summary.get(key)
+        if before is None and after is None:
+            continue
+        words, verdict = change(key, before, after)
+        cells = "".join(f"<td>{_shown(value)}</td>" for value in (before, after))
+        rows.append(f'<tr><td>{html.escape(key)}</td>{cells}<td class="{verdict}">{words}</td></tr>')
+    head = "".join(f"<th>{html.escape(name)}</th>" for name in ("", a[0], b[0], "change"))
+    return f"<table><tr>{head}</tr>{''.join(rows)}</table>"
+
+
+def _shown(value: Any) -> str:
+    if value is None:
+        return "<i>unknown</i>"
+    return html.escape(f"{value:.5g}" if isinstance(value, float) else str(value))
+
+
+def _settings(a: Named, b: Named) -> str:
+    """Lines of the configuration, and versions, that are not the same."""
+    before, after = ([*_versions(data.facts), *data.config_yaml.splitlines()] for _, data in (a, b))
+    changed = [line for line in difflib.ndiff(before, after) if line[:2] in ("- ", "+ ")]
+    if not changed:
+        return "<p>None: same configuration, same versions.</p>"
+    return f"<pre>{html.escape(chr(10).join(changed))}</pre>"
+
+
+def _versions(facts: Mapping[str, Any]) -> list[str]:
+    versions = facts.get("versions")
+    return [f"{name} {value}" for name, value in versions.items()] if isinstance(versions, Mapping) else []
+
+
+def _command(data: ReportData) -> str:
+    return f"<pre>{html.escape(str(data.facts.get('command', '')))}</pre>"
+
+
+def _side_by_side(a: Named, b: Named, shown: Callable[[ReportData], str]) -> str:
+    sides = "".join(f"<div><h3>{html.escape(name)}</h3>{shown(data)}</div>" for name, data in (a, b))
+    return f'<div class="sides">{sides}</div>'
+
+
+def _section(title: str, content: str) -> str:
+    return f"<section><h2>{title}</h2>{content}</section>"

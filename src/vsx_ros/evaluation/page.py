@@ -1,0 +1,71 @@
+"""Pages that need nothing else: a title, tables, pictures."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+from vsx_ros.evaluation.paired import Interval
+
+
+class Section(NamedTuple):
+    """A part of a page. body: HTML."""
+
+    title: str
+    body: str
+
+
+def page(title: str, facts: str, sections: Iterable[Section]) -> str:
+    """The page. facts: what all of it rests on, in words."""
+    body = "".join(f"<section><h2>{html.escape(s.title)}</h2>{s.body}</section>" for s in sections)
+    return (
+        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{html.escape(title)}</title>'
+        f'<meta name="viewport" content="width=device-width"><style>{_STYLE}</style></head>'
+        f"<body><main><h1>{html.escape(title)}</h1>{paragraph(facts)}{body}</main></body></html>\n"
+    )
+
+
+def paragraph(text: str) -> str:
+    """Words."""
+    return f"<p>{html.escape(text)}</p>"
+
+
+def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Cells are plain text; the first of each row is its name."""
+    head = "".join(f"<th>{html.escape(name)}</th>" for name in header)
+    lines = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
+    return f"<table><tr>{head}</tr>{lines}</table>"
+
+
+def figures(pictures: Iterable[tuple[str, str]]) -> str:
+    """(caption, svg or img) side by side where there is room."""
+    shown = (f"<figure>{picture}<figcaption>{html.escape(name)}</figcaption></figure>" for name, picture in pictures)
+    return f'<div class="figures">{"".join(shown)}</div>'
+
+
+def interval(value: Interval | None, form: str = ".2f") -> str:
+    """A value with its interval, as text."""
+    return "unknown" if value is None else f"{value.value:{form}} [{value.low:{form}}, {value.high:{form}}]"
+
+
+_STYLE = """
+:root{color-scheme:light;--ink:#1d2329;--soft:#5f6b76;--line:#d9dee3;--blue:#1f6fd6;--green:#12855a;--red:#c83232;
+--purple:#8b2fc9}
+body{margin:0;background:#fff;color:var(--ink);font:15px/1.5 system-ui,sans-serif}
+main{max-width:1080px;margin:0 auto;padding:24px 20px 60px}
+h1{font-size:26px;margin:0 0 6px}h2{font-size:18px;margin:36px 0 10px}
+table{border-collapse:collapse;font-size:13.5px;font-variant-numeric:tabular-nums;margin:8px 0 16px}
+td,th{text-align:left;padding:4px 14px 4px 0;border-bottom:1px solid var(--line);vertical-align:top}
+.figures{display:grid;grid-template-columns:repeat(auto-fit,minmax(340px,1fr));gap:16px}
+figure{margin:0}figcaption{color:var(--soft);font-size:13px}
+svg{display:block;width:100%;height:auto;background:#f3f5f7;border-radius:6px}
+svg text{fill:var(--soft);font:12px system-ui,sans-serif}
+polyline{fill:none;stroke-width:2}.planned{stroke:var(--blue)}.estimate{stroke:var(--green);stroke-width:2.5}
+.driven{stroke:var(--soft);stroke-dasharray:4 4}.first{stroke:var(--blue)}.second{stroke:var(--red)}
+.view{stroke:var(--blue);stroke-width:1;opacity:.6}
+circle.broke{fill:var(--purple)}circle.start{fill:var(--ink)}circle.goal{fill:none;stroke:var(--ink);stroke-width:2}
+.grid{stroke:var(--line)}.key::before{content:"";display:inline-block;width:18px;height:4px;margin-right:6px;
+vertical-align:middle;background:var(--c)}.key{margin-right:18px;color:var(--soft);font-size:13px}
+pre{overflow:auto;background:#f3f5f7;padding:10px 12px;border-radius:6px;font-size:13px}
+"""

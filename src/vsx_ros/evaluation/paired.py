@@ -1,0 +1,67 @@
+"""What many runs prove: intervals and tests for values that were measured on the same worlds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from vsx_ros.arrays import FloatArray
+from vsx_ros.errors import InputError
+
+_RESAMPLES = 4000
+_Z95 = 1.959963984540054
+
+
+class Interval(NamedTuple):
+    """A value with its 95 % confidence interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+def mean_interval(values: Sequence[float], seed: int = 0) -> Interval:
+    """The mean and its bootstrap percentiles (Efron 1979). Raises InputError without values."""
+    return _bootstrap(np.asarray(values, float)[:, None], seed)
+
+
+def ratio_interval(above: Sequence[float], below: Sequence[float], seed: int = 0) -> Interval:
+    """The ratio of the means of paired values: pairs are drawn together. Raises InputError without pairs."""
+    return _bootstrap(np.column_stack([above, below]), seed)
+
+
+def _bootstrap(rows: FloatArray, seed: int) -> Interval:
+    if not len(rows):
+        raise InputError("there is nothing to average: no run gave this number; look at the failures")
+    drawn = np.random.default_rng(seed).integers(0, len(rows), (_RESAMPLES, len(rows)))
+    means = np.vstack([rows.mean(axis=0), rows[drawn].mean(axis=1)])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        values = means[:, 0] if means.shape[1] == 1 else means[:, 0] / means[:, 1]
+    if not np.isfinite(values[0]):
+        raise InputError("there is nothing to divide by: the other value is zero in every run")
+    low, high = np.percentile(values[np.isfinite(values)], [2.5, 97.5])
+    return Interval(float(values[0]), float(low), float(high))
+
+
+def share_interval(hits: int, count: int) -> Interval:
+    """A share of runs and its interval (Wilson 1927). Raises InputError without runs."""
+    if count <= 0:
+        raise InputError("there is nothing to count: no run came to an end; look at the failures")
+    p, z2 = hits / count, _Z95**2
+    centre = (p + z2 / (2 * count)) / (1 + z2 / count)
+    half = _Z95 * math.sqrt(p * (1 - p) / count + z2 / (4 * count**2)) / (1 + z2 / count)
+    return Interval(p, max(0.0, centre - half), min(1.0, centre + half))
+
+
+def sign_test(above: Sequence[float], below: Sequence[float]) -> float:
+    """Two-sided probability that pairs differ so one-sidedly by chance (exact sign test; ties are left out).
+
+    For pairs of 0 and 1 it is McNemar's exact test.
+    """
+    signs = np.sign(np.asarray(above, float) - np.asarray(below, float))
+    n, k = int(np.count_nonzero(signs)), int(np.count_nonzero(signs > 0))
+    tail = sum(math.comb(n, i) for i in range(min(k, n - k) + 1)) / 2.0**n
+    return min(1.0, 2.0 * tail)

@@ -1,0 +1,95 @@
+"""Two runs on one page, and the pieces that pages are made of."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vsx_ros.evaluation.comparison import change, compare
+from vsx_ros.evaluation.page import Section, figures, interval, page, table
+from vsx_ros.evaluation.paired import Interval
+from vsx_ros.evaluation.report import ReportData
+from vsx_ros.evaluation.ways import curves, ways_picture
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.occupancy.grid import FREE, OccupancyGrid
+
+A = ReportData(
+    summary={"stop_reason": "time limit", "u1": 0.5, "breaks": 2, "world": "lab", "coverage": None},
+    facts={"command": "vsx explore <a>", "versions": {"numpy": "1"}},
+    config_yaml="planner:\n  phi_rad_m: 1.0\nlimits:\n  v_m_s: 0.3\n",
+    events=[],
+    frames=[(0, "good", 10, 5, False, 3.0), (10**9, "lost", 10, 0, False, 3.0)],
+    estimate=[],
+    truth=[],
+    grid=None,
+)
+B = replace(
+    A,
+    summary={"stop_reason": "explored", "u1": 0.75, "breaks": 3, "world": "lab", "coverage": None},
+    config_yaml=A.config_yaml.replace("1.0", "0.5"),
+)
+GRID = OccupancyGrid(np.full((20, 40), FREE, np.int8), 0.1, -1.0, -1.0)
+
+
+def test_the_page_says_what_differs_and_which_way_is_better():
+    text = compare(("before", A), ("after", B))
+    assert '<td class="better">+0.25 (+50 %)</td>' in text
+    assert '<td class="worse">+1 (+50 %)</td>' in text
+    assert "-   phi_rad_m: 1.0\n+   phi_rad_m: 0.5" in text
+    assert "v_m_s" not in text
+    assert "coverage" not in text
+    assert "vsx explore &lt;a&gt;" in text
+    assert text.index("before") < text.index("time limit") < text.index("explored")
+    assert not re.search(r'(src|href)="(?!data:)|url\(|<script', text)
+
+
+def test_same_runs_differ_in_nothing():
+    text = compare(("a", A), ("b", A))
+    assert "same configuration, same versions" in text
+    assert 'class="better"' not in text
+    assert 'class="worse"' not in text
+
+
+@pytest.mark.parametrize(
+    ("key", "before", "after", "told"),
+    [
+        ("ate_rmse_m", 0.1, 0.05, ("-0.05 (-50 %)", "better")),
+        ("coverage", 0.9, 0.8, ("-0.1 (-11 %)", "worse")),
+        ("keyframes", 10, 12, ("+2 (+20 %)", "")),
+        ("breaks", 0, 1, ("+1", "worse")),
+        ("u1", 0.5, 0.5, ("same", "")),
+        ("u1", None, 0.5, ("", "")),
+        ("world", "lab", "office", ("", "")),
+    ],
+)
+def test_changes(key, before, after, told):
+    assert change(key, before, after) == told
+
+
+def test_ways_are_where_they_belong():
+    picture = ways_picture(
+        GRID, [("planned", [[0.0, 0.0], [1.0, 0.0], None, [2.0, 0.5], [2.5, 0.5]])], [("broke", (1, 0))]
+    )
+    assert picture.count("<polyline") == 2
+    assert 'points="60.0,60.0 120.0,60.0"' in picture  # 60 px a metre from the corner (-1, 1)
+    assert '<circle class="broke" cx="120.0" cy="60.0"' in picture
+    turned = ways_picture(GRID, [], T_picture_grid=SE2(0.0, 0.0, np.pi / 2))
+    assert re.search(r'viewBox="0 0 120 240"', turned)
+
+
+def test_curves_end_where_the_data_do():
+    drawing = curves([("first", np.array([0.0, 5.0, 10.0]), np.array([0.0, 0.5, 1.0]))], "m", "share")
+    x, y = drawing.split('points="')[1].split('"')[0].split()[-1].split(",")
+    assert (float(x), float(y)) == (508.0, 8.0)
+
+
+def test_pieces_of_a_page_are_safe():
+    body = table(["a", "b"], [["<x>", "1"]]) + figures([("c & d", "<svg></svg>")])
+    text = page("T <1>", "facts", [Section("S & S", body)])
+    assert "&lt;x&gt;" in text
+    assert "c &amp; d" in text
+    assert "<h2>S &amp; S</h2>" in text
+    assert "T &lt;1&gt;" in text
+    assert interval(Interval(0.5, 0.25, 0.75)) == "0.50 [0.25, 0.75]"
+    assert interval(None) == "unknown"

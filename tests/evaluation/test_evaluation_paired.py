@@ -1,0 +1,53 @@
+"""Intervals and tests against textbook values."""
+
+import numpy as np
+import pytest
+
+from vsx_ros.errors import InputError
+from vsx_ros.evaluation.paired import mean_interval, ratio_interval, share_interval, sign_test
+
+
+def test_the_mean_of_many_has_the_interval_of_the_normal_law():
+    values = np.random.default_rng(1).normal(5.0, 2.0, 400)
+    interval = mean_interval(values.tolist())
+    half = 1.96 * values.std() / 20
+    assert interval.value == pytest.approx(values.mean())
+    assert interval.low == pytest.approx(values.mean() - half, abs=0.15 * half)
+    assert interval.high == pytest.approx(values.mean() + half, abs=0.15 * half)
+    assert mean_interval([3.0, 3.0]) == (3.0, 3.0, 3.0)
+
+
+def test_pairs_are_drawn_together():
+    below = np.random.default_rng(2).uniform(1.0, 100.0, 50)
+    assert ratio_interval((3 * below).tolist(), below.tolist()) == pytest.approx((3.0, 3.0, 3.0))
+    assert ratio_interval([4.0, 6.0], [1.0, 4.0]).value == pytest.approx(2.0)
+
+
+def test_a_share_of_none_still_leaves_room():
+    """Wilson's interval; 0 of 60 proves less than 6 %."""
+    none = share_interval(0, 60)
+    assert (none.value, none.low) == (0.0, 0.0)
+    assert none.high == pytest.approx(0.0602, abs=2e-4)
+    half = share_interval(10, 20)
+    assert (half.low, half.high) == (pytest.approx(0.2993, abs=2e-4), pytest.approx(0.7007, abs=2e-4))
+
+
+def test_the_sign_test_is_the_binomial_one():
+    assert sign_test([1, 2, 3, 4, 5, 6], [0] * 6) == pytest.approx(2 / 64)
+    assert sign_test([1, 0], [0, 1]) == 1.0
+    assert sign_test([1, 1, 1], [1, 1, 1]) == 1.0
+    assert sign_test([1] * 9 + [0], [0] * 9 + [1]) == pytest.approx(2 * 11 / 1024)
+
+
+@pytest.mark.parametrize(
+    "of", [lambda: mean_interval([]), lambda: ratio_interval([], []), lambda: share_interval(0, 0)]
+)
+def test_nothing_proves_nothing(of):
+    with pytest.raises(InputError, match="failures"):
+        of()
+
+
+def test_nothing_divides_nothing():
+    with pytest.raises(InputError, match="zero in every run"):
+        ratio_interval([1.0, 2.0], [0.0, 0.0])
+    assert np.isfinite(ratio_interval([1.0, 1.0, 1.0], [0.0, 1.0, 0.0])).all()
