@@ -18,7 +18,7 @@ pytest.importorskip("rospy")
 
 from ros_ports import free_port
 
-from vsx_ros.cli.exit_codes import FAILED, STOPPED
+from vsx_ros.cli.exit_codes import DONE, FAILED, STOPPED
 from vsx_ros.io.run_folder import RunFolder
 
 pytestmark = pytest.mark.ros
@@ -76,6 +76,22 @@ def test_ctrl_c_stops_the_robot_ends_every_process_and_leaves_a_run_folder(tmp_p
     assert moved_m < 0.002, "the robot still rolled when its nodes were ended"
     assert (out / "report.html").exists()
     assert folder.read_map() is not None
+
+
+@pytest.mark.parametrize("base", ["kobuki", "create", "create2"])
+def test_each_base_explores_over_its_emulator(tmp_path: Path, base: str) -> None:
+    out = tmp_path / "run"
+    command = run_command("--world", "lab", "--seed", "1", "--base", base, "--time", "10", "--out", str(out))
+    done = subprocess.run(
+        command, env=environment(tmp_path, free_port()), capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == DONE, done.stderr
+    summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    assert summary["collisions"] == 0
+    assert summary["frames_tracked"] > 0
+    truth = RunFolder.open(out).read_poses("groundtruth")
+    assert 0.05 < float(abs(truth[-1].T.translation - truth[0].T.translation).max()) < 4.0
+    assert "Traceback" not in (out / "log" / "terminal.log").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(
