@@ -141,6 +141,7 @@ def test_hazards_are_told_and_obeyed(
     stack.wait(lambda: int(hazard) in told, 2.0, "the hazard to be told")
     time.sleep(0.3)
     assert stack.plant.moving == allowed
+    assert told.count(int(hazard)) == 1, "an edge is told once"
     monkeypatch.undo()
     stack.wait(lambda: told[-1] & int(hazard) == 0, 2.0, "the hazard to be over")
     subscriber.unregister()
