@@ -17,13 +17,16 @@ pytest.importorskip("rospy")
 import actionlib
 import rospy
 from actionlib_msgs.msg import GoalStatus
+from dynamic_reconfigure.client import Client
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
 from nav_msgs.msg import Odometry
 from nav_msgs.msg import Path as PathMsg
 from nav_msgs.srv import GetPlan
 from std_srvs.srv import Trigger
+from trajectory_msgs.msg import MultiDOFJointTrajectory
 
+from vsx_ros.config import LimitsConfig
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.recording import open_recording
 from vsx_ros.ros import convert, topics
@@ -150,6 +153,27 @@ def test_an_arrow_drawn_in_rviz_is_a_goal(stack: Stack) -> None:
     finally:
         call(topics.EXPLORE_RESUME)
     stack.wait_until_driving()
+
+
+def test_a_client_of_dynamic_reconfigure_slows_it_down(stack: Stack) -> None:
+    client = Client(f"/{topics.MOVE_BASE_ACTION}", timeout=30)
+    limits = LimitsConfig()
+    assert client.update_configuration({"v_m_s": 9.0})["v_m_s"] == limits.v_m_s
+    assert client.update_configuration({"v_m_s": 0.1})["v_m_s"] == 0.1
+    try:
+        begun_ns = time.time_ns()
+        drives: list[MultiDOFJointTrajectory] = []
+
+        def new_drive() -> bool:
+            drives.append(heard(topics.TRAJECTORY, MultiDOFJointTrajectory))
+            return drives[-1].header.stamp.to_nsec() > begun_ns and len(drives[-1].points) > 1
+
+        stack.wait(new_drive, 90.0, "the next drive")
+        fastest = max(abs(point.velocities[0].linear.x) for point in drives[-1].points)
+        assert fastest == pytest.approx(0.1, abs=0.02)
+    finally:
+        client.update_configuration({"v_m_s": limits.v_m_s})
+        client.close()
 
 
 def test_make_plan_answers_without_driving(stack: Stack) -> None:

@@ -137,6 +137,8 @@ PUBLISHED: dict[str, dict[str, str]] = {
         PLAN_MS: "std_msgs/Float32",
         TRAJECTORY: "trajectory_msgs/MultiDOFJointTrajectory",
         FOLLOWER_LEASE: "std_msgs/String",
+        f"{MOVE_BASE_ACTION}/parameter_descriptions": "dynamic_reconfigure/ConfigDescription",
+        f"{MOVE_BASE_ACTION}/parameter_updates": "dynamic_reconfigure/Config",
         f"{MOVE_BASE_ACTION}/status": "actionlib_msgs/GoalStatusArray",
         f"{MOVE_BASE_ACTION}/result": "move_base_msgs/MoveBaseActionResult",
         f"{MOVE_BASE_ACTION}/feedback": "move_base_msgs/MoveBaseActionFeedback",
@@ -171,7 +173,10 @@ SERVICES: dict[str, dict[str, str]] = {
     "camera": {SET_CAMERA_INFO: "sensor_msgs/SetCameraInfo"},
     "mobile_base": {ESTOP: "std_srvs/SetBool", RESET_ODOMETRY: "std_srvs/Trigger"},
     "vslam": {STATIC_MAP: "nav_msgs/GetMap", SAVE_MAP: "std_srvs/Trigger"},
-    "move_base": {MAKE_PLAN: "nav_msgs/GetPlan"},
+    "move_base": {
+        MAKE_PLAN: "nav_msgs/GetPlan",
+        f"{MOVE_BASE_ACTION}/set_parameters": "dynamic_reconfigure/Reconfigure",
+    },
     "follower": {FOLLOWER_CANCEL: "std_srvs/Trigger"},
     "explore": {
         EXPLORE_PAUSE: "std_srvs/Trigger",

@@ -8,7 +8,8 @@ Services: move_base/make_plan.
 Actions: move_base. Goals in frame map are planned in the newest map from the fused pose, goals in frame odom by
     odometry alone: straight or along the trail, without a map. Plans keep the map points in view, drive slowly where
     they cannot, and are refused where that would be long; points much older or newer than the map do not count.
-Parameters: ~config (tree of config.py), ~planner (fov or unconstrained; fov), ~seed (int, 0).
+Parameters: ~config (tree of config.py), ~planner (fov or unconstrained; fov), ~seed (int, 0). While it runs, for the
+    plans to come, by dynamic_reconfigure: ~v_m_s and ~omega_rad_s (up to the configured limits), ~phi_rad_m.
 
 A client that ever renewed move_base/lease must go on doing so while its goal is pursued.
 """
@@ -43,6 +44,7 @@ from vsx_ros.planning.sight import Sight
 from vsx_ros.planning.time_scaling import time_scale
 from vsx_ros.planning.unconstrained import UnconstrainedPlanner
 from vsx_ros.ros import convert, frames, process, topics
+from vsx_ros.ros.adjustable import adjustable_of_plans, serve_adjustable
 from vsx_ros.ros.lease import PERIOD_S, Lease, LeaseWatch
 from vsx_ros.ros.localization import Localization
 from vsx_ros.ros.warm_up import warm_up_planning
@@ -91,6 +93,7 @@ class MoveBaseNode:
         )
         self._server.start()
         process.every(PERIOD_S, "lease", self._renew)
+        serve_adjustable(config, adjustable_of_plans(config.limits), self._on_change)
 
     @staticmethod
     def _chosen_planner(config: Config) -> Planner | UnconstrainedPlanner:
@@ -104,6 +107,11 @@ class MoveBaseNode:
         return kinds[name](config.planner, config.robot)
 
     # Callbacks -----------------------------------------------------------------------------------------------
+
+    def _on_change(self, config: Config) -> None:
+        with self._planning:
+            self._config, self._blind = config, Planner(config.planner, config.robot)
+            self._planner = self._chosen_planner(config)
 
     def _on_map(self, msg: OccupancyGridMsg) -> None:
         self._grid, self._grid_ns = convert.grid(msg), msg.header.stamp.to_nsec()
