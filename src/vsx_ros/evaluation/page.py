@@ -57,7 +57,7 @@ main{max-width:1080px;margin:0 auto;padding:24px 20px 60px}
 h1{font-size:26px;margin:0 0 6px}h2{font-size:18px;margin:36px 0 10px}
 table{border-collapse:collapse;font-size:13.5px;font-variant-numeric:tabular-nums;margin:8px 0 16px}
 td,th{text-align:left;padding:4px 14px 4px 0;border-bottom:1px solid var(--line);vertical-align:top}
-.figures{display:grid;grid-template-columns:repeat(auto-fit,minmax(340px,1fr));gap:16px}
+.figures{display:grid;grid-template-columns:repeat(auto-fit,minmax(400px,1fr));gap:16px}
 figure{margin:0}figcaption{color:var(--soft);font-size:13px}
 svg{display:block;width:100%;height:auto;background:#f3f5f7;border-radius:6px}
 svg text{fill:var(--soft);font:12px system-ui,sans-serif}

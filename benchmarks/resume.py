@@ -1,0 +1,86 @@
+"""Runs killed at random moments and resumed, against the same runs left alone.
+
+    python benchmarks/resume.py --seeds 0:10 --time 60 --kills 2 > benchmarks/resume.txt
+
+Each run is ``vsx explore --fast`` in a process of its own, ended by SIGKILL when its journal has reached a random
+second, then resumed, as often as asked. Both ends are compared: coverage, ATE, breaks, collisions.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from vsx_ros.cli.reproduce import seeds
+from vsx_ros.io.journal import FrameLine, read_journal
+
+VSX = [sys.executable, "-m", "vsx_ros.cli.main", "explore", "--fast"]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--seeds", type=seeds, default=range(10))
+    parser.add_argument("--time", type=float, default=60.0)
+    parser.add_argument("--kills", type=int, default=2)
+    args = parser.parse_args()
+    print(f"{'seed':>4}  {'killed at [s]':20} {'right':>13} {'ATE [m]':>15} {'breaks':>7} {'collisions':>10}  end")
+    as_good = 0
+    for seed in args.seeds:
+        moments = np.sort(np.random.default_rng([seed, 9]).uniform(0.5, args.time - 5.0, args.kills))
+        folder = Path(tempfile.mkdtemp(prefix="vsx-resume-"))
+        try:
+            alone = left_alone(folder / "alone", seed, args.time)
+            resumed = killed(folder / "killed", seed, args.time, moments.tolist())
+        finally:
+            shutil.rmtree(folder)
+        good = (
+            resumed["breaks"] <= alone["breaks"]
+            and resumed["collisions"] <= alone["collisions"]
+            and resumed["coverage_correct"] >= alone["coverage_correct"] - 0.1
+            and resumed["ate_rmse_m"] <= max(0.05, 2.0 * alone["ate_rmse_m"])
+        )
+        as_good += good
+        both = [(alone[key], resumed[key]) for key in ("coverage_correct", "ate_rmse_m", "breaks", "collisions")]
+        (a, b), (c, d), (e, f), (g, h) = both
+        when = " ".join(f"{moment:.1f}" for moment in moments)
+        end = "as good" if good else "worse: " + resumed["stop_reason"]
+        print(f"{seed:4}  {when:20} {a:.3f} {b:.3f}   {c:.4f} {d:.4f} {e:3} {f:3} {g:5} {h:4}  {end}", flush=True)
+    print(f"as good as left alone: {as_good} of {len(args.seeds)} (each pair: left alone, killed and resumed)")
+
+
+def left_alone(out: Path, seed: int, time_s: float) -> dict:
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    subprocess.run([*VSX, "--seed", str(seed), "--time", str(time_s), "--out", str(out)], check=False, **quiet)
+    return json.loads((out / "summary.json").read_text())
+
+
+def killed(out: Path, seed: int, time_s: float, moments: list[float]) -> dict:
+    command = [*VSX, "--seed", str(seed), "--time", str(time_s), "--out", str(out)]
+    for moment in moments:
+        with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as run:
+            while run.poll() is None and reached(out) < moment:
+                time.sleep(0.05)
+            if run.poll() is None:
+                os.kill(run.pid, signal.SIGKILL)
+        command = [*VSX, "--resume", str(out)]
+    subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=False)
+    return json.loads((out / "summary.json").read_text())
+
+
+def reached(out: Path) -> float:
+    frames = [line for line in read_journal(out / "resume" / "journal.jsonl") if isinstance(line, FrameLine)]
+    return frames[-1].stamp_ns * 1e-9 if frames else 0.0
+
+
+if __name__ == "__main__":
+    main()
