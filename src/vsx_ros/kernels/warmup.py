@@ -25,6 +25,7 @@ from vsx_ros.kernels import (
     scan_casting,
     shortcuts,
     surface_cells,
+    tracking,
 )
 from vsx_ros.kernels.floor import no_floor
 from vsx_ros.kernels.relative_pose import Factors
@@ -123,6 +124,8 @@ def _tracking() -> None:
     alignment.align_small(small, small, 2)
     found, uv = patches.search(pixels, table, corners, row_table, looks, usable, level, uv, 10.0, 2)
     pose.optimize_pose(camera, eye, zero, points, rows, uv, level, found, np.zeros(6), 1, 2, 0.4)
+    tracking.count_hidden(uv, np.ones(len(uv)), found, 16, 1.25)
+    tracking.index_rows(corners, np.zeros(4, np.int64), table)
 
 
 def _mapping() -> None:

@@ -30,6 +30,7 @@ class MotionModel:
 
     def __init__(self, T_base_cam: SE3 | None, focal_px: float) -> None:
         self._T_base_cam = T_base_cam
+        self._T_cam_base = SE3.identity() if T_base_cam is None else T_base_cam.inverse()
         self._focal_px = focal_px
         self._velocity: FloatArray = np.zeros(6)
         self._last: tuple[FrameData, SE3] | None = None
@@ -58,7 +59,7 @@ class MotionModel:
         if self._T_base_cam is None or before.T_odom_base is None or now.T_odom_base is None:
             return None
         base = SE3.from_se2(before.T_odom_base.inverse() @ now.T_odom_base)
-        return self._T_base_cam.inverse() @ base @ self._T_base_cam
+        return self._T_cam_base @ base @ self._T_base_cam
 
     @property
     def last_pose(self) -> SE3 | None:

@@ -10,6 +10,7 @@ from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels
 from vsx_ros.config import TrackerConfig
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.projection import predict, project_rows
+from vsx_ros.kernels.tracking import count_hidden
 from vsx_ros.slam.keyframe import FrameData
 from vsx_ros.slam.map import MapView
 from vsx_ros.slam.pose_optimization import PoseEstimate, optimized
@@ -189,11 +190,7 @@ class Tracker:
 def hidden(uv: Pixels, depth: FloatArray, found: BoolArray) -> int:
     """How many points at uv (S, 2) px and depth (S,) m are not found and a quarter farther away than a found one in the
     same 16 px of the image."""
-    column, row = (uv // HIDING_CELL_PX).astype(np.int64).T
-    cell = row * (int(column.max(initial=0)) + 1) + column
-    nearest = np.full(int(cell.max(initial=0)) + 1, np.inf)
-    np.minimum.at(nearest, cell[found], depth[found])
-    return int(np.count_nonzero(~found & (depth > BEHIND * nearest[cell])))
+    return int(count_hidden(uv, depth, found, HIDING_CELL_PX, BEHIND))
 
 
 def predicted(camera: FloatArray, T_cam_world: SE3, view: MapView, rows: IntArray) -> Predictions:
@@ -231,6 +228,7 @@ class LocalMap:
         self.reference = 0
         self.keyframes: list[int] = []
         self.rows: IntArray = np.zeros(0, np.int64)
+        self._seen, self._seer = self.rows, self.rows
         self.linked: MapView | None = None
 
     def select(self, view: MapView, reference: int) -> None:
@@ -250,8 +248,9 @@ class LocalMap:
         if reference not in chosen:
             chosen.append(reference)
         self.keyframes = chosen
-        for k in chosen:
-            mark[view.keyframes[k].observations.rows] = True
+        seen = [view.keyframes[k].observations.rows for k in chosen]
+        self._seen, self._seer = np.concatenate(seen), np.repeat(np.arange(len(chosen)), [len(rows) for rows in seen])
+        mark[self._seen] = True
         self.rows = np.flatnonzero(mark & view.alive)
 
     def _part(self, view: MapView, linked: IntArray) -> MapView:
@@ -267,9 +266,10 @@ class LocalMap:
         """The keyframe that sees most of the found points; the reference stays unless another one is 20 % better."""
         mark = np.zeros(len(view.points), np.bool_)
         mark[found] = True
-        counts = {k: int(np.count_nonzero(mark[view.keyframes[k].observations.rows])) for k in self.keyframes}
-        best = max(counts, key=lambda k: (counts[k], -k))
-        return best if counts[best] > 1.2 * counts.get(self.reference, 0) else self.reference
+        counts = np.bincount(self._seer[mark[self._seen]], minlength=len(self.keyframes))
+        best = max(range(len(counts)), key=lambda i: (counts[i], -self.keyframes[i]))
+        current = counts[self.keyframes.index(self.reference)]
+        return self.keyframes[best] if counts[best] > 1.2 * current else self.reference
 
 
 def nearest_keyframes(view: MapView, T_world_cam: SE3) -> IntArray:

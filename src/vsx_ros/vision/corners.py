@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import cv2
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsx_ros.arrays import BoolArray, GrayImage
+from vsx_ros.kernels.tracking import index_rows
 from vsx_ros.vision.pyramid import LEVELS, Pyramid
 
 _REFERENCE_PIXELS = 640 * 480
@@ -82,20 +84,22 @@ def _about(image: GrayImage, threshold: int, target: float) -> NDArray[np.int32]
 
 def indexed(levels: list[NDArray[np.int32]], pyramid: Pyramid) -> Corners:
     """Corners from their level px, one (n, 2) a level, sorted by row."""
-    tables, first = [], 0
-    for level, found in enumerate(levels):
-        tables.append(first + np.searchsorted(found[:, 1], np.arange(int(pyramid.table[level, 1]) + 1)))
-        first += len(found)
     counts = tuple(len(found) for found in levels)
-    return Corners(np.concatenate(levels), np.concatenate(tables).astype(np.int64), counts)
+    positions = np.concatenate(levels)
+    return Corners(positions, index_rows(positions, np.array(counts), pyramid.table), counts)
 
 
 def _fast(image: GrayImage, threshold: int, suppress: bool) -> NDArray[np.int32]:
-    keypoints = cv2.FastFeatureDetector.create(threshold, suppress).detect(image)
+    keypoints = _fast_detector(threshold, suppress).detect(image)
     if not keypoints:
         return np.zeros((0, 2), np.int32)
     positions: NDArray[np.int32] = np.asarray(cv2.KeyPoint.convert(keypoints)).astype(np.int32)
     return positions
+
+
+@lru_cache(maxsize=256)
+def _fast_detector(threshold: int, suppress: bool) -> cv2.FastFeatureDetector:
+    return cv2.FastFeatureDetector.create(threshold, suppress)
 
 
 def strongest(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import cv2
@@ -22,7 +23,7 @@ class Pyramid(NamedTuple):
 
     def level(self, index: int) -> GrayImage:
         """(H >> index, W >> index) view of one level."""
-        offset, height, width, _ = (int(n) for n in self.table[index])
+        offset, height, width, _ = self.table[index].tolist()
         return self.pixels[offset : offset + height * width].reshape(height, width)
 
 
@@ -35,6 +36,21 @@ def build_pyramid(image: GrayImage) -> Pyramid:
     height, width = image.shape
     if height < 96 or width < 128:
         raise InputError(f"image: {width}x{height} is too small for a four-level pyramid; use at least 128x96")
+    table, size = _layout(height, width)
+    pyramid = Pyramid(np.empty(size, np.uint8), table)
+    finer = pyramid.level(0)
+    finer[:] = image
+    for index in range(1, LEVELS):
+        h, w = height >> index, width >> index
+        level = pyramid.level(index)
+        cv2.resize(finer[: 2 * h, : 2 * w], (w, h), dst=level, interpolation=cv2.INTER_AREA)
+        finer = level
+    return pyramid
+
+
+@lru_cache(maxsize=4)
+def _layout(height: int, width: int) -> tuple[NDArray[np.int64], int]:
+    """(table, size of the buffer), the same for all images of a size."""
     table = np.zeros((LEVELS, 4), np.int64)
     offset, row = 0, 0
     for index in range(LEVELS):
@@ -42,10 +58,4 @@ def build_pyramid(image: GrayImage) -> Pyramid:
         table[index] = offset, h, w, row
         offset += h * w
         row += h + 1
-    pyramid = Pyramid(np.empty(offset, np.uint8), table)
-    pyramid.level(0)[:] = image
-    for index in range(1, LEVELS):
-        finer = pyramid.level(index - 1)
-        h, w = height >> index, width >> index
-        cv2.resize(finer[: 2 * h, : 2 * w], (w, h), dst=pyramid.level(index), interpolation=cv2.INTER_AREA)
-    return pyramid
+    return table, offset
