@@ -59,7 +59,7 @@ class Checkpoint:
                 if _file(keyframe) not in there:
                     picture = self.path / "keyframes" / _file(keyframe)
                     write_bytes(picture, encoded(keyframe.data.pyramid.level(0)), durable=True)
-            write_bytes(self.path / "map.zip", seal(entries), durable=True)
+            write_bytes(self.path / "map.zip", seal(entries, quick=True), durable=True)
             for name in there - {_file(k) for k in living}:
                 (self.path / "keyframes" / name).unlink(missing_ok=True)
         except OSError as error:

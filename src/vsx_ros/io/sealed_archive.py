@@ -12,12 +12,13 @@ _SEAL = 64
 _ZIP = b"PK\x03\x04"
 
 
-def seal(entries: Mapping[str, bytes]) -> bytes:
-    """The archive's bytes, the same for the same entries; pictures (.png) are packed as they are."""
+def seal(entries: Mapping[str, bytes], *, quick: bool = False) -> bytes:
+    """The archive's bytes, the same for the same entries; pictures (.png) are packed as they are, and all else too
+    where it shall be quick rather than small."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as archive:
         for name, content in entries.items():
-            method = zipfile.ZIP_STORED if name.endswith(".png") else zipfile.ZIP_DEFLATED
+            method = zipfile.ZIP_STORED if quick or name.endswith(".png") else zipfile.ZIP_DEFLATED
             archive.writestr(zipfile.ZipInfo(name), content, method, compresslevel=1)
         archive.comment = b"0" * _SEAL
     body = buffer.getbuffer()[:-_SEAL]
