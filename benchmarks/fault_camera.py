@@ -13,27 +13,18 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
-import os
 import queue
-import signal
 import socket
-import sys
-import tempfile
 import threading
 import time
 from pathlib import Path
 
 import numpy as np
+from exploring_robot import begin, home, new_stack, ready
 
-TESTS = Path(__file__).resolve().parents[1] / "tests" / "ros"
-sys.path.insert(0, str(TESTS))
-
-from fault_nodes import begin, ready  # noqa: E402
-from ros_ports import HOST, free_port  # noqa: E402
-
-from vsx_hw.errors import DeviceError  # noqa: E402
-from vsx_hw.kinect import wire  # noqa: E402
-from vsx_hw.kinect.protocol import FLAG_START, HEADER_BYTES  # noqa: E402
+from vsx_hw.errors import DeviceError
+from vsx_hw.kinect import wire
+from vsx_hw.kinect.protocol import FLAG_START, HEADER_BYTES
 
 FAULTS = ("unplugged", "off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent")
 WATCH_S = 4.0
@@ -58,12 +49,13 @@ class FaultyCable:
         threading.Thread(target=self._accept, daemon=True).start()
 
     @classmethod
-    def below(cls, stack: object, folder: Path) -> FaultyCable:
+    def below(cls, stack: object) -> FaultyCable:
         """Between the camera of a stack that is not up yet and its driver."""
-        cable = cls(str(folder / "cable"), str(folder / "camera"))
-        (folder / "cable.yaml").symlink_to(folder / "camera.yaml")
-        camera = stack.nodes["camera"]
-        stack.nodes["camera"] = camera._replace(params={**camera.params, "device": f"emulator:{folder / 'cable'}"})
+        node = stack.nodes["camera"]
+        camera = str(node.params["device"]).partition(":")[2]
+        cable = cls(camera + "-cable", camera)
+        Path(camera + "-cable.yaml").symlink_to(camera + ".yaml")
+        stack.nodes["camera"] = node._replace(params={**node.params, "device": f"emulator:{camera}-cable"})
         return cable
 
     def inject(self, fault: str) -> None:
@@ -194,15 +186,10 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--out", type=Path, default=Path(__file__).with_suffix(".json"))
     args = parser.parse_args()
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    end_s = time.monotonic() + 60.0 * args.minutes
-    folder = Path(tempfile.mkdtemp(prefix="vsxf"))
-    os.environ.update(ROS_MASTER_URI=f"http://{HOST}:{free_port()}", ROS_HOSTNAME=HOST, ROS_LOG_DIR=str(folder))
-    from conftest import Stack
-
+    end_s, folder = time.monotonic() + 60.0 * args.minutes, home()
     results = json.loads(args.out.read_text()) if args.out.exists() else {}
-    stack = Stack(folder)
-    cable = FaultyCable.below(stack, folder)
+    stack = new_stack(folder)
+    cable = FaultyCable.below(stack)
     try:
         stack.up()
         ear = Ear()

@@ -13,53 +13,15 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import signal
-import sys
-import tempfile
 import time
 from pathlib import Path
 
-TESTS = Path(__file__).resolve().parents[1] / "tests" / "ros"
-sys.path.insert(0, str(TESTS))
-
-from ros_ports import HOST, free_port  # noqa: E402
+from exploring_robot import begin, home, new_stack, ready
 
 NODES = ("mobile_base", "follower", "move_base", "explore", "camera", "vslam", "rosmaster")
 SIGNALS = {"killed": signal.SIGKILL, "hung": signal.SIGSTOP, "stopped": signal.SIGINT}
 WATCH_S = 1.5
-START_S = 15.0
-"""Before a map exists, a robot that is held back gives up."""
-
-
-def wait_for_motion(stack: object, seconds: float) -> bool:
-    """The wheels turn, and have done so for 0.3 s."""
-    deadline, since = time.monotonic() + seconds, 0.0
-    while time.monotonic() < deadline:
-        since = (since or time.monotonic()) if stack.plant.moving else 0.0
-        if since and time.monotonic() - since > 0.3:
-            return True
-        time.sleep(0.02)
-    return False
-
-
-def ready(stack: object) -> bool:
-    """The robot drives; where it has given up, what could have made it give up is started anew."""
-    for restart in ((), ("explore",), ("vslam", "explore"), ("vslam", "move_base", "follower", "explore")):
-        for node in restart:
-            stack._processes.pop(node).send_signal(signal.SIGKILL)
-            stack.start(node)
-        if "vslam" in restart:
-            begin(stack)
-        if wait_for_motion(stack, 30.0):
-            return True
-    return False
-
-
-def begin(stack: object) -> None:
-    """Let the map start."""
-    wait_for_motion(stack, 90.0)
-    time.sleep(START_S)
 
 
 def repetition(stack: object, node: str, how: str) -> float:
@@ -89,12 +51,7 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=240.0)
     parser.add_argument("--out", type=Path, default=Path(__file__).with_suffix(".json"))
     args = parser.parse_args()
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    end_s = time.monotonic() + 60.0 * args.minutes
-    folder = Path(tempfile.mkdtemp(prefix="vsxf"))
-    os.environ.update(ROS_MASTER_URI=f"http://{HOST}:{free_port()}", ROS_HOSTNAME=HOST, ROS_LOG_DIR=str(folder))
-    from conftest import Stack
-
+    end_s, folder = time.monotonic() + 60.0 * args.minutes, home()
     results = json.loads(args.out.read_text()) if args.out.exists() else {}
     stack = None
     try:
@@ -103,7 +60,7 @@ def main() -> None:
                 turned = results.setdefault(f"{node} {how}", [])
                 while len(turned) < args.repetitions and time.monotonic() < end_s:
                     if stack is None:
-                        stack = Stack(Path(tempfile.mkdtemp(dir=folder)))
+                        stack = new_stack(folder)
                         stack.up()
                         begin(stack)
                     if not ready(stack):

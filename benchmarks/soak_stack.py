@@ -11,22 +11,12 @@ from __future__ import annotations
 
 import argparse
 import math
-import os
 import random
-import signal
-import sys
-import tempfile
 import time
-from pathlib import Path
 
 import numpy as np
-
-TESTS = Path(__file__).resolve().parents[1] / "tests" / "ros"
-sys.path.insert(0, str(TESTS))
-
-from fault_camera import FaultyCable  # noqa: E402
-from fault_nodes import wait_for_motion  # noqa: E402
-from ros_ports import HOST, free_port  # noqa: E402
+from exploring_robot import home, new_stack, wait_for_motion
+from fault_camera import FaultyCable
 
 PERIOD_S, WARM_S = 20.0, 180.0
 CAMERA_FAULTS, BASE_FAULTS = ("unplugged", "off", "slow"), ("unplug", "silence", "bytes")
@@ -124,13 +114,8 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--without-faults", action="store_true")
     args = parser.parse_args()
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    folder = Path(tempfile.mkdtemp(prefix="vsxs"))
-    os.environ.update(ROS_MASTER_URI=f"http://{HOST}:{free_port()}", ROS_HOSTNAME=HOST, ROS_LOG_DIR=str(folder))
-    from conftest import Stack
-
-    stack = Stack(folder)
-    cable = FaultyCable.below(stack, folder)
+    stack = new_stack(home())
+    cable = FaultyCable.below(stack)
     try:
         stack.up()
         soak(stack, cable, args.minutes, not args.without_faults)

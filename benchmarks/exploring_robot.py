@@ -1,0 +1,63 @@
+"""The stack of the live tests, for benchmarks that hurt it: real nodes explore the emulated lab over real drivers."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+TESTS = Path(__file__).resolve().parents[1] / "tests" / "ros"
+START_S = 15.0
+"""Before a map exists, a robot that is held back gives up."""
+
+
+def home() -> Path:
+    """A folder for all that the nodes write; this process and its nodes get a master's address of their own. Being
+    terminated is from now on an interruption, so that the nodes are ended."""
+    sys.path.insert(0, str(TESTS))
+    from ros_ports import HOST, free_port
+
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    folder = Path(tempfile.mkdtemp(prefix="vsxf"))
+    os.environ.update(ROS_MASTER_URI=f"http://{HOST}:{free_port()}", ROS_HOSTNAME=HOST, ROS_LOG_DIR=str(folder))
+    return folder
+
+
+def new_stack(folder: Path) -> object:
+    """A stack that is not up yet; call ``home`` first. It lives in a folder of its own within this one."""
+    from conftest import Stack
+
+    return Stack(Path(tempfile.mkdtemp(dir=folder)))
+
+
+def wait_for_motion(stack: object, seconds: float) -> bool:
+    """The wheels turn, and have done so for 0.3 s."""
+    deadline, since = time.monotonic() + seconds, 0.0
+    while time.monotonic() < deadline:
+        since = (since or time.monotonic()) if stack.plant.moving else 0.0
+        if since and time.monotonic() - since > 0.3:
+            return True
+        time.sleep(0.02)
+    return False
+
+
+def begin(stack: object) -> None:
+    """Let the map start."""
+    wait_for_motion(stack, 90.0)
+    time.sleep(START_S)
+
+
+def ready(stack: object) -> bool:
+    """The robot drives; where it has given up, what could have made it give up is started anew."""
+    for restart in ((), ("explore",), ("vslam", "explore"), ("vslam", "move_base", "follower", "explore")):
+        for node in restart:
+            stack.kill(node)
+            stack.start(node)
+        if "vslam" in restart:
+            begin(stack)
+        if wait_for_motion(stack, 30.0):
+            return True
+    return False
