@@ -28,5 +28,8 @@ def into(module: str) -> None:
         sys.exit(f"vsx_ros is not set up: there is no {_default_python()}; run scripts/demo or scripts/test once")
     os.environ.pop(GUARD, None)
     checkout = Path(__file__).resolve().parent.parent
-    sys.path[:0] = [str(checkout / "src"), str(checkout / "hw")]
+    sources = [str(checkout / "src"), str(checkout / "hw")]
+    sys.path[:0] = sources
+    # For the programs this one becomes or starts, from whatever folder it was called.
+    os.environ["PYTHONPATH"] = os.pathsep.join([*sources, *filter(None, [os.environ.get("PYTHONPATH")])])
     importlib.import_module(module).main()

@@ -138,6 +138,7 @@ def _watch(
     """
     started_s = time.monotonic()
     began_s: float | None = None
+    trouble: dict[str, str] = {}
     while True:
         time.sleep(_TICK_S)
         now_s = time.monotonic()
@@ -146,9 +147,8 @@ def _watch(
         elapsed_s = journal.clock.elapsed_s + (now_s - began_s if began_s is not None else 0.0)
         ending = _ending(live, witness, elapsed_s, limit_s)
         if ending is None and began_s is None and now_s - started_s > _READY_WAIT_S:
-            ending = Ending(
-                f"the nodes were not ready within {_READY_WAIT_S:.0f} s; see the run's log folder", HARDWARE
-            )
+            why = "; ".join(trouble.values()) or "see the run's log folder"
+            ending = Ending(f"the robot was not ready within {_READY_WAIT_S:.0f} s: {why}", HARDWARE)
         journal.keep(witness, process.now_ns(), elapsed_s)
         if ending is not None:
             return ending
@@ -156,6 +156,8 @@ def _watch(
         if began_s is not None or not witness.emulated:  # emulated devices appear while their drivers already look
             for warning in warnings:
                 progress.say(warning)
+                if (node := warning.partition(":")[0]) in ("mobile_base", "camera"):
+                    trouble[node] = warning
         if progress.is_due:
             progress.show(progress_line(witness, coverage.of(witness), elapsed_s, limit_s))
 
