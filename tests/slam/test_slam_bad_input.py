@@ -208,6 +208,30 @@ def test_stamps_that_do_not_advance_are_refused_and_leave_no_trace(arc_drive):
     assert done.worst_m < 0.02
 
 
+def test_images_that_change_size_or_type_on_the_way_are_refused_and_overcome(arc_drive):
+    def other(k, frame, odometry):
+        pictures = {FIRST: frame.image[::2, ::2].copy(), FIRST + 1: frame.image.astype(np.float32)}
+        return frame._replace(image=pictures.get(k, frame.image)), odometry
+
+    done = run(arc_drive, other)
+    assert len(done.refused) == 2
+    assert "image of 320x240 does not fit the calibration for 640x480" in done.refused[0]
+    assert "float32" in done.refused[1]
+    assert set(done.states(FIRST)) <= set(TRACKED)
+    assert done.worst_m < 0.02
+
+
+def test_a_stamp_from_the_future_is_a_marked_gap_and_what_follows_it_is_refused(arc_drive):
+    def ahead(k, frame, odometry):
+        return frame._replace(stamp_ns=frame.stamp_ns + (10**10 if k == FIRST else 0)), odometry
+
+    done = run(arc_drive, ahead)
+    assert any("no frame for 10." in reason for reason in done.reasons("gap"))
+    assert len(done.refused) == len(arc_drive.frames) - FIRST - 1
+    assert all("is not after the one before" in text for text in done.refused)
+    assert done.worst_m < 0.02
+
+
 def test_minutes_without_a_frame_are_a_marked_gap(arc_drive):
     def later(k, frame, odometry):
         shift = 300 * 10**9 if k >= FIRST else 0
