@@ -36,12 +36,12 @@ def _odometry(stamp_ns: int, T_odom_base: SE3, v: float, omega: float) -> Any:
     return T["nav_msgs/msg/Odometry"](_header(stamp_ns), "base", pose, with_covariance)
 
 
-def _info(camera: Any) -> Any:
+def _info(camera: Any, stamp_ns: int) -> Any:
     roi = T["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
     P = np.column_stack([camera.K, np.zeros(3)]).ravel()
     size, distortion = (camera.height, camera.width), np.array(camera.distortion)
     return T["sensor_msgs/msg/CameraInfo"](
-        _header(START_NS), *size, "plumb_bob", distortion, camera.K.ravel(), np.eye(3).ravel(), P, 0, 0, roi
+        _header(stamp_ns), *size, "plumb_bob", distortion, camera.K.ravel(), np.eye(3).ravel(), P, 0, 0, roi
     )
 
 
@@ -57,7 +57,6 @@ def write_drive(path: Path, frames: int) -> Path:
                 connections[topic] = writer.add_connection(topic, kind, typestore=TYPES)
             writer.write(connections[topic], stamp_ns, TYPES.serialize_ros1(message, kind))
 
-        write("/kinect/camera_info", _info(robot.camera_given), START_NS)
         for _ in range(frames):
             frame, reading = robot.step(VelocityCommand(0.2, 0.0))
             stamp_ns = START_NS + frame.stamp_ns
@@ -69,6 +68,7 @@ def write_drive(path: Path, frames: int) -> Path:
                 _odometry(odometry_ns, SE3.from_se2(reading.T_odom_base), reading.v, reading.omega),
                 odometry_ns,
             )
+            write("/kinect/camera_info", _info(robot.camera_given, stamp_ns), stamp_ns)
             write("/kinect/image_raw", image, stamp_ns)
             truth = T["geometry_msgs/msg/PoseStamped"](_header(stamp_ns), _pose(robot.truth.T_world_cam))
             write("/ground_truth/camera", truth, stamp_ns)

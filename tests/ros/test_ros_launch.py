@@ -27,6 +27,7 @@ def described(files: list[Any], texts: list[str]) -> tuple[dict[str, Any], dict[
             node.type,
             node.args,
             node.respawn,
+            node.required,
             node.output,
             dict(node.env_args),
         )
@@ -61,9 +62,11 @@ def test_launch_files_and_the_table_agree(name: str, args: list[str], nodes: lis
 
 
 def test_replay_agrees_too() -> None:
-    file = (str(CHECKOUT / "launch" / "replay.launch"), ["bag:=/data/a.bag", "rate:=2"])
-    nodes, params = described([file], [])
-    assert (nodes, params) == described([], [launch.xml(launch.replay("/data/a.bag", 2), {}, {"use_sim_time": True})])
+    words = ["bag:=/data/a.bag", "rate:=2", "image_topic:=/cam/image"]
+    nodes, params = described([(str(CHECKOUT / "launch" / "replay.launch"), words)], [])
+    table = launch.replay("/data/a.bag", 2, named=launch.BagTopics("/cam/image"))
+    assert (nodes, params) == described([], [launch.xml(table, {}, {"use_sim_time": True})])
+    assert "/cam/image:=camera/rgb/image_raw" in nodes["/player"][2]
     assert params["/use_sim_time"] is True
 
 

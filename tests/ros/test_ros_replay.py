@@ -23,6 +23,7 @@ from vsx_ros.io.run_folder import RunFolder
 
 pytestmark = pytest.mark.ros
 
+CHECKOUT = Path(__file__).resolve().parents[2]
 FRAMES = 60
 
 
@@ -72,6 +73,22 @@ def test_the_nodes_find_what_lock_step_finds(bag: Path, in_lock_step: RunFolder,
     assert free_m2[0] == pytest.approx(free_m2[1], rel=0.3)
     assert (out / "report.html").exists()
     assert not list((out / "log").glob("*.active"))
+
+
+def test_rosbags_own_player_feeds_the_nodes_too(bag: Path, in_lock_step: RunFolder, tmp_path: Path) -> None:
+    """roslaunch ends by itself when the bag does, and leaves the results."""
+    names = ["image_topic:=/kinect/image_raw", "camera_info_topic:=/kinect/camera_info", "odometry_topic:=/wheels"]
+    done = subprocess.run(
+        ["roslaunch", "vsx_ros", "replay.launch", f"bag:={bag}", f"run_dir:={tmp_path / 'run'}", *names],
+        env={**environment(tmp_path), "ROS_PACKAGE_PATH": f"{CHECKOUT}:/usr/share", "VSX_PYTHON": sys.executable},
+        capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    folder = RunFolder(tmp_path / "run")
+    assert (folder.path / "summary.json").exists(), done.stdout + done.stderr
+    expected = in_lock_step.read_summary()["frames_tracked"]
+    assert folder.read_summary()["frames_tracked"] == pytest.approx(expected, abs=15)
+    here, there = folder.read_poses("trajectory")[-1], in_lock_step.read_poses("trajectory")[-1]
+    assert abs(here.T.translation - there.T.translation).max() < 0.1
 
 
 def test_ctrl_c_ends_it_and_a_second_replay_is_refused(bag: Path, tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ import yaml
 
 from vsx_ros.cli.own_address import tell_ros
 from vsx_ros.errors import ConfigError
+from vsx_ros.ros import topics
 
 DEFAULT_MASTER = "http://localhost:11311"
 SIGINT_TIMEOUT_S, SIGTERM_TIMEOUT_S = 3.0, 1.0
@@ -28,7 +29,8 @@ ENVIRONMENT = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "NUMBA_NUM_T
 
 
 class LaunchNode(NamedTuple):
-    """One process. respawn: start it again when it dies; the wheels stand until it is back."""
+    """One process. respawn: start it again when it dies; the wheels stand until it is back. required: its end is the
+    end of all."""
 
     name: str
     params: dict[str, Any]
@@ -36,6 +38,15 @@ class LaunchNode(NamedTuple):
     package: str = "vsx_ros"
     type: str = ""
     args: str = ""
+    required: bool = False
+
+
+class BagTopics(NamedTuple):
+    """What a bag calls the camera and the wheels."""
+
+    image: str = "/camera/rgb/image_raw"
+    camera_info: str = "/camera/rgb/camera_info"
+    odometry: str = "/odom"
 
 
 def bringup(base: str = "auto", port: str = "/dev/kobuki", camera: str = "kinect", info: str = "") -> list[LaunchNode]:
@@ -72,10 +83,15 @@ def view(host: str = "127.0.0.1", port: int = 8765) -> list[LaunchNode]:
     return [LaunchNode("dashboard", {"host": host, "port": port}, respawn=True)]
 
 
-def replay(bag: str, rate: float = 1.0, use_odometry: bool = True, run_dir: str = "") -> list[LaunchNode]:
-    """A recording in place of the robot; only the SLAM listens."""
-    play = f"--clock --delay 3 -r {rate:g} {shlex.quote(bag)}"
-    player = LaunchNode("player", {}, package="rosbag", type="play", args=play)
+def replay(
+    bag: str, rate: float = 1.0, use_odometry: bool = True, run_dir: str = "", named: BagTopics | None = None
+) -> list[LaunchNode]:
+    """A recording in place of the robot, by rosbag's own player; only the SLAM listens. It ends with the bag."""
+    named = named or BagTopics()
+    ours = (topics.IMAGE, topics.CAMERA_INFO, topics.ODOM)
+    renamed = " ".join(f"{theirs}:={our}" for theirs, our in zip(named, ours))
+    play = f"--clock --wait-for-subscribers -r {rate:g} {shlex.quote(bag)} --topics {' '.join(named)} {renamed}"
+    player = LaunchNode("player", {}, package="rosbag", type="play", args=play, required=True)
     return [LaunchNode("vslam", {"seed": 0, "run_dir": run_dir, "use_odometry": use_odometry}), player]
 
 
@@ -90,7 +106,8 @@ def xml(nodes: list[LaunchNode], config: dict[str, Any], params: dict[str, Any] 
     for node in nodes:
         lines.append(
             f'  <node pkg="{node.package}" type="{node.type or node.name}" name="{node.name}" output="screen"'
-            f' respawn="{str(node.respawn).lower()}" args={quoteattr(node.args)}>'
+            f' respawn="{str(node.respawn).lower()}" required="{str(node.required).lower()}"'
+            f" args={quoteattr(node.args)}>"
         )
         lines += [_param(name, value, "    ") for name, value in node.params.items()]
         lines.append("  </node>")

@@ -28,7 +28,8 @@ _TEXTS = {
 def nodes_of(name: str, args: argparse.Namespace) -> list[LaunchNode]:
     """The nodes of a launch by its name and options."""
     if name == "replay":
-        return launch.replay(str(args.bag.resolve()), args.rate, not args.without_odometry, args.run_dir)
+        named = launch.BagTopics(args.image_topic, args.camera_info_topic, args.odometry_topic)
+        return launch.replay(str(args.bag.resolve()), args.rate, not args.without_odometry, args.run_dir, named)
     if name == "simulate":
         open_world(args.world, args.seed)
         robot = launch.emulation(args.world, args.seed, args.devices, args.base)
@@ -43,7 +44,9 @@ def parser(name: str) -> argparse.ArgumentParser:
     add: Callable[..., Any] = options.add_argument
     add("--config", type=Path, help="YAML with parameters, as 'vsx config' prints it")
     if name == "replay":
-        add("--bag", type=Path, required=True, help="bag with camera/rgb/image_raw, camera/rgb/camera_info and odom")
+        add("--bag", type=Path, required=True, help="bag with raw images, camera_info and odometry")
+        for name, default in launch.BagTopics()._asdict().items():
+            add(f"--{name.replace('_', '-')}-topic", default=default, help=f"what the bag calls it ({default})")
         add("--rate", type=float, default=1.0, help="1 is real time")
         add("--without-odometry", action="store_true", help="the bag has none: the map has no scale")
         add("--run-dir", default="", help="folder for the results of the SLAM")

@@ -1,0 +1,52 @@
+"""Frame names with and without a namespace."""
+
+import pytest
+
+pytest.importorskip("rospy")
+
+from geometry_msgs.msg import PoseStamped
+
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.ros import convert, frames
+
+
+@pytest.fixture(params=["", "a", "fleet/a"])
+def prefix(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    monkeypatch.setattr(frames, "_prefix", request.param)
+    return str(request.param)
+
+
+def test_what_is_said_is_understood(prefix: str) -> None:
+    for name in ("map", "odom", "base_footprint"):
+        assert frames.bare(frames.own(name)) == name
+        assert frames.bare(f"/{frames.own(name)}") == name
+        assert frames.bare(name) == name
+    assert frames.own("") == ""
+
+
+def test_messages_carry_the_prefix(prefix: str) -> None:
+    said = f"{prefix}/map" if prefix else "map"
+    pose: PoseStamped = convert.pose_stamped("map", 0, SE2())
+    edge = convert.transform_stamped("map", "odom", 0, SE2())
+    assert pose.header.frame_id == edge.header.frame_id == said
+    assert edge.child_frame_id == said.replace("map", "odom")
+
+
+def test_another_robots_map_is_not_ours(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(frames, "_prefix", "a")
+    assert frames.bare("b/map") == "b/map"
+
+
+@pytest.mark.parametrize(
+    ("namespace", "parameter", "expected"),
+    [("/", None, ""), ("/a/", None, "a"), ("/fleet/a/", None, "fleet/a"), ("/a/", "", ""), ("/", "robot1/", "robot1")],
+)
+def test_the_parameter_goes_before_the_namespace(
+    namespace: str, parameter: str | None, expected: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(frames, "_prefix", "before")
+    monkeypatch.setattr("rospy.get_namespace", lambda: namespace)
+    monkeypatch.setattr("rospy.search_param", lambda _: None if parameter is None else "/tf_prefix")
+    monkeypatch.setattr("rospy.get_param", lambda _: parameter)
+    frames.adopt_prefix()
+    assert frames.own("map") == (f"{expected}/map" if expected else "map")

@@ -1,0 +1,44 @@
+"""The order in which a recording reaches the nodes."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rospy")
+
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.io.recording import Recording
+from vsx_ros.robot import Frame, Odometry
+from vsx_ros.ros import player
+
+MS = 1_000_000
+IMAGE = np.zeros((2, 2), np.uint8)
+
+
+def recording(images_ms: list[int], odometry_ms: list[int]) -> Recording:
+    odometry = [Odometry(t * MS, SE2(), 0.0, 0.0) for t in odometry_ms]
+    frames = [Frame(t * MS, IMAGE) for t in images_ms]
+    return Recording(Path("x"), None, None, len(frames), None, odometry, [], lambda: iter(frames))
+
+
+def order(images_ms: list[int], odometry_ms: list[int]) -> list[str]:
+    told = player._deliveries(recording(images_ms, odometry_ms))
+    return [f"{'i' if isinstance(m, Frame) else 'o'}{m.stamp_ns // MS}" for m in told]
+
+
+@pytest.mark.parametrize(
+    ("images_ms", "odometry_ms", "expected"),
+    [
+        ([30, 60], [0, 20, 40, 60], "o0 o20 o40 i30 o60 i60"),
+        ([30, 60], [], "i30 i60"),
+        ([0, 30], [20, 40], "o20 o40 i30"),
+        ([5000], [0, 3900, 4100, 5010], "o4100 o5010 i5000"),
+        ([30, 60, 200, 230], [0, 20], "o0 o20 i30 i60 i200 i230"),
+        ([], [0, 20], ""),
+    ],
+)
+def test_an_image_follows_the_odometry_of_its_instant(
+    images_ms: list[int], odometry_ms: list[int], expected: str
+) -> None:
+    assert order(images_ms, odometry_ms) == expected.split()
