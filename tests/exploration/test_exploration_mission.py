@@ -5,7 +5,9 @@ import pytest
 
 from vsx_ros.config import Config
 from vsx_ros.exploration.decision import Action, MissionState, NavigationState, Outcome, Situation
+from vsx_ros.exploration.given_up import GivenUp, near_poses
 from vsx_ros.exploration.mission import Mission
+from vsx_ros.exploration.swing import free_swing
 from vsx_ros.exploration.trail import Trail
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import FREE, UNKNOWN, OccupancyGrid
@@ -119,6 +121,44 @@ def test_it_ends_explored_when_nothing_is_left_and_counts_the_reasons():
     assert "gain too small" in decision.reason
 
 
+def test_where_every_view_is_out_of_reach_it_steps_back_then_turns_and_only_then_gives_up():
+    mission = Mission(Config(), lambda start, grid: lambda poses: np.full(len(poses), np.inf))
+    mission.decide(0, situation(slam_state=TrackingState.NOT_INITIALISED, grid=None))
+    for k in range(1, 12):
+        mission.decide(k, situation(T_odom_base=SE2(0.05 * k, 0, 0), navigation=NavigationState.ACTIVE))
+    decisions = [mission.decide((2 + 3 * k) * SECOND, situation(T_odom_base=SE2(0.5, 0, 0))) for k in range(14)]
+    goals = [decision.goal for decision in decisions if decision.action is Action.GO]
+    config = Config().exploration
+    assert len(goals) == config.retries_boxed_in
+    assert all(decision.frame == "odom" for decision in decisions if decision.action is Action.GO)
+    turns = [abs(goal.theta) for goal in goals]
+    assert max(turns[: config.retries_without_view]) == 0.0
+    phi = Config().planner.phi_rad_m
+    assert turns[config.retries_without_view :] == pytest.approx([config.backtrack_step_m * phi] * 8)
+    assert mission.outcome is Outcome.EXPLORED
+    assert "unreachable" in decisions[-1].reason
+
+
+def test_what_failed_is_tried_again_when_nothing_else_is_left_but_not_for_ever():
+    config = Config()
+    only = SE2(1.0, 0.0, 0.0)
+
+    def one_place(start, grid):
+        return lambda poses: np.where(near_poses(poses, [only], 0.15, 0.2), 1.0, np.inf)
+
+    mission = Mission(config, one_place)
+    mission.decide(0, situation(slam_state=TrackingState.NOT_INITIALISED, grid=None))
+    chosen = 0
+    for k in range(80):
+        decision = mission.decide((1 + 3 * k) * SECOND, situation(navigation=NavigationState.ABORTED))
+        chosen += decision.action is Action.GO and decision.frame == "map"
+        if decision.action is Action.FINISH:
+            break
+    assert mission.outcome is Outcome.EXPLORED
+    assert chosen == 3
+    assert sum("tried again" in event.reason for event in mission.drain_events()) == 2
+
+
 def test_a_bumper_stops_and_then_backs_off():
     mission = mapping_mission()
     for k in range(20):
@@ -165,3 +205,32 @@ def test_the_trail_gives_back_the_way_it_was_driven():
     assert back.x == 0.5
     assert len(trail) == 5
     assert Trail(spacing_m=0.1).pop_back(0.5) is None
+
+
+def test_a_goal_that_fails_again_is_left_alone_twice_as_long():
+    given_up = GivenUp(radius_m=0.4, first_s=10.0)
+    here = np.array([[1.0, 0.0, 0.0]])
+    assert given_up.add(0, SE2(1.0, 0.0, 0.0)) == 10.0
+    assert given_up.near(9 * SECOND, here).all()
+    assert not given_up.near(11 * SECOND, here).any()
+    assert given_up.add(20 * SECOND, SE2(1.2, 0.0, 0.3)) == 20.0
+    assert given_up.add(20 * SECOND, SE2(3.0, 0.0, 0.0)) == 10.0
+    assert not given_up.near(25 * SECOND, np.array([[1.1, 0.0, 2.0], [2.0, 0.0, 0.0]])).any()
+    assert [left for _, left in given_up.left(25 * SECOND)] == [15.0, 5.0]
+    again = GivenUp(radius_m=0.4, first_s=10.0)
+    again.recall(SECOND, given_up.left(25 * SECOND))
+    assert again.near(15 * SECOND, here).all()
+    assert not again.near(17 * SECOND, here).any()
+
+
+def test_a_swing_stays_on_free_ground_and_turns():
+    data = np.full((60, 60), FREE, np.int8)
+    grid = OccupancyGrid(data, 0.05, -1.5, -1.5)
+    ahead = free_swing(grid, SE2(), 0.2, 1.0, 0.3, ahead=True)
+    assert (ahead.x, ahead.theta) == pytest.approx((np.sin(0.3), 0.3))
+    back = free_swing(grid, SE2(), 0.2, 1.0, 0.3, ahead=False)
+    assert (back.x, back.theta) == pytest.approx((-np.sin(0.3), 0.3))
+    data[:, 36:] = UNKNOWN
+    assert free_swing(OccupancyGrid(data, 0.05, -1.5, -1.5), SE2(), 0.2, 1.0, 0.3, ahead=True).x < 0.0
+    data[:, :24] = UNKNOWN
+    assert free_swing(OccupancyGrid(data, 0.05, -1.5, -1.5), SE2(), 0.2, 1.0, 0.3, ahead=True) is None

@@ -9,6 +9,7 @@ from vsx_ros.config import Config
 from vsx_ros.exploration.frontiers import find_frontiers
 from vsx_ros.exploration.utility import (
     BEARINGS,
+    Rejection,
     count_landmarks,
     rank_views,
     standing_room,
@@ -95,9 +96,17 @@ def test_few_landmarks_in_view_disqualify():
     grid = half_known_room()
     behind = np.tile([[0.2, 2.0, 0.5]], (500, 1))
     ranking = rank_views(grid, 0.2, behind, NOWHERE_YET, straight_costs, nowhere_avoided, CONFIG)
-    assert ranking.rejected["too few known landmarks in view"] > 0
+    assert ranking.rejected[Rejection.FEW_LANDMARKS] > 0
     for view in ranking.views:
         assert view.landmarks >= CONFIG.min_landmarks
+
+
+def test_few_landmarks_are_better_than_none_where_no_view_has_enough():
+    grid = half_known_room()
+    some = np.tile([[4.5, 2.0, 0.5]], (CONFIG.min_landmarks // 2, 1))
+    ranking = rank_views(grid, 0.2, some, NOWHERE_YET, straight_costs, nowhere_avoided, CONFIG)
+    assert {view.landmarks for view in ranking.views} == {CONFIG.min_landmarks // 2}
+    assert ranking.rejected[Rejection.FEW_LANDMARKS] >= len(ranking.views)
 
 
 def test_unreachable_and_blacklisted_views_are_counted_not_returned():
@@ -112,12 +121,12 @@ def test_unreachable_and_blacklisted_views_are_counted_not_returned():
         NO_LANDMARKS_NEEDED,
     )
     assert unreachable.views == []
-    assert unreachable.rejected["unreachable"] > 0
+    assert unreachable.rejected[Rejection.UNREACHABLE] > 0
     banned = rank_views(
         grid, 0.2, np.zeros((0, 3)), NOWHERE_YET, straight_costs, lambda p: np.ones(len(p), bool), NO_LANDMARKS_NEEDED
     )
     assert banned.views == []
-    assert banned.rejected["given up or looked from already"] > 0
+    assert banned.rejected[Rejection.GIVEN_UP] > 0
 
 
 def test_unknown_ground_is_worth_less_with_every_look_from_the_same_side():

@@ -15,9 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
-
-from vsx_ros.arrays import BoolArray, FloatArray
 from vsx_ros.config import Config
 from vsx_ros.exploration.decision import (
     Action,
@@ -29,9 +26,12 @@ from vsx_ros.exploration.decision import (
     Situation,
 )
 from vsx_ros.exploration.frontiers import Frontier, find_frontiers
+from vsx_ros.exploration.given_up import GivenUp
+from vsx_ros.exploration.looks import Looks
 from vsx_ros.exploration.memory import MissionMemory
+from vsx_ros.exploration.swing import free_swing
 from vsx_ros.exploration.trail import Trail
-from vsx_ros.exploration.utility import Ranking, TravelCosts, View, rank_views
+from vsx_ros.exploration.utility import Ranking, Rejection, TravelCosts, View, rank_views
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.slam.state import TrackingState
@@ -41,6 +41,8 @@ _RELOCALISE_WAIT_NS = _SECOND_NS
 _RECOGNISE_WAIT_NS = 10 * _SECOND_NS
 _EMPTY_WAIT_NS = 2 * _SECOND_NS
 _SETTLE_NS = _SECOND_NS
+_ELSEWHERE = Rejection.UNREACHABLE, Rejection.NO_ROOM, Rejection.FEW_LANDMARKS
+"""What keeps from views that there are; from elsewhere it may look otherwise."""
 
 
 TravelCostsFrom = Callable[[SE2, OccupancyGrid], TravelCosts]
@@ -53,13 +55,14 @@ class Mission:
     def __init__(self, config: Config, travel_costs: TravelCostsFrom) -> None:
         self._config = config.exploration
         self._radius_m = config.robot.radius_m + config.planner.clearance_m
+        self._body_m, self._phi_rad_m = config.robot.radius_m, config.planner.phi_rad_m
         self._travel_costs = travel_costs
         self._trail = Trail(spacing_m=0.05)
         self._state = MissionState.STARTING
         self._after_pause = MissionState.STARTING
         self._goal: View | None = None
-        self._blacklist: list[tuple[SE2, int]] = []
-        self._looked_from: list[SE2] = []
+        self._given_up = GivenUp(self._config.blacklist_radius_m, self._config.blacklist_s)
+        self._looks = Looks(self._config.look_spacing_m)
         self._events: list[MissionEvent] = []
         self._wait_until_ns = 0
         self._attempts = 0
@@ -109,15 +112,16 @@ class Mission:
 
     def memory(self, now_ns: int, T_odom_base: SE2) -> MissionMemory:
         """What another session needs to go on from here."""
-        left = [(pose, (until - now_ns) / _SECOND_NS) for pose, until in self._blacklist if until > now_ns]
+        left = self._given_up.left(now_ns)
         trail = [T_odom_base.inverse() @ pose for pose in self._trail.poses]
-        return MissionMemory(list(self._looked_from), left, trail, self._going_home)
+        return MissionMemory(list(self._looks.poses), left, trail, self._going_home)
 
     def recall(self, now_ns: int, memory: MissionMemory, T_odom_base: SE2) -> None:
         """Go on with the map of a session before, standing where its trail ended: first the camera must recognise
         it."""
-        self._looked_from, self._going_home = list(memory.looked_from), memory.going_home
-        self._blacklist = [(pose, now_ns + int(left * _SECOND_NS)) for pose, left in memory.given_up]
+        self._looks = Looks(self._config.look_spacing_m, memory.looked_from)
+        self._going_home = memory.going_home
+        self._given_up.recall(now_ns, memory.given_up)
         for pose in memory.trail:
             self._trail.add(T_odom_base @ pose)
         self._wait_until_ns = now_ns + _RECOGNISE_WAIT_NS
@@ -130,7 +134,7 @@ class Mission:
         if situation.T_odom_base is not None:
             self._trail.add(situation.T_odom_base)
         if situation.T_map_base is not None and situation.slam_state is TrackingState.GOOD:
-            self._look(situation.T_map_base)
+            self._looks.add(situation.T_map_base)
         if self._state is MissionState.DONE:
             return self._answer(Action.FINISH, self._events[-1].reason if self._events else "")
         if self._state is MissionState.PAUSED:
@@ -193,7 +197,7 @@ class Mission:
             self._finish(now_ns, Outcome.HOME, "returned to the start")
             return self._answer(Action.FINISH, "returned to the start")
         if self._goal is not None:
-            self._looked_from.append(self._goal.pose)
+            self._looks.poses.append(self._goal.pose)
         self._goal = None
         if situation.grid is None or situation.T_map_base is None:
             return self._answer(Action.WAIT, "waiting for the ground map")
@@ -210,36 +214,49 @@ class Mission:
             self._goal = View(SE2(), 0.0, 0.0, 0, 0.0)
             self._note(now_ns, "driving home")
             return Decision(Action.GO, self._goal.pose, "map", self._state.value, "driving home")
-        self._blacklist = [(pose, until) for pose, until in self._blacklist if until > now_ns]
         self.ranking = rank_views(
             grid, self._radius_m, situation.landmarks_world,
-            np.array([pose.as_array() for pose in self._looked_from]),
+            self._looks.as_array(),
             self._travel_costs(T_map_base, grid),
-            self._is_blacklisted, self._config,
+            lambda poses: self._given_up.near(now_ns, poses), self._config,
         )  # fmt: skip
         if not self.ranking.views:
-            return self._nothing_left(now_ns)
+            return self._nothing_left(now_ns, situation, grid)
         self._empty_rankings = 0
-        self._goal = self.ranking.views[0]
-        goal = self._goal
-        reason = (
-            f"view at ({goal.pose.x:.1f}, {goal.pose.y:.1f}) looking {np.degrees(goal.pose.theta):.0f} deg: U = v/d = "
-            f"{goal.gain_m2:.1f} m2 / {goal.distance_m + self._config.stop_cost_m:.1f} m, {goal.landmarks} landmarks"
-        )
+        self._goal = goal = self.ranking.views[0]
+        reason = goal.words(self._config.stop_cost_m)
         self._note(now_ns, reason)
         return Decision(Action.GO, goal.pose, "map", self._state.value, reason)
 
-    def _nothing_left(self, now_ns: int) -> Decision:
-        """No view is worth its way: look again from further back; only where nothing is out of reach is it explored."""
-        why = ", ".join(f"{count} {name}" for name, count in self.ranking.rejected.items() if count)
+    def _nothing_left(self, now_ns: int, situation: Situation, grid: OccupancyGrid) -> Decision:
+        """No view is worth its way: try again what failed, look from elsewhere; only where all of the ground is within
+        reach, or nothing helps, is it explored."""
+        rejected = self.ranking.rejected
+        why = ", ".join(f"{count} {name.value}" for name, count in rejected.items() if count) or "no candidates"
         self._empty_rankings += 1
-        boxed_in = self.ranking.rejected.get("unreachable", 0) > 0
+        self._wait_until_ns = now_ns + _EMPTY_WAIT_NS
+        if rejected[Rejection.GIVEN_UP] and self._given_up.forgive(now_ns):
+            self._note(now_ns, f"no other view found ({why}): what was given up is tried again")
+            return self._answer(Action.WAIT, "trying again what was given up")
+        boxed_in = any(rejected[reason] for reason in _ELSEWHERE)
         retries = self._config.retries_boxed_in if boxed_in else self._config.retries_without_view
         if self._empty_rankings > retries:
-            self._finish(now_ns, Outcome.EXPLORED, f"no view is worth its way any more ({why or 'no candidates'})")
+            self._finish(now_ns, Outcome.EXPLORED, f"no view is worth its way any more ({why})")
             return self._answer(Action.FINISH, self._events[-1].reason)
-        self._wait_until_ns = now_ns + _EMPTY_WAIT_NS
-        return self._back_off(now_ns, f"no view found ({why or 'no candidates'}): looking again from further back")
+        if boxed_in and self._empty_rankings > self._config.retries_without_view:
+            return self._swing(now_ns, situation, grid, f"no view found ({why}): turning to look elsewhere")
+        return self._back_off(now_ns, f"no view found ({why}): looking again from further back")
+
+    def _swing(self, now_ns: int, situation: Situation, grid: OccupancyGrid, reason: str) -> Decision:
+        """A short arc ahead or back, so that the camera turns."""
+        assert situation.T_map_base is not None
+        assert situation.T_odom_base is not None
+        step_m, ahead = self._config.backtrack_step_m, self._empty_rankings % 2 == 1
+        arc = free_swing(grid, situation.T_map_base, self._body_m, self._phi_rad_m, step_m, ahead)
+        if arc is None:
+            return self._back_off(now_ns, reason)
+        self._note(now_ns, reason)
+        return Decision(Action.GO, situation.T_odom_base @ arc, "odom", self._state.value, reason)
 
     def _back_off(self, now_ns: int, reason: str) -> Decision:
         """A step back along the ground just driven: the only way that is surely free."""
@@ -277,27 +294,11 @@ class Mission:
 
     # Bookkeeping ---------------------------------------------------------------------------------------------
 
-    def _look(self, T_map_base: SE2) -> None:
-        """Remember where the camera has looked from, a pose for every bit of way or turn."""
-        last = self._looked_from[-1] if self._looked_from else None
-        if (
-            last is None
-            or last.distance_to(T_map_base) > self._config.look_spacing_m
-            or abs(last.angle_to(T_map_base)) > self._config.look_spacing_m
-        ):
-            self._looked_from.append(T_map_base)
-
     def _goal_failed(self, now_ns: int, reason: str) -> None:
         if self._goal is not None:
-            self._blacklist.append((self._goal.pose, now_ns + int(self._config.blacklist_s * _SECOND_NS)))
-            self._note(now_ns, f"goal given up for {self._config.blacklist_s:.0f} s: {reason}")
+            seconds = self._given_up.add(now_ns, self._goal.pose)
+            self._note(now_ns, f"goal given up for {seconds:.0f} s: {reason}")
         self._goal = None
-
-    def _is_blacklisted(self, poses: FloatArray) -> BoolArray:
-        """(N,) poses that failed a while ago, or from which the camera has looked already."""
-        config = self._config
-        banned = near_poses(poses, [pose for pose, _ in self._blacklist], config.blacklist_radius_m, 0.8)
-        return banned | near_poses(poses, self._looked_from, config.look_spacing_m, config.look_spacing_m)
 
     def _enter(self, now_ns: int, state: MissionState, reason: str) -> None:
         self._state = state
@@ -313,12 +314,3 @@ class Mission:
 
     def _answer(self, action: Action, reason: str) -> Decision:
         return Decision(action, None, "map", self._state.value, reason)
-
-
-def near_poses(poses: FloatArray, others: list[SE2], radius_m: float, angle: float) -> BoolArray:
-    """(N,) which of the poses (N, 3) lie within radius [m] and angle [rad] of any of the others."""
-    near = np.zeros(len(poses), np.bool_)
-    for other in others:
-        turn = (poses[:, 2] - other.theta + np.pi) % (2 * np.pi) - np.pi
-        near |= (np.hypot(poses[:, 0] - other.x, poses[:, 1] - other.y) < radius_m) & (np.abs(turn) < angle)
-    return near

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from enum import Enum
 from typing import NamedTuple
 
 import cv2
@@ -17,6 +18,7 @@ import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2
 from vsx_ros.config import ExplorationConfig
+from vsx_ros.exploration.given_up import near_poses
 from vsx_ros.exploration.worth import opaque_walls, unknown_worth
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.visibility import unknown_area_by_bearing, visible_landmarks, window_sums
@@ -25,6 +27,7 @@ from vsx_ros.occupancy.grid import FREE, OccupancyGrid
 BEARINGS = 72
 HEADINGS = 24
 _LANDMARK_RANGE = (0.5, 6.0)
+_FEWER, _MOST_ROUNDS = 3, 5
 
 
 class View(NamedTuple):
@@ -36,12 +39,31 @@ class View(NamedTuple):
     landmarks: int
     utility: float
 
+    def words(self, stop_cost_m: float) -> str:
+        """The view and its utility for people; stop_cost_m [m] is part of its d."""
+        x, y, heading_deg = self.pose.x, self.pose.y, math.degrees(self.pose.theta)
+        return (
+            f"view at ({x:.1f}, {y:.1f}) looking {heading_deg:.0f} deg: U = v/d = "
+            f"{self.gain_m2:.1f} m2 / {self.distance_m + stop_cost_m:.1f} m, {self.landmarks} landmarks"
+        )
+
+
+class Rejection(Enum):
+    """Why a candidate is no view to drive to."""
+
+    NO_ROOM = "no standing room"
+    NO_GAIN = "gain too small"
+    GIVEN_UP = "given up for a while"
+    LOOKED = "looked from already"
+    UNREACHABLE = "unreachable"
+    FEW_LANDMARKS = "too few known landmarks in view"
+
 
 class Ranking(NamedTuple):
     """Views by falling utility, and how many candidates fell out for which reason."""
 
     views: list[View]
-    rejected: dict[str, int]
+    rejected: dict[Rejection, int]
 
 
 TravelCosts = Callable[[FloatArray], FloatArray]
@@ -74,43 +96,59 @@ def rank_views(
     landmarks_world: FloatArray,
     looked_from: FloatArray,
     travel_costs: TravelCosts,
-    avoid: Callable[[FloatArray], BoolArray],
+    given_up: Callable[[FloatArray], BoolArray],
     config: ExplorationConfig,
 ) -> Ranking:
     """Rank views on a raster over the standing room (eq. 12).
 
     landmarks_world: (M, 2) or (M, 3) map points [m]. looked_from: (L, 3) past poses of the robot.
-    avoid: (N, 3) poses to (N,) True where a view is blacklisted.
+    given_up: (N, 3) poses to (N,) True where a goal failed a while ago.
     """
     opaque = opaque_walls(grid, 2.0 * radius_m, config.wall_gap_m)
     worth = unknown_worth(opaque, looked_from, config)
-    candidates, gains, rejected = _promising(grid, opaque, radius_m, worth, config)
+    rejected = dict.fromkeys(Rejection, 0)
+    candidates, gains = _promising(grid, opaque, radius_m, worth, config, rejected)
     if len(candidates) == 0:
         return Ranking([], rejected)
-    banned = avoid(candidates)
-    rejected["given up or looked from already"] = int(banned.sum())
-    candidates, gains = candidates[~banned], gains[~banned]
+    spacing, looks = config.look_spacing_m, [SE2(*pose) for pose in looked_from.tolist()]
+    looked, failed = near_poses(candidates, looks, spacing, spacing), given_up(candidates)
+    rejected[Rejection.LOOKED], rejected[Rejection.GIVEN_UP] = int(looked.sum()), int((failed & ~looked).sum())
+    candidates, gains = candidates[~looked & ~failed], gains[~looked & ~failed]
     distances = travel_costs(candidates) if len(candidates) else np.zeros(0)
     reachable = np.isfinite(distances)
-    rejected["unreachable"] = int((~reachable).sum())
-    utility = gains[reachable] / (distances[reachable] + config.stop_cost_m)
-    best = np.flatnonzero(reachable)[np.argsort(-utility, kind="stable")[: config.max_ranked_views]]
-    candidates, gains, distances = candidates[best], gains[best], distances[best]
-    seen = count_landmarks(opaque, candidates, landmarks_world, config)
-    utility = gains / (distances + config.stop_cost_m) * np.minimum(1.0, seen / config.good_landmarks)
-    rejected["too few known landmarks in view"] = int((seen < config.min_landmarks).sum())
-    views = [
-        View(
-            SE2(*map(float, candidates[i])),
-            float(gains[i]),
-            float(distances[i]),
-            int(seen[i]),
-            float(utility[i]),
-        )
-        for i in np.argsort(-utility, kind="stable")
-        if seen[i] >= config.min_landmarks
-    ]
-    return Ranking(views, rejected)
+    rejected[Rejection.UNREACHABLE] = int((~reachable).sum())
+    candidates, gains, distances = candidates[reachable], gains[reachable], distances[reachable]
+    views = _with_landmarks(opaque, candidates, gains, distances, landmarks_world, config)
+    enough = [view for view in views if view.landmarks >= config.min_landmarks]
+    rejected[Rejection.FEW_LANDMARKS] = len(views) - len(enough)
+    # Where nothing better is left, little to hold on to is better than to stop.
+    enough = enough or [view for view in views if _FEWER * view.landmarks >= config.min_landmarks]
+    return Ranking(sorted(enough, key=lambda view: -view.utility), rejected)
+
+
+def _with_landmarks(
+    opaque: OccupancyGrid,
+    candidates: FloatArray,
+    gains: FloatArray,
+    distances: FloatArray,
+    landmarks_world: FloatArray,
+    config: ExplorationConfig,
+) -> list[View]:
+    """Views out of the candidates (N, 3), most promising first, until none that is left can be better than the best."""
+    hopes = gains / (distances + config.stop_cost_m)
+    order = np.argsort(-hopes, kind="stable")
+    views: list[View] = []
+    for first in range(0, min(len(order), _MOST_ROUNDS * config.max_ranked_views), config.max_ranked_views):
+        chosen = order[first : first + config.max_ranked_views]
+        best = max((view.utility for view in views if view.landmarks >= config.min_landmarks), default=0.0)
+        if best >= hopes[chosen[0]]:
+            break
+        seen = count_landmarks(opaque, candidates[chosen], landmarks_world, config)
+        for i, count in zip(chosen.tolist(), seen.tolist(), strict=True):
+            utility = float(hopes[i]) * min(1.0, count / config.good_landmarks)
+            pose = SE2(*map(float, candidates[i]))
+            views.append(View(pose, float(gains[i]), float(distances[i]), count, utility))
+    return views
 
 
 def count_landmarks(
@@ -127,20 +165,26 @@ def count_landmarks(
 
 
 def _promising(
-    grid: OccupancyGrid, opaque: OccupancyGrid, radius_m: float, worth: FloatArray, config: ExplorationConfig
-) -> tuple[FloatArray, FloatArray, dict[str, int]]:
+    grid: OccupancyGrid,
+    opaque: OccupancyGrid,
+    radius_m: float,
+    worth: FloatArray,
+    config: ExplorationConfig,
+    rejected: dict[Rejection, int],
+) -> tuple[FloatArray, FloatArray]:
     """(N, 3) poses and (N,) gains [m2] worth costing: the best headings of raster cells with standing room."""
     room = standing_room(grid, radius_m + config.view_margin_m)
     stride = max(1, round(config.view_spacing_m / grid.resolution))
     cells = np.argwhere(room)
     cells = cells[(cells[:, 0] % stride == 0) & (cells[:, 1] % stride == 0)]
     if len(cells) == 0:
-        return np.zeros((0, 3)), np.zeros(0), {"no standing room": int(room.size)}
+        rejected[Rejection.NO_ROOM] = int(room.size)
+        return np.zeros((0, 3)), np.zeros(0)
     positions = grid.centres(cells)
     gain = view_gain(opaque, positions, worth, config)[:, :: BEARINGS // HEADINGS]
     enough = gain >= config.min_gain_m2
-    rejected = {"gain too small": int((~enough).sum())}
+    rejected[Rejection.NO_GAIN] = int((~enough).sum())
     i, k = np.nonzero(enough)
     order = np.argsort(-gain[i, k], kind="stable")
     poses = np.column_stack([positions[i], k * (2 * math.pi / HEADINGS)])[order]
-    return poses, gain[i, k][order], rejected
+    return poses, gain[i, k][order]

@@ -1,0 +1,68 @@
+"""Goals that failed: left alone for a while, longer each time, never for good while there is nothing else to do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from vsx_ros.arrays import BoolArray, FloatArray
+from vsx_ros.geometry.se2 import SE2
+
+_SECOND_NS = 1_000_000_000
+_NEAR_RAD = 0.8
+_MOST_FAILURES = 3
+
+
+class _Failure(NamedTuple):
+    """A goal, until when it is left alone and how often it has failed."""
+
+    pose: SE2
+    until_ns: int
+    times: int
+
+
+class GivenUp:
+    """Failed goals stand for all poses within radius_m [m]; the first failure counts for first_s [s]."""
+
+    def __init__(self, radius_m: float, first_s: float) -> None:
+        self._radius_m = radius_m
+        self._first_s = first_s
+        self._failures: list[_Failure] = []
+
+    def add(self, now_ns: int, pose: SE2) -> float:
+        """Leave the goal alone from now on; for how long [s]: twice as long as the last time it failed."""
+        same = [f for f in self._failures if near_poses(pose.as_array()[None], [f.pose], self._radius_m, _NEAR_RAD)[0]]
+        times = 1 + max((failure.times for failure in same), default=0)
+        seconds = self._first_s * 2.0 ** (times - 1)
+        self._failures.append(_Failure(pose, now_ns + int(seconds * _SECOND_NS), times))
+        return seconds
+
+    def near(self, now_ns: int, poses: FloatArray) -> BoolArray:
+        """(N,) which of the poses (N, 3) are left alone now."""
+        left = [failure.pose for failure in self._failures if failure.until_ns > now_ns]
+        return near_poses(poses, left, self._radius_m, _NEAR_RAD)
+
+    def forgive(self, now_ns: int) -> int:
+        """Let what has not failed too often be tried again at once; how many goals that are."""
+        kept = [f for f in self._failures if f.until_ns > now_ns and f.times < _MOST_FAILURES]
+        self._failures = [f._replace(until_ns=now_ns) if f in kept else f for f in self._failures]
+        return len(kept)
+
+    def left(self, now_ns: int) -> list[tuple[SE2, float]]:
+        """The goals left alone now, and for how long yet [s]."""
+        return [(f.pose, (f.until_ns - now_ns) / _SECOND_NS) for f in self._failures if f.until_ns > now_ns]
+
+    def recall(self, now_ns: int, left: Sequence[tuple[SE2, float]]) -> None:
+        """Take over what ``left`` said before an interruption."""
+        self._failures = [_Failure(pose, now_ns + int(seconds * _SECOND_NS), 1) for pose, seconds in left]
+
+
+def near_poses(poses: FloatArray, others: Sequence[SE2], radius_m: float, angle: float) -> BoolArray:
+    """(N,) which of the poses (N, 3) lie within radius [m] and angle [rad] of any of the others."""
+    near = np.zeros(len(poses), np.bool_)
+    for other in others:
+        turn = (poses[:, 2] - other.theta + np.pi) % (2 * np.pi) - np.pi
+        near |= (np.hypot(poses[:, 0] - other.x, poses[:, 1] - other.y) < radius_m) & (np.abs(turn) < angle)
+    return near
