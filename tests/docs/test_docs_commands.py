@@ -1,0 +1,60 @@
+"""What the documents tell to type exists: commands, options, parameters, files."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from vsx_ros.cli.config import load
+from vsx_ros.cli.main import parser
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+PAGES = [CHECKOUT / "README.md", CHECKOUT / "CONTRIBUTING.md", *sorted((CHECKOUT / "docs").rglob("*.md"))]
+NAMES = [str(page.relative_to(CHECKOUT)) for page in PAGES]
+
+
+def commands(text: str) -> list[list[str]]:
+    """The words of each 'scripts/vsx ...' in fences and between backticks; a bare name in a table is none."""
+    fences = re.findall(r"```sh\n(.*?)```", text, re.DOTALL)
+    lines = [line for fence in fences for line in fence.splitlines()]
+    lines += re.findall(r"`([^`\n]+)`", re.sub(r"```.*?```", "", text, flags=re.DOTALL))
+    found = [re.match(r"\s*(?:\w+=\S+ )?scripts/(vsx|demo)\s+([^#|]*)", line) for line in lines]
+    said = [(match[1], shlex.split(match[2].replace("...", "x").replace(" N", " 1"))) for match in found if match]
+    return [(["explore"] if program == "demo" else []) + words for program, words in said]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_commands_are_taken_as_they_stand(page: Path) -> None:
+    for words in commands(page.read_text(encoding="utf-8")):
+        if words == ["COMMAND", "--help"]:
+            continue
+        try:
+            args = parser().parse_args([word for word in words if word != "&"])
+        except SystemExit:
+            pytest.fail(f"{page.name}: vsx {' '.join(words)}")
+        load(None, getattr(args, "set", []))
+
+
+def test_commands_are_found_in_the_documents() -> None:
+    said = [words[0] for page in PAGES for words in commands(page.read_text(encoding="utf-8")) if words]
+    assert {"explore", "replay", "record", "map", "doctor", "calibrate", "teleop", "stop"} <= set(said)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_links_lead_to_files(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)#]+)", page.read_text(encoding="utf-8")):
+        if not target.startswith("http"):
+            assert (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_parameters_exist(page: Path) -> None:
+    names = re.findall(r"`((?:robot|limits|slam|planner|dense|exploration)\.\w+(?:\.\w+)*)`", page.read_text())
+    for name in names:
+        tree: object = load(None, [])
+        for part in name.split("."):
+            assert hasattr(tree, part), f"{page.name}: {name}"
+            tree = getattr(tree, part)
