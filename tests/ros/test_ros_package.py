@@ -49,3 +49,12 @@ def test_under_its_own_python_the_starter_goes_straight_to_the_node() -> None:
     command = [sys.executable, "-c", "import boot; boot.into('json.tool')"]
     done = output_of(command, PYTHONPATH=scripts, VSX_PYTHON=sys.executable, VSX_BOOTED="1")
     assert "Expecting value" in done.stderr  # json.tool ran, on empty input
+
+
+def test_vsx_works_from_any_folder(tmp_path: Path) -> None:
+    """Its programs above, too: they are other processes, which must find the packages as it did."""
+    vsx = [str(CHECKOUT / "scripts/vsx"), "status"]
+    shell = environment(VSX_PYTHON=sys.executable, ROS_MASTER_URI="http://localhost:1")
+    done = subprocess.run(vsx, env=shell, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 1
+    assert "no ROS master answers" in done.stderr
