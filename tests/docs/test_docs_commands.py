@@ -52,7 +52,7 @@ def test_links_lead_to_files(page: Path) -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=NAMES)
 def test_parameters_exist(page: Path) -> None:
-    names = re.findall(r"`((?:robot|limits|slam|planner|dense|exploration)\.\w+(?:\.\w+)*)`", page.read_text())
+    names = re.findall(r"`((?:robot|limits|slam|dense|exploration)\.\w+(?:\.\w+)*)`", page.read_text())
     for name in names:
         tree: object = load(None, [])
         for part in name.split("."):
