@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from walled_rooms import grid, room, with_wall
 
 from vsx_ros.config import PlannerConfig, RobotConfig
 from vsx_ros.errors import PlanningError
@@ -17,25 +18,6 @@ from vsx_ros.planning.planner import Planner, UnconstrainedPlanner
 
 ROBOT, CONFIG = RobotConfig(), PlannerConfig()
 NEED = ROBOT.radius_m + CONFIG.clearance_m
-
-
-def room(columns: int = 121, rows: int = 83) -> np.ndarray:
-    """A free room of odd size, 5 cm cells, with walls."""
-    data = np.full((rows, columns), FREE, np.int8)
-    data[:2] = data[-2:] = OCCUPIED
-    data[:, :2] = data[:, -2:] = OCCUPIED
-    return data
-
-
-def grid(data: np.ndarray) -> OccupancyGrid:
-    return OccupancyGrid(data, 0.05, -1.0, -1.0)
-
-
-def with_wall(gap: slice) -> OccupancyGrid:
-    data = room()
-    data[:, 58:61] = OCCUPIED
-    data[gap, 58:61] = FREE
-    return grid(data)
 
 
 def rng() -> np.random.Generator:
@@ -128,15 +110,6 @@ def test_a_goal_no_manoeuvre_reaches_is_refused_by_the_budget():
     assert again == plan
 
 
-def test_without_a_map_a_reverse_leg_too_long_is_infeasible():
-    plan = Planner(PlannerConfig(max_reverse_m=0.0), ROBOT).plan_blind(SE2(), SE2(-0.4, 0.0, 0.0))
-    if isinstance(plan, Plan):
-        assert plan.path.reverse_m == 0.0
-    else:
-        assert plan.kind is RefusalKind.INFEASIBLE
-        assert "longer than 0 m" in plan.reason
-
-
 @pytest.mark.parametrize("phi", [0.5, 1.0, 2.0])
 def test_long_ways_are_smooth_but_for_a_few_stops(phi):
     map_ = with_wall(slice(55, 75))
@@ -189,39 +162,34 @@ def test_exactly_straight_ahead_straight_behind_and_nowhere():
 
 def test_reverse_legs_are_short():
     planner = Planner(CONFIG, ROBOT)
-    blind = planner.plan_blind(SE2(), SE2(-3.0, 0.0, 0.0))
-    if isinstance(blind, Plan):
-        assert blind.path.longest_reverse_m <= CONFIG.max_reverse_m + 1e-6
-    else:
-        assert blind.kind is RefusalKind.INFEASIBLE
-        assert "1.5" in blind.reason
     mapped = planner.plan(SE2(4.0, 1.0, 0.0), SE2(0.0, 1.0, 0.0), grid(room()), rng())
     assert isinstance(mapped, Plan)
     check(mapped.path, grid(room()), CONFIG.phi_rad_m)
 
 
-def test_travel_costs_go_around_obstacles():
-    planner = Planner(CONFIG, ROBOT)
-    start = SE2(0.5, 0.0, 0.0)
-    map_ = with_wall(slice(55, 75))
-    poses = np.array([
-        [1.2, 0.0, 0.0],
-        [3.0, 0.0, 0.0],  # behind the wall
-        [1.98, 0.0, 0.0],  # in the wall
-        [90.0, 0.0, 0.0],
-        [0.5, 0.0, math.pi],  # here, but turned round
-    ])  # fmt: skip
-    costs = planner.travel_costs(start, map_, poses)
-    assert costs[0] == pytest.approx(0.7, abs=0.2)
-    assert 5.0 < costs[1] < 10.0
-    assert np.isinf(costs[2])
-    assert np.isinf(costs[3])
-    assert 1.5 < costs[4] < 5.0
-    plan = planner.plan(start, SE2(*poses[1]), map_, rng())
-    assert isinstance(plan, Plan)
-    assert costs[1] == pytest.approx(plan.path.length_m, rel=0.2)
-    blocked = planner.travel_costs(SE2(50.0, 50.0, 0.0), map_, poses)
-    assert np.all(np.isinf(blocked))
+@pytest.mark.parametrize(
+    ("limit_m", "goal", "reverse_m"),
+    [
+        (1.5, SE2(-0.4, 0.0, 0.0), 0.4),
+        (0.3, SE2(-0.4, 0.0, 0.0), None),
+        (1.5, SE2(-3.0, 0.0, 0.0), None),
+        (0.3, SE2(0.5, 0.5, 0.0), 0.24),
+        (0.1, SE2(0.5, 0.5, 0.0), None),
+        (0.0, SE2(0.0, 0.0, 1.0), None),
+        (0.0, SE2(2.0, 1.0, 1.0), 0.0),
+    ],
+)
+def test_without_a_map_a_reverse_leg_too_long_is_infeasible(limit_m, goal, reverse_m):
+    plan = Planner(PlannerConfig(max_reverse_m=limit_m), ROBOT).plan_blind(SE2(), goal)
+    if reverse_m is None:
+        assert isinstance(plan, Refusal)
+        assert plan.kind is RefusalKind.INFEASIBLE
+        assert f"longer than {limit_m:g} m" in plan.reason
+    else:
+        assert isinstance(plan, Plan)
+        assert plan.path.longest_reverse_m == pytest.approx(reverse_m, abs=0.02)
+        assert plan.path.longest_reverse_m <= limit_m + 1e-6
+        assert plan.path.certificate.end_error_m <= 1e-9
 
 
 def test_the_generic_planner_turns_on_the_spot():

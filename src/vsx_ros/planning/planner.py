@@ -11,7 +11,7 @@ from vsx_ros.config import PlannerConfig, RobotConfig
 from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.flood import flood, flood_costs
-from vsx_ros.occupancy.distance import travel_distance, with_fringe
+from vsx_ros.occupancy.distance import DistanceField, travel_distance, with_fringe
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning import corridor_qp
 from vsx_ros.planning.connect import connections, same_pose
@@ -23,10 +23,14 @@ from vsx_ros.planning.sight import Sight
 from vsx_ros.planning.skeleton import (
     OCTILE,
     Skeleton,
+    about_turn,
+    back_lattice,
     coarse_lattice,
     fine_lattice,
     free_words,
+    is_stuck,
     search_lattice,
+    search_lattice_back,
     search_tree,
     shortened,
 )
@@ -104,7 +108,7 @@ class Planner:
         allowed = [path for path in paths if path.longest_reverse_m <= limit + _REVERSE_SLACK_M]
         if allowed:
             return Plan(goal, allowed[0], "fov")
-        return Refusal(RefusalKind.INFEASIBLE, f"every connection needs a reverse leg longer than {limit:g} m")
+        return Refusal(RefusalKind.INFEASIBLE, f"every short connection needs a reverse leg longer than {limit:g} m")
 
     def travel_costs(self, start: SE2, grid: OccupancyGrid, poses: FloatArray) -> FloatArray:
         """(N,) estimated travel lengths [m] from start to poses (N, 3) around the obstacles; inf where unreachable.
@@ -169,11 +173,7 @@ class Planner:
         skeletons = free_words(margin, start, goal, tight, limit)[:1]
         bound = OCTILE * float(remaining[margin.cell(start.x, start.y)])
         if not skeletons or skeletons[0].length_m > _NEAR_BOUND * bound + STOP_COST_M:
-            raw = (
-                search_lattice(margin, start, goal, tight, limit, remaining, coarse_lattice(tight))
-                or search_lattice(margin, start, goal, tight, limit, remaining, fine_lattice(tight))
-                or search_tree(margin, start, goal, tight, limit, rng)
-            )
+            raw = self._searched(start, goal, margin, remaining, rng)
             if raw is not None:
                 skeletons += [shortened(raw, margin, start, limit, rng) for _ in range(_SHORTENINGS)]
         found: list[Path] = []
@@ -187,6 +187,20 @@ class Planner:
             if best is not None and not best.jumps and best.cost_m < skeleton.length_m + 2.0 * STOP_COST_M:
                 break
         return found
+
+    def _searched(
+        self, start: SE2, goal: SE2, margin: DistanceField, remaining: FloatArray, rng: np.random.Generator
+    ) -> Skeleton | None:
+        """A way over a lattice: from the start, from the goal, with arcs half as long; else one of a random tree."""
+        tight, limit = _TIGHT * self._config.phi_rad_m, self._config.max_reverse_m
+        coarse, fine = coarse_lattice(tight), fine_lattice(tight)
+        way = search_lattice(margin, start, goal, tight, limit, remaining, coarse)
+        if way is None and is_stuck(margin, start, goal, tight, limit, coarse):
+            way = search_lattice_back(margin, start, goal, tight, limit, back_lattice(tight))
+        if way is None and not is_stuck(margin, about_turn(goal), about_turn(start), tight, limit, fine):
+            way = search_lattice(margin, start, goal, tight, limit, remaining, fine)
+            way = way or search_lattice_back(margin, start, goal, tight, limit, fine)
+        return way or search_tree(margin, start, goal, tight, limit, rng)
 
     def _smoothed(self, skeleton: Skeleton, start: SE2, goal: SE2, corridor: Corridor) -> list[Path]:
         """The skeleton itself, with stops where its curvature jumps, and its smooth version as far as there is one."""

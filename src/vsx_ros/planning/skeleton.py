@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,16 +14,16 @@ from vsx_ros.kernels.lattice import lattice_search, lattice_way, reverse_run, wo
 from vsx_ros.kernels.reeds_shepp import MAX_WORDS, SEGMENTS, reeds_shepp_table, reeds_shepp_words
 from vsx_ros.kernels.rrt import rrt_connect
 from vsx_ros.kernels.shortcuts import shorten
-from vsx_ros.occupancy.distance import DistanceField, travel_distance
+from vsx_ros.occupancy.distance import DistanceField, travel_distance, with_fringe
 from vsx_ros.planning.path import CUSP_COST_M
 from vsx_ros.planning.pieces import Piece, arc_piece
 
 _ARC_M = 0.27
 _SHORTEST_M = 1e-9
 _CELL_M = 0.1
-_COARSE_STATES, _FINE_STATES = 5_000_000, 120_000
+_COARSE_STATES, _BACK_STATES, _FINE_STATES, _FEW_STATES = 5_000_000, 40_000, 120_000, 200
 _SHORTCUTS = 300
-_RESTARTS = 4
+_RESTARTS = 2
 _ITERATIONS = 3000
 OCTILE = 0.924
 """A straight line is at least this share of the 8-connected way along it."""
@@ -135,6 +135,11 @@ def coarse_lattice(phi: float) -> Lattice:
     return Lattice(headings, bins, _CELL_M, _COARSE_STATES)
 
 
+def back_lattice(phi: float) -> Lattice:
+    """The coarse one with fewer states, for a start that only the word at the end may reach."""
+    return replace(coarse_lattice(phi), most_states=_BACK_STATES)
+
+
 def fine_lattice(phi: float) -> Lattice:
     """Half the cells and half the arcs, for manoeuvres where there is hardly room."""
     coarse = coarse_lattice(phi)
@@ -154,17 +159,52 @@ def search_lattice(
 
     remaining (H, W): ``travel_distance`` from the goal.
     """
-    bound = np.where(np.isfinite(remaining), OCTILE * remaining, 1e6)
-    goal_array = goal.as_array()
-    poses, parents, motions, step, winner = lattice_search(
-        margin.values, margin.resolution, margin.origin_x, margin.origin_y, start.as_array(), phi,
-        lattice.headings, lattice.bins, lattice.cell_m, max_reverse_m, goal_array, bound, word_table(),
-        lattice.most_states,
-    )  # fmt: skip
+    poses, parents, motions, step, winner = _searched(margin, start, goal, phi, max_reverse_m, remaining, lattice)
     if winner < 0:
         return None
-    turns, lengths = lattice_way(poses, parents, motions, winner, step, goal_array, phi)
+    turns, lengths = lattice_way(poses, parents, motions, winner, step, goal.as_array(), phi)
     return Skeleton(turns, lengths, phi)
+
+
+def search_lattice_back(
+    margin: DistanceField, start: SE2, goal: SE2, phi: float, max_reverse_m: float, lattice: Lattice
+) -> Skeleton | None:
+    """As ``search_lattice``, from the goal: the start is what the word ends on. For starts without room for an arc."""
+    remaining = with_fringe(travel_distance(margin, (start.x, start.y)), margin.resolution)
+    way = search_lattice(margin, about_turn(goal), about_turn(start), phi, max_reverse_m, remaining, lattice)
+    # The same curve, driven the other way by a base that faces the other way: forward stays forward.
+    return None if way is None else Skeleton(-way.turns[::-1], way.lengths[::-1].copy(), phi)
+
+
+def about_turn(pose: SE2) -> SE2:
+    """The pose facing the other way."""
+    return SE2(pose.x, pose.y, pose.theta + math.pi)
+
+
+def is_stuck(margin: DistanceField, pose: SE2, target: SE2, phi: float, max_reverse_m: float, lattice: Lattice) -> bool:
+    """Whether the arcs of a lattice lead no further from a pose, towards a target, than to a few states."""
+    few = replace(lattice, most_states=_FEW_STATES)
+    nothing_known = np.zeros(margin.values.shape)
+    poses, *_, winner = _searched(margin, pose, target, phi, max_reverse_m, nothing_known, few)
+    return winner < 0 and len(poses) < _FEW_STATES
+
+
+def _searched(
+    margin: DistanceField,
+    start: SE2,
+    goal: SE2,
+    phi: float,
+    max_reverse_m: float,
+    remaining: FloatArray,
+    lattice: Lattice,
+) -> tuple[FloatArray, IntArray, IntArray, float, int]:
+    bound = np.where(np.isfinite(remaining), OCTILE * remaining, 1e6)
+    found: tuple[FloatArray, IntArray, IntArray, float, int] = lattice_search(
+        margin.values, margin.resolution, margin.origin_x, margin.origin_y, start.as_array(), phi,
+        lattice.headings, lattice.bins, lattice.cell_m, max_reverse_m, goal.as_array(), bound, word_table(),
+        lattice.most_states,
+    )  # fmt: skip
+    return found
 
 
 def search_tree(

@@ -1,0 +1,89 @@
+"""Searches over positions and headings: from either end, and of every pose at once."""
+
+import math
+
+import numpy as np
+import pytest
+from walled_rooms import with_wall
+
+from vsx_ros.config import PlannerConfig, RobotConfig
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.occupancy.distance import DistanceField
+from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
+from vsx_ros.planning.corridor import Corridor, build_corridor
+from vsx_ros.planning.path import Plan
+from vsx_ros.planning.planner import Planner
+from vsx_ros.planning.skeleton import coarse_lattice, is_stuck, search_lattice_back
+
+ROBOT, CONFIG = RobotConfig(), PlannerConfig()
+
+
+def margins(map_: OccupancyGrid, start: SE2, goal: SE2) -> DistanceField:
+    corridor = build_corridor(map_, start, goal, CONFIG, ROBOT)
+    assert isinstance(corridor, Corridor)
+    return corridor.margin
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_way_searched_from_the_goal_leads_from_the_start_to_it(seed):
+    draw = np.random.default_rng(seed)
+    map_ = with_wall(slice(55, 75))
+    start, goal = SE2(0.5, 0.5, draw.uniform(-3.0, 3.0)), SE2(3.5, 0.5, draw.uniform(-3.0, 3.0))
+    margin = margins(map_, start, goal)
+    way = search_lattice_back(margin, start, goal, 1.0, 1.5, coarse_lattice(1.0))
+    assert way is not None
+    end = way.arcs(start)[-1].end
+    assert end.distance_to(goal) < 1e-9
+    assert abs(end.angle_to(goal)) < 1e-9
+    assert way.longest_reverse_m <= 1.5 + 1e-9
+    for piece in way.pieces(start):
+        assert margin.at(piece.table[:, 1:3]).min() >= -1e-3
+
+
+def test_only_a_pose_without_room_for_an_arc_is_stuck():
+    data = np.full((80, 80), OCCUPIED, np.int8)
+    data[20:32, 20:32] = FREE  # a cell of 0.6 m, and a hall beside it
+    data[40:75, 5:75] = FREE
+    map_ = OccupancyGrid(data, 0.05, 0.0, 0.0)
+    pocket, hall, far = SE2(1.3, 1.3, 0.4), SE2(2.0, 3.0, 0.4), SE2(3.0, 3.2, 0.0)
+    margin = margins(map_, pocket, hall)
+    assert is_stuck(margin, pocket, far, 1.0, 1.5, coarse_lattice(1.0))
+    assert not is_stuck(margin, hall, pocket, 1.0, 1.5, coarse_lattice(1.0))
+
+
+def test_travel_costs_go_around_obstacles():
+    planner = Planner(CONFIG, ROBOT)
+    start = SE2(0.5, 0.0, 0.0)
+    map_ = with_wall(slice(55, 75))
+    poses = np.array([
+        [1.2, 0.0, 0.0],
+        [3.0, 0.0, 0.0],  # behind the wall
+        [1.98, 0.0, 0.0],  # in the wall
+        [90.0, 0.0, 0.0],
+        [0.5, 0.0, math.pi],  # here, but turned round
+    ])  # fmt: skip
+    costs = planner.travel_costs(start, map_, poses)
+    assert costs[0] == pytest.approx(0.7, abs=0.2)
+    assert 5.0 < costs[1] < 10.0
+    assert np.isinf(costs[2])
+    assert np.isinf(costs[3])
+    assert 1.5 < costs[4] < 5.0
+    plan = planner.plan(start, SE2(*poses[1]), map_, np.random.default_rng(0))
+    assert isinstance(plan, Plan)
+    assert costs[1] == pytest.approx(plan.path.length_m, rel=0.2)
+    blocked = planner.travel_costs(SE2(50.0, 50.0, 0.0), map_, poses)
+    assert np.all(np.isinf(blocked))
+
+
+def test_travel_costs_do_not_depend_on_the_order_of_the_poses_nor_on_full_turns():
+    planner, map_ = Planner(CONFIG, ROBOT), with_wall(slice(55, 75))
+    draw = np.random.default_rng(3)
+    poses = np.repeat(draw.uniform((-0.9, -0.9, -3.0), (4.9, 2.9, 3.0), (60, 3)), 3, axis=0)
+    poses[:, 2] += np.tile([0.0, 1.0, 2.0], 60)
+    start = SE2(0.5, 0.0, 7.0)
+    costs = planner.travel_costs(start, map_, poses)
+    assert 20 < np.isfinite(costs).sum() < 180
+    shuffled = draw.permutation(180)
+    assert planner.travel_costs(start, map_, poses[shuffled]).tobytes() == costs[shuffled].tobytes()
+    turned = planner.travel_costs(start, map_, poses + np.array([0.0, 0.0, 2.0 * math.pi]))
+    assert turned == pytest.approx(costs, abs=1e-4)
