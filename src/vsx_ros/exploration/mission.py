@@ -31,7 +31,7 @@ from vsx_ros.exploration.looks import Looks
 from vsx_ros.exploration.memory import MissionMemory
 from vsx_ros.exploration.swing import free_swing
 from vsx_ros.exploration.trail import Trail
-from vsx_ros.exploration.utility import Ranking, Rejection, TravelCosts, View, rank_views
+from vsx_ros.exploration.utility import Ranker, Ranking, Rejection, TravelCosts, View, rank_views
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.slam.state import TrackingState
@@ -52,8 +52,8 @@ TravelCostsFrom = Callable[[SE2, OccupancyGrid], TravelCosts]
 class Mission:
     """Explore until nothing is worth its way; recover when lost; never without a reason."""
 
-    def __init__(self, config: Config, travel_costs: TravelCostsFrom) -> None:
-        self._config = config.exploration
+    def __init__(self, config: Config, travel_costs: TravelCostsFrom, rank: Ranker = rank_views) -> None:
+        self._config, self._rank = config.exploration, rank
         self._radius_m = config.robot.radius_m + config.planner.clearance_m
         self._body_m, self._phi_rad_m = config.robot.radius_m, config.planner.phi_rad_m
         self._travel_costs = travel_costs
@@ -214,7 +214,7 @@ class Mission:
             self._goal = View(SE2(), 0.0, 0.0, 0, 0.0)
             self._note(now_ns, "driving home")
             return Decision(Action.GO, self._goal.pose, "map", self._state.value, "driving home")
-        self.ranking = rank_views(
+        self.ranking = self._rank(
             grid, self._radius_m, situation.landmarks_world,
             self._looks.as_array(),
             self._travel_costs(T_map_base, grid),

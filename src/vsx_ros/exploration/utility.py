@@ -69,6 +69,12 @@ class Ranking(NamedTuple):
 TravelCosts = Callable[[FloatArray], FloatArray]
 """(N, 3) poses to (N,) path lengths [m], infinite where no path exists."""
 
+GivenUpPoses = Callable[[FloatArray], BoolArray]
+"""(N, 3) poses to (N,) True where a goal failed a while ago."""
+
+Ranker = Callable[[OccupancyGrid, float, FloatArray, FloatArray, TravelCosts, GivenUpPoses, ExplorationConfig], Ranking]
+"""A strategy; arguments as of ``rank_views``."""
+
 
 def standing_room(grid: OccupancyGrid, radius_m: float) -> BoolArray:
     """(H, W) cells where a round robot of this radius [m] stands on known free ground only."""
@@ -96,13 +102,12 @@ def rank_views(
     landmarks_world: FloatArray,
     looked_from: FloatArray,
     travel_costs: TravelCosts,
-    given_up: Callable[[FloatArray], BoolArray],
+    given_up: GivenUpPoses,
     config: ExplorationConfig,
 ) -> Ranking:
     """Rank views on a raster over the standing room (eq. 12).
 
     landmarks_world: (M, 2) or (M, 3) map points [m]. looked_from: (L, 3) past poses of the robot.
-    given_up: (N, 3) poses to (N,) True where a goal failed a while ago.
     """
     opaque = opaque_walls(grid, 2.0 * radius_m, config.wall_gap_m)
     worth = unknown_worth(opaque, looked_from, config)

@@ -1,0 +1,168 @@
+"""How much of an emulated building is known after how many metres of exploration.
+
+    PYTHONPATH=src:hw python benchmarks/exploration.py run [--world lab] [--seeds 100-105] [--out exploration.jsonl]
+    PYTHONPATH=src:hw python benchmarks/exploration.py table [--out exploration.jsonl]
+
+Each world is explored in lock-step, everything in the loop, until ``--until`` of what can be seen is known and right,
+or the limits of time and way are over, or the mission ends. Runs are appended to ``--out`` as they end; what is there
+already is not run again, so that an interrupted benchmark goes on. ``--noise`` draws other noise for the same world.
+``--strategy nearest`` chooses goals like explore_lite, by length of frontiers and straight distance, on the same
+worlds, sensor, map and planner.
+"""
+
+import argparse
+import json
+import math
+import time
+from pathlib import Path
+
+import numpy as np
+
+from vsx_ros.cli.explore_fast import FastRun
+from vsx_ros.cli.world import open_world
+from vsx_ros.config import Config, ExplorationConfig
+from vsx_ros.exploration.frontiers import find_frontiers
+from vsx_ros.exploration.utility import Ranking, Rejection, TravelCosts, View, standing_room
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.occupancy.grid import OccupancyGrid
+
+SAMPLE_S = 5.0
+LEVELS = (0.5, 0.7, 0.8, 0.9, 0.95)
+POTENTIAL_SCALE, GAIN_SCALE = 3.0, 1.0  # explore_lite's defaults
+
+
+def nearest_frontier(
+    grid: OccupancyGrid,
+    radius_m: float,
+    landmarks_world: np.ndarray,
+    looked_from: np.ndarray,
+    travel_costs: TravelCosts,
+    given_up,
+    config: ExplorationConfig,
+) -> Ranking:
+    """Goals as explore_lite ranks them: 3 x straight distance to the frontier's nearest cell less its length; the goal
+    is the place to stand nearest to its middle. It stands with any heading there; here it looks at the frontier."""
+    rejected = dict.fromkeys(Rejection, 0)
+    cells = np.argwhere(standing_room(grid, radius_m + config.view_margin_m))
+    frontiers = find_frontiers(grid, config.min_frontier_m)
+    if not len(cells) or not frontiers:
+        rejected[Rejection.NO_ROOM] = int(not len(cells))
+        return Ranking([], rejected)
+    places, here = grid.centres(cells), looked_from[-1, :2]
+    views = []
+    for frontier in frontiers:
+        place = places[int(np.argmin(np.hypot(*(places - frontier.centroid).T)))]
+        away = frontier.centroid - place
+        heading = math.atan2(away[1], away[0])
+        near_m = float(np.hypot(*(grid.centres(frontier.cells) - here).T).min())
+        utility = GAIN_SCALE * frontier.length_m - POTENTIAL_SCALE * near_m
+        views.append(View(SE2(*map(float, place), heading), frontier.length_m, near_m, 0, utility))
+    poses = np.array([view.pose.as_array() for view in views])
+    failed, reachable = given_up(poses), np.isfinite(travel_costs(poses))
+    looked = np.array([_is_looked(pose, looked_from, config.look_spacing_m) for pose in poses])
+    rejected[Rejection.GIVEN_UP], rejected[Rejection.LOOKED] = int(failed.sum()), int(looked.sum())
+    rejected[Rejection.UNREACHABLE] = int((~reachable).sum())
+    left = [view for view, out in zip(views, failed | ~reachable | looked, strict=True) if not out]
+    return Ranking(sorted(left, key=lambda view: -view.utility), rejected)
+
+
+def _is_looked(pose: np.ndarray, looked_from: np.ndarray, spacing: float) -> bool:
+    turn = (looked_from[:, 2] - pose[2] + np.pi) % (2 * np.pi) - np.pi
+    return bool(((np.hypot(*(looked_from[:, :2] - pose[:2]).T) < spacing) & (np.abs(turn) < spacing)).any())
+
+
+def explored(world: str, seed: int, noise: int, strategy: str, limits: argparse.Namespace) -> dict[str, object]:
+    """One run; its curve holds time [s], way [m], share known and right, collisions."""
+    run = FastRun(open_world(world, seed), 1000 * noise + seed, "fov", Config())
+    mission = run.system.mission
+    if strategy == "nearest":
+        mission._rank = nearest_frontier
+    curve: list[tuple[float, float, float, int]] = []
+
+    def watch(now_ns: int) -> None:
+        now_s, way_m = now_ns * 1e-9, run.robot.truth.path_length_m
+        if run.system.grid is None or run.judge is None or (curve and now_s < curve[-1][0] + SAMPLE_S):
+            return
+        right = run.judge.quality(run.system.grid).coverage_correct or 0.0
+        curve.append((now_s, way_m, right, run.collisions))
+        if right >= limits.until or way_m >= limits.way:
+            mission.stop(now_ns)
+
+    cpu, wall = time.process_time(), time.perf_counter()
+    reason = run.run(limits.time, watch)
+    cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
+    summary = run.summary(reason).as_dict()
+    kept = ("coverage_correct", "breaks", "relocalizations", "collisions", "ate_rmse_m", "scale_error", "path_length_m",
+            "duration_s", "keyframes", "free_inside_obstacle", "plans", "stop_reason", "version")  # fmt: skip
+    events = [event.reason for event in run.record.events if event.source == "mission"]
+    return {
+        "world": world, "seed": seed, "noise": noise, "strategy": strategy, "until": limits.until,
+        **{name: summary[name] for name in kept},
+        "cpu_s": cpu, "wall_s": wall, "min_clearance_m": run.robot.truth.min_clearance_m,
+        "times_lost": sum(reason.startswith("tracking lost") for reason in events), "curve": curve,
+    }  # fmt: skip
+
+
+def way_to(curve: list[list[float]], share: float) -> float:
+    """Metres until the share was known; infinite if it never was."""
+    return next((row[1] for row in curve if row[2] >= share), math.inf)
+
+
+def table(runs: list[dict]) -> str:
+    """A row for each run, and the medians of each strategy."""
+    head = ("world", "seed", "noise", "strategy", *(f"L{100 * x:.0f}" for x in LEVELS), "known", "way", "time", "lost",
+            "breaks", "bumps", "gap", "ATE", "CPU/s", "why")  # fmt: skip
+    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+
+    def metres(way: float) -> str:
+        return f"{way:.0f}" if math.isfinite(way) else "-"
+
+    for run in sorted(runs, key=lambda r: (r["strategy"], r["world"], r["seed"], r["noise"])):
+        cells = (
+            run["world"], run["seed"], run["noise"], run["strategy"],
+            *(metres(way_to(run["curve"], x)) for x in LEVELS),
+            f"{run['coverage_correct']:.3f}", f"{run['path_length_m']:.0f}", f"{run['duration_s']:.0f}",
+            run["times_lost"], run["breaks"], run["collisions"], f"{100 * run['min_clearance_m']:.0f}",
+            f"{run['ate_rmse_m']:.3f}", f"{run['cpu_s'] / run['duration_s']:.2f}", run["stop_reason"][:60],
+        )  # fmt: skip
+        lines.append("| " + " | ".join(map(str, cells)) + " |")
+    for strategy in sorted({run["strategy"] for run in runs}):
+        chosen = [run for run in runs if run["strategy"] == strategy]
+        medians = (metres(float(np.median([way_to(run["curve"], x) for run in chosen]))) for x in LEVELS)
+        lines.append(f"| median of {len(chosen)} | | | {strategy} | " + " | ".join(medians) + " |" + " |" * 10)
+    return "\n".join(lines)
+
+
+def known_runs(file: Path) -> list[dict]:
+    return [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=("run", "table"))
+    parser.add_argument("--world", default="lab")
+    parser.add_argument("--seeds", default="100-105", help="first-last")
+    parser.add_argument("--noise", type=int, default=0)
+    parser.add_argument("--strategy", choices=("views", "nearest"), default="views")
+    parser.add_argument("--until", type=float, default=0.9, help="share known and right at which a run ends")
+    parser.add_argument("--way", type=float, default=120.0, help="metres at which a run ends")
+    parser.add_argument("--time", type=float, default=800.0, help="emulated seconds at which a run ends")
+    parser.add_argument("--out", type=Path, default=Path("exploration.jsonl"))
+    args = parser.parse_args()
+    runs = known_runs(args.out)
+    if args.what == "run":
+        done = {(run["world"], run["seed"], run["noise"], run["strategy"], run["until"]) for run in runs}
+        first, _, last = args.seeds.partition("-")
+        for seed in range(int(first), int(last or first) + 1):
+            if (args.world, seed, args.noise, args.strategy, args.until) in done:
+                continue
+            runs.append(explored(args.world, seed, args.noise, args.strategy, args))
+            with args.out.open("a") as file:
+                file.write(json.dumps(runs[-1]) + "\n")
+            print(table(runs[-1:]).splitlines()[2], flush=True)
+    else:
+        print(table(runs))
+
+
+if __name__ == "__main__":
+    main()
