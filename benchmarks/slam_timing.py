@@ -21,9 +21,11 @@ ORB_EVERY = 3
 
 
 def timed(slam: SequentialSlam, drive: Drive, k: int) -> tuple[TrackingResult, float]:
-    """The result of frame k and this thread's processor time [ms]."""
+    """The result of frame k and this thread's processor time [ms]. The image has just been written, as by a driver."""
+    frame, wheels = drive.frame(k), drive.wheels(k)
+    frame = frame._replace(image=frame.image.copy())
     begun = time.thread_time()
-    result = slam.track(drive.frame(k), drive.wheels(k))
+    result = slam.track(frame, wheels)
     return result, 1e3 * (time.thread_time() - begun)
 
 
