@@ -141,7 +141,7 @@ class VslamNode:
         self._dense.start(camera, T_base_cam, seed)
         self._slam = slam = ThreadedSlam(camera, T_base_cam, self._config.slam, seed, self._loaded, self._counted)
         heard_s, tracked_any = time.monotonic(), False
-        while not rospy.is_shutdown():
+        while not process.is_ending():
             taken = self._sync.take(timeout_s=0.2)
             now_s = time.monotonic()
             if taken is None:
@@ -213,7 +213,8 @@ class VslamNode:
             self._dense.refresh(self._slam.snapshot())
 
     def close(self) -> None:
-        """Write the run's results after the last frame."""
+        """Nobody drives by this camera any longer; write the run's results after the last frame."""
+        self._lease.release()
         self._tracking.join(timeout=1.0)
         self._dense.close()
         if self._slam is not None:
