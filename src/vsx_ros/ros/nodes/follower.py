@@ -119,7 +119,9 @@ class FollowerNode:
         if self._stop is not None:
             factor = 0.0
         result = self._tracker.command(now_ns, self._where.pose(self._frame), age_s, tracking_ok, factor)
-        self._send(result.command if camera_alive else STOP)
+        if not camera_alive:
+            result = result._replace(command=STOP, reason="no word from vslam, which may have no images")
+        self._send(result.command)
         self._report(result)
         if self._stop is not None and self._tracker.stands:
             self._end("cancelled")
