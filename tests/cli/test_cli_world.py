@@ -44,3 +44,14 @@ def test_wrong_uses_are_named(tmp_path: Path) -> None:
     (tmp_path / "m.yaml").write_text("image: missing.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n")
     with pytest.raises(MapFileError):
         run(str(tmp_path / "m.yaml"), "--out", str(tmp_path / "w.yaml"))
+
+
+def test_a_floor_plan_alone_is_a_world(tmp_path: Path) -> None:
+    assert run("lab", "--seed", "2", "--map", str(tmp_path / "m.pgm")) == 0
+    with_origin = command.open_world(str(tmp_path / "m.pgm"), 1)
+    (tmp_path / "m.yaml").unlink()
+    alone = command.open_world(str(tmp_path / "m.pgm"), 1)
+    assert alone.bounds[2] - alone.bounds[0] == pytest.approx(with_origin.bounds[2] - with_origin.bounds[0])
+    assert alone.generator.name == "m"
+    with pytest.raises(ConfigError, match="existing"):
+        command.open_world(str(tmp_path / "none.png"), 1)

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from vsx_ros.errors import MapFileError
-from vsx_ros.io.map_file import load_map, save_map
+from vsx_ros.io.map_file import load_map, load_plan, save_map
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
 GRID = OccupancyGrid(np.random.default_rng(0).choice([-1, 0, 100], (7, 11)).astype(np.int8), 0.05, -1.25, 3.5)
@@ -73,3 +73,13 @@ def test_wrong_maps_are_one_sentence(tmp_path, before, after, message):
 def test_a_folder_that_cannot_be_written_is_named(tmp_path):
     with pytest.raises(MapFileError, match="cannot be written"):
         save_map(GRID, tmp_path / "absent" / "map")
+
+
+def test_a_plan_without_a_yaml(tmp_path):
+    save_map(GRID, tmp_path / "map.yaml")
+    (tmp_path / "map.yaml").unlink()
+    back = load_plan(tmp_path / "map.pgm")
+    assert np.array_equal(back.data, GRID.data)
+    assert (back.resolution, back.origin_x, back.origin_y) == (0.05, 0.0, 0.0)
+    with pytest.raises(MapFileError, match="give a PGM or PNG"):
+        load_plan(tmp_path / "none.png")

@@ -31,6 +31,30 @@ def test_other_generators_are_connected(name: str) -> None:
         assert is_connected(generate_world(name, seed))
 
 
+def test_a_building_is_large_and_every_room_has_a_door() -> None:
+    world = generate_world("building", 3)
+    assert world.bounds == (0.0, 0.0, 40.0, 25.0)
+    fits, xs, ys = free_places(world)
+    assert is_connected(world)
+    reachable = float(fits.sum()) * 0.05**2
+    assert 450.0 < reachable < 900.0
+    for x, y in ((1.0, 1.0), (38.5, 23.5), (20.0, 12.5)):  # two corner rooms and the crossing
+        assert fits[(np.abs(ys - y) < 1.0)[:, None] & (np.abs(xs - x) < 1.0)].any()
+    assert len(world.walls) > 60
+    assert len(world.boxes) > 20
+
+
+def test_furniture_stands_in_no_wall_whichever_way_it_runs() -> None:
+    world = generate_world("building", 3)
+    for box in world.boxes:
+        for wall in world.walls:
+            (ax, ay), (bx, by) = wall.points
+            reach = 0.5 * np.hypot(box.length, box.width)
+            across = abs(box.y - ay) if ay == by else abs(box.x - ax)
+            along = min(ax, bx) < box.x < max(ax, bx) if ay == by else min(ay, by) < box.y < max(ay, by)
+            assert across >= reach or not along
+
+
 def test_same_seed_same_world_and_other_seed_another() -> None:
     assert generate_world("lab", 5) == generate_world("lab", 5)
     assert generate_world("lab", 5) != generate_world("lab", 6)

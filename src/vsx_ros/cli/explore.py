@@ -38,7 +38,7 @@ def add_parser(subparsers: Any) -> None:
 def add_arguments(parser: argparse.ArgumentParser, *, with_load_map: bool = True) -> None:
     """The options that the live run and the lock-step run share; without --load-map where the map is given."""
     parser.add_argument(
-        "--world", metavar="NAME|FILE", help="emulate: lab, office, corridor, a world.yaml or a map.yaml"
+        "--world", metavar="NAME|FILE", help="emulate: lab, office, corridor, building, a world.yaml, map.yaml or .png"
     )
     parser.add_argument("--seed", type=int, metavar="N", help="world and noise of the emulator (default 1)")
     parser.add_argument(

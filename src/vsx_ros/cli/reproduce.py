@@ -27,7 +27,7 @@ def add_parser(subparsers: Any) -> None:
         "vsx reproduce fig5 --seeds 101:102 --time 90",
     )
     parser.add_argument("what", metavar="WHAT", choices=WHAT, help=", ".join(WHAT))
-    parser.add_argument("--world", default="lab", metavar="NAME", help="lab, office, corridor or a world.yaml")
+    parser.add_argument("--world", default="lab", metavar="NAME", help="lab, office, corridor, building or a file")
     parser.add_argument("--seeds", type=seeds, metavar="A:B", help="worlds A to B - 1 (default 100:120; figures: A)")
     parser.add_argument("--seed", type=int, metavar="N", help="the same as --seeds N:N+1")
     parser.add_argument(

@@ -23,7 +23,7 @@ def add_parser(subparsers: Any) -> None:
         epilog="examples: vsx sweep --worlds lab,corridor --seeds 0:20 --jobs 2   |   vsx sweep --seeds 100:400 "
         "--planners fov,unconstrained --scheduler tcp://10.0.0.5:8786",
     )
-    parser.add_argument("--worlds", default="lab", metavar="NAME,...", help="lab, office, corridor or map files")
+    parser.add_argument("--worlds", default="lab", metavar="NAME,...", help="lab, office, corridor, building, or files")
     parser.add_argument("--seeds", type=seeds, default=range(20), metavar="A:B", help="A to B - 1 (default 0:20)")
     parser.add_argument("--planners", default="fov", metavar="NAME,...", help="fov, unconstrained (default fov)")
     parser.add_argument("--time", type=float, default=600.0, metavar="S", help="emulated time of each (default 600)")

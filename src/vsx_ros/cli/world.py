@@ -18,7 +18,9 @@ def add_parser(subparsers: Any) -> None:
         description="Makes a building for the emulator: from a generator's name and seed, or from a map_server map.",
         epilog="examples: vsx world lab --seed 3 --out world.yaml   |   vsx world office.yaml --picture plan.png",
     )
-    parser.add_argument("name", metavar="NAME", help="lab, office, corridor, a world.yaml or a map_server map.yaml")
+    parser.add_argument(
+        "name", metavar="NAME", help="lab, office, corridor, building, a world.yaml, a map.yaml, a .png"
+    )
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="which of the generator's worlds (default 0)")
     parser.add_argument("--out", type=Path, metavar="FILE", help="write the world to this YAML file")
     parser.add_argument("--picture", type=Path, metavar="FILE.png", help="draw the plan and the first view")
@@ -50,12 +52,13 @@ def run(args: argparse.Namespace) -> int:
 
 
 def open_world(name: str, seed: int) -> World:
-    """A generator's world by name and seed, or that of a world.yaml, or of a map_server map.yaml (walls drawn by seed).
+    """A generator's world by name and seed, or that of a world.yaml, or of a map (walls drawn by seed): a map_server
+    map.yaml, or a floor plan alone, .png or .pgm with 5 cm a pixel.
 
     Raises ConfigError for an unknown name or a malformed world file, MapFileError for an unusable map.
     """
     from vsx_ros.errors import ConfigError
-    from vsx_ros.io.map_file import load_map
+    from vsx_ros.io.map_file import load_map, load_plan
     from vsx_ros.sim.generate import GENERATORS, generate_world
     from vsx_ros.sim.map_import import world_from_grid
     from vsx_ros.sim.world_file import load_world
@@ -63,9 +66,14 @@ def open_world(name: str, seed: int) -> World:
     if name in GENERATORS:
         return generate_world(name, seed)
     path = Path(name)
+    if path.suffix in (".png", ".pgm") and path.is_file():
+        grid = load_map(path) if path.with_suffix(".yaml").exists() else load_plan(path)
+        return world_from_grid(grid, path.stem, seed)
     if path.suffix not in (".yaml", ".yml") or not path.is_file():
         names = ", ".join(GENERATORS)
-        raise ConfigError(f"world {name!r} is neither a generator ({names}) nor an existing world.yaml or map.yaml")
+        raise ConfigError(
+            f"world {name!r} is neither a generator ({names}) nor an existing world.yaml, map.yaml or .png"
+        )
     lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
     if any(line.startswith("image:") for line in lines):
         return world_from_grid(load_map(path), path.stem, seed)

@@ -71,7 +71,21 @@ def load_map(path: Path) -> OccupancyGrid:
         raise MapFileError(f"map {text} is turned by {yaw} rad, only 0 is supported; turn the image instead")
     if not (0 < resolution < 10 and math.isfinite(x + y) and 0 <= thresholds[0] <= thresholds[1] <= 1):
         raise MapFileError(f"map {text}: resolution {resolution} or thresholds {thresholds} are impossible; correct it")
-    occupancy = _occupancy(text.parent / name, negate=negate, raw=raw)
+    return _grid(_occupancy(text.parent / name, negate=negate, raw=raw), thresholds, resolution, x, y)
+
+
+def load_plan(path: Path, resolution: float = 0.05) -> OccupancyGrid:
+    """The grid of a picture without a YAML: bright is free, dark is occupied, grey unknown, as map_saver draws them.
+
+    Raises MapFileError when it is no picture.
+    """
+    thresholds = _FREE_THRESHOLD, _OCCUPIED_THRESHOLD
+    return _grid(_occupancy(path, negate=False, raw=False), thresholds, resolution, 0.0, 0.0)
+
+
+def _grid(
+    occupancy: NDArray[np.float64], thresholds: tuple[float, float], resolution: float, x: float, y: float
+) -> OccupancyGrid:
     data = np.full(occupancy.shape, UNKNOWN, np.int8)
     data[occupancy < thresholds[0]] = FREE
     data[occupancy > thresholds[1]] = OCCUPIED

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from vsx_ros.sim.placement import is_connected
-from vsx_ros.sim.world import Box, Cylinder, Point, Table, World, changed
+from vsx_ros.sim.world import Box, Cylinder, Point, Table, Wall, World, changed
 
 Rng = np.random.Generator
 TRIES = 40
@@ -37,14 +37,18 @@ def _touching(world: World) -> bool:
     near = any(
         math.hypot(ax - bx, ay - by) < ar + br for i, (ax, ay, ar) in enumerate(solids) for bx, by, br in solids[:i]
     )
-    in_wall = any(
-        abs(x - wall.points[0][0]) < r + 0.05
-        and min(p[1] for p in wall.points) - r < y < max(p[1] for p in wall.points) + r
-        for wall in world.walls
-        for x, y, r in solids
-    )
+    in_wall = any(_in_partition(wall, *solid) for wall in world.walls for solid in solids)
     at_door = any(math.hypot(x - px, y - py) < r + JAMB_GAP_M for x, y, r in solids for px, py in jambs(world))
     return near or in_wall or at_door
+
+
+def _in_partition(wall: Wall, x: float, y: float, r: float) -> bool:
+    """Whether a disc reaches into a wall along one of the axes."""
+    across = 1 if wall.points[0][1] == wall.points[-1][1] else 0
+    along = [p[1 - across] for p in wall.points]
+    place = (x, y)
+    near = abs(place[across] - wall.points[0][across]) < r + 0.05
+    return near and min(along) - r < place[1 - across] < max(along) + r
 
 
 def furnished(rng: Rng, world: World, boxes: int, tables: int, cylinders: int) -> World:
@@ -67,7 +71,7 @@ def furnished(rng: Rng, world: World, boxes: int, tables: int, cylinders: int) -
                 pillar = Cylinder(x=x, y=y, radius=radius, height=height, material=material)
                 trial = changed(world, cylinders=[*world.cylinders, pillar])
             clear = math.hypot(x - world.start.x, y - world.start.y) > 1.0
-            if clear and is_connected(trial) and not _touching(trial):
+            if clear and not _touching(trial) and is_connected(trial):
                 world = trial
                 break
     return world

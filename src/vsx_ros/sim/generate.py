@@ -1,4 +1,5 @@
-"""Seeded buildings: lab (12 m x 8 m), office, corridor. Same name and seed, same world."""
+"""Seeded buildings: lab (12 m x 8 m), office, corridor, and building (40 m x 25 m, some forty rooms), by which nothing
+is tuned. Same name and seed, same world."""
 
 from __future__ import annotations
 
@@ -13,6 +14,11 @@ from vsx_ros.sim.world import Light, Origin, Outline, Point, Start, Wall, World,
 Rng = np.random.Generator
 
 HEIGHT_M = 2.6
+# The building: two corridors with rooms on both sides, joined by a third; where its walls run across.
+_BUILDING_M = (40.0, 25.0)
+_CORRIDORS_M = ((5.6, 7.8), (17.2, 19.4))
+_CROSSING_M = (19.0, 21.2)
+_MIDDLE_M = 12.5
 
 
 def _partition(rng: Rng, x: float, y0: float, y1: float, gaps: int) -> list[Wall]:
@@ -75,7 +81,41 @@ def _corridor(rng: Rng, seed: int) -> World:
     return decorated(rng, world, 1.5)
 
 
-GENERATORS = {"lab": _lab, "office": _office, "corridor": _corridor}
+def _building(rng: Rng, seed: int) -> World:
+    world = _shell(rng, "building", seed, *_BUILDING_M)
+    (width, depth), (left, right) = _BUILDING_M, _CROSSING_M
+    (low, below), (above, high) = _CORRIDORS_M
+    walls = [*_room_row(rng, low, 0.0, 0.0, width), *_room_row(rng, high, depth, 0.0, width)]
+    for corridor in (below, above):
+        for x0, x1 in ((0.0, left), (right, width)):
+            walls += _room_row(rng, corridor, _MIDDLE_M, x0, x1)
+    walls += [_wall(rng, (x0, _MIDDLE_M), (x1, _MIDDLE_M)) for x0, x1 in ((0.0, left), (right, width))]
+    walls += [_wall(rng, (x, below), (x, above)) for x in (left, right)]
+    start = Start(x=3.0, y=0.5 * (low + below), theta_rad=0.0)
+    world = furnished(rng, changed(world, walls=walls, start=start), 36, 8, 4)
+    return decorated(rng, world, 1.6)
+
+
+def _room_row(rng: Rng, y: float, y_back: float, x0: float, x1: float) -> list[Wall]:
+    """Rooms from x0 to x1 between a corridor's wall at y, with a door for each, and their back at y_back."""
+    count = int(rng.integers(round((x1 - x0) / 6.5), round((x1 - x0) / 4.5) + 1))
+    widths = rng.uniform(0.8, 1.2, count)
+    edges = x0 + (x1 - x0) * np.concatenate([[0.0], np.cumsum(widths / widths.sum())])
+    cuts = [x0]
+    for a, b in zip(edges[:-1].tolist(), edges[1:].tolist()):
+        door = float(rng.uniform(1.1, 1.5))
+        low = float(rng.uniform(a + 0.4, b - door - 0.4))
+        cuts += [low, low + door]
+    cuts.append(x1)
+    walls = [_wall(rng, (a, y), (b, y)) for a, b in zip(cuts[::2], cuts[1::2])]
+    return walls + [_wall(rng, (x, min(y, y_back)), (x, max(y, y_back))) for x in edges[1:-1].tolist()]
+
+
+def _wall(rng: Rng, a: Point, b: Point) -> Wall:
+    return Wall(points=[a, b], thickness=0.12, height=HEIGHT_M, material=wall_material(rng), skirting="skirting")
+
+
+GENERATORS = {"lab": _lab, "office": _office, "corridor": _corridor, "building": _building}
 
 
 def generate_world(name: str, seed: int) -> World:
