@@ -1,22 +1,29 @@
 """How well the ground map shows obstacles, sparse and dense, with everything in the loop.
 
-    PYTHONPATH=src:hw python benchmarks/ground_map.py [--world lab] [--seeds 100-102] [--seconds 90]
+    PYTHONPATH=src:hw python benchmarks/ground_map.py [--world lab] [--seeds 100-109] [--seconds 60] [--sparse]
     PYTHONPATH=src:hw python benchmarks/ground_map.py --rebuild
 
-Each world is explored with the dense map switched on; at the end the ground map is built from the same keyframes
-without surfaces (the paper's sparse map) and with them. Both are held against the world at 10 cm. Faces count when
-three keyframes saw them at 0.5 to 3.5 m. CPU: of one core, densifying a keyframe and building the last map.
+Each world is explored with the dense map in the loop (``--sparse``: without); at the end the ground map is built from
+the same keyframes without surfaces (the paper's sparse map) and with them. Both are held against the world at 10 cm.
+Faces count when three keyframes saw them at 0.5 to 3.5 m. Phantoms are occupied cells over 10 cm from any obstacle;
+those from the floor are the ones whose points' corners are truly on the floor, as the true camera sees it.
+Planes: as in planes.py, in the same maps. Covered: known cells, of those that can be seen, in the map driven by.
+CPU: of one core, densifying a keyframe and building the last map.
 ``--rebuild`` times maps of made-up keyframes, 300 in 12 m x 8 m and 3000 in 40 m x 25 m.
 """
 
 import argparse
 import time
+from typing import NamedTuple
 
 import cv2
 import numpy as np
+from floor_phantoms import floor_phantom_m2
+from planes import Score, faces_of, judged
 
-from vsx_ros.config import Config
+from vsx_ros.config import Config, DenseConfig
 from vsx_ros.dense.densify import Densifier
+from vsx_ros.evaluation.coverage import map_quality, observable_cells
 from vsx_ros.evaluation.obstacles import ObstacleQuality, obstacle_quality, seen_faces
 from vsx_ros.geometry.camera import mount_pose
 from vsx_ros.geometry.se2 import SE2
@@ -43,13 +50,25 @@ class TimedDensifier(Densifier):
         return dense
 
 
-def explored(kind: str, seed: int, seconds: float) -> tuple[list[ObstacleQuality], str]:
-    """The qualities without and with surfaces, and a line about the run."""
-    config, world = Config(), generate_world(kind, seed)
+class Run(NamedTuple):
+    """Of one exploration: the maps without and with surfaces, what of their phantoms is floor [m2], and the planes."""
+
+    qualities: list[ObstacleQuality]
+    floor_m2: list[float]
+    planes: Score
+    covered: float
+    about: str
+
+
+def explored(kind: str, seed: int, seconds: float, sparse: bool) -> Run:
+    """Explore a world for a while and judge its maps."""
+    config, world = Config(dense=DenseConfig(enabled=not sparse)), generate_world(kind, seed)
     robot = EmulatedRobot(world, seed, SimulationConfig(threads=1), config.robot)
     system = ExplorationSystem(robot.camera_given, robot.T_base_cam_given, config, seed)
-    system._densifier = densifier = TimedDensifier(robot.camera_given, robot.T_base_cam_given, config.dense, seed)
+    densifier = TimedDensifier(robot.camera_given, robot.T_base_cam_given, config.dense, seed)
     densifier.cpu_s = []
+    if not sparse:
+        system._densifier = densifier
     command, truth_of = STOP, dict[int, SE3]()
     while system.mission.outcome is None:
         frame, odometry = robot.step(command)
@@ -59,23 +78,30 @@ def explored(kind: str, seed: int, seconds: float) -> tuple[list[ObstacleQuality
         command = system.step(frame, odometry, "bumper pressed" if any(robot.body.bumper) else None).command
     snapshot, ground = system.slam.snapshot(), config.ground_map
     truth = ground_truth_grid(world, ground.resolution_m, ground.obstacle_min_height_m, ground.obstacle_max_height_m)
-    faces = seen_faces(truth, [truth_of[stamp] for stamp in snapshot.keyframe_stamps_ns.tolist()])
-    qualities, times = [], []
+    poses = [truth_of[stamp] for stamp in snapshot.keyframe_stamps_ns.tolist()]
+    faces = seen_faces(truth, poses)
+    qualities, floor_m2, times = [], [], []
     for with_surfaces in (False, True):
         began = time.thread_time()
         grid = system.ground.grid(snapshot, with_surfaces)
         times.append(1e3 * (time.thread_time() - began))
         qualities.append(obstacle_quality(grid, truth, faces, world.start_pose))
-    cpu = densifier.cpu_s
-    line = (
+        floor_m2.append(floor_phantom_m2(grid, truth, world, snapshot, poses, robot.camera_given))
+    cpu = densifier.cpu_s or [0.0]
+    planes = judged(densifier.update(snapshot).planes, snapshot, faces_of(world), robot.camera_given.fx)
+    observable = observable_cells(truth, world.start_pose, config.robot.radius_m, config.exploration.sensor_range_m)
+    covered = map_quality(grid, truth, observable, world.start_pose).coverage_correct or 0.0
+    about = (
         f"{kind} {seed}: {len(snapshot.keyframe_ids)} keyframes, {np.count_nonzero(faces)} cells of faces seen, "
-        f"{robot.truth.path_length_m:.0f} m, {robot.truth.collisions} collisions, mission {system.mission.outcome}; "
-        f"densify {np.median(cpu):.2f} s (p95 {np.quantile(cpu, 0.95):.2f}), map {times[0]:.0f} and {times[1]:.0f} ms"
+        f"{robot.truth.path_length_m:.0f} m, {robot.truth.collisions} collisions, mission {system.mission.outcome}, "
+        f"covered {covered:.3f}; planes {planes.recalled}/{planes.faces} recalled, {planes.spurious}/{planes.planes} "
+        f"spurious; densify {np.median(cpu):.2f} s (p95 {np.quantile(cpu, 0.95):.2f}), map {times[0]:.0f} and "
+        f"{times[1]:.0f} ms"
     )
-    return qualities, line
+    return Run(qualities, floor_m2, planes, covered, about)
 
 
-def words(name: str, of: list[ObstacleQuality]) -> str:
+def words(name: str, of: list[ObstacleQuality], floor_m2: list[float]) -> str:
     """Medians, and the worst in brackets."""
 
     def two(values: list[float], worst: float) -> str:
@@ -86,7 +112,8 @@ def words(name: str, of: list[ObstacleQuality]) -> str:
     return (
         f"  {name}: F1 {two(f1, min(f1))}, precision {np.median([q.precision for q in of]):.3f}, recall "
         f"{np.median([q.recall for q in of]):.3f}, surface called free {two(surface, max(surface))}, free inside "
-        f"{two(into, max(into))}, phantom {two([q.phantom_m2 for q in of], max(q.phantom_m2 for q in of))} m2"
+        f"{two(into, max(into))}, phantom {two([q.phantom_m2 for q in of], max(q.phantom_m2 for q in of))} m2, "
+        f"of floor {np.sum(floor_m2):.4f} m2 in all"
     )
 
 
@@ -122,8 +149,9 @@ def rebuild(n: int, half_length_m: float, half_width_m: float) -> float:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--world", default="lab", help="lab, office or corridor (default lab)")
-    parser.add_argument("--seeds", default="100-102", metavar="A-B", help="worlds (default 100-102)")
-    parser.add_argument("--seconds", type=float, default=90.0, help="emulated time of each exploration (default 90)")
+    parser.add_argument("--seeds", default="100-109", metavar="A-B", help="worlds (default 100-109)")
+    parser.add_argument("--seconds", type=float, default=60.0, help="emulated time of each exploration (default 60)")
+    parser.add_argument("--sparse", action="store_true", help="explore by the sparse map; the dense one is not made")
     parser.add_argument("--rebuild", action="store_true", help="only time maps of many keyframes")
     args = parser.parse_args()
     cv2.setNumThreads(1)
@@ -132,13 +160,22 @@ def main() -> None:
             print(f"map of {n} keyframes: {rebuild(n, *size):.0f} ms cpu (must {must})")
         return
     first, _, last = args.seeds.partition("-")
-    every = list[list[ObstacleQuality]]()
+    every = list[Run]()
     for seed in range(int(first), int(last or first) + 1):
-        qualities, line = explored(args.world, seed, args.seconds)
-        every.append(qualities)
-        print("\n".join([line, words("sparse", qualities[:1]), words("dense ", qualities[1:])]), flush=True)
-    print(f"all {len(every)}: median (worst)")
-    print("\n".join(words(name, [pair[k] for pair in every]) for k, name in enumerate(("sparse", "dense "))))
+        run = explored(args.world, seed, args.seconds, args.sparse)
+        every.append(run)
+        print(run.about)
+        for k, name in enumerate(("sparse", "dense ")):
+            print(words(name, [run.qualities[k]], [run.floor_m2[k]]), flush=True)
+    print(f"all {len(every)}: median (worst); covered {np.mean([run.covered for run in every]):.3f} on average")
+    for k, name in enumerate(("sparse", "dense ")):
+        print(words(name, [run.qualities[k] for run in every], [run.floor_m2[k] for run in every]))
+    total = [sum(run.planes[k] for run in every) for k in range(4)]
+    off = np.median(np.concatenate([run.planes.errors_deg for run in every]))
+    print(
+        f"  planes: {total[1]}/{total[0]} faces recalled ({100 * total[1] / total[0]:.0f} %), {total[3]}/{total[2]} "
+        f"spurious ({100 * total[3] / total[2]:.0f} %), normals {off:.2f} deg off"
+    )
 
 
 if __name__ == "__main__":

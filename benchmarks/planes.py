@@ -1,10 +1,10 @@
 """How well planes are found in emulated labs: ``PYTHONPATH=src:hw python benchmarks/planes.py [--seeds A-B]``.
 
 Each lab is explored for a while with everything in the loop (emulator, SLAM, planner), then the planes of the SLAM's
-map are held against the world's faces. A face counts when 20 of the map's points lie on it (flat faces; the floor and
-faces of cylinders are not counted); it is recalled when a plane within 15 degrees and 10 cm holds 30 % of its points. A
-plane is spurious when it is more than 15 degrees off the faces where most of its points lie, or when less than half of
-them lie on any one face.
+map are held against the world's faces. A face counts when it is 20 cm wide and high and 20 of the map's points lie on
+it (flat faces: not the floor nor those of cylinders; not ends of walls, nor legs); it is recalled when a plane
+within 15 degrees and 10 cm holds 30 % of its points. A plane is spurious when less than half of its points lie on faces
+within 15 degrees of it.
 """
 
 import argparse
@@ -28,6 +28,7 @@ from vsx_ros.slam.snapshot import MapSnapshot
 from vsx_ros.system import ExplorationSystem
 
 MIN_POINTS, MIN_SHARE = 20, 0.3
+MIN_SIZE_M = 0.2
 NEAR_M, MAX_ANGLE_DEG = 0.10, 15.0
 ROUND_SIDES = 8
 
@@ -39,6 +40,12 @@ class Face(NamedTuple):
     offset: float
     corners: np.ndarray
     counts: bool
+
+    @property
+    def dominant(self) -> bool:
+        """Whether the map must show it, if it has points."""
+        sides = np.linalg.norm(self.corners - np.roll(self.corners, 1, axis=0), axis=1)
+        return self.counts and float(sides.min()) >= MIN_SIZE_M
 
     def distances(self, points: np.ndarray, views: np.ndarray) -> np.ndarray:
         """(N,) distances [m] of points to the face; infinite for those seen from behind."""
@@ -117,7 +124,7 @@ def judged(planes: tuple[Plane, ...], snapshot: MapSnapshot, faces: list[Face], 
     away = np.stack([face.distances(points.world, points.views) for face in faces], axis=1)
     nearest = np.where(away.min(axis=1) < NEAR_M, away.argmin(axis=1), -1)
     nearest[(points.sigma > config.max_sigma_m) | (points.world[:, 2] < 0.06)] = -1
-    wanted = [k for k, face in enumerate(faces) if face.counts and (nearest == k).sum() >= MIN_POINTS]
+    wanted = [k for k, face in enumerate(faces) if face.dominant and (nearest == k).sum() >= MIN_POINTS]
     found = [plane for plane in planes if plane.kind is not PlaneKind.FLOOR]
 
     def recalled(k: int) -> bool:
@@ -132,13 +139,14 @@ def judged(planes: tuple[Plane, ...], snapshot: MapSnapshot, faces: list[Face], 
 
     spurious, errors = 0, list[float]()
     for plane in found:
-        count = (away[plane.points] < NEAR_M).sum(axis=0)
-        rivals = [face for face, n in zip(faces, count) if n >= 0.6 * count.max()]
-        off = min(angle_deg(plane.normal, face.normal) for face in rivals)
-        if off > MAX_ANGLE_DEG or count.max() < 0.5 * len(plane.points):
+        off = np.array([angle_deg(plane.normal, face.normal) for face in faces])
+        on = away[plane.points] < NEAR_M
+        alike = on & (off <= MAX_ANGLE_DEG)
+        best = int(alike.sum(axis=0).argmax())
+        if alike.any(axis=1).mean() < 0.5:
             spurious += 1
-        elif faces[int(count.argmax())].counts:
-            errors.append(off)
+        elif faces[best].counts:
+            errors.append(float(off[best]))
     return Score(len(wanted), sum(map(recalled, wanted)), len(found), spurious, errors)
 
 

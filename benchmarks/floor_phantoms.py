@@ -1,0 +1,55 @@
+"""Which phantom obstacles of a ground map come from corners that are truly on the floor."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from planes import Face, faces_of
+
+from vsx_ros.evaluation.coverage import metres_to
+from vsx_ros.evaluation.obstacles import TOLERANCE_M, on_truth
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
+from vsx_ros.sim.world import World
+from vsx_ros.slam.snapshot import MapSnapshot
+
+FLOOR_M = 0.01
+
+
+def first_hits(faces: list[Face], eyes: np.ndarray, rays: np.ndarray) -> np.ndarray:
+    """(N, 3) where rays (N, 3) from eyes (N, 3) meet the first of the faces; infinite where none."""
+    least = np.full(len(rays), np.inf)
+    for face in faces:
+        slope = rays @ face.normal
+        with np.errstate(all="ignore"):
+            far = (face.offset - eyes @ face.normal) / slope
+            away = face.distances(eyes + far[:, None] * rays, -rays)
+        nearer = (slope < 0.0) & (far > 0.0) & (far < least) & (away < 1e-6)
+        least[nearer] = far[nearer]
+    return eyes + least[:, None] * rays
+
+
+def on_floor(world: World, snapshot: MapSnapshot, poses: Sequence[SE3], camera: PinholeCamera) -> np.ndarray:
+    """(M,) whether most observations of each point show the floor. poses: the keyframes' true ones."""
+    T_start_world = SE3.from_se2(world.start_pose).inverse()
+    cameras = [T_start_world @ pose for pose in poses]
+    R, t = np.array([T.rotation for T in cameras]), np.array([T.translation for T in cameras])
+    rays = np.einsum("nij,nj->ni", R[snapshot.obs_keyframe], camera.unproject(snapshot.obs_uv))
+    height = first_hits(faces_of(world), t[snapshot.obs_keyframe], rays)[:, 2]
+    n = len(snapshot.points_world)
+    return np.bincount(snapshot.obs_point, height < FLOOR_M, n) > 0.5 * np.bincount(snapshot.obs_point, minlength=n)
+
+
+def floor_phantom_m2(
+    grid: OccupancyGrid, truth: OccupancyGrid, world: World, snapshot: MapSnapshot, poses: Sequence[SE3],
+    camera: PinholeCamera,
+) -> float:  # fmt: skip
+    """Area [m2] of cells over 10 cm from any obstacle in which, and beside which, more than half of the points that
+    seem to be obstacles are floor."""
+    wrong = (on_truth(grid, truth, world.start_pose) == OCCUPIED) & (truth.data == FREE)
+    wrong &= metres_to(truth.data == OCCUPIED, truth) > TOLERANCE_M
+    high = snapshot.points_world[:, 2] > 0.06
+    cells = truth.cells(world.start_pose @ snapshot.points_world[high, :2])
+    floor = on_floor(world, snapshot, poses, camera)[high]
+    shares = [floor[np.abs(cells - cell).max(axis=1) <= 1] for cell in np.argwhere(wrong)]
+    return sum(bool(len(share) and share.mean() > 0.5) for share in shares) * truth.resolution**2
