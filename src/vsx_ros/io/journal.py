@@ -102,8 +102,13 @@ class Journal:
             raise InputError(f"journal {path} cannot be written ({error.strerror}); choose another --out") from error
 
     def add(self, *lines: Line) -> None:
-        """Append lines."""
-        self._file.write(_text(lines))
+        """Append lines. Raises InputError when the disk takes no more."""
+        try:
+            self._file.write(_text(lines))
+        except OSError as error:
+            raise InputError(
+                f"journal {self._file.name} cannot be written ({error.strerror}); free the disk"
+            ) from error
 
     def close(self) -> None:
         """No further lines."""

@@ -29,7 +29,7 @@ from vsx_ros.occupancy.grid import OccupancyGrid
 
 FILES = (
     "summary.json", "config.yaml", "trajectory.txt", "odometry.txt", "groundtruth.txt", "map.pgm", "map.yaml",
-    "sparse.ply", "dense.ply", "events.jsonl", "frames.csv", "report.html",
+    "sparse.ply", "dense.ply", "events.jsonl", "frames.csv", "report.html", "map.vsxmap",
 )  # fmt: skip
 _PACKAGES = ("numpy", "numba", "opencv-python-headless", "osqp", "daqp", "ruckig", "rosbags", "msgspec")
 

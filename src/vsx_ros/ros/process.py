@@ -10,7 +10,8 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any, Protocol
 
 import cv2
@@ -32,6 +33,7 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 IMAGE_BUFFER_BYTES = 2**24
 
 _NAME_AGAIN_S = 5.0
+_TELL_AGAIN_S = 30.0
 _SIGNAL_S = 0.05
 """Python runs a signal's handler when the main thread wakes; rospy.spin would sleep for half a second."""
 
@@ -184,6 +186,15 @@ def every(period_s: float, name: str, step: Callable[[], None]) -> threading.Thr
             rate.sleep()
 
     return worker(name, loop)
+
+
+@contextmanager
+def told() -> Iterator[None]:
+    """What goes wrong inside is told, now and then, and ends nothing: for work the robot can do without."""
+    try:
+        yield
+    except VsxError as error:
+        rospy.logerr_throttle(_TELL_AGAIN_S, "%s", error)
 
 
 class Diagnostics:

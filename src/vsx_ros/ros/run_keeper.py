@@ -15,13 +15,17 @@ from vsx_ros.io.checkpoint import Saved
 from vsx_ros.io.journal import EventLine, FrameLine, Journal, read_journal
 from vsx_ros.io.run_folder import RunEvent, RunFolder
 from vsx_ros.robot import Odometry
+from vsx_ros.ros import process
 from vsx_ros.slam.slam_map import SlamMap
 from vsx_ros.slam.state import TrackingResult
 from vsx_ros.slam.threads import ThreadedSlam
 
 
 class RunKeeper:
-    """``frame`` and ``note`` on the thread that tracks; ``write`` on another, which may wait for the disk."""
+    """``frame`` and ``note`` on the thread that tracks; ``write`` on another, which may wait for the disk.
+
+    A disk that takes no more is told and ends nothing: the robot drives on, and could not be resumed.
+    """
 
     def __init__(self, run_dir: Path, record: RunRecord) -> None:
         """record: takes in what the journal of an interrupted run tells. Raises MapFileError or InputError when the
@@ -43,9 +47,9 @@ class RunKeeper:
     ) -> None:
         """A frame was tracked, and what it told."""
         T_odom_base = None if odometry is None else odometry.T_odom_base
-        self._journal.add(
-            *(EventLine(**event._asdict()) for event in events), FrameLine.of(result, T_odom_base, 1e3 * track_s)
-        )
+        lines = [EventLine(**event._asdict()) for event in events]
+        with process.told():
+            self._journal.add(*lines, FrameLine.of(result, T_odom_base, 1e3 * track_s))
 
     def note(self, slam: ThreadedSlam, stamp_ns: int, *, now: bool = False) -> None:
         """Remember the map as it is, every few seconds, to be written."""
@@ -61,4 +65,5 @@ class RunKeeper:
             noted, self._noted = self._noted, None
         if noted is not None:
             slam_map, stamp_ns, record = noted
-            self._checkpoint.write(Saved(slam_map, stamp_ns, {**record, **ground}, {}))
+            with process.told():
+                self._checkpoint.write(Saved(slam_map, stamp_ns, {**record, **ground}, {}))

@@ -11,6 +11,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.journal import ClockLine, EventLine, Journal, Line, TruthLine, flat, read_journal, unflat
 from vsx_ros.io.run_folder import RunEvent, RunFolder
+from vsx_ros.ros import process
 from vsx_ros.ros.witness import Witness
 
 
@@ -59,4 +60,5 @@ class WitnessJournal:
             lines.append(TruthLine(stamp_ns=stamp_ns, T_world_cam=seen, T_world_base=at, collisions=collisions))
         plans = self.clock.plans + len(witness.navigation().plan_ms)
         self.so_far = ClockLine(stamp_ns=now_ns, elapsed_s=elapsed_s, plans=plans, collisions=collisions)
-        self._journal.add(*lines, self.so_far)
+        with process.told():
+            self._journal.add(*lines, self.so_far)

@@ -152,7 +152,8 @@ class ExploreNode:
         """Once a second, what the mission needs to go on after an interruption."""
         if self._checkpoint is not None and time.monotonic() - self._remembered_s > _REMEMBER_PERIOD_S:
             self._remembered_s = time.monotonic()
-            self._checkpoint.write_mission(self._mission.memory(now_ns, T_odom_base).tree())
+            with process.told():
+                self._checkpoint.write_mission(self._mission.memory(now_ns, T_odom_base).tree())
 
     def _situation(self) -> Situation:
         navigation, reason = self._navigation()

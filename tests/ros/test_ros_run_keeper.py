@@ -1,0 +1,75 @@
+"""What vslam keeps of a run: gone on with by the next session, and a full disk is told but ends nothing."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rospy")
+
+from vsx_ros.cli.run_record import RunRecord
+from vsx_ros.config import Config
+from vsx_ros.errors import MapFileError
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.io.run_folder import RunEvent
+from vsx_ros.robot import Odometry, VelocityCommand
+from vsx_ros.ros import process
+from vsx_ros.ros.run_keeper import RunKeeper
+from vsx_ros.sim.generate import generate_world
+from vsx_ros.sim.robot import EmulatedRobot
+from vsx_ros.slam.slam import SequentialSlam
+
+GROUND = {"start": np.zeros(3), "trail": np.zeros((0, 7)), "bumps": np.zeros((0, 7))}
+
+
+@pytest.fixture(scope="module")
+def driven():
+    robot = EmulatedRobot(generate_world("lab", 3), 3)
+    slam = SequentialSlam(robot.camera_given, robot.T_base_cam_given, Config().slam)
+    frames = []
+    for _ in range(40):
+        frame, odometry = robot.step(VelocityCommand(0.2, 0.0))
+        frames.append((slam.track(frame, odometry), odometry))
+    assert slam.slam_map() is not None
+    return robot, slam, frames
+
+
+def test_what_was_kept_is_there_for_the_next_session(driven, tmp_path: Path) -> None:
+    robot, slam, frames = driven
+    keeper = RunKeeper(tmp_path, RunRecord(robot.T_base_cam_given))
+    assert keeper.before is None
+    for result, odometry in frames[:-5]:
+        keeper.frame(result, odometry, 0.01, [RunEvent(result.stamp_ns, "slam", "state", "why")])
+    keeper.note(slam, frames[-6][0].stamp_ns, now=True)
+    keeper.write(GROUND)
+    for result, odometry in frames[-5:]:  # after the checkpoint, hence lost
+        keeper.frame(result, odometry, 0.01, [])
+    record = RunRecord(robot.T_base_cam_given)
+    again = RunKeeper(tmp_path, record)
+    assert again.before is not None
+    assert len(again.before.slam_map.view.living) == len(slam.slam_map().view.living)
+    assert [result.stamp_ns for result in record.results] == [result.stamp_ns for result, _ in frames[:-5]]
+    assert len(record.events) == len(frames) - 5
+    far = Odometry(frames[-1][1].stamp_ns, SE2(50.0, 0.0, 0.0))  # a base that counts anew is no break
+    record.add_frame(frames[-1][0], far, 0.01)
+    assert record.summary(slam.statistics()).breaks == 0
+
+
+def test_a_full_disk_is_told_and_ends_nothing(driven, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    robot, slam, frames = driven
+    said: list[str] = []
+    monkeypatch.setattr(process.rospy, "logerr_throttle", lambda period_s, form, error: said.append(form % error))
+    keeper = RunKeeper(tmp_path, RunRecord(robot.T_base_cam_given))
+    (tmp_path / "resume" / "keyframes").touch()  # no folder, so nothing can be written into it
+    keeper.note(slam, frames[-1][0].stamp_ns)
+    keeper.write(GROUND)
+    assert len(said) == 1
+    assert "cannot be written" in said[0]
+
+
+def test_a_run_folder_of_nonsense_is_refused_at_once(tmp_path: Path) -> None:
+    (tmp_path / "resume").mkdir()
+    (tmp_path / "resume" / "map.zip").write_bytes(b"PK nonsense")
+    with pytest.raises(MapFileError, match=r"map\.zip cannot be used"):
+        RunKeeper(tmp_path, RunRecord(SE3.identity()))
