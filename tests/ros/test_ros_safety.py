@@ -21,6 +21,7 @@ from geometry_msgs.msg import Twist
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
+from vsx_hw.bases import BASES
 from vsx_ros.ros import topics
 
 if TYPE_CHECKING:
@@ -119,6 +120,23 @@ def test_the_emergency_stop_outlives_a_reconnection_and_a_restart_of_its_node(st
     finally:
         timer.shutdown()
         estop(False)
+
+
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
+def test_the_last_bytes_of_a_base_node_are_standstill(
+    stack: Stack, end: signal.Signals, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stack.wait_until_driving()
+    board, heard = stack._base._board, bytearray()
+    receive = board.receive
+    monkeypatch.setattr(board, "receive", lambda data, now_ns: (heard.extend(data), receive(data, now_ns)))
+    process = stack._processes["mobile_base"]
+    stack.kill("mobile_base", end)
+    stack.wait(lambda: not stack.plant.moving, 1.0, "the wheels to stand")
+    assert process.wait(10.0) is not None
+    time.sleep(0.2)
+    stack.start("mobile_base")
+    assert bytes(heard).endswith(BASES["kobuki"].stop_bytes().farewell)
 
 
 def test_every_task_is_told_once_a_second_under_a_lasting_name(stack: Stack, diagnostics: Diagnostics) -> None:
