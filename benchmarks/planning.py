@@ -1,5 +1,5 @@
-"""How well and how fast motion planning works: ``python benchmarks/planning.py [--quick] [section ...]``, src and hw in
-PYTHONPATH.
+"""How well and how fast motion planning works: ``python benchmarks/planning.py [--quick] [--phi 0.5] [section ...]``, src
+and hw in PYTHONPATH.
 
 Sections: connect, lab, costs, time, paper (all when none is given); a table of what must and what should be reached
 ends the run. Seeds are fixed, so everything but the milliseconds repeats exactly. The peers (planning_problems.py) are
@@ -26,7 +26,7 @@ from vsx_ros.planning.planner import Planner, UnconstrainedPlanner
 from vsx_ros.planning.reach import feasible
 from vsx_ros.planning.time_scaling import time_scale
 
-PHIS = (0.5, 1.0, 2.0)
+PHIS = [0.5, 1.0, 2.0]
 
 
 @dataclass(frozen=True)
@@ -52,10 +52,10 @@ def percentiles(values: list[float], scale: float = 1.0) -> str:
     return f"mean {np.mean(values) * scale:.3f}  median {p50:.3f}  p90 {p90:.3f}  p99 {p99:.3f}  max {most:.3f}"
 
 
-def section_connect(quick: bool) -> list[Row]:
+def section_connect(quick: bool, phis: list[float]) -> list[Row]:
     """Free space: solved, certificate, length over the Reeds-Shepp length, time."""
     n, rows = 500 if quick else 10_000, []
-    for phi in PHIS:
+    for phi in phis:
         goals = random_goals(n, 0)
         shortest = reeds_shepp_lengths(np.zeros((n, 3)), goals, phi)
         ratio, seconds, bound, end, words = [], [], 0.0, 0.0, 0
@@ -84,10 +84,10 @@ def section_connect(quick: bool) -> list[Row]:
     return rows
 
 
-def section_lab(quick: bool) -> list[Row]:
+def section_lab(quick: bool, phis: list[float]) -> list[Row]:
     """Boxes and a wall: solved of what anyone with this bound solves, time, length beside OMPL's."""
     questions, rows = problems(range(0, 20), 4) if quick else problems(range(100, 200), 10), []
-    for phi in PHIS:
+    for phi in phis:
         config = PlannerConfig(phi_rad_m=phi)
         ours, generic = Planner(config, ROBOT), UnconstrainedPlanner(config, ROBOT)
         seconds, joined, smooth, solved, anyone, peer_solved = [], 0, 0, 0, 0, 0
@@ -134,7 +134,7 @@ def section_lab(quick: bool) -> list[Row]:
     return rows
 
 
-def section_costs(quick: bool) -> list[Row]:
+def section_costs(quick: bool, phis: list[float]) -> list[Row]:
     """Costing views: the obstacle-free bound, and every pose of a map around its obstacles."""
     rng = np.random.default_rng(0)
     some = np.stack([rng.uniform(-6, 6, 500), rng.uniform(-4, 4, 500), rng.uniform(-3, 3, 500)], axis=1)
@@ -146,7 +146,7 @@ def section_costs(quick: bool) -> list[Row]:
         reeds_shepp_lengths(np.zeros((500, 3)), some, 1.0)
         seconds.append(time.process_time() - begun)
     rows = [Row("500 poses, obstacle-free bound, median [ms]", 10.0, 2.0, 1e3 * float(np.median(seconds)))]
-    for phi in PHIS:
+    for phi in phis:
         planner = Planner(PlannerConfig(phi_rad_m=phi), ROBOT)
         seconds, ratio = [], []
         for grid, start, goal in problems(range(5 if quick else 20), 1):
@@ -177,10 +177,10 @@ def excess(trajectory: Trajectory) -> float:
     return max(float(np.abs(values).max(initial=0.0)) / limit for values, limit in named)
 
 
-def section_time(quick: bool) -> list[Row]:
+def section_time(quick: bool, phis: list[float]) -> list[Row]:
     """Time scaling: duration beside toppra's, milliseconds, the worst of five limits."""
     rows, n = [], 20 if quick else 200
-    for phi in PHIS:
+    for phi in phis:
         ours, peer, seconds, worst = 0.0, 0.0, [], 0.0
         for goal in random_goals(n, 1):
             path = connect(SE2(), SE2(*goal.tolist()), phi)
@@ -198,10 +198,10 @@ def section_time(quick: bool) -> list[Row]:
     return rows
 
 
-def section_paper(quick: bool) -> list[Row]:
+def section_paper(quick: bool, phis: list[float]) -> list[Row]:
     """The paper's method: reach, share of it solved, violation between grid points, time."""
     rows, n = [], 100 if quick else 1000
-    for phi in PHIS:
+    for phi in phis:
         reachable, seconds, excess_ = 0, [], []
         for goal in random_goals(n, 2):
             pose = SE2(*goal.tolist())
@@ -222,6 +222,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("sections", nargs="*", metavar="SECTION", help="connect, lab, costs, time, paper")
     parser.add_argument("--quick", action="store_true", help="a tenth of the questions")
+    parser.add_argument("--phi", type=float, action="append", help="a bound on the change of view [rad/m]; may be repeated")
     args = parser.parse_args()
     todo = {
         "connect": section_connect, "lab": section_lab, "costs": section_costs, "time": section_time,
@@ -237,7 +238,7 @@ def main() -> None:
     rows = []
     for name in args.sections or todo:
         print(f"\n== {name} (load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores)", flush=True)
-        rows += todo[name](args.quick)
+        rows += todo[name](args.quick, args.phi or PHIS)
     print(f"\n{'quantity':58s} {'must':>12s} {'aim':>12s} {'measured':>12s}  meets")
     print(*rows, sep="\n", flush=True)
     sys.exit(0 if all(row.meets(row.must) for row in rows) else 1)
