@@ -4,12 +4,21 @@ from __future__ import annotations
 
 import math
 
+import cv2
 import numpy as np
 import pytest
 import yaml
+from calibration.board_pictures import CAMERA, Photographer
 from calibration.drives import record
 
+from vsx_ros.calibration.board import Board
 from vsx_ros.cli.main import execute
+from vsx_ros.geometry.camera import mount_pose
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.io.calibration_file import write_calibration
+from vsx_ros.io.trajectory_file import write_trajectory
 
 
 @pytest.fixture(scope="module")
@@ -112,3 +121,26 @@ def test_a_file_of_something_else_is_not_overwritten(straight, tmp_path, capsys)
     assert execute(["calibrate", "odometry", str(straight.folder), *distance, "--out", str(out)]) == 1
     assert "wings" in capsys.readouterr().err
     assert out.read_text(encoding="utf-8") == "wings: 2\n"
+
+
+def test_a_board_on_the_wall_tells_way_and_turn(tmp_path):
+    """To and fro and turning to both sides, on wheels that count 3 % too much way and 4 % too little turn."""
+    board = Board("checkerboard", 8, 6, 0.06)
+    T_base_cam = mount_pose(-0.09, 0.0, 0.31, 0.0)
+    facing = mount_pose(0.0, 0.0, 0.0, 0.0).rotation
+    T_world_board = SE3(facing, np.array([1.3, 0.0, 0.35]) - facing @ board.points().mean(axis=0))
+    steps = [(0.03, 0.0)] * 16 + [(0.0, 0.05)] * 6 + [(0.0, -0.05)] * 12 + [(0.0, 0.05)] * 6 + [(-0.03, 0.0)] * 16
+    photographer, true, wheels, lines, odometry = Photographer(board=board), SE2(), SE2(), [], []
+    (tmp_path / "rgb").mkdir()
+    for k, (way, turn) in enumerate([(0.0, 0.0), *steps]):
+        true, wheels = true @ SE2.exp(way, 0.0, turn), wheels @ SE2.exp(way * 1.03, 0.0, turn * 0.96)
+        picture = photographer.picture((SE3.from_se2(true) @ T_base_cam).inverse() @ T_world_board)
+        cv2.imwrite(str(tmp_path / f"rgb/{k:03d}.png"), picture)
+        lines.append(f"{k * 0.1:.3f} rgb/{k:03d}.png")
+        odometry.append(StampedPose(k * 100_000_000, SE3.from_se2(wheels)))
+    (tmp_path / "rgb.txt").write_text("\n".join(lines), encoding="utf-8")
+    write_trajectory(tmp_path / "odometry.txt", odometry)
+    write_calibration(tmp_path / "camera.yaml", CAMERA)
+    found = calibrated(["odometry", tmp_path, "--board", "8x6x0.06"], tmp_path / "robot.yaml")["odometry"]
+    assert found["linear_scale"] == pytest.approx(1.0 / 1.03, rel=0.005)
+    assert found["angular_scale"] == pytest.approx(1.0 / 0.96, rel=0.01)

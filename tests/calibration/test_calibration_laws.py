@@ -57,8 +57,8 @@ def test_noise_is_told_as_uncertainty():
         sigmas.append((result.linear.sigma, result.angular.sigma))
     assert np.abs(np.mean(values, axis=0) - [1.02, 0.98]).max() < 0.01
     ratio = np.std(values, axis=0) / np.mean(sigmas, axis=0)
-    assert ratio.min() > 0.4
-    assert ratio.max() < 2.5
+    assert ratio.min() > 0.1  # noise that is new in each picture is told too high: most real noise is not
+    assert ratio.max() < 1.2
 
 
 def test_turns_add_up_beyond_a_circle():

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsx_ros.arrays import FloatArray
+from vsx_ros.arrays import BoolArray, FloatArray
 from vsx_ros.calibration.mount import TrackedPose
 from vsx_ros.calibration.verdict import Complaint, Grade, Verdict
 from vsx_ros.errors import InputError
@@ -21,7 +21,8 @@ from vsx_ros.geometry.se3 import SE3
 
 RULER_M, MARK_RAD = 0.005, math.radians(1.0)
 MAX_DRIFT_RAD, MIN_TURNS, MIN_KNOWN_WAY_M = math.radians(10.0), 0.9, 0.5
-PIECE_M, PIECE_RAD, STRAIGHT_RAD = 0.15, math.radians(10.0), math.radians(3.0)
+PIECE_M, PIECE_RAD = 0.15, math.radians(10.0)
+STRAIGHT_RAD, STRETCH_RAD = math.radians(3.0), 1.5
 MIN_PIECES = 3
 GOOD_SIGMA, USABLE_SIGMA = 0.005, 0.02
 POSSIBLE = (0.8, 1.25)
@@ -85,9 +86,11 @@ def from_camera(drive: Sequence[TrackedPose], T_base_cam: SE3, metric: bool) -> 
 
     Raises InputError when neither enough ways nor enough turns are in it.
     """
+    if not drive:
+        raise InputError("the camera was never tracked; drive in sight of what it knows")
     bases = [pose.T_ref_cam @ T_base_cam.inverse() for pose in drive]
-    angular = _fitted(_turns(drive, bases))
-    linear = _fitted(_ways(drive, bases)) if metric else None
+    angular = _fitted(_turns(drive, bases), PIECE_RAD)
+    linear = _fitted(_ways(drive, bases), PIECE_M) if metric else None
     if angular is None and linear is None:
         lacking = "ways of 0.5 m or turns of 30 deg" if metric else "turns of 30 deg (without a board, turns only)"
         raise InputError(f"the camera was not tracked over {lacking}; drive more of them in sight of what it knows")
@@ -102,45 +105,53 @@ def total_turn(poses: Sequence[SE2]) -> float:
     return sum(before.angle_to(after) for before, after in zip(poses, poses[1:]))
 
 
-def _ways(drive: Sequence[TrackedPose], bases: Sequence[SE3]) -> list[tuple[float, float]]:
-    """(by the wheels, by the camera) of pieces that are nearly straight and follow each other [m]."""
-    pieces, start = [], 0
-    for k in range(len(drive)):
+def _ways(drive: Sequence[TrackedPose], bases: Sequence[SE3]) -> list[FloatArray]:
+    """(K, 2) progress ahead by the wheels and by the camera, of each stretch that is nearly straight [m]."""
+    stretches, start, rows = [], 0, [(0.0, 0.0)]
+    for k in range(1, len(drive)):
         motion = (drive[start].T_odom_base.inverse() @ drive[k].T_odom_base).wrapped()
         if abs(motion.theta) > STRAIGHT_RAD:
-            start = k
-        elif math.hypot(motion.x, motion.y) >= PIECE_M:
-            seen = (bases[start].inverse() @ bases[k]).translation[:2]
-            pieces.append((math.hypot(motion.x, motion.y), float(np.linalg.norm(seen))))
-            start = k
-    return pieces
+            stretches.append(np.array(rows))
+            start, rows = k, [(0.0, 0.0)]
+        else:
+            rows.append((motion.x, float((bases[start].inverse() @ bases[k]).translation[0])))
+    stretches.append(np.array(rows))
+    return [stretch for stretch in stretches if np.ptp(stretch[:, 0]) >= PIECE_M]
 
 
-def _turns(drive: Sequence[TrackedPose], bases: Sequence[SE3]) -> list[tuple[float, float]]:
-    """(by the wheels, by the camera) of pieces that turn and follow each other [rad]."""
-    pieces, start, turned = [], 0, 0.0
-    for k in range(1, len(drive)):
-        turned += drive[k - 1].T_odom_base.angle_to(drive[k].T_odom_base)
-        if abs(turned) >= PIECE_RAD:
-            seen = SE2.from_se3(bases[start].inverse() @ bases[k]).theta
-            pieces.append((turned, seen))
-            start, turned = k, 0.0
-    return pieces
+def _turns(drive: Sequence[TrackedPose], bases: Sequence[SE3]) -> list[FloatArray]:
+    """(K, 2) heading by the wheels and by the camera, of stretches with ``STRETCH_RAD`` of turning each [rad]."""
+    steps = [before.T_odom_base.angle_to(after.T_odom_base) for before, after in zip(drive, drive[1:])]
+    seen = np.unwrap([SE2.from_se3(bases[0].inverse() @ base).theta for base in bases])
+    headings = np.column_stack([np.cumsum([0.0, *steps]), seen])
+    number = (np.cumsum([0.0, *map(abs, steps)]) / STRETCH_RAD).astype(int)
+    stretches = [headings[number == k] for k in range(int(number[-1]) + 1)]
+    return [stretch for stretch in stretches if np.ptp(stretch[:, 0]) >= PIECE_RAD]
 
 
-def _fitted(pieces: Sequence[tuple[float, float]]) -> Factor | None:
-    """The factor of (wheels, camera) pairs by least squares without the worst of them; None where they are few."""
-    pairs: FloatArray = np.array(pieces).reshape(-1, 2)
-    if len(pairs) < MIN_PIECES:
+def _fitted(stretches: Sequence[FloatArray], piece: float) -> Factor | None:
+    """The slope of camera over wheels within the stretches, by least squares without the worst rows; None where little
+    was driven. Neighbouring rows err alike: as independent counts one row for each ``piece`` of what was driven."""
+    driven = sum(float(np.abs(np.diff(stretch[:, 0])).sum()) for stretch in stretches)
+    if driven < MIN_PIECES * piece:
         return None
-    ratios = pairs[:, 1] / pairs[:, 0]
-    middle = float(np.median(ratios))
-    spread = 1.4826 * float(np.median(np.abs(ratios - middle)))
-    wheels, camera = pairs[np.abs(ratios - middle) <= 3.0 * spread + 1e-9].T
-    value = float(wheels @ camera / (wheels @ wheels))
-    off = camera - value * wheels
-    sigma = math.sqrt(float(off @ off) / max(len(off) - 1, 1) / float(wheels @ wheels))
-    return Factor(value, sigma, float(np.abs(wheels).sum()))
+    value, kept = 1.0, np.concatenate([np.full(len(stretch), True) for stretch in stretches])
+    for _ in range(3):
+        centred = _centred(stretches, kept)
+        wheels, camera = centred[kept].T
+        value = float(wheels @ camera / (wheels @ wheels))
+        off = centred[:, 1] - value * centred[:, 0]
+        kept = np.abs(off) <= 3.0 * 1.4826 * float(np.median(np.abs(off[kept]))) + 1e-9
+    independent = min(driven / piece, len(wheels) - 1.0)
+    sigma = math.sqrt(float(np.mean(off[kept] ** 2)) / float(np.mean(wheels**2)) / independent)
+    return Factor(value, sigma, driven)
+
+
+def _centred(stretches: Sequence[FloatArray], kept: BoolArray) -> FloatArray:
+    """All rows, each less the mean of the rows that are kept of its stretch."""
+    ends = np.cumsum([len(stretch) for stretch in stretches])[:-1]
+    parts = zip(stretches, np.split(kept, ends), strict=True)
+    return np.concatenate([rows - (rows[good] if good.any() else rows).mean(axis=0) for rows, good in parts])
 
 
 def _check(factor: Factor, wheels: str, truth: str) -> None:

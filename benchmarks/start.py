@@ -1,0 +1,92 @@
+"""How long it takes from the command until the emulated robot moves.
+
+PYTHONPATH=src:hw python benchmarks/start.py [-n 3]
+
+Each time a new 'vsx explore --world lab' with a master of its own, by the clock: wants an idle machine and compiled
+kernels.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+MOVED_M = 0.01
+PATIENCE_S = 120.0
+
+WATCH = f"""
+import math, sys, time, rosgraph, rospy
+from nav_msgs.msg import Odometry
+while not rosgraph.is_master_online():
+    time.sleep(0.02)
+print("master", time.time(), flush=True)
+rospy.init_node("watch", anonymous=True)
+told = set()
+def heard(msg):
+    p = msg.pose.pose.position
+    for word, true in (("wheels", True), ("moving", math.hypot(p.x, p.y) > {MOVED_M})):
+        if true and word not in told:
+            told.add(word)
+            print(word, time.time(), flush=True)
+rospy.Subscriber("odom", Odometry, heard)
+rospy.spin()
+"""
+
+
+def once(folder: Path) -> dict[str, float]:
+    """Seconds from the command to the master, the first word of the wheels, and the first centimetre."""
+    with socket.socket() as probe:
+        probe.bind(("localhost", 0))
+        port = probe.getsockname()[1]
+    shell = {**os.environ, "ROS_MASTER_URI": f"http://localhost:{port}", "ROS_HOSTNAME": "localhost"}
+    began_s, found = time.time(), {}
+    explore = [
+        sys.executable,
+        "-m",
+        "vsx_ros.cli.main",
+        "explore",
+        "--world",
+        "lab",
+        "--headless",
+        "--out",
+        str(folder),
+    ]
+    quiet = subprocess.DEVNULL
+    with (
+        subprocess.Popen(explore, env=shell, stdout=quiet, stderr=quiet) as explorer,
+        subprocess.Popen([sys.executable, "-c", WATCH], env=shell, stdout=subprocess.PIPE, text=True) as watch,
+    ):
+        assert watch.stdout is not None
+        for line in watch.stdout:
+            word, at_s = line.split()
+            found[word] = float(at_s) - began_s
+            if word == "moving" or time.time() - began_s > PATIENCE_S:
+                break
+        watch.kill()
+        explorer.send_signal(signal.SIGINT)
+        explorer.wait(60)
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("-n", type=int, default=3, help="how often")
+    args = parser.parse_args()
+    for number in range(args.n):
+        with tempfile.TemporaryDirectory(prefix="start-") as folder:
+            found = once(Path(folder) / "run")
+        print(
+            f"{number + 1}: " + ", ".join(f"{word} after {seconds:.1f} s" for word, seconds in found.items()),
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()
