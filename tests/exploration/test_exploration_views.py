@@ -151,16 +151,18 @@ def test_what_was_looked_at_from_one_side_gains_from_the_other():
     assert from_behind[BEARINGS // 2] == pytest.approx(1.0)
 
 
-def test_dots_in_a_line_are_a_wall_and_a_seen_gap_is_none():
-    data = np.full((60, 60), UNKNOWN, np.int8)
-    data[30, 5:55:12] = OCCUPIED
-    data[30, 20:26] = FREE
+def test_a_long_row_of_dots_is_a_wall_and_a_seen_gap_is_none():
+    data = np.full((80, 140), UNKNOWN, np.int8)
+    data[30, 5:135:8] = OCCUPIED
+    data[30, 70:76] = FREE
+    data[50, 20:44:8] = OCCUPIED
     grid = OccupancyGrid(data, RESOLUTION, 0.0, 0.0)
     opaque = opaque_walls(grid, 0.3, 1.0).data
-    row = np.delete(opaque[30, 5:54], np.arange(15, 21))
+    row = np.delete(opaque[30, 5:134], np.arange(65, 71))
     assert (row == OCCUPIED).all()
-    assert (opaque[30, 20:26] == FREE).all()
-    assert (opaque[:29] == UNKNOWN).all()
+    assert (opaque[30, 70:76] == FREE).all()
+    assert (opaque[:28] == UNKNOWN).all()
+    np.testing.assert_array_equal(opaque[33:], data[33:])
     np.testing.assert_array_equal(opaque_walls(grid, 0.3, 0.3).data, data)
 
 
