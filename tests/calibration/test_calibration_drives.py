@@ -97,7 +97,7 @@ def test_the_file_keeps_what_other_calibrations_found(straight, spin, tmp_path):
         ("straight", ["--turns", "1"], "no base is that wrong"),
         ("straight", ["--distance", "0.1"], "too short"),
         ("straight", ["--distance", "4"], "no base is that wrong"),
-        ("straight", ["--board", "8x6x0.03"], "drive more of them"),
+        ("straight", ["--board", "8x6x0.03"], "in no picture"),
     ],
 )
 def test_a_drive_that_does_not_tell_is_refused_in_one_sentence(what, words, said, tmp_path, capsys, request):

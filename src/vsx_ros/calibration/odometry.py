@@ -87,7 +87,7 @@ def from_camera(drive: Sequence[TrackedPose], T_base_cam: SE3, metric: bool) -> 
     Raises InputError when neither enough ways nor enough turns are in it.
     """
     if not drive:
-        raise InputError("the camera was never tracked; drive in sight of what it knows")
+        raise InputError("the camera knew its place in no picture; drive in sight of the board, or of texture")
     bases = [pose.T_ref_cam @ T_base_cam.inverse() for pose in drive]
     angular = _fitted(_turns(drive, bases), PIECE_RAD)
     linear = _fitted(_ways(drive, bases), PIECE_M) if metric else None
