@@ -1,5 +1,5 @@
-"""How well and how fast motion planning works: ``python benchmarks/planning.py [--quick] [--phi 0.5] [section ...]``, src
-and hw in PYTHONPATH.
+"""How well and how fast motion planning works: ``python benchmarks/planning.py [--quick] [--phi 0.5] [section ...]``,
+src and hw in PYTHONPATH.
 
 Sections: connect, lab, costs, time, paper (all when none is given); a table of what must and what should be reached
 ends the run. Seeds are fixed, so everything but the milliseconds repeats exactly. The peers (planning_problems.py) are
@@ -222,7 +222,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("sections", nargs="*", metavar="SECTION", help="connect, lab, costs, time, paper")
     parser.add_argument("--quick", action="store_true", help="a tenth of the questions")
-    parser.add_argument("--phi", type=float, action="append", help="a bound on the change of view [rad/m]; may be repeated")
+    parser.add_argument("--phi", type=float, action="append", help="a bound on the change of view; may be repeated")
     args = parser.parse_args()
     todo = {
         "connect": section_connect, "lab": section_lab, "costs": section_costs, "time": section_time,

@@ -31,10 +31,14 @@ SEED = 1
 
 
 class WatchedPlant(BodyPlant):
-    """The wheels at the far end of the wire; remembers what they were told last, and when that changed."""
+    """The wheels at the far end of the wire; remembers what they were told last, and when that changed.
+
+    left_blocked: the left wheel does not turn, whatever it is told.
+    """
 
     def __init__(self, *args: Any) -> None:
         self.commanded = (0.0, 0.0)
+        self.left_blocked = False
         self.stopped_s = time.monotonic()
         super().__init__(*args)
 
@@ -42,7 +46,7 @@ class WatchedPlant(BodyPlant):
         if self.moving and (left_m_s, right_m_s) == (0.0, 0.0):
             self.stopped_s = time.monotonic()
         self.commanded = (left_m_s, right_m_s)
-        super().set_wheel_speeds(left_m_s, right_m_s)
+        super().set_wheel_speeds(0.0 if self.left_blocked else left_m_s, right_m_s)
 
     @property
     def moving(self) -> bool:
