@@ -1,4 +1,4 @@
-.PHONY: help test lint types demo
+.PHONY: help test lint types docs demo
 PYTHON ?= $(HOME)/.local/share/vsx_ros/venv/bin/python3
 export PYTHONPATH := src:hw
 
@@ -12,3 +12,6 @@ lint:  ## floor plan and style
 	$(dir $(PYTHON))lint-imports && $(PYTHON) -m ruff check . && $(PYTHON) -m ruff format --check .
 types:  ## mypy, strict
 	$(PYTHON) -m mypy
+docs:  ## write anew what is generated: the reference and the default parameters
+	$(PYTHON) -m vsx_ros.ros.reference > docs/reference.md
+	$(PYTHON) -m vsx_ros.cli.main config > config/default.yaml
