@@ -31,6 +31,7 @@ _LIBRARIES = {
 _ROS = (
     "rospy", "rosgraph", "roslaunch", "rosmaster", "actionlib", "std_msgs", "sensor_msgs", "nav_msgs", "geometry_msgs",
     "std_srvs", "trajectory_msgs", "visualization_msgs", "diagnostic_msgs", "move_base_msgs", "tf2_msgs",
+    "dynamic_reconfigure",
 )  # fmt: skip
 _PYTHON = (3, 10)
 _FULL_GB, _TIGHT_GB = 1.0, 5.0
