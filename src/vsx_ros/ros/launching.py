@@ -56,7 +56,7 @@ def parser(name: str) -> argparse.ArgumentParser:
         bases.insert(0, "auto")
     add("--base", choices=bases, default=bases[0], help="kind of base; auto: the one that answers")
     if name == "simulate":
-        add("--world", default="lab", help="lab, office, corridor or a world.yaml")
+        add("--world", default="lab", help="lab, office, corridor, building or a world.yaml")
         add("--devices", default="/tmp", help="folder for the emulated port and camera")
     else:
         add("--port", default="/dev/kobuki", help="serial port of the base")

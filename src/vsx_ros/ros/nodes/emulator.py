@@ -4,7 +4,7 @@ Subscribers: none. The devices are a serial port and a camera socket; nobody in 
 Publishers: emulator/ground_truth/odometry (frame world: that of the world file, 30 Hz),
     emulator/ground_truth/camera_pose (per image, its stamp), emulator/ground_truth/collisions (latched),
     emulator/render_rate_hz (1 Hz).
-Parameters: ~world (lab): lab, office, corridor, a world.yaml or a map.yaml. ~seed (0). ~robot_type (kobuki).
+Parameters: ~world (lab): lab, office, corridor, building, a world.yaml or a map. ~seed (0). ~robot_type (kobuki).
     ~port (ttyVSX in the folder for temporary files): the serial port it makes.
     ~camera_socket (vsx_kinect, same folder): the socket it makes; the camera's calibration is written beside it, with
     .yaml appended. ~rate_hz (15.0): images a second at most. ~config (tree of config.py).
