@@ -35,6 +35,7 @@ from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.robot import EmulatedRobot
 from vsx_ros.sim.settings import SimulationConfig
 from vsx_ros.sim.truth import ground_truth_grid
+from vsx_ros.sim.world import World
 from vsx_ros.system import ExplorationSystem
 
 
@@ -60,9 +61,9 @@ class Run(NamedTuple):
     about: str
 
 
-def explored(kind: str, seed: int, seconds: float, sparse: bool) -> Run:
+def explored(name: str, world: World, seed: int, seconds: float, sparse: bool = False) -> Run:
     """Explore a world for a while and judge its maps."""
-    config, world = Config(dense=DenseConfig(enabled=not sparse)), generate_world(kind, seed)
+    config = Config(dense=DenseConfig(enabled=not sparse))
     robot = EmulatedRobot(world, seed, SimulationConfig(threads=1), config.robot)
     system = ExplorationSystem(robot.camera_given, robot.T_base_cam_given, config, seed)
     densifier = TimedDensifier(robot.camera_given, robot.T_base_cam_given, config.dense, seed)
@@ -92,7 +93,7 @@ def explored(kind: str, seed: int, seconds: float, sparse: bool) -> Run:
     observable = observable_cells(truth, world.start_pose, config.robot.radius_m, config.exploration.sensor_range_m)
     covered = map_quality(grid, truth, observable, world.start_pose).coverage_correct or 0.0
     about = (
-        f"{kind} {seed}: {len(snapshot.keyframe_ids)} keyframes, {np.count_nonzero(faces)} cells of faces seen, "
+        f"{name} {seed}: {len(snapshot.keyframe_ids)} keyframes, {np.count_nonzero(faces)} cells of faces seen, "
         f"{robot.truth.path_length_m:.0f} m, {robot.truth.collisions} collisions, mission {system.mission.outcome}, "
         f"covered {covered:.3f}; planes {planes.recalled}/{planes.faces} recalled, {planes.spurious}/{planes.planes} "
         f"spurious; densify {np.median(cpu):.2f} s (p95 {np.quantile(cpu, 0.95):.2f}), map {times[0]:.0f} and "
@@ -162,7 +163,7 @@ def main() -> None:
     first, _, last = args.seeds.partition("-")
     every = list[Run]()
     for seed in range(int(first), int(last or first) + 1):
-        run = explored(args.world, seed, args.seconds, args.sparse)
+        run = explored(args.world, generate_world(args.world, seed), seed, args.seconds, args.sparse)
         every.append(run)
         print(run.about)
         for k, name in enumerate(("sparse", "dense ")):

@@ -167,7 +167,7 @@ def test_reflections_below_the_floor_say_nothing():
 
 
 def test_a_point_of_uncertain_depth_is_no_obstacle():
-    assert not (one_view([[4.0, 0.0, 0.3], [4.0, 0.04, 0.3]], step=0.002, n=2).data == OCCUPIED).any()
+    assert not (one_view([[4.0, 0.0, 0.3], [4.0, 0.04, 0.3]], step=0.002).data == OCCUPIED).any()
 
 
 def test_small_holes_between_free_cells_are_closed():
