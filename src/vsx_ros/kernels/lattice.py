@@ -180,7 +180,8 @@ def lattice_search(
         if hopeful[node] and (dx * dx + dy * dy < 0.25 / (phi * phi) or state % 4 == 0):
             theta, c, s = poses[node, 2], cosines[h], sines[h]
             px, py = phi * (c * dx + s * dy), phi * (c * dy - s * dx)
-            word = reeds_shepp_shortest(px, py, goal[2] - theta, turns, lengths, word_turns, word_lengths) / phi
+            below = (best - reached) * phi
+            word = reeds_shepp_shortest(px, py, goal[2] - theta, turns, lengths, word_turns, word_lengths, below) / phi
             if (
                 reached + word < best
                 and reversed_m[node] + reverse_run(word_lengths) / phi <= max_reverse + 1e-9

@@ -19,7 +19,8 @@ SEGMENTS = 5
 TABLE_PLACES, TABLE_STEP, TABLE_HEADINGS = 33, 0.2, 32
 _HALF_PI = 0.5 * math.pi
 _ZERO, _NEARLY = 1e-10, 1e-8
-_LONGER = 1e300  # than any word
+LONGER = 1e300
+"""Than any word."""
 
 
 @kernel
@@ -183,13 +184,21 @@ def reeds_shepp_words(x: float, y: float, theta: float, turns: Any, lengths: Any
 
 @kernel
 def reeds_shepp_shortest(
-    x: float, y: float, theta: float, turns: Any, lengths: Any, word_turns: Any, word_lengths: Any
+    x: float,
+    y: float,
+    theta: float,
+    turns: Any,
+    lengths: Any,
+    word_turns: Any,
+    word_lengths: Any,
+    below: float = LONGER,
 ) -> float:
     """Length of the shortest word in turning radii; its segments go to word_turns (5,) and word_lengths (5,).
 
-    turns and lengths are work space, as for ``reeds_shepp_words``.
+    turns and lengths are work space, as for ``reeds_shepp_words``. Infinite where no word is shorter than ``below``,
+    which is known the sooner the less that is.
     """
-    if _words(x, y, theta, _LONGER, turns, lengths) == 0:
+    if _words(x, y, theta, min(below, LONGER), turns, lengths) == 0:
         return np.inf
     total = 0.0
     for j in range(SEGMENTS):

@@ -13,7 +13,7 @@ import numpy as np
 
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.lattice import reverse_run, word_is_free
-from vsx_ros.kernels.reeds_shepp import MAX_WORDS, SEGMENTS, advance, reeds_shepp_shortest
+from vsx_ros.kernels.reeds_shepp import LONGER, MAX_WORDS, SEGMENTS, advance, reeds_shepp_shortest
 
 MAX_SEGMENTS = 512
 _NEAREST = 3
@@ -31,12 +31,14 @@ def random_unit(state: Any) -> float:
 
 
 @kernel
-def shortest_word(a: Any, b: Any, phi: float, work_turns: Any, work_lengths: Any, turns: Any, lengths: Any) -> float:
-    """Length [m] of the shortest word from pose a (3,) to b (3,)."""
+def shortest_word(
+    a: Any, b: Any, phi: float, work_turns: Any, work_lengths: Any, turns: Any, lengths: Any, below: float = LONGER
+) -> float:
+    """Length [m] of the shortest word from pose a (3,) to b (3,); infinite where none is shorter than ``below`` [m]."""
     dx, dy = b[0] - a[0], b[1] - a[1]
     c, s = math.cos(a[2]), math.sin(a[2])
     x, y = phi * (c * dx + s * dy), phi * (c * dy - s * dx)
-    return reeds_shepp_shortest(x, y, b[2] - a[2], work_turns, work_lengths, turns, lengths) / phi
+    return reeds_shepp_shortest(x, y, b[2] - a[2], work_turns, work_lengths, turns, lengths, below * phi) / phi
 
 
 @kernel

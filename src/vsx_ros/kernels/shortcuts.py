@@ -100,7 +100,11 @@ def shorten(
             signed = part if way_lengths[k] > 0.0 else -part
             x, y, theta = advance(at[k, 0], at[k, 1], at[k, 2], way_turns[k], signed, phi)
             ends[end, 0], ends[end, 1], ends[end, 2] = x, y, theta
-        shortest_word(ends[0], ends[1], phi, work_turns, work_lengths, word_turns, word_lengths)
+        # What it replaces, and every stop of the way if it came to that: a longer word is no gain.
+        below = second - first + cost - total
+        word = shortest_word(ends[0], ends[1], phi, work_turns, work_lengths, word_turns, word_lengths, below)
+        if word == np.inf:
+            continue
         for k in range(before):
             new_turns[count], new_lengths[count] = way_turns[k], way_lengths[k]
             count += 1
