@@ -98,7 +98,8 @@ class Tracker:
         found, uv = search_looks(data.pyramid, data.corners, looks, expected.level, expected.uv, radius)
         fit = optimized(data.camera, pose, view.points, expected, found, uv, pull, FIRST)
         counted = np.ones(len(uv), np.bool_)
-        if np.count_nonzero(fit.weights) >= MIN_FIRST:
+        # Where the wheels hold the pose, points that are no corners in this image need none to lead to them.
+        if np.count_nonzero(fit.weights) >= MIN_FIRST or pull.any():
             fit, uv, counted = self._again(data, view, fit, expected, looks, uv, pull)
         kept = fit.weights > 0
         searched, pose = expected.rows[counted], fit.T_cam_world
