@@ -1,6 +1,9 @@
 """What a base reports, as messages."""
 
 import math
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -66,3 +69,11 @@ def test_bumpers_are_points_on_the_rim_and_silence_clears_them(hazards: Hazard, 
     radii = np.hypot(points[:, 0], points[:, 1])
     assert [k for k in range(3) if radii[k] < 1.0] == near
     assert points[0, 1] > 0.0 > points[2, 1]
+
+
+def test_the_base_s_process_loads_no_compiler() -> None:
+    """It must be up first, and small: 60 MB and half a second are not for what it never calls."""
+    code = "import sys, vsx_ros.ros.nodes.mobile_base; print(sorted({'numba', 'scipy', 'osqp'} & sys.modules.keys()))"
+    shell = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
+    done = subprocess.run([sys.executable, "-c", code], env=shell, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -20,7 +20,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.path import Trajectory
 from vsx_ros.robot import Odometry, VelocityCommand
-from vsx_ros.ros import convert, images, topics
+from vsx_ros.ros import convert, images, topics, trajectory_messages
 
 STAMP_NS = 1_700_000_000_123_456_789
 metres = st.floats(-50, 50)
@@ -165,9 +165,9 @@ def test_trajectories_survive_with_their_headings_unwrapped() -> None:
     theta = np.linspace(2.5, 5.0, 41)  # passes pi, where a quaternion jumps
     poses = np.stack([np.cos(theta), np.sin(theta), theta], axis=1)
     sent = Trajectory(times, poses, np.linspace(0.0, -0.2, 41), np.full(41, 0.3))
-    msg = convert.trajectory_msg(sent, topics.ODOM_FRAME, STAMP_NS)
+    msg = trajectory_messages.trajectory_msg(sent, topics.ODOM_FRAME, STAMP_NS)
     assert msg.header.frame_id == topics.ODOM_FRAME
-    back = convert.trajectory(msg)
+    back = trajectory_messages.trajectory(msg)
     assert back is not None
     np.testing.assert_allclose(back.times_s, times, atol=1e-9)
     np.testing.assert_allclose(back.poses, poses, atol=1e-9)
@@ -176,15 +176,15 @@ def test_trajectories_survive_with_their_headings_unwrapped() -> None:
 
 
 def test_no_trajectory_is_a_message_without_points() -> None:
-    assert convert.trajectory(convert.trajectory_msg(None, "map", 0)) is None
+    assert trajectory_messages.trajectory(trajectory_messages.trajectory_msg(None, "map", 0)) is None
 
 
 def test_a_trajectory_without_speeds_is_refused() -> None:
     trajectory = Trajectory(np.array([0.0, 1.0]), np.zeros((2, 3)), np.zeros(2), np.zeros(2))
-    msg = convert.trajectory_msg(trajectory, "map", 0)
+    msg = trajectory_messages.trajectory_msg(trajectory, "map", 0)
     msg.points[1].velocities = []
     with pytest.raises(InputError):
-        convert.trajectory(msg)
+        trajectory_messages.trajectory(msg)
 
 
 def test_hazards_in_words() -> None:

@@ -27,7 +27,6 @@ from nav_msgs.msg import Odometry as OdometryMsg
 from nav_msgs.msg import Path as PathMsg
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
-from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
 from vsx_hw.readings import Hazard
 from vsx_ros.arrays import FloatArray, Points3
@@ -37,7 +36,6 @@ from vsx_ros.geometry.camera import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from vsx_ros.planning.path import Trajectory
 from vsx_ros.robot import Odometry, VelocityCommand
 from vsx_ros.ros import frames, topics
 
@@ -156,38 +154,6 @@ def velocity_command(msg: Twist) -> VelocityCommand:
     if not (math.isfinite(msg.linear.x) and math.isfinite(msg.angular.z)):
         raise InputError(f"velocity command {msg.linear.x} m/s, {msg.angular.z} rad/s must be finite")
     return VelocityCommand(msg.linear.x, msg.angular.z)
-
-
-def trajectory_msg(trajectory: Trajectory | None, frame_id: str, stamp_ns: int) -> MultiDOFJointTrajectory:
-    """Timed poses and body speeds of base_footprint; without a trajectory a message without points: stop."""
-    msg = MultiDOFJointTrajectory(header=header(frame_id, stamp_ns), joint_names=[topics.BASE_FRAME])
-    if trajectory is not None:
-        rows = zip(trajectory.times_s, trajectory.poses, trajectory.v, trajectory.omega)
-        for t, (x, y, theta), v, omega in rows:
-            transform = Transform(Vector3(x, y, 0.0), quaternion_of_heading(theta))
-            speeds = [twist(VelocityCommand(float(v), float(omega)))]
-            msg.points.append(MultiDOFJointTrajectoryPoint([transform], speeds, [], rospy.Duration.from_sec(float(t))))
-    return msg
-
-
-def trajectory(msg: MultiDOFJointTrajectory) -> Trajectory | None:
-    """The trajectory of a message, headings unwrapped; None for a message without points.
-
-    Raises InputError when a point lacks its pose or speed, PlanningError when numbers or times are impossible.
-    """
-    if not msg.points:
-        return None
-    if any(len(point.transforms) != 1 or len(point.velocities) != 1 for point in msg.points):
-        raise InputError("trajectory message: every point needs one transform and one velocity, those of the base")
-    places = [point.transforms[0] for point in msg.points]
-    headings = [2.0 * math.atan2(place.rotation.z, place.rotation.w) for place in places]
-    poses = [(place.translation.x, place.translation.y) for place in places]
-    return Trajectory(
-        np.array([point.time_from_start.to_sec() for point in msg.points]),
-        np.column_stack([np.array(poses), np.unwrap(headings)]),
-        np.array([point.velocities[0].linear.x for point in msg.points]),
-        np.array([point.velocities[0].angular.z for point in msg.points]),
-    )
 
 
 def hazard_words(mask: int) -> str:

@@ -29,7 +29,7 @@ from vsx_ros.control.caution import Caution
 from vsx_ros.control.trajectory_tracker import FollowResult, FollowStatus, TrajectoryTracker
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import STOP, VelocityCommand
-from vsx_ros.ros import convert, frames, process, topics
+from vsx_ros.ros import convert, frames, process, topics, trajectory_messages
 from vsx_ros.ros.lease import LeaseWatch
 from vsx_ros.ros.localization import Localization
 
@@ -65,7 +65,7 @@ class FollowerNode:
     def _on_trajectory(self, msg: MultiDOFJointTrajectory) -> None:
         """A new trajectory replaces the old one; one without points is a stop at once, one of a single pose, without
         motion, a stop on the way as fast as the limits allow."""
-        trajectory = convert.trajectory(msg)
+        trajectory = trajectory_messages.trajectory(msg)
         with self._lock:
             if trajectory is None:
                 self._end("cancelled")

@@ -43,7 +43,7 @@ from vsx_ros.planning.planner import Planner
 from vsx_ros.planning.sight import Sight
 from vsx_ros.planning.time_scaling import time_scale
 from vsx_ros.planning.unconstrained import UnconstrainedPlanner
-from vsx_ros.ros import convert, frames, process, topics
+from vsx_ros.ros import convert, frames, process, topics, trajectory_messages
 from vsx_ros.ros.adjustable import adjustable_of_plans, serve_adjustable
 from vsx_ros.ros.lease import PERIOD_S, Lease, LeaseWatch
 from vsx_ros.ros.localization import Localization
@@ -155,7 +155,7 @@ class MoveBaseNode:
         finally:
             self._busy = False
         if not arrived and not self._server.is_new_goal_available():
-            self._trajectory_pub.publish(convert.trajectory_msg(None, topics.MAP_FRAME, process.now_ns()))
+            self._trajectory_pub.publish(trajectory_messages.trajectory_msg(None, topics.MAP_FRAME, process.now_ns()))
         rospy.loginfo("goal %s: %s", "reached" if arrived else "given up", reason)
         self._diagnostics.set("goal", process.OK if arrived else process.WARN, reason)
         if arrived:
@@ -196,7 +196,7 @@ class MoveBaseNode:
         identity_ns = process.now_ns()
         self._path_pub.publish(self._path_msg(plan, frame))
         self._follower_s = time.monotonic()
-        self._trajectory_pub.publish(convert.trajectory_msg(trajectory, frame, identity_ns))
+        self._trajectory_pub.publish(trajectory_messages.trajectory_msg(trajectory, frame, identity_ns))
         self._diagnostics.set("goal", process.OK, f"driving {plan.path.length_m:.1f} m")
         return self._watch(identity_ns, frame)
 
@@ -257,7 +257,7 @@ class MoveBaseNode:
         pose = self._where.pose(frame)
         if pose is not None:
             here = Trajectory(np.zeros(1), pose.as_array()[None], np.zeros(1), np.zeros(1))
-            self._trajectory_pub.publish(convert.trajectory_msg(here, frame, process.now_ns()))
+            self._trajectory_pub.publish(trajectory_messages.trajectory_msg(here, frame, process.now_ns()))
         if not self._server.is_new_goal_available():
             self._wait_until_standing()
 
@@ -278,7 +278,7 @@ class MoveBaseNode:
 
     def close(self) -> None:
         """A last word to the follower; and the goal's end is told while its topics are open."""
-        self._trajectory_pub.publish(convert.trajectory_msg(None, topics.MAP_FRAME, process.now_ns()))
+        self._trajectory_pub.publish(trajectory_messages.trajectory_msg(None, topics.MAP_FRAME, process.now_ns()))
         self._pursuing.acquire(timeout=_LAST_WORD_S)
         self._server.action_server.status_timer.shutdown()
 
