@@ -237,6 +237,7 @@ class ExplorationConfig(_Branch, frozen=True):
     look_range_m: Positive = 3.0
     looks_to_half: Positive = 1.5
     wall_gap_m: Positive = 2.0
+    goal_seen_ratio: Ratio = 0.3
     look_spacing_m: Positive = 0.35
     view_spacing_m: Positive = 0.2
     view_margin_m: NonNegative = 0.05

@@ -121,6 +121,23 @@ def test_it_ends_explored_when_nothing_is_left_and_counts_the_reasons():
     assert "gain too small" in decision.reason
 
 
+def test_a_goal_whose_view_was_seen_on_the_way_is_left_without_blame():
+    mission = mapping_mission()
+    goal = mission.ranking.views[0].pose
+    active = situation(navigation=NavigationState.ACTIVE)
+    assert mission.decide(2 * SECOND, active._replace(grid=half_known())).action is Action.WAIT
+    known = OccupancyGrid(np.full((80, 120), FREE, np.int8), 0.05, -1.5, -2.0)
+    decision = mission.decide(3 * SECOND, active._replace(grid=known))
+    assert decision.action is Action.CANCEL
+    assert "seen on the way" in decision.reason
+    stopped = situation(navigation=NavigationState.ABORTED, navigation_reason="cancelled", grid=half_known())
+    assert mission.decide(3 * SECOND + SECOND // 4, stopped).action is Action.WAIT
+    following = mission.decide(4 * SECOND, stopped)
+    assert following.action is Action.GO
+    assert following.goal.distance_to(goal) > 0.3 or abs(following.goal.angle_to(goal)) > 0.3
+    assert not any("given up" in event.reason for event in mission.drain_events())
+
+
 def test_where_every_view_is_out_of_reach_it_steps_back_then_turns_and_only_then_gives_up():
     mission = Mission(Config(), lambda start, grid: lambda poses: np.full(len(poses), np.inf))
     mission.decide(0, situation(slam_state=TrackingState.NOT_INITIALISED, grid=None))

@@ -29,6 +29,7 @@ from vsx_ros.exploration.frontiers import Frontier, find_frontiers
 from vsx_ros.exploration.given_up import GivenUp
 from vsx_ros.exploration.looks import Looks
 from vsx_ros.exploration.memory import MissionMemory
+from vsx_ros.exploration.promise import Promise
 from vsx_ros.exploration.swing import free_swing
 from vsx_ros.exploration.trail import Trail
 from vsx_ros.exploration.utility import Ranker, Ranking, Rejection, TravelCosts, View, rank_views
@@ -40,7 +41,7 @@ _SECOND_NS = 1_000_000_000
 _RELOCALISE_WAIT_NS = _SECOND_NS
 _RECOGNISE_WAIT_NS = 10 * _SECOND_NS
 _EMPTY_WAIT_NS = 2 * _SECOND_NS
-_SETTLE_NS = _SECOND_NS
+_SETTLE_NS, _BRAKE_NS = _SECOND_NS, _SECOND_NS // 2
 _ELSEWHERE = Rejection.UNREACHABLE, Rejection.NO_ROOM, Rejection.FEW_LANDMARKS
 """What keeps from views that there are; from elsewhere it may look otherwise."""
 
@@ -61,6 +62,7 @@ class Mission:
         self._state = MissionState.STARTING
         self._after_pause = MissionState.STARTING
         self._goal: View | None = None
+        self._promise: Promise | None = None
         self._given_up = GivenUp(self._config.blacklist_radius_m, self._config.blacklist_s)
         self._looks = Looks(self._config.look_spacing_m)
         self._events: list[MissionEvent] = []
@@ -95,7 +97,7 @@ class Mission:
     def resume(self, now_ns: int) -> None:
         """Go on after a pause."""
         if self._state is MissionState.PAUSED:
-            self._goal = None
+            self._goal = self._promise = None
             self._enter(now_ns, self._after_pause, "resumed by the operator")
 
     def stop(self, now_ns: int) -> None:
@@ -105,7 +107,7 @@ class Mission:
     def home(self, now_ns: int) -> None:
         """Drive back to where the map began, then end."""
         self._going_home = True
-        self._goal = None
+        self._goal = self._promise = None
         self._note(now_ns, "returning home on request")
 
     # An interruption ----------------------------------------------------------------------------------------
@@ -161,16 +163,14 @@ class Mission:
         if now_ns < self._wait_until_ns:
             return self._answer(Action.WAIT, "waiting for the map to start")
         if self._attempts > self._config.init_attempts:
-            self._finish(now_ns, Outcome.NOT_STARTED, f"the map did not start: {situation.slam_reason}")
-            return self._answer(Action.FINISH, self._events[-1].reason)
+            return self._end(now_ns, Outcome.NOT_STARTED, f"the map did not start: {situation.slam_reason}")
         self._attempts += 1
         way = -self._config.init_drive_m if self._attempts % 2 == 0 else self._config.init_drive_m
         return self._straight(now_ns, T_odom_base, way, f"another straight drive: {situation.slam_reason}")
 
     def _straight(self, now_ns: int, T_odom_base: SE2, distance_m: float, reason: str) -> Decision:
         self._wait_until_ns = now_ns + _SECOND_NS
-        self._note(now_ns, reason)
-        return Decision(Action.GO, T_odom_base @ SE2(distance_m, 0.0, 0.0), "odom", self._state.value, reason)
+        return self._go(now_ns, T_odom_base @ SE2(distance_m, 0.0, 0.0), "odom", reason)
 
     def _map(self, now_ns: int, situation: Situation) -> Decision:
         """Choose a view, wait until it is reached, choose the next."""
@@ -194,11 +194,10 @@ class Mission:
             return self._back_off(now_ns, f"backing off: {situation.hazard}")
         self._backing_off = False
         if self._going_home and self._goal is not None:
-            self._finish(now_ns, Outcome.HOME, "returned to the start")
-            return self._answer(Action.FINISH, "returned to the start")
+            return self._end(now_ns, Outcome.HOME, "returned to the start")
         if self._goal is not None:
             self._looks.poses.append(self._goal.pose)
-        self._goal = None
+        self._goal = self._promise = None
         if situation.grid is None or situation.T_map_base is None:
             return self._answer(Action.WAIT, "waiting for the ground map")
         return self._choose(now_ns, situation, situation.grid, situation.T_map_base)
@@ -206,14 +205,20 @@ class Mission:
     def _supervise(self, now_ns: int, situation: Situation) -> Decision:
         if situation.hazard and not self._backing_off:
             return self._answer(Action.CANCEL, f"stopping: {situation.hazard}")
-        return self._answer(Action.WAIT, "on the way")
+        reason = self._promise.seen(situation.grid) if self._promise and situation.grid is not None else ""
+        if self._promise is None or not reason:
+            return self._answer(Action.WAIT, "on the way")
+        self._looks.poses.append(self._promise.pose)
+        self._goal = self._promise = None
+        self._wait_until_ns = now_ns + _BRAKE_NS
+        self._note(now_ns, reason)
+        return self._answer(Action.CANCEL, reason)
 
     def _choose(self, now_ns: int, situation: Situation, grid: OccupancyGrid, T_map_base: SE2) -> Decision:
         self.frontiers = find_frontiers(grid, self._config.min_frontier_m)
         if self._going_home:
             self._goal = View(SE2(), 0.0, 0.0, 0, 0.0)
-            self._note(now_ns, "driving home")
-            return Decision(Action.GO, self._goal.pose, "map", self._state.value, "driving home")
+            return self._go(now_ns, self._goal.pose, "map", "driving home")
         self.ranking = self._rank(
             grid, self._radius_m, situation.landmarks_world,
             self._looks.as_array(),
@@ -224,9 +229,8 @@ class Mission:
             return self._nothing_left(now_ns, situation, grid)
         self._empty_rankings = 0
         self._goal = goal = self.ranking.views[0]
-        reason = goal.words(self._config.stop_cost_m)
-        self._note(now_ns, reason)
-        return Decision(Action.GO, goal.pose, "map", self._state.value, reason)
+        self._promise = Promise(goal.pose, grid, self._radius_m, self._looks.as_array(), self._config)
+        return self._go(now_ns, goal.pose, "map", goal.words(self._config.stop_cost_m))
 
     def _nothing_left(self, now_ns: int, situation: Situation, grid: OccupancyGrid) -> Decision:
         """No view is worth its way: try again what failed, look from elsewhere; only where all of the ground is within
@@ -241,8 +245,7 @@ class Mission:
         boxed_in = any(rejected[reason] for reason in _ELSEWHERE)
         retries = self._config.retries_boxed_in if boxed_in else self._config.retries_without_view
         if self._empty_rankings > retries:
-            self._finish(now_ns, Outcome.EXPLORED, f"no view is worth its way any more ({why})")
-            return self._answer(Action.FINISH, self._events[-1].reason)
+            return self._end(now_ns, Outcome.EXPLORED, f"no view is worth its way any more ({why})")
         if boxed_in and self._empty_rankings > self._config.retries_without_view:
             return self._swing(now_ns, situation, grid, f"no view found ({why}): turning to look elsewhere")
         return self._back_off(now_ns, f"no view found ({why}): looking again from further back")
@@ -255,8 +258,7 @@ class Mission:
         arc = free_swing(grid, situation.T_map_base, self._body_m, self._phi_rad_m, step_m, ahead)
         if arc is None:
             return self._back_off(now_ns, reason)
-        self._note(now_ns, reason)
-        return Decision(Action.GO, situation.T_odom_base @ arc, "odom", self._state.value, reason)
+        return self._go(now_ns, situation.T_odom_base @ arc, "odom", reason)
 
     def _back_off(self, now_ns: int, reason: str) -> Decision:
         """A step back along the ground just driven: the only way that is surely free."""
@@ -265,8 +267,7 @@ class Mission:
             self._wait_until_ns = now_ns + _EMPTY_WAIT_NS
             return self._answer(Action.WAIT, "no way back along the trail")
         self._backing_off = True
-        self._note(now_ns, reason)
-        return Decision(Action.GO, goal, "odom", self._state.value, reason)
+        return self._go(now_ns, goal, "odom", reason)
 
     def _recover(self, now_ns: int, situation: Situation) -> Decision:
         """Wait for relocalisation, then back along the executed path step by step."""
@@ -284,13 +285,11 @@ class Mission:
         if self._backed_m < self._config.backtrack_max_m:
             goal = self._trail.pop_back(self._config.backtrack_step_m)
         if goal is None:
-            self._finish(now_ns, Outcome.LOST, f"tracking lost for good: {situation.slam_reason}")
-            return self._answer(Action.FINISH, self._events[-1].reason)
+            return self._end(now_ns, Outcome.LOST, f"tracking lost for good: {situation.slam_reason}")
         self._backed_m += self._config.backtrack_step_m
         self._wait_until_ns = now_ns + _RELOCALISE_WAIT_NS
         reason = f"lost: back along the trail, {self._backed_m:.1f} m so far"
-        self._note(now_ns, reason)
-        return Decision(Action.GO, goal, "odom", self._state.value, reason)
+        return self._go(now_ns, goal, "odom", reason)
 
     # Bookkeeping ---------------------------------------------------------------------------------------------
 
@@ -298,7 +297,7 @@ class Mission:
         if self._goal is not None:
             seconds = self._given_up.add(now_ns, self._goal.pose)
             self._note(now_ns, f"goal given up for {seconds:.0f} s: {reason}")
-        self._goal = None
+        self._goal = self._promise = None
 
     def _enter(self, now_ns: int, state: MissionState, reason: str) -> None:
         self._state = state
@@ -311,6 +310,14 @@ class Mission:
         if self._state is not MissionState.DONE:
             self.outcome = outcome
             self._enter(now_ns, MissionState.DONE, reason)
+
+    def _end(self, now_ns: int, outcome: Outcome, reason: str) -> Decision:
+        self._finish(now_ns, outcome, reason)
+        return self._answer(Action.FINISH, reason)
+
+    def _go(self, now_ns: int, goal: SE2, frame: str, reason: str) -> Decision:
+        self._note(now_ns, reason)
+        return Decision(Action.GO, goal, frame, self._state.value, reason)
 
     def _answer(self, action: Action, reason: str) -> Decision:
         return Decision(action, None, "map", self._state.value, reason)

@@ -96,6 +96,15 @@ def view_gain(grid: OccupancyGrid, positions: Points2, worth: FloatArray, config
     return window_sums(per_bearing, window)
 
 
+def gain_at(
+    grid: OccupancyGrid, radius_m: float, pose: SE2, looked_from: FloatArray, config: ExplorationConfig
+) -> float:
+    """v of one pose [m2]; arguments as of ``rank_views``."""
+    opaque = opaque_walls(grid, 2.0 * radius_m, config.wall_gap_m)
+    gains = view_gain(opaque, np.array([[pose.x, pose.y]]), unknown_worth(opaque, looked_from, config), config)[0]
+    return float(gains[round(pose.theta / (2 * math.pi) * BEARINGS) % BEARINGS])
+
+
 def rank_views(
     grid: OccupancyGrid,
     radius_m: float,
