@@ -167,6 +167,22 @@ def test_mosaics_of_a_camera(tmp_path, order):
     assert np.abs(frame.image[4:-4, 4:-4].astype(float) - 0.299 * 200).max() <= 3
 
 
+@pytest.mark.parametrize("kind", ["PoseStamped", "PoseWithCovarianceStamped"])
+def test_poses_serve_as_odometry_when_asked_for(tmp_path, kind):
+    def pose(stamp_ns, x):
+        stamped = odometry(stamp_ns, x)
+        held = stamped.pose.pose if kind == "PoseStamped" else stamped.pose
+        return T[f"geometry_msgs/msg/{kind}"](header(stamp_ns), held)
+
+    messages = [("/image", image(10**8)), *(("/robot_pose", pose(i * 10**8, 0.03 * i)) for i in range(4))]
+    path = write(tmp_path / "p.bag", messages)
+    assert open_recording(path).odometry == []
+    readings = open_recording(path, odometry_topic="robot_pose").odometry
+    assert [reading.T_odom_base.x for reading in readings] == pytest.approx([0.0, 0.03, 0.06, 0.09])
+    assert [reading.v for reading in readings] == pytest.approx([0.0, 0.3, 0.3, 0.3], rel=1e-4)
+    assert all(reading.omega == 0.0 for reading in readings)
+
+
 def test_the_only_calibration_serves_images_elsewhere(tmp_path):
     messages = [("/c/image_raw", image(1)), ("/calibration", info()), ("/wheels/odometry_filtered", odometry(1, 0.0))]
     recording = open_recording(write(tmp_path / "e.bag", messages))

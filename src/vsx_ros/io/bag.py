@@ -21,6 +21,7 @@ from vsx_ros.robot import Frame, Odometry
 
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 ODOMETRY, CAMERA_INFO, POSE = "nav_msgs/msg/Odometry", "sensor_msgs/msg/CameraInfo", "geometry_msgs/msg/PoseStamped"
+_POSES = (POSE, "geometry_msgs/msg/PoseWithCovarianceStamped")
 GROUND_TRUTH_TOPIC = "ground_truth/camera"
 
 
@@ -28,6 +29,7 @@ def open_bag(path: Path, image_topic: str | None = None, odometry_topic: str | N
     """The recording in a bag; topics are found by type when not given.
 
     Ground truth is a PoseStamped topic ending in ground_truth/camera (T_world_cam).
+    Stamped poses of the base serve as odometry when they are asked for; their speeds are differences.
     The calibration is the camera_info beside the images, else the only one of the bag; rectified images take its P.
     Raises InputError for a file that is not a readable bag or lacks the topic.
     """
@@ -73,7 +75,8 @@ def _image_topic(path: Path, counts: dict[str, tuple[str, int]], wanted: str | N
 def _odometry_topic(path: Path, counts: dict[str, tuple[str, int]], wanted: str | None) -> str | None:
     found = [t for t, (kind, count) in counts.items() if kind == ODOMETRY and count]
     if wanted is not None:
-        return _wanted(path, counts, found, wanted, "odometry")
+        poses = [t for t, (kind, count) in counts.items() if kind in _POSES and count]
+        return _wanted(path, counts, [*found, *poses], wanted, "odometry")
     candidates = [t for t in found if "ground_truth" not in t]
     if len(candidates) > 1:
         raise InputError(
@@ -107,14 +110,25 @@ def _camera(bag: Messages, image_topic: str, counts: dict[str, tuple[str, int]])
 
 
 def _odometry(bag: Messages, topic: str) -> list[Odometry]:
-    readings = []
+    readings: list[Odometry] = []
     for stamp_ns, message in bag.of(topic):
-        pose, twist = message.pose.pose, message.twist.twist
-        reading = Odometry(stamp_ns, SE2.from_se3(_se3(pose, topic)), twist.linear.x, twist.angular.z)
+        with_twist = message.__msgtype__ == ODOMETRY
+        pose = message.pose if message.__msgtype__ == POSE else message.pose.pose
+        v, omega = (message.twist.twist.linear.x, message.twist.twist.angular.z) if with_twist else (0.0, 0.0)
+        reading = Odometry(stamp_ns, SE2.from_se3(_se3(pose, topic)), v, omega)
+        if not with_twist and readings:
+            reading = _with_speeds(reading, readings[-1])
         if not (reading.T_odom_base.is_finite() and np.isfinite(reading.v + reading.omega)):
             raise InputError(f"topic {topic} holds a pose that is not finite; record it again or choose another topic")
         readings.append(reading)
     return sorted(readings, key=lambda reading: reading.stamp_ns)
+
+
+def _with_speeds(reading: Odometry, before: Odometry) -> Odometry:
+    moved, seconds = before.T_odom_base.inverse() @ reading.T_odom_base, (reading.stamp_ns - before.stamp_ns) * 1e-9
+    if seconds <= 0.0:
+        return reading._replace(v=before.v, omega=before.omega)
+    return reading._replace(v=moved.x / seconds, omega=moved.wrapped().theta / seconds)
 
 
 def _ground_truth(bag: Messages, topic: str) -> list[StampedPose]:
