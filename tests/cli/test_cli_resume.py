@@ -89,7 +89,8 @@ def test_it_goes_on_in_the_same_map_and_ends_as_a_run_does(resumed):
     ("words", "said"),
     [
         (["--fast"], "give more with --time"),
-        (["--fast", "--seed", "2"], "leave out --seed"),
+        (["--fast", "--seed", "0"], "leave out --seed"),
+        (["--fast", "--load-map", "x"], "leave out --load-map"),
         (["--fast", "--time", "5"], "give more with --time"),
     ],
 )
@@ -140,3 +141,12 @@ def test_its_map_can_be_saved_and_gone_on_in_by_another_run(resumed, tmp_path, c
     assert command == f"vsx explore --fast --load-map {path} --seed 1 --time 3.0 --out {other}"
     assert execute(["map", "save", str(tmp_path)]) == 1
     assert "is not a run folder" in capsys.readouterr().err
+
+
+def test_a_mistake_leaves_an_earlier_run_alone(resumed, capsys):
+    out, _ = resumed
+    before = (out / "summary.json").read_bytes()
+    for words in (["--world", "moon"], ["--load-map", "none.vsxmap"], ["--set", "planner.phi_rad_m=-1"]):
+        assert execute(["explore", "--fast", *words, "--out", str(out)]) == 1
+    assert capsys.readouterr().err.count("\n") == 3
+    assert (out / "summary.json").read_bytes() == before

@@ -16,6 +16,7 @@ from vsx_ros.errors import ConfigError
 if TYPE_CHECKING:
     from vsx_ros.config import Config
     from vsx_ros.io.run_folder import RunFolder
+    from vsx_ros.sim.world import World
 
 DEFAULTS = {"seed": 1, "base": "auto", "port": "/dev/kobuki", "camera": "kinect", "planner": "fov"}
 REMEMBERED = ("world", "seed", "base", "port", "camera", "planner", "time", "fast", "load_map")
@@ -77,29 +78,37 @@ def run(args: argparse.Namespace) -> int:
     os.execv(sys.executable, [sys.executable, "-m", "vsx_ros.ros.run", *live_arguments(args)])
 
 
-def begin(args: argparse.Namespace) -> tuple[RunFolder, Config]:
-    """The run folder and its configuration; what was not said becomes the default, or what the run to resume had.
+def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, World | None]:
+    """The run folder, its configuration, and the emulated world if there is one; what was not said becomes the default,
+    or what the run to resume had. Nothing is written before all of it is known to be right.
 
-    Raises InputError or ConfigError when there is no such run, or an option contradicts it.
+    Raises InputError, ConfigError or MapFileError when there is no such run, world or map, or an option contradicts it.
     """
+    from vsx_ros.cli.world import open_world
     from vsx_ros.config import overridden
     from vsx_ros.io.run_folder import RunFolder
+    from vsx_ros.sim.world_file import save_world
 
     if args.resume is not None:
         return _begin_again(args, RunFolder.open(args.resume))
     command = ["vsx", "explore", *(["--fast"] if args.fast else []), *live_arguments(args)]
     fill(args, DEFAULTS)
+    if args.fast:
+        fill(args, {"world": "lab"})
     if args.load_map is not None:
         args.load_map = str(Path(args.load_map).resolve())
+        if not Path(args.load_map).is_file():
+            raise ConfigError(f"there is no map {args.load_map}; 'vsx map save' makes one")
     parameters = config.load(args.config, args.set)
     if args.phi is not None:
         parameters = overridden(parameters, {"planner.phi_rad_m": args.phi})
+    world = open_world(args.world, args.seed) if args.world else None
     now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
-    world = args.world or ("lab" if args.fast else args.base)
-    folder = RunFolder.create(args.out or Path("runs") / f"{now}_{Path(world).stem}")
-    facts = {name: getattr(args, name) for name in REMEMBERED}
-    folder.write_config(parameters, command, **facts)
-    return folder, parameters
+    folder = RunFolder.create(args.out or Path("runs") / f"{now}_{Path(args.world or args.base).stem}")
+    folder.write_config(parameters, command, **{name: getattr(args, name) for name in REMEMBERED})
+    if world is not None:
+        save_world(world, folder.path / "world.yaml")
+    return folder, parameters, world
 
 
 def fill(args: argparse.Namespace, values: Mapping[str, Any]) -> None:
@@ -109,22 +118,20 @@ def fill(args: argparse.Namespace, values: Mapping[str, Any]) -> None:
             setattr(args, name, value)
 
 
-def _begin_again(args: argparse.Namespace, folder: RunFolder) -> tuple[RunFolder, Config]:
-    contradicting = [
-        name for name in ("world", "seed", "base", "planner", "phi", "config", "set", "out") if getattr(args, name)
-    ]
+def _begin_again(args: argparse.Namespace, folder: RunFolder) -> tuple[RunFolder, Config, World | None]:
+    from vsx_ros.sim.world_file import load_world
+
+    fixed = ("world", "seed", "base", "planner", "phi", "load_map", "config", "set", "out")
+    contradicting = [name.replace("_", "-") for name in fixed if getattr(args, name) not in (None, [])]
     if contradicting:
-        raise ConfigError(
-            f"--resume goes on with the options of {folder.path}; leave out --{contradicting[0].replace('_', '-')}"
-        )
+        raise ConfigError(f"--resume goes on with the options of {folder.path}; leave out --{contradicting[0]}")
     parameters, facts = folder.read_config()
     if facts.get("fast") is not args.fast:
-        raise ConfigError(
-            f"{folder.path} was made {'with' if facts.get('fast') else 'without'} --fast; resume it so, too"
-        )
+        how = "with" if facts.get("fast") else "without"
+        raise ConfigError(f"{folder.path} was made {how} --fast; resume it so, too")
     fill(args, {name: facts.get(name) for name in REMEMBERED})
     fill(args, DEFAULTS)
-    return folder, parameters
+    return folder, parameters, load_world(folder.path / "world.yaml") if args.world else None
 
 
 def live_arguments(args: argparse.Namespace) -> list[str]:

@@ -16,7 +16,6 @@ from vsx_ros.cli.report import one_line_facts, write_report
 from vsx_ros.cli.run_record import MapJudge, RunRecord
 from vsx_ros.cli.session import Before, Session
 from vsx_ros.cli.stoppable import stoppable
-from vsx_ros.cli.world import open_world
 from vsx_ros.config import Config
 from vsx_ros.errors import ConfigError
 from vsx_ros.evaluation.summary import Summary, with_accuracy
@@ -29,7 +28,6 @@ from vsx_ros.robot import STOP, Frame, Odometry, VelocityCommand
 from vsx_ros.sim.robot import EmulatedRobot, Observation
 from vsx_ros.sim.settings import SimulationConfig
 from vsx_ros.sim.world import Start, World, changed
-from vsx_ros.sim.world_file import load_world, save_world
 from vsx_ros.slam.slam_map import SlamMap
 from vsx_ros.slam.state import TrackingState
 from vsx_ros.system import ExplorationSystem
@@ -199,20 +197,16 @@ class FastRun:
 
 def explore_fast(args: argparse.Namespace) -> int:
     """One lock-step exploration; its exit code."""
-    folder, config = begin(args)
-    name, before = args.world or "lab", None
-    if args.resume is not None:
-        world, before = load_world(folder.path / "world.yaml"), Before.of(folder)
-    else:
-        world = open_world(name, args.seed)
-        save_world(world, folder.path / "world.yaml")
+    folder, config, world = begin(args)
+    assert world is not None
+    before = Before.of(folder) if args.resume is not None else None
     limit_s = args.time or _DEFAULT_TIME_S
     if before is not None and before.ended_ns * 1e-9 >= limit_s:
         raise ConfigError(f"{folder.path} has lasted {before.ended_ns * 1e-9:.0f} s; to go on give more with --time")
     slam_map = load_slam_map(Path(args.load_map)) if args.load_map else None
     run = FastRun(world, args.seed, args.planner, config, before, Session(folder, before), slam_map)
     reason = run.run(limit_s)
-    facts = {"world": name, "seed": args.seed, "planner": args.planner, "continued_map": args.load_map}
+    facts = {"world": args.world, "seed": args.seed, "planner": args.planner, "continued_map": args.load_map}
     summary = run.summary(reason, **facts)
     run.write(folder, summary)
     report = write_report(folder)

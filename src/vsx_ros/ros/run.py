@@ -21,7 +21,6 @@ from vsx_ros.cli.exit_codes import DONE, FAILED, HARDWARE, INTERNAL, LOST, STOPP
 from vsx_ros.cli.explore import add_arguments, begin
 from vsx_ros.cli.report import one_line_facts, write_report
 from vsx_ros.cli.run_record import MapJudge
-from vsx_ros.cli.world import open_world
 from vsx_ros.config import to_dict
 from vsx_ros.errors import ConfigError, VsxError
 from vsx_ros.evaluation.summary import Summary, with_accuracy
@@ -35,7 +34,7 @@ from vsx_ros.ros.progress import Progress, progress_line
 from vsx_ros.ros.witness import Witness
 from vsx_ros.ros.witness_journal import WitnessJournal
 from vsx_ros.sim.world import Start, World, changed
-from vsx_ros.sim.world_file import load_world, save_world
+from vsx_ros.sim.world_file import save_world
 
 _READY_WAIT_S = 180.0
 _COVERAGE_PERIOD_S = 2.0
@@ -77,10 +76,7 @@ class Coverage:
 
 def explore(args: argparse.Namespace) -> int:
     """One live run, or the rest of one that was interrupted; its exit code."""
-    folder, config = begin(args)
-    world = None
-    if args.world:
-        world = open_world(args.world, args.seed) if args.resume is None else load_world(folder.path / "world.yaml")
+    folder, config, world = begin(args)
     os.environ["ROS_LOG_DIR"] = str((folder.path / "log").resolve())
     (folder.path / "log").mkdir(exist_ok=True)
     # Where a loaded map lies in the world is not known.
@@ -116,7 +112,6 @@ def _nodes(
     if world is None:
         return [*launch.bringup(args.base, args.port, args.camera), *above]
     path = folder.path.resolve() / "world.yaml"
-    save_world(world, path)
     if T_world_base is not None:
         path = path.with_name("world_resumed.yaml")
         start = Start(x=T_world_base.x, y=T_world_base.y, theta_rad=T_world_base.theta)
