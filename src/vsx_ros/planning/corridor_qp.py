@@ -21,7 +21,8 @@ from vsx_ros.planning.words import HeadingSequence, merge_segments
 
 _MOST_IN_A_LEG, _MOST_PIECES = 12, 7  # the programme grows with the cube of its pieces; long ways are fitted in parts
 _SAMPLES = Quadrature(intervals=32, order=4)
-_TRUSTED = 4  # every so many samples one is held near where it was
+_FEW = slice(3, None, 4)  # samples that are held near where they were
+_FOLLOW = 50.0
 _TRUST_M = 0.15
 _SLACK_PRICE = 200.0
 _NEAR_M = 0.3
@@ -74,31 +75,21 @@ def fit(
     base = joint_qp.build(sequence, start, goal, phi)
     X, Y = joint_qp.position_rows(sequence, start.theta, _SAMPLES)
     guide = skeleton_points(sequence, runs) - np.array([start.x, start.y])
-    n = base.P.shape[0]
-    follow = 50.0
-    first = QpProblem(
-        P=1e-3 * base.P + follow * (X.T @ X + Y.T @ Y),
-        q=-follow * (X.T @ guide[:, 0] + Y.T @ guide[:, 1]),
-        A=base.A, lower=base.lower, upper=base.upper,
-    )  # fmt: skip
-    solution = solve_exact(first)
-    if solution is None or solution.duals is None:
+    first = solve_exact(_following(base, X, Y, guide))
+    if first is None or first.duals is None:
         return None
-    x, best = solution.x, None
+    x, best = first.x, None
     trust, gap = _TRUST_M, _GAP_M
-    duals = None
+    # The rows of the bound that are active along the guide are a good guess of those along the shortest way.
+    duals = np.concatenate([first.duals, np.zeros(len(X) + 2 * len(X[_FEW])), [-1.0]])
     for hopeless_m in _HOPELESS_M:
         round_, kept = _round(base, X, Y, x, start, corridor, trust, gap)
-        if duals is None:
-            duals = np.zeros(len(kept))
-            duals[: len(base.A)] = solution.duals
-            duals[-1] = -1.0
         answer = solve_exact(round_, duals[kept])
         if answer is None or answer.duals is None:
             break
         duals = np.zeros(len(kept))
         duals[kept] = answer.duals
-        x = answer.x[:n]
+        x = answer.x[:-1]
         path = _verified(sequence, start, goal, phi, base, x)
         if path is None:
             break
@@ -113,6 +104,15 @@ def fit(
         else:
             best = path
     return best
+
+
+def _following(base: QpProblem, X: FloatArray, Y: FloatArray, guide: FloatArray) -> QpProblem:
+    """The programme of the curve that comes closest to the guide's points (32 K, 2)."""
+    return QpProblem(
+        P=1e-3 * base.P + _FOLLOW * (X.T @ X + Y.T @ Y),
+        q=-_FOLLOW * (X.T @ guide[:, 0] + Y.T @ guide[:, 1]),
+        A=base.A, lower=base.lower, upper=base.upper,
+    )  # fmt: skip
 
 
 def _round(
@@ -140,8 +140,8 @@ def _round(
     planes = normal[:, :1] * X[near] + normal[:, 1:] * Y[near]
     least = np.sum(normal * points[near], axis=1) - margin[near] + gap
     n = len(x)
-    few = slice(_TRUSTED - 1, None, _TRUSTED)
-    tx, ty, low, high = X[few], Y[few], points[few] - reach[few, None], points[few] + reach[few, None]
+    tx, ty = X[_FEW], Y[_FEW]
+    low, high = points[_FEW] - reach[_FEW, None], points[_FEW] + reach[_FEW, None]
     rows = len(base.A) + len(planes) + 2 * len(low) + 1
     A = np.zeros((rows, n + 1))
     np.concatenate([base.A, planes, tx, ty], out=A[:-1, :n])
