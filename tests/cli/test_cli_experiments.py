@@ -9,6 +9,7 @@ import pytest
 from vsx_ros.cli.experiments import sweeps, table1
 from vsx_ros.cli.experiments.drive import ARMS, DriveTask, _drive, limits_of, plan_of, question
 from vsx_ros.cli.experiments.exploration import ExplorationTask
+from vsx_ros.cli.experiments.stages import figure7
 from vsx_ros.cli.experiments.trackers import FULL, PAPER
 from vsx_ros.cli.main import execute
 from vsx_ros.cli.world import open_world
@@ -107,6 +108,24 @@ def test_figures_2_and_6_show_both_arms(tmp_path):
     six = table1.figure6_section(drives()[:1]).body
     assert six.count("<figure>") == 2
     assert six.count('class="broke"') == 2
+
+
+def test_figure_7_shows_stages_of_the_way(tmp_path):
+    assert execute(["reproduce", "fig7", "--seed", "1", "--time", "7", "--out", str(tmp_path)]) == 0
+    numbers = json.loads((tmp_path / "fig7.json").read_text())
+    coverage = [stage["coverage"] for stage in numbers["stages"]]
+    assert numbers["summary"]["stop_reason"] == "time limit of 7 s"
+    assert 3 <= len(coverage) <= 5
+    assert 0.0 < coverage[0] <= coverage[-1] < 0.5
+    page = (tmp_path / "fig7.html").read_text()
+    assert page.count("<figure>") == 6
+    assert "75 % of the way" in page
+
+
+def test_a_run_that_never_had_a_map_has_no_stages():
+    section, numbers = figure7([], {"stop_reason": "the map did not start: dark"})
+    assert "There was never a map: the map did not start: dark." in section.body
+    assert numbers["stages"] == []
 
 
 def test_a_sweep_is_continued_and_told(tmp_path, capsys):
