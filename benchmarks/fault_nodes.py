@@ -17,7 +17,7 @@ import signal
 import time
 from pathlib import Path
 
-from exploring_robot import begin, home, new_stack, ready
+from exploring_robot import START_S, begin, home, new_stack, ready
 
 NODES = ("mobile_base", "follower", "move_base", "explore", "camera", "vslam", "rosmaster")
 SIGNALS = {"killed": signal.SIGKILL, "hung": signal.SIGSTOP, "stopped": signal.SIGINT}
@@ -58,18 +58,19 @@ def main() -> None:
         for how in args.how:
             for node in args.nodes:
                 turned = results.setdefault(f"{node} {how}", [])
+                last = node == "rosmaster" and how != "hung"
                 while len(turned) < args.repetitions and time.monotonic() < end_s:
                     if stack is None:
                         stack = new_stack(folder)
                         stack.up()
-                        begin(stack)
+                        begin(stack, 0.0 if last else START_S)
                     if not ready(stack):
                         print(f"{node} {how}: the robot does not drive; next", flush=True)
                         break
                     turned.append(round(repetition(stack, node, how), 3))
                     args.out.write_text(json.dumps(results, indent=1) + "\n")
                     print(node, how, turned[-1], flush=True)
-                    if node == "rosmaster" and how != "hung":
+                    if last:
                         stack.down()
                         stack = None
                     else:
