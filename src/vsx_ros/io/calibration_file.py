@@ -65,9 +65,7 @@ def read_calibration(path: Path) -> PinholeCamera:
             "fx, fy, cx, cy, dist)"
         ) from error
     if camera is None:
-        raise CalibrationError(
-            f"calibration {path} is all zero (uncalibrated); run 'vsx calibrate camera'"
-        )
+        raise CalibrationError(f"calibration {path} is all zero (uncalibrated); run 'vsx calibrate camera'")
     return camera
 
 
