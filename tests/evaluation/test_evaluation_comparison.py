@@ -10,8 +10,7 @@ from vsx_ros.evaluation.comparison import change, compare
 from vsx_ros.evaluation.page import Section, figures, interval, page, table
 from vsx_ros.evaluation.paired import Interval
 from vsx_ros.evaluation.report import ReportData
-from vsx_ros.evaluation.ways import curves, ways_picture
-from vsx_ros.geometry.se2 import SE2
+from vsx_ros.evaluation.ways import curves, ways_picture, window_around
 from vsx_ros.occupancy.grid import FREE, OccupancyGrid
 
 A = ReportData(
@@ -74,8 +73,14 @@ def test_ways_are_where_they_belong():
     assert picture.count("<polyline") == 2
     assert 'points="60.0,60.0 120.0,60.0"' in picture  # 60 px a metre from the corner (-1, 1)
     assert '<circle class="broke" cx="120.0" cy="60.0"' in picture
-    turned = ways_picture(GRID, [], T_picture_grid=SE2(0.0, 0.0, np.pi / 2))
-    assert re.search(r'viewBox="0 0 120 240"', turned)
+    near = ways_picture(
+        GRID, [("planned", [[0.0, 0.0], [1.0, 0.0]])], window=window_around([("", [[0.0, 0.0], [1.0, 0.0]])], 0.5)
+    )
+    assert 'viewBox="0 0 120 60"' in near
+    assert 'points="30.0,30.0 90.0,30.0"' in near
+    assert '<image x="-30.0" y="-30.0" width="240.0" height="120.0"' in near
+    many = ways_picture(GRID, [], dots=np.zeros((9000, 2)))
+    assert 2000 < many.count("M60.0,60.0h0") <= 3000
 
 
 def test_curves_end_where_the_data_do():

@@ -63,6 +63,7 @@ svg{display:block;width:100%;height:auto;background:#f3f5f7;border-radius:6px}
 svg text{fill:var(--soft);font:12px system-ui,sans-serif}
 polyline{fill:none;stroke-width:2}.planned{stroke:var(--blue)}.estimate{stroke:var(--green);stroke-width:2.5}
 .driven{stroke:var(--soft);stroke-dasharray:4 4}.first{stroke:var(--blue)}.second{stroke:var(--red)}
+.dots{stroke:var(--blue);stroke-width:4;stroke-linecap:round;opacity:.5}
 .view{stroke:var(--blue);stroke-width:1;opacity:.6}
 circle.broke{fill:var(--purple)}circle.start{fill:var(--ink)}circle.goal{fill:none;stroke:var(--ink);stroke-width:2}
 .grid{stroke:var(--line)}.key::before{content:"";display:inline-block;width:18px;height:4px;margin-right:6px;

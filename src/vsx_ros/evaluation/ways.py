@@ -9,29 +9,37 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray, Points2
 from vsx_ros.evaluation.svg import grid_image, png_url, ticks
-from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 
 _PX_PER_M = 60.0
 _VIEW_M = 0.35
+_MAX_DOTS = 3000
 Way = Sequence[Sequence[float] | None]
+Window = tuple[FloatArray, FloatArray]
 
 
 def ways_picture(
-    grid: OccupancyGrid, ways: Sequence[tuple[str, Way]], marks: Sequence[tuple[str, Sequence[float]]] = (),
-    views: Sequence[Sequence[float]] = (), around: float | None = None, T_picture_grid: SE2 = SE2(),  # noqa: B008
-) -> str:  # fmt: skip
+    grid: OccupancyGrid,
+    ways: Sequence[tuple[str, Way]],
+    marks: Sequence[tuple[str, Sequence[float]]] = (),
+    views: Sequence[Sequence[float]] = (),
+    dots: Points2 | None = None,
+    window: Window | None = None,
+) -> str:
     """A map from above, north up. ways: (CSS class, points; None leaves a gap). marks: (CSS class, point). views:
-    x, y, heading of short strokes. around: show only so many metres around ways and marks. T_picture_grid: where the
-    grid lies."""
-    low, high = _extent(grid, T_picture_grid, [p for _, way in ways for p in way if p is not None], around)
+    x, y, heading of short strokes. dots: (N, 2), thinned where they are many. window: what to show, all of the grid by
+    default. Lengths in metres."""
+    low, high = window or window_of(grid)
     width, height = (high - low) * _PX_PER_M
 
     def place(point: Sequence[float]) -> str:
         return f"{(point[0] - low[0]) * _PX_PER_M:.1f},{(high[1] - point[1]) * _PX_PER_M:.1f}"
 
     parts = [f'<svg viewBox="0 0 {width:.0f} {height:.0f}" role="img"><title>map from above</title>']
-    parts.append(_background(grid, T_picture_grid, low, high))
+    parts.append(_background(grid, low, high))
+    if dots is not None and len(dots):
+        shown = dots[:: 1 + len(dots) // _MAX_DOTS].tolist()
+        parts.append(f'<path class="dots" d="{"".join(f"M{place(p)}h0" for p in shown)}"/>')
     for x, y, theta in views:
         tip = x + _VIEW_M * np.cos(theta), y + _VIEW_M * np.sin(theta)
         parts.append(f'<polyline class="view" points="{place((x, y))} {place(tip)}"/>')
@@ -42,6 +50,18 @@ def ways_picture(
         x_px, y_px = place(point).split(",")
         parts.append(f'<circle class="{name}" cx="{x_px}" cy="{y_px}" r="7"/>')
     return "".join([*parts, "</svg>"])
+
+
+def window_of(grid: OccupancyGrid) -> Window:
+    """All of a grid: its lower and upper corner."""
+    low = np.array([grid.origin_x, grid.origin_y])
+    return low, low + np.array(grid.shape)[::-1] * grid.resolution
+
+
+def window_around(ways: Sequence[tuple[str, Way]], margin_m: float) -> Window:
+    """So many metres around ways that are not all empty."""
+    points = np.array([point[:2] for _, way in ways for point in way if point is not None])
+    return points.min(axis=0) - margin_m, points.max(axis=0) + margin_m
 
 
 def curves(lines: Sequence[tuple[str, FloatArray, FloatArray]], x_label: str, y_label: str) -> str:
@@ -67,30 +87,14 @@ def curves(lines: Sequence[tuple[str, FloatArray, FloatArray]], x_label: str, y_
     return "".join([*parts, "</svg>"])
 
 
-def _background(grid: OccupancyGrid, T: SE2, low: Points2, high: Points2) -> str:
-    rows, columns = grid.shape
-    size = np.array([columns, rows]) * grid.resolution * _PX_PER_M
-    x, y = (T.x - low[0]) * _PX_PER_M, (high[1] - T.y) * _PX_PER_M
-    dx = grid.origin_x * _PX_PER_M
-    dy = -(grid.origin_y * _PX_PER_M + size[1])
+def _background(grid: OccupancyGrid, low: FloatArray, high: FloatArray) -> str:
+    corner, end = window_of(grid)
+    x, y = (corner[0] - low[0]) * _PX_PER_M, (high[1] - end[1]) * _PX_PER_M
+    width, height = (end - corner) * _PX_PER_M
     return (
-        f'<g transform="translate({x:.1f} {y:.1f}) rotate({-np.degrees(T.theta):.2f})"><image x="{dx:.1f}" '
-        f'y="{dy:.1f}" width="{size[0]:.1f}" height="{size[1]:.1f}" preserveAspectRatio="none" '
-        f'style="image-rendering:pixelated" href="{png_url(grid_image(grid))}"/></g>'
+        f'<image x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{height:.1f}" preserveAspectRatio="none" '
+        f'style="image-rendering:pixelated" href="{png_url(grid_image(grid))}"/>'
     )
-
-
-def _extent(
-    grid: OccupancyGrid, T: SE2, points: Sequence[Sequence[float]], around: float | None
-) -> tuple[Points2, Points2]:
-    if around is not None and points:
-        xy = np.array([point[:2] for point in points])
-        return xy.min(axis=0) - around, xy.max(axis=0) + around
-    rows, columns = grid.shape
-    size = np.array([columns, rows]) * grid.resolution
-    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]) * size + [grid.origin_x, grid.origin_y]
-    placed = T @ corners
-    return placed.min(axis=0), placed.max(axis=0)
 
 
 def _unbroken(way: Way) -> list[list[Sequence[float]]]:

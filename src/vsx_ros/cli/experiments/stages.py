@@ -12,7 +12,7 @@ from vsx_ros.cli.explore_fast import FastRun
 from vsx_ros.cli.world import open_world
 from vsx_ros.config import Config, overridden
 from vsx_ros.evaluation.page import Section, figures, paragraph, table
-from vsx_ros.evaluation.ways import curves, ways_picture
+from vsx_ros.evaluation.ways import Window, curves, ways_picture, window_of
 from vsx_ros.occupancy.grid import OccupancyGrid
 
 STAGES = (0.25, 0.5, 0.75, 1.0)
@@ -75,7 +75,9 @@ def figure7(stages: list[Stage], summary: Result) -> tuple[Section, dict[str, An
         return Section("Figure 7: the map at different stages", paragraph(words)), {"summary": summary, "stages": []}
     whole_m = stages[-1].path_m
     chosen = [next(s for s in stages if s.path_m >= share * whole_m - 1e-9) for share in STAGES]
-    pictures = [(_caption(share, s), _picture(s)) for share, s in zip(STAGES, chosen, strict=True)]
+    pictures = [
+        (_caption(share, s), _picture(s, window_of(stages[-1].grid))) for share, s in zip(STAGES, chosen, strict=True)
+    ]
     seconds, path = np.array([s.second for s in stages]), np.array([s.path_m for s in stages])
     lines = [
         ("first", np.array([s.coverage for s in stages])),
@@ -96,7 +98,8 @@ def figure7(stages: list[Stage], summary: Result) -> tuple[Section, dict[str, An
         f"{summary['world']}, seed {summary['seed']}: {summary['stop_reason']}; {whole_m:.1f} m, {summary['breaks']} "
         f"breaks, {summary['collisions']} collisions, ATE "
         f"{'unknown' if ate_m is None else f'{ate_m:.3f} m'} without scale alignment. "
-        "Blue: the way. Curves: blue what is known of all that can be seen, red what of it is right."
+        "Green: the way. Blue dots: surface that looks alike from several keyframes. "
+        "Curves: blue what is known of all that can be seen, red what of it is right."
     )
     body = paragraph(words) + figures(pictures) + table(["", *fields], rows)
     return Section("Figure 7: the map at different stages", body), {"summary": summary, "stages": numbers}
@@ -106,5 +109,5 @@ def _caption(share: float, stage: Stage) -> str:
     return f"after {stage.path_m:.1f} m ({100 * share:.0f} %), {stage.second:.0f} s: {100 * stage.coverage:.0f} % known"
 
 
-def _picture(stage: Stage) -> str:
-    return ways_picture(stage.grid, [("planned", stage.way)])
+def _picture(stage: Stage, window: Window) -> str:
+    return ways_picture(stage.grid, [("estimate", stage.way)], dots=stage.surface[:, :2], window=window)

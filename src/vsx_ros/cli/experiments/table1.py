@@ -15,7 +15,7 @@ from vsx_ros.config import Config
 from vsx_ros.errors import InputError
 from vsx_ros.evaluation.page import Section, figures, interval, paragraph, table
 from vsx_ros.evaluation.paired import Interval, mean_interval, ratio_interval, share_interval, sign_test
-from vsx_ros.evaluation.ways import ways_picture
+from vsx_ros.evaluation.ways import ways_picture, window_around
 from vsx_ros.planning.path import Plan
 
 Drives = Sequence[tuple[DriveTask, Result]]
@@ -152,7 +152,7 @@ def figure6_section(drives: Drives) -> Section:
 
 def _picture(asked: Question, ways: Any, marks: Any, views: Any) -> str:
     ends = [("start", (asked.start.x, asked.start.y)), ("goal", (asked.goal.x, asked.goal.y))]
-    return ways_picture(asked.grid, ways, [*ends, *marks], views, _AROUND_M)
+    return ways_picture(asked.grid, ways, [*ends, *marks], views, window=window_around(ways, _AROUND_M))
 
 
 _PROTOCOL = (
