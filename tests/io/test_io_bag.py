@@ -231,8 +231,12 @@ def test_what_is_no_bag_is_one_sentence(tmp_path, content, message):
     assert "\n" not in str(caught.value)
 
 
-@pytest.fixture(params=[None, Writer.CompressionFormat.BZ2, Writer.CompressionFormat.LZ4], ids=["none", "bz2", "lz4"])
-def long_drive(tmp_path, request):
+@pytest.fixture(
+    scope="module",
+    params=[None, Writer.CompressionFormat.BZ2, Writer.CompressionFormat.LZ4],
+    ids=["none", "bz2", "lz4"],
+)
+def long_drive(tmp_path_factory, request):
     """Several chunks."""
     texture = np.random.default_rng(0).integers(0, 256, (480, 640), dtype=np.uint8)
     messages = [("/camera/rgb/camera_info", info(width=640))]
@@ -240,7 +244,7 @@ def long_drive(tmp_path, request):
     for i in range(10):
         messages.append(("/odom", odometry(i * 10**8, 0.02 * i)))
         messages.append(("/camera/rgb/image_raw", image(i * 10**8 + 1, texture, height=480, width=640)))
-    return write(tmp_path / "drive.bag", messages, request.param)
+    return write(tmp_path_factory.mktemp("long") / "drive.bag", messages, request.param)
 
 
 @pytest.mark.parametrize("share", [0.3, 0.6, 0.9, 0.99])
@@ -297,7 +301,7 @@ def test_random_damage_never_escapes_as_another_exception(tmp_path, drive):
     rng = np.random.default_rng(5)
     path = tmp_path / "r.bag"
     refused = 0
-    for _ in range(150):
+    for _ in range(60):
         raw = bytearray(whole)
         for position in rng.integers(13, len(raw), 20):
             raw[position] = rng.integers(256)
@@ -306,4 +310,4 @@ def test_random_damage_never_escapes_as_another_exception(tmp_path, drive):
             list(open_recording(path).frames())
         except (InputError, CalibrationError):
             refused += 1
-    assert 25 < refused < 150
+    assert 8 < refused < 60

@@ -53,7 +53,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
     parser.add_argument("--calibration", type=Path, metavar="FILE", help="ROS camera_info YAML or camera.json")
     parser.add_argument("--image-topic", metavar="T", help="image topic of the bag (default: the only one)")
-    parser.add_argument("--odometry-topic", metavar="T", help="odometry, or poses of the base (default: the only Odometry)")
+    parser.add_argument("--odometry-topic", metavar="T", help="odometry or base poses (default: the only Odometry)")
     parser.add_argument("--map", action="store_true", help="also build the ground map (needs odometry)")
     parser.add_argument("--load-map", type=Path, metavar="FILE", help="go on in a SLAM map that --save-map wrote")
     parser.add_argument("--save-map", type=Path, metavar="FILE", help="at the end, save the SLAM map to go on in it")
