@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -31,6 +31,14 @@ def mean_interval(values: Sequence[float], seed: int = 0) -> Interval:
 def ratio_interval(above: Sequence[float], below: Sequence[float], seed: int = 0) -> Interval:
     """The ratio of the means of paired values: pairs are drawn together. Raises InputError without pairs."""
     return _bootstrap(np.column_stack([above, below]), seed)
+
+
+def known(of: Callable[..., Interval], *values: Any) -> Interval | None:
+    """``of(*values)``, None where there is nothing to compute it from."""
+    try:
+        return of(*values)
+    except InputError:
+        return None
 
 
 def _bootstrap(rows: FloatArray, seed: int) -> Interval:

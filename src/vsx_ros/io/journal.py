@@ -110,10 +110,6 @@ class Journal:
                 f"journal {self._file.name} cannot be written ({error.strerror}); free the disk"
             ) from error
 
-    def close(self) -> None:
-        """No further lines."""
-        self._file.close()
-
 
 def read_journal(path: Path) -> list[Line]:
     """All lines but a last one that was cut off. Raises InputError when the file is damaged elsewhere."""

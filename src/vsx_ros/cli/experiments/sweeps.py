@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from vsx_ros.cli.experiments.campaign import Result
 from vsx_ros.cli.experiments.exploration import ExplorationTask
-from vsx_ros.errors import InputError
 from vsx_ros.evaluation.page import Section, interval, paragraph, table
-from vsx_ros.evaluation.paired import Interval, mean_interval, share_interval
+from vsx_ros.evaluation.paired import known, mean_interval, share_interval
 from vsx_ros.exploration.decision import Outcome
 
 Runs = Sequence[tuple[ExplorationTask, Result]]
@@ -51,26 +50,26 @@ def section(runs: Runs) -> Section:
 def _row(name: str, results: list[Result]) -> list[str]:
     done = [result for result in results if "failed" not in result]
 
-    def known(key: str) -> list[float]:
+    def of(key: str) -> list[float]:
         return [float(result[key]) for result in done if result.get(key) is not None]
 
     def mean(key: str, form: str) -> str:
-        return interval(_interval(lambda: mean_interval(known(key))), form)
+        return interval(known(mean_interval, of(key)), form)
 
     def share(hits: int) -> str:
-        return interval(_interval(lambda: share_interval(hits, len(done))))
+        return interval(known(share_interval, hits, len(done)))
 
-    ate = known("ate_rmse_m")
+    ate = of("ate_rmse_m")
     return [
         name,
         f"{len(done)} of {len(results)}",
         mean("coverage_correct", ".3f"),
-        share(sum(value >= 0.9 for value in known("coverage_correct"))),
-        f"{mean('way_to_90_m', '.1f')} ({len(known('way_to_90_m'))} runs)",
-        share(sum(value > 0 for value in known("breaks"))),
+        share(sum(value >= 0.9 for value in of("coverage_correct"))),
+        f"{mean('way_to_90_m', '.1f')} ({len(of('way_to_90_m'))} runs)",
+        share(sum(value > 0 for value in of("breaks"))),
         share(sum(result.get("stop_reason", "").startswith(Outcome.LOST.value) for result in done)),
-        f"{sum(known('collisions')):.0f}",
-        f"{min(known('min_clearance_m')):.3f}" if done else "unknown",
+        f"{sum(of('collisions')):.0f}",
+        f"{min(of('min_clearance_m')):.3f}" if done else "unknown",
         f"{np.median(ate):.3f}, {max(ate):.3f}" if ate else "unknown",
         mean("scale_error", ".4f"),
         mean("u1", ".3f"),
@@ -88,10 +87,3 @@ def _faults(result: Result) -> Iterator[str]:
         yield f"{result['collisions']} collisions"
     if (result.get("coverage_correct") or 0.0) < 0.9:
         yield f"{100 * (result.get('coverage_correct') or 0.0):.0f} % known and right; {result['stop_reason']}"
-
-
-def _interval(compute: Callable[[], Interval]) -> Interval | None:
-    try:
-        return compute()
-    except InputError:
-        return None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from vsx_ros.cli.experiments.campaign import Result
@@ -12,9 +12,8 @@ from vsx_ros.cli.experiments.drive import ARMS, DriveTask, Question, plan_of, qu
 from vsx_ros.cli.experiments.trackers import FULL, PAPER
 from vsx_ros.cli.world import open_world
 from vsx_ros.config import Config
-from vsx_ros.errors import InputError
 from vsx_ros.evaluation.page import Section, figures, interval, paragraph, table
-from vsx_ros.evaluation.paired import Interval, mean_interval, ratio_interval, share_interval, sign_test
+from vsx_ros.evaluation.paired import known, mean_interval, ratio_interval, share_interval, sign_test
 from vsx_ros.evaluation.ways import ways_picture, window_around
 from vsx_ros.planning.path import Plan
 
@@ -65,29 +64,21 @@ def _compared(results: Sequence[Result], tracker: str) -> dict[str, Any]:
     tree: dict[str, Any] = {"drives": len(done)}
     for measure, _, _ in _MEASURES:
         of_arm = {arm: [_value(arms, arm, tracker, measure) for arms in done] for arm in ARMS}
-        tree[measure] = {arm: _interval(mean_interval, values) for arm, values in of_arm.items()}
+        tree[measure] = {arm: known(mean_interval, values) for arm, values in of_arm.items()}
         pair = of_arm[CONSTRAINED], of_arm[UNCONSTRAINED]
-        tree[measure]["ratio"] = _interval(ratio_interval, *pair)
+        tree[measure]["ratio"] = known(ratio_interval, *pair)
         tree[measure]["chance"] = sign_test(*pair)
     broken = {arm: [int(arms[arm]["trackers"][tracker]["broken"]) for arms in done] for arm in ARMS}
-    tree["broken"] = {arm: _interval(share_interval, sum(hits), len(hits)) for arm, hits in broken.items()}
+    tree["broken"] = {arm: known(share_interval, sum(hits), len(hits)) for arm, hits in broken.items()}
     tree["broken"]["chance"] = sign_test(broken[UNCONSTRAINED], broken[CONSTRAINED])
     held = {arm: [arms[arm]["trackers"][tracker]["held_share"] for arms in done] for arm in ARMS}
-    tree["held_share"] = {arm: _interval(mean_interval, shares) for arm, shares in held.items()}
+    tree["held_share"] = {arm: known(mean_interval, shares) for arm, shares in held.items()}
     return tree
 
 
 def _value(arms: dict[str, Any], arm: str, tracker: str, measure: str) -> float:
     """A tracker that never started has tracked nothing."""
     return float(arms[arm]["trackers"][tracker][measure] or 0.0)
-
-
-def _interval(of: Callable[..., Interval], *values: Any) -> Interval | None:
-    """None where no drive came to an end."""
-    try:
-        return of(*values)
-    except InputError:
-        return None
 
 
 def table_section(drives: Drives) -> Section:
