@@ -7,7 +7,9 @@ import pytest
 import yaml
 from calibration.board_pictures import CAMERA, Photographer, poses
 
-from vsx_ros.cli.main import execute
+from vsx_ros.cli.explore import begin
+from vsx_ros.cli.main import execute, parser
+from vsx_ros.cli.robot_file import default_robot_file, update_robot_file
 from vsx_ros.io.calibration_file import read_calibration
 
 BOARD = ["--board", "8x6x0.03"]
@@ -68,3 +70,14 @@ def test_what_cannot_be_used_is_said_in_one_sentence(words, said, pictures, tmp_
     error = capsys.readouterr().err
     assert said in error
     assert error.count("\n") == 1
+
+
+def test_a_real_robot_explores_with_its_own_parameters_and_an_emulated_one_without(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("ROS_HOME", str(tmp_path))
+    update_robot_file(default_robot_file(), "mount", {"height_m": 0.42}, "by hand")
+    words = ["explore", "--out"]
+    _, real, _ = begin(parser().parse_args([*words, str(tmp_path / "real")]))
+    assert real.robot.mount.height_m == 0.42
+    assert "robot.yaml" in capsys.readouterr().err
+    _, emulated, _ = begin(parser().parse_args([*words, str(tmp_path / "emulated"), "--world", "lab"]))
+    assert emulated.robot.mount.height_m == 0.31

@@ -172,5 +172,6 @@ def _conclude(out: Path | None, branch: str, values: dict[str, float], verdict: 
         print(f"  {path} is not written")
         return FAILED
     update_robot_file(path, branch, values, f"vsx calibrate {branch}: {verdict}")
-    print(f"written: {path}", f"give it to vsx with --config {path}, to roslaunch with config:={path}", sep="\n  ")
+    vsx = f"give it to vsx with --config {path}" if out is not None else "'vsx explore' on the robot takes it by itself"
+    print(f"written: {path}", f"{vsx}, roslaunch with config:={path}", sep="\n  ")
     return DONE
