@@ -108,14 +108,15 @@ def way_to(curve: list[list[float]], share: float) -> float:
     return next((row[1] for row in curve if row[2] >= share), math.inf)
 
 
+def metres(way: float) -> str:
+    return f"{way:.0f}" if math.isfinite(way) else "-"
+
+
 def table(runs: list[dict]) -> str:
     """A row for each run, and the medians of each strategy."""
     head = ("world", "seed", "noise", "strategy", *(f"L{100 * x:.0f}" for x in LEVELS), "known", "way", "time", "lost",
             "breaks", "bumps", "gap", "ATE", "CPU/s", "why")  # fmt: skip
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
-
-    def metres(way: float) -> str:
-        return f"{way:.0f}" if math.isfinite(way) else "-"
 
     for run in sorted(runs, key=lambda r: (r["strategy"], r["world"], r["seed"], r["noise"])):
         cells = (
