@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vsx_ros.evaluation.figure5 import Figure5, section
-from vsx_ros.evaluation.obstacles import obstacle_quality, seen_faces
+from vsx_ros.evaluation.obstacles import narrow_gaps, obstacle_quality, seen_faces
 from vsx_ros.evaluation.page import page as page_of
 from vsx_ros.geometry.camera import mount_pose
 from vsx_ros.geometry.se2 import SE2
@@ -60,6 +60,22 @@ def test_gaps_phantoms_and_lies_are_counted():
     assert quality.surface_free == pytest.approx(1.0 - below, abs=0.02)
     assert 0.9 < quality.precision < 1.0
     assert quality.f1 == pytest.approx(2 * quality.precision * quality.recall / (quality.precision + quality.recall))
+
+
+def test_gaps_of_the_width_of_a_robot_are_looked_at_and_no_others():
+    data = TRUTH.data.copy()
+    for left, right in ((2, 40), (52, 70), (74, 98)):
+        data[24:36, left:right] = OCCUPIED
+    truth = OccupancyGrid(data, RES, 0.0, 0.0)
+    gaps = narrow_gaps(truth)
+    # One is 0.6 m wide, one 0.2 m; to the walls of the room it is 1.1 m.
+    assert gaps[29:31, 44:48].all()
+    assert np.argwhere(gaps)[:, 1].min() >= 40
+    assert np.argwhere(gaps)[:, 1].max() < 52
+    filled = data.copy()
+    filled[24:36, 40:46] = OCCUPIED
+    assert obstacle_quality(shifted(data), truth, FACES, START).gaps_free == 1.0
+    assert obstacle_quality(shifted(filled), truth, FACES, START).gaps_free < 0.8
 
 
 def test_nothing_known_is_judged_by_what_is_missing():

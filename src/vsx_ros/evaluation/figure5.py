@@ -29,6 +29,7 @@ _ROWS = (
     ("recall", "seen faces that are there (the rest are gaps in the boundary)", ".3f"),
     ("surface_free", "seen faces called free", ".4f"),
     ("free_inside", "free cells over 10 cm inside an obstacle", ".4f"),
+    ("gaps_free", "what is known of gaps 0.4 to 0.8 m wide that is free", ".3f"),
     ("phantom_m2", "phantom obstacles on free floor [m2]", ".4f"),
 )
 

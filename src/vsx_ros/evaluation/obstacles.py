@@ -12,9 +12,10 @@ from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.evaluation.coverage import TOLERANCE_M, metres_to, values_at
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
+from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
 MIN_RANGE_M, MAX_RANGE_M = 0.5, 3.5
+MIN_GAP_M, MAX_GAP_M = 0.4, 0.8
 _HALF_VIEW_RAD = 0.45
 _MIN_VIEWS = 3
 _RAYS = 120
@@ -26,7 +27,8 @@ class ObstacleQuality:
 
     precision: of occupied cells near a true obstacle. recall: of seen faces near an occupied cell. f1: of both.
     surface_free: seen faces whose cell is called free. free_inside: free cells deeper than 10 cm inside an obstacle.
-    phantom_m2: area of occupied cells over 10 cm from any obstacle.
+    phantom_m2: area of occupied cells over 10 cm from any obstacle. gaps_free: known cells in gaps 0.4 to 0.8 m wide,
+    over 10 cm from their sides, that are not called occupied.
     """
 
     precision: float | None
@@ -35,6 +37,7 @@ class ObstacleQuality:
     surface_free: float | None
     free_inside: float | None
     phantom_m2: float
+    gaps_free: float | None
 
 
 def seen_faces(truth: OccupancyGrid, T_world_cams: Sequence[SE3]) -> BoolArray:
@@ -81,7 +84,27 @@ def obstacle_quality(grid: OccupancyGrid, truth: OccupancyGrid, faces: BoolArray
         float(free[faces].mean()) if near.size else None,
         float((to_free[free] > TOLERANCE_M).mean()) if free.any() else None,
         float(wrong.sum()) * truth.resolution**2,
+        _share_free(values[narrow_gaps(truth)]),
     )
+
+
+def narrow_gaps(truth: OccupancyGrid) -> BoolArray:
+    """(H, W) free cells of gaps 0.4 to 0.8 m wide between obstacles deep enough that no disc of that width, outside
+    the gap, covers it; farther than 10 cm from both sides."""
+    apart = metres_to(truth.data != FREE, truth)
+
+    def filled_by(radius_m: float) -> BoolArray:
+        """Cells that no disc among the obstacles can cover."""
+        filled: BoolArray = metres_to(apart > radius_m, truth) > radius_m
+        return filled
+
+    gaps: BoolArray = filled_by(0.5 * MAX_GAP_M) & ~filled_by(0.5 * MIN_GAP_M) & (truth.data == FREE)
+    return gaps & (apart > TOLERANCE_M + truth.resolution)
+
+
+def _share_free(values: IntArray) -> float | None:
+    known = values != UNKNOWN
+    return float((values[known] == FREE).mean()) if known.any() else None
 
 
 def on_truth(grid: OccupancyGrid, truth: OccupancyGrid, T_truth_map: SE2) -> IntArray:
