@@ -13,6 +13,7 @@ import pytest
 
 from vsx_ros.cli.main import execute
 from vsx_ros.cli.session import Before
+from vsx_ros.config import Config
 from vsx_ros.io.checkpoint import Checkpoint
 from vsx_ros.io.journal import FrameLine, read_journal
 from vsx_ros.io.run_folder import RunFolder
@@ -150,3 +151,9 @@ def test_a_mistake_leaves_an_earlier_run_alone(resumed, capsys):
         assert execute(["explore", "--fast", *words, "--out", str(out)]) == 1
     assert capsys.readouterr().err.count("\n") == 3
     assert (out / "summary.json").read_bytes() == before
+
+
+def test_a_replay_cannot_be_resumed(tmp_path, capsys):
+    RunFolder.create(tmp_path).write_config(Config(), ["vsx", "replay"], seed=0)
+    assert execute(["explore", "--fast", "--resume", str(tmp_path)]) == 1
+    assert "no run of 'vsx explore'" in capsys.readouterr().err
