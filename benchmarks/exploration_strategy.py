@@ -87,6 +87,8 @@ def corners_of(world: World, truth: OccupancyGrid, clearance_m: np.ndarray, rng:
         for scale, count in zip((1, 2), CORNERS, strict=True):
             small = cv2.resize(image, None, fx=1 / scale, fy=1 / scale, interpolation=cv2.INTER_AREA)
             u, v = scale * strongest(small, np.zeros(small.shape, bool), count).T
+            if not len(u):
+                continue
             depth = picture.depth[v, u]
             rays = camera.camera_true.unproject(np.column_stack([u, v]).astype(float))
             near = (depth > 0.3) & (depth < RANGE_M)

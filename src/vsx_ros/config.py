@@ -233,6 +233,7 @@ class ExplorationConfig(_Branch, frozen=True):
     init_attempts: Count = 4
     min_frontier_m: NonNegative = 0.25
     min_gain_m2: NonNegative = 0.15
+    min_utility_m: NonNegative = 0.06
     stop_cost_m: Positive = 2.0
     look_range_m: Positive = 3.0
     looks_to_half: Positive = 1.5

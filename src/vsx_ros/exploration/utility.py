@@ -56,6 +56,7 @@ class Rejection(Enum):
     GIVEN_UP = "given up for a while"
     LOOKED = "looked from already"
     UNREACHABLE = "unreachable"
+    NOT_WORTH = "not worth the way"
     FEW_LANDMARKS = "too few known landmarks in view"
 
 
@@ -131,7 +132,9 @@ def rank_views(
     distances = travel_costs(candidates) if len(candidates) else np.zeros(0)
     reachable = np.isfinite(distances)
     rejected[Rejection.UNREACHABLE] = int((~reachable).sum())
-    candidates, gains, distances = candidates[reachable], gains[reachable], distances[reachable]
+    worthy = reachable & (gains >= config.min_utility_m * (distances + config.stop_cost_m))
+    rejected[Rejection.NOT_WORTH] = int((reachable & ~worthy).sum())
+    candidates, gains, distances = candidates[worthy], gains[worthy], distances[worthy]
     views = _with_landmarks(opaque, candidates, gains, distances, landmarks_world, config)
     enough = [view for view in views if view.landmarks >= config.min_landmarks]
     rejected[Rejection.FEW_LANDMARKS] = len(views) - len(enough)
