@@ -65,3 +65,8 @@ def test_files_of_something_else_are_refused(tmp_path, name, text):
         read_calibration(tmp_path / name)
     with pytest.raises(CalibrationError, match="absent"):
         read_calibration(tmp_path / "absent.yaml")
+
+
+def test_a_file_that_is_not_there_is_to_be_made(tmp_path):
+    with pytest.raises(CalibrationError, match="there is no calibration .*; 'vsx calibrate camera' makes one"):
+        read_calibration(tmp_path / "c.yaml")

@@ -47,6 +47,8 @@ def read_calibration(path: Path) -> PinholeCamera:
     try:
         text = path.read_text(encoding="utf-8")
         tree = json.loads(text) if path.suffix == ".json" else yaml.safe_load(text)
+    except FileNotFoundError as error:
+        raise CalibrationError(f"there is no calibration {path}; 'vsx calibrate camera' makes one") from error
     except (OSError, ValueError, yaml.YAMLError) as error:
         reason = str(error).splitlines()[0]
         raise CalibrationError(
