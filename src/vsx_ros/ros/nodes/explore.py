@@ -184,9 +184,10 @@ class ExploreNode:
         if decision.action is Action.GO and decision.goal is not None:
             goal = convert.pose_stamped(decision.frame, process.now_ns(), decision.goal)
             self._goal = self._client.send_goal(MoveBaseGoal(goal))
-        elif decision.action in (Action.CANCEL, Action.FINISH) and self._goal is not None:
-            if self._navigation()[0] is NavigationState.ACTIVE:
-                self._goal.cancel()  # its own: after a pause somebody else may send one
+            return
+        ends = decision.action in (Action.CANCEL, Action.FINISH)
+        if ends and self._goal is not None and self._navigation()[0] is NavigationState.ACTIVE:
+            self._goal.cancel()  # its own: after a pause somebody else may send one
 
     def _report(self, decision: Decision) -> None:
         """Status as JSON, frontiers when they were searched anew."""
