@@ -86,6 +86,8 @@ def test_the_file_keeps_what_other_calibrations_found(straight, spin, tmp_path):
     assert set(both) == {"mount", "odometry"}
     remarks = [line for line in out.read_text(encoding="utf-8").splitlines() if line.startswith("#")]
     assert [line.split(":")[0] for line in remarks] == ["# mount", "# odometry"]
+    assert "known to" in remarks[0]
+    assert "turn known to" in remarks[1]
     assert execute(["config", "--config", str(out)]) == 0
 
 

@@ -43,7 +43,9 @@ def calibrate_odometry(args: argparse.Namespace) -> int:
         result = from_camera(drive, T_base_cam, metric=args.board is not None)
     values = _new_factors(result, config)
     print(*_odometry_lines(result, values, config), sep="\n")
-    return _conclude(args.out, "odometry", values, result.verdict)
+    known = [("way", result.linear), ("turn", result.angular)]
+    sure = [f"{name} known to {100 * factor.sigma:.2f} %" for name, factor in known if factor is not None]
+    return _conclude(args.out, "odometry", values, result.verdict, ", ".join(sure))
 
 
 def calibrate_mount_of_drive(args: argparse.Namespace) -> int:
@@ -55,9 +57,11 @@ def calibrate_mount_of_drive(args: argparse.Namespace) -> int:
     print(*_mount_lines(result, before), sep="\n")
     values = {"pitch_down_rad": round(result.pitch_down, 5), "yaw_left_rad": round(result.yaw_left, 5)}
     values |= {"forward_m": before.forward_m, "left_m": before.left_m, "height_m": before.height_m}
+    sure = f"direction known to {math.degrees(result.direction_sigma):.2f} deg"
     if result.floor is not None:
         values["height_m"] = round(result.floor.height, 4)
-    return _conclude(args.out, "mount", values, result.verdict)
+        sure += f", height to {result.floor.sigma:.3f} m"
+    return _conclude(args.out, "mount", values, result.verdict, sure)
 
 
 def _recording(args: argparse.Namespace) -> Recording:
@@ -165,13 +169,13 @@ def _mount_lines(result: MountCalibration, before: MountConfig) -> list[str]:
     return [*lines, f"height      {height:.3f} m (was {before.height_m:.3f}), known to {sigma_m:.3f} m from {floor}"]
 
 
-def _conclude(out: Path | None, branch: str, values: dict[str, float], verdict: Verdict) -> int:
+def _conclude(out: Path | None, branch: str, values: dict[str, float], verdict: Verdict, sure: str) -> int:
     print(verdict)
     path = out or default_robot_file()
     if verdict.grade is Grade.BAD:
         print(f"  {path} is not written")
         return FAILED
-    update_robot_file(path, branch, values, f"vsx calibrate {branch}: {verdict}")
+    update_robot_file(path, branch, values, f"vsx calibrate {branch}: {sure}; {verdict}")
     vsx = f"give it to vsx with --config {path}" if out is not None else "'vsx explore' on the robot takes it by itself"
     print(f"written: {path}", f"{vsx}, roslaunch with config:={path}", sep="\n  ")
     return DONE
