@@ -208,7 +208,6 @@ class Mission:
         reason = self._promise.seen(situation.grid) if self._promise and situation.grid is not None else ""
         if self._promise is None or not reason:
             return self._answer(Action.WAIT, "on the way")
-        self._looks.poses.append(self._promise.pose)
         self._goal = self._promise = None
         self._wait_until_ns = now_ns + _BRAKE_NS
         self._note(now_ns, reason)

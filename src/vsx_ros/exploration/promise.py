@@ -16,8 +16,7 @@ class Promise:
     def __init__(
         self, pose: SE2, grid: OccupancyGrid, radius_m: float, looked_from: FloatArray, config: ExplorationConfig
     ) -> None:
-        self.pose = pose
-        self._radius_m, self._looked_from, self._config = radius_m, looked_from, config
+        self._pose, self._radius_m, self._looked_from, self._config = pose, radius_m, looked_from, config
         self._grid = grid
         self._gain_m2 = self._gain(grid)
 
@@ -32,4 +31,4 @@ class Promise:
         return f"seen on the way: {left:.1f} of {self._gain_m2:.1f} m2 are left to see from the goal"
 
     def _gain(self, grid: OccupancyGrid) -> float:
-        return gain_at(grid, self._radius_m, self.pose, self._looked_from, self._config)
+        return gain_at(grid, self._radius_m, self._pose, self._looked_from, self._config)
