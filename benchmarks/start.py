@@ -3,7 +3,7 @@
 PYTHONPATH=src:hw python benchmarks/start.py [-n 3]
 
 Each time a new 'vsx explore --world lab' with a master of its own, by the clock: wants an idle machine and compiled
-kernels.
+kernels. The processor time of all its processes until then says what two idle cores would have to do.
 """
 
 from __future__ import annotations
@@ -40,6 +40,23 @@ rospy.spin()
 """
 
 
+def processor_s(root: int) -> float:
+    """User and system time so far of all processes below one."""
+    below: dict[int, list[tuple[int, int]]] = {}
+    for entry in Path("/proc").glob("[0-9]*"):
+        try:
+            fields = (entry / "stat").read_text(encoding="utf-8").rsplit(")", 1)[1].split()
+        except OSError:
+            continue
+        below.setdefault(int(fields[1]), []).append((int(entry.name), int(fields[11]) + int(fields[12])))
+    ticks, parents = 0, [root]
+    while parents:
+        children = below.get(parents.pop(), [])
+        ticks += sum(spent for _, spent in children)
+        parents += [pid for pid, _ in children]
+    return ticks / os.sysconf("SC_CLK_TCK")
+
+
 def once(folder: Path) -> dict[str, float]:
     """Seconds from the command to the master, the first word of the wheels, and the first centimetre."""
     with socket.socket() as probe:
@@ -67,6 +84,8 @@ def once(folder: Path) -> dict[str, float]:
         for line in watch.stdout:
             word, at_s = line.split()
             found[word] = float(at_s) - began_s
+            if word == "moving":
+                found["processor"] = processor_s(explorer.pid)
             if word == "moving" or time.time() - began_s > PATIENCE_S:
                 break
         watch.kill()
@@ -82,10 +101,9 @@ def main() -> None:
     for number in range(args.n):
         with tempfile.TemporaryDirectory(prefix="start-") as folder:
             found = once(Path(folder) / "run")
-        print(
-            f"{number + 1}: " + ", ".join(f"{word} after {seconds:.1f} s" for word, seconds in found.items()),
-            flush=True,
-        )
+        spent_s = found.pop("processor", 0.0)
+        said = ", ".join(f"{word} after {seconds:.1f} s" for word, seconds in found.items())
+        print(f"{number + 1}: {said}; {spent_s:.1f} s of processor time", flush=True)
 
 
 if __name__ == "__main__":
