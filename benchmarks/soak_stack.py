@@ -3,7 +3,7 @@
 python benchmarks/soak_stack.py [--minutes 10] [--without-faults]
 
 Every 20 s one fault comes and goes: the camera is unplugged, silent or loses images, the base is unplugged, silent or
-loses bytes. At the end: growth of memory after the third minute, process by process; the error of the SLAM's pose and
+loses bytes. At the end: growth of memory after three minutes, process by process; the error of the SLAM's pose and
 of the odometry against the emulated truth; tracebacks in the nodes' words; nodes that died.
 """
 
@@ -89,8 +89,9 @@ def soak(stack: object, cable: FaultyCable, minutes: float, faulty: bool) -> Non
     wait_for_motion(stack, 90.0)
     begin_s, warm = time.monotonic(), {}
     happened: list[str] = []
+    warm_s = min(WARM_S, 20.0 * minutes)
     while (elapsed_s := time.monotonic() - begin_s) < 60.0 * minutes:
-        if not warm and elapsed_s > min(WARM_S, 20.0 * minutes):
+        if not warm and elapsed_s > warm_s:
             warm = {name: memory_mb(process.pid) for name, process in stack._processes.items()}
         time.sleep(PERIOD_S)
         if faulty:
@@ -99,7 +100,7 @@ def soak(stack: object, cable: FaultyCable, minutes: float, faulty: bool) -> Non
     for name, process in stack._processes.items():
         if name not in dead:
             now_mb = memory_mb(process.pid)
-            print(f"{name}: {now_mb:.0f} MB, {now_mb - warm[name]:+.1f} MB since the third minute")
+            print(f"{name}: {now_mb:.0f} MB, {now_mb - warm[name]:+.1f} MB since {warm_s:.0f} s")
     path_m = stack.plant.state.path_length_m
     for name, errors in truth.errors.items():
         rms = float(np.sqrt(np.mean(np.square(errors))))
