@@ -7,7 +7,7 @@ vsx_die() { printf '[setup] %s\n' "$*" >&2; exit 1; }
 vsx_list() { sed -e 's/#.*//' -e '/^[[:space:]]*$/d' "$1"; }
 
 vsx_system_packages() {
-    command -v dpkg-query >/dev/null || vsx_die "This needs Debian 12/13 or Ubuntu 22.04/24.04 (apt): no dpkg here. On another system, use a container of one of them."
+    command -v dpkg-query >/dev/null || vsx_die "This needs Debian 12/13 or Ubuntu 22.04 (apt): no dpkg here. On another system, use a container of one of them."
     local missing=() package
     local installed lists=("$root/apt.txt")
     [ "${1:-}" = dev ] && lists+=("$root/apt-dev.txt")
@@ -24,7 +24,7 @@ vsx_system_packages() {
     vsx_say "installing ${#missing[@]} system packages (up to 500 MB on disk, half a minute to two): ${missing[*]}"
     "${sudo[@]}" apt-get update -qq || vsx_say "apt-get update reported a problem; trying with the lists at hand"
     "${sudo[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null ||
-        vsx_die "apt-get could not install: ${missing[*]}. Look at its message above; 'apt-get update' and the archive's universe section (Ubuntu) are the usual remedies."
+        vsx_die "apt-get could not install: ${missing[*]}. Look at its message above; 'apt-get update' and the archive's universe section (Ubuntu) are the usual remedies; Ubuntu 24.04 carries no ROS 1, there use a container of Debian 12."
 }
 
 vsx_pip() {
