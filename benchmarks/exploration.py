@@ -21,6 +21,7 @@ import numpy as np
 from vsx_ros.cli.explore_fast import FastRun
 from vsx_ros.cli.world import open_world
 from vsx_ros.config import Config, ExplorationConfig
+from vsx_ros.exploration.decision import Outcome
 from vsx_ros.exploration.frontiers import find_frontiers
 from vsx_ros.exploration.utility import Ranking, Rejection, TravelCosts, View, standing_room
 from vsx_ros.geometry.se2 import SE2
@@ -90,6 +91,8 @@ def explored(world: str, seed: int, noise: int, strategy: str, limits: argparse.
 
     cpu, wall = time.process_time(), time.perf_counter()
     reason = run.run(limits.time, watch)
+    if mission.outcome is Outcome.STOPPED:
+        reason = "enough is known" if curve[-1][2] >= limits.until else f"{limits.way:g} m driven"
     cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
     summary = run.summary(reason).as_dict()
     kept = ("coverage_correct", "breaks", "relocalizations", "collisions", "ate_rmse_m", "scale_error", "path_length_m",
