@@ -26,6 +26,11 @@ def test_unprojection_undoes_projection():
     assert np.allclose(ideal.project(ideal.unproject(pixels)), pixels, atol=1e-9)
 
 
+def test_no_pixels_are_no_points():
+    for camera in (CAMERA, CAMERA.without_distortion()):
+        assert camera.unproject(np.empty((0, 2))).shape == (0, 3)
+
+
 def test_nothing_behind_the_camera_has_a_pixel():
     assert np.isnan(CAMERA.project(np.array([[0.1, 0.1, -1.0], [0.0, 0.0, 0.0]]))).all()
 

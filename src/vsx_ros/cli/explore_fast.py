@@ -112,7 +112,9 @@ class FastRun:
             print("\r\x1b[K", end="", file=sys.stderr)
         if self._session is not None and seen is not None:
             self._save(self._session, seen.frame.stamp_ns, seen.odometry)
-        return reason if mission.outcome is None else self.record.events[-1].reason
+        if mission.outcome is None:
+            return reason
+        return next(event.reason for event in reversed(self.record.events) if event.source == "mission")
 
     def _save(self, session: Session, stamp_ns: int, odometry: Odometry) -> None:
         session.save(stamp_ns, self.system.memory(stamp_ns, odometry), self._errors_m, self.plans)

@@ -67,7 +67,7 @@ class PinholeCamera:
     def unproject(self, pixels: Pixels) -> Points3:
         """(N, 3) points on the plane z = 1 that project to the (N, 2) pixels."""
         pixels = np.asarray(pixels, float).reshape(-1, 2)
-        if not self.is_distorted:
+        if not self.is_distorted or not len(pixels):
             x = (pixels[:, 0] - self.cx) / self.fx
             y = (pixels[:, 1] - self.cy) / self.fy
             return np.stack([x, y, np.ones_like(x)], axis=1)
