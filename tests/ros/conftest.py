@@ -169,6 +169,11 @@ class Stack:
             self._camera.stdin.write(POSE.pack(state.time_ns, pose.x, pose.y, pose.theta, state.path_length_m))
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What sends the one robot of all tests home comes last."""
+    items.sort(key=lambda item: item.get_closest_marker("ends_mission") is not None)
+
+
 @pytest.fixture(scope="session")
 def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
     """One bring-up for all tests; rospy allows one node a process, so this is the only test process with one."""

@@ -169,6 +169,7 @@ def test_a_dead_node_is_silent_long_enough_to_be_called_stale(stack: Stack, diag
     stack.wait(lambda: "camera: stream" in diagnostics.since(begin_s), 20.0, "the camera to be back")
 
 
+@pytest.mark.ends_mission
 def test_an_empty_battery_is_an_error_and_sends_the_robot_home_once(stack: Stack, diagnostics: Diagnostics) -> None:
     stack.wait_until_driving()
     events: list[dict[str, str]] = []
@@ -199,5 +200,3 @@ def test_an_empty_battery_is_an_error_and_sends_the_robot_home_once(stack: Stack
     finally:
         board.battery_volt = 16.2
         listener.unregister()
-        stack.kill("explore")
-        stack.start("explore")
