@@ -27,7 +27,7 @@ from vsx_ros.ros.emulation import BodyPlant, BodyState
 from vsx_ros.ros.render_process import POSE, RenderSettings
 
 CHECKOUT = Path(__file__).resolve().parents[2]
-SEED = 1
+WORLD, SEED = "office", 1  # large enough to be explored as long as the tests last
 
 
 class WatchedPlant(BodyPlant):
@@ -67,7 +67,7 @@ class Stack:
         }
         self._folder = folder
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
-        world = open_world("lab", SEED)
+        world = open_world(WORLD, SEED)
         self.plant = WatchedPlant(world, SEED, RobotConfig(), self._on_step, wheel_base_m("kobuki"))
         self._base = base_emulator("kobuki", self.plant, str(folder / "base"), SEED)
         self._camera: subprocess.Popen[bytes] | None = None
@@ -86,7 +86,7 @@ class Stack:
 
         self.wait(lambda: rosgraph.is_master_online(), 20.0, "the master")
         settings = RenderSettings(
-            world="lab",
+            world=WORLD,
             seed=SEED,
             socket=str(self._folder / "camera"),
             rate_hz=15.0,

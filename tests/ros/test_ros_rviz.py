@@ -35,7 +35,7 @@ SHOWS = {
     "rviz/Image": "sensor_msgs/Image",
 }
 
-FRONTIER, BACKGROUND, PANEL = (0, 0, 255), (24, 28, 34), (239, 239, 239)
+FRONTIER, PANEL = (0, 0, 255), (239, 239, 239)
 STATUS_OK, STATUS_ERROR = (40, 120, 197), (192, 32, 32)
 """How rviz writes the name of a display that shows its topic, and of one that cannot."""
 PANEL_WIDTH_PX = 330
@@ -79,9 +79,8 @@ def amount_of(colour: tuple[int, int, int], pixels: np.ndarray) -> int:
 
 
 def is_drawn(pixels: np.ndarray) -> bool:
-    """The window is whole: the map's view, the panel beside it, and a frontier."""
-    expected = {FRONTIER: 100, BACKGROUND: 100_000, PANEL: 10_000}
-    return all(amount_of(colour, pixels) > least for colour, least in expected.items())
+    """The panel is there, and a frontier in the map beside it."""
+    return amount_of(PANEL, pixels) > 10_000 and amount_of(FRONTIER, pixels) > 100
 
 
 @pytest.mark.ros
