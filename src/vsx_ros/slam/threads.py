@@ -9,28 +9,24 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from typing import Any
-
-from numpy.typing import NDArray
 
 from vsx_ros.config import SlamConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry
-from vsx_ros.slam.frontend import FrontEnd
-from vsx_ros.slam.map import Map, MapView
-from vsx_ros.slam.mapper import KeyFrameRequest, Mapper
+from vsx_ros.slam.map import MapView
+from vsx_ros.slam.mapper import KeyFrameRequest
 from vsx_ros.slam.sight import Sight, sight
 from vsx_ros.slam.slam_map import SlamMap
-from vsx_ros.slam.snapshot import MapSnapshot, snapshot
-from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult
+from vsx_ros.slam.state import TrackingResult
+from vsx_ros.slam.tracker_and_mapper import TrackerAndMapper
 from vsx_ros.slam.tracking_record import TrackingRecord
 from vsx_ros.slam.two_views import Pair
 
 MAX_WAITING = 3
 
 
-class ThreadedSlam:
+class ThreadedSlam(TrackerAndMapper):
     """Live SLAM: ``track`` from one thread; ``snapshot``, ``slam_map``, ``statistics`` from any; ``close`` at the end.
 
     When the mapper is three keyframes behind, further ones are not taken.
@@ -45,19 +41,9 @@ class ThreadedSlam:
         slam_map: SlamMap | None = None,
         record: TrackingRecord | None = None,
     ) -> None:
-        """slam_map: a map to go on in, the camera anywhere in it; record: what was counted while it was made, to go on
-        counting. Raises CalibrationError when the map was made with another camera or mount."""
-        world = Map() if slam_map is None else slam_map.resumed(camera, T_base_cam)
-        self._front = FrontEnd(camera, T_base_cam, config, seed)
-        self._camera, self._mount = camera, T_base_cam if slam_map is None else slam_map.T_base_cam
-        self._mapper = Mapper(camera, self._mount, config, world)
-        self._view: MapView = world.view()
+        """As TrackerAndMapper."""
+        super().__init__(camera, T_base_cam, config, seed, slam_map, record)
         self._used: MapView = self._view
-        self._snapshot: MapSnapshot = snapshot(self._view)
-        if record is not None:
-            self._front.record = record
-        if self._view.keyframes:
-            self._front.resume(self._view)
         self._waiting: deque[KeyFrameRequest | Pair] = deque()
         self._tried: MapView | str | None = None
         self._work = threading.Condition()
@@ -90,33 +76,6 @@ class ThreadedSlam:
         """The points looked for in the newest frame, None where there were none; from the thread that tracks."""
         last = self._front.last_track
         return None if last is None else sight(self._camera, *last)
-
-    def snapshot(self) -> MapSnapshot:
-        """The newest finished map; the same object while the version is unchanged."""
-        view = self._view
-        if self._snapshot.version != view.version:
-            self._snapshot = snapshot(view)
-        return self._snapshot
-
-    def slam_map(self) -> SlamMap | None:
-        """The map to save and continue, None while there is none."""
-        view = self._view
-        return SlamMap(self._camera, self._mount, view) if view.keyframes else None
-
-    def drain_events(self) -> list[SlamEvent]:
-        """Everything that happened since the last call, oldest first."""
-        events, self._front.events = self._front.events, []
-        while self._mapper.events:
-            events.append(self._mapper.events.popleft())
-        return sorted(events, key=lambda event: event.stamp_ns)
-
-    def record(self) -> dict[str, NDArray[Any]]:
-        """What was counted, for a session that goes on; from the thread that tracks."""
-        return self._front.record.state()
-
-    def statistics(self) -> SlamStatistics:
-        """The run so far."""
-        return self._front.statistics()
 
     def close(self) -> None:
         """Stop the mapper after the step it is in. Can be called twice."""
