@@ -19,7 +19,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.path import Trajectory
-from vsx_ros.robot import Odometry, VelocityCommand
+from vsx_ros.robot import Odometry
 from vsx_ros.ros import convert, images, topics, trajectory_messages
 
 STAMP_NS = 1_700_000_000_123_456_789
@@ -112,12 +112,6 @@ def test_odometry_survives(x: float, y: float, theta: float, v: float, omega: fl
     back = convert.odometry(convert.odometry_msg(reading, topics.ODOM_FRAME, topics.BASE_FRAME))
     assert (back.stamp_ns, back.v, back.omega) == (STAMP_NS, v, omega)
     assert back.T_odom_base.distance_to(reading.T_odom_base) < 1e-9
-
-
-def test_a_command_that_is_not_finite_is_refused() -> None:
-    assert convert.velocity_command(convert.twist(VelocityCommand(0.2, -0.3))) == VelocityCommand(0.2, -0.3)
-    with pytest.raises(InputError):
-        convert.velocity_command(convert.twist(VelocityCommand(math.nan, 0.0)))
 
 
 def test_maps_survive_and_other_mappers_probabilities_are_thresholded() -> None:

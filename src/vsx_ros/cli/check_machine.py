@@ -75,7 +75,8 @@ def _ros(root: Path) -> Iterator[Finding]:
         remedy = f"sudo apt-get install {packages} (apt.txt lists everything); the Python must see system packages"
         yield Finding("ros", FAIL, f"ROS 1 modules are missing: {', '.join(missing)}", remedy)
     else:
-        yield Finding("ros", OK, f"ROS 1 from {Path(importlib.util.find_spec('rospy').origin or '').parents[1]}")  # type: ignore[union-attr]
+        rospy = importlib.util.find_spec("rospy")
+        yield Finding("ros", OK, f"ROS 1 from {Path((rospy and rospy.origin) or '').parents[1]}")
     genpy = importlib.util.find_spec("genpy")
     if genpy is not None and importlib.util.find_spec("genpy.message") is None:
         yield Finding(

@@ -81,7 +81,7 @@ def commented_yaml(config: Config) -> str:
 def _branch(branch: Any, indent: str) -> Iterator[str]:
     import msgspec
 
-    for field in msgspec.inspect.type_info(type(branch)).fields:  # type: ignore[attr-defined]
+    for field in msgspec.inspect.type_info(type(branch)).fields:  # type: ignore[attr-defined]  # a struct's, not Type's
         value = getattr(branch, field.name)
         if isinstance(value, msgspec.Struct):
             yield ""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from vsx_ros.geometry.se2 import SE2
 
 
@@ -32,8 +30,3 @@ def limit_twist(v: float, omega: float, v_max: float, omega_max: float) -> tuple
     """Scale both components alike so that the limits hold and the curvature stays what it was."""
     scale = max(1.0, abs(v) / v_max, abs(omega) / omega_max)
     return v / scale, omega / scale
-
-
-def turning_radius(v: float, omega: float) -> float:
-    """Radius of the arc [m], signed like omega * v; infinite on a straight line."""
-    return math.inf if omega == 0.0 else v / omega

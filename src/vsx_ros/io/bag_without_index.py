@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
-import lz4.frame  # type: ignore[import-untyped]
+import lz4.frame  # type: ignore[import-untyped]  # ships no types
 
 _MESSAGE, _CHUNK, _CONNECTION = b"\x02", b"\x05", b"\x07"
 _MAGIC_BYTES = len(b"#ROSBAG V2.0\n")

@@ -11,7 +11,7 @@ import numba
 
 # Numba leaves LLVM's vectoriser of straight-line code off by default; it makes 6 x 6 blocks twice as fast and, without
 # fastmath, changes no bit.
-numba.config.SLP_VECTORIZE = 1  # type: ignore[attr-defined]
+numba.config.SLP_VECTORIZE = 1  # type: ignore[attr-defined]  # numba makes its settings at import
 
 F = TypeVar("F", bound=Callable[..., Any])
 

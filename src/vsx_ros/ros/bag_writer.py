@@ -79,7 +79,7 @@ class BagWriter:
             if self.failure:
                 continue
             try:
-                self._writer.write(self._connection(message), message.stamp_ns, message.data)  # type: ignore[arg-type]
+                self._writer.write(self._connection(message), message.stamp_ns, message.data)  # type: ignore[arg-type]  # bytes will do
             except (OSError, WriterError) as error:
                 self.failure = str(error)
                 continue

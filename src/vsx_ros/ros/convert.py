@@ -149,13 +149,6 @@ def twist(command: VelocityCommand) -> Twist:
     return Twist(linear=Vector3(command.v, 0.0, 0.0), angular=Vector3(0.0, 0.0, command.omega))
 
 
-def velocity_command(msg: Twist) -> VelocityCommand:
-    """The command of a message. Raises InputError for numbers that are not finite."""
-    if not (math.isfinite(msg.linear.x) and math.isfinite(msg.angular.z)):
-        raise InputError(f"velocity command {msg.linear.x} m/s, {msg.angular.z} rad/s must be finite")
-    return VelocityCommand(msg.linear.x, msg.angular.z)
-
-
 def hazard_words(mask: int) -> str:
     """The bits of mobile_base/hazards in words; empty for none."""
     hazards = Hazard(mask)
