@@ -68,6 +68,8 @@ def test_it_goes_to_a_view_of_the_unknown_and_says_its_utility():
     assert decision.frame == "map"
     assert "U = v/d" in decision.reason
     assert abs(decision.goal.theta) < 1.0 or abs(decision.goal.theta - 2 * np.pi) < 1.0
+    under_way = mission.decide(2 * SECOND, situation(navigation=NavigationState.ACTIVE))
+    assert under_way.reason == f"on the way: {decision.reason}"
 
 
 def test_a_failed_goal_is_not_chosen_again_at_once():

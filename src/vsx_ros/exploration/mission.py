@@ -62,6 +62,7 @@ class Mission:
         self._state = MissionState.STARTING
         self._after_pause = MissionState.STARTING
         self._goal: View | None = None
+        self._purpose = ""
         self._promise: Promise | None = None
         self._given_up = GivenUp(self._config.blacklist_radius_m, self._config.blacklist_s)
         self._looks = Looks(self._config.look_spacing_m)
@@ -207,7 +208,7 @@ class Mission:
             return self._answer(Action.CANCEL, f"stopping: {situation.hazard}")
         reason = self._promise.seen(situation.grid) if self._promise and situation.grid is not None else ""
         if self._promise is None or not reason:
-            return self._answer(Action.WAIT, "on the way")
+            return self._answer(Action.WAIT, f"on the way: {self._purpose}")
         self._goal = self._promise = None
         self._wait_until_ns = now_ns + _BRAKE_NS
         self._note(now_ns, reason)
@@ -315,6 +316,7 @@ class Mission:
         return self._answer(Action.FINISH, reason)
 
     def _go(self, now_ns: int, goal: SE2, frame: str, reason: str) -> Decision:
+        self._purpose = reason
         self._note(now_ns, reason)
         return Decision(Action.GO, goal, frame, self._state.value, reason)
 
