@@ -38,7 +38,12 @@ def test_nodes_survive_messages_that_lie(stack: Stack) -> None:
     infinite = Odometry()
     infinite.pose.pose.orientation.w = 1.0
     infinite.twist.twist.linear.x = math.inf
-    for topic, lie in [*LIES, (topics.ODOM, infinite)]:
+    grey = 640 * 480 * b"\x80"
+    early = Image(width=640, height=480, encoding="mono8", step=640, data=grey)
+    soon = Odometry()
+    soon.pose.pose.orientation.w = 1.0
+    early.header.stamp = soon.header.stamp = rospy.Time.now() + rospy.Duration.from_sec(3600.0)
+    for topic, lie in [*LIES, (topics.ODOM, infinite), (topics.IMAGE, early), (topics.ODOM, soon)]:
         publisher = rospy.Publisher(f"/{topic}", type(lie), queue_size=5)
         stack.wait(lambda p=publisher: p.get_num_connections() > 0, 10.0, f"listeners of {topic}")
         for _ in range(3):

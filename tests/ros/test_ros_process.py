@@ -11,6 +11,7 @@ pytest.importorskip("rospy")
 import rospy
 import rospy.core
 
+from vsx_ros.errors import InputError
 from vsx_ros.ros import process
 
 
@@ -48,3 +49,13 @@ def test_what_is_done_every_so_often_ends_with_the_node(told: list[str], monkeyp
     process.every(0.001, "steps", lambda: steps.append(1)).join(5.0)
     assert len(steps) == 3
     assert told == []
+
+
+def test_a_reading_from_the_future_is_refused_and_one_from_a_clock_a_little_ahead_is_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(process, "now_ns", lambda: 5_000_000_000)
+    for stamp_ns in (0, 5_000_000_000, 6_000_000_000):
+        process.refuse_future(stamp_ns)
+    with pytest.raises(InputError, match=r"stamp 1\.5 s ahead"):
+        process.refuse_future(6_500_000_000)

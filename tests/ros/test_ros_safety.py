@@ -78,6 +78,9 @@ def test_a_silent_camera_stops_the_robot_and_its_images_bring_it_back(stack: Sta
         assert stack.plant.stopped_s - silent_s < STOP_WITHIN_S
         stack.wait(lambda: diagnostics.latest("camera: stream").level == DiagnosticStatus.ERROR, 3.0, "the complaint")
         assert diagnostics.latest("camera: stream").message == "no images"
+        said = rospy.wait_for_message(f"/{topics.SLAM_STATE}", DiagnosticStatus, 5.0)
+        assert said.name != "TRACKING"
+        assert said.message == "no image comes"
         assert not stack.dead()
     finally:
         stack._camera.send_signal(signal.SIGCONT)

@@ -30,13 +30,16 @@ class Localization:
 
     def _on_odometry(self, msg: OdometryMsg) -> None:
         odometry = convert.odometry(msg)
+        process.refuse_future(odometry.stamp_ns)
         with self._lock:
             self._odometry = odometry
             self._fuser.add_odometry(odometry)
 
     def _on_pose(self, msg: PoseWithCovarianceStamped) -> None:
+        stamp_ns = msg.header.stamp.to_nsec()
+        process.refuse_future(stamp_ns)
         with self._lock:
-            self._fuser.add_slam(msg.header.stamp.to_nsec(), convert.se2(msg.pose.pose))
+            self._fuser.add_slam(stamp_ns, convert.se2(msg.pose.pose))
 
     def _on_state(self, msg: DiagnosticStatus) -> None:
         self.slam_state, self.slam_reason = slam_messages.tracking_state(msg), msg.message

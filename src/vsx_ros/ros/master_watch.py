@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import http.client
+import math
 import threading
 import time
 import xmlrpc.client
@@ -42,6 +43,8 @@ class MasterWatch:
             try:
                 self._master.getPid(rospy.get_name())
                 self._answered_s = time.monotonic()
+            except ConnectionRefusedError:
+                self._answered_s = -math.inf  # a master that is there and slow refuses nobody
             except (OSError, http.client.HTTPException, xmlrpc.client.Error):
                 pass
             time.sleep(PERIOD_S)

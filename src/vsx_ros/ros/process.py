@@ -24,7 +24,7 @@ from sensor_msgs.msg import Image
 
 from vsx_hw.errors import DeviceError
 from vsx_ros.config import Config, from_dict
-from vsx_ros.errors import ConfigError, VsxError
+from vsx_ros.errors import ConfigError, InputError, VsxError
 from vsx_ros.ros import frames, topics
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
@@ -34,6 +34,7 @@ IMAGE_BUFFER_BYTES = 2**24
 
 _NAME_AGAIN_S = 5.0
 _TELL_AGAIN_S = 30.0
+_AHEAD_S = 1.0
 _SIGNAL_S = 0.05
 """Python runs a signal's handler when the main thread wakes; rospy.spin would sleep for half a second."""
 
@@ -120,6 +121,15 @@ def now_ns() -> int:
     """ROS time, the clock of all stamps [ns]."""
     nanoseconds: int = rospy.Time.now().to_nsec()
     return nanoseconds
+
+
+def refuse_future(stamp_ns: int) -> None:
+    """Raises InputError for a reading of a second to come: beside it all others would be out of date until then."""
+    ahead_s = (stamp_ns - now_ns()) * 1e-9
+    if ahead_s > _AHEAD_S:
+        raise InputError(
+            f"a stamp {ahead_s:.1f} s ahead of this machine's clock is not believed; 'vsx doctor' compares the clocks"
+        )
 
 
 def stamp(stamp_ns: int) -> Any:

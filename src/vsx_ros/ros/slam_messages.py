@@ -62,14 +62,14 @@ class SlamStatus:
         self._diagnostics.set("input", process.ERROR, reason)
         rospy.logwarn_throttle(10.0, "%s", reason)
 
+    def without_images(self) -> None:
+        """No image came for a while: nobody knows any more where the camera is, though nothing is lost yet."""
+        self._change(TrackingState.DUBIOUS if self._state is TrackingState.GOOD else self._state, "no image comes")
+
     def frame(self, result: TrackingResult, period_s: float, dropped: int) -> None:
         """One frame was tracked, ``period_s`` after the one before; ``dropped`` counts those never looked at."""
         self._fps += _FPS_MEMORY * (1.0 / max(period_s, 1e-3) - self._fps)
-        if (result.state, result.reason) != (self._state, self._reason):
-            if result.state is not self._state:
-                rospy.loginfo("%s: %s", _NAMES[result.state], result.reason)
-            self._state, self._reason = result.state, result.reason
-            self._announce()
+        self._change(result.state, result.reason)
         self._diagnostics.set("input", process.OK, f"{self._fps:.0f} images a second", dropped=dropped)
         self._publish(
             tracked_ratio=result.found / max(result.searched, 1),
@@ -85,6 +85,13 @@ class SlamStatus:
         self._announce()
         if snapshot is not None:
             self._publish(keyframes=len(snapshot.T_world_cams), points=len(snapshot.points_world))
+
+    def _change(self, state: TrackingState, reason: str) -> None:
+        if (state, reason) != (self._state, self._reason):
+            if state is not self._state:
+                rospy.loginfo("%s: %s", _NAMES[state], reason)
+            self._state, self._reason = state, reason
+            self._announce()
 
     def _announce(self) -> None:
         self._state_pub.publish(state_msg(self._state, self._reason))

@@ -18,6 +18,7 @@ import tempfile
 import time
 from pathlib import Path
 
+import numpy as np
 import rospy
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry as OdometryMsg
@@ -38,7 +39,7 @@ from vsx_ros.robot import Odometry
 from vsx_ros.ros import convert, images, process, topics
 from vsx_ros.ros.dense_mapping import DenseMapping
 from vsx_ros.ros.ground_mapping import GroundMapping
-from vsx_ros.ros.lease import Lease
+from vsx_ros.ros.lease import TIMEOUT_S, Lease
 from vsx_ros.ros.preview import Preview
 from vsx_ros.ros.run_keeper import RunKeeper
 from vsx_ros.ros.sensor_sync import SensorSync
@@ -107,6 +108,7 @@ class VslamNode:
 
     def _on_odometry(self, msg: OdometryMsg) -> None:
         odometry = convert.odometry(msg)
+        process.refuse_future(odometry.stamp_ns)
         if not self._odometry_heard:
             self._odometry_heard = True
             if self._loaded is None:
@@ -119,7 +121,9 @@ class VslamNode:
             self._ground.bumped()
 
     def _on_image(self, msg: Image) -> None:
-        self._sync.add_frame(images.frame(msg))
+        frame = images.frame(msg)
+        process.refuse_future(frame.stamp_ns)
+        self._sync.add_frame(frame)
 
     def _on_save_map(self, _: TriggerRequest) -> TriggerResponse:
         slam_map = self._slam.slam_map() if self._slam is not None else None
@@ -141,12 +145,15 @@ class VslamNode:
         self._dense.start(camera, T_base_cam, seed)
         self._slam = slam = ThreadedSlam(camera, T_base_cam, self._config.slam, seed, self._loaded, self._counted)
         heard_s, tracked_any = time.monotonic(), False
+        shown = np.empty(0, np.uint8)
         while not process.is_ending():
             taken = self._sync.take(timeout_s=0.2)
             now_s = time.monotonic()
             if taken is None:
                 if now_s - heard_s > _SILENCE_S:
                     self._status.waiting_for(topics.IMAGE)
+                elif now_s - heard_s > TIMEOUT_S:
+                    self._status.without_images()
                 continue
             frame, odometry = taken
             if metric and odometry is None and not tracked_any:
@@ -154,7 +161,9 @@ class VslamNode:
                 continue
             tracked_any = True
             result = slam.track(frame, odometry)
-            self._lease.renew()
+            if not np.array_equal(frame.image, shown):  # who drives by the same picture again drives blind
+                self._lease.renew()
+            shown = frame.image
             self._publish_pose(result, odometry)
             self._status.frame(result, now_s - heard_s, self._sync.dropped)
             self._remember(slam, result, odometry, time.monotonic() - now_s)

@@ -1,0 +1,56 @@
+"""A master that answers, one that is gone, one that comes back."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from xmlrpc.server import SimpleXMLRPCServer
+
+import pytest
+
+pytest.importorskip("rospy")
+
+from ros_ports import HOST, free_port
+
+from vsx_ros.ros.master_watch import MasterWatch
+
+
+class Master:
+    """What is asked of one, at a port of this machine."""
+
+    def __init__(self, port: int) -> None:
+        self._server = SimpleXMLRPCServer((HOST, port), logRequests=False)
+        self._server.register_function(lambda name: [1, "", 1], "getPid")
+        threading.Thread(target=self._server.serve_forever, args=(0.01,), daemon=True).start()
+
+    def end(self) -> None:
+        self._server.shutdown()
+        self._server.server_close()
+
+
+def wait(condition: Callable[[], bool]) -> bool:
+    deadline = time.monotonic() + 10.0
+    while not condition() and time.monotonic() < deadline:
+        time.sleep(0.005)
+    return condition()
+
+
+def test_a_master_that_refuses_is_gone_and_one_that_answers_is_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    port = free_port()
+    monkeypatch.setenv("ROS_MASTER_URI", f"http://{HOST}:{port}/")
+    monkeypatch.setattr("vsx_ros.ros.master_watch.SILENT_AFTER_S", 1e6)
+    monkeypatch.setattr("rospy.get_name", lambda: "/base")
+    ended = threading.Event()
+    monkeypatch.setattr("rospy.is_shutdown", ended.is_set)
+    master = Master(port)
+    try:
+        watch = MasterWatch()
+        assert watch.answers
+        master.end()
+        assert wait(lambda: not watch.answers), "refused, and it is said to be there"
+        master = Master(port)
+        assert wait(lambda: watch.answers), "it answers, and it is said to be gone"
+    finally:
+        ended.set()
+        master.end()
