@@ -21,79 +21,118 @@ def _bits_set(x: Any) -> Any:
 
 
 @kernel
-def _common(a: Any, b: Any) -> Any:
-    """Models that both rows prefer."""
-    count = 0
-    for w in range(a.shape[0]):
-        count += _bits_set(a[w] & b[w])
-    return count
+def _common(words: Any, i: int, n: int, out: Any) -> None:
+    """out[j] for j < n: models that rows i and j both prefer."""
+    for j in range(n):
+        out[j] = 0
+    for w in range(words.shape[0]):
+        mine = words[w, i]
+        if mine == 0:
+            continue
+        others = words[w]
+        for j in range(n):
+            out[j] += _bits_set(others[j] & mine)
 
 
 @kernel
-def _nearest(common: Any, size: Any, alive: Any, i: int) -> int:
-    """The living row j != i of largest |i and j| / |i or j|, the first of equals; -1 when all are disjoint."""
-    best, best_common, best_union = -1, np.int64(0), np.int64(1)
+def _likeness(common: Any, size: Any, own: float, out: Any) -> None:
+    """out[j]: |i and j| / |i or j| of a row i of size ``own``. Fractions of integers below 2^17 are equal as float64
+    where they are equal, and in the same order where they are not."""
     for j in range(size.shape[0]):
-        both = np.int64(common[i, j])
-        if both == 0 or j == i or not alive[j]:
+        both = np.float64(common[j])
+        out[j] = both / (own + size[j] - both)
+
+
+@kernel
+def _first_largest(values: Any) -> int:
+    """The first of the largest of values >= 0, -1 when all are 0. As integers they are in the same order, and the
+    compiler takes many at a time."""
+    bits = values.view(np.int64)
+    top = np.int64(0)
+    for j in range(bits.shape[0]):
+        top = max(top, bits[j])
+    if top == 0:
+        return -1
+    j = 0
+    while bits[j] != top:
+        j += 1
+    return j
+
+
+@kernel
+def _compact(words: Any, common: Any, size: Any, bound: Any, nearest: Any, stale: Any, row: Any, n: int) -> int:
+    """Move the rows that may still merge to the front, in their order; how many."""
+    place = np.full(n, -1)
+    m = 0
+    for i in range(n):
+        if bound[i] > 0.0:
+            place[i] = m
+            m += 1
+    for w in range(words.shape[0]):
+        for i in range(n):
+            if place[i] >= 0:
+                words[w, place[i]] = words[w, i]
+    for i in range(n):
+        a = place[i]
+        if a < 0:
             continue
-        union = size[i] + size[j] - both
-        if both * best_union > best_common * union:
-            best, best_common, best_union = j, both, union
-    return best
+        for j in range(n):
+            if place[j] >= 0:
+                common[a, place[j]] = common[i, j]
+        size[a], bound[a], stale[a], row[a] = size[i], bound[i], stale[i], row[i]
+        nearest[a] = -1 if stale[i] else place[nearest[i]]
+    return m
 
 
 @kernel
 def agglomerate(preferences: Any) -> Any:
     """Merge the two clusters of smallest Jaccard distance, intersect their sets, until all are disjoint.
 
-    preferences: (N, W) uint64, at most 65535 bits a row; overwritten. Returns (N,) the row that each was merged into,
-    itself where it was not. Exact: the intersection may bring a cluster nearer to a third one, so each row keeps its
-    nearest, which is looked for again when that one was merged, and compared with every merged one. Distances are
-    compared as fractions of integers; of equally near pairs the first is taken.
+    preferences: (N, W) uint64, at most 65535 bits a row. Returns (N,) the row that each was merged into, itself where
+    it was not; of equally near pairs the first is taken. Exact: the intersection may bring a cluster nearer to a third
+    one, so every merged one is compared with all. A row whose nearest was merged keeps its likeness as a bound, and
+    looks for the nearest again (stale) only when no other row has a larger one. Rows that are merged, or disjoint to
+    all, are taken out from time to time.
     """
     n = preferences.shape[0]
-    size = np.empty(n, np.int64)
-    common = np.zeros((n, n), np.uint16)
-    alive = np.ones(n, np.bool_)
-    into = np.arange(n)
+    into, row, words = np.arange(n), np.arange(n), preferences.T.copy()
+    common, size, count = np.zeros((n, n), np.uint16), np.empty(n), np.empty(n, np.int64)
     for i in range(n):
-        size[i] = _common(preferences[i], preferences[i])
+        _common(words, i, i + 1, count)
+        size[i] = count[i]
         for j in range(i):
-            common[i, j] = common[j, i] = _common(preferences[i], preferences[j])
-    nearest = np.empty(n, np.int64)
+            common[i, j] = count[j]
     for i in range(n):
-        nearest[i] = _nearest(common, size, alive, i)
+        for j in range(i):
+            common[j, i] = common[i, j]
+    nearest, stale = np.full(n, -1), np.ones(n, np.bool_)
+    like, bound = np.empty(n), np.ones(n)
+    live = n
     while True:
-        p, best_common, best_union = -1, np.int64(0), np.int64(1)
-        for i in range(n):
-            if not alive[i] or nearest[i] < 0:
-                continue
-            both = np.int64(common[i, nearest[i]])
-            union = size[i] + size[nearest[i]] - both
-            if both * best_union > best_common * union:
-                p, best_common, best_union = i, both, union
+        if 4 * live < 3 * n:
+            live = n = _compact(words, common, size, bound, nearest, stale, row, n)
+        p = _first_largest(bound[:n])
         if p < 0:
             return into
         q = nearest[p]
-        alive[q], into[q] = False, p
-        for w in range(preferences.shape[1]):
-            preferences[p, w] &= preferences[q, w]
-        size[p] = best_common
-        for j in range(n):
-            if alive[j] and j != p and common[p, j] > 0:
-                common[p, j] = common[j, p] = _common(preferences[p], preferences[j])
-        nearest[p] = _nearest(common, size, alive, p)
-        for j in range(n):
-            if not alive[j] or j == p:
-                continue
-            old = nearest[j]
-            if old in (p, q):
-                nearest[j] = _nearest(common, size, alive, j)
-            elif common[p, j] > 0:
-                both, union = np.int64(common[p, j]), size[p] + size[j] - common[p, j]
-                old_both = np.int64(common[j, old])
-                old_union = size[j] + size[old] - old_both
-                nearer, farther = both * old_union, old_both * union
-                if nearer > farther or (nearer == farther and p < old):
-                    nearest[j] = p
+        if not stale[p]:
+            into[row[q]] = row[p]
+            bound[q], size[q], live = 0.0, np.inf, live - 1
+            for w in range(words.shape[0]):
+                words[w, p] &= words[w, q]
+            size[p] = common[p, q]
+            _common(words, p, n, count)
+            count[p] = 0
+            common[p, :n] = count[:n]
+            for j in range(n):
+                common[j, p] = count[j]
+        _likeness(common[p], size[:n], size[p], like)
+        if not stale[p]:
+            for j in range(n):
+                if like[j] > bound[j] or (like[j] == bound[j] and not stale[j] and p <= nearest[j]):
+                    nearest[j], stale[j], bound[j] = p, False, like[j]
+                elif nearest[j] == p or nearest[j] == q:
+                    stale[j] = True
+        k = _first_largest(like[:n])
+        nearest[p], stale[p], bound[p] = k, False, like[k] if k >= 0 else 0.0
+        live -= k < 0
