@@ -27,6 +27,23 @@ vsx_system_packages() {
         vsx_die "apt-get could not install: ${missing[*]}. Look at its message above; 'apt-get update' and the archive's universe section (Ubuntu) are the usual remedies; Ubuntu 24.04 carries no ROS 1, there use a container of Debian 12."
 }
 
+# What only some tests use: they skip where it is missing, so nothing here ends the setup.
+vsx_optional_packages() {
+    local missing=() package
+    for package in $(vsx_list "$root/apt-optional.txt"); do
+        dpkg-query -W -f '${Status}' "$package" 2>/dev/null | grep -qF 'ok installed' && continue
+        if apt-cache show "$package" >/dev/null 2>&1; then missing+=("$package"); fi
+    done
+    [ ${#missing[@]} -eq 0 ] && return 0
+    if [ "$(id -u)" -ne 0 ]; then
+        vsx_say "tests that need them will skip: ${missing[*]} (sudo apt-get install --no-install-recommends ${missing[*]})"
+        return 0
+    fi
+    vsx_say "installing what some tests show things with (up to 1.2 GB on disk, one minute or two): ${missing[*]}"
+    DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null ||
+        vsx_say "apt-get could not install them; the tests that need them will skip"
+}
+
 vsx_pip() {
     "$VSX_PYTHON" -m pip install -q --disable-pip-version-check "$@" >"$venv/vsx-setup.log" 2>&1 && return 0
     tail -n 20 "$venv/vsx-setup.log" >&2
@@ -69,6 +86,7 @@ vsx_setup() {
     root=$(cd "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")/.." && pwd)
     venv=${VSX_VENV:-${XDG_DATA_HOME:-$HOME/.local/share}/vsx_ros/venv}
     vsx_system_packages "${1:-}"
+    [ "${1:-}" != dev ] || vsx_optional_packages
     vsx_python_packages "$@"
     export VSX_PYTHON PYTHONPATH="$root/src:$root/hw${PYTHONPATH:+:$PYTHONPATH}"
     export ROS_PACKAGE_PATH="$root${ROS_PACKAGE_PATH:+:$ROS_PACKAGE_PATH}:/usr/share"

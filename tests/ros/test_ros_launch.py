@@ -1,6 +1,7 @@
 """The launch table for Python and the .launch files for roslaunch describe the same nodes."""
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ pytest.importorskip("rospy")
 import roslaunch.config
 import yaml
 
+from vsx_ros.cli.robot_file import update_robot_file
 from vsx_ros.config import Config, to_dict
 from vsx_ros.errors import ConfigError
 from vsx_ros.ros import launch, topics
@@ -33,13 +35,24 @@ def described(files: list[Any], texts: list[str]) -> tuple[dict[str, Any], dict[
         )
         for node in config.nodes
     }
-    params = {name: param.value for name, param in config.params.items() if not name.startswith("/ros")}
-    return nodes, params
+    given = {name: param.value for name, param in config.params.items() if not name.startswith("/ros")}
+    return nodes, dict(leaf for name, value in given.items() for leaf in leaves(name, value))
+
+
+def leaves(name: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """A tree is one parameter to roslaunch and many to the master."""
+    if isinstance(value, dict):
+        for key, below in value.items():
+            yield from leaves(f"{name}/{key}", below)
+    else:
+        yield name, value
 
 
 @pytest.fixture(autouse=True)
-def _package(monkeypatch: pytest.MonkeyPatch) -> None:
+def robot_home(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     monkeypatch.setenv("ROS_PACKAGE_PATH", f"{CHECKOUT}:/usr/share")
+    monkeypatch.setenv("ROS_HOME", str(tmp_path))
+    return tmp_path
 
 
 @pytest.mark.parametrize(
@@ -58,7 +71,7 @@ def _package(monkeypatch: pytest.MonkeyPatch) -> None:
 )  # fmt: skip
 def test_launch_files_and_the_table_agree(name: str, args: list[str], nodes: list[launch.LaunchNode]) -> None:
     by_file = described([(str(CHECKOUT / "launch" / f"{name}.launch"), args)], [])
-    assert by_file == described([], [launch.xml(nodes, {})])
+    assert by_file == described([], [launch.xml(nodes, to_dict(Config()))])
 
 
 def test_replay_agrees_too() -> None:
@@ -80,6 +93,13 @@ def test_a_configuration_file_reaches_every_node(tmp_path: Path) -> None:
     _, by_table = described([], [launch.xml(nodes, tree)])
     assert by_file == by_table
     assert by_file["/config/planner/phi_rad_m"] == 0.625
+
+
+def test_roslaunch_takes_what_this_robot_s_calibrations_found(robot_home: Path) -> None:
+    update_robot_file(robot_home / "vsx_ros" / "robot.yaml", "odometry", {"linear_scale": 1.0125}, "measured")
+    for name, found in {"bringup": 1.0125, "explore": 1.0125, "simulate": 1.0}.items():
+        _, params = described([str(CHECKOUT / "launch" / f"{name}.launch")], [])
+        assert params["/config/robot/odometry/linear_scale"] == found, name
 
 
 def test_every_node_of_the_table_has_a_starter() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import sys
 import xmlrpc.client
 from collections.abc import Iterator
@@ -16,6 +17,7 @@ import rosgraph
 from processes import Processes
 from ros_ports import HOST, free_port
 
+from vsx_ros.cli.exit_codes import DONE, FAILED, STOPPED
 from vsx_ros.ros import launch, topics
 
 pytestmark = pytest.mark.ros
@@ -83,10 +85,15 @@ def processes(tmp_path: Path) -> Iterator[Processes]:
     made.end()
 
 
-def test_two_robots_do_not_hear_each_other(processes: Processes, tmp_path: Path) -> None:
+def start_master(processes: Processes) -> str:
     uri = processes.environment["ROS_MASTER_URI"]
     processes.start("master", "rosmaster", "--core", "-p", uri.rsplit(":", 1)[1])
     processes.wait(lambda: rosgraph.is_master_online(uri), "the master")
+    return uri
+
+
+def test_two_robots_do_not_hear_each_other(processes: Processes, tmp_path: Path) -> None:
+    uri = start_master(processes)
     for robot in ROBOTS:
         start_robot(processes, tmp_path, robot)
     observed = processes.run(sys.executable, "-c", OBSERVER)
@@ -113,3 +120,32 @@ def test_two_robots_do_not_hear_each_other(processes: Processes, tmp_path: Path)
     said = json.loads(processes.vsx("status", "--json", ROS_NAMESPACE="b").stdout)
     assert said["estop"] is False
     assert said["base_reason"]
+
+
+def test_two_explorations_share_a_master_and_a_third_of_the_same_name_is_refused(
+    processes: Processes, tmp_path: Path
+) -> None:
+    start_master(processes)
+    explore = (sys.executable, "-m", "vsx_ros.cli.main", "explore", "--world", "lab", "--headless", "--time")
+    runs = {
+        robot: processes.start(robot, *explore, seconds, "--out", str(tmp_path / robot), ROS_NAMESPACE=robot)
+        for robot, seconds in {"a": "300", "b": "20"}.items()
+    }
+
+    def state(robot: str) -> str:
+        return str(json.loads(processes.vsx("status", "--json", ROS_NAMESPACE=robot).stdout)["state"])
+
+    processes.wait(lambda: all(state(robot) == "mapping" for robot in ROBOTS), "both to map", 120.0)
+    refused = processes.run(*explore, "9", "--out", str(tmp_path / "c"), ROS_NAMESPACE="a")
+    assert refused.returncode == FAILED
+    assert "node /a/emulator runs already" in refused.stderr
+    assert "ROS_NAMESPACE=" in refused.stderr
+    assert runs["b"].wait(90.0) == DONE, processes.logs()
+    assert state("a") == "mapping", "the end of b is not a's"
+    runs["a"].send_signal(signal.SIGINT)
+    assert runs["a"].wait(30.0) == STOPPED, processes.logs()
+    for robot, reason in {"a": "stopped by the operator", "b": "time limit of 20 s"}.items():
+        summary = json.loads((tmp_path / robot / "summary.json").read_text(encoding="utf-8"))
+        assert summary["stop_reason"] == reason
+        assert summary["frames_tracked"] > 0
+        assert summary["collisions"] == 0

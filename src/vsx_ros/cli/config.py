@@ -29,6 +29,9 @@ def add_parser(subparsers: Any) -> None:
         epilog="examples: vsx config > my.yaml   |   vsx config --set planner.phi_rad_m=0.5",
     )
     add_arguments(parser)
+    parser.add_argument(
+        "--robot", action="store_true", help="what this machine's robot goes by: with what 'vsx calibrate' found"
+    )
     parser.set_defaults(run=run)
 
 
@@ -41,8 +44,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the tree."""
-    print(commented_yaml(load(args.config, args.set)), end="")
+    """Print the tree. Raises ConfigError for two files at once."""
+    from vsx_ros.cli.robot_file import robot_file_here
+
+    if args.robot and args.config is not None:
+        raise ConfigError("--robot is the file that 'vsx calibrate' writes, --config another; leave out one")
+    file = robot_file_here() if args.robot else args.config
+    print(commented_yaml(load(file, args.set)), end="")
     return 0
 
 

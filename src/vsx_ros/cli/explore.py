@@ -84,7 +84,7 @@ def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, World | None]:
 
     Raises InputError, ConfigError or MapFileError when there is no such run, world or map, or an option contradicts it.
     """
-    from vsx_ros.cli.robot_file import default_robot_file
+    from vsx_ros.cli.robot_file import robot_file_here
     from vsx_ros.cli.world import open_world
     from vsx_ros.config import overridden
     from vsx_ros.io.run_folder import RunFolder
@@ -100,9 +100,8 @@ def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, World | None]:
         args.load_map = str(Path(args.load_map).resolve())
         if not Path(args.load_map).is_file():
             raise ConfigError(f"there is no map {args.load_map}; 'vsx map save' makes one")
-    if args.config is None and args.world is None and default_robot_file().exists():
-        args.config = default_robot_file()
-        print(f"vsx: this robot's own parameters: {args.config}", file=sys.stderr)
+    if args.config is None and args.world is None:
+        args.config = robot_file_here()
     parameters = config.load(args.config, args.set)
     if args.phi is not None:
         parameters = overridden(parameters, {"planner.phi_rad_m": args.phi})

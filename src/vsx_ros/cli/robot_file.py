@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,15 @@ def ros_home() -> Path:
 def default_robot_file() -> Path:
     """Where a robot's parameters go when nobody says otherwise."""
     return ros_home() / "vsx_ros" / "robot.yaml"
+
+
+def robot_file_here() -> Path | None:
+    """The file of the robot that this machine belongs to, which is said on stderr; None where there is none."""
+    file = default_robot_file()
+    if not file.exists():
+        return None
+    print(f"vsx: this robot's own parameters: {file}", file=sys.stderr)
+    return file
 
 
 def update_robot_file(path: Path, branch: str, values: dict[str, float], remark: str) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 
 from vsx_ros.cli.config import load
 from vsx_ros.cli.exit_codes import DONE, FAILED
+from vsx_ros.cli.robot_file import robot_file_here
 from vsx_ros.cli.world import open_world
 from vsx_ros.config import to_dict
 from vsx_ros.errors import VsxError
@@ -74,7 +75,8 @@ def main() -> None:
     name = Path(sys.argv[0]).stem
     args = parser(name).parse_args()
     try:
-        config = to_dict(load(args.config, []))
+        real = name in ("bringup", "explore")
+        config = to_dict(load(args.config or (robot_file_here() if real else None), []))
         params = {"use_sim_time": True} if name == "replay" else {}
         os.environ.setdefault("ROS_MASTER_URI", launch.DEFAULT_MASTER)
         parent = launch.start(launch.xml(nodes_of(name, args), config, params))

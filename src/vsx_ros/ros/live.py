@@ -8,9 +8,11 @@ import signal
 import socket
 import threading
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, TextIO
+from urllib.parse import urlparse
 
 import rosgraph
 import roslaunch.pmon
@@ -24,6 +26,7 @@ from vsx_ros.ros.launch import LaunchNode
 
 _STOP_S = 0.6
 _ESTOP_WAIT_S = 1.0
+_ANSWER_S = 1.0
 
 
 class Live:
@@ -34,6 +37,7 @@ class Live:
     ) -> None:
         """vital: names of nodes without which it cannot go on. replayed: a recording gives the time, and there is no
         robot to stop."""
+        self._names = [node.name for node in nodes]
         self._text = launch.xml(nodes, config, {"/use_sim_time": True} if replayed else None)
         self._vital, self._replayed = vital, replayed
         self._parent: Any = None
@@ -54,10 +58,11 @@ class Live:
         return next((name for name in self._dead if name in self._vital), "")
 
     def __enter__(self) -> Live:
-        """Start everything. Raises ConfigError when no master can be had or roslaunch refuses."""
+        """Start everything. Raises ConfigError when no master can be had, a robot runs already or roslaunch refuses."""
         os.environ[process.DIE_WITH_PARENT] = "1"
         launch.package_environment()
         choose_master()
+        refuse_second_robot(self._names)
         self._log = self._silence()
         try:
             self._start(self._log)
@@ -153,3 +158,21 @@ def choose_master() -> None:
         except OSError:
             probe.bind(("", 0))
             os.environ["ROS_MASTER_URI"] = f"http://localhost:{probe.getsockname()[1]}"
+
+
+def refuse_second_robot(names: Sequence[str]) -> None:
+    """Raises ConfigError where a node of ours runs in this namespace already: ROS would end it in favour of the new
+    one, in the middle of a drive. One that died without a word to the master is no hindrance."""
+    master = rosgraph.Master("/vsx")
+    for name in names:
+        full_name = rosgraph.names.ns_join(rosgraph.names.get_ros_namespace(), name)
+        try:
+            node = urlparse(master.lookupNode(full_name))
+            socket.create_connection((node.hostname or "", node.port or 0), _ANSWER_S).close()
+        except (OSError, rosgraph.MasterException):
+            continue
+        raise ConfigError(
+            f"node {full_name} runs already at {os.environ['ROS_MASTER_URI']}, and a second one would end it; end that run "
+            "first ('vsx stop' only halts it), or give this one a name of its own (ROS_NAMESPACE=robot2) or a master "
+            "of its own (ROS_MASTER_URI=http://localhost:11312)"
+        )
