@@ -1,8 +1,9 @@
 """watch_kinect.py [SERIAL]: you should see 30 images a second, 0 torn, and after 2 s a locked exposure. Ctrl-C ends.
 
-A Kinect 1414 also tells gravity: (0, 1, 0) g when it stands level.
+A Kinect 1414 also tells gravity, (0, 1, 0) g when it stands level, and how its base leans: 0 and 0 degrees.
 """
 
+import math
 import sys
 import time
 
@@ -13,7 +14,8 @@ from vsx_hw.kinect.usb_transport import UsbTransport
 
 try:
     tilt = read_tilt_state()
-    print(f"gravity {tuple(round(g, 2) for g in tilt.gravity_g)} g, tilt {tilt.tilt_deg} deg")
+    lean = f"pitch {math.degrees(tilt.pitch_rad):.1f} deg, roll {math.degrees(tilt.roll_rad):.1f} deg"
+    print(f"gravity {tuple(round(g, 2) for g in tilt.gravity_g)} g, {lean}, tilt of the head {tilt.tilt_deg} deg")
 except DeviceError as error:
     print(error)
 serial = sys.argv[1] if len(sys.argv) > 1 else ""

@@ -1,18 +1,21 @@
 """The scripts for the first hour with a robot, beside an emulated one; and the stop bytes of the service manager."""
 
 import os
+import struct
 import subprocess
 import sys
 import time
 from pathlib import Path
 
 import pytest
+import serial
 from hw_plant import FreeWheels
 
 from vsx_hw.create.emulator import create_emulator
 from vsx_hw.create.protocol import CREATE_2
 from vsx_hw.kobuki.base_control import WHEEL_BASE_M
 from vsx_hw.kobuki.emulator import kobuki_emulator
+from vsx_hw.kobuki.framing import encode_frame
 
 BENCH = Path(__file__).resolve().parents[2] / "hw" / "bench"
 ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p), "PYTHONUNBUFFERED": "1"}
@@ -47,6 +50,22 @@ def test_a_killed_driver_is_shown_to_stop(kobuki):
     assert "killed" in done.stdout, done.stderr
     assert plant.travel[0] > 0.1
     assert plant.speeds == (0.0, 0.0)
+
+
+def test_a_kobuki_tells_what_it_is_and_takes_back_the_gains_of_the_factory(kobuki):
+    _, port = kobuki
+    with serial.Serial(port) as line:
+        line.write(encode_frame(struct.pack("<BBB3I", 13, 13, 1, 50_000, 200, 3_000)))
+    asked = run(str(BENCH / "ask_kobuki.py"), port)
+    assert asked.stdout.splitlines() == [
+        "hardware_version: (1, 0, 4)",
+        "firmware_version: (1, 2, 0)",
+        "udid: (1, 2, 3)",
+        "current: (0, 0)",
+        "cliff_adc: (1600, 1900, 1600)",
+        "gains: kind 1, 50, 0.2, 3",
+    ], asked.stderr
+    assert "gains: kind 0, 100, 0.1, 2" in run(str(BENCH / "ask_kobuki.py"), port, "--factory-gains").stdout
 
 
 def test_a_create_is_found_and_told_to_stop(tmp_path):

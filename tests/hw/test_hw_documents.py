@@ -4,11 +4,18 @@ import re
 import struct
 from pathlib import Path
 
+import numpy as np
+
 from vsx_hw.create.protocol import GROUPS, LAYOUT, Opcode, packet_bytes
+from vsx_hw.kinect import audio, tilt, usb_transport
+from vsx_hw.kinect import protocol as kinect
+from vsx_hw.kinect.packets import packetize
 from vsx_hw.kobuki import protocol as kobuki
 
 TEXT = (Path(__file__).resolve().parents[2] / "docs" / "protocols.md").read_text(encoding="utf-8")
 TYPES = {"u8": "B", "i8": "b", "u16": "H", "i16": "h", "u32": "I"}
+
+CONTROL, PACKETS, MOTOR, AUDIO = re.findall(r"^### (.+)$", TEXT.partition("## Kinect\n")[2], re.MULTILINE)
 
 
 def rows(heading: str) -> list[list[str]]:
@@ -50,6 +57,94 @@ def test_every_kobuki_part_is_as_long_as_told():
     assert "".join(parts["1 core"]) == "HBBBHHbbBBBB"
     assert len("".join(parts["1 core"])) == len(kobuki.Core._fields)
     assert {int(name.split()[0]) for name in sizes} >= {1, 3, 4, 5, 6, 9, 10, 11, 12, 13, 14, 16, 19, 21}
+
+
+def test_every_kinect_command_is_as_long_as_told():
+    told = {int(cells[0].split()[0], 16): cells[1].count("u16") for cells in rows(CONTROL) if "regist" in cells[0][4:]}
+    some = kinect.Register(kinect.EXPOSURE_MODES, 0)
+    messages = (
+        kinect.encode_write(some, 7),
+        kinect.encode_cmos_write(some, 7),
+        kinect.encode_cmos_read(some.address, 7),
+    )
+    sent = [kinect.decode_message(message) for message in messages]
+    assert set(told) == {command for command, _, _ in sent}
+    assert all((len(words), tag) == (told[command], 7) for command, tag, words in sent)
+
+
+def test_every_kinect_register_is_told_with_all_values_it_is_given():
+    told: dict[int, str] = {}
+    for cells in rows(CONTROL):
+        for address in re.findall(r"^0x\w+$|^0x\w+(?=,)|(?<=, )0x\w+$", cells[0]):
+            told[int(address, 16)] = cells[2]
+    given: dict[int, set[int]] = {}
+    for register in (*kinect.STOP, *(register for mode in kinect.MODES.values() for register in mode.start)):
+        given.setdefault(register.address, set()).add(register.value)
+    assert set(told) == set(given)
+    for address, values in given.items():
+        assert values <= {int(number) for number in re.findall(r"\d+", told[address])}, hex(address)
+    sensor = next(cells for cells in rows(CONTROL) if cells[0].startswith("sensor"))
+    bits = [1 << int(bit) for bit in re.findall(r"bit (\d+)", sensor[2])]
+    assert int(sensor[0].split()[1], 16) == kinect.EXPOSURE_MODES
+    assert bits == [kinect.AUTOMATIC_EXPOSURE, kinect.AUTOMATIC_WHITE_BALANCE]
+
+
+def test_a_kinect_packet_is_laid_out_as_told():
+    told = [cells for cells in rows(PACKETS) if cells[0].isdigit()]
+    assert _ends(told[:-1]) == kinect.HEADER_BYTES == int(told[-1][0])
+    assert told[-1][2] == f"up to {kinect.PACKET_DATA_BYTES} x u8"
+    assert f"at most {kinect.PACKET_BYTES} bytes" in PACKETS
+    at = {cells[1]: int(cells[0]) for cells in told}
+    packets, _ = packetize(np.zeros((480, 640), np.uint8), 0x01020304, 255)
+    magic, flags, clock = (next(cells[3] for cells in told if cells[1] == name) for name in ("magic", "flag", "clock"))
+    assert bytes(packets[0, : at["flag"] - 1]).hex(" ") == magic
+    assert [f"0x{packets[k, at['flag']]:02X}" for k in (0, 1, -1)] == re.findall(r"0x\w+", flags)
+    assert list(packets[:2, at["sequence"]]) == [255, 0]
+    assert bytes(packets[-1, at["clock"] : at["data"]]) == struct.pack("<I", 0x01020304)
+    assert f"{kinect.CLOCK_HZ // 10**6} MHz" in clock
+    assert f"wraps after {2**kinect.CLOCK_BITS / kinect.CLOCK_HZ:.1f} s" in clock
+
+
+def test_the_images_of_a_kinect_are_as_large_as_told():
+    told = re.findall(r"(VGA Bayer|UYVY|SXGA Bayer): ([\d,]+)(?: bytes)? in (\d+)", TEXT)
+    modes = {"VGA Bayer": kinect.VGA_BAYER, "UYVY": kinect.VGA_UYVY, "SXGA Bayer": kinect.SXGA_BAYER}
+    assert [name for name, _, _ in told] == list(modes)
+    for name, size, packets in told:
+        assert int(size.replace(",", "")) == modes[name].frame_bytes
+        assert len(packetize(np.zeros(modes[name].frame_bytes, np.uint8), 0, 0)[0]) == int(packets)
+
+
+def test_the_motor_and_the_audio_part_are_laid_out_as_told():
+    motor = [cells for cells in rows(MOTOR) if cells[0].isdigit()]
+    assert _ends(motor) == tilt.STATE_BYTES
+    state = tilt.decode_tilt_state(struct.pack(">BBhhhbB", 0, 0, 0, 819, 0, -10, 0))
+    assert (state.gravity_g, state.tilt_deg) == ((0.0, 1.0, 0.0), -5.0)
+    assert [cells[3].split(":")[0] for cells in motor if cells[0] == "2"] == [f"1/{tilt.COUNTS_PER_G:.0f} g"]
+    lamp = [cells for cells in rows(AUDIO) if cells[0].isdigit()]
+    told = [int(cells[3].split()[0], 0) for cells in lamp if cells[1] in ("magic", "data length", "command")]
+    assert _ends(lamp) == len(audio.lamp_message(7, 3))
+    assert struct.unpack("<5I", audio.lamp_message(7, 3)) == (told[0], 7, *told[1:], 3)
+    assert f"{audio.GREEN} green" in lamp[-1][3]
+
+
+def test_the_parts_of_a_kinect_have_their_ids():
+    ids = [f"{vendor:04x}:{product:04x}" for vendor, product in audio.AUDIO_PARTS]
+    assert re.findall(r"\w{4}:\w{4}|(?<=, )\w{4}", AUDIO) == [ids[0], *(one[5:] for one in ids[1:])]
+    cameras = [
+        f"{vendor:04x}:{product:04x}" for vendor, product in (usb_transport.XBOX, usb_transport.KINECT_FOR_WINDOWS)
+    ]
+    assert re.findall(r"\w{4}:\w{4}", CONTROL) == cameras
+    assert "{:04x}:{:04x}".format(*tilt.MOTOR) in MOTOR
+
+
+def _ends(cells: list[list[str]]) -> int:
+    """Bytes of a table with a column of offsets, each of which follows from the field before."""
+    offset = 0
+    for row in cells:
+        assert int(row[0]) == offset, row
+        names = 3 if "x, y, z" in row[1] else 1
+        offset += names * struct.calcsize("<" + _layout(row[2].removesuffix(" each"), row[1]))
+    return offset
 
 
 def _layout(types: str, names: str) -> str:

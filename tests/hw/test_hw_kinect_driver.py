@@ -190,7 +190,8 @@ def test_the_boards_sequence_runs_on_over_frames():
 def test_the_high_resolution_mode_wakes_the_depth_stream_first():
     addresses = [register.address for register in SXGA_BAYER.start]
     assert addresses == [0x105, 0x05, 0x13, 0x14, 0x06, 0x06, 0x0C, 0x0D, 0x0E, 0x05, 0x47]
-    assert (SXGA_BAYER.packets_per_frame, VGA_UYVY.packets_per_frame, VGA_BAYER.packets_per_frame) == (687, 323, 162)
+    packets = [len(packetize(np.zeros(mode.frame_bytes, np.uint8), 0, 0)[0]) for mode in MODES.values()]
+    assert dict(zip(MODES, packets, strict=True)) == {"vga": 162, "uyvy": 323, "sxga": 687}
     assert {register.address: register.value for register in VGA_UYVY.start}[0x0C] == 5
 
 

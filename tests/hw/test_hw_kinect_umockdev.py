@@ -27,8 +27,8 @@ def run(frames: int, paced: bool = False, unplug_after: int = 0, lose: int = 0, 
 
 
 def test_frames_come_through_libusb_byte_for_byte():
-    result = run(30, paced=True)
-    assert (result["good"], result["delivered"], result["torn_frames"]) == (30, 30, 0)
+    result = run(90, paced=True)
+    assert (result["good"], result["delivered"], result["torn_frames"]) == (90, 90, 0)
     assert result["serial"] == "A00367A00955107A"
     assert result["switched_off"]
 

@@ -56,11 +56,6 @@ class StreamMode(NamedTuple):
         """Bytes of one image."""
         return self.width_px * self.height_px * self.pixel_bytes
 
-    @property
-    def packets_per_frame(self) -> int:
-        """All but the last one are full."""
-        return -(-self.frame_bytes // PACKET_DATA_BYTES)
-
 
 def _settings(image_format: int, resolution: int, rate_hz: int) -> tuple[Register, ...]:
     """0x0C format: 0 Bayer, 5 UYVY. 0x0D resolution: 1 VGA, 2 SXGA. 0x0E frames a second."""

@@ -15,6 +15,9 @@ from vsx_hw.serial_emulator import Plant, PlantState, SerialEmulator
 FRAME_NS = 20_000_000
 TOP_WHEEL_SPEED_M_S = 0.7
 EXTERNAL_POWER = 0x00F0
+FACTORY_GAINS = struct.pack("<B3I", 0, 100_000, 100, 2_000)
+VERSIONS = {1: bytes((10, 4, 4, 0, 1, 0)), 2: bytes((11, 4, 0, 2, 1, 0)), 8: struct.pack("<BB3I", 19, 12, 1, 2, 3)}
+"""What is told of the hardware, the firmware and the board, by the flag that asks for it."""
 
 
 class KobukiBoard:
@@ -32,7 +35,8 @@ class KobukiBoard:
         self.outputs = EXTERNAL_POWER
         self._plant = plant
         self._rng = random.Random(seed)
-        self._versions_wanted = False
+        self._gains = FACTORY_GAINS
+        self._answers: list[bytes] = []
         self._next_frame_ns = 0
         self._scanner = FrameScanner()
         self._counter_origins = (0, 0, 0)
@@ -62,18 +66,20 @@ class KobukiBoard:
             self._plant.set_wheel_speeds(left / excess, right / excess)
         elif kind == 12 and len(content) == 2:
             self.outputs = int.from_bytes(content, "little")
-        elif kind == 9:
-            self._versions_wanted = True
+        elif kind == 9 and len(content) == 2:
+            self._answers += [part for flag, part in VERSIONS.items() if content[0] & flag]
+        elif kind == 13 and len(content) == 13:
+            self._gains = content
+        elif kind == 14 and len(content) == 1:
+            self._answers.append(bytes((21, 13)) + self._gains)
 
     def emit(self, time_ns: int) -> bytes:
         """See Board."""
         if time_ns < self._next_frame_ns:
             return b""
         self._next_frame_ns = max(self._next_frame_ns + FRAME_NS, time_ns - FRAME_NS)
-        parts = self._feedback(self._plant.read(), time_ns)
-        if self._versions_wanted:
-            self._versions_wanted = False
-            parts += [bytes((10, 4, 4, 0, 1, 0)), bytes((11, 4, 0, 2, 1, 0)), struct.pack("<BB3I", 19, 12, 1, 2, 3)]
+        parts = self._feedback(self._plant.read(), time_ns) + self._answers
+        self._answers = []
         return encode_frame(*parts)
 
     def _feedback(self, state: PlantState, time_ns: int) -> list[bytes]:
