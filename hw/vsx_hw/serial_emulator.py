@@ -103,6 +103,7 @@ class SerialEmulator:
         self._commands: deque[tuple[int, bytes]] = deque()
         self._reports: deque[tuple[int, bytes]] = deque()
         self._master = self._slave = -1
+        self._start_ns: int | None = None
         self._thread = threading.Thread(target=self._run, name=f"emulator {link}", daemon=True)
 
     def __enter__(self) -> SerialEmulator:
@@ -114,8 +115,10 @@ class SerialEmulator:
         """Stop and remove the port."""
         self.close()
 
-    def start(self) -> None:
-        """Create the port and start time."""
+    def start(self, start_ns: int | None = None) -> None:
+        """Create the port and start time. start_ns: when it began, by time.monotonic_ns, if not now: what has passed
+        since is caught up with, so that who stamps by that instant and who stamps by arrival agree."""
+        self._start_ns = start_ns
         self.replug()
         self._thread.start()
 
@@ -153,15 +156,15 @@ class SerialEmulator:
             self._board.power_cycle()
 
     def _run(self) -> None:
-        start_ns = time.monotonic_ns()
+        start_ns = self._start_ns if self._start_ns is not None else time.monotonic_ns()
         elapsed_ns = 0
         while not self._closing.is_set():
+            ahead_ns = start_ns + elapsed_ns + STEP_NS - time.monotonic_ns()  # a step is over before it is told
+            if ahead_ns > 0:
+                time.sleep(ahead_ns * 1e-9)
             with self._lock:
                 self._step(elapsed_ns)
                 elapsed_ns += STEP_NS
-            ahead_ns = start_ns + elapsed_ns - time.monotonic_ns()
-            if ahead_ns > 0:
-                time.sleep(ahead_ns * 1e-9)
 
     def _step(self, now_ns: int) -> None:
         self._commands.append((now_ns + self.faults.command_delay_ns, self._incoming()))

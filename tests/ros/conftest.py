@@ -85,19 +85,20 @@ class Stack:
         import rosgraph
 
         self.wait(lambda: rosgraph.is_master_online(), 20.0, "the master")
+        start_ns, start_monotonic_ns = time.time_ns(), time.monotonic_ns()
         settings = RenderSettings(
             world=WORLD,
             seed=SEED,
             socket=str(self._folder / "camera"),
             rate_hz=15.0,
-            start_ns=time.time_ns(),
+            start_ns=start_ns,
             robot=RobotConfig(),
         )
         child = [sys.executable, "-m", "vsx_ros.ros.render_process", msgspec.json.encode(settings).decode()]
         self._camera = subprocess.Popen(
             child, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, env=self.environment, bufsize=0
         )
-        self._base.start()
+        self._base.start(start_monotonic_ns)
         for name in self.nodes:
             self.start(name)
 

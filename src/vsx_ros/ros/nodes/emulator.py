@@ -60,7 +60,7 @@ class EmulatorNode:
         self._frames = self._skipped = 0
         self._render_ms = 0.0
         self._diagnostics = process.Diagnostics("emulator")
-        self._start_ns = time.time_ns()
+        self._start_ns, start_monotonic_ns = time.time_ns(), time.monotonic_ns()
         self._before: tuple[int, Any] | None = None
         self._child = self._start_child(
             RenderSettings(
@@ -74,7 +74,7 @@ class EmulatorNode:
         )
         self._plant = BodyPlant(world, seed, config.robot, self._on_step, wheel_base_m(robot_type))
         self._base = base_emulator(robot_type, self._plant, _file_param("~port", "ttyVSX"), seed)
-        self._base.start()
+        self._base.start(start_monotonic_ns)
         threading.Thread(target=self._listen, name="frames", daemon=True).start()
         process.every(_TRUTH_PERIOD_S, "truth", self._publish_truth)
         process.every(1.0, "rate", self._report)
