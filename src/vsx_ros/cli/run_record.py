@@ -28,21 +28,21 @@ class RunRecord:
 
     def __init__(self, T_base_cam: SE3) -> None:
         self._T_base_cam = T_base_cam
-        self._by_odometry: list[SE3 | None] = []
-        self._odometry: list[StampedPose] = []
+        # Of an hour's frames and readings: where the wheels were at each, three numbers instead of twelve.
+        self._wheels: list[SE2 | None] = []
+        self._odometry: list[tuple[int, SE2]] = []
         self.results: list[TrackingResult] = []
         self.track_ms: list[float] = []
         self.events: list[RunEvent] = []
 
     def add_odometry(self, odometry: Odometry) -> None:
         """A reading of the wheels."""
-        self._odometry.append(StampedPose(odometry.stamp_ns, SE3.from_se2(odometry.T_odom_base)))
+        self._odometry.append((odometry.stamp_ns, odometry.T_odom_base))
 
     def add_frame(self, result: TrackingResult, odometry: Odometry | None, track_s: float) -> None:
         """A frame the tracker has seen, the odometry of its instant, and how long it took [s]."""
-        camera = SE3.from_se2(odometry.T_odom_base) @ self._T_base_cam if odometry is not None else None
         self.results.append(result)
-        self._by_odometry.append(camera)
+        self._wheels.append(odometry.T_odom_base if odometry is not None else None)
         self.track_ms.append(1e3 * track_s)
 
     def add_slam_events(self, events: Iterable[SlamEvent]) -> None:
@@ -64,7 +64,7 @@ class RunRecord:
     def wheels_start_anew(self) -> None:
         """From here on the wheels count from elsewhere: no frame so far is compared with one to come."""
         for index in reversed(range(len(self.results))):
-            self._by_odometry[index] = None
+            self._wheels[index] = None
             if self.results[index].state.tracked:
                 return
 
@@ -78,7 +78,8 @@ class RunRecord:
 
     def summary(self, statistics: SlamStatistics) -> Summary:
         """What is known without any truth."""
-        breaks = len(find_breaks(self.results, self._by_odometry))
+        cameras = [None if T is None else SE3.from_se2(T) @ self._T_base_cam for T in self._wheels]
+        breaks = len(find_breaks(self.results, cameras))
         return tracking_summary(statistics, self.track_ms).with_values(breaks=breaks)
 
     def write(self, folder: RunFolder, snapshot: MapSnapshot, surface: Points3 | None = None) -> None:
@@ -86,7 +87,7 @@ class RunRecord:
         spots of surface (N, 3), dense.ply too."""
         folder.write_poses("trajectory", self.estimate())
         if self._odometry:
-            folder.write_poses("odometry", self._odometry)
+            folder.write_poses("odometry", [StampedPose(ns, SE3.from_se2(T)) for ns, T in self._odometry])
         if len(snapshot.points_world):
             folder.write_points(snapshot.points_world)
         if surface is not None and len(surface):

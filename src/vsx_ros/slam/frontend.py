@@ -152,10 +152,8 @@ class FrontEnd:
     def _at_stamp(self, result: TrackingResult) -> TrackingResult:
         """Inside, poses are those of the image's middle row; outside, of its stamp, the start of its first row."""
         T = self._intake.T_middle_stamp
-        world, local = result.T_world_cam, result.T_map_cam
-        return result._replace(
-            T_world_cam=None if world is None else world @ T, T_map_cam=None if local is None else local @ T
-        )
+        local = None if result.T_map_cam is None else result.T_map_cam @ T
+        return result._replace(T_world_cam=None if result.T_world_cam is None else local, T_map_cam=local)
 
     def _enter(self, view: MapView, map_id: int) -> None:
         self._view, self._here, self._map_id = view, view.part(map_id), map_id
