@@ -49,7 +49,7 @@ def check_capture(feedback) -> None:
 
 def test_capture_in_single_bytes_and_random_chunks():
     assert len(CAPTURE) == 81
-    for seed in range(300):
+    for seed in range(1000):
         rng = random.Random(seed)
         parser = StreamParser()
         pieces = [bytes((b,)) for b in CAPTURE] if seed == 0 else chunks(CAPTURE, rng)
