@@ -138,8 +138,9 @@ def test_two_explorations_share_a_master_and_a_third_of_the_same_name_is_refused
     processes.wait(lambda: all(state(robot) == "mapping" for robot in ROBOTS), "both to map", 120.0)
     refused = processes.run(*explore, "9", "--out", str(tmp_path / "c"), ROS_NAMESPACE="a")
     assert refused.returncode == FAILED
-    assert "node /a/emulator runs already" in refused.stderr
+    assert "node /a/mobile_base runs already" in refused.stderr
     assert "ROS_NAMESPACE=" in refused.stderr
+    assert not (tmp_path / "c").exists()
     assert runs["b"].wait(90.0) == DONE, processes.logs()
     assert state("a") == "mapping", "the end of b is not a's"
     runs["a"].send_signal(signal.SIGINT)

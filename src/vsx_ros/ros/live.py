@@ -172,7 +172,7 @@ def refuse_second_robot(names: Sequence[str]) -> None:
         except (OSError, rosgraph.MasterException):
             continue
         raise ConfigError(
-            f"node {full_name} runs already at {os.environ['ROS_MASTER_URI']}, and a second one would end it; end that "
+            f"node {full_name} runs already at {rosgraph.get_master_uri()}, and a second one would end it; end that "
             "run first, or give this one a name of its own (ROS_NAMESPACE=robot2) or a master "
             "of its own (ROS_MASTER_URI=http://localhost:11312)"
         )

@@ -29,7 +29,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.run_folder import RunFolder
 from vsx_ros.ros import launch, process, view
 from vsx_ros.ros.launch import LaunchNode
-from vsx_ros.ros.live import Live
+from vsx_ros.ros.live import Live, refuse_second_robot
 from vsx_ros.ros.progress import Progress, progress_line
 from vsx_ros.ros.witness import Witness
 from vsx_ros.ros.witness_journal import WitnessJournal
@@ -76,6 +76,7 @@ class Coverage:
 
 def explore(args: argparse.Namespace) -> int:
     """One live run, or the rest of one that was interrupted; its exit code."""
+    refuse_second_robot([node.name for node in (*launch.bringup(), *launch.exploration())])
     folder, config, world = begin(args)
     os.environ["ROS_LOG_DIR"] = str((folder.path / "log").resolve())
     (folder.path / "log").mkdir(exist_ok=True)
