@@ -43,6 +43,7 @@ class MasterWatch:
             try:
                 self._master.getPid(rospy.get_name())
                 self._answered_s = time.monotonic()
+                self._master("close")()  # a master that is ending answers who is connected, and nobody else
             except ConnectionRefusedError:
                 self._answered_s = -math.inf  # a master that is there and slow refuses nobody
             except (OSError, http.client.HTTPException, xmlrpc.client.Error):
