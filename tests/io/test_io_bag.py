@@ -111,6 +111,13 @@ def test_an_image_out_of_order_is_left_out(tmp_path):
     assert [f.stamp_ns for f in open_recording(path).frames()] == [10, 30, 40]
 
 
+@pytest.mark.parametrize("wrong", [0, 2, 3])
+def test_one_image_from_the_future_costs_no_other(tmp_path, wrong):
+    stamps = [10**9 + k * 10**8 for k in range(5)]
+    path = write(tmp_path / "f.bag", [("/image", image(s + 10**12 * (k == wrong))) for k, s in enumerate(stamps)])
+    assert [f.stamp_ns for f in open_recording(path).frames()] == [s for k, s in enumerate(stamps) if k != wrong]
+
+
 def test_stampless_images_take_the_time_of_recording(tmp_path):
     path = write(tmp_path / "o.bag", [("/image", image(0)), ("/image", image(0))])
     assert [f.stamp_ns for f in open_recording(path).frames()] == [1000, 1001]

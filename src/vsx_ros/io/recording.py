@@ -14,6 +14,7 @@ from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.robot import Frame, Odometry
 
 GRACE_NS = 500_000_000
+AHEAD_NS = 1_000_000_000
 
 
 @dataclass(frozen=True)
@@ -37,16 +38,29 @@ class Recording:
     damage: str = ""
 
     def frames(self) -> Iterator[Frame]:
-        """The images, each later than the one before: one out of order or doubled is left out.
+        """The images, each later than the one before: one out of order or doubled is left out, and so is one more than
+        a second ahead of the image after it, beside which all others would be out of date.
 
         Raises InputError where the recording is damaged, CalibrationError where an image has not the camera's size.
         """
-        last_ns: int | None = None
-        for frame in self.open_frames():
-            if last_ns is None or frame.stamp_ns > last_ns:
-                self._check_size(frame)
-                yield frame
-                last_ns = frame.stamp_ns
+        last_ns, waiting, damage = -1, None, None
+        images = self.open_frames()
+        while True:
+            try:
+                frame = next(images, None)
+            except InputError as error:
+                frame, damage = None, error
+            if frame is None:
+                break
+            if waiting is None or last_ns < frame.stamp_ns < waiting.stamp_ns - AHEAD_NS:
+                waiting = frame
+            elif frame.stamp_ns > waiting.stamp_ns:
+                yield self._checked(waiting)
+                last_ns, waiting = waiting.stamp_ns, frame
+        if waiting is not None:
+            yield self._checked(waiting)
+        if damage is not None:
+            raise damage
 
     def messages(self) -> Iterator[Frame | Odometry]:
         """Images and odometry in one stream, by stamp; odometry first where stamps are equal."""
@@ -66,13 +80,14 @@ class Recording:
         v = first.v + ratio * (last.v - first.v)
         return Odometry(stamp_ns, pose, v, first.omega + ratio * (last.omega - first.omega))
 
-    def _check_size(self, frame: Frame) -> None:
+    def _checked(self, frame: Frame) -> Frame:
         height, width = frame.image.shape
         if self.camera is not None and (width, height) != (self.camera.width, self.camera.height):
             raise CalibrationError(
                 f"{self.source}: images are {width}x{height} but the calibration is for "
                 f"{self.camera.width}x{self.camera.height}; give the right one with --calibration FILE"
             )
+        return frame
 
 
 def open_recording(path: Path, image_topic: str | None = None, odometry_topic: str | None = None) -> Recording:
