@@ -10,6 +10,8 @@ VsxError
 Every message names the thing, the value found and the remedy.
 """
 
+from typing import Any
+
 
 class VsxError(Exception):
     """Root of everything vsx_ros raises on purpose; the command line prints it as one sentence."""
@@ -33,3 +35,14 @@ class MapFileError(VsxError, ValueError):
 
 class PlanningError(VsxError, ValueError):
     """The planner was asked something without meaning."""
+
+
+def reason_of(error: Exception) -> str:
+    """What a library or the operating system says is wrong with a file, on one line: with the line in the file where
+    YAML knows it, without an error's number."""
+    if isinstance(error, OSError):
+        return error.strerror or str(error)
+    mark: Any = getattr(error, "problem_mark", None)
+    if mark is not None:
+        return f"line {mark.line + 1}: {getattr(error, 'problem', '')}"
+    return str(error).splitlines()[0]

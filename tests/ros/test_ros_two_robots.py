@@ -85,6 +85,11 @@ def processes(tmp_path: Path) -> Iterator[Processes]:
     made.end()
 
 
+def knows_its_run(uri: str) -> bool:
+    """Whether a roscore is up; its last deed is the name of its run, which every launch must then adopt."""
+    return rosgraph.is_master_online(uri) and bool(rosgraph.Master("/test", uri).hasParam("/run_id"))
+
+
 def start_master(processes: Processes) -> str:
     uri = processes.environment["ROS_MASTER_URI"]
     processes.start("master", "rosmaster", "--core", "-p", uri.rsplit(":", 1)[1])
@@ -125,7 +130,9 @@ def test_two_robots_do_not_hear_each_other(processes: Processes, tmp_path: Path)
 def test_two_explorations_share_a_master_and_a_third_of_the_same_name_is_refused(
     processes: Processes, tmp_path: Path
 ) -> None:
-    start_master(processes)
+    uri = processes.environment["ROS_MASTER_URI"]
+    processes.start("roscore", "roscore", "-p", uri.rsplit(":", 1)[1])
+    processes.wait(lambda: knows_its_run(uri), "roscore")
     explore = (sys.executable, "-m", "vsx_ros.cli.main", "explore", "--world", "lab", "--headless", "--time")
     runs = {
         robot: processes.start(robot, *explore, seconds, "--out", str(tmp_path / robot), ROS_NAMESPACE=robot)

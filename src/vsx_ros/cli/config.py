@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vsx_ros.errors import ConfigError
+from vsx_ros.errors import ConfigError, reason_of
 
 if TYPE_CHECKING:
     from vsx_ros.config import Config
@@ -68,8 +68,9 @@ def load(file: Path | None, assignments: Sequence[str]) -> Config:
         try:
             tree = yaml.safe_load(file.read_text(encoding="utf-8"))
         except (OSError, ValueError, yaml.YAMLError) as error:
-            reason = str(error).splitlines()[0]
-            raise ConfigError(f"configuration {file} cannot be read ({reason}); 'vsx config' prints one") from error
+            raise ConfigError(
+                f"configuration {file} cannot be read ({reason_of(error)}); 'vsx config' prints one"
+            ) from error
         config = from_dict(tree if tree is not None else {})
     values: dict[str, Any] = {}
     for assignment in assignments:

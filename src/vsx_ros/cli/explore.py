@@ -88,6 +88,7 @@ def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, World | None]:
     from vsx_ros.cli.world import open_world
     from vsx_ros.config import overridden
     from vsx_ros.io.run_folder import RunFolder
+    from vsx_ros.io.slam_map_file import load_slam_map
     from vsx_ros.sim.world_file import save_world
 
     if args.resume is not None:
@@ -100,6 +101,7 @@ def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, World | None]:
         args.load_map = str(Path(args.load_map).resolve())
         if not Path(args.load_map).is_file():
             raise ConfigError(f"there is no map {args.load_map}; 'vsx map save' makes one")
+        load_slam_map(Path(args.load_map))
     if args.config is None and args.world is None:
         args.config = robot_file_here()
     parameters = config.load(args.config, args.set)

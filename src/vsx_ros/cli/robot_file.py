@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from vsx_ros.errors import ConfigError
+from vsx_ros.errors import ConfigError, reason_of
 
 
 def ros_home() -> Path:
@@ -64,7 +64,6 @@ def _known(path: Path) -> tuple[list[str], dict[str, Any]]:
         text = path.read_text(encoding="utf-8")
         tree = yaml.safe_load(text) or {}
     except (OSError, ValueError, yaml.YAMLError) as error:
-        reason = str(error).splitlines()[0]
-        raise ConfigError(f"{path} cannot be read ({reason}); give another file with --out") from error
+        raise ConfigError(f"{path} cannot be read ({reason_of(error)}); give another file with --out") from error
     from_dict(tree)
     return [line for line in text.splitlines() if line.startswith("# ")], tree

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from vsx_ros.errors import CalibrationError
+from vsx_ros.errors import CalibrationError, reason_of
 from vsx_ros.geometry.camera import PinholeCamera
 
 _PINHOLE_MODELS = ("plumb_bob", "radtan", "radial-tangential", "pinhole", "rational_polynomial", "")
@@ -50,9 +50,8 @@ def read_calibration(path: Path) -> PinholeCamera:
     except FileNotFoundError as error:
         raise CalibrationError(f"there is no calibration {path}; 'vsx calibrate camera' makes one") from error
     except (OSError, ValueError, yaml.YAMLError) as error:
-        reason = str(error).splitlines()[0]
         raise CalibrationError(
-            f"calibration {path} cannot be read ({reason}); give a ROS camera_info YAML or a camera.json"
+            f"calibration {path} cannot be read ({reason_of(error)}); give a ROS camera_info YAML or a camera.json"
         ) from error
     if not isinstance(tree, dict):
         raise CalibrationError(f"calibration {path} holds no names; give a ROS camera_info YAML or a camera.json")

@@ -11,7 +11,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from vsx_ros.errors import MapFileError
+from vsx_ros.errors import MapFileError, reason_of
 from vsx_ros.io.atomic import write_bytes, write_text
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
@@ -54,8 +54,7 @@ def load_map(path: Path) -> OccupancyGrid:
     try:
         tree = yaml.safe_load(text.read_text(encoding="utf-8"))
     except (OSError, ValueError, yaml.YAMLError) as error:
-        reason = str(error).splitlines()[0]
-        raise MapFileError(f"map {text} cannot be read ({reason}); give a map_server YAML") from error
+        raise MapFileError(f"map {text} cannot be read ({reason_of(error)}); give a map_server YAML") from error
     try:
         resolution = float(tree["resolution"])
         x, y, yaw = (float(value) for value in tree["origin"])

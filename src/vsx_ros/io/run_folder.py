@@ -18,7 +18,7 @@ import yaml
 from vsx_ros import __version__
 from vsx_ros.arrays import Points3
 from vsx_ros.config import Config, from_dict, to_dict
-from vsx_ros.errors import InputError
+from vsx_ros.errors import InputError, reason_of
 from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.atomic import write_text
 from vsx_ros.io.checkpoint import Checkpoint
@@ -189,13 +189,13 @@ class RunFolder:
         try:
             return (self.path / name).read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
-            raise InputError(f"{self.path / name} cannot be read ({error}); run again") from error
+            raise InputError(f"{self.path / name} cannot be read ({reason_of(error)}); run again") from error
 
     def _parsed(self, name: str, parse: Any) -> dict[str, Any]:
         try:
             tree = parse(self._text(name))
         except (ValueError, yaml.YAMLError) as error:
-            raise InputError(f"{self.path / name} is damaged ({str(error).splitlines()[0]}); run again") from error
+            raise InputError(f"{self.path / name} is damaged ({reason_of(error)}); run again") from error
         if not isinstance(tree, dict):
             raise InputError(f"{self.path / name} is damaged (it holds no names); run again")
         return tree

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from vsx_ros.errors import InputError
+from vsx_ros.errors import InputError, reason_of
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.atomic import write_text
@@ -53,7 +53,9 @@ def read_trajectory(path: Path) -> list[StampedPose]:
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"trajectory {path} cannot be read ({error}); give a text file in TUM format") from error
+        raise InputError(
+            f"trajectory {path} cannot be read ({reason_of(error)}); give a text file in TUM format"
+        ) from error
     poses = []
     for number, line in enumerate(text.splitlines(), start=1):
         if line.strip() and not line.lstrip().startswith("#"):

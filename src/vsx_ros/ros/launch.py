@@ -8,13 +8,13 @@ from __future__ import annotations
 import os
 import shlex
 import shutil
-import uuid
 from pathlib import Path
 from typing import Any, NamedTuple
 from xml.sax.saxutils import escape, quoteattr
 
 import roslaunch.core
 import roslaunch.parent
+import roslaunch.rlutil
 import yaml
 
 from vsx_ros.cli.own_address import tell_ros
@@ -144,7 +144,7 @@ def start(text: str, *, quiet: bool = False) -> roslaunch.parent.ROSLaunchParent
         raise ConfigError("there is no rosmaster: install ROS with 'scripts/demo' or the packages of apt.txt")
     try:
         parent = roslaunch.parent.ROSLaunchParent(
-            str(uuid.uuid1()),
+            roslaunch.rlutil.get_or_generate_uuid(None, False),  # a master that runs has one, and insists on it
             [],
             roslaunch_strs=[text],
             is_core=False,

@@ -163,6 +163,9 @@ def _ending(live: Live, witness: Witness, elapsed_s: float, limit_s: float | Non
     if live.interrupted:
         return Ending("stopped by the operator", STOPPED)
     if live.dead:
+        said = witness.last_words(live.dead)
+        if said:
+            return Ending(f"node {live.dead} has ended: {said}", FAILED)
         return Ending(f"node {live.dead} died; its last words are in the run's log folder", INTERNAL)
     if status.get("state") == MissionState.DONE.value:
         return Ending(str(status.get("reason")), _OUTCOMES.get(str(status.get("outcome")), INTERNAL))

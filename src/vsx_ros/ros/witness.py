@@ -54,6 +54,7 @@ class Witness:
         self._followed: tuple[int, str] = (0, "")
         self._warnings: list[str] = []
         self._warned: set[str] = set()
+        self._last_words: dict[str, str] = {}
         self._events: list[RunEvent] = []
         self._truth: list[StampedPose] = []
         self._navigation = Navigation([], [])
@@ -95,11 +96,18 @@ class Witness:
             fresh, self._warnings = self._warnings, []
         return fresh
 
+    def last_words(self, node: str) -> str:
+        """What a node of the run said before it ended itself; nothing where it had no time to."""
+        with self._lock:
+            return self._last_words.get(rospy.resolve_name(node), "")
+
     def _on_log(self, msg: Log) -> None:
         if msg.file in _TRANSPORT_FILES or not msg.name.startswith(rospy.get_namespace()):
             return
         line = f"{msg.name.lstrip('/')}: {msg.msg.splitlines()[0] if msg.msg else ''}"
         with self._lock:
+            if msg.level >= Log.FATAL:
+                self._last_words[msg.name] = line.partition(": ")[2]
             if msg.level >= Log.WARN and line not in self._warned:
                 self._warned.add(line)
                 self._warnings.append(line)

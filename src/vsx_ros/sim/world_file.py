@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 import yaml
 
-from vsx_ros.errors import ConfigError
+from vsx_ros.errors import ConfigError, reason_of
 from vsx_ros.sim.world import Box, Outline, Poster, Table, Wall, World
 
 TOLERANCE_M = 0.06
@@ -28,7 +28,7 @@ def load_world(path: Path) -> World:
     try:
         tree = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ConfigError(f"world file {path} cannot be read: {error}") from error
+        raise ConfigError(f"world file {path} cannot be read ({reason_of(error)}); 'vsx world' writes one") from error
     try:
         world = msgspec.convert(tree, World)
     except msgspec.ValidationError as error:
