@@ -13,9 +13,8 @@ and every choice is an event with its reason.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from vsx_ros.config import Config
+from vsx_ros.exploration.chronicle import Chronicle
 from vsx_ros.exploration.decision import (
     Action,
     Decision,
@@ -25,6 +24,7 @@ from vsx_ros.exploration.decision import (
     Outcome,
     Situation,
 )
+from vsx_ros.exploration.first_drives import FirstDrives
 from vsx_ros.exploration.frontiers import Frontier, find_frontiers
 from vsx_ros.exploration.given_up import GivenUp
 from vsx_ros.exploration.looks import Looks
@@ -32,7 +32,7 @@ from vsx_ros.exploration.memory import MissionMemory
 from vsx_ros.exploration.promise import Promise
 from vsx_ros.exploration.swing import free_swing
 from vsx_ros.exploration.trail import Trail
-from vsx_ros.exploration.utility import Ranker, Ranking, Rejection, TravelCosts, View, rank_views
+from vsx_ros.exploration.utility import Ranker, Ranking, Rejection, TravelCostsFrom, View, rank_views
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.slam.state import TrackingState
@@ -42,12 +42,6 @@ _RELOCALISE_WAIT_NS = _SECOND_NS
 _RECOGNISE_WAIT_NS = 10 * _SECOND_NS
 _EMPTY_WAIT_NS = 2 * _SECOND_NS
 _SETTLE_NS, _BRAKE_NS = _SECOND_NS, _SECOND_NS // 2
-_ELSEWHERE = Rejection.UNREACHABLE, Rejection.NO_ROOM, Rejection.FEW_LANDMARKS
-"""What keeps from views that there are; from elsewhere it may look otherwise."""
-
-
-TravelCostsFrom = Callable[[SE2, OccupancyGrid], TravelCosts]
-"""Start pose and grid to the function that costs many poses in one call."""
 
 
 class Mission:
@@ -59,57 +53,59 @@ class Mission:
         self._body_m, self._phi_rad_m = config.robot.radius_m, config.planner.phi_rad_m
         self._travel_costs = travel_costs
         self._trail = Trail(spacing_m=0.05)
-        self._state = MissionState.STARTING
+        self._chronicle = Chronicle()
+        self._first_drives = FirstDrives(self._config.init_drive_m, self._config.init_attempts)
         self._after_pause = MissionState.STARTING
         self._goal: View | None = None
         self._purpose = ""
         self._promise: Promise | None = None
         self._given_up = GivenUp(self._config.blacklist_radius_m, self._config.blacklist_s)
         self._looks = Looks(self._config.look_spacing_m)
-        self._events: list[MissionEvent] = []
         self._wait_until_ns = 0
-        self._attempts = 0
         self._backed_m = 0.0
         self._empty_rankings = 0
         self._backing_off = False
         self._going_home = False
         self.frontiers: list[Frontier] = []
         self.ranking = Ranking([], {})
-        self.outcome: Outcome | None = None
 
     @property
     def state(self) -> MissionState:
         """The box of the diagram the mission is in."""
-        return self._state
+        return self._chronicle.state
+
+    @property
+    def outcome(self) -> Outcome | None:
+        """How the mission ended; None before."""
+        return self._chronicle.outcome
 
     def drain_events(self) -> list[MissionEvent]:
         """The events since the last call."""
-        events, self._events = self._events, []
-        return events
+        return self._chronicle.drain()
 
     # Requests of the operator -------------------------------------------------------------------------------
 
     def pause(self, now_ns: int) -> None:
         """Stand still until resume."""
-        if self._state not in (MissionState.DONE, MissionState.PAUSED):
-            self._after_pause = self._state
-            self._enter(now_ns, MissionState.PAUSED, "paused by the operator")
+        if self.state not in (MissionState.DONE, MissionState.PAUSED):
+            self._after_pause = self.state
+            self._chronicle.enter(now_ns, MissionState.PAUSED, "paused by the operator")
 
     def resume(self, now_ns: int) -> None:
         """Go on after a pause."""
-        if self._state is MissionState.PAUSED:
+        if self.state is MissionState.PAUSED:
             self._goal = self._promise = None
-            self._enter(now_ns, self._after_pause, "resumed by the operator")
+            self._chronicle.enter(now_ns, self._after_pause, "resumed by the operator")
 
     def stop(self, now_ns: int) -> None:
         """End the mission here."""
-        self._finish(now_ns, Outcome.STOPPED, "stopped by the operator")
+        self._chronicle.finish(now_ns, Outcome.STOPPED, "stopped by the operator")
 
     def home(self, now_ns: int) -> None:
         """Drive back to where the map began, then end."""
         self._going_home = True
         self._goal = self._promise = None
-        self._note(now_ns, "returning home on request")
+        self._chronicle.note(now_ns, "returning home on request")
 
     # An interruption ----------------------------------------------------------------------------------------
 
@@ -128,7 +124,7 @@ class Mission:
         for pose in memory.trail:
             self._trail.add(T_odom_base @ pose)
         self._wait_until_ns = now_ns + _RECOGNISE_WAIT_NS
-        self._enter(now_ns, MissionState.RECOVERING, "resumed: looking for a place of the known map")
+        self._chronicle.enter(now_ns, MissionState.RECOVERING, "resumed: looking for a place of the known map")
 
     # The decision --------------------------------------------------------------------------------------------
 
@@ -138,40 +134,33 @@ class Mission:
             self._trail.add(situation.T_odom_base)
         if situation.T_map_base is not None and situation.slam_state is TrackingState.GOOD:
             self._looks.add(situation.T_map_base)
-        if self._state is MissionState.DONE:
-            return self._answer(Action.FINISH, self._events[-1].reason if self._events else "")
-        if self._state is MissionState.PAUSED:
+        if self.state is MissionState.DONE:
+            return self._answer(Action.FINISH, self._chronicle.reason)
+        if self.state is MissionState.PAUSED:
             active = situation.navigation is NavigationState.ACTIVE
             return self._answer(Action.CANCEL if active else Action.WAIT, "paused")
         if situation.T_odom_base is None:
             return self._answer(Action.WAIT, "waiting for odometry")
-        if self._state is MissionState.STARTING:
+        if self.state is MissionState.STARTING:
             return self._start(now_ns, situation, situation.T_odom_base)
-        if self._state is MissionState.RECOVERING:
+        if self.state is MissionState.RECOVERING:
             return self._recover(now_ns, situation)
         return self._map(now_ns, situation)
 
     def _start(self, now_ns: int, situation: Situation, T_odom_base: SE2) -> Decision:
         """Drive straight until the SLAM has found its two frames (paper 3.1)."""
         if situation.slam_state.tracked:
-            self._enter(now_ns, MissionState.MAPPING, "the map is initialised")
+            self._chronicle.enter(now_ns, MissionState.MAPPING, "the map is initialised")
             return self._map(now_ns, situation)
         if situation.navigation is NavigationState.ACTIVE:
             return self._answer(Action.WAIT, "driving straight to start the map: " + situation.slam_reason)
-        if self._attempts == 0:
-            self._attempts = 1
-            return self._straight(now_ns, T_odom_base, self._config.init_drive_m, "first straight drive for two frames")
         if now_ns < self._wait_until_ns:
             return self._answer(Action.WAIT, "waiting for the map to start")
-        if self._attempts > self._config.init_attempts:
+        drive = self._first_drives.next(situation.slam_reason)
+        if drive is None:
             return self._end(now_ns, Outcome.NOT_STARTED, f"the map did not start: {situation.slam_reason}")
-        self._attempts += 1
-        way = -self._config.init_drive_m if self._attempts % 2 == 0 else self._config.init_drive_m
-        return self._straight(now_ns, T_odom_base, way, f"another straight drive: {situation.slam_reason}")
-
-    def _straight(self, now_ns: int, T_odom_base: SE2, distance_m: float, reason: str) -> Decision:
         self._wait_until_ns = now_ns + _SECOND_NS
-        return self._go(now_ns, T_odom_base @ SE2(distance_m, 0.0, 0.0), "odom", reason)
+        return self._go(now_ns, T_odom_base @ SE2(drive[0], 0.0, 0.0), "odom", drive[1])
 
     def _map(self, now_ns: int, situation: Situation) -> Decision:
         """Choose a view, wait until it is reached, choose the next."""
@@ -180,7 +169,7 @@ class Mission:
             self._backing_off = False
             self._backed_m = 0.0
             self._wait_until_ns = now_ns + _RELOCALISE_WAIT_NS
-            self._enter(now_ns, MissionState.RECOVERING, f"tracking lost: {situation.slam_reason}")
+            self._chronicle.enter(now_ns, MissionState.RECOVERING, f"tracking lost: {situation.slam_reason}")
             return self._answer(Action.CANCEL, "tracking lost")
         if situation.navigation is NavigationState.ACTIVE:
             return self._supervise(now_ns, situation)
@@ -211,7 +200,7 @@ class Mission:
             return self._answer(Action.WAIT, f"on the way: {self._purpose}")
         self._goal = self._promise = None
         self._wait_until_ns = now_ns + _BRAKE_NS
-        self._note(now_ns, reason)
+        self._chronicle.note(now_ns, reason)
         return self._answer(Action.CANCEL, reason)
 
     def _choose(self, now_ns: int, situation: Situation, grid: OccupancyGrid, T_map_base: SE2) -> Decision:
@@ -235,14 +224,12 @@ class Mission:
     def _nothing_left(self, now_ns: int, situation: Situation, grid: OccupancyGrid) -> Decision:
         """No view is worth its way: try again what failed, look from elsewhere; only where all of the ground is within
         reach, or nothing helps, is it explored."""
-        rejected = self.ranking.rejected
-        why = ", ".join(f"{count} {name.value}" for name, count in rejected.items() if count) or "no candidates"
+        why, boxed_in = self.ranking.why(), self.ranking.boxed_in()
         self._empty_rankings += 1
         self._wait_until_ns = now_ns + _EMPTY_WAIT_NS
-        if rejected[Rejection.GIVEN_UP] and self._given_up.forgive(now_ns):
-            self._note(now_ns, f"no other view found ({why}): what was given up is tried again")
+        if self.ranking.rejected[Rejection.GIVEN_UP] and self._given_up.forgive(now_ns):
+            self._chronicle.note(now_ns, f"no other view found ({why}): what was given up is tried again")
             return self._answer(Action.WAIT, "trying again what was given up")
-        boxed_in = any(rejected[reason] for reason in _ELSEWHERE)
         retries = self._config.retries_boxed_in if boxed_in else self._config.retries_without_view
         if self._empty_rankings > retries:
             return self._end(now_ns, Outcome.EXPLORED, f"no view is worth its way any more ({why})")
@@ -273,7 +260,7 @@ class Mission:
         """Wait for relocalisation, then back along the executed path step by step."""
         if situation.slam_state.tracked:
             self._wait_until_ns = min(self._wait_until_ns, now_ns + _SETTLE_NS)
-            self._enter(now_ns, MissionState.MAPPING, "relocalised")
+            self._chronicle.enter(now_ns, MissionState.MAPPING, "relocalised")
             active = situation.navigation is NavigationState.ACTIVE
             return self._answer(Action.CANCEL if active else Action.WAIT, "relocalised")
         if situation.navigation is NavigationState.ACTIVE:
@@ -296,29 +283,17 @@ class Mission:
     def _goal_failed(self, now_ns: int, reason: str) -> None:
         if self._goal is not None:
             seconds = self._given_up.add(now_ns, self._goal.pose)
-            self._note(now_ns, f"goal given up for {seconds:.0f} s: {reason}")
+            self._chronicle.note(now_ns, f"goal given up for {seconds:.0f} s: {reason}")
         self._goal = self._promise = None
 
-    def _enter(self, now_ns: int, state: MissionState, reason: str) -> None:
-        self._state = state
-        self._events.append(MissionEvent(now_ns, state.value, reason))
-
-    def _note(self, now_ns: int, reason: str) -> None:
-        self._events.append(MissionEvent(now_ns, self._state.value, reason))
-
-    def _finish(self, now_ns: int, outcome: Outcome, reason: str) -> None:
-        if self._state is not MissionState.DONE:
-            self.outcome = outcome
-            self._enter(now_ns, MissionState.DONE, reason)
-
     def _end(self, now_ns: int, outcome: Outcome, reason: str) -> Decision:
-        self._finish(now_ns, outcome, reason)
+        self._chronicle.finish(now_ns, outcome, reason)
         return self._answer(Action.FINISH, reason)
 
     def _go(self, now_ns: int, goal: SE2, frame: str, reason: str) -> Decision:
         self._purpose = reason
-        self._note(now_ns, reason)
-        return Decision(Action.GO, goal, frame, self._state.value, reason)
+        self._chronicle.note(now_ns, reason)
+        return Decision(Action.GO, goal, frame, self.state.value, reason)
 
     def _answer(self, action: Action, reason: str) -> Decision:
-        return Decision(action, None, "map", self._state.value, reason)
+        return Decision(action, None, "map", self.state.value, reason)

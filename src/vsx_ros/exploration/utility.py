@@ -60,15 +60,29 @@ class Rejection(Enum):
     FEW_LANDMARKS = "too few known landmarks in view"
 
 
+_ELSEWHERE = Rejection.UNREACHABLE, Rejection.NO_ROOM, Rejection.FEW_LANDMARKS
+
+
 class Ranking(NamedTuple):
     """Views by falling utility, and how many candidates fell out for which reason."""
 
     views: list[View]
     rejected: dict[Rejection, int]
 
+    def why(self) -> str:
+        """What became of the candidates that are no views, for people."""
+        return ", ".join(f"{count} {name.value}" for name, count in self.rejected.items() if count) or "no candidates"
+
+    def boxed_in(self) -> bool:
+        """Whether there are views that cannot be driven to from here; from elsewhere it may look otherwise."""
+        return any(self.rejected[reason] for reason in _ELSEWHERE)
+
 
 TravelCosts = Callable[[FloatArray], FloatArray]
 """(N, 3) poses to (N,) path lengths [m], infinite where no path exists."""
+
+TravelCostsFrom = Callable[[SE2, OccupancyGrid], TravelCosts]
+"""Start pose and grid to the function that costs many poses in one call."""
 
 GivenUpPoses = Callable[[FloatArray], BoolArray]
 """(N, 3) poses to (N,) True where a goal failed a while ago."""
