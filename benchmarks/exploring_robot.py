@@ -1,4 +1,4 @@
-"""The stack of the live tests, for benchmarks that hurt it: real nodes explore the emulated lab over real drivers."""
+"""The stack of the live tests, for benchmarks that hurt it: real nodes explore an emulated office over real drivers."""
 
 from __future__ import annotations
 

@@ -3,7 +3,7 @@
 python benchmarks/fault_camera.py [--repetitions 5] [--faults off stuck ...] [--out benchmarks/fault_camera.json]
                                   [--minutes M]
 
-The real nodes explore the lab; a faulty cable lies between the emulated Kinect and its real driver. Each repetition
+The real nodes explore an office; a faulty cable lies between the emulated Kinect and its real driver. Each repetition
 waits until the wheels turn, lets the fault set in, measures until the wheels were told to stand, notes what the robot
 says, and mends the cable. Results are kept after each repetition; benchmarks/fault_matrix.py makes the table from them.
 """

@@ -3,7 +3,7 @@
 python benchmarks/fault_nodes.py [--repetitions 20] [--nodes mobile_base follower ...] [--how killed hung stopped]
                                  [--out benchmarks/fault_nodes.json] [--minutes M]
 
-The real nodes explore the lab, over a real driver and a pseudo-terminal. Each repetition waits until the wheels turn,
+The real nodes explore an office, over a real driver and a pseudo-terminal. Each repetition waits until the wheels turn,
 then does it (SIGKILL, SIGSTOP or SIGINT to that process), measures until the wheels were told to stand, and mends it;
 a stack whose master ended is built anew. Results are kept after each repetition; benchmarks/fault_matrix.py makes the
 table of docs/reliability.md from them.
