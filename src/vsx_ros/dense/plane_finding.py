@@ -9,7 +9,7 @@ import numpy as np
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points3
 from vsx_ros.config import PlanesConfig
 from vsx_ros.dense.observed_points import ObservedPoints, observed_points
-from vsx_ros.dense.plane_fitting import Attitude, Fit
+from vsx_ros.dense.plane_fitting import Attitude, Fit, Noise, on_plane
 from vsx_ros.dense.plane_merging import Found, merged
 from vsx_ros.dense.plane_tiles import noise_of, planes_of_tile
 from vsx_ros.dense.planes import Plane, PlaneKind, in_plane_axes, kind_of
@@ -100,10 +100,11 @@ class PlaneFinder:
         order = np.argsort(number.ravel(), kind="stable")
         rows = np.split(order % len(points.world), np.cumsum(np.bincount(number.ravel()))[:-1])
         fresh: dict[Key, _Tile] = {}
+        noise = noise_of(self._config, self._unit)
         for key, members in zip(map(tuple, keys.tolist()), rows):
             inside = points.at(np.sort(members))
             old = self._tiles.get(key)
-            if old is None or _changed(old, inside):
+            if old is None or _changed(old, inside, noise, self._config.min_points):
                 rng = np.random.default_rng([self._seed, *(2 * abs(k) + (k < 0) for k in key)])
                 planes = planes_of_tile(inside, self._config, self._has_floor, self._unit, rng)
                 old = _Tile(inside.ids, inside.world, planes)
@@ -154,12 +155,18 @@ def _rows_of(ids: IntArray, among: IntArray) -> IntArray:
     return kept
 
 
-def _changed(old: _Tile, now: ObservedPoints) -> bool:
-    """Whether more than a few of the points are new, gone or elsewhere."""
+def _changed(old: _Tile, now: ObservedPoints, noise: Noise, min_points: int) -> bool:
+    """Whether more than a few of the points are new, gone or elsewhere, or enough for another plane are where none of
+    the tile's planes is."""
     _, before, after = np.intersect1d(old.ids, now.ids, assume_unique=True, return_indices=True)
-    still = int((np.abs(old.world[before] - now.world[after]).max(axis=1, initial=0.0) <= _MOVED_M).sum())
+    still = after[np.abs(old.world[before] - now.world[after]).max(axis=1, initial=0.0) <= _MOVED_M]
     most = max(len(old.ids), len(now.ids))
-    return most - still > _CHANGED * most
+    if most - len(still) > _CHANGED * most:
+        return True
+    rows = np.setdiff1d(np.arange(len(now.ids)), still, assume_unique=True)
+    for fit, _ in old.planes:
+        rows = rows[~on_plane(now, rows, fit, noise)]
+    return len(rows) >= min_points
 
 
 def _extent(coordinates: FloatArray) -> FloatArray:

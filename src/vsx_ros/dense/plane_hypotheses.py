@@ -7,6 +7,7 @@ import numpy as np
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.dense.observed_points import ObservedPoints
 from vsx_ros.dense.plane_fitting import Attitude
+from vsx_ros.kernels.planes import first_accepted
 
 _TRIES = 24
 _LEVEL_SHARE = 0.1
@@ -20,13 +21,10 @@ def _partners(
     """(M,) for each point another one at a distance d with probability exp(-d^2 / sigma^2), farther away than its
     noise; -1 where none was drawn. across: how many coordinates the least distance counts."""
     candidates = rng.integers(len(points.world), size=(len(first), _TRIES))
-    way = points.world[candidates] - points.world[first][:, None]
-    distance2 = (way**2).sum(axis=2)
-    least = np.maximum(apart_m, 2.0 * np.maximum(points.sigma[first][:, None], points.sigma[candidates]))
-    accepted = rng.random(candidates.shape) < np.exp(-distance2 / sigma_m**2)
-    accepted &= (way[..., :across] ** 2).sum(axis=2) > least**2
-    chosen = candidates[np.arange(len(first)), accepted.argmax(axis=1)]
-    return np.where(accepted.any(axis=1), chosen, -1)
+    partners: IntArray = first_accepted(
+        points.world, points.sigma, first, candidates, rng.random(candidates.shape), across, sigma_m, apart_m
+    )
+    return partners
 
 
 def _facing(points: ObservedPoints, normals: FloatArray, through: list[IntArray]) -> FloatArray:

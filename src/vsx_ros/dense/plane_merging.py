@@ -20,6 +20,7 @@ _MARGIN_M = 0.3
 _MIN_OWN = 0.5
 _CELL_M, _COMPANY, _COMPACT_SHARE = 0.25, 4, 0.7
 _MANY_POINTS, _DENSE_PER_M2 = 40, 20.0
+_AROUND_M, _ALONE_SHARE = 0.5, 0.7
 
 
 class Found(NamedTuple):
@@ -113,15 +114,18 @@ def _in_company(coordinates: FloatArray, unit: float) -> BoolArray:
 
 
 def _stands(found: Found, points: ObservedPoints, noise: Noise, unit: float) -> bool:
-    """Whether the plane's own points make it one: spread in two directions; many, or at least many on each square
-    metre, as few in a wide space lie on some plane by chance; and most of the points that lie on it where they are."""
+    """Whether the plane's own points make it one: spread in two directions; many, many on each square metre, or nearly
+    alone before and behind, as few among others lie on some plane by chance; and most of the points that lie on it
+    where they are."""
     if not is_plane(found.fit, noise):
         return False
+    own, beside = len(found.rows), _within(found, points, 0.0)
     size = np.ptp(points.world[found.rows] @ in_plane_axes(found.fit.normal).T, axis=0) / unit
-    if len(found.rows) < min(_MANY_POINTS, _DENSE_PER_M2 * size[0] * size[1]):
-        return False
-    beside = on_plane(points, _within(found, points, 0.0), found.fit, noise).sum()
-    return bool(len(found.rows) >= _MIN_OWN * beside)
+    if own < min(_MANY_POINTS, _DENSE_PER_M2 * size[0] * size[1]):
+        far = deviations(points, beside, found.fit.normal, found.fit.offset, noise._replace(limit=_AROUND_M * unit))
+        if own < _ALONE_SHARE * np.isfinite(far).sum():
+            return False
+    return bool(own >= _MIN_OWN * on_plane(points, beside, found.fit, noise).sum())
 
 
 def _within(found: Found, points: ObservedPoints, margin: float) -> IntArray:

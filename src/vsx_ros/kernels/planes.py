@@ -102,6 +102,36 @@ def plane_moments(points: Any, covariances: Any, rows: Any, plane: Any, floor: f
 
 
 @kernel
+def first_accepted(
+    points: Any, sigmas: Any, first: Any, candidates: Any, luck: Any, across: int, reach: float, apart: float
+) -> Any:
+    """(M,) for each point ``first`` (M,) the first of its candidates (M, T), rows of points, that is accepted; -1
+    where none is.
+
+    One at a distance d is when its luck (M, T), from 0 to 1, is below exp(-d^2 / reach^2) and it is farther off than
+    ``apart`` and than two standard deviations of both, over the first ``across`` coordinates.
+    """
+    m, tries = candidates.shape
+    chosen = np.full(m, -1)
+    for i in range(m):
+        a = first[i]
+        for t in range(tries):
+            b = candidates[i, t]
+            least = max(apart, 2.0 * max(sigmas[a], sigmas[b]))
+            squares = 0.0
+            for k in range(across):
+                squares += (points[b, k] - points[a, k]) ** 2
+            if squares <= least * least:
+                continue
+            for k in range(across, 3):
+                squares += (points[b, k] - points[a, k]) ** 2
+            if luck[i, t] < math.exp(-squares / (reach * reach)):
+                chosen[i] = b
+                break
+    return chosen
+
+
+@kernel
 def plane_preferences(
     points: Any, covariances: Any, views: Any, planes: Any, floor: float, gate: float, limit: float
 ) -> Any:
