@@ -18,7 +18,6 @@ import tempfile
 import time
 from pathlib import Path
 
-import numpy as np
 import rospy
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry as OdometryMsg
@@ -40,6 +39,7 @@ from vsx_ros.ros import convert, images, process, topics
 from vsx_ros.ros.dense_mapping import DenseMapping
 from vsx_ros.ros.ground_mapping import GroundMapping
 from vsx_ros.ros.lease import TIMEOUT_S, Lease
+from vsx_ros.ros.picture_watch import PictureWatch
 from vsx_ros.ros.preview import Preview
 from vsx_ros.ros.run_keeper import RunKeeper
 from vsx_ros.ros.sensor_sync import SensorSync
@@ -145,7 +145,7 @@ class VslamNode:
         self._dense.start(camera, T_base_cam, seed)
         self._slam = slam = ThreadedSlam(camera, T_base_cam, self._config.slam, seed, self._loaded, self._counted)
         heard_s, tracked_any = time.monotonic(), False
-        shown = np.empty(0, np.uint8)
+        pictures = PictureWatch()
         while not process.is_ending():
             taken = self._sync.take(timeout_s=0.2)
             now_s = time.monotonic()
@@ -161,9 +161,8 @@ class VslamNode:
                 continue
             tracked_any = True
             result = slam.track(frame, odometry)
-            if not np.array_equal(frame.image, shown):  # who drives by the same picture again drives blind
+            if pictures.is_new(frame.image, odometry):  # who drives by an old picture drives blind
                 self._lease.renew()
-            shown = frame.image
             self._publish_pose(result, odometry)
             self._status.frame(result, now_s - heard_s, self._sync.dropped)
             self._remember(slam, result, odometry, time.monotonic() - now_s)
