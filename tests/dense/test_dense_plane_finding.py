@@ -69,6 +69,18 @@ def test_a_table_top_and_its_underside():
     assert {(round(float(p.normal[2])), round(p.offset, 1)) for p in planes} == {(1, 0.1), (-1, -0.6)}
 
 
+def test_few_points_in_a_wide_space_are_a_wall_where_they_are_nearly_alone():
+    rng = np.random.default_rng(9)
+    wide = on_wall((2.5, -1.2), (2.5, 1.2), 25, rng)
+    (wall,) = finder().update(seen(wide, CAMERAS, rng))
+    assert angle_deg(wall.normal, BEHIND) < 3.0
+    air = rng.uniform([2.1, -1.2, 0.1], [2.9, 1.2, 1.2], (60, 3))
+    assert all(
+        np.isin(wall.points, plane.points).mean() < 0.5
+        for plane in finder().update(seen(np.vstack([wide, air]), CAMERAS, rng))
+    )
+
+
 def test_both_faces_of_a_thin_wall():
     rng = np.random.default_rng(4)
     front, back = on_wall((2.0, -1.0), (2.0, 1.0), 80, rng), on_wall((2.1, -1.0), (2.1, 1.0), 80, rng)
@@ -139,6 +151,19 @@ def test_ids_last_and_only_changed_tiles_are_done_again(monkeypatch):
     assert 1 <= len(done) <= 8
     assert {p.id: tuple(p.normal) for p in before}.items() <= {p.id: tuple(p.normal) for p in after}.items()
     assert len(after) == len(before) + 1
+
+
+def test_a_small_face_that_comes_late_before_many_points_is_found():
+    rng = np.random.default_rng(10)
+    start = seen(on_wall((2.5, -0.7), (2.5, 0.7), 600, rng), CAMERAS, rng)
+    keeper = finder()
+    assert len(keeper.update(start)) == 1
+    box = on_wall((1.6, -0.25), (1.6, 0.25), 24, rng)
+    box[:, 2] *= 0.5
+    wall, small = keeper.update(grown(start, seen(box, CAMERAS, rng, first_id=600)))
+    assert len(wall.points) > 500
+    assert np.isin(np.arange(600, 624), small.points).mean() > 0.8
+    assert small.offset == pytest.approx(-1.6, abs=0.03)
 
 
 def test_a_map_without_points_has_no_planes():
