@@ -92,6 +92,25 @@ def test_a_folder_without_its_file_is_one_sentence(tmp_path):
         open_recording(folder)
 
 
+@pytest.mark.parametrize(
+    ("plugin", "remedy"),
+    [
+        (StoragePlugin.SQLITE3, r"copy it again, for .* the \.recover of the sqlite3"),
+        (StoragePlugin.MCAP, r"'mcap recover \S*drive.mcap -o \S*saved.mcap'"),
+    ],
+)
+def test_a_recording_cut_short_names_what_saves_it(tmp_path, plugin, remedy):
+    folder = write(tmp_path / "drive", plugin)
+    [file] = [path for path in folder.iterdir() if path.suffix in (".db3", ".mcap")]
+    file.write_bytes(file.read_bytes()[: file.stat().st_size * 2 // 3])
+    for given in (file, folder):
+        with pytest.raises(InputError, match=remedy):
+            open_recording(given)
+    (folder / "metadata.yaml").write_text("files: [")
+    with pytest.raises(InputError, match="ros2 bag reindex"):
+        open_recording(folder)
+
+
 @pytest.mark.parametrize("plugin", [StoragePlugin.SQLITE3, StoragePlugin.MCAP])
 def test_random_damage_never_escapes_as_another_exception(tmp_path, plugin):
     folder = write(tmp_path / "drive", plugin)

@@ -26,6 +26,7 @@ METADATA = "metadata.yaml"
 
 _ROS1_MAGIC = b"#ROSBAG V2.0\n"
 _ROS2_MAGIC = {b"\x89MCAP0\r\n": ".mcap", b"SQLite format 3\x00": ".db3"}
+_ROS2_SUFFIXES = tuple(_ROS2_MAGIC.values())
 # what rosbags, the decompressors and sqlite raise on damaged files
 _DAMAGE = (
     Ros1ReaderError,
@@ -88,10 +89,8 @@ def messages(path: Path) -> Iterator[Messages]:
     except PermissionError as error:
         raise InputError(f"bag {path} may not be read; check its permissions") from error
     except _DAMAGE as error:
-        remedy = "'ros2 bag reindex'" if ros2 else "'rosbag reindex FILE' (Debian: python3-rosbag)"
-        raise InputError(
-            f"bag {path} is cut short or damaged ({_detail(error)}); copy it again, or repair it with {remedy}"
-        ) from error
+        remedy = _remedy(path, error, ros2=ros2)
+        raise InputError(f"bag {path} is cut short or damaged ({_detail(error)}); copy it again, {remedy}") from error
 
 
 def _opened_ros1(path: Path, stack: ExitStack) -> Messages:
@@ -115,9 +114,22 @@ def _opened_ros2(path: Path, stack: ExitStack) -> Messages:
     return Messages(stack.enter_context(Ros2Reader(path)), ros2=True)
 
 
+def _remedy(path: Path, error: Exception, *, ros2: bool) -> str:
+    """What may save a damaged bag, by its kind: a ROS 2 bag's index comes last, and here it is not read without one."""
+    if not ros2:
+        return "or repair it with 'rosbag reindex FILE' (Debian: python3-rosbag)"
+    file = next((f for f in ([path] if path.is_file() else sorted(path.iterdir())) if f.suffix in _ROS2_SUFFIXES), None)
+    if file is None or METADATA in str(error):
+        return "or write its metadata.yaml anew with 'ros2 bag reindex FOLDER'"
+    if file.suffix == ".mcap":
+        saved = file.with_name("saved.mcap")
+        return f"or save what is whole with 'mcap recover {file} -o {saved}' (the mcap command) and give {saved}"
+    return "for a database without its end is not read; the .recover of the sqlite3 command may find some of it"
+
+
 def _detail(error: Exception) -> str:
     """The library's words without their wrapping."""
-    return re.sub(r"\('|',\)|\.$", "", str(error)) or "its index contradicts itself"
+    return re.sub(r"\('|',\)|\.$", "", str(error)).partition("\n")[0] or "its index contradicts itself"
 
 
 def _is_ros2(path: Path) -> bool:
