@@ -27,7 +27,7 @@ class SocketTransport:
             self._socket.connect(path)
         except OSError as error:
             self._socket.close()
-            raise DeviceNotFound(f"{path}: no emulated Kinect there ({error}); start the emulator") from error
+            raise DeviceNotFound(f"{path}: no emulated Kinect there ({error.strerror}); start the emulator") from error
         self._replies: queue.Queue[bytes] = queue.Queue()
         self._handler: PacketHandler | None = None
         self._handing_over = threading.Lock()

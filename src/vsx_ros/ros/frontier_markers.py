@@ -27,7 +27,7 @@ _LIFETIME_S = 10.0
 def frontier_markers(
     grid: OccupancyGrid, frontiers: Sequence[Frontier], views: Sequence[View], frame_id: str, stamp_ns: int
 ) -> MarkerArray:
-    """One marker of points a frontier; for the best views a ball, and v, d and U in words."""
+    """One marker of points a frontier; for the best views a ball, and v, d (with the cost of stopping) and U in words."""
     shown = views[:_SHOWN_VIEWS]
     best = max((view.utility for view in shown), default=1.0)
     markers = [_clear(frame_id, stamp_ns)]
@@ -42,7 +42,8 @@ def frontier_markers(
         ball.scale = Vector3(size, size, size)
         text = _marker("utilities", number, Marker.TEXT_VIEW_FACING, _WHITE, (frame_id, stamp_ns), view.pose)
         text.scale.z = _TEXT_M
-        text.text = f"v {view.gain_m2:.1f} m2, d {view.distance_m:.1f} m, U {view.utility:.2f}"
+        way_m = view.gain_m2 / view.utility if view.utility > 0.0 else view.distance_m
+        text.text = f"v {view.gain_m2:.1f} m2, d {way_m:.1f} m, U {view.utility:.2f}"
         markers += [ball, text]
     return MarkerArray(markers)
 
