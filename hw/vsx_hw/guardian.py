@@ -2,17 +2,20 @@
 
 A base may go on driving by its last command for ever. The driver beats on a pipe after each command. When the beats
 cease while the wheels turn, the guardian writes standstill to the port (the driver may still hold it and go on later);
-when the pipe breaks without a word, the driver is dead and the base is left for good.
+when the pipe breaks without a word, the driver is dead and the base is left for good. It answers each beat, so that
+the driver knows that it is guarded.
 """
 
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import select
 import signal
 import subprocess
 import sys
+import threading
 import time
 from typing import NamedTuple
 
@@ -22,6 +25,9 @@ from vsx_hw.transport import SerialTransport
 STANDING, TURNING, RELEASED = b"s", b"t", b"r"
 HUNG_AFTER_S = 0.25
 """The driver beats at least every 50 ms."""
+ANSWER_S = 0.3
+PATIENCE_S = 5.0
+"""A guardian that has just been started may take so long on a busy machine."""
 ATTEMPTS, PAUSE_S = 40, 0.05
 
 
@@ -33,29 +39,64 @@ class StopBytes(NamedTuple):
 
 
 class Guardian:
-    """The parent's end. Start it before the wheels may turn, ``release`` it after they were stopped."""
+    """The parent's end. Start it before the wheels may turn, ``release`` it after they were stopped. Thread-safe."""
 
     def __init__(self, port: str, baud: int, stop: StopBytes) -> None:
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "vsx_hw.guardian", port, str(baud), stop.halt.hex(), stop.farewell.hex()],
+        self._command = [
+            sys.executable, "-m", "vsx_hw.guardian", port, str(baud), stop.halt.hex(), stop.farewell.hex()
+        ]  # fmt: skip
+        self._lock = threading.Lock()
+        self._process = self._started()
+        self._unanswered_s: float | None = -math.inf  # until it says that it is there
+
+    def _started(self) -> subprocess.Popen[bytes]:
+        process = subprocess.Popen(
+            self._command,
             stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
             env={**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
             start_new_session=True,
             bufsize=0,
         )
-        assert self._process.stdin is not None
-        self._pipe = self._process.stdin
-        os.set_blocking(self._pipe.fileno(), False)
+        for pipe in (process.stdin, process.stdout):
+            assert pipe is not None
+            os.set_blocking(pipe.fileno(), False)
+        self._started_s = time.monotonic()
+        return process
 
     def beat(self, turning: bool) -> None:
         """The driver is well, and has just let the wheels turn or stand. Never blocks."""
-        with contextlib.suppress(OSError):
-            os.write(self._pipe.fileno(), TURNING if turning else STANDING)
+        with self._lock, contextlib.suppress(OSError, ValueError):  # dead, or released
+            assert self._process.stdin is not None
+            if self._unanswered_s is None:
+                self._unanswered_s = time.monotonic()
+            os.write(self._process.stdin.fileno(), TURNING if turning else STANDING)
+
+    @property
+    def answers(self) -> bool:
+        """Whether it is there: it has answered all beats but those of the last moment."""
+        with self._lock:
+            assert self._process.stdout is not None
+            with contextlib.suppress(BlockingIOError, ValueError):  # nothing yet, or released
+                self._unanswered_s = None if os.read(self._process.stdout.fileno(), 4096) else -math.inf
+            return self._unanswered_s is None or time.monotonic() - self._unanswered_s < ANSWER_S
+
+    def revive(self) -> None:
+        """Put a new one in the place of one that was killed or hangs; to be called now and then."""
+        released = self._process.poll() == 0
+        if self.answers or released or time.monotonic() - self._started_s < PATIENCE_S:
+            return
+        old, new = self._process, self._started()
+        with self._lock:
+            self._process, self._unanswered_s = new, -math.inf
+        old.kill()
+        old.communicate()
 
     def release(self) -> None:
         """All is well; the guardian ends without touching the port."""
         if self._process.poll() is None:
-            os.set_blocking(self._pipe.fileno(), True)
+            assert self._process.stdin is not None
+            os.set_blocking(self._process.stdin.fileno(), True)
             self._process.communicate(RELEASED, timeout=2.0)
 
 
@@ -82,28 +123,36 @@ def whisper(port: str, data: bytes) -> None:
             os.close(descriptor)
 
 
-def watch(port: str, baud: int, stop: StopBytes, beats: int) -> bool:
+def watch(port: str, baud: int, stop: StopBytes, beats: int, answers: int) -> bool:
     """What the guardian does: until the file descriptor ``beats`` ends. True when it left the base of a dead driver.
 
     Another driver may have taken the port meanwhile; that one begins by stopping the wheels itself.
     """
     last = STANDING
+    _answer(answers)
     while True:
         if select.select([beats], [], [], HUNG_AFTER_S)[0]:
             data = os.read(beats, 4096)
             if not data:
                 return last != RELEASED and take_over(port, baud, stop.farewell)
             last = data[-1:]
+            _answer(answers)
         elif last == TURNING:
             whisper(port, stop.halt)
+
+
+def _answer(answers: int) -> None:
+    with contextlib.suppress(OSError):
+        os.write(answers, STANDING)
 
 
 def main() -> None:
     """Port, baud rate and the two stop messages in hexadecimal are the arguments."""
     for ignored in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(ignored, signal.SIG_IGN)
+    os.set_blocking(sys.stdout.fileno(), False)
     stop = StopBytes(bytes.fromhex(sys.argv[3]), bytes.fromhex(sys.argv[4]))
-    watch(sys.argv[1], int(sys.argv[2]), stop, sys.stdin.fileno())
+    watch(sys.argv[1], int(sys.argv[2]), stop, sys.stdin.fileno(), sys.stdout.fileno())
 
 
 if __name__ == "__main__":

@@ -89,3 +89,39 @@ def test_a_driver_that_stands_is_left_alone_by_its_guardian(tmp_path):
         guardian.beat(True)
         assert until(lambda: plant.speeds == (0.0, 0.0))
         guardian.release()
+
+
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_guardian_that_is_killed_or_hangs_is_missed_and_replaced(tmp_path, monkeypatch, end):
+    monkeypatch.setattr("vsx_hw.guardian.PATIENCE_S", 0.0)
+    guardian = Guardian(str(tmp_path / "nothing"), BAUD, STOP)
+
+    def answers():
+        guardian.beat(False)
+        return guardian.answers
+
+    assert until(answers)
+    first = guardian._process
+    guardian.revive()
+    assert guardian._process is first
+    first.send_signal(end)
+    assert until(lambda: not answers())
+    guardian.revive()
+    assert until(answers)
+    assert guardian._process.pid != first.pid
+    assert first.poll() is not None
+    guardian.release()
+    last = guardian._process
+    assert last.returncode == 0
+    guardian.beat(False)
+    guardian.revive()
+    assert guardian._process is last, "it was let go"
+
+
+def test_a_guardian_that_nobody_beats_is_well(tmp_path):
+    guardian = Guardian(str(tmp_path / "nothing"), BAUD, STOP)
+    assert not guardian.answers, "before it has said so"
+    assert until(lambda: guardian.answers)
+    time.sleep(0.4)
+    assert guardian.answers
+    guardian.release()

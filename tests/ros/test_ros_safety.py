@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import signal
 import threading
 import time
 from collections import defaultdict
 from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -32,6 +34,12 @@ pytestmark = pytest.mark.ros
 STOP_WITHIN_S = 0.5
 STALE_S = 5.0
 """After so long without a word the aggregator of ROS calls a task stale."""
+
+
+def children(pid: int) -> list[int]:
+    """Processes whose parent this one is."""
+    tasks = Path(f"/proc/{pid}/task").glob("*/children")
+    return [int(child) for task in tasks for child in task.read_text().split()]
 
 
 class Diagnostics:
@@ -123,6 +131,17 @@ def test_the_emergency_stop_outlives_a_reconnection_and_a_restart_of_its_node(st
     finally:
         timer.shutdown()
         estop(False)
+
+
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSTOP])
+def test_without_their_guardian_the_wheels_stand_until_there_is_a_new_one(stack: Stack, end: signal.Signals) -> None:
+    stack.wait_until_driving()
+    (guardian,) = children(stack._processes["mobile_base"].pid)
+    os.kill(guardian, end)
+    stack.wait(lambda: not stack.plant.moving, 2.0, "the wheels to stand")
+    stack.wait(lambda: children(stack._processes["mobile_base"].pid) not in ([guardian], []), 10.0, "a new guardian")
+    stack.wait_until_driving()
+    assert guardian not in children(stack._processes["mobile_base"].pid)
 
 
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])

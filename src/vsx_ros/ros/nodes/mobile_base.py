@@ -1,6 +1,7 @@
 """Node ``mobile_base``: driver, command mux and the last decision before the wheels, in one small process.
 
-A second process stops the wheels when this one is killed or hangs (vsx_hw.guardian). Without a master they stand.
+A second process stops the wheels when this one is killed or hangs (vsx_hw.guardian). Without it, or without a master,
+they stand.
 
 Subscribers: cmd_vel_mux/input/{safety_controller,teleop,navi} (priority in this order; each has its own timeout).
 Publishers: odom (50 Hz), /tf odom -> base_footprint, joint_states, mobile_base/hazards (UInt8, the bits of
@@ -120,7 +121,7 @@ class MobileBaseNode:
         now_ns = time.monotonic_ns()
         odometry = reading.odometry
         with self._lock:
-            self._supervisor.hold = "" if self._master.answers else "the ROS master does not answer; start it again"
+            self._supervisor.hold = self._reason_to_stand()
             decision = self._supervisor.decide(now_ns, reading.hazards)
             self._supervisor.observe(odometry.v_m_s, odometry.omega_rad_s, decision, now_ns)
             locked = self._supervisor.locked
@@ -143,6 +144,11 @@ class MobileBaseNode:
             self._active_pub.publish(String(decision.source or "idle"))
         self._latest = reading, decision
 
+    def _reason_to_stand(self) -> str:
+        if not self._guardian.answers:
+            return "the guardian of the wheels does not answer; a new one starts"
+        return "" if self._master.answers else "the ROS master does not answer; start it again"
+
     def _on_link(self, connected: bool, message: str) -> None:
         """Commands of before a reconnection do not count; a base that is away touches nothing."""
         with self._lock:
@@ -163,6 +169,7 @@ class MobileBaseNode:
         """Once a second: battery and health."""
         with self._lock:
             service_manager.notify(service_manager.ALIVE)
+        self._guardian.revive()
         status = self._driver.status()
         level = process.OK if status.connected else process.ERROR
         self._diagnostics.set("link", level, status.message, device=status.device, **status.counters)
