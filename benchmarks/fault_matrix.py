@@ -219,7 +219,7 @@ def robot_table() -> list[str]:
         turned = f"{statistics.median(times):.3f} s, {max(times):.3f} s of {len(times)}" if times else ""
         turned += f" drives on ({on} of {len(runs)})" if on else ""
         said = statistics.mode(f"{run['slam']}; {run['follower']}" for run in runs)
-        later = statistics.mode(run["later"] for run in runs)
+        later = statistics.mode(run["later"].partition(": view at")[0] for run in runs)
         lines.append(f"| {name} | {turned.strip()} | {said} | {later} |")
     return lines
 
