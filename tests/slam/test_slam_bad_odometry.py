@@ -1,0 +1,79 @@
+"""What wheels may do wrong: left out with a reason, or counted on; never a silently wrong pose."""
+
+import math
+
+import pytest
+from spoilt_drives import FIRST, LAST, TRACKED, between, run
+
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.slam.state import TrackingState
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda o: o._replace(T_odom_base=SE2(math.nan, 0.0, 0.0)), "not a number"),
+        (lambda o: o._replace(T_odom_base=SE2(0.0, 0.0, math.inf)), "not a number"),
+        (lambda o: o._replace(omega=-math.inf), "not a number"),
+        (lambda o: o._replace(v=1e9), "cannot be"),
+        (lambda o: o._replace(T_odom_base=SE2(1e300, 0.0, 0.0)), "cannot be"),
+        (lambda o: o._replace(stamp_ns=o.stamp_ns - 10**9), "s older than"),
+        (lambda o: o._replace(stamp_ns=o.stamp_ns + 10**9), "s newer than"),
+    ],
+)
+def test_odometry_that_cannot_be_is_left_out(arc_drive, spoil, words):
+    done = run(arc_drive, between(FIRST, LAST, odometry=spoil))
+    gaps = done.reasons("gap")
+    assert len(gaps) == LAST - FIRST
+    assert all(words in gap for gap in gaps)
+    assert set(done.states(FIRST)) <= set(TRACKED)
+    assert done.worst_m < 0.03
+
+
+@pytest.mark.parametrize("jump", [SE2(3.0, 0.0, 0.0), SE2(0.3, 0.0, 0.0), SE2(0.0, 0.0, 2.0)])
+@pytest.mark.parametrize("last", [FIRST + 1, 999])
+def test_odometry_that_jumps_is_counted_on(arc_drive, jump, last):
+    moved = between(FIRST, last, odometry=lambda o: o._replace(T_odom_base=jump @ o.T_odom_base))
+    done = run(arc_drive, moved)
+    assert len(done.reasons("gap")) == (2 if last == FIRST + 1 else 1)
+    assert all("odometry jumped" in gap for gap in done.reasons("gap"))
+    assert set(done.states(FIRST)) <= set(TRACKED)
+    assert done.worst_m < 0.02
+
+
+def test_odometry_that_jumps_before_the_start_does_not_hinder_it(arc_drive):
+    done = run(
+        arc_drive, between(10, 999, odometry=lambda o: o._replace(T_odom_base=SE2(3.0, 0.0, 0.0) @ o.T_odom_base))
+    )
+    assert done.results[-1].state is TrackingState.GOOD
+    assert done.worst_m < 0.02
+
+
+@pytest.mark.parametrize("last", [LAST, 999])
+def test_wheels_that_stand_while_the_image_moves_are_not_believed(arc_drive, last):
+    stuck = arc_drive.frames[FIRST - 1][1].T_odom_base
+    still = between(FIRST, last, odometry=lambda o: o._replace(T_odom_base=stuck, v=0.0, omega=0.0))
+    done = run(arc_drive, still)
+    assert any("contradict the images" in reason for reason in done.reasons("gap"))
+    assert set(done.states(FIRST)) <= set(TRACKED)
+    assert done.worst_m < 0.04
+
+
+@pytest.mark.parametrize("share", [0.7, 1.3, 2.0])
+def test_wheels_that_slip_are_not_believed(arc_drive, share):
+    counted = [arc_drive.frames[39][1].T_odom_base]
+    for (_, before, _), (_, after, _) in zip(arc_drive.frames[39:90], arc_drive.frames[40:91]):
+        motion = before.T_odom_base.inverse() @ after.T_odom_base
+        counted.append(counted[-1] @ SE2(share * motion.x, share * motion.y, motion.theta))
+    rest = counted[-1] @ arc_drive.frames[90][1].T_odom_base.inverse()
+
+    def slipping(k, frame, odometry):
+        if k < 40:
+            return frame, odometry
+        T = counted[k - 39] if k < 91 else rest @ odometry.T_odom_base
+        return frame, odometry._replace(T_odom_base=T, v=odometry.v * (share if k < 91 else 1.0))
+
+    done = run(arc_drive, slipping)
+    assert any("contradict the images" in reason for reason in done.reasons("gap"))
+    assert set(done.states(FIRST)) <= set(TRACKED)
+    assert done.worst_m < 0.04
