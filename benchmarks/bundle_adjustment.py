@@ -27,6 +27,7 @@ from vsx_ros.kernels.floor import no_floor
 from vsx_ros.kernels.relative_pose import no_factors
 from vsx_ros.slam import bundle_adjustment
 from vsx_ros.slam.bundle_adjustment import BundleAdjuster
+from vsx_ros.slam.map import Map
 
 sys.path.append(str(Path(__file__).parents[1] / "tests"))
 SEEDS, RUNS = 7, 3
@@ -206,7 +207,7 @@ def section_building() -> None:
                 world.move_keyframe(k, moved)
 
 
-def timed_adjustment(adjuster: BundleAdjuster, world: object, frames: int) -> tuple[float, float, int]:
+def timed_adjustment(adjuster: BundleAdjuster, world: Map, frames: int) -> tuple[float, float, int]:
     """(all ms, ms between two moments at which it could have stopped, slices)."""
     begun = time.process_time()
     moments = [begun]
@@ -215,7 +216,7 @@ def timed_adjustment(adjuster: BundleAdjuster, world: object, frames: int) -> tu
         moments.append(time.process_time())
         return False
 
-    adjuster.adjust(world, list(range(frames)), 10, asked)  # type: ignore[arg-type]
+    adjuster.adjust(world, list(range(frames)), 10, asked)
     moments.append(time.process_time())
     return 1e3 * (moments[-1] - begun), 1e3 * float(np.diff(moments).max()), len(moments) - 2
 

@@ -79,7 +79,7 @@ def peer_rrt_connect(grid: OccupancyGrid, start: SE2, goal: SE2, config: Planner
     point = np.empty((1, 2))
 
     def free(state: object) -> bool:
-        point[0] = state.getX(), state.getY()  # type: ignore[attr-defined]
+        point[0] = state.getX(), state.getY()  # type: ignore[attr-defined]  # OMPL ships no types
         return bool(margin.at(point)[0] >= 0.0)
 
     setup.setStateValidityChecker(free)

@@ -158,7 +158,7 @@ def test_two_ros_installations_are_told(tmp_path: Path) -> None:
 
 def test_a_full_disk_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for free, level in ((0.5e9, FAIL), (3e9, WARN), (50e9, OK)):
-        usage = shutil._ntuple_diskusage(100e9, 0.0, free)  # type: ignore[attr-defined]
+        usage = shutil._ntuple_diskusage(100e9, 0.0, free)  # type: ignore[attr-defined]  # its type is private
         monkeypatch.setattr(check_machine.shutil, "disk_usage", lambda _, usage=usage: usage)
         assert of("disk", list(check_machine.check_machine(tmp_path, tmp_path)))[0].level == level
 

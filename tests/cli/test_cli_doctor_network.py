@@ -60,7 +60,7 @@ def test_simulated_time_without_a_clock_is_told(master: str) -> None:
 class _Late(http.server.BaseHTTPRequestHandler):
     """A master whose clock is a minute behind."""
 
-    def do_POST(self) -> None:  # noqa: N802
+    def do_POST(self) -> None:  # noqa: N802 - the server's name for it
         import xmlrpc.client
 
         body = xmlrpc.client.dumps(((1, "", []),), methodresponse=True).encode()

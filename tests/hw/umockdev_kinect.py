@@ -19,11 +19,11 @@ import gi
 import numpy as np
 
 gi.require_version("UMockdev", "1.0")
-from gi.repository import GLib, UMockdev  # noqa: E402
+from gi.repository import GLib, UMockdev  # noqa: E402 - gi wants the version first
 
-from vsx_hw.kinect.driver import KinectCamera  # noqa: E402
-from vsx_hw.kinect.emulator import KinectBoard  # noqa: E402
-from vsx_hw.kinect.usb_transport import UsbTransport  # noqa: E402
+from vsx_hw.kinect.driver import KinectCamera  # noqa: E402 - gi wants the version first
+from vsx_hw.kinect.emulator import KinectBoard  # noqa: E402 - gi wants the version first
+from vsx_hw.kinect.usb_transport import UsbTransport  # noqa: E402 - gi wants the version first
 
 SERIAL = "A00367A00955107A"
 SYSFS = "/sys/devices/pci0000:00/0000:00:14.0/usb1/1-1"

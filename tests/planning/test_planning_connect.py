@@ -73,7 +73,7 @@ def test_length_is_near_the_shortest_possible(goal, phi):
 def test_an_arc_obeys_the_unicycle(direction, bend, theta):
     start = SE2(0.3, -0.2, theta)
     piece = arc_piece(start, 0.8 * bend, 1.5, direction)
-    path = Path(start, (piece,), None)  # type: ignore[arg-type]
+    path = Path(start, (piece,), None)  # type: ignore[arg-type]  # nobody asks for its certificate
     end = driven(path)
     assert end.distance_to(piece.end) < 1e-6
     assert end.theta == pytest.approx(piece.end.theta, abs=1e-12)

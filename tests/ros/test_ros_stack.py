@@ -36,7 +36,8 @@ STOP_WITHIN_S = 0.5
 def graph() -> tuple[dict[str, set[str]], dict[str, set[str]], dict[str, set[str]]]:
     """Topic -> publishers, topic -> subscribers, service -> providers, as the master has them."""
     published, subscribed, services = rosgraph.Master("/observer").getSystemState()
-    return tuple({name: set(nodes) for name, nodes in part} for part in (published, subscribed, services))  # type: ignore[return-value]
+    by_name = [{name: set(nodes) for name, nodes in part} for part in (published, subscribed, services)]
+    return by_name[0], by_name[1], by_name[2]
 
 
 def absolute(name: str) -> str:

@@ -31,7 +31,7 @@ def plain_room(**changes: object) -> World:
         },
         "outlines": [Outline(points=[(0, 0), (6, 0), (6, 4), (0, 4)], height=2.5, material="white")],
     }
-    return World(**{**fields, **changes})  # type: ignore[arg-type]
+    return World(**{**fields, **changes})  # type: ignore[arg-type]  # fields by name
 
 
 @pytest.fixture

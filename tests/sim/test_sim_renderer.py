@@ -9,7 +9,7 @@ from sim_views import PERFECT, camera_in, standing
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.errors import CalibrationError
 from vsx_ros.geometry.camera import PinholeCamera
-from vsx_ros.sim.camera import KINECT
+from vsx_ros.sim.camera import KINECT, PosesAt
 from vsx_ros.sim.renderer import Renderer, exact_rays
 from vsx_ros.sim.scene import Scene, compile_scene, quads
 from vsx_ros.sim.settings import CameraSettings
@@ -143,15 +143,13 @@ def test_same_bits_again_and_on_two_threads(lab: World, lab_scene: Scene) -> Non
     pictures = []
     for threads in (1, 1, 2):
         camera = camera_in(lab_scene, moving, threads)
-        turn = lambda stamps: np.column_stack(  # noqa: E731
-            [np.full((len(stamps), 2), [lab.start.x, lab.start.y]), stamps * 1e-9 * 0.5, np.zeros(len(stamps))]
-        )
+        turn = turning(0.5, lab.start.x, lab.start.y, 0.0)
         pictures.append(camera.picture(0, turn, bayer=True).radiance)
     assert np.array_equal(pictures[0], pictures[1])
     assert np.array_equal(pictures[0], pictures[2])
 
 
-def turning(omega: float, x: float, y: float, theta: float) -> object:
+def turning(omega: float, x: float, y: float, theta: float) -> PosesAt:
     return lambda stamps: np.column_stack(
         [np.full((len(stamps), 2), [x, y]), theta + omega * stamps * 1e-9, np.zeros(len(stamps))]
     )
@@ -175,8 +173,8 @@ def test_rolling_shutter_leans_upright_edges(post_room: World) -> None:
     rolling = replace(PERFECT, readout_ns=26_000_000)
     rows, omega = np.array([60, 300]), 0.8
     camera = camera_in(post_room, rolling)
-    upright = camera.picture(0, turning(0.0, 2.0, 0.7, 0.0)).radiance[:, 250:]  # type: ignore[arg-type]
-    leaning = camera.picture(0, turning(omega, 2.0, 0.7, 0.0)).radiance[:, 250:]  # type: ignore[arg-type]
+    upright = camera.picture(0, turning(0.0, 2.0, 0.7, 0.0)).radiance[:, 250:]
+    leaning = camera.picture(0, turning(omega, 2.0, 0.7, 0.0)).radiance[:, 250:]
     lean = np.diff(edge_columns(leaning, rows) - edge_columns(upright, rows))[0]
     # The edge is near the image centre, where a turn by a moves it by fx a.
     expected = KINECT.fx * omega * 0.026 * (rows[1] - rows[0]) / 480
@@ -190,7 +188,7 @@ def test_motion_blur_widens_edges_by_the_way_they_move(post_room: World) -> None
     camera = camera_in(post_room, blurred)
 
     def width(rate: float) -> float:
-        line = camera.picture(0, turning(rate, 2.0, 0.7, 0.0)).radiance[200, 380:410]  # type: ignore[arg-type]
+        line = camera.picture(0, turning(rate, 2.0, 0.7, 0.0)).radiance[200, 380:410]
         line = (line - line[0]) / (line[-1] - line[0])
         return float((line * (1 - line)).sum() * 6.0)  # w for a linear ramp of w pixels
 
