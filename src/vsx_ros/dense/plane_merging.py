@@ -69,21 +69,32 @@ def _joined(a: Found, b: Found, points: ObservedPoints, noise: Noise, unit: floa
 def _shared_out(groups: list[Found], points: ObservedPoints, min_points: int, noise: Noise, unit: float) -> list[Found]:
     """Every point to the plane it fits best; planes refitted, split where they are interrupted, and dropped where
     others explain most of their points."""
-    best = np.full(len(points.world), noise.gate)
-    owner = np.full(len(points.world), -1)
-    for k, group in enumerate(groups):
-        near = _within(group, points, _MARGIN_M * unit)
-        sigmas = deviations(points, near, group.fit.normal, group.fit.offset, noise)
-        nearer = sigmas < best[near]
-        best[near[nearer]], owner[near[nearer]] = sigmas[nearer], k
     out = []
-    for k, group in enumerate(groups):
-        own = np.flatnonzero(owner == k)
+    for group, own in zip(groups, _owners(groups, points, min_points, noise, unit)):
         for part in _pieces(points.world[own] @ in_plane_axes(group.fit.normal).T, _GAP_M * unit):
             found = _standing(group.fit, own[part], points, min_points, noise, unit)
             if found is not None:
                 out.append(found)
     return sorted(out, key=lambda found: -len(found.rows))
+
+
+def _owners(groups: list[Found], points: ObservedPoints, min_points: int, noise: Noise, unit: float) -> list[IntArray]:
+    """The rows that fit each group best. Of the groups that have too few, the smallest leaves its points to the others:
+    planes that cross a small face take enough of its points to spoil it, and are none themselves."""
+    size = np.array([len(group.rows) for group in groups])
+    sigmas = np.full((len(groups) + 1, len(points.world)), np.inf)
+    for k, group in enumerate(groups):
+        near = _within(group, points, _MARGIN_M * unit)
+        sigmas[k, near] = deviations(points, near, group.fit.normal, group.fit.offset, noise)
+    sigmas[-1] = noise.gate
+    sigmas[:-1][sigmas[:-1] >= noise.gate] = np.inf
+    while True:
+        owner = sigmas.argmin(axis=0)
+        count = np.bincount(owner, minlength=len(groups))[: len(groups)]
+        few = np.flatnonzero((count > 0) & (count < min_points))
+        if not len(few):
+            return [np.flatnonzero(owner == k) for k in range(len(groups))]
+        sigmas[few[size[few].argmin()]] = np.inf
 
 
 def _standing(

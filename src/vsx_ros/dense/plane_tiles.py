@@ -17,7 +17,7 @@ _PASSES = 2
 _VOXEL_M = 0.10
 _MIN_NEW = 0.5
 _MIN_SPREAD_M = 0.03
-_MAX_TILT_SIGMA_RAD = 0.1
+_MAX_TILT_SIGMA_RAD = 0.12
 
 
 def noise_of(config: PlanesConfig, unit: float) -> Noise:
