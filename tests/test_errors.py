@@ -1,11 +1,14 @@
 """What is said about files that cannot be read."""
 
+import errno
+import os
+import re
 from pathlib import Path
 
 import pytest
 import yaml
 
-from vsx_ros.errors import reason_of
+from vsx_ros.errors import disk_trouble, reason_of
 
 
 def test_the_system_s_reason_comes_without_its_number(tmp_path: Path) -> None:
@@ -22,3 +25,16 @@ def test_yaml_tells_the_line() -> None:
 
 def test_other_words_are_cut_to_one_line() -> None:
     assert reason_of(ValueError("first\nsecond")) == "first"
+
+
+@pytest.mark.parametrize(
+    ("number", "said"),
+    [(errno.ENOSPC, "/d/f .*No space left.*df -h"), (errno.EACCES, "/d/f .*Permission denied.*your own")],
+)
+def test_a_full_or_foreign_disk_is_named_with_its_remedy(number: int, said: str) -> None:
+    assert re.search(said, disk_trouble(OSError(number, os.strerror(number), "/d/f")))
+
+
+def test_other_errors_of_the_system_are_no_trouble_of_the_disk() -> None:
+    assert disk_trouble(OSError(errno.ENOENT, os.strerror(errno.ENOENT), "/d/f")) == ""
+    assert disk_trouble(OSError("no number at all")) == ""

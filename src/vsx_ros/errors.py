@@ -10,7 +10,16 @@ VsxError
 Every message names the thing, the value found and the remedy.
 """
 
+import errno
 from typing import Any
+
+_DISK_REMEDIES = {
+    errno.ENOSPC: "free some space ('df -h' shows where), or choose another disk",
+    errno.EDQUOT: "free some of your quota, or choose another disk",
+    errno.EROFS: "choose a folder on a disk that may be written",
+    errno.EACCES: "choose a folder of your own, or have its owner admit you",
+    errno.EPERM: "choose a folder of your own, or have its owner admit you",
+}
 
 
 class VsxError(Exception):
@@ -46,3 +55,10 @@ def reason_of(error: Exception) -> str:
     if mark is not None:
         return f"line {mark.line + 1}: {getattr(error, 'problem', '')}"
     return str(error).splitlines()[0]
+
+
+def disk_trouble(error: OSError) -> str:
+    """The sentence for a disk that is full or a file of somebody else's, wherever it was met; nothing for what is a
+    mistake of this program."""
+    remedy = _DISK_REMEDIES.get(error.errno or 0, "")
+    return f"{error.filename or 'a file'} cannot be used ({error.strerror}); {remedy}" if remedy else ""

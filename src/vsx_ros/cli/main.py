@@ -15,7 +15,7 @@ from typing import NoReturn
 
 from vsx_ros import __version__
 from vsx_ros.cli.exit_codes import DONE, FAILED, HARDWARE, INTERNAL, STOPPED
-from vsx_ros.errors import VsxError
+from vsx_ros.errors import VsxError, disk_trouble
 
 COMMANDS = (
     "explore", "replay", "record", "plan", "evaluate", "report", "reproduce", "sweep", "map", "view", "status", "stop",
@@ -63,6 +63,8 @@ def execute(arguments: Sequence[str]) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return DONE
     except Exception as error:
+        if isinstance(error, OSError) and disk_trouble(error):
+            return _failed(disk_trouble(error), FAILED, debug=debug)
         if _is_device_error(error):
             return _failed(str(error), HARDWARE, debug=debug)
         place = traceback.extract_tb(error.__traceback__)[-1]

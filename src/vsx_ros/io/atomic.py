@@ -7,14 +7,21 @@ from pathlib import Path
 
 
 def write_bytes(path: Path, content: bytes, *, durable: bool = False) -> None:
-    """Replace the file in one step; a durable one outlives a power cut from then on."""
+    """Replace the file in one step; a durable one outlives a power cut from then on.
+
+    Raises OSError that names the path; what was there stays, and nothing is left beside it.
+    """
     beside = path.with_name(f".{path.name}.part")
-    with beside.open("wb") as file:
-        file.write(content)
-        if durable:
-            file.flush()
-            os.fsync(file.fileno())
-    os.replace(beside, path)
+    try:
+        with beside.open("wb") as file:
+            file.write(content)
+            if durable:
+                file.flush()
+                os.fsync(file.fileno())
+        os.replace(beside, path)
+    except OSError as error:
+        beside.unlink(missing_ok=True)
+        raise OSError(error.errno, error.strerror, str(path)) from error
 
 
 def write_text(path: Path, content: str) -> None:

@@ -27,7 +27,7 @@ _LIFETIME_S = 10.0
 def frontier_markers(
     grid: OccupancyGrid, frontiers: Sequence[Frontier], views: Sequence[View], frame_id: str, stamp_ns: int
 ) -> MarkerArray:
-    """One marker of points a frontier; for the best views a ball, and v, d (with the cost of stopping) and U in words."""
+    """One marker of points a frontier; for the best views a ball, and v, d (the stop included) and U in words."""
     shown = views[:_SHOWN_VIEWS]
     best = max((view.utility for view in shown), default=1.0)
     markers = [_clear(frame_id, stamp_ns)]

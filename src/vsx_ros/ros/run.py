@@ -22,7 +22,7 @@ from vsx_ros.cli.explore import add_arguments, begin
 from vsx_ros.cli.report import one_line_facts, write_report
 from vsx_ros.cli.run_record import MapJudge
 from vsx_ros.config import to_dict
-from vsx_ros.errors import ConfigError, VsxError
+from vsx_ros.errors import ConfigError, VsxError, disk_trouble
 from vsx_ros.evaluation.summary import Summary, with_accuracy
 from vsx_ros.exploration.decision import MissionState, Outcome
 from vsx_ros.geometry.se2 import SE2
@@ -227,6 +227,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (VsxError, DeviceError) as error:
         sys.stderr.write(f"vsx: {error}\n")
         return HARDWARE if isinstance(error, DeviceError) else FAILED
+    except OSError as error:
+        if not disk_trouble(error):
+            raise
+        sys.stderr.write(f"vsx: {disk_trouble(error)}\n")
+        return FAILED
 
 
 if __name__ == "__main__":
