@@ -202,7 +202,7 @@ class PlanesConfig(_Branch, frozen=True):
 class DenseConfig(_Branch, frozen=True):
     """Dense planar mapping (paper 5.1). Textures are standard deviations, in grey levels, of what a cell shows."""
 
-    enabled: bool = False
+    enabled: bool = True
     planes: PlanesConfig = PlanesConfig()
     cell_m: Positive = 0.08
     patch_m: Positive = 0.12

@@ -39,6 +39,7 @@ from vsx_ros.slam.tracking_record import TrackingRecord
 
 _DECIDE_EVERY_NS = 200_000_000
 _MAP_EVERY_NS = 500_000_000
+_DENSIFY_EVERY_NS = 1_500_000_000
 
 
 class StepResult(NamedTuple):
@@ -184,7 +185,7 @@ class ExplorationSystem:
         self._densifier = Densifier(camera, T_base_cam, config.dense, seed) if config.dense.enabled else None
         self._fuser = PoseFuser()
         self._map_version = self._newest_keyframe = -1
-        self._next_map_ns = self._next_decision_ns = 0
+        self._next_map_ns = self._next_dense_ns = self._next_decision_ns = 0
         record = None if memory is None else TrackingRecord.restored(memory.state)
         slam_map = slam_map if memory is None else memory.slam_map
         self.slam = SequentialSlam(camera, T_base_cam, config.slam, seed, slam_map, record)
@@ -203,9 +204,8 @@ class ExplorationSystem:
         else:
             self.ground.start = SE2.from_se3(slam_map.view.keyframes[0].T_world_cam @ self._T_cam_base)
         if self._densifier is not None:
-            while self.dense is None or not self.dense.complete:
-                self._densify(self.slam.snapshot())
-                self._newest_keyframe = -1
+            while self._densify(self.slam.snapshot()):
+                pass
 
     def memory(self, now_ns: int, odometry: Odometry) -> Memory | None:
         """What another session needs to go on from here; None while there is no map."""
@@ -250,22 +250,28 @@ class ExplorationSystem:
             self.ground.bumped(pose)
 
     def _refresh_map(self, now_ns: int) -> None:
-        snapshot = self.slam.snapshot()
-        if now_ns < self._next_map_ns or (self.grid is not None and snapshot.version == self._map_version):
+        if now_ns < self._next_map_ns:
             return
+        snapshot = self.slam.snapshot()
+        denser = now_ns >= self._next_dense_ns and self._densify(snapshot)
+        if self.grid is not None and not denser and snapshot.version == self._map_version:
+            return
+        if denser:
+            self._next_dense_ns = now_ns + _DENSIFY_EVERY_NS
         self._next_map_ns = now_ns + _MAP_EVERY_NS
         self._map_version = snapshot.version
-        self._densify(snapshot)
         self.grid = self.ground.grid(snapshot)
 
-    def _densify(self, snapshot: MapSnapshot) -> None:
-        """Once for each new keyframe: the work of one update is that of one keyframe."""
+    def _densify(self, snapshot: MapSnapshot) -> bool:
+        """Whether there was something to do: a new keyframe, or work left from the last one."""
         newest = int(snapshot.keyframe_ids[-1]) if len(snapshot.keyframe_ids) else -1
-        if self._densifier is None or newest == self._newest_keyframe:
-            return
+        left = self.dense is not None and not self.dense.complete
+        if self._densifier is None or (newest == self._newest_keyframe and not left):
+            return False
         self._newest_keyframe = newest
         self.dense = self._densifier.update(snapshot)
         self.ground.dense = AnchoredSpots.of(self.dense, snapshot, self._config.dense.cell_m)
+        return True
 
     def _decide(self, now_ns: int, T_odom_base: SE2, tracking: TrackingResult, hazard: str | None) -> Decision:
         situation = Situation(

@@ -69,7 +69,8 @@ def test_it_goes_on_in_the_same_map_and_ends_as_a_run_does(resumed):
     out, (before,) = resumed
     folder, summary = RunFolder.open(out), json.loads((out / "summary.json").read_text())
     assert summary["stop_reason"] == "time limit of 24 s"
-    assert (summary["breaks"], summary["collisions"], summary["relocalizations"]) == (0, 0, 1)
+    assert (summary["breaks"], summary["collisions"]) == (0, 0)
+    assert summary["relocalizations"] >= 1
     assert summary["keyframes"] >= len(before.memory.slam_map.view.living)
     assert 0.0 < summary["ate_rmse_m"] < 0.05
     assert 0.5 < summary["u1"] <= 1.0

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from vsx_ros.config import Config, DenseConfig
+from vsx_ros.config import Config
 from vsx_ros.robot import STOP, VelocityCommand
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.robot import EmulatedRobot
@@ -13,7 +13,7 @@ SECONDS = 5.0
 
 
 def run() -> tuple[list[VelocityCommand], ExplorationSystem]:
-    config = Config(dense=DenseConfig(enabled=True))
+    config = Config()
     robot = EmulatedRobot(generate_world("lab", 20), 20, SimulationConfig(threads=1), config.robot)
     system = ExplorationSystem(robot.camera_given, robot.T_base_cam_given, config, 20)
     commands = [STOP]

@@ -7,7 +7,7 @@ from typing import Any
 
 from vsx_ros.cli.explore_fast import FastRun
 from vsx_ros.cli.world import open_world
-from vsx_ros.config import Config, overridden
+from vsx_ros.config import Config
 from vsx_ros.evaluation.figure5 import Figure5
 from vsx_ros.evaluation.obstacles import seen_faces
 from vsx_ros.sim.truth import ground_truth_grid
@@ -15,7 +15,7 @@ from vsx_ros.sim.truth import ground_truth_grid
 
 def explore_and_map(world: str, seed: int, limit_s: float) -> tuple[Figure5, dict[str, Any]]:
     """One exploration with dense mapping, its maps beside the truth, and their numbers."""
-    config = overridden(Config(), {"dense.enabled": True})
+    config = Config()
     run = FastRun(open_world(world, seed), seed, "fov", config)
     reason = run.run(limit_s)
     system, ground = run.system, config.ground_map

@@ -10,7 +10,7 @@ from vsx_ros.arrays import Points3
 from vsx_ros.cli.experiments.campaign import Result
 from vsx_ros.cli.explore_fast import FastRun
 from vsx_ros.cli.world import open_world
-from vsx_ros.config import Config, overridden
+from vsx_ros.config import Config
 from vsx_ros.evaluation.page import Section, figures, paragraph, table
 from vsx_ros.evaluation.ways import Window, curves, ways_picture, window_of
 from vsx_ros.occupancy.grid import OccupancyGrid
@@ -35,7 +35,7 @@ class Stage(NamedTuple):
 
 def explore_in_stages(world: str, seed: int, limit_s: float) -> tuple[list[Stage], Result]:
     """One exploration with dense mapping, looked at every two seconds; its stages and its summary."""
-    run = FastRun(open_world(world, seed), seed, "fov", overridden(Config(), {"dense.enabled": True}))
+    run = FastRun(open_world(world, seed), seed, "fov", Config())
     stages: list[Stage] = []
     due_ns = 0
 

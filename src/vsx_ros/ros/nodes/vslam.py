@@ -52,7 +52,7 @@ from vsx_ros.slam.threads import ThreadedSlam
 from vsx_ros.slam.tracking_record import TrackingRecord
 
 _MAP_PERIOD_S = 1.0
-_DENSE_PERIOD_S = 0.5
+_DENSE_PERIOD_S = 1.5
 _TF_PERIOD_S = 0.05
 _TF_TOLERANCE_NS = 100_000_000
 _SILENCE_S = 3.0
