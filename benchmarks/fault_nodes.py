@@ -33,11 +33,12 @@ def guardian(stack: object) -> int:
 
 
 def repetition(stack: object, node: str, how: str) -> float:
-    """Seconds until the wheels stand for good; -1 when they turn after WATCH_S."""
+    """Seconds until the wheels stand for good (for a guardian, until it is replaced); -1 when they do not."""
     pid = guardian(stack) if node == "guardian" else stack._processes[node].pid
     begin_s = time.monotonic()
     os.kill(pid, SIGNALS[how])
-    time.sleep(WATCH_S)
+    while time.monotonic() - begin_s < WATCH_S and (stack.plant.moving or node != "guardian"):
+        time.sleep(0.005)
     return -1.0 if stack.plant.moving else max(0.0, stack.plant.stopped_s - begin_s)
 
 
