@@ -12,6 +12,7 @@ from vsx_ros.dense.observed_points import ObservedPoints
 from vsx_ros.dense.plane_fitting import Fit, Noise, deviations, fit_plane, on_plane
 from vsx_ros.dense.plane_tiles import is_plane
 from vsx_ros.dense.planes import in_plane_axes
+from vsx_ros.kernels.planes import beside
 
 _MAX_ANGLE_COS = math.cos(math.radians(12.0))
 _SAME_SHARE = 0.8
@@ -88,13 +89,16 @@ def _owners(groups: list[Found], points: ObservedPoints, min_points: int, noise:
         sigmas[k, near] = deviations(points, near, group.fit.normal, group.fit.offset, noise)
     sigmas[-1] = noise.gate
     sigmas[:-1][sigmas[:-1] >= noise.gate] = np.inf
+    owner = sigmas.argmin(axis=0)
     while True:
-        owner = sigmas.argmin(axis=0)
         count = np.bincount(owner, minlength=len(groups))[: len(groups)]
         few = np.flatnonzero((count > 0) & (count < min_points))
         if not len(few):
             return [np.flatnonzero(owner == k) for k in range(len(groups))]
-        sigmas[few[size[few].argmin()]] = np.inf
+        left = few[size[few].argmin()]
+        sigmas[left] = np.inf
+        homeless = np.flatnonzero(owner == left)
+        owner[homeless] = sigmas[:, homeless].argmin(axis=0)
 
 
 def _standing(
@@ -142,9 +146,9 @@ def _stands(found: Found, points: ObservedPoints, noise: Noise, unit: float) -> 
 def _within(found: Found, points: ObservedPoints, margin: float) -> IntArray:
     """Rows of the points beside the plane's own ones, up to a margin [m] around."""
     axes = in_plane_axes(found.fit.normal)
-    own, every = points.world[found.rows] @ axes.T, points.world @ axes.T
-    inside: BoolArray = ((every >= own.min(axis=0) - margin) & (every <= own.max(axis=0) + margin)).all(axis=1)
-    return np.flatnonzero(inside)
+    own = points.world[found.rows] @ axes.T
+    rows: IntArray = beside(points.world, axes, own.min(axis=0) - margin, own.max(axis=0) + margin)
+    return rows
 
 
 def _pieces(coordinates: FloatArray, gap: float) -> list[IntArray]:

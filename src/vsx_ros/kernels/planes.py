@@ -70,6 +70,23 @@ def deviations(points: Any, covariances: Any, views: Any, rows: Any, plane: Any,
 
 
 @kernel
+def beside(points: Any, axes: Any, low: Any, high: Any) -> Any:
+    """Rows of the points (N, 3) whose coordinates along two axes (2, 3) lie between low and high (2,)."""
+    rows = np.empty(points.shape[0], np.int64)
+    count = 0
+    for i in range(points.shape[0]):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        u = axes[0, 0] * x + axes[0, 1] * y + axes[0, 2] * z
+        if u < low[0] or u > high[0]:
+            continue
+        v = axes[1, 0] * x + axes[1, 1] * y + axes[1, 2] * z
+        if v >= low[1] and v <= high[1]:
+            rows[count] = i
+            count += 1
+    return rows[:count]
+
+
+@kernel
 def plane_moments(points: Any, covariances: Any, rows: Any, plane: Any, floor: float, cutoff: float) -> Any:
     """(total weight, weighted mean (3,), weighted scatter about it (3, 3)) of some points (rows), whose weights are
     inverse variances along a plane's normal (4,) and Tukey's, zero from ``cutoff`` standard deviations on."""
