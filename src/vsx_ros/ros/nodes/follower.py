@@ -160,7 +160,7 @@ class FollowerNode:
         self._status_pub.publish(json.dumps({**status, "error": error}))
         bad = FollowStatus.DIVERGED, FollowStatus.STALE, FollowStatus.STOPPED
         level = process.WARN if result.status in bad else process.OK
-        self._diagnostics.set("control", level, f"{result.status.value} {result.reason}".strip())
+        self._diagnostics.set("control", level, ": ".join(filter(None, (result.status.value, result.reason))))
 
     def close(self) -> None:
         """Leave with the wheels told to stand."""
