@@ -28,7 +28,7 @@ class PlantState(NamedTuple):
     """What the sensors of a base can feel.
 
     left_m, right_m: distance that each wheel has rolled. gyro_rad, gyro_rate_rad_s: heading and rate as the gyro has
-    them, counter-clockwise, not wrapped.
+    them, counter-clockwise, not wrapped. buttons: those that are pressed, by the base's own bits.
     """
 
     left_m: float
@@ -36,6 +36,7 @@ class PlantState(NamedTuple):
     gyro_rad: float
     gyro_rate_rad_s: float
     hazards: Hazard
+    buttons: int = 0
 
 
 class Plant(Protocol):

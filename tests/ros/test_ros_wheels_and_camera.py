@@ -151,6 +151,18 @@ def test_hazards_are_told_and_obeyed(
     stack.wait(lambda: stack.plant.moving, 2.0, "teleop to drive again")
 
 
+def test_a_pressed_button_is_told_once_and_so_is_its_release(stack: Stack, monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[int] = []
+    subscriber = rospy.Subscriber(absolute(topics.BUTTONS), UInt8, lambda msg: told.append(msg.data))
+    stack.wait(lambda: told == [0], 5.0, "what is pressed to be told")
+    read = stack.plant.read
+    monkeypatch.setattr(stack.plant, "read", lambda: read()._replace(buttons=2))
+    stack.wait(lambda: told == [0, 2], 2.0, "the button to be told")
+    monkeypatch.undo()
+    stack.wait(lambda: told == [0, 2, 0], 2.0, "its release to be told")
+    subscriber.unregister()
+
+
 def test_reset_odometry_starts_at_the_origin(stack: Stack, teleop: Teleop) -> None:
     from std_srvs.srv import Trigger
 

@@ -96,7 +96,8 @@ class KobukiBoard:
         sample = struct.pack("<hhh", 0, 0, raw)
         return [
             struct.pack(
-                "<BBHBBBHHbbBBBB", 1, 15, clock, bumper, wheel_drop, cliff, left, right, 0, 0, 0, self.charger, volt, 0
+                "<BBHBBBHHbbBBBB",
+                *(1, 15, clock, bumper, wheel_drop, cliff, left, right, 0, 0, state.buttons, self.charger, volt, 0),
             ),
             bytes((3, 3, 0, 0, 0)),
             struct.pack("<BBhh3x", 4, 7, angle, rate),

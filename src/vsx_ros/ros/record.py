@@ -25,8 +25,8 @@ from vsx_ros.ros.bag_writer import BagWriter, Serialized
 from vsx_ros.ros.progress import Progress
 
 _TOPICS = (
-    topics.CAMERA_INFO, topics.ODOM, topics.TF, topics.TF_STATIC, topics.IMU, topics.HAZARDS, topics.BATTERY,
-    topics.MUX_ACTIVE, topics.COMMAND_SAFETY, topics.COMMAND_TELEOP, topics.COMMAND_NAVI, topics.POSE,
+    topics.CAMERA_INFO, topics.ODOM, topics.TF, topics.TF_STATIC, topics.IMU, topics.HAZARDS, topics.BUTTONS,
+    topics.BATTERY, topics.MUX_ACTIVE, topics.COMMAND_SAFETY, topics.COMMAND_TELEOP, topics.COMMAND_NAVI, topics.POSE,
     topics.SLAM_STATE, topics.EXPLORE_STATUS, topics.EXPLORE_EVENTS, topics.DIAGNOSTICS,
 )  # fmt: skip
 _NEEDED = (topics.IMAGE, topics.CAMERA_INFO, topics.ODOM)

@@ -32,6 +32,7 @@ JOINT_STATES = "joint_states"
 IMU = "mobile_base/sensors/imu_data"
 BUMPER_CLOUD = "mobile_base/sensors/bumper_pointcloud"
 HAZARDS = "mobile_base/hazards"
+BUTTONS = "mobile_base/buttons"
 BATTERY = "battery"
 MUX_ACTIVE = "cmd_vel_mux/active"
 COMMAND_SAFETY = "cmd_vel_mux/input/safety_controller"
@@ -110,6 +111,7 @@ PUBLISHED: dict[str, dict[str, str]] = {
         TF: "tf2_msgs/TFMessage",
         JOINT_STATES: "sensor_msgs/JointState",
         HAZARDS: "std_msgs/UInt8",
+        BUTTONS: "std_msgs/UInt8",
         BATTERY: "sensor_msgs/BatteryState",
         IMU: "sensor_msgs/Imu",
         BUMPER_CLOUD: "sensor_msgs/PointCloud2",

@@ -5,9 +5,10 @@ they stand.
 
 Subscribers: cmd_vel_mux/input/{safety_controller,teleop,navi} (priority in this order; each has its own timeout).
 Publishers: odom (50 Hz), /tf odom -> base_footprint, joint_states, mobile_base/hazards (UInt8, the bits of
-    vsx_hw.readings.Hazard, latched, on change), battery (1 Hz), cmd_vel_mux/active (latched, on change),
-    mobile_base/sensors/imu_data (where the base has a gyro), mobile_base/sensors/bumper_pointcloud (while a bumper is
-    pressed or a cliff seen, and once after).
+    vsx_hw.readings.Hazard, latched, on change), mobile_base/buttons (UInt8, those pressed, latched, on change; Kobuki:
+    1, 2, 4 are B0, B1, B2; Create: 1 Play, 4 Advance; Create 2: 1 Clean, 2 Spot, 4 Dock), battery (1 Hz),
+    cmd_vel_mux/active (latched, on change), mobile_base/sensors/imu_data (where the base has a gyro),
+    mobile_base/sensors/bumper_pointcloud (while a bumper is pressed or a cliff seen, and once after).
 Services: mobile_base/estop (true stops, false allows; outlives a restart of the node), mobile_base/reset_odometry.
 Parameters: ~robot_type (auto: which one answers; kobuki, create, create2), ~port (/dev/kobuki),
     ~cmd_vel_timeout (s, 0.25: navi and the driver), ~max_vel (m/s, 0.5), ~max_angular_vel (rad/s, 1.5),
@@ -59,7 +60,7 @@ class MobileBaseNode:
         self._supervisor = Supervisor(limits, sources)
         self._lock = threading.Lock()
         self._latest: tuple[BaseReading, Decision] | None = None
-        self._hazards = Hazard.NONE
+        self._hazards, self._buttons = Hazard.NONE, 0
         self._supervisor.emergency_stop(bool(rospy.get_param("~estopped", False)))
         self._master = MasterWatch()
         self._advertise()
@@ -87,11 +88,13 @@ class MobileBaseNode:
         self._tf_pub = rospy.Publisher(topics.TF, TFMessage, queue_size=50, tcp_nodelay=True)
         self._joints_pub = rospy.Publisher(topics.JOINT_STATES, JointState, queue_size=5)
         self._hazards_pub = rospy.Publisher(topics.HAZARDS, UInt8, queue_size=5, latch=True, tcp_nodelay=True)
+        self._buttons_pub = rospy.Publisher(topics.BUTTONS, UInt8, queue_size=5, latch=True)
         self._battery_pub = rospy.Publisher(topics.BATTERY, BatteryState, queue_size=1)
         self._imu_pub = rospy.Publisher(topics.IMU, Imu, queue_size=50, tcp_nodelay=True)
         self._bumper_pub = rospy.Publisher(topics.BUMPER_CLOUD, PointCloud2, queue_size=5, tcp_nodelay=True)
         self._active_pub = rospy.Publisher(topics.MUX_ACTIVE, String, queue_size=5, latch=True)
         self._hazards_pub.publish(UInt8(0))
+        self._buttons_pub.publish(UInt8(0))
         self._active = ""
         self._active_pub.publish(String("idle"))
 
@@ -139,6 +142,9 @@ class MobileBaseNode:
         if reading.hazards != self._hazards:
             self._hazards = reading.hazards
             self._hazards_pub.publish(UInt8(int(reading.hazards)))
+        if reading.buttons != self._buttons:
+            self._buttons = reading.buttons
+            self._buttons_pub.publish(UInt8(reading.buttons))
         if decision.source != self._active:
             self._active = decision.source
             self._active_pub.publish(String(decision.source or "idle"))
