@@ -11,12 +11,12 @@ from vsx_ros.config import DenseConfig
 
 _REFUTED_ZNCC = 0.4
 _REFUTED_TEXTURE = 5.0
-_CARVED_VOTES = 2
+_CARVED_VOTES = 1
 _SURELY_CARVED_VOTES = 4
 _REACH = np.ones((5, 5), np.uint8)
 _RING = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], np.uint8)
 _WEAK_NEIGHBOURS = 2
-_COMPANY = 3
+_COMPANY = 4
 _HOLE_ROWS = 4
 _HOLE_COLUMNS = 1
 
@@ -31,7 +31,7 @@ def consistent(
 
 
 def refuted(texture: FloatArray, score: FloatArray, views: IntArray, passing: IntArray) -> BoolArray:
-    """Cells where the plane is not: textured and unlike, or looked through by several keyframes."""
+    """Cells where the plane is not: textured and unlike, or looked through by any keyframe."""
     unlike = (texture >= _REFUTED_TEXTURE) & (views >= 3) & (score < _REFUTED_ZNCC)
     through: BoolArray = unlike | (passing >= _CARVED_VOTES)
     return through
