@@ -27,7 +27,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels import kernel
 from vsx_ros.occupancy.grid import FREE, OccupancyGrid
-from vsx_ros.occupancy.ground_map import GroundMap
+from vsx_ros.occupancy.ground_map import Driven, GroundMap
 from vsx_ros.planning.path import Refusal, Trajectory
 from vsx_ros.planning.planner import Planner
 from vsx_ros.planning.sight import Sight
@@ -198,7 +198,7 @@ class Run:
         self._points, keyframe, point = self._landmarks.mapped()
         self._grid = self._ground.build(
             self._landmarks.T_world_cams, self._points, keyframe, point,
-            trail=self._trail, bumps=self._bumps, start=SE2(),
+            Driven(self._trail, self._bumps, SE2()),
         )  # fmt: skip
         if due:
             right = self._judge.quality(self._grid).coverage_correct or 0.0

@@ -178,7 +178,7 @@ class GroundMapConfig(_Branch, frozen=True):
     resolution_m: Positive = 0.05
     obstacle_min_height_m: NonNegative = 0.06
     obstacle_max_height_m: Positive = 0.60
-    clear_max_height_m: Positive = 0.45
+    clear_max_height_m: Positive = 0.40
     max_range_m: Positive = 4.5
     start_clear_m: NonNegative = 0.7
 

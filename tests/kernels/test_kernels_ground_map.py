@@ -59,7 +59,8 @@ def slow_scans(positions, yaws, points, parallax, keyframe, point):
 def test_scans_agree_with_the_slow_twin(scene):
     positions, yaws, points, keyframe, point = scene
     parallax = kernels.point_parallax(positions, points, keyframe, point)
-    free, hit = kernels.polar_scans(positions, yaws, points, parallax, keyframe, point, BINS, HEIGHTS, RANGES)
+    headings = np.column_stack([np.cos(yaws), np.sin(yaws)])
+    free, hit = kernels.polar_scans(positions, headings, points, parallax, keyframe, point, BINS, HEIGHTS, RANGES)
     slow_free, slow_hit = slow_scans(positions, yaws, points, parallax, keyframe, point)
     assert np.allclose(free, slow_free, atol=1e-6)
     assert np.allclose(hit, slow_hit, atol=1e-6)
@@ -67,11 +68,35 @@ def test_scans_agree_with_the_slow_twin(scene):
     assert (free > 0).any()
 
 
-@pytest.mark.parametrize(
-    ("angle", "bin_"), [(0.0, 0), (-1e-9, 7), (math.pi, 4), (-math.pi, 4), (7 * math.pi, 4), (0.8, 1)]
-)
-def test_bearings_wrap(angle, bin_):
-    assert kernels.bearing_bin(angle, 8) == bin_
+@pytest.mark.parametrize("heading", [0.0, 1.0, -2.5, 7 * math.pi])
+@pytest.mark.parametrize(("angle", "bin_"), [(1e-9, 0), (-1e-9, 7), (math.pi + 1e-4, 4), (math.pi - 1e-4, 3), (0.8, 1)])
+def test_bearings_count_from_the_heading_and_wrap(heading, angle, bin_):
+    to = 2.0 * math.cos(heading + angle), 2.0 * math.sin(heading + angle)
+    assert kernels.bearing_bin(math.cos(heading), math.sin(heading), *to, 8) == bin_
+
+
+def test_bearings_are_right_to_a_hundredth_of_a_milliradian():
+    angles = np.linspace(0.0, 2.0 * math.pi, 2001)[:-1] + 1e-6
+    bins = [kernels.bearing_bin(1.0, 0.0, math.cos(angle), math.sin(angle), 10**7) for angle in angles]
+    assert np.allclose(np.array(bins) * 2e-7 * math.pi, angles, atol=2e-5)
+
+
+def sums_around(counts):
+    padded = np.pad(counts, 1)
+    rows, columns = counts.shape
+    return sum(padded[i : i + rows, j : j + columns] for i in range(3) for j in range(3))
+
+
+def test_obstacles_are_judged_with_their_neighbours():
+    rng = np.random.default_rng(5)
+    votes, members, seen = rng.poisson([[[0.4]], [[0.3]], [[6.0]]], (3, 40, 30))
+    near, points, free = sums_around(votes), sums_around(members), sums_around(seen) / 9.0
+    believed = kernels.believed_points(votes, members, seen, 2, 4, 2.0, 1.0)
+    assert np.array_equal(believed, (votes > 0) & (points >= 2) & (free <= np.where(points >= 4, 2.0, 1.0) * near))
+    assert 50 < believed.sum() < 0.8 * (votes > 0).sum()
+    solid = kernels.believed_spots(votes, seen, 4, 1.5)
+    assert np.array_equal(solid, (votes > 0) & (near >= 4) & (free <= 1.5 * near))
+    assert 50 < solid.sum() < 0.8 * (votes > 0).sum()
 
 
 def test_gaps_are_bridged_only_while_they_are_narrow():
@@ -91,7 +116,7 @@ def test_votes_count_keyframes_not_rays():
     free = np.zeros((2, 360))
     free[:, :20] = 1.0
     lattice = (60, 60, 0.05, -1.5, -1.5)
-    votes = count_free(np.array([[0.01, 0.01, 0.3]] * 2), np.zeros(2), free, *lattice)
+    votes = count_free(np.array([[0.01, 0.01, 0.3]] * 2), np.array([[1.0, 0.0]] * 2), free, *lattice)
     x, y = np.meshgrid(-1.475 + 0.05 * np.arange(60), -1.475 + 0.05 * np.arange(60))
     r, angle = np.hypot(x - 0.01, y - 0.01), np.arctan2(y - 0.01, x - 0.01)
     inside = (r > 0.4) & (r < 0.92) & (angle > 0.08) & (angle < np.deg2rad(20) - 0.08)
@@ -99,6 +124,16 @@ def test_votes_count_keyframes_not_rays():
     assert (votes[inside] == 2).all()
     assert inside.sum() > 20
     assert not votes[outside].any()
+
+
+def test_votes_of_scans_that_leave_the_grid_are_those_within_it():
+    free = np.zeros((2, 360))
+    free[:, :90] = 1.4
+    at, headings = np.array([[-0.02, 0.01, 0.3], [0.4, -0.6, 0.3]]), np.array([[1.0, 0.0], [0.6, 0.8]])
+    whole = count_free(at, headings, free, 80, 80, 0.05, -2.0, -2.0)
+    part = count_free(at, headings, free, 20, 24, 0.05, -0.3, -0.1)
+    assert np.array_equal(part, whole[38:58, 34:58])
+    assert set(np.unique(part)) == {0, 1, 2}
 
 
 def test_hits_count_observations_and_points(scene):

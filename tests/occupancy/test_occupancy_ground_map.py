@@ -9,7 +9,7 @@ from vsx_ros.geometry.camera import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN
-from vsx_ros.occupancy.ground_map import GroundMap
+from vsx_ros.occupancy.ground_map import Driven, GroundMap
 
 MOUNT = mount_pose(-0.09, 0.0, 0.31, 0.0)
 ROOM = (-3.0, 3.0, -2.0, 2.0)
@@ -58,7 +58,7 @@ def room():
         keyframe.append(np.full(seen.sum(), k))
         point.append(np.flatnonzero(seen))
     noisy = points + rng.normal(0, 0.008, points.shape)
-    return poses, noisy, np.concatenate(keyframe), np.concatenate(point), trail
+    return poses, noisy, np.concatenate(keyframe), np.concatenate(point), Driven(trail)
 
 
 @pytest.fixture(scope="module")
@@ -114,13 +114,13 @@ def test_the_same_input_gives_the_same_grid(room, ground_map):
 
 
 def test_outliers_in_free_space_do_not_stay(room, ground_map):
-    poses, points, keyframe, point, trail = room
+    poses, points, keyframe, point, driven = room
     rng = np.random.default_rng(3)
     outliers = np.column_stack([rng.uniform(-2.5, 0.6, 40), rng.uniform(-1.6, 1.6, 40), rng.uniform(0.1, 0.6, 40)])
     seen = [np.argsort([np.linalg.norm(T.translation - p) for T in poses])[3:5] for p in outliers]
     keyframe = np.concatenate([keyframe, np.concatenate(seen)])
     point = np.concatenate([point, np.repeat(np.arange(len(points), len(points) + 40), 2)])
-    grid = ground_map.build(poses, np.vstack([points, outliers]), keyframe, point, trail)
+    grid = ground_map.build(poses, np.vstack([points, outliers]), keyframe, point, driven)
     assert np.mean(distance_to_walls(centres_of(grid, OCCUPIED)) < 0.10) > 0.97
 
 
@@ -135,26 +135,66 @@ def test_floor_points_never_become_obstacles(room, ground_map):
     assert (grid.data == FREE).sum() > 3000
 
 
-def one_view(points, config=None, n=3, step=0.15):
-    """A grid from n keyframes that look along x and see all points."""
+def one_view(points, config=None, n=3, step=0.15, level=None):
+    """A grid from n keyframes that look along x and see all points, on one pyramid level."""
     poses = [SE3.from_se2(SE2(-step * i, 0.1 * (i % 2), 0.0)) @ MOUNT for i in range(n)]
     points = np.array(points, float)
     keyframe, point = np.repeat(np.arange(n), len(points)), np.tile(np.arange(len(points)), n)
-    return GroundMap(config or GroundMapConfig(), RobotConfig()).build(poses, points, keyframe, point)
+    levels = None if level is None else np.full(len(point), level)
+    return GroundMap(config or GroundMapConfig(), RobotConfig()).build(poses, points, keyframe, point, obs_level=levels)
+
+
+def abreast(x, z, half_width=0.4):
+    """Points across the x axis, close enough for their rays to leave no gap."""
+    return [[x, y, z] for y in np.linspace(-half_width, half_width, 40)]
 
 
 def test_a_ray_to_a_high_point_clears_only_while_it_is_low():
-    grid = one_view([[3.0, 0.0, 1.4]])
-    assert grid.value_at(0.2, 0.0) == FREE
+    grid = one_view(abreast(3.0, 1.4, 2.0))
+    assert grid.value_at(0.1, 0.0) == FREE
     assert grid.value_at(0.8, 0.0) == UNKNOWN
     assert grid.value_at(3.0, 0.0) == UNKNOWN
 
 
 def test_a_wall_point_in_the_band_stops_the_ray_behind_it():
-    grid = one_view([[1.5, 0.0, 0.3], [1.52, 0.01, 0.25], [3.0, 0.005, 0.31]])
+    grid = one_view([*abreast(1.5, 0.3, 0.1), *abreast(3.0, 0.31)])
     assert grid.value_at(1.0, 0.0) == FREE
     assert grid.value_at(1.5, 0.0) == OCCUPIED
     assert grid.value_at(2.2, 0.0) == UNKNOWN
+
+
+def test_free_ground_that_few_saw_ends_a_cell_before_what_nobody_saw(ground_map):
+    """The same three views once, and as if four keyframes stood at each."""
+    points = np.array([[3.0, y, 0.02] for y in np.linspace(-0.5, 0.5, 80)])
+    poses = [SE3.from_se2(SE2(-0.15 * i, 0.1 * (i % 2), 0.0)) @ MOUNT for i in range(3)]
+
+    def half_widths(times):
+        keyframe, point = np.repeat(np.arange(3 * times), 80), np.tile(np.arange(80), 3 * times)
+        grid = ground_map.build(poses * times, points, keyframe, point)
+        y = np.arange(0.01, 0.6, 0.05)
+        return np.array([sum(grid.value_at(x, b) == FREE for b in y) for x in np.arange(1.2, 2.2, 0.1)])
+
+    few, more = half_widths(1), half_widths(4)
+    assert (few >= 1).all()
+    assert (more >= few).all()
+    assert (more > few).mean() > 0.6
+
+
+def test_a_ray_over_a_box_frees_nothing_behind_its_edge():
+    """A box of 0.42 m hides all that is low behind it; points high on the wall behind are seen above it."""
+    above = [[3.0, y, 0.31 + 3.3 * (0.42 - 0.31) / 1.3] for y in np.linspace(-0.4, 0.4, 60)]
+    grid = one_view(above, n=2)
+    assert grid.value_at(1.1, 0.0) != FREE
+    assert grid.value_at(0.4, 0.0) == FREE
+
+
+def test_coarse_corners_end_rays_but_are_no_obstacle():
+    wall = abreast(1.5, 0.3, 0.1)
+    assert (one_view(wall, level=2).data == OCCUPIED).any()
+    coarse = one_view([*wall, *abreast(3.0, 0.31)], level=3)
+    assert not (coarse.data == OCCUPIED).any()
+    assert coarse.value_at(1.0, 0.0) == FREE
+    assert coarse.value_at(2.2, 0.0) == UNKNOWN
 
 
 def test_a_table_top_above_the_robot_is_no_obstacle():
@@ -177,10 +217,11 @@ def test_small_holes_between_free_cells_are_closed():
 
 
 def test_the_trail_is_free_and_bumps_stay_whatever_is_seen(room, ground_map):
-    poses, points, keyframe, point, trail = room
+    poses, points, keyframe, point, driven = room
     bump = SE2(-1.0, 0.0, 0.0)
-    grid = ground_map.build(poses, points, keyframe, point, trail=[*trail, bump, SE2(-0.7, 0.0, 0.0)], bumps=[bump])
-    assert all(grid.value_at(p.x + 0.1, p.y) == FREE for p in trail)
+    bumped = Driven([*driven.trail, bump, SE2(-0.7, 0.0, 0.0)], [bump])
+    grid = ground_map.build(poses, points, keyframe, point, bumped)
+    assert all(grid.value_at(p.x + 0.1, p.y) == FREE for p in driven.trail)
     assert grid.value_at(-1.0 + 0.23, 0.0) == OCCUPIED
     assert grid.value_at(-1.0, 0.0) == FREE
     arc = centres_of(grid, OCCUPIED)
@@ -191,14 +232,14 @@ def test_the_trail_is_free_and_bumps_stay_whatever_is_seen(room, ground_map):
 def test_the_promised_strip_is_free_until_an_obstacle_is_seen(ground_map):
     none = np.zeros((0, 3)), np.zeros(0, int), np.zeros(0, int)
     start = SE2(1.0, 1.0, np.pi / 2)
-    grid = ground_map.build([], *none, start=start)
+    grid = ground_map.build([], *none, Driven(start=start))
     assert grid.value_at(1.0, 1.65) == FREE
     assert grid.value_at(1.15, 1.3) == FREE
     assert grid.value_at(1.0, 1.8) == UNKNOWN
     assert grid.value_at(1.6, 1.0) == UNKNOWN
     poses = [SE3.from_se2(SE2(1.0 + 0.1 * i, 0.8, np.pi / 2)) @ MOUNT for i in range(3)]
     points = np.array([[1.0, 1.5, 0.3], [1.02, 1.5, 0.2]])
-    seen = ground_map.build(poses, points, np.repeat([0, 1, 2], 2), np.tile([0, 1], 3), start=start)
+    seen = ground_map.build(poses, points, np.repeat([0, 1, 2], 2), np.tile([0, 1], 3), Driven(start=start))
     assert seen.value_at(1.0, 1.51) == OCCUPIED
 
 
@@ -209,9 +250,9 @@ def test_nothing_known_is_a_grid_of_unknown(ground_map):
 
 
 def test_grids_of_successive_builds_align(room, ground_map):
-    poses, points, keyframe, point, trail = room
+    poses, points, keyframe, point, driven = room
     early = keyframe < 20
-    small = ground_map.build(poses[:20], points, keyframe[early], point[early], trail[:20])
+    small = ground_map.build(poses[:20], points, keyframe[early], point[early], Driven(driven.trail[:20]))
     large = ground_map.build(*room)
     for a, b in ((small.origin_x, large.origin_x), (small.origin_y, large.origin_y)):
         cells = (a - b) / 0.05
@@ -223,6 +264,8 @@ def test_observations_of_another_snapshot_are_refused(ground_map):
         ground_map.build([MOUNT], np.ones((2, 3)), np.array([0]), np.array([7]))
     with pytest.raises(InputError, match="finite"):
         ground_map.build([MOUNT], np.full((2, 3), np.nan), np.array([0]), np.array([1]))
+    with pytest.raises(InputError, match="2 levels for 1 observations"):
+        ground_map.build([MOUNT], np.ones((2, 3)), np.array([0]), np.array([1]), obs_level=np.zeros(2, int))
 
 
 def test_a_lone_point_is_no_obstacle():

@@ -255,9 +255,10 @@ def _save_slam_map(slam: SequentialSlam, path: Path | None) -> None:
 
 def _write_map(folder: RunFolder, slam: SequentialSlam, config: Config, record: RunRecord, T_base_cam: SE3) -> None:
     from vsx_ros.geometry.se2 import SE2
-    from vsx_ros.occupancy.ground_map import GroundMap
+    from vsx_ros.occupancy.ground_map import Driven, GroundMap
 
     snapshot = slam.snapshot()
     trail = [SE2.from_se3(pose.T @ T_base_cam.inverse()) for pose in record.estimate()]
     observed = snapshot.points_world, snapshot.obs_keyframe, snapshot.obs_point
-    folder.write_map(GroundMap(config.ground_map, config.robot).build(snapshot.T_world_cams, *observed, trail=trail))
+    ground_map = GroundMap(config.ground_map, config.robot)
+    folder.write_map(ground_map.build(snapshot.T_world_cams, *observed, Driven(trail), obs_level=snapshot.obs_level))

@@ -11,7 +11,7 @@ from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.driven import BUMP_STEP_M, TRAIL_STEP_M, Anchored
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.occupancy.ground_map import GroundMap
+from vsx_ros.occupancy.ground_map import Driven, GroundMap
 from vsx_ros.slam.snapshot import MapSnapshot
 
 
@@ -61,8 +61,7 @@ class MappedGround:
             snapshot.points_world,
             snapshot.obs_keyframe,
             snapshot.obs_point,
-            trail=self.trail(snapshot),
-            bumps=self._bumps.poses(snapshot.keyframe_ids, snapshot.T_world_cams),
-            start=self.start,
+            Driven(self.trail(snapshot), self._bumps.poses(snapshot.keyframe_ids, snapshot.T_world_cams), self.start),
             surfaces=self.dense.surfaces(snapshot) if self.dense is not None and with_surfaces else None,
+            obs_level=snapshot.obs_level,
         )

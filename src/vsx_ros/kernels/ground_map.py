@@ -36,7 +36,7 @@ def point_parallax(positions: Any, points: Any, obs_keyframe: Any, obs_point: An
 @kernel
 def polar_scans(
     positions: Any,
-    yaws: Any,
+    headings: Any,
     points: Any,
     parallax: Any,
     obs_keyframe: Any,
@@ -47,7 +47,8 @@ def polar_scans(
 ) -> Any:
     """What each keyframe's observations say about the floor around it.
 
-    yaws: (K,) [rad], bearings count from them, counter-clockwise, in n_bearings equal bins around the circle.
+    headings: (K, 2) cosine and sine; bearings count from them, counter-clockwise, in n_bearings equal bins around the
+    circle.
     heights: obstacle_min, obstacle_max, clear_max [m], floor threshold growth [m per m].
     ranges: max range [m], angular noise of a pixel [rad], largest depth error of a hit [m],
     half a cell [m], how many depth errors short of its point a ray ends.
@@ -69,10 +70,10 @@ def polar_scans(
         if parallax[p] <= 0.0 or distance < 1e-6 or z < -floor:
             continue
         error = noise * distance / parallax[p]
-        bearing = bearing_bin(math.atan2(dy, dx) - yaws[k], n)
+        bearing = bearing_bin(headings[k, 0], headings[k, 1], dx, dy, n)
         proven = distance - caution * error - 2.0 * half_width
         if floor < z <= obstacle_max and error <= max_error:
-            shorten(nearest[k], bearing, min(n // 2, 1 + int(half_width / distance * bins_per_rad)), proven)
+            shorten(nearest, k, bearing, min(n // 2, 1 + int(half_width / distance * bins_per_rad)), proven)
             if distance <= max_range:
                 hit[o] = distance
         if z > clear_max:
@@ -106,7 +107,7 @@ def touchable(spots: Any, sigma: Any, low: float, high: float, max_sigma: float)
 
 @kernel
 def block_scans(
-    positions: Any, yaws: Any, free: Any, spots: Any, keyframe: Any, sigma: Any, touched: Any, shape: Any
+    positions: Any, headings: Any, free: Any, spots: Any, keyframe: Any, sigma: Any, touched: Any, shape: Any
 ) -> None:
     """Shorten scans free (K, B) in place where the keyframe of a touched spot of surface (N, 3) sees it.
 
@@ -122,25 +123,38 @@ def block_scans(
         distance = math.sqrt(dx * dx + dy * dy)
         if distance <= half_width or not touched[i]:
             continue
-        bearing = bearing_bin(math.atan2(dy, dx) - yaws[k], n)
+        bearing = bearing_bin(headings[k, 0], headings[k, 1], dx, dy, n)
         reach = min(n // 2, int(half_width / distance * bins_per_rad))
-        shorten(free[k], bearing, reach, max(0.0, distance - caution * sigma[i] - short))
+        shorten(free, k, bearing, reach, max(0.0, distance - caution * sigma[i] - short))
 
 
 @kernel
-def shorten(scan: Any, bearing: int, reach: int, until: float) -> None:
-    """Let no ray of a scan (B,) within ``reach`` bins of a bearing go farther than ``until`` [m]."""
-    n = scan.shape[0]
+def shorten(scans: Any, k: int, bearing: int, reach: int, until: float) -> None:
+    """Let no ray of scan k of (K, B) within ``reach`` bins of a bearing go farther than ``until`` [m]."""
+    n = scans.shape[1]
     for b in range(bearing - reach, bearing + reach + 1):
         wrapped = b + n if b < 0 else (b - n if b >= n else b)
-        scan[wrapped] = min(scan[wrapped], until)
+        scans[k, wrapped] = min(scans[k, wrapped], until)
 
 
 @kernel
-def bearing_bin(angle: float, n_bearings: int) -> int:
-    """The bin of an angle [rad]; bin 0 begins at angle 0."""
-    turn = angle / (2.0 * math.pi)
-    return min(int((turn - math.floor(turn)) * n_bearings), n_bearings - 1)
+def bearing_bin(c: float, s: float, dx: float, dy: float, n_bearings: int) -> int:
+    """The bin of a direction, counted from a heading of cosine c and sine s; bin 0 begins there.
+
+    The arctangent is Abramowitz and Stegun 4.4.47, good to 1e-5 rad and a third of the library's time.
+    """
+    ahead, left = c * dx + s * dy, c * dy - s * dx
+    wide, narrow = max(abs(ahead), abs(left)), min(abs(ahead), abs(left))
+    t = narrow / wide if wide > 0.0 else 0.0
+    q = t * t
+    turn = t * (0.9998660 + q * (-0.3302995 + q * (0.1801410 + q * (-0.0851330 + q * 0.0208351)))) / (2.0 * math.pi)
+    if abs(left) > abs(ahead):
+        turn = 0.25 - turn
+    if ahead < 0.0:
+        turn = 0.5 - turn
+    if left < 0.0:
+        turn = 1.0 - turn
+    return min(int(turn * n_bearings), n_bearings - 1)
 
 
 @kernel
@@ -205,6 +219,55 @@ def count_spots(
         if touched[i] and 0 <= row < rows and 0 <= column < columns:
             votes[row, column] += 1
     return votes
+
+
+@kernel
+def believed_points(
+    votes: Any, members: Any, free_votes: Any, least: int, sure: int, overruled_by: float, few_overruled_by: float
+) -> Any:
+    """(rows, columns) whether a cell with votes (rows, columns) is an obstacle, judged with its eight neighbours.
+
+    They hold ``least`` of the members, and free_votes not more times the votes than may overrule many, or fewer than
+    ``sure``, members; one free vote of a cell weighs as much as nine of all.
+    """
+    rows, columns = votes.shape
+    believed = np.zeros((rows, columns), np.bool_)
+    for row in range(rows):
+        for column in range(columns):
+            if votes[row, column] == 0:
+                continue
+            points = around(members, row, column)
+            limit = overruled_by if points >= sure else few_overruled_by
+            free = around(free_votes, row, column) / 9.0
+            believed[row, column] = points >= least and free <= limit * around(votes, row, column)
+    return believed
+
+
+@kernel
+def believed_spots(votes: Any, free_votes: Any, least: int, overruled_by: float) -> Any:
+    """(rows, columns) whether a cell with votes (rows, columns) of surface is solid, judged with its eight neighbours.
+
+    They hold ``least`` votes, and not more than ``overruled_by`` times as many free_votes a cell.
+    """
+    rows, columns = votes.shape
+    believed = np.zeros((rows, columns), np.bool_)
+    for row in range(rows):
+        for column in range(columns):
+            if votes[row, column] > 0:
+                near = around(votes, row, column)
+                free = around(free_votes, row, column) / 9.0
+                believed[row, column] = near >= least and free <= overruled_by * near
+    return believed
+
+
+@kernel
+def around(counts: Any, row: int, column: int) -> int:
+    """The sum over a cell and its neighbours."""
+    total = 0
+    for r in range(max(0, row - 1), min(counts.shape[0], row + 2)):
+        for c in range(max(0, column - 1), min(counts.shape[1], column + 2)):
+            total += counts[r, c]
+    return total
 
 
 @kernel

@@ -23,7 +23,7 @@ def half_bearings(n_bearings: int) -> Any:
 
 
 @kernel
-def scan_corners(positions: Any, yaws: Any, free: Any, points: Any, obs_point: Any, hit: Any) -> Any:
+def scan_corners(positions: Any, headings: Any, free: Any, points: Any, obs_point: Any, hit: Any) -> Any:
     """(2, 2) least and greatest x and y [m] of camera centres, of where their scans end, and of what was hit."""
     corners = np.array([[np.inf, np.inf], [-np.inf, -np.inf]])
     for o in range(obs_point.shape[0]):
@@ -34,7 +34,7 @@ def scan_corners(positions: Any, yaws: Any, free: Any, points: Any, obs_point: A
     n = free.shape[1]
     table = half_bearings(n)
     for k in range(free.shape[0]):
-        c, s = math.cos(yaws[k]), math.sin(yaws[k])
+        c, s = headings[k]
         for b in range(-1, n):
             reach = free[k, b] if b >= 0 else np.float32(0.0)
             if b >= 0 and reach <= 0.0:
@@ -49,7 +49,7 @@ def scan_corners(positions: Any, yaws: Any, free: Any, points: Any, obs_point: A
 @kernel
 def count_free(
     positions: Any,
-    yaws: Any,
+    headings: Any,
     free: Any,
     rows: int,
     columns: int,
@@ -70,7 +70,7 @@ def count_free(
     pair_until = 0.8 * n / (4.0 * math.pi)
     for k in range(free.shape[0]):
         x0, y0 = (positions[k, 0] - origin_x) / resolution, (positions[k, 1] - origin_y) / resolution
-        frame = (x0, y0, math.cos(yaws[k]), math.sin(yaws[k]))
+        frame = (x0, y0, headings[k, 0], headings[k, 1])
         for b in range(0, n, 4):
             pairs = min(free[k, b], free[k, b + 1]), min(free[k, b + 2], free[k, b + 3])
             if free[k, b] <= 0.0 and free[k, b + 1] <= 0.0 and free[k, b + 2] <= 0.0 and free[k, b + 3] <= 0.0:
@@ -103,12 +103,23 @@ def cast(votes: Any, number: int, frame: Any, bearing: Any, begin: float, reach:
     dy = int(0.5 * _FIXED * (s * bearing[0] + c * bearing[1]))
     first, last = int(2.0 * begin), int(2.0 * until)
     x, y = int(_FIXED * x0) + first * dx, int(_FIXED * y0) + first * dy
+    # A straight line lies within the grid where both its ends do.
+    while first <= last and not within(x, y, rows, columns):
+        first, x, y = first + 1, x + dx, y + dy
+    while first <= last and not within(x + (last - first) * dx, y + (last - first) * dy, rows, columns):
+        last -= 1
+    counted = (number << 32) + 1
     for _ in range(first, last + 1):
-        column, row = x >> _FIXED_BITS, y >> _FIXED_BITS
-        if 0 <= row < rows and 0 <= column < columns:
-            said = votes[row, column]
-            if said >> 32 != number:
-                votes[row, column] = (number << 32) + (said & 0xFFFFFFFF) + 1
+        row, column = np.uint32(y >> _FIXED_BITS), np.uint32(x >> _FIXED_BITS)
+        said = votes[row, column]
+        # Written in any case: no branch to guess.
+        votes[row, column] = counted + (said & 0xFFFFFFFF) if said < counted else said
         x += dx
         y += dy
     return until
+
+
+@kernel
+def within(x: int, y: int, rows: int, columns: int) -> bool:
+    """Whether a place in fixed point lies in the grid."""
+    return 0 <= x >> _FIXED_BITS < columns and 0 <= y >> _FIXED_BITS < rows

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -25,10 +26,15 @@ _MARGIN_M = 0.5
 _MIN_FREE_VOTES = 1
 _MIN_POINTS, _POINT_HITS = 2, 3
 """A lone point is no obstacle, nor one that hardly anybody saw: edges before the far floor are matched wrongly."""
+_COARSE_LEVEL = 3
+"""From this pyramid level on a corner may be floor as wide beside the edge that carries it as an obstacle may lie off:
+half of eight pixels of the level are 6 cm at a metre."""
 _SURE_POINTS = 3
 _OVERRULED_BY, _FEW_OVERRULED_BY = 1.0, 0.25
 """Points, or fewer than sure ones, are noise where so many times more keyframes looked through their place."""
-_SPECK_CELLS = 3
+_SPECK_CELLS, _SLIT_CELLS = 3, 7
+_MIN_RIM_VOTES = 4
+"""So many keyframes know a cell at the rim of the free ground; where fewer do, it may be a face's that they graze."""
 _MIN_SPOTS = 6
 _SEEN_THROUGH = 0.25
 _MAX_SURFACE_SIGMA_M = 0.05
@@ -66,6 +72,16 @@ class _Lattice:
         return x[None, :], y[:, None]
 
 
+class Driven(NamedTuple):
+    """Of the base: trail, poses driven through, free as wide as the robot; bumps, poses where a bumper was pressed, an
+    arc in front of each occupied for good; start, in front of which the operator promised ``start_clear_m`` of free
+    floor."""
+
+    trail: Sequence[SE2] = ()
+    bumps: Sequence[SE2] = ()
+    start: SE2 | None = None
+
+
 class GroundMap:
     """Builds the whole grid at each call: no residue of old poses, the same input gives the same grid."""
 
@@ -79,38 +95,41 @@ class GroundMap:
         points_world: Points3,
         obs_keyframe: IntArray,
         obs_point: IntArray,
-        trail: Sequence[SE2] = (),
-        bumps: Sequence[SE2] = (),
-        start: SE2 | None = None,
+        driven: Driven | None = None,
         surfaces: Surfaces | None = None,
+        obs_level: IntArray | None = None,
     ) -> OccupancyGrid:
         """The grid; evidence of an obstacle beats evidence of free space, what nobody saw stays unknown.
 
         T_world_cams: K keyframes. points_world: (M, 3). obs_keyframe, obs_point: (O,) which keyframe saw which point.
-        trail: base poses driven through, free as wide as the robot. bumps: base poses where a bumper was pressed;
-        an arc in front of each is occupied for good. start: the pose in front of which the operator promised
-        ``start_clear_m`` of free floor. surfaces: what is known to be solid besides the points; never proves a floor
-        free.
+        driven: where the base was, nowhere if None. surfaces: what is known to be solid besides the points; never
+        proves a floor free. obs_level: (O,) pyramid level of each observation, fine ones if None; coarse ones show no
+        obstacle but end what is free.
         Raises InputError when an observation or a surface names a keyframe or point that is not there.
         """
-        self._check(len(T_world_cams), points_world, obs_keyframe, obs_point)
+        trail, bumps, start = driven or Driven()
+        self._check(len(T_world_cams), points_world, obs_keyframe, obs_point, obs_level)
         scans = virtual_scans(T_world_cams, points_world, obs_keyframe, obs_point, self._config)
         spots, touched, outline = self._touched(surfaces or Surfaces.none(), len(T_world_cams))
         block(scans, spots, touched, self._config)
+        if obs_level is not None:
+            scans.hit[obs_level >= _COARSE_LEVEL] = 0.0
         arcs = self._bump_cells(bumps)
         seen = scans.corners(points_world, obs_point)
         extent = np.vstack([seen, outline, self._passed(trail, start), arcs])
         lattice = _Lattice.around(extent, self._config.resolution_m)
-        free_votes = count_free(scans.positions, scans.yaws, scans.free, *lattice.arguments())
+        free_votes = count_free(scans.positions, scans.headings, scans.free, *lattice.arguments())
         occupied = self._occupied(scans, points_world, obs_point, free_votes, lattice)
         occupied |= _solid(spots, touched, free_votes, lattice)
-        data = np.full((lattice.rows, lattice.columns), UNKNOWN, np.int8)
-        data[free_votes >= _MIN_FREE_VOTES] = FREE
+        known = self._footprints(trail, lattice)
         if start is not None:
-            data[self._start_strip(start, lattice)] = FREE
+            known |= self._start_strip(start, lattice) & ~occupied
+        data = np.full((lattice.rows, lattice.columns), UNKNOWN, np.int8)
+        data[(free_votes >= _MIN_FREE_VOTES) | known] = FREE
         data[occupied] = OCCUPIED
         data[_gaps(data)] = FREE
-        data[self._footprints(trail, lattice)] = FREE
+        data[_rims(data, free_votes)] = UNKNOWN
+        data[known] = FREE
         grid = OccupancyGrid(data, lattice.resolution, lattice.origin_x, lattice.origin_y)
         if not len(arcs):
             return grid
@@ -119,7 +138,9 @@ class GroundMap:
         return OccupancyGrid(data, lattice.resolution, lattice.origin_x, lattice.origin_y)
 
     @staticmethod
-    def _check(n_keyframes: int, points_world: Points3, obs_keyframe: IntArray, obs_point: IntArray) -> None:
+    def _check(
+        n_keyframes: int, points_world: Points3, obs_keyframe: IntArray, obs_point: IntArray, obs_level: IntArray | None
+    ) -> None:
         for name, indices, count in (("keyframe", obs_keyframe, n_keyframes), ("point", obs_point, len(points_world))):
             if len(indices) and not 0 <= int(np.min(indices)) <= int(np.max(indices)) < count:
                 raise InputError(
@@ -128,6 +149,8 @@ class GroundMap:
                 )
         if len(obs_keyframe) != len(obs_point) or not np.isfinite(points_world).all():
             raise InputError("observations must name a keyframe and a point each, and points must be finite")
+        if obs_level is not None and len(obs_level) != len(obs_point):
+            raise InputError(f"{len(obs_level)} levels for {len(obs_point)} observations; give one each, or None")
 
     def _passed(self, trail: Sequence[SE2], start: SE2 | None) -> Points2:
         """(N, 2) what is driven and promised, which the grid must hold."""
@@ -141,10 +164,9 @@ class GroundMap:
         """Cells with enough observations of obstacle points, the few that others look through left out."""
         points, point = writable(points_world, np.float64).reshape(-1, 3), writable(obs_point, np.int64)
         votes, members = kernels.count_hits(points, point, scans.hit, _POINT_HITS, *lattice.arguments())
-        near_votes, near_points, near_free = _around(votes), _around(members), _around(free_votes) / 9.0
-        overruled_by = np.where(near_points > _SURE_POINTS - 0.5, _OVERRULED_BY, _FEW_OVERRULED_BY)
-        believed = (near_points > _MIN_POINTS - 0.5) & (near_free <= overruled_by * near_votes)
-        occupied: BoolArray = (votes > 0) & believed
+        occupied: BoolArray = kernels.believed_points(
+            votes, members, free_votes, _MIN_POINTS, _SURE_POINTS, _OVERRULED_BY, _FEW_OVERRULED_BY
+        )
         return occupied
 
     def _touched(self, surfaces: Surfaces, n_keyframes: int) -> tuple[Surfaces, BoolArray, Points2]:
@@ -196,17 +218,10 @@ class GroundMap:
         return np.vstack([np.zeros((0, 2)), *(pose @ arc for pose in bumps)])
 
 
-def _around(counts: IntArray) -> NDArray[np.float32]:
-    """(H, W) sums over each cell and its eight neighbours."""
-    sums = cv2.boxFilter(counts.astype(np.float32), -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT)
-    return np.asarray(sums, np.float32)
-
-
 def _solid(spots: Surfaces, touched: BoolArray, free_votes: IntArray, lattice: _Lattice) -> BoolArray:
     """Cells under surfaces, but for those that many keyframes look through."""
     votes = kernels.count_spots(spots.points, touched, *lattice.arguments())
-    near_free, near_spots = _around(free_votes) / 9.0, _around(votes)
-    solid: BoolArray = (votes > 0) & (near_spots >= _MIN_SPOTS) & (near_free <= _SEEN_THROUGH * near_spots)
+    solid: BoolArray = kernels.believed_spots(votes, free_votes, _MIN_SPOTS, _SEEN_THROUGH)
     return solid
 
 
@@ -221,7 +236,20 @@ def _gaps(data: NDArray[np.int8]) -> BoolArray:
     _, labels, stats, _ = cv2.connectedComponentsWithStats(unknown, connectivity=8)
     small = (stats[:, cv2.CC_STAT_WIDTH] <= _SPECK_CELLS) & (stats[:, cv2.CC_STAT_HEIGHT] <= _SPECK_CELLS)
     small[0] = False
-    small[np.unique(labels[near_obstacle])] = False
-    small[np.unique(np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]]))] = False
+    for beside in (labels[near_obstacle], labels[0], labels[-1], labels[:, 0], labels[:, -1]):
+        small[beside] = False
     gaps |= small[labels]
     return gaps
+
+
+def _rims(data: NDArray[np.int8], free_votes: IntArray) -> BoolArray:
+    """Free cells beside obstacles, and beside what nobody saw, that few keyframes looked through: a ray along a face
+    passes through the face's own cells, and what nobody saw may be a face. Unknown slits narrower than seven cells
+    between free ones are not meant: they are where rays happen to lie apart."""
+    free = np.pad((data == FREE).astype(np.uint8), _SLIT_CELLS)
+    square = np.ones((_SLIT_CELLS, _SLIT_CELLS), np.uint8)
+    closed = cv2.morphologyEx(free, cv2.MORPH_CLOSE, square)[_SLIT_CELLS:-_SLIT_CELLS, _SLIT_CELLS:-_SLIT_CELLS]
+    beyond = (closed == 0) | (data == OCCUPIED)
+    rims: BoolArray = (data == FREE) & (free_votes < _MIN_RIM_VOTES)
+    rims &= cv2.dilate(beyond.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    return rims

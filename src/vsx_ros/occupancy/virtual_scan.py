@@ -40,13 +40,14 @@ _FLOOR_GROWTH = 0.012
 class PolarScans:
     """Scans of K keyframes and what they hit.
 
-    positions: (K, 3) camera centres, world [m]. yaws: (K,) headings of the optical axes, where bearing 0 begins [rad].
+    positions: (K, 3) camera centres, world [m]. headings: (K, 2) cosine and sine of those of the optical axes, where
+    bearing 0 begins.
     free: (K, N_BEARINGS) float32, passable up to this distance [m], 0 where unknown.
     hit: (O,) float32, distance [m] of the obstacle in each observation, 0 where the observation is of none.
     """
 
     positions: Points3
-    yaws: FloatArray
+    headings: Points2
     free: NDArray[np.float32]
     hit: NDArray[np.float32]
 
@@ -56,7 +57,7 @@ class PolarScans:
         if not len(self.positions):
             return np.zeros((0, 2))
         points, point = writable(points_world, np.float64).reshape(-1, 3), writable(obs_point, np.int64)
-        corners: Points2 = scan_corners(self.positions, self.yaws, self.free, points, point, self.hit)
+        corners: Points2 = scan_corners(self.positions, self.headings, self.free, points, point, self.hit)
         return corners
 
 
@@ -76,6 +77,7 @@ def virtual_scans(
     positions = np.array([T.translation for T in T_world_cams]).reshape(-1, 3)
     axes = np.array([T.rotation[:2, 2] for T in T_world_cams]).reshape(-1, 2)
     yaws = np.arctan2(axes[:, 1], axes[:, 0])
+    headings = np.column_stack([np.cos(yaws), np.sin(yaws)])
     points = writable(points_world, np.float64).reshape(-1, 3)
     keyframe, point = writable(obs_keyframe, np.int64), writable(obs_point, np.int64)
     heights = (
@@ -86,15 +88,15 @@ def virtual_scans(
     )
     ranges = config.max_range_m, _PIXEL_NOISE_RAD, _MAX_HIT_ERROR_M, 0.5 * config.resolution_m, _CAUTION
     parallax = kernels.point_parallax(positions, points, keyframe, point)
-    free, hit = kernels.polar_scans(positions, yaws, points, parallax, keyframe, point, N_BEARINGS, heights, ranges)
+    free, hit = kernels.polar_scans(positions, headings, points, parallax, keyframe, point, N_BEARINGS, heights, ranges)
     kernels.bridge_gaps(free, _MAX_GAP_BINS, _MAX_GAP_M)
-    return PolarScans(positions, yaws, free, hit)
+    return PolarScans(positions, headings, free, hit)
 
 
 def block(scans: PolarScans, surfaces: Surfaces, touched: BoolArray, config: GroundMapConfig) -> None:
     """End each of the scans, in place, before the touched (N,) spots of surface that its own keyframe sees."""
     shape = 0.5 * config.resolution_m, _CAUTION, config.resolution_m
-    kernels.block_scans(scans.positions, scans.yaws, scans.free, *surfaces, touched, shape)
+    kernels.block_scans(scans.positions, scans.headings, scans.free, *surfaces, touched, shape)
 
 
 def writable(array: Any, dtype: Any) -> NDArray[Any]:

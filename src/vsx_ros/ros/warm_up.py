@@ -11,7 +11,7 @@ from vsx_ros.exploration.mission import Mission
 from vsx_ros.geometry.camera import PinholeCamera, mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OCCUPIED, UNKNOWN, OccupancyGrid
-from vsx_ros.occupancy.ground_map import GroundMap
+from vsx_ros.occupancy.ground_map import Driven, GroundMap
 from vsx_ros.occupancy.surfaces import Surfaces
 from vsx_ros.planning.path import Plan
 from vsx_ros.planning.planner import Planner
@@ -57,7 +57,7 @@ def warm_up_slam(config: Config) -> None:
     observed = seen.T_world_cams, seen.points_world, seen.obs_keyframe, seen.obs_point
     spots = seen.points_world[seen.obs_point] * [1.0, 1.0, 0.0] + [0.0, 0.0, 0.3]
     surfaces = Surfaces(spots, seen.obs_keyframe, np.zeros(len(spots)))
-    ground_map.build(*observed, [SE2()], [SE2()], SE2(), surfaces)
+    ground_map.build(*observed, Driven([SE2()], [SE2()], SE2()), surfaces)
 
 
 def warm_up_planning(planner: Planner, config: Config) -> None:
