@@ -14,6 +14,7 @@ from vsx_ros.sim.world import World
 from vsx_ros.slam.snapshot import MapSnapshot
 
 FLOOR_M = 0.01
+PATCH_PX = 8
 
 
 def first_hits(faces: list[Face], eyes: np.ndarray, rays: np.ndarray) -> np.ndarray:
@@ -30,14 +31,19 @@ def first_hits(faces: list[Face], eyes: np.ndarray, rays: np.ndarray) -> np.ndar
 
 
 def on_floor(world: World, snapshot: MapSnapshot, poses: Sequence[SE3], camera: PinholeCamera) -> np.ndarray:
-    """(M,) whether most observations of each point show the floor. poses: the keyframes' true ones."""
+    """(M,) whether most observations of each point show the floor, and no edge of something before it: their rays and
+    those of their patches' corners all meet it. poses: the keyframes' true ones."""
     T_start_world = SE3.from_se2(world.start_pose).inverse()
     cameras = [T_start_world @ pose for pose in poses]
     R, t = np.array([T.rotation for T in cameras]), np.array([T.translation for T in cameras])
-    rays = np.einsum("nij,nj->ni", R[snapshot.obs_keyframe], camera.unproject(snapshot.obs_uv))
-    height = first_hits(faces_of(world), t[snapshot.obs_keyframe], rays)[:, 2]
+    faces, on = faces_of(world), np.ones(len(snapshot.obs_uv), np.bool_)
+    half_px = 0.5 * PATCH_PX * 2.0 ** snapshot.obs_level[:, None]
+    for corner in ((0.0, 0.0), (-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)):
+        rays = camera.unproject(snapshot.obs_uv + np.array(corner) * half_px)
+        turned = np.einsum("nij,nj->ni", R[snapshot.obs_keyframe], rays)
+        on &= first_hits(faces, t[snapshot.obs_keyframe], turned)[:, 2] < FLOOR_M
     n = len(snapshot.points_world)
-    return np.bincount(snapshot.obs_point, height < FLOOR_M, n) > 0.5 * np.bincount(snapshot.obs_point, minlength=n)
+    return np.bincount(snapshot.obs_point, on, n) > 0.5 * np.bincount(snapshot.obs_point, minlength=n)
 
 
 def floor_phantom_m2(
