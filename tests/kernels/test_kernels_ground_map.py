@@ -60,7 +60,7 @@ def test_scans_agree_with_the_slow_twin(scene):
     positions, yaws, points, keyframe, point = scene
     parallax = kernels.point_parallax(positions, points, keyframe, point)
     headings = np.column_stack([np.cos(yaws), np.sin(yaws)])
-    free, hit = kernels.polar_scans(positions, headings, points, parallax, keyframe, point, BINS, HEIGHTS, RANGES)
+    free, _, hit = kernels.polar_scans(positions, headings, points, parallax, keyframe, point, BINS, HEIGHTS, RANGES)
     slow_free, slow_hit = slow_scans(positions, yaws, points, parallax, keyframe, point)
     assert np.allclose(free, slow_free, atol=1e-6)
     assert np.allclose(hit, slow_hit, atol=1e-6)

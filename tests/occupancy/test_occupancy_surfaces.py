@@ -1,4 +1,4 @@
-"""Surfaces stop rays and fill obstacles, and never free anything nor outvote those who look through them."""
+"""Surfaces end rays and fill obstacles, and never outvote those who look through them."""
 
 import numpy as np
 import pytest
@@ -38,23 +38,37 @@ def column(grid, x, y_from=-0.5, y_to=0.5):
     return [grid.value_at(x, y) for y in np.arange(y_from, y_to, 0.05)]
 
 
+def feet(*keyframes, x=1.51, heights=(0.1, 0.2, 0.3, 0.4)):
+    """A wall of which each of these keyframes sees every spot."""
+    return Surfaces(*map(np.concatenate, zip(*(wall(x, -0.6, 0.6, heights, keyframe) for keyframe in keyframes))))
+
+
 def test_a_wall_without_points_is_occupied_all_along():
     grid = built([], wall(1.51, -0.6, 0.6))
     assert set(column(grid, 1.51)) == {OCCUPIED}
-    assert set(column(grid, 1.3)) == {UNKNOWN}
+
+
+def test_who_sees_the_foot_of_a_wall_sees_the_floor_before_it():
+    grid = built([], feet(*range(8)))
+    assert set(column(grid, 1.1, -0.3, 0.3)) == {FREE}
+    assert set(column(grid, 1.51)) == {OCCUPIED}
+    assert FREE not in column(grid, 1.6)
+
+
+def test_who_sees_the_upper_part_of_a_wall_knows_nothing_of_the_floor():
+    assert not (built([], feet(*range(8), heights=(0.2, 0.3, 0.4))).data == FREE).any()
+
+
+def test_the_floor_ends_before_what_stands_between():
+    box = [[0.8, y, 0.1] for y in np.linspace(-0.1, 0.1, 21)]
+    grid = built(box, feet(*range(8)))
+    assert FREE not in column(grid, 1.1, -0.05, 0.05)
+    assert grid.value_at(1.1, 0.35) == FREE
 
 
 def test_no_surface_is_the_map_without_surfaces():
     points = [[1.5, y, 0.3] for y in np.linspace(-0.4, 0.4, 9)]
     assert np.array_equal(built(points).data, built(points, Surfaces.none()).data)
-
-
-def test_a_surface_frees_no_cell():
-    points = [[2.5, y, 0.3] for y in np.linspace(-0.4, 0.4, 30)]
-    without, with_wall = built(points), built(points, wall(1.51, 0.1, 0.3))
-    freed = with_wall.centres(np.argwhere(with_wall.data == FREE))
-    assert all(without.value_at(x, y) == FREE for x, y in freed)
-    assert len(freed) > 100
 
 
 def test_its_own_keyframe_does_not_see_through_it():

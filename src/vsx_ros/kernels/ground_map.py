@@ -52,8 +52,9 @@ def polar_scans(
     heights: obstacle_min, obstacle_max, clear_max [m], floor threshold growth [m per m].
     ranges: max range [m], angular noise of a pixel [rad], largest depth error of a hit [m],
     half a cell [m], how many depth errors short of its point a ray ends.
-    Returns free (K, n_bearings): distance [m] up to which the floor is passable, 0 where unknown; and
-    hit (O,): horizontal distance [m] of the obstacle seen by each observation, 0 where it is none.
+    Returns free (K, n_bearings): distance [m] up to which the floor is passable, 0 where unknown; nearest
+    (K, n_bearings): how far the first obstacle lets a ray go [m], infinite where there is none; and hit (O,):
+    horizontal distance [m] of the obstacle seen by each observation, 0 where it is none.
     """
     obstacle_min, obstacle_max, clear_max, growth = heights
     max_range, noise, max_error, half_width, caution = ranges
@@ -83,7 +84,7 @@ def polar_scans(
     for k in range(free.shape[0]):
         for b in range(n):
             free[k, b] = max(min(free[k, b], nearest[k, b]), np.float32(0.0))
-    return free, hit
+    return free, nearest, hit
 
 
 @kernel
@@ -106,17 +107,30 @@ def touchable(spots: Any, sigma: Any, low: float, high: float, max_sigma: float)
 
 
 @kernel
-def block_scans(
-    positions: Any, headings: Any, free: Any, spots: Any, keyframe: Any, sigma: Any, touched: Any, shape: Any
+def meet_surfaces(
+    positions: Any,
+    headings: Any,
+    free: Any,
+    nearest: Any,
+    spots: Any,
+    keyframe: Any,
+    sigma: Any,
+    touched: Any,
+    shape: tuple[float, float, float],
+    reaches: tuple[float, float],
 ) -> None:
-    """Shorten scans free (K, B) in place where the keyframe of a touched spot of surface (N, 3) sees it.
+    """Let scans free (K, B) end, in place, at the touched spots of surface (N, 3) that their own keyframe sees.
 
-    sigma: (N,) uncertainty of its distance [m]. shape: half its width [m], how many sigmas and, besides, how far [m]
-    short of it a ray ends.
+    None goes farther; one to the foot of a surface goes there, unless something is nearer (K, B).
+
+    sigma: (N,) uncertainty of a spot's distance [m]. shape: half its width [m], how many sigmas and, besides, how far
+    [m] short of it a ray ends. reaches: height up to which a spot is a foot, longest ray [m].
     """
     half_width, caution, short = shape
+    foot, longest = reaches
     n = free.shape[1]
     bins_per_rad = n / (2.0 * math.pi)
+    until, to_foot = nearest.copy(), np.zeros(free.shape, np.bool_)
     for i in range(spots.shape[0]):
         k = keyframe[i]
         dx, dy = spots[i, 0] - positions[k, 0], spots[i, 1] - positions[k, 1]
@@ -125,7 +139,15 @@ def block_scans(
             continue
         bearing = bearing_bin(headings[k, 0], headings[k, 1], dx, dy, n)
         reach = min(n // 2, int(half_width / distance * bins_per_rad))
-        shorten(free, k, bearing, reach, max(0.0, distance - caution * sigma[i] - short))
+        shorten(until, k, bearing, reach, max(0.0, distance - caution * sigma[i] - short))
+        if spots[i, 2] <= foot:
+            for b in range(bearing - reach, bearing + reach + 1):
+                to_foot[k, b % n] = True
+    for k in range(free.shape[0]):
+        for b in range(n):
+            if to_foot[k, b]:
+                free[k, b] = max(free[k, b], min(until[k, b], np.float32(longest)))
+            free[k, b] = min(free[k, b], max(until[k, b], np.float32(0.0)))
 
 
 @kernel

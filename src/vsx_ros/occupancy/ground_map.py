@@ -20,7 +20,7 @@ from vsx_ros.kernels import ground_map as kernels
 from vsx_ros.kernels.scan_casting import count_free
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.occupancy.surfaces import Surfaces
-from vsx_ros.occupancy.virtual_scan import PolarScans, block, virtual_scans, writable
+from vsx_ros.occupancy.virtual_scan import PolarScans, meet, virtual_scans, writable
 
 _MARGIN_M = 0.5
 _MIN_FREE_VOTES = 1
@@ -102,16 +102,16 @@ class GroundMap:
         """The grid; evidence of an obstacle beats evidence of free space, what nobody saw stays unknown.
 
         T_world_cams: K keyframes. points_world: (M, 3). obs_keyframe, obs_point: (O,) which keyframe saw which point.
-        driven: where the base was, nowhere if None. surfaces: what is known to be solid besides the points; never
-        proves a floor free. obs_level: (O,) pyramid level of each observation, fine ones if None; coarse ones show no
-        obstacle but end what is free.
+        driven: where the base was, nowhere if None. surfaces: what is known to be solid besides the points; the
+        floor before their feet is free. obs_level: (O,) pyramid level of each observation, fine ones if None; coarse
+        ones show no obstacle but end what is free.
         Raises InputError when an observation or a surface names a keyframe or point that is not there.
         """
         trail, bumps, start = driven or Driven()
         self._check(len(T_world_cams), points_world, obs_keyframe, obs_point, obs_level)
         scans = virtual_scans(T_world_cams, points_world, obs_keyframe, obs_point, self._config)
         spots, touched, outline = self._touched(surfaces or Surfaces.none(), len(T_world_cams))
-        block(scans, spots, touched, self._config)
+        meet(scans, spots, touched, self._config)
         if obs_level is not None:
             scans.hit[obs_level >= _COARSE_LEVEL] = 0.0
         arcs = self._bump_cells(bumps)

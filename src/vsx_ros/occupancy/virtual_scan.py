@@ -32,6 +32,8 @@ _PIXEL_NOISE_RAD = 0.0012
 _MAX_HIT_ERROR_M = 0.10
 _CAUTION = 3.0
 """A ray proves the floor free up to this many depth errors, and one cell, short of its point."""
+_FOOT_M = 0.15
+"""A ray that ends below has met whatever is higher on its way."""
 _FLOOR_GROWTH = 0.012
 """Floor points scatter with distance: pose and depth errors add about this much height per metre."""
 
@@ -43,12 +45,14 @@ class PolarScans:
     positions: (K, 3) camera centres, world [m]. headings: (K, 2) cosine and sine of those of the optical axes, where
     bearing 0 begins.
     free: (K, N_BEARINGS) float32, passable up to this distance [m], 0 where unknown.
+    nearest: (K, N_BEARINGS) float32, how far the first obstacle point lets a ray go [m], infinite where there is none.
     hit: (O,) float32, distance [m] of the obstacle in each observation, 0 where the observation is of none.
     """
 
     positions: Points3
     headings: Points2
     free: NDArray[np.float32]
+    nearest: NDArray[np.float32]
     hit: NDArray[np.float32]
 
     def corners(self, points_world: Points3, obs_point: IntArray) -> Points2:
@@ -88,15 +92,20 @@ def virtual_scans(
     )
     ranges = config.max_range_m, _PIXEL_NOISE_RAD, _MAX_HIT_ERROR_M, 0.5 * config.resolution_m, _CAUTION
     parallax = kernels.point_parallax(positions, points, keyframe, point)
-    free, hit = kernels.polar_scans(positions, headings, points, parallax, keyframe, point, N_BEARINGS, heights, ranges)
+    free, nearest, hit = kernels.polar_scans(
+        positions, headings, points, parallax, keyframe, point, N_BEARINGS, heights, ranges
+    )
     kernels.bridge_gaps(free, _MAX_GAP_BINS, _MAX_GAP_M)
-    return PolarScans(positions, headings, free, hit)
+    return PolarScans(positions, headings, free, nearest, hit)
 
 
-def block(scans: PolarScans, surfaces: Surfaces, touched: BoolArray, config: GroundMapConfig) -> None:
-    """End each of the scans, in place, before the touched (N,) spots of surface that its own keyframe sees."""
-    shape = 0.5 * config.resolution_m, _CAUTION, config.resolution_m
-    kernels.block_scans(scans.positions, scans.headings, scans.free, *surfaces, touched, shape)
+def meet(scans: PolarScans, surfaces: Surfaces, touched: BoolArray, config: GroundMapConfig) -> None:
+    """End each of the scans, in place, before the touched (N,) spots of surface that its own keyframe sees; who sees
+    the foot of a surface sees the floor before it (the virtual laser of paper 5.2)."""
+    shape, reaches = (0.5 * config.resolution_m, _CAUTION, config.resolution_m), (_FOOT_M, config.max_range_m)
+    kernels.meet_surfaces(
+        scans.positions, scans.headings, scans.free, scans.nearest, *surfaces, touched, shape, reaches
+    )
 
 
 def writable(array: Any, dtype: Any) -> NDArray[Any]:
