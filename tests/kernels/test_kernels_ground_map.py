@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from vsx_ros.kernels import ground_cells
 from vsx_ros.kernels import ground_map as kernels
 from vsx_ros.kernels.scan_casting import count_free
 
@@ -91,10 +92,10 @@ def test_obstacles_are_judged_with_their_neighbours():
     rng = np.random.default_rng(5)
     votes, members, seen = rng.poisson([[[0.4]], [[0.3]], [[6.0]]], (3, 40, 30))
     near, points, free = sums_around(votes), sums_around(members), sums_around(seen) / 9.0
-    believed = kernels.believed_points(votes, members, seen, 2, 4, 2.0, 1.0)
+    believed = ground_cells.believed_points(votes, members, seen, 2, 4, 2.0, 1.0)
     assert np.array_equal(believed, (votes > 0) & (points >= 2) & (free <= np.where(points >= 4, 2.0, 1.0) * near))
     assert 50 < believed.sum() < 0.8 * (votes > 0).sum()
-    solid = kernels.believed_spots(votes, seen, 4, 1.5)
+    solid = ground_cells.believed_spots(votes, seen, 4, 1.5)
     assert np.array_equal(solid, (votes > 0) & (near >= 4) & (free <= 1.5 * near))
     assert 50 < solid.sum() < 0.8 * (votes > 0).sum()
 
@@ -139,7 +140,7 @@ def test_votes_of_scans_that_leave_the_grid_are_those_within_it():
 def test_hits_count_observations_and_points(scene):
     _, _, points, _, point = scene
     hit = np.where(np.arange(len(point)) % 3, 1.0, 0.0)
-    votes, members = kernels.count_hits(points, point, hit, 2, 100, 90, 0.1, -4.0, -4.0)
+    votes, members = ground_cells.count_hits(points, point, hit, 2, 100, 90, 0.1, -4.0, -4.0)
     seen = point[hit > 0]
     cells = np.floor((points[:, [1, 0]] + 4.0) / 0.1).astype(int)
     assert set(np.bincount(seen, minlength=len(points))) > {1, 2}

@@ -12,6 +12,7 @@ from vsx_ros.kernels import (
     epipolar,
     flood,
     floor_contact,
+    ground_cells,
     ground_map,
     jlinkage,
     lattice,
@@ -77,12 +78,12 @@ def _ground_map() -> None:
     touched, _, _ = ground_map.touchable(points, np.zeros(1), 0.06, 0.6, 0.05)
     shape, reaches = (0.04, 2.0, 0.05), (0.15, 4.5)
     ground_map.meet_surfaces(positions, headings, free, nearest, points, one, np.zeros(1), touched, shape, reaches)
-    spots = ground_map.count_spots(points, touched, 4, 4, 0.05, 0.0, 0.0)
-    ground_map.cover_discs(np.zeros((1, 2)), 0.2, 4, 4, 0.05, 0.0, 0.0)
+    spots = ground_cells.count_spots(points, touched, 4, 4, 0.05, 0.0, 0.0)
+    ground_cells.cover_discs(np.zeros((1, 2)), 0.2, 4, 4, 0.05, 0.0, 0.0)
     seen = scan_casting.count_free(positions, headings, free, 4, 4, 0.05, 0.0, 0.0)
-    votes, members = ground_map.count_hits(points, one, hit, 3, 4, 4, 0.05, 0.0, 0.0)
-    ground_map.believed_points(votes, members, seen, 2, 3, 1.0, 0.25)
-    ground_map.believed_spots(spots, seen, 6, 0.25)
+    votes, members = ground_cells.count_hits(points, one, hit, 3, 4, 4, 0.05, 0.0, 0.0)
+    ground_cells.believed_points(votes, members, seen, 2, 3, 1.0, 0.25)
+    ground_cells.believed_spots(spots, seen, 6, 0.25)
 
 
 def _tracking() -> None:

@@ -16,6 +16,7 @@ from vsx_ros.config import GroundMapConfig, RobotConfig
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
+from vsx_ros.kernels import ground_cells
 from vsx_ros.kernels import ground_map as kernels
 from vsx_ros.kernels.scan_casting import count_free
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
@@ -163,8 +164,8 @@ class GroundMap:
     ) -> BoolArray:
         """Cells with enough observations of obstacle points, the few that others look through left out."""
         points, point = writable(points_world, np.float64).reshape(-1, 3), writable(obs_point, np.int64)
-        votes, members = kernels.count_hits(points, point, scans.hit, _POINT_HITS, *lattice.arguments())
-        occupied: BoolArray = kernels.believed_points(
+        votes, members = ground_cells.count_hits(points, point, scans.hit, _POINT_HITS, *lattice.arguments())
+        occupied: BoolArray = ground_cells.believed_points(
             votes, members, free_votes, _MIN_POINTS, _SURE_POINTS, _OVERRULED_BY, _FEW_OVERRULED_BY
         )
         return occupied
@@ -206,7 +207,7 @@ class GroundMap:
     def _footprints(self, trail: Sequence[SE2], lattice: _Lattice) -> BoolArray:
         """Cells whose centre the robot's body has covered."""
         places = np.array([(pose.x, pose.y) for pose in trail]).reshape(-1, 2)
-        covered: BoolArray = kernels.cover_discs(places, self._robot.radius_m, *lattice.arguments())
+        covered: BoolArray = ground_cells.cover_discs(places, self._robot.radius_m, *lattice.arguments())
         return covered
 
     def _bump_cells(self, bumps: Sequence[SE2]) -> Points2:
@@ -220,8 +221,8 @@ class GroundMap:
 
 def _solid(spots: Surfaces, touched: BoolArray, free_votes: IntArray, lattice: _Lattice) -> BoolArray:
     """Cells under surfaces, but for those that many keyframes look through."""
-    votes = kernels.count_spots(spots.points, touched, *lattice.arguments())
-    solid: BoolArray = kernels.believed_spots(votes, free_votes, _MIN_SPOTS, _SEEN_THROUGH)
+    votes = ground_cells.count_spots(spots.points, touched, *lattice.arguments())
+    solid: BoolArray = ground_cells.believed_spots(votes, free_votes, _MIN_SPOTS, _SEEN_THROUGH)
     return solid
 
 
