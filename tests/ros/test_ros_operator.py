@@ -165,6 +165,31 @@ def test_the_terminal_is_given_back_however_teleop_ends(keyboard: Keyboard, numb
     assert termios.tcgetattr(keyboard.slave) == keyboard.before
 
 
+_ASKING = """
+import rospy
+from vsx_ros.ros import process
+def build(config):
+    print("asks", flush=True)
+    while not process.is_ending():
+        rospy.get_param("/rosdistro", "")
+    raise KeyboardInterrupt
+process.run("asker", build)
+"""
+
+
+def test_a_node_ends_in_the_middle_of_a_question_to_the_master(stack: Stack) -> None:
+    with subprocess.Popen(
+        [sys.executable, "-c", _ASKING, "__name:=asker"], env=stack.environment, stdout=subprocess.PIPE, text=True
+    ) as node:
+        assert node.stdout is not None
+        assert node.stdout.readline() == "asks\n"
+        node.send_signal(signal.SIGINT)
+        try:
+            assert node.wait(60.0) == 0
+        finally:
+            node.kill()
+
+
 @pytest.mark.parametrize(
     ("text", "pressed"),
     [

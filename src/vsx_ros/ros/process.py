@@ -35,8 +35,9 @@ IMAGE_BUFFER_BYTES = 2**24
 _NAME_AGAIN_S = 5.0
 _TELL_AGAIN_S = 30.0
 _AHEAD_S = 1.0
-_SIGNAL_S = 0.05
-"""Python runs a signal's handler when the main thread wakes; rospy.spin would sleep for half a second."""
+_LOOK_S = 0.05
+"""rospy.spin would sleep for half a second."""
+_LET_GO_S = 5.0
 
 DIE_WITH_PARENT = "VSX_DIE_WITH_PARENT"
 """Environment variable: a node started by a run ends when the run is killed."""
@@ -66,12 +67,14 @@ def run(name: str, build: Callable[[Config], Node]) -> None:
             "ROS_MASTER_URI, or let roslaunch or 'vsx explore' bring one\n"
         )
         sys.exit(1)
-    rospy.init_node(name)
-    frames.adopt_prefix()
-    bridge_logging()
+    let_go = _close_on_signals()
     try:
+        rospy.init_node(name, disable_signals=True)
+        frames.adopt_prefix()
+        bridge_logging()
         node = build(configuration())
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, rospy.ROSInterruptException):
+        let_go()
         return
     except (VsxError, DeviceError) as error:
         rospy.logfatal("%s: %s", name, error)
@@ -80,7 +83,32 @@ def run(name: str, build: Callable[[Config], Node]) -> None:
     rospy.on_shutdown(node.close)
     rospy.loginfo("%s: ready", rospy.get_name())
     while not rospy.is_shutdown():
-        time.sleep(_SIGNAL_S)
+        time.sleep(_LOOK_S)
+    let_go()
+
+
+def _close_on_signals() -> Callable[[], None]:
+    """Shut down on SIGINT, SIGTERM and SIGHUP, on a thread; what waits until that is done, if a signal came.
+
+    rospy does it in the handler, on top of whatever the main thread is at: if that is a question to the master, the
+    handler waits for the question's lock for ever.
+    """
+    heard, told = os.pipe()
+    os.set_blocking(told, False)
+    signal.set_wakeup_fd(told)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, lambda *_: None)
+    came = threading.Event()
+
+    def close() -> None:
+        number = os.read(heard, 1)[0]
+        came.set()
+        rospy.signal_shutdown(signal.Signals(number).name)
+
+    thread = threading.Thread(target=close, name="signals", daemon=True)
+    thread.start()
+    return lambda: thread.join(_LET_GO_S) if came.is_set() else None
 
 
 def configuration() -> Config:

@@ -13,7 +13,6 @@ import atexit
 import os
 import re
 import select
-import signal
 import sys
 import termios
 import time
@@ -65,7 +64,6 @@ class TeleopNode:
         self._input = sys.stdin.fileno()
         self._terminal = termios.tcgetattr(self._input)
         atexit.register(self._give_back)
-        signal.signal(signal.SIGHUP, lambda *_: rospy.signal_shutdown("the terminal is gone"))
         tty.setcbreak(self._input)
         sys.stderr.write(f"{KEYS}\n")
         self._say_speed()
