@@ -45,7 +45,7 @@ def kill_at(run: subprocess.Popen[bytes], folder: Path, second: float) -> None:
 def resumed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Before]]:
     """A run killed twice, once before it has a map and once on its way, then resumed to its end."""
     out, befores = tmp_path_factory.mktemp("killed") / "run", []
-    kill_at(start("--seed", "1", "--time", "24", "--out", str(out)), out, 0.5)
+    kill_at(start("--seed", "1", "--time", "40", "--out", str(out)), out, 0.5)
     assert Before.of(RunFolder.open(out)) is None
     kill_at(start("--resume", str(out)), out, 13.0)
     before = Before.of(RunFolder.open(out))
@@ -68,7 +68,7 @@ def test_no_more_than_the_last_seconds_are_lost(resumed):
 def test_it_goes_on_in_the_same_map_and_ends_as_a_run_does(resumed):
     out, (before,) = resumed
     folder, summary = RunFolder.open(out), json.loads((out / "summary.json").read_text())
-    assert summary["stop_reason"] == "time limit of 24 s"
+    assert summary["stop_reason"] == "time limit of 40 s"
     assert (summary["breaks"], summary["collisions"]) == (0, 0)
     assert summary["relocalizations"] >= 1
     assert summary["keyframes"] >= len(before.memory.slam_map.view.living)
@@ -81,7 +81,7 @@ def test_it_goes_on_in_the_same_map_and_ends_as_a_run_does(resumed):
     stamps = np.array([pose.stamp_ns for pose in estimate])
     assert (np.diff(stamps) > 0).all()
     assert stamps[0] < 3 * SECOND
-    assert stamps[-1] > 23 * SECOND
+    assert stamps[-1] > 39 * SECOND
     saved = Checkpoint(out / "resume").read()
     assert saved.stamp_ns == stamps[-1]
     assert len(saved.slam_map.view.living) == summary["keyframes"]
