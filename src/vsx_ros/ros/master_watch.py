@@ -20,7 +20,7 @@ class _Impatient(xmlrpc.client.Transport):
     """A hanging master accepts connections and never answers."""
 
     def make_connection(self, host: object) -> http.client.HTTPConnection:
-        connection = super().make_connection(host)  # type: ignore[arg-type]
+        connection = super().make_connection(host)  # type: ignore[arg-type]  # typeshed's host is private
         connection.timeout = ANSWER_S
         return connection
 

@@ -58,7 +58,7 @@ class PoseHistory:
     def fill(self, stream: BinaryIO) -> None:
         """Read until the stream ends."""
         pending = b""
-        while chunk := stream.read1(POSE.size * 64):  # type: ignore[attr-defined]
+        while chunk := stream.read1(POSE.size * 64):  # type: ignore[attr-defined]  # BinaryIO knows no read1
             pending += chunk
             whole = len(pending) // POSE.size * POSE.size
             rows = np.array(list(POSE.iter_unpack(pending[:whole])), float).reshape(-1, 5)
