@@ -17,7 +17,7 @@ from vsx_ros.control.caution import Caution
 from vsx_ros.control.pose_fusion import PoseFuser
 from vsx_ros.control.trajectory_tracker import FollowResult, FollowStatus, TrajectoryTracker
 from vsx_ros.dense.anchored import AnchoredSpots
-from vsx_ros.dense.densify import DenseMap, Densifier
+from vsx_ros.dense.densify import UPDATE_EVERY_S, DenseMap, Densifier
 from vsx_ros.dense.mapped_ground import MappedGround
 from vsx_ros.exploration.decision import Action, Decision, NavigationState, Situation
 from vsx_ros.exploration.memory import MissionMemory
@@ -39,7 +39,7 @@ from vsx_ros.slam.tracking_record import TrackingRecord
 
 _DECIDE_EVERY_NS = 200_000_000
 _MAP_EVERY_NS = 500_000_000
-_DENSIFY_EVERY_NS = 1_500_000_000
+_DENSIFY_EVERY_NS = round(UPDATE_EVERY_S * 1e9)
 
 
 class StepResult(NamedTuple):
@@ -184,7 +184,7 @@ class ExplorationSystem:
         self.ground = MappedGround(config)
         self._densifier = Densifier(camera, T_base_cam, config.dense, seed) if config.dense.enabled else None
         self._fuser = PoseFuser()
-        self._map_version = self._newest_keyframe = -1
+        self._map_version = -1
         self._next_map_ns = self._next_dense_ns = self._next_decision_ns = 0
         record = None if memory is None else TrackingRecord.restored(memory.state)
         slam_map = slam_map if memory is None else memory.slam_map
@@ -264,11 +264,10 @@ class ExplorationSystem:
 
     def _densify(self, snapshot: MapSnapshot) -> bool:
         """Whether there was something to do: a new keyframe, or work left from the last one."""
-        newest = int(snapshot.keyframe_ids[-1]) if len(snapshot.keyframe_ids) else -1
-        left = self.dense is not None and not self.dense.complete
-        if self._densifier is None or (newest == self._newest_keyframe and not left):
+        if self._densifier is None or not len(snapshot.keyframe_ids):
             return False
-        self._newest_keyframe = newest
+        if self.dense is not None and not self.dense.is_due(snapshot):
+            return False
         self.dense = self._densifier.update(snapshot)
         self.ground.dense = AnchoredSpots.of(self.dense, snapshot, self._config.dense.cell_m)
         return True

@@ -27,7 +27,14 @@ def dense(covariance: np.ndarray) -> DenseMap:
     centre = plane.points_at((cell + 0.5) * CELL_M)
     one = np.zeros(2, np.int64)
     cells = Cells(one + 4, cell, centre, one, np.ones(2), np.array([0, 2]))
-    return DenseMap(SNAPSHOT.version, (plane,), cells, True)
+    return DenseMap(SNAPSHOT.version, 2, (plane,), cells, True)
+
+
+def test_an_update_is_due_with_a_new_keyframe_or_while_work_is_left() -> None:
+    found = dense(np.diag([0.0, 0.0, 1e-4]))
+    assert not found.is_due(SNAPSHOT)
+    assert found._replace(newest_keyframe=1).is_due(SNAPSHOT)
+    assert found._replace(complete=False).is_due(SNAPSHOT)
 
 
 def test_a_cell_is_four_spots_within_it_and_on_its_plane() -> None:

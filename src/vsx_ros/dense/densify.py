@@ -20,16 +20,23 @@ from vsx_ros.slam.snapshot import MapSnapshot
 _UNSETTLED = 2
 """The newest keyframes, whose poses bundle adjustment is about to move."""
 _MOVED_M = 0.02
+UPDATE_EVERY_S = 1.5
+"""Planes change slowly, and merging all of them costs the same for one new keyframe as for three."""
 
 
 class DenseMap(NamedTuple):
-    """What is surface; version and keyframe indices are those of the snapshot it was made of. complete: whether every
-    cell has been judged with all keyframes, or some wait for the next update."""
+    """What is surface; version, newest keyframe's id and keyframe indices are those of the snapshot it was made of.
+    complete: whether every cell has been judged with all keyframes, or some wait for the next update."""
 
     version: int
+    newest_keyframe: int
     planes: tuple[Plane, ...]
     cells: Cells
     complete: bool
+
+    def is_due(self, snapshot: MapSnapshot) -> bool:
+        """Whether an update would tell more: the snapshot has a new keyframe, or work is left."""
+        return not self.complete or int(snapshot.keyframe_ids[-1]) != self.newest_keyframe
 
 
 class Densifier:
@@ -60,7 +67,8 @@ class Densifier:
         self._work(surfaces, snapshot, views, self._config.cells_per_update if budget is None else budget)
         cells = Cells.concatenated([self._cells(plane, snapshot) for plane in surfaces])
         complete = not any(surface.due.any() for surface in kept.values())
-        return DenseMap(snapshot.version, planes, cells, complete)
+        newest = int(snapshot.keyframe_ids[-1]) if len(snapshot.keyframe_ids) else -1
+        return DenseMap(snapshot.version, newest, planes, cells, complete)
 
     def _prepared(self, plane: Plane, snapshot: MapSnapshot, views: Views, fresh: IntArray, every: IntArray) -> Surface:
         """The plane's surface with everything the fresh keyframes show marked as due; anew if the plane has moved."""

@@ -44,7 +44,6 @@ class DenseMapping:
     def __init__(self, config: Config) -> None:
         self._config = config
         self._process: DenseProcess | None = None
-        self._newest: tuple[int, ...] = ()
         self._map: DenseMap | None = None
         self.spots: AnchoredSpots | None = None
         self._planes_pub = rospy.Publisher(topics.PLANES, MarkerArray, queue_size=1)
@@ -58,13 +57,12 @@ class DenseMapping:
 
     def refresh(self, snapshot: MapSnapshot) -> None:
         """Densify when there is a new keyframe, or work left from the last one."""
-        newest = tuple(snapshot.keyframe_ids[-1:].tolist())
-        done = newest == self._newest and (self._map is None or self._map.complete)
-        if self._process is None or not newest or done:
+        if self._process is None or not len(snapshot.keyframe_ids):
+            return
+        if self._map is not None and not self._map.is_due(snapshot):
             return
         try:
             self._map, self.spots = self._process.update(snapshot)
-            self._newest = newest
         except VsxError as error:
             self._process = None
             if not rospy.is_shutdown():

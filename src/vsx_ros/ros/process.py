@@ -80,11 +80,19 @@ def run(name: str, build: Callable[[Config], Node]) -> None:
         rospy.logfatal("%s: %s", name, error)
         rospy.signal_shutdown(str(error))
         sys.exit(2 if isinstance(error, DeviceError) else 1)
-    rospy.on_shutdown(node.close)
+    unclosed = threading.Lock()
+
+    def close() -> None:
+        """Once: what is added while ROS shuts down is never called by it."""
+        if unclosed.acquire(blocking=False):
+            node.close()
+
+    rospy.on_shutdown(close)
     rospy.loginfo("%s: ready", rospy.get_name())
     while not rospy.is_shutdown():
         time.sleep(_LOOK_S)
     let_go()
+    close()
 
 
 def _close_on_signals() -> Callable[[], None]:

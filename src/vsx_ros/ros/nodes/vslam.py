@@ -29,6 +29,7 @@ from tf2_msgs.msg import TFMessage
 from vsx_hw.readings import Hazard
 from vsx_ros.cli.run_record import RunRecord
 from vsx_ros.config import Config
+from vsx_ros.dense.densify import UPDATE_EVERY_S
 from vsx_ros.errors import MapFileError
 from vsx_ros.geometry.camera import mount_pose
 from vsx_ros.geometry.se2 import SE2
@@ -52,7 +53,6 @@ from vsx_ros.slam.threads import ThreadedSlam
 from vsx_ros.slam.tracking_record import TrackingRecord
 
 _MAP_PERIOD_S = 1.0
-_DENSE_PERIOD_S = 1.5
 _TF_PERIOD_S = 0.05
 _TF_TOLERANCE_NS = 100_000_000
 _SILENCE_S = 3.0
@@ -102,7 +102,7 @@ class VslamNode:
         process.image_subscriber(self._on_image)
         process.every(_TF_PERIOD_S, "tf", self._publish_tf)
         process.every(_MAP_PERIOD_S, "ground map", self._map)
-        process.every(_DENSE_PERIOD_S, "dense map", self._densify)
+        process.every(UPDATE_EVERY_S, "dense map", self._densify)
         rospy.Service(topics.SAVE_MAP, Trigger, self._on_save_map)
         self._tracking = process.worker("tracking", self._track)
 
