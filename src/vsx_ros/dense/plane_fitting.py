@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -10,12 +9,10 @@ import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.dense.observed_points import ObservedPoints
-from vsx_ros.dense.planes import in_plane_axes
 from vsx_ros.kernels import planes as kernels
 
 _ROUNDS = 4
 _CUTOFF_GATES = 2.0
-_NO_CUTOFF = 1e9
 
 
 class Attitude(IntEnum):
@@ -26,8 +23,8 @@ class Attitude(IntEnum):
     LEVEL = 2
 
 
-_TILTS = {Attitude.FREE: [0, 1], Attitude.UPRIGHT: [1], Attitude.LEVEL: list[int]()}
-"""The tilts that remain to be found: 0 about right, 1 about up."""
+_FIXED = {Attitude.FREE: 0, Attitude.UPRIGHT: 1, Attitude.LEVEL: 2}
+"""How many of the tilts, about right and about up, are known."""
 
 
 class Fit(NamedTuple):
@@ -76,23 +73,8 @@ def fit_plane(
     """
     if not len(rows):
         return None
-    tilts = _TILTS[attitude]
-    offset, cutoff = 0.0, _NO_CUTOFF
-    for _ in range(_ROUNDS):
-        total, middle, scatter = kernels.plane_moments(
-            points.world, points.covariances, rows, np.append(normal, offset), noise.floor, cutoff
-        )
-        axes = in_plane_axes(normal)
-        # How the distance of a point changes as the plane tilts about right, then about up.
-        slopes = np.array([-axes[1], axes[0]])[tilts]
-        H = slopes @ scatter @ slopes.T
-        if not total > 0.0 or not np.linalg.det(H) > 1e-12 * np.prod(np.diag(H)) > 0.0:
-            return None
-        normal = normal - np.linalg.solve(H, slopes @ (scatter @ normal)) @ slopes
-        normal = normal / math.sqrt(float(normal @ normal))
-        offset, cutoff = float(normal @ middle), _CUTOFF_GATES * noise.gate
-    covariance = np.zeros((3, 3))
-    covariance[np.ix_(tilts, tilts)] = np.linalg.inv(H)
-    covariance[2, 2] = 1.0 / total + noise.floor**2
-    spread = np.sqrt(np.einsum("ij,jk,ik->i", axes, scatter, axes) / total)
-    return Fit(normal, offset, attitude, covariance, middle, spread)
+    fixed, cutoff = _FIXED[attitude], _CUTOFF_GATES * noise.gate
+    determined, plane, covariance, middle, spread = kernels.fit_plane(
+        points.world, points.covariances, rows, normal, fixed, noise.floor, cutoff, _ROUNDS
+    )
+    return Fit(plane[:3], float(plane[3]), attitude, covariance, middle, spread) if determined else None

@@ -12,7 +12,7 @@ from vsx_ros.dense.observed_points import ObservedPoints
 from vsx_ros.dense.plane_fitting import Fit, Noise, deviations, fit_plane, on_plane
 from vsx_ros.dense.plane_tiles import is_plane
 from vsx_ros.dense.planes import in_plane_axes
-from vsx_ros.kernels.planes import beside
+from vsx_ros.kernels.planes import beside, best_planes
 
 _MAX_ANGLE_COS = math.cos(math.radians(12.0))
 _SAME_SHARE = 0.8
@@ -82,23 +82,17 @@ def _shared_out(groups: list[Found], points: ObservedPoints, min_points: int, no
 def _owners(groups: list[Found], points: ObservedPoints, min_points: int, noise: Noise, unit: float) -> list[IntArray]:
     """The rows that fit each group best. Of the groups that have too few, the smallest leaves its points to the others:
     planes that cross a small face take enough of its points to spoil it, and are none themselves."""
-    size = np.array([len(group.rows) for group in groups])
-    sigmas = np.full((len(groups) + 1, len(points.world)), np.inf)
-    for k, group in enumerate(groups):
-        near = _within(group, points, _MARGIN_M * unit)
-        sigmas[k, near] = deviations(points, near, group.fit.normal, group.fit.offset, noise)
-    sigmas[-1] = noise.gate
-    sigmas[:-1][sigmas[:-1] >= noise.gate] = np.inf
-    owner = sigmas.argmin(axis=0)
-    while True:
-        count = np.bincount(owner, minlength=len(groups))[: len(groups)]
-        few = np.flatnonzero((count > 0) & (count < min_points))
-        if not len(few):
-            return [np.flatnonzero(owner == k) for k in range(len(groups))]
-        left = few[size[few].argmin()]
-        sigmas[left] = np.inf
-        homeless = np.flatnonzero(owner == left)
-        owner[homeless] = sigmas[:, homeless].argmin(axis=0)
+    if not groups:
+        return []
+    axes = np.array([in_plane_axes(group.fit.normal) for group in groups])
+    boxes = np.array([_box(group, points, _MARGIN_M * unit) for group in groups])
+    planes = np.array([[*group.fit.normal, group.fit.offset] for group in groups])
+    order = np.argsort([len(group.rows) for group in groups], kind="stable")
+    owner = best_planes(
+        points.world, points.covariances, points.views, planes, axes, boxes, min_points, order,
+        (noise.floor, noise.gate, noise.limit),
+    )  # fmt: skip
+    return [np.flatnonzero(owner == k) for k in range(len(groups))]
 
 
 def _standing(
@@ -145,10 +139,15 @@ def _stands(found: Found, points: ObservedPoints, noise: Noise, unit: float) -> 
 
 def _within(found: Found, points: ObservedPoints, margin: float) -> IntArray:
     """Rows of the points beside the plane's own ones, up to a margin [m] around."""
-    axes = in_plane_axes(found.fit.normal)
-    own = points.world[found.rows] @ axes.T
-    rows: IntArray = beside(points.world, axes, own.min(axis=0) - margin, own.max(axis=0) + margin)
+    low, high = _box(found, points, margin)
+    rows: IntArray = beside(points.world, in_plane_axes(found.fit.normal), low, high)
     return rows
+
+
+def _box(found: Found, points: ObservedPoints, margin: float) -> FloatArray:
+    """(2, 2) least and greatest coordinates of the plane's own points along its axes, with a margin [m] around."""
+    own = points.world[found.rows] @ in_plane_axes(found.fit.normal).T
+    return np.array([own.min(axis=0) - margin, own.max(axis=0) + margin])
 
 
 def _pieces(coordinates: FloatArray, gap: float) -> list[IntArray]:

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from vsx_ros.arrays import FloatArray, IntArray, Points2, Points3
+from vsx_ros.kernels import planes as kernels
 
-_LEVEL = math.cos(math.radians(15.0))
 _UPRIGHT = math.sin(math.radians(15.0))
 _FLOOR_HEIGHT_M = 0.10
 
@@ -57,18 +57,15 @@ class Plane(NamedTuple):
 
 def in_plane_axes(normal: FloatArray) -> FloatArray:
     """(2, 3) right and up of a plane: up is the direction in the plane nearest to +z, or to +y for a level plane."""
-    x, y, z = (float(c) for c in normal)
-    ux, uy, uz = (-x * y, 1.0 - y * y, -z * y) if abs(z) >= _LEVEL else (-x * z, -y * z, 1.0 - z * z)
-    length = math.sqrt(ux * ux + uy * uy + uz * uz)
-    ux, uy, uz = ux / length, uy / length, uz / length
-    return np.array([[uy * z - uz * y, uz * x - ux * z, ux * y - uy * x], [ux, uy, uz]])
+    axes: FloatArray = kernels.in_plane_axes(normal[0], normal[1], normal[2])
+    return axes
 
 
 def kind_of(normal: FloatArray, offset: float) -> PlaneKind:
     """What a plane is, where z points up and the floor is at z = 0."""
     if abs(float(normal[2])) <= _UPRIGHT:
         return PlaneKind.WALL
-    if abs(float(normal[2])) < _LEVEL:
+    if abs(float(normal[2])) < kernels.LEVEL:
         return PlaneKind.OTHER
     on_floor = float(normal[2]) > 0.0 and abs(offset) <= _FLOOR_HEIGHT_M
     return PlaneKind.FLOOR if on_floor else PlaneKind.TABLE

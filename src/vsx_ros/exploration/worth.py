@@ -7,38 +7,24 @@ them from the same side. From another side they keep it: what hid them may be a 
 
 from __future__ import annotations
 
-import math
-
-import cv2
 import numpy as np
 
 from vsx_ros.arrays import FloatArray
 from vsx_ros.config import ExplorationConfig
 from vsx_ros.kernels.visibility import count_looks
 from vsx_ros.occupancy.grid import OCCUPIED, UNKNOWN, OccupancyGrid
+from vsx_ros.occupancy.walls import walls
 
 SECTORS = 8
-_WALL_CELLS, _WALL_LENGTH_M, _WALL_STEP_RAD = 12, 1.5, math.pi / 90
-"""So many obstacle cells in a row so long are a wall; how finely its direction is looked for."""
 _WALL_THICKNESS = 2
 """Cells; rays slip through the corners of thinner lines."""
 
 
 def opaque_walls(grid: OccupancyGrid, gap_m: float, wall_gap_m: float) -> OccupancyGrid:
     """The grid with unknown gaps between obstacle cells as obstacle: those narrower than gap_m [m] anywhere, those
-    narrower than wall_gap_m [m] along straight rows of obstacle cells as long as a wall."""
-    occupied = (grid.data == OCCUPIED).astype(np.uint8)
-    cells = max(1, round(gap_m / grid.resolution)) | 1
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (cells, cells))
-    padded = cv2.copyMakeBorder(occupied, cells, cells, cells, cells, cv2.BORDER_CONSTANT, value=0)
-    closed = np.ascontiguousarray(cv2.morphologyEx(padded, cv2.MORPH_CLOSE, disc)[cells:-cells, cells:-cells])
-    walls = cv2.HoughLinesP(
-        255 * occupied, 1.0, _WALL_STEP_RAD, _WALL_CELLS,
-        minLineLength=_WALL_LENGTH_M / grid.resolution, maxLineGap=wall_gap_m / grid.resolution,
-    )  # fmt: skip
-    for x0, y0, x1, y1 in walls.reshape(-1, 4).tolist() if walls is not None else []:
-        cv2.line(closed, (x0, y0), (x1, y1), 1, _WALL_THICKNESS)
-    data = np.where((closed > 0) & (grid.data == UNKNOWN), OCCUPIED, grid.data).astype(np.int8)
+    shorter than wall_gap_m [m] along straight walls."""
+    solid = walls(grid.data == OCCUPIED, grid.resolution, gap_m, wall_gap_m, thickness=_WALL_THICKNESS)
+    data = np.where(solid & (grid.data == UNKNOWN), OCCUPIED, grid.data).astype(np.int8)
     return OccupancyGrid(data, grid.resolution, grid.origin_x, grid.origin_y)
 
 

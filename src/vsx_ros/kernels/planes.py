@@ -11,6 +11,9 @@ from vsx_ros.kernels import kernel
 from vsx_ros.kernels.jlinkage import WORD
 
 _MIN_FACING = 0.05
+_NO_CUTOFF = 1e9
+LEVEL = math.cos(math.radians(15.0))
+"""Planes whose normal is this much upwards are level."""
 
 
 @kernel
@@ -70,6 +73,69 @@ def deviations(points: Any, covariances: Any, views: Any, rows: Any, plane: Any,
 
 
 @kernel
+def best_planes(
+    points: Any, covariances: Any, views: Any, planes: Any, axes: Any, boxes: Any, few: int, order: Any, limits: Any
+) -> Any:
+    """(N,) the plane of (G, 4) that each point fits best, of those it lies beside; -1 where it fits none.
+
+    Planes with fewer than ``few`` points leave them to the others, one at a time by their place in order (G,).
+    axes: (G, 2, 3). boxes: (G, 2, 2) least and greatest coordinates along them [m]. limits: floor [m], gate, limit [m];
+    see ``deviations``.
+    """
+    floor, gate, limit = limits
+    n, m = points.shape[0], planes.shape[0]
+    begin = np.zeros(n + 1, np.int64)
+    near, sigmas = np.empty(4 * n, np.int64), np.empty(4 * n)
+    count = 0
+    for i in range(n):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        for k in range(m):
+            a, b, e = planes[k, 0], planes[k, 1], planes[k, 2]
+            r = abs(a * x + b * y + e * z - planes[k, 3])
+            if r > limit or a * views[i, 0] + b * views[i, 1] + e * views[i, 2] <= _MIN_FACING:
+                continue
+            u = axes[k, 0, 0] * x + axes[k, 0, 1] * y + axes[k, 0, 2] * z
+            v = axes[k, 1, 0] * x + axes[k, 1, 1] * y + axes[k, 1, 2] * z
+            if u < boxes[k, 0, 0] or u > boxes[k, 1, 0] or v < boxes[k, 0, 1] or v > boxes[k, 1, 1]:
+                continue
+            sigma = r / math.sqrt(floor * floor + _variance(covariances[i], a, b, e))
+            if sigma >= gate:
+                continue
+            if count == near.shape[0]:
+                near, sigmas = np.concatenate((near, near)), np.concatenate((sigmas, sigmas))
+            near[count], sigmas[count] = k, sigma
+            count += 1
+        begin[i + 1] = count
+    owner, gone, size = np.full(n, -1), np.zeros(m, np.bool_), np.zeros(m, np.int64)
+    for i in range(n):
+        _choose(i, owner, size, gone, begin, near, sigmas)
+    while True:
+        left = -1
+        for k in order:
+            if 0 < size[k] < few:
+                left = k
+                break
+        if left < 0:
+            return owner
+        gone[left] = True
+        for i in range(n):
+            if owner[i] == left:
+                _choose(i, owner, size, gone, begin, near, sigmas)
+        size[left] = 0
+
+
+@kernel
+def _choose(i: int, owner: Any, size: Any, gone: Any, begin: Any, near: Any, sigmas: Any) -> None:
+    """Give point i to the plane near it that it fits best, of those that are not gone."""
+    best, owner[i] = np.inf, -1
+    for j in range(begin[i], begin[i + 1]):
+        if sigmas[j] < best and not gone[near[j]]:
+            best, owner[i] = sigmas[j], near[j]
+    if owner[i] >= 0:
+        size[owner[i]] += 1
+
+
+@kernel
 def beside(points: Any, axes: Any, low: Any, high: Any) -> Any:
     """Rows of the points (N, 3) whose coordinates along two axes (2, 3) lie between low and high (2,)."""
     rows = np.empty(points.shape[0], np.int64)
@@ -116,6 +182,75 @@ def plane_moments(points: Any, covariances: Any, rows: Any, plane: Any, floor: f
         for k in range(3):
             second[j, k] -= total * first[j] * first[k]
     return total, origin + first, second
+
+
+@kernel
+def in_plane_axes(x: float, y: float, z: float) -> Any:
+    """(2, 3) right and up of a plane with the unit normal (x, y, z): up is the direction in the plane nearest to +z, or
+    to +y for a level plane."""
+    if abs(z) >= LEVEL:
+        ux, uy, uz = -x * y, 1.0 - y * y, -z * y
+    else:
+        ux, uy, uz = -x * z, -y * z, 1.0 - z * z
+    length = math.sqrt(ux * ux + uy * uy + uz * uz)
+    ux, uy, uz = ux / length, uy / length, uz / length
+    return np.array([[uy * z - uz * y, uz * x - ux * z, ux * y - uy * x], [ux, uy, uz]])
+
+
+@kernel
+def fit_plane(
+    points: Any, covariances: Any, rows: Any, guess: Any, fixed: int, floor: float, cutoff: float, rounds: int
+) -> Any:
+    """Gauss-Newton on two tilts and the offset of the plane of some points (rows), Tukey's weights from the second
+    round on.
+
+    guess: (3,) unit normal. fixed: 0 where the plane may tilt about right and about up, 1 about up only, 2 not at all.
+    floor, cutoff: see ``plane_moments``. Returns whether the points determine a plane, plane (4,), covariance (3, 3) of
+    tilts and offset, weighted middle (3,), and standard deviations [m] of the points along right and up (2,).
+    """
+    plane = np.array([guess[0], guess[1], guess[2], 0.0])
+    normal, slopes, H, g = plane[:3], np.zeros((2, 3)), np.zeros((2, 2)), np.zeros(2)
+    covariance, spread = np.zeros((3, 3)), np.zeros(2)
+    for turn in range(rounds):
+        total, middle, scatter = plane_moments(points, covariances, rows, plane, floor, cutoff if turn else _NO_CUTOFF)
+        axes = in_plane_axes(normal[0], normal[1], normal[2])
+        # How the distance of a point changes as the plane tilts about right, then about up.
+        slopes[0], slopes[1] = -axes[1], axes[0]
+        for a in range(2):
+            g[a] = _between(slopes[a], scatter, normal)
+            for b in range(2):
+                H[a, b] = _between(slopes[a], scatter, slopes[b])
+        for a in range(fixed):
+            g[a] = H[0, 1] = H[1, 0] = 0.0
+            H[a, a] = 1.0
+        determinant, scale = H[0, 0] * H[1, 1] - H[0, 1] * H[1, 0], H[0, 0] * H[1, 1]
+        if not (total > 0.0 and scale > 0.0 and determinant > 1e-12 * scale):
+            return False, plane, covariance, middle, spread
+        right, up = (H[1, 1] * g[0] - H[0, 1] * g[1]) / determinant, (H[0, 0] * g[1] - H[1, 0] * g[0]) / determinant
+        for j in range(3):
+            normal[j] -= right * slopes[0, j] + up * slopes[1, j]
+        length = math.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
+        for j in range(3):
+            normal[j] /= length
+        plane[3] = normal[0] * middle[0] + normal[1] * middle[1] + normal[2] * middle[2]
+    if fixed < 1:
+        covariance[0, 0], covariance[0, 1], covariance[1, 0] = H[1, 1], -H[0, 1], -H[1, 0]
+    if fixed < 2:
+        covariance[1, 1] = H[0, 0]
+    covariance /= determinant
+    covariance[2, 2] = 1.0 / total + floor * floor
+    for a in range(2):
+        spread[a] = math.sqrt(max(0.0, _between(axes[a], scatter, axes[a])) / total)
+    return True, plane, covariance, middle, spread
+
+
+@kernel
+def _between(a: Any, M: Any, b: Any) -> float:
+    """a M b for vectors (3,) and a matrix (3, 3)."""
+    total = 0.0
+    for j in range(3):
+        total += a[j] * (M[j, 0] * b[0] + M[j, 1] * b[1] + M[j, 2] * b[2])
+    return total
 
 
 @kernel

@@ -48,8 +48,10 @@ def _planes() -> None:
     wall = np.array([-1.0, 0.0, 0.0, -2.0])
     covariances = np.linalg.inv(information + np.eye(3))
     planes.deviations(points, covariances, rays, one, wall, 0.01, 0.1)
+    axes, boxes = np.eye(3)[:2][None].copy(), np.array([[np.zeros(2), np.ones(2)]])
+    planes.best_planes(points, covariances, rays, wall[None], axes, boxes, 1, one, (0.01, 2.5, 0.1))
     planes.beside(points, np.eye(3)[:2], np.zeros(2), np.ones(2))
-    planes.plane_moments(points, covariances, one, wall, 0.01, 5.0)
+    planes.fit_plane(points, covariances, one, wall[:3], 0, 0.01, 5.0, 4)
     planes.first_accepted(points, np.ones(1), one, one[None], np.ones((1, 1)), 2, 0.8, 0.1)
     jlinkage.agglomerate(planes.plane_preferences(points, covariances, rays, wall[None], 0.01, 2.5, 0.1))
 

@@ -22,6 +22,7 @@ from vsx_ros.kernels.scan_casting import count_free
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.occupancy.surfaces import Surfaces
 from vsx_ros.occupancy.virtual_scan import PolarScans, meet, virtual_scans, writable
+from vsx_ros.occupancy.walls import walls
 
 _MARGIN_M = 0.5
 _MIN_FREE_VOTES = 1
@@ -34,8 +35,10 @@ _SURE_POINTS = 3
 _OVERRULED_BY, _FEW_OVERRULED_BY = 1.0, 0.25
 """Points, or fewer than sure ones, are noise where so many times more keyframes looked through their place."""
 _SPECK_CELLS, _SLIT_CELLS = 3, 7
-_MIN_RIM_VOTES = 4
+_MIN_RIM_VOTES = 2
 """So many keyframes know a cell at the rim of the free ground; where fewer do, it may be a face's that they graze."""
+_WALL_GAP_M, _WALL_SHARE = 1.0, 0.5
+"""Of a straight wall, so long a stretch that nobody saw is taken for wall; at least so much of it was seen."""
 _MIN_SPOTS = 6
 _SEEN_THROUGH = 0.25
 _MAX_SURFACE_SIGMA_M = 0.05
@@ -129,6 +132,8 @@ class GroundMap:
         data[(free_votes >= _MIN_FREE_VOTES) | known] = FREE
         data[occupied] = OCCUPIED
         data[_gaps(data)] = FREE
+        unsure = (data == UNKNOWN) | ((data == FREE) & (free_votes < _MIN_RIM_VOTES))
+        data[unsure & walls(occupied, lattice.resolution, 2 * self._robot.radius_m, _WALL_GAP_M, _WALL_SHARE)] = OCCUPIED
         data[_rims(data, free_votes)] = UNKNOWN
         data[known] = FREE
         grid = OccupancyGrid(data, lattice.resolution, lattice.origin_x, lattice.origin_y)

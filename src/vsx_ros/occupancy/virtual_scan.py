@@ -30,7 +30,7 @@ _MAX_GAP_M = 0.15
 _PIXEL_NOISE_RAD = 0.0012
 """0.6 pixels at a focal length of 500: how well a bearing to a point is known."""
 _MAX_HIT_ERROR_M = 0.10
-_CAUTION = 3.0
+_CAUTION = 2.0
 """A ray proves the floor free up to this many depth errors, and one cell, short of its point."""
 _FOOT_M = 0.15
 """A ray that ends below has met whatever is higher on its way."""
