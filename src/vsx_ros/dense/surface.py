@@ -131,7 +131,7 @@ class Surface:
         for mask, why in ((holes, CellKind.ENCLOSED), (filled, CellKind.CONTACT), (believed, CellKind.PHOTO)):
             kind[mask] = why
         kind[believed & seed] = CellKind.SEED
-        keyframe = np.where(self._keyframe >= 0, self._keyframe, seed_keyframe)
+        keyframe = np.where((self._keyframe < 0) | (seed & ~strong), seed_keyframe, self._keyframe)
         keyframe = np.where(kind == CellKind.CONTACT, self._contact_keyframe[:, None], keyframe)
         keyframe = _nearest_known(keyframe, np.isin(keyframe, living))
         kind[keyframe < 0] = -1

@@ -73,19 +73,19 @@ def contact_steps(
     least cosine of incidence, grey levels beside the strips' own roughness that make a step, most keyframes (the
     newest are asked first).
     Returns seen (C,): how many keyframes; steps (C, S): mean signed step over them, 1 where it just is one; reference
-    (C,): the nearest of them, -1 without.
+    (C,): the nearest of those in which it is one itself, of the mean's sign; -1 without.
     """
     nearest, farthest, grazing, least, most = limits
     half_width, low, high, begin, length = strips
     n = feet.shape[0]
     seen, steps = np.zeros(n, np.int64), np.zeros((n, shifts.shape[0]))
-    reference = np.full(n, -1, np.int64)
+    reference, witness = np.full(n, -1, np.int64), np.zeros(2, np.int64)
     up = np.array([0.0, 0.0, 1.0])
     across = half_width * right
     origin = np.zeros(3)
-    found = np.zeros(shifts.shape[0])
+    found, closest = np.zeros(shifts.shape[0]), np.zeros(2)
     for i in range(n):
-        closest = np.inf
+        closest[:], witness[:] = np.inf, -1
         for k in range(centres.shape[0] - 1, -1, -1):
             dx, dy, dz = centres[k, 0] - feet[i, 0], centres[k, 1] - feet[i, 1], centres[k, 2] - feet[i, 2]
             distance = math.sqrt(dx * dx + dy * dy + dz * dz)
@@ -110,11 +110,13 @@ def contact_steps(
                 continue
             seen[i] += 1
             steps[i] += found
-            if distance < closest:
-                closest = distance
-                reference[i] = k
+            brighter = 1 if found[0] > 0.0 else 0
+            if abs(found[0]) >= 1.0 and distance < closest[brighter]:
+                closest[brighter] = distance
+                witness[brighter] = k
             if seen[i] >= most:
                 break
         if seen[i] > 0:
             steps[i] /= seen[i]
+            reference[i] = witness[1 if steps[i, 0] > 0.0 else 0]
     return seen, steps, reference

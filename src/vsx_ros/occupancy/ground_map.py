@@ -133,7 +133,9 @@ class GroundMap:
         data[occupied] = OCCUPIED
         data[_gaps(data)] = FREE
         unsure = (data == UNKNOWN) | ((data == FREE) & (free_votes < _MIN_RIM_VOTES))
-        data[unsure & walls(occupied, lattice.resolution, 2 * self._robot.radius_m, _WALL_GAP_M, _WALL_SHARE)] = OCCUPIED
+        data[unsure & walls(occupied, lattice.resolution, 2 * self._robot.radius_m, _WALL_GAP_M, _WALL_SHARE)] = (
+            OCCUPIED
+        )
         data[_rims(data, free_votes)] = UNKNOWN
         data[known] = FREE
         grid = OccupancyGrid(data, lattice.resolution, lattice.origin_x, lattice.origin_y)
