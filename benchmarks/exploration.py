@@ -2,17 +2,19 @@
 
     PYTHONPATH=src:hw python benchmarks/exploration.py run [--world lab] [--seeds 100-105] [--out exploration.jsonl]
     PYTHONPATH=src:hw python benchmarks/exploration.py table [--out exploration.jsonl]
+    PYTHONPATH=src:hw python benchmarks/exploration.py growth [--out exploration.jsonl]
 
 Each world is explored in lock-step, everything in the loop, until ``--until`` of what can be seen is known and right,
 or the limits of time and way are over, or the mission ends. Runs are appended to ``--out`` as they end; what is there
 already is not run again, so that an interrupted benchmark goes on. ``--noise`` draws other noise for the same world.
 ``--strategy nearest`` chooses goals like explore_lite, by length of frontiers and straight distance, on the same
-worlds, sensor, map and planner.
+worlds, sensor, map and planner. ``growth`` tells what a decision costs, and how much memory is used, as the map grows.
 """
 
 import argparse
 import json
 import math
+import resource
 import time
 from pathlib import Path
 
@@ -21,11 +23,11 @@ import numpy as np
 from vsx_ros.cli.explore_fast import FastRun
 from vsx_ros.cli.world import open_world
 from vsx_ros.config import Config, ExplorationConfig
-from vsx_ros.exploration.decision import Outcome
+from vsx_ros.exploration.decision import Action, Outcome
 from vsx_ros.exploration.frontiers import find_frontiers
 from vsx_ros.exploration.utility import Ranking, Rejection, TravelCosts, View, standing_room
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.occupancy.grid import UNKNOWN, OccupancyGrid
 
 SAMPLE_S = 5.0
 LEVELS = (0.5, 0.7, 0.8, 0.9, 0.95)
@@ -89,6 +91,7 @@ def explored(world: str, seed: int, noise: int, strategy: str, limits: argparse.
         if right >= limits.until or way_m >= limits.way:
             mission.stop(now_ns)
 
+    decisions = decisions_of(run)
     cpu, wall = time.process_time(), time.perf_counter()
     reason = run.run(limits.time, watch)
     if mission.outcome is Outcome.STOPPED:
@@ -103,7 +106,44 @@ def explored(world: str, seed: int, noise: int, strategy: str, limits: argparse.
         **{name: summary[name] for name in kept},
         "cpu_s": cpu, "wall_s": wall, "min_clearance_m": run.robot.truth.min_clearance_m,
         "times_lost": sum(reason.startswith("tracking lost") for reason in events), "curve": curve,
+        "decisions": decisions,
     }  # fmt: skip
+
+
+def decisions_of(run: FastRun) -> list[tuple[float, float, int, float, float]]:
+    """Filled as the run goes on, a row for each goal: time [s], known ground [m2], keyframes, what choosing it and
+    planning the way cost [ms of processor time], the most memory used so far [MB]."""
+    system, rows = run.system, []
+    decide = system._decide
+
+    def timed(now_ns: int, *others):
+        begun = time.process_time()
+        decision = decide(now_ns, *others)
+        cost_ms = 1e3 * (time.process_time() - begun)
+        if decision.action is Action.GO and system.grid is not None:
+            known_m2 = float(np.count_nonzero(system.grid.data != UNKNOWN)) * system.grid.resolution**2
+            keyframes = len(system.slam.snapshot().keyframe_ids)
+            rows.append(
+                (now_ns * 1e-9, known_m2, keyframes, cost_ms, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+            )
+        return decision
+
+    system._decide = timed
+    return rows
+
+
+def growth(runs: list[dict]) -> str:
+    """A row for each quarter of the decisions of all runs of a world, by known ground."""
+    head = ("world", "known ground [m2]", "keyframes", "decisions", "median [ms]", "slowest [ms]", "memory [MB]")
+    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    for world in sorted({run["world"] for run in runs}):
+        rows = np.array([row for run in runs if run["world"] == world for row in run["decisions"]])
+        for part in np.array_split(rows[np.argsort(rows[:, 1])], 4):
+            lines.append(
+                f"| {world} | {part[0, 1]:.0f} to {part[-1, 1]:.0f} | up to {part[:, 2].max():.0f} | {len(part)} | "
+                f"{np.median(part[:, 3]):.0f} | {part[:, 3].max():.0f} | {part[:, 4].max():.0f} |"
+            )
+    return "\n".join(lines)
 
 
 def way_to(curve: list[list[float]], share: float) -> float:
@@ -143,7 +183,7 @@ def known_runs(file: Path) -> list[dict]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("run", "table"))
+    parser.add_argument("what", choices=("run", "table", "growth"))
     parser.add_argument("--world", default="lab")
     parser.add_argument("--seeds", default="100-105", help="first-last")
     parser.add_argument("--noise", type=int, default=0)
@@ -165,7 +205,7 @@ def main() -> None:
                 file.write(json.dumps(runs[-1]) + "\n")
             print(table(runs[-1:]).splitlines()[2], flush=True)
     else:
-        print(table(runs))
+        print(table(runs) if args.what == "table" else growth(runs))
 
 
 if __name__ == "__main__":
