@@ -108,6 +108,17 @@ def test_the_run_folder_holds_what_it_promises(replayed):
     assert len(replayed.read_poses("trajectory")) == replayed.read_summary()["frames_tracked"]
     assert any(event.state == "initialised" for event in replayed.read_events())
     assert len(replayed.read_frames()) == 60
+
+
+def test_how_long_points_live_is_kept_for_each_frame_and_ends_at_the_number_of_the_run(replayed):
+    frames, u2_frames = replayed.read_frames(), replayed.read_summary()["u2_frames"]
+    lives = [frame.u2_frames for frame in frames]
+    assert lives[0] is None
+    assert lives[-1] == pytest.approx(u2_frames, abs=0.006)
+    assert 3.0 <= lives[-10] < lives[-1] <= len(frames)
+    report = (replayed.path / "report.html").read_text()
+    assert "U2 so far" in report
+    assert f"<b>{u2_frames:.0f} frames</b>" in report
     free_m2 = np.count_nonzero(replayed.read_map().data == 0) * 0.05**2
     assert 0.3 < free_m2 < 20
     assert yaml.safe_load((replayed.path / "config.yaml").read_text())["versions"]["numpy"] == np.__version__

@@ -19,6 +19,10 @@ def poses(n=40, turn=0.0):
     return [StampedPose(i * SECOND, SE3(R, R @ np.array([0.1 * i, np.sin(0.2 * i), 0.3]))) for i in range(n)]
 
 
+def frame(i, u2_frames):
+    return i * SECOND, "good" if i < 30 else "lost", 100 * (i < 30), 80, False, 5.0, u2_frames
+
+
 def page(**changes):
     data = {
         "summary": Summary(
@@ -30,7 +34,7 @@ def page(**changes):
             (5 * SECOND, "slam", "lost", "too few points < 30 & fading"),
             (2 * SECOND, "slam", "keyframe", "kf"),
         ],
-        "frames": [(i * SECOND, "good" if i < 30 else "lost", 100 * (i < 30), 80, False, 5.0) for i in range(40)],
+        "frames": [frame(i, u2_frames=2.0 * i if i >= 10 else None) for i in range(40)],
         "estimate": poses(),
         "truth": poses(turn=1.0),
         "grid": OccupancyGrid(np.array([[0, 100], [-1, 0]]), 1.0, 0.0, 0.0),
@@ -49,11 +53,31 @@ def test_the_page_tells_the_story_and_escapes_it():
     assert "too few points &lt; 30 &amp; fading" in text
     assert "vsx explore --set a=&lt;b&gt;" in text
     assert "<td>keyframe</td>" not in text
-    assert len(drawings(text)) == 4
+    assert len(drawings(text)) == 5
 
 
 def test_nothing_is_fetched_from_elsewhere():
     assert not re.search(r'(src|href)="(?!data:)|url\(|<script|@import', page())
+
+
+def test_both_measures_of_tracking_are_curves_over_the_run():
+    found, lives = (
+        next(d for d in drawings(page()) if d.find("title").text == title)
+        for title in ("found / searched", "U2 so far [frames]")
+    )
+    assert len(next(found.iter("polyline")).get("points").split()) == 30
+    places = [[float(p) for p in place.split(",")] for place in next(lives.iter("polyline")).get("points").split()]
+    assert len(places) == 30
+    rises = np.diff(np.array(places), axis=0)
+    assert rises[:, 0] == pytest.approx(rises[0, 0], abs=0.11)
+    assert rises[:, 1] == pytest.approx(rises[0, 1], abs=0.11)
+    assert rises[0, 1] < 0
+
+
+def test_a_run_that_kept_no_lives_of_points_has_no_curve_of_them():
+    text = page(frames=[frame(i, u2_frames=None) for i in range(40)])
+    assert len(drawings(text)) == 4
+    assert "U2 so far" not in text
 
 
 def test_what_is_unknown_is_not_shown_as_zero():
@@ -84,7 +108,7 @@ def test_a_run_that_never_began_still_has_a_page():
 
 
 def test_one_frame_one_pose():
-    text = page(frames=[(7 * SECOND, "good", 0, 0, True, None)], estimate=poses(1), truth=[], grid=None)
+    text = page(frames=[(7 * SECOND, "good", 0, 0, True, None, None)], estimate=poses(1), truth=[], grid=None)
     assert len(drawings(text)) == 2
 
 

@@ -20,7 +20,7 @@ def run(tmp_path):
 
 def test_everything_written_is_read_back(run):
     poses = [StampedPose(i * 10**8, SE3(np.eye(3), np.array([i, 0.5, 0.0]))) for i in range(3)]
-    frames = [FrameRecord(5, "good", 10, 9, True, 1.25), FrameRecord(7 * 10**18, "lost", 0, 0, False, None)]
+    frames = [FrameRecord(5, "good", 10, 9, True, 1.25, 4.5), FrameRecord(7 * 10**18, "lost", 0, 0, False, None)]
     grid = OccupancyGrid(np.array([[0, -1, 100]]), 0.05, 0.0, 0.0)
     run.write_poses("trajectory", poses)
     run.write_frames(frames)
@@ -37,6 +37,12 @@ def test_everything_written_is_read_back(run):
     assert np.array_equal(again.read_map().data, grid.data)
     assert np.array_equal(again.read_points(), np.eye(3))
     assert again.read_summary() == {"frames": 3, "u1": None}
+
+
+def test_frames_of_an_older_version_are_read(run):
+    head = "stamp_s,state,searched,found,keyframe_added,track_ms\n"
+    (run.path / "frames.csv").write_text(head + "1.000000000,good,10,9,1,1.25\n")
+    assert run.read_frames() == [FrameRecord(10**9, "good", 10, 9, True, 1.25, None)]
 
 
 def test_what_was_never_written_is_absent(run):
@@ -78,6 +84,7 @@ def test_other_folders_are_not_touched(tmp_path):
         ("config.yaml", "config: {slam: 3}", "read_config"),
         ("events.jsonl", '{"stamp_ns": 1}\n', "read_events"),
         ("frames.csv", "h\n1,2,3\n", "read_frames"),
+        ("frames.csv", "h\n1.0,good,10,9,1,1.25,4.5,6\n", "read_frames"),
     ],
 )
 def test_damaged_files_are_named(run, name, content, read):

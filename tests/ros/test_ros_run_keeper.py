@@ -40,19 +40,20 @@ def test_what_was_kept_is_there_for_the_next_session(driven, tmp_path: Path) -> 
     keeper = RunKeeper(tmp_path, RunRecord(robot.T_base_cam_given))
     assert keeper.before is None
     for result, odometry in frames[:-5]:
-        keeper.frame(result, odometry, 0.01, [RunEvent(result.stamp_ns, "slam", "state", "why")])
+        keeper.frame(result, odometry, 0.01, 5.0, [RunEvent(result.stamp_ns, "slam", "state", "why")])
     keeper.note(slam, frames[-6][0].stamp_ns, now=True)
     keeper.write(GROUND)
     for result, odometry in frames[-5:]:  # after the checkpoint, hence lost
-        keeper.frame(result, odometry, 0.01, [])
+        keeper.frame(result, odometry, 0.01, 6.0, [])
     record = RunRecord(robot.T_base_cam_given)
     again = RunKeeper(tmp_path, record)
     assert again.before is not None
     assert len(again.before.slam_map.view.living) == len(slam.slam_map().view.living)
     assert [result.stamp_ns for result in record.results] == [result.stamp_ns for result, _ in frames[:-5]]
+    assert record.u2_frames == [5.0] * (len(frames) - 5)
     assert len(record.events) == len(frames) - 5
     far = Odometry(frames[-1][1].stamp_ns, SE2(50.0, 0.0, 0.0))  # a base that counts anew is no break
-    record.add_frame(frames[-1][0], far, 0.01)
+    record.add_frame(frames[-1][0], far, 0.01, None)
     assert record.summary(slam.statistics()).breaks == 0
 
 

@@ -138,7 +138,8 @@ class FastRun:
         began = time.perf_counter()
         step = self.system.step(frame, odometry, bumper)
         record, told = self.record, len(self.record.events)
-        record.add_frame(step.tracking, odometry, time.perf_counter() - began)
+        track_s, u2_frames = time.perf_counter() - began, self.system.slam.statistics().u2_frames
+        record.add_frame(step.tracking, odometry, track_s, u2_frames)
         record.add_odometry(odometry)
         record.add_slam_events(self.system.slam.drain_events())
         events = self.system.mission.drain_events()
@@ -149,7 +150,7 @@ class FastRun:
         if self._session is not None:
             self._session.journal.add(
                 *(EventLine(**event._asdict()) for event in record.events[told:]),
-                FrameLine.of(step.tracking, odometry.T_odom_base, record.track_ms[-1]),
+                FrameLine.of(step.tracking, odometry.T_odom_base, record.track_ms[-1], u2_frames),
                 self._truth_line(frame.stamp_ns),
             )
             if self._session.is_due(frame.stamp_ns):

@@ -197,7 +197,8 @@ def _track_all(slam: SequentialSlam, recording: Recording, record: RunRecord) ->
             odometry = recording.odometry_at(frame.stamp_ns)
             began = time.perf_counter()
             result = slam.track(frame, odometry)
-            record.add_frame(result, odometry, time.perf_counter() - began)
+            track_s = time.perf_counter() - began
+            record.add_frame(result, odometry, track_s, slam.statistics().u2_frames)
             record.add_slam_events(slam.drain_events())
             if sys.stderr.isatty() and began - shown > _PROGRESS_EVERY_S:
                 shown = began

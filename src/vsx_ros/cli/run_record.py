@@ -33,17 +33,21 @@ class RunRecord:
         self._odometry: list[tuple[int, SE2]] = []
         self.results: list[TrackingResult] = []
         self.track_ms: list[float] = []
+        self.u2_frames: list[float | None] = []
         self.events: list[RunEvent] = []
 
     def add_odometry(self, odometry: Odometry) -> None:
         """A reading of the wheels."""
         self._odometry.append((odometry.stamp_ns, odometry.T_odom_base))
 
-    def add_frame(self, result: TrackingResult, odometry: Odometry | None, track_s: float) -> None:
-        """A frame the tracker has seen, the odometry of its instant, and how long it took [s]."""
+    def add_frame(
+        self, result: TrackingResult, odometry: Odometry | None, track_s: float, u2_frames: float | None
+    ) -> None:
+        """A frame the tracker has seen, the odometry of its instant, how long it took [s], and U2 after it."""
         self.results.append(result)
         self._wheels.append(odometry.T_odom_base if odometry is not None else None)
         self.track_ms.append(1e3 * track_s)
+        self.u2_frames.append(u2_frames)
 
     def add_slam_events(self, events: Iterable[SlamEvent]) -> None:
         """Changes of state of the SLAM."""
@@ -55,7 +59,7 @@ class RunRecord:
             if isinstance(line, FrameLine):
                 wheels = None if line.T_odom_base is None else SE2(*line.T_odom_base)
                 odometry = None if wheels is None else Odometry(line.stamp_ns, wheels)
-                self.add_frame(line.result(), odometry, 1e-3 * line.track_ms)
+                self.add_frame(line.result(), odometry, 1e-3 * line.track_ms, line.u2_frames)
                 if odometry is not None:
                     self.add_odometry(odometry)
             elif isinstance(line, EventLine):
@@ -94,8 +98,8 @@ class RunRecord:
             folder.write_surface(surface)
         folder.write_events(self.events)
         folder.write_frames(
-            FrameRecord(r.stamp_ns, r.state.value, r.searched, r.found, r.keyframe_added, ms)
-            for r, ms in zip(self.results, self.track_ms, strict=True)
+            FrameRecord(r.stamp_ns, r.state.value, r.searched, r.found, r.keyframe_added, ms, u2)
+            for r, ms, u2 in zip(self.results, self.track_ms, self.u2_frames, strict=True)
         )
 
 

@@ -27,14 +27,15 @@ class ReportData:
     """What a run folder holds. world_is_level: z is up, so the map is seen along z; else the first camera's x and z.
 
     good_ratio, lost_ratio: shares of found points above and below which tracking is good and lost.
-    events: (stamp_ns, source, state, reason). frames: (stamp_ns, state, searched, found, keyframe_added, track_ms).
+    events: (stamp_ns, source, state, reason). frames: (stamp_ns, state, searched, found, keyframe_added, track_ms,
+    U2 so far).
     """
 
     summary: Mapping[str, Any]
     facts: Mapping[str, Any]
     config_yaml: str
     events: Sequence[tuple[int, str, str, str]]
-    frames: Sequence[tuple[int, str, int, int, bool, float | None]]
+    frames: Sequence[tuple[int, str, int, int, bool, float | None, float | None]]
     estimate: Sequence[StampedPose]
     truth: Sequence[StampedPose]
     grid: OccupancyGrid | None
@@ -86,6 +87,7 @@ def _figures(summary: Mapping[str, Any]) -> str:
     tiles = [
         ("frames tracked", f"{tracked[0]} of {tracked[1]}" if None not in tracked else None),
         ("points found (U1)", share("u1")),
+        ("a point is tracked (U2)", number("u2_frames", ".0f", "frames")),
         ("breaks", number("breaks", "d", "")),
         ("coverage", share("coverage")),
         ("collisions", number("collisions", "d", "")),
@@ -137,12 +139,15 @@ def _truth_in_map(data: ReportData) -> Points3:
 
 
 def timeline(data: ReportData) -> str:
-    """States, share of found points and time per frame over time."""
+    """States, share of found points, how long points are tracked and time per frame over time."""
     if not data.frames:
         return ""
     seconds = np.array([frame[0] - data.frames[0][0] for frame in data.frames]) * 1e-9
     ratio = np.array([frame[3] / frame[2] if frame[2] else np.nan for frame in data.frames])
-    times = np.array([np.nan if frame[5] is None else frame[5] for frame in data.frames], float)
+    times, lives = (
+        np.array([np.nan if frame[column] is None else frame[column] for frame in data.frames], float)
+        for column in (5, 6)
+    )
     marks = [((e[0] - data.frames[0][0]) * 1e-9, e[2], e[3]) for e in data.events if e[2] != "keyframe"]
     states = [frame[1] for frame in data.frames]
     keys = "".join(
@@ -153,8 +158,11 @@ def timeline(data: ReportData) -> str:
     parts = [svg.state_band(seconds, states, inside), f'<p class="legend">{keys}<span>&#9662; event</span></p>']
     if np.isfinite(ratio).any():
         levels = [(data.good_ratio, "good above"), (data.lost_ratio, "lost below")]
-        parts.append("<h3>share of the searched points that were found</h3>")
+        parts.append("<h3>share of the searched points that were found; its mean is U1</h3>")
         parts.append(svg.time_plot(seconds, ratio, "found / searched", 1.0, levels))
+    if np.isfinite(lives).any():
+        parts.append("<h3>frames in which a point was tracked, the mean so far; it ends at U2</h3>")
+        parts.append(svg.time_plot(seconds, lives, "U2 so far [frames]", _top(lives)))
     if np.isfinite(times).any():
         parts.append("<h3>time per frame [ms]</h3>")
         parts.append(svg.time_plot(seconds, times, "ms per frame", _top(times)))

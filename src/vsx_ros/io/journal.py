@@ -21,7 +21,7 @@ Pose3: TypeAlias = tuple[float, float, float, float, float, float, float]
 
 
 class FrameLine(Struct, frozen=True, kw_only=True, tag="frame"):
-    """A tracked frame. T_world_cam: translation and quaternion. T_odom_base: x, y, theta."""
+    """A tracked frame. T_world_cam: translation and quaternion. T_odom_base: x, y, theta. u2_frames: U2 so far."""
 
     stamp_ns: int
     state: TrackingState
@@ -33,10 +33,11 @@ class FrameLine(Struct, frozen=True, kw_only=True, tag="frame"):
     track_ms: float
     T_world_cam: Pose3 | None
     T_odom_base: Pose2 | None
+    u2_frames: float | None = None
 
     @staticmethod
-    def of(result: TrackingResult, T_odom_base: SE2 | None, track_ms: float) -> FrameLine:
-        """The line of a frame, its odometry, and how long it took."""
+    def of(result: TrackingResult, T_odom_base: SE2 | None, track_ms: float, u2_frames: float | None) -> FrameLine:
+        """The line of a frame, its odometry, how long it took, and U2 so far."""
         wheels = None if T_odom_base is None else (T_odom_base.x, T_odom_base.y, T_odom_base.theta)
         return FrameLine(
             stamp_ns=result.stamp_ns,
@@ -49,6 +50,7 @@ class FrameLine(Struct, frozen=True, kw_only=True, tag="frame"):
             track_ms=track_ms,
             T_world_cam=None if result.T_world_cam is None else flat(result.T_world_cam),
             T_odom_base=wheels,
+            u2_frames=u2_frames,
         )
 
     def result(self) -> TrackingResult:

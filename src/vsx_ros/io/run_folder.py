@@ -31,6 +31,7 @@ FILES = (
     "summary.json", "config.yaml", "trajectory.txt", "odometry.txt", "groundtruth.txt", "map.pgm", "map.yaml",
     "sparse.ply", "dense.ply", "events.jsonl", "frames.csv", "report.html", "map.vsxmap",
 )  # fmt: skip
+_FRAME_COLUMNS_ONCE = 6  # older versions kept no u2_frames
 _PACKAGES = ("numpy", "numba", "opencv-python-headless", "osqp", "daqp", "ruckig", "rosbags", "msgspec")
 
 
@@ -44,7 +45,8 @@ class RunEvent(NamedTuple):
 
 
 class FrameRecord(NamedTuple):
-    """One frame as frames.csv keeps it. state: name of the tracking state. track_ms: None where not measured."""
+    """One frame as frames.csv keeps it. state: name of the tracking state. track_ms: None where not measured.
+    u2_frames: U2 of the run so far; None before there is any, and in folders that older versions left."""
 
     stamp_ns: int
     state: str
@@ -52,6 +54,7 @@ class FrameRecord(NamedTuple):
     found: int
     keyframe_added: bool
     track_ms: float | None
+    u2_frames: float | None = None
 
 
 @dataclass(frozen=True)
@@ -136,9 +139,9 @@ class RunFolder:
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(["stamp_s", *FrameRecord._fields[1:]])
         for frame in frames:
-            track_ms = "" if frame.track_ms is None else f"{frame.track_ms:.2f}"
+            measured = ("" if value is None else f"{value:.2f}" for value in (frame.track_ms, frame.u2_frames))
             counts = frame.searched, frame.found, int(frame.keyframe_added)
-            writer.writerow([format_stamp(frame.stamp_ns), frame.state, *counts, track_ms])
+            writer.writerow([format_stamp(frame.stamp_ns), frame.state, *counts, *measured])
         write_text(self.path / "frames.csv", text.getvalue())
 
     def read_frames(self) -> list[FrameRecord]:
@@ -206,9 +209,10 @@ def _is_run(path: Path) -> bool:
 
 
 def _frame_record(row: Sequence[str]) -> FrameRecord:
-    stamp, state, searched, found, added, track_ms = row
-    measured = float(track_ms) if track_ms else None
-    return FrameRecord(parse_stamp(stamp), state, int(searched), int(found), bool(int(added)), measured)
+    stamp, state, searched, found, added, *measured = row if len(row) > _FRAME_COLUMNS_ONCE else [*row, ""]
+    track_ms, u2_frames = (float(value) if value else None for value in measured)
+    counts = int(searched), int(found), bool(int(added))
+    return FrameRecord(parse_stamp(stamp), state, *counts, track_ms, u2_frames)
 
 
 def installed_versions() -> dict[str, str]:

@@ -43,13 +43,18 @@ class RunKeeper:
         self._due_ns = 0
 
     def frame(
-        self, result: TrackingResult, odometry: Odometry | None, track_s: float, events: Sequence[RunEvent]
+        self,
+        result: TrackingResult,
+        odometry: Odometry | None,
+        track_s: float,
+        u2_frames: float | None,
+        events: Sequence[RunEvent],
     ) -> None:
-        """A frame was tracked, and what it told."""
+        """A frame was tracked, U2 after it, and what it told."""
         T_odom_base = None if odometry is None else odometry.T_odom_base
         lines = [EventLine(**event._asdict()) for event in events]
         with process.told():
-            self._journal.add(*lines, FrameLine.of(result, T_odom_base, 1e3 * track_s))
+            self._journal.add(*lines, FrameLine.of(result, T_odom_base, 1e3 * track_s, u2_frames))
 
     def note(self, slam: ThreadedSlam, stamp_ns: int, *, now: bool = False) -> None:
         """Remember the map as it is, every few seconds, to be written."""

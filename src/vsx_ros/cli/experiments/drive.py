@@ -34,7 +34,7 @@ ARMS = ("constrained", "unconstrained", "unconstrained, slow turns")
 START_M = 0.6
 TURN_RAD_S, SLOW_TURN_RAD_S = 0.9, 0.3
 # Whoever strays a little is led back, so that all arms get to the goal.
-_PATIENT = {"follower.max_heading_error_rad": 0.8, "follower.max_lateral_error_m": 0.3}
+_PATIENT = {"planner.phi_rad_m": 1.0, "follower.max_heading_error_rad": 0.8, "follower.max_lateral_error_m": 0.3}
 _TURNS = {1: (math.radians(60.0), math.radians(110.0)), 2: (math.radians(150.0), math.pi)}
 _DISTANCE_M = (1.5, 3.5)
 _CLEARANCE_M, _LONGEST_PATH_M, _TRIES, _LONGEST_DRIVE_S = 0.4, 12.0, 200, 180.0

@@ -172,10 +172,11 @@ class VslamNode:
 
     def _remember(self, slam: ThreadedSlam, result: TrackingResult, odometry: Odometry | None, track_s: float) -> None:
         told = len(self._record.events)
-        self._record.add_frame(result, odometry, track_s)
+        u2_frames = slam.statistics().u2_frames
+        self._record.add_frame(result, odometry, track_s, u2_frames)
         self._record.add_slam_events(slam.drain_events())
         if self._keeper is not None:
-            self._keeper.frame(result, odometry, track_s, self._record.events[told:])
+            self._keeper.frame(result, odometry, track_s, u2_frames, self._record.events[told:])
             self._keeper.note(slam, result.stamp_ns)
 
     def _first_camera_info(self) -> CameraInfo:
