@@ -127,7 +127,7 @@ def test_how_long_points_live_is_kept_for_each_frame_and_ends_at_the_number_of_t
 def test_the_report_needs_nothing_else(replayed, capsys):
     page = (replayed.path / "report.html").read_text()
     assert "the recording was tracked to its end" in page
-    assert page.count("<svg") == page.count("</svg>") == 4
+    assert page.count("<svg") == page.count("</svg>") == 5
     assert "data:image/png;base64," in page
     for outside in ('src="http', 'href="http', "url(http", "<script"):
         assert outside not in page
