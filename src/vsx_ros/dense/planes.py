@@ -6,8 +6,6 @@ import math
 from enum import Enum
 from typing import NamedTuple
 
-import numpy as np
-
 from vsx_ros.arrays import FloatArray, IntArray, Points2, Points3
 from vsx_ros.kernels import planes as kernels
 

@@ -17,8 +17,8 @@ def walls(
     occupied: BoolArray, resolution: float, narrow_m: float, gap_m: float, share: float = 0.0, thickness: int = 1
 ) -> BoolArray:
     """(H, W) obstacle cells with their gaps: those narrower than narrow_m [m] anywhere, those shorter than gap_m [m] in
-    straight rows. share: so much of a row is obstacle, at least; with less, it may as well be things that stand in line.
-    thickness: of the rows [cells]; rays slip through the corners of thin ones.
+    straight rows. share: at least so much of a row is obstacle; with less, they may as well be things in
+    line. thickness: of the rows [cells]; rays slip through the corners of thin ones.
     """
     cells = occupied.astype(np.uint8)
     width = max(1, round(narrow_m / resolution)) | 1

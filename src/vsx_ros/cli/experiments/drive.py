@@ -35,7 +35,10 @@ START_M = 0.6
 TURN_RAD_S, SLOW_TURN_RAD_S = 0.9, 0.3
 PHI_RAD_M = 1.0
 # Whoever strays a little is led back, so that all arms get to the goal.
-_PATIENT = {"follower.max_heading_error_rad": 0.8, "follower.max_lateral_error_m": 0.3}
+CONFIG = overridden(
+    Config(),
+    {"planner.phi_rad_m": PHI_RAD_M, "follower.max_heading_error_rad": 0.8, "follower.max_lateral_error_m": 0.3},
+)
 _TURNS = {1: (math.radians(60.0), math.radians(110.0)), 2: (math.radians(150.0), math.pi)}
 _DISTANCE_M = (1.5, 3.5)
 _CLEARANCE_M, _LONGEST_PATH_M, _TRIES, _LONGEST_DRIVE_S = 0.4, 12.0, 200, 180.0
@@ -102,10 +105,7 @@ def limits_of(arm: str, config: Config) -> LimitsConfig:
 
 def run_drives(task: DriveTask) -> dict[str, Any]:
     """All arms: path, duration, planned and driven way, and what each tracker made of it."""
-    config, world = (
-        overridden(Config(), {"planner.phi_rad_m": PHI_RAD_M, **_PATIENT}),
-        open_world(task.world, task.seed),
-    )
+    config, world = CONFIG, open_world(task.world, task.seed)
     asked = question(task, world, config)
     return {
         "start": _row(asked.start),

@@ -8,10 +8,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from vsx_ros.cli.experiments.campaign import Result
-from vsx_ros.cli.experiments.drive import ARMS, DriveTask, Question, plan_of, question
+from vsx_ros.cli.experiments.drive import ARMS, CONFIG, PHI_RAD_M, DriveTask, Question, plan_of, question
 from vsx_ros.cli.experiments.trackers import FULL, PAPER
 from vsx_ros.cli.world import open_world
-from vsx_ros.config import Config
 from vsx_ros.evaluation.page import Section, figures, interval, paragraph, table
 from vsx_ros.evaluation.paired import known, mean_interval, ratio_interval, share_interval, sign_test
 from vsx_ros.evaluation.ways import ways_picture, window_around
@@ -108,9 +107,9 @@ def figure2_section(tasks: Sequence[DriveTask]) -> Section:
     """The paths themselves, with where the camera looks along them."""
     pictures = []
     for task in tasks:
-        asked = question(task, open_world(task.world, task.seed), Config())
+        asked = question(task, open_world(task.world, task.seed), CONFIG)
         for arm in ARMS[:2]:
-            plan = plan_of(arm, asked, Config())
+            plan = plan_of(arm, asked, CONFIG)
             assert isinstance(plan, Plan)
             way = plan.path.sample(0.05)[:, :3].tolist()
             views = plan.path.sample(0.25)[:, :3].tolist()
@@ -127,7 +126,7 @@ def figure6_section(drives: Drives) -> Section:
     """Planned way and what the paper's tracker says, until it breaks."""
     pictures = []
     for task, result in [drive for drive in drives if "arms" in drive[1]]:
-        asked = question(task, open_world(task.world, task.seed), Config())
+        asked = question(task, open_world(task.world, task.seed), CONFIG)
         for arm in ARMS[:2]:
             drive = result["arms"][arm]
             estimate = drive["trackers"][PAPER]["estimate"]
@@ -149,9 +148,10 @@ def _picture(asked: Question, ways: Any, marks: Any, views: Any) -> str:
 _PROTOCOL = (
     "Each row: the drives of several worlds to a goal that looks to the side (dataset 1: 60 to 110 deg) or back "
     "(dataset 2: 150 to 180 deg), planned in the true map, driven on the wheels' odometry. Constrained: change of view "
-    "at most phi. Unconstrained: shortest way, turns on the spot at 52 deg/s; or at 17 deg/s, at which no image is "
-    "smeared. U1: points found of those searched, a lost frame counts 0; U2: how long a point is tracked, of points "
-    "found at least three times. Broken: lost at the end, or wrong by more than 15 cm rms, or jumped against the "
-    "wheels. Brackets: 95 % (bootstrap over drives; Wilson for shares). By chance: sign test, McNemar for breaks. "
+    f"at most {PHI_RAD_M:g} rad/m. Unconstrained: shortest way, turns on the spot at 52 deg/s; or at 17 deg/s, at "
+    "which no image is smeared. U1: points found of those searched, a lost frame counts 0; U2: how long a point is "
+    "tracked, of points found at least three times. Broken: lost at the end, or wrong by more than 15 cm rms, or "
+    "jumped against the wheels. Brackets: 95 % (bootstrap over drives; Wilson for shares). By chance: sign test, "
+    "McNemar for breaks. "
     "As in the paper: visual motion model, no wheels, a keyframe at most every 20 frames of 30 Hz and never for a turn."
 )
