@@ -98,17 +98,53 @@ def test_lost_cancels_waits_backs_along_the_trail_and_comes_back():
     assert mission.state is MissionState.MAPPING
 
 
-def test_lost_for_good_ends_when_the_way_back_is_used_up():
-    mission = mapping_mission()
-    for k in range(80):
+def drives_while_lost(mission: Mission, trail_m: float, landmarks=LANDMARKS):
+    """The goals of a robot that is lost after trail_m [m] straight ahead and goes wherever it is sent."""
+    for k in range(round(trail_m / 0.05) + 1):
         mission.decide(2 * SECOND + k, situation(T_odom_base=SE2(0.05 * k, 0, 0), navigation=NavigationState.ACTIVE))
-    lost = situation(slam_state=TrackingState.LOST, slam_reason="dark", T_odom_base=SE2(3.95, 0, 0))
-    decisions = [mission.decide((3 + 3 * k) * SECOND, lost) for k in range(12)]
-    driven = sum(d.action is Action.GO for d in decisions)
-    config = Config().exploration
-    assert driven == int(np.ceil(config.backtrack_max_m / config.backtrack_step_m))
-    assert decisions[-1].action is Action.FINISH
+    wide = OccupancyGrid(np.full((120, 240), FREE, np.int8), 0.05, -6.0, -3.0)
+    pose, goals, now_ns = SE2(trail_m, 0, 0), [], 3 * SECOND
+    while mission.outcome is None:
+        lost = situation(
+            slam_state=TrackingState.LOST, slam_reason="dark", grid=wide, landmarks_world=landmarks, T_odom_base=pose,
+            T_map_base=pose,
+        )  # fmt: skip
+        decision = mission.decide(now_ns, lost)
+        now_ns += 3 * SECOND
+        if decision.action is not Action.GO:
+            continue
+        goals.append(decision.goal)
+        for share in np.linspace(0.0, 1.0, 8):
+            way = SE2(*((1 - share) * pose.as_array() + share * decision.goal.as_array()))
+            mission.decide(now_ns, lost._replace(T_odom_base=way, navigation=NavigationState.ACTIVE))
+        pose = decision.goal
+        assert len(goals) < 50
+    return goals
+
+
+def test_lost_for_good_it_backs_goes_on_to_where_most_is_known_looks_to_the_sides_and_ends():
+    mission, config = mapping_mission(), Config().exploration
+    goals = drives_while_lost(mission, 4.0, LANDMARKS + [1.0, 0.0, 0.0])
+    straight = [goal.x for goal in goals if goal.y == 0.0]
+    assert (np.diff([4.0, *straight]) < 0.0).all()
+    assert np.diff([4.0, *straight]).min() > -config.backtrack_step_m - 0.11
+    backed_m = config.backtrack_step_m * int(np.ceil(config.backtrack_max_m / config.backtrack_step_m))
+    assert straight[-1] < 4.0 - backed_m - 0.3
+    swings = goals[len(straight) :]
+    assert 2 <= len(swings) <= 4
+    assert all(abs(goal.theta) > 0.2 for goal in swings)
     assert mission.outcome is Outcome.LOST
+    reasons = [event.reason for event in mission.drain_events()]
+    assert any("most known landmarks" in reason for reason in reasons)
+    assert "dark" in reasons[-1]
+
+
+def test_lost_where_most_is_known_it_goes_no_further_back_than_it_must():
+    behind = LANDMARKS + [-20.0, 0.0, 0.0]
+    config = Config().exploration
+    goals = drives_while_lost(mapping_mission(), 4.0, behind)
+    backed_m = config.backtrack_step_m * int(np.ceil(config.backtrack_max_m / config.backtrack_step_m))
+    assert min(goal.x for goal in goals if goal.y == 0.0) == pytest.approx(4.0 - backed_m, abs=0.3)
 
 
 def test_it_ends_explored_when_nothing_is_left_and_counts_the_reasons():

@@ -4,7 +4,7 @@
             |            | attempts used up                 |  ^
             |            v                             LOST |  | relocalised
             |           DONE                                v  |
-            |                                            RECOVERING --(way back used up)--> DONE
+            |                                            RECOVERING --(nothing left to try)--> DONE
             +---------------------------------------------- any state: stop, time over --> DONE
 
 ``decide`` is called a few times a second with what is known and answers with one action. Every change of state
@@ -30,6 +30,7 @@ from vsx_ros.exploration.given_up import GivenUp
 from vsx_ros.exploration.looks import Looks
 from vsx_ros.exploration.memory import MissionMemory
 from vsx_ros.exploration.promise import Promise
+from vsx_ros.exploration.recovery import Recovery
 from vsx_ros.exploration.swing import free_swing
 from vsx_ros.exploration.trail import Trail
 from vsx_ros.exploration.utility import Ranker, Ranking, Rejection, TravelCostsFrom, View, rank_views
@@ -62,7 +63,7 @@ class Mission:
         self._given_up = GivenUp(self._config.blacklist_radius_m, self._config.blacklist_s)
         self._looks = Looks(self._config.look_spacing_m)
         self._wait_until_ns = 0
-        self._backed_m = 0.0
+        self._recovery = Recovery(self._config, self._body_m, self._phi_rad_m)
         self._empty_rankings = 0
         self._backing_off = False
         self._going_home = False
@@ -130,7 +131,8 @@ class Mission:
 
     def decide(self, now_ns: int, situation: Situation) -> Decision:
         """One action for the situation. Call it at 2 to 10 Hz; choosing a view takes some tenths of a second."""
-        if situation.T_odom_base is not None:
+        backing = self._backing_off or self.state is MissionState.RECOVERING
+        if situation.T_odom_base is not None and not backing:
             self._trail.add(situation.T_odom_base)
         if situation.T_map_base is not None and situation.slam_state is TrackingState.GOOD:
             self._looks.add(situation.T_map_base)
@@ -167,7 +169,7 @@ class Mission:
         if situation.slam_state is TrackingState.LOST:
             self._goal_failed(now_ns, "tracking was lost on the way")
             self._backing_off = False
-            self._backed_m = 0.0
+            self._recovery = Recovery(self._config, self._body_m, self._phi_rad_m)
             self._wait_until_ns = now_ns + _RELOCALISE_WAIT_NS
             self._chronicle.enter(now_ns, MissionState.RECOVERING, f"tracking lost: {situation.slam_reason}")
             return self._answer(Action.CANCEL, "tracking lost")
@@ -257,7 +259,7 @@ class Mission:
         return self._go(now_ns, goal, "odom", reason)
 
     def _recover(self, now_ns: int, situation: Situation) -> Decision:
-        """Wait for relocalisation, then back along the executed path step by step."""
+        """Wait for relocalisation, then drive to where it is more likely, step by step."""
         if situation.slam_state.tracked:
             self._wait_until_ns = min(self._wait_until_ns, now_ns + _SETTLE_NS)
             self._chronicle.enter(now_ns, MissionState.MAPPING, "relocalised")
@@ -265,18 +267,14 @@ class Mission:
             return self._answer(Action.CANCEL if active else Action.WAIT, "relocalised")
         if situation.navigation is NavigationState.ACTIVE:
             self._wait_until_ns = now_ns + _RELOCALISE_WAIT_NS
-            return self._answer(Action.WAIT, "backing along the trail")
+            return self._answer(Action.WAIT, f"on the way: {self._purpose}")
         if now_ns < self._wait_until_ns:
             return self._answer(Action.WAIT, "waiting for relocalisation")
-        goal = None
-        if self._backed_m < self._config.backtrack_max_m:
-            goal = self._trail.pop_back(self._config.backtrack_step_m)
-        if goal is None:
+        drive = self._recovery.next(self._trail, situation)
+        if drive is None:
             return self._end(now_ns, Outcome.LOST, f"tracking lost for good: {situation.slam_reason}")
-        self._backed_m += self._config.backtrack_step_m
         self._wait_until_ns = now_ns + _RELOCALISE_WAIT_NS
-        reason = f"lost: back along the trail, {self._backed_m:.1f} m so far"
-        return self._go(now_ns, goal, "odom", reason)
+        return self._go(now_ns, drive[0], "odom", drive[1])
 
     # Bookkeeping ---------------------------------------------------------------------------------------------
 

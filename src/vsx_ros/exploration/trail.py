@@ -29,8 +29,9 @@ class Trail:
 
     def pop_back(self, distance_m: float) -> SE2 | None:
         """The pose about distance_m [m] back along the trail, which ends there from now on; None on a short trail."""
-        steps = max(1, round(distance_m / self._spacing_m))
         if len(self._poses) < 2:
             return None
-        del self._poses[max(1, len(self._poses) - steps) :]
+        back_m = 0.0
+        while len(self._poses) > 1 and back_m < distance_m - 0.5 * self._spacing_m:
+            back_m += self._poses.pop().distance_to(self._poses[-1])
         return self._poses[-1]

@@ -1,0 +1,64 @@
+"""What to try, step by step, when the camera is lost (the paper's robot stops there): back along the way it came, on to
+the place on it that shows most known landmarks, then to the sides. Never over ground that was not driven or known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from vsx_ros.config import ExplorationConfig
+from vsx_ros.exploration.decision import Situation
+from vsx_ros.exploration.swing import free_swing
+from vsx_ros.exploration.trail import Trail
+from vsx_ros.exploration.utility import count_landmarks
+from vsx_ros.geometry.se2 import SE2
+
+_SWINGS = 4
+
+
+class Recovery:
+    """``next`` gives one small drive after the other; between two of them the camera gets time to recognise a place."""
+
+    def __init__(self, config: ExplorationConfig, radius_m: float, bend_rad_m: float) -> None:
+        """radius_m: of the robot [m]. bend_rad_m: of the arcs to the sides [rad/m]."""
+        self._config, self._radius_m, self._bend_rad_m = config, radius_m, bend_rad_m
+        self._backed_m, self._swings = 0.0, 0
+        self._to_best_m: float | None = None
+
+    def next(self, trail: Trail, situation: Situation) -> tuple[SE2, str] | None:
+        """The next pose of the base in the frame odom, and why; None when nothing is left to try."""
+        step_m = self._config.backtrack_step_m
+        if self._backed_m < self._config.backtrack_max_m:
+            goal = trail.pop_back(step_m)
+            if goal is not None:
+                self._backed_m += step_m
+                return goal, f"lost: back along the trail, {self._backed_m:.1f} m so far"
+        if self._to_best_m is None:
+            self._to_best_m = self._way_to_best(trail.poses, situation)
+        if self._to_best_m > 0.0:
+            goal = trail.pop_back(min(step_m, self._to_best_m))
+            self._to_best_m -= step_m
+            if goal is not None:
+                return goal, "lost: on to the place on the trail that shows most known landmarks"
+        return self._to_a_side(situation)
+
+    def _way_to_best(self, trail: Sequence[SE2], situation: Situation) -> float:
+        """How far back [m] on the trail most known landmarks are in view; 0 at its end or without a map."""
+        if situation.grid is None or situation.T_map_base is None or situation.T_odom_base is None or not trail:
+            return 0.0
+        T_map_odom = situation.T_map_base @ situation.T_odom_base.inverse()
+        poses = np.array([(T_map_odom @ pose).as_array() for pose in trail])
+        counts = count_landmarks(situation.grid, poses, situation.landmarks_world, self._config)[::-1]
+        back = int(counts.argmax())
+        return sum(a.distance_to(b) for a, b in zip(trail[::-1][:back], trail[::-1][1:]))
+
+    def _to_a_side(self, situation: Situation) -> tuple[SE2, str] | None:
+        if self._swings == _SWINGS or situation.grid is None:
+            return None
+        if situation.T_map_base is None or situation.T_odom_base is None:
+            return None
+        ahead, step_m = self._swings % 2 == 1, self._config.backtrack_step_m
+        self._swings += 1
+        arc = free_swing(situation.grid, situation.T_map_base, self._radius_m, self._bend_rad_m, step_m, ahead)
+        return None if arc is None else (situation.T_odom_base @ arc, "lost: turning to look elsewhere")
