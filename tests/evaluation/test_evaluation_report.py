@@ -127,6 +127,22 @@ def test_a_curve_breaks_where_nothing_is_known():
     assert heights[0] < heights[1]
 
 
+def test_an_axis_of_decades_gives_each_the_same_height():
+    drawing = drawings(svg.time_plot(np.arange(4.0), np.array([0.5, 10.0, 100.0, 5000.0]), "x", 1000.0, bottom=1.0))[0]
+    heights = [float(place.split(",")[1]) for place in next(drawing.iter("polyline")).get("points").split()]
+    lines = [float(line.get("y1")) for line in drawing.iter("line")]
+    assert len(lines) == 4
+    assert np.diff(lines) == pytest.approx(np.diff(lines)[0], abs=0.11)
+    assert heights == [lines[0], lines[1], lines[2], lines[3]]
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "expected"), [(6.7, 1600.0, [1, 10, 100, 1000, 10000]), (10.0, 10.0, [10, 100])]
+)
+def test_decades_hold_all_values(low, high, expected):
+    assert svg.decades(low, high) == pytest.approx(expected)
+
+
 def test_the_map_is_drawn_to_scale():
     lines = [("estimate", np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 4.0]]))]
     drawing = drawings(svg.map_view(None, np.zeros((0, 2)), lines, ("x", "y"), "m"))[0]

@@ -19,6 +19,7 @@ from vsx_ros.occupancy.grid import OccupancyGrid
 _MAX_EVENTS = 400
 _MAX_DOTS = 4000
 _FLOOR_M = 0.06
+_FASTEST_MS = 0.1
 _GOOD_ENDINGS = ("explored", "returned home", "tracked to its end", "time")
 
 
@@ -164,8 +165,9 @@ def timeline(data: ReportData) -> str:
         parts.append("<h3>frames in which a point was tracked, the mean so far; it ends at U2</h3>")
         parts.append(svg.time_plot(seconds, lives, "U2 so far [frames]", _top(lives)))
     if np.isfinite(times).any():
-        parts.append("<h3>time per frame [ms]</h3>")
-        parts.append(svg.time_plot(seconds, times, "ms per frame", _top(times)))
+        scale = svg.decades(max(float(np.nanpercentile(times, 1.0)), _FASTEST_MS), float(np.nanmax(times)))
+        parts.append("<h3>time per frame [ms]; in lock-step mapping and planning are part of it</h3>")
+        parts.append(svg.time_plot(seconds, times, "ms per frame", scale[-1], bottom=scale[0]))
     return "".join(parts)
 
 
@@ -238,7 +240,7 @@ circle.estimate{fill:var(--blue)}circle.truth{fill:var(--green)}
 .legend{color:var(--soft);font-size:13px;margin:6px 0}.legend span{margin-right:18px}
 .key::before{content:"";display:inline-block;width:18px;height:4px;margin-right:6px;vertical-align:middle;
 background:var(--c)}
-.key.estimate{--c:var(--blue)}.key.truth{--c:var(--green)}.key.points{--c:var(--soft)}
+.key.estimate{--c:#1f6fd6}.key.truth{--c:#12855a}.key.points{--c:#4d5964}
 table{border-collapse:collapse;width:100%;font-size:13.5px;font-variant-numeric:tabular-nums}
 td,th{text-align:left;padding:4px 10px 4px 0;border-bottom:1px solid var(--line);vertical-align:top}
 td:first-child{white-space:nowrap}

@@ -31,10 +31,23 @@ def ticks(low: float, high: float, count: int = 6) -> list[float]:
     return [round(i * step, 10) for i in range(first, math.floor(high / step + 1e-9) + 1)]
 
 
+def decades(low: float, high: float) -> list[float]:
+    """The powers of ten from the last one below low to the first one above high, both positive; two at least."""
+    first = math.floor(math.log10(low))
+    last = max(math.ceil(math.log10(high)), first + 1)
+    return [10.0**power for power in range(first, last + 1)]
+
+
 def time_plot(
-    seconds: FloatArray, values: FloatArray, label: str, top: float, marks: Sequence[tuple[float, str]] = ()
+    seconds: FloatArray,
+    values: FloatArray,
+    label: str,
+    top: float,
+    marks: Sequence[tuple[float, str]] = (),
+    bottom: float = 0.0,
 ) -> str:
-    """A curve over time. values: NaN leaves a gap. top: upper end of the axis. marks: (value, name) level lines."""
+    """A curve over time. values: NaN leaves a gap. bottom, top: ends of the axis, which is one of decades where bottom
+    is positive. marks: (value, name) level lines."""
     height, end = 190.0, max(float(seconds[-1]), 1e-9)
     px, py = WIDTH - _LEFT - _RIGHT, height - _TOP - _BOTTOM
 
@@ -42,10 +55,11 @@ def time_plot(
         return _LEFT + second / end * px
 
     def y(value: float) -> float:
-        return _TOP + (1.0 - min(value / top, 1.0)) * py
+        share = math.log(max(value, bottom) / bottom) / math.log(top / bottom) if bottom > 0.0 else value / top
+        return _TOP + (1.0 - min(share, 1.0)) * py
 
     parts = [_open(height, label)]
-    for tick in ticks(0.0, top, 4):
+    for tick in decades(bottom, top) if bottom > 0.0 else ticks(0.0, top, 4):
         parts.append(f'<line class="grid" x1="{_LEFT}" y1="{y(tick):.1f}" x2="{WIDTH - _RIGHT}" y2="{y(tick):.1f}"/>')
         parts.append(f'<text x="{_LEFT - 6}" y="{y(tick) + 4:.1f}" text-anchor="end">{tick:g}</text>')
     parts.append(_time_axis(end, x, height))
