@@ -94,7 +94,13 @@ def test_lost_cancels_waits_backs_along_the_trail_and_comes_back():
     assert back.action is Action.GO
     assert back.frame == "odom"
     assert back.goal.x == pytest.approx(1.95 - Config().exploration.backtrack_step_m, abs=0.06)
-    mission.decide(7 * SECOND, situation(T_odom_base=SE2(1.6, 0, 0)))
+    found = situation(T_odom_base=SE2(1.6, 0, 0))
+    assert mission.decide(7 * SECOND, found._replace(navigation=NavigationState.ACTIVE)).action is Action.CANCEL
+    mission.decide(7 * SECOND + SECOND // 2, lost)
+    mission.decide(8 * SECOND, found)
+    mission.decide(9 * SECOND - 1, found)
+    assert mission.state is MissionState.RECOVERING
+    mission.decide(9 * SECOND, found)
     assert mission.state is MissionState.MAPPING
 
 
@@ -164,8 +170,10 @@ def test_a_goal_whose_view_was_seen_on_the_way_is_left_without_blame():
     goal = mission.ranking.views[0].pose
     active = situation(navigation=NavigationState.ACTIVE)
     assert mission.decide(2 * SECOND, active._replace(grid=half_known())).action is Action.WAIT
-    known = OccupancyGrid(np.full((80, 120), FREE, np.int8), 0.05, -1.5, -2.0)
-    decision = mission.decide(3 * SECOND, active._replace(grid=known))
+    known = [OccupancyGrid(np.full((80, 120), FREE, np.int8), 0.05, -1.5, -2.0) for _ in range(5)]
+    for now_ns, grid in enumerate([known[0], known[1], half_known(), known[2], known[3], known[3]], 2 * SECOND):
+        assert mission.decide(now_ns, active._replace(grid=grid)).action is Action.WAIT
+    decision = mission.decide(3 * SECOND, active._replace(grid=known[4]))
     assert decision.action is Action.CANCEL
     assert "seen on the way" in decision.reason
     stopped = situation(navigation=NavigationState.ABORTED, navigation_reason="cancelled", grid=half_known())

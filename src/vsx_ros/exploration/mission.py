@@ -260,12 +260,13 @@ class Mission:
 
     def _recover(self, now_ns: int, situation: Situation) -> Decision:
         """Wait for relocalisation, then drive to where it is more likely, step by step."""
-        if situation.slam_state.tracked:
-            self._wait_until_ns = min(self._wait_until_ns, now_ns + _SETTLE_NS)
+        tracked, active = situation.slam_state.tracked, situation.navigation is NavigationState.ACTIVE
+        if self._recovery.is_over(now_ns, tracked):
+            self._wait_until_ns = now_ns
             self._chronicle.enter(now_ns, MissionState.MAPPING, "relocalised")
-            active = situation.navigation is NavigationState.ACTIVE
-            return self._answer(Action.CANCEL if active else Action.WAIT, "relocalised")
-        if situation.navigation is NavigationState.ACTIVE:
+        if tracked:
+            return self._answer(Action.CANCEL if active else Action.WAIT, "a place of the map is recognised")
+        if active:
             self._wait_until_ns = now_ns + _RELOCALISE_WAIT_NS
             return self._answer(Action.WAIT, f"on the way: {self._purpose}")
         if now_ns < self._wait_until_ns:

@@ -8,6 +8,9 @@ from vsx_ros.exploration.utility import gain_at
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 
+_MAPS_AGREE = 3
+"""So many maps in a row say that it has been seen: what is a wall to one may be a gap to the next."""
+
 
 class Promise:
     """The unknown ground a view would show, judged by the looks until it was chosen; looks on the way there only tell
@@ -19,6 +22,7 @@ class Promise:
         self._pose, self._radius_m, self._looked_from, self._config = pose, radius_m, looked_from, config
         self._grid = grid
         self._gain_m2 = self._gain(grid)
+        self._maps_left = _MAPS_AGREE
 
     def seen(self, grid: OccupancyGrid) -> str:
         """Why the goal is not worth going on to by this map; empty where it is, and for the map judged last."""
@@ -27,6 +31,10 @@ class Promise:
         self._grid = grid
         left = self._gain(grid)
         if left >= self._config.goal_seen_ratio * self._gain_m2:
+            self._maps_left = _MAPS_AGREE
+            return ""
+        self._maps_left -= 1
+        if self._maps_left > 0:
             return ""
         return f"seen on the way: {left:.1f} of {self._gain_m2:.1f} m2 are left to see from the goal"
 

@@ -15,6 +15,7 @@ from vsx_ros.exploration.utility import count_landmarks
 from vsx_ros.geometry.se2 import SE2
 
 _SWINGS = 4
+_HOLD_NS = 1_000_000_000
 
 
 class Recovery:
@@ -25,6 +26,15 @@ class Recovery:
         self._config, self._radius_m, self._bend_rad_m = config, radius_m, bend_rad_m
         self._backed_m, self._swings = 0.0, 0
         self._to_best_m: float | None = None
+        self._tracked_since_ns: int | None = None
+
+    def is_over(self, now_ns: int, tracked: bool) -> bool:
+        """Whether the camera is tracked, and was for a second: where little is in view tracking comes and goes."""
+        if not tracked:
+            self._tracked_since_ns = None
+        elif self._tracked_since_ns is None:
+            self._tracked_since_ns = now_ns
+        return self._tracked_since_ns is not None and now_ns >= self._tracked_since_ns + _HOLD_NS
 
     def next(self, trail: Trail, situation: Situation) -> tuple[SE2, str] | None:
         """The next pose of the base in the frame odom, and why; None when nothing is left to try."""
