@@ -43,7 +43,9 @@ def test_info(lab, seen, capsys):
     assert known["metric_scale"] is True
     assert known["way_between_keyframes"] == pytest.approx(0.35, abs=0.3)
     assert execute(["map", "info", str(lab)]) == 0
-    assert capsys.readouterr().out.startswith("keyframes  ")
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("keyframes  ")
+    assert f"way_between_keyframes  {known['way_between_keyframes']} m" in lines
 
 
 def test_tum_and_ply(lab, seen, tmp_path, capsys):

@@ -98,3 +98,7 @@ def test_pieces_of_a_page_are_safe():
     assert "T &lt;1&gt;" in text
     assert interval(Interval(0.5, 0.25, 0.75)) == "0.50 [0.25, 0.75]"
     assert interval(None) == "unknown"
+
+
+def test_a_page_of_one_section_says_its_title_once():
+    assert "<h2>" not in page("Figure 5", "facts", [Section("Figure 5", "body")])

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from vsx_ros.slam.slam_map import SlamMap
 
+_LENGTHS = ("extent", "way_between_keyframes")
 _FORMATS = {"tum": ".txt", "ply": ".ply", "colmap": "_colmap"}
 
 
@@ -98,8 +99,10 @@ def run_info(args: argparse.Namespace) -> int:
     if args.json:
         print(json.dumps(known))
     else:
+        unit = "m" if known["metric_scale"] else "map units (no odometry, hence no scale)"
         for name, value in known.items():
-            print(f"{name:20} {'-' if value is None else value}")
+            length = f" {unit}" if name in _LENGTHS and value is not None else ""
+            print(f"{name:22} {'-' if value is None else value}{length}")
     return 0
 
 

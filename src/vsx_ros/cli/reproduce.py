@@ -71,7 +71,8 @@ def run(args: argparse.Namespace) -> int:
     args.out.mkdir(parents=True, exist_ok=True)
     makers = {"table1": _table1, "fig2": _fig2, "fig5": _fig5, "fig6": _fig6, "fig7": _fig7}
     names = [name for name in makers if args.what in (name, "all")]
-    facts = f"Made by vsx_ros {__version__}; {args.world}, seeds {args.seeds.start} to {args.seeds.stop - 1}."
+    worlds = f"seed {args.seeds[0]}" if len(args.seeds) == 1 else f"seeds {args.seeds[0]} to {args.seeds[-1]}"
+    facts = f"Made by vsx_ros {__version__}; {args.world}, {worlds}."
     sections = []
     for name in names:
         section = makers[name](args)

@@ -17,8 +17,9 @@ class Section(NamedTuple):
 
 
 def page(title: str, facts: str, sections: Iterable[Section]) -> str:
-    """The page. facts: what all of it rests on, in words."""
-    body = "".join(f"<section><h2>{html.escape(s.title)}</h2>{s.body}</section>" for s in sections)
+    """The page. facts: what all of it rests on, in words. A section of the page's own title has none of its own."""
+    heads = ((f"<h2>{html.escape(s.title)}</h2>" if s.title != title else "", s.body) for s in sections)
+    body = "".join(f"<section>{head}{content}</section>" for head, content in heads)
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{html.escape(title)}</title>'
         f'<meta name="viewport" content="width=device-width"><style>{_STYLE}</style></head>'
@@ -57,8 +58,9 @@ main{max-width:1080px;margin:0 auto;padding:24px 20px 60px}
 h1{font-size:26px;margin:0 0 6px}h2{font-size:18px;margin:36px 0 10px}
 table{border-collapse:collapse;font-size:13.5px;font-variant-numeric:tabular-nums;margin:8px 0 16px}
 td,th{text-align:left;padding:4px 14px 4px 0;border-bottom:1px solid var(--line);vertical-align:top}
-.figures{display:grid;grid-template-columns:repeat(auto-fit,minmax(400px,1fr));gap:16px}
-figure{margin:0}figcaption{color:var(--soft);font-size:13px}
+.figures{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(400px,100%),1fr));gap:16px}
+figure{margin:0;min-width:0}figure img{max-width:100%;height:auto}
+figure svg,figure img{border:1px solid var(--line);box-sizing:border-box}figcaption{color:var(--soft);font-size:13px}
 svg{display:block;width:100%;height:auto;background:#f3f5f7;border-radius:6px}
 svg text{fill:var(--soft);font:12px system-ui,sans-serif}
 polyline{fill:none;stroke-width:2}.planned{stroke:var(--blue)}.estimate{stroke:var(--green);stroke-width:2.5}

@@ -118,7 +118,7 @@ def figure2_section(tasks: Sequence[DriveTask]) -> Section:
                 f"{plan.path.reverse_m:.1f} m of it in reverse, {plan.path.turn_on_spot_rad:.1f} rad on the spot"
             )
             pictures.append((caption, _picture(asked, [("planned", way)], [], views)))
-    words = "Strokes: where the camera looks. The bound on the change of view makes the robot back up to turn."
+    words = "Dot: start. Ring: goal. Strokes: where the camera looks; to turn under its bound the robot backs up."
     return Section("Figure 2: unconstrained and constrained trajectories", paragraph(words) + figures(pictures))
 
 
