@@ -177,6 +177,24 @@ def table(runs: list[dict]) -> str:
     return "\n".join(lines)
 
 
+def totals(runs: list[dict]) -> str:
+    """What counts over all runs of each strategy, in words."""
+    lines = []
+    for strategy in sorted({run["strategy"] for run in runs}):
+        chosen = [run for run in runs if run["strategy"] == strategy]
+        enough = sum(run["coverage_correct"] >= run["until"] for run in chosen)
+        ways = np.array([way_to(run["curve"], run["until"]) for run in chosen])
+        ate, scale = (np.array([abs(run[name]) for run in chosen]) for name in ("ate_rmse_m", "scale_error"))
+        lines.append(
+            f"{strategy}: {enough} of {len(chosen)} runs know {100 * chosen[0]['until']:.0f} %, after "
+            f"{metres(float(np.median(ways)))} m in the median, {metres(float(ways.max()))} m at worst, "
+            f"{np.median([run['duration_s'] for run in chosen]):.0f} s; {sum(run['breaks'] for run in chosen)} breaks; "
+            f"{sum(run['collisions'] > 0 for run in chosen)} runs with contacts; ATE {100 * np.median(ate):.1f} cm, "
+            f"{100 * ate.max():.1f} cm at worst; scale {100 * np.median(scale):.1f} %, {100 * scale.max():.1f} % at worst"
+        )
+    return "\n".join(lines)
+
+
 def known_runs(file: Path) -> list[dict]:
     return [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
 
@@ -205,7 +223,7 @@ def main() -> None:
                 file.write(json.dumps(runs[-1]) + "\n")
             print(table(runs[-1:]).splitlines()[2], flush=True)
     else:
-        print(table(runs) if args.what == "table" else growth(runs))
+        print(f"{table(runs)}\n\n{totals(runs)}" if args.what == "table" else growth(runs))
 
 
 if __name__ == "__main__":
