@@ -190,7 +190,8 @@ def totals(runs: list[dict]) -> str:
             f"{metres(float(np.median(ways)))} m in the median, {metres(float(ways.max()))} m at worst, "
             f"{np.median([run['duration_s'] for run in chosen]):.0f} s; {sum(run['breaks'] for run in chosen)} breaks; "
             f"{sum(run['collisions'] > 0 for run in chosen)} runs with contacts; ATE {100 * np.median(ate):.1f} cm, "
-            f"{100 * ate.max():.1f} cm at worst; scale {100 * np.median(scale):.1f} %, {100 * scale.max():.1f} % at worst"
+            f"{100 * ate.max():.1f} cm at worst; scale error {100 * np.median(scale):.1f} %, {100 * scale.max():.1f} % "
+            "at worst"
         )
     return "\n".join(lines)
 
