@@ -147,14 +147,26 @@ def test_a_sweep_is_continued_and_told(tmp_path, capsys):
     [
         (["sweep", "--planners", "best"], "no planner 'best'"),
         (["sweep", "--set", "no.such=1"], "no parameter 'no.such'"),
-        (["sweep", "--time", "-1"], "positive"),
-        (["reproduce", "table1", "--jobs", "0"], "at least 1"),
+        (["sweep", "--time", "-1"], "--time -1: give a positive number"),
+        (["sweep", "--worlds", "lab,labb"], "world 'labb' is neither"),
+        (["reproduce", "table1", "--jobs", "0"], "--jobs 0: give a number of at least 1"),
+        (["reproduce", "fig5", "--world", "labb"], "world 'labb' is neither"),
     ],
 )
 def test_mistakes_are_told_before_the_work(words, said, tmp_path, capsys):
     assert execute([*words, "--out", str(tmp_path / "out")]) == 1
     assert said in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("command", [["sweep"], ["reproduce", "fig5"]])
+def test_a_folder_that_cannot_be_made_is_one_sentence(command, tmp_path, capsys):
+    (tmp_path / "taken").touch()
+    assert execute([*command, "--out", str(tmp_path / "taken")]) == 1
+    assert execute([*command, "--out", str(tmp_path / "taken" / "below")]) == 1
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 2
+    assert all("taken" in line and "choose another --out" in line and "Errno" not in line for line in said)
 
 
 def test_a_sweep_counts_what_went_wrong():

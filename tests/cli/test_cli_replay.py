@@ -136,6 +136,12 @@ def test_the_report_needs_nothing_else(replayed, capsys):
     assert (replayed.path / "report.html").read_text() == page
 
 
+def test_a_comparison_that_cannot_be_written_is_told(replayed, tmp_path, capsys):
+    out = tmp_path / "none" / "compared.html"
+    assert execute(["report", str(replayed.path), str(replayed.path), "--out", str(out)]) == 1
+    assert f"{out} cannot be written (No such file or directory); give another" in capsys.readouterr().err
+
+
 def test_the_same_recording_gives_the_same_bytes(drive, replayed, tmp_path):
     assert execute(["replay", str(drive), "--map", "--out", str(tmp_path / "again")]) == 0
     for name in ("trajectory.txt", "sparse.ply", "map.pgm", "events.jsonl"):

@@ -148,9 +148,10 @@ def test_its_map_can_be_saved_and_gone_on_in_by_another_run(resumed, tmp_path, c
 def test_a_mistake_leaves_an_earlier_run_alone(resumed, capsys):
     out, _ = resumed
     before = (out / "summary.json").read_bytes()
-    for words in (["--world", "moon"], ["--load-map", "none.vsxmap"], ["--set", "planner.phi_rad_m=-1"]):
-        assert execute(["explore", "--fast", *words, "--out", str(out)]) == 1
-    assert capsys.readouterr().err.count("\n") == 3
+    mistakes = ["--world moon", "--load-map none.vsxmap", "--set planner.phi_rad_m=-1", "--port /dev/kobuki"]
+    for words in mistakes:
+        assert execute(["explore", "--fast", *words.split(), "--out", str(out)]) == 1
+    assert capsys.readouterr().err.count("\n") == len(mistakes)
     assert (out / "summary.json").read_bytes() == before
 
 

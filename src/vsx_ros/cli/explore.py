@@ -71,6 +71,10 @@ def run(args: argparse.Namespace) -> int:
     if args.fast and args.view:
         raise ConfigError("--view shows the live nodes, and --fast runs none; leave out one of the two")
     if args.fast:
+        for name in ("base", "port", "camera"):
+            if getattr(args, name) is not None:
+                given = f"--{name} {getattr(args, name)}"
+                raise ConfigError(f"{given} is of a robot with wires, and --fast emulates one without; leave out one")
         from vsx_ros.cli.explore_fast import explore_fast
 
         return explore_fast(args)

@@ -51,12 +51,17 @@ def write_report(folder: RunFolder) -> Path:
 
 
 def _compare(a: RunFolder, b: RunFolder, out: Path | None) -> Path:
+    from vsx_ros.errors import InputError
     from vsx_ros.evaluation.comparison import compare
     from vsx_ros.io.atomic import write_text
 
     out = out or b.path / "compared.html"
     names = (a.path.name, b.path.name) if a.path.name != b.path.name else (str(a.path), str(b.path))
-    write_text(out, compare((names[0], _data(a)), (names[1], _data(b))))
+    page = compare((names[0], _data(a)), (names[1], _data(b)))
+    try:
+        write_text(out, page)
+    except OSError as error:
+        raise InputError(f"{out} cannot be written ({error.strerror}); give another one with --out") from error
     return out
 
 

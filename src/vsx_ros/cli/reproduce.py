@@ -57,18 +57,24 @@ def seeds(text: str) -> range:
 def run(args: argparse.Namespace) -> int:
     """Make what was asked for, and say where it is."""
     from vsx_ros import __version__
+    from vsx_ros.cli.world import open_world
     from vsx_ros.evaluation.page import page
     from vsx_ros.io.atomic import write_text
 
     if args.time is not None and not args.time > 0:
         raise ConfigError(f"--time {args.time}: give a positive number of seconds")
-    if args.jobs < 1 or args.noises < 1:
-        raise ConfigError("--jobs and --noises: give a number of at least 1")
+    for name, value in (("jobs", args.jobs), ("noises", args.noises)):
+        if value < 1:
+            raise ConfigError(f"--{name} {value}: give a number of at least 1")
     if args.seeds is None:
         args.seeds = range(100, 120) if args.seed is None else range(args.seed, args.seed + 1)
     if args.quick:
         args.seeds, args.time = args.seeds[:_QUICK_SEEDS], args.time or _QUICK_TIME_S
-    args.out.mkdir(parents=True, exist_ok=True)
+    open_world(args.world, args.seeds[0])  # a mistake is told before anything is made
+    try:
+        args.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"folder {args.out} cannot be made ({error.strerror}); choose another --out") from error
     makers = {"table1": _table1, "fig2": _fig2, "fig5": _fig5, "fig6": _fig6, "fig7": _fig7}
     names = [name for name in makers if args.what in (name, "all")]
     worlds = f"seed {args.seeds[0]}" if len(args.seeds) == 1 else f"seeds {args.seeds[0]} to {args.seeds[-1]}"

@@ -40,6 +40,7 @@ def run(args: argparse.Namespace) -> int:
     from vsx_ros.cli.experiments import sweeps
     from vsx_ros.cli.experiments.campaign import Engine, Store, run_campaign
     from vsx_ros.cli.experiments.exploration import ExplorationTask, explore
+    from vsx_ros.cli.world import open_world
     from vsx_ros.evaluation.page import page
     from vsx_ros.io.atomic import write_text
 
@@ -47,9 +48,12 @@ def run(args: argparse.Namespace) -> int:
     unknown = [name for name in planners if name not in _PLANNERS]
     if unknown:
         raise ConfigError(f"--planners: there is no planner {unknown[0]!r}; choose of {', '.join(_PLANNERS)}")
-    if args.jobs < 1 or not args.time > 0:
-        raise ConfigError("--jobs and --time: give positive numbers")
-    load(None, args.set)  # a mistake in --set is told before hundreds of runs fail by it
+    for name, value in (("jobs", args.jobs), ("time", args.time)):
+        if not value > 0:
+            raise ConfigError(f"--{name} {value:g}: give a positive number")
+    load(None, args.set)  # a mistake in --set or --worlds is told before hundreds of runs fail by it
+    for world in worlds:
+        open_world(world, args.seeds[0])
     settings = tuple(args.set)
     tasks = [
         ExplorationTask(world, seed, planner, args.time, settings)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from vsx_ros import __version__
-from vsx_ros.errors import ConfigError, InputError, VsxError
+from vsx_ros.errors import ConfigError, InputError, VsxError, reason_of
 
 Result = dict[str, Any]
 CONNECT_S = 10.0
@@ -48,7 +48,7 @@ class Store:
                 if entry["version"] == __version__:
                     self._known[_key(entry["task"])] = entry["result"]
         except (OSError, KeyError, TypeError) as error:
-            raise InputError(f"{path} cannot be used ({error}); choose another --out") from error
+            raise InputError(f"{path} cannot be used ({reason_of(error)}); choose another --out") from error
         except ValueError as error:
             self._drop_torn_line(error)
 
