@@ -35,7 +35,7 @@ def test_the_page_says_what_differs_and_which_way_is_better():
     text = compare(("before", A), ("after", B))
     assert '<td class="better">+0.25 (+50 %)</td>' in text
     assert '<td class="worse">+1 (+50 %)</td>' in text
-    assert "-   phi_rad_m: 1.0\n+   phi_rad_m: 0.5" in text
+    assert "- planner.phi_rad_m: 1.0\n+ planner.phi_rad_m: 0.5" in text
     assert "v_m_s" not in text
     assert "coverage" not in text
     assert "vsx explore &lt;a&gt;" in text
@@ -50,6 +50,13 @@ def test_same_runs_differ_in_nothing():
     assert 'class="worse"' not in text
 
 
+def test_settings_have_the_names_that_set_takes():
+    tracker, wheels = "  tracker:\n    ratio: 0.3  # share: of points\n", "  wheels:\n    noise_px: 1.0\n"
+    deep = f"# a: comment\nslam:\n{tracker}{wheels}limits:\n  v_m_s: 0.3\n"
+    text = compare(("a", replace(A, config_yaml=deep)), ("b", replace(A, config_yaml=deep.replace("1.0", "2.0"))))
+    assert "<pre>- slam.wheels.noise_px: 1.0\n+ slam.wheels.noise_px: 2.0</pre>" in text
+
+
 @pytest.mark.parametrize(
     ("key", "before", "after", "told"),
     [
@@ -60,6 +67,7 @@ def test_same_runs_differ_in_nothing():
         ("u1", 0.5, 0.5, ("same", "")),
         ("u1", None, 0.5, ("", "")),
         ("world", "lab", "office", ("", "")),
+        ("seed", 1, 2, ("", "")),
     ],
 )
 def test_changes(key, before, after, told):

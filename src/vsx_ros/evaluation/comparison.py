@@ -9,6 +9,7 @@ from typing import Any
 
 from vsx_ros.evaluation.report import STYLE, ReportData, map_picture, timeline
 
+_INDENT = 2
 Named = tuple[str, ReportData]
 
 _MORE_IS_BETTER = {
@@ -44,7 +45,7 @@ def compare(a: Named, b: Named) -> str:
 
 def change(key: str, before: Any, after: Any) -> tuple[str, str]:
     """The difference of two values in words, and whether it is better, worse or neither (empty)."""
-    if not (_is_number(before) and _is_number(after)):
+    if key == "seed" or not (_is_number(before) and _is_number(after)):
         return "", ""
     difference = after - before
     if difference == 0:
@@ -78,12 +79,25 @@ def _shown(value: Any) -> str:
 
 
 def _settings(a: Named, b: Named) -> str:
-    """Lines of the configuration, and versions, that are not the same."""
-    before, after = ([*_versions(data.facts), *data.config_yaml.splitlines()] for _, data in (a, b))
+    """Parameters by their full names, and versions, that are not the same."""
+    before, after = ([*_versions(data.facts), *_parameters(data.config_yaml)] for _, data in (a, b))
     changed = [line for line in difflib.ndiff(before, after) if line[:2] in ("- ", "+ ")]
     if not changed:
         return "<p>None: same configuration, same versions.</p>"
     return f"<pre>{html.escape(chr(10).join(changed))}</pre>"
+
+
+def _parameters(config_yaml: str) -> list[str]:
+    """A line each, with the name that --set takes."""
+    lines: list[str] = []
+    branch: list[str] = []
+    for line in config_yaml.splitlines():
+        name, _, value = line.partition(":")
+        if not name.strip() or name.lstrip().startswith("#"):
+            continue
+        branch[(len(line) - len(line.lstrip())) // _INDENT :] = [name.strip()]
+        lines += [f"{'.'.join(branch)}:{value}"] if value.strip() else []
+    return lines
 
 
 def _versions(facts: Mapping[str, Any]) -> list[str]:
