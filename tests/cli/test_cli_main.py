@@ -25,7 +25,7 @@ def test_version(capsys):
     assert capsys.readouterr().out.strip() == f"vsx_ros {__version__}"
 
 
-@pytest.mark.parametrize("line", [[], ["fly"], ["replay"], ["replay", "x", "--wings"]])
+@pytest.mark.parametrize("line", [[], ["fly"], ["replay"], ["replay", "x", "--wings"], ["explore", "--camera", "v4l"]])
 def test_wrong_usage_is_one_line_and_exit_1(line, capsys):
     with pytest.raises(SystemExit) as left:
         main.execute(line)

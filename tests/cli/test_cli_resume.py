@@ -155,6 +155,16 @@ def test_a_mistake_leaves_an_earlier_run_alone(resumed, capsys):
     assert (out / "summary.json").read_bytes() == before
 
 
+@pytest.mark.parametrize(
+    "words", ["--fast --base create", "--fast --port /dev/x", "--world lab --port /dev/x", "--world lab --camera v4l:0"]
+)
+def test_an_emulated_robot_has_no_wires_to_choose(words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert execute(["explore", *words.split()]) == 1
+    assert "has no meaning for the robot" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_replay_cannot_be_resumed(tmp_path, capsys):
     RunFolder.create(tmp_path).write_config(Config(), ["vsx", "replay"], seed=0)
     assert execute(["explore", "--fast", "--resume", str(tmp_path)]) == 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
 from collections.abc import Mapping
 from datetime import datetime
@@ -46,7 +47,9 @@ def add_arguments(parser: argparse.ArgumentParser, *, with_load_map: bool = True
         "--base", choices=("auto", "kobuki", "create", "create2"), help="kind of base (default: the one that answers)"
     )
     parser.add_argument("--port", metavar="DEV", help="serial port of the base (default /dev/kobuki)")
-    parser.add_argument("--camera", metavar="kinect|v4l:N", help="where the pictures come from (default kinect)")
+    parser.add_argument(
+        "--camera", type=camera, metavar="kinect|v4l:N", help="where the pictures come from (default kinect)"
+    )
     parser.add_argument("--planner", choices=("fov", "unconstrained"), help="motion planner (default fov)")
     parser.add_argument("--phi", type=float, metavar="RAD_PER_M", help="bound on the change of view per metre")
     parser.add_argument("--time", type=float, metavar="S", help="stop after this time (the whole run's, if resumed)")
@@ -70,16 +73,31 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError(f"--time {args.time}: give a positive number of seconds")
     if args.fast and args.view:
         raise ConfigError("--view shows the live nodes, and --fast runs none; leave out one of the two")
+    _refuse_wires(args)
     if args.fast:
-        for name in ("base", "port", "camera"):
-            if getattr(args, name) is not None:
-                given = f"--{name} {getattr(args, name)}"
-                raise ConfigError(f"{given} is of a robot with wires, and --fast emulates one without; leave out one")
         from vsx_ros.cli.explore_fast import explore_fast
 
         return explore_fast(args)
     sys.stdout.flush()
     os.execv(sys.executable, [sys.executable, "-m", "vsx_ros.ros.run", *live_arguments(args)])
+
+
+def camera(text: str) -> str:
+    """What the node camera takes as its ~device."""
+    if not re.fullmatch(r"kinect(:.+)?|v4l:\d+|emulator:.+", text):
+        raise argparse.ArgumentTypeError(f"{text!r} is no camera; write kinect, kinect:SERIAL or v4l:N, e.g. v4l:0")
+    return text
+
+
+def _refuse_wires(args: argparse.Namespace) -> None:
+    """Raises ConfigError for what only a real robot has, or only one with emulated wires."""
+    emulated, without = ("--fast", ("base", "port", "camera")) if args.fast else ("--world", ("port", "camera"))
+    for name in without if args.fast or args.world is not None else ():
+        if getattr(args, name) is not None:
+            given = f"--{name} {getattr(args, name)}"
+            raise ConfigError(
+                f"{given} has no meaning for the robot that {emulated} emulates; leave out one of the two"
+            )
 
 
 def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, World | None]:

@@ -20,7 +20,7 @@ def save_world(world: World, path: Path) -> None:
     try:
         path.write_text("# vsx_ros emulated world; metres, radians\n" + text, encoding="utf-8")
     except OSError as error:
-        raise ConfigError(f"world file {path} cannot be written: {error.strerror}") from error
+        raise ConfigError(f"world file {path} cannot be written ({error.strerror}); choose another folder") from error
 
 
 def load_world(path: Path) -> World:
