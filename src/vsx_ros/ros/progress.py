@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import time
+from collections.abc import Iterable
 from typing import TextIO
 
 from vsx_ros.ros.witness import Witness
@@ -12,8 +13,11 @@ _TERMINAL_PERIOD_S = 1.0
 _PLAIN_PERIOD_S = 5.0
 
 
-def progress_line(witness: Witness, coverage: float | None, elapsed_s: float, limit_s: float | None) -> str:
-    """State, coverage, keyframes, tracked ratio, distance, time, and the reason of the state."""
+def progress_line(
+    witness: Witness, coverage: float | None, elapsed_s: float, limit_s: float | None, missing: Iterable[str] = ()
+) -> str:
+    """State, coverage, keyframes, tracked ratio, distance, time, and the reason of the state. missing: nodes known to
+    be without their device."""
     stats, status = witness.stats, witness.status
     area = witness.grid.known_area_m2 if witness.grid is not None else 0.0
     covered = f"{100 * coverage:.0f} % covered" if coverage is not None else f"{area:.1f} m2 known"
@@ -27,7 +31,8 @@ def progress_line(witness: Witness, coverage: float | None, elapsed_s: float, li
         f"{100 * stats.get('tracked_ratio', 0.0):.0f} % of points found at {stats.get('fps', 0.0):.0f} Hz",
         f"{witness.distance_m:.1f} m",
     ]
-    return " | ".join([*facts, str(status.get("reason", "waiting for the nodes"))])
+    waiting = f"waiting for {' and '.join(missing) or 'the nodes'}"
+    return " | ".join([*facts, str(status.get("reason", waiting))])
 
 
 class Progress:

@@ -155,7 +155,7 @@ def _watch(
                 if (node := warning.partition(":")[0]) in ("mobile_base", "camera"):
                     trouble[node] = warning
         if progress.is_due:
-            progress.show(progress_line(witness, coverage.of(witness), elapsed_s, limit_s))
+            progress.show(progress_line(witness, coverage.of(witness), elapsed_s, limit_s, trouble))
 
 
 def _ending(live: Live, witness: Witness, elapsed_s: float, limit_s: float | None) -> Ending | None:
