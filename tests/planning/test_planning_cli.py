@@ -48,7 +48,7 @@ def test_words_and_picture(capsys, tmp_path):
     assert run("--start", "0,0,0", "--goal", "2,1,0", "--plot", str(picture)) == 0
     out = capsys.readouterr().out
     assert "change of view" in out
-    assert "rad/m (phi 1)" in out
+    assert "rad/m (phi 2)" in out
     image = cv2.imread(str(picture))
     assert image is not None
     assert image.shape[1] == 900

@@ -180,7 +180,7 @@ def test_reverse_legs_are_short():
     ],
 )
 def test_without_a_map_a_reverse_leg_too_long_is_infeasible(limit_m, goal, reverse_m):
-    plan = Planner(PlannerConfig(max_reverse_m=limit_m), ROBOT).plan_blind(SE2(), goal)
+    plan = Planner(PlannerConfig(phi_rad_m=1.0, max_reverse_m=limit_m), ROBOT).plan_blind(SE2(), goal)
     if reverse_m is None:
         assert isinstance(plan, Refusal)
         assert plan.kind is RefusalKind.INFEASIBLE

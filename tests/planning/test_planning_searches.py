@@ -15,7 +15,7 @@ from vsx_ros.planning.path import Plan
 from vsx_ros.planning.planner import Planner
 from vsx_ros.planning.skeleton import coarse_lattice, is_stuck, search_lattice_back
 
-ROBOT, CONFIG = RobotConfig(), PlannerConfig()
+ROBOT, CONFIG = RobotConfig(), PlannerConfig(phi_rad_m=1.0)
 
 
 def margins(map_: OccupancyGrid, start: SE2, goal: SE2) -> DistanceField:

@@ -53,7 +53,7 @@ def test_only_the_way_driven_blind_is_counted():
 
 
 def test_a_path_that_keeps_the_map_in_view_is_preferred():
-    planner = Planner(PlannerConfig(max_blind_m=20.0), RobotConfig())
+    planner = Planner(PlannerConfig(phi_rad_m=1.0, max_blind_m=20.0), RobotConfig())
     rng = np.random.default_rng(0)
     better = 0
     for _ in range(30):
@@ -74,7 +74,7 @@ def test_a_path_that_keeps_the_map_in_view_is_preferred():
 
 
 def test_of_two_ways_equally_long_the_one_that_keeps_the_map_in_view_is_taken():
-    planner, view = Planner(PlannerConfig(max_blind_m=20.0), RobotConfig()), sight(wall_ahead())
+    planner, view = Planner(PlannerConfig(phi_rad_m=1.0, max_blind_m=20.0), RobotConfig()), sight(wall_ahead())
     start, goal = SE2(0.0, 0.0, 0.0), SE2(-1.0, 0.5, 0.0)
     plain = planner.plan(start, goal, OPEN, np.random.default_rng(0))
     seeing = planner.plan(start, goal, OPEN, np.random.default_rng(0), view)

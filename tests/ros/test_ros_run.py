@@ -94,6 +94,26 @@ def test_each_base_explores_over_its_emulator(tmp_path: Path, base: str) -> None
     assert "Traceback" not in (out / "log" / "terminal.log").read_text(encoding="utf-8")
 
 
+def test_a_wrong_serial_port_is_named_and_waited_for(tmp_path: Path) -> None:
+    command = run_command("--base", "kobuki", "--port", "/dev/ttyNONE", "--headless", "--out", str(tmp_path / "run"))
+    lines: list[str] = []
+    with subprocess.Popen(
+        command, env=environment(tmp_path, free_port()), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as run:
+        assert run.stderr is not None
+        reader = threading.Thread(target=lines.extend, args=(run.stderr,), daemon=True)
+        reader.start()
+        deadline_s = time.monotonic() + 90.0
+        while not any("waiting for" in line and "mobile_base" in line for line in lines):
+            assert time.monotonic() < deadline_s, lines
+            assert run.poll() is None, lines
+            time.sleep(0.1)
+        run.send_signal(signal.SIGINT)
+        assert run.wait(30.0) == STOPPED
+    told = [line for line in lines if line.startswith("mobile_base: /dev/ttyNONE: no such port; plug the base in")]
+    assert len(told) == 1
+
+
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [

@@ -11,7 +11,7 @@ import threading
 from typing import Any, NamedTuple
 
 import rospy
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
 from nav_msgs.msg import Odometry as OdometryMsg
@@ -23,6 +23,7 @@ from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.run_folder import RunEvent
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.ros import convert, process, topics
+from vsx_ros.ros.device_trouble import DeviceTrouble
 
 _JITTER_M = 0.002
 # rospy's own remarks on connections that come and go while nodes start and end.
@@ -38,7 +39,8 @@ class Navigation(NamedTuple):
 
 class Witness:
     """Subscribers: explore/status, explore/events, vslam/state, vslam/stats/*, map, odom, follower/status,
-    move_base/stats/plan_ms, mobile_base/hazards, /rosout; emulator/ground_truth/* when there is an emulator.
+    move_base/stats/plan_ms, mobile_base/hazards, /rosout, /diagnostics; emulator/ground_truth/* when there is an
+    emulator.
     """
 
     def __init__(self, *, emulated: bool) -> None:
@@ -55,6 +57,7 @@ class Witness:
         self._warnings: list[str] = []
         self._warned: set[str] = set()
         self._last_words: dict[str, str] = {}
+        self._device_trouble = DeviceTrouble(rospy.get_namespace())
         self._events: list[RunEvent] = []
         self._truth: list[StampedPose] = []
         self._navigation = Navigation([], [])
@@ -63,6 +66,7 @@ class Witness:
         subscribe(topics.EXPLORE_EVENTS, String, self._on_event, queue_size=100)
         subscribe(topics.SLAM_STATE, DiagnosticStatus, self._on_slam_state, queue_size=20)
         subscribe("/rosout", Log, self._on_log, queue_size=50)
+        subscribe(topics.DIAGNOSTICS, DiagnosticArray, self._on_diagnostics, queue_size=20)
         subscribe(topics.MAP, OccupancyGridMsg, self._on_map, queue_size=1)
         subscribe(topics.ODOM, OdometryMsg, self._on_odometry, queue_size=20)
         subscribe(topics.FOLLOWER_STATUS, String, self._on_follower, queue_size=20)
@@ -108,9 +112,19 @@ class Witness:
         with self._lock:
             if msg.level >= Log.FATAL:
                 self._last_words[msg.name] = line.partition(": ")[2]
-            if msg.level >= Log.WARN and line not in self._warned:
-                self._warned.add(line)
-                self._warnings.append(line)
+            if msg.level >= Log.WARN:
+                self._warn(line)
+
+    def _on_diagnostics(self, msg: DiagnosticArray) -> None:
+        with self._lock:
+            for line in filter(None, map(self._device_trouble.heard, msg.status)):
+                self._warn(line)
+
+    def _warn(self, line: str) -> None:
+        """With the lock held."""
+        if line not in self._warned:
+            self._warned.add(line)
+            self._warnings.append(line)
 
     def _note(self, source: str, state: str, reason: str) -> None:
         with self._lock:
