@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -19,7 +20,9 @@ pytest.importorskip("rospy")
 from ros_ports import free_port
 
 from vsx_ros.cli.exit_codes import DONE, FAILED, STOPPED
-from vsx_ros.io.run_folder import RunFolder
+from vsx_ros.config import Config
+from vsx_ros.io.run_folder import RunEvent, RunFolder
+from vsx_ros.ros.run import all_events
 
 pytestmark = pytest.mark.ros
 
@@ -92,6 +95,15 @@ def test_each_base_explores_over_its_emulator(tmp_path: Path, base: str) -> None
     truth = RunFolder.open(out).read_poses("groundtruth")
     assert 0.05 < float(abs(truth[-1].T.translation - truth[0].T.translation).max()) < 4.0
     assert "Traceback" not in (out / "log" / "terminal.log").read_text(encoding="utf-8")
+
+
+def test_a_resumed_run_whose_slam_never_began_tells_nothing_twice(tmp_path: Path) -> None:
+    folder = RunFolder.create(tmp_path / "run")
+    folder.write_config(Config(), ["vsx", "explore"])
+    slam, mission, more = (RunEvent(i, source, "s", "r") for i, source in enumerate(("slam", "mission", "mission")))
+    folder.write_events([slam, mission])
+    journal, witness = SimpleNamespace(events=lambda: [mission]), SimpleNamespace(events=lambda: [more])
+    assert all_events(folder, journal, witness) == [slam, mission, more]
 
 
 def test_a_wrong_serial_port_is_named_and_waited_for(tmp_path: Path) -> None:

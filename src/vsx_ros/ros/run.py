@@ -26,7 +26,7 @@ from vsx_ros.errors import ConfigError, VsxError, disk_trouble
 from vsx_ros.evaluation.summary import Summary, with_accuracy
 from vsx_ros.exploration.decision import MissionState, Outcome
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.io.run_folder import RunFolder
+from vsx_ros.io.run_folder import RunEvent, RunFolder
 from vsx_ros.ros import launch, process, view
 from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.live import Live, refuse_second_robot
@@ -203,7 +203,7 @@ def _gather(
         phi=config.planner.phi_rad_m,
         continued_map=args.load_map,
     )
-    folder.write_events([*folder.read_events(), *journal.events(), *witness.events()])
+    folder.write_events(all_events(folder, journal, witness))
     if truth:
         folder.write_poses("groundtruth", truth)
     if witness.grid is not None:
@@ -212,6 +212,13 @@ def _gather(
     report = write_report(folder)
     facts = [f"  {line}\n" for line in one_line_facts(summary.as_dict())]
     sys.stdout.write("".join([f"{ending.reason}\n", *facts, f"  report: {report}\n"]))
+
+
+def all_events(folder: RunFolder, journal: WitnessJournal, witness: Witness) -> list[RunEvent]:
+    """SLAM's from the folder, all else from who watched: where SLAM never began anew, the folder still holds both from
+    the session before."""
+    slam = [event for event in folder.read_events() if event.source == "slam"]
+    return [*slam, *journal.events(), *witness.events()]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
