@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vsx_ros.cli import config
+from vsx_ros.cli.compiled import compile_kernels
 from vsx_ros.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -74,6 +75,7 @@ def run(args: argparse.Namespace) -> int:
     if args.fast and args.view:
         raise ConfigError("--view shows the live nodes, and --fast runs none; leave out one of the two")
     _refuse_wires(args)
+    compile_kernels()
     if args.fast:
         from vsx_ros.cli.explore_fast import explore_fast
 

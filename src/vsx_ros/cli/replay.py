@@ -11,6 +11,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from vsx_ros.cli.compiled import compile_kernels
 from vsx_ros.cli.stoppable import stoppable
 from vsx_ros.errors import ConfigError
 
@@ -69,10 +70,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Replay, write the run folder, say what happened; 3 when tracking was lost for good, 1 when it never began."""
+    if not args.ros and (args.rate is not None or args.view):
+        raise ConfigError("--rate and --view go with --ros; without it every image is tracked, in order, by no node")
+    compile_kernels()
     if args.ros:
         _feed_nodes(args)
-    if args.rate is not None or args.view:
-        raise ConfigError("--rate and --view go with --ros; without it every image is tracked, in order, by no node")
     from vsx_ros.cli.config import load
     from vsx_ros.cli.exit_codes import STOPPED
     from vsx_ros.cli.report import one_line_facts, write_report

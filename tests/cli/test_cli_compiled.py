@@ -1,0 +1,39 @@
+import os
+
+from vsx_ros.cli.compiled import compile_kernels, is_compiled
+
+
+def kernels_of(tmp_path, stamp_s):
+    """A folder with a kernel of the second 100, compiled in the second given, or never."""
+    kernel = tmp_path / "loop.py"
+    kernel.write_text("")
+    os.utime(kernel, (100, 100))
+    if stamp_s is not None:
+        stamp = tmp_path / "__pycache__" / "warm.stamp"
+        stamp.parent.mkdir()
+        stamp.write_text("of the setup")
+        os.utime(stamp, (stamp_s, stamp_s))
+    return tmp_path
+
+
+def test_kernels_are_compiled_when_none_has_changed_since(tmp_path, capsys):
+    folder = kernels_of(tmp_path, 200)
+    assert is_compiled(folder)
+    compile_kernels(folder)
+    assert capsys.readouterr().err == ""
+
+
+def test_after_an_update_it_says_so_compiles_once_and_keeps_what_the_setup_wrote(tmp_path, capfd):
+    folder = kernels_of(tmp_path, 50)
+    assert not is_compiled(folder)
+    compile_kernels(folder)
+    assert "compiling the kernels" in capfd.readouterr().err
+    assert is_compiled(folder)
+    assert (folder / "__pycache__" / "warm.stamp").read_text() == "of the setup"
+
+
+def test_a_package_that_no_setup_prepared_is_compiled_too(tmp_path):
+    folder = kernels_of(tmp_path, None)
+    assert not is_compiled(folder)
+    compile_kernels(folder)
+    assert is_compiled(folder)
