@@ -103,7 +103,8 @@ class GroundMap:
         surfaces: Surfaces | None = None,
         obs_level: IntArray | None = None,
     ) -> OccupancyGrid:
-        """The grid; evidence of an obstacle beats evidence of free space, what nobody saw stays unknown.
+        """The grid; evidence of an obstacle beats evidence of free space, what nobody saw stays unknown, but for gaps
+        in what is seen: of walls (``walls.py``), and of the free ground.
 
         T_world_cams: K keyframes. points_world: (M, 3). obs_keyframe, obs_point: (O,) which keyframe saw which point.
         driven: where the base was, nowhere if None. surfaces: what is known to be solid besides the points; the
@@ -133,9 +134,8 @@ class GroundMap:
         data[occupied] = OCCUPIED
         data[_gaps(data)] = FREE
         unsure = (data == UNKNOWN) | ((data == FREE) & (free_votes < _MIN_RIM_VOTES))
-        data[unsure & walls(occupied, lattice.resolution, 2 * self._robot.radius_m, _WALL_GAP_M, _WALL_SHARE)] = (
-            OCCUPIED
-        )
+        solid = walls(occupied, lattice.resolution, 2 * self._robot.radius_m, _WALL_GAP_M, _WALL_SHARE)
+        data[unsure & solid] = OCCUPIED
         data[_rims(data, free_votes)] = UNKNOWN
         data[known] = FREE
         grid = OccupancyGrid(data, lattice.resolution, lattice.origin_x, lattice.origin_y)
