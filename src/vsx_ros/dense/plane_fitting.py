@@ -9,6 +9,7 @@ import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.dense.observed_points import ObservedPoints
+from vsx_ros.kernels import plane_fits
 from vsx_ros.kernels import planes as kernels
 
 _ROUNDS = 4
@@ -74,7 +75,7 @@ def fit_plane(
     if not len(rows):
         return None
     fixed, cutoff = _FIXED[attitude], _CUTOFF_GATES * noise.gate
-    determined, plane, covariance, middle, spread = kernels.fit_plane(
+    determined, plane, covariance, middle, spread = plane_fits.fit_plane(
         points.world, points.covariances, rows, normal, fixed, noise.floor, cutoff, _ROUNDS
     )
     return Fit(plane[:3], float(plane[3]), attitude, covariance, middle, spread) if determined else None

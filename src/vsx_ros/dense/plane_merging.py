@@ -128,7 +128,7 @@ def _stands(found: Found, points: ObservedPoints, noise: Noise, unit: float) -> 
     where they are."""
     if not is_plane(found.fit, noise):
         return False
-    own, beside = len(found.rows), _within(found, points, 0.0)
+    own, beside = len(found.rows), _within(found, points)
     size = np.ptp(points.world[found.rows] @ in_plane_axes(found.fit.normal).T, axis=0) / unit
     if own < min(_MANY_POINTS, _DENSE_PER_M2 * size[0] * size[1]):
         far = deviations(points, beside, found.fit.normal, found.fit.offset, noise._replace(limit=_AROUND_M * unit))
@@ -137,9 +137,9 @@ def _stands(found: Found, points: ObservedPoints, noise: Noise, unit: float) -> 
     return bool(own >= _MIN_OWN * on_plane(points, beside, found.fit, noise).sum())
 
 
-def _within(found: Found, points: ObservedPoints, margin: float) -> IntArray:
-    """Rows of the points beside the plane's own ones, up to a margin [m] around."""
-    low, high = _box(found, points, margin)
+def _within(found: Found, points: ObservedPoints) -> IntArray:
+    """Rows of the points beside the plane's own ones."""
+    low, high = _box(found, points, 0.0)
     rows: IntArray = beside(points.world, in_plane_axes(found.fit.normal), low, high)
     return rows
 

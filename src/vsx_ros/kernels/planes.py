@@ -1,4 +1,4 @@
-"""Points and planes: how well points are known, which planes they prefer, and the sums that planes are fitted from."""
+"""Points and planes: how well points are known, and which planes they prefer."""
 
 from __future__ import annotations
 
@@ -11,13 +11,10 @@ from vsx_ros.kernels import kernel
 from vsx_ros.kernels.jlinkage import WORD
 
 _MIN_FACING = 0.05
-_NO_CUTOFF = 1e9
-LEVEL = math.cos(math.radians(15.0))
-"""Planes whose normal is this much upwards are level."""
 
 
 @kernel
-def _variance(c: Any, a: float, b: float, e: float) -> Any:
+def variance_along(c: Any, a: float, b: float, e: float) -> Any:
     """Of a point with covariance c (3, 3) along the unit vector (a, b, e)."""
     return (
         a * a * c[0, 0] + b * b * c[1, 1] + e * e * c[2, 2]
@@ -68,7 +65,7 @@ def deviations(points: Any, covariances: Any, views: Any, rows: Any, plane: Any,
             continue
         r = abs(a * points[i, 0] + b * points[i, 1] + e * points[i, 2] - plane[3])
         if r <= limit:
-            out[k] = r / math.sqrt(floor * floor + _variance(covariances[i], a, b, e))
+            out[k] = r / math.sqrt(floor * floor + variance_along(covariances[i], a, b, e))
     return out
 
 
@@ -98,7 +95,7 @@ def best_planes(
             v = axes[k, 1, 0] * x + axes[k, 1, 1] * y + axes[k, 1, 2] * z
             if u < boxes[k, 0, 0] or u > boxes[k, 1, 0] or v < boxes[k, 0, 1] or v > boxes[k, 1, 1]:
                 continue
-            sigma = r / math.sqrt(floor * floor + _variance(covariances[i], a, b, e))
+            sigma = r / math.sqrt(floor * floor + variance_along(covariances[i], a, b, e))
             if sigma >= gate:
                 continue
             if count == near.shape[0]:
@@ -150,107 +147,6 @@ def beside(points: Any, axes: Any, low: Any, high: Any) -> Any:
             rows[count] = i
             count += 1
     return rows[:count]
-
-
-@kernel
-def plane_moments(points: Any, covariances: Any, rows: Any, plane: Any, floor: float, cutoff: float) -> Any:
-    """(total weight, weighted mean (3,), weighted scatter about it (3, 3)) of some points (rows), whose weights are
-    inverse variances along a plane's normal (4,) and Tukey's, zero from ``cutoff`` standard deviations on."""
-    origin = points[rows[0]].copy()
-    total, first, second = 0.0, np.zeros(3), np.zeros((3, 3))
-    d = np.empty(3)
-    a, b, e = plane[0], plane[1], plane[2]
-    for i in rows:
-        variance = floor * floor + _variance(covariances[i], a, b, e)
-        r = a * points[i, 0] + b * points[i, 1] + e * points[i, 2] - plane[3]
-        u = 1.0 - r * r / (variance * cutoff * cutoff)
-        if u <= 0.0:
-            continue
-        weight = u * u / variance
-        for j in range(3):
-            d[j] = points[i, j] - origin[j]
-        total += weight
-        for j in range(3):
-            first[j] += weight * d[j]
-            for k in range(3):
-                second[j, k] += weight * d[j] * d[k]
-    if total <= 0.0:
-        return 0.0, origin, second
-    for j in range(3):
-        first[j] /= total
-    for j in range(3):
-        for k in range(3):
-            second[j, k] -= total * first[j] * first[k]
-    return total, origin + first, second
-
-
-@kernel
-def in_plane_axes(x: float, y: float, z: float) -> Any:
-    """(2, 3) right and up of a plane with the unit normal (x, y, z): up is the direction in the plane nearest to +z, or
-    to +y for a level plane."""
-    if abs(z) >= LEVEL:
-        ux, uy, uz = -x * y, 1.0 - y * y, -z * y
-    else:
-        ux, uy, uz = -x * z, -y * z, 1.0 - z * z
-    length = math.sqrt(ux * ux + uy * uy + uz * uz)
-    ux, uy, uz = ux / length, uy / length, uz / length
-    return np.array([[uy * z - uz * y, uz * x - ux * z, ux * y - uy * x], [ux, uy, uz]])
-
-
-@kernel
-def fit_plane(
-    points: Any, covariances: Any, rows: Any, guess: Any, fixed: int, floor: float, cutoff: float, rounds: int
-) -> Any:
-    """Gauss-Newton on two tilts and the offset of the plane of some points (rows), Tukey's weights from the second
-    round on.
-
-    guess: (3,) unit normal. fixed: 0 where the plane may tilt about right and about up, 1 about up only, 2 not at all.
-    floor, cutoff: see ``plane_moments``. Returns whether the points determine a plane, plane (4,), covariance (3, 3) of
-    tilts and offset, weighted middle (3,), and standard deviations [m] of the points along right and up (2,).
-    """
-    plane = np.array([guess[0], guess[1], guess[2], 0.0])
-    normal, slopes, H, g = plane[:3], np.zeros((2, 3)), np.zeros((2, 2)), np.zeros(2)
-    covariance, spread = np.zeros((3, 3)), np.zeros(2)
-    for turn in range(rounds):
-        total, middle, scatter = plane_moments(points, covariances, rows, plane, floor, cutoff if turn else _NO_CUTOFF)
-        axes = in_plane_axes(normal[0], normal[1], normal[2])
-        # How the distance of a point changes as the plane tilts about right, then about up.
-        slopes[0], slopes[1] = -axes[1], axes[0]
-        for a in range(2):
-            g[a] = _between(slopes[a], scatter, normal)
-            for b in range(2):
-                H[a, b] = _between(slopes[a], scatter, slopes[b])
-        for a in range(fixed):
-            g[a] = H[0, 1] = H[1, 0] = 0.0
-            H[a, a] = 1.0
-        determinant, scale = H[0, 0] * H[1, 1] - H[0, 1] * H[1, 0], H[0, 0] * H[1, 1]
-        if not (total > 0.0 and scale > 0.0 and determinant > 1e-12 * scale):
-            return False, plane, covariance, middle, spread
-        right, up = (H[1, 1] * g[0] - H[0, 1] * g[1]) / determinant, (H[0, 0] * g[1] - H[1, 0] * g[0]) / determinant
-        for j in range(3):
-            normal[j] -= right * slopes[0, j] + up * slopes[1, j]
-        length = math.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
-        for j in range(3):
-            normal[j] /= length
-        plane[3] = normal[0] * middle[0] + normal[1] * middle[1] + normal[2] * middle[2]
-    if fixed < 1:
-        covariance[0, 0], covariance[0, 1], covariance[1, 0] = H[1, 1], -H[0, 1], -H[1, 0]
-    if fixed < 2:
-        covariance[1, 1] = H[0, 0]
-    covariance /= determinant
-    covariance[2, 2] = 1.0 / total + floor * floor
-    for a in range(2):
-        spread[a] = math.sqrt(max(0.0, _between(axes[a], scatter, axes[a])) / total)
-    return True, plane, covariance, middle, spread
-
-
-@kernel
-def _between(a: Any, M: Any, b: Any) -> float:
-    """a M b for vectors (3,) and a matrix (3, 3)."""
-    total = 0.0
-    for j in range(3):
-        total += a[j] * (M[j, 0] * b[0] + M[j, 1] * b[1] + M[j, 2] * b[2])
-    return total
 
 
 @kernel
@@ -306,6 +202,6 @@ def plane_preferences(
             r = abs(a * x + b * y + e * z - planes[h, 3])
             if r > limit:
                 continue
-            if r <= gate * math.sqrt(floor * floor + _variance(c, a, b, e)):
+            if r <= gate * math.sqrt(floor * floor + variance_along(c, a, b, e)):
                 preferences[i, h // WORD] |= np.uint64(1) << np.uint64(h % WORD)
     return preferences

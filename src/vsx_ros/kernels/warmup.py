@@ -17,6 +17,7 @@ from vsx_ros.kernels import (
     jlinkage,
     lattice,
     patches,
+    plane_fits,
     planes,
     pose,
     pose_graph,
@@ -51,7 +52,7 @@ def _planes() -> None:
     axes, boxes = np.eye(3)[:2][None].copy(), np.array([[np.zeros(2), np.ones(2)]])
     planes.best_planes(points, covariances, rays, wall[None], axes, boxes, 1, one, (0.01, 2.5, 0.1))
     planes.beside(points, np.eye(3)[:2], np.zeros(2), np.ones(2))
-    planes.fit_plane(points, covariances, one, wall[:3], 0, 0.01, 5.0, 4)
+    plane_fits.fit_plane(points, covariances, one, wall[:3], 0, 0.01, 5.0, 4)
     planes.first_accepted(points, np.ones(1), one, one[None], np.ones((1, 1)), 2, 0.8, 0.1)
     jlinkage.agglomerate(planes.plane_preferences(points, covariances, rays, wall[None], 0.01, 2.5, 0.1))
 
