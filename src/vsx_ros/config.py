@@ -149,7 +149,7 @@ class PlannerConfig(_Branch, frozen=True):
     """Motion planning (paper 4)."""
 
     phi_rad_m: Positive = 2.0
-    clearance_m: NonNegative = 0.04
+    clearance_m: NonNegative = 0.06
     max_reverse_m: NonNegative = 1.5
     # What the tracker needs in view, how fast to drive where it is not, and how far at most in one go.
     sight_landmarks: Count = 20

@@ -261,11 +261,24 @@ def test_the_trail_gives_back_the_way_it_was_driven():
     for k in range(9):
         trail.add(SE2(0.125 * k, 0.0, 0.0))
         trail.add(SE2(0.125 * k + 0.0625, 0.0, 0.0))
-    back = trail.pop_back(0.5)
-    assert back is not None
-    assert back.x == 0.5
-    assert len(trail) == 5
-    assert Trail(spacing_m=0.1).pop_back(0.5) is None
+    assert trail.back(0.5) == SE2(0.5, 0.0, 0.0)
+    assert trail.length_m == 1.0
+    trail.driven_back_to(SE2(0.7, 0.02, 0.0))
+    assert trail.poses[-1].x == 0.75
+    assert trail.back(0.5) == SE2(0.25, 0.0, 0.0)
+    assert Trail(spacing_m=0.1).back(0.5) is None
+
+
+def test_the_way_back_does_not_cut_the_corner_where_the_robot_turned_over():
+    trail = Trail(spacing_m=0.125)
+    for k in range(9):
+        trail.add(SE2(0.125 * k, 0.0, 0.0))
+    for k in range(4):
+        trail.add(SE2(1.0, 0.0, 0.0) @ SE2(-0.125 * k, 0.02 * k, -0.1 * k))
+    assert trail.back(1.0) == SE2(1.0, 0.0, 0.0)
+    trail.driven_back_to(SE2(0.99, 0.0, 0.0))
+    assert trail.length_m == 1.0
+    assert trail.back(0.5) == SE2(0.5, 0.0, 0.0)
 
 
 def test_a_goal_that_fails_again_is_left_alone_twice_as_long():

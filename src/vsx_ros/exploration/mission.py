@@ -132,8 +132,8 @@ class Mission:
     def decide(self, now_ns: int, situation: Situation) -> Decision:
         """One action for the situation. Call it at 2 to 10 Hz; choosing a view takes some tenths of a second."""
         backing = self._backing_off or self.state is MissionState.RECOVERING
-        if situation.T_odom_base is not None and not backing:
-            self._trail.add(situation.T_odom_base)
+        if situation.T_odom_base is not None:
+            (self._trail.driven_back_to if backing else self._trail.add)(situation.T_odom_base)
         if situation.T_map_base is not None and situation.slam_state is TrackingState.GOOD:
             self._looks.add(situation.T_map_base)
         if self.state is MissionState.DONE:
@@ -251,7 +251,7 @@ class Mission:
 
     def _back_off(self, now_ns: int, reason: str) -> Decision:
         """A step back along the ground just driven: the only way that is surely free."""
-        goal = self._trail.pop_back(self._config.backtrack_step_m)
+        goal = self._trail.back(self._config.backtrack_step_m)
         if goal is None:
             self._wait_until_ns = now_ns + _EMPTY_WAIT_NS
             return self._answer(Action.WAIT, "no way back along the trail")

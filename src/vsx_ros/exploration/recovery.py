@@ -15,6 +15,8 @@ from vsx_ros.exploration.utility import count_landmarks
 from vsx_ros.geometry.se2 import SE2
 
 _SWINGS = 4
+_MOST_STEPS = 40  # back: of a robot that does not move, or whose steps are all cut short
+_NEAR_M = 0.05
 _HOLD_NS = 1_000_000_000
 
 
@@ -24,8 +26,9 @@ class Recovery:
     def __init__(self, config: ExplorationConfig, radius_m: float, bend_rad_m: float) -> None:
         """radius_m: of the robot [m]. bend_rad_m: of the arcs to the sides [rad/m]."""
         self._config, self._radius_m, self._bend_rad_m = config, radius_m, bend_rad_m
-        self._backed_m, self._swings = 0.0, 0
-        self._to_best_m: float | None = None
+        self._steps = self._swings = 0
+        self._lost_at_m: float | None = None
+        self._best_at_m: float | None = None
         self._tracked_since_ns: int | None = None
 
     def is_over(self, now_ns: int, tracked: bool) -> bool:
@@ -38,17 +41,21 @@ class Recovery:
 
     def next(self, trail: Trail, situation: Situation) -> tuple[SE2, str] | None:
         """The next pose of the base in the frame odom, and why; None when nothing is left to try."""
-        step_m = self._config.backtrack_step_m
-        if self._backed_m < self._config.backtrack_max_m:
-            goal = trail.pop_back(step_m)
+        step_m, left_m = self._config.backtrack_step_m, trail.length_m
+        if self._lost_at_m is None:
+            self._lost_at_m = left_m
+        self._steps += 1
+        if self._steps > _MOST_STEPS:
+            return self._to_a_side(situation)
+        backed_m = self._lost_at_m - left_m
+        if backed_m < self._config.backtrack_max_m:
+            goal = trail.back(step_m)
             if goal is not None:
-                self._backed_m += step_m
-                return goal, f"lost: back along the trail, {self._backed_m:.1f} m so far"
-        if self._to_best_m is None:
-            self._to_best_m = self._way_to_best(trail.poses, situation)
-        if self._to_best_m > 0.0:
-            goal = trail.pop_back(min(step_m, self._to_best_m))
-            self._to_best_m -= step_m
+                return goal, f"lost: back along the trail, {backed_m:.1f} m so far"
+        if self._best_at_m is None:
+            self._best_at_m = left_m - self._way_to_best(trail.poses, situation)
+        if left_m > self._best_at_m + _NEAR_M:
+            goal = trail.back(min(step_m, left_m - self._best_at_m))
             if goal is not None:
                 return goal, "lost: on to the place on the trail that shows most known landmarks"
         return self._to_a_side(situation)

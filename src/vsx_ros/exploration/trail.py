@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 from vsx_ros.geometry.se2 import SE2
 
 
 class Trail:
-    """Poses at least spacing_m [m] apart, oldest first; driving back shortens it."""
+    """Poses at least spacing_m [m] apart, oldest first; driving back along it shortens it."""
 
     def __init__(self, spacing_m: float, length_m: float = 5.0) -> None:
         self._spacing_m = spacing_m
@@ -27,11 +29,26 @@ class Trail:
             self._poses.append(T_odom_base)
             del self._poses[: -self._capacity]
 
-    def pop_back(self, distance_m: float) -> SE2 | None:
-        """The pose about distance_m [m] back along the trail, which ends there from now on; None on a short trail."""
+    @property
+    def length_m(self) -> float:
+        """The way along the trail [m]."""
+        return sum(a.distance_to(b) for a, b in pairwise(self._poses))
+
+    def driven_back_to(self, T_odom_base: SE2) -> None:
+        """Let the trail of a robot that backs along it end where the robot is by now."""
+        poses = self._poses
+        while len(poses) > 1 and poses[-2].distance_to(T_odom_base) <= poses[-1].distance_to(T_odom_base):
+            poses.pop()
+
+    def back(self, distance_m: float) -> SE2 | None:
+        """The pose about distance_m [m] before the end, or nearer, where the robot changed between ahead and reverse:
+        a drive that cut this corner would leave the trail. None on a short trail."""
         if len(self._poses) < 2:
             return None
-        back_m = 0.0
-        while len(self._poses) > 1 and back_m < distance_m - 0.5 * self._spacing_m:
-            back_m += self._poses.pop().distance_to(self._poses[-1])
-        return self._poses[-1]
+        at, back_m, was_ahead = len(self._poses) - 1, 0.0, None
+        while at > 0 and back_m < distance_m - 0.5 * self._spacing_m:
+            step = self._poses[at - 1].inverse() @ self._poses[at]
+            if was_ahead not in (None, step.x > 0.0):
+                break
+            was_ahead, back_m, at = step.x > 0.0, back_m + step.distance_to(SE2()), at - 1
+        return self._poses[at]
