@@ -235,13 +235,15 @@ class ExplorationConfig(_Branch, frozen=True):
     min_gain_m2: NonNegative = 0.15
     min_utility_m: NonNegative = 0.06
     stop_cost_m: Positive = 2.0
+    # The share of what only the way to a view shows that counts as the view's gain.
+    way_gain_ratio: Ratio = 0.3
     look_range_m: Positive = 3.0
     looks_to_half: Positive = 1.5
     wall_gap_m: Positive = 2.0
     goal_seen_ratio: Ratio = 0.3
     look_spacing_m: Positive = 0.35
     view_spacing_m: Positive = 0.2
-    view_margin_m: NonNegative = 0.05
+    view_margin_m: NonNegative = 0.03
     max_ranked_views: Count = 300
     min_landmarks: Annotated[int, Meta(ge=0)] = 15
     good_landmarks: Count = 60

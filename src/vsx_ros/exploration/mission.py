@@ -14,6 +14,7 @@ and every choice is an event with its reason.
 from __future__ import annotations
 
 from vsx_ros.config import Config
+from vsx_ros.exploration.along import WaysFrom, with_ways
 from vsx_ros.exploration.chronicle import Chronicle
 from vsx_ros.exploration.decision import (
     Action,
@@ -48,11 +49,13 @@ _SETTLE_NS, _BRAKE_NS = _SECOND_NS, _SECOND_NS // 2
 class Mission:
     """Explore until nothing is worth its way; recover when lost; never without a reason."""
 
-    def __init__(self, config: Config, travel_costs: TravelCostsFrom, rank: Ranker = rank_views) -> None:
-        self._config, self._rank = config.exploration, rank
+    def __init__(
+        self, config: Config, travel_costs: TravelCostsFrom, rank: Ranker = rank_views, ways: WaysFrom | None = None
+    ) -> None:
+        """ways: by which the best views are judged anew; None judges them by what they show themselves."""
+        self._config, self._rank, self._ways, self._travel_costs = config.exploration, rank, ways, travel_costs
         self._radius_m = config.robot.radius_m + config.planner.clearance_m
         self._body_m, self._phi_rad_m = config.robot.radius_m, config.planner.phi_rad_m
-        self._travel_costs = travel_costs
         self._trail = Trail(spacing_m=0.05)
         self._chronicle = Chronicle()
         self._first_drives = FirstDrives(self._config.init_drive_m, self._config.init_attempts)
@@ -65,8 +68,7 @@ class Mission:
         self._wait_until_ns = 0
         self._recovery = Recovery(self._config, self._body_m, self._phi_rad_m)
         self._empty_rankings = 0
-        self._backing_off = False
-        self._going_home = False
+        self._backing_off = self._going_home = False
         self.frontiers: list[Frontier] = []
         self.ranking = Ranking([], {})
 
@@ -112,9 +114,8 @@ class Mission:
 
     def memory(self, now_ns: int, T_odom_base: SE2) -> MissionMemory:
         """What another session needs to go on from here."""
-        left = self._given_up.left(now_ns)
         trail = [T_odom_base.inverse() @ pose for pose in self._trail.poses]
-        return MissionMemory(list(self._looks.poses), left, trail, self._going_home)
+        return MissionMemory(list(self._looks.poses), self._given_up.left(now_ns), trail, self._going_home)
 
     def recall(self, now_ns: int, memory: MissionMemory, T_odom_base: SE2) -> None:
         """Go on with the map of a session before, standing where its trail ended: first the camera must recognise
@@ -138,8 +139,8 @@ class Mission:
             self._looks.add(situation.T_map_base)
         if self.state is MissionState.DONE:
             return self._answer(Action.FINISH, self._chronicle.reason)
+        active = situation.navigation is NavigationState.ACTIVE
         if self.state is MissionState.PAUSED:
-            active = situation.navigation is NavigationState.ACTIVE
             return self._answer(Action.CANCEL if active else Action.WAIT, "paused")
         if situation.T_odom_base is None:
             return self._answer(Action.WAIT, "waiting for odometry")
@@ -198,7 +199,7 @@ class Mission:
         if situation.hazard and not self._backing_off:
             return self._answer(Action.CANCEL, f"stopping: {situation.hazard}")
         reason = self._promise.seen(situation.grid) if self._promise and situation.grid is not None else ""
-        if self._promise is None or not reason:
+        if not reason:
             return self._answer(Action.WAIT, f"on the way: {self._purpose}")
         self._goal = self._promise = None
         self._wait_until_ns = now_ns + _BRAKE_NS
@@ -210,17 +211,19 @@ class Mission:
         if self._going_home:
             self._goal = View(SE2(), 0.0, 0.0, 0, 0.0)
             return self._go(now_ns, self._goal.pose, "map", "driving home")
+        looked_from = self._looks.as_array()
         self.ranking = self._rank(
-            grid, self._radius_m, situation.landmarks_world,
-            self._looks.as_array(),
-            self._travel_costs(T_map_base, grid),
+            grid, self._radius_m, situation.landmarks_world, looked_from, self._travel_costs(T_map_base, grid),
             lambda poses: self._given_up.near(now_ns, poses), self._config,
         )  # fmt: skip
+        if self._ways is not None:
+            way_to = self._ways(T_map_base, grid)
+            self.ranking = with_ways(self.ranking, way_to, grid, self._radius_m, looked_from, self._config)
         if not self.ranking.views:
             return self._nothing_left(now_ns, situation, grid)
         self._empty_rankings = 0
         self._goal = goal = self.ranking.views[0]
-        self._promise = Promise(goal.pose, grid, self._radius_m, self._looks.as_array(), self._config)
+        self._promise = Promise(goal.pose, grid, self._radius_m, looked_from, self._config)
         return self._go(now_ns, goal.pose, "map", goal.words(self._config.stop_cost_m))
 
     def _nothing_left(self, now_ns: int, situation: Situation, grid: OccupancyGrid) -> Decision:
@@ -232,8 +235,7 @@ class Mission:
         if self.ranking.rejected[Rejection.GIVEN_UP] and self._given_up.forgive(now_ns):
             self._chronicle.note(now_ns, f"no other view found ({why}): what was given up is tried again")
             return self._answer(Action.WAIT, "trying again what was given up")
-        retries = self._config.retries_boxed_in if boxed_in else self._config.retries_without_view
-        if self._empty_rankings > retries:
+        if self._empty_rankings > (self._config.retries_boxed_in if boxed_in else self._config.retries_without_view):
             return self._end(now_ns, Outcome.EXPLORED, f"no view is worth its way any more ({why})")
         if boxed_in and self._empty_rankings > self._config.retries_without_view:
             return self._swing(now_ns, situation, grid, f"no view found ({why}): turning to look elsewhere")
@@ -271,11 +273,11 @@ class Mission:
             return self._answer(Action.WAIT, f"on the way: {self._purpose}")
         if now_ns < self._wait_until_ns:
             return self._answer(Action.WAIT, "waiting for relocalisation")
-        drive = self._recovery.next(self._trail, situation)
-        if drive is None:
-            return self._end(now_ns, Outcome.LOST, f"tracking lost for good: {situation.slam_reason}")
         self._wait_until_ns = now_ns + _RELOCALISE_WAIT_NS
-        return self._go(now_ns, drive[0], "odom", drive[1])
+        drive = self._recovery.next(self._trail, situation)
+        if drive is not None:
+            return self._go(now_ns, drive[0], "odom", drive[1])
+        return self._end(now_ns, Outcome.LOST, f"tracking lost for good: {situation.slam_reason}")
 
     # Bookkeeping ---------------------------------------------------------------------------------------------
 

@@ -33,6 +33,7 @@ from visualization_msgs.msg import MarkerArray
 
 from vsx_ros.arrays import Points3
 from vsx_ros.config import Config
+from vsx_ros.exploration.along import ways_of
 from vsx_ros.exploration.decision import Action, Decision, NavigationState, Situation
 from vsx_ros.exploration.memory import MissionMemory
 from vsx_ros.exploration.mission import Mission
@@ -61,8 +62,8 @@ class ExploreNode:
         def travel_costs(start: SE2, grid: OccupancyGrid) -> TravelCosts:
             return lambda poses: planner.travel_costs(start, grid, poses)
 
-        warm_up_mission(Mission(config, travel_costs))
-        self._mission = Mission(config, travel_costs)
+        warm_up_mission(Mission(config, travel_costs, ways=ways_of(planner)))
+        self._mission = Mission(config, travel_costs, ways=ways_of(planner))
         self._lock = threading.Lock()
         self._grid: OccupancyGrid | None = None
         self._landmarks: Points3 = np.zeros((0, 3))
