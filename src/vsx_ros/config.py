@@ -3,6 +3,8 @@ that receive them. ``vsx config`` prints this tree; config/default.yaml is gener
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from typing import Annotated, Any
 
 import msgspec
@@ -47,13 +49,13 @@ class RobotConfig(_Branch, frozen=True):
 
 
 class LimitsConfig(_Branch, frozen=True):
-    """What the time scaling and the follower never exceed."""
+    """What the time scaling and the follower never exceed; the bounds are about what the bases can do."""
 
-    v_m_s: Positive = 0.3
-    a_m_s2: Positive = 0.4
-    jerk_m_s3: Positive = 2.0
-    omega_rad_s: Positive = 0.4
-    alpha_rad_s2: Positive = 1.0
+    v_m_s: Annotated[float, Meta(gt=0, le=0.7)] = 0.3
+    a_m_s2: Annotated[float, Meta(gt=0, le=3)] = 0.4
+    jerk_m_s3: Annotated[float, Meta(gt=0, le=100)] = 2.0
+    omega_rad_s: Annotated[float, Meta(gt=0, le=3.2)] = 0.4
+    alpha_rad_s2: Annotated[float, Meta(gt=0, le=20)] = 1.0
 
 
 class InitializationConfig(_Branch, frozen=True):
@@ -271,12 +273,31 @@ class Config(_Branch, frozen=True):
 def from_dict(tree: dict[str, Any]) -> Config:
     """The configuration of a nested dict; missing entries take their default.
 
-    Raises ConfigError naming the entry, e.g. ``Expected `float` > 0.0 - at `$.planner.phi_rad_m```.
+    Raises ConfigError naming the entry, e.g. ``Expected `float` > 0.0 - at `$.planner.phi_rad_m`, not -1``.
     """
     try:
-        return msgspec.convert(tree, Config)
+        config: Config = msgspec.convert(tree, Config)
     except msgspec.ValidationError as error:
-        raise ConfigError(f"configuration: {error}; 'vsx config' prints every name, unit and default") from error
+        wrong = f"{error}{_given(tree, str(error))}"
+        raise ConfigError(f"configuration: {wrong}; 'vsx config' prints every name, unit and default") from error
+    for name, value in _leaves(to_dict(config)):
+        if isinstance(value, float) and not math.isfinite(value):
+            raise ConfigError(f"configuration: {name} is {value}; it needs a finite number")
+    return config
+
+
+def _leaves(tree: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for name, value in tree.items():
+        yield from _leaves(value, f"{prefix}{name}.") if isinstance(value, dict) else [(prefix + name, value)]
+
+
+def _given(tree: Any, message: str) -> str:
+    """The value that a message of msgspec is about, e.g. ", not -1"; nothing where it is about a whole branch."""
+    for name in message.rpartition("`$.")[2].rstrip("`").split("."):
+        if not isinstance(tree, dict) or name not in tree:
+            return ""
+        tree = tree[name]
+    return "" if isinstance(tree, dict) else f", not {tree!r}"
 
 
 def to_dict(config: Config) -> dict[str, Any]:

@@ -27,7 +27,7 @@ def test_the_printed_tree_is_read_back(tmp_path, capsys):
 def test_entries_tell_unit_and_bound():
     lines = {line.split(":")[0].strip(): line for line in commented_yaml(Config()).splitlines() if ":" in line}
     assert lines["phi_rad_m"].endswith("# rad/m, > 0")
-    assert lines["jerk_m_s3"].endswith("# m/s^3, > 0")
+    assert lines["jerk_m_s3"].endswith("# m/s^3, > 0 and <= 100")
     assert lines["good_ratio"].endswith("# >= 0 and <= 1")
     assert lines["pitch_down_rad"].endswith("# rad, >= -0.8 and <= 0.8")
 
@@ -53,7 +53,10 @@ def test_a_file_changes_only_what_it_names(tmp_path):
 @pytest.mark.parametrize(
     ("text", "assignments", "message"),
     [
-        ("limits: {v_m_s: -1}", [], "limits.v_m_s"),
+        ("limits: {v_m_s: -1}", [], "limits.v_m_s`, not -1"),
+        ("limits: {v_m_s: 9}", [], "<= 0.7"),
+        ("robot: {mount: {forward_m: .nan}}", [], "robot.mount.forward_m is nan"),
+        ("planner: {phi_rad_m: .inf}", [], "planner.phi_rad_m is inf"),
         ("limits: {speed: 1}", [], "speed"),
         ("limits: [", [], "cannot be read"),
         ("3", [], "configuration"),
