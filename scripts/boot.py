@@ -32,4 +32,8 @@ def into(module: str) -> None:
     sys.path[:0] = sources
     # For the programs this one becomes or starts, from whatever folder it was called.
     os.environ["PYTHONPATH"] = os.pathsep.join([*sources, *filter(None, [os.environ.get("PYTHONPATH")])])
-    importlib.import_module(module).main()
+    try:
+        importlib.import_module(module).main()
+    except KeyboardInterrupt:  # before main() was there to answer it
+        print("vsx: stopped by the operator", file=sys.stderr)
+        sys.exit(4)

@@ -151,7 +151,9 @@ class PlannerConfig(_Branch, frozen=True):
     """Motion planning (paper 4)."""
 
     phi_rad_m: Positive = 2.0
-    clearance_m: NonNegative = 0.06
+    # Beside the body: kept always, and kept where that is no detour.
+    clearance_m: NonNegative = 0.04
+    preferred_clearance_m: NonNegative = 0.1
     max_reverse_m: NonNegative = 1.5
     # What the tracker needs in view, how fast to drive where it is not, and how far at most in one go.
     sight_landmarks: Count = 20
@@ -245,7 +247,7 @@ class ExplorationConfig(_Branch, frozen=True):
     goal_seen_ratio: Ratio = 0.3
     look_spacing_m: Positive = 0.35
     view_spacing_m: Positive = 0.2
-    view_margin_m: NonNegative = 0.03
+    view_margin_m: NonNegative = 0.05
     max_ranked_views: Count = 300
     min_landmarks: Annotated[int, Meta(ge=0)] = 15
     good_landmarks: Count = 60

@@ -95,13 +95,36 @@ def test_lost_cancels_waits_backs_along_the_trail_and_comes_back():
     assert back.frame == "odom"
     assert back.goal.x == pytest.approx(1.95 - Config().exploration.backtrack_step_m, abs=0.06)
     found = situation(T_odom_base=SE2(1.6, 0, 0))
-    assert mission.decide(7 * SECOND, found._replace(navigation=NavigationState.ACTIVE)).action is Action.CANCEL
+    assert mission.decide(7 * SECOND, found._replace(navigation=NavigationState.ACTIVE)).action is Action.WAIT
     mission.decide(7 * SECOND + SECOND // 2, lost)
     mission.decide(8 * SECOND, found)
     mission.decide(9 * SECOND - 1, found)
     assert mission.state is MissionState.RECOVERING
     mission.decide(9 * SECOND, found)
     assert mission.state is MissionState.MAPPING
+
+
+def test_lost_again_at_once_it_goes_on_backing_although_the_camera_is_tracked():
+    mission, step_m = mapping_mission(), Config().exploration.backtrack_step_m
+    for k in range(60):
+        mission.decide(2 * SECOND + k, situation(T_odom_base=SE2(0.05 * k, 0, 0), navigation=NavigationState.ACTIVE))
+    here, now_ns, backed = SE2(2.95, 0, 0), 3 * SECOND, []
+    for _ in range(3):
+        lost = situation(slam_state=TrackingState.LOST, slam_reason="dark", T_odom_base=here)
+        mission.decide(now_ns, lost)
+        for k in range(1, 9):
+            tracked = lost._replace(slam_state=TrackingState.GOOD)
+            decision = mission.decide(now_ns + k * SECOND // 4, lost if not backed and k < 6 else tracked)
+            if decision.frame == "odom" and decision.action is Action.GO:
+                backed.append(decision.goal.x)
+                here = decision.goal
+                break
+        found = situation(T_odom_base=here)
+        mission.decide(now_ns + 3 * SECOND, found)
+        mission.decide(now_ns + 4 * SECOND, found)
+        assert mission.state is MissionState.MAPPING
+        now_ns += 5 * SECOND
+    assert np.diff(backed) == pytest.approx([-step_m] * 2, abs=0.06)
 
 
 def drives_while_lost(mission: Mission, trail_m: float, landmarks=LANDMARKS):

@@ -36,7 +36,7 @@ def environment(tmp_path: Path, port: int) -> dict[str, str]:
 
 
 def run_command(*words: str) -> list[str]:
-    return [sys.executable, "-m", "vsx_ros.ros.run", *words]
+    return [sys.executable, "-m", "vsx_ros.ros", *words]
 
 
 def processes_that_name(text: str) -> list[str]:

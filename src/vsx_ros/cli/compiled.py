@@ -25,7 +25,9 @@ def compile_kernels(folder: Path = _FOLDER) -> None:
     if is_compiled(folder):
         return
     print("compiling the kernels, as after each update: up to five minutes", file=sys.stderr, flush=True)
-    compiled = subprocess.run([sys.executable, "-m", "vsx_ros.kernels.warmup"], check=False).returncode == 0
+    command = [sys.executable, "-m", "vsx_ros.kernels.warmup"]
+    # In a session of its own: a Ctrl-C reaches this process only, which ends the other one without its traceback.
+    compiled = subprocess.run(command, check=False, start_new_session=True).returncode == 0
     if compiled:
         with contextlib.suppress(OSError):  # a package of others, whose machine code numba keeps elsewhere
             (folder / _STAMP).parent.mkdir(exist_ok=True)

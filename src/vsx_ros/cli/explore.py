@@ -81,7 +81,7 @@ def run(args: argparse.Namespace) -> int:
 
         return explore_fast(args)
     sys.stdout.flush()
-    os.execv(sys.executable, [sys.executable, "-m", "vsx_ros.ros.run", *live_arguments(args)])
+    os.execv(sys.executable, [sys.executable, "-m", "vsx_ros.ros", *live_arguments(args)])
 
 
 def camera(text: str) -> str:
@@ -166,7 +166,7 @@ def _begin_again(args: argparse.Namespace, folder: RunFolder) -> tuple[RunFolder
 
 
 def live_arguments(args: argparse.Namespace) -> list[str]:
-    """The command line of ``python -m vsx_ros.ros.run`` that says the same."""
+    """The command line of ``python -m vsx_ros.ros`` that says the same."""
     words: list[str] = []
     for name, value in vars(args).items():
         option = f"--{name.replace('_', '-')}"

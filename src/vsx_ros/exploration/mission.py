@@ -170,7 +170,7 @@ class Mission:
         if situation.slam_state is TrackingState.LOST:
             self._goal_failed(now_ns, "tracking was lost on the way")
             self._backing_off = False
-            self._recovery = Recovery(self._config, self._body_m, self._phi_rad_m)
+            self._recovery.begin(now_ns)
             self._wait_until_ns = now_ns + _RELOCALISE_WAIT_NS
             self._chronicle.enter(now_ns, MissionState.RECOVERING, f"tracking lost: {situation.slam_reason}")
             return self._answer(Action.CANCEL, "tracking lost")
@@ -262,15 +262,15 @@ class Mission:
 
     def _recover(self, now_ns: int, situation: Situation) -> Decision:
         """Wait for relocalisation, then drive to where it is more likely, step by step."""
-        tracked, active = situation.slam_state.tracked, situation.navigation is NavigationState.ACTIVE
+        tracked = situation.slam_state.tracked
+        if situation.navigation is NavigationState.ACTIVE:
+            self._wait_until_ns = now_ns + _RELOCALISE_WAIT_NS
+            return self._answer(Action.WAIT, f"on the way: {self._purpose}")
         if self._recovery.is_over(now_ns, tracked):
             self._wait_until_ns = now_ns
             self._chronicle.enter(now_ns, MissionState.MAPPING, "relocalised")
-        if tracked:
-            return self._answer(Action.CANCEL if active else Action.WAIT, "a place of the map is recognised")
-        if active:
-            self._wait_until_ns = now_ns + _RELOCALISE_WAIT_NS
-            return self._answer(Action.WAIT, f"on the way: {self._purpose}")
+        if tracked and not self._recovery.owes_a_step:
+            return self._answer(Action.WAIT, "a place of the map is recognised")
         if now_ns < self._wait_until_ns:
             return self._answer(Action.WAIT, "waiting for relocalisation")
         self._wait_until_ns = now_ns + _RELOCALISE_WAIT_NS

@@ -17,7 +17,7 @@ from vsx_ros.geometry.se2 import SE2
 _SWINGS = 4
 _MOST_STEPS = 40  # back: of a robot that does not move, or whose steps are all cut short
 _NEAR_M = 0.05
-_HOLD_NS = 1_000_000_000
+_HOLD_NS, _AGAIN_NS = 1_000_000_000, 10_000_000_000
 
 
 class Recovery:
@@ -26,21 +26,36 @@ class Recovery:
     def __init__(self, config: ExplorationConfig, radius_m: float, bend_rad_m: float) -> None:
         """radius_m: of the robot [m]. bend_rad_m: of the arcs to the sides [rad/m]."""
         self._config, self._radius_m, self._bend_rad_m = config, radius_m, bend_rad_m
-        self._steps = self._swings = 0
-        self._lost_at_m: float | None = None
-        self._best_at_m: float | None = None
+        self._over_ns = -_AGAIN_NS
+        self.owes_a_step = False
+        """Whether to go on although the camera is tracked."""
+        self.begin(0)
+
+    def begin(self, now_ns: int) -> None:
+        """The camera is lost. Soon after it was found: go on from there, by a step at least; else begin anew."""
         self._tracked_since_ns: int | None = None
+        self.owes_a_step = now_ns < self._over_ns + _AGAIN_NS
+        if not self.owes_a_step:
+            self._steps = self._swings = 0
+            self._lost_at_m: float | None = None
+            self._best_at_m: float | None = None
 
     def is_over(self, now_ns: int, tracked: bool) -> bool:
-        """Whether the camera is tracked, and was for a second: where little is in view tracking comes and goes."""
-        if not tracked:
+        """Whether the camera of a robot that stands is tracked, and was for a second: where little is in view tracking
+        comes and goes."""
+        if self.owes_a_step or not tracked:
             self._tracked_since_ns = None
-        elif self._tracked_since_ns is None:
+            return False
+        if self._tracked_since_ns is None:
             self._tracked_since_ns = now_ns
-        return self._tracked_since_ns is not None and now_ns >= self._tracked_since_ns + _HOLD_NS
+        if now_ns < self._tracked_since_ns + _HOLD_NS:
+            return False
+        self._over_ns = now_ns
+        return True
 
     def next(self, trail: Trail, situation: Situation) -> tuple[SE2, str] | None:
         """The next pose of the base in the frame odom, and why; None when nothing is left to try."""
+        self.owes_a_step, self._tracked_since_ns = False, None
         step_m, left_m = self._config.backtrack_step_m, trail.length_m
         if self._lost_at_m is None:
             self._lost_at_m = left_m

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import msgspec
 import numpy as np
 
 from vsx_ros.arrays import FloatArray
@@ -45,6 +46,7 @@ _NEAR_BOUND = 1.15
 _BLIND_COST = 1.0
 _ANOTHER = 1.002  # a way hardly longer than the one before is most likely the same
 _REVERSE_SLACK_M = 1e-6
+_DETOUR, _DETOUR_M = 1.2, 0.5  # by which a way with the preferred clearance may be longer
 _STRAIGHTS_M = (math.inf, 0.5)
 
 
@@ -54,11 +56,15 @@ class Planner:
     def __init__(self, config: PlannerConfig, robot: RobotConfig) -> None:
         self._config = config
         self._robot = robot
+        preferred_m = max(config.clearance_m, config.preferred_clearance_m)
+        self._wide = msgspec.structs.replace(config, clearance_m=preferred_m)
 
     def plan(
         self, start: SE2, goal: SE2, grid: OccupancyGrid, rng: np.random.Generator, sight: Sight | None = None
     ) -> Plan | Refusal:
         """A collision-free plan to the exact goal pose over known free ground, or a refusal with its reason.
+
+        The way keeps config.preferred_clearance_m where that makes no detour, else config.clearance_m.
 
         With ``sight`` the way along which too few landmarks are in view counts several times, so that a path which
         keeps the map in view is preferred to a shorter one that loses it; ``Plan.blind_spans`` says what remains, and
@@ -66,14 +72,35 @@ class Planner:
         question with the same state of rng gives the same answer to the last bit. Raises PlanningError for poses that
         are not finite.
         """
-        phi = self._config.phi_rad_m
-        check_question(start, goal, phi)
+        check_question(start, goal, self._config.phi_rad_m)
         corridor = build_corridor(grid, start, goal, self._config, self._robot)
         if isinstance(corridor, Refusal):
             return corridor
         if same_pose(start, goal):
             nothing = certified(start, goal, (), "start and goal are the same")
             return Plan(goal, self._finished(nothing, goal, corridor), "fov")
+        remaining = _remaining(corridor, goal, grid)
+        wide = build_corridor(grid, start, goal, self._wide, self._robot)
+        if isinstance(wide, Corridor):
+            remaining_wide = _remaining(wide, goal, grid)
+            cell = corridor.margin.cell(start.x, start.y)
+            if remaining_wide[cell] < _DETOUR * remaining[cell] + _DETOUR_M:
+                plan = self._in_corridor(start, goal, wide, remaining_wide, grid, rng, sight)
+                if isinstance(plan, Plan) or plan.kind is RefusalKind.BLIND:
+                    return plan
+        return self._in_corridor(start, goal, corridor, remaining, grid, rng, sight)
+
+    def _in_corridor(
+        self,
+        start: SE2,
+        goal: SE2,
+        corridor: Corridor,
+        remaining: FloatArray,
+        grid: OccupancyGrid,
+        rng: np.random.Generator,
+        sight: Sight | None,
+    ) -> Plan | Refusal:
+        """remaining: the way from each cell to the goal [m]."""
 
         def cost(path: Path) -> float:
             return path.cost_m + (_BLIND_COST * sight.blind_m(path, grid) if sight is not None else 0.0)
@@ -81,7 +108,6 @@ class Planner:
         direct = self._direct(start, goal, corridor, enough=1 if sight is None else _DIRECT)
         if direct and (sight is None or cost(direct[0]) == direct[0].cost_m):
             return self._plan(direct[0], goal, corridor, sight, grid)
-        remaining = with_fringe(travel_distance(corridor.margin, (goal.x, goal.y)), grid.resolution)
         if not math.isfinite(remaining[corridor.margin.cell(start.x, start.y)]):
             return Refusal(
                 RefusalKind.DISCONNECTED,
@@ -92,8 +118,8 @@ class Planner:
         if not found:
             return Refusal(
                 RefusalKind.BUDGET,
-                f"the goal is connected, but no path with phi {phi:g} rad/m and reverse legs of at most "
-                f"{self._config.max_reverse_m:g} m was found within the search budget",
+                f"the goal is connected, but no path with phi {self._config.phi_rad_m:g} rad/m and reverse legs of at "
+                f"most {self._config.max_reverse_m:g} m was found within the search budget",
             )
         return self._plan(min(found, key=cost), goal, corridor, sight, grid)
 
@@ -240,3 +266,8 @@ class Planner:
     def _finished(self, path: Path, goal: SE2, corridor: Corridor) -> Path:
         clearance = corridor.least_clearance(path)
         return certified(path.start, goal, path.pieces, path.certificate.method, clearance)
+
+
+def _remaining(corridor: Corridor, goal: SE2, grid: OccupancyGrid) -> FloatArray:
+    """The way from each cell to the goal [m]."""
+    return with_fringe(travel_distance(corridor.margin, (goal.x, goal.y)), grid.resolution)

@@ -20,6 +20,7 @@ from vsx_ros.calibration.verdict import Grade
 from vsx_ros.cli.calibrate import add_camera_arguments
 from vsx_ros.cli.calibrate_camera import report
 from vsx_ros.cli.exit_codes import DONE, FAILED
+from vsx_ros.cli.stoppable import Heard
 from vsx_ros.errors import InputError
 from vsx_ros.robot import Frame
 from vsx_ros.ros import guest, images, process, topics
@@ -73,12 +74,10 @@ class BoardWatcher:
 def calibrate(args: argparse.Namespace) -> int:
     """Collect until nothing is missing or Ctrl-C; calibrate, and let the camera node store it."""
     guest.join("calibrate")
-    ended = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: ended.set())
+    ended = Heard(signal.SIGINT, signal.SIGTERM)
     board, progress = Board.parse(args.board, args.pattern), Progress(sys.stderr)
     watcher = BoardWatcher(board)
-    while not ended.is_set() and not rospy.is_shutdown():
+    while not ended.came and not rospy.is_shutdown():
         said = watcher.look(_FIRST_IMAGE_S)
         assert watcher.chooser is not None
         missing, count = watcher.chooser.missing(), len(watcher.chooser.views)

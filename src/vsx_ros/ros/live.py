@@ -6,7 +6,6 @@ import contextlib
 import os
 import signal
 import socket
-import threading
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,6 +19,7 @@ import rospy
 from geometry_msgs.msg import Twist
 from std_srvs.srv import SetBool
 
+from vsx_ros.cli.stoppable import Heard
 from vsx_ros.errors import ConfigError
 from vsx_ros.ros import launch, process, topics
 from vsx_ros.ros.launch import LaunchNode
@@ -43,14 +43,14 @@ class Live:
         self._parent: Any = None
         self._zero_pub: Any = None
         self._dead: list[str] = []
-        self._interrupted = threading.Event()
+        self._heard: Heard | None = None
         self._log: IO[str] | None = None
         self.terminal: TextIO = os.fdopen(os.dup(2), "w", buffering=1)
 
     @property
     def interrupted(self) -> bool:
         """Whether someone pressed Ctrl-C or sent SIGTERM."""
-        return self._interrupted.is_set()
+        return self._heard is not None and self._heard.came
 
     @property
     def dead(self) -> str:
@@ -85,11 +85,16 @@ class Live:
             self._end(self._log)
 
     def _start(self, log: IO[str]) -> None:
-        with contextlib.redirect_stdout(log):
-            self._parent = launch.start(self._text, quiet=True)
+        self._heard = Heard(signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+        try:
+            with contextlib.redirect_stdout(log):
+                self._parent = launch.start(self._text, quiet=True)
+        except Exception:
+            if self.interrupted:  # roslaunch complains about the processes that the signal ended
+                raise KeyboardInterrupt from None
+            raise
+        self._heard.listen()  # roslaunch has put its own answers before
         self._parent.runner.pm.add_process_listener(_Listener(self._dead))
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number, self._on_signal)
         rospy.init_node("run", disable_signals=True, anonymous=True)
         self._zero_pub = rospy.Publisher(topics.COMMAND_SAFETY, Twist, queue_size=1)
 
@@ -118,9 +123,6 @@ class Live:
             rospy.ServiceProxy(topics.ESTOP, SetBool)(True)
         except (rospy.ROSException, rospy.ServiceException) as error:
             rospy.logdebug("no emergency stop: %s", error)
-
-    def _on_signal(self, *_: object) -> None:
-        self._interrupted.set()
 
 
 class _Listener(roslaunch.pmon.ProcessListener):

@@ -7,7 +7,6 @@ import io
 import shutil
 import signal
 import sys
-import threading
 import time
 from datetime import datetime
 from pathlib import Path
@@ -19,6 +18,7 @@ from sensor_msgs.msg import CompressedImage, Image
 
 from vsx_ros.cli.exit_codes import DONE, FAILED
 from vsx_ros.cli.record import add_arguments, size_bytes
+from vsx_ros.cli.stoppable import Heard
 from vsx_ros.errors import InputError
 from vsx_ros.ros import guest, images, process, topics
 from vsx_ros.ros.bag_writer import BagWriter, Serialized
@@ -80,15 +80,14 @@ class Recorder:
 def record(args: argparse.Namespace) -> int:
     """Record until Ctrl-C or a limit; say what the bag is called and what is in it."""
     guest.join("record")
-    ended = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, lambda *_: ended.set())
+    ended = Heard(signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     path: Path = args.out or Path(f"{datetime.now():%Y-%m-%d_%H-%M-%S}.bag")
     writer, progress = BagWriter(path), Progress(sys.stderr)
     Recorder(writer, args.images, args.topic)
     began_s, warned = time.monotonic(), False
     reason = ""
-    while not ended.wait(_TICK_S) and not reason:
+    while not ended.came and not reason:
+        time.sleep(_TICK_S)
         elapsed_s = time.monotonic() - began_s
         reason = _limit(args, writer, elapsed_s, path)
         if not warned and elapsed_s > _WARN_AFTER_S:

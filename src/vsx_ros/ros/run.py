@@ -1,6 +1,6 @@
 """The live run behind ``vsx explore``: all nodes, an emulated robot when a world is given, and a run folder at the end.
 
-Run as ``python -m vsx_ros.ros.run`` with the options of ``vsx explore``.
+Run as ``python -m vsx_ros.ros`` with the options of ``vsx explore``.
 """
 
 from __future__ import annotations
@@ -222,15 +222,12 @@ def all_events(folder: RunFolder, journal: WitnessJournal, witness: Witness) -> 
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Parse and run; errors are one sentence."""
+    """Parse and run; errors are one sentence. KeyboardInterrupt is the caller's to tell."""
     parser = argparse.ArgumentParser(prog="vsx explore")
     add_arguments(parser)
     args = parser.parse_args(arguments)
     try:
         return explore(args)
-    except KeyboardInterrupt:
-        sys.stderr.write("vsx: stopped by the operator\n")
-        return STOPPED
     except (VsxError, DeviceError) as error:
         sys.stderr.write(f"vsx: {error}\n")
         return HARDWARE if isinstance(error, DeviceError) else FAILED
@@ -239,7 +236,3 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise
         sys.stderr.write(f"vsx: {disk_trouble(error)}\n")
         return FAILED
-
-
-if __name__ == "__main__":
-    sys.exit(main())
