@@ -166,6 +166,14 @@ def test_a_small_face_that_comes_late_before_many_points_is_found():
     assert small.offset == pytest.approx(-1.6, abs=0.03)
 
 
+def test_a_small_face_whose_points_are_culled_goes():
+    rng = np.random.default_rng(11)
+    wall = seen(on_wall((2.5, -0.3), (2.5, 0.3), 800, rng), CAMERAS, rng)
+    keeper, box = finder(), on_wall((2.3, -0.25), (2.3, 0.25), 24, rng)
+    assert len(keeper.update(grown(wall, seen(box, CAMERAS, rng, first_id=800)))) == 2
+    assert len(keeper.update(wall)) == 1
+
+
 def test_a_map_without_points_has_no_planes():
     rng = np.random.default_rng(8)
     assert finder().update(seen(np.zeros((0, 3)), CAMERAS, rng)) == ()

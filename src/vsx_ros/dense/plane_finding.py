@@ -70,8 +70,9 @@ class PlaneFinder:
         candidates = points.at(usable)
         self._redo(candidates)
         noise = noise_of(self._config, self._unit)
-        pieces = [Found(fit, _rows_of(ids, candidates.ids)) for fit, ids in self._tile_planes()]
-        found = merged(pieces, candidates, self._config.min_points, noise, self._unit)
+        pieces = (Found(fit, _rows_of(ids, candidates.ids)) for fit, ids in self._tile_planes())
+        still = [piece for piece in pieces if len(piece.rows)]  # a tile is not done again for a few points that went
+        found = merged(still, candidates, self._config.min_points, noise, self._unit)
         planes = [self._floor_plane(points, floor)] if floor.sum() >= self._config.min_points else []
         for number, each in zip(self._numbers(found, candidates), found):
             planes.append(self._plane(number, each, candidates, usable[each.rows]))
