@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from vsx_ros.config import Config
+from vsx_ros.config import Config, overridden
 from vsx_ros.exploration.along import ways_of, with_ways
 from vsx_ros.exploration.utility import Ranking, Rejection, View
 from vsx_ros.geometry.se2 import SE2
@@ -13,7 +13,7 @@ from vsx_ros.kernels.visibility import unknown_area_along
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.planning.planner import Planner
 
-CONFIG = Config()
+CONFIG = overridden(Config(), {"exploration.way_gain_ratio": 0.3})
 NO_LOOKS = np.zeros((0, 3))
 
 

@@ -216,7 +216,7 @@ class Mission:
             grid, self._radius_m, situation.landmarks_world, looked_from, self._travel_costs(T_map_base, grid),
             lambda poses: self._given_up.near(now_ns, poses), self._config,
         )  # fmt: skip
-        if self._ways is not None:
+        if self._ways is not None and self._config.way_gain_ratio:
             way_to = self._ways(T_map_base, grid)
             self.ranking = with_ways(self.ranking, way_to, grid, self._radius_m, looked_from, self._config)
         if not self.ranking.views:
