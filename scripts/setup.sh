@@ -69,16 +69,12 @@ vsx_python_packages() {
 }
 
 vsx_kernels() {
-    local stamp
-    stamp=$({ find "$root/src/vsx_ros/kernels" -name "*.py" -exec cat {} +; "$VSX_PYTHON" -c 'import numba, sys; print(numba.__version__, sys.version)'; } | sha256sum | cut -d' ' -f1)
-    [ "$(cat "$root/src/vsx_ros/kernels/__pycache__/warm.stamp" 2>/dev/null)" = "$stamp" ] && return 0
+    "$VSX_PYTHON" -m vsx_ros.cli.compiled && return 0
     vsx_say "compiling the kernels (once for a checkout, two to five minutes)"
     local trial; trial=$(mktemp -d)
-    { "$VSX_PYTHON" -m vsx_ros.kernels.warmup &&
-        "$VSX_PYTHON" -m vsx_ros.cli.main explore --fast --time 8 --out "$trial/run"; } >"$trial/log" 2>&1 ||
+    "$VSX_PYTHON" -m vsx_ros.cli.main explore --fast --time 8 --out "$trial/run" >"$trial/log" 2>&1 ||
         { tail -n 20 "$trial/log" >&2; vsx_die "the kernels did not compile; the last words are above."; }
     rm -rf "$trial"
-    mkdir -p "$root/src/vsx_ros/kernels/__pycache__" && echo "$stamp" >"$root/src/vsx_ros/kernels/__pycache__/warm.stamp"
 }
 
 vsx_setup() {

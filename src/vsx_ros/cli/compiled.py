@@ -1,8 +1,13 @@
-"""The kernels compiled before anything waits for them: after an update of the checkout that takes minutes."""
+"""The kernels compiled before anything waits for them: after an update of the checkout that takes minutes.
+
+``python -m vsx_ros.cli.compiled`` asks whether they are, by its exit code.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import importlib.metadata
+import platform
 import subprocess
 import sys
 from pathlib import Path
@@ -11,13 +16,20 @@ import vsx_ros
 
 _FOLDER = Path(vsx_ros.__file__).parent / "kernels"
 _STAMP = Path("__pycache__") / "warm.stamp"
-"""Touched when all kernels are compiled, by ``scripts/setup.sh`` or by this."""
+"""Written when all kernels are compiled; tells by what."""
+
+
+def compiler() -> str:
+    """What compiles: with another one, or one of another Python, all is compiled anew."""
+    return f"numba {importlib.metadata.version('numba')}, Python {platform.python_version()}"
 
 
 def is_compiled(folder: Path = _FOLDER) -> bool:
-    """Whether the kernels of a folder are as they were when they were compiled last."""
+    """Whether the kernels of a folder are as they were when they were compiled last, as numba sees it."""
     stamp = folder / _STAMP
-    return stamp.exists() and stamp.stat().st_mtime >= max(path.stat().st_mtime for path in folder.glob("*.py"))
+    if not stamp.exists() or stamp.read_text(encoding="utf-8") != compiler():
+        return False
+    return stamp.stat().st_mtime >= max(path.stat().st_mtime for path in folder.glob("*.py"))
 
 
 def compile_kernels(folder: Path = _FOLDER) -> None:
@@ -31,4 +43,8 @@ def compile_kernels(folder: Path = _FOLDER) -> None:
     if compiled:
         with contextlib.suppress(OSError):  # a package of others, whose machine code numba keeps elsewhere
             (folder / _STAMP).parent.mkdir(exist_ok=True)
-            (folder / _STAMP).touch()
+            (folder / _STAMP).write_text(compiler(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    sys.exit(not is_compiled())
