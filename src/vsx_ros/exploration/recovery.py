@@ -66,7 +66,7 @@ class Recovery:
         if backed_m < self._config.backtrack_max_m:
             goal = trail.back(step_m)
             if goal is not None:
-                return goal, f"lost: back along the trail, {backed_m:.1f} m so far"
+                return goal, f"lost: back along the trail, after {max(backed_m, 0.0):.1f} m of it"
         if self._best_at_m is None:
             self._best_at_m = left_m - self._way_to_best(trail.poses, situation)
         if left_m > self._best_at_m + _NEAR_M:
