@@ -58,7 +58,7 @@ def test_killed_and_resumed(tmp_path: Path) -> None:
     clock = [line for line in read_journal(out / "resume/witness.jsonl") if isinstance(line, ClockLine)][-1]
     assert frames[-1].stamp_ns - before.stamp_ns < 8_000_000_000
 
-    command = run_command("--resume", str(out), "--time", f"{clock.elapsed_s + 8:.0f}", "--headless")
+    command = run_command("--resume", str(out), "--time", f"{clock.elapsed_s + 25:.0f}", "--headless")
     port = free_port()
     done = subprocess.run(
         command, env=environment(tmp_path, port), timeout=150, capture_output=True, text=True, check=False
