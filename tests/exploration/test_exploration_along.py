@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from vsx_ros.config import Config, overridden
-from vsx_ros.exploration.along import ways_of, with_ways
+from vsx_ros.exploration.along import unknown_area_along, ways_of, with_ways
 from vsx_ros.exploration.utility import Ranking, Rejection, View
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.kernels.visibility import unknown_area_along
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.planning.planner import Planner
 
 CONFIG = overridden(Config(), {"exploration.way_gain_ratio": 0.3})
+SENSOR = overridden(Config(), {"exploration.sensor_fov_rad": 1.0, "exploration.sensor_range_m": 2.0}).exploration
 NO_LOOKS = np.zeros((0, 3))
 
 
@@ -27,7 +27,7 @@ def strip(unknown_rows: slice) -> OccupancyGrid:
 
 def area(grid: OccupancyGrid, poses: list[tuple[float, float, float]], worth: float = 1.0) -> float:
     everywhere = np.full((8, *grid.data.shape), worth)
-    return unknown_area_along(grid.data, everywhere, 0.05, 0.0, 0.0, np.array(poses), 0.5, 2.0)
+    return unknown_area_along(np.array(poses), grid, everywhere, SENSOR)
 
 
 def test_a_field_of_view_over_unknown_ground_shows_its_sector_once():

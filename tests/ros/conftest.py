@@ -136,12 +136,13 @@ class Stack:
             except subprocess.TimeoutExpired:
                 os.killpg(process.pid, signal.SIGKILL)
 
-    @staticmethod
-    def wait(condition: Callable[[], Any], seconds: float, what: str) -> None:
+    def wait(self, condition: Callable[[], Any], seconds: float, what: str) -> None:
         deadline_s = time.monotonic() + seconds
         while not condition():
             if time.monotonic() > deadline_s:
-                pytest.fail(f"waited {seconds:.0f} s for {what}")
+                log = self._folder / "explore.txt"
+                said = log.read_text(encoding="utf-8").splitlines()[-10:] if log.exists() else []
+                pytest.fail("\n".join([f"waited {seconds:.0f} s for {what}; the explorer said last:", *said]))
             time.sleep(0.02)
 
     def wait_until_driving(self) -> None:

@@ -58,6 +58,13 @@ def tool(stack: Stack, *words: str, until: str = "") -> str:
     return said
 
 
+def pause(stack: Stack) -> None:
+    """Let the robot stand, once it has a map."""
+    heard(topics.POSE, PoseWithCovarianceStamped)
+    stack.wait_until_driving()
+    call(topics.EXPLORE_PAUSE)
+
+
 def call(service: str) -> None:
     answer = rospy.ServiceProxy(f"/{service}", Trigger)()
     assert answer.success, answer.message
@@ -111,8 +118,7 @@ def test_a_bag_by_rosbag_replays(stack: Stack, tmp_path: Path) -> None:
 @pytest.mark.parametrize("frame", [topics.MAP_FRAME, f"/{topics.MAP_FRAME}", topics.ODOM_FRAME])
 def test_a_client_of_move_base_is_driven_to_its_goal(stack: Stack, frame: str) -> None:
     """The robot stands while exploration pauses; ahead is what it was about to drive over, perhaps in an arc."""
-    stack.wait_until_driving()
-    call(topics.EXPLORE_PAUSE)
+    pause(stack)
     try:
         wait_until_standing(stack)
         start = base_in(frame.lstrip("/"))
@@ -137,8 +143,7 @@ def test_a_client_of_move_base_is_driven_to_its_goal(stack: Stack, frame: str) -
 
 
 def test_an_arrow_drawn_in_rviz_is_a_goal(stack: Stack) -> None:
-    stack.wait_until_driving()
-    call(topics.EXPLORE_PAUSE)
+    pause(stack)
     try:
         wait_until_standing(stack)
         paths: list[PathMsg] = []
@@ -167,8 +172,10 @@ def test_a_client_of_dynamic_reconfigure_slows_it_down(stack: Stack) -> None:
         drives: list[MultiDOFJointTrajectory] = []
 
         def new_drive() -> bool:
+            """Of ten seconds at least: a shorter one may end before it is at full speed."""
             drives.append(heard(topics.TRAJECTORY, MultiDOFJointTrajectory))
-            return drives[-1].header.stamp.to_nsec() > begun_ns and len(drives[-1].points) > 1
+            points = drives[-1].points
+            return drives[-1].header.stamp.to_nsec() > begun_ns and points and points[-1].time_from_start.to_sec() > 10.0
 
         stack.wait(new_drive, 90.0, "the next drive")
         fastest = max(abs(point.velocities[0].linear.x) for point in drives[-1].points)

@@ -65,7 +65,7 @@ def test_killed_and_resumed(tmp_path: Path) -> None:
     )
     assert done.returncode == 0, done.stderr
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
-    assert summary["duration_s"] > clock.elapsed_s + 6
+    assert summary["duration_s"] > clock.elapsed_s + 23
     assert (summary["breaks"], summary["collisions"], summary["relocalizations"]) == (0, 0, 1)
     assert 0.0 < summary["ate_rmse_m"] < 0.05
     assert summary["keyframes"] >= len(before.slam_map.view.living) - 1

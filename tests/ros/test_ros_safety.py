@@ -193,7 +193,8 @@ def test_a_dead_node_is_silent_long_enough_to_be_called_stale(stack: Stack, diag
 
 @pytest.mark.ends_mission
 def test_an_empty_battery_is_an_error_and_sends_the_robot_home_once(stack: Stack, diagnostics: Diagnostics) -> None:
-    stack.wait_until_driving()
+    stack.wait(lambda: "explore: mission" in diagnostics.said, 60.0, "the mission")
+    stack.wait(lambda: diagnostics.latest("explore: mission").level == DiagnosticStatus.OK, 60.0, "the mission")
     events: list[dict[str, str]] = []
     listener = rospy.Subscriber(f"/{topics.EXPLORE_EVENTS}", String, lambda msg: events.append(json.loads(msg.data)))
     stack.wait(lambda: listener.get_num_connections() > 0, 10.0, "the mission's words")

@@ -12,7 +12,7 @@ from vsx_ros.config import ExplorationConfig
 from vsx_ros.exploration.utility import Ranking, Rejection, View
 from vsx_ros.exploration.worth import opaque_walls, unknown_worth
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.kernels.visibility import unknown_area_along
+from vsx_ros.kernels.visibility import UNKNOWN, count_looks
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.path import Refusal
 from vsx_ros.planning.planner import Planner
@@ -75,15 +75,20 @@ def _alike(a: SE2, b: SE2) -> bool:
 
 def _judged(view: View, way: FloatArray, opaque: OccupancyGrid, worth: FloatArray, config: ExplorationConfig) -> View:
     poses = np.vstack([way, view.pose.as_array()])
-    shown_m2, own_m2 = (
-        unknown_area_along(
-            opaque.data, worth, opaque.resolution, opaque.origin_x, opaque.origin_y, seen_from,
-            0.5 * config.sensor_fov_rad, config.sensor_range_m,
-        )
-        for seen_from in (poses, poses[-1:])
-    )  # fmt: skip
+    shown_m2, own_m2 = (unknown_area_along(seen_from, opaque, worth, config) for seen_from in (poses, poses[-1:]))
     gain_m2 = own_m2 + config.way_gain_ratio * (shown_m2 - own_m2)
     length_m = float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum())
     doubts = view.utility * (view.distance_m + config.stop_cost_m) / view.gain_m2
     utility = doubts * gain_m2 / (length_m + config.stop_cost_m)
     return view._replace(gain_m2=float(gain_m2), distance_m=length_m, utility=utility)
+
+
+def unknown_area_along(poses: FloatArray, opaque: OccupancyGrid, worth: FloatArray, config: ExplorationConfig) -> float:
+    """Area [m2] of the unknown cells that are in the field of view of any of the poses (N, 3: x, y, theta), in range
+    and unhidden, each once, weighted by its greatest worth (S, H, W) among the sectors that it is seen in."""
+    looks = count_looks(
+        opaque.data, opaque.resolution, opaque.origin_x, opaque.origin_y, poses, 0.5 * config.sensor_fov_rad,
+        config.sensor_range_m, len(worth),
+    )  # fmt: skip
+    best = np.where(looks > 0, worth, 0.0).max(axis=0)
+    return float(best[opaque.data == UNKNOWN].sum()) * opaque.resolution**2

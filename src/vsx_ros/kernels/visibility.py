@@ -90,40 +90,6 @@ def count_looks(
 
 
 @kernel
-def unknown_area_along(
-    data: NDArray[np.int8],
-    worth: FloatArray,
-    resolution: float,
-    origin_x: float,
-    origin_y: float,
-    poses: FloatArray,
-    half_fov: float,
-    range_m: float,
-) -> float:
-    """Area [m2] of the unknown cells that are in the field of view of any of the poses (N, 3: x, y, theta), in range
-    and unhidden, each once, weighted by its greatest ``worth`` (S, H, W) among the sectors that it is seen in."""
-    rows, columns = data.shape
-    sectors = worth.shape[0]
-    best = np.zeros((rows, columns))
-    rays = int(math.ceil(2.0 * half_fov * range_m / resolution))
-    for i in range(poses.shape[0]):
-        for j in range(rays + 1):
-            angle = poses[i, 2] - half_fov + 2.0 * half_fov * j / rays
-            c, s = math.cos(angle), math.sin(angle)
-            k = int(math.floor(angle * sectors / (2.0 * math.pi))) % sectors
-            r = 0.5 * resolution
-            while r < range_m:
-                column = int(math.floor((poses[i, 0] + r * c - origin_x) / resolution))
-                row = int(math.floor((poses[i, 1] + r * s - origin_y) / resolution))
-                if row < 0 or column < 0 or row >= rows or column >= columns or data[row, column] == OCCUPIED:
-                    break
-                if data[row, column] == UNKNOWN:
-                    best[row, column] = max(best[row, column], worth[k, row, column])
-                r += resolution
-    return float(best.sum()) * resolution * resolution
-
-
-@kernel
 def visible_landmarks(
     data: NDArray[np.int8],
     resolution: float,
