@@ -15,6 +15,7 @@ from vsx_ros.arrays import FloatArray, Points3
 from vsx_ros.config import Config
 from vsx_ros.control.caution import Caution
 from vsx_ros.control.pose_fusion import PoseFuser
+from vsx_ros.control.stuck import Stuck
 from vsx_ros.control.trajectory_tracker import FollowResult, FollowStatus, TrajectoryTracker
 from vsx_ros.dense.anchored import AnchoredSpots
 from vsx_ros.dense.densify import UPDATE_EVERY_S, DenseMap, Densifier
@@ -227,7 +228,10 @@ class ExplorationSystem:
         tracking = self.slam.track(frame, odometry)
         if tracking.state.tracked and tracking.T_world_cam is not None:
             self._fuser.add_slam(now_ns, SE2.from_se3(tracking.T_world_cam @ self._T_cam_base))
-        self._remember(hazard)
+        stuck = self._fuser.stuck
+        self._remember(hazard, stuck)
+        if stuck is not None:
+            hazard = hazard or stuck.reason
         self._refresh_map(now_ns)
         decision = None
         if now_ns >= self._next_decision_ns:
@@ -246,12 +250,13 @@ class ExplorationSystem:
         spots = self.ground.dense
         return spots.surfaces(self.slam.snapshot()).points if spots is not None else np.zeros((0, 3))
 
-    def _remember(self, hazard: str | None) -> None:
+    def _remember(self, hazard: str | None, stuck: Stuck | None) -> None:
         pose = self._fuser.pose()
-        if pose is None:
-            return
-        self.ground.moved(pose)
-        if hazard:
+        if stuck is not None:
+            self.ground.bumped(stuck.T_world_push)
+        elif pose is not None:
+            self.ground.moved(pose)
+        if pose is not None and hazard:
             self.ground.bumped(pose)
 
     def _refresh_map(self, now_ns: int) -> None:

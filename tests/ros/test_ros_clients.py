@@ -175,7 +175,9 @@ def test_a_client_of_dynamic_reconfigure_slows_it_down(stack: Stack) -> None:
             """Of ten seconds at least: a shorter one may end before it is at full speed."""
             drives.append(heard(topics.TRAJECTORY, MultiDOFJointTrajectory))
             points = drives[-1].points
-            return drives[-1].header.stamp.to_nsec() > begun_ns and points and points[-1].time_from_start.to_sec() > 10.0
+            return (
+                drives[-1].header.stamp.to_nsec() > begun_ns and points and points[-1].time_from_start.to_sec() > 10.0
+            )
 
         stack.wait(new_drive, 90.0, "the next drive")
         fastest = max(abs(point.velocities[0].linear.x) for point in drives[-1].points)

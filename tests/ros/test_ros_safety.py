@@ -97,6 +97,33 @@ def test_a_silent_camera_stops_the_robot_and_its_images_bring_it_back(stack: Sta
     assert not stack.dead()
 
 
+def test_wheels_that_turn_while_the_camera_stands_are_stopped_and_the_robot_backs_off(
+    stack: Stack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    events: list[str] = []
+    listener = rospy.Subscriber(
+        f"/{topics.EXPLORE_EVENTS}", String, lambda msg: events.append(json.loads(msg.data)["reason"])
+    )
+    ended: list[str] = []
+    follower = rospy.Subscriber(
+        f"/{topics.FOLLOWER_STATUS}", String, lambda msg: ended.append(json.loads(msg.data)["reason"])
+    )
+    stack.wait(lambda: listener.get_num_connections() and follower.get_num_connections(), 10.0, "their words")
+    move = stack.plant._body._move
+    try:
+        stack.wait_until_driving()
+        monkeypatch.setattr(stack.plant._body, "_move", lambda distance, turn: move(0.0, turn))
+        stack.wait(
+            lambda: any(reason.startswith("stuck: the wheels turned") for reason in ended), 30.0, "the complaint"
+        )
+        stack.wait(lambda: any(reason.startswith("backing off: stuck") for reason in events), 10.0, "the way back")
+    finally:
+        monkeypatch.undo()
+        listener.unregister()
+        follower.unregister()
+    stack.wait_until_driving()
+
+
 def test_the_emergency_stop_outlives_a_reconnection_and_a_restart_of_its_node(stack: Stack) -> None:
     hand = rospy.Publisher(f"/{topics.COMMAND_TELEOP}", Twist, queue_size=1)
     forwards = Twist()

@@ -9,6 +9,7 @@ from collections import deque
 import numpy as np
 
 from vsx_ros.arrays import FloatArray
+from vsx_ros.control.stuck import Stuck, StuckWatch
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.unicycle import integrate
@@ -40,6 +41,12 @@ class PoseFuser:
         self._anchor: tuple[SE2, SE2] | None = None
         self._bend_rad_m = 0.0
         self._covariance: FloatArray = np.zeros((4, 4))
+        self._watch = StuckWatch()
+
+    @property
+    def stuck(self) -> Stuck | None:
+        """How the wheels turn although the camera stands; None when they do not."""
+        return self._watch.stuck
 
     @property
     def T_world_odom(self) -> SE2 | None:
@@ -67,6 +74,7 @@ class PoseFuser:
         T_odom_base = self._odometry_at(stamp_ns)
         if T_odom_base is None:
             return
+        self._watch.add(T_odom_base, T_world_base)
         if self._anchor is not None:
             believed = self._carried(T_odom_base)
             if believed.distance_to(T_world_base) <= _JUMP_M and abs(believed.angle_to(T_world_base)) <= _JUMP_RAD:

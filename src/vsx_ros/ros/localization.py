@@ -9,6 +9,7 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry as OdometryMsg
 
 from vsx_ros.control.pose_fusion import PoseFuser
+from vsx_ros.control.stuck import Stuck
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Odometry
 from vsx_ros.ros import convert, process, slam_messages, topics
@@ -60,6 +61,12 @@ class Localization:
         """Age of the image behind the newest camera pose [s]; infinite before the first."""
         with self._lock:
             return self._fuser.slam_age_s(now_ns)
+
+    @property
+    def stuck(self) -> Stuck | None:
+        """How the wheels turn although the camera stands; None when they do not."""
+        with self._lock:
+            return self._fuser.stuck
 
     @property
     def stands(self) -> bool:

@@ -29,7 +29,7 @@ MAX_STEP_M, MAX_STEP_RAD = 0.08, 0.06
 # A last pose that a new map moves by more than this is a jump of the map.
 CORRECTION_M, CORRECTION_RAD = 0.05, 0.02
 # A frame with so many points, and that share of the expected ones, knows better than the wheels.
-SURE_POINTS, SURE_RATIO = 100, 0.5
+SURE_POINTS, SURE_RATIO = 100, 0.2
 
 
 class FrameOutcome(NamedTuple):

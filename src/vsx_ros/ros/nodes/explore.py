@@ -158,7 +158,7 @@ class ExploreNode:
 
     def _situation(self) -> Situation:
         navigation, reason = self._navigation()
-        where = self._where
+        where, stuck = self._where, self._where.stuck
         return Situation(
             slam_state=where.slam_state,
             slam_reason=where.slam_reason,
@@ -167,7 +167,7 @@ class ExploreNode:
             grid=self._grid,
             navigation=navigation,
             navigation_reason=reason,
-            hazard=convert.hazard_words(self._hazards) or None,
+            hazard=convert.hazard_words(self._hazards) or (stuck.reason if stuck is not None else None),
             landmarks_world=self._landmarks,
         )
 

@@ -49,7 +49,7 @@ class FollowerNode:
         self._stop: SE2 | None = None
         self._caution = Caution(config.follower)
         self._status, self._reported_s = "", 0.0
-        self._hazards = Hazard.NONE
+        self._hazards, self._was_stuck = Hazard.NONE, False
         self._zero_until_s = self._heard_vslam_s = 0.0
         self._where = Localization()
         self._leases = LeaseWatch(topics.FOLLOWER_LEASE)
@@ -110,6 +110,11 @@ class FollowerNode:
             return
         if now_s - self._heard_vslam_s > _PATIENCE_S:
             self._end("vslam is silent")
+            return
+        stuck = self._where.stuck
+        was_stuck, self._was_stuck = self._was_stuck, stuck is not None
+        if stuck is not None and not was_stuck:  # once: it may be backed away from
+            self._end(stuck.reason)
             return
         now_ns = process.now_ns()
         blind = self._frame == topics.ODOM_FRAME

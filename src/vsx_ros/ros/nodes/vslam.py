@@ -29,6 +29,7 @@ from tf2_msgs.msg import TFMessage
 from vsx_hw.readings import Hazard
 from vsx_ros.cli.run_record import RunRecord
 from vsx_ros.config import Config
+from vsx_ros.control.stuck import StuckWatch
 from vsx_ros.dense.densify import UPDATE_EVERY_S
 from vsx_ros.errors import MapFileError
 from vsx_ros.geometry.camera import mount_pose
@@ -82,7 +83,7 @@ class VslamNode:
         self._slam: ThreadedSlam | None = None
         self._T_map_odom = SE2()
         self._odometry_heard = False
-        self._ground = GroundMapping(config)
+        self._ground, self._watch = GroundMapping(config), StuckWatch()
         self._dense = DenseMapping(config)
         if before is not None:
             self._loaded = before.slam_map
@@ -197,7 +198,13 @@ class VslamNode:
         self._pose_pub.publish(
             convert.pose_with_covariance(topics.MAP_FRAME, result.stamp_ns, T_map_base, sigma_m, sigma_rad)
         )
-        self._ground.moved(T_map_base)
+        if odometry is not None:
+            self._watch.add(odometry.T_odom_base, T_map_base)
+        stuck = self._watch.stuck
+        if stuck is None:
+            self._ground.moved(T_map_base)
+        else:
+            self._ground.bumped(stuck.T_world_push)
         if odometry is not None:
             self._T_map_odom = (T_map_base @ odometry.T_odom_base.inverse()).wrapped()
 

@@ -1,0 +1,62 @@
+"""Whether the wheels turn while the camera stands: then the base pushes against something that no bumper feels."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+from vsx_ros.geometry.se2 import SE2
+
+_STEP_M, _MEMORY = 0.005, 40
+# Beyond how much of the wheels' way they are judged, by how many poses in between, and how much of it must be seen.
+_WAY_M, _POSES, _SHARE = 0.06, 3, 0.35
+_JUMP_M = 0.02  # by which the camera moves farther than the wheels when it is the map that moved
+
+
+class Stuck(NamedTuple):
+    """T_world_push: the base, turned to what it pushes against. reason: what is seen, in words."""
+
+    T_world_push: SE2
+    reason: str
+
+
+class _Moment(NamedTuple):
+    T_odom_base: SE2
+    T_world_base: SE2
+
+
+class StuckWatch:
+    """``add`` every pose that the camera found. ``stuck`` holds until the base is seen to move again."""
+
+    def __init__(self) -> None:
+        self._moments: deque[_Moment] = deque(maxlen=_MEMORY)
+        self.stuck: Stuck | None = None
+
+    def add(self, T_odom_base: SE2, T_world_base: SE2) -> None:
+        """The base at one instant, as the wheels count it and as the camera saw it."""
+        now = _Moment(T_odom_base, T_world_base)
+        if self._moments:
+            counted_m = self._moments[-1].T_odom_base.distance_to(T_odom_base)
+            if self._moments[-1].T_world_base.distance_to(T_world_base) > counted_m + _JUMP_M:
+                self._moments.clear()
+            elif counted_m < _STEP_M:
+                return
+        self._moments.append(now)
+        seen_m = 0.0
+        for back, before in enumerate(reversed(self._moments)):
+            seen_m = max(seen_m, before.T_world_base.distance_to(T_world_base))
+            if before.T_odom_base.distance_to(T_odom_base) >= _WAY_M:
+                self.stuck = _verdict(before, now, seen_m) if back > _POSES else None
+                return
+
+
+def _verdict(before: _Moment, now: _Moment, seen_m: float) -> Stuck | None:
+    counted = before.T_odom_base.inverse() @ now.T_odom_base
+    way_m = math.hypot(counted.x, counted.y)
+    if seen_m >= _SHARE * way_m:
+        return None
+    ahead = counted.x > 0.0
+    push = now.T_world_base @ SE2(0.0, 0.0, 0.0 if ahead else math.pi)
+    where = "ahead" if ahead else "back"
+    return Stuck(push, f"stuck: the wheels turned {way_m:.2f} m {where}, the camera moved {seen_m:.2f} m")

@@ -1,0 +1,75 @@
+"""A base whose wheels turn while the camera stands is told from one that moves, slips a little or stands."""
+
+import math
+
+import pytest
+
+from vsx_ros.control.stuck import StuckWatch
+from vsx_ros.geometry.se2 import SE2
+
+STEP_M = 0.01
+START = SE2(2.0, -1.0, 0.7)
+
+
+def drive(watch: StuckWatch, counted: SE2, seen: SE2, steps: int, way_m: float, seen_share: float) -> tuple[SE2, SE2]:
+    """So many steps of way_m by the wheels, of which the camera sees a share; where the base is by either."""
+    for _ in range(steps):
+        counted, seen = counted @ SE2(way_m, 0.0, 0.0), seen @ SE2(seen_share * way_m, 0.0, 0.0)
+        watch.add(counted, seen)
+    return counted, seen
+
+
+@pytest.mark.parametrize("way_m", [STEP_M, -STEP_M])
+def test_turning_wheels_of_a_standing_base_are_noticed_within_centimetres(way_m: float):
+    watch = StuckWatch()
+    counted, seen = drive(watch, SE2(), START, 30, way_m, 1.0)
+    assert watch.stuck is None
+    counted, seen = drive(watch, counted, seen, 3, way_m, 0.0)
+    assert watch.stuck is None
+    drive(watch, counted, seen, 3, way_m, 0.0)
+    assert watch.stuck is not None
+    assert watch.stuck.T_world_push.distance_to(seen) < 1e-9
+    push = watch.stuck.T_world_push.theta - seen.theta
+    assert math.cos(push) == pytest.approx(math.copysign(1.0, way_m))
+    assert ("ahead" if way_m > 0 else "back") in watch.stuck.reason
+
+
+def test_it_holds_while_the_base_stands_and_ends_when_it_is_seen_to_move():
+    watch = StuckWatch()
+    counted, seen = drive(watch, SE2(), START, 10, -STEP_M, 0.0)
+    for _ in range(200):
+        watch.add(counted, seen)
+    assert watch.stuck is not None
+    drive(watch, counted, seen, 7, STEP_M, 1.0)
+    assert watch.stuck is None
+
+
+@pytest.mark.parametrize("share", [0.5, 0.9, 1.5])
+def test_wheels_that_slip_or_are_pushed_are_not_stuck(share: float):
+    watch = StuckWatch()
+    drive(watch, SE2(), START, 60, STEP_M, share)
+    assert watch.stuck is None
+
+
+def test_a_map_that_moves_under_the_base_is_no_obstacle():
+    watch = StuckWatch()
+    counted, seen = drive(watch, SE2(), START, 20, STEP_M, 1.0)
+    for k in range(12):
+        counted, seen = drive(watch, counted, seen, 1, STEP_M, 1.0)
+        seen = seen @ SE2(-0.05 if k == 4 else 0.0, 0.0, 0.0)
+        assert watch.stuck is None
+
+
+def test_a_way_that_the_camera_did_not_see_judges_nobody():
+    watch = StuckWatch()
+    counted, seen = drive(watch, SE2(), START, 20, STEP_M, 1.0)
+    drive(watch, counted @ SE2(0.3, 0.0, 0.0), seen, 1, STEP_M, 0.0)
+    assert watch.stuck is None
+
+
+def test_a_base_that_turns_on_the_spot_is_not_stuck():
+    watch = StuckWatch()
+    for k in range(100):
+        turned = SE2(0.0, 0.0, 0.05 * k)
+        watch.add(turned, START @ turned)
+    assert watch.stuck is None
