@@ -68,7 +68,7 @@ class InitializationConfig(_Branch, frozen=True):
     min_matches: Count = 60
     min_parallax_deg: Positive = 0.7
     min_parallax_without_odometry_deg: Positive = 0.25
-    max_turn_deg: Positive = 12.0
+    max_turn_deg: Positive = 30.0  # more than the planner bends over the baseline (phi 2 rad/m)
 
 
 class TrackerConfig(_Branch, frozen=True):
