@@ -11,6 +11,7 @@ vsx_system_packages() {
     local missing=() package
     local installed lists=("$root/apt.txt")
     [ "${1:-}" = dev ] && lists+=("$root/apt-dev.txt")
+    [ "$(uname -m)" = x86_64 ] || lists+=("$root/apt-compile.txt")
     installed=$(dpkg-query -W -f '${Package} ${Status}\n' 2>/dev/null | sed -n 's/ install ok installed$//p')
     for package in $(for list in "${lists[@]}"; do vsx_list "$list"; done); do
         grep -qxF "$package" <<<"$installed" || missing+=("$package")
