@@ -153,7 +153,7 @@ class PlannerConfig(_Branch, frozen=True):
     phi_rad_m: Positive = 2.0
     # Beside the body: kept always, and kept where that is no detour.
     clearance_m: NonNegative = 0.04
-    preferred_clearance_m: NonNegative = 0.1
+    preferred_clearance_m: NonNegative = 0.15
     max_reverse_m: NonNegative = 1.5
     # What the tracker needs in view, how fast to drive where it is not, and how far at most in one go.
     sight_landmarks: Count = 20

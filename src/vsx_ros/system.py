@@ -28,6 +28,7 @@ from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.planning.ahead import obstacle_ahead
 from vsx_ros.planning.path import Refusal, Trajectory
 from vsx_ros.planning.planner import Planner, UnconstrainedPlanner
 from vsx_ros.planning.sight import Sight
@@ -83,7 +84,8 @@ class Navigator:
         self._frame = "map"
         self._goal = SE2()
         self._replans_left = 0
-        self._diverged = ""
+        self._replanning = ""
+        self._checked: OccupancyGrid | None = None
         self.state = NavigationState.IDLE
         self.reason = ""
         self.trajectory: Trajectory | None = None
@@ -99,9 +101,10 @@ class Navigator:
     ) -> None:
         """Plan from start to goal (both in ``frame``) and begin to follow, or end ABORTED with the reason.
 
-        Where the base leaves the path it stops, and another path is planned from there, a few times.
+        Where the base leaves the path, or a newer map shows an obstacle on it, the base stops, and another path is
+        planned from there, a few times.
         """
-        self._frame, self._goal, self._diverged = frame, goal, ""
+        self._frame, self._goal, self._replanning = frame, goal, ""
         self._replans_left = self._config.follower.replans_after_divergence
         self._begin(now_ns, start, around)
 
@@ -124,7 +127,7 @@ class Navigator:
         config = self._config
         self.trajectory = time_scale(plan.path, config.limits, plan.blind_spans, config.planner.blind_v_m_s)
         self._tracker.start(self.trajectory, now_ns)
-        self.state, self.reason = NavigationState.ACTIVE, ""
+        self.state, self.reason, self._checked = NavigationState.ACTIVE, "", grid
 
     def cancel(self) -> None:
         """Give up the goal; the wheels stop at the next command."""
@@ -139,13 +142,16 @@ class Navigator:
             return FollowResult(STOP, FollowStatus.IDLE, "")
         blind = self._frame == "odom"
         pose = odometry.T_odom_base if blind else fuser.pose()
-        if self._diverged:
+        if self._replanning:
             if not odometry.stands:
-                return FollowResult(STOP, FollowStatus.DIVERGED, self._diverged)
-            self._diverged = ""
+                return FollowResult(STOP, FollowStatus.DIVERGED, self._replanning)
+            self._replanning = ""
             self._begin(now_ns, pose, around)
             return FollowResult(STOP, FollowStatus.IDLE, self.reason)
-        if blind:
+        if obstacle := self._obstacle_ahead(around.grid):
+            self._tracker.cancel()
+            result = FollowResult(STOP, FollowStatus.DIVERGED, obstacle)
+        elif blind:
             result = self._tracker.command(now_ns, pose, 0.0, True)
         else:
             factor = self._caution.speed_factor(now_ns, state)
@@ -154,10 +160,17 @@ class Navigator:
             self._end(NavigationState.SUCCEEDED, result.reason)
         elif result.status is FollowStatus.DIVERGED and self._replans_left > 0:
             self._replans_left -= 1
-            self._diverged = result.reason
+            self._replanning = result.reason
         elif result.status is FollowStatus.DIVERGED:
             self._end(NavigationState.ABORTED, result.reason)
         return result
+
+    def _obstacle_ahead(self, grid: OccupancyGrid | None) -> str:
+        """What a map that was not yet looked at shows on the way."""
+        if self._frame == "odom" or grid is None or grid is self._checked or self.trajectory is None:
+            return ""
+        self._checked = grid
+        return obstacle_ahead(self.trajectory, self._tracker.progress_s, grid, self._config.robot.radius_m)
 
     def _end(self, state: NavigationState, reason: str) -> None:
         self.state, self.reason, self.trajectory = state, reason, None

@@ -8,7 +8,7 @@ from vsx_ros.control.pose_fusion import PoseFuser
 from vsx_ros.exploration.decision import NavigationState
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.unicycle import integrate
-from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 from vsx_ros.planning.planner import Planner
 from vsx_ros.robot import Odometry
 from vsx_ros.slam.state import TrackingState
@@ -26,7 +26,7 @@ class Base:
         config = Config(follower=FollowerConfig(replans_after_divergence=replans))
         self.navigator = Navigator(config, Planner(config.planner, config.robot), 0)
         self.fuser, self.pose, self.now_ns, self.speeds = PoseFuser(), SE2(), 0, [0.0]
-        self.omega = 0.0
+        self.omega, self.around = 0.0, UNSEEN
 
     def go(self, goal: SE2, around: Surroundings) -> None:
         self.navigator.go(self.now_ns, self.pose, goal, "map", around)
@@ -39,7 +39,7 @@ class Base:
             odometry = Odometry(self.now_ns, self.pose, self.speeds[-1], self.omega)
             self.fuser.add_odometry(odometry)
             self.fuser.add_slam(self.now_ns, self.pose)
-            command = self.navigator.command(self.now_ns, odometry, self.fuser, state, UNSEEN).command
+            command = self.navigator.command(self.now_ns, odometry, self.fuser, state, self.around).command
             self.speeds.append(command.v)
             self.omega = command.omega
             self.pose = integrate(self.pose, command.v / 30, command.omega / 30)
@@ -97,3 +97,35 @@ def test_a_way_out_of_sight_of_the_map_is_refused():
     assert "landmarks in view" in base.navigator.reason
     base.go(SE2(1.0, 0.3, 0.1), Surroundings(OPEN, wall))
     assert base.navigator.state is NavigationState.ACTIVE
+
+
+def with_box(x: slice, y: slice) -> Surroundings:
+    """The open floor with a box on it [cells]."""
+    data = OPEN.data.copy()
+    data[y, x] = OCCUPIED
+    return Surroundings(OccupancyGrid(data, 0.05, -4.0, -4.0), np.zeros((0, 3)))
+
+
+def test_an_obstacle_that_comes_to_light_on_the_way_is_driven_around():
+    base, goal = Base(), SE2(3.0, 0.0, 0.0)
+    base.go(goal, UNSEEN)
+    base.drive(2.0)
+    base.around = with_box(slice(108, 116), slice(76, 84))
+    middle, nearest_m = np.array([1.6, 0.0]), np.inf
+    for _ in range(900):
+        base.drive(0.1)
+        nearest_m = min(nearest_m, float(np.hypot(base.pose.x - middle[0], base.pose.y - middle[1])))
+    assert base.navigator.state is NavigationState.SUCCEEDED
+    assert base.pose.distance_to(goal) < 0.02
+    assert base.navigator.plans == 2
+    assert nearest_m > 0.2 + 0.18
+
+
+def test_what_comes_to_light_elsewhere_does_not_stop_the_base():
+    base = Base()
+    base.go(SE2(3.0, 0.0, 0.0), UNSEEN)
+    base.drive(2.0)
+    base.around = with_box(slice(108, 116), slice(88, 96))
+    base.drive(60.0)
+    assert base.navigator.state is NavigationState.SUCCEEDED
+    assert base.navigator.plans == 1

@@ -2,8 +2,9 @@
 
 Subscribers: move_base/trajectory (frame map: by camera and wheels; frame odom: by the wheels alone), odom, vslam/pose,
     vslam/state, mobile_base/hazards, follower/lease.
-Publishers: cmd_vel_mux/input/navi, follower/status (latched String, JSON: trajectory, status, reason, error; while it
-    is stopping on the way because move_base wants so, also stop: where it will stand, x, y, theta, and frame).
+Publishers: cmd_vel_mux/input/navi, follower/status (latched String, JSON: trajectory, status, reason, error, at_s: how
+    far it is in the trajectory's own time; while it is stopping on the way because move_base wants so, also stop: where
+    it will stand, x, y, theta, and frame).
 Services: follower/cancel.
 Parameters: ~config (tree of config.py).
 
@@ -162,7 +163,7 @@ class FollowerNode:
             return
         self._status, self._reported_s = key, now_s
         error = list(result.error.as_array()) if result.error is not None else None
-        self._status_pub.publish(json.dumps({**status, "error": error}))
+        self._status_pub.publish(json.dumps({**status, "error": error, "at_s": self._tracker.progress_s}))
         bad = FollowStatus.DIVERGED, FollowStatus.STALE, FollowStatus.STOPPED
         level = process.WARN if result.status in bad else process.OK
         self._diagnostics.set("control", level, ": ".join(filter(None, (result.status.value, result.reason))))

@@ -38,6 +38,7 @@ from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.errors import ConfigError, VsxError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.planning.ahead import obstacle_ahead
 from vsx_ros.planning.path import Plan, Refusal, Trajectory
 from vsx_ros.planning.planner import Planner
 from vsx_ros.planning.sight import Sight
@@ -166,8 +167,8 @@ class MoveBaseNode:
             self._server.set_aborted(text=reason)
 
     def _pursue(self, target: PoseStamped) -> tuple[bool, str]:
-        """Drive there; where the base leaves the path, stop and plan again, a few times. Whether the goal was reached,
-        and why or why not."""
+        """Drive there; where the base leaves the path, or an obstacle comes to light on it, stop and plan again, a few
+        times. Whether the goal was reached, and why or why not."""
         frame, goal = frames.bare(target.header.frame_id), convert.se2(target.pose)
         replans = self._config.follower.replans_after_divergence
         for left in range(replans, -1, -1):
@@ -198,7 +199,7 @@ class MoveBaseNode:
         self._follower_s = time.monotonic()
         self._trajectory_pub.publish(trajectory_messages.trajectory_msg(trajectory, frame, identity_ns))
         self._diagnostics.set("goal", process.OK, f"driving {plan.path.length_m:.1f} m")
-        return self._watch(identity_ns, frame)
+        return self._watch(identity_ns, frame, trajectory)
 
     def _plan(self, start: SE2, goal: SE2, frame: str) -> Plan | Refusal:
         grid = self._grid
@@ -222,8 +223,9 @@ class MoveBaseNode:
             return None
         return Sight.of(landmarks, self._config.planner)
 
-    def _watch(self, identity_ns: int, frame: str) -> tuple[FollowStatus, str]:
-        """Wait for the follower's verdict on the trajectory."""
+    def _watch(self, identity_ns: int, frame: str, trajectory: Trajectory) -> tuple[FollowStatus, str]:
+        """Wait for the follower's verdict on the trajectory, or for a map that shows an obstacle on it."""
+        checked = None
         while not process.is_ending():
             time.sleep(PERIOD_S)
             if self._server.is_preempt_requested():
@@ -239,6 +241,13 @@ class MoveBaseNode:
                 status, reason = FollowStatus(self._follower.get("status")), str(self._follower.get("reason"))
                 if status in (FollowStatus.ARRIVED, FollowStatus.DIVERGED, FollowStatus.STOPPED):
                     return status, reason
+                grid = self._grid
+                if frame == topics.MAP_FRAME and grid is not None and grid is not checked:
+                    checked, at_s = grid, float(str(self._follower.get("at_s")))
+                    obstacle = obstacle_ahead(trajectory, at_s, grid, self._config.robot.radius_m)
+                    if obstacle:
+                        self._stop_on_the_way(frame)
+                        return FollowStatus.DIVERGED, obstacle
         return FollowStatus.STOPPED, "shutting down"
 
     def _stop_pose(self, frame: str) -> SE2 | None:
@@ -254,12 +263,15 @@ class MoveBaseNode:
 
     def _come_to_rest(self, frame: str) -> None:
         """Let the follower stop on the way; a goal that waits is planned meanwhile, from where the base will stand."""
+        self._stop_on_the_way(frame)
+        if not self._server.is_new_goal_available():
+            self._wait_until_standing()
+
+    def _stop_on_the_way(self, frame: str) -> None:
         pose = self._where.pose(frame)
         if pose is not None:
             here = Trajectory(np.zeros(1), pose.as_array()[None], np.zeros(1), np.zeros(1))
             self._trajectory_pub.publish(trajectory_messages.trajectory_msg(here, frame, process.now_ns()))
-        if not self._server.is_new_goal_available():
-            self._wait_until_standing()
 
     def _wait_until_standing(self) -> None:
         """A plan begins at rest: after a cancelled goal the base needs a moment, and has it while the client lives."""
