@@ -1,4 +1,5 @@
-"""In the live stack: a base that left its path gets another plan to the same goal, one without images waits on it."""
+"""In the live stack: a base that left its path, or whose way is no longer free, gets another plan to the same goal; one
+without images waits on its path."""
 
 from __future__ import annotations
 
@@ -14,9 +15,12 @@ pytest.importorskip("rospy")
 
 import rospy
 from actionlib_msgs.msg import GoalStatus, GoalStatusArray
+from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
 from std_msgs.msg import String
+from trajectory_msgs.msg import MultiDOFJointTrajectory
 
-from vsx_ros.ros import topics
+from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
+from vsx_ros.ros import convert, topics, trajectory_messages
 
 if TYPE_CHECKING:
     from conftest import Stack
@@ -98,6 +102,53 @@ def test_a_base_that_leaves_its_path_gets_another_plan_to_the_same_goal(stack: S
         pytest.fail(f"{TRIES} times the base left its path, and never was a plan made anew: {drive.told[-20:]}")
     stack.wait_until_driving()
     assert not stack.dead()
+
+
+def blocked_ahead(ways: list[MultiDOFJointTrajectory], grid: OccupancyGrid) -> OccupancyGrid | None:
+    """The map with a post on the way, two seconds ahead of the base; None where it does not follow a way that long."""
+    status = json.loads(rospy.wait_for_message(topics.FOLLOWER_STATUS, String, 5.0).data)
+    way = next((msg for msg in reversed(ways) if msg.header.stamp.to_nsec() == status["trajectory"]), None)
+    if way is None or way.header.frame_id != topics.MAP_FRAME or status["status"] != "following":
+        return None
+    trajectory = trajectory_messages.trajectory(way)
+    if trajectory is None or trajectory.duration_s < status["at_s"] + 4.0:
+        return None
+    post = trajectory.at(status["at_s"] + 2.0)[0]
+    data = grid.data.copy()
+    row, column = grid.cells([[post.x, post.y]])[0]
+    data[row : row + 2, column : column + 2] = OCCUPIED
+    return OccupancyGrid(data, grid.resolution, grid.origin_x, grid.origin_y)
+
+
+def test_an_obstacle_that_comes_to_light_on_the_way_is_planned_around(stack: Stack, drive: Drive) -> None:
+    maps: list[OccupancyGridMsg] = []
+    ways: list[MultiDOFJointTrajectory] = []
+    listeners = [
+        rospy.Subscriber(topics.MAP, OccupancyGridMsg, maps.append, queue_size=1),
+        rospy.Subscriber(topics.TRAJECTORY, MultiDOFJointTrajectory, ways.append, queue_size=5),
+    ]
+    hand = rospy.Publisher(topics.MAP, OccupancyGridMsg, queue_size=1)
+    told = "planning again: an obstacle has come to light"
+    try:
+        stack.wait(lambda: maps and ways and hand.get_num_connections() >= 3, 20.0, "a map, a way and their readers")
+        for _ in range(10 * TRIES):
+            stack.wait_until_driving()
+            blocked, before = blocked_ahead(ways, convert.grid(maps[-1])), stack.logs().count(told)
+            if blocked is None:
+                time.sleep(1.0)
+                continue
+            hand.publish(convert.grid_msg(blocked, topics.MAP_FRAME, time.time_ns()))
+            time.sleep(1.5)
+            if stack.logs().count(told) > before:
+                break
+        else:
+            pytest.fail("the base never planned around what came to light on its way")
+    finally:
+        for listener in listeners:
+            listener.unregister()
+        hand.unregister()
+    stack.wait_until_driving()
+    assert drive.told
 
 
 def test_a_base_without_images_for_a_moment_waits_on_its_path_and_drives_on(stack: Stack, drive: Drive) -> None:
