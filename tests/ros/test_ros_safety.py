@@ -19,7 +19,7 @@ pytest.importorskip("rospy")
 
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import PoseWithCovarianceStamped, Twist
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
@@ -111,6 +111,8 @@ def test_wheels_that_turn_while_the_camera_stands_are_stopped_and_the_robot_back
     stack.wait(lambda: listener.get_num_connections() and follower.get_num_connections(), 10.0, "their words")
     move = stack.plant._body._move
     try:
+        rospy.wait_for_message(f"/{topics.POSE}", PoseWithCovarianceStamped, 60.0)
+        stack.wait(lambda: events and events[-1].startswith("view at"), 30.0, "a drive on the map")
         stack.wait_until_driving()
         monkeypatch.setattr(stack.plant._body, "_move", lambda distance, turn: move(0.0, turn))
         stack.wait(

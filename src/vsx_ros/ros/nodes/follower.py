@@ -77,6 +77,7 @@ class FollowerNode:
             self._stop = None
             self._id, self._frame, self._following = msg.header.stamp.to_nsec(), frames.bare(msg.header.frame_id), True
             self._heard_vslam_s = time.monotonic()
+            self._was_stuck = self._where.stuck is not None  # what it pushes against already may be backed away from
             self._leases.grant("move_base")
             self._tracker.start(trajectory, process.now_ns())
 
@@ -114,7 +115,7 @@ class FollowerNode:
             return
         stuck = self._where.stuck
         was_stuck, self._was_stuck = self._was_stuck, stuck is not None
-        if stuck is not None and not was_stuck:  # once: it may be backed away from
+        if stuck is not None and not was_stuck:
             self._end(stuck.reason)
             return
         now_ns = process.now_ns()

@@ -243,8 +243,9 @@ class MoveBaseNode:
                     return status, reason
                 grid = self._grid
                 if frame == topics.MAP_FRAME and grid is not None and grid is not checked:
-                    checked, at_s = grid, float(str(self._follower.get("at_s")))
-                    obstacle = obstacle_ahead(trajectory, at_s, grid, self._config.robot.radius_m)
+                    checked, at_s = grid, self._follower.get("at_s")
+                    from_s = float(at_s) if isinstance(at_s, (int, float)) else 0.0
+                    obstacle = obstacle_ahead(trajectory, from_s, grid, self._config.robot.radius_m)
                     if obstacle:
                         self._stop_on_the_way(frame)
                         return FollowStatus.DIVERGED, obstacle

@@ -1,0 +1,42 @@
+"""The rest of a drive is compared with a newer map: an obstacle on it is told, one passed or beside it is not."""
+
+import numpy as np
+import pytest
+
+from vsx_ros.occupancy.grid import OCCUPIED, UNKNOWN, OccupancyGrid
+from vsx_ros.planning.ahead import obstacle_ahead
+from vsx_ros.planning.path import Trajectory
+
+RADIUS_M = 0.18
+WAY_M = np.linspace(0.0, 4.0, 401)
+STRAIGHT = Trajectory(
+    10.0 * WAY_M, np.stack([WAY_M, 0.0 * WAY_M, 0.0 * WAY_M], axis=1), np.full(401, 0.1), np.zeros(401)
+)
+
+
+def with_post(x: float, y: float, value: int = OCCUPIED) -> OccupancyGrid:
+    """Open floor, but for one cell of 5 cm."""
+    data = np.zeros((120, 160), np.int8)
+    data[int((y + 3.0) / 0.05), int((x + 2.0) / 0.05)] = value
+    return OccupancyGrid(data, 0.05, -2.0, -3.0)
+
+
+@pytest.mark.parametrize("y", [0.01, -0.16, 0.16])
+def test_an_obstacle_on_the_way_is_told_with_its_distance(y: float):
+    said = obstacle_ahead(STRAIGHT, 5.0, with_post(1.5, y), RADIUS_M)
+    assert "0.8 m ahead" in said or "0.9 m ahead" in said
+
+
+@pytest.mark.parametrize("post", [(1.5, 0.3), (1.5, -0.3), (0.2, 0.01), (3.5, 0.01)])
+def test_beside_behind_and_far_ahead_is_none(post: tuple[float, float]):
+    assert obstacle_ahead(STRAIGHT, 5.0, with_post(*post), RADIUS_M) == ""
+
+
+def test_what_is_unknown_is_no_obstacle():
+    assert obstacle_ahead(STRAIGHT, 5.0, with_post(1.5, 0.01, UNKNOWN), RADIUS_M) == ""
+
+
+def test_a_base_that_stands_closer_already_may_leave_but_not_approach():
+    grid = with_post(0.5, 0.1)
+    assert obstacle_ahead(STRAIGHT, 5.2, grid, RADIUS_M) == ""
+    assert obstacle_ahead(STRAIGHT, 3.0, grid, RADIUS_M) != ""
