@@ -88,14 +88,15 @@ def explored(world: str, seed: int, noise: int, strategy: str, limits: argparse.
             return
         right = run.judge.quality(run.system.grid).coverage_correct or 0.0
         curve.append((now_s, way_m, right, run.collisions))
-        if right >= limits.until or way_m >= limits.way:
+        done = way_m >= limits.way or any(point[2] >= limits.until for point in curve)
+        if done and run.record.results[-1].state.tracked:  # a run that ends while the camera is lost ends too early
             mission.stop(now_ns)
 
     decisions = decisions_of(run)
     cpu, wall = time.process_time(), time.perf_counter()
     reason = run.run(limits.time, watch)
     if mission.outcome is Outcome.STOPPED:
-        reason = "enough is known" if curve[-1][2] >= limits.until else f"{limits.way:g} m driven"
+        reason = "enough is known" if max(point[2] for point in curve) >= limits.until else f"{limits.way:g} m driven"
     cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
     summary = run.summary(reason).as_dict()
     kept = ("coverage_correct", "breaks", "relocalizations", "collisions", "ate_rmse_m", "scale_error", "path_length_m",
