@@ -183,8 +183,8 @@ def totals(runs: list[dict]) -> str:
     lines = []
     for strategy in sorted({run["strategy"] for run in runs}):
         chosen = [run for run in runs if run["strategy"] == strategy]
-        enough = sum(run["coverage_correct"] >= run["until"] for run in chosen)
         ways = np.array([way_to(run["curve"], run["until"]) for run in chosen])
+        enough = int(np.isfinite(ways).sum())
         ate, scale = (np.array([abs(run[name]) for run in chosen]) for name in ("ate_rmse_m", "scale_error"))
         lines.append(
             f"{strategy}: {enough} of {len(chosen)} runs know {100 * chosen[0]['until']:.0f} %, after "
