@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 import os
 import signal
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -63,3 +65,14 @@ def test_when_it_is_gone_one_is_told() -> None:
     with pytest.raises(VsxError, match="has ended"):
         beside.update(seen(3))
     beside.close()
+
+
+def test_a_reader_that_is_gone_is_the_end_without_words() -> None:
+    code = "import vsx_ros.ros.dense_process as d; d.serve = lambda _, out: (out.write(b'x'), out.flush()); d.main()"
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = subprocess.run(
+        [sys.executable, "-c", code], stdout=writer, stderr=subprocess.PIPE, text=True, timeout=60, check=False
+    )
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (0, "")
