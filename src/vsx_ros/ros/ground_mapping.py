@@ -57,10 +57,10 @@ class GroundMapping:
             self.pose = T_map_base
             self._driven.append(T_map_base)
 
-    def bumped(self, T_map_base: SE2 | None = None) -> None:
-        """The base, here, faces what it pushes against; None: the bumper was pressed at the last pose."""
+    def bumped(self, T_map_base: SE2) -> None:
+        """The base, here, faces what it pushes against."""
         with self._lock:
-            self._bumped.append(self.pose if T_map_base is None else T_map_base)
+            self._bumped.append(T_map_base)
 
     def state(self) -> dict[str, FloatArray]:
         """What was driven and bumped until the last map, for another session; from the thread of ``refresh``."""

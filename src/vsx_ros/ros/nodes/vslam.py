@@ -119,7 +119,7 @@ class VslamNode:
 
     def _on_hazards(self, msg: UInt8) -> None:
         if Hazard(msg.data) & Hazard.BUMPER:
-            self._ground.bumped()
+            self._ground.bumped(self._ground.pose)
 
     def _on_image(self, msg: Image) -> None:
         frame = images.frame(msg)
