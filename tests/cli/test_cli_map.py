@@ -1,5 +1,6 @@
 """Exports of a map made by driving, read by the programs they are for."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -9,9 +10,11 @@ from vsx_ros.cli.main import execute
 from vsx_ros.config import Config
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.io.colmap_folder import write_colmap
+from vsx_ros.io.map_file import load_map
 from vsx_ros.io.ply_file import read_ply
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
 from vsx_ros.io.trajectory_file import read_trajectory
+from vsx_ros.occupancy.grid import FREE, OCCUPIED
 from vsx_ros.robot import VelocityCommand
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.robot import EmulatedRobot
@@ -57,6 +60,26 @@ def test_tum_and_ply(lab, seen, tmp_path, capsys):
     for pose, T_world_cam in zip(poses, seen.T_world_cams, strict=True):
         np.testing.assert_allclose(pose.T.matrix(), T_world_cam.matrix(), atol=1e-7)
     np.testing.assert_allclose(read_ply(lab.with_suffix(".ply")), seen.points_world, atol=1e-5)
+
+
+def test_pgm_is_the_floor_round_the_keyframes(lab, seen, capsys):
+    assert execute(["map", "export", str(lab), "--format", "pgm", "--set", "ground_map.resolution_m=0.04"]) == 0
+    out = lab.with_name("lab_ground.yaml")
+    assert capsys.readouterr().out == f"{out}\n"
+    grid, T_cam_base = load_map(out), load_slam_map(lab).T_base_cam.inverse()
+    assert grid.resolution == 0.04
+    stood = np.array([(T @ T_cam_base).translation[:2] for T in seen.T_world_cams])
+    columns, rows = ((stood - (grid.origin_x, grid.origin_y)) // grid.resolution).astype(int).T
+    assert (grid.data[rows, columns] == FREE).all()
+    assert np.count_nonzero(grid.data == OCCUPIED) > 5
+    assert 0.3 < np.count_nonzero(grid.data == FREE) * 0.04**2 < 20.0
+
+
+def test_a_map_without_odometry_has_no_floor(lab, tmp_path, capsys):
+    save_slam_map(dataclasses.replace(load_slam_map(lab), T_base_cam=None), tmp_path / "free.vsxmap")
+    assert execute(["map", "export", str(tmp_path / "free.vsxmap"), "--format", "pgm"]) == 1
+    assert "made without odometry" in capsys.readouterr().err
+    assert not list(tmp_path.glob("*.pgm"))
 
 
 @pytest.mark.parametrize("k3", [0.0, 0.05])
@@ -105,9 +128,9 @@ def test_mistakes_are_one_sentence(lab, tmp_path, capsys):
     assert execute(["map", "info", str(tmp_path / "none.vsxmap")]) == 1
     (tmp_path / "bad.vsxmap").write_bytes(lab.read_bytes()[:-5])
     assert execute(["map", "export", str(tmp_path / "bad.vsxmap"), "--format", "ply"]) == 1
-    for form in ("tum", "ply", "colmap"):
+    for form in ("tum", "ply", "colmap", "pgm"):
         (tmp_path / "file").touch()
         assert execute(["map", "export", str(lab), "--format", form, "--out", str(tmp_path / "file/x")]) == 1
     error = capsys.readouterr().err
-    assert error.count("\n") == 5
-    assert error.count("cannot be") == 5
+    assert error.count("\n") == 6
+    assert error.count("cannot be") == 6

@@ -89,6 +89,8 @@ def test_rosbags_own_player_feeds_the_nodes_too(bag: Path, in_lock_step: RunFold
     assert folder.read_summary()["frames_tracked"] == pytest.approx(expected, abs=15)
     here, there = folder.read_poses("trajectory")[-1], in_lock_step.read_poses("trajectory")[-1]
     assert abs(here.T.translation - there.T.translation).max() < 0.1
+    free_m2 = [(f.read_map().data == 0).sum() * 0.05**2 for f in (folder, in_lock_step)]
+    assert free_m2[0] == pytest.approx(free_m2[1], rel=0.4)
 
 
 def test_ctrl_c_ends_it_and_a_second_replay_is_refused(bag: Path, tmp_path: Path) -> None:

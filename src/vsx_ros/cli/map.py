@@ -7,14 +7,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from vsx_ros.occupancy.grid import OccupancyGrid
     from vsx_ros.slam.slam_map import SlamMap
+    from vsx_ros.slam.snapshot import MapSnapshot
 
 _LENGTHS = ("extent", "way_between_keyframes")
-_FORMATS = {"tum": ".txt", "ply": ".ply", "colmap": "_colmap"}
+_FORMATS = {"tum": ".txt", "ply": ".ply", "colmap": "_colmap", "pgm": "_ground.yaml"}
 
 
 def add_parser(subparsers: Any) -> None:
     """Register the command and its options."""
+    from vsx_ros.cli.config import add_arguments
+
     parser = subparsers.add_parser(
         "map",
         help="save a SLAM map, go on in it, look into it, export it",
@@ -33,11 +37,14 @@ def add_parser(subparsers: Any) -> None:
         help="write it for other programs",
         description="tum: the keyframes' camera poses in the map, as evo and the TUM tools read them. ply: the points, "
         "for MeshLab, CloudCompare, Blender. colmap: a folder with COLMAP's text model (cameras.txt, images.txt, "
-        "points3D.txt) and the keyframes' pictures, for COLMAP and what reads it: dense stereo, meshing, splatting.",
+        "points3D.txt) and the keyframes' pictures, for COLMAP and what reads it: dense stereo, meshing, splatting. "
+        "pgm: the ground map of the points and the keyframes' places, a picture and a YAML as map_server and every ROS "
+        "navigation stack load them; the map.pgm of a run knows more, its surfaces and bumps.",
     )
     export.add_argument("file", type=Path, metavar="FILE", help="a .vsxmap")
     export.add_argument("--format", choices=tuple(_FORMATS), required=True, help="what to write")
     export.add_argument("--out", type=Path, metavar="PATH", help="file or folder (default: beside FILE)")
+    add_arguments(export)
     export.set_defaults(run=run_export)
     _add_save_and_load(verbs)
 
@@ -132,6 +139,7 @@ def run_export(args: argparse.Namespace) -> int:
     """Write it and say where it is."""
     from vsx_ros.geometry.stamped import StampedPose
     from vsx_ros.io.colmap_folder import write_colmap
+    from vsx_ros.io.map_file import save_map
     from vsx_ros.io.ply_file import write_ply
     from vsx_ros.io.slam_map_file import load_slam_map
     from vsx_ros.io.trajectory_file import write_trajectory
@@ -146,6 +154,8 @@ def run_export(args: argparse.Namespace) -> int:
             write_trajectory(out, (StampedPose(*pose) for pose in zip(stamps, seen.T_world_cams, strict=True)))
         elif args.format == "ply":
             write_ply(out, seen.points_world)
+        elif args.format == "pgm":
+            save_map(_ground(args, slam_map, seen), out)
         else:
             write_colmap(out, slam_map.camera, seen)
     except OSError as error:
@@ -154,3 +164,16 @@ def run_export(args: argparse.Namespace) -> int:
         raise InputError(f"{out} cannot be written ({error.strerror}); give another one with --out") from error
     print(out)
     return 0
+
+
+def _ground(args: argparse.Namespace, slam_map: SlamMap, seen: MapSnapshot) -> OccupancyGrid:
+    """Raises InputError for a map that has no floor."""
+    from vsx_ros.cli.config import load
+    from vsx_ros.cli.ground import ground_grid
+    from vsx_ros.errors import InputError
+
+    if slam_map.T_base_cam is None:
+        raise InputError(
+            f"{args.file} was made without odometry, scale and floor are unknown; export it as tum, ply or colmap"
+        )
+    return ground_grid(seen, seen.T_world_cams, slam_map.T_base_cam, load(args.config, args.set))

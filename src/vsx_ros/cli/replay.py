@@ -77,6 +77,7 @@ def run(args: argparse.Namespace) -> int:
         _feed_nodes(args)
     from vsx_ros.cli.config import load
     from vsx_ros.cli.exit_codes import STOPPED
+    from vsx_ros.cli.ground import ground_grid
     from vsx_ros.cli.report import one_line_facts, write_report
     from vsx_ros.cli.run_record import RunRecord
     from vsx_ros.geometry.camera import mount_pose
@@ -100,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
     if recording.ground_truth:
         folder.write_poses("groundtruth", recording.ground_truth)
     if args.map:
-        _write_map(folder, slam, config, record, T_base_cam)
+        folder.write_map(ground_grid(slam.snapshot(), (p.T for p in record.estimate()), T_base_cam, config))
     folder.write_summary(summary)
     _save_slam_map(slam, args.save_map)
     print(summary["stop_reason"], *one_line_facts(summary), f"report: {write_report(folder)}", sep="\n  ")
@@ -254,14 +255,3 @@ def _save_slam_map(slam: SequentialSlam, path: Path | None) -> None:
         print(f"vsx: {path} is not written: there is no map, it was never started", file=sys.stderr)
     else:
         save_slam_map(slam_map, path)
-
-
-def _write_map(folder: RunFolder, slam: SequentialSlam, config: Config, record: RunRecord, T_base_cam: SE3) -> None:
-    from vsx_ros.geometry.se2 import SE2
-    from vsx_ros.occupancy.ground_map import Driven, GroundMap
-
-    snapshot = slam.snapshot()
-    trail = [SE2.from_se3(pose.T @ T_base_cam.inverse()) for pose in record.estimate()]
-    observed = snapshot.points_world, snapshot.obs_keyframe, snapshot.obs_point
-    ground_map = GroundMap(config.ground_map, config.robot)
-    folder.write_map(ground_map.build(snapshot.T_world_cams, *observed, Driven(trail), obs_level=snapshot.obs_level))

@@ -72,6 +72,7 @@ class VslamNode:
             mount.forward_m, mount.left_m, mount.height_m, mount.pitch_down_rad, mount.yaw_left_rad
         )
         self._run_dir = str(rospy.get_param("~run_dir", ""))
+        self._metric = bool(rospy.get_param("~use_odometry", True))
         self._save_map = str(rospy.get_param("~save_map", ""))  # the master may be gone before the end
         load_map = str(rospy.get_param("~load_map", ""))
         self._loaded = load_slam_map(Path(load_map)) if load_map else None
@@ -141,8 +142,7 @@ class VslamNode:
     def _track(self) -> None:
         camera = images.camera(self._first_camera_info())
         seed = int(rospy.get_param("~seed", 0))
-        metric = bool(rospy.get_param("~use_odometry", True))
-        T_base_cam = self._T_base_cam if metric else None
+        T_base_cam = self._T_base_cam if self._metric else None
         self._dense.start(camera, T_base_cam, seed)
         self._slam = slam = ThreadedSlam(camera, T_base_cam, self._config.slam, seed, self._loaded, self._counted)
         heard_s, tracked_any = time.monotonic(), False
@@ -157,7 +157,7 @@ class VslamNode:
                     self._status.without_images()
                 continue
             frame, odometry = taken
-            if metric and odometry is None and not tracked_any:
+            if self._metric and odometry is None and not tracked_any:
                 self._status.waiting_for(topics.ODOM)  # a map begun without the wheels would have no scale for good
                 continue
             tracked_any = True
@@ -240,6 +240,8 @@ class VslamNode:
                 folder.path.mkdir(parents=True, exist_ok=True)
                 snapshot = self._slam.snapshot()
                 self._record.write(folder, snapshot, self._dense.points(snapshot))
+                if self._metric and self._ground.grid is not None:
+                    folder.write_map(self._ground.grid)
                 folder.write_summary(self._record.summary(self._slam.statistics()).as_dict())
             if self._keeper is not None and self._record.results:
                 self._keeper.note(self._slam, self._record.results[-1].stamp_ns, now=True)
