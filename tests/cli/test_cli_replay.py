@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
+from chromium import EXECUTABLE, Chromium
 
 from vsx_ros.cli.main import execute
 from vsx_ros.cli.run_record import RunRecord
@@ -134,6 +135,27 @@ def test_the_report_needs_nothing_else(replayed, capsys):
     assert execute(["report", str(replayed.path)]) == 0
     assert capsys.readouterr().out.strip() == str(replayed.path / "report.html")
     assert (replayed.path / "report.html").read_text() == page
+
+
+@pytest.mark.skipif(EXECUTABLE is None, reason="no chromium is installed")
+def test_a_browser_shows_the_report_and_asks_nobody(replayed, tmp_path):
+    page = (replayed.path / "report.html").as_uri()
+    with Chromium(tmp_path / "profile") as browser:
+        browser.open(page)
+        browser.wait(f"location.href === {page!r} && document.readyState === 'complete'")
+        boxes = browser.evaluate(
+            "Array.from(document.querySelectorAll('svg')).map(picture => { "
+            "const box = picture.getBoundingClientRect(), drawn = picture.getBBox(); "
+            "return [box.width, box.height, drawn.width, drawn.height]; })"
+        )
+        assert len(boxes) == 5
+        assert all(length_px > 20.0 for box in boxes for length_px in box), boxes
+        pictures = "Promise.all(Array.from(document.querySelectorAll('image')).map(i => i.decode()))"
+        assert browser.evaluate(f"{pictures}.then(decoded => decoded.length)") >= 1
+        wide_px = browser.evaluate("[document.documentElement.scrollWidth, innerWidth]")
+        assert wide_px[0] <= wide_px[1]
+        assert page in browser.requested
+        assert [url for url in browser.requested if not url.startswith((page, "data:", "about:"))] == []
 
 
 def test_a_comparison_that_cannot_be_written_is_told(replayed, tmp_path, capsys):

@@ -18,7 +18,9 @@ from chromium import EXECUTABLE, Chromium
 
 from vsx_ros.exploration.frontiers import Frontier
 from vsx_ros.exploration.utility import View
+from vsx_ros.geometry.camera import mount_pose
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.robot import Frame
 from vsx_ros.ros import convert
@@ -33,6 +35,12 @@ pytestmark = pytest.mark.skipif(EXECUTABLE is None, reason="no chromium is insta
 
 TOKEN = "a-token-of-tests"
 RATE_HZ = 15.0
+KEYFRAMES = 12
+MOUNT = mount_pose(0.0, 0.0, 0.3, 0.1)
+
+FRONTIERS, VIEWS, KEYFRAME, PLAN = "#58a6ff", "#4cc38a", "#e5b567", "#d2a8ff"
+CURVE, POOR = "#58a6ff", "#e5b567"
+"""Colours of the page. POOR: the line below which tracking counts as poor."""
 
 
 def room() -> OccupancyGrid:
@@ -65,6 +73,8 @@ class Robot:
         self._board.post("map", words.text(words.grid(convert.grid_msg(grid, "map", 1))))
         path = [SE2(0.05 * k, 0.3 * math.sin(0.1 * k), 0.0) for k in range(60)]
         self._board.post("plan", words.text(words.plan(convert.path_msg("map", 1, path))))
+        cameras = [SE3.from_se2(SE2(-1.0 + 0.4 * k, -1.5, 0.2 * k)) @ MOUNT for k in range(KEYFRAMES)]
+        self._board.post("keyframes", words.text(words.keyframes(convert.pose_array("map", 1, cameras))))
         status = {"state": "mapping", "reason": "driving to a view of 4.0 m2, 2.0 m away", "goal": [3.0, 0.3, 0.0]}
         self._board.post("mission", words.text(status))
         self._board.post("slam", words.text(["TRACKING", ""]))
@@ -85,8 +95,8 @@ class Robot:
             _, jpeg = cv2.imencode(".jpg", picture)
             self._board.post("camera", words.text(base64.b64encode(jpeg.tobytes()).decode()))
             self._board.post("pose", words.text([0.02 * k % 3.0, 0.3 * math.sin(0.04 * k), 0.0]))
-            stats = {"tracked": 220, "attempted": 300, "latency_ms": 20.0, "keyframes": 12, "points": 3000}
-            self._board.post("stats", words.text(stats))
+            stats = {"tracked": 220, "attempted": 300, "latency_ms": 20.0, "keyframes": KEYFRAMES, "points": 3000}
+            self._board.post("stats", words.text({**stats, "plan_ms": 180.0}))
 
 
 @pytest.fixture
@@ -124,15 +134,62 @@ def test_the_page_shows_everything_and_asks_nobody_else(browser: Chromium, board
         assert browser.evaluate("$('ratioNow').textContent") == "73 %"
         assert "30\nimages / s" in browser.evaluate("$('numbers').innerText")
         assert "<b>chosen</b>" in browser.evaluate("$('events').textContent")  # words from outside stay words
-        colours = browser.evaluate(
-            "drawMap(), Array.from(new Uint32Array($('map').getContext('2d').getImageData(0, 0, $('map').width, "
-            "$('map').height).data.buffer)).reduce((seen, c) => seen.add(c), new Set()).size"
-        )
-        assert colours > 10
+        assert browser.evaluate("$('numbers').innerText").startswith(f"{KEYFRAMES}\nkeyframes")
         browser.screenshot(tmp_path / "page.png")
         assert {url.split("/")[2] for url in browser.requested if url.startswith("http")} == {
             f"127.0.0.1:{server.port}"
         }
+    finally:
+        browser.open("about:blank")
+        server.close()
+
+
+def pixels_of(browser: Chromium, canvas: str, draw: str, *colours: str) -> list[int]:
+    """How many pixels of a canvas have each colour, right after it was drawn by a JavaScript expression."""
+    data = f"$('{canvas}').getContext('2d').getImageData(0, 0, $('{canvas}').width, $('{canvas}').height).data"
+    coded = base64.b64decode(
+        browser.evaluate(
+            f"({draw}, new Promise(done => {{ const reader = new FileReader(); reader.onload = () => "
+            f"done(reader.result.split(',')[1]); reader.readAsDataURL(new Blob([{data}])); }}))"
+        )
+    )
+    pixels = np.frombuffer(coded, np.uint8).reshape(-1, 4).astype(int)
+    rgb, drawn = pixels[:, :3], pixels[:, 3] > 127
+    wanted = [[int(colour[i : i + 2], 16) for i in (1, 3, 5)] for colour in colours]
+    return [int(np.count_nonzero(drawn & (np.abs(rgb - colour) <= 3).all(axis=1))) for colour in wanted]
+
+
+def test_frontiers_views_plan_and_keyframes_are_drawn_on_the_map(browser: Chromium, board: Board) -> None:
+    """Each colour is there, and goes with what it stands for."""
+    server = served(board, [])
+    try:
+        browser.open(f"http://127.0.0.1:{server.port}/#{TOKEN}")
+        browser.wait("ground !== null && ['frontiers', 'plan', 'keyframes', 'mission'].every(name => known[name])")
+        browser.evaluate("known.mission.goal = null")  # a ring in the colour of the plan
+        colours = FRONTIERS, VIEWS, KEYFRAME, PLAN
+        drawn_px = pixels_of(browser, "map", "drawMap()", *colours)
+        assert all(n_px > least for n_px, least in zip(drawn_px, (500, 100, 2 * KEYFRAMES, 100), strict=True)), drawn_px
+        for subject, gone in (("frontiers", colours[:2]), ("keyframes", (KEYFRAME,)), ("plan", (PLAN,))):
+            assert pixels_of(browser, "map", f"delete known.{subject}, drawMap()", *gone) == [0] * len(gone)
+    finally:
+        browser.open("about:blank")
+        server.close()
+
+
+def test_the_charts_show_latency_and_planning_time(browser: Chromium, board: Board) -> None:
+    server = served(board, [])
+    try:
+        browser.open(f"http://127.0.0.1:{server.port}/#{TOKEN}")
+        browser.wait("series.latency.length > 20 && $('latencyNow').textContent && $('planningNow').textContent")
+        assert browser.evaluate("$('latencyNow').textContent") == "20 ms"
+        assert browser.evaluate("$('planningNow').textContent") == "180 ms"
+        assert browser.evaluate("series.planning.map(([t, v]) => v)") == [180.0]  # a dot for a plan, not for a message
+        (poor_px,) = pixels_of(browser, "ratio", "chart('ratio', 1, '', GOOD_RATIO)", POOR)
+        assert poor_px > 50
+        for name, dots in (("latency", "false"), ("planning", "true")):
+            draw = f"chart('{name}', 0, 'ms', 0, {dots})"
+            assert pixels_of(browser, name, draw, CURVE)[0] > 0
+            assert pixels_of(browser, name, f"series.{name}.length = 0, {draw}", CURVE) == [0]
     finally:
         browser.open("about:blank")
         server.close()
