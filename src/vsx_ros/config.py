@@ -170,7 +170,7 @@ class FollowerConfig(_Branch, frozen=True):
     max_lateral_error_m: Positive = 0.12
     max_heading_error_rad: Positive = 0.25
     pose_timeout_s: Positive = 0.5
-    # Speed while tracking is dubious, as a share of the planned one, and how long it stays so afterwards.
+    # Speed while tracking is dubious (state POOR), as a share of the planned one, and how long it stays so afterwards.
     dubious_speed_factor: Ratio = 0.5
     dubious_hold_s: NonNegative = 1.0
     replans_after_divergence: Annotated[int, Meta(ge=0)] = 2

@@ -1,3 +1,4 @@
+import html
 import re
 import xml.etree.ElementTree as ElementTree
 
@@ -78,6 +79,20 @@ def test_a_run_that_kept_no_lives_of_points_has_no_curve_of_them():
     text = page(frames=[frame(i, u2_frames=None) for i in range(40)])
     assert len(drawings(text)) == 4
     assert "U2 so far" not in text
+
+
+def test_states_are_told_in_the_words_of_the_live_view():
+    """Also of folders that older versions left: the file keeps the core's names."""
+    values = ["not initialised", "good", "dubious", "lost", "some day's"]
+    told = ["NOT_INITIALISED", "TRACKING", "POOR", "LOST", "some day's"]
+    text = page(frames=[(i * SECOND, values[i], 100, 80, False, 5.0, None) for i in range(5)])
+    assert [html.unescape(word) for word in re.findall(r'style="--c:#\w+">([^<]+)</span>', text)] == told
+    band = next(d for d in drawings(text) if d.find("title").text == "state of the tracking over time")
+    since = [f"{word} from {i:.1f} s" for i, word in enumerate(told)]
+    assert [rect.find("title").text for rect in band.iter("rect")] == since
+    assert len({rect.get("fill") for rect in band.iter("rect")}) == 5
+    assert ("TRACKING above" in text, "LOST below" in text) == (True, True)
+    assert not re.search("good above|dubious", text)
 
 
 def test_what_is_unknown_is_not_shown_as_zero():

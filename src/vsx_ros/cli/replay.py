@@ -206,7 +206,7 @@ def _track_all(slam: SequentialSlam, recording: Recording, record: RunRecord) ->
             if sys.stderr.isatty() and began - shown > _PROGRESS_EVERY_S:
                 shown = began
                 found = f"{result.found}/{result.searched} points"
-                line = f"frame {number}/{recording.frame_count}  {result.state.value}  {found}"
+                line = f"frame {number}/{recording.frame_count}  {result.state.word}  {found}"
                 print(f"\r{line}\x1b[K", end="", file=sys.stderr, flush=True)
             if stopped():
                 break

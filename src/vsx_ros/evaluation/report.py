@@ -15,6 +15,7 @@ from vsx_ros.evaluation import svg
 from vsx_ros.evaluation.trajectory import AlignmentKind, align, associate
 from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.slam.state import TrackingState
 
 _MAX_EVENTS = 400
 _MAX_DOTS = 4000
@@ -28,8 +29,8 @@ class ReportData:
     """What a run folder holds. world_is_level: z is up, so the map is seen along z; else the first camera's x and z.
 
     good_ratio, lost_ratio: shares of found points above and below which tracking is good and lost.
-    events: (stamp_ns, source, state, reason). frames: (stamp_ns, state, searched, found, keyframe_added, track_ms,
-    U2 so far).
+    events: (stamp_ns, source, state, reason). frames: (stamp_ns, value of the state, searched, found,
+    keyframe_added, track_ms, U2 so far).
     """
 
     summary: Mapping[str, Any]
@@ -150,7 +151,8 @@ def timeline(data: ReportData) -> str:
         for column in (5, 6)
     )
     marks = [((e[0] - data.frames[0][0]) * 1e-9, e[2], e[3]) for e in data.events if e[2] != "keyframe"]
-    states = [frame[1] for frame in data.frames]
+    words = {state.value: state.word for state in TrackingState}
+    states = [words.get(frame[1], frame[1]) for frame in data.frames]
     keys = "".join(
         f'<span class="key" style="--c:{svg.STATE_COLORS.get(state, "#7a6fd0")}">{html.escape(state)}</span>'
         for state in dict.fromkeys(states)
@@ -158,7 +160,10 @@ def timeline(data: ReportData) -> str:
     inside = [mark for mark in marks if 0 <= mark[0] <= float(seconds[-1])]
     parts = [svg.state_band(seconds, states, inside), f'<p class="legend">{keys}<span>&#9662; event</span></p>']
     if np.isfinite(ratio).any():
-        levels = [(data.good_ratio, "good above"), (data.lost_ratio, "lost below")]
+        levels = [
+            (data.good_ratio, f"{TrackingState.GOOD.word} above"),
+            (data.lost_ratio, f"{TrackingState.LOST.word} below"),
+        ]
         parts.append("<h3>share of the searched points that were found; its mean is U1</h3>")
         parts.append(svg.time_plot(seconds, ratio, "found / searched", 1.0, levels))
     if np.isfinite(lives).any():

@@ -13,10 +13,16 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import FloatArray, Points2
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
+from vsx_ros.slam.state import TrackingState
 
 WIDTH = 900.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 52.0, 12.0, 12.0, 30.0
-STATE_COLORS = {"good": "#2e9e5b", "dubious": "#e0a422", "lost": "#cf3d3d", "not initialised": "#9aa3ad"}
+STATE_COLORS = {
+    TrackingState.GOOD.word: "#2e9e5b",
+    TrackingState.DUBIOUS.word: "#e0a422",
+    TrackingState.LOST.word: "#cf3d3d",
+    TrackingState.NOT_INITIALISED.word: "#9aa3ad",
+}
 _MAX_POINTS = 1500
 
 
@@ -74,7 +80,7 @@ def time_plot(
 
 
 def state_band(seconds: FloatArray, states: Sequence[str], marks: Sequence[tuple[float, str, str]]) -> str:
-    """A coloured band of states over time, with (second, name, text) marks above it."""
+    """A coloured band of states, in words, over time, with (second, name, text) marks above it."""
     height, end = 88.0, max(float(seconds[-1]), 1e-9)
     px = WIDTH - _LEFT - _RIGHT
 

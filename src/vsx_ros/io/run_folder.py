@@ -45,7 +45,7 @@ class RunEvent(NamedTuple):
 
 
 class FrameRecord(NamedTuple):
-    """One frame as frames.csv keeps it. state: name of the tracking state. track_ms: None where not measured.
+    """One frame as frames.csv keeps it. state: value of the tracking state. track_ms: None where not measured.
     u2_frames: U2 of the run so far; None before there is any, and in folders that older versions left."""
 
     stamp_ns: int

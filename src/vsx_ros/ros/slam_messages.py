@@ -11,13 +11,7 @@ from vsx_ros.ros import process, topics
 from vsx_ros.slam.snapshot import MapSnapshot
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
-_NAMES = {
-    TrackingState.NOT_INITIALISED: "NOT_INITIALISED",
-    TrackingState.GOOD: "TRACKING",
-    TrackingState.DUBIOUS: "POOR",
-    TrackingState.LOST: "LOST",
-}
-_STATES = {name: state for state, name in _NAMES.items()}
+_STATES = {state.word: state for state in TrackingState}
 _LEVELS = {
     TrackingState.NOT_INITIALISED: process.WARN,
     TrackingState.GOOD: process.OK,
@@ -30,7 +24,7 @@ _FPS_MEMORY = 0.1
 def state_msg(state: TrackingState, reason: str, **values: object) -> DiagnosticStatus:
     """name: NOT_INITIALISED, TRACKING, POOR or LOST; message: the reason."""
     pairs = [KeyValue(key, str(value)) for key, value in values.items()]
-    return DiagnosticStatus(_LEVELS[state], _NAMES[state], reason, "vslam", pairs)
+    return DiagnosticStatus(_LEVELS[state], state.word, reason, "vslam", pairs)
 
 
 def tracking_state(msg: DiagnosticStatus) -> TrackingState:
@@ -89,13 +83,13 @@ class SlamStatus:
     def _change(self, state: TrackingState, reason: str) -> None:
         if (state, reason) != (self._state, self._reason):
             if state is not self._state:
-                rospy.loginfo("%s: %s", _NAMES[state], reason)
+                rospy.loginfo("%s: %s", state.word, reason)
             self._state, self._reason = state, reason
             self._announce()
 
     def _announce(self) -> None:
         self._state_pub.publish(state_msg(self._state, self._reason))
-        self._diagnostics.set("tracking", _LEVELS[self._state], f"{_NAMES[self._state]} {self._reason}".strip())
+        self._diagnostics.set("tracking", _LEVELS[self._state], f"{self._state.word} {self._reason}".strip())
 
     def _publish(self, **values: float) -> None:
         for name, value in values.items():

@@ -9,7 +9,7 @@ from vsx_ros.geometry.se3 import SE3
 
 
 class TrackingState(Enum):
-    """How far a pose can be trusted."""
+    """How far a pose can be trusted. The value is for files, the word for people."""
 
     NOT_INITIALISED = "not initialised"
     GOOD = "good"
@@ -20,6 +20,19 @@ class TrackingState(Enum):
     def tracked(self) -> bool:
         """Whether the pose was found in the image."""
         return self in (TrackingState.GOOD, TrackingState.DUBIOUS)
+
+    @property
+    def word(self) -> str:
+        """What users read, on topics and screens and in reports alike."""
+        return _WORDS[self]
+
+
+_WORDS = {
+    TrackingState.NOT_INITIALISED: "NOT_INITIALISED",
+    TrackingState.GOOD: "TRACKING",
+    TrackingState.DUBIOUS: "POOR",
+    TrackingState.LOST: "LOST",
+}
 
 
 class TrackingResult(NamedTuple):

@@ -1,0 +1,22 @@
+"""One state of the tracking has one word, on the topics and in the report's legend."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rospy")
+
+from vsx_ros.evaluation.report import ReportData, timeline
+from vsx_ros.ros.slam_messages import state_msg, tracking_state
+from vsx_ros.slam.state import TrackingState
+
+
+def test_the_legend_says_what_the_topic_says() -> None:
+    frames = [(i * 10**9, state.value, 10, 5, False, 1.0, None) for i, state in enumerate(TrackingState)]
+    drawn = timeline(ReportData({}, {}, "", [], frames, [], [], None, np.zeros((0, 3))))
+    live = [state_msg(state, "").name for state in TrackingState]
+    assert re.findall(r'class="key"[^>]*>([^<]+)<', drawn) == live
+    assert [tracking_state(state_msg(state, "")) for state in TrackingState] == list(TrackingState)
