@@ -6,6 +6,7 @@ import base64
 import http.client
 import json
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -16,6 +17,7 @@ import cv2
 import numpy as np
 import rosgraph
 import rospy
+from chromium import EXECUTABLE, Chromium
 from ros_ports import free_port
 from std_msgs.msg import String
 
@@ -91,8 +93,12 @@ def subscriptions() -> set[str]:
     return {topic for topic, nodes in subscribed if "/dashboard" in nodes}
 
 
+def told() -> dict[str, Any]:
+    return dict(json.loads(rospy.wait_for_message(f"/{topics.EXPLORE_STATUS}", String, timeout=30.0).data))
+
+
 def mission() -> str:
-    return str(json.loads(rospy.wait_for_message(f"/{topics.EXPLORE_STATUS}", String, timeout=30.0).data)["state"])
+    return str(told()["state"])
 
 
 def test_it_listens_to_the_stack_only_while_somebody_looks(stack: Stack, port: int) -> None:
@@ -129,6 +135,31 @@ def test_the_emergency_stop_reaches_the_wheels(stack: Stack, port: int) -> None:
     stack.wait_until_driving()
 
 
+@pytest.mark.skipif(EXECUTABLE is None, reason="no chromium is installed")
+def test_the_buttons_of_the_page_stop_the_wheels_and_let_them_go(stack: Stack, port: int, tmp_path: Path) -> None:
+    with Chromium(tmp_path / "profile") as browser:
+
+        def press(name: str) -> None:
+            browser.evaluate(f"document.querySelector('[data-command={name}]').click()")
+            browser.wait(f"$('said').textContent.startsWith('{name}: done')")
+
+        browser.open(f"http://127.0.0.1:{port}/#{SECRET}")
+        browser.wait("frames > 0 && known.pose && known.health && $('release').hidden")
+        stack.wait_until_driving()
+        press("estop")
+        stack.wait(lambda: not stack.plant.moving, 2.0, "the wheels to stand")
+        try:
+            browser.wait("!$('release').hidden")
+            stopped_s = stack.plant.stopped_s
+            time.sleep(2.0)
+            assert not stack.plant.moving
+            assert stack.plant.stopped_s == stopped_s  # not for a moment either
+        finally:
+            press("release")
+        stack.wait_until_driving()
+        browser.wait("$('release').hidden")
+
+
 def test_without_the_node_behind_it_a_button_says_so(stack: Stack, port: int) -> None:
     stack.kill("explore")
     try:
@@ -138,3 +169,15 @@ def test_without_the_node_behind_it_a_button_says_so(stack: Stack, port: int) ->
     finally:
         stack.start("explore")
     stack.wait_until_driving()
+
+
+@pytest.mark.ends_mission
+def test_home_and_stop_reach_the_mission(stack: Stack, port: int) -> None:
+    stack.wait_until_driving()
+    assert command(port, "home")["ok"]
+    stack.wait(lambda: "driving home" in told()["reason"], 90.0, "the way home")
+    assert command(port, "stop") == {"ok": True, "message": "done"}
+    stack.wait(lambda: mission() == "done", 20.0, "the end")
+    said = told()
+    assert (said["reason"], said["outcome"]) == ("stopped by the operator", "STOPPED")
+    stack.wait(lambda: not stack.plant.moving, 10.0, "the wheels to stand")
