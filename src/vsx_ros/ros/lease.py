@@ -2,7 +2,8 @@
 
 A killed process cannot say that it is gone. So nothing in this stack moves because of one message alone: the
 follower drives only while vslam and move_base renew their leases, move_base pursues a goal of a client that
-holds a lease only while the client renews it.
+holds a lease only while the client renews it. Nor can a thread that hangs: where another one renews, it does so only
+for as long as the thread that decides has promised.
 """
 
 from __future__ import annotations
@@ -24,6 +25,16 @@ class Lease:
         self._publisher = rospy.Publisher(topic, String, queue_size=1, tcp_nodelay=True)
         self._message = String(holder)
         self._released = False
+        self._until_s = 0.0
+
+    def promise(self, seconds: float) -> None:
+        """``keep`` may renew for so long from now: said again and again by the thread that decides."""
+        self._until_s = time.monotonic() + seconds
+
+    def keep(self) -> None:
+        """Renew as long as it was promised; for a thread that does nothing else."""
+        if time.monotonic() < self._until_s:
+            self.renew()
 
     def renew(self) -> None:
         """Ask for ``TIMEOUT_S`` more; call it at least every ``PERIOD_S``."""

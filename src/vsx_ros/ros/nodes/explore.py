@@ -51,6 +51,8 @@ from vsx_ros.ros.warm_up import warm_up_mission
 _DECIDE_PERIOD_S = 0.2
 _STATUS_PERIOD_S = 1.0
 _REMEMBER_PERIOD_S = 1.0
+_DECIDE_WITHIN_S = 5.0
+"""Choosing a view takes some tenths of a second; a mission that needs this long hangs, and the base stops."""
 
 
 class ExploreNode:
@@ -76,7 +78,6 @@ class ExploreNode:
         self._checkpoint = RunFolder(Path(run_dir)).checkpoint if run_dir else None
         remembered = self._checkpoint.read_mission() if self._checkpoint is not None else None
         self._recalled = None if remembered is None else MissionMemory.of(remembered)
-        self._remembered_s = 0.0
         self._where = Localization()
         self._slam = LeaseWatch(topics.FOLLOWER_LEASE)
         self._diagnostics = process.Diagnostics()
@@ -97,8 +98,10 @@ class ExploreNode:
             (topics.EXPLORE_HOME, self._mission.home),
         ):
             rospy.Service(name, Trigger, self._operator(request))
-        process.every(PERIOD_S, "lease", self._lease.renew)
+        process.every(PERIOD_S, "lease", self._lease.keep)
         process.every(_DECIDE_PERIOD_S, "mission", self._decide)
+        if self._checkpoint is not None:
+            process.every(_REMEMBER_PERIOD_S, "memory", self._remember)
 
     # Callbacks -----------------------------------------------------------------------------------------------
 
@@ -131,6 +134,7 @@ class ExploreNode:
     # The mission ---------------------------------------------------------------------------------------------
 
     def _decide(self) -> None:
+        self._lease.promise(_DECIDE_WITHIN_S)
         if not (self._slam.is_known("vslam") and self._client.wait_for_server(rospy.Duration.from_sec(0.01))):
             self._diagnostics.set("mission", process.WARN, "waiting for vslam to see images and for move_base")
             return
@@ -146,15 +150,16 @@ class ExploreNode:
             rospy.loginfo("%s: %s", event.state, event.reason)
             self._events_pub.publish(json.dumps(event._asdict()))
         self._report(decision)
-        if situation.T_odom_base is not None:
-            self._remember(now_ns, situation.T_odom_base)
 
-    def _remember(self, now_ns: int, T_odom_base: SE2) -> None:
-        """Once a second, what the mission needs to go on after an interruption."""
-        if self._checkpoint is not None and time.monotonic() - self._remembered_s > _REMEMBER_PERIOD_S:
-            self._remembered_s = time.monotonic()
-            with process.told():
-                self._checkpoint.write_mission(self._mission.memory(now_ns, T_odom_base).tree())
+    def _remember(self) -> None:
+        """Write what the mission needs to go on after an interruption, on a thread that may wait for the disk."""
+        T_odom_base = self._where.pose(topics.ODOM_FRAME)
+        if self._checkpoint is None or self._recalled is not None or T_odom_base is None:
+            return
+        with self._lock:
+            memory = self._mission.memory(process.now_ns(), T_odom_base)
+        with process.told():
+            self._checkpoint.write_mission(memory.tree())
 
     def _situation(self) -> Situation:
         navigation, reason = self._navigation()
