@@ -22,8 +22,6 @@ from pathlib import Path
 import actionlib
 import numpy as np
 import rospy
-from actionlib import CommState
-from actionlib_msgs.msg import GoalStatus
 from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
 from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
 from sensor_msgs.msg import BatteryState, PointCloud2
@@ -46,6 +44,7 @@ from vsx_ros.ros import base_messages, convert, process, topics
 from vsx_ros.ros.frontier_markers import frontier_markers
 from vsx_ros.ros.lease import PERIOD_S, Lease, LeaseWatch
 from vsx_ros.ros.localization import Localization
+from vsx_ros.ros.sent_goal import SentGoal
 from vsx_ros.ros.warm_up import warm_up_mission
 
 _DECIDE_PERIOD_S = 0.2
@@ -70,7 +69,7 @@ class ExploreNode:
         self._grid: OccupancyGrid | None = None
         self._landmarks: Points3 = np.zeros((0, 3))
         self._hazards = 0
-        self._goal: actionlib.ClientGoalHandle | None = None
+        self._goal: SentGoal | None = None
         self._status, self._status_s = "", 0.0
         self._shown: object = None
         self._battery_empty = False
@@ -177,23 +176,16 @@ class ExploreNode:
         )
 
     def _navigation(self) -> tuple[NavigationState, str]:
-        if self._goal is None:
-            return NavigationState.IDLE, ""
-        reason = str(self._goal.get_goal_status_text())
-        if self._goal.get_comm_state() != CommState.DONE:
-            return NavigationState.ACTIVE, reason
-        if self._goal.get_terminal_state() == GoalStatus.SUCCEEDED:
-            return NavigationState.SUCCEEDED, reason
-        return NavigationState.ABORTED, reason
+        return self._goal.state() if self._goal is not None else (NavigationState.IDLE, "")
 
     def _act(self, decision: Decision) -> None:
         if decision.action is Action.GO and decision.goal is not None:
             goal = convert.pose_stamped(decision.frame, process.now_ns(), decision.goal)
-            self._goal = self._client.send_goal(MoveBaseGoal(goal))
+            self._goal = SentGoal(self._client.send_goal(MoveBaseGoal(goal)))
             return
         ends = decision.action in (Action.CANCEL, Action.FINISH)
         if ends and self._goal is not None and self._navigation()[0] is NavigationState.ACTIVE:
-            self._goal.cancel()  # its own: after a pause somebody else may send one
+            self._goal.cancel()
 
     def _report(self, decision: Decision) -> None:
         """Status as JSON, frontiers when they were searched anew."""
