@@ -16,6 +16,7 @@ import pytest
 pytest.importorskip("rospy")
 
 import actionlib
+import bag_numbers
 import rospy
 from actionlib_msgs.msg import GoalStatus
 from dynamic_reconfigure.client import Client
@@ -115,6 +116,26 @@ def test_a_bag_by_rosbag_replays(stack: Stack, tmp_path: Path) -> None:
     assert recording.odometry_at(frames[len(frames) // 2].stamp_ns) is not None
 
 
+def test_every_number_worth_plotting_is_a_series_in_a_bag_by_rosbag(stack: Stack, tmp_path: Path) -> None:
+    heard(topics.POSE, PoseWithCovarianceStamped)
+    stack.wait_until_driving()
+    bag = tmp_path / "numbers.bag"
+    said = tool(stack, "rosbag", "record", "--duration=6", "-O", str(bag), *bag_numbers.NUMBERS)
+    assert bag.exists(), said
+    bag_numbers.check(bag_numbers.numbers(bag))
+
+
+def test_a_number_is_echoed_as_a_table(stack: Stack) -> None:
+    stack.wait_until_driving()
+    said = tool(stack, "rostopic", "echo", "-p", "-n", "5", f"/{topics.STATS}/latency_ms")
+    head, *rows = said.split()
+    assert head == "%time,field.data"
+    times_ns, latencies_ms = zip(*((int(t), float(ms)) for t, ms in (row.split(",") for row in rows)), strict=True)
+    assert len(rows) == 5
+    assert list(times_ns) == sorted(set(times_ns))
+    assert all(0.0 < latency_ms < 1e5 for latency_ms in latencies_ms)
+
+
 @pytest.mark.parametrize("frame", [topics.MAP_FRAME, f"/{topics.MAP_FRAME}", topics.ODOM_FRAME])
 def test_a_client_of_move_base_is_driven_to_its_goal(stack: Stack, frame: str) -> None:
     """The robot stands while exploration pauses; ahead is what it was about to drive over, perhaps in an arc."""
@@ -194,3 +215,11 @@ def test_make_plan_answers_without_driving(stack: Stack) -> None:
     ends = plan.poses[0].pose.position.x, plan.poses[-1].pose.position.x
     assert ends == pytest.approx((0.0, 0.5), abs=1e-6)
     assert plan.header.frame_id == topics.ODOM_FRAME
+
+
+def test_make_plan_refuses_a_start_in_another_frame_than_its_goal(stack: Stack) -> None:
+    start = convert.pose_stamped(topics.ODOM_FRAME, 0, SE2())
+    goal = convert.pose_stamped(topics.MAP_FRAME, 0, SE2(0.1, 0.0, 0.0))
+    rospy.wait_for_service(f"/{topics.MAKE_PLAN}", 60.0)
+    assert rospy.ServiceProxy(f"/{topics.MAKE_PLAN}", GetPlan)(start, goal, 0.1).plan.poses == []
+    assert "make_plan: the start is in frame 'odom', the goal in 'map'" in stack.logs()

@@ -32,20 +32,16 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float32, String
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
-from vsx_ros.arrays import FloatArray
 from vsx_ros.config import Config
 from vsx_ros.control.trajectory_tracker import FollowStatus
-from vsx_ros.errors import ConfigError, VsxError
+from vsx_ros.errors import VsxError
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.ahead import obstacle_ahead
 from vsx_ros.planning.path import Plan, Refusal, Trajectory
-from vsx_ros.planning.planner import Planner
-from vsx_ros.planning.sight import Sight
 from vsx_ros.planning.time_scaling import time_scale
-from vsx_ros.planning.unconstrained import UnconstrainedPlanner
 from vsx_ros.ros import convert, frames, process, topics, trajectory_messages
 from vsx_ros.ros.adjustable import adjustable_of_plans, serve_adjustable
+from vsx_ros.ros.goal_plans import GoalPlans
 from vsx_ros.ros.lease import PERIOD_S, Lease, LeaseWatch
 from vsx_ros.ros.localization import Localization
 from vsx_ros.ros.warm_up import warm_up_planning
@@ -53,26 +49,19 @@ from vsx_ros.ros.warm_up import warm_up_planning
 _STAND_WAIT_S = 1.5
 _STOP_WAIT_S = 0.3
 _LAST_WORD_S = 0.5
-_SAME_MAP_NS = 3_000_000_000
 _NEAR_M, _NEAR_RAD = 0.04, 0.06
 _FOLLOWER_SILENCE_S = 1.0
 _PLAN_STEP_M = 0.05
-_FRAMES = (topics.MAP_FRAME, topics.ODOM_FRAME)
 
 
 class MoveBaseNode:
     """One goal at a time, on the action server's thread."""
 
     def __init__(self, config: Config) -> None:
-        self._config = config
-        self._blind = Planner(config.planner, config.robot)
-        self._planner = self._chosen_planner(config)
-        warm_up_planning(self._blind, config)
-        self._rng = np.random.default_rng(int(rospy.get_param("~seed", 0)))
-        self._planning, self._pursuing = threading.Lock(), threading.Lock()
-        self._grid: OccupancyGrid | None = None
-        self._grid_ns = self._landmarks_ns = 0
-        self._landmarks: FloatArray = np.zeros((0, 3))
+        kind, seed = str(rospy.get_param("~planner", "fov")), int(rospy.get_param("~seed", 0))
+        self._plans = GoalPlans(config, kind, seed)
+        warm_up_planning(self._plans.blind, config)
+        self._pursuing = threading.Lock()
         self._follower: dict[str, object] = {}
         self._follower_s = 0.0
         self._busy = False
@@ -94,31 +83,15 @@ class MoveBaseNode:
         )
         self._server.start()
         process.every(PERIOD_S, "lease", self._renew)
-        serve_adjustable(config, adjustable_of_plans(config.limits), self._on_change)
-
-    @staticmethod
-    def _chosen_planner(config: Config) -> Planner | UnconstrainedPlanner:
-        name = str(rospy.get_param("~planner", "fov"))
-        kinds: dict[str, type[Planner] | type[UnconstrainedPlanner]] = {
-            "fov": Planner,
-            "unconstrained": UnconstrainedPlanner,
-        }
-        if name not in kinds:
-            raise ConfigError(f"parameter ~planner is {name!r}; give one of {', '.join(kinds)}")
-        return kinds[name](config.planner, config.robot)
+        serve_adjustable(config, adjustable_of_plans(config.limits), self._plans.change)
 
     # Callbacks -----------------------------------------------------------------------------------------------
 
-    def _on_change(self, config: Config) -> None:
-        with self._planning:
-            self._config, self._blind = config, Planner(config.planner, config.robot)
-            self._planner = self._chosen_planner(config)
-
     def _on_map(self, msg: OccupancyGridMsg) -> None:
-        self._grid, self._grid_ns = convert.grid(msg), msg.header.stamp.to_nsec()
+        self._plans.take_grid(convert.grid(msg), msg.header.stamp.to_nsec())
 
     def _on_points(self, msg: PointCloud2) -> None:
-        self._landmarks, self._landmarks_ns = convert.cloud_points(msg), msg.header.stamp.to_nsec()
+        self._plans.take_landmarks(convert.cloud_points(msg), msg.header.stamp.to_nsec())
 
     def _on_follower(self, msg: String) -> None:
         self._follower, self._follower_s = json.loads(msg.data), time.monotonic()
@@ -127,12 +100,12 @@ class MoveBaseNode:
         self._goal_pub.publish(MoveBaseActionGoal(goal=MoveBaseGoal(msg)))
 
     def _on_make_plan(self, request: GetPlanRequest) -> GetPlanResponse:
-        frame = frames.bare(request.goal.header.frame_id)
-        plan = self._plan(convert.se2(request.start.pose), convert.se2(request.goal.pose), frame)
+        start, goal = ((frames.bare(p.header.frame_id), convert.se2(p.pose)) for p in (request.start, request.goal))
+        plan = self._plans.plan_between(start, goal)
         if isinstance(plan, Refusal):
             rospy.logwarn("make_plan: %s", plan.reason)
             return GetPlanResponse()
-        return GetPlanResponse(self._path_msg(plan, frame))
+        return GetPlanResponse(self._path_msg(plan, goal[0]))
 
     def _renew(self) -> None:
         if self._busy:
@@ -170,7 +143,7 @@ class MoveBaseNode:
         """Drive there; where the base leaves the path, or an obstacle comes to light on it, stop and plan again, a few
         times. Whether the goal was reached, and why or why not."""
         frame, goal = frames.bare(target.header.frame_id), convert.se2(target.pose)
-        replans = self._config.follower.replans_after_divergence
+        replans = self._plans.config.follower.replans_after_divergence
         for left in range(replans, -1, -1):
             status, reason = self._drive(goal, frame)
             if status is not FollowStatus.DIVERGED or left == 0 or self._server.is_preempt_requested():
@@ -187,13 +160,14 @@ class MoveBaseNode:
         if client := self._silent_client():
             return FollowStatus.STOPPED, f"the client {client} is silent"
         real = self._where.pose(frame)
-        if frame not in _FRAMES or real is None:
+        if real is None:
             return FollowStatus.STOPPED, f"no pose of the base in frame {frame!r}; goals are in map or odom"
         if plan is None or start is None or not _near(start, real):
             plan = self._plan(real, goal, frame)
         if isinstance(plan, Refusal):
             return FollowStatus.STOPPED, plan.reason
-        trajectory = time_scale(plan.path, self._config.limits, plan.blind_spans, self._config.planner.blind_v_m_s)
+        config = self._plans.config
+        trajectory = time_scale(plan.path, config.limits, plan.blind_spans, config.planner.blind_v_m_s)
         identity_ns = process.now_ns()
         self._path_pub.publish(self._path_msg(plan, frame))
         self._follower_s = time.monotonic()
@@ -202,26 +176,12 @@ class MoveBaseNode:
         return self._watch(identity_ns, frame, trajectory)
 
     def _plan(self, start: SE2, goal: SE2, frame: str) -> Plan | Refusal:
-        grid = self._grid
         started_s = time.monotonic()
-        with self._planning:
-            if frame == topics.ODOM_FRAME or grid is None:
-                plan = self._blind.plan_blind(start, goal)
-            elif isinstance(self._planner, Planner):
-                plan = self._planner.plan(start, goal, grid, self._rng, self._sight())
-            else:
-                plan = self._planner.plan(start, goal, grid, self._rng)
+        plan = self._plans.plan(start, goal, frame)
         elapsed_ms = 1e3 * (time.monotonic() - started_s)
         self._plan_ms_pub.publish(elapsed_ms)
         self._diagnostics.set("planner", process.OK, f"last plan took {elapsed_ms:.0f} ms")
         return plan
-
-    def _sight(self) -> Sight | None:
-        """What to keep in view; None where no landmarks belong to the map at hand."""
-        landmarks = self._landmarks
-        if len(landmarks) == 0 or abs(self._landmarks_ns - self._grid_ns) > _SAME_MAP_NS:
-            return None
-        return Sight.of(landmarks, self._config.planner)
 
     def _watch(self, identity_ns: int, frame: str, trajectory: Trajectory) -> tuple[FollowStatus, str]:
         """Wait for the follower's verdict on the trajectory, or for a map that shows an obstacle on it."""
@@ -241,11 +201,11 @@ class MoveBaseNode:
                 status, reason = FollowStatus(self._follower.get("status")), str(self._follower.get("reason"))
                 if status in (FollowStatus.ARRIVED, FollowStatus.DIVERGED, FollowStatus.STOPPED):
                     return status, reason
-                grid = self._grid
+                grid = self._plans.grid
                 if frame == topics.MAP_FRAME and grid is not None and grid is not checked:
                     checked, at_s = grid, self._follower.get("at_s")
                     from_s = float(at_s) if isinstance(at_s, (int, float)) else 0.0
-                    obstacle = obstacle_ahead(trajectory, from_s, grid, self._config.robot.radius_m)
+                    obstacle = obstacle_ahead(trajectory, from_s, grid, self._plans.config.robot.radius_m)
                     if obstacle:
                         self._stop_on_the_way(frame)
                         return FollowStatus.DIVERGED, obstacle

@@ -1,0 +1,65 @@
+"""Which goals move_base plans to, and in what: a goal on the map is never driven to blindly."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rospy")
+
+from vsx_ros.config import Config
+from vsx_ros.errors import ConfigError
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
+from vsx_ros.planning.path import Plan, Refusal
+from vsx_ros.ros.goal_plans import GoalPlans
+
+START, GOAL = SE2(1.0, 1.5, 0.0), SE2(2.0, 1.5, 0.0)
+
+
+def room(*, walled: bool = False) -> OccupancyGrid:
+    data = np.zeros((60, 60), np.int8)
+    if walled:
+        data[:, 30] = OCCUPIED
+    return OccupancyGrid(data, 0.05, 0.0, 0.0)
+
+
+@pytest.fixture(params=["fov", "unconstrained"])
+def plans(request: pytest.FixtureRequest) -> GoalPlans:
+    return GoalPlans(Config(), request.param, 1)
+
+
+def refused(plan: Plan | Refusal) -> str:
+    assert isinstance(plan, Refusal)
+    return plan.reason
+
+
+def test_a_goal_on_the_map_waits_for_a_map_and_one_by_the_wheels_does_not(plans: GoalPlans) -> None:
+    assert "no map yet" in refused(plans.plan(START, GOAL, "map"))
+    assert isinstance(plans.plan(START, GOAL, "odom"), Plan)
+    plans.take_grid(room(), 1)
+    assert isinstance(plans.plan(START, GOAL, "map"), Plan)
+
+
+def test_a_wall_is_in_the_way_on_the_map_only(plans: GoalPlans) -> None:
+    plans.take_grid(room(walled=True), 1)
+    assert refused(plans.plan(START, GOAL, "map"))
+    assert isinstance(plans.plan(START, GOAL, "odom"), Plan)
+
+
+@pytest.mark.parametrize("frame", ["", "base_footprint", "robot2/map"])
+def test_a_frame_that_is_neither_map_nor_odom_is_refused(plans: GoalPlans, frame: str) -> None:
+    plans.take_grid(room(), 1)
+    assert repr(frame) in refused(plans.plan(START, GOAL, frame))
+
+
+def test_start_and_goal_in_two_frames_are_refused(plans: GoalPlans) -> None:
+    plans.take_grid(room(), 1)
+    assert isinstance(plans.plan_between(("map", START), ("map", GOAL)), Plan)
+    for start, goal in (("odom", "map"), ("map", "odom"), ("", "map")):
+        assert "give both in one" in refused(plans.plan_between((start, START), (goal, GOAL)))
+
+
+def test_a_planner_of_another_name_is_named() -> None:
+    with pytest.raises(ConfigError, match="~planner is 'dwa'; give one of fov, unconstrained"):
+        GoalPlans(Config(), "dwa", 1)
