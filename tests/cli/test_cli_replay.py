@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 from pathlib import Path
 
@@ -156,6 +157,26 @@ def test_a_browser_shows_the_report_and_asks_nobody(replayed, tmp_path):
         assert wide_px[0] <= wide_px[1]
         assert page in browser.requested
         assert [url for url in browser.requested if not url.startswith((page, "data:", "about:"))] == []
+
+
+def test_two_runs_are_compared(drive, replayed, tmp_path, capsys):
+    coarse, page = tmp_path / "coarse", tmp_path / "page.html"
+    words = ["--map", "--set", "ground_map.resolution_m=0.1", "--out", str(coarse)]
+    assert execute(["replay", str(drive), *words]) == 0
+    capsys.readouterr()
+    assert execute(["report", str(replayed.path), str(coarse)]) == 0
+    assert execute(["report", str(replayed.path), str(coarse), "--out", str(page)]) == 0
+    assert capsys.readouterr().out == f"{coarse / 'compared.html'}\n{page}\n"
+    text = page.read_text()
+    assert (coarse / "compared.html").read_text() == text
+    assert "<h1>coarse against drive</h1>" in text
+    settings = re.search(r"Settings that differ</h2><pre>([^<]*)</pre>", text)
+    assert [line.split("  #")[0] for line in settings[1].splitlines()] == [
+        "- ground_map.resolution_m: 0.05",
+        "+ ground_map.resolution_m: 0.1",
+    ]
+    assert text.count("data:image/png;base64,") == 2
+    assert "<td>breaks</td><td>0</td><td>0</td>" in text
 
 
 def test_a_comparison_that_cannot_be_written_is_told(replayed, tmp_path, capsys):
