@@ -7,6 +7,7 @@ import pytest
 import yaml
 from calibration.board_pictures import CAMERA, Photographer, poses
 
+from vsx_ros.calibration.board import Board
 from vsx_ros.cli.explore import begin
 from vsx_ros.cli.main import execute, parser
 from vsx_ros.cli.robot_file import default_robot_file, update_robot_file
@@ -34,6 +35,19 @@ def test_pictures_become_a_file_where_ros_looks_for_it(pictures, tmp_path, monke
     text = file.read_text(encoding="utf-8")
     assert text.startswith("# vsx calibrate camera: 0.")
     assert yaml.safe_load(text)["camera_name"] == "rgb_A1"
+
+
+def test_a_board_of_circles_will_do(tmp_path, capsys):
+    board = Board("circles", 8, 6, 0.03)
+    photographer = Photographer(board=board)
+    for k, T in enumerate(poses(15)):
+        cv2.imwrite(str(tmp_path / f"{k:02d}.png"), photographer.picture(T))
+    words = [*BOARD, "--pattern", "circles", "--out", str(tmp_path / "c.yaml")]
+    assert execute(["calibrate", "camera", str(tmp_path), *words]) == 0
+    assert "px rms" in capsys.readouterr().out
+    found = read_calibration(tmp_path / "c.yaml")
+    assert found.fx == pytest.approx(CAMERA.fx, rel=0.005)
+    assert found.fy == pytest.approx(CAMERA.fy, rel=0.005)
 
 
 def test_a_recording_is_searched_for_views_that_differ(pictures, tmp_path, capsys):
