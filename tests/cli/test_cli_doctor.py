@@ -7,18 +7,22 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 
 import pytest
 from free_ports import free_port
 
 from vsx_hw.kobuki.emulator import kobuki_emulator
-from vsx_ros.cli import check_devices, check_machine, main
+from vsx_ros.cli import check_machine, main
 from vsx_ros.cli.check_devices import check_devices as devices
 from vsx_ros.cli.check_speed import check_speed, judged
 from vsx_ros.cli.finding import FAIL, NOTE, OK, WARN, Finding
 
 CHECKOUT = Path(__file__).resolve().parents[2]
+NOBODY = 65534
 CAMERA_INFO = """image_width: 640
 image_height: 480
 camera_name: rgb
@@ -77,20 +81,46 @@ def test_a_kinect_without_power_shows_its_motor_only(tmp_path: Path) -> None:
     assert "12 V" in found.remedy
 
 
-def test_missing_permissions_name_the_group(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    usb(tmp_path, "1-1", "02ae", 2)
-    (tmp_path / "dev/ttyUSB0").touch()
-    monkeypatch.setattr(check_devices.os, "access", lambda *_: False)
-    monkeypatch.setattr(check_devices.os, "getgroups", lambda: [])
-    monkeypatch.setattr(check_devices.os, "geteuid", lambda: 1000)
-    found = list(devices(tmp_path, {}, False))
+def become_nobody() -> None:
+    """Of root; anybody else has no privilege to drop."""
+    if os.geteuid() == 0:
+        os.setgroups([])
+        os.setgid(NOBODY)
+        os.setuid(NOBODY)
+
+
+def found_at(root: Path) -> list[Finding]:
+    return list(devices(root, {}, False))
+
+
+def test_missing_permissions_name_the_group() -> None:
+    """pytest's own folder is closed to others, so another one; all modules are loaded before the child is born."""
+    privileged = os.geteuid() == 0
+    with tempfile.TemporaryDirectory() as folder:
+        root = Path(folder)
+        root.chmod(0o755)
+        usb(root, "1-1", "02ae", 2)
+        port, camera = root / "dev/ttyUSB0", root / "dev/bus/usb/001/002"
+        port.touch()
+        before = found_at(root)
+        port.chmod(0)
+        camera.chmod(0)
+        with ProcessPoolExecutor(1, get_context("fork"), become_nobody) as child:
+            found = child.submit(found_at, root).result(timeout=60)
+            rules = root / "etc/udev/rules.d"
+            rules.mkdir(parents=True)
+            shutil.copy(CHECKOUT / "hw/udev/60-vsx.rules", rules)
+            with_rule = child.submit(found_at, root).result(timeout=60)
+    assert [f.level for f in of("base", before) + of("camera", before)] == [OK, OK]
     assert [f.level for f in of("base", found) + of("camera", found)] == [FAIL, FAIL]
-    assert "dialout" in of("base", found)[0].remedy
-    assert [f.level for f in of("permissions", found)] == [WARN, WARN]
-    rules = tmp_path / "etc/udev/rules.d"
-    rules.mkdir(parents=True)
-    shutil.copy(CHECKOUT / "hw/udev/60-vsx.rules", rules)
-    assert of("permissions", list(devices(tmp_path, {}, False)))[0].level == OK
+    assert "usermod -aG dialout" in of("base", found)[0].remedy
+    assert "udevadm" in of("camera", found)[0].remedy
+    assert "udev rule is not installed" in of("permissions", found)[0].text
+    assert of("permissions", with_rule)[0].level == OK
+    if privileged:  # whoever tests else may be in the groups
+        assert [f.level for f in of("permissions", found)] == [WARN, WARN]
+        assert "usermod -aG dialout,plugdev,video" in of("permissions", found)[1].remedy
+        assert [f.level for f in of("permissions", before)] == [WARN]
 
 
 def test_calibrations_are_read_not_only_found(tmp_path: Path) -> None:
