@@ -52,6 +52,8 @@ _LAST_WORD_S = 0.5
 _NEAR_M, _NEAR_RAD = 0.04, 0.06
 _FOLLOWER_SILENCE_S = 1.0
 _PLAN_STEP_M = 0.05
+_PLAN_WITHIN_S, _LOOK_WITHIN_S = 15.0, 2.0
+"""Plans take a second or two, looks at the drive no time; a thread that needs this long hangs, and the base stops."""
 
 
 class MoveBaseNode:
@@ -64,7 +66,6 @@ class MoveBaseNode:
         self._pursuing = threading.Lock()
         self._follower: dict[str, object] = {}
         self._follower_s = 0.0
-        self._busy = False
         self._where = Localization()
         self._clients = LeaseWatch(topics.NAVIGATION_LEASE)
         self._lease = Lease(topics.FOLLOWER_LEASE, "move_base")
@@ -82,7 +83,7 @@ class MoveBaseNode:
             topics.MOVE_BASE_ACTION, MoveBaseAction, self._execute, auto_start=False
         )
         self._server.start()
-        process.every(PERIOD_S, "lease", self._renew)
+        process.every(PERIOD_S, "lease", self._lease.keep)
         serve_adjustable(config, adjustable_of_plans(config.limits), self._plans.change)
 
     # Callbacks -----------------------------------------------------------------------------------------------
@@ -107,10 +108,6 @@ class MoveBaseNode:
             return GetPlanResponse()
         return GetPlanResponse(self._path_msg(plan, goal[0]))
 
-    def _renew(self) -> None:
-        if self._busy:
-            self._lease.renew()
-
     # One goal ------------------------------------------------------------------------------------------------
 
     def _execute(self, goal: MoveBaseGoal) -> None:
@@ -119,7 +116,6 @@ class MoveBaseNode:
 
     def _see_through(self, goal: MoveBaseGoal) -> None:
         """Pursue the goal, and tell how it ended."""
-        self._busy = True
         try:
             arrived, reason = self._pursue(goal.target_pose)
             if self._server.is_preempt_requested() and not process.is_ending():
@@ -127,8 +123,8 @@ class MoveBaseNode:
         except VsxError as error:
             arrived, reason = False, str(error)
         finally:
-            self._busy = False
-        if not arrived and not self._server.is_new_goal_available():
+            self._lease.promise(0.0)
+        if arrived or not self._server.is_new_goal_available():  # a follower that starts anew finds nothing to follow
             self._trajectory_pub.publish(trajectory_messages.trajectory_msg(None, topics.MAP_FRAME, process.now_ns()))
         rospy.loginfo("goal %s: %s", "reached" if arrived else "given up", reason)
         self._diagnostics.set("goal", process.OK if arrived else process.WARN, reason)
@@ -153,6 +149,7 @@ class MoveBaseNode:
 
     def _drive(self, goal: SE2, frame: str) -> tuple[FollowStatus, str]:
         """Plan, from where the base will stand if it is stopping, hand over to the follower, watch."""
+        self._lease.promise(_PLAN_WITHIN_S)
         plan, start = None, self._stop_pose(frame)
         if start is not None:
             plan = self._plan(start, goal, frame)
@@ -187,6 +184,7 @@ class MoveBaseNode:
         """Wait for the follower's verdict on the trajectory, or for a map that shows an obstacle on it."""
         checked = None
         while not process.is_ending():
+            self._lease.promise(_LOOK_WITHIN_S)
             time.sleep(PERIOD_S)
             if self._server.is_preempt_requested():
                 return FollowStatus.STOPPED, "cancelled by the client"
