@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from vsx_ros.arrays import GrayImage
 from vsx_ros.geometry.se2 import SE2
 
 _STANDS_M_S, _STANDS_RAD_S = 0.01, 0.02
+# Twice what a TurtleBot's wheels can do; what moves faster is a counter that was reset or a bit that fell over.
+MAX_SPEED_M_S, MAX_TURN_RAD_S = 1.3, 6.0
+_SLACK_M, _SLACK_RAD = 0.05, 0.1
+_SILENCE_NS = 1_000_000_000
 
 
 class Frame(NamedTuple):
@@ -24,7 +29,7 @@ class Frame(NamedTuple):
 class Odometry(NamedTuple):
     """Wheel odometry at an instant.
 
-    T_odom_base: pose of the base in the odometry frame (continuous, drifts).
+    T_odom_base: pose of the base in the odometry frame. It drifts, and jumps where the base begins to count anew.
     v: forward speed [m/s]. omega: turn rate, counter-clockwise positive [rad/s].
     """
 
@@ -37,6 +42,20 @@ class Odometry(NamedTuple):
     def stands(self) -> bool:
         """Whether the wheels report that they stand."""
         return abs(self.v) < _STANDS_M_S and abs(self.omega) < _STANDS_RAD_S
+
+    def counts_on_from(self, before: Odometry) -> bool:
+        """Whether the two readings are surely of one counting: not where the pose jumps, nor after a second of silence,
+        in which the base may have been started anew."""
+        elapsed_ns = self.stamp_ns - before.stamp_ns
+        return elapsed_ns <= _SILENCE_NS and why_jumped(before.T_odom_base, self.T_odom_base, 1e-9 * elapsed_ns) == ""
+
+
+def why_jumped(before: SE2, now: SE2, elapsed_s: float) -> str:
+    """How far the pose of the base moved, where no wheels can move it so far in that time; empty where they can."""
+    distance, turn = before.distance_to(now), abs(before.angle_to(now))
+    if distance <= MAX_SPEED_M_S * elapsed_s + _SLACK_M and turn <= MAX_TURN_RAD_S * elapsed_s + _SLACK_RAD:
+        return ""
+    return f"{distance:.2f} m and {math.degrees(turn):.0f} deg in {elapsed_s:.2f} s"
 
 
 class VelocityCommand(NamedTuple):

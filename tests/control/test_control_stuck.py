@@ -67,6 +67,18 @@ def test_a_way_that_the_camera_did_not_see_judges_nobody():
     assert watch.stuck is None
 
 
+@pytest.mark.parametrize("jump", [SE2(-5.0, -3.0, 1.0), SE2(0.07, 0.0, 0.0), SE2(0.05, 0.0, 0.0)])
+def test_wheels_that_count_anew_are_not_stuck(jump: SE2):
+    watch = StuckWatch()
+    counted, seen = drive(watch, SE2(5.0, 3.0, 0.0), START, 20, STEP_M, 1.0)
+    counted = counted @ jump
+    for _ in range(20):
+        counted, seen = drive(watch, counted, seen, 1, 0.6 * STEP_M, 1.0)
+        assert watch.stuck is None
+    drive(watch, counted, seen, 8, STEP_M, 0.0)
+    assert watch.stuck is not None
+
+
 def test_a_base_that_turns_on_the_spot_is_not_stuck():
     watch = StuckWatch()
     for k in range(100):

@@ -30,7 +30,7 @@ class PoseFuser:
     A SLAM pose belongs to the instant its image was taken, so it is compared with the odometry of that instant, however
     late it arrives. Wheels of unequal size make the base bend by an unknown angle per metre; that bend is estimated
     too, because at the curvatures allowed here it is what leads off the path. A SLAM pose too far from the prediction
-    to be noise (a relocalisation) is taken as it is.
+    to be noise (a relocalisation) is taken as it is. Wheels that begin to count anew do not move the base.
     """
 
     def __init__(self) -> None:
@@ -40,6 +40,8 @@ class PoseFuser:
         # The anchor: pose in the world and in odometry at the stamp of the last SLAM pose that met odometry.
         self._anchor: tuple[SE2, SE2] | None = None
         self._bend_rad_m = 0.0
+        self.countings = 0
+        """How often the wheels began to count, the first time included."""
         self._covariance: FloatArray = np.zeros((4, 4))
         self._watch = StuckWatch()
 
@@ -61,8 +63,11 @@ class PoseFuser:
         T = odometry.T_odom_base
         if not (T.is_finite() and math.isfinite(odometry.v) and math.isfinite(odometry.omega)):
             raise InputError(f"odometry at {odometry.stamp_ns} ns is not finite: {odometry}; check the base driver")
-        if not self._odometry or odometry.stamp_ns > self._odometry[-1].stamp_ns:
-            self._odometry.append(odometry)
+        if self._odometry and odometry.stamp_ns <= self._odometry[-1].stamp_ns:
+            return
+        if not self._odometry or not odometry.counts_on_from(self._odometry[-1]):
+            self._count_anew(odometry.T_odom_base)
+        self._odometry.append(odometry)
 
     def add_slam(self, stamp_ns: int, T_world_base: SE2) -> None:
         """Take the pose SLAM found for the image of stamp_ns. Raises InputError for NaN."""
@@ -80,9 +85,7 @@ class PoseFuser:
             if believed.distance_to(T_world_base) <= _JUMP_M and abs(believed.angle_to(T_world_base)) <= _JUMP_RAD:
                 self._anchor = self._corrected(believed, T_odom_base, T_world_base), T_odom_base
                 return
-        self._anchor = T_world_base, T_odom_base
-        bend_variance = float(self._covariance[3, 3]) or _BEND_RAD_M**2
-        self._covariance = np.diag([_SLAM_M**2, _SLAM_M**2, _SLAM_RAD**2, bend_variance])
+        self._stand_at(T_world_base, T_odom_base, _SLAM_M, _SLAM_RAD)
 
     def pose(self, stamp_ns: int | None = None) -> SE2 | None:
         """T_world_base at an instant, or the newest known; None before the first SLAM pose.
@@ -100,6 +103,19 @@ class PoseFuser:
     def slam_age_s(self, now_ns: int) -> float:
         """Time since the image of the last SLAM pose [s]; infinite before the first."""
         return math.inf if self._slam_stamp_ns is None else (now_ns - self._slam_stamp_ns) * 1e-9
+
+    def _count_anew(self, T_odom_base: SE2) -> None:
+        """The wheels count from elsewhere: the base is about where it stood, until the camera knows better."""
+        stood = self.pose()
+        self.countings += 1
+        self._odometry.clear()
+        if stood is not None and self._anchor is not None:
+            self._stand_at(stood, T_odom_base, _JUMP_M, _JUMP_RAD)
+
+    def _stand_at(self, T_world_base: SE2, T_odom_base: SE2, sigma_m: float, sigma_rad: float) -> None:
+        self._anchor = T_world_base, T_odom_base
+        bend_variance = float(self._covariance[3, 3]) or _BEND_RAD_M**2
+        self._covariance = np.diag([sigma_m**2, sigma_m**2, sigma_rad**2, bend_variance])
 
     def _carried(self, T_odom_base: SE2) -> SE2:
         """The anchor moved by the odometry since, bent."""

@@ -12,6 +12,7 @@ _STEP_M, _MEMORY = 0.005, 40
 # Beyond how much of the wheels' way they are judged, by how many poses in between, and how much of it must be seen.
 _WAY_M, _POSES, _SHARE = 0.06, 3, 0.35
 _JUMP_M = 0.02  # by which the camera moves farther than the wheels when it is the map that moved
+_UNSEEN_M = (1.0 - _SHARE) * _WAY_M  # by which the wheels move farther in one step when they began to count anew
 
 
 class Stuck(NamedTuple):
@@ -38,7 +39,8 @@ class StuckWatch:
         now = _Moment(T_odom_base, T_world_base)
         if self._moments:
             counted_m = self._moments[-1].T_odom_base.distance_to(T_odom_base)
-            if self._moments[-1].T_world_base.distance_to(T_world_base) > counted_m + _JUMP_M:
+            unseen_m = counted_m - self._moments[-1].T_world_base.distance_to(T_world_base)
+            if unseen_m < -_JUMP_M or unseen_m > _UNSEEN_M:
                 self._moments.clear()
             elif counted_m < _STEP_M:
                 return

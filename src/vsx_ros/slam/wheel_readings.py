@@ -6,12 +6,9 @@ import math
 from collections.abc import Callable
 
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.robot import Odometry
+from vsx_ros.robot import MAX_SPEED_M_S, MAX_TURN_RAD_S, Odometry, why_jumped
 
 MAX_AGE_S = 0.25
-# Twice what a TurtleBot's wheels can do; what moves faster is a counter that was reset or a bit that fell over.
-MAX_SPEED_M_S, MAX_TURN_RAD_S = 1.3, 6.0
-SLACK_M, SLACK_RAD = 0.05, 0.1
 FAR_M = 1e5
 
 
@@ -40,9 +37,7 @@ class WheelReadings:
         if self._last is not None:
             last_ns, last = self._last
             elapsed = (stamp_ns - last_ns) * 1e-9
-            distance, turn = last.distance_to(counted), abs(last.angle_to(counted))
-            if distance > MAX_SPEED_M_S * elapsed + SLACK_M or turn > MAX_TURN_RAD_S * elapsed + SLACK_RAD:
-                jump = f"{distance:.2f} m and {math.degrees(turn):.0f} deg in {elapsed:.2f} s"
+            if jump := why_jumped(last, counted, elapsed):
                 self._gap(stamp_ns, f"odometry jumped by {jump}: counted on from where it was")
                 counted = last @ SE2.exp(odometry.v * elapsed, 0.0, odometry.omega * elapsed)
                 self._T_counted_odom = counted @ raw.inverse()
