@@ -20,10 +20,12 @@ import pytest
 
 pytest.importorskip("rospy")
 
+import bag_numbers
 import numpy as np
 
 from vsx_ros.cli.exit_codes import DONE, FAILED
 from vsx_ros.io.recording import open_recording
+from vsx_ros.ros import topics
 from vsx_ros.ros.nodes.teleop import keys
 
 if TYPE_CHECKING:
@@ -205,30 +207,64 @@ def test_keys(text: str, pressed: list[str]) -> None:
     assert keys(text) == pressed
 
 
-def test_a_bag_replays_and_png_is_the_same_picture(stack: Stack, tmp_path: Path) -> None:
+def test_a_bag_replays_png_is_the_same_picture_and_jpeg_nearly(stack: Stack, tmp_path: Path) -> None:
     stack.wait_until_driving()
-    raw, png = tmp_path / "raw.bag", tmp_path / "png.bag"
-    command = [*VSX, "record", "--images", "raw", "--out", str(raw)]
-    with subprocess.Popen(
-        command, env=stack.environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as recorder:
+    bags = raw, png, jpeg = [tmp_path / f"{how}.bag" for how in ("raw", "png", "jpeg")]
+    with contextlib.ExitStack() as ends:
+        recorders = [
+            ends.enter_context(
+                subprocess.Popen(
+                    [*VSX, "record", "--images", bag.stem, "--out", str(bag)],
+                    env=stack.environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                )
+            )
+            for bag in (raw, jpeg)
+        ]  # fmt: skip
         timed = vsx(stack, "record", "--images", "png", "--time", "4", "--out", str(png))
-        recorder.send_signal(signal.SIGINT)
-        out, err = recorder.communicate(timeout=60.0)
-    assert (recorder.returncode, timed.returncode) == (DONE, DONE), err + timed.stderr
-    assert f"vsx replay {raw}" in out
+        for recorder in recorders:
+            recorder.send_signal(signal.SIGINT)
+        said = [recorder.communicate(timeout=60.0) for recorder in recorders]
+    assert [process.returncode for process in (*recorders, timed)] == [DONE] * 3, (said, timed.stderr)
+    assert f"vsx replay {raw}" in said[0][0]
     pictures = {}
-    for path in (raw, png):
-        recording = open_recording(path)
+    for bag in bags:
+        recording = open_recording(bag)
         frames = {frame.stamp_ns: frame.image for frame in recording.frames()}
         assert len(frames) > 5
         assert recording.camera is not None
-        assert recording.odometry_at(next(iter(frames))) is not None
-        pictures[path] = frames
-    shared = pictures[raw].keys() & pictures[png].keys()
+        assert recording.odometry_at(sorted(frames)[len(frames) // 2]) is not None
+        pictures[bag] = frames
+    shared = pictures[raw].keys() & pictures[png].keys() & pictures[jpeg].keys()
     assert len(shared) > 5
     assert all(np.array_equal(pictures[raw][stamp], pictures[png][stamp]) for stamp in shared)
+    errors = [pictures[jpeg][stamp].astype(float) - pictures[raw][stamp] for stamp in shared]
+    assert 0.0 < float(np.sqrt(np.mean(np.square(errors)))) < 6.0
+    assert jpeg.stat().st_size < 0.2 * raw.stat().st_size
     assert not list(tmp_path.glob("*.active"))
+
+
+def test_a_bag_holds_what_was_asked_for_and_every_number_once(stack: Stack, tmp_path: Path) -> None:
+    stack.wait(lambda: facts(stack)["slam_state"] == "TRACKING", 60.0, "tracking")
+    stack.wait_until_driving()
+    bag, twice = tmp_path / "a.bag", f"{topics.STATS}/fps"
+    asked = ["--topic", topics.JOINT_STATES, "--topic", twice]
+    done = vsx(stack, "record", "--images", "jpeg", "--time", "6", "--out", str(bag), *asked)
+    assert done.returncode == DONE, done.stderr
+    info = subprocess.run(["rosbag", "info", str(bag)], capture_output=True, text=True, timeout=120, check=True).stdout
+    held = {line.split()[0] if not line.startswith("topics:") else line.split()[1]: line for line in info.splitlines()}
+    assert "sensor_msgs/JointState" in held[f"/{topics.JOINT_STATES}"]
+    assert "nav_msgs/Path" in held[f"/{topics.GLOBAL_PLAN}"]
+    assert "sensor_msgs/CompressedImage" in held[f"/{topics.IMAGE}/compressed"]
+    assert "std_msgs/Float32" in held[f"/{topics.COVERAGE}"]
+    bag_numbers.check(bag_numbers.numbers(bag))
+
+
+def test_a_disk_that_is_too_full_is_told_before_anything_is_written(stack: Stack, tmp_path: Path) -> None:
+    done = vsx(stack, "record", "--keep-free", "999TB", "--out", str(tmp_path / "a.bag"))
+    assert done.returncode == FAILED
+    assert "GB left on the disk (--keep-free 999TB)" in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_size_limit_ends_a_recording(stack: Stack, tmp_path: Path) -> None:

@@ -16,10 +16,10 @@ def add_parser(subparsers: Any) -> None:
     parser = subparsers.add_parser(
         "record",
         help="record a bag of a running robot, for vsx replay",
-        description="Records images, calibration, odometry, tf, commands and states of a running robot into a ROS 1 "
-        "bag until Ctrl-C, a limit, or a nearly full disk. Raw images are 9 MB a second and replay bit for bit; png is "
-        "half of that and loses nothing of the grey picture that the SLAM sees; jpeg is a fifteenth. While it is "
-        "written the bag is called NAME.bag.active.",
+        description="Records images, calibration, odometry, tf, commands, states, plans and every number worth a plot "
+        "of a running robot into a ROS 1 bag until Ctrl-C, a limit, or a nearly full disk. Raw images are 9 MB a "
+        "second and replay bit for bit; png is half of that and loses nothing of the grey picture that the SLAM sees; "
+        "jpeg is a fifteenth. While it is written the bag is called NAME.bag.active.",
         epilog="examples: vsx record   |   vsx record --images jpeg --time 600 --out office.bag   |   then: vsx replay "
         "office.bag --map",
     )

@@ -27,7 +27,8 @@ from vsx_ros.ros.progress import Progress
 _TOPICS = (
     topics.CAMERA_INFO, topics.ODOM, topics.TF, topics.TF_STATIC, topics.IMU, topics.HAZARDS, topics.BUTTONS,
     topics.BATTERY, topics.MUX_ACTIVE, topics.COMMAND_SAFETY, topics.COMMAND_TELEOP, topics.COMMAND_NAVI, topics.POSE,
-    topics.SLAM_STATE, topics.EXPLORE_STATUS, topics.EXPLORE_EVENTS, topics.DIAGNOSTICS,
+    topics.SLAM_STATE, topics.EXPLORE_STATUS, topics.EXPLORE_EVENTS, topics.DIAGNOSTICS, topics.GLOBAL_PLAN,
+    topics.PLAN_MS, topics.COVERAGE, *(f"{topics.STATS}/{name}" for name in topics.STAT_TYPES),
 )  # fmt: skip
 _NEEDED = (topics.IMAGE, topics.CAMERA_INFO, topics.ODOM)
 _WARN_AFTER_S = 3.0
@@ -41,8 +42,8 @@ class Recorder:
 
     def __init__(self, writer: BagWriter, how: str, more: list[str]) -> None:
         self._writer, self._how = writer, how
-        for topic in (*_TOPICS, *more, *((topics.IMAGE,) if how == "raw" else ())):
-            name = rospy.resolve_name(topic)
+        wanted = (*_TOPICS, *more, *((topics.IMAGE,) if how == "raw" else ()))
+        for name in dict.fromkeys(map(rospy.resolve_name, wanted)):
             rospy.Subscriber(name, rospy.AnyMsg, self._on_any, name, buff_size=process.IMAGE_BUFFER_BYTES)
         if how != "raw":
             process.subscribe(topics.IMAGE, Image, self._on_image, queue_size=5, buff_size=process.IMAGE_BUFFER_BYTES)
@@ -79,9 +80,11 @@ class Recorder:
 
 def record(args: argparse.Namespace) -> int:
     """Record until Ctrl-C or a limit; say what the bag is called and what is in it."""
+    path: Path = args.out or Path(f"{datetime.now():%Y-%m-%d_%H-%M-%S}.bag")
+    if full := _full(args, path):
+        raise InputError(f"not begun with {full}; make room, or give another --out or a smaller --keep-free")
     guest.join("record")
     ended = Heard(signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    path: Path = args.out or Path(f"{datetime.now():%Y-%m-%d_%H-%M-%S}.bag")
     writer, progress = BagWriter(path), Progress(sys.stderr)
     Recorder(writer, args.images, args.topic)
     began_s, warned = time.monotonic(), False
@@ -111,10 +114,16 @@ def _limit(args: argparse.Namespace, writer: BagWriter, elapsed_s: float, path: 
         return f"ended after {args.time:g} s"
     if writer.bytes >= size_bytes(args.limit):
         return f"ended at the limit of {args.limit}"
-    free = shutil.disk_usage(path.resolve().parent).free
-    if free < size_bytes(args.keep_free):
-        return f"ended with {free / 1e9:.1f} GB left on the disk (--keep-free {args.keep_free})"
+    if full := _full(args, path):
+        return f"ended with {full}"
     return "" if not rospy.is_shutdown() else "ended, as the ROS master asked for it"
+
+
+def _full(args: argparse.Namespace, path: Path) -> str:
+    """What is left on the disk when that is less than wanted, or nothing."""
+    free = shutil.disk_usage(path.resolve().parent).free
+    few = free < size_bytes(args.keep_free)
+    return f"{free / 1e9:.1f} GB left on the disk (--keep-free {args.keep_free})" if few else ""
 
 
 def _images(writer: BagWriter) -> int:
