@@ -151,6 +151,24 @@ def test_hazards_are_told_and_obeyed(
     stack.wait(lambda: stack.plant.moving, 2.0, "teleop to drive again")
 
 
+def test_a_base_that_is_away_touches_nothing(stack: Stack, monkeypatch: pytest.MonkeyPatch) -> None:
+    pressed = int(Hazard.BUMPER_RIGHT)
+    told: list[int] = []
+    subscriber = rospy.Subscriber(absolute(topics.HAZARDS), UInt8, lambda msg: told.append(msg.data))
+    read = stack.plant.read
+    monkeypatch.setattr(stack.plant, "read", lambda: read()._replace(hazards=Hazard.BUMPER_RIGHT))
+    stack.wait(lambda: told and told[-1] == pressed, 5.0, "the bumper to be told")
+    stack._base.unplug()
+    try:
+        stack.wait(lambda: told[-1] == 0, 10.0, "the bumper to be forgotten")
+    finally:
+        stack._base.replug()
+    stack.wait(lambda: told[-1] == pressed, 10.0, "the bumper that is still pressed to be told again")
+    monkeypatch.undo()
+    stack.wait(lambda: told[-1] == 0, 5.0, "the bumper to be released")
+    subscriber.unregister()
+
+
 def test_a_pressed_button_is_told_once_and_so_is_its_release(stack: Stack, monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[int] = []
     subscriber = rospy.Subscriber(absolute(topics.BUTTONS), UInt8, lambda msg: told.append(msg.data))

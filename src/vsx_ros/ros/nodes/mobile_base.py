@@ -11,7 +11,8 @@ Publishers: odom (50 Hz), /tf odom -> base_footprint, joint_states, mobile_base/
     mobile_base/sensors/bumper_pointcloud (while a bumper is pressed or a cliff seen, and once after).
 Services: mobile_base/estop (true stops, false allows; outlives a restart of the node), mobile_base/reset_odometry.
 Parameters: ~robot_type (auto: which one answers; kobuki, create, create2), ~port (/dev/kobuki),
-    ~cmd_vel_timeout (s, 0.25: navi and the driver), ~max_vel (m/s, 0.5), ~max_angular_vel (rad/s, 1.5),
+    ~cmd_vel_timeout (s, 0.25: navi and the driver), ~max_vel (m/s), ~max_angular_vel (rad/s): the wheels
+    never turn faster (0.5 and 1.5, or what limits.v_m_s and limits.omega_rad_s say if that is more),
     ~odom_linear_scale_correction, ~odom_angular_scale_correction (as configured under robot.odometry).
     ~estopped is the emergency stop as this node remembers it.
 """
@@ -34,7 +35,7 @@ from vsx_hw.detect import detect_base
 from vsx_hw.errors import DeviceError
 from vsx_hw.readings import BaseReading, Hazard, Signal
 from vsx_hw.safety import SOURCES, Decision, SpeedLimits, Supervisor
-from vsx_ros.config import Config
+from vsx_ros.config import Config, LimitsConfig
 from vsx_ros.ros import base_messages, process, service_manager, topics
 from vsx_ros.ros.base_drivers import BaseSettings, base_driver, base_guardian
 from vsx_ros.ros.master_watch import MasterWatch
@@ -52,12 +53,8 @@ class MobileBaseNode:
 
     def __init__(self, config: Config) -> None:
         timeout_s = float(rospy.get_param("~cmd_vel_timeout", 0.25))
-        limits = SpeedLimits(
-            float(rospy.get_param("~max_vel", 0.5)),
-            float(rospy.get_param("~max_angular_vel", 1.5)),
-        )
         sources = tuple(s._replace(timeout_s=timeout_s) if s.name == "navi" else s for s in SOURCES)
-        self._supervisor = Supervisor(limits, sources)
+        self._supervisor = Supervisor(speed_limits(config.limits), sources)
         self._lock = threading.Lock()
         self._latest: tuple[BaseReading, Decision] | None = None
         self._hazards, self._buttons = Hazard.NONE, 0
@@ -136,12 +133,7 @@ class MobileBaseNode:
         self._joints_pub.publish(base_messages.joint_states(odometry))
         if reading.gyro is not None:
             self._imu_pub.publish(base_messages.imu(reading.gyro, reading.stamp_ns))
-        touches = Hazard.BUMPER | Hazard.CLIFF
-        if reading.hazards & touches or self._hazards & touches:
-            self._bumper_pub.publish(base_messages.bumper_cloud(reading.hazards, reading.stamp_ns))
-        if reading.hazards != self._hazards:
-            self._hazards = reading.hazards
-            self._hazards_pub.publish(UInt8(int(reading.hazards)))
+        self._tell_hazards(reading.hazards, reading.stamp_ns)
         if reading.buttons != self._buttons:
             self._buttons = reading.buttons
             self._buttons_pub.publish(UInt8(reading.buttons))
@@ -150,15 +142,26 @@ class MobileBaseNode:
             self._active_pub.publish(String(decision.source or "idle"))
         self._latest = reading, decision
 
+    def _tell_hazards(self, hazards: Hazard, stamp_ns: int) -> None:
+        touches = Hazard.BUMPER | Hazard.CLIFF
+        if hazards & touches or self._hazards & touches:
+            self._bumper_pub.publish(base_messages.bumper_cloud(hazards, stamp_ns))
+        if hazards != self._hazards:
+            self._hazards = hazards
+            self._hazards_pub.publish(UInt8(int(hazards)))
+
     def _reason_to_stand(self) -> str:
         if not self._guardian.answers:
             return "the guardian of the wheels does not answer; a new one starts"
         return "" if self._master.answers else "the ROS master does not answer; start it again"
 
     def _on_link(self, connected: bool, message: str) -> None:
-        """Commands of before a reconnection do not count; a base that is away touches nothing."""
+        """On the driver's thread. Commands of before a reconnection do not count; a base that is away touches
+        nothing."""
         with self._lock:
             self._supervisor.forget_commands()
+        if not connected:
+            self._tell_hazards(Hazard.NONE, process.now_ns())
 
     def _on_estop(self, request: SetBoolRequest) -> SetBoolResponse:
         with self._lock:
@@ -201,6 +204,19 @@ class MobileBaseNode:
         """Stop the wheels and leave the base safe."""
         self._driver.close()
         self._guardian.release()
+
+
+def speed_limits(limits: LimitsConfig) -> SpeedLimits:
+    """~max_vel and ~max_angular_vel; by default the follower is never held back."""
+    caps = []
+    for name, default, wanted in (("~max_vel", 0.5, limits.v_m_s), ("~max_angular_vel", 1.5, limits.omega_rad_s)):
+        caps.append(float(rospy.get_param(name, max(default, wanted))))
+        if caps[-1] < wanted:
+            rospy.logwarn(
+                "%s is %g, less than the configured limit of %g: the base will lag behind its plans; lower the limit",
+                rospy.resolve_name(name), caps[-1], wanted,
+            )  # fmt: skip
+    return SpeedLimits(*caps)
 
 
 def main() -> None:

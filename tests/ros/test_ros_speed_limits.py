@@ -1,0 +1,46 @@
+"""The base never cuts what the follower may command, unless somebody says so, and then it says so, too."""
+
+from __future__ import annotations
+
+import pytest
+
+pytest.importorskip("rospy")
+
+from vsx_hw.safety import SpeedLimits
+from vsx_ros.config import LimitsConfig
+from vsx_ros.ros.nodes import mobile_base
+
+
+@pytest.fixture
+def parameters(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
+    given: dict[str, float] = {}
+    monkeypatch.setattr(mobile_base.rospy, "get_param", given.get)
+    return given
+
+
+@pytest.fixture
+def warnings(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    said: list[str] = []
+    monkeypatch.setattr(mobile_base.rospy, "logwarn", lambda form, *values: said.append(form % values))
+    return said
+
+
+@pytest.mark.parametrize(
+    ("limits", "caps"),
+    [
+        (LimitsConfig(), SpeedLimits(0.5, 1.5)),
+        (LimitsConfig(v_m_s=0.6, omega_rad_s=0.4), SpeedLimits(0.6, 1.5)),
+        (LimitsConfig(v_m_s=0.7, omega_rad_s=3.2), SpeedLimits(0.7, 3.2)),
+    ],
+)
+@pytest.mark.usefixtures("parameters")
+def test_what_is_configured_can_be_driven(limits: LimitsConfig, caps: SpeedLimits, warnings: list[str]) -> None:
+    assert mobile_base.speed_limits(limits) == caps
+    assert warnings == []
+
+
+def test_a_lower_cap_is_obeyed_and_told(parameters: dict[str, float], warnings: list[str]) -> None:
+    parameters |= {"~max_vel": 0.2, "~max_angular_vel": 1.0}
+    assert mobile_base.speed_limits(LimitsConfig()) == SpeedLimits(0.2, 1.0)
+    assert len(warnings) == 1
+    assert "max_vel is 0.2, less than the configured limit of 0.3" in warnings[0]
