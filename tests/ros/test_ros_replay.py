@@ -14,11 +14,14 @@ import pytest
 
 pytest.importorskip("rospy")
 
+import cv2
 from drive_bag import write_drive
 from ros_ports import free_port
 
 from vsx_ros.cli import main
 from vsx_ros.cli.exit_codes import DONE, FAILED, STOPPED
+from vsx_ros.io.calibration_file import write_calibration
+from vsx_ros.io.recording import open_recording
 from vsx_ros.io.run_folder import RunFolder
 
 pytestmark = pytest.mark.ros
@@ -91,6 +94,25 @@ def test_rosbags_own_player_feeds_the_nodes_too(bag: Path, in_lock_step: RunFold
     assert abs(here.T.translation - there.T.translation).max() < 0.1
     free_m2 = [(f.read_map().data == 0).sum() * 0.05**2 for f in (folder, in_lock_step)]
     assert free_m2[0] == pytest.approx(free_m2[1], rel=0.4)
+
+
+def test_without_odometry_there_is_no_scale_and_no_ground_map(bag: Path, tmp_path: Path) -> None:
+    pictures, out = tmp_path / "pictures", tmp_path / "run"
+    pictures.mkdir()
+    recording = open_recording(bag)
+    lines = []
+    for k, frame in zip(range(20), recording.frames(), strict=False):
+        cv2.imwrite(str(pictures / f"{k}.png"), frame.image)
+        lines.append(f"{frame.stamp_ns * 1e-9:.9f} {k}.png")
+    (pictures / "rgb.txt").write_text("\n".join(lines), encoding="utf-8")
+    assert recording.camera is not None
+    write_calibration(tmp_path / "camera.yaml", recording.camera, "emulated")
+    words = ["--rate", "0", "--calibration", str(tmp_path / "camera.yaml"), "--out", str(out)]
+    done = subprocess.run(
+        command(pictures, *words), env=environment(tmp_path), capture_output=True, text=True, timeout=120, check=False
+    )
+    assert len(RunFolder.open(out).read_frames()) == 20, done.stdout + done.stderr
+    assert RunFolder.open(out).read_map() is None
 
 
 def test_ctrl_c_ends_it_and_a_second_replay_is_refused(bag: Path, tmp_path: Path) -> None:
