@@ -145,7 +145,9 @@ def test_the_mount_chain_multiplies_to_the_mount() -> None:
     mount = MountConfig(forward_m=-0.09, left_m=0.02, height_m=0.31, pitch_down_rad=0.1, yaw_left_rad=-0.05)
     product = SE3.identity()
     parent = topics.BASE_FRAME
-    for edge in convert.mount_transforms(mount, STAMP_NS):
+    *chain, gyro = convert.mount_transforms(mount, STAMP_NS)
+    assert (gyro.header.frame_id, gyro.child_frame_id) == (topics.BODY_FRAME, topics.GYRO_FRAME)
+    for edge in chain:
         assert edge.header.frame_id == parent
         parent = edge.child_frame_id
         move, turn = edge.transform.translation, edge.transform.rotation

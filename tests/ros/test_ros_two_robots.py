@@ -52,7 +52,7 @@ def wait(condition, what):
         if rospy.get_time() > deadline:
             sys.exit(f"waited for {what}: {sorted(edges)} {stamped}")
         rospy.sleep(0.05)
-wait(lambda: len(edges) >= 12 and len(stamped) == 2, "frames and odometry of both")
+wait(lambda: len(edges) >= 14 and len(stamped) == 2, "frames and odometry of both")
 for each in speeds.values():
     each.clear()
 teleop = rospy.Publisher("/a/cmd_vel_mux/input/teleop", Twist, queue_size=1)
@@ -107,7 +107,8 @@ def test_two_robots_do_not_hear_each_other(processes: Processes, tmp_path: Path)
 
     chain = [topics.MAP_FRAME, topics.ODOM_FRAME, topics.BASE_FRAME, topics.BODY_FRAME, topics.CAMERA_LINK_FRAME,
              topics.CAMERA_FRAME, topics.OPTICAL_FRAME]  # fmt: skip
-    assert seen["edges"] == sorted([f"{r}/{p}", f"{r}/{c}"] for r in ROBOTS for p, c in zip(chain, chain[1:]))
+    tree = [*zip(chain, chain[1:]), (topics.BODY_FRAME, topics.GYRO_FRAME)]
+    assert seen["edges"] == sorted([f"{r}/{p}", f"{r}/{c}"] for r in ROBOTS for p, c in tree)
     assert seen["stamped"] == {r: [f"{r}/{topics.ODOM_FRAME}", f"{r}/{topics.BASE_FRAME}"] for r in ROBOTS}
     assert seen["fastest"]["a"] > 0.05
     assert seen["fastest"]["b"] < 0.005

@@ -14,11 +14,10 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Odometry
 from vsx_ros.ros import convert, topics
 
-# Variances of the turtlebot's own driver (kobuki_node): what a planar base cannot know is huge.
-_POSITION_M2, _HEADING_RAD2, _UNKNOWN = 0.1, 0.05, 1e10
+# Variances of the turtlebot's own driver (kobuki_node).
+_POSITION_M2, _HEADING_RAD2 = 0.1, 0.05
 _DISTRUST = 100.0
 _WHEEL_RADIUS_M = 0.035
-_GYRO_FRAME = "gyro_link"
 _RIM_M, _FAR_M, _SIDE_RAD, _BUMPER_HEIGHT_M = 0.25, 100.0, 0.349, 0.04
 _JOINTS = ["wheel_left_joint", "wheel_right_joint"]
 
@@ -30,13 +29,15 @@ def _pose(reading: OdometryReading) -> SE2:
 def odometry(reading: OdometryReading) -> OdometryMsg:
     """Dead reckoning; covariance grows where the base says that its encoders may be wrong."""
     moved = Odometry(reading.stamp_ns, _pose(reading), reading.v_m_s, reading.omega_rad_s)
+    return dead_reckoning(moved, reading.trusted)
+
+
+def dead_reckoning(moved: Odometry, trusted: bool = True) -> OdometryMsg:
+    """Wheel odometry of a base, or of a recording of one, with the covariance of a TurtleBot's."""
     msg = convert.odometry_msg(moved, topics.ODOM_FRAME, topics.BASE_FRAME)
-    factor = 1.0 if reading.trusted else _DISTRUST
-    variances = (_POSITION_M2 * factor, _POSITION_M2 * factor, _UNKNOWN, _UNKNOWN, _UNKNOWN, _HEADING_RAD2 * factor)
-    covariance = [0.0] * 36
-    covariance[::7] = variances
-    msg.pose.covariance = covariance
-    msg.twist.covariance = covariance
+    factor = 1.0 if trusted else _DISTRUST
+    msg.pose.covariance = convert.floor_covariance(_POSITION_M2 * factor, _HEADING_RAD2 * factor)
+    msg.twist.covariance = msg.pose.covariance
     return msg
 
 
@@ -67,11 +68,12 @@ def battery(reading: BatteryReading, stamp_ns: int) -> BatteryState:
 
 def imu(reading: GyroReading, stamp_ns: int) -> Imu:
     """Heading and rate of the base's gyro; the axes that it does not have are marked unknown."""
-    msg = Imu(header=convert.header(_GYRO_FRAME, stamp_ns))
+    msg = Imu(header=convert.header(topics.GYRO_FRAME, stamp_ns))
     msg.orientation.z, msg.orientation.w = math.sin(0.5 * reading.heading_rad), math.cos(0.5 * reading.heading_rad)
     msg.angular_velocity.z = reading.rate_rad_s
-    msg.orientation_covariance = [_UNKNOWN, 0.0, 0.0, 0.0, _UNKNOWN, 0.0, 0.0, 0.0, _HEADING_RAD2]
-    msg.angular_velocity_covariance = [_UNKNOWN, 0.0, 0.0, 0.0, _UNKNOWN, 0.0, 0.0, 0.0, _HEADING_RAD2]
+    unknown = convert.UNKNOWN_VARIANCE
+    msg.orientation_covariance = [unknown, 0.0, 0.0, 0.0, unknown, 0.0, 0.0, 0.0, _HEADING_RAD2]
+    msg.angular_velocity_covariance = [unknown, 0.0, 0.0, 0.0, unknown, 0.0, 0.0, 0.0, _HEADING_RAD2]
     msg.linear_acceleration_covariance = [-1.0] + [0.0] * 8
     return msg
 

@@ -43,6 +43,9 @@ from vsx_ros.ros import frames, topics
 _FREE_BELOW_PERCENT = 19.6
 _OCCUPIED_ABOVE_PERCENT = 65
 
+UNKNOWN_VARIANCE = 1e10
+"""Of what a planar robot cannot know (z, roll, pitch): huge, for 0 would mean that it is certain."""
+
 
 def header(frame_id: str, stamp_ns: int) -> Header:
     """A message header; the frame is called as others know it (ros/frames.py)."""
@@ -86,12 +89,18 @@ def pose_stamped(frame_id: str, stamp_ns: int, T: SE2 | SE3) -> PoseStamped:
 def pose_with_covariance(
     frame_id: str, stamp_ns: int, T: SE2, sigma_m: float, sigma_rad: float
 ) -> PoseWithCovarianceStamped:
-    """A pose on the floor with independent standard deviations of position and heading."""
+    """A pose on the floor with independent standard deviations of position and heading; the rest is unknown."""
     msg = PoseWithCovarianceStamped(header=header(frame_id, stamp_ns))
     msg.pose.pose = pose_msg(T)
-    variances = (sigma_m**2, sigma_m**2, 0.0, 0.0, 0.0, sigma_rad**2)
-    msg.pose.covariance = np.diag(variances).ravel().tolist()
+    msg.pose.covariance = floor_covariance(sigma_m**2, sigma_rad**2)
     return msg
+
+
+def floor_covariance(position_m2: float, heading_rad2: float) -> list[float]:
+    """The 6x6 covariance, row by row, of x, y, z, roll, pitch, yaw (or their speeds) of a robot on the floor."""
+    covariance = [0.0] * 36
+    covariance[::7] = [position_m2] * 2 + [UNKNOWN_VARIANCE] * 3 + [heading_rad2]
+    return covariance
 
 
 def pose_array(frame_id: str, stamp_ns: int, poses: Sequence[SE3]) -> PoseArray:
@@ -112,7 +121,10 @@ def transform_stamped(parent: str, child: str, stamp_ns: int, T_parent_child: SE
 
 
 def mount_transforms(mount: MountConfig, stamp_ns: int) -> list[TransformStamped]:
-    """base_footprint -> base_link -> camera_link -> camera_rgb_frame -> camera_rgb_optical_frame, as mounted."""
+    """base_footprint -> base_link -> camera_link -> camera_rgb_frame -> camera_rgb_optical_frame, as mounted.
+
+    And base_link -> gyro_link: upright; where on the base a gyro sits changes neither heading nor rate.
+    """
     T_base_optical = mount_pose(mount.forward_m, mount.left_m, mount.height_m, mount.pitch_down_rad, mount.yaw_left_rad)
     T_camera_optical = mount_pose(0.0, 0.0, 0.0, 0.0)
     T_base_camera = T_base_optical @ T_camera_optical.inverse()
@@ -122,6 +134,7 @@ def mount_transforms(mount: MountConfig, stamp_ns: int) -> list[TransformStamped
         transform_stamped(topics.BODY_FRAME, topics.CAMERA_LINK_FRAME, stamp_ns, T_base_camera),
         transform_stamped(topics.CAMERA_LINK_FRAME, topics.CAMERA_FRAME, stamp_ns, identity),
         transform_stamped(topics.CAMERA_FRAME, topics.OPTICAL_FRAME, stamp_ns, T_camera_optical),
+        transform_stamped(topics.BODY_FRAME, topics.GYRO_FRAME, stamp_ns, identity),
     ]
 
 

@@ -17,7 +17,7 @@ from tf2_msgs.msg import TFMessage
 
 from vsx_ros.io.recording import Recording
 from vsx_ros.robot import Frame, Odometry
-from vsx_ros.ros import convert, frames, images, topics
+from vsx_ros.ros import base_messages, convert, frames, images, topics
 
 _TICK_S = 0.01
 _NEVER_NS = 2**62
@@ -93,7 +93,7 @@ class Player:
         self._clock_pub.publish(Clock(rospy.Time(0, now_ns)))
 
     def _move(self, reading: Odometry) -> None:
-        self._odom_pub.publish(convert.odometry_msg(reading, topics.ODOM_FRAME, topics.BASE_FRAME))
+        self._odom_pub.publish(base_messages.dead_reckoning(reading))
         edge = topics.ODOM_FRAME, topics.BASE_FRAME, reading.stamp_ns, reading.T_odom_base
         self._tf_pub.publish([convert.transform_stamped(*edge)])
 

@@ -6,11 +6,12 @@
 from __future__ import annotations
 
 # Frames (REP 103, 105, 120): map -> odom -> base_footprint -> base_link -> camera_link -> camera_rgb_frame
-# -> camera_rgb_optical_frame.
+# -> camera_rgb_optical_frame; base_link -> gyro_link.
 MAP_FRAME = "map"
 ODOM_FRAME = "odom"
 BASE_FRAME = "base_footprint"
 BODY_FRAME = "base_link"
+GYRO_FRAME = "gyro_link"
 CAMERA_LINK_FRAME = "camera_link"
 CAMERA_FRAME = "camera_rgb_frame"
 OPTICAL_FRAME = "camera_rgb_optical_frame"

@@ -13,7 +13,8 @@ Services: mobile_base/estop (true stops, false allows; outlives a restart of the
 Parameters: ~robot_type (auto: which one answers; kobuki, create, create2), ~port (/dev/kobuki),
     ~cmd_vel_timeout (s, 0.25: navi and the driver), ~max_vel (m/s), ~max_angular_vel (rad/s): the wheels
     never turn faster (0.5 and 1.5, or what limits.v_m_s and limits.omega_rad_s say if that is more),
-    ~odom_linear_scale_correction, ~odom_angular_scale_correction (as configured under robot.odometry).
+    ~odom_linear_scale_correction, ~odom_angular_scale_correction (as configured under robot.odometry),
+    ~publish_tf (bool, true; false: somebody else, an EKF, says where base_footprint is in odom).
     ~estopped is the emergency stop as this node remembers it.
 """
 
@@ -82,7 +83,9 @@ class MobileBaseNode:
 
     def _advertise(self) -> None:
         self._odom_pub = rospy.Publisher(topics.ODOM, OdometryMsg, queue_size=50, tcp_nodelay=True)
-        self._tf_pub = rospy.Publisher(topics.TF, TFMessage, queue_size=50, tcp_nodelay=True)
+        self._tf_pub: rospy.Publisher | None = None
+        if rospy.get_param("~publish_tf", True):
+            self._tf_pub = rospy.Publisher(topics.TF, TFMessage, queue_size=50, tcp_nodelay=True)
         self._joints_pub = rospy.Publisher(topics.JOINT_STATES, JointState, queue_size=5)
         self._hazards_pub = rospy.Publisher(topics.HAZARDS, UInt8, queue_size=5, latch=True, tcp_nodelay=True)
         self._buttons_pub = rospy.Publisher(topics.BUTTONS, UInt8, queue_size=5, latch=True)
@@ -129,7 +132,8 @@ class MobileBaseNode:
         held = bool(decision.reason and decision.source)
         self._driver.show(Signal.ALARM if locked else Signal.HELD if held else Signal.READY)
         self._odom_pub.publish(base_messages.odometry(odometry))
-        self._tf_pub.publish(TFMessage([base_messages.odom_transform(odometry)]))
+        if self._tf_pub is not None:
+            self._tf_pub.publish(TFMessage([base_messages.odom_transform(odometry)]))
         self._joints_pub.publish(base_messages.joint_states(odometry))
         if reading.gyro is not None:
             self._imu_pub.publish(base_messages.imu(reading.gyro, reading.stamp_ns))

@@ -1,7 +1,7 @@
 """Node ``vslam``: camera and wheels to pose, sparse map and ground map.
 
 Subscribers: camera/rgb/image_raw, camera/rgb/camera_info, odom, mobile_base/hazards.
-Publishers: vslam/pose (base_footprint in map, stamp of the image), /tf map -> odom, /tf_static (camera mount),
+Publishers: vslam/pose (base_footprint in map, stamp of the image), /tf map -> odom, /tf_static (camera, gyro),
     vslam/state, vslam/stats/*, follower/lease; vslam/preview/compressed (while someone looks); map, map_metadata,
     vslam/{map_points,keyframes,path} (latched); vslam/planes, vslam/dense_points, scan (while someone listens).
 Services: static_map; vslam/save_map (Trigger: saves the SLAM map, the answer says where).
@@ -9,7 +9,8 @@ Parameters: ~config (tree of config.py), ~seed (int, 0), ~run_dir (folder for th
     on with when it holds the map of an interrupted one; none),
     ~use_odometry (bool, true: wait for odom, the map is metric; false: the map has no scale and no floor),
     ~load_map (SLAM map to go on in, the robot anywhere in it; none), ~save_map (file to save it to at the end; none),
-    ~save_map_to (file the service saves to; default map.vsxmap in ~run_dir, else in the folder for temporary files).
+    ~save_map_to (file the service saves to; default map.vsxmap in ~run_dir, else in the folder for temporary files),
+    ~publish_tf (bool, true; false: somebody else, an EKF, says where odom is in map).
 """
 
 from __future__ import annotations
@@ -96,13 +97,14 @@ class VslamNode:
         self._preview = Preview()
         self._lease = Lease(topics.FOLLOWER_LEASE, "vslam")
         self._pose_pub = rospy.Publisher(topics.POSE, PoseWithCovarianceStamped, queue_size=5, tcp_nodelay=True)
-        self._tf_pub = rospy.Publisher(topics.TF, TFMessage, queue_size=20)
+        if rospy.get_param("~publish_tf", True):
+            self._tf_pub = rospy.Publisher(topics.TF, TFMessage, queue_size=20)
+            process.every(_TF_PERIOD_S, "tf", self._publish_tf)
         self._tf_static_pub = rospy.Publisher(topics.TF_STATIC, TFMessage, queue_size=1, latch=True)
         self._tf_static_pub.publish(convert.mount_transforms(mount, process.now_ns()))
         process.subscribe(topics.ODOM, OdometryMsg, self._on_odometry, queue_size=50, tcp_nodelay=True)
         process.subscribe(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5)
         process.image_subscriber(self._on_image)
-        process.every(_TF_PERIOD_S, "tf", self._publish_tf)
         process.every(_MAP_PERIOD_S, "ground map", self._map)
         process.every(UPDATE_EVERY_S, "dense map", self._densify)
         rospy.Service(topics.SAVE_MAP, Trigger, self._on_save_map)

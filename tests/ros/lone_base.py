@@ -1,0 +1,66 @@
+"""A base alone at a master of its own: emulated wheels in this process, nodes as a user of ROS starts them."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import rosgraph
+from processes import Processes
+from ros_ports import HOST, free_port
+
+from vsx_ros.cli.world import open_world
+from vsx_ros.config import RobotConfig
+from vsx_ros.ros.base_drivers import base_emulator, wheel_base_m
+from vsx_ros.ros.emulation import BodyPlant
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+
+
+class CountedPlant(BodyPlant):
+    """The wheels at the far end of the wire; remembers the highest speed that they were told [m/s]."""
+
+    fastest_m_s = 0.0
+
+    def set_wheel_speeds(self, left_m_s: float, right_m_s: float) -> None:
+        self.fastest_m_s = max(self.fastest_m_s, abs(left_m_s), abs(right_m_s))
+        super().set_wheel_speeds(left_m_s, right_m_s)
+
+
+class LoneBase:
+    """``port`` is the serial port of a Kobuki; ``close`` ends all that was started."""
+
+    def __init__(self, folder: Path) -> None:
+        self.processes = Processes(folder, f"http://{HOST}:{free_port()}", ROS_HOSTNAME=HOST)
+        self.port = str(folder / "base")
+        self.plant = CountedPlant(open_world("lab", 1), 1, RobotConfig(), lambda _: None, wheel_base_m("kobuki"))
+        self._emulator = base_emulator("kobuki", self.plant, self.port, 1)
+        self._emulator.start(time.monotonic_ns())
+        self._uri = self.processes.environment["ROS_MASTER_URI"]
+        self.processes.start("master", "rosmaster", "--core", "-p", self._uri.rsplit(":", 1)[1])
+        self.processes.wait(lambda: rosgraph.is_master_online(self._uri), "the master")
+
+    def start(self, node: str, *words: str) -> None:
+        self.processes.start(node, sys.executable, str(CHECKOUT / "scripts" / node), *words)
+
+    def run(self, node: str, *words: str) -> subprocess.CompletedProcess[str]:
+        return self.processes.run(sys.executable, str(CHECKOUT / "scripts" / node), *words)
+
+    def observe(self, program: str, *words: str) -> Any:
+        """What a program of Python prints, as JSON; it is a node of its own, since a process can be but one."""
+        done = self.processes.run(sys.executable, "-c", program, *words)
+        assert done.returncode == 0, done.stderr + self.processes.logs()
+        return json.loads(done.stdout)
+
+    def graph(self) -> tuple[dict[str, list[str]], dict[str, list[str]]]:
+        """Topic -> publishers and topic -> subscribers, as the master has them."""
+        published, subscribed, _ = rosgraph.Master("/test", self._uri).getSystemState()
+        return dict(published), dict(subscribed)
+
+    def close(self) -> None:
+        self.processes.end()
+        self._emulator.close()
