@@ -233,7 +233,7 @@ class ExplorationConfig(_Branch, frozen=True):
 
     sensor_range_m: Positive = 3.0
     sensor_fov_rad: Positive = 1.05
-    init_drive_m: Positive = 0.45
+    init_drive_m: Annotated[float, Meta(gt=0, le=1)] = 0.45
     init_attempts: Count = 4
     min_frontier_m: NonNegative = 0.25
     min_gain_m2: NonNegative = 0.15
@@ -254,7 +254,7 @@ class ExplorationConfig(_Branch, frozen=True):
     good_landmarks: Count = 60
     blacklist_radius_m: Positive = 0.4
     blacklist_s: Positive = 60.0
-    backtrack_step_m: Positive = 0.35
+    backtrack_step_m: Annotated[float, Meta(gt=0, le=1)] = 0.35
     backtrack_max_m: Positive = 1.5
     retries_without_view: Count = 2
     retries_boxed_in: Count = 10

@@ -172,11 +172,10 @@ def test_reverse_legs_are_short():
     [
         (1.5, SE2(-0.4, 0.0, 0.0), 0.4),
         (0.3, SE2(-0.4, 0.0, 0.0), None),
-        (1.5, SE2(-3.0, 0.0, 0.0), None),
-        (0.3, SE2(0.5, 0.5, 0.0), 0.24),
-        (0.1, SE2(0.5, 0.5, 0.0), None),
+        (0.2, SE2(0.4, 0.2, 0.0), 0.14),
+        (0.1, SE2(0.4, 0.2, 0.0), None),
         (0.0, SE2(0.0, 0.0, 1.0), None),
-        (0.0, SE2(2.0, 1.0, 1.0), 0.0),
+        (0.0, SE2(0.8, 0.3, 0.7), 0.0),
     ],
 )
 def test_without_a_map_a_reverse_leg_too_long_is_infeasible(limit_m, goal, reverse_m):
@@ -190,6 +189,14 @@ def test_without_a_map_a_reverse_leg_too_long_is_infeasible(limit_m, goal, rever
         assert plan.path.longest_reverse_m == pytest.approx(reverse_m, abs=0.02)
         assert plan.path.longest_reverse_m <= limit_m + 1e-6
         assert plan.path.certificate.end_error_m <= 1e-9
+
+
+@pytest.mark.parametrize("goal", [SE2(-1.6, 0.0, 0.0), SE2(5.0, 3.0, 0.0), SE2(0.0, 0.0, 3.0)])
+def test_without_a_map_nobody_drives_far(goal):
+    plan = Planner(PlannerConfig(phi_rad_m=1.0), ROBOT).plan_blind(SE2(), goal)
+    assert isinstance(plan, Refusal)
+    assert plan.kind is RefusalKind.INFEASIBLE
+    assert "at most 1.5 m" in plan.reason
 
 
 def test_the_generic_planner_turns_on_the_spot():

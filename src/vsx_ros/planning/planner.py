@@ -46,6 +46,7 @@ _NEAR_BOUND = 1.15
 _BLIND_COST = 1.0
 _ANOTHER = 1.002  # a way hardly longer than the one before is most likely the same
 _REVERSE_SLACK_M = 1e-6
+_MOST_BLIND_M = 1.5
 _DETOUR, _DETOUR_M = 1.2, 0.5  # by which a way with the preferred clearance may be longer
 _STRAIGHTS_M = (math.inf, 0.5)
 
@@ -124,14 +125,18 @@ class Planner:
         return self._plan(min(found, key=cost), goal, corridor, sight, grid)
 
     def plan_blind(self, start: SE2, goal: SE2) -> Plan | Refusal:
-        """A plan where there is no map yet (the first drive, backing along the trail): free space is assumed."""
+        """A plan where there is no map yet (the first drive, backing along the trail): free space is assumed, but
+        not for more than a drive of 1.5 m."""
         phi = self._config.phi_rad_m
         check_question(start, goal, phi)
         if same_pose(start, goal):
             return Plan(goal, certified(start, goal, (), "start and goal are the same"), "fov")
         limit = self._config.max_reverse_m
         paths = connections(start, goal, phi, enough=_DIRECT)
-        allowed = [path for path in paths if path.longest_reverse_m <= limit + _REVERSE_SLACK_M]
+        short = [path for path in paths if path.length_m <= _MOST_BLIND_M]
+        if not short:
+            return Refusal(RefusalKind.INFEASIBLE, f"without a map at most {_MOST_BLIND_M:g} m is driven")
+        allowed = [path for path in short if path.longest_reverse_m <= limit + _REVERSE_SLACK_M]
         if allowed:
             return Plan(goal, allowed[0], "fov")
         return Refusal(RefusalKind.INFEASIBLE, f"every short connection needs a reverse leg longer than {limit:g} m")
