@@ -13,12 +13,14 @@ from nav_msgs.msg import Path as PathMsg
 from nav_msgs.srv import GetMap, GetMapRequest, GetMapResponse
 from sensor_msgs.msg import PointCloud2
 
+from vsx_hw.readings import Hazard
 from vsx_ros.arrays import FloatArray
 from vsx_ros.config import Config
 from vsx_ros.dense.anchored import AnchoredSpots
 from vsx_ros.dense.mapped_ground import MappedGround
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.robot import Odometry
 from vsx_ros.ros import convert, process, topics
 from vsx_ros.slam.snapshot import MapSnapshot
 
@@ -58,7 +60,7 @@ class GroundMapping:
             self._driven.append(T_map_base)
 
     def bumped(self, T_map_base: SE2) -> None:
-        """The base, here, faces what it pushes against."""
+        """The base, here, faces what it pushes against, or where the floor ends."""
         with self._lock:
             self._bumped.append(T_map_base)
 
@@ -99,3 +101,11 @@ class GroundMapping:
 
     def _on_static_map(self, _: GetMapRequest) -> GetMapResponse:
         return GetMapResponse(self._message)
+
+
+def touch_pose(hazards: Hazard, T_map_odom: SE2 | None, odometry: Odometry | None) -> SE2 | None:
+    """T_map_base where a bumper is pressed or the floor ends, by the newest reading of the wheels: the camera may have
+    been lost for a while. None where neither is so, or while T_map_odom or the wheels are unknown."""
+    if not hazards & (Hazard.BUMPER | Hazard.CLIFF) or T_map_odom is None or odometry is None:
+        return None
+    return T_map_odom @ odometry.T_odom_base

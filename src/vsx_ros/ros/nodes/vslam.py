@@ -40,7 +40,7 @@ from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
 from vsx_ros.robot import Odometry
 from vsx_ros.ros import convert, images, process, topics
 from vsx_ros.ros.dense_mapping import DenseMapping
-from vsx_ros.ros.ground_mapping import GroundMapping
+from vsx_ros.ros.ground_mapping import GroundMapping, touch_pose
 from vsx_ros.ros.lease import TIMEOUT_S, Lease
 from vsx_ros.ros.picture_watch import PictureWatch
 from vsx_ros.ros.preview import Preview
@@ -84,7 +84,7 @@ class VslamNode:
         self._counted = None if before is None else TrackingRecord.restored(before.state)
         self._slam: ThreadedSlam | None = None
         self._T_map_odom = SE2()
-        self._odometry_heard = False
+        self._odometry: Odometry | None = None
         self._ground, self._watch = GroundMapping(config), StuckWatch()
         self._dense = DenseMapping(config)
         if before is not None:
@@ -93,6 +93,7 @@ class VslamNode:
         elif self._loaded is not None:
             first = self._loaded.view.keyframes[0].T_world_cam
             self._ground.started(SE2.from_se3(first @ self._T_base_cam.inverse()))
+        self._recognised = self._loaded is None
         self._status = SlamStatus()
         self._preview = Preview()
         self._lease = Lease(topics.FOLLOWER_LEASE, "vslam")
@@ -113,16 +114,16 @@ class VslamNode:
     def _on_odometry(self, msg: OdometryMsg) -> None:
         odometry = convert.odometry(msg)
         process.refuse_future(odometry.stamp_ns)
-        if not self._odometry_heard:
-            self._odometry_heard = True
-            if self._loaded is None:
-                self._ground.started(odometry.T_odom_base)
+        if self._odometry is None and self._loaded is None:
+            self._ground.started(odometry.T_odom_base)
+        self._odometry = odometry
         self._record.add_odometry(odometry)
         self._sync.add_odometry(odometry)
 
     def _on_hazards(self, msg: UInt8) -> None:
-        if Hazard(msg.data) & Hazard.BUMPER:
-            self._ground.bumped(self._ground.pose)
+        T_map_base = touch_pose(Hazard(msg.data), self._T_map_odom if self._recognised else None, self._odometry)
+        if T_map_base is not None:
+            self._ground.bumped(T_map_base)
 
     def _on_image(self, msg: Image) -> None:
         frame = images.frame(msg)
@@ -209,6 +210,7 @@ class VslamNode:
             self._ground.bumped(stuck.T_world_push)
         if odometry is not None:
             self._T_map_odom = (T_map_base @ odometry.T_odom_base.inverse()).wrapped()
+            self._recognised = True
 
     def _publish_tf(self) -> None:
         stamp_ns = process.now_ns() + _TF_TOLERANCE_NS
