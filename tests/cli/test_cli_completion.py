@@ -1,14 +1,36 @@
 """Completion as the shells themselves do it."""
 
+import os
 import shutil
 import subprocess
 
 import pytest
 
-from vsx_ros.cli.completion import script
+from vsx_ros.cli.completion import for_zsh, script
 from vsx_ros.cli.main import COMMANDS, parser
 
 ASK = '\nCOMP_WORDS=("$@"); COMP_CWORD=$(($#-1)); _vsx; echo "${COMPREPLY[@]}"'
+
+ASK_ZSH = r"""
+zmodload zsh/zpty
+zpty shell zsh -f -i
+zpty -w shell "source $1; source $2"
+zpty -w -n shell "$3"$'\t'
+zpty -r shell heard '*<END>*'
+print -r -- "${${heard##*<BEGIN>}%%<END>*}"
+zpty -d shell
+"""
+TELLING = r"""
+compadd() {  # as it is, and what it would add is told
+    local -a added
+    builtin compadd -O added "$@"
+    offered+=("${added[@]}")
+    builtin compadd "$@"
+}
+tell() { print -rn -- "<BEGIN>${offered[*]}<END>" }
+offered=() comppostfuncs=(tell)
+"""
+"""The real shell at a terminal of its own; the tabulator is pressed once behind the line."""
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="needs bash")
@@ -17,7 +39,7 @@ ASK = '\nCOMP_WORDS=("$@"); COMP_CWORD=$(($#-1)); _vsx; echo "${COMPREPLY[@]}"'
     [
         (["st"], ["status", "stop"]),
         (["map", ""], ["--help", "info", "export", "save", "load"]),
-        (["map", "export", "a.vsxmap", "--format", "p"], ["ply"]),
+        (["map", "export", "a.vsxmap", "--format", "p"], ["ply", "pgm"]),
         (["explore", "--base", ""], ["auto", "kobuki", "create", "create2"]),
         (["explore", "--world", "lab", "--fa"], ["--fast"]),
         (["completion", "z"], ["zsh"]),
@@ -31,8 +53,21 @@ def test_bash_offers_what_the_parser_takes(words, offered):
 
 
 @pytest.mark.skipif(shutil.which("zsh") is None, reason="needs zsh")
-def test_zsh_reads_the_script():
-    from vsx_ros.cli.completion import for_zsh
-
-    command = ["zsh", "-f", "-c", for_zsh(parser()) + "print ${_comps[vsx]}"]
-    assert "_vsx" in subprocess.run(command, capture_output=True, text=True, check=True).stdout
+@pytest.mark.parametrize(
+    ("line", "offered"),
+    [
+        ("vsx st", ["status", "stop"]),
+        ("vsx map ", ["--help", "info", "export", "save", "load"]),
+        ("vsx map export a.vsxmap --format p", ["pgm", "ply"]),
+        ("vsx explore --base ", ["auto", "kobuki", "create", "create2"]),
+        ("vsx explore --world lab --fa", ["--fast"]),
+        ("vsx ", ["--help", "--version", "--debug", *COMMANDS]),
+    ],
+)
+def test_zsh_offers_the_same(line, offered, tmp_path):
+    (tmp_path / "vsx.zsh").write_text(for_zsh(parser()))
+    (tmp_path / "telling.zsh").write_text(TELLING)
+    command = ["zsh", "-f", "-c", ASK_ZSH, "zsh", str(tmp_path / "vsx.zsh"), str(tmp_path / "telling.zsh"), line]
+    there = {**os.environ, "ZDOTDIR": str(tmp_path), "TERM": "dumb"}
+    said = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60, env=there)
+    assert sorted(said.stdout.split()) == sorted(offered)
