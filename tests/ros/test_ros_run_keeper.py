@@ -7,7 +7,6 @@ import pytest
 
 pytest.importorskip("rospy")
 
-from vsx_ros.cli.run_record import RunRecord
 from vsx_ros.config import Config
 from vsx_ros.errors import MapFileError
 from vsx_ros.geometry.se2 import SE2
@@ -19,6 +18,7 @@ from vsx_ros.ros.run_keeper import RunKeeper
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.robot import EmulatedRobot
 from vsx_ros.slam.slam import SequentialSlam
+from vsx_ros.slam.state import SlamEvent
 
 GROUND = {"start": np.zeros(3), "trail": np.zeros((0, 7)), "bumps": np.zeros((0, 7))}
 
@@ -37,21 +37,21 @@ def driven():
 
 def test_what_was_kept_is_there_for_the_next_session(driven, tmp_path: Path) -> None:
     robot, slam, frames = driven
-    keeper = RunKeeper(tmp_path, RunRecord(robot.T_base_cam_given))
+    keeper = RunKeeper(tmp_path, robot.T_base_cam_given)
     assert keeper.before is None
     for result, odometry in frames[:-5]:
-        keeper.frame(result, odometry, 0.01, 5.0, [RunEvent(result.stamp_ns, "slam", "state", "why")])
+        keeper.frame(result, odometry, 0.01, 5.0, [SlamEvent(result.stamp_ns, "lost", "why")])
     keeper.note(slam, frames[-6][0].stamp_ns, now=True)
     keeper.write(GROUND)
     for result, odometry in frames[-5:]:  # after the checkpoint, hence lost
         keeper.frame(result, odometry, 0.01, 6.0, [])
-    record = RunRecord(robot.T_base_cam_given)
-    again = RunKeeper(tmp_path, record)
+    again = RunKeeper(tmp_path, robot.T_base_cam_given)
+    record = again.record
     assert again.before is not None
     assert len(again.before.slam_map.view.living) == len(slam.slam_map().view.living)
     assert [result.stamp_ns for result in record.results] == [result.stamp_ns for result, _ in frames[:-5]]
     assert record.u2_frames == [5.0] * (len(frames) - 5)
-    assert len(record.events) == len(frames) - 5
+    assert record.events == [RunEvent(result.stamp_ns, "slam", "lost", "why") for result, _ in frames[:-5]]
     far = Odometry(frames[-1][1].stamp_ns, SE2(50.0, 0.0, 0.0))  # a base that counts anew is no break
     record.add_frame(frames[-1][0], far, 0.01, None)
     assert record.summary(slam.statistics()).breaks == 0
@@ -61,7 +61,7 @@ def test_a_full_disk_is_told_and_ends_nothing(driven, tmp_path: Path, monkeypatc
     robot, slam, frames = driven
     said: list[str] = []
     monkeypatch.setattr(process.rospy, "logerr_throttle", lambda period_s, form, error: said.append(form % error))
-    keeper = RunKeeper(tmp_path, RunRecord(robot.T_base_cam_given))
+    keeper = RunKeeper(tmp_path, robot.T_base_cam_given)
     (tmp_path / "resume" / "keyframes").touch()  # no folder, so nothing can be written into it
     keeper.note(slam, frames[-1][0].stamp_ns)
     keeper.write(GROUND)
@@ -73,4 +73,21 @@ def test_a_run_folder_of_nonsense_is_refused_at_once(tmp_path: Path) -> None:
     (tmp_path / "resume").mkdir()
     (tmp_path / "resume" / "map.zip").write_bytes(b"PK nonsense")
     with pytest.raises(MapFileError, match=r"map\.zip cannot be used"):
-        RunKeeper(tmp_path, RunRecord(SE3.identity()))
+        RunKeeper(tmp_path, SE3.identity())
+
+
+def test_the_end_leaves_the_results_and_the_last_map(driven, tmp_path: Path) -> None:
+    robot, slam, frames = driven
+    keeper = RunKeeper(tmp_path, robot.T_base_cam_given)
+    for result, odometry in frames:
+        keeper.odometry(odometry)
+        keeper.frame(result, odometry, 0.01, 5.0, [])
+    keeper.finish(slam, None, None)
+    keeper.write(GROUND)
+    assert len((tmp_path / "odometry.txt").read_text().splitlines()) >= len(frames)
+    assert len((tmp_path / "frames.csv").read_text().splitlines()) == len(frames) + 1
+    assert (tmp_path / "summary.json").exists()
+    assert not (tmp_path / "map.pgm").exists()
+    again = RunKeeper(tmp_path, robot.T_base_cam_given)
+    assert again.before is not None
+    assert again.before.stamp_ns == frames[-1][0].stamp_ns

@@ -1,4 +1,5 @@
-"""What the vslam node keeps writing into the run folder, so that a run killed at any moment can be gone on with."""
+"""What the vslam node keeps writing into the run folder, so that a run killed at any moment can be gone on with, and
+what it writes at the end."""
 
 from __future__ import annotations
 
@@ -9,15 +10,18 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from vsx_ros.arrays import Points3
 from vsx_ros.cli.run_record import RunRecord
 from vsx_ros.cli.session import CHECKPOINT_EVERY_NS
+from vsx_ros.geometry.se3 import SE3
 from vsx_ros.io.checkpoint import Saved
 from vsx_ros.io.journal import EventLine, FrameLine, Journal, read_journal
-from vsx_ros.io.run_folder import RunEvent, RunFolder
+from vsx_ros.io.run_folder import RunFolder
+from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import Odometry
 from vsx_ros.ros import process
 from vsx_ros.slam.slam_map import SlamMap
-from vsx_ros.slam.state import TrackingResult
+from vsx_ros.slam.state import SlamEvent, TrackingResult
 from vsx_ros.slam.threads import ThreadedSlam
 
 
@@ -27,20 +31,25 @@ class RunKeeper:
     A disk that takes no more is told and ends nothing: the robot drives on, and could not be resumed.
     """
 
-    def __init__(self, run_dir: Path, record: RunRecord) -> None:
-        """record: takes in what the journal of an interrupted run tells. Raises MapFileError or InputError when the
-        folder holds something damaged."""
-        folder = RunFolder(run_dir)
+    def __init__(self, run_dir: Path, T_base_cam: SE3) -> None:
+        """Goes on with what the journal of an interrupted run tells. Raises MapFileError or InputError when the folder
+        holds something damaged."""
+        self._folder = folder = RunFolder(run_dir)
         self._checkpoint = folder.checkpoint
         self.before: Saved | None = self._checkpoint.read() if self._checkpoint.exists else None
         lines = [] if self.before is None else read_journal(folder.journal)
         lines = [line for line in lines if self.before is not None and line.stamp_ns <= self.before.stamp_ns]
-        record.recall(lines)
-        record.wheels_start_anew()
+        self.record = RunRecord(T_base_cam)
+        self.record.recall(lines)
+        self.record.wheels_start_anew()
         self._journal = Journal(folder.journal, lines)
         self._lock = threading.Lock()
         self._noted: tuple[SlamMap, int, dict[str, NDArray[Any]]] | None = None
         self._due_ns = 0
+
+    def odometry(self, odometry: Odometry) -> None:
+        """A reading of the wheels; from any thread."""
+        self.record.add_odometry(odometry)
 
     def frame(
         self,
@@ -48,11 +57,14 @@ class RunKeeper:
         odometry: Odometry | None,
         track_s: float,
         u2_frames: float | None,
-        events: Sequence[RunEvent],
+        events: Sequence[SlamEvent],
     ) -> None:
         """A frame was tracked, U2 after it, and what it told."""
+        told = len(self.record.events)
+        self.record.add_frame(result, odometry, track_s, u2_frames)
+        self.record.add_slam_events(events)
         T_odom_base = None if odometry is None else odometry.T_odom_base
-        lines = [EventLine(**event._asdict()) for event in events]
+        lines = [EventLine(**event._asdict()) for event in self.record.events[told:]]
         with process.told():
             self._journal.add(*lines, FrameLine.of(result, T_odom_base, 1e3 * track_s, u2_frames))
 
@@ -72,3 +84,14 @@ class RunKeeper:
             slam_map, stamp_ns, record = noted
             with process.told():
                 self._checkpoint.write(Saved(slam_map, stamp_ns, {**record, **ground}, {}))
+
+    def finish(self, slam: ThreadedSlam, surface: Points3 | None, grid: OccupancyGrid | None) -> None:
+        """Write the results of the run, with what there is of spots of surface (N, 3) [m] and ground map; and note its
+        last map."""
+        self._folder.path.mkdir(parents=True, exist_ok=True)
+        self.record.write(self._folder, slam.snapshot(), surface)
+        if grid is not None:
+            self._folder.write_map(grid)
+        self._folder.write_summary(self.record.summary(slam.statistics()).as_dict())
+        if self.record.results:
+            self.note(slam, self.record.results[-1].stamp_ns, now=True)

@@ -28,14 +28,12 @@ from std_srvs.srv import Trigger, TriggerRequest, TriggerResponse
 from tf2_msgs.msg import TFMessage
 
 from vsx_hw.readings import Hazard
-from vsx_ros.cli.run_record import RunRecord
 from vsx_ros.config import Config
 from vsx_ros.control.stuck import StuckWatch
 from vsx_ros.dense.densify import UPDATE_EVERY_S
 from vsx_ros.errors import MapFileError
 from vsx_ros.geometry.camera import mount_pose
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.io.run_folder import RunFolder
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
 from vsx_ros.robot import Odometry
 from vsx_ros.ros import convert, images, process, topics
@@ -78,8 +76,7 @@ class VslamNode:
         load_map = str(rospy.get_param("~load_map", ""))
         self._loaded = load_slam_map(Path(load_map)) if load_map else None
         self._sync = SensorSync()
-        self._record = RunRecord(self._T_base_cam)
-        self._keeper = RunKeeper(Path(self._run_dir), self._record) if self._run_dir else None
+        self._keeper = RunKeeper(Path(self._run_dir), self._T_base_cam) if self._run_dir else None
         before = self._keeper.before if self._keeper is not None else None
         self._counted = None if before is None else TrackingRecord.restored(before.state)
         self._slam: ThreadedSlam | None = None
@@ -117,7 +114,8 @@ class VslamNode:
         if self._odometry is None and self._loaded is None:
             self._ground.started(odometry.T_odom_base)
         self._odometry = odometry
-        self._record.add_odometry(odometry)
+        if self._keeper is not None:
+            self._keeper.odometry(odometry)
         self._sync.add_odometry(odometry)
 
     def _on_hazards(self, msg: UInt8) -> None:
@@ -175,12 +173,9 @@ class VslamNode:
             heard_s = now_s
 
     def _remember(self, slam: ThreadedSlam, result: TrackingResult, odometry: Odometry | None, track_s: float) -> None:
-        told = len(self._record.events)
-        u2_frames = slam.statistics().u2_frames
-        self._record.add_frame(result, odometry, track_s, u2_frames)
-        self._record.add_slam_events(slam.drain_events())
+        events = slam.drain_events()
         if self._keeper is not None:
-            self._keeper.frame(result, odometry, track_s, u2_frames, self._record.events[told:])
+            self._keeper.frame(result, odometry, track_s, slam.statistics().u2_frames, events)
             self._keeper.note(slam, result.stamp_ns)
 
     def _first_camera_info(self) -> CameraInfo:
@@ -239,16 +234,9 @@ class VslamNode:
         self._dense.close()
         if self._slam is not None:
             self._slam.close()
-            if self._run_dir:
-                folder = RunFolder(Path(self._run_dir))
-                folder.path.mkdir(parents=True, exist_ok=True)
-                snapshot = self._slam.snapshot()
-                self._record.write(folder, snapshot, self._dense.points(snapshot))
-                if self._metric and self._ground.grid is not None:
-                    folder.write_map(self._ground.grid)
-                folder.write_summary(self._record.summary(self._slam.statistics()).as_dict())
-            if self._keeper is not None and self._record.results:
-                self._keeper.note(self._slam, self._record.results[-1].stamp_ns, now=True)
+            if self._keeper is not None:
+                grid = self._ground.grid if self._metric else None
+                self._keeper.finish(self._slam, self._dense.points(self._slam.snapshot()), grid)
                 self._keeper.write(self._ground.state())
             slam_map = self._slam.slam_map()
             if self._save_map and slam_map is not None:
