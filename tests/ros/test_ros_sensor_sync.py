@@ -67,3 +67,13 @@ def test_an_image_out_of_order_is_dropped() -> None:
     sync.add_frame(Frame(20, IMAGE))
     assert sync.take(0.0) is None
     assert sync.dropped == 1
+
+
+def test_a_clock_that_was_set_back_is_known_until_it_has_caught_up() -> None:
+    sync = SensorSync()
+    behind_s = []
+    for stamp_ns in (5000 * MS, 2000 * MS, 2100 * MS, 5100 * MS):
+        sync.add_frame(Frame(stamp_ns, IMAGE))
+        sync.take(0.0)
+        behind_s.append(sync.behind_s)
+    assert behind_s == pytest.approx([0.0, 3.0, 2.9, 0.0])

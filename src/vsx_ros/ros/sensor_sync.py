@@ -15,7 +15,10 @@ _MAX_EXTRAPOLATION_NS = 200_000_000
 
 
 class SensorSync:
-    """Two callbacks put in, one thread takes out. Images that nobody took in time are dropped and counted."""
+    """Two callbacks put in, one thread takes out. Images that nobody took in time are dropped and counted.
+
+    ``behind_s``: by how much the last image was older than one already taken, which is why it was dropped; else 0.
+    """
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
@@ -23,6 +26,7 @@ class SensorSync:
         self._frame: Frame | None = None
         self._last_taken_ns = -1
         self.dropped = 0
+        self.behind_s = 0.0
 
     def add_odometry(self, odometry: Odometry) -> None:
         """Remember a reading; readings out of order are left out."""
@@ -48,6 +52,7 @@ class SensorSync:
             if not self._changed.wait_for(lambda: self._frame is not None, timeout_s) or self._frame is None:
                 return None
             frame, self._frame = self._frame, None
+            self.behind_s = max(0.0, (self._last_taken_ns - frame.stamp_ns) * 1e-9)
             if frame.stamp_ns <= self._last_taken_ns:
                 self.dropped += 1
                 return None

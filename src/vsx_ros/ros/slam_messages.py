@@ -56,9 +56,16 @@ class SlamStatus:
         self._diagnostics.set("input", process.ERROR, reason)
         rospy.logwarn_throttle(10.0, "%s", reason)
 
-    def without_images(self) -> None:
+    def without_images(self, reason: str = "no image comes") -> None:
         """No image came for a while: nobody knows any more where the camera is, though nothing is lost yet."""
-        self._change(TrackingState.DUBIOUS if self._state is TrackingState.GOOD else self._state, "no image comes")
+        self._change(TrackingState.DUBIOUS if self._state is TrackingState.GOOD else self._state, reason)
+
+    def clock_set_back(self, seconds: float) -> None:
+        """Images come, but with stamps from before those already seen, so they cannot be used."""
+        self.without_images("the clock was set back")
+        reason = f"images are stamped {seconds:.1f} s before those seen already: the clock was set back; start vslam anew"
+        self._diagnostics.set("input", process.ERROR, reason)
+        rospy.logerr_throttle(10.0, "%s", reason)
 
     def frame(self, result: TrackingResult, period_s: float, dropped: int) -> None:
         """One frame was tracked, ``period_s`` after the one before; ``dropped`` counts those never looked at."""

@@ -56,6 +56,7 @@ _MAP_PERIOD_S = 1.0
 _TF_PERIOD_S = 0.05
 _TF_TOLERANCE_NS = 100_000_000
 _SILENCE_S = 3.0
+_CLOCK_BACK_S = 1.0
 # What tracking of this quality achieves against a metric map; the SLAM states no covariance of its own.
 _SIGMA = {TrackingState.GOOD: (0.02, 0.01), TrackingState.DUBIOUS: (0.06, 0.03)}
 
@@ -152,7 +153,9 @@ class VslamNode:
             taken = self._sync.take(timeout_s=0.2)
             now_s = time.monotonic()
             if taken is None:
-                if now_s - heard_s > _SILENCE_S:
+                if self._sync.behind_s > _CLOCK_BACK_S:
+                    self._status.clock_set_back(self._sync.behind_s)
+                elif now_s - heard_s > _SILENCE_S:
                     self._status.waiting_for(topics.IMAGE)
                 elif now_s - heard_s > TIMEOUT_S:
                     self._status.without_images()
