@@ -63,7 +63,9 @@ class SlamStatus:
     def clock_set_back(self, seconds: float) -> None:
         """Images come, but with stamps from before those already seen, so they cannot be used."""
         self.without_images("the clock was set back")
-        reason = f"images are stamped {seconds:.1f} s before those seen already: the clock was set back; start vslam anew"
+        reason = (
+            f"images are stamped {seconds:.1f} s before those seen already: the clock was set back; start vslam anew"
+        )
         self._diagnostics.set("input", process.ERROR, reason)
         rospy.logerr_throttle(10.0, "%s", reason)
 
