@@ -198,3 +198,14 @@ def test_a_real_corner_of_three_planes():
     assert found == pytest.approx(angles, abs=3.0)
     # The sheets stand at right angles; the reference, made with the camera matrix of another sequence, misses by 2.5.
     assert found == pytest.approx([90.0] * 3, abs=1.5)
+
+
+def test_every_point_is_in_the_tiles_that_cover_it():
+    points = np.array([[0.1, 0.1], [-0.1, 0.1], [3.9, -2.0]])
+    tiles = dict(plane_finding._tiled(points, 0.5))
+    for key, rows in tiles.items():
+        low = 0.5 * np.array(key)
+        assert ((points[rows] >= low) & (points[rows] < low + 1.0)).all()
+    assert sorted(np.concatenate(list(tiles.values())).tolist()) == sorted(4 * [0, 1, 2])
+    assert list(tiles) == sorted(tiles)
+    assert not list(plane_finding._tiled(np.zeros((0, 2)), 0.5))

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsx_ros.arrays import IntArray
+from vsx_ros.arrays import IntArray, Points3
 from vsx_ros.config import DenseConfig
 from vsx_ros.dense.cells import Cells
 from vsx_ros.dense.photoconsistency import KeyframeImages, Views
@@ -22,6 +22,13 @@ _UNSETTLED = 2
 _MOVED_M = 0.02
 UPDATE_EVERY_S = 1.5
 """Planes change slowly, and merging all of them costs the same for one new keyframe as for three."""
+_KEYFRAMES_OF_A_LAB = 800
+
+
+def update_every_s(keyframes: int) -> float:
+    """How often a map of so many keyframes is worth an update [s]: what one costs grows with the map, its share of the
+    time shall not."""
+    return UPDATE_EVERY_S * max(1.0, keyframes / _KEYFRAMES_OF_A_LAB)
 
 
 class DenseMap(NamedTuple):
@@ -37,6 +44,13 @@ class DenseMap(NamedTuple):
     def is_due(self, snapshot: MapSnapshot) -> bool:
         """Whether an update would tell more: the snapshot has a new keyframe, or work is left."""
         return not self.complete or int(snapshot.keyframe_ids[-1]) != self.newest_keyframe
+
+
+class _Seen(NamedTuple):
+    """Observations: keyframes (rows of the views) and points (rows of the snapshot), ordered by keyframe."""
+
+    keyframe: IntArray
+    point: IntArray
 
 
 class Densifier:
@@ -59,30 +73,33 @@ class Densifier:
         views = self._images.views(snapshot, max(0, len(snapshot.images) - _UNSETTLED))
         fresh = np.flatnonzero([number not in self._used for number in views.ids.tolist()])
         self._used = set(views.ids.tolist())
-        every = np.arange(len(views.ids))
+        settled = snapshot.obs_keyframe < len(views.ids)
+        every = _Seen(snapshot.obs_keyframe[settled], snapshot.obs_point[settled])
+        anew = np.isin(every.keyframe, fresh)
+        looks = fresh, _Seen(every.keyframe[anew], every.point[anew]), every
         kept: dict[int, Surface] = {}
         for plane in surfaces:
-            kept[plane.id] = self._prepared(plane, snapshot, views, fresh, every)
+            kept[plane.id] = self._prepared(plane, snapshot.points_world, views, *looks)
         self._surfaces = kept
         self._work(surfaces, snapshot, views, self._config.cells_per_update if budget is None else budget)
-        cells = Cells.concatenated([self._cells(plane, snapshot) for plane in surfaces])
+        seen_by = np.zeros(len(snapshot.points_world), np.int64)
+        seen_by[snapshot.obs_point] = snapshot.keyframe_ids[snapshot.obs_keyframe]
+        cells = Cells.concatenated([self._cells(plane, snapshot, seen_by) for plane in surfaces])
         complete = not any(surface.due.any() for surface in kept.values())
         newest = int(snapshot.keyframe_ids[-1]) if len(snapshot.keyframe_ids) else -1
         return DenseMap(snapshot.version, newest, planes, cells, complete)
 
-    def _prepared(self, plane: Plane, snapshot: MapSnapshot, views: Views, fresh: IntArray, every: IntArray) -> Surface:
+    def _prepared(
+        self, plane: Plane, points: Points3, views: Views, fresh: IntArray, anew: _Seen, every: _Seen
+    ) -> Surface:
         """The plane's surface with everything the fresh keyframes show marked as due; anew if the plane has moved."""
         surface, unit = self._surfaces.get(plane.id), self._finder.unit
         if surface is None or moved(surface.judged_at, plane, _MOVED_M * unit):
-            surface = Surface(plane, self._config, unit, self._has_floor)
-            fresh = every
+            surface, anew = Surface(plane, self._config, unit, self._has_floor), every
         else:
             surface.extended(plane)
             surface.seen_anew(plane, views.at(fresh))
-        observed = np.isin(snapshot.obs_keyframe, fresh)
-        surface.look_through(
-            plane, views.centres, snapshot.points_world, snapshot.obs_keyframe[observed], snapshot.obs_point[observed]
-        )
+        surface.look_through(plane, views.centres, points, anew.keyframe, anew.point)
         return surface
 
     def _work(self, planes: list[Plane], snapshot: MapSnapshot, views: Views, budget: int) -> None:
@@ -96,8 +113,6 @@ class Densifier:
             if budget > 0 and surface.due.any():
                 budget -= surface.work(plane, views, budget)
 
-    def _cells(self, plane: Plane, snapshot: MapSnapshot) -> Cells:
-        seen_by = np.zeros(len(snapshot.points_world), np.int64)
-        seen_by[snapshot.obs_point] = snapshot.keyframe_ids[snapshot.obs_keyframe]
+    def _cells(self, plane: Plane, snapshot: MapSnapshot, seen_by: IntArray) -> Cells:
         points = snapshot.points_world[plane.points]
         return self._surfaces[plane.id].cells(plane, points, seen_by[plane.points], snapshot.keyframe_ids)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -92,20 +93,12 @@ class PlaneFinder:
     def _redo(self, points: ObservedPoints) -> None:
         """Find the planes of tiles, half overlapping, whose points are no longer what they were."""
         assert self._unit is not None
-        dimensions = 2 if self._has_floor else 3
-        stride = 0.5 * self._config.tile_m * self._unit
-        steps = np.floor(points.world[:, :dimensions] / stride).astype(np.int64)
-        shifts = np.indices((2,) * dimensions).reshape(dimensions, -1).T
-        every = np.concatenate([steps - shift for shift in shifts])
-        keys, number = np.unique(every, axis=0, return_inverse=True)
-        order = np.argsort(number.ravel(), kind="stable")
-        rows = np.split(order % len(points.world), np.cumsum(np.bincount(number.ravel()))[:-1])
         fresh: dict[Key, _Tile] = {}
         noise = noise_of(self._config, self._unit)
-        for key, members in zip(map(tuple, keys.tolist()), rows):
-            inside = points.at(np.sort(members))
+        for key, rows in _tiled(points.world[:, : 2 if self._has_floor else 3], 0.5 * self._config.tile_m * self._unit):
             old = self._tiles.get(key)
-            if old is None or _changed(old, inside, noise, self._config.min_points):
+            if old is None or _changed(old, points, rows, noise, self._config.min_points):
+                inside = points.at(rows)
                 rng = np.random.default_rng([self._seed, *(2 * abs(k) + (k < 0) for k in key)])
                 planes = planes_of_tile(inside, self._config, self._has_floor, self._unit, rng)
                 old = _Tile(inside.ids, inside.world, planes)
@@ -156,18 +149,34 @@ def _rows_of(ids: IntArray, among: IntArray) -> IntArray:
     return kept
 
 
-def _changed(old: _Tile, now: ObservedPoints, noise: Noise, min_points: int) -> bool:
-    """Whether more than a few of the points are new, gone or elsewhere, or enough for another plane are where none of
-    the tile's planes is."""
-    _, before, after = np.intersect1d(old.ids, now.ids, assume_unique=True, return_indices=True)
-    still = after[np.abs(old.world[before] - now.world[after]).max(axis=1, initial=0.0) <= _MOVED_M]
-    most = max(len(old.ids), len(now.ids))
-    if most - len(still) > _CHANGED * most:
+def _tiled(points: FloatArray, stride: float) -> Iterator[tuple[Key, IntArray]]:
+    """The tiles, two strides wide, of (N, 2 or 3) points, in ascending order, with the ascending rows of their points;
+    each point is in every tile that covers it."""
+    steps = np.floor(points / stride).astype(np.int64)
+    shifts = np.indices((2,) * points.shape[1]).reshape(points.shape[1], -1).T
+    every = np.concatenate([steps - shift for shift in shifts])
+    low = every.min(axis=0, initial=0)
+    number = np.ravel_multi_index(tuple((every - low).T), tuple(every.max(axis=0, initial=0) - low + 1))
+    order = np.argsort(number, kind="stable")
+    first = np.flatnonzero(np.diff(number[order], prepend=-1))
+    for key, rows in zip(every[order[first]].tolist(), np.split(order % max(len(points), 1), first[1:])):
+        yield tuple(key), np.sort(rows)
+
+
+def _changed(old: _Tile, points: ObservedPoints, rows: IntArray, noise: Noise, min_points: int) -> bool:
+    """Whether more than a few of the tile's points (rows) are new, gone or elsewhere, or enough for another plane are
+    where none of the tile's planes is."""
+    ids, world = points.ids[rows], points.world[rows]
+    place = np.minimum(np.searchsorted(old.ids, ids), len(old.ids) - 1)
+    known = old.ids[place] == ids
+    known[known] = np.abs(old.world[place[known]] - world[known]).max(axis=1, initial=0.0) <= _MOVED_M
+    most = max(len(old.ids), len(ids))
+    if most - np.count_nonzero(known) > _CHANGED * most:
         return True
-    rows = np.setdiff1d(np.arange(len(now.ids)), still, assume_unique=True)
+    astray = rows[~known]
     for fit, _ in old.planes:
-        rows = rows[~on_plane(now, rows, fit, noise)]
-    return len(rows) >= min_points
+        astray = astray[~on_plane(points, astray, fit, noise)]
+    return len(astray) >= min_points
 
 
 def _extent(coordinates: FloatArray) -> FloatArray:

@@ -34,16 +34,50 @@ class Found(NamedTuple):
 def merged(pieces: list[Found], points: ObservedPoints, min_points: int, noise: Noise, unit: float) -> list[Found]:
     """The planes of all tiles, each once, each point on the one it fits best, those of most points first."""
     groups: list[Found] = []
+    table = _Table(len(pieces))
     for piece in sorted(pieces, key=lambda piece: -len(piece.rows)):
-        for k, group in enumerate(groups):
-            joined = _joined(group, piece, points, noise, unit)
+        low, high = points.world[piece.rows].min(axis=0), points.world[piece.rows].max(axis=0)
+        for k in table.near(piece, low, high, noise, unit):
+            joined = _joined(groups[k], piece, points, noise, unit)
             if joined is not None:
                 groups[k] = joined
+                table.enter(k, joined, points)
                 break
         else:
             groups.append(piece)
+            table.enter(len(groups) - 1, piece, points)
     groups = _shared_out(groups, points, min_points, noise, unit)
     return _shared_out(groups, points, min_points, noise, unit)
+
+
+class _Table:
+    """The groups of planes so far, side by side, to leave out at once those that a piece cannot join: a building has
+    hundreds of them."""
+
+    def __init__(self, most: int) -> None:
+        self._count = 0
+        self._attitude = np.zeros(most, np.int64)
+        self._normal, self._middle = np.zeros((most, 3)), np.zeros((most, 3))
+        self._axes, self._box = np.zeros((most, 2, 3)), np.zeros((most, 2, 2))
+
+    def enter(self, k: int, group: Found, points: ObservedPoints) -> None:
+        """As group k."""
+        self._count = max(self._count, k + 1)
+        self._attitude[k], self._normal[k], self._middle[k] = group.fit.attitude, group.fit.normal, group.fit.middle
+        self._axes[k], self._box[k] = in_plane_axes(group.fit.normal), _box(group, points, 0.0)
+
+    def near(self, piece: Found, low: FloatArray, high: FloatArray, noise: Noise, unit: float) -> IntArray:
+        """The groups, in order, that ``_joined`` might join with a piece whose points lie between low and high (3,)."""
+        n, slack = self._count, 1e-9
+        same = (self._attitude[:n] == piece.fit.attitude) & (
+            self._normal[:n] @ piece.fit.normal > _MAX_ANGLE_COS - slack
+        )
+        k = np.flatnonzero(same)
+        off = np.abs(((piece.fit.middle - self._middle[k]) * self._normal[k]).sum(axis=1))
+        centre, half = self._axes[k] @ (0.5 * (low + high)), np.abs(self._axes[k]) @ (0.5 * (high - low))
+        gap = np.maximum(self._box[k, 0] - (centre + half), (centre - half) - self._box[k, 1]).max(axis=1, initial=-1.0)
+        kept: IntArray = k[(off < 4.0 * noise.limit + slack) & (gap < _GAP_M * unit + slack)]
+        return kept
 
 
 def _joined(a: Found, b: Found, points: ObservedPoints, noise: Noise, unit: float) -> Found | None:
