@@ -11,14 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import FloatArray, Points3
+from vsx_ros.arrays import Points3
 from vsx_ros.config import Config
-from vsx_ros.control.caution import Caution
 from vsx_ros.control.pose_fusion import PoseFuser
 from vsx_ros.control.stuck import Stuck
-from vsx_ros.control.trajectory_tracker import FollowResult, FollowStatus, TrajectoryTracker
 from vsx_ros.dense.anchored import AnchoredSpots
-from vsx_ros.dense.densify import UPDATE_EVERY_S, DenseMap, Densifier
+from vsx_ros.dense.densify import DenseMap, Densifier, update_every_s
 from vsx_ros.dense.mapped_ground import MappedGround
 from vsx_ros.exploration.along import ways_of
 from vsx_ros.exploration.decision import Action, Decision, NavigationState, Situation
@@ -27,22 +25,18 @@ from vsx_ros.exploration.mission import Mission
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
+from vsx_ros.navigator import Navigator, Surroundings
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.planning.ahead import obstacle_ahead
-from vsx_ros.planning.path import Refusal, Trajectory
 from vsx_ros.planning.planner import Planner, UnconstrainedPlanner
-from vsx_ros.planning.sight import Sight
-from vsx_ros.planning.time_scaling import time_scale
-from vsx_ros.robot import STOP, Frame, Odometry, VelocityCommand
+from vsx_ros.robot import Frame, Odometry, VelocityCommand
 from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.slam_map import SlamMap
 from vsx_ros.slam.snapshot import MapSnapshot
-from vsx_ros.slam.state import TrackingResult, TrackingState
+from vsx_ros.slam.state import TrackingResult
 from vsx_ros.slam.tracking_record import TrackingRecord
 
 _DECIDE_EVERY_NS = 200_000_000
 _MAP_EVERY_NS = 500_000_000
-_DENSIFY_EVERY_NS = round(UPDATE_EVERY_S * 1e9)
 
 
 class StepResult(NamedTuple):
@@ -55,13 +49,6 @@ class StepResult(NamedTuple):
     follow_error_m: float | None
 
 
-class Surroundings(NamedTuple):
-    """What a plan takes into account: the map, if there is one, and landmarks (M, 3) [m] to keep in view."""
-
-    grid: OccupancyGrid | None
-    landmarks_world: FloatArray
-
-
 class Memory(NamedTuple):
     """What another session needs to go on: the map, what was counted and driven, by name, and what the mission
     remembers."""
@@ -69,111 +56,6 @@ class Memory(NamedTuple):
     slam_map: SlamMap
     state: dict[str, NDArray[Any]]
     mission: MissionMemory
-
-
-class Navigator:
-    """Plans to a goal and follows the plan; what the move_base and follower nodes are on the robot."""
-
-    def __init__(self, config: Config, planner: Planner | UnconstrainedPlanner, seed: int) -> None:
-        self._config = config
-        self._planner = planner
-        self._blind = Planner(config.planner, config.robot)
-        self._rng = np.random.default_rng(seed)
-        self._tracker = TrajectoryTracker(config.follower, config.limits)
-        self._caution = Caution(config.follower)
-        self._frame = "map"
-        self._goal = SE2()
-        self._replans_left = 0
-        self._replanning = ""
-        self._checked: OccupancyGrid | None = None
-        self.state = NavigationState.IDLE
-        self.reason = ""
-        self.trajectory: Trajectory | None = None
-        self.plans = 0
-
-    def go(
-        self,
-        now_ns: int,
-        start: SE2 | None,
-        goal: SE2,
-        frame: str,
-        around: Surroundings,
-    ) -> None:
-        """Plan from start to goal (both in ``frame``) and begin to follow, or end ABORTED with the reason.
-
-        Where the base leaves the path, or a newer map shows an obstacle on it, the base stops, and another path is
-        planned from there, a few times.
-        """
-        self._frame, self._goal, self._replanning = frame, goal, ""
-        self._replans_left = self._config.follower.replans_after_divergence
-        self._begin(now_ns, start, around)
-
-    def _begin(self, now_ns: int, start: SE2 | None, around: Surroundings) -> None:
-        self.plans += 1
-        (grid, landmarks_world), goal, frame = around, self._goal, self._frame
-        if start is None or (frame == "map" and grid is None):
-            self._end(NavigationState.ABORTED, "no pose or no map to plan with")
-            return
-        if frame == "odom" or grid is None:
-            plan = self._blind.plan_blind(start, goal)
-        elif isinstance(self._planner, Planner) and len(landmarks_world):
-            sight = Sight.of(landmarks_world, self._config.planner)
-            plan = self._planner.plan(start, goal, grid, self._rng, sight)
-        else:
-            plan = self._planner.plan(start, goal, grid, self._rng)
-        if isinstance(plan, Refusal):
-            self._end(NavigationState.ABORTED, plan.reason)
-            return
-        config = self._config
-        self.trajectory = time_scale(plan.path, config.limits, plan.blind_spans, config.planner.blind_v_m_s)
-        self._tracker.start(self.trajectory, now_ns)
-        self.state, self.reason, self._checked = NavigationState.ACTIVE, "", grid
-
-    def cancel(self) -> None:
-        """Give up the goal; the wheels stop at the next command."""
-        self._tracker.cancel()
-        self._end(NavigationState.ABORTED, "cancelled")
-
-    def command(
-        self, now_ns: int, odometry: Odometry, fuser: PoseFuser, state: TrackingState, around: Surroundings
-    ) -> FollowResult:
-        """The velocity that follows the plan; a stop when there is none."""
-        if self.state is not NavigationState.ACTIVE:
-            return FollowResult(STOP, FollowStatus.IDLE, "")
-        blind = self._frame == "odom"
-        pose = odometry.T_odom_base if blind else fuser.pose()
-        if self._replanning:
-            if not odometry.stands:
-                return FollowResult(STOP, FollowStatus.DIVERGED, self._replanning)
-            self._replanning = ""
-            self._begin(now_ns, pose, around)
-            return FollowResult(STOP, FollowStatus.IDLE, self.reason)
-        if obstacle := self._obstacle_ahead(around.grid):
-            self._tracker.cancel()
-            result = FollowResult(STOP, FollowStatus.DIVERGED, obstacle)
-        elif blind:
-            result = self._tracker.command(now_ns, pose, 0.0, True)
-        else:
-            factor = self._caution.speed_factor(now_ns, state)
-            result = self._tracker.command(now_ns, pose, fuser.slam_age_s(now_ns), state.tracked, factor)
-        if result.status is FollowStatus.ARRIVED:
-            self._end(NavigationState.SUCCEEDED, result.reason)
-        elif result.status is FollowStatus.DIVERGED and self._replans_left > 0:
-            self._replans_left -= 1
-            self._replanning = result.reason
-        elif result.status is FollowStatus.DIVERGED:
-            self._end(NavigationState.ABORTED, result.reason)
-        return result
-
-    def _obstacle_ahead(self, grid: OccupancyGrid | None) -> str:
-        """What a map that was not yet looked at shows on the way."""
-        if self._frame == "odom" or grid is None or grid is self._checked or self.trajectory is None:
-            return ""
-        self._checked = grid
-        return obstacle_ahead(self.trajectory, self._tracker.progress_s, grid, self._config.robot.radius_m)
-
-    def _end(self, state: NavigationState, reason: str) -> None:
-        self.state, self.reason, self.trajectory = state, reason, None
 
 
 class ExplorationSystem:
@@ -199,7 +81,7 @@ class ExplorationSystem:
         self.ground = MappedGround(config)
         self._densifier = Densifier(camera, T_base_cam, config.dense, seed) if config.dense.enabled else None
         self._fuser = PoseFuser()
-        self._map_version = -1
+        self._mapped = (-1, 0)
         self._next_map_ns = self._next_dense_ns = self._next_decision_ns = 0
         record = None if memory is None else TrackingRecord.restored(memory.state)
         slam_map = slam_map if memory is None else memory.slam_map
@@ -277,12 +159,13 @@ class ExplorationSystem:
             return
         snapshot = self.slam.snapshot()
         denser = now_ns >= self._next_dense_ns and self._densify(snapshot)
-        if self.grid is not None and not denser and snapshot.version == self._map_version:
+        known = snapshot.version, self.ground.counts[1]
+        if self.grid is not None and not denser and known == self._mapped:
             return
         if denser:
-            self._next_dense_ns = now_ns + _DENSIFY_EVERY_NS
+            self._next_dense_ns = now_ns + round(1e9 * update_every_s(len(snapshot.keyframe_ids)))
         self._next_map_ns = now_ns + _MAP_EVERY_NS
-        self._map_version = snapshot.version
+        self._mapped = known
         self.grid = self.ground.grid(snapshot)
 
     def _densify(self, snapshot: MapSnapshot) -> bool:

@@ -8,11 +8,11 @@ from vsx_ros.control.pose_fusion import PoseFuser
 from vsx_ros.exploration.decision import NavigationState
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.unicycle import integrate
+from vsx_ros.navigator import Navigator, Surroundings
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 from vsx_ros.planning.planner import Planner
 from vsx_ros.robot import Odometry
 from vsx_ros.slam.state import TrackingState
-from vsx_ros.system import Navigator, Surroundings
 
 STEP_NS = 33_333_333
 OPEN = OccupancyGrid(np.zeros((160, 160), np.int8), 0.05, -4.0, -4.0)
