@@ -16,44 +16,26 @@ A client that ever renewed move_base/lease must go on doing so while its goal is
 
 from __future__ import annotations
 
-import json
 import threading
-import time
 
 import actionlib
-import numpy as np
 import rospy
 from geometry_msgs.msg import PoseStamped
-from move_base_msgs.msg import MoveBaseAction, MoveBaseActionGoal, MoveBaseFeedback, MoveBaseGoal
+from move_base_msgs.msg import MoveBaseAction, MoveBaseActionGoal, MoveBaseGoal
 from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
-from nav_msgs.msg import Path as PathMsg
 from nav_msgs.srv import GetPlan, GetPlanRequest, GetPlanResponse
 from sensor_msgs.msg import PointCloud2
-from std_msgs.msg import Float32, String
-from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from vsx_ros.config import Config
-from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.errors import VsxError
-from vsx_ros.geometry.se2 import SE2
-from vsx_ros.planning.ahead import obstacle_ahead
-from vsx_ros.planning.path import Plan, Refusal, Trajectory
-from vsx_ros.planning.time_scaling import time_scale
-from vsx_ros.ros import convert, frames, process, topics, trajectory_messages
+from vsx_ros.planning.path import Refusal
+from vsx_ros.ros import convert, frames, process, topics
 from vsx_ros.ros.adjustable import adjustable_of_plans, serve_adjustable
 from vsx_ros.ros.goal_plans import GoalPlans
-from vsx_ros.ros.lease import PERIOD_S, Lease, LeaseWatch
-from vsx_ros.ros.localization import Localization
+from vsx_ros.ros.pursuit import Pursuit, path_msg
 from vsx_ros.ros.warm_up import warm_up_planning
 
-_STAND_WAIT_S = 1.5
-_STOP_WAIT_S = 0.3
 _LAST_WORD_S = 0.5
-_NEAR_M, _NEAR_RAD = 0.04, 0.06
-_FOLLOWER_SILENCE_S = 1.0
-_PLAN_STEP_M = 0.05
-_PLAN_WITHIN_S, _LOOK_WITHIN_S = 15.0, 2.0
-"""Plans take a second or two, looks at the drive no time; a thread that needs this long hangs, and the base stops."""
 
 
 class MoveBaseNode:
@@ -64,26 +46,17 @@ class MoveBaseNode:
         self._plans = GoalPlans(config, kind, seed)
         warm_up_planning(self._plans.blind, config)
         self._pursuing = threading.Lock()
-        self._follower: dict[str, object] = {}
-        self._follower_s = 0.0
-        self._where = Localization()
-        self._clients = LeaseWatch(topics.NAVIGATION_LEASE)
-        self._lease = Lease(topics.FOLLOWER_LEASE, "move_base")
         self._diagnostics = process.Diagnostics()
-        self._path_pub = rospy.Publisher(topics.GLOBAL_PLAN, PathMsg, queue_size=1, latch=True)
-        self._trajectory_pub = rospy.Publisher(topics.TRAJECTORY, MultiDOFJointTrajectory, queue_size=2, latch=True)
-        self._plan_ms_pub = rospy.Publisher(topics.PLAN_MS, Float32, queue_size=10, latch=True)
         self._goal_pub = rospy.Publisher(f"{topics.MOVE_BASE_ACTION}/goal", MoveBaseActionGoal, queue_size=2)
         process.subscribe(topics.MAP, OccupancyGridMsg, self._on_map, queue_size=1)
         process.subscribe(topics.MAP_POINTS, PointCloud2, self._on_points, queue_size=1, buff_size=2**22)
-        process.subscribe(topics.FOLLOWER_STATUS, String, self._on_follower, queue_size=5, tcp_nodelay=True)
         process.subscribe(topics.SIMPLE_GOAL, PoseStamped, self._on_simple_goal, queue_size=1)
         rospy.Service(topics.MAKE_PLAN, GetPlan, self._on_make_plan)
         self._server = actionlib.SimpleActionServer(
             topics.MOVE_BASE_ACTION, MoveBaseAction, self._execute, auto_start=False
         )
+        self._pursuit = Pursuit(self._server, self._plans, self._diagnostics)
         self._server.start()
-        process.every(PERIOD_S, "lease", self._lease.keep)
         serve_adjustable(config, adjustable_of_plans(config.limits), self._plans.change)
 
     # Callbacks -----------------------------------------------------------------------------------------------
@@ -94,9 +67,6 @@ class MoveBaseNode:
     def _on_points(self, msg: PointCloud2) -> None:
         self._plans.take_landmarks(convert.cloud_points(msg), msg.header.stamp.to_nsec())
 
-    def _on_follower(self, msg: String) -> None:
-        self._follower, self._follower_s = json.loads(msg.data), time.monotonic()
-
     def _on_simple_goal(self, msg: PoseStamped) -> None:
         self._goal_pub.publish(MoveBaseActionGoal(goal=MoveBaseGoal(msg)))
 
@@ -106,7 +76,7 @@ class MoveBaseNode:
         if isinstance(plan, Refusal):
             rospy.logwarn("make_plan: %s", plan.reason)
             return GetPlanResponse()
-        return GetPlanResponse(self._path_msg(plan, goal[0]))
+        return GetPlanResponse(path_msg(plan, goal[0]))
 
     # One goal ------------------------------------------------------------------------------------------------
 
@@ -117,15 +87,15 @@ class MoveBaseNode:
     def _see_through(self, goal: MoveBaseGoal) -> None:
         """Pursue the goal, and tell how it ended."""
         try:
-            arrived, reason = self._pursue(goal.target_pose)
+            arrived, reason = self._pursuit.pursue(goal.target_pose)
             if self._server.is_preempt_requested() and not process.is_ending():
-                self._come_to_rest(frames.bare(goal.target_pose.header.frame_id))
+                self._pursuit.come_to_rest(frames.bare(goal.target_pose.header.frame_id))
         except VsxError as error:
             arrived, reason = False, str(error)
         finally:
-            self._lease.promise(0.0)
-        if arrived or not self._server.is_new_goal_available():  # a follower that starts anew finds nothing to follow
-            self._trajectory_pub.publish(trajectory_messages.trajectory_msg(None, topics.MAP_FRAME, process.now_ns()))
+            self._pursuit.let_go()
+        if arrived or not self._server.is_new_goal_available():
+            self._pursuit.clear()
         rospy.loginfo("goal %s: %s", "reached" if arrived else "given up", reason)
         self._diagnostics.set("goal", process.OK if arrived else process.WARN, reason)
         if arrived:
@@ -135,128 +105,11 @@ class MoveBaseNode:
         else:
             self._server.set_aborted(text=reason)
 
-    def _pursue(self, target: PoseStamped) -> tuple[bool, str]:
-        """Drive there; where the base leaves the path, or an obstacle comes to light on it, stop and plan again, a few
-        times. Whether the goal was reached, and why or why not."""
-        frame, goal = frames.bare(target.header.frame_id), convert.se2(target.pose)
-        replans = self._plans.config.follower.replans_after_divergence
-        for left in range(replans, -1, -1):
-            status, reason = self._drive(goal, frame)
-            if status is not FollowStatus.DIVERGED or left == 0 or self._server.is_preempt_requested():
-                break
-            rospy.logwarn("planning again: %s", reason)
-        return status is FollowStatus.ARRIVED, reason
-
-    def _drive(self, goal: SE2, frame: str) -> tuple[FollowStatus, str]:
-        """Plan, from where the base will stand if it is stopping, hand over to the follower, watch."""
-        self._lease.promise(_PLAN_WITHIN_S)
-        plan, start = None, self._stop_pose(frame)
-        if start is not None:
-            plan = self._plan(start, goal, frame)
-        self._wait_until_standing()
-        if client := self._silent_client():
-            return FollowStatus.STOPPED, f"the client {client} is silent"
-        real = self._where.pose(frame)
-        if real is None:
-            return FollowStatus.STOPPED, f"no pose of the base in frame {frame!r}; goals are in map or odom"
-        if plan is None or start is None or not _near(start, real):
-            plan = self._plan(real, goal, frame)
-        if isinstance(plan, Refusal):
-            return FollowStatus.STOPPED, plan.reason
-        config = self._plans.config
-        trajectory = time_scale(plan.path, config.limits, plan.blind_spans, config.planner.blind_v_m_s)
-        identity_ns = process.now_ns()
-        self._path_pub.publish(self._path_msg(plan, frame))
-        self._follower_s = time.monotonic()
-        self._trajectory_pub.publish(trajectory_messages.trajectory_msg(trajectory, frame, identity_ns))
-        self._diagnostics.set("goal", process.OK, f"driving {plan.path.length_m:.1f} m")
-        return self._watch(identity_ns, frame, trajectory)
-
-    def _plan(self, start: SE2, goal: SE2, frame: str) -> Plan | Refusal:
-        started_s = time.monotonic()
-        plan = self._plans.plan(start, goal, frame)
-        elapsed_ms = 1e3 * (time.monotonic() - started_s)
-        self._plan_ms_pub.publish(elapsed_ms)
-        self._diagnostics.set("planner", process.OK, f"last plan took {elapsed_ms:.0f} ms")
-        return plan
-
-    def _watch(self, identity_ns: int, frame: str, trajectory: Trajectory) -> tuple[FollowStatus, str]:
-        """Wait for the follower's verdict on the trajectory, or for a map that shows an obstacle on it."""
-        checked = None
-        while not process.is_ending():
-            self._lease.promise(_LOOK_WITHIN_S)
-            time.sleep(PERIOD_S)
-            if self._server.is_preempt_requested():
-                return FollowStatus.STOPPED, "cancelled by the client"
-            if client := self._silent_client():
-                return FollowStatus.STOPPED, f"the client {client} is silent"
-            if time.monotonic() - self._follower_s > _FOLLOWER_SILENCE_S:
-                return FollowStatus.STOPPED, "the follower is silent"
-            pose = self._where.pose(frame)
-            if pose is not None:
-                self._server.publish_feedback(MoveBaseFeedback(convert.pose_stamped(frame, process.now_ns(), pose)))
-            if self._follower.get("trajectory") == identity_ns:
-                status, reason = FollowStatus(self._follower.get("status")), str(self._follower.get("reason"))
-                if status in (FollowStatus.ARRIVED, FollowStatus.DIVERGED, FollowStatus.STOPPED):
-                    return status, reason
-                grid = self._plans.grid
-                if frame == topics.MAP_FRAME and grid is not None and grid is not checked:
-                    checked, at_s = grid, self._follower.get("at_s")
-                    from_s = float(at_s) if isinstance(at_s, (int, float)) else 0.0
-                    obstacle = obstacle_ahead(trajectory, from_s, grid, self._plans.config.robot.radius_m)
-                    if obstacle:
-                        self._stop_on_the_way(frame)
-                        return FollowStatus.DIVERGED, obstacle
-        return FollowStatus.STOPPED, "shutting down"
-
-    def _stop_pose(self, frame: str) -> SE2 | None:
-        """Where the base will stand, told by a follower that is stopping; None where it stands or says nothing."""
-        deadline_s = time.monotonic() + _STOP_WAIT_S
-        while not self._where.stands and time.monotonic() < deadline_s:
-            follower = self._follower
-            stop = follower.get("stop")
-            if isinstance(stop, list) and follower.get("frame") == frame:
-                return SE2(*map(float, stop))
-            time.sleep(PERIOD_S)
-        return None
-
-    def _come_to_rest(self, frame: str) -> None:
-        """Let the follower stop on the way; a goal that waits is planned meanwhile, from where the base will stand."""
-        self._stop_on_the_way(frame)
-        if not self._server.is_new_goal_available():
-            self._wait_until_standing()
-
-    def _stop_on_the_way(self, frame: str) -> None:
-        pose = self._where.pose(frame)
-        if pose is not None:
-            here = Trajectory(np.zeros(1), pose.as_array()[None], np.zeros(1), np.zeros(1))
-            self._trajectory_pub.publish(trajectory_messages.trajectory_msg(here, frame, process.now_ns()))
-
-    def _wait_until_standing(self) -> None:
-        """A plan begins at rest: after a cancelled goal the base needs a moment, and has it while the client lives."""
-        deadline_s = time.monotonic() + _STAND_WAIT_S
-        while not (self._where.stands or self._silent_client()) and time.monotonic() < deadline_s:
-            time.sleep(PERIOD_S)
-
-    def _silent_client(self) -> str:
-        """The client of the goal, if it once renewed its lease and has ceased to; else nothing."""
-        client = str(self._server.current_goal.get_goal_id().id).split("-")[0]
-        return client if self._clients.is_known(client) and not self._clients.is_fresh(client) else ""
-
-    def _path_msg(self, plan: Plan, frame: str) -> PathMsg:
-        poses = [SE2(*row[:3]) for row in plan.path.sample(_PLAN_STEP_M).tolist()]
-        return convert.path_msg(frame, process.now_ns(), poses)
-
     def close(self) -> None:
         """A last word to the follower; and the goal's end is told while its topics are open."""
-        self._trajectory_pub.publish(trajectory_messages.trajectory_msg(None, topics.MAP_FRAME, process.now_ns()))
+        self._pursuit.clear()
         self._pursuing.acquire(timeout=_LAST_WORD_S)
         self._server.action_server.status_timer.shutdown()
-
-
-def _near(a: SE2, b: SE2) -> bool:
-    """Whether a path planned from one pose may be followed from the other."""
-    return a.distance_to(b) <= _NEAR_M and abs(a.angle_to(b)) <= _NEAR_RAD
 
 
 def main() -> None:
