@@ -189,6 +189,7 @@ class ExplorationSystem:
             self.navigator.reason,
             hazard,
             self.slam.snapshot().points_world,
+            self._fuser.countings,
         )
         decision = self.mission.decide(now_ns, situation)
         if decision.action is Action.GO and decision.goal is not None:

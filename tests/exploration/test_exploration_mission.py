@@ -6,6 +6,7 @@ import pytest
 from vsx_ros.config import Config
 from vsx_ros.exploration.decision import Action, MissionState, NavigationState, Outcome, Situation
 from vsx_ros.exploration.given_up import GivenUp, near_poses
+from vsx_ros.exploration.memory import MissionMemory
 from vsx_ros.exploration.mission import Mission
 from vsx_ros.exploration.swing import free_swing
 from vsx_ros.exploration.trail import Trail
@@ -273,6 +274,9 @@ def test_pause_resume_stop_and_home():
     stopped.stop(9 * SECOND)
     assert stopped.decide(9 * SECOND, situation()).action is Action.FINISH
     assert stopped.outcome is Outcome.STOPPED
+    stopped.home(10 * SECOND)
+    assert stopped.decide(10 * SECOND, situation()).reason == "stopped by the operator"
+    assert not stopped.memory(10 * SECOND, SE2()).going_home
 
 
 def test_without_odometry_it_waits():
@@ -331,3 +335,121 @@ def test_a_swing_stays_on_free_ground_and_turns():
     assert free_swing(OccupancyGrid(data, 0.05, -1.5, -1.5), SE2(), 0.2, 1.0, 0.3, ahead=True).x < 0.0
     data[:, :24] = UNKNOWN
     assert free_swing(OccupancyGrid(data, 0.05, -1.5, -1.5), SE2(), 0.2, 1.0, 0.3, ahead=True) is None
+
+
+def wheels_driven(mission: Mission, way_m: float, start: SE2) -> SE2:
+    """A drive straight ahead, in steps of 5 cm; where the wheels are then."""
+    pose = start
+    for k in range(round(way_m / 0.05) + 1):
+        pose = start @ SE2(0.05 * k, 0.0, 0.0)
+        mission.decide(2 * SECOND + k, situation(T_odom_base=pose, navigation=NavigationState.ACTIVE))
+    return pose
+
+
+@pytest.mark.parametrize("state", [TrackingState.GOOD, TrackingState.LOST])
+def test_wheels_that_count_anew_end_the_drive_and_nobody_goes_back_to_before(state):
+    mission = mapping_mission()
+    wheels_driven(mission, 2.0, SE2(3.0, 3.0, 0.5))
+    anew = situation(slam_state=state, T_odom_base=SE2(), countings=1, hazard="bumper left pressed")
+    decision = mission.decide(3 * SECOND, anew._replace(navigation=NavigationState.ACTIVE))
+    assert decision.action is Action.CANCEL
+    assert "count" in decision.reason
+    for k in range(1, 8):
+        goal = mission.decide((3 + k) * SECOND, anew._replace(navigation=NavigationState.ABORTED)).goal
+        assert goal is None or goal.distance_to(SE2()) < 0.5
+    assert not any("given up" in event.reason for event in mission.drain_events())
+
+
+def test_the_way_back_begins_where_the_wheels_began_to_count_anew():
+    mission = mapping_mission()
+    wheels_driven(mission, 2.0, SE2(3.0, 3.0, 0.5))
+    anew = situation(T_odom_base=SE2(), countings=1)
+    active = anew._replace(navigation=NavigationState.ACTIVE)
+    mission.decide(3 * SECOND, active)
+    mission.decide(5 * SECOND, anew)
+    pose = SE2()
+    for k in range(11):
+        pose = SE2(0.05 * k, 0.0, 0.0)
+        mission.decide(11 * SECOND + k, active._replace(T_odom_base=pose))
+    back = mission.decide(13 * SECOND, anew._replace(T_odom_base=pose, hazard="bumper left pressed"))
+    assert back.frame == "odom"
+    assert (back.goal.x, back.goal.y) == pytest.approx((0.15, 0.0))
+
+
+def test_a_resumed_mission_goes_back_along_the_way_it_remembers_although_its_wheels_count_anew():
+    mission = mapping_mission()
+    here = wheels_driven(mission, 2.0, SE2())
+    memory = mission.memory(3 * SECOND, here)
+    again = Mission(Config(), euclid)
+    again.recall(4 * SECOND, memory, SE2())
+    lost = situation(slam_state=TrackingState.LOST, slam_reason="dark", countings=7)
+    decisions = [again.decide((4 + k) * SECOND, lost) for k in range(12)]
+    back = next(decision for decision in decisions if decision.action is Action.GO)
+    assert -0.5 < back.goal.x < -0.25
+
+
+def test_home_is_where_the_exploration_began_although_the_wheels_counted_before():
+    began = SE2(5.0, 1.0, 0.5)
+    here = began @ SE2(0.4, 0.0, 0.0)
+    mission = Mission(Config(), euclid)
+    unstarted = situation(slam_state=TrackingState.NOT_INITIALISED, T_map_base=None, T_odom_base=began)
+    assert mission.decide(0, unstarted).action is Action.GO
+    T_map_odom = SE2(1.0, 0.0, 0.3)  # as of a map made before
+    tracked = situation(T_map_base=T_map_odom @ here, T_odom_base=here)
+    mission.decide(SECOND, tracked)
+    mission.home(2 * SECOND)
+    resumed = Mission(Config(), euclid)
+    resumed.recall(3 * SECOND, MissionMemory.of(mission.memory(2 * SECOND, here).tree()), SE2())
+    elsewhere = situation(T_map_base=SE2(0.3, 0.2, 0.0))
+    for now_s in (3, 4):
+        resumed.decide(now_s * SECOND, elsewhere)
+    for decision in (mission.decide(3 * SECOND, tracked), resumed.decide(5 * SECOND, elsewhere)):
+        assert decision.reason == "driving home"
+        assert decision.goal.as_array() == pytest.approx((T_map_odom @ began).as_array(), abs=1e-9)
+
+
+def test_a_home_that_cannot_be_reached_ends_the_mission_with_the_reason():
+    mission = mapping_mission()
+    mission.home(2 * SECOND)
+    tries = 0
+    for k in range(40):
+        failed = situation(navigation=NavigationState.ABORTED, navigation_reason="no way joins")
+        decision = mission.decide((3 + k) * SECOND, failed)
+        tries += decision.action is Action.GO
+    assert decision.action is Action.FINISH
+    assert mission.outcome is Outcome.STRANDED
+    assert 3 <= tries <= 10
+    assert "no way joins" in decision.reason
+
+
+def test_a_goal_that_fails_for_ever_is_left_alone_for_hours_at_most():
+    given_up = GivenUp(radius_m=0.4, first_s=10.0)
+    for _ in range(1100):
+        seconds = given_up.add(0, SE2(1.0, 0.0, 0.0))
+    assert 600.0 < seconds < 36000.0
+
+
+@pytest.mark.parametrize("way_m", [0.0, 20.0])
+def test_a_hazard_that_stays_ends_the_mission(way_m: float):
+    mission = mapping_mission()
+    pose = wheels_driven(mission, way_m, SE2())
+    backed, decision = 0, None
+    for k in range(100):
+        jammed = situation(T_odom_base=pose, hazard="bumper left pressed", navigation=NavigationState.SUCCEEDED)
+        decision = mission.decide((4 + k) * SECOND, jammed)
+        if decision.action is Action.GO and decision.frame == "odom":
+            backed, pose = backed + 1, decision.goal
+    assert decision.action is Action.FINISH
+    assert mission.outcome is Outcome.BLOCKED
+    assert "bumper left pressed" in decision.reason
+    assert backed == 0 if way_m == 0.0 else 5 <= backed <= 12
+
+
+def test_a_bumper_that_comes_free_each_time_is_no_hazard_that_stays():
+    mission = mapping_mission()
+    pose = wheels_driven(mission, 4.0, SE2())
+    for k in range(40):
+        mission.decide((4 + 4 * k) * SECOND, situation(T_odom_base=pose, hazard="bumper left pressed"))
+        mission.decide((6 + 4 * k) * SECOND, situation(T_odom_base=pose))
+    assert sum("backing off" in event.reason for event in mission.drain_events()) > 12
+    assert mission.outcome is not Outcome.BLOCKED

@@ -35,7 +35,13 @@ from vsx_ros.system import ExplorationSystem
 STOPPED_BY_OPERATOR = "stopped by the operator"
 _DEFAULT_TIME_S = 600.0
 _PROGRESS_EVERY_S = 0.5
-_CODES = {Outcome.LOST: LOST, Outcome.NOT_STARTED: FAILED, Outcome.STOPPED: STOPPED}
+_CODES = {
+    Outcome.LOST: LOST,
+    Outcome.NOT_STARTED: FAILED,
+    Outcome.STRANDED: FAILED,
+    Outcome.BLOCKED: FAILED,
+    Outcome.STOPPED: STOPPED,
+}
 
 
 class FastRun:

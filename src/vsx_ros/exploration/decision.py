@@ -24,6 +24,7 @@ class Situation(NamedTuple):
     """What the mission knows when it decides.
 
     T_map_base is None while no map exists. hazard names a pressed bumper or the like. landmarks_world: (M, 3).
+    countings: how often the wheels began to count; T_odom_base has nothing to do with one of another counting.
     """
 
     slam_state: TrackingState
@@ -35,6 +36,7 @@ class Situation(NamedTuple):
     navigation_reason: str
     hazard: str | None
     landmarks_world: FloatArray
+    countings: int = 0
 
 
 class Action(Enum):
@@ -64,6 +66,8 @@ class Outcome(Enum):
     STOPPED = "stopped by the operator"
     NOT_STARTED = "the map could not be started"
     LOST = "tracking lost for good"
+    STRANDED = "home could not be reached"
+    BLOCKED = "stopped by a hazard that stays"
 
 
 class Decision(NamedTuple):

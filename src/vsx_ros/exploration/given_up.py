@@ -13,6 +13,7 @@ from vsx_ros.geometry.se2 import SE2
 _SECOND_NS = 1_000_000_000
 _NEAR_RAD = 0.8
 _MOST_FAILURES = 3
+_MOST_DOUBLINGS = 7
 
 
 class _Failure(NamedTuple):
@@ -32,10 +33,11 @@ class GivenUp:
         self._failures: list[_Failure] = []
 
     def add(self, now_ns: int, pose: SE2) -> float:
-        """Leave the goal alone from now on; for how long [s]: twice as long as the last time it failed."""
+        """Leave the goal alone from now on; for how long [s]: twice as long as the last time it failed, up to
+        128 times as long as the first."""
         same = [f for f in self._failures if near_poses(pose.as_array()[None], [f.pose], self._radius_m, _NEAR_RAD)[0]]
         times = 1 + max((failure.times for failure in same), default=0)
-        seconds = self._first_s * 2.0 ** (times - 1)
+        seconds = self._first_s * 2.0 ** min(times - 1, _MOST_DOUBLINGS)
         self._failures.append(_Failure(pose, now_ns + int(seconds * _SECOND_NS), times))
         return seconds
 

@@ -5,7 +5,7 @@
             |            v                             LOST |  | relocalised
             |           DONE                                v  |
             |                                            RECOVERING --(nothing left to try)--> DONE
-            +---------------------------------------------- any state: stop, time over --> DONE
+            +--- MAPPING: home, out of reach, a hazard that stays; any state: stop, time over --> DONE
 
 ``decide`` is called a few times a second with what is known and answers with one action. Every change of state
 and every choice is an event with its reason.
@@ -28,6 +28,7 @@ from vsx_ros.exploration.decision import (
 from vsx_ros.exploration.first_drives import FirstDrives
 from vsx_ros.exploration.frontiers import Frontier, find_frontiers
 from vsx_ros.exploration.given_up import GivenUp
+from vsx_ros.exploration.home import Home
 from vsx_ros.exploration.looks import Looks
 from vsx_ros.exploration.memory import MissionMemory
 from vsx_ros.exploration.promise import Promise
@@ -44,6 +45,8 @@ _RELOCALISE_WAIT_NS = _SECOND_NS
 _RECOGNISE_WAIT_NS = 10 * _SECOND_NS
 _EMPTY_WAIT_NS = 2 * _SECOND_NS
 _SETTLE_NS, _BRAKE_NS = _SECOND_NS, _SECOND_NS // 2
+_HOME_AGAIN_NS = 5 * _SECOND_NS
+_MOST_BLOCKED = 10
 
 
 class Mission:
@@ -68,7 +71,9 @@ class Mission:
         self._wait_until_ns = 0
         self._recovery = Recovery(self._config, self._body_m, self._phi_rad_m)
         self._empty_rankings = 0
-        self._backing_off = self._going_home = False
+        self._backing_off = False
+        self._home = Home()
+        self._blocked = 0
         self.frontiers: list[Frontier] = []
         self.ranking = Ranking([], {})
 
@@ -105,23 +110,25 @@ class Mission:
         self._chronicle.finish(now_ns, Outcome.STOPPED, "stopped by the operator")
 
     def home(self, now_ns: int) -> None:
-        """Drive back to where the map began, then end."""
-        self._going_home = True
-        self._goal = self._promise = None
-        self._chronicle.note(now_ns, "returning home on request")
+        """Drive back to where the exploration began, then end; nothing once it has ended."""
+        if self.state is not MissionState.DONE:
+            self._home.asked = True
+            self._goal = self._promise = None
+            self._chronicle.note(now_ns, "returning home on request")
 
     # An interruption ----------------------------------------------------------------------------------------
 
     def memory(self, now_ns: int, T_odom_base: SE2) -> MissionMemory:
         """What another session needs to go on from here."""
         trail = [T_odom_base.inverse() @ pose for pose in self._trail.poses]
-        return MissionMemory(list(self._looks.poses), self._given_up.left(now_ns), trail, self._going_home)
+        home = self._home
+        return MissionMemory(list(self._looks.poses), self._given_up.left(now_ns), trail, home.asked, home.pose)
 
     def recall(self, now_ns: int, memory: MissionMemory, T_odom_base: SE2) -> None:
         """Go on with the map of a session before, standing where its trail ended: first the camera must recognise
         it."""
         self._looks = Looks(self._config.look_spacing_m, memory.looked_from)
-        self._going_home = memory.going_home
+        self._home.recall(memory.home, memory.going_home)
         self._given_up.recall(now_ns, memory.given_up)
         for pose in memory.trail:
             self._trail.add(T_odom_base @ pose)
@@ -133,8 +140,10 @@ class Mission:
     def decide(self, now_ns: int, situation: Situation) -> Decision:
         """One action for the situation. Call it at 2 to 10 Hz; choosing a view takes some tenths of a second."""
         backing = self._backing_off or self.state is MissionState.RECOVERING
+        anew = situation.T_odom_base is not None and self._trail.counts_anew(situation.countings)
         if situation.T_odom_base is not None:
             (self._trail.driven_back_to if backing else self._trail.add)(situation.T_odom_base)
+        self._home.see(situation, anew)
         if situation.T_map_base is not None and situation.slam_state is TrackingState.GOOD:
             self._looks.add(situation.T_map_base)
         if self.state is MissionState.DONE:
@@ -144,6 +153,8 @@ class Mission:
             return self._answer(Action.CANCEL if active else Action.WAIT, "paused")
         if situation.T_odom_base is None:
             return self._answer(Action.WAIT, "waiting for odometry")
+        if anew:
+            return self._rest(now_ns, active, "the wheels count anew: coming to rest")
         if self.state is MissionState.STARTING:
             return self._start(now_ns, situation, situation.T_odom_base)
         if self.state is MissionState.RECOVERING:
@@ -174,19 +185,24 @@ class Mission:
             self._wait_until_ns = now_ns + _RELOCALISE_WAIT_NS
             self._chronicle.enter(now_ns, MissionState.RECOVERING, f"tracking lost: {situation.slam_reason}")
             return self._answer(Action.CANCEL, "tracking lost")
+        if not situation.hazard:
+            self._blocked = 0
         if situation.navigation is NavigationState.ACTIVE:
             return self._supervise(now_ns, situation)
         if situation.navigation is NavigationState.ABORTED and (self._goal is not None or self._backing_off):
             self._goal_failed(now_ns, situation.navigation_reason)
             self._backing_off = False
-            self._wait_until_ns = now_ns + _SETTLE_NS
+            self._wait_until_ns = now_ns + (_HOME_AGAIN_NS if self._home.asked else _SETTLE_NS)
             return self._answer(Action.WAIT, "coming to rest")
         if now_ns < self._wait_until_ns:
             return self._answer(Action.WAIT, "coming to rest")
         if situation.hazard and not self._backing_off:
+            self._blocked += 1
+            if self._blocked > _MOST_BLOCKED:
+                return self._end(now_ns, Outcome.BLOCKED, f"a hazard that stays: {situation.hazard}")
             return self._back_off(now_ns, f"backing off: {situation.hazard}")
         self._backing_off = False
-        if self._going_home and self._goal is not None:
+        if self._home.asked and self._goal is not None:
             return self._end(now_ns, Outcome.HOME, "returned to the start")
         if self._goal is not None:
             self._looks.poses.append(self._goal.pose)
@@ -201,15 +217,22 @@ class Mission:
         reason = self._promise.seen(situation.grid) if self._promise and situation.grid is not None else ""
         if not reason:
             return self._answer(Action.WAIT, f"on the way: {self._purpose}")
+        return self._rest(now_ns, True, reason)
+
+    def _rest(self, now_ns: int, active: bool, reason: str) -> Decision:
+        """Leave the goal, without blame, and come to rest."""
         self._goal = self._promise = None
+        self._backing_off = False
         self._wait_until_ns = now_ns + _BRAKE_NS
         self._chronicle.note(now_ns, reason)
-        return self._answer(Action.CANCEL, reason)
+        return self._answer(Action.CANCEL if active else Action.WAIT, reason)
 
     def _choose(self, now_ns: int, situation: Situation, grid: OccupancyGrid, T_map_base: SE2) -> Decision:
         self.frontiers = find_frontiers(grid, self._config.min_frontier_m)
-        if self._going_home:
-            self._goal = View(SE2(), 0.0, 0.0, 0, 0.0)
+        if self._home.asked and self._home.pose is not None:
+            if self._home.out_of_reach:
+                return self._end(now_ns, Outcome.STRANDED, self._home.out_of_reach)
+            self._goal = View(self._home.pose, 0.0, 0.0, 0, 0.0)
             return self._go(now_ns, self._goal.pose, "map", "driving home")
         looked_from = self._looks.as_array()
         self.ranking = self._rank(
@@ -282,7 +305,9 @@ class Mission:
     # Bookkeeping ---------------------------------------------------------------------------------------------
 
     def _goal_failed(self, now_ns: int, reason: str) -> None:
-        if self._goal is not None:
+        if self._goal is not None and self._home.asked:
+            self._chronicle.note(now_ns, self._home.failed(reason))
+        elif self._goal is not None:
             seconds = self._given_up.add(now_ns, self._goal.pose)
             self._chronicle.note(now_ns, f"goal given up for {seconds:.0f} s: {reason}")
         self._goal = self._promise = None

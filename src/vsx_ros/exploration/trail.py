@@ -14,6 +14,7 @@ class Trail:
         self._spacing_m = spacing_m
         self._capacity = max(2, int(length_m / spacing_m))
         self._poses: list[SE2] = []
+        self._countings: int | None = None
 
     def __len__(self) -> int:
         return len(self._poses)
@@ -22,6 +23,15 @@ class Trail:
     def poses(self) -> tuple[SE2, ...]:
         """The trail, oldest first."""
         return tuple(self._poses)
+
+    def counts_anew(self, countings: int) -> bool:
+        """Whether the wheels have begun to count anew since they were asked last; then nobody knows where the poses
+        lie, and they are forgotten."""
+        anew = self._countings not in (None, countings)
+        self._countings = countings
+        if anew:
+            self._poses.clear()
+        return anew
 
     def add(self, T_odom_base: SE2) -> None:
         """Append the pose when it is far enough from the last one."""

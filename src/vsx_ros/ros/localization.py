@@ -57,6 +57,12 @@ class Localization:
         with self._lock:
             return self._fuser.pose()
 
+    @property
+    def wheels(self) -> tuple[SE2 | None, int]:
+        """T_odom_base, None while unknown, and how often the wheels began to count until then."""
+        with self._lock:
+            return self._odometry.T_odom_base if self._odometry is not None else None, self._fuser.countings
+
     def age_s(self, now_ns: int) -> float:
         """Age of the image behind the newest camera pose [s]; infinite before the first."""
         with self._lock:

@@ -54,6 +54,8 @@ _OUTCOMES = {
     Outcome.STOPPED.name: STOPPED,
     Outcome.NOT_STARTED.name: FAILED,
     Outcome.LOST.name: LOST,
+    Outcome.STRANDED.name: FAILED,
+    Outcome.BLOCKED.name: FAILED,
 }
 
 

@@ -125,6 +125,8 @@ class ExploreNode:
     def _operator(self, request: Callable[[int], None]) -> Callable[[TriggerRequest], TriggerResponse]:
         def handle(_: TriggerRequest) -> TriggerResponse:
             with self._lock:
+                if self._mission.outcome is not None:
+                    return TriggerResponse(False, f"the exploration is over: {self._mission.outcome.value}")
                 request(process.now_ns())
                 return TriggerResponse(True, self._mission.state.value)
 
@@ -163,16 +165,18 @@ class ExploreNode:
     def _situation(self) -> Situation:
         navigation, reason = self._navigation()
         where, stuck = self._where, self._where.stuck
+        T_odom_base, countings = where.wheels
         return Situation(
             slam_state=where.slam_state,
             slam_reason=where.slam_reason,
             T_map_base=where.pose(topics.MAP_FRAME),
-            T_odom_base=where.pose(topics.ODOM_FRAME),
+            T_odom_base=T_odom_base,
             grid=self._grid,
             navigation=navigation,
             navigation_reason=reason,
             hazard=convert.hazard_words(self._hazards) or (stuck.reason if stuck is not None else None),
             landmarks_world=self._landmarks,
+            countings=countings,
         )
 
     def _navigation(self) -> tuple[NavigationState, str]:

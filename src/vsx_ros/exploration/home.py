@@ -1,0 +1,44 @@
+"""Home is where the exploration began; the way back to it may fail a few times."""
+
+from __future__ import annotations
+
+from vsx_ros.exploration.decision import Situation
+from vsx_ros.geometry.se2 import SE2
+
+_MOST_TRIES = 5
+
+
+class Home:
+    """``see`` every situation. pose: T_map_base where the exploration began; None until the camera knows the map.
+    asked: whether to go there."""
+
+    def __init__(self) -> None:
+        self.pose: SE2 | None = None
+        self.asked = False
+        self._T_odom_begun: SE2 | None = None
+        self._tries = 0
+        self._why = ""
+
+    def recall(self, pose: SE2 | None, asked: bool) -> None:
+        """Go on from a session before."""
+        self.pose, self.asked = pose, asked
+
+    def see(self, situation: Situation, anew: bool) -> None:
+        """The wheels know the way from where the exploration began, or from where they began to count anew, to where
+        the camera first knows the map."""
+        if self.pose is not None or situation.T_odom_base is None:
+            return
+        if anew or self._T_odom_begun is None:
+            self._T_odom_begun = situation.T_odom_base
+        if situation.slam_state.tracked and situation.T_map_base is not None:
+            self.pose = situation.T_map_base @ situation.T_odom_base.inverse() @ self._T_odom_begun
+
+    def failed(self, reason: str) -> str:
+        """A drive home ended elsewhere, for this reason; in words, with the number of tries."""
+        self._tries, self._why = self._tries + 1, reason
+        return f"home was not reached, try {self._tries} of {_MOST_TRIES}: {reason}"
+
+    @property
+    def out_of_reach(self) -> str:
+        """Why not to try again; empty while there are tries left."""
+        return f"home was not reached in {_MOST_TRIES} tries: {self._why}" if self._tries >= _MOST_TRIES else ""
