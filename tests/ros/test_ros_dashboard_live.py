@@ -21,6 +21,7 @@ from chromium import EXECUTABLE, Chromium
 from ros_ports import free_port
 from std_msgs.msg import String
 
+from vsx_ros.io.run_folder import RunFolder
 from vsx_ros.ros import launch, topics
 from vsx_ros.ros.dashboard.server import TOKEN_HEADER
 from vsx_ros.ros.nodes.dashboard import TOKEN
@@ -173,11 +174,19 @@ def test_without_the_node_behind_it_a_button_says_so(stack: Stack, port: int) ->
 
 @pytest.mark.ends_mission
 def test_home_and_stop_reach_the_mission(stack: Stack, port: int) -> None:
+    """Afterwards another mission begins, which remembers nothing of this one's end."""
     stack.wait_until_driving()
-    assert command(port, "home")["ok"]
-    stack.wait(lambda: "driving home" in told()["reason"], 90.0, "the way home")
-    assert command(port, "stop") == {"ok": True, "message": "done"}
-    stack.wait(lambda: mission() == "done", 20.0, "the end")
-    said = told()
-    assert (said["reason"], said["outcome"]) == ("stopped by the operator", "STOPPED")
-    stack.wait(lambda: not stack.plant.moving, 10.0, "the wheels to stand")
+    try:
+        assert command(port, "home")["ok"]
+        stack.wait(lambda: "driving home" in told()["reason"], 90.0, "the way home")
+        assert command(port, "stop") == {"ok": True, "message": "done"}
+        stack.wait(lambda: mission() == "done", 20.0, "the end")
+        said = told()
+        assert (said["reason"], said["outcome"]) == ("stopped by the operator", "STOPPED")
+        stack.wait(lambda: not stack.plant.moving, 10.0, "the wheels to stand")
+    finally:
+        stack.kill("explore")
+        run = RunFolder(Path(stack.nodes["explore"].params["run_dir"]))
+        (run.checkpoint.path / "mission.json").unlink(missing_ok=True)
+        stack.start("explore")
+    stack.wait(lambda: mission() != "done", 30.0, "another mission")
