@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from vsx_ros.config import Config
+from vsx_ros.dense.mapped_ground import MappedGround
 from vsx_ros.geometry.camera import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
@@ -52,3 +54,21 @@ def test_when_its_keyframe_is_gone_it_stays_and_follows_the_nearest(driven):
     correction = SE2(0.0, 1.0, 0.0)
     moved = driven.poses(np.array([3]), cameras(correction @ FIRST))
     assert rows(moved) == pytest.approx(rows([correction @ pose for pose in before]), abs=1e-9)
+
+
+def test_what_it_pushed_against_ahead_and_behind_are_two():
+    bumps = Anchored(0.1, 0.5)
+    for heading in (0.2, 0.2 + np.pi, 0.2 + np.pi - 0.4, 0.2 + 3.0 * np.pi, 0.2 - np.pi):
+        bumps.add(SE2(1.0, 2.0, heading))
+    assert rows(bumps.poses(np.zeros(0, int), []))[:, 2] == pytest.approx([0.2, 0.2 + np.pi])
+    trail = Anchored(0.05)
+    for heading in (0.0, 2.0, -2.0):
+        trail.add(SE2(1.0, 2.0, heading))
+    assert len(trail) == 1
+
+
+def test_a_bump_behind_is_not_lost_after_one_ahead_at_the_same_place():
+    ground = MappedGround(Config())
+    for heading in (0.0, 0.0, np.pi, np.pi):
+        ground.bumped(SE2(0.5, 0.0, heading))
+    assert ground.counts[1] == 2

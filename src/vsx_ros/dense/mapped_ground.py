@@ -9,7 +9,7 @@ from vsx_ros.config import Config
 from vsx_ros.dense.anchored import AnchoredSpots
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.occupancy.driven import BUMP_STEP_M, TRAIL_STEP_M, Anchored
+from vsx_ros.occupancy.driven import BUMP_STEP_M, BUMP_STEP_RAD, TRAIL_STEP_M, Anchored
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.ground_map import Driven, GroundMap
 from vsx_ros.slam.snapshot import MapSnapshot
@@ -20,7 +20,7 @@ class MappedGround:
 
     def __init__(self, config: Config) -> None:
         self._ground_map = GroundMap(config.ground_map, config.robot)
-        self._trail, self._bumps = Anchored(TRAIL_STEP_M), Anchored(BUMP_STEP_M)
+        self._trail, self._bumps = Anchored(TRAIL_STEP_M), Anchored(BUMP_STEP_M, BUMP_STEP_RAD)
         self.start = SE2()
         self.dense: AnchoredSpots | None = None
 

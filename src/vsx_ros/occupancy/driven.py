@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,16 +13,16 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 
 TRAIL_STEP_M = 0.05
-BUMP_STEP_M = 0.1
+BUMP_STEP_M, BUMP_STEP_RAD = 0.1, 0.5
 _LOOSE = -1
 
 
 class Anchored:
     """Poses on the floor, each tied to a keyframe; one whose keyframe is gone is tied anew where it stood last."""
 
-    def __init__(self, spacing_m: float) -> None:
-        """spacing_m: a pose nearer than this to the one before is left out [m]."""
-        self._spacing_m = spacing_m
+    def __init__(self, spacing_m: float, spacing_rad: float = math.inf) -> None:
+        """A pose is left out that is nearer than this to the one before, in place [m] and heading [rad]."""
+        self._spacing_m, self._spacing_rad = spacing_m, spacing_rad
         self._world, self._relative = np.zeros((0, 3)), np.zeros((0, 3))
         self._anchor = np.zeros(0, np.int64)
 
@@ -30,8 +31,10 @@ class Anchored:
 
     def add(self, pose: SE2) -> None:
         """A pose in the map as it is now; it is tied at the next ``poses``."""
-        if len(self._world) and SE2(*self._world[-1].tolist()).distance_to(pose) <= self._spacing_m:
-            return
+        if len(self._world):
+            last = SE2(*self._world[-1].tolist())
+            if last.distance_to(pose) <= self._spacing_m and abs(last.angle_to(pose)) <= self._spacing_rad:
+                return
         self._world = np.vstack([self._world, pose.as_array()])
         self._relative = np.vstack([self._relative, np.zeros(3)])
         self._anchor = np.append(self._anchor, _LOOSE)
