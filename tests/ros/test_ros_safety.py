@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 import signal
@@ -20,8 +21,9 @@ pytest.importorskip("rospy")
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped, Twist
+from nav_msgs.msg import Odometry
 from std_msgs.msg import String
-from std_srvs.srv import SetBool
+from std_srvs.srv import SetBool, Trigger
 
 from vsx_hw.bases import BASES
 from vsx_ros.ros import topics
@@ -124,6 +126,31 @@ def test_wheels_that_turn_while_the_camera_stands_are_stopped_and_the_robot_back
         listener.unregister()
         follower.unregister()
     stack.wait_until_driving()
+
+
+def test_odometry_that_begins_anew_is_no_obstacle_and_no_way_back(stack: Stack) -> None:
+    events: list[str] = []
+    listener = rospy.Subscriber(
+        f"/{topics.EXPLORE_EVENTS}", String, lambda msg: events.append(json.loads(msg.data)["reason"])
+    )
+
+    def counted_m() -> float:
+        at = rospy.wait_for_message(f"/{topics.ODOM}", Odometry, 5.0).pose.pose.position
+        return math.hypot(at.x, at.y)
+
+    try:
+        rospy.wait_for_message(f"/{topics.POSE}", PoseWithCovarianceStamped, 60.0)
+        stack.wait(lambda: listener.get_num_connections() and counted_m() > 0.7, 90.0, "some way by the wheels")
+        stack.wait_until_driving()
+        assert rospy.ServiceProxy(f"/{topics.RESET_ODOMETRY}", Trigger)().success
+        stack.wait(lambda: any("wheels count anew" in reason for reason in events), 10.0, "the mission to notice")
+        begin = next(k for k, reason in enumerate(events) if "wheels count anew" in reason)
+        stack.wait(lambda: any(reason.startswith("view at") for reason in events[begin:]), 30.0, "the next drive")
+        stack.wait_until_driving()
+        time.sleep(3.0)
+        assert not any("stuck" in reason for reason in events[begin:])
+    finally:
+        listener.unregister()
 
 
 def test_the_emergency_stop_outlives_a_reconnection_and_a_restart_of_its_node(stack: Stack) -> None:

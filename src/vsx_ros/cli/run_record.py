@@ -104,7 +104,7 @@ class RunRecord:
 
 
 class MapJudge:
-    """Compares maps with an emulated world; the map's origin is where the base stood at the start."""
+    """Compares maps with an emulated world, whose base begins to count where it starts: there the map's origin is."""
 
     def __init__(self, world: World, config: Config) -> None:
         ground = config.ground_map

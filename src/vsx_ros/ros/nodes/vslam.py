@@ -114,6 +114,8 @@ class VslamNode:
         process.refuse_future(odometry.stamp_ns)
         if self._odometry is None and self._loaded is None:
             self._ground.started(odometry.T_odom_base)
+        if self._odometry is not None and not odometry.counts_on_from(self._odometry):
+            self._recognised = False
         self._odometry = odometry
         if self._keeper is not None:
             self._keeper.odometry(odometry)
