@@ -120,10 +120,7 @@ class Profile:
         query.current_position, query.current_velocity, query.current_acceleration = [0.0], [ends[0]], [0.0]
         query.target_position, query.target_velocity, query.target_acceleration = [length], [ends[1]], [0.0]
         query.max_velocity, query.max_acceleration, query.max_jerk = [bounds[0]], [bounds[1]], [bounds[2]]
-        move = ruckig.Trajectory(1)
-        if ruckig.Ruckig(1).calculate(query, move) not in (ruckig.Result.Working, ruckig.Result.Finished):
-            return False
-        return self._append(move, s)
+        return self._append(query, s)
 
     def add_change(self, s: float, now: tuple[float, float], v: float, a_max: float, limits: LimitsConfig) -> bool:
         """Append the fastest change from a speed and acceleration to a speed v held; False where there is none."""
@@ -132,17 +129,20 @@ class Profile:
         query.current_position, query.current_velocity, query.current_acceleration = [0.0], [now[0]], [now[1]]
         query.target_velocity, query.target_acceleration = [v], [0.0]
         query.max_acceleration, query.max_jerk = [a_max], [limits.jerk_m_s3]
-        move = ruckig.Trajectory(1)
-        if ruckig.Ruckig(1).calculate(query, move) not in (ruckig.Result.Working, ruckig.Result.Finished):
-            return False
-        return self._append(move, s)
+        return self._append(query, s)
 
     @property
     def end(self) -> float:
         """Where the last phase ends."""
         return float(self.at(np.array([self.duration]))[0][0])
 
-    def _append(self, move: ruckig.Trajectory, s: float) -> bool:
+    def _append(self, query: ruckig.InputParameter, s: float) -> bool:
+        move = ruckig.Trajectory(1)
+        try:
+            if ruckig.Ruckig(1).calculate(query, move) not in (ruckig.Result.Working, ruckig.Result.Finished):
+                return False
+        except ruckig.RuckigError:  # numerically no solution, where speeds and lengths just do not fit each other
+            return False
         profile = move.profiles[0][0]
         if profile.brake.duration > 0.0 or min(profile.v) < -1e-9:
             return False
