@@ -2,5 +2,11 @@
 
 import signal
 
+import hypothesis
+
 # A shell that starts the suite in its background lets it ignore Ctrl-C, and with it every program that a test starts.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# No test may fail because the machine is busy.
+hypothesis.settings.register_profile("unhurried", deadline=None)
+hypothesis.settings.load_profile("unhurried")

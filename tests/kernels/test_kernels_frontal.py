@@ -33,7 +33,7 @@ def solve(tied, S, b):
     return ok, x[position], extent
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(1, 25), st.floats(0.0, 1.0), st.integers(0, 1000))
 def test_solves_what_the_dense_solver_solves(n, density, seed):
     rng = np.random.default_rng(seed)

@@ -10,7 +10,7 @@ from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
 
 @given(st.integers(1, 14), st.integers(1, 14), st.integers(0, 10**6))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_clearance_is_the_distance_to_the_nearest_square_that_is_not_free(rows, columns, seed):
     rng = np.random.default_rng(seed)
     data = rng.choice(np.array([FREE, FREE, FREE, OCCUPIED, UNKNOWN], np.int8), (rows, columns))

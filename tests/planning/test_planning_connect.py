@@ -42,7 +42,7 @@ def driven(path: Path) -> SE2:
 @example(SE2(), SE2(0.001, 0.0, 0.0), 1.0)
 @example(SE2(), SE2(0.0, 1e-4, 1e-4), 1.0)
 @example(SE2(0.0, 0.0, 50.0), SE2(1.0, 1.0, -50.0), 1.0)  # unwrapped headings
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_a_connection_is_exact_and_keeps_the_bound(start, goal, phi):
     path = connect(start, goal, phi)
     assert isinstance(path, Path)
@@ -57,7 +57,7 @@ def test_a_connection_is_exact_and_keeps_the_bound(start, goal, phi):
 
 
 @given(poses, bounds)
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_length_is_near_the_shortest_possible(goal, phi):
     assume(abs(goal.x) + abs(goal.y) + abs(goal.theta) > 1e-6)
     path = connect(SE2(), goal, phi)
@@ -145,7 +145,7 @@ def test_headings_where_formulas_divide_by_nothing(heading, offset):
 
 
 @given(poses, st.sampled_from([1e-2, 1e2, 1e3]))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_absurd_bounds_are_kept_too(goal, phi):
     path = connect(SE2(), goal, phi)
     assert isinstance(path, Path)
@@ -155,7 +155,7 @@ def test_absurd_bounds_are_kept_too(goal, phi):
 
 @given(poses, bounds)
 @example(SE2(3.0, 4.0, 3.0), 2.0)  # 12 m long, with its samples 13 cm apart
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_paper_mode_reports_its_own_violation(goal, phi):
     path = connect(SE2(), goal, phi, mode="paper")
     reachable = feasible(SE2(), goal, phi).ok or feasible(SE2(), goal, phi, reverse=True).ok

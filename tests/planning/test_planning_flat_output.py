@@ -33,7 +33,7 @@ def test_rho_vanishes_exactly_where_the_base_rests(flags):
 
 
 @given(st.lists(st.floats(-1.0, 1.0), min_size=9, max_size=9), st.floats(-3.0, 3.0), st.sampled_from(FLAGS))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_no_point_turns_faster_than_the_bernstein_bound(tail, turn, flags):
     coefficients = np.array([8.0, *tail])
     p = jacobi(T) @ coefficients

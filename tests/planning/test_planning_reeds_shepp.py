@@ -32,7 +32,7 @@ def words(x: float, y: float, theta: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 @given(coordinate, coordinate, angle)
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_every_word_ends_on_the_goal(x, y, theta):
     turns, lengths = words(x, y, theta)
     assert len(turns) >= 1
@@ -45,7 +45,7 @@ def test_every_word_ends_on_the_goal(x, y, theta):
 
 
 @given(coordinate, coordinate, angle)
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_the_shortest_length_is_symmetric_and_at_least_the_straight_line(x, y, theta):
     there = np.array([[x, y, theta]])
     here = np.zeros((1, 3))
@@ -69,7 +69,7 @@ def test_known_lengths(goal, length):
 
 
 @given(coordinate, coordinate, angle, st.floats(0.2, 4.0))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_sequences_turn_by_the_heading_difference(x, y, theta, phi):
     start, goal = SE2(0.4, -1.0, 0.7), SE2(0.4, -1.0, 0.7) @ SE2(x, y, theta)
     for sequence in free_space_sequences(start, goal, phi):
