@@ -9,7 +9,7 @@ from vsx_ros.config import FollowerConfig, LimitsConfig
 from vsx_ros.control.pose_fusion import PoseFuser
 from vsx_ros.control.trajectory_tracker import FollowStatus, TrajectoryTracker
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.geometry.unicycle import integrate_wheels, wheel_speeds
+from vsx_ros.geometry.unicycle import body_twist, integrate, wheel_speeds
 from vsx_ros.planning.path import Trajectory
 from vsx_ros.robot import STOP, Odometry, VelocityCommand
 
@@ -75,8 +75,8 @@ def drive(
         v += (target.v - v) * STEP_S / LAG_S
         omega += (target.omega - omega) * STEP_S / LAG_S
         one, other = wheel_speeds(v, omega, WHEEL_BASE_M)
-        odom = integrate_wheels(odom, one * STEP_S, other * STEP_S, WHEEL_BASE_M)
-        true = integrate_wheels(true, one * left * STEP_S, other * right * STEP_S, WHEEL_BASE_M)
+        odom = integrate(odom, *body_twist(one * STEP_S, other * STEP_S, WHEEL_BASE_M))
+        true = integrate(true, *body_twist(one * left * STEP_S, other * right * STEP_S, WHEEL_BASE_M))
     goal = trajectory.at(math.inf)[0]
     return Drive(
         np.array(lateral), true.distance_to(goal), abs(true.angle_to(goal)), status, np.array([*map(tuple, sent)])

@@ -101,15 +101,15 @@ def test_history_interpolates_and_refuses_what_it_does_not_know() -> None:
     b = body()
     b.set_wheel_speeds(0.1, 0.1)
     b.advance(seconds(1.0))
-    half = b.pose_at(seconds(0.5))
-    assert 0.0 < half.x < b.T_world_base.x
+    half = b.poses_at(np.array([seconds(0.5)]))
+    assert 0.0 < half[0, 0] < b.T_world_base.x
     between = b.poses_at(np.array([seconds(0.8), seconds(0.8) + 2_500_000, seconds(0.805)]))
     assert between[1, 0] == pytest.approx(0.5 * (between[0, 0] + between[2, 0]), abs=1e-12)
     with pytest.raises(InputError, match="advance"):
-        b.pose_at(seconds(1.1))
+        b.poses_at(np.array([seconds(1.1)]))
     b.advance(seconds(4.0))
     with pytest.raises(InputError, match="remembers"):
-        b.pose_at(seconds(1.0))
+        b.poses_at(np.array([seconds(1.0)]))
 
 
 def test_speeds_that_are_no_numbers_are_refused() -> None:

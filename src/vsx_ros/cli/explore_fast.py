@@ -142,9 +142,11 @@ class FastRun:
     def _step(self, frame: Frame, odometry: Odometry) -> VelocityCommand:
         bumper = "bumper pressed" if any(self.robot.body.bumper) else None
         began = time.perf_counter()
-        step = self.system.step(frame, odometry, bumper)
+        tracking = self.system.slam.track(frame, odometry)
+        track_s = time.perf_counter() - began
+        step = self.system.act(tracking, odometry, bumper)
         record, told = self.record, len(self.record.events)
-        track_s, u2_frames = time.perf_counter() - began, self.system.slam.statistics().u2_frames
+        u2_frames = self.system.slam.statistics().u2_frames
         record.add_frame(step.tracking, odometry, track_s, u2_frames)
         record.add_odometry(odometry)
         record.add_slam_events(self.system.slam.drain_events())

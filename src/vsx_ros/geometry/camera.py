@@ -77,10 +77,6 @@ class PinholeCamera:
         ).reshape(-1, 2)
         return np.column_stack([plane, np.ones(len(plane))])
 
-    def without_distortion(self) -> PinholeCamera:
-        """The ideal camera whose images ``cv2.undistort`` with this calibration produces."""
-        return PinholeCamera(self.width, self.height, self.fx, self.fy, self.cx, self.cy)
-
 
 def nominal_camera(width: int, height: int) -> PinholeCamera:
     """An uncalibrated Kinect's RGB camera (525 px at 640 columns, as ROS' own default), for images of any size [px]."""

@@ -48,12 +48,12 @@ def two_view_motions(rays_a: Points2, rays_b: Points2, tolerance: float) -> TwoV
             inliers = error.max(axis=1) < _CHI2_POINT
         planar = score_h / max(score_h + score_e, 1e-9)
         if planar > 0.40:
-            motions += _of_homography(H, rays_a[inliers], rays_b[inliers])
+            motions += _of_homography(H, rays_a[inliers])
     return TwoViewMotions(tuple(motions), score_h / max(score_h + score_e, 1e-9), inliers)
 
 
-def _of_homography(H: FloatArray, rays_a: Points2, rays_b: Points2) -> list[SE3]:
-    """The decompositions (Malis and Vargas 2007) that keep most points in front of both cameras."""
+def _of_homography(H: FloatArray, rays_a: Points2) -> list[SE3]:
+    """The decompositions (Malis and Vargas 2007) that keep most points in front of the first camera."""
     _, rotations, translations, normals = cv2.decomposeHomographyMat(H, np.eye(3))
     a = np.column_stack([rays_a, np.ones(len(rays_a))])
     found = []

@@ -20,12 +20,6 @@ def integrate(pose: SE2, distance: float, turn: float) -> SE2:
     return pose @ SE2.exp(distance, 0.0, turn)
 
 
-def integrate_wheels(pose: SE2, left: float, right: float, wheel_base: float) -> SE2:
-    """The pose after the wheels rolled left and right [m], along one arc."""
-    distance, turn = body_twist(left, right, wheel_base)
-    return integrate(pose, distance, turn)
-
-
 def limit_twist(v: float, omega: float, v_max: float, omega_max: float) -> tuple[float, float]:
     """Scale both components alike so that the limits hold and the curvature stays what it was."""
     scale = max(1.0, abs(v) / v_max, abs(omega) / omega_max)

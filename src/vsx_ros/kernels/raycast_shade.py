@@ -105,7 +105,7 @@ def _footprint(f: Any, n: Any, m: Any, k: Any, su: Any, sv: Any, ou: Any, ov: An
 
 
 @kernel
-def _lookup(f: Any, g: Any, tex: Any, n: Any, shift_u: Any, shift_v: Any, probe: Any) -> None:
+def _lookup(f: Any, g: Any, tex: Any, n: Any, probe: Any) -> None:
     """VALUE = bilinear texel at (TU, TV) + probe * (MU, MV), at the level that SCALE, SHIFT and BASE name."""
     for i in range(n):
         x = (f[TU + i] + probe * f[MU + i]) * f[SCALE + i] - HALF
@@ -183,14 +183,14 @@ def shade(
     _level(f, g, n, np.int32(0), base, size_log2)
     for probe in range(probes):
         at = (np.float32(probe) + HALF) * share - HALF
-        _lookup(f, g, tex, n, su, sv, at)
+        _lookup(f, g, tex, n, at)
         for i in range(n):
             f[SUM + i] += (F1 - f[MIX + i]) * f[VALUE + i]
     if not single:
         _level(f, g, n, np.int32(1), base, size_log2)
         for probe in range(probes):
             at = (np.float32(probe) + HALF) * share - HALF
-            _lookup(f, g, tex, n, su, sv, at)
+            _lookup(f, g, tex, n, at)
             for i in range(n):
                 f[SUM + i] += f[MIX + i] * f[VALUE + i]
     top_u, top_v = nu - np.int32(2), nv - np.int32(2)

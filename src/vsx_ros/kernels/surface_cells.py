@@ -111,7 +111,7 @@ def _second_best(values: Any, n: int) -> float:
 
 @kernel
 def choose_views(
-    table: Any, K: Any, R: Any, t: Any, centres: Any, frame: Any, x: float, y: float, z: float, half: float,
+    table: Any, K: Any, R: Any, centres: Any, frame: Any, x: float, y: float, z: float, half: float,
     limits: Any, worth: Any, views: Any,
 ) -> int:  # fmt: skip
     """The keyframes to compare a cell in: views[0] is the reference, the nearest and most frontal; the others, up to
@@ -208,7 +208,7 @@ def judge_cells(
     worth = np.zeros(centres.shape[0])
     for i in range(n):
         x, y, z = cells[i, 0], cells[i, 1], cells[i, 2]
-        count = choose_views(table, K, R, t, centres, frame, x, y, z, half, limits, worth, views)
+        count = choose_views(table, K, R, centres, frame, x, y, z, half, limits, worth, views)
         if count == 0:
             continue
         k = views[0]

@@ -36,7 +36,9 @@ def nodes_of(name: str, args: argparse.Namespace) -> list[LaunchNode]:
         robot = launch.emulation(args.world, args.seed, args.devices, args.base)
     else:
         robot = launch.bringup(args.base, args.port, args.camera, args.camera_info_url)
-    return robot if name == "bringup" else [*robot, *launch.exploration(args.planner, args.seed, args.run_dir)]
+    if name == "bringup":
+        return robot
+    return [*robot, *launch.exploration(args.planner, args.seed, args.run_dir, args.load_map)]
 
 
 def parser(name: str) -> argparse.ArgumentParser:
@@ -67,6 +69,7 @@ def parser(name: str) -> argparse.ArgumentParser:
         add("--planner", choices=("fov", "unconstrained"), default="fov", help="motion planner")
         add("--seed", type=int, default=0, help="seed of the random draws")
         add("--run-dir", default="", help="folder for the results of the SLAM")
+        add("--load-map", default="", help="SLAM map (.vsxmap) to go on in, the robot anywhere in it")
     return options
 
 

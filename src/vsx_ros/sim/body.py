@@ -101,11 +101,6 @@ class Body:
             )
         return np.column_stack([np.interp(stamps_ns, past[:, 0], past[:, k]) for k in range(1, 5)])
 
-    def pose_at(self, stamp_ns: int) -> SE2:
-        """T_world_base at a remembered stamp."""
-        x, y, theta, _ = self.poses_at(np.array([stamp_ns]))[0]
-        return SE2(float(x), float(y), float(theta))
-
     def _remember(self) -> None:
         pose = self.T_world_base
         self._history.append((self.time_ns, pose.x, pose.y, pose.theta, self.path_length_m))

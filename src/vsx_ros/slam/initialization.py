@@ -37,7 +37,7 @@ class Initializer:
         if len(self._index) < wanted:
             return self._restart(data, f"sees too little: {len(self._index)} corners followed, {wanted} needed")
         motion = self._wheel_motion(data)
-        refusal = self._too_early(data) if motion is None else self._wheels_refuse(data)
+        refusal = self._too_early() if motion is None else self._wheels_refuse(data)
         return refusal if refusal else self._pair(data, motion)
 
     def _restart(self, data: FrameData, reason: str) -> str:
@@ -86,7 +86,7 @@ class Initializer:
             return f"not far enough: has driven {driven:.2f} m of the {config.baseline_m:.2f} m needed to start"
         return ""
 
-    def _too_early(self, data: FrameData) -> str:
+    def _too_early(self) -> str:
         shift = float(np.median(np.linalg.norm(self._positions - self._candidates.uv[self._index], axis=1)))
         if shift < STILL_PX:
             return f"camera stands still: corners moved {shift:.1f} px in all; move it sideways or ahead"
