@@ -118,9 +118,12 @@ class ExplorationSystem:
 
     def step(self, frame: Frame, odometry: Odometry, hazard: str | None = None) -> StepResult:
         """Track the frame, refresh the map, decide, and say how the wheels shall turn. hazard: a pressed bumper."""
-        now_ns = frame.stamp_ns
+        return self.act(self.slam.track(frame, odometry), odometry, hazard)
+
+    def act(self, tracking: TrackingResult, odometry: Odometry, hazard: str | None = None) -> StepResult:
+        """What ``step`` does once the frame is tracked."""
+        now_ns = tracking.stamp_ns
         self._fuser.add_odometry(odometry)
-        tracking = self.slam.track(frame, odometry)
         if tracking.state.tracked and tracking.T_world_cam is not None:
             self._fuser.add_slam(now_ns, SE2.from_se3(tracking.T_world_cam @ self._T_cam_base))
         stuck = self._fuser.stuck

@@ -79,7 +79,7 @@ def test_a_changed_byte_never_yields_values():
             assert all(values == CAPTURED for values in parser.feed(bytes(frame) + CAPTURE))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.binary(max_size=300))
 def test_any_bytes_are_survived(junk):
     parser = StreamParser()

@@ -116,7 +116,7 @@ def test_beginning_in_the_middle_of_a_frame():
     assert counters["torn_frames"] == 0
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.sets(st.integers(0, 3 * 162 - 1), max_size=8), st.integers(1, 200), st.randoms(use_true_random=False))
 def test_whatever_is_lost_what_comes_out_is_whole(lost, per_transfer, rng):
     packets, lengths = stream(3)

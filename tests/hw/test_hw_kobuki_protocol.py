@@ -126,7 +126,7 @@ def test_right_checksum_but_impossible_content_is_refused():
     assert parser.refused == 3
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.binary(max_size=400))
 def test_any_bytes_are_survived_and_the_next_frames_are_found(junk):
     parser = StreamParser()
