@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import numpy as np
 
 from vsx_ros.arrays import FloatArray
@@ -13,9 +11,9 @@ from vsx_ros.geometry.se2 import SE2
 class Looks:
     """A pose for every bit of way or turn, spacing [m and rad] apart, oldest first."""
 
-    def __init__(self, spacing: float, poses: Iterable[SE2] = ()) -> None:
+    def __init__(self, spacing: float) -> None:
         self._spacing = spacing
-        self.poses = list(poses)
+        self.poses: list[SE2] = []
 
     def add(self, T_map_base: SE2) -> None:
         """Remember the pose if it is far enough from the last one."""

@@ -14,7 +14,7 @@ and every choice is an event with its reason.
 from __future__ import annotations
 
 from vsx_ros.config import Config
-from vsx_ros.exploration.along import WaysFrom, with_ways
+from vsx_ros.exploration.along import WaysFrom
 from vsx_ros.exploration.chronicle import Chronicle
 from vsx_ros.exploration.decision import (
     Action,
@@ -26,16 +26,14 @@ from vsx_ros.exploration.decision import (
     Situation,
 )
 from vsx_ros.exploration.first_drives import FirstDrives
-from vsx_ros.exploration.frontiers import Frontier, find_frontiers
-from vsx_ros.exploration.given_up import GivenUp
 from vsx_ros.exploration.home import Home
-from vsx_ros.exploration.looks import Looks
 from vsx_ros.exploration.memory import MissionMemory
+from vsx_ros.exploration.outlook import Outlook
 from vsx_ros.exploration.promise import Promise
 from vsx_ros.exploration.recovery import Recovery
 from vsx_ros.exploration.swing import free_swing
 from vsx_ros.exploration.trail import Trail
-from vsx_ros.exploration.utility import Ranker, Ranking, Rejection, TravelCostsFrom, View, rank_views
+from vsx_ros.exploration.utility import Ranker, Rejection, TravelCostsFrom, View, rank_views
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.slam.state import TrackingState
@@ -46,7 +44,7 @@ _RECOGNISE_WAIT_NS = 10 * _SECOND_NS
 _EMPTY_WAIT_NS = 2 * _SECOND_NS
 _SETTLE_NS, _BRAKE_NS = _SECOND_NS, _SECOND_NS // 2
 _HOME_AGAIN_NS = 5 * _SECOND_NS
-_MOST_BLOCKED = 10
+_MOST_BLOCKED = 30
 
 
 class Mission:
@@ -55,9 +53,8 @@ class Mission:
     def __init__(
         self, config: Config, travel_costs: TravelCostsFrom, rank: Ranker = rank_views, ways: WaysFrom | None = None
     ) -> None:
-        """ways: by which the best views are judged anew; None judges them by what they show themselves."""
-        self._config, self._rank, self._ways, self._travel_costs = config.exploration, rank, ways, travel_costs
-        self._radius_m = config.robot.radius_m + config.planner.clearance_m
+        """rank, ways: how views are judged (``Outlook``)."""
+        self._config = config.exploration
         self._body_m, self._phi_rad_m = config.robot.radius_m, config.planner.phi_rad_m
         self._trail = Trail(spacing_m=0.05)
         self._chronicle = Chronicle()
@@ -66,16 +63,13 @@ class Mission:
         self._goal: View | None = None
         self._purpose = ""
         self._promise: Promise | None = None
-        self._given_up = GivenUp(self._config.blacklist_radius_m, self._config.blacklist_s)
-        self._looks = Looks(self._config.look_spacing_m)
         self._wait_until_ns = 0
         self._recovery = Recovery(self._config, self._body_m, self._phi_rad_m)
         self._empty_rankings = 0
         self._backing_off = False
         self._home = Home()
         self._blocked = 0
-        self.frontiers: list[Frontier] = []
-        self.ranking = Ranking([], {})
+        self.outlook = Outlook(config, travel_costs, rank, ways)
 
     @property
     def state(self) -> MissionState:
@@ -121,15 +115,15 @@ class Mission:
     def memory(self, now_ns: int, T_odom_base: SE2) -> MissionMemory:
         """What another session needs to go on from here."""
         trail = [T_odom_base.inverse() @ pose for pose in self._trail.poses]
-        home = self._home
-        return MissionMemory(list(self._looks.poses), self._given_up.left(now_ns), trail, home.asked, home.pose)
+        outlook, home = self.outlook, self._home
+        return MissionMemory(list(outlook.looks.poses), outlook.given_up.left(now_ns), trail, home.asked, home.pose)
 
     def recall(self, now_ns: int, memory: MissionMemory, T_odom_base: SE2) -> None:
         """Go on with the map of a session before, standing where its trail ended: first the camera must recognise
         it."""
-        self._looks = Looks(self._config.look_spacing_m, memory.looked_from)
+        self.outlook.looks.poses = list(memory.looked_from)
         self._home.recall(memory.home, memory.going_home)
-        self._given_up.recall(now_ns, memory.given_up)
+        self.outlook.given_up.recall(now_ns, memory.given_up)
         for pose in memory.trail:
             self._trail.add(T_odom_base @ pose)
         self._wait_until_ns = now_ns + _RECOGNISE_WAIT_NS
@@ -145,7 +139,7 @@ class Mission:
             (self._trail.driven_back_to if backing else self._trail.add)(situation.T_odom_base)
         self._home.see(situation, anew)
         if situation.T_map_base is not None and situation.slam_state is TrackingState.GOOD:
-            self._looks.add(situation.T_map_base)
+            self.outlook.looks.add(situation.T_map_base)
         if self.state is MissionState.DONE:
             return self._answer(Action.FINISH, self._chronicle.reason)
         active = situation.navigation is NavigationState.ACTIVE
@@ -196,16 +190,13 @@ class Mission:
             return self._answer(Action.WAIT, "coming to rest")
         if now_ns < self._wait_until_ns:
             return self._answer(Action.WAIT, "coming to rest")
-        if situation.hazard and not self._backing_off:
-            self._blocked += 1
-            if self._blocked > _MOST_BLOCKED:
-                return self._end(now_ns, Outcome.BLOCKED, f"a hazard that stays: {situation.hazard}")
-            return self._back_off(now_ns, f"backing off: {situation.hazard}")
+        if situation.hazard:
+            return self._leave(now_ns, situation, situation.hazard)
         self._backing_off = False
         if self._home.asked and self._goal is not None:
             return self._end(now_ns, Outcome.HOME, "returned to the start")
         if self._goal is not None:
-            self._looks.poses.append(self._goal.pose)
+            self.outlook.looks.poses.append(self._goal.pose)
         self._goal = self._promise = None
         if situation.grid is None or situation.T_map_base is None:
             return self._answer(Action.WAIT, "waiting for the ground map")
@@ -228,47 +219,52 @@ class Mission:
         return self._answer(Action.CANCEL if active else Action.WAIT, reason)
 
     def _choose(self, now_ns: int, situation: Situation, grid: OccupancyGrid, T_map_base: SE2) -> Decision:
-        self.frontiers = find_frontiers(grid, self._config.min_frontier_m)
         if self._home.asked and self._home.pose is not None:
             if self._home.out_of_reach:
                 return self._end(now_ns, Outcome.STRANDED, self._home.out_of_reach)
             self._goal = View(self._home.pose, 0.0, 0.0, 0, 0.0)
             return self._go(now_ns, self._goal.pose, "map", "driving home")
-        looked_from = self._looks.as_array()
-        self.ranking = self._rank(
-            grid, self._radius_m, situation.landmarks_world, looked_from, self._travel_costs(T_map_base, grid),
-            lambda poses: self._given_up.near(now_ns, poses), self._config,
-        )  # fmt: skip
-        if self._ways is not None and self._config.way_gain_ratio:
-            way_to = self._ways(T_map_base, grid)
-            self.ranking = with_ways(self.ranking, way_to, grid, self._radius_m, looked_from, self._config)
-        if not self.ranking.views:
+        views = self.outlook.rank(now_ns, T_map_base, grid, situation.landmarks_world).views
+        if not views:
             return self._nothing_left(now_ns, situation, grid)
         self._empty_rankings = 0
-        self._goal = goal = self.ranking.views[0]
-        self._promise = Promise(goal.pose, grid, self._radius_m, looked_from, self._config)
+        self._goal = goal = views[0]
+        self._promise = self.outlook.promise(goal, grid)
         return self._go(now_ns, goal.pose, "map", goal.words(self._config.stop_cost_m))
 
     def _nothing_left(self, now_ns: int, situation: Situation, grid: OccupancyGrid) -> Decision:
         """No view is worth its way: try again what failed, look from elsewhere; only where all of the ground is within
         reach, or nothing helps, is it explored."""
-        why, boxed_in = self.ranking.why(), self.ranking.boxed_in()
+        ranking, given_up = self.outlook.ranking, self.outlook.given_up
+        why, boxed_in = ranking.why(), ranking.boxed_in()
         self._empty_rankings += 1
         self._wait_until_ns = now_ns + _EMPTY_WAIT_NS
-        if self.ranking.rejected[Rejection.GIVEN_UP] and self._given_up.forgive(now_ns):
+        if ranking.rejected[Rejection.GIVEN_UP] and given_up.forgive(now_ns):
             self._chronicle.note(now_ns, f"no other view found ({why}): what was given up is tried again")
             return self._answer(Action.WAIT, "trying again what was given up")
         if self._empty_rankings > (self._config.retries_boxed_in if boxed_in else self._config.retries_without_view):
             return self._end(now_ns, Outcome.EXPLORED, f"no view is worth its way any more ({why})")
         if boxed_in and self._empty_rankings > self._config.retries_without_view:
-            return self._swing(now_ns, situation, grid, f"no view found ({why}): turning to look elsewhere")
+            reason, ahead = f"no view found ({why}): turning to look elsewhere", self._empty_rankings % 2 == 1
+            return self._swing(now_ns, situation, grid, reason, ahead)
         return self._back_off(now_ns, f"no view found ({why}): looking again from further back")
 
-    def _swing(self, now_ns: int, situation: Situation, grid: OccupancyGrid, reason: str) -> Decision:
+    def _leave(self, now_ns: int, situation: Situation, hazard: str) -> Decision:
+        """Away from what was touched: along the trail, or, where there is none, over free ground."""
+        self._blocked += 1
+        if self._blocked > _MOST_BLOCKED:
+            return self._end(now_ns, Outcome.BLOCKED, f"a hazard that stays: {hazard}")
+        if len(self._trail) > 1 or situation.grid is None or situation.T_map_base is None:
+            return self._back_off(now_ns, f"backing off: {hazard}")
+        swing = self._swing(now_ns, situation, situation.grid, f"turning away: {hazard}", self._blocked % 2 == 1)
+        self._backing_off = swing.action is Action.GO
+        return swing
+
+    def _swing(self, now_ns: int, situation: Situation, grid: OccupancyGrid, reason: str, ahead: bool) -> Decision:
         """A short arc ahead or back, so that the camera turns."""
         assert situation.T_map_base is not None
         assert situation.T_odom_base is not None
-        step_m, ahead = self._config.backtrack_step_m, self._empty_rankings % 2 == 1
+        step_m = self._config.backtrack_step_m
         arc = free_swing(grid, situation.T_map_base, self._body_m, self._phi_rad_m, step_m, ahead)
         if arc is None:
             return self._back_off(now_ns, reason)
@@ -308,7 +304,7 @@ class Mission:
         if self._goal is not None and self._home.asked:
             self._chronicle.note(now_ns, self._home.failed(reason))
         elif self._goal is not None:
-            seconds = self._given_up.add(now_ns, self._goal.pose)
+            seconds = self.outlook.given_up.add(now_ns, self._goal.pose)
             self._chronicle.note(now_ns, f"goal given up for {seconds:.0f} s: {reason}")
         self._goal = self._promise = None
 

@@ -193,15 +193,15 @@ class ExploreNode:
 
     def _report(self, decision: Decision) -> None:
         """Status as JSON, frontiers when they were searched anew."""
-        mission, goal = self._mission, decision.goal
+        mission, outlook, goal = self._mission, self._mission.outlook, decision.goal
         status = {
             "state": decision.state,
             "reason": decision.reason,
             "outcome": mission.outcome.name if mission.outcome else None,
             "navigation": self._navigation()[0].value,
             "goal": [goal.x, goal.y, goal.theta] if goal is not None else None,
-            "frontiers": len(mission.frontiers),
-            "views": len(mission.ranking.views),
+            "frontiers": len(outlook.frontiers),
+            "views": len(outlook.ranking.views),
             "known_area_m2": self._grid.known_area_m2 if self._grid is not None else None,
         }
         text, now_s = json.dumps(status), time.monotonic()
@@ -209,11 +209,11 @@ class ExploreNode:
             self._status, self._status_s = text, now_s
             self._status_pub.publish(text)
             self._diagnostics.set("mission", process.OK, f"{decision.state}: {decision.reason}")
-        if mission.ranking is not self._shown and self._grid is not None:
-            self._shown = mission.ranking
+        if outlook.ranking is not self._shown and self._grid is not None:
+            self._shown = outlook.ranking
             self._frontiers_pub.publish(
                 frontier_markers(
-                    self._grid, mission.frontiers, mission.ranking.views, topics.MAP_FRAME, process.now_ns()
+                    self._grid, outlook.frontiers, outlook.ranking.views, topics.MAP_FRAME, process.now_ns()
                 )
             )
 
