@@ -1,6 +1,6 @@
 """What the live view costs and how often it is updated, with nobody looking and with one viewer.
 
-PYTHONPATH=src:hw:tests/ros python benchmarks/view.py [--seconds 20] [--picture view.png]
+PYTHONPATH=src:hw:tests python benchmarks/view.py [--seconds 20] [--picture view.png]
 
 A robot explores the emulated lab live. Told is the processor time of the view's process, as a share of a core, and what
 drawing the camera picture adds to the SLAM's; the rates of camera, pose and all updates as a viewer receives them. With
@@ -122,7 +122,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory(prefix="view-") as folder:
         run = Path(folder) / "run"
         words = ["--world", "lab", "--seed", "2", "--view", "--headless", "--out", str(run)]
-        command = [sys.executable, "-m", "vsx_ros.ros.run", *words]
+        command = [sys.executable, "-m", "vsx_ros.cli.main", "explore", *words]
         with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as explorer:
             try:
                 url = wait_until_mapping(explorer)
