@@ -16,6 +16,7 @@ from vsx_ros.sim.robot import EmulatedRobot
 
 TYPES = get_typestore(Stores.ROS1_NOETIC)
 T = TYPES.types
+AHEAD = VelocityCommand(0.2, 0.0)
 START_NS = 1_700_000_000_000_000_000
 
 
@@ -45,9 +46,14 @@ def _info(camera: Any, stamp_ns: int) -> Any:
     )
 
 
+def driver() -> EmulatedRobot:
+    """The robot of the drive, at its beginning."""
+    return EmulatedRobot(generate_world("lab", 3), 3)
+
+
 def write_drive(path: Path, frames: int) -> Path:
     """Straight ahead in an emulated lab, 15 images a second, odometry in between, and the truth."""
-    robot = EmulatedRobot(generate_world("lab", 3), 3)
+    robot = driver()
     with Writer(path) as writer:
         connections: dict[str, Any] = {}
 
@@ -58,7 +64,7 @@ def write_drive(path: Path, frames: int) -> Path:
             writer.write(connections[topic], stamp_ns, TYPES.serialize_ros1(message, kind))
 
         for _ in range(frames):
-            frame, reading = robot.step(VelocityCommand(0.2, 0.0))
+            frame, reading = robot.step(AHEAD)
             stamp_ns = START_NS + frame.stamp_ns
             height, width = frame.image.shape
             image = T["sensor_msgs/msg/Image"](_header(stamp_ns), height, width, "mono8", 0, width, frame.image.ravel())

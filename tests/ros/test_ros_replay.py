@@ -10,19 +10,22 @@ import threading
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytest.importorskip("rospy")
 
 import cv2
-from drive_bag import write_drive
+from drive_bag import AHEAD, START_NS, driver, write_drive
 from ros_ports import free_port
 
 from vsx_ros.cli import main
 from vsx_ros.cli.exit_codes import DONE, FAILED, STOPPED
+from vsx_ros.config import Config
 from vsx_ros.io.calibration_file import write_calibration
 from vsx_ros.io.recording import open_recording
 from vsx_ros.io.run_folder import RunFolder
+from vsx_ros.slam.slam import SequentialSlam
 
 pytestmark = pytest.mark.ros
 
@@ -50,6 +53,18 @@ def in_lock_step(bag: Path, tmp_path_factory: pytest.TempPathFactory) -> RunFold
     out = tmp_path_factory.mktemp("runs") / "lock_step"
     assert main.execute(["replay", str(bag), "--map", "--out", str(out)]) == DONE
     return RunFolder.open(out)
+
+
+def test_a_recording_gives_what_the_drive_itself_gave(in_lock_step: RunFolder) -> None:
+    robot = driver()
+    slam = SequentialSlam(robot.camera_given, robot.T_base_cam_given, Config().slam, 0)
+    results = [slam.track(*robot.step(AHEAD)) for _ in range(FRAMES)]
+    tracked = [result for result in results if result.T_world_cam is not None]
+    poses = in_lock_step.read_poses("trajectory")
+    assert [pose.stamp_ns for pose in poses] == [START_NS + result.stamp_ns for result in tracked]
+    for pose, result in zip(poses, tracked, strict=True):
+        assert result.T_world_cam is not None
+        assert np.allclose(pose.T.matrix(), result.T_world_cam.matrix(), atol=1e-7)
 
 
 @pytest.mark.parametrize("rate", ["1", "0"])
