@@ -23,7 +23,7 @@ _TICK_S = 0.01
 _NEVER_NS = 2**62
 _LEAD_NS = 1_000_000_000
 _HOLD_NS = 100_000_000
-_FIRST_ANSWER_S, _ANSWER_S = 30.0, 2.0
+_FIRST_ANSWER_S, _ANSWER_S = 30.0, 10.0
 _END_NS = 3_000_000_000
 """So long time goes on after the last image, for maps that are made once a second."""
 
