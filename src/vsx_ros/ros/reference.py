@@ -1,4 +1,4 @@
-"""The reference of commands, topics and services, from the code that has them.
+"""The reference of commands, nodes, topics and services, from the code that has them.
 
 ``python -m vsx_ros.ros.reference > docs/reference.md`` writes it anew; a test compares.
 """
@@ -6,11 +6,13 @@
 from __future__ import annotations
 
 import argparse
+import importlib
+import pkgutil
 import sys
 from collections.abc import Iterator
 
 from vsx_ros.cli.main import parser
-from vsx_ros.ros import topics
+from vsx_ros.ros import nodes, topics
 
 _ABOUT = """\
 # Reference
@@ -28,6 +30,8 @@ def reference() -> str:
         _ABOUT,
         "## Commands\n",
         *_commands(parser(), "vsx"),
+        "## Nodes\n",
+        *_nodes(),
         "## Topics\n",
         _topics(),
         "## Services\n",
@@ -56,6 +60,13 @@ def _options(command: argparse.ArgumentParser) -> Iterator[str]:
         value = "" if action.nargs == 0 else str(action.metavar or choices or action.dest.upper())
         words = " ".join(filter(None, [", ".join(action.option_strings), value]))
         yield f"| `{_cell(words)}` | {_cell(action.help or '')} |"
+
+
+def _nodes() -> Iterator[str]:
+    """What each node's module says of it: what it hears and says, and its private parameters."""
+    for module in pkgutil.iter_modules(nodes.__path__):
+        words = importlib.import_module(f"{nodes.__name__}.{module.name}").__doc__ or ""
+        yield f"### {module.name}\n\n```\n{words.strip()}\n```\n"
 
 
 def _topics() -> str:
