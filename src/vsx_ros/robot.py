@@ -43,6 +43,19 @@ class Odometry(NamedTuple):
         """Whether the wheels report that they stand."""
         return abs(self.v) < _STANDS_M_S and abs(self.omega) < _STANDS_RAD_S
 
+    def towards(self, later: Odometry, stamp_ns: int) -> Odometry:
+        """At an instant between this reading and a later one."""
+        ratio = (stamp_ns - self.stamp_ns) / (later.stamp_ns - self.stamp_ns)
+        pose = self.T_odom_base.interpolate(later.T_odom_base, ratio)
+        v = self.v + ratio * (later.v - self.v)
+        return Odometry(stamp_ns, pose, v, self.omega + ratio * (later.omega - self.omega))
+
+    def carried_on(self, stamp_ns: int) -> Odometry:
+        """At an instant after this reading, its speeds held."""
+        seconds = (stamp_ns - self.stamp_ns) * 1e-9
+        pose = self.T_odom_base @ SE2.exp(self.v * seconds, 0.0, self.omega * seconds)
+        return self._replace(stamp_ns=stamp_ns, T_odom_base=pose)
+
     def counts_on_from(self, before: Odometry) -> bool:
         """Whether the two readings are surely of one counting: not where the pose jumps, nor after a second of silence,
         in which the base may have been started anew."""

@@ -12,7 +12,6 @@ from vsx_ros.arrays import FloatArray
 from vsx_ros.control.stuck import Stuck, StuckWatch
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.geometry.unicycle import integrate
 from vsx_ros.robot import Odometry
 
 _MEMORY = 400
@@ -50,14 +49,6 @@ class PoseFuser:
         """How the wheels turn although the camera stands; None when they do not."""
         return self._watch.stuck
 
-    @property
-    def T_world_odom(self) -> SE2 | None:
-        """Where the odometry frame lies, judged by the newest odometry; None before SLAM and odometry met."""
-        pose = self.pose()
-        if pose is None or self._anchor is None:
-            return None
-        return pose @ self._odometry[-1].T_odom_base.inverse()
-
     def add_odometry(self, odometry: Odometry) -> None:
         """Take a reading; one that is not newer than the last is ignored. Raises InputError for NaN."""
         T = odometry.T_odom_base
@@ -83,7 +74,7 @@ class PoseFuser:
         if self._anchor is not None:
             believed = self._carried(T_odom_base)
             if believed.distance_to(T_world_base) <= _JUMP_M and abs(believed.angle_to(T_world_base)) <= _JUMP_RAD:
-                self._anchor = self._corrected(believed, T_odom_base, T_world_base), T_odom_base
+                self._anchor = self._corrected(believed, T_world_base), T_odom_base
                 return
         self._stand_at(T_world_base, T_odom_base, _SLAM_M, _SLAM_RAD)
 
@@ -126,7 +117,7 @@ class PoseFuser:
         half = SE2(0.0, 0.0, 0.5 * turn)
         return T_world_anchor @ half @ SE2(step.x, step.y, step.theta) @ half
 
-    def _corrected(self, believed: SE2, T_odom_base: SE2, measured: SE2) -> SE2:
+    def _corrected(self, believed: SE2, measured: SE2) -> SE2:
         """Predict the covariance to the new stamp and take in the measurement; the pose there."""
         assert self._anchor is not None
         before = self._anchor[0]
@@ -151,12 +142,7 @@ class PoseFuser:
             return None
         last = self._odometry[-1]
         if stamp_ns >= last.stamp_ns:
-            ahead = (stamp_ns - last.stamp_ns) * 1e-9
-            if stamp_ns - last.stamp_ns > _EXTRAPOLATE_NS:
-                return None
-            return integrate(last.T_odom_base, last.v * ahead, last.omega * ahead)
+            near = stamp_ns - last.stamp_ns <= _EXTRAPOLATE_NS
+            return last.carried_on(stamp_ns).T_odom_base if near else None
         i = bisect.bisect_right(self._odometry, stamp_ns, key=lambda reading: reading.stamp_ns)
-        if i == 0:
-            return None
-        a, b = self._odometry[i - 1], self._odometry[i]
-        return a.T_odom_base.interpolate(b.T_odom_base, (stamp_ns - a.stamp_ns) / (b.stamp_ns - a.stamp_ns))
+        return None if i == 0 else self._odometry[i - 1].towards(self._odometry[i], stamp_ns).T_odom_base

@@ -74,11 +74,9 @@ class Recording:
         if not near or min(abs(reading.stamp_ns - stamp_ns) for reading in near) > GRACE_NS:
             return None
         first, last = near[0], near[-1]
-        span_ns = last.stamp_ns - first.stamp_ns
-        ratio = min(max((stamp_ns - first.stamp_ns) / span_ns, 0.0), 1.0) if span_ns > 0 else 0.0
-        pose = first.T_odom_base.interpolate(last.T_odom_base, ratio)
-        v = first.v + ratio * (last.v - first.v)
-        return Odometry(stamp_ns, pose, v, first.omega + ratio * (last.omega - first.omega))
+        if first.stamp_ns <= stamp_ns < last.stamp_ns:
+            return first.towards(last, stamp_ns)
+        return first._replace(stamp_ns=stamp_ns)
 
     def _checked(self, frame: Frame) -> Frame:
         height, width = frame.image.shape

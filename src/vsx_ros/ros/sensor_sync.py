@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 from collections import deque
 
-from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Frame, Odometry
 
 _KEEP_ODOMETRY = 300
@@ -66,21 +65,9 @@ class SensorSync:
         later: Odometry | None = None
         for reading in reversed(self._odometry):
             if reading.stamp_ns <= stamp_ns:
-                return _extrapolated(reading, stamp_ns) if later is None else _between(reading, later, stamp_ns)
+                if later is not None:
+                    return reading.towards(later, stamp_ns)
+                near = stamp_ns - reading.stamp_ns <= _MAX_EXTRAPOLATION_NS
+                return reading.carried_on(stamp_ns) if near else None
             later = reading
         return None
-
-
-def _between(first: Odometry, last: Odometry, stamp_ns: int) -> Odometry:
-    ratio = (stamp_ns - first.stamp_ns) / (last.stamp_ns - first.stamp_ns)
-    pose = first.T_odom_base.interpolate(last.T_odom_base, ratio)
-    v = first.v + ratio * (last.v - first.v)
-    return Odometry(stamp_ns, pose, v, first.omega + ratio * (last.omega - first.omega))
-
-
-def _extrapolated(last: Odometry, stamp_ns: int) -> Odometry | None:
-    if stamp_ns - last.stamp_ns > _MAX_EXTRAPOLATION_NS:
-        return None
-    seconds = (stamp_ns - last.stamp_ns) * 1e-9
-    pose = last.T_odom_base @ SE2.exp(last.v * seconds, 0.0, last.omega * seconds)
-    return Odometry(stamp_ns, pose, last.v, last.omega)
