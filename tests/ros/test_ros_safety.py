@@ -122,7 +122,7 @@ def test_wheels_that_turn_while_the_camera_stands_are_stopped_and_the_robot_back
 
     try:
         rospy.wait_for_message(f"/{topics.POSE}", PoseWithCovarianceStamped, 60.0)
-        stack.wait(lambda: events and events[-1].startswith("view at"), 30.0, "a drive on the map")
+        stack.wait(lambda: events and events[-1].startswith("view at"), 120.0, "a new drive on the map")
         stack.wait_until_driving()
         monkeypatch.setattr(stack.plant._body, "_move", against_a_box)
         stack.wait(

@@ -137,7 +137,7 @@ def test_two_explorations_share_a_master_and_a_third_of_the_same_name_is_refused
     explore = (sys.executable, "-m", "vsx_ros.cli.main", "explore", "--world", "lab", "--headless", "--time")
     runs = {
         robot: processes.start(robot, *explore, seconds, "--out", str(tmp_path / robot), ROS_NAMESPACE=robot)
-        for robot, seconds in {"a": "300", "b": "20"}.items()
+        for robot, seconds in {"a": "300", "b": "45"}.items()
     }
 
     def state(robot: str) -> str:
@@ -153,7 +153,7 @@ def test_two_explorations_share_a_master_and_a_third_of_the_same_name_is_refused
     assert state("a") == "mapping", "the end of b is not a's"
     runs["a"].send_signal(signal.SIGINT)
     assert runs["a"].wait(30.0) == STOPPED, processes.logs()
-    for robot, reason in {"a": "stopped by the operator", "b": "time limit of 20 s"}.items():
+    for robot, reason in {"a": "stopped by the operator", "b": "time limit of 45 s"}.items():
         summary = json.loads((tmp_path / robot / "summary.json").read_text(encoding="utf-8"))
         assert summary["stop_reason"] == reason
         assert summary["frames_tracked"] > 0
