@@ -67,25 +67,20 @@ class _Table:
         self._axes[k], self._box[k] = in_plane_axes(group.fit.normal), _box(group, points, 0.0)
 
     def near(self, piece: Found, low: FloatArray, high: FloatArray, noise: Noise, unit: float) -> IntArray:
-        """The groups, in order, that ``_joined`` might join with a piece whose points lie between low and high (3,)."""
-        n, slack = self._count, 1e-9
-        same = (self._attitude[:n] == piece.fit.attitude) & (
-            self._normal[:n] @ piece.fit.normal > _MAX_ANGLE_COS - slack
-        )
-        k = np.flatnonzero(same)
+        """The groups, in order, that lie in the plane of a piece, and may touch the piece, whose points lie between low
+        and high (3,)."""
+        n = self._count
+        alike = self._normal[:n] @ piece.fit.normal >= _MAX_ANGLE_COS
+        k = np.flatnonzero(alike & (self._attitude[:n] == piece.fit.attitude))
         off = np.abs(((piece.fit.middle - self._middle[k]) * self._normal[k]).sum(axis=1))
         centre, half = self._axes[k] @ (0.5 * (low + high)), np.abs(self._axes[k]) @ (0.5 * (high - low))
         gap = np.maximum(self._box[k, 0] - (centre + half), (centre - half) - self._box[k, 1]).max(axis=1, initial=-1.0)
-        kept: IntArray = k[(off < 4.0 * noise.limit + slack) & (gap < _GAP_M * unit + slack)]
+        kept: IntArray = k[(off <= 4.0 * noise.limit) & (gap <= _GAP_M * unit)]
         return kept
 
 
 def _joined(a: Found, b: Found, points: ObservedPoints, noise: Noise, unit: float) -> Found | None:
-    """Both as one plane; None when they are not the same or lie apart."""
-    if a.fit.attitude is not b.fit.attitude or float(a.fit.normal @ b.fit.normal) < _MAX_ANGLE_COS:
-        return None
-    if abs(float((b.fit.middle - a.fit.middle) @ a.fit.normal)) > 4.0 * noise.limit:
-        return None
+    """Both, near each other's planes, as one plane; None when they lie apart or no plane holds both."""
     axes = in_plane_axes(a.fit.normal)
     one, other = points.world[a.rows] @ axes.T, points.world[b.rows] @ axes.T
     gap = np.maximum(one.min(axis=0) - other.max(axis=0), other.min(axis=0) - one.max(axis=0))
