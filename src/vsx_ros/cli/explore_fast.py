@@ -10,8 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from vsx_ros.cli.exit_codes import DONE, FAILED, LOST, STOPPED
+from vsx_ros.cli.exit_codes import DONE, LOST, STOPPED
 from vsx_ros.cli.explore import begin
+from vsx_ros.cli.outcomes import EXIT_CODES
 from vsx_ros.cli.report import one_line_facts, write_report
 from vsx_ros.cli.run_record import MapJudge, RunRecord
 from vsx_ros.cli.session import Before, Session
@@ -19,7 +20,6 @@ from vsx_ros.cli.stoppable import stoppable
 from vsx_ros.config import Config
 from vsx_ros.errors import ConfigError
 from vsx_ros.evaluation.summary import Summary, with_accuracy
-from vsx_ros.exploration.decision import Outcome
 from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.journal import EventLine, FrameLine, TruthLine, flat, unflat
 from vsx_ros.io.run_folder import RunEvent, RunFolder
@@ -35,13 +35,6 @@ from vsx_ros.system import ExplorationSystem
 STOPPED_BY_OPERATOR = "stopped by the operator"
 _DEFAULT_TIME_S = 600.0
 _PROGRESS_EVERY_S = 0.5
-_CODES = {
-    Outcome.LOST: LOST,
-    Outcome.NOT_STARTED: FAILED,
-    Outcome.STRANDED: FAILED,
-    Outcome.BLOCKED: FAILED,
-    Outcome.STOPPED: STOPPED,
-}
 
 
 class FastRun:
@@ -226,6 +219,6 @@ def explore_fast(args: argparse.Namespace) -> int:
         return STOPPED
     outcome = run.system.mission.outcome
     if outcome is not None:
-        return _CODES.get(outcome, DONE)
+        return EXIT_CODES[outcome]
     results = run.record.results
     return LOST if results and results[-1].state is TrackingState.LOST else DONE

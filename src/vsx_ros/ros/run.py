@@ -17,14 +17,15 @@ from typing import NamedTuple
 import numpy as np
 
 from vsx_hw.errors import DeviceError
-from vsx_ros.cli.exit_codes import DONE, FAILED, HARDWARE, INTERNAL, LOST, STOPPED
+from vsx_ros.cli.exit_codes import DONE, FAILED, HARDWARE, INTERNAL, STOPPED
 from vsx_ros.cli.explore import add_arguments, begin
+from vsx_ros.cli.outcomes import EXIT_CODES
 from vsx_ros.cli.report import one_line_facts, write_report
 from vsx_ros.cli.run_record import MapJudge
 from vsx_ros.config import to_dict
 from vsx_ros.errors import ConfigError, VsxError, disk_trouble
 from vsx_ros.evaluation.summary import Summary, with_accuracy
-from vsx_ros.exploration.decision import MissionState, Outcome
+from vsx_ros.exploration.decision import MissionState
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.run_folder import RunEvent, RunFolder
 from vsx_ros.ros import launch, process, view
@@ -48,15 +49,7 @@ class Ending(NamedTuple):
     code: int
 
 
-_OUTCOMES = {
-    Outcome.EXPLORED.name: DONE,
-    Outcome.HOME.name: DONE,
-    Outcome.STOPPED.name: STOPPED,
-    Outcome.NOT_STARTED.name: FAILED,
-    Outcome.LOST.name: LOST,
-    Outcome.STRANDED.name: FAILED,
-    Outcome.BLOCKED.name: FAILED,
-}
+_CODES = {outcome.name: code for outcome, code in EXIT_CODES.items()}
 
 
 class Coverage:
@@ -170,7 +163,7 @@ def _ending(live: Live, witness: Witness, elapsed_s: float, limit_s: float | Non
             return Ending(f"node {live.dead} has ended: {said}", FAILED)
         return Ending(f"node {live.dead} died; its last words are in the run's log folder", INTERNAL)
     if status.get("state") == MissionState.DONE.value:
-        return Ending(str(status.get("reason")), _OUTCOMES.get(str(status.get("outcome")), INTERNAL))
+        return Ending(str(status.get("reason")), _CODES.get(str(status.get("outcome")), INTERNAL))
     if limit_s is not None and elapsed_s >= limit_s:
         return Ending(f"time limit of {limit_s:g} s", DONE)
     return None

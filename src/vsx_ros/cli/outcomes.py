@@ -1,0 +1,16 @@
+"""The exit code of each way an exploration ends, live or in lock-step."""
+
+from __future__ import annotations
+
+from vsx_ros.cli.exit_codes import DONE, FAILED, LOST, STOPPED
+from vsx_ros.exploration.decision import Outcome
+
+EXIT_CODES = {
+    Outcome.EXPLORED: DONE,
+    Outcome.HOME: DONE,
+    Outcome.STOPPED: STOPPED,
+    Outcome.NOT_STARTED: FAILED,
+    Outcome.LOST: LOST,
+    Outcome.STRANDED: FAILED,
+    Outcome.BLOCKED: FAILED,
+}
