@@ -44,6 +44,16 @@ def test_it_holds_while_the_base_stands_and_ends_when_it_is_seen_to_move():
     assert watch.stuck is None
 
 
+def test_once_it_is_free_the_way_it_was_stuck_on_counts_no_more():
+    watch = StuckWatch()
+    counted, seen = drive(watch, SE2(), START, 8, STEP_M, 0.0)
+    said = watch.stuck
+    for _ in range(20):
+        counted, seen = drive(watch, counted, seen, 1, STEP_M, 1.0)
+        assert watch.stuck in (said, None)
+    assert watch.stuck is None
+
+
 @pytest.mark.parametrize("share", [0.5, 0.9, 1.5])
 def test_wheels_that_slip_or_are_pushed_are_not_stuck(share: float):
     watch = StuckWatch()

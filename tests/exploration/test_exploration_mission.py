@@ -160,9 +160,12 @@ def test_lost_for_good_it_backs_goes_on_to_where_most_is_known_looks_to_the_side
     assert np.diff([4.0, *straight]).min() > -config.backtrack_step_m - 0.11
     backed_m = config.backtrack_step_m * int(np.ceil(config.backtrack_max_m / config.backtrack_step_m))
     assert straight[-1] < 4.0 - backed_m - 0.3
-    swings = goals[len(straight) :]
+    swings, turns = goals[len(straight) : -8], goals[-8:]
     assert 2 <= len(swings) <= 4
     assert all(abs(goal.theta) > 0.2 for goal in swings)
+    assert {(goal.x, goal.y) for goal in turns} == {(swings[-1].x, swings[-1].y)}
+    headings = [swings[-1].theta, *(goal.theta for goal in turns)]
+    assert np.diff(np.unwrap(headings)) == pytest.approx([np.pi / 4] * 8)
     assert mission.outcome is Outcome.LOST
     reasons = [event.reason for event in mission.drain_events()]
     assert any("most known landmarks" in reason for reason in reasons)
@@ -386,6 +389,36 @@ def test_a_resumed_mission_goes_back_along_the_way_it_remembers_although_its_whe
     decisions = [again.decide((4 + k) * SECOND, lost) for k in range(12)]
     back = next(decision for decision in decisions if decision.action is Action.GO)
     assert -0.5 < back.goal.x < -0.25
+
+
+def test_a_resumed_mission_that_knows_neither_place_nor_way_looks_around_on_the_spot():
+    memory = mapping_mission().memory(3 * SECOND, SE2())
+    again = Mission(Config(), euclid)
+    again.recall(4 * SECOND, memory._replace(trail=[]), SE2())
+    goals, pose = [], SE2(1.0, 2.0, 0.3)
+    for k in range(60):
+        lost = situation(slam_state=TrackingState.LOST, slam_reason="dark", T_map_base=None, grid=None)
+        decision = again.decide((4 + k) * SECOND, lost._replace(T_odom_base=pose))
+        if decision.action is Action.GO:
+            goals.append(decision.goal)
+            pose = decision.goal
+    assert len(goals) == 8
+    assert all(goal.distance_to(pose) < 1e-9 for goal in goals)
+    assert again.outcome is Outcome.LOST
+
+
+def test_in_a_map_made_before_it_first_looks_for_its_place_and_then_explores():
+    mission = Mission(Config(), euclid)
+    lost = situation(slam_state=TrackingState.LOST, slam_reason="not yet recognised", T_map_base=None, grid=None)
+    assert mission.decide(SECOND, lost).action is Action.WAIT
+    assert mission.state is MissionState.RECOVERING
+    assert mission.decide(3 * SECOND, lost).action is Action.WAIT
+    turn = mission.decide(7 * SECOND, lost)
+    assert turn.action is Action.GO
+    assert "looking around" in turn.reason
+    for k in range(2):
+        mission.decide((9 + 2 * k) * SECOND, situation())
+    assert mission.state is MissionState.MAPPING
 
 
 def test_home_is_where_the_exploration_began_although_the_wheels_counted_before():

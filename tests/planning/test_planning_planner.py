@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from walled_rooms import grid, room, with_wall
 
-from vsx_ros.config import PlannerConfig, RobotConfig
+from vsx_ros.config import LimitsConfig, PlannerConfig, RobotConfig
 from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2, wrap_angle
 from vsx_ros.occupancy.distance import clearance_field
@@ -15,6 +15,7 @@ from vsx_ros.planning.corridor import Corridor, build_corridor
 from vsx_ros.planning.paper_planner import PaperPlanner
 from vsx_ros.planning.path import CUSP_COST_M, Path, Plan, Refusal, RefusalKind
 from vsx_ros.planning.planner import Planner, UnconstrainedPlanner
+from vsx_ros.planning.time_scaling import time_scale
 
 ROBOT, CONFIG = RobotConfig(), PlannerConfig()
 NEED = ROBOT.radius_m + CONFIG.clearance_m
@@ -174,7 +175,7 @@ def test_reverse_legs_are_short():
         (0.3, SE2(-0.4, 0.0, 0.0), None),
         (0.2, SE2(0.4, 0.2, 0.0), 0.14),
         (0.1, SE2(0.4, 0.2, 0.0), None),
-        (0.0, SE2(0.0, 0.0, 1.0), None),
+        (0.0, SE2(0.1, 0.1, 1.0), None),
         (0.0, SE2(0.8, 0.3, 0.7), 0.0),
     ],
 )
@@ -191,7 +192,20 @@ def test_without_a_map_a_reverse_leg_too_long_is_infeasible(limit_m, goal, rever
         assert plan.path.certificate.end_error_m <= 1e-9
 
 
-@pytest.mark.parametrize("goal", [SE2(-1.6, 0.0, 0.0), SE2(5.0, 3.0, 0.0), SE2(0.0, 0.0, 3.0)])
+@pytest.mark.parametrize("angle", [3.0, -0.4])
+def test_without_a_map_a_goal_that_is_only_turned_is_turned_to_on_the_spot(angle):
+    start = SE2(1.0, 2.0, 0.5)
+    plan = Planner(CONFIG, ROBOT).plan_blind(start, start @ SE2(0.005, 0.0, angle))
+    assert isinstance(plan, Plan)
+    assert plan.path.length_m == 0.0
+    assert plan.path.turn_on_spot_rad == pytest.approx(abs(angle))
+    assert plan.path.certificate.end_error_m == pytest.approx(0.005)
+    assert plan.path.certificate.end_error_rad < 1e-9
+    trajectory = time_scale(plan.path, LimitsConfig())
+    assert trajectory.at(trajectory.duration_s)[0].angle_to(plan.goal) == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("goal", [SE2(-1.6, 0.0, 0.0), SE2(5.0, 3.0, 0.0), SE2(0.1, 0.0, 3.0)])
 def test_without_a_map_nobody_drives_far(goal):
     plan = Planner(PlannerConfig(phi_rad_m=1.0), ROBOT).plan_blind(SE2(), goal)
     assert isinstance(plan, Refusal)

@@ -21,6 +21,7 @@ from ros_ports import HOST, free_port
 
 from vsx_ros.cli.world import open_world
 from vsx_ros.config import RobotConfig
+from vsx_ros.io.run_folder import RunFolder
 from vsx_ros.ros import launch
 from vsx_ros.ros.base_drivers import base_emulator, wheel_base_m
 from vsx_ros.ros.emulation import BodyPlant, BodyState
@@ -117,6 +118,19 @@ class Stack:
     def kill(self, name: str, end: signal.Signals = signal.SIGKILL) -> None:
         self._processes.pop(name).send_signal(end)
 
+    def another_mission(self) -> None:
+        """An exploration that remembers nothing of the one before; the map stays."""
+        self.kill("explore")
+        run = RunFolder(Path(self.nodes["explore"].params["run_dir"]))
+        (run.checkpoint.path / "mission.json").unlink(missing_ok=True)
+        self.start("explore")
+
+    def mission_is_over(self) -> bool:
+        """Whether the explorer has said why it ended, and was not started since."""
+        log = self._folder / "explore.txt"
+        said = log.read_text(encoding="utf-8", errors="replace") if log.exists() else ""
+        return said.rfind("]: done: ") > said.rfind("/explore: ready")
+
     def dead(self) -> list[str]:
         return [name for name, process in self._processes.items() if process.poll() is not None]
 
@@ -146,11 +160,14 @@ class Stack:
             time.sleep(0.02)
 
     def wait_until_driving(self) -> None:
-        """The wheels turn, and have done so for a moment."""
+        """The wheels turn, and have done so for a moment; what tests before did to the robot may have ended its
+        mission, then there is another."""
 
         def driving() -> bool:
             for _ in range(10):
                 if not self.plant.moving:
+                    if self.mission_is_over():
+                        self.another_mission()
                     return False
                 time.sleep(0.03)
             return True

@@ -21,7 +21,6 @@ from chromium import EXECUTABLE, Chromium
 from ros_ports import free_port
 from std_msgs.msg import String
 
-from vsx_ros.io.run_folder import RunFolder
 from vsx_ros.ros import launch, topics
 from vsx_ros.ros.dashboard.server import TOKEN_HEADER
 from vsx_ros.ros.nodes.dashboard import TOKEN
@@ -185,8 +184,5 @@ def test_home_and_stop_reach_the_mission(stack: Stack, port: int) -> None:
         assert (said["reason"], said["outcome"]) == ("stopped by the operator", "STOPPED")
         stack.wait(lambda: not stack.plant.moving, 10.0, "the wheels to stand")
     finally:
-        stack.kill("explore")
-        run = RunFolder(Path(stack.nodes["explore"].params["run_dir"]))
-        (run.checkpoint.path / "mission.json").unlink(missing_ok=True)
-        stack.start("explore")
+        stack.another_mission()
     stack.wait(lambda: mission() != "done", 30.0, "another mission")

@@ -111,6 +111,7 @@ def test_a_cancelled_goal_is_braked_for_on_the_way(stack: Stack) -> None:
     subscriber = rospy.Subscriber(topics.COMMAND_NAVI, Twist, lambda msg: speeds.append(abs(msg.linear.x)))
     cancel = rospy.Publisher(f"{topics.MOVE_BASE_ACTION}/cancel", GoalID, queue_size=1)
     stack.wait(lambda: cancel.get_num_connections() > 0, 20.0, "move_base to hear of cancelling")
+    stack.wait_until_driving()
     stack.wait(lambda: len(speeds) > 5 and min(speeds[-5:]) > 0.15, 90.0, "a fast drive")
     before = len(speeds)
     cancel.publish(GoalID())

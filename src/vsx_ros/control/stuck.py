@@ -50,6 +50,8 @@ class StuckWatch:
             seen_m = max(seen_m, before.T_world_base.distance_to(T_world_base))
             if before.T_odom_base.distance_to(T_odom_base) >= _WAY_M:
                 self.stuck = _verdict(before, now, seen_m) if back > _POSES else None
+                if self.stuck is not None:  # the way from here on is judged by itself
+                    self._moments = deque([now], maxlen=_MEMORY)
                 return
 
 

@@ -5,6 +5,7 @@
             |            v                             LOST |  | relocalised
             |           DONE                                v  |
             |                                            RECOVERING --(nothing left to try)--> DONE
+            +--- STARTING: in a map made before --> RECOVERING
             +--- MAPPING: home, out of reach, a hazard that stays; any state: stop, time over --> DONE
 
 ``decide`` is called a few times a second with what is known and answers with one action. Every change of state
@@ -126,8 +127,7 @@ class Mission:
         self.outlook.given_up.recall(now_ns, memory.given_up)
         for pose in memory.trail:
             self._trail.add(T_odom_base @ pose)
-        self._wait_until_ns = now_ns + _RECOGNISE_WAIT_NS
-        self._chronicle.enter(now_ns, MissionState.RECOVERING, "resumed: looking for a place of the known map")
+        self._look_for_a_place(now_ns, "resumed: looking for a place of the known map")
 
     # The decision --------------------------------------------------------------------------------------------
 
@@ -160,6 +160,8 @@ class Mission:
         if situation.slam_state.tracked:
             self._chronicle.enter(now_ns, MissionState.MAPPING, "the map is initialised")
             return self._map(now_ns, situation)
+        if situation.slam_state is TrackingState.LOST:
+            return self._look_for_a_place(now_ns, "there is a map: looking for a place of it")
         if situation.navigation is NavigationState.ACTIVE:
             return self._answer(Action.WAIT, "driving straight to start the map: " + situation.slam_reason)
         if now_ns < self._wait_until_ns:
@@ -169,6 +171,13 @@ class Mission:
             return self._end(now_ns, Outcome.NOT_STARTED, f"the map did not start: {situation.slam_reason}")
         self._wait_until_ns = now_ns + _SECOND_NS
         return self._go(now_ns, T_odom_base @ SE2(drive[0], 0.0, 0.0), "odom", drive[1])
+
+    def _look_for_a_place(self, now_ns: int, reason: str) -> Decision:
+        """A map that was made before: first the camera must recognise it, then the robot looks for it."""
+        self._recovery.begin(now_ns)
+        self._wait_until_ns = now_ns + _RECOGNISE_WAIT_NS
+        self._chronicle.enter(now_ns, MissionState.RECOVERING, reason)
+        return self._answer(Action.WAIT, reason)
 
     def _map(self, now_ns: int, situation: Situation) -> Decision:
         """Choose a view, wait until it is reached, choose the next."""

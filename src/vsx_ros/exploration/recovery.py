@@ -1,8 +1,10 @@
 """What to try, step by step, when the camera is lost (the paper's robot stops there): back along the way it came, on to
-the place on it that shows most known landmarks, then to the sides. Never over ground that was not driven or known."""
+the place on it that shows most known landmarks, then to the sides, then once around on the spot. Never over ground that
+was not driven or known."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -14,7 +16,7 @@ from vsx_ros.exploration.trail import Trail
 from vsx_ros.exploration.utility import count_landmarks
 from vsx_ros.geometry.se2 import SE2
 
-_SWINGS = 4
+_SWINGS, _TURNS = 4, 8
 _MOST_STEPS = 40  # back: of a robot that does not move, or whose steps are all cut short
 _NEAR_M = 0.05
 _HOLD_NS, _AGAIN_NS = 1_000_000_000, 10_000_000_000
@@ -36,7 +38,7 @@ class Recovery:
         self._tracked_since_ns: int | None = None
         self.owes_a_step = now_ns < self._over_ns + _AGAIN_NS
         if not self.owes_a_step:
-            self._steps = self._swings = 0
+            self._steps = self._swings = self._turns = 0
             self._lost_at_m: float | None = None
             self._best_at_m: float | None = None
 
@@ -61,7 +63,7 @@ class Recovery:
             self._lost_at_m = left_m
         self._steps += 1
         if self._steps > _MOST_STEPS:
-            return self._to_a_side(situation)
+            return self._look_elsewhere(situation)
         backed_m = self._lost_at_m - left_m
         if backed_m < self._config.backtrack_max_m:
             goal = trail.back(step_m)
@@ -73,7 +75,7 @@ class Recovery:
             goal = trail.back(min(step_m, left_m - self._best_at_m))
             if goal is not None:
                 return goal, "lost: on to the place on the trail that shows most known landmarks"
-        return self._to_a_side(situation)
+        return self._look_elsewhere(situation)
 
     def _way_to_best(self, trail: Sequence[SE2], situation: Situation) -> float:
         """How far back [m] on the trail most known landmarks are in view; 0 at its end or without a map."""
@@ -85,12 +87,23 @@ class Recovery:
         back = int(counts.argmax())
         return sum(a.distance_to(b) for a, b in zip(trail[::-1][:back], trail[::-1][1:]))
 
-    def _to_a_side(self, situation: Situation) -> tuple[SE2, str] | None:
-        if self._swings == _SWINGS or situation.grid is None:
+    def _look_elsewhere(self, situation: Situation) -> tuple[SE2, str] | None:
+        """Over free ground to the sides; then around on the spot: a round body touches nothing new, and there is no
+        tracking left to break."""
+        assert situation.T_odom_base is not None
+        arc = self._free_arc(situation)
+        if arc is not None:
+            return situation.T_odom_base @ arc, "lost: turning to look elsewhere"
+        if self._turns == _TURNS:
             return None
-        if situation.T_map_base is None or situation.T_odom_base is None:
+        self._turns += 1
+        turn = SE2(0.0, 0.0, 2.0 * math.pi / _TURNS)
+        return situation.T_odom_base @ turn, f"lost: looking around on the spot ({self._turns} of {_TURNS})"
+
+    def _free_arc(self, situation: Situation) -> SE2 | None:
+        if self._swings == _SWINGS or situation.grid is None or situation.T_map_base is None:
             return None
-        ahead, step_m = self._swings % 2 == 1, self._config.backtrack_step_m
+        ahead = self._swings % 2 == 1
         self._swings += 1
-        arc = free_swing(situation.grid, situation.T_map_base, self._radius_m, self._bend_rad_m, step_m, ahead)
-        return None if arc is None else (situation.T_odom_base @ arc, "lost: turning to look elsewhere")
+        step_m = self._config.backtrack_step_m
+        return free_swing(situation.grid, situation.T_map_base, self._radius_m, self._bend_rad_m, step_m, ahead)

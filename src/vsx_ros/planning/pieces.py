@@ -84,7 +84,7 @@ def arc_piece(start: SE2, kappa: float, length_m: float, direction: int) -> Piec
 
 
 def turn_piece(start: SE2, angle: float) -> Piece:
-    """A turn on the spot by the signed angle [rad]: what the generic planner does and the other never."""
+    """A turn on the spot by the signed angle [rad]: what the generic planner does, the other only when blind."""
     table = np.array([[0.0, start.x, start.y, start.theta, 0.0], [0.0, start.x, start.y, start.theta + angle, 0.0]])
     return Piece(0, table, math.inf)
 

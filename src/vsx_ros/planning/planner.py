@@ -18,7 +18,7 @@ from vsx_ros.planning import corridor_qp
 from vsx_ros.planning.connect import connections, same_pose
 from vsx_ros.planning.corridor import Corridor, build_corridor
 from vsx_ros.planning.path import STOP_COST_M, Path, Plan, Refusal, RefusalKind, certified
-from vsx_ros.planning.pieces import Piece
+from vsx_ros.planning.pieces import Piece, turn_piece
 from vsx_ros.planning.reach import check_question
 from vsx_ros.planning.sight import Sight
 from vsx_ros.planning.skeleton import (
@@ -46,7 +46,7 @@ _NEAR_BOUND = 1.15
 _BLIND_COST = 1.0
 _ANOTHER = 1.002  # a way hardly longer than the one before is most likely the same
 _REVERSE_SLACK_M = 1e-6
-_MOST_BLIND_M = 1.5
+_MOST_BLIND_M, _SAME_PLACE_M = 1.5, 0.02
 _DETOUR, _DETOUR_M = 1.2, 0.5  # by which a way with the preferred clearance may be longer
 _STRAIGHTS_M = (math.inf, 0.5)
 
@@ -126,11 +126,14 @@ class Planner:
 
     def plan_blind(self, start: SE2, goal: SE2) -> Plan | Refusal:
         """A plan where there is no map yet (the first drive, backing along the trail): free space is assumed, but
-        not for more than a drive of 1.5 m."""
+        not for more than a drive of 1.5 m. A goal within 2 cm is turned to on the spot: nothing new is touched."""
         phi = self._config.phi_rad_m
         check_question(start, goal, phi)
         if same_pose(start, goal):
             return Plan(goal, certified(start, goal, (), "start and goal are the same"), "fov")
+        if start.distance_to(goal) < _SAME_PLACE_M:
+            turn = turn_piece(start, start.angle_to(goal))
+            return Plan(goal, certified(start, goal, (turn,), "a turn on the spot"), "fov")
         limit = self._config.max_reverse_m
         paths = connections(start, goal, phi, enough=_DIRECT)
         short = [path for path in paths if path.length_m <= _MOST_BLIND_M]
