@@ -233,11 +233,12 @@ class ExplorationConfig(_Branch, frozen=True):
 
     sensor_range_m: Positive = 3.0
     sensor_fov_rad: Positive = 1.05
+    mean_free_path_m: Positive = 1.0
     init_drive_m: Annotated[float, Meta(gt=0, le=1)] = 0.45
     init_attempts: Count = 4
     min_frontier_m: NonNegative = 0.25
-    min_gain_m2: NonNegative = 0.15
-    min_utility_m: NonNegative = 0.06
+    min_gain_m2: NonNegative = 0.08
+    min_utility_m: NonNegative = 0.03
     stop_cost_m: Positive = 2.0
     # The share of what only the way to a view shows that counts as the view's gain. More than 0 costs each decision
     # six plans, and with everything in the loop the ways to 90 % were no shorter.

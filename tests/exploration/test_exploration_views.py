@@ -67,7 +67,11 @@ def test_gain_is_the_unknown_area_inside_the_field_of_view():
     angles = np.linspace(-half, half, 2001)
     near = 0.5 / np.cos(angles)
     far = np.minimum(CONFIG.sensor_range_m, np.minimum(3.45 / np.cos(angles), 1.95 / np.abs(np.sin(angles) + 1e-12)))
-    expected = float(np.trapezoid(0.5 * (far**2 - near**2), angles))
+    # What is r away counts by the chance that the s = r - near of unknown ground before it hide nothing.
+    path_m = CONFIG.mean_free_path_m
+    s = far - near
+    shown = path_m * (near + path_m - (far + path_m) * np.exp(-s / path_m))
+    expected = float(np.trapezoid(shown, angles))
     assert gain[0] == pytest.approx(expected, rel=0.06)
     assert gain[BEARINGS // 2] == 0.0
 

@@ -1,7 +1,7 @@
 """Which view to drive to next: utility U = v / d (paper eq. 12) over candidate views.
 
-v is the unknown area a view would show, found by ray casting within the camera's field of view, and what it is worth
-(``worth.py``).
+v is the unknown area a view would show, found by ray casting within the camera's field of view, with the probability
+that nothing unknown hides it, and what it is worth (``worth.py``).
 d is the length of the motion-bounded path plus what a stop costs. A view that would show too few known landmarks is
 worth less, for the tracker has to live there.
 """
@@ -105,8 +105,9 @@ def view_gain(grid: OccupancyGrid, positions: Points2, worth: FloatArray, config
     looking at each bearing k * 2 pi / BEARINGS."""
     bearings: FloatArray = np.arange(BEARINGS, dtype=np.float64) * (2 * math.pi / BEARINGS)
     per_bearing = unknown_area_by_bearing(
-        grid.data, worth, grid.resolution, grid.origin_x, grid.origin_y, positions, bearings, config.sensor_range_m
-    )
+        grid.data, worth, grid.resolution, grid.origin_x, grid.origin_y, positions, bearings,
+        config.sensor_range_m, config.mean_free_path_m,
+    )  # fmt: skip
     window = max(1, round(config.sensor_fov_rad / (2 * math.pi) * BEARINGS))
     return window_sums(per_bearing, window)
 

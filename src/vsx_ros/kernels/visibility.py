@@ -21,23 +21,26 @@ def unknown_area_by_bearing(
     positions: Points2,
     bearings: FloatArray,
     range_m: float,
+    mean_free_path_m: float,
 ) -> FloatArray:
     """(N, B) area [m2], weighted by ``worth`` (S, H, W), of the unknown cells seen from each position (N, 2) around
     each of B equally spaced bearings; what a cell is worth depends on which of S equal sectors the bearing is in.
 
-    A ray runs to the first occupied cell, the edge of the grid or range_m; unknown cells do not stop it. Each
-    step counts the area of its ring sector, so near cells are not counted twice.
+    A ray runs to the first occupied cell, the edge of the grid or range_m. Unknown cells may turn out to be obstacles:
+    what lies behind them counts by the probability that it is seen, exp(-s / mean_free_path_m) after s metres of
+    unknown ground. Each step counts the area of its ring sector, so near cells are not counted twice.
     """
     rows, columns = data.shape
     n, b, sectors = positions.shape[0], bearings.shape[0], worth.shape[0]
     width = 2.0 * math.pi / b
     step = resolution
+    passed = math.exp(-step / mean_free_path_m)
     area = np.zeros((n, b))
     for i in range(n):
         for j in range(b):
             c, s = math.cos(bearings[j]), math.sin(bearings[j])
             k = int(math.floor(bearings[j] * sectors / (2.0 * math.pi))) % sectors
-            total = 0.0
+            total, seen = 0.0, 1.0
             r = 0.5 * step
             while r < range_m:
                 column = int(math.floor((positions[i, 0] + r * c - origin_x) / resolution))
@@ -48,7 +51,8 @@ def unknown_area_by_bearing(
                 if value == OCCUPIED:
                     break
                 if value == UNKNOWN:
-                    total += worth[k, row, column] * step * r * width
+                    total += seen * worth[k, row, column] * step * r * width
+                    seen *= passed
                 r += step
             area[i, j] = total
     return area
