@@ -476,6 +476,17 @@ def test_who_knows_no_way_back_leaves_a_hazard_by_an_arc_over_free_ground():
     assert nowhere.action is Action.WAIT
 
 
+def test_where_backing_off_does_not_help_it_turns_away_over_free_ground():
+    mission = mapping_mission()
+    pose = wheels_driven(mission, 4.0, SE2())
+    wedged = situation(T_odom_base=pose, hazard="bumper", navigation=NavigationState.ABORTED)
+    decisions = [mission.decide((4 + 2 * k) * SECOND, wedged) for k in range(10)]
+    goals = [decision.goal for decision in decisions if decision.action is Action.GO]
+    assert len(goals) >= 4
+    turns = [abs(pose.angle_to(goal)) > 0.2 for goal in goals]
+    assert turns == [k % 2 == 1 for k in range(len(goals))]
+
+
 @pytest.mark.parametrize("way_m", [0.0, 20.0])
 def test_a_hazard_that_stays_ends_the_mission(way_m: float):
     mission = mapping_mission()

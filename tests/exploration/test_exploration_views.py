@@ -108,12 +108,12 @@ def test_few_landmarks_in_view_disqualify():
 def test_what_is_far_for_the_little_it_shows_is_not_worth_the_way():
     grid = half_known_room()
     far = rank_views(
-        grid, 0.2, np.zeros((0, 3)), NOWHERE_YET, lambda p: np.full(len(p), 100.0), nowhere_avoided,
+        grid, 0.2, np.zeros((0, 3)), NOWHERE_YET, lambda p: np.full(len(p), 200.0), nowhere_avoided,
         NO_LANDMARKS_NEEDED,
     )  # fmt: skip
     assert far.views == []
     most = CONFIG.sensor_fov_rad / 2 * CONFIG.sensor_range_m**2
-    assert most < CONFIG.min_utility_m * 100.0
+    assert most < CONFIG.min_utility_m * 200.0
     assert far.rejected[Rejection.NOT_WORTH] > 100
     assert far.rejected[Rejection.UNREACHABLE] == 0
 

@@ -259,13 +259,14 @@ class Mission:
         return self._back_off(now_ns, f"no view found ({why}): looking again from further back")
 
     def _leave(self, now_ns: int, situation: Situation, hazard: str) -> Decision:
-        """Away from what was touched: along the trail, or, where there is none, over free ground."""
+        """Away from what was touched: along the trail, or, where there is none or it did not help, over free ground."""
         self._blocked += 1
         if self._blocked > _MOST_BLOCKED:
             return self._end(now_ns, Outcome.BLOCKED, f"a hazard that stays: {hazard}")
-        if len(self._trail) > 1 or situation.grid is None or situation.T_map_base is None:
+        along_trail = self._blocked % 2 == 1 and len(self._trail) > 1
+        if along_trail or situation.grid is None or situation.T_map_base is None:
             return self._back_off(now_ns, f"backing off: {hazard}")
-        swing = self._swing(now_ns, situation, situation.grid, f"turning away: {hazard}", self._blocked % 2 == 1)
+        swing = self._swing(now_ns, situation, situation.grid, f"turning away: {hazard}", self._blocked % 4 == 0)
         self._backing_off = swing.action is Action.GO
         return swing
 
