@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from vsx_ros.arrays import IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.envelope import envelope, factor_envelope, solve_envelope
 from vsx_ros.kernels.pose import exp_se3, orthonormalize
@@ -179,3 +180,27 @@ def optimize_graph(
         if gain <= 1e-6 * cost + 1e-12:
             break
     return R, t, s, cost
+
+
+@kernel
+def count_shared(rows: IntArray, ends: IntArray, n_points: int) -> IntArray:
+    """(N, N) how many of n_points points each two of N keyframes share; keyframe n sees the rows up to ends[n], after
+    those of keyframe n - 1."""
+    n = len(ends)
+    first = np.zeros(n_points + 1, np.int64)
+    for row in rows:
+        first[row + 1] += 1
+    first = np.cumsum(first)
+    viewers, seen = np.empty(len(rows), np.int64), np.zeros(n_points, np.int64)
+    shared = np.zeros((n, n), np.int64)
+    begin = 0
+    for a in range(n):
+        for row in rows[begin : ends[a]]:
+            viewers[first[row] + seen[row]] = a
+            seen[row] += 1
+            for i in range(first[row], first[row] + seen[row]):
+                shared[a, viewers[i]] += 1
+        begin = ends[a]
+        for b in range(a):
+            shared[b, a] = shared[a, b]
+    return shared

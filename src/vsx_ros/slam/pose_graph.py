@@ -8,7 +8,7 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels.pose_graph import optimize_graph
+from vsx_ros.kernels.pose_graph import count_shared, optimize_graph
 from vsx_ros.slam.map import Map
 
 # Standard deviations of what two keyframes that share points know of one another: a constant and a share of the way.
@@ -72,8 +72,10 @@ def place(world: Map, nodes: list[int], poses: list[SE3], factors: FloatArray) -
     culled keyframes they carry."""
     before = [world.keyframes[k].T_world_cam for k in nodes]
     holder = carriers(world)[world.source]
-    for k, old, new, factor in zip(nodes, before, poses, factors):
-        mine = holder == k
+    order = np.argsort(holder, kind="stable")
+    first, last = (np.searchsorted(holder, nodes, side, order) for side in ("left", "right"))
+    for n, (k, old, new, factor) in enumerate(zip(nodes, before, poses, factors)):
+        mine = order[first[n] : last[n]]
         world.points[mine] = new @ (factor * (old.inverse() @ world.points[mine]))
         world.resize_keyframe(k, new, float(factor))
 
@@ -85,10 +87,10 @@ def carriers(world: Map) -> IntArray:
 
 def shared_points(world: Map, nodes: list[int]) -> IntArray:
     """(N, N) how many points each two of the keyframes (indices) share."""
-    sees = np.zeros((len(nodes), world.count), np.float32)
-    for n, k in enumerate(nodes):
-        sees[n, world.keyframes[k].observations.rows] = 1.0
-    return (sees @ sees.T).astype(np.int64)
+    rows = [world.keyframes[k].observations.rows for k in nodes]
+    ends = np.cumsum([len(mine) for mine in rows], dtype=np.int64)
+    shared: IntArray = count_shared(np.concatenate([np.zeros(0, np.int64), *rows]), ends, world.count)
+    return shared
 
 
 def _edges_within(world: Map, nodes: list[int], poses: list[SE3]) -> list[_Edge]:
