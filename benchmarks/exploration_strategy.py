@@ -46,6 +46,7 @@ STRATEGIES: dict[str, Ranker] = {"views": rank_views, "nearest": nearest_frontie
 PLACES, CORNERS, SAME_M, SEEN_SHARE, NEVER = 160, (400, 150), 0.04, (0.15, 0.9), 0.35
 PIXEL_RAD, LEAST_PARALLAX_RAD, HALF_FOV_RAD, RANGE_M = 0.0012, 0.014, 0.54, 5.0
 KEYFRAME_M, KEYFRAME_RAD, STEP_S, TOUCH_M = 0.15, 0.14, 0.05, 0.03
+SLIDE_M = 0.001  # by which a base that touches something may come closer to it in a step and slide on
 SECOND_NS = 1_000_000_000
 
 
@@ -234,6 +235,12 @@ class Run:
     def _stop(self, state: NavigationState, why: str) -> None:
         self._trajectory, self._navigation, self._why = None, state, why
 
+    def _clearance_m(self, pose: SE2) -> float:
+        truth, world = self._landmarks.truth, self._landmarks.start @ pose
+        cell = np.array([world.x - truth.origin_x, world.y - truth.origin_y]) / truth.resolution - 0.5
+        column, row = np.float32(cell).reshape(2, 1, 1)
+        return float(cv2.remap(self._landmarks.clearance_m, column, row, cv2.INTER_LINEAR)[0, 0])
+
     def _drive(self, seconds: float) -> None:
         for _ in range(round(seconds / STEP_S)):
             self._now_s += STEP_S
@@ -241,9 +248,8 @@ class Run:
                 continue
             timed, began_s = self._trajectory
             pose = timed.at(self._now_s - began_s)[0]
-            world = self._landmarks.start @ pose
-            row, column = self._landmarks.truth.cells(np.array([[world.x, world.y]]))[0]
-            if self._landmarks.clearance_m[row, column] < self._config.robot.radius_m - TOUCH_M:
+            clear_m = self._clearance_m(pose)
+            if clear_m < min(self._config.robot.radius_m - TOUCH_M, self._clearance_m(self._pose) - SLIDE_M):
                 self._bumps.append(self._pose)
                 self._hazard = "bumper"
                 self._stop(NavigationState.ABORTED, "bumper")
