@@ -126,14 +126,15 @@ class Planner:
 
     def plan_blind(self, start: SE2, goal: SE2) -> Plan | Refusal:
         """A plan where there is no map yet (the first drive, backing along the trail): free space is assumed, but
-        not for more than a drive of 1.5 m. A goal within 2 cm is turned to on the spot: nothing new is touched."""
+        not for more than a drive of 1.5 m. A goal within 2 cm that no such way can bend to is turned to on the spot:
+        nothing new is touched."""
         phi = self._config.phi_rad_m
         check_question(start, goal, phi)
         if same_pose(start, goal):
             return Plan(goal, certified(start, goal, (), "start and goal are the same"), "fov")
-        if start.distance_to(goal) < _SAME_PLACE_M:
-            turn = turn_piece(start, start.angle_to(goal))
-            return Plan(goal, certified(start, goal, (turn,), "a turn on the spot"), "fov")
+        way_m, turn = start.distance_to(goal), start.angle_to(goal)
+        if way_m < _SAME_PLACE_M and abs(turn) > phi * way_m:
+            return Plan(goal, certified(start, goal, (turn_piece(start, turn),), "a turn on the spot"), "fov")
         limit = self._config.max_reverse_m
         paths = connections(start, goal, phi, enough=_DIRECT)
         short = [path for path in paths if path.length_m <= _MOST_BLIND_M]
