@@ -94,6 +94,19 @@ def test_stale_poses_stop_the_base_on_the_path_and_fresh_ones_resume(sign):
     assert pose.distance_to(SE2(2.0 * sign, 0.0, 0.0)) < 0.006
 
 
+def test_a_base_that_cannot_go_on_from_where_it_was_held_says_so(monkeypatch):
+    tracker = TrajectoryTracker(FOLLOWER, LIMITS)
+    tracker.start(straight(2.0), 0)
+    _, pose, now = follow_exactly(tracker, SE2(), 0, 4.0)
+    result, pose, now = follow_exactly(tracker, pose, now, 3.0, ok=False)
+    assert tracker.stands
+    monkeypatch.setattr("vsx_ros.control.trajectory_tracker.retime", lambda *_: None)
+    result = tracker.command(now + 20_000_000, pose, 0.0, True)
+    assert result.status is FollowStatus.DIVERGED
+    assert result.command == STOP
+    assert "was held" in result.reason
+
+
 def test_every_kind_of_staleness_is_named():
     tracker = TrajectoryTracker(FOLLOWER, LIMITS)
     tracker.start(straight(1.0), 0)

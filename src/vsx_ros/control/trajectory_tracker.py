@@ -121,7 +121,8 @@ class TrajectoryTracker:
         stale = self._why_stale(pose, pose_age_s, tracking_ok)
         dt = min(max((now_ns - self._last_ns) * 1e-9, 0.0), _LONGEST_STEP_S)
         self._last_ns = now_ns
-        self._advance(dt, 0.0 if stale else min(max(speed_factor, 0.0), 1.0))
+        wanted = 0.0 if stale else min(max(speed_factor, 0.0), 1.0)
+        self._advance(dt, wanted)
         reference, v, omega = self._timing.trajectory.at(self._clock_s)
         v, omega = v * self._rate, omega * self._rate
         if pose is None:
@@ -129,6 +130,8 @@ class TrajectoryTracker:
         error = pose.inverse() @ reference
         error = SE2(error.x, error.y, pose.angle_to(reference))
         diverged = self._why_diverged(error)
+        if wanted > 0.0 and self.stands:  # what cannot be timed from rest now cannot a moment later
+            diverged = diverged or "no speed profile goes on from where the base was held"
         if diverged:
             self.cancel()
             return FollowResult(STOP, FollowStatus.DIVERGED, diverged, error)

@@ -24,6 +24,8 @@ _NEVER_NS = 2**62
 _LEAD_NS = 1_000_000_000
 _HOLD_NS = 100_000_000
 _FIRST_ANSWER_S, _ANSWER_S = 30.0, 10.0
+_CALIBRATION_LEAD_S = 0.2
+"""It comes by a connection of its own, and an image that overtakes it is lost."""
 _END_NS = 3_000_000_000
 """So long time goes on after the last image, for maps that are made once a second."""
 
@@ -51,7 +53,8 @@ class Player:
     @property
     def ready(self) -> bool:
         """Whether the SLAM listens and will be heard."""
-        return all(link.get_num_connections() > 0 for link in (self._image_pub, self._odom_pub, self._answers))
+        links = self._image_pub, self._info_pub, self._odom_pub, self._answers
+        return all(link.get_num_connections() > 0 for link in links)
 
     def play(self, rate: float, goes_on: Callable[[], bool]) -> None:
         """Everything in its order until the end, or until not ``goes_on()``.
@@ -101,6 +104,8 @@ class Player:
         camera, optical = self._recording.camera, frames.own(topics.OPTICAL_FRAME)
         assert camera is not None
         self._info_pub.publish(images.camera_info(camera, frame.stamp_ns, optical))
+        if not self.sent:
+            time.sleep(_CALIBRATION_LEAD_S)
         self._image_pub.publish(images.image_msg(frame.stamp_ns, frame.image, "mono8", optical))
         self.sent += 1
 
