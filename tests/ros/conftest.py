@@ -123,13 +123,18 @@ class Stack:
         self.kill("explore")
         run = RunFolder(Path(self.nodes["explore"].params["run_dir"]))
         (run.checkpoint.path / "mission.json").unlink(missing_ok=True)
+        starts = self._explorer_said().count("/explore: ready")
         self.start("explore")
+        self.wait(lambda: self._explorer_said().count("/explore: ready") > starts, 30.0, "another mission")
 
     def mission_is_over(self) -> bool:
         """Whether the explorer has said why it ended, and was not started since."""
-        log = self._folder / "explore.txt"
-        said = log.read_text(encoding="utf-8", errors="replace") if log.exists() else ""
+        said = self._explorer_said()
         return said.rfind("]: done: ") > said.rfind("/explore: ready")
+
+    def _explorer_said(self) -> str:
+        log = self._folder / "explore.txt"
+        return log.read_text(encoding="utf-8", errors="replace") if log.exists() else ""
 
     def dead(self) -> list[str]:
         return [name for name, process in self._processes.items() if process.poll() is not None]
