@@ -159,8 +159,7 @@ class Stack:
         deadline_s = time.monotonic() + seconds
         while not condition():
             if time.monotonic() > deadline_s:
-                log = self._folder / "explore.txt"
-                said = log.read_text(encoding="utf-8").splitlines()[-10:] if log.exists() else []
+                said = self._explorer_said().splitlines()[-10:]
                 pytest.fail("\n".join([f"waited {seconds:.0f} s for {what}; the explorer said last:", *said]))
             time.sleep(0.02)
 
