@@ -35,8 +35,9 @@ _SURE_POINTS = 3
 _OVERRULED_BY, _FEW_OVERRULED_BY = 1.0, 0.25
 """Points, or fewer than sure ones, are noise where so many times more keyframes looked through their place."""
 _SPECK_CELLS, _SLIT_CELLS = 3, 7
-_MIN_RIM_VOTES = 2
-"""So many keyframes know a cell at the rim of the free ground; where fewer do, it may be a face's that they graze."""
+_MIN_SURE_VOTES = 2
+"""So many keyframes know a cell at the rim of the free ground, or around a gap in it; where fewer do, it may be a
+face's that they graze, and the gap the shadow of a leg."""
 _WALL_GAP_M, _WALL_SHARE = 1.0, 0.5
 """Of a straight wall, so long a stretch that nobody saw is taken for wall; at least so much of it was seen."""
 _MIN_SPOTS = 6
@@ -132,8 +133,8 @@ class GroundMap:
         data = np.full((lattice.rows, lattice.columns), UNKNOWN, np.int8)
         data[(free_votes >= _MIN_FREE_VOTES) | known] = FREE
         data[occupied] = OCCUPIED
-        data[_gaps(data)] = FREE
-        unsure = (data == UNKNOWN) | ((data == FREE) & (free_votes < _MIN_RIM_VOTES))
+        data[_gaps(data, known | (free_votes >= _MIN_SURE_VOTES))] = FREE
+        unsure = (data == UNKNOWN) | ((data == FREE) & (free_votes < _MIN_SURE_VOTES))
         solid = walls(occupied, lattice.resolution, 2 * self._robot.radius_m, _WALL_GAP_M, _WALL_SHARE)
         data[unsure & solid] = OCCUPIED
         data[_rims(data, free_votes)] = UNKNOWN
@@ -233,10 +234,11 @@ def _solid(spots: Surfaces, touched: BoolArray, free_votes: IntArray, lattice: _
     return solid
 
 
-def _gaps(data: NDArray[np.int8]) -> BoolArray:
+def _gaps(data: NDArray[np.int8], sure: BoolArray) -> BoolArray:
     """Unknown cells in gaps of at most two cells between free ones, two cells or more from any obstacle; and unknown
-    patches at most three cells wide and high whose every neighbour is free. Sparse rays leave both everywhere."""
-    free = np.pad((data == FREE).astype(np.uint8), 2)
+    patches at most three cells wide and high whose every neighbour is free. Sparse rays leave both everywhere. Only
+    ``sure`` free cells count."""
+    free = np.pad(((data == FREE) & sure).astype(np.uint8), 2)
     closed = cv2.morphologyEx(free, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))[2:-2, 2:-2] > 0
     near_obstacle = cv2.dilate((data == OCCUPIED).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
     gaps: BoolArray = closed & (data == UNKNOWN) & ~near_obstacle
@@ -244,7 +246,8 @@ def _gaps(data: NDArray[np.int8]) -> BoolArray:
     _, labels, stats, _ = cv2.connectedComponentsWithStats(unknown, connectivity=8)
     small = (stats[:, cv2.CC_STAT_WIDTH] <= _SPECK_CELLS) & (stats[:, cv2.CC_STAT_HEIGHT] <= _SPECK_CELLS)
     small[0] = False
-    for beside in (labels[near_obstacle], labels[0], labels[-1], labels[:, 0], labels[:, -1]):
+    doubtful = cv2.dilate(((data == FREE) & ~sure).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    for beside in (labels[near_obstacle | doubtful], labels[0], labels[-1], labels[:, 0], labels[:, -1]):
         small[beside] = False
     gaps |= small[labels]
     return gaps
@@ -258,6 +261,6 @@ def _rims(data: NDArray[np.int8], free_votes: IntArray) -> BoolArray:
     square = np.ones((_SLIT_CELLS, _SLIT_CELLS), np.uint8)
     closed = cv2.morphologyEx(free, cv2.MORPH_CLOSE, square)[_SLIT_CELLS:-_SLIT_CELLS, _SLIT_CELLS:-_SLIT_CELLS]
     beyond = (closed == 0) | (data == OCCUPIED)
-    rims: BoolArray = (data == FREE) & (free_votes < _MIN_RIM_VOTES)
+    rims: BoolArray = (data == FREE) & (free_votes < _MIN_SURE_VOTES)
     rims &= cv2.dilate(beyond.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     return rims

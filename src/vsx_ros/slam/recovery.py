@@ -3,8 +3,6 @@ gap, and when a map of its own shall begin."""
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from vsx_ros.config import SlamConfig
@@ -14,15 +12,17 @@ from vsx_ros.slam.initialization import Initializer
 from vsx_ros.slam.keyframe import FrameData
 from vsx_ros.slam.map import MapView
 from vsx_ros.slam.motion_model import MotionModel
-from vsx_ros.slam.relocalization import Expectation, Found, Relocalizer
+from vsx_ros.slam.relocalization import Expectation, Found, Reach, Relocalizer
 from vsx_ros.slam.tracker import Tracker, nearest_keyframes
 from vsx_ros.slam.two_views import Pair
+from vsx_ros.vision.small_image import rotation_between
 
-# While the wheels tell where the camera must be, a place elsewhere only looks alike; but after this many frames they
-# may have slipped.
-REACH_M, REACH_RAD, REACH_GROWTH, PATIENCE_FRAMES = 0.2, 0.15, 0.01, 60
-# So many frames that show something else while the wheels stood: the camera was carried away.
-CARRIED_FRAMES, STOOD_M, STOOD_RAD = 20, 0.05, 0.1
+# While the wheels tell where the camera must be, a place elsewhere only looks alike: the next brick of a wall is 0.2 m
+# away. They are this far off per metre and radian they have turned since; after so many frames they may have slipped.
+REACH_M, REACH_RAD, REACH_PER_M, REACH_PER_RAD, PATIENCE_FRAMES = 0.06, 0.05, 0.1, 0.1, 120
+# So many frames that show something else (the difference is that share of the contrast) while the wheels stood: the
+# camera was carried away.
+CARRIED_FRAMES, CARRIED_CHANGE, STOOD_M, STOOD_RAD = 20, 0.5, 0.05, 0.1
 SECOND_MAP_FRAMES = 30
 ENOUGH_CORNERS = 150
 BRIDGE_GAP_FRAMES, BRIDGE_DISTANCE_M, BRIDGE_ANGLE_RAD = 2, 0.04, 0.07
@@ -34,7 +34,7 @@ class Recovery:
     def __init__(
         self, camera: PinholeCamera, T_base_cam: SE3 | None, config: SlamConfig, tracker: Tracker, motion: MotionModel
     ) -> None:
-        self._T_base_cam = T_base_cam
+        self._T_base_cam, self._focal_px = T_base_cam, camera.fx
         self._config = config
         self._motion = motion
         self._relocalizer = Relocalizer(camera, config.tracker, tracker, motion)
@@ -42,7 +42,8 @@ class Recovery:
 
     def over(self, data: FrameData | None) -> None:
         """The camera is tracked in this frame; None before the first."""
-        self._last_tracked = data
+        self._last_tracked = self._last = data
+        self._way_m = self._turn_rad = 0.0
         self.bad_frames = 0
         self._unexplained = 0
         self.carried = False
@@ -60,20 +61,25 @@ class Recovery:
 
     def search(self, data: FrameData, view: MapView, by_wheels: SE3 | None, map_id: int) -> Found | None:
         """The camera wherever it can be. by_wheels: T_world_cam in map ``map_id`` as the wheels have it."""
+        self._travel(data)
         return self._relocalizer.relocalize(data, view, self.expectation(by_wheels, map_id))
 
     def expectation(self, by_wheels: SE3 | None, map_id: int) -> Expectation | None:
         """Where the camera should be in map ``map_id``, None before it was ever tracked."""
-        if by_wheels is not None and self.bad_frames < PATIENCE_FRAMES and not self.carried:
-            growth = REACH_GROWTH * self.bad_frames
-            return Expectation(by_wheels, map_id, (REACH_M + growth, REACH_RAD + growth))
+        patient = self.bad_frames < PATIENCE_FRAMES and not self.carried
+        if by_wheels is not None and self._T_base_cam is not None and patient:
+            error = REACH_PER_M * self._way_m + REACH_PER_RAD * self._turn_rad
+            reach = Reach(REACH_M + error, REACH_RAD + error, self._T_base_cam.rotation[2])
+            return Expectation(by_wheels, map_id, reach)
         expected = by_wheels or self._motion.last_pose
-        return None if expected is None else Expectation(expected, map_id, (math.inf, math.inf))
+        return None if expected is None else Expectation(expected, map_id, None)
 
     def missed(self, data: FrameData) -> bool:
         """Count a frame in which the camera was not found; True when it has just become clear that it was carried."""
         self.bad_frames += 1
         if self.carried or not self._wheels_stood(data) or len(data.corners.positions) < ENOUGH_CORNERS:
+            return False
+        if self._looks_the_same(data):
             return False
         self._unexplained += 1
         self.carried = self._unexplained >= CARRIED_FRAMES
@@ -98,6 +104,20 @@ class Recovery:
         nearest = view.keyframes[int(nearest_keyframes(view, by_wheels)[0])].T_world_cam
         moved = float(np.linalg.norm(nearest.translation - by_wheels.translation))
         return moved >= BRIDGE_DISTANCE_M or nearest.rotation_angle_to(by_wheels) >= BRIDGE_ANGLE_RAD
+
+    def _travel(self, data: FrameData) -> None:
+        step = None if self._last is None else self._motion.by_wheels(self._last, data)
+        self._last = data
+        if step is not None:
+            self._way_m += float(np.linalg.norm(step.translation))
+            self._turn_rad += step.rotation_angle_to(SE3.identity())
+
+    def _looks_the_same(self, data: FrameData) -> bool:
+        """Whether the image is the last one that was tracked, or that one turned a little."""
+        assert self._last_tracked is not None
+        before = self._last_tracked.small
+        _, difference = rotation_between(before, data.small, self._focal_px)
+        return difference < CARRIED_CHANGE * float(np.mean(np.square(before)))
 
     def _wheels_stood(self, data: FrameData) -> bool:
         moved = None if self._last_tracked is None else self._motion.by_wheels(self._last_tracked, data)

@@ -3,11 +3,11 @@ a place that nothing else speaks for must be recognised beyond doubt."""
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
+from vsx_ros.arrays import FloatArray
 from vsx_ros.config import TrackerConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
@@ -22,27 +22,45 @@ from vsx_ros.vision.descriptors import features_of
 BEST_LIKELY, IN_TURN = 3, 2
 WIDE = 2.0
 AGREE_M, AGREE_RAD, AGREE_S = 0.15, 0.15, 0.5
+# Of a camera on wheels: more than a rug or the play of its mast.
+OFF_FLOOR_M, OFF_FLOOR_RAD = 0.03, 0.05
+
+
+class Reach(NamedTuple):
+    """How far the wheels, that may have slipped, allow the camera to be from where they have it: along the floor they
+    slip, off it they do not. up_cam (3,): the floor's normal in that camera."""
+
+    distance_m: float
+    angle_rad: float
+    up_cam: FloatArray
+
+    def allows(self, error: FloatArray) -> bool:
+        """error (6,): in that camera's tangent."""
+        shift, turn = error[:3], error[3:]
+        if np.linalg.norm(shift) > self.distance_m or np.linalg.norm(turn) > self.angle_rad:
+            return False
+        tilt = np.linalg.norm(np.cross(turn, self.up_cam))
+        return bool(abs(shift @ self.up_cam) <= OFF_FLOOR_M and tilt <= OFF_FLOOR_RAD)
 
 
 class Expectation(NamedTuple):
-    """Where the camera should be: T_world_cam in map ``map_id``, and how far from it the wheels allow it to be
-    (metres, radians), infinite when they do not tell."""
+    """Where the camera should be: T_world_cam in map ``map_id``, and how far from it it can be, None when the wheels do
+    not tell."""
 
     T_world_cam: SE3
     map_id: int
-    reach: tuple[float, float]
+    reach: Reach | None
 
     @property
     def is_firm(self) -> bool:
         """Whether another place is out of the question."""
-        return math.isfinite(self.reach[0])
+        return self.reach is not None
 
     def allows(self, T_world_cam: SE3, map_id: int) -> bool:
         """Whether the camera can be there."""
-        if map_id != self.map_id:
-            return not self.is_firm
-        distance = float(np.linalg.norm(T_world_cam.translation - self.T_world_cam.translation))
-        return distance <= self.reach[0] and self.T_world_cam.rotation_angle_to(T_world_cam) <= self.reach[1]
+        if self.reach is None:
+            return True
+        return map_id == self.map_id and self.reach.allows((self.T_world_cam.inverse() @ T_world_cam).log())
 
 
 class Found(NamedTuple):
