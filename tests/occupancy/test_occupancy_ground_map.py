@@ -9,7 +9,7 @@ from vsx_ros.geometry.camera import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN
-from vsx_ros.occupancy.ground_map import Driven, GroundMap
+from vsx_ros.occupancy.ground_map import Driven, GroundMap, _gaps
 
 MOUNT = mount_pose(-0.09, 0.0, 0.31, 0.0)
 ROOM = (-3.0, 3.0, -2.0, 2.0)
@@ -214,6 +214,16 @@ def test_small_holes_between_free_cells_are_closed():
     grid = one_view([[3.0, y, 0.02] for y in np.arange(-0.5, 0.5, 0.11)])
     between = [grid.value_at(2.3, y) for y in np.arange(-0.35, 0.3, 0.05)]
     assert between.count(UNKNOWN) == 0
+
+
+def test_a_gap_in_ground_that_hardly_anybody_saw_stays():
+    """It may be the leg of a table, with its shadow."""
+    data = np.full((20, 20), FREE, np.int8)
+    data[5, 5] = data[12:19, 12] = UNKNOWN
+    sure = np.ones(data.shape, bool)
+    assert _gaps(data, sure).sum() == 8
+    sure[:, 4:] = False
+    assert not _gaps(data, sure).any()
 
 
 def test_the_trail_is_free_and_bumps_stay_whatever_is_seen(room, ground_map):
