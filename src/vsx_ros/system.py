@@ -81,7 +81,7 @@ class ExplorationSystem:
         self.ground = MappedGround(config)
         self._densifier = Densifier(camera, T_base_cam, config.dense, seed) if config.dense.enabled else None
         self._fuser = PoseFuser()
-        self._mapped = (-1, 0)
+        self._mapped = (-1, 0, 0)
         self._next_map_ns = self._next_dense_ns = self._next_decision_ns = 0
         record = None if memory is None else TrackingRecord.restored(memory.state)
         slam_map = slam_map if memory is None else memory.slam_map
@@ -151,7 +151,7 @@ class ExplorationSystem:
     def _remember(self, hazard: str | None, stuck: Stuck | None) -> None:
         pose = self._fuser.pose()
         if stuck is not None:
-            self.ground.bumped(stuck.T_world_push)
+            self.ground.pushed(stuck.T_world_push)
         elif pose is not None:
             self.ground.moved(pose)
         if pose is not None and hazard:
@@ -162,7 +162,7 @@ class ExplorationSystem:
             return
         snapshot = self.slam.snapshot()
         denser = now_ns >= self._next_dense_ns and self._densify(snapshot)
-        known = snapshot.version, self.ground.counts[1]
+        known = (snapshot.version, *self.ground.counts[1:])
         if self.grid is not None and not denser and known == self._mapped:
             return
         if denser:

@@ -72,3 +72,16 @@ def test_a_bump_behind_is_not_lost_after_one_ahead_at_the_same_place():
     for heading in (0.0, 0.0, np.pi, np.pi):
         ground.bumped(SE2(0.5, 0.0, heading))
     assert ground.counts[1] == 2
+
+
+@pytest.mark.parametrize("heading", [0.0, np.pi])
+def test_what_wheels_pushed_against_is_forgotten_once_the_base_drives_on_that_way(heading):
+    ground = MappedGround(Config())
+    push = SE2(0.5, 0.0, heading)
+    ground.pushed(push)
+    ground.bumped(push)
+    for back in (SE2(0.0, 0.0, 0.3), SE2(-0.3, 0.0, 0.0), SE2(0.2, 0.3, 0.0), SE2(0.05, 0.0, 0.0)):
+        ground.moved(push @ back)
+        assert ground.counts[1:] == (1, 1), "back, beside it, or no farther than it pushed"
+    ground.moved(push @ SE2(0.12, 0.0, 0.0))
+    assert ground.counts[1:] == (1, 0), "what the bumper felt stays"

@@ -14,26 +14,36 @@ from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.ground_map import Driven, GroundMap
 from vsx_ros.slam.snapshot import MapSnapshot
 
+_DRIVEN_ON_M, _BESIDE_M = 0.1, 0.1
+"""Who drives so far on from where it pushed, hardly beside it, has pushed against nothing that is still there."""
+
 
 class MappedGround:
-    """``moved`` and ``bumped`` as it happens, ``dense`` when surfaces are known anew, then ``grid``."""
+    """``moved``, ``bumped`` and ``pushed`` as it happens, ``dense`` when surfaces are known anew, then ``grid``."""
 
     def __init__(self, config: Config) -> None:
         self._ground_map = GroundMap(config.ground_map, config.robot)
         self._trail, self._bumps = Anchored(TRAIL_STEP_M), Anchored(BUMP_STEP_M, BUMP_STEP_RAD)
+        self._pushes = Anchored(BUMP_STEP_M, BUMP_STEP_RAD)
         self.start = SE2()
         self.dense: AnchoredSpots | None = None
 
     def moved(self, pose: SE2) -> None:
         """The base stands here [m], so the ground is free."""
         self._trail.add(pose)
+        if len(self._pushes):
+            self._pushes.keep([not _driven_on(push, pose) for push in self._pushes.last_poses()])
 
     def bumped(self, pose: SE2) -> None:
-        """The bumper is pressed here [m]."""
+        """The bumper is pressed here [m]: there is something, for good."""
         self._bumps.add(pose)
 
+    def pushed(self, pose: SE2) -> None:
+        """The wheels turned here [m] in vain: there may be something, until the base drives on that way."""
+        self._pushes.add(pose)
+
     def state(self) -> dict[str, FloatArray]:
-        """What was driven and bumped, for ``restore``; surfaces are found again from the map."""
+        """What was driven and bumped, for ``restore``; surfaces are found again from the map, and pushes forgotten."""
         return {"start": self.start.as_array(), "trail": self._trail.state(), "bumps": self._bumps.state()}
 
     def restore(self, state: Mapping[str, FloatArray]) -> None:
@@ -46,9 +56,10 @@ class MappedGround:
             raise InputError(f"the ground map to go on with is damaged ({error}); start a new run") from error
 
     @property
-    def counts(self) -> tuple[int, int]:
-        """How many poses were driven through and bumped at; with the snapshot they say whether the grid has changed."""
-        return len(self._trail), len(self._bumps)
+    def counts(self) -> tuple[int, int, int]:
+        """How many poses were driven through, bumped and pushed at; with the snapshot they say whether the grid has
+        changed."""
+        return len(self._trail), len(self._bumps), len(self._pushes)
 
     def trail(self, snapshot: MapSnapshot) -> list[SE2]:
         """The poses driven through, in the map of a snapshot."""
@@ -56,12 +67,19 @@ class MappedGround:
 
     def grid(self, snapshot: MapSnapshot, with_surfaces: bool = True) -> OccupancyGrid:
         """The map of a snapshot; without surfaces it is the paper's sparse one."""
+        bumps, pushes = (a.poses(snapshot.keyframe_ids, snapshot.T_world_cams) for a in (self._bumps, self._pushes))
         return self._ground_map.build(
             snapshot.T_world_cams,
             snapshot.points_world,
             snapshot.obs_keyframe,
             snapshot.obs_point,
-            Driven(self.trail(snapshot), self._bumps.poses(snapshot.keyframe_ids, snapshot.T_world_cams), self.start),
+            Driven(self.trail(snapshot), [*bumps, *pushes], self.start),
             surfaces=self.dense.surfaces(snapshot) if self.dense is not None and with_surfaces else None,
             obs_level=snapshot.obs_level,
         )
+
+
+def _driven_on(push: SE2, pose: SE2) -> bool:
+    """Whether a base here has passed where it pushed."""
+    on = push.inverse() @ pose
+    return on.x > _DRIVEN_ON_M and abs(on.y) < _BESIDE_M

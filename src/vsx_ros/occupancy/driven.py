@@ -39,6 +39,15 @@ class Anchored:
         self._relative = np.vstack([self._relative, np.zeros(3)])
         self._anchor = np.append(self._anchor, _LOOSE)
 
+    def last_poses(self) -> list[SE2]:
+        """Where they were in the map that ``poses`` was last asked for."""
+        return [SE2(*row) for row in self._world.tolist()]
+
+    def keep(self, which: Sequence[bool]) -> None:
+        """Forget all but these of the ``last_poses``."""
+        chosen = np.asarray(which, bool)
+        self._world, self._relative, self._anchor = self._world[chosen], self._relative[chosen], self._anchor[chosen]
+
     def state(self) -> FloatArray:
         """(N, 7) all of it, for ``restore``: pose in the world and relative to its keyframe, id of the keyframe."""
         return np.hstack([self._world, self._relative, self._anchor[:, None]])
@@ -54,7 +63,7 @@ class Anchored:
         """Where they are in a map of these keyframes (K,), ids ascending."""
         if len(keyframe_ids) and len(self._world):
             self._move(np.asarray(keyframe_ids, np.int64), _headings(T_world_cams))
-        return [SE2(*row) for row in self._world.tolist()]
+        return self.last_poses()
 
     def _move(self, ids: IntArray, cameras: FloatArray) -> None:
         at = np.minimum(np.searchsorted(ids, self._anchor), len(ids) - 1)

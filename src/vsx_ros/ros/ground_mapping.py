@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import rospy
 from geometry_msgs.msg import PoseArray
@@ -28,15 +28,14 @@ from vsx_ros.slam.snapshot import MapSnapshot
 class GroundMapping:
     """Publishers: map, map_metadata, vslam/map_points, vslam/keyframes, vslam/path (all latched).
 
-    Services: static_map. ``started``, ``moved`` and ``bumped`` may be called from any thread and never wait for a map
-    to be built; ``refresh`` from one.
+    Services: static_map. ``started``, ``moved``, ``bumped`` and ``pushed`` may be called from any thread and never wait
+    for a map to be built; ``refresh`` from one.
     """
 
     def __init__(self, config: Config) -> None:
         self._ground = MappedGround(config)
         self._lock = threading.Lock()
-        self._driven: list[SE2] = []
-        self._bumped: list[SE2] = []
+        self._news: list[tuple[Callable[[SE2], None], SE2]] = []
         self.pose = self._start = SE2()
         self._built: tuple[object, ...] = ()
         self._message = OccupancyGridMsg()
@@ -57,12 +56,17 @@ class GroundMapping:
         """The base stood here, so the ground is free."""
         with self._lock:
             self.pose = T_map_base
-            self._driven.append(T_map_base)
+            self._news.append((self._ground.moved, T_map_base))
 
     def bumped(self, T_map_base: SE2) -> None:
-        """The base, here, faces what it pushes against, or where the floor ends."""
+        """The base, here, faces what its bumper feels, or where the floor ends."""
         with self._lock:
-            self._bumped.append(T_map_base)
+            self._news.append((self._ground.bumped, T_map_base))
+
+    def pushed(self, T_map_base: SE2) -> None:
+        """The base, here, faces what its wheels push against in vain."""
+        with self._lock:
+            self._news.append((self._ground.pushed, T_map_base))
 
     def state(self) -> dict[str, FloatArray]:
         """What was driven and bumped until the last map, for another session; from the thread of ``refresh``."""
@@ -92,12 +96,9 @@ class GroundMapping:
     def _take_over(self) -> None:
         """What was driven and bumped since the last map."""
         with self._lock:
-            driven, bumped, self._ground.start = self._driven, self._bumped, self._start
-            self._driven, self._bumped = [], []
-        for pose in driven:
-            self._ground.moved(pose)
-        for pose in bumped:
-            self._ground.bumped(pose)
+            news, self._news, self._ground.start = self._news, [], self._start
+        for happened, pose in news:
+            happened(pose)
 
     def _on_static_map(self, _: GetMapRequest) -> GetMapResponse:
         return GetMapResponse(self._message)

@@ -207,7 +207,7 @@ class VslamNode:
         if stuck is None:
             self._ground.moved(T_map_base)
         else:
-            self._ground.bumped(stuck.T_world_push)
+            self._ground.pushed(stuck.T_world_push)
         if odometry is not None:
             self._T_map_odom = (T_map_base @ odometry.T_odom_base.inverse()).wrapped()
             self._recognised = True
