@@ -227,6 +227,16 @@ def test_where_every_view_is_out_of_reach_it_steps_back_then_turns_and_only_then
     assert "unreachable" in decisions[-1].reason
 
 
+def test_a_mission_that_begins_boxed_in_looks_around_on_the_spot():
+    mission = Mission(Config(), lambda start, grid: lambda poses: np.full(len(poses), np.inf))
+    stands = situation(T_map_base=SE2(1.45, 0.0, 0.0))
+    mission.decide(0, situation(slam_state=TrackingState.NOT_INITIALISED, grid=None))
+    decisions = [mission.decide((2 + 3 * k) * SECOND, stands) for k in range(14)]
+    goals = [decision.goal for decision in decisions if decision.action is Action.GO]
+    assert len(goals) == 8
+    assert all(goal.distance_to(SE2()) == 0.0 and abs(goal.theta) == pytest.approx(np.pi / 4) for goal in goals)
+
+
 def test_what_failed_is_tried_again_when_nothing_else_is_left_but_not_for_ever():
     config = Config()
     only = SE2(1.0, 0.0, 0.0)

@@ -14,6 +14,8 @@ and every choice is an event with its reason.
 
 from __future__ import annotations
 
+import math
+
 from vsx_ros.config import Config
 from vsx_ros.exploration.along import WaysFrom
 from vsx_ros.exploration.chronicle import Chronicle
@@ -46,6 +48,7 @@ _EMPTY_WAIT_NS = 2 * _SECOND_NS
 _SETTLE_NS, _BRAKE_NS = _SECOND_NS, _SECOND_NS // 2
 _HOME_AGAIN_NS = 5 * _SECOND_NS
 _MOST_BLOCKED = 30
+_SPOT_TURN_RAD = math.pi / 4.0
 
 
 class Mission:
@@ -271,13 +274,15 @@ class Mission:
         return swing
 
     def _swing(self, now_ns: int, situation: Situation, grid: OccupancyGrid, reason: str, ahead: bool) -> Decision:
-        """A short arc ahead or back, so that the camera turns."""
+        """A short arc ahead or back, so that the camera turns; where all is blocked, back along the trail; without one, and
+        without a hazard, on the spot: a round body touches nothing new."""
         assert situation.T_map_base is not None
         assert situation.T_odom_base is not None
         step_m = self._config.backtrack_step_m
         arc = free_swing(grid, situation.T_map_base, self._body_m, self._phi_rad_m, step_m, ahead)
-        if arc is None:
+        if arc is None and (len(self._trail) > 1 or situation.hazard):
             return self._back_off(now_ns, reason)
+        arc = arc or SE2(0.0, 0.0, _SPOT_TURN_RAD)
         return self._go(now_ns, situation.T_odom_base @ arc, "odom", reason)
 
     def _back_off(self, now_ns: int, reason: str) -> Decision:
