@@ -127,7 +127,7 @@ class ExplorationSystem:
         if tracking.state.tracked and tracking.T_world_cam is not None:
             self._fuser.add_slam(now_ns, SE2.from_se3(tracking.T_world_cam @ self._T_cam_base))
         stuck = self._fuser.stuck
-        self._remember(hazard, stuck)
+        self._remember(now_ns, hazard, stuck)
         if stuck is not None:
             hazard = hazard or stuck.reason
         self._refresh_map(now_ns)
@@ -148,12 +148,12 @@ class ExplorationSystem:
         spots = self.ground.dense
         return spots.surfaces(self.slam.snapshot()).points if spots is not None else np.zeros((0, 3))
 
-    def _remember(self, hazard: str | None, stuck: Stuck | None) -> None:
+    def _remember(self, now_ns: int, hazard: str | None, stuck: Stuck | None) -> None:
         pose = self._fuser.pose()
         if stuck is not None:
-            self.ground.pushed(stuck.T_world_push)
+            self.ground.pushed(stuck.T_world_push, now_ns)
         elif pose is not None:
-            self.ground.moved(pose)
+            self.ground.moved(pose, now_ns)
         if pose is not None and hazard:
             self.ground.bumped(pose)
 

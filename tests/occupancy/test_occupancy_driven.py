@@ -11,6 +11,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.driven import Anchored
 
 MOUNT = mount_pose(-0.09, 0.0, 0.31, 0.1)
+SECOND_NS = 1_000_000_000
 
 
 def cameras(*poses):
@@ -78,10 +79,28 @@ def test_a_bump_behind_is_not_lost_after_one_ahead_at_the_same_place():
 def test_what_wheels_pushed_against_is_forgotten_once_the_base_drives_on_that_way(heading):
     ground = MappedGround(Config())
     push = SE2(0.5, 0.0, heading)
-    ground.pushed(push)
+    ground.pushed(push, 0)
     ground.bumped(push)
     for back in (SE2(0.0, 0.0, 0.3), SE2(-0.3, 0.0, 0.0), SE2(0.2, 0.3, 0.0), SE2(0.05, 0.0, 0.0)):
-        ground.moved(push @ back)
+        ground.moved(push @ back, SECOND_NS)
         assert ground.counts[1:] == (1, 1), "back, beside it, or no farther than it pushed"
-    ground.moved(push @ SE2(0.12, 0.0, 0.0))
+    ground.moved(push @ SE2(0.12, 0.0, 0.0), SECOND_NS)
     assert ground.counts[1:] == (1, 0), "what the bumper felt stays"
+
+
+def test_what_wheels_pushed_against_may_be_tried_again_later_and_later():
+    ground = MappedGround(Config())
+    now_s, alone_s = 0, []
+    for _ in range(3):
+        for k in range(5):
+            ground.pushed(SE2(0.5 + 0.01 * k, 0.0, 0.1), now_s * SECOND_NS)
+        begin_s = now_s
+        while ground.counts[2]:
+            now_s += 1
+            ground.moved(SE2(0.2, 0.0, 0.0), now_s * SECOND_NS)
+        alone_s.append(now_s - begin_s)
+        ground.pushed(SE2(0.54, 0.0, 0.1), now_s * SECOND_NS)
+        assert not ground.counts[2], "the watch has not judged again"
+    assert alone_s == [20, 40, 80]
+    ground.pushed(SE2(0.5, 0.0, 2.0), now_s * SECOND_NS)
+    assert ground.counts[2] == 1, "another way"

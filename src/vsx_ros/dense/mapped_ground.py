@@ -12,10 +12,8 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.driven import BUMP_STEP_M, BUMP_STEP_RAD, TRAIL_STEP_M, Anchored
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.ground_map import Driven, GroundMap
+from vsx_ros.occupancy.pushes import Pushes
 from vsx_ros.slam.snapshot import MapSnapshot
-
-_DRIVEN_ON_M, _BESIDE_M = 0.1, 0.1
-"""Who drives so far on from where it pushed, hardly beside it, has pushed against nothing that is still there."""
 
 
 class MappedGround:
@@ -24,23 +22,24 @@ class MappedGround:
     def __init__(self, config: Config) -> None:
         self._ground_map = GroundMap(config.ground_map, config.robot)
         self._trail, self._bumps = Anchored(TRAIL_STEP_M), Anchored(BUMP_STEP_M, BUMP_STEP_RAD)
-        self._pushes = Anchored(BUMP_STEP_M, BUMP_STEP_RAD)
+        self._pushes, self._now_ns = Pushes(), 0
         self.start = SE2()
         self.dense: AnchoredSpots | None = None
 
-    def moved(self, pose: SE2) -> None:
+    def moved(self, pose: SE2, now_ns: int) -> None:
         """The base stands here [m], so the ground is free."""
         self._trail.add(pose)
-        if len(self._pushes):
-            self._pushes.keep([not _driven_on(push, pose) for push in self._pushes.last_poses()])
+        self._pushes.moved(pose)
+        self._now_ns = now_ns
 
     def bumped(self, pose: SE2) -> None:
         """The bumper is pressed here [m]: there is something, for good."""
         self._bumps.add(pose)
 
-    def pushed(self, pose: SE2) -> None:
-        """The wheels turned here [m] in vain: there may be something, until the base drives on that way."""
-        self._pushes.add(pose)
+    def pushed(self, pose: SE2, now_ns: int) -> None:
+        """The wheels turn here [m] in vain: there may be something ahead, for a while."""
+        self._pushes.pushed(pose, now_ns)
+        self._now_ns = now_ns
 
     def state(self) -> dict[str, FloatArray]:
         """What was driven and bumped, for ``restore``; surfaces are found again from the map, and pushes forgotten."""
@@ -59,7 +58,7 @@ class MappedGround:
     def counts(self) -> tuple[int, int, int]:
         """How many poses were driven through, bumped and pushed at; with the snapshot they say whether the grid has
         changed."""
-        return len(self._trail), len(self._bumps), len(self._pushes)
+        return len(self._trail), len(self._bumps), self._pushes.count(self._now_ns)
 
     def trail(self, snapshot: MapSnapshot) -> list[SE2]:
         """The poses driven through, in the map of a snapshot."""
@@ -67,19 +66,14 @@ class MappedGround:
 
     def grid(self, snapshot: MapSnapshot, with_surfaces: bool = True) -> OccupancyGrid:
         """The map of a snapshot; without surfaces it is the paper's sparse one."""
-        bumps, pushes = (a.poses(snapshot.keyframe_ids, snapshot.T_world_cams) for a in (self._bumps, self._pushes))
+        keyframes = snapshot.keyframe_ids, snapshot.T_world_cams
+        touched = self._bumps.poses(*keyframes) + self._pushes.poses(self._now_ns, *keyframes)
         return self._ground_map.build(
             snapshot.T_world_cams,
             snapshot.points_world,
             snapshot.obs_keyframe,
             snapshot.obs_point,
-            Driven(self.trail(snapshot), [*bumps, *pushes], self.start),
+            Driven(self.trail(snapshot), touched, self.start),
             surfaces=self.dense.surfaces(snapshot) if self.dense is not None and with_surfaces else None,
             obs_level=snapshot.obs_level,
         )
-
-
-def _driven_on(push: SE2, pose: SE2) -> bool:
-    """Whether a base here has passed where it pushed."""
-    on = push.inverse() @ pose
-    return on.x > _DRIVEN_ON_M and abs(on.y) < _BESIDE_M

@@ -274,8 +274,8 @@ class Mission:
         return swing
 
     def _swing(self, now_ns: int, situation: Situation, grid: OccupancyGrid, reason: str, ahead: bool) -> Decision:
-        """A short arc ahead or back, so that the camera turns; where all is blocked, back along the trail; without one, and
-        without a hazard, on the spot: a round body touches nothing new."""
+        """A short arc ahead or back, so that the camera turns; where all is blocked, back along the trail; without one,
+        and without a hazard, on the spot: a round body touches nothing new."""
         assert situation.T_map_base is not None
         assert situation.T_odom_base is not None
         step_m = self._config.backtrack_step_m

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping
+from functools import partial
 
 import rospy
 from geometry_msgs.msg import PoseArray
@@ -35,7 +36,7 @@ class GroundMapping:
     def __init__(self, config: Config) -> None:
         self._ground = MappedGround(config)
         self._lock = threading.Lock()
-        self._news: list[tuple[Callable[[SE2], None], SE2]] = []
+        self._news: list[Callable[[], None]] = []
         self.pose = self._start = SE2()
         self._built: tuple[object, ...] = ()
         self._message = OccupancyGridMsg()
@@ -52,21 +53,21 @@ class GroundMapping:
         with self._lock:
             self._start = self.pose = T_odom_base
 
-    def moved(self, T_map_base: SE2) -> None:
+    def moved(self, T_map_base: SE2, now_ns: int) -> None:
         """The base stood here, so the ground is free."""
         with self._lock:
             self.pose = T_map_base
-            self._news.append((self._ground.moved, T_map_base))
+            self._news.append(partial(self._ground.moved, T_map_base, now_ns))
 
     def bumped(self, T_map_base: SE2) -> None:
         """The base, here, faces what its bumper feels, or where the floor ends."""
         with self._lock:
-            self._news.append((self._ground.bumped, T_map_base))
+            self._news.append(partial(self._ground.bumped, T_map_base))
 
-    def pushed(self, T_map_base: SE2) -> None:
+    def pushed(self, T_map_base: SE2, now_ns: int) -> None:
         """The base, here, faces what its wheels push against in vain."""
         with self._lock:
-            self._news.append((self._ground.pushed, T_map_base))
+            self._news.append(partial(self._ground.pushed, T_map_base, now_ns))
 
     def state(self) -> dict[str, FloatArray]:
         """What was driven and bumped until the last map, for another session; from the thread of ``refresh``."""
@@ -97,8 +98,8 @@ class GroundMapping:
         """What was driven and bumped since the last map."""
         with self._lock:
             news, self._news, self._ground.start = self._news, [], self._start
-        for happened, pose in news:
-            happened(pose)
+        for happened in news:
+            happened()
 
     def _on_static_map(self, _: GetMapRequest) -> GetMapResponse:
         return GetMapResponse(self._message)

@@ -205,9 +205,9 @@ class VslamNode:
             self._watch.add(odometry.T_odom_base, T_map_base)
         stuck = self._watch.stuck
         if stuck is None:
-            self._ground.moved(T_map_base)
+            self._ground.moved(T_map_base, result.stamp_ns)
         else:
-            self._ground.pushed(stuck.T_world_push)
+            self._ground.pushed(stuck.T_world_push, result.stamp_ns)
         if odometry is not None:
             self._T_map_odom = (T_map_base @ odometry.T_odom_base.inverse()).wrapped()
             self._recognised = True
