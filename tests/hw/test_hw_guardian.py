@@ -120,8 +120,15 @@ def test_a_guardian_that_is_killed_or_hangs_is_missed_and_replaced(tmp_path, mon
 
 def test_a_guardian_that_nobody_beats_is_well(tmp_path):
     guardian = Guardian(str(tmp_path / "nothing"), BAUD, STOP)
-    assert not guardian.answers, "before it has said so"
     assert until(lambda: guardian.answers)
     time.sleep(0.4)
     assert guardian.answers
+    guardian.release()
+
+
+def test_a_guardian_that_does_not_start_is_none(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "executable", "/bin/false")
+    guardian = Guardian(str(tmp_path / "nothing"), BAUD, STOP)
+    guardian.beat(False)
+    assert not until(lambda: guardian.answers, 0.5)
     guardian.release()
