@@ -6,7 +6,9 @@ import pytest
 from spoilt_drives import FIRST, LAST, TRACKED, between, run
 
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.robot import Odometry
 from vsx_ros.slam.state import TrackingState
+from vsx_ros.slam.wheel_readings import WheelReadings
 
 
 @pytest.mark.parametrize(
@@ -39,6 +41,22 @@ def test_odometry_that_jumps_is_counted_on(arc_drive, jump, last):
     assert all("odometry jumped" in gap for gap in done.reasons("gap"))
     assert set(done.states(FIRST)) <= set(TRACKED)
     assert done.worst_m < 0.02
+
+
+@pytest.mark.parametrize(("silent_s", "v"), [(0.5, 0.0), (2.5, 0.2), (6.0, 0.0)])
+@pytest.mark.parametrize("anew", [False, True])
+def test_after_a_silence_a_base_that_counts_anew_is_counted_on(silent_s, v, anew):
+    gaps = []
+    wheels = WheelReadings(lambda stamp_ns, reason: gaps.append(reason))
+    before, after_ns = Odometry(0, SE2(-5.7, -2.9, 1.0), v, 0.0), round(silent_s * 1e9)
+    driven = SE2(v * silent_s, 0.0, 0.0)
+    assert wheels.at(0, before) == before.T_odom_base
+    now = Odometry(after_ns, SE2() if anew else before.T_odom_base @ driven, v, 0.0)
+    counted = wheels.at(after_ns, now)
+    assert (before.T_odom_base.inverse() @ counted).as_array() == pytest.approx(driven.as_array(), abs=1e-9)
+    assert len(gaps) == anew
+    on = wheels.at(after_ns + 10**8, now._replace(stamp_ns=after_ns + 10**8, T_odom_base=now.T_odom_base @ SE2(0.02)))
+    assert (counted.inverse() @ on).as_array() == pytest.approx([0.02, 0.0, 0.0], abs=1e-9)
 
 
 def test_odometry_that_jumps_before_the_start_does_not_hinder_it(arc_drive):

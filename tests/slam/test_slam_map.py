@@ -47,6 +47,16 @@ def made_map(sees, n_points=12):
     return world
 
 
+def test_the_depth_of_a_keyframe_is_that_of_what_lies_before_it():
+    world = made_map([range(12)])
+    world.points[:7, 2] = -1.0
+    world.update_depth(0)
+    assert world.keyframes[0].median_depth == 2.0
+    world.points[:, 2] = -1.0
+    world.update_depth(0)
+    assert world.keyframes[0].median_depth == 2.0
+
+
 def test_a_culled_keyframe_keeps_its_index_and_leaves_every_list():
     world = made_map([range(12), range(12), range(6), range(12)])
     world.cull_keyframe(1)

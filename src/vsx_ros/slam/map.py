@@ -13,6 +13,8 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.keyframe import Anchor, FrameData, KeyFrame, Observations, Seers, covisible
 from vsx_ros.slam.templates import NewTemplates, Templates, TemplateStore, grown
 
+_ENOUGH_DEPTHS = 5
+
 
 class MapView(NamedTuple):
     """The map at one instant, for the tracker. living (L,): indices of the keyframes that are not culled; depths (K,):
@@ -237,14 +239,14 @@ class Map:
                 self.forget(index, gone)
 
     def update_depth(self, index: int) -> None:
-        """Recompute a keyframe's median scene depth from the points it sees (kept when it sees fewer than 5)."""
+        """Recompute a keyframe's median scene depth from the points it sees before it (kept when those are fewer than
+        5: where it stands wrong, points may lie behind it)."""
         keyframe = self.keyframes[index]
-        rows = keyframe.observations.rows
-        if len(rows) < 5:
-            return
         R, t = keyframe.T_world_cam.rotation, keyframe.T_world_cam.translation
-        depth = float(np.median((self._points[rows] - t) @ R[:, 2]))
-        self.keyframes[index] = replace(keyframe, median_depth=depth)
+        depths = (self._points[keyframe.observations.rows] - t) @ R[:, 2]
+        depths = depths[depths > 0.0]
+        if len(depths) >= _ENOUGH_DEPTHS:
+            self.keyframes[index] = replace(keyframe, median_depth=float(np.median(depths)))
 
     def view(self) -> MapView:
         """What the tracker works on until the next version."""

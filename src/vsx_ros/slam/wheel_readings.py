@@ -10,6 +10,9 @@ from vsx_ros.robot import MAX_SPEED_M_S, MAX_TURN_RAD_S, Odometry, why_jumped
 
 MAX_AGE_S = 0.25
 FAR_M = 1e5
+# After so long a silence the base may have been started anew. One that has not can hardly have gone on faster than it
+# was and is.
+SILENCE_S, FASTER, SILENT_M, SILENT_RAD = 1.0, 1.5, 0.3, 0.5
 
 
 class WheelReadings:
@@ -17,7 +20,7 @@ class WheelReadings:
 
     def __init__(self, gap: Callable[[int, str], None]) -> None:
         self._gap = gap
-        self._last: tuple[int, SE2] | None = None
+        self._last: tuple[int, SE2, Odometry] | None = None
         self._T_counted_odom = SE2()
 
     def at(self, stamp_ns: int, odometry: Odometry | None) -> SE2 | None:
@@ -35,13 +38,13 @@ class WheelReadings:
         raw = odometry.T_odom_base @ SE2.exp(odometry.v * age, 0.0, odometry.omega * age)
         counted = self._T_counted_odom @ raw
         if self._last is not None:
-            last_ns, last = self._last
+            last_ns, last, before = self._last
             elapsed = (stamp_ns - last_ns) * 1e-9
-            if jump := why_jumped(last, counted, elapsed):
+            if jump := why_jumped(last, counted, elapsed) or _why_anew(last, counted, elapsed, (before, odometry)):
                 self._gap(stamp_ns, f"odometry jumped by {jump}: counted on from where it was")
                 counted = last @ SE2.exp(odometry.v * elapsed, 0.0, odometry.omega * elapsed)
                 self._T_counted_odom = counted @ raw.inverse()
-        self._last = stamp_ns, counted
+        self._last = stamp_ns, counted, odometry
         return counted
 
 
@@ -55,3 +58,15 @@ def _unusable(odometry: Odometry, age: float) -> str:
     if abs(age) > MAX_AGE_S:
         return f"odometry is {abs(age):.2f} s {'older' if age > 0.0 else 'newer'} than the image"
     return ""
+
+
+def _why_anew(last: SE2, now: SE2, elapsed_s: float, readings: tuple[Odometry, Odometry]) -> str:
+    """How far the base moved in a silence, where it was too slow for that before and after; empty where it was not."""
+    if elapsed_s <= SILENCE_S:
+        return ""
+    distance, turn = last.distance_to(now), abs(last.angle_to(now))
+    fast_m = FASTER * max(abs(reading.v) for reading in readings) * elapsed_s
+    fast_rad = FASTER * max(abs(reading.omega) for reading in readings) * elapsed_s
+    if distance <= fast_m + SILENT_M and turn <= fast_rad + SILENT_RAD:
+        return ""
+    return f"{distance:.2f} m and {math.degrees(turn):.0f} deg in {elapsed_s:.1f} s of silence"

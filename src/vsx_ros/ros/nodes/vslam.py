@@ -16,6 +16,7 @@ Parameters: ~config (tree of config.py), ~seed (int, 0), ~run_dir (folder for th
 from __future__ import annotations
 
 import tempfile
+import threading
 import time
 from pathlib import Path
 
@@ -235,7 +236,8 @@ class VslamNode:
     def close(self) -> None:
         """Nobody drives by this camera any longer; write the run's results after the last frame."""
         self._lease.release()
-        self._tracking.join(timeout=1.0)
+        if self._tracking is not threading.current_thread():  # which ends the node where it fails
+            self._tracking.join(timeout=1.0)
         self._dense.close()
         if self._slam is not None:
             self._slam.close()
