@@ -11,11 +11,13 @@ from vsx_ros.exploration.utility import (
     BEARINGS,
     Rejection,
     count_landmarks,
+    gain_at,
     rank_views,
     standing_room,
     view_gain,
 )
 from vsx_ros.exploration.worth import SECTORS, opaque_walls, unknown_worth
+from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.visibility import window_sums
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
@@ -181,6 +183,18 @@ def test_a_long_row_of_dots_is_a_wall_and_a_seen_gap_is_none():
     assert (opaque[:28] == UNKNOWN).all()
     np.testing.assert_array_equal(opaque[33:], data[33:])
     np.testing.assert_array_equal(opaque_walls(grid, 0.3, 0.3).data, data)
+
+
+@pytest.mark.parametrize(("width", "open_"), [(16, False), (36, True)])
+def test_the_mouth_of_a_corridor_is_no_gap_in_a_wall(width, open_):
+    """The wall of a corridor, with an opening behind which nothing is known."""
+    data = np.full((120, 160), UNKNOWN, np.int8)
+    data[20:60] = FREE
+    data[60:62] = OCCUPIED
+    data[60:62, 80 - width // 2 : 80 + width // 2] = UNKNOWN
+    grid = OccupancyGrid(data, RESOLUTION, 0.0, 0.0)
+    gain = gain_at(grid, 0.18, SE2(4.0, 2.0, math.pi / 2.0), NOWHERE_YET, CONFIG)
+    assert (gain > 0.5) == open_
 
 
 def test_a_wall_hides_landmarks():
