@@ -12,7 +12,7 @@ _STANDS_M_S, _STANDS_RAD_S = 0.01, 0.02
 # Twice what a TurtleBot's wheels can do; what moves faster is a counter that was reset or a bit that fell over.
 MAX_SPEED_M_S, MAX_TURN_RAD_S = 1.3, 6.0
 _SLACK_M, _SLACK_RAD = 0.05, 0.1
-_SILENCE_NS = 1_000_000_000
+SILENCE_NS = 1_000_000_000
 
 
 class Frame(NamedTuple):
@@ -60,7 +60,7 @@ class Odometry(NamedTuple):
         """Whether the two readings are surely of one counting: not where the pose jumps, nor after a second of silence,
         in which the base may have been started anew."""
         elapsed_ns = self.stamp_ns - before.stamp_ns
-        return elapsed_ns <= _SILENCE_NS and why_jumped(before.T_odom_base, self.T_odom_base, 1e-9 * elapsed_ns) == ""
+        return elapsed_ns <= SILENCE_NS and why_jumped(before.T_odom_base, self.T_odom_base, 1e-9 * elapsed_ns) == ""
 
 
 def why_jumped(before: SE2, now: SE2, elapsed_s: float) -> str:

@@ -14,8 +14,6 @@ and every choice is an event with its reason.
 
 from __future__ import annotations
 
-import math
-
 from vsx_ros.config import Config
 from vsx_ros.exploration.along import WaysFrom
 from vsx_ros.exploration.chronicle import Chronicle
@@ -34,7 +32,7 @@ from vsx_ros.exploration.memory import MissionMemory
 from vsx_ros.exploration.outlook import Outlook
 from vsx_ros.exploration.promise import Promise
 from vsx_ros.exploration.recovery import Recovery
-from vsx_ros.exploration.swing import free_swing
+from vsx_ros.exploration.swing import SPOT_TURN, free_swing
 from vsx_ros.exploration.trail import Trail
 from vsx_ros.exploration.utility import Ranker, Rejection, TravelCostsFrom, View, rank_views
 from vsx_ros.geometry.se2 import SE2
@@ -48,7 +46,6 @@ _EMPTY_WAIT_NS = 2 * _SECOND_NS
 _SETTLE_NS, _BRAKE_NS = _SECOND_NS, _SECOND_NS // 2
 _HOME_AGAIN_NS = 5 * _SECOND_NS
 _MOST_BLOCKED = 30
-_SPOT_TURN_RAD = math.pi / 4.0
 
 
 class Mission:
@@ -275,15 +272,14 @@ class Mission:
 
     def _swing(self, now_ns: int, situation: Situation, grid: OccupancyGrid, reason: str, ahead: bool) -> Decision:
         """A short arc ahead or back, so that the camera turns; where all is blocked, back along the trail; without one,
-        and without a hazard, on the spot: a round body touches nothing new."""
+        and without a hazard, on the spot."""
         assert situation.T_map_base is not None
         assert situation.T_odom_base is not None
         step_m = self._config.backtrack_step_m
         arc = free_swing(grid, situation.T_map_base, self._body_m, self._phi_rad_m, step_m, ahead)
         if arc is None and (len(self._trail) > 1 or situation.hazard):
             return self._back_off(now_ns, reason)
-        arc = arc or SE2(0.0, 0.0, _SPOT_TURN_RAD)
-        return self._go(now_ns, situation.T_odom_base @ arc, "odom", reason)
+        return self._go(now_ns, situation.T_odom_base @ (arc or SPOT_TURN), "odom", reason)
 
     def _back_off(self, now_ns: int, reason: str) -> Decision:
         """A step back along the ground just driven: the only way that is surely free."""

@@ -4,19 +4,18 @@ was not driven or known."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from vsx_ros.config import ExplorationConfig
 from vsx_ros.exploration.decision import Situation
-from vsx_ros.exploration.swing import free_swing
+from vsx_ros.exploration.swing import SPOT_TURN, free_swing
 from vsx_ros.exploration.trail import Trail
 from vsx_ros.exploration.utility import count_landmarks
 from vsx_ros.geometry.se2 import SE2
 
-_SWINGS, _TURNS = 4, 8
+_SWINGS, _TURNS = 4, 8  # turns: once around
 _MOST_STEPS = 40  # back: of a robot that does not move, or whose steps are all cut short
 _NEAR_M = 0.05
 _HOLD_NS, _AGAIN_NS = 1_000_000_000, 10_000_000_000
@@ -97,8 +96,7 @@ class Recovery:
         if self._turns == _TURNS:
             return None
         self._turns += 1
-        turn = SE2(0.0, 0.0, 2.0 * math.pi / _TURNS)
-        return situation.T_odom_base @ turn, f"lost: looking around on the spot ({self._turns} of {_TURNS})"
+        return situation.T_odom_base @ SPOT_TURN, f"lost: looking around on the spot ({self._turns} of {_TURNS})"
 
     def _free_arc(self, situation: Situation) -> SE2 | None:
         if self._swings == _SWINGS or situation.grid is None or situation.T_map_base is None:

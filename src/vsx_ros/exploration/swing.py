@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from vsx_ros.exploration.utility import standing_room
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 
+SPOT_TURN = SE2(0.0, 0.0, math.pi / 4.0)
+"""Where all arcs are blocked: a round body touches nothing new."""
 _SAMPLES = 8
 
 

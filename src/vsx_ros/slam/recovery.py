@@ -42,7 +42,7 @@ class Recovery:
 
     def over(self, data: FrameData | None) -> None:
         """The camera is tracked in this frame; None before the first."""
-        self._last_tracked = self._last = data
+        self._last_tracked = data
         self._way_m = self._turn_rad = 0.0
         self.bad_frames = 0
         self._unexplained = 0
@@ -61,7 +61,7 @@ class Recovery:
 
     def search(self, data: FrameData, view: MapView, by_wheels: SE3 | None, map_id: int) -> Found | None:
         """The camera wherever it can be. by_wheels: T_world_cam in map ``map_id`` as the wheels have it."""
-        self._travel(data)
+        self._travel(by_wheels)
         return self._relocalizer.relocalize(data, view, self.expectation(by_wheels, map_id))
 
     def expectation(self, by_wheels: SE3 | None, map_id: int) -> Expectation | None:
@@ -105,12 +105,11 @@ class Recovery:
         moved = float(np.linalg.norm(nearest.translation - by_wheels.translation))
         return moved >= BRIDGE_DISTANCE_M or nearest.rotation_angle_to(by_wheels) >= BRIDGE_ANGLE_RAD
 
-    def _travel(self, data: FrameData) -> None:
-        step = None if self._last is None else self._motion.by_wheels(self._last, data)
-        self._last = data
-        if step is not None:
-            self._way_m += float(np.linalg.norm(step.translation))
-            self._turn_rad += step.rotation_angle_to(SE3.identity())
+    def _travel(self, by_wheels: SE3 | None) -> None:
+        before = self._motion.last_pose
+        if before is not None and by_wheels is not None:
+            self._way_m += float(np.linalg.norm(by_wheels.translation - before.translation))
+            self._turn_rad += before.rotation_angle_to(by_wheels)
 
     def _looks_the_same(self, data: FrameData) -> bool:
         """Whether the image is the last one that was tracked, or that one turned a little."""

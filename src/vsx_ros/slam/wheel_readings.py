@@ -6,13 +6,12 @@ import math
 from collections.abc import Callable
 
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.robot import MAX_SPEED_M_S, MAX_TURN_RAD_S, Odometry, why_jumped
+from vsx_ros.robot import MAX_SPEED_M_S, MAX_TURN_RAD_S, SILENCE_NS, Odometry, why_jumped
 
 MAX_AGE_S = 0.25
 FAR_M = 1e5
-# After so long a silence the base may have been started anew. One that has not can hardly have gone on faster than it
-# was and is.
-SILENCE_S, FASTER, SILENT_M, SILENT_RAD = 1.0, 1.5, 0.3, 0.5
+# In a silence the base may have been started anew. One that has not can hardly have gone on faster than it was and is.
+FASTER, SILENT_M, SILENT_RAD = 1.5, 0.3, 0.5
 
 
 class WheelReadings:
@@ -62,7 +61,7 @@ def _unusable(odometry: Odometry, age: float) -> str:
 
 def _why_anew(last: SE2, now: SE2, elapsed_s: float, readings: tuple[Odometry, Odometry]) -> str:
     """How far the base moved in a silence, where it was too slow for that before and after; empty where it was not."""
-    if elapsed_s <= SILENCE_S:
+    if elapsed_s <= 1e-9 * SILENCE_NS:
         return ""
     distance, turn = last.distance_to(now), abs(last.angle_to(now))
     fast_m = FASTER * max(abs(reading.v) for reading in readings) * elapsed_s
