@@ -152,12 +152,13 @@ def test_unknown_ground_is_worth_less_with_every_look_from_the_same_side():
     grid = half_known_room()
     looks = np.tile([[2.5, 1.9, 0.1]], (2, 1))
     worth = unknown_worth(grid, looks, CONFIG)
-    ahead, beside, far = grid.cells(np.array([[4.0, 2.4], [2.5, 3.5], [5.9, 2.4]]))
+    ahead, beside, far, known = grid.cells(np.array([[4.0, 2.4], [3.2, 3.5], [5.9, 2.4], [2.5, 2.0]]))
     assert worth[(0, *ahead)] == pytest.approx(0.5 ** (2 / CONFIG.looks_to_half))
     assert worth[(1, *ahead)] == worth[(SECTORS - 1, *ahead)] == pytest.approx(0.5 ** (1 / CONFIG.looks_to_half))
     assert (worth[(slice(2, SECTORS - 1), *ahead)] == 1.0).all()
     assert (worth[(slice(None), *beside)] == 1.0).all()
     assert (worth[(slice(None), *far)] == 1.0).all()
+    assert (worth[(slice(None), *known)] == 0.0).all()
 
 
 def test_what_was_looked_at_from_one_side_gains_from_the_other():

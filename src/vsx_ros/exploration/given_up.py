@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from vsx_ros.arrays import BoolArray, FloatArray
 from vsx_ros.geometry.se2 import SE2
@@ -64,7 +65,9 @@ class GivenUp:
 def near_poses(poses: FloatArray, others: Sequence[SE2], radius_m: float, angle: float) -> BoolArray:
     """(N,) which of the poses (N, 3) lie within radius [m] and angle [rad] of any of the others."""
     near = np.zeros(len(poses), np.bool_)
-    for other in others:
-        turn = (poses[:, 2] - other.theta + np.pi) % (2 * np.pi) - np.pi
-        near |= (np.hypot(poses[:, 0] - other.x, poses[:, 1] - other.y) < radius_m) & (np.abs(turn) < angle)
+    if len(poses) and others:
+        rest = np.array([other.as_array() for other in others])
+        pairs = cKDTree(poses[:, :2]).sparse_distance_matrix(cKDTree(rest[:, :2]), radius_m, output_type="ndarray")
+        turn = (poses[pairs["i"], 2] - rest[pairs["j"], 2] + np.pi) % (2 * np.pi) - np.pi
+        near[pairs["i"][(pairs["v"] < radius_m) & (np.abs(turn) < angle)]] = True
     return near

@@ -116,8 +116,9 @@ def gain_at(
     grid: OccupancyGrid, radius_m: float, pose: SE2, looked_from: FloatArray, config: ExplorationConfig
 ) -> float:
     """v of one pose [m2]; arguments as of ``rank_views``."""
-    opaque = opaque_walls(grid, 2.0 * radius_m, config.wall_gap_m)
-    gains = view_gain(opaque, np.array([[pose.x, pose.y]]), unknown_worth(opaque, looked_from, config), config)[0]
+    opaque, place = opaque_walls(grid, 2.0 * radius_m, config.wall_gap_m), np.array([[pose.x, pose.y]])
+    near = np.hypot(*(looked_from[:, :2] - place).T) < config.sensor_range_m + config.look_range_m + grid.resolution
+    gains = view_gain(opaque, place, unknown_worth(opaque, looked_from[near], config), config)[0]
     return float(gains[round(pose.theta / (2 * math.pi) * BEARINGS) % BEARINGS])
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray
 from vsx_ros.config import ExplorationConfig
-from vsx_ros.kernels.visibility import count_looks
+from vsx_ros.kernels.visibility import count_looks, worth_of_looks
 from vsx_ros.occupancy.grid import OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.occupancy.walls import walls
 
@@ -29,7 +29,8 @@ def opaque_walls(grid: OccupancyGrid, gap_m: float, wall_gap_m: float) -> Occupa
 
 
 def unknown_worth(grid: OccupancyGrid, looked_from: FloatArray, config: ExplorationConfig) -> FloatArray:
-    """(SECTORS, H, W) what finding out each unknown cell by a look in a sector of bearings is worth, in (0, 1].
+    """(SECTORS, H, W) what finding out each unknown cell by a look in a sector of bearings is worth, in (0, 1]; 0
+    where the ground is known.
 
     Half for every ``looks_to_half`` looks in that sector from within ``look_range_m`` among the poses looked_from
     (N, 3); looks in the sectors beside it count half.
@@ -38,6 +39,5 @@ def unknown_worth(grid: OccupancyGrid, looked_from: FloatArray, config: Explorat
         grid.data, grid.resolution, grid.origin_x, grid.origin_y, np.ascontiguousarray(looked_from).reshape(-1, 3),
         0.5 * config.sensor_fov_rad, config.look_range_m, SECTORS,
     )  # fmt: skip
-    smooth = looks + 0.5 * (np.roll(looks, 1, axis=0) + np.roll(looks, -1, axis=0))
-    worth: FloatArray = np.exp2(-smooth / config.looks_to_half)
-    return worth
+    left: FloatArray = np.exp2(-0.5 * np.arange(2 * len(looked_from) + 1) / config.looks_to_half)
+    return worth_of_looks(grid.data, looks, left)

@@ -68,12 +68,12 @@ def count_looks(
     half_fov: float,
     range_m: float,
     sectors: int,
-) -> IntArray:
+) -> NDArray[np.int32]:
     """(S, H, W) from how many of the poses (N, 3: x, y, theta) each cell lay in the field of view, in range, unhidden,
     apart for each of S equal sectors of the bearing from pose to cell."""
     rows, columns = data.shape
-    looks = np.zeros((sectors, rows, columns), np.int64)
-    last = np.full((rows, columns), -1, np.int64)
+    looks = np.zeros((sectors, rows, columns), np.int32)
+    last = np.full((rows, columns), -1, np.int32)
     rays = int(math.ceil(2.0 * half_fov * range_m / resolution))
     for i in range(poses.shape[0]):
         for j in range(rays + 1):
@@ -91,6 +91,22 @@ def count_looks(
                     looks[k, row, column] += 1
                 r += resolution
     return looks
+
+
+@kernel
+def worth_of_looks(data: NDArray[np.int8], looks: NDArray[np.int32], left: FloatArray) -> FloatArray:
+    """(S, H, W) what a look in each of S sectors at each unknown cell is worth after so many looks (S, H, W), 0 where
+    it is known. left: what n half looks leave; looks in the sectors beside count half."""
+    sectors, rows, columns = looks.shape
+    worth = np.zeros((sectors, rows, columns))
+    for k in range(sectors):
+        before, after = (k - 1) % sectors, (k + 1) % sectors
+        for row in range(rows):
+            for column in range(columns):
+                if data[row, column] == UNKNOWN:
+                    beside = looks[before, row, column] + looks[after, row, column]
+                    worth[k, row, column] = left[2 * looks[k, row, column] + beside]
+    return worth
 
 
 @kernel

@@ -35,14 +35,13 @@ def snapshot(view: MapView) -> MapSnapshot:
     twice by them, renumbered."""
     view = view.part(0)
     keyframes = [view.keyframes[int(k)] for k in view.living]
-    seen = np.zeros(len(view.points), np.int64)
-    for keyframe in keyframes:
-        seen[keyframe.observations.rows] += 1
-    rows = np.flatnonzero(view.alive & (seen >= 2))
+    every = Observations.concatenated([k.observations for k in keyframes])
+    observer = np.repeat(np.arange(len(keyframes)), [len(k.observations.rows) for k in keyframes])
+    rows = np.flatnonzero(view.alive & (np.bincount(every.rows, minlength=len(view.points)) >= 2))
     number = np.full(len(view.points), -1, np.int64)
     number[rows] = np.arange(len(rows))
-    kept = [k.observations.where(number[k.observations.rows] >= 0) for k in keyframes]
-    every = Observations.concatenated(kept)
+    kept = number[every.rows] >= 0
+    observed = every.where(kept)
     return MapSnapshot(
         view.version,
         np.array([k.id for k in keyframes], np.int64),
@@ -51,8 +50,8 @@ def snapshot(view: MapView) -> MapSnapshot:
         tuple(k.data.pyramid.level(0) for k in keyframes),
         rows,
         view.points[rows],
-        np.repeat(np.arange(len(kept)), [len(observed.rows) for observed in kept]),
-        number[every.rows],
-        every.uv,
-        every.level,
+        observer[kept],
+        number[observed.rows],
+        observed.uv,
+        observed.level,
     )
