@@ -223,7 +223,7 @@ def test_where_every_view_is_out_of_reach_it_steps_back_then_turns_and_only_then
     assert max(turns[: config.retries_without_view]) == 0.0
     phi = Config().planner.phi_rad_m
     assert turns[config.retries_without_view :] == pytest.approx([config.backtrack_step_m * phi] * 8)
-    assert mission.outcome is Outcome.EXPLORED
+    assert mission.outcome is Outcome.BOXED_IN
     assert "unreachable" in decisions[-1].reason
 
 
@@ -269,6 +269,9 @@ def test_a_bumper_stops_and_then_backs_off():
     assert back.action is Action.GO
     assert back.frame == "odom"
     assert back.goal.x < 0.75
+    reasons = [event.reason for event in mission.drain_events()]
+    assert reasons.count("stopping: bumper left pressed") == 1
+    assert any("given up" in reason and reason.endswith("bumper left pressed") for reason in reasons)
 
 
 def test_pause_resume_stop_and_home():
@@ -290,6 +293,15 @@ def test_pause_resume_stop_and_home():
     stopped.home(10 * SECOND)
     assert stopped.decide(10 * SECOND, situation()).reason == "stopped by the operator"
     assert not stopped.memory(10 * SECOND, SE2()).going_home
+
+
+def test_on_the_way_to_a_view_it_turns_home_at_once_when_asked():
+    mission, driving = mapping_mission(), situation(navigation=NavigationState.ACTIVE)
+    mission.home(2 * SECOND)
+    assert mission.decide(2 * SECOND, driving).action is Action.CANCEL
+    stopped = situation(navigation=NavigationState.ABORTED, navigation_reason="cancelled")
+    assert mission.decide(3 * SECOND, stopped).reason == "driving home"
+    assert mission.decide(4 * SECOND, driving).reason == "on the way: driving home"
 
 
 def test_without_odometry_it_waits():
@@ -318,6 +330,25 @@ def test_the_way_back_does_not_cut_the_corner_where_the_robot_turned_over():
     assert trail.back(1.0) == SE2(1.0, 0.0, 0.0)
     trail.driven_back_to(SE2(0.99, 0.0, 0.0))
     assert trail.length_m == 1.0
+    assert trail.back(0.5) == SE2(0.5, 0.0, 0.0)
+
+
+def test_the_way_back_turns_where_the_robot_had_turned_on_the_spot():
+    trail = Trail(spacing_m=0.125)
+    corner, gone = SE2(1.0, 0.0, 0.0), [SE2(1.0, 0.0, 0.3 * k) for k in range(6)]
+    for pose in [*(SE2(0.125 * k, 0.0, 0.0) for k in range(9)), *gone]:
+        trail.add(pose)
+    assert trail.length_m == 1.0
+    assert trail.back(0.5) == corner
+    beyond = [gone[-1] @ SE2(0.125 * k, 0.0, 0.0) for k in (1, 2)]
+    for pose in beyond:
+        trail.add(pose)
+    assert trail.back(0.5) == gone[-1]
+    trail.driven_back_to(gone[-1])
+    assert trail.poses[-1] == gone[-1]
+    trail.driven_back_to(corner @ SE2(0.0, 0.0, 2.0))  # looked around on the spot: the way is still the way
+    assert trail.length_m == 1.0
+    trail.driven_back_to(corner)
     assert trail.back(0.5) == SE2(0.5, 0.0, 0.0)
 
 

@@ -213,3 +213,15 @@ def test_standing_room_keeps_the_radius_from_unknown_and_walls():
     assert cells[:, 1].max() * RESOLUTION <= 3.0 - 0.3
     assert cells[:, 0].min() * RESOLUTION >= 0.05 + 0.3 - RESOLUTION
     assert len(cells) > 1000
+
+
+def test_in_a_bare_hall_it_is_not_the_best_views_without_landmarks_that_hide_one_with_some():
+    """Thousands of views of a hall show no landmark; the few of a corridor beside it do, and promise less."""
+    data = np.full((240, 300), UNKNOWN, np.int8)
+    data[20:220, 20:200] = FREE
+    data[100:130, 200:260] = FREE
+    grid = OccupancyGrid(data, RESOLUTION, 0.0, 0.0)
+    landmarks = np.random.default_rng(0).uniform([12.2, 5.0, 0.3], [13.0, 6.5, 1.0], (400, 3))
+    ranking = rank_views(grid, 0.2, landmarks, NOWHERE_YET, straight_costs, lambda p: np.zeros(len(p), bool), CONFIG)
+    assert ranking.views
+    assert ranking.views[0].landmarks >= CONFIG.min_landmarks

@@ -9,6 +9,7 @@ EXIT_CODES = {
     Outcome.EXPLORED: DONE,
     Outcome.HOME: DONE,
     Outcome.STOPPED: STOPPED,
+    Outcome.BOXED_IN: FAILED,
     Outcome.NOT_STARTED: FAILED,
     Outcome.LOST: LOST,
     Outcome.STRANDED: FAILED,

@@ -78,7 +78,7 @@ def _judged(view: View, way: FloatArray, opaque: OccupancyGrid, worth: FloatArra
     shown_m2, own_m2 = (unknown_area_along(seen_from, opaque, worth, config) for seen_from in (poses, poses[-1:]))
     gain_m2 = own_m2 + config.way_gain_ratio * (shown_m2 - own_m2)
     length_m = float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum())
-    doubts = view.utility * (view.distance_m + config.stop_cost_m) / view.gain_m2
+    doubts = view.utility * (view.distance_m + config.stop_cost_m) / max(view.gain_m2, 1e-9)
     utility = doubts * gain_m2 / (length_m + config.stop_cost_m)
     return view._replace(gain_m2=float(gain_m2), distance_m=length_m, utility=utility)
 

@@ -64,6 +64,7 @@ class Outcome(Enum):
     EXPLORED = "explored"
     HOME = "returned home"
     STOPPED = "stopped by the operator"
+    BOXED_IN = "no view can be driven to"
     NOT_STARTED = "the map could not be started"
     LOST = "tracking lost for good"
     STRANDED = "home could not be reached"

@@ -27,11 +27,11 @@ def find_frontiers(grid: OccupancyGrid, min_length_m: float) -> list[Frontier]:
     unknown = (grid.data == UNKNOWN).astype(np.uint8)
     cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
     border = (grid.data == FREE) & (cv2.dilate(unknown, cross) > 0)
-    count, labels = cv2.connectedComponents(border.astype(np.uint8), connectivity=8)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(border.astype(np.uint8), connectivity=8)
     frontiers = []
-    for label in range(1, count):
-        cells = np.argwhere(labels == label)
-        length_m = len(cells) * grid.resolution
-        if length_m >= min_length_m:
-            frontiers.append(Frontier(cells, grid.centres(cells).mean(axis=0), length_m))
+    for label, (left, top, width, height, size) in enumerate(stats.tolist()):
+        if label and size * grid.resolution >= min_length_m:
+            inside = labels[top : top + height, left : left + width] == label
+            cells = np.argwhere(inside) + (top, left)
+            frontiers.append(Frontier(cells, grid.centres(cells).mean(axis=0), size * grid.resolution))
     return sorted(frontiers, key=lambda f: -f.length_m)

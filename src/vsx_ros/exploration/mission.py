@@ -62,12 +62,12 @@ class Mission:
         self._first_drives = FirstDrives(self._config.init_drive_m, self._config.init_attempts)
         self._after_pause = MissionState.STARTING
         self._goal: View | None = None
-        self._purpose = ""
+        self._purpose = self._stopped_for = ""
         self._promise: Promise | None = None
         self._wait_until_ns = 0
         self._recovery = Recovery(self._config, self._body_m, self._phi_rad_m)
         self._empty_rankings = 0
-        self._backing_off = False
+        self._backing_off = self._has_gone = False
         self._home = Home()
         self._blocked = 0
         self.outlook = Outlook(config, travel_costs, rank, ways)
@@ -175,6 +175,7 @@ class Mission:
     def _look_for_a_place(self, now_ns: int, reason: str) -> Decision:
         """A map that was made before: first the camera must recognise it, then the robot looks for it."""
         self._recovery.begin(now_ns)
+        self._has_gone = True
         self._wait_until_ns = now_ns + _RECOGNISE_WAIT_NS
         self._chronicle.enter(now_ns, MissionState.RECOVERING, reason)
         return self._answer(Action.WAIT, reason)
@@ -193,7 +194,7 @@ class Mission:
         if situation.navigation is NavigationState.ACTIVE:
             return self._supervise(now_ns, situation)
         if situation.navigation is NavigationState.ABORTED and (self._goal is not None or self._backing_off):
-            self._goal_failed(now_ns, situation.navigation_reason)
+            self._goal_failed(now_ns, self._stopped_for or situation.navigation_reason)
             self._backing_off = False
             self._wait_until_ns = now_ns + (_HOME_AGAIN_NS if self._home.asked else _SETTLE_NS)
             return self._answer(Action.WAIT, "coming to rest")
@@ -213,7 +214,12 @@ class Mission:
 
     def _supervise(self, now_ns: int, situation: Situation) -> Decision:
         if situation.hazard and not self._backing_off:
+            if not self._stopped_for:
+                self._stopped_for = situation.hazard
+                self._chronicle.note(now_ns, f"stopping: {situation.hazard}")
             return self._answer(Action.CANCEL, f"stopping: {situation.hazard}")
+        if self._home.asked and self._goal is None and not self._backing_off:
+            return self._rest(now_ns, True, "leaving the goal to drive home")
         reason = self._promise.seen(situation.grid) if self._promise and situation.grid is not None else ""
         if not reason:
             return self._answer(Action.WAIT, f"on the way: {self._purpose}")
@@ -236,7 +242,7 @@ class Mission:
         views = self.outlook.rank(now_ns, T_map_base, grid, situation.landmarks_world).views
         if not views:
             return self._nothing_left(now_ns, situation, grid)
-        self._empty_rankings = 0
+        self._empty_rankings, self._has_gone = 0, True
         self._goal = goal = views[0]
         self._promise = self.outlook.promise(goal, grid)
         return self._go(now_ns, goal.pose, "map", goal.words(self._config.stop_cost_m))
@@ -252,6 +258,8 @@ class Mission:
             self._chronicle.note(now_ns, f"no other view found ({why}): what was given up is tried again")
             return self._answer(Action.WAIT, "trying again what was given up")
         if self._empty_rankings > (self._config.retries_boxed_in if boxed_in else self._config.retries_without_view):
+            if boxed_in and not self._has_gone:
+                return self._end(now_ns, Outcome.BOXED_IN, f"no view can be driven to from the start ({why})")
             return self._end(now_ns, Outcome.EXPLORED, f"no view is worth its way any more ({why})")
         if boxed_in and self._empty_rankings > self._config.retries_without_view:
             reason, ahead = f"no view found ({why}): turning to look elsewhere", self._empty_rankings % 2 == 1
@@ -324,7 +332,7 @@ class Mission:
         return self._answer(Action.FINISH, reason)
 
     def _go(self, now_ns: int, goal: SE2, frame: str, reason: str) -> Decision:
-        self._purpose = reason
+        self._purpose, self._stopped_for = reason, ""
         self._chronicle.note(now_ns, reason)
         return Decision(Action.GO, goal, frame, self.state.value, reason)
 

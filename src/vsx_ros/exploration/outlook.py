@@ -1,4 +1,4 @@
-"""What there is to look at: frontiers, the views of them worth their way, and which of those are left alone for now."""
+"""What there is to look at: the views worth their way, and which of those are left alone for now."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from vsx_ros.occupancy.grid import OccupancyGrid
 
 
 class Outlook:
-    """``rank`` the views anew. looks: where the camera has looked from. given_up: goals that failed. frontiers and
-    ranking: as found last."""
+    """``rank`` the views anew. looks: where the camera has looked from. given_up: goals that failed. ranking: as found
+    last."""
 
     def __init__(self, config: Config, travel_costs: TravelCostsFrom, rank: Ranker, ways: WaysFrom | None) -> None:
         """ways: by which the best views are judged anew; None judges them by what they show themselves."""
@@ -24,12 +24,12 @@ class Outlook:
         self._radius_m = config.robot.radius_m + config.planner.clearance_m
         self.looks = Looks(self._config.look_spacing_m)
         self.given_up = GivenUp(self._config.blacklist_radius_m, self._config.blacklist_s)
-        self.frontiers: list[Frontier] = []
+        self._grid: OccupancyGrid | None = None
         self.ranking = Ranking([], {})
 
     def rank(self, now_ns: int, T_map_base: SE2, grid: OccupancyGrid, landmarks_world: FloatArray) -> Ranking:
         """What is worth its way from here, the best first, and what fell out for which reason."""
-        self.frontiers = find_frontiers(grid, self._config.min_frontier_m)
+        self._grid = grid
         looked_from = self.looks.as_array()
         self.ranking = self._rank(
             grid, self._radius_m, landmarks_world, looked_from, self._travel_costs(T_map_base, grid),
@@ -39,6 +39,10 @@ class Outlook:
             way_to = self._ways(T_map_base, grid)
             self.ranking = with_ways(self.ranking, way_to, grid, self._radius_m, looked_from, self._config)
         return self.ranking
+
+    def frontiers(self) -> list[Frontier]:
+        """Where the known free ground of the map ranked last ends, for people to see."""
+        return find_frontiers(self._grid, self._config.min_frontier_m) if self._grid is not None else []
 
     def promise(self, view: View, grid: OccupancyGrid) -> Promise:
         """What the view is to show."""

@@ -171,10 +171,9 @@ def _with_landmarks(
     hopes = gains / (distances + config.stop_cost_m)
     order = np.argsort(-hopes, kind="stable")
     views: list[View] = []
-    for first in range(0, min(len(order), _MOST_ROUNDS * config.max_ranked_views), config.max_ranked_views):
-        chosen = order[first : first + config.max_ranked_views]
+    for chosen in _rounds(order, config.max_ranked_views):
         best = max((view.utility for view in views if view.landmarks >= config.min_landmarks), default=0.0)
-        if best >= hopes[chosen[0]]:
+        if best >= hopes[chosen[0]] or (best and len(views) == _MOST_ROUNDS * config.max_ranked_views):
             break
         seen = count_landmarks(opaque, candidates[chosen], landmarks_world, config)
         for i, count in zip(chosen.tolist(), seen.tolist(), strict=True):
@@ -182,6 +181,14 @@ def _with_landmarks(
             pose = SE2(*map(float, candidates[i]))
             views.append(View(pose, float(gains[i]), float(distances[i]), count, utility))
     return views
+
+
+def _rounds(order: IntArray, most: int) -> list[IntArray]:
+    """The first few ``most`` of the order, then as many spread over the rest: in a bare hall none of the first may have
+    landmarks in view, elsewhere another may."""
+    rest = order[_MOST_ROUNDS * most :]
+    rounds = [order[first : first + most] for first in range(0, len(order) - len(rest), most)]
+    return [*rounds, rest[:: -(-len(rest) // most)]] if len(rest) else rounds
 
 
 def count_landmarks(

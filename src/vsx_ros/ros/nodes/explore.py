@@ -33,6 +33,7 @@ from vsx_ros.arrays import Points3
 from vsx_ros.config import Config
 from vsx_ros.exploration.along import ways_of
 from vsx_ros.exploration.decision import Action, Decision, NavigationState, Situation
+from vsx_ros.exploration.frontiers import Frontier
 from vsx_ros.exploration.memory import MissionMemory
 from vsx_ros.exploration.mission import Mission
 from vsx_ros.exploration.utility import TravelCosts
@@ -72,6 +73,7 @@ class ExploreNode:
         self._goal: SentGoal | None = None
         self._status, self._status_s = "", 0.0
         self._shown: object = None
+        self._frontiers: list[Frontier] = []
         self._battery_empty = False
         run_dir = str(rospy.get_param("~run_dir", ""))
         self._checkpoint = RunFolder(Path(run_dir)).checkpoint if run_dir else None
@@ -192,15 +194,18 @@ class ExploreNode:
             self._goal.cancel()
 
     def _report(self, decision: Decision) -> None:
-        """Status as JSON, frontiers when they were searched anew."""
+        """Status as JSON, frontiers and views when these were ranked anew."""
         mission, outlook, goal = self._mission, self._mission.outlook, decision.goal
+        ranked = outlook.ranking is not self._shown and self._grid is not None
+        if ranked:
+            self._frontiers = outlook.frontiers()
         status = {
             "state": decision.state,
             "reason": decision.reason,
             "outcome": mission.outcome.name if mission.outcome else None,
             "navigation": self._navigation()[0].value,
             "goal": [goal.x, goal.y, goal.theta] if goal is not None else None,
-            "frontiers": len(outlook.frontiers),
+            "frontiers": len(self._frontiers),
             "views": len(outlook.ranking.views),
             "known_area_m2": self._grid.known_area_m2 if self._grid is not None else None,
         }
@@ -209,13 +214,10 @@ class ExploreNode:
             self._status, self._status_s = text, now_s
             self._status_pub.publish(text)
             self._diagnostics.set("mission", process.OK, f"{decision.state}: {decision.reason}")
-        if outlook.ranking is not self._shown and self._grid is not None:
-            self._shown = outlook.ranking
-            self._frontiers_pub.publish(
-                frontier_markers(
-                    self._grid, outlook.frontiers, outlook.ranking.views, topics.MAP_FRAME, process.now_ns()
-                )
-            )
+        if ranked and self._grid is not None:
+            self._shown, views = outlook.ranking, outlook.ranking.views
+            markers = frontier_markers(self._grid, self._frontiers, views, topics.MAP_FRAME, process.now_ns())
+            self._frontiers_pub.publish(markers)
 
     def close(self) -> None:
         """Without the mission nobody wants to drive."""
