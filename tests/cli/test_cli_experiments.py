@@ -2,6 +2,7 @@
 
 import json
 import math
+import signal
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from vsx_ros.cli.experiments.drive import ARMS, DriveTask, _drive, limits_of, pl
 from vsx_ros.cli.experiments.exploration import ExplorationTask
 from vsx_ros.cli.experiments.stages import figure7
 from vsx_ros.cli.experiments.trackers import FULL, PAPER
+from vsx_ros.cli.explore_fast import FastRun
 from vsx_ros.cli.main import execute
 from vsx_ros.cli.world import open_world
 from vsx_ros.config import Config
@@ -140,6 +142,23 @@ def test_a_sweep_is_continued_and_told(tmp_path, capsys):
     assert header.startswith("task_world,task_seed,task_planner,task_time_s,task_settings,frames")
     assert len(lines) == 2
     assert "known and right; time limit of 3 s" in (tmp_path / "sweep.html").read_text()
+
+
+@pytest.mark.parametrize("words", [["sweep", "--seeds", "1:3"], ["reproduce", "fig5"], ["reproduce", "fig7"]])
+def test_ctrl_c_interrupts_and_half_a_run_is_no_result(words, tmp_path, monkeypatch, capsys):
+    step, begun = FastRun._step, []
+
+    def pressed(run, frame, odometry):
+        if not begun or begun[-1] is not run:
+            begun.append(run)
+            signal.raise_signal(signal.SIGINT)
+        return step(run, frame, odometry)
+
+    monkeypatch.setattr(FastRun, "_step", pressed)
+    assert execute([*words, "--time", "3", "--out", str(tmp_path)]) == 4
+    assert "stopped by the operator" in capsys.readouterr().err
+    assert len(begun) == 1
+    assert [path.name for path in tmp_path.iterdir()] == []
 
 
 @pytest.mark.parametrize(

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from vsx_ros.cli.config import load
-from vsx_ros.cli.explore_fast import FastRun
+from vsx_ros.cli.explore_fast import STOPPED_BY_OPERATOR, FastRun
 from vsx_ros.cli.world import open_world
 
 _JUDGE_EVERY_NS = 2_000_000_000
@@ -20,6 +21,15 @@ class ExplorationTask(NamedTuple):
     planner: str
     time_s: float
     settings: tuple[str, ...] = ()
+
+
+def run_whole(run: FastRun, limit_s: float, watch: Callable[[int], None] | None = None) -> str:
+    """Why the run ended, as ``FastRun.run`` says it. Ctrl-C, which ends a run with what there is, interrupts an
+    experiment: half a run is no result."""
+    reason = run.run(limit_s, watch)
+    if reason == STOPPED_BY_OPERATOR:
+        raise KeyboardInterrupt
+    return reason
 
 
 def explore(task: ExplorationTask) -> dict[str, Any]:
@@ -37,7 +47,7 @@ def explore(task: ExplorationTask) -> dict[str, Any]:
         for name in [f"way_to_{100 * share:.0f}_m" for share in _SHARES if right >= share]:
             reached.setdefault(name, run.robot.truth.path_length_m)
 
-    reason = run.run(task.time_s, watch)
+    reason = run_whole(run, task.time_s, watch)
     summary = run.summary(reason, world=task.world, seed=task.seed, planner=task.planner).as_dict()
     clearance_m = run.robot.truth.min_clearance_m
     return {**summary, "driven_m": run.robot.truth.path_length_m, "min_clearance_m": clearance_m, **reached}

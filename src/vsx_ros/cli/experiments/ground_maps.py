@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
+from vsx_ros.cli.experiments.exploration import run_whole
 from vsx_ros.cli.explore_fast import FastRun
 from vsx_ros.cli.world import open_world
 from vsx_ros.config import Config
@@ -17,7 +18,7 @@ def explore_and_map(world: str, seed: int, limit_s: float) -> tuple[Figure5, dic
     """One exploration with dense mapping, its maps beside the truth, and their numbers."""
     config = Config()
     run = FastRun(open_world(world, seed), seed, "fov", config)
-    reason = run.run(limit_s)
+    reason = run_whole(run, limit_s)
     system, ground = run.system, config.ground_map
     snapshot, true_poses = system.slam.snapshot(), {pose.stamp_ns: pose.T for pose in run.truth}
     truth = ground_truth_grid(

@@ -8,6 +8,7 @@ import numpy as np
 
 from vsx_ros.arrays import Points3
 from vsx_ros.cli.experiments.campaign import Result
+from vsx_ros.cli.experiments.exploration import run_whole
 from vsx_ros.cli.explore_fast import FastRun
 from vsx_ros.cli.world import open_world
 from vsx_ros.config import Config
@@ -45,7 +46,7 @@ def explore_in_stages(world: str, seed: int, limit_s: float) -> tuple[list[Stage
             due_ns = stamp_ns + _EVERY_NS
             stages.append(_stage(run, run.system.grid, stamp_ns))
 
-    reason = run.run(limit_s, watch)
+    reason = run_whole(run, limit_s, watch)
     if run.system.grid is not None and run.truth:
         stages.append(_stage(run, run.system.grid, run.truth[-1].stamp_ns))
     return stages, run.summary(reason, world=world, seed=seed, planner="fov").as_dict()
