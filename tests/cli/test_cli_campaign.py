@@ -1,9 +1,14 @@
 """Campaigns: nothing done twice, nothing lost, one bad task is one failure; here and on dask workers."""
 
+import errno
 import json
+import os
+import subprocess
+import sys
 from typing import NamedTuple
 
 import pytest
+from free_ports import free_port
 
 from vsx_ros.cli.experiments.campaign import Engine, Store, run_campaign
 from vsx_ros.errors import ConfigError, InputError
@@ -45,7 +50,26 @@ def test_what_is_known_is_not_done_again(tmp_path, capsys):
 
     assert run_campaign(TASKS, only_new, Store(tmp_path / "r.jsonl"), Engine()) == RESULTS
     assert "2 of 5 are known already" in capsys.readouterr().err
-    assert len((tmp_path / "r.jsonl").read_text().splitlines()) == 5
+    kept = [json.loads(line)["result"] for line in (tmp_path / "r.jsonl").read_text().splitlines()]
+    assert kept == [result for result in RESULTS if "internal error" not in result.get("failed", "")]
+
+
+@pytest.mark.parametrize(
+    ("trouble", "said"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device", "/tmp/x"), "/tmp/x cannot be used (No space left on device)"),
+        (MemoryError(), "MemoryError"),
+        (ModuleNotFoundError("No module named 'cv2'"), "No module named 'cv2'"),
+    ],
+)
+def test_what_may_pass_is_tried_again(tmp_path, capsys, trouble, said):
+    def in_trouble(task: Square) -> dict[str, int]:
+        raise trouble
+
+    results = run_campaign(TASKS[:2], in_trouble, Store(tmp_path / "r.jsonl"), Engine())
+    assert all(said in result["failed"] for result in results)
+    assert "2 of the failures may pass" in capsys.readouterr().err
+    assert run_campaign(TASKS[:2], square, Store(tmp_path / "r.jsonl"), Engine()) == RESULTS[:2]
 
 
 def test_an_interrupted_campaign_goes_on(tmp_path):
@@ -56,9 +80,30 @@ def test_an_interrupted_campaign_goes_on(tmp_path):
 
     with pytest.raises(KeyboardInterrupt):
         run_campaign(TASKS, interrupted, Store(tmp_path / "r.jsonl"), Engine())
-    with (tmp_path / "r.jsonl").open("a") as file:
-        file.write('{"task": {"number": 2, "wor')  # killed while it wrote
     assert run_campaign(TASKS, square, Store(tmp_path / "r.jsonl"), Engine()) == RESULTS
+
+
+@pytest.mark.parametrize("version", ["of now", "0.0.0"])
+def test_a_campaign_killed_while_it_wrote_goes_on(tmp_path, version):
+    path = tmp_path / "r.jsonl"
+    for task, result in zip(TASKS[:3], RESULTS, strict=False):
+        Store(path).add(task, {"nested": result})
+    whole = path.read_bytes() if version == "of now" else path.read_bytes().replace(b'"version": "', b'"version": "0.')
+    lines = whole.splitlines(keepends=True)
+    for cut in range(1, len(lines[-1]) + 1):
+        path.write_bytes(whole[:-cut])
+        store = Store(path)
+        assert [task in store for task in TASKS[:3]] == [version == "of now"] * 2 + [False]
+        store.add(TASKS[2], {"nested": {"square": 4}})
+        assert path.read_bytes().splitlines(keepends=True)[:2] == lines[:2]
+        assert Store(path)[TASKS[2]] == {"nested": {"square": 4}}
+
+
+def test_a_disk_that_takes_no_more_is_told(tmp_path):
+    store = Store(tmp_path / "r.jsonl")
+    os.symlink("/dev/full", tmp_path / "r.jsonl")
+    with pytest.raises(InputError, match=r"r\.jsonl cannot be written \(No space left on device\); free the disk"):
+        store.add(TASKS[0], RESULTS[0])
 
 
 def test_results_of_another_version_are_not_taken(tmp_path):
@@ -73,7 +118,7 @@ def test_results_of_another_version_are_not_taken(tmp_path):
 @pytest.mark.parametrize("damage", ['{"task": 1}\n', "[]\n", "nonsense}\n", "x\ny\nz\n"])
 def test_damage_is_told(tmp_path, damage):
     (tmp_path / "r.jsonl").write_text(damage)
-    with pytest.raises(InputError, match=r"r\.jsonl"):
+    with pytest.raises(InputError, match=r"r\.jsonl is damaged in line 1"):
         Store(tmp_path / "r.jsonl")
 
 
@@ -87,6 +132,40 @@ def test_a_scheduler_that_is_not_there(tmp_path, monkeypatch):
     monkeypatch.setattr("vsx_ros.cli.experiments.campaign.CONNECT_S", 1.0)
     with pytest.raises(ConfigError, match="no dask scheduler at tcp://127.0.0.1:1"):
         run_campaign(TASKS, square, Store(tmp_path / "r.jsonl"), Engine(scheduler="tcp://127.0.0.1:1"))
+
+
+def test_a_scheduler_that_is_lost(tmp_path, monkeypatch):
+    distributed = pytest.importorskip("distributed")
+    address = f"tcp://127.0.0.1:{free_port()}"
+    command = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--no-dashboard", "--host", address]
+    scheduler = subprocess.Popen(
+        command, env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}, stderr=subprocess.DEVNULL
+    )
+    real = distributed.as_completed
+
+    def lost(futures):
+        scheduler.kill()
+        return real(futures)
+
+    monkeypatch.setattr(distributed, "as_completed", lost)
+    try:
+        with pytest.raises(ConfigError, match=f"the dask scheduler at {address} was lost; start it again"):
+            run_campaign(TASKS, square, Store(tmp_path / "r.jsonl"), Engine(scheduler=address))
+    finally:
+        scheduler.kill()
+        scheduler.wait()
+
+
+def dies(task: Square) -> dict[str, int]:
+    os._exit(1)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_worker_that_dies_is_tried_again(tmp_path):
+    pytest.importorskip("distributed")
+    (failed,) = run_campaign(TASKS[:1], dies, Store(tmp_path / "r.jsonl"), Engine(jobs=2))
+    assert failed["failed"].startswith("its worker failed: KilledWorker")
+    assert TASKS[0] not in Store(tmp_path / "r.jsonl")
 
 
 def test_without_dask_the_remedy_is_told(tmp_path, monkeypatch):

@@ -9,10 +9,10 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, cast
 
 from vsx_ros import __version__
-from vsx_ros.errors import ConfigError, InputError, VsxError, reason_of
+from vsx_ros.errors import ConfigError, InputError, VsxError, disk_trouble, reason_of
 
 Result = dict[str, Any]
 CONNECT_S = 10.0
@@ -22,6 +22,14 @@ class Task(Protocol):
     """What is to be done: a NamedTuple of numbers and words."""
 
     def _asdict(self) -> dict[str, Any]: ...
+
+
+class Done(NamedTuple):
+    """result: of a task. final: whether it is the task's own; a full disk, a worker without memory or without a module
+    is not."""
+
+    result: Result
+    final: bool
 
 
 Work = Callable[[Any], Result]
@@ -35,22 +43,23 @@ class Engine(NamedTuple):
 
 
 class Store:
-    """results.jsonl: a line for each task that was done, with the version that did it."""
+    """results.jsonl: a line for each task that was done or cannot be, with the version that did it."""
 
     def __init__(self, path: Path) -> None:
-        """Raises InputError when the file cannot be read or written."""
+        """What a killed campaign left half written at the end is dropped. Raises InputError when the file cannot be
+        read or written, or is damaged before."""
         self._path = path
         self._known: dict[str, Result] = {}
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else []:
-                entry = json.loads(line)
-                if entry["version"] == __version__:
-                    self._known[_key(entry["task"])] = entry["result"]
-        except (OSError, KeyError, TypeError) as error:
+            content = path.read_bytes() if path.exists() else b""
+            *lines, torn = content.split(b"\n")
+            for number, line in enumerate(lines, start=1):
+                self._recall(number, line)
+            if torn:
+                os.truncate(path, len(content) - len(torn))
+        except OSError as error:
             raise InputError(f"{path} cannot be used ({reason_of(error)}); choose another --out") from error
-        except ValueError as error:
-            self._drop_torn_line(error)
 
     def __contains__(self, task: Task) -> bool:
         return _key(task._asdict()) in self._known
@@ -59,55 +68,72 @@ class Store:
         return self._known[_key(task._asdict())]
 
     def add(self, task: Task, result: Result) -> None:
-        """Append the line."""
+        """Append the line. Raises InputError when the disk takes no more."""
         line = json.dumps({"task": task._asdict(), "version": __version__, "result": result})
-        with self._path.open("a", encoding="utf-8") as file:
-            file.write(line + "\n")
+        try:
+            with self._path.open("a", encoding="utf-8") as file:
+                file.write(line + "\n")
+        except OSError as error:
+            raise InputError(
+                f"{self._path} cannot be written ({reason_of(error)}); free the disk, then the same command goes on"
+            ) from error
         self._known[_key(task._asdict())] = result
 
-    def _drop_torn_line(self, error: ValueError) -> None:
-        """The last line may have been cut off when the campaign was killed; anything else is damage."""
-        *whole, last = self._path.read_text(encoding="utf-8").splitlines()
-        if last.endswith("}") or len(self._known) < len(whole) - 1:
-            raise InputError(f"{self._path} is damaged ({error}); choose another --out, or remove it") from error
-        self._path.write_text("".join(line + "\n" for line in whole), encoding="utf-8")
+    def _recall(self, number: int, line: bytes) -> None:
+        try:
+            entry = json.loads(line)
+            if entry["version"] == __version__:
+                self._known[_key(entry["task"])] = entry["result"]
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(
+                f"{self._path} is damaged in line {number} ({reason_of(error)}); choose another --out, or remove it"
+            ) from error
 
 
 def run_campaign(tasks: Sequence[Task], work: Work, store: Store, engine: Engine) -> list[Result]:
     """Results of the tasks, in their order; those that the store knows are not done again.
 
-    A task that fails has the result {"failed": reason}. Raises ConfigError when the engine cannot be had.
+    A task that fails has the result {"failed": reason}; a failure that is not the task's own is not stored, so that the
+    next call tries it again. Raises ConfigError when the engine cannot be had, or is lost.
     """
     waiting = [task for task in tasks if task not in store]
     began_s, known = time.monotonic(), len(tasks) - len(waiting)
     if known:
         _say(f"{known} of {len(tasks)} are known already")
-    for done, (task, result) in enumerate(_results(waiting, work, engine), start=1):
-        store.add(task, result)
+    again: dict[Task, Result] = {}
+    for done, (task, (result, final)) in enumerate(_results(waiting, work, engine), start=1):
+        if final:
+            store.add(task, result)
+        else:
+            again[task] = result
         left_s = (time.monotonic() - began_s) / done * (len(waiting) - done)
         told = f"failed: {result['failed']}" if "failed" in result else "done"
         words = " ".join(str(value) for value in task._asdict().values() if value is not None)
         _say(f"{known + done} of {len(tasks)}, about {left_s / 60:.0f} min left: {words}: {told}")
-    return [store[task] for task in tasks]
+    if again:
+        _say(f"{len(again)} of the failures may pass; the same command tries them again")
+    return [again[task] if task in again else store[task] for task in tasks]
 
 
-def guarded(work: Work, task: Task) -> Result:
+def guarded(work: Work, task: Task) -> Done:
     """The result of a task, or why there is none: one bad world must not end a campaign of hundreds."""
     try:
-        return work(task)
+        return Done(work(task), True)
     except VsxError as error:
-        return {"failed": str(error)}
+        return Done({"failed": str(error)}, True)
     except Exception as error:
-        return {"failed": f"internal error, please report it: {type(error).__name__}: {error}"}
+        trouble = disk_trouble(error) if isinstance(error, OSError) else ""
+        reason = trouble or f"internal error, please report it: {type(error).__name__}: {error}"
+        return Done({"failed": reason}, False)
 
 
-def _results(tasks: Sequence[Task], work: Work, engine: Engine) -> Iterator[tuple[Task, Result]]:
+def _results(tasks: Sequence[Task], work: Work, engine: Engine) -> Iterator[tuple[Task, Done]]:
     if engine.jobs == 1 and engine.scheduler is None:
         return ((task, guarded(work, task)) for task in tasks)
     return _distributed(tasks, work, engine)
 
 
-def _distributed(tasks: Sequence[Task], work: Work, engine: Engine) -> Iterator[tuple[Task, Result]]:
+def _distributed(tasks: Sequence[Task], work: Work, engine: Engine) -> Iterator[tuple[Task, Done]]:
     """In the order in which they are done."""
     try:
         from distributed import Client, LocalCluster, as_completed
@@ -128,12 +154,24 @@ def _distributed(tasks: Sequence[Task], work: Work, engine: Engine) -> Iterator[
     try:
         futures = {client.submit(guarded, work, task, pure=False, retries=1): task for task in tasks}
         for future in as_completed(list(futures)):
-            died = future.exception()
-            yield futures[future], future.result() if died is None else {"failed": f"its worker died: {died}"}
+            if future.cancelled():
+                raise ConfigError(
+                    f"the dask scheduler at {engine.scheduler or 'this machine'} was lost; start it again, then the "
+                    "same command goes on with what is missing"
+                )
+            yield futures[future], _of_worker(future)
     finally:
         client.close()
         if cluster is not None:
             cluster.close()
+
+
+def _of_worker(future: Any) -> Done:
+    """What a worker made of a task; one that died, or had not what the task needs, may be better next time."""
+    error = future.exception()
+    if error is None:
+        return cast(Done, future.result())
+    return Done({"failed": f"its worker failed: {type(error).__name__}: {' '.join(str(error).split())}"}, False)
 
 
 def _key(task: dict[str, Any]) -> str:
