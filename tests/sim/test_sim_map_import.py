@@ -1,14 +1,22 @@
 from __future__ import annotations
 
+import os
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from vsx_ros.cli.world import open_world
 from vsx_ros.errors import MapFileError
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.sim.map_import import free_space_outlines, world_from_grid
 from vsx_ros.sim.placement import free_ahead
 from vsx_ros.sim.scene import quads
 from vsx_ros.sim.truth import ground_truth_grid
+
+DATA = Path(os.environ.get("VSX_DATA", Path(__file__).parents[2] / "../shared/data"))
+REAL = ["maps/lab_ipa.png", "maps/Freiburg52_scan.png", "maps/office_b.png",
+        "aws_small_house/maps/turtlebot3_waffle_pi/map.pgm"]  # fmt: skip
 
 
 def hall() -> OccupancyGrid:
@@ -42,6 +50,18 @@ def test_the_world_of_a_map_has_the_map_as_its_truth() -> None:
     assert free_ahead(world, world.start.x, world.start.y, world.start.theta_rad) >= 1.2
     assert len(quads(world)) > 10
     assert world == world_from_grid(grid, "hall", 3)
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_a_robot_can_begin_in_the_map_of_a_real_building(name: str) -> None:
+    if not (DATA / name).exists():
+        pytest.skip(f"{DATA / name} is absent (set VSX_DATA)")
+    world = open_world(str(DATA / name), 100)
+    truth = ground_truth_grid(world, 0.05, 0.06, 0.6)
+    assert truth.value_at(world.start.x, world.start.y) == FREE
+    assert free_ahead(world, world.start.x, world.start.y, world.start.theta_rad) >= 1.2
+    assert np.count_nonzero(truth.data == FREE) * 0.05**2 > 25.0
+    assert len(quads(world)) > 20
 
 
 def test_a_map_without_free_space_is_refused() -> None:
