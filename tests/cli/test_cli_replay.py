@@ -74,6 +74,7 @@ def test_a_drive_is_tracked_at_metric_scale(replayed):
     assert summary["ate_rmse_m"] < 0.05
     assert summary["breaks"] == 0
     assert summary["stop_reason"] == "the recording was tracked to its end"
+    assert summary["ended_well"] is True
     assert summary["coverage"] is None
 
 

@@ -102,11 +102,9 @@ def test_what_is_unknown_is_not_shown_as_zero():
     assert "<td>ate_rmse_m</td><td><i>unknown</i></td>" in text
 
 
-@pytest.mark.parametrize(
-    ("reason", "kind"), [("explored: done", "fine"), ("lost for good from frame 3", "bad"), (None, "bad")]
-)
-def test_the_ending_is_coloured(reason, kind):
-    summary = Summary(stop_reason=reason).as_dict()
+@pytest.mark.parametrize(("well", "kind"), [(True, "fine"), (False, "bad"), (None, "unknown")])
+def test_the_ending_is_coloured_by_how_it_was_and_not_by_its_words(well, kind):
+    summary = Summary(stop_reason="the map did not start: timed out", ended_well=well).as_dict()
     assert f'class="ending {kind}"' in page(summary=summary)
 
 

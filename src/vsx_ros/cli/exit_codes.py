@@ -12,3 +12,8 @@ STOPPED = 4
 """The operator stopped it."""
 INTERNAL = 5
 """A mistake in this program."""
+
+
+def ended_well(code: int) -> bool:
+    """Whether a run that ended with this code went as it should."""
+    return code in (DONE, STOPPED)

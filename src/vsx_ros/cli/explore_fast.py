@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from vsx_ros.cli.exit_codes import DONE, LOST, STOPPED
+from vsx_ros.cli.exit_codes import DONE, LOST, STOPPED, ended_well
 from vsx_ros.cli.explore import begin
 from vsx_ros.cli.outcomes import EXIT_CODES
 from vsx_ros.cli.report import one_line_facts, write_report
@@ -172,6 +172,15 @@ class FastRun:
             f"{self.robot.truth.path_length_m:.1f} m driven  {last.found}/{last.searched} points"
         )
 
+    def exit_code(self, reason: str) -> int:
+        """That of the command; reason: why the run ended."""
+        if reason == STOPPED_BY_OPERATOR:
+            return STOPPED
+        if self.system.mission.outcome is not None:
+            return EXIT_CODES[self.system.mission.outcome]
+        results = self.record.results
+        return LOST if results and results[-1].state is TrackingState.LOST else DONE
+
     def summary(self, reason: str, **facts: str | int | None) -> Summary:
         """The numbers of the run. reason: why it ended; facts: what else the summary shall say."""
         system, errors = self.system, np.array(self._errors_m)
@@ -185,6 +194,7 @@ class FastRun:
             planned_vs_executed_rms_m=float(np.sqrt(np.mean(errors**2))) if errors.size else None,
             plans=self.plans,
             stop_reason=reason,
+            ended_well=ended_well(self.exit_code(reason)),
             phi=self._config.planner.phi_rad_m,
             **facts,
         )
@@ -207,7 +217,9 @@ def explore_fast(args: argparse.Namespace) -> int:
     limit_s = args.time or _DEFAULT_TIME_S
     if before is not None and before.ended_ns * 1e-9 >= limit_s:
         raise ConfigError(f"{folder.path} has lasted {before.ended_ns * 1e-9:.0f} s; to go on give more with --time")
-    slam_map = load_slam_map(Path(args.load_map)) if args.load_map else None
+    slam_map = None
+    if args.load_map:  # it may be gone by now: what became of it is in the checkpoint
+        slam_map = load_slam_map(Path(args.load_map)) if before is None else before.memory.slam_map
     run = FastRun(world, args.seed, args.planner, config, before, Session(folder, before), slam_map)
     reason = run.run(limit_s)
     facts = {"world": args.world, "seed": args.seed, "planner": args.planner, "continued_map": args.load_map}
@@ -215,10 +227,4 @@ def explore_fast(args: argparse.Namespace) -> int:
     run.write(folder, summary)
     report = write_report(folder)
     print("\n".join([reason, *(f"  {line}" for line in one_line_facts(summary.as_dict())), f"  report: {report}"]))
-    if reason == STOPPED_BY_OPERATOR:
-        return STOPPED
-    outcome = run.system.mission.outcome
-    if outcome is not None:
-        return EXIT_CODES[outcome]
-    results = run.record.results
-    return LOST if results and results[-1].state is TrackingState.LOST else DONE
+    return run.exit_code(reason)

@@ -76,7 +76,7 @@ def run(args: argparse.Namespace) -> int:
     if args.ros:
         _feed_nodes(args)
     from vsx_ros.cli.config import load
-    from vsx_ros.cli.exit_codes import STOPPED
+    from vsx_ros.cli.exit_codes import STOPPED, ended_well
     from vsx_ros.cli.ground import ground_grid
     from vsx_ros.cli.report import one_line_facts, write_report
     from vsx_ros.cli.run_record import RunRecord
@@ -92,7 +92,10 @@ def run(args: argparse.Namespace) -> int:
     record = RunRecord(T_base_cam)
     stopped = _track_all(slam, recording, record)
     continued = str(args.load_map.resolve()) if args.load_map else None
+    code = exit_code(record.results[-1].state if record.results else TrackingState.NOT_INITIALISED)
+    code = STOPPED if stopped else code
     summary = _summary(slam, recording, record).with_values(seed=args.seed, continued_map=continued).as_dict()
+    summary["ended_well"] = ended_well(code)
     if stopped:
         summary["stop_reason"] = (
             f"stopped by the operator after {len(record.results)} of {recording.frame_count} frames"
@@ -105,9 +108,7 @@ def run(args: argparse.Namespace) -> int:
     folder.write_summary(summary)
     _save_slam_map(slam, args.save_map)
     print(summary["stop_reason"], *one_line_facts(summary), f"report: {write_report(folder)}", sep="\n  ")
-    if stopped:
-        return STOPPED
-    return exit_code(record.results[-1].state if record.results else TrackingState.NOT_INITIALISED)
+    return code
 
 
 def _feed_nodes(args: argparse.Namespace) -> NoReturn:

@@ -21,7 +21,6 @@ _MAX_EVENTS = 400
 _MAX_DOTS = 4000
 _FLOOR_M = 0.06
 _FASTEST_MS = 0.1
-_GOOD_ENDINGS = ("explored", "returned home", "tracked to its end", "time")
 
 
 @dataclass(frozen=True)
@@ -72,7 +71,7 @@ def _section(title: str, content: str) -> str:
 
 def _ending(data: ReportData, title: str) -> str:
     reason = str(data.summary.get("stop_reason") or "the run did not say why it ended")
-    kind = "fine" if any(word in reason for word in _GOOD_ENDINGS) else "bad"
+    kind = {True: "fine", False: "bad", None: "unknown"}[data.summary.get("ended_well")]
     return f'<h1>{title}</h1><p class="ending {kind}">{html.escape(reason)}</p>'
 
 

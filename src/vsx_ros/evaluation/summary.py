@@ -50,6 +50,7 @@ class Summary(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     plan_ms_median: float | None = None
     plan_ms_p99: float | None = None
     stop_reason: str | None = None
+    ended_well: bool | None = None
     world: str | None = None
     seed: int | None = None
     planner: str | None = None

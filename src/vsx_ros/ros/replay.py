@@ -15,7 +15,7 @@ import rosgraph
 import rospy
 
 from vsx_ros.cli.config import load
-from vsx_ros.cli.exit_codes import FAILED, INTERNAL, STOPPED
+from vsx_ros.cli.exit_codes import FAILED, INTERNAL, STOPPED, ended_well
 from vsx_ros.cli.explore import live_arguments
 from vsx_ros.cli.replay import add_options, exit_code, new_folder, opened
 from vsx_ros.cli.report import one_line_facts, write_report
@@ -110,11 +110,13 @@ def _gather(
     ending = TrackingState(looked_at[-1].state) if looked_at else TrackingState.NOT_INITIALISED
     kind: AlignmentKind | None = "yaw" if recording.odometry else None
     summary = with_accuracy(Summary(**known), folder.read_poses("trajectory"), recording.ground_truth, kind)
+    code = STOPPED if interrupted else INTERNAL if failure else exit_code(ending)
     if interrupted:
         failure = f"stopped by the operator after {len(looked_at)} of {recording.frame_count} frames"
     summary = summary.with_values(
         duration_s=(looked_at[-1].stamp_ns - looked_at[0].stamp_ns) * 1e-9 if looked_at else 0.0,
         stop_reason=failure or _stop_reason(folder, ending),
+        ended_well=ended_well(code),
         world=recording.source.name,
         seed=args.seed,
         continued_map=str(args.load_map.resolve()) if args.load_map else None,
@@ -127,9 +129,7 @@ def _gather(
     folder.write_summary(summary.as_dict())
     facts = [f"  {line}\n" for line in one_line_facts(summary.as_dict())]
     sys.stdout.write("".join([f"{summary.stop_reason}\n", *facts, f"  report: {write_report(folder)}\n"]))
-    if interrupted:
-        return STOPPED
-    return INTERNAL if failure else exit_code(ending)
+    return code
 
 
 def _stop_reason(folder: RunFolder, ending: TrackingState) -> str:

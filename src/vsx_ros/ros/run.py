@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vsx_hw.errors import DeviceError
-from vsx_ros.cli.exit_codes import DONE, FAILED, HARDWARE, INTERNAL, STOPPED
+from vsx_ros.cli.exit_codes import DONE, FAILED, HARDWARE, INTERNAL, STOPPED, ended_well
 from vsx_ros.cli.explore import add_arguments, begin
 from vsx_ros.cli.outcomes import EXIT_CODES
 from vsx_ros.cli.report import one_line_facts, write_report
@@ -192,6 +192,7 @@ def _gather(
         plan_ms_p99=float(np.percentile(plan_ms, 99)) if plan_ms.size else None,
         planned_vs_executed_rms_m=float(np.sqrt(np.mean(error_m**2))) if error_m.size else None,
         stop_reason=ending.reason,
+        ended_well=ended_well(ending.code),
         world=args.world,
         seed=args.seed if args.world else None,
         planner=args.planner,

@@ -1,5 +1,5 @@
-"""Seeded buildings: lab (12 m x 8 m), office, corridor, and building (40 m x 25 m, some forty rooms). Same name and seed,
-same world. Nothing is tuned by the worlds made of maps of real buildings (``map_import``)."""
+"""Seeded buildings: lab (12 m x 8 m), office, corridor, and building (40 m x 25 m, some forty rooms). Same name and
+seed, same world. Nothing is tuned by the worlds made of maps of real buildings (``map_import``)."""
 
 from __future__ import annotations
 
