@@ -2,18 +2,24 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
+from datetime import datetime
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from vsx_ros.cli.main import execute
+from vsx_ros.cli import explore
+from vsx_ros.cli.main import execute, parser
 from vsx_ros.cli.session import Before
 from vsx_ros.config import Config
+from vsx_ros.exploration.memory import MissionMemory
+from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.checkpoint import Checkpoint
 from vsx_ros.io.journal import FrameLine, read_journal
 from vsx_ros.io.run_folder import RunFolder
@@ -77,6 +83,7 @@ def test_it_goes_on_in_the_same_map_and_ends_as_a_run_does(resumed):
     assert summary["frames"] == len(folder.read_frames()) == len(folder.read_poses("odometry"))
     reasons = [event.reason for event in folder.read_events()]
     assert any("resumed" in reason for reason in reasons)
+    assert reasons[-1] == "time limit of 40 s"
     estimate = folder.read_poses("trajectory")
     stamps = np.array([pose.stamp_ns for pose in estimate])
     assert (np.diff(stamps) > 0).all()
@@ -94,6 +101,7 @@ def test_it_goes_on_in_the_same_map_and_ends_as_a_run_does(resumed):
         (["--fast", "--seed", "0"], "leave out --seed"),
         (["--fast", "--load-map", "x"], "leave out --load-map"),
         (["--fast", "--time", "5"], "give more with --time"),
+        (["--fast", "--moved"], "stands where it stood; leave out --moved"),
     ],
 )
 def test_what_contradicts_the_run_is_refused(resumed, words, said, capsys):
@@ -125,6 +133,45 @@ def test_pictures_are_written_once_and_go_with_their_keyframe(resumed):
     assert {path.name: path.stat().st_mtime_ns for path in folder.iterdir()} == before
 
 
+def test_the_journal_is_on_the_disk_before_the_map_that_needs_it(resumed, monkeypatch):
+    out, _ = resumed
+    checkpoint, names, sync = Checkpoint(out / "resume"), [], os.fsync
+    saved = checkpoint.read()
+
+    def watched(descriptor):
+        names.append(Path(f"/proc/self/fd/{descriptor}").readlink().name)
+        sync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", watched)
+    checkpoint.write(saved)
+    assert names.index("journal.jsonl") < names.index(".map.zip.part") < names.index("resume")
+    names.clear()
+    checkpoint.write_mission(saved.mission)
+    (checkpoint.path / "mission.json").unlink()
+    assert ".mission.json.part" in names
+
+
+def test_a_journal_that_ends_seconds_before_the_map_is_gone_on_with(resumed, tmp_path):
+    out, _ = resumed
+    cut = tmp_path / "cut"
+    shutil.copytree(out, cut)
+    folder = RunFolder.open(cut)
+    lines, saved = folder.journal.read_bytes().splitlines(keepends=True), folder.checkpoint.read()
+    frames = [line for line in read_journal(folder.journal) if isinstance(line, FrameLine)]
+    last = frames[-45]
+    assert saved.stamp_ns - last.stamp_ns > 2 * SECOND
+    end = next(i for i, line in enumerate(lines) if f'"stamp_ns":{last.stamp_ns}'.encode() in line and b"truth" in line)
+    folder.journal.write_bytes(b"".join(lines[: end + 1]) + b'{"type":"fra')
+    before = Before.of(folder)
+    assert before.ended_ns == saved.stamp_ns
+    assert before.T_odom_base == SE2(*last.T_odom_base)
+    assert before.truth.stamp_ns == last.stamp_ns
+    assert saved.mission["trail"]
+    assert before.memory.mission.trail == [], "the robot stands before the end of its trail"
+    assert execute(["explore", "--fast", "--resume", str(cut), "--time", "42"]) == 0
+    assert folder.read_frames()[-1].stamp_ns > 41 * SECOND
+
+
 def test_its_map_can_be_saved_and_gone_on_in_by_another_run(resumed, tmp_path, capsys):
     out, _ = resumed
     path = tmp_path / "lab.vsxmap"
@@ -141,6 +188,9 @@ def test_its_map_can_be_saved_and_gone_on_in_by_another_run(resumed, tmp_path, c
     assert summary["coverage"] is None
     command = RunFolder.open(other).read_config()[1]["command"]
     assert command == f"vsx explore --fast --load-map {path} --seed 1 --time 3.0 --out {other}"
+    path.unlink()  # what became of it is in the run's own folder
+    assert execute(["explore", "--fast", "--resume", str(other), "--time", "4"]) == 0
+    assert json.loads((other / "summary.json").read_text())["coverage"] is None
     assert execute(["map", "save", str(tmp_path)]) == 1
     assert "is not a run folder" in capsys.readouterr().err
 
@@ -169,3 +219,32 @@ def test_a_replay_cannot_be_resumed(tmp_path, capsys):
     RunFolder.create(tmp_path).write_config(Config(), ["vsx", "replay"], seed=0)
     assert execute(["explore", "--fast", "--resume", str(tmp_path)]) == 1
     assert "no run of 'vsx explore'" in capsys.readouterr().err
+
+
+def test_a_robot_that_was_moved_forgets_the_way_it_came_and_nothing_else(tmp_path):
+    folder = RunFolder.create(tmp_path)
+    folder.write_config(Config(), ["vsx", "explore"], fast=False, world=None, base="kobuki")
+    way, home = [SE2(-0.2, 0.0, 0.0), SE2(-0.1, 0.0, 0.0)], SE2(1.0, 0.0, 0.0)
+    memory = MissionMemory([home], [(home, 9.0, 2)], way, True, home)
+    words = ["explore", "--resume", str(tmp_path)]
+    explore.begin(parser().parse_args([*words, "--moved"]))  # killed before it had a map: nothing to forget
+    folder.checkpoint.write_mission(memory.tree())
+    (folder.checkpoint.path / "map.zip").touch()
+    for more, expected in (([], memory), (["--moved"], memory._replace(trail=[]))):
+        explore.begin(parser().parse_args([*words, *more]))
+        assert MissionMemory.of(folder.checkpoint.read_mission()) == expected
+
+
+def test_only_the_robot_of_a_run_to_resume_can_have_been_moved(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert execute(["explore", "--fast", "--moved"]) == 1
+    assert "give that run with --resume" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_runs_begun_in_the_same_second_have_folders_of_their_own(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(explore, "datetime", SimpleNamespace(now=lambda: datetime(2026, 5, 4, 10, 20, 30)))
+    folders = [explore.begin(parser().parse_args(["explore", "--fast", "--seed", str(seed)]))[0] for seed in (1, 2, 3)]
+    assert [folder.path.name for folder in folders] == [f"2026-05-04_10-20-30_lab{more}" for more in ("", "_2", "_3")]
+    assert [folder.read_config()[1]["seed"] for folder in folders] == [1, 2, 3]

@@ -112,6 +112,8 @@ class FastRun:
         if self._session is not None and seen is not None:
             self._save(self._session, seen.frame.stamp_ns, seen.odometry)
         if mission.outcome is None:
+            stamp_ns = seen.frame.stamp_ns if seen is not None else 0
+            self.record.events.append(RunEvent(stamp_ns, "mission", mission.state.value, reason))
             return reason
         return next(event.reason for event in reversed(self.record.events) if event.source == "mission")
 
