@@ -7,8 +7,10 @@ import signal
 import numpy as np
 import pytest
 
+from vsx_ros import __version__
 from vsx_ros.cli.experiments import sweeps, table1
 from vsx_ros.cli.experiments.drive import ARMS, DriveTask, _drive, limits_of, plan_of, question
+from vsx_ros.cli.experiments.drive_figures import deviation, figure2_section, figure6_section
 from vsx_ros.cli.experiments.exploration import ExplorationTask
 from vsx_ros.cli.experiments.stages import figure7
 from vsx_ros.cli.experiments.trackers import FULL, PAPER
@@ -16,6 +18,7 @@ from vsx_ros.cli.explore_fast import FastRun
 from vsx_ros.cli.main import execute
 from vsx_ros.cli.world import open_world
 from vsx_ros.config import Config
+from vsx_ros.errors import InputError
 from vsx_ros.planning.path import Plan
 
 
@@ -60,61 +63,149 @@ def test_a_drive_arrives_and_both_trackers_are_judged_by_it():
     json.dumps(drive)
 
 
-def judged(u1: float, broken: bool) -> dict:
+def judged(u1: float, broken: bool, ate_m: float | None = None) -> dict:
     return {
         "u1": u1, "u1_until_loss": u1, "u2_frames": 100 * u1, "u2_seconds": None, "tracked_share": u1, "losses": 0,
-        "broken": broken, "held_share": u1, "ate_m": None, "estimate": [[5.0, 2.0], [5.2, 2.0], None],
+        "broken": broken, "held_share": u1, "ate_m": ate_m, "estimate": [[5.0, 2.0], [5.2, 2.0], None],
     }  # fmt: skip
 
 
-def drive(u1: float, broken: bool) -> dict:
-    trackers = {PAPER: judged(u1, broken), FULL: judged(1.0, False)}
-    way = {"path_m": 2.0, "reverse_m": 0.0, "turn_on_spot_rad": 0.0, "duration_s": 10.0, "ended": "arrived"}
-    return {**way, "collisions": 0, "planned": [[5.0, 2.0, 0.0]], "driven": [[5.0, 2.0, 0.0]], "trackers": trackers}
+def drive(u1: float, broken: bool, ate_m: float | None = None, ended: str = "arrived", collisions: int = 0) -> dict:
+    trackers = {PAPER: judged(u1, broken, ate_m), FULL: judged(1.0, False)}
+    way = {"path_m": 2.0, "reverse_m": 0.0, "turn_on_spot_rad": 0.0, "duration_s": 10.0, "ended": ended}
+    planned = [[5.0, 2.0, 0.0], [6.0, 2.0, 0.0]]
+    return {**way, "collisions": collisions, "planned": planned, "driven": [[5.0, 2.0, 0.0]], "trackers": trackers}
 
 
 def drives() -> list:
-    arms = {ARMS[0]: drive(0.9, False), ARMS[1]: drive(0.3, True), ARMS[2]: drive(0.6, False)}
-    done = [(DriveTask("lab", 2, n, d), {"arms": arms}) for n in range(5) for d in (1, 2)]
-    return [*done, (DriveTask("lab", 9, 9, 1), {"failed": "no <goal>"})]
+    """Two datasets and three noises in each of five worlds, and one without a goal."""
+    arms = {ARMS[0]: drive(0.9, False, 0.02), ARMS[1]: drive(0.3, True), ARMS[2]: drive(0.6, False, 0.04)}
+    tasks = [DriveTask("lab", n, n + 1000 * k, d) for n in range(1, 6) for k in range(3) for d in (1, 2)]
+    return [*((task, {"arms": arms}) for task in tasks), (DriveTask("lab", 9, 9, 1), {"failed": "no <goal>"})]
 
 
-def test_the_table_compares_pairs():
+def test_the_table_compares_worlds():
     both = table1.numbers(drives())[PAPER]["both"]
-    assert both["drives"] == 10
+    assert (both["drives"], both["worlds"]) == (30, 5)
     assert both["u1"][ARMS[0]].value == pytest.approx(0.9)
-    assert both["u1"]["ratio"].value == pytest.approx(3.0)
-    assert both["u1"]["chance"] == pytest.approx(2 / 2**10)
+    assert both["u1"]["ratio"][ARMS[1]].value == pytest.approx(3.0)
+    assert both["u1"]["ratio"][ARMS[2]].value == pytest.approx(1.5)
+    assert both["u1"]["chance"] == {ARMS[1]: pytest.approx(2 / 2**5), ARMS[2]: pytest.approx(2 / 2**5)}
     assert both["broken"][ARMS[1]].value == 1.0
-    assert both["broken"][ARMS[0]].high == pytest.approx(0.2775, abs=1e-3)
+    assert both["broken"][ARMS[0]].high == pytest.approx(0.4345, abs=1e-3)  # Wilson: 0 of 5
+    assert both["broken"]["chance"] == {ARMS[1]: pytest.approx(2 / 2**5), ARMS[2]: 1.0}
     assert both["u2_seconds"][ARMS[0]].value == 0.0
-    assert table1.numbers(drives())[FULL]["both"]["broken"]["chance"] == 1.0
+    assert both["held_share"]["ratio"][ARMS[1]].value == pytest.approx(3.0)
+    assert table1.numbers(drives())[FULL]["both"]["broken"]["chance"][ARMS[1]] == 1.0
     assert table1.numbers([])[FULL]["both"]["u1"][ARMS[0]] is None
+
+
+def test_errors_are_compared_where_both_are_known():
+    ate = table1.numbers(drives())[PAPER]["both"]["ate_m"]
+    assert ate[ARMS[0]].value == pytest.approx(0.02)
+    assert ate["known"] == {ARMS[0]: 30, ARMS[1]: 0, ARMS[2]: 30}
+    assert (ate[ARMS[1]], ate["ratio"][ARMS[1]]) == (None, None)
+    assert ate["ratio"][ARMS[2]].value == pytest.approx(0.5)
+    assert ate["chance"] == {ARMS[1]: 1.0, ARMS[2]: pytest.approx(2 / 2**5)}
+
+
+def test_drives_of_one_world_are_no_proof():
+    """Half of the drives well, half badly: as much within a world as between any two."""
+    good, bad = drive(0.9, False), drive(0.1, True)
+    arms = [{ARMS[0]: good if k % 2 else bad, ARMS[1]: bad, ARMS[2]: bad} for k in range(12)]
+    one = [(DriveTask("lab", 1, k, 1), {"arms": a}) for k, a in enumerate(arms)]
+    six = [(DriveTask("lab", k // 2, k, 1), {"arms": a}) for k, a in enumerate(arms)]
+    assert table1.numbers(one)[PAPER]["both"]["u1"]["chance"][ARMS[1]] == 1.0
+    u1 = table1.numbers(six)[PAPER]["both"]["u1"]
+    assert u1["chance"][ARMS[1]] == pytest.approx(2 / 2**6)
+    assert u1[ARMS[0]] == pytest.approx((0.5, 0.5, 0.5))
 
 
 def test_the_page_lists_failures_and_the_csv_every_drive():
     body = table1.table_section(drives()).body
-    assert "Failures: 1 of 11" in body
+    assert "Failures: 1 of 31 goals; drives that went astray or touched something: 0" in body
     assert "no &lt;goal&gt;" in body
     assert "3.00 [3.00, 3.00]" in body
+    assert "dataset 2, 15 drives in 5 worlds; both, 30 drives in 5 worlds." in body
+    assert "<td>both</td><td>ATE [m]</td><td>0.020 [0.020, 0.020]</td><td>unknown (0 drives)</td>" in body
     lines = table1.as_csv(drives()).splitlines()
-    assert len(lines) == 1 + 10 * 3 * 2
-    assert lines[1].startswith("lab,2,0,1,constrained,2,0,0,10,arrived,0,as in the paper,0.9,0.9,90,,")
+    assert len(lines) == 1 + 30 * 3 * 2
+    assert lines[1].startswith("lab,1,1,1,constrained,2,0,0,10,arrived,0,as in the paper,0.9,0.9,90,,")
+    assert lines[1].endswith(f",0.02,{__version__}")
+
+
+def test_drives_that_went_astray_or_touched_something_are_listed():
+    arms = {ARMS[0]: drive(0.9, False), ARMS[1]: drive(0.3, True, None, "diverged", 2)}
+    arms[ARMS[2]] = drive(0.6, False, None, "stale")
+    astray = [(DriveTask("lab", 7, 7, 2), {"arms": arms})]
+    assert table1.faults(astray) == [
+        ["lab", "7", "7", "2", ARMS[1], "strayed too far from its path"],
+        ["lab", "7", "7", "2", ARMS[1], "2 collisions"],
+        ["lab", "7", "7", "2", ARMS[2], "did not arrive in time"],
+    ]
+    body = table1.table_section(astray).body
+    assert "Failures: 0 of 1 goals; drives that went astray or touched something: 2" in body
+    assert "strayed too far from its path" in body
+    assert "strayed too far from its path" in figure6_section(astray)[0].body
 
 
 def test_figures_2_and_6_show_both_arms(tmp_path):
-    assert execute(["reproduce", "fig2", "--seed", "2", "--out", str(tmp_path)]) == 0
+    assert execute(["reproduce", "fig2", "--seeds", "2:4", "--out", str(tmp_path)]) == 0
     page = (tmp_path / "fig2.html").read_text()
     assert page.count("<figure>") == 4
     assert "0.0 rad on the spot" in page
-    six = table1.figure6_section(drives()[:1]).body
-    assert six.count("<figure>") == 2
-    assert six.count('class="broke"') == 2
+    assert "lab, seed 2." in page
+    section, rows = figure6_section(drives()[:1])
+    assert section.body.count("<figure>") == 2
+    assert section.body.count('class="broke"') == 2
+    assert [row["planner"] for row in rows] == [ARMS[0], ARMS[0], ARMS[1], ARMS[1]]
+    assert rows[0]["max_m"] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_world_without_a_goal_is_listed_in_figure_2(monkeypatch):
+    def asked(task, world, config):
+        if task.dataset == 1:
+            raise InputError("there is <none>")
+        return question(task, world, config)
+
+    monkeypatch.setattr("vsx_ros.cli.experiments.drive_figures.question", asked)
+    body = figure2_section([DriveTask("lab", 2, 2, d) for d in (1, 2)]).body
+    assert body.count("<figure>") == 2
+    assert "there is &lt;none&gt;" in body
+
+
+def test_the_tracked_way_is_compared_with_the_camera_s_planned_one():
+    """The camera sits 9 cm behind the base's middle; of a turn on the spot it makes an arc."""
+    straight = [[1.0, 2.0, 0.0], [3.0, 2.0, 0.0]]
+    found = deviation(straight, [[1.0, 2.03], None, [2.9, 1.96], [3.91, 2.0]])
+    assert found["tracked_share"] == 0.75
+    assert found["max_m"] == pytest.approx(1.0)
+    assert found["rms_m"] == pytest.approx(math.sqrt((0.03**2 + 0.04**2 + 1.0) / 3))
+    turn = [[1.0, 2.0, 0.1 * k] for k in range(32)]
+    arc = [[1.0 - 0.09 * math.cos(a), 2.0 - 0.09 * math.sin(a)] for a in (0.5, 1.0, 3.0)]
+    assert deviation(turn, arc)["max_m"] < 1e-3
+    assert deviation(straight, [None]) == {"rms_m": None, "max_m": None, "tracked_share": 0.0}
+    assert deviation(straight, [])["rms_m"] is None
+
+
+def test_numbers_say_what_they_rest_on(tmp_path, monkeypatch):
+    monkeypatch.setattr("vsx_ros.cli.reproduce._drives", lambda args, seeds: drives()[:6])
+    words = ["--seeds", "1:3", "--noises", "3", "--out", str(tmp_path)]
+    assert execute(["reproduce", "table1", *words]) == 0
+    assert execute(["reproduce", "fig6", *words]) == 0
+    table, figure = (json.loads((tmp_path / name).read_text()) for name in ("table1.json", "fig6.json"))
+    assert (table["version"], table["world"], table["seeds"], table["noises"]) == (__version__, "lab", [1, 2], 3)
+    assert table[PAPER]["both"]["u1"]["ratio"][ARMS[1]][0] == pytest.approx(3.0)
+    assert (figure["version"], figure["world"], figure["seed"]) == (__version__, "lab", 1)
+    assert len(figure["drives"]) == 6 * 2 * 2
+    assert "lab, seeds 1 to 2." in (tmp_path / "table1.html").read_text()
+    assert "lab, seed 1." in (tmp_path / "fig6.html").read_text()
 
 
 def test_figure_7_shows_stages_of_the_way(tmp_path):
     assert execute(["reproduce", "fig7", "--seed", "1", "--time", "7", "--out", str(tmp_path)]) == 0
     numbers = json.loads((tmp_path / "fig7.json").read_text())
+    assert (numbers["version"], numbers["world"], numbers["seed"]) == (__version__, "lab", 1)
     coverage = [stage["coverage"] for stage in numbers["stages"]]
     assert numbers["summary"]["stop_reason"] == "time limit of 7 s"
     assert 3 <= len(coverage) <= 5

@@ -3,12 +3,14 @@
 import json
 from pathlib import Path
 
+from vsx_ros import __version__
 from vsx_ros.cli.main import execute
 
 
 def test_a_run_too_short_to_see_anything_is_told_as_such(tmp_path: Path) -> None:
     assert execute(["reproduce", "fig5", "--seed", "1", "--time", "1", "--out", str(tmp_path)]) == 0
     numbers = json.loads((tmp_path / "fig5.json").read_text())
+    assert (numbers["version"], numbers["world"], numbers["seed"]) == (__version__, "lab", 1)
     assert numbers["sparse points"] == numbers["dense planes"]
     assert numbers["dense planes"]["recall"] is None
     assert "time limit of 1 s" in numbers["facts"]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vsx_ros.errors import InputError
-from vsx_ros.evaluation.paired import mean_interval, ratio_interval, share_interval, sign_test
+from vsx_ros.evaluation.paired import group_means, mean_interval, ratio_interval, share_interval, sign_test
 
 
 def test_the_mean_of_many_has_the_interval_of_the_normal_law():
@@ -15,6 +15,12 @@ def test_the_mean_of_many_has_the_interval_of_the_normal_law():
     assert interval.low == pytest.approx(values.mean() - half, abs=0.15 * half)
     assert interval.high == pytest.approx(values.mean() + half, abs=0.15 * half)
     assert mean_interval([3.0, 3.0]) == (3.0, 3.0, 3.0)
+
+
+def test_runs_in_one_world_count_once():
+    worlds = [("lab", 7), ("lab", 8), ("lab", 7), ("lab", 7)]
+    assert group_means(worlds, [1.0, 5.0, 2.0, 6.0]) == [3.0, 5.0]
+    assert group_means([], []) == []
 
 
 def test_pairs_are_drawn_together():
@@ -29,6 +35,7 @@ def test_a_share_of_none_still_leaves_room():
     assert (none.value, none.low) == (0.0, 0.0)
     assert none.high == pytest.approx(0.0602, abs=2e-4)
     half = share_interval(10, 20)
+    assert share_interval(1.5, 3).value == 0.5
     assert (half.low, half.high) == (pytest.approx(0.2993, abs=2e-4), pytest.approx(0.7007, abs=2e-4))
 
 

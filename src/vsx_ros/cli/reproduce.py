@@ -77,35 +77,52 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError(f"folder {args.out} cannot be made ({error.strerror}); choose another --out") from error
     makers = {"table1": _table1, "fig2": _fig2, "fig5": _fig5, "fig6": _fig6, "fig7": _fig7}
     names = [name for name in makers if args.what in (name, "all")]
-    worlds = f"seed {args.seeds[0]}" if len(args.seeds) == 1 else f"seeds {args.seeds[0]} to {args.seeds[-1]}"
-    facts = f"Made by vsx_ros {__version__}; {args.world}, {worlds}."
+    made = f"Made by vsx_ros {__version__}; {args.world}, "
+    all_seeds, seed = _in_words(args.seeds), _in_words(args.seeds[:1])
     sections = []
     for name in names:
         section = makers[name](args)
         sections.append(section)
+        facts = f"{made}{all_seeds if name == 'table1' else seed}."
         write_text(args.out / f"{name}.html", page(section.title, facts, [section]))
         print(f"page: {args.out / name}.html")
     if args.what == "all":
+        facts = f"{made}{all_seeds} for Table 1, {seed} for the figures."
         write_text(args.out / "paper.html", page("The paper's experiments", facts, sections))
         print(f"page: {args.out / 'paper.html'}")
     return 0
 
 
-def _table1(args: argparse.Namespace) -> Any:
+def _in_words(chosen: range) -> str:
+    return f"seed {chosen[0]}" if len(chosen) == 1 else f"seeds {chosen[0]} to {chosen[-1]}"
+
+
+def _write_numbers(args: argparse.Namespace, name: str, numbers: dict[str, Any]) -> None:
+    """NAME.json, with what its numbers rest on."""
     import json
 
+    from vsx_ros import __version__
+    from vsx_ros.io.atomic import write_text
+
+    chosen = {"seeds": list(args.seeds), "noises": args.noises} if name == "table1" else {"seed": args.seeds[0]}
+    tree = {"version": __version__, "world": args.world, **chosen, **numbers}
+    write_text(args.out / f"{name}.json", json.dumps(tree, indent=1) + "\n")
+
+
+def _table1(args: argparse.Namespace) -> Any:
     import msgspec
 
     from vsx_ros.cli.experiments import table1
+    from vsx_ros.cli.experiments.drive import ARMS
     from vsx_ros.io.atomic import write_text
 
     drives = _drives(args, list(args.seeds))
     write_text(args.out / "table1.csv", table1.as_csv(drives))
     numbers = msgspec.to_builtins(table1.numbers(drives))
-    write_text(args.out / "table1.json", json.dumps(numbers, indent=1) + "\n")
+    _write_numbers(args, "table1", {**numbers, "faults": table1.faults(drives)})
     for tracker, datasets in numbers.items():
         u1, u2, broken = (datasets["both"][name] for name in ("u1", "u2_frames", "broken"))
-        shown = "  ".join(f"{arm} {_of(u1[arm])}/{_of(u2[arm])}/{_of(broken[arm])}" for arm in list(broken)[:-1])
+        shown = "  ".join(f"{arm} {_of(u1[arm])}/{_of(u2[arm])}/{_of(broken[arm])}" for arm in ARMS)
         print(f"tracker {tracker}: U1/U2/broken  {shown}")
     return table1.table_section(drives)
 
@@ -115,16 +132,18 @@ def _of(interval: Any) -> str:
 
 
 def _fig2(args: argparse.Namespace) -> Any:
-    from vsx_ros.cli.experiments import table1
     from vsx_ros.cli.experiments.drive import DriveTask
+    from vsx_ros.cli.experiments.drive_figures import figure2_section
 
-    return table1.figure2_section([DriveTask(args.world, args.seeds[0], args.seeds[0], k) for k in (1, 2)])
+    return figure2_section([DriveTask(args.world, args.seeds[0], args.seeds[0], k) for k in (1, 2)])
 
 
 def _fig6(args: argparse.Namespace) -> Any:
-    from vsx_ros.cli.experiments import table1
+    from vsx_ros.cli.experiments.drive_figures import figure6_section
 
-    return table1.figure6_section(_drives(args, [args.seeds[0]]))
+    section, drives = figure6_section(_drives(args, [args.seeds[0]]))
+    _write_numbers(args, "fig6", {"drives": drives})
+    return section
 
 
 def _drives(args: argparse.Namespace, worlds: list[int]) -> list[Any]:
@@ -139,25 +158,19 @@ def _drives(args: argparse.Namespace, worlds: list[int]) -> list[Any]:
 
 
 def _fig7(args: argparse.Namespace) -> Any:
-    import json
-
     from vsx_ros.cli.experiments.stages import explore_in_stages, figure7
-    from vsx_ros.io.atomic import write_text
 
     section, numbers = figure7(*explore_in_stages(args.world, args.seeds[0], args.time or 600.0))
-    write_text(args.out / "fig7.json", json.dumps(numbers, indent=1) + "\n")
+    _write_numbers(args, "fig7", numbers)
     return section
 
 
 def _fig5(args: argparse.Namespace) -> Any:
-    import json
-
     from vsx_ros.cli.experiments.ground_maps import explore_and_map
     from vsx_ros.evaluation.figure5 import section
-    from vsx_ros.io.atomic import write_text
 
     figure, numbers = explore_and_map(args.world, args.seeds[0], args.time or 90.0)
-    write_text(args.out / "fig5.json", json.dumps(numbers, indent=1) + "\n")
+    _write_numbers(args, "fig5", numbers)
     for name, values in list(numbers.items())[1:]:
         print(f"{name}: " + ", ".join(f"{k} {v:.4f}" for k, v in values.items() if v is not None))
     return section(figure)

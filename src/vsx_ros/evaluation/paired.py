@@ -1,9 +1,12 @@
-"""What many runs prove: intervals and tests for values that were measured on the same worlds."""
+"""What many runs prove: intervals and tests for values that were measured on the same worlds.
+
+All of them take their values for independent; of several runs in one world, give them the mean.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,6 +24,14 @@ class Interval(NamedTuple):
     value: float
     low: float
     high: float
+
+
+def group_means(groups: Sequence[Hashable], values: Sequence[float]) -> list[float]:
+    """The mean of each group's values, in the order in which the groups first appear."""
+    members: dict[Hashable, list[float]] = {}
+    for group, value in zip(groups, values, strict=True):
+        members.setdefault(group, []).append(value)
+    return [sum(of_group) / len(of_group) for of_group in members.values()]
 
 
 def mean_interval(values: Sequence[float], seed: int = 0) -> Interval:
@@ -54,8 +65,9 @@ def _bootstrap(rows: FloatArray, seed: int) -> Interval:
     return Interval(float(values[0]), float(low), float(high))
 
 
-def share_interval(hits: int, count: int) -> Interval:
-    """A share of runs and its interval (Wilson 1927). Raises InputError without runs."""
+def share_interval(hits: float, count: int) -> Interval:
+    """A share of runs and its interval (Wilson 1927); rather wide where hits are a sum of shares, each between 0 and 1.
+    Raises InputError without runs."""
     if count <= 0:
         raise InputError("there is nothing to count: no run came to an end; look at the failures")
     p, z2 = hits / count, _Z95**2
