@@ -279,13 +279,15 @@ def test_a_folder_that_cannot_be_made_is_one_sentence(command, tmp_path, capsys)
     assert all("taken" in line and "choose another --out" in line and "Errno" not in line for line in said)
 
 
+RUN = {
+    "coverage_correct": 0.95, "breaks": 0, "collisions": 0, "ate_rmse_m": 0.02, "stop_reason": "explored",
+    "min_clearance_m": 0.1, "way_to_90_m": 30.0, "scale_error": 0.01, "u1": 0.8, "driven_m": 40.0,
+}  # fmt: skip
+
+
 def test_a_sweep_counts_what_went_wrong():
-    result = {
-        "coverage_correct": 0.95, "breaks": 0, "collisions": 0, "ate_rmse_m": 0.02, "stop_reason": "explored",
-        "min_clearance_m": 0.1, "way_to_90_m": 30.0, "scale_error": 0.01, "u1": 0.8, "driven_m": 40.0,
-    }  # fmt: skip
-    bad = {**result, "breaks": 1, "coverage_correct": 0.5, "stop_reason": "tracking lost for good: dark"}
-    results = [result, result, bad, {"failed": "no world"}]
+    bad = {**RUN, "breaks": 1, "coverage_correct": 0.5, "stop_reason": "tracking lost for good: dark"}
+    results = [RUN, RUN, bad, {"failed": "no world"}]
     runs = [(ExplorationTask("lab", k, "fov", 60.0), r) for k, r in enumerate(results)]
     body = sweeps.section(runs).body
     assert "What went wrong: 3" in body
@@ -293,3 +295,9 @@ def test_a_sweep_counts_what_went_wrong():
     assert "0.33 [0.06, 0.79]" in body
     assert "50 % known and right; tracking lost for good: dark" in body
     assert "0.020, 0.020" in body
+
+
+def test_a_run_without_a_map_knows_nothing():
+    never = {**RUN, "coverage_correct": None, "ate_rmse_m": None, "stop_reason": "the map did not start: dark"}
+    body = sweeps.section([(ExplorationTask("lab", k, "fov", 60.0), r) for k, r in enumerate([RUN, never])]).body
+    assert "<td>2 of 2</td><td>0.475 [0.000, 0.950]</td><td>0.50 " in body

@@ -17,9 +17,10 @@ def add_parser(subparsers: Any) -> None:
     parser = subparsers.add_parser(
         "sweep",
         help="explore many worlds, compare planners and settings",
-        description="Explores every world with every seed and planner, in lock-step, on this machine or by a dask "
-        "scheduler's workers, and leaves results.jsonl (a line a run, as it ends), sweep.csv and sweep.html. Ctrl-C "
-        "interrupts, the same command continues with what is missing.",
+        description="Explores every world with every seed and planner, in lock-step, one after the other in this "
+        "process, in several processes (--jobs), or by a dask scheduler's workers (--scheduler), and leaves "
+        "results.jsonl (a line a run, as it ends), sweep.csv and sweep.html. Ctrl-C interrupts, the same command "
+        "continues with what is missing.",
         epilog="examples: vsx sweep --worlds lab,corridor --seeds 0:20 --jobs 2   |   vsx sweep --seeds 100:400 "
         "--planners fov,unconstrained --scheduler tcp://10.0.0.5:8786",
     )

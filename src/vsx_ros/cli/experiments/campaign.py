@@ -36,7 +36,8 @@ Work = Callable[[Any], Result]
 
 
 class Engine(NamedTuple):
-    """Where tasks run. jobs: processes on this machine. scheduler: address of a dask scheduler, used instead."""
+    """Where tasks run. jobs: processes on this machine; 1 is the caller's own. scheduler: address of a dask scheduler,
+    used instead."""
 
     jobs: int = 1
     scheduler: str | None = None
@@ -139,7 +140,8 @@ def _distributed(tasks: Sequence[Task], work: Work, engine: Engine) -> Iterator[
         from distributed import Client, LocalCluster, as_completed
     except ImportError as error:
         raise ConfigError(
-            "--jobs and --scheduler need dask.distributed: pip install 'vsx_ros[sweep]' (or 'pip install distributed')"
+            "--scheduler, and --jobs above 1, need dask.distributed: pip install 'vsx_ros[sweep]' (or 'pip install "
+            "distributed')"
         ) from error
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "NUMBA_NUM_THREADS"):
         os.environ.setdefault(name, "1")

@@ -59,12 +59,13 @@ def _row(name: str, results: list[Result]) -> list[str]:
     def share(hits: int) -> str:
         return interval(known(share_interval, hits, len(done)))
 
+    right = [result.get("coverage_correct") or 0.0 for result in done]  # without a map nothing is known
     ate = of("ate_rmse_m")
     return [
         name,
         f"{len(done)} of {len(results)}",
-        mean("coverage_correct", ".3f"),
-        share(sum(value >= 0.9 for value in of("coverage_correct"))),
+        interval(known(mean_interval, right), ".3f"),
+        share(sum(value >= 0.9 for value in right)),
         f"{mean('way_to_90_m', '.1f')} ({len(of('way_to_90_m'))} runs)",
         share(sum(value > 0 for value in of("breaks"))),
         share(sum(result.get("stop_reason", "").startswith(Outcome.LOST.value) for result in done)),
