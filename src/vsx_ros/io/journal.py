@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TypeAlias
 
@@ -98,16 +100,20 @@ class Journal:
         """Begin with the lines that are known already. Raises InputError when the file cannot be written."""
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            write_bytes(path, _text(known))
+            write_bytes(path, _text(known), durable=True)
             self._file = path.open("ab", buffering=0)
         except OSError as error:
             raise InputError(f"journal {path} cannot be written ({error.strerror}); choose another --out") from error
 
     def add(self, *lines: Line) -> None:
-        """Append lines. Raises InputError when the disk takes no more."""
+        """Append lines, all or none. Raises InputError when the disk takes no more."""
+        size, left = os.fstat(self._file.fileno()).st_size, memoryview(_text(lines))
         try:
-            self._file.write(_text(lines))
+            while left:  # a disk that is nearly full takes a part, and says so only when asked to take the rest
+                left = left[self._file.write(left) :]
         except OSError as error:
+            with suppress(OSError):
+                os.ftruncate(self._file.fileno(), size)
             raise InputError(
                 f"journal {self._file.name} cannot be written ({error.strerror}); free the disk"
             ) from error
