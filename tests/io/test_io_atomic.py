@@ -1,6 +1,7 @@
 """Files that are whole or not there, on the system's own full disk."""
 
 import errno
+import os
 from pathlib import Path
 
 import pytest
@@ -20,6 +21,20 @@ def test_a_failed_write_leaves_what_was_there_and_nothing_beside_it(tmp_path):
     assert (caught.value.errno, caught.value.filename) == (errno.ENOSPC, str(file))
     assert file.read_bytes() == b"before"
     assert list(tmp_path.iterdir()) == [file]
+
+
+def test_a_durable_file_and_its_name_are_brought_to_the_disk(tmp_path, monkeypatch):
+    brought: list[tuple[str, list[str]]] = []
+    sync = os.fsync
+
+    def watched(descriptor):
+        there = sorted(path.name for path in tmp_path.iterdir())
+        brought.append((Path(f"/proc/self/fd/{descriptor}").readlink().name, there))
+        sync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", watched)
+    write_bytes(tmp_path / "map", b"map", durable=True)
+    assert brought == [(".map.part", [".map.part"]), (tmp_path.name, ["map"])]
 
 
 def test_a_command_on_a_full_disk_says_so(tmp_path, capsys):

@@ -45,16 +45,17 @@ class Before(NamedTuple):
             for line in lines
             if isinstance(line, FrameLine) and line.T_odom_base
         ]
-        then = [T for stamp_ns, T in driven if stamp_ns == saved.stamp_ns]
-        if not then or not {"errors_m", "plans"} <= saved.state.keys():
+        if not driven or not {"errors_m", "plans"} <= saved.state.keys():
             raise InputError(f"{folder.checkpoint.path} holds a map but not how it came about; start a new run")
         since = [T for stamp_ns, T in driven if stamp_ns >= saved.stamp_ns]
-        mission = MissionMemory.of(saved.mission).carried([then[0].inverse() @ T for T in since])
+        mission = MissionMemory.of(saved.mission)
+        # A journal that ends before the checkpoint: the robot stands where it did then, and not where its trail ends.
+        mission = mission.carried([since[0].inverse() @ T for T in since]) if since else mission.moved()
         return Before(
             Memory(saved.slam_map, saved.state, mission),
             [line for line in lines if line.stamp_ns <= saved.stamp_ns or isinstance(line, TruthLine)],
-            max(line.stamp_ns for line in lines),
-            since[-1],
+            max(saved.stamp_ns, *(line.stamp_ns for line in lines)),
+            driven[-1][1],
             saved.state["errors_m"].tolist(),
             int(saved.state["plans"].sum()),
         )

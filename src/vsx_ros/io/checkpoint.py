@@ -1,7 +1,8 @@
 """What a run needs to go on after it was killed: its map and what was counted, written every few seconds.
 
 A folder: keyframes/<index>_<stamp>.png, each written once; map.zip, sealed, with all that changes. Whatever the moment
-the program dies, map.zip is the old or the new one, and the pictures it names are there.
+the program dies or the power goes, map.zip is the old or the new one, and the pictures it names are there, as are the
+lines that the journals beside it (*.jsonl) held before.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import Any, NamedTuple
 from numpy.typing import NDArray
 
 from vsx_ros.errors import InputError
-from vsx_ros.io.atomic import write_bytes, write_text
+from vsx_ros.io.atomic import sync, write_bytes, write_text
 from vsx_ros.io.sealed_archive import seal, unseal
 from vsx_ros.io.slam_map_file import array_bytes, array_of, damage_explained, encoded, entries_of, image_name
 from vsx_ros.io.slam_map_file import slam_map_of as slam_map_of_entries
@@ -54,6 +55,8 @@ class Checkpoint:
         entries[_NOTES] = json.dumps(notes).encode()
         try:
             (self.path / "keyframes").mkdir(parents=True, exist_ok=True)
+            for path in (self.path.parent, *self.path.glob("*.jsonl")):
+                sync(path)
             there = {path.name for path in (self.path / "keyframes").iterdir()}
             for keyframe in living:
                 if _file(keyframe) not in there:
@@ -87,7 +90,7 @@ class Checkpoint:
         """
         try:
             self.path.mkdir(parents=True, exist_ok=True)
-            write_text(self.path / "mission.json", json.dumps(dict(memory)))
+            write_text(self.path / "mission.json", json.dumps(dict(memory)), durable=True)
         except OSError as error:
             raise InputError(f"checkpoint {self.path} cannot be written ({error.strerror}); free the disk") from error
 
