@@ -361,7 +361,7 @@ def test_a_goal_that_fails_again_is_left_alone_twice_as_long():
     assert given_up.add(20 * SECOND, SE2(1.2, 0.0, 0.3)) == 20.0
     assert given_up.add(20 * SECOND, SE2(3.0, 0.0, 0.0)) == 10.0
     assert not given_up.near(25 * SECOND, np.array([[1.1, 0.0, 2.0], [2.0, 0.0, 0.0]])).any()
-    assert [left for _, left in given_up.left(25 * SECOND)] == [15.0, 5.0]
+    assert [(left, times) for _, left, times in given_up.left(25 * SECOND)] == [(0.0, 1), (15.0, 2), (5.0, 1)]
     again = GivenUp(radius_m=0.4, first_s=10.0)
     again.recall(SECOND, given_up.left(25 * SECOND))
     assert again.near(15 * SECOND, here).all()

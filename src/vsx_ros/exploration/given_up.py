@@ -53,13 +53,13 @@ class GivenUp:
         self._failures = [f._replace(until_ns=now_ns) if f in kept else f for f in self._failures]
         return len(kept)
 
-    def left(self, now_ns: int) -> list[tuple[SE2, float]]:
-        """The goals left alone now, and for how long yet [s]."""
-        return [(f.pose, (f.until_ns - now_ns) / _SECOND_NS) for f in self._failures if f.until_ns > now_ns]
+    def left(self, now_ns: int) -> list[tuple[SE2, float, int]]:
+        """The goals that failed, for how long yet each is left alone [s] (0: no longer), and how often it failed."""
+        return [(f.pose, max(f.until_ns - now_ns, 0) / _SECOND_NS, f.times) for f in self._failures]
 
-    def recall(self, now_ns: int, left: Sequence[tuple[SE2, float]]) -> None:
+    def recall(self, now_ns: int, left: Sequence[tuple[SE2, float, int]]) -> None:
         """Take over what ``left`` said before an interruption."""
-        self._failures = [_Failure(pose, now_ns + int(seconds * _SECOND_NS), 1) for pose, seconds in left]
+        self._failures = [_Failure(pose, now_ns + int(seconds * _SECOND_NS), times) for pose, seconds, times in left]
 
 
 def near_poses(poses: FloatArray, others: Sequence[SE2], radius_m: float, angle: float) -> BoolArray:

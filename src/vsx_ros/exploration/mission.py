@@ -116,18 +116,22 @@ class Mission:
     def memory(self, now_ns: int, T_odom_base: SE2) -> MissionMemory:
         """What another session needs to go on from here."""
         trail = [T_odom_base.inverse() @ pose for pose in self._trail.poses]
-        outlook, home = self.outlook, self._home
-        return MissionMemory(list(outlook.looks.poses), outlook.given_up.left(now_ns), trail, home.asked, home.pose)
+        looked_from, given_up = list(self.outlook.looks.poses), self.outlook.given_up.left(now_ns)
+        paused = self.state is MissionState.PAUSED
+        return MissionMemory(looked_from, given_up, trail, self._home.asked, self._home.pose, paused)
 
     def recall(self, now_ns: int, memory: MissionMemory, T_odom_base: SE2) -> None:
         """Go on with the map of a session before, standing where its trail ended: first the camera must recognise
-        it."""
+        it. One that was paused, before or meanwhile, stands until it is told to go on."""
+        paused = memory.paused or self.state is MissionState.PAUSED
         self.outlook.looks.poses = list(memory.looked_from)
         self._home.recall(memory.home, memory.going_home)
         self.outlook.given_up.recall(now_ns, memory.given_up)
         for pose in memory.trail:
             self._trail.add(T_odom_base @ pose)
         self._look_for_a_place(now_ns, "resumed: looking for a place of the known map")
+        if paused:
+            self.pause(now_ns)
 
     # The decision --------------------------------------------------------------------------------------------
 

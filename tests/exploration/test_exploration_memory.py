@@ -1,0 +1,82 @@
+"""What a mission remembers of an interrupted run: nothing that the interruption should not change is changed by it."""
+
+import json
+
+import numpy as np
+import pytest
+
+from vsx_ros.config import Config
+from vsx_ros.errors import InputError
+from vsx_ros.exploration.decision import Action, MissionState, NavigationState, Situation
+from vsx_ros.exploration.given_up import GivenUp
+from vsx_ros.exploration.memory import MissionMemory
+from vsx_ros.exploration.mission import Mission
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.slam.state import TrackingState
+
+SECOND = 1_000_000_000
+LOST = Situation(TrackingState.LOST, "dark", None, SE2(), None, NavigationState.IDLE, "", None, np.zeros((0, 3)))
+MEMORY = MissionMemory(
+    looked_from=[SE2(1.0, 2.0, 0.5)],
+    given_up=[(SE2(3.0, 0.0, 1.0), 480.0, 3), (SE2(4.0, 0.0, 1.0), 0.0, 1)],
+    trail=[SE2(-0.2, 0.0, 0.0), SE2(-0.1, 0.0, 0.0)],
+    going_home=True,
+    home=SE2(0.1, 0.0, 0.0),
+    paused=True,
+)
+
+
+def mission_of(memory: MissionMemory) -> Mission:
+    mission = Mission(Config(), lambda start, grid: lambda poses: np.zeros(len(poses)))
+    mission.recall(SECOND, memory, SE2())
+    return mission
+
+
+def test_a_memory_is_read_back_from_a_file() -> None:
+    assert MissionMemory.of(json.loads(json.dumps(MEMORY.tree()))) == MEMORY
+
+
+def test_a_memory_of_an_older_version_is_read() -> None:
+    tree = MEMORY.tree()
+    del tree["paused"]
+    tree["given_up"] = [row[:4] for row in tree["given_up"]]
+    once = [(pose, seconds, 1) for pose, seconds, _ in MEMORY.given_up]
+    assert MissionMemory.of(tree) == MEMORY._replace(given_up=once, paused=False)
+
+
+@pytest.mark.parametrize("given_up", [[[1.0, 2.0]], [[1.0, 2.0, 0.0, "long", 1]], [7], [[1.0, float("nan"), 0.0, 9.0]]])
+def test_a_damaged_memory_is_told(given_up: list[object]) -> None:
+    with pytest.raises(InputError, match=r"damaged .*; delete mission\.json"):
+        MissionMemory.of({**MEMORY.tree(), "given_up": given_up})
+
+
+def test_a_goal_that_failed_before_the_interruption_fails_once_more_and_not_for_the_first_time() -> None:
+    goal, before, again = SE2(1.0, 0.0, 0.0), GivenUp(0.4, 120.0), GivenUp(0.4, 120.0)
+    assert [before.add(0, goal) for _ in range(3)] == [120.0, 240.0, 480.0]
+    again.recall(0, before.left(200 * SECOND))
+    assert again.forgive(0) == 1, "the second time alone lasts still and is forgiven; a third failure never is"
+    assert again.near(279 * SECOND, goal.as_array()[None]).all()
+    assert again.add(900 * SECOND, goal) == 960.0
+
+
+def test_a_paused_mission_stands_until_it_is_told_to_go_on() -> None:
+    mission = mission_of(MEMORY)
+    assert {mission.decide(k * SECOND, LOST).action for k in range(2, 30)} == {Action.WAIT}
+    assert mission.memory(30 * SECOND, SE2()).paused
+    mission.resume(30 * SECOND)
+    assert mission.decide(31 * SECOND, LOST).action is Action.GO
+
+
+def test_a_pause_while_a_resumed_mission_waits_for_the_wheels_is_kept() -> None:
+    mission = Mission(Config(), lambda start, grid: lambda poses: np.zeros(len(poses)))
+    mission.pause(0)
+    mission.recall(SECOND, MEMORY._replace(paused=False), SE2())
+    assert mission.state is MissionState.PAUSED
+    assert mission_of(MEMORY._replace(paused=False)).state is MissionState.RECOVERING
+
+
+def test_a_robot_that_was_moved_does_not_back_along_the_way_it_came() -> None:
+    stands, was_moved = (mission_of(memory._replace(paused=False)) for memory in (MEMORY, MEMORY.moved()))
+    drives = [mission.decide(8 * SECOND, LOST) for mission in (stands, was_moved)]
+    assert "back along the trail" in drives[0].reason
+    assert "looking around" in drives[1].reason
