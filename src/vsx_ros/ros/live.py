@@ -27,6 +27,7 @@ from vsx_ros.ros.launch import LaunchNode
 _STOP_S = 0.6
 _ESTOP_WAIT_S = 1.0
 _ANSWER_S = 1.0
+_ESTOPPED = "mobile_base/estopped"
 
 
 class Live:
@@ -43,6 +44,7 @@ class Live:
         self._parent: Any = None
         self._zero_pub: Any = None
         self._dead: list[str] = []
+        self._to_release = ""
         self._heard: Heard | None = None
         self._log: IO[str] | None = None
         self.terminal: TextIO = os.fdopen(os.dup(2), "w", buffering=1)
@@ -103,6 +105,7 @@ class Live:
         if self._parent is not None:
             with contextlib.redirect_stdout(log):
                 self._parent.shutdown()
+        self._release()
         os.dup2(self.terminal.fileno(), 2)
         log.close()
 
@@ -120,9 +123,18 @@ class Live:
             time.sleep(0.05)
         try:
             rospy.wait_for_service(topics.ESTOP, timeout=_ESTOP_WAIT_S)
+            if not rospy.get_param(_ESTOPPED, False):
+                self._to_release = rospy.resolve_name(_ESTOPPED)
             rospy.ServiceProxy(topics.ESTOP, SetBool)(True)
-        except (rospy.ROSException, rospy.ServiceException) as error:
+        except (rospy.ROSException, rospy.ServiceException, OSError) as error:
             rospy.logdebug("no emergency stop: %s", error)
+
+    def _release(self) -> None:
+        """Once all processes have ended: a master that lives on shall not stop the next run, unless it was the operator
+        who stopped this one."""
+        if self._to_release:
+            with contextlib.suppress(OSError, rosgraph.MasterException):
+                rosgraph.Master("/vsx").deleteParam(self._to_release)
 
 
 class _Listener(roslaunch.pmon.ProcessListener):

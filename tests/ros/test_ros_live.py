@@ -1,0 +1,57 @@
+"""What a live run leaves at a master that outlives it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rospy")
+
+from lone_base import LoneBase
+
+from vsx_ros.ros import topics
+
+pytestmark = pytest.mark.ros
+
+LIVE = f"""
+import json, sys
+import rosgraph, rospy
+from std_srvs.srv import SetBool
+from vsx_ros.ros.launch import LaunchNode
+from vsx_ros.ros.live import Live
+
+port, operator = sys.argv[1:]
+base = LaunchNode("mobile_base", {{"robot_type": "kobuki", "port": port}}, respawn=True)
+with Live([base], {{}}, ("mobile_base",)) as live:
+    rospy.wait_for_service("{topics.ESTOP}", 60.0)
+    stop = rospy.ServiceProxy("{topics.ESTOP}", SetBool)
+    began = rospy.get_param("/mobile_base/estopped", False)
+    if operator:
+        stop(operator == "stops")
+    before = rospy.get_param("/mobile_base/estopped", False)
+    live.stop_robot()
+    stopped = rospy.get_param("/mobile_base/estopped")
+after = rosgraph.Master("/test").hasParam("/mobile_base/estopped")
+print(json.dumps([began, before, stopped, after]))
+"""
+
+
+@pytest.fixture
+def base(tmp_path: Path) -> Iterator[LoneBase]:
+    made = LoneBase(tmp_path)
+    yield made
+    made.close()
+
+
+def test_the_stop_at_the_end_of_a_run_is_not_the_next_one_s_but_the_operator_s_is(base: LoneBase) -> None:
+    def run(operator: str = "") -> list[bool]:
+        began, before, stopped, after = base.observe(LIVE, base.port, operator)
+        assert stopped, "a base node that is started anew now must not drive"
+        return [began, before, after]
+
+    assert run() == [False, False, False]
+    assert run("stops") == [False, True, True]
+    assert run("releases") == [True, False, False]
+    assert run() == [False, False, False]
