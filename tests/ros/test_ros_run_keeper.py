@@ -1,11 +1,16 @@
 """What vslam keeps of a run: gone on with by the next session, and a full disk is told but ends nothing."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 pytest.importorskip("rospy")
+
+import rosgraph
+from processes import Processes
+from ros_ports import HOST, free_port
 
 from vsx_ros.config import Config
 from vsx_ros.errors import MapFileError
@@ -20,6 +25,7 @@ from vsx_ros.sim.robot import EmulatedRobot
 from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.state import SlamEvent
 
+CHECKOUT = Path(__file__).resolve().parents[2]
 GROUND = {"start": np.zeros(3), "trail": np.zeros((0, 7)), "bumps": np.zeros((0, 7))}
 
 
@@ -91,3 +97,23 @@ def test_the_end_leaves_the_results_and_the_last_map(driven, tmp_path: Path) -> 
     again = RunKeeper(tmp_path, robot.T_base_cam_given)
     assert again.before is not None
     assert again.before.stamp_ns == frames[-1][0].stamp_ns
+
+
+@pytest.mark.ros
+def test_a_run_that_went_on_in_a_loaded_map_is_gone_on_with_although_that_map_is_gone(driven, tmp_path: Path) -> None:
+    robot, slam, frames = driven
+    keeper = RunKeeper(tmp_path / "run", robot.T_base_cam_given)
+    keeper.frame(*frames[-1], 0.01, 5.0, [])
+    keeper.note(slam, frames[-1][0].stamp_ns)
+    keeper.write(GROUND)
+    uri = f"http://{HOST}:{free_port()}"
+    nodes = Processes(tmp_path, uri, ROS_HOSTNAME=HOST)
+    try:
+        nodes.start("master", "rosmaster", "--core", "-p", uri.rsplit(":", 1)[1])
+        nodes.wait(lambda: rosgraph.is_master_online(uri), "the master")
+        script, gone = CHECKOUT / "scripts" / "vslam", tmp_path / "gone.vsxmap"
+        node = nodes.start("vslam", sys.executable, str(script), f"_run_dir:={tmp_path / 'run'}", f"_load_map:={gone}")
+        nodes.wait(lambda: "/vslam: ready" in nodes.logs() or node.poll() is not None, "the node")
+        assert node.poll() is None, nodes.logs()
+    finally:
+        nodes.end()

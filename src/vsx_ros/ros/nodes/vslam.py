@@ -8,7 +8,8 @@ Services: static_map; vslam/save_map (Trigger: saves the SLAM map, the answer sa
 Parameters: ~config (tree of config.py), ~seed (int, 0), ~run_dir (folder for the results of the run, gone
     on with when it holds the map of an interrupted one; none),
     ~use_odometry (bool, true: wait for odom, the map is metric; false: the map has no scale and no floor),
-    ~load_map (SLAM map to go on in, the robot anywhere in it; none), ~save_map (file to save it to at the end; none),
+    ~load_map (SLAM map to go on in, the robot anywhere in it; none; not read where ~run_dir is gone on with),
+    ~save_map (file to save it to at the end; none),
     ~save_map_to (file the service saves to; default map.vsxmap in ~run_dir, else in the folder for temporary files),
     ~publish_tf (bool, true; false: somebody else, an EKF, says where odom is in map).
 """
@@ -75,11 +76,11 @@ class VslamNode:
         self._run_dir = str(rospy.get_param("~run_dir", ""))
         self._metric = bool(rospy.get_param("~use_odometry", True))
         self._save_map = str(rospy.get_param("~save_map", ""))  # the master may be gone before the end
-        load_map = str(rospy.get_param("~load_map", ""))
-        self._loaded = load_slam_map(Path(load_map)) if load_map else None
         self._sync = SensorSync()
         self._keeper = RunKeeper(Path(self._run_dir), self._T_base_cam) if self._run_dir else None
         before = self._keeper.before if self._keeper is not None else None
+        load_map = str(rospy.get_param("~load_map", ""))
+        self._loaded = before.slam_map if before is not None else load_slam_map(Path(load_map)) if load_map else None
         self._counted = None if before is None else TrackingRecord.restored(before.state)
         self._slam: ThreadedSlam | None = None
         self._T_map_odom = SE2()
@@ -87,7 +88,6 @@ class VslamNode:
         self._ground, self._watch = GroundMapping(config), StuckWatch()
         self._dense = DenseMapping(config)
         if before is not None:
-            self._loaded = before.slam_map
             self._ground.restore(before.state)
         elif self._loaded is not None:
             first = self._loaded.view.keyframes[0].T_world_cam
