@@ -57,6 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser, *, with_load_map: bool = True
     parser.add_argument(
         "--resume", type=Path, metavar="RUN", help="go on with an interrupted run, in its map and with its options"
     )
+    parser.add_argument("--moved", action="store_true", help="with --resume: the robot was carried elsewhere meanwhile")
     if with_load_map:
         parser.add_argument(
             "--load-map", metavar="FILE", help="go on in a SLAM map (.vsxmap), the robot anywhere in it: 'vsx map save'"
@@ -111,12 +112,15 @@ def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, World | None]:
     from vsx_ros.cli.robot_file import robot_file_here
     from vsx_ros.cli.world import open_world
     from vsx_ros.config import overridden
+    from vsx_ros.io.atomic import sync
     from vsx_ros.io.run_folder import RunFolder
     from vsx_ros.io.slam_map_file import load_slam_map
     from vsx_ros.sim.world_file import save_world
 
     if args.resume is not None:
         return _begin_again(args, RunFolder.open(args.resume))
+    if args.moved:
+        raise ConfigError("--moved is said of the robot of an interrupted run; give that run with --resume, too")
     command = ["vsx", "explore", *(["--fast"] if args.fast else []), *live_arguments(args)]
     fill(args, DEFAULTS)
     if args.fast:
@@ -133,10 +137,12 @@ def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, World | None]:
         parameters = overridden(parameters, {"planner.phi_rad_m": args.phi})
     world = open_world(args.world, args.seed) if args.world else None
     now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
-    folder = RunFolder.create(args.out or Path("runs") / f"{now}_{Path(args.world or args.base).stem}")
+    usual = Path("runs") / f"{now}_{Path(args.world or args.base).stem}"
+    folder = RunFolder.create(args.out) if args.out else RunFolder.create_another(usual)
     folder.write_config(parameters, command, **{name: getattr(args, name) for name in REMEMBERED})
     if world is not None:
         save_world(world, folder.path / "world.yaml")
+        sync(folder.path / "world.yaml")
     return folder, parameters, world
 
 
@@ -162,7 +168,21 @@ def _begin_again(args: argparse.Namespace, folder: RunFolder) -> tuple[RunFolder
         raise ConfigError(f"{folder.path} was made {how} --fast; resume it so, too")
     fill(args, {name: facts.get(name) for name in REMEMBERED})
     fill(args, DEFAULTS)
-    return folder, parameters, load_world(folder.path / "world.yaml") if args.world else None
+    world = load_world(folder.path / "world.yaml") if args.world else None
+    if args.moved:
+        _forget_the_way(folder, world)
+    return folder, parameters, world
+
+
+def _forget_the_way(folder: RunFolder, world: World | None) -> None:
+    """A robot that stands elsewhere must not back along the way it came."""
+    from vsx_ros.exploration.memory import MissionMemory
+
+    if world is not None:
+        raise ConfigError(f"the emulated robot of {folder.path} stands where it stood; leave out --moved")
+    remembered = folder.checkpoint.read_mission()
+    if remembered is not None:
+        folder.checkpoint.write_mission(MissionMemory.of(remembered).moved().tree())
 
 
 def live_arguments(args: argparse.Namespace) -> list[str]:

@@ -77,10 +77,27 @@ class RunFolder:
                 (path / name).unlink(missing_ok=True)
             shutil.rmtree(path / "resume", ignore_errors=True)
         except OSError as error:
-            raise InputError(
-                f"run folder {path} cannot be made ({error.strerror}); choose another with --out"
-            ) from error
+            raise _cannot_be_made(path, error) from error
         return RunFolder(path)
+
+    @staticmethod
+    def create_another(path: Path) -> RunFolder:
+        """Make a folder that was not there, with _2, _3, ... behind its name where that is taken.
+
+        Raises InputError where it cannot be made.
+        """
+        number, free = 1, path
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            while True:
+                try:
+                    free.mkdir()
+                    return RunFolder(free)
+                except FileExistsError:
+                    number += 1
+                    free = path.with_name(f"{path.name}_{number}")
+        except OSError as error:
+            raise _cannot_be_made(free, error) from error
 
     @staticmethod
     def open(path: Path) -> RunFolder:
@@ -102,7 +119,7 @@ class RunFolder:
     def write_config(self, config: Config, command: Sequence[str], **facts: Any) -> None:
         """The exact configuration, the versions of all that computes, the command line, and facts such as the seed."""
         tree = {"command": " ".join(command), **facts, "versions": installed_versions(), "config": to_dict(config)}
-        write_text(self.path / "config.yaml", yaml.safe_dump(tree, sort_keys=False))
+        write_text(self.path / "config.yaml", yaml.safe_dump(tree, sort_keys=False), durable=True)
 
     def read_config(self) -> tuple[Config, dict[str, Any]]:
         """The configuration, and all else that config.yaml says (command, versions, seed).
@@ -202,6 +219,10 @@ class RunFolder:
         if not isinstance(tree, dict):
             raise InputError(f"{self.path / name} is damaged (it holds no names); run again")
         return tree
+
+
+def _cannot_be_made(path: Path, error: OSError) -> InputError:
+    return InputError(f"run folder {path} cannot be made ({error.strerror}); choose another with --out")
 
 
 def _is_run(path: Path) -> bool:
