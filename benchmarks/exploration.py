@@ -6,7 +6,8 @@
 
 Each world is explored in lock-step, everything in the loop, until ``--until`` of what can be seen is known and right,
 or the limits of time and way are over, or the mission ends. Runs are appended to ``--out`` as they end; what is there
-already is not run again, so that an interrupted benchmark goes on. ``--noise`` draws other noise for the same world.
+already, by the same version and within the same limits, is not run again, so that an interrupted benchmark goes on.
+``--noise`` draws other noise for the same world.
 ``--strategy nearest`` chooses goals like explore_lite, by length of frontiers and straight distance, on the same
 worlds, sensor, map and planner. ``growth`` tells what a decision costs, and how much memory is used, as the map grows.
 """
@@ -14,12 +15,14 @@ worlds, sensor, map and planner. ``growth`` tells what a decision costs, and how
 import argparse
 import json
 import math
-import resource
+import os
+import sys
 import time
 from pathlib import Path
 
 import numpy as np
 
+from vsx_ros import __version__
 from vsx_ros.cli.explore_fast import FastRun
 from vsx_ros.cli.world import open_world
 from vsx_ros.config import Config, ExplorationConfig
@@ -32,6 +35,7 @@ from vsx_ros.occupancy.grid import UNKNOWN, OccupancyGrid
 SAMPLE_S = 5.0
 LEVELS = (0.5, 0.7, 0.8, 0.9, 0.95)
 POTENTIAL_SCALE, GAIN_SCALE = 3.0, 1.0  # explore_lite's defaults
+WAY_M, TIME_S = 120.0, 800.0
 
 
 def nearest_frontier(
@@ -104,6 +108,7 @@ def explored(world: str, seed: int, noise: int, strategy: str, limits: argparse.
     events = [event.reason for event in run.record.events if event.source == "mission"]
     return {
         "world": world, "seed": seed, "noise": noise, "strategy": strategy, "until": limits.until,
+        "way": limits.way, "time": limits.time,
         **{name: summary[name] for name in kept},
         "cpu_s": cpu, "wall_s": wall, "min_clearance_m": run.robot.truth.min_clearance_m,
         "times_lost": sum(reason.startswith("tracking lost") for reason in events), "curve": curve,
@@ -113,7 +118,7 @@ def explored(world: str, seed: int, noise: int, strategy: str, limits: argparse.
 
 def decisions_of(run: FastRun) -> list[tuple[float, float, int, float, float]]:
     """Filled as the run goes on, a row for each goal: time [s], known ground [m2], keyframes, what choosing it and
-    planning the way cost [ms of processor time], the most memory used so far [MB]."""
+    planning the way cost [ms of processor time], the memory used then [MB]."""
     system, rows = run.system, []
     decide = system._decide
 
@@ -124,13 +129,17 @@ def decisions_of(run: FastRun) -> list[tuple[float, float, int, float, float]]:
         if decision.action is Action.GO and system.grid is not None:
             known_m2 = float(np.count_nonzero(system.grid.data != UNKNOWN)) * system.grid.resolution**2
             keyframes = len(system.slam.snapshot().keyframe_ids)
-            rows.append(
-                (now_ns * 1e-9, known_m2, keyframes, cost_ms, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
-            )
+            rows.append((now_ns * 1e-9, known_m2, keyframes, cost_ms, memory_mb()))
         return decision
 
     system._decide = timed
     return rows
+
+
+def memory_mb() -> float:
+    """What this process holds in memory now [MB]: the peak would be that of all worlds before."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
 def growth(runs: list[dict]) -> str:
@@ -138,8 +147,10 @@ def growth(runs: list[dict]) -> str:
     head = ("world", "known ground [m2]", "keyframes", "decisions", "median [ms]", "slowest [ms]", "memory [MB]")
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     for world in sorted({run["world"] for run in runs}):
-        rows = np.array([row for run in runs if run["world"] == world for row in run["decisions"]])
+        rows = np.array([row for run in runs if run["world"] == world for row in run["decisions"]]).reshape(-1, 5)
         for part in np.array_split(rows[np.argsort(rows[:, 1])], 4):
+            if not len(part):
+                continue
             lines.append(
                 f"| {world} | {part[0, 1]:.0f} to {part[-1, 1]:.0f} | up to {part[:, 2].max():.0f} | {len(part)} | "
                 f"{np.median(part[:, 3]):.0f} | {part[:, 3].max():.0f} | {part[:, 4].max():.0f} |"
@@ -156,8 +167,28 @@ def metres(way: float) -> str:
     return f"{way:.0f}" if math.isfinite(way) else "-"
 
 
+def known(value: float | None, form: str) -> str:
+    """A run without a map or a way says nothing of some things."""
+    return "-" if value is None else format(value, form)
+
+
+def limits_of(run: dict) -> tuple[str, float, float, float]:
+    """What runs that are told together have in common: version, share known, way [m], time [s]. Rows once told neither
+    way nor time, when these were the usual ones."""
+    return run["version"], run["until"], run.get("way", WAY_M), run.get("time", TIME_S)
+
+
+def alike(runs: list[dict]) -> list[tuple[str, list[dict]]]:
+    """The runs of one strategy, version and limits, and these in words."""
+    groups: dict[tuple, list[dict]] = {}
+    for run in runs:
+        groups.setdefault((run["strategy"], *limits_of(run)), []).append(run)
+    words = "{}, version {}, to {:g} known, {:g} m or {:g} s"
+    return [(words.format(*key), groups[key]) for key in sorted(groups)]
+
+
 def table(runs: list[dict]) -> str:
-    """A row for each run, and the medians of each strategy."""
+    """A row for each run, and the medians of those alike."""
     head = ("world", "seed", "noise", "strategy", *(f"L{100 * x:.0f}" for x in LEVELS), "known", "way", "time", "lost",
             "breaks", "bumps", "gap", "ATE", "CPU/s", "why")  # fmt: skip
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
@@ -166,28 +197,27 @@ def table(runs: list[dict]) -> str:
         cells = (
             run["world"], run["seed"], run["noise"], run["strategy"],
             *(metres(way_to(run["curve"], x)) for x in LEVELS),
-            f"{run['coverage_correct']:.3f}", f"{run['path_length_m']:.0f}", f"{run['duration_s']:.0f}",
+            known(run["coverage_correct"], ".3f"), f"{run['path_length_m']:.0f}", f"{run['duration_s']:.0f}",
             run["times_lost"], run["breaks"], run["collisions"], f"{100 * run['min_clearance_m']:.0f}",
-            f"{run['ate_rmse_m']:.3f}", f"{run['cpu_s'] / run['duration_s']:.2f}", run["stop_reason"][:60],
+            known(run["ate_rmse_m"], ".3f"), f"{run['cpu_s'] / run['duration_s']:.2f}", run["stop_reason"][:60],
         )  # fmt: skip
         lines.append("| " + " | ".join(map(str, cells)) + " |")
-    for strategy in sorted({run["strategy"] for run in runs}):
-        chosen = [run for run in runs if run["strategy"] == strategy]
+    for words, chosen in alike(runs):
         medians = (metres(float(np.median([way_to(run["curve"], x) for run in chosen]))) for x in LEVELS)
-        lines.append(f"| median of {len(chosen)} | | | {strategy} | " + " | ".join(medians) + " |" + " |" * 10)
+        lines.append(f"| median of {len(chosen)} | | | {words} | " + " | ".join(medians) + " |" + " |" * 10)
     return "\n".join(lines)
 
 
 def totals(runs: list[dict]) -> str:
-    """What counts over all runs of each strategy, in words."""
+    """What counts over all runs alike, in words."""
     lines = []
-    for strategy in sorted({run["strategy"] for run in runs}):
-        chosen = [run for run in runs if run["strategy"] == strategy]
+    for words, chosen in alike(runs):
         ways = np.array([way_to(run["curve"], run["until"]) for run in chosen])
         enough = int(np.isfinite(ways).sum())
-        ate, scale = (np.array([abs(run[name]) for run in chosen]) for name in ("ate_rmse_m", "scale_error"))
+        errors = ([run[name] for run in chosen if run[name] is not None] for name in ("ate_rmse_m", "scale_error"))
+        ate, scale = (np.abs(each or [math.nan]) for each in errors)
         lines.append(
-            f"{strategy}: {enough} of {len(chosen)} runs know {100 * chosen[0]['until']:.0f} %, after "
+            f"{words}: {enough} of {len(chosen)} runs know {100 * chosen[0]['until']:.0f} %, after "
             f"{metres(float(np.median(ways)))} m in the median, {metres(float(ways.max()))} m at worst, "
             f"{np.median([run['duration_s'] for run in chosen]):.0f} s; {sum(run['breaks'] for run in chosen)} breaks; "
             f"{sum(run['collisions'] > 0 for run in chosen)} runs with contacts; ATE {100 * np.median(ate):.1f} cm, "
@@ -198,7 +228,22 @@ def totals(runs: list[dict]) -> str:
 
 
 def known_runs(file: Path) -> list[dict]:
-    return [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
+    """What is there already, but for lines that were cut off with their process."""
+    runs = []
+    for number, line in enumerate(file.read_text().splitlines() if file.exists() else [], 1):
+        try:
+            runs.append(json.loads(line))
+        except ValueError:
+            print(f"{file}, line {number}, was cut off and is left out", file=sys.stderr)
+    return runs
+
+
+def append(file: Path, run: dict) -> None:
+    """On a line of its own, whatever the last one is."""
+    before = file.read_text() if file.exists() else ""
+    torn = before != "" and not before.endswith("\n")
+    with file.open("a") as out:
+        out.write("\n" * torn + json.dumps(run) + "\n")
 
 
 def main() -> None:
@@ -209,20 +254,20 @@ def main() -> None:
     parser.add_argument("--noise", type=int, default=0)
     parser.add_argument("--strategy", choices=("views", "nearest"), default="views")
     parser.add_argument("--until", type=float, default=0.9, help="share known and right at which a run ends")
-    parser.add_argument("--way", type=float, default=120.0, help="metres at which a run ends")
-    parser.add_argument("--time", type=float, default=800.0, help="emulated seconds at which a run ends")
+    parser.add_argument("--way", type=float, default=WAY_M, help="metres at which a run ends")
+    parser.add_argument("--time", type=float, default=TIME_S, help="emulated seconds at which a run ends")
     parser.add_argument("--out", type=Path, default=Path("exploration.jsonl"))
     args = parser.parse_args()
     runs = known_runs(args.out)
     if args.what == "run":
-        done = {(run["world"], run["seed"], run["noise"], run["strategy"], run["until"]) for run in runs}
+        done = {(run["world"], run["seed"], run["noise"], run["strategy"], *limits_of(run)) for run in runs}
+        asked = __version__, args.until, args.way, args.time
         first, _, last = args.seeds.partition("-")
         for seed in range(int(first), int(last or first) + 1):
-            if (args.world, seed, args.noise, args.strategy, args.until) in done:
+            if (args.world, seed, args.noise, args.strategy, *asked) in done:
                 continue
             runs.append(explored(args.world, seed, args.noise, args.strategy, args))
-            with args.out.open("a") as file:
-                file.write(json.dumps(runs[-1]) + "\n")
+            append(args.out, runs[-1])
             print(table(runs[-1:]).splitlines()[2], flush=True)
     else:
         print(f"{table(runs)}\n\n{totals(runs)}" if args.what == "table" else growth(runs))

@@ -47,19 +47,38 @@ def main() -> None:
             resumed = killed(folder / "killed", seed, args.time, moments.tolist())
         finally:
             shutil.rmtree(folder)
-        good = (
-            resumed["breaks"] <= alone["breaks"]
-            and resumed["collisions"] <= alone["collisions"]
-            and resumed["coverage_correct"] >= alone["coverage_correct"] - 0.1
-            and resumed["ate_rmse_m"] <= max(0.05, 2.0 * alone["ate_rmse_m"])
-        )
-        as_good += good
-        both = [(alone[key], resumed[key]) for key in ("coverage_correct", "ate_rmse_m", "breaks", "collisions")]
-        (a, b), (c, d), (e, f), (g, h) = both
+        as_good += is_as_good(alone, resumed)
         when = " ".join(f"{moment:.1f}" for moment in moments)
-        end = f"{'as good' if good else 'worse'}: {resumed['stop_reason']}"
-        print(f"{seed:4}  {when:20} {a:.3f} {b:.3f}   {c:.4f} {d:.4f} {e:3} {f:3} {g:5} {h:4}  {end}", flush=True)
+        print(f"{seed:4}  {when:20} {compared(alone, resumed)}", flush=True)
     print(f"as good as left alone: {as_good} of {len(args.seeds)} (each pair: left alone, killed and resumed)")
+
+
+def is_as_good(alone: dict, resumed: dict) -> bool:
+    """A run without a map or a way is not, whatever the other one is."""
+    if None in (run[key] for run in (alone, resumed) for key in ("coverage_correct", "ate_rmse_m")):
+        return False
+    return (
+        resumed["breaks"] <= alone["breaks"]
+        and resumed["collisions"] <= alone["collisions"]
+        and resumed["coverage_correct"] >= alone["coverage_correct"] - 0.1
+        and resumed["ate_rmse_m"] <= max(0.05, 2.0 * alone["ate_rmse_m"])
+    )
+
+
+def compared(alone: dict, resumed: dict) -> str:
+    """What both reached, side by side, and the verdict; a dash is what is not known."""
+    forms = (
+        ("coverage_correct", ".3f", 5, 5),
+        ("ate_rmse_m", ".4f", 8, 6),
+        ("breaks", "d", 3, 3),
+        ("collisions", "d", 5, 4),
+    )
+    cells = []
+    for key, form, *widths in forms:
+        said = ("-" if run[key] is None else format(run[key], form) for run in (alone, resumed))
+        cells += [f"{word:>{width}}" for word, width in zip(said, widths)]
+    end = f"{'as good' if is_as_good(alone, resumed) else 'worse'}: {resumed['stop_reason']}"
+    return " ".join(cells) + f"  {end}"
 
 
 def left_alone(out: Path, seed: int, time_s: float) -> dict:
