@@ -140,8 +140,8 @@ def new_folder(args: argparse.Namespace, config: Config, command: Sequence[str])
     """The run folder, with the configuration in it. Raises InputError where something else is in the way."""
     from vsx_ros.io.run_folder import RunFolder
 
-    now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
-    folder = RunFolder.create(args.out or Path("runs") / f"{now}_{args.input.stem}")
+    usual = Path("runs") / f"{datetime.now().strftime('%Y-%m-%d_%H-%M-%S')}_{args.input.stem}"
+    folder = RunFolder.create(args.out) if args.out else RunFolder.create_another(usual)
     folder.write_config(config, command, seed=args.seed, input=str(args.input.resolve()))
     return folder
 
