@@ -1,6 +1,7 @@
 """What vslam keeps of a run: gone on with by the next session, and a full disk is told but ends nothing."""
 
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -61,6 +62,22 @@ def test_what_was_kept_is_there_for_the_next_session(driven, tmp_path: Path) -> 
     far = Odometry(frames[-1][1].stamp_ns, SE2(50.0, 0.0, 0.0))  # a base that counts anew is no break
     record.add_frame(frames[-1][0], far, 0.01, None)
     assert record.summary(slam.statistics()).breaks == 0
+
+
+def test_a_map_that_takes_long_to_write_is_written_less_often(driven, tmp_path: Path, monkeypatch) -> None:
+    robot, slam, frames = driven
+    keeper, first_ns = RunKeeper(tmp_path, robot.T_base_cam_given), frames[-1][0].stamp_ns
+    seconds = iter([0.0, 10.0, 20.0, 20.1, 30.0, 30.1])  # before and after each of three writes
+    monkeypatch.setattr(time, "monotonic", lambda: next(seconds))
+
+    def is_written(after_s: float) -> bool:
+        (tmp_path / "resume" / "map.zip").unlink(missing_ok=True)
+        keeper.note(slam, first_ns + round(after_s * 1e9))
+        keeper.write(GROUND)
+        return (tmp_path / "resume" / "map.zip").exists()
+
+    written = [is_written(after_s) for after_s in (0.0, 5.0, 39.0, 41.0, 44.0, 47.0)]
+    assert written == [True, False, False, True, False, True]
 
 
 def test_a_full_disk_is_told_and_ends_nothing(driven, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,6 +4,7 @@ what it writes at the end."""
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -24,9 +25,12 @@ from vsx_ros.slam.slam_map import SlamMap
 from vsx_ros.slam.state import SlamEvent, TrackingResult
 from vsx_ros.slam.threads import ThreadedSlam
 
+_REST = 4.0
+"""So many times as long as writing took nothing is written: half a gigabyte for a building of 40 m x 25 m."""
+
 
 class RunKeeper:
-    """``frame`` and ``note`` on the thread that tracks; ``write`` on another, which may wait for the disk.
+    """``frame`` and ``note`` on the thread that tracks; ``write`` on others, which may wait for the disk for seconds.
 
     A disk that takes no more is told and ends nothing: the robot drives on, and could not be resumed.
     """
@@ -46,6 +50,7 @@ class RunKeeper:
         self._lock = threading.Lock()
         self._noted: tuple[SlamMap, int, dict[str, NDArray[Any]]] | None = None
         self._due_ns = 0
+        self._writing = threading.Lock()
 
     def odometry(self, odometry: Odometry) -> None:
         """A reading of the wheels; from any thread."""
@@ -78,12 +83,17 @@ class RunKeeper:
 
     def write(self, ground: dict[str, Any]) -> None:
         """Write the map noted last, with what is driven and bumped, if there is one."""
-        with self._lock:
-            noted, self._noted = self._noted, None
-        if noted is not None:
+        with self._writing:
+            with self._lock:
+                noted, self._noted = self._noted, None
+            if noted is None:
+                return
             slam_map, stamp_ns, record = noted
+            began_s = time.monotonic()
             with process.told():
                 self._checkpoint.write(Saved(slam_map, stamp_ns, {**record, **ground}, {}))
+            rest_ns = round(_REST * 1e9 * (time.monotonic() - began_s))
+            self._due_ns = max(self._due_ns, stamp_ns + rest_ns)
 
     def finish(self, slam: ThreadedSlam, surface: Points3 | None, grid: OccupancyGrid | None) -> None:
         """Write the results of the run, with what there is of spots of surface (N, 3) [m] and ground map; and note its

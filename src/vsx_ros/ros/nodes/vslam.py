@@ -64,7 +64,7 @@ _SIGMA = {TrackingState.GOOD: (0.02, 0.01), TrackingState.DUBIOUS: (0.06, 0.03)}
 
 
 class VslamNode:
-    """Tracks on one thread, maps the ground on another, and densifies beside both; callbacks only hand over."""
+    """Tracks on one thread, maps the ground on another, densifies and writes beside both; callbacks only hand over."""
 
     def __init__(self, config: Config) -> None:
         mount = config.robot.mount
@@ -92,6 +92,7 @@ class VslamNode:
         elif self._loaded is not None:
             first = self._loaded.view.keyframes[0].T_world_cam
             self._ground.started(SE2.from_se3(first @ self._T_base_cam.inverse()))
+        self._driven = self._ground.state()
         self._recognised = self._loaded is None
         self._status = SlamStatus()
         self._preview = Preview()
@@ -107,6 +108,7 @@ class VslamNode:
         process.image_subscriber(self._on_image)
         process.every(_MAP_PERIOD_S, "ground map", self._map)
         process.every(UPDATE_EVERY_S, "dense map", self._densify)
+        process.every(_MAP_PERIOD_S, "checkpoint", self._keep)
         rospy.Service(topics.SAVE_MAP, Trigger, self._on_save_map)
         self._tracking = process.worker("tracking", self._track)
 
@@ -226,8 +228,11 @@ class VslamNode:
         if self._ground.grid is not None:
             self._dense.publish(snapshot, self._ground.grid, self._ground.pose)
         self._status.map(snapshot if slam is not None else None)
+        self._driven = self._ground.state()
+
+    def _keep(self) -> None:
         if self._keeper is not None:
-            self._keeper.write(self._ground.state())
+            self._keeper.write(self._driven)
 
     def _densify(self) -> None:
         if self._slam is not None:
