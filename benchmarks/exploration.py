@@ -7,7 +7,7 @@
 Each world is explored in lock-step, everything in the loop, until ``--until`` of what can be seen is known and right,
 or the limits of time and way are over, or the mission ends. Runs are appended to ``--out`` as they end; what is there
 already, by the same version and within the same limits, is not run again, so that an interrupted benchmark goes on.
-``--noise`` draws other noise for the same world.
+``--noise`` draws other noise for the same world; ``--pictures`` leaves the last maps, laid over the truth.
 ``--strategy nearest`` chooses goals like explore_lite, by length of frontiers and straight distance, on the same
 worlds, sensor, map and planner. ``growth`` tells what a decision costs, and how much memory is used, as the map grows.
 """
@@ -20,6 +20,7 @@ import sys
 import time
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from vsx_ros import __version__
@@ -102,6 +103,9 @@ def explored(world: str, seed: int, noise: int, strategy: str, limits: argparse.
     if mission.outcome is Outcome.STOPPED:
         reason = "enough is known" if max(point[2] for point in curve) >= limits.until else f"{limits.way:g} m driven"
     cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
+    if limits.pictures is not None and run.judge is not None and run.system.grid is not None:
+        limits.pictures.mkdir(parents=True, exist_ok=True)
+        cv2.imwrite(str(limits.pictures / f"{world}_{seed}_{noise}.png"), run.judge.picture(run.system.grid))
     summary = run.summary(reason).as_dict()
     kept = ("coverage_correct", "breaks", "relocalizations", "collisions", "ate_rmse_m", "scale_error", "path_length_m",
             "duration_s", "keyframes", "free_inside_obstacle", "plans", "stop_reason", "version")  # fmt: skip
@@ -256,6 +260,7 @@ def main() -> None:
     parser.add_argument("--until", type=float, default=0.9, help="share known and right at which a run ends")
     parser.add_argument("--way", type=float, default=WAY_M, help="metres at which a run ends")
     parser.add_argument("--time", type=float, default=TIME_S, help="emulated seconds at which a run ends")
+    parser.add_argument("--pictures", type=Path, help="folder for a picture of each last map, over the truth")
     parser.add_argument("--out", type=Path, default=Path("exploration.jsonl"))
     args = parser.parse_args()
     runs = known_runs(args.out)

@@ -5,9 +5,13 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable
 
+import numpy as np
+from numpy.typing import NDArray
+
 from vsx_ros.arrays import Points3
 from vsx_ros.config import Config
 from vsx_ros.evaluation.coverage import MapQuality, map_quality, observable_cells
+from vsx_ros.evaluation.figure5 import map_on_truth_picture
 from vsx_ros.evaluation.summary import Summary, tracking_summary
 from vsx_ros.evaluation.tracking import find_breaks
 from vsx_ros.geometry.se2 import SE2
@@ -15,7 +19,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.journal import EventLine, FrameLine, Line
 from vsx_ros.io.run_folder import FrameRecord, RunEvent, RunFolder
-from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 from vsx_ros.robot import Odometry
 from vsx_ros.sim.truth import ground_truth_grid
 from vsx_ros.sim.world import World
@@ -119,6 +123,11 @@ class MapJudge:
     def quality(self, grid: OccupancyGrid) -> MapQuality:
         """Coverage, precision and recall, free cells inside obstacles."""
         return map_quality(grid, self._truth, self._observable, self._start)
+
+    def picture(self, grid: OccupancyGrid) -> NDArray[np.uint8]:
+        """The map as ``map_on_truth_picture`` draws it, with what it lacks of the obstacles that can be seen."""
+        faces = self._observable & (self._truth.data == OCCUPIED)
+        return map_on_truth_picture(grid, self._truth, faces, self._start)
 
     def judged(self, summary: Summary, grid: OccupancyGrid | None) -> Summary:
         """The summary with the quality of the map."""

@@ -54,8 +54,9 @@ def section(figure: Figure5) -> Section:
     """Its part of a page."""
     qualities = figure.qualities()
     rows = [[words, *(_number(q, key, form) for q in qualities.values())] for key, words, form in _ROWS]
-    pictures = [("truth: faces that were seen", _picture(figure, None))]
-    pictures += [(name, _picture(figure, grid)) for name, grid in figure.grids]
+    truth, faces, T_truth_map = figure.truth, figure.faces, figure.T_truth_map
+    pictures = [("truth: faces that were seen", truth_picture(truth, faces))]
+    pictures += [(name, map_on_truth_picture(grid, truth, faces, T_truth_map)) for name, grid in figure.grids]
     shown = [
         (name, f'<img width="{3 * image.shape[1]}" style="image-rendering:pixelated" alt="" src="{png_url(image)}">')
         for name, image in pictures
@@ -70,18 +71,25 @@ def _number(quality: ObstacleQuality, key: str, form: str) -> str:
     return "unknown" if value is None else format(value, form)
 
 
-def _picture(figure: Figure5, grid: OccupancyGrid | None) -> NDArray[np.uint8]:
-    """(H, W, 3) BGR, north up."""
-    image = np.full((*figure.truth.shape, 3), _UNKNOWN_GREY, np.uint8)
-    if grid is None:
-        image[figure.truth.data == FREE] = _FREE_WHITE
-        image[figure.faces] = _FOUND
-        return image[::-1].copy()
-    values = on_truth(grid, figure.truth, figure.T_truth_map)
+def truth_picture(truth: OccupancyGrid, faces: BoolArray) -> NDArray[np.uint8]:
+    """(H, W, 3) BGR, north up: free ground white, those faces of obstacles black."""
+    image = np.full((*truth.shape, 3), _UNKNOWN_GREY, np.uint8)
+    image[truth.data == FREE] = _FREE_WHITE
+    image[faces] = _FOUND
+    return image[::-1].copy()
+
+
+def map_on_truth_picture(
+    grid: OccupancyGrid, truth: OccupancyGrid, faces: BoolArray, T_truth_map: SE2
+) -> NDArray[np.uint8]:
+    """(H, W, 3) BGR, north up: a map whose origin truly lies at T_truth_map. Its obstacles black, those on free ground
+    red, those of the faces (H, W) that it lacks orange."""
+    image = np.full((*truth.shape, 3), _UNKNOWN_GREY, np.uint8)
+    values = on_truth(grid, truth, T_truth_map)
     occupied = values == OCCUPIED
     image[values == FREE] = _FREE_WHITE
-    image[figure.faces & (metres_to(occupied, figure.truth) > TOLERANCE_M)] = _MISSED
+    image[faces & (metres_to(occupied, truth) > TOLERANCE_M)] = _MISSED
     image[occupied] = _FOUND
-    far = metres_to(figure.truth.data == OCCUPIED, figure.truth) > TOLERANCE_M
-    image[occupied & far & (figure.truth.data == FREE)] = _PHANTOM
+    far = metres_to(truth.data == OCCUPIED, truth) > TOLERANCE_M
+    image[occupied & far & (truth.data == FREE)] = _PHANTOM
     return image[::-1].copy()
