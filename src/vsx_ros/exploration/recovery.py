@@ -4,6 +4,7 @@ was not driven or known."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,7 +16,7 @@ from vsx_ros.exploration.trail import Trail
 from vsx_ros.exploration.utility import count_landmarks
 from vsx_ros.geometry.se2 import SE2
 
-_SWINGS, _TURNS = 4, 8  # turns: once around
+_SWINGS, _TURNS = 4, round(2.0 * math.pi / SPOT_TURN.theta)  # turns: once around
 _MOST_STEPS = 40  # back: of a robot that does not move, or whose steps are all cut short
 _NEAR_M = 0.05
 _HOLD_NS, _AGAIN_NS = 1_000_000_000, 10_000_000_000

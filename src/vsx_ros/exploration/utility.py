@@ -171,9 +171,9 @@ def _with_landmarks(
     hopes = gains / (distances + config.stop_cost_m)
     order = np.argsort(-hopes, kind="stable")
     views: list[View] = []
-    for chosen in _rounds(order, config.max_ranked_views):
+    for number, chosen in enumerate(_rounds(order, config.max_ranked_views)):
         best = max((view.utility for view in views if view.landmarks >= config.min_landmarks), default=0.0)
-        if best >= hopes[chosen[0]] or (best and len(views) == _MOST_ROUNDS * config.max_ranked_views):
+        if best >= hopes[chosen[0]] or (best and number == _MOST_ROUNDS):
             break
         seen = count_landmarks(opaque, candidates[chosen], landmarks_world, config)
         for i, count in zip(chosen.tolist(), seen.tolist(), strict=True):
