@@ -18,6 +18,7 @@ from vsx_ros.cli import explore
 from vsx_ros.cli.main import execute, parser
 from vsx_ros.cli.session import Before
 from vsx_ros.config import Config
+from vsx_ros.errors import MapFileError
 from vsx_ros.exploration.memory import MissionMemory
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.checkpoint import Checkpoint
@@ -122,15 +123,31 @@ def test_a_damaged_checkpoint_is_told(resumed, capsys):
     assert "checksum" in capsys.readouterr().err
 
 
-def test_pictures_are_written_once_and_go_with_their_keyframe(resumed):
+def test_what_never_changes_is_written_once_and_goes_with_its_keyframe(resumed):
     out, _ = resumed
     checkpoint = Checkpoint(out / "resume")
-    saved, folder = checkpoint.read(), out / "resume" / "keyframes"
-    before = {path.name: path.stat().st_mtime_ns for path in folder.iterdir()}
-    assert len(before) == len(saved.slam_map.view.living)
-    (folder / "000099_1.png").touch()
+    saved, folders = checkpoint.read(), [out / "resume" / name for name in ("keyframes", "pieces")]
+    before = {path: path.stat().st_mtime_ns for folder in folders for path in folder.iterdir()}
+    assert len(list(folders[0].iterdir())) == len(saved.slam_map.view.living)
+    for folder, name in zip(folders, ("000099_1.png", "0123.npy")):
+        (folder / name).touch()
     checkpoint.write(saved)
-    assert {path.name: path.stat().st_mtime_ns for path in folder.iterdir()} == before
+    assert {path: path.stat().st_mtime_ns for folder in folders for path in folder.iterdir()} == before
+    assert sum(path.stat().st_size for path in before) > 2 * (out / "resume" / "map.zip").stat().st_size
+
+
+def test_a_damaged_piece_of_the_map_is_told(resumed, tmp_path):
+    out, _ = resumed
+    shutil.copytree(out / "resume", tmp_path / "resume")
+    checkpoint = Checkpoint(tmp_path / "resume")
+    checkpoint.read()
+    piece = next((tmp_path / "resume" / "pieces").iterdir())
+    piece.write_bytes(piece.read_bytes()[:-1])
+    with pytest.raises(MapFileError, match=f"piece {piece.name} was changed"):
+        checkpoint.read()
+    piece.unlink()
+    with pytest.raises(MapFileError, match="cannot be read"):
+        checkpoint.read()
 
 
 def test_the_journal_is_on_the_disk_before_the_map_that_needs_it(resumed, monkeypatch):

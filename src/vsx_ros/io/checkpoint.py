@@ -1,8 +1,8 @@
 """What a run needs to go on after it was killed: its map and what was counted, written every few seconds.
 
-A folder: keyframes/<index>_<stamp>.png, each written once; map.zip, sealed, with all that changes. Whatever the moment
-the program dies or the power goes, map.zip is the old or the new one, and the pictures it names are there, as are the
-lines that the journals beside it (*.jsonl) held before.
+A folder: keyframes/<index>_<stamp>.png and pieces/<hash>.npy (corners, and what points look like), each written once;
+map.zip, sealed, with all that changes. Whatever the moment the program dies or the power goes, map.zip is the old or
+the new one, and the files it names are there, as are the lines that the journals beside it (*.jsonl) held before.
 """
 
 from __future__ import annotations
@@ -12,17 +12,22 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 from numpy.typing import NDArray
 
 from vsx_ros.errors import InputError
 from vsx_ros.io.atomic import sync, write_bytes, write_text
+from vsx_ros.io.pieces import Pieces, array_bytes, array_of
 from vsx_ros.io.sealed_archive import seal, unseal
-from vsx_ros.io.slam_map_file import array_bytes, array_of, damage_explained, encoded, entries_of, image_name
+from vsx_ros.io.slam_map_arrays import Arrays, arrays_of
+from vsx_ros.io.slam_map_file import array_name, damage_explained, encoded, entries_of, image_name
 from vsx_ros.io.slam_map_file import slam_map_of as slam_map_of_entries
 from vsx_ros.slam.keyframe import KeyFrame
 from vsx_ros.slam.slam_map import SlamMap
 
 _STATE, _NOTES = "state/", "checkpoint.json"
+_KEYFRAMES, _PATCHES = 64, 4096
+"""The corners of so many keyframes, and so many patches, make a piece: some megabytes."""
 
 
 class Saved(NamedTuple):
@@ -40,6 +45,7 @@ class Checkpoint:
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self._pieces = Pieces(path / "pieces")
 
     @property
     def exists(self) -> bool:
@@ -48,25 +54,34 @@ class Checkpoint:
 
     def write(self, saved: Saved) -> None:
         """Replace the checkpoint in one step. Raises InputError when the folder cannot be written."""
-        living = [k for k in saved.slam_map.view.keyframes if k.alive]
-        entries = entries_of(saved.slam_map)
-        entries |= {f"{_STATE}{name}.npy": array_bytes(array) for name, array in saved.state.items()}
-        notes = {"stamp_ns": saved.stamp_ns, "mission": saved.mission, "files": {k.id: _file(k) for k in living}}
-        entries[_NOTES] = json.dumps(notes).encode()
+        living = {_file(k): k for k in saved.slam_map.view.keyframes if k.alive}
+        arrays = arrays_of(saved.slam_map.view)
         try:
-            (self.path / "keyframes").mkdir(parents=True, exist_ok=True)
+            self.path.mkdir(parents=True, exist_ok=True)
             for path in (self.path.parent, *self.path.glob("*.jsonl")):
                 sync(path)
-            there = {path.name for path in (self.path / "keyframes").iterdir()}
-            for keyframe in living:
-                if _file(keyframe) not in there:
-                    picture = self.path / "keyframes" / _file(keyframe)
-                    write_bytes(picture, encoded(keyframe.data.pyramid.level(0)), durable=True)
+            self._write_pictures(living)
+            pieces = {name: self._pieces.write(arrays.pop(name), cuts) for name, cuts in _cuts(arrays).items()}
+            entries = entries_of(saved.slam_map, arrays)
+            entries |= {f"{_STATE}{name}.npy": array_bytes(array) for name, array in saved.state.items()}
+            files = {keyframe.id: name for name, keyframe in living.items()}
+            notes = {"stamp_ns": saved.stamp_ns, "mission": saved.mission, "files": files, "pieces": pieces}
+            entries[_NOTES] = json.dumps(notes).encode()
             write_bytes(self.path / "map.zip", seal(entries, quick=True), durable=True)
-            for name in there - {_file(k) for k in living}:
-                (self.path / "keyframes" / name).unlink(missing_ok=True)
+            self._pieces.keep({piece for names in pieces.values() for piece in names})
+            for path in (self.path / "keyframes").iterdir():
+                if path.name not in living:
+                    path.unlink()
         except OSError as error:
             raise InputError(f"checkpoint {self.path} cannot be written ({error.strerror}); free the disk") from error
+
+    def _write_pictures(self, living: Mapping[str, KeyFrame]) -> None:
+        folder = self.path / "keyframes"
+        folder.mkdir(exist_ok=True)
+        there = {path.name for path in folder.iterdir()}
+        for name, keyframe in living.items():
+            if name not in there:
+                write_bytes(folder / name, encoded(keyframe.data.pyramid.level(0)), durable=True)
 
     def read(self) -> Saved:
         """The newest checkpoint. Raises MapFileError when there is none or it is damaged."""
@@ -76,6 +91,8 @@ class Checkpoint:
             tree = json.loads(entries[_NOTES])
             for index, name in tree["files"].items():
                 entries[image_name(int(index))] = (self.path / "keyframes" / Path(name).name).read_bytes()
+            for name, pieces in tree.get("pieces", {}).items():
+                entries[array_name(name)] = array_bytes(self._pieces.read(pieces))
             state = {
                 name.removeprefix(_STATE).removesuffix(".npy"): array_of(content)
                 for name, content in entries.items()
@@ -105,6 +122,13 @@ class Checkpoint:
         except (OSError, ValueError) as error:
             raise InputError(f"{path} cannot be read ({error}); delete it, the mission then begins anew") from error
         return tree if isinstance(tree, dict) else {}
+
+
+def _cuts(arrays: Arrays) -> dict[str, NDArray[np.int64]]:
+    """Where the arrays whose rows hardly ever change, and that are most of a map, are cut."""
+    corners = np.cumsum(arrays["corner_count"].sum(axis=1))
+    patches = np.arange(_PATCHES, len(arrays["template_patch"]), _PATCHES)
+    return {"corner": corners[_KEYFRAMES - 1 : -1 : _KEYFRAMES], "template_patch": patches}
 
 
 def _file(keyframe: KeyFrame) -> str:

@@ -6,7 +6,6 @@ A zip file: manifest.json (format, camera, mount), keyframes/<index>.png (grey i
 
 from __future__ import annotations
 
-import io
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -24,6 +23,7 @@ from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.io.atomic import write_bytes
+from vsx_ros.io.pieces import array_bytes, array_of
 from vsx_ros.io.sealed_archive import seal, unseal
 from vsx_ros.io.slam_map_arrays import LAYOUT, Arrays, arrays_of, check
 from vsx_ros.slam.keyframe import Anchor, FrameData, KeyFrame, Observations
@@ -45,7 +45,7 @@ def save_slam_map(slam_map: SlamMap, path: Path) -> None:
     """
     pictures = {image_name(k.id): encoded(k.data.pyramid.level(0)) for k in slam_map.view.keyframes if k.alive}
     try:
-        write_bytes(path, seal(entries_of(slam_map) | pictures))
+        write_bytes(path, seal(entries_of(slam_map, arrays_of(slam_map.view)) | pictures))
     except OSError as error:
         raise MapFileError(f"map {path} cannot be written ({error.strerror}); choose another folder") from error
 
@@ -59,9 +59,9 @@ def load_slam_map(path: Path) -> SlamMap:
         return slam_map_of(unseal(path.read_bytes()))
 
 
-def entries_of(slam_map: SlamMap) -> dict[str, bytes]:
-    """Manifest and arrays of a map: all but its pictures."""
-    view, mount = slam_map.view, slam_map.T_base_cam
+def entries_of(slam_map: SlamMap, arrays: Arrays) -> dict[str, bytes]:
+    """Manifest and arrays, some of ``arrays_of``, of a map."""
+    mount = slam_map.T_base_cam
     camera = {name: getattr(slam_map.camera, name) for name in PinholeCamera.__slots__}
     manifest = {
         "format": FORMAT,
@@ -69,20 +69,20 @@ def entries_of(slam_map: SlamMap) -> dict[str, bytes]:
         "written_by": f"vsx_ros {__version__}",
         "camera": camera,
         "T_base_cam": None if mount is None else mount.matrix().tolist(),
-        "map_version": view.version,
+        "map_version": slam_map.view.version,
     }
-    arrays = {f"arrays/{name}.npy": array_bytes(array) for name, array in arrays_of(view).items()}
-    return {"manifest.json": json.dumps(manifest, indent=1).encode()} | arrays
+    contents = {array_name(name): array_bytes(array) for name, array in arrays.items()}
+    return {"manifest.json": json.dumps(manifest, indent=1).encode()} | contents
 
 
 def slam_map_of(entries: Mapping[str, bytes]) -> SlamMap:
-    """The map of ``entries_of`` with a picture, ``image_name(index)``, of each living keyframe.
+    """The map of ``entries_of`` all arrays with a picture, ``image_name(index)``, of each living keyframe.
 
     Raises KeyError, TypeError, ValueError, OverflowError or MemoryError for anything else.
     """
     manifest = _manifest(entries)
     camera, mount = _camera(manifest), _mount(manifest)
-    arrays = {name: array_of(entries[f"arrays/{name}.npy"]) for name in LAYOUT}
+    arrays = {name: array_of(entries[array_name(name)]) for name in LAYOUT}
     check(arrays, camera.width, camera.height)
     return SlamMap(camera, mount, _view(arrays, entries, camera, int(manifest["map_version"])))
 
@@ -97,19 +97,6 @@ def damage_explained(path: Path) -> Iterator[None]:
     except (KeyError, TypeError, ValueError, OverflowError, MemoryError) as error:
         reason = f"entry {error} is missing" if isinstance(error, KeyError) else str(error).splitlines()[0]
         raise MapFileError(f"map {path} cannot be used: {reason}; give a file that this program saved") from error
-
-
-def array_bytes(array: NDArray[Any]) -> bytes:
-    """An array as the content of a .npy file."""
-    content = io.BytesIO()
-    np.save(content, array, allow_pickle=False)
-    return content.getvalue()
-
-
-def array_of(content: bytes) -> NDArray[Any]:
-    """The array of a .npy file. Raises ValueError for anything else."""
-    array: NDArray[Any] = np.lib.format.read_array(io.BytesIO(content), allow_pickle=False)
-    return array
 
 
 def _manifest(entries: Mapping[str, bytes]) -> dict[str, Any]:
@@ -192,6 +179,11 @@ def _frame_data(k: int, arrays: Arrays, entries: Mapping[str, bytes], camera: Pi
     corners = indexed(np.split(arrays["corner"][first : ends[-1]], ends[:-1] - first), pyramid)
     own = moving(kernel_camera(camera), arrays["readout_motion"][k])
     return FrameData(stamp_ns, pyramid, corners, small_image(pyramid), wheels, own)
+
+
+def array_name(name: str) -> str:
+    """The entry of an array."""
+    return f"arrays/{name}.npy"
 
 
 def image_name(index: int) -> str:
