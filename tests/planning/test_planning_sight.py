@@ -108,6 +108,18 @@ def test_driving_long_without_the_map_is_refused_and_a_little_of_it_is_slow():
     assert np.abs(trajectory.v[~inside]).max() > 0.2
 
 
+def test_where_the_best_way_is_driven_blind_for_too_long_another_one_is_taken():
+    planner, view = Planner(PlannerConfig(phi_rad_m=1.0, max_blind_m=0.6), RobotConfig()), sight(wall_ahead())
+    patient = Planner(PlannerConfig(phi_rad_m=1.0, max_blind_m=20.0), RobotConfig())
+    start, goal = SE2(0.94, 0.82, 0.87), SE2(0.52, 0.29, 1.25)
+    best = patient.plan(start, goal, OPEN, np.random.default_rng(0), view)
+    other = planner.plan(start, goal, OPEN, np.random.default_rng(0), view)
+    assert isinstance(best, Plan)
+    assert isinstance(other, Plan)
+    assert np.diff(best.blind_spans).max() > 0.6 > np.diff(other.blind_spans).max()
+    assert other.path.length_m > best.path.length_m
+
+
 def test_landmarks_that_are_not_finite_are_an_error():
     with pytest.raises(PlanningError, match="landmark"):
         sight(np.full((1, 3), np.nan))

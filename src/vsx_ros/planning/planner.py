@@ -68,10 +68,9 @@ class Planner:
         The way keeps config.preferred_clearance_m where that makes no detour, else config.clearance_m.
 
         With ``sight`` the way along which too few landmarks are in view counts several times, so that a path which
-        keeps the map in view is preferred to a shorter one that loses it; ``Plan.blind_spans`` says what remains, and
-        more of it in one go than config.max_blind_m is refused. The same
-        question with the same state of rng gives the same answer to the last bit. Raises PlanningError for poses that
-        are not finite.
+        keeps the map in view is preferred to a shorter one that loses it; ``Plan.blind_spans`` says what remains, and a
+        way with more of it in one go than config.max_blind_m is not taken. The same question with the same state of rng
+        gives the same answer to the last bit. Raises PlanningError for poses that are not finite.
         """
         check_question(start, goal, self._config.phi_rad_m)
         corridor = build_corridor(grid, start, goal, self._config, self._robot)
@@ -122,7 +121,9 @@ class Planner:
                 f"the goal is connected, but no path with phi {self._config.phi_rad_m:g} rad/m and reverse legs of at "
                 f"most {self._config.max_reverse_m:g} m was found within the search budget",
             )
-        return self._plan(min(found, key=cost), goal, corridor, sight, grid)
+        ways = (self._plan(path, goal, corridor, sight, grid) for path in sorted(found, key=cost))
+        best = next(ways)
+        return best if isinstance(best, Plan) else next((way for way in ways if isinstance(way, Plan)), best)
 
     def plan_blind(self, start: SE2, goal: SE2) -> Plan | Refusal:
         """A plan where there is no map yet (the first drive, backing along the trail): free space is assumed, but
