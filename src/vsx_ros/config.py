@@ -15,6 +15,7 @@ from vsx_ros.errors import ConfigError
 Positive = Annotated[float, Meta(gt=0)]
 NonNegative = Annotated[float, Meta(ge=0)]
 Ratio = Annotated[float, Meta(ge=0, le=1)]
+Factor = Annotated[float, Meta(gt=0, le=1)]
 Count = Annotated[int, Meta(ge=1)]
 
 
@@ -171,7 +172,7 @@ class FollowerConfig(_Branch, frozen=True):
     max_heading_error_rad: Positive = 0.25
     pose_timeout_s: Positive = 0.5
     # Speed while tracking is dubious (state POOR), as a share of the planned one, and how long it stays so afterwards.
-    dubious_speed_factor: Ratio = 0.5
+    dubious_speed_factor: Factor = 0.5
     dubious_hold_s: NonNegative = 1.0
     replans_after_divergence: Annotated[int, Meta(ge=0)] = 2
 

@@ -182,10 +182,11 @@ def _gather(
     navigation, truth, so_far = witness.navigation(), [*journal.truth(), *witness.truth()], journal.so_far
     summary = with_accuracy(Summary(**known), folder.read_poses("trajectory"), truth, "yaw")
     if judge is not None:
-        summary = judge.judged(summary, witness.grid).with_values(collisions=so_far.collisions)
+        summary = judge.judged(summary, witness.grid)
     plan_ms, error_m = np.array(navigation.plan_ms), np.array(navigation.error_m)
     config, _ = folder.read_config()
     summary = summary.with_values(
+        collisions=so_far.collisions if witness.emulated else None,
         duration_s=so_far.elapsed_s,
         plans=so_far.plans,
         plan_ms_median=float(np.median(plan_ms)) if plan_ms.size else None,
