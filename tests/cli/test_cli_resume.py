@@ -22,9 +22,10 @@ from vsx_ros.errors import MapFileError
 from vsx_ros.exploration.memory import MissionMemory
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.checkpoint import Checkpoint
-from vsx_ros.io.journal import FrameLine, read_journal
+from vsx_ros.io.journal import FrameLine, Journal, read_journal
 from vsx_ros.io.run_folder import RunFolder
 from vsx_ros.io.slam_map_file import load_slam_map
+from vsx_ros.slam.state import TrackingResult, TrackingState
 
 SECOND = 1_000_000_000
 
@@ -163,7 +164,7 @@ def test_the_journal_is_on_the_disk_before_the_map_that_needs_it(resumed, monkey
     checkpoint.write(saved)
     assert names.index("journal.jsonl") < names.index(".map.zip.part") < names.index("resume")
     names.clear()
-    checkpoint.write_mission(saved.mission)
+    checkpoint.write_mission(saved.mission, saved.stamp_ns)
     (checkpoint.path / "mission.json").unlink()
     assert ".mission.json.part" in names
 
@@ -245,11 +246,28 @@ def test_a_robot_that_was_moved_forgets_the_way_it_came_and_nothing_else(tmp_pat
     memory = MissionMemory([home], [(home, 9.0, 2)], way, True, home)
     words = ["explore", "--resume", str(tmp_path)]
     explore.begin(parser().parse_args([*words, "--moved"]))  # killed before it had a map: nothing to forget
-    folder.checkpoint.write_mission(memory.tree())
+    folder.checkpoint.write_mission(memory.tree(), 0)
     (folder.checkpoint.path / "map.zip").touch()
     for more, expected in (([], memory), (["--moved"], memory._replace(trail=[]))):
         explore.begin(parser().parse_args([*words, *more]))
-        assert MissionMemory.of(folder.checkpoint.read_mission()) == expected
+        assert MissionMemory.of(folder.checkpoint.read_mission(), tmp_path) == expected
+
+
+def test_the_way_driven_after_the_missions_last_word_is_in_the_journal(tmp_path):
+    folder = RunFolder.create(tmp_path)
+    folder.write_config(Config(), ["vsx", "explore"], fast=False, world=None, base="kobuki")
+    drive = [SE2(4.0 + 0.1 * k, 2.0, 0.0) for k in range(6)]
+    result = TrackingResult(0, TrackingState.GOOD, None, 0, 0, False, "")
+    Journal(folder.journal).add(
+        *(FrameLine.of(result._replace(stamp_ns=k * SECOND), drive[k], 1.0, None) for k in range(len(drive)))
+    )
+    memory = MissionMemory([], [], [SE2(-0.1, 0.0, 0.0), SE2()], False, None)
+    folder.checkpoint.write_mission(memory.tree(), 3 * SECOND + 1)
+    (folder.checkpoint.path / "map.zip").touch()
+    for _ in range(2):  # the second time there is nothing left to add
+        explore.begin(parser().parse_args(["explore", "--resume", str(tmp_path)]))
+        trail = MissionMemory.of(folder.checkpoint.read_mission(), tmp_path).trail
+        assert [pose.x for pose in trail] == pytest.approx([-0.3, -0.2, -0.1, 0.0])
 
 
 def test_only_the_robot_of_a_run_to_resume_can_have_been_moved(tmp_path, monkeypatch, capsys):

@@ -1,13 +1,14 @@
 """What a mission remembers of an interrupted run: nothing that the interruption should not change is changed by it."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from vsx_ros.config import Config
 from vsx_ros.errors import InputError
-from vsx_ros.exploration.decision import Action, MissionState, NavigationState, Situation
+from vsx_ros.exploration.decision import Action, MissionState, NavigationState, Outcome, Situation
 from vsx_ros.exploration.given_up import GivenUp
 from vsx_ros.exploration.memory import MissionMemory
 from vsx_ros.exploration.mission import Mission
@@ -15,6 +16,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.slam.state import TrackingState
 
 SECOND = 1_000_000_000
+PATH = Path("runs/lab/resume")
 LOST = Situation(TrackingState.LOST, "dark", None, SE2(), None, NavigationState.IDLE, "", None, np.zeros((0, 3)))
 MEMORY = MissionMemory(
     looked_from=[SE2(1.0, 2.0, 0.5)],
@@ -33,7 +35,7 @@ def mission_of(memory: MissionMemory) -> Mission:
 
 
 def test_a_memory_is_read_back_from_a_file() -> None:
-    assert MissionMemory.of(json.loads(json.dumps(MEMORY.tree()))) == MEMORY
+    assert MissionMemory.of(json.loads(json.dumps(MEMORY.tree())), PATH) == MEMORY
 
 
 def test_a_memory_of_an_older_version_is_read() -> None:
@@ -41,13 +43,13 @@ def test_a_memory_of_an_older_version_is_read() -> None:
     del tree["paused"]
     tree["given_up"] = [row[:4] for row in tree["given_up"]]
     once = [(pose, seconds, 1) for pose, seconds, _ in MEMORY.given_up]
-    assert MissionMemory.of(tree) == MEMORY._replace(given_up=once, paused=False)
+    assert MissionMemory.of(tree, PATH) == MEMORY._replace(given_up=once, paused=False)
 
 
 @pytest.mark.parametrize("given_up", [[[1.0, 2.0]], [[1.0, 2.0, 0.0, "long", 1]], [7], [[1.0, float("nan"), 0.0, 9.0]]])
 def test_a_damaged_memory_is_told(given_up: list[object]) -> None:
-    with pytest.raises(InputError, match=r"damaged .*; delete mission\.json"):
-        MissionMemory.of({**MEMORY.tree(), "given_up": given_up})
+    with pytest.raises(InputError, match="runs/lab/resume holds no memory of a mission .*; start a new run"):
+        MissionMemory.of({**MEMORY.tree(), "given_up": given_up}, PATH)
 
 
 def test_a_goal_that_failed_before_the_interruption_fails_once_more_and_not_for_the_first_time() -> None:
@@ -80,3 +82,25 @@ def test_a_robot_that_was_moved_does_not_back_along_the_way_it_came() -> None:
     drives = [mission.decide(8 * SECOND, LOST) for mission in (stands, was_moved)]
     assert "back along the trail" in drives[0].reason
     assert "looking around" in drives[1].reason
+
+
+def test_a_mission_stopped_before_it_was_recalled_stays_ended() -> None:
+    mission = Mission(Config(), lambda start, grid: lambda poses: np.zeros(len(poses)))
+    mission.stop(0)
+    mission.recall(SECOND, MEMORY, SE2())
+    assert mission.outcome is Outcome.STOPPED
+    assert mission.decide(9 * SECOND, LOST).action is Action.FINISH
+
+
+def test_a_robot_sent_home_before_it_was_recalled_goes_home() -> None:
+    mission = Mission(Config(), lambda start, grid: lambda poses: np.zeros(len(poses)))
+    mission.home(0)
+    mission.recall(SECOND, MEMORY._replace(going_home=False, paused=False), SE2())
+    assert mission.memory(2 * SECOND, SE2()).going_home
+
+
+def test_a_mission_that_has_ended_at_home_remembers_no_wish_to_go_there() -> None:
+    mission = mission_of(MEMORY._replace(going_home=True))
+    assert mission.memory(2 * SECOND, SE2()).going_home
+    mission.stop(3 * SECOND)
+    assert not mission.memory(4 * SECOND, SE2()).going_home

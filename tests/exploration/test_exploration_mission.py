@@ -1,5 +1,7 @@
 """The mission's state machine, driven by hand through every box of its diagram."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -420,6 +422,16 @@ def test_the_way_back_begins_where_the_wheels_began_to_count_anew():
     assert (back.goal.x, back.goal.y) == pytest.approx((0.15, 0.0))
 
 
+def test_a_robot_that_was_carried_in_the_air_does_not_back_along_the_way_it_came():
+    mission = mapping_mission()
+    here = wheels_driven(mission, 2.0, SE2())
+    held = situation(slam_state=TrackingState.LOST, slam_reason="dark", T_odom_base=here, hazard="wheel drop left")
+    for k in range(3):
+        mission.decide((3 + k) * SECOND, held._replace(lifted=True))
+    drives = [mission.decide((7 + k) * SECOND, held._replace(hazard=None)) for k in range(3)]
+    assert "turning to look elsewhere" in next(drive.reason for drive in drives if drive.action is Action.GO)
+
+
 def test_a_resumed_mission_goes_back_along_the_way_it_remembers_although_its_wheels_count_anew():
     mission = mapping_mission()
     here = wheels_driven(mission, 2.0, SE2())
@@ -473,7 +485,7 @@ def test_home_is_where_the_exploration_began_although_the_wheels_counted_before(
     mission.decide(SECOND, tracked)
     mission.home(2 * SECOND)
     resumed = Mission(Config(), euclid)
-    resumed.recall(3 * SECOND, MissionMemory.of(mission.memory(2 * SECOND, here).tree()), SE2())
+    resumed.recall(3 * SECOND, MissionMemory.of(mission.memory(2 * SECOND, here).tree(), Path("mission.json")), SE2())
     elsewhere = situation(T_map_base=SE2(0.3, 0.2, 0.0))
     for now_s in (3, 4):
         resumed.decide(now_s * SECOND, elsewhere)

@@ -154,6 +154,7 @@ def fill(args: argparse.Namespace, values: Mapping[str, Any]) -> None:
 
 
 def _begin_again(args: argparse.Namespace, folder: RunFolder) -> tuple[RunFolder, Config, World | None]:
+    from vsx_ros.cli.session import end_the_trail
     from vsx_ros.sim.world_file import load_world
 
     fixed = ("world", "seed", "base", "planner", "phi", "load_map", "config", "set", "out")
@@ -169,20 +170,11 @@ def _begin_again(args: argparse.Namespace, folder: RunFolder) -> tuple[RunFolder
     fill(args, {name: facts.get(name) for name in REMEMBERED})
     fill(args, DEFAULTS)
     world = load_world(folder.path / "world.yaml") if args.world else None
-    if args.moved:
-        _forget_the_way(folder, world)
-    return folder, parameters, world
-
-
-def _forget_the_way(folder: RunFolder, world: World | None) -> None:
-    """A robot that stands elsewhere must not back along the way it came."""
-    from vsx_ros.exploration.memory import MissionMemory
-
-    if world is not None:
+    if args.moved and world is not None:
         raise ConfigError(f"the emulated robot of {folder.path} stands where it stood; leave out --moved")
-    remembered = folder.checkpoint.read_mission()
-    if remembered is not None:
-        folder.checkpoint.write_mission(MissionMemory.of(remembered).moved().tree())
+    if not args.fast:
+        end_the_trail(folder, args.moved)
+    return folder, parameters, world
 
 
 def live_arguments(args: argparse.Namespace) -> list[str]:

@@ -38,10 +38,7 @@ _PROGRESS_EVERY_S = 0.5
 
 
 class FastRun:
-    """One lock-step run: the robot, the system and what they leave behind.
-
-    session: keeps what another one needs to go on.
-    """
+    """One lock-step run: the robot, the system and what they leave behind."""
 
     def __init__(
         self,
@@ -50,12 +47,12 @@ class FastRun:
         planner: str,
         config: Config,
         before: Before | None = None,
-        session: Session | None = None,
         slam_map: SlamMap | None = None,
+        folder: RunFolder | None = None,
     ) -> None:
         """before: an interrupted run to go on with, in the same world with the same seed; the robot stands where it
-        stood when the power went. slam_map: a map to go on in."""
-        self.world, self._config, self._session = world, config, session
+        stood when the power went. slam_map: a map to go on in. folder: where to keep what another one needs."""
+        self.world, self._config = world, config
         # Where a loaded map lies in the world is not known.
         self._judge = MapJudge(world, config) if slam_map is None else None
         self._before, truth = before, before.truth if before is not None else None
@@ -75,6 +72,8 @@ class FastRun:
             known = [line for line in before.lines if isinstance(line, TruthLine)]
             self.truth += [StampedPose(line.stamp_ns, unflat(line.T_world_cam)) for line in known]
             self._errors_m += before.errors_m
+        # Last: as long as it is not ready to drive, what the interrupted run left stays as it is.
+        self._session = Session(folder, before) if folder is not None else None
 
     @property
     def collisions(self) -> int:
@@ -222,7 +221,7 @@ def explore_fast(args: argparse.Namespace) -> int:
     slam_map = None
     if args.load_map:  # it may be gone by now: what became of it is in the checkpoint
         slam_map = load_slam_map(Path(args.load_map)) if before is None else before.memory.slam_map
-    run = FastRun(world, args.seed, args.planner, config, before, Session(folder, before), slam_map)
+    run = FastRun(world, args.seed, args.planner, config, before, slam_map, folder)
     reason = run.run(limit_s)
     facts = {"world": args.world, "seed": args.seed, "planner": args.planner, "continued_map": args.load_map}
     summary = run.summary(reason, **facts)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import bisect
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,15 +42,11 @@ class Before(NamedTuple):
         if not folder.checkpoint.exists:
             return None
         saved, lines = folder.checkpoint.read(), read_journal(folder.journal)
-        driven = [
-            (line.stamp_ns, SE2(*line.T_odom_base))
-            for line in lines
-            if isinstance(line, FrameLine) and line.T_odom_base
-        ]
+        driven = _driven(lines)
         if not driven or not {"errors_m", "plans"} <= saved.state.keys():
             raise InputError(f"{folder.checkpoint.path} holds a map but not how it came about; start a new run")
         since = [T for stamp_ns, T in driven if stamp_ns >= saved.stamp_ns]
-        mission = MissionMemory.of(saved.mission)
+        mission = MissionMemory.of(saved.mission, folder.checkpoint.path)
         # A journal that ends before the checkpoint: the robot stands where it did then, and not where its trail ends.
         mission = mission.carried([since[0].inverse() @ T for T in since]) if since else mission.moved()
         return Before(
@@ -59,6 +57,32 @@ class Before(NamedTuple):
             saved.state["errors_m"].tolist(),
             int(saved.state["plans"].sum()),
         )
+
+
+def end_the_trail(folder: RunFolder, moved: bool) -> None:
+    """Let the trail that a live mission remembers end where the base stood last: what it drove after the mission's last
+    word is in the journal. moved: it has been put elsewhere since, and the way it came is not behind it.
+
+    Raises InputError when one of them is damaged.
+    """
+    remembered = folder.checkpoint.read_mission()
+    if remembered is None:
+        return
+    memory, driven = MissionMemory.of(remembered, folder.checkpoint.path), _driven(read_journal(folder.journal))
+    told_ns = int(remembered.get("stamp_ns", driven[-1][0] if driven else 0))
+    last = bisect.bisect_right([stamp_ns for stamp_ns, _ in driven], told_ns) - 1
+    if moved:
+        memory = memory.moved()
+    elif 0 <= last < len(driven) - 1:
+        memory = memory.carried([driven[last][1].inverse() @ T for _, T in driven[last + 1 :]])
+        told_ns = driven[-1][0]
+    folder.checkpoint.write_mission(memory.tree(), told_ns)
+
+
+def _driven(lines: Sequence[Line]) -> list[tuple[int, SE2]]:
+    """Stamp and T_odom_base of every frame that has both."""
+    frames = [line for line in lines if isinstance(line, FrameLine)]
+    return [(line.stamp_ns, SE2(*line.T_odom_base)) for line in frames if line.T_odom_base]
 
 
 class Session:

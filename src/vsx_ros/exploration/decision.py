@@ -25,6 +25,7 @@ class Situation(NamedTuple):
 
     T_map_base is None while no map exists. hazard names a pressed bumper or the like. landmarks_world: (M, 3).
     countings: how often the wheels began to count; T_odom_base has nothing to do with one of another counting.
+    lifted: whether the robot is held in the air.
     """
 
     slam_state: TrackingState
@@ -37,6 +38,7 @@ class Situation(NamedTuple):
     hazard: str | None
     landmarks_world: FloatArray
     countings: int = 0
+    lifted: bool = False
 
 
 class Action(Enum):
@@ -49,7 +51,7 @@ class Action(Enum):
 
 
 class MissionState(Enum):
-    """The boxes of the diagram above."""
+    """The boxes of the mission's diagram."""
 
     STARTING = "starting"
     MAPPING = "mapping"

@@ -20,8 +20,8 @@ class Home:
         self._why = ""
 
     def recall(self, pose: SE2 | None, asked: bool) -> None:
-        """Go on from a session before."""
-        self.pose, self.asked = pose, asked
+        """Go on from a session before; asked: whether it was on its way home, and this one may be already."""
+        self.pose, self.asked = pose, asked or self.asked
 
     def see(self, situation: Situation, anew: bool) -> None:
         """The wheels know the way from where the exploration began, or from where they began to count anew, to where

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from vsx_ros.errors import InputError
@@ -48,8 +49,8 @@ class MissionMemory(NamedTuple):
         }
 
     @staticmethod
-    def of(tree: Mapping[str, Any]) -> MissionMemory:
-        """Raises InputError when the tree is not one of ``tree``, of this version or one before."""
+    def of(tree: Mapping[str, Any], path: Path) -> MissionMemory:
+        """Raises InputError when the tree, of this file, is not one of ``tree``, of this version or one before."""
         try:
             given_up = [_failure(row) for row in tree["given_up"]]
             looked_from, trail = ([_pose(row) for row in tree[name]] for name in ("looked_from", "trail"))
@@ -57,7 +58,7 @@ class MissionMemory(NamedTuple):
             asked = bool(tree["going_home"]), home, bool(tree.get("paused"))
             return MissionMemory(looked_from, given_up, trail, *asked)
         except (KeyError, TypeError, ValueError, IndexError) as error:
-            raise InputError(f"what the mission remembers is damaged ({error}); delete mission.json") from error
+            raise InputError(f"{path} holds no memory of a mission ({error}); start a new run") from error
 
 
 def _row(pose: SE2) -> list[float]:

@@ -6,10 +6,11 @@
             |           DONE                                v  |
             |                                            RECOVERING --(nothing left to try)--> DONE
             +--- STARTING: in a map made before --> RECOVERING
-            +--- MAPPING: home, out of reach, a hazard that stays; any state: stop, time over --> DONE
+            +--- MAPPING: home, out of reach, a hazard that stays; any state: stop --> DONE
 
-``decide`` is called a few times a second with what is known and answers with one action. Every change of state
-and every choice is an event with its reason.
+From any state the operator may pause it, PAUSED, until it goes on in the state before. ``decide`` is called a few times
+a second with what is known and answers with one action. Every change of state and every choice is an event with its
+reason.
 """
 
 from __future__ import annotations
@@ -117,12 +118,15 @@ class Mission:
         """What another session needs to go on from here."""
         trail = [T_odom_base.inverse() @ pose for pose in self._trail.poses]
         looked_from, given_up = list(self.outlook.looks.poses), self.outlook.given_up.left(now_ns)
-        paused = self.state is MissionState.PAUSED
-        return MissionMemory(looked_from, given_up, trail, self._home.asked, self._home.pose, paused)
+        paused, over = self.state is MissionState.PAUSED, self.state is MissionState.DONE
+        return MissionMemory(looked_from, given_up, trail, self._home.asked and not over, self._home.pose, paused)
 
     def recall(self, now_ns: int, memory: MissionMemory, T_odom_base: SE2) -> None:
         """Go on with the map of a session before, standing where its trail ended: first the camera must recognise
-        it. One that was paused, before or meanwhile, stands until it is told to go on."""
+        it. One that was paused, before or meanwhile, stands until it is told to go on; one that was stopped meanwhile
+        has ended."""
+        if self.state is MissionState.DONE:
+            return
         paused = memory.paused or self.state is MissionState.PAUSED
         self.outlook.looks.poses = list(memory.looked_from)
         self._home.recall(memory.home, memory.going_home)
@@ -139,6 +143,8 @@ class Mission:
         """One action for the situation. Call it at 2 to 10 Hz; choosing a view takes some tenths of a second."""
         backing = self._backing_off or self.state is MissionState.RECOVERING
         anew = situation.T_odom_base is not None and self._trail.counts_anew(situation.countings)
+        if situation.lifted:
+            self._trail.clear()
         if situation.T_odom_base is not None:
             (self._trail.driven_back_to if backing else self._trail.add)(situation.T_odom_base)
         self._home.see(situation, anew)

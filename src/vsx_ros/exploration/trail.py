@@ -32,8 +32,12 @@ class Trail:
         anew = self._countings not in (None, countings)
         self._countings = countings
         if anew:
-            self._poses.clear()
+            self.clear()
         return anew
+
+    def clear(self) -> None:
+        """The base was carried: the way it came is not behind it."""
+        self._poses.clear()
 
     def add(self, T_odom_base: SE2) -> None:
         """Append the pose when it is far enough from the last one."""

@@ -100,20 +100,20 @@ class Checkpoint:
             }
             return Saved(slam_map_of_entries(entries), int(tree["stamp_ns"]), state, dict(tree["mission"]))
 
-    def write_mission(self, memory: Mapping[str, Any]) -> None:
-        """What a mission in a process of its own remembers, apart from the map, in one step.
+    def write_mission(self, memory: Mapping[str, Any], stamp_ns: int) -> None:
+        """What a mission in a process of its own remembers at this stamp, apart from the map, in one step.
 
         Raises InputError when it cannot be written.
         """
         try:
             self.path.mkdir(parents=True, exist_ok=True)
-            write_text(self.path / "mission.json", json.dumps(dict(memory)), durable=True)
+            write_text(self.path / "mission.json", json.dumps({**memory, "stamp_ns": stamp_ns}), durable=True)
         except OSError as error:
             raise InputError(f"checkpoint {self.path} cannot be written ({error.strerror}); free the disk") from error
 
     def read_mission(self) -> dict[str, Any] | None:
-        """What the mission of an interrupted run remembered; None without a map to use it in. Raises InputError when
-        damaged."""
+        """What the mission of an interrupted run remembered, and "stamp_ns"; None without a map to use it in. Raises
+        InputError when damaged."""
         path = self.path / "mission.json"
         if not (self.exists and path.exists()):
             return None

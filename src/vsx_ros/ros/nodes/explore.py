@@ -29,6 +29,7 @@ from std_msgs.msg import Float32, String, UInt8
 from std_srvs.srv import Trigger, TriggerRequest, TriggerResponse
 from visualization_msgs.msg import MarkerArray
 
+from vsx_hw.readings import Hazard
 from vsx_ros.arrays import Points3
 from vsx_ros.config import Config
 from vsx_ros.exploration.along import ways_of
@@ -66,7 +67,7 @@ class ExploreNode:
 
         warm_up_mission(Mission(config, travel_costs, ways=ways_of(planner)))
         self._mission = Mission(config, travel_costs, ways=ways_of(planner))
-        self._lock = threading.Lock()
+        self._lock, self._writing = threading.Lock(), threading.Lock()
         self._grid: OccupancyGrid | None = None
         self._landmarks: Points3 = np.zeros((0, 3))
         self._hazards = 0
@@ -77,8 +78,9 @@ class ExploreNode:
         self._battery_empty = False
         run_dir = str(rospy.get_param("~run_dir", ""))
         self._checkpoint = RunFolder(Path(run_dir)).checkpoint if run_dir else None
-        remembered = self._checkpoint.read_mission() if self._checkpoint is not None else None
-        self._recalled = None if remembered is None else MissionMemory.of(remembered)
+        self._recalled: MissionMemory | None = None
+        if self._checkpoint is not None and (remembered := self._checkpoint.read_mission()) is not None:
+            self._recalled = MissionMemory.of(remembered, self._checkpoint.path)
         self._where = Localization()
         self._slam = LeaseWatch(topics.FOLLOWER_LEASE)
         self._diagnostics = process.Diagnostics()
@@ -138,7 +140,8 @@ class ExploreNode:
 
     def _decide(self) -> None:
         self._lease.promise(_DECIDE_WITHIN_S)
-        if not (self._slam.is_known("vslam") and self._client.wait_for_server(rospy.Duration.from_sec(0.01))):
+        ready = self._slam.is_known("vslam") and self._client.wait_for_server(rospy.Duration.from_sec(0.01))
+        if not ready and self._mission.outcome is None:
             self._diagnostics.set("mission", process.WARN, "waiting for vslam to see images and for move_base")
             return
         now_ns, situation = process.now_ns(), self._situation()
@@ -155,14 +158,15 @@ class ExploreNode:
         self._report(decision)
 
     def _remember(self) -> None:
-        """Write what the mission needs to go on after an interruption, on a thread that may wait for the disk."""
+        """Write what the mission needs to go on after an interruption; may wait for the disk."""
         T_odom_base = self._where.pose(topics.ODOM_FRAME)
         if self._checkpoint is None or self._recalled is not None or T_odom_base is None:
             return
+        now_ns = process.now_ns()
         with self._lock:
-            memory = self._mission.memory(process.now_ns(), T_odom_base)
-        with process.told():
-            self._checkpoint.write_mission(memory.tree())
+            memory = self._mission.memory(now_ns, T_odom_base)
+        with process.told(), self._writing:
+            self._checkpoint.write_mission(memory.tree(), now_ns)
 
     def _situation(self) -> Situation:
         navigation, reason = self._navigation()
@@ -176,6 +180,7 @@ class ExploreNode:
             grid=self._grid,
             navigation=navigation,
             navigation_reason=reason,
+            lifted=Hazard(self._hazards) & Hazard.WHEEL_DROP == Hazard.WHEEL_DROP,
             hazard=convert.hazard_words(self._hazards) or (stuck.reason if stuck is not None else None),
             landmarks_world=self._landmarks,
             countings=countings,
@@ -223,6 +228,7 @@ class ExploreNode:
         """Without the mission nobody wants to drive."""
         self._lease.release()
         self._client.cancel_all_goals()
+        self._remember()
 
 
 def main() -> None:

@@ -205,9 +205,9 @@ class MobileBaseNode:
         )  # fmt: skip
 
     def close(self) -> None:
-        """Stop the wheels and leave the base safe."""
-        self._driver.close()
-        self._guardian.release()
+        """Stop the wheels and leave the base safe; where that failed the guardian does it, once this process is gone."""
+        if self._driver.close():
+            self._guardian.release()
 
 
 def speed_limits(limits: LimitsConfig) -> SpeedLimits:
