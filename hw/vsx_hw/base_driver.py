@@ -130,13 +130,13 @@ class BaseDriver:
             connected, message = False, f"{self._heard()} for {silent_ns * 1e-9:.1f} s; the wheels are told to stand"
         return LinkStatus(connected, message, self._device, counters)
 
-    def close(self) -> None:
-        """Stop the wheels, leave the base safe and release the port."""
-        self._keeper.close()
+    def close(self) -> bool:
+        """Stop the wheels, leave the base safe and release the port; whether the wheels surely stand."""
+        return self._keeper.close() and self._sent == _STILL
 
     def _serve(self, transport: Transport) -> None:
         """One connection: until the driver closes or the device fails."""
-        self._command, self._sent, self._shown, self._heard_bytes = None, _STILL, "", 0
+        self._command, self._shown, self._heard_bytes = None, "", 0
         for data, pause_s in self._dialect.hello():
             transport.write(data)
             self._keeper.closing.wait(pause_s)
@@ -198,8 +198,7 @@ class BaseDriver:
         return command.v_m_s, command.omega_rad_s
 
     def _leave(self, transport: Transport) -> None:
-        """Stop bytes on every way out."""
-        try:
-            transport.write(self._dialect.farewell())
-        finally:
-            self._on_command(False)
+        """Stop bytes on every way out; a base that did not take them may still drive."""
+        transport.write(self._dialect.farewell())
+        self._sent = _STILL
+        self._on_command(False)

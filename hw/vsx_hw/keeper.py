@@ -58,11 +58,12 @@ class Keeper(Generic[Device]):
         """Begin; returns at once."""
         self._thread.start()
 
-    def close(self, timeout_s: float = 3.0) -> None:
-        """Ask ``serve`` to return and wait for the thread."""
+    def close(self, timeout_s: float = 3.0) -> bool:
+        """Ask ``serve`` to return and wait for the thread; whether it has ended."""
         self.closing.set()
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join(timeout_s)
+        return not self._thread.is_alive()
 
     def report(self, connected: bool, message: str) -> None:
         """What is known of the connection now."""

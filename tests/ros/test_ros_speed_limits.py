@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pytest
 
 pytest.importorskip("rospy")
@@ -44,3 +46,14 @@ def test_a_lower_cap_is_obeyed_and_told(parameters: dict[str, float], warnings: 
     assert mobile_base.speed_limits(LimitsConfig()) == SpeedLimits(0.2, 1.0)
     assert len(warnings) == 1
     assert "max_vel is 0.2, less than the configured limit of 0.3" in warnings[0]
+
+
+@pytest.mark.parametrize("stands", [True, False])
+def test_the_guardian_is_let_go_only_once_the_wheels_surely_stand(stands: bool) -> None:
+    released: list[bool] = []
+    node = SimpleNamespace(
+        _driver=SimpleNamespace(close=lambda: stands),
+        _guardian=SimpleNamespace(release=lambda: released.append(True)),
+    )
+    mobile_base.MobileBaseNode.close(node)  # type: ignore[arg-type]
+    assert released == [True] * stands
