@@ -53,7 +53,12 @@ def add_arguments(parser: argparse.ArgumentParser, *, with_load_map: bool = True
     )
     parser.add_argument("--planner", choices=("fov", "unconstrained"), help="motion planner (default fov)")
     parser.add_argument("--phi", type=float, metavar="RAD_PER_M", help="bound on the change of view per metre")
-    parser.add_argument("--time", type=float, metavar="S", help="stop after this time (the whole run's, if resumed)")
+    parser.add_argument(
+        "--time",
+        type=float,
+        metavar="S",
+        help="stop after this time, the whole run's if resumed (default: none; with --fast 600)",
+    )
     parser.add_argument(
         "--resume", type=Path, metavar="RUN", help="go on with an interrupted run, in its map and with its options"
     )

@@ -140,8 +140,7 @@ def _distributed(tasks: Sequence[Task], work: Work, engine: Engine) -> Iterator[
         from distributed import Client, LocalCluster, as_completed
     except ImportError as error:
         raise ConfigError(
-            "--scheduler, and --jobs above 1, need dask.distributed: pip install 'vsx_ros[sweep]' (or 'pip install "
-            "distributed')"
+            f"--scheduler, and --jobs above 1, need dask.distributed: {sys.executable} -m pip install distributed"
         ) from error
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "NUMBA_NUM_THREADS"):
         os.environ.setdefault(name, "1")
