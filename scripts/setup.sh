@@ -71,7 +71,7 @@ vsx_python_packages() {
 
 vsx_kernels() {
     "$VSX_PYTHON" -m vsx_ros.cli.compiled && return 0
-    vsx_say "compiling the kernels (once for a checkout, two to five minutes)"
+    vsx_say "compiling the kernels (once for a checkout, a minute or two; longer on a slow machine)"
     local trial; trial=$(mktemp -d)
     "$VSX_PYTHON" -m vsx_ros.cli.main explore --fast --time 8 --out "$trial/run" >"$trial/log" 2>&1 ||
         { tail -n 20 "$trial/log" >&2; vsx_die "the kernels did not compile; the last words are above."; }

@@ -1,4 +1,4 @@
-"""Seeded buildings: lab (12 m x 8 m), office, corridor, and building (40 m x 25 m, some forty rooms). Same name and
+"""Seeded buildings: lab (12 m x 8 m), office, corridor, and building (40 m x 25 m, 24 to 34 rooms). Same name and
 seed, same world. Nothing is tuned by the worlds made of maps of real buildings (``map_import``)."""
 
 from __future__ import annotations
