@@ -5,7 +5,8 @@
 Mission, planner and ground map are the real ones. Corners of pictures from 160 random places, put where they truly
 are, stand for what the SLAM would map: each is found in a share of the keyframes that see it, drawn once, and its
 depth is as uncertain as its parallax says. The base follows its plans exactly. One run takes a quarter of a minute of
-processor time instead of three to four; it says how strategies compare, not what the whole system reaches (``exploration.py``).
+processor time instead of three to four; it says how strategies compare, not what the whole system reaches
+(``exploration.py``).
 """
 
 import argparse

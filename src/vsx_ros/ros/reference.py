@@ -72,8 +72,8 @@ def _nodes() -> Iterator[str]:
 def _topics() -> str:
     about = (
         "Names are relative: in a namespace they are below it, but for `/tf`, `/tf_static` and `/diagnostics`, which "
-        "every node but teleop and dashboard also publishes. Frames have the namespace before their names, robot1/map, or "
-        "what the parameter `tf_prefix` of it or of one above says.\n\n"
+        "every node but teleop and dashboard also publishes. Names of frames begin with the namespace (robot1/map), or "
+        "with what the parameter `tf_prefix` in it or in one above says.\n\n"
     )
     return about + _table("publishes", topics.PUBLISHED)
 
