@@ -92,6 +92,10 @@ class TrajectoryTracker:
         """Forget the trajectory; the next command is a stop."""
         self._trajectory = None
 
+    def halted(self) -> None:
+        """The base was told to stand instead of the last command: go on from rest."""
+        self._sent = STOP
+
     def predicted_stop(self) -> SE2 | None:
         """Where the base would stand if held now: the pose to plan from while still moving; None when idle."""
         if self._trajectory is None or self._timing is None:
@@ -136,8 +140,10 @@ class TrajectoryTracker:
             self.cancel()
             return FollowResult(STOP, FollowStatus.DIVERGED, diverged, error)
         if stale:
-            command = STOP if self.stands else self._limited(*self._law(v, omega, error), dt)
-            return FollowResult(command, FollowStatus.STALE, stale, error)
+            if self.stands:
+                self.halted()
+                return FollowResult(STOP, FollowStatus.STALE, stale, error)
+            return FollowResult(self._limited(*self._law(v, omega, error), dt), FollowStatus.STALE, stale, error)
         if self._arrived(error, dt):
             self.cancel()
             reason = f"arrived {100 * math.hypot(error.x, error.y):.1f} cm, {math.degrees(error.theta):.1f} deg off"
