@@ -49,16 +49,17 @@ class PoseFuser:
         """How the wheels turn although the camera stands; None when they do not."""
         return self._watch.stuck
 
-    def add_odometry(self, odometry: Odometry) -> None:
-        """Take a reading; one that is not newer than the last is ignored. Raises InputError for NaN."""
+    def add_odometry(self, odometry: Odometry) -> bool:
+        """Take a reading, or, False, ignore one that is not newer than the last. Raises InputError for NaN."""
         T = odometry.T_odom_base
         if not (T.is_finite() and math.isfinite(odometry.v) and math.isfinite(odometry.omega)):
             raise InputError(f"odometry at {odometry.stamp_ns} ns is not finite: {odometry}; check the base driver")
         if self._odometry and odometry.stamp_ns <= self._odometry[-1].stamp_ns:
-            return
+            return False
         if not self._odometry or not odometry.counts_on_from(self._odometry[-1]):
             self._count_anew(odometry.T_odom_base)
         self._odometry.append(odometry)
+        return True
 
     def add_slam(self, stamp_ns: int, T_world_base: SE2) -> None:
         """Take the pose SLAM found for the image of stamp_ns. Raises InputError for NaN."""

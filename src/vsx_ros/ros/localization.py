@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import threading
+import time
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -23,6 +25,7 @@ class Localization:
         self._lock = threading.Lock()
         self._fuser = PoseFuser()
         self._odometry: Odometry | None = None
+        self._taken_s = -math.inf
         self.slam_state = TrackingState.NOT_INITIALISED
         self.slam_reason = "waiting for vslam"
         process.subscribe(topics.ODOM, OdometryMsg, self._on_odometry, queue_size=20, tcp_nodelay=True)
@@ -33,8 +36,8 @@ class Localization:
         odometry = convert.odometry(msg)
         process.refuse_future(odometry.stamp_ns)
         with self._lock:
-            self._odometry = odometry
-            self._fuser.add_odometry(odometry)
+            if self._fuser.add_odometry(odometry):
+                self._odometry, self._taken_s = odometry, time.monotonic()
 
     def _on_pose(self, msg: PoseWithCovarianceStamped) -> None:
         stamp_ns = msg.header.stamp.to_nsec()
@@ -62,6 +65,11 @@ class Localization:
         """T_odom_base, None while unknown, and how often the wheels began to count until then."""
         with self._lock:
             return self._odometry.T_odom_base if self._odometry is not None else None, self._fuser.countings
+
+    @property
+    def wheels_silent_s(self) -> float:
+        """For how long no odometry came that could be used [s], on the monotonic clock; infinite before the first."""
+        return time.monotonic() - self._taken_s
 
     def age_s(self, now_ns: int) -> float:
         """Age of the image behind the newest camera pose [s]; infinite before the first."""

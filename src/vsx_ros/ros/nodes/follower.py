@@ -8,8 +8,8 @@ Publishers: cmd_vel_mux/input/navi, follower/status (latched String, JSON: traje
 Services: follower/cancel.
 Parameters: ~config (tree of config.py).
 
-The wheels turn only while vslam and move_base renew their leases. After a stop the node sends zero for a moment and
-then nothing, so that other inputs of the mux are not disturbed.
+The wheels turn only while vslam and move_base renew their leases and odometry comes. After a stop the node sends zero
+for a moment and then nothing, so that other inputs of the mux are not disturbed.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ _PERIOD_S = 1.0 / 30.0
 _ZERO_FOR_S = 0.3
 _PATIENCE_S = 2.0
 _STATUS_PERIOD_S = 0.2
+_WHEELS_SILENT_S = 0.5
 
 
 class FollowerNode:
@@ -51,7 +52,7 @@ class FollowerNode:
         self._caution = Caution(config.follower)
         self._status, self._reported_s = "", 0.0
         self._hazards, self._was_stuck = Hazard.NONE, False
-        self._zero_until_s = self._heard_vslam_s = 0.0
+        self._zero_until_s = self._heard_s = 0.0
         self._where = Localization()
         self._leases = LeaseWatch(topics.FOLLOWER_LEASE)
         self._diagnostics = process.Diagnostics()
@@ -76,7 +77,7 @@ class FollowerNode:
                 return
             self._stop = None
             self._id, self._frame, self._following = msg.header.stamp.to_nsec(), frames.bare(msg.header.frame_id), True
-            self._heard_vslam_s = time.monotonic()
+            self._heard_s = time.monotonic()
             self._was_stuck = self._where.stuck is not None  # what it pushes against already may be backed away from
             self._leases.grant("move_base")
             self._tracker.start(trajectory, process.now_ns())
@@ -102,16 +103,15 @@ class FollowerNode:
                 self._send(STOP)
 
     def _follow(self) -> None:
-        """One command. Silence of vslam stops at once and is waited for, silence of move_base is the end."""
-        now_s = time.monotonic()
-        camera_alive = self._leases.is_fresh("vslam")
-        if camera_alive:
-            self._heard_vslam_s = now_s
+        """One command. Silence of camera or wheels stops at once and is waited for, silence of move_base is the end."""
+        now_s, silence = time.monotonic(), self._silence()
+        if not silence:
+            self._heard_s = now_s
         if not self._leases.is_fresh("move_base"):
             self._end("move_base is silent")
             return
-        if now_s - self._heard_vslam_s > _PATIENCE_S:
-            self._end("vslam is silent")
+        if now_s - self._heard_s > _PATIENCE_S:
+            self._end(silence)
             return
         stuck = self._where.stuck
         was_stuck, self._was_stuck = self._was_stuck, stuck is not None
@@ -121,13 +121,14 @@ class FollowerNode:
         now_ns = process.now_ns()
         blind = self._frame == topics.ODOM_FRAME
         age_s = 0.0 if blind else self._where.age_s(now_ns)
-        tracking_ok = camera_alive and (blind or self._where.is_tracking)
+        tracking_ok = not silence and (blind or self._where.is_tracking)
         factor = 1.0 if blind else self._caution.speed_factor(now_ns, self._where.slam_state)
         if self._stop is not None:
             factor = 0.0
         result = self._tracker.command(now_ns, self._where.pose(self._frame), age_s, tracking_ok, factor)
-        if not camera_alive:
-            result = result._replace(command=STOP, reason="no word from vslam, which may have no images")
+        if silence:
+            self._tracker.halted()
+            result = result._replace(command=STOP, reason=silence)
         self._send(result.command)
         self._report(result)
         if self._stop is not None and self._tracker.stands:
@@ -135,6 +136,14 @@ class FollowerNode:
             return
         if result.status in (FollowStatus.ARRIVED, FollowStatus.DIVERGED):
             self._rest()
+
+    def _silence(self) -> str:
+        """What must come and does not: without it the pose would stand still while the base drives on."""
+        if not self._leases.is_fresh("vslam"):
+            return "no word from vslam, which may have no images"
+        if self._where.wheels_silent_s > _WHEELS_SILENT_S:
+            return "no odometry that can be used"
+        return ""
 
     def _end(self, reason: str) -> None:
         """Stop here, for a reason that is not the tracker's."""
