@@ -205,7 +205,7 @@ class MobileBaseNode:
         )  # fmt: skip
 
     def close(self) -> None:
-        """Stop the wheels and leave the base safe; where that failed the guardian does it, once this process is gone."""
+        """Stop the wheels and leave the base safe; where that failed, the guardian does it after this process."""
         if self._driver.close():
             self._guardian.release()
 
