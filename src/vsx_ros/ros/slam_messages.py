@@ -69,6 +69,11 @@ class SlamStatus:
         self._diagnostics.set("input", process.ERROR, reason)
         rospy.logerr_throttle(10.0, "%s", reason)
 
+    def refused(self, reason: str) -> None:
+        """An image came that cannot be used."""
+        self._diagnostics.set("input", process.ERROR, reason)
+        rospy.logerr_throttle(10.0, "%s", reason)
+
     def frame(self, result: TrackingResult, period_s: float, dropped: int) -> None:
         """One frame was tracked, ``period_s`` after the one before; ``dropped`` counts those never looked at."""
         self._fps += _FPS_MEMORY * (1.0 / max(period_s, 1e-3) - self._fps)

@@ -33,11 +33,11 @@ from vsx_hw.readings import Hazard
 from vsx_ros.config import Config
 from vsx_ros.control.stuck import StuckWatch
 from vsx_ros.dense.densify import UPDATE_EVERY_S
-from vsx_ros.errors import MapFileError
+from vsx_ros.errors import InputError, MapFileError
 from vsx_ros.geometry.camera import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
-from vsx_ros.robot import Odometry
+from vsx_ros.robot import Frame, Odometry
 from vsx_ros.ros import convert, images, process, topics
 from vsx_ros.ros.dense_mapping import DenseMapping
 from vsx_ros.ros.ground_mapping import GroundMapping, touch_pose
@@ -169,8 +169,12 @@ class VslamNode:
             if self._metric and odometry is None and not tracked_any:
                 self._status.waiting_for(topics.ODOM)  # a map begun without the wheels would have no scale for good
                 continue
+            result = self._tracked(slam, frame, odometry)
+            if result is None:
+                if now_s - heard_s > TIMEOUT_S:
+                    self._status.without_images("no image comes that fits")
+                continue
             tracked_any = True
-            result = slam.track(frame, odometry)
             if pictures.is_new(frame.image, odometry):  # who drives by an old picture drives blind
                 self._lease.renew()
             self._publish_pose(result, odometry)
@@ -179,6 +183,14 @@ class VslamNode:
             if self._preview.is_due:
                 self._preview.show(frame, slam.sight())
             heard_s = now_s
+
+    def _tracked(self, slam: ThreadedSlam, frame: Frame, odometry: Odometry | None) -> TrackingResult | None:
+        """The pose of a frame; None for one that does not fit, which is as if it had never come."""
+        try:
+            return slam.track(frame, odometry)
+        except InputError as error:
+            self._status.refused(str(error))
+            return None
 
     def _remember(self, slam: ThreadedSlam, result: TrackingResult, odometry: Odometry | None, track_s: float) -> None:
         events = slam.drain_events()
