@@ -70,7 +70,8 @@ class GroundMapping:
             self._news.append(partial(self._ground.pushed, T_map_base, now_ns))
 
     def state(self) -> dict[str, FloatArray]:
-        """What was driven and bumped until the last map, for another session; from the thread of ``refresh``."""
+        """What was driven and bumped until now, for another session; from the thread of ``refresh``, or after it."""
+        self._take_over()
         return self._ground.state()
 
     def restore(self, state: Mapping[str, FloatArray]) -> None:
@@ -95,7 +96,7 @@ class GroundMapping:
         self._keyframes_pub.publish(convert.pose_array(topics.MAP_FRAME, stamp_ns, snapshot.T_world_cams))
 
     def _take_over(self) -> None:
-        """What was driven and bumped since the last map."""
+        """What was driven and bumped since the last time."""
         with self._lock:
             news, self._news, self._ground.start = self._news, [], self._start
         for happened in news:
