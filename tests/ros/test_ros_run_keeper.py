@@ -134,3 +134,19 @@ def test_a_run_that_went_on_in_a_loaded_map_is_gone_on_with_although_that_map_is
         assert node.poll() is None, nodes.logs()
     finally:
         nodes.end()
+
+
+def test_a_run_whose_results_cannot_be_written_can_be_gone_on_with(driven, tmp_path: Path, monkeypatch) -> None:
+    robot, slam, frames = driven
+    keeper = RunKeeper(tmp_path, robot.T_base_cam_given)
+    for result, odometry in frames:
+        keeper.frame(result, odometry, 0.01, 5.0, [])
+
+    def refuse(*_) -> None:
+        raise OSError(28, "full", "trajectory.txt")
+
+    monkeypatch.setattr(keeper.record, "write", refuse)
+    with pytest.raises(OSError, match="full"):
+        keeper.finish(slam, None, None)
+    keeper.write(GROUND)
+    assert RunKeeper(tmp_path, robot.T_base_cam_given).before.stamp_ns == frames[-1][0].stamp_ns

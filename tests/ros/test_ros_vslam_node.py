@@ -1,7 +1,10 @@
-"""The node vslam beside its SLAM: what it does with images that do not fit."""
+"""The node vslam beside its SLAM: what it does with images that do not fit, and what it leaves behind."""
 
 from __future__ import annotations
 
+import errno
+import threading
+import time
 from types import SimpleNamespace
 from typing import Any
 
@@ -63,3 +66,30 @@ def test_an_image_of_another_size_is_as_if_it_had_never_come(monkeypatch: pytest
     assert len(lease.said) == 3, "nobody drives by an image that could not be used"
     assert [name for name, _ in status.said] == ["frame", "frame", "refused", "frame"]
     assert "320x240" in status.said[2][1]
+
+
+@pytest.mark.parametrize(
+    "trouble", [OSError(errno.ENOSPC, "full", "summary.json"), InputError("no"), ZeroDivisionError()]
+)
+def test_results_that_cannot_be_written_cost_neither_the_checkpoint_nor_the_map(
+    trouble: Exception, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    saved: list[str] = []
+    driven: dict[str, int] = {"bumps": 0}
+    monkeypatch.setattr(vslam, "save_slam_map", lambda _, path: saved.append(str(path)))
+    monkeypatch.setattr(process.rospy, "logerr", lambda form, *values: saved.append("told"))
+    mapping = threading.Thread(target=lambda: (time.sleep(0.1), driven.update(bumps=1)))
+    mapping.start()
+
+    def finish(*_: Any) -> None:
+        raise trouble
+
+    node = bare_node(
+        _lease=Notes(), _tracking=threading.current_thread(), _mapping=mapping, _dense=Notes(), _metric=True,
+        _ground=SimpleNamespace(grid=None, state=lambda: dict(driven)), _driven={}, _save_map="end.vsxmap",
+        _slam=SimpleNamespace(close=lambda: None, slam_map=lambda: "a map", snapshot=lambda: None),
+        _keeper=SimpleNamespace(finish=finish, write=lambda ground: saved.append(f"bumps {ground['bumps']}")),
+    )  # fmt: skip
+    node.close()
+    assert [entry for entry in saved if entry != "told"] == ["bumps 1", "end.vsxmap"]
+    assert ("told" in saved) != ("_write_results failed" in caplog.text), "one sentence, but for a mistake in here"

@@ -24,7 +24,7 @@ from sensor_msgs.msg import Image
 
 from vsx_hw.errors import DeviceError
 from vsx_ros.config import Config, from_dict
-from vsx_ros.errors import ConfigError, InputError, VsxError
+from vsx_ros.errors import ConfigError, InputError, VsxError, disk_trouble
 from vsx_ros.ros import frames, topics
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
@@ -232,6 +232,27 @@ def every(period_s: float, name: str, step: Callable[[], None]) -> threading.Thr
             rate.sleep()
 
     return worker(name, loop)
+
+
+def ended(thread: threading.Thread, within_s: float) -> bool:
+    """Wait for one of the node's threads; the one that ends the node because it failed counts as ended."""
+    if thread is threading.current_thread():
+        return True
+    thread.join(within_s)
+    return not thread.is_alive()
+
+
+def tried(last: Callable[[], None]) -> None:
+    """Do one of the last things of a node; what goes wrong is told, and the next is done all the same."""
+    try:
+        last()
+    except VsxError as error:
+        rospy.logerr("%s", error)
+    except Exception as error:
+        if isinstance(error, OSError) and disk_trouble(error):
+            rospy.logerr("%s", disk_trouble(error))
+        else:
+            logger.exception("%s failed", last.__qualname__)
 
 
 @contextmanager

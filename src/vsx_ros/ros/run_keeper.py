@@ -96,12 +96,12 @@ class RunKeeper:
             self._due_ns = max(self._due_ns, stamp_ns + rest_ns)
 
     def finish(self, slam: ThreadedSlam, surface: Points3 | None, grid: OccupancyGrid | None) -> None:
-        """Write the results of the run, with what there is of spots of surface (N, 3) [m] and ground map; and note its
-        last map."""
+        """Note the last map, and write the results of the run, with what there is of spots of surface (N, 3) [m] and
+        ground map."""
+        if self.record.results:
+            self.note(slam, self.record.results[-1].stamp_ns, now=True)
         self._folder.path.mkdir(parents=True, exist_ok=True)
         self.record.write(self._folder, slam.snapshot(), surface)
         if grid is not None:
             self._folder.write_map(grid)
         self._folder.write_summary(self.record.summary(slam.statistics()).as_dict())
-        if self.record.results:
-            self.note(slam, self.record.results[-1].stamp_ns, now=True)

@@ -17,7 +17,6 @@ Parameters: ~config (tree of config.py), ~seed (int, 0), ~run_dir (folder for th
 from __future__ import annotations
 
 import tempfile
-import threading
 import time
 from pathlib import Path
 
@@ -106,7 +105,7 @@ class VslamNode:
         process.subscribe(topics.ODOM, OdometryMsg, self._on_odometry, queue_size=50, tcp_nodelay=True)
         process.subscribe(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5)
         process.image_subscriber(self._on_image)
-        process.every(_MAP_PERIOD_S, "ground map", self._map)
+        self._mapping = process.every(_MAP_PERIOD_S, "ground map", self._map)
         process.every(UPDATE_EVERY_S, "dense map", self._densify)
         process.every(_MAP_PERIOD_S, "checkpoint", self._keep)
         rospy.Service(topics.SAVE_MAP, Trigger, self._on_save_map)
@@ -251,20 +250,30 @@ class VslamNode:
             self._dense.refresh(self._slam.snapshot())
 
     def close(self) -> None:
-        """Nobody drives by this camera any longer; write the run's results after the last frame."""
+        """Nobody drives by this camera any longer; write the run's results after the last frame. One that cannot be
+        written keeps no other from it."""
         self._lease.release()
-        if self._tracking is not threading.current_thread():  # which ends the node where it fails
-            self._tracking.join(timeout=1.0)
+        process.ended(self._tracking, 1.0)
         self._dense.close()
         if self._slam is not None:
             self._slam.close()
-            if self._keeper is not None:
-                grid = self._ground.grid if self._metric else None
-                self._keeper.finish(self._slam, self._dense.points(self._slam.snapshot()), grid)
-                self._keeper.write(self._ground.state())
-            slam_map = self._slam.slam_map()
-            if self._save_map and slam_map is not None:
-                save_slam_map(slam_map, Path(self._save_map))
+            for last in (self._note_driven, self._write_results, self._keep, self._write_map):
+                process.tried(last)
+
+    def _note_driven(self) -> None:
+        """What was driven and bumped after the last map, too."""
+        if process.ended(self._mapping, 2.0):
+            self._driven = self._ground.state()
+
+    def _write_results(self) -> None:
+        if self._keeper is not None and self._slam is not None:
+            grid = self._ground.grid if self._metric else None
+            self._keeper.finish(self._slam, self._dense.points(self._slam.snapshot()), grid)
+
+    def _write_map(self) -> None:
+        slam_map = self._slam.slam_map() if self._slam is not None else None
+        if self._save_map and slam_map is not None:
+            save_slam_map(slam_map, Path(self._save_map))
 
 
 def main() -> None:
