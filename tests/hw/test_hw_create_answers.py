@@ -60,6 +60,20 @@ def test_until_the_next_measurement_the_odometry_is_not_trusted():
     assert reading.odometry.trusted
 
 
+def test_a_reconnection_loses_motion_and_says_so():
+    dialect = Create1Dialect()
+    list(dialect.hello())
+    assert {reading.odometry.gaps for reading in converse(dialect, 75)} == {0}
+    list(dialect.hello())
+    first = converse(dialect, 25, 2000 * MS, distance_mm=40)
+    assert first[-1].odometry.gaps == 1
+    assert not first[-1].odometry.trusted
+    after = converse(dialect, 25, 2500 * MS, distance_mm=7)[-1].odometry
+    assert after.trusted
+    assert after.wheels_m == pytest.approx((0.007, 0.007)), "what was driven before is not known"
+    assert after.gaps == 1
+
+
 def test_late_bytes_are_not_taken_for_the_next_answer():
     dialect = Create1Dialect()
     converse(dialect, 25)

@@ -79,7 +79,10 @@ class Create1Dialect(CreateDialect):
         self._measured_once = False
 
     def hello(self) -> Iterable[tuple[bytes, float]]:
-        """See Dialect. What the robot printed at start-up is not an answer."""
+        """See Dialect. What the robot printed at start-up is not an answer; what it drove since the last reading is
+        lost with the first of this connection."""
+        if self._measured_once:
+            self._odometry.lose()
         self._asked, self._measured_once = [], False
         yield from self.greeting()
 
