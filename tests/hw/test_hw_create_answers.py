@@ -8,16 +8,18 @@ import pytest
 from vsx_hw.create.dialect import BATTERY_PACKETS, SAFETY_PACKETS
 from vsx_hw.create.driver import Create1Dialect, Create2Dialect
 from vsx_hw.create.gyro import BoardGyro, counts_of
-from vsx_hw.create.protocol import Opcode, encode_packets
+from vsx_hw.create.protocol import Mode, Opcode, encode_packets
 
 MS = 1_000_000
 
 
-def answer(question: bytes, distance_mm: int = 0, angle_deg: int = 0, bump: int = 0, gyro: int = 512) -> bytes:
+def answer(
+    question: bytes, distance_mm: int = 0, angle_deg: int = 0, bump: int = 0, gyro: int = 512, mode: Mode = Mode.SAFE
+) -> bytes:
     """What the robot says to the query at the end of these bytes."""
     count = question[question.index(Opcode.QUERY_LIST) + 1]
     values = dict.fromkeys([*SAFETY_PACKETS, *BATTERY_PACKETS], 0)
-    values |= {7: bump, 22: 16000, 25: 2000, 26: 2700, 35: 2, 33: gyro, 19: distance_mm, 20: angle_deg}
+    values |= {7: bump, 22: 16000, 25: 2000, 26: 2700, 35: mode, 33: gyro, 19: distance_mm, 20: angle_deg}
     return encode_packets({p: values[p] for p in question[-count:]})
 
 
@@ -72,6 +74,18 @@ def test_a_reconnection_loses_motion_and_says_so():
     assert after.trusted
     assert after.wheels_m == pytest.approx((0.007, 0.007)), "what was driven before is not known"
     assert after.gaps == 1
+
+
+def test_a_robot_in_passive_is_not_thought_to_move():
+    """It fell there at a cliff, and is still told to drive on."""
+    shown = {}
+    for mode in (Mode.SAFE, Mode.PASSIVE):
+        dialect = Create1Dialect()
+        converse(dialect, 3, mode=mode)
+        for k in range(3, 20):
+            (reading,) = dialect.receive(answer(dialect.drive(0.2, 0.0), mode=mode), k * 20 * MS)
+        shown[mode] = reading.odometry.x_m, reading.odometry.v_m_s
+    assert shown == {Mode.SAFE: (pytest.approx(0.068), 0.2), Mode.PASSIVE: (0.0, 0.0)}
 
 
 def test_late_bytes_are_not_taken_for_the_next_answer():

@@ -45,10 +45,15 @@ class CreateDialect:
         self._cycles_out_of_safe = 0
         self.driving = False
 
+    @property
+    def obeys(self) -> bool:
+        """Whether a command to drive is sent: in Passive the robot would not hear it."""
+        return self._mode in (Mode.SAFE, Mode.FULL, Mode.UNKNOWN)
+
     def wheel_command(self, v_m_s: float, omega_rad_s: float) -> bytes:
         """Drive, or go back to Safe first."""
         self.driving = v_m_s != 0.0 or omega_rad_s != 0.0
-        if self._mode in (Mode.SAFE, Mode.FULL, Mode.UNKNOWN):
+        if self.obeys:
             self._cycles_out_of_safe = 0
             half = 500.0 * self._model.wheel_base_m * omega_rad_s
             return encode_drive_direct(1000.0 * v_m_s - half, 1000.0 * v_m_s + half)

@@ -121,7 +121,7 @@ class Create1Dialect(CreateDialect):
     def drive(self, v_m_s: float, omega_rad_s: float) -> bytes:
         """The command, the camera's supply (digital output 0 of a TurtleBot 1, cleared whenever Safe is left), and the
         next question; none after an answer that did not come, so that its late bytes are not taken for the next."""
-        self._odometry.command(v_m_s, omega_rad_s)
+        self._odometry.command(*((v_m_s, omega_rad_s) if self.obeys else (0.0, 0.0)))
         command = self.wheel_command(v_m_s, omega_rad_s) + bytes((Opcode.DIGITAL_OUTPUTS, 1))
         if self._asked:
             self._give_up()
