@@ -54,3 +54,23 @@ def test_a_master_that_refuses_is_gone_and_one_that_answers_is_back(monkeypatch:
     finally:
         ended.set()
         master.end()
+
+
+def test_an_answer_that_means_nothing_is_none_and_is_not_the_last(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Somebody else at the master's port for a while: the watch goes on."""
+    port = free_port()
+    monkeypatch.setenv("ROS_MASTER_URI", f"http://{HOST}:{port}/")
+    monkeypatch.setattr("rospy.get_name", lambda: "/base")
+    ended = threading.Event()
+    monkeypatch.setattr("rospy.is_shutdown", ended.is_set)
+    master = Master(port)
+    try:
+        watch = MasterWatch()
+        with monkeypatch.context() as babel:
+            babel.setattr(master._server, "_marshaled_dispatch", lambda *_: b"<methodResponse><nonsense")
+            assert wait(lambda: not watch.answers), "nonsense, and it is said to be there"
+            time.sleep(0.3)
+        assert wait(lambda: watch.answers), "it answers, and it is said to be gone"
+    finally:
+        ended.set()
+        master.end()
