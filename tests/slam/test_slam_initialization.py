@@ -10,7 +10,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.initialization import Initializer
 from vsx_ros.slam.keyframe import FrameData
-from vsx_ros.slam.two_views import Initialization, TwoViewMap, TwoViews
+from vsx_ros.slam.two_views import Initialization, Pair, TwoViewMap, TwoViews
 from vsx_ros.vision.corners import CornerDetector
 from vsx_ros.vision.patch_search import kernel_camera
 from vsx_ros.vision.pyramid import build_pyramid
@@ -130,6 +130,28 @@ def test_a_bend_as_the_planner_drives_it_starts_with_the_true_motion():
     T, true = got.poses[0].inverse() @ got.poses[1], cameras[got.second.stamp_ns]
     assert np.linalg.norm(T.translation - true.translation) < 0.01
     assert np.degrees(T.rotation_angle_to(true)) < 0.3
+
+
+def test_a_hiccup_of_the_wheels_starts_no_map_without_scale():
+    ways = np.arange(0.0, 0.6, 0.05)
+    wheels = [SE2(float(z), 0.0, 0.0) for z in ways]
+    hiccups = [None if k in (0, 3) else base for k, base in enumerate(wheels)]
+    got = outcome(Initializer(MOUNT, CONFIG), WALL, [moved(z=z) for z in ways], hiccups)
+    assert isinstance(got, Initialization)
+    driven = np.linalg.norm(got.poses[1].translation - got.poses[0].translation)
+    assert driven == pytest.approx(ways[got.second.stamp_ns] - ways[1], abs=1e-9)
+
+
+def test_wheels_that_fall_silent_for_good_are_done_without():
+    initializer = Initializer(MOUNT, CONFIG)
+    said = [
+        initializer.add(frame(k * 300_000_000, picture(moved(x=0.05 * k), SCENE), SE2() if k == 0 else None))
+        for k in range(8)
+    ]
+    assert ["waiting for them" in str(word) for word in said[1:4]] == [True] * 3
+    assert "starting again without them" in said[4]
+    assert isinstance(said[-1], Pair)
+    assert said[-1].wheels is None
 
 
 def test_standing_and_turning_and_darkness_are_refused_by_name():

@@ -136,6 +136,17 @@ def test_a_true_loop_is_closed_and_the_error_falls_everywhere():
     assert np.allclose(after, relative, atol=1e-9), "points go with the keyframe they were made in"
 
 
+def test_a_keyframe_that_was_culled_confirms_no_loop(arc_drive):
+    world, true = ring()
+    last = len(true) - 1
+    finder = LoopFinder(arc_drive.camera, CONFIG.tracker, np.random.default_rng(0))
+    home = true[last] @ world.keyframes[last].T_world_cam.inverse()
+    one, two = (Reunion(0, k, home @ world.keyframes[k].T_world_cam, 1.0, 100) for k in (last - 1, last))
+    assert finder._agree(world, one, two)
+    world.cull_keyframe(last - 1)
+    assert not finder._agree(world, one, two)
+
+
 def test_a_culled_keyframe_is_bent_with_what_carries_it():
     world, true = ring()
     last = len(true) - 1

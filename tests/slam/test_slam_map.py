@@ -214,7 +214,7 @@ def test_a_second_session_is_lost_until_recognised_and_goes_on_in_the_same_world
     old = len(made_before.view.keyframes)
     assert len(frames) > old
     assert {k.chain for k in frames[:old]} == {0}
-    assert {k.chain for k in frames[old:]} == {1}
+    assert len({k.chain for k in frames[old:]} - {0}) == 1
     assert slam._mapper.map.predecessor(old) is None
 
 

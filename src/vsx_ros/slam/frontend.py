@@ -54,7 +54,7 @@ class FrontEnd:
         self._trust = WheelTrust(T_base_cam)
         self._local = LocalMap()
         self._view = self._here = empty_view()
-        self._reference = self._map_id = self._chain = 0
+        self._reference = self._map_id = self._chain = self._chains = 0
         self._corrected = False
         self._since_keyframe = 0
         self._coarse_next = True
@@ -98,7 +98,8 @@ class FrontEnd:
 
     def resume(self, view: MapView) -> None:
         """Begin in a map made before, lost: the camera is looked for everywhere in it."""
-        self._chain = 1 + max(keyframe.chain for keyframe in view.keyframes)
+        self._chains = max(keyframe.chain for keyframe in view.keyframes)
+        self._chain = self._new_chain()
         self._enter(view, 0)
 
     def use(self, view: MapView) -> None:
@@ -250,6 +251,7 @@ class FrontEnd:
         if recovery.is_lost and not was_lost:
             self._event(data.stamp_ns, "lost", track.reason)
         pair = None if data.blurred else self._starting.once(recovery.second_map(data, by_wheels is not None))
+        pair = pair._replace(chain=self._new_chain()) if pair is not None else None
         request = None
         if by_wheels is not None:
             self._motion.update(data, by_wheels, measured=False)
@@ -271,15 +273,21 @@ class FrontEnd:
         return FrameOutcome(result, pair, request)
 
     def _found_again(self, data: FrameData, found: Found, by_wheels: SE3 | None) -> FrameOutcome:
-        """The camera is somewhere in the maps; where the wheels cannot have brought it, they count anew."""
+        """The camera is somewhere in the maps; where the wheels do not vouch for the way there, they count anew."""
         expected = self._recovery.expectation(by_wheels, self._map_id)
         firm = expected is not None and expected.is_firm
-        if by_wheels is not None and not firm:
-            self._chain = 1 + max(self._chain, *(keyframe.chain for keyframe in self._view.keyframes))
+        far = self._recovery.is_lost or found.map_id != self._map_id
+        if not firm and (far or by_wheels is not None):
+            self._chain = self._new_chain()
         self._enter(self._view, found.map_id)
+        self._local.select(self._here, found.reference)
         outcome = self._tracked(data, found.track, found.reference)
         self._coarse_next = True
         return outcome
+
+    def _new_chain(self) -> int:
+        self._chains += 1
+        return self._chains
 
     def _unplaced(self, data: FrameData) -> Track:
         """Where the camera is in the map made before is not known yet; the wheels count from elsewhere."""

@@ -11,6 +11,7 @@ import numpy as np
 from vsx_ros.arrays import BoolArray, GrayImage, IntArray, Pixels
 from vsx_ros.config import InitializationConfig
 from vsx_ros.geometry.se3 import SE3
+from vsx_ros.robot import SILENCE_NS
 from vsx_ros.slam.keyframe import FrameData, KeyFrame, Observations
 from vsx_ros.slam.point_creation import candidates_in
 from vsx_ros.slam.two_views import Pair
@@ -33,6 +34,9 @@ class Initializer:
         if self._reference is None:
             return self._restart(data, "the first frame was taken; drive straight ahead")
         self._follow(data)
+        silence = self._silence(data)
+        if silence:
+            return silence
         wanted = max(self._config.min_matches, len(self._candidates.uv) // 4)
         if len(self._index) < wanted:
             return self._restart(data, f"sees too little: {len(self._index)} corners followed, {wanted} needed")
@@ -40,9 +44,24 @@ class Initializer:
         refusal = self._too_early() if motion is None else self._wheels_refuse(data)
         return refusal if refusal else self._pair(data, motion)
 
+    def _silence(self, data: FrameData) -> str:
+        """Of two frames of which the wheels know one alone no map is made: it would have no scale."""
+        assert self._reference is not None
+        had, has = self._reference.T_odom_base is not None, data.T_odom_base is not None
+        if has:
+            self._heard_ns = data.stamp_ns
+        if self._T_base_cam is None or had == has:
+            return ""
+        if has:
+            return self._restart(data, "the wheels are heard again: starting again from here")
+        if data.stamp_ns - self._heard_ns > SILENCE_NS:
+            return self._restart(data, "the wheels are silent: starting again without them, and without scale")
+        return "the wheels are silent: waiting for them"
+
     def _restart(self, data: FrameData, reason: str) -> str:
         keyframe = KeyFrame(0, data, SE3.identity(), Observations.none(), 0.0)
         self._reference = self._last = data
+        self._heard_ns = data.stamp_ns
         self._candidates = candidates_in(keyframe, TRAILS)
         self._index: IntArray = np.arange(len(self._candidates.uv))
         self._positions: Pixels = self._candidates.uv.copy()

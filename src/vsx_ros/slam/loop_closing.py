@@ -70,7 +70,7 @@ class LoopFinder:
                 continue
             before, self._unconfirmed = self._unconfirmed, reunion
             found = [reunion] if is_certain(seen) else []
-            if before is not None and world.keyframes[before.older].alive and self._agree(world, before, reunion):
+            if before is not None and self._agree(world, before, reunion):
                 found = [before, reunion]
             self._last_at_home = index if found else self._last_at_home
             return found
@@ -149,7 +149,9 @@ class LoopFinder:
         return Reunion(seen.keyframe, index, T_older_newer, factor, len(track.rows))
 
     def _agree(self, world: Map, a: Reunion, b: Reunion) -> bool:
-        """Whether two keyframes tell of the same displacement."""
+        """Whether two keyframes tell of the same displacement; one that was culled since tells of none."""
+        if not (world.keyframes[a.older].alive and world.keyframes[a.newer].alive):
+            return False
         first, second = world.keyframes[a.newer], world.keyframes[b.newer]
         older = [world.keyframes[r.older].map_id for r in (a, b)]
         if b.newer - a.newer > AGREE_KEYFRAMES or first.map_id != second.map_id or older[0] != older[1]:

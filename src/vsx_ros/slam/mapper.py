@@ -78,10 +78,8 @@ class Mapper:
         if isinstance(start, str):
             return start
         world = self.map
-        map_id = 0
-        if world.keyframes:
-            map_id = 1 + max(keyframe.map_id for keyframe in world.keyframes)
-            world.chain = 1 + max(keyframe.chain for keyframe in world.keyframes)
+        map_id = 1 + max((keyframe.map_id for keyframe in world.keyframes), default=-1)
+        world.chain = pair.chain
         first = world.add_keyframe(_with_dense_corners(start.first), start.poses[0], Observations.none(), map_id)
         second = world.add_keyframe(_with_dense_corners(start.second), start.poses[1], Observations.none(), map_id)
         self._enter(first, second, start.candidates, start.matches)

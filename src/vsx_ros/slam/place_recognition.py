@@ -14,7 +14,7 @@ from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.projection import unproject_pixels
-from vsx_ros.slam.keyframe import FrameData, KeyFrame
+from vsx_ros.slam.keyframe import FrameData, KeyFrame, Observations
 from vsx_ros.slam.map import MapView
 from vsx_ros.slam.tracker import LocalMap, Track, Tracker
 from vsx_ros.vision.descriptors import Features, describe, match
@@ -53,7 +53,7 @@ def is_certain(seen: Recognition) -> bool:
 
 
 class _Looks(NamedTuple):
-    n_observations: int
+    of: Observations
     rows: IntArray
     features: Features
 
@@ -127,9 +127,9 @@ class PlaceRecognizer:
     def _described(self, keyframe: KeyFrame) -> _Looks:
         observed = keyframe.observations
         known = self._looks.pop(keyframe.id, None)
-        if known is None or known.n_observations != len(observed.rows):
+        if known is None or known.of is not observed:
             index, features = describe(keyframe.data.pyramid, observed.uv, observed.level)
-            known = _Looks(len(observed.rows), observed.rows[index], features)
+            known = _Looks(observed, observed.rows[index], features)
         self._looks[keyframe.id] = known
         if len(self._looks) > REMEMBERED:
             del self._looks[next(iter(self._looks))]
