@@ -6,6 +6,11 @@ from pathlib import Path
 
 import pytest
 
+pytest.importorskip("rospy")
+
+from vsx_ros.robot import SILENCE_NS
+from vsx_ros.ros import process
+
 ROOM = Path(__file__).resolve().parents[2] / "src" / "vsx_ros" / "ros"
 
 
@@ -47,3 +52,17 @@ def test_big_messages_have_big_buffers(message: str) -> None:
     ]
     assert found
     assert [place for place, call in found if "buff_size" not in options(call)] == []
+
+
+def test_a_process_that_slept_for_a_second_misses_no_wheels(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It would take the gap for a base that began to count anew."""
+    lengths: list[int] = []
+    monkeypatch.setattr(process.rospy, "Subscriber", lambda *_, queue_size, **__: lengths.append(queue_size))
+    process.odometry_subscriber(lambda _: None)
+    assert [50 * SILENCE_NS * 1e-9 < length <= 500 for length in lengths] == [True]
+    direct = [
+        place
+        for place, call in calls("process.subscribe")
+        if kind(call) == "OdometryMsg" or "topics.ODOM" in map(ast.unparse, call.args)
+    ]
+    assert direct == []

@@ -28,7 +28,7 @@ class Localization:
         self._taken_s = -math.inf
         self.slam_state = TrackingState.NOT_INITIALISED
         self.slam_reason = "waiting for vslam"
-        process.subscribe(topics.ODOM, OdometryMsg, self._on_odometry, queue_size=20, tcp_nodelay=True)
+        process.odometry_subscriber(self._on_odometry)
         process.subscribe(topics.POSE, PoseWithCovarianceStamped, self._on_pose, queue_size=5, tcp_nodelay=True)
         process.subscribe(topics.SLAM_STATE, DiagnosticStatus, self._on_state, queue_size=5, tcp_nodelay=True)
 

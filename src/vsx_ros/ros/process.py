@@ -20,6 +20,7 @@ import rospy
 import rospy.core
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from genpy import Message
+from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Image
 
 from vsx_hw.errors import DeviceError
@@ -31,6 +32,9 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 
 # Bigger than any image: with rospy's default of 64 kB a slow callback sees images of a second ago (ros_comm #536).
 IMAGE_BUFFER_BYTES = 2**24
+
+# Two seconds of the wheels: a second without them looks like a base that was restarted, though only this process slept.
+ODOMETRY_QUEUE = 100
 
 _NAME_AGAIN_S = 5.0
 _TELL_AGAIN_S = 30.0
@@ -197,6 +201,11 @@ def subscribe(
 def image_subscriber(callback: Callable[[Image], None]) -> rospy.Subscriber:
     """Subscribe to the camera so that the newest image, not a buffered one, arrives."""
     return subscribe(topics.IMAGE, Image, callback, queue_size=1, buff_size=IMAGE_BUFFER_BYTES, tcp_nodelay=True)
+
+
+def odometry_subscriber(callback: Callable[[Odometry], None]) -> rospy.Subscriber:
+    """Subscribe to the wheels so that every reading arrives, on a machine that was busy for a moment, too."""
+    return subscribe(topics.ODOM, Odometry, callback, queue_size=ODOMETRY_QUEUE, tcp_nodelay=True)
 
 
 def worker(name: str, loop: Callable[[], None]) -> threading.Thread:

@@ -102,7 +102,7 @@ class VslamNode:
             process.every(_TF_PERIOD_S, "tf", self._publish_tf)
         self._tf_static_pub = rospy.Publisher(topics.TF_STATIC, TFMessage, queue_size=1, latch=True)
         self._tf_static_pub.publish(convert.mount_transforms(mount, process.now_ns()))
-        process.subscribe(topics.ODOM, OdometryMsg, self._on_odometry, queue_size=50, tcp_nodelay=True)
+        process.odometry_subscriber(self._on_odometry)
         process.subscribe(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5)
         process.image_subscriber(self._on_image)
         self._mapping = process.every(_MAP_PERIOD_S, "ground map", self._map)
