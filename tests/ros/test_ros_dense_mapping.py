@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
+import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 pytest.importorskip("rospy")
 
+from vsx_ros.config import Config
+from vsx_ros.dense.densify import UPDATE_EVERY_S
 from vsx_ros.dense.planes import Plane, PlaneKind, in_plane_axes
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
-from vsx_ros.ros import topics
-from vsx_ros.ros.dense_mapping import plane_markers, scan_msg
+from vsx_ros.ros import dense_mapping, topics
+from vsx_ros.ros.dense_mapping import DenseMapping, plane_markers, scan_msg
 
 NORMAL = np.array([-1.0, 0.0, 0.0])
 
@@ -41,3 +45,24 @@ def test_the_scan_has_a_beam_for_each_bearing_from_the_base() -> None:
     assert beams == len(scan.ranges) == 720
     assert scan.ranges[540] == pytest.approx(1.025, abs=0.01)
     assert math.isinf(scan.ranges[180])
+
+
+@pytest.mark.parametrize(("keyframes", "calls_each"), [(10, 1), (800, 1), (1600, 2), (4000, 5)])
+def test_a_map_of_a_building_is_densified_less_often(
+    keyframes: int, calls_each: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now_s, jitter = [1000.0], np.random.default_rng(1)
+    monkeypatch.setattr(dense_mapping.rospy, "Publisher", lambda *_, **__: None)
+    monkeypatch.setattr(time, "monotonic", lambda: now_s[0] + jitter.uniform(-0.1, 0.1))
+    updates: list[int] = []
+
+    def update(_: object) -> tuple[object, None]:
+        updates.append(1)
+        return SimpleNamespace(is_due=lambda _: True), None
+
+    dense = DenseMapping(Config())
+    dense._process = SimpleNamespace(update=update)  # type: ignore[assignment]
+    for _ in range(60):
+        dense.refresh(SimpleNamespace(keyframe_ids=np.arange(keyframes)))  # type: ignore[arg-type]
+        now_s[0] += UPDATE_EVERY_S
+    assert len(updates) == 60 // calls_each

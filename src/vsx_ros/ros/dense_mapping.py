@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 
 import numpy as np
 import rospy
@@ -14,7 +15,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from vsx_ros.arrays import Points3
 from vsx_ros.config import Config
 from vsx_ros.dense.anchored import AnchoredSpots
-from vsx_ros.dense.densify import DenseMap
+from vsx_ros.dense.densify import UPDATE_EVERY_S, DenseMap, update_every_s
 from vsx_ros.dense.planes import Plane, PlaneKind
 from vsx_ros.errors import VsxError
 from vsx_ros.geometry.camera import PinholeCamera
@@ -38,13 +39,14 @@ _SCAN_BEARINGS = 720
 class DenseMapping:
     """Publishers: vslam/planes, vslam/dense_points, scan; each is made only while someone listens.
 
-    ``refresh`` from one thread, ``publish`` from any.
+    ``refresh`` from one thread, every UPDATE_EVERY_S, ``publish`` from any.
     """
 
     def __init__(self, config: Config) -> None:
         self._config = config
         self._process: DenseProcess | None = None
         self._map: DenseMap | None = None
+        self._due_s = 0.0
         self.spots: AnchoredSpots | None = None
         self._planes_pub = rospy.Publisher(topics.PLANES, MarkerArray, queue_size=1)
         self._points_pub = rospy.Publisher(topics.DENSE_POINTS, PointCloud2, queue_size=1)
@@ -56,11 +58,13 @@ class DenseMapping:
             self._process = DenseProcess(camera, T_base_cam, self._config.dense, seed)
 
     def refresh(self, snapshot: MapSnapshot) -> None:
-        """Densify when there is a new keyframe, or work left from the last one."""
-        if self._process is None or not len(snapshot.keyframe_ids):
+        """Densify when there is a new keyframe, or work left from the last one; the larger the map, the less often."""
+        if self._process is None or not len(snapshot.keyframe_ids) or time.monotonic() < self._due_s:
             return
         if self._map is not None and not self._map.is_due(snapshot):
             return
+        # To the nearest of the calls, which come every UPDATE_EVERY_S.
+        self._due_s = time.monotonic() + update_every_s(len(snapshot.keyframe_ids)) - 0.5 * UPDATE_EVERY_S
         try:
             self._map, self.spots = self._process.update(snapshot)
         except VsxError as error:
