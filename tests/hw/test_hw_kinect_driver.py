@@ -239,6 +239,28 @@ def test_exposure_and_white_balance_are_locked_when_the_picture_has_settled(tmp_
         assert until(lambda: camera.status().counters["exposure_locked"] == 1)
 
 
+def test_a_camera_that_refuses_the_lock_is_not_said_to_be_locked(tmp_path, monkeypatch):
+    monkeypatch.setattr(driver_module, "LOCK_AFTER_S", 0.1)
+    asked: list[bytes] = []
+
+    def refuse(message, tag):
+        asked.append(message)
+        raise ProtocolError("no such register")
+
+    monkeypatch.setattr(driver_module, "encode_cmos_write", refuse)
+    path = str(tmp_path / "kinect")
+    with (
+        KinectEmulator(path) as emulator,
+        KinectCamera(lambda: SocketTransport(path), path, lambda reading: None, lock_exposure=True) as camera,
+    ):
+        assert until(lambda: emulator.streaming)
+        assert until(lambda: (emulator.send_frame(image(len(asked)), time.time_ns()), asked)[1])
+        time.sleep(0.3)
+        assert camera.status().counters["exposure_locked"] == 0
+        assert camera.status().connected
+        assert len(asked) == 1, "it is asked once a stream"
+
+
 def test_sensor_registers_are_read_and_written():
     assert encode_cmos_read(0x0106, 9) == bytes.fromhex("474D0300950009000100060100 00")
     assert encode_cmos_write(Register(0x0106, 0x308C), 10) == bytes.fromhex("474D030095000A00010006818C30")

@@ -64,7 +64,7 @@ class KinectCamera:
         lock_exposure: bool = False,
     ) -> None:
         self._device, self._on_image, self._mode = device, on_image, mode
-        self._wants_lock, self._locked = lock_exposure, False
+        self._wants_lock, self._asked_to_lock, self._locked = lock_exposure, False, False
         self._tag = 0
         self._assembler = FrameAssembler(mode)
         self._clock = DeviceClock(CLOCK_HZ, CLOCK_BITS)
@@ -111,8 +111,8 @@ class KinectCamera:
                 raise DeviceError(transport.failure())
             if time.monotonic() - self._last_image_s > REVIVE_AFTER_S:
                 self._revive(transport)
-            elif self._wants_lock and not self._locked and self._has_settled():
-                self._locked = True
+            elif self._wants_lock and not self._asked_to_lock and self._has_settled():
+                self._asked_to_lock = True
                 self._lock_exposure(transport)
 
     def _revive(self, transport: KinectTransport) -> None:
@@ -127,7 +127,7 @@ class KinectCamera:
         self._assembler = FrameAssembler(self._mode)
         self._clock = DeviceClock(CLOCK_HZ, CLOCK_BITS)
         self._last_image_s = time.monotonic()
-        self._streaming_since_s, self._locked = 0.0, False
+        self._streaming_since_s, self._asked_to_lock, self._locked = 0.0, False, False
         transport.start_iso(self._on_packets)
         self._write(transport, self._mode.start)
 
@@ -147,6 +147,7 @@ class KinectCamera:
             modes = self._ask(transport, encode_cmos_read(EXPOSURE_MODES, self._tag), CMOS_REGISTER)[2]
             fixed = Register(EXPOSURE_MODES, modes & ~(AUTOMATIC_EXPOSURE | AUTOMATIC_WHITE_BALANCE))
             self._ask(transport, encode_cmos_write(fixed, self._tag), CMOS_REGISTER)
+            self._locked = True
         except (DeviceError, IndexError) as error:
             logger.warning("%s: exposure stays automatic (%s)", self._device, error)
 
