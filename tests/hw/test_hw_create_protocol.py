@@ -9,13 +9,9 @@ from hypothesis import strategies as st
 
 from vsx_hw.create.protocol import (
     GROUPS,
-    SPIN_CLOCKWISE,
-    SPIN_COUNTERCLOCKWISE,
-    STRAIGHT,
     Mode,
     StreamParser,
     decode_packets,
-    encode_drive,
     encode_drive_direct,
     encode_lamps,
     encode_packets,
@@ -104,10 +100,6 @@ def test_packets_without_framing():
 
 def test_command_bytes():
     assert encode_drive_direct(500, -200) == bytes((145, 255, 56, 1, 244))
-    assert encode_drive(-200, 500) == bytes((137, 255, 56, 1, 244))
-    assert encode_drive(200, STRAIGHT) == bytes((137, 0, 200, 128, 0))
-    assert encode_drive(200, SPIN_CLOCKWISE) == bytes((137, 0, 200, 255, 255))
-    assert encode_drive(200, SPIN_COUNTERCLOCKWISE) == bytes((137, 0, 200, 0, 1))
     assert encode_stream_request([29, 13], 57600) == bytes((148, 2, 29, 13))
 
 
@@ -116,8 +108,6 @@ def test_wheel_speeds_are_clipped_on_the_same_curve():
     assert encode_drive_direct(1000, 500) == encode_drive_direct(500, 250)
     with pytest.raises(ProtocolError, match="not finite"):
         encode_drive_direct(math.nan, 0)
-    with pytest.raises(ProtocolError, match="limits"):
-        encode_drive(501, 0)
 
 
 def test_a_stream_that_does_not_fit_is_refused():

@@ -182,17 +182,6 @@ def encode_drive_direct(left_mm_s: float, right_mm_s: float) -> bytes:
     return struct.pack(">Bhh", Opcode.DRIVE_DIRECT, round(right_mm_s / scale), round(left_mm_s / scale))
 
 
-STRAIGHT, SPIN_CLOCKWISE, SPIN_COUNTERCLOCKWISE = -0x8000, -1, 1
-"""Special radii of ``encode_drive``."""
-
-
-def encode_drive(speed_mm_s: int, radius_mm: int) -> bytes:
-    """Speed and radius, positive to the left. Raises ProtocolError beyond 500 mm/s or 2000 mm."""
-    if abs(speed_mm_s) > SPEED_LIMIT_MM_S or (abs(radius_mm) > 2000 and radius_mm != STRAIGHT):
-        raise ProtocolError(f"drive: {speed_mm_s} mm/s at radius {radius_mm} mm; the limits are 500 and 2000")
-    return struct.pack(">Bhh", Opcode.DRIVE, speed_mm_s, radius_mm)
-
-
 def encode_lamps(bits: int, color: int, intensity: int) -> bytes:
     """Lamps. bits: Create 1 2 play, 8 advance; Create 2 1 debris, 2 spot, 4 dock, 8 check. The power lamp's color runs
     from 0 green to 255 red. Raises ProtocolError for values that are no bytes."""
