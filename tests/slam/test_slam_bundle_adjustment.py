@@ -14,6 +14,7 @@ from vsx_ros.kernels.patches import PATCH
 from vsx_ros.slam import bundle_adjustment
 from vsx_ros.slam.bundle_adjustment import BundleAdjuster, adjoint, odometry_factor
 from vsx_ros.slam.keyframe import FrameData, Observations
+from vsx_ros.slam.loop_closing import is_metric
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.templates import NewTemplates
 
@@ -130,6 +131,20 @@ def test_no_wheels_between_chains():
     index = world.add_keyframe(FrameData.without_image(9, SE2(7.0, 0.0, 0.0)), SE3.identity(), Observations.none())
     assert adjuster().by_wheels(world, index) is None
     assert adjuster().by_wheels(world, index - 1) is not None
+
+
+def test_no_wheels_and_no_floor_in_a_map_that_began_without_them():
+    world, _ = driven_map(4)
+    world.chain = 1
+    bases = [None, SE2(7.0, 0.0, 0.0), SE2(7.1, 0.0, 0.0)]
+    frames = [FrameData.without_image(9 + k, base) for k, base in enumerate(bases)]
+    indices = [world.add_keyframe(data, SE3.identity(), Observations.none(), map_id=1) for data in frames]
+    assert (world.is_metric(0), world.is_metric(1)) == (True, False)
+    assert adjuster().by_wheels(world, indices[-1]) is None
+    assert adjuster()._floor(world, [0, 1, *indices]).frames.tolist() == [0, 1]
+    assert not is_metric(world, world.keyframes[indices[-1]])
+    world.join(1, into=0)
+    assert adjuster().by_wheels(world, indices[-1]) is not None
 
 
 def test_interrupted_work_is_kept_nothing_is_removed_and_it_goes_on(monkeypatch):

@@ -157,11 +157,14 @@ class BundleAdjuster:
         return Solution(moving, R, t, points, squared, float(sigma), progress.done or done >= iterations)
 
     def by_wheels(self, world: Map, index: int) -> OdometryFactor | None:
-        """The odometry factor between a keyframe and its predecessor, None without odometry."""
+        """The odometry factor between a keyframe and its predecessor, None without odometry or in a map of another
+        size."""
         previous = world.predecessor(index)
         before = None if previous is None else world.keyframes[previous].data.T_odom_base
         now = world.keyframes[index].data.T_odom_base
         if self._T_base_cam is None or before is None or now is None:
+            return None
+        if not world.is_metric(world.keyframes[index].map_id):
             return None
         if (before, now) not in self._made:
             self._made[before, now] = odometry_factor(before.inverse() @ now, self._T_base_cam, self._wheels)
@@ -187,13 +190,15 @@ class BundleAdjuster:
         )
 
     def _knows_floor(self, world: Map) -> bool:
-        return self._T_base_cam is not None and world.keyframes[0].data.T_odom_base is not None
+        return self._T_base_cam is not None and world.is_metric(0)
 
     def _floor(self, world: Map, frames: list[int]) -> Floor:
-        """The floor under all keyframes with odometry, when the world's frame has been made by it."""
+        """The floor under all keyframes with odometry, of maps whose frame has been made by it."""
         if self._T_base_cam is None or not self._knows_floor(world):
             return no_floor()
-        standing = [i for i, k in enumerate(frames) if world.keyframes[k].data.T_odom_base is not None]
+        keyframes = [world.keyframes[k] for k in frames]
+        level = {map_id: world.is_metric(map_id) for map_id in {keyframe.map_id for keyframe in keyframes}}
+        standing = [i for i, k in enumerate(keyframes) if k.data.T_odom_base is not None and level[k.map_id]]
         tilt = self._wheels.floor_tilt_sigma_rad
         return Floor(
             np.array(standing, np.int64),

@@ -107,7 +107,7 @@ class LoopFinder:
             return np.zeros(0, np.int64)
         offset = np.linalg.norm(view.centres[long_ago] - newest.T_world_cam.translation, axis=1)
         cosine = view.R_world_cam[long_ago, :, 2] @ newest.T_world_cam.rotation[:, 2]
-        metres, angle = _drift(way[long_ago], is_metric(newest))
+        metres, angle = _drift(way[long_ago], is_metric(world, newest))
         near = offset < metres + VIEW_DEPTHS * newest.median_depth
         near &= np.arccos(np.clip(cosine, -1.0, 1.0)) < angle + VIEW_RAD
         strangers: IntArray = long_ago[near]
@@ -127,7 +127,7 @@ class LoopFinder:
         if older.map_id != newer.map_id:
             return True
         way = path_lengths(world)
-        metres, angle = _drift(way[reunion.newer] - way[reunion.older], is_metric(older, newer))
+        metres, angle = _drift(way[reunion.newer] - way[reunion.older], is_metric(world, older, newer))
         there = reunion.place(world)
         off = float(np.linalg.norm(there.translation - newer.T_world_cam.translation))
         return off < float(metres) and there.rotation_angle_to(newer.T_world_cam) < float(angle)
@@ -136,7 +136,7 @@ class LoopFinder:
         """With the factor of size: 1 by the wheels, else from the depths of points that both parts see at one spot."""
         newest, track = world.keyframes[index], seen.track
         factor = 1.0
-        if not is_metric(newest, world.keyframes[seen.keyframe]):
+        if not is_metric(world, newest, world.keyframes[seen.keyframe]):
             mine, known = same_points(newest, track.rows, track.uv, track.level)
             if len(mine) < SCALE_PAIRS:
                 return None
@@ -164,9 +164,9 @@ class LoopFinder:
         return apart < AGREE_M and angle < AGREE_RAD and abs(np.log(a.factor / b.factor)) < AGREE_SCALE
 
 
-def is_metric(*keyframes: KeyFrame) -> bool:
+def is_metric(world: Map, *keyframes: KeyFrame) -> bool:
     """Whether the wheels measured the size of the map around the keyframes."""
-    return all(keyframe.data.T_odom_base is not None for keyframe in keyframes)
+    return all(k.data.T_odom_base is not None and world.is_metric(k.map_id) for k in keyframes)
 
 
 def _drift(way: FloatArray, by_wheels: bool) -> tuple[FloatArray, FloatArray]:

@@ -173,6 +173,11 @@ class Map:
         """Indices of the living keyframes of one map."""
         return [k for k, keyframe in enumerate(self.keyframes) if keyframe.alive and keyframe.map_id == map_id]
 
+    def is_metric(self, map_id: int) -> bool:
+        """Whether one of the maps began by wheels: then it has their size and stands level."""
+        first = next(keyframe for keyframe in self.keyframes if keyframe.map_id == map_id)
+        return first.data.T_odom_base is not None
+
     def predecessor(self, index: int) -> int | None:
         """The living keyframe before this one in its chain, None for the first."""
         chain = self.keyframes[index].chain

@@ -22,7 +22,7 @@ def reunite(world: Map, reunions: list[Reunion], around: list[int]) -> SlamEvent
         way = path_lengths(world)
         length = way[last.newer] - way[last.older]
         loops = [Loop(r.older, r.newer, r.T_older_newer, r.factor) for r in reunions]
-        moved = bend(world, newer.map_id, loops, free_scale=not is_metric(older, newer))
+        moved = bend(world, newer.map_id, loops, free_scale=not is_metric(world, older, newer))
         kind, what = "loop closed", f"after {length:.1f} m, {moved:.3f} m off"
     else:
         apart = newer.map_id
