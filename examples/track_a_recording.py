@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from vsx_ros.config import Config
-from vsx_ros.geometry.camera import mount_pose
+from vsx_ros.geometry.camera import mounted
 from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.recording import open_recording
 from vsx_ros.io.trajectory_file import write_trajectory
@@ -18,8 +18,7 @@ def main(recording_path: Path, trajectory_path: Path) -> None:
     recording, config = open_recording(recording_path), Config()
     if recording.camera is None:
         sys.exit(f"{recording_path} brings no calibration: see 'vsx calibrate camera'")
-    mount = config.robot.mount
-    T_base_cam = mount_pose(mount.forward_m, mount.left_m, mount.height_m, mount.pitch_down_rad, mount.yaw_left_rad)
+    T_base_cam = mounted(config.robot.mount)
     # Without odometry the map has no scale, and the world is the first camera's frame.
     slam = SequentialSlam(recording.camera, T_base_cam if recording.odometry else None, config.slam)
     poses = []

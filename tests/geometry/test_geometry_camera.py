@@ -7,8 +7,9 @@ import cv2
 import numpy as np
 import pytest
 
+from vsx_ros.config import MountConfig
 from vsx_ros.errors import CalibrationError
-from vsx_ros.geometry.camera import PinholeCamera, mount_pose
+from vsx_ros.geometry.camera import PinholeCamera, mount_pose, mounted
 
 CAMERA = PinholeCamera(752, 480, 420.5, 420.6, 355.2, 250.3, (-0.2966, 0.0808, 0.001, -0.0005, 0.0))
 
@@ -52,3 +53,5 @@ def test_mount_looks_ahead_and_down():
     assert down[0] == pytest.approx([math.cos(0.2), 0.0, 0.3 - math.sin(0.2)])
     left = mount_pose(0.0, 0.0, 0.3, 0.0, 0.2) @ np.array([[0.0, 0.0, 1.0]])
     assert left[0] == pytest.approx([math.cos(0.2), math.sin(0.2), 0.3])
+    mount = MountConfig(forward_m=0.1, left_m=0.02, height_m=0.3, pitch_down_rad=0.2, yaw_left_rad=-0.1)
+    assert np.array_equal(mounted(mount).matrix(), mount_pose(0.1, 0.02, 0.3, 0.2, -0.1).matrix())

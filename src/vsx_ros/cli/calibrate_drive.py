@@ -19,7 +19,7 @@ from vsx_ros.cli.exit_codes import DONE, FAILED
 from vsx_ros.cli.robot_file import default_robot_file, update_robot_file
 from vsx_ros.config import Config, MountConfig, SlamConfig
 from vsx_ros.errors import CalibrationError, InputError
-from vsx_ros.geometry.camera import PinholeCamera, mount_pose
+from vsx_ros.geometry.camera import PinholeCamera, mounted
 from vsx_ros.io.calibration_file import read_calibration
 from vsx_ros.io.recording import Recording, open_recording
 from vsx_ros.slam.slam import SequentialSlam
@@ -34,8 +34,7 @@ def calibrate_odometry(args: argparse.Namespace) -> int:
     elif args.turns is not None:
         result = _by_turns(recording, args.turns)
     else:
-        mount = config.robot.mount
-        T_base_cam = mount_pose(mount.forward_m, mount.left_m, mount.height_m, mount.pitch_down_rad, mount.yaw_left_rad)
+        T_base_cam = mounted(config.robot.mount)
         if args.board is not None:
             drive = _seen_from_board(recording, Board.parse(args.board, args.pattern))
         else:

@@ -80,13 +80,12 @@ def run(args: argparse.Namespace) -> int:
     from vsx_ros.cli.ground import ground_grid
     from vsx_ros.cli.report import one_line_facts, write_report
     from vsx_ros.cli.run_record import RunRecord
-    from vsx_ros.geometry.camera import mount_pose
+    from vsx_ros.geometry.camera import mounted
     from vsx_ros.slam.state import TrackingState
 
     config = load(args.config, args.set)
     recording = opened(args)
-    mount = config.robot.mount
-    T_base_cam = mount_pose(mount.forward_m, mount.left_m, mount.height_m, mount.pitch_down_rad, mount.yaw_left_rad)
+    T_base_cam = mounted(config.robot.mount)
     slam = _slam(recording, config, args, T_base_cam)
     folder = new_folder(args, config, ["vsx", *sys.argv[1:]])
     record = RunRecord(T_base_cam)

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from vsx_ros.arrays import FloatArray, Pixels, Points3
+from vsx_ros.config import MountConfig
 from vsx_ros.errors import CalibrationError
 from vsx_ros.geometry.se3 import SE3
 
@@ -94,3 +95,8 @@ def mount_pose(forward: float, left: float, height: float, pitch: float, yaw: fl
     Rz = np.array([[cy, -sy, 0.0], [sy, cy, 0.0], [0.0, 0.0, 1.0]])
     Ry = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])
     return SE3(Rz @ Ry @ optical, np.array([forward, left, height]))
+
+
+def mounted(mount: MountConfig) -> SE3:
+    """T_base_cam of a camera that sits on the base as configured."""
+    return mount_pose(mount.forward_m, mount.left_m, mount.height_m, mount.pitch_down_rad, mount.yaw_left_rad)

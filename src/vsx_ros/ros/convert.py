@@ -32,7 +32,7 @@ from vsx_hw.readings import Hazard
 from vsx_ros.arrays import FloatArray, Points3
 from vsx_ros.config import MountConfig
 from vsx_ros.errors import InputError, MapFileError
-from vsx_ros.geometry.camera import mount_pose
+from vsx_ros.geometry.camera import mount_pose, mounted
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
@@ -125,7 +125,7 @@ def mount_transforms(mount: MountConfig, stamp_ns: int) -> list[TransformStamped
 
     And base_link -> gyro_link: upright; where on the base a gyro sits changes neither heading nor rate.
     """
-    T_base_optical = mount_pose(mount.forward_m, mount.left_m, mount.height_m, mount.pitch_down_rad, mount.yaw_left_rad)
+    T_base_optical = mounted(mount)
     T_camera_optical = mount_pose(0.0, 0.0, 0.0, 0.0)
     T_base_camera = T_base_optical @ T_camera_optical.inverse()
     identity = SE3.identity()

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from vsx_ros.config import MountConfig
-from vsx_ros.geometry.camera import mount_pose
+from vsx_ros.geometry.camera import mounted
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.journal import ClockLine, EventLine, Journal, Line, TruthLine, flat, read_journal, unflat
@@ -24,9 +24,7 @@ class WitnessJournal:
     def __init__(self, folder: RunFolder, mount: MountConfig) -> None:
         """Raises InputError when the folder holds a damaged journal or cannot be written."""
         path: Path = folder.checkpoint.path / "witness.jsonl"
-        self._T_cam_base = mount_pose(
-            mount.forward_m, mount.left_m, mount.height_m, mount.pitch_down_rad, mount.yaw_left_rad
-        ).inverse()
+        self._T_cam_base = mounted(mount).inverse()
         self.before: Sequence[Line] = read_journal(path) if folder.checkpoint.exists else []
         self._journal = Journal(path, self.before)
         self._truths = self._events = 0

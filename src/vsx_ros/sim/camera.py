@@ -6,10 +6,11 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+from msgspec.structs import replace
 
 from vsx_ros.arrays import FloatArray, GrayImage, IntArray
 from vsx_ros.config import MountConfig
-from vsx_ros.geometry.camera import PinholeCamera, mount_pose
+from vsx_ros.geometry.camera import PinholeCamera, mounted
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.sim.renderer import Picture, PoseTrack, Renderer
 from vsx_ros.sim.scene import Scene
@@ -41,13 +42,8 @@ def perturbed_calibration(camera: PinholeCamera, settings: CameraSettings, rng: 
 
 def mount_transform(mount: MountConfig, pitch_error: float = 0.0, height_error: float = 0.0) -> SE3:
     """T_base_cam of a mount, off by the errors [rad, m]."""
-    return mount_pose(
-        mount.forward_m,
-        mount.left_m,
-        mount.height_m + height_error,
-        mount.pitch_down_rad + pitch_error,
-        mount.yaw_left_rad,
-    )
+    height_m, pitch_down_rad = mount.height_m + height_error, mount.pitch_down_rad + pitch_error
+    return mounted(replace(mount, height_m=height_m, pitch_down_rad=pitch_down_rad))
 
 
 class EmulatedCamera:

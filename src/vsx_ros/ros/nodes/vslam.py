@@ -33,7 +33,7 @@ from vsx_ros.config import Config
 from vsx_ros.control.stuck import StuckWatch
 from vsx_ros.dense.densify import UPDATE_EVERY_S
 from vsx_ros.errors import InputError, MapFileError
-from vsx_ros.geometry.camera import mount_pose
+from vsx_ros.geometry.camera import mounted
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
 from vsx_ros.robot import Frame, Odometry
@@ -69,9 +69,7 @@ class VslamNode:
         mount = config.robot.mount
         warm_up_slam(config)
         self._config = config
-        self._T_base_cam = mount_pose(
-            mount.forward_m, mount.left_m, mount.height_m, mount.pitch_down_rad, mount.yaw_left_rad
-        )
+        self._T_base_cam = mounted(mount)
         self._run_dir = str(rospy.get_param("~run_dir", ""))
         self._metric = bool(rospy.get_param("~use_odometry", True))
         self._save_map = str(rospy.get_param("~save_map", ""))  # the master may be gone before the end
