@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from vsx_ros.arrays import GrayImage
@@ -13,6 +15,7 @@ _STANDS_M_S, _STANDS_RAD_S = 0.01, 0.02
 MAX_SPEED_M_S, MAX_TURN_RAD_S = 1.3, 6.0
 _SLACK_M, _SLACK_RAD = 0.05, 0.1
 SILENCE_NS = 1_000_000_000
+_CARRIED_NS = 200_000_000
 
 
 class Frame(NamedTuple):
@@ -61,6 +64,17 @@ class Odometry(NamedTuple):
         in which the base may have been started anew."""
         elapsed_ns = self.stamp_ns - before.stamp_ns
         return elapsed_ns <= SILENCE_NS and why_jumped(before.T_odom_base, self.T_odom_base, 1e-9 * elapsed_ns) == ""
+
+
+def odometry_at(readings: Sequence[Odometry], stamp_ns: int) -> Odometry | None:
+    """At an instant, of readings by time: between two of them, or after the last at its speeds for at most 0.2 s."""
+    i = bisect_right(readings, stamp_ns, key=lambda reading: reading.stamp_ns)
+    if i == 0:
+        return None
+    before = readings[i - 1]
+    if i < len(readings):
+        return before.towards(readings[i], stamp_ns)
+    return before.carried_on(stamp_ns) if stamp_ns - before.stamp_ns <= _CARRIED_NS else None
 
 
 def why_jumped(before: SE2, now: SE2, elapsed_s: float) -> str:

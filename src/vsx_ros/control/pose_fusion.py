@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import bisect
 import math
 from collections import deque
 
@@ -12,11 +11,10 @@ from vsx_ros.arrays import FloatArray
 from vsx_ros.control.stuck import Stuck, StuckWatch
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.robot import Odometry
+from vsx_ros.robot import Odometry, odometry_at
 
 _MEMORY = 400
 _JUMP_M, _JUMP_RAD = 0.3, 0.35
-_EXTRAPOLATE_NS = 200_000_000
 # Standard deviations: of a SLAM pose; of odometry per square root of a metre; of the bend at first and its drift.
 _SLAM_M, _SLAM_RAD = 0.01, 0.008
 _DRIFT_M, _DRIFT_RAD, _STANDING_VARIANCE = 0.02, 0.03, 1e-8
@@ -138,12 +136,6 @@ class PoseFuser:
         return SE2(believed.x + float(change[0]), believed.y + float(change[1]), believed.theta + float(change[2]))
 
     def _odometry_at(self, stamp_ns: int) -> SE2 | None:
-        """T_odom_base, interpolated or a little extrapolated; None outside of what is remembered."""
-        if not self._odometry:
-            return None
-        last = self._odometry[-1]
-        if stamp_ns >= last.stamp_ns:
-            near = stamp_ns - last.stamp_ns <= _EXTRAPOLATE_NS
-            return last.carried_on(stamp_ns).T_odom_base if near else None
-        i = bisect.bisect_right(self._odometry, stamp_ns, key=lambda reading: reading.stamp_ns)
-        return None if i == 0 else self._odometry[i - 1].towards(self._odometry[i], stamp_ns).T_odom_base
+        """T_odom_base; None outside of what is remembered."""
+        odometry = odometry_at(self._odometry, stamp_ns)
+        return None if odometry is None else odometry.T_odom_base

@@ -5,12 +5,11 @@ from __future__ import annotations
 import threading
 from collections import deque
 
-from vsx_ros.robot import Frame, Odometry
+from vsx_ros.robot import Frame, Odometry, odometry_at
 
 _KEEP_ODOMETRY = 300
 # Wheels report 30 to 50 times a second: a reading later than the image arrives within this time, or not at all.
 _WAIT_FOR_ODOMETRY_S = 0.06
-_MAX_EXTRAPOLATION_NS = 200_000_000
 
 
 class SensorSync:
@@ -45,7 +44,7 @@ class SensorSync:
     def take(self, timeout_s: float) -> tuple[Frame, Odometry | None] | None:
         """The newest image and the odometry at its stamp; None when no newer image came in time.
 
-        The odometry is None when none is known within 0.2 s of the image.
+        The odometry is as ``odometry_at`` says.
         """
         with self._changed:
             if not self._changed.wait_for(lambda: self._frame is not None, timeout_s) or self._frame is None:
@@ -58,16 +57,4 @@ class SensorSync:
             self._last_taken_ns = frame.stamp_ns
             if self._odometry:
                 self._changed.wait_for(lambda: self._odometry[-1].stamp_ns >= frame.stamp_ns, _WAIT_FOR_ODOMETRY_S)
-            return frame, self._at(frame.stamp_ns)
-
-    def _at(self, stamp_ns: int) -> Odometry | None:
-        """Interpolated between two readings, extrapolated at constant speed after the last."""
-        later: Odometry | None = None
-        for reading in reversed(self._odometry):
-            if reading.stamp_ns <= stamp_ns:
-                if later is not None:
-                    return reading.towards(later, stamp_ns)
-                near = stamp_ns - reading.stamp_ns <= _MAX_EXTRAPOLATION_NS
-                return reading.carried_on(stamp_ns) if near else None
-            later = reading
-        return None
+            return frame, odometry_at(self._odometry, frame.stamp_ns)
