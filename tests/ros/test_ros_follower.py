@@ -15,7 +15,6 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Twist
 
 from vsx_ros.config import Config
-from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.errors import VsxError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.unicycle import integrate
@@ -56,7 +55,7 @@ class Drive:
     def _subscribe(self, topic: str, _: Any, callback: Callable[[Any], None], **__: Any) -> None:
         self._heard[topic] = callback
 
-    def go_on(self, seconds: float, *, camera: bool = True, wheels: bool = True) -> None:
+    def go_on(self, seconds: float, *, camera: bool = True) -> None:
         """Time passes; all that comes is told, and the loop of the node runs."""
         for _ in range(round(seconds * 1e9 / STEP_NS)):
             self.now_ns += STEP_NS
@@ -64,8 +63,7 @@ class Drive:
             self.pose = integrate(self.pose, v * 1e-9 * STEP_NS, 0.0)
             odometry = Odometry(self.now_ns + self.ahead_ns, self.pose, v, 0.0)
             try:
-                if wheels:
-                    self._heard[topics.ODOM](convert.odometry_msg(odometry, topics.ODOM_FRAME, topics.BASE_FRAME))
+                self._heard[topics.ODOM](convert.odometry_msg(odometry, topics.ODOM_FRAME, topics.BASE_FRAME))
             except VsxError:
                 assert self.ahead_ns
             self.node._leases.grant("move_base")
@@ -109,12 +107,13 @@ def test_odometry_that_is_refused_or_ignored_is_as_good_as_none(drive: Drive, ah
     drive.go_on(0.1)
     assert drive.told[-1] == 0.0
     assert "no odometry" in status(drive)
-    drive.go_on(1.0)
+    drive.go_on(4.0)
+    assert drive.node._following, "the base may be plugged in again"
     drive.ahead_ns = 0
     drive.go_on(1.0)
     assert drive.told[-1] > 0.1
-    drive.go_on(3.0, wheels=False)
-    assert FollowStatus.STOPPED.value in status(drive)
+    drive.go_on(3.0, camera=False)
+    assert "vslam is silent" in status(drive)
     assert not drive.node._following
 
 

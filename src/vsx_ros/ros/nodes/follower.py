@@ -52,7 +52,7 @@ class FollowerNode:
         self._caution = Caution(config.follower)
         self._status, self._reported_s = "", 0.0
         self._hazards, self._was_stuck = Hazard.NONE, False
-        self._zero_until_s = self._heard_s = 0.0
+        self._zero_until_s = self._heard_vslam_s = 0.0
         self._where = Localization()
         self._leases = LeaseWatch(topics.FOLLOWER_LEASE)
         self._diagnostics = process.Diagnostics()
@@ -77,7 +77,7 @@ class FollowerNode:
                 return
             self._stop = None
             self._id, self._frame, self._following = msg.header.stamp.to_nsec(), frames.bare(msg.header.frame_id), True
-            self._heard_s = time.monotonic()
+            self._heard_vslam_s = time.monotonic()
             self._was_stuck = self._where.stuck is not None  # what it pushes against already may be backed away from
             self._leases.grant("move_base")
             self._tracker.start(trajectory, process.now_ns())
@@ -103,15 +103,16 @@ class FollowerNode:
                 self._send(STOP)
 
     def _follow(self) -> None:
-        """One command. Silence of camera or wheels stops at once and is waited for, silence of move_base is the end."""
+        """One command. Silence of vslam or of the wheels stops at once and is waited for, the former not for long;
+        silence of move_base is the end."""
         now_s, silence = time.monotonic(), self._silence()
-        if not silence:
-            self._heard_s = now_s
+        if self._leases.is_fresh("vslam"):
+            self._heard_vslam_s = now_s
         if not self._leases.is_fresh("move_base"):
             self._end("move_base is silent")
             return
-        if now_s - self._heard_s > _PATIENCE_S:
-            self._end(silence)
+        if now_s - self._heard_vslam_s > _PATIENCE_S:
+            self._end("vslam is silent")
             return
         stuck = self._where.stuck
         was_stuck, self._was_stuck = self._was_stuck, stuck is not None
