@@ -224,12 +224,26 @@ def test_a_mistake_leaves_an_earlier_run_alone(resumed, capsys):
 
 
 @pytest.mark.parametrize(
-    "words", ["--fast --base create", "--fast --port /dev/x", "--world lab --port /dev/x", "--world lab --camera v4l:0"]
+    "words",
+    [
+        "--fast --base create",
+        "--fast --port /dev/x",
+        "--fast --rate 30",
+        "--world lab --port /dev/x",
+        "--world lab --camera v4l:0",
+    ],
 )
 def test_an_emulated_robot_has_no_wires_to_choose(words, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert execute(["explore", *words.split()]) == 1
     assert "has no meaning for the robot" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_real_camera_says_itself_how_often_it_looks(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert execute(["explore", "--rate", "30"]) == 1
+    assert "is for an emulated camera" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
 
 

@@ -63,8 +63,8 @@ def robot_home(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
             *launch.bringup("create"),
             *launch.exploration("unconstrained"),
         ]),
-        ("simulate", ["seed:=3", "devices:=/dev/shm"], [
-            *launch.emulation("lab", 3, "/dev/shm"),
+        ("simulate", ["seed:=3", "devices:=/dev/shm", "rate_hz:=30"], [
+            *launch.emulation("lab", 3, "/dev/shm", rate_hz=30.0),
             *launch.exploration(seed=3),
         ]),
     ],

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from vsx_ros.io.run_folder import RunFolder
     from vsx_ros.sim.world import World
 
-DEFAULTS = {"seed": 1, "base": "auto", "port": "/dev/kobuki", "camera": "kinect", "planner": "fov"}
-REMEMBERED = ("world", "seed", "base", "port", "camera", "planner", "time", "fast", "load_map")
+DEFAULTS = {"seed": 1, "base": "auto", "port": "/dev/kobuki", "camera": "kinect", "rate": 15.0, "planner": "fov"}
+REMEMBERED = ("world", "seed", "base", "port", "camera", "rate", "planner", "time", "fast", "load_map")
 
 
 def add_parser(subparsers: Any) -> None:
@@ -50,6 +50,9 @@ def add_arguments(parser: argparse.ArgumentParser, *, with_load_map: bool = True
     parser.add_argument("--port", metavar="DEV", help="serial port of the base (default /dev/kobuki)")
     parser.add_argument(
         "--camera", type=camera, metavar="kinect|v4l:N", help="where the pictures come from (default kinect)"
+    )
+    parser.add_argument(
+        "--rate", type=rate, metavar="HZ", help="images a second of a live emulated camera (default 15)"
     )
     parser.add_argument("--planner", choices=("fov", "unconstrained"), help="motion planner (default fov)")
     parser.add_argument("--phi", type=float, metavar="RAD_PER_M", help="bound on the change of view per metre")
@@ -97,9 +100,18 @@ def camera(text: str) -> str:
     return text
 
 
+def rate(text: str) -> float:
+    """Images a second."""
+    if not 1.0 <= float(text) <= 60.0:
+        raise argparse.ArgumentTypeError(f"{text} images a second; give 1 to 60")
+    return float(text)
+
+
 def _refuse_wires(args: argparse.Namespace) -> None:
     """Raises ConfigError for what only a real robot has, or only one with emulated wires."""
-    emulated, without = ("--fast", ("base", "port", "camera")) if args.fast else ("--world", ("port", "camera"))
+    if args.rate is not None and args.world is None and args.resume is None and not args.fast:
+        raise ConfigError(f"--rate {args.rate:g} is for an emulated camera; give --world, or leave it out")
+    emulated, without = ("--fast", ("base", "port", "camera", "rate")) if args.fast else ("--world", ("port", "camera"))
     for name in without if args.fast or args.world is not None else ():
         if getattr(args, name) is not None:
             given = f"--{name} {getattr(args, name)}"

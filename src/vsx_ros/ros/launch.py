@@ -57,15 +57,17 @@ def bringup(base: str = "auto", port: str = "/dev/kobuki", camera: str = "kinect
     ]
 
 
-def emulation(world: str, seed: int = 0, devices: str = "/tmp", base: str = "kobuki") -> list[LaunchNode]:
+def emulation(
+    world: str, seed: int = 0, devices: str = "/tmp", base: str = "kobuki", rate_hz: float = 15.0
+) -> list[LaunchNode]:
     """A robot that exists only as bytes, and the real drivers above it. devices: folder for port and socket.
 
-    base: its kind; auto is a Kobuki whose driver is not told so.
+    base: its kind; auto is a Kobuki whose driver is not told so. rate_hz: images a second.
     """
     port, camera_socket = f"{devices}/vsx_base", f"{devices}/vsx_camera"
     kind = "kobuki" if base == "auto" else base
     emulator = {"world": world, "seed": seed, "robot_type": kind, "port": port, "camera_socket": camera_socket}
-    return [LaunchNode("emulator", emulator), *bringup(base, port, f"emulator:{camera_socket}")]
+    return [LaunchNode("emulator", {**emulator, "rate_hz": rate_hz}), *bringup(base, port, f"emulator:{camera_socket}")]
 
 
 def exploration(planner: str = "fov", seed: int = 0, run_dir: str = "", load_map: str = "") -> list[LaunchNode]:

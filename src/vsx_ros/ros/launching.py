@@ -33,7 +33,7 @@ def nodes_of(name: str, args: argparse.Namespace) -> list[LaunchNode]:
         return launch.replay(str(args.bag.resolve()), args.rate, not args.without_odometry, args.run_dir, named)
     if name == "simulate":
         open_world(args.world, args.seed)
-        robot = launch.emulation(args.world, args.seed, args.devices, args.base)
+        robot = launch.emulation(args.world, args.seed, args.devices, args.base, args.rate_hz)
     else:
         robot = launch.bringup(args.base, args.port, args.camera, args.camera_info_url)
     if name == "bringup":
@@ -61,6 +61,7 @@ def parser(name: str) -> argparse.ArgumentParser:
     if name == "simulate":
         add("--world", default="lab", help="lab, office, corridor, building or a world.yaml")
         add("--devices", default="/tmp", help="folder for the emulated port and camera")
+        add("--rate-hz", type=float, default=15.0, help="images a second (15)")
     else:
         add("--port", default="/dev/kobuki", help="serial port of the base")
         add("--camera", default="kinect", help="kinect, kinect:SERIAL or v4l:N")

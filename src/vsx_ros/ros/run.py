@@ -112,7 +112,7 @@ def _nodes(
         path = path.with_name("world_resumed.yaml")
         start = Start(x=T_world_base.x, y=T_world_base.y, theta_rad=T_world_base.theta)
         save_world(changed(world, start=start), path)
-    return [*launch.emulation(str(path), args.seed, str(devices), args.base), *above]
+    return [*launch.emulation(str(path), args.seed, str(devices), args.base, args.rate), *above]
 
 
 def _watch(
