@@ -9,7 +9,7 @@ from vsx_ros.kernels import ground_cells
 from vsx_ros.kernels import ground_map as kernels
 from vsx_ros.kernels.scan_casting import count_free
 
-HEIGHTS = (0.06, 0.60, 0.45, 0.012)
+HEIGHTS = (0.06, 0.60, 0.45, 1.0, 0.012)
 RANGES = (4.5, 0.0012, 0.10, 0.025, 2.0)
 BINS = 360
 
@@ -35,7 +35,7 @@ def test_parallax_is_the_angle_to_the_first_ray(scene):
 
 
 def slow_scans(positions, yaws, points, parallax, keyframe, point):
-    free, hit = np.zeros((len(positions), BINS)), np.zeros(len(point))
+    free, hit, over = np.zeros((len(positions), BINS)), np.zeros(len(point)), np.zeros(len(point))
     nearest = np.full(free.shape, np.inf)
     for o, (k, p) in enumerate(zip(keyframe, point)):
         d = points[p, :2] - positions[k, :2]
@@ -51,20 +51,25 @@ def slow_scans(positions, yaws, points, parallax, keyframe, point):
             for i in range(-reach, reach + 1):
                 nearest[k, (b + i) % BINS] = min(nearest[k, (b + i) % BINS], end)
             hit[o] = distance if distance <= 4.5 else 0.0
+        elif 0.60 < z <= 1.0 and error <= 0.10:
+            over[o] = distance if distance <= 4.5 else 0.0
         if z > 0.45:
             end = min(end, distance * (0.45 - camera_z) / (z - camera_z))
         free[k, b] = max(free[k, b], min(end, 4.5))
-    return np.maximum(np.minimum(free, nearest), 0), hit
+    return np.maximum(np.minimum(free, nearest), 0), hit, over
 
 
 def test_scans_agree_with_the_slow_twin(scene):
     positions, yaws, points, keyframe, point = scene
     parallax = kernels.point_parallax(positions, points, keyframe, point)
     headings = np.column_stack([np.cos(yaws), np.sin(yaws)])
-    free, _, hit = kernels.polar_scans(positions, headings, points, parallax, keyframe, point, BINS, HEIGHTS, RANGES)
-    slow_free, slow_hit = slow_scans(positions, yaws, points, parallax, keyframe, point)
+    scans = kernels.polar_scans(positions, headings, points, parallax, keyframe, point, BINS, HEIGHTS, RANGES)
+    free, _, hit, over = scans
+    slow_free, slow_hit, slow_over = slow_scans(positions, yaws, points, parallax, keyframe, point)
     assert np.allclose(free, slow_free, atol=1e-6)
     assert np.allclose(hit, slow_hit, atol=1e-6)
+    assert np.allclose(over, slow_over, atol=1e-6)
+    assert (over > 0).any()
     assert (hit > 0).any()
     assert (free > 0).any()
 
@@ -92,9 +97,16 @@ def test_obstacles_are_judged_with_their_neighbours():
     rng = np.random.default_rng(5)
     votes, members, seen = rng.poisson([[[0.4]], [[0.3]], [[6.0]]], (3, 40, 30))
     near, points, free = sums_around(votes), sums_around(members), sums_around(seen) / 9.0
-    believed = ground_cells.believed_points(votes, members, seen, 2, 4, 2.0, 1.0)
+    nothing = np.zeros_like(votes)
+    believed = ground_cells.believed_points(votes, members, nothing, nothing, seen, 2, 4, 2.0, 1.0)
     assert np.array_equal(believed, (votes > 0) & (points >= 2) & (free <= np.where(points >= 4, 2.0, 1.0) * near))
     assert 50 < believed.sum() < 0.8 * (votes > 0).sum()
+    over_votes, over_members = rng.poisson([[[0.3]], [[0.2]]], (2, 40, 30))
+    with_over = ground_cells.believed_points(votes, members, over_votes, over_members, seen, 2, 4, 2.0, 1.0)
+    near_all, points_all = near + sums_around(over_votes), points + sums_around(over_members)
+    enough = (points > 0) & (points_all >= 2) & (free <= np.where(points_all >= 4, 2.0, 1.0) * near_all)
+    assert np.array_equal(with_over, (votes > 0) & enough)
+    assert (with_over & ~believed).sum() > 10
     solid = ground_cells.believed_spots(votes, seen, 4, 1.5)
     assert np.array_equal(solid, (votes > 0) & (near >= 4) & (free <= 1.5 * near))
     assert 50 < solid.sum() < 0.8 * (votes > 0).sum()

@@ -286,6 +286,15 @@ def test_a_lone_point_is_no_obstacle():
     assert pair.value_at(1.51, 0.0) == OCCUPIED
 
 
+def test_a_lone_point_with_more_above_it_is_the_leg_of_a_table():
+    leg, above, beyond = [1.5, 0.0, 0.3], [[1.51, 0.01, 0.7], [1.5, -0.01, 0.72]], abreast(3.0, 0.02, 0.2)
+    assert one_view([leg, *above, *beyond]).value_at(1.5, 0.0) == OCCUPIED
+    assert one_view([leg, *beyond]).value_at(1.5, 0.0) != OCCUPIED
+    assert one_view([*above, *beyond]).value_at(1.5, 0.0) != OCCUPIED
+    higher = [[x, y, z + 0.5] for x, y, z in above]
+    assert one_view([leg, *higher, *beyond]).value_at(1.5, 0.0) != OCCUPIED
+
+
 def test_points_that_only_two_keyframes_see_are_no_obstacle():
     points = [[1.5, 0.0, 0.3], [1.52, 0.01, 0.25], [1.51, -0.01, 0.2]]
     assert one_view(points, n=3).value_at(1.51, 0.0) == OCCUPIED

@@ -54,12 +54,21 @@ def count_spots(
 
 @kernel
 def believed_points(
-    votes: Any, members: Any, free_votes: Any, least: int, sure: int, overruled_by: float, few_overruled_by: float
+    votes: Any,
+    members: Any,
+    over_votes: Any,
+    over_members: Any,
+    free_votes: Any,
+    least: int,
+    sure: int,
+    overruled_by: float,
+    few_overruled_by: float,
 ) -> Any:
     """(rows, columns) whether a cell with votes (rows, columns) is an obstacle, judged with its eight neighbours.
 
     They hold ``least`` of the members, and free_votes not more times the votes than may overrule many, or fewer than
-    ``sure``, members; one free vote of a cell weighs as much as nine of all.
+    ``sure``, members; one free vote of a cell weighs as much as nine of all. What is over them counts with them: what
+    stands on the floor goes on upwards, a wrong match before the floor does not.
     """
     rows, columns = votes.shape
     believed = np.zeros((rows, columns), np.bool_)
@@ -68,9 +77,12 @@ def believed_points(
             if votes[row, column] == 0:
                 continue
             points = around(members, row, column)
+            if points > 0:
+                points += around(over_members, row, column)
             limit = overruled_by if points >= sure else few_overruled_by
             free = around(free_votes, row, column) / 9.0
-            believed[row, column] = points >= least and free <= limit * around(votes, row, column)
+            seen = around(votes, row, column) + around(over_votes, row, column)
+            believed[row, column] = points >= least and free <= limit * seen
     return believed
 
 

@@ -42,26 +42,28 @@ def polar_scans(
     obs_keyframe: Any,
     obs_point: Any,
     n_bearings: int,
-    heights: tuple[float, float, float, float],
+    heights: tuple[float, float, float, float, float],
     ranges: tuple[float, float, float, float, float],
 ) -> Any:
     """What each keyframe's observations say about the floor around it.
 
     headings: (K, 2) cosine and sine; bearings count from them, counter-clockwise, in n_bearings equal bins around the
     circle.
-    heights: obstacle_min, obstacle_max, clear_max [m], floor threshold growth [m per m].
+    heights: obstacle_min, obstacle_max, clear_max, top of what stands on an obstacle [m], floor threshold growth [m per
+    m].
     ranges: max range [m], angular noise of a pixel [rad], largest depth error of a hit [m],
     half a cell [m], how many depth errors short of its point a ray ends.
     Returns free (K, n_bearings): distance [m] up to which the floor is passable, 0 where unknown; nearest
-    (K, n_bearings): how far the first obstacle lets a ray go [m], infinite where there is none; and hit (O,):
-    horizontal distance [m] of the obstacle seen by each observation, 0 where it is none.
+    (K, n_bearings): how far the first obstacle lets a ray go [m], infinite where there is none; hit (O,): horizontal
+    distance [m] of the obstacle seen by each observation, 0 where it is none; and over (O,): the same of what is higher
+    than an obstacle, and may stand on one.
     """
-    obstacle_min, obstacle_max, clear_max, growth = heights
+    obstacle_min, obstacle_max, clear_max, top, growth = heights
     max_range, noise, max_error, half_width, caution = ranges
     n, bins_per_rad = n_bearings, n_bearings / (2.0 * math.pi)
     free = np.zeros((positions.shape[0], n), np.float32)
     nearest = np.full((positions.shape[0], n), np.inf, np.float32)
-    hit = np.zeros(obs_point.shape[0], np.float32)
+    hit, over = np.zeros(obs_point.shape[0], np.float32), np.zeros(obs_point.shape[0], np.float32)
     for o in range(obs_point.shape[0]):
         k, p = obs_keyframe[o], obs_point[o]
         dx, dy = points[p, 0] - positions[k, 0], points[p, 1] - positions[k, 1]
@@ -77,6 +79,8 @@ def polar_scans(
             shorten(nearest, k, bearing, min(n // 2, 1 + int(half_width / distance * bins_per_rad)), proven)
             if distance <= max_range:
                 hit[o] = distance
+        elif obstacle_max < z <= top and error <= max_error and distance <= max_range:
+            over[o] = distance
         if z > clear_max:
             low_until = distance * max(0.0, clear_max - camera_z) / (z - camera_z) if z > camera_z else 0.0
             proven = min(proven, low_until)
@@ -84,7 +88,7 @@ def polar_scans(
     for k in range(free.shape[0]):
         for b in range(n):
             free[k, b] = max(min(free[k, b], nearest[k, b]), np.float32(0.0))
-    return free, nearest, hit
+    return free, nearest, hit, over
 
 
 @kernel

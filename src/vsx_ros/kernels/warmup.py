@@ -74,8 +74,8 @@ def _ground_map() -> None:
     positions, headings = np.zeros((1, 3)), np.array([[1.0, 0.0]])
     points, one = np.array([[1.0, 0.0, 0.3]]), np.zeros(1, np.int64)
     parallax = ground_map.point_parallax(positions, points, one, one)
-    heights, ranges = (0.06, 0.6, 0.45, 0.01), (4.5, 0.001, 0.1, 0.025, 2.0)
-    free, nearest, hit = ground_map.polar_scans(positions, headings, points, parallax, one, one, 8, heights, ranges)
+    heights, ranges = (0.06, 0.6, 0.45, 1.0, 0.01), (4.5, 0.001, 0.1, 0.025, 2.0)
+    free, nearest, hit, _ = ground_map.polar_scans(positions, headings, points, parallax, one, one, 8, heights, ranges)
     ground_map.bridge_gaps(free, 2, 0.1)
     scan_casting.scan_corners(positions, headings, free, points, one, hit)
     touched, _, _ = ground_map.touchable(points, np.zeros(1), 0.06, 0.6, 0.05)
@@ -85,7 +85,7 @@ def _ground_map() -> None:
     ground_cells.cover_discs(np.zeros((1, 2)), 0.2, 4, 4, 0.05, 0.0, 0.0)
     seen = scan_casting.count_free(positions, headings, free, 4, 4, 0.05, 0.0, 0.0)
     votes, members = ground_cells.count_hits(points, one, hit, 3, 4, 4, 0.05, 0.0, 0.0)
-    ground_cells.believed_points(votes, members, seen, 2, 3, 1.0, 0.25)
+    ground_cells.believed_points(votes, members, votes, members, seen, 2, 3, 1.0, 0.25)
     ground_cells.believed_spots(spots, seen, 6, 0.25)
 
 

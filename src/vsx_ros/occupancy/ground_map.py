@@ -120,6 +120,7 @@ class GroundMap:
         meet(scans, spots, touched, self._config)
         if obs_level is not None:
             scans.hit[obs_level >= _COARSE_LEVEL] = 0.0
+            scans.over[obs_level >= _COARSE_LEVEL] = 0.0
         arcs = self._bump_cells(bumps)
         seen = scans.corners(points_world, obs_point)
         extent = np.vstack([seen, outline, self._passed(trail, start), arcs])
@@ -173,8 +174,17 @@ class GroundMap:
         """Cells with enough observations of obstacle points, the few that others look through left out."""
         points, point = writable(points_world, np.float64).reshape(-1, 3), writable(obs_point, np.int64)
         votes, members = ground_cells.count_hits(points, point, scans.hit, _POINT_HITS, *lattice.arguments())
+        over_votes, over = ground_cells.count_hits(points, point, scans.over, _POINT_HITS, *lattice.arguments())
         occupied: BoolArray = ground_cells.believed_points(
-            votes, members, free_votes, _MIN_POINTS, _SURE_POINTS, _OVERRULED_BY, _FEW_OVERRULED_BY
+            votes,
+            members,
+            over_votes,
+            over,
+            free_votes,
+            _MIN_POINTS,
+            _SURE_POINTS,
+            _OVERRULED_BY,
+            _FEW_OVERRULED_BY,
         )
         return occupied
 

@@ -32,6 +32,8 @@ _PIXEL_NOISE_RAD = 0.0012
 _MAX_HIT_ERROR_M = 0.10
 _CAUTION = 2.0
 """A ray proves the floor free up to this many depth errors, and one cell, short of its point."""
+_TOP_M = 1.0
+"""Up to this height what is above a point speaks for it: legs and edges go on upwards."""
 _FOOT_M = 0.15
 """A ray that ends below has met whatever is higher on its way."""
 _FLOOR_GROWTH = 0.012
@@ -46,7 +48,8 @@ class PolarScans:
     bearing 0 begins.
     free: (K, N_BEARINGS) float32, passable up to this distance [m], 0 where unknown.
     nearest: (K, N_BEARINGS) float32, how far the first obstacle point lets a ray go [m], infinite where there is none.
-    hit: (O,) float32, distance [m] of the obstacle in each observation, 0 where the observation is of none.
+    hit: (O,) float32, distance [m] of the obstacle in each observation, 0 where the observation is of none; over: of
+    what is higher than an obstacle, and may stand on one.
     """
 
     positions: Points3
@@ -54,6 +57,7 @@ class PolarScans:
     free: NDArray[np.float32]
     nearest: NDArray[np.float32]
     hit: NDArray[np.float32]
+    over: NDArray[np.float32]
 
     def corners(self, points_world: Points3, obs_point: IntArray) -> Points2:
         """(2, 2) least and greatest x and y [m] of the cameras, of all that is passable, and of the obstacles among
@@ -88,15 +92,16 @@ def virtual_scans(
         config.obstacle_min_height_m,
         config.obstacle_max_height_m,
         min(config.clear_max_height_m, config.obstacle_max_height_m),
+        max(_TOP_M, config.obstacle_max_height_m),
         _FLOOR_GROWTH,
     )
     ranges = config.max_range_m, _PIXEL_NOISE_RAD, _MAX_HIT_ERROR_M, 0.5 * config.resolution_m, _CAUTION
     parallax = kernels.point_parallax(positions, points, keyframe, point)
-    free, nearest, hit = kernels.polar_scans(
+    free, nearest, hit, over = kernels.polar_scans(
         positions, headings, points, parallax, keyframe, point, N_BEARINGS, heights, ranges
     )
     kernels.bridge_gaps(free, _MAX_GAP_BINS, _MAX_GAP_M)
-    return PolarScans(positions, headings, free, nearest, hit)
+    return PolarScans(positions, headings, free, nearest, hit, over)
 
 
 def meet(scans: PolarScans, surfaces: Surfaces, touched: BoolArray, config: GroundMapConfig) -> None:
