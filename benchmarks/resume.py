@@ -1,11 +1,11 @@
 """Runs killed at random moments and resumed, against the same runs left alone.
 
-    python benchmarks/resume.py --seeds 0:10 [--kills 2] [--time S] > benchmarks/resume.txt
+    python benchmarks/resume.py --seeds 100:110 [--kills 2] [--time S] > benchmarks/resume.txt
 
 Each run is ``vsx explore --fast`` in a process of its own, until its mission ends or ``--time`` is over; the same run
 again is ended by SIGKILL when its journal has reached a random second of the first, then resumed, as often as asked.
-Both ends are compared: coverage, ATE, breaks, collisions. With ``--time`` no kill comes in its last minute: what a
-resumed run does first is to look for its place.
+Both ends are compared: coverage, ATE, breaks, collisions. No kill comes in the last minute of ``--time``: what a resumed
+run does first is to look for its place.
 """
 
 from __future__ import annotations
