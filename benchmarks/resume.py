@@ -4,8 +4,8 @@
 
 Each run is ``vsx explore --fast`` in a process of its own, until its mission ends or ``--time`` is over; the same run
 again is ended by SIGKILL when its journal has reached a random second of the first, then resumed, as often as asked.
-Both ends are compared: coverage, ATE, breaks, collisions. No kill comes in the last minute of ``--time``: what a resumed
-run does first is to look for its place.
+Both ends are compared: coverage, ATE, breaks, collisions. No kill comes in the last minute of ``--time``: what a
+resumed run does first is to look for its place.
 """
 
 from __future__ import annotations
