@@ -24,8 +24,8 @@ _NEVER_NS = 2**62
 _LEAD_NS = 1_000_000_000
 _HOLD_NS = 100_000_000
 _FIRST_ANSWER_S, _ANSWER_S = 30.0, 10.0
-_CALIBRATION_LEAD_S = 0.2
-"""It comes by a connection of its own, and an image that overtakes it is lost."""
+_CALIBRATION_LEAD_S = 0.5
+"""It comes by a connection of its own, as the wheels do, and an image that overtakes them is lost."""
 _END_NS = 3_000_000_000
 """So long time goes on after the last image, for maps that are made once a second."""
 
