@@ -89,6 +89,8 @@ def test_a_mission_stopped_before_it_was_recalled_stays_ended() -> None:
     mission.stop(0)
     mission.recall(SECOND, MEMORY, SE2())
     assert mission.outcome is Outcome.STOPPED
+    kept = mission.memory(2 * SECOND, SE2())
+    assert (kept.looked_from, kept.home, kept.trail) == (MEMORY.looked_from, MEMORY.home, MEMORY.trail)
     assert mission.decide(9 * SECOND, LOST).action is Action.FINISH
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from xmlrpc.server import SimpleXMLRPCServer
 
 import pytest
@@ -36,13 +36,19 @@ def wait(condition: Callable[[], bool]) -> bool:
     return condition()
 
 
-def test_a_master_that_refuses_is_gone_and_one_that_answers_is_back(monkeypatch: pytest.MonkeyPatch) -> None:
-    port = free_port()
+@pytest.fixture
+def port(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+    """Of the master to watch; the watch ends with the test."""
+    port, ended = free_port(), threading.Event()
     monkeypatch.setenv("ROS_MASTER_URI", f"http://{HOST}:{port}/")
-    monkeypatch.setattr("vsx_ros.ros.master_watch.SILENT_AFTER_S", 1e6)
     monkeypatch.setattr("rospy.get_name", lambda: "/base")
-    ended = threading.Event()
     monkeypatch.setattr("rospy.is_shutdown", ended.is_set)
+    yield port
+    ended.set()
+
+
+def test_a_master_that_refuses_is_gone_and_one_that_answers_is_back(port: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("vsx_ros.ros.master_watch.SILENT_AFTER_S", 1e6)
     master = Master(port)
     try:
         watch = MasterWatch()
@@ -52,17 +58,11 @@ def test_a_master_that_refuses_is_gone_and_one_that_answers_is_back(monkeypatch:
         master = Master(port)
         assert wait(lambda: watch.answers), "it answers, and it is said to be gone"
     finally:
-        ended.set()
         master.end()
 
 
-def test_an_answer_that_means_nothing_is_none_and_is_not_the_last(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_answer_that_means_nothing_is_none_and_is_not_the_last(port: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Somebody else at the master's port for a while: the watch goes on."""
-    port = free_port()
-    monkeypatch.setenv("ROS_MASTER_URI", f"http://{HOST}:{port}/")
-    monkeypatch.setattr("rospy.get_name", lambda: "/base")
-    ended = threading.Event()
-    monkeypatch.setattr("rospy.is_shutdown", ended.is_set)
     master = Master(port)
     try:
         watch = MasterWatch()
@@ -72,5 +72,4 @@ def test_an_answer_that_means_nothing_is_none_and_is_not_the_last(monkeypatch: p
             time.sleep(0.3)
         assert wait(lambda: watch.answers), "it answers, and it is said to be gone"
     finally:
-        ended.set()
         master.end()

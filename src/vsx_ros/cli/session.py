@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import bisect
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -68,15 +67,17 @@ def end_the_trail(folder: RunFolder, moved: bool) -> None:
     remembered = folder.checkpoint.read_mission()
     if remembered is None:
         return
-    memory, driven = MissionMemory.of(remembered, folder.checkpoint.path), _driven(read_journal(folder.journal))
-    told_ns = int(remembered.get("stamp_ns", driven[-1][0] if driven else 0))
-    last = bisect.bisect_right([stamp_ns for stamp_ns, _ in driven], told_ns) - 1
+    memory, told_ns = MissionMemory.of(remembered, folder.checkpoint.path), remembered.get("stamp_ns")
+    driven = _driven(read_journal(folder.journal))
+    since = [T for stamp_ns, T in driven if isinstance(told_ns, int) and stamp_ns > told_ns]
     if moved:
         memory = memory.moved()
-    elif 0 <= last < len(driven) - 1:
-        memory = memory.carried([driven[last][1].inverse() @ T for _, T in driven[last + 1 :]])
-        told_ns = driven[-1][0]
-    folder.checkpoint.write_mission(memory.tree(), told_ns)
+    elif 0 < len(since) < len(driven):
+        there = driven[-len(since) - 1][1].inverse()
+        memory = memory.carried([there @ T for T in since])
+    else:
+        return
+    folder.checkpoint.write_mission(memory.tree(), driven[-1][0] if driven else 0)
 
 
 def _driven(lines: Sequence[Line]) -> list[tuple[int, SE2]]:

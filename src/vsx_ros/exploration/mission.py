@@ -124,15 +124,15 @@ class Mission:
     def recall(self, now_ns: int, memory: MissionMemory, T_odom_base: SE2) -> None:
         """Go on with the map of a session before, standing where its trail ended: first the camera must recognise
         it. One that was paused, before or meanwhile, stands until it is told to go on; one that was stopped meanwhile
-        has ended."""
-        if self.state is MissionState.DONE:
-            return
+        has ended, and remembers all the same."""
         paused = memory.paused or self.state is MissionState.PAUSED
         self.outlook.looks.poses = list(memory.looked_from)
         self._home.recall(memory.home, memory.going_home)
         self.outlook.given_up.recall(now_ns, memory.given_up)
         for pose in memory.trail:
             self._trail.add(T_odom_base @ pose)
+        if self.state is MissionState.DONE:
+            return
         self._look_for_a_place(now_ns, "resumed: looking for a place of the known map")
         if paused:
             self.pause(now_ns)

@@ -66,8 +66,7 @@ class SlamStatus:
         reason = (
             f"images are stamped {seconds:.1f} s before those seen already: the clock was set back; start vslam anew"
         )
-        self._diagnostics.set("input", process.ERROR, reason)
-        rospy.logerr_throttle(10.0, "%s", reason)
+        self.refused(reason)
 
     def refused(self, reason: str) -> None:
         """An image came that cannot be used."""

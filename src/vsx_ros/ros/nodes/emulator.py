@@ -33,6 +33,7 @@ from std_msgs.msg import Float32, UInt32
 
 from vsx_ros.cli.world import open_world
 from vsx_ros.config import Config
+from vsx_ros.errors import ConfigError
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Odometry
 from vsx_ros.ros import convert, process, topics
@@ -50,6 +51,9 @@ class EmulatorNode:
     def __init__(self, config: Config) -> None:
         world_name, seed = str(rospy.get_param("~world", "lab")), int(rospy.get_param("~seed", 0))
         robot_type = str(rospy.get_param("~robot_type", "kobuki"))
+        rate_hz = float(rospy.get_param("~rate_hz", 15.0))
+        if not 1.0 <= rate_hz <= 60.0:
+            raise ConfigError(f"~rate_hz is {rate_hz:g}; give 1 to 60 images a second")
         world = open_world(world_name, seed)
         self._truth_pub = rospy.Publisher(topics.TRUTH_ODOMETRY, OdometryMsg, queue_size=10)
         self._camera_pub = rospy.Publisher(topics.TRUTH_CAMERA, PoseStamped, queue_size=10)
@@ -67,7 +71,7 @@ class EmulatorNode:
                 world=world_name,
                 seed=seed,
                 socket=_file_param("~camera_socket", "vsx_kinect"),
-                rate_hz=float(rospy.get_param("~rate_hz", 15.0)),
+                rate_hz=rate_hz,
                 start_ns=self._start_ns,
                 robot=config.robot,
             )
