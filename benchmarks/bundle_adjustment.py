@@ -22,9 +22,9 @@ from bundle_problems import CAMERA, MOUNT, K, Problem, building, driven_map, rin
 
 from vsx_ros.config import WheelConfig
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels import bundle
-from vsx_ros.kernels.floor import no_floor
-from vsx_ros.kernels.relative_pose import no_factors
+from vsx_ros.kernels.slam import bundle
+from vsx_ros.kernels.slam.floor import no_floor
+from vsx_ros.kernels.slam.relative_pose import no_factors
 from vsx_ros.slam import bundle_adjustment
 from vsx_ros.slam.bundle_adjustment import BundleAdjuster
 from vsx_ros.slam.map import Map

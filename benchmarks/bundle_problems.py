@@ -7,7 +7,7 @@ import numpy as np
 from vsx_ros.geometry.camera import PinholeCamera, mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels.patches import PATCH
+from vsx_ros.kernels.vision.patches import PATCH
 from vsx_ros.slam.keyframe import FrameData, Observations
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.templates import NewTemplates

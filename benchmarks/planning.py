@@ -18,7 +18,7 @@ from planning_problems import LIMITS, OMPL, ROBOT, TOPPRA, peer_rrt_connect, pee
 
 from vsx_ros.config import PlannerConfig
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.kernels.reeds_shepp import reeds_shepp_lengths
+from vsx_ros.kernels.planning.reeds_shepp import reeds_shepp_lengths
 from vsx_ros.kernels.warmup import warm_up
 from vsx_ros.planning.connect import connect
 from vsx_ros.planning.path import Path, Plan, Trajectory

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels import bundle
-from vsx_ros.kernels.floor import no_floor
-from vsx_ros.kernels.relative_pose import no_factors
+from vsx_ros.kernels.slam import bundle
+from vsx_ros.kernels.slam.floor import no_floor
+from vsx_ros.kernels.slam.relative_pose import no_factors
 
 
 class BundleFile(NamedTuple):

@@ -6,7 +6,7 @@ from vsx_ros.config import DenseConfig
 from vsx_ros.dense.growing import consistent
 from vsx_ros.dense.photoconsistency import Judgement, KeyframeImages, judge
 from vsx_ros.geometry.camera import PinholeCamera
-from vsx_ros.kernels.surface_cells import count_passing
+from vsx_ros.kernels.dense.surface_cells import count_passing
 
 CONFIG = DenseConfig()
 FRAME = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])

@@ -18,7 +18,7 @@ from vsx_ros.exploration.utility import (
 )
 from vsx_ros.exploration.worth import SECTORS, opaque_walls, unknown_worth
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.kernels.visibility import window_sums
+from vsx_ros.kernels.occupancy.visibility import window_sums
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
 CONFIG = Config().exploration

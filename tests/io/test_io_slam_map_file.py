@@ -14,7 +14,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.io.sealed_archive import seal, unseal
 from vsx_ros.io.slam_map_arrays import LAYOUT, arrays_of
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
-from vsx_ros.kernels.patches import PATCH
+from vsx_ros.kernels.vision.patches import PATCH
 from vsx_ros.slam.keyframe import FrameData, Observations
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.slam_map import SlamMap

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from vsx_ros.kernels.alignment import align_small
+from vsx_ros.kernels.vision.alignment import align_small
 
 
 def small(angle=0.0, shift=(0.0, 0.0)):

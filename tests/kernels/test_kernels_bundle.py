@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels import bundle, floor, relative_pose
+from vsx_ros.kernels.slam import bundle, floor, relative_pose
 
 K = np.array([525.0, 525.0, 320.0, 240.0])
 DATA = Path(os.environ.get("VSX_DATA", Path(__file__).parents[2] / "../shared/data"))

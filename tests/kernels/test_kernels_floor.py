@@ -9,7 +9,7 @@ from test_kernels_bundle import Problem
 from vsx_ros.geometry.camera import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels import floor
+from vsx_ros.kernels.slam import floor
 
 MOUNT = mount_pose(-0.09, 0.02, 0.31, 0.1, 0.05)
 

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from vsx_ros.kernels import ground_cells
-from vsx_ros.kernels import ground_map as kernels
-from vsx_ros.kernels.scan_casting import count_free
+from vsx_ros.kernels.occupancy import ground_cells
+from vsx_ros.kernels.occupancy import ground_map as kernels
+from vsx_ros.kernels.occupancy.scan_casting import count_free
 
 HEIGHTS = (0.06, 0.60, 0.45, 1.0, 0.012)
 RANGES = (4.5, 0.0012, 0.10, 0.025, 2.0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels import pose
+from vsx_ros.kernels.slam import pose
 
 K = np.array([525.0, 520.0, 320.0, 240.0])
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from vsx_ros.kernels import frontal, schur
-from vsx_ros.kernels.relative_pose import no_factors
+from vsx_ros.kernels.slam import frontal, schur
+from vsx_ros.kernels.slam.relative_pose import no_factors
 
 N, M = 4, 30
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from vsx_ros.kernels.pose_graph import count_shared
+from vsx_ros.kernels.slam.pose_graph import count_shared
 
 
 def test_each_two_keyframes_share_what_both_see():

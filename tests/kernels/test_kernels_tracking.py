@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vsx_ros.kernels.tracking import count_hidden, index_rows
+from vsx_ros.kernels.slam.tracking import count_hidden, index_rows
 
 TABLE = np.array([[0, 12, 20, 0], [240, 6, 10, 13], [300, 3, 5, 20], [315, 1, 2, 24]])
 

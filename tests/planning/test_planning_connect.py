@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2, wrap_angle
-from vsx_ros.kernels.reeds_shepp import reeds_shepp_lengths
+from vsx_ros.kernels.planning.reeds_shepp import reeds_shepp_lengths
 from vsx_ros.planning.connect import connect
 from vsx_ros.planning.path import Path, Refusal, RefusalKind
 from vsx_ros.planning.pieces import arc_piece

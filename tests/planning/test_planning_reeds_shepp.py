@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vsx_ros.geometry.se2 import SE2, wrap_angle
-from vsx_ros.kernels.reeds_shepp import (
+from vsx_ros.kernels.planning.reeds_shepp import (
     MAX_WORDS,
     SEGMENTS,
     TABLE_HEADINGS,

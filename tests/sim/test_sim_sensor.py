@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vsx_ros.kernels.image_sensor import expose
+from vsx_ros.kernels.sim.image_sensor import expose
 from vsx_ros.sim.camera import KINECT
 from vsx_ros.sim.sensor import Sensor
 from vsx_ros.sim.settings import CameraSettings

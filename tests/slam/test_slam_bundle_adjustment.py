@@ -10,7 +10,7 @@ from vsx_ros.config import WheelConfig
 from vsx_ros.geometry.camera import PinholeCamera, mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels.patches import PATCH
+from vsx_ros.kernels.vision.patches import PATCH
 from vsx_ros.slam import bundle_adjustment
 from vsx_ros.slam.bundle_adjustment import BundleAdjuster, adjoint, odometry_factor
 from vsx_ros.slam.keyframe import FrameData, Observations

@@ -7,7 +7,7 @@ from vsx_ros.config import Config, CullingConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels.patches import PATCH
+from vsx_ros.kernels.vision.patches import PATCH
 from vsx_ros.slam.culling import cull_redundant, is_redundant
 from vsx_ros.slam.keyframe import FrameData, Observations
 from vsx_ros.slam.map import Map

@@ -7,7 +7,7 @@ import pytest
 from vsx_ros.config import Config
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels.patches import PATCH
+from vsx_ros.kernels.vision.patches import PATCH
 from vsx_ros.slam.frontend import FrontEnd
 from vsx_ros.slam.keyframe import FrameData, Observations
 from vsx_ros.slam.loop_closing import LoopFinder, Reunion

@@ -11,7 +11,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.io.slam_map_arrays import arrays_of, check
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
-from vsx_ros.kernels.patches import PATCH
+from vsx_ros.kernels.vision.patches import PATCH
 from vsx_ros.robot import VelocityCommand
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.robot import EmulatedRobot

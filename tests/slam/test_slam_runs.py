@@ -10,7 +10,9 @@ from vsx_ros.config import Config
 from vsx_ros.errors import InputError
 from vsx_ros.evaluation.trajectory import trajectory_error
 from vsx_ros.io.recording import open_recording
-from vsx_ros.kernels import alignment, bundle, epipolar, patches, pose, projection
+from vsx_ros.kernels.geometry import projection
+from vsx_ros.kernels.slam import bundle, epipolar, pose
+from vsx_ros.kernels.vision import alignment, patches
 from vsx_ros.kernels.warmup import warm_up
 from vsx_ros.robot import Frame
 from vsx_ros.slam.slam import SequentialSlam

@@ -7,7 +7,7 @@ from vsx_ros.config import ShutterConfig
 from vsx_ros.geometry.camera import PinholeCamera, mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels.projection import ideal_pixels, project_normalized, unproject_pixels
+from vsx_ros.kernels.geometry.projection import ideal_pixels, project_normalized, unproject_pixels
 from vsx_ros.robot import Odometry
 from vsx_ros.slam.shutter import Shutter
 from vsx_ros.vision.patch_search import kernel_camera

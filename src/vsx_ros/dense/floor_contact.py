@@ -16,7 +16,7 @@ from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.config import DenseConfig
 from vsx_ros.dense.photoconsistency import Views
 from vsx_ros.dense.planes import Plane
-from vsx_ros.kernels import floor_contact as kernels
+from vsx_ros.kernels.dense import floor_contact as kernels
 
 _STRIPS_M = (0.025, 0.01, 0.05, 0.02, 0.08)
 _SHIFTS_M = np.array([0.0, -0.3, -0.2, 0.2, 0.3])

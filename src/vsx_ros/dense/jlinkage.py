@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsx_ros.errors import InputError
-from vsx_ros.kernels.jlinkage import WORD, agglomerate
+from vsx_ros.kernels.dense.jlinkage import WORD, agglomerate
 
 _MAX_WORDS = 65535 // WORD
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vsx_ros.arrays import FloatArray, IntArray, Points3
-from vsx_ros.kernels.planes import point_information
+from vsx_ros.kernels.dense.planes import point_information
 from vsx_ros.slam.snapshot import MapSnapshot
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import FloatArray, GrayImage, IntArray, Points3
 from vsx_ros.config import DenseConfig
 from vsx_ros.geometry.camera import PinholeCamera
-from vsx_ros.kernels import surface_cells as kernels
+from vsx_ros.kernels.dense import surface_cells as kernels
 from vsx_ros.slam.snapshot import MapSnapshot
 
 _STORE_WIDTH_PX = 320
@@ -29,7 +29,7 @@ _HOPELESS_ZNCC = 0.5
 
 class Views(NamedTuple):
     """Keyframes to look at cells in. ids (K,), R (K, 3, 3) and t (K, 3): T_cam_world, centres (K, 3) world, slots (K,)
-    of the images; the images as kernels/surface_cells.py describes."""
+    of the images; the images as kernels/dense/surface_cells.py describes."""
 
     ids: IntArray
     R: FloatArray

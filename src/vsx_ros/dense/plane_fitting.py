@@ -9,8 +9,8 @@ import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.dense.observed_points import ObservedPoints
-from vsx_ros.kernels import plane_fits
-from vsx_ros.kernels import planes as kernels
+from vsx_ros.kernels.dense import plane_fits
+from vsx_ros.kernels.dense import planes as kernels
 
 _ROUNDS = 4
 _CUTOFF_GATES = 2.0

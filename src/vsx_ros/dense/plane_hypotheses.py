@@ -7,7 +7,7 @@ import numpy as np
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.dense.observed_points import ObservedPoints
 from vsx_ros.dense.plane_fitting import Attitude
-from vsx_ros.kernels.planes import first_accepted
+from vsx_ros.kernels.dense.planes import first_accepted
 
 _TRIES = 24
 _LEVEL_SHARE = 0.1

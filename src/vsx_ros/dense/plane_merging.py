@@ -12,7 +12,7 @@ from vsx_ros.dense.observed_points import ObservedPoints
 from vsx_ros.dense.plane_fitting import Fit, Noise, deviations, fit_plane, on_plane
 from vsx_ros.dense.plane_tiles import is_plane
 from vsx_ros.dense.planes import in_plane_axes
-from vsx_ros.kernels.planes import beside, best_planes
+from vsx_ros.kernels.dense.planes import beside, best_planes
 
 _MAX_ANGLE_COS = math.cos(math.radians(12.0))
 _SAME_SHARE = 0.8

@@ -11,7 +11,7 @@ from vsx_ros.dense.jlinkage import cluster
 from vsx_ros.dense.observed_points import ObservedPoints
 from vsx_ros.dense.plane_fitting import Attitude, Fit, Noise, fit_plane, on_plane
 from vsx_ros.dense.plane_hypotheses import draw_hypotheses
-from vsx_ros.kernels.planes import plane_preferences
+from vsx_ros.kernels.dense.planes import plane_preferences
 
 _PASSES = 2
 _VOXEL_M = 0.10

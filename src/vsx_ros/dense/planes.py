@@ -7,7 +7,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from vsx_ros.arrays import FloatArray, IntArray, Points2, Points3
-from vsx_ros.kernels import plane_fits as kernels
+from vsx_ros.kernels.dense import plane_fits as kernels
 
 _UPRIGHT = math.sin(math.radians(15.0))
 _FLOOR_HEIGHT_M = 0.10

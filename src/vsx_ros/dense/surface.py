@@ -13,7 +13,7 @@ from vsx_ros.dense.floor_contact import Contact, fill_heights, floor_contact, su
 from vsx_ros.dense.growing import consistent, enclosed, grown, refuted
 from vsx_ros.dense.photoconsistency import Judgement, Views, judge
 from vsx_ros.dense.planes import Plane, PlaneKind
-from vsx_ros.kernels.surface_cells import count_passing
+from vsx_ros.kernels.dense.surface_cells import count_passing
 
 _MARGIN_M = 0.3
 _BEHIND_M, _BEHIND_SHARE = 0.15, 0.08

@@ -11,7 +11,7 @@ import numpy as np
 from vsx_ros.arrays import BoolArray, IntArray, Points2
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.kernels.line_of_sight import seen_cells
+from vsx_ros.kernels.occupancy.line_of_sight import seen_cells
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
 TOLERANCE_M = 0.10

@@ -12,7 +12,7 @@ from vsx_ros.config import ExplorationConfig
 from vsx_ros.exploration.utility import Ranking, Rejection, View
 from vsx_ros.exploration.worth import opaque_walls, unknown_worth
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.kernels.visibility import UNKNOWN, count_looks
+from vsx_ros.kernels.occupancy.visibility import UNKNOWN, count_looks
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.path import Refusal
 from vsx_ros.planning.planner import Planner

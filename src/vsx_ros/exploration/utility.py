@@ -21,7 +21,7 @@ from vsx_ros.config import ExplorationConfig
 from vsx_ros.exploration.given_up import near_poses
 from vsx_ros.exploration.worth import opaque_walls, unknown_worth
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.kernels.visibility import unknown_area_by_bearing, visible_landmarks, window_sums
+from vsx_ros.kernels.occupancy.visibility import unknown_area_by_bearing, visible_landmarks, window_sums
 from vsx_ros.occupancy.grid import FREE, OccupancyGrid
 
 BEARINGS = 72

@@ -11,7 +11,7 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray
 from vsx_ros.config import ExplorationConfig
-from vsx_ros.kernels.visibility import count_looks, worth_of_looks
+from vsx_ros.kernels.occupancy.visibility import count_looks, worth_of_looks
 from vsx_ros.occupancy.grid import OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.occupancy.walls import walls
 

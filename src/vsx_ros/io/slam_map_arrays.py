@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.kernels.patches import PATCH
+from vsx_ros.kernels.vision.patches import PATCH
 from vsx_ros.slam.map import MapView
 from vsx_ros.slam.templates import VIEWS
 from vsx_ros.vision.pyramid import LEVELS

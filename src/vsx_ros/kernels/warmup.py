@@ -4,33 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from vsx_ros.kernels import (
-    alignment,
-    bundle,
-    clearance,
-    curves,
-    epipolar,
-    flood,
-    floor_contact,
-    ground_cells,
-    ground_map,
-    jlinkage,
-    lattice,
-    patches,
-    plane_fits,
-    planes,
-    pose,
-    pose_graph,
-    projection,
-    reeds_shepp,
-    rrt,
-    scan_casting,
-    shortcuts,
-    surface_cells,
-    tracking,
-)
-from vsx_ros.kernels.floor import no_floor
-from vsx_ros.kernels.relative_pose import Factors
+from vsx_ros.kernels.dense import floor_contact, jlinkage, plane_fits, planes, surface_cells
+from vsx_ros.kernels.geometry import projection
+from vsx_ros.kernels.occupancy import clearance, ground_cells, ground_map, scan_casting
+from vsx_ros.kernels.planning import curves, flood, lattice, reeds_shepp, rrt, shortcuts
+from vsx_ros.kernels.slam import bundle, epipolar, pose, pose_graph, tracking
+from vsx_ros.kernels.slam.floor import no_floor
+from vsx_ros.kernels.slam.relative_pose import Factors
+from vsx_ros.kernels.vision import alignment, patches
 
 
 def warm_up() -> None:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2
-from vsx_ros.kernels.clearance import fringe, gradient_many, interpolate_many, least_on_curve, signed_distance
-from vsx_ros.kernels.lattice import wavefront
+from vsx_ros.kernels.occupancy.clearance import fringe, gradient_many, interpolate_many, least_on_curve, signed_distance
+from vsx_ros.kernels.planning.lattice import wavefront
 from vsx_ros.occupancy.grid import FREE, OccupancyGrid
 
 CLEARANCE_REACH_M = 1.5

@@ -16,9 +16,9 @@ from vsx_ros.config import GroundMapConfig, RobotConfig
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels import ground_cells
-from vsx_ros.kernels import ground_map as kernels
-from vsx_ros.kernels.scan_casting import count_free
+from vsx_ros.kernels.occupancy import ground_cells
+from vsx_ros.kernels.occupancy import ground_map as kernels
+from vsx_ros.kernels.occupancy.scan_casting import count_free
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.occupancy.surfaces import Surfaces
 from vsx_ros.occupancy.virtual_scan import PolarScans, meet, virtual_scans, writable

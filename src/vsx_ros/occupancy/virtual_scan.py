@@ -17,8 +17,8 @@ from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2, Points3
 from vsx_ros.config import GroundMapConfig
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels import ground_map as kernels
-from vsx_ros.kernels.scan_casting import scan_corners
+from vsx_ros.kernels.occupancy import ground_map as kernels
+from vsx_ros.kernels.occupancy.scan_casting import scan_corners
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 from vsx_ros.occupancy.surfaces import Surfaces
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.kernels import curves as kernels
+from vsx_ros.kernels.planning import curves as kernels
 from vsx_ros.planning.flat_output import COARSE, COEFFICIENTS, FLAGS, Quadrature
 from vsx_ros.planning.fov_bound import RATE_ROWS, curvature_bound, least_rate
 from vsx_ros.planning.pieces import Piece, curve_piece

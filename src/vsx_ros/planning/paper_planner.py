@@ -9,7 +9,7 @@ import numpy as np
 from vsx_ros.arrays import IntArray
 from vsx_ros.config import PlannerConfig, RobotConfig
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.kernels.primitives import grow
+from vsx_ros.kernels.planning.primitives import grow
 from vsx_ros.occupancy.distance import travel_distance, with_fringe
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.connect import same_pose

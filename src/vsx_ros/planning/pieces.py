@@ -13,7 +13,7 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.kernels.curves import arc_table, curve_table
+from vsx_ros.kernels.planning.curves import arc_table, curve_table
 from vsx_ros.planning.flat_output import FINE
 
 _ARC_STEP_M = 0.02

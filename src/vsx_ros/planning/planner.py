@@ -11,7 +11,7 @@ from vsx_ros.arrays import FloatArray
 from vsx_ros.config import PlannerConfig, RobotConfig
 from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.kernels.flood import flood, flood_costs
+from vsx_ros.kernels.planning.flood import flood, flood_costs
 from vsx_ros.occupancy.distance import DistanceField, travel_distance, with_fringe
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning import corridor_qp

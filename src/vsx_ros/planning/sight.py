@@ -10,7 +10,7 @@ import numpy as np
 from vsx_ros.arrays import BoolArray, FloatArray
 from vsx_ros.config import PlannerConfig
 from vsx_ros.errors import PlanningError
-from vsx_ros.kernels.visibility import visible_landmarks
+from vsx_ros.kernels.occupancy.visibility import visible_landmarks
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.path import Path
 

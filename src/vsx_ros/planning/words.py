@@ -12,7 +12,7 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.geometry.se2 import SE2, wrap_angle
-from vsx_ros.kernels.reeds_shepp import MAX_WORDS, SEGMENTS, reeds_shepp_shortest, reeds_shepp_words
+from vsx_ros.kernels.planning.reeds_shepp import MAX_WORDS, SEGMENTS, reeds_shepp_shortest, reeds_shepp_words
 from vsx_ros.planning.path import CUSP_COST_M
 
 _SHORTEST_SEGMENT = 1e-6

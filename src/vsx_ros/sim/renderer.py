@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import FloatArray, Points3
 from vsx_ros.errors import CalibrationError
 from vsx_ros.geometry.camera import PinholeCamera
-from vsx_ros.kernels.raycast_cull import plane_forms
-from vsx_ros.kernels.raycast_render import render_tile_rows
-from vsx_ros.kernels.raycast_shade import TILE
+from vsx_ros.kernels.sim.raycast_cull import plane_forms
+from vsx_ros.kernels.sim.raycast_render import render_tile_rows
+from vsx_ros.kernels.sim.raycast_shade import TILE
 from vsx_ros.sim.scene import Scene
 
 BLUR_STEP_PX = 1.2

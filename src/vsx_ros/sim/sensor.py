@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import GrayImage
 from vsx_ros.geometry.camera import PinholeCamera
-from vsx_ros.kernels.image_sensor import expose
+from vsx_ros.kernels.sim.image_sensor import expose
 from vsx_ros.sim.settings import CameraSettings
 
 NOISE_DRAWS = 1 << 18

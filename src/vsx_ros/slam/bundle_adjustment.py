@@ -13,10 +13,10 @@ from vsx_ros.config import WheelConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels.bundle import START, adjust
-from vsx_ros.kernels.floor import Floor, no_floor
-from vsx_ros.kernels.pose import TUKEY
-from vsx_ros.kernels.relative_pose import Factors
+from vsx_ros.kernels.slam.bundle import START, adjust
+from vsx_ros.kernels.slam.floor import Floor, no_floor
+from vsx_ros.kernels.slam.pose import TUKEY
+from vsx_ros.kernels.slam.relative_pose import Factors
 from vsx_ros.slam.map import Map
 
 SIGMA_MIN_PX = 0.4

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels.projection import unproject_pixels
+from vsx_ros.kernels.geometry.projection import unproject_pixels
 from vsx_ros.slam.keyframe import FrameData, KeyFrame, Observations
 from vsx_ros.slam.map import MapView
 from vsx_ros.slam.tracker import LocalMap, Track, Tracker

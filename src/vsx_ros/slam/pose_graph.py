@@ -8,7 +8,7 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels.pose_graph import count_shared, optimize_graph
+from vsx_ros.kernels.slam.pose_graph import count_shared, optimize_graph
 from vsx_ros.slam.map import Map
 
 # Standard deviations of what two keyframes that share points know of one another: a constant and a share of the way.

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from vsx_ros.arrays import BoolArray, FloatArray, Pixels, Points3
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels.pose import optimize_pose
+from vsx_ros.kernels.slam.pose import optimize_pose
 from vsx_ros.vision.patch_search import Predictions
 
 SIGMA_MIN_PX = 0.4

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsx_ros.arrays import FloatArray, IntArray
-from vsx_ros.kernels.patches import PATCH
+from vsx_ros.kernels.vision.patches import PATCH
 
 VIEWS = 5
 Entry = TypeVar("Entry", bound=np.generic)

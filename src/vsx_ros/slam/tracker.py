@@ -9,8 +9,8 @@ import numpy as np
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels
 from vsx_ros.config import TrackerConfig
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels.projection import predict, project_rows
-from vsx_ros.kernels.tracking import count_hidden
+from vsx_ros.kernels.geometry.projection import predict, project_rows
+from vsx_ros.kernels.slam.tracking import count_hidden
 from vsx_ros.slam.keyframe import FrameData
 from vsx_ros.slam.map import MapView
 from vsx_ros.slam.pose_optimization import PoseEstimate, optimized

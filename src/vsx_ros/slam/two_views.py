@@ -13,10 +13,10 @@ from vsx_ros.config import InitializationConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.epipolar import epipolar_error, essential_matrix, two_view_motions
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels.bundle import START, adjust
-from vsx_ros.kernels.floor import no_floor
-from vsx_ros.kernels.projection import unproject_pixels
-from vsx_ros.kernels.relative_pose import no_factors
+from vsx_ros.kernels.geometry.projection import unproject_pixels
+from vsx_ros.kernels.slam.bundle import START, adjust
+from vsx_ros.kernels.slam.floor import no_floor
+from vsx_ros.kernels.slam.relative_pose import no_factors
 from vsx_ros.slam.keyframe import FrameData
 from vsx_ros.slam.point_creation import Candidates, TargetMatches, checked_points
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsx_ros.arrays import BoolArray, GrayImage
-from vsx_ros.kernels.tracking import index_rows
+from vsx_ros.kernels.slam.tracking import index_rows
 from vsx_ros.vision.pyramid import LEVELS, Pyramid
 
 _REFERENCE_PIXELS = 640 * 480

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import FloatArray
 from vsx_ros.geometry.se3 import so3_exp
-from vsx_ros.kernels.alignment import align_small
+from vsx_ros.kernels.vision.alignment import align_small
 from vsx_ros.vision.pyramid import Pyramid
 
 SmallImage: TypeAlias = NDArray[np.float32]

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from vsx_ros.kernels import kernel
-from vsx_ros.kernels.lattice import reverse_run, word_is_free
-from vsx_ros.kernels.reeds_shepp import LONGER, MAX_WORDS, SEGMENTS, advance, reeds_shepp_shortest
+from vsx_ros.kernels.planning.lattice import reverse_run, word_is_free
+from vsx_ros.kernels.planning.reeds_shepp import LONGER, MAX_WORDS, SEGMENTS, advance, reeds_shepp_shortest
 
 MAX_SEGMENTS = 512
 _NEAREST = 3

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from vsx_ros.kernels import kernel
-from vsx_ros.kernels.planes import variance_along
+from vsx_ros.kernels.dense.planes import variance_along
 
 _NO_CUTOFF = 1e9
 LEVEL = math.cos(math.radians(15.0))

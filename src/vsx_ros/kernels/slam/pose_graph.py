@@ -14,9 +14,9 @@ import numpy as np
 
 from vsx_ros.arrays import IntArray
 from vsx_ros.kernels import kernel
-from vsx_ros.kernels.envelope import envelope, factor_envelope, solve_envelope
-from vsx_ros.kernels.pose import exp_se3, orthonormalize
-from vsx_ros.kernels.relative_pose import log_se3
+from vsx_ros.kernels.slam.envelope import envelope, factor_envelope, solve_envelope
+from vsx_ros.kernels.slam.pose import exp_se3, orthonormalize
+from vsx_ros.kernels.slam.relative_pose import log_se3
 
 NODE_DOF = 7
 

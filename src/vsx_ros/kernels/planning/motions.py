@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from vsx_ros.kernels import kernel
-from vsx_ros.kernels.clearance import interpolate
-from vsx_ros.kernels.reeds_shepp import advance
+from vsx_ros.kernels.occupancy.clearance import interpolate
+from vsx_ros.kernels.planning.reeds_shepp import advance
 
 BENDS = np.array([0, 1, -1, 0, 1, -1])
 SIGNS = np.array([1, 1, 1, -1, -1, -1])

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from vsx_ros.kernels import kernel
-from vsx_ros.kernels.jlinkage import WORD
+from vsx_ros.kernels.dense.jlinkage import WORD
 
 _MIN_FACING = 0.05
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from vsx_ros.kernels import kernel
-from vsx_ros.kernels.raycast_cull import candidates, overlap
-from vsx_ros.kernels.raycast_shade import (
+from vsx_ros.kernels.sim.raycast_cull import candidates, overlap
+from vsx_ros.kernels.sim.raycast_shade import (
     EPS,
     F0,
     F1,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from vsx_ros.kernels import kernel
-from vsx_ros.kernels.projection import row_share, unproject_pixel
+from vsx_ros.kernels.geometry.projection import row_share, unproject_pixel
 
 TUKEY = 4.6851
 TO_SIGMA = 1.4826

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from vsx_ros.kernels import kernel
-from vsx_ros.kernels.clearance import interpolate
-from vsx_ros.kernels.motions import BENDS, MOTIONS, SIGNS, arc_places, places_are_free
+from vsx_ros.kernels.occupancy.clearance import interpolate
+from vsx_ros.kernels.planning.motions import BENDS, MOTIONS, SIGNS, arc_places, places_are_free
 
 UNREACHED = 16384
 _AROUND = 8  # cells; half of it to either side, about as far as an arc

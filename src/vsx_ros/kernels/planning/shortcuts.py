@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from vsx_ros.kernels import kernel
-from vsx_ros.kernels.lattice import reverse_run, word_is_free
-from vsx_ros.kernels.reeds_shepp import MAX_WORDS, SEGMENTS, advance
-from vsx_ros.kernels.rrt import MAX_SEGMENTS, random_unit, shortest_word
+from vsx_ros.kernels.planning.lattice import reverse_run, word_is_free
+from vsx_ros.kernels.planning.reeds_shepp import MAX_WORDS, SEGMENTS, advance
+from vsx_ros.kernels.planning.rrt import MAX_SEGMENTS, random_unit, shortest_word
 
 
 @kernel

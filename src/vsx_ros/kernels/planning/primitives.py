@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from vsx_ros.kernels import kernel
-from vsx_ros.kernels.clearance import arc_is_free
-from vsx_ros.kernels.reeds_shepp import advance
-from vsx_ros.kernels.rrt import random_unit
+from vsx_ros.kernels.occupancy.clearance import arc_is_free
+from vsx_ros.kernels.planning.reeds_shepp import advance
+from vsx_ros.kernels.planning.rrt import random_unit
 
 BENDS = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
 _FAVOURABLE = 0.15

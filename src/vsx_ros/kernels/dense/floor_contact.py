@@ -1,6 +1,6 @@
 """Where a wall meets the floor: the brightness steps at the line where its plane cuts z = 0, and nowhere near it.
 
-A gap in the wall has no such step: through it the floor goes on. Arrays as in kernels/surface_cells.py.
+A gap in the wall has no such step: through it the floor goes on. Arrays as in kernels/dense/surface_cells.py.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from vsx_ros.kernels import kernel
-from vsx_ros.kernels.surface_cells import LEVELS
+from vsx_ros.kernels.dense.surface_cells import LEVELS
 
 ROWS = 4
 ACROSS = 3

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from vsx_ros.kernels import kernel
-from vsx_ros.kernels.patches import (
+from vsx_ros.kernels.geometry.projection import project_normalized
+from vsx_ros.kernels.vision.patches import (
     MAX_ALIGNED_SHARE,
     MAX_SHARE,
     NOISE_FLOOR,
@@ -17,7 +18,6 @@ from vsx_ros.kernels.patches import (
     refine,
     warp_template,
 )
-from vsx_ros.kernels.projection import project_normalized
 
 STEP_PX = 2.5
 REACH_PX = 2.2

@@ -1,0 +1,1 @@
+"""Compiled loops of the ground map, distances and lines of sight."""

@@ -1,0 +1,1 @@
+"""Compiled loops of curves, searches and trees of the planner."""

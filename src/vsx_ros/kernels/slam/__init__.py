@@ -1,0 +1,1 @@
+"""Compiled loops of the SLAM (poses, adjustments, searches along rays)."""
