@@ -204,6 +204,7 @@ def test_third_party_cameras_return_to_their_residual():
     assert reference < 0.01
 
 
+@pytest.mark.compiled
 @pytest.mark.data
 def test_real_reconstruction_returns_to_its_residual():
     folder = DATA / "ba/crane_mast"

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vsx_ros.kernels.slam import frontal
+from vsx_ros.kernels.linalg import frontal
 
 
 def system(tied, rng):

@@ -77,6 +77,7 @@ def test_best_pixel_is_the_exhaustive_minimum(texture):
     assert score < 500
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("reach", [0, 3])
 def test_search_finds_shifted_points_and_rejects_foreign_ones(texture, reach):
     first, second = build_pyramid(shifted(texture, 0, 0)), build_pyramid(shifted(texture, 2.3, -1.4))

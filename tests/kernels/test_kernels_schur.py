@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from vsx_ros.kernels.slam import frontal, schur
+from vsx_ros.kernels.linalg import frontal
+from vsx_ros.kernels.slam import schur
 from vsx_ros.kernels.slam.relative_pose import no_factors
 
 N, M = 4, 30

@@ -29,7 +29,7 @@ def is_compiled(folder: Path = _FOLDER) -> bool:
     stamp = folder / _STAMP
     if not stamp.exists() or stamp.read_text(encoding="utf-8") != compiler():
         return False
-    return stamp.stat().st_mtime >= max(path.stat().st_mtime for path in folder.glob("*.py"))
+    return stamp.stat().st_mtime >= max(path.stat().st_mtime for path in folder.rglob("*.py"))
 
 
 def compile_kernels(folder: Path = _FOLDER) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 from vsx_ros.kernels.dense import floor_contact, jlinkage, plane_fits, planes, surface_cells
 from vsx_ros.kernels.geometry import projection
 from vsx_ros.kernels.occupancy import clearance, ground_cells, ground_map, scan_casting
+from vsx_ros.kernels.occupancy.wavefront import wavefront
 from vsx_ros.kernels.planning import curves, flood, lattice, reeds_shepp, rrt, shortcuts
 from vsx_ros.kernels.slam import bundle, epipolar, pose, pose_graph, tracking
 from vsx_ros.kernels.slam.floor import no_floor
@@ -165,7 +166,7 @@ def _planning() -> None:
         np.ones((4, 2)),
         *nodes[2:],
     )
-    remaining = clearance.fringe(lattice.wavefront(field >= 0.0, 5, 5) * 0.1, 0.1)
+    remaining = clearance.fringe(wavefront(field >= 0.0, 5, 5) * 0.1, 0.1)
     ground = (field, 0.1, 0.0, 0.0)
     table = reeds_shepp.reeds_shepp_table()
     table.flags.writeable = False

@@ -9,7 +9,7 @@ import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2
 from vsx_ros.kernels.occupancy.clearance import fringe, gradient_many, interpolate_many, least_on_curve, signed_distance
-from vsx_ros.kernels.planning.lattice import wavefront
+from vsx_ros.kernels.occupancy.wavefront import wavefront
 from vsx_ros.occupancy.grid import FREE, OccupancyGrid
 
 CLEARANCE_REACH_M = 1.5

@@ -11,9 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vsx_ros.kernels import kernel
+from vsx_ros.kernels.geometry.lie import compose, exp_se3, orthonormalize
+from vsx_ros.kernels.linalg.frontal import solve
 from vsx_ros.kernels.slam.floor import add_floor, floor_cost, hold_anchor
-from vsx_ros.kernels.slam.frontal import solve
-from vsx_ros.kernels.slam.pose import TUKEY, add_observation, compose, exp_se3, orthonormalize, tukey_sigma
+from vsx_ros.kernels.slam.pose import TUKEY, add_observation, tukey_sigma
 from vsx_ros.kernels.slam.relative_pose import add_factors, factor_cost
 from vsx_ros.kernels.slam.schur import back_substitute, pattern_of, reduce_points
 

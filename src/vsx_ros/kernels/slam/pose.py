@@ -9,62 +9,12 @@ from typing import Any
 import numpy as np
 
 from vsx_ros.kernels import kernel
+from vsx_ros.kernels.geometry.lie import compose, exp_se3, orthonormalize
 from vsx_ros.kernels.geometry.projection import row_share, unproject_pixel
+from vsx_ros.kernels.linalg.cholesky import factor_in_place, solve_factored
 
 TUKEY = 4.6851
 TO_SIGMA = 1.4826
-
-
-@kernel
-def exp_se3(xi: Any) -> tuple[Any, Any]:
-    """Rotation (3, 3) and translation (3,) of the tangent vector (6,)."""
-    wx, wy, wz = xi[3], xi[4], xi[5]
-    angle2 = wx * wx + wy * wy + wz * wz
-    if angle2 < 1e-10:
-        a, b, c = 1.0 - angle2 / 6.0, 0.5 - angle2 / 24.0, 1.0 / 6.0 - angle2 / 120.0
-    else:
-        angle = math.sqrt(angle2)
-        a = math.sin(angle) / angle
-        b = (1.0 - math.cos(angle)) / angle2
-        c = (1.0 - a) / angle2
-    W = np.array([[0.0, -wz, wy], [wz, 0.0, -wx], [-wy, wx, 0.0]])
-    R = np.empty((3, 3))
-    t = np.zeros(3)
-    for i in range(3):
-        for j in range(3):
-            w2 = W[i, 0] * W[0, j] + W[i, 1] * W[1, j] + W[i, 2] * W[2, j]
-            unit = 1.0 if i == j else 0.0
-            R[i, j] = unit + a * W[i, j] + b * w2
-            t[i] += (unit + b * W[i, j] + c * w2) * xi[j]
-    return R, t
-
-
-@kernel
-def compose(Ra: Any, ta: Any, Rb: Any, tb: Any) -> tuple[Any, Any]:
-    """(R, t) of the product of two rigid motions."""
-    R = np.empty((3, 3))
-    t = np.empty(3)
-    for i in range(3):
-        for j in range(3):
-            R[i, j] = Ra[i, 0] * Rb[0, j] + Ra[i, 1] * Rb[1, j] + Ra[i, 2] * Rb[2, j]
-        t[i] = Ra[i, 0] * tb[0] + Ra[i, 1] * tb[1] + Ra[i, 2] * tb[2] + ta[i]
-    return R, t
-
-
-@kernel
-def orthonormalize(R: Any) -> None:
-    """Make the rows of a nearly orthonormal (3, 3) matrix exactly so, in place.
-
-    Poses are composed thousands of times from one another; without this the rounding errors multiply.
-    """
-    for i in range(3):
-        for k in range(i):
-            dot = R[i, 0] * R[k, 0] + R[i, 1] * R[k, 1] + R[i, 2] * R[k, 2]
-            for j in range(3):
-                R[i, j] -= dot * R[k, j]
-        norm = math.sqrt(R[i, 0] * R[i, 0] + R[i, 1] * R[i, 1] + R[i, 2] * R[i, 2])
-        for j in range(3):
-            R[i, j] /= norm
 
 
 @kernel
@@ -82,45 +32,6 @@ def tukey_sigma(squared: Any, n: int, sigma_min: float) -> float:
     if 2 * below > n:
         return sigma_min
     return max(sigma_min, to_sigma * math.sqrt(np.median(squared[:n])))
-
-
-@kernel
-def factor_in_place(A: Any) -> bool:
-    """Upper Cholesky factor of the symmetric A (upper triangle read and overwritten); False when not positive
-    definite.
-
-    Right-looking with contiguous row updates: vectorises without reassociating sums, hence reproducible.
-    """
-    n = A.shape[0]
-    for k in range(n):
-        pivot = A[k, k]
-        if not pivot > 1e-12:
-            return False
-        root = math.sqrt(pivot)
-        for j in range(k, n):
-            A[k, j] /= root
-        for i in range(k + 1, n):
-            f = A[k, i]
-            if f != 0.0:
-                for j in range(i, n):
-                    A[i, j] -= f * A[k, j]
-    return True
-
-
-@kernel
-def solve_factored(U: Any, b: Any) -> None:
-    """Overwrite b with the solution of U^T U x = b."""
-    n = U.shape[0]
-    for k in range(n):
-        b[k] /= U[k, k]
-        f = b[k]
-        for j in range(k + 1, n):
-            b[j] -= f * U[k, j]
-    for k in range(n - 1, -1, -1):
-        s = b[k]
-        for j in range(k + 1, n):
-            s -= U[k, j] * b[j]
-        b[k] = s / U[k, k]
 
 
 @kernel

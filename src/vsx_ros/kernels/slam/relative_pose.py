@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vsx_ros.kernels import kernel
+from vsx_ros.kernels.geometry.lie import log_se3
 
 HUBER = 5.0
 
@@ -32,28 +33,6 @@ def no_factors() -> Factors:
     """Nothing is measured between frames."""
     none = np.zeros(0, np.int64)
     return Factors(none, none, np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 6, 6)))
-
-
-@kernel
-def log_se3(R: Any, t: Any) -> Any:
-    """Tangent vector (6,) of a rigid motion whose rotation stays well below pi."""
-    xi = np.empty(6)
-    sx, sy, sz = 0.5 * (R[2, 1] - R[1, 2]), 0.5 * (R[0, 2] - R[2, 0]), 0.5 * (R[1, 0] - R[0, 1])
-    sine = math.sqrt(sx * sx + sy * sy + sz * sz)
-    cosine = 0.5 * (R[0, 0] + R[1, 1] + R[2, 2] - 1.0)
-    angle = math.atan2(sine, cosine)
-    k = 1.0 if sine < 1e-9 else angle / sine
-    wx, wy, wz = k * sx, k * sy, k * sz
-    if angle < 1e-5:
-        c = 1.0 / 12.0
-    else:
-        c = (1.0 - 0.5 * angle / math.tan(0.5 * angle)) / (angle * angle)
-    cx, cy, cz = wy * t[2] - wz * t[1], wz * t[0] - wx * t[2], wx * t[1] - wy * t[0]
-    xi[0] = t[0] - 0.5 * cx + c * (wy * cz - wz * cy)
-    xi[1] = t[1] - 0.5 * cy + c * (wz * cx - wx * cz)
-    xi[2] = t[2] - 0.5 * cz + c * (wx * cy - wy * cx)
-    xi[3], xi[4], xi[5] = wx, wy, wz
-    return xi
 
 
 @kernel

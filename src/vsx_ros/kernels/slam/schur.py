@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vsx_ros.kernels import kernel
-from vsx_ros.kernels.slam.frontal import elimination
+from vsx_ros.kernels.linalg.frontal import elimination
 
 
 class Pattern(NamedTuple):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from vsx_ros.kernels import kernel
-from vsx_ros.kernels.slam.pose import factor_in_place, solve_factored
+from vsx_ros.kernels.linalg.cholesky import factor_in_place, solve_factored
 
 ONE = np.uint64(1)
 CONVERGED_PX = 0.01

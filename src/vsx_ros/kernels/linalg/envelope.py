@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from vsx_ros.kernels import kernel
-from vsx_ros.kernels.slam.pose import factor_in_place
+from vsx_ros.kernels.linalg.cholesky import factor_in_place
 
 
 @kernel

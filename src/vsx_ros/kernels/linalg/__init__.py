@@ -1,0 +1,1 @@
+"""Factorisations of symmetric systems: dense, with an envelope, by fronts."""
