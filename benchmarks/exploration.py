@@ -84,7 +84,7 @@ def explored(world: str, seed: int, noise: int, strategy: str, limits: argparse.
     run = FastRun(open_world(world, seed), 1000 * noise + seed, "fov", Config())
     mission = run.system.mission
     if strategy == "nearest":
-        mission.outlook._rank, mission.outlook._ways = nearest_frontier, None
+        mission.outlook._rank = nearest_frontier
     curve: list[tuple[float, float, float, int]] = []
 
     def watch(now_ns: int) -> None:

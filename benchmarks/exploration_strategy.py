@@ -20,7 +20,6 @@ from exploration import LEVELS, SAMPLE_S, metres, nearest_frontier, way_to
 
 from vsx_ros.cli.run_record import MapJudge
 from vsx_ros.config import Config
-from vsx_ros.exploration.along import ways_of
 from vsx_ros.exploration.decision import Action, NavigationState, Situation
 from vsx_ros.exploration.mission import Mission
 from vsx_ros.exploration.utility import Ranker, rank_views
@@ -173,8 +172,7 @@ class Run:
         self._config, self._judge, self._landmarks = config, MapJudge(world, config), Landmarks(world, seed)
         self._planner, self._rng = Planner(config.planner, config.robot), np.random.default_rng(seed)
         planner = self._planner
-        ways = ways_of(planner) if rank is rank_views else None
-        self._mission = Mission(config, lambda a, grid: lambda poses: planner.travel_costs(a, grid, poses), rank, ways)
+        self._mission = Mission(config, lambda a, grid: lambda poses: planner.travel_costs(a, grid, poses), rank)
         self._ground = GroundMap(config.ground_map, config.robot)
         self._grid: OccupancyGrid | None = None
         self._points = np.zeros((0, 3))

@@ -241,9 +241,6 @@ class ExplorationConfig(_Branch, frozen=True):
     min_gain_m2: NonNegative = 0.08
     min_utility_m: NonNegative = 0.03
     stop_cost_m: Positive = 2.0
-    # The share of what only the way to a view shows that counts as the view's gain. More than 0 costs each decision
-    # six plans, and with everything in the loop the ways to 90 % were no shorter.
-    way_gain_ratio: Ratio = 0.0
     look_range_m: Positive = 3.0
     looks_to_half: Positive = 1.5
     wall_gap_m: Positive = 1.0

@@ -18,7 +18,6 @@ from vsx_ros.control.stuck import Stuck
 from vsx_ros.dense.anchored import AnchoredSpots
 from vsx_ros.dense.densify import DenseMap, Densifier, update_every_s
 from vsx_ros.dense.mapped_ground import MappedGround
-from vsx_ros.exploration.along import ways_of
 from vsx_ros.exploration.decision import Action, Decision, NavigationState, Situation
 from vsx_ros.exploration.memory import MissionMemory
 from vsx_ros.exploration.mission import Mission
@@ -87,11 +86,7 @@ class ExplorationSystem:
         slam_map = slam_map if memory is None else memory.slam_map
         self.slam = SequentialSlam(camera, T_base_cam, config.slam, seed, slam_map, record)
         self.navigator = Navigator(config, planner, seed)
-        self.mission = Mission(
-            config,
-            lambda start, grid: lambda poses: self._costs.travel_costs(start, grid, poses),
-            ways=ways_of(self._costs),
-        )
+        self.mission = Mission(config, lambda start, grid: lambda poses: self._costs.travel_costs(start, grid, poses))
         self.grid: OccupancyGrid | None = None
         self.dense: DenseMap | None = None
         self._recalled = None if memory is None else memory.mission

@@ -16,7 +16,6 @@ reason.
 from __future__ import annotations
 
 from vsx_ros.config import Config
-from vsx_ros.exploration.along import WaysFrom
 from vsx_ros.exploration.chronicle import Chronicle
 from vsx_ros.exploration.decision import (
     Action,
@@ -52,10 +51,8 @@ _MOST_BLOCKED = 30
 class Mission:
     """Explore until nothing is worth its way; recover when lost; never without a reason."""
 
-    def __init__(
-        self, config: Config, travel_costs: TravelCostsFrom, rank: Ranker = rank_views, ways: WaysFrom | None = None
-    ) -> None:
-        """rank, ways: how views are judged (``Outlook``)."""
+    def __init__(self, config: Config, travel_costs: TravelCostsFrom, rank: Ranker = rank_views) -> None:
+        """rank: how views are judged (``Outlook``)."""
         self._config = config.exploration
         self._body_m, self._phi_rad_m = config.robot.radius_m, config.planner.phi_rad_m
         self._trail = Trail(spacing_m=0.05)
@@ -71,7 +68,7 @@ class Mission:
         self._backing_off = self._has_gone = False
         self._home = Home()
         self._blocked = 0
-        self.outlook = Outlook(config, travel_costs, rank, ways)
+        self.outlook = Outlook(config, travel_costs, rank)
 
     @property
     def state(self) -> MissionState:

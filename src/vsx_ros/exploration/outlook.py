@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from vsx_ros.arrays import FloatArray
 from vsx_ros.config import Config
-from vsx_ros.exploration.along import WaysFrom, with_ways
 from vsx_ros.exploration.frontiers import Frontier, find_frontiers
 from vsx_ros.exploration.given_up import GivenUp
 from vsx_ros.exploration.looks import Looks
@@ -18,9 +17,8 @@ class Outlook:
     """``rank`` the views anew. looks: where the camera has looked from. given_up: goals that failed. ranking: as found
     last."""
 
-    def __init__(self, config: Config, travel_costs: TravelCostsFrom, rank: Ranker, ways: WaysFrom | None) -> None:
-        """ways: by which the best views are judged anew; None judges them by what they show themselves."""
-        self._config, self._rank, self._ways, self._travel_costs = config.exploration, rank, ways, travel_costs
+    def __init__(self, config: Config, travel_costs: TravelCostsFrom, rank: Ranker) -> None:
+        self._config, self._rank, self._travel_costs = config.exploration, rank, travel_costs
         self._radius_m = config.robot.radius_m + config.planner.clearance_m
         self.looks = Looks(self._config.look_spacing_m)
         self.given_up = GivenUp(self._config.blacklist_radius_m, self._config.blacklist_s)
@@ -30,14 +28,10 @@ class Outlook:
     def rank(self, now_ns: int, T_map_base: SE2, grid: OccupancyGrid, landmarks_world: FloatArray) -> Ranking:
         """What is worth its way from here, the best first, and what fell out for which reason."""
         self._grid = grid
-        looked_from = self.looks.as_array()
         self.ranking = self._rank(
-            grid, self._radius_m, landmarks_world, looked_from, self._travel_costs(T_map_base, grid),
+            grid, self._radius_m, landmarks_world, self.looks.as_array(), self._travel_costs(T_map_base, grid),
             lambda poses: self.given_up.near(now_ns, poses), self._config,
         )  # fmt: skip
-        if self._ways is not None and self._config.way_gain_ratio:
-            way_to = self._ways(T_map_base, grid)
-            self.ranking = with_ways(self.ranking, way_to, grid, self._radius_m, looked_from, self._config)
         return self.ranking
 
     def frontiers(self) -> list[Frontier]:

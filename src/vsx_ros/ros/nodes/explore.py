@@ -32,7 +32,6 @@ from visualization_msgs.msg import MarkerArray
 from vsx_hw.readings import Hazard
 from vsx_ros.arrays import Points3
 from vsx_ros.config import Config
-from vsx_ros.exploration.along import ways_of
 from vsx_ros.exploration.decision import Action, Decision, NavigationState, Situation
 from vsx_ros.exploration.frontiers import Frontier
 from vsx_ros.exploration.memory import MissionMemory
@@ -65,8 +64,8 @@ class ExploreNode:
         def travel_costs(start: SE2, grid: OccupancyGrid) -> TravelCosts:
             return lambda poses: planner.travel_costs(start, grid, poses)
 
-        warm_up_mission(Mission(config, travel_costs, ways=ways_of(planner)))
-        self._mission = Mission(config, travel_costs, ways=ways_of(planner))
+        warm_up_mission(Mission(config, travel_costs))
+        self._mission = Mission(config, travel_costs)
         self._lock, self._writing = threading.Lock(), threading.Lock()
         self._grid: OccupancyGrid | None = None
         self._landmarks: Points3 = np.zeros((0, 3))
