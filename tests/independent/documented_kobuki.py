@@ -17,7 +17,7 @@ HALF_BASE_MM = 115.0
 COMMAND_LENGTHS = {1: 4, 3: 3, 4: 1, 9: 2, 12: 2, 13: 13, 14: 1}
 GYRO_DEG_S = 0.00875
 _OLD_VERSIONS = {(1, 0, 0): 123, (1, 1, 0): 10100, (1, 1, 1): 10101, (1, 0, 4): 104}
-_COMMANDS_PER_S = 55  # one base control per feedback frame, and a few for what a late reader sees at once
+_MOVING_PER_S, _ALL_PER_S = 65, 100  # one for each feedback frame, some more for a late writer; a stop at any moment
 
 
 def xor(data: bytes) -> int:
@@ -84,6 +84,7 @@ class Kobuki:
         self._zero = (self.body.left_m, self.body.right_m, self.body.yaw_rad)
         self._powered_s = self.now_s
         self._pending: deque[tuple[float, int, int]] = deque()
+        self._since_s, self._earliest = self.now_s, deque[tuple[float, bool]](maxlen=_ALL_PER_S)
 
     # -- time ------------------------------------------------------------------------------------------------------
 
@@ -161,12 +162,16 @@ class Kobuki:
     # -- host to robot ---------------------------------------------------------------------------------------------
 
     def receive(self, data: bytes, now_s: float, since_s: float | None = None) -> bytes:
-        """Take bytes of the host; they came between `since_s` and `now_s`. The robot answers in its next frame only."""
-        self._move(now_s)
+        """Take bytes of the host; they came between `since_s` and `now_s`. Return what was sent until `now_s`.
+
+        The robot answers in its next frame only.
+        """
+        sent = self.advance(now_s)
+        self._since_s = now_s if since_s is None else since_s
         self._buffer += data
         while self._take_frame():
             pass
-        return b""
+        return sent
 
     def _take_frame(self) -> bool:
         buffer = self._buffer
@@ -227,8 +232,11 @@ class Kobuki:
             abs(linear) <= 0.702 and abs(angular) <= math.pi + 0.01,
             f"faster than the base: {linear} m/s, {angular} rad/s",
         )
-        lately = [command for command in self.base_commands[-_COMMANDS_PER_S:] if self.now_s - command[0] < 1.0]
-        self._check(len(lately) < _COMMANDS_PER_S, f"more than {_COMMANDS_PER_S} base controls in a second")
+        self._earliest.append((self._since_s, speed != 0))
+        lately = [moving for since_s, moving in self._earliest if self.now_s - since_s < 1.0]
+        self._check(
+            sum(lately) <= _MOVING_PER_S and len(lately) < _ALL_PER_S, f"{len(lately)} base controls in a second"
+        )
         self.base_commands.append((self.now_s, speed, radius))
         self._pending.append((self.now_s + self.dead_time_s, speed, radius))
         self._move(self.now_s)

@@ -7,6 +7,7 @@ added to `violations`.
 
 import math
 import struct
+from collections import deque
 from dataclasses import dataclass, field
 
 from documented_body import Body
@@ -18,10 +19,12 @@ WHEEL_BASE_M = {Generation.CREATE_1: 0.258, Generation.CREATE_2: 0.235}
 ROBOT_RADIUS_MM = 170
 OFF, PASSIVE, SAFE, FULL = range(4)
 STRAIGHT = (-32768, 32767)
-_MODE_OPCODES = (130, 131, 132, 133, 134, 135, 136, 143)
+_MODE_OPCODES = (130, 131, 132, 133, 134, 135, 136, 143)  # not Start: iRobot's own examples go on at once
 _AFTER_MODE_S, _AFTER_BAUD_S, _SLEEP_S = 0.020, 0.100, 300.0
-_KNOWING_S = 1.0  # a host may need so long to notice that the robot fell to Passive by itself
+_KNOWING_S = 0.3  # a host may need so long to notice that the robot fell to Passive by itself: packet 35 tells
+_MISSING_S = 3.0  # and so long to notice that the robot was switched off: nothing tells
 _DRIVES_PER_S = 70
+_QUESTIONS = 40  # so many in a row must take as long as their ticks: a single one may be late, and the next not
 BANNER = (
     b"bl-start\r\nSTR730\r\nbootloader id: #x47135160 82FA7FFF\r\nRoomba by iRobot!\r\nr3_robot/tags/release-3.5.1\r\n"
 )
@@ -51,7 +54,8 @@ class OpenInterface:
     charge_mah: int = 2000
     capacity_mah: int = 2700
     cliff_signals: tuple[int, int, int, int] = (1500, 1500, 1500, 1500)
-    analog: int = 512
+    analog: int = 0
+    board_gyro_zero: int = 0  # counts at rest of the ADXRS613 on the TurtleBot's power board; 0: there is no board
     light_bumper: int = 0
     light_signals: tuple[int, int, int, int, int, int] = (0, 0, 0, 0, 0, 0)
     motor_currents_ma: tuple[int, int, int, int] = (0, 0, 0, 0)  # left wheel, right wheel, main, side brush
@@ -62,6 +66,7 @@ class OpenInterface:
     commands: list[tuple[float, int, bytes]] = field(default_factory=list)  # (time, opcode, data), executed ones
     songs: dict[int, bytes] = field(default_factory=dict)
     digital_outputs: int = 0
+    lamps: tuple[int, int, int] = (0, 0, 0)  # bits, colour and brightness of the power lamp, as commanded
     baud: int = 0
     now_s: float = 0.0
 
@@ -71,7 +76,8 @@ class OpenInterface:
         self._opcode, self._data = -1, b""
         self._powered_s, self._ticks_passed, self._next_tick_s = self.now_s, 0, self.now_s + TICK_S
         self._deaf_until_s, self._deaf_why, self._input_s, self._fell_s = -math.inf, "", self.now_s, -math.inf
-        self._asked = (-math.inf, -math.inf)
+        self._asked: deque[float] = deque(maxlen=_QUESTIONS)
+        self._drives: deque[float] = deque(maxlen=_DRIVES_PER_S)
         self._drive = (0, 0, 0, 0)  # velocity, radius, right, left as last requested
         self._stream: list[int] = []
         self._streaming = False
@@ -137,7 +143,7 @@ class OpenInterface:
             self.body.want(0.0, 0.0)
             self._drive = (0, 0, 0, 0)
             self.digital_outputs = 0
-        self.mode = mode
+        self.mode, self.lamps = mode, (0, 0, 0)
 
     def power_cycle(self) -> None:
         """Take the battery out and put it in again."""
@@ -176,7 +182,7 @@ class OpenInterface:
         values |= dict(zip(range(9, 13), self.cliffs)) | {18: self.buttons, 21: charging, 22: self.voltage_mv}
         values |= {23: self.current_ma, 24: self.temperature_c, 25: self.charge_mah, 26: self.capacity_mah}
         values |= dict(zip(range(28, 32), self.cliff_signals)) | {
-            33: self.analog if first else 0,
+            33: self._analog() if first else 0,
             34: self.charging_sources,
         }
         values |= {35: self.mode, 36: self._song, 37: int(self.now_s < self._song_until_s), 38: len(self._stream)}
@@ -185,6 +191,12 @@ class OpenInterface:
         values |= {43: counts[0] & 0xFFFF, 44: counts[1] & 0xFFFF, 45: self.light_bumper, 58: self.stasis}
         values |= dict(zip(range(46, 52), self.light_signals)) | dict(zip(range(54, 58), self.motor_currents_ma))
         return values.get(identifier, 0)
+
+    def _analog(self) -> int:
+        """Gyro of the power board: falls with a counter-clockwise rate, -(counts - zero) / zero * 150 * 1.35 deg/s."""
+        rate_deg_s = math.degrees(self.body.rate_rad_s)
+        counts = round(self.board_gyro_zero * (1.0 - rate_deg_s / (150.0 * 1.35)))
+        return max(0, min(1023, counts)) if self.board_gyro_zero else self.analog
 
     def _distance_mm(self) -> int:
         travelled = (self.body.left_m - self._zero[0] + self.body.right_m - self._zero[1]) / 2.0
@@ -227,7 +239,7 @@ class OpenInterface:
             return b""
         self._input_s = self.now_s
         if self.mode == OFF and byte not in (7, 128):  # the robot listens for Start and nothing else
-            self._check(self.now_s - self._fell_s < _KNOWING_S, f"byte {byte} before Start")
+            self._check(self.now_s - self._fell_s < _MISSING_S, f"byte {byte} before Start")
             return b""
         if self._opcode < 0:
             if byte not in COMMANDS[self.generation]:
@@ -247,9 +259,8 @@ class OpenInterface:
                 self._check(False, f"opcode {opcode} {list(data)} in mode {self.mode}")
             return b""
         self.commands.append((self.now_s, opcode, data))
-        before = self.mode
         answer = self._execute(opcode, data, since_s)
-        if opcode in _MODE_OPCODES or self.mode != before:
+        if opcode in _MODE_OPCODES:
             self._deaf_until_s, self._deaf_why = since_s + _AFTER_MODE_S, f"20 ms after opcode {opcode}"
         return answer
 
@@ -266,23 +277,24 @@ class OpenInterface:
             self.baud = BAUDS[min(data[0], 11)]
             self._deaf_until_s, self._deaf_why = since_s + _AFTER_BAUD_S, "100 ms after a change of the baud rate"
         elif opcode in (137, 145, 146):
-            self._wheels(opcode, *struct.unpack(">hh", data))
+            self._wheels(opcode, *struct.unpack(">hh", data), since_s)
         elif opcode in (140, 141):
             self._music(opcode, data)
         elif opcode in (142, 149):
             return self._answer(list(data[-1:]) if opcode == 142 else list(data[1:]), since_s)
         elif opcode in (148, 150):
             self._set_stream(opcode, data)
+        elif opcode == 139:
+            self.lamps = (data[0], data[1], data[2])
         elif opcode == 147:
             self._check(data[0] <= 7, f"digital outputs {data[0]}")
             self.digital_outputs = data[0]
         return b""
 
-    def _wheels(self, opcode: int, first: int, second: int) -> None:
-        lately = [
-            now for now, other, _ in self.commands[-_DRIVES_PER_S - 30 :] if other == opcode and self.now_s - now < 1.0
-        ]
-        self._check(len(lately) <= _DRIVES_PER_S, f"more than {_DRIVES_PER_S} drive commands in a second")
+    def _wheels(self, opcode: int, first: int, second: int, since_s: float) -> None:
+        often = len(self._drives) == _DRIVES_PER_S and self.now_s - self._drives[0] < 1.0
+        self._check(not often, f"more than {_DRIVES_PER_S} drive commands in a second")
+        self._drives.append(since_s)
         limit = 255 if opcode == 146 else 500
         self._check(abs(first) <= limit, f"opcode {opcode}: {first}, {second}")
         if opcode != 137:
@@ -312,8 +324,9 @@ class OpenInterface:
         self._song_until_s = self.now_s + sum(self.songs.get(data[0], b"")[1::2]) / 64.0
 
     def _answer(self, packets: list[int], since_s: float) -> bytes:
-        self._check(self.now_s - self._asked[0] >= TICK_S, "sensors asked more often than each 15 ms")
-        self._asked = (since_s, self.now_s)
+        self._asked.append(since_s)
+        often = len(self._asked) == _QUESTIONS and self.now_s - self._asked[0] < TICK_S * (_QUESTIONS - 1)
+        self._check(not often, "sensors asked more often than each 15 ms")
         self._check(not self._streaming, "sensors asked while the stream runs")
         self._have(packets)
         return b"".join(self.packet(identifier) for identifier in packets)

@@ -99,7 +99,7 @@ def test_kobuki_counts_what_the_document_forbids(wrong):
 def test_kobuki_counts_too_many_commands():
     kobuki = Kobuki()
     for step in range(80):
-        kobuki.receive(_base(0, 0), step * 0.01)
+        kobuki.receive(_base(100, 0), step * 0.01)
     assert kobuki.violations
 
 
@@ -217,7 +217,7 @@ def test_drive_commands_of_the_manual(command, left_m_s, right_m_s):
         [129, 11, 142],
         [129, 12],
         [147],
-        [142, 7, 142, 7],
+        [142, 7] * 40,
         [173, 142],
     ],
 )
