@@ -77,7 +77,7 @@ def test_speeds_are_measured_as_driven_forward_and_back(tmp_path):
             host.wait_readings(5)  # their speeds are by the robot's own clock
             assert host.last.odometry.v_m_s == pytest.approx(body.speed_m_s, abs=0.006)
             assert host.last.odometry.omega_rad_s == pytest.approx(body.rate_rad_s, abs=0.02)
-            assert host.last.gyro.rate_rad_s == pytest.approx(body.rate_rad_s, abs=0.001)
+            assert host.last.gyro.rate_rad_s == pytest.approx(body.rate_rad_s, abs=0.012)
 
 
 def test_every_twist_reaches_the_wheels():
