@@ -20,7 +20,7 @@ from vsx_hw.create.protocol import encode_stream_frame
 from vsx_hw.kinect.assembler import FrameAssembler
 from vsx_hw.kinect.packets import packetize
 from vsx_hw.kobuki.framing import encode_frame
-from vsx_hw.kobuki.protocol import StreamParser as KobukiParser
+from vsx_hw.kobuki.stream import StreamParser as KobukiParser
 
 CHUNK = 4096
 LONGEST_BUFFER = 600

@@ -274,7 +274,7 @@ def told() -> Iterator[None]:
 
 
 class Diagnostics:
-    """Publishes the last known condition of the node's components once a second (REP 107)."""
+    """Publishes the last known condition of the node's components once a second (REP 107), a worse one at once."""
 
     def __init__(self, hardware_id: str = "") -> None:
         self._hardware_id = hardware_id or rospy.get_name()
@@ -286,7 +286,10 @@ class Diagnostics:
     def set(self, component: str, level: int, message: str, **values: object) -> None:
         """Replace what is known of a component; ``values`` become key-value strings."""
         with self._lock:
+            before = self._components.get(component)
             self._components[component] = (level, message, {k: str(v) for k, v in values.items()})
+        if before is not None and level > before[0]:
+            self._publish()
 
     def _publish(self) -> None:
         array = DiagnosticArray()
