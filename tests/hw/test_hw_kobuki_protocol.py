@@ -263,7 +263,7 @@ def frames_of(k: int, **changes: int) -> bytes:
 
 @pytest.mark.parametrize(
     "change",
-    [{"time": 200 + 64}, {"time": 200 - 64}, {"left": 470 + 512}, {"right": 470 - 512}, {"left": 470 + 32768}]
+    [{"time": 200 + 64}, {"time": 200 - 64}, {"left": 470 + 512}, {"right": 470 - 512 + 65536}, {"left": 470 + 32768}]
     + [{"angle": 512}, {"angle": -16384}, {"buttons": 1}, {"charger": 2}, {"battery": 157 - 16}],
 )  # fmt: skip
 def test_a_frame_that_cannot_follow_the_one_before_is_refused_once(change):
