@@ -24,7 +24,6 @@ from vsx_hw.kobuki.protocol import (
     sound_payload,
 )
 from vsx_hw.kobuki.stream import StreamParser
-from vsx_hw.kobuki.versions import KNOWN_FIRMWARE, Version, decode_version, objection
 
 CAPTURE = bytes.fromhex(
     "AA554D010FA80B000000FCFFEFF3000000009D0003030000000407" + "9BE70000000000050689" + "06AD074906060200000D0EEE"
@@ -247,67 +246,3 @@ def test_drives_and_lamps_never_cut_the_cameras_supply():
     for led1 in Led:
         for led2 in Led:
             assert outputs_payload(led1, led2, 0x0F)[2] & 0xF0 == 0xF0
-
-
-def frames_of(k: int, **changes: int) -> bytes:
-    """A frame of a Kobuki that drives, k frames after the start, with changed fields of its core."""
-    core = {
-        "time": 20 * k % 65536, "bumper": 0, "drop": 0, "cliff": 0, "left": 47 * k % 65536, "right": 47 * k % 65536,
-        "left_pwm": 0, "right_pwm": 0, "buttons": 0, "charger": 0, "battery": 157, "overcurrent": 0,
-    }  # fmt: skip
-    core |= {name: value for name, value in changes.items() if name in core}
-    parts = dict(sub_payloads(CAPTURE[3:-1])) | {1: struct.pack("<HBBBHHbbBBBB", *core.values())}
-    parts[4] = struct.pack("<hh3x", changes.get("angle", 0), 0)
-    return encode_frame(*(bytes((kind, len(data))) + data for kind, data in parts.items()))
-
-
-@pytest.mark.parametrize(
-    "change",
-    [{"time": 200 + 64}, {"time": 200 - 64}, {"left": 470 + 512}, {"right": 470 - 512 + 65536}, {"left": 470 + 32768}]
-    + [{"angle": 512}, {"angle": -16384}, {"buttons": 1}, {"charger": 2}, {"battery": 157 - 16}],
-)  # fmt: skip
-def test_a_frame_that_cannot_follow_the_one_before_is_refused_once(change):
-    parser = StreamParser()
-    assert len(parser.feed(b"".join(frames_of(k) for k in range(10)))) == 10
-    assert parser.feed(frames_of(10, **change)) == []
-    assert len(parser.feed(frames_of(11))) == 1, "what was right before is right again"
-    for k in (12, 13, 14):
-        lasting = {name: value + 20 * (k - 10) * (name == "time") for name, value in change.items()}
-        found = parser.feed(frames_of(k, **lasting))
-        assert len(found) == (k > 12), "what is said again is believed"
-
-
-def test_a_part_that_is_missing_for_one_frame_is_damage():
-    parser = StreamParser()
-    parser.feed(b"".join(frames_of(k) for k in range(10)))
-    parts = [bytes((kind, len(data))) + data for kind, data in sub_payloads(frames_of(10)[3:-1])]
-    parts[2] = bytes((0x84,)) + parts[2][1:]
-    assert parser.feed(encode_frame(*parts)) == []
-    assert len(parser.feed(frames_of(11))) == 1
-
-
-@pytest.mark.parametrize("kind", [3, 4, 5, 6, 10, 11, 15, 16, 19, 21])
-def test_a_documented_part_of_another_length_is_refused(kind):
-    parts = dict(sub_payloads(CAPTURE[3:-1])) | {kind: bytes(9)}
-    parser = StreamParser()
-    assert parser.feed(encode_frame(*(bytes((k, len(data))) + data for k, data in parts.items()))) == []
-    assert parser.refused == 1
-
-
-def test_answers_between_the_regular_parts_are_no_damage():
-    parser = StreamParser()
-    for k in range(8):
-        extra = bytes((10, 4, 4, 0, 1, 0, 11, 4, 0, 2, 1, 0)) if k % 2 else b""
-        assert len(parser.feed(encode_frame(frames_of(k)[3:-1] + extra))) == 1
-
-
-def test_the_versions_of_old_firmware():
-    numbers = {123: (1, 0, 0), 110: (1, 1, 0), 10100: (1, 1, 0), 111: (1, 1, 1), 10101: (1, 1, 1), 104: (1, 0, 4)}
-    assert {number: decode_version(struct.pack("<H", number)) for number in numbers} == numbers
-    assert decode_version(bytes((0, 2, 1, 0))) == (1, 2, 0)
-    assert decode_version(None) is None
-    assert decode_version(bytes(3)) is None
-    for firmware in KNOWN_FIRMWARE:
-        assert objection(firmware, Version(1, 0, 4)) == ""
-    for unknown in (Version(2, 0, 0), Version(1, 2, 1), Version(0, 0, 1), Version(1, 3, 0), None):
-        assert "flash 1.2.0" in objection(unknown, None)

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 
 from vsx_hw.create.dialect import BATTERY_PACKETS, SAFETY_PACKETS, CreateDialect
 from vsx_hw.create.gyro import BoardGyro
-from vsx_hw.create.odometry import FASTEST_M_S, DistanceOdometry, EncoderOdometry
+from vsx_hw.create.odometry import DistanceOdometry, EncoderOdometry
 from vsx_hw.create.protocol import (
     CREATE_1,
     CREATE_2,
@@ -24,6 +24,9 @@ ENCODER_PACKETS = [43, 44]
 STREAM_PACKETS = SAFETY_PACKETS + BATTERY_PACKETS + ENCODER_PACKETS
 MOTION_PACKETS = [19, 20]
 GYRO_PACKET = 33
+
+MOST_M_S = 0.6
+"""The robot drives 0.5."""
 
 QUERIES_PER_MOTION = 25
 """Every half second: each reading of distance and angle may cut off most of a millimetre and of a degree."""
@@ -57,7 +60,7 @@ class Create2Dialect(CreateDialect):
 
     def _rolled(self, values: Mapping[int, int], now_ns: int) -> bool:
         """Whether the wheels can have rolled so far since the last report."""
-        most = FASTEST_M_S / METRES_PER_TICK * max((now_ns - self._heard_ns) * 1e-9, 0.03)
+        most = MOST_M_S / METRES_PER_TICK * max((now_ns - self._heard_ns) * 1e-9, 0.03)
         steps = [(values[p] - self._last.get(p, values[p]) + 0x8000) % 0x10000 - 0x8000 for p in ENCODER_PACKETS]
         return max(map(abs, steps)) <= most
 

@@ -101,7 +101,7 @@ class Feedback(NamedTuple):
 
 
 def decode(payload: bytes) -> Feedback | None:
-    """The frame, or None unless its parts tile it, each once and as long as documented, and its flags are known ones.
+    """The frame, or None unless its parts tile it, each once and as long as documented, with values in their ranges.
 
     Parts with unknown ids are skipped.
     """
@@ -111,7 +111,7 @@ def decode(payload: bytes) -> Feedback | None:
     if core is None or len(fields) != len(parts) or not all(_is_whole(*part) for part in parts):
         return None
     inertia = fields.get(4)
-    return Feedback(
+    feedback = Feedback(
         core,
         Inertia(*struct.unpack_from("<hh", inertia)) if inertia else None,
         dock_ir=_exact("<3B", fields.get(3)),
@@ -125,6 +125,8 @@ def decode(payload: bytes) -> Feedback | None:
         controller=ControllerInfo(*values) if (values := _exact("<B3I", fields.get(21))) else None,
         regular_parts=frozenset(fields.keys() - ANSWERS),
     )
+    volts = (*(feedback.cliff_adc or ()), *(feedback.general_input.analog if feedback.general_input else ()))
+    return feedback if max(volts, default=0) < 4096 and max(feedback.dock_ir or (0,)) < 64 else None
 
 
 def _is_whole(kind: int, data: bytes) -> bool:

@@ -6,15 +6,18 @@ frame before, and its values must be reachable from there in the time that passe
 
 from __future__ import annotations
 
+from vsx_hw.kobuki.base_control import WHEEL_BASE_M
 from vsx_hw.kobuki.framing import FrameScanner
-from vsx_hw.kobuki.protocol import Feedback, decode
+from vsx_hw.kobuki.protocol import GYRO_STEP_RAD, METRES_PER_TICK, Feedback, decode
 
 USUAL_MS, LONGEST_MS = (10, 40), 500
 """From one frame to the next (20 ms), and the longest time that is compared over when frames were lost."""
-MOST_TICKS_PER_MS = 12
-"""1.0 m/s; the base drives 0.7."""
+MOST_TICKS_PER_MS = 10
+"""0.85 m/s; the base drives 0.7."""
 MOST_CENTIDEG_PER_MS = 25
 """250 deg/s, where the gyro saturates; the base turns by 180."""
+MOST_SLIP_RAD_PER_MS = 0.002
+"""Between the turn by the wheels and that by the gyro; a wheel that spins free at 0.4 m/s."""
 MOST_DECIVOLT = 5
 
 
@@ -74,13 +77,17 @@ def follows(before: Feedback, after: Feedback, at_once: bool) -> bool:
     shortest, longest = USUAL_MS if at_once else (1, LONGEST_MS)
     if not shortest <= dt_ms <= longest or before.regular_parts != after.regular_parts:
         return False
-    ticks = max(abs(signed(b.left_ticks - a.left_ticks, 0x10000)), abs(signed(b.right_ticks - a.right_ticks, 0x10000)))
-    turned = 0
-    if before.inertia is not None and after.inertia is not None:
-        turned = abs(signed(after.inertia.angle_centideg - before.inertia.angle_centideg, 36000))
     steady = (a.buttons, a.charger) == (b.buttons, b.charger)
-    steady = steady and abs(b.battery_decivolt - a.battery_decivolt) <= MOST_DECIVOLT
-    return steady and ticks <= MOST_TICKS_PER_MS * dt_ms and turned <= MOST_CENTIDEG_PER_MS * dt_ms
+    left, right = signed(b.left_ticks - a.left_ticks, 0x10000), signed(b.right_ticks - a.right_ticks, 0x10000)
+    if not steady or abs(b.battery_decivolt - a.battery_decivolt) > MOST_DECIVOLT:
+        return False
+    if max(abs(left), abs(right)) > MOST_TICKS_PER_MS * dt_ms:
+        return False
+    if before.inertia is None or after.inertia is None:
+        return True
+    turned = signed(after.inertia.angle_centideg - before.inertia.angle_centideg, 36000)
+    slip_rad = METRES_PER_TICK * (right - left) / WHEEL_BASE_M - GYRO_STEP_RAD * turned
+    return abs(turned) <= MOST_CENTIDEG_PER_MS * dt_ms and abs(slip_rad) <= MOST_SLIP_RAD_PER_MS * dt_ms
 
 
 def signed(difference: int, modulus: int) -> int:
