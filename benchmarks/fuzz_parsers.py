@@ -5,8 +5,8 @@ python benchmarks/fuzz_parsers.py [--bytes 10000000] [--frames 20000] [--seed 0]
 Streams mix noise, real frames, frames with changed, lost and doubled bytes, repeated headers and cut-off frames, in
 chunks of every size. A parser must never raise, keep its memory bounded, and find the good frames that follow.
 Changed frames: of a base that drives and turns, every tenth frame has two bits changed so that the checksum is right
-(two of one column of the XOR; one set and one cleared of a sum). How many still pass, how many of them are used (another
-contact, battery, mode, or a pose 1 mm or 1 mrad off), how many end a contact, how far one report's heading is off.
+(two of one column of the XOR; one set and one cleared of a sum). How many still pass, how many of them are used
+(another contact, battery, mode, or a pose 1 mm or 1 mrad off), how many end a contact, how far the heading is off.
 """
 
 from __future__ import annotations
