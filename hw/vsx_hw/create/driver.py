@@ -97,7 +97,7 @@ class Create1Dialect(CreateDialect):
         self._asked: list[int] = []
         self._queries = 0
         self._frames = self._lost = 0
-        self._measured_once = False
+        self._measured_once = self._deaf = False
 
     def hello(self) -> Iterable[tuple[bytes, float]]:
         """See Dialect. What the robot printed at start-up is not an answer; what it drove since the last reading is
@@ -106,6 +106,7 @@ class Create1Dialect(CreateDialect):
             self._odometry.lose()
         self._asked, self._measured_once = [], False
         yield from self.greeting()
+        yield bytes((Opcode.PAUSE_STREAM, 0)), 0.0
 
     def receive(self, data: bytes, now_ns: int) -> list[BaseReading]:
         """See Dialect. Bytes that nobody asked for are a late answer: the motion in it was given up already."""
@@ -140,16 +141,20 @@ class Create1Dialect(CreateDialect):
         return GyroReading(self._gyro_heading_rad, rate)
 
     def waits(self) -> bool:
-        """See Dialect."""
-        return bool(self._asked)
+        """See Dialect. After a change of mode it is deaf for a moment."""
+        return bool(self._asked) or self._deaf
 
     def drive(self, v_m_s: float, omega_rad_s: float) -> bytes:
         """The command, the camera's supply (digital output 0 of a TurtleBot 1, cleared whenever Safe is left), and the
-        next question; none after an answer that did not come, so that its late bytes are not taken for the next."""
+        next question; none after an answer that did not come, so that its late bytes are not taken for the next, nor
+        behind a change of mode, where it would be lost."""
         self._odometry.command(*((v_m_s, omega_rad_s) if self.obeys else (0.0, 0.0)))
-        command = self.wheel_command(v_m_s, omega_rad_s) + bytes((Opcode.DIGITAL_OUTPUTS, 1))
+        command = self.wheel_command(v_m_s, omega_rad_s) + (bytes((Opcode.DIGITAL_OUTPUTS, 1)) if self.obeys else b"")
+        self._deaf = not self.obeys and command[-1:] == bytes((Opcode.SAFE,))
         if self._asked:
             self._give_up()
+            return command
+        if self._deaf:
             return command
         self._buffer.clear()
         self._asked = [*SAFETY_PACKETS, *BATTERY_PACKETS, GYRO_PACKET]
