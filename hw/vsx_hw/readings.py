@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 
 class Hazard(enum.IntFlag):
-    """Reasons not to move, as one byte."""
+    """Reasons not to move: what is touched as one byte, and motors that draw too much current above it."""
 
     NONE = 0
     BUMPER_RIGHT = 1
@@ -24,10 +24,14 @@ class Hazard(enum.IntFlag):
     CLIFF_LEFT = 32
     WHEEL_DROP_RIGHT = 64
     WHEEL_DROP_LEFT = 128
+    OVERCURRENT_LEFT = 256
+    OVERCURRENT_RIGHT = 512
 
     BUMPER = 7
     CLIFF = 56
     WHEEL_DROP = 192
+    TOUCHED = 255
+    OVERCURRENT = 768
 
 
 class Signal(enum.Enum):
@@ -80,7 +84,8 @@ class BaseReading(NamedTuple):
     """One report of a base: where it is, what it touches, how much energy is left.
 
     mode names the operating mode where the base has several; buttons is the protocol's bit mask; gyro is None for a
-    base without one, or before its zero is known.
+    base without one, or before its zero is known. refusal: why this base must not be driven as it is, with the remedy.
+    warnings: what it said that the driver does not know.
     """
 
     stamp_ns: int
@@ -90,6 +95,8 @@ class BaseReading(NamedTuple):
     buttons: int = 0
     mode: str = ""
     gyro: GyroReading | None = None
+    refusal: str = ""
+    warnings: tuple[str, ...] = ()
 
 
 class ImageReading(NamedTuple):

@@ -160,3 +160,44 @@ def test_the_owner_may_hold_the_robot():
     assert supervisor.decide(1, Hazard.NONE)[:4] == (0.0, 0.0, "navi", "no master")
     supervisor.hold = ""
     assert supervisor.decide(2, Hazard.NONE).v_m_s == 0.2
+
+
+@pytest.mark.parametrize(
+    ("bits", "words"),
+    [
+        (Hazard.OVERCURRENT_LEFT, "overcurrent of the left wheel"),
+        (Hazard.OVERCURRENT_RIGHT, "overcurrent of the right wheel"),
+        (Hazard.OVERCURRENT, "overcurrent of the left and right wheel"),
+    ],
+)
+def test_half_a_second_of_overcurrent_stops_the_robot_until_it_is_asked_to_stand(bits, words):
+    supervisor = Supervisor(LIMITS)
+    moving = []
+    for k in range(1, 101):
+        supervisor.command("navi", 0.2, 0.0, k * 20 * MS)
+        decision = supervisor.decide(k * 20 * MS, bits)
+        moving.append(decision.v_m_s > 0.0)
+    assert 24 <= sum(moving) <= 26
+    assert moving == sorted(moving, reverse=True)
+    assert words in decision.reason
+    assert supervisor.locked
+    supervisor.command("navi", 0.2, 0.0, 3 * S)
+    assert words in supervisor.decide(3 * S, Hazard.NONE).reason
+    supervisor.command("navi", 0.0, 0.0, 3 * S)
+    supervisor.decide(3 * S + 1, Hazard.NONE)
+    supervisor.command("navi", 0.2, 0.0, 3 * S + 2)
+    assert supervisor.decide(3 * S + 2, Hazard.NONE).v_m_s == 0.2
+
+
+def test_overcurrent_that_comes_and_goes_adds_up_and_a_short_one_is_forgotten():
+    def seconds_until_it_stands(on: int, off: int) -> float:
+        supervisor = Supervisor(LIMITS)
+        for k in range(1, 500):
+            supervisor.command("navi", 0.2, 0.0, k * 20 * MS)
+            bits = Hazard.OVERCURRENT_LEFT if k % (on + off) < on else Hazard.NONE
+            if supervisor.decide(k * 20 * MS, bits).v_m_s == 0.0:
+                return k * 0.02
+        return 1e9
+
+    assert seconds_until_it_stands(3, 1) < 1.2
+    assert seconds_until_it_stands(20, 20) > 9.0

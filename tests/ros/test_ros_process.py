@@ -11,8 +11,10 @@ pytest.importorskip("rospy")
 import rospy
 import rospy.core
 
+from vsx_hw import base_driver
 from vsx_ros.errors import InputError
 from vsx_ros.ros import process
+from vsx_ros.ros.nodes import mobile_base
 
 
 def refuse() -> None:
@@ -59,3 +61,25 @@ def test_a_reading_from_the_future_is_refused_and_one_from_a_clock_a_little_ahea
         process.refuse_future(stamp_ns)
     with pytest.raises(InputError, match=r"stamp 1\.5 s ahead"):
         process.refuse_future(6_500_000_000)
+
+
+def test_an_error_is_told_at_once_and_the_rest_once_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
+    arrays: list[list[tuple[str, int]]] = []
+    monkeypatch.setattr(process, "every", lambda *_: None)
+    monkeypatch.setattr(rospy.Time, "now", lambda: rospy.Time(1, 0))
+    monkeypatch.setattr(rospy, "get_name", lambda: "/mobile_base")
+
+    class Heard:
+        def __init__(self, *_: object, **__: object) -> None:
+            pass
+
+        def publish(self, array: process.DiagnosticArray) -> None:
+            arrays.append([(status.name, status.level) for status in array.status])
+
+    monkeypatch.setattr(rospy, "Publisher", Heard)
+    diagnostics = process.Diagnostics("a base")
+    for level in (process.OK, process.WARN, process.OK, process.ERROR, process.ERROR, process.OK):
+        diagnostics.set("link", level, "words")
+        diagnostics.set("battery", process.OK, "words")
+    assert arrays == [[("mobile_base: link", process.ERROR)]]
+    assert base_driver.TOLD_NS * 1e-9 + mobile_base.LINK_PERIOD_S < 1.0, "a silent base is told within a second"

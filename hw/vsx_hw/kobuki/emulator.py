@@ -77,7 +77,8 @@ class KobukiBoard:
         """See Board."""
         if time_ns < self._next_frame_ns:
             return b""
-        self._next_frame_ns = max(self._next_frame_ns + FRAME_NS, time_ns - FRAME_NS)
+        late = time_ns - self._next_frame_ns >= FRAME_NS
+        self._next_frame_ns = (time_ns if late else self._next_frame_ns) + FRAME_NS
         parts = self._feedback(self._plant.read(), time_ns) + self._answers
         self._answers = []
         return encode_frame(*parts)
@@ -87,7 +88,7 @@ class KobukiBoard:
         left = (left0 + math.floor(state.left_m / METRES_PER_TICK)) % 65536
         right = (right0 + math.floor(state.right_m / METRES_PER_TICK)) % 65536
         bumper, cliff = state.hazards & Hazard.BUMPER, (state.hazards & Hazard.CLIFF) >> 3
-        wheel_drop = (state.hazards & Hazard.WHEEL_DROP) >> 6
+        wheel_drop, overcurrent = (state.hazards & Hazard.WHEEL_DROP) >> 6, (state.hazards & Hazard.OVERCURRENT) >> 8
         clock = (time0 + time_ns // 1_000_000) % 65536
         angle = (round(math.degrees(state.gyro_rad) * 100) + 18000) % 36000 - 18000
         rate = max(-32768, min(32767, round(math.degrees(state.gyro_rate_rad_s) * 100)))
@@ -97,7 +98,8 @@ class KobukiBoard:
         return [
             struct.pack(
                 "<BBHBBBHHbbBBBB",
-                *(1, 15, clock, bumper, wheel_drop, cliff, left, right, 0, 0, state.buttons, self.charger, volt, 0),
+                *(1, 15, clock, bumper, wheel_drop, cliff, left, right, 0, 0, state.buttons, self.charger, volt),
+                overcurrent,
             ),
             bytes((3, 3, 0, 0, 0)),
             struct.pack("<BBhh3x", 4, 7, angle, rate),

@@ -6,6 +6,7 @@ import math
 
 from vsx_hw.kobuki.base_control import WHEEL_BASE_M
 from vsx_hw.kobuki.protocol import GYRO_STEP_RAD, METRES_PER_TICK, Feedback
+from vsx_hw.kobuki.stream import signed
 from vsx_hw.readings import OdometryReading
 
 LONGEST_GAP_MS = 500
@@ -53,14 +54,14 @@ class KobukiOdometry:
         dt_ms = (after.core.time_ms - before.core.time_ms) % 0x10000
         if not 0 < dt_ms <= LONGEST_GAP_MS:
             return None
-        left = METRES_PER_TICK * _signed(after.core.left_ticks - before.core.left_ticks, 0x10000)
-        right = METRES_PER_TICK * _signed(after.core.right_ticks - before.core.right_ticks, 0x10000)
+        left = METRES_PER_TICK * signed(after.core.left_ticks - before.core.left_ticks, 0x10000)
+        right = METRES_PER_TICK * signed(after.core.right_ticks - before.core.right_ticks, 0x10000)
         if max(abs(left), abs(right)) > FASTEST_M_S * max(dt_ms, 20) / 1000.0:
             return None
         self._wheels = (self._wheels[0] + left, self._wheels[1] + right)
         turn = (right - left) / WHEEL_BASE_M
         if after.inertia is not None and before.inertia is not None:
-            turn = GYRO_STEP_RAD * _signed(after.inertia.angle_centideg - before.inertia.angle_centideg, 36000)
+            turn = GYRO_STEP_RAD * signed(after.inertia.angle_centideg - before.inertia.angle_centideg, 36000)
         return 0.5 * (left + right) * self._linear_scale, turn * self._angular_scale, dt_ms / 1000.0
 
     def _advance(self, distance: float, turn: float) -> None:
@@ -69,9 +70,3 @@ class KobukiOdometry:
         chord = distance if abs(turn) < 1e-9 else distance * math.sin(0.5 * turn) / (0.5 * turn)
         mean = heading + 0.5 * turn
         self._pose = (x + chord * math.cos(mean), y + chord * math.sin(mean), heading + turn)
-
-
-def _signed(difference: int, modulus: int) -> int:
-    """The smallest step of a wrapping counter, in [-modulus/2, modulus/2)."""
-    half = modulus // 2
-    return (difference + half) % modulus - half

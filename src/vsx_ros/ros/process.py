@@ -10,7 +10,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Container, Iterator
 from contextlib import contextmanager
 from typing import Any, Protocol
 
@@ -274,7 +274,7 @@ def told() -> Iterator[None]:
 
 
 class Diagnostics:
-    """Publishes the last known condition of the node's components once a second (REP 107)."""
+    """Publishes the last known condition of the node's components once a second (REP 107), an error at once."""
 
     def __init__(self, hardware_id: str = "") -> None:
         self._hardware_id = hardware_id or rospy.get_name()
@@ -286,14 +286,19 @@ class Diagnostics:
     def set(self, component: str, level: int, message: str, **values: object) -> None:
         """Replace what is known of a component; ``values`` become key-value strings."""
         with self._lock:
+            before = self._components.get(component)
             self._components[component] = (level, message, {k: str(v) for k, v in values.items()})
+        if level == ERROR and before is not None and before[0] != ERROR:
+            self._publish({component})
 
-    def _publish(self) -> None:
+    def _publish(self, only: Container[str] | None = None) -> None:
         array = DiagnosticArray()
         array.header.stamp = rospy.Time.now()
         node = rospy.get_name().lstrip("/")
         with self._lock:
             for component, (level, message, values) in self._components.items():
+                if only is not None and component not in only:
+                    continue
                 pairs = [KeyValue(key, value) for key, value in values.items()]
                 array.status.append(DiagnosticStatus(level, f"{node}: {component}", message, self._hardware_id, pairs))
         self._publisher.publish(array)

@@ -4,7 +4,7 @@ A second process stops the wheels when this one is killed or hangs (vsx_hw.guard
 they stand.
 
 Subscribers: cmd_vel_mux/input/{safety_controller,teleop,navi} (priority in this order; each has its own timeout).
-Publishers: odom (50 Hz), /tf odom -> base_footprint, joint_states, mobile_base/hazards (UInt8, the bits of
+Publishers: odom (50 Hz), /tf odom -> base_footprint, joint_states, mobile_base/hazards (UInt8, the low bits of
     vsx_hw.readings.Hazard, latched, on change), mobile_base/buttons (UInt8, those pressed, latched, on change; Kobuki:
     1, 2, 4 are B0, B1, B2; Create: 1 Play, 4 Advance; Create 2: 1 Clean, 2 Spot, 4 Dock), battery (1 Hz),
     cmd_vel_mux/active (latched, on change), mobile_base/sensors/imu_data (where the base has a gyro),
@@ -14,7 +14,8 @@ Parameters: ~robot_type (auto: which one answers; kobuki, create, create2), ~por
     ~cmd_vel_timeout (s, 0.25: navi and the driver), ~max_vel (m/s), ~max_angular_vel (rad/s): the wheels
     never turn faster (0.5 and 1.5, or what limits.v_m_s and limits.omega_rad_s say if that is more),
     ~odom_linear_scale_correction, ~odom_angular_scale_correction (as configured under robot.odometry),
-    ~publish_tf (bool, true; false: somebody else, an EKF, says where base_footprint is in odom).
+    ~publish_tf (bool, true; false: somebody else, an EKF, says where base_footprint is in odom),
+    ~allow_unknown_firmware (bool, false: a Kobuki with firmware, hardware or a protocol that is not known stands).
     ~estopped is the emergency stop as this node remembers it.
 """
 
@@ -46,6 +47,7 @@ _INPUTS = {
     "teleop": topics.COMMAND_TELEOP,
     "navi": topics.COMMAND_NAVI,
 }
+LINK_PERIOD_S = 0.2
 _BATTERY_LEVELS = {"low": process.WARN, "critical": process.ERROR}
 
 
@@ -58,6 +60,7 @@ class MobileBaseNode:
         self._supervisor = Supervisor(speed_limits(config.limits), sources)
         self._lock = threading.Lock()
         self._latest: tuple[BaseReading, Decision] | None = None
+        self._troubles: tuple[str, ...] = ()
         self._hazards, self._buttons = Hazard.NONE, 0
         self._supervisor.emergency_stop(bool(rospy.get_param("~estopped", False)))
         self._master = MasterWatch()
@@ -70,6 +73,7 @@ class MobileBaseNode:
             timeout_s,
             float(rospy.get_param("~odom_linear_scale_correction", config.robot.odometry.linear_scale)),
             float(rospy.get_param("~odom_angular_scale_correction", config.robot.odometry.angular_scale)),
+            bool(rospy.get_param("~allow_unknown_firmware", False)),
         )
         self._guardian = base_guardian(settings.robot_type, port)
         self._driver: BaseDriver = base_driver(settings, self._on_reading, self._on_link, self._guardian.beat)
@@ -80,6 +84,7 @@ class MobileBaseNode:
         self._driver.start()
         service_manager.notify(service_manager.READY)
         process.every(1.0, "health", self._report)
+        process.every(LINK_PERIOD_S, "link", self._report_link)
 
     def _advertise(self) -> None:
         self._odom_pub = rospy.Publisher(topics.ODOM, OdometryMsg, queue_size=50, tcp_nodelay=True)
@@ -124,7 +129,7 @@ class MobileBaseNode:
         now_ns = time.monotonic_ns()
         odometry = reading.odometry
         with self._lock:
-            self._supervisor.hold = self._reason_to_stand()
+            self._supervisor.hold = self._reason_to_stand() or reading.refusal
             decision = self._supervisor.decide(now_ns, reading.hazards)
             self._supervisor.observe(odometry.v_m_s, odometry.omega_rad_s, decision, now_ns)
             locked = self._supervisor.locked
@@ -152,7 +157,7 @@ class MobileBaseNode:
             self._bumper_pub.publish(base_messages.bumper_cloud(hazards, stamp_ns))
         if hazards != self._hazards:
             self._hazards = hazards
-            self._hazards_pub.publish(UInt8(int(hazards)))
+            self._hazards_pub.publish(UInt8(int(hazards & Hazard.TOUCHED)))
 
     def _reason_to_stand(self) -> str:
         if not self._guardian.answers:
@@ -178,16 +183,19 @@ class MobileBaseNode:
         self._driver.reset_odometry()
         return TriggerResponse(True, "odometry starts at the origin")
 
+    def _report_link(self) -> None:
+        """Often: a silent base is to be known within a second."""
+        status = self._driver.status()
+        level = process.OK if status.connected else process.ERROR
+        self._diagnostics.set("link", level, status.message, device=status.device, **status.counters)
+
     def _report(self) -> None:
         """Once a second: battery and health."""
         with self._lock:
             service_manager.notify(service_manager.ALIVE)
         self._guardian.revive()
-        status = self._driver.status()
-        level = process.OK if status.connected else process.ERROR
-        self._diagnostics.set("link", level, status.message, device=status.device, **status.counters)
         latest = self._latest
-        if latest is None or not status.connected:
+        if latest is None or not self._driver.status().connected:
             return
         reading, decision = latest
         battery = reading.battery
@@ -197,9 +205,13 @@ class MobileBaseNode:
             fraction=round(battery.fraction, 3), charging=battery.charging, docked=battery.docked,
         )  # fmt: skip
         blocked = bool(decision.reason) and decision.source != ""
-        message = decision.reason or f"driving for {decision.source}"
+        troubles = reading.warnings + ((reading.refusal,) if reading.refusal else ())
+        for trouble in set(troubles) - set(self._troubles):
+            rospy.logwarn("%s", trouble)
+        self._troubles = troubles
+        message = "; ".join([decision.reason or f"driving for {decision.source}", *reading.warnings])
         self._diagnostics.set(
-            "safety", process.WARN if blocked or reading.hazards else process.OK, message,
+            "safety", process.WARN if blocked or reading.hazards or troubles else process.OK, message,
             hazards=reading.hazards.name or "NONE", estop=self._supervisor.estopped,
             refused_commands=self._supervisor.refused, gaps=reading.odometry.gaps, mode=reading.mode,
         )  # fmt: skip
