@@ -1,51 +1,242 @@
-"""Whether the ROS master still answers. Without it nobody can be found, stopped or replaced."""
+"""Whether the ROS master that answers knows this node. Without it nobody can be found, stopped or replaced.
+
+A master that was started anew knows nobody: connections between nodes outlive it, and none of its answers says that it
+is another one. So each node asks whether all that it offers is still registered, and registers it again, with the
+parameters that it needs, where it is not. rospy registers each name once and never looks again.
+"""
 
 from __future__ import annotations
 
 import http.client
 import math
+import socket
 import threading
 import time
 import xmlrpc.client
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from typing import Any, NamedTuple
+from urllib.parse import urlparse
 
 import rosgraph
 import rospy
+import rospy.core
+from rospy.impl import registration
 
 PERIOD_S = 0.1
+ALL_PERIOD_S = 1.0
+"""Services are looked for in each period, topics, which only a list of the whole graph tells, in each of these."""
 ANSWER_S = 0.35
 SILENT_AFTER_S = 0.4
+REGISTER_S = 5.0
+"""All nodes register at a new master at once."""
+
+Call = tuple[Any, ...]
 
 
 class _Impatient(xmlrpc.client.Transport):
     """A hanging master accepts connections and never answers."""
 
+    def __init__(self, patience_s: float) -> None:
+        super().__init__()
+        self._patience_s = patience_s
+
     def make_connection(self, host: object) -> http.client.HTTPConnection:
         connection = super().make_connection(host)  # type: ignore[arg-type]  # typeshed's host is private
-        connection.timeout = ANSWER_S
+        connection.timeout = self._patience_s
         return connection
+
+
+class Offers(NamedTuple):
+    """What this node has registered: topic -> type, and service -> address."""
+
+    published: dict[str, str]
+    subscribed: dict[str, str]
+    services: dict[str, str]
+
+
+@cache
+def master_watch() -> MasterWatch:
+    """The one watch of this process, which is one node. It begins with the first call, after init_node."""
+    return MasterWatch()
 
 
 class MasterWatch:
     """Asks ten times a second on a thread of its own."""
 
     def __init__(self) -> None:
-        self._master = xmlrpc.client.ServerProxy(rosgraph.get_master_uri(), transport=_Impatient())
-        self._answered_s = time.monotonic()
+        self._answered_s, self._told_all_s = time.monotonic(), -math.inf
+        self._trouble = "the ROS master was not asked yet"
+        self._owing = False
+        self._lock = threading.Lock()
+        self._stated: dict[str, Any] = {}
+        self._unwritten: set[str] = set()
+        self._found: dict[str, Any] = {}
         threading.Thread(target=self._ask, name="master", daemon=True).start()
 
     @property
     def answers(self) -> bool:
-        """Whether it answered lately."""
+        """Whether the master answered lately."""
         return time.monotonic() - self._answered_s < SILENT_AFTER_S
+
+    @property
+    def trouble(self) -> str:
+        """Why nothing may move: the master is silent, or this node cannot be found there; else nothing."""
+        return self._trouble if self.answers else "the ROS master does not answer; start it again"
+
+    def keep(self, values: Mapping[str, Any]) -> None:
+        """These parameters are so, at this master and at all that follow. Waits for the master only a moment."""
+        with self._lock:
+            for name, value in values.items():
+                self._stated[rospy.resolve_name(name)] = value
+                self._unwritten.add(rospy.resolve_name(name))
+        if not self._trouble:
+            try:
+                self._write()
+            except (OSError, http.client.HTTPException, xmlrpc.client.Error):
+                return  # the thread does it when the master answers
+
+    def remember(self, values: Mapping[str, Any]) -> None:
+        """Parameters that were set when all began: a master that follows gets those it lacks."""
+        self._found.update(values)
 
     def _ask(self) -> None:
         while not rospy.is_shutdown():
             try:
-                self._master.getPid(rospy.get_name())
+                self._tell(self._look())
                 self._answered_s = time.monotonic()
-                self._master("close")()  # a master that is ending answers who is connected, and nobody else
             except ConnectionRefusedError:
                 self._answered_s = -math.inf  # a master that is there and slow refuses nobody
             except Exception:  # no answer, or what nobody can understand
                 pass
             time.sleep(PERIOD_S)
+
+    def _tell(self, trouble: str) -> None:
+        if trouble != self._trouble:
+            self._trouble = trouble
+            if trouble:
+                rospy.logwarn("%s", trouble)
+
+    def _look(self) -> str:
+        """Ask, register what is missing, and say why nothing may move."""
+        offers, name = _offers(), rospy.get_name()
+        asked: list[Call] = [("lookupNode", name), *(("lookupService", service) for service in offers.services)]
+        answers = _asked(asked)
+        mine = [rospy.core.get_node_uri(), *offers.services.values()]
+        found = [address if code == 1 else "" for code, _, address in answers]
+        if found == mine and not self._owing:
+            if time.monotonic() - self._told_all_s < ALL_PERIOD_S:
+                self._write()
+                return ""
+            if not _missing(offers):
+                self._told_all_s = time.monotonic()
+                self._look_up_parameters()
+                self._write()
+                return ""
+        for (_, what), address, own in zip(asked, found, mine):
+            if address not in ("", own) and answers_at(address):
+                return (
+                    f"another node is {what} at {_uri()}; end it, or give this robot a namespace or master of its own"
+                )
+        self._tell("the ROS master does not know this node, which registers anew")
+        self._owing = True
+        self._restore()
+        _register(offers)
+        self._owing = False
+        missing = _missing(offers)
+        if not missing:
+            rospy.loginfo("registered anew with the ROS master at %s", _uri())
+        return f"the ROS master has not taken {missing[0]}" if missing else ""
+
+    def _look_up_parameters(self) -> None:
+        """Its own parameters as they are now, and once the configuration and the clock of all nodes."""
+        shared = (rospy.resolve_name("config"), "/use_sim_time")
+        names = [rospy.get_name(), *(name for name in shared if name not in self._found)]
+        for name, (code, _, value) in zip(names, _asked([("getParam", name) for name in names])):
+            self._found[name] = value if code == 1 else {}
+
+    def _restore(self) -> None:
+        """Parameters that a new master lacks; whoever has set one there already is right."""
+        leaves = {leaf: value for name, tree in list(self._found.items()) for leaf, value in _leaves(name, tree)}
+        there = _asked([("hasParam", leaf) for leaf in leaves], REGISTER_S)
+        lost = [leaf for leaf, (_, _, has) in zip(leaves, there) if not has]
+        _asked([("setParam", leaf, leaves[leaf]) for leaf in lost], REGISTER_S)
+        with self._lock:
+            self._unwritten.update(self._stated)
+        self._write()
+
+    def _write(self) -> None:
+        """Parameters that this node has stated and the master does not have yet."""
+        with self._lock:
+            values = {name: self._stated[name] for name in self._unwritten}
+            if values:
+                _asked([("setParam", name, value) for name, value in values.items()])
+                self._unwritten.clear()
+
+
+def answers_at(address: str) -> bool:
+    """Whether somebody listens at the address of a node or service; one that died is at the master for ever."""
+    there = urlparse(address)
+    try:
+        socket.create_connection((there.hostname or "", there.port or 0), ANSWER_S).close()
+    except OSError:
+        return False
+    return True
+
+
+def _uri() -> str:
+    return str(rosgraph.get_master_uri())
+
+
+def _asked(calls: Sequence[Call], patience_s: float = ANSWER_S) -> list[Any]:
+    """(code, words, value) of each call of the master's API, made in this node's name, in one request.
+
+    The connection is closed: a master that is ending answers who is connected, and nobody else.
+    """
+    if not calls:
+        return []
+    with xmlrpc.client.ServerProxy(_uri(), transport=_Impatient(patience_s)) as master:
+        many = xmlrpc.client.MultiCall(master)
+        for method, *arguments in calls:
+            getattr(many, method)(rospy.get_name(), *arguments)
+        return list(many())
+
+
+def _offers() -> Offers:
+    topics, services = registration.get_topic_manager(), registration.get_service_manager()
+    return Offers(
+        dict(topics.get_publications()), dict(topics.get_subscriptions()), dict(services.get_services())
+    )  # fmt: skip
+
+
+def _missing(offers: Offers) -> list[str]:
+    """What the master does not have of this node's, but for what it has let go since."""
+    ((_, _, state),) = _asked([("getSystemState",)])
+    name, now = rospy.get_name(), _offers()
+    return [
+        what
+        for registered, before, after in zip(state, offers, now)
+        for what in set(before) & set(after) - {key for key, names in registered if name in names}
+    ]
+
+
+def _register(offers: Offers) -> None:
+    """All of it, services first: the emergency stop is one. Subscribers learn who publishes."""
+    uri = rospy.core.get_node_uri()
+    calls = [("registerService", name, address, uri) for name, address in offers.services.items()]
+    calls += [("registerPublisher", name, kind, uri) for name, kind in offers.published.items()]
+    _asked(calls, REGISTER_S)
+    subscribed = [("registerSubscriber", name, kind, uri) for name, kind in offers.subscribed.items()]
+    known = _asked(subscribed, REGISTER_S)
+    for listener in registration.get_registration_listeners().listeners:
+        for (_, name, _, _), (code, _, publishers) in zip(subscribed, known):
+            if code == 1:
+                listener.publisher_update(name, publishers)
+
+
+def _leaves(name: str, tree: Any) -> Iterator[tuple[str, Any]]:
+    if not isinstance(tree, dict):
+        yield name, tree
+        return
+    for key, value in tree.items():
+        yield from _leaves(rosgraph.names.ns_join(name, key), value)
