@@ -53,7 +53,7 @@ class Guardians:
     @property
     def answer(self) -> bool:
         """Whether both are there: with one alone nothing may move."""
-        return all([guardian.answers for guardian in self._both])
+        return all(guardian.answers for guardian in self._both)
 
     def revive(self) -> None:
         """Put new ones in the places of those that were killed or hang; to be called now and then."""

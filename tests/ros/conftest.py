@@ -40,12 +40,14 @@ class WatchedPlant(BodyPlant):
     def __init__(self, *args: Any) -> None:
         self.commanded = (0.0, 0.0)
         self.left_blocked = False
-        self.stopped_s = time.monotonic()
+        self.stopped_s = self.started_s = time.monotonic()
         super().__init__(*args)
 
     def set_wheel_speeds(self, left_m_s: float, right_m_s: float) -> None:
         if self.moving and (left_m_s, right_m_s) == (0.0, 0.0):
             self.stopped_s = time.monotonic()
+        if not self.moving and (left_m_s, right_m_s) != (0.0, 0.0):
+            self.started_s = time.monotonic()
         self.commanded = (left_m_s, right_m_s)
         super().set_wheel_speeds(0.0 if self.left_blocked else left_m_s, right_m_s)
 
@@ -82,10 +84,7 @@ class Stack:
         }
 
     def up(self) -> None:
-        self._spawn("rosmaster", ["rosmaster", "--core", "-p", os.environ["ROS_MASTER_URI"].rsplit(":", 1)[1]])
-        import rosgraph
-
-        self.wait(lambda: rosgraph.is_master_online(), 20.0, "the master")
+        self.start_master()
         start_ns, start_monotonic_ns = time.time_ns(), time.monotonic_ns()
         settings = RenderSettings(
             world=WORLD,
@@ -102,6 +101,13 @@ class Stack:
         self._base.start(start_monotonic_ns)
         for name in self.nodes:
             self.start(name)
+
+    def start_master(self) -> None:
+        """At the address that all nodes know; another one knows nobody."""
+        import rosgraph
+
+        self._spawn("rosmaster", ["rosmaster", "--core", "-p", os.environ["ROS_MASTER_URI"].rsplit(":", 1)[1]])
+        self.wait(lambda: rosgraph.is_master_online(), 20.0, "the master")
 
     def watch_steps(self, watcher: Callable[[BodyState], None]) -> None:
         """Call it with every step of the emulated body, on the emulator's thread."""

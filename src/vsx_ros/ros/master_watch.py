@@ -135,9 +135,7 @@ class MasterWatch:
                 return ""
         for (_, what), address, own in zip(asked, found, mine):
             if address not in ("", own) and answers_at(address):
-                return (
-                    f"another node is {what} at {_uri()}; end it, or give this robot a namespace or master of its own"
-                )
+                return f"another node is {what} at {_uri()}; end it, or give this robot its own namespace or master"
         self._tell("the ROS master does not know this node, which registers anew")
         self._owing = True
         self._restore()
@@ -199,7 +197,8 @@ def _asked(calls: Sequence[Call], patience_s: float = ANSWER_S) -> list[Any]:
         many = xmlrpc.client.MultiCall(master)
         for method, *arguments in calls:
             getattr(many, method)(rospy.get_name(), *arguments)
-        return list(many())
+        answers = many()
+        return [answers[k] for k in range(len(calls))]
 
 
 def _offers() -> Offers:
