@@ -129,9 +129,7 @@ class MasterWatch:
                 self._write()
                 return ""
             if not _missing(offers):
-                self._told_all_s = time.monotonic()
-                self._look_up_parameters()
-                self._write()
+                self._settle()
                 return ""
         for (_, what), address, own in zip(asked, found, mine):
             if address not in ("", own) and answers_at(address):
@@ -141,13 +139,16 @@ class MasterWatch:
         self._restore()
         _register(offers)
         self._owing = False
-        missing = _missing(offers)
-        if not missing:
-            rospy.loginfo("registered anew with the ROS master at %s", _uri())
-        return f"the ROS master has not taken {missing[0]}" if missing else ""
+        if missing := _missing(offers):
+            return f"the ROS master has not taken {missing[0]}"
+        self._settle()
+        rospy.loginfo("registered anew with the ROS master at %s", _uri())
+        return ""
 
-    def _look_up_parameters(self) -> None:
-        """Its own parameters as they are now, and once the configuration and the clock of all nodes."""
+    def _settle(self) -> None:
+        """All is registered. Look up its own parameters as they are now, and once those of all nodes."""
+        self._told_all_s = time.monotonic()
+        self._write()
         shared = (rospy.resolve_name("config"), "/use_sim_time")
         names = [rospy.get_name(), *(name for name in shared if name not in self._found)]
         for name, (code, _, value) in zip(names, _asked([("getParam", name) for name in names])):
