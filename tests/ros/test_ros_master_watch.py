@@ -76,6 +76,7 @@ def port(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
         monkeypatch.setattr(f"rospy.{name}", ended.is_set if value is None else lambda value=value: value)
     monkeypatch.setattr("rospy.resolve_name", lambda name: name.replace("~", "/base/"))
     monkeypatch.setattr(master_watch, "_offers", lambda: OFFERS)
+    monkeypatch.setattr(master_watch, "PERIOD_S", 0.1)
     yield port
     ended.set()
     time.sleep(0.2)

@@ -23,11 +23,12 @@ import rospy
 import rospy.core
 from rospy.impl import registration
 
-PERIOD_S = 0.1
-ALL_PERIOD_S = 1.0
-"""Services are looked for in each period, topics, which only a list of the whole graph tells, in each of these."""
+PERIOD_S = 0.5
+TOPICS_EVERY = 10
+"""Services are looked for in each period; topics, which only a list of the whole graph tells, in one of so many."""
 ANSWER_S = 0.35
-SILENT_AFTER_S = 0.4
+SILENT_AFTER_S = 0.3
+"""Beyond the period."""
 REGISTER_S = 5.0
 """All nodes register at a new master at once."""
 
@@ -62,9 +63,10 @@ def master_watch() -> MasterWatch:
 
 
 class MasterWatch:
-    """Asks ten times a second on a thread of its own."""
+    """Asks every ``period_s`` seconds on a thread of its own."""
 
     def __init__(self) -> None:
+        self.period_s = PERIOD_S
         self._answered_s, self._told_all_s = time.monotonic(), -math.inf
         self._trouble = "the ROS master was not asked yet"
         self._owing = False
@@ -77,7 +79,7 @@ class MasterWatch:
     @property
     def answers(self) -> bool:
         """Whether the master answered lately."""
-        return time.monotonic() - self._answered_s < SILENT_AFTER_S
+        return time.monotonic() - self._answered_s < self.period_s + SILENT_AFTER_S
 
     @property
     def trouble(self) -> str:
@@ -109,7 +111,7 @@ class MasterWatch:
                 self._answered_s = -math.inf  # a master that is there and slow refuses nobody
             except Exception:  # no answer, or what nobody can understand
                 pass
-            time.sleep(PERIOD_S)
+            time.sleep(self.period_s)
 
     def _tell(self, trouble: str) -> None:
         if trouble != self._trouble:
@@ -125,7 +127,7 @@ class MasterWatch:
         mine = [rospy.core.get_node_uri(), *offers.services.values()]
         found = [address if code == 1 else "" for code, _, address in answers]
         if found == mine and not self._owing:
-            if time.monotonic() - self._told_all_s < ALL_PERIOD_S:
+            if time.monotonic() - self._told_all_s < TOPICS_EVERY * self.period_s:
                 self._write()
                 return ""
             if not _missing(offers):

@@ -46,6 +46,7 @@ _INPUTS = {
     "teleop": topics.COMMAND_TELEOP,
     "navi": topics.COMMAND_NAVI,
 }
+_MASTER_PERIOD_S = 0.1
 _BATTERY_LEVELS = {"low": process.WARN, "critical": process.ERROR}
 
 
@@ -61,6 +62,7 @@ class MobileBaseNode:
         self._hazards, self._buttons = Hazard.NONE, 0
         self._supervisor.emergency_stop(bool(rospy.get_param("~estopped", False)))
         self._master = master_watch()
+        self._master.period_s = _MASTER_PERIOD_S
         self._advertise()
         port = str(rospy.get_param("~port", "/dev/kobuki"))
         self._diagnostics = process.Diagnostics(port)
