@@ -25,6 +25,7 @@ from vsx_ros.io.run_folder import RunFolder
 from vsx_ros.ros import launch
 from vsx_ros.ros.base_drivers import base_emulator, wheel_base_m
 from vsx_ros.ros.emulation import BodyPlant, BodyState
+from vsx_ros.ros.master_watch import master_watch
 from vsx_ros.ros.render_process import POSE, RenderSettings
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -216,6 +217,7 @@ def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
         starter.start()
         starter.join()
         rospy.init_node("observer", disable_signals=True)
+        master_watch()
         yield running
     finally:
         rospy.signal_shutdown("tests are over")

@@ -72,7 +72,7 @@ def port(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     """Of the master to watch; the watch ends with the test."""
     port, ended = free_port(), threading.Event()
     monkeypatch.setenv("ROS_MASTER_URI", f"http://{HOST}:{port}/")
-    for name, value in (("get_name", "/base"), ("is_shutdown", None), ("core.get_node_uri", ME)):
+    for name, value in (("get_name", "/base"), ("core.is_shutdown_requested", None), ("core.get_node_uri", ME)):
         monkeypatch.setattr(f"rospy.{name}", ended.is_set if value is None else lambda value=value: value)
     monkeypatch.setattr("rospy.resolve_name", lambda name: name.replace("~", "/base/"))
     monkeypatch.setattr(master_watch, "_offers", lambda: OFFERS)

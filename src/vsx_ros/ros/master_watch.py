@@ -103,7 +103,7 @@ class MasterWatch:
         self._found.update(values)
 
     def _ask(self) -> None:
-        while not rospy.is_shutdown():
+        while not rospy.core.is_shutdown_requested():
             try:
                 self._tell(self._look())
                 self._answered_s = time.monotonic()
@@ -136,6 +136,8 @@ class MasterWatch:
         for (_, what), address, own in zip(asked, found, mine):
             if address not in ("", own) and answers_at(address):
                 return f"another node is {what} at {_uri()}; end it, or give this robot its own namespace or master"
+        if rospy.core.is_shutdown_requested():
+            return "the node is ending"  # and has taken back what it offered
         self._tell("the ROS master does not know this node, which registers anew")
         self._owing = True
         self._restore()
