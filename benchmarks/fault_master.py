@@ -32,7 +32,7 @@ def stop_path() -> bool:
     """Whether whoever asks the master that answers now can stop the base."""
     import rosgraph
 
-    from vsx_ros.ros.master_watch import answers_at
+    from vsx_ros.ros.registrations import answers_at
 
     master = rosgraph.Master("/fault_master")
     try:

@@ -17,7 +17,7 @@ import rosgraph
 from lone_base import LoneBase
 
 from vsx_ros.ros import topics
-from vsx_ros.ros.master_watch import answers_at
+from vsx_ros.ros.registrations import answers_at
 
 pytestmark = pytest.mark.ros
 

@@ -22,7 +22,8 @@ from vsx_ros.cli.stoppable import Heard
 from vsx_ros.errors import ConfigError
 from vsx_ros.ros import launch, process, topics
 from vsx_ros.ros.launch import LaunchNode
-from vsx_ros.ros.master_watch import answers_at, master_watch
+from vsx_ros.ros.master_watch import master_watch
+from vsx_ros.ros.registrations import answers_at
 
 _STOP_S = 0.6
 _ESTOP_WAIT_S = 1.0

@@ -2,58 +2,32 @@
 
 A master that was started anew knows nobody: connections between nodes outlive it, and none of its answers says that it
 is another one. So each node asks whether all that it offers is still registered, and registers it again, with the
-parameters that it needs, where it is not. rospy registers each name once and never looks again.
+parameters that it needs, where it is not.
 """
 
 from __future__ import annotations
 
 import http.client
 import math
-import socket
 import threading
 import time
 import xmlrpc.client
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from functools import cache
-from typing import Any, NamedTuple
-from urllib.parse import urlparse
+from typing import Any
 
 import rosgraph
 import rospy
 import rospy.core
-from rospy.impl import registration
+
+from vsx_ros.ros import registrations
+from vsx_ros.ros.registrations import REGISTER_S, Call, answers_at, asked, master_uri
 
 PERIOD_S = 0.5
 TOPICS_EVERY = 10
 """Services are looked for in each period; topics, which only a list of the whole graph tells, in one of so many."""
-ANSWER_S = 0.35
 SILENT_AFTER_S = 0.3
 """Beyond the period."""
-REGISTER_S = 5.0
-"""All nodes register at a new master at once."""
-
-Call = tuple[Any, ...]
-
-
-class _Impatient(xmlrpc.client.Transport):
-    """A hanging master accepts connections and never answers."""
-
-    def __init__(self, patience_s: float) -> None:
-        super().__init__()
-        self._patience_s = patience_s
-
-    def make_connection(self, host: object) -> http.client.HTTPConnection:
-        connection = super().make_connection(host)  # type: ignore[arg-type]  # typeshed's host is private
-        connection.timeout = self._patience_s
-        return connection
-
-
-class Offers(NamedTuple):
-    """What this node has registered: topic -> type, and service -> address."""
-
-    published: dict[str, str]
-    subscribed: dict[str, str]
-    services: dict[str, str]
 
 
 @cache
@@ -121,32 +95,34 @@ class MasterWatch:
 
     def _look(self) -> str:
         """Ask, register what is missing, and say why nothing may move."""
-        offers, name = _offers(), rospy.get_name()
-        asked: list[Call] = [("lookupNode", name), *(("lookupService", service) for service in offers.services)]
-        answers = _asked(asked)
+        offers, name = registrations.offers(), rospy.get_name()
+        questions: list[Call] = [("lookupNode", name), *(("lookupService", service) for service in offers.services)]
+        answers = asked(questions)
         mine = [rospy.core.get_node_uri(), *offers.services.values()]
         found = [address if code == 1 else "" for code, _, address in answers]
         if found == mine and not self._owing:
             if time.monotonic() - self._told_all_s < TOPICS_EVERY * self.period_s:
                 self._write()
                 return ""
-            if not _missing(offers):
+            if not registrations.missing(offers):
                 self._settle()
                 return ""
-        for (_, what), address, own in zip(asked, found, mine):
+        for (_, what), address, own in zip(questions, found, mine):
             if address not in ("", own) and answers_at(address):
-                return f"another node is {what} at {_uri()}; end it, or give this robot its own namespace or master"
+                return (
+                    f"another node is {what} at {master_uri()}; end it, or give this robot its own namespace or master"
+                )
         if rospy.core.is_shutdown_requested():
             return "the node is ending"  # and has taken back what it offered
         self._tell("the ROS master does not know this node, which registers anew")
         self._owing = True
         self._restore()
-        _register(offers)
+        registrations.register(offers)
         self._owing = False
-        if missing := _missing(offers):
+        if missing := registrations.missing(offers):
             return f"the ROS master has not taken {missing[0]}"
         self._settle()
-        rospy.loginfo("registered anew with the ROS master at %s", _uri())
+        rospy.loginfo("registered anew with the ROS master at %s", master_uri())
         return ""
 
     def _settle(self) -> None:
@@ -155,15 +131,15 @@ class MasterWatch:
         self._write()
         shared = (rospy.resolve_name("config"), "/use_sim_time")
         names = [rospy.get_name(), *(name for name in shared if name not in self._found)]
-        for name, (code, _, value) in zip(names, _asked([("getParam", name) for name in names])):
+        for name, (code, _, value) in zip(names, asked([("getParam", name) for name in names])):
             self._found[name] = value if code == 1 else {}
 
     def _restore(self) -> None:
         """Parameters that a new master lacks; whoever has set one there already is right."""
         leaves = {leaf: value for name, tree in list(self._found.items()) for leaf, value in _leaves(name, tree)}
-        there = _asked([("hasParam", leaf) for leaf in leaves], REGISTER_S)
+        there = asked([("hasParam", leaf) for leaf in leaves], REGISTER_S)
         lost = [leaf for leaf, (_, _, has) in zip(leaves, there) if not has]
-        _asked([("setParam", leaf, leaves[leaf]) for leaf in lost], REGISTER_S)
+        asked([("setParam", leaf, leaves[leaf]) for leaf in lost], REGISTER_S)
         with self._lock:
             self._unwritten.update(self._stated)
         self._write()
@@ -173,69 +149,8 @@ class MasterWatch:
         with self._lock:
             values = {name: self._stated[name] for name in self._unwritten}
             if values:
-                _asked([("setParam", name, value) for name, value in values.items()])
+                asked([("setParam", name, value) for name, value in values.items()])
                 self._unwritten.clear()
-
-
-def answers_at(address: str) -> bool:
-    """Whether somebody listens at the address of a node or service; one that died is at the master for ever."""
-    there = urlparse(address)
-    try:
-        socket.create_connection((there.hostname or "", there.port or 0), ANSWER_S).close()
-    except OSError:
-        return False
-    return True
-
-
-def _uri() -> str:
-    return str(rosgraph.get_master_uri())
-
-
-def _asked(calls: Sequence[Call], patience_s: float = ANSWER_S) -> list[Any]:
-    """(code, words, value) of each call of the master's API, made in this node's name, in one request.
-
-    The connection is closed: a master that is ending answers who is connected, and nobody else.
-    """
-    if not calls:
-        return []
-    with xmlrpc.client.ServerProxy(_uri(), transport=_Impatient(patience_s)) as master:
-        many = xmlrpc.client.MultiCall(master)
-        for method, *arguments in calls:
-            getattr(many, method)(rospy.get_name(), *arguments)
-        answers = many()
-        return [answers[k] for k in range(len(calls))]
-
-
-def _offers() -> Offers:
-    topics, services = registration.get_topic_manager(), registration.get_service_manager()
-    return Offers(
-        dict(topics.get_publications()), dict(topics.get_subscriptions()), dict(services.get_services())
-    )  # fmt: skip
-
-
-def _missing(offers: Offers) -> list[str]:
-    """What the master does not have of this node's, but for what it has let go since."""
-    ((_, _, state),) = _asked([("getSystemState",)])
-    name, now = rospy.get_name(), _offers()
-    return [
-        what
-        for registered, before, after in zip(state, offers, now)
-        for what in set(before) & set(after) - {key for key, names in registered if name in names}
-    ]
-
-
-def _register(offers: Offers) -> None:
-    """All of it, services first: the emergency stop is one. Subscribers learn who publishes."""
-    uri = rospy.core.get_node_uri()
-    calls = [("registerService", name, address, uri) for name, address in offers.services.items()]
-    calls += [("registerPublisher", name, kind, uri) for name, kind in offers.published.items()]
-    _asked(calls, REGISTER_S)
-    subscribed = [("registerSubscriber", name, kind, uri) for name, kind in offers.subscribed.items()]
-    known = _asked(subscribed, REGISTER_S)
-    for listener in registration.get_registration_listeners().listeners:
-        for (_, name, _, _), (code, _, publishers) in zip(subscribed, known):
-            if code == 1:
-                listener.publisher_update(name, publishers)
 
 
 def _leaves(name: str, tree: Any) -> Iterator[tuple[str, Any]]:
