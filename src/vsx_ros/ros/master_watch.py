@@ -7,11 +7,10 @@ parameters that it needs, where it is not.
 
 from __future__ import annotations
 
-import http.client
+import contextlib
 import math
 import threading
 import time
-import xmlrpc.client
 from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Any
@@ -67,10 +66,8 @@ class MasterWatch:
                 self._stated[rospy.resolve_name(name)] = value
                 self._unwritten.add(rospy.resolve_name(name))
         if not self._trouble:
-            try:
+            with contextlib.suppress(Exception):  # no answer, or nonsense: the thread does it later
                 self._write()
-            except (OSError, http.client.HTTPException, xmlrpc.client.Error):
-                return  # the thread does it when the master answers
 
     def remember(self, values: Mapping[str, Any]) -> None:
         """Parameters that were set when all began: a master that follows gets those it lacks."""
