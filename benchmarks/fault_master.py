@@ -119,9 +119,11 @@ def main() -> None:
 
 
 def commit() -> str:
-    return subprocess.run(
-        ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty"], capture_output=True, text=True
-    ).stdout.strip()
+    """Of the robot's code; what was measured before may have changed since."""
+    git = ["git", "-C", str(Path(__file__).resolve().parents[1])]
+    name = subprocess.run([*git, "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=True).stdout
+    changed = subprocess.run([*git, "diff", "--quiet", "HEAD", "--", "src", "hw"], check=False).returncode
+    return name.strip() + ("-dirty" if changed else "")
 
 
 if __name__ == "__main__":
