@@ -164,6 +164,9 @@ def test_a_new_master_gets_the_parameters_of_the_old_one_but_not_over_newer_ones
     assert wait(lambda: not watch.trouble)
     watch.keep({"~estopped": True})
     assert graph[0].asked.getParam("/base/estopped") is True
+    graph[0].asked.setParam("/config/a/b", 2.5)
+    graph[0].asked.deleteParam("/use_sim_time")
+    time.sleep(1.5)
     watch.remember({"/follower/gain": 2})
     graph[0].end()
     assert wait(lambda: not watch.answers)
@@ -172,7 +175,8 @@ def test_a_new_master_gets_the_parameters_of_the_old_one_but_not_over_newer_ones
     assert wait(lambda: not watch.trouble)
     told = graph[0].asked.getParam("/")
     assert told["base"] == {"port": "/dev/two", "robot_type": "create", "estopped": True}
-    assert (told["use_sim_time"], told["follower"], told["config"]) == (True, {"gain": 2}, {"a": {"b": 1.5}})
+    assert (told["follower"], told["config"]) == ({"gain": 2}, {"a": {"b": 2.5}})
+    assert "use_sim_time" not in told, "the replay that set it was over"
 
 
 def test_what_is_stated_while_no_master_answers_is_written_to_the_next(graph: list[Graph]) -> None:

@@ -127,6 +127,10 @@ def test_health_is_told_and_guardians_are_replaced_while_ros_time_stands(base: L
     before = children(node.pid)
     os.kill(min(before), 9)
     base.processes.wait(lambda: len(children(node.pid) - before) == 1, "a new guardian", 20.0)
+    base.kill_master()
+    base.start_master()
+    base.processes.wait(lambda: stop_path(base), "the stop path")
+    assert rosgraph.Master("/test", base.uri).getParam("/use_sim_time") is True
 
 
 def test_what_is_no_master_moves_nothing(base: LoneBase) -> None:

@@ -123,11 +123,10 @@ class MasterWatch:
         return ""
 
     def _settle(self) -> None:
-        """All is registered. Look up its own parameters as they are now, and once those of all nodes."""
+        """All is registered. Look up as they are now its own parameters, the configuration and whose time it is."""
         self._told_all_s = time.monotonic()
         self._write()
-        shared = (rospy.resolve_name("config"), "/use_sim_time")
-        names = [rospy.get_name(), *(name for name in shared if name not in self._found)]
+        names = (rospy.get_name(), rospy.resolve_name("config"), "/use_sim_time")
         for name, (code, _, value) in zip(names, asked([("getParam", name) for name in names])):
             self._found[name] = value if code == 1 else {}
 
