@@ -4,9 +4,9 @@ python benchmarks/fault_matrix.py [--repetitions 5] [--measure-robot] [--table d
 
 Bases: the real driver with the mux before it, over an emulated base on a pseudo-terminal, commanded 0.2 m/s: how
 long the wheels turned after the fault set in, seen at the emulator's end of the wire; where it drove on, it says so.
-Camera: the real driver over the emulated Kinect. Nodes, and the camera of an exploring robot: what
-benchmarks/fault_nodes.py and benchmarks/fault_camera.py have measured; with --measure-robot they measure what is still
-missing (hours). With --table the tables replace those of the document.
+Camera: the real driver over the emulated Kinect. Nodes, a new master, and the camera of an exploring robot: what
+benchmarks/fault_nodes.py, fault_master.py and fault_camera.py have measured; with --measure-robot they measure what is
+still missing (hours). With --table the tables replace those of the document.
 """
 
 from __future__ import annotations
@@ -207,6 +207,29 @@ def node_table() -> list[str]:
     return lines
 
 
+def master_table() -> list[str]:
+    rows = [json.loads(line) for line in Path(__file__).with_name("fault_master.jsonl").read_text().splitlines()]
+    lines = [
+        "| no master for | wheels turned: median, most | moved before it could be stopped | stop path there after "
+        "| drives again after | 'vsx stop' stops it |",
+        "|---|---|---|---|---|---|",
+    ]
+
+    def spread(values: list[float]) -> str:
+        return f"{statistics.median(values):.2f} s, {max(values):.2f} s" if values else "-"
+
+    for away_s in sorted({row["away_s"] for row in rows}):
+        runs = [row for row in rows if row["away_s"] == away_s]
+        driving = [row["driving_s"] for row in runs if row["driving_s"] is not None]
+        turned = [row["turned_s"] for row in runs]
+        lines.append(
+            f"| {away_s:g} s | {'did not stop' if min(turned) < 0 else spread(turned)} "
+            f"| {sum(row['moved_before'] for row in runs)} of {len(runs)} | {spread([row['path_s'] for row in runs])} "
+            f"| {spread(driving)} of {len(driving)} | {sum(row['stopped'] for row in runs)} of {len(runs)} |"
+        )
+    return lines
+
+
 def robot_table() -> list[str]:
     results = json.loads(Path(__file__).with_name("fault_camera.json").read_text())
     lines = [
@@ -237,12 +260,12 @@ def main() -> None:
     parser.add_argument("--repetitions", type=int, default=5)
     parser.add_argument("--table", type=Path)
     parser.add_argument("--measured-only", action="store_true", help="only the tables of what was measured before")
-    parser.add_argument("--measure-robot", action="store_true", help="run fault_nodes.py and fault_camera.py first")
+    parser.add_argument("--measure-robot", action="store_true", help="run the other three first")
     args = parser.parse_args()
     if args.measure_robot:
-        for script in ("fault_nodes.py", "fault_camera.py"):
+        for script in ("fault_nodes.py", "fault_master.py", "fault_camera.py"):
             subprocess.run([sys.executable, str(Path(__file__).with_name(script))], check=True)
-    tables = {"nodes": node_table(), "robots": robot_table()}
+    tables = {"nodes": node_table(), "masters": master_table(), "robots": robot_table()}
     if not args.measured_only:
         with tempfile.TemporaryDirectory() as folder:
             tables |= {"cameras": camera_table(folder), "bases": base_table(args.repetitions, folder)}

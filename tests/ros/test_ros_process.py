@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+import re
+from pathlib import Path
 
 import pytest
 
@@ -44,13 +46,34 @@ def test_a_thread_that_fails_ends_the_node(told: list[str], caplog: pytest.LogCa
     assert told == ["thread 'sums' failed: list index out of range"]
 
 
-def test_what_is_done_every_so_often_ends_with_the_node(told: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("ros_time", [None, rospy.Time(), rospy.Time(1)], ids=["wall", "not begun", "stands"])
+def test_what_is_done_every_so_often_goes_on_while_ros_time_stands_and_ends_with_the_node(
+    ros_time: rospy.Time | None, told: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     steps: list[int] = []
     monkeypatch.setattr(rospy.core, "is_shutdown_requested", lambda: len(steps) >= 3)
+    monkeypatch.setattr(rospy.rostime, "_rostime_current", ros_time)
     rospy.rostime.set_rostime_initialized(True)
     process.every(0.001, "steps", lambda: steps.append(1)).join(5.0)
     assert len(steps) == 3
     assert told == []
+
+
+def test_what_is_due_now_and_then_is_due_again_while_ros_time_stands(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = 100.0
+    monkeypatch.setattr(process.time, "monotonic", lambda: now_s)
+    assert process.due("this", 10.0)
+    assert process.due("that", 10.0)
+    assert not process.due("this", 10.0)
+    now_s += 10.5
+    assert process.due("this", 10.0)
+
+
+def test_no_node_waits_for_ros_time() -> None:
+    """It stands where a clock was promised that nobody sets; stamps are made of it, patience is not."""
+    waits = re.compile(r"rospy\.(Rate|sleep|Timer)\b|_throttle\(|\.wait_for_(server|result|action)")
+    files = sorted(Path(process.__file__).parent.rglob("*.py"))
+    assert [str(file) for file in files if waits.search(file.read_text(encoding="utf-8"))] == []
 
 
 def test_a_reading_from_the_future_is_refused_and_one_from_a_clock_a_little_ahead_is_not(

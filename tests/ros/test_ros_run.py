@@ -81,6 +81,41 @@ def test_ctrl_c_stops_the_robot_ends_every_process_and_leaves_a_run_folder(tmp_p
     assert folder.read_map() is not None
 
 
+def test_a_run_whose_own_master_is_killed_ends_in_one_sentence_with_every_process(tmp_path: Path) -> None:
+    port, out = free_port(), tmp_path / "run"
+    command = run_command("--world", "lab", "--seed", "1", "--time", "300", "--headless", "--out", str(out))
+    lines: list[str] = []
+    with subprocess.Popen(
+        command, env=environment(tmp_path, port), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as run:
+        assert run.stderr is not None
+        assert run.stdout is not None
+        reader = threading.Thread(target=lines.extend, args=(run.stderr,), daemon=True)
+        reader.start()
+        deadline_s = time.monotonic() + 90.0
+        while not any("| mapping |" in line for line in lines):
+            assert time.monotonic() < deadline_s, lines
+            assert run.poll() is None, lines
+            time.sleep(0.1)
+        (master,) = (entry for entry in Path("/proc").glob("[0-9]*/cmdline") if is_master(entry, port))
+        os.kill(int(master.parent.name), signal.SIGKILL)
+        said = run.stdout.read()
+        assert run.wait(60.0) == FAILED, (said, lines)
+    reason = "the ROS master of this run has ended, so the robot was stopped; explore again"
+    assert said.splitlines()[0] == reason
+    assert not any("Traceback" in line for line in lines)
+    assert not processes_that_name(f"-p {port}")
+    assert not processes_that_name(str(out))
+    assert json.loads((out / "summary.json").read_text(encoding="utf-8"))["stop_reason"] == reason
+
+
+def is_master(entry: Path, port: int) -> bool:
+    with contextlib.suppress(OSError):
+        words = entry.read_bytes().split(b"\0")
+        return any(word.endswith(b"rosmaster") for word in words) and str(port).encode() in words
+    return False
+
+
 @pytest.mark.parametrize("base", ["kobuki", "create", "create2"])
 def test_each_base_explores_over_its_emulator(tmp_path: Path, base: str) -> None:
     out = tmp_path / "run"

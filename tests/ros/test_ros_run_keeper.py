@@ -83,7 +83,8 @@ def test_a_map_that_takes_long_to_write_is_written_less_often(driven, tmp_path: 
 def test_a_full_disk_is_told_and_ends_nothing(driven, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     robot, slam, frames = driven
     said: list[str] = []
-    monkeypatch.setattr(process.rospy, "logerr_throttle", lambda period_s, form, error: said.append(form % error))
+    monkeypatch.setattr(process, "due", lambda *_: True)
+    monkeypatch.setattr(process.rospy, "logerr", lambda form, error: said.append(form % error))
     keeper = RunKeeper(tmp_path, robot.T_base_cam_given)
     (tmp_path / "resume" / "keyframes").touch()  # no folder, so nothing can be written into it
     keeper.note(slam, frames[-1][0].stamp_ns)

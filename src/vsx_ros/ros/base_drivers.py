@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from vsx_hw import bases, emulators
 from vsx_hw.base_driver import BaseDriver
-from vsx_hw.guardian import Guardian
+from vsx_hw.guardian import Guardians
 from vsx_hw.readings import BaseReading
 from vsx_hw.serial_emulator import Plant, SerialEmulator
 from vsx_ros.errors import ConfigError
@@ -42,10 +42,10 @@ def base_emulator(robot_type: str, plant: Plant, link: str, seed: int) -> Serial
     return emulators.base_emulator(robot_type, plant, link, seed)
 
 
-def base_guardian(robot_type: str, port: str) -> Guardian:
-    """The process that stops the base should this one die or hang. Raises ConfigError for an unknown robot_type."""
+def base_guardians(robot_type: str, port: str) -> Guardians:
+    """The processes that stop the base should this one die or hang. Raises ConfigError for an unknown robot_type."""
     base = _base(robot_type)
-    return Guardian(port, base.baud, base.stop_bytes())
+    return Guardians(port, base.baud, base.stop_bytes())
 
 
 def wheel_base_m(robot_type: str) -> float:

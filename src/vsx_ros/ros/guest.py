@@ -14,6 +14,7 @@ from vsx_hw.errors import DeviceError
 from vsx_ros.cli.check_network import DEFAULT_MASTER
 from vsx_ros.cli.exit_codes import DONE, FAILED, HARDWARE
 from vsx_ros.errors import ConfigError, VsxError
+from vsx_ros.ros.master_watch import master_watch
 
 Arguments = TypeVar("Arguments")
 
@@ -30,6 +31,7 @@ def join(name: str) -> None:
             "start one with 'vsx explore' or roslaunch, or set ROS_MASTER_URI"
         )
     rospy.init_node(f"vsx_{name}", anonymous=True, disable_signals=True, disable_rosout=True)
+    master_watch()
 
 
 def command(work: Callable[[Arguments], int], arguments: Arguments) -> int:

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, TextIO
-from urllib.parse import urlparse
 
 import rosgraph
 import roslaunch.pmon
@@ -23,11 +22,14 @@ from vsx_ros.cli.stoppable import Heard
 from vsx_ros.errors import ConfigError
 from vsx_ros.ros import launch, process, topics
 from vsx_ros.ros.launch import LaunchNode
+from vsx_ros.ros.master_watch import master_watch
+from vsx_ros.ros.registrations import answers_at
 
 _STOP_S = 0.6
 _ESTOP_WAIT_S = 1.0
-_ANSWER_S = 1.0
 _ESTOPPED = "mobile_base/estopped"
+MASTER = "master"
+"""What roslaunch calls the process of the master that it started."""
 
 
 class Live:
@@ -56,8 +58,8 @@ class Live:
 
     @property
     def dead(self) -> str:
-        """The first vital node that died, or nothing."""
-        return next((name for name in self._dead if name in self._vital), "")
+        """The first vital node that died, or the master that this run has started; or nothing."""
+        return next((name for name in self._dead if name in (*self._vital, MASTER)), "")
 
     def __enter__(self) -> Live:
         """Start everything. Raises ConfigError when no master can be had, a robot runs already or roslaunch refuses."""
@@ -98,6 +100,7 @@ class Live:
         self._heard.listen()  # roslaunch has put its own answers before
         self._parent.runner.pm.add_process_listener(_Listener(self._dead))
         rospy.init_node("run", disable_signals=True, anonymous=True)
+        master_watch().remember({param.key: param.value for param in self._parent.config.params.values()})
         self._zero_pub = rospy.Publisher(topics.COMMAND_SAFETY, Twist, queue_size=1)
 
     def _end(self, log: IO[str]) -> None:
@@ -181,9 +184,10 @@ def refuse_second_robot(names: Sequence[str]) -> None:
     for name in names:
         full_name = rosgraph.names.ns_join(rosgraph.names.get_ros_namespace(), name)
         try:
-            node = urlparse(master.lookupNode(full_name))
-            socket.create_connection((node.hostname or "", node.port or 0), _ANSWER_S).close()
+            address = master.lookupNode(full_name)
         except (OSError, rosgraph.MasterException):
+            continue
+        if not answers_at(address):
             continue
         raise ConfigError(
             f"node {full_name} runs already at {rosgraph.get_master_uri()}, and a second one would end it; end that "

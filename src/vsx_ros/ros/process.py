@@ -27,6 +27,7 @@ from vsx_hw.errors import DeviceError
 from vsx_ros.config import Config, from_dict
 from vsx_ros.errors import ConfigError, InputError, VsxError, disk_trouble
 from vsx_ros.ros import frames, topics
+from vsx_ros.ros.master_watch import master_watch
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
@@ -47,6 +48,8 @@ DIE_WITH_PARENT = "VSX_DIE_WITH_PARENT"
 """Environment variable: a node started by a run ends when the run is killed."""
 
 logger = logging.getLogger(__name__)
+_said_s: dict[str, float] = {}
+_saying = threading.Lock()
 
 
 class Node(Protocol):
@@ -74,6 +77,7 @@ def run(name: str, build: Callable[[Config], Node]) -> None:
     let_go = _close_on_signals()
     try:
         rospy.init_node(name, disable_signals=True)
+        master_watch()
         frames.adopt_prefix()
         bridge_logging()
         node = build(configuration())
@@ -232,15 +236,30 @@ def worker(name: str, loop: Callable[[], None]) -> threading.Thread:
 
 
 def every(period_s: float, name: str, step: Callable[[], None]) -> threading.Thread:
-    """Call ``step`` on a thread of its own every ``period_s`` seconds until ROS shuts down."""
+    """Call ``step`` on a thread of its own every ``period_s`` seconds until ROS shuts down.
+
+    On the monotonic clock: ROS time may stand, and all that keeps the robot safe would stand with it.
+    """
 
     def loop() -> None:
-        rate = rospy.Rate(1.0 / period_s, reset=True)
+        due_s = time.monotonic()
         while not is_ending():
             step()
-            rate.sleep()
+            due_s = max(due_s + period_s, time.monotonic())  # what was missed is not made up for
+            time.sleep(max(0.0, due_s - time.monotonic()))
 
     return worker(name, loop)
+
+
+def due(what: str, period_s: float) -> bool:
+    """Whether ``what`` was not due for so long: to say something now and then, also while ROS time stands, which
+    rospy's own throttle goes by."""
+    now_s = time.monotonic()
+    with _saying:
+        is_due = now_s - _said_s.get(what, -math.inf) > period_s
+        if is_due:
+            _said_s[what] = now_s
+    return is_due
 
 
 def ended(thread: threading.Thread, within_s: float) -> bool:
@@ -270,7 +289,8 @@ def told() -> Iterator[None]:
     try:
         yield
     except VsxError as error:
-        rospy.logerr_throttle(_TELL_AGAIN_S, "%s", error)
+        if due("told", _TELL_AGAIN_S):
+            rospy.logerr("%s", error)
 
 
 class Diagnostics:

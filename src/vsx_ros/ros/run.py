@@ -30,7 +30,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.run_folder import RunEvent, RunFolder
 from vsx_ros.ros import launch, process, view
 from vsx_ros.ros.launch import LaunchNode
-from vsx_ros.ros.live import Live, refuse_second_robot
+from vsx_ros.ros.live import MASTER, Live, refuse_second_robot
 from vsx_ros.ros.progress import Progress, progress_line
 from vsx_ros.ros.witness import Witness
 from vsx_ros.ros.witness_journal import WitnessJournal
@@ -157,6 +157,8 @@ def _ending(live: Live, witness: Witness, elapsed_s: float, limit_s: float | Non
     status = witness.status
     if live.interrupted:
         return Ending("stopped by the operator", STOPPED)
+    if live.dead == MASTER:
+        return Ending("the ROS master of this run has ended, so the robot was stopped; explore again", FAILED)
     if live.dead:
         said = witness.last_words(live.dead)
         if said:

@@ -15,7 +15,6 @@ import sys
 import time
 from typing import Any
 
-import rosgraph
 import rospy
 from std_srvs.srv import SetBool, Trigger
 
@@ -25,6 +24,7 @@ from vsx_ros.ros.dashboard import words
 from vsx_ros.ros.dashboard.board import Board
 from vsx_ros.ros.dashboard.feed import Feed
 from vsx_ros.ros.dashboard.server import DEFAULT_PORT, LOOPBACK, Answer, Command, ViewServer, address
+from vsx_ros.ros.master_watch import master_watch
 
 TOKEN = "VSX_VIEW_TOKEN"
 
@@ -46,22 +46,8 @@ class DashboardNode:
         process.worker("master", self._watch_master)
 
     def _watch_master(self) -> None:
-        """A new master knows nothing of this node, and rospy joins one master only: begin anew, at the same address.
-
-        Asked for is a service that rospy registers once. The node's name would not do: a subscription asked for while
-        no master answered is registered with the new one, which then knows the name and nothing else.
-        """
-        master = rosgraph.Master(rospy.get_name())
-        registered_once = rospy.resolve_name("~get_loggers")
         while not rospy.is_shutdown():
-            answers = True
-            try:
-                master.lookupService(registered_once)
-            except rosgraph.MasterError:
-                os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
-            except OSError:
-                answers = False
-            self._board.post("stack", words.text(answers))
+            self._board.post("stack", words.text(master_watch().answers))
             time.sleep(_MASTER_PERIOD_S)
 
     def close(self) -> None:

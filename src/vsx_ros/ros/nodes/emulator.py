@@ -137,7 +137,8 @@ class EmulatorNode:
         level = process.OK if rate_hz else process.WARN
         message = f"{rate_hz} images a second" if rate_hz else "no images; nobody listens, or the first one compiles"
         self._diagnostics.set("camera", level, message, render_ms=round(self._render_ms, 1), skipped=skipped)
-        rospy.loginfo_throttle(30.0, "emulator: %s, %.0f ms each, %d slots skipped", message, self._render_ms, skipped)
+        if process.due("rate", 30.0):
+            rospy.loginfo("emulator: %s, %.0f ms each, %d slots skipped", message, self._render_ms, skipped)
 
     def close(self) -> None:
         """Take the devices away and end the child."""

@@ -1,7 +1,7 @@
 """Node ``mobile_base``: driver, command mux and the last decision before the wheels, in one small process.
 
-A second process stops the wheels when this one is killed or hangs (vsx_hw.guardian). Without it, or without a master,
-they stand.
+Two more processes stop the wheels when this one is killed or hangs (vsx_hw.guardian). Without both, or where the ROS
+master that answers does not have all that this node offers, the emergency stop above all, they stand.
 
 Subscribers: cmd_vel_mux/input/{safety_controller,teleop,navi} (priority in this order; each has its own timeout).
 Publishers: odom (50 Hz), /tf odom -> base_footprint, joint_states, mobile_base/hazards (UInt8, the low bits of
@@ -39,8 +39,8 @@ from vsx_hw.readings import BaseReading, Hazard, Signal
 from vsx_hw.safety import SOURCES, Decision, SpeedLimits, Supervisor
 from vsx_ros.config import Config, LimitsConfig
 from vsx_ros.ros import base_messages, process, service_manager, topics
-from vsx_ros.ros.base_drivers import BaseSettings, base_driver, base_guardian
-from vsx_ros.ros.master_watch import MasterWatch
+from vsx_ros.ros.base_drivers import BaseSettings, base_driver, base_guardians
+from vsx_ros.ros.master_watch import master_watch
 
 _INPUTS = {
     "safety_controller": topics.COMMAND_SAFETY,
@@ -48,6 +48,7 @@ _INPUTS = {
     "navi": topics.COMMAND_NAVI,
 }
 LINK_PERIOD_S = 0.2
+_MASTER_PERIOD_S = 0.1
 _BATTERY_LEVELS = {"low": process.WARN, "critical": process.ERROR}
 
 
@@ -63,7 +64,8 @@ class MobileBaseNode:
         self._troubles: tuple[str, ...] = ()
         self._hazards, self._buttons = Hazard.NONE, 0
         self._supervisor.emergency_stop(bool(rospy.get_param("~estopped", False)))
-        self._master = MasterWatch()
+        self._master = master_watch()
+        self._master.period_s = _MASTER_PERIOD_S
         self._advertise()
         port = str(rospy.get_param("~port", "/dev/kobuki"))
         self._diagnostics = process.Diagnostics(port)
@@ -75,8 +77,8 @@ class MobileBaseNode:
             float(rospy.get_param("~odom_angular_scale_correction", config.robot.odometry.angular_scale)),
             bool(rospy.get_param("~allow_unknown_firmware", False)),
         )
-        self._guardian = base_guardian(settings.robot_type, port)
-        self._driver: BaseDriver = base_driver(settings, self._on_reading, self._on_link, self._guardian.beat)
+        self._guardians = base_guardians(settings.robot_type, port)
+        self._driver: BaseDriver = base_driver(settings, self._on_reading, self._on_link, self._guardians.beat)
         for source, topic in _INPUTS.items():
             rospy.Subscriber(topic, Twist, self._on_command, source, queue_size=1, tcp_nodelay=True)
         rospy.Service(topics.ESTOP, SetBool, self._on_estop)
@@ -114,15 +116,16 @@ class MobileBaseNode:
                 rospy.loginfo("%s: found a %s", port, robot_type)
             except DeviceError as error:
                 self._diagnostics.set("link", process.ERROR, str(error), device=port)
-                rospy.logwarn_throttle(10.0, "%s", error)
+                if process.due("base", 10.0):
+                    rospy.logwarn("%s", error)
                 time.sleep(1.0)
         return robot_type
 
     def _on_command(self, msg: Twist, source: str) -> None:
         with self._lock:
             accepted = self._supervisor.command(source, msg.linear.x, msg.angular.z, time.monotonic_ns())
-        if not accepted:
-            rospy.logwarn_throttle(1.0, "%s: command refused, not finite or absurd:\n%s", _INPUTS[source], msg)
+        if not accepted and process.due("command", 1.0):
+            rospy.logwarn("%s: command refused, not finite or absurd:\n%s", _INPUTS[source], msg)
 
     def _on_reading(self, reading: BaseReading) -> None:
         """On the driver's thread: decide first, talk later."""
@@ -160,9 +163,9 @@ class MobileBaseNode:
             self._hazards_pub.publish(UInt8(int(hazards & Hazard.TOUCHED)))
 
     def _reason_to_stand(self) -> str:
-        if not self._guardian.answers:
-            return "the guardian of the wheels does not answer; a new one starts"
-        return "" if self._master.answers else "the ROS master does not answer; start it again"
+        if not self._guardians.answer:
+            return "a guardian of the wheels does not answer; a new one starts"
+        return self._master.trouble
 
     def _on_link(self, connected: bool, message: str) -> None:
         """On the driver's thread. Commands of before a reconnection do not count; a base that is away touches
@@ -175,7 +178,7 @@ class MobileBaseNode:
     def _on_estop(self, request: SetBoolRequest) -> SetBoolResponse:
         with self._lock:
             self._supervisor.emergency_stop(bool(request.data))
-        rospy.set_param("~estopped", bool(request.data))
+        self._master.keep({"~estopped": bool(request.data)})
         rospy.logwarn("emergency stop %s", "set" if request.data else "cleared")
         return SetBoolResponse(True, "stopped" if request.data else "free to drive")
 
@@ -193,7 +196,7 @@ class MobileBaseNode:
         """Once a second: battery and health."""
         with self._lock:
             service_manager.notify(service_manager.ALIVE)
-        self._guardian.revive()
+        self._guardians.revive()
         latest = self._latest
         if latest is None or not self._driver.status().connected:
             return
@@ -217,9 +220,9 @@ class MobileBaseNode:
         )  # fmt: skip
 
     def close(self) -> None:
-        """Stop the wheels and leave the base safe; where that failed, the guardian does it after this process."""
+        """Stop the wheels and leave the base safe; where that failed, the guardians do it after this process."""
         if self._driver.close():
-            self._guardian.release()
+            self._guardians.release()
 
 
 def speed_limits(limits: LimitsConfig) -> SpeedLimits:
