@@ -37,7 +37,7 @@ from vsx_hw.errors import DeviceError
 from vsx_hw.readings import BaseReading, Hazard, Signal
 from vsx_hw.safety import SOURCES, Decision, SpeedLimits, Supervisor
 from vsx_ros.config import Config, LimitsConfig
-from vsx_ros.ros import base_messages, process, service_manager, topics
+from vsx_ros.ros import base_messages, calls, process, service_manager, topics
 from vsx_ros.ros.base_drivers import BaseSettings, base_driver, base_guardian
 from vsx_ros.ros.master_watch import MasterWatch
 
@@ -46,6 +46,7 @@ _INPUTS = {
     "teleop": topics.COMMAND_TELEOP,
     "navi": topics.COMMAND_NAVI,
 }
+_REMEMBER_S = 0.5
 _BATTERY_LEVELS = {"low": process.WARN, "critical": process.ERROR}
 
 
@@ -56,7 +57,7 @@ class MobileBaseNode:
         timeout_s = float(rospy.get_param("~cmd_vel_timeout", 0.25))
         sources = tuple(s._replace(timeout_s=timeout_s) if s.name == "navi" else s for s in SOURCES)
         self._supervisor = Supervisor(speed_limits(config.limits), sources)
-        self._lock = threading.Lock()
+        self._lock, self._remembering = threading.Lock(), threading.Lock()
         self._latest: tuple[BaseReading, Decision] | None = None
         self._hazards, self._buttons = Hazard.NONE, 0
         self._supervisor.emergency_stop(bool(rospy.get_param("~estopped", False)))
@@ -170,9 +171,17 @@ class MobileBaseNode:
     def _on_estop(self, request: SetBoolRequest) -> SetBoolResponse:
         with self._lock:
             self._supervisor.emergency_stop(bool(request.data))
-        rospy.set_param("~estopped", bool(request.data))
         rospy.logwarn("emergency stop %s", "set" if request.data else "cleared")
+        try:
+            calls.within(_REMEMBER_S, self._remember_stop, "the ROS master")
+        except Exception as error:  # whatever it is, the wheels stand and the answer is due
+            rospy.logwarn("the emergency stop is not kept for a restart of this node: %s", error)
         return SetBoolResponse(True, "stopped" if request.data else "free to drive")
+
+    def _remember_stop(self) -> None:
+        """The newest word is kept last, however late the master takes it."""
+        with self._remembering:
+            rospy.set_param("~estopped", self._supervisor.estopped)
 
     def _on_reset_odometry(self, _: TriggerRequest) -> TriggerResponse:
         self._driver.reset_odometry()
@@ -184,6 +193,8 @@ class MobileBaseNode:
             service_manager.notify(service_manager.ALIVE)
         self._guardian.revive()
         status = self._driver.status()
+        if not status.alive:
+            raise DeviceError(f"{status.device}: the driver's thread has ended; the node begins anew")
         level = process.OK if status.connected else process.ERROR
         self._diagnostics.set("link", level, status.message, device=status.device, **status.counters)
         latest = self._latest
