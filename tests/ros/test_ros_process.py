@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import logging
+import os
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
@@ -49,6 +53,29 @@ def test_what_is_done_every_so_often_ends_with_the_node(told: list[str], monkeyp
     process.every(0.001, "steps", lambda: steps.append(1)).join(5.0)
     assert len(steps) == 3
     assert told == []
+
+
+NODE = """
+import logging, logging.config, os, sys
+import rospy
+from vsx_ros.ros import process
+
+process.quiet_failures()
+os.environ["ROS_LOG_FILENAME"] = sys.argv[1]
+logging.config.fileConfig(os.environ["ROS_PYTHON_LOG_CONFIG_FILE"], disable_existing_loggers=False)
+rospy.logerr("it is said all the same")
+rospy.logwarn("this, too")
+print("goes on")
+"""
+
+
+@pytest.mark.parametrize("log", ["/dev/full", "/no/such/folder/node.log"])
+def test_a_node_whose_words_nobody_takes_goes_on(log: str) -> None:
+    command = [sys.executable, "-c", NODE, log]
+    paths = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(command, env=paths, stdout=subprocess.PIPE, stderr=full, text=True, check=True)
+    assert done.stdout == "goes on\n"
 
 
 def test_a_reading_from_the_future_is_refused_and_one_from_a_clock_a_little_ahead_is_not(

@@ -226,8 +226,9 @@ class RunFolder:
             raise InputError(f"{self.path / name} cannot be read ({reason_of(error)}); run again") from error
 
     def _parsed(self, name: str, parse: Any) -> dict[str, Any]:
+        text = self._text(name)
         try:
-            tree = parse(self._text(name))
+            tree = parse(text)
         except (ValueError, yaml.YAMLError) as error:
             raise InputError(f"{self.path / name} is damaged ({reason_of(error)}); run again") from error
         if not isinstance(tree, dict):
