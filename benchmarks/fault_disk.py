@@ -46,7 +46,7 @@ import rospy
 from nav_msgs.msg import Odometry
 rospy.init_node("watch", anonymous=True, disable_signals=True)
 def said(msg):
-    print(msg.twist.twist.linear.x, msg.twist.twist.angular.z, flush=True)
+    print("speeds", msg.twist.twist.linear.x, msg.twist.twist.angular.z, flush=True)
 rospy.Subscriber("/emulator/ground_truth/odometry", Odometry, said)
 rospy.spin()
 """
@@ -153,8 +153,9 @@ class Watch:
 
     def _read(self) -> None:
         for line in self._child.stdout:
-            v, omega = map(float, line.split())
-            self.speeds = [*self.speeds[-29:], (v, omega)]
+            if line.startswith("speeds"):
+                _, v, omega = line.split()
+                self.speeds = [*self.speeds[-29:], (float(v), float(omega))]
 
     @property
     def stood(self) -> bool:

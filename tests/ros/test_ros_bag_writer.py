@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -47,6 +48,16 @@ def test_a_disk_that_is_full_is_told_and_does_not_hang(tmp_path: Path, monkeypat
         writer.put(message(b"two"))
     assert writer.close().name in ("a.bag.active", "a.bag")
     assert "No space left" in writer.failure
+
+
+def test_a_folder_that_was_deleted_is_told(tmp_path: Path) -> None:
+    folder = tmp_path / "bags"
+    folder.mkdir()
+    writer = BagWriter(folder / "a.bag")
+    writer.put(message(b"one"))
+    shutil.rmtree(folder)
+    assert writer.close().name == "a.bag.active"
+    assert "No such file" in writer.failure
 
 
 def test_a_folder_that_is_not_there(tmp_path: Path) -> None:

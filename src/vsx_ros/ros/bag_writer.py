@@ -65,14 +65,14 @@ class BagWriter:
         self._thread.join()
         try:
             self._writer.close()
+            if not self.counts:
+                self._active.unlink(missing_ok=True)
+            elif not self.failure:
+                os.replace(self._active, self._path)
+                return self._path
         except OSError as error:
             self.failure = self.failure or str(error)
-        if not self.counts:
-            self._active.unlink(missing_ok=True)
-        if self.failure or not self.counts:
-            return self._active
-        os.replace(self._active, self._path)
-        return self._path
+        return self._active
 
     def _write(self) -> None:
         while (message := self._queue.get()) is not None:

@@ -117,7 +117,7 @@ class Live:
     def _silence(self) -> TextIO:
         """The words of roslaunch and of all nodes go to a file; ``terminal`` still is the terminal."""
         file = Path(os.environ["ROS_LOG_DIR"]) / "terminal.log"
-        log = streams.lossy(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644), close=True)
+        log = streams.lossy(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644), close=True)
         os.dup2(log.fileno(), 2)
         return log
 
