@@ -66,7 +66,7 @@ class DenseProcess:
         return self._child.pid
 
     def update(self, snapshot: MapSnapshot) -> tuple[DenseMap, AnchoredSpots]:
-        """The dense map of a snapshot, and its spots. Raises VsxError when the child is gone; one that hangs is ended."""
+        """The dense map of a snapshot, and its spots. Raises VsxError when the child is gone; a hung one is ended."""
         ids = snapshot.keyframe_ids.tolist()
         images = {number: image for number, image in zip(ids, snapshot.images) if number not in self._sent}
         self._sent = set(ids)
