@@ -26,7 +26,7 @@ from vsx_ros.ros import calls, launch, process, topics
 from vsx_ros.ros.launch import LaunchNode
 
 _STOP_S = 0.6
-_ESTOP_WAIT_S = 1.0
+_ESTOP_WAIT_S = 2.0
 _ANSWER_S = 1.0
 _END_S = 2.0 * (launch.SIGINT_TIMEOUT_S + launch.SIGTERM_TIMEOUT_S)
 """Nodes, then the master; roslaunch has killed them by then, unless it hangs itself."""
@@ -127,12 +127,15 @@ class Live:
         while time.monotonic() < deadline_s:
             self._zero_pub.publish(Twist())
             time.sleep(0.05)
+        _tried(_ANSWER_S, self._remember_who_stopped, "the ROS master")
         try:
-            if not calls.within(_ANSWER_S, lambda: rospy.get_param(_ESTOPPED, False), "the ROS master"):
-                self._to_release = rospy.resolve_name(_ESTOPPED)
             calls.service(topics.ESTOP, SetBool, True, within_s=_ESTOP_WAIT_S)
-        except (rospy.ROSException, rospy.ServiceException, rosgraph.MasterException, OSError) as error:
+        except (rospy.ROSException, rospy.ServiceException) as error:
             rospy.logwarn("no emergency stop: %s", error)
+
+    def _remember_who_stopped(self) -> None:
+        if not rospy.get_param(_ESTOPPED, False):
+            self._to_release = rospy.resolve_name(_ESTOPPED)
 
     def _release(self) -> None:
         """Once all processes have ended: a master that lives on shall not stop the next run, unless it was the operator
