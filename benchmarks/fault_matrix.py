@@ -6,7 +6,8 @@ Bases: the real driver with the mux before it, over an emulated base on a pseudo
 long the wheels turned after the fault set in, seen at the emulator's end of the wire; where it drove on, it says so.
 Camera: the real driver over the emulated Kinect. Nodes, and the camera of an exploring robot: what
 benchmarks/fault_nodes.py and benchmarks/fault_camera.py have measured; with --measure-robot they measure what is still
-missing (hours). Disks: what benchmarks/fault_disk.py has measured. With --table the tables replace those of the document.
+missing (hours). Disks: what benchmarks/fault_disk.py has measured. With --table the tables replace those of the
+document.
 """
 
 from __future__ import annotations
