@@ -80,8 +80,8 @@ class BagWriter:
                 continue
             try:
                 self._writer.write(self._connection(message), message.stamp_ns, message.data)  # type: ignore[arg-type]  # bytes will do
-            except (OSError, WriterError) as error:
-                self.failure = str(error)
+            except Exception as error:  # whatever it is: without this thread close would wait for ever
+                self.failure = str(error) or repr(error)
                 continue
             self.counts[message.topic] = self.counts.get(message.topic, 0) + 1
             self.bytes += len(message.data) + _OVERHEAD_BYTES
