@@ -40,7 +40,8 @@ from vsx_ros.io.sealed_archive import unseal
 
 FAULTS = ("full", "full for 3 s", "no inode left", "read-only", "run folder deleted")
 HOW = ("live", "lockstep")
-LASTS_S, DISK_MB, END_S, PATIENCE_S = 20.0, 64, 10.0, 180.0
+LASTS_S = {"live": 20.0, "lockstep": 10.0}
+DISK_MB, END_S, PATIENCE_S = 64, 10.0, 180.0
 WATCH = """
 import rospy
 from nav_msgs.msg import Odometry
@@ -216,10 +217,10 @@ def trial(how: str, fault: str, number: int) -> dict[str, object]:
     rng = np.random.default_rng([HOW.index(how), FAULTS.index(fault), number])
     interrupted, spare = number % 2 == 1, Path(tempfile.mkdtemp(prefix="vsx-watch-"))
     with disk(fault) as mounted:
-        run = Run(how, mounted, 100 + number, 600.0 if interrupted else LASTS_S)
+        run = Run(how, mounted, 100 + number, 600.0 if interrupted else LASTS_S[how])
         watch = Watch(run.shell, spare) if how == "live" else None
         run.wait_for_frames()
-        moment_s = float(rng.uniform(0.0, 0.9)) * (LASTS_S if how == "live" else 5.0)
+        moment_s = float(rng.uniform(0.0, 0.9)) * (LASTS_S[how] if how == "live" else 4.0)
         time.sleep(moment_s)
         during = run.child.poll() is None
         strike(fault, mounted, run.folder)
