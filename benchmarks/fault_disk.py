@@ -269,6 +269,7 @@ def main() -> None:
     args = parser.parse_args()
     rows = [json.loads(line) for line in args.out.read_text().splitlines()] if args.out.exists() else []
     known = {(row["how"], row["fault"], row["number"]) for row in rows}
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it, with all it starts
     end_s = time.monotonic() + 60.0 * args.minutes
     for how in args.how:
         for number in range(args.repetitions):
