@@ -143,115 +143,105 @@ def left_alive(*names: str) -> list[str]:
     return [line[:200] for line in lines if any(name in line for name in names)]
 
 
-class Watch:
-    """The true speed of the emulated robot, from outside; logs to another disk."""
-
-    def __init__(self, shell: dict[str, str], folder: Path) -> None:
-        shell = {**shell, "ROS_HOME": str(folder), "ROS_LOG_DIR": str(folder)}
-        self.speeds: list[tuple[float, float]] = []
-        self._child = subprocess.Popen([sys.executable, "-c", WATCH], env=shell, stdout=subprocess.PIPE, text=True)
-        threading.Thread(target=self._read, daemon=True).start()
-
-    def _read(self) -> None:
-        for line in self._child.stdout:
-            if line.startswith("speeds"):
-                _, v, omega = line.split()
-                self.speeds = [*self.speeds[-29:], (float(v), float(omega))]
-
-    @property
-    def stood(self) -> bool:
-        """Whether it stood in the last words of the emulator."""
-        return all(abs(v) < 0.01 and abs(omega) < 0.02 for v, omega in self.speeds[-3:])
-
-    def close(self) -> None:
-        self._child.kill()
-        self._child.wait()
-
-
 class Run:
-    """One exploration on a disk that fails."""
+    """One exploration on a disk that fails; leaving it ends what is left."""
 
     def __init__(self, how: str, mounted: Path, seed: int, lasts_s: float) -> None:
-        self.folder = mounted / "run"
+        self.folder, self._others = mounted / "run", Path(tempfile.mkdtemp(prefix="vsx-watch-"))
         with socket.socket() as probe:
             probe.bind(("localhost", 0))
             self.port = probe.getsockname()[1]
         kept = {name: value for name, value in os.environ.items() if not name.startswith("ROS_LOG")}
-        uri = f"http://localhost:{self.port}"
-        self.shell = {**kept, "ROS_MASTER_URI": uri, "ROS_HOSTNAME": "localhost", "ROS_HOME": str(mounted / "ros")}
-        (mounted / "ros").mkdir()
+        shell = {**kept, "ROS_MASTER_URI": f"http://localhost:{self.port}", "ROS_HOSTNAME": "localhost"}
         options = ["--fast"] if how == "lockstep" else ["--headless"]
         options += ["--world", "lab", "--seed", str(seed), "--time", str(lasts_s), "--out", str(self.folder)]
-        command = [sys.executable, "-m", "vsx_ros.cli.main", "explore", *options]
-        quiet = subprocess.PIPE
-        self.child = subprocess.Popen(command, env=self.shell, stdout=quiet, stderr=quiet, text=True)
         self.lines: list[tuple[float, str]] = []
-        for pipe in (self.child.stdout, self.child.stderr):
-            threading.Thread(target=self._read, args=(pipe,), daemon=True).start()
+        self.speeds: list[tuple[float, float]] = []
+        (mounted / "ros").mkdir()
+        self.child = self._start(["-m", "vsx_ros.cli.main", "explore", *options], shell, mounted / "ros")
+        self._watch = self._start(["-c", WATCH], shell, self._others) if how == "live" else None
 
-    def _read(self, pipe: object) -> None:
-        for line in pipe:
-            self.lines.append((time.monotonic(), line.rstrip()))
+    def _start(self, words: list[str], shell: dict[str, str], home: Path) -> subprocess.Popen[str]:
+        shell, pipe = {**shell, "ROS_HOME": str(home)}, subprocess.PIPE
+        child = subprocess.Popen([sys.executable, *words], env=shell, stdout=pipe, stderr=pipe, text=True)
+        for stream in (child.stdout, child.stderr):
+            threading.Thread(target=self._read, args=(stream,), daemon=True).start()
+        return child
 
-    def wait_for(self, word: str) -> float:
-        """When it was said."""
+    def _read(self, stream: object) -> None:
+        for line in stream:
+            if line.startswith("speeds"):
+                _, v, omega = line.split()
+                self.speeds = [*self.speeds[-29:], (float(v), float(omega))]
+            else:
+                self.lines.append((time.monotonic(), line.rstrip()))
+
+    def __enter__(self) -> Run:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for child in filter(None, (self.child, self._watch)):
+            child.kill()
+            child.wait()
+        shutil.rmtree(self._others)
+
+    @property
+    def stood(self) -> bool:
+        """Whether it stood in the last words of the emulator; in lock-step nothing moves that is not told to."""
+        last = self.speeds[-3:]
+        return self._watch is None or (bool(last) and all(abs(v) < 0.01 and abs(w) < 0.02 for v, w in last))
+
+    def wait_for(self, happened: Callable[[], float]) -> float:
+        """Until it has: when it was, or now if it never did."""
         deadline_s = time.monotonic() + PATIENCE_S
         while time.monotonic() < deadline_s and self.child.poll() is None:
-            for at_s, line in list(self.lines):
-                if word in line:
-                    return at_s
+            if at_s := happened():
+                return at_s
             time.sleep(0.02)
         return time.monotonic()
 
-    def wait_for_frames(self) -> None:
-        """The journal has a frame."""
+    def said(self, word: str) -> float:
+        return next((at_s for at_s, line in list(self.lines) if word in line), 0.0)
+
+    def has_frames(self) -> float:
         journal = self.folder / "resume" / "journal.jsonl"
-        deadline_s = time.monotonic() + PATIENCE_S
-        while time.monotonic() < deadline_s and self.child.poll() is None:
-            if journal.exists() and journal.stat().st_size > 0:
-                return
-            time.sleep(0.02)
+        return time.monotonic() if journal.exists() and journal.stat().st_size > 0 else 0.0
+
+    def ended(self, end_s: float) -> dict[str, object]:
+        """What came out of it; end_s: when its end began."""
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self.child.wait(60.0)
+        took_s, code = time.monotonic() - end_s, self.child.poll()
+        left = left_alive(f"-p {self.port}", str(self.folder))
+        time.sleep(0.3)
+        bad, said = unreadable(self.folder), [line for _, line in self.lines]
+        traceback = any("Traceback" in line for line in said)
+        good = self.stood and code in (0, 1, 4) and took_s < END_S and not (left or bad or traceback)
+        return {
+            "stood": self.stood, "exit code": code, "ended after [s]": round(took_s, 2), "left alive": left,
+            "unreadable": bad, "summary": (self.folder / "summary.json").exists(), "traceback": traceback,
+            "said": [line for line in said if "kept" in line or "cannot" in line][-1:], "good": good,
+        }  # fmt: skip
 
 
 def trial(how: str, fault: str, number: int) -> dict[str, object]:
     rng = np.random.default_rng([HOW.index(how), FAULTS.index(fault), number])
-    interrupted, spare = number % 2 == 1, Path(tempfile.mkdtemp(prefix="vsx-watch-"))
-    with disk(fault) as mounted:
-        run = Run(how, mounted, 100 + number, 600.0 if interrupted else LASTS_S[how])
-        watch = Watch(run.shell, spare) if how == "live" else None
-        run.wait_for_frames()
+    interrupted = number % 2 == 1
+    with disk(fault) as mounted, Run(how, mounted, 100 + number, 600.0 if interrupted else LASTS_S[how]) as run:
+        run.wait_for(run.has_frames)
         moment_s = float(rng.uniform(0.0, 0.9)) * (LASTS_S[how] if how == "live" else 4.0)
         time.sleep(moment_s)
         during = run.child.poll() is None
         strike(fault, mounted, run.folder)
         if interrupted:
             time.sleep(float(rng.uniform(0.5, 5.0)))
-            ended_s = time.monotonic()
+            end_s = time.monotonic()
             run.child.send_signal(signal.SIGINT)
         else:
-            ended_s = run.wait_for("stopping: " if how == "live" else "time limit of")
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            run.child.wait(60.0)
-        took_s, code = time.monotonic() - ended_s, run.child.poll()
-        left = left_alive(f"-p {run.port}", str(run.folder))
-        if code is None:
-            run.child.kill()
-        time.sleep(0.3)
-        stood = watch is None or (bool(watch.speeds) and watch.stood)
-        if watch is not None:
-            watch.close()
-        said = [line for _, line in run.lines]
-        came_out = {
-            "stood": stood, "exit code": code, "ended after [s]": round(took_s, 2), "left alive": left,
-            "unreadable": unreadable(run.folder), "summary": (run.folder / "summary.json").exists(),
-            "traceback": any("Traceback" in line for line in said),
-            "said": [line for line in said if "kept" in line or "cannot" in line][-1:],
-        }  # fmt: skip
-    shutil.rmtree(spare)
-    good = stood and code in (0, 1, 4) and took_s < END_S and not left and not came_out["unreadable"]
+            end_s = run.wait_for(lambda: run.said("stopping: " if how == "live" else "time limit of"))
+        came_out = run.ended(end_s)
     asked = {"how": how, "fault": fault, "number": number, "ended by": "SIGINT" if interrupted else "its time"}
-    at = {"moment [s]": round(moment_s, 1), "while running": during}
-    return {**asked, **at, **came_out, "good": good and not came_out["traceback"]}
+    return {**asked, "moment [s]": round(moment_s, 1), "while running": during, **came_out}
 
 
 def commit() -> str:
@@ -269,7 +259,8 @@ def main() -> None:
     args = parser.parse_args()
     rows = [json.loads(line) for line in args.out.read_text().splitlines()] if args.out.exists() else []
     known = {(row["how"], row["fault"], row["number"]) for row in rows}
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it, with all it starts
+    for number in (signal.SIGINT, signal.SIGTERM):  # a shell's background job ignores SIGINT, with all it starts
+        signal.signal(number, signal.default_int_handler)
     end_s = time.monotonic() + 60.0 * args.minutes
     for how in args.how:
         for number in range(args.repetitions):
