@@ -4,9 +4,10 @@ python benchmarks/fault_matrix.py [--repetitions 5] [--measure-robot] [--table d
 
 Bases: the real driver with the mux before it, over an emulated base on a pseudo-terminal, commanded 0.2 m/s: how
 long the wheels turned after the fault set in, seen at the emulator's end of the wire; where it drove on, it says so.
-Camera: the real driver over the emulated Kinect. Nodes, a new master, and the camera of an exploring robot: what
+Camera: the real driver over the emulated Kinect. Nodes, and the camera of an exploring robot: what
 benchmarks/fault_nodes.py, fault_master.py and fault_camera.py have measured; with --measure-robot they measure what is
-still missing (hours). With --table the tables replace those of the document.
+still missing (hours). Disks: what benchmarks/fault_disk.py has measured. With --table the tables replace those of the
+document.
 """
 
 from __future__ import annotations
@@ -230,6 +231,22 @@ def master_table() -> list[str]:
     return lines
 
 
+def disk_table() -> list[str]:
+    """What became of the runs whose disk failed; one that was not good is named."""
+    rows = [json.loads(line) for line in Path(__file__).with_name("fault_disk.jsonl").read_text().splitlines()]
+    lines = [
+        "| run | fault of the disk | good | ended after its end: median, most | kept its summary |",
+        "|---|---|---|---|---|",
+    ]
+    for how, fault in dict.fromkeys((row["how"], row["fault"]) for row in rows):
+        runs = [row for row in rows if (row["how"], row["fault"]) == (how, fault)]
+        took = [row["ended after [s]"] for row in runs]
+        good, kept = (sum(bool(row[key]) for row in runs) for key in ("good", "summary"))
+        times = f"{statistics.median(took):.1f} s, {max(took):.1f} s"
+        lines.append(f"| {how} | {fault} | {good} of {len(runs)} | {times} | {kept} |")
+    return lines
+
+
 def robot_table() -> list[str]:
     results = json.loads(Path(__file__).with_name("fault_camera.json").read_text())
     lines = [
@@ -265,7 +282,7 @@ def main() -> None:
     if args.measure_robot:
         for script in ("fault_nodes.py", "fault_master.py", "fault_camera.py"):
             subprocess.run([sys.executable, str(Path(__file__).with_name(script))], check=True)
-    tables = {"nodes": node_table(), "masters": master_table(), "robots": robot_table()}
+    tables = {"nodes": node_table(), "masters": master_table(), "robots": robot_table(), "disks": disk_table()}
     if not args.measured_only:
         with tempfile.TemporaryDirectory() as folder:
             tables |= {"cameras": camera_table(folder), "bases": base_table(args.repetitions, folder)}

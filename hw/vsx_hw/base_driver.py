@@ -138,7 +138,7 @@ class BaseDriver:
         silent_ns = time.monotonic_ns() - self._last_reading_ns
         if connected and silent_ns > TOLD_NS:
             connected, message = False, f"{self._heard()} for {silent_ns * 1e-9:.1f} s; the wheels are told to stand"
-        return LinkStatus(connected, message, self._device, counters)
+        return LinkStatus(connected, message, self._device, counters, self._keeper.alive)
 
     def close(self) -> bool:
         """Stop the wheels, leave the base safe and release the port; whether the wheels surely stand."""

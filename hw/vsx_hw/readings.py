@@ -112,9 +112,11 @@ class ImageReading(NamedTuple):
 
 
 class LinkStatus(NamedTuple):
-    """Health of the connection to a device, for diagnostics. Counters run from the start of the driver."""
+    """Health of the connection to a device, for diagnostics. Counters run from the start of the driver. alive: false
+    when the driver has ended by itself, for good."""
 
     connected: bool
     message: str
     device: str
     counters: dict[str, int]
+    alive: bool = True

@@ -15,6 +15,8 @@ from typing import Any
 
 _DISK_REMEDIES = {
     errno.ENOSPC: "free some space ('df -h' shows where), or choose another disk",
+    errno.EFBIG: "raise the limit on the size of a file ('ulimit -f'), or choose another disk",
+    errno.EIO: "the disk fails: save what is on it, and choose another",
     errno.EDQUOT: "free some of your quota, or choose another disk",
     errno.EROFS: "choose a folder on a disk that may be written",
     errno.EACCES: "choose a folder of your own, or have its owner admit you",

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import logging
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -74,6 +77,29 @@ def test_no_node_waits_for_ros_time() -> None:
     waits = re.compile(r"rospy\.(Rate|sleep|Timer)\b|_throttle\(|\.wait_for_(server|result|action)")
     files = sorted(Path(process.__file__).parent.rglob("*.py"))
     assert [str(file) for file in files if waits.search(file.read_text(encoding="utf-8"))] == []
+
+
+NODE = """
+import logging, logging.config, os, sys
+import rospy
+from vsx_ros.ros import process
+
+process.quiet_failures()
+os.environ["ROS_LOG_FILENAME"] = sys.argv[1]
+logging.config.fileConfig(os.environ["ROS_PYTHON_LOG_CONFIG_FILE"], disable_existing_loggers=False)
+rospy.logerr("it is said all the same")
+rospy.logwarn("this, too")
+print("goes on")
+"""
+
+
+@pytest.mark.parametrize("log", ["/dev/full", "/no/such/folder/node.log"])
+def test_a_node_whose_words_nobody_takes_goes_on(log: str) -> None:
+    command = [sys.executable, "-c", NODE, log]
+    paths = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(command, env=paths, stdout=subprocess.PIPE, stderr=full, text=True, check=True)
+    assert done.stdout == "goes on\n"
 
 
 def test_a_reading_from_the_future_is_refused_and_one_from_a_clock_a_little_ahead_is_not(

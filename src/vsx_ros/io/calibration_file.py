@@ -12,6 +12,7 @@ import yaml
 
 from vsx_ros.errors import CalibrationError, reason_of
 from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.io.atomic import write_text
 
 _PINHOLE_MODELS = ("plumb_bob", "radtan", "radial-tangential", "pinhole", "rational_polynomial", "")
 
@@ -101,7 +102,7 @@ def write_calibration(path: Path, camera: PinholeCamera, camera_name: str = "cam
         "projection_matrix": _matrix(P),
     }
     comment = "".join(f"# {line}\n" for line in remark.splitlines())
-    path.write_text(comment + yaml.safe_dump(tree, sort_keys=False, default_flow_style=None), encoding="utf-8")
+    write_text(path, comment + yaml.safe_dump(tree, sort_keys=False, default_flow_style=None))
 
 
 def _matrix(values: np.ndarray[Any, Any]) -> dict[str, Any]:

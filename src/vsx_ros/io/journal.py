@@ -101,19 +101,24 @@ class Journal:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             write_bytes(path, _text(known), durable=True)
+            self._whole = path.stat().st_size
             self._file = path.open("ab", buffering=0)
         except OSError as error:
             raise InputError(f"journal {path} cannot be written ({error.strerror}); choose another --out") from error
 
     def add(self, *lines: Line) -> None:
         """Append lines, all or none. Raises InputError when the disk takes no more."""
-        size, left = os.fstat(self._file.fileno()).st_size, memoryview(_text(lines))
+        text = _text(lines)
+        left = memoryview(text)
         try:
+            if os.fstat(self._file.fileno()).st_size > self._whole:  # half a line that could not be taken back then
+                os.ftruncate(self._file.fileno(), self._whole)
             while left:  # a disk that is nearly full takes a part, and says so only when asked to take the rest
                 left = left[self._file.write(left) :]
+            self._whole += len(text)
         except OSError as error:
             with suppress(OSError):
-                os.ftruncate(self._file.fileno(), size)
+                os.ftruncate(self._file.fileno(), self._whole)
             raise InputError(
                 f"journal {self._file.name} cannot be written ({error.strerror}); free the disk"
             ) from error

@@ -7,7 +7,7 @@ import io
 import json
 import platform
 import shutil
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -18,7 +18,7 @@ import yaml
 from vsx_ros import __version__
 from vsx_ros.arrays import Points3
 from vsx_ros.config import Config, from_dict, to_dict
-from vsx_ros.errors import InputError, reason_of
+from vsx_ros.errors import InputError, VsxError, disk_trouble, reason_of
 from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.atomic import write_text
 from vsx_ros.io.checkpoint import Checkpoint
@@ -105,6 +105,20 @@ class RunFolder:
         if not _is_run(path):
             raise InputError(f"{path} is not a run folder (no config.yaml or summary.json in it); give one")
         return RunFolder(path)
+
+    def write_what_fits(self, *writes: Callable[[], object]) -> str:
+        """Try each, the folder made anew where it was deleted meanwhile; what kept the first one that failed from it in
+        a sentence, nothing when all is written."""
+        said = ""
+        for write in writes:
+            try:
+                self.path.mkdir(parents=True, exist_ok=True)
+                write()
+            except VsxError as error:
+                said = said or str(error)
+            except OSError as error:
+                said = said or disk_trouble(error) or f"{error.filename or self.path} cannot be written ({error})"
+        return said
 
     @property
     def checkpoint(self) -> Checkpoint:
@@ -212,8 +226,9 @@ class RunFolder:
             raise InputError(f"{self.path / name} cannot be read ({reason_of(error)}); run again") from error
 
     def _parsed(self, name: str, parse: Any) -> dict[str, Any]:
+        text = self._text(name)
         try:
-            tree = parse(self._text(name))
+            tree = parse(text)
         except (ValueError, yaml.YAMLError) as error:
             raise InputError(f"{self.path / name} is damaged ({reason_of(error)}); run again") from error
         if not isinstance(tree, dict):

@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Callable, Container, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, Protocol
 
 import cv2
@@ -24,9 +25,10 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Image
 
 from vsx_hw.errors import DeviceError
+from vsx_ros.cli import streams
 from vsx_ros.config import Config, from_dict
 from vsx_ros.errors import ConfigError, InputError, VsxError, disk_trouble
-from vsx_ros.ros import frames, topics
+from vsx_ros.ros import calls, frames, topics
 from vsx_ros.ros.master_watch import master_watch
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
@@ -67,6 +69,7 @@ def run(name: str, build: Callable[[Config], Node]) -> None:
     sentence and ends the process with exit code 1, 2 for a device.
     """
     _die_with_parent()
+    quiet_failures()
     cv2.setNumThreads(1)
     if not rosgraph.is_master_online():
         sys.stderr.write(
@@ -101,6 +104,13 @@ def run(name: str, build: Callable[[Config], Node]) -> None:
         time.sleep(_LOOK_S)
     let_go()
     close()
+
+
+def quiet_failures() -> None:
+    """What a node says never ends it, and what it asks the master never holds it for ever."""
+    streams.never_fail()
+    os.environ.setdefault("ROS_PYTHON_LOG_CONFIG_FILE", str(Path(__file__).with_name("python_logging.conf")))
+    calls.bound_master_calls()
 
 
 def _close_on_signals() -> Callable[[], None]:

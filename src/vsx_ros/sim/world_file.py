@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from pathlib import Path
 
 import msgspec
@@ -20,6 +21,8 @@ def save_world(world: World, path: Path) -> None:
     try:
         path.write_text("# vsx_ros emulated world; metres, radians\n" + text, encoding="utf-8")
     except OSError as error:
+        with suppress(OSError):  # half of it would be refused later, by a message that does not say why
+            path.unlink()
         raise ConfigError(f"world file {path} cannot be written ({error.strerror}); choose another folder") from error
 
 

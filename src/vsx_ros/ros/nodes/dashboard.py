@@ -19,7 +19,7 @@ import rospy
 from std_srvs.srv import SetBool, Trigger
 
 from vsx_ros.config import Config
-from vsx_ros.ros import process, topics
+from vsx_ros.ros import calls, process, topics
 from vsx_ros.ros.dashboard import words
 from vsx_ros.ros.dashboard.board import Board
 from vsx_ros.ros.dashboard.feed import Feed
@@ -29,7 +29,7 @@ from vsx_ros.ros.master_watch import master_watch
 TOKEN = "VSX_VIEW_TOKEN"
 
 _MASTER_PERIOD_S = 2.0
-_SERVICE_WAIT_S = 1.0
+_SERVICE_WAIT_S = 2.0
 
 
 class DashboardNode:
@@ -70,9 +70,8 @@ def commands() -> dict[str, Command]:
 def _call(service: str, kind: type[Any], *arguments: object) -> Command:
     def call() -> Answer:
         try:
-            rospy.wait_for_service(service, timeout=_SERVICE_WAIT_S)
-            response = rospy.ServiceProxy(service, kind)(*arguments)
-        except (rospy.ROSException, rospy.ServiceException, OSError):
+            response = calls.service(service, kind, *arguments, within_s=_SERVICE_WAIT_S)
+        except (rospy.ROSException, rospy.ServiceException):
             return Answer(False, f"service {rospy.resolve_name(service)} does not answer; is its node running?")
         return Answer(bool(response.success), str(response.message))
 

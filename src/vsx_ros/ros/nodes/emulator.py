@@ -112,7 +112,7 @@ class EmulatorNode:
             T_world_cam = SE3.from_quaternion(np.array(frame["translation"]), tuple(frame["quaternion"]))
             self._camera_pub.publish(convert.pose_stamped(_WORLD_FRAME, frame["stamp_ns"], T_world_cam))
         if not self._closing:
-            rospy.logfatal("the rendering process has ended with code %s", self._child.wait())
+            rospy.logfatal("the rendering process has ended")
             rospy.signal_shutdown("no camera")
 
     def _publish_truth(self) -> None:

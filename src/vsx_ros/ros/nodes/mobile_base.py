@@ -189,6 +189,8 @@ class MobileBaseNode:
     def _report_link(self) -> None:
         """Often: a silent base is to be known within a second."""
         status = self._driver.status()
+        if not status.alive:
+            raise DeviceError(f"{status.device}: the driver's thread has ended; the node begins anew")
         level = process.OK if status.connected else process.ERROR
         self._diagnostics.set("link", level, status.message, device=status.device, **status.counters)
 
