@@ -152,7 +152,7 @@ def _frames(path: Path, topic: str) -> Iterator[Frame]:
                 name = f"image {number} of topic {topic}"
                 yield Frame(stamp_ns, decoded(bytes(message.data), name, message.format))
                 continue
-            data, big_endian = bytes(message.data), bool(message.is_bigendian)
+            data, big_endian = message.data, bool(message.is_bigendian)
             if shift_bits is None:
                 shift_bits = shift_for(data, big_endian=big_endian) if "16" in message.encoding else 0
             shape = message.height, message.width, message.step
