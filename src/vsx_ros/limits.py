@@ -72,7 +72,7 @@ def file_bytes(path: Path, most: int) -> bytes:
         most = most if regular else min(most, TEXT_BYTES)
         if regular and status.st_size > most:
             raise ValueError(f"it has {status.st_size} bytes, at most {most} are read")
-        content = file.read(most + 1)
+        content = file.read((status.st_size if regular else most) + 1)  # one more would tell that it grows
     if len(content) > most:
         raise ValueError(f"it has more than {most} bytes, the most that are read")
     return content

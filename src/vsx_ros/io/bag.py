@@ -99,7 +99,9 @@ def _camera(bag: Messages, image_topic: str, counts: dict[str, tuple[str, int]])
     if beside not in infos and len(infos) != 1:
         return None
     topic = beside if beside in infos else infos[0]
-    _, info = next(bag.of(topic))
+    _, info = next(bag.of(topic), (0, None))
+    if info is None:
+        return None
     size, source = (info.width, info.height), f"topic {topic}"
     K, D, P = (getattr(info, letter, None) for letter in "KDP")
     if K is None or D is None or P is None:  # ROS 2 writes them small

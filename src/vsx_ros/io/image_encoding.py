@@ -24,6 +24,7 @@ _TO_GRAY = {
     "bayer_gbrg8": (1, cv2.COLOR_BayerGBRG2GRAY),
     "bayer_grbg8": (1, cv2.COLOR_BayerGRBG2GRAY),
 }
+_SMALLEST_MOSAIC = 3
 _GRAY_8 = ("mono8", "8UC1")
 _GRAY_16 = ("mono16", "16UC1")
 _BAYER_16 = tuple(name.replace("8", "16") for name in _TO_GRAY if name.startswith("bayer"))
@@ -69,7 +70,9 @@ def gray_image(
         values = rows.view(">u2" if big_endian else "<u2").astype(np.uint32) >> shift_bits
         rows, encoding = np.asarray(np.minimum(values, 255), np.uint8), encoding.replace("16", "8")
     if encoding in _TO_GRAY:
-        pixels = rows.reshape(height, width, channels).squeeze()
+        pixels = rows if channels == 1 else rows.reshape(height, width, channels)
+        if channels == 1 and min(pixels.shape) < _SMALLEST_MOSAIC:
+            raise InputError(f"image {width}x{height} {encoding} is too small for a mosaic; record it again")
         return np.asarray(cv2.cvtColor(pixels, _TO_GRAY[encoding][1]), np.uint8)
     return rows
 

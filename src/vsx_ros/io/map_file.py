@@ -20,6 +20,7 @@ _GRAY_OF_FREE, _GRAY_OF_OCCUPIED, _GRAY_OF_UNKNOWN = 254, 0, 205
 _OCCUPIED_THRESHOLD, _FREE_THRESHOLD = 0.65, 0.196
 _FINEST_M = 1e-3
 _ROWS_AT_ONCE = 64
+_LONGEST_NAME = 1000
 
 
 def save_map(grid: OccupancyGrid, path: Path) -> None:
@@ -64,6 +65,8 @@ def load_map(path: Path) -> OccupancyGrid:
         thresholds = float(tree["free_thresh"]), float(tree["occupied_thresh"])
         negate, name = bool(int(tree.get("negate", 0))), str(tree["image"])
         raw = str(tree.get("mode", "trinary")) == "raw"
+        if len(name) > _LONGEST_NAME:
+            raise ValueError(f"image of {len(name)} characters")
     except DAMAGE as error:
         raise MapFileError(
             f"map {text}: entry {reason_of(error)} is missing or malformed; map_server needs image, resolution, "

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import io
 import math
+import tokenize
 from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
@@ -86,7 +87,7 @@ def array_of(content: bytes) -> NDArray[Any]:
         version = np.lib.format.read_magic(file)
         read_header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
         shape, by_column, dtype = read_header[version](file)
-    except DAMAGE as error:  # its header is a Python expression
+    except (tokenize.TokenError, *DAMAGE) as error:  # its header is a Python expression
         raise ValueError(f"it holds no array ({reason_of(error)})") from error
     size, held = math.prod(shape) * dtype.itemsize, len(content) - file.tell()
     if dtype.hasobject or min(shape, default=0) < 0 or size != held:

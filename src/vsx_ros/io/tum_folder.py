@@ -18,6 +18,7 @@ from vsx_ros.limits import LOG_BYTES, file_bytes
 from vsx_ros.robot import Frame, Odometry
 
 _MOST_IMAGES = 2**20  # nine hours at 30 a second
+_LONGEST_NAME = 1000
 CALIBRATION_NAMES = ("camera.json", "camera.yaml", "calibration.yaml", "camera_info.yaml")
 
 
@@ -71,6 +72,8 @@ def _listed_images(folder: Path) -> list[tuple[int, str]]:
             continue
         stamp, _, name = line.strip().partition(" ")
         try:
+            if len(name) > _LONGEST_NAME:
+                raise ValueError("no file has so long a name")
             listed.append((parse_stamp(stamp), name.strip()))
         except (ValueError, OverflowError) as error:
             raise InputError(f"{index}, line {number}: expected 'stamp file', got {line.strip()[:80]!r}") from error
