@@ -1,5 +1,5 @@
-"""What can be wrong in a file, drawn at random: bytes, numbers, lines, and the parts of each format with their checksums
-mended, so that the damage comes through to the reader behind them."""
+"""What can be wrong in a file, drawn at random: bytes, numbers, lines, and the parts of each format with their
+checksums mended, so that the damage comes through to the reader behind them."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ WIDTHS = {1: "B", 2: "H", 4: "I", 8: "Q"}
 WORDS = (
     b"nan", b"-nan", b"inf", b"-inf", b"1e999", b"-1", b"0", b"-0.0", b"1e308", b"5e-324", b"2147483648", b"1e30",
     b"9223372036854775808", b"18446744073709551616", b"9" * 400, b"9" * 5000, b"null", b"true", b"[]", b"{}", b'""',
-    b'"x"', b"[[[]]]", b"{a: 1}", b"*a", b"&a x", b"!!int x", b"!!timestamp x", b"!!python/object:os.system x", b"1:1:1",
-    b"2001-99-99", b"\xff\xfe", b"\x00", "\u2028".encode(), b"<<", b"? x", b"|", b"P5", b"P6", b"65536 65536",
+    b'"x"', b"[[[]]]", b"{a: 1}", b"*a", b"&a x", b"!!int x", b"!!timestamp x", b"!!python/object:os.system x",
+    b"1:1:1", b"2001-99-99", b"\xff\xfe", b"\x00", "\u2028".encode(), b"<<", b"? x", b"|", b"P5", b"P6", b"65536 65536",
     b"x" * 200, b"[" * 3000, b'{"a":' * 3000, b"0x7fffffff", b"1_0", b"..", b"../..", b"/dev/zero", b"\n", b",", b";",
 )  # fmt: skip
 _NUMBER = re.compile(rb"-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")

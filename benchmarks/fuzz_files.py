@@ -3,8 +3,8 @@
 python benchmarks/fuzz_files.py [--count 10000] [--only NAME ...] [--out benchmarks/fuzz_files.json]
 
 Good files are damaged by bytes, by words and numbers, and part by part with lengths and checksums mended
-(file_mutations.py). A reader must read the file or raise a VsxError, within 10 s and 512 MiB. Every thousand is a line of
-the results; those that are there already are not done again.
+(file_mutations.py). A reader must read the file or raise a VsxError, within 10 s and 512 MiB. Every thousand is a line
+of the results; those that are there already are not done again.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ import traceback
 from collections import Counter
 from collections.abc import Callable
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -97,6 +98,11 @@ def _without_index(path: Path) -> None:
     _recording(path)
 
 
+def _cut_bag(path: Path) -> None:
+    samples.ros1_bag(path, "lz4")
+    path.write_bytes(path.read_bytes()[:-200])
+
+
 def _counts(path: Path) -> None:
     with messages(path) as bag:
         bag.counts()
@@ -142,6 +148,10 @@ def _map_folder(path: Path) -> None:
 
     path.mkdir()
     save_map(samples.grid(), path / "map.yaml")
+
+
+def _map_file(path: Path) -> None:
+    save_slam_map(samples.slam_map(), path)
 
 
 def _journal_file(path: Path) -> None:
@@ -206,27 +216,20 @@ READERS = [
     Reader("journal", _journal_file, (), _any_text, _journal),
     Reader("run folder", samples.run_folder, ("*.*",), _by_suffix, lambda p: write_report(RunFolder.open(p))),
     *(
-        Reader(f"ros1 bag {how}", lambda p, how=how: samples.ros1_bag(p, how), (), mutations.ros1_bag, read)
-        for how, read in (
-            ("none", _recording),
-            ("bz2", _packed),
-            ("lz4", _recording),
-            ("lz4 without index", _without_index),
+        Reader(f"ros1 bag {how}", partial(samples.ros1_bag, how=how), (), mutations.ros1_bag, read)
+        for how, read in (("none", _recording), ("bz2", _packed), ("lz4", _recording))
+    ),
+    Reader("ros1 bag without index", _cut_bag, (), mutations.ros1_bag, _without_index),
+    *(
+        Reader(f"ros2 {name}", partial(samples.ros2_bag, plugin=plugin, mode=mode), files, _bag2, read)
+        for name, plugin, mode, files, read in (
+            ("sqlite3", SQLITE, CompressionMode.NONE, ("*.db3", "metadata.yaml"), _recording),
+            ("sqlite3 file.zstd", SQLITE, CompressionMode.FILE, ("*",), _recording),
+            ("sqlite3 message.zstd", SQLITE, CompressionMode.MESSAGE, ("*",), _packed),
+            ("mcap", MCAP, CompressionMode.NONE, ("*.mcap", "metadata.yaml"), _recording),
+            ("mcap zstd", MCAP, CompressionMode.STORAGE, ("*.mcap",), _counts),
         )
     ),
-    Reader("ros2 sqlite3", lambda p: samples.ros2_bag(p, SQLITE), ("*.db3", "metadata.yaml"), _bag2, _recording),
-    Reader(
-        "ros2 sqlite3 file.zstd", lambda p: samples.ros2_bag(p, SQLITE, CompressionMode.FILE), ("*",), _bag2, _recording
-    ),
-    Reader(
-        "ros2 sqlite3 message.zstd",
-        lambda p: samples.ros2_bag(p, SQLITE, CompressionMode.MESSAGE),
-        ("*",),
-        _bag2,
-        _packed,
-    ),
-    Reader("ros2 mcap", lambda p: samples.ros2_bag(p, MCAP), ("*.mcap", "metadata.yaml"), _bag2, _recording),
-    Reader("ros2 mcap zstd", lambda p: samples.ros2_bag(p, MCAP, CompressionMode.STORAGE), ("*.mcap",), _bag2, _counts),
     Reader("tum folder", samples.tum_folder, ("*.*", "rgb/*"), _by_suffix, _recording),
     Reader("world", lambda p: save_world(generate_world("corridor", 0), p), (), _any_text, _world),
     Reader("map", _map_folder, ("map.yaml", "map.pgm"), _by_suffix, _plan_map),
@@ -259,14 +262,7 @@ class Bench:
         suffix = SUFFIXES.get(reader.name) or (f".{kind}" if reader.name.endswith(" image") else "")
         suffix = ".bag" if kind == "ros1" else suffix
         self.good = folder / f"good{suffix}"
-        if "without index" in reader.name:
-            samples.ros1_bag(self.good, "lz4")
-            whole = self.good.read_bytes()
-            self.good.write_bytes(
-                whole[: whole.rindex(b"op=\x05") + 2000] if whole.count(b"op=\x05") > 1 else whole[:-200]
-            )
-        else:
-            reader.make(self.good)
+        reader.make(self.good)
         self.bad = folder / f"bad{suffix}"
 
     def damage(self, seed: str) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from vsx_ros.robot import Frame, Odometry
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 ODOMETRY, CAMERA_INFO, POSE = "nav_msgs/msg/Odometry", "sensor_msgs/msg/CameraInfo", "geometry_msgs/msg/PoseStamped"
 _POSES = (POSE, "geometry_msgs/msg/PoseWithCovarianceStamped")
+_LONGEST_LISTING = 1000
 GROUND_TRUTH_TOPIC = "ground_truth/camera"
 
 
@@ -54,7 +55,12 @@ def open_bag(path: Path, image_topic: str | None = None, odometry_topic: str | N
 def _listing(counts: dict[str, tuple[str, int]]) -> str:
     if not any(count for _, count in counts.values()):
         return "it holds no messages at all"
-    return "it has " + ", ".join(f"{topic} ({kind.replace('/msg/', '/')})" for topic, (kind, _) in counts.items())
+    return "it has " + _words(f"{topic} ({kind.replace('/msg/', '/')})" for topic, (kind, _) in counts.items())
+
+
+def _words(names: Iterable[str]) -> str:
+    """On one line, whatever a damaged bag calls its topics."""
+    return "".join(c if c.isprintable() else "?" for c in ", ".join(names))[:_LONGEST_LISTING]
 
 
 def _image_topic(path: Path, counts: dict[str, tuple[str, int]], wanted: str | None) -> str:
@@ -66,9 +72,7 @@ def _image_topic(path: Path, counts: dict[str, tuple[str, int]], wanted: str | N
     if not raw_preferred:
         raise InputError(f"bag {path} has no image topic; {_listing(counts)}")
     if len(raw_preferred) > 1:
-        raise InputError(
-            f"bag {path} has several image topics; choose one with --image-topic: {', '.join(raw_preferred)}"
-        )
+        raise InputError(f"bag {path} has several image topics; choose one with --image-topic: {_words(raw_preferred)}")
     return raw_preferred[0]
 
 
@@ -80,7 +84,7 @@ def _odometry_topic(path: Path, counts: dict[str, tuple[str, int]], wanted: str 
     candidates = [t for t in found if "ground_truth" not in t]
     if len(candidates) > 1:
         raise InputError(
-            f"bag {path} has several odometry topics; choose one with --odometry-topic: {', '.join(candidates)}"
+            f"bag {path} has several odometry topics; choose one with --odometry-topic: {_words(candidates)}"
         )
     return candidates[0] if candidates else None
 

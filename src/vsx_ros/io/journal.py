@@ -126,9 +126,16 @@ def read_journal(path: Path) -> list[Line]:
         return []
     try:
         *lines, _ = file_bytes(path, LOG_BYTES).split(b"\n")
-        return [_DECODE.decode(line) for line in lines]
+        return [_checked(_DECODE.decode(line)) for line in lines]
     except (OSError, RecursionError, ValueError) as error:
         raise InputError(f"journal {path} is damaged ({reason_of(error)}); start a new run") from error
+
+
+def _checked(line: Line) -> Line:
+    pose = line.T_world_cam if isinstance(line, FrameLine | TruthLine) else None
+    if pose is not None and not 0.9 < sum(q * q for q in pose[3:]) < 1.1:
+        raise ValueError(f"at {line.stamp_ns} ns the quaternion {pose[3:]} is no rotation")
+    return line
 
 
 def flat(T: SE3) -> Pose3:
