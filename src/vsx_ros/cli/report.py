@@ -73,11 +73,12 @@ def _data(folder: RunFolder) -> ReportData:
 
     from vsx_ros.cli.config import commented_yaml
     from vsx_ros.evaluation.report import ReportData
+    from vsx_ros.evaluation.summary import checked_summary
 
     config, facts = folder.read_config()
     points = folder.read_points()
     return ReportData(
-        summary=folder.read_summary(),
+        summary=checked_summary(folder.read_summary(), str(folder.path)),
         facts=facts,
         config_yaml=commented_yaml(config),
         events=folder.read_events(),

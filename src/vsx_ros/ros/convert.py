@@ -35,7 +35,7 @@ from vsx_ros.errors import InputError, MapFileError
 from vsx_ros.geometry.camera import mount_pose, mounted
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from vsx_ros.occupancy.grid import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.robot import Odometry, VelocityCommand
 from vsx_ros.ros import frames, topics
 
@@ -178,9 +178,12 @@ def grid(msg: OccupancyGridMsg) -> OccupancyGrid:
     Raises MapFileError when sizes disagree or the map is rotated in its frame.
     """
     info = msg.info
+    if len(msg.data) != info.width * info.height or not 0 < len(msg.data) <= MAX_CELLS:
+        raise MapFileError(
+            f"map message says {info.width}x{info.height} cells and holds {len(msg.data)}; publish all of them, "
+            f"at most {MAX_CELLS}"
+        )
     data = np.asarray(msg.data, np.int16)
-    if data.size != info.width * info.height or data.size == 0:
-        raise MapFileError(f"map message says {info.width}x{info.height} cells but holds {data.size}")
     origin = se2(info.origin)
     if abs(origin.theta) > 1e-6:
         raise MapFileError(
