@@ -48,7 +48,7 @@ class Dialect(Protocol):
         """Wheels still, and nothing else: may be sent at any moment, between question and answer too."""
 
     def show(self, signal: Signal) -> bytes:
-        """Lamp and sound, once."""
+        """Lamp and sound, once; empty while the base would not take it."""
 
     def farewell(self) -> bytes:
         """Stop, and leave the base in a state in which it can be left alone."""
@@ -177,9 +177,10 @@ class BaseDriver:
 
     def _show(self, transport: Transport) -> None:
         signal = self._signal
-        if signal.value != self._shown:
-            transport.write(self._dialect.show(signal))
-            self._shown = signal.value
+        data = self._dialect.show(signal)
+        if data and signal.value != self._shown:
+            transport.write(data)
+        self._shown = signal.value if data else ""
 
     def _listen(self, transport: Transport, due_ns: int) -> list[BaseReading]:
         """Wait for bytes until a command is due or the one that was sent expires."""

@@ -7,7 +7,7 @@ from vsx_hw.create.dialect import CHARGING
 from vsx_hw.create.protocol import Mode, Opcode
 from vsx_hw.kobuki import emulator as kobuki_emulator
 from vsx_hw.kobuki.protocol import CHARGER_STATES
-from vsx_hw.readings import Hazard
+from vsx_hw.readings import Hazard, Signal
 
 CREATES = ["create", "create2"]
 DEFINED_CHARGING = range(6)
@@ -174,3 +174,27 @@ def test_a_single_report_without_its_contact_does_not_end_it(kind, period_ms, mo
     wire.each_ms, wire.plant.hazards = (lambda: None), Hazard.NONE
     wire.serve(0.5)
     assert wire.readings[-1].hazards == Hazard.NONE
+
+
+@pytest.mark.parametrize("kind", CREATES)
+def test_a_create_in_passive_is_told_nothing_it_cannot_hear_and_its_lamp_comes_back(kind, monkeypatch):
+    wire = Wire(kind, monkeypatch)
+    wire.each_ms = lambda: wire.driver.drive(0.1, 0.0)
+    wire.serve(0.5)
+    lamp = wire.driver._dialect.show(Signal.READY)
+    wire.written.clear()
+    falls_ns, back_ns = wire.now_ns + 500 * MS, wire.now_ns + 1000 * MS
+
+    def lift() -> None:
+        wire.plant.hazards = Hazard.WHEEL_DROP_LEFT if falls_ns < wire.now_ns < back_ns else Hazard.NONE
+        wire.driver.drive(0.1, 0.0)
+
+    wire.each_ms = lift
+    wire.serve(2.5)
+    told = [data for time_ns, data in wire.written if falls_ns + 150 * MS < time_ns < back_ns]
+    assert told
+    assert {data[:1] for data in told if data} <= {bytes((Opcode.QUERY_LIST,))}
+    assert any(data == lamp for time_ns, data in wire.written if time_ns > back_ns)
+    behind = [data for _, data in wire.written if bytes((Opcode.SAFE,)) == data[:1]]
+    assert behind
+    assert all(len(data) == 1 for data in behind), "it is deaf behind a change of mode"

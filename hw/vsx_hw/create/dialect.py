@@ -85,7 +85,9 @@ class CreateDialect:
         return encode_drive_direct(left, right), (right - left) / base
 
     def show(self, signal: Signal) -> bytes:
-        """See Dialect. The power lamp, and in an alarm the song of ``greeting``."""
+        """See Dialect. The power lamp, and in an alarm the song of ``greeting``: only in Safe and Full."""
+        if not self.obeys:
+            return b""
         return encode_lamps(0, _COLORS[signal], BRIGHT) + (encode_play(ALARM_SONG) if signal is Signal.ALARM else b"")
 
     def greeting(self) -> Iterable[tuple[bytes, float]]:
