@@ -120,7 +120,7 @@ def _check_yaml(text: str) -> None:
             if event.anchor in sizes:
                 total += sizes[event.anchor]
             elif any(anchor == event.anchor for anchor, _ in open_sizes):
-                raise ValueError(f"line {event.start_mark.line + 1}: *{event.anchor} holds itself")
+                raise ValueError(f"line {_line(event)}: *{event.anchor} holds itself")
         elif isinstance(event, yaml.CollectionStartEvent):
             open_sizes.append((event.anchor, total))
             total += 1
@@ -130,8 +130,10 @@ def _check_yaml(text: str) -> None:
                 sizes[event.anchor] = 1
             most = YAML_TEXT if event.implicit[1] else YAML_NUMBER
             if len(event.value) > most:
-                raise ValueError(f"line {event.start_mark.line + 1}: a value has more than {most} characters")
+                raise ValueError(f"line {_line(event)}: a value has more than {most} characters")
         if total > YAML_NODES or len(open_sizes) > YAML_DEPTH:
-            raise ValueError(
-                f"line {event.start_mark.line + 1}: more than {YAML_NODES} values, or more than {YAML_DEPTH} deep"
-            )
+            raise ValueError(f"line {_line(event)}: more than {YAML_NODES} values, or more than {YAML_DEPTH} deep")
+
+
+def _line(event: Any) -> int:
+    return int(event.start_mark.line) + 1
