@@ -85,7 +85,7 @@ class Base:
     def on_reading(self, reading: object) -> None:
         now_ns = time.monotonic_ns()
         decision = self.supervisor.decide(now_ns, reading.hazards)
-        self.supervisor.observe(reading.odometry.v_m_s, reading.odometry.omega_rad_s, decision, now_ns)
+        self.supervisor.observe(reading.odometry.fault)
         self.reason = decision.reason
         self.driver.drive(decision.v_m_s, decision.omega_rad_s, decision.until_ns)
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 
 from vsx_hw.clock import DeviceClock
 from vsx_hw.kobuki.base_control import BaseControl, base_control
 from vsx_hw.kobuki.framing import encode_frame
+from vsx_hw.kobuki.gyro import gyro_reading
 from vsx_hw.kobuki.odometry import KobukiOdometry
 from vsx_hw.kobuki.protocol import (
     AT_THE_DOCK,
@@ -23,7 +23,7 @@ from vsx_hw.kobuki.protocol import (
     outputs_payload,
     request_versions_payload,
 )
-from vsx_hw.readings import BaseReading, BatteryReading, GyroReading, Hazard, Signal
+from vsx_hw.readings import BaseReading, BatteryReading, Hazard, Signal
 
 _LAMPS = {Signal.READY: Led.GREEN, Signal.HELD: Led.ORANGE, Signal.ALARM: Led.RED}
 
@@ -62,17 +62,19 @@ class KobukiDialect:
         self.firmware = feedback.firmware_version or self.firmware
         stamp_ns = self._clock.host_ns(core.time_ms, now_ns) - WIRE_NS
         fraction, state, charging = battery_state(core.battery_decivolt, core.charger)
+        odometry = self._odometry.update(feedback, stamp_ns)
         return BaseReading(
             stamp_ns,
-            self._odometry.update(feedback, stamp_ns),
+            odometry,
             hazards_of(core),
             BatteryReading(core.battery_decivolt / 10.0, fraction, charging, state, core.charger in AT_THE_DOCK),
             core.buttons,
-            gyro=gyro_of(feedback),
+            gyro=gyro_reading(feedback, stamp_ns, self._odometry.gyro_trusted),
         )
 
     def drive(self, v_m_s: float, omega_rad_s: float) -> bytes:
         """Base control; until the base has told its versions they are asked for now and then, but not for ever."""
+        self._odometry.command(v_m_s, omega_rad_s)
         payloads = [drive_payload(base_control(v_m_s, omega_rad_s))]
         requests, remainder = divmod(self._commands_sent, FRAMES_PER_REQUEST)
         if self.firmware is None and remainder == 0 and requests < VERSION_REQUESTS:
@@ -116,14 +118,6 @@ class KobukiDialect:
         self._frames += self._parser.frames
         self._refused += self._parser.refused
         self._skipped += self._parser.skipped_bytes
-
-
-def gyro_of(feedback: Feedback) -> GyroReading | None:
-    """Heading and rate of sub-payload 4."""
-    inertia = feedback.inertia
-    if inertia is None:
-        return None
-    return GyroReading(math.radians(inertia.angle_centideg / 100.0), math.radians(inertia.rate_centideg_s / 100.0))
 
 
 def hazards_of(core: Core) -> Hazard:
