@@ -15,7 +15,7 @@ from sensor_msgs.msg import BatteryState
 from vsx_hw.create.dialect import battery_of
 from vsx_hw.kobuki.protocol import battery_state
 from vsx_hw.readings import BatteryReading, GyroReading, Hazard, OdometryReading, RateSample
-from vsx_ros.ros import base_messages
+from vsx_ros.ros import base_messages, convert
 
 
 @pytest.mark.parametrize(
@@ -44,6 +44,7 @@ def test_motion_that_nobody_measured_has_a_large_covariance() -> None:
     sure, unsure = (base_messages.odometry(OdometryReading(1, 1.0, 0.0, 0.0, 0.0, 0.0, 0, t)) for t in (True, False))
     assert unsure.pose.covariance[0] == pytest.approx(100 * sure.pose.covariance[0])
     assert unsure.pose.covariance[35] == pytest.approx(100 * sure.pose.covariance[35])
+    assert [convert.odometry(msg).trusted for msg in (sure, unsure)] == [True, False]
 
 
 def test_the_gyro_is_a_heading_about_the_vertical() -> None:
