@@ -10,11 +10,11 @@ Span = tuple[float, float]
 LAGS_NS = tuple(range(0, 600_000_000, 100_000_000))
 """How late a command may show in a report: a Kobuki's dead time is 0.2 s, its speed control needs as long again, and
 the reports may be delayed too."""
-LONGEST_PAUSE_NS = 700_000_000
-"""Between reports; after a longer one nothing is known of what was before. A Create 1 tells its motion twice a
-second."""
-MEMORY_NS = 2_500_000_000
-"""Window, longest lag, and the half second between two reports of a Create 1's motion."""
+LONGEST_PAUSE_NS = 2_000_000_000
+"""Between reports; after a longer one nothing is known of what was before. A Create 1 tells its motion twice a second,
+less often on a busy machine."""
+MEMORY_NS = 4_500_000_000
+"""Window, longest lag and longest pause."""
 
 
 class CommandTrace:

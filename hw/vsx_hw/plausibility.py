@@ -122,7 +122,7 @@ class MotionJudge:
         last = self._moments[-1]
         pause_ns = now_ns - last.time_ns
         whole = 0 < pause_ns <= LONGEST_PAUSE_NS
-        dt_s = (pause_ns if whole else LONGEST_PAUSE_NS) * 1e-9
+        dt_s = (pause_ns if whole else PERIOD_NS) * 1e-9
         wheels_rad = turn_rad = (right_m - left_m) / self._wheel_base_m
         refused = False
         if gyro_rad is not None:

@@ -6,6 +6,7 @@ The real driver's loop and the real mux over the emulated boards, in simulated t
 import math
 
 import pytest
+from hw_plant import Rig
 from hw_sensor_faults import ENCODER_FAULTS, GYRO_FAULTS, MOTIONS, Drive, SlippingWheels, alarms, drive_and_break
 from hw_wire import MS
 
@@ -169,3 +170,24 @@ def test_stalled_wheels_are_told_after_a_second():
 @pytest.mark.parametrize("told_m_s", [0.2, -0.2])
 def test_wheels_that_follow_slowly_are_no_fault(told_m_s):
     assert set(run_judge(0.25 * told_m_s, told_m_s)) == {""}
+
+
+@pytest.mark.parametrize("kind", BASES)
+def test_encoders_that_stand_are_told_through_a_terminal(kind, tmp_path):
+    rig = Rig(kind, str(tmp_path / kind))
+    with rig.emulator, rig.driver:
+        rig.twist = (0.15, 0.4)
+        rig.wait(lambda r: r.odometry.wheels_m[1] > 0.05)
+        rig.plant.advance = lambda dt_ns: None
+        assert "not follow" in rig.wait(lambda r: r.odometry.fault).odometry.fault
+
+
+def test_a_gyro_that_is_dead_is_told_through_a_terminal(tmp_path):
+    rig = Rig("kobuki", str(tmp_path / "kobuki"))
+    with rig.emulator, rig.driver:
+        rig.twist = (0.15, 0.0)
+        assert rig.wait(lambda r: r.odometry.x_m > 0.05).odometry.trusted
+        rig.board.gyro_stands = True
+        told = rig.wait(lambda r: r.odometry.doubt)
+    assert "dead" in told.odometry.doubt
+    assert not told.gyro.trusted
