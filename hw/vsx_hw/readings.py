@@ -47,8 +47,10 @@ class OdometryReading(NamedTuple):
 
     x_m, y_m, heading_rad: pose of the base in its odometry frame, heading not wrapped, counter-clockwise.
     v_m_s, omega_rad_s: measured motion. gaps: how often motion went unmeasured (power cycle, lost data).
-    trusted: False where the encoders cannot know the direction of the motion.
+    trusted: False where the encoders cannot know the direction of the motion, or a sensor contradicts the others.
     wheels_m: (left, right) distance rolled since the start.
+    doubt: which sensor is not believed, and why; fault: why the base must stand, as its wheels do not what they are
+    told; in words, empty while all is well.
     """
 
     stamp_ns: int
@@ -60,13 +62,30 @@ class OdometryReading(NamedTuple):
     gaps: int = 0
     trusted: bool = True
     wheels_m: tuple[float, float] = (0.0, 0.0)
+    doubt: str = ""
+    fault: str = ""
+
+
+class RateSample(NamedTuple):
+    """One sample of a gyro of three axes [rad/s], in the axes of the base: x ahead, y left, z up."""
+
+    stamp_ns: int
+    x: float
+    y: float
+    z: float
 
 
 class GyroReading(NamedTuple):
-    """Heading since the gyro was switched on and its rate, counter-clockwise; the heading may wrap at +-pi."""
+    """Heading since the gyro was switched on and its rate, counter-clockwise; the heading may wrap at +-pi.
+
+    trusted: False while the wheels contradict it. raw: what the sensor measured since the last report, newest last, as
+    it is: not filtered, its zero not taken off.
+    """
 
     heading_rad: float
     rate_rad_s: float
+    trusted: bool = True
+    raw: tuple[RateSample, ...] = ()
 
 
 class BatteryReading(NamedTuple):

@@ -133,25 +133,18 @@ def test_emergency_stop_needs_clearing_and_a_new_command():
     assert supervisor.decide(1, Hazard.NONE).v_m_s == 0.2
 
 
-def run_for(supervisor, seconds, measured):
-    decisions = []
-    for k in range(round(seconds * 50)):
-        now_ns = k * 20 * MS
-        supervisor.command("navi", 0.2, 0.0, now_ns)
-        decisions.append(supervisor.decide(now_ns, Hazard.NONE))
-        supervisor.observe(measured, 0.0, decisions[-1], now_ns)
-    return decisions
-
-
 def test_stalled_wheels_stop_the_robot():
-    decisions = run_for(Supervisor(LIMITS), 2.0, 0.0)
-    moving = sum(d.v_m_s > 0 for d in decisions)
-    assert 50 <= moving <= 55
-    assert "do not follow" in decisions[-1].reason
-
-
-def test_wheels_that_follow_slowly_are_no_stall():
-    assert all(d.v_m_s == 0.2 for d in run_for(Supervisor(LIMITS), 3.0, 0.05))
+    supervisor = told(0.2, 0.0)
+    supervisor.observe("")
+    assert supervisor.decide(1, Hazard.NONE).v_m_s == 0.2
+    supervisor.observe("the left wheel does not follow the command")
+    assert supervisor.decide(2, Hazard.NONE)[:4] == (0.0, 0.0, "navi", "the left wheel does not follow the command")
+    supervisor.observe("")
+    assert supervisor.locked, "until the commander has asked for standstill"
+    supervisor.command("navi", 0.0, 0.0, 3)
+    supervisor.decide(3, Hazard.NONE)
+    supervisor.command("navi", 0.2, 0.0, 4)
+    assert supervisor.decide(4, Hazard.NONE).v_m_s == 0.2
 
 
 def test_the_owner_may_hold_the_robot():

@@ -70,6 +70,7 @@ class Create2Dialect(CreateDialect):
 
     def drive(self, v_m_s: float, omega_rad_s: float) -> bytes:
         """See Dialect."""
+        self._odometry.command(*((v_m_s, omega_rad_s) if self.obeys else (0.0, 0.0)))
         return self.wheel_command(v_m_s, omega_rad_s)
 
     def reset_odometry(self) -> None:
@@ -125,11 +126,13 @@ class Create1Dialect(CreateDialect):
         if 19 in values:
             # The first reading holds whatever happened before this program began.
             if self._measured_once:
-                self._odometry.measure(values[19], values[20])
+                self._odometry.measure(values[19], values[20], now_ns)
             self._measured_once = True
         gyro = self._turned(values, now_ns)
-        rate = None if gyro is None else gyro.rate_rad_s
-        return [self.base_reading(values, self._odometry.reading(now_ns, rate), gyro)]
+        odometry = self._odometry.reading(now_ns, None if gyro is None else gyro.rate_rad_s)
+        if gyro is not None:
+            gyro = gyro._replace(trusted=self._odometry.gyro_trusted)
+        return [self.base_reading(values, odometry, gyro)]
 
     def _turned(self, values: Mapping[int, int], now_ns: int) -> GyroReading | None:
         rate = self._gyro.rate_rad_s(values[GYRO_PACKET], not self.driving)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 
 from vsx_hw.clock import DeviceClock
 from vsx_hw.kobuki.base_control import BaseControl, base_control, twist_of
 from vsx_hw.kobuki.framing import encode_frame
+from vsx_hw.kobuki.gyro import gyro_reading
 from vsx_hw.kobuki.odometry import KobukiOdometry
 from vsx_hw.kobuki.protocol import (
     AT_THE_DOCK,
@@ -25,7 +25,7 @@ from vsx_hw.kobuki.protocol import (
 )
 from vsx_hw.kobuki.stream import StreamParser
 from vsx_hw.kobuki.versions import STEADY_GYRO, Version, objection
-from vsx_hw.readings import BaseReading, BatteryReading, GyroReading, Hazard, Signal
+from vsx_hw.readings import BaseReading, BatteryReading, Hazard, Signal
 from vsx_hw.rounding import CarriedTurn
 
 _LAMPS = {Signal.READY: Led.GREEN, Signal.HELD: Led.ORANGE, Signal.ALARM: Led.RED}
@@ -77,13 +77,14 @@ class KobukiDialect:
         held, self._hazards = hazards | self._hazards, hazards
         stamp_ns = self._clock.host_ns(core.time_ms, now_ns) - WIRE_NS
         fraction, state, charging = battery_state(core.battery_decivolt, core.charger)
+        odometry = self._odometry.update(feedback, stamp_ns)
         return BaseReading(
             stamp_ns,
-            self._odometry.update(feedback, stamp_ns),
+            odometry,
             held,
             BatteryReading(core.battery_decivolt / 10.0, fraction, charging, state, core.charger in AT_THE_DOCK),
             core.buttons,
-            gyro=gyro_of(feedback),
+            gyro=gyro_reading(feedback, stamp_ns, self._odometry.gyro_trusted),
             refusal=refusal,
             warnings=warnings,
         )
@@ -103,6 +104,7 @@ class KobukiDialect:
 
     def drive(self, v_m_s: float, omega_rad_s: float) -> bytes:
         """Base control; until the base has told versions that are known they are asked for, but not for ever."""
+        self._odometry.command(v_m_s, omega_rad_s)
         payloads = [drive_payload(self._rounding.command(v_m_s, omega_rad_s, _encoded))]
         requests, remainder = divmod(self._commands_sent, FRAMES_PER_REQUEST)
         if objection(self.firmware, self._hardware) and remainder == 0 and requests < VERSION_REQUESTS:
@@ -150,14 +152,6 @@ class KobukiDialect:
         self._frames += self._parser.frames
         self._refused += self._parser.refused
         self._skipped += self._parser.skipped_bytes
-
-
-def gyro_of(feedback: Feedback) -> GyroReading | None:
-    """Heading and rate of sub-payload 4."""
-    inertia = feedback.inertia
-    if inertia is None:
-        return None
-    return GyroReading(math.radians(inertia.angle_centideg / 100.0), math.radians(inertia.rate_centideg_s / 100.0))
 
 
 def hazards_of(core: Core) -> Hazard:

@@ -44,6 +44,7 @@ _FREE_BELOW_PERCENT = 19.6
 _OCCUPIED_ABOVE_PERCENT = 65
 
 UNKNOWN_VARIANCE = 1e10
+UNSURE_HEADING_RAD2 = 1.0
 """Of what a planar robot cannot know (z, roll, pitch): huge, for 0 would mean that it is certain."""
 
 
@@ -142,11 +143,13 @@ def mount_transforms(mount: MountConfig, stamp_ns: int) -> list[TransformStamped
 
 
 def odometry(msg: OdometryMsg) -> Odometry:
-    """Wheel odometry. Raises InputError for numbers that are not finite."""
+    """Wheel odometry; not trusted where its heading may be off by a radian. Raises InputError for numbers that are not
+    finite."""
     v, omega = msg.twist.twist.linear.x, msg.twist.twist.angular.z
     if not (math.isfinite(v) and math.isfinite(omega)):
         raise InputError(f"odometry message holds speeds {v} m/s, {omega} rad/s; they must be finite")
-    return Odometry(msg.header.stamp.to_nsec(), se2(msg.pose.pose), v, omega)
+    trusted = msg.pose.covariance[35] < UNSURE_HEADING_RAD2
+    return Odometry(msg.header.stamp.to_nsec(), se2(msg.pose.pose), v, omega, trusted)
 
 
 def odometry_msg(reading: Odometry, frame_id: str, child_frame_id: str) -> OdometryMsg:

@@ -7,7 +7,8 @@ Subscribers: cmd_vel_mux/input/{safety_controller,teleop,navi} (priority in this
 Publishers: odom (50 Hz), /tf odom -> base_footprint, joint_states, mobile_base/hazards (UInt8, the low bits of
     vsx_hw.readings.Hazard, latched, on change), mobile_base/buttons (UInt8, those pressed, latched, on change; Kobuki:
     1, 2, 4 are B0, B1, B2; Create: 1 Play, 4 Advance; Create 2: 1 Clean, 2 Spot, 4 Dock), battery (1 Hz),
-    cmd_vel_mux/active (latched, on change), mobile_base/sensors/imu_data (where the base has a gyro),
+    cmd_vel_mux/active (latched, on change), mobile_base/sensors/imu_data (where the base has a gyro) and imu_data_raw
+    (Kobuki: 100 samples a second of its three axes, the zero not taken off),
     mobile_base/sensors/bumper_pointcloud (while a bumper is pressed or a cliff seen, and once after).
 Services: mobile_base/estop (true stops, false allows; outlives a restart of the node), mobile_base/reset_odometry.
 Parameters: ~robot_type (auto: which one answers; kobuki, create, create2), ~port (/dev/kobuki),
@@ -63,6 +64,7 @@ class MobileBaseNode:
         self._latest: tuple[BaseReading, Decision] | None = None
         self._troubles: tuple[str, ...] = ()
         self._hazards, self._buttons = Hazard.NONE, 0
+        self._doubt = ""
         self._supervisor.emergency_stop(bool(rospy.get_param("~estopped", False)))
         self._master = master_watch()
         self._master.period_s = _MASTER_PERIOD_S
@@ -98,6 +100,7 @@ class MobileBaseNode:
         self._buttons_pub = rospy.Publisher(topics.BUTTONS, UInt8, queue_size=5, latch=True)
         self._battery_pub = rospy.Publisher(topics.BATTERY, BatteryState, queue_size=1)
         self._imu_pub = rospy.Publisher(topics.IMU, Imu, queue_size=50, tcp_nodelay=True)
+        self._raw_pub = rospy.Publisher(topics.IMU_RAW, Imu, queue_size=50, tcp_nodelay=True)
         self._bumper_pub = rospy.Publisher(topics.BUMPER_CLOUD, PointCloud2, queue_size=5, tcp_nodelay=True)
         self._active_pub = rospy.Publisher(topics.MUX_ACTIVE, String, queue_size=5, latch=True)
         self._hazards_pub.publish(UInt8(0))
@@ -134,7 +137,7 @@ class MobileBaseNode:
         with self._lock:
             self._supervisor.hold = self._reason_to_stand() or reading.refusal
             decision = self._supervisor.decide(now_ns, reading.hazards)
-            self._supervisor.observe(odometry.v_m_s, odometry.omega_rad_s, decision, now_ns)
+            self._supervisor.observe(odometry.fault)
             locked = self._supervisor.locked
         self._driver.drive(decision.v_m_s, decision.omega_rad_s, decision.until_ns)
         held = bool(decision.reason and decision.source)
@@ -145,6 +148,8 @@ class MobileBaseNode:
         self._joints_pub.publish(base_messages.joint_states(odometry))
         if reading.gyro is not None:
             self._imu_pub.publish(base_messages.imu(reading.gyro, reading.stamp_ns))
+            for sample in reading.gyro.raw:
+                self._raw_pub.publish(base_messages.raw_imu(sample))
         self._tell_hazards(reading.hazards, reading.stamp_ns)
         if reading.buttons != self._buttons:
             self._buttons = reading.buttons
@@ -152,6 +157,9 @@ class MobileBaseNode:
         if decision.source != self._active:
             self._active = decision.source
             self._active_pub.publish(String(decision.source or "idle"))
+        if odometry.doubt != self._doubt:
+            self._doubt = odometry.doubt
+            rospy.logwarn("odometry: %s", self._doubt or "all sensors agree again")
         self._latest = reading, decision
 
     def _tell_hazards(self, hazards: Hazard, stamp_ns: int) -> None:
@@ -209,6 +217,12 @@ class MobileBaseNode:
             "battery", _BATTERY_LEVELS.get(battery.state, process.OK), battery.state, voltage_v=battery.voltage_v,
             fraction=round(battery.fraction, 3), charging=battery.charging, docked=battery.docked,
         )  # fmt: skip
+        odometry = reading.odometry
+        self._diagnostics.set(
+            "odometry", process.OK if odometry.trusted else process.WARN,
+            odometry.doubt or ("all sensors agree" if odometry.trusted else "pushed: the direction is not known"),
+            gaps=odometry.gaps,
+        )  # fmt: skip
         blocked = bool(decision.reason) and decision.source != ""
         troubles = reading.warnings + ((reading.refusal,) if reading.refusal else ())
         for trouble in set(troubles) - set(self._troubles):
@@ -218,7 +232,7 @@ class MobileBaseNode:
         self._diagnostics.set(
             "safety", process.WARN if blocked or reading.hazards or troubles else process.OK, message,
             hazards=reading.hazards.name or "NONE", estop=self._supervisor.estopped,
-            refused_commands=self._supervisor.refused, gaps=reading.odometry.gaps, mode=reading.mode,
+            refused_commands=self._supervisor.refused, mode=reading.mode,
         )  # fmt: skip
 
     def close(self) -> None:
