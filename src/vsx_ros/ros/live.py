@@ -101,6 +101,7 @@ class Live:
         self._heard.listen()  # roslaunch has put its own answers before
         self._parent.runner.pm.add_process_listener(_Listener(self._dead))
         rospy.init_node("run", disable_signals=True, anonymous=True)
+        process.log_without_master()
         self._zero_pub = rospy.Publisher(topics.COMMAND_SAFETY, Twist, queue_size=1)
 
     def _end(self, log: TextIO) -> None:
