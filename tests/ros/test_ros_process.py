@@ -102,6 +102,17 @@ def test_a_node_whose_words_nobody_takes_goes_on(log: str) -> None:
     assert done.stdout == "goes on\n"
 
 
+def test_a_line_that_is_logged_asks_no_master(monkeypatch: pytest.MonkeyPatch) -> None:
+    """rospy would, with every line."""
+    asked: list[str] = []
+    monkeypatch.setattr(rospy.impl.paramserver, "_param_server_cache", None)
+    monkeypatch.setattr(rospy.client, "_init_param_server", lambda: None)
+    monkeypatch.setattr(rospy.client, "_param_server", rospy.msproxy.MasterProxy("http://127.0.0.1:1"))
+    monkeypatch.setattr(rospy, "get_param", lambda name, default: asked.append(name) or default)
+    process.log_without_master()
+    assert rospy.get_param_cached(asked[0], "asked the master") is False
+
+
 def test_a_reading_from_the_future_is_refused_and_one_from_a_clock_a_little_ahead_is_not(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -104,6 +104,7 @@ class Live:
         self._heard.listen()  # roslaunch has put its own answers before
         self._parent.runner.pm.add_process_listener(_Listener(self._dead))
         rospy.init_node("run", disable_signals=True, anonymous=True)
+        process.log_without_master()
         master_watch().remember({param.key: param.value for param in self._parent.config.params.values()})
         self._zero_pub = rospy.Publisher(topics.COMMAND_SAFETY, Twist, queue_size=1)
 

@@ -19,6 +19,7 @@ import cv2
 import rosgraph
 import rospy
 import rospy.core
+import rospy.impl.paramserver
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from genpy import Message
 from nav_msgs.msg import Odometry
@@ -39,6 +40,7 @@ IMAGE_BUFFER_BYTES = 2**24
 # Two seconds of the wheels: a second without them looks like a base that was restarted, though only this process slept.
 ODOMETRY_QUEUE = 100
 
+_OMITS_TOPICS = "/rosout_disable_topics_generation"
 _NAME_AGAIN_S = 5.0
 _TELL_AGAIN_S = 30.0
 _AHEAD_S = 1.0
@@ -83,6 +85,7 @@ def run(name: str, build: Callable[[Config], Node]) -> None:
         master_watch()
         frames.adopt_prefix()
         bridge_logging()
+        log_without_master()
         node = build(configuration())
     except (KeyboardInterrupt, rospy.ROSInterruptException):
         let_go()
@@ -164,6 +167,13 @@ def bridge_logging() -> None:
     rosout = logging.getLogger("rosout")
     for name in ("vsx_ros", "vsx_hw"):
         logging.getLogger(name).parent = rosout
+
+
+def log_without_master() -> None:
+    """Once a node: rospy asks the master for this entry with every line that is logged, unless it is set; a master that
+    hangs would hold whoever logs, the driver of the wheels and the emergency stop among them."""
+    kept = rospy.impl.paramserver.get_param_server_cache()
+    kept.set(_OMITS_TOPICS, bool(rospy.get_param(_OMITS_TOPICS, False)))
 
 
 def is_ending() -> bool:
