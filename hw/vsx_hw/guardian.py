@@ -48,7 +48,7 @@ class Guardians:
     def beat(self, turning: bool) -> None:
         """The driver is well, and has just let the wheels turn or stand. Never blocks."""
         for guardian in self._both:
-            guardian.beat(turning)
+            guardian.tell(TURNING if turning else STANDING)
 
     @property
     def answer(self) -> bool:
@@ -62,6 +62,8 @@ class Guardians:
 
     def release(self) -> None:
         """All is well; the guardians end without touching the port."""
+        for guardian in self._both:  # the second hears it before the first has ended
+            guardian.tell(RELEASED)
         for guardian in self._both:
             guardian.release()
 
@@ -92,12 +94,12 @@ class _Guardian:
         self._started_s = time.monotonic()
         return process
 
-    def beat(self, turning: bool) -> None:
+    def tell(self, word: bytes) -> None:
         with self._lock, contextlib.suppress(OSError, ValueError):  # dead, or released
             assert self._process.stdin is not None
             if self._unanswered_s is None:
                 self._unanswered_s = time.monotonic()
-            os.write(self._process.stdin.fileno(), TURNING if turning else STANDING)
+            os.write(self._process.stdin.fileno(), word)
 
     @property
     def answers(self) -> bool:

@@ -39,7 +39,7 @@ def driven(tmp_path):
     with kobuki_emulator(plant, port):
         process = subprocess.Popen([sys.executable, "-c", DRIVER, port], env=environment)
         try:
-            assert until(lambda: plant.speeds[0] > 0.1)
+            assert until(lambda: plant.speeds[0] > 0.1, 30.0), "it takes long to start on a busy machine"
             time.sleep(0.5)
             assert plant.speeds[0] > 0.1
             yield plant, process
