@@ -12,7 +12,7 @@ from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
-from vsx_ros.kernels.patches import PATCH
+from vsx_ros.kernels.vision.patches import PATCH
 
 from vsx_ros.config import Config
 from vsx_ros.exploration.memory import MissionMemory
