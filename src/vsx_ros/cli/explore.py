@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from vsx_ros.cli import config
 from vsx_ros.cli.compiled import compile_kernels
 from vsx_ros.errors import ConfigError
+from vsx_ros.registry import PLUGINS
 
 if TYPE_CHECKING:
     from vsx_ros.config import Config
@@ -49,7 +50,11 @@ def add_arguments(parser: argparse.ArgumentParser, *, with_load_map: bool = True
     )
     parser.add_argument("--port", metavar="DEV", help="serial port of the base (default /dev/kobuki)")
     parser.add_argument(
-        "--camera", type=camera, metavar="kinect|v4l:N", help="where the pictures come from (default kinect)"
+        "--camera",
+        type=camera,
+        metavar="kinect|v4l:N|ros[:TOPIC]",
+        help="where the pictures come from (default kinect); ros: the images of another driver, as "
+        "camera/rgb/image_raw or on that topic, raw or compressed",
     )
     parser.add_argument(
         "--rate", type=rate, metavar="HZ", help="images a second of a live emulated camera (default 15)"
@@ -95,8 +100,11 @@ def run(args: argparse.Namespace) -> int:
 
 def camera(text: str) -> str:
     """What the node camera takes as its ~device."""
-    if not re.fullmatch(r"kinect(:.+)?|v4l:\d+|emulator:.+", text):
-        raise argparse.ArgumentTypeError(f"{text!r} is no camera; write kinect, kinect:SERIAL or v4l:N, e.g. v4l:0")
+    known = re.fullmatch(r"kinect(:.+)?|v4l:\d+|emulator:.+|ros(:[\w/~]+)?", text)
+    if not known and not os.environ.get(PLUGINS):
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no camera; write kinect, kinect:SERIAL, v4l:N (e.g. v4l:0), ros or ros:TOPIC"
+        )
     return text
 
 

@@ -64,7 +64,7 @@ def parser(name: str) -> argparse.ArgumentParser:
         add("--rate-hz", type=float, default=15.0, help="images a second (15)")
     else:
         add("--port", default="/dev/kobuki", help="serial port of the base")
-        add("--camera", default="kinect", help="kinect, kinect:SERIAL or v4l:N")
+        add("--camera", default="kinect", help="kinect, kinect:SERIAL, v4l:N, ros:TOPIC, or ros: camera/rgb/image_raw")
         add("--camera-info-url", default="", help="file with the camera's calibration")
     if name != "bringup":
         add("--planner", choices=("fov", "unconstrained"), default="fov", help="motion planner")

@@ -26,6 +26,7 @@ from sensor_msgs.msg import Image
 from vsx_hw.errors import DeviceError
 from vsx_ros.config import Config, from_dict
 from vsx_ros.errors import ConfigError, InputError, VsxError, disk_trouble
+from vsx_ros.registry import load_plugins
 from vsx_ros.ros import frames, topics
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
@@ -76,6 +77,7 @@ def run(name: str, build: Callable[[Config], Node]) -> None:
         rospy.init_node(name, disable_signals=True)
         frames.adopt_prefix()
         bridge_logging()
+        load_plugins()
         node = build(configuration())
     except (KeyboardInterrupt, rospy.ROSInterruptException):
         let_go()
