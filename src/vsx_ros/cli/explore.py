@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from vsx_ros.cli import config
 from vsx_ros.cli.compiled import compile_kernels
 from vsx_ros.errors import ConfigError
-from vsx_ros.registry import PLUGINS
+from vsx_ros.registry import PLUGINS, load_plugins
 
 if TYPE_CHECKING:
     from vsx_ros.config import Config
@@ -89,6 +89,7 @@ def run(args: argparse.Namespace) -> int:
     if args.fast and args.view:
         raise ConfigError("--view shows the live nodes, and --fast runs none; leave out one of the two")
     _refuse_wires(args)
+    load_plugins()
     compile_kernels()
     if args.fast:
         from vsx_ros.cli.explore_fast import explore_fast
