@@ -5,7 +5,8 @@ python benchmarks/fault_nodes.py [--repetitions 20] [--nodes mobile_base followe
 
 The real nodes explore an office, over a real driver and a pseudo-terminal. Each repetition waits until the wheels turn,
 then does it (SIGKILL, SIGSTOP or SIGINT to that process), measures until the wheels were told to stand, and mends it;
-a stack whose master ended is built anew. The guardian of mobile_base ignores SIGINT, and is replaced by its node.
+a stack whose master ended is built anew (benchmarks/fault_master.py starts another master instead). A guardian of
+mobile_base ignores SIGINT, and is replaced by its node; mobile_base+guardian are both at once.
 Results are kept after each repetition; benchmarks/fault_matrix.py makes the table of docs/reliability.md from them.
 """
 
@@ -20,23 +21,31 @@ from pathlib import Path
 
 from exploring_robot import START_S, begin, home, new_stack, ready
 
-NODES = ("mobile_base", "follower", "move_base", "explore", "camera", "vslam", "rosmaster", "guardian")
+NODES = (
+    "mobile_base", "follower", "move_base", "explore", "camera", "vslam", "rosmaster", "guardian",
+    "mobile_base+guardian",
+)  # fmt: skip
 SIGNALS = {"killed": signal.SIGKILL, "hung": signal.SIGSTOP, "stopped": signal.SIGINT}
 WATCH_S = 1.5
 
 
-def guardian(stack: object) -> int:
-    """The only child of mobile_base."""
-    tasks = Path(f"/proc/{stack._processes['mobile_base'].pid}/task").glob("*/children")
-    (pid,) = (int(child) for task in tasks for child in task.read_text().split())
-    return pid
+def victims(stack: object, node: str) -> list[int]:
+    """Process ids. A guardian is one of the two children of mobile_base."""
+    if "guardian" not in node:
+        return [stack._processes[node].pid]
+    base = stack._processes["mobile_base"].pid
+    guardian, _ = (
+        int(child) for task in Path(f"/proc/{base}/task").glob("*/children") for child in task.read_text().split()
+    )
+    return [guardian] if node == "guardian" else [guardian, base]
 
 
 def repetition(stack: object, node: str, how: str) -> float:
     """Seconds until the wheels stand for good (for a guardian, until it is replaced); -1 when they do not."""
-    pid = guardian(stack) if node == "guardian" else stack._processes[node].pid
+    pids = victims(stack, node)
     begin_s = time.monotonic()
-    os.kill(pid, SIGNALS[how])
+    for pid in pids:
+        os.kill(pid, SIGNALS[how])
     while time.monotonic() - begin_s < WATCH_S and (stack.plant.moving or node != "guardian"):
         time.sleep(0.005)
     return -1.0 if stack.plant.moving else max(0.0, stack.plant.stopped_s - begin_s)
@@ -45,6 +54,7 @@ def repetition(stack: object, node: str, how: str) -> float:
 def mend(stack: object, node: str, how: str) -> None:
     if node == "guardian":
         return
+    node = node.split("+")[0]
     process = stack._processes[node]
     if how == "hung":
         process.send_signal(signal.SIGCONT)
@@ -68,7 +78,7 @@ def main() -> None:
     try:
         for how in args.how:
             for node in args.nodes:
-                if (node, how) == ("guardian", "stopped"):
+                if "guardian" in node and how == "stopped":
                     continue
                 turned = results.setdefault(f"{node} {how}", [])
                 last = node == "rosmaster" and how != "hung"

@@ -10,12 +10,12 @@ import time
 from vsx_hw.kobuki.framing import encode_frame
 from vsx_hw.kobuki.protocol import (
     BAUD,
-    StreamParser,
     factory_gains_payload,
     get_gains_payload,
     request_versions_payload,
     sound_payload,
 )
+from vsx_hw.kobuki.stream import StreamParser
 from vsx_hw.transport import SerialTransport
 
 transport, parser, told = SerialTransport(sys.argv[1], BAUD), StreamParser(), {}

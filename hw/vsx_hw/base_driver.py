@@ -1,8 +1,9 @@
 """The thread that owns a base: opens it, listens, answers every report with the newest command, and always stops it.
 
 What differs between bases is in their Dialect; the rules of safety are here, once:
-a command is good for ``command_timeout_s``, then the wheels stop; without fresh reports the wheels are told to stop;
-after a lost connection nothing moves until a new command; closing sends the stop bytes.
+a command is good for ``command_timeout_s``, then the wheels stop; without fresh reports they are told to stop, and turn
+again after three good reports in a row; a base whose report refuses to be driven stands; after a lost connection
+nothing moves until a new command; closing sends the stop bytes.
 """
 
 from __future__ import annotations
@@ -18,7 +19,12 @@ from vsx_hw.transport import Transport
 
 KEEP_ALIVE_NS = 50_000_000
 SHORTEST_PERIOD_NS = 20_000_000
-STALE_NS = 250_000_000
+STALE_NS = 110_000_000
+"""Five reports of a Kobuki, seven of a Create 2, a lost answer of a Create 1: the wheels are told to stand."""
+TOLD_NS = 250_000_000
+"""So long a silence is told."""
+ROW, ROW_NS = 3, 60_000_000
+"""Good reports after a silence before the wheels may turn, and the longest time between two of them."""
 SILENT_NS = 2_000_000_000
 BACKOFF_S = (0.2, 0.5, 1.0, 2.0)
 
@@ -35,11 +41,14 @@ class Dialect(Protocol):
     def drive(self, v_m_s: float, omega_rad_s: float) -> bytes:
         """The command bytes, with whatever else the base should hear now."""
 
+    def waits(self) -> bool:
+        """Whether a report is on its way; if not, the next command goes as soon as it may."""
+
     def halt(self) -> bytes:
         """Wheels still, and nothing else: may be sent at any moment, between question and answer too."""
 
     def show(self, signal: Signal) -> bytes:
-        """Lamp and sound, once."""
+        """Lamp and sound, once; empty while the base would not take it."""
 
     def farewell(self) -> bytes:
         """Stop, and leave the base in a state in which it can be left alone."""
@@ -87,6 +96,7 @@ class BaseDriver:
         self._timeout_ns = round(command_timeout_s * 1e9)
         self._command: _Command | None = None
         self._last_reading_ns = self._heard_bytes = 0
+        self._row, self._damage, self._refusal = 0, 0, ""
         self._sent = _STILL
         self._signal, self._shown = Signal.READY, ""
         self._keeper = Keeper(device, open_transport, self._serve, self._leave, on_link, BACKOFF_S)
@@ -122,13 +132,13 @@ class BaseDriver:
         self._dialect.reset_odometry()
 
     def status(self) -> LinkStatus:
-        """Health for diagnostics: a base that has been silent for longer than STALE_NS is not connected."""
+        """Health for diagnostics: a base that has been silent for longer than TOLD_NS is not connected."""
         counters = {"connections": self._keeper.connections, **self._dialect.counters()}
         connected, message = self._keeper.connected, self._keeper.message
         silent_ns = time.monotonic_ns() - self._last_reading_ns
-        if connected and silent_ns > STALE_NS:
+        if connected and silent_ns > TOLD_NS:
             connected, message = False, f"{self._heard()} for {silent_ns * 1e-9:.1f} s; the wheels are told to stand"
-        return LinkStatus(connected, message, self._device, counters)
+        return LinkStatus(connected, message, self._device, counters, self._keeper.alive)
 
     def close(self) -> bool:
         """Stop the wheels, leave the base safe and release the port; whether the wheels surely stand."""
@@ -136,20 +146,19 @@ class BaseDriver:
 
     def _serve(self, transport: Transport) -> None:
         """One connection: until the driver closes or the device fails."""
-        self._command, self._shown, self._heard_bytes = None, "", 0
+        self._command, self._shown, self._heard_bytes, self._row = None, "", 0, 0
         for data, pause_s in self._dialect.hello():
             transport.write(data)
             self._keeper.closing.wait(pause_s)
         self._last_reading_ns = time.monotonic_ns()
         sent_ns, answered = 0, False
         while not self._keeper.closing.is_set():
-            due_ns = sent_ns + (SHORTEST_PERIOD_NS if answered else KEEP_ALIVE_NS)
-            readings = self._listen(transport, due_ns)
+            readings = self._listen(transport, sent_ns + self._period_ns(answered))
             now_ns = time.monotonic_ns()
             answered = answered or bool(readings)
             if now_ns - self._last_reading_ns > SILENT_NS:
                 raise DeviceTimeout(self._silence())
-            due = now_ns - sent_ns >= (SHORTEST_PERIOD_NS if answered else KEEP_ALIVE_NS)
+            due = now_ns - sent_ns >= self._period_ns(answered)
             command = self._current(time.monotonic_ns())
             if due:
                 transport.write(self._dialect.drive(*command))
@@ -162,26 +171,44 @@ class BaseDriver:
             self._sent = command
             self._on_command(command != _STILL)
 
+    def _period_ns(self, answered: bool) -> int:
+        """From one command to the next."""
+        return KEEP_ALIVE_NS if self._dialect.waits() and not answered else SHORTEST_PERIOD_NS
+
     def _show(self, transport: Transport) -> None:
         signal = self._signal
-        if signal.value != self._shown:
-            transport.write(self._dialect.show(signal))
-            self._shown = signal.value
+        data = self._dialect.show(signal)
+        if data and signal.value != self._shown:
+            transport.write(data)
+        self._shown = signal.value if data else ""
 
     def _listen(self, transport: Transport, due_ns: int) -> list[BaseReading]:
         """Wait for bytes until a command is due or the one that was sent expires."""
         if self._sent != _STILL and self._command is not None:
-            due_ns = min(due_ns, max(self._command.until_ns, time.monotonic_ns()) + 1)
+            end_ns = min(self._command.until_ns, self._last_reading_ns + STALE_NS)
+            due_ns = min(due_ns, max(end_ns, time.monotonic_ns()) + 1)
         data = transport.read(max(0.0, (due_ns - time.monotonic_ns()) * 1e-9))
         self._heard_bytes += len(data)
         readings = self._dialect.receive(data, time.time_ns()) if data else []
         for reading in readings:
-            self._last_reading_ns = time.monotonic_ns()
+            self._count(time.monotonic_ns())
+            self._refusal = reading.refusal
             self._on_reading(reading)
         if readings:
             self._heard_bytes = 0
             self._keeper.report(True, "connected")
         return readings
+
+    def _count(self, now_ns: int) -> None:
+        """One more report: whether it is one in a row after a silence; damage between two of them begins it again."""
+        gap_ns, self._last_reading_ns = now_ns - self._last_reading_ns, now_ns
+        if gap_ns > STALE_NS:
+            self._row = 0
+        if self._row < ROW:
+            counters = self._dialect.counters()
+            damage = sum(counters.values()) - counters["frames"]
+            in_row = gap_ns <= ROW_NS and damage == self._damage
+            self._row, self._damage = self._row + 1 if in_row else 1, damage
 
     def _silence(self) -> str:
         """What is wrong with a base that has told nothing for long."""
@@ -192,8 +219,8 @@ class BaseDriver:
 
     def _current(self, now_ns: int) -> tuple[float, float]:
         command = self._command
-        fresh = now_ns - self._last_reading_ns <= STALE_NS
-        if command is None or not fresh or now_ns >= command.until_ns:
+        fresh = now_ns - self._last_reading_ns <= STALE_NS and self._row >= ROW
+        if command is None or not fresh or self._refusal or now_ns >= command.until_ns:
             return _STILL
         return command.v_m_s, command.omega_rad_s
 

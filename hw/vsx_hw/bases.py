@@ -42,17 +42,21 @@ def base_driver(
     on_reading: Callable[[BaseReading], None],
     on_link: Callable[[bool, str], None] = lambda connected, message: None,
     command_timeout_s: float = 0.25,
-    linear_scale: float = 1.0,
-    angular_scale: float = 1.0,
+    scales: tuple[float, float] = (1.0, 1.0),
     on_command: Callable[[bool], None] = lambda turning: None,
+    allow_unknown_firmware: bool = False,
 ) -> BaseDriver:
     """A driver for the base of this kind at a serial port such as /dev/kobuki; call ``start`` on it.
 
+    scales: factors on measured distance and on measured turn. allow_unknown_firmware: of a Kobuki; otherwise it stands.
     Raises KeyError for a kind that is not in BASES.
     """
     base = BASES[kind]
+    dialect = base.dialect(*scales)
+    if isinstance(dialect, KobukiDialect):
+        dialect.allow_unknown_firmware = allow_unknown_firmware
     return BaseDriver(
-        base.dialect(linear_scale, angular_scale),
+        dialect,
         lambda: SerialTransport(port, base.baud),
         port,
         on_reading,

@@ -5,16 +5,16 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from vsx_hw.create.dialect import is_plausible
+from vsx_hw.create.dialect import BATTERY_PACKETS, SAFETY_PACKETS, is_plausible
 from vsx_hw.create.protocol import CREATE_1, CREATE_2, Opcode, decode_packets, encode_query, packet_bytes
 from vsx_hw.errors import DeviceNotFound
 from vsx_hw.kobuki.protocol import BAUD as KOBUKI_BAUD
-from vsx_hw.kobuki.protocol import StreamParser
+from vsx_hw.kobuki.stream import StreamParser
 from vsx_hw.transport import SerialTransport, Transport
 
 LISTEN_S, ANSWER_S = 0.3, 0.3
 ENOUGH_FRAMES = 2
-QUESTIONS = [7, 9, 10, 11, 12, 21, 22, 25, 26, 34, 35]
+QUESTIONS = SAFETY_PACKETS + BATTERY_PACKETS
 
 
 def detect_base(port: str, open_transport: Callable[[str, int], Transport] = SerialTransport) -> str:

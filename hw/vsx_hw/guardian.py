@@ -1,9 +1,10 @@
-"""A second, tiny process that stops the wheels when the driver's process dies or hangs.
+"""Two tiny processes beside the driver's, each of which stops the wheels when that one dies or hangs.
 
 A base may go on driving by its last command for ever. The driver beats on a pipe after each command. When the beats
-cease while the wheels turn, the guardian writes standstill to the port (the driver may still hold it and go on later);
+cease while the wheels turn, a guardian writes standstill to the port (the driver may still hold it and go on later);
 when the pipe breaks without a word, the driver is dead and the base is left for good. It answers each beat, so that
-the driver knows that it is guarded.
+the driver knows that it is guarded. There are two, who know nothing of each other: whichever of the three processes are
+killed or hang at once, the last one stops the wheels.
 """
 
 from __future__ import annotations
@@ -38,8 +39,37 @@ class StopBytes(NamedTuple):
     farewell: bytes
 
 
-class Guardian:
-    """The parent's end. Start it before the wheels may turn, ``release`` it after they were stopped. Thread-safe."""
+class Guardians:
+    """The parent's ends of both. Start them before the wheels may turn, ``release`` them after they were stopped."""
+
+    def __init__(self, port: str, baud: int, stop: StopBytes) -> None:
+        self._both = tuple(_Guardian(port, baud, stop) for _ in range(2))
+
+    def beat(self, turning: bool) -> None:
+        """The driver is well, and has just let the wheels turn or stand. Never blocks."""
+        for guardian in self._both:
+            guardian.tell(TURNING if turning else STANDING)
+
+    @property
+    def answer(self) -> bool:
+        """Whether both are there: with one alone nothing may move."""
+        return all(guardian.answers for guardian in self._both)
+
+    def revive(self) -> None:
+        """Put new ones in the places of those that were killed or hang; to be called now and then."""
+        for guardian in self._both:
+            guardian.revive()
+
+    def release(self) -> None:
+        """All is well; the guardians end without touching the port."""
+        for guardian in self._both:  # the second hears it before the first has ended
+            guardian.tell(RELEASED)
+        for guardian in self._both:
+            guardian.release()
+
+
+class _Guardian:
+    """The parent's end of one. Thread-safe."""
 
     def __init__(self, port: str, baud: int, stop: StopBytes) -> None:
         self._command = [
@@ -64,13 +94,12 @@ class Guardian:
         self._started_s = time.monotonic()
         return process
 
-    def beat(self, turning: bool) -> None:
-        """The driver is well, and has just let the wheels turn or stand. Never blocks."""
+    def tell(self, word: bytes) -> None:
         with self._lock, contextlib.suppress(OSError, ValueError):  # dead, or released
             assert self._process.stdin is not None
             if self._unanswered_s is None:
                 self._unanswered_s = time.monotonic()
-            os.write(self._process.stdin.fileno(), TURNING if turning else STANDING)
+            os.write(self._process.stdin.fileno(), word)
 
     @property
     def answers(self) -> bool:
@@ -82,7 +111,6 @@ class Guardian:
             return self._unanswered_s is None or time.monotonic() - self._unanswered_s < ANSWER_S
 
     def revive(self) -> None:
-        """Put a new one in the place of one that was killed or hangs; to be called now and then."""
         released = self._process.poll() == 0
         if self.answers or released or time.monotonic() - self._started_s < PATIENCE_S:
             return
@@ -93,11 +121,13 @@ class Guardian:
         old.communicate()
 
     def release(self) -> None:
-        """All is well; the guardian ends without touching the port."""
         if self._process.poll() is None:
             assert self._process.stdin is not None
             os.set_blocking(self._process.stdin.fileno(), True)
-            self._process.communicate(RELEASED, timeout=2.0)
+            try:
+                self._process.communicate(RELEASED, timeout=2.0)
+            except subprocess.TimeoutExpired:  # it hangs
+                self._process.kill()
 
 
 def take_over(port: str, baud: int, data: bytes) -> bool:

@@ -31,7 +31,8 @@ class Keeper(Generic[Device]):
     device and leads to a new attempt, after the pauses backoff_s.
 
     ``leave`` is called before each close; its own DeviceErrors do not matter, the device may be gone. ``report`` tells
-    the state of the connection; each change is logged once and handed to on_link.
+    the state of the connection; each change is logged once and handed to on_link. ``alive`` is false when the thread
+    has ended though nobody asked it to: who needs the device had better begin anew.
     """
 
     def __init__(
@@ -44,7 +45,7 @@ class Keeper(Generic[Device]):
         backoff_s: tuple[float, ...],
     ) -> None:
         self.closing = threading.Event()
-        self.connected = False
+        self.alive, self.connected = True, False
         self.message = "not started"
         self.connections = 0
         self._name = name
@@ -78,6 +79,12 @@ class Keeper(Generic[Device]):
         self._on_link(connected, message)
 
     def _run(self) -> None:
+        try:
+            self._keep()
+        finally:
+            self.alive = self.closing.is_set()
+
+    def _keep(self) -> None:
         failures = 0
         while not self.closing.is_set():
             try:
@@ -86,18 +93,26 @@ class Keeper(Generic[Device]):
                     self._serve(device)
                 finally:
                     self._let_go(device)
-            except DeviceError as error:
-                message = str(error)
             except Exception as error:  # a fault in a callback must not leave a device without its driver
-                message = f"{self._name}: internal fault ({error!r}); connecting again"
-                if message != self.message:
-                    logger.exception("%s", message)
+                failure = error
             else:
                 continue
             steady = self.connected and time.monotonic() - self._connected_s > STEADY_S
             failures = 0 if steady else failures + 1
-            self.report(False, message)
+            self._report_failure(failure)
             self.closing.wait(self._backoff_s[min(failures, len(self._backoff_s) - 1)])
+
+    def _report_failure(self, failure: Exception) -> None:
+        """Whoever is told may fail, too: the log that the disk does not take, or on_link."""
+        message = str(failure)
+        try:
+            if not isinstance(failure, DeviceError):
+                message = f"{self._name}: internal fault ({failure!r}); connecting again"
+                if message != self.message:
+                    logger.error("%s", message, exc_info=failure)
+            self.report(False, message)
+        except Exception as error:
+            self.message = f"{message}; and nobody could be told ({error!r})"
 
     def _let_go(self, device: Device) -> None:
         try:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 
 class Hazard(enum.IntFlag):
-    """Reasons not to move, as one byte."""
+    """Reasons not to move: what is touched as one byte, and motors that draw too much current above it."""
 
     NONE = 0
     BUMPER_RIGHT = 1
@@ -24,10 +24,14 @@ class Hazard(enum.IntFlag):
     CLIFF_LEFT = 32
     WHEEL_DROP_RIGHT = 64
     WHEEL_DROP_LEFT = 128
+    OVERCURRENT_LEFT = 256
+    OVERCURRENT_RIGHT = 512
 
     BUMPER = 7
     CLIFF = 56
     WHEEL_DROP = 192
+    TOUCHED = 255
+    OVERCURRENT = 768
 
 
 class Signal(enum.Enum):
@@ -43,8 +47,10 @@ class OdometryReading(NamedTuple):
 
     x_m, y_m, heading_rad: pose of the base in its odometry frame, heading not wrapped, counter-clockwise.
     v_m_s, omega_rad_s: measured motion. gaps: how often motion went unmeasured (power cycle, lost data).
-    trusted: False where the encoders cannot know the direction of the motion.
+    trusted: False where the encoders cannot know the direction of the motion, or a sensor contradicts the others.
     wheels_m: (left, right) distance rolled since the start.
+    doubt: which sensor is not believed, and why; fault: why the base must stand, as its wheels do not what they are
+    told; in words, empty while all is well.
     """
 
     stamp_ns: int
@@ -56,13 +62,30 @@ class OdometryReading(NamedTuple):
     gaps: int = 0
     trusted: bool = True
     wheels_m: tuple[float, float] = (0.0, 0.0)
+    doubt: str = ""
+    fault: str = ""
+
+
+class RateSample(NamedTuple):
+    """One sample of a gyro of three axes [rad/s], in the axes of the base: x ahead, y left, z up."""
+
+    stamp_ns: int
+    x: float
+    y: float
+    z: float
 
 
 class GyroReading(NamedTuple):
-    """Heading since the gyro was switched on and its rate, counter-clockwise; the heading may wrap at +-pi."""
+    """Heading since the gyro was switched on and its rate, counter-clockwise; the heading may wrap at +-pi.
+
+    trusted: False while the wheels contradict it. raw: what the sensor measured since the last report, newest last, as
+    it is: not filtered, its zero not taken off.
+    """
 
     heading_rad: float
     rate_rad_s: float
+    trusted: bool = True
+    raw: tuple[RateSample, ...] = ()
 
 
 class BatteryReading(NamedTuple):
@@ -80,7 +103,8 @@ class BaseReading(NamedTuple):
     """One report of a base: where it is, what it touches, how much energy is left.
 
     mode names the operating mode where the base has several; buttons is the protocol's bit mask; gyro is None for a
-    base without one, or before its zero is known.
+    base without one, or before its zero is known. refusal: why this base must not be driven as it is, with the remedy.
+    warnings: what it said that the driver does not know.
     """
 
     stamp_ns: int
@@ -90,6 +114,8 @@ class BaseReading(NamedTuple):
     buttons: int = 0
     mode: str = ""
     gyro: GyroReading | None = None
+    refusal: str = ""
+    warnings: tuple[str, ...] = ()
 
 
 class ImageReading(NamedTuple):
@@ -105,9 +131,11 @@ class ImageReading(NamedTuple):
 
 
 class LinkStatus(NamedTuple):
-    """Health of the connection to a device, for diagnostics. Counters run from the start of the driver."""
+    """Health of the connection to a device, for diagnostics. Counters run from the start of the driver. alive: false
+    when the driver has ended by itself, for good."""
 
     connected: bool
     message: str
     device: str
     counters: dict[str, int]
+    alive: bool = True

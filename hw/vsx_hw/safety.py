@@ -12,7 +12,8 @@ from vsx_hw.readings import Hazard
 
 ABSURD_V_M_S = 5.0
 ABSURD_OMEGA_RAD_S = 20.0
-STALL_NS = 1_000_000_000
+OVERCURRENT_NS = 500_000_000
+LONGEST_STEP_NS = 100_000_000
 
 
 class Source(NamedTuple):
@@ -57,8 +58,9 @@ class Supervisor:
 
     - A bumper forbids driving forward; turning and reversing stay possible.
     - A cliff leaves only reversing straight.
-    - A raised wheel, or wheels that stall, forbid everything until the cause is gone and the commander has asked for
-      standstill (or was silent): a robot that was carried away must not drive off when it is put down.
+    - A raised wheel, wheels that do not as they are told, or a motor that draws too much current for half a second,
+      forbid everything until the cause is gone and the commander has asked for standstill (or was silent): a robot
+      that was carried away must not drive off when it is put down.
     - The emergency stop forbids everything until it is cleared, and then a new command is needed.
     - ``hold``, a reason that its owner sets and clears, forbids everything while it is set.
     - A command that is not finite or is absurd counts as a command to stand still.
@@ -70,7 +72,7 @@ class Supervisor:
         self._commands: dict[str, _Command] = {}
         self._latched = ""
         self._estop = False
-        self._stalled_since_ns = -1
+        self._decided_ns = self._overcurrent_ns = 0
         self.refused = 0
         self.hold = ""
 
@@ -81,7 +83,8 @@ class Supervisor:
 
     @property
     def locked(self) -> bool:
-        """Whether someone must act: the emergency stop is set, a wheel was raised, or the wheels stalled."""
+        """Whether someone must act: the emergency stop is set, or a wheel was raised, draws too much current or does
+        not as it is told."""
         return self._estop or bool(self._latched)
 
     def command(self, source: str, v_m_s: float, omega_rad_s: float, now_ns: int) -> bool:
@@ -108,23 +111,19 @@ class Supervisor:
             self.forget_commands()
         self._estop = stop
 
-    def observe(self, v_m_s: float, omega_rad_s: float, decision: Decision, now_ns: int) -> None:
-        """Measured speeds after the decision that was sent: commanded but not moving for a second is a stall."""
-        wanted = abs(decision.v_m_s) > 0.05 or abs(decision.omega_rad_s) > 0.2
-        moving = abs(v_m_s) > 0.1 * abs(decision.v_m_s) and abs(decision.v_m_s) > 0.05
-        turning = abs(omega_rad_s) > 0.1 * abs(decision.omega_rad_s) and abs(decision.omega_rad_s) > 0.2
-        if not wanted or moving or turning:
-            self._stalled_since_ns = -1
-        elif self._stalled_since_ns < 0:
-            self._stalled_since_ns = now_ns
-        elif now_ns - self._stalled_since_ns > STALL_NS:
-            self._latched = "wheels do not follow the command; free the robot"
+    def observe(self, fault: str) -> None:
+        """Why the base must stand by its own report, in words (``OdometryReading.fault``); empty: it need not."""
+        if fault:
+            self._latched = fault
 
     def decide(self, now_ns: int, hazards: Hazard) -> Decision:
         """What the wheels shall do now."""
         source, v, omega, until_ns = self._selected(now_ns)
+        overcurrent = self._overcurrent(now_ns, hazards)
         if hazards & Hazard.WHEEL_DROP:
             self._latched = "wheel raised; put the robot on the floor"
+        elif overcurrent:
+            self._latched = overcurrent
         elif self._latched and v == 0.0 and omega == 0.0:
             self._latched = ""
         if self._estop:
@@ -139,6 +138,18 @@ class Supervisor:
         if hazards & Hazard.BUMPER and v > 0.0:
             return Decision(0.0, omega, source, "bumper; driving forward is not allowed", until_ns)
         return Decision(v, omega, source, "" if source else "no commands", until_ns)
+
+    def _overcurrent(self, now_ns: int, hazards: Hazard) -> str:
+        """Why to stand, when a wheel's motor has drawn too much for long; what comes and goes adds up."""
+        step_ns = min(now_ns - self._decided_ns, LONGEST_STEP_NS) if self._decided_ns else 0
+        self._decided_ns = now_ns
+        on = hazards & Hazard.OVERCURRENT
+        self._overcurrent_ns = max(0, min(OVERCURRENT_NS, self._overcurrent_ns + (step_ns if on else -step_ns)))
+        if not on or self._overcurrent_ns < OVERCURRENT_NS:
+            return ""
+        sides = {Hazard.OVERCURRENT_LEFT: "left", Hazard.OVERCURRENT_RIGHT: "right"}
+        wheels = " and ".join(side for bit, side in sides.items() if on & bit)
+        return f"overcurrent of the {wheels} wheel; free it"
 
     def _selected(self, now_ns: int) -> tuple[str, float, float, int]:
         """(source, v, omega, end of validity) of the most important source that is not silent."""

@@ -67,7 +67,8 @@ class V4lCamera:
             "frames": self._frames,
             "frozen_frames": self._frozen_frames,
         }
-        return LinkStatus(self._keeper.connected, self._keeper.message, self.serial, counters)
+        keeper = self._keeper
+        return LinkStatus(keeper.connected, keeper.message, self.serial, counters, keeper.alive)
 
     def close(self) -> None:
         """Release the device."""

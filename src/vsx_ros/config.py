@@ -300,7 +300,7 @@ def _given(tree: Any, message: str) -> str:
         if not isinstance(tree, dict) or name not in tree:
             return ""
         tree = tree[name]
-    return "" if isinstance(tree, dict) else f", not {tree!r}"
+    return "" if isinstance(tree, dict) else f", not {tree!r:.80}"
 
 
 def to_dict(config: Config) -> dict[str, Any]:

@@ -13,8 +13,12 @@ Every message names the thing, the value found and the remedy.
 import errno
 from typing import Any
 
+_LONGEST_REASON = 300  # a file may hold megabytes where an error quotes a word of it
+
 _DISK_REMEDIES = {
     errno.ENOSPC: "free some space ('df -h' shows where), or choose another disk",
+    errno.EFBIG: "raise the limit on the size of a file ('ulimit -f'), or choose another disk",
+    errno.EIO: "the disk fails: save what is on it, and choose another",
     errno.EDQUOT: "free some of your quota, or choose another disk",
     errno.EROFS: "choose a folder on a disk that may be written",
     errno.EACCES: "choose a folder of your own, or have its owner admit you",
@@ -53,8 +57,8 @@ def reason_of(error: Exception) -> str:
         return error.strerror or str(error)
     mark: Any = getattr(error, "problem_mark", None)
     if mark is not None:
-        return f"line {mark.line + 1}: {getattr(error, 'problem', '')}"
-    return str(error).splitlines()[0]
+        return f"line {mark.line + 1}: {getattr(error, 'problem', '')}"[:_LONGEST_REASON]
+    return next(iter(str(error).splitlines()), type(error).__name__)[:_LONGEST_REASON]
 
 
 def disk_trouble(error: OSError) -> str:

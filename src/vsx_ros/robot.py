@@ -34,12 +34,14 @@ class Odometry(NamedTuple):
 
     T_odom_base: pose of the base in the odometry frame. It drifts, and jumps where the base begins to count anew.
     v: forward speed [m/s]. omega: turn rate, counter-clockwise positive [rad/s].
+    trusted: False where the base says that its sensors contradict each other.
     """
 
     stamp_ns: int
     T_odom_base: SE2
     v: float = 0.0
     omega: float = 0.0
+    trusted: bool = True
 
     @property
     def stands(self) -> bool:
@@ -51,7 +53,8 @@ class Odometry(NamedTuple):
         ratio = (stamp_ns - self.stamp_ns) / (later.stamp_ns - self.stamp_ns)
         pose = self.T_odom_base.interpolate(later.T_odom_base, ratio)
         v = self.v + ratio * (later.v - self.v)
-        return Odometry(stamp_ns, pose, v, self.omega + ratio * (later.omega - self.omega))
+        omega = self.omega + ratio * (later.omega - self.omega)
+        return Odometry(stamp_ns, pose, v, omega, self.trusted and later.trusted)
 
     def carried_on(self, stamp_ns: int) -> Odometry:
         """At an instant after this reading, its speeds held."""

@@ -51,9 +51,9 @@ def test_the_command_of_the_wheel_is_the_wheels(site: Path, tmp_path: Path) -> N
     assert where.stdout.count(str(site)) == 2
 
 
-def test_it_brings_the_page_of_the_live_view(site: Path) -> None:
-    page = "vsx_ros/ros/dashboard/page.html"
-    assert (site / page).read_bytes() == (CHECKOUT / "src" / page).read_bytes()
+@pytest.mark.parametrize("file", ["dashboard/page.html", "python_logging.conf"])
+def test_it_brings_the_files_that_are_no_modules(site: Path, file: str) -> None:
+    assert (site / "vsx_ros/ros" / file).read_bytes() == (CHECKOUT / "src/vsx_ros/ros" / file).read_bytes()
 
 
 def test_a_live_run_says_that_it_needs_a_checkout(site: Path, tmp_path: Path) -> None:

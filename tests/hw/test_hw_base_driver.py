@@ -5,7 +5,6 @@ import threading
 import pytest
 from hw_wire import MS, Wire
 
-from vsx_hw.bases import BASES
 from vsx_hw.create.protocol import encode_lamps, encode_play
 from vsx_hw.errors import DeviceTimeout
 from vsx_hw.keeper import Keeper
@@ -106,7 +105,7 @@ def test_lamp_and_sound_are_told_once_and_again_after_a_reconnection(kind, alarm
 
     wire.each_ms = alarm_later
     wire.serve(2.0)
-    ready = BASES[kind].dialect(1.0, 1.0).show(Signal.READY)
+    ready = wire.driver._dialect.show(Signal.READY)
     assert [data for _, data in wire.written].count(ready) == 1
     assert [data for _, data in wire.written].count(alarm) == 1
     wire.written.clear()

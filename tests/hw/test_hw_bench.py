@@ -58,8 +58,8 @@ def test_a_kobuki_tells_what_it_is_and_takes_back_the_gains_of_the_factory(kobuk
         line.write(encode_frame(struct.pack("<BBB3I", 13, 13, 1, 50_000, 200, 3_000)))
     asked = run(str(BENCH / "ask_kobuki.py"), port)
     assert asked.stdout.splitlines() == [
-        "hardware_version: (1, 0, 4)",
-        "firmware_version: (1, 2, 0)",
+        "hardware_version: 1.0.4",
+        "firmware_version: 1.2.0",
         "udid: (1, 2, 3)",
         "current: (0, 0)",
         "cliff_adc: (1600, 1900, 1600)",

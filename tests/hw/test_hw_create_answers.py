@@ -59,7 +59,8 @@ def test_until_the_next_measurement_the_odometry_is_not_trusted():
     question = dialect.drive(0.1, 0.0)
     (reading,) = dialect.receive(answer(question, distance_mm=12), 600 * MS)
     assert asks_motion(lost)
-    assert reading.odometry.trusted
+    assert not reading.odometry.trusted
+    assert converse(dialect, 60, 620 * MS)[-1].odometry.trusted, "a second after that"
 
 
 def test_a_reconnection_loses_motion_and_says_so():
@@ -71,7 +72,8 @@ def test_a_reconnection_loses_motion_and_says_so():
     assert first[-1].odometry.gaps == 1
     assert not first[-1].odometry.trusted
     after = converse(dialect, 25, 2500 * MS, distance_mm=7)[-1].odometry
-    assert after.trusted
+    assert not after.trusted
+    assert converse(dialect, 30, 3000 * MS)[-1].odometry.trusted, "a second after the next measurement"
     assert after.wheels_m == pytest.approx((0.007, 0.007)), "what was driven before is not known"
     assert after.gaps == 1
 
@@ -139,9 +141,14 @@ def test_the_heading_follows_the_gyro_between_and_at_the_measurements():
     converse(dialect, 75)
     rate = 0.5
     readings = []
+    turned_deg = 0.0
     for k in range(100):
-        question = dialect.drive(0.0, 0.01)
-        readings += dialect.receive(answer(question, gyro=counts_of(rate)), (1500 + 20 * k) * MS)
+        question = dialect.drive(0.0, rate)
+        turned_deg += math.degrees(rate) * 0.02
+        angle_deg = round(turned_deg) if asks_motion(question) else 0
+        turned_deg -= angle_deg
+        now_ns = (1500 + 20 * k) * MS
+        readings += dialect.receive(answer(question, angle_deg=angle_deg, gyro=counts_of(rate)), now_ns)
     turned = readings[-1].odometry.heading_rad - readings[0].odometry.heading_rad
     assert turned == pytest.approx(rate * 99 * 0.02, rel=0.02)
     assert readings[-1].gyro.rate_rad_s == pytest.approx(rate, rel=0.02)

@@ -34,7 +34,7 @@ def test_a_pushed_robot_is_not_believed():
     coasting = odometry.update(95, 95, False, 10 * 15 * MS)
     assert coasting.trusted
     assert coasting.x_m > before.x_m
-    still = odometry.update(95, 95, False, 700 * MS)
+    still = [odometry.update(95, 95, False, k * MS) for k in range(300, 701, 100)][-1]
     pushed = odometry.update(150, 150, False, 715 * MS)
     assert (still.trusted, pushed.trusted) == (True, False)
     assert pushed.x_m == coasting.x_m
@@ -55,31 +55,22 @@ def test_create_1_shows_the_command_between_readings_and_the_truth_at_them():
     odometry.reading(1)
     shown = [odometry.reading(k * 20 * MS) for k in range(1, 11)][-1]
     assert shown.x_m == pytest.approx(0.04, abs=1e-6)
-    odometry.measure(36, 0)
+    odometry.measure(36, 0, 10 * 20 * MS)
     assert odometry.reading(10 * 20 * MS).x_m == pytest.approx(0.036)
-    odometry.measure(0, 30)
-    turned = odometry.reading(10 * 20 * MS)
-    assert math.degrees(turned.heading_rad) == pytest.approx(30.0)
+    odometry.command(0.0, 0.0)
+    odometry.measure(0, 30, 10 * 20 * MS)
+    headings = [math.degrees(odometry.reading((10 + k) * 20 * MS).heading_rad) for k in range(40)]
+    assert headings[-1] == pytest.approx(30.0)
+    assert max(b - a for a, b in zip(headings, headings[1:])) < 1.5, "a jump is taken for a base that counts anew"
 
 
 @pytest.mark.parametrize("junk", [(1500, 0), (0, 90), (-2000, 300)])
 def test_create_1_junk_is_a_gap(junk):
     odometry = DistanceOdometry()
-    odometry.measure(*junk)
+    odometry.measure(*junk, 1)
     reading = odometry.reading(1)
     assert (reading.x_m, reading.gaps, reading.trusted) == (0.0, 1, False)
-    odometry.measure(10, 0)
-    assert odometry.reading(1).trusted
-
-
-def test_create_1_wheels_that_are_held_report_no_speed():
-    odometry = DistanceOdometry()
-    odometry.command(0.2, 0.0)
-    shown = [odometry.reading(1 + k * 20 * MS) for k in range(26)]
-    odometry.measure(0, 0)
-    held = [odometry.reading(1 + (26 + k) * 20 * MS) for k in range(26)]
-    assert shown[-1].v_m_s == 0.2
-    assert {reading.v_m_s for reading in held} == {0.0}
-    assert held[-1].x_m == 0.0
-    odometry.measure(90, 0)
-    assert odometry.reading(53 * 20 * MS).v_m_s == 0.2
+    assert "not known how far" in reading.doubt
+    odometry.measure(10, 0, 500 * MS)
+    assert not odometry.reading(1499 * MS).trusted
+    assert odometry.reading(1501 * MS).trusted

@@ -164,6 +164,7 @@ class Stage:
         data = b""
         while (left := deadline - time.monotonic()) > 0:
             data += self.end.read(left)
+        self.board.receive(data, 0)
         return commands_in(data)
 
 

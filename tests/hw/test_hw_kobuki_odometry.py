@@ -36,8 +36,33 @@ def test_time_stamp_wrap_is_twenty_milliseconds():
 def test_gyro_angle_unwraps():
     reading = drive(KobukiOdometry(), [frame(0, centideg=17999), frame(20, centideg=18001)])
     assert math.degrees(reading.heading_rad) == pytest.approx(0.02, abs=1e-9)
-    turned = drive(KobukiOdometry(), [frame(20 * k, centideg=90 * k) for k in range(1001)])
+    ticks = 0.5 * math.radians(0.9) * WHEEL_BASE_M / METRES_PER_TICK
+    frames = [frame(20 * k, -round(ticks * k), round(ticks * k), centideg=90 * k) for k in range(1001)]
+    turned = drive(KobukiOdometry(), frames)
     assert math.degrees(turned.heading_rad) == pytest.approx(900.0)
+    assert turned.doubt == ""
+
+
+def test_a_gyro_angle_that_is_wrong_once_turns_nothing():
+    """It was believed: 148 rad/s, and half a turn in the pose."""
+    odometry = KobukiOdometry()
+    frames = [frame(20 * k, 47 * k, 47 * k, centideg=17_000 if k == 60 else 0) for k in range(80)]
+    readings = [odometry.update(f, 0) for f in frames]
+    assert {r.heading_rad for r in readings} == {0.0}
+    assert {r.omega_rad_s for r in readings} == {0.0}
+    assert [r.trusted for r in readings[58:62]] == [True, True, False, False]
+
+
+def test_a_gyro_that_begins_to_count_elsewhere_is_followed_from_there():
+    odometry = KobukiOdometry()
+    jumped = [frame(20 * k, 47 * k, 47 * k, centideg=9_000 if k >= 60 else 0) for k in range(400)]
+    readings = [odometry.update(f, 0) for f in jumped]
+    assert max(abs(r.heading_rad) for r in readings) == 0.0
+    assert "the gyro jumps" in readings[-1].doubt
+    turn = [frame(20 * (400 + k), 18800 - 13 * k, 18800 + 13 * k, centideg=9_000 + 55 * k) for k in range(300)]
+    readings = [odometry.update(f, 0) for f in turn]
+    assert readings[-1].trusted
+    assert math.degrees(readings[-1].heading_rad) == pytest.approx(0.55 * 300, rel=0.01)
 
 
 def test_heading_from_the_encoders_when_the_gyro_is_missing():
@@ -48,13 +73,18 @@ def test_heading_from_the_encoders_when_the_gyro_is_missing():
 
 def test_a_circle_closes():
     n, turn = 400, 36000
-    frames = [frame(20 * k, 200 * k, 200 * k, centideg=turn * k // n) for k in range(n + 1)]
+    half_ticks = math.pi * WHEEL_BASE_M / METRES_PER_TICK / n
+    frames = [
+        frame(20 * k, 200 * k - round(half_ticks * k), 200 * k + round(half_ticks * k), centideg=turn * k // n)
+        for k in range(n + 1)
+    ]
     radius = n * 200 * METRES_PER_TICK / (2 * math.pi)
     odometry = KobukiOdometry()
     half = drive(odometry, frames[: n // 2 + 1])
     assert (half.x_m, half.y_m) == pytest.approx((0.0, 2 * radius), abs=1e-3)
     whole = drive(odometry, frames[n // 2 + 1 :])
     assert (whole.x_m, whole.y_m) == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert whole.doubt == ""
 
 
 @pytest.mark.parametrize(

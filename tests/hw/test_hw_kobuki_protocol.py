@@ -14,7 +14,6 @@ from vsx_hw.kobuki.framing import encode_frame, sub_payloads
 from vsx_hw.kobuki.protocol import (
     Led,
     Sound,
-    StreamParser,
     battery_state,
     drive_payload,
     factory_gains_payload,
@@ -24,6 +23,7 @@ from vsx_hw.kobuki.protocol import (
     request_versions_payload,
     sound_payload,
 )
+from vsx_hw.kobuki.stream import StreamParser
 
 CAPTURE = bytes.fromhex(
     "AA554D010FA80B000000FCFFEFF3000000009D0003030000000407" + "9BE70000000000050689" + "06AD074906060200000D0EEE"
@@ -37,9 +37,16 @@ def chunks(data: bytes, rng: random.Random) -> list[bytes]:
     return [data[a:b] for a, b in zip([0, *cuts], [*cuts, len(data)])]
 
 
-def check_capture(feedback) -> None:
+def later(k: int) -> bytes:
+    """The captured frame k frames later."""
+    parts = dict(sub_payloads(CAPTURE[3:-1]))
+    parts[1] = struct.pack("<H", (2984 + 20 * k) % 65536) + parts[1][2:]
+    return encode_frame(*(bytes((kind, len(data))) + data for kind, data in parts.items()))
+
+
+def check_capture(feedback, k: int = 0) -> None:
     core = feedback.core
-    assert (core.time_ms, core.left_ticks, core.right_ticks) == (2984, 65532, 62447)
+    assert (core.time_ms, core.left_ticks, core.right_ticks) == (2984 + 20 * k, 65532, 62447)
     assert (core.bumper, core.wheel_drop, core.cliff, core.charger, core.battery_decivolt) == (0, 0, 0, 0, 157)
     assert feedback.inertia == (-6245, 0)
     assert feedback.cliff_adc == (1673, 1965, 1609)
@@ -71,7 +78,7 @@ def test_tail_of_a_frame_and_a_false_header_do_not_cost_the_next_frame():
     (feedback,) = parser.feed(CAPTURE[5:])
     check_capture(feedback)
     parser = StreamParser()
-    frames = parser.feed(bytes.fromhex("AA55AA553FAA554D010FC0E8000000") + CAPTURE + CAPTURE)
+    frames = parser.feed(bytes.fromhex("AA55AA553FAA554D010FC0E8000000") + CAPTURE + later(1))
     assert len(frames) == 2
 
 
@@ -96,8 +103,8 @@ def test_one_lost_byte_costs_one_frame():
     parser = StreamParser()
     damaged = 0
     frames = 0
-    for _ in range(2000):
-        frame = CAPTURE
+    for k in range(2000):
+        frame = later(k)
         if rng.random() < 0.1:
             at = rng.randrange(len(frame))
             frame = frame[:at] + frame[at + 1 :]
@@ -131,9 +138,9 @@ def test_right_checksum_but_impossible_content_is_refused():
 def test_any_bytes_are_survived_and_the_next_frames_are_found(junk):
     parser = StreamParser()
     parser.feed(junk)
-    frames = parser.feed(CAPTURE * 3)
+    frames = parser.feed(CAPTURE + later(1) + later(2))
     assert len(frames) >= 2
-    check_capture(frames[-1])
+    check_capture(frames[-1], 2)
 
 
 @pytest.mark.parametrize(

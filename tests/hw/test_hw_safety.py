@@ -133,25 +133,18 @@ def test_emergency_stop_needs_clearing_and_a_new_command():
     assert supervisor.decide(1, Hazard.NONE).v_m_s == 0.2
 
 
-def run_for(supervisor, seconds, measured):
-    decisions = []
-    for k in range(round(seconds * 50)):
-        now_ns = k * 20 * MS
-        supervisor.command("navi", 0.2, 0.0, now_ns)
-        decisions.append(supervisor.decide(now_ns, Hazard.NONE))
-        supervisor.observe(measured, 0.0, decisions[-1], now_ns)
-    return decisions
-
-
 def test_stalled_wheels_stop_the_robot():
-    decisions = run_for(Supervisor(LIMITS), 2.0, 0.0)
-    moving = sum(d.v_m_s > 0 for d in decisions)
-    assert 50 <= moving <= 55
-    assert "do not follow" in decisions[-1].reason
-
-
-def test_wheels_that_follow_slowly_are_no_stall():
-    assert all(d.v_m_s == 0.2 for d in run_for(Supervisor(LIMITS), 3.0, 0.05))
+    supervisor = told(0.2, 0.0)
+    supervisor.observe("")
+    assert supervisor.decide(1, Hazard.NONE).v_m_s == 0.2
+    supervisor.observe("the left wheel does not follow the command")
+    assert supervisor.decide(2, Hazard.NONE)[:4] == (0.0, 0.0, "navi", "the left wheel does not follow the command")
+    supervisor.observe("")
+    assert supervisor.locked, "until the commander has asked for standstill"
+    supervisor.command("navi", 0.0, 0.0, 3)
+    supervisor.decide(3, Hazard.NONE)
+    supervisor.command("navi", 0.2, 0.0, 4)
+    assert supervisor.decide(4, Hazard.NONE).v_m_s == 0.2
 
 
 def test_the_owner_may_hold_the_robot():
@@ -160,3 +153,44 @@ def test_the_owner_may_hold_the_robot():
     assert supervisor.decide(1, Hazard.NONE)[:4] == (0.0, 0.0, "navi", "no master")
     supervisor.hold = ""
     assert supervisor.decide(2, Hazard.NONE).v_m_s == 0.2
+
+
+@pytest.mark.parametrize(
+    ("bits", "words"),
+    [
+        (Hazard.OVERCURRENT_LEFT, "overcurrent of the left wheel"),
+        (Hazard.OVERCURRENT_RIGHT, "overcurrent of the right wheel"),
+        (Hazard.OVERCURRENT, "overcurrent of the left and right wheel"),
+    ],
+)
+def test_half_a_second_of_overcurrent_stops_the_robot_until_it_is_asked_to_stand(bits, words):
+    supervisor = Supervisor(LIMITS)
+    moving = []
+    for k in range(1, 101):
+        supervisor.command("navi", 0.2, 0.0, k * 20 * MS)
+        decision = supervisor.decide(k * 20 * MS, bits)
+        moving.append(decision.v_m_s > 0.0)
+    assert 24 <= sum(moving) <= 26
+    assert moving == sorted(moving, reverse=True)
+    assert words in decision.reason
+    assert supervisor.locked
+    supervisor.command("navi", 0.2, 0.0, 3 * S)
+    assert words in supervisor.decide(3 * S, Hazard.NONE).reason
+    supervisor.command("navi", 0.0, 0.0, 3 * S)
+    supervisor.decide(3 * S + 1, Hazard.NONE)
+    supervisor.command("navi", 0.2, 0.0, 3 * S + 2)
+    assert supervisor.decide(3 * S + 2, Hazard.NONE).v_m_s == 0.2
+
+
+def test_overcurrent_that_comes_and_goes_adds_up_and_a_short_one_is_forgotten():
+    def seconds_until_it_stands(on: int, off: int) -> float:
+        supervisor = Supervisor(LIMITS)
+        for k in range(1, 500):
+            supervisor.command("navi", 0.2, 0.0, k * 20 * MS)
+            bits = Hazard.OVERCURRENT_LEFT if k % (on + off) < on else Hazard.NONE
+            if supervisor.decide(k * 20 * MS, bits).v_m_s == 0.0:
+                return k * 0.02
+        return 1e9
+
+    assert seconds_until_it_stands(3, 1) < 1.2
+    assert seconds_until_it_stands(20, 20) > 9.0

@@ -1,9 +1,12 @@
 """A journal tells what happened up to the last moment, whatever the disk or the end of the program did to it."""
 
+import errno
+import os
 import resource
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -41,6 +44,22 @@ def test_half_a_line_on_a_full_disk_is_taken_back_and_told(tmp_path: Path) -> No
         journal.add(*LINES[1:3])
     assert path.stat().st_size == size
     journal.add(LINES[3])  # once there is room again
+    assert read_journal(path) == [LINES[0], LINES[3]]
+
+
+def test_half_a_line_that_the_disk_kept_is_taken_back_when_it_takes_lines_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "journal.jsonl"
+    journal = Journal(path)
+    journal.add(LINES[0])
+    size = path.stat().st_size
+    with monkeypatch.context() as read_only, files_no_longer_than(2 * size + size // 2):
+        read_only.setattr(os, "ftruncate", Mock(side_effect=OSError(errno.EROFS, "Read-only file system")))
+        with pytest.raises(InputError, match="cannot be written"):
+            journal.add(*LINES[1:3])
+    assert path.stat().st_size > 2 * size
+    journal.add(LINES[3])
     assert read_journal(path) == [LINES[0], LINES[3]]
 
 

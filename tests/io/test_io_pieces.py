@@ -12,14 +12,14 @@ def test_an_array_comes_back_bit_for_bit(tmp_path, shape, cuts):
     pieces, array = Pieces(tmp_path), np.random.default_rng(0).normal(size=shape)
     names = pieces.write(array, cuts)
     assert len(names) == len(cuts) + 1
-    back = pieces.read(names)
+    back = pieces.read(names, pieces.allowance())
     assert back.dtype == array.dtype
     assert np.array_equal(back, array)
 
 
 def test_an_empty_array_is_one_piece(tmp_path):
     pieces = Pieces(tmp_path)
-    back = pieces.read(pieces.write(np.zeros((0, 24, 24), np.uint8), np.arange(4, 0, 4)))
+    back = pieces.read(pieces.write(np.zeros((0, 24, 24), np.uint8), np.arange(4, 0, 4)), pieces.allowance())
     assert back.shape == (0, 24, 24)
     assert back.dtype == np.uint8
 
@@ -44,7 +44,7 @@ def test_a_piece_that_was_changed_or_is_gone_is_told(tmp_path):
     content[-1] ^= 1
     path.write_bytes(content)
     with pytest.raises(ValueError, match=f"piece {second}.npy was changed"):
-        pieces.read([first, second])
+        pieces.read([first, second], pieces.allowance())
     path.unlink()
     with pytest.raises(FileNotFoundError):
-        pieces.read([first, second])
+        pieces.read([first, second], pieces.allowance())

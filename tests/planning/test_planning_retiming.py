@@ -57,6 +57,8 @@ def test_hold_slow_and_resume_at_random_moments_keep_the_five_limits(seed):
     assert np.abs(a).max() <= LIMITS.a_m_s2 * (1 + 5e-3)
     assert np.abs(alpha).max() <= LIMITS.alpha_rad_s2 * (1 + 5e-3)
     assert np.abs(jerk).max() <= LIMITS.jerk_m_s3 * 1.25
+    bent = np.abs(np.diff(rows[:, 2], 2)).max() / TICK_S**2  # the heading itself, over all changes of the timing
+    assert bent <= LIMITS.alpha_rad_s2 * 1.2
     # It is the planned way, to its end, never backwards.
     assert np.all(np.diff(rows[:, 5]) >= -1e-9)
     goal = planned.at(math.inf)[0]

@@ -50,6 +50,23 @@ def test_no_limit_is_exceeded(phi):
         assert trajectory.duration_s <= 3.0 * path.length_m / LIMITS.v_m_s + 3.0 * (1 + len(path.cusps))
 
 
+@pytest.mark.parametrize("sampled_s", [0.02, 0.005])
+def test_headings_that_are_differentiated_twice_keep_the_turn_acceleration(sampled_s):
+    """A hundred random ways, sampled as poses, the second of them between the trajectory's own samples."""
+    rng = np.random.default_rng(11)
+    worst = []
+    for k in range(100):
+        path = connect(SE2(), SE2(*rng.uniform(-3.0, 3.0, 3)), (0.5, 1.0, 2.0)[k % 3])
+        assert isinstance(path, Path)
+        trajectory = time_scale(path, LIMITS)
+        samples = [trajectory.at(t) for t in np.arange(0.0, trajectory.duration_s, sampled_s)]
+        theta, omega = np.array([pose.theta for pose, _, _ in samples]), np.array([omega for _, _, omega in samples])
+        worst.append(np.abs(np.diff(theta, 2)).max() / sampled_s**2)
+        # Heading and turn rate are one curve.
+        assert np.abs(np.gradient(theta, sampled_s) - omega)[1:-1].max() <= LIMITS.alpha_rad_s2 * sampled_s
+    assert max(worst) <= LIMITS.alpha_rad_s2 * 1.01
+
+
 def test_a_straight_line_takes_the_known_time():
     path = certified(SE2(), SE2(2.0, 0.0, 0.0), (arc_piece(SE2(), 0.0, 2.0, 1),), "arcs and lines")
     trajectory = time_scale(path, LIMITS)

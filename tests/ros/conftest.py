@@ -25,6 +25,7 @@ from vsx_ros.io.run_folder import RunFolder
 from vsx_ros.ros import launch
 from vsx_ros.ros.base_drivers import base_emulator, wheel_base_m
 from vsx_ros.ros.emulation import BodyPlant, BodyState
+from vsx_ros.ros.master_watch import master_watch
 from vsx_ros.ros.render_process import POSE, RenderSettings
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -40,12 +41,14 @@ class WatchedPlant(BodyPlant):
     def __init__(self, *args: Any) -> None:
         self.commanded = (0.0, 0.0)
         self.left_blocked = False
-        self.stopped_s = time.monotonic()
+        self.stopped_s = self.started_s = time.monotonic()
         super().__init__(*args)
 
     def set_wheel_speeds(self, left_m_s: float, right_m_s: float) -> None:
         if self.moving and (left_m_s, right_m_s) == (0.0, 0.0):
             self.stopped_s = time.monotonic()
+        if not self.moving and (left_m_s, right_m_s) != (0.0, 0.0):
+            self.started_s = time.monotonic()
         self.commanded = (left_m_s, right_m_s)
         super().set_wheel_speeds(0.0 if self.left_blocked else left_m_s, right_m_s)
 
@@ -82,10 +85,7 @@ class Stack:
         }
 
     def up(self) -> None:
-        self._spawn("rosmaster", ["rosmaster", "--core", "-p", os.environ["ROS_MASTER_URI"].rsplit(":", 1)[1]])
-        import rosgraph
-
-        self.wait(lambda: rosgraph.is_master_online(), 20.0, "the master")
+        self.start_master()
         start_ns, start_monotonic_ns = time.time_ns(), time.monotonic_ns()
         settings = RenderSettings(
             world=WORLD,
@@ -102,6 +102,13 @@ class Stack:
         self._base.start(start_monotonic_ns)
         for name in self.nodes:
             self.start(name)
+
+    def start_master(self) -> None:
+        """At the address that all nodes know; another one knows nobody."""
+        import rosgraph
+
+        self._spawn("rosmaster", ["rosmaster", "--core", "-p", os.environ["ROS_MASTER_URI"].rsplit(":", 1)[1]])
+        self.wait(lambda: rosgraph.is_master_online(), 20.0, "the master")
 
     def watch_steps(self, watcher: Callable[[BodyState], None]) -> None:
         """Call it with every step of the emulated body, on the emulator's thread."""
@@ -210,6 +217,7 @@ def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
         starter.start()
         starter.join()
         rospy.init_node("observer", disable_signals=True)
+        master_watch()
         yield running
     finally:
         rospy.signal_shutdown("tests are over")

@@ -22,11 +22,21 @@ CHECKOUT = Path(__file__).resolve().parents[2]
 
 
 class CountedPlant(BodyPlant):
-    """The wheels at the far end of the wire; remembers the highest speed that they were told [m/s]."""
+    """The wheels at the far end of the wire; remembers the highest speed that they were told [m/s], and what
+    ``turned_again`` said at the moment when they began to turn."""
 
     fastest_m_s = 0.0
+    turns = could_be_stopped = False
+
+    @staticmethod
+    def turned_again() -> bool:
+        return True
 
     def set_wheel_speeds(self, left_m_s: float, right_m_s: float) -> None:
+        turn = (left_m_s, right_m_s) != (0.0, 0.0)
+        if turn and not self.turns:
+            self.could_be_stopped = self.turned_again()
+        self.turns = turn
         self.fastest_m_s = max(self.fastest_m_s, abs(left_m_s), abs(right_m_s))
         super().set_wheel_speeds(left_m_s, right_m_s)
 
@@ -40,12 +50,21 @@ class LoneBase:
         self.plant = CountedPlant(open_world("lab", 1), 1, RobotConfig(), lambda _: None, wheel_base_m("kobuki"))
         self._emulator = base_emulator("kobuki", self.plant, self.port, 1)
         self._emulator.start(time.monotonic_ns())
-        self._uri = self.processes.environment["ROS_MASTER_URI"]
-        self.processes.start("master", "rosmaster", "--core", "-p", self._uri.rsplit(":", 1)[1])
-        self.processes.wait(lambda: rosgraph.is_master_online(self._uri), "the master")
+        self.uri = self.processes.environment["ROS_MASTER_URI"]
+        self.master_port = self.uri.rsplit(":", 1)[1]
+        self.start_master()
 
-    def start(self, node: str, *words: str) -> None:
-        self.processes.start(node, sys.executable, str(CHECKOUT / "scripts" / node), *words)
+    def start_master(self) -> None:
+        """At the same address each time; another one knows nobody."""
+        self._master = self.processes.start("master", "rosmaster", "--core", "-p", self.master_port)
+        self.processes.wait(lambda: rosgraph.is_master_online(self.uri), "the master")
+
+    def kill_master(self) -> None:
+        self._master.kill()
+        self._master.wait()
+
+    def start(self, node: str, *words: str) -> subprocess.Popen[bytes]:
+        return self.processes.start(node, sys.executable, str(CHECKOUT / "scripts" / node), *words)
 
     def run(self, node: str, *words: str) -> subprocess.CompletedProcess[str]:
         return self.processes.run(sys.executable, str(CHECKOUT / "scripts" / node), *words)
@@ -58,7 +77,7 @@ class LoneBase:
 
     def graph(self) -> tuple[dict[str, list[str]], dict[str, list[str]]]:
         """Topic -> publishers and topic -> subscribers, as the master has them."""
-        published, subscribed, _ = rosgraph.Master("/test", self._uri).getSystemState()
+        published, subscribed, _ = rosgraph.Master("/test", self.uri).getSystemState()
         return dict(published), dict(subscribed)
 
     def close(self) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 from rosbags.rosbag1 import Reader
@@ -39,14 +41,27 @@ def test_nothing_heard_leaves_nothing(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_disk_that_is_full_is_told_and_does_not_hang(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("error", [OSError(28, "No space left"), ValueError("No space left")])
+def test_a_disk_that_is_full_is_told_and_does_not_hang(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
     writer = BagWriter(tmp_path / "a.bag")
     writer.put(message(b"one"))
-    monkeypatch.setattr(writer._writer, "write", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left")))
+    monkeypatch.setattr(writer._writer, "write", Mock(side_effect=error))
     for _ in range(1000):
         writer.put(message(b"two"))
     assert writer.close().name in ("a.bag.active", "a.bag")
     assert "No space left" in writer.failure
+
+
+def test_a_folder_that_was_deleted_is_told(tmp_path: Path) -> None:
+    folder = tmp_path / "bags"
+    folder.mkdir()
+    writer = BagWriter(folder / "a.bag")
+    writer.put(message(b"one"))
+    shutil.rmtree(folder)
+    assert writer.close().name == "a.bag.active"
+    assert "No such file" in writer.failure
 
 
 def test_a_folder_that_is_not_there(tmp_path: Path) -> None:

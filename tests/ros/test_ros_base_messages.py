@@ -14,8 +14,8 @@ from sensor_msgs.msg import BatteryState
 
 from vsx_hw.create.dialect import battery_of
 from vsx_hw.kobuki.protocol import battery_state
-from vsx_hw.readings import BatteryReading, GyroReading, Hazard, OdometryReading
-from vsx_ros.ros import base_messages
+from vsx_hw.readings import BatteryReading, GyroReading, Hazard, OdometryReading, RateSample
+from vsx_ros.ros import base_messages, convert
 
 
 @pytest.mark.parametrize(
@@ -44,6 +44,7 @@ def test_motion_that_nobody_measured_has_a_large_covariance() -> None:
     sure, unsure = (base_messages.odometry(OdometryReading(1, 1.0, 0.0, 0.0, 0.0, 0.0, 0, t)) for t in (True, False))
     assert unsure.pose.covariance[0] == pytest.approx(100 * sure.pose.covariance[0])
     assert unsure.pose.covariance[35] == pytest.approx(100 * sure.pose.covariance[35])
+    assert [convert.odometry(msg).trusted for msg in (sure, unsure)] == [True, False]
 
 
 def test_the_gyro_is_a_heading_about_the_vertical() -> None:
@@ -52,6 +53,20 @@ def test_the_gyro_is_a_heading_about_the_vertical() -> None:
     assert msg.angular_velocity.z == 0.3
     assert msg.orientation_covariance[8] == 0.05 < msg.orientation_covariance[0]
     assert msg.linear_acceleration_covariance[0] == -1.0
+
+
+def test_a_gyro_that_is_not_believed_has_a_large_covariance() -> None:
+    sure, unsure = (base_messages.imu(GyroReading(0.0, 0.3, trusted), 5) for trusted in (True, False))
+    for field in ("orientation_covariance", "angular_velocity_covariance"):
+        assert getattr(unsure, field)[8] == pytest.approx(100 * getattr(sure, field)[8])
+
+
+def test_a_raw_sample_of_the_gyro_has_rates_and_nothing_else() -> None:
+    msg = base_messages.raw_imu(RateSample(7, 0.1, -0.2, 0.3))
+    assert (msg.angular_velocity.x, msg.angular_velocity.y, msg.angular_velocity.z) == (0.1, -0.2, 0.3)
+    assert (msg.header.stamp.to_nsec(), msg.header.frame_id) == (7, "gyro_link")
+    assert (msg.orientation_covariance[0], msg.linear_acceleration_covariance[0]) == (-1.0, -1.0)
+    assert msg.angular_velocity_covariance[::4] == pytest.approx([math.radians(0.2) ** 2] * 3)
 
 
 @pytest.mark.parametrize(

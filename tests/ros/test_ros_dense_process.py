@@ -19,6 +19,7 @@ from vsx_ros.errors import VsxError
 from vsx_ros.geometry.camera import PinholeCamera, mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
+from vsx_ros.ros import dense_process
 from vsx_ros.ros.dense_process import DenseProcess
 from vsx_ros.slam.snapshot import MapSnapshot
 
@@ -76,3 +77,13 @@ def test_a_reader_that_is_gone_is_the_end_without_words() -> None:
     )
     os.close(writer)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_process_that_hangs_is_ended_and_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    beside = DenseProcess(CAMERA, MOUNT, DenseConfig(), 1)
+    os.kill(beside.pid, signal.SIGSTOP)
+    monkeypatch.setattr(dense_process, "_ANSWER_S", 0.5)
+    with pytest.raises(VsxError, match="has ended"):
+        beside.update(seen(3))
+    beside.close()
+    assert beside._child.wait(10.0) == -signal.SIGKILL

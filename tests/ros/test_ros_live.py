@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import subprocess
+import threading
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -11,7 +16,8 @@ pytest.importorskip("rospy")
 
 from lone_base import LoneBase
 
-from vsx_ros.ros import topics
+from vsx_ros.cli import streams
+from vsx_ros.ros import live, topics
 
 pytestmark = pytest.mark.ros
 
@@ -36,6 +42,19 @@ with Live([base], {{}}, ("mobile_base",)) as live:
 after = rosgraph.Master("/test").hasParam("/mobile_base/estopped")
 print(json.dumps([began, before, stopped, after]))
 """
+
+
+def test_a_launcher_that_hangs_is_left_behind_and_its_nodes_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live, "_END_S", 0.1)
+    monkeypatch.setattr(live.rospy, "signal_shutdown", lambda _: None)
+    with subprocess.Popen(["sleep", "600"], start_new_session=True) as node:
+        run = live.Live([], {}, ())
+        hangs = threading.Event()
+        processes = SimpleNamespace(procs=[SimpleNamespace(popen=node), SimpleNamespace(popen=None)])
+        run._parent = SimpleNamespace(pm=processes, shutdown=hangs.wait)
+        run._end(streams.lossy(os.open(os.devnull, os.O_WRONLY), close=True))
+        hangs.set()
+        assert node.wait(10.0) == -signal.SIGKILL
 
 
 @pytest.fixture

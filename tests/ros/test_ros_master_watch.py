@@ -1,32 +1,31 @@
-"""A master that answers, one that is gone, one that comes back."""
+"""A master that answers, one that is gone, one that comes back and knows nobody, one that is somebody else's."""
 
 from __future__ import annotations
 
+import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
+from socketserver import ThreadingMixIn
+from typing import Any
 from xmlrpc.server import SimpleXMLRPCServer
 
 import pytest
 
 pytest.importorskip("rospy")
 
+import rosgraph
 from ros_ports import HOST, free_port
+from rosmaster.master_api import ROSMasterHandler
 
+from vsx_ros.ros import master_watch, registrations
 from vsx_ros.ros.master_watch import MasterWatch
+from vsx_ros.ros.registrations import Offers
 
-
-class Master:
-    """What is asked of one, at a port of this machine."""
-
-    def __init__(self, port: int) -> None:
-        self._server = SimpleXMLRPCServer((HOST, port), logRequests=False)
-        self._server.register_function(lambda name: [1, "", 1], "getPid")
-        threading.Thread(target=self._server.serve_forever, args=(0.01,), daemon=True).start()
-
-    def end(self) -> None:
-        self._server.shutdown()
-        self._server.server_close()
+OFFERS = Offers(
+    {"/odom": "nav_msgs/Odometry"}, {"/cmd": "geometry_msgs/Twist"}, {"/base/estop": "rosrpc://localhost:1"}
+)  # fmt: skip
+ME = f"http://{HOST}:9/"
 
 
 def wait(condition: Callable[[], bool]) -> bool:
@@ -36,40 +35,172 @@ def wait(condition: Callable[[], bool]) -> bool:
     return condition()
 
 
+class Server(ThreadingMixIn, SimpleXMLRPCServer):
+    daemon_threads = True
+    block_on_close = False
+
+
+class Graph:
+    """The master of ROS itself, at a port where it can be ended and started anew."""
+
+    def __init__(self, port: int) -> None:
+        self._port = port
+        self.server = Server((HOST, port), logRequests=False)
+        self.server.register_instance(ROSMasterHandler(3))
+        self.server.register_multicall_functions()
+        threading.Thread(target=self.server.serve_forever, args=(0.01,), daemon=True).start()
+        self.asked = rosgraph.Master("/test", f"http://{HOST}:{port}/")
+
+    def end(self) -> None:
+        self.server.shutdown()
+        self.server.server_close()
+
+    def anew(self) -> Graph:
+        self.end()
+        return Graph(self._port)
+
+    def knows_base(self) -> bool:
+        published, subscribed, services = (dict(names) for names in self.asked.getSystemState())
+        return (
+            published.get("/odom") == ["/base"]
+            and subscribed.get("/cmd") == ["/base"]
+            and services.get("/base/estop") == ["/base"]
+        )
+
+
 @pytest.fixture
 def port(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     """Of the master to watch; the watch ends with the test."""
     port, ended = free_port(), threading.Event()
     monkeypatch.setenv("ROS_MASTER_URI", f"http://{HOST}:{port}/")
-    monkeypatch.setattr("rospy.get_name", lambda: "/base")
-    monkeypatch.setattr("rospy.is_shutdown", ended.is_set)
+    for name, value in (("get_name", "/base"), ("core.is_shutdown_requested", None), ("core.get_node_uri", ME)):
+        monkeypatch.setattr(f"rospy.{name}", ended.is_set if value is None else lambda value=value: value)
+    monkeypatch.setattr("rospy.resolve_name", lambda name: name.replace("~", "/base/"))
+    monkeypatch.setattr(registrations, "offers", lambda: OFFERS)
+    monkeypatch.setattr(master_watch, "PERIOD_S", 0.1)
     yield port
     ended.set()
+    time.sleep(0.2)
+
+
+@pytest.fixture
+def graph(port: int) -> Iterator[list[Graph]]:
+    """The master of now, as the only entry; ended with the test."""
+    graph = [Graph(port)]
+    yield graph
+    graph[0].end()
 
 
 def test_a_master_that_refuses_is_gone_and_one_that_answers_is_back(port: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("vsx_ros.ros.master_watch.SILENT_AFTER_S", 1e6)
-    master = Master(port)
+    monkeypatch.setattr(master_watch, "SILENT_AFTER_S", 1e6)
+    graph = Graph(port)
     try:
         watch = MasterWatch()
-        assert watch.answers
-        master.end()
+        assert wait(lambda: not watch.trouble)
+        graph.end()
         assert wait(lambda: not watch.answers), "refused, and it is said to be there"
-        master = Master(port)
-        assert wait(lambda: watch.answers), "it answers, and it is said to be gone"
+        assert watch.trouble == "the ROS master does not answer; start it again"
+        graph = Graph(port)
+        assert wait(lambda: not watch.trouble), "it answers, and it is said to be gone"
     finally:
-        master.end()
+        graph.end()
 
 
-def test_an_answer_that_means_nothing_is_none_and_is_not_the_last(port: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_answer_that_means_nothing_is_none_and_is_not_the_last(
+    graph: list[Graph], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Somebody else at the master's port for a while: the watch goes on."""
-    master = Master(port)
-    try:
+    watch = MasterWatch()
+    assert wait(lambda: not watch.trouble)
+    with monkeypatch.context() as babel:
+        babel.setattr(graph[0].server, "_marshaled_dispatch", lambda *_, **__: b"<methodResponse><nonsense")
+        assert wait(lambda: not watch.answers), "nonsense, and it is said to be there"
+        time.sleep(0.3)
+    assert wait(lambda: not watch.trouble), "it answers, and it is said to be gone"
+
+
+def test_nothing_may_move_until_a_new_master_knows_all_of_the_node(
+    graph: list[Graph], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    watch = MasterWatch()
+    assert wait(lambda: not watch.trouble)
+    assert graph[0].knows_base()
+    held, register = threading.Event(), registrations.register
+
+    def in_time(offers: Offers) -> None:
+        held.wait(10.0)
+        register(offers)
+
+    monkeypatch.setattr(registrations, "register", in_time)
+    graph[0] = graph[0].anew()
+    assert wait(lambda: "does not" in watch.trouble)
+    time.sleep(0.5)
+    assert watch.trouble, "it answers, but knows nobody"
+    held.set()
+    assert wait(lambda: not watch.trouble)
+    assert graph[0].knows_base()
+
+
+@pytest.mark.parametrize("lost", ["service", "publisher", "subscriber"])
+def test_what_a_master_has_lost_of_the_node_is_registered_anew(graph: list[Graph], lost: str) -> None:
+    watch = MasterWatch()
+    assert wait(lambda: not watch.trouble)
+    as_base = rosgraph.Master("/base", graph[0].asked.master_uri)
+    if lost == "service":
+        as_base.unregisterService("/base/estop", OFFERS.services["/base/estop"])
+    elif lost == "publisher":
+        as_base.unregisterPublisher("/odom", ME)
+    else:
+        as_base.unregisterSubscriber("/cmd", ME)
+    assert not graph[0].knows_base()
+    assert wait(graph[0].knows_base)
+
+
+def test_a_new_master_gets_the_parameters_of_the_old_one_but_not_over_newer_ones(graph: list[Graph]) -> None:
+    for name, value in (("/base/port", "/dev/one"), ("/base/robot_type", "create"), ("config", {"a": {"b": 1.5}})):
+        graph[0].asked.setParam(name, value)
+    graph[0].asked.setParam("/use_sim_time", True)
+    watch = MasterWatch()
+    assert wait(lambda: not watch.trouble)
+    watch.keep({"~estopped": True})
+    assert graph[0].asked.getParam("/base/estopped") is True
+    graph[0].asked.setParam("/config/a/b", 2.5)
+    graph[0].asked.deleteParam("/use_sim_time")
+    time.sleep(1.5)
+    watch.remember({"/follower/gain": 2})
+    graph[0].end()
+    assert wait(lambda: not watch.answers)
+    graph[0] = Graph(graph[0]._port)
+    graph[0].asked.setParam("/base/port", "/dev/two")
+    assert wait(lambda: not watch.trouble)
+    told = graph[0].asked.getParam("/")
+    assert told["base"] == {"port": "/dev/two", "robot_type": "create", "estopped": True}
+    assert (told["follower"], told["config"]) == ({"gain": 2}, {"a": {"b": 2.5}})
+    assert "use_sim_time" not in told, "the replay that set it was over"
+
+
+def test_what_is_stated_while_no_master_answers_is_written_to_the_next(graph: list[Graph]) -> None:
+    graph[0].asked.setParam("/base/estopped", False)
+    watch = MasterWatch()
+    assert wait(lambda: not watch.trouble)
+    graph[0].end()
+    assert wait(lambda: not watch.answers)
+    watch.keep({"~estopped": True})
+    graph[0] = Graph(graph[0]._port)
+    assert wait(lambda: not watch.trouble)
+    assert graph[0].asked.getParam("/base/estopped") is True
+
+
+@pytest.mark.parametrize("what", ["node", "service"])
+def test_a_master_where_another_robot_has_the_name_is_left_alone(graph: list[Graph], what: str) -> None:
+    with socket.create_server((HOST, 0)) as living:
+        address = f"http://{HOST}:{living.getsockname()[1]}/"
+        stranger = rosgraph.Master("/base" if what == "node" else "/other", graph[0].asked.master_uri)
+        before: Any = stranger.registerService("/base/estop", address.replace("http", "rosrpc"), address)
         watch = MasterWatch()
-        with monkeypatch.context() as babel:
-            babel.setattr(master._server, "_marshaled_dispatch", lambda *_: b"<methodResponse><nonsense")
-            assert wait(lambda: not watch.answers), "nonsense, and it is said to be there"
-            time.sleep(0.3)
-        assert wait(lambda: watch.answers), "it answers, and it is said to be gone"
-    finally:
-        master.end()
+        assert wait(lambda: "another node" in watch.trouble), "its services would be taken from it"
+        time.sleep(0.5)
+        assert graph[0].asked.lookupService("/base/estop") == address.replace("http", "rosrpc"), before
+        assert "another node" in watch.trouble
+    assert wait(lambda: not watch.trouble), "it has died"
+    assert graph[0].knows_base()

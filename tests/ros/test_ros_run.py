@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -21,6 +22,7 @@ from ros_ports import free_port
 
 from vsx_ros.cli.exit_codes import DONE, FAILED, STOPPED
 from vsx_ros.config import Config
+from vsx_ros.io.journal import read_journal
 from vsx_ros.io.run_folder import RunEvent, RunFolder
 from vsx_ros.ros.run import all_events
 
@@ -81,6 +83,41 @@ def test_ctrl_c_stops_the_robot_ends_every_process_and_leaves_a_run_folder(tmp_p
     assert folder.read_map() is not None
 
 
+def test_a_run_whose_own_master_is_killed_ends_in_one_sentence_with_every_process(tmp_path: Path) -> None:
+    port, out = free_port(), tmp_path / "run"
+    command = run_command("--world", "lab", "--seed", "1", "--time", "300", "--headless", "--out", str(out))
+    lines: list[str] = []
+    with subprocess.Popen(
+        command, env=environment(tmp_path, port), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as run:
+        assert run.stderr is not None
+        assert run.stdout is not None
+        reader = threading.Thread(target=lines.extend, args=(run.stderr,), daemon=True)
+        reader.start()
+        deadline_s = time.monotonic() + 90.0
+        while not any("| mapping |" in line for line in lines):
+            assert time.monotonic() < deadline_s, lines
+            assert run.poll() is None, lines
+            time.sleep(0.1)
+        (master,) = (entry for entry in Path("/proc").glob("[0-9]*/cmdline") if is_master(entry, port))
+        os.kill(int(master.parent.name), signal.SIGKILL)
+        said = run.stdout.read()
+        assert run.wait(60.0) == FAILED, (said, lines)
+    reason = "the ROS master of this run has ended, so the robot was stopped; explore again"
+    assert said.splitlines()[0] == reason
+    assert not any("Traceback" in line for line in lines)
+    assert not processes_that_name(f"-p {port}")
+    assert not processes_that_name(str(out))
+    assert json.loads((out / "summary.json").read_text(encoding="utf-8"))["stop_reason"] == reason
+
+
+def is_master(entry: Path, port: int) -> bool:
+    with contextlib.suppress(OSError):
+        words = entry.read_bytes().split(b"\0")
+        return any(word.endswith(b"rosmaster") for word in words) and str(port).encode() in words
+    return False
+
+
 @pytest.mark.parametrize("base", ["kobuki", "create", "create2"])
 def test_each_base_explores_over_its_emulator(tmp_path: Path, base: str) -> None:
     out = tmp_path / "run"
@@ -95,6 +132,28 @@ def test_each_base_explores_over_its_emulator(tmp_path: Path, base: str) -> None
     truth = RunFolder.open(out).read_poses("groundtruth")
     assert 0.05 < float(abs(truth[-1].T.translation - truth[0].T.translation).max()) < 4.0
     assert "Traceback" not in (out / "log" / "terminal.log").read_text(encoding="utf-8")
+
+
+def test_a_live_run_whose_files_may_not_grow_ends_in_order_and_keeps_what_fits(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    command = run_command("--world", "lab", "--seed", "1", "--time", "15", "--headless", "--out", str(out))
+    done = subprocess.run(
+        command,
+        env=environment(tmp_path, free_port()),
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000)),
+        capture_output=True,
+        text=True,
+        timeout=180,
+        check=False,
+    )
+    assert done.returncode == FAILED, done.stderr
+    assert done.stdout.startswith("time limit of 15 s\n")
+    assert "vsx: not all of the run is kept: " in done.stderr
+    assert "Traceback" not in done.stderr
+    summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    assert (summary["stop_reason"], summary["collisions"]) == ("time limit of 15 s", 0)
+    assert read_journal(RunFolder(out).journal)
+    assert not processes_that_name(str(out))
 
 
 def test_a_resumed_run_whose_slam_never_began_tells_nothing_twice(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """What vslam keeps of a run: gone on with by the next session, and a full disk is told but ends nothing."""
 
+import errno
 import sys
 import time
 from pathlib import Path
@@ -14,10 +15,10 @@ from processes import Processes
 from ros_ports import HOST, free_port
 
 from vsx_ros.config import Config
-from vsx_ros.errors import MapFileError
+from vsx_ros.errors import InputError, MapFileError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.io.run_folder import RunEvent
+from vsx_ros.io.run_folder import RunEvent, RunFolder
 from vsx_ros.robot import Odometry, VelocityCommand
 from vsx_ros.ros import process
 from vsx_ros.ros.run_keeper import RunKeeper
@@ -83,7 +84,8 @@ def test_a_map_that_takes_long_to_write_is_written_less_often(driven, tmp_path: 
 def test_a_full_disk_is_told_and_ends_nothing(driven, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     robot, slam, frames = driven
     said: list[str] = []
-    monkeypatch.setattr(process.rospy, "logerr_throttle", lambda period_s, form, error: said.append(form % error))
+    monkeypatch.setattr(process, "due", lambda *_: True)
+    monkeypatch.setattr(process.rospy, "logerr", lambda form, error: said.append(form % error))
     keeper = RunKeeper(tmp_path, robot.T_base_cam_given)
     (tmp_path / "resume" / "keyframes").touch()  # no folder, so nothing can be written into it
     keeper.note(slam, frames[-1][0].stamp_ns)
@@ -143,10 +145,11 @@ def test_a_run_whose_results_cannot_be_written_can_be_gone_on_with(driven, tmp_p
         keeper.frame(result, odometry, 0.01, 5.0, [])
 
     def refuse(*_) -> None:
-        raise OSError(28, "full", "trajectory.txt")
+        raise OSError(errno.ENOSPC, "full", "trajectory.txt")
 
-    monkeypatch.setattr(keeper.record, "write", refuse)
-    with pytest.raises(OSError, match="full"):
+    monkeypatch.setattr(RunFolder, "write_poses", refuse)
+    with pytest.raises(InputError, match="trajectory.txt cannot be used"):
         keeper.finish(slam, None, None)
+    assert {"summary.json", "frames.csv", "events.jsonl"} <= {path.name for path in tmp_path.iterdir()}
     keeper.write(GROUND)
     assert RunKeeper(tmp_path, robot.T_base_cam_given).before.stamp_ns == frames[-1][0].stamp_ns

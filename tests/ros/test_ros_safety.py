@@ -18,6 +18,7 @@ import pytest
 
 pytest.importorskip("rospy")
 
+import rosgraph
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped, Twist
@@ -198,15 +199,45 @@ def test_the_emergency_stop_outlives_a_reconnection_and_a_restart_of_its_node(st
         estop(False)
 
 
-@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSTOP])
-def test_without_their_guardian_the_wheels_stand_until_there_is_a_new_one(stack: Stack, end: signal.Signals) -> None:
+def test_all_nodes_register_with_another_master_and_the_robot_explores_on(stack: Stack) -> None:
+    master = rosgraph.Master("/test")
+
+    def graph() -> set[tuple[int, str, str]]:
+        """What is published, subscribed and served by whom."""
+        return {
+            (kind, name, node)
+            for kind, names in enumerate(master.getSystemState())
+            for name, nodes in names
+            for node in nodes
+            if node.lstrip("/") in stack.nodes
+        }
+
     stack.wait_until_driving()
-    (guardian,) = children(stack._processes["mobile_base"].pid)
-    os.kill(guardian, end)
+    before, parameters = graph(), master.getParam("/")
+    stack.kill("rosmaster")
     stack.wait(lambda: not stack.plant.moving, 2.0, "the wheels to stand")
-    stack.wait(lambda: children(stack._processes["mobile_base"].pid) not in ([guardian], []), 10.0, "a new guardian")
+    time.sleep(1.0)
+    assert not stack.plant.moving
+    stack.start_master()
+    stack.wait(lambda: graph() == before, 15.0, "all nodes to register")
+    after = master.getParam("/")
+    assert {name: after.get(name) for name in stack.nodes} == {name: parameters.get(name) for name in stack.nodes}
     stack.wait_until_driving()
-    assert guardian not in children(stack._processes["mobile_base"].pid)
+    assert not stack.dead()
+
+
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSTOP])
+def test_without_both_guardians_the_wheels_stand_until_there_is_a_new_one(stack: Stack, end: signal.Signals) -> None:
+    stack.wait_until_driving()
+    before = children(stack._processes["mobile_base"].pid)
+    assert len(before) == 2
+    os.kill(before[0], end)
+    stack.wait(lambda: not stack.plant.moving, 2.0, "the wheels to stand")
+    stack.wait(
+        lambda: len(set(children(stack._processes["mobile_base"].pid)) - set(before)) == 1, 10.0, "a new guardian"
+    )
+    stack.wait_until_driving()
+    assert before[0] not in children(stack._processes["mobile_base"].pid)
 
 
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])

@@ -5,7 +5,7 @@ import math
 import pytest
 from spoilt_drives import FIRST, LAST, TRACKED, between, run
 
-from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se2 import SE2, wrap_angle
 from vsx_ros.robot import Odometry
 from vsx_ros.slam.state import TrackingState
 from vsx_ros.slam.wheel_readings import WheelReadings
@@ -94,4 +94,46 @@ def test_wheels_that_slip_are_not_believed(arc_drive, share):
     done = run(arc_drive, slipping)
     assert any("contradict the images" in reason for reason in done.reasons("gap"))
     assert set(done.states(FIRST)) <= set(TRACKED)
+    assert done.worst_m < 0.04
+
+
+def _turned(drive, wrong):
+    """Headings of the wheels that are off by wrong(seconds, turn) from frame FIRST on."""
+    began = drive.frames[FIRST][1]
+
+    def change(k, frame, odometry):
+        if k < FIRST:
+            return frame, odometry
+        T = odometry.T_odom_base
+        seconds = (odometry.stamp_ns - began.stamp_ns) * 1e-9
+        off = wrong(seconds, T.theta - began.T_odom_base.theta)
+        return frame, odometry._replace(T_odom_base=SE2(T.x, T.y, T.theta + off))
+
+    return change
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda seconds, turn: 0.2,
+        lambda seconds, turn: -0.25,
+        lambda seconds, turn: 0.1,
+        lambda seconds, turn: math.radians(5.0) * seconds,
+        lambda seconds, turn: -2.0 * turn,
+        lambda seconds, turn: -turn,
+    ],
+    ids=["jumps left", "jumps right", "jumps a little", "drifts", "wrong sign", "stands"],
+)
+def test_a_heading_of_the_wheels_that_the_image_contradicts_is_never_tracked(arc_drive, wrong):
+    """A jump of 0.2 rad, less than a base can turn in a frame and its slack, once turned the map by 12 deg for good."""
+    done = run(arc_drive, _turned(arc_drive, wrong))
+    assert any("contradict the images" in reason for reason in done.reasons("gap"))
+    assert set(done.states(FIRST)) <= set(TRACKED)
+    T_cam_base = arc_drive.T_base_cam.inverse()
+    headings = [
+        wrap_angle(SE2.from_se3(r.T_world_cam @ T_cam_base).theta - SE2.from_se3(truth @ T_cam_base).theta)
+        for r, (_, _, truth) in zip(done.results, arc_drive.frames)
+        if r.state in TRACKED
+    ]
+    assert max(abs(wrap_angle(heading - headings[0])) for heading in headings) < math.radians(1.0)
     assert done.worst_m < 0.04

@@ -15,16 +15,24 @@ from vsx_hw.create.protocol import (
     encode_play,
     encode_song,
     mode_of,
+    wheel_speeds,
 )
 from vsx_hw.readings import BaseReading, BatteryReading, GyroReading, Hazard, OdometryReading, Signal
+from vsx_hw.rounding import CarriedTurn
 
-SAFETY_PACKETS = [7, 9, 10, 11, 12, 18, 35]
+SAFETY_PACKETS = [7, 9, 10, 11, 12, 14, 18, 35]
 BATTERY_PACKETS = [21, 22, 25, 26, 34]
 
 CYCLES_TO_RETRY_MODE = 25
 
 MODE_PAUSE_S = 0.05
 """Commands within 20 ms of a change of mode are lost."""
+
+CHARGING = (1, 2, 3)
+_KNOWN = {21: ("charging state", range(6)), 34: ("chargers", range(4))}
+"""What a packet may say; anything else is told, and taken for nothing."""
+_SLOW = {18: 0, 21: 0, 22: 500, 25: 100, 26: 0, 34: 0}
+"""By how much packets change from one report to the next, mV and mAh; what people change counts when repeated."""
 
 BRIGHT = 255
 _COLORS = {Signal.READY: 0, Signal.HELD: 128, Signal.ALARM: 255}
@@ -35,40 +43,56 @@ class CreateDialect:
     """See ``vsx_hw.base_driver.Dialect``.
 
     The robots are driven in Safe mode: at a cliff or a raised wheel they stop by themselves and fall to Passive. They
-    are put back to Safe when the cause is gone, or for reversing from a cliff, and a command to move arrives.
+    are put back to Safe when the cause is gone, or for reversing from a cliff, and a command to move arrives; from a
+    mode that is not known at once, unless they charge.
     """
 
     def __init__(self, model: Model) -> None:
         self._model = model
-        self._mode = Mode.UNKNOWN
+        self._forget()
+
+    def _forget(self) -> None:
+        """What the robot said in another connection."""
+        self._mode = Mode.OFF
         self._hazards = Hazard.NONE
+        self._charges = self._doubted = self.driving = False
+        self._last: Mapping[int, int] = {}
         self._cycles_out_of_safe = 0
-        self.driving = False
+        self._rounding = CarriedTurn()
 
     @property
     def obeys(self) -> bool:
-        """Whether a command to drive is sent: in Passive the robot would not hear it."""
-        return self._mode in (Mode.SAFE, Mode.FULL, Mode.UNKNOWN)
+        """Whether a command to drive is sent: in Passive the robot would not hear it, in an unknown mode it might."""
+        return self._mode in (Mode.SAFE, Mode.FULL)
 
     def wheel_command(self, v_m_s: float, omega_rad_s: float) -> bytes:
         """Drive, or go back to Safe first."""
-        self.driving = v_m_s != 0.0 or omega_rad_s != 0.0
+        wanted = v_m_s != 0.0 or omega_rad_s != 0.0
+        self.driving = wanted and self.obeys
         if self.obeys:
             self._cycles_out_of_safe = 0
-            half = 500.0 * self._model.wheel_base_m * omega_rad_s
-            return encode_drive_direct(1000.0 * v_m_s - half, 1000.0 * v_m_s + half)
+            return self._rounding.command(v_m_s, omega_rad_s, self._encoded)
+        unknown = self._mode is Mode.UNKNOWN
         self._cycles_out_of_safe += 1
         cause = self._hazards & (Hazard.WHEEL_DROP if v_m_s < 0.0 else Hazard.WHEEL_DROP | Hazard.CLIFF)
-        if self.driving and not cause and self._cycles_out_of_safe % CYCLES_TO_RETRY_MODE == 1:
-            return bytes((Opcode.SAFE,))
-        return b""
+        asks = (wanted or unknown and not self._charges) and not cause
+        back = asks and self._cycles_out_of_safe % CYCLES_TO_RETRY_MODE == 1
+        return (self.halt() if unknown else b"") + (bytes((Opcode.SAFE,)) if back else b"")
+
+    def _encoded(self, v_m_s: float, omega_rad_s: float) -> tuple[bytes, float]:
+        base = 1000.0 * self._model.wheel_base_m
+        left, right = wheel_speeds(1000.0 * v_m_s - 0.5 * base * omega_rad_s, 1000.0 * v_m_s + 0.5 * base * omega_rad_s)
+        return encode_drive_direct(left, right), (right - left) / base
 
     def show(self, signal: Signal) -> bytes:
-        """See Dialect. The power lamp, and in an alarm the song of ``greeting``."""
+        """See Dialect. The power lamp, and in an alarm the song of ``greeting``: only in Safe and Full."""
+        if not self.obeys:
+            return b""
         return encode_lamps(0, _COLORS[signal], BRIGHT) + (encode_play(ALARM_SONG) if signal is Signal.ALARM else b"")
 
     def greeting(self) -> Iterable[tuple[bytes, float]]:
         """To Passive, to Safe, with the pauses that the robots need, and the song of an alarm to their memory."""
+        self._forget()
         yield bytes((Opcode.START,)), MODE_PAUSE_S
         yield bytes((Opcode.SAFE,)), MODE_PAUSE_S
         yield encode_song(ALARM_SONG, ALARM_NOTES), 0.0
@@ -86,11 +110,30 @@ class CreateDialect:
         self, values: Mapping[int, int], odometry: OdometryReading, gyro: GyroReading | None = None
     ) -> BaseReading:
         """The reading of SAFETY_PACKETS and BATTERY_PACKETS."""
-        self._mode = mode_of(values[35])
-        self._hazards = hazards_of(values)
+        self._mode, self._charges = mode_of(values[35]), values[21] in CHARGING
+        hazards = hazards_of(values)  # a contact ends with the second report that says so: one may have been damaged
+        held, self._hazards = hazards | self._hazards, hazards
+        mode, refusal = self._mode.name.lower(), ""
+        if self._mode is Mode.UNKNOWN:
+            mode = f"unknown {values[35]}"
+            refusal = (
+                f"mode {values[35]} is none that is known to obey; Safe is asked for, if it does not come switch the "
+                "robot off and on"
+            )
         return BaseReading(
-            odometry.stamp_ns, odometry, self._hazards, battery_of(values), values[18], self._mode.name.lower(), gyro
+            odometry.stamp_ns, odometry, held, battery_of(values), values[18], mode, gyro, refusal, warnings_of(values)
         )
+
+    def believes(self, values: Mapping[int, int], follows: bool = True) -> bool:
+        """Whether these values can come after those of the last report. What cannot is refused once: the next report
+        counts whatever it says. follows: what else there is to tell."""
+        if not is_plausible(values):
+            return False
+        steady = all(abs(values[p] - self._last.get(p, values[p])) <= most for p, most in _SLOW.items())
+        self._doubted = not (self._doubted or (follows and steady))
+        if not self._doubted:
+            self._last = values
+        return not self._doubted
 
     def silence(self) -> str:
         """See Dialect."""
@@ -104,12 +147,22 @@ class CreateDialect:
 def is_plausible(values: Mapping[int, int]) -> bool:
     """Whether a robot can have sent SAFETY_PACKETS and BATTERY_PACKETS like these. An answer to a query has neither
     frame nor checksum, so this is all that tells it from bytes that slipped."""
-    flags = values[7] <= 31 and max(values[p] for p in (9, 10, 11, 12)) <= 1
-    return flags and values[21] <= 6 and values[34] <= 3 and 5_000 <= values[22] <= 25_000 and values[26] <= 10_000
+    flags = max(values[7], values[14]) <= 31 and max(values[p] for p in (9, 10, 11, 12)) <= 1
+    return flags and 5_000 <= values[22] <= 25_000 and values[26] <= 10_000
+
+
+def warnings_of(values: Mapping[int, int]) -> tuple[str, ...]:
+    """What the robot says that the Open Interface does not have, with the value."""
+    return tuple(
+        f"{name} {values[packet]} (packet {packet}) is unknown, taken for 0; look at the charger"
+        for packet, (name, known) in _KNOWN.items()
+        if values[packet] not in known
+    )
 
 
 def hazards_of(values: Mapping[int, int]) -> Hazard:
-    """Packets 7 (bit 0 right, 1 left bump; 2 right, 3 left, 4 caster drop) and 9-12 (cliffs from left to right)."""
+    """Packets 7 (bit 0 right, 1 left bump; 2 right, 3 left, 4 caster drop), 9-12 (cliffs from left to right) and 14
+    (overcurrent: 3 right, 4 left wheel)."""
     bumps = values[7]
     hazards = Hazard.NONE
     for bit, hazard in ((1, Hazard.BUMPER_RIGHT), (2, Hazard.BUMPER_LEFT)):
@@ -119,12 +172,14 @@ def hazards_of(values: Mapping[int, int]) -> Hazard:
     sides = ((9, Hazard.CLIFF_LEFT), (10, Hazard.CLIFF_CENTER), (11, Hazard.CLIFF_CENTER), (12, Hazard.CLIFF_RIGHT))
     for packet, hazard in sides:
         hazards |= hazard if values[packet] else Hazard.NONE
+    for bit, hazard in ((8, Hazard.OVERCURRENT_RIGHT), (16, Hazard.OVERCURRENT_LEFT)):
+        hazards |= hazard if values[14] & bit else Hazard.NONE
     return hazards
 
 
 def battery_of(values: Mapping[int, int]) -> BatteryReading:
     """Packets 21 (charging state), 22 (mV), 25 and 26 (charge and capacity), 34 (chargers: 2 is the dock)."""
     fraction = min(1.0, values[25] / values[26]) if values[26] else 0.0
-    charging = values[21] in (1, 2, 3)
+    charging = values[21] in CHARGING
     state = "charging" if charging else "critical" if fraction < 0.1 else "low" if fraction < 0.2 else "healthy"
-    return BatteryReading(values[22] / 1000.0, fraction, charging, state, bool(values[34] & 2))
+    return BatteryReading(values[22] / 1000.0, fraction, charging, state, values[34] in (2, 3))

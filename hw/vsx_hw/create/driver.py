@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from vsx_hw.create.dialect import BATTERY_PACKETS, SAFETY_PACKETS, CreateDialect, is_plausible
+from vsx_hw.create.dialect import BATTERY_PACKETS, SAFETY_PACKETS, CreateDialect
 from vsx_hw.create.gyro import BoardGyro
 from vsx_hw.create.odometry import DistanceOdometry, EncoderOdometry
 from vsx_hw.create.protocol import (
     CREATE_1,
     CREATE_2,
+    METRES_PER_TICK,
     Opcode,
     StreamParser,
     decode_packets,
@@ -20,8 +21,12 @@ from vsx_hw.create.protocol import (
 from vsx_hw.readings import BaseReading, GyroReading
 
 ENCODER_PACKETS = [43, 44]
+STREAM_PACKETS = SAFETY_PACKETS + BATTERY_PACKETS + ENCODER_PACKETS
 MOTION_PACKETS = [19, 20]
 GYRO_PACKET = 33
+
+MOST_M_S = 0.6
+"""The robot drives 0.5."""
 
 QUERIES_PER_MOTION = 25
 """Every half second: each reading of distance and angle may cut off most of a millimetre and of a degree."""
@@ -34,24 +39,38 @@ class Create2Dialect(CreateDialect):
         super().__init__(CREATE_2)
         self._odometry = EncoderOdometry(linear_scale, angular_scale)
         self._parser = StreamParser()
+        self._refused = self._heard_ns = 0
 
     def hello(self) -> Iterable[tuple[bytes, float]]:
         """See Dialect."""
-        packets = SAFETY_PACKETS + BATTERY_PACKETS + ENCODER_PACKETS
         yield from self.greeting()
-        yield encode_stream_request(packets, self._model.baud), 0.0
+        yield encode_stream_request(STREAM_PACKETS, self._model.baud), 0.0
 
     def receive(self, data: bytes, now_ns: int) -> list[BaseReading]:
         """See Dialect."""
         readings = []
         for values in self._parser.feed(data):
-            if values.keys() >= {*SAFETY_PACKETS, *BATTERY_PACKETS, *ENCODER_PACKETS}:
+            if list(values) != STREAM_PACKETS or not self.believes(values, self._rolled(values, now_ns)):
+                self._refused += 1
+            else:
+                self._heard_ns = now_ns
                 odometry = self._odometry.update(values[43], values[44], self.driving, now_ns)
                 readings.append(self.base_reading(values, odometry))
         return readings
 
+    def _rolled(self, values: Mapping[int, int], now_ns: int) -> bool:
+        """Whether the wheels can have rolled so far since the last report."""
+        most = MOST_M_S / METRES_PER_TICK * max((now_ns - self._heard_ns) * 1e-9, 0.03)
+        steps = [(values[p] - self._last.get(p, values[p]) + 0x8000) % 0x10000 - 0x8000 for p in ENCODER_PACKETS]
+        return max(map(abs, steps)) <= most
+
+    def waits(self) -> bool:
+        """See Dialect. The robot streams."""
+        return True
+
     def drive(self, v_m_s: float, omega_rad_s: float) -> bytes:
         """See Dialect."""
+        self._odometry.command(*((v_m_s, omega_rad_s) if self.obeys else (0.0, 0.0)))
         return self.wheel_command(v_m_s, omega_rad_s)
 
     def reset_odometry(self) -> None:
@@ -60,7 +79,10 @@ class Create2Dialect(CreateDialect):
 
     def counters(self) -> dict[str, int]:
         """See Dialect."""
-        return {"frames": self._parser.frames, "refused_frames": self._parser.refused}
+        return {
+            "frames": self._parser.frames - self._refused,
+            "refused_frames": self._parser.refused + self._refused,
+        }
 
 
 class Create1Dialect(CreateDialect):
@@ -76,7 +98,7 @@ class Create1Dialect(CreateDialect):
         self._asked: list[int] = []
         self._queries = 0
         self._frames = self._lost = 0
-        self._measured_once = False
+        self._measured_once = self._deaf = False
 
     def hello(self) -> Iterable[tuple[bytes, float]]:
         """See Dialect. What the robot printed at start-up is not an answer; what it drove since the last reading is
@@ -85,6 +107,7 @@ class Create1Dialect(CreateDialect):
             self._odometry.lose()
         self._asked, self._measured_once = [], False
         yield from self.greeting()
+        yield bytes((Opcode.PAUSE_STREAM, 0)), 0.0
 
     def receive(self, data: bytes, now_ns: int) -> list[BaseReading]:
         """See Dialect. Bytes that nobody asked for are a late answer: the motion in it was given up already."""
@@ -95,7 +118,7 @@ class Create1Dialect(CreateDialect):
         if len(self._buffer) < expected:
             return []
         values = decode_packets(bytes(self._buffer[:expected]), self._asked)
-        if len(self._buffer) > expected or not is_plausible(values):
+        if len(self._buffer) > expected or not self.believes(values):
             self._give_up()
             return []
         self._asked = []
@@ -103,11 +126,13 @@ class Create1Dialect(CreateDialect):
         if 19 in values:
             # The first reading holds whatever happened before this program began.
             if self._measured_once:
-                self._odometry.measure(values[19], values[20])
+                self._odometry.measure(values[19], values[20], now_ns)
             self._measured_once = True
         gyro = self._turned(values, now_ns)
-        rate = None if gyro is None else gyro.rate_rad_s
-        return [self.base_reading(values, self._odometry.reading(now_ns, rate), gyro)]
+        odometry = self._odometry.reading(now_ns, None if gyro is None else gyro.rate_rad_s)
+        if gyro is not None:
+            gyro = gyro._replace(trusted=self._odometry.gyro_trusted)
+        return [self.base_reading(values, odometry, gyro)]
 
     def _turned(self, values: Mapping[int, int], now_ns: int) -> GyroReading | None:
         rate = self._gyro.rate_rad_s(values[GYRO_PACKET], not self.driving)
@@ -118,13 +143,21 @@ class Create1Dialect(CreateDialect):
         self._gyro_heading_rad += rate * dt_s
         return GyroReading(self._gyro_heading_rad, rate)
 
+    def waits(self) -> bool:
+        """See Dialect. After a change of mode it is deaf for a moment."""
+        return bool(self._asked) or self._deaf
+
     def drive(self, v_m_s: float, omega_rad_s: float) -> bytes:
         """The command, the camera's supply (digital output 0 of a TurtleBot 1, cleared whenever Safe is left), and the
-        next question; none after an answer that did not come, so that its late bytes are not taken for the next."""
+        next question; none after an answer that did not come, so that its late bytes are not taken for the next, nor
+        behind a change of mode, where it would be lost."""
         self._odometry.command(*((v_m_s, omega_rad_s) if self.obeys else (0.0, 0.0)))
-        command = self.wheel_command(v_m_s, omega_rad_s) + bytes((Opcode.DIGITAL_OUTPUTS, 1))
+        command = self.wheel_command(v_m_s, omega_rad_s) + (bytes((Opcode.DIGITAL_OUTPUTS, 1)) if self.obeys else b"")
+        self._deaf = not self.obeys and command[-1:] == bytes((Opcode.SAFE,))
         if self._asked:
             self._give_up()
+            return command
+        if self._deaf:
             return command
         self._buffer.clear()
         self._asked = [*SAFETY_PACKETS, *BATTERY_PACKETS, GYRO_PACKET]

@@ -135,6 +135,7 @@ class CreateBoard:
         cliffs = {9: Hazard.CLIFF_LEFT, 10: Hazard.CLIFF_CENTER, 11: Hazard.CLIFF_CENTER, 12: Hazard.CLIFF_RIGHT}
         values = {7: bumps, 18: state.buttons, 22: 16000, 25: 2400, 26: 2700, 35: int(self.mode)}
         values |= {packet: int(bool(h & hazard)) for packet, hazard in cliffs.items()}
+        values[14] = 8 * bool(h & Hazard.OVERCURRENT_RIGHT) + 16 * bool(h & Hazard.OVERCURRENT_LEFT)
         if self._model is CREATE_1:
             values[33] = counts_of(state.gyro_rate_rad_s)
             distance, angle = self._travelled(state)

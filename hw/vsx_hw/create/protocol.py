@@ -36,7 +36,7 @@ class Opcode(enum.IntEnum):
 
 
 class Mode(enum.IntEnum):
-    """Packet 35. Real robots also report 4 and 32: UNKNOWN."""
+    """Packet 35. Real robots also report 4 and 32: UNKNOWN, and nobody knows whether they then obey."""
 
     UNKNOWN = -1
     OFF = 0
@@ -176,10 +176,16 @@ def encode_drive_direct(left_mm_s: float, right_mm_s: float) -> bytes:
 
     Raises ProtocolError for numbers that are not finite.
     """
+    left, right = wheel_speeds(left_mm_s, right_mm_s)
+    return struct.pack(">Bhh", Opcode.DRIVE_DIRECT, right, left)
+
+
+def wheel_speeds(left_mm_s: float, right_mm_s: float) -> tuple[int, int]:
+    """(left, right) as ``encode_drive_direct`` sends them."""
     if not (math.isfinite(left_mm_s) and math.isfinite(right_mm_s)):
         raise ProtocolError(f"drive: wheel speeds {left_mm_s}, {right_mm_s} mm/s are not finite; send numbers")
     scale = max(1.0, abs(left_mm_s) / SPEED_LIMIT_MM_S, abs(right_mm_s) / SPEED_LIMIT_MM_S)
-    return struct.pack(">Bhh", Opcode.DRIVE_DIRECT, round(right_mm_s / scale), round(left_mm_s / scale))
+    return round(left_mm_s / scale), round(right_mm_s / scale)
 
 
 def encode_lamps(bits: int, color: int, intensity: int) -> bytes:

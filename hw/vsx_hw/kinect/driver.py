@@ -93,7 +93,8 @@ class KinectCamera:
     def status(self) -> LinkStatus:
         """Health for diagnostics."""
         counters = {"connections": self._keeper.connections, **self._counters, "exposure_locked": int(self._locked)}
-        return LinkStatus(self._keeper.connected, self._keeper.message, self.serial or self._device, counters)
+        keeper = self._keeper
+        return LinkStatus(keeper.connected, keeper.message, self.serial or self._device, counters, keeper.alive)
 
     def close(self) -> None:
         """Stop the stream and release the camera."""

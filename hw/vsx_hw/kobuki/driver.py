@@ -2,28 +2,31 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 
 from vsx_hw.clock import DeviceClock
-from vsx_hw.kobuki.base_control import BaseControl, base_control
+from vsx_hw.kobuki.base_control import BaseControl, base_control, twist_of
 from vsx_hw.kobuki.framing import encode_frame
+from vsx_hw.kobuki.gyro import gyro_reading
 from vsx_hw.kobuki.odometry import KobukiOdometry
 from vsx_hw.kobuki.protocol import (
     AT_THE_DOCK,
     BAUD,
+    CHARGER_STATES,
     Core,
     Feedback,
     Led,
     Sound,
-    StreamParser,
     battery_state,
     drive_payload,
     melody_payload,
     outputs_payload,
     request_versions_payload,
 )
-from vsx_hw.readings import BaseReading, BatteryReading, GyroReading, Hazard, Signal
+from vsx_hw.kobuki.stream import StreamParser
+from vsx_hw.kobuki.versions import STEADY_GYRO, Version, objection
+from vsx_hw.readings import BaseReading, BatteryReading, Hazard, Signal
+from vsx_hw.rounding import CarriedTurn
 
 _LAMPS = {Signal.READY: Led.GREEN, Signal.HELD: Led.ORANGE, Signal.ALARM: Led.RED}
 
@@ -34,10 +37,14 @@ WIRE_NS = 7_000_000
 
 
 class KobukiDialect:
-    """Kobuki frames as readings of a base, commands as frames; see ``vsx_hw.base_driver.Dialect``."""
+    """Kobuki frames as readings of a base, commands as frames; see ``vsx_hw.base_driver.Dialect``.
+
+    Readings refuse to be driven by until the base has told a firmware that is known, or any
+    with ``allow_unknown_firmware``.
+    """
 
     def __init__(self, linear_scale: float = 1.0, angular_scale: float = 1.0) -> None:
-        self.firmware: tuple[int, int, int] | None = None
+        self.allow_unknown_firmware = False
         self._odometry = KobukiOdometry(linear_scale, angular_scale)
         self._frames = self._refused = self._skipped = 0
         self._start_connection()
@@ -46,6 +53,10 @@ class KobukiDialect:
         self._parser = StreamParser()
         self._clock = DeviceClock(1000, 16)
         self._commands_sent = 0
+        self.firmware: Version | None = None
+        self._hardware: Version | None = None
+        self._hazards = Hazard.NONE
+        self._rounding = CarriedTurn()
 
     def hello(self) -> Iterable[tuple[bytes, float]]:
         """Supplies on (the camera's 12 V), wheels still."""
@@ -55,30 +66,55 @@ class KobukiDialect:
 
     def receive(self, data: bytes, now_ns: int) -> list[BaseReading]:
         """See Dialect."""
-        return [self._reading(feedback, now_ns) for feedback in self._parser.feed(data)]
+        return [self._reading(feedback, now_ns) for feedback in self._parser.feed(data, now_ns)]
 
     def _reading(self, feedback: Feedback, now_ns: int) -> BaseReading:
         core = feedback.core
         self.firmware = feedback.firmware_version or self.firmware
+        self._hardware = feedback.hardware_version or self._hardware
+        refusal, warnings = self._trust(core)
+        hazards = hazards_of(core)  # a contact ends with the second frame that says so: one may have been damaged
+        held, self._hazards = hazards | self._hazards, hazards
         stamp_ns = self._clock.host_ns(core.time_ms, now_ns) - WIRE_NS
         fraction, state, charging = battery_state(core.battery_decivolt, core.charger)
+        odometry = self._odometry.update(feedback, stamp_ns)
         return BaseReading(
             stamp_ns,
-            self._odometry.update(feedback, stamp_ns),
-            hazards_of(core),
+            odometry,
+            held,
             BatteryReading(core.battery_decivolt / 10.0, fraction, charging, state, core.charger in AT_THE_DOCK),
             core.buttons,
-            gyro=gyro_of(feedback),
+            gyro=gyro_reading(feedback, stamp_ns, self._odometry.gyro_trusted),
+            refusal=refusal,
+            warnings=warnings,
         )
 
+    def _trust(self, core: Core) -> tuple[str, tuple[str, ...]]:
+        """(refusal, warnings) of the versions and of what this frame says."""
+        warnings = []
+        refusal = objection(self.firmware, self._hardware)
+        if refusal and self.allow_unknown_firmware:
+            warnings.append(f"{refusal.split(';')[0]}; allowed by ~allow_unknown_firmware")
+            refusal = ""
+        if self.firmware is not None and self.firmware < STEADY_GYRO:
+            warnings.append(f"firmware {self.firmware}: the gyro drifts; flash 1.2.0")
+        if core.charger not in CHARGER_STATES:
+            warnings.append(f"charger state {core.charger} is unknown, taken for not charging; look at the charger")
+        return refusal, tuple(warnings)
+
     def drive(self, v_m_s: float, omega_rad_s: float) -> bytes:
-        """Base control; until the base has told its versions they are asked for now and then, but not for ever."""
-        payloads = [drive_payload(base_control(v_m_s, omega_rad_s))]
+        """Base control; until the base has told versions that are known they are asked for, but not for ever."""
+        self._odometry.command(v_m_s, omega_rad_s)
+        payloads = [drive_payload(self._rounding.command(v_m_s, omega_rad_s, _encoded))]
         requests, remainder = divmod(self._commands_sent, FRAMES_PER_REQUEST)
-        if self.firmware is None and remainder == 0 and requests < VERSION_REQUESTS:
+        if objection(self.firmware, self._hardware) and remainder == 0 and requests < VERSION_REQUESTS:
             payloads.append(request_versions_payload())
         self._commands_sent += 1
         return encode_frame(*payloads)
+
+    def waits(self) -> bool:
+        """See Dialect. A Kobuki reports unasked."""
+        return True
 
     def halt(self) -> bytes:
         """See Dialect."""
@@ -118,14 +154,11 @@ class KobukiDialect:
         self._skipped += self._parser.skipped_bytes
 
 
-def gyro_of(feedback: Feedback) -> GyroReading | None:
-    """Heading and rate of sub-payload 4."""
-    inertia = feedback.inertia
-    if inertia is None:
-        return None
-    return GyroReading(math.radians(inertia.angle_centideg / 100.0), math.radians(inertia.rate_centideg_s / 100.0))
-
-
 def hazards_of(core: Core) -> Hazard:
     """The level of each contact in this frame (not its edges: a missed edge would leave the robot blind)."""
-    return Hazard(core.bumper | core.cliff << 3 | core.wheel_drop << 6)
+    return Hazard(core.bumper | core.cliff << 3 | core.wheel_drop << 6 | core.overcurrent << 8)
+
+
+def _encoded(v_m_s: float, omega_rad_s: float) -> tuple[BaseControl, float]:
+    command = base_control(v_m_s, omega_rad_s)
+    return command, twist_of(command)[1]

@@ -8,12 +8,15 @@ import struct
 
 from vsx_hw.kobuki.base_control import WHEEL_BASE_M, BaseControl, twist_of
 from vsx_hw.kobuki.framing import FrameScanner, encode_frame, sub_payloads
+from vsx_hw.kobuki.gyro import RAW_STEP_RAD_S
 from vsx_hw.kobuki.protocol import BAUD, METRES_PER_TICK
 from vsx_hw.readings import Hazard
 from vsx_hw.serial_emulator import Plant, PlantState, SerialEmulator
 
 FRAME_NS = 20_000_000
 TOP_WHEEL_SPEED_M_S = 0.7
+RAW_NOISE = 20.0
+"""Deviation in steps: 0.03 deg/s per root of a hertz (ST L3G4200D data sheet) at 35 Hz."""
 EXTERNAL_POWER = 0x00F0
 FACTORY_GAINS = struct.pack("<B3I", 0, 100_000, 100, 2_000)
 VERSIONS = {1: bytes((10, 4, 4, 0, 1, 0)), 2: bytes((11, 4, 0, 2, 1, 0)), 8: struct.pack("<BB3I", 19, 12, 1, 2, 3)}
@@ -24,14 +27,17 @@ class KobukiBoard:
     """Streams a frame every 20 ms from power-on and obeys base control.
 
     As long as nobody says otherwise it keeps its last command: what the firmware does when commands cease is not
-    documented, and the driver must be safe in the worst case. battery_volt and charger may be changed while it runs;
-    ``outputs`` is the register of lamps and supplies as the driver last wrote it.
+    documented, and the driver must be safe in the worst case. battery_volt, charger and gyro_stands (it repeats what it
+    told last, to the bit) may be changed while it runs; ``outputs`` is the register of lamps and supplies as the driver
+    last wrote it.
     """
 
     baud = BAUD
 
     def __init__(self, plant: Plant, seed: int = 0) -> None:
         self.battery_volt, self.charger = 16.2, 0
+        self.gyro_stands = False
+        self._gyro: tuple[int, int, bytes] | None = None
         self.outputs = EXTERNAL_POWER
         self._plant = plant
         self._rng = random.Random(seed)
@@ -77,7 +83,8 @@ class KobukiBoard:
         """See Board."""
         if time_ns < self._next_frame_ns:
             return b""
-        self._next_frame_ns = max(self._next_frame_ns + FRAME_NS, time_ns - FRAME_NS)
+        late = time_ns - self._next_frame_ns >= FRAME_NS
+        self._next_frame_ns = (time_ns if late else self._next_frame_ns) + FRAME_NS
         parts = self._feedback(self._plant.read(), time_ns) + self._answers
         self._answers = []
         return encode_frame(*parts)
@@ -87,25 +94,32 @@ class KobukiBoard:
         left = (left0 + math.floor(state.left_m / METRES_PER_TICK)) % 65536
         right = (right0 + math.floor(state.right_m / METRES_PER_TICK)) % 65536
         bumper, cliff = state.hazards & Hazard.BUMPER, (state.hazards & Hazard.CLIFF) >> 3
-        wheel_drop = (state.hazards & Hazard.WHEEL_DROP) >> 6
+        wheel_drop, overcurrent = (state.hazards & Hazard.WHEEL_DROP) >> 6, (state.hazards & Hazard.OVERCURRENT) >> 8
         clock = (time0 + time_ns // 1_000_000) % 65536
         angle = (round(math.degrees(state.gyro_rad) * 100) + 18000) % 36000 - 18000
         rate = max(-32768, min(32767, round(math.degrees(state.gyro_rate_rad_s) * 100)))
-        raw = max(-32768, min(32767, round(math.degrees(state.gyro_rate_rad_s) / 0.00875)))
+        if self._gyro is None or not self.gyro_stands:
+            self._gyro = angle, rate, self._samples(state.gyro_rate_rad_s)
         volt = round(self.battery_volt * 10)
-        sample = struct.pack("<hhh", 0, 0, raw)
         return [
             struct.pack(
                 "<BBHBBBHHbbBBBB",
-                *(1, 15, clock, bumper, wheel_drop, cliff, left, right, 0, 0, state.buttons, self.charger, volt, 0),
+                *(1, 15, clock, bumper, wheel_drop, cliff, left, right, 0, 0, state.buttons, self.charger, volt),
+                overcurrent,
             ),
             bytes((3, 3, 0, 0, 0)),
-            struct.pack("<BBhh3x", 4, 7, angle, rate),
+            struct.pack("<BBhh3x", 4, 7, *self._gyro[:2]),
             struct.pack("<BB3H", 5, 6, 1600, 1900, 1600),
             bytes((6, 2, 0, 0)),
-            struct.pack("<BBBB", 13, 14, clock // 20 % 256, 6) + sample + sample,
+            struct.pack("<BBBB", 13, 14, clock // 20 % 256, 6) + self._gyro[2],
             struct.pack("<BB5H6x", 16, 16, 0, 4095, 4095, 4095, 4095),
         ]
+
+    def _samples(self, rate_rad_s: float) -> bytes:
+        """Two samples of three axes, each with the noise of its own that a living sensor has."""
+        raw = rate_rad_s / RAW_STEP_RAD_S
+        steps = [round(self._rng.gauss(mean, RAW_NOISE)) for mean in (0.0, 0.0, raw, 0.0, 0.0, raw)]
+        return struct.pack("<6h", *(max(-32768, min(32767, step)) for step in steps))
 
 
 def kobuki_emulator(plant: Plant, link: str, seed: int = 0) -> SerialEmulator:

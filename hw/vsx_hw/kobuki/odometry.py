@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-import math
-
 from vsx_hw.kobuki.base_control import WHEEL_BASE_M
-from vsx_hw.kobuki.protocol import GYRO_STEP_RAD, METRES_PER_TICK, Feedback
+from vsx_hw.kobuki.gyro import Pulse, turned_rad
+from vsx_hw.kobuki.protocol import METRES_PER_TICK, Feedback
+from vsx_hw.kobuki.stream import signed
+from vsx_hw.planar_pose import PlanarPose
+from vsx_hw.plausibility import PERIOD_NS, Belief, MotionJudge
 from vsx_hw.readings import OdometryReading
 
 LONGEST_GAP_MS = 500
 FASTEST_M_S = 1.5
 """Twice the base's top speed: a faster pair of counts is a power cycle or a damaged frame, not motion."""
+LOST_FRAMES = 50
+"""After a gap the pose is uncertain for a second; where the clock stands or jumps in every frame, for good."""
 
 
 class KobukiOdometry:
-    """Integrates feedback frames. Distance comes from the encoders, heading from the gyro where the frame has it.
+    """Integrates feedback frames. Distance comes from the encoders, heading from the gyro where the frame has it and
+    the ``MotionJudge`` believes it, else from the encoders.
 
     linear_scale and angular_scale correct the travelled distance and the measured turn (1.0 = as built).
     After a gap, a power cycle or an impossible step the counters are taken as a new base line: the pose stays
@@ -25,53 +30,70 @@ class KobukiOdometry:
         self._linear_scale = linear_scale
         self._angular_scale = angular_scale
         self._previous: Feedback | None = None
-        self._pose = (0.0, 0.0, 0.0)
+        self._pose = PlanarPose()
         self._wheels = (0.0, 0.0)
         self._gaps = 0
+        self._judge = MotionJudge(WHEEL_BASE_M)
+        self._pulse = Pulse()
+        self._time_ns = 0  # of the base's own clock, counted on where that fails
+        self._since_gap = LOST_FRAMES
+        self._belief = Belief(0.0)
+
+    @property
+    def gyro_trusted(self) -> bool:
+        """Whether the gyro of the latest frame is believed."""
+        return self._belief.gyro
 
     def reset(self) -> None:
         """Start again at the origin; the counters' base line stays, so the next report is continuous."""
-        self._pose = (0.0, 0.0, 0.0)
+        self._pose = PlanarPose()
+
+    def command(self, v_m_s: float, omega_rad_s: float) -> None:
+        """What the base was told last."""
+        self._judge.command(v_m_s, omega_rad_s)
 
     def update(self, feedback: Feedback, stamp_ns: int) -> OdometryReading:
         """The reading after one more frame."""
         v = omega = 0.0
         if self._previous is not None:
-            motion = self._motion(self._previous, feedback)
-            if motion is None:
-                self._gaps += 1
-            else:
-                distance, turn, dt_s = motion
-                self._advance(distance, turn)
-                v, omega = distance / dt_s, turn / dt_s
+            v, omega = self._move(self._previous, feedback)
         self._previous = feedback
-        x, y, heading = self._pose
-        return OdometryReading(stamp_ns, x, y, heading, v, omega, self._gaps, True, self._wheels)
+        doubt, fault = self._belief.doubt, self._belief.fault
+        if self._since_gap < LOST_FRAMES:
+            doubt = doubt or "clock or counters of the base stood or jumped: its motion is not known"
+        p = self._pose
+        return OdometryReading(
+            stamp_ns, p.x_m, p.y_m, p.heading_rad, v, omega, self._gaps, not doubt, self._wheels, doubt, fault
+        )
 
-    def _motion(self, before: Feedback, after: Feedback) -> tuple[float, float, float] | None:
-        """(distance [m], turn [rad], duration [s]) between two frames, or None where it cannot be known."""
+    def _move(self, before: Feedback, after: Feedback) -> tuple[float, float]:
+        """Count the motion between two frames; its speeds."""
         dt_ms = (after.core.time_ms - before.core.time_ms) % 0x10000
-        if not 0 < dt_ms <= LONGEST_GAP_MS:
-            return None
-        left = METRES_PER_TICK * _signed(after.core.left_ticks - before.core.left_ticks, 0x10000)
-        right = METRES_PER_TICK * _signed(after.core.right_ticks - before.core.right_ticks, 0x10000)
-        if max(abs(left), abs(right)) > FASTEST_M_S * max(dt_ms, 20) / 1000.0:
-            return None
+        rolled = _rolled(before, after, dt_ms)
+        if rolled is None:
+            self._gaps += 1
+            self._since_gap = 0
+            self._time_ns += PERIOD_NS
+            self._belief = self._judge.step(self._time_ns, 0.0, 0.0)
+            return 0.0, 0.0
+        self._since_gap += 1
+        self._time_ns += dt_ms * 1_000_000
+        left, right = rolled
+        dt_s, turned = dt_ms / 1000.0, turned_rad(before, after)
+        alive = None if turned is None else self._pulse.alive(after, turned, dt_s)
+        self._belief = self._judge.step(self._time_ns, left, right, turned, alive)
         self._wheels = (self._wheels[0] + left, self._wheels[1] + right)
-        turn = (right - left) / WHEEL_BASE_M
-        if after.inertia is not None and before.inertia is not None:
-            turn = GYRO_STEP_RAD * _signed(after.inertia.angle_centideg - before.inertia.angle_centideg, 36000)
-        return 0.5 * (left + right) * self._linear_scale, turn * self._angular_scale, dt_ms / 1000.0
-
-    def _advance(self, distance: float, turn: float) -> None:
-        """Along the arc, exactly."""
-        x, y, heading = self._pose
-        chord = distance if abs(turn) < 1e-9 else distance * math.sin(0.5 * turn) / (0.5 * turn)
-        mean = heading + 0.5 * turn
-        self._pose = (x + chord * math.cos(mean), y + chord * math.sin(mean), heading + turn)
+        distance, turn = 0.5 * (left + right) * self._linear_scale, self._belief.turn_rad * self._angular_scale
+        self._pose.advance(distance, turn)
+        return distance / dt_s, turn / dt_s
 
 
-def _signed(difference: int, modulus: int) -> int:
-    """The smallest step of a wrapping counter, in [-modulus/2, modulus/2)."""
-    half = modulus // 2
-    return (difference + half) % modulus - half
+def _rolled(before: Feedback, after: Feedback, dt_ms: int) -> tuple[float, float] | None:
+    """Ways of both wheels [m] between two frames, or None where they cannot be known."""
+    if not 0 < dt_ms <= LONGEST_GAP_MS:
+        return None
+    left = METRES_PER_TICK * signed(after.core.left_ticks - before.core.left_ticks, 0x10000)
+    right = METRES_PER_TICK * signed(after.core.right_ticks - before.core.right_ticks, 0x10000)
+    if max(abs(left), abs(right)) > FASTEST_M_S * max(dt_ms, 20) / 1000.0:
+        return None
+    return left, right

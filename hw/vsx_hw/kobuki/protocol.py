@@ -13,13 +13,21 @@ from typing import Any, NamedTuple
 
 from vsx_hw.errors import ProtocolError
 from vsx_hw.kobuki.base_control import BaseControl
-from vsx_hw.kobuki.framing import FrameScanner, sub_payloads
+from vsx_hw.kobuki.framing import sub_payloads
+from vsx_hw.kobuki.versions import Version, decode_version
 
 BAUD = 115200
 METRES_PER_TICK = 0.000085292090497737557
 GYRO_STEP_RAD = math.radians(0.01)
+CHARGER_STATES = {0: "", 2: "charged", 6: "charging", 18: "charged", 22: "charging"}
 AT_THE_DOCK = (2, 6)
-"""Charger bytes, charged and charging; those of the adapter have bit 16 set."""
+"""Charger bytes: discharging, then charged and charging at the dock; those of the adapter have bit 16 set."""
+PART_BYTES = {
+    1: (15,), 3: (3,), 4: (7,), 5: (6,), 6: (2,), 10: (2, 4), 11: (2, 4), 15: (17,), 16: (16,), 19: (12,), 21: (13,),
+}  # fmt: skip
+"""Sub-payload -> its lengths; that of 13, the gyro, is in its own second byte."""
+ANSWERS = {10, 11, 15, 19, 21}
+"""Sub-payloads that come when asked for."""
 BATTERY_EMPTY_V, BATTERY_LOW_V, BATTERY_FULL_V = 13.2, 14.0, 16.5
 
 
@@ -74,7 +82,8 @@ class ControllerInfo(NamedTuple):
 class Feedback(NamedTuple):
     """One verified frame; parts that the frame did not carry are None.
 
-    dock_ir, cliff_adc: right, centre, left. current: left, right [10 mA]. Versions: (major, minor, patch).
+    dock_ir, cliff_adc: right, centre, left. current: left, right [10 mA].
+    regular_parts: ids of what each frame of a base carries, without the answers to questions.
     """
 
     core: Core
@@ -84,69 +93,51 @@ class Feedback(NamedTuple):
     current: tuple[int, int] | None = None
     gyro: RawGyro | None = None
     general_input: GeneralInput | None = None
-    hardware_version: tuple[int, int, int] | None = None
-    firmware_version: tuple[int, int, int] | None = None
+    hardware_version: Version | None = None
+    firmware_version: Version | None = None
     udid: tuple[int, int, int] | None = None
     controller: ControllerInfo | None = None
+    regular_parts: frozenset[int] = frozenset()
 
 
-class StreamParser:
-    """Turns the byte stream into verified Feedback frames; recovers after lost, added or changed bytes.
+def decode(payload: bytes) -> Feedback | None:
+    """The frame, or None unless its parts tile it, each once and as long as documented, with values in their ranges.
 
-    A frame counts when its XOR is right, its sub-payloads tile it exactly and its core part makes sense: one XOR byte
-    alone lets about one damaged frame in 250 through. ``refused`` counts frames that failed these checks.
+    Parts with unknown ids are skipped.
     """
-
-    def __init__(self) -> None:
-        self.frames = 0
-        self.refused = 0
-        self._scanner = FrameScanner()
-
-    @property
-    def skipped_bytes(self) -> int:
-        """Bytes that belonged to no frame."""
-        return self._scanner.skipped_bytes
-
-    def feed(self, data: bytes) -> list[Feedback]:
-        """The frames completed by these bytes, in order."""
-        found = []
-        for payload in self._scanner.feed(data):
-            feedback = _decode(payload)
-            if feedback is None:
-                self.refused += 1
-            else:
-                self.frames += 1
-                found.append(feedback)
-        return found
-
-
-def _decode(payload: bytes) -> Feedback | None:
-    parts = sub_payloads(payload)
-    if parts is None:
-        return None
+    parts = sub_payloads(payload) or []
     fields = dict(parts)
     core = _core(fields.get(1, b""))
-    if core is None:
+    if core is None or len(fields) != len(parts) or not all(_is_whole(*part) for part in parts):
         return None
     inertia = fields.get(4)
-    return Feedback(
+    feedback = Feedback(
         core,
-        Inertia(*struct.unpack_from("<hh", inertia)) if inertia and len(inertia) == 7 else None,
+        Inertia(*struct.unpack_from("<hh", inertia)) if inertia else None,
         dock_ir=_exact("<3B", fields.get(3)),
         cliff_adc=_exact("<3H", fields.get(5)),
         current=_exact("<2B", fields.get(6)),
         gyro=_raw_gyro(fields.get(13)),
         general_input=_general_input(fields.get(16)),
-        hardware_version=_version(fields.get(10)),
-        firmware_version=_version(fields.get(11)),
+        hardware_version=decode_version(fields.get(10)),
+        firmware_version=decode_version(fields.get(11)),
         udid=_exact("<3I", fields.get(19)),
         controller=ControllerInfo(*values) if (values := _exact("<B3I", fields.get(21))) else None,
+        regular_parts=frozenset(fields.keys() - ANSWERS),
     )
+    volts = (*(feedback.cliff_adc or ()), *(feedback.general_input.analog if feedback.general_input else ()))
+    return feedback if max(volts, default=0) < 4096 and max(feedback.dock_ir or (0,)) < 64 else None
+
+
+def _is_whole(kind: int, data: bytes) -> bool:
+    if kind == 13:
+        return len(data) > 2 and data[1] % 3 == 0 and len(data) == 2 + 2 * data[1]
+    return len(data) in PART_BYTES.get(kind, (len(data),))
 
 
 def _exact(layout: str, data: bytes | None) -> Any:
-    """The fields of data, or None where it is absent or of another length."""
-    return struct.unpack(layout, data) if data is not None and len(data) == struct.calcsize(layout) else None
+    """The fields of data, or None where it is absent."""
+    return None if data is None else struct.unpack(layout, data)
 
 
 def _core(data: bytes) -> Core | None:
@@ -157,24 +148,14 @@ def _core(data: bytes) -> Core | None:
     return core if flags_are_known else None
 
 
-def _version(data: bytes | None) -> tuple[int, int, int] | None:
-    """Four bytes patch, minor, major, 0; early boards send one decimal number such as 110 for 1.1.0."""
-    if data is None or len(data) not in (2, 4):
-        return None
-    if len(data) == 4:
-        return data[2], data[1], data[0]
-    digits = str(int.from_bytes(data, "little"))
-    return int(digits[0]), int(digits[1:2] or 0), int(digits[2:3] or 0)
-
-
 def _raw_gyro(data: bytes | None) -> RawGyro | None:
-    if data is None or len(data) < 2 or data[1] % 3 or len(data) != 2 + 2 * data[1]:
+    if data is None:
         return None
     return RawGyro(data[0], tuple(struct.iter_unpack("<hhh", data[2:])))
 
 
 def _general_input(data: bytes | None) -> GeneralInput | None:
-    if data is None or len(data) != 16:
+    if data is None:
         return None
     digital, *analog = struct.unpack_from("<5H", data)
     return GeneralInput(digital, (analog[0], analog[1], analog[2], analog[3]))
@@ -187,11 +168,10 @@ def battery_state(decivolt: int, charger: int) -> tuple[float, str, bool]:
     """
     volt = decivolt / 10.0
     fraction = 0.05 + 0.95 * (volt - BATTERY_EMPTY_V) / (BATTERY_FULL_V - BATTERY_EMPTY_V)
-    states = {2: "charged", 6: "charging"}
-    state = states.get(charger & 0x0F)
-    if state is None:
+    state = CHARGER_STATES.get(charger, "")
+    if not state:
         state = "healthy" if volt > BATTERY_LOW_V else "low" if volt > BATTERY_EMPTY_V else "critical"
-    return min(1.0, max(0.0, fraction)), state, charger & 0x0F == 6
+    return min(1.0, max(0.0, fraction)), state, state == "charging"
 
 
 class Led(enum.IntEnum):

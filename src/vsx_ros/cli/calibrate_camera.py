@@ -14,10 +14,11 @@ from vsx_ros.calibration.variety import ViewChooser
 from vsx_ros.calibration.verdict import Grade
 from vsx_ros.cli.exit_codes import DONE, FAILED
 from vsx_ros.cli.robot_file import ros_home
-from vsx_ros.errors import CalibrationError, InputError
+from vsx_ros.errors import CalibrationError, InputError, reason_of
 from vsx_ros.io.calibration_file import write_calibration
 from vsx_ros.io.image_encoding import decoded
 from vsx_ros.io.recording import open_recording
+from vsx_ros.limits import LOG_BYTES, file_bytes
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".tif", ".tiff")
 MAX_SEARCHED = 150
@@ -96,7 +97,14 @@ def _pictures(source: Path, image_topic: str | None) -> Iterator[tuple[str, Gray
         return
     files = [source] if source.is_file() else sorted(p for p in source.iterdir() if p.suffix.lower() in PICTURES)
     for file in files:
-        yield str(file), decoded(file.read_bytes(), f"picture {file}")
+        yield str(file), decoded(_content(file), f"picture {file}")
+
+
+def _content(file: Path) -> bytes:
+    try:
+        return file_bytes(file, LOG_BYTES)
+    except (OSError, ValueError) as error:
+        raise InputError(f"picture {file} cannot be read ({reason_of(error)}); give another one") from error
 
 
 def _text(shape: tuple[int, ...]) -> str:

@@ -62,11 +62,12 @@ def load(file: Path | None, assignments: Sequence[str]) -> Config:
     import yaml
 
     from vsx_ros.config import Config, from_dict, overridden
+    from vsx_ros.limits import file_text, yaml_tree
 
     config = Config()
     if file is not None:
         try:
-            tree = yaml.safe_load(file.read_text(encoding="utf-8"))
+            tree = yaml_tree(file_text(file))
         except (OSError, ValueError, yaml.YAMLError) as error:
             raise ConfigError(
                 f"configuration {file} cannot be read ({reason_of(error)}); 'vsx config' prints one"
@@ -77,7 +78,10 @@ def load(file: Path | None, assignments: Sequence[str]) -> Config:
         name, equals, text = assignment.partition("=")
         if not equals:
             raise ConfigError(f"--set {assignment}: expected NAME=VALUE, e.g. --set limits.v_m_s=0.2")
-        values[name.strip()] = yaml.safe_load(text) if text else ""
+        try:
+            values[name.strip()] = yaml_tree(text) if text else ""
+        except (ValueError, yaml.YAMLError) as error:
+            raise ConfigError(f"--set {assignment}: the value is none ({reason_of(error)}); write a number") from error
     return overridden(config, values)
 
 

@@ -55,10 +55,11 @@ def run(args: argparse.Namespace) -> int:
 
 def _of_run(args: argparse.Namespace) -> dict[str, Any]:
     from vsx_ros.errors import InputError
+    from vsx_ros.evaluation.summary import checked_summary
     from vsx_ros.io.run_folder import RunFolder
 
     folder = RunFolder.open(args.run_folder)
-    summary = folder.read_summary()
+    summary = checked_summary(folder.read_summary(), str(folder.path))
     truth = args.truth or folder.path / "groundtruth.txt"
     if not truth.exists() and args.truth is None:
         numbers: dict[str, Any] = {}

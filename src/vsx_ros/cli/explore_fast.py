@@ -13,7 +13,7 @@ import numpy as np
 from vsx_ros.cli.exit_codes import DONE, LOST, STOPPED, ended_well
 from vsx_ros.cli.explore import begin
 from vsx_ros.cli.outcomes import EXIT_CODES
-from vsx_ros.cli.report import one_line_facts, write_report
+from vsx_ros.cli.report import tell_the_end, write_report
 from vsx_ros.cli.run_record import MapJudge, RunRecord
 from vsx_ros.cli.session import Before, Session
 from vsx_ros.cli.stoppable import stoppable
@@ -150,7 +150,7 @@ class FastRun:
         if step.follow_error_m is not None:
             self._errors_m.append(step.follow_error_m)
         if self._session is not None:
-            self._session.journal.add(
+            self._session.add(
                 *(EventLine(**event._asdict()) for event in record.events[told:]),
                 FrameLine.of(step.tracking, odometry.T_odom_base, record.track_ms[-1], u2_frames),
                 self._truth_line(frame.stamp_ns),
@@ -200,14 +200,16 @@ class FastRun:
             **facts,
         )
 
-    def write(self, folder: RunFolder, summary: Summary) -> None:
-        """Every file of the run folder but config, world and report."""
-        system = self.system
-        self.record.write(folder, system.slam.snapshot(), system.surface_points())
-        folder.write_poses("groundtruth", self.truth)
-        if system.grid is not None:
-            folder.write_map(system.grid)
-        folder.write_summary(summary.as_dict())
+    def write(self, folder: RunFolder, summary: Summary) -> str:
+        """Every file of the run folder but config and world; why not all of it could be written, or nothing."""
+        system, grid = self.system, self.system.grid
+        writes: list[Callable[[], object]] = [lambda: folder.write_summary(summary.as_dict())]
+        if grid is not None:
+            writes.append(lambda: folder.write_map(grid))
+        writes += self.record.writes(folder, system.slam.snapshot(), system.surface_points())
+        writes.append(lambda: folder.write_poses("groundtruth", self.truth))
+        kept = self._session.failure if self._session is not None else ""
+        return folder.write_what_fits(*writes, lambda: write_report(folder)) or kept
 
 
 def explore_fast(args: argparse.Namespace) -> int:
@@ -225,7 +227,5 @@ def explore_fast(args: argparse.Namespace) -> int:
     reason = run.run(limit_s)
     facts = {"world": args.world, "seed": args.seed, "planner": args.planner, "continued_map": args.load_map}
     summary = run.summary(reason, **facts)
-    run.write(folder, summary)
-    report = write_report(folder)
-    print("\n".join([reason, *(f"  {line}" for line in one_line_facts(summary.as_dict())), f"  report: {report}"]))
-    return run.exit_code(reason)
+    failure = run.write(folder, summary)
+    return tell_the_end(folder, summary.as_dict(), run.exit_code(reason), failure)

@@ -14,7 +14,8 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from vsx_ros import __version__
-from vsx_ros.cli.exit_codes import DONE, FAILED, HARDWARE, INTERNAL, STOPPED
+from vsx_ros.cli import streams
+from vsx_ros.cli.exit_codes import FAILED, HARDWARE, INTERNAL, STOPPED
 from vsx_ros.errors import VsxError, disk_trouble
 
 COMMANDS = (
@@ -53,15 +54,11 @@ def execute(arguments: Sequence[str]) -> int:
         args = parser().parse_args([word for word in arguments if word != "--debug"])
         args.debug = debug
         code: int = args.run(args)
-        sys.stdout.flush()
-        return code
+        return streams.ended(code)
     except KeyboardInterrupt:
         return _failed("stopped by the operator", STOPPED, debug=debug)
     except VsxError as error:
         return _failed(str(error), FAILED, debug=debug)
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return DONE
     except Exception as error:
         if isinstance(error, OSError) and disk_trouble(error):
             return _failed(disk_trouble(error), FAILED, debug=debug)
@@ -93,6 +90,7 @@ def main() -> NoReturn:
     """The console script. Threads inside of small matrix products only fight for the cores, and cost bits."""
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(name, "1")
+    streams.never_fail()
     sys.exit(execute(sys.argv[1:]))
 
 

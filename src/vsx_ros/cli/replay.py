@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
     from vsx_ros.cli.config import load
     from vsx_ros.cli.exit_codes import STOPPED, ended_well
     from vsx_ros.cli.ground import ground_grid
-    from vsx_ros.cli.report import one_line_facts, write_report
+    from vsx_ros.cli.report import tell_the_end, write_report
     from vsx_ros.cli.run_record import RunRecord
     from vsx_ros.geometry.camera import mounted
     from vsx_ros.slam.state import TrackingState
@@ -99,15 +99,15 @@ def run(args: argparse.Namespace) -> int:
         summary["stop_reason"] = (
             f"stopped by the operator after {len(record.results)} of {recording.frame_count} frames"
         )
-    record.write(folder, slam.snapshot())
+    writes = [lambda: folder.write_summary(summary), *record.writes(folder, slam.snapshot())]
     if recording.ground_truth:
-        folder.write_poses("groundtruth", recording.ground_truth)
+        writes.append(lambda: folder.write_poses("groundtruth", recording.ground_truth))
     if args.map:
-        folder.write_map(ground_grid(slam.snapshot(), (p.T for p in record.estimate()), T_base_cam, config))
-    folder.write_summary(summary)
-    _save_slam_map(slam, args.save_map)
-    print(summary["stop_reason"], *one_line_facts(summary), f"report: {write_report(folder)}", sep="\n  ")
-    return code
+        grid = ground_grid(slam.snapshot(), (p.T for p in record.estimate()), T_base_cam, config)
+        writes.append(lambda: folder.write_map(grid))
+    writes.append(lambda: _save_slam_map(slam, args.save_map))
+    failure = folder.write_what_fits(*writes, lambda: write_report(folder))
+    return tell_the_end(folder, summary, code, failure)
 
 
 def _feed_nodes(args: argparse.Namespace) -> NoReturn:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from vsx_ros.cli.exit_codes import FAILED
 
 if TYPE_CHECKING:
     from vsx_ros.evaluation.report import ReportData
@@ -70,11 +73,12 @@ def _data(folder: RunFolder) -> ReportData:
 
     from vsx_ros.cli.config import commented_yaml
     from vsx_ros.evaluation.report import ReportData
+    from vsx_ros.evaluation.summary import checked_summary
 
     config, facts = folder.read_config()
     points = folder.read_points()
     return ReportData(
-        summary=folder.read_summary(),
+        summary=checked_summary(folder.read_summary(), str(folder.path)),
         facts=facts,
         config_yaml=commented_yaml(config),
         events=folder.read_events(),
@@ -87,6 +91,16 @@ def _data(folder: RunFolder) -> ReportData:
         good_ratio=config.slam.tracker.good_ratio,
         lost_ratio=config.slam.tracker.lost_ratio,
     )
+
+
+def tell_the_end(folder: RunFolder, summary: Mapping[str, Any], code: int, failure: str) -> int:
+    """Say how a run ended; the exit code. failure: why not all of the run folder could be written, or nothing."""
+    facts = [f"  {line}\n" for line in one_line_facts(summary)]
+    page = [] if failure else [f"  report: {folder.path / 'report.html'}\n"]
+    sys.stdout.write("".join([f"{summary['stop_reason']}\n", *facts, *page]))
+    if failure:
+        sys.stderr.write(f"vsx: not all of the run is kept: {failure}\n")
+    return code or FAILED if failure else code
 
 
 def one_line_facts(summary: Mapping[str, Any]) -> list[str]:

@@ -57,12 +57,13 @@ def _known(path: Path) -> tuple[list[str], dict[str, Any]]:
     import yaml
 
     from vsx_ros.config import from_dict
+    from vsx_ros.limits import file_text, yaml_tree
 
     if not path.exists():
         return [], {}
     try:
-        text = path.read_text(encoding="utf-8")
-        tree = yaml.safe_load(text) or {}
+        text = file_text(path)
+        tree = yaml_tree(text) or {}
     except (OSError, ValueError, yaml.YAMLError) as error:
         raise ConfigError(f"{path} cannot be read ({reason_of(error)}); give another file with --out") from error
     from_dict(tree)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,21 +90,25 @@ class RunRecord:
         breaks = len(find_breaks(self.results, cameras))
         return tracking_summary(statistics, self.track_ms).with_values(breaks=breaks)
 
-    def write(self, folder: RunFolder, snapshot: MapSnapshot, surface: Points3 | None = None) -> None:
-        """trajectory.txt (camera in the map, as tracked), odometry.txt, sparse.ply, frames.csv and events.jsonl; with
-        spots of surface (N, 3), dense.ply too."""
-        folder.write_poses("trajectory", self.estimate())
-        if self._odometry:
-            folder.write_poses("odometry", [StampedPose(ns, SE3.from_se2(T)) for ns, T in self._odometry])
-        if len(snapshot.points_world):
-            folder.write_points(snapshot.points_world)
-        if surface is not None and len(surface):
-            folder.write_surface(surface)
-        folder.write_events(self.events)
-        folder.write_frames(
+    def writes(
+        self, folder: RunFolder, snapshot: MapSnapshot, surface: Points3 | None = None
+    ) -> Iterator[Callable[[], None]]:
+        """How to write events.jsonl, trajectory.txt (camera in the map, as tracked), frames.csv, odometry.txt and
+        sparse.ply; with spots of surface (N, 3), dense.ply too. What matters most where there is little room is first.
+        """
+        yield lambda: folder.write_events(self.events)
+        yield lambda: folder.write_poses("trajectory", self.estimate())
+        yield lambda: folder.write_frames(
             FrameRecord(r.stamp_ns, r.state.value, r.searched, r.found, r.keyframe_added, ms, u2)
             for r, ms, u2 in zip(self.results, self.track_ms, self.u2_frames, strict=True)
         )
+        if self._odometry:
+            wheels = [StampedPose(ns, SE3.from_se2(T)) for ns, T in self._odometry]
+            yield lambda: folder.write_poses("odometry", wheels)
+        if len(snapshot.points_world):
+            yield lambda: folder.write_points(snapshot.points_world)
+        if surface is not None and len(surface):
+            yield lambda: folder.write_surface(surface)
 
 
 class MapJudge:

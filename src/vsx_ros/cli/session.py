@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -87,12 +89,19 @@ def _driven(lines: Sequence[Line]) -> list[tuple[int, SE2]]:
 
 
 class Session:
-    """What a run keeps writing into its folder while it goes on."""
+    """What a run keeps writing into its folder while it goes on. A disk that takes no more ends nothing: ``failure``
+    says what could not be kept, and the run could not be gone on with from there."""
 
     def __init__(self, folder: RunFolder, before: Before | None) -> None:
         self._checkpoint = folder.checkpoint
         self._due_ns = 0
-        self.journal = Journal(folder.journal, before.lines if before is not None else ())
+        self.failure = ""
+        self._journal = Journal(folder.journal, before.lines if before is not None else ())
+
+    def add(self, *lines: Line) -> None:
+        """Append to the journal."""
+        with self._kept():
+            self._journal.add(*lines)
 
     def is_due(self, now_ns: int) -> bool:
         """Whether it is time for a checkpoint."""
@@ -104,4 +113,14 @@ class Session:
         if memory is None:
             return
         pursued: dict[str, NDArray[Any]] = {"errors_m": np.array(errors_m, float), "plans": np.array([plans])}
-        self._checkpoint.write(Saved(memory.slam_map, now_ns, {**memory.state, **pursued}, memory.mission.tree()))
+        with self._kept():
+            self._checkpoint.write(Saved(memory.slam_map, now_ns, {**memory.state, **pursued}, memory.mission.tree()))
+
+    @contextmanager
+    def _kept(self) -> Iterator[None]:
+        try:
+            yield
+        except InputError as error:
+            if not self.failure:
+                self.failure = str(error)
+                print(f"vsx: {self.failure}; the run goes on", file=sys.stderr)

@@ -58,7 +58,7 @@ def open_world(name: str, seed: int) -> World:
     Raises ConfigError for an unknown name or a malformed world file, MapFileError for an unusable map.
     """
     from vsx_ros.errors import ConfigError
-    from vsx_ros.io.map_file import load_map, load_plan
+    from vsx_ros.io.map_file import is_map_file, load_map, load_plan
     from vsx_ros.sim.generate import GENERATORS, generate_world
     from vsx_ros.sim.map_import import world_from_grid
     from vsx_ros.sim.world_file import load_world
@@ -74,7 +74,6 @@ def open_world(name: str, seed: int) -> World:
         raise ConfigError(
             f"world {name!r} is neither a generator ({names}) nor an existing world.yaml, map.yaml or .png"
         )
-    lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
-    if any(line.startswith("image:") for line in lines):
+    if is_map_file(path):
         return world_from_grid(load_map(path), path.stem, seed)
     return load_world(path)

@@ -70,6 +70,16 @@ class Summary(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         return msgspec.structs.replace(self, **values)
 
 
+def checked_summary(tree: dict[str, Any], where: str) -> dict[str, Any]:
+    """The tree itself, of a summary of this version or another. Raises InputError where a value is not of its type."""
+    known = {key: value for key, value in tree.items() if key in Summary.__struct_fields__}
+    try:
+        msgspec.convert(known, Summary)
+    except (msgspec.ValidationError, OverflowError) as error:
+        raise InputError(f"{where}: the summary is damaged ({error}); run again") from error
+    return tree
+
+
 def tracking_summary(statistics: SlamStatistics, track_ms: Sequence[float]) -> Summary:
     """What the SLAM itself knows, and how long its frames took [ms]."""
     times = np.asarray(track_ms, float)

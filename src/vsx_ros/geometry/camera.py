@@ -13,6 +13,9 @@ from vsx_ros.config import MountConfig
 from vsx_ros.errors import CalibrationError
 from vsx_ros.geometry.se3 import SE3
 
+MAX_PIXELS = 2**25
+"""No image is larger: twice that of a 16 megapixel camera."""
+
 
 @dataclass(frozen=True, slots=True)
 class PinholeCamera:
@@ -33,6 +36,11 @@ class PinholeCamera:
         numbers = (self.fx, self.fy, self.cx, self.cy, *self.distortion)
         if not all(math.isfinite(n) for n in numbers):
             raise CalibrationError(f"camera calibration holds a number that is not finite: {numbers}")
+        if self.width * self.height > MAX_PIXELS:
+            raise CalibrationError(
+                f"camera calibration is for {self.width}x{self.height}, images have at most {MAX_PIXELS} pixels; "
+                "calibrate the camera again"
+            )
         if self.width < 16 or self.height < 16 or self.fx <= 0 or self.fy <= 0:
             raise CalibrationError(
                 f"camera calibration {self.width}x{self.height}, fx {self.fx}, fy {self.fy} cannot be a "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+from contextlib import suppress
 from pathlib import Path
 
 
@@ -23,7 +24,8 @@ def write_bytes(path: Path, content: bytes, *, durable: bool = False) -> None:
         if durable:
             sync(path.parent)
     except OSError as error:
-        beside.unlink(missing_ok=True)
+        with suppress(OSError):
+            beside.unlink()
         raise OSError(error.errno, error.strerror, str(path)) from error
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from vsx_ros.robot import Frame, Odometry
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 ODOMETRY, CAMERA_INFO, POSE = "nav_msgs/msg/Odometry", "sensor_msgs/msg/CameraInfo", "geometry_msgs/msg/PoseStamped"
 _POSES = (POSE, "geometry_msgs/msg/PoseWithCovarianceStamped")
+_LONGEST_LISTING = 1000
 GROUND_TRUTH_TOPIC = "ground_truth/camera"
 
 
@@ -54,7 +55,12 @@ def open_bag(path: Path, image_topic: str | None = None, odometry_topic: str | N
 def _listing(counts: dict[str, tuple[str, int]]) -> str:
     if not any(count for _, count in counts.values()):
         return "it holds no messages at all"
-    return "it has " + ", ".join(f"{topic} ({kind.replace('/msg/', '/')})" for topic, (kind, _) in counts.items())
+    return "it has " + _words(f"{topic} ({kind.replace('/msg/', '/')})" for topic, (kind, _) in counts.items())
+
+
+def _words(names: Iterable[str]) -> str:
+    """On one line, whatever a damaged bag calls its topics."""
+    return "".join(c if c.isprintable() else "?" for c in ", ".join(names))[:_LONGEST_LISTING]
 
 
 def _image_topic(path: Path, counts: dict[str, tuple[str, int]], wanted: str | None) -> str:
@@ -66,9 +72,7 @@ def _image_topic(path: Path, counts: dict[str, tuple[str, int]], wanted: str | N
     if not raw_preferred:
         raise InputError(f"bag {path} has no image topic; {_listing(counts)}")
     if len(raw_preferred) > 1:
-        raise InputError(
-            f"bag {path} has several image topics; choose one with --image-topic: {', '.join(raw_preferred)}"
-        )
+        raise InputError(f"bag {path} has several image topics; choose one with --image-topic: {_words(raw_preferred)}")
     return raw_preferred[0]
 
 
@@ -80,7 +84,7 @@ def _odometry_topic(path: Path, counts: dict[str, tuple[str, int]], wanted: str 
     candidates = [t for t in found if "ground_truth" not in t]
     if len(candidates) > 1:
         raise InputError(
-            f"bag {path} has several odometry topics; choose one with --odometry-topic: {', '.join(candidates)}"
+            f"bag {path} has several odometry topics; choose one with --odometry-topic: {_words(candidates)}"
         )
     return candidates[0] if candidates else None
 
@@ -99,7 +103,9 @@ def _camera(bag: Messages, image_topic: str, counts: dict[str, tuple[str, int]])
     if beside not in infos and len(infos) != 1:
         return None
     topic = beside if beside in infos else infos[0]
-    _, info = next(bag.of(topic))
+    _, info = next(bag.of(topic), (0, None))
+    if info is None:
+        return None
     size, source = (info.width, info.height), f"topic {topic}"
     K, D, P = (getattr(info, letter, None) for letter in "KDP")
     if K is None or D is None or P is None:  # ROS 2 writes them small
@@ -152,7 +158,7 @@ def _frames(path: Path, topic: str) -> Iterator[Frame]:
                 name = f"image {number} of topic {topic}"
                 yield Frame(stamp_ns, decoded(bytes(message.data), name, message.format))
                 continue
-            data, big_endian = bytes(message.data), bool(message.is_bigendian)
+            data, big_endian = message.data, bool(message.is_bigendian)
             if shift_bits is None:
                 shift_bits = shift_for(data, big_endian=big_endian) if "16" in message.encoding else 0
             shape = message.height, message.width, message.step

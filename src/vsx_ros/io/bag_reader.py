@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import re
 import sqlite3
-import struct
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
 import apsw
-from rosbags.rosbag1 import Reader as Ros1Reader
 from rosbags.rosbag1 import ReaderError as Ros1ReaderError
-from rosbags.rosbag2 import Reader as Ros2Reader
 from rosbags.rosbag2 import ReaderError as Ros2ReaderError
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
+from ruamel.yaml.error import YAMLError
 
 from vsx_ros.errors import InputError, VsxError
 from vsx_ros.io.bag_without_index import UnindexedBag
+from vsx_ros.io.bounded_rosbags import BoundedRos1, BoundedRos2, ZstdError
+from vsx_ros.limits import DAMAGE
 
 METADATA = "metadata.yaml"
 """What makes a folder a ROS 2 bag."""
@@ -27,22 +27,16 @@ METADATA = "metadata.yaml"
 _ROS1_MAGIC = b"#ROSBAG V2.0\n"
 _ROS2_MAGIC = {b"\x89MCAP0\r\n": ".mcap", b"SQLite format 3\x00": ".db3"}
 _ROS2_SUFFIXES = tuple(_ROS2_MAGIC.values())
-# what rosbags, the decompressors and sqlite raise on damaged files
+# what rosbags, the decompressors, YAML and sqlite raise on damaged files
 _DAMAGE = (
     Ros1ReaderError,
     Ros2ReaderError,
     SerdeError,
     sqlite3.Error,
     apsw.Error,
-    AssertionError,
-    struct.error,
-    EOFError,
-    OSError,
-    ValueError,
-    RuntimeError,
-    LookupError,
-    OverflowError,
-    MemoryError,
+    YAMLError,
+    ZstdError,
+    *DAMAGE,
 )
 
 
@@ -95,7 +89,7 @@ def messages(path: Path) -> Iterator[Messages]:
 
 def _opened_ros1(path: Path, stack: ExitStack) -> Messages:
     try:
-        return Messages(stack.enter_context(Ros1Reader(path)), ros2=False)
+        return Messages(stack.enter_context(BoundedRos1(path)), ros2=False)
     except PermissionError:
         raise
     except _DAMAGE as error:
@@ -111,7 +105,7 @@ def _opened_ros1(path: Path, stack: ExitStack) -> Messages:
 
 
 def _opened_ros2(path: Path, stack: ExitStack) -> Messages:
-    return Messages(stack.enter_context(Ros2Reader(path)), ros2=True)
+    return Messages(stack.enter_context(BoundedRos2(path)), ros2=True)
 
 
 def _remedy(path: Path, error: Exception, *, ros2: bool) -> str:
@@ -129,7 +123,7 @@ def _remedy(path: Path, error: Exception, *, ros2: bool) -> str:
 
 def _detail(error: Exception) -> str:
     """The library's words without their wrapping."""
-    return re.sub(r"\('|',\)|\.$", "", str(error)).partition("\n")[0] or "its index contradicts itself"
+    return re.sub(r"\('|',\)|\.$", "", str(error)).partition("\n")[0][:300] or "its index contradicts itself"
 
 
 def _is_ros2(path: Path) -> bool:

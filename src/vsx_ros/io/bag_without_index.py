@@ -5,15 +5,15 @@ Records are those of the bag format 2.0 (wiki.ros.org/Bags/Format/2.0).
 
 from __future__ import annotations
 
-import bz2
 import io
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
-import lz4.frame  # type: ignore[import-untyped]  # ships no types
+from vsx_ros.io.bounded_rosbags import MAX_UNPACKED, unpacked, unpacking_of
+from vsx_ros.limits import DAMAGE
 
-_MESSAGE, _CHUNK, _CONNECTION = b"\x02", b"\x05", b"\x07"
+_MESSAGE, _CHUNK, _CONNECTION = _READ = b"\x02", b"\x05", b"\x07"
 _MAGIC_BYTES = len(b"#ROSBAG V2.0\n")
 _MAX_HEADER_BYTES = 2**20
 
@@ -54,11 +54,14 @@ class UnindexedBag:
 
     def _walk(self) -> Iterator[tuple[int, int, bytes]]:
         """Every whole message of a known connection; makes connections known on the way."""
+        size = self._path.stat().st_size
+        allowance = unpacking_of(size)
         with self._path.open("rb") as file:
             file.seek(_MAGIC_BYTES)
-            for fields, data, whole in _records(file, self._path.stat().st_size):
+            for fields, data, whole in _records(file, size):
                 if fields.get(b"op") == _CHUNK:
-                    inside = _decompressed(fields.get(b"compression", b""), data)
+                    inside = _decompressed(fields, data)
+                    allowance.take(len(inside), "what its chunks hold")
                     for inner, content, complete in _records(io.BytesIO(inside), len(inside)):
                         if complete:
                             yield from self._message(inner, content)
@@ -86,7 +89,10 @@ def _records(stream: BinaryIO, end: int) -> Iterator[tuple[dict[bytes, bytes], b
         fields = _fields(stream.read(header_bytes))
         data_bytes = int.from_bytes(stream.read(4), "little")
         left = end - stream.tell()
-        yield fields, stream.read(min(data_bytes, left)), data_bytes <= left
+        if fields.get(b"op") in _READ:
+            yield fields, stream.read(min(data_bytes, left)), data_bytes <= left
+        else:
+            stream.seek(data_bytes, io.SEEK_CUR)
         if data_bytes > left:
             return
 
@@ -102,13 +108,11 @@ def _fields(header: bytes) -> dict[bytes, bytes]:
     return fields
 
 
-def _decompressed(compression: bytes, data: bytes) -> bytes:
+def _decompressed(fields: dict[bytes, bytes], data: bytes) -> bytes:
     """What can be had of a chunk, which may be cut short."""
+    declared = int.from_bytes(fields.get(b"size", b"")[:4], "little")
     try:
-        if compression == b"bz2":
-            return bz2.BZ2Decompressor().decompress(data)
-        if compression == b"lz4":
-            return bytes(lz4.frame.LZ4FrameDecompressor().decompress(data))
-    except (OSError, RuntimeError, EOFError):
+        kind = fields.get(b"compression", b"").decode("ascii")
+        return data if kind == "none" else unpacked(kind, data, min(declared, MAX_UNPACKED))
+    except DAMAGE:
         return b""
-    return data if compression == b"none" else b""

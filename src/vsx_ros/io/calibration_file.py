@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,8 @@ import yaml
 
 from vsx_ros.errors import CalibrationError, reason_of
 from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.io.atomic import write_text
+from vsx_ros.limits import DAMAGE, file_text, json_tree, yaml_tree
 
 _PINHOLE_MODELS = ("plumb_bob", "radtan", "radial-tangential", "pinhole", "rational_polynomial", "")
 
@@ -45,8 +46,8 @@ def read_calibration(path: Path) -> PinholeCamera:
     Raises CalibrationError when the file is missing, malformed, uncalibrated or of an unsupported lens model.
     """
     try:
-        text = path.read_text(encoding="utf-8")
-        tree = json.loads(text) if path.suffix == ".json" else yaml.safe_load(text)
+        text = file_text(path)
+        tree = json_tree(text) if path.suffix == ".json" else yaml_tree(text)
     except FileNotFoundError as error:
         raise CalibrationError(f"there is no calibration {path}; 'vsx calibrate camera' makes one") from error
     except (OSError, ValueError, yaml.YAMLError) as error:
@@ -57,11 +58,11 @@ def read_calibration(path: Path) -> PinholeCamera:
         raise CalibrationError(f"calibration {path} holds no names; give a ROS camera_info YAML or a camera.json")
     try:
         camera = _from_yaml_tree(tree, path) if "camera_matrix" in tree else _from_json_tree(tree, path)
-    except (KeyError, TypeError, ValueError) as error:
+    except DAMAGE as error:
         if isinstance(error, CalibrationError):
             raise
         raise CalibrationError(
-            f"calibration {path}: entry {error} is missing or malformed; give a ROS camera_info YAML "
+            f"calibration {path}: entry {reason_of(error)} is missing or malformed; give a ROS camera_info YAML "
             "(image_width, image_height, camera_matrix, distortion_coefficients) or a camera.json (width, height, "
             "fx, fy, cx, cy, dist)"
         ) from error
@@ -101,7 +102,7 @@ def write_calibration(path: Path, camera: PinholeCamera, camera_name: str = "cam
         "projection_matrix": _matrix(P),
     }
     comment = "".join(f"# {line}\n" for line in remark.splitlines())
-    path.write_text(comment + yaml.safe_dump(tree, sort_keys=False, default_flow_style=None), encoding="utf-8")
+    write_text(path, comment + yaml.safe_dump(tree, sort_keys=False, default_flow_style=None))
 
 
 def _matrix(values: np.ndarray[Any, Any]) -> dict[str, Any]:

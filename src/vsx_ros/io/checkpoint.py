@@ -15,13 +15,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.errors import InputError
+from vsx_ros.errors import InputError, reason_of
 from vsx_ros.io.atomic import sync, write_bytes, write_text
 from vsx_ros.io.pieces import Pieces, array_bytes, array_of
 from vsx_ros.io.sealed_archive import seal, unseal
 from vsx_ros.io.slam_map_arrays import Arrays, arrays_of
 from vsx_ros.io.slam_map_file import array_name, damage_explained, encoded, entries_of, image_name
 from vsx_ros.io.slam_map_file import slam_map_of as slam_map_of_entries
+from vsx_ros.limits import DATA_BYTES, file_bytes, file_text, json_tree
 from vsx_ros.slam.keyframe import KeyFrame
 from vsx_ros.slam.slam_map import SlamMap
 
@@ -87,12 +88,16 @@ class Checkpoint:
         """The newest checkpoint. Raises MapFileError when there is none or it is damaged."""
         path = self.path / "map.zip"
         with damage_explained(path):
-            entries = unseal(path.read_bytes())
-            tree = json.loads(entries[_NOTES])
-            for index, name in tree["files"].items():
-                entries[image_name(int(index))] = (self.path / "keyframes" / Path(name).name).read_bytes()
+            entries = unseal(file_bytes(path, DATA_BYTES))
+            tree = json_tree(entries[_NOTES])
+            files = {int(index): Path(name).name for index, name in tree["files"].items()}
+            if len(set(files.values())) < len(files):
+                raise ValueError("two of its keyframes name the same picture")
+            for index, name in files.items():
+                entries[image_name(index)] = file_bytes(self.path / "keyframes" / name, DATA_BYTES)
+            allowance = self._pieces.allowance()
             for name, pieces in tree.get("pieces", {}).items():
-                entries[array_name(name)] = array_bytes(self._pieces.read(pieces))
+                entries[array_name(name)] = array_bytes(self._pieces.read(pieces, allowance))
             state = {
                 name.removeprefix(_STATE).removesuffix(".npy"): array_of(content)
                 for name, content in entries.items()
@@ -118,9 +123,11 @@ class Checkpoint:
         if not (self.exists and path.exists()):
             return None
         try:
-            tree = json.loads(path.read_text(encoding="utf-8"))
+            tree = json_tree(file_text(path))
         except (OSError, ValueError) as error:
-            raise InputError(f"{path} cannot be read ({error}); delete it, the mission then begins anew") from error
+            raise InputError(
+                f"{path} cannot be read ({reason_of(error)}); delete it, the mission then begins anew"
+            ) from error
         return tree if isinstance(tree, dict) else {}
 
 

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from vsx_ros.arrays import GrayImage
 from vsx_ros.errors import InputError
+from vsx_ros.geometry.camera import MAX_PIXELS
+from vsx_ros.io.image_size import picture
 
 # OpenCV's aliases that spell the mosaic's own first rows, as ROS does
 _TO_GRAY = {
@@ -21,6 +24,7 @@ _TO_GRAY = {
     "bayer_gbrg8": (1, cv2.COLOR_BayerGBRG2GRAY),
     "bayer_grbg8": (1, cv2.COLOR_BayerGRBG2GRAY),
 }
+_SMALLEST_MOSAIC = 3
 _GRAY_8 = ("mono8", "8UC1")
 _GRAY_16 = ("mono16", "16UC1")
 _BAYER_16 = tuple(name.replace("8", "16") for name in _TO_GRAY if name.startswith("bayer"))
@@ -30,7 +34,14 @@ SUPPORTED = (*_GRAY_8, *_GRAY_16, *_TO_GRAY, *_BAYER_16, *_LUMINANCE)
 
 
 def gray_image(
-    encoding: str, height: int, width: int, step: int, data: bytes, *, big_endian: bool = False, shift_bits: int = 8
+    encoding: str,
+    height: int,
+    width: int,
+    step: int,
+    data: bytes | NDArray[np.uint8],
+    *,
+    big_endian: bool = False,
+    shift_bits: int = 8,
 ) -> GrayImage:
     """(height, width) uint8 from the fields of a sensor_msgs/Image; ``step`` is bytes per row.
 
@@ -42,6 +53,10 @@ def gray_image(
     wide = encoding in _GRAY_16 or encoding in _BAYER_16
     channels = _TO_GRAY[encoding][0] if encoding in _TO_GRAY else 1
     row_bytes = width * (2 if wide or encoding in _LUMINANCE else channels)
+    if width * height > MAX_PIXELS:
+        raise InputError(
+            f"image says {width}x{height} pixels, of which at most {MAX_PIXELS} can be used; record it again"
+        )
     flat = np.frombuffer(data, np.uint8)
     if width < 1 or height < 1 or step < row_bytes or flat.size < step * height:
         raise InputError(
@@ -55,30 +70,38 @@ def gray_image(
         values = rows.view(">u2" if big_endian else "<u2").astype(np.uint32) >> shift_bits
         rows, encoding = np.asarray(np.minimum(values, 255), np.uint8), encoding.replace("16", "8")
     if encoding in _TO_GRAY:
-        pixels = rows.reshape(height, width, channels).squeeze()
+        pixels = rows if channels == 1 else rows.reshape(height, width, channels)
+        if channels == 1 and min(pixels.shape) < _SMALLEST_MOSAIC:
+            raise InputError(f"image {width}x{height} {encoding} is too small for a mosaic; record it again")
         return np.asarray(cv2.cvtColor(pixels, _TO_GRAY[encoding][1]), np.uint8)
     return rows
 
 
-def shift_for(data: bytes, *, big_endian: bool = False) -> int:
+def shift_for(data: bytes | NDArray[np.uint8], *, big_endian: bool = False) -> int:
     """Low bits to drop so that the brightest 16-bit value of a first image fits 8 bits (sensors give 8 to 16)."""
     brightest = int(np.frombuffer(data[: len(data) // 2 * 2], ">u2" if big_endian else "<u2").max(initial=0))
     return max(0, brightest.bit_length() - 8)
 
 
 def decoded(compressed: bytes, name: str, said: str = "") -> GrayImage:
-    """(H, W) uint8 of JPEG, PNG or any other file OpenCV reads.
+    """(H, W) uint8 of a JPEG, PNG, PGM, PPM, BMP or TIFF.
 
     said: the format of a sensor_msgs/CompressedImage; where it begins with a Bayer encoding, an image of one channel
     is a mosaic. Raises InputError with the name of the image when its bytes are not an image.
     """
-    flat = np.frombuffer(compressed, np.uint8)
     mosaic = said.partition(";")[0].strip()
     how = cv2.IMREAD_UNCHANGED if mosaic.startswith("bayer") else cv2.IMREAD_GRAYSCALE
-    image = cv2.imdecode(flat, how) if flat.size else None
+    try:
+        image = picture(compressed, how)
+    except ValueError as error:
+        raise InputError(
+            f"{name} ({len(compressed)} bytes) cannot be used: {error}; give a whole JPEG or PNG"
+        ) from error
     if image is None:
-        raise InputError(f"{name} ({flat.size} bytes) cannot be decoded; it must be a whole JPEG or PNG")
+        raise InputError(f"{name} ({len(compressed)} bytes) cannot be decoded; it must be a whole JPEG or PNG")
     if mosaic.startswith("bayer"):
+        if image.dtype != np.uint8 or image.ndim == 3 and image.shape[2] != 3:
+            raise InputError(f"{name} is {mosaic} of {image.dtype} and shape {image.shape}; publish it with 8 bits")
         height, width = image.shape[:2]
         return gray_image(mosaic if image.ndim == 2 else "bgr8", height, width, image.strides[0], image.tobytes())
     return np.asarray(image, np.uint8)

@@ -12,10 +12,11 @@ import msgspec
 import numpy as np
 from msgspec import Struct
 
-from vsx_ros.errors import InputError
+from vsx_ros.errors import InputError, reason_of
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.io.atomic import write_bytes
+from vsx_ros.limits import LOG_BYTES, file_bytes
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
 Pose2: TypeAlias = tuple[float, float, float]
@@ -101,19 +102,24 @@ class Journal:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             write_bytes(path, _text(known), durable=True)
+            self._whole = path.stat().st_size
             self._file = path.open("ab", buffering=0)
         except OSError as error:
             raise InputError(f"journal {path} cannot be written ({error.strerror}); choose another --out") from error
 
     def add(self, *lines: Line) -> None:
         """Append lines, all or none. Raises InputError when the disk takes no more."""
-        size, left = os.fstat(self._file.fileno()).st_size, memoryview(_text(lines))
+        text = _text(lines)
+        left = memoryview(text)
         try:
+            if os.fstat(self._file.fileno()).st_size > self._whole:  # half a line that could not be taken back then
+                os.ftruncate(self._file.fileno(), self._whole)
             while left:  # a disk that is nearly full takes a part, and says so only when asked to take the rest
                 left = left[self._file.write(left) :]
+            self._whole += len(text)
         except OSError as error:
             with suppress(OSError):
-                os.ftruncate(self._file.fileno(), size)
+                os.ftruncate(self._file.fileno(), self._whole)
             raise InputError(
                 f"journal {self._file.name} cannot be written ({error.strerror}); free the disk"
             ) from error
@@ -124,10 +130,17 @@ def read_journal(path: Path) -> list[Line]:
     if not path.exists():
         return []
     try:
-        *lines, _ = path.read_bytes().split(b"\n")
-        return [_DECODE.decode(line) for line in lines]
-    except (OSError, msgspec.DecodeError) as error:
-        raise InputError(f"journal {path} is damaged ({error}); start a new run") from error
+        *lines, _ = file_bytes(path, LOG_BYTES).split(b"\n")
+        return [_checked(_DECODE.decode(line)) for line in lines]
+    except (OSError, RecursionError, ValueError) as error:
+        raise InputError(f"journal {path} is damaged ({reason_of(error)}); start a new run") from error
+
+
+def _checked(line: Line) -> Line:
+    pose = line.T_world_cam if isinstance(line, FrameLine | TruthLine) else None
+    if pose is not None and not 0.9 < sum(q * q for q in pose[3:]) < 1.1:
+        raise ValueError(f"at {line.stamp_ns} ns the quaternion {pose[3:]} is no rotation")
+    return line
 
 
 def flat(T: SE3) -> Pose3:

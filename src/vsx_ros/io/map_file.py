@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +12,15 @@ from numpy.typing import NDArray
 
 from vsx_ros.errors import MapFileError, reason_of
 from vsx_ros.io.atomic import write_bytes, write_text
-from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from vsx_ros.io.image_size import picture
+from vsx_ros.limits import DAMAGE, LOG_BYTES, TEXT_BYTES, file_bytes, file_text, yaml_tree
+from vsx_ros.occupancy.grid import FREE, MAX_CELLS, MAX_EXTENT_M, OCCUPIED, UNKNOWN, OccupancyGrid
 
 _GRAY_OF_FREE, _GRAY_OF_OCCUPIED, _GRAY_OF_UNKNOWN = 254, 0, 205
 _OCCUPIED_THRESHOLD, _FREE_THRESHOLD = 0.65, 0.196
+_FINEST_M = 1e-3
+_ROWS_AT_ONCE = 64
+_LONGEST_NAME = 1000
 
 
 def save_map(grid: OccupancyGrid, path: Path) -> None:
@@ -52,7 +56,7 @@ def load_map(path: Path) -> OccupancyGrid:
     """
     text = path if path.suffix in (".yaml", ".yml") else path.with_suffix(".yaml")
     try:
-        tree = yaml.safe_load(text.read_text(encoding="utf-8"))
+        tree = yaml_tree(file_text(text))
     except (OSError, ValueError, yaml.YAMLError) as error:
         raise MapFileError(f"map {text} cannot be read ({reason_of(error)}); give a map_server YAML") from error
     try:
@@ -61,16 +65,31 @@ def load_map(path: Path) -> OccupancyGrid:
         thresholds = float(tree["free_thresh"]), float(tree["occupied_thresh"])
         negate, name = bool(int(tree.get("negate", 0))), str(tree["image"])
         raw = str(tree.get("mode", "trinary")) == "raw"
-    except (KeyError, TypeError, ValueError) as error:
+        if len(name) > _LONGEST_NAME:
+            raise ValueError(f"image of {len(name)} characters")
+    except DAMAGE as error:
         raise MapFileError(
-            f"map {text}: entry {error} is missing or malformed; map_server needs image, resolution, "
+            f"map {text}: entry {reason_of(error)} is missing or malformed; map_server needs image, resolution, "
             "origin [x, y, yaw], negate, occupied_thresh, free_thresh"
         ) from error
     if yaw != 0.0:
         raise MapFileError(f"map {text} is turned by {yaw} rad, only 0 is supported; turn the image instead")
-    if not (0 < resolution < 10 and math.isfinite(x + y) and 0 <= thresholds[0] <= thresholds[1] <= 1):
-        raise MapFileError(f"map {text}: resolution {resolution} or thresholds {thresholds} are impossible; correct it")
-    return _grid(_occupancy(text.parent / name, negate=negate, raw=raw), thresholds, resolution, x, y)
+    if not (
+        _FINEST_M <= resolution < 10 and max(abs(x), abs(y)) < MAX_EXTENT_M and 0 <= thresholds[0] <= thresholds[1] <= 1
+    ):
+        raise MapFileError(
+            f"map {text}: resolution {resolution}, origin {x}, {y} or thresholds {thresholds} are impossible; "
+            "correct it"
+        )
+    return OccupancyGrid(_cells(text.parent / name, thresholds, negate=negate, raw=raw)[::-1], resolution, x, y)
+
+
+def is_map_file(path: Path) -> bool:
+    """Whether a YAML is that of a map. Raises MapFileError when it cannot be read."""
+    try:
+        return any(line.startswith(b"image:") for line in file_bytes(path, TEXT_BYTES).splitlines())
+    except (OSError, ValueError) as error:
+        raise MapFileError(f"map {path} cannot be read ({reason_of(error)}); give a map_server YAML") from error
 
 
 def load_plan(path: Path, resolution: float = 0.05) -> OccupancyGrid:
@@ -79,23 +98,28 @@ def load_plan(path: Path, resolution: float = 0.05) -> OccupancyGrid:
     Raises MapFileError when it is no picture.
     """
     thresholds = _FREE_THRESHOLD, _OCCUPIED_THRESHOLD
-    return _grid(_occupancy(path, negate=False, raw=False), thresholds, resolution, 0.0, 0.0)
+    return OccupancyGrid(_cells(path, thresholds, negate=False, raw=False)[::-1], resolution, 0.0, 0.0)
 
 
-def _grid(
-    occupancy: NDArray[np.float64], thresholds: tuple[float, float], resolution: float, x: float, y: float
-) -> OccupancyGrid:
-    data = np.full(occupancy.shape, UNKNOWN, np.int8)
-    data[occupancy < thresholds[0]] = FREE
-    data[occupancy > thresholds[1]] = OCCUPIED
-    return OccupancyGrid(data[::-1], resolution, x, y)
-
-
-def _occupancy(path: Path, *, negate: bool, raw: bool) -> NDArray[np.float64]:
-    """(H, W) probability of an obstacle, NaN where nothing is known."""
-    image: NDArray[Any] | None = cv2.imread(str(path), cv2.IMREAD_UNCHANGED) if path.exists() else None
+def _cells(path: Path, thresholds: tuple[float, float], *, negate: bool, raw: bool) -> NDArray[np.int8]:
+    """(H, W) cells, the top row first; a band of rows at a time, for its probabilities need many times its bytes."""
+    try:
+        image = picture(file_bytes(path, LOG_BYTES), cv2.IMREAD_UNCHANGED, MAX_CELLS)
+    except (OSError, ValueError) as error:
+        raise MapFileError(f"map image {path} is missing or no map ({reason_of(error)}); give a PGM or PNG") from error
     if image is None or image.dtype not in (np.uint8, np.uint16):
-        raise MapFileError(f"map image {path} is missing or no 8 or 16 bit picture; give a PGM or PNG")
+        raise MapFileError(f"map image {path} is no 8 or 16 bit picture; give a PGM or PNG")
+    cells = np.full(image.shape[:2], UNKNOWN, np.int8)
+    for top in range(0, len(cells), _ROWS_AT_ONCE):
+        band = slice(top, top + _ROWS_AT_ONCE)
+        occupancy = _occupancy(image[band], negate=negate, raw=raw)
+        cells[band][occupancy < thresholds[0]] = FREE
+        cells[band][occupancy > thresholds[1]] = OCCUPIED
+    return cells
+
+
+def _occupancy(image: NDArray[Any], *, negate: bool, raw: bool) -> NDArray[np.float64]:
+    """(H, W) probability of an obstacle, NaN where nothing is known."""
     depth = float(np.iinfo(image.dtype).max)
     channels = image.reshape(*image.shape[:2], -1).astype(np.float64)
     colours = channels[..., : 1 if channels.shape[2] < 3 else 3].mean(axis=2)

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from vsx_ros.arrays import Points3
-from vsx_ros.errors import InputError
+from vsx_ros.errors import InputError, reason_of
 from vsx_ros.io.atomic import write_bytes
+from vsx_ros.limits import DATA_BYTES, file_bytes
 
 _HEADER = "ply\nformat binary_little_endian 1.0\nelement vertex {count}\n{properties}end_header\n"
 _PROPERTIES = "".join(f"property float {axis}\n" for axis in "xyz")
@@ -27,14 +28,18 @@ def read_ply(path: Path) -> Points3:
     Raises InputError for anything else.
     """
     try:
-        header, _, body = path.read_bytes().partition(b"end_header\n")
-    except OSError as error:
-        raise InputError(f"point cloud {path} cannot be read ({error.strerror}); check the path") from error
+        header, _, body = file_bytes(path, DATA_BYTES).partition(b"end_header\n")
+    except (OSError, ValueError) as error:
+        raise InputError(f"point cloud {path} cannot be read ({reason_of(error)}); check the path") from error
     try:
         count = int(header.split(b"element vertex")[1].split()[0])
         expected = _HEADER.format(count=count, properties=_PROPERTIES).encode("ascii")
         if header + b"end_header\n" != expected:
             raise ValueError("other properties")
-        return np.frombuffer(body, "<f4", count=3 * count).reshape(-1, 3).astype(np.float64)
+        if len(body) != 12 * count:
+            raise ValueError(f"{len(body)} bytes are not {count} points")
+        return np.frombuffer(body, "<f4").reshape(-1, 3).astype(np.float64)
     except (IndexError, ValueError) as error:
-        raise InputError(f"point cloud {path} is not a PLY that this program wrote ({error})") from error
+        raise InputError(
+            f"point cloud {path} is not a PLY that this program wrote ({reason_of(error)}); give one that it wrote"
+        ) from error

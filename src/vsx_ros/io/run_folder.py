@@ -7,24 +7,28 @@ import io
 import json
 import platform
 import shutil
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import metadata
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import msgspec
 import yaml
 
 from vsx_ros import __version__
 from vsx_ros.arrays import Points3
 from vsx_ros.config import Config, from_dict, to_dict
-from vsx_ros.errors import InputError, reason_of
+from vsx_ros.errors import InputError, VsxError, disk_trouble, reason_of
 from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.atomic import write_text
 from vsx_ros.io.checkpoint import Checkpoint
+from vsx_ros.io.journal import EventLine
 from vsx_ros.io.map_file import load_map, save_map
 from vsx_ros.io.ply_file import read_ply, write_ply
 from vsx_ros.io.trajectory_file import format_stamp, parse_stamp, read_trajectory, write_trajectory
+from vsx_ros.limits import LOG_BYTES, TEXT_BYTES, file_text, json_tree, yaml_tree
 from vsx_ros.occupancy.grid import OccupancyGrid
 
 FILES = (
@@ -32,6 +36,8 @@ FILES = (
     "sparse.ply", "dense.ply", "events.jsonl", "frames.csv", "report.html", "map.vsxmap",
 )  # fmt: skip
 _FRAME_COLUMNS_ONCE = 6  # older versions kept no u2_frames
+_MOST = 1e12  # of anything that is counted or measured in a frame
+_EVENT = msgspec.json.Decoder(EventLine)
 _PACKAGES = ("numpy", "numba", "opencv-python-headless", "osqp", "daqp", "ruckig", "rosbags", "msgspec")
 
 
@@ -106,6 +112,20 @@ class RunFolder:
             raise InputError(f"{path} is not a run folder (no config.yaml or summary.json in it); give one")
         return RunFolder(path)
 
+    def write_what_fits(self, *writes: Callable[[], object]) -> str:
+        """Try each, the folder made anew where it was deleted meanwhile; what kept the first one that failed from it in
+        a sentence, nothing when all is written."""
+        said = ""
+        for write in writes:
+            try:
+                self.path.mkdir(parents=True, exist_ok=True)
+                write()
+            except VsxError as error:
+                said = said or str(error)
+            except OSError as error:
+                said = said or disk_trouble(error) or f"{error.filename or self.path} cannot be written ({error})"
+        return said
+
     @property
     def checkpoint(self) -> Checkpoint:
         """What the run needs to go on after it was interrupted."""
@@ -126,7 +146,7 @@ class RunFolder:
 
         Raises InputError or ConfigError when the file is missing or damaged.
         """
-        tree = self._parsed("config.yaml", yaml.safe_load)
+        tree = self._parsed("config.yaml", yaml_tree)
         return from_dict(tree.pop("config", {})), tree
 
     def write_summary(self, summary: Mapping[str, Any]) -> None:
@@ -135,7 +155,7 @@ class RunFolder:
 
     def read_summary(self) -> dict[str, Any]:
         """What ``write_summary`` wrote. Raises InputError when missing or damaged."""
-        return self._parsed("summary.json", json.loads)
+        return self._parsed("summary.json", json_tree)
 
     def write_events(self, events: Iterable[RunEvent]) -> None:
         """Every change of state with its reason, by time, one JSON object a line."""
@@ -145,10 +165,10 @@ class RunFolder:
     def read_events(self) -> list[RunEvent]:
         """What ``write_events`` wrote; none where there is no file. Raises InputError when damaged."""
         try:
-            lines = self._text("events.jsonl").splitlines() if (self.path / "events.jsonl").exists() else []
-            return [RunEvent(**json.loads(line)) for line in lines]
-        except (ValueError, TypeError) as error:
-            raise InputError(f"{self.path / 'events.jsonl'} is damaged ({error}); delete it or run again") from error
+            text = self._text("events.jsonl", LOG_BYTES) if (self.path / "events.jsonl").exists() else ""
+            return [_run_event(line) for line in io.StringIO(text)]
+        except (RecursionError, ValueError) as error:
+            raise self._damaged("events.jsonl", error) from error
 
     def write_frames(self, frames: Iterable[FrameRecord]) -> None:
         """frames.csv: how each frame was tracked."""
@@ -166,10 +186,10 @@ class RunFolder:
         if not (self.path / "frames.csv").exists():
             return []
         try:
-            rows = list(csv.reader(self._text("frames.csv").splitlines()))[1:]
-            return [_frame_record(row) for row in rows]
-        except (ValueError, TypeError) as error:
-            raise InputError(f"{self.path / 'frames.csv'} is damaged ({error}); delete it or run again") from error
+            rows = csv.reader(io.StringIO(self._text("frames.csv", LOG_BYTES)))
+            return [_frame_record(row) for row in islice(rows, 1, None)]
+        except (csv.Error, OverflowError, ValueError) as error:
+            raise self._damaged("frames.csv", error) from error
 
     def write_poses(self, name: str, poses: Iterable[StampedPose]) -> None:
         """name: trajectory (T_world_cam), odometry (T_odom_base) or groundtruth (T_world_cam)."""
@@ -205,15 +225,19 @@ class RunFolder:
         write_text(self.path / "report.html", html)
         return self.path / "report.html"
 
-    def _text(self, name: str) -> str:
+    def _text(self, name: str, most: int = TEXT_BYTES) -> str:
         try:
-            return (self.path / name).read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
+            return file_text(self.path / name, most)
+        except (OSError, ValueError) as error:
             raise InputError(f"{self.path / name} cannot be read ({reason_of(error)}); run again") from error
 
+    def _damaged(self, name: str, error: Exception) -> InputError:
+        return InputError(f"{self.path / name} is damaged ({reason_of(error)}); delete it or run again")
+
     def _parsed(self, name: str, parse: Any) -> dict[str, Any]:
+        text = self._text(name)
         try:
-            tree = parse(self._text(name))
+            tree = parse(text)
         except (ValueError, yaml.YAMLError) as error:
             raise InputError(f"{self.path / name} is damaged ({reason_of(error)}); run again") from error
         if not isinstance(tree, dict):
@@ -229,10 +253,17 @@ def _is_run(path: Path) -> bool:
     return any((path / name).is_file() for name in ("summary.json", "config.yaml"))
 
 
+def _run_event(line: str) -> RunEvent:
+    event = _EVENT.decode(line)
+    return RunEvent(event.stamp_ns, event.source, event.state, event.reason)
+
+
 def _frame_record(row: Sequence[str]) -> FrameRecord:
     stamp, state, searched, found, added, *measured = row if len(row) > _FRAME_COLUMNS_ONCE else [*row, ""]
     track_ms, u2_frames = (float(value) if value else None for value in measured)
     counts = int(searched), int(found), bool(int(added))
+    if not all(0 <= number <= _MOST for number in (*counts, track_ms or 0, u2_frames or 0)):
+        raise ValueError(f"frame {stamp} holds a number that is none of a frame")
     return FrameRecord(parse_stamp(stamp), state, *counts, track_ms, u2_frames)
 
 

@@ -8,8 +8,12 @@ import io
 import zipfile
 from collections.abc import Mapping
 
+from vsx_ros.limits import DAMAGE, MIB, Allowance
+
 _SEAL = 64
 _ZIP = b"PK\x03\x04"
+_FLOOR, _RATIO = 32 * MIB, 4
+"""What an archive may unpack to: most of it are pictures and numbers that hardly get smaller."""
 
 
 def seal(entries: Mapping[str, bytes], *, quick: bool = False) -> bytes:
@@ -33,6 +37,19 @@ def unseal(content: bytes) -> dict[str, bytes]:
         raise ValueError("its checksum does not fit, it is truncated or was changed")
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            return {name: archive.read(name) for name in archive.namelist()}
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError) as error:  # not ours: zipfile's refusals
+            return _unpacked(archive, Allowance(_FLOOR, len(content), _RATIO))
+    except (zipfile.BadZipFile, *DAMAGE) as error:  # not ours: zipfile's and zlib's refusals
         raise ValueError(f"it cannot be unpacked ({error})") from error
+
+
+def _unpacked(archive: zipfile.ZipFile, allowance: Allowance) -> dict[str, bytes]:
+    entries: dict[str, bytes] = {}
+    for info in archive.infolist():
+        if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            raise ValueError(f"{info.filename} is packed in the unknown way {info.compress_type}")
+        allowance.take(info.file_size, info.filename)
+        with archive.open(info) as file:
+            entries[info.filename] = file.read(info.file_size)  # not more than it declares, whatever it holds
+        if len(entries[info.filename]) != info.file_size:
+            raise ValueError(f"{info.filename} holds fewer bytes than it declares")
+    return entries

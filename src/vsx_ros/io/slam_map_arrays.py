@@ -50,6 +50,8 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
 """Type and shape of every array; anchor is -1 for a living keyframe, odometry is x, y, theta where there is any,
 readout_motion as ``moving`` takes it."""
 
+MAX_KEYFRAMES = 2**16
+"""Many times those of the largest buildings."""
 _ORTHONORMAL = 1e-6
 
 
@@ -134,8 +136,8 @@ def _check_shapes(arrays: Mapping[str, NDArray[Any]]) -> dict[str, int]:
         if array.dtype != np.dtype(kind) or not fits:
             raise ValueError(f"{name} is {array.dtype} of shape {array.shape}, expected {np.dtype(kind)} of {wanted}")
         sizes |= {s: n for s, n in zip(shape, array.shape) if isinstance(s, str)}
-    if not sizes["K"]:
-        raise ValueError("it holds no keyframe")
+    if not 0 < sizes["K"] <= MAX_KEYFRAMES:
+        raise ValueError(f"it holds {sizes['K']} keyframes, a map has 1 to {MAX_KEYFRAMES}")
     return sizes
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -18,14 +19,16 @@ from numpy.typing import NDArray
 
 from vsx_ros import __version__
 from vsx_ros.arrays import GrayImage
-from vsx_ros.errors import MapFileError
+from vsx_ros.errors import MapFileError, reason_of
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.io.atomic import write_bytes
+from vsx_ros.io.image_size import check_image_size, picture
 from vsx_ros.io.pieces import array_bytes, array_of
 from vsx_ros.io.sealed_archive import seal, unseal
 from vsx_ros.io.slam_map_arrays import LAYOUT, Arrays, arrays_of, check
+from vsx_ros.limits import DAMAGE, DATA_BYTES, MIB, Allowance, file_bytes, json_tree
 from vsx_ros.slam.keyframe import Anchor, FrameData, KeyFrame, Observations
 from vsx_ros.slam.map import MapView
 from vsx_ros.slam.slam_map import SlamMap
@@ -36,6 +39,8 @@ from vsx_ros.vision.pyramid import build_pyramid
 from vsx_ros.vision.small_image import small_image
 
 FORMAT, VERSION = "vsx_ros slam map", 1
+_PIXELS, _PIXELS_PER_BYTE = 64 * MIB, 16
+"""A camera's noise leaves two to three pixels in a byte of a packed picture."""
 
 
 def save_slam_map(slam_map: SlamMap, path: Path) -> None:
@@ -56,7 +61,7 @@ def load_slam_map(path: Path) -> SlamMap:
     Raises MapFileError when it is missing, damaged, something else or from a newer program.
     """
     with damage_explained(path):
-        return slam_map_of(unseal(path.read_bytes()))
+        return slam_map_of(unseal(file_bytes(path, DATA_BYTES)))
 
 
 def entries_of(slam_map: SlamMap, arrays: Arrays) -> dict[str, bytes]:
@@ -78,12 +83,13 @@ def entries_of(slam_map: SlamMap, arrays: Arrays) -> dict[str, bytes]:
 def slam_map_of(entries: Mapping[str, bytes]) -> SlamMap:
     """The map of ``entries_of`` all arrays with a picture, ``image_name(index)``, of each living keyframe.
 
-    Raises KeyError, TypeError, ValueError, OverflowError or MemoryError for anything else.
+    Raises one of ``limits.DAMAGE`` for anything else.
     """
     manifest = _manifest(entries)
     camera, mount = _camera(manifest), _mount(manifest)
     arrays = {name: array_of(entries[array_name(name)]) for name in LAYOUT}
     check(arrays, camera.width, camera.height)
+    _check_pictures(entries, int((arrays["anchor"] < 0).sum()), camera)
     return SlamMap(camera, mount, _view(arrays, entries, camera, int(manifest["map_version"])))
 
 
@@ -94,13 +100,19 @@ def damage_explained(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise MapFileError(f"map {path} cannot be read ({error.strerror}); check the path") from error
-    except (KeyError, TypeError, ValueError, OverflowError, MemoryError) as error:
-        reason = f"entry {error} is missing" if isinstance(error, KeyError) else str(error).splitlines()[0]
+    except DAMAGE as error:
+        reason = f"entry {error} is missing" if isinstance(error, KeyError) else reason_of(error)
         raise MapFileError(f"map {path} cannot be used: {reason}; give a file that this program saved") from error
 
 
+def _check_pictures(entries: Mapping[str, bytes], count: int, camera: PinholeCamera) -> None:
+    """Raises ValueError where the files can hardly hold so many pictures with anything in them."""
+    packed = sum(len(content) for name, content in entries.items() if name.endswith(".png"))
+    Allowance(_PIXELS, packed, _PIXELS_PER_BYTE).take(count * camera.width * camera.height, f"{count} pictures")
+
+
 def _manifest(entries: Mapping[str, bytes]) -> dict[str, Any]:
-    tree = json.loads(entries["manifest.json"])
+    tree = json_tree(entries["manifest.json"])
     if not isinstance(tree, dict) or tree.get("format") != FORMAT:
         raise ValueError("its manifest is not that of a SLAM map")
     version = tree.get("version")
@@ -130,7 +142,9 @@ def _mount(manifest: Mapping[str, Any]) -> SE3 | None:
 
 
 def _view(arrays: Arrays, entries: Mapping[str, bytes], camera: PinholeCamera, version: int) -> MapView:
-    frames = tuple(_keyframe(k, arrays, entries, camera) for k in range(len(arrays["stamp_ns"])))
+    ends = np.concatenate([[0], np.cumsum(arrays["observation_count"])]).tolist()
+    parts = (slice(*pair) for pair in pairwise(ends))
+    frames = tuple(_keyframe(k, part, arrays, entries, camera) for k, part in enumerate(parts))
     looks = (arrays[f"template_{name}"] for name in ("source", "basis", "offset", "patch"))
     return MapView(
         version,
@@ -146,9 +160,8 @@ def _view(arrays: Arrays, entries: Mapping[str, bytes], camera: PinholeCamera, v
     )
 
 
-def _keyframe(k: int, arrays: Arrays, entries: Mapping[str, bytes], camera: PinholeCamera) -> KeyFrame:
-    ends = np.concatenate([[0], np.cumsum(arrays["observation_count"])])
-    part = slice(int(ends[k]), int(ends[k + 1]))
+def _keyframe(k: int, part: slice, arrays: Arrays, entries: Mapping[str, bytes], camera: PinholeCamera) -> KeyFrame:
+    """part: its observations."""
     observed = Observations(*(arrays[f"observation_{name}"][part] for name in ("row", "uv", "ideal", "level")))
     anchor = None
     if arrays["anchor"][k] >= 0:
@@ -197,8 +210,12 @@ def encoded(image: GrayImage) -> bytes:
 
 
 def _decoded(content: bytes, index: int, camera: PinholeCamera) -> GrayImage:
-    pixels = np.frombuffer(content, np.uint8)
-    image: NDArray[Any] | None = cv2.imdecode(pixels, cv2.IMREAD_UNCHANGED) if len(pixels) else None
+    size = f"{camera.width}x{camera.height}"
+    try:
+        fits = check_image_size(content) == (camera.width, camera.height)
+        image: NDArray[Any] | None = picture(content, cv2.IMREAD_UNCHANGED) if fits else None
+    except ValueError as error:
+        raise ValueError(f"the image of keyframe {index} is no grey picture of {size}: {error}") from error
     if image is None or image.dtype != np.uint8 or image.shape != (camera.height, camera.width):
-        raise ValueError(f"the image of keyframe {index} is no grey picture of {camera.width}x{camera.height}")
+        raise ValueError(f"the image of keyframe {index} is no grey picture of {size}")
     return image

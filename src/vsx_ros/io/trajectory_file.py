@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Iterable
 from pathlib import Path
@@ -12,6 +13,7 @@ from vsx_ros.errors import InputError, reason_of
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.atomic import write_text
+from vsx_ros.limits import LOG_BYTES, file_text
 
 HEADER = "# stamp tx ty tz qx qy qz qw\n"
 
@@ -26,8 +28,15 @@ def format_stamp(stamp_ns: int) -> str:
 def parse_stamp(text: str) -> int:
     """Nanoseconds of a decimal number of seconds, without rounding through a float.
 
-    Raises ValueError when the text is no number.
+    Raises ValueError when the text is no number, or one that no 64 bits hold.
     """
+    stamp_ns = _nanoseconds(text)
+    if abs(stamp_ns) >= 2**63:
+        raise ValueError(f"stamp {text[:40]} lies outside of time")
+    return stamp_ns
+
+
+def _nanoseconds(text: str) -> int:
     whole, point, fraction = text.strip().partition(".")
     if not point or not fraction.isdigit() or not whole.lstrip("-").isdigit():
         return round(float(text) * 1e9)
@@ -51,13 +60,13 @@ def read_trajectory(path: Path) -> list[StampedPose]:
     Raises InputError naming file and line when a line is not eight finite numbers with a non-zero quaternion.
     """
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        text = file_text(path, LOG_BYTES)
+    except (OSError, ValueError) as error:
         raise InputError(
             f"trajectory {path} cannot be read ({reason_of(error)}); give a text file in TUM format"
         ) from error
     poses = []
-    for number, line in enumerate(text.splitlines(), start=1):
+    for number, line in enumerate(io.StringIO(text), start=1):
         if line.strip() and not line.lstrip().startswith("#"):
             poses.append(_pose_of(line, f"trajectory {path}, line {number}"))
     return poses

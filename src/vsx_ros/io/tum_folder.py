@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
 from pathlib import Path
 
-from vsx_ros.errors import InputError
+from vsx_ros.errors import InputError, reason_of
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.stamped import StampedPose
@@ -13,8 +14,11 @@ from vsx_ros.io.calibration_file import read_calibration
 from vsx_ros.io.image_encoding import decoded
 from vsx_ros.io.recording import Recording
 from vsx_ros.io.trajectory_file import parse_stamp, read_trajectory
+from vsx_ros.limits import LOG_BYTES, file_bytes
 from vsx_ros.robot import Frame, Odometry
 
+_MOST_IMAGES = 2**20  # nine hours at 30 a second
+_LONGEST_NAME = 1000
 CALIBRATION_NAMES = ("camera.json", "camera.yaml", "calibration.yaml", "camera_info.yaml")
 
 
@@ -26,14 +30,16 @@ def open_folder(folder: Path) -> Recording:
     listed = _listed_images(folder)
 
     def frames() -> Iterator[Frame]:
-        for stamp_ns, path in listed:
+        for stamp_ns, name in listed:
+            path = folder / name
             try:
-                yield Frame(stamp_ns, decoded(path.read_bytes(), f"image {path}"))
-            except OSError as error:
+                content = file_bytes(path, LOG_BYTES)
+            except (OSError, ValueError) as error:
                 raise InputError(
-                    f"image {path} named in {folder / 'rgb.txt'} cannot be read ({error.strerror}); "
+                    f"image {path} named in {folder / 'rgb.txt'} cannot be read ({reason_of(error)}); "
                     "copy the folder again or delete its line"
                 ) from error
+            yield Frame(stamp_ns, decoded(content, f"image {path}"))
 
     truth = folder / "groundtruth.txt"
     return Recording(
@@ -48,21 +54,31 @@ def open_folder(folder: Path) -> Recording:
     )
 
 
-def _listed_images(folder: Path) -> list[tuple[int, Path]]:
+def _listed_images(folder: Path) -> list[tuple[int, str]]:
     index = folder / "rgb.txt"
     if not index.exists():
         raise InputError(
             f"folder {folder} has no rgb.txt and no metadata.yaml; give a bag or a folder in the TUM RGB-D layout"
         )
-    listed = []
-    for number, line in enumerate(index.read_text(encoding="utf-8", errors="replace").splitlines(), start=1):
+    try:
+        text = file_bytes(index, LOG_BYTES).decode(errors="replace")
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"{index} cannot be read ({reason_of(error)}); give a text file of lines 'stamp file'"
+        ) from error
+    listed: list[tuple[int, str]] = []
+    for number, line in enumerate(io.StringIO(text), start=1):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         stamp, _, name = line.strip().partition(" ")
         try:
-            listed.append((parse_stamp(stamp), folder / name.strip()))
+            if len(name) > _LONGEST_NAME:
+                raise ValueError("no file has so long a name")
+            listed.append((parse_stamp(stamp), name.strip()))
         except (ValueError, OverflowError) as error:
             raise InputError(f"{index}, line {number}: expected 'stamp file', got {line.strip()[:80]!r}") from error
+        if len(listed) > _MOST_IMAGES:
+            raise InputError(f"{index} lists more than {_MOST_IMAGES} images; cut the recording into parts")
     if not listed:
         raise InputError(f"{index} lists no image; each line shall be 'stamp file'")
     return listed

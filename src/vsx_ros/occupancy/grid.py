@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +11,9 @@ from vsx_ros.arrays import BoolArray, IntArray, Points2
 from vsx_ros.errors import MapFileError
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
+MAX_CELLS = 2**24
+"""Of a map from outside: 200 x 200 m at 5 cm."""
+MAX_EXTENT_M = 1e6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,10 +33,10 @@ class OccupancyGrid:
         data = np.array(self.data, dtype=np.int8)
         if data.ndim != 2 or data.size == 0:
             raise MapFileError(f"a grid needs two dimensions and at least one cell, got shape {data.shape}")
-        if not (self.resolution > 0 and math.isfinite(self.origin_x) and math.isfinite(self.origin_y)):
+        if not (0 < self.resolution < MAX_EXTENT_M and max(abs(self.origin_x), abs(self.origin_y)) < MAX_EXTENT_M):
             raise MapFileError(
                 f"grid with resolution {self.resolution} m and origin ({self.origin_x}, {self.origin_y}): "
-                "resolution must be positive and the origin finite"
+                f"resolution must be positive, and both below {MAX_EXTENT_M:g} m"
             )
         data.flags.writeable = False
         object.__setattr__(self, "data", data)

@@ -225,13 +225,26 @@ class Trajectory:
         return float(self.times_s[-1] - self.times_s[0])
 
     def at(self, t_s: float) -> tuple[SE2, float, float]:
-        """Pose, v [m/s] and omega [rad/s] at t_s after the start, held at both ends."""
+        """Pose, v [m/s] and omega [rad/s] at t_s after the start, held at both ends.
+
+        The pose is cubic between the samples, with their speeds as its slopes, and omega is the slope of its heading:
+        on straight lines between them the turn rate would jump at each sample.
+        """
         t = float(np.clip(t_s, 0.0, self.duration_s)) + float(self.times_s[0])
         i = int(np.clip(np.searchsorted(self.times_s, t, side="right") - 1, 0, max(0, len(self.times_s) - 2)))
         j = min(i + 1, len(self.times_s) - 1)
         span = float(self.times_s[j] - self.times_s[i])
         u = (t - float(self.times_s[i])) / span if span > 0.0 else 0.0
-        pose = (1.0 - u) * self.poses[i] + u * self.poses[j]
-        v = (1.0 - u) * float(self.v[i]) + u * float(self.v[j])
-        omega = (1.0 - u) * float(self.omega[i]) + u * float(self.omega[j])
-        return SE2(float(pose[0]), float(pose[1]), float(pose[2])), v, omega
+        ends = slice(i, j + 1, max(1, j - i))
+        v, omega, theta = self.v[ends], self.omega[ends], self.poses[ends, 2]
+        slopes = span * np.column_stack([v * np.cos(theta), v * np.sin(theta), omega])
+        pose, slope = _cubic(self.poses[i], self.poses[j], slopes[0], slopes[-1], u)
+        turn_rate = float(slope[2]) / span if span > 0.0 else float(omega[0])
+        return SE2(*(float(c) for c in pose)), float((1.0 - u) * v[0] + u * v[-1]), turn_rate
+
+
+def _cubic(a: FloatArray, b: FloatArray, da: FloatArray, db: FloatArray, u: float) -> tuple[FloatArray, FloatArray]:
+    """Values and slopes at u in [0, 1] of the cubics with these values and slopes at 0 and 1 (Hermite)."""
+    w = 1.0 - u
+    values: FloatArray = a + u * u * (3.0 - 2.0 * u) * (b - a) + u * w * (w * da - u * db)
+    return values, 6.0 * u * w * (b - a) + w * (1.0 - 3.0 * u) * da + u * (3.0 * u - 2.0) * db

@@ -14,6 +14,7 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray
 from vsx_ros.config import LimitsConfig
+from vsx_ros.geometry.se2 import SE2
 from vsx_ros.planning.path import Trajectory
 from vsx_ros.planning.pieces import Piece
 from vsx_ros.planning.speed_profile import Geometry, Profile, cut_speeds, excess, segment_limits
@@ -67,6 +68,24 @@ class _Stretch:
         self.s: FloatArray = np.concatenate([[0.0], np.cumsum(step)])
         table = np.column_stack([self.s, planned.poses[part], kappa])
         self.geometry = Geometry([Piece(int(self.sign), table, math.inf)])
+
+    def at(self, s: FloatArray, speed: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Poses (N, 3), omega (N,) and v (N,) at places and speeds: heading and turn rate are of one curve."""
+        if self.turns:
+            start = self.geometry.pieces[0].start
+            poses = np.column_stack([np.full_like(s, start.x), np.full_like(s, start.y), start.theta + self.sign * s])
+            return poses, self.sign * speed, np.zeros_like(s)
+        rows = self.geometry.at(s)
+        return rows[:, :3], rows[:, 3] * speed, self.sign * speed
+
+    def nearest(self, s: float, pose: SE2) -> float:
+        """The place of a pose on the way, from a place some hundredths of a millimetre off."""
+        if self.turns:
+            off = self.sign * (pose.theta - self.geometry.pieces[0].start.theta) - s
+        else:
+            x, y, theta = (float(number) for number in self.geometry.at(np.array([s]))[0, :3])
+            off = self.sign * ((pose.x - x) * math.cos(theta) + (pose.y - y) * math.sin(theta))
+        return min(max(s + off, 0.0), self.geometry.length)
 
     def envelope(self, cuts: FloatArray, factor: float) -> FloatArray:
         """(n,) the planned speed's maximum over each segment, times the factor."""
@@ -138,9 +157,9 @@ def retime(planned: Trajectory, current: Timing, t_s: float, factor: float, limi
     a = min(max(a, -stretch.limits.a_m_s2), stretch.limits.a_m_s2)
     if u < _NOTHING and factor == 0.0:
         return Timing(_standing(planned, place), np.array([place]))
-    s = float(np.interp(place, stretch.times, stretch.s))
+    s = stretch.nearest(float(np.interp(place, stretch.times, stretch.s)), current.trajectory.at(t)[0])
     found = stretch.profile(s, u, a, factor)
-    return None if found is None else _sampled(planned, stretch, *found, factor)
+    return None if found is None else _sampled(planned, stretch, place, *found, factor)
 
 
 def _speed_and_acceleration(trajectory: Trajectory, times: FloatArray, t: float, turns: bool) -> tuple[float, float]:
@@ -161,20 +180,18 @@ def _standing(planned: Trajectory, place: float) -> Trajectory:
     return Trajectory(np.zeros(1), pose.as_array()[None], np.zeros(1), np.zeros(1))
 
 
-def _sampled(planned: Trajectory, stretch: _Stretch, profile: Profile, slowed: float, factor: float) -> Timing:
-    """The profile as samples, and behind it the stretches to come, slower by the factor."""
+def _sampled(
+    planned: Trajectory, stretch: _Stretch, place: float, profile: Profile, slowed: float, factor: float
+) -> Timing:
+    """The profile from a place on as samples, and behind it the stretches to come, slower by the factor."""
     n = max(2, math.ceil(profile.duration * slowed / _SAMPLE_S) + 1)
     times = np.linspace(0.0, profile.duration, n)
     s, speed, _ = profile.at(times)
     speed = np.maximum(speed, 0.0) / slowed
     speed[-1] = 0.0
-    places = np.interp(s, stretch.s, stretch.times)
+    places = np.maximum(np.interp(s, stretch.s, stretch.times), place)
     own = planned.times_s - planned.times_s[0]
-    poses = np.column_stack([np.interp(places, own, column) for column in planned.poses.T])
-    turn_rate = (
-        speed * stretch.sign if stretch.turns else speed * np.interp(s, stretch.geometry.s, stretch.geometry.kappa)
-    )
-    v = np.zeros(n) if stretch.turns else stretch.sign * speed
+    poses, turn_rate, v = stretch.at(s, speed)
     times = times * slowed
     if factor == 0.0:
         return Timing(Trajectory(times, poses, v, turn_rate), places)

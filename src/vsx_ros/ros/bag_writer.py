@@ -65,14 +65,14 @@ class BagWriter:
         self._thread.join()
         try:
             self._writer.close()
+            if not self.counts:
+                self._active.unlink(missing_ok=True)
+            elif not self.failure:
+                os.replace(self._active, self._path)
+                return self._path
         except OSError as error:
             self.failure = self.failure or str(error)
-        if not self.counts:
-            self._active.unlink(missing_ok=True)
-        if self.failure or not self.counts:
-            return self._active
-        os.replace(self._active, self._path)
-        return self._path
+        return self._active
 
     def _write(self) -> None:
         while (message := self._queue.get()) is not None:
@@ -80,8 +80,8 @@ class BagWriter:
                 continue
             try:
                 self._writer.write(self._connection(message), message.stamp_ns, message.data)  # type: ignore[arg-type]  # bytes will do
-            except (OSError, WriterError) as error:
-                self.failure = str(error)
+            except Exception as error:  # whatever it is: without this thread close would wait for ever
+                self.failure = str(error) or repr(error)
                 continue
             self.counts[message.topic] = self.counts.get(message.topic, 0) + 1
             self.bytes += len(message.data) + _OVERHEAD_BYTES

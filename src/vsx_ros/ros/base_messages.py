@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from geometry_msgs.msg import TransformStamped
+from geometry_msgs.msg import TransformStamped, Vector3
 from nav_msgs.msg import Odometry as OdometryMsg
 from sensor_msgs.msg import BatteryState, Imu, JointState, PointCloud2, PointField
 
-from vsx_hw.readings import BatteryReading, GyroReading, Hazard, OdometryReading
+from vsx_hw.readings import BatteryReading, GyroReading, Hazard, OdometryReading, RateSample
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Odometry
 from vsx_ros.ros import convert, topics
@@ -17,6 +17,8 @@ from vsx_ros.ros import convert, topics
 # Variances of the turtlebot's own driver (kobuki_node).
 _POSITION_M2, _HEADING_RAD2 = 0.1, 0.05
 _DISTRUST = 100.0
+# Noise of a sample of the Kobuki's gyro (0.2 deg/s); its zero may be off by more.
+_RAW_RATE_RAD2_S2 = math.radians(0.2) ** 2
 _WHEEL_RADIUS_M = 0.035
 _RIM_M, _FAR_M, _SIDE_RAD, _BUMPER_HEIGHT_M = 0.25, 100.0, 0.349, 0.04
 _JOINTS = ["wheel_left_joint", "wheel_right_joint"]
@@ -27,7 +29,7 @@ def _pose(reading: OdometryReading) -> SE2:
 
 
 def odometry(reading: OdometryReading) -> OdometryMsg:
-    """Dead reckoning; covariance grows where the base says that its encoders may be wrong."""
+    """Dead reckoning; covariance grows where a sensor of the base contradicts the others."""
     moved = Odometry(reading.stamp_ns, _pose(reading), reading.v_m_s, reading.omega_rad_s)
     return dead_reckoning(moved, reading.trusted)
 
@@ -67,13 +69,24 @@ def battery(reading: BatteryReading, stamp_ns: int) -> BatteryState:
 
 
 def imu(reading: GyroReading, stamp_ns: int) -> Imu:
-    """Heading and rate of the base's gyro; the axes that it does not have are marked unknown."""
+    """Heading and rate of the base's gyro; the axes that it does not have are marked unknown. Covariance grows while
+    the wheels contradict it."""
     msg = Imu(header=convert.header(topics.GYRO_FRAME, stamp_ns))
     msg.orientation.z, msg.orientation.w = math.sin(0.5 * reading.heading_rad), math.cos(0.5 * reading.heading_rad)
     msg.angular_velocity.z = reading.rate_rad_s
-    unknown = convert.UNKNOWN_VARIANCE
-    msg.orientation_covariance = [unknown, 0.0, 0.0, 0.0, unknown, 0.0, 0.0, 0.0, _HEADING_RAD2]
-    msg.angular_velocity_covariance = [unknown, 0.0, 0.0, 0.0, unknown, 0.0, 0.0, 0.0, _HEADING_RAD2]
+    unknown, variance = convert.UNKNOWN_VARIANCE, _HEADING_RAD2 * (1.0 if reading.trusted else _DISTRUST)
+    msg.orientation_covariance = [unknown, 0.0, 0.0, 0.0, unknown, 0.0, 0.0, 0.0, variance]
+    msg.angular_velocity_covariance = [unknown, 0.0, 0.0, 0.0, unknown, 0.0, 0.0, 0.0, variance]
+    msg.linear_acceleration_covariance = [-1.0] + [0.0] * 8
+    return msg
+
+
+def raw_imu(sample: RateSample) -> Imu:
+    """One sample of a gyro of three axes, as it was measured: no heading, no acceleration (REP 145)."""
+    msg = Imu(header=convert.header(topics.GYRO_FRAME, sample.stamp_ns))
+    msg.orientation_covariance = [-1.0] + [0.0] * 8
+    msg.angular_velocity = Vector3(sample.x, sample.y, sample.z)
+    msg.angular_velocity_covariance = np.diag([_RAW_RATE_RAD2_S2] * 3).ravel().tolist()
     msg.linear_acceleration_covariance = [-1.0] + [0.0] * 8
     return msg
 

@@ -23,7 +23,7 @@ from vsx_ros.cli.exit_codes import DONE, FAILED
 from vsx_ros.cli.stoppable import Heard
 from vsx_ros.errors import InputError
 from vsx_ros.robot import Frame
-from vsx_ros.ros import guest, images, process, topics
+from vsx_ros.ros import calls, guest, images, process, topics
 from vsx_ros.ros.progress import Progress
 
 _STILL_PX, _STILL_S = 2.0, 0.5
@@ -101,8 +101,7 @@ def calibrate(args: argparse.Namespace) -> int:
 
 def _store(service: str, info: object) -> int:
     try:
-        rospy.wait_for_service(service, _SERVICE_S)
-        answer = rospy.ServiceProxy(service, SetCameraInfo)(info)
+        answer = calls.service(service, SetCameraInfo, info, within_s=_SERVICE_S)
     except (rospy.ROSException, rospy.ServiceException) as error:
         raise InputError(f"{service} does not store it ({error}); record a bag and calibrate from that") from error
     if not answer.success:

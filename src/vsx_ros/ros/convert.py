@@ -35,7 +35,7 @@ from vsx_ros.errors import InputError, MapFileError
 from vsx_ros.geometry.camera import mount_pose, mounted
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from vsx_ros.occupancy.grid import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.robot import Odometry, VelocityCommand
 from vsx_ros.ros import frames, topics
 
@@ -44,6 +44,7 @@ _FREE_BELOW_PERCENT = 19.6
 _OCCUPIED_ABOVE_PERCENT = 65
 
 UNKNOWN_VARIANCE = 1e10
+UNSURE_HEADING_RAD2 = 1.0
 """Of what a planar robot cannot know (z, roll, pitch): huge, for 0 would mean that it is certain."""
 
 
@@ -142,11 +143,13 @@ def mount_transforms(mount: MountConfig, stamp_ns: int) -> list[TransformStamped
 
 
 def odometry(msg: OdometryMsg) -> Odometry:
-    """Wheel odometry. Raises InputError for numbers that are not finite."""
+    """Wheel odometry; not trusted where its heading may be off by a radian. Raises InputError for numbers that are not
+    finite."""
     v, omega = msg.twist.twist.linear.x, msg.twist.twist.angular.z
     if not (math.isfinite(v) and math.isfinite(omega)):
         raise InputError(f"odometry message holds speeds {v} m/s, {omega} rad/s; they must be finite")
-    return Odometry(msg.header.stamp.to_nsec(), se2(msg.pose.pose), v, omega)
+    trusted = msg.pose.covariance[35] < UNSURE_HEADING_RAD2
+    return Odometry(msg.header.stamp.to_nsec(), se2(msg.pose.pose), v, omega, trusted)
 
 
 def odometry_msg(reading: Odometry, frame_id: str, child_frame_id: str) -> OdometryMsg:
@@ -178,9 +181,12 @@ def grid(msg: OccupancyGridMsg) -> OccupancyGrid:
     Raises MapFileError when sizes disagree or the map is rotated in its frame.
     """
     info = msg.info
+    if len(msg.data) != info.width * info.height or not 0 < len(msg.data) <= MAX_CELLS:
+        raise MapFileError(
+            f"map message says {info.width}x{info.height} cells and holds {len(msg.data)}; publish all of them, "
+            f"at most {MAX_CELLS}"
+        )
     data = np.asarray(msg.data, np.int16)
-    if data.size != info.width * info.height or data.size == 0:
-        raise MapFileError(f"map message says {info.width}x{info.height} cells but holds {data.size}")
     origin = se2(info.origin)
     if abs(origin.theta) > 1e-6:
         raise MapFileError(

@@ -13,7 +13,8 @@ import pickle
 import signal
 import subprocess
 import sys
-from typing import BinaryIO, NamedTuple
+import threading
+from typing import IO, BinaryIO, NamedTuple
 
 import cv2
 
@@ -27,6 +28,8 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.snapshot import MapSnapshot
 
 _NICE = 5
+_ANSWER_S = 60.0
+"""A map of a large building takes some seconds on a slow machine."""
 
 
 class _Settings(NamedTuple):
@@ -63,23 +66,32 @@ class DenseProcess:
         return self._child.pid
 
     def update(self, snapshot: MapSnapshot) -> tuple[DenseMap, AnchoredSpots]:
-        """The dense map of a snapshot, and its spots. Raises VsxError when the child is gone."""
+        """The dense map of a snapshot, and its spots. Raises VsxError when the child is gone; a hung one is ended."""
         ids = snapshot.keyframe_ids.tolist()
         images = {number: image for number, image in zip(ids, snapshot.images) if number not in self._sent}
         self._sent = set(ids)
-        self._say(_Request(dataclasses.replace(snapshot, images=()), images))
         assert self._child.stdout is not None
+        patience = threading.Timer(_ANSWER_S, self._child.kill)
+        patience.daemon = True
+        patience.start()
         try:
+            self._say(_Request(dataclasses.replace(snapshot, images=()), images))
             answer: tuple[DenseMap, AnchoredSpots] = pickle.load(self._child.stdout)
         except (EOFError, OSError, pickle.UnpicklingError) as error:
             raise self._gone() from error
+        finally:
+            patience.cancel()
         return answer
 
     def close(self) -> None:
-        """End the child once it has finished what it is at."""
+        """End the child once it has finished what it is at; one that hangs is not waited for."""
         assert self._child.stdin is not None
+        threading.Thread(target=self._close, args=(self._child.stdin,), daemon=True).start()
+
+    @staticmethod
+    def _close(requests: IO[bytes]) -> None:
         with contextlib.suppress(OSError):
-            self._child.stdin.close()
+            requests.close()
 
     def _say(self, request: _Settings | _Request) -> None:
         assert self._child.stdin is not None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 from collections.abc import Callable
@@ -11,11 +12,16 @@ import rosgraph
 import rospy
 
 from vsx_hw.errors import DeviceError
+from vsx_ros.cli import streams
 from vsx_ros.cli.check_network import DEFAULT_MASTER
 from vsx_ros.cli.exit_codes import DONE, FAILED, HARDWARE
 from vsx_ros.errors import ConfigError, VsxError
+from vsx_ros.ros import calls, process
+from vsx_ros.ros.master_watch import master_watch
 
 Arguments = TypeVar("Arguments")
+
+_LEAVE_S = 3.0
 
 
 def join(name: str) -> None:
@@ -30,16 +36,19 @@ def join(name: str) -> None:
             "start one with 'vsx explore' or roslaunch, or set ROS_MASTER_URI"
         )
     rospy.init_node(f"vsx_{name}", anonymous=True, disable_signals=True, disable_rosout=True)
+    master_watch()
 
 
 def command(work: Callable[[Arguments], int], arguments: Arguments) -> int:
     """The exit code of ``work``; errors are one sentence. Ctrl-C is how these commands are ended, hence no failure."""
+    process.quiet_failures()
     try:
-        return work(arguments)
+        return streams.ended(work(arguments))
     except KeyboardInterrupt:
         return DONE
     except (VsxError, DeviceError) as error:
         sys.stderr.write(f"vsx: {error}\n")
         return HARDWARE if isinstance(error, DeviceError) else FAILED
     finally:
-        rospy.signal_shutdown("the command is done")
+        with contextlib.suppress(calls.NoAnswer):
+            calls.within(_LEAVE_S, lambda: rospy.signal_shutdown("the command is done"), "the ROS master")

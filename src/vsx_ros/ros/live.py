@@ -7,11 +7,10 @@ import os
 import signal
 import socket
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any, TextIO
-from urllib.parse import urlparse
+from typing import Any, TextIO
 
 import rosgraph
 import roslaunch.pmon
@@ -19,15 +18,22 @@ import rospy
 from geometry_msgs.msg import Twist
 from std_srvs.srv import SetBool
 
+from vsx_ros.cli import streams
 from vsx_ros.cli.stoppable import Heard
 from vsx_ros.errors import ConfigError
-from vsx_ros.ros import launch, process, topics
+from vsx_ros.ros import calls, launch, process, topics
 from vsx_ros.ros.launch import LaunchNode
+from vsx_ros.ros.master_watch import master_watch
+from vsx_ros.ros.registrations import answers_at
 
 _STOP_S = 0.6
-_ESTOP_WAIT_S = 1.0
+_ESTOP_WAIT_S = 2.0
 _ANSWER_S = 1.0
+_END_S = 2.0 * (launch.SIGINT_TIMEOUT_S + launch.SIGTERM_TIMEOUT_S)
+"""Nodes, then the master; roslaunch has killed them by then, unless it hangs itself."""
 _ESTOPPED = "mobile_base/estopped"
+MASTER = "master"
+"""What roslaunch calls the process of the master that it started."""
 
 
 class Live:
@@ -46,8 +52,8 @@ class Live:
         self._dead: list[str] = []
         self._to_release = ""
         self._heard: Heard | None = None
-        self._log: IO[str] | None = None
-        self.terminal: TextIO = os.fdopen(os.dup(2), "w", buffering=1)
+        self._log: TextIO | None = None
+        self.terminal = streams.lossy(os.dup(2), close=True)
 
     @property
     def interrupted(self) -> bool:
@@ -56,8 +62,8 @@ class Live:
 
     @property
     def dead(self) -> str:
-        """The first vital node that died, or nothing."""
-        return next((name for name in self._dead if name in self._vital), "")
+        """The first vital node that died, or the master that this run has started; or nothing."""
+        return next((name for name in self._dead if name in (*self._vital, MASTER)), "")
 
     def __enter__(self) -> Live:
         """Start everything. Raises ConfigError when no master can be had, a robot runs already or roslaunch refuses."""
@@ -80,13 +86,13 @@ class Live:
         assert self._log is not None
         try:
             if self._replayed:
-                rospy.delete_param("/use_sim_time")
+                _tried(_ANSWER_S, lambda: rospy.delete_param("/use_sim_time"), "the ROS master")
             else:
                 self.stop_robot()
         finally:
             self._end(self._log)
 
-    def _start(self, log: IO[str]) -> None:
+    def _start(self, log: TextIO) -> None:
         self._heard = Heard(signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
         try:
             with contextlib.redirect_stdout(log):
@@ -98,20 +104,25 @@ class Live:
         self._heard.listen()  # roslaunch has put its own answers before
         self._parent.runner.pm.add_process_listener(_Listener(self._dead))
         rospy.init_node("run", disable_signals=True, anonymous=True)
+        process.log_without_master()
+        master_watch().remember({param.key: param.value for param in self._parent.config.params.values()})
         self._zero_pub = rospy.Publisher(topics.COMMAND_SAFETY, Twist, queue_size=1)
 
-    def _end(self, log: IO[str]) -> None:
-        rospy.signal_shutdown("the run is over")
+    def _end(self, log: TextIO) -> None:
+        _tried(_ANSWER_S, lambda: rospy.signal_shutdown("the run is over"), "the ROS master")
         if self._parent is not None:
+            started = list(self._parent.pm.procs) if self._parent.pm is not None else []
             with contextlib.redirect_stdout(log):
-                self._parent.shutdown()
+                _tried(_END_S, self._parent.shutdown, "roslaunch")
+            _kill(started)
         self._release()
         os.dup2(self.terminal.fileno(), 2)
         log.close()
 
-    def _silence(self) -> IO[str]:
+    def _silence(self) -> TextIO:
         """The words of roslaunch and of all nodes go to a file; ``terminal`` still is the terminal."""
-        log = (Path(os.environ["ROS_LOG_DIR"]) / "terminal.log").open("w", encoding="utf-8")
+        file = Path(os.environ["ROS_LOG_DIR"]) / "terminal.log"
+        log = streams.lossy(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644), close=True)
         os.dup2(log.fileno(), 2)
         return log
 
@@ -121,20 +132,38 @@ class Live:
         while time.monotonic() < deadline_s:
             self._zero_pub.publish(Twist())
             time.sleep(0.05)
+        _tried(_ANSWER_S, self._remember_who_stopped, "the ROS master")
         try:
-            rospy.wait_for_service(topics.ESTOP, timeout=_ESTOP_WAIT_S)
-            if not rospy.get_param(_ESTOPPED, False):
-                self._to_release = rospy.resolve_name(_ESTOPPED)
-            rospy.ServiceProxy(topics.ESTOP, SetBool)(True)
-        except (rospy.ROSException, rospy.ServiceException, OSError) as error:
-            rospy.logdebug("no emergency stop: %s", error)
+            calls.service(topics.ESTOP, SetBool, True, within_s=_ESTOP_WAIT_S)
+        except (rospy.ROSException, rospy.ServiceException) as error:
+            rospy.logwarn("no emergency stop: %s", error)
+
+    def _remember_who_stopped(self) -> None:
+        if not rospy.get_param(_ESTOPPED, False):
+            self._to_release = rospy.resolve_name(_ESTOPPED)
 
     def _release(self) -> None:
         """Once all processes have ended: a master that lives on shall not stop the next run, unless it was the operator
         who stopped this one."""
         if self._to_release:
-            with contextlib.suppress(OSError, rosgraph.MasterException):
-                rosgraph.Master("/vsx").deleteParam(self._to_release)
+            _tried(_ANSWER_S, lambda: rosgraph.Master("/vsx").deleteParam(self._to_release), "the ROS master")
+
+
+def _tried(seconds: float, last: Callable[[], object], whom: str) -> None:
+    """One of the last things of a run; the next is done all the same."""
+    try:
+        calls.within(seconds, last, whom)
+    except Exception as error:
+        rospy.logwarn("%s: %s", whom, error)
+
+
+def _kill(started: Sequence[Any]) -> None:
+    """What roslaunch has left alive; each is the head of its own group."""
+    for each in started:
+        child = each.popen
+        if child is not None and child.poll() is None:
+            with contextlib.suppress(OSError):
+                os.killpg(child.pid, signal.SIGKILL)
 
 
 class _Listener(roslaunch.pmon.ProcessListener):
@@ -181,9 +210,10 @@ def refuse_second_robot(names: Sequence[str]) -> None:
     for name in names:
         full_name = rosgraph.names.ns_join(rosgraph.names.get_ros_namespace(), name)
         try:
-            node = urlparse(master.lookupNode(full_name))
-            socket.create_connection((node.hostname or "", node.port or 0), _ANSWER_S).close()
+            address = master.lookupNode(full_name)
         except (OSError, rosgraph.MasterException):
+            continue
+        if not answers_at(address):
             continue
         raise ConfigError(
             f"node {full_name} runs already at {rosgraph.get_master_uri()}, and a second one would end it; end that "

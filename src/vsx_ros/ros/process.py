@@ -10,24 +10,28 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Container, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, Protocol
 
 import cv2
 import rosgraph
 import rospy
 import rospy.core
+import rospy.impl.paramserver
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from genpy import Message
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Image
 
 from vsx_hw.errors import DeviceError
+from vsx_ros.cli import streams
 from vsx_ros.config import Config, from_dict
 from vsx_ros.errors import ConfigError, InputError, VsxError, disk_trouble
 from vsx_ros.registry import load_plugins
-from vsx_ros.ros import frames, topics
+from vsx_ros.ros import calls, frames, topics
+from vsx_ros.ros.master_watch import master_watch
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
@@ -37,6 +41,7 @@ IMAGE_BUFFER_BYTES = 2**24
 # Two seconds of the wheels: a second without them looks like a base that was restarted, though only this process slept.
 ODOMETRY_QUEUE = 100
 
+_OMITS_TOPICS = "/rosout_disable_topics_generation"
 _NAME_AGAIN_S = 5.0
 _TELL_AGAIN_S = 30.0
 _AHEAD_S = 1.0
@@ -48,6 +53,8 @@ DIE_WITH_PARENT = "VSX_DIE_WITH_PARENT"
 """Environment variable: a node started by a run ends when the run is killed."""
 
 logger = logging.getLogger(__name__)
+_said_s: dict[str, float] = {}
+_saying = threading.Lock()
 
 
 class Node(Protocol):
@@ -65,6 +72,7 @@ def run(name: str, build: Callable[[Config], Node]) -> None:
     sentence and ends the process with exit code 1, 2 for a device.
     """
     _die_with_parent()
+    quiet_failures()
     cv2.setNumThreads(1)
     if not rosgraph.is_master_online():
         sys.stderr.write(
@@ -75,8 +83,10 @@ def run(name: str, build: Callable[[Config], Node]) -> None:
     let_go = _close_on_signals()
     try:
         rospy.init_node(name, disable_signals=True)
+        master_watch()
         frames.adopt_prefix()
         bridge_logging()
+        log_without_master()
         load_plugins()
         node = build(configuration())
     except (KeyboardInterrupt, rospy.ROSInterruptException):
@@ -99,6 +109,13 @@ def run(name: str, build: Callable[[Config], Node]) -> None:
         time.sleep(_LOOK_S)
     let_go()
     close()
+
+
+def quiet_failures() -> None:
+    """What a node says never ends it, and what it asks the master never holds it for ever."""
+    streams.never_fail()
+    os.environ.setdefault("ROS_PYTHON_LOG_CONFIG_FILE", str(Path(__file__).with_name("python_logging.conf")))
+    calls.bound_master_calls()
 
 
 def _close_on_signals() -> Callable[[], None]:
@@ -152,6 +169,13 @@ def bridge_logging() -> None:
     rosout = logging.getLogger("rosout")
     for name in ("vsx_ros", "vsx_hw"):
         logging.getLogger(name).parent = rosout
+
+
+def log_without_master() -> None:
+    """Once a node: rospy asks the master for this entry with every line that is logged, unless it is set; a master that
+    hangs would hold whoever logs, the driver of the wheels and the emergency stop among them."""
+    kept = rospy.impl.paramserver.get_param_server_cache()
+    kept.set(_OMITS_TOPICS, bool(rospy.get_param(_OMITS_TOPICS, False)))
 
 
 def is_ending() -> bool:
@@ -234,15 +258,30 @@ def worker(name: str, loop: Callable[[], None]) -> threading.Thread:
 
 
 def every(period_s: float, name: str, step: Callable[[], None]) -> threading.Thread:
-    """Call ``step`` on a thread of its own every ``period_s`` seconds until ROS shuts down."""
+    """Call ``step`` on a thread of its own every ``period_s`` seconds until ROS shuts down.
+
+    On the monotonic clock: ROS time may stand, and all that keeps the robot safe would stand with it.
+    """
 
     def loop() -> None:
-        rate = rospy.Rate(1.0 / period_s, reset=True)
+        due_s = time.monotonic()
         while not is_ending():
             step()
-            rate.sleep()
+            due_s = max(due_s + period_s, time.monotonic())  # what was missed is not made up for
+            time.sleep(max(0.0, due_s - time.monotonic()))
 
     return worker(name, loop)
+
+
+def due(what: str, period_s: float) -> bool:
+    """Whether ``what`` was not due for so long: to say something now and then, also while ROS time stands, which
+    rospy's own throttle goes by."""
+    now_s = time.monotonic()
+    with _saying:
+        is_due = now_s - _said_s.get(what, -math.inf) > period_s
+        if is_due:
+            _said_s[what] = now_s
+    return is_due
 
 
 def ended(thread: threading.Thread, within_s: float) -> bool:
@@ -272,11 +311,12 @@ def told() -> Iterator[None]:
     try:
         yield
     except VsxError as error:
-        rospy.logerr_throttle(_TELL_AGAIN_S, "%s", error)
+        if due("told", _TELL_AGAIN_S):
+            rospy.logerr("%s", error)
 
 
 class Diagnostics:
-    """Publishes the last known condition of the node's components once a second (REP 107)."""
+    """Publishes the last known condition of the node's components once a second (REP 107), an error at once."""
 
     def __init__(self, hardware_id: str = "") -> None:
         self._hardware_id = hardware_id or rospy.get_name()
@@ -288,14 +328,19 @@ class Diagnostics:
     def set(self, component: str, level: int, message: str, **values: object) -> None:
         """Replace what is known of a component; ``values`` become key-value strings."""
         with self._lock:
+            before = self._components.get(component)
             self._components[component] = (level, message, {k: str(v) for k, v in values.items()})
+        if level == ERROR and before is not None and before[0] != ERROR:
+            self._publish({component})
 
-    def _publish(self) -> None:
+    def _publish(self, only: Container[str] | None = None) -> None:
         array = DiagnosticArray()
         array.header.stamp = rospy.Time.now()
         node = rospy.get_name().lstrip("/")
         with self._lock:
             for component, (level, message, values) in self._components.items():
+                if only is not None and component not in only:
+                    continue
                 pairs = [KeyValue(key, value) for key, value in values.items()]
                 array.status.append(DiagnosticStatus(level, f"{node}: {component}", message, self._hardware_id, pairs))
         self._publisher.publish(array)

@@ -121,7 +121,10 @@ def _limit(args: argparse.Namespace, writer: BagWriter, elapsed_s: float, path: 
 
 def _full(args: argparse.Namespace, path: Path) -> str:
     """What is left on the disk when that is less than wanted, or nothing."""
-    free = shutil.disk_usage(path.resolve().parent).free
+    try:
+        free = shutil.disk_usage(path.resolve().parent).free
+    except OSError as error:
+        return f"{path.parent} out of reach ({error.strerror})"
     few = free < size_bytes(args.keep_free)
     return f"{free / 1e9:.1f} GB left on the disk (--keep-free {args.keep_free})" if few else ""
 

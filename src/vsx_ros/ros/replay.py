@@ -9,23 +9,25 @@ import argparse
 import os
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import rosgraph
 import rospy
 
+from vsx_ros.cli import streams
 from vsx_ros.cli.config import load
 from vsx_ros.cli.exit_codes import FAILED, INTERNAL, STOPPED, ended_well
 from vsx_ros.cli.explore import live_arguments
 from vsx_ros.cli.replay import add_options, exit_code, new_folder, opened
-from vsx_ros.cli.report import one_line_facts, write_report
+from vsx_ros.cli.report import tell_the_end, write_report
 from vsx_ros.config import to_dict
-from vsx_ros.errors import ConfigError, VsxError
+from vsx_ros.errors import ConfigError, VsxError, disk_trouble
 from vsx_ros.evaluation.summary import Summary, with_accuracy
 from vsx_ros.evaluation.trajectory import AlignmentKind
 from vsx_ros.io.recording import Recording
 from vsx_ros.io.run_folder import RunFolder
-from vsx_ros.ros import launch, topics, view
+from vsx_ros.ros import launch, process, topics, view
 from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.live import Live
 from vsx_ros.ros.player import Player
@@ -122,14 +124,13 @@ def _gather(
         continued_map=str(args.load_map.resolve()) if args.load_map else None,
         u2_metres=summary.u2_metres if kind else None,
     )
+    writes: list[Callable[[], object]] = [lambda: folder.write_summary(summary.as_dict())]
     if recording.ground_truth:
-        folder.write_poses("groundtruth", recording.ground_truth)
-    if args.map and witness.grid is not None:
-        folder.write_map(witness.grid)
-    folder.write_summary(summary.as_dict())
-    facts = [f"  {line}\n" for line in one_line_facts(summary.as_dict())]
-    sys.stdout.write("".join([f"{summary.stop_reason}\n", *facts, f"  report: {write_report(folder)}\n"]))
-    return code
+        writes.append(lambda: folder.write_poses("groundtruth", recording.ground_truth))
+    if args.map and (grid := witness.grid) is not None:
+        writes.append(lambda: folder.write_map(grid))
+    kept = folder.write_what_fits(*writes, lambda: write_report(folder))
+    return tell_the_end(folder, summary.as_dict(), code, kept)
 
 
 def _stop_reason(folder: RunFolder, ending: TrackingState) -> str:
@@ -148,13 +149,19 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="vsx replay")
     parser.add_argument("--input", type=Path, required=True)
     add_options(parser)
+    process.quiet_failures()
     try:
-        return replay(parser.parse_args())
+        return streams.ended(replay(parser.parse_args()))
     except KeyboardInterrupt:
         sys.stderr.write("vsx: stopped by the operator\n")
         return STOPPED
     except VsxError as error:
         sys.stderr.write(f"vsx: {error}\n")
+        return FAILED
+    except OSError as error:
+        if not disk_trouble(error):
+            raise
+        sys.stderr.write(f"vsx: {disk_trouble(error)}\n")
         return FAILED
 
 

@@ -10,19 +10,20 @@ import os
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from vsx_hw.errors import DeviceError
+from vsx_ros.cli import streams
 from vsx_ros.cli.exit_codes import DONE, FAILED, HARDWARE, INTERNAL, STOPPED, ended_well
 from vsx_ros.cli.explore import add_arguments, begin
 from vsx_ros.cli.outcomes import EXIT_CODES
-from vsx_ros.cli.report import one_line_facts, write_report
+from vsx_ros.cli.report import tell_the_end, write_report
 from vsx_ros.cli.run_record import MapJudge
-from vsx_ros.config import to_dict
+from vsx_ros.config import Config, to_dict
 from vsx_ros.errors import ConfigError, VsxError, disk_trouble
 from vsx_ros.evaluation.summary import Summary, with_accuracy
 from vsx_ros.exploration.decision import MissionState
@@ -30,7 +31,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.run_folder import RunEvent, RunFolder
 from vsx_ros.ros import launch, process, view
 from vsx_ros.ros.launch import LaunchNode
-from vsx_ros.ros.live import Live, refuse_second_robot
+from vsx_ros.ros.live import MASTER, Live, refuse_second_robot
 from vsx_ros.ros.progress import Progress, progress_line
 from vsx_ros.ros.witness import Witness
 from vsx_ros.ros.witness_journal import WitnessJournal
@@ -80,7 +81,7 @@ def explore(args: argparse.Namespace) -> int:
     journal = WitnessJournal(folder, config.robot.mount)
     if args.time is not None and journal.clock.elapsed_s >= args.time:
         raise ConfigError(f"{folder.path} has lasted {journal.clock.elapsed_s:.0f} s; to go on give more with --time")
-    with tempfile.TemporaryDirectory(prefix="vsx-") as devices:
+    with tempfile.TemporaryDirectory(prefix="vsx-", ignore_cleanup_errors=True) as devices:
         nodes = _nodes(args, folder, world, Path(devices), journal.T_world_base)
         url = ""
         if args.view:
@@ -96,8 +97,7 @@ def explore(args: argparse.Namespace) -> int:
             witness = Witness(emulated=world is not None)
             ending = _watch(live, witness, journal, Coverage(judge), progress, args.time)
             progress.say(f"stopping: {ending.reason}")
-    _gather(folder, witness, journal, judge, ending, args)
-    return ending.code
+    return _gather(folder, config, witness, journal, judge, ending, args)
 
 
 def _nodes(
@@ -157,6 +157,8 @@ def _ending(live: Live, witness: Witness, elapsed_s: float, limit_s: float | Non
     status = witness.status
     if live.interrupted:
         return Ending("stopped by the operator", STOPPED)
+    if live.dead == MASTER:
+        return Ending("the ROS master of this run has ended, so the robot was stopped; explore again", FAILED)
     if live.dead:
         said = witness.last_words(live.dead)
         if said:
@@ -171,20 +173,20 @@ def _ending(live: Live, witness: Witness, elapsed_s: float, limit_s: float | Non
 
 def _gather(
     folder: RunFolder,
+    config: Config,
     witness: Witness,
     journal: WitnessJournal,
     judge: MapJudge | None,
     ending: Ending,
     args: argparse.Namespace,
-) -> None:
-    """Complete what vslam wrote with what the witness saw, and tell it."""
+) -> int:
+    """Complete what vslam wrote with what the witness saw, and tell it; the exit code."""
     known = folder.read_summary() if (folder.path / "summary.json").exists() else {}
     navigation, truth, so_far = witness.navigation(), [*journal.truth(), *witness.truth()], journal.so_far
     summary = with_accuracy(Summary(**known), folder.read_poses("trajectory"), truth, "yaw")
     if judge is not None:
         summary = judge.judged(summary, witness.grid)
     plan_ms, error_m = np.array(navigation.plan_ms), np.array(navigation.error_m)
-    config, _ = folder.read_config()
     summary = summary.with_values(
         collisions=so_far.collisions if witness.emulated else None,
         duration_s=so_far.elapsed_s,
@@ -200,15 +202,14 @@ def _gather(
         phi=config.planner.phi_rad_m,
         continued_map=args.load_map,
     )
-    folder.write_events(all_events(folder, journal, witness))
+    writes: list[Callable[[], object]] = [lambda: folder.write_summary(summary.as_dict())]
+    if (grid := witness.grid) is not None:
+        writes.append(lambda: folder.write_map(grid))
+    writes.append(lambda: folder.write_events(all_events(folder, journal, witness)))
     if truth:
-        folder.write_poses("groundtruth", truth)
-    if witness.grid is not None:
-        folder.write_map(witness.grid)
-    folder.write_summary(summary.as_dict())
-    report = write_report(folder)
-    facts = [f"  {line}\n" for line in one_line_facts(summary.as_dict())]
-    sys.stdout.write("".join([f"{ending.reason}\n", *facts, f"  report: {report}\n"]))
+        writes.append(lambda: folder.write_poses("groundtruth", truth))
+    failure = folder.write_what_fits(*writes, lambda: write_report(folder)) or journal.failure
+    return tell_the_end(folder, summary.as_dict(), ending.code, failure)
 
 
 def all_events(folder: RunFolder, journal: WitnessJournal, witness: Witness) -> list[RunEvent]:
@@ -222,9 +223,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Parse and run; errors are one sentence. KeyboardInterrupt is the caller's to tell."""
     parser = argparse.ArgumentParser(prog="vsx explore")
     add_arguments(parser)
+    process.quiet_failures()
     args = parser.parse_args(arguments)
     try:
-        return explore(args)
+        return streams.ended(explore(args))
     except (VsxError, DeviceError) as error:
         sys.stderr.write(f"vsx: {error}\n")
         return HARDWARE if isinstance(error, DeviceError) else FAILED

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import Points3
 from vsx_ros.cli.run_record import RunRecord
 from vsx_ros.cli.session import CHECKPOINT_EVERY_NS
+from vsx_ros.errors import InputError
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.io.checkpoint import Saved
 from vsx_ros.io.journal import EventLine, FrameLine, Journal, read_journal
@@ -97,11 +98,13 @@ class RunKeeper:
 
     def finish(self, slam: ThreadedSlam, surface: Points3 | None, grid: OccupancyGrid | None) -> None:
         """Note the last map, and write the results of the run, with what there is of spots of surface (N, 3) [m] and
-        ground map."""
-        if self.record.results:
-            self.note(slam, self.record.results[-1].stamp_ns, now=True)
-        self._folder.path.mkdir(parents=True, exist_ok=True)
-        self.record.write(self._folder, slam.snapshot(), surface)
+        ground map. Raises InputError when the disk did not take all of it."""
+        folder, record = self._folder, self.record
+        if record.results:
+            self.note(slam, record.results[-1].stamp_ns, now=True)
+        writes = [lambda: folder.write_summary(record.summary(slam.statistics()).as_dict())]
         if grid is not None:
-            self._folder.write_map(grid)
-        self._folder.write_summary(self.record.summary(slam.statistics()).as_dict())
+            writes.append(lambda: folder.write_map(grid))
+        said = folder.write_what_fits(*writes, *record.writes(folder, slam.snapshot(), surface))
+        if said:
+            raise InputError(said)

@@ -10,9 +10,10 @@ from std_srvs.srv import Trigger
 
 from vsx_ros.cli.exit_codes import DONE
 from vsx_ros.errors import ConfigError, MapFileError
-from vsx_ros.ros import guest, topics
+from vsx_ros.ros import calls, guest, topics
 
-_WAIT_S = 5.0
+_WAIT_S, _SAVED_S = 5.0, 120.0
+"""The map of a large building is 120 MB, and its disk may be slow."""
 
 
 def save_map(args: argparse.Namespace) -> int:
@@ -24,7 +25,7 @@ def save_map(args: argparse.Namespace) -> int:
     try:
         rospy.wait_for_service(topics.SAVE_MAP, timeout=_WAIT_S)
         rospy.set_param(topics.SAVE_MAP_TO, args.out or "")
-        answer = rospy.ServiceProxy(topics.SAVE_MAP, Trigger)()
+        answer = calls.service(topics.SAVE_MAP, Trigger, within_s=_SAVED_S)
     except (rospy.ROSException, rospy.ServiceException) as error:
         name = rospy.resolve_name(topics.SAVE_MAP)
         raise ConfigError(

@@ -14,6 +14,12 @@ TAKEN_WITHIN_S = 2.0
 """actionlib waits for ever for a goal that was lost on its way, as to a move_base that died at that moment."""
 
 
+def is_served(client: actionlib.ActionClient) -> bool:
+    """Whether an action server is connected. The client's own wait for it goes by ROS time, which may stand."""
+    ends = client.pub_goal, client.pub_cancel, client.result_sub, client.feedback_sub
+    return all(end.get_num_connections() > 0 for end in ends)
+
+
 class SentGoal:
     """Its state at any moment, and an end to it."""
 

@@ -19,6 +19,7 @@ _LEVELS = {
     TrackingState.LOST: process.ERROR,
 }
 _FPS_MEMORY = 0.1
+_AGAIN_S = 10.0
 
 
 def state_msg(state: TrackingState, reason: str, **values: object) -> DiagnosticStatus:
@@ -54,7 +55,8 @@ class SlamStatus:
         name = rospy.resolve_name(topic)
         reason = f"no message on {name}; 'rostopic info {name}' shows who publishes it"
         self._diagnostics.set("input", process.ERROR, reason)
-        rospy.logwarn_throttle(10.0, "%s", reason)
+        if process.due("waiting", _AGAIN_S):
+            rospy.logwarn("%s", reason)
 
     def without_images(self, reason: str = "no image comes") -> None:
         """No image came for a while: nobody knows any more where the camera is, though nothing is lost yet."""
@@ -71,7 +73,8 @@ class SlamStatus:
     def refused(self, reason: str) -> None:
         """An image came that cannot be used."""
         self._diagnostics.set("input", process.ERROR, reason)
-        rospy.logerr_throttle(10.0, "%s", reason)
+        if process.due("refused", _AGAIN_S):
+            rospy.logerr("%s", reason)
 
     def frame(self, result: TrackingResult, period_s: float, dropped: int) -> None:
         """One frame was tracked, ``period_s`` after the one before; ``dropped`` counts those never looked at."""

@@ -14,6 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from sensor_msgs.msg import BatteryState, CameraInfo
 from std_msgs.msg import Float32, String, UInt8
 
+from vsx_ros.cli import streams
 from vsx_ros.cli.exit_codes import DONE, FAILED
 from vsx_ros.cli.status import add_arguments
 from vsx_ros.ros import convert, guest, topics
@@ -109,7 +110,8 @@ def status(args: argparse.Namespace) -> int:
         facts = board.facts()
         clear = "\x1b[H\x1b[J" if args.watch and sys.stdout.isatty() else ""
         sys.stdout.write(json.dumps(facts) + "\n" if args.json else clear + screen(facts))
-        sys.stdout.flush()
+        if streams.lost() is not None:
+            return DONE
         if not args.watch:
             return DONE if any(value is not None for value in facts.values()) else _nobody()
         time.sleep(_PERIOD_S)

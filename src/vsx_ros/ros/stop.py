@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-import threading
 import time
 
 import rospy
@@ -15,7 +14,7 @@ from vsx_hw.errors import DeviceError, DeviceTimeout
 from vsx_ros.cli.exit_codes import DONE
 from vsx_ros.cli.stop import add_arguments
 from vsx_ros.errors import ConfigError
-from vsx_ros.ros import guest, topics
+from vsx_ros.ros import calls, guest, topics
 
 _ANSWER_S = 6.0
 _STAND_S = 2.0
@@ -27,25 +26,20 @@ def stop(args: argparse.Namespace) -> int:
 
     Raises ConfigError when there is no master or no base, DeviceError when the base does not answer or rolls on.
     """
-    failure: list[Exception] = []
 
     def call() -> None:
-        try:
-            guest.join("stop")
-            rospy.ServiceProxy(topics.ESTOP, SetBool)(not args.release)
-        except (ConfigError, rospy.ServiceException, rospy.ROSException) as error:
-            failure.append(error)
+        guest.join("stop")
+        rospy.ServiceProxy(topics.ESTOP, SetBool)(not args.release)
 
-    caller = threading.Thread(target=call, daemon=True)  # a master or base that hangs would never answer
-    caller.start()
-    caller.join(_ANSWER_S)
-    if caller.is_alive():
-        raise DeviceTimeout(f"the base did not answer in {_ANSWER_S:g} s; use its power button")
-    if failure and isinstance(failure[0], ConfigError):
-        raise failure[0]
-    if failure:
+    try:
+        calls.within(_ANSWER_S, call, "the base")
+    except calls.NoAnswer as error:
+        raise DeviceTimeout(f"{error}; use its power button") from error
+    except (rospy.ServiceException, rospy.ROSException) as error:
         name = rospy.resolve_name(topics.ESTOP)
-        raise ConfigError(f"no base offers {name} ({failure[0]}); if wheels turn use its power button, else start it")
+        raise ConfigError(
+            f"no base offers {name} ({error}); if wheels turn use its power button, else start it"
+        ) from error
     if args.release:
         sys.stdout.write("released: the robot may drive\n")
         return DONE

@@ -31,6 +31,7 @@ SET_CAMERA_INFO = "camera/rgb/set_camera_info"
 ODOM = "odom"
 JOINT_STATES = "joint_states"
 IMU = "mobile_base/sensors/imu_data"
+IMU_RAW = "mobile_base/sensors/imu_data_raw"
 BUMPER_CLOUD = "mobile_base/sensors/bumper_pointcloud"
 HAZARDS = "mobile_base/hazards"
 BUTTONS = "mobile_base/buttons"
@@ -115,6 +116,7 @@ PUBLISHED: dict[str, dict[str, str]] = {
         BUTTONS: "std_msgs/UInt8",
         BATTERY: "sensor_msgs/BatteryState",
         IMU: "sensor_msgs/Imu",
+        IMU_RAW: "sensor_msgs/Imu",
         BUMPER_CLOUD: "sensor_msgs/PointCloud2",
         MUX_ACTIVE: "std_msgs/String",
     },

@@ -6,19 +6,20 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from vsx_ros.config import MountConfig
+from vsx_ros.errors import InputError
 from vsx_ros.geometry.camera import mounted
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.journal import ClockLine, EventLine, Journal, Line, TruthLine, flat, read_journal, unflat
 from vsx_ros.io.run_folder import RunEvent, RunFolder
-from vsx_ros.ros import process
 from vsx_ros.ros.witness import Witness
 
 
 class WitnessJournal:
     """``keep`` a few times a second.
 
-    before: what the sessions before kept. clock: how far they had come. so_far: what is counted up to now.
+    before: what the sessions before kept. clock: how far they had come. so_far: what is counted up to now. failure: why
+    not all of it is kept, or nothing; the run goes on without.
     """
 
     def __init__(self, folder: RunFolder, mount: MountConfig) -> None:
@@ -31,6 +32,7 @@ class WitnessJournal:
         clocks = [line for line in self.before if isinstance(line, ClockLine)]
         self.clock = clocks[-1] if clocks else ClockLine(stamp_ns=0, elapsed_s=0.0, plans=0, collisions=0)
         self.so_far = self.clock
+        self.failure = ""
 
     @property
     def T_world_base(self) -> SE2 | None:
@@ -58,5 +60,7 @@ class WitnessJournal:
             lines.append(TruthLine(stamp_ns=stamp_ns, T_world_cam=seen, T_world_base=at, collisions=collisions))
         plans = self.clock.plans + len(witness.navigation().plan_ms)
         self.so_far = ClockLine(stamp_ns=now_ns, elapsed_s=elapsed_s, plans=plans, collisions=collisions)
-        with process.told():
+        try:
             self._journal.add(*lines, self.so_far)
+        except InputError as error:
+            self.failure = self.failure or str(error)

@@ -14,6 +14,8 @@ from vsx_ros.sim.placement import with_start
 from vsx_ros.sim.world import Origin, Outline, Start, World
 
 TOLERANCE_M = 0.06
+MAX_OBSTACLES, MAX_SIDES = 5000, 20_000
+"""A robot's own map of a building has some hundreds and some thousands."""
 
 
 def world_from_grid(grid: OccupancyGrid, name: str, seed: int) -> World:
@@ -58,7 +60,7 @@ def _open_cell(free: BoolArray) -> IntArray:
 def free_space_outlines(grid: OccupancyGrid) -> list[Points2]:
     """Borders of the largest free region as closed polygons [m], free space to the left, simplified by 6 cm.
 
-    Raises MapFileError when there is no free region of a square metre.
+    Raises MapFileError when there is no free region of a square metre, or its borders are too many.
     """
     free = (grid.data == FREE).astype(np.uint8)
     count, labels, statistics, _ = cv2.connectedComponentsWithStats(free, connectivity=4)
@@ -66,6 +68,11 @@ def free_space_outlines(grid: OccupancyGrid) -> list[Points2]:
     if count < 2 or float(areas.max()) < 1.0:
         raise MapFileError("the map has no free region of at least 1 m2; are its thresholds wrong?")
     region = (labels == 1 + int(np.argmax(areas))).astype(np.uint8)
+    pieces = cv2.connectedComponents(np.pad(1 - region, 1, constant_values=1), connectivity=8)[0] - 2
+    if pieces > MAX_OBSTACLES:
+        raise MapFileError(
+            f"the map has {pieces} separate obstacles, at most {MAX_OBSTACLES} can be built; clean the picture"
+        )
     contours, tree = cv2.findContours(region, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     outlines = []
     for contour, links in zip(contours, tree[0]):
@@ -77,4 +84,7 @@ def free_space_outlines(grid: OccupancyGrid) -> list[Points2]:
         signed = float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
         is_hole = links[3] >= 0
         outlines.append(points[::-1] if (signed > 0) == is_hole else points)
+    sides = sum(len(outline) for outline in outlines)
+    if sides > MAX_SIDES:
+        raise MapFileError(f"the map's borders have {sides} sides, at most {MAX_SIDES} can be built; smooth it")
     return outlines

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, Points2
+from vsx_ros.errors import ConfigError
 from vsx_ros.occupancy.grid import FREE
 from vsx_ros.sim.truth import ground_truth_grid
 from vsx_ros.sim.world import Start, World, changed, obstacle_segments
@@ -55,9 +56,14 @@ def free_ahead(world: World, x: float, y: float, theta: float) -> float:
 
 
 def with_start(rng: np.random.Generator, world: World) -> World:
-    """Put the start where 1.2 m ahead are free and something printed or hung is in view."""
+    """Put the start where 1.2 m ahead are free and something printed or hung is in view.
+
+    Raises ConfigError for a world without a place for the robot.
+    """
     fits, xs, ys = free_places(world)
     rows, columns = np.nonzero(fits)
+    if not len(rows):
+        raise ConfigError(f"world {world.generator.name} has no place where the robot fits; make its passages wider")
     sights = [(p.x, p.y) for p in world.posters] + [(b.x, b.y) for b in world.boxes if b.material.startswith("print")]
     segments = obstacle_segments(world, 0.0, BAND_M)
     best, best_score = world.start, -1.0

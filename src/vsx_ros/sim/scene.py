@@ -9,11 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2
-from vsx_ros.sim.textures import packed_levels, texture
+from vsx_ros.errors import ConfigError
+from vsx_ros.sim.textures import packed_levels, texture, texture_size
 from vsx_ros.sim.world import Material, World, prisms
 
 SKIRTING_HEIGHT = 0.08
 LIGHT_SPACING = 0.25
+MAX_BYTES = 2**28
+"""Of textures and light maps: a building of 40 x 25 m takes a third of it."""
 GREY = np.array([0.299, 0.587, 0.114])
 
 
@@ -109,6 +112,13 @@ def quads(world: World) -> list[Quad]:
     return surfaces
 
 
+def _nodes(quad: Quad) -> tuple[int, int]:
+    """Of the light map, along its edges."""
+    lengths = (float(np.linalg.norm(edge)) for edge in (quad.edge_u, quad.edge_v))
+    along_u, along_v = (min(max(math.ceil(length / LIGHT_SPACING) + 1, 2), 64) for length in lengths)
+    return along_u, along_v
+
+
 def _light_map(quad: Quad, world: World, nu: int, nv: int) -> FloatArray:
     """(nv, nu) irradiance at the nodes: ambient plus every lamp by cosine and inverse square."""
     u, v = np.meshgrid(np.linspace(0, 1, nu), np.linspace(0, 1, nv))
@@ -143,9 +153,19 @@ def _reflectance(material: Material) -> FloatArray:
 
 
 def compile_scene(world: World) -> Scene:
-    """Textures drawn, lights baked, quads laid out. Takes about a second."""
+    """Textures drawn, lights baked, quads laid out. Takes about a second.
+
+    Raises ConfigError for a world whose textures and lights are more than ``MAX_BYTES``.
+    """
     surfaces = quads(world)
     names = sorted({quad.material for quad in surfaces})
+    needed = sum(16 * texture_size(world.materials[name]) ** 2 // 3 for name in names)
+    needed += sum(4 * math.prod(_nodes(quad)) for quad in surfaces)
+    if needed > MAX_BYTES:
+        raise ConfigError(
+            f"world {world.generator.name}: its {len(names)} textures and {len(surfaces)} lit surfaces need {needed} "
+            f"bytes, at most {MAX_BYTES} can be drawn; leave some out"
+        )
     levels = [packed_levels(texture(world.materials[name])) for name in names]
     sizes = [int(round(math.log2(math.isqrt((3 * len(level) + 1) // 4)))) for level in levels]
     starts = np.concatenate([[0], np.cumsum([len(level) for level in levels])])
@@ -157,7 +177,7 @@ def compile_scene(world: World) -> Scene:
         material = world.materials[quad.material]
         k = names.index(quad.material)
         lengths = [float(np.linalg.norm(quad.edge_u)), float(np.linalg.norm(quad.edge_v))]
-        nodes = [int(np.clip(math.ceil(length / LIGHT_SPACING) + 1, 2, 64)) for length in lengths]
+        nodes = _nodes(quad)
         light = _light_map(quad, world, nodes[0], nodes[1])
         scale = max(float(light.max()), 1e-6)
         maps.append(_pack_light(light, scale))

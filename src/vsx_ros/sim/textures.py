@@ -196,9 +196,14 @@ _PATTERNS: dict[str, Callable[[Rng, int], Pattern]] = {
 }  # fmt: skip
 
 
+def texture_size(material: Material) -> int:
+    """Texels along a side of its picture."""
+    return SIZES.get(material.kind, 512)
+
+
 def texture(material: Material) -> GrayImage:
     """(S, S) uint8 reflectance of a material, 255 = 1.0; S is a power of two. Same material, same picture."""
-    size = SIZES.get(material.kind, 512)
+    size = texture_size(material)
     pattern = _PATTERNS[material.kind](np.random.default_rng([material.seed, 77]), size)
     picture = 255.0 * (material.brightness + material.contrast * pattern)
     return np.asarray(np.clip(np.rint(picture), 0, 255), np.uint8)

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from pathlib import Path
 
 import msgspec
 import yaml
 
 from vsx_ros.errors import ConfigError, reason_of
+from vsx_ros.limits import file_text, yaml_tree
 from vsx_ros.sim.world import Box, Outline, Poster, Table, Wall, World
 
-TOLERANCE_M = 0.06
+MAX_PARTS, MAX_LIGHTS = 20_000, 2000
+"""A building of 40 x 25 m has some hundreds and a hundred."""
+MAX_AREA_M2 = 40_000.0
 
 
 def save_world(world: World, path: Path) -> None:
@@ -20,14 +24,16 @@ def save_world(world: World, path: Path) -> None:
     try:
         path.write_text("# vsx_ros emulated world; metres, radians\n" + text, encoding="utf-8")
     except OSError as error:
+        with suppress(OSError):  # half of it would be refused later, by a message that does not say why
+            path.unlink()
         raise ConfigError(f"world file {path} cannot be written ({error.strerror}); choose another folder") from error
 
 
 def load_world(path: Path) -> World:
     """Read world.yaml. Raises ConfigError naming the entry that is wrong."""
     try:
-        tree = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        tree = yaml_tree(file_text(path))
+    except (OSError, ValueError, yaml.YAMLError) as error:
         raise ConfigError(f"world file {path} cannot be read ({reason_of(error)}); 'vsx world' writes one") from error
     try:
         world = msgspec.convert(tree, World)
@@ -43,6 +49,7 @@ def checked(world: World, name: str) -> World:
 
     Raises ConfigError when a part names an unknown material or holds an angle that is not finite.
     """
+    _check_size(world, name)
     edges: list[Outline | Wall] = [*world.outlines, *world.walls]
     things: list[Box | Table | Poster] = [*world.boxes, *world.tables, *world.posters]
     for outline in world.outlines:
@@ -61,3 +68,19 @@ def checked(world: World, name: str) -> World:
     if not all(math.isfinite(angle) for angle in angles):
         raise ConfigError(f"world {name}: an angle is not finite; write radians")
     return world
+
+
+def _check_size(world: World, name: str) -> None:
+    """Raises ConfigError for more than an emulator can draw in a machine's memory."""
+    x0, y0, x1, y1 = world.bounds
+    if (x1 - x0) * (y1 - y0) > MAX_AREA_M2:
+        raise ConfigError(
+            f"world {name}: {x1 - x0:g} x {y1 - y0:g} m are more than {MAX_AREA_M2:g} m2; make its outlines smaller"
+        )
+    parts = len(world.boxes) + len(world.tables) + len(world.cylinders) + len(world.posters)
+    parts += sum(len(outline.points) for outline in world.outlines) + sum(len(wall.points) for wall in world.walls)
+    if parts > MAX_PARTS or len(world.lights) > MAX_LIGHTS:
+        raise ConfigError(
+            f"world {name}: {parts} sides and things and {len(world.lights)} lights, at most {MAX_PARTS} and "
+            f"{MAX_LIGHTS} can be drawn; leave some out"
+        )

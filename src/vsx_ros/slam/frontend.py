@@ -92,6 +92,8 @@ class FrontEnd:
         self.last_track = self._here, track
         if track.state is not TrackingState.LOST and prediction.by_wheels:
             track = self._checked(track, prediction.T_world_cam)
+        if track.state is TrackingState.LOST and prediction.by_wheels and not self._recovery.bad_frames:
+            track = self._by_image_alone(data, track)
         if track.state is TrackingState.LOST:
             return self._recover(data, track, prediction.T_world_cam if prediction.by_wheels else None)
         return self._tracked(data, track, self._local.follow(self._here, track.rows))
@@ -188,9 +190,20 @@ class FrontEnd:
         reason = f"contradicts the wheels by {step:.2f} m and {np.degrees(turn):.1f} deg"
         return track._replace(state=TrackingState.LOST, reason=reason)
 
+    def _by_image_alone(self, data: FrameData, track: Track) -> Track:
+        """Where the camera went on as before, the frame as tracked without the wheels, which are wrong then; else the
+        track as it was."""
+        prediction = self._motion.predict(data._replace(T_odom_base=None))
+        rows, radius = self._local.rows, self._config.tracker.coarse_radius_px
+        seen = self._tracker.track(data, self._here, prediction.T_world_cam, rows, radius, prediction.information)
+        if seen.state is TrackingState.LOST or not _is_sure(seen):
+            return track
+        self.last_track = self._here, seen
+        return seen
+
     def _tracked(self, data: FrameData, track: Track, reference: int) -> FrameOutcome:
         self._motion.update(data, track.T_world_cam, measured=True)
-        if len(track.rows) >= SURE_POINTS and track.ratio > SURE_RATIO:
+        if _is_sure(track):
             change = self._trust.compare(track.T_world_cam)
             if change:
                 self._event(data.stamp_ns, "gap", change)
@@ -303,3 +316,7 @@ class FrontEnd:
 
     def _event(self, stamp_ns: int, kind: str, reason: str) -> None:
         self.events.append(SlamEvent(stamp_ns, kind, reason))
+
+
+def _is_sure(track: Track) -> bool:
+    return len(track.rows) >= SURE_POINTS and track.ratio > SURE_RATIO

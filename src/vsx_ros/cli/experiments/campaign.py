@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, Protocol, cast
 
 from vsx_ros import __version__
 from vsx_ros.errors import ConfigError, InputError, VsxError, disk_trouble, reason_of
+from vsx_ros.limits import LOG_BYTES, file_bytes, json_tree
 
 Result = dict[str, Any]
 CONNECT_S = 10.0
@@ -53,13 +54,15 @@ class Store:
         self._known: dict[str, Result] = {}
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            content = path.read_bytes() if path.exists() else b""
+            content = file_bytes(path, LOG_BYTES) if path.exists() else b""
             *lines, torn = content.split(b"\n")
             for number, line in enumerate(lines, start=1):
                 self._recall(number, line)
             if torn:
                 os.truncate(path, len(content) - len(torn))
-        except OSError as error:
+        except InputError:
+            raise
+        except (OSError, ValueError) as error:
             raise InputError(f"{path} cannot be used ({reason_of(error)}); choose another --out") from error
 
     def __contains__(self, task: Task) -> bool:
@@ -82,7 +85,7 @@ class Store:
 
     def _recall(self, number: int, line: bytes) -> None:
         try:
-            entry = json.loads(line)
+            entry = json_tree(line)
             if entry["version"] == __version__:
                 self._known[_key(entry["task"])] = entry["result"]
         except (KeyError, TypeError, ValueError) as error:

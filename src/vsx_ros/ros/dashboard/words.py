@@ -17,6 +17,7 @@ from std_msgs.msg import String, UInt8
 from visualization_msgs.msg import Marker, MarkerArray
 
 from vsx_ros.errors import InputError
+from vsx_ros.limits import json_tree
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN
 from vsx_ros.ros import convert, frames, topics
 
@@ -36,7 +37,7 @@ def text(value: Any) -> str:
 def parsed(msg: String) -> dict[str, Any]:
     """The object in a String of JSON. Raises InputError for anything else."""
     try:
-        value = json.loads(msg.data)
+        value = json_tree(msg.data)
     except ValueError as error:
         raise InputError(f"{msg.data[:80]!r} is not JSON: {error}") from error
     if not isinstance(value, dict):

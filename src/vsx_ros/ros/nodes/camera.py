@@ -20,6 +20,7 @@ import rospy
 from sensor_msgs.msg import CameraInfo, Image
 from sensor_msgs.srv import SetCameraInfo, SetCameraInfoRequest, SetCameraInfoResponse
 
+from vsx_hw.errors import DeviceError
 from vsx_hw.readings import ImageReading
 from vsx_ros.config import Config
 from vsx_ros.errors import CalibrationError
@@ -101,6 +102,8 @@ class CameraNode:
 
     def _report(self) -> None:
         status = self._source.status()
+        if not status.alive:
+            raise DeviceError(f"{status.device}: the driver's thread has ended; the node begins anew")
         frames = status.counters["frames"]
         rate_hz, self._frames_reported = frames - self._frames_reported, frames
         alive = status.connected and rate_hz > 0

@@ -15,21 +15,21 @@ import sys
 import time
 from typing import Any
 
-import rosgraph
 import rospy
 from std_srvs.srv import SetBool, Trigger
 
 from vsx_ros.config import Config
-from vsx_ros.ros import process, topics
+from vsx_ros.ros import calls, process, topics
 from vsx_ros.ros.dashboard import words
 from vsx_ros.ros.dashboard.board import Board
 from vsx_ros.ros.dashboard.feed import Feed
 from vsx_ros.ros.dashboard.server import DEFAULT_PORT, LOOPBACK, Answer, Command, ViewServer, address
+from vsx_ros.ros.master_watch import master_watch
 
 TOKEN = "VSX_VIEW_TOKEN"
 
 _MASTER_PERIOD_S = 2.0
-_SERVICE_WAIT_S = 1.0
+_SERVICE_WAIT_S = 2.0
 
 
 class DashboardNode:
@@ -46,22 +46,8 @@ class DashboardNode:
         process.worker("master", self._watch_master)
 
     def _watch_master(self) -> None:
-        """A new master knows nothing of this node, and rospy joins one master only: begin anew, at the same address.
-
-        Asked for is a service that rospy registers once. The node's name would not do: a subscription asked for while
-        no master answered is registered with the new one, which then knows the name and nothing else.
-        """
-        master = rosgraph.Master(rospy.get_name())
-        registered_once = rospy.resolve_name("~get_loggers")
         while not rospy.is_shutdown():
-            answers = True
-            try:
-                master.lookupService(registered_once)
-            except rosgraph.MasterError:
-                os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
-            except OSError:
-                answers = False
-            self._board.post("stack", words.text(answers))
+            self._board.post("stack", words.text(master_watch().answers))
             time.sleep(_MASTER_PERIOD_S)
 
     def close(self) -> None:
@@ -84,9 +70,8 @@ def commands() -> dict[str, Command]:
 def _call(service: str, kind: type[Any], *arguments: object) -> Command:
     def call() -> Answer:
         try:
-            rospy.wait_for_service(service, timeout=_SERVICE_WAIT_S)
-            response = rospy.ServiceProxy(service, kind)(*arguments)
-        except (rospy.ROSException, rospy.ServiceException, OSError):
+            response = calls.service(service, kind, *arguments, within_s=_SERVICE_WAIT_S)
+        except (rospy.ROSException, rospy.ServiceException):
             return Answer(False, f"service {rospy.resolve_name(service)} does not answer; is its node running?")
         return Answer(bool(response.success), str(response.message))
 

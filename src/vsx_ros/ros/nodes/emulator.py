@@ -112,7 +112,7 @@ class EmulatorNode:
             T_world_cam = SE3.from_quaternion(np.array(frame["translation"]), tuple(frame["quaternion"]))
             self._camera_pub.publish(convert.pose_stamped(_WORLD_FRAME, frame["stamp_ns"], T_world_cam))
         if not self._closing:
-            rospy.logfatal("the rendering process has ended with code %s", self._child.wait())
+            rospy.logfatal("the rendering process has ended")
             rospy.signal_shutdown("no camera")
 
     def _publish_truth(self) -> None:
@@ -137,7 +137,8 @@ class EmulatorNode:
         level = process.OK if rate_hz else process.WARN
         message = f"{rate_hz} images a second" if rate_hz else "no images; nobody listens, or the first one compiles"
         self._diagnostics.set("camera", level, message, render_ms=round(self._render_ms, 1), skipped=skipped)
-        rospy.loginfo_throttle(30.0, "emulator: %s, %.0f ms each, %d slots skipped", message, self._render_ms, skipped)
+        if process.due("rate", 30.0):
+            rospy.loginfo("emulator: %s, %.0f ms each, %d slots skipped", message, self._render_ms, skipped)
 
     def close(self) -> None:
         """Take the devices away and end the child."""

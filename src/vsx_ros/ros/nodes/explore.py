@@ -45,7 +45,7 @@ from vsx_ros.ros import base_messages, convert, process, topics
 from vsx_ros.ros.frontier_markers import frontier_markers
 from vsx_ros.ros.lease import PERIOD_S, Lease, LeaseWatch
 from vsx_ros.ros.localization import Localization
-from vsx_ros.ros.sent_goal import SentGoal
+from vsx_ros.ros.sent_goal import SentGoal, is_served
 from vsx_ros.ros.warm_up import warm_up_mission
 
 _DECIDE_PERIOD_S = 0.2
@@ -139,7 +139,7 @@ class ExploreNode:
 
     def _decide(self) -> None:
         self._lease.promise(_DECIDE_WITHIN_S)
-        ready = self._slam.is_known("vslam") and self._client.wait_for_server(rospy.Duration.from_sec(0.01))
+        ready = self._slam.is_known("vslam") and is_served(self._client)
         if not ready and self._mission.outcome is None:
             self._diagnostics.set("mission", process.WARN, "waiting for vslam to see images and for move_base")
             return

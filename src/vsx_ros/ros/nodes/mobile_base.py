@@ -1,20 +1,22 @@
 """Node ``mobile_base``: driver, command mux and the last decision before the wheels, in one small process.
 
-A second process stops the wheels when this one is killed or hangs (vsx_hw.guardian). Without it, or without a master,
-they stand.
+Two more processes stop the wheels when this one is killed or hangs (vsx_hw.guardian). Without both, or where the ROS
+master that answers does not have all that this node offers, the emergency stop above all, they stand.
 
 Subscribers: cmd_vel_mux/input/{safety_controller,teleop,navi} (priority in this order; each has its own timeout).
-Publishers: odom (50 Hz), /tf odom -> base_footprint, joint_states, mobile_base/hazards (UInt8, the bits of
+Publishers: odom (50 Hz), /tf odom -> base_footprint, joint_states, mobile_base/hazards (UInt8, the low bits of
     vsx_hw.readings.Hazard, latched, on change), mobile_base/buttons (UInt8, those pressed, latched, on change; Kobuki:
     1, 2, 4 are B0, B1, B2; Create: 1 Play, 4 Advance; Create 2: 1 Clean, 2 Spot, 4 Dock), battery (1 Hz),
-    cmd_vel_mux/active (latched, on change), mobile_base/sensors/imu_data (where the base has a gyro),
+    cmd_vel_mux/active (latched, on change), mobile_base/sensors/imu_data (where the base has a gyro) and imu_data_raw
+    (Kobuki: 100 samples a second of its three axes, the zero not taken off),
     mobile_base/sensors/bumper_pointcloud (while a bumper is pressed or a cliff seen, and once after).
 Services: mobile_base/estop (true stops, false allows; outlives a restart of the node), mobile_base/reset_odometry.
 Parameters: ~robot_type (auto: which one answers; kobuki, create, create2), ~port (/dev/kobuki),
     ~cmd_vel_timeout (s, 0.25: navi and the driver), ~max_vel (m/s), ~max_angular_vel (rad/s): the wheels
     never turn faster (0.5 and 1.5, or what limits.v_m_s and limits.omega_rad_s say if that is more),
     ~odom_linear_scale_correction, ~odom_angular_scale_correction (as configured under robot.odometry),
-    ~publish_tf (bool, true; false: somebody else, an EKF, says where base_footprint is in odom).
+    ~publish_tf (bool, true; false: somebody else, an EKF, says where base_footprint is in odom),
+    ~allow_unknown_firmware (bool, false: a Kobuki with firmware, hardware or a protocol that is not known stands).
     ~estopped is the emergency stop as this node remembers it.
 """
 
@@ -38,14 +40,16 @@ from vsx_hw.readings import BaseReading, Hazard, Signal
 from vsx_hw.safety import SOURCES, Decision, SpeedLimits, Supervisor
 from vsx_ros.config import Config, LimitsConfig
 from vsx_ros.ros import base_messages, process, service_manager, topics
-from vsx_ros.ros.base_drivers import BaseSettings, base_driver, base_guardian
-from vsx_ros.ros.master_watch import MasterWatch
+from vsx_ros.ros.base_drivers import BaseSettings, base_driver, base_guardians
+from vsx_ros.ros.master_watch import master_watch
 
 _INPUTS = {
     "safety_controller": topics.COMMAND_SAFETY,
     "teleop": topics.COMMAND_TELEOP,
     "navi": topics.COMMAND_NAVI,
 }
+LINK_PERIOD_S = 0.2
+_MASTER_PERIOD_S = 0.1
 _BATTERY_LEVELS = {"low": process.WARN, "critical": process.ERROR}
 
 
@@ -58,9 +62,12 @@ class MobileBaseNode:
         self._supervisor = Supervisor(speed_limits(config.limits), sources)
         self._lock = threading.Lock()
         self._latest: tuple[BaseReading, Decision] | None = None
+        self._troubles: tuple[str, ...] = ()
         self._hazards, self._buttons = Hazard.NONE, 0
+        self._doubt = ""
         self._supervisor.emergency_stop(bool(rospy.get_param("~estopped", False)))
-        self._master = MasterWatch()
+        self._master = master_watch()
+        self._master.period_s = _MASTER_PERIOD_S
         self._advertise()
         port = str(rospy.get_param("~port", "/dev/kobuki"))
         self._diagnostics = process.Diagnostics(port)
@@ -70,9 +77,10 @@ class MobileBaseNode:
             timeout_s,
             float(rospy.get_param("~odom_linear_scale_correction", config.robot.odometry.linear_scale)),
             float(rospy.get_param("~odom_angular_scale_correction", config.robot.odometry.angular_scale)),
+            bool(rospy.get_param("~allow_unknown_firmware", False)),
         )
-        self._guardian = base_guardian(settings.robot_type, port)
-        self._driver: BaseDriver = base_driver(settings, self._on_reading, self._on_link, self._guardian.beat)
+        self._guardians = base_guardians(settings.robot_type, port)
+        self._driver: BaseDriver = base_driver(settings, self._on_reading, self._on_link, self._guardians.beat)
         for source, topic in _INPUTS.items():
             rospy.Subscriber(topic, Twist, self._on_command, source, queue_size=1, tcp_nodelay=True)
         rospy.Service(topics.ESTOP, SetBool, self._on_estop)
@@ -80,6 +88,7 @@ class MobileBaseNode:
         self._driver.start()
         service_manager.notify(service_manager.READY)
         process.every(1.0, "health", self._report)
+        process.every(LINK_PERIOD_S, "link", self._report_link)
 
     def _advertise(self) -> None:
         self._odom_pub = rospy.Publisher(topics.ODOM, OdometryMsg, queue_size=50, tcp_nodelay=True)
@@ -91,6 +100,7 @@ class MobileBaseNode:
         self._buttons_pub = rospy.Publisher(topics.BUTTONS, UInt8, queue_size=5, latch=True)
         self._battery_pub = rospy.Publisher(topics.BATTERY, BatteryState, queue_size=1)
         self._imu_pub = rospy.Publisher(topics.IMU, Imu, queue_size=50, tcp_nodelay=True)
+        self._raw_pub = rospy.Publisher(topics.IMU_RAW, Imu, queue_size=50, tcp_nodelay=True)
         self._bumper_pub = rospy.Publisher(topics.BUMPER_CLOUD, PointCloud2, queue_size=5, tcp_nodelay=True)
         self._active_pub = rospy.Publisher(topics.MUX_ACTIVE, String, queue_size=5, latch=True)
         self._hazards_pub.publish(UInt8(0))
@@ -109,24 +119,25 @@ class MobileBaseNode:
                 rospy.loginfo("%s: found a %s", port, robot_type)
             except DeviceError as error:
                 self._diagnostics.set("link", process.ERROR, str(error), device=port)
-                rospy.logwarn_throttle(10.0, "%s", error)
+                if process.due("base", 10.0):
+                    rospy.logwarn("%s", error)
                 time.sleep(1.0)
         return robot_type
 
     def _on_command(self, msg: Twist, source: str) -> None:
         with self._lock:
             accepted = self._supervisor.command(source, msg.linear.x, msg.angular.z, time.monotonic_ns())
-        if not accepted:
-            rospy.logwarn_throttle(1.0, "%s: command refused, not finite or absurd:\n%s", _INPUTS[source], msg)
+        if not accepted and process.due("command", 1.0):
+            rospy.logwarn("%s: command refused, not finite or absurd:\n%s", _INPUTS[source], msg)
 
     def _on_reading(self, reading: BaseReading) -> None:
         """On the driver's thread: decide first, talk later."""
         now_ns = time.monotonic_ns()
         odometry = reading.odometry
         with self._lock:
-            self._supervisor.hold = self._reason_to_stand()
+            self._supervisor.hold = self._reason_to_stand() or reading.refusal
             decision = self._supervisor.decide(now_ns, reading.hazards)
-            self._supervisor.observe(odometry.v_m_s, odometry.omega_rad_s, decision, now_ns)
+            self._supervisor.observe(odometry.fault)
             locked = self._supervisor.locked
         self._driver.drive(decision.v_m_s, decision.omega_rad_s, decision.until_ns)
         held = bool(decision.reason and decision.source)
@@ -137,6 +148,8 @@ class MobileBaseNode:
         self._joints_pub.publish(base_messages.joint_states(odometry))
         if reading.gyro is not None:
             self._imu_pub.publish(base_messages.imu(reading.gyro, reading.stamp_ns))
+            for sample in reading.gyro.raw:
+                self._raw_pub.publish(base_messages.raw_imu(sample))
         self._tell_hazards(reading.hazards, reading.stamp_ns)
         if reading.buttons != self._buttons:
             self._buttons = reading.buttons
@@ -144,6 +157,9 @@ class MobileBaseNode:
         if decision.source != self._active:
             self._active = decision.source
             self._active_pub.publish(String(decision.source or "idle"))
+        if odometry.doubt != self._doubt:
+            self._doubt = odometry.doubt
+            rospy.logwarn("odometry: %s", self._doubt or "all sensors agree again")
         self._latest = reading, decision
 
     def _tell_hazards(self, hazards: Hazard, stamp_ns: int) -> None:
@@ -152,12 +168,12 @@ class MobileBaseNode:
             self._bumper_pub.publish(base_messages.bumper_cloud(hazards, stamp_ns))
         if hazards != self._hazards:
             self._hazards = hazards
-            self._hazards_pub.publish(UInt8(int(hazards)))
+            self._hazards_pub.publish(UInt8(int(hazards & Hazard.TOUCHED)))
 
     def _reason_to_stand(self) -> str:
-        if not self._guardian.answers:
-            return "the guardian of the wheels does not answer; a new one starts"
-        return "" if self._master.answers else "the ROS master does not answer; start it again"
+        if not self._guardians.answer:
+            return "a guardian of the wheels does not answer; a new one starts"
+        return self._master.trouble
 
     def _on_link(self, connected: bool, message: str) -> None:
         """On the driver's thread. Commands of before a reconnection do not count; a base that is away touches
@@ -170,7 +186,7 @@ class MobileBaseNode:
     def _on_estop(self, request: SetBoolRequest) -> SetBoolResponse:
         with self._lock:
             self._supervisor.emergency_stop(bool(request.data))
-        rospy.set_param("~estopped", bool(request.data))
+        self._master.keep({"~estopped": bool(request.data)})
         rospy.logwarn("emergency stop %s", "set" if request.data else "cleared")
         return SetBoolResponse(True, "stopped" if request.data else "free to drive")
 
@@ -178,16 +194,21 @@ class MobileBaseNode:
         self._driver.reset_odometry()
         return TriggerResponse(True, "odometry starts at the origin")
 
+    def _report_link(self) -> None:
+        """Often: a silent base is to be known within a second."""
+        status = self._driver.status()
+        if not status.alive:
+            raise DeviceError(f"{status.device}: the driver's thread has ended; the node begins anew")
+        level = process.OK if status.connected else process.ERROR
+        self._diagnostics.set("link", level, status.message, device=status.device, **status.counters)
+
     def _report(self) -> None:
         """Once a second: battery and health."""
         with self._lock:
             service_manager.notify(service_manager.ALIVE)
-        self._guardian.revive()
-        status = self._driver.status()
-        level = process.OK if status.connected else process.ERROR
-        self._diagnostics.set("link", level, status.message, device=status.device, **status.counters)
+        self._guardians.revive()
         latest = self._latest
-        if latest is None or not status.connected:
+        if latest is None or not self._driver.status().connected:
             return
         reading, decision = latest
         battery = reading.battery
@@ -196,18 +217,28 @@ class MobileBaseNode:
             "battery", _BATTERY_LEVELS.get(battery.state, process.OK), battery.state, voltage_v=battery.voltage_v,
             fraction=round(battery.fraction, 3), charging=battery.charging, docked=battery.docked,
         )  # fmt: skip
-        blocked = bool(decision.reason) and decision.source != ""
-        message = decision.reason or f"driving for {decision.source}"
+        odometry = reading.odometry
         self._diagnostics.set(
-            "safety", process.WARN if blocked or reading.hazards else process.OK, message,
+            "odometry", process.OK if odometry.trusted else process.WARN,
+            odometry.doubt or ("all sensors agree" if odometry.trusted else "pushed: the direction is not known"),
+            gaps=odometry.gaps,
+        )  # fmt: skip
+        blocked = bool(decision.reason) and decision.source != ""
+        troubles = reading.warnings + ((reading.refusal,) if reading.refusal else ())
+        for trouble in set(troubles) - set(self._troubles):
+            rospy.logwarn("%s", trouble)
+        self._troubles = troubles
+        message = "; ".join([decision.reason or f"driving for {decision.source}", *reading.warnings])
+        self._diagnostics.set(
+            "safety", process.WARN if blocked or reading.hazards or troubles else process.OK, message,
             hazards=reading.hazards.name or "NONE", estop=self._supervisor.estopped,
-            refused_commands=self._supervisor.refused, gaps=reading.odometry.gaps, mode=reading.mode,
+            refused_commands=self._supervisor.refused, mode=reading.mode,
         )  # fmt: skip
 
     def close(self) -> None:
-        """Stop the wheels and leave the base safe; where that failed, the guardian does it after this process."""
+        """Stop the wheels and leave the base safe; where that failed, the guardians do it after this process."""
         if self._driver.close():
-            self._guardian.release()
+            self._guardians.release()
 
 
 def speed_limits(limits: LimitsConfig) -> SpeedLimits:

@@ -60,6 +60,7 @@ _SILENCE_S = 3.0
 _CLOCK_BACK_S = 1.0
 # What tracking of this quality achieves against a metric map; the SLAM states no covariance of its own.
 _SIGMA = {TrackingState.GOOD: (0.02, 0.01), TrackingState.DUBIOUS: (0.06, 0.03)}
+_DISTRUST = 10.0
 
 
 class VslamNode:
@@ -210,6 +211,8 @@ class VslamNode:
             return
         T_map_base = SE2.from_se3(result.T_world_cam @ self._T_base_cam.inverse())
         sigma_m, sigma_rad = _SIGMA[result.state]
+        if result.found == 0 and odometry is not None and not odometry.trusted:  # by wheels that nobody vouches for
+            sigma_m, sigma_rad = _DISTRUST * sigma_m, _DISTRUST * sigma_rad
         self._pose_pub.publish(
             convert.pose_with_covariance(topics.MAP_FRAME, result.stamp_ns, T_map_base, sigma_m, sigma_rad)
         )

@@ -1,0 +1,130 @@
+"""The ROS master is killed while the robot explores, and another one started a while later: what the wheels do.
+
+python benchmarks/fault_master.py [--away 0.5 1 5 30] [--repetitions 20] [--out benchmarks/fault_master.jsonl]
+                                  [--minutes M]
+
+As benchmarks/fault_nodes.py, on the same stack. A line of the file is one repetition: the commit and the date; for how
+long no master ran (``away_s``); how long the wheels turned after it was killed (``turned_s``, -1: they did not stop);
+when, after the new one was started, the stop path was there again (``path_s``: the service of the emergency stop, its
+node and the topics of the commands are registered, and the service accepts a connection); whether the wheels turned
+before that (``moved_before``); when the robot drove again by itself (``driving_s``, null: not within 60 s), or what
+ended it (``ending``); whether 'vsx stop' then stopped it (``stopped``). What the file holds is not measured again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from exploring_robot import begin, home, new_stack, ready, wait_for_motion
+
+AWAY_S = (0.5, 1.0, 5.0, 30.0)
+DRIVES_WITHIN_S = 60.0
+COMMANDS = ("safety_controller", "teleop", "navi")
+
+
+def stop_path() -> bool:
+    """Whether whoever asks the master that answers now can stop the base."""
+    import rosgraph
+
+    from vsx_ros.ros.registrations import answers_at
+
+    master = rosgraph.Master("/fault_master")
+    try:
+        address = master.lookupService("/mobile_base/estop")
+        master.lookupNode("/mobile_base")
+        subscribed = dict(master.getSystemState()[1])
+    except (OSError, rosgraph.MasterException):
+        return False
+    inputs = [subscribed.get(f"/cmd_vel_mux/input/{name}", []) for name in COMMANDS]
+    return answers_at(address) and all("/mobile_base" in nodes for nodes in inputs)
+
+
+def wait_for_stop_path(plant: object, killed_s: float) -> tuple[float, bool]:
+    """When it was there [s, monotonic], and whether the wheels turned again while it surely was not."""
+    moved = False
+    while True:
+        asked_s = time.monotonic()
+        if stop_path():
+            return time.monotonic(), moved
+        moved = moved or killed_s < plant.started_s < asked_s
+        time.sleep(0.002)
+
+
+def vsx(*words: str) -> bool:
+    done = subprocess.run([sys.executable, "-m", "vsx_ros.cli.main", *words], check=False, capture_output=True)
+    return done.returncode == 0
+
+
+def stops(plant: object) -> bool:
+    """Whether 'vsx stop' does what it says; the robot may drive afterwards."""
+    said = vsx("stop")
+    time.sleep(0.3)
+    return said and not plant.moving and vsx("stop", "--release")
+
+
+def repetition(stack: object, away_s: float) -> dict[str, object]:
+    plant, master = stack.plant, stack._processes["rosmaster"]
+    killed_s = time.monotonic()
+    master.kill()
+    master.wait()
+    time.sleep(max(0.0, killed_s + away_s - time.monotonic()))
+    turned_s = -1.0 if plant.moving else max(0.0, plant.stopped_s - killed_s)
+    began_s = time.monotonic()
+    stack.start_master()
+    path_s, moved = wait_for_stop_path(plant, killed_s)
+    drives = wait_for_motion(stack, DRIVES_WITHIN_S)
+    return {
+        "away_s": away_s,
+        "turned_s": round(turned_s, 3),
+        "path_s": round(path_s - began_s, 3),
+        "moved_before": moved,
+        "driving_s": round(plant.started_s - began_s, 3) if drives else None,
+        "ending": "" if drives else "; ".join(stack._explorer_said().splitlines()[-2:]),
+        "stopped": stops(plant),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--away", nargs="+", type=float, default=list(AWAY_S))
+    parser.add_argument("--repetitions", type=int, default=20)
+    parser.add_argument("--minutes", type=float, default=240.0)
+    parser.add_argument("--out", type=Path, default=Path(__file__).with_suffix(".jsonl"))
+    args = parser.parse_args()
+    end_s, folder = time.monotonic() + 60.0 * args.minutes, home()
+    rows = [json.loads(line) for line in args.out.read_text().splitlines()] if args.out.exists() else []
+    missing = {away_s: args.repetitions - sum(row["away_s"] == away_s for row in rows) for away_s in args.away}
+    asked = [away_s for k in range(args.repetitions) for away_s in args.away if k < missing[away_s]]
+    if not asked:
+        return
+    stack = new_stack(folder)
+    try:
+        stack.up()
+        begin(stack)
+        for away_s in asked:
+            if time.monotonic() > end_s or not ready(stack):
+                break
+            row = {"commit": commit(), "date": datetime.date.today().isoformat(), **repetition(stack, away_s)}
+            with args.out.open("a") as out:
+                out.write(json.dumps(row) + "\n")
+            print(row, flush=True)
+    finally:
+        stack.down()
+
+
+def commit() -> str:
+    """Of the robot's code; what was measured before may have changed since."""
+    git = ["git", "-C", str(Path(__file__).resolve().parents[1])]
+    name = subprocess.run([*git, "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=True).stdout
+    changed = subprocess.run([*git, "diff", "--quiet", "HEAD", "--", "src", "hw"], check=False).returncode
+    return name.strip() + ("-dirty" if changed else "")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,189 @@
+"""Small good files of every kind that this stack reads, to be damaged."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import yaml
+from rosbags.rosbag1 import Writer as Ros1Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as Ros2Writer
+from rosbags.typesys import Stores, get_typestore
+from vsx_ros.kernels.patches import PATCH
+
+from vsx_ros.config import Config
+from vsx_ros.exploration.memory import MissionMemory
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.io.calibration_file import write_calibration
+from vsx_ros.io.checkpoint import Saved
+from vsx_ros.io.journal import ClockLine, EventLine, FrameLine, Journal, TruthLine, flat
+from vsx_ros.io.run_folder import FrameRecord, RunEvent, RunFolder
+from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.slam.keyframe import FrameData, Observations
+from vsx_ros.slam.map import Map
+from vsx_ros.slam.slam_map import SlamMap
+from vsx_ros.slam.state import TrackingResult, TrackingState
+from vsx_ros.slam.templates import NewTemplates
+from vsx_ros.vision.corners import CornerDetector
+from vsx_ros.vision.patch_search import kernel_camera, moving
+from vsx_ros.vision.pyramid import build_pyramid
+from vsx_ros.vision.small_image import small_image
+
+CAMERA = PinholeCamera(160, 120, 130.1, 131.7, 80.3, 59.9, (0.1, -0.2, 0.001, -0.002, 0.3))
+ROS1, ROS2 = get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.ROS2_HUMBLE)
+
+
+def slam_map() -> SlamMap:
+    """Three keyframes, one of them culled."""
+    rng, detector, world = np.random.default_rng(3), CornerDetector(), Map()
+    for k in range(3):
+        pyramid = build_pyramid(cv2.GaussianBlur(rng.integers(0, 256, (120, 160), np.uint8), (0, 0), 1.5))
+        camera = moving(kernel_camera(CAMERA), np.zeros(6))
+        data = FrameData(k + 1, pyramid, detector.detect(pyramid), small_image(pyramid), SE2(0.1 * k, 0.0, 0.0), camera)
+        world.add_keyframe(data, SE3.exp(rng.normal(0.0, 0.3, 6)), Observations.none(), map_id=0)
+        looks = NewTemplates(rng.normal(size=(20, 4)), rng.random((20, 2)), rng.integers(0, 256, (20, PATCH, PATCH)))
+        world.add_points(rng.normal(size=(20, 3)), looks, k)
+    for k in range(3):
+        uv = rng.uniform(0.0, 119.0, (60, 2))
+        world.observe(k, Observations(np.arange(60), uv, uv + 0.1, rng.integers(0, 4, 60)))
+    world.cull_keyframe(1)
+    return SlamMap(CAMERA, SE3.exp(np.array([0.1, 0.0, 0.3, -1.2, 1.2, -1.2])), world.view())
+
+
+def grid() -> OccupancyGrid:
+    """A room with a pillar."""
+    data = np.full((40, 60), 100, np.int8)
+    data[1:-1, 1:-1] = 0
+    data[15:20, 30:35] = 100
+    data[:, :3] = -1
+    return OccupancyGrid(data, 0.1, -1.0, 2.0)
+
+
+def run_folder(path: Path) -> RunFolder:
+    """A finished run with its checkpoint and journal."""
+    folder = RunFolder.create(path)
+    folder.write_config(Config(), ["vsx", "explore", "--fast"], seed=0, fast=True, world="lab")
+    numbers = {"frames": 20, "breaks": 0, "u1": 0.6, "u2_frames": 5.5, "ended_well": True, "stop_reason": "it is done"}
+    folder.write_summary({**numbers, "world": "lab", "version": "1", "duration_s": 2.0, "keyframes": 3})
+    folder.write_events([RunEvent(k * 10**9, "slam", "GOOD", "first map") for k in range(3)])
+    folder.write_frames([FrameRecord(k * 10**8, "good", 100, 60 + k, k == 5, 7.5, float(k)) for k in range(20)])
+    poses = [StampedPose(k * 10**8, SE3.exp(np.array([0.1 * k, 0, 0, 0, 0, 0.01 * k]))) for k in range(20)]
+    for name in ("trajectory", "odometry", "groundtruth"):
+        folder.write_poses(name, poses)
+    folder.write_map(grid())
+    folder.write_points(np.random.default_rng(0).normal(size=(50, 3)))
+    memory = MissionMemory([SE2(0, 0, 0)], [(SE2(1, 1, 0), 3.0, 1)], [SE2(0, 0, 0)], False, SE2(0, 0, 0))
+    state = {"errors_m": np.zeros(3), "plans": np.array([4]), "driven": np.zeros((4, 3))}
+    folder.checkpoint.write(Saved(slam_map(), 10**9, state, memory.tree()))
+    folder.checkpoint.write_mission(memory.tree(), 10**9)
+    journal(folder.journal, poses)
+    return folder
+
+
+def journal(path: Path, poses: list[StampedPose]) -> None:
+    """All kinds of lines."""
+    lines = Journal(path)
+    for k, pose in enumerate(poses):
+        result = TrackingResult(pose.stamp_ns, TrackingState.GOOD, pose.T, 100, 60, k == 5, "")
+        lines.add(FrameLine.of(result, SE2(0.1 * k, 0.0, 0.0), 7.0, 1.0))
+    lines.add(EventLine(stamp_ns=1, source="slam", state="GOOD", reason=""))
+    lines.add(TruthLine(stamp_ns=2, T_world_cam=flat(poses[0].T), T_world_base=(0.0, 0.0, 0.0), collisions=0))
+    lines.add(ClockLine(stamp_ns=3, elapsed_s=1.0, plans=1, collisions=0))
+
+
+def messages(store, encodings: bool = True):
+    """(topic, message): calibration, wheels, truth, raw and packed images."""
+    T, ros1 = store.types, store is ROS1
+    picture = np.random.default_rng(0).integers(0, 256, (24, 32), np.uint8)
+
+    def header(stamp_ns: int):
+        time = T["builtin_interfaces/msg/Time"](*divmod(stamp_ns, 10**9))
+        return T["std_msgs/msg/Header"](0, time, "cam") if ros1 else T["std_msgs/msg/Header"](time, "cam")
+
+    roi = T["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
+    K, R, P = np.array([30.0, 0, 15.5, 0, 30.0, 11.5, 0, 0, 1.0]), np.eye(3).ravel(), np.zeros(12)
+    yield (
+        "/camera/camera_info",
+        T["sensor_msgs/msg/CameraInfo"](header(1), 24, 32, "plumb_bob", np.zeros(5), K, R, P, 0, 0, roi),
+    )
+    vector, zeros = T["geometry_msgs/msg/Vector3"], np.zeros(36)
+    twist = T["geometry_msgs/msg/Twist"](vector(0.2, 0, 0), vector(0, 0, 0.1))
+    for i in range(4):
+        stamp = i * 10**8
+        pose = T["geometry_msgs/msg/Pose"](
+            T["geometry_msgs/msg/Point"](0.1 * i, 0.0, 0.0), T["geometry_msgs/msg/Quaternion"](0, 0, 0, 1.0)
+        )
+        yield "/odom", T["nav_msgs/msg/Odometry"](
+            header(stamp), "base", T["geometry_msgs/msg/PoseWithCovariance"](pose, zeros),
+            T["geometry_msgs/msg/TwistWithCovariance"](twist, zeros),
+        )  # fmt: skip
+        yield "/ground_truth/camera", T["geometry_msgs/msg/PoseStamped"](header(stamp), pose)
+        yield "/camera/image_raw", T["sensor_msgs/msg/Image"](header(stamp), 24, 32, "mono8", 0, 32, picture.ravel())
+        packed = cv2.imencode(".png", picture)[1].ravel()
+        yield "/camera/image_raw/compressed", T["sensor_msgs/msg/CompressedImage"](header(stamp), "mono8; png", packed)
+
+
+def ros1_bag(path: Path, how: str = "none") -> None:
+    writer = Ros1Writer(path)
+    if how != "none":
+        writer.set_compression(Ros1Writer.CompressionFormat[how.upper()])
+    with writer:
+        _write(writer, ROS1, ROS1.serialize_ros1)
+
+
+def ros2_bag(path: Path, plugin: StoragePlugin, mode: CompressionMode = CompressionMode.NONE) -> None:
+    writer = Ros2Writer(path, version=8, storage_plugin=plugin)
+    if mode is not CompressionMode.NONE:
+        writer.set_compression(mode, CompressionFormat.ZSTD)
+    with writer:
+        _write(writer, ROS2, ROS2.serialize_cdr)
+
+
+def _write(writer, store, serialize) -> None:
+    connections = {}
+    for index, (topic, message) in enumerate(messages(store)):
+        if topic not in connections:
+            connections[topic] = writer.add_connection(topic, message.__msgtype__, typestore=store)
+        writer.write(connections[topic], 1000 + index, serialize(message, message.__msgtype__))
+
+
+def tum_folder(path: Path) -> None:
+    """Three images with calibration, wheels and truth."""
+    (path / "rgb").mkdir(parents=True)
+    picture = np.random.default_rng(0).integers(0, 256, (24, 32), np.uint8)
+    for k in range(3):
+        cv2.imwrite(str(path / "rgb" / f"{k}.png"), picture)
+    (path / "rgb.txt").write_text("# stamp file\n" + "".join(f"{k}.5 rgb/{k}.png\n" for k in range(3)))
+    lines = "".join(f"{k}.5 {k} 0 0 0 0 0 1\n" for k in range(3))
+    for name in ("groundtruth", "odometry"):
+        (path / f"{name}.txt").write_text(lines)
+    numbers = {"width": 32, "height": 24, "fx": 30.0, "fy": 30.0, "cx": 15.5, "cy": 11.5, "dist": [0, 0, 0, 0, 0]}
+    (path / "camera.json").write_text(json.dumps(numbers))
+
+
+def camera_yaml(path: Path) -> None:
+    write_calibration(path, CAMERA)
+
+
+def config_yaml(path: Path) -> None:
+    tree = {"robot": {"radius_m": 0.2}, "planner": {"phi_rad_m": 0.5}, "limits": {"v_m_s": 0.2}}
+    path.write_text("# robot: measured\n" + yaml.safe_dump(tree))
+
+
+def results_jsonl(path: Path) -> None:
+    from vsx_ros import __version__
+
+    lines = [{"task": {"seed": k}, "version": __version__, "result": {"u1": 0.5}} for k in range(5)]
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+
+
+def picture(path: Path) -> None:
+    """Of the kind that its suffix says."""
+    image = cv2.GaussianBlur(np.random.default_rng(0).integers(0, 256, (48, 64, 3), np.uint8), (0, 0), 2.0)
+    cv2.imwrite(str(path), image if path.suffix != ".pgm" else image[..., 0])

@@ -1,0 +1,378 @@
+"""Ten thousand damaged files for each reader: nothing but one sentence may come of them, soon and in little memory.
+
+python benchmarks/fuzz_files.py [--count 10000] [--only NAME ...] [--out benchmarks/fuzz_files.json]
+
+Good files are damaged by bytes, by words and numbers, and part by part with lengths and checksums mended
+(file_mutations.py). A reader must read the file or raise a VsxError, within 10 s and 512 MiB. Every thousand is a line
+of the results; those that are there already are not done again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import json
+import random
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import traceback
+from collections import Counter
+from collections.abc import Callable
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+import file_mutations as mutations
+import file_samples as samples
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
+
+from vsx_ros.cli.config import load as load_config
+from vsx_ros.cli.experiments.campaign import Store
+from vsx_ros.cli.map import facts
+from vsx_ros.cli.report import write_report
+from vsx_ros.cli.robot_file import update_robot_file
+from vsx_ros.cli.session import Before, end_the_trail
+from vsx_ros.errors import VsxError
+from vsx_ros.evaluation.trajectory import associate, trajectory_error
+from vsx_ros.io.bag_reader import messages
+from vsx_ros.io.bag_without_index import UnindexedBag
+from vsx_ros.io.calibration_file import read_calibration
+from vsx_ros.io.image_encoding import SUPPORTED, decoded, gray_image
+from vsx_ros.io.journal import FrameLine, read_journal
+from vsx_ros.io.map_file import load_map, load_plan
+from vsx_ros.io.ply_file import read_ply
+from vsx_ros.io.recording import open_recording
+from vsx_ros.io.run_folder import RunFolder
+from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
+from vsx_ros.io.trajectory_file import read_trajectory
+from vsx_ros.sim.generate import generate_world
+from vsx_ros.sim.map_import import world_from_grid
+from vsx_ros.sim.truth import ground_truth_grid
+from vsx_ros.sim.world_file import load_world, save_world
+
+LIMIT_S, LIMIT_MIB = 10, 512
+BLOCK = 1000
+
+
+class Hang(BaseException):
+    """Ten seconds are over."""
+
+
+class Reader(NamedTuple):
+    """make: writes the good sample at a path. files: which of its files are damaged, as a pattern; itself if empty.
+    damage: (random, bytes) to bytes, or works on the file at a path. read: all that is done with it."""
+
+    name: str
+    make: Callable[[Path], Any]
+    files: tuple[str, ...]
+    damage: Callable[..., Any]
+    read: Callable[[Path], Any]
+
+
+def _recording(path: Path) -> None:
+    recording = open_recording(path, image_topic=None if path.is_dir() and (path / "rgb.txt").exists() else IMAGES)
+    for _ in recording.messages():
+        pass
+
+
+IMAGES = "/camera/image_raw"
+
+
+def _packed(path: Path) -> None:
+    for _ in open_recording(path, image_topic=f"{IMAGES}/compressed").messages():
+        pass
+
+
+def _without_index(path: Path) -> None:
+    for connection in UnindexedBag(path).connections:
+        assert connection.msgcount >= 0
+    _recording(path)
+
+
+def _cut_bag(path: Path) -> None:
+    samples.ros1_bag(path, "lz4")
+    path.write_bytes(path.read_bytes()[:-200])
+
+
+def _counts(path: Path) -> None:
+    with messages(path) as bag:
+        bag.counts()
+    _packed(path)
+
+
+def _image(path: Path) -> None:
+    decoded(path.read_bytes(), str(path))
+    decoded(path.read_bytes(), str(path), "bayer_rggb8; x")
+
+
+def _world(path: Path) -> None:
+    world = load_world(path)
+    if (world.bounds[2] - world.bounds[0]) * (world.bounds[3] - world.bounds[1]) < 5000.0:
+        ground_truth_grid(world, 0.05, 0.02, 0.45)
+
+
+def _resume(path: Path) -> None:
+    folder = RunFolder.open(path)
+    folder.read_config()
+    Before.of(folder)
+    end_the_trail(folder, False)
+
+
+def _journal(path: Path) -> None:
+    for line in read_journal(path):
+        if isinstance(line, FrameLine):
+            line.result()
+
+
+def _trajectories(path: Path) -> None:
+    poses = read_trajectory(path)
+    trajectory_error(associate(poses, poses, 10**7), "yaw")
+
+
+def _plan_map(path: Path) -> None:
+    load_map(path / "map.yaml")
+    world_from_grid(load_map(path / "map.yaml"), "map", 0)
+
+
+def _map_folder(path: Path) -> None:
+    from vsx_ros.io.map_file import save_map
+
+    path.mkdir()
+    save_map(samples.grid(), path / "map.yaml")
+
+
+def _map_file(path: Path) -> None:
+    save_slam_map(samples.slam_map(), path)
+
+
+def _journal_file(path: Path) -> None:
+    samples.run_folder(path.with_name("run"))
+    shutil.copy(path.with_name("run") / "resume" / "journal.jsonl", path)
+
+
+def _trajectory_file(path: Path) -> None:
+    samples.run_folder(path.with_name("run"))
+    shutil.copy(path.with_name("run") / "trajectory.txt", path)
+
+
+def _ply_file(path: Path) -> None:
+    samples.run_folder(path.with_name("run"))
+    shutil.copy(path.with_name("run") / "sparse.ply", path)
+
+
+def _raw_image(rng: random.Random, path: Path) -> None:
+    numbers = {name: mutations.integer(rng, 32) for name in ("height", "width", "step", "size")}
+    if rng.random() < 0.7:
+        height, width = rng.choice(((24, 32), (1, 32), (24, 1), (2, 2)))
+        step = width * rng.randrange(1, 5)
+        numbers |= {"height": height, "width": width, "step": step, "size": step * height - (rng.random() < 0.1)}
+    how = {"encoding": rng.choice((*SUPPORTED, "32FC1")), "big_endian": rng.random() < 0.5, "shift": rng.randrange(17)}
+    path.write_text(json.dumps({**numbers, **how}))
+
+
+def _read_raw_image(path: Path) -> None:
+    tree = json.loads(path.read_text())
+    data = np.zeros(min(tree["size"], 10**6), np.uint8)
+    size = tree["height"], tree["width"], tree["step"]
+    gray_image(tree["encoding"], *size, data, big_endian=tree["big_endian"], shift_bits=tree["shift"])
+
+
+def _any_text(rng: random.Random, data: bytes) -> bytes:
+    return (mutations.raw if rng.random() < 0.2 else mutations.text)(rng, data)
+
+
+def _by_suffix(rng: random.Random, path: Path) -> None:
+    how = {".npy": mutations.array, ".png": mutations.png, ".zip": mutations.sealed, ".pgm": mutations.raw}
+    path.write_bytes(how.get(path.suffix, _any_text)(rng, path.read_bytes()))
+
+
+def _bag2(rng: random.Random, path: Path) -> None:
+    if path.suffix == ".db3":
+        mutations.database(rng, path)
+    else:
+        how = {".mcap": mutations.mcap, ".yaml": _any_text}.get(path.suffix, mutations.raw)
+        path.write_bytes(how(rng, path.read_bytes()))
+
+
+MCAP, SQLITE = StoragePlugin.MCAP, StoragePlugin.SQLITE3
+READERS = [
+    Reader(
+        "slam map",
+        lambda p: save_slam_map(samples.slam_map(), p),
+        (),
+        mutations.sealed,
+        lambda p: facts(load_slam_map(p)),
+    ),
+    Reader("checkpoint", samples.run_folder, ("resume/**/*.*", "resume/map.zip", "config.yaml"), _by_suffix, _resume),
+    Reader("journal", _journal_file, (), _any_text, _journal),
+    Reader("run folder", samples.run_folder, ("*.*",), _by_suffix, lambda p: write_report(RunFolder.open(p))),
+    *(
+        Reader(f"ros1 bag {how}", partial(samples.ros1_bag, how=how), (), mutations.ros1_bag, read)
+        for how, read in (("none", _recording), ("bz2", _packed), ("lz4", _recording))
+    ),
+    Reader("ros1 bag without index", _cut_bag, (), mutations.ros1_bag, _without_index),
+    *(
+        Reader(f"ros2 {name}", partial(samples.ros2_bag, plugin=plugin, mode=mode), files, _bag2, read)
+        for name, plugin, mode, files, read in (
+            ("sqlite3", SQLITE, CompressionMode.NONE, ("*.db3", "metadata.yaml"), _recording),
+            ("sqlite3 file.zstd", SQLITE, CompressionMode.FILE, ("*",), _recording),
+            ("sqlite3 message.zstd", SQLITE, CompressionMode.MESSAGE, ("*",), _packed),
+            ("mcap", MCAP, CompressionMode.NONE, ("*.mcap", "metadata.yaml"), _recording),
+            ("mcap zstd", MCAP, CompressionMode.STORAGE, ("*.mcap",), _counts),
+        )
+    ),
+    Reader("tum folder", samples.tum_folder, ("*.*", "rgb/*"), _by_suffix, _recording),
+    Reader("world", lambda p: save_world(generate_world("corridor", 0), p), (), _any_text, _world),
+    Reader("map", _map_folder, ("map.yaml", "map.pgm"), _by_suffix, _plan_map),
+    Reader("calibration", samples.camera_yaml, (), _any_text, read_calibration),
+    Reader("configuration", samples.config_yaml, (), _any_text, lambda p: load_config(p, [])),
+    Reader("robot file", samples.config_yaml, (), _any_text, lambda p: update_robot_file(p, "mount", {}, "measured")),
+    Reader("trajectory", _trajectory_file, (), _any_text, _trajectories),
+    Reader("point cloud", _ply_file, (), mutations.raw, read_ply),
+    Reader("campaign", samples.results_jsonl, (), _any_text, Store),
+    Reader("raw image", lambda p: p.write_text("{}"), (), _raw_image, _read_raw_image),
+    *(
+        Reader(f"{kind} image", samples.picture, (), mutations.png if kind == "png" else mutations.raw, _image)
+        for kind in ("png", "jpg", "pgm", "bmp", "tiff")
+    ),
+    Reader("png plan", samples.picture, (), mutations.png, load_plan),
+]
+SUFFIXES = {
+    "slam map": ".vsxmap", "journal": ".jsonl", "world": ".yaml", "calibration": ".yaml", "configuration": ".yaml",
+    "robot file": ".yaml", "campaign": ".jsonl", "png plan": ".png", "point cloud": ".ply", "trajectory": ".txt",
+}  # fmt: skip
+_BY_PATH = (_by_suffix, _bag2, _raw_image)
+
+
+class Bench:
+    """One reader's sample, damaged again and again."""
+
+    def __init__(self, reader: Reader, folder: Path) -> None:
+        self.reader = reader
+        kind = reader.name.split()[0]
+        suffix = SUFFIXES.get(reader.name) or (f".{kind}" if reader.name.endswith(" image") else "")
+        suffix = ".bag" if kind == "ros1" else suffix
+        self.good = folder / f"good{suffix}"
+        reader.make(self.good)
+        self.bad = folder / f"bad{suffix}"
+
+    def damage(self, seed: str) -> None:
+        """Put a damaged sample in place of the last one."""
+        rng = random.Random(seed)
+        if self.good.is_dir():
+            shutil.rmtree(self.bad, ignore_errors=True)
+            shutil.copytree(self.good, self.bad)
+            files = [f for pattern in self.reader.files for f in sorted(self.bad.glob(pattern)) if f.is_file()]
+            target = rng.choice(files)
+        else:
+            self.bad.write_bytes(self.good.read_bytes())
+            target = self.bad
+        if self.reader.damage in _BY_PATH:
+            self.reader.damage(rng, target)
+        else:
+            target.write_bytes(self.reader.damage(rng, target.read_bytes()))
+
+    def outcome(self) -> str:
+        """read, refused, or what went wrong."""
+        try:
+            with limited():
+                self.reader.read(self.bad)
+        except VsxError as error:
+            said = str(error)
+            return "refused" if "\n" not in said and len(said) < 2000 else f"no sentence: {said[:200]!r}"
+        except Hang:
+            return "hang"
+        except Exception as error:
+            place = traceback.extract_tb(error.__traceback__)[-1]
+            ours = [f for f in traceback.extract_tb(error.__traceback__) if "vsx_ros" in f.filename][-1]
+            return f"{type(error).__name__}: {str(error)[:80]} ({Path(ours.filename).name}:{ours.lineno}, {place.name})"
+        return "read"
+
+
+@contextmanager
+def limited():
+    """Ten seconds, and no word on the terminal."""
+
+    def over(*_: Any) -> None:
+        raise Hang
+
+    before = signal.signal(signal.SIGALRM, over)
+    signal.alarm(LIMIT_S)
+    try:
+        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+            yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def resident_mib(name: str) -> float:
+    """VmRSS, or VmHWM: the most since ``forget_peak``."""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(int(line.split()[1]) / 1024 for line in lines if line.startswith(name))
+
+
+def forget_peak() -> None:
+    """Let VmHWM begin anew."""
+    Path("/proc/self/clear_refs").write_text("5")
+
+
+def fuzz_block(reader: Reader, block: int, count: int) -> dict[str, Any]:
+    """Outcomes of so many damaged files."""
+    outcomes: Counter[str] = Counter()
+    slowest_s = most_mib = 0.0
+    with tempfile.TemporaryDirectory() as folder:
+        bench = Bench(reader, Path(folder))
+        bench.damage(f"{reader.name} warm")
+        bench.outcome()
+        for number in range(block * BLOCK, block * BLOCK + count):
+            bench.damage(f"{reader.name} {number}")
+            forget_peak()
+            before_mib, began_s = resident_mib("VmRSS"), time.monotonic()
+            outcome = bench.outcome()
+            slowest_s = max(slowest_s, time.monotonic() - began_s)
+            taken_mib = resident_mib("VmHWM") - before_mib
+            most_mib = max(most_mib, taken_mib)
+            outcome = f"{taken_mib:.0f} MiB taken" if taken_mib > LIMIT_MIB else outcome
+            if outcome not in ("read", "refused"):
+                outcome = f"{number}: {outcome}"
+            outcomes[outcome] += 1
+    return {"outcomes": dict(outcomes), "slowest_s": round(slowest_s, 2), "most_mib": round(most_mib, 1)}
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=10_000)
+    parser.add_argument("--only", nargs="*", default=[], metavar="NAME", help="readers; default: all")
+    parser.add_argument("--out", type=Path, default=Path(__file__).with_name("fuzz_files.json"))
+    args = parser.parse_args()
+    resource.setrlimit(resource.RLIMIT_AS, (6 * 2**30, resource.RLIM_INFINITY))
+    known = [json.loads(line) for line in args.out.read_text().splitlines()] if args.out.exists() else []
+    done = {(row["reader"], row["block"]) for row in known}
+    commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False).stdout
+    bad = 0
+    for block in range(-(-args.count // BLOCK)):
+        for reader in READERS:
+            if (reader.name, block) in done or (args.only and reader.name not in args.only):
+                continue
+            count = min(BLOCK, args.count - block * BLOCK)
+            row = {"reader": reader.name, "block": block, "mutations": count, **fuzz_block(reader, block, count)}
+            row |= {"commit": commit.strip(), "date": time.strftime("%Y-%m-%d")}
+            bad += len(row["outcomes"].keys() - {"read", "refused"})
+            with args.out.open("a") as file:
+                file.write(json.dumps(row) + "\n")
+            print(json.dumps(row), flush=True)
+    return 1 if bad else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

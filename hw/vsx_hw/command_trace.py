@@ -1,0 +1,65 @@
+"""What the wheels were told lately, for comparison with what they did. Pure; time is an argument."""
+
+from __future__ import annotations
+
+from collections import deque
+
+Span = tuple[float, float]
+
+
+LAGS_NS = tuple(range(0, 600_000_000, 100_000_000))
+"""How late a command may show in a report: a Kobuki's dead time is 0.2 s, its speed control needs as long again, and
+the reports may be delayed too."""
+LONGEST_PAUSE_NS = 2_000_000_000
+"""Between reports; after a longer one nothing is known of what was before. A Create 1 tells its motion twice a second,
+less often on a busy machine."""
+MEMORY_NS = 4_500_000_000
+"""Window, longest lag and longest pause."""
+
+
+class CommandTrace:
+    """``tell`` a command, ``advance`` with each report; then ask what could have been rolled."""
+
+    def __init__(self) -> None:
+        self._points: deque[tuple[int, float, float]] = deque([(0, 0.0, 0.0)])
+        self._speeds = (0.0, 0.0)
+
+    @property
+    def time_ns(self) -> int:
+        """The latest instant."""
+        return self._points[-1][0]
+
+    def tell(self, left_m_s: float, right_m_s: float) -> None:
+        """The speeds from the latest ``advance`` on."""
+        self._speeds = left_m_s, right_m_s
+
+    def advance(self, now_ns: int) -> None:
+        """Time has passed at the speeds told; after a pause, or a clock that was set, as if the wheels had stood."""
+        then_ns, left_m, right_m = self._points[-1]
+        if not 0 <= now_ns - then_ns <= LONGEST_PAUSE_NS:
+            self._points = deque([(now_ns, 0.0, 0.0)])
+            return
+        dt_s = (now_ns - then_ns) * 1e-9
+        self._points.append((now_ns, left_m + self._speeds[0] * dt_s, right_m + self._speeds[1] * dt_s))
+        while self._points[0][0] < now_ns - MEMORY_NS:
+            self._points.popleft()
+
+    def between(self, begin_ns: int, end_ns: int, wheel_base_m: float) -> tuple[Span, Span, Span]:
+        """(way of the left wheel, of the right one [m], turn [rad]) told for this time, from the least to the most that
+        the lags make of it."""
+        spans = []
+        for lag_ns in LAGS_NS:
+            left, right = (b - a for a, b in zip(self._at(begin_ns - lag_ns), self._at(end_ns - lag_ns)))
+            spans.append((left, right, (right - left) / wheel_base_m))
+        lefts, rights, turns = zip(*spans)
+        return (min(lefts), max(lefts)), (min(rights), max(rights)), (min(turns), max(turns))
+
+    def _at(self, time_ns: int) -> tuple[float, float]:
+        """Ways of both wheels by then; before the memory they stood."""
+        later = self._points[-1]
+        for point in reversed(self._points):
+            if point[0] <= time_ns:
+                share = (time_ns - point[0]) / (later[0] - point[0]) if later[0] > point[0] else 0.0
+                return point[1] + share * (later[1] - point[1]), point[2] + share * (later[2] - point[2])
+            later = point
+        return later[1], later[2]

@@ -1,0 +1,250 @@
+"""Whether wheels, gyro and commands agree, and which turn to believe. Pure; time is an argument.
+
+Three witnesses speak of one motion: each wheel of its way, the gyro of the turn, the command of what both should be.
+
+- A wheel whose way over a second is not what it was told is at fault: the base cannot be steered, it must stand.
+- Gyro and wheels that tell different turns, in one report or over a second, cannot both be right. The one farther from
+  the command is left out and the pose is uncertain until both have agreed through a turn and a way.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+from vsx_hw.command_trace import LONGEST_PAUSE_NS, CommandTrace, Span
+from vsx_hw.turn_mismatch import TurnMismatch
+
+WINDOW_NS = 1_000_000_000
+PERIOD_NS = 20_000_000
+
+FOLLOWS, RUNS_AWAY = 0.1, 1.5
+"""Shares of the commanded way. A sound wheel, whose speed is controlled, makes 0.7 to 1.1 of it; one that is blocked or
+whose encoder stands 0, one that counts each edge twice 2, one whose phases are swapped -1."""
+WAY_M, SLACK_M = 0.02, 0.015
+"""Slower wheels are not judged: friction may hold them. Slack: two reports of a Create 1 are rounded by 7 mm; as much
+again for the roll after a command was lowered."""
+BEGUN = 0.5
+"""The least way told, by the longest lag, has this share of the most: the start-up is over."""
+
+FRAME_RAD, FRAME_RAD_S = 0.025, 1.0
+"""What gyro and wheels may differ by in one report: a base that is blocked in a turn of 1.5 rad/s differs by 0.03 rad
+in 20 ms; there the bound, 0.045 rad, also keeps the heading from jumping by 3 degrees."""
+REFUSED_REPORTS = 5
+"""So many such reports in a second are no accident."""
+
+BASE_RAD, SLIP, SIGMAS = 0.03, 0.03, 3.0
+"""What they may differ by in a second, beyond what is learned: 1.7 degrees (not sampled at one instant, a wheel on a
+sill) and a share of the turn, for slip that comes and goes. A drift of 5 deg/s is beyond it, one of less than 3 deg/s
+is for the camera to see."""
+SLIP_NS = 200_000_000
+AGREED_RAD, AGREED_M = 0.5, 1.0
+"""Through how much of a turn both must agree again; a gyro that was believed, also along such a way. On the straight a
+gyro that stands is right too."""
+
+
+_HELD = "does not follow the command"
+
+
+class Belief(NamedTuple):
+    """What to make of a report. turn_rad: the turn to count. doubt: why the pose is uncertain, fault: why the base must
+    stand, in words, empty while all agree. gyro: whether the gyro is believed."""
+
+    turn_rad: float
+    doubt: str = ""
+    fault: str = ""
+    gyro: bool = True
+
+
+class _Moment(NamedTuple):
+    """Sums since the start. wheels_rad, gyro_rad: turns; refused: reports that one of the two was left out of."""
+
+    time_ns: int
+    left_m: float = 0.0
+    right_m: float = 0.0
+    wheels_rad: float = 0.0
+    gyro_rad: float = 0.0
+    refused: int = 0
+
+    def after(self, step: _Moment) -> _Moment:
+        """These sums and those of a step more."""
+        return _Moment(
+            self.time_ns + step.time_ns,
+            self.left_m + step.left_m,
+            self.right_m + step.right_m,
+            self.wheels_rad + step.wheels_rad,
+            self.gyro_rad + step.gyro_rad,
+            self.refused + step.refused,
+        )
+
+
+class MotionJudge:
+    """``command`` every command as it is sent, ``step`` every report of motion. Not thread-safe.
+
+    step_rad: by how much rounding may change the wheels' turn in a report, beyond its mean; twice that where they tell
+    none.
+    """
+
+    def __init__(self, wheel_base_m: float, step_rad: float = 0.0) -> None:
+        self._wheel_base_m, self._step_rad = wheel_base_m, step_rad
+        self._trace = CommandTrace()
+        self._mismatch = TurnMismatch()
+        self._moments = deque([_Moment(0)])
+        self._unmatched_rad = self._rate_rad_s = 0.0
+        self._unmatched_reports = 0
+        self._doubt, self._gyro_out = "", False
+        self._unproven, self._wrong_ns = "", 0
+        self._agreed_rad = self._agreed_m = 0.0
+
+    def command(self, v_m_s: float, omega_rad_s: float) -> None:
+        """What the wheels are told from now on."""
+        half = 0.5 * self._wheel_base_m * omega_rad_s
+        self._trace.tell(v_m_s - half, v_m_s + half)
+
+    def listen(self, now_ns: int) -> None:
+        """A report that tells nothing of the motion."""
+        self._trace.advance(now_ns)
+
+    def can_turn(self, rate_rad_s: float) -> bool:
+        """Whether the base can turn like this after what it was told lately, at the latest report."""
+        end_ns = self._trace.time_ns
+        least, most = self._trace.between(end_ns - PERIOD_NS, end_ns, self._wheel_base_m)[2]
+        bound = FRAME_RAD + FRAME_RAD_S * PERIOD_NS * 1e-9
+        return least - bound <= rate_rad_s * PERIOD_NS * 1e-9 <= most + bound
+
+    def step(
+        self, now_ns: int, left_m: float, right_m: float, gyro_rad: float | None = None, alive: bool | None = None
+    ) -> Belief:
+        """Judge the motion since the last report. gyro_rad: turn by the gyro, None without one; alive: whether it shows
+        by itself that it measures, or that it does not; None where it shows neither."""
+        self._trace.advance(now_ns)
+        last = self._moments[-1]
+        pause_ns = now_ns - last.time_ns
+        whole = 0 < pause_ns <= LONGEST_PAUSE_NS
+        dt_s = (pause_ns if whole else PERIOD_NS) * 1e-9
+        wheels_rad = turn_rad = (right_m - left_m) / self._wheel_base_m
+        refused = False
+        if gyro_rad is not None:
+            turn_rad, refused = self._in_report(wheels_rad, gyro_rad, dt_s)
+        if not whole:
+            self._moments = deque([_Moment(now_ns)])
+            return self._belief(wheels_rad, turn_rad, refused, "")
+        self._rate_rad_s = turn_rad / dt_s
+        counted = turn_rad if refused else wheels_rad
+        now = last.after(_Moment(pause_ns, left_m, right_m, counted, turn_rad, int(refused)))
+        self._moments.append(now)
+        begin = self._window(now_ns)
+        fault = self._fault(begin, now)
+        if gyro_rad is not None:
+            self._compare(begin, now, alive)
+        return self._belief(wheels_rad, turn_rad, now.refused > begin.refused, fault)._replace(
+            gyro=not (self._gyro_out or refused)
+        )
+
+    def _belief(self, wheels_rad: float, turn_rad: float, refused: bool, fault: str) -> Belief:
+        doubt = fault or self._unproven or self._doubt or ("gyro and wheels differ in one report" if refused else "")
+        return Belief(wheels_rad if self._gyro_out else turn_rad, doubt, fault, not (self._gyro_out or refused))
+
+    def _in_report(self, wheels_rad: float, gyro_rad: float, dt_s: float) -> tuple[float, bool]:
+        """(turn, whether one of the two was left out). A wrong angle is two wrong steps: the next angle is compared
+        with the one before."""
+        unmatched = math.remainder(self._unmatched_rad + gyro_rad - wheels_rad, 2.0 * math.pi)
+        if abs(unmatched) <= FRAME_RAD + FRAME_RAD_S * dt_s + self._step_rad:
+            self._unmatched_rad, self._unmatched_reports = 0.0, 0
+            return wheels_rad + unmatched, False
+        expected = self._rate_rad_s * dt_s
+        if not self._unmatched_reports and abs(gyro_rad - expected) < abs(wheels_rad - expected):
+            return gyro_rad, True  # the counters jumped
+        self._unmatched_reports += 1
+        if self._unmatched_reports > REFUSED_REPORTS:  # it counts from elsewhere
+            unmatched, self._unmatched_reports = 0.0, 0
+        self._unmatched_rad = unmatched
+        return wheels_rad, True
+
+    def _window(self, now_ns: int) -> _Moment:
+        """The moment a second ago. What is older has passed: the difference of gyro and wheels is learned from it."""
+        moments = self._moments
+        while len(moments) > 2 and moments[1].time_ns <= now_ns - WINDOW_NS:
+            a, b = moments.popleft(), moments[0]
+            if not self._doubt and b.refused == a.refused:
+                way_m = 0.5 * (b.left_m - a.left_m + b.right_m - a.right_m)
+                turn_rad = b.wheels_rad - a.wheels_rad
+                difference = b.gyro_rad - a.gyro_rad - turn_rad
+                self._mismatch.learn(way_m, turn_rad, difference, (b.time_ns - a.time_ns) * 1e-9)
+        return moments[0]
+
+    def _fault(self, begin: _Moment, now: _Moment) -> str:
+        """Which wheel does not do what it was told, in words; the pose is uncertain until both have done so again."""
+        left, right, _ = self._told(begin, now)
+        sides = {"left": (now.left_m - begin.left_m, left), "right": (now.right_m - begin.right_m, right)}
+        verdicts = {side: _verdict(way_m, told) for side, (way_m, told) in sides.items()}
+        wrong = [f"the {side} wheel {verdict}; see to its encoder" for side, verdict in verdicts.items() if verdict]
+        if all(verdict == _HELD for verdict in verdicts.values()):
+            wrong = ["wheels do not follow the command; free the robot"]
+        if wrong:
+            if not self._unproven or begin.time_ns > self._wrong_ns:  # the first words stay: their numbers change
+                self._unproven = wrong[0]
+            self._wrong_ns = now.time_ns
+            return self._unproven
+        if None not in verdicts.values() and begin.time_ns > self._wrong_ns:
+            self._unproven = ""
+        return ""
+
+    def _told(self, begin: _Moment, now: _Moment) -> tuple[Span, Span, Span]:
+        return self._trace.between(begin.time_ns, now.time_ns, self._wheel_base_m)
+
+    def _compare(self, begin: _Moment, now: _Moment, alive: bool | None) -> None:
+        """Judge the last second: doubt, go on doubting, or believe both again."""
+        way_m = 0.5 * (now.left_m - begin.left_m + now.right_m - begin.right_m)
+        wheels_rad, gyro_rad = now.wheels_rad - begin.wheels_rad, now.gyro_rad - begin.gyro_rad
+        expected, sigma = self._mismatch.expected(way_m, wheels_rad)
+        rounded = self._step_rad * (1.0 if wheels_rad else 2.0)
+        bound = BASE_RAD + rounded + SIGMAS * sigma + SLIP * max(abs(wheels_rad), abs(gyro_rad))
+        if alive is False:
+            self._distrust(True, "the gyro stands still to the bit: it is dead; the heading is that of the wheels")
+        elif now.refused - begin.refused >= REFUSED_REPORTS:
+            self._distrust(True, "the gyro jumps; the heading is that of the wheels")
+        elif abs(gyro_rad - wheels_rad - expected) > bound:
+            slip = alive is True and self._slips(now)
+            self._choose(wheels_rad, gyro_rad, slip, self._told(begin, now)[2])
+        elif self._doubt:
+            a, b = self._moments[-2], now
+            self._agreed_rad += abs(b.wheels_rad - a.wheels_rad)
+            self._agreed_m += 0.5 * abs(b.left_m - a.left_m + b.right_m - a.right_m)
+            if self._agreed_rad > AGREED_RAD or (self._agreed_m > AGREED_M and not self._gyro_out):
+                self._doubt, self._gyro_out = "", False
+
+    def _slips(self, now: _Moment) -> bool:
+        """Whether the base turns as its wheels do, but less, by the gyro and at this moment."""
+        before = next(m for m in reversed(self._moments) if m is self._moments[0] or m.time_ns <= now.time_ns - SLIP_NS)
+        wheels_rad, gyro_rad = now.wheels_rad - before.wheels_rad, now.gyro_rad - before.gyro_rad
+        return 0.0 <= gyro_rad * math.copysign(1.0, wheels_rad) < abs(wheels_rad)
+
+    def _choose(self, wheels_rad: float, gyro_rad: float, slip: bool, told: Span) -> None:
+        """The one farther from the command is left out; the gyro, where both are as far. Wheels that slip do what they
+        are told, but a gyro that is alive and turns less than they tells it."""
+        gyro_off, wheels_off = (max(told[0] - turn, turn - told[1], 0.0) for turn in (gyro_rad, wheels_rad))
+        gyro_out = gyro_off >= wheels_off and not slip
+        turns = (
+            f"gyro and wheels turned {math.degrees(gyro_rad):.0f} and {math.degrees(wheels_rad):.0f} deg in a second"
+        )
+        self._distrust(gyro_out, f"{turns}; the heading is that of the {'wheels' if gyro_out else 'gyro'}")
+
+    def _distrust(self, gyro_out: bool, doubt: str) -> None:
+        self._agreed_rad = self._agreed_m = 0.0
+        if not self._doubt or gyro_out != self._gyro_out:
+            self._doubt, self._gyro_out = doubt, gyro_out
+
+
+def _verdict(way_m: float, told: Span) -> str | None:
+    """What is wrong with the way of a wheel, in words, empty if nothing; None where it cannot be judged: too slow, or
+    not yet, or no longer."""
+    least, most = sorted(told, key=abs)
+    if abs(most) < WAY_M:
+        return None
+    if abs(way_m) > RUNS_AWAY * abs(most) + SLACK_M:
+        return f"counts {abs(way_m):.2f} m for {abs(most):.2f} m told"
+    if told[0] * told[1] <= 0.0 or abs(least) < max(WAY_M, BEGUN * abs(most)):
+        return None
+    return _HELD if way_m * math.copysign(1.0, least) < FOLLOWS * abs(least) else ""

@@ -1,0 +1,72 @@
+"""Questions to other processes that are not waited for longer than is said: rospy's own wait for ever."""
+
+from __future__ import annotations
+
+import http.client
+import threading
+import xmlrpc.client
+from collections.abc import Callable
+from typing import Any, TypeVar
+from urllib.parse import urlparse
+
+import rosgraph
+import rospy
+
+MASTER_S = 10.0
+"""A master may be slow where nodes start on a busy machine; who cannot wait so long asks on a thread (``within``)."""
+
+Answer = TypeVar("Answer")
+
+
+class NoAnswer(rospy.ROSException):
+    """Somebody did not answer in time."""
+
+
+class _Impatient(xmlrpc.client.Transport):
+    """A hanging master accepts connections and never answers. Other nodes are rospy's to ask, on threads of its own."""
+
+    def make_connection(self, host: Any) -> http.client.HTTPConnection:
+        connection = super().make_connection(host)
+        master = urlparse(rosgraph.get_master_uri())
+        if (connection.host.lower(), connection.port) == (master.hostname, master.port):
+            connection.timeout = MASTER_S
+        return connection
+
+
+def bound_master_calls() -> None:
+    """Parameters, look-ups and registrations of this process raise TimeoutError after MASTER_S."""
+    xmlrpc.client.Transport = _Impatient  # type: ignore[misc]  # what every ServerProxy without one of its own takes
+
+
+def within(seconds: float, ask: Callable[[], Answer], whom: str) -> Answer:
+    """What ``ask`` returns, or raises; it goes on by itself when it takes longer. Raises NoAnswer then."""
+    answers: list[Answer] = []
+    failures: list[BaseException] = []
+
+    def call() -> None:
+        try:
+            answers.append(ask())
+        except BaseException as error:
+            failures.append(error)
+
+    thread = threading.Thread(target=call, name=f"asks {whom}", daemon=True)
+    thread.start()
+    thread.join(seconds)
+    for failure in failures:
+        raise failure
+    if not answers:
+        raise NoAnswer(f"{whom} did not answer in {seconds:g} s")
+    return answers[0]
+
+
+def service(name: str, kind: type[Any], *arguments: object, within_s: float) -> Any:
+    """Call a service: find it, ask it, hear its answer. Raises rospy.ROSException or rospy.ServiceException."""
+
+    def ask() -> Any:
+        rospy.wait_for_service(name, timeout=within_s)
+        return rospy.ServiceProxy(name, kind)(*arguments)
+
+    try:
+        return within(within_s, ask, rospy.resolve_name(name))
+    except (OSError, rosgraph.MasterException) as error:
+        raise rospy.ROSException(f"the ROS master does not answer ({error})") from error
