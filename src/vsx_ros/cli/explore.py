@@ -25,6 +25,16 @@ DEFAULTS = {"seed": 1, "base": "auto", "port": "/dev/kobuki", "camera": "kinect"
 REMEMBERED = ("world", "seed", "base", "port", "camera", "rate", "planner", "time", "fast", "load_map")
 
 
+class _Bases(tuple[str, ...]):
+    """Choices of --base: with the topics of a base behind a colon, and whatever plug-ins add."""
+
+    def __contains__(self, word: object) -> bool:
+        return super().__contains__(str(word).partition(":")[0]) or bool(os.environ.get(PLUGINS))
+
+
+BASES = _Bases(("auto", "kobuki", "create", "create2", "ros"))
+
+
 def add_parser(subparsers: Any) -> None:
     """Register the command and its options."""
     parser = subparsers.add_parser(
@@ -46,7 +56,11 @@ def add_arguments(parser: argparse.ArgumentParser, *, with_load_map: bool = True
     )
     parser.add_argument("--seed", type=int, metavar="N", help="world and noise of the emulator (default 1)")
     parser.add_argument(
-        "--base", choices=("auto", "kobuki", "create", "create2"), help="kind of base (default: the one that answers)"
+        "--base",
+        choices=BASES,
+        metavar="auto|kobuki|create|create2|ros[:ODOM,CMD_VEL]",
+        help="kind of base (default: the one that answers); ros: any base with a ROS driver of its own, by its topics "
+        "odom and cmd_vel or those named",
     )
     parser.add_argument("--port", metavar="DEV", help="serial port of the base (default /dev/kobuki)")
     parser.add_argument(
@@ -163,7 +177,7 @@ def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, World | None]:
         parameters = overridden(parameters, {"planner.phi_rad_m": args.phi})
     world = open_world(args.world, args.seed) if args.world else None
     now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
-    usual = Path("runs") / f"{now}_{Path(args.world or args.base).stem}"
+    usual = Path("runs") / f"{now}_{Path(args.world).stem if args.world else args.base.partition(':')[0]}"
     folder = RunFolder.create(args.out) if args.out else RunFolder.create_another(usual)
     folder.write_config(parameters, command, **{name: getattr(args, name) for name in REMEMBERED})
     if world is not None:
