@@ -232,6 +232,7 @@ class DenseConfig(_Branch, frozen=True):
 class ExplorationConfig(_Branch, frozen=True):
     """Frontiers, views and the mission (paper 5.2)."""
 
+    ranker: str = "views"
     sensor_range_m: Positive = 3.0
     sensor_fov_rad: Positive = 1.05
     mean_free_path_m: Positive = 1.0

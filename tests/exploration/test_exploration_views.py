@@ -9,6 +9,8 @@ from vsx_ros.config import Config
 from vsx_ros.exploration.frontiers import find_frontiers
 from vsx_ros.exploration.utility import (
     BEARINGS,
+    Ranking,
+    RankingInput,
     Rejection,
     count_landmarks,
     gain_at,
@@ -25,6 +27,10 @@ CONFIG = Config().exploration
 NO_LANDMARKS_NEEDED = Config().exploration.__class__(min_landmarks=0)
 RESOLUTION = 0.05
 NOWHERE_YET = np.zeros((0, 3))
+
+
+def ranked(*asked: object) -> Ranking:
+    return rank_views(RankingInput(*asked))
 
 
 def half_known_room() -> OccupancyGrid:
@@ -85,10 +91,10 @@ def test_window_sums_are_centred_and_cyclic():
 
 def test_views_look_into_the_unknown_and_stand_on_free_ground():
     grid = half_known_room()
-    ranking = rank_views(grid, 0.2, np.zeros((0, 3)), NOWHERE_YET, straight_costs, nowhere_avoided, NO_LANDMARKS_NEEDED)
+    ranking = ranked(grid, 0.2, np.zeros((0, 3)), NOWHERE_YET, straight_costs, nowhere_avoided, NO_LANDMARKS_NEEDED)
     # Without landmarks U is 0 for all; ask with plenty of them for the order.
     landmarks = np.random.default_rng(0).uniform([4.0, 0.5, 0.0], [5.5, 3.5, 1.0], (500, 3))
-    ranking = rank_views(grid, 0.2, landmarks, NOWHERE_YET, straight_costs, nowhere_avoided, CONFIG)
+    ranking = ranked(grid, 0.2, landmarks, NOWHERE_YET, straight_costs, nowhere_avoided, CONFIG)
     best = ranking.views[0]
     assert abs(math.remainder(best.pose.theta, 2 * math.pi)) < math.radians(46)
     assert best.utility == pytest.approx(best.gain_m2 / (best.distance_m + CONFIG.stop_cost_m))
@@ -101,7 +107,7 @@ def test_views_look_into_the_unknown_and_stand_on_free_ground():
 def test_few_landmarks_in_view_disqualify():
     grid = half_known_room()
     behind = np.tile([[0.2, 2.0, 0.5]], (500, 1))
-    ranking = rank_views(grid, 0.2, behind, NOWHERE_YET, straight_costs, nowhere_avoided, CONFIG)
+    ranking = ranked(grid, 0.2, behind, NOWHERE_YET, straight_costs, nowhere_avoided, CONFIG)
     assert ranking.rejected[Rejection.FEW_LANDMARKS] > 0
     for view in ranking.views:
         assert view.landmarks >= CONFIG.min_landmarks
@@ -109,7 +115,7 @@ def test_few_landmarks_in_view_disqualify():
 
 def test_what_is_far_for_the_little_it_shows_is_not_worth_the_way():
     grid = half_known_room()
-    far = rank_views(
+    far = ranked(
         grid, 0.2, np.zeros((0, 3)), NOWHERE_YET, lambda p: np.full(len(p), 200.0), nowhere_avoided,
         NO_LANDMARKS_NEEDED,
     )  # fmt: skip
@@ -123,14 +129,14 @@ def test_what_is_far_for_the_little_it_shows_is_not_worth_the_way():
 def test_few_landmarks_are_better_than_none_where_no_view_has_enough():
     grid = half_known_room()
     some = np.tile([[4.5, 2.0, 0.5]], (CONFIG.min_landmarks // 2, 1))
-    ranking = rank_views(grid, 0.2, some, NOWHERE_YET, straight_costs, nowhere_avoided, CONFIG)
+    ranking = ranked(grid, 0.2, some, NOWHERE_YET, straight_costs, nowhere_avoided, CONFIG)
     assert {view.landmarks for view in ranking.views} == {CONFIG.min_landmarks // 2}
     assert ranking.rejected[Rejection.FEW_LANDMARKS] >= len(ranking.views)
 
 
 def test_unreachable_and_blacklisted_views_are_counted_not_returned():
     grid = half_known_room()
-    unreachable = rank_views(
+    unreachable = ranked(
         grid,
         0.2,
         np.zeros((0, 3)),
@@ -141,7 +147,7 @@ def test_unreachable_and_blacklisted_views_are_counted_not_returned():
     )
     assert unreachable.views == []
     assert unreachable.rejected[Rejection.UNREACHABLE] > 0
-    banned = rank_views(
+    banned = ranked(
         grid, 0.2, np.zeros((0, 3)), NOWHERE_YET, straight_costs, lambda p: np.ones(len(p), bool), NO_LANDMARKS_NEEDED
     )
     assert banned.views == []
@@ -222,6 +228,6 @@ def test_in_a_bare_hall_it_is_not_the_best_views_without_landmarks_that_hide_one
     data[100:130, 200:260] = FREE
     grid = OccupancyGrid(data, RESOLUTION, 0.0, 0.0)
     landmarks = np.random.default_rng(0).uniform([12.2, 5.0, 0.3], [13.0, 6.5, 1.0], (400, 3))
-    ranking = rank_views(grid, 0.2, landmarks, NOWHERE_YET, straight_costs, lambda p: np.zeros(len(p), bool), CONFIG)
+    ranking = ranked(grid, 0.2, landmarks, NOWHERE_YET, straight_costs, lambda p: np.zeros(len(p), bool), CONFIG)
     assert ranking.views
     assert ranking.views[0].landmarks >= CONFIG.min_landmarks

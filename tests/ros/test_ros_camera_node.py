@@ -5,7 +5,8 @@ import pytest
 pytest.importorskip("rospy")
 
 from vsx_ros.errors import ConfigError
-from vsx_ros.ros.nodes.camera import nominal, open_camera
+from vsx_ros.ros.cameras import open_camera
+from vsx_ros.ros.nodes.camera import nominal
 
 
 @pytest.mark.parametrize(("size", "focal", "centre"), [((640, 480), 525, 239.5), ((1280, 1024), 1050, 479.5)])
@@ -19,7 +20,7 @@ def test_an_uncalibrated_kinect_has_nominal_values_in_every_mode(
 
 
 @pytest.mark.parametrize(
-    ("device", "mode"), [("kinectt", "vga"), ("v4l:x", "vga"), ("emulator:", "vga"), ("kinect", "4k")]
+    ("device", "mode"), [("kinectt", "vga"), ("v4l:x", "vga"), ("emulator:", "vga"), ("kinect", "4k"), ("ros:", "vga")]
 )
 def test_a_device_or_mode_without_meaning_is_refused(device: str, mode: str) -> None:
     with pytest.raises(ConfigError, match="give"):

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from vsx_ros.cli import config
 from vsx_ros.cli.compiled import compile_kernels
 from vsx_ros.errors import ConfigError
+from vsx_ros.registry import PLUGINS, load_plugins
 
 if TYPE_CHECKING:
     from vsx_ros.config import Config
@@ -22,6 +23,16 @@ if TYPE_CHECKING:
 
 DEFAULTS = {"seed": 1, "base": "auto", "port": "/dev/kobuki", "camera": "kinect", "rate": 15.0, "planner": "fov"}
 REMEMBERED = ("world", "seed", "base", "port", "camera", "rate", "planner", "time", "fast", "load_map")
+
+
+class _Bases(tuple[str, ...]):
+    """Choices of --base: with the topics of a base behind a colon, and whatever plug-ins add."""
+
+    def __contains__(self, word: object) -> bool:
+        return super().__contains__(str(word).partition(":")[0]) or bool(os.environ.get(PLUGINS))
+
+
+BASES = _Bases(("auto", "kobuki", "create", "create2", "ros"))
 
 
 def add_parser(subparsers: Any) -> None:
@@ -45,11 +56,19 @@ def add_arguments(parser: argparse.ArgumentParser, *, with_load_map: bool = True
     )
     parser.add_argument("--seed", type=int, metavar="N", help="world and noise of the emulator (default 1)")
     parser.add_argument(
-        "--base", choices=("auto", "kobuki", "create", "create2"), help="kind of base (default: the one that answers)"
+        "--base",
+        choices=BASES,
+        metavar="auto|kobuki|create|create2|ros[:ODOM,CMD_VEL]",
+        help="kind of base (default: the one that answers); ros: any base with a ROS driver of its own, by its topics "
+        "odom and cmd_vel or those named",
     )
     parser.add_argument("--port", metavar="DEV", help="serial port of the base (default /dev/kobuki)")
     parser.add_argument(
-        "--camera", type=camera, metavar="kinect|v4l:N", help="where the pictures come from (default kinect)"
+        "--camera",
+        type=camera,
+        metavar="kinect|v4l:N|ros[:TOPIC]",
+        help="where the pictures come from (default kinect); ros: the images of another driver, as "
+        "camera/rgb/image_raw or on that topic, raw or compressed",
     )
     parser.add_argument(
         "--rate", type=rate, metavar="HZ", help="images a second of a live emulated camera (default 15)"
@@ -84,6 +103,7 @@ def run(args: argparse.Namespace) -> int:
     if args.fast and args.view:
         raise ConfigError("--view shows the live nodes, and --fast runs none; leave out one of the two")
     _refuse_wires(args)
+    load_plugins()
     compile_kernels()
     if args.fast:
         from vsx_ros.cli.explore_fast import explore_fast
@@ -95,8 +115,11 @@ def run(args: argparse.Namespace) -> int:
 
 def camera(text: str) -> str:
     """What the node camera takes as its ~device."""
-    if not re.fullmatch(r"kinect(:.+)?|v4l:\d+|emulator:.+", text):
-        raise argparse.ArgumentTypeError(f"{text!r} is no camera; write kinect, kinect:SERIAL or v4l:N, e.g. v4l:0")
+    known = re.fullmatch(r"kinect(:.+)?|v4l:\d+|emulator:.+|ros(:[\w/~]+)?", text)
+    if not known and not os.environ.get(PLUGINS):
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no camera; write kinect, kinect:SERIAL, v4l:N (e.g. v4l:0), ros or ros:TOPIC"
+        )
     return text
 
 
@@ -154,7 +177,7 @@ def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, World | None]:
         parameters = overridden(parameters, {"planner.phi_rad_m": args.phi})
     world = open_world(args.world, args.seed) if args.world else None
     now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
-    usual = Path("runs") / f"{now}_{Path(args.world or args.base).stem}"
+    usual = Path("runs") / f"{now}_{Path(args.world).stem if args.world else args.base.partition(':')[0]}"
     folder = RunFolder.create(args.out) if args.out else RunFolder.create_another(usual)
     folder.write_config(parameters, command, **{name: getattr(args, name) for name in REMEMBERED})
     if world is not None:

@@ -34,7 +34,7 @@ from vsx_ros.exploration.promise import Promise
 from vsx_ros.exploration.recovery import Recovery
 from vsx_ros.exploration.swing import SPOT_TURN, free_swing
 from vsx_ros.exploration.trail import Trail
-from vsx_ros.exploration.utility import Ranker, Rejection, TravelCostsFrom, View, rank_views
+from vsx_ros.exploration.utility import Rejection, TravelCostsFrom, View
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.slam.state import TrackingState
@@ -51,8 +51,7 @@ _MOST_BLOCKED = 30
 class Mission:
     """Explore until nothing is worth its way; recover when lost; never without a reason."""
 
-    def __init__(self, config: Config, travel_costs: TravelCostsFrom, rank: Ranker = rank_views) -> None:
-        """rank: how views are judged (``Outlook``)."""
+    def __init__(self, config: Config, travel_costs: TravelCostsFrom) -> None:
         self._config = config.exploration
         self._body_m, self._phi_rad_m = config.robot.radius_m, config.planner.phi_rad_m
         self._trail = Trail(spacing_m=0.05)
@@ -68,7 +67,7 @@ class Mission:
         self._backing_off = self._has_gone = False
         self._home = Home()
         self._blocked = 0
-        self.outlook = Outlook(config, travel_costs, rank)
+        self.outlook = Outlook(config, travel_costs)
 
     @property
     def state(self) -> MissionState:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from enum import Enum
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import cv2
 import numpy as np
@@ -23,6 +23,7 @@ from vsx_ros.exploration.worth import opaque_walls, unknown_worth
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.occupancy.visibility import unknown_area_by_bearing, visible_landmarks, window_sums
 from vsx_ros.occupancy.grid import FREE, OccupancyGrid
+from vsx_ros.registry import Registry
 
 BEARINGS = 72
 HEADINGS = 24
@@ -87,8 +88,28 @@ TravelCostsFrom = Callable[[SE2, OccupancyGrid], TravelCosts]
 GivenUpPoses = Callable[[FloatArray], BoolArray]
 """(N, 3) poses to (N,) True where a goal failed a while ago."""
 
-Ranker = Callable[[OccupancyGrid, float, FloatArray, FloatArray, TravelCosts, GivenUpPoses, ExplorationConfig], Ranking]
-"""A strategy; arguments as of ``rank_views``."""
+
+class RankingInput(NamedTuple):
+    """What a ranking is made from.
+
+    radius_m: of the robot with its clearance. landmarks_world: (M, 2) or (M, 3) map points [m]. looked_from: (L, 3)
+    poses that the camera has looked from. travel_costs: path lengths from here. given_up: poses near goals that failed.
+    """
+
+    grid: OccupancyGrid
+    radius_m: float
+    landmarks_world: FloatArray
+    looked_from: FloatArray
+    travel_costs: TravelCosts
+    given_up: GivenUpPoses
+    config: ExplorationConfig
+
+
+class Ranker(Protocol):
+    """A strategy: which view to drive to next."""
+
+    def __call__(self, asked: RankingInput) -> Ranking:
+        """Views by falling utility."""
 
 
 def standing_room(grid: OccupancyGrid, radius_m: float) -> BoolArray:
@@ -115,26 +136,16 @@ def view_gain(grid: OccupancyGrid, positions: Points2, worth: FloatArray, config
 def gain_at(
     grid: OccupancyGrid, radius_m: float, pose: SE2, looked_from: FloatArray, config: ExplorationConfig
 ) -> float:
-    """v of one pose [m2]; arguments as of ``rank_views``."""
+    """v of one pose [m2]; arguments as of ``RankingInput``."""
     opaque, place = opaque_walls(grid, 2.0 * radius_m, config.wall_gap_m), np.array([[pose.x, pose.y]])
     near = np.hypot(*(looked_from[:, :2] - place).T) < config.sensor_range_m + config.look_range_m + grid.resolution
     gains = view_gain(opaque, place, unknown_worth(opaque, looked_from[near], config), config)[0]
     return float(gains[round(pose.theta / (2 * math.pi) * BEARINGS) % BEARINGS])
 
 
-def rank_views(
-    grid: OccupancyGrid,
-    radius_m: float,
-    landmarks_world: FloatArray,
-    looked_from: FloatArray,
-    travel_costs: TravelCosts,
-    given_up: GivenUpPoses,
-    config: ExplorationConfig,
-) -> Ranking:
-    """Rank views on a raster over the standing room (eq. 12).
-
-    landmarks_world: (M, 2) or (M, 3) map points [m]. looked_from: (L, 3) past poses of the robot.
-    """
+def rank_views(asked: RankingInput) -> Ranking:
+    """Rank views on a raster over the standing room (eq. 12)."""
+    grid, radius_m, landmarks_world, looked_from, travel_costs, given_up, config = asked
     opaque = opaque_walls(grid, 2.0 * radius_m, config.wall_gap_m)
     worth = unknown_worth(opaque, looked_from, config)
     rejected = dict.fromkeys(Rejection, 0)
@@ -228,3 +239,7 @@ def _promising(
     order = np.argsort(-gain[i, k], kind="stable")
     poses = np.column_stack([positions[i], k * (2 * math.pi / HEADINGS)])[order]
     return poses, gain[i, k][order]
+
+
+RANKERS: Registry[Ranker] = Registry("view ranker", {"views": rank_views})
+"""By the names that ``exploration.ranker`` may have."""

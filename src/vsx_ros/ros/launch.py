@@ -50,11 +50,14 @@ class BagTopics(NamedTuple):
 
 
 def bringup(base: str = "auto", port: str = "/dev/kobuki", camera: str = "kinect", info: str = "") -> list[LaunchNode]:
-    """The robot itself: base and camera. base: its kind, or auto; info: URL or path of the camera's calibration."""
-    return [
-        LaunchNode("mobile_base", {"robot_type": base, "port": port}, respawn=True),
-        LaunchNode("camera", {"device": camera, "camera_info_url": info}, respawn=True),
-    ]
+    """The robot itself: base and camera. base: its kind, or auto; info: URL or path of the camera's calibration.
+
+    With the camera ``ros`` its images come as ours do already, and no node of ours is wanted.
+    """
+    nodes = [LaunchNode("mobile_base", {"robot_type": base, "port": port}, respawn=True)]
+    if camera != "ros":
+        nodes.append(LaunchNode("camera", {"device": camera, "camera_info_url": info}, respawn=True))
+    return nodes
 
 
 def emulation(

@@ -9,8 +9,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from vsx_hw import bases
 from vsx_ros.cli.config import load
 from vsx_ros.cli.exit_codes import DONE, FAILED
+from vsx_ros.cli.explore import BASES
 from vsx_ros.cli.robot_file import robot_file_here
 from vsx_ros.cli.world import open_world
 from vsx_ros.config import to_dict
@@ -54,17 +56,17 @@ def parser(name: str) -> argparse.ArgumentParser:
         add("--without-odometry", action="store_true", help="the bag has none: the map has no scale")
         add("--run-dir", default="", help="folder for the results of the SLAM")
         return options
-    bases = ["kobuki", "create", "create2"]
-    if name != "simulate":
-        bases.insert(0, "auto")
-    add("--base", choices=bases, default=bases[0], help="kind of base; auto: the one that answers")
+    if name == "simulate":
+        add("--base", choices=tuple(bases.BASES), default="kobuki", help="kind of base")
+    else:
+        add("--base", choices=BASES, default="auto", help="kind of base; auto: the one that answers; ros: its topics")
     if name == "simulate":
         add("--world", default="lab", help="lab, office, corridor, building or a world.yaml")
         add("--devices", default="/tmp", help="folder for the emulated port and camera")
         add("--rate-hz", type=float, default=15.0, help="images a second (15)")
     else:
         add("--port", default="/dev/kobuki", help="serial port of the base")
-        add("--camera", default="kinect", help="kinect, kinect:SERIAL or v4l:N")
+        add("--camera", default="kinect", help="kinect, kinect:SERIAL, v4l:N, ros:TOPIC, or ros: camera/rgb/image_raw")
         add("--camera-info-url", default="", help="file with the camera's calibration")
     if name != "bringup":
         add("--planner", choices=("fov", "unconstrained"), default="fov", help="motion planner")

@@ -29,6 +29,7 @@ from vsx_hw.errors import DeviceError
 from vsx_ros.cli import streams
 from vsx_ros.config import Config, from_dict
 from vsx_ros.errors import ConfigError, InputError, VsxError, disk_trouble
+from vsx_ros.registry import load_plugins
 from vsx_ros.ros import calls, frames, topics
 from vsx_ros.ros.master_watch import master_watch
 
@@ -86,6 +87,7 @@ def run(name: str, build: Callable[[Config], Node]) -> None:
         frames.adopt_prefix()
         bridge_logging()
         log_without_master()
+        load_plugins()
         node = build(configuration())
     except (KeyboardInterrupt, rospy.ROSInterruptException):
         let_go()

@@ -1,6 +1,6 @@
 """Node ``camera``: images and their calibration.
 
-Subscribers: none.
+Subscribers: none; with ros:TOPIC that topic and its camera_info.
 Publishers: camera/rgb/image_raw (bayer_grbg8 or mono8), camera/rgb/camera_info with the same stamps.
 Services: camera/rgb/set_camera_info (stores the calibration where the node reads it).
 Parameters: ~device (kinect): kinect, kinect:SERIAL, v4l:N or emulator:SOCKET.
@@ -14,7 +14,6 @@ Parameters: ~device (kinect): kinect, kinect:SERIAL, v4l:N or emulator:SOCKET.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 import rospy
@@ -22,17 +21,13 @@ from sensor_msgs.msg import CameraInfo, Image
 from sensor_msgs.srv import SetCameraInfo, SetCameraInfoRequest, SetCameraInfoResponse
 
 from vsx_hw.errors import DeviceError
-from vsx_hw.kinect.driver import KinectCamera
-from vsx_hw.kinect.protocol import MODES
-from vsx_hw.kinect.socket_transport import SocketTransport
-from vsx_hw.kinect.usb_transport import UsbTransport
 from vsx_hw.readings import ImageReading
-from vsx_hw.v4l import V4lCamera
 from vsx_ros.config import Config
-from vsx_ros.errors import CalibrationError, ConfigError
+from vsx_ros.errors import CalibrationError
 from vsx_ros.geometry.camera import PinholeCamera, nominal_camera
 from vsx_ros.io.calibration_file import read_calibration, write_calibration
 from vsx_ros.ros import frames, images, process, topics
+from vsx_ros.ros.cameras import open_camera
 
 
 class CameraNode:
@@ -62,13 +57,19 @@ class CameraNode:
 
     def _on_image(self, reading: ImageReading) -> None:
         height, width = reading.image.shape
-        camera = self._calibration or self._find_calibration(width, height)
+        camera = self._calibration or self._told_calibration() or self._find_calibration(width, height)
         if (camera.width, camera.height) != (width, height):
             rospy.logwarn("calibration is of %dx%d, images are %dx%d", camera.width, camera.height, width, height)
             camera, self._calibrated = nominal(self._device, width, height), False
         self._calibration = camera
         self._info_pub.publish(images.camera_info(camera, reading.stamp_ns, self._frame_id))
         self._image_pub.publish(images.image_msg(reading.stamp_ns, reading.image, reading.encoding, self._frame_id))
+
+    def _told_calibration(self) -> PinholeCamera | None:
+        """What the source itself says, if it says anything."""
+        camera: PinholeCamera | None = getattr(self._source, "calibration", None)
+        self._calibrated = self._calibrated or camera is not None
+        return camera
 
     def _calibration_file(self) -> Path:
         if self._url:
@@ -122,26 +123,10 @@ class CameraNode:
 def nominal(device: str, width: int, height: int) -> PinholeCamera:
     """What is assumed of an uncalibrated camera. The 4:3 image of a Kinect is the upper part of its 1280 x 1024 one, so
     the centre lies above the middle of that."""
-    if device.startswith("v4l"):
+    if device.startswith(("v4l", "ros")):
         return nominal_camera(width, height)
     upper = nominal_camera(width, width * 3 // 4)
     return PinholeCamera(width, height, upper.fx, upper.fy, upper.cx, upper.cy)
-
-
-def open_camera(
-    device: str, on_image: Callable[[ImageReading], None], mode: str = "vga", lock_exposure: bool = False
-) -> KinectCamera | V4lCamera:
-    """The driver of a ~device; it connects when started. Raises ConfigError for a device or mode without meaning."""
-    kind, _, name = device.partition(":")
-    if mode not in MODES:
-        raise ConfigError(f"camera ~mode {mode!r}: give one of {', '.join(MODES)}")
-    if kind == "kinect":
-        return KinectCamera(lambda: UsbTransport(name), device, on_image, MODES[mode], lock_exposure)
-    if kind == "emulator" and name:
-        return KinectCamera(lambda: SocketTransport(name), device, on_image, MODES[mode], lock_exposure)
-    if kind == "v4l" and name.isdigit():
-        return V4lCamera(int(name), on_image)
-    raise ConfigError(f"camera ~device {device!r}: give kinect, kinect:SERIAL, v4l:N or emulator:SOCKET")
 
 
 def _path(url: str) -> Path:

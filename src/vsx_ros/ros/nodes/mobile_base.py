@@ -11,7 +11,8 @@ Publishers: odom (50 Hz), /tf odom -> base_footprint, joint_states, mobile_base/
     (Kobuki: 100 samples a second of its three axes, the zero not taken off),
     mobile_base/sensors/bumper_pointcloud (while a bumper is pressed or a cliff seen, and once after).
 Services: mobile_base/estop (true stops, false allows; outlives a restart of the node), mobile_base/reset_odometry.
-Parameters: ~robot_type (auto: which one answers; kobuki, create, create2), ~port (/dev/kobuki),
+Parameters: ~robot_type (auto: which one answers; kobuki, create, create2; ros or ros:ODOMETRY,COMMAND: a base with a
+    driver of its own, by its topics, odom and cmd_vel), ~port (/dev/kobuki),
     ~cmd_vel_timeout (s, 0.25: navi and the driver), ~max_vel (m/s), ~max_angular_vel (rad/s): the wheels
     never turn faster (0.5 and 1.5, or what limits.v_m_s and limits.omega_rad_s say if that is more),
     ~odom_linear_scale_correction, ~odom_angular_scale_correction (as configured under robot.odometry),
@@ -27,21 +28,18 @@ import time
 
 import rospy
 from geometry_msgs.msg import Twist
-from nav_msgs.msg import Odometry as OdometryMsg
-from sensor_msgs.msg import BatteryState, Imu, JointState, PointCloud2
-from std_msgs.msg import String, UInt8
 from std_srvs.srv import SetBool, SetBoolRequest, SetBoolResponse, Trigger, TriggerRequest, TriggerResponse
-from tf2_msgs.msg import TFMessage
 
-from vsx_hw.base_driver import BaseDriver
 from vsx_hw.detect import detect_base
 from vsx_hw.errors import DeviceError
 from vsx_hw.readings import BaseReading, Hazard, Signal
 from vsx_hw.safety import SOURCES, Decision, SpeedLimits, Supervisor
 from vsx_ros.config import Config, LimitsConfig
-from vsx_ros.ros import base_messages, process, service_manager, topics
-from vsx_ros.ros.base_drivers import BaseSettings, base_driver, base_guardians
+from vsx_ros.ros import process, service_manager, topics
+from vsx_ros.ros.base_drivers import BaseSettings, Listeners, base_driver, base_guardians
+from vsx_ros.ros.base_topics import BaseTopics
 from vsx_ros.ros.master_watch import master_watch
+from vsx_ros.ros.topic_base import own_driver_odometry
 
 _INPUTS = {
     "safety_controller": topics.COMMAND_SAFETY,
@@ -63,16 +61,16 @@ class MobileBaseNode:
         self._lock = threading.Lock()
         self._latest: tuple[BaseReading, Decision] | None = None
         self._troubles: tuple[str, ...] = ()
-        self._hazards, self._buttons = Hazard.NONE, 0
         self._doubt = ""
         self._supervisor.emergency_stop(bool(rospy.get_param("~estopped", False)))
         self._master = master_watch()
         self._master.period_s = _MASTER_PERIOD_S
-        self._advertise()
+        kind = str(rospy.get_param("~robot_type", "auto"))
+        self._topics = BaseTopics(own_driver_odometry(kind))
         port = str(rospy.get_param("~port", "/dev/kobuki"))
         self._diagnostics = process.Diagnostics(port)
         settings = BaseSettings(
-            self._find_base(port),
+            self._find_base(kind, port),
             port,
             timeout_s,
             float(rospy.get_param("~odom_linear_scale_correction", config.robot.odometry.linear_scale)),
@@ -80,7 +78,7 @@ class MobileBaseNode:
             bool(rospy.get_param("~allow_unknown_firmware", False)),
         )
         self._guardians = base_guardians(settings.robot_type, port)
-        self._driver: BaseDriver = base_driver(settings, self._on_reading, self._on_link, self._guardians.beat)
+        self._driver = base_driver(settings, Listeners(self._on_reading, self._on_link, self._guardians.beat))
         for source, topic in _INPUTS.items():
             rospy.Subscriber(topic, Twist, self._on_command, source, queue_size=1, tcp_nodelay=True)
         rospy.Service(topics.ESTOP, SetBool, self._on_estop)
@@ -90,27 +88,8 @@ class MobileBaseNode:
         process.every(1.0, "health", self._report)
         process.every(LINK_PERIOD_S, "link", self._report_link)
 
-    def _advertise(self) -> None:
-        self._odom_pub = rospy.Publisher(topics.ODOM, OdometryMsg, queue_size=50, tcp_nodelay=True)
-        self._tf_pub: rospy.Publisher | None = None
-        if rospy.get_param("~publish_tf", True):
-            self._tf_pub = rospy.Publisher(topics.TF, TFMessage, queue_size=50, tcp_nodelay=True)
-        self._joints_pub = rospy.Publisher(topics.JOINT_STATES, JointState, queue_size=5)
-        self._hazards_pub = rospy.Publisher(topics.HAZARDS, UInt8, queue_size=5, latch=True, tcp_nodelay=True)
-        self._buttons_pub = rospy.Publisher(topics.BUTTONS, UInt8, queue_size=5, latch=True)
-        self._battery_pub = rospy.Publisher(topics.BATTERY, BatteryState, queue_size=1)
-        self._imu_pub = rospy.Publisher(topics.IMU, Imu, queue_size=50, tcp_nodelay=True)
-        self._raw_pub = rospy.Publisher(topics.IMU_RAW, Imu, queue_size=50, tcp_nodelay=True)
-        self._bumper_pub = rospy.Publisher(topics.BUMPER_CLOUD, PointCloud2, queue_size=5, tcp_nodelay=True)
-        self._active_pub = rospy.Publisher(topics.MUX_ACTIVE, String, queue_size=5, latch=True)
-        self._hazards_pub.publish(UInt8(0))
-        self._buttons_pub.publish(UInt8(0))
-        self._active = ""
-        self._active_pub.publish(String("idle"))
-
-    def _find_base(self, port: str) -> str:
+    def _find_base(self, robot_type: str, port: str) -> str:
         """~robot_type; with auto the node waits until a base answers."""
-        robot_type = str(rospy.get_param("~robot_type", "auto"))
         while robot_type == "auto":
             if process.is_ending():
                 raise KeyboardInterrupt
@@ -142,33 +121,11 @@ class MobileBaseNode:
         self._driver.drive(decision.v_m_s, decision.omega_rad_s, decision.until_ns)
         held = bool(decision.reason and decision.source)
         self._driver.show(Signal.ALARM if locked else Signal.HELD if held else Signal.READY)
-        self._odom_pub.publish(base_messages.odometry(odometry))
-        if self._tf_pub is not None:
-            self._tf_pub.publish(TFMessage([base_messages.odom_transform(odometry)]))
-        self._joints_pub.publish(base_messages.joint_states(odometry))
-        if reading.gyro is not None:
-            self._imu_pub.publish(base_messages.imu(reading.gyro, reading.stamp_ns))
-            for sample in reading.gyro.raw:
-                self._raw_pub.publish(base_messages.raw_imu(sample))
-        self._tell_hazards(reading.hazards, reading.stamp_ns)
-        if reading.buttons != self._buttons:
-            self._buttons = reading.buttons
-            self._buttons_pub.publish(UInt8(reading.buttons))
-        if decision.source != self._active:
-            self._active = decision.source
-            self._active_pub.publish(String(decision.source or "idle"))
+        self._topics.tell(reading, decision.source)
         if odometry.doubt != self._doubt:
             self._doubt = odometry.doubt
             rospy.logwarn("odometry: %s", self._doubt or "all sensors agree again")
         self._latest = reading, decision
-
-    def _tell_hazards(self, hazards: Hazard, stamp_ns: int) -> None:
-        touches = Hazard.BUMPER | Hazard.CLIFF
-        if hazards & touches or self._hazards & touches:
-            self._bumper_pub.publish(base_messages.bumper_cloud(hazards, stamp_ns))
-        if hazards != self._hazards:
-            self._hazards = hazards
-            self._hazards_pub.publish(UInt8(int(hazards & Hazard.TOUCHED)))
 
     def _reason_to_stand(self) -> str:
         if not self._guardians.answer:
@@ -181,7 +138,7 @@ class MobileBaseNode:
         with self._lock:
             self._supervisor.forget_commands()
         if not connected:
-            self._tell_hazards(Hazard.NONE, process.now_ns())
+            self._topics.tell_hazards(Hazard.NONE, process.now_ns())
 
     def _on_estop(self, request: SetBoolRequest) -> SetBoolResponse:
         with self._lock:
@@ -191,7 +148,10 @@ class MobileBaseNode:
         return SetBoolResponse(True, "stopped" if request.data else "free to drive")
 
     def _on_reset_odometry(self, _: TriggerRequest) -> TriggerResponse:
-        self._driver.reset_odometry()
+        try:
+            self._driver.reset_odometry()
+        except DeviceError as error:
+            return TriggerResponse(False, str(error))
         return TriggerResponse(True, "odometry starts at the origin")
 
     def _report_link(self) -> None:
@@ -212,7 +172,7 @@ class MobileBaseNode:
             return
         reading, decision = latest
         battery = reading.battery
-        self._battery_pub.publish(base_messages.battery(battery, reading.stamp_ns))
+        self._topics.tell_battery(reading)
         self._diagnostics.set(
             "battery", _BATTERY_LEVELS.get(battery.state, process.OK), battery.state, voltage_v=battery.voltage_v,
             fraction=round(battery.fraction, 3), charging=battery.charging, docked=battery.docked,

@@ -1,0 +1,53 @@
+"""Kinds of things by name: bases, cameras, view rankers. A module of a user's adds its own on import.
+
+``VSX_PLUGINS=my_base,my_ranker vsx explore --base mine``: the modules are imported by the command and by every node
+before the first name is looked up (docs/how-to/extend.md).
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+from collections.abc import Iterator
+from typing import Generic, TypeVar
+
+from vsx_ros.errors import ConfigError
+
+PLUGINS = "VSX_PLUGINS"
+"""Environment variable: modules to import, separated by commas."""
+
+T = TypeVar("T")
+
+
+class Registry(Generic[T]):
+    """Entries by name. what: what they are, for error messages."""
+
+    def __init__(self, what: str, entries: dict[str, T]) -> None:
+        self._what, self._entries = what, entries
+
+    def add(self, name: str, entry: T) -> None:
+        """Raises ConfigError for a name that is taken."""
+        if name in self._entries:
+            raise ConfigError(f"there is a {self._what} named {name!r} already; give this one another name")
+        self._entries[name] = entry
+
+    def __getitem__(self, name: str) -> T:
+        """Raises ConfigError for a name that nobody added."""
+        if name not in self._entries:
+            raise ConfigError(f"there is no {self._what} named {name!r}; give one of {', '.join(self._entries)}")
+        return self._entries[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._entries)
+
+
+def load_plugins() -> None:
+    """Import what ``VSX_PLUGINS`` names. Raises ConfigError for a module that cannot be imported."""
+    for module in filter(None, (name.strip() for name in os.environ.get(PLUGINS, "").split(","))):
+        try:
+            importlib.import_module(module)
+        except Exception as error:
+            raise ConfigError(
+                f"the module {module!r} named in {PLUGINS} cannot be imported ({type(error).__name__}: {error}); "
+                "add its folder to PYTHONPATH, or leave it out"
+            ) from error

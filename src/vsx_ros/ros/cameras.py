@@ -1,0 +1,88 @@
+"""Cameras by name, for the node ``camera``: what each needs to know, and how it is opened."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+from vsx_hw.kinect.driver import KinectCamera
+from vsx_hw.kinect.protocol import MODES
+from vsx_hw.kinect.socket_transport import SocketTransport
+from vsx_hw.kinect.usb_transport import UsbTransport
+from vsx_hw.readings import ImageReading, LinkStatus
+from vsx_hw.v4l import V4lCamera
+from vsx_ros.errors import ConfigError
+from vsx_ros.registry import Registry
+from vsx_ros.ros.topic_camera import TopicCamera
+
+
+class Camera(Protocol):
+    """A driver: images come on a thread of its own. One that knows its calibration has ``calibration``, too."""
+
+    serial: str
+    """Names the calibration file."""
+
+    def start(self) -> None:
+        """Begin connecting; returns at once."""
+
+    def status(self) -> LinkStatus:
+        """Health; counts ``frames``."""
+
+    def close(self) -> None:
+        """Release the device."""
+
+
+class CameraSettings(NamedTuple):
+    """name: what stands behind the colon of ~device. mode, lock_exposure: of a Kinect."""
+
+    name: str
+    on_image: Callable[[ImageReading], None]
+    mode: str = "vga"
+    lock_exposure: bool = False
+
+
+def _kinect(wanted: CameraSettings) -> Camera:
+    if wanted.mode not in MODES:
+        raise ConfigError(f"camera ~mode {wanted.mode!r}: give one of {', '.join(MODES)}")
+    name = wanted.name
+    return KinectCamera(
+        lambda: UsbTransport(name), f"kinect:{name}" if name else "kinect", wanted.on_image, MODES[wanted.mode],
+        wanted.lock_exposure,
+    )  # fmt: skip
+
+
+def _emulator(wanted: CameraSettings) -> Camera:
+    if wanted.mode not in MODES or not wanted.name:
+        raise ConfigError(
+            f"camera emulator:{wanted.name}, ~mode {wanted.mode!r}: give a socket, and a mode of a Kinect"
+        )
+    name = wanted.name
+    return KinectCamera(
+        lambda: SocketTransport(name), f"emulator:{name}", wanted.on_image, MODES[wanted.mode], wanted.lock_exposure
+    )
+
+
+def _v4l(wanted: CameraSettings) -> Camera:
+    if not wanted.name.isdigit():
+        raise ConfigError(f"camera v4l:{wanted.name}: give the number N of /dev/videoN, e.g. v4l:0")
+    return V4lCamera(int(wanted.name), wanted.on_image)
+
+
+CAMERAS: Registry[Callable[[CameraSettings], Camera]] = Registry(
+    "camera",
+    {
+        "kinect": _kinect,
+        "emulator": _emulator,
+        "v4l": _v4l,
+        "ros": lambda wanted: TopicCamera(wanted.name, wanted.on_image),
+    },
+)
+
+
+def open_camera(
+    device: str, on_image: Callable[[ImageReading], None], mode: str = "vga", lock_exposure: bool = False
+) -> Camera:
+    """The driver of a ~device, KIND or KIND:NAME; it connects when started. Raises ConfigError for one without
+    meaning."""
+    kind, _, name = device.partition(":")
+    return CAMERAS[kind](CameraSettings(name, on_image, mode, lock_exposure))

@@ -1,0 +1,101 @@
+"""A camera with a ROS driver of its own: its images, raw or compressed, with their calibration, as a camera driver."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import genpy
+import rospy
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+
+from vsx_hw.frozen import FROZEN, FrozenWatch
+from vsx_hw.readings import ImageReading, LinkStatus
+from vsx_ros.arrays import GrayImage
+from vsx_ros.errors import ConfigError, InputError
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.io.image_encoding import decoded
+from vsx_ros.ros import images, process, topics
+
+_SILENT_S = 1.0
+_TYPES: dict[str, type[Image] | type[CompressedImage]] = {
+    "sensor_msgs/Image": Image,
+    "sensor_msgs/CompressedImage": CompressedImage,
+}
+
+
+class TopicCamera:
+    """Images of ``topic`` to ``on_image``, grey, with the stamps of their own driver.
+
+    calibration: of the topic camera_info beside the images, as told last; None before.
+    """
+
+    def __init__(self, topic: str, on_image: Callable[[ImageReading], None]) -> None:
+        """Raises ConfigError where no topic is named, or that of our own node camera."""
+        if not topic or rospy.resolve_name(topic) == rospy.resolve_name(topics.IMAGE):
+            raise ConfigError(
+                f"camera 'ros:{topic}': give the topic of another driver, e.g. ros:/usb_cam/image_raw; images that "
+                f"come as {topics.IMAGE} already need no node camera (vsx explore --camera ros)"
+            )
+        self.serial = topic.strip("/").replace("/", "_")
+        self.calibration: PinholeCamera | None = None
+        self._topic, self._on_image = topic, on_image
+        self._counters = {"frames": 0, "frozen_frames": 0}
+        self._heard_s = 0.0
+        self._frozen, self._watch = False, FrozenWatch()
+
+    def start(self) -> None:
+        """Listen from now on."""
+        process.subscribe(info_topic(self._topic), CameraInfo, self._on_info, queue_size=1)
+        process.subscribe(
+            self._topic, rospy.AnyMsg, self._on_any, queue_size=1, buff_size=process.IMAGE_BUFFER_BYTES,
+            tcp_nodelay=True,
+        )  # fmt: skip
+
+    def status(self) -> LinkStatus:
+        """Health for diagnostics."""
+        topic = rospy.resolve_name(self._topic)
+        message = "streaming"
+        if time.monotonic() - self._heard_s > _SILENT_S:
+            message = f"no image comes on {topic}; start the camera's own driver, or name its topic"
+        elif self._frozen:
+            message = f"{topic}: {FROZEN}"
+        return LinkStatus(message == "streaming", message, topic, dict(self._counters))
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+    def _on_info(self, msg: CameraInfo) -> None:
+        self.calibration = images.camera(msg)
+
+    def _on_any(self, msg: Any) -> None:
+        stamp_ns, image = image_of(msg._connection_header["type"], msg._buff, self._topic)
+        process.refuse_future(stamp_ns)
+        self._heard_s = time.monotonic()
+        self._counters["frames"] += 1
+        self._frozen = self._watch.is_frozen(image)
+        if self._frozen:
+            self._counters["frozen_frames"] += 1
+            return
+        self._on_image(ImageReading(stamp_ns, image, "mono8"))
+
+
+def info_topic(image_topic: str) -> str:
+    """Where drivers tell the calibration of their images (image_transport's convention)."""
+    return f"{image_topic.removesuffix('/compressed').rpartition('/')[0]}/camera_info"
+
+
+def image_of(kind: str, data: bytes, topic: str) -> tuple[int, GrayImage]:
+    """Stamp [ns] and (H, W) uint8 of a serialized message. Raises InputError for another kind, or a damaged one."""
+    if kind not in _TYPES:
+        raise InputError(f"{topic} carries {kind}; give a topic of {' or '.join(_TYPES)}")
+    msg = _TYPES[kind]()
+    try:
+        msg.deserialize(data)
+    except genpy.DeserializationError as error:
+        raise InputError(f"a message of {topic} is damaged ({error}); it is left out") from error
+    if isinstance(msg, Image):
+        frame = images.frame(msg)
+        return frame.stamp_ns, frame.image
+    return msg.header.stamp.to_nsec(), decoded(bytes(msg.data), f"an image of {topic}", msg.format)

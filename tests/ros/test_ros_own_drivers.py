@@ -1,0 +1,132 @@
+"""Base and camera with ROS drivers of their own, by their topics: a TurtleBot3 and a webcam in miniature."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rospy")
+
+import rosgraph
+from processes import Processes
+from ros_ports import HOST, free_port
+from sensor_msgs.msg import CompressedImage, Image
+
+from vsx_ros.errors import ConfigError, InputError
+from vsx_ros.ros.topic_base import TopicNames
+from vsx_ros.ros.topic_camera import image_of, info_topic
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+
+ROBOT = """
+import json, sys, threading
+import cv2, numpy as np, rospy
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+from std_srvs.srv import SetBool
+
+rospy.init_node("robot", disable_signals=True)
+told, ours, images = [], [], []
+speed = [0.0]
+def on_command(msg):
+    speed[0] = msg.linear.x
+    told.append(msg.linear.x)
+rospy.Subscriber("/robot/cmd_vel", Twist, on_command, queue_size=50)
+rospy.Subscriber("/odom", Odometry, lambda m: ours.append((m.header.frame_id, m.pose.pose.position.x)), queue_size=50)
+rospy.Subscriber("/camera/rgb/image_raw", Image, lambda m: images.append((m.encoding, m.width, m.height)), queue_size=5)
+odom_pub = rospy.Publisher("/robot/odom", Odometry, queue_size=5)
+image_pub = rospy.Publisher("/cam/image_raw/compressed", CompressedImage, queue_size=1)
+info_pub = rospy.Publisher("/cam/camera_info", CameraInfo, queue_size=1)
+teleop = rospy.Publisher("/cmd_vel_mux/input/teleop", Twist, queue_size=1)
+commanding = [0.0]
+def drive():
+    x, k, rng = 0.0, 0, np.random.default_rng(0)
+    while True:
+        now = rospy.Time.now()
+        x += 0.05 * speed[0]
+        reading = Odometry(child_frame_id="base_link")
+        reading.header.stamp, reading.header.frame_id = now, "odom"
+        reading.pose.pose.position.x, reading.pose.pose.orientation.w = x, 1.0
+        reading.twist.twist.linear.x = speed[0]
+        odom_pub.publish(reading)
+        k += 1
+        if k % 4 == 0:
+            ok, data = cv2.imencode(".jpg", rng.integers(0, 256, (240, 320, 3), np.uint8))
+            image = CompressedImage(format="jpeg", data=data.tobytes())
+            image.header.stamp = now
+            info = CameraInfo(width=320, height=240, distortion_model="plumb_bob", D=[0.0] * 5)
+            info.K = [300.0, 0, 160, 0, 300.0, 120, 0, 0, 1]
+            info_pub.publish(info)
+            image_pub.publish(image)
+        if commanding[0]:
+            command = Twist()
+            command.linear.x = commanding[0]
+            teleop.publish(command)
+        rospy.rostime.wallsleep(0.05)
+threading.Thread(target=drive, daemon=True).start()
+def wait(condition, what):
+    for _ in range(1200):
+        if condition():
+            return
+        rospy.rostime.wallsleep(0.05)
+    sys.exit(f"waited for {what}: {told[-3:]} {ours[-3:]} {images[-3:]}")
+wait(lambda: ours and images, "odometry and images under our names")
+commanding[0] = 0.1
+wait(lambda: told and told[-1] == 0.1 and ours[-1][1] > 0.05, "the base to drive")
+rospy.ServiceProxy("/mobile_base/estop", SetBool)(True)
+wait(lambda: told[-1] == 0.0, "the emergency stop")
+rospy.ServiceProxy("/mobile_base/estop", SetBool)(False)
+wait(lambda: told[-1] == 0.1, "the base to drive again")
+commanding[0] = 0.0
+wait(lambda: told[-1] == 0.0, "silence to stop it")
+print(json.dumps({"frame": ours[-1][0], "image": images[-1], "most": max(told)}))
+"""
+
+
+@pytest.fixture
+def processes(tmp_path: Path) -> Iterator[Processes]:
+    uri = f"http://{HOST}:{free_port()}"
+    running = Processes(tmp_path, uri, ROS_HOSTNAME=HOST)
+    running.start("master", "rosmaster", "--core", "-p", uri.rsplit(":", 1)[1])
+    running.wait(lambda: rosgraph.is_master_online(uri), "the master")
+    yield running
+    running.end()
+
+
+@pytest.mark.ros
+def test_a_base_and_a_camera_with_drivers_of_their_own_are_used_by_their_topics(processes: Processes) -> None:
+    for node, word in (
+        ("mobile_base", "_robot_type:=ros:/robot/odom,/robot/cmd_vel"),
+        ("camera", "_device:=ros:/cam/image_raw/compressed"),
+    ):
+        processes.start(node, sys.executable, str(CHECKOUT / "scripts" / node), word)
+    done = processes.run(sys.executable, "-c", ROBOT)
+    assert done.returncode == 0, done.stderr + processes.logs()
+    seen = json.loads(done.stdout)
+    assert seen == {"frame": "odom", "image": ["mono8", 320, 240], "most": 0.1}
+
+
+def test_topics_of_a_base_are_two_or_the_usual_ones() -> None:
+    assert TopicNames.of("") == ("odom", "cmd_vel")
+    assert TopicNames.of("/a/odom, /a/cmd") == ("/a/odom", "/a/cmd")
+    for wrong in ("/odom", "/odom,", "a,b,c"):
+        with pytest.raises(ConfigError, match="give two topics"):
+            TopicNames.of(wrong)
+
+
+def test_the_calibration_is_looked_for_beside_the_images() -> None:
+    assert info_topic("/usb_cam/image_raw") == "/usb_cam/camera_info"
+    assert info_topic("/cam/rgb/image_raw/compressed") == "/cam/rgb/camera_info"
+
+
+def test_a_topic_of_another_kind_or_a_damaged_message_is_named() -> None:
+    with pytest.raises(InputError, match=r"/scan carries sensor_msgs/LaserScan; give a topic of sensor_msgs/Image"):
+        image_of("sensor_msgs/LaserScan", b"", "/scan")
+    for kind in (Image, CompressedImage):
+        with pytest.raises(InputError, match="/cam"):
+            image_of(kind._type, b"\x01\x02", "/cam")
