@@ -82,10 +82,7 @@ class Stack:
         }
 
     def up(self) -> None:
-        self._spawn("rosmaster", ["rosmaster", "--core", "-p", os.environ["ROS_MASTER_URI"].rsplit(":", 1)[1]])
-        import rosgraph
-
-        self.wait(lambda: rosgraph.is_master_online(), 20.0, "the master")
+        self.start_master()
         start_ns, start_monotonic_ns = time.time_ns(), time.monotonic_ns()
         settings = RenderSettings(
             world=WORLD,
@@ -102,6 +99,12 @@ class Stack:
         self._base.start(start_monotonic_ns)
         for name in self.nodes:
             self.start(name)
+
+    def start_master(self) -> None:
+        import rosgraph
+
+        self._spawn("rosmaster", ["rosmaster", "--core", "-p", os.environ["ROS_MASTER_URI"].rsplit(":", 1)[1]])
+        self.wait(lambda: rosgraph.is_master_online(), 20.0, "the master")
 
     def watch_steps(self, watcher: Callable[[BodyState], None]) -> None:
         """Call it with every step of the emulated body, on the emulator's thread."""
