@@ -110,7 +110,7 @@ class Faults:
     """One fault of one to some seconds at a time."""
 
     def __init__(self, stack: object, cable: FaultyCable, disk: Path, rng: random.Random) -> None:
-        self._stack, self._cable, self._disk, self._rng = stack, cable, disk, rng
+        self._stack, self._cable, self._folder, self._rng = stack, cable, disk, rng
 
     def one_of(self, kinds: list[str]) -> str:
         kind = self._rng.choice(kinds)
@@ -149,7 +149,7 @@ class Faults:
         self._stack.start_master()
 
     def _disk(self, _: str) -> None:
-        ballast = self._disk / "ballast"
+        ballast = self._folder / "ballast"
         subprocess.run(["dd", "if=/dev/zero", f"of={ballast}", "bs=1M"], check=False, capture_output=True)
         time.sleep(8.0)
         ballast.unlink()
