@@ -1,25 +1,40 @@
-"""The whole exploring stack for minutes on devices that fail again and again: memory of each process, and where it is.
+"""The whole exploring stack for an hour on devices, nodes, a master and a disk that fail again and again.
 
-python benchmarks/soak_stack.py [--minutes 10] [--without-faults]
+python benchmarks/soak_stack.py [--minutes 60] [--kinds camera base node master disk] [--out soak.jsonl]
 
-Every 20 s one fault comes and goes: the camera is unplugged, silent or loses images, the base is unplugged, silent or
-loses bytes. At the end: growth of memory after three minutes, process by process; the error of the SLAM's pose and
-of the odometry against the emulated truth; tracebacks in the nodes' words; nodes that died.
+Every 20 s one fault comes and goes: the camera is unplugged, silent or loses images; the base is unplugged, silent or
+loses bytes; a node is killed and started again; the master is killed and started again; the disk of the run folder is
+full (a tmpfs, root only). At the end: growth of memory, process by process, from two minutes after its start, that of
+vslam beyond what its map holds; the error of the SLAM's pose and of the odometry against the emulated truth; tracebacks
+in the nodes' words; nodes that died by themselves. With --out the row is appended to that file.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import math
 import random
+import subprocess
 import time
+from collections import Counter
+from pathlib import Path
 
 import numpy as np
 from exploring_robot import home, new_stack, wait_for_motion
 from fault_camera import FaultyCable
 
-PERIOD_S, WARM_S = 20.0, 180.0
-CAMERA_FAULTS, BASE_FAULTS = ("unplugged", "off", "slow"), ("unplug", "silence", "bytes")
+PERIOD_S, WARM_S = 20.0, 120.0
+KEYFRAME_MB = 1.2
+"""What a keyframe and its points take in the process: picture with pyramid, corners, patches, observations."""
+DISK_MB = 256
+KINDS = {
+    "camera": ("unplugged", "off", "slow"),
+    "base": ("unplug", "silence", "bytes"),
+    "node": ("mobile_base", "camera", "vslam", "move_base", "follower", "explore"),
+    "master": ("master",),
+    "disk": ("disk",),
+}
 
 
 def memory_mb(pid: int) -> float:
@@ -27,12 +42,37 @@ def memory_mb(pid: int) -> float:
         return int(file.read().split()[1]) * 4096 / 2**20
 
 
+class Memory:
+    """Growth of each process since it was warm; a node that was started again begins anew. Of vslam that beyond the
+    keyframes that came."""
+
+    def __init__(self, stack: object) -> None:
+        self._stack = stack
+        self._since: dict[int, float] = {}
+        self._warm: dict[int, tuple[float, int]] = {}
+        self.growth_mb: dict[str, float] = {}
+        self.beyond_map_mb = 0.0
+
+    def look(self, keyframes: int) -> None:
+        for name, process in list(self._stack._processes.items()):
+            pid, now_s = process.pid, time.monotonic()
+            if process.poll() is not None:
+                continue
+            if now_s - self._since.setdefault(pid, now_s) < WARM_S:
+                continue
+            warm_mb, warm_keyframes = self._warm.setdefault(pid, (memory_mb(pid), keyframes))
+            grown_mb = memory_mb(pid) - warm_mb
+            self.growth_mb[name] = max(self.growth_mb.get(name, 0.0), grown_mb)
+            if name == "vslam":
+                self.beyond_map_mb = max(self.beyond_map_mb, grown_mb - KEYFRAME_MB * (keyframes - warm_keyframes))
+
+
 class Truth:
     """Where the base was, at host times, and where SLAM and odometry said that it was."""
 
     def __init__(self, stack: object) -> None:
         import rospy
-        from geometry_msgs.msg import PoseWithCovarianceStamped
+        from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
         from nav_msgs.msg import Odometry
 
         from vsx_ros.ros import convert, topics
@@ -40,16 +80,21 @@ class Truth:
         self._start = stack.plant.state.T_world_base
         self._rows: list[tuple[int, float, float, float]] = []
         self.errors: dict[str, list[float]] = {"slam": [], "odometry": []}
+        self.keyframes = 0
         self._convert = convert
         stack.watch_steps(self._on_step)
         rospy.init_node("soak", anonymous=True, disable_signals=True)
         rospy.Subscriber(f"/{topics.POSE}", PoseWithCovarianceStamped, self._judge, "slam")
         rospy.Subscriber(f"/{topics.ODOM}", Odometry, self._judge, "odometry")
+        rospy.Subscriber(f"/{topics.KEYFRAMES}", PoseArray, self._count)
 
     def _on_step(self, state: object) -> None:
         pose = self._start.inverse() @ state.T_world_base
         self._rows.append((time.time_ns(), pose.x, pose.y, state.path_length_m))
         del self._rows[:-2000]
+
+    def _count(self, msg: object) -> None:
+        self.keyframes = len(msg.poses)
 
     def _judge(self, msg: object, name: str) -> None:
         rows = np.array(self._rows[-2000:])
@@ -61,67 +106,118 @@ class Truth:
         self.errors[name].append(math.hypot(pose.x - x, pose.y - y))
 
 
-def fault(stack: object, cable: FaultyCable, rng: random.Random) -> str:
-    """One fault of one to two seconds."""
-    kind = rng.choice(CAMERA_FAULTS + BASE_FAULTS)
-    faults = stack._base.faults
-    if kind in CAMERA_FAULTS:
-        cable.inject(kind)
+class Faults:
+    """One fault of one to some seconds at a time."""
+
+    def __init__(self, stack: object, cable: FaultyCable, disk: Path, rng: random.Random) -> None:
+        self._stack, self._cable, self._folder, self._rng = stack, cable, disk, rng
+
+    def one_of(self, kinds: list[str]) -> str:
+        kind = self._rng.choice(kinds)
+        what = self._rng.choice(KINDS[kind])
+        getattr(self, f"_{kind}")(what)
+        return what
+
+    def _camera(self, what: str) -> None:
+        self._cable.inject(what)
         time.sleep(1.5)
-        cable.inject("")
-    elif kind == "unplug":
-        stack._base.unplug()
-        time.sleep(1.0)
-        stack._base.replug()
-    elif kind == "silence":
-        faults.paused = True
-        time.sleep(1.0)
-        faults.paused = False
-    else:
-        faults.drop_rate = faults.garbage_rate = 0.001
-        time.sleep(2.0)
-        faults.drop_rate = faults.garbage_rate = 0.0
-    return kind
+        self._cable.inject("")
+
+    def _base(self, what: str) -> None:
+        base = self._stack._base
+        if what == "unplug":
+            base.unplug()
+            time.sleep(1.0)
+            base.replug()
+        elif what == "silence":
+            base.faults.paused = True
+            time.sleep(1.0)
+            base.faults.paused = False
+        else:
+            base.faults.drop_rate = base.faults.garbage_rate = 0.001
+            time.sleep(2.0)
+            base.faults.drop_rate = base.faults.garbage_rate = 0.0
+
+    def _node(self, name: str) -> None:
+        self._stack.kill(name)
+        time.sleep(self._rng.uniform(0.1, 2.0))
+        self._stack.start(name)
+
+    def _master(self, _: str) -> None:
+        self._stack.kill("rosmaster")
+        time.sleep(self._rng.uniform(0.5, 5.0))
+        self._stack.start_master()
+
+    def _disk(self, _: str) -> None:
+        ballast = self._folder / "ballast"
+        subprocess.run(["dd", "if=/dev/zero", f"of={ballast}", "bs=1M"], check=False, capture_output=True)
+        time.sleep(8.0)
+        ballast.unlink()
 
 
-def soak(stack: object, cable: FaultyCable, minutes: float, faulty: bool) -> None:
-    truth, rng = Truth(stack), random.Random(1)
+def tracebacks(stack: object) -> list[str]:
+    """The last line of each."""
+    ends = []
+    for block in stack.logs().split("Traceback")[1:]:
+        lines = [line for line in block.splitlines()[1:] if line and not line.startswith(" ")]
+        ends.append(lines[0] if lines else "?")
+    return ends
+
+
+def soak(stack: object, faults: Faults, kinds: list[str], minutes: float) -> dict[str, object]:
+    truth, memory = Truth(stack), Memory(stack)
     wait_for_motion(stack, 90.0)
-    begin_s, warm = time.monotonic(), {}
-    happened: list[str] = []
-    warm_s = min(WARM_S, 20.0 * minutes)
-    while (elapsed_s := time.monotonic() - begin_s) < 60.0 * minutes:
-        if not warm and elapsed_s > warm_s:
-            warm = {name: memory_mb(process.pid) for name, process in stack._processes.items()}
-        time.sleep(PERIOD_S)
-        if faulty:
-            happened.append(fault(stack, cable, rng))
-    dead = stack.dead()
-    for name, process in stack._processes.items():
-        if name not in dead:
-            now_mb = memory_mb(process.pid)
-            print(f"{name}: {now_mb:.0f} MB, {now_mb - warm[name]:+.1f} MB since {warm_s:.0f} s")
-    path_m = stack.plant.state.path_length_m
-    for name, errors in truth.errors.items():
-        rms = float(np.sqrt(np.mean(np.square(errors))))
-        print(f"{name}: {len(errors)} poses, error {rms:.3f} m rms, {max(errors):.3f} m at most, on {path_m:.1f} m")
-    counts = {kind: happened.count(kind) for kind in sorted(set(happened))}
-    tracebacks = stack.logs().count("Traceback")
-    print(f"faults {counts}, tracebacks {tracebacks}, dead {dead}, collisions {stack.plant.collisions}", flush=True)
+    end_s = time.monotonic() + 60.0 * minutes
+    happened: Counter[str] = Counter()
+    while time.monotonic() < end_s:
+        due_s = time.monotonic() + PERIOD_S
+        while time.monotonic() < due_s:
+            memory.look(truth.keyframes)
+            time.sleep(1.0)
+        if stack.mission_is_over():
+            stack.another_mission()
+        if kinds:
+            happened[faults.one_of(kinds)] += 1
+            print(f"{(end_s - time.monotonic()) / 60:.0f} minutes left, {dict(happened)}", flush=True)
+    memory.look(truth.keyframes)
+    return {
+        "minutes": minutes,
+        "faults": dict(happened),
+        "tracebacks": tracebacks(stack),
+        "died_by_themselves": stack.dead(),
+        "collisions": stack.plant.collisions,
+        "path_m": round(stack.plant.state.path_length_m, 1),
+        "keyframes": truth.keyframes,
+        "growth_mb": {name: round(mb, 1) for name, mb in sorted(memory.growth_mb.items())},
+        "vslam_growth_beyond_map_mb": round(memory.beyond_map_mb, 1),
+        "error_rms_m": {k: round(float(np.sqrt(np.mean(np.square(e)))), 3) for k, e in truth.errors.items() if e},
+    }
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--minutes", type=float, default=10.0)
-    parser.add_argument("--without-faults", action="store_true")
+    parser.add_argument("--minutes", type=float, default=60.0)
+    parser.add_argument("--kinds", nargs="*", choices=tuple(KINDS), default=list(KINDS), help="none: without faults")
+    parser.add_argument("--seed", type=int, default=1, help="of the faults")
+    parser.add_argument("--out", type=Path)
     args = parser.parse_args()
-    stack = new_stack(home())
+    disk = home()
+    mounted = "disk" in args.kinds
+    if mounted:
+        subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={DISK_MB}m", "vsx-soak", str(disk)], check=True)
+    stack = new_stack(disk)
     cable = FaultyCable.below(stack)
     try:
         stack.up()
-        soak(stack, cable, args.minutes, not args.without_faults)
+        row = soak(stack, Faults(stack, cable, disk, random.Random(args.seed)), args.kinds, args.minutes)
     finally:
         stack.down()
+        if mounted:
+            subprocess.run(["umount", "-l", str(disk)], check=False)
+    print(json.dumps(row))
+    if args.out is not None:
+        with args.out.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(row) + "\n")
 
 
 if __name__ == "__main__":
