@@ -148,8 +148,9 @@ def _fig6(args: argparse.Namespace) -> Any:
 
 def _drives(args: argparse.Namespace, worlds: list[int]) -> list[Any]:
     """Tasks with their results, those that are known from results/drives.jsonl."""
-    from vsx_ros.cli.experiments.campaign import Engine, Store, run_campaign
+    from vsx_ros.cli.experiments.campaign import Engine, run_campaign
     from vsx_ros.cli.experiments.drive import DriveTask, run_drives
+    from vsx_ros.cli.experiments.rows import Store
 
     noises = range(args.noises)
     tasks = [DriveTask(args.world, seed, seed + 1000 * k, d) for seed in worlds for k in noises for d in (1, 2)]
