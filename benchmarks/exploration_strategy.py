@@ -16,7 +16,8 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from exploration import LEVELS, SAMPLE_S, metres, nearest_frontier, way_to
+from exploration import LEVELS, SAMPLE_S
+from nearest_frontier import nearest_frontier
 
 from vsx_ros.cli.run_record import MapJudge
 from vsx_ros.config import Config
@@ -263,6 +264,15 @@ class Run:
                 self._landmarks.look(pose)
             if self._now_s - began_s >= timed.duration_s:
                 self._stop(NavigationState.SUCCEEDED, "arrived")
+
+
+def way_to(curve: list[list[float]], share: float) -> float:
+    """Metres until the share was known; infinite if it never was."""
+    return next((row[1] for row in curve if row[2] >= share), math.inf)
+
+
+def metres(way: float) -> str:
+    return f"{way:.0f}" if math.isfinite(way) else "-"
 
 
 def summary(strategy: str, seed: int | str, ways: list[float], more: str) -> str:

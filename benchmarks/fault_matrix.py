@@ -1,28 +1,22 @@
 """Off, stuck, garbage, wrong, slow, delayed, intermittent: each fault of each device, and what the robot does about it.
 
-python benchmarks/fault_matrix.py [--repetitions 5] [--measure-robot] [--table docs/reliability.md]
+python benchmarks/fault_matrix.py [--repetitions 5]
 
 Bases: the real driver with the mux before it, over an emulated base on a pseudo-terminal, commanded 0.2 m/s: how
 long the wheels turned after the fault set in, seen at the emulator's end of the wire; where it drove on, it says so.
-Camera: the real driver over the emulated Kinect. Nodes, and the camera of an exploring robot: what
-benchmarks/fault_nodes.py and benchmarks/fault_camera.py have measured; with --measure-robot they measure what is still
-missing (hours). With --table the tables replace those of the document.
+Camera: the real driver over the emulated Kinect. Each repetition leaves a row; benchmarks/tables.py makes the tables.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
-import statistics
-import subprocess
-import sys
 import tempfile
 import threading
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
+from tables import RESULTS, rooms_of
 
 from vsx_hw.bases import BASES, base_driver
 from vsx_hw.emulators import base_emulator
@@ -32,10 +26,10 @@ from vsx_hw.kinect.socket_transport import SocketTransport
 from vsx_hw.readings import Hazard
 from vsx_hw.safety import SpeedLimits, Supervisor
 from vsx_hw.serial_emulator import PlantState
+from vsx_ros.cli.experiments.rows import Store
 
 FAULTS = ("off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent")
 WATCH_S = 2.5
-BEGIN, END = "<!-- {} begin -->", "<!-- {} end -->"
 
 
 class Wheels:
@@ -148,19 +142,15 @@ def base_fault(kind: str, fault: str, folder: str) -> tuple[float | None, str]:
     return turned_s, said.replace(f"{folder}/{kind}", "PORT").split(";")[0]
 
 
-def base_table(repetitions: int, folder: str) -> list[str]:
-    lines = ["| base | fault | wheels turned (median, most of n) | what the driver says |", "|---|---|---|---|"]
+def measure_bases(store: Store, repetitions: int, folder: str) -> None:
     for kind in ("kobuki", "create", "create2"):
         for fault in FAULTS:
-            runs = [base_fault(kind, fault, folder) for _ in range(repetitions)]
-            times = [t for t, _ in runs if t is not None]
-            if len(times) == len(runs):
-                turned = f"{statistics.median(times):.3f} s, {max(times):.3f} s of {len(times)}"
-            else:
-                turned = f"drives on ({len(runs) - len(times)} of {len(runs)})"
-            lines.append(f"| {kind} | {fault} | {turned} | {runs[-1][1]} |")
-            print(lines[-1], flush=True)
-    return lines
+            for number in range(repetitions):
+                asked = {"base": kind, "fault": fault, "repetition": number}
+                if asked not in store:
+                    turned_s, said = base_fault(kind, fault, folder)
+                    store.add(asked, {"turned_s": -1.0 if turned_s is None else round(turned_s, 3), "said": said})
+                    print(kind, fault, store[asked], flush=True)
 
 
 def camera_fault(fault: str, path: str) -> str:
@@ -188,67 +178,24 @@ def camera_fault(fault: str, path: str) -> str:
     return f"{len(images)} images, {counters['torn_frames']} torn, stamps {'rising' if even else 'NOT rising'}"
 
 
-def camera_table(folder: str) -> list[str]:
-    lines = ["| fault of the camera | two seconds at the driver |", "|---|---|"]
+def measure_cameras(store: Store, folder: str) -> None:
     for fault in FAULTS:
-        lines.append(f"| {fault} | {camera_fault(fault, folder + '/camera')} |")
-        print(lines[-1], flush=True)
-    return lines
-
-
-def node_table() -> list[str]:
-    results = json.loads(Path(__file__).with_name("fault_nodes.json").read_text())
-    lines = ["| node | what happened to it | wheels turned: median | most | repetitions |", "|---|---|---|---|---|"]
-    for name, turned in results.items():
-        node, how = name.split()
-        if turned:
-            worst = "did not stop" if min(turned) < 0 else f"{max(turned):.3f} s"
-            lines.append(f"| {node} | {how} | {statistics.median(turned):.3f} s | {worst} | {len(turned)} |")
-    return lines
-
-
-def robot_table() -> list[str]:
-    results = json.loads(Path(__file__).with_name("fault_camera.json").read_text())
-    lines = [
-        "| fault of the camera | wheels turned (median, most of n) | what the robot says then | four seconds later |",
-        "|---|---|---|---|",
-    ]
-    for name, runs in results.items():
-        times = [run["turned_s"] for run in runs if run["turned_s"] >= 0.0]
-        on = len(runs) - len(times)
-        turned = f"{statistics.median(times):.3f} s, {max(times):.3f} s of {len(times)}" if times else ""
-        turned += f" drives on ({on} of {len(runs)})" if on else ""
-        said = statistics.mode(f"{run['slam']}; {run['follower']}" for run in runs)
-        later = statistics.mode(run["later"].partition(": view at")[0] for run in runs)
-        lines.append(f"| {name} | {turned.strip()} | {said} | {later} |")
-    return lines
-
-
-def replace(document: Path, name: str, lines: list[str]) -> None:
-    text = document.read_text()
-    begin, end = BEGIN.format(name), END.format(name)
-    head, _, rest = text.partition(begin)
-    _, _, tail = rest.partition(end)
-    document.write_text(head + begin + "\n" + "\n".join(lines) + "\n" + end + tail)
+        asked = {"fault": fault}
+        if asked not in store:
+            store.add(asked, {"arrived": camera_fault(fault, folder + "/camera")})
+            print(fault, store[asked], flush=True)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--repetitions", type=int, default=5)
-    parser.add_argument("--table", type=Path)
-    parser.add_argument("--measured-only", action="store_true", help="only the tables of what was measured before")
-    parser.add_argument("--measure-robot", action="store_true", help="run fault_nodes.py and fault_camera.py first")
     args = parser.parse_args()
-    if args.measure_robot:
-        for script in ("fault_nodes.py", "fault_camera.py"):
-            subprocess.run([sys.executable, str(Path(__file__).with_name(script))], check=True)
-    tables = {"nodes": node_table(), "robots": robot_table()}
-    if not args.measured_only:
-        with tempfile.TemporaryDirectory() as folder:
-            tables |= {"cameras": camera_table(folder), "bases": base_table(args.repetitions, folder)}
-    for name, lines in tables.items():
-        if args.table is not None:
-            replace(args.table, name, lines)
+    bases, cameras = (
+        Store(RESULTS / f"{name}.jsonl", rooms=rooms_of(name)) for name in ("fault_bases", "fault_cameras")
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        measure_cameras(cameras, folder)
+        measure_bases(bases, args.repetitions, folder)
 
 
 if __name__ == "__main__":
