@@ -205,10 +205,11 @@ def _gather(
     plan_ms, error_m = np.array(navigation.plan_ms), np.array(navigation.error_m)
     config, _ = folder.read_config()
     T_cam_base = mounted(config.robot.mount).inverse()
+    known_whole = bool(truth) and not journal.before
     summary = summary.with_values(
         collisions=so_far.collisions if witness.emulated else None,
-        driven_m=path_length([StampedPose(ns, T @ T_cam_base) for ns, T in truth]) if truth else None,
-        min_clearance_m=None if journal.before else witness.min_clearance_m,
+        driven_m=path_length([StampedPose(ns, T @ T_cam_base) for ns, T in truth]) if known_whole else None,
+        min_clearance_m=witness.min_clearance_m if known_whole else None,
         duration_s=so_far.elapsed_s,
         plans=so_far.plans,
         plan_ms_median=float(np.median(plan_ms)) if plan_ms.size else None,

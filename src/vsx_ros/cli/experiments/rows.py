@@ -58,9 +58,14 @@ class Provenance(msgspec.Struct, frozen=True):
 
 def provenance(config: Config, rooms: Sequence[Path]) -> Provenance:
     """Of this process, now."""
-    commit = _git("rev-parse", f"--short={_DIGITS}", "HEAD") if _git("ls-files", str(PACKAGE / "errors.py")) else None
-    dirty = bool(_git("status", "--porcelain", "--", *map(str, rooms))) if commit else None
-    return Provenance(commit, dirty, code_hash(rooms), config_hash(config), _versions())
+    return Provenance(*_commit(rooms), code_hash(rooms), config_hash(config), _versions())
+
+
+def made_by() -> str:
+    """Version and commit of this process, in words."""
+    commit, dirty = _commit((PACKAGE,))
+    tree = f", commit {commit}{' with changes' * bool(dirty)}" if commit else ""
+    return f"vsx_ros {vsx_ros.__version__}{tree}"
 
 
 def code_hash(rooms: Iterable[Path]) -> str:
@@ -173,6 +178,14 @@ def _git(*words: str) -> str:
     except OSError:
         return ""
     return done.stdout.strip() if done.returncode == 0 else ""
+
+
+def _commit(rooms: Iterable[Path]) -> tuple[str | None, bool | None]:
+    """And whether sources in the rooms are not those of the commit."""
+    if not _git("ls-files", str(PACKAGE / "errors.py")):
+        return None, None
+    changed = _git("status", "--porcelain", "--", *map(str, rooms))
+    return _git("rev-parse", f"--short={_DIGITS}", "HEAD"), bool(changed)
 
 
 def _versions() -> dict[str, str]:
