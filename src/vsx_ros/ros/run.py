@@ -22,7 +22,7 @@ from vsx_ros.cli.explore import add_arguments, begin
 from vsx_ros.cli.outcomes import EXIT_CODES
 from vsx_ros.cli.report import one_line_facts, write_report
 from vsx_ros.cli.run_record import MapJudge
-from vsx_ros.config import to_dict
+from vsx_ros.config import MountConfig, to_dict
 from vsx_ros.errors import ConfigError, VsxError, disk_trouble
 from vsx_ros.evaluation.summary import Summary, with_accuracy
 from vsx_ros.evaluation.trajectory import path_length
@@ -204,12 +204,8 @@ def _gather(
         summary = judge.judged(summary, witness.grid)
     plan_ms, error_m = np.array(navigation.plan_ms), np.array(navigation.error_m)
     config, _ = folder.read_config()
-    T_cam_base = mounted(config.robot.mount).inverse()
-    known_whole = bool(truth) and not journal.before
     summary = summary.with_values(
-        collisions=so_far.collisions if witness.emulated else None,
-        driven_m=path_length([StampedPose(ns, T @ T_cam_base) for ns, T in truth]) if known_whole else None,
-        min_clearance_m=witness.min_clearance_m if known_whole else None,
+        **_told_by_truth(witness, journal, truth, config.robot.mount),
         duration_s=so_far.elapsed_s,
         plans=so_far.plans,
         plan_ms_median=float(np.median(plan_ms)) if plan_ms.size else None,
@@ -232,6 +228,20 @@ def _gather(
     report = write_report(folder)
     facts = [f"  {line}\n" for line in one_line_facts(summary.as_dict())]
     sys.stdout.write("".join([f"{ending.reason}\n", *facts, f"  report: {report}\n"]))
+
+
+def _told_by_truth(
+    witness: Witness, journal: WitnessJournal, truth: Sequence[StampedPose], mount: MountConfig
+) -> dict[str, float | None]:
+    """How the emulated body fared; its way and clearance where no session was before."""
+    if not truth or journal.before:
+        return {"collisions": journal.so_far.collisions if witness.emulated else None}
+    T_cam_base = mounted(mount).inverse()
+    return {
+        "collisions": journal.so_far.collisions,
+        "driven_m": path_length([StampedPose(ns, T @ T_cam_base) for ns, T in truth]),
+        "min_clearance_m": witness.min_clearance_m,
+    }
 
 
 def all_events(folder: RunFolder, journal: WitnessJournal, witness: Witness) -> list[RunEvent]:
