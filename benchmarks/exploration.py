@@ -14,6 +14,7 @@ code and configuration and within the same limits, is not run again, so that an 
 import argparse
 import json
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -27,7 +28,9 @@ import numpy as np
 from nearest_frontier import nearest_frontier
 from tables import RESULTS, rooms_of
 
+from vsx_ros.cli.exit_codes import STOPPED
 from vsx_ros.cli.experiments.campaign import Engine, run_campaign
+from vsx_ros.cli.experiments.exploration import run_whole
 from vsx_ros.cli.experiments.rows import Store
 from vsx_ros.cli.explore_fast import FastRun
 from vsx_ros.cli.world import open_world
@@ -78,7 +81,7 @@ def explored(task: Exploration, pictures: Path | None = None) -> dict[str, objec
 
     decisions = decisions_of(run)
     cpu_s, wall_s = time.process_time(), time.perf_counter()
-    reason = run.run(task.time_s, watch)
+    reason = run_whole(run, task.time_s, watch)
     cpu_s, wall_s = time.process_time() - cpu_s, time.perf_counter() - wall_s
     if pictures is not None and run.system.grid is not None:
         pictures.mkdir(parents=True, exist_ok=True)
@@ -95,17 +98,30 @@ def explored_live(task: Exploration) -> dict[str, object]:
     with tempfile.TemporaryDirectory(prefix="vsx-live-") as folder:
         out = Path(folder) / "run"
         words = ["--world", task.world, "--seed", task.seed, "--until", task.until, "--time", task.time_s]
-        command = [sys.executable, "-m", "vsx_ros.cli.main", "explore", *map(str, words), "--headless", "--out", out]
         began_s = time.perf_counter()
-        ended = subprocess.run(command, capture_output=True, text=True, check=False)
+        code, said = vsx_explore([*map(str, words), "--headless", "--out", str(out)])
+        if code == STOPPED:
+            raise KeyboardInterrupt
         if not (out / "summary.json").exists():
-            last = (ended.stderr.splitlines() or ["nothing was said"])[-1]
-            raise InputError(f"vsx explore ended with code {ended.returncode}: {last}")
+            raise InputError(f"vsx explore ended with code {code}: {(said.splitlines() or ['nothing was said'])[-1]}")
         summary = json.loads((out / "summary.json").read_text())
         events = [json.loads(line) for line in (out / "events.jsonl").read_text().splitlines()]
     reasons = [event["reason"] for event in events if event["source"] == "mission"]
     wall_s = round(time.perf_counter() - began_s, 1)
-    return told(summary, reasons, task.until, {}) | {"exit": ended.returncode, "wall_s": wall_s}
+    return told(summary, reasons, task.until, {}) | {"exit": code, "wall_s": wall_s}
+
+
+def vsx_explore(words: list[str]) -> tuple[int, str]:
+    """Exit code, and what was said beside the results. Ctrl-C is passed on, so that the nodes end in order."""
+    command = [sys.executable, "-m", "vsx_ros.cli.main", "explore", *words]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as run:
+        try:
+            _, said = run.communicate()
+        except KeyboardInterrupt:
+            run.send_signal(signal.SIGINT)
+            run.communicate(timeout=60)
+            raise
+    return run.returncode, said
 
 
 def told(

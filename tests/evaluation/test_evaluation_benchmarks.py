@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from vsx_ros.cli.exit_codes import STOPPED
 from vsx_ros.cli.experiments.campaign import Engine
 from vsx_ros.cli.experiments.rows import read_rows
 
@@ -70,9 +70,7 @@ def test_runs_are_driven_again_within_other_limits_only(tmp_path: Path, monkeypa
 def test_a_live_run_is_read_from_its_folder(monkeypatch: pytest.MonkeyPatch) -> None:
     task = exploration.Exploration("lab", 7, 0, "views", 0.9, 800.0, None)
 
-    def explore(command: list[Any], **_: object) -> subprocess.CompletedProcess[str]:
-        words = list(map(str, command))
-        assert words[1:4] == ["-m", "vsx_ros.cli.main", "explore"]
+    def explore(words: list[str]) -> tuple[int, str]:
         assert "--headless" in words
         assert words[words.index("--until") + 1] == "0.9"
         out = Path(words[-1])
@@ -80,19 +78,24 @@ def test_a_live_run_is_read_from_its_folder(monkeypatch: pytest.MonkeyPatch) -> 
         (out / "summary.json").write_text(json.dumps(SUMMARY))
         event = {"stamp_ns": 1, "source": "mission", "state": "recovering", "reason": "tracking lost: dark"}
         (out / "events.jsonl").write_text(json.dumps(event) + "\n")
-        return subprocess.CompletedProcess(words, 0, "", "")
+        return 0, ""
 
-    monkeypatch.setattr(subprocess, "run", explore)
+    monkeypatch.setattr(exploration, "vsx_explore", explore)
     row = exploration.explored_live(task)
     assert row["reached"] == {"90": [61.24, 400.0]}
     assert (row["times_lost"], row["min_clearance_m"], row["exit"]) == (1, 0.09, 0)
 
 
-def test_a_live_run_that_never_began_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
-    ended = subprocess.CompletedProcess([], 1, "", "vsx: no master\n")
-    monkeypatch.setattr(subprocess, "run", lambda command, **_: ended)
+def test_a_live_run_that_never_began_says_why_and_one_that_was_stopped_is_no_result(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    task = exploration.Exploration("lab", 7, 0, "views", 0.9, 800.0, None)
+    monkeypatch.setattr(exploration, "vsx_explore", lambda words: (1, "starting\nvsx: no master\n"))
     with pytest.raises(exploration.InputError, match="ended with code 1: vsx: no master"):
-        exploration.explored_live(exploration.Exploration("lab", 7, 0, "views", 0.9, 800.0, None))
+        exploration.explored_live(task)
+    monkeypatch.setattr(exploration, "vsx_explore", lambda words: (STOPPED, ""))
+    with pytest.raises(KeyboardInterrupt):
+        exploration.explored_live(task)
 
 
 def test_the_memory_is_what_is_held_now() -> None:
