@@ -35,6 +35,21 @@ def runs(rows: Runs) -> list[str]:
     return lines
 
 
+def strategies(rows: Runs) -> list[str]:
+    """A line for each world: what was reached by views and by the nearest frontier."""
+    found = {(row.asked["strategy"], row.asked["seed"]): row.result for row in rows}
+    asked = dict.fromkeys(strategy for strategy, _ in found)
+    lines = _header(("world", *(f"{s}: {name}" for s in asked for name in ("L70", "L90", "seconds", "contacts"))))
+    for seed in sorted({seed for _, seed in found}):
+        cells = []
+        for strategy in asked:
+            run = found.get((strategy, seed), {})
+            ways = (_form(run.get("reached", {}).get(level, [None])[0], ".0f") for level in ("70", _UNTIL))
+            cells += [*ways, _form(run.get("duration_s"), ".0f"), _form(run.get("collisions"), "d")]
+        lines.append(f"| {seed} | " + " | ".join(cells) + " |")
+    return lines
+
+
 def totals(rows: Runs) -> list[str]:
     """What counts over all runs, with what this project asks of itself."""
     lines = _header((*_of(rows), "measured", "must", "aim"))

@@ -32,6 +32,7 @@ _IN_LOCK_STEP = tuple(f"src/vsx_ros/{room}" for room in _CORE)
 
 ROOMS: dict[str, tuple[str, ...]] = {
     "exploration": (*_IN_LOCK_STEP, "benchmarks/exploration", "benchmarks/nearest_frontier"),
+    "exploration_strategy": (*_IN_LOCK_STEP, "benchmarks/exploration_strategy", "benchmarks/nearest_frontier"),
     "exploration_live": (*_IN_LOCK_STEP, "src/vsx_ros/ros", "hw/vsx_hw", "benchmarks/exploration"),
     "resume": (*_IN_LOCK_STEP, "src/vsx_ros/cli/session", "src/vsx_ros/io", "benchmarks/resume"),
     "fault_nodes": (*_NODES, "benchmarks/fault_nodes", "benchmarks/exploring_robot"),
@@ -62,6 +63,7 @@ TABLES: dict[str, Table] = {
     "cameras": Table("docs/reliability.md", "fault_cameras", table_faults.cameras),
     "robots": Table("docs/reliability.md", "fault_camera", table_faults.robots),
     "totals": Table("README.md", "exploration", table_exploration.brief, _LAB),
+    "strategies": Table("docs/results.md", "exploration_strategy", table_exploration.strategies),
     "exploration": Table("docs/results.md", "exploration", table_exploration.runs, _LAB),
     "exploration totals": Table("docs/results.md", "exploration", table_exploration.totals, _LAB),
     "growth": Table("docs/results.md", "exploration", table_exploration.growth, _LAB),

@@ -114,6 +114,14 @@ def test_tables_older_than_their_code_are_listed(tmp_path: Path, monkeypatch: py
     assert tables.stale("resumed").startswith("resumed (docs/results.md): 1 of 1 rows are of other code; ")
 
 
+def test_strategies_stand_side_by_side() -> None:
+    rows = [row(2), row(1), row(1, strategy="nearest")]
+    assert tables.TABLES["strategies"].made(rows)[2:] == [
+        "| 1 | - | 60 | 400 | 0 | - | 60 | 400 | 0 |",
+        "| 2 | - | 60 | 400 | 0 | - | - | - | - |",
+    ]
+
+
 def test_runs_that_know_nothing_have_a_dash_and_failures_their_reason() -> None:
     run = row(2)
     nowhere = {**run.result, "ate_rmse_m": None, "min_clearance_m": None, "scale_error": None, "reached": {}}
