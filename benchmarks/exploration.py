@@ -187,6 +187,7 @@ def main() -> None:
             "--live is the robot as it is, one run at a time; leave out --noise, --strategy, --pictures, --jobs"
         )
     work = explored_live if args.live else partial(explored, pictures=args.pictures)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # nodes and runs end with it
     store = Store(args.out or RESULTS / f"{name}.jsonl", rooms=rooms_of(name))
     run_campaign(tasks, work, store, Engine(args.jobs, apart=not args.live))
 

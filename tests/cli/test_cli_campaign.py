@@ -3,8 +3,12 @@
 import errno
 import json
 import os
+import signal
 import subprocess
 import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
 from typing import NamedTuple
 
 import pytest
@@ -140,6 +144,42 @@ def test_a_process_that_dies_is_tried_again(tmp_path):
     (failed,) = run_campaign(TASKS[:1], dies, Store(tmp_path / "r.jsonl"), Engine(apart=True))
     assert failed["failed"].startswith("its process died")
     assert TASKS[0]._asdict() not in Store(tmp_path / "r.jsonl")
+
+
+def slow(task: Square) -> dict[str, int]:
+    Path(task.words[0]).write_text(str(os.getpid()))
+    time.sleep(60)
+    return {}
+
+
+def is_over(pid: int) -> bool:
+    """Ended, or ended and not yet asked how."""
+    stat = Path(f"/proc/{pid}/stat")
+    return not stat.exists() or stat.read_text().rpartition(")")[2].split()[0] == "Z"
+
+
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGINT])
+def test_processes_end_with_the_campaign_however_that_ends(tmp_path, end):
+    code = (
+        "import test_cli_campaign as t; t.run_campaign([t.Square(1, (r'{}',))], t.slow, t.Store(t.Path(r'{}')),"
+        " t.Engine(apart=True))"
+    ).format(tmp_path / "pid", tmp_path / "r.jsonl")
+    paths = os.pathsep.join([str(Path(__file__).parent), *sys.path])
+    campaign = subprocess.Popen(
+        [sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": paths}, stderr=subprocess.DEVNULL
+    )
+    wait_for(lambda: (tmp_path / "pid").exists() and (tmp_path / "pid").read_text())
+    campaign.send_signal(end)
+    campaign.wait(30.0)
+    wait_for(lambda: is_over(int((tmp_path / "pid").read_text())))
+    assert not (tmp_path / "r.jsonl").exists()
+
+
+def wait_for(condition: Callable[[], object]) -> None:
+    deadline_s = time.monotonic() + 50.0
+    while not condition():
+        assert time.monotonic() < deadline_s
+        time.sleep(0.1)
 
 
 def test_without_dask_the_remedy_is_told(tmp_path, monkeypatch):

@@ -5,12 +5,13 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures import as_completed as as_done
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context, parent_process
 from typing import Any, NamedTuple, Protocol, cast
 
 from vsx_ros.cli.experiments.rows import Store, tell
@@ -103,15 +104,29 @@ def _apart(tasks: Sequence[Task], work: Work, jobs: int) -> Iterator[tuple[Task,
             yield futures[future], future.result()
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
+        for process in active_children():  # an interrupted campaign does not wait for half runs
+            process.terminate()
 
 
 def _in_its_own(work: Work, task: Task) -> Done:
     """A process that begins and ends with the task."""
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as one:
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=_end_with_the_caller) as one:
         try:
             return one.submit(guarded, work, task).result()
         except BrokenProcessPool:
             return Done({"failed": "its process died, perhaps for want of memory"}, False)
+
+
+def _end_with_the_caller() -> None:
+    """However that one ends."""
+    caller = parent_process()
+    assert caller is not None
+
+    def watch() -> None:
+        caller.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def _distributed(tasks: Sequence[Task], work: Work, scheduler: str) -> Iterator[tuple[Task, Done]]:
