@@ -1,23 +1,27 @@
 """Strategies of exploration compared without the SLAM: true poses, and landmarks of the emulated world for its map.
 
-    PYTHONPATH=src:hw python benchmarks/exploration_strategy.py [--seeds 100-105] [--strategy views nearest]
+    python benchmarks/exploration_strategy.py [--seeds 100-119] [--strategy views nearest] [--jobs 2]
 
 Mission, planner and ground map are the real ones. Corners of pictures from 160 random places, put where they truly
 are, stand for what the SLAM would map: each is found in a share of the keyframes that see it, drawn once, and its
 depth is as uncertain as its parallax says. The base follows its plans exactly. One run takes a quarter of a minute of
 processor time instead of three to four; it says how strategies compare, not what the whole system reaches
-(``exploration.py``).
+(``exploration.py``). Each leaves a row, of which ``tables.py`` makes the table.
 """
 
 import argparse
-import json
 import math
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
-from exploration import LEVELS, SAMPLE_S, metres, nearest_frontier, way_to
+from exploration import LEVELS, SAMPLE_S
+from nearest_frontier import nearest_frontier
+from tables import RESULTS, rooms_of
 
+from vsx_ros.cli.experiments.campaign import Engine, run_campaign
+from vsx_ros.cli.experiments.rows import Store
 from vsx_ros.cli.run_record import MapJudge
 from vsx_ros.config import Config
 from vsx_ros.exploration.decision import Action, NavigationState, Situation
@@ -263,39 +267,46 @@ class Run:
                 self._stop(NavigationState.SUCCEEDED, "arrived")
 
 
-def summary(strategy: str, seed: int | str, ways: list[float], more: str) -> str:
-    return f"{strategy:8} {seed!s:>7}  " + " ".join(f"{metres(way):>4}" for way in ways) + f"  {more}"
+class Choosing(NamedTuple):
+    """A world explored with one strategy, until enough is known or the limits are over."""
+
+    seed: int
+    strategy: str
+    until: float
+    way_m: float
+    time_s: float
+
+
+def explored(task: Choosing) -> dict[str, object]:
+    """Metres and seconds until shares were known and right, and how it ended."""
+    run = Run(task.seed, STRATEGIES[task.strategy])
+    why = run.explore(task.until, task.way_m, task.time_s)
+    reached: dict[str, list[float]] = {}
+    for now_s, way_m, right, _ in run.curve:
+        for level in LEVELS:
+            if right >= level:
+                reached.setdefault(f"{100 * level:.0f}", [round(way_m, 2), round(now_s, 1)])
+    now_s, way_m, right, bumps = run.curve[-1]
+    return {
+        "reached": reached, "coverage_correct": round(right, 4), "driven_m": round(way_m, 2),
+        "duration_s": round(now_s, 1), "collisions": bumps, "stop_reason": why,
+    }  # fmt: skip
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", default="100-105", help="first-last")
+    parser.add_argument("--seeds", default="100-119", help="first-last")
     parser.add_argument("--strategy", nargs="+", choices=tuple(STRATEGIES), default=list(STRATEGIES))
     parser.add_argument("--until", type=float, default=0.9)
     parser.add_argument("--way", type=float, default=120.0)
     parser.add_argument("--time", type=float, default=800.0)
-    parser.add_argument("--out", type=Path, help="append the curves to this file; what is there is not run again")
+    parser.add_argument("--jobs", type=int, default=1, help="runs at once")
+    parser.add_argument("--out", type=Path, default=RESULTS / "exploration_strategy.jsonl")
     args = parser.parse_args()
-    known = [json.loads(line) for line in args.out.read_text().splitlines()] if args.out and args.out.exists() else []
     first, _, last = args.seeds.partition("-")
     seeds = range(int(first), int(last or first) + 1)
-    print(f"{'':17} " + " ".join(f"L{100 * level:.0f}".rjust(4) for level in LEVELS) + "  [m]")
-    for strategy in args.strategy:
-        for seed in seeds:
-            if any((run["strategy"], run["seed"]) == (strategy, seed) for run in known):
-                continue
-            run = Run(seed, STRATEGIES[strategy])
-            why = run.explore(args.until, args.way, args.time)
-            known.append({"strategy": strategy, "seed": seed, "why": why, "curve": run.curve})
-            if args.out:
-                with args.out.open("a") as file:
-                    file.write(json.dumps(known[-1]) + "\n")
-            now_s, way_m, right, bumps = run.curve[-1]
-            more = f"{right:.3f} known after {way_m:.0f} m, {now_s:.0f} s; {bumps} bumps; {why}"
-            print(summary(strategy, seed, [way_to(run.curve, level) for level in LEVELS], more), flush=True)
-        chosen = [run for run in known if run["strategy"] == strategy and run["seed"] in seeds]
-        medians = [float(np.median([way_to(run["curve"], level) for run in chosen])) for level in LEVELS]
-        print(summary(strategy, "median", medians, f"of {len(chosen)}"), flush=True)
+    tasks = [Choosing(seed, strategy, args.until, args.way, args.time) for seed in seeds for strategy in args.strategy]
+    run_campaign(tasks, explored, Store(args.out, rooms=rooms_of("exploration_strategy")), Engine(args.jobs))
 
 
 if __name__ == "__main__":

@@ -1,11 +1,11 @@
 """How long the wheels turn after the camera of an exploring robot fails, seen at the emulator's end of the base's wire.
 
-python benchmarks/fault_camera.py [--repetitions 5] [--faults off stuck ...] [--out benchmarks/fault_camera.json]
-                                  [--minutes M]
+python benchmarks/fault_camera.py [--repetitions 5] [--faults off stuck ...] [--minutes M]
+                                  [--out benchmarks/results/fault_camera.jsonl]
 
 The real nodes explore an office; a faulty cable lies between the emulated Kinect and its real driver. Each repetition
 waits until the wheels turn, lets the fault set in, measures until the wheels were told to stand, notes what the robot
-says, and mends the cable. Results are kept after each repetition; benchmarks/fault_matrix.py makes the table from them.
+says, and mends the cable. Each repetition leaves a row; benchmarks/tables.py makes the table from them.
 """
 
 from __future__ import annotations
@@ -21,10 +21,12 @@ from pathlib import Path
 
 import numpy as np
 from exploring_robot import begin, home, new_stack, ready
+from tables import RESULTS, rooms_of
 
 from vsx_hw.errors import DeviceError
 from vsx_hw.kinect import wire
 from vsx_hw.kinect.protocol import FLAG_START, HEADER_BYTES
+from vsx_ros.cli.experiments.rows import Store
 
 FAULTS = ("unplugged", "off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent")
 WATCH_S = 4.0
@@ -184,10 +186,10 @@ def main() -> None:
     parser.add_argument("--repetitions", type=int, default=5)
     parser.add_argument("--faults", nargs="+", default=list(FAULTS), choices=FAULTS)
     parser.add_argument("--minutes", type=float, default=60.0)
-    parser.add_argument("--out", type=Path, default=Path(__file__).with_suffix(".json"))
+    parser.add_argument("--out", type=Path, default=RESULTS / "fault_camera.jsonl")
     args = parser.parse_args()
     end_s, folder = time.monotonic() + 60.0 * args.minutes, home()
-    results = json.loads(args.out.read_text()) if args.out.exists() else {}
+    store = Store(args.out, rooms=rooms_of("fault_camera"))
     stack = new_stack(folder)
     cable = FaultyCable.below(stack)
     try:
@@ -195,14 +197,15 @@ def main() -> None:
         ear = Ear()
         begin(stack)
         for fault in args.faults:
-            runs = results.setdefault(fault, [])
-            while len(runs) < args.repetitions and time.monotonic() < end_s:
+            for number in range(args.repetitions):
+                asked = {"fault": fault, "repetition": number}
+                if asked in store or time.monotonic() > end_s:
+                    continue
                 if not ready(stack):
                     print(f"{fault}: the robot does not drive; next", flush=True)
                     break
-                runs.append(repetition(stack, cable, ear, fault))
-                args.out.write_text(json.dumps(results, indent=1) + "\n")
-                print(fault, runs[-1], flush=True)
+                store.add(asked, repetition(stack, cable, ear, fault))
+                print(fault, store[asked], flush=True)
     finally:
         stack.down()
 

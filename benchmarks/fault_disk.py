@@ -1,13 +1,13 @@
 """What becomes of a run whose disk is full or read-only, takes no file more, or loses the run folder.
 
-python benchmarks/fault_disk.py [--how live lockstep] [--repetitions 4] [--minutes M] [--out FILE]
+python benchmarks/fault_disk.py [--how live lockstep] [--repetitions 4] [--minutes M]
 
 Each run has a disk of its own (a tmpfs, or an ext4 on a loop device; both need root) for its folder, its logs and
 ROS_HOME. Live is ``vsx explore`` with all nodes in an emulated lab, in lock-step ``vsx explore --fast``. The disk fails
 at a random moment; then the run's time is over, or it is interrupted (SIGINT), in turn. A run is good when the wheels
 stood at the end, by the emulator's own account, the program had ended within 10 s of its end with an exit code and no
-traceback, nothing that it started was left, and every file in the run folder can be read. Rows that are in FILE
-(benchmarks/fault_disk.jsonl) are not measured again; benchmarks/fault_matrix.py makes the table from them.
+traceback, nothing that it started was left, and every file in the run folder can be read. What is there already by
+the present code is not measured again; benchmarks/tables.py makes the table from the rows.
 """
 
 from __future__ import annotations
@@ -25,13 +25,14 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
-from datetime import datetime, timezone
 from pathlib import Path
 
 import cv2
 import numpy as np
 import yaml
+from tables import RESULTS, rooms_of
 
+from vsx_ros.cli.experiments.rows import Store
 from vsx_ros.io.journal import read_journal
 from vsx_ros.io.map_file import load_map
 from vsx_ros.io.ply_file import read_ply
@@ -218,7 +219,7 @@ class Run:
         traceback = any("Traceback" in line for line in said)
         good = self.stood and code in (0, 1, 4) and took_s < END_S and not (left or bad or traceback)
         return {
-            "stood": self.stood, "exit code": code, "ended after [s]": round(took_s, 2), "left alive": left,
+            "stood": self.stood, "exit code": code, "ended_s": round(took_s, 2), "left alive": left,
             "unreadable": bad, "summary": (self.folder / "summary.json").exists(), "traceback": traceback,
             "said": [line for line in said if "kept" in line or "cannot" in line][-1:], "good": good,
         }  # fmt: skip
@@ -240,13 +241,8 @@ def trial(how: str, fault: str, number: int) -> dict[str, object]:
         else:
             end_s = run.wait_for(lambda: run.said("stopping: " if how == "live" else "time limit of"))
         came_out = run.ended(end_s)
-    asked = {"how": how, "fault": fault, "number": number, "ended by": "SIGINT" if interrupted else "its time"}
-    return {**asked, "moment [s]": round(moment_s, 1), "while running": during, **came_out}
-
-
-def commit() -> str:
-    words = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty"]
-    return subprocess.run(words, capture_output=True, text=True, check=False).stdout.strip()
+    ended_by = "SIGINT" if interrupted else "its time"
+    return {"ended_by": ended_by, "moment_s": round(moment_s, 1), "while_running": during, **came_out}
 
 
 def main() -> None:
@@ -255,23 +251,19 @@ def main() -> None:
     parser.add_argument("--faults", nargs="+", default=list(FAULTS), choices=FAULTS)
     parser.add_argument("--repetitions", type=int, default=4)
     parser.add_argument("--minutes", type=float, default=240.0, help="begin no further run after this time")
-    parser.add_argument("--out", type=Path, default=Path(__file__).with_suffix(".jsonl"))
     args = parser.parse_args()
-    rows = [json.loads(line) for line in args.out.read_text().splitlines()] if args.out.exists() else []
-    known = {(row["how"], row["fault"], row["number"]) for row in rows}
+    store = Store(RESULTS / "fault_disk.jsonl", rooms=rooms_of("fault_disk"))
     for number in (signal.SIGINT, signal.SIGTERM):  # a shell's background job ignores SIGINT, with all it starts
         signal.signal(number, signal.default_int_handler)
     end_s = time.monotonic() + 60.0 * args.minutes
     for how in args.how:
         for number in range(args.repetitions):
             for fault in args.faults:
-                if (how, fault, number) in known or time.monotonic() > end_s:
+                asked = {"how": how, "fault": fault, "repetition": number}
+                if asked in store or time.monotonic() > end_s:
                     continue
-                when = datetime.now(timezone.utc).isoformat(timespec="seconds")
-                row = {"date": when, "commit": commit(), **trial(how, fault, number)}
-                with args.out.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps(row) + "\n")
-                print(json.dumps(row), flush=True)
+                store.add(asked, trial(how, fault, number))
+                print(asked, store[asked], flush=True)
 
 
 if __name__ == "__main__":

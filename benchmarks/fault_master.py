@@ -3,25 +3,26 @@
 python benchmarks/fault_master.py [--away 0.5 1 5 30] [--repetitions 20] [--out benchmarks/fault_master.jsonl]
                                   [--minutes M]
 
-As benchmarks/fault_nodes.py, on the same stack. A line of the file is one repetition: the commit and the date; for how
-long no master ran (``away_s``); how long the wheels turned after it was killed (``turned_s``, -1: they did not stop);
+As benchmarks/fault_nodes.py, on the same stack. A row is one repetition: for how long no master ran (``away_s``); how
+long the wheels turned after it was killed (``turned_s``, -1: they did not stop);
 when, after the new one was started, the stop path was there again (``path_s``: the service of the emergency stop, its
 node and the topics of the commands are registered, and the service accepts a connection); whether the wheels turned
 before that (``moved_before``); when the robot drove again by itself (``driving_s``, null: not within 60 s), or what
-ended it (``ending``); whether 'vsx stop' then stopped it (``stopped``). What the file holds is not measured again.
+ended it (``ending``); whether 'vsx stop' then stopped it (``stopped``). What is there already by the
+present code is not measured again.
 """
 
 from __future__ import annotations
 
 import argparse
-import datetime
-import json
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 from exploring_robot import begin, home, new_stack, ready, wait_for_motion
+from tables import RESULTS, rooms_of
+
+from vsx_ros.cli.experiments.rows import Store
 
 AWAY_S = (0.5, 1.0, 5.0, 30.0)
 DRIVES_WITHIN_S = 60.0
@@ -80,7 +81,6 @@ def repetition(stack: object, away_s: float) -> dict[str, object]:
     path_s, moved = wait_for_stop_path(plant, killed_s)
     drives = wait_for_motion(stack, DRIVES_WITHIN_S)
     return {
-        "away_s": away_s,
         "turned_s": round(turned_s, 3),
         "path_s": round(path_s - began_s, 3),
         "moved_before": moved,
@@ -95,35 +95,24 @@ def main() -> None:
     parser.add_argument("--away", nargs="+", type=float, default=list(AWAY_S))
     parser.add_argument("--repetitions", type=int, default=20)
     parser.add_argument("--minutes", type=float, default=240.0)
-    parser.add_argument("--out", type=Path, default=Path(__file__).with_suffix(".jsonl"))
     args = parser.parse_args()
     end_s, folder = time.monotonic() + 60.0 * args.minutes, home()
-    rows = [json.loads(line) for line in args.out.read_text().splitlines()] if args.out.exists() else []
-    missing = {away_s: args.repetitions - sum(row["away_s"] == away_s for row in rows) for away_s in args.away}
-    asked = [away_s for k in range(args.repetitions) for away_s in args.away if k < missing[away_s]]
-    if not asked:
+    store = Store(RESULTS / "fault_master.jsonl", rooms=rooms_of("fault_master"))
+    questions = [{"away_s": away_s, "repetition": k} for k in range(args.repetitions) for away_s in args.away]
+    missing = [asked for asked in questions if asked not in store]
+    if not missing:
         return
     stack = new_stack(folder)
     try:
         stack.up()
         begin(stack)
-        for away_s in asked:
+        for asked in missing:
             if time.monotonic() > end_s or not ready(stack):
                 break
-            row = {"commit": commit(), "date": datetime.date.today().isoformat(), **repetition(stack, away_s)}
-            with args.out.open("a") as out:
-                out.write(json.dumps(row) + "\n")
-            print(row, flush=True)
+            store.add(asked, repetition(stack, asked["away_s"]))
+            print(asked, store[asked], flush=True)
     finally:
         stack.down()
-
-
-def commit() -> str:
-    """Of the robot's code; what was measured before may have changed since."""
-    git = ["git", "-C", str(Path(__file__).resolve().parents[1])]
-    name = subprocess.run([*git, "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=True).stdout
-    changed = subprocess.run([*git, "diff", "--quiet", "HEAD", "--", "src", "hw"], check=False).returncode
-    return name.strip() + ("-dirty" if changed else "")
 
 
 if __name__ == "__main__":

@@ -1,25 +1,27 @@
 """How long the wheels turn after a node is killed, stopped or hung, seen at the emulator's end of the wire.
 
 python benchmarks/fault_nodes.py [--repetitions 20] [--nodes mobile_base follower ...] [--how killed hung stopped]
-                                 [--out benchmarks/fault_nodes.json] [--minutes M]
+                                 [--out benchmarks/results/fault_nodes.jsonl] [--minutes M]
 
 The real nodes explore an office, over a real driver and a pseudo-terminal. Each repetition waits until the wheels turn,
 then does it (SIGKILL, SIGSTOP or SIGINT to that process), measures until the wheels were told to stand, and mends it;
 a stack whose master ended is built anew (benchmarks/fault_master.py starts another master instead). A guardian of
 mobile_base ignores SIGINT, and is replaced by its node; mobile_base+guardian are both at once.
-Results are kept after each repetition; benchmarks/fault_matrix.py makes the table of docs/reliability.md from them.
+Each repetition leaves a row; benchmarks/tables.py makes the table of docs/reliability.md from them.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import signal
 import time
 from pathlib import Path
 
 from exploring_robot import START_S, begin, home, new_stack, ready
+from tables import RESULTS, rooms_of
+
+from vsx_ros.cli.experiments.rows import Store
 
 NODES = (
     "mobile_base", "follower", "move_base", "explore", "camera", "vslam", "rosmaster", "guardian",
@@ -70,19 +72,21 @@ def main() -> None:
     parser.add_argument("--nodes", nargs="+", default=list(NODES), choices=NODES)
     parser.add_argument("--how", nargs="+", default=list(SIGNALS), choices=SIGNALS)
     parser.add_argument("--minutes", type=float, default=240.0)
-    parser.add_argument("--out", type=Path, default=Path(__file__).with_suffix(".json"))
+    parser.add_argument("--out", type=Path, default=RESULTS / "fault_nodes.jsonl")
     args = parser.parse_args()
     end_s, folder = time.monotonic() + 60.0 * args.minutes, home()
-    results = json.loads(args.out.read_text()) if args.out.exists() else {}
+    store = Store(args.out, rooms=rooms_of("fault_nodes"))
     stack = None
     try:
         for how in args.how:
             for node in args.nodes:
                 if "guardian" in node and how == "stopped":
                     continue
-                turned = results.setdefault(f"{node} {how}", [])
                 last = node == "rosmaster" and how != "hung"
-                while len(turned) < args.repetitions and time.monotonic() < end_s:
+                for number in range(args.repetitions):
+                    asked = {"node": node, "how": how, "repetition": number}
+                    if asked in store or time.monotonic() > end_s:
+                        continue
                     if stack is None:
                         stack = new_stack(folder)
                         stack.up()
@@ -90,9 +94,9 @@ def main() -> None:
                     if not ready(stack):
                         print(f"{node} {how}: the robot does not drive; next", flush=True)
                         break
-                    turned.append(round(repetition(stack, node, how), 3))
-                    args.out.write_text(json.dumps(results, indent=1) + "\n")
-                    print(node, how, turned[-1], flush=True)
+                    turned_s = round(repetition(stack, node, how), 3)
+                    store.add(asked, {"turned_s": turned_s})
+                    print(node, how, turned_s, flush=True)
                     if last:
                         stack.down()
                         stack = None

@@ -12,7 +12,6 @@ from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
-from vsx_ros.kernels.vision.patches import PATCH
 
 from vsx_ros.config import Config
 from vsx_ros.exploration.memory import MissionMemory
@@ -24,6 +23,7 @@ from vsx_ros.io.calibration_file import write_calibration
 from vsx_ros.io.checkpoint import Saved
 from vsx_ros.io.journal import ClockLine, EventLine, FrameLine, Journal, TruthLine, flat
 from vsx_ros.io.run_folder import FrameRecord, RunEvent, RunFolder
+from vsx_ros.kernels.vision.patches import PATCH
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.slam.keyframe import FrameData, Observations
 from vsx_ros.slam.map import Map

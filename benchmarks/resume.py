@@ -1,11 +1,11 @@
 """Runs killed at random moments and resumed, against the same runs left alone.
 
-    python benchmarks/resume.py --seeds 100:110 [--kills 2] [--time S] > benchmarks/resume.txt
+    python benchmarks/resume.py --seeds 100:110 [--kills 2] [--time S] [--out FILE]
 
 Each run is ``vsx explore --fast`` in a process of its own, until its mission ends or ``--time`` is over; the same run
 again is ended by SIGKILL when its journal has reached a random second of the first, then resumed, as often as asked.
-Both ends are compared: coverage, ATE, breaks, collisions. No kill comes in the last minute of ``--time``: what a
-resumed run does first is to look for its place.
+Both ends are compared: coverage, ATE, breaks, collisions; each pair leaves a row, and benchmarks/tables.py makes the
+table. No kill comes in the last minute of ``--time``: what a resumed run does first is to look for its place.
 """
 
 from __future__ import annotations
@@ -13,48 +13,60 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import shutil
 import signal
 import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
+from tables import RESULTS, rooms_of
 
+from vsx_ros.cli.experiments.campaign import Engine, run_campaign
+from vsx_ros.cli.experiments.rows import Store
 from vsx_ros.cli.reproduce import seeds
 from vsx_ros.io.journal import FrameLine, read_journal
 
 VSX = [sys.executable, "-m", "vsx_ros.cli.main", "explore", "--fast"]
 LAST_S = 60.0
+KEPT = ("coverage_correct", "ate_rmse_m", "breaks", "collisions", "stop_reason")
+
+
+class Pair(NamedTuple):
+    """A run left alone, and the same run killed and resumed."""
+
+    seed: int
+    time_s: float
+    kills: int
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=seeds, default=range(10))
     parser.add_argument("--time", type=float, default=1200.0, metavar="S")
     parser.add_argument("--kills", type=int, default=2)
+    parser.add_argument("--out", type=Path, default=RESULTS / "resume.jsonl")
     args = parser.parse_args()
-    print(f"{'seed':>4}  {'killed at [s]':20} {'right':>13} {'ATE [m]':>15} {'breaks':>7} {'collisions':>10}  end")
-    as_good = 0
-    for seed in args.seeds:
-        folder = Path(tempfile.mkdtemp(prefix="vsx-resume-"))
-        try:
-            alone = left_alone(folder / "alone", seed, args.time)
-            last = min(alone["duration_s"] - 5.0, args.time - LAST_S)
-            moments = np.sort(np.random.default_rng([seed, 9]).uniform(0.5, last, args.kills))
-            resumed = killed(folder / "killed", seed, args.time, moments.tolist())
-        finally:
-            shutil.rmtree(folder)
-        as_good += is_as_good(alone, resumed)
-        when = " ".join(f"{moment:.1f}" for moment in moments)
-        print(f"{seed:4}  {when:20} {compared(alone, resumed)}", flush=True)
-    print(f"as good as left alone: {as_good} of {len(args.seeds)} (each pair: left alone, killed and resumed)")
+    store = Store(args.out, rooms=rooms_of("resume"))
+    run_campaign([Pair(seed, args.time, args.kills) for seed in args.seeds], both, store, Engine())
+
+
+def both(pair: Pair) -> dict[str, Any]:
+    """What both reached."""
+    with tempfile.TemporaryDirectory(prefix="vsx-resume-") as folder:
+        alone = left_alone(Path(folder) / "alone", pair.seed, pair.time_s)
+        last = min(alone["duration_s"] - 5.0, pair.time_s - LAST_S)
+        moments = np.sort(np.random.default_rng([pair.seed, 9]).uniform(0.5, last, pair.kills))
+        resumed = killed(Path(folder) / "killed", pair.seed, pair.time_s, moments.tolist())
+    ends = {which: {name: run[name] for name in KEPT} for which, run in (("alone", alone), ("resumed", resumed))}
+    return {"killed_s": moments.round(1).tolist(), "as_good": is_as_good(alone, resumed), **ends}
 
 
 def is_as_good(alone: dict, resumed: dict) -> bool:
-    """A run without a map or a way is not, whatever the other one is."""
+    """Not worse beyond what two runs with other noise differ by; a run without a map or a way is not, whatever the
+    other one is."""
     if None in (run[key] for run in (alone, resumed) for key in ("coverage_correct", "ate_rmse_m")):
         return False
     return (
@@ -63,22 +75,6 @@ def is_as_good(alone: dict, resumed: dict) -> bool:
         and resumed["coverage_correct"] >= alone["coverage_correct"] - 0.1
         and resumed["ate_rmse_m"] <= max(0.05, 2.0 * alone["ate_rmse_m"])
     )
-
-
-def compared(alone: dict, resumed: dict) -> str:
-    """What both reached, side by side, and the verdict; a dash is what is not known."""
-    forms = (
-        ("coverage_correct", ".3f", 5, 5),
-        ("ate_rmse_m", ".4f", 8, 6),
-        ("breaks", "d", 3, 3),
-        ("collisions", "d", 5, 4),
-    )
-    cells = []
-    for key, form, *widths in forms:
-        said = ("-" if run[key] is None else format(run[key], form) for run in (alone, resumed))
-        cells += [f"{word:>{width}}" for word, width in zip(said, widths)]
-    end = f"{'as good' if is_as_good(alone, resumed) else 'worse'}: {resumed['stop_reason']}"
-    return " ".join(cells) + f"  {end}"
 
 
 def left_alone(out: Path, seed: int, time_s: float) -> dict:

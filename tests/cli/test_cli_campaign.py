@@ -3,14 +3,19 @@
 import errno
 import json
 import os
+import signal
 import subprocess
 import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 from free_ports import free_port
 
-from vsx_ros.cli.experiments.campaign import Engine, Store, run_campaign
+from vsx_ros.cli.experiments.campaign import Engine, run_campaign
+from vsx_ros.cli.experiments.rows import Store
 from vsx_ros.errors import ConfigError, InputError
 
 
@@ -25,6 +30,10 @@ def square(task: Square) -> dict[str, int]:
     if task.number == 4:
         raise ZeroDivisionError("four")
     return {"square": task.number**2}
+
+
+def whose(task: Square) -> dict[str, int]:
+    return {"pid": os.getpid()}
 
 
 TASKS = [Square(n, ("a=1",)) for n in range(5)]
@@ -83,48 +92,19 @@ def test_an_interrupted_campaign_goes_on(tmp_path):
     assert run_campaign(TASKS, square, Store(tmp_path / "r.jsonl"), Engine()) == RESULTS
 
 
-@pytest.mark.parametrize("version", ["of now", "0.0.0"])
-def test_a_campaign_killed_while_it_wrote_goes_on(tmp_path, version):
-    path = tmp_path / "r.jsonl"
-    for task, result in zip(TASKS[:3], RESULTS, strict=False):
-        Store(path).add(task, {"nested": result})
-    whole = path.read_bytes() if version == "of now" else path.read_bytes().replace(b'"version": "', b'"version": "0.')
-    lines = whole.splitlines(keepends=True)
-    for cut in range(1, len(lines[-1]) + 1):
-        path.write_bytes(whole[:-cut])
-        store = Store(path)
-        assert [task in store for task in TASKS[:3]] == [version == "of now"] * 2 + [False]
-        store.add(TASKS[2], {"nested": {"square": 4}})
-        assert path.read_bytes().splitlines(keepends=True)[:2] == lines[:2]
-        assert Store(path)[TASKS[2]] == {"nested": {"square": 4}}
-
-
-def test_a_disk_that_takes_no_more_is_told(tmp_path):
-    store = Store(tmp_path / "r.jsonl")
-    os.symlink("/dev/full", tmp_path / "r.jsonl")
-    with pytest.raises(InputError, match=r"r\.jsonl cannot be written \(No space left on device\); free the disk"):
-        store.add(TASKS[0], RESULTS[0])
-
-
-def test_results_of_another_version_are_not_taken(tmp_path):
-    store = Store(tmp_path / "r.jsonl")
-    store.add(TASKS[1], {"square": 1})
-    line = json.loads((tmp_path / "r.jsonl").read_text())
-    (tmp_path / "r.jsonl").write_text(json.dumps({**line, "version": "0.0.0"}) + "\n")
-    assert TASKS[1] in store
-    assert TASKS[1] not in Store(tmp_path / "r.jsonl")
-
-
-@pytest.mark.parametrize("damage", ['{"task": 1}\n', "[]\n", "nonsense}\n", "x\ny\nz\n"])
-def test_damage_is_told(tmp_path, damage):
-    (tmp_path / "r.jsonl").write_text(damage)
-    with pytest.raises(InputError, match=r"r\.jsonl is damaged in line 1"):
-        Store(tmp_path / "r.jsonl")
+@pytest.mark.parametrize("engine", [Engine(jobs=2), Engine(apart=True)])
+def test_processes_of_their_own_do_the_same(tmp_path, engine):
+    here = os.getpid()
+    assert run_campaign(TASKS, square, Store(tmp_path / "r.jsonl"), engine) == RESULTS
+    pids = [r["pid"] for r in run_campaign(TASKS[:3], whose, Store(tmp_path / "pids.jsonl"), engine)]
+    assert len({here, *pids}) == 4
 
 
 def test_dask_workers_do_the_same(tmp_path):
-    pytest.importorskip("distributed")
-    assert run_campaign(TASKS, square, Store(tmp_path / "r.jsonl"), Engine(jobs=2)) == RESULTS
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        engine = Engine(scheduler=cluster.scheduler_address)
+        assert run_campaign(TASKS, square, Store(tmp_path / "r.jsonl"), engine) == RESULTS
 
 
 def test_a_scheduler_that_is_not_there(tmp_path, monkeypatch):
@@ -160,15 +140,49 @@ def dies(task: Square) -> dict[str, int]:
     os._exit(1)
 
 
-@pytest.mark.filterwarnings("ignore")
-def test_a_worker_that_dies_is_tried_again(tmp_path):
-    pytest.importorskip("distributed")
-    (failed,) = run_campaign(TASKS[:1], dies, Store(tmp_path / "r.jsonl"), Engine(jobs=2))
-    assert failed["failed"].startswith("its worker failed: KilledWorker")
-    assert TASKS[0] not in Store(tmp_path / "r.jsonl")
+def test_a_process_that_dies_is_tried_again(tmp_path):
+    (failed,) = run_campaign(TASKS[:1], dies, Store(tmp_path / "r.jsonl"), Engine(apart=True))
+    assert failed["failed"].startswith("its process died")
+    assert TASKS[0]._asdict() not in Store(tmp_path / "r.jsonl")
+
+
+def slow(task: Square) -> dict[str, int]:
+    Path(task.words[0]).write_text(str(os.getpid()))
+    time.sleep(60)
+    return {}
+
+
+def is_over(pid: int) -> bool:
+    """Ended, or ended and not yet asked how."""
+    stat = Path(f"/proc/{pid}/stat")
+    return not stat.exists() or stat.read_text().rpartition(")")[2].split()[0] == "Z"
+
+
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGINT])
+def test_processes_end_with_the_campaign_however_that_ends(tmp_path, end):
+    code = (
+        "import test_cli_campaign as t; t.run_campaign([t.Square(1, (r'{}',))], t.slow, t.Store(t.Path(r'{}')),"
+        " t.Engine(apart=True))"
+    ).format(tmp_path / "pid", tmp_path / "r.jsonl")
+    paths = os.pathsep.join([str(Path(__file__).parent), *sys.path])
+    campaign = subprocess.Popen(
+        [sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": paths}, stderr=subprocess.DEVNULL
+    )
+    wait_for(lambda: (tmp_path / "pid").exists() and (tmp_path / "pid").read_text())
+    campaign.send_signal(end)
+    campaign.wait(30.0)
+    wait_for(lambda: is_over(int((tmp_path / "pid").read_text())))
+    assert not (tmp_path / "r.jsonl").exists()
+
+
+def wait_for(condition: Callable[[], object]) -> None:
+    deadline_s = time.monotonic() + 50.0
+    while not condition():
+        assert time.monotonic() < deadline_s
+        time.sleep(0.1)
 
 
 def test_without_dask_the_remedy_is_told(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "distributed", None)
     with pytest.raises(ConfigError, match="pip install"):
-        run_campaign(TASKS, square, Store(tmp_path / "r.jsonl"), Engine(jobs=2))
+        run_campaign(TASKS, square, Store(tmp_path / "r.jsonl"), Engine(scheduler="tcp://127.0.0.1:1"))

@@ -194,6 +194,7 @@ def test_numbers_say_what_they_rest_on(tmp_path, monkeypatch):
     assert execute(["reproduce", "table1", *words]) == 0
     assert execute(["reproduce", "fig6", *words]) == 0
     table, figure = (json.loads((tmp_path / name).read_text()) for name in ("table1.json", "fig6.json"))
+    assert table["made_by"].startswith(f"vsx_ros {__version__}")
     assert (table["version"], table["world"], table["seeds"], table["noises"]) == (__version__, "lab", [1, 2], 3)
     assert table[PAPER]["both"]["u1"]["ratio"][ARMS[1]][0] == pytest.approx(3.0)
     assert (figure["version"], figure["world"], figure["seed"]) == (__version__, "lab", 1)

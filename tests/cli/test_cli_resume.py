@@ -247,6 +247,26 @@ def test_a_real_camera_says_itself_how_often_it_looks(tmp_path, monkeypatch, cap
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("words", ["--until 0.9", "--world lab --load-map m.vsxmap --until 0.9"])
+def test_how_much_is_right_is_known_of_emulated_worlds_and_new_maps_alone(words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert execute(["explore", *words.split()]) == 1
+    assert "--until 0.9: how much is right" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_run_ends_when_enough_is_known(tmp_path):
+    out = tmp_path / "run"
+    assert execute(["explore", "--fast", "--seed", "1", "--until", "0.02", "--out", str(out)]) == 0
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["stop_reason"] == "2 % is known"
+    assert 0.02 <= summary["coverage_correct"] < 0.5
+    assert summary["driven_m"] > 0.1
+    assert 0.0 < summary["min_clearance_m"] < 5.0
+    with pytest.raises(SystemExit):
+        execute(["explore", "--fast", "--until", "90"])
+
+
 def test_a_replay_cannot_be_resumed(tmp_path, capsys):
     RunFolder.create(tmp_path).write_config(Config(), ["vsx", "replay"], seed=0)
     assert execute(["explore", "--fast", "--resume", str(tmp_path)]) == 1

@@ -1,86 +1,107 @@
-"""Benchmarks of hours tell what there is of runs that ended badly, and go on where they were interrupted."""
+"""Benchmarks of hours leave rows, also of runs that ended badly, and go on where they were interrupted."""
 
-import importlib.util
+from __future__ import annotations
+
+import json
 import sys
 from pathlib import Path
-from types import ModuleType
+from typing import Any
 
 import pytest
 
-from vsx_ros import __version__
+from vsx_ros.cli.exit_codes import STOPPED
+from vsx_ros.cli.experiments.campaign import Engine
+from vsx_ros.cli.experiments.rows import read_rows
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 
-def benchmark(name: str) -> ModuleType:
-    path = Path(__file__).resolve().parents[2] / "benchmarks" / f"{name}.py"
-    spec = importlib.util.spec_from_file_location(f"benchmark_{name}", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+import exploration
+import resume
 
-
-RESUME, EXPLORATION = benchmark("resume"), benchmark("exploration")
 GOOD = {"coverage_correct": 0.5, "ate_rmse_m": 0.01, "breaks": 0, "collisions": 0, "stop_reason": "time limit of 120 s"}
-RUN = {
-    "world": "lab", "seed": 7, "noise": 0, "strategy": "views", "until": 0.9, "way": 120.0, "time": 800.0,
-    "version": __version__, "coverage_correct": 0.9, "ate_rmse_m": 0.01, "scale_error": -0.002, "breaks": 0,
-    "collisions": 0, "path_length_m": 60.0, "duration_s": 400.0, "stop_reason": "enough is known", "cpu_s": 300.0,
-    "min_clearance_m": 0.1, "times_lost": 0, "curve": [[0.0, 0.0, 0.0, 0], [400.0, 60.0, 0.9, 0]],
-    "decisions": [[9.0, 3.0, 8, 50.0, 400.0]],
+SUMMARY = {
+    **GOOD, "coverage_correct": 0.912, "relocalizations": 0, "scale_error": 0.00212345, "driven_m": 61.237,
+    "min_clearance_m": 0.09, "duration_s": 400.0, "keyframes": 300, "free_inside_obstacle": 0.0, "plans": 20,
 }  # fmt: skip
-NOWHERE = {**RUN, "seed": 8, "coverage_correct": None, "ate_rmse_m": None, "scale_error": None, "curve": []}
 
 
 @pytest.mark.parametrize("unknown", ["coverage_correct", "ate_rmse_m"])
-def test_a_run_that_knows_nothing_is_worse_and_shows_a_dash(unknown: str) -> None:
+def test_a_run_that_knows_nothing_is_worse(unknown: str) -> None:
     poor = {**GOOD, unknown: None}
-    assert RESUME.is_as_good(GOOD, GOOD)
-    assert not any(RESUME.is_as_good(*pair) for pair in ((GOOD, poor), (poor, GOOD), (poor, poor)))
-    assert RESUME.compared(GOOD, GOOD) == "0.500 0.500   0.0100 0.0100   0   0     0    0  as good: time limit of 120 s"
-    assert RESUME.compared(GOOD, poor).split().count("-") == 1
+    assert resume.is_as_good(GOOD, GOOD)
+    assert not any(resume.is_as_good(*pair) for pair in ((GOOD, poor), (poor, GOOD), (poor, poor)))
 
 
-def test_tables_hold_runs_that_know_nothing() -> None:
-    assert " | - | 60 | 400 | " in EXPLORATION.table([RUN, NOWHERE])
-    assert "1 of 2 runs know 90 %" in EXPLORATION.totals([RUN, NOWHERE])
-    assert EXPLORATION.growth([RUN, {**NOWHERE, "decisions": []}]).count("\n") == 2
+def test_a_pair_says_when_it_was_killed_and_what_both_reached(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(resume, "left_alone", lambda out, seed, time_s: {**GOOD, "duration_s": 100.0})
+    monkeypatch.setattr(resume, "killed", lambda out, seed, time_s, moments: {**GOOD, "breaks": 1})
+    row = resume.both(resume.Pair(7, 120.0, 3))
+    assert row["alone"] == GOOD
+    assert (row["resumed"]["breaks"], row["as_good"]) == (1, False)
+    assert len(row["killed_s"]) == 3
+    assert all(0.0 < moment <= 60.0 for moment in row["killed_s"])
 
 
-def test_other_versions_and_limits_are_told_apart() -> None:
-    older, longer = {**RUN, "version": "0.0.1"}, {**RUN, "way": 300.0}
-    once = {name: value for name, value in RUN.items() if name not in ("way", "time")}
-    assert len({EXPLORATION.limits_of(run) for run in (RUN, once, older, longer)}) == 3
-    table = EXPLORATION.table([RUN, once, older, longer])
-    assert [f"median of {count} " in table for count in (1, 2, 4)] == [True, True, False]
-    assert len(EXPLORATION.totals([RUN, once, older, longer]).splitlines()) == 3
+def test_a_row_says_when_enough_was_known() -> None:
+    row = exploration.told(
+        SUMMARY, ["tracking lost: dark", "mapping", "tracking lost: plain"], 0.9, {"50": [20.0, 90.0]}
+    )
+    assert row["reached"] == {"50": [20.0, 90.0], "90": [61.24, 400.0]}
+    assert (row["times_lost"], row["scale_error"]) == (2, 0.0021)
+    nowhere = exploration.told({**SUMMARY, "coverage_correct": None, "ate_rmse_m": None}, [], 0.9, {})
+    assert (nowhere["reached"], nowhere["ate_rmse_m"]) == ({}, None)
 
 
-def test_a_torn_last_line_is_left_out_and_gone_on_after(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = tmp_path / "runs.jsonl"
-    EXPLORATION.append(file, RUN)
-    with file.open("a") as out:
-        out.write('{"world": "la')
-    assert EXPLORATION.known_runs(file) == [RUN]
-    assert "line 2, was cut off" in capsys.readouterr().err
-    EXPLORATION.append(file, NOWHERE)
-    assert EXPLORATION.known_runs(file) == [RUN, NOWHERE]
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *words: str) -> list[Any]:
+    monkeypatch.setattr(sys, "argv", ["exploration.py", "run", "--out", str(tmp_path / "rows.jsonl"), *words])
+    exploration.main()
+    return [row.asked for row in read_rows(tmp_path / "rows.jsonl", pytest.fail)]
 
 
-@pytest.mark.parametrize(("asked", "driven"), [(["--way", "300"], True), (["--time", "900"], True), ([], False)])
-def test_a_run_is_driven_again_within_other_limits_only(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked: list[str], driven: bool
+def test_runs_are_driven_again_within_other_limits_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(exploration, "Engine", lambda jobs, apart: Engine())
+    monkeypatch.setattr(exploration, "explored", lambda task, pictures: {"seed": task.seed})
+    assert [asked["seed"] for asked in run(tmp_path, monkeypatch, "--seeds", "7-8")] == [7, 8]
+    assert len(run(tmp_path, monkeypatch, "--seeds", "7-8")) == 2
+    assert len(run(tmp_path, monkeypatch, "--seeds", "8", "--way", "300")) == 3
+    assert len(run(tmp_path, monkeypatch, "--seeds", "8", "--noise", "1")) == 4
+
+
+def test_a_live_run_is_read_from_its_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+    task = exploration.Exploration("lab", 7, 0, "views", 0.9, 800.0, None)
+
+    def explore(words: list[str]) -> tuple[int, str]:
+        assert "--headless" in words
+        assert words[words.index("--until") + 1] == "0.9"
+        out = Path(words[-1])
+        out.mkdir()
+        (out / "summary.json").write_text(json.dumps(SUMMARY))
+        event = {"stamp_ns": 1, "source": "mission", "state": "recovering", "reason": "tracking lost: dark"}
+        (out / "events.jsonl").write_text(json.dumps(event) + "\n")
+        return 0, ""
+
+    monkeypatch.setattr(exploration, "vsx_explore", explore)
+    row = exploration.explored_live(task)
+    assert row["reached"] == {"90": [61.24, 400.0]}
+    assert (row["times_lost"], row["min_clearance_m"], row["exit"]) == (1, 0.09, 0)
+
+
+def test_a_live_run_that_never_began_says_why_and_one_that_was_stopped_is_no_result(
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    file = tmp_path / "runs.jsonl"
-    EXPLORATION.append(file, RUN)
-    monkeypatch.setattr(EXPLORATION, "explored", lambda world, seed, noise, strategy, limits: RUN)
-    monkeypatch.setattr(sys, "argv", ["exploration.py", "run", "--seeds", "7", "--out", str(file), *asked])
-    EXPLORATION.main()
-    assert len(EXPLORATION.known_runs(file)) == 1 + driven
+    task = exploration.Exploration("lab", 7, 0, "views", 0.9, 800.0, None)
+    monkeypatch.setattr(exploration, "vsx_explore", lambda words: (1, "starting\nvsx: no master\n"))
+    with pytest.raises(exploration.InputError, match="ended with code 1: vsx: no master"):
+        exploration.explored_live(task)
+    monkeypatch.setattr(exploration, "vsx_explore", lambda words: (STOPPED, ""))
+    with pytest.raises(KeyboardInterrupt):
+        exploration.explored_live(task)
 
 
 def test_the_memory_is_what_is_held_now() -> None:
-    before = EXPLORATION.memory_mb()
+    before = exploration.memory_mb()
     held = bytearray(b"x" * 200_000_000)
-    there = EXPLORATION.memory_mb()
+    there = exploration.memory_mb()
     del held
     assert there - before > 150.0
-    assert EXPLORATION.memory_mb() < there - 150.0
+    assert exploration.memory_mb() < there - 150.0

@@ -26,7 +26,8 @@ from vsx_ros.robot import Frame
 from vsx_ros.ros import convert
 from vsx_ros.ros.dashboard import words
 from vsx_ros.ros.dashboard.board import Board
-from vsx_ros.ros.dashboard.server import Answer, ViewServer
+from vsx_ros.ros.dashboard.handler import Answer
+from vsx_ros.ros.dashboard.server import ViewServer
 from vsx_ros.ros.frontier_markers import frontier_markers
 from vsx_ros.ros.preview import drawn
 from vsx_ros.slam.sight import Sight

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import contextlib
 import http.client
 import json
+import select
 import socket
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator, Sequence
 
 import pytest
 from ros_ports import HOST, free_port
 
 from vsx_ros.errors import ConfigError
+from vsx_ros.ros.dashboard import connections, handler
 from vsx_ros.ros.dashboard.board import Board
-from vsx_ros.ros.dashboard.server import TOKEN_HEADER, Answer, ViewServer, address, is_loopback
+from vsx_ros.ros.dashboard.handler import TOKEN_HEADER, Answer, Handler, Http
+from vsx_ros.ros.dashboard.server import ViewServer, address
 
 TOKEN = "the-token"
 
@@ -21,17 +26,24 @@ TOKEN = "the-token"
 class Served:
     """A server that remembers."""
 
-    def __init__(self, host: str = "127.0.0.1") -> None:
+    def __init__(self, host: str = "127.0.0.1", allowed: Sequence[str] = ()) -> None:
         self.board = Board()
         self.done: list[str] = []
         self.viewers: list[int] = []
         self.changed = threading.Condition()
-        commands = {"estop": self._estop, "home": lambda: Answer(False, "explore does not answer")}
-        self.server = ViewServer(self.board, commands, self._count, TOKEN, host, 0)
+        self.waits: list[bool] = []
+        self.go_on = threading.Event()
+        unable = Answer(False, "explore does not answer")
+        commands = {"estop": self._estop, "home": lambda: unable, "wait": self._wait}
+        self.server = ViewServer(self.board, commands, self._count, TOKEN, host, 0, allowed)
 
     def _estop(self) -> Answer:
         self.done.append("estop")
         return Answer(True, "stopped")
+
+    def _wait(self) -> Answer:
+        self.waits.append(True)
+        return Answer(self.go_on.wait(20.0), "")
 
     def _count(self, count: int) -> None:
         with self.changed:
@@ -49,6 +61,36 @@ class Served:
         text = answer.read().decode()
         connection.close()
         return answer.status, text
+
+    def stream(self, address: str = "127.0.0.1", **headers: str) -> http.client.HTTPResponse:
+        connection = http.client.HTTPConnection("127.0.0.1", self.server.port, timeout=10, source_address=(address, 0))
+        connection.request("GET", "/events", headers=headers)
+        answer = connection.getresponse()
+        assert answer.status == 200
+        return answer
+
+    def say(self, request: bytes) -> bytes:
+        with socket.create_connection(("127.0.0.1", self.server.port), timeout=10) as connection:
+            try:
+                connection.sendall(request)
+                return connection.recv(4096)
+            except ConnectionError:
+                return b""
+
+
+def ended(stream: http.client.HTTPResponse) -> bool:
+    """Whether the server ends it; the client's timeout is the limit."""
+    with contextlib.suppress(ConnectionError):
+        while stream.read(4096):
+            pass
+    return True
+
+
+def wait_for(condition: Callable[[], object]) -> None:
+    deadline_s = time.monotonic() + 20.0
+    while not condition():
+        assert time.monotonic() < deadline_s
+        time.sleep(0.02)
 
 
 @pytest.fixture
@@ -79,26 +121,160 @@ def test_a_command_that_fails_or_does_not_exist_says_so(served: Served) -> None:
 
 
 def test_only_this_machine_reaches_it(served: Served) -> None:
-    """Listening on the loopback alone, and not for a foreign page whose name was pointed here."""
+    """Listening on the loopback alone."""
     with socket.socket() as outside:
         outside.settimeout(5.0)
         assert outside.connect_ex(("127.0.0.2", served.server.port)) != 0
-    for name in ("evil.example", f"evil.example:{served.server.port}", ""):
-        assert served.ask("GET", "/events", Host=name)[0] == 403
-        assert served.ask("POST", "/command/estop", Host=name, **{TOKEN_HEADER: TOKEN})[0] == 403
-    assert served.ask("GET", "/", Host=f"localhost:{served.server.port}")[0] == 200
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0"])
+def test_it_answers_to_names_of_this_machine_and_to_allowed_ones_alone(host: str) -> None:
+    """Whoever reaches the port: a foreign page may point a name of its own here."""
+    made = Served(host, ["proxy.example", "localhost:9000"])
+    port = made.server.port
+    try:
+        own = ["localhost", "127.0.0.1", "[::1]", socket.gethostname(), "LOCALHOST.", "proxy.example"]
+        for name in [*(f"{name}:{port}" for name in own), "localhost:9000"]:
+            assert made.ask("GET", "/", Host=name)[0] == 200, name
+        foreign = ["evil.example", f"evil.example:{port}", "localhost", f"localhost:{port + 1}", "192.0.2.1", ""]
+        for name in [*foreign, f"192.0.2.1:{port}", f"localhost.evil.example:{port}", f"localhost:{port}:{port}"]:
+            for method, path in (("GET", "/"), ("GET", "/events"), ("GET", "/x.png"), ("POST", "/command/estop")):
+                assert made.ask(method, path, Host=name, **{TOKEN_HEADER: TOKEN})[0] == 403, name
+            assert made.ask("OPTIONS", "/events", Host=name)[0] == 403
+        with pytest.raises(ConfigError, match="http://x"):
+            Served(host, ["http://x"])
+    finally:
+        made.server.close()
+    assert made.done == []
+    assert made.viewers == []
+
+
+def test_two_hosts_are_none(served: Served) -> None:
+    one = f"Host: localhost:{served.server.port}\r\n"
+    assert served.say(f"GET / HTTP/1.1\r\n{one}\r\n".encode()).startswith(b"HTTP/1.1 200")
+    for hosts in ("", one * 2, one + "Host: evil.example\r\n"):
+        assert served.say(f"GET / HTTP/1.1\r\n{hosts}\r\n".encode()).startswith(b"HTTP/1.1 403")
+
+
+def test_pages_of_other_sites_get_nothing(served: Served) -> None:
+    port = served.server.port
+    for origin in ("http://evil.example", f"http://evil.example:{port}", "null", "http://127.0.0.1:1", ""):
+        for method, path in (("GET", "/events"), ("GET", "/x.png"), ("GET", "/"), ("POST", "/command/estop")):
+            assert served.ask(method, path, Origin=origin, **{TOKEN_HEADER: TOKEN})[0] == 403, origin
+    for site in ("cross-site", "same-site"):  # an image or a script, which names no origin
+        assert served.ask("GET", "/events", Sec_Fetch_Site=site)[0] == 403
+        assert served.ask("POST", "/command/estop", Sec_Fetch_Site=site, **{TOKEN_HEADER: TOKEN})[0] == 403
+    assert served.ask("GET", "/", Sec_Fetch_Site="cross-site")[0] == 200  # a link
+    assert served.done == []
+    assert served.viewers == []
+    own = {"Origin": f"http://127.0.0.1:{port}", "Sec_Fetch_Site": "same-origin", TOKEN_HEADER: TOKEN}
+    assert served.ask("POST", "/command/estop", **own)[0] == 200
+
+
+def test_behind_eight_silent_viewers_the_operator_still_looks_and_stops(served: Served) -> None:
+    silent = [served.stream() for _ in range(connections.MAX_VIEWERS)]
+    assert served.ask("GET", "/events")[0] == 503
+    operators = [served.stream(**{TOKEN_HEADER: TOKEN}) for _ in range(connections.MAX_VIEWERS)]
+    assert served.ask("POST", "/command/estop", **{TOKEN_HEADER: TOKEN})[0] == 200
+    for stream in silent:  # oldest first, every one of them
+        assert ended(stream)
+    newest = served.stream(**{TOKEN_HEADER: TOKEN})
+    assert ended(operators[0])  # a page that was loaded again and again, and never closed
+    assert max(served.viewers) == connections.MAX_VIEWERS
+    for stream in (*operators, newest):
+        stream.close()
+
+
+def test_one_address_does_not_take_all_places() -> None:
+    made = Served("0.0.0.0")
+    try:
+        crowd = [made.stream() for _ in range(connections.MAX_VIEWERS)]
+        other = made.stream("127.0.0.2")
+        assert ended(crowd[0])
+        for stream in (*crowd, other):
+            stream.close()
+    finally:
+        made.server.close()
+
+
+def test_however_many_connections_stay_silent_the_emergency_stop_gets_through(
+    served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(handler, "_ASK_S", 60.0)
+    threads = threading.active_count()
+    silent = [socket.create_connection(("127.0.0.1", served.server.port), timeout=5.0) for _ in range(300)]
+    try:
+        assert served.ask("POST", "/command/estop", **{TOKEN_HEADER: TOKEN})[0] == 200
+        assert served.done == ["estop"]
+        wait_for(lambda: threading.active_count() - threads <= 40)
+    finally:
+        for connection in silent:
+            connection.close()
+
+
+def test_a_command_that_waits_keeps_its_place(served: Served) -> None:
+    """Only who has not shown the token yet is shut for others that come."""
+    answered: list[tuple[int, str]] = []
+    asking = threading.Thread(
+        target=lambda: answered.append(served.ask("POST", "/command/wait", **{TOKEN_HEADER: TOKEN}))
+    )
+    asking.start()
+    wait_for(lambda: served.waits)
+    silent = [socket.create_connection(("127.0.0.1", served.server.port), timeout=5.0) for _ in range(100)]
+    assert served.ask("GET", "/")[0] == 200  # accepted after all of them
+    served.go_on.set()
+    asking.join()
+    assert [status for status, _ in answered] == [200]
+    for connection in silent:
+        connection.close()
+
+
+def test_a_request_that_comes_byte_by_byte_does_not_last(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(handler, "_ASK_S", 0.5)
+    came = 0
+    with (
+        socket.create_connection(("127.0.0.1", served.server.port), timeout=10.0) as slow,
+        contextlib.suppress(ConnectionError),
+    ):
+        while came < 100 and not select.select([slow], [], [], 0.1)[0]:
+            slow.sendall(b"X")
+            came += 1
+    assert 0 < came < 100
+
+
+def test_a_request_has_no_body_and_a_short_head(served: Served) -> None:
+    token = f"Host: localhost:{served.server.port}\r\n{TOKEN_HEADER}: {TOKEN}\r\n"
+    for head, status in (
+        ("Content-Length: 1000000000\r\n", 413),
+        ("Transfer-Encoding: chunked\r\n", 413),
+        ("Content-Length: -1\r\n", 413),
+        (f"X: {'x' * 8192}\r\n", 431),
+        ("X: x\r\n" * 2000, 431),
+    ):
+        answer = served.say(f"POST /command/estop HTTP/1.1\r\n{token}{head}\r\n".encode()).decode()
+        assert f"HTTP/1.1 {status}" in answer[:12] or not answer, answer  # a reset may overtake the answer
     assert served.done == []
 
 
-def test_told_so_it_is_open_to_others() -> None:
-    made = Served("0.0.0.0")
-    try:
-        with socket.create_connection(("127.0.0.2", made.server.port), timeout=5.0):
-            pass
-        assert made.ask("GET", "/", Host="robot.local:80")[0] == 200
-        assert made.ask("POST", "/command/estop", Host="robot.local:80")[0] == 403
-    finally:
-        made.server.close()
+def test_who_does_not_read_is_dropped(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Many pictures of which the viewer reads none: neither the system's buffers nor a place are kept for it."""
+    monkeypatch.setattr(handler, "_SEND_S", 0.5)
+    stream = served.stream()
+    served.wait_for_viewers(1)
+    began_s = time.monotonic()
+    while served.viewers != [1, 0] and time.monotonic() < began_s + 9.0:
+        served.board.post("camera", "0" * 1_000_000)
+        time.sleep(0.05)
+    assert served.viewers == [1, 0]
+    stream.close()
+
+
+def test_many_may_come_at_once() -> None:
+    """Before one of them is answered."""
+    listening = Http(("127.0.0.1", 0), Handler)
+    come = [socket.create_connection(listening.server_address, timeout=2.0) for _ in range(100)]  # type: ignore[arg-type]
+    for connection in [listening.socket, *come]:
+        connection.close()
 
 
 def test_the_page_needs_nothing_from_elsewhere(served: Served) -> None:
@@ -134,18 +310,6 @@ def test_the_stream_tells_what_is_known_then_what_is_new(served: Served) -> None
     served.wait_for_viewers(1, 0)
 
 
-def test_there_is_room_for_a_few_viewers_only(served: Served) -> None:
-    open_streams = []
-    for _ in range(8):
-        connection = http.client.HTTPConnection("127.0.0.1", served.server.port, timeout=10)
-        connection.request("GET", "/events")
-        assert connection.getresponse().status == 200
-        open_streams.append(connection)
-    assert served.ask("GET", "/events")[0] == 503
-    for connection in open_streams:
-        connection.close()
-
-
 def test_many_words_between_two_looks_are_one() -> None:
     board = Board()
     for k in range(10):
@@ -164,14 +328,6 @@ def test_a_port_that_is_taken_is_named() -> None:
         other.listen()
         with pytest.raises(ConfigError, match=f"port {port}"):
             ViewServer(Board(), {}, lambda count: None, TOKEN, port=port)
-
-
-@pytest.mark.parametrize(
-    ("host", "local"),
-    [("127.0.0.1", True), ("localhost", True), ("::1", True), ("0.0.0.0", False), ("192.168.1.2", False), ("x", False)],
-)
-def test_what_is_the_loopback(host: str, local: bool) -> None:
-    assert is_loopback(host) == local
 
 
 def test_the_token_stands_where_browsers_keep_it() -> None:

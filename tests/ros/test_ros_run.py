@@ -24,7 +24,7 @@ from vsx_ros.cli.exit_codes import DONE, FAILED, STOPPED
 from vsx_ros.config import Config
 from vsx_ros.io.journal import read_journal
 from vsx_ros.io.run_folder import RunEvent, RunFolder
-from vsx_ros.ros.run import all_events
+from vsx_ros.ros.run import Coverage, all_events
 
 pytestmark = pytest.mark.ros
 
@@ -163,6 +163,25 @@ def test_a_resumed_run_whose_slam_never_began_tells_nothing_twice(tmp_path: Path
     folder.write_events([slam, mission])
     journal, witness = SimpleNamespace(events=lambda: [mission]), SimpleNamespace(events=lambda: [more])
     assert all_events(folder, journal, witness) == [slam, mission, more]
+
+
+@pytest.mark.parametrize(
+    ("until", "right", "state", "enough"),
+    [
+        (0.9, 0.95, "TRACKING", True),
+        (0.9, 0.95, "POOR", True),
+        (0.9, 0.95, "LOST", False),
+        (0.9, 0.8, "TRACKING", False),
+        (0.9, None, "TRACKING", False),
+        (None, 1.0, "TRACKING", False),
+    ],
+)
+def test_a_run_ends_when_enough_is_known_and_the_camera_tracked(
+    until: float | None, right: float | None, state: str, enough: bool
+) -> None:
+    quality = SimpleNamespace(coverage=1.0, coverage_correct=right)
+    coverage = Coverage(SimpleNamespace(quality=lambda grid: quality), until)
+    assert coverage.is_enough(SimpleNamespace(grid=object(), slam_state=state)) == enough
 
 
 def test_a_wrong_serial_port_is_named_and_waited_for(tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from vsx_ros.sim.world import World
 
 DEFAULTS = {"seed": 1, "base": "auto", "port": "/dev/kobuki", "camera": "kinect", "rate": 15.0, "planner": "fov"}
-REMEMBERED = ("world", "seed", "base", "port", "camera", "rate", "planner", "time", "fast", "load_map")
+REMEMBERED = ("world", "seed", "base", "port", "camera", "rate", "planner", "time", "until", "fast", "load_map")
 
 
 class _Bases(tuple[str, ...]):
@@ -82,6 +82,12 @@ def add_arguments(parser: argparse.ArgumentParser, *, with_load_map: bool = True
         help="stop after this time, the whole run's if resumed (default: none; with --fast 600)",
     )
     parser.add_argument(
+        "--until",
+        type=share,
+        metavar="SHARE",
+        help="stop when this share of what can be seen of an emulated world is known and right, e.g. 0.9",
+    )
+    parser.add_argument(
         "--resume", type=Path, metavar="RUN", help="go on with an interrupted run, in its map and with its options"
     )
     parser.add_argument("--moved", action="store_true", help="with --resume: the robot was carried elsewhere meanwhile")
@@ -102,6 +108,10 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError(f"--time {args.time}: give a positive number of seconds")
     if args.fast and args.view:
         raise ConfigError("--view shows the live nodes, and --fast runs none; leave out one of the two")
+    if args.until is not None and ((args.world is None and args.resume is None and not args.fast) or args.load_map):
+        raise ConfigError(
+            f"--until {args.until:g}: how much is right is known of an emulated world and a new map alone"
+        )
     _refuse_wires(args)
     load_plugins()
     compile_kernels()
@@ -127,6 +137,13 @@ def rate(text: str) -> float:
     """Images a second."""
     if not 1.0 <= float(text) <= 60.0:
         raise argparse.ArgumentTypeError(f"{text} images a second; give 1 to 60")
+    return float(text)
+
+
+def share(text: str) -> float:
+    """Of a whole."""
+    if not 0.0 < float(text) <= 1.0:
+        raise argparse.ArgumentTypeError(f"{text} is no share of a whole; give more than 0 and at most 1, e.g. 0.9")
     return float(text)
 
 

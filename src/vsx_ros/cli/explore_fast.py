@@ -35,6 +35,7 @@ from vsx_ros.system import ExplorationSystem
 STOPPED_BY_OPERATOR = "stopped by the operator"
 _DEFAULT_TIME_S = 600.0
 _PROGRESS_EVERY_S = 0.5
+_JUDGED_EVERY_NS = 2_000_000_000
 
 
 class FastRun:
@@ -86,10 +87,10 @@ class FastRun:
         """So far, of all sessions."""
         return self.system.navigator.plans + (self._before.plans if self._before is not None else 0)
 
-    def run(self, limit_s: float, watch: Callable[[int], None] | None = None) -> str:
+    def run(self, limit_s: float, watch: Callable[[int], str | None] | None = None) -> str:
         """Step until the mission is done, the emulated time is over or Ctrl-C is pressed; why it ended.
 
-        watch: told the stamp after each step.
+        watch: told the stamp after each step; what it answers ends the run, and is why.
         """
         mission, command, shown = self.system.mission, STOP, 0.0
         seen: Observation | None = None
@@ -101,8 +102,9 @@ class FastRun:
                     reason = f"time limit of {limit_s:g} s"
                     break
                 seen, command = now, self._step(*now)
-                if watch is not None:
-                    watch(now.frame.stamp_ns)
+                if watch is not None and (told := watch(now.frame.stamp_ns)):
+                    reason = told
+                    break
                 if sys.stderr.isatty() and time.perf_counter() - shown > _PROGRESS_EVERY_S:
                     shown = time.perf_counter()
                     print(f"\r{self._progress(now.frame.stamp_ns)}\x1b[K", end="", file=sys.stderr, flush=True)
@@ -115,6 +117,22 @@ class FastRun:
             self.record.events.append(RunEvent(stamp_ns, "mission", mission.state.value, reason))
             return reason
         return next(event.reason for event in reversed(self.record.events) if event.source == "mission")
+
+    def until(self, share: float) -> Callable[[int], str | None]:
+        """A watch that ends the run when this share of what can be seen is known and right, and the camera tracked: a
+        run that ends lost would end too early to be judged."""
+        due_ns = 0
+
+        def watch(now_ns: int) -> str | None:
+            nonlocal due_ns
+            if now_ns < due_ns or self._judge is None or self.system.grid is None:
+                return None
+            right = self._judge.quality(self.system.grid).coverage_correct or 0.0
+            enough = right >= share
+            due_ns = now_ns if enough else now_ns + _JUDGED_EVERY_NS
+            return f"{100 * share:g} % is known" if enough and self.record.results[-1].state.tracked else None
+
+        return watch
 
     def _save(self, session: Session, stamp_ns: int, odometry: Odometry) -> None:
         session.save(stamp_ns, self.system.memory(stamp_ns, odometry), self._errors_m, self.plans)
@@ -189,8 +207,11 @@ class FastRun:
         summary = with_accuracy(summary, self.record.estimate(), self.truth, "yaw")
         if self._judge is not None:
             summary = self._judge.judged(summary, system.grid)
+        truth = self.robot.truth if self._before is None else None
         return summary.with_values(
             collisions=self.collisions,
+            driven_m=truth and truth.path_length_m,
+            min_clearance_m=truth and truth.min_clearance_m,
             duration_s=self.truth[-1].stamp_ns * 1e-9 if self.truth else 0.0,
             planned_vs_executed_rms_m=float(np.sqrt(np.mean(errors**2))) if errors.size else None,
             plans=self.plans,
@@ -224,7 +245,7 @@ def explore_fast(args: argparse.Namespace) -> int:
     if args.load_map:  # it may be gone by now: what became of it is in the checkpoint
         slam_map = load_slam_map(Path(args.load_map)) if before is None else before.memory.slam_map
     run = FastRun(world, args.seed, args.planner, config, before, slam_map, folder)
-    reason = run.run(limit_s)
+    reason = run.run(limit_s, run.until(args.until) if args.until is not None else None)
     facts = {"world": args.world, "seed": args.seed, "planner": args.planner, "continued_map": args.load_map}
     summary = run.summary(reason, **facts)
     failure = run.write(folder, summary)

@@ -56,7 +56,7 @@ def seeds(text: str) -> range:
 
 def run(args: argparse.Namespace) -> int:
     """Make what was asked for, and say where it is."""
-    from vsx_ros import __version__
+    from vsx_ros.cli.experiments.rows import made_by
     from vsx_ros.cli.world import open_world
     from vsx_ros.evaluation.page import page
     from vsx_ros.io.atomic import write_text
@@ -77,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError(f"folder {args.out} cannot be made ({error.strerror}); choose another --out") from error
     makers = {"table1": _table1, "fig2": _fig2, "fig5": _fig5, "fig6": _fig6, "fig7": _fig7}
     names = [name for name in makers if args.what in (name, "all")]
-    made = f"Made by vsx_ros {__version__}; {args.world}, "
+    made = f"Made by {made_by()}; {args.world}, "
     all_seeds, seed = _in_words(args.seeds), _in_words(args.seeds[:1])
     sections = []
     for name in names:
@@ -102,10 +102,11 @@ def _write_numbers(args: argparse.Namespace, name: str, numbers: dict[str, Any])
     import json
 
     from vsx_ros import __version__
+    from vsx_ros.cli.experiments.rows import made_by
     from vsx_ros.io.atomic import write_text
 
     chosen = {"seeds": list(args.seeds), "noises": args.noises} if name == "table1" else {"seed": args.seeds[0]}
-    tree = {"version": __version__, "world": args.world, **chosen, **numbers}
+    tree = {"version": __version__, "made_by": made_by(), "world": args.world, **chosen, **numbers}
     write_text(args.out / f"{name}.json", json.dumps(tree, indent=1) + "\n")
 
 
@@ -148,8 +149,9 @@ def _fig6(args: argparse.Namespace) -> Any:
 
 def _drives(args: argparse.Namespace, worlds: list[int]) -> list[Any]:
     """Tasks with their results, those that are known from results/drives.jsonl."""
-    from vsx_ros.cli.experiments.campaign import Engine, Store, run_campaign
+    from vsx_ros.cli.experiments.campaign import Engine, run_campaign
     from vsx_ros.cli.experiments.drive import DriveTask, run_drives
+    from vsx_ros.cli.experiments.rows import Store
 
     noises = range(args.noises)
     tasks = [DriveTask(args.world, seed, seed + 1000 * k, d) for seed in worlds for k in noises for d in (1, 2)]

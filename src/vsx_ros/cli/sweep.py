@@ -36,11 +36,11 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """All runs that are missing, then the page."""
-    from vsx_ros import __version__
     from vsx_ros.cli.config import load
     from vsx_ros.cli.experiments import sweeps
-    from vsx_ros.cli.experiments.campaign import Engine, Store, run_campaign
+    from vsx_ros.cli.experiments.campaign import Engine, run_campaign
     from vsx_ros.cli.experiments.exploration import ExplorationTask, explore
+    from vsx_ros.cli.experiments.rows import Store, made_by
     from vsx_ros.cli.world import open_world
     from vsx_ros.evaluation.page import page
     from vsx_ros.io.atomic import write_text
@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
     for name, value in (("jobs", args.jobs), ("time", args.time)):
         if not value > 0:
             raise ConfigError(f"--{name} {value:g}: give a positive number")
-    load(None, args.set)  # a mistake in --set or --worlds is told before hundreds of runs fail by it
+    config = load(None, args.set)  # a mistake in --set or --worlds is told before hundreds of runs fail by it
     for world in worlds:
         open_world(world, args.seeds[0])
     settings = tuple(args.set)
@@ -62,11 +62,12 @@ def run(args: argparse.Namespace) -> int:
         for world in worlds
         for planner in planners
     ]
-    results = run_campaign(tasks, explore, Store(args.out / "results.jsonl"), Engine(args.jobs, args.scheduler))
+    engine = Engine(args.jobs, args.scheduler)
+    results = run_campaign(tasks, explore, Store(args.out / "results.jsonl", config), engine)
     runs = list(zip(tasks, results, strict=True))
     write_text(args.out / "sweep.csv", sweeps.as_csv(runs))
     facts = (
-        f"Made by vsx_ros {__version__}: {args.worlds}, seeds {args.seeds.start} to {args.seeds.stop - 1}, "
+        f"Made by {made_by()}: {args.worlds}, seeds {args.seeds.start} to {args.seeds.stop - 1}, "
         f"{args.planners}, {args.time:g} s each; {' '.join(settings) or 'default settings'}."
     )
     write_text(args.out / "sweep.html", page("Sweep", facts, [sweeps.section(runs)]))

@@ -28,6 +28,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--port", type=int, metavar="N", help="listen here (default 8765, another one if that is taken)"
     )
+    parser.add_argument(
+        "--allow",
+        default="",
+        metavar="NAMES",
+        help="answer to these names, too, NAME or NAME:PORT, by commas (default: those of this machine)",
+    )
     parser.add_argument("--headless", action="store_true", help="open no browser")
 
 

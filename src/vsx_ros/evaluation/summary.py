@@ -17,7 +17,8 @@ from vsx_ros.slam.state import SlamStatistics
 
 
 class Summary(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """SI units; None (null in the file) where nothing is known."""
+    """SI units; None (null in the file) where nothing is known. path_length_m: of the estimated way; driven_m: of the
+    true one; min_clearance_m: the emulated hull's least distance to anything."""
 
     frames: int | None = None
     frames_tracked: int | None = None
@@ -45,6 +46,8 @@ class Summary(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     occupied_recall: float | None = None
     free_inside_obstacle: float | None = None
     collisions: int | None = None
+    driven_m: float | None = None
+    min_clearance_m: float | None = None
     planned_vs_executed_rms_m: float | None = None
     plans: int | None = None
     plan_ms_median: float | None = None

@@ -33,7 +33,7 @@ class BodyState(NamedTuple):
 class BodyPlant:
     """``vsx_hw.serial_emulator.Plant`` over the emulated body; only the emulator's thread calls it.
 
-    ``state``, ``collisions`` may be read from anywhere. ``on_step`` is called after each step.
+    ``state``, ``collisions``, ``min_clearance_m`` may be read from anywhere. ``on_step`` is called after each step.
     """
 
     def __init__(
@@ -53,6 +53,11 @@ class BodyPlant:
     def collisions(self) -> int:
         """How often a wall was touched."""
         return self._body.collisions
+
+    @property
+    def min_clearance_m(self) -> float:
+        """Least distance of the hull to anything so far."""
+        return self._body.min_clearance_m
 
     def set_wheel_speeds(self, left_m_s: float, right_m_s: float) -> None:
         """See Plant."""

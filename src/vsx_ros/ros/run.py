@@ -23,11 +23,14 @@ from vsx_ros.cli.explore import add_arguments, begin
 from vsx_ros.cli.outcomes import EXIT_CODES
 from vsx_ros.cli.report import tell_the_end, write_report
 from vsx_ros.cli.run_record import MapJudge
-from vsx_ros.config import Config, to_dict
+from vsx_ros.config import Config, MountConfig, to_dict
 from vsx_ros.errors import ConfigError, VsxError, disk_trouble
 from vsx_ros.evaluation.summary import Summary, with_accuracy
+from vsx_ros.evaluation.trajectory import path_length
 from vsx_ros.exploration.decision import MissionState
+from vsx_ros.geometry.camera import mounted
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.run_folder import RunEvent, RunFolder
 from vsx_ros.ros import launch, process, view
 from vsx_ros.ros.launch import LaunchNode
@@ -37,6 +40,7 @@ from vsx_ros.ros.witness import Witness
 from vsx_ros.ros.witness_journal import WitnessJournal
 from vsx_ros.sim.world import Start, World, changed
 from vsx_ros.sim.world_file import save_world
+from vsx_ros.slam.state import TrackingState
 
 _READY_WAIT_S = 180.0
 _COVERAGE_PERIOD_S = 2.0
@@ -50,23 +54,36 @@ class Ending(NamedTuple):
     code: int
 
 
+_TRACKED = [state.word for state in TrackingState if state.tracked]
 _CODES = {outcome.name: code for outcome, code in EXIT_CODES.items()}
 
 
 class Coverage:
-    """Share of the emulated world that the map covers; computed now and then, None on a real robot."""
+    """Share of the emulated world that the map covers; computed now and then, None on a real robot.
 
-    def __init__(self, judge: MapJudge | None) -> None:
-        self._judge = judge
+    until: the share known and right that is enough.
+    """
+
+    def __init__(self, judge: MapJudge | None, until: float | None = None) -> None:
+        self._judge, self.until = judge, until
         self._share: float | None = None
+        self._right = 0.0
         self._judged_s = -1e9
+
+    def is_enough(self, witness: Witness) -> bool:
+        """Whether the run may end: as much is known as was asked for, and the camera is tracked."""
+        if self.until is None:
+            return False
+        self.of(witness)
+        return self._right >= self.until and witness.slam_state in _TRACKED
 
     def of(self, witness: Witness) -> float | None:
         """The share now, or a moment ago."""
         due = time.monotonic() - self._judged_s > _COVERAGE_PERIOD_S
         if self._judge is not None and witness.grid is not None and due:
             self._judged_s = time.monotonic()
-            self._share = self._judge.quality(witness.grid).coverage
+            quality = self._judge.quality(witness.grid)
+            self._share, self._right = quality.coverage, quality.coverage_correct or 0.0
         return self._share
 
 
@@ -95,7 +112,7 @@ def explore(args: argparse.Namespace) -> int:
             if url and not args.headless:
                 view.open_browser(url)
             witness = Witness(emulated=world is not None)
-            ending = _watch(live, witness, journal, Coverage(judge), progress, args.time)
+            ending = _watch(live, witness, journal, Coverage(judge, args.until), progress, args.time)
             progress.say(f"stopping: {ending.reason}")
     return _gather(folder, config, witness, journal, judge, ending, args)
 
@@ -137,6 +154,8 @@ def _watch(
             began_s = now_s
         elapsed_s = journal.clock.elapsed_s + (now_s - began_s if began_s is not None else 0.0)
         ending = _ending(live, witness, elapsed_s, limit_s)
+        if ending is None and coverage.is_enough(witness):
+            ending = Ending(f"{100 * (coverage.until or 0.0):g} % is known", DONE)
         if ending is None and began_s is None and now_s - started_s > _READY_WAIT_S:
             why = "; ".join(trouble.values()) or "see the run's log folder"
             ending = Ending(f"the robot was not ready within {_READY_WAIT_S:.0f} s: {why}", HARDWARE)
@@ -188,7 +207,7 @@ def _gather(
         summary = judge.judged(summary, witness.grid)
     plan_ms, error_m = np.array(navigation.plan_ms), np.array(navigation.error_m)
     summary = summary.with_values(
-        collisions=so_far.collisions if witness.emulated else None,
+        **_told_by_truth(witness, journal, truth, config.robot.mount),
         duration_s=so_far.elapsed_s,
         plans=so_far.plans,
         plan_ms_median=float(np.median(plan_ms)) if plan_ms.size else None,
@@ -210,6 +229,20 @@ def _gather(
         writes.append(lambda: folder.write_poses("groundtruth", truth))
     failure = folder.write_what_fits(*writes, lambda: write_report(folder)) or journal.failure
     return tell_the_end(folder, summary.as_dict(), ending.code, failure)
+
+
+def _told_by_truth(
+    witness: Witness, journal: WitnessJournal, truth: Sequence[StampedPose], mount: MountConfig
+) -> dict[str, float | None]:
+    """How the emulated body fared; its way and clearance where no session was before."""
+    if not truth or journal.before:
+        return {"collisions": journal.so_far.collisions if witness.emulated else None}
+    T_cam_base = mounted(mount).inverse()
+    return {
+        "collisions": journal.so_far.collisions,
+        "driven_m": path_length([StampedPose(ns, T @ T_cam_base) for ns, T in truth]),
+        "min_clearance_m": witness.min_clearance_m,
+    }
 
 
 def all_events(folder: RunFolder, journal: WitnessJournal, witness: Witness) -> list[RunEvent]:

@@ -89,6 +89,7 @@ TRUTH = "emulator/ground_truth"
 TRUTH_ODOMETRY = "emulator/ground_truth/odometry"
 TRUTH_CAMERA = "emulator/ground_truth/camera_pose"
 TRUTH_COLLISIONS = "emulator/ground_truth/collisions"
+TRUTH_CLEARANCE = "emulator/ground_truth/least_clearance_m"
 RENDER_RATE = "emulator/render_rate_hz"
 
 STAT_TYPES = {
@@ -168,6 +169,7 @@ PUBLISHED: dict[str, dict[str, str]] = {
         TRUTH_ODOMETRY: "nav_msgs/Odometry",
         TRUTH_CAMERA: "geometry_msgs/PoseStamped",
         TRUTH_COLLISIONS: "std_msgs/UInt32",
+        TRUTH_CLEARANCE: "std_msgs/Float32",
         RENDER_RATE: "std_msgs/Float32",
     },
     "dashboard": {},

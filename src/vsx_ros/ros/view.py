@@ -49,7 +49,7 @@ def view(args: argparse.Namespace) -> None:
     if not args.headless:
         open_browser(url)
     node = ["-m", "vsx_ros.ros.nodes.dashboard", f"__name:=view_{os.getpid()}"]
-    os.execv(sys.executable, [sys.executable, *node, f"_host:={args.host}", f"_port:={port}"])
+    os.execv(sys.executable, [sys.executable, *node, f"_host:={args.host}", f"_port:={port}", f"_allow:={args.allow}"])
 
 
 def main() -> int:

@@ -52,6 +52,7 @@ class Witness:
         self.grid: OccupancyGrid | None = None
         self.distance_m = 0.0
         self.collisions = 0
+        self.min_clearance_m: float | None = None
         self._base: SE2 | None = None
         self._followed: tuple[int, str] = (0, "")
         self._warnings: list[str] = []
@@ -78,6 +79,7 @@ class Witness:
         if emulated:
             subscribe(topics.TRUTH_CAMERA, PoseStamped, self._on_truth, queue_size=50)
             subscribe(topics.TRUTH_COLLISIONS, UInt32, self._on_collisions, queue_size=5)
+            subscribe(topics.TRUTH_CLEARANCE, Float32, self._on_clearance, queue_size=5)
 
     def events(self) -> list[RunEvent]:
         """Every change of state so far."""
@@ -181,3 +183,6 @@ class Witness:
         if msg.data > self.collisions:
             self._note("emulator", "collision", f"collision number {msg.data}")
         self.collisions = int(msg.data)
+
+    def _on_clearance(self, msg: Float32) -> None:
+        self.min_clearance_m = float(msg.data)

@@ -3,20 +3,23 @@ can be interrupted and continued."""
 
 from __future__ import annotations
 
-import json
 import os
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import as_completed as as_done
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import active_children, get_context, parent_process
 from typing import Any, NamedTuple, Protocol, cast
 
-from vsx_ros import __version__
-from vsx_ros.errors import ConfigError, InputError, VsxError, disk_trouble, reason_of
-from vsx_ros.limits import LOG_BYTES, file_bytes, json_tree
+from vsx_ros.cli.experiments.rows import Store, tell
+from vsx_ros.errors import ConfigError, VsxError, disk_trouble
 
 Result = dict[str, Any]
 CONNECT_S = 10.0
+_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
 class Task(Protocol):
@@ -37,61 +40,12 @@ Work = Callable[[Any], Result]
 
 
 class Engine(NamedTuple):
-    """Where tasks run. jobs: processes on this machine; 1 is the caller's own. scheduler: address of a dask scheduler,
-    used instead."""
+    """Where tasks run. jobs: how many at once on this machine. apart: each in a process of its own, as several always
+    are; else one runs in the caller's. scheduler: address of a dask scheduler, used instead."""
 
     jobs: int = 1
     scheduler: str | None = None
-
-
-class Store:
-    """results.jsonl: a line for each task that was done or cannot be, with the version that did it."""
-
-    def __init__(self, path: Path) -> None:
-        """What a killed campaign left half written at the end is dropped. Raises InputError when the file cannot be
-        read or written, or is damaged before."""
-        self._path = path
-        self._known: dict[str, Result] = {}
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            content = file_bytes(path, LOG_BYTES) if path.exists() else b""
-            *lines, torn = content.split(b"\n")
-            for number, line in enumerate(lines, start=1):
-                self._recall(number, line)
-            if torn:
-                os.truncate(path, len(content) - len(torn))
-        except InputError:
-            raise
-        except (OSError, ValueError) as error:
-            raise InputError(f"{path} cannot be used ({reason_of(error)}); choose another --out") from error
-
-    def __contains__(self, task: Task) -> bool:
-        return _key(task._asdict()) in self._known
-
-    def __getitem__(self, task: Task) -> Result:
-        return self._known[_key(task._asdict())]
-
-    def add(self, task: Task, result: Result) -> None:
-        """Append the line. Raises InputError when the disk takes no more."""
-        line = json.dumps({"task": task._asdict(), "version": __version__, "result": result})
-        try:
-            with self._path.open("a", encoding="utf-8") as file:
-                file.write(line + "\n")
-        except OSError as error:
-            raise InputError(
-                f"{self._path} cannot be written ({reason_of(error)}); free the disk, then the same command goes on"
-            ) from error
-        self._known[_key(task._asdict())] = result
-
-    def _recall(self, number: int, line: bytes) -> None:
-        try:
-            entry = json_tree(line)
-            if entry["version"] == __version__:
-                self._known[_key(entry["task"])] = entry["result"]
-        except (KeyError, TypeError, ValueError) as error:
-            raise InputError(
-                f"{self._path} is damaged in line {number} ({reason_of(error)}); choose another --out, or remove it"
-            ) from error
+    apart: bool = False
 
 
 def run_campaign(tasks: Sequence[Task], work: Work, store: Store, engine: Engine) -> list[Result]:
@@ -100,23 +54,23 @@ def run_campaign(tasks: Sequence[Task], work: Work, store: Store, engine: Engine
     A task that fails has the result {"failed": reason}; a failure that is not the task's own is not stored, so that the
     next call tries it again. Raises ConfigError when the engine cannot be had, or is lost.
     """
-    waiting = [task for task in tasks if task not in store]
+    waiting = [task for task in tasks if task._asdict() not in store]
     began_s, known = time.monotonic(), len(tasks) - len(waiting)
     if known:
-        _say(f"{known} of {len(tasks)} are known already")
+        tell(f"{known} of {len(tasks)} are known already")
     again: dict[Task, Result] = {}
     for done, (task, (result, final)) in enumerate(_results(waiting, work, engine), start=1):
         if final:
-            store.add(task, result)
+            store.add(task._asdict(), result)
         else:
             again[task] = result
         left_s = (time.monotonic() - began_s) / done * (len(waiting) - done)
         told = f"failed: {result['failed']}" if "failed" in result else "done"
         words = " ".join(str(value) for value in task._asdict().values() if value is not None)
-        _say(f"{known + done} of {len(tasks)}, about {left_s / 60:.0f} min left: {words}: {told}")
+        tell(f"{known + done} of {len(tasks)}, about {left_s / 60:.0f} min left: {words}: {told}")
     if again:
-        _say(f"{len(again)} of the failures may pass; the same command tries them again")
-    return [again[task] if task in again else store[task] for task in tasks]
+        tell(f"{len(again)} of the failures may pass; the same command tries them again")
+    return [again[task] if task in again else store[task._asdict()] for task in tasks]
 
 
 def guarded(work: Work, task: Task) -> Done:
@@ -132,42 +86,70 @@ def guarded(work: Work, task: Task) -> Done:
 
 
 def _results(tasks: Sequence[Task], work: Work, engine: Engine) -> Iterator[tuple[Task, Done]]:
-    if engine.jobs == 1 and engine.scheduler is None:
-        return ((task, guarded(work, task)) for task in tasks)
-    return _distributed(tasks, work, engine)
+    if engine.scheduler is not None:
+        return _distributed(tasks, work, engine.scheduler)
+    if engine.jobs > 1 or engine.apart:
+        return _apart(tasks, work, engine.jobs)
+    return ((task, guarded(work, task)) for task in tasks)
 
 
-def _distributed(tasks: Sequence[Task], work: Work, engine: Engine) -> Iterator[tuple[Task, Done]]:
+def _apart(tasks: Sequence[Task], work: Work, jobs: int) -> Iterator[tuple[Task, Done]]:
+    """In the order in which they are done."""
+    for name in _THREADS:
+        os.environ.setdefault(name, "1")
+    pool = ThreadPoolExecutor(jobs)
+    try:
+        futures = {pool.submit(_in_its_own, work, task): task for task in tasks}
+        for future in as_done(futures):
+            yield futures[future], future.result()
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+        for process in active_children():  # an interrupted campaign does not wait for half runs
+            process.terminate()
+
+
+def _in_its_own(work: Work, task: Task) -> Done:
+    """A process that begins and ends with the task."""
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=_end_with_the_caller) as one:
+        try:
+            return one.submit(guarded, work, task).result()
+        except BrokenProcessPool:
+            return Done({"failed": "its process died, perhaps for want of memory"}, False)
+
+
+def _end_with_the_caller() -> None:
+    """However that one ends."""
+    caller = parent_process()
+    assert caller is not None
+
+    def watch() -> None:
+        caller.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def _distributed(tasks: Sequence[Task], work: Work, scheduler: str) -> Iterator[tuple[Task, Done]]:
     """In the order in which they are done."""
     try:
-        from distributed import Client, LocalCluster, as_completed
+        from distributed import Client, as_completed
     except ImportError as error:
-        raise ConfigError(
-            f"--scheduler, and --jobs above 1, need dask.distributed: {sys.executable} -m pip install distributed"
-        ) from error
-    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "NUMBA_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
+        raise ConfigError(f"--scheduler needs dask.distributed: {sys.executable} -m pip install distributed") from error
     try:
-        here = engine.scheduler is None
-        cluster = LocalCluster(n_workers=engine.jobs, threads_per_worker=1, dashboard_address=None) if here else None
-        client = Client(cluster if here else engine.scheduler, timeout=CONNECT_S)
+        client = Client(scheduler, timeout=CONNECT_S)
     except (OSError, TimeoutError, ValueError) as error:
-        raise ConfigError(
-            f"no dask scheduler at {engine.scheduler} ({error}); start one with 'dask scheduler'"
-        ) from error
+        raise ConfigError(f"no dask scheduler at {scheduler} ({error}); start one with 'dask scheduler'") from error
     try:
         futures = {client.submit(guarded, work, task, pure=False, retries=1): task for task in tasks}
         for future in as_completed(list(futures)):
             if future.cancelled():
                 raise ConfigError(
-                    f"the dask scheduler at {engine.scheduler or 'this machine'} was lost; start it again, then the "
-                    "same command goes on with what is missing"
+                    f"the dask scheduler at {scheduler} was lost; start it again, then the same command goes on with "
+                    "what is missing"
                 )
             yield futures[future], _of_worker(future)
     finally:
         client.close()
-        if cluster is not None:
-            cluster.close()
 
 
 def _of_worker(future: Any) -> Done:
@@ -176,11 +158,3 @@ def _of_worker(future: Any) -> Done:
     if error is None:
         return cast(Done, future.result())
     return Done({"failed": f"its worker failed: {type(error).__name__}: {' '.join(str(error).split())}"}, False)
-
-
-def _key(task: dict[str, Any]) -> str:
-    return json.dumps(task, sort_keys=True)
-
-
-def _say(line: str) -> None:
-    print(line, file=sys.stderr, flush=True)

@@ -23,7 +23,7 @@ class ExplorationTask(NamedTuple):
     settings: tuple[str, ...] = ()
 
 
-def run_whole(run: FastRun, limit_s: float, watch: Callable[[int], None] | None = None) -> str:
+def run_whole(run: FastRun, limit_s: float, watch: Callable[[int], str | None] | None = None) -> str:
     """Why the run ended, as ``FastRun.run`` says it. Ctrl-C, which ends a run with what there is, interrupts an
     experiment: half a run is no result."""
     reason = run.run(limit_s, watch)
@@ -49,5 +49,4 @@ def explore(task: ExplorationTask) -> dict[str, Any]:
 
     reason = run_whole(run, task.time_s, watch)
     summary = run.summary(reason, world=task.world, seed=task.seed, planner=task.planner).as_dict()
-    clearance_m = run.robot.truth.min_clearance_m
-    return {**summary, "driven_m": run.robot.truth.path_length_m, "min_clearance_m": clearance_m, **reached}
+    return {**summary, **reached}

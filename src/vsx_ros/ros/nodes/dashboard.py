@@ -3,7 +3,8 @@
 Subscribers, while somebody looks: vslam/{preview/compressed,pose,state,keyframes,stats/*}, map, explore/{status,
     events,frontiers}, move_base/{global_plan,stats/plan_ms}, mobile_base/hazards, cmd_vel_mux/active, /diagnostics.
 Services called: explore/{pause,resume,home,stop}, mobile_base/estop.
-Parameters: ~host (127.0.0.1: this machine alone), ~port (8765).
+Parameters: ~host (127.0.0.1: this machine alone), ~port (8765), ~allow (names beside those of this machine under which
+    the view is opened, NAME or NAME:PORT, by commas).
 Environment: VSX_VIEW_TOKEN, which commands must show; without it one is made and printed once.
 """
 
@@ -23,7 +24,8 @@ from vsx_ros.ros import calls, process, topics
 from vsx_ros.ros.dashboard import words
 from vsx_ros.ros.dashboard.board import Board
 from vsx_ros.ros.dashboard.feed import Feed
-from vsx_ros.ros.dashboard.server import DEFAULT_PORT, LOOPBACK, Answer, Command, ViewServer, address
+from vsx_ros.ros.dashboard.handler import Answer, Command
+from vsx_ros.ros.dashboard.server import DEFAULT_PORT, LOOPBACK, ViewServer, address
 from vsx_ros.ros.master_watch import master_watch
 
 TOKEN = "VSX_VIEW_TOKEN"
@@ -37,9 +39,11 @@ class DashboardNode:
 
     def __init__(self, _: Config) -> None:
         host, port = str(rospy.get_param("~host", LOOPBACK)), int(rospy.get_param("~port", DEFAULT_PORT))
+        allowed = [name.strip() for name in str(rospy.get_param("~allow", "")).split(",") if name.strip()]
         self._board = Board()
         token = os.environ.get(TOKEN) or secrets.token_urlsafe(12)
-        self._server = ViewServer(self._board, commands(), Feed(self._board).viewers, token, host, port)
+        feed = Feed(self._board)
+        self._server = ViewServer(self._board, commands(), feed.viewers, token, host, port, allowed)
         if TOKEN not in os.environ:
             os.environ[TOKEN] = token
             sys.stderr.write(f"live view: {address(host, self._server.port, token)}\n")

@@ -2,8 +2,8 @@
 
 Subscribers: none. The devices are a serial port and a camera socket; nobody in the stack may listen to the truth.
 Publishers: emulator/ground_truth/odometry (frame world: that of the world file, 30 Hz),
-    emulator/ground_truth/camera_pose (per image, its stamp), emulator/ground_truth/collisions (latched),
-    emulator/render_rate_hz (1 Hz).
+    emulator/ground_truth/camera_pose (per image, its stamp), emulator/ground_truth/collisions and
+    .../least_clearance_m (of the hull to anything so far; both latched), emulator/render_rate_hz (1 Hz).
 Parameters: ~world (lab): lab, office, corridor, building, a world.yaml or a map. ~seed (0). ~robot_type (kobuki).
     ~port (ttyVSX in the folder for temporary files): the serial port it makes.
     ~camera_socket (vsx_kinect, same folder): the socket it makes; the camera's calibration is written beside it, with
@@ -58,8 +58,9 @@ class EmulatorNode:
         self._truth_pub = rospy.Publisher(topics.TRUTH_ODOMETRY, OdometryMsg, queue_size=10)
         self._camera_pub = rospy.Publisher(topics.TRUTH_CAMERA, PoseStamped, queue_size=10)
         self._collisions_pub = rospy.Publisher(topics.TRUTH_COLLISIONS, UInt32, queue_size=5, latch=True)
+        self._clearance_pub = rospy.Publisher(topics.TRUTH_CLEARANCE, Float32, queue_size=5, latch=True)
         self._rate_pub = rospy.Publisher(topics.RENDER_RATE, Float32, queue_size=1)
-        self._collisions = -1
+        self._collisions, self._clearance_m = -1, float("inf")
         self._closing = False
         self._frames = self._skipped = 0
         self._render_ms = 0.0
@@ -129,6 +130,9 @@ class EmulatorNode:
         if self._plant.collisions != self._collisions:
             self._collisions = self._plant.collisions
             self._collisions_pub.publish(UInt32(self._collisions))
+        if self._plant.min_clearance_m < self._clearance_m:
+            self._clearance_m = self._plant.min_clearance_m
+            self._clearance_pub.publish(Float32(self._clearance_m))
 
     def _report(self) -> None:
         rate_hz, self._frames = self._frames, 0

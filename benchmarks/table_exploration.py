@@ -1,0 +1,149 @@
+"""Tables of explorations from their rows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from vsx_ros.cli.experiments.rows import Row
+
+Runs = Sequence[Row]
+_UNTIL = "90"
+
+
+def runs(rows: Runs) -> list[str]:
+    """A line for each run."""
+    head = ("world", "noise", *(f"L{level}" for level in ("50", "70", "80", _UNTIL)), "seconds", "lost", "breaks",
+            "contacts", "least clearance", "ATE")  # fmt: skip
+    lines = _header(head)
+    for row in sorted(rows, key=lambda row: (row.asked["world"], row.asked["noise"], row.asked["seed"])):
+        run = row.result
+        if "failed" in run:
+            lines.append(f"| {row.asked['seed']} | {row.asked['noise']} | {run['failed']} |" + " |" * (len(head) - 3))
+            continue
+        ways = (_form(run["reached"].get(level, [None])[0], ".0f") for level in ("50", "70", "80", _UNTIL))
+        least_cm, ate_cm = _cm(run["min_clearance_m"]), _cm(run["ate_rmse_m"])
+        cells = (
+            row.asked["seed"], row.asked["noise"], *ways, _form(run["reached"].get(_UNTIL, [0, None])[1], ".0f"),
+            run["times_lost"], _form(run["breaks"], "d"), _form(run["collisions"], "d"),
+            f"{_form(least_cm, '.0f')} cm", f"{_form(ate_cm, '.1f')} cm",
+        )  # fmt: skip
+        lines.append("| " + " | ".join(map(str, cells)) + " |")
+    return lines
+
+
+def strategies(rows: Runs) -> list[str]:
+    """A line for each world: what was reached by views and by the nearest frontier."""
+    found = {(row.asked["strategy"], row.asked["seed"]): row.result for row in rows}
+    asked = dict.fromkeys(strategy for strategy, _ in found)
+    lines = _header(("world", *(f"{s}: {name}" for s in asked for name in ("L70", "L90", "seconds", "contacts"))))
+    for seed in sorted({seed for _, seed in found}):
+        cells = []
+        for strategy in asked:
+            run = found.get((strategy, seed), {})
+            ways = (_form(run.get("reached", {}).get(level, [None])[0], ".0f") for level in ("70", _UNTIL))
+            cells += [*ways, _form(run.get("duration_s"), ".0f"), _form(run.get("collisions"), "d")]
+        lines.append(f"| {seed} | " + " | ".join(cells) + " |")
+    return lines
+
+
+def totals(rows: Runs) -> list[str]:
+    """What counts over all runs, with what this project asks of itself."""
+    lines = _header((*_of(rows), "measured", "must", "aim"))
+    for name, (median, worst), must, aim in _figures(rows):
+        measured = f"{median} ({worst})" if median and worst else median or worst
+        lines.append(f"| {name}{', median (worst)' * bool(median and worst)} | {measured} | {must} | {aim} |")
+    return lines
+
+
+def brief(rows: Runs) -> list[str]:
+    """The same, of the figures alone."""
+    lines = _header((*_of(rows), "median", "worst"))
+    return lines + [f"| {name} | {median} | {worst} |" for name, (median, worst), _, _ in _figures(rows)]
+
+
+def _of(rows: Runs) -> list[str]:
+    worlds = {(row.asked["world"], row.asked["seed"]) for row in rows}
+    return [f"of {len(rows)} runs in {len(worlds)} worlds"]
+
+
+def _figures(rows: Runs) -> list[tuple[str, tuple[str, str], str, str]]:
+    """Name, median and worst, must, aim."""
+    done = [row.result for row in rows if "failed" not in row.result]
+    ends = [run["reached"][_UNTIL] for run in done if _UNTIL in run["reached"]]
+
+    def of(key: str, scale: float, form: str) -> tuple[str, str]:
+        return _worst([abs(scale * run[key]) for run in done if run[key] is not None], form)
+
+    least_m = min((run["min_clearance_m"] for run in done if run["min_clearance_m"] is not None), default=None)
+    return [
+        (f"reach {_UNTIL} %, known and right", (str(len(ends)), ""), f"{math.ceil(0.95 * len(rows))}", f"{len(rows)}"),
+        ("metres until then", _worst([way_m for way_m, _ in ends], ".0f"), "75", "55"),
+        ("minutes until then", _worst([seconds / 60 for _, seconds in ends], ".1f"), "", ""),
+        ("ATE without scale alignment [cm]", of("ate_rmse_m", 100, ".1f"), "10 (25)", "5 (12)"),
+        ("scale error [%]", of("scale_error", 100, ".1f"), "2", "1"),
+        ("runs with unrecovered breaks", ("", str(sum(bool(run["breaks"]) for run in done))), "0", "0"),
+        ("runs that touched something", ("", str(sum(bool(run["collisions"]) for run in done))), "0", "0"),
+        ("least distance to anything [cm]", ("", _form(_cm(least_m), ".0f")), "", "5"),
+    ]
+
+
+def growth(rows: Runs) -> list[str]:
+    """What a decision costs: a line for each quarter of the decisions of all runs of a world, by known ground."""
+    lines = _header(
+        ("world", "known ground [m2]", "keyframes", "decisions", "median [ms]", "slowest [ms]", "memory [MB]")
+    )
+    for world in sorted({row.asked["world"] for row in rows}):
+        made = [one for row in rows if row.asked["world"] == world for one in row.result.get("decisions", [])]
+        decisions = np.array(made, float).reshape(-1, 4)
+        for part in np.array_split(decisions[np.argsort(decisions[:, 0])], 4):
+            if len(part):
+                lines.append(
+                    f"| {world} | {part[0, 0]:.0f} to {part[-1, 0]:.0f} | up to {part[:, 1].max():.0f} | {len(part)} | "
+                    f"{np.median(part[:, 2]):.0f} | {part[:, 2].max():.0f} | {part[:, 3].max():.0f} |"
+                )
+    return lines
+
+
+def resumed(rows: Runs) -> list[str]:
+    """Runs left alone against the same runs killed and resumed."""
+    alone, killed = ([row.result[which] for row in rows] for which in ("alone", "resumed"))
+    lines = _header(("", "left alone", "killed and resumed", "must"))
+
+    def line(name: str, key: str, form: str, worst: Any, must: str = "") -> None:
+        cells = []
+        for which in (alone, killed):
+            known = np.array([100 * run[key] for run in which if run[key] is not None])
+            cells.append(f"{format(np.median(known), form)} ({format(worst(known), form)})" if len(known) else "-")
+        lines.append(f"| {name} | {' | '.join(cells)} | {must} |")
+
+    line(f"known and right at the end [%], median of {len(rows)} (least)", "coverage_correct", ".1f", np.min)
+    line("ATE [cm], median (worst)", "ate_rmse_m", ".1f", np.max)
+    breaks, contacts = (
+        [sum(run[key] for run in which) for which in (alone, killed)] for key in ("breaks", "collisions")
+    )
+    lines.append(f"| breaks, contacts | {breaks[0]}, {contacts[0]} | {breaks[1]}, {contacts[1]} | |")
+    good = sum(row.result["as_good"] for row in rows)
+    lines.append(f"| as good as left alone | | {good} of {len(rows)} | {len(rows)} of {len(rows)} |")
+    return lines
+
+
+def _header(names: Sequence[str]) -> list[str]:
+    return ["| " + " | ".join(names) + " |", "|" + "---|" * len(names)]
+
+
+def _worst(values: Sequence[float], form: str) -> tuple[str, str]:
+    """Median and largest."""
+    return (format(np.median(values), form), format(max(values), form)) if values else ("-", "-")
+
+
+def _cm(metres: float | None) -> float | None:
+    return None if metres is None else 100 * metres
+
+
+def _form(value: float | None, form: str) -> str:
+    """A dash is what is not known."""
+    return "-" if value is None else format(value, form)

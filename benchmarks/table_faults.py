@@ -1,0 +1,136 @@
+"""Tables of faults from their rows: how long the wheels turned."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from vsx_ros.cli.experiments.rows import Row
+
+
+def nodes(rows: Sequence[Row]) -> list[str]:
+    """Killed, hung or stopped; turned_s is -1 where the wheels did not stop."""
+    lines = ["| node | what happened to it | wheels turned: median | most | repetitions |", "|---|---|---|---|---|"]
+    for (node, how), results in _parts(rows, "node", "how"):
+        turned = [result["turned_s"] for result in results]
+        worst = "did not stop" if min(turned) < 0 else f"{max(turned):.3f} s"
+        lines.append(f"| {node} | {how} | {statistics.median(turned):.3f} s | {worst} | {len(turned)} |")
+    return lines
+
+
+def robots(rows: Sequence[Row]) -> list[str]:
+    """The camera of an exploring robot."""
+    lines = [
+        "| fault of the camera | wheels turned (median, most of n) | what the robot says then | four seconds later |",
+        "|---|---|---|---|",
+    ]
+    for (fault,), results in _parts(rows, "fault"):
+        said = statistics.mode(f"{result['slam']}; {result['follower']}" for result in results)
+        later = statistics.mode(result["later"].partition(": view at")[0] for result in results)
+        lines.append(f"| {fault} | {_turned(results)} | {said} | {later} |")
+    return lines
+
+
+def bases(rows: Sequence[Row]) -> list[str]:
+    """turned_s is -1 where the base drove on."""
+    lines = ["| base | fault | wheels turned (median, most of n) | what the driver says |", "|---|---|---|---|"]
+    for (base, fault), results in _parts(rows, "base", "fault"):
+        lines.append(f"| {base} | {fault} | {_turned(results)} | {results[-1]['said']} |")
+    return lines
+
+
+def cameras(rows: Sequence[Row]) -> list[str]:
+    """At the driver."""
+    lines = ["| fault of the camera | two seconds at the driver |", "|---|---|"]
+    for (fault,), results in _parts(rows, "fault"):
+        lines.append(f"| {fault} | {results[-1]['arrived']} |")
+    return lines
+
+
+def masters(rows: Sequence[Row]) -> list[str]:
+    """Another master after a while; turned_s is -1 where the wheels did not stop, driving_s None where it ended."""
+    lines = [
+        "| no master for | wheels turned: median, most | moved before it could be stopped | stop path there after "
+        "| drives again after | 'vsx stop' stops it |",
+        "|---|---|---|---|---|---|",
+    ]
+    for (away_s,), results in sorted(_parts(rows, "away_s"), key=lambda part: float(part[0][0])):
+        driving = [result["driving_s"] for result in results if result["driving_s"] is not None]
+        turned, n = [result["turned_s"] for result in results], len(results)
+        lines.append(
+            f"| {float(away_s):g} s | {'did not stop' if min(turned) < 0 else _spread(turned)} "
+            f"| {sum(result['moved_before'] for result in results)} of {n} "
+            f"| {_spread([result['path_s'] for result in results])} "
+            f"| {_spread(driving)} of {len(driving)} | {sum(result['stopped'] for result in results)} of {n} |"
+        )
+    return lines
+
+
+def disks(rows: Sequence[Row]) -> list[str]:
+    """What became of the runs whose disk failed."""
+    lines = [
+        "| run | fault of the disk | good | ended after its end: median, most | kept its summary |",
+        "|---|---|---|---|---|",
+    ]
+    for (how, fault), results in _parts(rows, "how", "fault"):
+        good, kept = (sum(bool(result[key]) for result in results) for key in ("good", "summary"))
+        took = _spread([result["ended_s"] for result in results])
+        lines.append(f"| {how} | {fault} | {good} of {len(results)} | {took} | {kept} |")
+    return lines
+
+
+def sensors(rows: Sequence[Row]) -> list[str]:
+    """The worst of line, arc and spot turn."""
+    lines = [
+        "| base | sensor | fault | told within | what the robot does | pose jumps by at most | heading off after 4 s |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    straight = {(r.asked["base"], r.asked["sensor"], r.asked["fault"]) for r in rows if _untold_on_the_straight(r)}
+    for (base, sensor, fault), results in _parts(rows, "base", "sensor", "fault"):
+        told_s = max(result["told_s"] for result in results if result["told_s"] is not None)
+        later = "; on the straight, where it is right, at the next turn" if (base, sensor, fault) in straight else ""
+        stood = [result["stood_s"] for result in results]
+        then = "goes on by the wheels" if None in stood else f"stands within {max(stood):.1f} s"
+        then = "goes on, that report left out" if fault == "one wrong report" else then
+        jump_cm = 100.0 * max(result["jump_m"] for result in results)
+        jump, off = (math.degrees(max(abs(r[k]) for r in results)) for k in ("jump_rad", "wrong_rad"))
+        name = {"left": "one encoder", "both": "both encoders"}.get(sensor, sensor)
+        lines.append(
+            f"| {base} | {name} | {fault} | {told_s:.1f} s{later} | {then} | {jump_cm:.1f} cm, {jump:.1f} deg "
+            f"| {off:.0f} deg |"
+        )
+    return lines
+
+
+def alarms(rows: Sequence[Row]) -> list[str]:
+    """False alarms on drives on which nothing is broken."""
+    bases = list(dict.fromkeys(row.asked["base"] for row in rows))
+    lines = [f"| wheels, {rows[0].asked['minutes']:.0f} minutes each | {' | '.join(bases)} |", "|---" * 4 + "|"]
+    for (wheels,), results in _parts(rows, "wheels"):
+        lines.append(f"| {wheels} | " + " | ".join(str(result["alarms"]) for result in results) + " |")
+    return lines
+
+
+def _untold_on_the_straight(row: Row) -> bool:
+    return row.asked["motion"] == "line" and row.result["told_s"] is None
+
+
+def _spread(values: Sequence[float]) -> str:
+    return f"{statistics.median(values):.2f} s, {max(values):.2f} s" if values else "-"
+
+
+def _turned(results: list[dict[str, Any]]) -> str:
+    times = [result["turned_s"] for result in results if result["turned_s"] >= 0.0]
+    on = len(results) - len(times)
+    turned = f"{statistics.median(times):.3f} s, {max(times):.3f} s of {len(times)}" if times else ""
+    return (turned + (f" drives on ({on} of {len(results)})" if on else "")).strip()
+
+
+def _parts(rows: Sequence[Row], *names: str) -> Iterator[tuple[tuple[str, ...], list[dict[str, Any]]]]:
+    """In the order in which they came into the file."""
+    parts: dict[tuple[str, ...], list[dict[str, Any]]] = {}
+    for row in rows:
+        parts.setdefault(tuple(row.asked[name] for name in names), []).append(row.result)
+    yield from parts.items()

@@ -1,0 +1,178 @@
+"""Every table of the documents, the rows it is made of, and the rooms of code it depends on.
+
+    python benchmarks/tables.py render     puts the tables between their marks in the documents, as their rows are now
+    python benchmarks/tables.py stale      lists the tables whose rows are older than the code they judge
+
+A table is made of the newest rows: of what differs in seed and repetition alone, those of one code and configuration.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import table_exploration
+import table_faults
+
+from vsx_ros.cli.experiments.rows import Row, code_hash, read_rows, tell
+
+ROOT = Path(__file__).resolve().parents[1]
+RESULTS = ROOT / "benchmarks" / "results"
+
+_CORE = (
+    "config", "cli/explore_fast", "cli/run_record", "control", "dense", "evaluation", "exploration", "geometry",
+    "kernels", "navigator", "occupancy", "planning", "robot", "sim", "slam", "system", "vision",
+)  # fmt: skip
+_NODES = ("hw/vsx_hw", "src/vsx_ros/ros", "src/vsx_ros/control", "src/vsx_ros/navigator", "src/vsx_ros/robot")
+_IN_LOCK_STEP = tuple(f"src/vsx_ros/{room}" for room in _CORE)
+
+ROOMS: dict[str, tuple[str, ...]] = {
+    "exploration": (*_IN_LOCK_STEP, "benchmarks/exploration", "benchmarks/nearest_frontier"),
+    "exploration_strategy": (*_IN_LOCK_STEP, "benchmarks/exploration_strategy", "benchmarks/nearest_frontier"),
+    "exploration_live": (*_IN_LOCK_STEP, "src/vsx_ros/ros", "hw/vsx_hw", "benchmarks/exploration"),
+    "resume": (*_IN_LOCK_STEP, "src/vsx_ros/cli/session", "src/vsx_ros/io", "benchmarks/resume"),
+    "fault_nodes": (*_NODES, "benchmarks/fault_nodes", "benchmarks/exploring_robot"),
+    "fault_camera": (*_NODES, "src/vsx_ros/slam", "benchmarks/fault_camera", "benchmarks/exploring_robot"),
+    "fault_bases": ("hw/vsx_hw", "benchmarks/fault_matrix"),
+    "fault_cameras": ("hw/vsx_hw", "benchmarks/fault_matrix"),
+    "fault_master": (*_NODES, "benchmarks/fault_master", "benchmarks/exploring_robot"),
+    "fault_disk": ("src/vsx_ros", "hw/vsx_hw", "benchmarks/fault_disk"),
+    "fault_sensors": ("hw/vsx_hw", "benchmarks/fault_sensors"),
+    "fault_alarms": ("hw/vsx_hw", "benchmarks/fault_sensors"),
+}
+"""What the rows of a file judge: folders, and files without their .py."""
+
+_REPEATED = ("seed", "repetition")
+
+
+class Table(NamedTuple):
+    """document: where it stands, between its marks. rows: the file of its rows. made: its lines. of: what was asked of
+    the rows it takes."""
+
+    document: str
+    rows: str
+    made: Callable[[Sequence[Row]], list[str]]
+    of: dict[str, Any] = {}
+
+
+_LAB = {"world": "lab", "until": 0.9, "strategy": "views"}
+
+TABLES: dict[str, Table] = {
+    "nodes": Table("docs/reliability.md", "fault_nodes", table_faults.nodes),
+    "bases": Table("docs/reliability.md", "fault_bases", table_faults.bases),
+    "cameras": Table("docs/reliability.md", "fault_cameras", table_faults.cameras),
+    "robots": Table("docs/reliability.md", "fault_camera", table_faults.robots),
+    "masters": Table("docs/reliability.md", "fault_master", table_faults.masters),
+    "disks": Table("docs/reliability.md", "fault_disk", table_faults.disks),
+    "sensors": Table("docs/reliability.md", "fault_sensors", table_faults.sensors),
+    "alarms": Table("docs/reliability.md", "fault_alarms", table_faults.alarms),
+    "totals": Table("README.md", "exploration", table_exploration.brief, _LAB),
+    "strategies": Table("docs/results.md", "exploration_strategy", table_exploration.strategies),
+    "exploration": Table("docs/results.md", "exploration", table_exploration.runs, _LAB),
+    "exploration totals": Table("docs/results.md", "exploration", table_exploration.totals, _LAB),
+    "growth": Table("docs/results.md", "exploration", table_exploration.growth, _LAB),
+    "live": Table("docs/results.md", "exploration_live", table_exploration.runs, _LAB),
+    "live totals": Table("docs/results.md", "exploration_live", table_exploration.totals, _LAB),
+    "resumed": Table("docs/results.md", "resume", table_exploration.resumed),
+}
+
+
+def rooms_of(rows: str) -> list[Path]:
+    """Folders and files with the code that these rows judge."""
+    paths = [ROOT / room for room in ROOMS[rows]]
+    return [path if path.is_dir() else path.with_suffix(".py") for path in paths]
+
+
+def newest(rows: Iterable[Row], of: dict[str, Any]) -> list[Row]:
+    """One row for each question; of those alike but for seed and repetition, the code and configuration of the last."""
+    parts: dict[str, list[Row]] = {}
+    for row in rows:
+        if all(row.asked.get(name) == value for name, value in of.items()):
+            part = {name: value for name, value in row.asked.items() if name not in _REPEATED}
+            parts.setdefault(str(sorted(part.items())), []).append(row)
+    chosen = []
+    for part in parts.values():
+        last = part[-1]
+        of_last = [row for row in part if (row.code, row.config) == (last.code, last.config)]
+        chosen += {str(sorted(row.asked.items())): row for row in of_last}.values()
+    return chosen
+
+
+def caption(rows: Sequence[Row], file: str) -> str:
+    """Of which commit, date and machine the rows are."""
+    of = Counter((row.commit or "no commit", row.dirty, row.when[:10]) for row in rows)
+    commits: dict[tuple[str, bool | None], list[str]] = {}
+    for commit, dirty, day in of:
+        commits.setdefault((commit, dirty), []).append(day)
+    words = []
+    for (commit, dirty), days in commits.items():
+        how = {None: " or before", True: " with changes", False: ""}[dirty]
+        first, last = min(days), max(days)
+        words.append(f"{commit[:7]}{how} ({first if first == last else f'{first} to {last}'})")
+    return f"*{len(rows)} rows of `benchmarks/results/{file}.jsonl`; commit {', '.join(words)}.*"
+
+
+def block(name: str) -> list[str] | None:
+    """The lines between the marks; None where there are no rows, and what stands there stays."""
+    table = TABLES[name]
+    file = RESULTS / f"{table.rows}.jsonl"
+    rows = newest(read_rows(file, tell), table.of)
+    return [*table.made(rows), "", caption(rows, table.rows)] if rows else None
+
+
+def placed(text: str, name: str, lines: Sequence[str]) -> str:
+    """The document with the lines between the marks."""
+    begin, end = f"<!-- {name} begin -->\n", f"<!-- {name} end -->"
+    head, found, rest = text.partition(begin)
+    _, ended, tail = rest.partition(end)
+    if not (found and ended):
+        raise SystemExit(f"{TABLES[name].document} has no marks of table {name!r}: {begin.strip()} and {end}")
+    return head + begin + "\n".join(lines) + "\n" + end + tail
+
+
+def render() -> None:
+    for name, table in TABLES.items():
+        document = ROOT / table.document
+        lines = block(name)
+        if lines is None:
+            tell(f"{name}: no rows in {table.rows}.jsonl; what stands in {table.document} stays")
+        else:
+            document.write_text(placed(document.read_text(), name, lines))
+
+
+def stale(name: str) -> str:
+    """Why the table is older than the code it judges, in a sentence; empty if it is not."""
+    table = TABLES[name]
+    rows = newest(read_rows(RESULTS / f"{table.rows}.jsonl", tell), table.of)
+    rooms = rooms_of(table.rows)
+    old = [row for row in rows if row.code != code_hash(rooms)]
+    if rows and not old:
+        return ""
+    if not rows:
+        return f"{name} ({table.document}): no rows are kept"
+    changes = []
+    for commit in dict.fromkeys(row.commit for row in old if row.commit):
+        log = subprocess.run(
+            ["git", "log", "--oneline", f"{commit}..HEAD", "--", *map(str, rooms)],
+            cwd=ROOT, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        since = f"{len(log.stdout.splitlines())} commits" if log.returncode == 0 else "an unknown number of commits"
+        changes.append(f"{since} since {commit[:7]}")
+    return f"{name} ({table.document}): {len(old)} of {len(rows)} rows are of other code; {', '.join(changes)}"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=("render", "stale"))
+    if parser.parse_args().what == "render":
+        render()
+    else:
+        print("\n".join(filter(None, map(stale, TABLES))) or "every table is of the present code")
+
+
+if __name__ == "__main__":
+    main()

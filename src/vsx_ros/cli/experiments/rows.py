@@ -1,0 +1,198 @@
+"""Rows of results, and what each rests on: no figure without its tree.
+
+A file of rows is JSON, a line for each question that was asked, with the keys of ``Row``. A row answers its question
+again only where code and configuration are the same.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from datetime import datetime, timezone
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+import vsx_ros
+from vsx_ros.config import Config, to_dict
+from vsx_ros.errors import InputError, reason_of
+
+PACKAGE = Path(vsx_ros.__file__).parent
+_PACKAGES = ("vsx_ros", "numpy", "cv2", "numba")
+_DIGITS = 12
+
+
+class Row(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """commit: git's, None outside of a checkout. dirty: whether code of the checkout was not committed; None where only
+    the commit is known by which the row came into the repository. code: hash of the sources that were run, config: of
+    the configuration; empty where unknown. machine: processor, cores, load. when: UTC."""
+
+    commit: str | None
+    dirty: bool | None
+    code: str
+    config: str
+    versions: dict[str, str]
+    machine: dict[str, Any]
+    when: str
+    asked: dict[str, Any]
+    result: Any
+
+
+class Provenance(msgspec.Struct, frozen=True):
+    """What all rows of one process rest on; the fields of ``Row``."""
+
+    commit: str | None
+    dirty: bool | None
+    code: str
+    config: str
+    versions: dict[str, str]
+
+
+def provenance(config: Config, rooms: Sequence[Path]) -> Provenance:
+    """Of this process, now."""
+    return Provenance(*_commit(rooms), code_hash(rooms), config_hash(config), _versions())
+
+
+def made_by() -> str:
+    """Version and commit of this process, in words."""
+    commit, dirty = _commit((PACKAGE,))
+    tree = f", commit {commit}{' with changes' * bool(dirty)}" if commit else ""
+    return f"vsx_ros {vsx_ros.__version__}{tree}"
+
+
+def code_hash(rooms: Iterable[Path]) -> str:
+    """Of all sources in them, by name and content."""
+    digest = hashlib.sha256()
+    for room in sorted(rooms):
+        for path in sorted(room.rglob("*.py")) if room.is_dir() else [room]:
+            digest.update(str(path.relative_to(room.parent)).encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()[:_DIGITS]
+
+
+def config_hash(config: Config) -> str:
+    """Of every parameter, those that were not set too."""
+    return hashlib.sha256(json.dumps(to_dict(config), sort_keys=True).encode()).hexdigest()[:_DIGITS]
+
+
+def tell(line: str) -> None:
+    """To the user, beside the results."""
+    print(line, file=sys.stderr, flush=True)
+
+
+def read_rows(path: Path, say: Callable[[str], None]) -> list[Row]:
+    """All whole rows; what is none is told, a sentence each, and left out. Raises InputError if it cannot be read."""
+    try:
+        content = path.read_bytes() if path.exists() else b""
+    except OSError as error:
+        raise InputError(f"{path} cannot be used ({reason_of(error)}); choose another one") from error
+    rows = []
+    for number, line in enumerate(content.splitlines(), start=1):
+        try:
+            rows.append(msgspec.json.decode(line, type=Row))
+        except msgspec.DecodeError as error:
+            say(f"{path}, line {number}, is no row of results ({error}); it is left out")
+    return rows
+
+
+class Store:
+    """The rows of a file that hold for the code and configuration of now; a new one is appended as it comes."""
+
+    def __init__(self, path: Path, config: Config | None = None, rooms: Sequence[Path] = (PACKAGE,)) -> None:
+        """config: that of the runs; rooms: files and folders with the code they judge. Rows that do not hold stay in
+        the file, and are told in a sentence. Raises InputError when the file cannot be used."""
+        rests_on = provenance(config or Config(), rooms)
+        self._path, self._rests_on, self._rooms = path, rests_on, rooms
+        rows = read_rows(path, tell)
+        of_now = [row for row in rows if (row.code, row.config) == (rests_on.code, rests_on.config)]
+        self._known = {_key(row.asked): row.result for row in of_now}
+        for told in _others(path, rows, rests_on):
+            tell(told)
+
+    def __contains__(self, asked: Mapping[str, Any]) -> bool:
+        return _key(asked) in self._known
+
+    def __getitem__(self, asked: Mapping[str, Any]) -> Any:
+        return self._known[_key(asked)]
+
+    def add(self, asked: Mapping[str, Any], result: Any) -> None:
+        """Append a row, on a line of its own whatever the last one is. Raises InputError when the disk takes no more,
+        or the code is not that of the beginning any more."""
+        if code_hash(self._rooms) != self._rests_on.code:
+            raise InputError(
+                f"the code was changed while it was measured for {self._path}; begin again with it as it is"
+            )
+        row = {**msgspec.structs.asdict(self._rests_on), "machine": machine(), "when": now()}
+        line = json.dumps({**row, "asked": dict(asked), "result": result}, separators=(",", ":"))
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            with self._path.open("a+b") as file:
+                file.seek(max(0, file.seek(0, os.SEEK_END) - 1))
+                torn = file.read(1) not in (b"\n", b"")
+                file.write(b"\n" * torn + line.encode() + b"\n")
+        except OSError as error:
+            raise InputError(
+                f"{self._path} cannot be written ({reason_of(error)}); free the disk, then the same command goes on"
+            ) from error
+        self._known[_key(asked)] = json.loads(line)["result"]
+
+
+def machine() -> dict[str, Any]:
+    """Processor, how many cores of it, and how many processes want one [1 min mean]."""
+    return {"processor": _processor(), "cores": os.cpu_count(), "load": round(os.getloadavg()[0], 1)}
+
+
+def now() -> str:
+    """UTC, to the second."""
+    return datetime.now(timezone.utc).isoformat(timespec="seconds")
+
+
+def _others(path: Path, rows: Sequence[Row], rests_on: Provenance) -> list[str]:
+    """What does not hold now, in words."""
+    told = []
+    older = Counter(row.commit or "no commit" for row in rows if row.code != rests_on.code)
+    if older:
+        commits = ", ".join(f"{count} of {commit}" for commit, count in older.items())
+        told.append(f"{path}: rows of other code than the present one do not count ({commits})")
+    changed = sum(row.code == rests_on.code and row.config != rests_on.config for row in rows)
+    if changed:
+        told.append(f"{path}: {changed} rows of another configuration than the present one do not count")
+    return told
+
+
+def _key(asked: Mapping[str, Any]) -> str:
+    return json.dumps(asked, sort_keys=True)
+
+
+def _git(*words: str) -> str:
+    """What git says of the checkout that this package is of; nothing where there is none."""
+    try:
+        done = subprocess.run(["git", *words], cwd=PACKAGE, capture_output=True, text=True, check=False)
+    except OSError:
+        return ""
+    return done.stdout.strip() if done.returncode == 0 else ""
+
+
+def _commit(rooms: Iterable[Path]) -> tuple[str | None, bool | None]:
+    """And whether sources in the rooms are not those of the commit."""
+    if not _git("ls-files", str(PACKAGE / "errors.py")):
+        return None, None
+    changed = _git("status", "--porcelain", "--", *map(str, rooms))
+    return _git("rev-parse", f"--short={_DIGITS}", "HEAD"), bool(changed)
+
+
+def _versions() -> dict[str, str]:
+    """Of Python and the packages that figures depend on."""
+    return {"python": platform.python_version()} | {name: import_module(name).__version__ for name in _PACKAGES}
+
+
+def _processor() -> str:
+    lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines() if Path("/proc/cpuinfo").exists() else []
+    return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), platform.machine())
