@@ -28,8 +28,6 @@ from vsx_hw.safety import SpeedLimits, Supervisor
 from vsx_hw.serial_emulator import PlantState
 from vsx_ros.cli.experiments.rows import Store
 
-sys.path.append(str(Path(__file__).parents[1] / "tests" / "hw"))
-
 FAULTS = ("off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent")
 WATCH_S = 2.5
 
