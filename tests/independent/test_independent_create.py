@@ -122,7 +122,7 @@ _CONTACTS = [
 ]
 
 
-@pytest.mark.parametrize("generation", [CREATE_2], ids=["create2"])
+@both
 def test_each_contact_is_told_and_stops_the_forward_motion(tmp_path, generation):
     with driven(tmp_path, OpenInterface(generation)) as host:
         robot = host.line.robot

@@ -94,7 +94,9 @@ def test_every_twist_reaches_the_wheels():
     assert robot.violations == []
 
 
-@pytest.mark.parametrize("firmware", [(1, 2, 0), (1, 1, 4), (1, 1, 2)], ids=lambda v: ".".join(map(str, v)))
+@pytest.mark.parametrize(
+    "firmware", [(1, 2, 0), (1, 1, 4), (1, 1, 2), (1, 1, 1), (1, 1, 0), (1, 0, 0)], ids=lambda v: ".".join(map(str, v))
+)
 def test_the_version_is_asked_for_and_understood(tmp_path, firmware):
     robot = Kobuki(firmware=firmware)
     with driven(tmp_path, robot) as host:
