@@ -49,6 +49,7 @@ class Live:
         self._to_release = ""
         self._heard: Heard | None = None
         self._log: IO[str] | None = None
+        self._redirected = contextlib.ExitStack()
         self.terminal: TextIO = os.fdopen(os.dup(2), "w", buffering=1)
 
     @property
@@ -69,7 +70,7 @@ class Live:
         refuse_second_robot(self._names)
         self._log = self._silence()
         try:
-            self._start(self._log)
+            self._start()
         except BaseException:
             self._end(self._log)
             raise
@@ -88,11 +89,10 @@ class Live:
         finally:
             self._end(self._log)
 
-    def _start(self, log: IO[str]) -> None:
+    def _start(self) -> None:
         self._heard = Heard(signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
         try:
-            with contextlib.redirect_stdout(log):
-                self._parent = launch.start(self._text, quiet=True)
+            self._parent = launch.start(self._text, quiet=True)
         except Exception:
             if self.interrupted:  # roslaunch complains about the processes that the signal ended
                 raise KeyboardInterrupt from None
@@ -106,16 +106,17 @@ class Live:
     def _end(self, log: IO[str]) -> None:
         rospy.signal_shutdown("the run is over")
         if self._parent is not None:
-            with contextlib.redirect_stdout(log):
-                self._parent.shutdown()
+            self._parent.shutdown()
         self._release()
         os.dup2(self.terminal.fileno(), 2)
+        self._redirected.close()
         log.close()
 
     def _silence(self) -> IO[str]:
-        """The words of roslaunch and of all nodes go to a file; ``terminal`` still is the terminal."""
+        """The words of roslaunch, at whatever moment, and of all nodes go to a file; ``terminal`` is the terminal."""
         log = (Path(os.environ["ROS_LOG_DIR"]) / "terminal.log").open("w", encoding="utf-8")
         os.dup2(log.fileno(), 2)
+        self._redirected.enter_context(contextlib.redirect_stdout(log))
         return log
 
     def stop_robot(self) -> None:
