@@ -104,7 +104,7 @@ def test_a_run_whose_own_master_is_killed_ends_in_one_sentence_with_every_proces
         said = run.stdout.read()
         assert run.wait(60.0) == FAILED, (said, lines)
     reason = "the ROS master of this run has ended, so the robot was stopped; explore again"
-    assert said.splitlines()[0] == reason
+    assert said.splitlines()[0] == reason, said
     assert not any("Traceback" in line for line in lines)
     assert not processes_that_name(f"-p {port}")
     assert not processes_that_name(str(out))

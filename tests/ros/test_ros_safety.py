@@ -212,6 +212,7 @@ def test_all_nodes_register_with_another_master_and_the_robot_explores_on(stack:
             if node.lstrip("/") in stack.nodes
         }
 
+    rospy.wait_for_message(f"/{topics.POSE}", PoseWithCovarianceStamped, 120.0)
     stack.wait_until_driving()
     before, parameters = graph(), master.getParam("/")
     stack.kill("rosmaster")

@@ -53,6 +53,7 @@ class Live:
         self._to_release = ""
         self._heard: Heard | None = None
         self._log: TextIO | None = None
+        self._redirected = contextlib.ExitStack()
         self.terminal = streams.lossy(os.dup(2), close=True)
 
     @property
@@ -73,7 +74,7 @@ class Live:
         refuse_second_robot(self._names)
         self._log = self._silence()
         try:
-            self._start(self._log)
+            self._start()
         except BaseException:
             self._end(self._log)
             raise
@@ -92,11 +93,10 @@ class Live:
         finally:
             self._end(self._log)
 
-    def _start(self, log: TextIO) -> None:
+    def _start(self) -> None:
         self._heard = Heard(signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
         try:
-            with contextlib.redirect_stdout(log):
-                self._parent = launch.start(self._text, quiet=True)
+            self._parent = launch.start(self._text, quiet=True)
         except Exception:
             if self.interrupted:  # roslaunch complains about the processes that the signal ended
                 raise KeyboardInterrupt from None
@@ -112,18 +112,19 @@ class Live:
         _tried(_ANSWER_S, lambda: rospy.signal_shutdown("the run is over"), "the ROS master")
         if self._parent is not None:
             started = list(self._parent.pm.procs) if self._parent.pm is not None else []
-            with contextlib.redirect_stdout(log):
-                _tried(_END_S, self._parent.shutdown, "roslaunch")
+            _tried(_END_S, self._parent.shutdown, "roslaunch")
             _kill(started)
         self._release()
         os.dup2(self.terminal.fileno(), 2)
+        self._redirected.close()
         log.close()
 
     def _silence(self) -> TextIO:
-        """The words of roslaunch and of all nodes go to a file; ``terminal`` still is the terminal."""
+        """The words of roslaunch, at whatever moment, and of all nodes go to a file; ``terminal`` is the terminal."""
         file = Path(os.environ["ROS_LOG_DIR"]) / "terminal.log"
         log = streams.lossy(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644), close=True)
         os.dup2(log.fileno(), 2)
+        self._redirected.enter_context(contextlib.redirect_stdout(log))
         return log
 
     def stop_robot(self) -> None:

@@ -96,6 +96,12 @@ def run(name: str, build: Callable[[Config], Node]) -> None:
         rospy.logfatal("%s: %s", name, error)
         rospy.signal_shutdown(str(error))
         sys.exit(2 if isinstance(error, DeviceError) else 1)
+    except ConnectionError:
+        if rosgraph.is_master_online():
+            raise
+        rospy.logfatal("%s: the ROS master went away while this node started; start both again", name)
+        rospy.signal_shutdown("no master")
+        sys.exit(1)
     unclosed = threading.Lock()
 
     def close() -> None:
