@@ -175,7 +175,7 @@ class GroundMap:
         points, point = writable(points_world, np.float64).reshape(-1, 3), writable(obs_point, np.int64)
         votes, members = ground_cells.count_hits(points, point, scans.hit, _POINT_HITS, *lattice.arguments())
         over_votes, over = ground_cells.count_hits(points, point, scans.over, _POINT_HITS, *lattice.arguments())
-        occupied: BoolArray = ground_cells.believed_points(
+        return ground_cells.believed_points(
             votes,
             members,
             over_votes,
@@ -186,7 +186,6 @@ class GroundMap:
             _OVERRULED_BY,
             _FEW_OVERRULED_BY,
         )
-        return occupied
 
     def _touched(self, surfaces: Surfaces, n_keyframes: int) -> tuple[Surfaces, BoolArray, Points2]:
         """The surfaces as kernels take them, which of them the robot could touch and lie where they seem to, and the
@@ -225,8 +224,7 @@ class GroundMap:
     def _footprints(self, trail: Sequence[SE2], lattice: _Lattice) -> BoolArray:
         """Cells whose centre the robot's body has covered."""
         places = np.array([(pose.x, pose.y) for pose in trail]).reshape(-1, 2)
-        covered: BoolArray = ground_cells.cover_discs(places, self._robot.radius_m, *lattice.arguments())
-        return covered
+        return ground_cells.cover_discs(places, self._robot.radius_m, *lattice.arguments())
 
     def _bump_cells(self, bumps: Sequence[SE2]) -> Points2:
         """(N, 2) points of the arcs just ahead of the bumper [m]."""
@@ -240,8 +238,7 @@ class GroundMap:
 def _solid(spots: Surfaces, touched: BoolArray, free_votes: Int32Array, lattice: _Lattice) -> BoolArray:
     """Cells under surfaces, but for those that many keyframes look through."""
     votes = ground_cells.count_spots(spots.points, touched, *lattice.arguments())
-    solid: BoolArray = ground_cells.believed_spots(votes, free_votes, _MIN_SPOTS, _SEEN_THROUGH)
-    return solid
+    return ground_cells.believed_spots(votes, free_votes, _MIN_SPOTS, _SEEN_THROUGH)
 
 
 def _gaps(data: NDArray[np.int8], sure: BoolArray) -> BoolArray:
