@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +10,14 @@ from numpy.typing import NDArray
 FloatArray: TypeAlias = NDArray[np.float64]
 """Float64 array of any shape; the docstring of the user says which."""
 
-IntArray: TypeAlias = NDArray[np.integer[Any]]
-"""Integer array of any shape."""
+IntArray: TypeAlias = NDArray[np.int64]
+"""Int64 array of any shape: indices, labels, counts. The only integers that most compiled loops are made for."""
+
+Int32Array: TypeAlias = NDArray[np.int32]
+"""Counts of cells and fixed-point values, any shape."""
+
+Float32Array: TypeAlias = NDArray[np.float32]
+"""Float32 array of any shape, where half the memory or twice the vector width matters."""
 
 BoolArray: TypeAlias = NDArray[np.bool_]
 """Mask of any shape."""

@@ -171,6 +171,7 @@ def test_gradients_of_poses_and_points():
             assert numeric == pytest.approx(gp[p, k], rel=1e-4, abs=1e-6 * np.abs(gp[p]).max())
 
 
+@pytest.mark.compiled
 def test_slices_go_where_one_piece_goes():
     problem, free = Problem(), [-1, -1, 0, 1, 2, 3]
     whole = problem.solve(free, iterations=6)

@@ -55,7 +55,7 @@ def test_pattern_has_blocks_where_points_or_factors_tie_frames():
     tied = {
         (min(a, b), max(a, b)) for a, b in ((1, 2), (1, 3), (2, 3), (3, 4)) for a, b in [sorted(pattern.number[[a, b]])]
     }
-    found = {tuple(at) for at in np.argwhere(pattern.index >= 0).tolist() if at[0] != at[1]}
+    found = {tuple(at) for at in np.argwhere(pattern.block >= 0).tolist() if at[0] != at[1]}
     assert found == tied
     assert pattern.number[0] == -1
     assert (pattern.column[pattern.begin[:-1]] == np.arange(4)).all()

@@ -55,7 +55,7 @@ class CreateDialect:
         """What the robot said in another connection."""
         self._mode = Mode.OFF
         self._hazards = Hazard.NONE
-        self._charges = self._doubted = self.driving = False
+        self._charges = self._doubted = self.driving = self.deaf = False
         self._last: Mapping[int, int] = {}
         self._cycles_out_of_safe = 0
         self._rounding = CarriedTurn()
@@ -68,6 +68,7 @@ class CreateDialect:
     def wheel_command(self, v_m_s: float, omega_rad_s: float) -> bytes:
         """Drive, or go back to Safe first."""
         wanted = v_m_s != 0.0 or omega_rad_s != 0.0
+        self.deaf = False
         self.driving = wanted and self.obeys
         if self.obeys:
             self._cycles_out_of_safe = 0
@@ -77,7 +78,9 @@ class CreateDialect:
         cause = self._hazards & (Hazard.WHEEL_DROP if v_m_s < 0.0 else Hazard.WHEEL_DROP | Hazard.CLIFF)
         asks = (wanted or unknown and not self._charges) and not cause
         back = asks and self._cycles_out_of_safe % CYCLES_TO_RETRY_MODE == 1
-        return (self.halt() if unknown else b"") + (bytes((Opcode.SAFE,)) if back else b"")
+        still = self.halt() if unknown else b""
+        self.deaf = back
+        return still + (bytes((Opcode.SAFE,)) if back else b"")
 
     def _encoded(self, v_m_s: float, omega_rad_s: float) -> tuple[bytes, float]:
         base = 1000.0 * self._model.wheel_base_m
@@ -98,13 +101,13 @@ class CreateDialect:
         yield encode_song(ALARM_SONG, ALARM_NOTES), 0.0
 
     def halt(self) -> bytes:
-        """See Dialect."""
-        return encode_drive_direct(0.0, 0.0)
+        """See Dialect. Nothing right behind a change of mode: it is not heard, and until then the robot stands."""
+        return b"" if self.deaf else encode_drive_direct(0.0, 0.0)
 
     def farewell(self) -> bytes:
         """Wheels still, then Passive: in Safe a robot does not charge and drains its battery. Create 2 sleeps."""
         end = bytes((Opcode.STOP,)) if self._model is CREATE_2 else b""
-        return self.halt() + bytes((Opcode.START,)) + end
+        return encode_drive_direct(0.0, 0.0) + bytes((Opcode.START,)) + end
 
     def base_reading(
         self, values: Mapping[int, int], odometry: OdometryReading, gyro: GyroReading | None = None

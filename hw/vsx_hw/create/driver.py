@@ -98,7 +98,7 @@ class Create1Dialect(CreateDialect):
         self._asked: list[int] = []
         self._queries = 0
         self._frames = self._lost = 0
-        self._measured_once = self._deaf = False
+        self._measured_once = False
 
     def hello(self) -> Iterable[tuple[bytes, float]]:
         """See Dialect. What the robot printed at start-up is not an answer; what it drove since the last reading is
@@ -145,7 +145,7 @@ class Create1Dialect(CreateDialect):
 
     def waits(self) -> bool:
         """See Dialect. After a change of mode it is deaf for a moment."""
-        return bool(self._asked) or self._deaf
+        return bool(self._asked) or self.deaf
 
     def drive(self, v_m_s: float, omega_rad_s: float) -> bytes:
         """The command, the camera's supply (digital output 0 of a TurtleBot 1, cleared whenever Safe is left), and the
@@ -153,11 +153,10 @@ class Create1Dialect(CreateDialect):
         behind a change of mode, where it would be lost."""
         self._odometry.command(*((v_m_s, omega_rad_s) if self.obeys else (0.0, 0.0)))
         command = self.wheel_command(v_m_s, omega_rad_s) + (bytes((Opcode.DIGITAL_OUTPUTS, 1)) if self.obeys else b"")
-        self._deaf = not self.obeys and command[-1:] == bytes((Opcode.SAFE,))
         if self._asked:
             self._give_up()
             return command
-        if self._deaf:
+        if self.deaf:
             return command
         self._buffer.clear()
         self._asked = [*SAFETY_PACKETS, *BATTERY_PACKETS, GYRO_PACKET]

@@ -39,10 +39,10 @@ def observed_points(snapshot: MapSnapshot, focal_px: float, noise_px: float) -> 
     """All points of the snapshot, row by row. noise_px: standard deviation of an observation at level 0."""
     world = np.ascontiguousarray(snapshot.points_world)
     centres = np.array([T.translation for T in snapshot.T_world_cams]).reshape(-1, 3)
-    noise = noise_px / focal_px * 2.0**snapshot.obs_level
+    noise = np.asarray(noise_px / focal_px * 2.0**snapshot.obs_level, np.float64)
     information, rays, distances = point_information(world, centres, snapshot.obs_keyframe, snapshot.obs_point, noise)
     # Observations along one ray leave the depth open: it is then known to 10 m, no worse.
-    covariances = np.linalg.inv(information + 1e-2 * np.eye(3))
+    covariances = np.asarray(np.linalg.inv(information + 1e-2 * np.eye(3)), np.float64)
     views = rays / np.maximum(np.linalg.norm(rays, axis=1), 1e-9)[:, None]
     sigma = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
     ranges = distances[:, 1] / np.maximum(distances[:, 0], 1.0)

@@ -121,12 +121,12 @@ class KeyframeImages:
 def judge(views: Views, frame: FloatArray, centres: Points3, config: DenseConfig, unit: float) -> Judgement:
     """What the keyframes say about cells of a plane. frame (3, 3): its right, up and normal; centres (N, 3) world;
     unit: length of a metre in the map."""
-    cosines = [
+    steep, least, most, apart = (
         math.cos(math.radians(angle))
         for angle in (config.max_incidence_deg, config.min_parallax_deg, config.max_parallax_deg, _APART_DEG)
-    ]
+    )
     enough = 1.0 - math.cos(math.radians(_ENOUGH_PARALLAX_DEG))
-    limits = (config.min_range_m * unit, config.max_range_m * unit, *cosines, enough)
+    limits = (config.min_range_m * unit, config.max_range_m * unit, steep, least, most, apart, enough)
     texture, score, rival, counts, reference = kernels.judge_cells(
         views.store, views.table, views.K, views.R, views.t, views.centres, views.slots,
         frame, centres, 0.5 * config.patch_m * unit, limits, (config.min_texture, _HOPELESS_ZNCC), _RIVAL_DEPTHS,

@@ -53,10 +53,7 @@ def deviations(points: ObservedPoints, rows: IntArray, normal: FloatArray, offse
     """(R,) distances of points (rows) to the plane in standard deviations; infinite where a point cannot belong to it:
     too far off, or seen from behind."""
     plane = np.append(normal, offset)
-    sigmas: FloatArray = kernels.deviations(
-        points.world, points.covariances, points.views, rows, plane, noise.floor, noise.limit
-    )
-    return sigmas
+    return kernels.deviations(points.world, points.covariances, points.views, rows, plane, noise.floor, noise.limit)
 
 
 def on_plane(points: ObservedPoints, rows: IntArray, fit: Fit, noise: Noise) -> BoolArray:

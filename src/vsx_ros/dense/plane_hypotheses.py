@@ -21,10 +21,9 @@ def _partners(
     """(M,) for each point another one at a distance d with probability exp(-d^2 / sigma^2), farther away than its
     noise; -1 where none was drawn. across: how many coordinates the least distance counts."""
     candidates = rng.integers(len(points.world), size=(len(first), _TRIES))
-    partners: IntArray = first_accepted(
+    return first_accepted(
         points.world, points.sigma, first, candidates, rng.random(candidates.shape), across, sigma_m, apart_m
     )
-    return partners
 
 
 def _facing(points: ObservedPoints, normals: FloatArray, through: list[IntArray]) -> FloatArray:

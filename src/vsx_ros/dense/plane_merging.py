@@ -169,8 +169,7 @@ def _stands(found: Found, points: ObservedPoints, noise: Noise, unit: float) -> 
 def _within(found: Found, points: ObservedPoints) -> IntArray:
     """Rows of the points beside the plane's own ones."""
     low, high = _box(found, points, 0.0)
-    rows: IntArray = beside(points.world, in_plane_axes(found.fit.normal), low, high)
-    return rows
+    return beside(points.world, in_plane_axes(found.fit.normal), low, high)
 
 
 def _box(found: Found, points: ObservedPoints, margin: float) -> FloatArray:

@@ -55,8 +55,7 @@ class Plane(NamedTuple):
 
 def in_plane_axes(normal: FloatArray) -> FloatArray:
     """(2, 3) right and up of a plane: up is the direction in the plane nearest to +z, or to +y for a level plane."""
-    axes: FloatArray = kernels.in_plane_axes(normal[0], normal[1], normal[2])
-    return axes
+    return kernels.in_plane_axes(normal[0], normal[1], normal[2])
 
 
 def kind_of(normal: FloatArray, offset: float) -> PlaneKind:

@@ -5,7 +5,7 @@ Every kernel is decorated with ``kernel``: cached on disk, free of Python's glob
 """
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import ParamSpec, TypeVar
 
 import numba
 
@@ -13,10 +13,11 @@ import numba
 # fastmath, changes no bit.
 numba.config.SLP_VECTORIZE = 1  # type: ignore[attr-defined]  # numba makes its settings at import
 
-F = TypeVar("F", bound=Callable[..., Any])
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
-def kernel(function: F) -> F:
+def kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile on first call, keep the machine code on disk, run without the global lock."""
-    compiled: F = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+    compiled: Callable[P, R] = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
     return compiled

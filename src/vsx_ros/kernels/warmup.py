@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
+from vsx_ros.arrays import Int32Array, IntArray
 from vsx_ros.kernels.dense import floor_contact, jlinkage, plane_fits, planes, surface_cells
 from vsx_ros.kernels.geometry import projection
 from vsx_ros.kernels.occupancy import clearance, ground_cells, ground_map, scan_casting
@@ -27,9 +29,9 @@ def warm_up() -> None:
 
 def _planes() -> None:
     points, one = np.array([[2.0, 0.0, 0.3]]), np.zeros(1, np.int64)
-    information, rays, _ = planes.point_information(points, np.zeros((1, 3)), one, one, np.ones(1))
+    _, rays, _ = planes.point_information(points, np.zeros((1, 3)), one, one, np.ones(1))
     wall = np.array([-1.0, 0.0, 0.0, -2.0])
-    covariances = np.linalg.inv(information + np.eye(3))
+    covariances = np.eye(3)[None].copy()
     planes.deviations(points, covariances, rays, one, wall, 0.01, 0.1)
     axes, boxes = np.eye(3)[:2][None].copy(), np.array([[np.zeros(2), np.ones(2)]])
     planes.best_planes(points, covariances, rays, wall[None], axes, boxes, 1, one, (0.01, 2.5, 0.1))
@@ -188,7 +190,7 @@ def _planning() -> None:
     reeds_shepp.reeds_shepp_shortest(1.0, 1.0, 1.0, *work, *word)
 
 
-def _pyramid() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _pyramid() -> tuple[NDArray[np.uint8], IntArray, Int32Array, IntArray]:
     table = np.zeros((4, 4), np.int64)
     offset, row = 0, 0
     for level in range(4):

@@ -27,15 +27,13 @@ class DistanceField:
     def at(self, points_world: Points2) -> FloatArray:
         """(N,) bilinear values [m] at (N, 2) points; outside, the edge's value less the distance to it."""
         points = np.ascontiguousarray(points_world, float).reshape(-1, 2)
-        values: FloatArray = interpolate_many(self.values, self.resolution, self.origin_x, self.origin_y, points)
-        return values
+        return interpolate_many(self.values, self.resolution, self.origin_x, self.origin_y, points)
 
     def least_on(self, table: FloatArray, direction: int, step_m: float) -> float:
         """The least value [m] on a curve of knots (M, 5) s, x, y, theta, kappa, looked at every step_m."""
-        least: float = least_on_curve(
+        return least_on_curve(
             self.values, self.resolution, self.origin_x, self.origin_y, np.ascontiguousarray(table), direction, step_m
         )
-        return least
 
     def cell(self, x: float, y: float) -> tuple[int, int]:
         """Row and column of the cell at a position [m]; may lie outside."""
@@ -51,8 +49,7 @@ class DistanceField:
     def gradient(self, points_world: Points2) -> FloatArray:
         """(N, 2) central differences over one cell [m/m]."""
         points = np.ascontiguousarray(points_world, float).reshape(-1, 2)
-        gradient: FloatArray = gradient_many(self.values, self.resolution, self.origin_x, self.origin_y, points)
-        return gradient
+        return gradient_many(self.values, self.resolution, self.origin_x, self.origin_y, points)
 
 
 def clearance_field(grid: OccupancyGrid, reach_m: float = CLEARANCE_REACH_M) -> DistanceField:
@@ -76,7 +73,7 @@ def travel_distance(field: DistanceField, start: tuple[float, float]) -> FloatAr
     row, column = field.cell(*start)
     if not (0 <= row < open_cells.shape[0] and 0 <= column < open_cells.shape[1]):
         return np.full(open_cells.shape, np.inf)
-    distances: FloatArray = wavefront(open_cells, row, column)
+    distances = wavefront(open_cells, row, column)
     distances *= field.resolution
     return distances
 
@@ -86,5 +83,4 @@ def with_fringe(distances: FloatArray, resolution: float) -> FloatArray:
 
     A position can be open although the middle of its cell is not; its distance is that of the nearest cell beside it.
     """
-    reached: FloatArray = fringe(np.ascontiguousarray(distances, float), resolution)
-    return reached
+    return fringe(np.ascontiguousarray(distances, float), resolution)

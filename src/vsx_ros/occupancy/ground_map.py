@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2, Points3
+from vsx_ros.arrays import BoolArray, FloatArray, Int32Array, IntArray, Points2, Points3
 from vsx_ros.config import GroundMapConfig, RobotConfig
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
@@ -169,13 +169,13 @@ class GroundMap:
         return np.array([*poses, *ahead]).reshape(-1, 2)
 
     def _occupied(
-        self, scans: PolarScans, points_world: Points3, obs_point: IntArray, free_votes: IntArray, lattice: _Lattice
+        self, scans: PolarScans, points_world: Points3, obs_point: IntArray, free_votes: Int32Array, lattice: _Lattice
     ) -> BoolArray:
         """Cells with enough observations of obstacle points, the few that others look through left out."""
         points, point = writable(points_world, np.float64).reshape(-1, 3), writable(obs_point, np.int64)
         votes, members = ground_cells.count_hits(points, point, scans.hit, _POINT_HITS, *lattice.arguments())
         over_votes, over = ground_cells.count_hits(points, point, scans.over, _POINT_HITS, *lattice.arguments())
-        occupied: BoolArray = ground_cells.believed_points(
+        return ground_cells.believed_points(
             votes,
             members,
             over_votes,
@@ -186,7 +186,6 @@ class GroundMap:
             _OVERRULED_BY,
             _FEW_OVERRULED_BY,
         )
-        return occupied
 
     def _touched(self, surfaces: Surfaces, n_keyframes: int) -> tuple[Surfaces, BoolArray, Points2]:
         """The surfaces as kernels take them, which of them the robot could touch and lie where they seem to, and the
@@ -225,8 +224,7 @@ class GroundMap:
     def _footprints(self, trail: Sequence[SE2], lattice: _Lattice) -> BoolArray:
         """Cells whose centre the robot's body has covered."""
         places = np.array([(pose.x, pose.y) for pose in trail]).reshape(-1, 2)
-        covered: BoolArray = ground_cells.cover_discs(places, self._robot.radius_m, *lattice.arguments())
-        return covered
+        return ground_cells.cover_discs(places, self._robot.radius_m, *lattice.arguments())
 
     def _bump_cells(self, bumps: Sequence[SE2]) -> Points2:
         """(N, 2) points of the arcs just ahead of the bumper [m]."""
@@ -237,11 +235,10 @@ class GroundMap:
         return np.vstack([np.zeros((0, 2)), *(pose @ arc for pose in bumps)])
 
 
-def _solid(spots: Surfaces, touched: BoolArray, free_votes: IntArray, lattice: _Lattice) -> BoolArray:
+def _solid(spots: Surfaces, touched: BoolArray, free_votes: Int32Array, lattice: _Lattice) -> BoolArray:
     """Cells under surfaces, but for those that many keyframes look through."""
     votes = ground_cells.count_spots(spots.points, touched, *lattice.arguments())
-    solid: BoolArray = ground_cells.believed_spots(votes, free_votes, _MIN_SPOTS, _SEEN_THROUGH)
-    return solid
+    return ground_cells.believed_spots(votes, free_votes, _MIN_SPOTS, _SEEN_THROUGH)
 
 
 def _gaps(data: NDArray[np.int8], sure: BoolArray) -> BoolArray:
@@ -263,7 +260,7 @@ def _gaps(data: NDArray[np.int8], sure: BoolArray) -> BoolArray:
     return gaps
 
 
-def _rims(data: NDArray[np.int8], free_votes: IntArray) -> BoolArray:
+def _rims(data: NDArray[np.int8], free_votes: Int32Array) -> BoolArray:
     """Free cells beside obstacles, and beside what nobody saw, that few keyframes looked through: a ray along a face
     passes through the face's own cells, and what nobody saw may be a face. Unknown slits narrower than seven cells
     between free ones are not meant: they are where rays happen to lie apart."""

@@ -65,8 +65,7 @@ class PolarScans:
         if not len(self.positions):
             return np.zeros((0, 2))
         points, point = writable(points_world, np.float64).reshape(-1, 3), writable(obs_point, np.int64)
-        corners: Points2 = scan_corners(self.positions, self.headings, self.free, points, point, self.hit)
-        return corners
+        return scan_corners(self.positions, self.headings, self.free, points, point, self.hit)
 
 
 def virtual_scans(

@@ -36,11 +36,10 @@ def start_headings(sequence: HeadingSequence, theta: float) -> FloatArray:
 def position_rows(sequence: HeadingSequence, theta: float, rule: Quadrature) -> FloatArray:
     """(2, I K, 10 K) rows that give x and y, relative to the start, at the ends of all intervals of the K pieces."""
     kinds = np.array([FLAGS.index(sequence.ends(k)) for k in range(len(sequence.turns))])
-    rows: FloatArray = kernels.position_rows(
+    return kernels.position_rows(
         kinds, start_headings(sequence, theta), np.array(sequence.turns), np.array(sequence.directions),
         rule.every_basis, rule.every_profile, rule.weights, rule.order,
     )  # fmt: skip
-    return rows
 
 
 def view_rows(sequence: HeadingSequence, phi: float) -> tuple[FloatArray, FloatArray]:

@@ -167,10 +167,9 @@ class Planner:
         )  # fmt: skip
         # The estimate looks a few cells around a pose, perhaps through a thin wall: believe it only on joined ground.
         joined = np.isfinite(with_fringe(travel_distance(m, (start.x, start.y)), m.resolution))
-        costs: FloatArray = flood_costs(
+        return flood_costs(
             level, step, start.theta, m.origin_x, m.origin_y, lattice.cell_m, phi, m.values, m.resolution, joined, poses
         )
-        return costs
 
     def _direct(self, start: SE2, goal: SE2, corridor: Corridor, enough: int) -> list[Path]:
         """The best connections that ignore the map, those that happen to be free."""

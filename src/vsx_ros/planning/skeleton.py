@@ -7,8 +7,9 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from vsx_ros.arrays import FloatArray, IntArray
+from vsx_ros.arrays import Float32Array, FloatArray, IntArray
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.planning.lattice import lattice_search, lattice_way, reverse_run, word_is_free
 from vsx_ros.kernels.planning.reeds_shepp import MAX_WORDS, SEGMENTS, reeds_shepp_table, reeds_shepp_words
@@ -121,9 +122,9 @@ class Lattice:
 
 
 @functools.cache
-def word_table() -> FloatArray:
+def word_table() -> Float32Array:
     """The lengths of shortest words, by which the search is guided; computed once, it is the same for every phi."""
-    table: FloatArray = reeds_shepp_table()
+    table = reeds_shepp_table()
     table.flags.writeable = False
     return table
 
@@ -197,14 +198,13 @@ def _searched(
     max_reverse_m: float,
     remaining: FloatArray,
     lattice: Lattice,
-) -> tuple[FloatArray, IntArray, IntArray, float, int]:
+) -> tuple[FloatArray, IntArray, NDArray[np.int8], float, int]:
     bound = np.where(np.isfinite(remaining), OCTILE * remaining, 1e6)
-    found: tuple[FloatArray, IntArray, IntArray, float, int] = lattice_search(
+    return lattice_search(
         margin.values, margin.resolution, margin.origin_x, margin.origin_y, start.as_array(), phi,
         lattice.headings, lattice.bins, lattice.cell_m, max_reverse_m, goal.as_array(), bound, word_table(),
         lattice.most_states,
     )  # fmt: skip
-    return found
 
 
 def search_tree(

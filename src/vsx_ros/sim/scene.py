@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2
+from vsx_ros.arrays import BoolArray, FloatArray, Int32Array, Points2
 from vsx_ros.errors import ConfigError
 from vsx_ros.sim.textures import packed_levels, texture, texture_size
 from vsx_ros.sim.world import Material, World, prisms
@@ -46,8 +46,8 @@ class Scene(NamedTuple):
     surfaces: NDArray[np.float32]
     places: NDArray[np.int32]
     tints: NDArray[np.float32]
-    tex: IntArray
-    light: IntArray
+    tex: Int32Array
+    light: Int32Array
 
 
 def _side(a: Points2, b: Points2, z_min: float, z_max: float, material: str, along: float) -> Quad:
@@ -138,7 +138,7 @@ def _light_map(quad: Quad, world: World, nu: int, nv: int) -> FloatArray:
     return total
 
 
-def _pack_light(light: FloatArray, scale: float) -> IntArray:
+def _pack_light(light: FloatArray, scale: float) -> Int32Array:
     """Nodes as bytes, packed 2x2 like texels but clamped at the border; flat int32."""
     t = np.clip(np.rint(light * (255.0 / scale)), 0, 255).astype(np.uint32)
     t = np.pad(t, ((0, 1), (0, 1)), mode="edge")

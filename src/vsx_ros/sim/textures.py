@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import GrayImage, IntArray
+from vsx_ros.arrays import GrayImage, Int32Array
 from vsx_ros.sim.world import Material
 
 Rng = np.random.Generator
@@ -209,7 +209,7 @@ def texture(material: Material) -> GrayImage:
     return np.asarray(np.clip(np.rint(picture), 0, 255), np.uint8)
 
 
-def packed_levels(picture: GrayImage) -> IntArray:
+def packed_levels(picture: GrayImage) -> Int32Array:
     """All mip levels of a square power-of-two texture, finest first, flat int32.
 
     Each entry packs the 2x2 texels starting there (right, below, below right in the higher bytes), with wrap-around.

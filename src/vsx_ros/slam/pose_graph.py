@@ -89,8 +89,7 @@ def shared_points(world: Map, nodes: list[int]) -> IntArray:
     """(N, N) how many points each two of the keyframes (indices) share."""
     rows = [world.keyframes[k].observations.rows for k in nodes]
     ends = np.cumsum([len(mine) for mine in rows], dtype=np.int64)
-    shared: IntArray = count_shared(np.concatenate([np.zeros(0, np.int64), *rows]), ends, world.count)
-    return shared
+    return count_shared(np.concatenate([np.zeros(0, np.int64), *rows]), ends, world.count)
 
 
 def _edges_within(world: Map, nodes: list[int], poses: list[SE3]) -> list[_Edge]:

@@ -6,10 +6,11 @@ A gap in the wall has no such step: through it the floor goes on. Arrays as in k
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.dense.surface_cells import LEVELS
 
@@ -19,7 +20,16 @@ ACROSS = 3
 
 @kernel
 def _strip(
-    pixels: Any, table: Any, K: Any, R: Any, t: Any, origin: Any, along: Any, across: Any, begin: float, end: float
+    pixels: NDArray[np.uint8],
+    table: IntArray,
+    K: FloatArray,
+    R: FloatArray,
+    t: FloatArray,
+    origin: FloatArray,
+    along: FloatArray,
+    across: FloatArray,
+    begin: float,
+    end: float,
 ) -> tuple[float, float, bool]:
     """Mean and standard deviation [grey levels] of a rectangle: from ``begin`` to ``end`` [m] in the direction along
     (3,) from origin (3,), across (3,) [m] to both sides; and whether all of it is in the image."""
@@ -62,9 +72,11 @@ def _strip(
 
 @kernel
 def contact_steps(
-    store: Any, table: Any, K: Any, R: Any, t: Any, centres: Any, slots: Any, feet: Any, front: Any, right: Any,
-    strips: Any, shifts: Any, limits: Any,
-) -> tuple[Any, Any, Any]:  # fmt: skip
+    store: NDArray[np.uint8], table: IntArray, K: FloatArray, R: FloatArray, t: FloatArray, centres: FloatArray,
+    slots: IntArray, feet: FloatArray, front: FloatArray, right: FloatArray,
+    strips: tuple[float, float, float, float, float], shifts: FloatArray,
+    limits: tuple[float, float, float, float, int],
+) -> tuple[IntArray, FloatArray, IntArray]:  # fmt: skip
     """Brightness steps at the feet of columns of one plane, over the keyframes that see them from its front.
 
     feet (C, 3): where the columns meet the floor, world. front (3,): horizontal, away from the wall; right (3,): along

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+from numpy.typing import NDArray
 
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.kernels import kernel
 
 WORD = 64
 
 
 @kernel
-def _bits_set(x: Any) -> Any:
+def _bits_set(x: np.uint64) -> np.int64:
     """How many bits of a word are one; written so that the compiler knows it for one machine instruction."""
     x = x - ((x >> np.uint64(1)) & np.uint64(0x5555555555555555))
     x = (x & np.uint64(0x3333333333333333)) + ((x >> np.uint64(2)) & np.uint64(0x3333333333333333))
@@ -21,7 +21,7 @@ def _bits_set(x: Any) -> Any:
 
 
 @kernel
-def _common(words: Any, i: int, n: int, out: Any) -> None:
+def _common(words: NDArray[np.uint64], i: int, n: int, out: IntArray) -> None:
     """out[j] for j < n: models that rows i and j both prefer."""
     for j in range(n):
         out[j] = 0
@@ -35,7 +35,7 @@ def _common(words: Any, i: int, n: int, out: Any) -> None:
 
 
 @kernel
-def _likeness(common: Any, size: Any, own: float, out: Any) -> None:
+def _likeness(common: NDArray[np.uint16], size: FloatArray, own: float, out: FloatArray) -> None:
     """out[j]: |i and j| / |i or j| of a row i of size ``own``. Fractions of integers below 2^17 are equal as float64
     where they are equal, and in the same order where they are not."""
     for j in range(size.shape[0]):
@@ -44,7 +44,7 @@ def _likeness(common: Any, size: Any, own: float, out: Any) -> None:
 
 
 @kernel
-def _first_largest(values: Any) -> int:
+def _first_largest(values: FloatArray) -> int:
     """The first of the largest of values >= 0, -1 when all are 0. As integers they are in the same order, and the
     compiler takes many at a time."""
     bits = values.view(np.int64)
@@ -60,7 +60,16 @@ def _first_largest(values: Any) -> int:
 
 
 @kernel
-def _compact(words: Any, common: Any, size: Any, bound: Any, nearest: Any, stale: Any, row: Any, n: int) -> int:
+def _compact(
+    words: NDArray[np.uint64],
+    common: NDArray[np.uint16],
+    size: FloatArray,
+    bound: FloatArray,
+    nearest: IntArray,
+    stale: BoolArray,
+    row: IntArray,
+    n: int,
+) -> int:
     """Move the rows that may still merge to the front, in their order; how many."""
     place = np.full(n, -1)
     m = 0
@@ -85,7 +94,7 @@ def _compact(words: Any, common: Any, size: Any, bound: Any, nearest: Any, stale
 
 
 @kernel
-def agglomerate(preferences: Any) -> Any:
+def agglomerate(preferences: NDArray[np.uint64]) -> IntArray:
     """Merge the two clusters of smallest Jaccard distance, intersect their sets, until all are disjoint.
 
     preferences: (N, W) uint64, at most 65535 bits a row. Returns (N,) the row that each was merged into, itself where

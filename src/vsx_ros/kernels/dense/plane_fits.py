@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.dense.planes import variance_along
 
@@ -16,7 +16,9 @@ LEVEL = math.cos(math.radians(15.0))
 
 
 @kernel
-def plane_moments(points: Any, covariances: Any, rows: Any, plane: Any, floor: float, cutoff: float) -> Any:
+def plane_moments(
+    points: FloatArray, covariances: FloatArray, rows: IntArray, plane: FloatArray, floor: float, cutoff: float
+) -> tuple[float, FloatArray, FloatArray]:
     """(total weight, weighted mean (3,), weighted scatter about it (3, 3)) of some points (rows), whose weights are
     inverse variances along a plane's normal (4,) and Tukey's, zero from ``cutoff`` standard deviations on."""
     origin = points[rows[0]].copy()
@@ -48,7 +50,7 @@ def plane_moments(points: Any, covariances: Any, rows: Any, plane: Any, floor: f
 
 
 @kernel
-def in_plane_axes(x: float, y: float, z: float) -> Any:
+def in_plane_axes(x: float, y: float, z: float) -> FloatArray:
     """(2, 3) right and up of a plane with the unit normal (x, y, z): up is the direction in the plane nearest to +z, or
     to +y for a level plane."""
     if abs(z) >= LEVEL:
@@ -62,8 +64,15 @@ def in_plane_axes(x: float, y: float, z: float) -> Any:
 
 @kernel
 def fit_plane(
-    points: Any, covariances: Any, rows: Any, guess: Any, fixed: int, floor: float, cutoff: float, rounds: int
-) -> Any:
+    points: FloatArray,
+    covariances: FloatArray,
+    rows: IntArray,
+    guess: FloatArray,
+    fixed: int,
+    floor: float,
+    cutoff: float,
+    rounds: int,
+) -> tuple[bool, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Gauss-Newton on two tilts and the offset of the plane of some points (rows), Tukey's weights from the second
     round on.
 
@@ -108,7 +117,7 @@ def fit_plane(
 
 
 @kernel
-def _between(a: Any, M: Any, b: Any) -> float:
+def _between(a: FloatArray, M: FloatArray, b: FloatArray) -> float:
     """a M b for vectors (3,) and a matrix (3, 3)."""
     total = 0.0
     for j in range(3):

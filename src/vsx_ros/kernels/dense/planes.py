@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.dense.jlinkage import WORD
 
@@ -14,16 +15,19 @@ _MIN_FACING = 0.05
 
 
 @kernel
-def variance_along(c: Any, a: float, b: float, e: float) -> Any:
+def variance_along(c: FloatArray, a: float, b: float, e: float) -> float:
     """Of a point with covariance c (3, 3) along the unit vector (a, b, e)."""
-    return (
+    variance: float = (
         a * a * c[0, 0] + b * b * c[1, 1] + e * e * c[2, 2]
         + 2.0 * (a * b * c[0, 1] + a * e * c[0, 2] + b * e * c[1, 2])
     )  # fmt: skip
+    return variance
 
 
 @kernel
-def point_information(points: Any, centres: Any, obs_keyframe: Any, obs_point: Any, obs_noise: Any) -> Any:
+def point_information(
+    points: FloatArray, centres: FloatArray, obs_keyframe: IntArray, obs_point: IntArray, obs_noise: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(N, 3, 3) information [1/m2], (N, 3) sums of unit rays to the observers and (N, 2) counts and sums of distances.
 
     An observation from distance r along the unit ray d adds (I - d d^T) / (r s)^2, s its noise [rad] obs_noise (O,):
@@ -54,7 +58,15 @@ def point_information(points: Any, centres: Any, obs_keyframe: Any, obs_point: A
 
 
 @kernel
-def deviations(points: Any, covariances: Any, views: Any, rows: Any, plane: Any, floor: float, limit: float) -> Any:
+def deviations(
+    points: FloatArray,
+    covariances: FloatArray,
+    views: FloatArray,
+    rows: IntArray,
+    plane: FloatArray,
+    floor: float,
+    limit: float,
+) -> FloatArray:
     """(R,) distances of some points (rows) to a plane (4,) in standard deviations; infinite beyond ``limit`` [m] and
     for points seen from behind. floor [m]: noise besides the points' own."""
     out = np.full(rows.shape[0], np.inf)
@@ -71,8 +83,16 @@ def deviations(points: Any, covariances: Any, views: Any, rows: Any, plane: Any,
 
 @kernel
 def best_planes(
-    points: Any, covariances: Any, views: Any, planes: Any, axes: Any, boxes: Any, few: int, order: Any, limits: Any
-) -> Any:
+    points: FloatArray,
+    covariances: FloatArray,
+    views: FloatArray,
+    planes: FloatArray,
+    axes: FloatArray,
+    boxes: FloatArray,
+    few: int,
+    order: IntArray,
+    limits: tuple[float, float, float],
+) -> IntArray:
     """(N,) the plane of (G, 4) that each point fits best, of those it lies beside; -1 where it fits none.
 
     Planes with fewer than ``few`` points leave them to the others, one at a time by their place in order (G,).
@@ -122,7 +142,15 @@ def best_planes(
 
 
 @kernel
-def _choose(i: int, owner: Any, size: Any, gone: Any, begin: Any, near: Any, sigmas: Any) -> None:
+def _choose(
+    i: int,
+    owner: IntArray,
+    size: IntArray,
+    gone: BoolArray,
+    begin: IntArray,
+    near: IntArray,
+    sigmas: FloatArray,
+) -> None:
     """Give point i to the plane near it that it fits best, of those that are not gone."""
     best, owner[i] = np.inf, -1
     for j in range(begin[i], begin[i + 1]):
@@ -133,7 +161,7 @@ def _choose(i: int, owner: Any, size: Any, gone: Any, begin: Any, near: Any, sig
 
 
 @kernel
-def beside(points: Any, axes: Any, low: Any, high: Any) -> Any:
+def beside(points: FloatArray, axes: FloatArray, low: FloatArray, high: FloatArray) -> IntArray:
     """Rows of the points (N, 3) whose coordinates along two axes (2, 3) lie between low and high (2,)."""
     rows = np.empty(points.shape[0], np.int64)
     count = 0
@@ -151,8 +179,15 @@ def beside(points: Any, axes: Any, low: Any, high: Any) -> Any:
 
 @kernel
 def first_accepted(
-    points: Any, sigmas: Any, first: Any, candidates: Any, luck: Any, across: int, reach: float, apart: float
-) -> Any:
+    points: FloatArray,
+    sigmas: FloatArray,
+    first: IntArray,
+    candidates: IntArray,
+    luck: FloatArray,
+    across: int,
+    reach: float,
+    apart: float,
+) -> IntArray:
     """(M,) for each point ``first`` (M,) the first of its candidates (M, T), rows of points, that is accepted; -1
     where none is.
 
@@ -181,8 +216,14 @@ def first_accepted(
 
 @kernel
 def plane_preferences(
-    points: Any, covariances: Any, views: Any, planes: Any, floor: float, gate: float, limit: float
-) -> Any:
+    points: FloatArray,
+    covariances: FloatArray,
+    views: FloatArray,
+    planes: FloatArray,
+    floor: float,
+    gate: float,
+    limit: float,
+) -> NDArray[np.uint64]:
     """(N, W) uint64: bit h of a point is set where it lies on plane h, as far as its own noise allows.
 
     points: (N, 3). covariances: (N, 3, 3) of them. views: (N, 3) unit vectors towards those who saw them. planes:

@@ -10,10 +10,12 @@ T_cam_world, centres (K, 3) world [m], slots (K,): their rows of the store. Fram
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
+from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.kernels import kernel
 
 LEVELS = 4
@@ -21,10 +23,23 @@ SIDE = 8
 """Samples a side of the square that is compared."""
 VIEWS = 6
 
+Limits: TypeAlias = tuple[float, float, float, float, float, float, float]
+"""See ``choose_views``."""
+
 
 @kernel
 def _sample_patch(
-    pixels: Any, table: Any, K: Any, R: Any, t: Any, frame: Any, x: float, y: float, z: float, half: float, out: Any
+    pixels: NDArray[np.uint8],
+    table: IntArray,
+    K: FloatArray,
+    R: FloatArray,
+    t: FloatArray,
+    frame: FloatArray,
+    x: float,
+    y: float,
+    z: float,
+    half: float,
+    out: FloatArray,
 ) -> bool:
     """Fill out (SIDE * SIDE,) with the grey values of a square centred at (x, y, z) [m], ``half`` [m] from its middle
     to its outer samples; False where any lies outside the image or behind the camera."""
@@ -68,7 +83,7 @@ def _sample_patch(
 
 
 @kernel
-def _standardise(patch: Any) -> None:
+def _standardise(patch: FloatArray) -> None:
     """Make the patch zero mean and unit norm in place."""
     n = patch.shape[0]
     mean = 0.0
@@ -85,7 +100,7 @@ def _standardise(patch: Any) -> None:
 
 
 @kernel
-def _inner_texture(patch: Any) -> float:
+def _inner_texture(patch: FloatArray) -> float:
     """Standard deviation [grey levels] of a patch but for its outermost samples: an edge beside the cell is no texture
     of the cell."""
     total = squares = 0.0
@@ -99,7 +114,7 @@ def _inner_texture(patch: Any) -> float:
 
 
 @kernel
-def _second_best(values: Any, n: int) -> float:
+def _second_best(values: FloatArray, n: int) -> float:
     best = second = -1.0
     for i in range(n):
         if values[i] > best:
@@ -111,8 +126,8 @@ def _second_best(values: Any, n: int) -> float:
 
 @kernel
 def choose_views(
-    table: Any, K: Any, R: Any, centres: Any, frame: Any, x: float, y: float, z: float, half: float,
-    limits: Any, worth: Any, views: Any,
+    table: IntArray, K: FloatArray, R: FloatArray, centres: FloatArray, frame: FloatArray, x: float, y: float,
+    z: float, half: float, limits: Limits, worth: FloatArray, views: IntArray,
 ) -> int:  # fmt: skip
     """The keyframes to compare a cell in: views[0] is the reference, the nearest and most frontal; the others, up to
     VIEWS, are the next best with parallax to it and to each other. How many, reference included; 0 without any.
@@ -167,7 +182,7 @@ def choose_views(
 
 
 @kernel
-def _cosine_between(centres: Any, k: int, m: int, x: float, y: float, z: float) -> float:
+def _cosine_between(centres: FloatArray, k: int, m: int, x: float, y: float, z: float) -> float:
     ax, ay, az = centres[k, 0] - x, centres[k, 1] - y, centres[k, 2] - z
     bx, by, bz = centres[m, 0] - x, centres[m, 1] - y, centres[m, 2] - z
     norm = math.sqrt((ax * ax + ay * ay + az * az) * (bx * bx + by * by + bz * bz))
@@ -177,20 +192,20 @@ def _cosine_between(centres: Any, k: int, m: int, x: float, y: float, z: float) 
 
 @kernel
 def judge_cells(
-    store: Any,
-    table: Any,
-    K: Any,
-    R: Any,
-    t: Any,
-    centres: Any,
-    slots: Any,
-    frame: Any,
-    cells: Any,
+    store: NDArray[np.uint8],
+    table: IntArray,
+    K: FloatArray,
+    R: FloatArray,
+    t: FloatArray,
+    centres: FloatArray,
+    slots: IntArray,
+    frame: FloatArray,
+    cells: FloatArray,
     half: float,
-    limits: Any,
-    gates: Any,
-    depths: Any,
-) -> tuple[Any, Any, Any, Any, Any]:
+    limits: Limits,
+    gates: tuple[float, float],
+    depths: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, IntArray]:
     """How cells (N, 3) look in the keyframes; half: of the square's side [m], limits: see choose_views.
 
     depths (D,): relative depths, in the reference, of the places a cell is compared with: where the picture is as much
@@ -248,16 +263,16 @@ def judge_cells(
 
 @kernel
 def count_passing(
-    frame: Any,
+    frame: FloatArray,
     offset: float,
-    centres: Any,
-    points: Any,
-    obs_keyframe: Any,
-    obs_point: Any,
-    behind: Any,
-    low: Any,
+    centres: FloatArray,
+    points: FloatArray,
+    obs_keyframe: IntArray,
+    obs_point: IntArray,
+    behind: FloatArray,
+    low: IntArray,
     size: float,
-    votes: Any,
+    votes: IntArray,
 ) -> None:
     """Add to votes (W, H), the cells of a plane from index low (2,) on, how many keyframes see a point through each.
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from vsx_ros.arrays import FloatArray
 from vsx_ros.kernels import kernel
 
 
 @kernel
-def exp_se3(xi: Any) -> tuple[Any, Any]:
+def exp_se3(xi: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Rotation (3, 3) and translation (3,) of the tangent vector (6,)."""
     wx, wy, wz = xi[3], xi[4], xi[5]
     angle2 = wx * wx + wy * wy + wz * wz
@@ -35,7 +35,7 @@ def exp_se3(xi: Any) -> tuple[Any, Any]:
 
 
 @kernel
-def compose(Ra: Any, ta: Any, Rb: Any, tb: Any) -> tuple[Any, Any]:
+def compose(Ra: FloatArray, ta: FloatArray, Rb: FloatArray, tb: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(R, t) of the product of two rigid motions."""
     R = np.empty((3, 3))
     t = np.empty(3)
@@ -47,7 +47,7 @@ def compose(Ra: Any, ta: Any, Rb: Any, tb: Any) -> tuple[Any, Any]:
 
 
 @kernel
-def orthonormalize(R: Any) -> None:
+def orthonormalize(R: FloatArray) -> None:
     """Make the rows of a nearly orthonormal (3, 3) matrix exactly so, in place.
 
     Poses are composed thousands of times from one another; without this the rounding errors multiply.
@@ -63,7 +63,7 @@ def orthonormalize(R: Any) -> None:
 
 
 @kernel
-def log_se3(R: Any, t: Any) -> Any:
+def log_se3(R: FloatArray, t: FloatArray) -> FloatArray:
     """Tangent vector (6,) of a rigid motion whose rotation stays well below pi."""
     xi = np.empty(6)
     sx, sy, sz = 0.5 * (R[2, 1] - R[1, 2]), 0.5 * (R[0, 2] - R[2, 0]), 0.5 * (R[1, 0] - R[0, 1])

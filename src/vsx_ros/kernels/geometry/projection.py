@@ -10,22 +10,22 @@ that is 1.8 px at the edges, much more than what patches are located to. The way
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.kernels import kernel
 
 
 @kernel
-def row_share(camera: Any, v: float) -> float:
+def row_share(camera: FloatArray, v: float) -> float:
     """What part of the readout after the middle row, in [-0.5, 0.5], the row v [px] is exposed."""
     share: float = (v + 0.5) / camera[11] - 0.5
     return share
 
 
 @kernel
-def project_normalized(camera: Any, x: float, y: float) -> tuple[float, float]:
+def project_normalized(camera: FloatArray, x: float, y: float) -> tuple[float, float]:
     """(u, v) [px] of the point (x, y, 1), with plumb-bob distortion and the turn of its row, which is guessed
     before the distortion: good to half a pixel at 0.6 rad/s, for looking there."""
     wx, wy, wz = camera[12], camera[13], camera[14]
@@ -41,7 +41,7 @@ def project_normalized(camera: Any, x: float, y: float) -> tuple[float, float]:
 
 
 @kernel
-def unproject_pixel(camera: Any, u: float, v: float) -> tuple[float, float]:
+def unproject_pixel(camera: FloatArray, u: float, v: float) -> tuple[float, float]:
     """(x, y) on the plane z = 1 that projects to the pixel: Newton steps on the distortion, then the row's turn."""
     k1, k2, p1, p2, k3 = camera[4], camera[5], camera[6], camera[7], camera[8]
     xd = (u - camera[2]) / camera[0]
@@ -75,7 +75,7 @@ def unproject_pixel(camera: Any, u: float, v: float) -> tuple[float, float]:
 
 
 @kernel
-def unproject_pixels(camera: Any, pixels: Any) -> Any:
+def unproject_pixels(camera: FloatArray, pixels: FloatArray) -> FloatArray:
     """(N, 2) points on the plane z = 1 of (N, 2) pixels."""
     out = np.empty((pixels.shape[0], 2))
     for i in range(pixels.shape[0]):
@@ -84,7 +84,7 @@ def unproject_pixels(camera: Any, pixels: Any) -> Any:
 
 
 @kernel
-def ideal_pixels(camera: Any, pixels: Any, depth: Any) -> Any:
+def ideal_pixels(camera: FloatArray, pixels: FloatArray, depth: FloatArray) -> FloatArray:
     """(N, 2) undistorted pixels at which points would be seen, had the whole image been exposed with its middle row;
     pixels (N, 2): where they were seen, depth (N,) [m]."""
     out = np.empty((pixels.shape[0], 2))
@@ -98,7 +98,9 @@ def ideal_pixels(camera: Any, pixels: Any, depth: Any) -> Any:
 
 
 @kernel
-def project_rows(camera: Any, R: Any, t: Any, points: Any, rows: Any, margin_px: float) -> tuple[Any, Any]:
+def project_rows(
+    camera: FloatArray, R: FloatArray, t: FloatArray, points: FloatArray, rows: IntArray, margin_px: float
+) -> tuple[FloatArray, BoolArray]:
     """Level-0 pixels (S, 2) of map points (rows (S,) of points (P, 3)) in a camera at T_cam_world = R, t, and which of
     them (S,) lie in the image, margin_px inside its border."""
     n = rows.shape[0]
@@ -122,7 +124,15 @@ def project_rows(camera: Any, R: Any, t: Any, points: Any, rows: Any, margin_px:
 
 @kernel
 def best_template(
-    templates: Any, source: Any, source_centre: Any, X: float, Y: float, Z: float, nx: float, ny: float, nz: float
+    templates: IntArray,
+    source: IntArray,
+    source_centre: FloatArray,
+    X: float,
+    Y: float,
+    Z: float,
+    nx: float,
+    ny: float,
+    nz: float,
 ) -> int:
     """Of a point's templates (V,) the one seen from the most similar direction and distance, at most 53 degrees away;
     -1 without. (nx, ny, nz): the point (X, Y, Z) minus the camera's centre."""
@@ -146,18 +156,18 @@ def best_template(
 
 @kernel
 def predict(
-    camera: Any,
-    R: Any,
-    t: Any,
-    points: Any,
-    rows: Any,
-    templates: Any,
-    source: Any,
-    basis: Any,
-    source_R: Any,
-    source_centre: Any,
+    camera: FloatArray,
+    R: FloatArray,
+    t: FloatArray,
+    points: FloatArray,
+    rows: IntArray,
+    templates: IntArray,
+    source: IntArray,
+    basis: FloatArray,
+    source_R: FloatArray,
+    source_centre: FloatArray,
     margin_px: float,
-) -> tuple[Any, Any, Any, Any, Any]:
+) -> tuple[IntArray, IntArray, FloatArray, FloatArray, IntArray]:
     """Where map points appear, at which level, which of their templates fits best and how it is warped.
 
     R, t: T_cam_world of the image. points (P, 3): world; rows (C,): the points to predict. templates (P, V): template

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
+from vsx_ros.arrays import FloatArray
 from vsx_ros.kernels import kernel
 
 
 @kernel
-def factor_in_place(A: Any) -> bool:
+def factor_in_place(A: FloatArray) -> bool:
     """Upper Cholesky factor of the symmetric A (upper triangle read and overwritten); False when not positive
     definite.
 
@@ -32,7 +32,7 @@ def factor_in_place(A: Any) -> bool:
 
 
 @kernel
-def solve_factored(U: Any, b: Any) -> None:
+def solve_factored(U: FloatArray, b: FloatArray) -> None:
     """Overwrite b with the solution of U^T U x = b."""
     n = U.shape[0]
     for k in range(n):

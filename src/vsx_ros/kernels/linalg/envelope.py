@@ -6,16 +6,15 @@ Keyframes along a path give a narrow band, a closed loop one tall column; nothin
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.linalg.cholesky import factor_in_place
 
 
 @kernel
-def envelope(n: int, a: Any, b: Any) -> tuple[Any, Any]:
+def envelope(n: int, a: IntArray, b: IntArray) -> tuple[IntArray, IntArray]:
     """first (n,) and start (n + 1,) of the envelope that holds the blocks (a, b), in either order, and the diagonal.
 
     A negative index stands for a block that is not in the matrix.
@@ -32,7 +31,7 @@ def envelope(n: int, a: Any, b: Any) -> tuple[Any, Any]:
 
 
 @kernel
-def factor_envelope(blocks: Any, first: Any, start: Any) -> bool:
+def factor_envelope(blocks: FloatArray, first: IntArray, start: IntArray) -> bool:
     """Overwrite blocks (B, D, D) by the upper Cholesky factor; False when the matrix is not positive definite."""
     n, D = first.shape[0], blocks.shape[1]
     for j in range(n):
@@ -61,7 +60,7 @@ def factor_envelope(blocks: Any, first: Any, start: Any) -> bool:
 
 
 @kernel
-def solve_envelope(blocks: Any, first: Any, start: Any, x: Any) -> None:
+def solve_envelope(blocks: FloatArray, first: IntArray, start: IntArray, x: FloatArray) -> None:
     """Overwrite x (n, D) by the solution of U^T U y = x, U as ``factor_envelope`` leaves it."""
     n, D = first.shape[0], blocks.shape[1]
     for j in range(n):

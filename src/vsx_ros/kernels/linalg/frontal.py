@@ -8,15 +8,15 @@ the view reaches, whatever the length of the path; each elimination is a dense u
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.kernels import kernel
 
 
 @kernel
-def _next(front: Any, waiting: int, entered: Any, fresh: Any) -> int:
+def _next(front: IntArray, waiting: int, entered: IntArray, fresh: IntArray) -> int:
     """The place in the front of the frame that brings the fewest new ones, of the one that waits longest among
     equals."""
     best = 0
@@ -28,7 +28,7 @@ def _next(front: Any, waiting: int, entered: Any, fresh: Any) -> int:
 
 
 @kernel
-def _least_tied(entered: Any, fresh: Any) -> int:
+def _least_tied(entered: IntArray, fresh: IntArray) -> int:
     """The frame to begin with: of those that have not entered the one with the fewest neighbours."""
     best = -1
     for v in range(entered.shape[0]):
@@ -38,7 +38,7 @@ def _least_tied(entered: Any, fresh: Any) -> int:
 
 
 @kernel
-def _neighbours(tied: Any) -> tuple[Any, Any]:
+def _neighbours(tied: BoolArray) -> tuple[IntArray, IntArray]:
     """The ties (n, n; upper triangle) as lists: those of v are list[begin[v] : begin[v + 1]]."""
     n = tied.shape[0]
     begin = np.zeros(n + 1, np.int64)
@@ -60,7 +60,7 @@ def _neighbours(tied: Any) -> tuple[Any, Any]:
 
 
 @kernel
-def elimination(tied: Any) -> tuple[Any, Any, Any]:
+def elimination(tied: BoolArray) -> tuple[IntArray, IntArray, IntArray]:
     """In which order to eliminate n frames, given which are tied: tied (n, n) bool, its upper triangle is read.
 
     Returns order (n,): the frame eliminated at each step; entry (n,): the frames as they enter the front; extent (n,):
@@ -91,7 +91,7 @@ def elimination(tied: Any) -> tuple[Any, Any, Any]:
 
 
 @kernel
-def _gather(front: Any, s: int, panel: Any) -> None:
+def _gather(front: FloatArray, s: int, panel: FloatArray) -> None:
     """Fill panel (6, E) with rows s..s+5 of the symmetric front, whose upper triangle is kept."""
     e = panel.shape[1]
     for a in range(6):
@@ -102,7 +102,7 @@ def _gather(front: Any, s: int, panel: Any) -> None:
 
 
 @kernel
-def _factor_rows(panel: Any, s: int, diagonal: Any) -> bool:
+def _factor_rows(panel: FloatArray, s: int, diagonal: FloatArray) -> bool:
     """Upper Cholesky factor (6, 6) of the panel's columns s..s+5, and the panel's other columns divided by it."""
     e = panel.shape[1]
     for a in range(6):
@@ -125,7 +125,7 @@ def _factor_rows(panel: Any, s: int, diagonal: Any) -> bool:
 
 
 @kernel
-def _update(front: Any, panel: Any) -> None:
+def _update(front: FloatArray, panel: FloatArray) -> None:
     """front -= panel^T panel, upper triangle."""
     e = panel.shape[1]
     for r in range(e):
@@ -138,7 +138,7 @@ def _update(front: Any, panel: Any) -> None:
 
 
 @kernel
-def _close_gap(front: Any, s: int, last: int) -> None:
+def _close_gap(front: FloatArray, s: int, last: int) -> None:
     """Move the front's rows and columns last..last+5 to s..s+5 and leave zeros there."""
     for a in range(6):
         for c in range(last + a + 1):
@@ -155,7 +155,9 @@ def _close_gap(front: Any, s: int, last: int) -> None:
 
 
 @kernel
-def solve(blocks: Any, begin: Any, column: Any, entry: Any, extent: Any, b: Any) -> bool:
+def solve(
+    blocks: FloatArray, begin: IntArray, column: IntArray, entry: IntArray, extent: IntArray, b: FloatArray
+) -> bool:
     """Overwrite b (n, 6) with the solution of S x = b; False when S is not positive definite.
 
     All frames are numbered in the order of elimination: row k of S's upper triangle are blocks (B, 6, 6)
@@ -206,7 +208,7 @@ def solve(blocks: Any, begin: Any, column: Any, entry: Any, extent: Any, b: Any)
 
 
 @kernel
-def _back(factor: Any, room: Any, diagonal: Any, place: Any, b: Any) -> None:
+def _back(factor: FloatArray, room: IntArray, diagonal: FloatArray, place: IntArray, b: FloatArray) -> None:
     """Second half of ``solve``: the frames' values in reverse order; the front's places are filled as they were."""
     n = b.shape[0]
     known = np.zeros(((room[1:] - room[:-1]) // 6).max())

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from vsx_ros.arrays import BoolArray, FloatArray
 from vsx_ros.kernels import kernel
 
 
 @kernel
-def _lower(best: Any, left: Any, right: Any, side: float) -> None:
+def _lower(best: FloatArray, left: FloatArray, right: FloatArray, side: float) -> None:
     """Lower best (N,) to left (N,) or right (N,) plus side where that is less."""
     for j in range(best.shape[0]):
         d = left[j] if left[j] < right[j] else right[j]
@@ -19,7 +19,7 @@ def _lower(best: Any, left: Any, right: Any, side: float) -> None:
 
 
 @kernel
-def _distance_to(mask: Any, reach: int) -> Any:
+def _distance_to(mask: BoolArray, reach: int) -> FloatArray:
     """(H, W) distance [cells] from the middle of each cell to the nearest square cell of the mask, at most reach."""
     rows, columns = mask.shape
     far = float(reach)
@@ -59,7 +59,7 @@ def _distance_to(mask: Any, reach: int) -> Any:
 
 
 @kernel
-def signed_distance(blocked: Any, reach: int) -> Any:
+def signed_distance(blocked: BoolArray, reach: int) -> FloatArray:
     """(H, W) distance [cells] to the nearest blocked square, negative inside by the distance to the nearest open one.
 
     blocked (H, W) bool. Distances are measured from the middle of the cell and cut off at ``reach`` cells.
@@ -74,7 +74,7 @@ def signed_distance(blocked: Any, reach: int) -> Any:
 
 
 @kernel
-def fringe(distances: Any, step: float) -> Any:
+def fringe(distances: FloatArray, step: float) -> FloatArray:
     """distances (H, W), where infinite the least of the eight around plus a step."""
     rows, columns = distances.shape
     out = distances.copy()
@@ -90,7 +90,7 @@ def fringe(distances: Any, step: float) -> Any:
 
 
 @kernel
-def interpolate(values: Any, resolution: float, x0: float, y0: float, x: float, y: float) -> float:
+def interpolate(values: FloatArray, resolution: float, x0: float, y0: float, x: float, y: float) -> float:
     """Bilinear value of a field given at the middles of cells; (x0, y0) is the outer corner of cell (0, 0).
 
     Beyond the middles of the outermost cells their value is held, minus the distance to them.
@@ -113,7 +113,7 @@ def interpolate(values: Any, resolution: float, x0: float, y0: float, x: float, 
 
 
 @kernel
-def interpolate_many(values: Any, resolution: float, x0: float, y0: float, points: Any) -> Any:
+def interpolate_many(values: FloatArray, resolution: float, x0: float, y0: float, points: FloatArray) -> FloatArray:
     """(N,) ``interpolate`` at points (N, 2)."""
     out = np.empty(points.shape[0])
     for i in range(points.shape[0]):
@@ -122,7 +122,7 @@ def interpolate_many(values: Any, resolution: float, x0: float, y0: float, point
 
 
 @kernel
-def gradient_many(values: Any, resolution: float, x0: float, y0: float, points: Any) -> Any:
+def gradient_many(values: FloatArray, resolution: float, x0: float, y0: float, points: FloatArray) -> FloatArray:
     """(N, 2) central differences of ``interpolate`` over one cell at points (N, 2)."""
     out = np.empty((points.shape[0], 2))
     h = 0.5 * resolution
@@ -142,7 +142,15 @@ def gradient_many(values: Any, resolution: float, x0: float, y0: float, points: 
 
 @kernel
 def arc_is_free(
-    values: Any, resolution: float, x0: float, y0: float, x: float, y: float, theta: float, kappa: float, length: float
+    values: FloatArray,
+    resolution: float,
+    x0: float,
+    y0: float,
+    x: float,
+    y: float,
+    theta: float,
+    kappa: float,
+    length: float,
 ) -> bool:
     """Whether an arc of signed length at curvature kappa (of the signed arc length) stays where the field is positive.
 
@@ -168,7 +176,7 @@ def arc_is_free(
 
 @kernel
 def least_on_curve(
-    values: Any, resolution: float, x0: float, y0: float, table: Any, direction: float, step: float
+    values: FloatArray, resolution: float, x0: float, y0: float, table: FloatArray, direction: float, step: float
 ) -> float:
     """Least value of the field on a curve given by knots (M, 5) of s, x, y, theta, kappa, at most ``step`` apart.
 

@@ -1,25 +1,25 @@
 """What the scans of all keyframes say together about each cell of the ground map."""
 
 import math
-from typing import Any
 
 import numpy as np
 
+from vsx_ros.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray
 from vsx_ros.kernels import kernel
 
 
 @kernel
 def count_hits(
-    points: Any,
-    obs_point: Any,
-    hit: Any,
+    points: FloatArray,
+    obs_point: IntArray,
+    hit: Float32Array,
     enough: int,
     rows: int,
     columns: int,
     resolution: float,
     origin_x: float,
     origin_y: float,
-) -> Any:
+) -> tuple[Int32Array, Int32Array]:
     """(rows, columns) int32 twice: observations of obstacle points in each cell, and points with enough of them."""
     votes = np.zeros((rows, columns), np.int32)
     members = np.zeros((rows, columns), np.int32)
@@ -40,8 +40,8 @@ def count_hits(
 
 @kernel
 def count_spots(
-    spots: Any, touched: Any, rows: int, columns: int, resolution: float, origin_x: float, origin_y: float
-) -> Any:
+    spots: FloatArray, touched: BoolArray, rows: int, columns: int, resolution: float, origin_x: float, origin_y: float
+) -> Int32Array:
     """(rows, columns) int32: how many of the touched spots (N, 3) lie above each cell."""
     votes = np.zeros((rows, columns), np.int32)
     for i in range(spots.shape[0]):
@@ -54,16 +54,16 @@ def count_spots(
 
 @kernel
 def believed_points(
-    votes: Any,
-    members: Any,
-    over_votes: Any,
-    over_members: Any,
-    free_votes: Any,
+    votes: Int32Array,
+    members: Int32Array,
+    over_votes: Int32Array,
+    over_members: Int32Array,
+    free_votes: Int32Array,
     least: int,
     sure: int,
     overruled_by: float,
     few_overruled_by: float,
-) -> Any:
+) -> BoolArray:
     """(rows, columns) whether a cell with votes (rows, columns) is an obstacle, judged with its eight neighbours.
 
     They hold ``least`` of the members, and free_votes not more times the votes than may overrule many, or fewer than
@@ -87,7 +87,7 @@ def believed_points(
 
 
 @kernel
-def believed_spots(votes: Any, free_votes: Any, least: int, overruled_by: float) -> Any:
+def believed_spots(votes: Int32Array, free_votes: Int32Array, least: int, overruled_by: float) -> BoolArray:
     """(rows, columns) whether a cell with votes (rows, columns) of surface is solid, judged with its eight neighbours.
 
     They hold ``least`` votes, and not more than ``overruled_by`` times as many free_votes a cell.
@@ -104,7 +104,7 @@ def believed_spots(votes: Any, free_votes: Any, least: int, overruled_by: float)
 
 
 @kernel
-def around(counts: Any, row: int, column: int) -> int:
+def around(counts: Int32Array, row: int, column: int) -> int:
     """The sum over a cell and its neighbours."""
     total = 0
     for r in range(max(0, row - 1), min(counts.shape[0], row + 2)):
@@ -115,8 +115,8 @@ def around(counts: Any, row: int, column: int) -> int:
 
 @kernel
 def cover_discs(
-    poses: Any, radius: float, rows: int, columns: int, resolution: float, origin_x: float, origin_y: float
-) -> Any:
+    poses: FloatArray, radius: float, rows: int, columns: int, resolution: float, origin_x: float, origin_y: float
+) -> BoolArray:
     """(rows, columns) whether the middle of a cell lies within radius [m] of one of the poses (N, 2)."""
     covered = np.zeros((rows, columns), np.bool_)
     reach = int(radius / resolution) + 2

@@ -1,15 +1,17 @@
 """Polar scans out of point observations and surfaces, for the ground map."""
 
 import math
-from typing import Any
 
 import numpy as np
 
+from vsx_ros.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from vsx_ros.kernels import kernel
 
 
 @kernel
-def point_parallax(positions: Any, points: Any, obs_keyframe: Any, obs_point: Any) -> Any:
+def point_parallax(
+    positions: FloatArray, points: FloatArray, obs_keyframe: IntArray, obs_point: IntArray
+) -> FloatArray:
     """(M,) widest angle [rad] between the first ray to each point and any other; 0 for points seen once.
 
     positions: (K, 3) camera centres. points: (M, 3). obs_keyframe, obs_point: (O,) indices of each observation.
@@ -35,16 +37,16 @@ def point_parallax(positions: Any, points: Any, obs_keyframe: Any, obs_point: An
 
 @kernel
 def polar_scans(
-    positions: Any,
-    headings: Any,
-    points: Any,
-    parallax: Any,
-    obs_keyframe: Any,
-    obs_point: Any,
+    positions: FloatArray,
+    headings: FloatArray,
+    points: FloatArray,
+    parallax: FloatArray,
+    obs_keyframe: IntArray,
+    obs_point: IntArray,
     n_bearings: int,
     heights: tuple[float, float, float, float, float],
     ranges: tuple[float, float, float, float, float],
-) -> Any:
+) -> tuple[Float32Array, Float32Array, Float32Array, Float32Array]:
     """What each keyframe's observations say about the floor around it.
 
     headings: (K, 2) cosine and sine; bearings count from them, counter-clockwise, in n_bearings equal bins around the
@@ -92,7 +94,9 @@ def polar_scans(
 
 
 @kernel
-def touchable(spots: Any, sigma: Any, low: float, high: float, max_sigma: float) -> Any:
+def touchable(
+    spots: FloatArray, sigma: FloatArray, low: float, high: float, max_sigma: float
+) -> tuple[BoolArray, FloatArray, bool]:
     """Which spots of surface (N, 3) lie higher than ``low`` and up to ``high`` [m] and are known to ``max_sigma`` [m].
 
     Returns (N,) bool, the (2, 2) least and greatest x and y of them [m], and whether all spots are finite.
@@ -112,14 +116,14 @@ def touchable(spots: Any, sigma: Any, low: float, high: float, max_sigma: float)
 
 @kernel
 def meet_surfaces(
-    positions: Any,
-    headings: Any,
-    free: Any,
-    nearest: Any,
-    spots: Any,
-    keyframe: Any,
-    sigma: Any,
-    touched: Any,
+    positions: FloatArray,
+    headings: FloatArray,
+    free: Float32Array,
+    nearest: Float32Array,
+    spots: FloatArray,
+    keyframe: IntArray,
+    sigma: FloatArray,
+    touched: BoolArray,
     shape: tuple[float, float, float],
     reaches: tuple[float, float],
 ) -> None:
@@ -155,7 +159,7 @@ def meet_surfaces(
 
 
 @kernel
-def shorten(scans: Any, k: int, bearing: int, reach: int, until: float) -> None:
+def shorten(scans: Float32Array, k: int, bearing: int, reach: int, until: float) -> None:
     """Let no ray of scan k of (K, B) within ``reach`` bins of a bearing go farther than ``until`` [m]."""
     n = scans.shape[1]
     for b in range(bearing - reach, bearing + reach + 1):
@@ -184,7 +188,7 @@ def bearing_bin(c: float, s: float, dx: float, dy: float, n_bearings: int) -> in
 
 
 @kernel
-def bridge_gaps(free: Any, max_gap: int, max_width: float) -> None:
+def bridge_gaps(free: Float32Array, max_gap: int, max_width: float) -> None:
     """Give the empty bins of free (K, B) between two filled ones the smaller of the two, in place.
 
     Only where at most max_gap bins are empty, and only as far out as they are at most max_width [m] wide.

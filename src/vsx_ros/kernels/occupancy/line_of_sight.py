@@ -1,15 +1,15 @@
 """Which cells of a grid can be seen from a set of cells."""
 
 import math
-from typing import Any
 
 import numpy as np
 
+from vsx_ros.arrays import BoolArray, IntArray
 from vsx_ros.kernels import kernel
 
 
 @kernel
-def seen_cells(opaque: Any, viewers: Any, reach: float, n_rays: int) -> Any:
+def seen_cells(opaque: BoolArray, viewers: IntArray, reach: float, n_rays: int) -> BoolArray:
     """(H, W) bool: cells that a ray from any viewer (V, 2: row, column) meets within ``reach`` cells.
 
     opaque: (H, W) bool; a ray sees the first opaque cell it meets and ends there.

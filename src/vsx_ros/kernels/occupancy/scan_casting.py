@@ -1,10 +1,10 @@
 """From polar scans to the grid: how far they reach, and which cells they pass."""
 
 import math
-from typing import Any
 
 import numpy as np
 
+from vsx_ros.arrays import Float32Array, FloatArray, Int32Array, IntArray
 from vsx_ros.kernels import kernel
 
 _FIXED_BITS = 24
@@ -13,7 +13,7 @@ _FIXED = float(1 << _FIXED_BITS)
 
 
 @kernel
-def half_bearings(n_bearings: int) -> Any:
+def half_bearings(n_bearings: int) -> FloatArray:
     """(2 * n_bearings, 2) cosine and sine of the edges and the middles of bins, in turn."""
     table = np.empty((2 * n_bearings, 2))
     for h in range(2 * n_bearings):
@@ -23,7 +23,14 @@ def half_bearings(n_bearings: int) -> Any:
 
 
 @kernel
-def scan_corners(positions: Any, headings: Any, free: Any, points: Any, obs_point: Any, hit: Any) -> Any:
+def scan_corners(
+    positions: FloatArray,
+    headings: FloatArray,
+    free: Float32Array,
+    points: FloatArray,
+    obs_point: IntArray,
+    hit: Float32Array,
+) -> FloatArray:
     """(2, 2) least and greatest x and y [m] of camera centres, of where their scans end, and of what was hit."""
     corners = np.array([[np.inf, np.inf], [-np.inf, -np.inf]])
     for o in range(obs_point.shape[0]):
@@ -48,15 +55,15 @@ def scan_corners(positions: Any, headings: Any, free: Any, points: Any, obs_poin
 
 @kernel
 def count_free(
-    positions: Any,
-    headings: Any,
-    free: Any,
+    positions: FloatArray,
+    headings: FloatArray,
+    free: Float32Array,
     rows: int,
     columns: int,
     resolution: float,
     origin_x: float,
     origin_y: float,
-) -> Any:
+) -> Int32Array:
     """(rows, columns) int32: how many keyframes' scans pass through each cell.
 
     Near the camera, where rays lie closer than cells are wide, one ray stands for two bins, or for four, as far as all
@@ -87,7 +94,15 @@ def count_free(
 
 
 @kernel
-def cast(votes: Any, number: int, frame: Any, bearing: Any, begin: float, reach: float, limit: float) -> float:
+def cast(
+    votes: IntArray,
+    number: int,
+    frame: tuple[float, float, float, float],
+    bearing: FloatArray,
+    begin: float,
+    reach: float,
+    limit: float,
+) -> float:
     """Count the cells between ``begin`` and ``reach`` along a ray once for keyframe ``number``, up to ``limit``, all in
     cells; where it stopped, ``begin`` if that was farther.
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import FloatArray, IntArray, Points2
+from vsx_ros.arrays import FloatArray, Int32Array, IntArray, Points2
 from vsx_ros.kernels import kernel
 
 OCCUPIED, UNKNOWN = 100, -1
@@ -68,7 +68,7 @@ def count_looks(
     half_fov: float,
     range_m: float,
     sectors: int,
-) -> NDArray[np.int32]:
+) -> Int32Array:
     """(S, H, W) from how many of the poses (N, 3: x, y, theta) each cell lay in the field of view, in range, unhidden,
     apart for each of S equal sectors of the bearing from pose to cell."""
     rows, columns = data.shape
@@ -94,7 +94,7 @@ def count_looks(
 
 
 @kernel
-def worth_of_looks(data: NDArray[np.int8], looks: NDArray[np.int32], left: FloatArray) -> FloatArray:
+def worth_of_looks(data: NDArray[np.int8], looks: Int32Array, left: FloatArray) -> FloatArray:
     """(S, H, W) what a look in each of S sectors at each unknown cell is worth after so many looks (S, H, W), 0 where
     it is known. left: what n half looks leave; looks in the sectors beside count half."""
     sectors, rows, columns = looks.shape

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from vsx_ros.arrays import BoolArray, FloatArray
 from vsx_ros.kernels import kernel
 
 
 @kernel
-def wavefront(open_cells: Any, row: int, column: int) -> Any:
+def wavefront(open_cells: BoolArray, row: int, column: int) -> FloatArray:
     """(H, W) length [cells] of the shortest 8-connected way from a cell through open cells; inf where there is none.
 
     open_cells (H, W) bool. A diagonal step needs both cells beside it open, except from the start. Exact.

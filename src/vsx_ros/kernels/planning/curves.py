@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.kernels import kernel
 
 
 @kernel
-def arc_table(x: float, y: float, theta: float, kappa: float, length: float, direction: int, steps: int) -> Any:
+def arc_table(x: float, y: float, theta: float, kappa: float, length: float, direction: int, steps: int) -> FloatArray:
     """(steps + 1, 5) knots of an arc of positive length at dtheta/ds = kappa [rad/m], direction +1 or -1."""
     table = np.empty((steps + 1, 5))
     straight = abs(kappa) < 1e-12
@@ -31,18 +31,18 @@ def arc_table(x: float, y: float, theta: float, kappa: float, length: float, dir
 
 @kernel
 def curve_table(
-    start: Any,
+    start: FloatArray,
     turn: float,
     direction: int,
-    coefficients: Any,
-    basis: Any,
-    profile: Any,
-    weights: Any,
+    coefficients: FloatArray,
+    basis: FloatArray,
+    profile: FloatArray,
+    weights: FloatArray,
     order: int,
-    knot_jacobi: Any,
-    knot_profile: Any,
-    knot_turn_rate: Any,
-) -> Any:
+    knot_jacobi: FloatArray,
+    knot_profile: FloatArray,
+    knot_turn_rate: FloatArray,
+) -> FloatArray:
     """(I + 1, 5) knots of the curve theta = theta_0 + turn S(t), ds/dt = basis @ coefficients, from a pose (3,).
 
     basis (I order, 10), profile (I order,) S, weights (I order,) at the nodes of a quadrature with I intervals;
@@ -72,8 +72,15 @@ def curve_table(
 
 @kernel
 def position_rows(
-    kinds: Any, heads: Any, turns: Any, directions: Any, basis: Any, profile: Any, weights: Any, order: int
-) -> Any:
+    kinds: IntArray,
+    heads: FloatArray,
+    turns: FloatArray,
+    directions: IntArray,
+    basis: FloatArray,
+    profile: FloatArray,
+    weights: FloatArray,
+    order: int,
+) -> FloatArray:
     """(2, I K, C K) rows that give x and y, relative to the start, at the ends of the I intervals of all K pieces.
 
     The pieces follow each other: kinds (K,) which of the end conditions each has, heads (K,) [rad] where it begins,

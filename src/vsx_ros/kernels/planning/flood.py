@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from vsx_ros.arrays import BoolArray, FloatArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.occupancy.clearance import interpolate
 from vsx_ros.kernels.planning.motions import BENDS, MOTIONS, SIGNS, arc_places, places_are_free
@@ -17,17 +18,17 @@ _AROUND = 8  # cells; half of it to either side, about as far as an arc
 
 @kernel
 def flood(
-    values: Any,
+    values: FloatArray,
     resolution: float,
     x0: float,
     y0: float,
-    start: Any,
+    start: FloatArray,
     phi: float,
     headings: int,
     bins: int,
     cell: float,
     max_reverse: float,
-) -> tuple[Any, float]:
+) -> tuple[NDArray[np.int16], float]:
     """Breadth first from a pose by arcs of one length, turning by ``bins`` of ``headings`` bins left, right or not.
 
     values (H, W): margin field [m] in which the way must not be negative. start (3,). Every state is a heading bin and
@@ -82,18 +83,18 @@ def flood(
 
 @kernel
 def flood_costs(
-    level: Any,
+    level: NDArray[np.int16],
     step: float,
     start_theta: float,
     x0: float,
     y0: float,
     cell: float,
     phi: float,
-    values: Any,
+    values: FloatArray,
     resolution: float,
-    joined: Any,
-    poses: Any,
-) -> Any:
+    joined: BoolArray,
+    poses: FloatArray,
+) -> FloatArray:
     """(N,) travel length [m] to poses (N, 3): the least over the states around each, plus what remains from there.
 
     level (headings, R, C) and step of ``flood``. What remains is estimated from the offset: along, aside and turn. A

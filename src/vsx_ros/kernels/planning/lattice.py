@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from vsx_ros.arrays import Float32Array, FloatArray, IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.occupancy.clearance import arc_is_free, interpolate
 from vsx_ros.kernels.planning.motions import BENDS, MOTIONS, SIGNS, arc_places, places_are_free
@@ -21,15 +22,15 @@ _NEARER = 1.1  # by so much a word's length read from the table may fall short o
 
 @kernel
 def word_is_free(
-    values: Any,
+    values: FloatArray,
     resolution: float,
     x0: float,
     y0: float,
     x: float,
     y: float,
     theta: float,
-    turns: Any,
-    lengths: Any,
+    turns: IntArray,
+    lengths: FloatArray,
     phi: float,
 ) -> bool:
     """Whether a Reeds-Shepp word (lengths in radii) from a pose stays where the field is not negative."""
@@ -43,7 +44,7 @@ def word_is_free(
 
 
 @kernel
-def reverse_run(lengths: Any) -> float:
+def reverse_run(lengths: FloatArray) -> float:
     """The longest reverse leg of a word, in the units of its lengths (S,)."""
     longest, run = 0.0, 0.0
     for k in range(lengths.shape[0]):
@@ -57,21 +58,21 @@ def reverse_run(lengths: Any) -> float:
 
 @kernel
 def lattice_search(
-    values: Any,
+    values: FloatArray,
     resolution: float,
     x0: float,
     y0: float,
-    start: Any,
+    start: FloatArray,
     phi: float,
     headings: int,
     bins: int,
     cell: float,
     max_reverse: float,
-    goal: Any,
-    remaining: Any,
-    table: Any,
+    goal: FloatArray,
+    remaining: FloatArray,
+    table: Float32Array,
     most: int,
-) -> Any:
+) -> tuple[FloatArray, IntArray, NDArray[np.int8], float, int]:
     """Search from a pose by arcs of one length, turning by ``bins`` of ``headings`` bins left, right or not, both ways.
 
     values (H, W): margin field [m] in which the way must not be negative. start (3,). Every state is a cell of size
@@ -191,8 +192,14 @@ def lattice_search(
 
 @kernel
 def lattice_way(
-    poses: Any, parents: Any, motions: Any, winner: int, step: float, goal: Any, phi: float
-) -> tuple[Any, Any]:
+    poses: FloatArray,
+    parents: IntArray,
+    motions: NDArray[np.int8],
+    winner: int,
+    step: float,
+    goal: FloatArray,
+    phi: float,
+) -> tuple[IntArray, FloatArray]:
     """Turns (S,) and signed lengths (S,) [m] from the start of a search to its winner and on to the goal (3,)."""
     hops = 0
     node = winner

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from vsx_ros.arrays import FloatArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.occupancy.clearance import interpolate
 from vsx_ros.kernels.planning.reeds_shepp import advance
@@ -20,7 +20,7 @@ _SPACING = 0.3  # of a cell of the margin field, at which an arc is looked at
 
 
 @kernel
-def arc_places(headings: int, theta: float, step: float, phi: float, resolution: float) -> Any:
+def arc_places(headings: int, theta: float, step: float, phi: float, resolution: float) -> FloatArray:
     """(headings, MOTIONS, P, 2) places along the arcs from the origin at every heading, from theta on."""
     places = int(math.ceil(step / (_SPACING * resolution)))
     out = np.empty((headings, MOTIONS, places + 1, 2))
@@ -35,7 +35,7 @@ def arc_places(headings: int, theta: float, step: float, phi: float, resolution:
 
 @kernel
 def places_are_free(
-    values: Any, resolution: float, x0: float, y0: float, x: float, y: float, places: Any, step: float
+    values: FloatArray, resolution: float, x0: float, y0: float, x: float, y: float, places: FloatArray, step: float
 ) -> bool:
     """Whether an arc of length ``step`` from (x, y) by ``places`` (P, 2) stays where the field is not negative.
 

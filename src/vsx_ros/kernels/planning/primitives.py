@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.occupancy.clearance import arc_is_free
 from vsx_ros.kernels.planning.reeds_shepp import advance
@@ -30,7 +31,14 @@ def cone(x: float, y: float, d: float, phi: float) -> tuple[float, float]:
 
 @kernel
 def _last_leg_is_free(
-    values: Any, resolution: float, x0: float, y0: float, pose: Any, goal: Any, phi: float, direction: float
+    values: FloatArray,
+    resolution: float,
+    x0: float,
+    y0: float,
+    pose: FloatArray,
+    goal: FloatArray,
+    phi: float,
+    direction: float,
 ) -> bool:
     """Whether straight, arc, straight joins two poses in one direction over free ground."""
     dx, dy = goal[0] - pose[0], goal[1] - pose[1]
@@ -52,22 +60,22 @@ def _last_leg_is_free(
 
 @kernel
 def grow(
-    values: Any,
+    values: FloatArray,
     resolution: float,
     x0: float,
     y0: float,
-    open_cells: Any,
-    goal: Any,
+    open_cells: IntArray,
+    goal: FloatArray,
     phi: float,
     step: float,
     max_reverse: float,
-    poses: Any,
-    parents: Any,
-    bends: Any,
-    signs: Any,
-    runs: Any,
+    poses: FloatArray,
+    parents: IntArray,
+    bends: FloatArray,
+    signs: FloatArray,
+    runs: FloatArray,
     size: int,
-    rng: Any,
+    rng: NDArray[np.uint64],
 ) -> tuple[int, int]:
     """Grow a tree until a new state's last leg to the goal (3,) looks free, or the arrays are full.
 

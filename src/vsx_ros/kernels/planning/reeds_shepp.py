@@ -8,10 +8,10 @@ left, -1 for right, 0 for straight.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from vsx_ros.arrays import Float32Array, FloatArray, IntArray
 from vsx_ros.kernels import kernel
 
 MAX_WORDS = 48
@@ -41,8 +41,8 @@ def _first_arc(xi: float, eta: float, sine: float, cosine: float, same: bool) ->
 
 @kernel
 def _store(
-    turns: Any,
-    lengths: Any,
+    turns: IntArray,
+    lengths: FloatArray,
     n: int,
     best: float,
     reverse: bool,
@@ -72,7 +72,7 @@ def _store(
 
 
 @kernel
-def _words(x: float, y: float, theta: float, best: float, turns: Any, lengths: Any) -> int:
+def _words(x: float, y: float, theta: float, best: float, turns: IntArray, lengths: FloatArray) -> int:
     """Words from the origin to (x, y, theta): all of them where best is infinite, else the shortest below best.
 
     What cannot be a word, or not be shorter than the best so far, is seen before any angle is computed: the first arc
@@ -174,7 +174,7 @@ def _words(x: float, y: float, theta: float, best: float, turns: Any, lengths: A
 
 
 @kernel
-def reeds_shepp_words(x: float, y: float, theta: float, turns: Any, lengths: Any) -> int:
+def reeds_shepp_words(x: float, y: float, theta: float, turns: IntArray, lengths: FloatArray) -> int:
     """All words from the origin to (x, y, theta), x and y in turning radii.
 
     turns (MAX_WORDS, 5) int64 and lengths (MAX_WORDS, 5) float64 are filled; returns the number of words.
@@ -187,10 +187,10 @@ def reeds_shepp_shortest(
     x: float,
     y: float,
     theta: float,
-    turns: Any,
-    lengths: Any,
-    word_turns: Any,
-    word_lengths: Any,
+    turns: IntArray,
+    lengths: FloatArray,
+    word_turns: IntArray,
+    word_lengths: FloatArray,
     below: float = LONGER,
 ) -> float:
     """Length of the shortest word in turning radii; its segments go to word_turns (5,) and word_lengths (5,).
@@ -209,7 +209,7 @@ def reeds_shepp_shortest(
 
 
 @kernel
-def reeds_shepp_lengths(starts: Any, goals: Any, phi: float) -> Any:
+def reeds_shepp_lengths(starts: FloatArray, goals: FloatArray, phi: float) -> FloatArray:
     """(N,) shortest lengths [m] between the poses starts (N, 3) and goals (N, 3) at curvature phi [rad/m]."""
     n = starts.shape[0]
     out = np.empty(n)
@@ -230,7 +230,7 @@ def reeds_shepp_lengths(starts: Any, goals: Any, phi: float) -> Any:
 
 
 @kernel
-def reeds_shepp_table() -> Any:
+def reeds_shepp_table() -> Float32Array:
     """(TABLE_PLACES, TABLE_PLACES, TABLE_HEADINGS + 1) float32: shortest lengths in radii from the origin.
 
     x and y in steps of TABLE_STEP radii from 0 on, headings around the circle (the last as the first): a quadrant, the
@@ -250,7 +250,7 @@ def reeds_shepp_table() -> Any:
 
 
 @kernel
-def look_up_length(table: Any, x: float, y: float, theta: float) -> float:
+def look_up_length(table: Float32Array, x: float, y: float, theta: float) -> float:
     """About the shortest length in radii to (x, y, theta), x and y in radii; 0 outside the table.
 
     Interpolated in ``reeds_shepp_table``: a guide for searches, neither a lower bound nor an upper.

@@ -7,10 +7,11 @@ A way is a list of segments: turn (+1 left, -1 right, 0 straight) and signed len
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.planning.lattice import reverse_run, word_is_free
 from vsx_ros.kernels.planning.reeds_shepp import LONGER, MAX_WORDS, SEGMENTS, advance, reeds_shepp_shortest
@@ -20,7 +21,7 @@ _NEAREST = 3
 
 
 @kernel
-def random_unit(state: Any) -> float:
+def random_unit(state: NDArray[np.uint64]) -> float:
     """Uniform in [0, 1) from a xorshift64* generator; state (1,) uint64, never zero."""
     x = state[0]
     x ^= x >> np.uint64(12)
@@ -32,7 +33,14 @@ def random_unit(state: Any) -> float:
 
 @kernel
 def shortest_word(
-    a: Any, b: Any, phi: float, work_turns: Any, work_lengths: Any, turns: Any, lengths: Any, below: float = LONGER
+    a: FloatArray,
+    b: FloatArray,
+    phi: float,
+    work_turns: IntArray,
+    work_lengths: FloatArray,
+    turns: IntArray,
+    lengths: FloatArray,
+    below: float = LONGER,
 ) -> float:
     """Length [m] of the shortest word from pose a (3,) to b (3,); infinite where none is shorter than ``below`` [m]."""
     dx, dy = b[0] - a[0], b[1] - a[1]
@@ -42,7 +50,7 @@ def shortest_word(
 
 
 @kernel
-def _truncate(lengths: Any, most: float) -> None:
+def _truncate(lengths: FloatArray, most: float) -> None:
     """Cut a word (lengths in radii, changed in place) to a total of ``most`` radii."""
     left = most
     for k in range(SEGMENTS):
@@ -53,25 +61,25 @@ def _truncate(lengths: Any, most: float) -> None:
 
 
 @kernel
-def _flipped_reverse_run(lengths: Any) -> float:
+def _flipped_reverse_run(lengths: FloatArray) -> float:
     return reverse_run(-lengths)
 
 
 @kernel
 def rrt_connect(
-    values: Any,
+    values: FloatArray,
     resolution: float,
     x0: float,
     y0: float,
-    open_cells: Any,
-    start: Any,
-    goal: Any,
+    open_cells: IntArray,
+    start: FloatArray,
+    goal: FloatArray,
     phi: float,
     reach: float,
     max_reverse: float,
-    seed: Any,
+    seed: np.uint64,
     iterations: int,
-) -> tuple[Any, Any, int]:
+) -> tuple[IntArray, FloatArray, int]:
     """A way from start (3,) to goal (3,) through the margin field, or none.
 
     open_cells (M,): flat indices of the cells to sample from. reach [m]: longest extension. max_reverse [m]: longest

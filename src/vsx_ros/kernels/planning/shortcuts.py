@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.planning.lattice import reverse_run, word_is_free
 from vsx_ros.kernels.planning.reeds_shepp import MAX_WORDS, SEGMENTS, advance
@@ -13,7 +12,7 @@ from vsx_ros.kernels.planning.rrt import MAX_SEGMENTS, random_unit, shortest_wor
 
 
 @kernel
-def way_cost(lengths: Any, cusp_cost: float) -> float:
+def way_cost(lengths: FloatArray, cusp_cost: float) -> float:
     """Length [m] plus a price [m] for every change of direction."""
     total, sign = 0.0, 0.0
     for k in range(lengths.shape[0]):
@@ -27,19 +26,19 @@ def way_cost(lengths: Any, cusp_cost: float) -> float:
 
 @kernel
 def shorten(
-    values: Any,
+    values: FloatArray,
     resolution: float,
     x0: float,
     y0: float,
-    start: Any,
-    turns: Any,
-    lengths: Any,
+    start: FloatArray,
+    turns: IntArray,
+    lengths: FloatArray,
     phi: float,
     max_reverse: float,
     cusp_cost: float,
-    seed: Any,
+    seed: np.uint64,
     tries: int,
-) -> tuple[Any, Any]:
+) -> tuple[IntArray, FloatArray]:
     """A way with parts replaced by Reeds-Shepp words where that is cheaper and free; same start and end.
 
     turns (S,), lengths (S,) [m]. The longest reverse leg is kept below max_reverse [m] or at least not made longer.
@@ -48,7 +47,7 @@ def shorten(
     state = np.array([seed], np.uint64)
     way_turns = np.zeros(MAX_SEGMENTS, np.int64)
     way_lengths = np.zeros(MAX_SEGMENTS)
-    n = turns.shape[0]
+    n: int = turns.shape[0]
     way_turns[:n], way_lengths[:n] = turns, lengths
     work_turns = np.zeros((MAX_WORDS, SEGMENTS), np.int64)
     work_lengths = np.zeros((MAX_WORDS, SEGMENTS))

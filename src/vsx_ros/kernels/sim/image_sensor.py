@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+from numpy.typing import NDArray
 
+from vsx_ros.arrays import Float32Array, IntArray
 from vsx_ros.kernels import kernel
 
 
 @kernel
 def expose(
-    radiance: Any,
-    vignette: Any,
-    gain: Any,
-    shot: Any,
-    read_variance: Any,
-    noise: Any,
-    starts: Any,
-    response: Any,
-    image: Any,
+    radiance: Float32Array,
+    vignette: Float32Array,
+    gain: np.float32,
+    shot: np.float32,
+    read_variance: np.float32,
+    noise: Float32Array,
+    starts: IntArray,
+    response: NDArray[np.uint8],
+    image: NDArray[np.uint8],
 ) -> None:
     """Fill image (H, W) uint8 from radiance (H, W) float32 (1 = full scale at gain 1).
 

@@ -8,15 +8,23 @@ values vary linearly between the two poses that bound a row of tiles, which give
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.kernels import kernel
 
 
 @kernel
-def plane_forms(P: Any, U: Any, V: Any, two_sided: Any, R: Any, t: Any, forms: Any, visible: Any) -> None:
+def plane_forms(
+    P: FloatArray,
+    U: FloatArray,
+    V: FloatArray,
+    two_sided: BoolArray,
+    R: FloatArray,
+    t: FloatArray,
+    forms: FloatArray,
+    visible: BoolArray,
+) -> None:
     """Fill forms (S, B, Q, 9) with the linear forms of each quad, visible (Q,) with whether the camera may see it.
 
     P, U, V: (Q, 3) corner and edges [m]. R (S, B, 3, 3), t (S, B, 3): camera poses (T_world_cam) of sub-frame s
@@ -57,14 +65,14 @@ def plane_forms(P: Any, U: Any, V: Any, two_sided: Any, R: Any, t: Any, forms: A
 
 
 @kernel
-def _lowest(e0: Any, e1: Any, e2: Any, x0: Any, x1: Any, y0: Any, y1: Any) -> float:
+def _lowest(e0: float, e1: float, e2: float, x0: float, x1: float, y0: float, y1: float) -> float:
     """Minimum of e0 x + e1 y + e2 over a rectangle."""
     lowest: float = e2 + (e0 * x0 if e0 > 0.0 else e0 * x1) + (e1 * y0 if e1 > 0.0 else e1 * y1)
     return lowest
 
 
 @kernel
-def overlap(forms: Any, b: Any, q: Any, x0: Any, x1: Any, y0: Any, y1: Any) -> int:
+def overlap(forms: FloatArray, b: int, q: int, x0: float, x1: float, y0: float, y1: float) -> int:
     """0: no ray of the rectangle can hit the quad; 1: some may; 2: all do. Over both borders and outer sub-frames."""
     last = forms.shape[0] - 1
     out0 = out1 = out2 = out3 = out4 = True
@@ -94,7 +102,7 @@ def overlap(forms: Any, b: Any, q: Any, x0: Any, x1: Any, y0: Any, y1: Any) -> i
 
 
 @kernel
-def _hides(forms: Any, b: Any, q: Any, r: Any, x0: Any, x1: Any, y0: Any, y1: Any) -> bool:
+def _hides(forms: FloatArray, b: int, q: int, r: int, x0: float, x1: float, y0: float, y1: float) -> bool:
     """Whether quad q, known to cover the rectangle, is in front of quad r on every ray of it."""
     last = forms.shape[0] - 1
     for s in range(0, last + 1, max(last, 1)):
@@ -106,7 +114,9 @@ def _hides(forms: Any, b: Any, q: Any, r: Any, x0: Any, x1: Any, y0: Any, y1: An
 
 
 @kernel
-def candidates(forms: Any, b: Any, pool: Any, n_pool: Any, rect: Any, found: Any, cover: Any) -> tuple[int, bool]:
+def candidates(
+    forms: FloatArray, b: int, pool: IntArray, n_pool: int, rect: FloatArray, found: IntArray, cover: BoolArray
+) -> tuple[int, bool]:
     """Put the quads of pool that rect may see into found; return their number and whether a single one covers it."""
     x0, x1, y0, y1 = rect[0], rect[1], rect[2], rect[3]
     n = 0

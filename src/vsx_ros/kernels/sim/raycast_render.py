@@ -6,10 +6,11 @@ weight) lists, one per quad, to raycast_shade. Pixels at the edge of a quad are 
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
 
+from vsx_ros.arrays import Float32Array, FloatArray, Int32Array, IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.sim.raycast_cull import candidates, overlap
 from vsx_ros.kernels.sim.raycast_shade import (
@@ -32,9 +33,18 @@ from vsx_ros.kernels.sim.raycast_shade import (
 RING = TILE + 2
 THIRD = np.float32(1.0 / 3.0)
 
+Area: TypeAlias = tuple[int, int, int, int]
+"""y0, y1, x0, x1 of a tile [px], cut at the edges of the picture."""
+
+Memory: TypeAlias = tuple[Float32Array, Int32Array, Int32Array]
+"""Scratch: float rows, the same memory as bits, integer rows."""
+
+Scene: TypeAlias = tuple[Int32Array, Int32Array, Float32Array, Int32Array, Float32Array]
+"""Texels, light, surfaces, places, tints: see ``render_tile_rows``."""
+
 
 @kernel
-def _tile_forms(forms: Any, s: Any, b: Any, quads: Any, n: Any, m: Any) -> None:
+def _tile_forms(forms: FloatArray, s: int, b: int, quads: IntArray, n: int, m: Float32Array) -> None:
     """m (n, 18) float32: forms at the upper border and their change to the lower one."""
     for k in range(n):
         for j in range(9):
@@ -44,7 +54,16 @@ def _tile_forms(forms: Any, s: Any, b: Any, quads: Any, n: Any, m: Any) -> None:
 
 
 @kernel
-def _visibility(m: Any, n: Any, rx: Any, ry: Any, y0: Any, x0: Any, nearest: Any, winner: Any) -> None:
+def _visibility(
+    m: Float32Array,
+    n: int,
+    rx: Float32Array,
+    ry: Float32Array,
+    y0: int,
+    x0: int,
+    nearest: Float32Array,
+    winner: Int32Array,
+) -> None:
     """Nearest quad of each ray of the tile and the ring of pixels around it; flat (RING * RING)."""
     for i in range(RING * RING):
         nearest[i] = F0
@@ -71,7 +90,9 @@ def _visibility(m: Any, n: Any, rx: Any, ry: Any, y0: Any, x0: Any, nearest: Any
 
 
 @kernel
-def _edge_weights(m: Any, n: Any, rx: Any, ry: Any, y: Any, x: Any, row: Any, weights: Any) -> None:
+def _edge_weights(
+    m: Float32Array, n: int, rx: Float32Array, ry: Float32Array, y: int, x: int, row: np.float32, weights: Float32Array
+) -> None:
     """Share of 3x3 sub-samples of pixel (y, x) that each of the n quads wins (weights, (n,))."""
     dxx, dxy = rx[y + 1, x + 2] - rx[y + 1, x + 1], ry[y + 1, x + 2] - ry[y + 1, x + 1]
     dyx, dyy = rx[y + 2, x + 1] - rx[y + 1, x + 1], ry[y + 2, x + 1] - ry[y + 1, x + 1]
@@ -109,8 +130,8 @@ def _edge_weights(m: Any, n: Any, rx: Any, ry: Any, y: Any, x: Any, row: Any, we
 
 @kernel
 def _covered_tile(
-    area: Any, m: Any, forms: Any, ty: int, quads: Any, memory: Any, rx: Any, ry: Any, scene: Any, bayer: bool,
-    picture: Any,
+    area: Area, m: Float32Array, forms: FloatArray, ty: int, quads: IntArray, memory: Memory, rx: Float32Array,
+    ry: Float32Array, scene: Scene, bayer: bool, picture: Float32Array,
 ) -> None:  # fmt: skip
     """Fill a tile that one quad covers alone. area: y0, y1, x0, x1."""
     y0, y1, x0, x1 = area
@@ -128,13 +149,22 @@ def _covered_tile(
 
 
 @kernel
-def _jitter(s: int, sub_frames: int) -> Any:
+def _jitter(s: int, sub_frames: int) -> np.float32:
     """Where between two mip levels sub-frame s decides; -1 without sub-frames."""
     return np.float32(-1.0) if sub_frames == 1 else np.float32((s + 0.5) / sub_frames)
 
 
 @kernel
-def _mark_edges(area: Any, m: Any, n: int, rx: Any, ry: Any, winner: Any, edge_at: Any, edge_weight: Any) -> int:
+def _mark_edges(
+    area: Area,
+    m: Float32Array,
+    n: int,
+    rx: Float32Array,
+    ry: Float32Array,
+    winner: Int32Array,
+    edge_at: Int32Array,
+    edge_weight: Float32Array,
+) -> int:
     """List the pixels with a differing neighbour and their shares; winner becomes -2 there. Returns their number."""
     y0, y1, x0, x1 = area
     weights = np.empty(n, dtype=np.float32)
@@ -157,8 +187,9 @@ def _mark_edges(area: Any, m: Any, n: int, rx: Any, ry: Any, winner: Any, edge_a
 
 @kernel
 def _mixed_tile(
-    area: Any, m: Any, quads: Any, n: int, memory: Any, rx: Any, ry: Any, scene: Any, bayer: bool, share: Any,
-    jitter: Any, picture: Any, winner: Any, edge_at: Any, edge_weight: Any,
+    area: Area, m: Float32Array, quads: IntArray, n: int, memory: Memory, rx: Float32Array, ry: Float32Array,
+    scene: Scene, bayer: bool, share: np.float32, jitter: np.float32, picture: Float32Array, winner: Int32Array,
+    edge_at: Int32Array, edge_weight: Float32Array,
 ) -> None:  # fmt: skip
     """Add one sub-frame of a tile of several quads, given the winner of each ray."""
     y0, y1, x0, x1 = area
@@ -187,7 +218,9 @@ def _mixed_tile(
 
 
 @kernel
-def _note_depth(area: Any, quads: Any, nearest: Any, winner: Any, depth: Any, ident: Any) -> None:
+def _note_depth(
+    area: Area, quads: IntArray, nearest: Float32Array, winner: Int32Array, depth: Float32Array, ident: Int32Array
+) -> None:
     """Depth [m] and quad of each pixel of the tile."""
     y0, y1, x0, x1 = area
     for y in range(y0, y1):
@@ -200,8 +233,8 @@ def _note_depth(area: Any, quads: Any, nearest: Any, winner: Any, depth: Any, id
 
 @kernel
 def render_tile_rows(
-    first: int, last: int, forms: Any, pool: Any, bounds: Any, rx: Any, ry: Any, scene: Any, bayer: bool,
-    picture: Any, depth: Any, ident: Any,
+    first: int, last: int, forms: FloatArray, pool: IntArray, bounds: FloatArray, rx: Float32Array, ry: Float32Array,
+    scene: Scene, bayer: bool, picture: Float32Array, depth: Float32Array, ident: Int32Array,
 ) -> None:  # fmt: skip
     """Render the rows of tiles first <= row < last into picture (H, W) float32, which must be zero there.
 

@@ -6,10 +6,9 @@ packed: an int32 holds the 2x2 neighbourhood of a texel, so that one load feeds 
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from vsx_ros.arrays import Float32Array, Int32Array
 from vsx_ros.kernels import kernel
 
 TILE = 16
@@ -39,7 +38,18 @@ INVERSE_OF_3 = np.int32(-1431655765)
 
 
 @kernel
-def enter(f: Any, g: Any, i: Any, rx: Any, ry: Any, y: Any, x: Any, ratio: Any, weight: Any, width: Any) -> None:
+def enter(
+    f: Float32Array,
+    g: Int32Array,
+    i: int,
+    rx: Float32Array,
+    ry: Float32Array,
+    y: int,
+    x: int,
+    ratio: np.float32,
+    weight: np.float32,
+    width: int,
+) -> None:
     """Append pixel (y, x) to the shading list at place i."""
     f[RX + i] = rx[y + 1, x + 1]
     f[RY + i] = ry[y + 1, x + 1]
@@ -53,7 +63,18 @@ def enter(f: Any, g: Any, i: Any, rx: Any, ry: Any, y: Any, x: Any, ratio: Any, 
 
 
 @kernel
-def _footprint(f: Any, n: Any, m: Any, k: Any, su: Any, sv: Any, ou: Any, ov: Any, lu: Any, lv: Any) -> tuple[Any, Any]:
+def _footprint(
+    f: Float32Array,
+    n: int,
+    m: Float32Array,
+    k: int,
+    su: np.float32,
+    sv: np.float32,
+    ou: np.float32,
+    ov: np.float32,
+    lu: np.float32,
+    lv: np.float32,
+) -> tuple[np.float32, np.float32]:
     """Texture coordinates and the axes of the pixel's footprint, in texels of the finest level.
 
     Leaves TU, TV, LU, LV, the major axis (MU, MV), its length in LOD and the minor length in MIX; returns the largest
@@ -105,7 +126,7 @@ def _footprint(f: Any, n: Any, m: Any, k: Any, su: Any, sv: Any, ou: Any, ov: An
 
 
 @kernel
-def _lookup(f: Any, g: Any, tex: Any, n: Any, probe: Any) -> None:
+def _lookup(f: Float32Array, g: Int32Array, tex: Int32Array, n: int, probe: np.float32) -> None:
     """VALUE = bilinear texel at (TU, TV) + probe * (MU, MV), at the level that SCALE, SHIFT and BASE name."""
     for i in range(n):
         x = (f[TU + i] + probe * f[MU + i]) * f[SCALE + i] - HALF
@@ -132,7 +153,7 @@ def _lookup(f: Any, g: Any, tex: Any, n: Any, probe: Any) -> None:
 
 
 @kernel
-def _level(f: Any, g: Any, n: Any, above: Any, base: Any, size_log2: Any) -> None:
+def _level(f: Float32Array, g: Int32Array, n: int, above: np.int32, base: np.int32, size_log2: np.int32) -> None:
     """SCALE, SHIFT and BASE of the mip level floor(LOD) + above, at most the coarsest."""
     whole = np.int32(1) << size_log2
     area = np.int32(4) * whole * whole
@@ -149,7 +170,17 @@ def _level(f: Any, g: Any, n: Any, above: Any, base: Any, size_log2: Any) -> Non
 
 @kernel
 def shade(
-    f: Any, bits: Any, g: Any, n: Any, tex: Any, light: Any, m: Any, k: Any, surface: Any, place: Any, jitter: Any
+    f: Float32Array,
+    bits: Int32Array,
+    g: Int32Array,
+    n: int,
+    tex: Int32Array,
+    light: Int32Array,
+    m: Float32Array,
+    k: int,
+    surface: Float32Array,
+    place: Int32Array,
+    jitter: np.float32,
 ) -> None:
     """Fill SUM with the radiance of the n listed pixels on quad k: anisotropic texture times light.
 
@@ -172,7 +203,7 @@ def shade(
         f[LOD + i] = lod
         f[MIX + i] = lod - np.floor(lod)
         f[SUM + i] = F0
-    single = jitter >= F0
+    single = bool(jitter >= F0)
     if not single:
         single = True
         for i in range(n):
@@ -214,7 +245,7 @@ def shade(
 
 
 @kernel
-def enter_rows(f: Any, rx: Any, ry: Any, y0: int, y1: int, x0: int, x1: int) -> int:
+def enter_rows(f: Float32Array, rx: Float32Array, ry: Float32Array, y0: int, y1: int, x0: int, x1: int) -> int:
     """List every pixel of a tile, row by row; TOTAL becomes zero. Returns their number."""
     n = 0
     for y in range(y0, y1):
@@ -246,7 +277,8 @@ def _tint_index(y: int, x: int, bayer: bool) -> int:
 
 @kernel
 def spread_rows(
-    f: Any, tint: Any, bayer: bool, y0: int, y1: int, x0: int, x1: int, share: Any, picture: Any
+    f: Float32Array, tint: Float32Array, bayer: bool, y0: int, y1: int, x0: int, x1: int, share: np.float32,
+    picture: Float32Array,
 ) -> None:  # fmt: skip
     """Write TOTAL, tinted, to the tile of the picture (H, W)."""
     i = 0
@@ -260,7 +292,9 @@ def spread_rows(
 
 
 @kernel
-def spread(f: Any, g: Any, n: int, tint: Any, bayer: bool, share: Any, picture: Any) -> None:
+def spread(
+    f: Float32Array, g: Int32Array, n: int, tint: Float32Array, bayer: bool, share: np.float32, picture: Float32Array
+) -> None:
     """Add SUM, tinted and weighted, to the listed pixels of the picture (H, W)."""
     width = picture.shape[1]
     for i in range(n):

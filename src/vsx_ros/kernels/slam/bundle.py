@@ -6,17 +6,18 @@ Perturbation as in ``pose``: T_cam_world <- exp(xi) T_cam_world; points additive
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.geometry.lie import compose, exp_se3, orthonormalize
 from vsx_ros.kernels.linalg.frontal import solve
-from vsx_ros.kernels.slam.floor import add_floor, floor_cost, hold_anchor
+from vsx_ros.kernels.slam.floor import Floor, add_floor, floor_cost, hold_anchor
 from vsx_ros.kernels.slam.pose import TUKEY, add_observation, tukey_sigma
-from vsx_ros.kernels.slam.relative_pose import add_factors, factor_cost
-from vsx_ros.kernels.slam.schur import back_substitute, pattern_of, reduce_points
+from vsx_ros.kernels.slam.relative_pose import Factors, add_factors, factor_cost
+from vsx_ros.kernels.slam.schur import Pattern, back_substitute, pattern_of, reduce_points
 
 
 class Progress(NamedTuple):
@@ -35,7 +36,16 @@ LEAST_GAIN = 1e-4
 
 @kernel
 def _residuals(
-    K: Any, R: Any, t: Any, points: Any, obs_point: Any, obs_frame: Any, obs_xy: Any, obs_weight: Any, res: Any, e: Any
+    K: FloatArray,
+    R: FloatArray,
+    t: FloatArray,
+    points: FloatArray,
+    obs_point: IntArray,
+    obs_frame: IntArray,
+    obs_xy: FloatArray,
+    obs_weight: FloatArray,
+    res: FloatArray,
+    e: FloatArray,
 ) -> None:
     """Fill weighted residuals (O, 2) and their squares (O,); behind the camera: infinite square."""
     for o in range(obs_frame.shape[0]):
@@ -53,7 +63,7 @@ def _residuals(
 
 
 @kernel
-def _cost(e: Any, sigma: float, R: Any, t: Any, factors: Any, floor: Any) -> float:
+def _cost(e: FloatArray, sigma: float, R: FloatArray, t: FloatArray, factors: Factors, floor: Floor) -> float:
     """Half the robust squared error in units of sigma."""
     limit = TUKEY * TUKEY * sigma * sigma
     worst = TUKEY * TUKEY / 6.0
@@ -69,22 +79,22 @@ def _cost(e: Any, sigma: float, R: Any, t: Any, factors: Any, floor: Any) -> flo
 
 @kernel
 def _linearise(
-    K: Any,
-    R: Any,
-    t: Any,
-    number: Any,
-    points: Any,
-    obs_start: Any,
-    obs_frame: Any,
-    obs_weight: Any,
-    res: Any,
-    e: Any,
+    K: FloatArray,
+    R: FloatArray,
+    t: FloatArray,
+    number: IntArray,
+    points: FloatArray,
+    obs_start: IntArray,
+    obs_frame: IntArray,
+    obs_weight: FloatArray,
+    res: FloatArray,
+    e: FloatArray,
     sigma: float,
-    H: Any,
-    g: Any,
-    V: Any,
-    gp: Any,
-    W: Any,
+    H: FloatArray,
+    g: FloatArray,
+    V: FloatArray,
+    gp: FloatArray,
+    W: FloatArray,
 ) -> None:
     """Linearise: frame blocks H (n, 6, 6; upper), g (n, 6); point blocks V (M, 6), gp (M, 3); mixed blocks W
     (O, 3, 6), NaN for outliers."""
@@ -142,7 +152,15 @@ def _linearise(
 
 @kernel
 def _system(
-    pattern: Any, R: Any, t: Any, factors: Any, floor: Any, H: Any, damping: float, blocks: Any, rhs: Any
+    pattern: Pattern,
+    R: FloatArray,
+    t: FloatArray,
+    factors: Factors,
+    floor: Floor,
+    H: FloatArray,
+    damping: float,
+    blocks: FloatArray,
+    rhs: FloatArray,
 ) -> None:
     """Fill blocks with the frames' own share of the system, damped; add the factors' and the floor's to rhs."""
     blocks[:, :, :] = 0.0
@@ -160,7 +178,9 @@ def _system(
 
 
 @kernel
-def _move(number: Any, step: Any, R: Any, t: Any, R_new: Any, t_new: Any) -> None:
+def _move(
+    number: IntArray, step: FloatArray, R: FloatArray, t: FloatArray, R_new: FloatArray, t_new: FloatArray
+) -> None:
     """Fill R_new, t_new: the frames after their step (n, 6)."""
     for f in range(number.shape[0]):
         if number[f] >= 0:
@@ -170,22 +190,22 @@ def _move(number: Any, step: Any, R: Any, t: Any, R_new: Any, t_new: Any) -> Non
 
 @kernel
 def adjust(
-    K: Any,
-    R0: Any,
-    t0: Any,
-    free: Any,
-    points0: Any,
-    obs_start: Any,
-    obs_point: Any,
-    obs_frame: Any,
-    obs_xy: Any,
-    obs_weight: Any,
-    factors: Any,
-    floor: Any,
+    K: FloatArray,
+    R0: FloatArray,
+    t0: FloatArray,
+    free: IntArray,
+    points0: FloatArray,
+    obs_start: IntArray,
+    obs_point: IntArray,
+    obs_frame: IntArray,
+    obs_xy: FloatArray,
+    obs_weight: FloatArray,
+    factors: Factors,
+    floor: Floor,
     iterations: int,
     sigma_min: float,
-    progress: Any,
-) -> tuple[Any, Any, Any, Any, float, int, Any]:
+    progress: Progress,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float, int, Progress]:
     """Refine frames T_cam_world (R0 (F, 3, 3), t0 (F, 3)) and points0 (M, 3).
 
     free (F,): 0..n-1 for frames that move, -1 for fixed ones. Observations are sorted by point (obs_start (M + 1,));

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+from numpy.typing import NDArray
 
+from vsx_ros.arrays import BoolArray, FloatArray, Int32Array, IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.geometry.projection import project_normalized
 from vsx_ros.kernels.vision.patches import (
@@ -28,7 +28,7 @@ MAX_STEPS = 600
 
 @kernel
 def _at_inverse_depth(
-    camera: Any, R: Any, t: Any, x: float, y: float, basis: Any, rho: float, A: Any
+    camera: FloatArray, R: FloatArray, t: FloatArray, x: float, y: float, basis: FloatArray, rho: float, A: FloatArray
 ) -> tuple[bool, float, float]:
     """(visible, u, v) of the ray point (x, y, 1) / rho in the target, with the warp A (4,) source px -> level-0 px."""
     X = R[0, 0] * x + R[0, 1] * y + R[0, 2] + t[0] * rho
@@ -57,18 +57,18 @@ def _at_inverse_depth(
 
 @kernel
 def search_rays(
-    camera: Any,
-    R: Any,
-    t: Any,
-    rays: Any,
-    basis: Any,
-    patches: Any,
-    inverse_depth: Any,
-    pixels: Any,
-    table: Any,
-    corners: Any,
-    row_table: Any,
-) -> tuple[Any, Any, Any]:
+    camera: FloatArray,
+    R: FloatArray,
+    t: FloatArray,
+    rays: FloatArray,
+    basis: FloatArray,
+    patches: NDArray[np.uint8],
+    inverse_depth: FloatArray,
+    pixels: NDArray[np.uint8],
+    table: IntArray,
+    corners: Int32Array,
+    row_table: IntArray,
+) -> tuple[BoolArray, FloatArray, IntArray]:
     """Find source patches in a target image somewhere along their rays.
 
     R, t: T_target_source. rays (C, 2): on the plane z = 1 of the source; basis (C, 4) as in ``predict``; patches

@@ -7,11 +7,13 @@ linearly, so that a sill or a lift by hand does not bend the map.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.kernels import kernel
+from vsx_ros.kernels.slam.schur import Pattern
 
 HUBER = 5.0
 HOLD = 1e12
@@ -22,10 +24,10 @@ class Floor(NamedTuple):
     deviations (3,) of height [m] and tilt [rad] twice, and the frame that keeps its x, y and yaw when it is free
     (-1: none)."""
 
-    frames: Any
-    R_base_cam: Any
-    base_in_cam: Any
-    sigma: Any
+    frames: IntArray
+    R_base_cam: FloatArray
+    base_in_cam: FloatArray
+    sigma: FloatArray
     anchor: int
 
 
@@ -35,7 +37,7 @@ def no_floor() -> Floor:
 
 
 @kernel
-def floor_residual(R: Any, t: Any, floor: Any) -> Any:
+def floor_residual(R: FloatArray, t: FloatArray, floor: Floor) -> FloatArray:
     """(3,) height of the base [m] and its tilt [rad] (world's up in the base: x, y) in standard deviations."""
     M, c = floor.R_base_cam, floor.base_in_cam
     r = np.zeros(3)
@@ -49,7 +51,7 @@ def floor_residual(R: Any, t: Any, floor: Any) -> Any:
 
 
 @kernel
-def _position_row(axis: Any, c: Any, J: Any) -> None:
+def _position_row(axis: FloatArray, c: FloatArray, J: FloatArray) -> None:
     """Fill J (6,): derivative of the base's world coordinate along an axis, which is given in the camera."""
     J[0], J[1], J[2] = -axis[0], -axis[1], -axis[2]
     J[3] = axis[1] * c[2] - axis[2] * c[1]
@@ -58,7 +60,7 @@ def _position_row(axis: Any, c: Any, J: Any) -> None:
 
 
 @kernel
-def floor_jacobian(R: Any, floor: Any) -> Any:
+def floor_jacobian(R: FloatArray, floor: Floor) -> FloatArray:
     """(3, 6) derivative of ``floor_residual`` by the frame's perturbation; exact."""
     M, up = floor.R_base_cam, R[:, 2]
     J = np.zeros((3, 6))
@@ -74,7 +76,7 @@ def floor_jacobian(R: Any, floor: Any) -> Any:
 
 
 @kernel
-def floor_cost(R: Any, t: Any, floor: Any) -> float:
+def floor_cost(R: FloatArray, t: FloatArray, floor: Floor) -> float:
     """Half the squared error of all frames on the floor, linear beyond HUBER deviations."""
     total = 0.0
     for f in floor.frames:
@@ -85,7 +87,7 @@ def floor_cost(R: Any, t: Any, floor: Any) -> float:
 
 
 @kernel
-def _add_rows(block: Any, J: Any, weight: float) -> None:
+def _add_rows(block: FloatArray, J: FloatArray, weight: float) -> None:
     """Add weight J^T J to the upper triangle of a block (6, 6)."""
     for k in range(J.shape[0]):
         for a in range(6):
@@ -94,7 +96,7 @@ def _add_rows(block: Any, J: Any, weight: float) -> None:
 
 
 @kernel
-def add_floor(blocks: Any, g: Any, R: Any, t: Any, pattern: Any, floor: Any) -> None:
+def add_floor(blocks: FloatArray, g: FloatArray, R: FloatArray, t: FloatArray, pattern: Pattern, floor: Floor) -> None:
     """Add the floor to the blocks of the frames' system (see ``schur.Pattern``) and its right-hand side g (n, 6)."""
     for f in floor.frames:
         i = pattern.number[f]
@@ -111,7 +113,7 @@ def add_floor(blocks: Any, g: Any, R: Any, t: Any, pattern: Any, floor: Any) -> 
 
 
 @kernel
-def hold_anchor(blocks: Any, R: Any, pattern: Any, floor: Any) -> None:
+def hold_anchor(blocks: FloatArray, R: FloatArray, pattern: Pattern, floor: Floor) -> None:
     """Forbid the anchor what the floor does not tell (x, y and yaw): the world's place. Call after the damping, which
     would else take the stiffness for a scale."""
     if floor.anchor < 0 or pattern.number[floor.anchor] < 0:

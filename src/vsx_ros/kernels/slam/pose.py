@@ -4,10 +4,10 @@ omega)."""
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.geometry.lie import compose, exp_se3, orthonormalize
 from vsx_ros.kernels.geometry.projection import row_share, unproject_pixel
@@ -18,7 +18,7 @@ TO_SIGMA = 1.4826
 
 
 @kernel
-def tukey_sigma(squared: Any, n: int, sigma_min: float) -> float:
+def tukey_sigma(squared: FloatArray, n: int, sigma_min: float) -> float:
     """Robust standard deviation of n residuals from the median of their squares (PTAM's small-sample factor)."""
     if n < 6:
         return max(sigma_min, 4.0)
@@ -35,7 +35,9 @@ def tukey_sigma(squared: Any, n: int, sigma_min: float) -> float:
 
 
 @kernel
-def add_observation(K: Any, x: float, y: float, iz: float, wu: float, wv: float, scale: float, H: Any, g: Any) -> None:
+def add_observation(
+    K: FloatArray, x: float, y: float, iz: float, wu: float, wv: float, scale: float, H: FloatArray, g: FloatArray
+) -> None:
     """Add scale * J^T J to the upper triangle of H (6, 6) and J^T (wu, wv) to g (6,). J (2, 6): derivative by xi of the
     undistorted pixel of the camera point (x, y, 1) / iz; K (4,): fx, fy, cx, cy."""
     a0, a2, a3, a4, a5 = K[0] * iz, -K[0] * iz * x, -K[0] * x * y, K[0] * (1.0 + x * x), -K[0] * y
@@ -72,19 +74,19 @@ def add_observation(K: Any, x: float, y: float, iz: float, wu: float, wv: float,
 
 @kernel
 def optimize_pose(
-    camera: Any,
-    R0: Any,
-    t0: Any,
-    points: Any,
-    rows: Any,
-    uv: Any,
-    level: Any,
-    found: Any,
-    prior_information: Any,
+    camera: FloatArray,
+    R0: FloatArray,
+    t0: FloatArray,
+    points: FloatArray,
+    rows: IntArray,
+    uv: FloatArray,
+    level: IntArray,
+    found: BoolArray,
+    prior_information: FloatArray,
     wide: int,
     iterations: int,
     sigma_min: float,
-) -> tuple[Any, Any, Any, Any, float]:
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
     """Tukey-weighted Gauss-Newton on T_cam_world, on pixels freed from distortion.
 
     points (P, 3) world; of the matches rows (S,), uv (S, 2) level-0 px, level (S,) those with found (S,) are used,

@@ -8,11 +8,10 @@ Perturbation: t <- t + rho, R <- R exp(omega), s <- s exp(sigma); tangent order 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
-from vsx_ros.arrays import IntArray
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.geometry.lie import exp_se3, log_se3, orthonormalize
 from vsx_ros.kernels.linalg.envelope import envelope, factor_envelope, solve_envelope
@@ -21,7 +20,17 @@ NODE_DOF = 7
 
 
 @kernel
-def edge_residual(Ra: Any, ta: Any, sa: float, Rb: Any, tb: Any, sb: float, Zr: Any, zt: Any, zs: float) -> Any:
+def edge_residual(
+    Ra: FloatArray,
+    ta: FloatArray,
+    sa: float,
+    Rb: FloatArray,
+    tb: FloatArray,
+    sb: float,
+    Zr: FloatArray,
+    zt: FloatArray,
+    zs: float,
+) -> FloatArray:
     """(7,) what an edge finds wrong with its two nodes."""
     r = np.empty(NODE_DOF)
     E = np.zeros((3, 3))
@@ -36,7 +45,9 @@ def edge_residual(Ra: Any, ta: Any, sa: float, Rb: Any, tb: Any, sb: float, Zr: 
 
 
 @kernel
-def edge_jacobians(r: Any, Ra: Any, sa: float, Rb: Any, zt: Any) -> tuple[Any, Any]:
+def edge_jacobians(
+    r: FloatArray, Ra: FloatArray, sa: float, Rb: FloatArray, zt: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """(7, 7) exact derivatives of ``edge_residual`` (value r) by the perturbations of nodes a and b."""
     Ja, Jb = np.zeros((NODE_DOF, NODE_DOF)), np.zeros((NODE_DOF, NODE_DOF))
     p0, p1, p2 = r[0] + zt[0], r[1] + zt[1], r[2] + zt[2]
@@ -67,7 +78,17 @@ def edge_jacobians(r: Any, Ra: Any, sa: float, Rb: Any, zt: Any) -> tuple[Any, A
 
 
 @kernel
-def graph_cost(R: Any, t: Any, s: Any, a: Any, b: Any, Zr: Any, zt: Any, zs: Any, info: Any) -> float:
+def graph_cost(
+    R: FloatArray,
+    t: FloatArray,
+    s: FloatArray,
+    a: IntArray,
+    b: IntArray,
+    Zr: FloatArray,
+    zt: FloatArray,
+    zs: FloatArray,
+    info: FloatArray,
+) -> float:
     """Half the weighted squared error of all edges."""
     total = 0.0
     for e in range(a.shape[0]):
@@ -81,8 +102,9 @@ def graph_cost(R: Any, t: Any, s: Any, a: Any, b: Any, Zr: Any, zt: Any, zs: Any
 
 @kernel
 def _assemble(
-    blocks: Any, g: Any, first: Any, start: Any, free: Any, R: Any, t: Any, s: Any, a: Any, b: Any, Zr: Any, zt: Any,
-    zs: Any, info: Any,
+    blocks: FloatArray, g: FloatArray, first: IntArray, start: IntArray, free: IntArray, R: FloatArray,
+    t: FloatArray, s: FloatArray, a: IntArray, b: IntArray, Zr: FloatArray, zt: FloatArray, zs: FloatArray,
+    info: FloatArray,
 ) -> None:  # fmt: skip
     """Normal equations of all edges into the envelope's upper triangle; g (n, D) is the right-hand side."""
     D = blocks.shape[1]
@@ -113,7 +135,9 @@ def _assemble(
 
 
 @kernel
-def _moved(R: Any, t: Any, s: Any, free: Any, step: Any) -> tuple[Any, Any, Any]:
+def _moved(
+    R: FloatArray, t: FloatArray, s: FloatArray, free: IntArray, step: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """All nodes after a step (n, D) of the free ones."""
     R, t, s = R.copy(), t.copy(), s.copy()
     xi = np.zeros(6)
@@ -133,9 +157,9 @@ def _moved(R: Any, t: Any, s: Any, free: Any, step: Any) -> tuple[Any, Any, Any]
 
 @kernel
 def optimize_graph(
-    R: Any, t: Any, s: Any, held: Any, a: Any, b: Any, Zr: Any, zt: Any, zs: Any, info: Any, free_scale: bool,
-    iterations: int,
-) -> tuple[Any, Any, Any, float]:  # fmt: skip
+    R: FloatArray, t: FloatArray, s: FloatArray, held: BoolArray, a: IntArray, b: IntArray, Zr: FloatArray,
+    zt: FloatArray, zs: FloatArray, info: FloatArray, free_scale: bool, iterations: int,
+) -> tuple[FloatArray, FloatArray, FloatArray, float]:  # fmt: skip
     """Levenberg-Marquardt on all nodes but those ``held`` (K,).
 
     R (K, 3, 3), t (K, 3), s (K,): T_world_node. Edges: a, b (E,) node numbers, Zr (E, 3, 3), zt (E, 3), zs (E,), info

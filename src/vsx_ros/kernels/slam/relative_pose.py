@@ -8,12 +8,14 @@ linearly.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.geometry.lie import log_se3
+from vsx_ros.kernels.slam.schur import Pattern
 
 HUBER = 5.0
 
@@ -22,11 +24,11 @@ class Factors(NamedTuple):
     """E measured poses T_a_b between frames: a (E,), b (E,) the frames, R (E, 3, 3) and t (E, 3) the measurement,
     information (E, 6, 6) in the tangent of ``relative_residual``."""
 
-    a: Any
-    b: Any
-    R: Any
-    t: Any
-    information: Any
+    a: IntArray
+    b: IntArray
+    R: FloatArray
+    t: FloatArray
+    information: FloatArray
 
 
 def no_factors() -> Factors:
@@ -36,7 +38,9 @@ def no_factors() -> Factors:
 
 
 @kernel
-def relative_residual(Ra: Any, ta: Any, Rb: Any, tb: Any, Zr: Any, zt: Any) -> Any:
+def relative_residual(
+    Ra: FloatArray, ta: FloatArray, Rb: FloatArray, tb: FloatArray, Zr: FloatArray, zt: FloatArray
+) -> FloatArray:
     """(6,) log(Z^-1 T_a_world T_b_world^-1): how far two frames are from their measured relative pose Z = T_a_b."""
     Rab = np.empty((3, 3))
     tab = np.empty(3)
@@ -55,7 +59,7 @@ def relative_residual(Ra: Any, ta: Any, Rb: Any, tb: Any, Zr: Any, zt: Any) -> A
 
 
 @kernel
-def _bracket(xi: Any, factor: float) -> Any:
+def _bracket(xi: FloatArray, factor: float) -> FloatArray:
     """(6, 6) identity + factor * ad(xi)."""
     A = np.zeros((6, 6))
     for block in range(2):
@@ -74,7 +78,7 @@ def _bracket(xi: Any, factor: float) -> Any:
 
 
 @kernel
-def relative_jacobians(xi: Any, Zr: Any, zt: Any) -> tuple[Any, Any]:
+def relative_jacobians(xi: FloatArray, Zr: FloatArray, zt: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(6, 6) derivatives of ``relative_residual`` (value xi) by the perturbations of frames a and b, second order in
     xi."""
     left = _bracket(xi, -0.5)
@@ -105,7 +109,7 @@ def relative_jacobians(xi: Any, Zr: Any, zt: Any) -> tuple[Any, Any]:
 
 
 @kernel
-def _quadratic(r: Any, info: Any) -> float:
+def _quadratic(r: FloatArray, info: FloatArray) -> float:
     total = 0.0
     for i in range(6):
         for j in range(6):
@@ -114,7 +118,7 @@ def _quadratic(r: Any, info: Any) -> float:
 
 
 @kernel
-def factor_cost(R: Any, t: Any, factors: Any) -> float:
+def factor_cost(R: FloatArray, t: FloatArray, factors: Factors) -> float:
     """Half the squared error of all factors, linear beyond HUBER deviations."""
     total = 0.0
     for f in range(factors.a.shape[0]):
@@ -126,7 +130,9 @@ def factor_cost(R: Any, t: Any, factors: Any) -> float:
 
 
 @kernel
-def add_factors(blocks: Any, g: Any, R: Any, t: Any, pattern: Any, factors: Any) -> None:
+def add_factors(
+    blocks: FloatArray, g: FloatArray, R: FloatArray, t: FloatArray, pattern: Pattern, factors: Factors
+) -> None:
     """Add the factors to the blocks of the frames' system (see ``schur.Pattern``) and its right-hand side g (n, 6)."""
     for f in range(factors.a.shape[0]):
         a, b = factors.a[f], factors.b[f]
@@ -148,4 +154,4 @@ def add_factors(blocks: Any, g: Any, R: Any, t: Any, pattern: Any, factors: Any)
                 j = pattern.number[a] if second == 0 else pattern.number[b]
                 if j < i:
                     continue
-                blocks[pattern.index[i, j]] += JI @ J2
+                blocks[pattern.block[i, j]] += JI @ J2

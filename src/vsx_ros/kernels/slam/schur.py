@@ -5,35 +5,38 @@ that belong to its solution.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from vsx_ros.arrays import BoolArray, FloatArray, Int32Array, IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.linalg.frontal import elimination
 
 
 class Pattern(NamedTuple):
     """Where the system of n frames has blocks. number (F,): a frame's row in the order of elimination, -1 when it is
-    fixed; index (n, n): number of the block in a row and column of the upper triangle, -1 where there is none; begin,
+    fixed; block (n, n): number of the block in a row and column of the upper triangle, -1 where there is none; begin,
     column, entry, extent: see ``frontal.solve``."""
 
-    number: Any
-    index: Any
-    begin: Any
-    column: Any
-    entry: Any
-    extent: Any
+    number: IntArray
+    block: Int32Array
+    begin: IntArray
+    column: IntArray
+    entry: IntArray
+    extent: IntArray
 
 
 @kernel
-def _tie(i: int, j: int, tied: Any) -> None:
+def _tie(i: int, j: int, tied: BoolArray) -> None:
     if i >= 0 and j >= 0:
         tied[min(i, j), max(i, j)] = True
 
 
 @kernel
-def pattern_of(free: Any, obs_start: Any, obs_frame: Any, factor_a: Any, factor_b: Any) -> Any:
+def pattern_of(
+    free: IntArray, obs_start: IntArray, obs_frame: IntArray, factor_a: IntArray, factor_b: IntArray
+) -> Pattern:
     """The ``Pattern`` of frames that are tied by points or factors. free (F,): 0..n-1, or -1 for fixed frames."""
     n = 0
     for f in range(free.shape[0]):
@@ -69,7 +72,7 @@ def pattern_of(free: Any, obs_start: Any, obs_frame: Any, factor_a: Any, factor_
 
 
 @kernel
-def _factor_point(V: Any, damping: float, L: Any) -> bool:
+def _factor_point(V: FloatArray, damping: float, L: FloatArray) -> bool:
     """Lower Cholesky factor (6 entries by columns, the diagonal's inverted) of a damped symmetric 3x3 (6 upper entries
     by rows); False when it is singular."""
     grow = 1.0 + damping
@@ -89,7 +92,7 @@ def _factor_point(V: Any, damping: float, L: Any) -> bool:
 
 
 @kernel
-def _members(number: Any, obs_frame: Any, W: Any, first: int, beyond: int, members: Any) -> int:
+def _members(number: IntArray, obs_frame: IntArray, W: FloatArray, first: int, beyond: int, members: IntArray) -> int:
     """Fill members with the inlying observations of one point in free frames, in the order of elimination."""
     count = 0
     for o in range(first, beyond):
@@ -107,16 +110,16 @@ def _members(number: Any, obs_frame: Any, W: Any, first: int, beyond: int, membe
 
 @kernel
 def reduce_points(
-    pattern: Any,
-    obs_start: Any,
-    obs_frame: Any,
-    V: Any,
-    gp: Any,
-    W: Any,
+    pattern: Pattern,
+    obs_start: IntArray,
+    obs_frame: IntArray,
+    V: FloatArray,
+    gp: FloatArray,
+    W: FloatArray,
     damping: float,
-    blocks: Any,
-    rhs: Any,
-    L: Any,
+    blocks: FloatArray,
+    rhs: FloatArray,
+    L: FloatArray,
 ) -> None:
     """Subtract the points' share from the system's blocks and from rhs (n, 6); keep the factored point blocks L
     (M, 6)."""
@@ -148,7 +151,7 @@ def reduce_points(
             b0, b1, b2, b3, b4, b5 = Z[m, 1, 0], Z[m, 1, 1], Z[m, 1, 2], Z[m, 1, 3], Z[m, 1, 4], Z[m, 1, 5]
             c0, c1, c2, c3, c4, c5 = Z[m, 2, 0], Z[m, 2, 1], Z[m, 2, 2], Z[m, 2, 3], Z[m, 2, 4], Z[m, 2, 5]
             for k in range(m + 1):
-                block = blocks[pattern.index[at[k], at[m]]]
+                block = blocks[pattern.block[at[k], at[m]]]
                 for a in range(6):
                     z0, z1, z2 = Z[k, 0, a], Z[k, 1, a], Z[k, 2, a]
                     block[a, 0] -= z0 * a0 + z1 * b0 + z2 * c0
@@ -161,7 +164,15 @@ def reduce_points(
 
 @kernel
 def back_substitute(
-    number: Any, obs_start: Any, obs_frame: Any, gp: Any, W: Any, L: Any, step: Any, points: Any, moved: Any
+    number: IntArray,
+    obs_start: IntArray,
+    obs_frame: IntArray,
+    gp: FloatArray,
+    W: FloatArray,
+    L: FloatArray,
+    step: FloatArray,
+    points: FloatArray,
+    moved: FloatArray,
 ) -> None:
     """Fill moved (M, 3): points after the step that belongs to the frames' step (n, 6)."""
     for p in range(points.shape[0]):

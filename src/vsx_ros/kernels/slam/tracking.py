@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from vsx_ros.arrays import BoolArray, FloatArray, Int32Array, IntArray
 from vsx_ros.kernels import kernel
 
 
 @kernel
-def index_rows(positions: Any, counts: Any, table: Any) -> Any:
+def index_rows(positions: Int32Array, counts: IntArray, table: IntArray) -> IntArray:
     """Index of every row's first corner, one closing entry per level. positions (N, 2) int32 level px, sorted by level
     and row; counts (L,) int64: corners per level; table (L, 4): see ``patches``."""
     out = np.empty(table[:, 1].sum() + table.shape[0], np.int64)
@@ -26,7 +25,7 @@ def index_rows(positions: Any, counts: Any, table: Any) -> Any:
 
 
 @kernel
-def count_hidden(uv: Any, depth: Any, found: Any, cell_px: int, behind: float) -> int:
+def count_hidden(uv: FloatArray, depth: FloatArray, found: BoolArray, cell_px: int, behind: float) -> int:
     """How many of the points at uv (S, 2) px and depth (S,) m are not found (S,) and lie ``behind`` times as far away
     as the nearest found one in the same cell of the image."""
     columns, rows = 1, 1

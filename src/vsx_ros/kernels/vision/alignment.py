@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from vsx_ros.arrays import Float32Array
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.linalg.cholesky import factor_in_place, solve_factored
 
@@ -15,7 +15,7 @@ CONVERGED_PX = 0.01
 
 
 @kernel
-def align_small(reference: Any, current: Any, iterations: int) -> tuple[float, float, float, float]:
+def align_small(reference: Float32Array, current: Float32Array, iterations: int) -> tuple[float, float, float, float]:
     """Planar motion from one (h, w) float32 image to another: current(Rot(a) x + (tx, ty)) = reference(x) + mean.
 
     x is measured from the image centre. At most ``iterations`` steps. Returns tx, ty [small px], a [rad] and the mean

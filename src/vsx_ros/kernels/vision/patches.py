@@ -9,10 +9,11 @@ every row of every level the index of its first corner (one closing entry per le
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from vsx_ros.arrays import BoolArray, FloatArray, Int32Array, IntArray
 from vsx_ros.kernels import kernel
 
 I32 = np.int32
@@ -25,7 +26,7 @@ MAX_SHARE, MAX_ALIGNED_SHARE, NOISE_FLOOR = 0.6, 0.25, 2000.0
 
 
 @kernel
-def warp_template(patch: Any, offset: Any, w: Any, template: Any) -> bool:
+def warp_template(patch: NDArray[np.uint8], offset: FloatArray, w: FloatArray, template: Int32Array) -> bool:
     """Fill the (10, 10) int32 template, in 1/16 grey levels, from the (24, 24) patch; w (4,): template px -> patch px,
     offset (2,).
 
@@ -56,7 +57,7 @@ def warp_template(patch: Any, offset: Any, w: Any, template: Any) -> bool:
 
 
 @kernel
-def quantize(template: Any, core: Any) -> float:
+def quantize(template: Int32Array, core: Int32Array) -> float:
     """Fill core (64,) int32 with the inner 8x8 of the template in grey levels; returns its contrast, the sum of squared
     deviations from the mean."""
     total, squares = np.int32(0), np.int32(0)
@@ -70,7 +71,7 @@ def quantize(template: Any, core: Any) -> float:
 
 
 @kernel
-def zmssd(pixels: Any, start: int, width: int, core: Any) -> float:
+def zmssd(pixels: NDArray[np.uint8], start: int, width: int, core: Int32Array) -> float:
     """Zero-mean sum of squared differences between the core and the 8x8 image patch whose first pixel is ``start``."""
     # 32-bit sums and unsigned indices (no test for negative ones) let the compiler vectorise: three times faster.
     total, squares = np.int32(0), np.int32(0)
@@ -85,15 +86,15 @@ def zmssd(pixels: Any, start: int, width: int, core: Any) -> float:
 
 @kernel
 def best_corner(
-    pixels: Any,
-    table: Any,
-    corners: Any,
-    row_table: Any,
+    pixels: NDArray[np.uint8],
+    table: IntArray,
+    corners: Int32Array,
+    row_table: IntArray,
     level: int,
     x: float,
     y: float,
     radius: float,
-    core: Any,
+    core: Int32Array,
 ) -> tuple[float, int]:
     """(lowest ZMSSD, its corner index or -1) among the corners of a level within a radius [level px]."""
     offset, height, width, first = table[level, 0], table[level, 1], table[level, 2], table[level, 3]
@@ -121,7 +122,7 @@ def best_corner(
 
 
 @kernel
-def slopes(template: Any, gx: Any, gy: Any) -> tuple[float, float, float, float, float]:
+def slopes(template: Int32Array, gx: Int32Array, gy: Int32Array) -> tuple[float, float, float, float, float]:
     """Fill gx, gy (64,) int32 with the differences across the inner 8x8 of the template (32 times the slope in grey
     levels per px); returns the sums over it of gx^2, gx gy, gy^2, gx, gy, in grey levels per px."""
     h00, h01, h11, h02, h12 = np.int32(0), np.int32(0), np.int32(0), np.int32(0), np.int32(0)
@@ -143,7 +144,14 @@ def slopes(template: Any, gx: Any, gy: Any) -> tuple[float, float, float, float,
 
 @kernel
 def misfit(
-    pixels: Any, start: int, width: int, fx: float, fy: float, template: Any, gx: Any, gy: Any
+    pixels: NDArray[np.uint8],
+    start: int,
+    width: int,
+    fx: float,
+    fy: float,
+    template: Int32Array,
+    gx: Int32Array,
+    gy: Int32Array,
 ) -> tuple[float, float, float, float]:
     """Sums over 8x8 of r gx, r gy, r and r^2, where r is the image's grey level at (fx, fy) right of and below
     ``start`` minus the template's. Grey levels and px.
@@ -174,7 +182,14 @@ def misfit(
 
 @kernel
 def refine(
-    pixels: Any, offset: int, height: int, width: int, template: Any, x: float, y: float, iterations: int
+    pixels: NDArray[np.uint8],
+    offset: int,
+    height: int,
+    width: int,
+    template: Int32Array,
+    x: float,
+    y: float,
+    iterations: int,
 ) -> tuple[bool, float, float, float]:
     """Inverse-compositional alignment of the template's inner 8x8 (x, y and mean difference) from a start [level px].
 
@@ -213,7 +228,7 @@ def refine(
 
 @kernel
 def best_pixel(
-    pixels: Any, table: Any, level: int, x: float, y: float, reach: int, core: Any
+    pixels: NDArray[np.uint8], table: IntArray, level: int, x: float, y: float, reach: int, core: Int32Array
 ) -> tuple[float, int, int]:
     """(lowest ZMSSD, x, y) among the whole pixels within ``reach`` of a place, corner or not."""
     offset, height, width = table[level, 0], table[level, 1], table[level, 2]
@@ -228,7 +243,9 @@ def best_pixel(
 
 
 @kernel
-def warp_templates(patches: Any, offsets: Any, chosen: Any, inverse_warp: Any) -> tuple[Any, Any]:
+def warp_templates(
+    patches: NDArray[np.uint8], offsets: FloatArray, chosen: IntArray, inverse_warp: FloatArray
+) -> tuple[Int32Array, BoolArray]:
     """Templates (S, 10, 10) int32 of the chosen (S,) patches (T, 24, 24) with offsets (T, 2), warped by inverse_warp
     (S, 4) as ``predict`` returns it; usable (S,)."""
     n = chosen.shape[0]
@@ -241,17 +258,17 @@ def warp_templates(patches: Any, offsets: Any, chosen: Any, inverse_warp: Any) -
 
 @kernel
 def search(
-    pixels: Any,
-    table: Any,
-    corners: Any,
-    row_table: Any,
-    templates: Any,
-    wanted: Any,
-    level: Any,
-    uv: Any,
+    pixels: NDArray[np.uint8],
+    table: IntArray,
+    corners: Int32Array,
+    row_table: IntArray,
+    templates: Int32Array,
+    wanted: BoolArray,
+    level: IntArray,
+    uv: FloatArray,
     radius_px: float,
     reach: int,
-) -> tuple[Any, Any]:
+) -> tuple[BoolArray, FloatArray]:
     """Find warped map-point patches near their predictions (level-0 px): at corners within radius_px, or, where none
     fits, at any pixel within ``reach`` level px (0: corners only).
 

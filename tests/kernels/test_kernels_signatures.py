@@ -1,0 +1,86 @@
+"""What kernels say they take and give is what is compiled for them; numpy's own types let int32 pass for int64."""
+
+import importlib
+import pkgutil
+import subprocess
+import sys
+import types
+import typing
+
+import numpy as np
+import pytest
+from numba.core import types as compiled
+from numba.core.dispatcher import Dispatcher
+from numba.np.numpy_support import as_dtype
+
+from vsx_ros import kernels
+
+NUMBERS = {float: compiled.float64, int: compiled.int64, bool: compiled.boolean}
+
+
+def fits(said, found, given):
+    """Whether an annotation describes a compiled type; an integer may be given where a float is taken."""
+    found = compiled.unliteral(found)
+    if typing.get_origin(said) is np.ndarray:
+        scalar = typing.get_args(typing.get_args(said)[1])[0]
+        return isinstance(found, compiled.Array) and as_dtype(found.dtype) == np.dtype(scalar)
+    if typing.get_origin(said) is tuple:
+        parts, each = typing.get_args(said), getattr(found, "types", ())
+        parts = parts[:1] * len(each) if parts[-1] is Ellipsis else parts
+        return len(parts) == len(each) and all(fits(a, b, given) for a, b in zip(parts, each))
+    if said is types.NoneType:
+        return found is compiled.none
+    if isinstance(said, type) and issubclass(said, tuple):
+        hints = typing.get_type_hints(said).values()
+        return found.instance_class is said and all(fits(a, b, given) for a, b in zip(hints, found.types))
+    if said in NUMBERS:
+        return found == NUMBERS[said] or (given and said is float and found == compiled.int64)
+    return found == getattr(compiled, said.__name__)
+
+
+def mismatches():
+    """How many kernels were called or compiled in this process, and where one differs from its signature."""
+    names = [m.name for m in pkgutil.walk_packages(kernels.__path__, "vsx_ros.kernels.")]
+    members = {f for name in names for f in vars(importlib.import_module(name)).values() if isinstance(f, Dispatcher)}
+    seen = [f for f in members if f.overloads]
+    wrong = []
+    for f in seen:
+        hints = typing.get_type_hints(f.py_func)
+        result = hints.pop("return")
+        for overload in f.overloads.values():
+            pairs = [p for p in zip(hints.items(), overload.signature.args) if not isinstance(p[1], compiled.Omitted)]
+            wrong += [f"{f.py_func.__name__}({name}: {a})" for (name, said), a in pairs if not fits(said, a, True)]
+            if not fits(result, overload.signature.return_type, False):
+                wrong.append(f"{f.py_func.__name__} -> {overload.signature.return_type}")
+    return len(seen), wrong
+
+
+@pytest.mark.parametrize(
+    ("said", "found", "expected"),
+    [
+        (np.ndarray[tuple[int], np.dtype[np.int64]], compiled.int64[::1], True),
+        (np.ndarray[tuple[int], np.dtype[np.int64]], compiled.int32[::1], False),
+        (tuple[float, int], compiled.Tuple((compiled.float64, compiled.int64)), True),
+        (tuple[float, ...], compiled.UniTuple(compiled.float32, 3), False),
+        (np.float32, compiled.float32, True),
+        (bool, compiled.int64, False),
+    ],
+)
+def test_a_type_fits_its_own_alone(said, found, expected):
+    assert fits(said, found, False) == expected
+
+
+@pytest.mark.compiled
+def test_signatures_are_what_is_compiled():
+    # In a process of its own: other tests compile for what they please.
+    done = subprocess.run([sys.executable, __file__], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+if __name__ == "__main__":
+    from vsx_ros.kernels.warmup import warm_up
+
+    warm_up()
+    count, wrong = mismatches()
+    assert not wrong, "\n".join(wrong)
+    assert count > 50, f"only {count} kernels were compiled"
