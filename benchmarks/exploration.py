@@ -121,8 +121,8 @@ def explored(world: str, seed: int, noise: int, strategy: str, limits: argparse.
 
 
 def decisions_of(run: FastRun) -> list[tuple[float, float, int, float, float]]:
-    """Filled as the run goes on, a row for each goal: time [s], known ground [m2], keyframes, what choosing it and
-    planning the way cost [ms of processor time], the memory used then [MB]."""
+    """Filled as the run goes on, a row for each goal: time [s], known ground [m2], keyframes, what choosing it cost
+    [ms of processor time], the memory used then [MB]."""
     system, rows = run.system, []
     decide = system._decide
 
