@@ -134,8 +134,8 @@ def told(
 
 
 def decisions_of(run: FastRun) -> list[tuple[float, int, float, float]]:
-    """Filled as the run goes on, a row for each goal: known ground [m2], keyframes, what choosing it and planning the
-    way cost [ms of processor time], the memory used then [MB]."""
+    """Filled as the run goes on, a row for each goal: known ground [m2], keyframes, what choosing it
+    cost [ms of processor time], the memory used then [MB]."""
     system, rows = run.system, []
     decide = system._decide
 

@@ -25,9 +25,9 @@ RESULTS = ROOT / "benchmarks" / "results"
 
 _CORE = (
     "config", "cli/explore_fast", "cli/run_record", "control", "dense", "evaluation", "exploration", "geometry",
-    "kernels", "navigator", "occupancy", "planning", "robot", "sim", "slam", "system", "vision",
+    "kernels", "navigation", "occupancy", "planning", "robot", "sim", "slam", "system", "vision",
 )  # fmt: skip
-_NODES = ("hw/vsx_hw", "src/vsx_ros/ros", "src/vsx_ros/control", "src/vsx_ros/navigator", "src/vsx_ros/robot")
+_NODES = ("hw/vsx_hw", "src/vsx_ros/ros", "src/vsx_ros/control", "src/vsx_ros/navigation", "src/vsx_ros/robot")
 _IN_LOCK_STEP = tuple(f"src/vsx_ros/{room}" for room in _CORE)
 
 ROOMS: dict[str, tuple[str, ...]] = {

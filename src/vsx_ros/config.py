@@ -50,13 +50,23 @@ class RobotConfig(_Branch, frozen=True):
 
 
 class LimitsConfig(_Branch, frozen=True):
-    """What the time scaling and the follower never exceed; the bounds are about what the bases can do."""
+    """What the time scaling and the follower never exceed; the bounds are about what the bases can do. a_stop_m_s2 is
+    for what comes to light too near for a_m_s2: 6 cm from 0.3 m/s instead of 14. The bases stop harder than that, as
+    they do for a hazard, but then the images blur."""
 
     v_m_s: Annotated[float, Meta(gt=0, le=0.7)] = 0.3
     a_m_s2: Annotated[float, Meta(gt=0, le=3)] = 0.4
     jerk_m_s3: Annotated[float, Meta(gt=0, le=100)] = 2.0
     omega_rad_s: Annotated[float, Meta(gt=0, le=3.2)] = 0.4
     alpha_rad_s2: Annotated[float, Meta(gt=0, le=20)] = 1.0
+    a_stop_m_s2: Annotated[float, Meta(gt=0, le=3)] = 1.0
+
+    def braking(self, a_m_s2: float) -> LimitsConfig:
+        """The limits while braking by a_m_s2: harder than usual it sets in more steeply, too, and where the way bends
+        the turn rate falls with the speed."""
+        share = max(1.0, a_m_s2 / self.a_m_s2)
+        jerk, alpha = share * share * self.jerk_m_s3, share * self.alpha_rad_s2
+        return msgspec.structs.replace(self, a_m_s2=share * self.a_m_s2, jerk_m_s3=jerk, alpha_rad_s2=alpha)
 
 
 class InitializationConfig(_Branch, frozen=True):
@@ -260,6 +270,18 @@ class ExplorationConfig(_Branch, frozen=True):
     retries_boxed_in: Count = 10
 
 
+class ComputingConfig(_Branch, frozen=True):
+    """What computing costs in lock-step, in emulated time: a frame, from its stamp to its pose being known; a ranking
+    of views, at least and per known ground; a plan, at least and per metre of the way. Twice the processor time that
+    benchmarks/computing.py measures: on a laptop of two cores SLAM runs on them, too."""
+
+    frame_ms: NonNegative = 60.0
+    ranking_ms: NonNegative = 60.0
+    ranking_ms_m2: NonNegative = 1.3
+    plan_ms: NonNegative = 40.0
+    plan_ms_m: NonNegative = 11.0
+
+
 class Config(_Branch, frozen=True):
     """The whole tree."""
 
@@ -271,6 +293,7 @@ class Config(_Branch, frozen=True):
     ground_map: GroundMapConfig = GroundMapConfig()
     dense: DenseConfig = DenseConfig()
     exploration: ExplorationConfig = ExplorationConfig()
+    computing: ComputingConfig = ComputingConfig()
 
 
 def from_dict(tree: dict[str, Any]) -> Config:

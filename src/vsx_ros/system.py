@@ -6,6 +6,7 @@ This is the lock-step run (``vsx explore --fast``), and the list of what the ROS
 from __future__ import annotations
 
 import math
+from collections import deque
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,8 +14,7 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import Points3
 from vsx_ros.config import Config
-from vsx_ros.control.pose_fusion import PoseFuser
-from vsx_ros.control.stuck import Stuck
+from vsx_ros.control.localization import Localization, Whereabouts
 from vsx_ros.dense.anchored import AnchoredSpots
 from vsx_ros.dense.densify import DenseMap, Densifier, update_every_s
 from vsx_ros.dense.mapped_ground import MappedGround
@@ -24,9 +24,11 @@ from vsx_ros.exploration.mission import Mission
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.navigator import Navigator, Surroundings
+from vsx_ros.navigation.costs import Costs
+from vsx_ros.navigation.goal_planner import GoalPlanner
+from vsx_ros.navigation.navigator import Navigator
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.planning.planner import Planner, UnconstrainedPlanner
+from vsx_ros.planning.planner import Planner
 from vsx_ros.robot import Frame, Odometry, VelocityCommand
 from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.slam_map import SlamMap
@@ -75,18 +77,21 @@ class ExplorationSystem:
         memory is damaged."""
         self._config = config
         self._T_cam_base = T_base_cam.inverse()
-        self._costs = Planner(config.planner, config.robot)
-        planner = UnconstrainedPlanner(config.planner, config.robot) if unconstrained else self._costs
+        self.planner = GoalPlanner(config, "unconstrained" if unconstrained else "fov", seed)
+        self._costs = Costs(config.computing)
         self.ground = MappedGround(config)
         self._densifier = Densifier(camera, T_base_cam, config.dense, seed) if config.dense.enabled else None
-        self._fuser = PoseFuser()
+        self._localization = Localization()
+        self._late: deque[TrackingResult] = deque()
+        self._decided: tuple[int, Decision] | None = None
         self._mapped = (-1, 0, 0)
         self._next_map_ns = self._next_dense_ns = self._next_decision_ns = 0
         record = None if memory is None else TrackingRecord.restored(memory.state)
         slam_map = slam_map if memory is None else memory.slam_map
         self.slam = SequentialSlam(camera, T_base_cam, config.slam, seed, slam_map, record)
-        self.navigator = Navigator(config, planner, seed)
-        self.mission = Mission(config, lambda start, grid: lambda poses: self._costs.travel_costs(start, grid, poses))
+        self.navigator = Navigator(config, self.planner, self._costs)
+        ways = Planner(config.planner, config.robot)
+        self.mission = Mission(config, lambda start, grid: lambda poses: ways.travel_costs(start, grid, poses))
         self.grid: OccupancyGrid | None = None
         self.dense: DenseMap | None = None
         self._recalled = None if memory is None else memory.mission
@@ -116,41 +121,46 @@ class ExplorationSystem:
         return self.act(self.slam.track(frame, odometry), odometry, hazard)
 
     def act(self, tracking: TrackingResult, odometry: Odometry, hazard: str | None = None) -> StepResult:
-        """What ``step`` does once the frame is tracked."""
+        """What ``step`` does once the frame is tracked. Its pose is known only when computing it is over; so it is with
+        decisions and plans (``Costs``)."""
         now_ns = tracking.stamp_ns
-        self._fuser.add_odometry(odometry)
-        if tracking.state.tracked and tracking.T_world_cam is not None:
-            self._fuser.add_slam(now_ns, SE2.from_se3(tracking.T_world_cam @ self._T_cam_base))
-        stuck = self._fuser.stuck
-        self._remember(now_ns, hazard, stuck)
-        if stuck is not None:
-            hazard = hazard or stuck.reason
+        where = self._localize(now_ns, tracking, odometry)
+        self._remember(now_ns, hazard, where)
         self._refresh_map(now_ns)
         decision = None
-        if now_ns >= self._next_decision_ns:
+        if self._decided is None and now_ns >= self._next_decision_ns:
             self._next_decision_ns = now_ns + _DECIDE_EVERY_NS
             if self._recalled is not None:
                 self.mission.recall(now_ns, self._recalled, odometry.T_odom_base)
                 self._recalled = None
-            decision = self._decide(now_ns, odometry.T_odom_base, tracking, hazard)
-        around = Surroundings(self.grid, self.slam.snapshot().points_world)
-        followed = self.navigator.command(now_ns, odometry, self._fuser, tracking.state, around)
+            decision = self._decide(now_ns, odometry.T_odom_base, where, hazard)
+        self._carry_out(now_ns)
+        followed = self.navigator.step(now_ns, where, frozenset([hazard] if hazard else []))
         error_m = math.hypot(followed.error.x, followed.error.y) if followed.error is not None else None
         return StepResult(followed.command, tracking, decision, error_m)
+
+    def _localize(self, now_ns: int, tracking: TrackingResult, odometry: Odometry) -> Whereabouts:
+        self._localization.add_odometry(odometry)
+        self._late.append(tracking)
+        while self._late and now_ns >= self._late[0].stamp_ns + self._costs.frame_ns():
+            known = self._late.popleft()
+            self._localization.add_state(known.state, known.reason)
+            if known.state.tracked and known.T_world_cam is not None:
+                self._localization.add_pose(known.stamp_ns, SE2.from_se3(known.T_world_cam @ self._T_cam_base))
+        return self._localization.at(now_ns)
 
     def surface_points(self) -> Points3:
         """(N, 3) spots of surface of the dense map, in the map as it is now [m]."""
         spots = self.ground.dense
         return spots.surfaces(self.slam.snapshot()).points if spots is not None else np.zeros((0, 3))
 
-    def _remember(self, now_ns: int, hazard: str | None, stuck: Stuck | None) -> None:
-        pose = self._fuser.pose()
-        if stuck is not None:
-            self.ground.pushed(stuck.T_world_push, now_ns)
-        elif pose is not None:
-            self.ground.moved(pose, now_ns)
-        if pose is not None and hazard:
-            self.ground.bumped(pose)
+    def _remember(self, now_ns: int, hazard: str | None, where: Whereabouts) -> None:
+        if where.stuck is not None:
+            self.ground.pushed(where.stuck.T_world_push, now_ns)
+        elif where.T_map_base is not None:
+            self.ground.moved(where.T_map_base, now_ns)
+        if where.T_map_base is not None and hazard:
+            self.ground.bumped(where.T_map_base)
 
     def _refresh_map(self, now_ns: int) -> None:
         if now_ns < self._next_map_ns:
@@ -165,6 +175,8 @@ class ExplorationSystem:
         self._next_map_ns = now_ns + _MAP_EVERY_NS
         self._mapped = known
         self.grid = self.ground.grid(snapshot)
+        self.planner.take_grid(self.grid, now_ns)
+        self.planner.take_landmarks(snapshot.points_world, now_ns)
 
     def _densify(self, snapshot: MapSnapshot) -> bool:
         """Whether there was something to do: a new keyframe, or work left from the last one."""
@@ -176,24 +188,35 @@ class ExplorationSystem:
         self.ground.dense = AnchoredSpots.of(self.dense, snapshot, self._config.dense.cell_m)
         return True
 
-    def _decide(self, now_ns: int, T_odom_base: SE2, tracking: TrackingResult, hazard: str | None) -> Decision:
-        situation = Situation(
-            tracking.state,
-            tracking.reason,
-            self._fuser.pose(),
-            T_odom_base,
-            self.grid,
-            self.navigator.state,
-            self.navigator.reason,
-            hazard,
-            self.slam.snapshot().points_world,
-            self._fuser.countings,
+    def _decide(self, now_ns: int, T_odom_base: SE2, where: Whereabouts, hazard: str | None) -> Decision:
+        ranked_before = self.mission.outlook.ranking
+        decision = self.mission.decide(
+            now_ns,
+            Situation(
+                where.slam_state,
+                where.slam_reason,
+                where.T_map_base,
+                T_odom_base,
+                self.grid,
+                self.navigator.state,
+                self.navigator.reason,
+                hazard or (where.stuck.reason if where.stuck is not None else None),
+                self.slam.snapshot().points_world,
+                where.countings,
+            ),
         )
-        decision = self.mission.decide(now_ns, situation)
-        if decision.action is Action.GO and decision.goal is not None:
-            start = T_odom_base if decision.frame == "odom" else self._fuser.pose()
-            around = Surroundings(self.grid, situation.landmarks_world)
-            self.navigator.go(now_ns, start, decision.goal, decision.frame, around)
-        elif decision.action in (Action.CANCEL, Action.FINISH) and self.navigator.state is NavigationState.ACTIVE:
-            self.navigator.cancel()
+        cost_ns = 0
+        if self.grid is not None and self.mission.outlook.ranking is not ranked_before:
+            cost_ns = self._costs.ranking_ns(self.grid)
+        self._decided = now_ns + cost_ns, decision
         return decision
+
+    def _carry_out(self, now_ns: int) -> None:
+        """What was decided, once choosing it is over; the mission is not asked meanwhile."""
+        if self._decided is None or now_ns < self._decided[0]:
+            return
+        decision, self._decided = self._decided[1], None
+        if decision.action is Action.GO and decision.goal is not None:
+            self.navigator.go(now_ns, decision.goal, decision.frame)
+        elif decision.action in (Action.CANCEL, Action.FINISH) and self.navigator.state is NavigationState.ACTIVE:
+            self.navigator.cancel(now_ns)

@@ -24,19 +24,21 @@ def with_post(x: float, y: float, value: int = OCCUPIED) -> OccupancyGrid:
 @pytest.mark.parametrize("y", [0.01, -0.16, 0.16])
 def test_an_obstacle_on_the_way_is_told_with_its_distance(y: float):
     said = obstacle_ahead(STRAIGHT, 5.0, with_post(1.5, y), RADIUS_M)
-    assert "0.8 m ahead" in said or "0.9 m ahead" in said
+    assert said is not None
+    assert 0.8 <= said.way_m < 0.95
+    assert "0.8 m ahead" in said.words or "0.9 m ahead" in said.words
 
 
 @pytest.mark.parametrize("post", [(1.5, 0.3), (1.5, -0.3), (0.2, 0.01), (3.5, 0.01)])
 def test_beside_behind_and_far_ahead_is_none(post: tuple[float, float]):
-    assert obstacle_ahead(STRAIGHT, 5.0, with_post(*post), RADIUS_M) == ""
+    assert obstacle_ahead(STRAIGHT, 5.0, with_post(*post), RADIUS_M) is None
 
 
 def test_what_is_unknown_is_no_obstacle():
-    assert obstacle_ahead(STRAIGHT, 5.0, with_post(1.5, 0.01, UNKNOWN), RADIUS_M) == ""
+    assert obstacle_ahead(STRAIGHT, 5.0, with_post(1.5, 0.01, UNKNOWN), RADIUS_M) is None
 
 
 def test_a_base_that_stands_closer_already_may_leave_but_not_approach():
     grid = with_post(0.5, 0.1)
-    assert obstacle_ahead(STRAIGHT, 5.2, grid, RADIUS_M) == ""
-    assert obstacle_ahead(STRAIGHT, 3.0, grid, RADIUS_M) != ""
+    assert obstacle_ahead(STRAIGHT, 5.2, grid, RADIUS_M) is None
+    assert obstacle_ahead(STRAIGHT, 3.0, grid, RADIUS_M) is not None

@@ -163,16 +163,25 @@ def test_trajectories_survive_with_their_headings_unwrapped() -> None:
     sent = Trajectory(times, poses, np.linspace(0.0, -0.2, 41), np.full(41, 0.3))
     msg = trajectory_messages.trajectory_msg(sent, topics.ODOM_FRAME, STAMP_NS)
     assert msg.header.frame_id == topics.ODOM_FRAME
-    back = trajectory_messages.trajectory(msg)
-    assert back is not None
+    back = trajectory_messages.wanted(msg)
+    assert isinstance(back, Trajectory)
     np.testing.assert_allclose(back.times_s, times, atol=1e-9)
     np.testing.assert_allclose(back.poses, poses, atol=1e-9)
     np.testing.assert_array_equal(back.v, sent.v)
     np.testing.assert_array_equal(back.omega, sent.omega)
 
 
-def test_no_trajectory_is_a_message_without_points() -> None:
-    assert trajectory_messages.trajectory(trajectory_messages.trajectory_msg(None, "map", 0)) is None
+@pytest.mark.parametrize("a_m_s2", [0.4, math.inf])
+def test_how_hard_to_brake_survives(a_m_s2: float) -> None:
+    assert trajectory_messages.wanted(trajectory_messages.brake_msg(a_m_s2, "map", 0)) == a_m_s2
+
+
+@pytest.mark.parametrize("a_m_s2", [0.0, -0.4, math.nan])
+def test_a_deceleration_that_is_none_is_refused(a_m_s2: float) -> None:
+    msg = trajectory_messages.brake_msg(0.4, "map", 0)
+    msg.points[0].accelerations[0].linear.x = -a_m_s2
+    with pytest.raises(InputError, match="to brake by"):
+        trajectory_messages.wanted(msg)
 
 
 def test_a_trajectory_without_speeds_is_refused() -> None:
@@ -180,7 +189,7 @@ def test_a_trajectory_without_speeds_is_refused() -> None:
     msg = trajectory_messages.trajectory_msg(trajectory, "map", 0)
     msg.points[1].velocities = []
     with pytest.raises(InputError):
-        trajectory_messages.trajectory(msg)
+        trajectory_messages.wanted(msg)
 
 
 def test_hazards_in_words() -> None:

@@ -3,7 +3,6 @@ without images waits on its path."""
 
 from __future__ import annotations
 
-import json
 import signal
 import time
 from collections.abc import Iterator
@@ -19,6 +18,8 @@ from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
 from std_msgs.msg import String
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
+from vsx_ros.control.trajectory_tracker import FollowStatus
+from vsx_ros.navigation.follower_report import decode_report
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 from vsx_ros.ros import convert, topics, trajectory_messages
 
@@ -48,8 +49,8 @@ class Drive:
         self._goal = active[-1] if active else ""
 
     def _on_status(self, msg: String) -> None:
-        status = json.loads(msg.data)
-        self.told.append((status["status"], status["trajectory"], self._goal))
+        report = decode_report(msg.data)
+        self.told.append((report.status.value, report.trajectory, self._goal))
 
     def since(self, begin: int, *words: str) -> tuple[str, int, str] | None:
         """The first word of these that was said after so many."""
@@ -106,14 +107,14 @@ def test_a_base_that_leaves_its_path_gets_another_plan_to_the_same_goal(stack: S
 
 def blocked_ahead(ways: list[MultiDOFJointTrajectory], grid: OccupancyGrid) -> OccupancyGrid | None:
     """The map with a post on the way, two seconds ahead of the base; None where it does not follow a way that long."""
-    status = json.loads(rospy.wait_for_message(topics.FOLLOWER_STATUS, String, 5.0).data)
-    way = next((msg for msg in reversed(ways) if msg.header.stamp.to_nsec() == status["trajectory"]), None)
-    if way is None or way.header.frame_id != topics.MAP_FRAME or status["status"] != "following":
+    report = decode_report(rospy.wait_for_message(topics.FOLLOWER_STATUS, String, 5.0).data)
+    way = next((msg for msg in reversed(ways) if msg.header.stamp.to_nsec() == report.trajectory), None)
+    if way is None or way.header.frame_id != topics.MAP_FRAME or report.status is not FollowStatus.FOLLOWING:
         return None
-    trajectory = trajectory_messages.trajectory(way)
-    if trajectory is None or trajectory.duration_s < status["at_s"] + 4.0:
+    trajectory = trajectory_messages.wanted(way)
+    if isinstance(trajectory, float) or trajectory.duration_s < report.at_s + 4.0:
         return None
-    post = trajectory.at(status["at_s"] + 2.0)[0]
+    post = trajectory.at(report.at_s + 2.0)[0]
     data = grid.data.copy()
     row, column = grid.cells([[post.x, post.y]])[0]
     data[row : row + 2, column : column + 2] = OCCUPIED

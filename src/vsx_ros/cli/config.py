@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from vsx_ros.config import Config
 
 _UNITS = (
+    ("_ms_m2", "ms/m^2"), ("_ms_m", "ms/m"),
     ("_rad_m", "rad/m"), ("_rad_s2", "rad/s^2"), ("_rad_s", "rad/s"), ("_rad", "rad"), ("_deg", "deg"),
     ("_m_s3", "m/s^3"), ("_m_s2", "m/s^2"), ("_m_s", "m/s"), ("_ms", "ms"), ("_ns", "ns"), ("_hz", "Hz"),
     ("_px", "px"), ("_cells", "cells"), ("_frames", "frames"), ("_s", "s"), ("_m", "m"),

@@ -57,7 +57,8 @@ class TrajectoryTracker:
 
     def __init__(self, config: FollowerConfig, limits: LimitsConfig) -> None:
         self._config = config
-        self._limits = limits
+        self._comfort = self._limits = limits
+        self._braking = self._harder = False
         self._trajectory: Trajectory | None = None
         self._timing: Timing | None = None
         self._factor = 1.0
@@ -86,7 +87,14 @@ class TrajectoryTracker:
         self._trajectory, self._timing, self._factor = trajectory, as_planned(trajectory), 1.0
         self._curvature = _curvature(trajectory)
         self._clock_s, self._rate, self._waited_s, self._last_ns = 0.0, 1.0, 0.0, now_ns
-        self._sent = STOP
+        self._sent, self._limits = STOP, self._comfort
+        self._braking = self._harder = False
+
+    def brake(self, a_m_s2: float) -> None:
+        """Come to rest on the way and stay there, braking so hard [m/s2]; never less than before."""
+        if a_m_s2 > self._limits.a_m_s2:
+            self._harder, self._limits = True, self._comfort.braking(a_m_s2)
+        self._braking = True
 
     def cancel(self) -> None:
         """Forget the trajectory; the next command is a stop."""
@@ -101,7 +109,7 @@ class TrajectoryTracker:
         if self._trajectory is None or self._timing is None:
             return None
         timing, clock_s = self._timing, self._clock_s
-        while self._factor > 0.0 and clock_s < timing.trajectory.duration_s:
+        while (self._factor > 0.0 or self._harder) and clock_s < timing.trajectory.duration_s:
             held = retime(self._trajectory, timing, clock_s, 0.0, self._limits)
             if held is not None:
                 timing = held
@@ -125,7 +133,7 @@ class TrajectoryTracker:
         stale = self._why_stale(pose, pose_age_s, tracking_ok)
         dt = min(max((now_ns - self._last_ns) * 1e-9, 0.0), _LONGEST_STEP_S)
         self._last_ns = now_ns
-        wanted = 0.0 if stale else min(max(speed_factor, 0.0), 1.0)
+        wanted = 0.0 if stale or self._braking else min(max(speed_factor, 0.0), 1.0)
         self._advance(dt, wanted)
         reference, v, omega = self._timing.trajectory.at(self._clock_s)
         v, omega = v * self._rate, omega * self._rate
@@ -173,10 +181,10 @@ class TrajectoryTracker:
         """Change the timing if another speed is wanted, and move the clock along it."""
         assert self._trajectory is not None
         assert self._timing is not None
-        if factor != self._factor:
+        if factor != self._factor or self._harder:
             timing = retime(self._trajectory, self._timing, self._clock_s, factor, self._limits)
             if timing is not None:
-                self._timing, self._factor, self._clock_s = timing, factor, 0.0
+                self._timing, self._factor, self._clock_s, self._harder = timing, factor, 0.0, False
         before = self._rate
         self._rate = min(1.0, before + dt * self._limits.a_m_s2 / self._limits.v_m_s)
         duration_s = self._timing.trajectory.duration_s

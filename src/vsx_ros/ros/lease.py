@@ -8,14 +8,17 @@ for as long as the thread that decides has promised.
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 
 import rospy
 from std_msgs.msg import String
 
+from vsx_ros.navigation.silence import LEASE_S
+
 PERIOD_S = 0.05
-TIMEOUT_S = 0.3
+TIMEOUT_S = LEASE_S
 
 
 class Lease:
@@ -67,7 +70,11 @@ class LeaseWatch:
         with self._lock:
             return holder in self._renewed_s
 
+    def age_s(self, holder: str) -> float:
+        """Time since the holder renewed [s]; infinite where it never did."""
+        with self._lock:
+            return time.monotonic() - self._renewed_s.get(holder, -math.inf)
+
     def is_fresh(self, holder: str) -> bool:
         """Whether the holder renewed within ``TIMEOUT_S``."""
-        with self._lock:
-            return time.monotonic() - self._renewed_s.get(holder, -1e9) <= TIMEOUT_S
+        return self.age_s(holder) <= TIMEOUT_S

@@ -18,9 +18,11 @@ from nav_msgs.msg import Odometry as OdometryMsg
 from rosgraph_msgs.msg import Log
 from std_msgs.msg import Float32, String, UInt8, UInt32
 
+from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.run_folder import RunEvent
+from vsx_ros.navigation.follower_report import decode_report
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.ros import convert, process, topics
 from vsx_ros.ros.device_trouble import DeviceTrouble
@@ -54,7 +56,7 @@ class Witness:
         self.collisions = 0
         self.min_clearance_m: float | None = None
         self._base: SE2 | None = None
-        self._followed: tuple[int, str] = (0, "")
+        self._followed: tuple[int, FollowStatus] = (0, FollowStatus.IDLE)
         self._warnings: list[str] = []
         self._warned: set[str] = set()
         self._last_words: dict[str, str] = {}
@@ -156,13 +158,13 @@ class Witness:
             self._base = pose
 
     def _on_follower(self, msg: String) -> None:
-        status = json.loads(msg.data)
-        if status["error"] is not None and status["status"] == "following":
+        report = decode_report(msg.data)
+        if report.error is not None and report.status is FollowStatus.FOLLOWING:
             with self._lock:
-                self._navigation.error_m.append(math.hypot(*status["error"][:2]))
-        if (status["trajectory"], status["status"]) != self._followed:
-            self._followed = status["trajectory"], status["status"]
-            self._note("navigation", status["status"], status["reason"])
+                self._navigation.error_m.append(math.hypot(*report.error[:2]))
+        if (report.trajectory, report.status) != self._followed:
+            self._followed = report.trajectory, report.status
+            self._note("navigation", report.status.value, report.reason)
 
     def _on_plan(self, msg: Float32) -> None:
         with self._lock:

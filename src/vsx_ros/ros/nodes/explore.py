@@ -44,7 +44,7 @@ from vsx_ros.planning.planner import Planner
 from vsx_ros.ros import base_messages, convert, process, topics
 from vsx_ros.ros.frontier_markers import frontier_markers
 from vsx_ros.ros.lease import PERIOD_S, Lease, LeaseWatch
-from vsx_ros.ros.localization import Localization
+from vsx_ros.ros.localization import HeardLocalization
 from vsx_ros.ros.sent_goal import SentGoal, is_served
 from vsx_ros.ros.warm_up import warm_up_mission
 
@@ -80,7 +80,7 @@ class ExploreNode:
         self._recalled: MissionMemory | None = None
         if self._checkpoint is not None and (remembered := self._checkpoint.read_mission()) is not None:
             self._recalled = MissionMemory.of(remembered, self._checkpoint.path)
-        self._where = Localization()
+        self._where = HeardLocalization()
         self._slam = LeaseWatch(topics.FOLLOWER_LEASE)
         self._diagnostics = process.Diagnostics()
         self._lease = Lease(topics.NAVIGATION_LEASE, rospy.get_name())
@@ -143,7 +143,8 @@ class ExploreNode:
         if not ready and self._mission.outcome is None:
             self._diagnostics.set("mission", process.WARN, "waiting for vslam to see images and for move_base")
             return
-        now_ns, situation = process.now_ns(), self._situation()
+        now_ns = process.now_ns()
+        situation = self._situation(now_ns)
         with self._lock:
             if self._recalled is not None and situation.T_odom_base is not None:
                 self._mission.recall(now_ns, self._recalled, situation.T_odom_base)
@@ -158,31 +159,30 @@ class ExploreNode:
 
     def _remember(self) -> None:
         """Write what the mission needs to go on after an interruption; may wait for the disk."""
-        T_odom_base = self._where.pose(topics.ODOM_FRAME)
+        now_ns = process.now_ns()
+        T_odom_base = self._where.at(now_ns).T_odom_base
         if self._checkpoint is None or self._recalled is not None or T_odom_base is None:
             return
-        now_ns = process.now_ns()
         with self._lock:
             memory = self._mission.memory(now_ns, T_odom_base)
         with process.told(), self._writing:
             self._checkpoint.write_mission(memory.tree(), now_ns)
 
-    def _situation(self) -> Situation:
+    def _situation(self, now_ns: int) -> Situation:
         navigation, reason = self._navigation()
-        where, stuck = self._where, self._where.stuck
-        T_odom_base, countings = where.wheels
+        where = self._where.at(now_ns)
         return Situation(
             slam_state=where.slam_state,
             slam_reason=where.slam_reason,
-            T_map_base=where.pose(topics.MAP_FRAME),
-            T_odom_base=T_odom_base,
+            T_map_base=where.T_map_base,
+            T_odom_base=where.T_odom_base,
             grid=self._grid,
             navigation=navigation,
             navigation_reason=reason,
             lifted=Hazard(self._hazards) & Hazard.WHEEL_DROP == Hazard.WHEEL_DROP,
-            hazard=convert.hazard_words(self._hazards) or (stuck.reason if stuck is not None else None),
+            hazard=convert.hazard_words(self._hazards) or (where.stuck.reason if where.stuck is not None else None),
             landmarks_world=self._landmarks,
-            countings=countings,
+            countings=where.countings,
         )
 
     def _navigation(self) -> tuple[NavigationState, str]:

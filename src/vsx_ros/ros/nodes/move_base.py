@@ -2,8 +2,8 @@
 
 Subscribers: map, vslam/map_points, odom, vslam/pose, vslam/state, move_base_simple/goal, follower/status,
     move_base/lease.
-Publishers: move_base/global_plan, move_base/trajectory (latched; header stamp is its identity),
-    move_base/stats/plan_ms, follower/lease.
+Publishers: move_base/global_plan, move_base/trajectory (latched; header stamp is its identity; one point with nothing
+    but a deceleration: stop on the way; without points: stop at once), move_base/stats/plan_ms, follower/lease.
 Services: move_base/make_plan.
 Actions: move_base. Goals in frame map are planned in the newest map from the fused pose, goals in frame odom by
     odometry alone: straight or along the trail, without a map. Plans keep the map points in view, drive slowly where
@@ -16,98 +16,129 @@ A client that ever renewed move_base/lease must go on doing so while its goal is
 
 from __future__ import annotations
 
+import math
 import threading
+import time
 
 import actionlib
 import rospy
 from geometry_msgs.msg import PoseStamped
-from move_base_msgs.msg import MoveBaseAction, MoveBaseActionGoal, MoveBaseGoal
-from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
-from nav_msgs.srv import GetPlan, GetPlanRequest, GetPlanResponse
-from sensor_msgs.msg import PointCloud2
+from move_base_msgs.msg import MoveBaseAction, MoveBaseActionGoal, MoveBaseFeedback, MoveBaseGoal
+from nav_msgs.msg import Path as PathMsg
+from std_msgs.msg import String
+from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from vsx_ros.config import Config
+from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.errors import VsxError
-from vsx_ros.planning.path import Refusal
-from vsx_ros.ros import convert, frames, process, topics
-from vsx_ros.ros.adjustable import adjustable_of_plans, serve_adjustable
-from vsx_ros.ros.goal_plans import GoalPlans
-from vsx_ros.ros.pursuit import Pursuit, path_msg
-from vsx_ros.ros.warm_up import warm_up_planning
+from vsx_ros.navigation.follower_report import FollowerReport, decode_report
+from vsx_ros.navigation.pursuit import Act, Brake, Done, Follow, GoalPursuit, PlanRequest, Seen
+from vsx_ros.ros import convert, frames, process, topics, trajectory_messages
+from vsx_ros.ros.lease import PERIOD_S, Lease, LeaseWatch
+from vsx_ros.ros.localization import HeardLocalization
+from vsx_ros.ros.planning_thread import PlanningThread, path_msg
 
 _LAST_WORD_S = 0.5
+_LOOK_WITHIN_S = 2.0
+"""Looks at the drive take no time; a thread that needs this long hangs, and the base stops."""
+_CANCELLED = "cancelled by the client"
 
 
 class MoveBaseNode:
     """One goal at a time, on the action server's thread."""
 
     def __init__(self, config: Config) -> None:
-        kind, seed = str(rospy.get_param("~planner", "fov")), int(rospy.get_param("~seed", 0))
-        self._plans = GoalPlans(config, kind, seed)
-        warm_up_planning(self._plans.blind, config)
-        self._pursuing = threading.Lock()
+        self._pursuing, self._pursuit = threading.Lock(), GoalPursuit(config)
+        self._follower, self._follower_s = FollowerReport(0, FollowStatus.IDLE, "", topics.MAP_FRAME), 0.0
         self._diagnostics = process.Diagnostics()
+        kind, seed = str(rospy.get_param("~planner", "fov")), int(rospy.get_param("~seed", 0))
+        self._planner = PlanningThread(config, kind, seed, self._diagnostics)
+        self._where = HeardLocalization()
+        self._clients = LeaseWatch(topics.NAVIGATION_LEASE)
+        self._lease = Lease(topics.FOLLOWER_LEASE, "move_base")
         self._goal_pub = rospy.Publisher(f"{topics.MOVE_BASE_ACTION}/goal", MoveBaseActionGoal, queue_size=2)
-        process.subscribe(topics.MAP, OccupancyGridMsg, self._on_map, queue_size=1)
-        process.subscribe(topics.MAP_POINTS, PointCloud2, self._on_points, queue_size=1, buff_size=2**22)
+        self._path_pub = rospy.Publisher(topics.GLOBAL_PLAN, PathMsg, queue_size=1, latch=True)
+        self._trajectory_pub = rospy.Publisher(topics.TRAJECTORY, MultiDOFJointTrajectory, queue_size=2, latch=True)
         process.subscribe(topics.SIMPLE_GOAL, PoseStamped, self._on_simple_goal, queue_size=1)
-        rospy.Service(topics.MAKE_PLAN, GetPlan, self._on_make_plan)
+        process.subscribe(topics.FOLLOWER_STATUS, String, self._on_follower, queue_size=5, tcp_nodelay=True)
+        process.every(PERIOD_S, "lease", self._lease.keep)
         self._server = actionlib.SimpleActionServer(
             topics.MOVE_BASE_ACTION, MoveBaseAction, self._execute, auto_start=False
         )
-        self._pursuit = Pursuit(self._server, self._plans, self._diagnostics)
         self._server.start()
-        serve_adjustable(config, adjustable_of_plans(config.limits), self._plans.change)
-
-    # Callbacks -----------------------------------------------------------------------------------------------
-
-    def _on_map(self, msg: OccupancyGridMsg) -> None:
-        self._plans.take_grid(convert.grid(msg), msg.header.stamp.to_nsec())
-
-    def _on_points(self, msg: PointCloud2) -> None:
-        self._plans.take_landmarks(convert.cloud_points(msg), msg.header.stamp.to_nsec())
 
     def _on_simple_goal(self, msg: PoseStamped) -> None:
         self._goal_pub.publish(MoveBaseActionGoal(goal=MoveBaseGoal(msg)))
 
-    def _on_make_plan(self, request: GetPlanRequest) -> GetPlanResponse:
-        start, goal = ((frames.bare(p.header.frame_id), convert.se2(p.pose)) for p in (request.start, request.goal))
-        plan = self._plans.plan_between(start, goal)
-        if isinstance(plan, Refusal):
-            rospy.logwarn("make_plan: %s", plan.reason)
-            return GetPlanResponse()
-        return GetPlanResponse(path_msg(plan, goal[0]))
-
-    # One goal ------------------------------------------------------------------------------------------------
+    def _on_follower(self, msg: String) -> None:
+        self._follower, self._follower_s = decode_report(msg.data), time.monotonic()
 
     def _execute(self, goal: MoveBaseGoal) -> None:
-        with self._pursuing:
-            self._see_through(goal)
-
-    def _see_through(self, goal: MoveBaseGoal) -> None:
         """Pursue the goal, and tell how it ended."""
+        with self._pursuing:
+            done = self._pursue(goal.target_pose)
+            self._lease.promise(0.0)
+            rospy.loginfo("goal %s: %s", "reached" if done.arrived else "given up", done.reason)
+            self._diagnostics.set("goal", process.OK if done.arrived else process.WARN, done.reason)
+            if done.arrived:
+                self._server.set_succeeded(text=done.reason)
+            elif self._server.is_preempt_requested():
+                self._server.set_preempted(text=done.reason)
+            else:
+                self._server.set_aborted(text=done.reason)
+
+    def _pursue(self, target: PoseStamped) -> Done:
+        """Step the pursuit until the goal has ended; one that makes way for the next ends while the base brakes."""
+        frame = frames.bare(target.header.frame_id)
         try:
-            arrived, reason = self._pursuit.pursue(goal.target_pose)
-            if self._server.is_preempt_requested() and not process.is_ending():
-                self._pursuit.come_to_rest(frames.bare(goal.target_pose.header.frame_id))
+            self._pursuit.begin(process.now_ns(), convert.se2(target.pose), frame)
         except VsxError as error:
-            arrived, reason = False, str(error)
-        finally:
-            self._pursuit.let_go()
-        if arrived or not self._server.is_new_goal_available():
-            self._pursuit.clear()
-        rospy.loginfo("goal %s: %s", "reached" if arrived else "given up", reason)
-        self._diagnostics.set("goal", process.OK if arrived else process.WARN, reason)
-        if arrived:
-            self._server.set_succeeded(text=reason)
-        elif self._server.is_preempt_requested():
-            self._server.set_preempted(text=reason)
-        else:
-            self._server.set_aborted(text=reason)
+            return Done(False, str(error))
+        while not process.is_ending():
+            self._lease.promise(_LOOK_WITHIN_S)
+            now_ns = process.now_ns()
+            if self._server.is_preempt_requested():
+                self._pursuit.cancel(now_ns, _CANCELLED)
+                if self._server.is_new_goal_available():
+                    return Done(False, _CANCELLED)
+            for number, answer in self._planner.answers():
+                self._pursuit.planned(now_ns, number, answer)
+            for act in self._pursuit.step(now_ns, self._seen(now_ns, frame)):
+                if isinstance(act, Done):
+                    self._clear()
+                    return act
+                self._do(now_ns, act)
+            time.sleep(PERIOD_S)
+        return Done(False, "shutting down")
+
+    def _seen(self, now_ns: int, frame: str) -> Seen:
+        where, age_s = self._where.at(now_ns), time.monotonic() - self._follower_s
+        if (pose := where.pose(frame)) is not None:
+            self._server.publish_feedback(MoveBaseFeedback(convert.pose_stamped(frame, now_ns, pose)))
+        client = str(self._server.current_goal.get_goal_id().id).split("-")[0]
+        gone = self._clients.is_known(client) and not self._clients.is_fresh(client)
+        return Seen(where, self._planner.grid, self._follower, age_s, client if gone else "")
+
+    def _do(self, now_ns: int, act: Act) -> None:
+        if isinstance(act, PlanRequest):
+            if act.again:
+                rospy.logwarn("planning again: %s", act.again)
+            self._planner.ask(act)
+        elif isinstance(act, Follow):
+            self._path_pub.publish(path_msg(act.way.plan, act.frame))
+            msg = trajectory_messages.trajectory_msg(act.way.trajectory, act.frame, act.identity)
+            self._trajectory_pub.publish(msg)
+            self._diagnostics.set("goal", process.OK, f"driving {act.way.plan.path.length_m:.1f} m")
+        elif isinstance(act, Brake):
+            self._trajectory_pub.publish(trajectory_messages.brake_msg(act.a_m_s2, topics.MAP_FRAME, now_ns))
+
+    def _clear(self) -> None:
+        """There is nothing to follow any longer, for a follower that starts anew either."""
+        self._do(process.now_ns(), Brake(math.inf))
 
     def close(self) -> None:
         """A last word to the follower; and the goal's end is told while its topics are open."""
-        self._pursuit.clear()
+        self._clear()
         self._pursuing.acquire(timeout=_LAST_WORD_S)
         self._server.action_server.status_timer.shutdown()
 

@@ -1,18 +1,18 @@
-"""Which goals move_base plans to, and in what: a goal on the map is never driven to blindly."""
+"""Which goals the robot plans to, and in what: a goal on the map is never driven to blindly."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 import pytest
 
-pytest.importorskip("rospy")
-
 from vsx_ros.config import Config
 from vsx_ros.errors import ConfigError
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.navigation.goal_planner import GoalPlanner
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 from vsx_ros.planning.path import Plan, Refusal
-from vsx_ros.ros.goal_plans import GoalPlans
 
 START, GOAL = SE2(1.0, 1.5, 0.0), SE2(2.0, 1.5, 0.0)
 
@@ -25,8 +25,8 @@ def room(*, walled: bool = False) -> OccupancyGrid:
 
 
 @pytest.fixture(params=["fov", "unconstrained"])
-def plans(request: pytest.FixtureRequest) -> GoalPlans:
-    return GoalPlans(Config(), request.param, 1)
+def plans(request: pytest.FixtureRequest) -> GoalPlanner:
+    return GoalPlanner(Config(), request.param, 1)
 
 
 def refused(plan: Plan | Refusal) -> str:
@@ -34,26 +34,26 @@ def refused(plan: Plan | Refusal) -> str:
     return plan.reason
 
 
-def test_a_goal_on_the_map_waits_for_a_map_and_one_by_the_wheels_does_not(plans: GoalPlans) -> None:
+def test_a_goal_on_the_map_waits_for_a_map_and_one_by_the_wheels_does_not(plans: GoalPlanner) -> None:
     assert "no map yet" in refused(plans.plan(START, GOAL, "map"))
     assert isinstance(plans.plan(START, GOAL, "odom"), Plan)
     plans.take_grid(room(), 1)
     assert isinstance(plans.plan(START, GOAL, "map"), Plan)
 
 
-def test_a_wall_is_in_the_way_on_the_map_only(plans: GoalPlans) -> None:
+def test_a_wall_is_in_the_way_on_the_map_only(plans: GoalPlanner) -> None:
     plans.take_grid(room(walled=True), 1)
     assert refused(plans.plan(START, GOAL, "map"))
     assert isinstance(plans.plan(START, GOAL, "odom"), Plan)
 
 
 @pytest.mark.parametrize("frame", ["", "base_footprint", "robot2/map"])
-def test_a_frame_that_is_neither_map_nor_odom_is_refused(plans: GoalPlans, frame: str) -> None:
+def test_a_frame_that_is_neither_map_nor_odom_is_refused(plans: GoalPlanner, frame: str) -> None:
     plans.take_grid(room(), 1)
     assert repr(frame) in refused(plans.plan(START, GOAL, frame))
 
 
-def test_start_and_goal_in_two_frames_are_refused(plans: GoalPlans) -> None:
+def test_start_and_goal_in_two_frames_are_refused(plans: GoalPlanner) -> None:
     plans.take_grid(room(), 1)
     assert isinstance(plans.plan_between(("map", START), ("map", GOAL)), Plan)
     for start, goal in (("odom", "map"), ("map", "odom"), ("", "map")):
@@ -62,4 +62,11 @@ def test_start_and_goal_in_two_frames_are_refused(plans: GoalPlans) -> None:
 
 def test_a_planner_of_another_name_is_named() -> None:
     with pytest.raises(ConfigError, match="~planner is 'dwa'; give one of fov, unconstrained"):
-        GoalPlans(Config(), "dwa", 1)
+        GoalPlanner(Config(), "dwa", 1)
+
+
+def test_a_goal_that_is_nowhere_is_refused_with_its_name(plans: GoalPlanner) -> None:
+    plans.take_grid(room(), 1)
+    answer = plans.timed(START, SE2(math.nan, 0.0, 0.0), "map")
+    assert isinstance(answer, Refusal)
+    assert "goal pose (nan" in answer.reason

@@ -1,35 +1,43 @@
-"""The planning half of the move_base node: the newest map and its points, and a plan to any goal that has a meaning."""
+"""From a goal to a timed way there, in the newest map or by the wheels alone."""
 
 from __future__ import annotations
 
-import threading
+from typing import NamedTuple
 
 import numpy as np
 
 from vsx_ros.arrays import FloatArray
 from vsx_ros.config import Config
-from vsx_ros.errors import ConfigError
+from vsx_ros.control.localization import MAP_FRAME, ODOM_FRAME
+from vsx_ros.errors import ConfigError, PlanningError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.planning.path import Plan, Refusal, RefusalKind
+from vsx_ros.planning.path import Plan, Refusal, RefusalKind, Trajectory
 from vsx_ros.planning.planner import Planner
 from vsx_ros.planning.sight import Sight
+from vsx_ros.planning.time_scaling import time_scale
 from vsx_ros.planning.unconstrained import UnconstrainedPlanner
-from vsx_ros.ros import topics
 
 _KINDS: dict[str, type[Planner] | type[UnconstrainedPlanner]] = {"fov": Planner, "unconstrained": UnconstrainedPlanner}
 _SAME_MAP_NS = 3_000_000_000
 
 
-class GoalPlans:
-    """``grid`` and ``landmarks`` are handed over as they come, each with its stamp [ns]; ``plan`` from any thread."""
+class TimedPlan(NamedTuple):
+    """A way and how fast it is driven."""
+
+    plan: Plan
+    trajectory: Trajectory
+
+
+class GoalPlanner:
+    """``grid`` and ``landmarks`` are handed over as they come, each with its stamp [ns]; plans from one thread at a
+    time."""
 
     def __init__(self, config: Config, kind: str, seed: int) -> None:
         """kind: fov or unconstrained. Raises ConfigError for another."""
         if kind not in _KINDS:
             raise ConfigError(f"parameter ~planner is {kind!r}; give one of {', '.join(_KINDS)}")
         self._kind = _KINDS[kind]
-        self._lock = threading.Lock()
         self._rng = np.random.default_rng(seed)
         self._grid_ns = self._landmarks_ns = 0
         self._landmarks: FloatArray = np.zeros((0, 3))
@@ -38,9 +46,8 @@ class GoalPlans:
 
     def change(self, config: Config) -> None:
         """Plan otherwise from now on."""
-        with self._lock:
-            self.config, self.blind = config, Planner(config.planner, config.robot)
-            self._planner = self._kind(config.planner, config.robot)
+        self._config, self.blind = config, Planner(config.planner, config.robot)
+        self._planner = self._kind(config.planner, config.robot)
 
     def take_grid(self, grid: OccupancyGrid, stamp_ns: int) -> None:
         """The newest map."""
@@ -50,22 +57,32 @@ class GoalPlans:
         """The newest points (N, 3) of the map [m]."""
         self._landmarks, self._landmarks_ns = points_map, stamp_ns
 
+    def timed(self, start: SE2, goal: SE2, frame: str) -> TimedPlan | Refusal:
+        """A plan as of ``plan``, with the speeds to drive it at; what cannot be planned is refused."""
+        config = self._config
+        try:
+            plan = self.plan(start, goal, frame)
+            if isinstance(plan, Refusal):
+                return plan
+            return TimedPlan(plan, time_scale(plan.path, config.limits, plan.blind_spans, config.planner.blind_v_m_s))
+        except PlanningError as error:
+            return Refusal(RefusalKind.INFEASIBLE, str(error))
+
     def plan(self, start: SE2, goal: SE2, frame: str) -> Plan | Refusal:
         """From start to goal, both in ``frame``: in map by the newest map, in odom blindly.
 
         Raises PlanningError for poses that are not finite.
         """
         grid = self.grid
-        with self._lock:
-            if frame == topics.ODOM_FRAME:
-                return self.blind.plan_blind(start, goal)
-            if frame != topics.MAP_FRAME:
-                return Refusal(RefusalKind.INFEASIBLE, f"goals are in map or odom, not in frame {frame!r}")
-            if grid is None:
-                return Refusal(RefusalKind.INFEASIBLE, "there is no map yet to plan in")
-            if isinstance(self._planner, Planner):
-                return self._planner.plan(start, goal, grid, self._rng, self._sight())
-            return self._planner.plan(start, goal, grid, self._rng)
+        if frame == ODOM_FRAME:
+            return self.blind.plan_blind(start, goal)
+        if frame != MAP_FRAME:
+            return Refusal(RefusalKind.INFEASIBLE, f"goals are in map or odom, not in frame {frame!r}")
+        if grid is None:
+            return Refusal(RefusalKind.INFEASIBLE, "there is no map yet to plan in")
+        if isinstance(self._planner, Planner):
+            return self._planner.plan(start, goal, grid, self._rng, self._sight())
+        return self._planner.plan(start, goal, grid, self._rng)
 
     def plan_between(self, start: tuple[str, SE2], goal: tuple[str, SE2]) -> Plan | Refusal:
         """The same for poses that each name their frame."""
@@ -79,4 +96,4 @@ class GoalPlans:
         """What to keep in view; None where no landmarks belong to the map at hand."""
         if len(self._landmarks) == 0 or abs(self._landmarks_ns - self._grid_ns) > _SAME_MAP_NS:
             return None
-        return Sight.of(self._landmarks, self.config.planner)
+        return Sight.of(self._landmarks, self._config.planner)

@@ -1,0 +1,85 @@
+"""What rankings of views and plans cost here, and the entries of ``computing`` in the configuration that follow.
+
+    PYTHONPATH=src:hw python benchmarks/computing.py [--worlds lab,office] [--seeds 20-21] [--time 300] [--share 2]
+
+Worlds are explored in lock-step. Every ranking and every plan is timed, in processor time, so that other work on the
+machine disturbs little, and explained by the work that can be counted: known ground, length of the way (non-negative
+least squares). The number of candidate views explains nothing more. On the robot SLAM and dense mapping run at the same
+time on the same two cores: ``--share`` is what that makes of the times.
+"""
+
+import argparse
+import time
+
+import numpy as np
+from scipy.optimize import nnls
+
+from vsx_ros.cli.explore_fast import FastRun
+from vsx_ros.cli.world import open_world
+from vsx_ros.config import Config
+from vsx_ros.navigation.costs import known_m2
+from vsx_ros.navigation.goal_planner import TimedPlan
+
+
+def watched(run: FastRun) -> tuple[list[list[float]], list[list[float]]]:
+    """Filled as the run goes on: rows of rankings: 1, known ground [m2], ms; of plans: 1, length [m], ms."""
+    mission, planner, system = run.system.mission, run.system.planner, run.system
+    rankings, plans = [], []
+    decide, timed = mission.decide, planner.timed
+
+    def decided(*args):
+        before, began = mission.outlook.ranking, time.process_time()
+        decision = decide(*args)
+        if mission.outlook.ranking is not before:
+            rankings.append([1.0, known_m2(system.grid), 1e3 * (time.process_time() - began)])
+        return decision
+
+    def planned(start, goal, frame):
+        began = time.process_time()
+        answer = timed(start, goal, frame)
+        way_m = answer.plan.path.length_m if isinstance(answer, TimedPlan) else 0.0
+        plans.append([1.0, way_m, 1e3 * (time.process_time() - began)])
+        return answer
+
+    mission.decide, planner.timed = decided, planned
+    return rankings, plans
+
+
+def spread(ms: np.ndarray) -> str:
+    return f"median {np.median(ms):.0f} ms, 95 % below {np.percentile(ms, 95):.0f}"
+
+
+def told(name: str, rows: list[list[float]], entries: tuple[str, ...], share: float) -> None:
+    table = np.array(rows)
+    weights, _ = nnls(table[:, :-1], table[:, -1])
+    off = table[:, -1] - table[:, :-1] @ weights
+    ms = table[:, -1]
+    print(f"{len(ms)} {name}: {spread(ms)}, at most {ms.max():.0f}; the model is off by {np.median(np.abs(off)):.0f}")
+    for entry, weight in zip(entries, weights, strict=True):
+        print(f"  {entry}: {share * weight:.3g}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--worlds", default="lab,office")
+    parser.add_argument("--seeds", default="20-21", help="first-last")
+    parser.add_argument("--time", type=float, default=300.0, help="emulated seconds at which a run ends")
+    parser.add_argument("--share", type=float, default=2.0)
+    args = parser.parse_args()
+    first, _, last = args.seeds.partition("-")
+    rankings, plans, track_ms = [], [], []
+    for world in args.worlds.split(","):
+        for seed in range(int(first), int(last or first) + 1):
+            run = FastRun(open_world(world, seed), seed, "fov", Config())
+            ranked, planned = watched(run)
+            run.run(args.time)
+            rankings += ranked[1:]  # the first loads what is compiled
+            plans += planned[1:]
+            track_ms += run.record.track_ms
+    print(f"{len(track_ms)} frames: {spread(np.array(track_ms))}")
+    told("rankings", rankings, ("ranking_ms", "ranking_ms_m2"), args.share)
+    told("plans", plans, ("plan_ms", "plan_ms_m"), args.share)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,78 @@
+"""Where the base is and how well that is known: the wheels, corrected by the camera."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from vsx_ros.control.pose_fusion import PoseFuser
+from vsx_ros.control.stuck import Stuck
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.robot import Odometry
+from vsx_ros.slam.state import TrackingState
+
+MAP_FRAME, ODOM_FRAME = "map", "odom"
+
+
+class Whereabouts(NamedTuple):
+    """What is known at one instant.
+
+    T_map_base: None before the first pose of the camera. odometry: the newest reading, None before the first.
+    countings: how often the wheels began to count until then. slam_age_s: age of the image behind the newest camera
+    pose. stuck: how the wheels turn although the camera stands.
+    """
+
+    T_map_base: SE2 | None
+    odometry: Odometry | None
+    countings: int
+    slam_state: TrackingState
+    slam_reason: str
+    slam_age_s: float
+    stuck: Stuck | None
+
+    @property
+    def T_odom_base(self) -> SE2 | None:
+        """The base as the wheels count it; None before the first reading."""
+        return self.odometry.T_odom_base if self.odometry is not None else None
+
+    @property
+    def stands(self) -> bool:
+        """Whether the wheels report that they stand."""
+        return self.odometry is not None and self.odometry.stands
+
+    def pose(self, frame: str) -> SE2 | None:
+        """T_frame_base; None while unknown, and for frames other than map and odom."""
+        return {MAP_FRAME: self.T_map_base, ODOM_FRAME: self.T_odom_base}.get(frame)
+
+
+class Localization:
+    """Readings and poses in, ``Whereabouts`` out. One for each who drives, plans or decides, all fed alike."""
+
+    def __init__(self) -> None:
+        self._fuser = PoseFuser()
+        self._odometry: Odometry | None = None
+        self._slam = (TrackingState.NOT_INITIALISED, "waiting for vslam")
+
+    def add_odometry(self, odometry: Odometry) -> bool:
+        """Take a reading, or, False, ignore one that is not newer than the last. Raises InputError for NaN."""
+        if not self._fuser.add_odometry(odometry):
+            return False
+        self._odometry = odometry
+        return True
+
+    def add_pose(self, stamp_ns: int, T_map_base: SE2) -> None:
+        """Take the pose the camera had at stamp_ns, however late. Raises InputError for NaN."""
+        self._fuser.add_slam(stamp_ns, T_map_base)
+
+    def add_state(self, state: TrackingState, reason: str) -> None:
+        """Take what the SLAM says of itself."""
+        self._slam = (state, reason)
+
+    def at(self, now_ns: int) -> Whereabouts:
+        """What is known now."""
+        fuser, age_s = self._fuser, self._fuser.slam_age_s(now_ns)
+        return Whereabouts(fuser.pose(), self._odometry, fuser.countings, *self._slam, age_s, fuser.stuck)
+
+
+NOWHERE = Whereabouts(None, None, 0, TrackingState.NOT_INITIALISED, "", math.inf, None)
+"""What is known before anything came."""

@@ -1,0 +1,132 @@
+"""What the wheels shall do now so that the base follows its trajectory, and when it shall not go on."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from vsx_ros.config import Config
+from vsx_ros.control.caution import Caution
+from vsx_ros.control.localization import MAP_FRAME, ODOM_FRAME, Whereabouts
+from vsx_ros.control.trajectory_tracker import FollowResult, FollowStatus, TrajectoryTracker
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.navigation.follower_report import FollowerReport
+from vsx_ros.navigation.silence import LEASE_S, VSLAM_GONE_S, WHEELS_S
+from vsx_ros.planning.path import Trajectory
+from vsx_ros.robot import STOP, VelocityCommand
+
+_ZERO_FOR_S = 0.3
+
+
+class Silence(NamedTuple):
+    """For how long nothing was heard of vslam, the wheels, and whoever gave the trajectory [s]."""
+
+    vslam_s: float = 0.0
+    wheels_s: float = 0.0
+    pursuer_s: float = 0.0
+
+
+NOBODY_IS_SILENT = Silence()
+
+
+class Follower:
+    """Follows one trajectory at a time. ``step`` it at 10 Hz or more; live 30 Hz, in lock-step once a frame.
+
+    A trajectory in the frame map needs a tracked camera, one in odom the wheels alone. Silence of vslam or of the
+    wheels stops at once and is waited for, the former not for long. A hazard that was not there before, a base that
+    gets stuck and silence of whoever gave the trajectory end the drive at once. All else slows on the path.
+    """
+
+    def __init__(self, config: Config) -> None:
+        self._tracker = TrajectoryTracker(config.follower, config.limits)
+        self._caution = Caution(config.follower)
+        self._hazards: frozenset[str] = frozenset()
+        self._is_stuck = False
+        self._id, self._frame = 0, MAP_FRAME
+        self._begun_ns, self._rested_ns = 0, -1
+        self._following = False
+        self._stop: SE2 | None = None
+        self.result = FollowResult(STOP, FollowStatus.IDLE, "nothing to follow")
+        """Of the last step, or how the trajectory ended."""
+
+    @property
+    def report(self) -> FollowerReport:
+        """The same for others."""
+        command, status, reason, error = self.result
+        return FollowerReport(
+            self._id, status, reason, self._frame,
+            error=(error.x, error.y, error.theta) if error is not None else None,
+            at_s=self._tracker.progress_s,
+            stop=(self._stop.x, self._stop.y, self._stop.theta) if self._stop is not None else None,
+        )  # fmt: skip
+
+    def follow(self, now_ns: int, trajectory: Trajectory, frame: str, identity: int) -> None:
+        """Drive along it, from rest; it replaces any other."""
+        self._id, self._frame, self._following, self._stop = identity, frame, True, None
+        self._begun_ns = now_ns
+        self._tracker.start(trajectory, now_ns)
+
+    def brake(self, now_ns: int, a_m_s2: float) -> VelocityCommand | None:
+        """Come to rest on the way, braking so hard [m/s2], or as hard as is being braked already if that is harder;
+        infinite: as ``end``."""
+        if math.isinf(a_m_s2):
+            return self.end(now_ns, "stopped at once")
+        if self._following:
+            self._tracker.brake(a_m_s2)
+            self._stop = self._tracker.predicted_stop()
+        return None
+
+    def end(self, now_ns: int, reason: str) -> VelocityCommand | None:
+        """Stop here, for a reason that is not the tracker's; the command, None where nothing is being followed."""
+        if not self._following:
+            return None
+        self._tracker.cancel()
+        self.result = FollowResult(STOP, FollowStatus.STOPPED, reason)
+        return self._rest(now_ns)
+
+    def feel(self, now_ns: int, hazards: frozenset[str]) -> VelocityCommand | None:
+        """What is pressed or raised, by name. What is new ends the drive; what was there may be backed away from."""
+        new, self._hazards = hazards - self._hazards, hazards
+        return self.end(now_ns, f"hazard: {', '.join(sorted(new))}") if new else None
+
+    def step(self, now_ns: int, where: Whereabouts, silence: Silence = NOBODY_IS_SILENT) -> VelocityCommand | None:
+        """The command for now; None where there is nothing to say, so that others may drive."""
+        was_stuck, self._is_stuck = self._is_stuck, where.stuck is not None
+        if not self._following:
+            return STOP if 0 <= now_ns - self._rested_ns < _ZERO_FOR_S * 1e9 and self._rested_ns >= 0 else None
+        if silence.pursuer_s > LEASE_S:
+            return self.end(now_ns, "move_base is silent")
+        if silence.vslam_s > VSLAM_GONE_S and not 0 <= now_ns - self._begun_ns <= VSLAM_GONE_S * 1e9:
+            return self.end(now_ns, "vslam is silent")
+        if where.stuck is not None and not was_stuck:
+            return self.end(now_ns, where.stuck.reason)
+        self.result = result = self._followed(now_ns, where, _why_silent(silence))
+        if self._stop is not None and self._tracker.stands:
+            return self.end(now_ns, "stopped on the way")
+        if result.status in (FollowStatus.ARRIVED, FollowStatus.DIVERGED):
+            return self._rest(now_ns)
+        return result.command
+
+    def _followed(self, now_ns: int, where: Whereabouts, silence: str) -> FollowResult:
+        blind = self._frame == ODOM_FRAME
+        age_s = 0.0 if blind else where.slam_age_s
+        tracking_ok = not silence and (blind or where.slam_state.tracked)
+        factor = 1.0 if blind else self._caution.speed_factor(now_ns, where.slam_state)
+        result = self._tracker.command(now_ns, where.pose(self._frame), age_s, tracking_ok, factor)
+        if silence:
+            self._tracker.halted()
+            return result._replace(command=STOP, reason=silence)
+        return result
+
+    def _rest(self, now_ns: int) -> VelocityCommand:
+        self._following, self._stop, self._rested_ns = False, None, now_ns
+        return STOP
+
+
+def _why_silent(silence: Silence) -> str:
+    """What must come and does not: without it the pose would stand still while the base drives on."""
+    if silence.vslam_s > LEASE_S:
+        return "no word from vslam, which may have no images"
+    if silence.wheels_s > WHEELS_S:
+        return "no odometry that can be used"
+    return ""
