@@ -41,6 +41,13 @@ class Registry(Generic[T]):
         return iter(self._entries)
 
 
+class Kinds(tuple[str, ...]):
+    """Choices of an option of the command line: by the word before a colon, and whatever plug-ins add."""
+
+    def __contains__(self, word: object) -> bool:
+        return super().__contains__(str(word).partition(":")[0]) or bool(os.environ.get(PLUGINS))
+
+
 def load_plugins() -> None:
     """Import what ``VSX_PLUGINS`` names. Raises ConfigError for a module that cannot be imported."""
     for module in filter(None, (name.strip() for name in os.environ.get(PLUGINS, "").split(","))):

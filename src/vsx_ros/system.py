@@ -68,7 +68,7 @@ class ExplorationSystem:
         T_base_cam: SE3,
         config: Config,
         seed: int,
-        unconstrained: bool = False,
+        planner: str = "fov",
         memory: Memory | None = None,
         slam_map: SlamMap | None = None,
     ) -> None:
@@ -77,7 +77,7 @@ class ExplorationSystem:
         memory is damaged."""
         self._config = config
         self._T_cam_base = T_base_cam.inverse()
-        self.planner = GoalPlanner(config, "unconstrained" if unconstrained else "fov", seed)
+        self.planner = GoalPlanner(config, planner, seed)
         self._costs = Costs(config.computing)
         self.ground = MappedGround(config)
         self._densifier = Densifier(camera, T_base_cam, config.dense, seed) if config.dense.enabled else None

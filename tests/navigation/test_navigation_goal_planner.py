@@ -61,7 +61,7 @@ def test_start_and_goal_in_two_frames_are_refused(plans: GoalPlanner) -> None:
 
 
 def test_a_planner_of_another_name_is_named() -> None:
-    with pytest.raises(ConfigError, match="~planner is 'dwa'; give one of fov, unconstrained"):
+    with pytest.raises(ConfigError, match="no planner named 'dwa'; give one of fov, unconstrained"):
         GoalPlanner(Config(), "dwa", 1)
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from vsx_ros.cli import config
 from vsx_ros.cli.compiled import compile_kernels
 from vsx_ros.errors import ConfigError
-from vsx_ros.registry import PLUGINS, load_plugins
+from vsx_ros.registry import PLUGINS, Kinds
 
 if TYPE_CHECKING:
     from vsx_ros.config import Config
@@ -25,14 +25,8 @@ DEFAULTS = {"seed": 1, "base": "auto", "port": "/dev/kobuki", "camera": "kinect"
 REMEMBERED = ("world", "seed", "base", "port", "camera", "rate", "planner", "time", "until", "fast", "load_map")
 
 
-class _Bases(tuple[str, ...]):
-    """Choices of --base: with the topics of a base behind a colon, and whatever plug-ins add."""
-
-    def __contains__(self, word: object) -> bool:
-        return super().__contains__(str(word).partition(":")[0]) or bool(os.environ.get(PLUGINS))
-
-
-BASES = _Bases(("auto", "kobuki", "create", "create2", "ros"))
+BASES = Kinds(("auto", "kobuki", "create", "create2", "ros"))
+PLANNERS = Kinds(("fov", "unconstrained"))
 
 
 def add_parser(subparsers: Any) -> None:
@@ -73,7 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser, *, with_load_map: bool = True
     parser.add_argument(
         "--rate", type=rate, metavar="HZ", help="images a second of a live emulated camera (default 15)"
     )
-    parser.add_argument("--planner", choices=("fov", "unconstrained"), help="motion planner (default fov)")
+    parser.add_argument("--planner", choices=PLANNERS, metavar="fov|unconstrained", help="motion planner (default fov)")
     parser.add_argument("--phi", type=float, metavar="RAD_PER_M", help="bound on the change of view per metre")
     parser.add_argument(
         "--time",
@@ -113,7 +107,6 @@ def run(args: argparse.Namespace) -> int:
             f"--until {args.until:g}: how much is right is known of an emulated world and a new map alone"
         )
     _refuse_wires(args)
-    load_plugins()
     compile_kernels()
     if args.fast:
         from vsx_ros.cli.explore_fast import explore_fast

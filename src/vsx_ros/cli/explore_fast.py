@@ -63,8 +63,7 @@ class FastRun:
         self.robot = EmulatedRobot(world, seed, SimulationConfig(threads=2), config.robot)
         mount = self.robot.T_base_cam_given
         memory = before.memory if before is not None else None
-        unconstrained = planner == "unconstrained"
-        self.system = ExplorationSystem(self.robot.camera_given, mount, config, seed, unconstrained, memory, slam_map)
+        self.system = ExplorationSystem(self.robot.camera_given, mount, config, seed, planner, memory, slam_map)
         self.record = RunRecord(mount)
         self.truth: list[StampedPose] = []
         self._errors_m: list[float] = []

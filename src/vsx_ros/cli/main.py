@@ -17,6 +17,7 @@ from vsx_ros import __version__
 from vsx_ros.cli import streams
 from vsx_ros.cli.exit_codes import FAILED, HARDWARE, INTERNAL, STOPPED
 from vsx_ros.errors import VsxError, disk_trouble
+from vsx_ros.registry import load_plugins
 
 COMMANDS = (
     "explore", "replay", "record", "plan", "evaluate", "report", "reproduce", "sweep", "map", "view", "status", "stop",
@@ -53,6 +54,7 @@ def execute(arguments: Sequence[str]) -> int:
     try:
         args = parser().parse_args([word for word in arguments if word != "--debug"])
         args.debug = debug
+        load_plugins()
         code: int = args.run(args)
         return streams.ended(code)
     except KeyboardInterrupt:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vsx_ros.cli.exit_codes import DONE, FAILED
+from vsx_ros.registry import Kinds
 
 if TYPE_CHECKING:
     from vsx_ros.config import Config
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from vsx_ros.occupancy.grid import OccupancyGrid
     from vsx_ros.planning.path import Plan, Refusal, Trajectory
 
-PLANNERS = ("fov", "unconstrained", "paper")
+PLANNERS = Kinds(("fov", "unconstrained", "paper"))
 _OPEN_FLOOR_MARGIN_M = 3.0
 
 
@@ -83,12 +84,9 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _planner(name: str, config: Config) -> Any:
-    from vsx_ros.planning.paper_planner import PaperPlanner
-    from vsx_ros.planning.planner import Planner
-    from vsx_ros.planning.unconstrained import UnconstrainedPlanner
+    from vsx_ros.planning.planners import PLANNERS
 
-    kind = {"fov": Planner, "unconstrained": UnconstrainedPlanner, "paper": PaperPlanner}[name]
-    return kind(config.planner, config.robot)
+    return PLANNERS[name](config.planner, config.robot)
 
 
 def _open_floor(start: SE2, goal: SE2) -> OccupancyGrid:

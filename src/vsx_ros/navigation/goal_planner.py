@@ -9,16 +9,15 @@ import numpy as np
 from vsx_ros.arrays import FloatArray
 from vsx_ros.config import Config
 from vsx_ros.control.localization import MAP_FRAME, ODOM_FRAME
-from vsx_ros.errors import ConfigError, PlanningError
+from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.path import Plan, Refusal, RefusalKind, Trajectory
 from vsx_ros.planning.planner import Planner
+from vsx_ros.planning.planners import PLANNERS
 from vsx_ros.planning.sight import Sight
 from vsx_ros.planning.time_scaling import time_scale
-from vsx_ros.planning.unconstrained import UnconstrainedPlanner
 
-_KINDS: dict[str, type[Planner] | type[UnconstrainedPlanner]] = {"fov": Planner, "unconstrained": UnconstrainedPlanner}
 _SAME_MAP_NS = 3_000_000_000
 
 
@@ -34,10 +33,8 @@ class GoalPlanner:
     time."""
 
     def __init__(self, config: Config, kind: str, seed: int) -> None:
-        """kind: fov or unconstrained. Raises ConfigError for another."""
-        if kind not in _KINDS:
-            raise ConfigError(f"parameter ~planner is {kind!r}; give one of {', '.join(_KINDS)}")
-        self._kind = _KINDS[kind]
+        """kind: a name of PLANNERS. Raises ConfigError for another."""
+        self._kind = PLANNERS[kind]
         self._rng = np.random.default_rng(seed)
         self._grid_ns = self._landmarks_ns = 0
         self._landmarks: FloatArray = np.zeros((0, 3))
@@ -80,9 +77,7 @@ class GoalPlanner:
             return Refusal(RefusalKind.INFEASIBLE, f"goals are in map or odom, not in frame {frame!r}")
         if grid is None:
             return Refusal(RefusalKind.INFEASIBLE, "there is no map yet to plan in")
-        if isinstance(self._planner, Planner):
-            return self._planner.plan(start, goal, grid, self._rng, self._sight())
-        return self._planner.plan(start, goal, grid, self._rng)
+        return self._planner.plan(start, goal, grid, self._rng, self._sight())
 
     def plan_between(self, start: tuple[str, SE2], goal: tuple[str, SE2]) -> Plan | Refusal:
         """The same for poses that each name their frame."""

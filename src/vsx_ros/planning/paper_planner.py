@@ -18,6 +18,7 @@ from vsx_ros.planning.path import Path, Plan, Refusal, RefusalKind, certified
 from vsx_ros.planning.pieces import Piece, arc_piece
 from vsx_ros.planning.position_qp import connect_paper
 from vsx_ros.planning.reach import check_question
+from vsx_ros.planning.sight import Sight
 
 _STATES = 4000
 _ATTEMPTS = 20
@@ -31,8 +32,10 @@ class PaperPlanner:
         self._config = config
         self._robot = robot
 
-    def plan(self, start: SE2, goal: SE2, grid: OccupancyGrid, rng: np.random.Generator) -> Plan | Refusal:
-        """As ``Planner.plan``. Raises PlanningError for poses that are not finite."""
+    def plan(
+        self, start: SE2, goal: SE2, grid: OccupancyGrid, rng: np.random.Generator, sight: Sight | None = None
+    ) -> Plan | Refusal:
+        """As ``Planner.plan``, without ``sight``. Raises PlanningError for poses that are not finite."""
         phi = self._config.phi_rad_m
         check_question(start, goal, phi)
         corridor = build_corridor(grid, start, goal, self._config, self._robot)

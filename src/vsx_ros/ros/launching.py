@@ -12,7 +12,7 @@ from typing import Any
 from vsx_hw import bases
 from vsx_ros.cli.config import load
 from vsx_ros.cli.exit_codes import DONE, FAILED
-from vsx_ros.cli.explore import BASES
+from vsx_ros.cli.explore import BASES, PLANNERS
 from vsx_ros.cli.robot_file import robot_file_here
 from vsx_ros.cli.world import open_world
 from vsx_ros.config import to_dict
@@ -69,7 +69,7 @@ def parser(name: str) -> argparse.ArgumentParser:
         add("--camera", default="kinect", help="kinect, kinect:SERIAL, v4l:N, ros:TOPIC, or ros: camera/rgb/image_raw")
         add("--camera-info-url", default="", help="file with the camera's calibration")
     if name != "bringup":
-        add("--planner", choices=("fov", "unconstrained"), default="fov", help="motion planner")
+        add("--planner", choices=PLANNERS, default="fov", help="motion planner")
         add("--seed", type=int, default=0, help="seed of the random draws")
         add("--run-dir", default="", help="folder for the results of the SLAM")
         add("--load-map", default="", help="SLAM map (.vsxmap) to go on in, the robot anywhere in it")
