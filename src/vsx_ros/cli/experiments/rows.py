@@ -92,7 +92,7 @@ def read_rows(path: Path, say: Callable[[str], None]) -> list[Row]:
     try:
         content = path.read_bytes() if path.exists() else b""
     except OSError as error:
-        raise InputError(f"{path} cannot be used ({reason_of(error)}); choose another one") from error
+        raise InputError(f"{path} cannot be used ({reason_of(error)}); choose another --out") from error
     rows = []
     for number, line in enumerate(content.splitlines(), start=1):
         try:
@@ -108,6 +108,10 @@ class Store:
     def __init__(self, path: Path, config: Config | None = None, rooms: Sequence[Path] = (PACKAGE,)) -> None:
         """config: that of the runs; rooms: files and folders with the code they judge. Rows that do not hold stay in
         the file, and are told in a sentence. Raises InputError when the file cannot be used."""
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{path} cannot be used ({reason_of(error)}); choose another --out") from error
         rests_on = provenance(config or Config(), rooms)
         self._path, self._rests_on, self._rooms = path, rests_on, rooms
         rows = read_rows(path, tell)
@@ -132,7 +136,6 @@ class Store:
         row = {**msgspec.structs.asdict(self._rests_on), "machine": machine(), "when": now()}
         line = json.dumps({**row, "asked": dict(asked), "result": result}, separators=(",", ":"))
         try:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
             with self._path.open("a+b") as file:
                 file.seek(max(0, file.seek(0, os.SEEK_END) - 1))
                 torn = file.read(1) not in (b"\n", b"")
