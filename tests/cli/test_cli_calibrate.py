@@ -70,7 +70,7 @@ def test_a_recording_is_searched_for_views_that_differ(pictures, tmp_path, capsy
         (["{p}", "--live", *BOARD], "--live"),
         (["{t}", *BOARD], "no picture"),
         (["{p}", "{t}/small.png", *BOARD], "64x48"),
-        (["{t}/text.png", *BOARD], "cannot be decoded"),
+        (["{t}/text.png", *BOARD], "it is no JPEG, PNG"),
         (["{p}", *BOARD, "--out", "{t}/text.png/c.yaml"], "another file with --out"),
     ],
 )
