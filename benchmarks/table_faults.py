@@ -89,8 +89,9 @@ def sensors(rows: Sequence[Row]) -> list[str]:
     ]
     straight = {(r.asked["base"], r.asked["sensor"], r.asked["fault"]) for r in rows if _untold_on_the_straight(r)}
     for (base, sensor, fault), results in _parts(rows, "base", "sensor", "fault"):
-        told_s = max(result["told_s"] for result in results if result["told_s"] is not None)
+        told_s = [result["told_s"] for result in results if result["told_s"] is not None]
         later = "; on the straight, where it is right, at the next turn" if (base, sensor, fault) in straight else ""
+        told = f"{max(told_s):.1f} s{later}" if told_s else "counted as a refused frame"
         stood = [result["stood_s"] for result in results]
         then = "goes on by the wheels" if None in stood else f"stands within {max(stood):.1f} s"
         then = "goes on, that report left out" if fault == "one wrong report" else then
@@ -98,8 +99,7 @@ def sensors(rows: Sequence[Row]) -> list[str]:
         jump, off = (math.degrees(max(abs(r[k]) for r in results)) for k in ("jump_rad", "wrong_rad"))
         name = {"left": "one encoder", "both": "both encoders"}.get(sensor, sensor)
         lines.append(
-            f"| {base} | {name} | {fault} | {told_s:.1f} s{later} | {then} | {jump_cm:.1f} cm, {jump:.1f} deg "
-            f"| {off:.0f} deg |"
+            f"| {base} | {name} | {fault} | {told} | {then} | {jump_cm:.1f} cm, {jump:.1f} deg | {off:.0f} deg |"
         )
     return lines
 

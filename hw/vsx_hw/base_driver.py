@@ -137,7 +137,8 @@ class BaseDriver:
         connected, message = self._keeper.connected, self._keeper.message
         silent_ns = time.monotonic_ns() - self._last_reading_ns
         if connected and silent_ns > TOLD_NS:
-            connected, message = False, f"{self._heard()} for {silent_ns * 1e-9:.1f} s; the wheels are told to stand"
+            told = f"{self._heard()} for {silent_ns * 1e-9:.1f} s; the wheels are told to stand"
+            connected, message = False, f"{told}; {self._dialect.silence()}"
         return LinkStatus(connected, message, self._device, counters, self._keeper.alive)
 
     def close(self) -> bool:

@@ -28,11 +28,12 @@ again for the roll after a command was lowered."""
 BEGUN = 0.5
 """The least way told, by the longest lag, has this share of the most: the start-up is over."""
 
-FRAME_RAD, FRAME_RAD_S = 0.025, 1.0
+FRAME_RAD, FRAME_RAD_S = 0.02, 1.0
 """What gyro and wheels may differ by in one report: a base that is blocked in a turn of 1.5 rad/s differs by 0.03 rad
-in 20 ms; there the bound, 0.045 rad, also keeps the heading from jumping by 3 degrees."""
+in 20 ms; there the bound, 0.04 rad, also keeps the heading from jumping by 3 degrees, and refuses a changed bit of 2.56
+degrees."""
 REFUSED_REPORTS = 5
-"""So many such reports in a second are no accident."""
+"""So many such reports in a second, of one of the two, are no accident."""
 
 BASE_RAD, SLIP, SIGMAS = 0.03, 0.03, 3.0
 """What they may differ by in a second, beyond what is learned: 1.7 degrees (not sampled at one instant, a wheel on a
@@ -58,14 +59,20 @@ class Belief(NamedTuple):
 
 
 class _Moment(NamedTuple):
-    """Sums since the start. wheels_rad, gyro_rad: turns; refused: reports that one of the two was left out of."""
+    """Sums since the start. wheels_rad, gyro_rad: turns; no_gyro, no_wheels: reports that it was left out of."""
 
     time_ns: int
     left_m: float = 0.0
     right_m: float = 0.0
     wheels_rad: float = 0.0
     gyro_rad: float = 0.0
-    refused: int = 0
+    no_gyro: int = 0
+    no_wheels: int = 0
+
+    @property
+    def refused(self) -> int:
+        """Reports that one of the two was left out of."""
+        return self.no_gyro + self.no_wheels
 
     def after(self, step: _Moment) -> _Moment:
         """These sums and those of a step more."""
@@ -75,7 +82,8 @@ class _Moment(NamedTuple):
             self.right_m + step.right_m,
             self.wheels_rad + step.wheels_rad,
             self.gyro_rad + step.gyro_rad,
-            self.refused + step.refused,
+            self.no_gyro + step.no_gyro,
+            self.no_wheels + step.no_wheels,
         )
 
 
@@ -91,8 +99,7 @@ class MotionJudge:
         self._trace = CommandTrace()
         self._mismatch = TurnMismatch()
         self._moments = deque([_Moment(0)])
-        self._unmatched_rad = self._rate_rad_s = 0.0
-        self._unmatched_reports = 0
+        self._rate_rad_s = 0.0
         self._doubt, self._gyro_out = "", False
         self._unproven, self._wrong_ns = "", 0
         self._agreed_rad = self._agreed_m = 0.0
@@ -124,43 +131,38 @@ class MotionJudge:
         whole = 0 < pause_ns <= LONGEST_PAUSE_NS
         dt_s = (pause_ns if whole else PERIOD_NS) * 1e-9
         wheels_rad = turn_rad = (right_m - left_m) / self._wheel_base_m
-        refused = False
+        no_gyro = no_wheels = False
         if gyro_rad is not None:
-            turn_rad, refused = self._in_report(wheels_rad, gyro_rad, dt_s)
+            turn_rad, no_gyro, no_wheels = self._in_report(wheels_rad, gyro_rad, dt_s)
+        refused = no_gyro or no_wheels
         if not whole:
             self._moments = deque([_Moment(now_ns)])
-            return self._belief(wheels_rad, turn_rad, refused, "")
-        self._rate_rad_s = turn_rad / dt_s
+            return self._belief(wheels_rad, turn_rad, refused, "", no_gyro)
+        if not refused:
+            self._rate_rad_s = turn_rad / dt_s
         counted = turn_rad if refused else wheels_rad
-        now = last.after(_Moment(pause_ns, left_m, right_m, counted, turn_rad, int(refused)))
+        now = last.after(_Moment(pause_ns, left_m, right_m, counted, turn_rad, int(no_gyro), int(no_wheels)))
         self._moments.append(now)
         begin = self._window(now_ns)
         fault = self._fault(begin, now)
         if gyro_rad is not None:
             self._compare(begin, now, alive)
-        return self._belief(wheels_rad, turn_rad, now.refused > begin.refused, fault)._replace(
-            gyro=not (self._gyro_out or refused)
-        )
+        return self._belief(wheels_rad, turn_rad, now.refused > begin.refused, fault, no_gyro)
 
-    def _belief(self, wheels_rad: float, turn_rad: float, refused: bool, fault: str) -> Belief:
+    def _belief(self, wheels_rad: float, turn_rad: float, refused: bool, fault: str, no_gyro: bool) -> Belief:
         doubt = fault or self._unproven or self._doubt or ("gyro and wheels differ in one report" if refused else "")
-        return Belief(wheels_rad if self._gyro_out else turn_rad, doubt, fault, not (self._gyro_out or refused))
+        return Belief(wheels_rad if self._gyro_out else turn_rad, doubt, fault, not (self._gyro_out or no_gyro))
 
-    def _in_report(self, wheels_rad: float, gyro_rad: float, dt_s: float) -> tuple[float, bool]:
-        """(turn, whether one of the two was left out). A wrong angle is two wrong steps: the next angle is compared
-        with the one before."""
-        unmatched = math.remainder(self._unmatched_rad + gyro_rad - wheels_rad, 2.0 * math.pi)
-        if abs(unmatched) <= FRAME_RAD + FRAME_RAD_S * dt_s + self._step_rad:
-            self._unmatched_rad, self._unmatched_reports = 0.0, 0
-            return wheels_rad + unmatched, False
+    def _in_report(self, wheels_rad: float, gyro_rad: float, dt_s: float) -> tuple[float, bool, bool]:
+        """(turn, whether the gyro was left out, whether the wheels were): the one that is farther from the turn rate
+        on which both agreed last."""
+        difference = math.remainder(gyro_rad - wheels_rad, 2.0 * math.pi)
+        if abs(difference) <= FRAME_RAD + FRAME_RAD_S * dt_s + self._step_rad:
+            return wheels_rad + difference, False, False
         expected = self._rate_rad_s * dt_s
-        if not self._unmatched_reports and abs(gyro_rad - expected) < abs(wheels_rad - expected):
-            return gyro_rad, True  # the counters jumped
-        self._unmatched_reports += 1
-        if self._unmatched_reports > REFUSED_REPORTS:  # it counts from elsewhere
-            unmatched, self._unmatched_reports = 0.0, 0
-        self._unmatched_rad = unmatched
-        return wheels_rad, True
+        if abs(gyro_rad - expected) < abs(wheels_rad - expected):
+            return gyro_rad, False, True
+        return wheels_rad, True, False
 
     def _window(self, now_ns: int) -> _Moment:
         """The moment a second ago. What is older has passed: the difference of gyro and wheels is learned from it."""
@@ -203,8 +205,10 @@ class MotionJudge:
         bound = BASE_RAD + rounded + SIGMAS * sigma + SLIP * max(abs(wheels_rad), abs(gyro_rad))
         if alive is False:
             self._distrust(True, "the gyro stands still to the bit: it is dead; the heading is that of the wheels")
-        elif now.refused - begin.refused >= REFUSED_REPORTS:
+        elif now.no_gyro - begin.no_gyro >= REFUSED_REPORTS:
             self._distrust(True, "the gyro jumps; the heading is that of the wheels")
+        elif now.no_wheels - begin.no_wheels >= REFUSED_REPORTS:
+            self._distrust(False, "the counters of the wheels jump; the heading is that of the gyro")
         elif abs(gyro_rad - wheels_rad - expected) > bound:
             slip = alive is True and self._slips(now)
             self._choose(wheels_rad, gyro_rad, slip, self._told(begin, now)[2])
@@ -222,10 +226,11 @@ class MotionJudge:
         return 0.0 <= gyro_rad * math.copysign(1.0, wheels_rad) < abs(wheels_rad)
 
     def _choose(self, wheels_rad: float, gyro_rad: float, slip: bool, told: Span) -> None:
-        """The one farther from the command is left out; the gyro, where both are as far. Wheels that slip do what they
-        are told, but a gyro that is alive and turns less than they tells it."""
+        """The one farther from the command is left out; where both are as far the one that was, or the gyro. Wheels
+        that slip do what they are told, but a gyro that is alive and turns less than they tells it."""
         gyro_off, wheels_off = (max(told[0] - turn, turn - told[1], 0.0) for turn in (gyro_rad, wheels_rad))
-        gyro_out = gyro_off >= wheels_off and not slip
+        as_before = self._gyro_out or not self._doubt
+        gyro_out = not slip and (gyro_off > wheels_off or (gyro_off == wheels_off and as_before))
         turns = (
             f"gyro and wheels turned {math.degrees(gyro_rad):.0f} and {math.degrees(wheels_rad):.0f} deg in a second"
         )

@@ -22,6 +22,8 @@ def frames_of(k: int, **changes: int) -> bytes:
     core |= {name: value for name, value in changes.items() if name in core}
     parts = dict(sub_payloads(CAPTURE[3:-1])) | {1: struct.pack("<HBBBHHbbBBBB", *core.values())}
     parts[4] = struct.pack("<hh3x", changes.get("angle", 0), 0)
+    noise = random.Random(k)
+    parts[13] = struct.pack("<BB6h", k % 256, 6, *(noise.randrange(-20, 21) for _ in range(6)))
     return encode_frame(*(bytes((kind, len(data))) + data for kind, data in parts.items()))
 
 
@@ -39,6 +41,15 @@ def test_a_frame_that_cannot_follow_the_one_before_is_refused_once(change):
         lasting = {name: value + 20 * (k - 10) * (name == "time") for name, value in change.items()}
         found = parser.feed(frames_of(k, **lasting))
         assert len(found) == (k > 12), "what is said again is believed"
+
+
+def test_frames_that_say_something_else_each_time_are_never_believed():
+    parser = StreamParser()
+    parser.feed(b"".join(frames_of(k) for k in range(10)))
+    assert [parser.feed(frames_of(k, left=3000 * k % 65536)) for k in range(10, 20)] == [[]] * 10
+    assert parser.doubts
+    assert len(parser.feed(frames_of(20) + frames_of(21))) == 2
+    assert not parser.doubts
 
 
 def test_a_part_that_is_missing_for_one_frame_is_damage():

@@ -7,7 +7,16 @@ import math
 
 import pytest
 from hw_plant import Rig
-from hw_sensor_faults import ENCODER_FAULTS, GYRO_FAULTS, MOTIONS, Drive, SlippingWheels, alarms, drive_and_break
+from hw_sensor_faults import (
+    ENCODER_FAULTS,
+    GYRO_FAULTS,
+    MOTIONS,
+    Drive,
+    SlippingWheels,
+    alarms,
+    drive_and_break,
+    outcome,
+)
 from hw_wire import MS
 
 from vsx_hw.plausibility import MotionJudge
@@ -42,6 +51,10 @@ def test_a_broken_gyro_is_told_and_the_base_goes_on_by_its_wheels(kind, fault, m
     assert done.jump_rad < JUMP_RAD
     assert done.stood_s is None
     assert abs(done.wrong_rad) < math.radians(6.0)
+    if (kind, fault) == ("kobuki", "one wrong report"):
+        assert done.told_s is None, "the frame was refused"
+        assert abs(done.wrong_rad) < math.radians(0.5)
+        return
     if motion == "line" and (kind, fault) in RIGHT_ON_THE_STRAIGHT:
         assert done.told_s is None
         assert abs(done.wrong_rad) < math.radians(0.5)
@@ -131,28 +144,46 @@ def test_wheels_that_slip_in_a_turn_do_not_discredit_a_living_gyro(monkeypatch):
     assert last.odometry.heading_rad == pytest.approx(truth[2], abs=0.02)
 
 
-@pytest.mark.parametrize("clock", ["stands", "jumps"])
-def test_a_clock_of_the_base_that_stands_or_jumps_is_told_and_the_base_stands(clock, monkeypatch):
+@pytest.mark.parametrize("what", ["gyro", "both counters", "left counter"])
+def test_a_kobuki_that_counts_from_elsewhere_is_told_and_does_not_jump(what, monkeypatch):
+    """The first report is refused as damaged; the second says the same, but that is no motion either."""
     plant = SlippingWheels("kobuki")
     drive = Drive("kobuki", monkeypatch, plant)
     drive.twist = MOTIONS["arc"]
-    emit = drive.wire.board.emit
 
-    def broken(time_ns: int) -> bytes:
-        origin = drive.wire.board._counter_origins
-        if time_ns > 5000 * MS:
-            wrong_ms = -time_ns // MS if clock == "stands" else 700 * (time_ns // (20 * MS))
-            drive.wire.board._counter_origins = (*origin[:2], origin[2] + wrong_ms)
-        data = emit(time_ns)
-        drive.wire.board._counter_origins = origin
-        return data
+    def each_ms() -> None:
+        if drive.wire.now_ns == 5000 * MS:
+            plant._gyro_rad += 3.0 * (what == "gyro")
+            for side in {"gyro": (), "both counters": (0, 1), "left counter": (0,)}[what]:
+                plant._counted[side] += 0.035  # a metre and a half per second, over two reports less than one
 
-    monkeypatch.setattr(drive.wire.board, "emit", broken)
-    drive.serve(8.0)
-    told = next(h for h in drive.heard if h[1].odometry.doubt)
-    assert told[0] < 6100 * MS
-    assert not drive.heard[-1][1].odometry.trusted
-    assert any(h[2].reason for h in drive.heard if h[0] < 6600 * MS)
+    drive.wire.each_ms = each_ms
+    drive.serve(7.0)
+    done = outcome(drive.heard, 5000 * MS)
+    assert done.told_s < 0.1
+    assert done.jump_m < JUMP_M / 2.0
+    assert done.jump_rad < JUMP_RAD / 2.0
+    assert abs(done.wrong_rad) < math.radians(1.0)
+    assert drive.wire.driver.status().counters["refused_frames"] == 1
+    assert drive.heard[-1][1].odometry.trusted, "what it counts from there is right"
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_a_fast_wheel_that_counts_backwards_does_not_discredit_the_gyro(side, monkeypatch):
+    """Each report of it contradicts the gyro, by more than rounding."""
+    monkeypatch.setitem(MOTIONS, "fast", (0.45, 0.5))
+    done = drive_and_break("kobuki", "fast", side, "backwards", monkeypatch)
+    assert done.told_s <= TOLD_S
+    assert done.jump_rad < JUMP_RAD
+    assert abs(done.wrong_rad) < math.radians(1.0)
+
+
+@pytest.mark.parametrize("fault", ["dead", "backwards"])
+def test_an_encoder_that_breaks_in_a_fast_turn_makes_no_jump(fault, monkeypatch):
+    monkeypatch.setitem(MOTIONS, "whirl", (0.0, 1.5))
+    done = drive_and_break("kobuki", "whirl", "left", fault, monkeypatch)
+    assert done.told_s <= TOLD_S
+    assert done.jump_rad < JUMP_RAD
 
 
 def run_judge(wheel_m_s: float, told_m_s: float, seconds: float = 3.0) -> list[str]:

@@ -4,6 +4,7 @@ import pytest
 from hw_wire import MS, Wire
 
 from vsx_hw.base_driver import ROW
+from vsx_hw.errors import DeviceTimeout
 
 KINDS = ["kobuki", "create", "create2"]
 GOES_SILENT_NS = 2000 * MS
@@ -107,8 +108,32 @@ def test_one_lost_report_does_not_stop_the_wheels(kind, monkeypatch):
     assert all(turning for time_ns, turning in moves(wire) if time_ns > GOES_SILENT_NS)
 
 
-def test_a_kobuki_whose_clock_stands_still_is_a_silent_one(monkeypatch):
-    """It sends the same frame again and again: nothing in it is known to be of now."""
+@pytest.mark.parametrize("step_ms", [-20, 80, 280, 700])
+def test_a_kobuki_whose_clock_fails_is_a_silent_one(step_ms, monkeypatch):
+    """All else in its reports is alive, but nothing is known to be of now."""
+    wire = Wire("kobuki", monkeypatch)
+    Cable(wire, monkeypatch, lambda now_ns, data: data)
+    emit = wire.board._feedback
+    late_ms = 0
+
+    def feedback(state, time_ns: int) -> list[bytes]:
+        nonlocal late_ms
+        late_ms += step_ms if time_ns > GOES_SILENT_NS else 0
+        return emit(state, time_ns + late_ms * MS)
+
+    monkeypatch.setattr(wire.board, "_feedback", feedback)
+    wire.serve(1.8)
+    still = [time_ns for time_ns, turning in moves(wire) if not turning and time_ns > GOES_SILENT_NS]
+    assert still[0] - GOES_SILENT_NS <= 150 * MS
+    assert not any(turning for time_ns, turning in moves(wire) if time_ns > still[0])
+    assert not wire.driver.status().connected
+    assert "clock" in wire.driver.status().message
+    assert "switch it off and on" in wire.driver.status().message
+    with pytest.raises(DeviceTimeout, match="clock"):
+        wire.serve(3.0)
+
+
+def test_a_kobuki_that_repeats_its_last_report_is_a_silent_one(monkeypatch):
     wire = Wire("kobuki", monkeypatch)
     frames = []
 

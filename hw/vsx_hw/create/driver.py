@@ -10,7 +10,6 @@ from vsx_hw.create.odometry import DistanceOdometry, EncoderOdometry
 from vsx_hw.create.protocol import (
     CREATE_1,
     CREATE_2,
-    METRES_PER_TICK,
     Opcode,
     StreamParser,
     decode_packets,
@@ -25,9 +24,6 @@ STREAM_PACKETS = SAFETY_PACKETS + BATTERY_PACKETS + ENCODER_PACKETS
 MOTION_PACKETS = [19, 20]
 GYRO_PACKET = 33
 
-MOST_M_S = 0.6
-"""The robot drives 0.5."""
-
 QUERIES_PER_MOTION = 25
 """Every half second: each reading of distance and angle may cut off most of a millimetre and of a degree."""
 
@@ -39,7 +35,7 @@ class Create2Dialect(CreateDialect):
         super().__init__(CREATE_2)
         self._odometry = EncoderOdometry(linear_scale, angular_scale)
         self._parser = StreamParser()
-        self._refused = self._heard_ns = 0
+        self._refused = 0
 
     def hello(self) -> Iterable[tuple[bytes, float]]:
         """See Dialect."""
@@ -50,19 +46,14 @@ class Create2Dialect(CreateDialect):
         """See Dialect."""
         readings = []
         for values in self._parser.feed(data):
-            if list(values) != STREAM_PACKETS or not self.believes(values, self._rolled(values, now_ns)):
+            if list(values) != STREAM_PACKETS or not self.believes(
+                values, self._odometry.can_follow(values[43], values[44], now_ns)
+            ):
                 self._refused += 1
             else:
-                self._heard_ns = now_ns
                 odometry = self._odometry.update(values[43], values[44], self.driving, now_ns)
                 readings.append(self.base_reading(values, odometry))
         return readings
-
-    def _rolled(self, values: Mapping[int, int], now_ns: int) -> bool:
-        """Whether the wheels can have rolled so far since the last report."""
-        most = MOST_M_S / METRES_PER_TICK * max((now_ns - self._heard_ns) * 1e-9, 0.03)
-        steps = [(values[p] - self._last.get(p, values[p]) + 0x8000) % 0x10000 - 0x8000 for p in ENCODER_PACKETS]
-        return max(map(abs, steps)) <= most
 
     def waits(self) -> bool:
         """See Dialect. The robot streams."""

@@ -12,7 +12,8 @@ from vsx_hw.plausibility import WINDOW_NS, Belief, MotionJudge
 from vsx_hw.readings import OdometryReading
 
 LONGEST_GAP_S = 0.5
-FASTEST_M_S = 1.0
+FASTEST_M_S = 0.6
+"""The robot drives 0.5."""
 SPEED_WINDOW = 5
 CORRECTION_M, CORRECTION_RAD = 0.03, 0.02
 """By which a report corrects the shown pose at most: who hears of a jump takes it for a base that counts anew."""
@@ -47,6 +48,13 @@ class EncoderOdometry:
         """Start again at the origin; the counters' base line stays."""
         self._pose = PlanarPose()
 
+    def can_follow(self, left_ticks: int, right_ticks: int, now_ns: int) -> bool:
+        """Whether the wheels can have rolled so far since the last report."""
+        if self._previous is None:
+            return True
+        ways_m = (abs(METRES_PER_TICK * _signed(n - m)) for n, m in zip((left_ticks, right_ticks), self._previous))
+        return max(ways_m) <= FASTEST_M_S * max((now_ns - self._previous[2]) * 1e-9, 0.03)
+
     def update(self, left_ticks: int, right_ticks: int, driving: bool, now_ns: int) -> OdometryReading:
         """The reading after one more pair of counts (16 bit); driving: whether the wheels were told to turn."""
         if driving:
@@ -57,7 +65,7 @@ class EncoderOdometry:
             left = METRES_PER_TICK * _signed(left_ticks - self._previous[0])
             right = METRES_PER_TICK * _signed(right_ticks - self._previous[1])
             dt_s = (now_ns - self._previous[2]) * 1e-9
-            if dt_s > LONGEST_GAP_S or max(abs(left), abs(right)) > FASTEST_M_S * max(dt_s, 0.03):
+            if dt_s > LONGEST_GAP_S or not self.can_follow(left_ticks, right_ticks, now_ns):
                 self._gaps += 1
                 self._lost_ns = now_ns
                 left = right = 0.0

@@ -143,6 +143,8 @@ class KobukiDialect:
 
     def silence(self) -> str:
         """See Dialect."""
+        if self._parser.doubts:
+            return "no report can follow the one before: the base's clock or counters fail; switch it off and on"
         return (
             f"switch the Kobuki on and check ~robot_type: a Kobuki speaks unasked at {BAUD} baud; a Create 1 answers "
             "at 57600, a Create 2 or Roomba at 115200; 'auto' finds out"

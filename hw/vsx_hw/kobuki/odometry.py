@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from vsx_hw.kobuki.base_control import WHEEL_BASE_M
 from vsx_hw.kobuki.gyro import Pulse, turned_rad
-from vsx_hw.kobuki.protocol import METRES_PER_TICK, Feedback
-from vsx_hw.kobuki.stream import signed
+from vsx_hw.kobuki.protocol import Feedback
+from vsx_hw.kobuki.stream import rolled_m
 from vsx_hw.planar_pose import PlanarPose
 from vsx_hw.plausibility import PERIOD_NS, Belief, MotionJudge
 from vsx_hw.readings import OdometryReading
 
-LONGEST_GAP_MS = 500
-FASTEST_M_S = 1.5
-"""Twice the base's top speed: a faster pair of counts is a power cycle or a damaged frame, not motion."""
+SHORT_GAP_MS = 60
+"""Over so much, a refused frame or two, the gyro tells the turn although the counters jumped."""
 LOST_FRAMES = 50
-"""After a gap the pose is uncertain for a second; where the clock stands or jumps in every frame, for good."""
+"""After a gap the pose is uncertain for a second."""
 
 
 class KobukiOdometry:
@@ -35,7 +34,7 @@ class KobukiOdometry:
         self._gaps = 0
         self._judge = MotionJudge(WHEEL_BASE_M)
         self._pulse = Pulse()
-        self._time_ns = 0  # of the base's own clock, counted on where that fails
+        self._time_ns = 0  # of the base's own clock, counted on over gaps
         self._since_gap = LOST_FRAMES
         self._belief = Belief(0.0)
 
@@ -60,7 +59,7 @@ class KobukiOdometry:
         self._previous = feedback
         doubt, fault = self._belief.doubt, self._belief.fault
         if self._since_gap < LOST_FRAMES:
-            doubt = doubt or "clock or counters of the base stood or jumped: its motion is not known"
+            doubt = doubt or "clock or counters of the base jumped: its motion is not known"
         p = self._pose
         return OdometryReading(
             stamp_ns, p.x_m, p.y_m, p.heading_rad, v, omega, self._gaps, not doubt, self._wheels, doubt, fault
@@ -69,11 +68,12 @@ class KobukiOdometry:
     def _move(self, before: Feedback, after: Feedback) -> tuple[float, float]:
         """Count the motion between two frames; its speeds."""
         dt_ms = (after.core.time_ms - before.core.time_ms) % 0x10000
-        rolled = _rolled(before, after, dt_ms)
+        rolled = rolled_m(before, after)
         if rolled is None:
             self._gaps += 1
             self._since_gap = 0
             self._time_ns += PERIOD_NS
+            self._pose.advance(0.0, self._turned_unrolled(before, after, dt_ms))
             self._belief = self._judge.step(self._time_ns, 0.0, 0.0)
             return 0.0, 0.0
         self._since_gap += 1
@@ -87,13 +87,10 @@ class KobukiOdometry:
         self._pose.advance(distance, turn)
         return distance / dt_s, turn / dt_s
 
-
-def _rolled(before: Feedback, after: Feedback, dt_ms: int) -> tuple[float, float] | None:
-    """Ways of both wheels [m] between two frames, or None where they cannot be known."""
-    if not 0 < dt_ms <= LONGEST_GAP_MS:
-        return None
-    left = METRES_PER_TICK * signed(after.core.left_ticks - before.core.left_ticks, 0x10000)
-    right = METRES_PER_TICK * signed(after.core.right_ticks - before.core.right_ticks, 0x10000)
-    if max(abs(left), abs(right)) > FASTEST_M_S * max(dt_ms, 20) / 1000.0:
-        return None
-    return left, right
+    def _turned_unrolled(self, before: Feedback, after: Feedback, dt_ms: int) -> float:
+        """The turn by the gyro while the counters jumped: two frames of a turn of 1.5 rad/s are worth 3.4 degrees."""
+        turned = turned_rad(before, after)
+        known = self._belief.gyro and turned is not None and 0 < dt_ms <= SHORT_GAP_MS
+        if turned is None or not known or not self._judge.can_turn(1000.0 * turned / dt_ms):
+            return 0.0
+        return turned * self._angular_scale

@@ -6,9 +6,10 @@ frame before, and its values must be reachable from there in the time that passe
 
 from __future__ import annotations
 
-from vsx_hw.kobuki.base_control import WHEEL_BASE_M
+from typing import NamedTuple
+
 from vsx_hw.kobuki.framing import FrameScanner
-from vsx_hw.kobuki.protocol import GYRO_STEP_RAD, METRES_PER_TICK, Feedback, decode
+from vsx_hw.kobuki.protocol import METRES_PER_TICK, Feedback, decode
 
 USUAL_MS, LONGEST_MS = (10, 40), 500
 """From one frame to the next (20 ms), and the longest time that is compared over when frames were lost."""
@@ -16,31 +17,42 @@ MOST_TICKS_PER_MS = 10
 """0.85 m/s; the base drives 0.7."""
 MOST_CENTIDEG_PER_MS = 25
 """250 deg/s, where the gyro saturates; the base turns by 180."""
-MOST_SLIP_RAD_PER_MS = 0.002
-"""Between the turn by the wheels and that by the gyro; a wheel that spins free at 0.4 m/s."""
 MOST_DECIVOLT = 5
+
+
+class _Heard(NamedTuple):
+    """A frame, when it came, and what had been refused and skipped by then."""
+
+    feedback: Feedback
+    time_ns: int
+    refused: int
+    skipped_bytes: int
 
 
 class StreamParser:
     """Turns the byte stream into Feedback frames; recovers after lost, added or changed bytes.
 
-    A frame that cannot follow the one before is refused once: the next one counts whatever it says, so that a base that
-    was switched off and on costs one frame. A frame with the time of the one before is refused always: it is an echo.
-    ``refused`` counts frames with a right checksum that failed.
+    A frame counts when it can follow the last that counted, or the one that was refused just before it: a base that
+    was switched off and on costs one frame, one whose clock stands or jumps is silent. ``refused`` counts frames with
+    a right checksum that failed.
     """
 
     def __init__(self) -> None:
         self.frames = 0
         self.refused = 0
         self._scanner = FrameScanner()
-        self._last: Feedback | None = None
-        self._damage, self._heard_ns = (0, 0), 0
-        self._doubted = False
+        self._last: _Heard | None = None
+        self._doubted: _Heard | None = None
 
     @property
     def skipped_bytes(self) -> int:
         """Bytes that belonged to no frame."""
         return self._scanner.skipped_bytes
+
+    @property
+    def doubts(self) -> bool:
+        """Whether the latest whole frame could not follow the ones before."""
+        return self._doubted is not None
 
     def feed(self, data: bytes, now_ns: int = 0) -> list[Feedback]:
         """The frames completed by these bytes, in order. now_ns: when they came, if that is known."""
@@ -55,39 +67,51 @@ class StreamParser:
         return found
 
     def _believes(self, feedback: Feedback, now_ns: int) -> bool:
-        last, damage = self._last, (self.refused, self.skipped_bytes)
-        if last is not None:
-            if feedback.core.time_ms == last.core.time_ms:
-                return False
-            at_once = damage == self._damage and now_ns - self._heard_ns <= USUAL_MS[1] * 1_000_000
-            if not self._doubted and not follows(last, feedback, at_once):
-                self._doubted = True
-                return False
-        self._last, self._damage, self._heard_ns, self._doubted = feedback, damage, now_ns, False
+        heard = _Heard(feedback, now_ns, self.refused, self.skipped_bytes)
+        earlier = [before for before in (self._last, self._doubted) if before is not None]
+        if earlier and not any(_follows(before, heard) for before in earlier):
+            self._doubted = heard._replace(refused=self.refused + 1)
+            return False
+        self._last, self._doubted = heard, None
         return True
 
 
-def follows(before: Feedback, after: Feedback, at_once: bool) -> bool:
-    """Whether a base can have sent this frame after that one; at_once: nothing was lost between them.
+def _follows(before: _Heard, after: _Heard) -> bool:
+    frames = 1 + after.refused - before.refused
+    whole = before.skipped_bytes == after.skipped_bytes
+    at_once = after.time_ns - before.time_ns <= frames * USUAL_MS[1] * 1_000_000
+    return follows(before.feedback, after.feedback, frames if whole and at_once else 0)
+
+
+def follows(before: Feedback, after: Feedback, frames: int) -> bool:
+    """Whether a base can have sent this frame after that one; frames: how many later it is, 0 if nobody knows.
 
     What only people change (buttons, charger) counts from its second frame on.
     """
     a, b = before.core, after.core
     dt_ms = (b.time_ms - a.time_ms) % 0x10000
-    shortest, longest = USUAL_MS if at_once else (1, LONGEST_MS)
+    shortest, longest = (USUAL_MS[0], frames * USUAL_MS[1]) if frames else (1, LONGEST_MS)
     if not shortest <= dt_ms <= longest or before.regular_parts != after.regular_parts:
         return False
     steady = (a.buttons, a.charger) == (b.buttons, b.charger)
-    left, right = signed(b.left_ticks - a.left_ticks, 0x10000), signed(b.right_ticks - a.right_ticks, 0x10000)
     if not steady or abs(b.battery_decivolt - a.battery_decivolt) > MOST_DECIVOLT:
         return False
-    if max(abs(left), abs(right)) > MOST_TICKS_PER_MS * dt_ms:
+    if rolled_m(before, after) is None:
         return False
     if before.inertia is None or after.inertia is None:
         return True
     turned = signed(after.inertia.angle_centideg - before.inertia.angle_centideg, 36000)
-    slip_rad = METRES_PER_TICK * (right - left) / WHEEL_BASE_M - GYRO_STEP_RAD * turned
-    return abs(turned) <= MOST_CENTIDEG_PER_MS * dt_ms and abs(slip_rad) <= MOST_SLIP_RAD_PER_MS * dt_ms
+    return abs(turned) <= MOST_CENTIDEG_PER_MS * dt_ms
+
+
+def rolled_m(before: Feedback, after: Feedback) -> tuple[float, float] | None:
+    """Ways of the left and the right wheel between two frames, or None where the base cannot have made them."""
+    a, b = before.core, after.core
+    dt_ms = (b.time_ms - a.time_ms) % 0x10000
+    left, right = signed(b.left_ticks - a.left_ticks, 0x10000), signed(b.right_ticks - a.right_ticks, 0x10000)
+    if not 0 < dt_ms <= LONGEST_MS or max(abs(left), abs(right)) > MOST_TICKS_PER_MS * dt_ms:
+        return None
+    return METRES_PER_TICK * left, METRES_PER_TICK * right
 
 
 def signed(difference: int, modulus: int) -> int:
