@@ -13,6 +13,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
 
+from vsx_ros.cli.experiments.rows import Store
 from vsx_ros.config import Config
 from vsx_ros.exploration.memory import MissionMemory
 from vsx_ros.geometry.camera import PinholeCamera
@@ -177,10 +178,9 @@ def config_yaml(path: Path) -> None:
 
 
 def results_jsonl(path: Path) -> None:
-    from vsx_ros import __version__
-
-    lines = [{"task": {"seed": k}, "version": __version__, "result": {"u1": 0.5}} for k in range(5)]
-    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    store = Store(path)
+    for k in range(5):
+        store.add({"seed": k}, {"u1": 0.5})
 
 
 def picture(path: Path) -> None:

@@ -36,12 +36,12 @@ import file_samples as samples
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
 from vsx_ros.cli.config import load as load_config
-from vsx_ros.cli.experiments.campaign import Store
+from vsx_ros.cli.experiments.rows import read_rows
 from vsx_ros.cli.map import facts
 from vsx_ros.cli.report import write_report
 from vsx_ros.cli.robot_file import update_robot_file
 from vsx_ros.cli.session import Before, end_the_trail
-from vsx_ros.errors import VsxError
+from vsx_ros.errors import InputError, VsxError
 from vsx_ros.evaluation.trajectory import associate, trajectory_error
 from vsx_ros.io.bag_reader import messages
 from vsx_ros.io.bag_without_index import UnindexedBag
@@ -179,6 +179,14 @@ def _raw_image(rng: random.Random, path: Path) -> None:
     path.write_text(json.dumps({**numbers, **how}))
 
 
+def _read_rows(path: Path) -> None:
+    """What is no row is told and left out: here that is to refuse it."""
+    told: list[str] = []
+    read_rows(path, told.append)
+    if told:
+        raise InputError(told[0])
+
+
 def _read_raw_image(path: Path) -> None:
     tree = json.loads(path.read_text())
     data = np.zeros(min(tree["size"], 10**6), np.uint8)
@@ -238,7 +246,7 @@ READERS = [
     Reader("robot file", samples.config_yaml, (), _any_text, lambda p: update_robot_file(p, "mount", {}, "measured")),
     Reader("trajectory", _trajectory_file, (), _any_text, _trajectories),
     Reader("point cloud", _ply_file, (), mutations.raw, read_ply),
-    Reader("campaign", samples.results_jsonl, (), _any_text, Store),
+    Reader("campaign", samples.results_jsonl, (), _any_text, _read_rows),
     Reader("raw image", lambda p: p.write_text("{}"), (), _raw_image, _read_raw_image),
     *(
         Reader(f"{kind} image", samples.picture, (), mutations.png if kind == "png" else mutations.raw, _image)

@@ -24,6 +24,7 @@ import msgspec
 import vsx_ros
 from vsx_ros.config import Config, to_dict
 from vsx_ros.errors import InputError, reason_of
+from vsx_ros.limits import LOG_BYTES, file_bytes, json_tree
 
 PACKAGE = Path(vsx_ros.__file__).parent
 _PACKAGES = ("vsx_ros", "numpy", "cv2", "numba")
@@ -90,15 +91,15 @@ def tell(line: str) -> None:
 def read_rows(path: Path, say: Callable[[str], None]) -> list[Row]:
     """All whole rows; what is none is told, a sentence each, and left out. Raises InputError if it cannot be read."""
     try:
-        content = path.read_bytes() if path.exists() else b""
-    except OSError as error:
+        content = file_bytes(path, LOG_BYTES) if path.exists() else b""
+    except (OSError, ValueError) as error:
         raise InputError(f"{path} cannot be used ({reason_of(error)}); choose another --out") from error
     rows = []
     for number, line in enumerate(content.splitlines(), start=1):
         try:
-            rows.append(msgspec.json.decode(line, type=Row))
-        except msgspec.DecodeError as error:
-            say(f"{path}, line {number}, is no row of results ({error}); it is left out")
+            rows.append(msgspec.convert(json_tree(line), Row))
+        except (msgspec.ValidationError, ValueError) as error:
+            say(f"{path}, line {number}, is no row of results ({reason_of(error)}); it is left out")
     return rows
 
 
