@@ -17,7 +17,7 @@ START_S = 15.0
 def home() -> Path:
     """A folder for all that the nodes write; this process and its nodes get a master's address of their own. Being
     terminated is from now on an interruption, so that the nodes are ended."""
-    sys.path.insert(0, str(TESTS))
+    sys.path[:0] = [str(TESTS), str(TESTS.parent)]
     from ros_ports import HOST, free_port
 
     signal.signal(signal.SIGTERM, signal.default_int_handler)

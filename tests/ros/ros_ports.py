@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import socket
+from free_ports import free_port
+
+__all__ = ["HOST", "free_port"]
 
 HOST = "localhost"
-
-
-def free_port() -> int:
-    """A TCP port of this machine that is free now."""
-    with socket.socket() as probe:
-        probe.bind((HOST, 0))
-        return int(probe.getsockname()[1])
