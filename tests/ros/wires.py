@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections import defaultdict, deque
 from collections.abc import Callable
 from types import SimpleNamespace
@@ -19,7 +18,8 @@ from std_msgs.msg import String
 from vsx_ros.errors import VsxError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import VelocityCommand
-from vsx_ros.ros import convert, planning_thread, process, topics
+from vsx_ros.ros import convert, lease, localization, planning_thread, process, topics
+from vsx_ros.ros.nodes import follower, move_base
 from vsx_ros.slam.state import TrackingState
 
 BEGIN_NS = 10**18
@@ -49,7 +49,7 @@ class Wires:
         self._later: list[tuple[int, Callable[[], None]]] = []
         self._seen: deque[tuple[int, SE2]] = deque()
         self._next_odometry_ns = self._next_frame_ns = 0
-        self.server = ActionServer()
+        self.server = ActionServer(self.go_on)
         for owner, name, fake in (
             (rospy, "Publisher", lambda topic, kind, **_: SimpleNamespace(publish=lambda m: self.say(topic, m, kind))),
             (rospy, "Service", lambda *_: None),
@@ -63,10 +63,12 @@ class Wires:
             (planning_thread, "serve_adjustable", lambda *_: None),
             (planning_thread.PlanningThread, "ask", lambda planner, request: self._ask(planner, request)),
             (actionlib, "SimpleActionServer", self.server.made),
-            (time, "monotonic", lambda: 1e-9 * self.base.now_ns),
-            (time, "sleep", self.go_on),
         ):
             monkeypatch.setattr(owner, name, fake)
+        clock = SimpleNamespace(monotonic=lambda: 1e-9 * self.base.now_ns, sleep=self.go_on)
+        for module in (follower, move_base, lease, localization, planning_thread):  # others have threads, which go on
+            if hasattr(module, "time"):
+                monkeypatch.setattr(module, "time", clock)
 
     def _subscribe(self, topic: str, _: Any, callback: Callable[[Any], None], **__: Any) -> None:
         self._heard[topic].append(callback)
@@ -125,7 +127,8 @@ class Wires:
 class ActionServer:
     """A SimpleActionServer that is told its goals by the test. ended: how they ended, and what was said of it."""
 
-    def __init__(self) -> None:
+    def __init__(self, sleep: Callable[[float], None]) -> None:
+        self._sleep = sleep
         self.ended: list[tuple[str, str]] = []
         self._goal: Any = None
         self._cancelled = False
@@ -166,7 +169,7 @@ class ActionServer:
         """Pursue one goal after the other, as actionlib's thread does, until the time is over."""
         while True:
             if self._goal is None:
-                time.sleep(0.01)
+                self._sleep(0.01)
                 continue
             goal, self._goal, self._cancelled = self._goal, None, False
             self._execute(goal)
