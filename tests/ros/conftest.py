@@ -200,8 +200,14 @@ class Stack:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What sends the one robot of all tests home comes last."""
-    items.sort(key=lambda item: item.get_closest_marker("ends_mission") is not None)
+    """What changes rospy itself comes first, before this process is a node; what sends the one robot of all tests home
+    comes last."""
+    items.sort(
+        key=lambda item: (
+            item.get_closest_marker("ends_mission") is not None,
+            item.get_closest_marker("changes_rospy") is None,
+        )
+    )
 
 
 @pytest.fixture(scope="session")

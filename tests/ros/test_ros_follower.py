@@ -19,6 +19,8 @@ from vsx_ros.planning.time_scaling import time_scale
 from vsx_ros.ros import topics, trajectory_messages
 from vsx_ros.ros.nodes.follower import FollowerNode
 
+pytestmark = pytest.mark.changes_rospy
+
 LIMITS = Config().limits
 
 

@@ -22,6 +22,8 @@ from vsx_ros.ros import master_watch, registrations
 from vsx_ros.ros.master_watch import MasterWatch
 from vsx_ros.ros.registrations import Offers
 
+pytestmark = pytest.mark.changes_rospy
+
 OFFERS = Offers(
     {"/odom": "nav_msgs/Odometry"}, {"/cmd": "geometry_msgs/Twist"}, {"/base/estop": "rosrpc://localhost:1"}
 )  # fmt: skip

@@ -73,5 +73,5 @@ class BaseTopics:
             self._battery_pub.publish(base_messages.battery(reading.battery, reading.stamp_ns))
 
 
-def _publisher(wanted: bool, topic: str, kind: Any, **options: Any) -> rospy.Publisher | None:
-    return rospy.Publisher(topic, kind, **options) if wanted else None
+def _publisher(wanted: bool, topic: str, kind: Any, queue_size: int, **options: Any) -> rospy.Publisher | None:
+    return rospy.Publisher(topic, kind, queue_size=queue_size, **options) if wanted else None

@@ -235,9 +235,9 @@ def image_subscriber(callback: Callable[[Image], None]) -> rospy.Subscriber:
     return subscribe(topics.IMAGE, Image, callback, queue_size=1, buff_size=IMAGE_BUFFER_BYTES, tcp_nodelay=True)
 
 
-def odometry_subscriber(callback: Callable[[Odometry], None]) -> rospy.Subscriber:
+def odometry_subscriber(callback: Callable[[Odometry], None], topic: str = topics.ODOM) -> rospy.Subscriber:
     """Subscribe to the wheels so that every reading arrives, on a machine that was busy for a moment, too."""
-    return subscribe(topics.ODOM, Odometry, callback, queue_size=ODOMETRY_QUEUE, tcp_nodelay=True)
+    return subscribe(topic, Odometry, callback, queue_size=ODOMETRY_QUEUE, tcp_nodelay=True)
 
 
 def worker(name: str, loop: Callable[[], None]) -> threading.Thread:

@@ -67,7 +67,7 @@ class TopicBase:
     def start(self) -> None:
         """Listen and obey from now on."""
         self._command_pub = rospy.Publisher(self._names.command, Twist, queue_size=1, tcp_nodelay=True)
-        process.subscribe(self._names.odometry, OdometryMsg, self._on_odometry, queue_size=process.ODOMETRY_QUEUE)
+        process.odometry_subscriber(self._on_odometry, self._names.odometry)
         process.every(_PERIOD_S, "command", self._send)
 
     def drive(self, v_m_s: float, omega_rad_s: float, until_ns: int | None = None) -> None:
