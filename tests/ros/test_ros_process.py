@@ -62,6 +62,7 @@ def test_what_is_done_every_so_often_goes_on_while_ros_time_stands_and_ends_with
     assert told == []
 
 
+@pytest.mark.changes_rospy
 def test_what_is_due_now_and_then_is_due_again_while_ros_time_stands(monkeypatch: pytest.MonkeyPatch) -> None:
     now_s = 100.0
     monkeypatch.setattr(process.time, "monotonic", lambda: now_s)
