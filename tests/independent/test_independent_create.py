@@ -24,7 +24,7 @@ def _drive_a_figure(host: Host, readings: int) -> None:
     for leg in [(0.3, 0.0), (0.2, 1.0), (0.2, -1.0), (0.0, 1.2), (0.0, -1.2), (-0.2, -0.8), (-0.3, 0.0)]:
         start = (body.left_m, body.right_m)
         host.want = leg
-        until(lambda: abs(body.left_m - start[0]) + abs(body.right_m - start[1]) > 0.12, f"the leg {leg}")  # noqa: B023
+        until(lambda: abs(body.left_m - start[0]) + abs(body.right_m - start[1]) > 0.12, f"the leg {leg}")  # noqa: B023 (called at once)
     host.settle(readings)
 
 
@@ -130,8 +130,8 @@ def test_each_contact_is_told_and_stops_the_forward_motion(tmp_path, generation)
             drives(host)
             with host.line.held():
                 setattr(robot, field, value)
-            until(lambda: robot.body.speed_m_s == 0.0, f"standstill at {hazard}")  # noqa: B023
-            until(lambda: host.last.hazards == hazard, f"{hazard} told")  # noqa: B023
+            until(lambda: robot.body.speed_m_s == 0.0, f"standstill at {hazard}")  # noqa: B023 (called at once)
+            until(lambda: host.last.hazards == hazard, f"{hazard} told")  # noqa: B023 (called at once)
             host.wait_readings(5)
             assert robot.body.speed_m_s == 0.0
             assert host.last.mode == ("safe" if hazard & Hazard.BUMPER else "passive")

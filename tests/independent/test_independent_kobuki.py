@@ -44,7 +44,7 @@ def _drive_a_figure(host: Host, linear_m_s: float = 0.4) -> None:
     for leg in legs:
         start = (body.left_m, body.right_m)
         host.want = leg
-        until(lambda: abs(body.left_m - start[0]) + abs(body.right_m - start[1]) > 0.12, f"the leg {leg}")  # noqa: B023
+        until(lambda: abs(body.left_m - start[0]) + abs(body.right_m - start[1]) > 0.12, f"the leg {leg}")  # noqa: B023 (called at once)
     host.settle()
 
 
@@ -73,7 +73,7 @@ def test_speeds_are_measured_as_driven_forward_and_back(tmp_path):
         for want in ((0.3, 0.0), (-0.2, 0.5), (0.0, -1.5)):
             host.want = want
             body = host.line.robot.body
-            until(lambda: (body.speed_m_s, body.rate_rad_s) == pytest.approx(want, abs=0.01), "the speed")  # noqa: B023
+            until(lambda: (body.speed_m_s, body.rate_rad_s) == pytest.approx(want, abs=0.01), "the speed")  # noqa: B023 (called at once)
             host.wait_readings(5)  # their speeds are by the robot's own clock
             assert host.last.odometry.v_m_s == pytest.approx(body.speed_m_s, abs=0.006)
             assert host.last.odometry.omega_rad_s == pytest.approx(body.rate_rad_s, abs=0.02)

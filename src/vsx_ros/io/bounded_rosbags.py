@@ -123,7 +123,7 @@ class BoundedRos1(Ros1Reader):  # type: ignore[misc]  # to mypy, rosbags is with
             raise ValueError("its index is longer than the file")
 
 
-class _Mcap(storage_mcap.McapReader):  # type: ignore[misc]
+class _Mcap(storage_mcap.McapReader):  # type: ignore[misc]  # as above
     def open(self) -> None:
         """The chunks of one moment are in memory together."""
         super().open()
@@ -138,7 +138,7 @@ class _Mcap(storage_mcap.McapReader):  # type: ignore[misc]
             together.take(change, "what its chunks of one time hold")
 
 
-class _Sqlite3(storage_sqlite3.Sqlite3Reader):  # type: ignore[misc]
+class _Sqlite3(storage_sqlite3.Sqlite3Reader):  # type: ignore[misc]  # as above
     def open(self) -> None:
         """Tables that hold what they hold, and compute nothing."""
         with closing(sqlite3.connect(f"{Path(self.path).absolute().as_uri()}?immutable=1", uri=True)) as base:
@@ -151,7 +151,7 @@ class _Sqlite3(storage_sqlite3.Sqlite3Reader):  # type: ignore[misc]
         super().open()
 
 
-class _Directory(ros2_reader.DirectoryReader):  # type: ignore[misc]
+class _Directory(ros2_reader.DirectoryReader):  # type: ignore[misc]  # as above
     STORAGE_PLUGINS = {"mcap": _Mcap, "sqlite3": _Sqlite3}
 
     def open(self) -> None:
@@ -163,7 +163,7 @@ class _Directory(ros2_reader.DirectoryReader):  # type: ignore[misc]
         super().open()
 
 
-class BoundedRos2(Ros2Reader):  # type: ignore[misc]
+class BoundedRos2(Ros2Reader):  # type: ignore[misc]  # as above
     """A folder or a file of its own."""
 
     STORAGE_PLUGINS = {"dir": _Directory, ".mcap": _Mcap, ".db3": _Sqlite3}
