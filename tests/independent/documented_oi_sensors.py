@@ -22,7 +22,7 @@ class Sensors:
     carries_residue: bool = False  # whether the parts of a millimetre and of a degree outlive a reading
     left_ticks: int = 0
     right_ticks: int = 0
-    body: Body = None  # type: ignore[assignment]
+    body: Body = None  # type: ignore[assignment]  # by default made in __post_init__
     bumps_and_drops: int = 0
     wall: int = 0
     cliffs: tuple[int, int, int, int] = (0, 0, 0, 0)  # left, front left, front right, right
@@ -51,7 +51,7 @@ class Sensors:
 
     def told(self) -> dict[int, int]:
         """Return packets 35-42: what the robot says of itself."""
-        raise NotImplementedError
+        raise NotImplementedError  # the robot does, which has these sensors
 
     def push(self, left_m: float, right_m: float) -> None:
         """Let somebody move the robot by hand: the encoders know no direction but that of the command."""

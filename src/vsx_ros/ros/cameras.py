@@ -8,6 +8,7 @@ from typing import NamedTuple, Protocol
 from vsx_hw.kinect.driver import KinectCamera
 from vsx_hw.kinect.protocol import MODES
 from vsx_hw.kinect.socket_transport import SocketTransport
+from vsx_hw.kinect.transport import KinectTransport
 from vsx_hw.kinect.usb_transport import UsbTransport
 from vsx_hw.readings import ImageReading, LinkStatus
 from vsx_hw.v4l import V4lCamera
@@ -41,25 +42,21 @@ class CameraSettings(NamedTuple):
     lock_exposure: bool = False
 
 
-def _kinect(wanted: CameraSettings) -> Camera:
+def _kinect(device: str, transport: Callable[[], KinectTransport], wanted: CameraSettings) -> Camera:
     if wanted.mode not in MODES:
         raise ConfigError(f"camera ~mode {wanted.mode!r}: give one of {', '.join(MODES)}")
-    name = wanted.name
-    return KinectCamera(
-        lambda: UsbTransport(name), f"kinect:{name}" if name else "kinect", wanted.on_image, MODES[wanted.mode],
-        wanted.lock_exposure,
-    )  # fmt: skip
+    return KinectCamera(transport, device, wanted.on_image, MODES[wanted.mode], wanted.lock_exposure)
 
 
-def _emulator(wanted: CameraSettings) -> Camera:
-    if wanted.mode not in MODES or not wanted.name:
-        raise ConfigError(
-            f"camera emulator:{wanted.name}, ~mode {wanted.mode!r}: give a socket, and a mode of a Kinect"
-        )
-    name = wanted.name
-    return KinectCamera(
-        lambda: SocketTransport(name), f"emulator:{name}", wanted.on_image, MODES[wanted.mode], wanted.lock_exposure
-    )
+def _on_usb(wanted: CameraSettings) -> Camera:
+    device = f"kinect:{wanted.name}" if wanted.name else "kinect"
+    return _kinect(device, lambda: UsbTransport(wanted.name), wanted)
+
+
+def _emulated(wanted: CameraSettings) -> Camera:
+    if not wanted.name:
+        raise ConfigError("camera emulator: give its socket, emulator:SOCKET")
+    return _kinect(f"emulator:{wanted.name}", lambda: SocketTransport(wanted.name), wanted)
 
 
 def _v4l(wanted: CameraSettings) -> Camera:
@@ -71,8 +68,8 @@ def _v4l(wanted: CameraSettings) -> Camera:
 CAMERAS: Registry[Callable[[CameraSettings], Camera]] = Registry(
     "camera",
     {
-        "kinect": _kinect,
-        "emulator": _emulator,
+        "kinect": _on_usb,
+        "emulator": _emulated,
         "v4l": _v4l,
         "ros": lambda wanted: TopicCamera(wanted.name, wanted.on_image),
     },

@@ -5,7 +5,6 @@ rospy registers each name once, when it is offered, and never looks again.
 
 from __future__ import annotations
 
-import http.client
 import socket
 import xmlrpc.client
 from collections.abc import Sequence
@@ -17,24 +16,13 @@ import rospy
 import rospy.core
 from rospy.impl import registration
 
+from vsx_ros.ros.calls import ImpatientTransport
+
 ANSWER_S = 0.35
 REGISTER_S = 5.0
 """All nodes register at a new master at once."""
 
 Call = tuple[Any, ...]
-
-
-class _Impatient(xmlrpc.client.Transport):
-    """A hanging master accepts connections and never answers."""
-
-    def __init__(self, patience_s: float) -> None:
-        super().__init__()
-        self._patience_s = patience_s
-
-    def make_connection(self, host: object) -> http.client.HTTPConnection:
-        connection = super().make_connection(host)  # type: ignore[arg-type]  # typeshed's host is private
-        connection.timeout = self._patience_s
-        return connection
 
 
 class Offers(NamedTuple):
@@ -67,7 +55,7 @@ def asked(calls: Sequence[Call], patience_s: float = ANSWER_S) -> list[Any]:
     """
     if not calls:
         return []
-    with xmlrpc.client.ServerProxy(master_uri(), transport=_Impatient(patience_s)) as master:
+    with xmlrpc.client.ServerProxy(master_uri(), transport=ImpatientTransport(patience_s=patience_s)) as master:
         many = xmlrpc.client.MultiCall(master)
         for method, *arguments in calls:
             getattr(many, method)(rospy.get_name(), *arguments)

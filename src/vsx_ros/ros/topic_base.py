@@ -62,11 +62,11 @@ class TopicBase:
         self._command, self._until_ns = STOP, 0
         self._zero_until_s = self._heard_s = 0.0
         self._connected = self._closed = False
-        self._counters = {"readings": 0, "refused": 0}
+        self._readings = 0
+        self._command_pub = rospy.Publisher(names.command, Twist, queue_size=1, tcp_nodelay=True)
 
     def start(self) -> None:
         """Listen and obey from now on."""
-        self._command_pub = rospy.Publisher(self._names.command, Twist, queue_size=1, tcp_nodelay=True)
         process.odometry_subscriber(self._on_odometry, self._names.odometry)
         process.every(_PERIOD_S, "command", self._send)
 
@@ -90,14 +90,13 @@ class TopicBase:
         silent_s = time.monotonic() - self._heard_s
         connected = silent_s < _SILENT_S
         message = "connected" if connected else self._silence()
-        return LinkStatus(connected, message, self._names.odometry, dict(self._counters))
+        return LinkStatus(connected, message, self._names.odometry, {"readings": self._readings})
 
     def close(self) -> bool:
         """Tell the wheels to stand; whether they surely do, nobody says."""
         with self._lock:
             self._closed = True
-        if hasattr(self, "_command_pub"):
-            self._command_pub.publish(Twist())
+        self._command_pub.publish(Twist())
         return True
 
     def _silence(self) -> str:
@@ -108,7 +107,7 @@ class TopicBase:
         moved = convert.odometry(msg)
         process.refuse_future(moved.stamp_ns)
         self._heard_s = time.monotonic()
-        self._counters["readings"] += 1
+        self._readings += 1
         self._link(True, "connected")
         T = moved.T_odom_base
         odometry = OdometryReading(moved.stamp_ns, T.x, T.y, T.theta, moved.v, moved.omega)
@@ -121,7 +120,8 @@ class TopicBase:
 
     def _send(self) -> None:
         """The command while it is good, zero for a moment after it, then nothing: others may command the base, too."""
-        now_s, silent = time.monotonic(), time.monotonic() - self._heard_s > _SILENT_S
+        now_s = time.monotonic()
+        silent = now_s - self._heard_s > _SILENT_S
         if silent:
             self._link(False, self._silence())
         with self._lock:
