@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -50,21 +51,27 @@ def processes_that_name(text: str) -> list[str]:
     return [line for line in lines if text in line]
 
 
-def test_ctrl_c_stops_the_robot_ends_every_process_and_leaves_a_run_folder(tmp_path: Path) -> None:
-    port, out = free_port(), tmp_path / "run"
+@contextlib.contextmanager
+def exploring(tmp_path: Path, port: int, out: Path) -> Iterator[tuple[subprocess.Popen[str], list[str]]]:
+    """A run that maps by now, and what it says."""
     command = run_command("--world", "lab", "--seed", "1", "--time", "300", "--headless", "--out", str(out))
     lines: list[str] = []
     with subprocess.Popen(
         command, env=environment(tmp_path, port), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as run:
         assert run.stderr is not None
-        reader = threading.Thread(target=lines.extend, args=(run.stderr,), daemon=True)
-        reader.start()
+        threading.Thread(target=lines.extend, args=(run.stderr,), daemon=True).start()
         deadline_s = time.monotonic() + 90.0
         while not any("| mapping |" in line for line in lines):
             assert time.monotonic() < deadline_s, lines
             assert run.poll() is None, lines
             time.sleep(0.1)
+        yield run, lines
+
+
+def test_ctrl_c_stops_the_robot_ends_every_process_and_leaves_a_run_folder(tmp_path: Path) -> None:
+    port, out = free_port(), tmp_path / "run"
+    with exploring(tmp_path, port, out) as (run, _):
         run.send_signal(signal.SIGINT)
         assert run.wait(30.0) == STOPPED
     assert not processes_that_name(f"-p {port}")
@@ -85,20 +92,8 @@ def test_ctrl_c_stops_the_robot_ends_every_process_and_leaves_a_run_folder(tmp_p
 
 def test_a_run_whose_own_master_is_killed_ends_in_one_sentence_with_every_process(tmp_path: Path) -> None:
     port, out = free_port(), tmp_path / "run"
-    command = run_command("--world", "lab", "--seed", "1", "--time", "300", "--headless", "--out", str(out))
-    lines: list[str] = []
-    with subprocess.Popen(
-        command, env=environment(tmp_path, port), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as run:
-        assert run.stderr is not None
+    with exploring(tmp_path, port, out) as (run, lines):
         assert run.stdout is not None
-        reader = threading.Thread(target=lines.extend, args=(run.stderr,), daemon=True)
-        reader.start()
-        deadline_s = time.monotonic() + 90.0
-        while not any("| mapping |" in line for line in lines):
-            assert time.monotonic() < deadline_s, lines
-            assert run.poll() is None, lines
-            time.sleep(0.1)
         (master,) = (entry for entry in Path("/proc").glob("[0-9]*/cmdline") if is_master(entry, port))
         os.kill(int(master.parent.name), signal.SIGKILL)
         said = run.stdout.read()
