@@ -1,10 +1,10 @@
 """Ten thousand damaged files for each reader: nothing but one sentence may come of them, soon and in little memory.
 
-python benchmarks/fuzz_files.py [--count 10000] [--only NAME ...] [--out benchmarks/fuzz_files.json]
+python benchmarks/fuzz_files.py [--count 10000] [--only NAME ...]
 
 Good files are damaged by bytes, by words and numbers, and part by part with lengths and checksums mended
-(file_mutations.py). A reader must read the file or raise a VsxError, within 10 s and 512 MiB. Every thousand is a line
-of the results; those that are there already are not done again.
+(file_mutations.py). A reader must read the file or raise a VsxError, within 10 s and 512 MiB. Every thousand is a row;
+what is there already by the present code is not done again.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ import random
 import resource
 import shutil
 import signal
-import subprocess
 import sys
 import tempfile
 import time
@@ -34,9 +33,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 import file_mutations as mutations
 import file_samples as samples
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
+from tables import RESULTS, rooms_of
 
 from vsx_ros.cli.config import load as load_config
-from vsx_ros.cli.experiments.rows import read_rows
+from vsx_ros.cli.experiments.rows import Store, read_rows
 from vsx_ros.cli.map import facts
 from vsx_ros.cli.report import write_report
 from vsx_ros.cli.robot_file import update_robot_file
@@ -361,24 +361,18 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=10_000)
     parser.add_argument("--only", nargs="*", default=[], metavar="NAME", help="readers; default: all")
-    parser.add_argument("--out", type=Path, default=Path(__file__).with_name("fuzz_files.json"))
     args = parser.parse_args()
     resource.setrlimit(resource.RLIMIT_AS, (6 * 2**30, resource.RLIM_INFINITY))
-    known = [json.loads(line) for line in args.out.read_text().splitlines()] if args.out.exists() else []
-    done = {(row["reader"], row["block"]) for row in known}
-    commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False).stdout
+    store = Store(RESULTS / "fuzz_files.jsonl", rooms=rooms_of("fuzz_files"))
     bad = 0
     for block in range(-(-args.count // BLOCK)):
         for reader in READERS:
-            if (reader.name, block) in done or (args.only and reader.name not in args.only):
+            asked = {"reader": reader.name, "block": block, "mutations": min(BLOCK, args.count - block * BLOCK)}
+            if asked in store or (args.only and reader.name not in args.only):
                 continue
-            count = min(BLOCK, args.count - block * BLOCK)
-            row = {"reader": reader.name, "block": block, "mutations": count, **fuzz_block(reader, block, count)}
-            row |= {"commit": commit.strip(), "date": time.strftime("%Y-%m-%d")}
-            bad += len(row["outcomes"].keys() - {"read", "refused"})
-            with args.out.open("a") as file:
-                file.write(json.dumps(row) + "\n")
-            print(json.dumps(row), flush=True)
+            store.add(asked, fuzz_block(reader, block, asked["mutations"]))
+            bad += len(store[asked]["outcomes"].keys() - {"read", "refused"})
+            print(asked, store[asked], flush=True)
     return 1 if bad else 0
 
 

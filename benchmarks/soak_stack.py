@@ -1,18 +1,17 @@
 """The whole exploring stack for an hour on devices, nodes, a master and a disk that fail again and again.
 
-python benchmarks/soak_stack.py [--minutes 60] [--kinds camera base node master disk] [--out soak.jsonl]
+python benchmarks/soak_stack.py [--minutes 60] [--kinds camera base node master disk] [--seed 1]
 
 Every 20 s one fault comes and goes: the camera is unplugged, silent or loses images; the base is unplugged, silent or
 loses bytes; a node is killed and started again; the master is killed and started again; the disk of the run folder is
 full (a tmpfs, root only). At the end: growth of memory, process by process, from two minutes after its start, that of
 vslam beyond what its map holds; the error of the SLAM's pose and of the odometry against the emulated truth; tracebacks
-in the nodes' words; nodes that died by themselves. With --out the row is appended to that file.
+in the nodes' words; nodes that died by themselves. That is a row, of which benchmarks/tables.py makes the table.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import random
 import subprocess
@@ -23,6 +22,9 @@ from pathlib import Path
 import numpy as np
 from exploring_robot import home, new_stack, wait_for_motion
 from fault_camera import FaultyCable
+from tables import RESULTS, rooms_of
+
+from vsx_ros.cli.experiments.rows import Store
 
 PERIOD_S, WARM_S = 20.0, 120.0
 KEYFRAME_MB = 1.2
@@ -181,7 +183,6 @@ def soak(stack: object, faults: Faults, kinds: list[str], minutes: float) -> dic
             print(f"{(end_s - time.monotonic()) / 60:.0f} minutes left, {dict(happened)}", flush=True)
     memory.look(truth.keyframes)
     return {
-        "minutes": minutes,
         "faults": dict(happened),
         "tracebacks": tracebacks(stack),
         "died_by_themselves": stack.dead(),
@@ -199,8 +200,11 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--kinds", nargs="*", choices=tuple(KINDS), default=list(KINDS), help="none: without faults")
     parser.add_argument("--seed", type=int, default=1, help="of the faults")
-    parser.add_argument("--out", type=Path)
     args = parser.parse_args()
+    asked = {"kinds": args.kinds, "minutes": args.minutes, "seed": args.seed}
+    store = Store(RESULTS / "soak_stack.jsonl", rooms=rooms_of("soak_stack"))
+    if asked in store:
+        return
     disk = home()
     mounted = "disk" in args.kinds
     if mounted:
@@ -209,15 +213,12 @@ def main() -> None:
     cable = FaultyCable.below(stack)
     try:
         stack.up()
-        row = soak(stack, Faults(stack, cable, disk, random.Random(args.seed)), args.kinds, args.minutes)
+        store.add(asked, soak(stack, Faults(stack, cable, disk, random.Random(args.seed)), args.kinds, args.minutes))
+        print(store[asked])
     finally:
         stack.down()
         if mounted:
             subprocess.run(["umount", "-l", str(disk)], check=False)
-    print(json.dumps(row))
-    if args.out is not None:
-        with args.out.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(row) + "\n")
 
 
 if __name__ == "__main__":

@@ -113,6 +113,41 @@ def alarms(rows: Sequence[Row]) -> list[str]:
     return lines
 
 
+def files(rows: Sequence[Row]) -> list[str]:
+    """Damaged files, reader by reader."""
+    lines = [
+        "| reader | damaged files | read | refused in a sentence | neither | slowest | most memory |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for (reader,), results in _parts(rows, "reader"):
+        read, refused = (sum(result["outcomes"].get(key, 0) for result in results) for key in ("read", "refused"))
+        count = sum(sum(result["outcomes"].values()) for result in results)
+        slowest_s, most_mib = (max(result[key] for result in results) for key in ("slowest_s", "most_mib"))
+        neither = count - read - refused
+        lines.append(f"| {reader} | {count} | {read} | {refused} | {neither} | {slowest_s:.1f} s | {most_mib:.0f} MiB |")
+    return lines
+
+
+def soaks(rows: Sequence[Row]) -> list[str]:
+    """The stack under faults of everything around it."""
+    lines = [
+        "| minutes | faults | tracebacks | died by themselves | contacts | way "
+        "| memory grew by at most (vslam: beyond its map) | pose, odometry off (rms) |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for row in rows:
+        of = row.result
+        others = {name: mb for name, mb in of["growth_mb"].items() if name != "vslam"}
+        most = max(others, key=others.__getitem__, default="-")
+        lines.append(
+            f"| {row.asked['minutes']:g} | {', '.join(f'{n} {k}' for k, n in of['faults'].items())} "
+            f"| {len(of['tracebacks'])} | {len(of['died_by_themselves'])} | {of['collisions']} | {of['path_m']:.0f} m "
+            f"| {most} {others.get(most, 0.0):.1f} MB (vslam {of['vslam_growth_beyond_map_mb']:.1f} MB) "
+            f"| {', '.join(f'{100 * error:.0f} cm' for error in of['error_rms_m'].values())} |"
+        )
+    return lines
+
+
 def _untold_on_the_straight(row: Row) -> bool:
     return row.asked["motion"] == "line" and row.result["told_s"] is None
 

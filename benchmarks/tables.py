@@ -43,6 +43,8 @@ ROOMS: dict[str, tuple[str, ...]] = {
     "fault_disk": ("src/vsx_ros", "hw/vsx_hw", "benchmarks/fault_disk"),
     "fault_sensors": ("hw/vsx_hw", "benchmarks/fault_sensors"),
     "fault_alarms": ("hw/vsx_hw", "benchmarks/fault_sensors"),
+    "fuzz_files": ("src/vsx_ros/io", "src/vsx_ros/limits", "benchmarks/file_mutations", "benchmarks/file_samples"),
+    "soak_stack": ("src/vsx_ros", "hw/vsx_hw", "benchmarks/soak_stack", "benchmarks/exploring_robot"),
 }
 """What the rows of a file judge: folders, and files without their .py."""
 
@@ -69,6 +71,8 @@ TABLES: dict[str, Table] = {
     "masters": Table("docs/reliability.md", "fault_master", table_faults.masters),
     "disks": Table("docs/reliability.md", "fault_disk", table_faults.disks),
     "sensors": Table("docs/reliability.md", "fault_sensors", table_faults.sensors),
+    "files": Table("docs/reliability.md", "fuzz_files", table_faults.files),
+    "soaks": Table("docs/reliability.md", "soak_stack", table_faults.soaks),
     "alarms": Table("docs/reliability.md", "fault_alarms", table_faults.alarms),
     "totals": Table("README.md", "exploration", table_exploration.brief, _LAB),
     "strategies": Table("docs/results.md", "exploration_strategy", table_exploration.strategies),

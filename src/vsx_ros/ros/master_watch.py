@@ -87,7 +87,7 @@ class MasterWatch:
     def _tell(self, trouble: str) -> None:
         if trouble != self._trouble:
             self._trouble = trouble
-            if trouble:
+            if trouble and not rospy.core.is_shutdown_requested():
                 rospy.logwarn("%s", trouble)
 
     def _look(self) -> str:
