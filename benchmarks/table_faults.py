@@ -123,8 +123,8 @@ def files(rows: Sequence[Row]) -> list[str]:
         read, refused = (sum(result["outcomes"].get(key, 0) for result in results) for key in ("read", "refused"))
         count = sum(sum(result["outcomes"].values()) for result in results)
         slowest_s, most_mib = (max(result[key] for result in results) for key in ("slowest_s", "most_mib"))
-        neither = count - read - refused
-        lines.append(f"| {reader} | {count} | {read} | {refused} | {neither} | {slowest_s:.1f} s | {most_mib:.0f} MiB |")
+        took = f"{slowest_s:.1f} s | {most_mib:.0f} MiB"
+        lines.append(f"| {reader} | {count} | {read} | {refused} | {count - read - refused} | {took} |")
     return lines
 
 
