@@ -18,6 +18,7 @@ import subprocess
 import time
 from collections import Counter
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from exploring_robot import home, new_stack, wait_for_motion
@@ -27,8 +28,6 @@ from tables import RESULTS, rooms_of
 from vsx_ros.cli.experiments.rows import Store
 
 PERIOD_S, WARM_S = 20.0, 120.0
-KEYFRAME_MB = 1.2
-"""What a keyframe and its points take in the process: picture with pyramid, corners, patches, observations."""
 DISK_MB = 256
 KINDS = {
     "camera": ("unplugged", "off", "slow"),
@@ -40,33 +39,42 @@ KINDS = {
 
 
 def memory_mb(pid: int) -> float:
-    with open(f"/proc/{pid}/statm", encoding="ascii") as file:
-        return int(file.read().split()[1]) * 4096 / 2**20
+    """What the process itself has taken: pages of files come and go with the machine's needs."""
+    lines = Path(f"/proc/{pid}/status").read_text(encoding="ascii").splitlines()
+    return sum(int(line.split()[1]) for line in lines if line.startswith(("RssAnon:", "VmSwap:"))) / 1024
+
+
+class Life(NamedTuple):
+    """A process since it was warm. keyframes: how many came since then."""
+
+    name: str
+    minutes: float
+    warm_mb: float
+    grown_mb: float
+    keyframes: int
 
 
 class Memory:
-    """Growth of each process since it was warm; a node that was started again begins anew. Of vslam that beyond the
-    keyframes that came."""
+    """Of each process from when it was warm to its end; a node that was started again begins anew."""
 
     def __init__(self, stack: object) -> None:
         self._stack = stack
-        self._since: dict[int, float] = {}
-        self._warm: dict[int, tuple[float, int]] = {}
-        self.growth_mb: dict[str, float] = {}
-        self.beyond_map_mb = 0.0
+        self._since: dict[object, float] = {}
+        self._warm: dict[object, tuple[float, int]] = {}
+        self._lives: dict[object, Life] = {}
+
+    @property
+    def lives(self) -> list[Life]:
+        return list(self._lives.values())
 
     def look(self, keyframes: int) -> None:
         for name, process in list(self._stack._processes.items()):
-            pid, now_s = process.pid, time.monotonic()
-            if process.poll() is not None:
-                continue
-            if now_s - self._since.setdefault(pid, now_s) < WARM_S:
-                continue
-            warm_mb, warm_keyframes = self._warm.setdefault(pid, (memory_mb(pid), keyframes))
-            grown_mb = memory_mb(pid) - warm_mb
-            self.growth_mb[name] = max(self.growth_mb.get(name, 0.0), grown_mb)
-            if name == "vslam":
-                self.beyond_map_mb = max(self.beyond_map_mb, grown_mb - KEYFRAME_MB * (keyframes - warm_keyframes))
+            warm_s = time.monotonic() - self._since.setdefault(process, time.monotonic()) - WARM_S
+            if process.poll() is None and warm_s > 0.0:
+                now_mb = memory_mb(process.pid)
+                warm_mb, before = self._warm.setdefault(process, (now_mb, keyframes))
+                minutes, grown_mb = round(warm_s / 60.0, 1), round(now_mb - warm_mb, 1)
+                self._lives[process] = Life(name, minutes, round(warm_mb, 1), grown_mb, keyframes - before)
 
 
 class Truth:
@@ -77,7 +85,7 @@ class Truth:
         from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
         from nav_msgs.msg import Odometry
 
-        from vsx_ros.ros import convert, topics
+        from vsx_ros.ros import convert, guest, topics
 
         self._start = stack.plant.state.T_world_base
         self._rows: list[tuple[int, float, float, float]] = []
@@ -85,7 +93,7 @@ class Truth:
         self.keyframes = 0
         self._convert = convert
         stack.watch_steps(self._on_step)
-        rospy.init_node("soak", anonymous=True, disable_signals=True)
+        guest.join("soak")  # whose subscriptions outlive a master, too
         rospy.Subscriber(f"/{topics.POSE}", PoseWithCovarianceStamped, self._judge, "slam")
         rospy.Subscriber(f"/{topics.ODOM}", Odometry, self._judge, "odometry")
         rospy.Subscriber(f"/{topics.KEYFRAMES}", PoseArray, self._count)
@@ -180,7 +188,7 @@ def soak(stack: object, faults: Faults, kinds: list[str], minutes: float) -> dic
             stack.another_mission()
         if kinds:
             happened[faults.one_of(kinds)] += 1
-            print(f"{(end_s - time.monotonic()) / 60:.0f} minutes left, {dict(happened)}", flush=True)
+            print(f"{(end_s - time.monotonic()) / 60:.0f} minutes left, {dict(happened)}", *memory.lives, flush=True)
     memory.look(truth.keyframes)
     return {
         "faults": dict(happened),
@@ -189,8 +197,7 @@ def soak(stack: object, faults: Faults, kinds: list[str], minutes: float) -> dic
         "collisions": stack.plant.collisions,
         "path_m": round(stack.plant.state.path_length_m, 1),
         "keyframes": truth.keyframes,
-        "growth_mb": {name: round(mb, 1) for name, mb in sorted(memory.growth_mb.items())},
-        "vslam_growth_beyond_map_mb": round(memory.beyond_map_mb, 1),
+        "lives": [life._asdict() for life in memory.lives],
         "error_rms_m": {k: round(float(np.sqrt(np.mean(np.square(e)))), 3) for k, e in truth.errors.items() if e},
     }
 

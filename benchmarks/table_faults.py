@@ -131,20 +131,24 @@ def files(rows: Sequence[Row]) -> list[str]:
 def soaks(rows: Sequence[Row]) -> list[str]:
     """The stack under faults of everything around it."""
     lines = [
-        "| minutes | faults | tracebacks | died by themselves | contacts | way "
-        "| memory grew by at most (vslam: beyond its map) | pose, odometry off (rms) |",
-        "|---|---|---|---|---|---|---|---|",
+        "| minutes | faults | tracebacks | died by themselves | contacts | way | pose, odometry off (rms) |",
+        "|---|---|---|---|---|---|---|",
     ]
     for row in rows:
         of = row.result
-        others = {name: mb for name, mb in of["growth_mb"].items() if name != "vslam"}
-        most = max(others, key=others.__getitem__, default="-")
         lines.append(
             f"| {row.asked['minutes']:g} | {', '.join(f'{n} {k}' for k, n in of['faults'].items())} "
             f"| {len(of['tracebacks'])} | {len(of['died_by_themselves'])} | {of['collisions']} | {of['path_m']:.0f} m "
-            f"| {most} {others.get(most, 0.0):.1f} MB (vslam {of['vslam_growth_beyond_map_mb']:.1f} MB) "
             f"| {', '.join(f'{100 * error:.0f} cm' for error in of['error_rms_m'].values())} |"
         )
+    lines += ["", "| process | lives | longest, when it was warm | its memory then | grew by | keyframes that came |"]
+    lines += ["|---|---|---|---|---|---|"]
+    lives = [life for row in rows for life in row.result["lives"]]
+    for name in dict.fromkeys(life["name"] for life in lives):
+        of_name = [life for life in lives if life["name"] == name]
+        longest = max(of_name, key=lambda life: life["minutes"])
+        grown = f"{longest['warm_mb']:.0f} MB | {longest['grown_mb']:.1f} MB | {longest['keyframes']}"
+        lines.append(f"| {name} | {len(of_name)} | {longest['minutes']:.0f} minutes | {grown} |")
     return lines
 
 
