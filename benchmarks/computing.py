@@ -14,11 +14,11 @@ import time
 import numpy as np
 from scipy.optimize import nnls
 
-from vsx_ros.cli.explore_fast import FastRun
-from vsx_ros.cli.world import open_world
 from vsx_ros.config import Config
 from vsx_ros.navigation.costs import known_m2
 from vsx_ros.navigation.goal_planner import TimedPlan
+from vsx_ros.runs.lockstep import FastRun
+from vsx_ros.runs.world import open_world
 
 
 def watched(run: FastRun) -> tuple[list[list[float]], list[list[float]]]:

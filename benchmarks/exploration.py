@@ -28,16 +28,16 @@ import numpy as np
 from nearest_frontier import nearest_frontier
 from tables import RESULTS, rooms_of
 
-from vsx_ros.cli.exit_codes import STOPPED
 from vsx_ros.cli.experiments.campaign import Engine, run_campaign
 from vsx_ros.cli.experiments.exploration import run_whole
 from vsx_ros.cli.experiments.rows import Store
-from vsx_ros.cli.explore_fast import FastRun
-from vsx_ros.cli.world import open_world
 from vsx_ros.config import Config
 from vsx_ros.errors import InputError
 from vsx_ros.exploration.decision import Action
 from vsx_ros.occupancy.grid import UNKNOWN
+from vsx_ros.runs.exit_codes import STOPPED
+from vsx_ros.runs.lockstep import FastRun
+from vsx_ros.runs.world import open_world
 
 SAMPLE_S = 5.0
 LEVELS = (0.5, 0.7, 0.8, 0.9, 0.95)

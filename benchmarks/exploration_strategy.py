@@ -22,7 +22,6 @@ from tables import RESULTS, rooms_of
 
 from vsx_ros.cli.experiments.campaign import Engine, run_campaign
 from vsx_ros.cli.experiments.rows import Store
-from vsx_ros.cli.run_record import MapJudge
 from vsx_ros.config import Config
 from vsx_ros.exploration.decision import Action, NavigationState, Situation
 from vsx_ros.exploration.mission import Mission
@@ -37,6 +36,7 @@ from vsx_ros.planning.path import Refusal, Trajectory
 from vsx_ros.planning.planner import Planner
 from vsx_ros.planning.sight import Sight
 from vsx_ros.planning.time_scaling import time_scale
+from vsx_ros.runs.record import MapJudge
 from vsx_ros.sim.camera import EmulatedCamera
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.scene import compile_scene

@@ -21,11 +21,11 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.calibration_file import write_calibration
-from vsx_ros.io.checkpoint import Saved
-from vsx_ros.io.journal import ClockLine, EventLine, FrameLine, Journal, TruthLine, flat
-from vsx_ros.io.run_folder import FrameRecord, RunEvent, RunFolder
 from vsx_ros.kernels.vision.patches import PATCH
 from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.runs.checkpoint import Saved
+from vsx_ros.runs.folder import FrameRecord, RunEvent, RunFolder
+from vsx_ros.runs.journal import ClockLine, EventLine, FrameLine, Journal, TruthLine, flat
 from vsx_ros.slam.keyframe import FrameData, Observations
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.slam_map import SlamMap

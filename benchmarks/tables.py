@@ -24,8 +24,8 @@ ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "benchmarks" / "results"
 
 _CORE = (
-    "config", "cli/explore_fast", "cli/run_record", "control", "dense", "evaluation", "exploration", "geometry",
-    "kernels", "navigation", "occupancy", "planning", "robot", "sim", "slam", "system", "vision",
+    "config", "control", "dense", "evaluation", "exploration", "geometry", "kernels", "navigation", "occupancy",
+    "planning", "robot", "runs/lockstep", "runs/record", "sim", "slam", "system", "vision",
 )  # fmt: skip
 _NODES = ("hw/vsx_hw", "src/vsx_ros/ros", "src/vsx_ros/control", "src/vsx_ros/navigation", "src/vsx_ros/robot")
 _IN_LOCK_STEP = tuple(f"src/vsx_ros/{room}" for room in _CORE)
@@ -34,7 +34,7 @@ ROOMS: dict[str, tuple[str, ...]] = {
     "exploration": (*_IN_LOCK_STEP, "benchmarks/exploration", "benchmarks/nearest_frontier"),
     "exploration_strategy": (*_IN_LOCK_STEP, "benchmarks/exploration_strategy", "benchmarks/nearest_frontier"),
     "exploration_live": (*_IN_LOCK_STEP, "src/vsx_ros/ros", "hw/vsx_hw", "benchmarks/exploration"),
-    "resume": (*_IN_LOCK_STEP, "src/vsx_ros/cli/session", "src/vsx_ros/io", "benchmarks/resume"),
+    "resume": (*_IN_LOCK_STEP, "src/vsx_ros/io", "src/vsx_ros/runs", "benchmarks/resume"),
     "fault_nodes": (*_NODES, "benchmarks/fault_nodes", "benchmarks/exploring_robot"),
     "fault_camera": (*_NODES, "src/vsx_ros/slam", "benchmarks/fault_camera", "benchmarks/exploring_robot"),
     "fault_bases": ("hw/vsx_hw", "benchmarks/fault_matrix"),
@@ -43,7 +43,13 @@ ROOMS: dict[str, tuple[str, ...]] = {
     "fault_disk": ("src/vsx_ros", "hw/vsx_hw", "benchmarks/fault_disk"),
     "fault_sensors": ("hw/vsx_hw", "benchmarks/fault_sensors"),
     "fault_alarms": ("hw/vsx_hw", "benchmarks/fault_sensors"),
-    "fuzz_files": ("src/vsx_ros/io", "src/vsx_ros/limits", "benchmarks/file_mutations", "benchmarks/file_samples"),
+    "fuzz_files": (
+        "src/vsx_ros/io",
+        "src/vsx_ros/limits",
+        "src/vsx_ros/runs",
+        "benchmarks/file_mutations",
+        "benchmarks/file_samples",
+    ),
     "soak_stack": ("src/vsx_ros", "hw/vsx_hw", "benchmarks/soak_stack", "benchmarks/exploring_robot"),
 }
 """What the rows of a file judge: folders, and files without their .py."""

@@ -103,7 +103,7 @@ class ExplorationSystem:
         if memory is not None:
             self.ground.restore(memory.state)
         else:
-            self.ground.start = SE2.from_se3(slam_map.view.keyframes[0].T_world_cam @ self._T_cam_base)
+            self.ground.start = (slam_map.view.keyframes[0].T_world_cam @ self._T_cam_base).to_se2()
         if self._densifier is not None:
             while self._densify(self.slam.snapshot()):
                 pass
@@ -146,7 +146,7 @@ class ExplorationSystem:
             known = self._late.popleft()
             self._localization.add_state(known.state, known.reason)
             if known.state.tracked and known.T_world_cam is not None:
-                self._localization.add_pose(known.stamp_ns, SE2.from_se3(known.T_world_cam @ self._T_cam_base))
+                self._localization.add_pose(known.stamp_ns, (known.T_world_cam @ self._T_cam_base).to_se2())
         return self._localization.at(now_ns)
 
     def surface_points(self) -> Points3:

@@ -14,12 +14,12 @@ from vsx_ros.cli.experiments.drive_figures import deviation, figure2_section, fi
 from vsx_ros.cli.experiments.exploration import ExplorationTask
 from vsx_ros.cli.experiments.stages import figure7
 from vsx_ros.cli.experiments.trackers import FULL, PAPER
-from vsx_ros.cli.explore_fast import FastRun
 from vsx_ros.cli.main import execute
-from vsx_ros.cli.world import open_world
 from vsx_ros.config import Config
 from vsx_ros.errors import InputError
 from vsx_ros.planning.path import Plan
+from vsx_ros.runs.lockstep import FastRun
+from vsx_ros.runs.world import open_world
 
 
 @pytest.mark.parametrize(("dataset", "low_deg", "high_deg"), [(1, 60, 110), (2, 150, 180)])

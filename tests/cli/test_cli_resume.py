@@ -14,17 +14,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from vsx_ros.cli import explore
-from vsx_ros.cli.main import execute, parser
-from vsx_ros.cli.session import Before
+from vsx_ros.cli.main import execute, parse
 from vsx_ros.config import Config
 from vsx_ros.errors import MapFileError
 from vsx_ros.exploration.memory import MissionMemory
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.io.checkpoint import Checkpoint
-from vsx_ros.io.journal import FrameLine, Journal, read_journal
-from vsx_ros.io.run_folder import RunFolder
 from vsx_ros.io.slam_map_file import load_slam_map
+from vsx_ros.runs.checkpoint import Checkpoint
+from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.journal import FrameLine, Journal, read_journal
+from vsx_ros.runs.session import Before
+from vsx_ros.runs.start import begin
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
 SECOND = 1_000_000_000
@@ -205,7 +205,7 @@ def test_its_map_can_be_saved_and_gone_on_in_by_another_run(resumed, tmp_path, c
     assert summary["frames_tracked"] > 40
     assert summary["coverage"] is None
     command = RunFolder.open(other).read_config()[1]["command"]
-    assert command == f"vsx explore --fast --load-map {path} --seed 1 --time 3.0 --out {other}"
+    assert command == f"vsx map load {path} --fast --seed 1 --time 3 --out {other}"
     path.unlink()  # what became of it is in the run's own folder
     assert execute(["explore", "--fast", "--resume", str(other), "--time", "4"]) == 0
     assert json.loads((other / "summary.json").read_text())["coverage"] is None
@@ -279,11 +279,11 @@ def test_a_robot_that_was_moved_forgets_the_way_it_came_and_nothing_else(tmp_pat
     way, home = [SE2(-0.2, 0.0, 0.0), SE2(-0.1, 0.0, 0.0)], SE2(1.0, 0.0, 0.0)
     memory = MissionMemory([home], [(home, 9.0, 2)], way, True, home)
     words = ["explore", "--resume", str(tmp_path)]
-    explore.begin(parser().parse_args([*words, "--moved"]))  # killed before it had a map: nothing to forget
+    begin(parse([*words, "--moved"]))  # killed before it had a map: nothing to forget
     folder.checkpoint.write_mission(memory.tree(), 0)
     (folder.checkpoint.path / "map.zip").touch()
     for more, expected in (([], memory), (["--moved"], memory._replace(trail=[]))):
-        explore.begin(parser().parse_args([*words, *more]))
+        begin(parse([*words, *more]))
         assert MissionMemory.of(folder.checkpoint.read_mission(), tmp_path) == expected
 
 
@@ -299,7 +299,7 @@ def test_the_way_driven_after_the_missions_last_word_is_in_the_journal(tmp_path)
     folder.checkpoint.write_mission(memory.tree(), 3 * SECOND + 1)
     (folder.checkpoint.path / "map.zip").touch()
     for _ in range(2):  # the second time there is nothing left to add
-        explore.begin(parser().parse_args(["explore", "--resume", str(tmp_path)]))
+        begin(parse(["explore", "--resume", str(tmp_path)]))
         trail = MissionMemory.of(folder.checkpoint.read_mission(), tmp_path).trail
         assert [pose.x for pose in trail] == pytest.approx([-0.3, -0.2, -0.1, 0.0])
 
@@ -313,7 +313,7 @@ def test_only_the_robot_of_a_run_to_resume_can_have_been_moved(tmp_path, monkeyp
 
 def test_runs_begun_in_the_same_second_have_folders_of_their_own(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(explore, "datetime", SimpleNamespace(now=lambda: datetime(2026, 5, 4, 10, 20, 30)))
-    folders = [explore.begin(parser().parse_args(["explore", "--fast", "--seed", str(seed)]))[0] for seed in (1, 2, 3)]
+    monkeypatch.setattr("vsx_ros.runs.start.datetime", SimpleNamespace(now=lambda: datetime(2026, 5, 4, 10, 20, 30)))
+    folders = [begin(parse(["explore", "--fast", "--seed", str(seed)]))[0] for seed in (1, 2, 3)]
     assert [folder.path.name for folder in folders] == [f"2026-05-04_10-20-30_lab{more}" for more in ("", "_2", "_3")]
     assert [folder.read_config()[1]["seed"] for folder in folders] == [1, 2, 3]

@@ -16,8 +16,8 @@ pytest.importorskip("rospy")
 
 from lone_base import LoneBase
 
-from vsx_ros.cli import streams
 from vsx_ros.ros import live, topics
+from vsx_ros.runs import streams
 
 pytestmark = pytest.mark.ros
 

@@ -23,10 +23,10 @@ pytest.importorskip("rospy")
 import bag_numbers
 import numpy as np
 
-from vsx_ros.cli.exit_codes import DONE, FAILED
-from vsx_ros.io.recording import open_recording
+from vsx_ros.io.open_recording import open_recording
 from vsx_ros.ros import topics
-from vsx_ros.ros.nodes.teleop import keys
+from vsx_ros.ros.keyboard import keys
+from vsx_ros.runs.exit_codes import DONE, FAILED
 
 if TYPE_CHECKING:
     from conftest import Stack

@@ -18,10 +18,10 @@ from vsx_ros.config import Config
 from vsx_ros.errors import InputError, MapFileError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.io.run_folder import RunEvent, RunFolder
 from vsx_ros.robot import Odometry, VelocityCommand
 from vsx_ros.ros import process
 from vsx_ros.ros.run_keeper import RunKeeper
+from vsx_ros.runs.folder import RunEvent, RunFolder
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.robot import EmulatedRobot
 from vsx_ros.slam.slam import SequentialSlam

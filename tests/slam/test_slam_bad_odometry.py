@@ -131,7 +131,7 @@ def test_a_heading_of_the_wheels_that_the_image_contradicts_is_never_tracked(arc
     assert set(done.states(FIRST)) <= set(TRACKED)
     T_cam_base = arc_drive.T_base_cam.inverse()
     headings = [
-        wrap_angle(SE2.from_se3(r.T_world_cam @ T_cam_base).theta - SE2.from_se3(truth @ T_cam_base).theta)
+        wrap_angle((r.T_world_cam @ T_cam_base).to_se2().theta - (truth @ T_cam_base).to_se2().theta)
         for r, (_, _, truth) in zip(done.results, arc_drive.frames)
         if r.state in TRACKED
     ]

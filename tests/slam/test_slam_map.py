@@ -170,7 +170,7 @@ def made_before(arc_drive):
 def second_drive(arc_drive):
     """The same robot in the same lab, set down elsewhere, the first five images dark: (frame, odometry, truth)."""
     first = arc_drive.frames[0][2] @ arc_drive.T_base_cam.inverse()
-    start = SE2.from_se3(first) @ SE2(0.3, 0.08, 0.1)
+    start = first.to_se2() @ SE2(0.3, 0.08, 0.1)
     world = generate_world("lab", 12)
     world = msgspec.structs.replace(world, start=Start(x=start.x, y=start.y, theta_rad=start.theta))
     robot = EmulatedRobot(world, 12)

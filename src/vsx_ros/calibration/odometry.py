@@ -122,7 +122,7 @@ def _ways(drive: Sequence[TrackedPose], bases: Sequence[SE3]) -> list[FloatArray
 def _turns(drive: Sequence[TrackedPose], bases: Sequence[SE3]) -> list[FloatArray]:
     """(K, 2) heading by the wheels and by the camera, of stretches with ``STRETCH_RAD`` of turning each [rad]."""
     steps = [before.T_odom_base.angle_to(after.T_odom_base) for before, after in zip(drive, drive[1:])]
-    seen = np.unwrap([SE2.from_se3(bases[0].inverse() @ base).theta for base in bases])
+    seen = np.unwrap([(bases[0].inverse() @ base).to_se2().theta for base in bases])
     headings = np.column_stack([np.cumsum([0.0, *steps]), seen])
     number = (np.cumsum([0.0, *map(abs, steps)]) / STRETCH_RAD).astype(int)
     stretches = [headings[number == k] for k in range(int(number[-1]) + 1)]

@@ -14,14 +14,15 @@ from vsx_ros.calibration.closing import closing_turn
 from vsx_ros.calibration.mount import MountCalibration, TrackedPose, calibrate_mount
 from vsx_ros.calibration.odometry import OdometryCalibration, from_camera, from_known_turns, from_known_way
 from vsx_ros.calibration.verdict import Grade, Verdict
-from vsx_ros.cli.config import load
-from vsx_ros.cli.exit_codes import DONE, FAILED
-from vsx_ros.cli.robot_file import default_robot_file, update_robot_file
 from vsx_ros.config import Config, MountConfig, SlamConfig
 from vsx_ros.errors import CalibrationError, InputError
 from vsx_ros.geometry.camera import PinholeCamera, mounted
 from vsx_ros.io.calibration_file import read_calibration
-from vsx_ros.io.recording import Recording, open_recording
+from vsx_ros.io.open_recording import open_recording
+from vsx_ros.io.recording import Recording
+from vsx_ros.runs.exit_codes import DONE, FAILED
+from vsx_ros.runs.parameters import load
+from vsx_ros.runs.robot_file import default_robot_file, update_robot_file
 from vsx_ros.slam.slam import SequentialSlam
 
 

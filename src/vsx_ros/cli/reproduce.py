@@ -57,9 +57,9 @@ def seeds(text: str) -> range:
 def run(args: argparse.Namespace) -> int:
     """Make what was asked for, and say where it is."""
     from vsx_ros.cli.experiments.rows import made_by
-    from vsx_ros.cli.world import open_world
     from vsx_ros.evaluation.page import page
     from vsx_ros.io.atomic import write_text
+    from vsx_ros.runs.world import open_world
 
     if args.time is not None and not args.time > 0:
         raise ConfigError(f"--time {args.time}: give a positive number of seconds")

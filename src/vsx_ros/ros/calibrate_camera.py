@@ -1,8 +1,7 @@
-"""``vsx calibrate camera --live``. Run as ``python -m vsx_ros.ros.calibrate_camera`` with its options."""
+"""``vsx calibrate camera --live``."""
 
 from __future__ import annotations
 
-import argparse
 import signal
 import sys
 import threading
@@ -17,14 +16,12 @@ from vsx_ros.calibration.board import Board
 from vsx_ros.calibration.camera import MIN_VIEWS, BoardView, calibrate_camera
 from vsx_ros.calibration.variety import ViewChooser
 from vsx_ros.calibration.verdict import Grade
-from vsx_ros.cli.calibrate import add_camera_arguments
-from vsx_ros.cli.calibrate_camera import report
-from vsx_ros.cli.exit_codes import DONE, FAILED
-from vsx_ros.cli.stoppable import Heard
 from vsx_ros.errors import InputError
 from vsx_ros.robot import Frame
 from vsx_ros.ros import calls, guest, images, process, topics
 from vsx_ros.ros.progress import Progress
+from vsx_ros.runs.exit_codes import DONE, FAILED
+from vsx_ros.runs.stoppable import Heard
 
 _STILL_PX, _STILL_S = 2.0, 0.5
 _FIRST_IMAGE_S, _SERVICE_S = 10.0, 5.0
@@ -71,11 +68,12 @@ class BoardWatcher:
         return f"{name} taken" if self.chooser.offer(BoardView(name, pixels)) else "seen like this before"
 
 
-def calibrate(args: argparse.Namespace) -> int:
+@guest.command
+def calibrate(board: Board) -> int:
     """Collect until nothing is missing or Ctrl-C; calibrate, and let the camera node store it."""
     guest.join("calibrate")
     ended = Heard(signal.SIGINT, signal.SIGTERM)
-    board, progress = Board.parse(args.board, args.pattern), Progress(sys.stderr)
+    progress = Progress(sys.stderr)
     watcher = BoardWatcher(board)
     while not ended.came and not rospy.is_shutdown():
         said = watcher.look(_FIRST_IMAGE_S)
@@ -90,7 +88,7 @@ def calibrate(args: argparse.Namespace) -> int:
     if watcher.chooser is None or len(watcher.chooser.views) < MIN_VIEWS:
         raise InputError(f"ended with too few views of the board, {MIN_VIEWS} are needed; nothing is stored")
     result = calibrate_camera(board, watcher.chooser.views, *watcher.size)
-    sys.stdout.write("\n".join([f"{len(watcher.chooser.views)} views", *(f"  {line}" for line in report(result))]))
+    sys.stdout.write("\n".join([f"{len(watcher.chooser.views)} views", *(f"  {line}" for line in result.report())]))
     sys.stdout.write(f"\n{result.verdict}\n")
     if result.verdict.grade is Grade.BAD:
         sys.stdout.write("  it is not stored\n")
@@ -108,14 +106,3 @@ def _store(service: str, info: object) -> int:
         raise InputError(f"{service} does not store it: {answer.status_message}")
     sys.stdout.write(f"  the camera node has {answer.status_message} and uses it now\n")
     return DONE
-
-
-def main() -> int:
-    """Parse and run."""
-    parser = argparse.ArgumentParser(prog="vsx calibrate camera --live")
-    add_camera_arguments(parser)
-    return guest.command(calibrate, parser.parse_args())
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
-import sys
 from collections.abc import Callable
-from typing import TypeVar
+from typing import ParamSpec
 
 import rosgraph
 import rospy
 
-from vsx_hw.errors import DeviceError
-from vsx_ros.cli import streams
-from vsx_ros.cli.check_network import DEFAULT_MASTER
-from vsx_ros.cli.exit_codes import DONE, FAILED, HARDWARE
-from vsx_ros.errors import ConfigError, VsxError
+from vsx_ros.errors import ConfigError
 from vsx_ros.ros import calls, process
 from vsx_ros.ros.master_watch import master_watch
+from vsx_ros.ros.own_address import DEFAULT_MASTER, tell_ros
+from vsx_ros.runs.exit_codes import DONE
 
-Arguments = TypeVar("Arguments")
+P = ParamSpec("P")
 
 _LEAVE_S = 3.0
 
@@ -29,6 +27,7 @@ def join(name: str) -> None:
 
     Raises ConfigError when no master answers.
     """
+    tell_ros()
     uri = os.environ.setdefault("ROS_MASTER_URI", DEFAULT_MASTER)
     if not rosgraph.is_master_online():
         raise ConfigError(
@@ -39,16 +38,18 @@ def join(name: str) -> None:
     master_watch()
 
 
-def command(work: Callable[[Arguments], int], arguments: Arguments) -> int:
-    """The exit code of ``work``; errors are one sentence. Ctrl-C is how these commands are ended, hence no failure."""
-    process.quiet_failures()
-    try:
-        return streams.ended(work(arguments))
-    except KeyboardInterrupt:
-        return DONE
-    except (VsxError, DeviceError) as error:
-        sys.stderr.write(f"vsx: {error}\n")
-        return HARDWARE if isinstance(error, DeviceError) else FAILED
-    finally:
-        with contextlib.suppress(calls.NoAnswer):
-            calls.within(_LEAVE_S, lambda: rospy.signal_shutdown("the command is done"), "the ROS master")
+def command(work: Callable[P, int]) -> Callable[P, int]:
+    """``work``, which joins, and leaves at its end. Ctrl-C is how these commands are ended, hence no failure."""
+
+    @functools.wraps(work)
+    def joining(*args: P.args, **options: P.kwargs) -> int:
+        process.quiet_failures()
+        try:
+            return work(*args, **options)
+        except KeyboardInterrupt:
+            return DONE
+        finally:
+            with contextlib.suppress(calls.NoAnswer):
+                calls.within(_LEAVE_S, lambda: rospy.signal_shutdown("the command is done"), "the ROS master")
+
+    return joining

@@ -17,11 +17,10 @@ import roslaunch.parent
 import roslaunch.rlutil
 import yaml
 
-from vsx_ros.cli.own_address import tell_ros
 from vsx_ros.errors import ConfigError
 from vsx_ros.ros import topics
+from vsx_ros.ros.own_address import tell_ros
 
-DEFAULT_MASTER = "http://localhost:11311"
 SIGINT_TIMEOUT_S, SIGTERM_TIMEOUT_S = 3.0, 1.0
 
 # Parallelism is by process; threads of libraries inside of them only fight for the same cores.

@@ -18,13 +18,14 @@ import rospy
 from geometry_msgs.msg import Twist
 from std_srvs.srv import SetBool
 
-from vsx_ros.cli import streams
-from vsx_ros.cli.stoppable import Heard
 from vsx_ros.errors import ConfigError
 from vsx_ros.ros import calls, launch, process, topics
 from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.master_watch import master_watch
+from vsx_ros.ros.own_address import DEFAULT_MASTER
 from vsx_ros.ros.registrations import answers_at
+from vsx_ros.runs import streams
+from vsx_ros.runs.stoppable import Heard
 
 _STOP_S = 0.6
 _ESTOP_WAIT_S = 2.0
@@ -182,7 +183,7 @@ def choose_master() -> None:
 
     Raises ConfigError when ROS_MASTER_URI names another machine where no master answers, or a name nobody knows.
     """
-    uri = os.environ.setdefault("ROS_MASTER_URI", launch.DEFAULT_MASTER)
+    uri = os.environ.setdefault("ROS_MASTER_URI", DEFAULT_MASTER)
     if rosgraph.is_master_online(uri):
         return
     host, port = rosgraph.network.parse_http_host_and_port(uri)

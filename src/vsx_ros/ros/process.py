@@ -26,12 +26,12 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Image
 
 from vsx_hw.errors import DeviceError
-from vsx_ros.cli import streams
 from vsx_ros.config import Config, from_dict
 from vsx_ros.errors import ConfigError, InputError, VsxError, disk_trouble
 from vsx_ros.registry import load_plugins
 from vsx_ros.ros import calls, frames, topics
 from vsx_ros.ros.master_watch import master_watch
+from vsx_ros.runs import streams
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 

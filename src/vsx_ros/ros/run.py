@@ -1,13 +1,9 @@
-"""The live run behind ``vsx explore``: all nodes, an emulated robot when a world is given, and a run folder at the end.
-
-Run as ``python -m vsx_ros.ros`` with the options of ``vsx explore``.
-"""
+"""The live run behind ``vsx explore``: all nodes, an emulated robot where a world is given, a run folder at the end."""
 
 from __future__ import annotations
 
 import argparse
 import os
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
@@ -16,28 +12,26 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsx_hw.errors import DeviceError
-from vsx_ros.cli import streams
-from vsx_ros.cli.exit_codes import DONE, FAILED, HARDWARE, INTERNAL, STOPPED, ended_well
-from vsx_ros.cli.explore import add_arguments, begin
-from vsx_ros.cli.outcomes import EXIT_CODES
-from vsx_ros.cli.report import tell_the_end, write_report
-from vsx_ros.cli.run_record import MapJudge
 from vsx_ros.config import Config, MountConfig, to_dict
-from vsx_ros.errors import ConfigError, VsxError, disk_trouble
+from vsx_ros.errors import ConfigError
 from vsx_ros.evaluation.summary import Summary, with_accuracy
 from vsx_ros.evaluation.trajectory import path_length
 from vsx_ros.exploration.decision import MissionState
 from vsx_ros.geometry.camera import mounted
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.stamped import StampedPose
-from vsx_ros.io.run_folder import RunEvent, RunFolder
 from vsx_ros.ros import launch, process, view
 from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.live import MASTER, Live, refuse_second_robot
 from vsx_ros.ros.progress import Progress, progress_line
 from vsx_ros.ros.witness import Witness
 from vsx_ros.ros.witness_journal import WitnessJournal
+from vsx_ros.runs.exit_codes import DONE, FAILED, HARDWARE, INTERNAL, STOPPED, ended_well
+from vsx_ros.runs.folder import RunEvent, RunFolder
+from vsx_ros.runs.outcomes import EXIT_CODES
+from vsx_ros.runs.record import MapJudge
+from vsx_ros.runs.report import tell_the_end, write_report
+from vsx_ros.runs.start import begin
 from vsx_ros.sim.world import Start, World, changed
 from vsx_ros.sim.world_file import save_world
 from vsx_ros.slam.state import TrackingState
@@ -88,7 +82,8 @@ class Coverage:
 
 
 def explore(args: argparse.Namespace) -> int:
-    """One live run, or the rest of one that was interrupted; its exit code."""
+    """One live run, or the rest of one that was interrupted; its exit code. args: the options of ``vsx explore``."""
+    process.quiet_failures()
     refuse_second_robot([node.name for node in (*launch.bringup(), *launch.exploration())])
     folder, config, world = begin(args)
     os.environ["ROS_LOG_DIR"] = str((folder.path / "log").resolve())
@@ -250,21 +245,3 @@ def all_events(folder: RunFolder, journal: WitnessJournal, witness: Witness) -> 
     the session before."""
     slam = [event for event in folder.read_events() if event.source == "slam"]
     return [*slam, *journal.events(), *witness.events()]
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Parse and run; errors are one sentence. KeyboardInterrupt is the caller's to tell."""
-    parser = argparse.ArgumentParser(prog="vsx explore")
-    add_arguments(parser)
-    process.quiet_failures()
-    args = parser.parse_args(arguments)
-    try:
-        return streams.ended(explore(args))
-    except (VsxError, DeviceError) as error:
-        sys.stderr.write(f"vsx: {error}\n")
-        return HARDWARE if isinstance(error, DeviceError) else FAILED
-    except OSError as error:
-        if not disk_trouble(error):
-            raise
-        sys.stderr.write(f"vsx: {disk_trouble(error)}\n")
-        return FAILED

@@ -12,16 +12,16 @@ from typing import Any
 from numpy.typing import NDArray
 
 from vsx_ros.arrays import Points3
-from vsx_ros.cli.run_record import RunRecord
-from vsx_ros.cli.session import CHECKPOINT_EVERY_NS
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.io.checkpoint import Saved
-from vsx_ros.io.journal import EventLine, FrameLine, Journal, read_journal
-from vsx_ros.io.run_folder import RunFolder
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import Odometry
 from vsx_ros.ros import process
+from vsx_ros.runs.checkpoint import Saved
+from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.journal import EventLine, FrameLine, Journal, read_journal
+from vsx_ros.runs.record import RunRecord
+from vsx_ros.runs.session import CHECKPOINT_EVERY_NS
 from vsx_ros.slam.slam_map import SlamMap
 from vsx_ros.slam.state import SlamEvent, TrackingResult
 from vsx_ros.slam.threads import ThreadedSlam

@@ -21,11 +21,11 @@ from std_msgs.msg import Float32, String, UInt8, UInt32
 from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.stamped import StampedPose
-from vsx_ros.io.run_folder import RunEvent
 from vsx_ros.navigation.follower_report import decode_report
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.ros import convert, process, topics
 from vsx_ros.ros.device_trouble import DeviceTrouble
+from vsx_ros.runs.folder import RunEvent
 
 _JITTER_M = 0.002
 # rospy's own remarks on connections that come and go while nodes start and end.

@@ -10,9 +10,9 @@ from vsx_ros.errors import InputError
 from vsx_ros.geometry.camera import mounted
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.stamped import StampedPose
-from vsx_ros.io.journal import ClockLine, EventLine, Journal, Line, TruthLine, flat, read_journal, unflat
-from vsx_ros.io.run_folder import RunEvent, RunFolder
 from vsx_ros.ros.witness import Witness
+from vsx_ros.runs.folder import RunEvent, RunFolder
+from vsx_ros.runs.journal import ClockLine, EventLine, Journal, Line, TruthLine, flat, read_journal, unflat
 
 
 class WitnessJournal:
@@ -55,7 +55,7 @@ class WitnessJournal:
         collisions = self.clock.collisions + witness.collisions
         lines: list[Line] = [EventLine(**event._asdict()) for event in events]
         for stamp_ns, T in truths:
-            base = SE2.from_se3(T @ self._T_cam_base)
+            base = (T @ self._T_cam_base).to_se2()
             at, seen = (base.x, base.y, base.theta), flat(T)
             lines.append(TruthLine(stamp_ns=stamp_ns, T_world_cam=seen, T_world_base=at, collisions=collisions))
         plans = self.clock.plans + len(witness.navigation().plan_ms)

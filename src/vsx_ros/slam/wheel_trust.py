@@ -52,7 +52,7 @@ class WheelTrust:
         if self._wheels is None or self._unproven_m > 0.0:
             self._moments.clear()
             return ""
-        now = _Moment(self._wheels, SE2.from_se3(T_world_cam @ self._T_cam_base))
+        now = _Moment(self._wheels, (T_world_cam @ self._T_cam_base).to_se2())
         self._moments.append(now)
         gaps = [self._gap(self._moments[-1 - n], now) for n in WINDOWS if n < len(self._moments)]
         if self.doubted:
@@ -76,7 +76,7 @@ class WheelTrust:
 
     def move(self, T_new_old: SE3) -> None:
         """Follow a map that was moved under the camera."""
-        moved = SE2.from_se3(T_new_old)
+        moved = T_new_old.to_se2()
         self._moments = deque((m._replace(seen=moved @ m.seen) for m in self._moments), self._moments.maxlen)
         if self._last_used is not None:
             self._last_used = self._last_used._replace(seen=moved @ self._last_used.seen)

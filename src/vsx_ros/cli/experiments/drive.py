@@ -14,7 +14,6 @@ import msgspec
 import numpy as np
 
 from vsx_ros.cli.experiments.trackers import Trackers
-from vsx_ros.cli.world import open_world
 from vsx_ros.config import Config, LimitsConfig, overridden
 from vsx_ros.control.trajectory_tracker import FollowStatus, TrajectoryTracker
 from vsx_ros.errors import InputError
@@ -26,6 +25,7 @@ from vsx_ros.planning.path import Path, Plan, Refusal, Trajectory
 from vsx_ros.planning.planner import Planner, UnconstrainedPlanner
 from vsx_ros.planning.time_scaling import time_scale
 from vsx_ros.robot import STOP, VelocityCommand
+from vsx_ros.runs.world import open_world
 from vsx_ros.sim.robot import EmulatedRobot
 from vsx_ros.sim.truth import ground_truth_grid
 from vsx_ros.sim.world import World

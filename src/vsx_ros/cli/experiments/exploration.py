@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from vsx_ros.cli.config import load
-from vsx_ros.cli.explore_fast import STOPPED_BY_OPERATOR, FastRun
-from vsx_ros.cli.world import open_world
+from vsx_ros.runs.lockstep import STOPPED_BY_OPERATOR, FastRun
+from vsx_ros.runs.parameters import load
+from vsx_ros.runs.world import open_world
 
 _JUDGE_EVERY_NS = 2_000_000_000
 _SHARES = (0.5, 0.9, 0.95)

@@ -9,12 +9,12 @@ import numpy as np
 from vsx_ros.arrays import Points3
 from vsx_ros.cli.experiments.campaign import Result
 from vsx_ros.cli.experiments.exploration import run_whole
-from vsx_ros.cli.explore_fast import FastRun
-from vsx_ros.cli.world import open_world
 from vsx_ros.config import Config
 from vsx_ros.evaluation.page import Section, figures, paragraph, table
 from vsx_ros.evaluation.ways import Window, curves, ways_picture, window_of
 from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.runs.lockstep import FastRun
+from vsx_ros.runs.world import open_world
 
 STAGES = (0.25, 0.5, 0.75, 1.0)
 _EVERY_NS = 2_000_000_000

@@ -37,9 +37,9 @@ _SERVICE_WAIT_S = 2.0
 class DashboardNode:
     """Serves the page; outlives the stack it shows."""
 
-    def __init__(self, _: Config) -> None:
-        host, port = str(rospy.get_param("~host", LOOPBACK)), int(rospy.get_param("~port", DEFAULT_PORT))
-        allowed = [name.strip() for name in str(rospy.get_param("~allow", "")).split(",") if name.strip()]
+    def __init__(self, host: str, port: int, allow: str) -> None:
+        """allow: names by commas."""
+        allowed = [name.strip() for name in allow.split(",") if name.strip()]
         self._board = Board()
         token = os.environ.get(TOKEN) or secrets.token_urlsafe(12)
         feed = Feed(self._board)
@@ -84,8 +84,9 @@ def _call(service: str, kind: type[Any], *arguments: object) -> Command:
 
 def main() -> None:
     """Entry point of scripts/dashboard."""
-    process.run("dashboard", DashboardNode)
+    process.run("dashboard", _from_parameters)
 
 
-if __name__ == "__main__":
-    main()
+def _from_parameters(_: Config) -> DashboardNode:
+    host, port = str(rospy.get_param("~host", LOOPBACK)), int(rospy.get_param("~port", DEFAULT_PORT))
+    return DashboardNode(host, port, str(rospy.get_param("~allow", "")))

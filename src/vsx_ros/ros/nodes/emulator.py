@@ -31,7 +31,6 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry as OdometryMsg
 from std_msgs.msg import Float32, UInt32
 
-from vsx_ros.cli.world import open_world
 from vsx_ros.config import Config
 from vsx_ros.errors import ConfigError
 from vsx_ros.geometry.se3 import SE3
@@ -40,6 +39,7 @@ from vsx_ros.ros import convert, process, topics
 from vsx_ros.ros.base_drivers import base_emulator, wheel_base_m
 from vsx_ros.ros.emulation import BodyPlant, BodyState
 from vsx_ros.ros.render_process import POSE, RenderSettings
+from vsx_ros.runs.world import open_world
 
 _WORLD_FRAME = "world"
 _TRUTH_PERIOD_S = 1.0 / 30.0

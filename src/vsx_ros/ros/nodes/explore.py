@@ -38,7 +38,6 @@ from vsx_ros.exploration.memory import MissionMemory
 from vsx_ros.exploration.mission import Mission
 from vsx_ros.exploration.utility import TravelCosts
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.io.run_folder import RunFolder
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.planner import Planner
 from vsx_ros.ros import base_messages, convert, process, topics
@@ -47,6 +46,7 @@ from vsx_ros.ros.lease import PERIOD_S, Lease, LeaseWatch
 from vsx_ros.ros.localization import HeardLocalization
 from vsx_ros.ros.sent_goal import SentGoal, is_served
 from vsx_ros.ros.warm_up import warm_up_mission
+from vsx_ros.runs.folder import RunFolder
 
 _DECIDE_PERIOD_S = 0.2
 _STATUS_PERIOD_S = 1.0

@@ -8,10 +8,8 @@ Arrow keys or w a s d move, space stops, + and - change the speed, q ends. Relea
 
 from __future__ import annotations
 
-import argparse
 import atexit
 import os
-import re
 import select
 import sys
 import termios
@@ -21,32 +19,18 @@ import tty
 import rospy
 from geometry_msgs.msg import Twist
 
-from vsx_ros.cli.teleop import KEYS, add_arguments
 from vsx_ros.config import Config
 from vsx_ros.errors import ConfigError
 from vsx_ros.robot import STOP, VelocityCommand
 from vsx_ros.ros import convert, process, topics
+from vsx_ros.ros.keyboard import KEYS, MOTIONS, keys
+from vsx_ros.ros.own_address import tell_ros
+from vsx_ros.runs.exit_codes import DONE
 
 _PERIOD_S = 0.05
 # A held key repeats 10 to 30 times a second, after a first pause of up to half a second.
 _FIRST_HELD_FOR_S, _HELD_FOR_S = 0.55, 0.25
 _FASTER = 1.1
-_KEYS = {
-    "w": (1.0, 0.0),
-    "s": (-1.0, 0.0),
-    "a": (0.0, 1.0),
-    "d": (0.0, -1.0),
-    "\x1b[A": (1.0, 0.0),
-    "\x1b[B": (-1.0, 0.0),
-    "\x1b[D": (0.0, 1.0),
-    "\x1b[C": (0.0, -1.0),
-}
-_ARROW = re.compile(r"\x1b[\[O]([A-D])|.", re.DOTALL)
-
-
-def keys(text: str) -> list[str]:
-    """The keys of what a terminal sent; arrows are three characters, in either of a terminal's two modes."""
-    return [f"\x1b[{match[1]}" if match[1] else match[0] for match in _ARROW.finditer(text)]
 
 
 class TeleopNode:
@@ -55,11 +39,11 @@ class TeleopNode:
     Raises ConfigError where there is no terminal.
     """
 
-    def __init__(self, _: Config) -> None:
+    def __init__(self, v_m_s: float, omega_rad_s: float) -> None:
         if not sys.stdin.isatty():
             raise ConfigError("there is no keyboard; start teleop in a terminal of its own, not from a launch file")
         self._publisher = rospy.Publisher(topics.COMMAND_TELEOP, Twist, queue_size=1, tcp_nodelay=True)
-        self._v, self._omega = float(rospy.get_param("~v_m_s", 0.2)), float(rospy.get_param("~omega_rad_s", 0.6))
+        self._v, self._omega = v_m_s, omega_rad_s
         self._command, self._until_s = STOP, 0.0
         self._input = sys.stdin.fileno()
         self._terminal = termios.tcgetattr(self._input)
@@ -90,8 +74,8 @@ class TeleopNode:
 
     def _on_key(self, key: str) -> None:
         now_s = time.monotonic()
-        if key in _KEYS:
-            forward, left = _KEYS[key]
+        if key in MOTIONS:
+            forward, left = MOTIONS[key]
             self._command = VelocityCommand(forward * self._v, left * self._omega)
             self._until_s = now_s + (_HELD_FOR_S if now_s < self._until_s else _FIRST_HELD_FOR_S)
         elif key == " ":
@@ -119,17 +103,15 @@ class TeleopNode:
 
 def main() -> None:
     """Entry point of scripts/teleop."""
-    process.run("teleop", TeleopNode)
+    process.run("teleop", _from_parameters)
 
 
-def command() -> None:
-    """``vsx teleop``: its options become the node's parameters, as on a roslaunch line."""
-    parser = argparse.ArgumentParser(prog="vsx teleop")
-    add_arguments(parser)
-    args = parser.parse_args()
-    sys.argv = [sys.argv[0], f"_v_m_s:={args.v}", f"_omega_rad_s:={args.omega}"]
-    main()
+def _from_parameters(_: Config) -> TeleopNode:
+    return TeleopNode(float(rospy.get_param("~v_m_s", 0.2)), float(rospy.get_param("~omega_rad_s", 0.6)))
 
 
-if __name__ == "__main__":
-    command()
+def teleop(v_m_s: float, omega_rad_s: float) -> int:
+    """``vsx teleop``: the node at these speeds until its end."""
+    tell_ros()
+    process.run("teleop", lambda _: TeleopNode(v_m_s, omega_rad_s))
+    return DONE

@@ -89,7 +89,7 @@ class VslamNode:
             self._ground.restore(before.state)
         elif self._loaded is not None:
             first = self._loaded.view.keyframes[0].T_world_cam
-            self._ground.started(SE2.from_se3(first @ self._T_base_cam.inverse()))
+            self._ground.started((first @ self._T_base_cam.inverse()).to_se2())
         self._driven = self._ground.state()
         self._recognised = self._loaded is None
         self._status = SlamStatus()
@@ -209,7 +209,7 @@ class VslamNode:
     def _publish_pose(self, result: TrackingResult, odometry: Odometry | None) -> None:
         if result.T_world_cam is None or result.state not in _SIGMA:
             return
-        T_map_base = SE2.from_se3(result.T_world_cam @ self._T_base_cam.inverse())
+        T_map_base = (result.T_world_cam @ self._T_base_cam.inverse()).to_se2()
         sigma_m, sigma_rad = _SIGMA[result.state]
         if result.found == 0 and odometry is not None and not odometry.trusted:  # by wheels that nobody vouches for
             sigma_m, sigma_rad = _DISTRUST * sigma_m, _DISTRUST * sigma_rad

@@ -3,7 +3,7 @@ import sys
 
 INTERRUPTED_AT_EVERY_LINE = """
 import signal
-from vsx_ros.cli.stoppable import Heard
+from vsx_ros.runs.stoppable import Heard
 heard = Heard(signal.SIGUSR1)
 
 def again(frame, event, arg):

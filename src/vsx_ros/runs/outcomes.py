@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from vsx_ros.cli.exit_codes import DONE, FAILED, LOST, STOPPED
+from vsx_ros.runs.exit_codes import DONE, FAILED, LOST, STOPPED
 from vsx_ros.exploration.decision import Outcome
 
 EXIT_CODES = {

@@ -10,7 +10,7 @@ import pytest
 FULL = "/dev/full"
 TALKER = """
 import logging, sys, traceback
-from vsx_ros.cli import streams
+from vsx_ros.runs import streams
 
 streams.never_fail()
 logging.basicConfig(filename=sys.argv[1], level=logging.INFO)

@@ -13,7 +13,7 @@ import os
 import sys
 from typing import TYPE_CHECKING, TextIO
 
-from vsx_ros.cli.exit_codes import FAILED
+from vsx_ros.runs.exit_codes import FAILED
 from vsx_ros.errors import disk_trouble
 
 if TYPE_CHECKING:

@@ -7,6 +7,7 @@ import socket
 from urllib.parse import urlparse
 
 MASTER_PORT = 11311
+DEFAULT_MASTER = f"http://localhost:{MASTER_PORT}"
 
 
 def own_address(master_uri: str) -> str:
@@ -27,5 +28,5 @@ def tell_ros() -> None:
     has no address that others can reach."""
     if os.environ.get("ROS_IP") or os.environ.get("ROS_HOSTNAME"):
         return
-    address = own_address(os.environ.get("ROS_MASTER_URI", f"http://localhost:{MASTER_PORT}"))
+    address = own_address(os.environ.get("ROS_MASTER_URI", DEFAULT_MASTER))
     os.environ["ROS_HOSTNAME" if address == "localhost" else "ROS_IP"] = address

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from vsx_ros.errors import InputError
 from vsx_ros.exploration.memory import MissionMemory
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.io.checkpoint import Saved
-from vsx_ros.io.journal import FrameLine, Journal, Line, TruthLine, read_journal
-from vsx_ros.io.run_folder import RunFolder
+from vsx_ros.runs.checkpoint import Saved
+from vsx_ros.runs.journal import FrameLine, Journal, Line, TruthLine, read_journal
+from vsx_ros.runs.folder import RunFolder
 from vsx_ros.system import Memory
 
 CHECKPOINT_EVERY_NS = 5_000_000_000

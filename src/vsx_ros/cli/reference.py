@@ -1,6 +1,6 @@
 """The reference of commands, nodes, topics and services, from the code that has them.
 
-``python -m vsx_ros.ros.reference > docs/reference.md`` writes it anew; a test compares.
+``python -m vsx_ros.cli.reference > docs/reference.md`` writes it anew; a test compares.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from vsx_ros.ros import nodes, topics
 _ABOUT = """\
 # Reference
 
-Written by `python -m vsx_ros.ros.reference > docs/reference.md`; parameters with units, bounds and defaults are in
+Written by `python -m vsx_ros.cli.reference > docs/reference.md`; parameters with units, bounds and defaults are in
 `config/default.yaml`, which `scripts/vsx config` prints. `scripts/vsx COMMAND --help` says more about each command.
 Exit codes: 0 done, 1 usage or failed check, 2 hardware, 3 tracking lost for good, 4 stopped by the operator, 5 internal
 error.

@@ -5,7 +5,7 @@ import socket
 
 import pytest
 
-from vsx_ros.cli.own_address import own_address, tell_ros
+from vsx_ros.ros.own_address import own_address, tell_ros
 
 
 @pytest.mark.parametrize(

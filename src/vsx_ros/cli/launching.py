@@ -10,15 +10,16 @@ from pathlib import Path
 from typing import Any
 
 from vsx_hw import bases
-from vsx_ros.cli.config import load
-from vsx_ros.cli.exit_codes import DONE, FAILED
 from vsx_ros.cli.explore import BASES, PLANNERS
-from vsx_ros.cli.robot_file import robot_file_here
-from vsx_ros.cli.world import open_world
 from vsx_ros.config import to_dict
 from vsx_ros.errors import VsxError
 from vsx_ros.ros import launch, process
 from vsx_ros.ros.launch import LaunchNode
+from vsx_ros.ros.own_address import DEFAULT_MASTER
+from vsx_ros.runs.exit_codes import DONE, FAILED
+from vsx_ros.runs.parameters import load
+from vsx_ros.runs.robot_file import robot_file_here
+from vsx_ros.runs.world import open_world
 
 _TEXTS = {
     "bringup": "The robot itself: base and camera.",
@@ -85,7 +86,7 @@ def main() -> None:
         real = name in ("bringup", "explore")
         config = to_dict(load(args.config or (robot_file_here() if real else None), []))
         params = {"use_sim_time": True} if name == "replay" else {}
-        os.environ.setdefault("ROS_MASTER_URI", launch.DEFAULT_MASTER)
+        os.environ.setdefault("ROS_MASTER_URI", DEFAULT_MASTER)
         parent = launch.start(launch.xml(nodes_of(name, args), config, params))
         parent.spin()
     except VsxError as error:
