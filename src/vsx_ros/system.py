@@ -29,7 +29,7 @@ from vsx_ros.navigation.goal_planner import GoalPlanner
 from vsx_ros.navigation.navigator import Navigator
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.planner import Planner
-from vsx_ros.robot import Frame, Odometry, VelocityCommand
+from vsx_ros.robot import Frame, Odometry, OdometryEpochs, VelocityCommand
 from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.slam_map import SlamMap
 from vsx_ros.slam.snapshot import MapSnapshot
@@ -82,6 +82,8 @@ class ExplorationSystem:
         self.ground = MappedGround(config)
         self._densifier = Densifier(camera, T_base_cam, config.dense, seed) if config.dense.enabled else None
         self._localization = Localization()
+        self._epochs = OdometryEpochs()
+        self.odometry = Odometry(0, SE2())
         self._late: deque[TrackingResult] = deque()
         self._decided: tuple[int, Decision] | None = None
         self._mapped = (-1, 0, 0)
@@ -108,22 +110,27 @@ class ExplorationSystem:
             while self._densify(self.slam.snapshot()):
                 pass
 
-    def memory(self, now_ns: int, odometry: Odometry) -> Memory | None:
+    def memory(self, now_ns: int) -> Memory | None:
         """What another session needs to go on from here; None while there is no map."""
         slam_map = self.slam.slam_map()
         if slam_map is None:
             return None
         state: dict[str, NDArray[Any]] = {**self.slam.record(), **self.ground.state()}
-        return Memory(slam_map, state, self.mission.memory(now_ns, odometry.T_odom_base))
+        return Memory(slam_map, state, self.mission.memory(now_ns, self.odometry.T_odom_base))
 
     def step(self, frame: Frame, odometry: Odometry, hazard: str | None = None) -> StepResult:
         """Track the frame, refresh the map, decide, and say how the wheels shall turn. hazard: a pressed bumper."""
-        return self.act(self.slam.track(frame, odometry), odometry, hazard)
+        return self.act(self.track(frame, odometry), hazard)
 
-    def act(self, tracking: TrackingResult, odometry: Odometry, hazard: str | None = None) -> StepResult:
+    def track(self, frame: Frame, odometry: Odometry) -> TrackingResult:
+        """The first half of ``step``. Here odometry enters."""
+        self.odometry = self._epochs.enter(odometry)
+        return self.slam.track(frame, self.odometry)
+
+    def act(self, tracking: TrackingResult, hazard: str | None = None) -> StepResult:
         """What ``step`` does once the frame is tracked. Its pose is known only when computing it is over; so it is with
         decisions and plans (``Costs``)."""
-        now_ns = tracking.stamp_ns
+        now_ns, odometry = tracking.stamp_ns, self.odometry
         where = self._localize(now_ns, tracking, odometry)
         self._remember(now_ns, hazard, where)
         self._refresh_map(now_ns)
@@ -202,7 +209,7 @@ class ExplorationSystem:
                 self.navigator.reason,
                 hazard or (where.stuck.reason if where.stuck is not None else None),
                 self.slam.snapshot().points_world,
-                where.countings,
+                where.odom_epoch,
             ),
         )
         cost_ns = 0

@@ -60,7 +60,8 @@ def test_what_was_kept_is_there_for_the_next_session(driven, tmp_path: Path) -> 
     assert [result.stamp_ns for result in record.results] == [result.stamp_ns for result, _ in frames[:-5]]
     assert record.u2_frames == [5.0] * (len(frames) - 5)
     assert record.events == [RunEvent(result.stamp_ns, "slam", "lost", "why") for result, _ in frames[:-5]]
-    far = Odometry(frames[-1][1].stamp_ns, SE2(50.0, 0.0, 0.0))  # a base that counts anew is no break
+    assert record.odom_epoch == 0
+    far = Odometry(frames[-1][1].stamp_ns, SE2(50.0, 0.0, 0.0), odom_epoch=1)  # odometry that restarted is no break
     record.add_frame(frames[-1][0], far, 0.01, None)
     assert record.summary(slam.statistics()).breaks == 0
 

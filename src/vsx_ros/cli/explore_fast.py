@@ -110,7 +110,7 @@ class FastRun:
         if shown:
             print("\r\x1b[K", end="", file=sys.stderr)
         if self._session is not None and seen is not None:
-            self._save(self._session, seen.frame.stamp_ns, seen.odometry)
+            self._save(self._session, seen.frame.stamp_ns)
         if mission.outcome is None:
             stamp_ns = seen.frame.stamp_ns if seen is not None else 0
             self.record.events.append(RunEvent(stamp_ns, "mission", mission.state.value, reason))
@@ -133,8 +133,8 @@ class FastRun:
 
         return watch
 
-    def _save(self, session: Session, stamp_ns: int, odometry: Odometry) -> None:
-        session.save(stamp_ns, self.system.memory(stamp_ns, odometry), self._errors_m, self.plans)
+    def _save(self, session: Session, stamp_ns: int) -> None:
+        session.save(stamp_ns, self.system.memory(stamp_ns), self._errors_m, self.plans)
 
     @property
     def judge(self) -> MapJudge | None:
@@ -153,9 +153,9 @@ class FastRun:
     def _step(self, frame: Frame, odometry: Odometry) -> VelocityCommand:
         bumper = "bumper pressed" if any(self.robot.body.bumper) else None
         began = time.perf_counter()
-        tracking = self.system.slam.track(frame, odometry)
+        tracking = self.system.track(frame, odometry)
         track_s = time.perf_counter() - began
-        step = self.system.act(tracking, odometry, bumper)
+        step, odometry = self.system.act(tracking, bumper), self.system.odometry
         record, told = self.record, len(self.record.events)
         u2_frames = self.system.slam.statistics().u2_frames
         record.add_frame(step.tracking, odometry, track_s, u2_frames)
@@ -169,11 +169,11 @@ class FastRun:
         if self._session is not None:
             self._session.add(
                 *(EventLine(**event._asdict()) for event in record.events[told:]),
-                FrameLine.of(step.tracking, odometry.T_odom_base, record.track_ms[-1], u2_frames),
+                FrameLine.of(step.tracking, odometry, record.track_ms[-1], u2_frames),
                 self._truth_line(frame.stamp_ns),
             )
             if self._session.is_due(frame.stamp_ns):
-                self._save(self._session, frame.stamp_ns, odometry)
+                self._save(self._session, frame.stamp_ns)
         return step.command
 
     def _truth_line(self, stamp_ns: int) -> TruthLine:

@@ -83,9 +83,9 @@ def end_the_trail(folder: RunFolder, moved: bool) -> None:
 
 
 def _driven(lines: Sequence[Line]) -> list[tuple[int, SE2]]:
-    """Stamp and T_odom_base of every frame that has both."""
-    frames = [line for line in lines if isinstance(line, FrameLine)]
-    return [(line.stamp_ns, SE2(*line.T_odom_base)) for line in frames if line.T_odom_base]
+    """Stamp and T_odom_base of every frame that has both, in the last epoch of the odometry."""
+    readings = [line.odometry for line in lines if isinstance(line, FrameLine) and line.odometry is not None]
+    return [(r.stamp_ns, r.T_odom_base) for r in readings if r.odom_epoch == readings[-1].odom_epoch]
 
 
 class Session:

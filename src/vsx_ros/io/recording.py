@@ -5,13 +5,13 @@ from __future__ import annotations
 import heapq
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from vsx_ros.errors import CalibrationError, InputError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.stamped import StampedPose
-from vsx_ros.robot import Frame, Odometry
+from vsx_ros.robot import Frame, Odometry, OdometryEpochs
 
 GRACE_NS = 500_000_000
 AHEAD_NS = 1_000_000_000
@@ -74,9 +74,9 @@ class Recording:
         if not near or min(abs(reading.stamp_ns - stamp_ns) for reading in near) > GRACE_NS:
             return None
         first, last = near[0], near[-1]
-        if first.stamp_ns <= stamp_ns < last.stamp_ns:
+        if first.stamp_ns <= stamp_ns < last.stamp_ns and first.odom_epoch == last.odom_epoch:
             return first.towards(last, stamp_ns)
-        return first._replace(stamp_ns=stamp_ns)
+        return min(near, key=lambda reading: abs(reading.stamp_ns - stamp_ns))._replace(stamp_ns=stamp_ns)
 
     def _checked(self, frame: Frame) -> Frame:
         height, width = frame.image.shape
@@ -98,7 +98,10 @@ def open_recording(path: Path, image_topic: str | None = None, odometry_topic: s
     from vsx_ros.io.tum_folder import open_folder
 
     if path.is_dir() and not (path / METADATA).exists():
-        return open_folder(path)
-    if not path.exists():
+        recording = open_folder(path)
+    elif not path.exists():
         raise InputError(f"there is no {path}; give a bag or a folder with rgb.txt")
-    return open_bag(path, image_topic, odometry_topic)
+    else:
+        recording = open_bag(path, image_topic, odometry_topic)
+    epochs = OdometryEpochs()
+    return replace(recording, odometry=[epochs.enter(reading) for reading in recording.odometry])

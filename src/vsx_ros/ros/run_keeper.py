@@ -46,7 +46,6 @@ class RunKeeper:
         lines = [line for line in lines if self.before is not None and line.stamp_ns <= self.before.stamp_ns]
         self.record = RunRecord(T_base_cam)
         self.record.recall(lines)
-        self.record.wheels_start_anew()
         self._journal = Journal(folder.journal, lines)
         self._lock = threading.Lock()
         self._noted: tuple[SlamMap, int, dict[str, NDArray[Any]]] | None = None
@@ -69,10 +68,9 @@ class RunKeeper:
         told = len(self.record.events)
         self.record.add_frame(result, odometry, track_s, u2_frames)
         self.record.add_slam_events(events)
-        T_odom_base = None if odometry is None else odometry.T_odom_base
         lines = [EventLine(**event._asdict()) for event in self.record.events[told:]]
         with process.told():
-            self._journal.add(*lines, FrameLine.of(result, T_odom_base, 1e3 * track_s, u2_frames))
+            self._journal.add(*lines, FrameLine.of(result, odometry, 1e3 * track_s, u2_frames))
 
     def note(self, slam: ThreadedSlam, stamp_ns: int, *, now: bool = False) -> None:
         """Remember the map as it is, every few seconds, to be written."""

@@ -22,7 +22,6 @@ from pathlib import Path
 
 import rospy
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from nav_msgs.msg import Odometry as OdometryMsg
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import UInt8
 from std_srvs.srv import Trigger, TriggerRequest, TriggerResponse
@@ -41,6 +40,7 @@ from vsx_ros.ros import convert, images, process, topics
 from vsx_ros.ros.dense_mapping import DenseMapping
 from vsx_ros.ros.ground_mapping import GroundMapping, touch_pose
 from vsx_ros.ros.lease import TIMEOUT_S, Lease
+from vsx_ros.ros.localization import hear_odometry
 from vsx_ros.ros.picture_watch import PictureWatch
 from vsx_ros.ros.preview import Preview
 from vsx_ros.ros.run_keeper import RunKeeper
@@ -101,7 +101,7 @@ class VslamNode:
             process.every(_TF_PERIOD_S, "tf", self._publish_tf)
         self._tf_static_pub = rospy.Publisher(topics.TF_STATIC, TFMessage, queue_size=1, latch=True)
         self._tf_static_pub.publish(convert.mount_transforms(mount, process.now_ns()))
-        process.odometry_subscriber(self._on_odometry)
+        hear_odometry(self._on_odometry, 0 if self._keeper is None else 1 + self._keeper.record.odom_epoch)
         process.subscribe(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5)
         process.image_subscriber(self._on_image)
         self._mapping = process.every(_MAP_PERIOD_S, "ground map", self._map)
@@ -110,12 +110,10 @@ class VslamNode:
         rospy.Service(topics.SAVE_MAP, Trigger, self._on_save_map)
         self._tracking = process.worker("tracking", self._track)
 
-    def _on_odometry(self, msg: OdometryMsg) -> None:
-        odometry = convert.odometry(msg)
-        process.refuse_future(odometry.stamp_ns)
+    def _on_odometry(self, odometry: Odometry) -> None:
         if self._odometry is None and self._loaded is None:
             self._ground.started(odometry.T_odom_base)
-        if self._odometry is not None and not odometry.counts_on_from(self._odometry):
+        if self._odometry is not None and odometry.odom_epoch != self._odometry.odom_epoch:
             self._recognised = False
         self._odometry = odometry
         if self._keeper is not None:
@@ -217,7 +215,7 @@ class VslamNode:
             convert.pose_with_covariance(topics.MAP_FRAME, result.stamp_ns, T_map_base, sigma_m, sigma_rad)
         )
         if odometry is not None:
-            self._watch.add(odometry.T_odom_base, T_map_base)
+            self._watch.add(odometry, T_map_base)
         stuck = self._watch.stuck
         if stuck is None:
             self._ground.moved(T_map_base, result.stamp_ns)
