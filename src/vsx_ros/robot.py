@@ -87,9 +87,8 @@ class OdometryEpochs:
         self._last: Odometry | None = None
 
     def enter(self, reading: Odometry) -> Odometry:
-        """The reading with its epoch. One that is late or impossible begins none."""
-        late = self._last is not None and reading.stamp_ns <= self._last.stamp_ns
-        if not late and not reading.impossible:
+        """The reading with its epoch. One that is impossible begins none."""
+        if not reading.impossible:
             if self._last is not None and _has_restarted(self._last, reading):
                 self._epoch += 1
             self._last = reading
@@ -99,7 +98,7 @@ class OdometryEpochs:
 def _has_restarted(before: Odometry, now: Odometry) -> bool:
     """Whether no wheels can move the base so far in that time; after a silence, whether it was too slow for that before
     and after, or is back at the origin."""
-    elapsed_ns = now.stamp_ns - before.stamp_ns
+    elapsed_ns = max(0, now.stamp_ns - before.stamp_ns)
     elapsed_s = 1e-9 * elapsed_ns
     distance, turn = before.T_odom_base.distance_to(now.T_odom_base), abs(before.T_odom_base.angle_to(now.T_odom_base))
     if distance > _MAX_SPEED_M_S * elapsed_s + _SLACK_M or turn > _MAX_TURN_RAD_S * elapsed_s + _SLACK_RAD:
