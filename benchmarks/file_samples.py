@@ -23,6 +23,7 @@ from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.calibration_file import write_calibration
 from vsx_ros.kernels.vision.patches import PATCH
 from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.robot import Odometry
 from vsx_ros.runs.checkpoint import Saved
 from vsx_ros.runs.folder import FrameRecord, RunEvent, RunFolder
 from vsx_ros.runs.journal import ClockLine, EventLine, FrameLine, Journal, TruthLine, flat
@@ -92,7 +93,7 @@ def journal(path: Path, poses: list[StampedPose]) -> None:
     lines = Journal(path)
     for k, pose in enumerate(poses):
         result = TrackingResult(pose.stamp_ns, TrackingState.GOOD, pose.T, 100, 60, k == 5, "")
-        lines.add(FrameLine.of(result, SE2(0.1 * k, 0.0, 0.0), 7.0, 1.0))
+        lines.add(FrameLine.of(result, Odometry(0, SE2(0.1 * k, 0.0, 0.0)), 7.0, 1.0))
     lines.add(EventLine(stamp_ns=1, source="slam", state="GOOD", reason=""))
     lines.add(TruthLine(stamp_ns=2, T_world_cam=flat(poses[0].T), T_world_base=(0.0, 0.0, 0.0), collisions=0))
     lines.add(ClockLine(stamp_ns=3, elapsed_s=1.0, plans=1, collisions=0))

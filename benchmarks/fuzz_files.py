@@ -123,7 +123,9 @@ def _world(path: Path) -> None:
 def _resume(path: Path) -> None:
     folder = RunFolder.open(path)
     folder.read_config()
-    Before.of(folder)
+    before = Before.of(folder)
+    if before is not None:
+        assert before.memory is not None
     end_the_trail(folder, False)
 
 

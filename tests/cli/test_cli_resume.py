@@ -20,6 +20,7 @@ from vsx_ros.errors import MapFileError
 from vsx_ros.exploration.memory import MissionMemory
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.slam_map_file import load_slam_map
+from vsx_ros.robot import Odometry
 from vsx_ros.runs.checkpoint import Checkpoint
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import FrameLine, Journal, read_journal
@@ -293,7 +294,10 @@ def test_the_way_driven_after_the_missions_last_word_is_in_the_journal(tmp_path)
     drive = [SE2(4.0 + 0.1 * k, 2.0, 0.0) for k in range(6)]
     result = TrackingResult(0, TrackingState.GOOD, None, 0, 0, False, "")
     Journal(folder.journal).add(
-        *(FrameLine.of(result._replace(stamp_ns=k * SECOND), drive[k], 1.0, None) for k in range(len(drive)))
+        *(
+            FrameLine.of(result._replace(stamp_ns=k * SECOND), Odometry(0, drive[k]), 1.0, None)
+            for k in range(len(drive))
+        )
     )
     memory = MissionMemory([], [], [SE2(-0.1, 0.0, 0.0), SE2()], False, None)
     folder.checkpoint.write_mission(memory.tree(), 3 * SECOND + 1)

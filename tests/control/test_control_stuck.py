@@ -6,6 +6,7 @@ import pytest
 
 from vsx_ros.control.stuck import StuckWatch
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.robot import Odometry
 
 STEP_M = 0.01
 START = SE2(2.0, -1.0, 0.7)
@@ -15,7 +16,7 @@ def drive(watch: StuckWatch, counted: SE2, seen: SE2, steps: int, way_m: float, 
     """So many steps of way_m by the wheels, of which the camera sees a share; where the base is by either."""
     for _ in range(steps):
         counted, seen = counted @ SE2(way_m, 0.0, 0.0), seen @ SE2(seen_share * way_m, 0.0, 0.0)
-        watch.add(counted, seen)
+        watch.add(Odometry(0, counted), seen)
     return counted, seen
 
 
@@ -38,7 +39,7 @@ def test_it_holds_while_the_base_stands_and_ends_when_it_is_seen_to_move():
     watch = StuckWatch()
     counted, seen = drive(watch, SE2(), START, 10, -STEP_M, 0.0)
     for _ in range(200):
-        watch.add(counted, seen)
+        watch.add(Odometry(0, counted), seen)
     assert watch.stuck is not None
     drive(watch, counted, seen, 7, STEP_M, 1.0)
     assert watch.stuck is None
@@ -78,7 +79,7 @@ def test_a_way_that_the_camera_did_not_see_judges_nobody():
 
 
 @pytest.mark.parametrize("jump", [SE2(-5.0, -3.0, 1.0), SE2(0.07, 0.0, 0.0), SE2(0.05, 0.0, 0.0)])
-def test_wheels_that_count_anew_are_not_stuck(jump: SE2):
+def test_wheels_that_jump_are_not_stuck(jump: SE2):
     watch = StuckWatch()
     counted, seen = drive(watch, SE2(5.0, 3.0, 0.0), START, 20, STEP_M, 1.0)
     counted = counted @ jump
@@ -93,5 +94,12 @@ def test_a_base_that_turns_on_the_spot_is_not_stuck():
     watch = StuckWatch()
     for k in range(100):
         turned = SE2(0.0, 0.0, 0.05 * k)
-        watch.add(turned, START @ turned)
+        watch.add(Odometry(0, turned), START @ turned)
     assert watch.stuck is None
+
+
+def test_ways_of_two_epochs_are_not_added_up():
+    watch, seen = StuckWatch(), START
+    for k in range(40):  # each epoch alone is too short to be judged
+        watch.add(Odometry(0, SE2(0.01 * k, 0.0, 0.0), odom_epoch=k // 5), seen)
+        assert watch.stuck is None

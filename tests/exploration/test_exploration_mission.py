@@ -393,31 +393,31 @@ def wheels_driven(mission: Mission, way_m: float, start: SE2) -> SE2:
 
 
 @pytest.mark.parametrize("state", [TrackingState.GOOD, TrackingState.LOST])
-def test_wheels_that_count_anew_end_the_drive_and_nobody_goes_back_to_before(state):
+def test_odometry_that_restarts_ends_the_drive_and_nobody_goes_back_to_before(state):
     mission = mapping_mission()
     wheels_driven(mission, 2.0, SE2(3.0, 3.0, 0.5))
-    anew = situation(slam_state=state, T_odom_base=SE2(), countings=1, hazard="bumper left pressed")
-    decision = mission.decide(3 * SECOND, anew._replace(navigation=NavigationState.ACTIVE))
+    restarted = situation(slam_state=state, T_odom_base=SE2(), odom_epoch=1, hazard="bumper left pressed")
+    decision = mission.decide(3 * SECOND, restarted._replace(navigation=NavigationState.ACTIVE))
     assert decision.action is Action.CANCEL
-    assert "count" in decision.reason
+    assert "restarted" in decision.reason
     for k in range(1, 8):
-        goal = mission.decide((3 + k) * SECOND, anew._replace(navigation=NavigationState.ABORTED)).goal
+        goal = mission.decide((3 + k) * SECOND, restarted._replace(navigation=NavigationState.ABORTED)).goal
         assert goal is None or goal.distance_to(SE2()) < 0.5
     assert not any("given up" in event.reason for event in mission.drain_events())
 
 
-def test_the_way_back_begins_where_the_wheels_began_to_count_anew():
+def test_the_way_back_begins_where_odometry_restarted():
     mission = mapping_mission()
     wheels_driven(mission, 2.0, SE2(3.0, 3.0, 0.5))
-    anew = situation(T_odom_base=SE2(), countings=1)
-    active = anew._replace(navigation=NavigationState.ACTIVE)
+    restarted = situation(T_odom_base=SE2(), odom_epoch=1)
+    active = restarted._replace(navigation=NavigationState.ACTIVE)
     mission.decide(3 * SECOND, active)
-    mission.decide(5 * SECOND, anew)
+    mission.decide(5 * SECOND, restarted)
     pose = SE2()
     for k in range(11):
         pose = SE2(0.05 * k, 0.0, 0.0)
         mission.decide(11 * SECOND + k, active._replace(T_odom_base=pose))
-    back = mission.decide(13 * SECOND, anew._replace(T_odom_base=pose, hazard="bumper left pressed"))
+    back = mission.decide(13 * SECOND, restarted._replace(T_odom_base=pose, hazard="bumper left pressed"))
     assert back.frame == "odom"
     assert (back.goal.x, back.goal.y) == pytest.approx((0.15, 0.0))
 
@@ -432,13 +432,13 @@ def test_a_robot_that_was_carried_in_the_air_does_not_back_along_the_way_it_came
     assert "turning to look elsewhere" in next(drive.reason for drive in drives if drive.action is Action.GO)
 
 
-def test_a_resumed_mission_goes_back_along_the_way_it_remembers_although_its_wheels_count_anew():
+def test_a_resumed_mission_goes_back_along_the_way_it_remembers_although_its_odometry_restarts():
     mission = mapping_mission()
     here = wheels_driven(mission, 2.0, SE2())
     memory = mission.memory(3 * SECOND, here)
     again = Mission(Config(), euclid)
     again.recall(4 * SECOND, memory, SE2())
-    lost = situation(slam_state=TrackingState.LOST, slam_reason="dark", countings=7)
+    lost = situation(slam_state=TrackingState.LOST, slam_reason="dark", odom_epoch=7)
     decisions = [again.decide((4 + k) * SECOND, lost) for k in range(12)]
     back = next(decision for decision in decisions if decision.action is Action.GO)
     assert -0.5 < back.goal.x < -0.25

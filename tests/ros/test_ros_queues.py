@@ -55,7 +55,7 @@ def test_big_messages_have_big_buffers(message: str) -> None:
 
 
 def test_a_process_that_slept_for_a_second_misses_no_wheels(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It would take the gap for a base that began to count anew."""
+    """It would take the gap for a base that restarted."""
     lengths: list[int] = []
     monkeypatch.setattr(process.rospy, "Subscriber", lambda *_, queue_size, **__: lengths.append(queue_size))
     process.odometry_subscriber(lambda _: None)

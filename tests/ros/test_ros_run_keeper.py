@@ -15,13 +15,13 @@ from processes import Processes
 from ros_ports import HOST, free_port
 
 from vsx_ros.config import Config
-from vsx_ros.errors import InputError, MapFileError
+from vsx_ros.errors import MapFileError
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Odometry, VelocityCommand
-from vsx_ros.ros import process
-from vsx_ros.ros.run_keeper import RunKeeper
+from vsx_ros.ros import process, slam_run
+from vsx_ros.ros.slam_run import SlamRun
 from vsx_ros.runs.folder import RunEvent, RunFolder
+from vsx_ros.runs.session import Before, RunKeeper
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.robot import EmulatedRobot
 from vsx_ros.slam.slam import SequentialSlam
@@ -45,29 +45,32 @@ def driven():
 
 def test_what_was_kept_is_there_for_the_next_session(driven, tmp_path: Path) -> None:
     robot, slam, frames = driven
-    keeper = RunKeeper(tmp_path, robot.T_base_cam_given)
-    assert keeper.before is None
+    folder = RunFolder(tmp_path)
+    keeper = RunKeeper(robot.T_base_cam_given, folder)
+    assert Before.of(folder) is None
     for result, odometry in frames[:-5]:
         keeper.frame(result, odometry, 0.01, 5.0, [SlamEvent(result.stamp_ns, "lost", "why")])
     keeper.note(slam, frames[-6][0].stamp_ns, now=True)
     keeper.write(GROUND)
     for result, odometry in frames[-5:]:  # after the checkpoint, hence lost
         keeper.frame(result, odometry, 0.01, 6.0, [])
-    again = RunKeeper(tmp_path, robot.T_base_cam_given)
-    record = again.record
-    assert again.before is not None
-    assert len(again.before.slam_map.view.living) == len(slam.slam_map().view.living)
+    before = Before.of(folder)
+    record = RunKeeper(robot.T_base_cam_given, folder, before).record
+    assert before is not None
+    assert len(before.saved.slam_map.view.living) == len(slam.slam_map().view.living)
     assert [result.stamp_ns for result in record.results] == [result.stamp_ns for result, _ in frames[:-5]]
     assert record.u2_frames == [5.0] * (len(frames) - 5)
     assert record.events == [RunEvent(result.stamp_ns, "slam", "lost", "why") for result, _ in frames[:-5]]
-    far = Odometry(frames[-1][1].stamp_ns, SE2(50.0, 0.0, 0.0))  # a base that counts anew is no break
+    assert record.odom_epoch == 0
+    far = Odometry(frames[-1][1].stamp_ns, SE2(50.0, 0.0, 0.0), odom_epoch=1)  # odometry that restarted is no break
     record.add_frame(frames[-1][0], far, 0.01, None)
     assert record.summary(slam.statistics()).breaks == 0
 
 
 def test_a_map_that_takes_long_to_write_is_written_less_often(driven, tmp_path: Path, monkeypatch) -> None:
     robot, slam, frames = driven
-    keeper, first_ns = RunKeeper(tmp_path, robot.T_base_cam_given), frames[-1][0].stamp_ns
+    keeper = RunKeeper(robot.T_base_cam_given, RunFolder(tmp_path), rest=4.0)
+    first_ns = frames[-1][0].stamp_ns
     seconds = iter([0.0, 10.0, 20.0, 20.1, 30.0, 30.1])  # before and after each of three writes
     monkeypatch.setattr(time, "monotonic", lambda: next(seconds))
 
@@ -86,7 +89,7 @@ def test_a_full_disk_is_told_and_ends_nothing(driven, tmp_path: Path, monkeypatc
     said: list[str] = []
     monkeypatch.setattr(process, "due", lambda *_: True)
     monkeypatch.setattr(process.rospy, "logerr", lambda form, error: said.append(form % error))
-    keeper = RunKeeper(tmp_path, robot.T_base_cam_given)
+    keeper = RunKeeper(robot.T_base_cam_given, RunFolder(tmp_path), kept=process.told)
     (tmp_path / "resume" / "keyframes").touch()  # no folder, so nothing can be written into it
     keeper.note(slam, frames[-1][0].stamp_ns)
     keeper.write(GROUND)
@@ -98,30 +101,27 @@ def test_a_run_folder_of_nonsense_is_refused_at_once(tmp_path: Path) -> None:
     (tmp_path / "resume").mkdir()
     (tmp_path / "resume" / "map.zip").write_bytes(b"PK nonsense")
     with pytest.raises(MapFileError, match=r"map\.zip cannot be used"):
-        RunKeeper(tmp_path, SE3.identity())
+        Before.of(RunFolder(tmp_path))
 
 
-def test_the_end_leaves_the_results_and_the_last_map(driven, tmp_path: Path) -> None:
+def test_the_end_leaves_the_results(driven, tmp_path: Path) -> None:
     robot, slam, frames = driven
-    keeper = RunKeeper(tmp_path, robot.T_base_cam_given)
+    keeper = RunKeeper(robot.T_base_cam_given)
     for result, odometry in frames:
-        keeper.odometry(odometry)
+        keeper.record.add_odometry(odometry)
         keeper.frame(result, odometry, 0.01, 5.0, [])
-    keeper.finish(slam, None, None)
-    keeper.write(GROUND)
+    assert not keeper.note(slam, frames[-1][0].stamp_ns, now=True), "it has nowhere to keep it"
+    assert keeper.finish(RunFolder(tmp_path), slam) == ""
     assert len((tmp_path / "odometry.txt").read_text().splitlines()) >= len(frames)
     assert len((tmp_path / "frames.csv").read_text().splitlines()) == len(frames) + 1
     assert (tmp_path / "summary.json").exists()
     assert not (tmp_path / "map.pgm").exists()
-    again = RunKeeper(tmp_path, robot.T_base_cam_given)
-    assert again.before is not None
-    assert again.before.stamp_ns == frames[-1][0].stamp_ns
 
 
 @pytest.mark.ros
 def test_a_run_that_went_on_in_a_loaded_map_is_gone_on_with_although_that_map_is_gone(driven, tmp_path: Path) -> None:
     robot, slam, frames = driven
-    keeper = RunKeeper(tmp_path / "run", robot.T_base_cam_given)
+    keeper = RunKeeper(robot.T_base_cam_given, RunFolder(tmp_path / "run"))
     keeper.frame(*frames[-1], 0.01, 5.0, [])
     keeper.note(slam, frames[-1][0].stamp_ns)
     keeper.write(GROUND)
@@ -140,16 +140,24 @@ def test_a_run_that_went_on_in_a_loaded_map_is_gone_on_with_although_that_map_is
 
 def test_a_run_whose_results_cannot_be_written_can_be_gone_on_with(driven, tmp_path: Path, monkeypatch) -> None:
     robot, slam, frames = driven
-    keeper = RunKeeper(tmp_path, robot.T_base_cam_given)
+    monkeypatch.setattr(slam_run.rospy, "get_param", lambda name, usual: {"~run_dir": str(tmp_path)}.get(name, usual))
+    run = SlamRun(Config())
     for result, odometry in frames:
-        keeper.frame(result, odometry, 0.01, 5.0, [])
+        run.frame(slam, result, odometry, 0.01)
 
     def refuse(*_) -> None:
         raise OSError(errno.ENOSPC, "full", "trajectory.txt")
 
+    said: list[str] = []
     monkeypatch.setattr(RunFolder, "write_poses", refuse)
-    with pytest.raises(InputError, match="trajectory.txt cannot be used"):
-        keeper.finish(slam, None, None)
+    monkeypatch.setattr(process.rospy, "logerr", lambda form, error: said.append(form % error))
+    run.end(slam, GROUND, None, None)
+    assert len(said) == 1
+    assert "trajectory.txt cannot be used" in said[0]
     assert {"summary.json", "frames.csv", "events.jsonl"} <= {path.name for path in tmp_path.iterdir()}
-    keeper.write(GROUND)
-    assert RunKeeper(tmp_path, robot.T_base_cam_given).before.stamp_ns == frames[-1][0].stamp_ns
+    before = Before.of(RunFolder(tmp_path))
+    assert before is not None
+    assert before.saved.stamp_ns == frames[-1][0].stamp_ns
+    monkeypatch.undo()
+    monkeypatch.setattr(slam_run.rospy, "get_param", lambda name, usual: {"~run_dir": str(tmp_path)}.get(name, usual))
+    assert SlamRun(Config()).first_epoch == 1

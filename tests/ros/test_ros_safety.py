@@ -137,7 +137,7 @@ def test_wheels_that_turn_while_the_camera_stands_are_stopped_and_the_robot_back
     stack.wait_until_driving()
 
 
-def test_odometry_that_begins_anew_is_no_obstacle_and_no_way_back(stack: Stack) -> None:
+def test_odometry_that_restarts_is_no_obstacle_and_no_way_back(stack: Stack) -> None:
     events: list[str] = []
     listener = rospy.Subscriber(
         f"/{topics.EXPLORE_EVENTS}", String, lambda msg: events.append(json.loads(msg.data)["reason"])
@@ -153,8 +153,8 @@ def test_odometry_that_begins_anew_is_no_obstacle_and_no_way_back(stack: Stack) 
         stack.wait(lambda: listener.get_num_connections() and counted_m() > 0.7, 90.0, "some way by the wheels")
         stack.wait_until_driving()
         assert rospy.ServiceProxy(f"/{topics.RESET_ODOMETRY}", Trigger)().success
-        stack.wait(lambda: any("wheels count anew" in reason for reason in events), 10.0, "the mission to notice")
-        begin = next(k for k, reason in enumerate(events) if "wheels count anew" in reason)
+        stack.wait(lambda: any("odometry restarted" in reason for reason in events), 10.0, "the mission to notice")
+        begin = next(k for k, reason in enumerate(events) if "odometry restarted" in reason)
         stack.wait(lambda: any(reason.startswith("view at") for reason in events[begin:]), 30.0, "the next drive")
         stack.wait_until_driving()
         time.sleep(3.0)

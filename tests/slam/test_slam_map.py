@@ -105,12 +105,12 @@ def test_the_first_keyframe_and_culled_ones_cannot_be_culled():
         world.cull_keyframe(2)
 
 
-def test_predecessors_are_living_and_of_the_same_chain():
+def test_predecessors_are_living_and_of_the_same_epoch():
     world = made_map([range(12)] * 3)
     resumed = Map.resumed(world.view())
     for _ in range(3):
         resumed.add_keyframe(FrameData.without_image(9, None), SE3.identity(), seeing(range(12)))
-    assert [k.chain for k in resumed.keyframes] == [0, 0, 0, 1, 1, 1]
+    assert [k.odom_epoch for k in resumed.keyframes] == [0, 0, 0, 1, 1, 1]
     resumed.cull_keyframe(1)
     resumed.cull_keyframe(4)
     assert [resumed.predecessor(k) for k in (0, 2, 3, 5)] == [None, 0, None, 3]
@@ -213,8 +213,8 @@ def test_a_second_session_is_lost_until_recognised_and_goes_on_in_the_same_world
     frames = slam.slam_map().view.keyframes
     old = len(made_before.view.keyframes)
     assert len(frames) > old
-    assert {k.chain for k in frames[:old]} == {0}
-    assert len({k.chain for k in frames[old:]} - {0}) == 1
+    assert {k.odom_epoch for k in frames[:old]} == {0}
+    assert len({k.odom_epoch for k in frames[old:]} - {0}) == 1
     assert slam._mapper.map.predecessor(old) is None
 
 

@@ -111,7 +111,7 @@ def test_blackout_is_marked_and_overcome(arc_drive):
     assert trajectory_error(pairs, "se3").ate_rmse_m < 0.02
 
 
-def test_without_wheels_a_camera_found_again_begins_a_chain_of_keyframes(arc_drive):
+def test_without_wheels_a_camera_found_again_begins_an_epoch_of_keyframes(arc_drive):
     def blackout(k, frame, odometry):
         return (Frame(frame.stamp_ns, np.zeros_like(frame.image)) if 60 <= k < 75 else frame), None
 
@@ -120,7 +120,7 @@ def test_without_wheels_a_camera_found_again_begins_a_chain_of_keyframes(arc_dri
     world = slam._mapper.map
     after = [k.id for k in world.keyframes if k.data.stamp_ns >= arc_drive.frames[75][0].stamp_ns]
     assert after
-    assert {world.keyframes[k].chain for k in after}.isdisjoint(k.chain for k in world.keyframes[: after[0]])
+    assert {world.keyframes[k].odom_epoch for k in after}.isdisjoint(k.odom_epoch for k in world.keyframes[: after[0]])
     assert world.predecessor(after[0]) is None
 
 

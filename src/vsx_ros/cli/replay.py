@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,9 +17,9 @@ if TYPE_CHECKING:
     from vsx_ros.config import Config
     from vsx_ros.evaluation.summary import Summary
     from vsx_ros.evaluation.trajectory import AlignmentKind
-    from vsx_ros.geometry.se3 import SE3
     from vsx_ros.io.recording import Recording
     from vsx_ros.runs.record import RunRecord
+    from vsx_ros.runs.session import RunKeeper
     from vsx_ros.slam.slam import SequentialSlam
     from vsx_ros.slam.state import TrackingResult
 
@@ -73,57 +74,56 @@ def run(args: argparse.Namespace) -> int:
     from vsx_ros.geometry.camera import mounted
     from vsx_ros.runs.exit_codes import STOPPED, ended_well
     from vsx_ros.runs.parameters import load
-    from vsx_ros.runs.record import RunRecord
     from vsx_ros.runs.replay import exit_code, new_folder, opened
     from vsx_ros.runs.report import tell_the_end, write_report
+    from vsx_ros.runs.session import RunKeeper
     from vsx_ros.slam.state import TrackingState
 
     config = load(args.config, args.set)
     recording = opened(args)
     T_base_cam = mounted(config.robot.mount)
-    slam = _slam(recording, config, args, T_base_cam)
+    slam = _slam(recording, config, args)
     folder = new_folder(args, config)
-    record = RunRecord(T_base_cam)
-    stopped = _track_all(slam, recording, record)
+    keeper = RunKeeper(T_base_cam)
+    record, stopped = keeper.record, _track_all(slam, recording, keeper)
     continued = str(args.load_map.resolve()) if args.load_map else None
     code = exit_code(record.results[-1].state if record.results else TrackingState.NOT_INITIALISED)
     code = STOPPED if stopped else code
-    summary = _summary(slam, recording, record).with_values(seed=args.seed, continued_map=continued).as_dict()
-    summary["ended_well"] = ended_well(code)
+    facts = {"seed": args.seed, "continued_map": continued, "ended_well": ended_well(code)}
     if stopped:
-        summary["stop_reason"] = (
-            f"stopped by the operator after {len(record.results)} of {recording.frame_count} frames"
-        )
-    writes = [lambda: folder.write_summary(summary), *record.writes(folder, slam.snapshot())]
-    if recording.ground_truth:
-        writes.append(lambda: folder.write_poses("groundtruth", recording.ground_truth))
+        facts["stop_reason"] = f"stopped by the operator after {len(record.results)} of {recording.frame_count} frames"
+    summary = _summary(slam, recording, record).with_values(**facts)
+    grid = None
     if args.map:
         grid = ground_grid(slam.snapshot(), (p.T for p in record.estimate()), T_base_cam, config)
-        writes.append(lambda: folder.write_map(grid))
-    writes.append(lambda: _save_slam_map(slam, args.save_map))
-    failure = folder.write_what_fits(*writes, lambda: write_report(folder))
-    return tell_the_end(folder, summary, code, failure)
+    more: list[Callable[[], object]] = [lambda: _save_slam_map(slam, args.save_map), lambda: write_report(folder)]
+    if recording.ground_truth:
+        more.insert(0, lambda: folder.write_poses("groundtruth", recording.ground_truth))
+    failure = keeper.finish(folder, slam, summary, None, grid, *more)
+    return tell_the_end(folder, summary.as_dict(), code, failure)
 
 
-def _slam(recording: Recording, config: Config, args: argparse.Namespace, T_base_cam: SE3) -> SequentialSlam:
+def _slam(recording: Recording, config: Config, args: argparse.Namespace) -> SequentialSlam:
     """A new map or the one to go on in; what cannot be read or written at the end is said now."""
     from vsx_ros.errors import MapFileError
+    from vsx_ros.geometry.camera import mounted
     from vsx_ros.io.slam_map_file import load_slam_map
+    from vsx_ros.session import SlamSession
     from vsx_ros.slam.slam import SequentialSlam
 
     if args.save_map and not args.save_map.resolve().parent.is_dir():
         raise MapFileError(f"map {args.save_map} cannot be written: its folder does not exist; choose another folder")
     loaded = load_slam_map(args.load_map) if args.load_map else None
     assert recording.camera is not None
-    mount = T_base_cam if recording.odometry else None
-    return SequentialSlam(recording.camera, mount, config.slam, args.seed, loaded)
+    session = SlamSession(mounted(config.robot.mount), config, loaded)
+    return session.begin(SequentialSlam, recording.camera, args.seed, metric=bool(recording.odometry))
 
 
-def _track_all(slam: SequentialSlam, recording: Recording, record: RunRecord) -> bool:
+def _track_all(slam: SequentialSlam, recording: Recording, keeper: RunKeeper) -> bool:
     """Every frame, with the odometry of its instant; on a terminal, one line tells how far it is. Whether Ctrl-C came
     first."""
     for reading in recording.odometry:
-        record.add_odometry(reading)
+        keeper.record.add_odometry(reading)
     shown = 0.0
     with stoppable() as stopped:
         for number, frame in enumerate(recording.frames(), start=1):
@@ -131,8 +131,7 @@ def _track_all(slam: SequentialSlam, recording: Recording, record: RunRecord) ->
             began = time.perf_counter()
             result = slam.track(frame, odometry)
             track_s = time.perf_counter() - began
-            record.add_frame(result, odometry, track_s, slam.statistics().u2_frames)
-            record.add_slam_events(slam.drain_events())
+            keeper.frame(result, odometry, track_s, slam.statistics().u2_frames, slam.drain_events())
             if sys.stderr.isatty() and began - shown > _PROGRESS_EVERY_S:
                 shown = began
                 found = f"{result.found}/{result.searched} points"

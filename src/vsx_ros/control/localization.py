@@ -18,13 +18,11 @@ class Whereabouts(NamedTuple):
     """What is known at one instant.
 
     T_map_base: None before the first pose of the camera. odometry: the newest reading, None before the first.
-    countings: how often the wheels began to count until then. slam_age_s: age of the image behind the newest camera
-    pose. stuck: how the wheels turn although the camera stands.
+    slam_age_s: age of the image behind the newest camera pose. stuck: how the wheels turn although the camera stands.
     """
 
     T_map_base: SE2 | None
     odometry: Odometry | None
-    countings: int
     slam_state: TrackingState
     slam_reason: str
     slam_age_s: float
@@ -34,6 +32,11 @@ class Whereabouts(NamedTuple):
     def T_odom_base(self) -> SE2 | None:
         """The base as the wheels count it; None before the first reading."""
         return self.odometry.T_odom_base if self.odometry is not None else None
+
+    @property
+    def odom_epoch(self) -> int:
+        """That of T_odom_base."""
+        return self.odometry.odom_epoch if self.odometry is not None else 0
 
     @property
     def stands(self) -> bool:
@@ -54,7 +57,8 @@ class Localization:
         self._slam = (TrackingState.NOT_INITIALISED, "waiting for vslam")
 
     def add_odometry(self, odometry: Odometry) -> bool:
-        """Take a reading, or, False, ignore one that is not newer than the last. Raises InputError for NaN."""
+        """Take a reading, or, False, ignore one that is not newer than the last. Raises InputError for an impossible
+        one."""
         if not self._fuser.add_odometry(odometry):
             return False
         self._odometry = odometry
@@ -71,8 +75,8 @@ class Localization:
     def at(self, now_ns: int) -> Whereabouts:
         """What is known now."""
         fuser, age_s = self._fuser, self._fuser.slam_age_s(now_ns)
-        return Whereabouts(fuser.pose(), self._odometry, fuser.countings, *self._slam, age_s, fuser.stuck)
+        return Whereabouts(fuser.pose(), self._odometry, *self._slam, age_s, fuser.stuck)
 
 
-NOWHERE = Whereabouts(None, None, 0, TrackingState.NOT_INITIALISED, "", math.inf, None)
+NOWHERE = Whereabouts(None, None, TrackingState.NOT_INITIALISED, "", math.inf, None)
 """What is known before anything came."""

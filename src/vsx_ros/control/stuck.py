@@ -7,12 +7,13 @@ from collections import deque
 from typing import NamedTuple
 
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.robot import Odometry
 
 _STEP_M, _MEMORY = 0.005, 40
 # Beyond how much of the wheels' way they are judged, by how many poses in between, and how much of it must be seen.
 _WAY_M, _POSES, _SHARE = 0.06, 3, 0.35
 _JUMP_M = 0.02  # by which the camera moves farther than the wheels when it is the map that moved
-_UNSEEN_M = (1.0 - _SHARE) * _WAY_M  # by which the wheels move farther in one step when they began to count anew
+_UNSEEN_M = (1.0 - _SHARE) * _WAY_M  # by which the wheels move farther in one step when the camera saw none of it
 
 
 class Stuck(NamedTuple):
@@ -25,6 +26,7 @@ class Stuck(NamedTuple):
 class _Moment(NamedTuple):
     T_odom_base: SE2
     T_world_base: SE2
+    odom_epoch: int
 
 
 class StuckWatch:
@@ -34,13 +36,15 @@ class StuckWatch:
         self._moments: deque[_Moment] = deque(maxlen=_MEMORY)
         self.stuck: Stuck | None = None
 
-    def add(self, T_odom_base: SE2, T_world_base: SE2) -> None:
+    def add(self, odometry: Odometry, T_world_base: SE2) -> None:
         """The base at one instant, as the wheels count it and as the camera saw it."""
-        now = _Moment(T_odom_base, T_world_base)
+        T_odom_base = odometry.T_odom_base
+        now = _Moment(T_odom_base, T_world_base, odometry.odom_epoch)
         if self._moments:
-            counted_m = self._moments[-1].T_odom_base.distance_to(T_odom_base)
-            unseen_m = counted_m - self._moments[-1].T_world_base.distance_to(T_world_base)
-            if unseen_m < -_JUMP_M or unseen_m > _UNSEEN_M:
+            last = self._moments[-1]
+            counted_m = last.T_odom_base.distance_to(T_odom_base)
+            unseen_m = counted_m - last.T_world_base.distance_to(T_world_base)
+            if last.odom_epoch != now.odom_epoch or unseen_m < -_JUMP_M or unseen_m > _UNSEEN_M:
                 self._moments.clear()
             elif counted_m < _STEP_M:
                 return

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Callable, Mapping
 
 from vsx_ros.arrays import FloatArray
 from vsx_ros.config import Config
@@ -17,32 +18,47 @@ from vsx_ros.slam.snapshot import MapSnapshot
 
 
 class MappedGround:
-    """``moved``, ``bumped`` and ``pushed`` as it happens, ``dense`` when surfaces are known anew, then ``grid``."""
+    """``moved``, ``bumped`` and ``pushed`` as it happens, from any thread, which never waits for a map to be built;
+    ``dense`` when surfaces are known anew, then ``grid``, from one."""
 
     def __init__(self, config: Config) -> None:
         self._ground_map = GroundMap(config.ground_map, config.robot)
         self._trail, self._bumps = Anchored(TRAIL_STEP_M), Anchored(BUMP_STEP_M, BUMP_STEP_RAD)
         self._pushes, self._now_ns = Pushes(), 0
+        self._news: deque[Callable[[], None]] = deque()
         self.start = SE2()
         self.dense: AnchoredSpots | None = None
 
     def moved(self, pose: SE2, now_ns: int) -> None:
         """The base stands here [m], so the ground is free."""
-        self._trail.add(pose)
-        self._pushes.moved(pose)
-        self._now_ns = now_ns
+
+        def take() -> None:
+            self._trail.add(pose)
+            self._pushes.moved(pose)
+            self._now_ns = now_ns
+
+        self._news.append(take)
 
     def bumped(self, pose: SE2) -> None:
         """The bumper is pressed here [m]: there is something, for good."""
-        self._bumps.add(pose)
+        self._news.append(lambda: self._bumps.add(pose))
 
     def pushed(self, pose: SE2, now_ns: int) -> None:
         """The wheels turn here [m] in vain: there may be something ahead, for a while."""
-        self._pushes.pushed(pose, now_ns)
-        self._now_ns = now_ns
+
+        def take() -> None:
+            self._pushes.pushed(pose, now_ns)
+            self._now_ns = now_ns
+
+        self._news.append(take)
+
+    def _take_over(self) -> None:
+        while self._news:
+            self._news.popleft()()
 
     def state(self) -> dict[str, FloatArray]:
         """What was driven and bumped, for ``restore``; surfaces are found again from the map, and pushes forgotten."""
+        self._take_over()
         return {"start": self.start.as_array(), "trail": self._trail.state(), "bumps": self._bumps.state()}
 
     def restore(self, state: Mapping[str, FloatArray]) -> None:
@@ -58,14 +74,17 @@ class MappedGround:
     def counts(self) -> tuple[int, int, int]:
         """How many poses were driven through, bumped and pushed at; with the snapshot they say whether the grid has
         changed."""
+        self._take_over()
         return len(self._trail), len(self._bumps), self._pushes.count(self._now_ns)
 
     def trail(self, snapshot: MapSnapshot) -> list[SE2]:
         """The poses driven through, in the map of a snapshot."""
+        self._take_over()
         return self._trail.poses(snapshot.keyframe_ids, snapshot.T_world_cams)
 
     def grid(self, snapshot: MapSnapshot, with_surfaces: bool = True) -> OccupancyGrid:
         """The map of a snapshot; without surfaces it is the paper's sparse one."""
+        self._take_over()
         keyframes = snapshot.keyframe_ids, snapshot.T_world_cams
         touched = self._bumps.poses(*keyframes) + self._pushes.poses(self._now_ns, *keyframes)
         return self._ground_map.build(

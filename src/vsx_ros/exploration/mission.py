@@ -138,12 +138,12 @@ class Mission:
     def decide(self, now_ns: int, situation: Situation) -> Decision:
         """One action for the situation. Call it at 2 to 10 Hz; choosing a view takes some tenths of a second."""
         backing = self._backing_off or self.state is MissionState.RECOVERING
-        anew = situation.T_odom_base is not None and self._trail.counts_anew(situation.countings)
+        restarted = situation.T_odom_base is not None and self._trail.enter_epoch(situation.odom_epoch)
         if situation.lifted:
             self._trail.clear()
         if situation.T_odom_base is not None:
             (self._trail.driven_back_to if backing else self._trail.add)(situation.T_odom_base)
-        self._home.see(situation, anew)
+        self._home.see(situation)
         if situation.T_map_base is not None and situation.slam_state is TrackingState.GOOD:
             self.outlook.looks.add(situation.T_map_base)
         if self.state is MissionState.DONE:
@@ -153,8 +153,8 @@ class Mission:
             return self._answer(Action.CANCEL if active else Action.WAIT, "paused")
         if situation.T_odom_base is None:
             return self._answer(Action.WAIT, "waiting for odometry")
-        if anew:
-            return self._rest(now_ns, active, "the wheels count anew: coming to rest")
+        if restarted:
+            return self._rest(now_ns, active, "odometry restarted: coming to rest")
         if self.state is MissionState.STARTING:
             return self._start(now_ns, situation, situation.T_odom_base)
         if self.state is MissionState.RECOVERING:

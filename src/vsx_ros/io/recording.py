@@ -74,9 +74,9 @@ class Recording:
         if not near or min(abs(reading.stamp_ns - stamp_ns) for reading in near) > GRACE_NS:
             return None
         first, last = near[0], near[-1]
-        if first.stamp_ns <= stamp_ns < last.stamp_ns:
+        if first.stamp_ns <= stamp_ns < last.stamp_ns and first.odom_epoch == last.odom_epoch:
             return first.towards(last, stamp_ns)
-        return first._replace(stamp_ns=stamp_ns)
+        return min(near, key=lambda reading: abs(reading.stamp_ns - stamp_ns))._replace(stamp_ns=stamp_ns)
 
     def _checked(self, frame: Frame) -> Frame:
         height, width = frame.image.shape

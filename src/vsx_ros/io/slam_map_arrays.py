@@ -48,7 +48,7 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "template_patch": ("|u1", ("T", PATCH, PATCH)),
 }
 """Type and shape of every array; anchor is -1 for a living keyframe, odometry is x, y, theta where there is any,
-readout_motion as ``moving`` takes it."""
+readout_motion as ``moving`` takes it, chain the odometry's epoch."""
 
 MAX_KEYFRAMES = 2**16
 """Many times those of the largest buildings."""
@@ -65,7 +65,7 @@ def arrays_of(view: MapView) -> Arrays:
         "rotation": view.R_world_cam,
         "translation": view.centres,
         "median_depth": [k.median_depth for k in frames],
-        "chain": [k.chain for k in frames],
+        "chain": [k.odom_epoch for k in frames],
         "map_id": [k.map_id for k in frames],
         "has_odometry": [T is not None for T in wheels],
         "odometry": [(0.0, 0.0, 0.0) if T is None else (T.x, T.y, T.theta) for T in wheels],

@@ -5,13 +5,27 @@ from __future__ import annotations
 import math
 import threading
 import time
+from collections.abc import Callable
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry as OdometryMsg
 
 from vsx_ros.control.localization import Localization, Whereabouts
+from vsx_ros.robot import Odometry, OdometryEpochs
 from vsx_ros.ros import convert, process, slam_messages, topics
+
+
+def hear_odometry(callback: Callable[[Odometry], None], first_epoch: int = 0) -> None:
+    """Subscribe to odom: every reading, with its epoch. first_epoch: the one to begin with."""
+    epochs = OdometryEpochs(first_epoch)
+
+    def take(msg: OdometryMsg) -> None:
+        odometry = convert.odometry(msg)
+        process.refuse_future(odometry.stamp_ns)
+        callback(epochs.enter(odometry))
+
+    process.odometry_subscriber(take)
 
 
 class HeardLocalization:
@@ -21,13 +35,11 @@ class HeardLocalization:
         self._lock = threading.Lock()
         self._localization = Localization()
         self._taken_s = -math.inf
-        process.odometry_subscriber(self._on_odometry)
+        hear_odometry(self._on_odometry)
         process.subscribe(topics.POSE, PoseWithCovarianceStamped, self._on_pose, queue_size=5, tcp_nodelay=True)
         process.subscribe(topics.SLAM_STATE, DiagnosticStatus, self._on_state, queue_size=5, tcp_nodelay=True)
 
-    def _on_odometry(self, msg: OdometryMsg) -> None:
-        odometry = convert.odometry(msg)
-        process.refuse_future(odometry.stamp_ns)
+    def _on_odometry(self, odometry: Odometry) -> None:
         with self._lock:
             if self._localization.add_odometry(odometry):
                 self._taken_s = time.monotonic()

@@ -17,6 +17,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.io.atomic import write_bytes
 from vsx_ros.limits import LOG_BYTES, file_bytes
+from vsx_ros.robot import Odometry
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
 Pose2: TypeAlias = tuple[float, float, float]
@@ -24,7 +25,8 @@ Pose3: TypeAlias = tuple[float, float, float, float, float, float, float]
 
 
 class FrameLine(Struct, frozen=True, kw_only=True, tag="frame"):
-    """A tracked frame. T_world_cam: translation and quaternion. T_odom_base: x, y, theta. u2_frames: U2 so far."""
+    """A tracked frame. T_world_cam: translation and quaternion. T_odom_base: x, y, theta, in the
+    odometry's epoch. u2_frames: U2 so far."""
 
     stamp_ns: int
     state: TrackingState
@@ -37,11 +39,12 @@ class FrameLine(Struct, frozen=True, kw_only=True, tag="frame"):
     T_world_cam: Pose3 | None
     T_odom_base: Pose2 | None
     u2_frames: float | None = None
+    odom_epoch: int = 0
 
     @staticmethod
-    def of(result: TrackingResult, T_odom_base: SE2 | None, track_ms: float, u2_frames: float | None) -> FrameLine:
+    def of(result: TrackingResult, odometry: Odometry | None, track_ms: float, u2_frames: float | None) -> FrameLine:
         """The line of a frame, its odometry, how long it took, and U2 so far."""
-        wheels = None if T_odom_base is None else (T_odom_base.x, T_odom_base.y, T_odom_base.theta)
+        T = None if odometry is None else odometry.T_odom_base
         return FrameLine(
             stamp_ns=result.stamp_ns,
             state=result.state,
@@ -52,9 +55,17 @@ class FrameLine(Struct, frozen=True, kw_only=True, tag="frame"):
             reason=result.reason,
             track_ms=track_ms,
             T_world_cam=None if result.T_world_cam is None else flat(result.T_world_cam),
-            T_odom_base=wheels,
+            T_odom_base=None if T is None else (T.x, T.y, T.theta),
             u2_frames=u2_frames,
+            odom_epoch=0 if odometry is None else odometry.odom_epoch,
         )
+
+    @property
+    def odometry(self) -> Odometry | None:
+        """The odometry of the frame, without speeds."""
+        if self.T_odom_base is None:
+            return None
+        return Odometry(self.stamp_ns, SE2(*self.T_odom_base), odom_epoch=self.odom_epoch)
 
     def result(self) -> TrackingResult:
         """The frame as it was tracked, but for its place in maps not joined with the first."""

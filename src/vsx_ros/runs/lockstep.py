@@ -10,21 +10,21 @@ from pathlib import Path
 
 import numpy as np
 
-from vsx_ros.runs.exit_codes import DONE, LOST, STOPPED, ended_well
-from vsx_ros.runs.start import begin
-from vsx_ros.runs.outcomes import EXIT_CODES
-from vsx_ros.runs.report import tell_the_end, write_report
-from vsx_ros.runs.record import MapJudge, RunRecord
-from vsx_ros.runs.session import Before, Session
-from vsx_ros.runs.stoppable import stoppable
 from vsx_ros.config import Config
 from vsx_ros.errors import ConfigError
 from vsx_ros.evaluation.summary import Summary, with_accuracy
 from vsx_ros.geometry.stamped import StampedPose
-from vsx_ros.runs.journal import EventLine, FrameLine, TruthLine, flat, unflat
-from vsx_ros.runs.folder import RunEvent, RunFolder
 from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.robot import STOP, Frame, Odometry, VelocityCommand
+from vsx_ros.runs.exit_codes import DONE, LOST, STOPPED, ended_well
+from vsx_ros.runs.folder import RunEvent, RunFolder
+from vsx_ros.runs.journal import TruthLine, flat, unflat
+from vsx_ros.runs.outcomes import EXIT_CODES
+from vsx_ros.runs.record import MapJudge
+from vsx_ros.runs.report import tell_the_end, write_report
+from vsx_ros.runs.session import Before, RunKeeper
+from vsx_ros.runs.start import begin
+from vsx_ros.runs.stoppable import stoppable
 from vsx_ros.sim.robot import EmulatedRobot, Observation
 from vsx_ros.sim.settings import SimulationConfig
 from vsx_ros.sim.world import Start, World, changed
@@ -64,16 +64,15 @@ class FastRun:
         mount = self.robot.T_base_cam_given
         memory = before.memory if before is not None else None
         self.system = ExplorationSystem(self.robot.camera_given, mount, config, seed, planner, memory, slam_map)
-        self.record = RunRecord(mount)
         self.truth: list[StampedPose] = []
         self._errors_m: list[float] = []
         if before is not None:
-            self.record.recall(before.lines)
             known = [line for line in before.lines if isinstance(line, TruthLine)]
             self.truth += [StampedPose(line.stamp_ns, unflat(line.T_world_cam)) for line in known]
-            self._errors_m += before.errors_m
+            self._errors_m += before.saved.state["errors_m"].tolist()
         # Last: as long as it is not ready to drive, what the interrupted run left stays as it is.
-        self._session = Session(folder, before) if folder is not None else None
+        self.keeper = RunKeeper(mount, folder, before)
+        self.record = self.keeper.record
 
     @property
     def collisions(self) -> int:
@@ -84,7 +83,8 @@ class FastRun:
     @property
     def plans(self) -> int:
         """So far, of all sessions."""
-        return self.system.navigator.plans + (self._before.plans if self._before is not None else 0)
+        earlier = int(self._before.saved.state["plans"].sum()) if self._before is not None else 0
+        return self.system.navigator.plans + earlier
 
     def run(self, limit_s: float, watch: Callable[[int], str | None] | None = None) -> str:
         """Step until the mission is done, the emulated time is over or Ctrl-C is pressed; why it ended.
@@ -109,8 +109,8 @@ class FastRun:
                     print(f"\r{self._progress(now.frame.stamp_ns)}\x1b[K", end="", file=sys.stderr, flush=True)
         if shown:
             print("\r\x1b[K", end="", file=sys.stderr)
-        if self._session is not None and seen is not None:
-            self._save(self._session, seen.frame.stamp_ns, seen.odometry)
+        if seen is not None:
+            self._save(seen.frame.stamp_ns, now=True)
         if mission.outcome is None:
             stamp_ns = seen.frame.stamp_ns if seen is not None else 0
             self.record.events.append(RunEvent(stamp_ns, "mission", mission.state.value, reason))
@@ -133,8 +133,12 @@ class FastRun:
 
         return watch
 
-    def _save(self, session: Session, stamp_ns: int, odometry: Odometry) -> None:
-        session.save(stamp_ns, self.system.memory(stamp_ns, odometry), self._errors_m, self.plans)
+    def _save(self, stamp_ns: int, *, now: bool = False) -> None:
+        system = self.system
+        if self.keeper.note(system.slam, stamp_ns, now=now):
+            pursued = {"errors_m": np.array(self._errors_m, float), "plans": np.array([self.plans])}
+            mission = system.mission.memory(stamp_ns, system.odometry.T_odom_base)
+            self.keeper.write({**system.ground.state(), **pursued}, mission.tree())
 
     @property
     def judge(self) -> MapJudge | None:
@@ -153,27 +157,17 @@ class FastRun:
     def _step(self, frame: Frame, odometry: Odometry) -> VelocityCommand:
         bumper = "bumper pressed" if any(self.robot.body.bumper) else None
         began = time.perf_counter()
-        tracking = self.system.slam.track(frame, odometry)
+        tracking = self.system.track(frame, odometry)
         track_s = time.perf_counter() - began
-        step = self.system.act(tracking, odometry, bumper)
-        record, told = self.record, len(self.record.events)
-        u2_frames = self.system.slam.statistics().u2_frames
-        record.add_frame(step.tracking, odometry, track_s, u2_frames)
-        record.add_odometry(odometry)
-        record.add_slam_events(self.system.slam.drain_events())
-        events = self.system.mission.drain_events()
-        record.events += [RunEvent(e.stamp_ns, "mission", e.state, e.reason) for e in events]
+        step, odometry = self.system.act(tracking, bumper), self.system.odometry
+        slam = self.system.slam
         self.truth.append(StampedPose(frame.stamp_ns, self.robot.truth.T_world_cam))
         if step.follow_error_m is not None:
             self._errors_m.append(step.follow_error_m)
-        if self._session is not None:
-            self._session.add(
-                *(EventLine(**event._asdict()) for event in record.events[told:]),
-                FrameLine.of(step.tracking, odometry.T_odom_base, record.track_ms[-1], u2_frames),
-                self._truth_line(frame.stamp_ns),
-            )
-            if self._session.is_due(frame.stamp_ns):
-                self._save(self._session, frame.stamp_ns, odometry)
+        self.record.add_odometry(odometry)
+        told = slam.statistics().u2_frames, slam.drain_events(), self.system.mission.drain_events()
+        self.keeper.frame(step.tracking, odometry, track_s, *told, self._truth_line(frame.stamp_ns))
+        self._save(frame.stamp_ns)
         return step.command
 
     def _truth_line(self, stamp_ns: int) -> TruthLine:
@@ -222,14 +216,10 @@ class FastRun:
 
     def write(self, folder: RunFolder, summary: Summary) -> str:
         """Every file of the run folder but config and world; why not all of it could be written, or nothing."""
-        system, grid = self.system, self.system.grid
-        writes: list[Callable[[], object]] = [lambda: folder.write_summary(summary.as_dict())]
-        if grid is not None:
-            writes.append(lambda: folder.write_map(grid))
-        writes += self.record.writes(folder, system.slam.snapshot(), system.surface_points())
-        writes.append(lambda: folder.write_poses("groundtruth", self.truth))
-        kept = self._session.failure if self._session is not None else ""
-        return folder.write_what_fits(*writes, lambda: write_report(folder)) or kept
+        system, surface = self.system, self.system.surface_points()
+        truth = lambda: folder.write_poses("groundtruth", self.truth)  # noqa: E731
+        more = truth, lambda: write_report(folder)
+        return self.keeper.finish(folder, system.slam, summary, surface, system.grid, *more)
 
 
 def explore_fast(args: argparse.Namespace) -> int:

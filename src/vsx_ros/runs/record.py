@@ -17,10 +17,10 @@ from vsx_ros.evaluation.tracking import find_breaks
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.geometry.stamped import StampedPose
-from vsx_ros.runs.journal import EventLine, FrameLine, Line
-from vsx_ros.runs.folder import FrameRecord, RunEvent, RunFolder
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 from vsx_ros.robot import Odometry
+from vsx_ros.runs.folder import FrameRecord, RunEvent, RunFolder
+from vsx_ros.runs.journal import EventLine, FrameLine, Line
 from vsx_ros.sim.truth import ground_truth_grid
 from vsx_ros.sim.world import World
 from vsx_ros.slam.snapshot import MapSnapshot
@@ -34,6 +34,7 @@ class RunRecord:
         self._T_base_cam = T_base_cam
         # Of an hour's frames and readings: where the wheels were at each, three numbers instead of twelve.
         self._wheels: list[SE2 | None] = []
+        self._epochs: list[int] = []
         self._odometry: list[tuple[int, SE2]] = []
         self.results: list[TrackingResult] = []
         self.track_ms: list[float] = []
@@ -50,6 +51,7 @@ class RunRecord:
         """A frame the tracker has seen, the odometry of its instant, how long it took [s], and U2 after it."""
         self.results.append(result)
         self._wheels.append(odometry.T_odom_base if odometry is not None else None)
+        self._epochs.append(odometry.odom_epoch if odometry is not None else self.odom_epoch)
         self.track_ms.append(1e3 * track_s)
         self.u2_frames.append(u2_frames)
 
@@ -61,20 +63,16 @@ class RunRecord:
         """Go on from the journal of the sessions before."""
         for line in lines:
             if isinstance(line, FrameLine):
-                wheels = None if line.T_odom_base is None else SE2(*line.T_odom_base)
-                odometry = None if wheels is None else Odometry(line.stamp_ns, wheels)
-                self.add_frame(line.result(), odometry, 1e-3 * line.track_ms, line.u2_frames)
-                if odometry is not None:
-                    self.add_odometry(odometry)
+                self.add_frame(line.result(), line.odometry, 1e-3 * line.track_ms, line.u2_frames)
+                if line.odometry is not None:
+                    self.add_odometry(line.odometry)
             elif isinstance(line, EventLine):
                 self.events.append(RunEvent(line.stamp_ns, line.source, line.state, line.reason))
 
-    def wheels_start_anew(self) -> None:
-        """From here on the wheels count from elsewhere: no frame so far is compared with one to come."""
-        for index in reversed(range(len(self.results))):
-            self._wheels[index] = None
-            if self.results[index].state.tracked:
-                return
+    @property
+    def odom_epoch(self) -> int:
+        """The odometry's epoch in the last frame, -1 before the first."""
+        return self._epochs[-1] if self._epochs else -1
 
     def estimate(self) -> list[StampedPose]:
         """T_world_cam of every frame tracked from the map."""
@@ -87,7 +85,7 @@ class RunRecord:
     def summary(self, statistics: SlamStatistics) -> Summary:
         """What is known without any truth."""
         cameras = [None if T is None else SE3.from_se2(T) @ self._T_base_cam for T in self._wheels]
-        breaks = len(find_breaks(self.results, cameras))
+        breaks = len(find_breaks(self.results, cameras, self._epochs))
         return tracking_summary(statistics, self.track_ms).with_values(breaks=breaks)
 
     def writes(

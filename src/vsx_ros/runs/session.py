@@ -3,61 +3,77 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from typing import Any, NamedTuple
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from functools import cached_property
+from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
+from vsx_ros.arrays import Points3
 from vsx_ros.errors import InputError
+from vsx_ros.evaluation.summary import Summary
+from vsx_ros.exploration.decision import MissionEvent
 from vsx_ros.exploration.memory import MissionMemory
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.robot import Odometry
 from vsx_ros.runs.checkpoint import Saved
-from vsx_ros.runs.journal import FrameLine, Journal, Line, TruthLine, read_journal
-from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.folder import RunEvent, RunFolder
+from vsx_ros.runs.journal import EventLine, FrameLine, Journal, Line, TruthLine, read_journal
+from vsx_ros.runs.record import RunRecord
+from vsx_ros.slam.state import SlamEvent, TrackingResult
+from vsx_ros.slam.tracker_and_mapper import TrackerAndMapper
 from vsx_ros.system import Memory
 
 CHECKPOINT_EVERY_NS = 5_000_000_000
 
 
-class Before(NamedTuple):
-    """What is known of the sessions before. lines: the journal, frames and events up to the checkpoint, the truth up to
-    the last moment. ended_ns: that moment. T_odom_base: the wheels then. errors_m, plans: how goals were pursued."""
+class Before:
+    """What is known of the sessions before: the checkpoint, and the journal, which tells more. lines: of the journal,
+    frames and events up to the checkpoint, the truth up to the last moment."""
 
-    memory: Memory
-    lines: list[Line]
-    ended_ns: int
-    T_odom_base: SE2
-    errors_m: list[float]
-    plans: int
-
-    @property
-    def truth(self) -> TruthLine | None:
-        """Where the emulated robot stood last."""
-        return next((line for line in reversed(self.lines) if isinstance(line, TruthLine)), None)
+    def __init__(self, folder: RunFolder) -> None:
+        """Raises MapFileError or InputError when damaged."""
+        self._path = folder.checkpoint.path
+        self.saved, self._journal = folder.checkpoint.read(), read_journal(folder.journal)
+        stamp_ns = self.saved.stamp_ns
+        self.lines = [line for line in self._journal if line.stamp_ns <= stamp_ns or isinstance(line, TruthLine)]
 
     @staticmethod
     def of(folder: RunFolder) -> Before | None:
         """None where the run was interrupted before it had a map. Raises MapFileError or InputError when damaged."""
-        if not folder.checkpoint.exists:
-            return None
-        saved, lines = folder.checkpoint.read(), read_journal(folder.journal)
-        driven = _driven(lines)
+        return Before(folder) if folder.checkpoint.exists else None
+
+    @property
+    def ended_ns(self) -> int:
+        """The last moment that is known."""
+        return max([self.saved.stamp_ns, *(line.stamp_ns for line in self._journal)])
+
+    @property
+    def truth(self) -> TruthLine | None:
+        """Where the emulated robot stood last."""
+        return next((line for line in reversed(self._journal) if isinstance(line, TruthLine)), None)
+
+    @property
+    def T_odom_base(self) -> SE2:
+        """The base in the odometry frame at the last moment."""
+        return _driven(self._journal)[-1][1]
+
+    @cached_property
+    def memory(self) -> Memory:
+        """Of a run in lock-step. Raises InputError where the checkpoint or the journal lacks some of it."""
+        saved, driven = self.saved, _driven(self._journal)
         if not driven or not {"errors_m", "plans"} <= saved.state.keys():
-            raise InputError(f"{folder.checkpoint.path} holds a map but not how it came about; start a new run")
+            raise InputError(f"{self._path} holds a map but not how it came about; start a new run")
         since = [T for stamp_ns, T in driven if stamp_ns >= saved.stamp_ns]
-        mission = MissionMemory.of(saved.mission, folder.checkpoint.path)
+        mission = MissionMemory.of(saved.mission, self._path)
         # A journal that ends before the checkpoint: the robot stands where it did then, and not where its trail ends.
         mission = mission.carried([since[0].inverse() @ T for T in since]) if since else mission.moved()
-        return Before(
-            Memory(saved.slam_map, saved.state, mission),
-            [line for line in lines if line.stamp_ns <= saved.stamp_ns or isinstance(line, TruthLine)],
-            max(saved.stamp_ns, *(line.stamp_ns for line in lines)),
-            driven[-1][1],
-            saved.state["errors_m"].tolist(),
-            int(saved.state["plans"].sum()),
-        )
+        return Memory(saved.slam_map, saved.state, mission)
 
 
 def end_the_trail(folder: RunFolder, moved: bool) -> None:
@@ -83,41 +99,108 @@ def end_the_trail(folder: RunFolder, moved: bool) -> None:
 
 
 def _driven(lines: Sequence[Line]) -> list[tuple[int, SE2]]:
-    """Stamp and T_odom_base of every frame that has both."""
-    frames = [line for line in lines if isinstance(line, FrameLine)]
-    return [(line.stamp_ns, SE2(*line.T_odom_base)) for line in frames if line.T_odom_base]
+    """Stamp and T_odom_base of every frame that has both, in the last epoch of the odometry."""
+    readings = [line.odometry for line in lines if isinstance(line, FrameLine) and line.odometry is not None]
+    return [(r.stamp_ns, r.T_odom_base) for r in readings if r.odom_epoch == readings[-1].odom_epoch]
 
 
-class Session:
-    """What a run keeps writing into its folder while it goes on. A disk that takes no more ends nothing: ``failure``
-    says what could not be kept, and the run could not be gone on with from there."""
+class RunKeeper:
+    """What a run keeps: every frame and event, for its results, and in its folder as it happens, with the map every few
+    seconds, so that another session can go on with it. Lock-step, replays and the node vslam have one.
 
-    def __init__(self, folder: RunFolder, before: Before | None) -> None:
-        self._checkpoint = folder.checkpoint
-        self._due_ns = 0
+    ``frame`` and ``note`` on the thread that tracks; ``write`` on any, which may wait for the disk for seconds. A disk
+    that takes no more ends nothing: ``failure`` says what could not be kept, and the run could not be gone on with from
+    there.
+    """
+
+    def __init__(
+        self,
+        T_base_cam: SE3,
+        folder: RunFolder | None = None,
+        before: Before | None = None,
+        kept: Callable[[], AbstractContextManager[None]] | None = None,
+        rest: float = 0.0,
+    ) -> None:
+        """folder: where to keep what another session needs; nothing is kept there without. kept: around
+        what is written, to tell an InputError; without, the first is said on stderr. rest: so many times as long as
+        writing the map took nothing is written. Raises InputError where the folder cannot be written."""
+        self.record = RunRecord(T_base_cam)
+        lines = before.lines if before is not None else []
+        self.record.recall(lines)
         self.failure = ""
-        self._journal = Journal(folder.journal, before.lines if before is not None else ())
+        self._kept, self._rest = kept or self._say_first, rest
+        self._checkpoint = folder.checkpoint if folder is not None else None
+        self._journal = Journal(folder.journal, lines) if folder is not None else None
+        self._lock, self._writing = threading.Lock(), threading.Lock()
+        self._noted: Saved | None = None
+        self._due_ns = 0
 
-    def add(self, *lines: Line) -> None:
-        """Append to the journal."""
-        with self._kept():
-            self._journal.add(*lines)
+    def frame(
+        self,
+        result: TrackingResult,
+        odometry: Odometry | None,
+        track_s: float,
+        u2_frames: float | None,
+        events: Sequence[SlamEvent],
+        mission: Sequence[MissionEvent] = (),
+        *more: Line,
+    ) -> None:
+        """A frame was tracked, U2 after it, and what SLAM and mission told. more: other lines for the journal."""
+        record, told = self.record, len(self.record.events)
+        record.add_frame(result, odometry, track_s, u2_frames)
+        record.add_slam_events(events)
+        record.events += [RunEvent(event.stamp_ns, "mission", event.state, event.reason) for event in mission]
+        lines = [EventLine(**event._asdict()) for event in record.events[told:]]
+        if self._journal is not None:
+            with self._kept():
+                self._journal.add(*lines, FrameLine.of(result, odometry, 1e3 * track_s, u2_frames), *more)
 
-    def is_due(self, now_ns: int) -> bool:
-        """Whether it is time for a checkpoint."""
-        return now_ns >= self._due_ns
+    def note(self, slam: TrackerAndMapper, stamp_ns: int, *, now: bool = False) -> bool:
+        """Remember the map as it is, every few seconds, to be written; whether it was time for that."""
+        is_due = self._checkpoint is not None and (now or stamp_ns >= self._due_ns)
+        slam_map = slam.slam_map() if is_due else None
+        if slam_map is None:
+            return False
+        self._due_ns = stamp_ns + CHECKPOINT_EVERY_NS
+        with self._lock:
+            self._noted = Saved(slam_map, stamp_ns, slam.record(), {})
+        return True
 
-    def save(self, now_ns: int, memory: Memory | None, errors_m: list[float], plans: int) -> None:
-        """A checkpoint of this moment; nothing while there is no map."""
-        self._due_ns = now_ns + CHECKPOINT_EVERY_NS
-        if memory is None:
-            return
-        pursued: dict[str, NDArray[Any]] = {"errors_m": np.array(errors_m, float), "plans": np.array([plans])}
-        with self._kept():
-            self._checkpoint.write(Saved(memory.slam_map, now_ns, {**memory.state, **pursued}, memory.mission.tree()))
+    def write(self, state: Mapping[str, NDArray[Any]], mission: dict[str, Any] | None = None) -> None:
+        """Write the map noted last, with what is driven and bumped, and what the mission remembers; nothing where none
+        was noted since."""
+        with self._writing:
+            with self._lock:
+                noted, self._noted = self._noted, None
+            if noted is None or self._checkpoint is None:
+                return
+            began_s = time.monotonic()
+            with self._kept():
+                self._checkpoint.write(noted._replace(state={**noted.state, **state}, mission=mission or {}))
+            rest_ns = round(self._rest * 1e9 * (time.monotonic() - began_s))
+            self._due_ns = max(self._due_ns, noted.stamp_ns + rest_ns)
+
+    def finish(
+        self,
+        folder: RunFolder,
+        slam: TrackerAndMapper,
+        summary: Summary | None = None,
+        surface: Points3 | None = None,
+        grid: OccupancyGrid | None = None,
+        *more: Callable[[], object],
+    ) -> str:
+        """Write the results, with what there is of spots of surface (N, 3) [m] and ground map, then ``more``. Why not
+        all of them, or not all that another session needs, could be written; empty where all is well."""
+        record = self.record
+        told = (summary or record.summary(slam.statistics())).as_dict()
+        writes: list[Callable[[], object]] = [lambda: folder.write_summary(told)]
+        if grid is not None:
+            writes.append(lambda: folder.write_map(grid))
+        said = folder.write_what_fits(*writes, *record.writes(folder, slam.snapshot(), surface), *more)
+        return said or self.failure
 
     @contextmanager
-    def _kept(self) -> Iterator[None]:
+    def _say_first(self) -> Iterator[None]:
         try:
             yield
         except InputError as error:

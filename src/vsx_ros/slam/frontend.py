@@ -54,7 +54,7 @@ class FrontEnd:
         self._trust = WheelTrust(T_base_cam)
         self._local = LocalMap()
         self._view = self._here = empty_view()
-        self._reference = self._map_id = self._chain = self._chains = 0
+        self._reference = self._map_id = self._epoch = self._epochs = 0
         self._corrected = False
         self._since_keyframe = 0
         self._coarse_next = True
@@ -100,8 +100,8 @@ class FrontEnd:
 
     def resume(self, view: MapView) -> None:
         """Begin in a map made before, lost: the camera is looked for everywhere in it."""
-        self._chains = max(keyframe.chain for keyframe in view.keyframes)
-        self._chain = self._new_chain()
+        self._epochs = max(keyframe.odom_epoch for keyframe in view.keyframes)
+        self._epoch = self._new_epoch()
         self._enter(view, 0)
 
     def use(self, view: MapView) -> None:
@@ -134,7 +134,7 @@ class FrontEnd:
             self.use(view)
             return None
         self._enter(view, newest.map_id)
-        self._chain = newest.chain
+        self._epoch = newest.odom_epoch
         self._reference = len(view.keyframes) - 1
         self._motion.update(pair.second, newest.T_world_cam, measured=False)
         self._recovery.over(pair.second)
@@ -242,7 +242,7 @@ class FrontEnd:
             self._reference,
             reference.T_world_cam.inverse() @ track.T_world_cam,
             reference.scale,
-            self._chain,
+            self._epoch,
             track.rows,
             track.uv,
             track.level,
@@ -264,7 +264,7 @@ class FrontEnd:
         if recovery.is_lost and not was_lost:
             self._event(data.stamp_ns, "lost", track.reason)
         pair = None if data.blurred else self._starting.once(recovery.second_map(data, by_wheels is not None))
-        pair = pair._replace(chain=self._new_chain()) if pair is not None else None
+        pair = pair._replace(odom_epoch=self._new_epoch()) if pair is not None else None
         request = None
         if by_wheels is not None:
             self._motion.update(data, by_wheels, measured=False)
@@ -286,21 +286,21 @@ class FrontEnd:
         return FrameOutcome(result, pair, request)
 
     def _found_again(self, data: FrameData, found: Found, by_wheels: SE3 | None) -> FrameOutcome:
-        """The camera is somewhere in the maps; where the wheels do not vouch for the way there, they count anew."""
+        """The camera is somewhere in the maps; where odometry does not vouch for the way, its next epoch begins."""
         expected = self._recovery.expectation(by_wheels, self._map_id)
         firm = expected is not None and expected.is_firm
         far = self._recovery.is_lost or found.map_id != self._map_id
         if not firm and (far or by_wheels is not None):
-            self._chain = self._new_chain()
+            self._epoch = self._new_epoch()
         self._enter(self._view, found.map_id)
         self._local.select(self._here, found.reference)
         outcome = self._tracked(data, found.track, found.reference)
         self._coarse_next = True
         return outcome
 
-    def _new_chain(self) -> int:
-        self._chains += 1
-        return self._chains
+    def _new_epoch(self) -> int:
+        self._epochs += 1
+        return self._epochs
 
     def _unplaced(self, data: FrameData) -> Track:
         """Where the camera is in the map made before is not known yet; the wheels count from elsewhere."""

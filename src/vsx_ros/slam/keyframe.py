@@ -78,7 +78,7 @@ class Anchor(NamedTuple):
 class KeyFrame:
     """A frame the map is made of. Replaced, never changed.
 
-    chain: the wheels tell the way between successive living keyframes of one chain, never between two chains. A culled
+    odom_epoch: odometry tells the way between successive living keyframes of one epoch, never between two. A culled
     keyframe has an anchor, no image and no observations; its pose is still that of the templates cut from it. map_id:
     0 is the first map, whose frame is the world; others, begun where the first was out of sight, have frames of their
     own until they are joined with it. scale: the length now of what was 1 when the keyframe was made.
@@ -89,7 +89,7 @@ class KeyFrame:
     T_world_cam: SE3
     observations: Observations
     median_depth: float
-    chain: int = 0
+    odom_epoch: int = 0
     anchor: Anchor | None = None
     map_id: int = 0
     scale: float = 1.0

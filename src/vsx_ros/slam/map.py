@@ -39,11 +39,11 @@ class MapView(NamedTuple):
 
 
 class Map:
-    """The mutable map. Rows of points are never reused. chain is that of the keyframes to come."""
+    """The mutable map. Rows of points are never reused. odom_epoch is that of the keyframes to come."""
 
     def __init__(self) -> None:
         self.version = 0
-        self.chain = 0
+        self.odom_epoch = 0
         self.keyframes: list[KeyFrame] = []
         self._carried: dict[int, list[int]] = {}
         self._seers = Seers()
@@ -55,10 +55,10 @@ class Map:
 
     @staticmethod
     def resumed(view: MapView) -> Map:
-        """The map of a view, to go on with; its new keyframes begin a chain of their own."""
+        """The map of a view, to go on with; its new keyframes begin an odometry epoch of their own."""
         world = Map()
         world.version, world.keyframes = view.version, list(view.keyframes)
-        world.chain = 1 + max(keyframe.chain for keyframe in view.keyframes)
+        world.odom_epoch = 1 + max(keyframe.odom_epoch for keyframe in view.keyframes)
         for k, keyframe in enumerate(view.keyframes):
             if keyframe.anchor is not None:
                 world._carried.setdefault(keyframe.anchor.keyframe, []).append(k)
@@ -87,7 +87,7 @@ class Map:
         """Append a keyframe; returns its index, which is also its id."""
         index = len(self.keyframes)
         depth = self.keyframes[-1].median_depth if self.keyframes else 0.0
-        self.keyframes.append(KeyFrame(index, data, T_world_cam, observations, depth, self.chain, None, map_id))
+        self.keyframes.append(KeyFrame(index, data, T_world_cam, observations, depth, self.odom_epoch, None, map_id))
         self._seers.add(index, observations.rows)
         self.update_depth(index)
         return index
@@ -179,18 +179,17 @@ class Map:
         return first.data.T_odom_base is not None
 
     def predecessor(self, index: int) -> int | None:
-        """The living keyframe before this one in its chain, None for the first."""
-        chain = self.keyframes[index].chain
+        """The living keyframe before this one in its epoch, None for the first."""
+        epoch = self.keyframes[index].odom_epoch
         for k in range(index - 1, -1, -1):
-            if self.keyframes[k].alive and self.keyframes[k].chain == chain:
+            if self.keyframes[k].alive and self.keyframes[k].odom_epoch == epoch:
                 return k
         return None
 
     def successor(self, index: int) -> int | None:
-        """The living keyframe after this one in its chain, None for the last."""
-        return next(
-            (k for k in self.living if k > index and self.keyframes[k].chain == self.keyframes[index].chain), None
-        )
+        """The living keyframe after this one in its epoch, None for the last."""
+        epoch = self.keyframes[index].odom_epoch
+        return next((k for k in self.living if k > index and self.keyframes[k].odom_epoch == epoch), None)
 
     def seers(self, rows: IntArray) -> list[int]:
         """All living keyframes that see any of the points (rows), and some that do not, ascending."""

@@ -44,14 +44,14 @@ BASELINES = (0.07, 0.025, 0.12, 0.045)
 
 class KeyFrameRequest(NamedTuple):
     """A tracked frame that shall enter the map. T_ref_cam: its pose in keyframe ``reference``, which may have moved
-    since, and been resized from ``scale``. chain: that of the wheels, see KeyFrame.
+    since, and been resized from ``scale``. odom_epoch: see KeyFrame.
     searched, found (P,): the tracker's counts per point so far."""
 
     data: FrameData
     reference: int
     T_ref_cam: SE3
     scale: float
-    chain: int
+    odom_epoch: int
     rows: IntArray
     uv: FloatArray
     level: IntArray
@@ -79,7 +79,7 @@ class Mapper:
             return start
         world = self.map
         map_id = 1 + max((keyframe.map_id for keyframe in world.keyframes), default=-1)
-        world.chain = pair.chain
+        world.odom_epoch = pair.odom_epoch
         first = world.add_keyframe(_with_dense_corners(start.first), start.poses[0], Observations.none(), map_id)
         second = world.add_keyframe(_with_dense_corners(start.second), start.poses[1], Observations.none(), map_id)
         self._enter(first, second, start.candidates, start.matches)
@@ -98,7 +98,7 @@ class Mapper:
         reference, T_ref_cam = world.keyframes[request.reference], request.T_ref_cam
         grown = reference.scale / request.scale
         pose = reference.T_world_cam @ SE3(T_ref_cam.rotation, grown * T_ref_cam.translation)
-        world.chain = request.chain
+        world.odom_epoch = request.odom_epoch
         seen = request.rows[keep], request.uv[keep], request.level[keep]
         observed = observations_at(request.data, pose, world.points, *seen)
         self._cull(request.searched, request.found)
@@ -160,7 +160,7 @@ class Mapper:
 
     def neighbours(self, index: int, count: int) -> list[int]:
         """Indices of the living keyframes that share most points with one, at least 15, best first; the previous one of
-        its chain always."""
+        its epoch always."""
         shared = self.map.covisible(self.map.keyframes[index].observations.rows)
         shared[index] = 0
         ranked = [int(k) for k in np.argsort(-shared, kind="stable") if shared[k] >= 15][:count]
@@ -169,7 +169,7 @@ class Mapper:
         return [*ranked[: count - wanted], *previous[:wanted]]
 
     def _previous(self, index: int, count: int) -> list[int]:
-        """Up to ``count`` living keyframes before one in its chain, latest first."""
+        """Up to ``count`` living keyframes before one in its epoch, latest first."""
         found: list[int] = []
         before = self.map.predecessor(index)
         while before is not None and len(found) < count:

@@ -28,7 +28,7 @@ RIVAL, DIFFERENT_RAD = 0.92, math.radians(15.0)
 class Pair(NamedTuple):
     """Two frames worth a try. T_world_first: the pose the first shall have; wheels: T_second_first of the cameras as
     the wheels have it, None without. chosen (N,): the first one's candidates that were followed into the second, uv (N,
-    2): to where [px]. chain: that of the keyframes they become."""
+    2): to where [px]. odom_epoch: that of the keyframes they become."""
 
     first: FrameData
     second: FrameData
@@ -37,7 +37,7 @@ class Pair(NamedTuple):
     candidates: Candidates
     chosen: IntArray
     uv: Pixels
-    chain: int = 0
+    odom_epoch: int = 0
 
 
 class Initialization(NamedTuple):

@@ -182,7 +182,7 @@ class ExploreNode:
             lifted=Hazard(self._hazards) & Hazard.WHEEL_DROP == Hazard.WHEEL_DROP,
             hazard=convert.hazard_words(self._hazards) or (where.stuck.reason if where.stuck is not None else None),
             landmarks_world=self._landmarks,
-            countings=where.countings,
+            odom_epoch=where.odom_epoch,
         )
 
     def _navigation(self) -> tuple[NavigationState, str]:
