@@ -11,6 +11,7 @@ import pytest
 pytest.importorskip("rospy")
 
 import rosgraph
+import rospy
 from processes import Processes
 from ros_ports import HOST, free_port
 
@@ -20,7 +21,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.io.run_folder import RunEvent, RunFolder
 from vsx_ros.robot import Odometry, VelocityCommand
-from vsx_ros.ros import process
+from vsx_ros.ros import logs
 from vsx_ros.ros.run_keeper import RunKeeper
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.robot import EmulatedRobot
@@ -84,8 +85,8 @@ def test_a_map_that_takes_long_to_write_is_written_less_often(driven, tmp_path: 
 def test_a_full_disk_is_told_and_ends_nothing(driven, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     robot, slam, frames = driven
     said: list[str] = []
-    monkeypatch.setattr(process, "due", lambda *_: True)
-    monkeypatch.setattr(process.rospy, "logerr", lambda form, error: said.append(form % error))
+    monkeypatch.setattr(logs, "due", lambda *_: True)
+    monkeypatch.setattr(rospy, "logerr", lambda form, error: said.append(form % error))
     keeper = RunKeeper(tmp_path, robot.T_base_cam_given)
     (tmp_path / "resume" / "keyframes").touch()  # no folder, so nothing can be written into it
     keeper.note(slam, frames[-1][0].stamp_ns)

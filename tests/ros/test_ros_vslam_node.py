@@ -13,10 +13,12 @@ import pytest
 
 pytest.importorskip("rospy")
 
+import rospy
+
 from vsx_ros.config import Config
 from vsx_ros.errors import InputError
 from vsx_ros.robot import Frame, Odometry
-from vsx_ros.ros import process
+from vsx_ros.ros import threads
 from vsx_ros.ros.nodes import vslam
 from vsx_ros.ros.nodes.vslam import VslamNode
 
@@ -53,7 +55,7 @@ def test_an_image_of_another_size_is_as_if_it_had_never_come(monkeypatch: pytest
     monkeypatch.setattr(vslam, "PictureWatch", lambda: SimpleNamespace(is_new=lambda *_: True))
     monkeypatch.setattr(vslam.images, "camera", lambda _: None)
     monkeypatch.setattr(vslam.rospy, "get_param", lambda _, usual: usual)
-    monkeypatch.setattr(process, "is_ending", lambda: not waiting)
+    monkeypatch.setattr(threads, "is_ending", lambda: not waiting)
     status, lease = Notes(), Notes()
     node = bare_node(
         _config=Config(), _metric=True, _T_base_cam=None, _loaded=None, _counted=None, _dense=Notes(), _status=status,
@@ -77,7 +79,7 @@ def test_results_that_cannot_be_written_cost_neither_the_checkpoint_nor_the_map(
     saved: list[str] = []
     driven: dict[str, int] = {"bumps": 0}
     monkeypatch.setattr(vslam, "save_slam_map", lambda _, path: saved.append(str(path)))
-    monkeypatch.setattr(process.rospy, "logerr", lambda form, *values: saved.append("told"))
+    monkeypatch.setattr(rospy, "logerr", lambda form, *values: saved.append("logged"))
     mapping = threading.Thread(target=lambda: (time.sleep(0.1), driven.update(bumps=1)))
     mapping.start()
 
@@ -91,5 +93,5 @@ def test_results_that_cannot_be_written_cost_neither_the_checkpoint_nor_the_map(
         _keeper=SimpleNamespace(finish=finish, write=lambda ground: saved.append(f"bumps {ground['bumps']}")),
     )  # fmt: skip
     node.close()
-    assert [entry for entry in saved if entry != "told"] == ["bumps 1", "end.vsxmap"]
-    assert ("told" in saved) != ("_write_results failed" in caplog.text), "one sentence, but for a mistake in here"
+    assert [entry for entry in saved if entry != "logged"] == ["bumps 1", "end.vsxmap"]
+    assert ("logged" in saved) != ("_write_results failed" in caplog.text), "one sentence, but for a mistake in here"

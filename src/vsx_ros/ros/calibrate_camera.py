@@ -23,8 +23,9 @@ from vsx_ros.cli.exit_codes import DONE, FAILED
 from vsx_ros.cli.stoppable import Heard
 from vsx_ros.errors import InputError
 from vsx_ros.robot import Frame
-from vsx_ros.ros import calls, guest, images, process, topics
+from vsx_ros.ros import calls, clock, guest, images, topics
 from vsx_ros.ros.progress import Progress
+from vsx_ros.ros.subscribers import image_subscriber
 
 _STILL_PX, _STILL_S = 2.0, 0.5
 _FIRST_IMAGE_S, _SERVICE_S = 10.0, 5.0
@@ -40,7 +41,7 @@ class BoardWatcher:
         self._before: tuple[int, Pixels] | None = None
         self.chooser: ViewChooser | None = None
         self.size = (0, 0)
-        process.image_subscriber(self._on_image)
+        image_subscriber(self._on_image)
 
     def _on_image(self, msg: Image) -> None:
         frame = images.frame(msg)
@@ -95,7 +96,7 @@ def calibrate(args: argparse.Namespace) -> int:
     if result.verdict.grade is Grade.BAD:
         sys.stdout.write("  it is not stored\n")
         return FAILED
-    info = images.camera_info(result.camera, process.now_ns(), topics.OPTICAL_FRAME)
+    info = images.camera_info(result.camera, clock.now_ns(), topics.OPTICAL_FRAME)
     return _store(rospy.resolve_name(topics.SET_CAMERA_INFO), info)
 
 

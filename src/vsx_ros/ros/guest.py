@@ -16,7 +16,7 @@ from vsx_ros.cli import streams
 from vsx_ros.cli.check_network import DEFAULT_MASTER
 from vsx_ros.cli.exit_codes import DONE, FAILED, HARDWARE
 from vsx_ros.errors import ConfigError, VsxError
-from vsx_ros.ros import calls, process
+from vsx_ros.ros import calls, logs
 from vsx_ros.ros.master_watch import master_watch
 
 Arguments = TypeVar("Arguments")
@@ -41,7 +41,7 @@ def join(name: str) -> None:
 
 def command(work: Callable[[Arguments], int], arguments: Arguments) -> int:
     """The exit code of ``work``; errors are one sentence. Ctrl-C is how these commands are ended, hence no failure."""
-    process.quiet_failures()
+    logs.quiet_failures()
     try:
         return streams.ended(work(arguments))
     except KeyboardInterrupt:

@@ -17,7 +17,7 @@ from vsx_ros.cli.robot_file import robot_file_here
 from vsx_ros.cli.world import open_world
 from vsx_ros.config import to_dict
 from vsx_ros.errors import VsxError
-from vsx_ros.ros import launch, process
+from vsx_ros.ros import launch, logs
 from vsx_ros.ros.launch import LaunchNode
 
 _TEXTS = {
@@ -80,7 +80,7 @@ def main() -> None:
     """Entry point; the launch is named like the script."""
     name = Path(sys.argv[0]).stem
     args = parser(name).parse_args()
-    process.quiet_failures()
+    logs.quiet_failures()
     try:
         real = name in ("bringup", "explore")
         config = to_dict(load(args.config or (robot_file_here() if real else None), []))

@@ -11,7 +11,8 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry as OdometryMsg
 
 from vsx_ros.control.localization import Localization, Whereabouts
-from vsx_ros.ros import convert, process, slam_messages, topics
+from vsx_ros.ros import clock, convert, slam_messages, topics
+from vsx_ros.ros.subscribers import odometry_subscriber, subscribe
 
 
 class HeardLocalization:
@@ -21,20 +22,20 @@ class HeardLocalization:
         self._lock = threading.Lock()
         self._localization = Localization()
         self._taken_s = -math.inf
-        process.odometry_subscriber(self._on_odometry)
-        process.subscribe(topics.POSE, PoseWithCovarianceStamped, self._on_pose, queue_size=5, tcp_nodelay=True)
-        process.subscribe(topics.SLAM_STATE, DiagnosticStatus, self._on_state, queue_size=5, tcp_nodelay=True)
+        odometry_subscriber(self._on_odometry)
+        subscribe(topics.POSE, PoseWithCovarianceStamped, self._on_pose, queue_size=5, tcp_nodelay=True)
+        subscribe(topics.SLAM_STATE, DiagnosticStatus, self._on_state, queue_size=5, tcp_nodelay=True)
 
     def _on_odometry(self, msg: OdometryMsg) -> None:
         odometry = convert.odometry(msg)
-        process.refuse_future(odometry.stamp_ns)
+        clock.refuse_future(odometry.stamp_ns)
         with self._lock:
             if self._localization.add_odometry(odometry):
                 self._taken_s = time.monotonic()
 
     def _on_pose(self, msg: PoseWithCovarianceStamped) -> None:
         stamp_ns = msg.header.stamp.to_nsec()
-        process.refuse_future(stamp_ns)
+        clock.refuse_future(stamp_ns)
         with self._lock:
             self._localization.add_pose(stamp_ns, convert.se2(msg.pose.pose))
 

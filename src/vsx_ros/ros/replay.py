@@ -27,7 +27,7 @@ from vsx_ros.evaluation.summary import Summary, with_accuracy
 from vsx_ros.evaluation.trajectory import AlignmentKind
 from vsx_ros.io.recording import Recording
 from vsx_ros.io.run_folder import RunFolder
-from vsx_ros.ros import launch, process, topics, view
+from vsx_ros.ros import launch, logs, topics, view
 from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.live import Live
 from vsx_ros.ros.player import Player
@@ -149,7 +149,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="vsx replay")
     parser.add_argument("--input", type=Path, required=True)
     add_options(parser)
-    process.quiet_failures()
+    logs.quiet_failures()
     try:
         return streams.ended(replay(parser.parse_args()))
     except KeyboardInterrupt:

@@ -32,7 +32,7 @@ from vsx_ros.geometry.camera import mounted
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.run_folder import RunEvent, RunFolder
-from vsx_ros.ros import launch, process, view
+from vsx_ros.ros import clock, launch, logs, view
 from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.live import MASTER, Live, refuse_second_robot
 from vsx_ros.ros.progress import Progress, progress_line
@@ -159,7 +159,7 @@ def _watch(
         if ending is None and began_s is None and now_s - started_s > _READY_WAIT_S:
             why = "; ".join(trouble.values()) or "see the run's log folder"
             ending = Ending(f"the robot was not ready within {_READY_WAIT_S:.0f} s: {why}", HARDWARE)
-        journal.keep(witness, process.now_ns(), elapsed_s)
+        journal.keep(witness, clock.now_ns(), elapsed_s)
         if ending is not None:
             return ending
         warnings = witness.new_warnings()
@@ -256,7 +256,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Parse and run; errors are one sentence. KeyboardInterrupt is the caller's to tell."""
     parser = argparse.ArgumentParser(prog="vsx explore")
     add_arguments(parser)
-    process.quiet_failures()
+    logs.quiet_failures()
     args = parser.parse_args(arguments)
     try:
         return streams.ended(explore(args))

@@ -21,7 +21,7 @@ from vsx_ros.io.journal import EventLine, FrameLine, Journal, read_journal
 from vsx_ros.io.run_folder import RunFolder
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import Odometry
-from vsx_ros.ros import process
+from vsx_ros.ros import logs
 from vsx_ros.slam.slam_map import SlamMap
 from vsx_ros.slam.state import SlamEvent, TrackingResult
 from vsx_ros.slam.threads import ThreadedSlam
@@ -71,7 +71,7 @@ class RunKeeper:
         self.record.add_slam_events(events)
         T_odom_base = None if odometry is None else odometry.T_odom_base
         lines = [EventLine(**event._asdict()) for event in self.record.events[told:]]
-        with process.told():
+        with logs.log_errors():
             self._journal.add(*lines, FrameLine.of(result, T_odom_base, 1e3 * track_s, u2_frames))
 
     def note(self, slam: ThreadedSlam, stamp_ns: int, *, now: bool = False) -> None:
@@ -91,7 +91,7 @@ class RunKeeper:
                 return
             slam_map, stamp_ns, record = noted
             began_s = time.monotonic()
-            with process.told():
+            with logs.log_errors():
                 self._checkpoint.write(Saved(slam_map, stamp_ns, {**record, **ground}, {}))
             rest_ns = round(_REST * 1e9 * (time.monotonic() - began_s))
             self._due_ns = max(self._due_ns, stamp_ns + rest_ns)

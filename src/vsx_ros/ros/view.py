@@ -14,7 +14,7 @@ import rosgraph
 from vsx_ros.cli.exit_codes import DONE, FAILED
 from vsx_ros.cli.view import add_arguments
 from vsx_ros.errors import VsxError
-from vsx_ros.ros import launch, process
+from vsx_ros.ros import launch, logs
 from vsx_ros.ros.dashboard.server import LOOPBACK, address, choose_port
 from vsx_ros.ros.nodes.dashboard import TOKEN
 
@@ -54,7 +54,7 @@ def view(args: argparse.Namespace) -> None:
 
 def main() -> int:
     """Parse and run; errors are one sentence."""
-    process.quiet_failures()
+    logs.quiet_failures()
     parser = argparse.ArgumentParser(prog="vsx view")
     add_arguments(parser)
     try:

@@ -26,8 +26,9 @@ from vsx_ros.config import Config
 from vsx_ros.errors import CalibrationError
 from vsx_ros.geometry.camera import PinholeCamera, nominal_camera
 from vsx_ros.io.calibration_file import read_calibration, write_calibration
-from vsx_ros.ros import frames, images, process, topics
+from vsx_ros.ros import frames, images, node, threads, topics
 from vsx_ros.ros.cameras import open_camera
+from vsx_ros.ros.diagnostics import ERROR, OK, WARN, Diagnostics
 
 
 class CameraNode:
@@ -51,8 +52,8 @@ class CameraNode:
             str(rospy.get_param("~mode", "vga")),
             bool(rospy.get_param("~lock_exposure", True)),
         )
-        self._diagnostics = process.Diagnostics(self._device)
-        process.every(1.0, "health", self._report)
+        self._diagnostics = Diagnostics(self._device)
+        threads.every(1.0, "health", self._report)
         self._source.start()
 
     def _on_image(self, reading: ImageReading) -> None:
@@ -108,12 +109,12 @@ class CameraNode:
         rate_hz, self._frames_reported = frames - self._frames_reported, frames
         alive = status.connected and rate_hz > 0
         message = status.message if alive or not status.connected else "no images"
-        level = process.OK if alive else process.ERROR
+        level = OK if alive else ERROR
         self._diagnostics.set("stream", level, message, rate_hz=rate_hz, device=status.device, **status.counters)
         if self._calibrated:
-            self._diagnostics.set("calibration", process.OK, "calibrated")
+            self._diagnostics.set("calibration", OK, "calibrated")
         else:
-            self._diagnostics.set("calibration", process.WARN, "not calibrated; run 'vsx calibrate camera --live'")
+            self._diagnostics.set("calibration", WARN, "not calibrated; run 'vsx calibrate camera --live'")
 
     def close(self) -> None:
         """Stop the stream."""
@@ -136,4 +137,4 @@ def _path(url: str) -> Path:
 
 def main() -> None:
     """Entry point of scripts/camera."""
-    process.run("camera", CameraNode)
+    node.run("camera", CameraNode)

@@ -36,8 +36,9 @@ from vsx_ros.config import Config
 from vsx_ros.errors import ConfigError
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Odometry
-from vsx_ros.ros import convert, process, topics
+from vsx_ros.ros import convert, logs, node, threads, topics
 from vsx_ros.ros.base_drivers import base_emulator, wheel_base_m
+from vsx_ros.ros.diagnostics import OK, WARN, Diagnostics
 from vsx_ros.ros.emulation import BodyPlant, BodyState
 from vsx_ros.ros.render_process import POSE, RenderSettings
 
@@ -64,7 +65,7 @@ class EmulatorNode:
         self._closing = False
         self._frames = self._skipped = 0
         self._render_ms = 0.0
-        self._diagnostics = process.Diagnostics("emulator")
+        self._diagnostics = Diagnostics("emulator")
         self._start_ns, start_monotonic_ns = time.time_ns(), time.monotonic_ns()
         self._before: tuple[int, Any] | None = None
         self._child = self._start_child(
@@ -81,8 +82,8 @@ class EmulatorNode:
         self._base = base_emulator(robot_type, self._plant, _file_param("~port", "ttyVSX"), seed)
         self._base.start(start_monotonic_ns)
         threading.Thread(target=self._listen, name="frames", daemon=True).start()
-        process.every(_TRUTH_PERIOD_S, "truth", self._publish_truth)
-        process.every(1.0, "rate", self._report)
+        threads.every(_TRUTH_PERIOD_S, "truth", self._publish_truth)
+        threads.every(1.0, "rate", self._report)
 
     @staticmethod
     def _start_child(settings: RenderSettings) -> subprocess.Popen[bytes]:
@@ -138,10 +139,10 @@ class EmulatorNode:
         rate_hz, self._frames = self._frames, 0
         skipped, self._skipped = self._skipped, 0
         self._rate_pub.publish(Float32(rate_hz))
-        level = process.OK if rate_hz else process.WARN
+        level = OK if rate_hz else WARN
         message = f"{rate_hz} images a second" if rate_hz else "no images; nobody listens, or the first one compiles"
         self._diagnostics.set("camera", level, message, render_ms=round(self._render_ms, 1), skipped=skipped)
-        if process.due("rate", 30.0):
+        if logs.due("rate", 30.0):
             rospy.loginfo("emulator: %s, %.0f ms each, %d slots skipped", message, self._render_ms, skipped)
 
     def close(self) -> None:
@@ -163,4 +164,4 @@ def _file_param(name: str, default: str) -> str:
 
 def main() -> None:
     """Entry point of scripts/emulator."""
-    process.run("emulator", EmulatorNode)
+    node.run("emulator", EmulatorNode)

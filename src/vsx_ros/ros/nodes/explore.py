@@ -41,11 +41,13 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.run_folder import RunFolder
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.planner import Planner
-from vsx_ros.ros import base_messages, convert, process, topics
+from vsx_ros.ros import base_messages, clock, convert, logs, node, threads, topics
+from vsx_ros.ros.diagnostics import OK, WARN, Diagnostics
 from vsx_ros.ros.frontier_markers import frontier_markers
 from vsx_ros.ros.lease import PERIOD_S, Lease, LeaseWatch
 from vsx_ros.ros.localization import HeardLocalization
 from vsx_ros.ros.sent_goal import SentGoal, is_served
+from vsx_ros.ros.subscribers import subscribe
 from vsx_ros.ros.warm_up import warm_up_mission
 
 _DECIDE_PERIOD_S = 0.2
@@ -82,17 +84,17 @@ class ExploreNode:
             self._recalled = MissionMemory.of(remembered, self._checkpoint.path)
         self._where = HeardLocalization()
         self._slam = LeaseWatch(topics.FOLLOWER_LEASE)
-        self._diagnostics = process.Diagnostics()
+        self._diagnostics = Diagnostics()
         self._lease = Lease(topics.NAVIGATION_LEASE, rospy.get_name())
         self._frontiers_pub = rospy.Publisher(topics.FRONTIERS, MarkerArray, queue_size=1, latch=True)
         self._status_pub = rospy.Publisher(topics.EXPLORE_STATUS, String, queue_size=5, latch=True)
         self._events_pub = rospy.Publisher(topics.EXPLORE_EVENTS, String, queue_size=100)
         self._coverage_pub = rospy.Publisher(topics.COVERAGE, Float32, queue_size=1, latch=True)
         self._client = actionlib.ActionClient(topics.MOVE_BASE_ACTION, MoveBaseAction)
-        process.subscribe(topics.MAP, OccupancyGridMsg, self._on_map, queue_size=1)
-        process.subscribe(topics.MAP_POINTS, PointCloud2, self._on_points, queue_size=1, buff_size=2**22)
-        process.subscribe(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5)
-        process.subscribe(topics.BATTERY, BatteryState, self._on_battery, queue_size=1)
+        subscribe(topics.MAP, OccupancyGridMsg, self._on_map, queue_size=1)
+        subscribe(topics.MAP_POINTS, PointCloud2, self._on_points, queue_size=1, buff_size=2**22)
+        subscribe(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5)
+        subscribe(topics.BATTERY, BatteryState, self._on_battery, queue_size=1)
         for name, request in (
             (topics.EXPLORE_PAUSE, self._mission.pause),
             (topics.EXPLORE_RESUME, self._mission.resume),
@@ -100,10 +102,10 @@ class ExploreNode:
             (topics.EXPLORE_HOME, self._mission.home),
         ):
             rospy.Service(name, Trigger, self._operator(request))
-        process.every(PERIOD_S, "lease", self._lease.keep)
-        process.every(_DECIDE_PERIOD_S, "mission", self._decide)
+        threads.every(PERIOD_S, "lease", self._lease.keep)
+        threads.every(_DECIDE_PERIOD_S, "mission", self._decide)
         if self._checkpoint is not None:
-            process.every(_REMEMBER_PERIOD_S, "memory", self._remember)
+            threads.every(_REMEMBER_PERIOD_S, "memory", self._remember)
 
     # Callbacks -----------------------------------------------------------------------------------------------
 
@@ -122,7 +124,7 @@ class ExploreNode:
         if empty and not self._battery_empty:
             rospy.logwarn("battery at %.1f V is nearly empty: going home", msg.voltage)
             with self._lock:
-                self._mission.home(process.now_ns())
+                self._mission.home(clock.now_ns())
         self._battery_empty = self._battery_empty or empty
 
     def _operator(self, request: Callable[[int], None]) -> Callable[[TriggerRequest], TriggerResponse]:
@@ -130,7 +132,7 @@ class ExploreNode:
             with self._lock:
                 if self._mission.outcome is not None:
                     return TriggerResponse(False, f"the exploration is over: {self._mission.outcome.value}")
-                request(process.now_ns())
+                request(clock.now_ns())
                 return TriggerResponse(True, self._mission.state.value)
 
         return handle
@@ -141,9 +143,9 @@ class ExploreNode:
         self._lease.promise(_DECIDE_WITHIN_S)
         ready = self._slam.is_known("vslam") and is_served(self._client)
         if not ready and self._mission.outcome is None:
-            self._diagnostics.set("mission", process.WARN, "waiting for vslam to see images and for move_base")
+            self._diagnostics.set("mission", WARN, "waiting for vslam to see images and for move_base")
             return
-        now_ns = process.now_ns()
+        now_ns = clock.now_ns()
         situation = self._situation(now_ns)
         with self._lock:
             if self._recalled is not None and situation.T_odom_base is not None:
@@ -159,13 +161,13 @@ class ExploreNode:
 
     def _remember(self) -> None:
         """Write what the mission needs to go on after an interruption; may wait for the disk."""
-        now_ns = process.now_ns()
+        now_ns = clock.now_ns()
         T_odom_base = self._where.at(now_ns).T_odom_base
         if self._checkpoint is None or self._recalled is not None or T_odom_base is None:
             return
         with self._lock:
             memory = self._mission.memory(now_ns, T_odom_base)
-        with process.told(), self._writing:
+        with logs.log_errors(), self._writing:
             self._checkpoint.write_mission(memory.tree(), now_ns)
 
     def _situation(self, now_ns: int) -> Situation:
@@ -190,7 +192,7 @@ class ExploreNode:
 
     def _act(self, decision: Decision) -> None:
         if decision.action is Action.GO and decision.goal is not None:
-            goal = convert.pose_stamped(decision.frame, process.now_ns(), decision.goal)
+            goal = convert.pose_stamped(decision.frame, clock.now_ns(), decision.goal)
             self._goal = SentGoal(self._client.send_goal(MoveBaseGoal(goal)))
             return
         ends = decision.action in (Action.CANCEL, Action.FINISH)
@@ -217,10 +219,10 @@ class ExploreNode:
         if text != self._status or now_s - self._status_s > _STATUS_PERIOD_S:
             self._status, self._status_s = text, now_s
             self._status_pub.publish(text)
-            self._diagnostics.set("mission", process.OK, f"{decision.state}: {decision.reason}")
+            self._diagnostics.set("mission", OK, f"{decision.state}: {decision.reason}")
         if ranked and self._grid is not None:
             self._shown, views = outlook.ranking, outlook.ranking.views
-            markers = frontier_markers(self._grid, self._frontiers, views, topics.MAP_FRAME, process.now_ns())
+            markers = frontier_markers(self._grid, self._frontiers, views, topics.MAP_FRAME, clock.now_ns())
             self._frontiers_pub.publish(markers)
 
     def close(self) -> None:
@@ -232,4 +234,4 @@ class ExploreNode:
 
 def main() -> None:
     """Entry point of scripts/explore."""
-    process.run("explore", ExploreNode)
+    node.run("explore", ExploreNode)

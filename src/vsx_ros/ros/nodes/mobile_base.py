@@ -35,9 +35,10 @@ from vsx_hw.errors import DeviceError
 from vsx_hw.readings import BaseReading, Hazard, Signal
 from vsx_hw.safety import SOURCES, Decision, SpeedLimits, Supervisor
 from vsx_ros.config import Config, LimitsConfig
-from vsx_ros.ros import process, service_manager, topics
+from vsx_ros.ros import clock, logs, node, service_manager, threads, topics
 from vsx_ros.ros.base_drivers import BaseSettings, Listeners, base_driver, base_guardians
 from vsx_ros.ros.base_topics import BaseTopics
+from vsx_ros.ros.diagnostics import ERROR, OK, WARN, Diagnostics
 from vsx_ros.ros.master_watch import master_watch
 from vsx_ros.ros.topic_base import own_driver_odometry
 
@@ -48,7 +49,7 @@ _INPUTS = {
 }
 LINK_PERIOD_S = 0.2
 _MASTER_PERIOD_S = 0.1
-_BATTERY_LEVELS = {"low": process.WARN, "critical": process.ERROR}
+_BATTERY_LEVELS = {"low": WARN, "critical": ERROR}
 
 
 class MobileBaseNode:
@@ -68,7 +69,7 @@ class MobileBaseNode:
         kind = str(rospy.get_param("~robot_type", "auto"))
         self._topics = BaseTopics(own_driver_odometry(kind))
         port = str(rospy.get_param("~port", "/dev/kobuki"))
-        self._diagnostics = process.Diagnostics(port)
+        self._diagnostics = Diagnostics(port)
         settings = BaseSettings(
             self._find_base(kind, port),
             port,
@@ -85,20 +86,20 @@ class MobileBaseNode:
         rospy.Service(topics.RESET_ODOMETRY, Trigger, self._on_reset_odometry)
         self._driver.start()
         service_manager.notify(service_manager.READY)
-        process.every(1.0, "health", self._report)
-        process.every(LINK_PERIOD_S, "link", self._report_link)
+        threads.every(1.0, "health", self._report)
+        threads.every(LINK_PERIOD_S, "link", self._report_link)
 
     def _find_base(self, robot_type: str, port: str) -> str:
         """~robot_type; with auto the node waits until a base answers."""
         while robot_type == "auto":
-            if process.is_ending():
+            if threads.is_ending():
                 raise KeyboardInterrupt
             try:
                 robot_type = detect_base(port)
                 rospy.loginfo("%s: found a %s", port, robot_type)
             except DeviceError as error:
-                self._diagnostics.set("link", process.ERROR, str(error), device=port)
-                if process.due("base", 10.0):
+                self._diagnostics.set("link", ERROR, str(error), device=port)
+                if logs.due("base", 10.0):
                     rospy.logwarn("%s", error)
                 time.sleep(1.0)
         return robot_type
@@ -106,7 +107,7 @@ class MobileBaseNode:
     def _on_command(self, msg: Twist, source: str) -> None:
         with self._lock:
             accepted = self._supervisor.command(source, msg.linear.x, msg.angular.z, time.monotonic_ns())
-        if not accepted and process.due("command", 1.0):
+        if not accepted and logs.due("command", 1.0):
             rospy.logwarn("%s: command refused, not finite or absurd:\n%s", _INPUTS[source], msg)
 
     def _on_reading(self, reading: BaseReading) -> None:
@@ -138,7 +139,7 @@ class MobileBaseNode:
         with self._lock:
             self._supervisor.forget_commands()
         if not connected:
-            self._topics.tell_hazards(Hazard.NONE, process.now_ns())
+            self._topics.tell_hazards(Hazard.NONE, clock.now_ns())
 
     def _on_estop(self, request: SetBoolRequest) -> SetBoolResponse:
         with self._lock:
@@ -159,7 +160,7 @@ class MobileBaseNode:
         status = self._driver.status()
         if not status.alive:
             raise DeviceError(f"{status.device}: the driver's thread has ended; the node begins anew")
-        level = process.OK if status.connected else process.ERROR
+        level = OK if status.connected else ERROR
         self._diagnostics.set("link", level, status.message, device=status.device, **status.counters)
 
     def _report(self) -> None:
@@ -174,12 +175,12 @@ class MobileBaseNode:
         battery = reading.battery
         self._topics.tell_battery(reading)
         self._diagnostics.set(
-            "battery", _BATTERY_LEVELS.get(battery.state, process.OK), battery.state, voltage_v=battery.voltage_v,
+            "battery", _BATTERY_LEVELS.get(battery.state, OK), battery.state, voltage_v=battery.voltage_v,
             fraction=round(battery.fraction, 3), charging=battery.charging, docked=battery.docked,
         )  # fmt: skip
         odometry = reading.odometry
         self._diagnostics.set(
-            "odometry", process.OK if odometry.trusted else process.WARN,
+            "odometry", OK if odometry.trusted else WARN,
             odometry.doubt or ("all sensors agree" if odometry.trusted else "pushed: the direction is not known"),
             gaps=odometry.gaps,
         )  # fmt: skip
@@ -190,7 +191,7 @@ class MobileBaseNode:
         self._troubles = troubles
         message = "; ".join([decision.reason or f"driving for {decision.source}", *reading.warnings])
         self._diagnostics.set(
-            "safety", process.WARN if blocked or reading.hazards or troubles else process.OK, message,
+            "safety", WARN if blocked or reading.hazards or troubles else OK, message,
             hazards=reading.hazards.name or "NONE", estop=self._supervisor.estopped,
             refused_commands=self._supervisor.refused, mode=reading.mode,
         )  # fmt: skip
@@ -216,4 +217,4 @@ def speed_limits(limits: LimitsConfig) -> SpeedLimits:
 
 def main() -> None:
     """Entry point of scripts/mobile_base."""
-    process.run("mobile_base", MobileBaseNode)
+    node.run("mobile_base", MobileBaseNode)

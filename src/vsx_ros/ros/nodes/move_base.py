@@ -33,10 +33,12 @@ from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.errors import VsxError
 from vsx_ros.navigation.follower_report import FollowerReport, decode_report
 from vsx_ros.navigation.pursuit import Act, Brake, Done, Follow, GoalPursuit, PlanRequest, Seen
-from vsx_ros.ros import convert, frames, process, topics, trajectory_messages
+from vsx_ros.ros import clock, convert, frames, node, threads, topics, trajectory_messages
+from vsx_ros.ros.diagnostics import OK, WARN, Diagnostics
 from vsx_ros.ros.lease import PERIOD_S, Lease, LeaseWatch
 from vsx_ros.ros.localization import HeardLocalization
 from vsx_ros.ros.planning_thread import PlanningThread, path_msg
+from vsx_ros.ros.subscribers import subscribe
 
 _LAST_WORD_S = 0.5
 _LOOK_WITHIN_S = 2.0
@@ -50,7 +52,7 @@ class MoveBaseNode:
     def __init__(self, config: Config) -> None:
         self._pursuing, self._pursuit = threading.Lock(), GoalPursuit(config)
         self._follower, self._follower_s = FollowerReport(0, FollowStatus.IDLE, "", topics.MAP_FRAME), 0.0
-        self._diagnostics = process.Diagnostics()
+        self._diagnostics = Diagnostics()
         kind, seed = str(rospy.get_param("~planner", "fov")), int(rospy.get_param("~seed", 0))
         self._planner = PlanningThread(config, kind, seed, self._diagnostics)
         self._where = HeardLocalization()
@@ -59,9 +61,9 @@ class MoveBaseNode:
         self._goal_pub = rospy.Publisher(f"{topics.MOVE_BASE_ACTION}/goal", MoveBaseActionGoal, queue_size=2)
         self._path_pub = rospy.Publisher(topics.GLOBAL_PLAN, PathMsg, queue_size=1, latch=True)
         self._trajectory_pub = rospy.Publisher(topics.TRAJECTORY, MultiDOFJointTrajectory, queue_size=2, latch=True)
-        process.subscribe(topics.SIMPLE_GOAL, PoseStamped, self._on_simple_goal, queue_size=1)
-        process.subscribe(topics.FOLLOWER_STATUS, String, self._on_follower, queue_size=5, tcp_nodelay=True)
-        process.every(PERIOD_S, "lease", self._lease.keep)
+        subscribe(topics.SIMPLE_GOAL, PoseStamped, self._on_simple_goal, queue_size=1)
+        subscribe(topics.FOLLOWER_STATUS, String, self._on_follower, queue_size=5, tcp_nodelay=True)
+        threads.every(PERIOD_S, "lease", self._lease.keep)
         self._server = actionlib.SimpleActionServer(
             topics.MOVE_BASE_ACTION, MoveBaseAction, self._execute, auto_start=False
         )
@@ -79,7 +81,7 @@ class MoveBaseNode:
             done = self._pursue(goal.target_pose)
             self._lease.promise(0.0)
             rospy.loginfo("goal %s: %s", "reached" if done.arrived else "given up", done.reason)
-            self._diagnostics.set("goal", process.OK if done.arrived else process.WARN, done.reason)
+            self._diagnostics.set("goal", OK if done.arrived else WARN, done.reason)
             if done.arrived:
                 self._server.set_succeeded(text=done.reason)
             elif self._server.is_preempt_requested():
@@ -91,12 +93,12 @@ class MoveBaseNode:
         """Step the pursuit until the goal has ended; one that makes way for the next ends while the base brakes."""
         frame = frames.bare(target.header.frame_id)
         try:
-            self._pursuit.begin(process.now_ns(), convert.se2(target.pose), frame)
+            self._pursuit.begin(clock.now_ns(), convert.se2(target.pose), frame)
         except VsxError as error:
             return Done(False, str(error))
-        while not process.is_ending():
+        while not threads.is_ending():
             self._lease.promise(_LOOK_WITHIN_S)
-            now_ns = process.now_ns()
+            now_ns = clock.now_ns()
             if self._server.is_preempt_requested():
                 self._pursuit.cancel(now_ns, _CANCELLED)
                 if self._server.is_new_goal_available():
@@ -128,13 +130,13 @@ class MoveBaseNode:
             self._path_pub.publish(path_msg(act.way.plan, act.frame))
             msg = trajectory_messages.trajectory_msg(act.way.trajectory, act.frame, act.identity)
             self._trajectory_pub.publish(msg)
-            self._diagnostics.set("goal", process.OK, f"driving {act.way.plan.path.length_m:.1f} m")
+            self._diagnostics.set("goal", OK, f"driving {act.way.plan.path.length_m:.1f} m")
         elif isinstance(act, Brake):
             self._trajectory_pub.publish(trajectory_messages.brake_msg(act.a_m_s2, topics.MAP_FRAME, now_ns))
 
     def _clear(self) -> None:
         """There is nothing to follow any longer, for a follower that starts anew either."""
-        self._do(process.now_ns(), Brake(math.inf))
+        self._do(clock.now_ns(), Brake(math.inf))
 
     def close(self) -> None:
         """A last word to the follower; and the goal's end is told while its topics are open."""
@@ -145,4 +147,4 @@ class MoveBaseNode:
 
 def main() -> None:
     """Entry point of scripts/move_base."""
-    process.run("move_base", MoveBaseNode)
+    node.run("move_base", MoveBaseNode)

@@ -25,7 +25,7 @@ from vsx_ros.cli.teleop import KEYS, add_arguments
 from vsx_ros.config import Config
 from vsx_ros.errors import ConfigError
 from vsx_ros.robot import STOP, VelocityCommand
-from vsx_ros.ros import convert, process, topics
+from vsx_ros.ros import convert, node, threads, topics
 
 _PERIOD_S = 0.05
 # A held key repeats 10 to 30 times a second, after a first pause of up to half a second.
@@ -67,7 +67,7 @@ class TeleopNode:
         tty.setcbreak(self._input)
         sys.stderr.write(f"{KEYS}\n")
         self._say_speed()
-        process.worker("keyboard", self._loop)
+        threads.worker("keyboard", self._loop)
 
     def _loop(self) -> None:
         driving = False
@@ -119,7 +119,7 @@ class TeleopNode:
 
 def main() -> None:
     """Entry point of scripts/teleop."""
-    process.run("teleop", TeleopNode)
+    node.run("teleop", TeleopNode)
 
 
 def command() -> None:

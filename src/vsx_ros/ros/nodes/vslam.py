@@ -37,7 +37,7 @@ from vsx_ros.geometry.camera import mounted
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
 from vsx_ros.robot import Frame, Odometry
-from vsx_ros.ros import convert, images, process, topics
+from vsx_ros.ros import clock, convert, images, logs, node, threads, topics
 from vsx_ros.ros.dense_mapping import DenseMapping
 from vsx_ros.ros.ground_mapping import GroundMapping, touch_pose
 from vsx_ros.ros.lease import TIMEOUT_S, Lease
@@ -46,6 +46,7 @@ from vsx_ros.ros.preview import Preview
 from vsx_ros.ros.run_keeper import RunKeeper
 from vsx_ros.ros.sensor_sync import SensorSync
 from vsx_ros.ros.slam_messages import SlamStatus
+from vsx_ros.ros.subscribers import image_subscriber, odometry_subscriber, subscribe
 from vsx_ros.ros.warm_up import warm_up_slam
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.snapshot import snapshot as snapshot_of
@@ -98,21 +99,21 @@ class VslamNode:
         self._pose_pub = rospy.Publisher(topics.POSE, PoseWithCovarianceStamped, queue_size=5, tcp_nodelay=True)
         if rospy.get_param("~publish_tf", True):
             self._tf_pub = rospy.Publisher(topics.TF, TFMessage, queue_size=20)
-            process.every(_TF_PERIOD_S, "tf", self._publish_tf)
+            threads.every(_TF_PERIOD_S, "tf", self._publish_tf)
         self._tf_static_pub = rospy.Publisher(topics.TF_STATIC, TFMessage, queue_size=1, latch=True)
-        self._tf_static_pub.publish(convert.mount_transforms(mount, process.now_ns()))
-        process.odometry_subscriber(self._on_odometry)
-        process.subscribe(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5)
-        process.image_subscriber(self._on_image)
-        self._mapping = process.every(_MAP_PERIOD_S, "ground map", self._map)
-        process.every(UPDATE_EVERY_S, "dense map", self._densify)
-        process.every(_MAP_PERIOD_S, "checkpoint", self._keep)
+        self._tf_static_pub.publish(convert.mount_transforms(mount, clock.now_ns()))
+        odometry_subscriber(self._on_odometry)
+        subscribe(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5)
+        image_subscriber(self._on_image)
+        self._mapping = threads.every(_MAP_PERIOD_S, "ground map", self._map)
+        threads.every(UPDATE_EVERY_S, "dense map", self._densify)
+        threads.every(_MAP_PERIOD_S, "checkpoint", self._keep)
         rospy.Service(topics.SAVE_MAP, Trigger, self._on_save_map)
-        self._tracking = process.worker("tracking", self._track)
+        self._tracking = threads.worker("tracking", self._track)
 
     def _on_odometry(self, msg: OdometryMsg) -> None:
         odometry = convert.odometry(msg)
-        process.refuse_future(odometry.stamp_ns)
+        clock.refuse_future(odometry.stamp_ns)
         if self._odometry is None and self._loaded is None:
             self._ground.started(odometry.T_odom_base)
         if self._odometry is not None and not odometry.counts_on_from(self._odometry):
@@ -129,7 +130,7 @@ class VslamNode:
 
     def _on_image(self, msg: Image) -> None:
         frame = images.frame(msg)
-        process.refuse_future(frame.stamp_ns)
+        clock.refuse_future(frame.stamp_ns)
         self._sync.add_frame(frame)
 
     def _on_save_map(self, _: TriggerRequest) -> TriggerResponse:
@@ -152,7 +153,7 @@ class VslamNode:
         self._slam = slam = ThreadedSlam(camera, T_base_cam, self._config.slam, seed, self._loaded, self._counted)
         heard_s, tracked_any = time.monotonic(), False
         pictures = PictureWatch()
-        while not process.is_ending():
+        while not threads.is_ending():
             taken = self._sync.take(timeout_s=0.2)
             now_s = time.monotonic()
             if taken is None:
@@ -228,7 +229,7 @@ class VslamNode:
             self._recognised = True
 
     def _publish_tf(self) -> None:
-        stamp_ns = process.now_ns() + _TF_TOLERANCE_NS
+        stamp_ns = clock.now_ns() + _TF_TOLERANCE_NS
         self._tf_pub.publish(
             [convert.transform_stamped(topics.MAP_FRAME, topics.ODOM_FRAME, stamp_ns, self._T_map_odom)]
         )
@@ -254,16 +255,16 @@ class VslamNode:
         """Nobody drives by this camera any longer; write the run's results after the last frame. One that cannot be
         written keeps no other from it."""
         self._lease.release()
-        process.ended(self._tracking, 1.0)
+        threads.join(self._tracking, 1.0)
         self._dense.close()
         if self._slam is not None:
             self._slam.close()
             for last in (self._note_driven, self._write_results, self._keep, self._write_map):
-                process.tried(last)
+                logs.attempt(last)
 
     def _note_driven(self) -> None:
         """What was driven and bumped after the last map, too."""
-        if process.ended(self._mapping, 2.0):
+        if threads.join(self._mapping, 2.0):
             self._driven = self._ground.state()
 
     def _write_results(self) -> None:
@@ -279,4 +280,4 @@ class VslamNode:
 
 def main() -> None:
     """Entry point of scripts/vslam."""
-    process.run("vslam", VslamNode)
+    node.run("vslam", VslamNode)
