@@ -22,11 +22,11 @@ pytest.importorskip("rospy")
 
 import bag_numbers
 import numpy as np
+from vsx_ros.control.keyboard import keys
 
 from vsx_ros.cli.exit_codes import DONE, FAILED
 from vsx_ros.io.recording import open_recording
 from vsx_ros.ros import topics
-from vsx_ros.ros.nodes.teleop import keys
 
 if TYPE_CHECKING:
     from conftest import Stack

@@ -31,8 +31,9 @@ _PLAN_STEP_M = 0.05
 class PlanningThread:
     """Subscribers: map, vslam/map_points. Publishers: move_base/stats/plan_ms. Services: move_base/make_plan."""
 
-    def __init__(self, config: Config, kind: str, seed: int, diagnostics: Diagnostics) -> None:
-        """Raises ConfigError for a kind of planner that there is not."""
+    def __init__(self, config: Config, diagnostics: Diagnostics) -> None:
+        """Raises ConfigError for a ~planner that there is not."""
+        kind, seed = str(rospy.get_param("~planner", "fov")), int(rospy.get_param("~seed", 0))
         self._planner, self._diagnostics = GoalPlanner(config, kind, seed), diagnostics
         warm_up_planning(self._planner.blind, config)
         self._lock = threading.Lock()
@@ -52,6 +53,8 @@ class PlanningThread:
 
     def ask(self, request: PlanRequest) -> None:
         """Begin with this plan when the one under way is made; others that wait are not wanted any longer."""
+        if request.again:
+            rospy.logwarn("planning again: %s", request.again)
         self._requests.put(request)
 
     def answers(self) -> list[tuple[int, TimedPlan | Refusal]]:

@@ -20,7 +20,6 @@ import time
 import rospy
 from geometry_msgs.msg import Twist
 from std_msgs.msg import String, UInt8
-from std_srvs.srv import Trigger, TriggerRequest, TriggerResponse
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from vsx_ros.config import Config
@@ -32,6 +31,7 @@ from vsx_ros.ros import clock, convert, frames, node, threads, topics, trajector
 from vsx_ros.ros.diagnostics import OK, WARN, Diagnostics
 from vsx_ros.ros.lease import LeaseWatch
 from vsx_ros.ros.localization import HeardLocalization
+from vsx_ros.ros.services import offer_trigger
 from vsx_ros.ros.subscribers import subscribe
 
 _PERIOD_S = 1.0 / 30.0
@@ -53,7 +53,7 @@ class FollowerNode:
         self._command_pub = rospy.Publisher(topics.COMMAND_NAVI, Twist, queue_size=1, tcp_nodelay=True)
         self._status_pub = rospy.Publisher(topics.FOLLOWER_STATUS, String, queue_size=5, latch=True, tcp_nodelay=True)
         self._tell(None)
-        rospy.Service(topics.FOLLOWER_CANCEL, Trigger, self._on_cancel)
+        offer_trigger(topics.FOLLOWER_CANCEL, self._cancel)
         subscribe(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5, tcp_nodelay=True)
         subscribe(topics.TRAJECTORY, MultiDOFJointTrajectory, self._on_trajectory, queue_size=2)
         threads.every(_PERIOD_S, "control", self._control)
@@ -72,10 +72,10 @@ class FollowerNode:
         with self._lock:
             self._tell(self._follower.feel(clock.now_ns(), frozenset(words.split(", ") if words else [])))
 
-    def _on_cancel(self, _: TriggerRequest) -> TriggerResponse:
+    def _cancel(self) -> str:
         with self._lock:
             self._tell(self._follower.end(clock.now_ns(), "cancelled by service"))
-        return TriggerResponse(True, "stopped")
+        return "stopped"
 
     def _control(self) -> None:
         with self._lock:

@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import atexit
 import os
-import re
 import select
 import sys
 import termios
@@ -23,30 +22,12 @@ from geometry_msgs.msg import Twist
 
 from vsx_ros.cli.teleop import KEYS, add_arguments
 from vsx_ros.config import Config
+from vsx_ros.control.keyboard import KeyboardDrive, keys
 from vsx_ros.errors import ConfigError
-from vsx_ros.robot import STOP, VelocityCommand
+from vsx_ros.robot import STOP
 from vsx_ros.ros import convert, node, threads, topics
 
 _PERIOD_S = 0.05
-# A held key repeats 10 to 30 times a second, after a first pause of up to half a second.
-_FIRST_HELD_FOR_S, _HELD_FOR_S = 0.55, 0.25
-_FASTER = 1.1
-_KEYS = {
-    "w": (1.0, 0.0),
-    "s": (-1.0, 0.0),
-    "a": (0.0, 1.0),
-    "d": (0.0, -1.0),
-    "\x1b[A": (1.0, 0.0),
-    "\x1b[B": (-1.0, 0.0),
-    "\x1b[D": (0.0, 1.0),
-    "\x1b[C": (0.0, -1.0),
-}
-_ARROW = re.compile(r"\x1b[\[O]([A-D])|.", re.DOTALL)
-
-
-def keys(text: str) -> list[str]:
-    """The keys of what a terminal sent; arrows are three characters, in either of a terminal's two modes."""
-    return [f"\x1b[{match[1]}" if match[1] else match[0] for match in _ARROW.finditer(text)]
 
 
 class TeleopNode:
@@ -59,8 +40,8 @@ class TeleopNode:
         if not sys.stdin.isatty():
             raise ConfigError("there is no keyboard; start teleop in a terminal of its own, not from a launch file")
         self._publisher = rospy.Publisher(topics.COMMAND_TELEOP, Twist, queue_size=1, tcp_nodelay=True)
-        self._v, self._omega = float(rospy.get_param("~v_m_s", 0.2)), float(rospy.get_param("~omega_rad_s", 0.6))
-        self._command, self._until_s = STOP, 0.0
+        v_m_s, omega_rad_s = float(rospy.get_param("~v_m_s", 0.2)), float(rospy.get_param("~omega_rad_s", 0.6))
+        self._drive = KeyboardDrive(v_m_s, omega_rad_s)
         self._input = sys.stdin.fileno()
         self._terminal = termios.tcgetattr(self._input)
         atexit.register(self._give_back)
@@ -73,11 +54,15 @@ class TeleopNode:
         driving = False
         while not rospy.is_shutdown():
             for key in self._pressed_keys():
-                self._on_key(key)
-            held = time.monotonic() < self._until_s
-            if held or driving:
-                self._publisher.publish(convert.twist(self._command if held else STOP))
-            driving = held
+                self._drive.press(key, time.monotonic())
+                if key in ("+", "-"):
+                    self._say_speed()
+                elif key == "q":
+                    rospy.signal_shutdown("ended by the operator")
+            command = self._drive.command(time.monotonic())
+            if command is not None or driving:
+                self._publisher.publish(convert.twist(command or STOP))
+            driving = command is not None
 
     def _pressed_keys(self) -> list[str]:
         """Those that arrive within one period. Never waits longer: a robot drives meanwhile."""
@@ -88,23 +73,8 @@ class TeleopNode:
             rospy.signal_shutdown("the terminal is closed")
         return keys(content.decode(errors="replace"))
 
-    def _on_key(self, key: str) -> None:
-        now_s = time.monotonic()
-        if key in _KEYS:
-            forward, left = _KEYS[key]
-            self._command = VelocityCommand(forward * self._v, left * self._omega)
-            self._until_s = now_s + (_HELD_FOR_S if now_s < self._until_s else _FIRST_HELD_FOR_S)
-        elif key == " ":
-            self._command, self._until_s = STOP, now_s + _FIRST_HELD_FOR_S
-        elif key in ("+", "-"):
-            factor = _FASTER if key == "+" else 1.0 / _FASTER
-            self._v, self._omega = self._v * factor, self._omega * factor
-            self._say_speed()
-        elif key == "q":
-            rospy.signal_shutdown("ended by the operator")
-
     def _say_speed(self) -> None:
-        sys.stderr.write(f"\r{self._v:.2f} m/s {self._omega:.2f} rad/s ")
+        sys.stderr.write(f"\r{self._drive.v_m_s:.2f} m/s {self._drive.omega_rad_s:.2f} rad/s ")
         sys.stderr.flush()
 
     def _give_back(self) -> None:
