@@ -18,7 +18,7 @@ from vsx_ros.config import Config
 from vsx_ros.errors import MapFileError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Odometry, VelocityCommand
-from vsx_ros.ros import process, slam_run
+from vsx_ros.ros import logs, slam_run
 from vsx_ros.ros.slam_run import SlamRun
 from vsx_ros.runs.folder import RunEvent, RunFolder
 from vsx_ros.runs.session import Before, RunKeeper
@@ -87,9 +87,9 @@ def test_a_map_that_takes_long_to_write_is_written_less_often(driven, tmp_path: 
 def test_a_full_disk_is_told_and_ends_nothing(driven, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     robot, slam, frames = driven
     said: list[str] = []
-    monkeypatch.setattr(process, "due", lambda *_: True)
-    monkeypatch.setattr(process.rospy, "logerr", lambda form, error: said.append(form % error))
-    keeper = RunKeeper(robot.T_base_cam_given, RunFolder(tmp_path), kept=process.told)
+    monkeypatch.setattr(logs, "due", lambda *_: True)
+    monkeypatch.setattr(logs.rospy, "logerr", lambda form, error: said.append(form % error))
+    keeper = RunKeeper(robot.T_base_cam_given, RunFolder(tmp_path), kept=logs.log_errors)
     (tmp_path / "resume" / "keyframes").touch()  # no folder, so nothing can be written into it
     keeper.note(slam, frames[-1][0].stamp_ns)
     keeper.write(GROUND)
@@ -150,7 +150,7 @@ def test_a_run_whose_results_cannot_be_written_can_be_gone_on_with(driven, tmp_p
 
     said: list[str] = []
     monkeypatch.setattr(RunFolder, "write_poses", refuse)
-    monkeypatch.setattr(process.rospy, "logerr", lambda form, error: said.append(form % error))
+    monkeypatch.setattr(logs.rospy, "logerr", lambda form, error: said.append(form % error))
     run.end(slam, GROUND, None, None)
     assert len(said) == 1
     assert "trajectory.txt cannot be used" in said[0]

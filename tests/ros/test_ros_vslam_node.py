@@ -11,13 +11,14 @@ import pytest
 
 pytest.importorskip("rospy")
 
+import rospy
 from std_msgs.msg import UInt8
 
 from vsx_hw.readings import Hazard
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Frame, Odometry
-from vsx_ros.ros import process, slam_run
+from vsx_ros.ros import slam_run, threads
 from vsx_ros.ros.nodes.vslam import VslamNode
 from vsx_ros.ros.slam_input import SlamInput
 from vsx_ros.ros.slam_run import SlamRun
@@ -51,8 +52,8 @@ def test_an_image_of_another_size_is_as_if_it_had_never_come(monkeypatch: pytest
         tracked.append(frame.stamp_ns)
         return SimpleNamespace(stamp_ns=frame.stamp_ns)
 
-    monkeypatch.setattr(process.rospy, "get_param", lambda _, usual: usual)
-    monkeypatch.setattr(process, "is_ending", lambda: not waiting)
+    monkeypatch.setattr(rospy, "get_param", lambda _, usual: usual)
+    monkeypatch.setattr(threads, "is_ending", lambda: not waiting)
     status, lease = Notes(), Notes()
     sync = SimpleNamespace(take=lambda timeout_s: waiting.pop(0), dropped=0)
     heard = bare(SlamInput, _sync=sync, _status=status, _used_s=1e12, camera=lambda: None)
@@ -99,7 +100,7 @@ def test_results_that_cannot_be_written_cost_neither_the_checkpoint_nor_the_map(
 ) -> None:
     saved: list[str] = []
     monkeypatch.setattr(slam_run, "save_slam_map", lambda _, path: saved.append(str(path)))
-    monkeypatch.setattr(process.rospy, "logerr", lambda form, *values: saved.append("told"))
+    monkeypatch.setattr(rospy, "logerr", lambda form, *values: saved.append("told"))
 
     def finish(*_: Any) -> None:
         raise trouble

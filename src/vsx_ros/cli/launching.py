@@ -13,7 +13,7 @@ from vsx_hw import bases
 from vsx_ros.cli.explore import BASES, PLANNERS
 from vsx_ros.config import to_dict
 from vsx_ros.errors import VsxError
-from vsx_ros.ros import launch, process
+from vsx_ros.ros import launch, logs
 from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.own_address import DEFAULT_MASTER
 from vsx_ros.runs.exit_codes import DONE, FAILED
@@ -81,7 +81,7 @@ def main() -> None:
     """Entry point; the launch is named like the script."""
     name = Path(sys.argv[0]).stem
     args = parser(name).parse_args()
-    process.quiet_failures()
+    logs.quiet_failures()
     try:
         real = name in ("bringup", "explore")
         config = to_dict(load(args.config or (robot_file_here() if real else None), []))

@@ -7,8 +7,8 @@ import math
 import sys
 from typing import Any
 
+from vsx_ros.control.keyboard import KEYS
 from vsx_ros.errors import ConfigError
-from vsx_ros.ros.keyboard import KEYS
 
 
 def add_parser(subparsers: Any) -> None:

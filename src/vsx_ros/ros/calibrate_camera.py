@@ -18,8 +18,9 @@ from vsx_ros.calibration.variety import ViewChooser
 from vsx_ros.calibration.verdict import Grade
 from vsx_ros.errors import InputError
 from vsx_ros.robot import Frame
-from vsx_ros.ros import calls, guest, images, process, topics
+from vsx_ros.ros import calls, clock, guest, images, topics
 from vsx_ros.ros.progress import Progress
+from vsx_ros.ros.subscribers import image_subscriber
 from vsx_ros.runs.exit_codes import DONE, FAILED
 from vsx_ros.runs.stoppable import Heard
 
@@ -37,7 +38,7 @@ class BoardWatcher:
         self._before: tuple[int, Pixels] | None = None
         self.chooser: ViewChooser | None = None
         self.size = (0, 0)
-        process.image_subscriber(self._on_image)
+        image_subscriber(self._on_image)
 
     def _on_image(self, msg: Image) -> None:
         frame = images.frame(msg)
@@ -93,7 +94,7 @@ def calibrate(board: Board) -> int:
     if result.verdict.grade is Grade.BAD:
         sys.stdout.write("  it is not stored\n")
         return FAILED
-    info = images.camera_info(result.camera, process.now_ns(), topics.OPTICAL_FRAME)
+    info = images.camera_info(result.camera, clock.now_ns(), topics.OPTICAL_FRAME)
     return _store(rospy.resolve_name(topics.SET_CAMERA_INFO), info)
 
 

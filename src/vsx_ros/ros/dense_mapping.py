@@ -23,7 +23,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.virtual_scan import laser_scan
-from vsx_ros.ros import convert, process, topics
+from vsx_ros.ros import clock, convert, topics
 from vsx_ros.ros.dense_process import DenseProcess
 from vsx_ros.slam.snapshot import MapSnapshot
 
@@ -74,7 +74,7 @@ class DenseMapping:
 
     def publish(self, snapshot: MapSnapshot, grid: OccupancyGrid, T_map_base: SE2) -> None:
         """Show what is known, to those who look."""
-        stamp_ns = process.now_ns()
+        stamp_ns = clock.now_ns()
         if self._scan_pub.get_num_connections():
             self._scan_pub.publish(scan_msg(grid, T_map_base, self._config.ground_map.max_range_m, stamp_ns))
         if self._map is not None and self._planes_pub.get_num_connections():

@@ -13,7 +13,7 @@ from sensor_msgs.msg import PointCloud2
 from vsx_ros.dense.anchored import AnchoredSpots
 from vsx_ros.dense.mapped_ground import MappedGround
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.ros import convert, process, topics
+from vsx_ros.ros import clock, convert, topics
 from vsx_ros.slam.snapshot import MapSnapshot
 
 
@@ -42,7 +42,7 @@ class GroundMapping:
             return
         self._built, self._ground.dense = made_of, spots
         self.grid = self._ground.grid(snapshot)
-        stamp_ns = process.now_ns()
+        stamp_ns = clock.now_ns()
         self._message = convert.grid_msg(self.grid, topics.MAP_FRAME, stamp_ns)
         self._map_pub.publish(self._message)
         self._metadata_pub.publish(self._message.info)

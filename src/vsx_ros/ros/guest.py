@@ -12,7 +12,7 @@ import rosgraph
 import rospy
 
 from vsx_ros.errors import ConfigError
-from vsx_ros.ros import calls, process
+from vsx_ros.ros import calls, logs
 from vsx_ros.ros.master_watch import master_watch
 from vsx_ros.ros.own_address import DEFAULT_MASTER, tell_ros
 from vsx_ros.runs.exit_codes import DONE
@@ -43,7 +43,7 @@ def command(work: Callable[P, int]) -> Callable[P, int]:
 
     @functools.wraps(work)
     def joining(*args: P.args, **options: P.kwargs) -> int:
-        process.quiet_failures()
+        logs.quiet_failures()
         try:
             return work(*args, **options)
         except KeyboardInterrupt:

@@ -19,7 +19,7 @@ from geometry_msgs.msg import Twist
 from std_srvs.srv import SetBool
 
 from vsx_ros.errors import ConfigError
-from vsx_ros.ros import calls, launch, process, topics
+from vsx_ros.ros import calls, launch, logs, node, topics
 from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.master_watch import master_watch
 from vsx_ros.ros.own_address import DEFAULT_MASTER
@@ -69,7 +69,7 @@ class Live:
 
     def __enter__(self) -> Live:
         """Start everything. Raises ConfigError when no master can be had, a robot runs already or roslaunch refuses."""
-        os.environ[process.DIE_WITH_PARENT] = "1"
+        os.environ[node.DIE_WITH_PARENT] = "1"
         launch.package_environment()
         choose_master()
         refuse_second_robot(self._names)
@@ -105,7 +105,7 @@ class Live:
         self._heard.listen()  # roslaunch has put its own answers before
         self._parent.runner.pm.add_process_listener(_Listener(self._dead))
         rospy.init_node("run", disable_signals=True, anonymous=True)
-        process.log_without_master()
+        logs.log_without_master()
         master_watch().remember({param.key: param.value for param in self._parent.config.params.values()})
         self._zero_pub = rospy.Publisher(topics.COMMAND_SAFETY, Twist, queue_size=1)
 

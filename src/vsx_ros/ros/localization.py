@@ -13,7 +13,8 @@ from nav_msgs.msg import Odometry as OdometryMsg
 
 from vsx_ros.control.localization import Localization, Whereabouts
 from vsx_ros.robot import Odometry, OdometryEpochs
-from vsx_ros.ros import convert, process, slam_messages, topics
+from vsx_ros.ros import clock, convert, slam_messages, topics
+from vsx_ros.ros.subscribers import odometry_subscriber, subscribe
 
 
 def hear_odometry(callback: Callable[[Odometry], None], first_epoch: int = 0) -> None:
@@ -22,10 +23,10 @@ def hear_odometry(callback: Callable[[Odometry], None], first_epoch: int = 0) ->
 
     def take(msg: OdometryMsg) -> None:
         odometry = convert.odometry(msg)
-        process.refuse_future(odometry.stamp_ns)
+        clock.refuse_future(odometry.stamp_ns)
         callback(epochs.enter(odometry))
 
-    process.odometry_subscriber(take)
+    odometry_subscriber(take)
 
 
 class HeardLocalization:
@@ -36,8 +37,8 @@ class HeardLocalization:
         self._localization = Localization()
         self._taken_s = -math.inf
         hear_odometry(self._on_odometry)
-        process.subscribe(topics.POSE, PoseWithCovarianceStamped, self._on_pose, queue_size=5, tcp_nodelay=True)
-        process.subscribe(topics.SLAM_STATE, DiagnosticStatus, self._on_state, queue_size=5, tcp_nodelay=True)
+        subscribe(topics.POSE, PoseWithCovarianceStamped, self._on_pose, queue_size=5, tcp_nodelay=True)
+        subscribe(topics.SLAM_STATE, DiagnosticStatus, self._on_state, queue_size=5, tcp_nodelay=True)
 
     def _on_odometry(self, odometry: Odometry) -> None:
         with self._lock:
@@ -46,7 +47,7 @@ class HeardLocalization:
 
     def _on_pose(self, msg: PoseWithCovarianceStamped) -> None:
         stamp_ns = msg.header.stamp.to_nsec()
-        process.refuse_future(stamp_ns)
+        clock.refuse_future(stamp_ns)
         with self._lock:
             self._localization.add_pose(stamp_ns, convert.se2(msg.pose.pose))
 

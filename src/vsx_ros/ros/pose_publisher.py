@@ -9,7 +9,7 @@ from tf2_msgs.msg import TFMessage
 from vsx_ros.config import MountConfig
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Odometry
-from vsx_ros.ros import convert, process, topics
+from vsx_ros.ros import clock, convert, threads, topics
 from vsx_ros.session import SlamSession
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
@@ -32,9 +32,9 @@ class PosePublisher:
         self._pose_pub = rospy.Publisher(topics.POSE, PoseWithCovarianceStamped, queue_size=5, tcp_nodelay=True)
         if rospy.get_param("~publish_tf", True):
             self._tf_pub = rospy.Publisher(topics.TF, TFMessage, queue_size=20)
-            process.every(_TF_PERIOD_S, "tf", self._publish_tf)
+            threads.every(_TF_PERIOD_S, "tf", self._publish_tf)
         self._tf_static_pub = rospy.Publisher(topics.TF_STATIC, TFMessage, queue_size=1, latch=True)
-        self._tf_static_pub.publish(convert.mount_transforms(mount, process.now_ns()))
+        self._tf_static_pub.publish(convert.mount_transforms(mount, clock.now_ns()))
 
     def publish(self, result: TrackingResult, odometry: Odometry | None) -> None:
         """The pose of a tracked frame."""
@@ -48,5 +48,5 @@ class PosePublisher:
         self._pose_pub.publish(convert.pose_with_covariance(topics.MAP_FRAME, result.stamp_ns, T_map_base, *sigmas))
 
     def _publish_tf(self) -> None:
-        stamp_ns, T_map_odom = process.now_ns() + _TF_TOLERANCE_NS, self._session.T_map_odom or SE2()
+        stamp_ns, T_map_odom = clock.now_ns() + _TF_TOLERANCE_NS, self._session.T_map_odom or SE2()
         self._tf_pub.publish([convert.transform_stamped(topics.MAP_FRAME, topics.ODOM_FRAME, stamp_ns, T_map_odom)])

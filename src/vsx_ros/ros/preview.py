@@ -11,7 +11,7 @@ from sensor_msgs.msg import CompressedImage
 
 from vsx_ros.arrays import ColorImage, Pixels
 from vsx_ros.robot import Frame
-from vsx_ros.ros import convert, process, topics
+from vsx_ros.ros import convert, threads, topics
 from vsx_ros.slam.sight import Sight
 
 _PERIOD_S = 0.1
@@ -28,7 +28,7 @@ class Preview:
         self._shown_s = 0.0
         self._newest: tuple[Frame, Sight | None] | None = None
         self._work = threading.Event()
-        process.worker("preview", self._draw)
+        threads.worker("preview", self._draw)
 
     @property
     def is_due(self) -> bool:

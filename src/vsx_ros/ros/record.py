@@ -17,9 +17,10 @@ import rospy
 from sensor_msgs.msg import CompressedImage, Image
 
 from vsx_ros.errors import InputError
-from vsx_ros.ros import guest, images, process, topics
+from vsx_ros.ros import clock, guest, images, topics
 from vsx_ros.ros.bag_writer import BagWriter, Serialized
 from vsx_ros.ros.progress import Progress
+from vsx_ros.ros.subscribers import IMAGE_BUFFER_BYTES, subscribe
 from vsx_ros.runs.exit_codes import DONE, FAILED
 from vsx_ros.runs.stoppable import Heard
 
@@ -43,16 +44,16 @@ class Recorder:
         self._writer, self._how = writer, how
         wanted = (*_TOPICS, *more, *((topics.IMAGE,) if how == "raw" else ()))
         for name in dict.fromkeys(map(rospy.resolve_name, wanted)):
-            rospy.Subscriber(name, rospy.AnyMsg, self._on_any, name, buff_size=process.IMAGE_BUFFER_BYTES)
+            rospy.Subscriber(name, rospy.AnyMsg, self._on_any, name, buff_size=IMAGE_BUFFER_BYTES)
         if how != "raw":
-            process.subscribe(topics.IMAGE, Image, self._on_image, queue_size=5, buff_size=process.IMAGE_BUFFER_BYTES)
+            subscribe(topics.IMAGE, Image, self._on_image, queue_size=5, buff_size=IMAGE_BUFFER_BYTES)
 
     def _on_any(self, msg: Any, topic: str) -> None:
         said: dict[str, str] = msg._connection_header
         self._writer.put(
             Serialized(
                 topic,
-                process.now_ns(),
+                clock.now_ns(),
                 said["type"],
                 said["md5sum"],
                 said.get("message_definition", ""),
@@ -73,7 +74,7 @@ class Recorder:
         topic = f"{rospy.resolve_name(topics.IMAGE)}/compressed"
         kind, md5sum, definition = packed._type, packed._md5sum, packed._full_text
         self._writer.put(
-            Serialized(topic, process.now_ns(), kind, md5sum, definition, "/vsx_record", False, data.getvalue())
+            Serialized(topic, clock.now_ns(), kind, md5sum, definition, "/vsx_record", False, data.getvalue())
         )
 
 

@@ -15,7 +15,7 @@ from vsx_ros.errors import ConfigError
 from vsx_ros.evaluation.summary import Summary, with_accuracy
 from vsx_ros.evaluation.trajectory import AlignmentKind
 from vsx_ros.io.recording import Recording
-from vsx_ros.ros import launch, process, topics, view
+from vsx_ros.ros import launch, logs, topics, view
 from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.live import Live
 from vsx_ros.ros.player import Player
@@ -33,7 +33,7 @@ _READY_WAIT_S = 180.0
 
 def replay(args: argparse.Namespace) -> int:
     """Play it all, write the run folder, say what happened; its exit code. args: the options of ``vsx replay``."""
-    process.quiet_failures()
+    logs.quiet_failures()
     config, recording = load(args.config, args.set), opened(args)
     _refuse_company()
     folder = new_folder(args, config)

@@ -20,7 +20,7 @@ from vsx_ros.exploration.decision import MissionState
 from vsx_ros.geometry.camera import mounted
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.stamped import StampedPose
-from vsx_ros.ros import launch, process, view
+from vsx_ros.ros import clock, launch, logs, view
 from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.live import MASTER, Live, refuse_second_robot
 from vsx_ros.ros.progress import Progress, progress_line
@@ -83,7 +83,7 @@ class Coverage:
 
 def explore(args: argparse.Namespace) -> int:
     """One live run, or the rest of one that was interrupted; its exit code. args: the options of ``vsx explore``."""
-    process.quiet_failures()
+    logs.quiet_failures()
     refuse_second_robot([node.name for node in (*launch.bringup(), *launch.exploration())])
     folder, config, world = begin(args)
     os.environ["ROS_LOG_DIR"] = str((folder.path / "log").resolve())
@@ -154,7 +154,7 @@ def _watch(
         if ending is None and began_s is None and now_s - started_s > _READY_WAIT_S:
             why = "; ".join(trouble.values()) or "see the run's log folder"
             ending = Ending(f"the robot was not ready within {_READY_WAIT_S:.0f} s: {why}", HARDWARE)
-        journal.keep(witness, process.now_ns(), elapsed_s)
+        journal.keep(witness, clock.now_ns(), elapsed_s)
         if ending is not None:
             return ending
         warnings = witness.new_warnings()

@@ -7,7 +7,7 @@ from vsx_ros.config import Config
 from vsx_ros.dense.densify import UPDATE_EVERY_S
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.ros import process
+from vsx_ros.ros import threads
 from vsx_ros.ros.dense_mapping import DenseMapping
 from vsx_ros.ros.ground_mapping import GroundMapping
 from vsx_ros.ros.slam_messages import SlamStatus
@@ -28,8 +28,8 @@ class SlamMaps:
         self._metric = True
         self._ground, self._dense = GroundMapping(session.ground), DenseMapping(config)
         self.driven = session.ground.state()
-        self._mapping = process.every(_PERIOD_S, "ground map", self._map)
-        process.every(UPDATE_EVERY_S, "dense map", self._densify)
+        self._mapping = threads.every(_PERIOD_S, "ground map", self._map)
+        threads.every(UPDATE_EVERY_S, "dense map", self._densify)
 
     def begin(self, slam: ThreadedSlam, camera: PinholeCamera, seed: int, *, metric: bool) -> None:
         """The SLAM whose maps they are. metric: whether it knows metres and a floor."""
@@ -53,7 +53,7 @@ class SlamMaps:
         """End densifying; the last spots of surface (N, 3) [m] and the last ground map. ``driven`` then says also what
         was driven and bumped after it."""
         self._dense.close()
-        if process.ended(self._mapping, 2.0):
+        if threads.join(self._mapping, 2.0):
             self.driven = self._session.ground.state()
         surface = None if self._slam is None else self._dense.points(self._slam.snapshot())
         return surface, self._ground.grid if self._metric else None

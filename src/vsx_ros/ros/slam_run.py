@@ -15,7 +15,7 @@ from vsx_ros.geometry.camera import mounted
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import Odometry
-from vsx_ros.ros import process
+from vsx_ros.ros import logs
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.session import Before, RunKeeper
 from vsx_ros.session import SlamSession
@@ -43,7 +43,7 @@ class SlamRun:
         else:
             path = str(rospy.get_param("~load_map", ""))
             self.session = SlamSession(T_base_cam, config, load_slam_map(Path(path)) if path else None)
-        self._keeper = RunKeeper(T_base_cam, self._folder, before, process.told, _REST)
+        self._keeper = RunKeeper(T_base_cam, self._folder, before, logs.log_errors, _REST)
         self.first_epoch = 1 + self._keeper.record.odom_epoch
 
     def odometry(self, odometry: Odometry) -> None:
@@ -61,9 +61,9 @@ class SlamRun:
     def end(self, slam: ThreadedSlam, driven: State, surface: Points3 | None, grid: OccupancyGrid | None) -> None:
         """Write the results, the last map to go on from and the map of ~save_map; one that cannot be written keeps no
         other from it."""
-        process.tried(lambda: self._write_results(slam, surface, grid))
-        process.tried(lambda: self.write(driven))
-        process.tried(lambda: self._write_map(slam))
+        logs.attempt(lambda: self._write_results(slam, surface, grid))
+        logs.attempt(lambda: self.write(driven))
+        logs.attempt(lambda: self._write_map(slam))
 
     def write(self, driven: State) -> None:
         """Write the map noted last, with the newest state of the ground; may wait for the disk for seconds."""

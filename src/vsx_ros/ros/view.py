@@ -10,7 +10,7 @@ import webbrowser
 
 import rosgraph
 
-from vsx_ros.ros import process
+from vsx_ros.ros import logs, node
 from vsx_ros.ros.dashboard.server import LOOPBACK, address, choose_port
 from vsx_ros.ros.nodes.dashboard import TOKEN, DashboardNode
 from vsx_ros.ros.own_address import DEFAULT_MASTER, tell_ros
@@ -38,7 +38,7 @@ def open_browser(url: str) -> None:
 def view(host: str, port: int | None, allow: str, *, headless: bool) -> int:
     """Wait for a master, then be the node. Raises ConfigError when the address cannot be listened on."""
     tell_ros()
-    process.quiet_failures()
+    logs.quiet_failures()
     port, url = prepare(host, port)
     sys.stderr.write(f"live view: {url}\n")
     uri = os.environ.setdefault("ROS_MASTER_URI", DEFAULT_MASTER)
@@ -51,5 +51,5 @@ def view(host: str, port: int | None, allow: str, *, headless: bool) -> int:
         return DONE
     if not headless:
         open_browser(url)
-    process.run(f"view_{os.getpid()}", lambda _: DashboardNode(host, port, allow))
+    node.run(f"view_{os.getpid()}", lambda _: DashboardNode(host, port, allow))
     return DONE

@@ -23,7 +23,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.navigation.follower_report import decode_report
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.ros import convert, process, topics
+from vsx_ros.ros import clock, convert, topics
 from vsx_ros.ros.device_trouble import DeviceTrouble
 from vsx_ros.runs.folder import RunEvent
 
@@ -64,24 +64,24 @@ class Witness:
         self._events: list[RunEvent] = []
         self._truth: list[StampedPose] = []
         self._navigation = Navigation([], [])
-        subscribe = rospy.Subscriber
-        subscribe(topics.EXPLORE_STATUS, String, self._on_status, queue_size=5)
-        subscribe(topics.EXPLORE_EVENTS, String, self._on_event, queue_size=100)
-        subscribe(topics.SLAM_STATE, DiagnosticStatus, self._on_slam_state, queue_size=20)
-        subscribe("/rosout", Log, self._on_log, queue_size=50)
-        subscribe(topics.DIAGNOSTICS, DiagnosticArray, self._on_diagnostics, queue_size=20)
-        subscribe(topics.MAP, OccupancyGridMsg, self._on_map, queue_size=1)
-        subscribe(topics.ODOM, OdometryMsg, self._on_odometry, queue_size=20)
-        subscribe(topics.FOLLOWER_STATUS, String, self._on_follower, queue_size=20)
-        subscribe(topics.PLAN_MS, Float32, self._on_plan, queue_size=20)
-        subscribe(topics.HAZARDS, UInt8, self._on_hazards, queue_size=20)
+        listen = rospy.Subscriber
+        listen(topics.EXPLORE_STATUS, String, self._on_status, queue_size=5)
+        listen(topics.EXPLORE_EVENTS, String, self._on_event, queue_size=100)
+        listen(topics.SLAM_STATE, DiagnosticStatus, self._on_slam_state, queue_size=20)
+        listen("/rosout", Log, self._on_log, queue_size=50)
+        listen(topics.DIAGNOSTICS, DiagnosticArray, self._on_diagnostics, queue_size=20)
+        listen(topics.MAP, OccupancyGridMsg, self._on_map, queue_size=1)
+        listen(topics.ODOM, OdometryMsg, self._on_odometry, queue_size=20)
+        listen(topics.FOLLOWER_STATUS, String, self._on_follower, queue_size=20)
+        listen(topics.PLAN_MS, Float32, self._on_plan, queue_size=20)
+        listen(topics.HAZARDS, UInt8, self._on_hazards, queue_size=20)
         for name, kind in topics.STAT_TYPES.items():
             message = Float32 if kind == "std_msgs/Float32" else UInt32
-            subscribe(f"{topics.STATS}/{name}", message, self._on_stat, callback_args=name, queue_size=5)
+            listen(f"{topics.STATS}/{name}", message, self._on_stat, callback_args=name, queue_size=5)
         if emulated:
-            subscribe(topics.TRUTH_CAMERA, PoseStamped, self._on_truth, queue_size=50)
-            subscribe(topics.TRUTH_COLLISIONS, UInt32, self._on_collisions, queue_size=5)
-            subscribe(topics.TRUTH_CLEARANCE, Float32, self._on_clearance, queue_size=5)
+            listen(topics.TRUTH_CAMERA, PoseStamped, self._on_truth, queue_size=50)
+            listen(topics.TRUTH_COLLISIONS, UInt32, self._on_collisions, queue_size=5)
+            listen(topics.TRUTH_CLEARANCE, Float32, self._on_clearance, queue_size=5)
 
     def events(self) -> list[RunEvent]:
         """Every change of state so far."""
@@ -132,7 +132,7 @@ class Witness:
 
     def _note(self, source: str, state: str, reason: str) -> None:
         with self._lock:
-            self._events.append(RunEvent(process.now_ns(), source, state, reason))
+            self._events.append(RunEvent(clock.now_ns(), source, state, reason))
 
     def _on_status(self, msg: String) -> None:
         self.status = json.loads(msg.data)

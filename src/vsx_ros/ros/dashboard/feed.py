@@ -17,9 +17,10 @@ from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Float32, String, UInt8, UInt32
 from visualization_msgs.msg import MarkerArray
 
-from vsx_ros.ros import process, topics
+from vsx_ros.ros import threads, topics
 from vsx_ros.ros.dashboard import words
 from vsx_ros.ros.dashboard.board import Board
+from vsx_ros.ros.subscribers import subscribe
 
 _GRACE_S = 3.0
 """A page that is loaded again comes back within this time and finds everything still there."""
@@ -39,7 +40,7 @@ class Feed:
         self._lock = threading.Lock()
         self._subscribers: list[rospy.Subscriber] = []
         self._forget()
-        process.worker("feed", self._follow)
+        threads.worker("feed", self._follow)
 
     def viewers(self, count: int) -> None:
         """Somebody came or went."""
@@ -70,7 +71,7 @@ class Feed:
             def on_message(msg: Any) -> None:
                 self._board.post(subject, words.text(convert(msg)))
 
-            self._subscribers.append(process.subscribe(topic, kind, on_message, **{"queue_size": 1, **options}))
+            self._subscribers.append(subscribe(topic, kind, on_message, **{"queue_size": 1, **options}))
 
         hear(
             topics.PREVIEW, CompressedImage, "camera", lambda msg: base64.b64encode(msg.data).decode(), buff_size=2**20

@@ -20,7 +20,7 @@ import rospy
 from std_srvs.srv import SetBool, Trigger
 
 from vsx_ros.config import Config
-from vsx_ros.ros import calls, process, topics
+from vsx_ros.ros import calls, node, threads, topics
 from vsx_ros.ros.dashboard import words
 from vsx_ros.ros.dashboard.board import Board
 from vsx_ros.ros.dashboard.feed import Feed
@@ -47,7 +47,7 @@ class DashboardNode:
         if TOKEN not in os.environ:
             os.environ[TOKEN] = token
             sys.stderr.write(f"live view: {address(host, self._server.port, token)}\n")
-        process.worker("master", self._watch_master)
+        threads.worker("master", self._watch_master)
 
     def _watch_master(self) -> None:
         while not rospy.is_shutdown():
@@ -84,7 +84,7 @@ def _call(service: str, kind: type[Any], *arguments: object) -> Command:
 
 def main() -> None:
     """Entry point of scripts/dashboard."""
-    process.run("dashboard", _from_parameters)
+    node.run("dashboard", _from_parameters)
 
 
 def _from_parameters(_: Config) -> DashboardNode:

@@ -23,7 +23,7 @@ import rospy
 from vsx_ros.config import Config
 from vsx_ros.errors import InputError
 from vsx_ros.robot import Frame, Odometry
-from vsx_ros.ros import process, topics
+from vsx_ros.ros import node, threads, topics
 from vsx_ros.ros.lease import Lease
 from vsx_ros.ros.picture_watch import PictureWatch
 from vsx_ros.ros.pose_publisher import PosePublisher
@@ -53,16 +53,16 @@ class VslamNode:
         self._lease = Lease(topics.FOLLOWER_LEASE, "vslam")
         self._poses = PosePublisher(self._session, config.robot.mount)
         self._input = SlamInput(self._run, self._status)
-        process.every(_WRITE_PERIOD_S, "checkpoint", lambda: self._run.write(self._maps.driven))
+        threads.every(_WRITE_PERIOD_S, "checkpoint", lambda: self._run.write(self._maps.driven))
         SaveMapService(lambda: self._slam.slam_map() if self._slam is not None else None)
-        self._tracking = process.worker("tracking", self._track)
+        self._tracking = threads.worker("tracking", self._track)
 
     def _track(self) -> None:
         camera, seed = self._input.camera(), int(rospy.get_param("~seed", 0))
         self._slam = slam = self._session.begin(ThreadedSlam, camera, seed, metric=self._metric)
         self._maps.begin(slam, camera, seed, metric=self._metric)
         waits_for_odometry = self._metric
-        while not process.is_ending():
+        while not threads.is_ending():
             taken = self._input.next()
             if taken is not None and waits_for_odometry and taken[1] is None:
                 self._status.waiting_for(topics.ODOM)  # a map begun without the wheels would have no scale for good
@@ -91,7 +91,7 @@ class VslamNode:
     def close(self) -> None:
         """Nobody drives by this camera any longer; write the run's results after the last frame."""
         self._lease.release()
-        process.ended(self._tracking, 1.0)
+        threads.join(self._tracking, 1.0)
         if self._slam is not None:
             self._slam.close()
         surface, grid = self._maps.close()
@@ -101,4 +101,4 @@ class VslamNode:
 
 def main() -> None:
     """Entry point of scripts/vslam."""
-    process.run("vslam", VslamNode)
+    node.run("vslam", VslamNode)
