@@ -24,17 +24,24 @@ ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "benchmarks" / "results"
 
 _CORE = (
-    "config", "cli/explore_fast", "cli/run_record", "control", "dense", "evaluation", "exploration", "geometry",
-    "kernels", "navigation", "occupancy", "planning", "robot", "sim", "slam", "system", "vision",
+    "config", "cli/explore_fast", "cli/run_record", "cli/session", "control", "dense", "evaluation", "exploration",
+    "geometry", "kernels", "navigation", "occupancy", "planning", "robot", "session", "sim", "slam", "system", "vision",
 )  # fmt: skip
-_NODES = ("hw/vsx_hw", "src/vsx_ros/ros", "src/vsx_ros/control", "src/vsx_ros/navigation", "src/vsx_ros/robot")
+_NODES = (
+    "hw/vsx_hw",
+    "src/vsx_ros/ros",
+    "src/vsx_ros/control",
+    "src/vsx_ros/navigation",
+    "src/vsx_ros/robot",
+    "src/vsx_ros/session",
+)
 _IN_LOCK_STEP = tuple(f"src/vsx_ros/{room}" for room in _CORE)
 
 ROOMS: dict[str, tuple[str, ...]] = {
     "exploration": (*_IN_LOCK_STEP, "benchmarks/exploration", "benchmarks/nearest_frontier"),
     "exploration_strategy": (*_IN_LOCK_STEP, "benchmarks/exploration_strategy", "benchmarks/nearest_frontier"),
     "exploration_live": (*_IN_LOCK_STEP, "src/vsx_ros/ros", "hw/vsx_hw", "benchmarks/exploration"),
-    "resume": (*_IN_LOCK_STEP, "src/vsx_ros/cli/session", "src/vsx_ros/io", "benchmarks/resume"),
+    "resume": (*_IN_LOCK_STEP, "src/vsx_ros/io", "benchmarks/resume"),
     "fault_nodes": (*_NODES, "benchmarks/fault_nodes", "benchmarks/exploring_robot"),
     "fault_camera": (*_NODES, "src/vsx_ros/slam", "benchmarks/fault_camera", "benchmarks/exploring_robot"),
     "fault_bases": ("hw/vsx_hw", "benchmarks/fault_matrix"),
