@@ -25,9 +25,12 @@ RESULTS = ROOT / "benchmarks" / "results"
 
 _CORE = (
     "config", "control", "dense", "evaluation", "exploration", "geometry", "kernels", "navigation", "occupancy",
-    "planning", "robot", "runs/lockstep", "runs/record", "sim", "slam", "system", "vision",
+    "planning", "robot", "runs/lockstep", "runs/record", "runs/session", "session", "sim", "slam", "system", "vision",
 )  # fmt: skip
-_NODES = ("hw/vsx_hw", "src/vsx_ros/ros", "src/vsx_ros/control", "src/vsx_ros/navigation", "src/vsx_ros/robot")
+_NODES = (
+    "hw/vsx_hw",
+    *(f"src/vsx_ros/{room}" for room in ("ros", "runs", "control", "navigation", "robot", "session")),
+)
 _IN_LOCK_STEP = tuple(f"src/vsx_ros/{room}" for room in _CORE)
 
 ROOMS: dict[str, tuple[str, ...]] = {

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from numpy.typing import NDArray
 
-from vsx_ros.config import Config, SlamConfig
+from vsx_ros.config import Config
 from vsx_ros.control.localization import NOWHERE, Localization, Whereabouts
 from vsx_ros.dense.mapped_ground import MappedGround
 from vsx_ros.geometry.camera import PinholeCamera
@@ -20,25 +20,10 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Odometry
 from vsx_ros.slam.slam_map import SlamMap
 from vsx_ros.slam.state import TrackingResult
+from vsx_ros.slam.tracker_and_mapper import TrackerAndMapper
 from vsx_ros.slam.tracking_record import TrackingRecord
 
-SlamT = TypeVar("SlamT", covariant=True)
-
-
-class SlamKind(Protocol[SlamT]):
-    """How ``SequentialSlam`` and ``ThreadedSlam`` are made."""
-
-    def __call__(
-        self,
-        camera: PinholeCamera,
-        T_base_cam: SE3 | None,
-        config: SlamConfig,
-        seed: int,
-        slam_map: SlamMap | None,
-        record: TrackingRecord | None,
-    ) -> SlamT:
-        """As ``TrackerAndMapper``."""
-        ...
+SlamT = TypeVar("SlamT", bound=TrackerAndMapper)
 
 
 class SlamSession:
@@ -69,7 +54,7 @@ class SlamSession:
         elif slam_map is not None:
             self.ground.start = (slam_map.view.keyframes[0].T_world_cam @ self._T_cam_base).to_se2()
 
-    def begin(self, kind: SlamKind[SlamT], camera: PinholeCamera, seed: int, *, metric: bool = True) -> SlamT:
+    def begin(self, kind: type[SlamT], camera: PinholeCamera, seed: int, *, metric: bool = True) -> SlamT:
         """The SLAM, of this kind. metric: whether there is odometry. Raises CalibrationError when the map was made with
         another camera or mount."""
         mount = self.T_base_cam if metric else None

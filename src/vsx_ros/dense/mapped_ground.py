@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping
+from functools import partial
 
 from vsx_ros.arrays import FloatArray
 from vsx_ros.config import Config
@@ -25,36 +26,27 @@ class MappedGround:
         self._ground_map = GroundMap(config.ground_map, config.robot)
         self._trail, self._bumps = Anchored(TRAIL_STEP_M), Anchored(BUMP_STEP_M, BUMP_STEP_RAD)
         self._pushes, self._now_ns = Pushes(), 0
-        self._news: deque[Callable[[], None]] = deque()
+        self._news: deque[tuple[int | None, Callable[[], None]]] = deque()
         self.start = SE2()
         self.dense: AnchoredSpots | None = None
 
     def moved(self, pose: SE2, now_ns: int) -> None:
         """The base stands here [m], so the ground is free."""
-
-        def take() -> None:
-            self._trail.add(pose)
-            self._pushes.moved(pose)
-            self._now_ns = now_ns
-
-        self._news.append(take)
+        self._news += [(now_ns, partial(self._trail.add, pose)), (now_ns, partial(self._pushes.moved, pose))]
 
     def bumped(self, pose: SE2) -> None:
         """The bumper is pressed here [m]: there is something, for good."""
-        self._news.append(lambda: self._bumps.add(pose))
+        self._news.append((None, partial(self._bumps.add, pose)))
 
     def pushed(self, pose: SE2, now_ns: int) -> None:
         """The wheels turn here [m] in vain: there may be something ahead, for a while."""
-
-        def take() -> None:
-            self._pushes.pushed(pose, now_ns)
-            self._now_ns = now_ns
-
-        self._news.append(take)
+        self._news.append((now_ns, partial(self._pushes.pushed, pose, now_ns)))
 
     def _take_over(self) -> None:
         while self._news:
-            self._news.popleft()()
+            now_ns, take = self._news.popleft()
+            take()
+            self._now_ns = self._now_ns if now_ns is None else now_ns
 
     def state(self) -> dict[str, FloatArray]:
         """What was driven and bumped, for ``restore``; surfaces are found again from the map, and pushes forgotten."""
