@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 
-from vsx_ros.robot import STOP, VelocityCommand
-
 KEYS = "arrows or w a s d: drive   space: stop   + -: speed   q: quit"
 
 # A held key repeats 10 to 30 times a second, after a first pause of up to half a second.
@@ -34,20 +32,20 @@ class KeyboardDrive:
 
     def __init__(self, v_m_s: float, omega_rad_s: float) -> None:
         self.v_m_s, self.omega_rad_s = v_m_s, omega_rad_s
-        self._command, self._until_s = STOP, 0.0
+        self._speeds, self._until_s = (0.0, 0.0), 0.0
 
     def press(self, key: str, now_s: float) -> None:
         """Arrow keys or w a s d move, space stops, + and - change the speeds."""
         if key in _MOVES:
             forward, left = _MOVES[key]
-            self._command = VelocityCommand(forward * self.v_m_s, left * self.omega_rad_s)
+            self._speeds = forward * self.v_m_s, left * self.omega_rad_s
             self._until_s = now_s + (_HELD_FOR_S if now_s < self._until_s else _FIRST_HELD_FOR_S)
         elif key == " ":
-            self._command, self._until_s = STOP, now_s + _FIRST_HELD_FOR_S
+            self._speeds, self._until_s = (0.0, 0.0), now_s + _FIRST_HELD_FOR_S
         elif key in ("+", "-"):
             factor = _FASTER if key == "+" else 1.0 / _FASTER
             self.v_m_s, self.omega_rad_s = self.v_m_s * factor, self.omega_rad_s * factor
 
-    def command(self, now_s: float) -> VelocityCommand | None:
-        """What the held key wants; None when no key is held."""
-        return self._command if now_s < self._until_s else None
+    def speeds(self, now_s: float) -> tuple[float, float] | None:
+        """Forward [m/s] and to the left [rad/s], as the held key wants; None when no key is held."""
+        return self._speeds if now_s < self._until_s else None

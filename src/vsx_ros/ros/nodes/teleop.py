@@ -22,7 +22,7 @@ from geometry_msgs.msg import Twist
 from vsx_ros.config import Config
 from vsx_ros.control.keyboard import KEYS, KeyboardDrive, keys
 from vsx_ros.errors import ConfigError
-from vsx_ros.robot import STOP
+from vsx_ros.robot import STOP, VelocityCommand
 from vsx_ros.ros import convert, node, threads, topics
 from vsx_ros.ros.own_address import tell_ros
 from vsx_ros.runs.exit_codes import DONE
@@ -58,10 +58,10 @@ class TeleopNode:
                     self._say_speed()
                 elif key == "q":
                     rospy.signal_shutdown("ended by the operator")
-            command = self._drive.command(time.monotonic())
-            if command is not None or driving:
-                self._publisher.publish(convert.twist(command or STOP))
-            driving = command is not None
+            speeds = self._drive.speeds(time.monotonic())
+            if speeds is not None or driving:
+                self._publisher.publish(convert.twist(VelocityCommand(*speeds) if speeds is not None else STOP))
+            driving = speeds is not None
 
     def _pressed_keys(self) -> list[str]:
         """Those that arrive within one period. Never waits longer: a robot drives meanwhile."""
