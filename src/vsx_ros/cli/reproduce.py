@@ -109,20 +109,17 @@ def _made(name: str, args: argparse.Namespace) -> tuple[Section, dict[str, Any]]
     """The section of a page, and its numbers."""
     from vsx_ros.cli.experiments import drive_figures, favourable, ground_maps, stages
 
-    seed, short_s = args.seeds[0], args.time or 90.0
-    if name == "table1":
-        return _table1(args)
-    if name == "fig2":
-        return drive_figures.figure2(args.world, seed)
-    if name == "fig3":
-        return favourable.figure3(seed)
-    if name == "fig4":
-        return ground_maps.figure4(args.world, seed, short_s)
-    if name == "fig5":
-        return ground_maps.figure5(args.world, seed, short_s)
-    if name == "fig6":
-        return drive_figures.figure6(_drives(args, [seed]))
-    return stages.figure7(*stages.explore_in_stages(args.world, seed, args.time or 600.0))
+    world, seed, short_s = args.world, args.seeds[0], args.time or 90.0
+    makers = {
+        "table1": lambda: _table1(args),
+        "fig2": lambda: drive_figures.figure2(world, seed),
+        "fig3": lambda: favourable.figure3(seed),
+        "fig4": lambda: ground_maps.figure4(world, seed, short_s),
+        "fig5": lambda: ground_maps.figure5(world, seed, short_s),
+        "fig6": lambda: drive_figures.figure6(_drives(args, [seed])),
+        "fig7": lambda: stages.figure7(*stages.explore_in_stages(world, seed, args.time or 600.0)),
+    }
+    return makers[name]()
 
 
 def _table1(args: argparse.Namespace) -> tuple[Section, dict[str, Any]]:
