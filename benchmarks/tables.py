@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 import table_exploration
 import table_faults
+import table_paper
 
 from vsx_ros.cli.experiments.rows import Row, code_hash, read_rows, tell
 
@@ -35,6 +36,7 @@ _IN_LOCK_STEP = tuple(f"src/vsx_ros/{room}" for room in _CORE)
 
 ROOMS: dict[str, tuple[str, ...]] = {
     "exploration": (*_IN_LOCK_STEP, "benchmarks/exploration", "benchmarks/nearest_frontier"),
+    "drives": ("src/vsx_ros",),
     "exploration_strategy": (*_IN_LOCK_STEP, "benchmarks/exploration_strategy", "benchmarks/nearest_frontier"),
     "exploration_live": (*_IN_LOCK_STEP, "src/vsx_ros/ros", "hw/vsx_hw", "benchmarks/exploration"),
     "resume": (*_IN_LOCK_STEP, "src/vsx_ros/io", "src/vsx_ros/runs", "benchmarks/resume"),
@@ -83,6 +85,8 @@ TABLES: dict[str, Table] = {
     "files": Table("docs/reliability.md", "fuzz_files", table_faults.files),
     "soaks": Table("docs/reliability.md", "soak_stack", table_faults.soaks),
     "alarms": Table("docs/reliability.md", "fault_alarms", table_faults.alarms),
+    "table 1": Table("docs/results.md", "drives", table_paper.table1),
+    "U2": Table("docs/paper.md", "drives", table_paper.u2),
     "totals": Table("README.md", "exploration", table_exploration.brief, _LAB),
     "strategies": Table("docs/results.md", "exploration_strategy", table_exploration.strategies),
     "exploration": Table("docs/results.md", "exploration", table_exploration.runs, _LAB),

@@ -35,9 +35,6 @@ from vsx_ros.planning.skeleton import (
     search_tree,
     shortened,
 )
-from vsx_ros.planning.unconstrained import UnconstrainedPlanner
-
-__all__ = ["Planner", "UnconstrainedPlanner"]
 
 _TIGHT = 0.9
 _DIRECT = 4

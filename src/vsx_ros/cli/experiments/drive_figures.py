@@ -8,50 +8,50 @@ from typing import Any
 import numpy as np
 
 from vsx_ros.arrays import FloatArray
-from vsx_ros.cli.experiments.drive import ARMS, CONFIG, DriveTask, Question, plan_of, question
+from vsx_ros.cli.experiments.drive import CONFIG, CONSTRAINED, UNCONSTRAINED, DriveTask, Question, plan_of, question
 from vsx_ros.cli.experiments.table1 import Drives, faults, faults_table
 from vsx_ros.cli.experiments.trackers import PAPER
 from vsx_ros.errors import InputError
+from vsx_ros.evaluation.map_view import map_view, window_around
 from vsx_ros.evaluation.page import Section, figures, paragraph, table
-from vsx_ros.evaluation.ways import ways_picture, window_around
 from vsx_ros.planning.path import Plan
 from vsx_ros.runs.world import open_world
 
 _AROUND_M = 1.2
 
 
-def figure2_section(tasks: Sequence[DriveTask]) -> Section:
-    """The paths themselves, with where the camera looks along them; a world without a goal is listed."""
-    pictures, failed = [], []
-    for task in tasks:
+def figure2(world: str, seed: int) -> tuple[Section, dict[str, Any]]:
+    """The paths themselves, with where the camera looks along them, and what they are like; a dataset without a goal is
+    listed."""
+    pictures, failed, rows = [], [], []
+    for task in [DriveTask(world, seed, 0, dataset) for dataset in (1, 2)]:
         try:
             asked = question(task, open_world(task.world, task.seed), CONFIG)
         except InputError as error:
             failed.append([*(str(value) for value in task), "all", str(error)])
             continue
-        for arm in ARMS[:2]:
+        for arm in (CONSTRAINED, UNCONSTRAINED):
             plan = plan_of(arm, asked, CONFIG)
             assert isinstance(plan, Plan)
             way = plan.path.sample(0.05)[:, :3].tolist()
             views = plan.path.sample(0.25)[:, :3].tolist()
-            caption = (
-                f"{task.world} {task.seed}, dataset {task.dataset}, {arm}: {plan.path.length_m:.1f} m, "
-                f"{plan.path.reverse_m:.1f} m of it in reverse, {plan.path.turn_on_spot_rad:.1f} rad on the spot"
-            )
+            path_m, reverse_m, turn_rad = plan.path.length_m, plan.path.reverse_m, plan.path.turn_on_spot_rad
+            told = f"{path_m:.1f} m, {reverse_m:.1f} m of it in reverse, {turn_rad:.1f} rad on the spot"
+            caption = f"{task.world} {task.seed}, dataset {task.dataset}, {arm}: {told}"
+            like = {"path_m": path_m, "reverse_m": reverse_m, "turn_on_spot_rad": turn_rad}
+            rows.append({**task._asdict(), "planner": arm, **like})
             pictures.append((caption, _picture(asked, [("planned", way)], [], views)))
     words = "Dot: start. Ring: goal. Strokes: where the camera looks; to turn under its bound the robot backs up."
-    return Section(
-        "Figure 2: unconstrained and constrained trajectories",
-        paragraph(words) + figures(pictures) + faults_table(failed),
-    )
+    body = paragraph(words) + figures(pictures) + faults_table(failed)
+    return Section("Figure 2: unconstrained and constrained trajectories", body), {"drives": rows}
 
 
-def figure6_section(drives: Drives) -> tuple[Section, list[dict[str, Any]]]:
+def figure6(drives: Drives) -> tuple[Section, dict[str, Any]]:
     """Planned way and what the paper's tracker says, until it breaks; and how far all trackers' ways lie from it."""
     pictures, rows = [], []
     for task, result in [drive for drive in drives if "arms" in drive[1]]:
         asked = question(task, open_world(task.world, task.seed), CONFIG)
-        for arm in ARMS[:2]:
+        for arm in (CONSTRAINED, UNCONSTRAINED):
             drive = result["arms"][arm]
             estimate = drive["trackers"][PAPER]["estimate"]
             before = [(a, b) for a, b in zip(estimate, estimate[1:]) if a is not None and b is None]
@@ -66,7 +66,7 @@ def figure6_section(drives: Drives) -> tuple[Section, list[dict[str, Any]]]:
     words = "Blue: planned. Green: the camera as tracked (9 cm behind the base's middle). Purple: where it was lost."
     told = "From the planned way of the camera to the tracked one, where it was tracked, a point to its nearest:"
     body = paragraph(words) + figures(pictures) + paragraph(told) + _deviations(rows) + faults_table(faults(drives))
-    return Section("Figure 6: planned and tracked trajectories", body), rows
+    return Section("Figure 6: planned and tracked trajectories", body), {"drives": rows}
 
 
 def deviation(planned: Sequence[Sequence[float]], estimate: Sequence[Sequence[float] | None]) -> dict[str, Any]:
@@ -110,4 +110,6 @@ def _deviations(rows: Sequence[dict[str, Any]]) -> str:
 
 def _picture(asked: Question, ways: Any, marks: Any, views: Any) -> str:
     ends = [("start", (asked.start.x, asked.start.y)), ("goal", (asked.goal.x, asked.goal.y))]
-    return ways_picture(asked.grid, ways, [*ends, *marks], views, window=window_around(ways, _AROUND_M))
+    return map_view(
+        asked.grid, ways, window_around([way for _, way in ways], _AROUND_M), marks=[*ends, *marks], views=views
+    )

@@ -10,14 +10,14 @@ from vsx_ros.arrays import Points3
 from vsx_ros.cli.experiments.campaign import Result
 from vsx_ros.cli.experiments.exploration import run_whole
 from vsx_ros.config import Config
+from vsx_ros.evaluation.map_view import FIGURE_PX, Window, map_view, window_of
 from vsx_ros.evaluation.page import Section, figures, paragraph, table
-from vsx_ros.evaluation.ways import Window, curves, ways_picture, window_of
+from vsx_ros.evaluation.svg import plot
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.runs.lockstep import FastRun
 from vsx_ros.runs.world import open_world
 
 STAGES = (0.25, 0.5, 0.75, 1.0)
-_EVERY_NS = 2_000_000_000
 
 
 class Stage(NamedTuple):
@@ -38,15 +38,7 @@ def explore_in_stages(world: str, seed: int, limit_s: float) -> tuple[list[Stage
     """One exploration with dense mapping, looked at every two seconds; its stages and its summary."""
     run = FastRun(open_world(world, seed), seed, "fov", Config())
     stages: list[Stage] = []
-    due_ns = 0
-
-    def watch(stamp_ns: int) -> None:
-        nonlocal due_ns
-        if stamp_ns >= due_ns and run.system.grid is not None:
-            due_ns = stamp_ns + _EVERY_NS
-            stages.append(_stage(run, run.system.grid, stamp_ns))
-
-    reason = run_whole(run, limit_s, watch)
+    reason = run_whole(run, limit_s, lambda stamp_ns, grid: stages.append(_stage(run, grid, stamp_ns)))
     if run.system.grid is not None and run.truth:
         stages.append(_stage(run, run.system.grid, run.truth[-1].stamp_ns))
     return stages, run.summary(reason, world=world, seed=seed, planner="fov").as_dict()
@@ -85,8 +77,8 @@ def figure7(stages: list[Stage], summary: Result) -> tuple[Section, dict[str, An
         ("second", np.array([s.coverage_correct for s in stages])),
     ]
     pictures += [
-        ("coverage over distance", curves([(name, path, y) for name, y in lines], "driven [m]", "coverage")),
-        ("coverage over time", curves([(name, seconds, y) for name, y in lines], "time [s]", "coverage")),
+        (f"coverage over {over}", plot([(n, x, y) for n, y in lines], over, unit=unit, size=(FIGURE_PX, 260.0)))
+        for over, x, unit in (("distance", path, "m"), ("time", seconds, "s"))
     ]
     fields = ("second", "path_m", "coverage", "coverage_correct", "keyframes", "points")
     numbers = [{name: getattr(s, name) for name in fields} for s in stages]
@@ -111,4 +103,4 @@ def _caption(share: float, stage: Stage) -> str:
 
 
 def _picture(stage: Stage, window: Window) -> str:
-    return ways_picture(stage.grid, [("estimate", stage.way)], dots=stage.surface[:, :2], window=window)
+    return map_view(stage.grid, [("estimate", stage.way)], window, dots=stage.surface[:, :2])

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from vsx_ros.cli.experiments.campaign import Result
 from vsx_ros.cli.experiments.exploration import ExplorationTask
-from vsx_ros.evaluation.page import Section, interval, paragraph, table
+from vsx_ros.evaluation.page import Section, csv_text, interval, paragraph, table
 from vsx_ros.evaluation.paired import known, mean_interval, share_interval
 from vsx_ros.exploration.decision import Outcome
 
@@ -24,13 +22,8 @@ _HEADER = (
 def as_csv(runs: Runs) -> str:
     """A line for each run, every number there is."""
     names = list(dict.fromkeys(name for _, result in runs for name in result))
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([*(f"task_{name}" for name in ExplorationTask._fields), *names])
-    for task, result in runs:
-        row = [*task[:-1], " ".join(task.settings), *(result.get(name) for name in names)]
-        writer.writerow([f"{value:.6g}" if isinstance(value, float) else value for value in row])
-    return text.getvalue()
+    header = [*(f"task_{name}" for name in ExplorationTask._fields), *names]
+    return csv_text(header, ([*t[:-1], " ".join(t.settings), *(r.get(name) for name in names)] for t, r in runs))
 
 
 def section(runs: Runs) -> Section:
