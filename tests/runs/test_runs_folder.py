@@ -7,8 +7,8 @@ from vsx_ros.config import Config, overridden
 from vsx_ros.errors import InputError, VsxError
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.geometry.stamped import StampedPose
-from vsx_ros.runs.folder import FILES, FrameRecord, RunEvent, RunFolder
 from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.runs.folder import FILES, FrameRecord, RunEvent, RunFolder
 
 
 @pytest.fixture

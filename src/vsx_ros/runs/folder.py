@@ -23,13 +23,13 @@ from vsx_ros.config import Config, from_dict, to_dict
 from vsx_ros.errors import InputError, VsxError, disk_trouble, reason_of
 from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.atomic import write_text
-from vsx_ros.runs.checkpoint import Checkpoint
-from vsx_ros.runs.journal import EventLine
 from vsx_ros.io.map_file import load_map, save_map
 from vsx_ros.io.ply_file import read_ply, write_ply
 from vsx_ros.io.trajectory_file import format_stamp, parse_stamp, read_trajectory, write_trajectory
 from vsx_ros.limits import LOG_BYTES, TEXT_BYTES, file_text, json_tree, yaml_tree
 from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.runs.checkpoint import Checkpoint
+from vsx_ros.runs.journal import EventLine
 
 FILES = (
     "summary.json", "config.yaml", "trajectory.txt", "odometry.txt", "groundtruth.txt", "map.pgm", "map.yaml",

@@ -10,21 +10,21 @@ from pathlib import Path
 
 import numpy as np
 
-from vsx_ros.runs.exit_codes import DONE, LOST, STOPPED, ended_well
-from vsx_ros.runs.start import begin
-from vsx_ros.runs.outcomes import EXIT_CODES
-from vsx_ros.runs.report import tell_the_end, write_report
-from vsx_ros.runs.record import MapJudge, RunRecord
-from vsx_ros.runs.session import Before, Session
-from vsx_ros.runs.stoppable import stoppable
 from vsx_ros.config import Config
 from vsx_ros.errors import ConfigError
 from vsx_ros.evaluation.summary import Summary, with_accuracy
 from vsx_ros.geometry.stamped import StampedPose
-from vsx_ros.runs.journal import EventLine, FrameLine, TruthLine, flat, unflat
-from vsx_ros.runs.folder import RunEvent, RunFolder
 from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.robot import STOP, Frame, Odometry, VelocityCommand
+from vsx_ros.runs.exit_codes import DONE, LOST, STOPPED, ended_well
+from vsx_ros.runs.folder import RunEvent, RunFolder
+from vsx_ros.runs.journal import EventLine, FrameLine, TruthLine, flat, unflat
+from vsx_ros.runs.outcomes import EXIT_CODES
+from vsx_ros.runs.record import MapJudge, RunRecord
+from vsx_ros.runs.report import tell_the_end, write_report
+from vsx_ros.runs.session import Before, Session
+from vsx_ros.runs.start import begin
+from vsx_ros.runs.stoppable import stoppable
 from vsx_ros.sim.robot import EmulatedRobot, Observation
 from vsx_ros.sim.settings import SimulationConfig
 from vsx_ros.sim.world import Start, World, changed

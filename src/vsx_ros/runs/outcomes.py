@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from vsx_ros.runs.exit_codes import DONE, FAILED, LOST, STOPPED
 from vsx_ros.exploration.decision import Outcome
+from vsx_ros.runs.exit_codes import DONE, FAILED, LOST, STOPPED
 
 EXIT_CODES = {
     Outcome.EXPLORED: DONE,

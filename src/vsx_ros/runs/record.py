@@ -17,10 +17,10 @@ from vsx_ros.evaluation.tracking import find_breaks
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.geometry.stamped import StampedPose
-from vsx_ros.runs.journal import EventLine, FrameLine, Line
-from vsx_ros.runs.folder import FrameRecord, RunEvent, RunFolder
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 from vsx_ros.robot import Odometry
+from vsx_ros.runs.folder import FrameRecord, RunEvent, RunFolder
+from vsx_ros.runs.journal import EventLine, FrameLine, Line
 from vsx_ros.sim.truth import ground_truth_grid
 from vsx_ros.sim.world import World
 from vsx_ros.slam.snapshot import MapSnapshot

@@ -14,8 +14,8 @@ from vsx_ros.errors import InputError
 from vsx_ros.exploration.memory import MissionMemory
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.runs.checkpoint import Saved
-from vsx_ros.runs.journal import FrameLine, Journal, Line, TruthLine, read_journal
 from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.journal import FrameLine, Journal, Line, TruthLine, read_journal
 from vsx_ros.system import Memory
 
 CHECKPOINT_EVERY_NS = 5_000_000_000

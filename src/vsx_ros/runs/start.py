@@ -24,7 +24,6 @@ DEFAULTS = {"seed": 1, "base": "auto", "port": "/dev/kobuki", "camera": "kinect"
 REMEMBERED = ("world", "seed", "base", "port", "camera", "rate", "planner", "time", "until", "fast", "load_map")
 
 
-
 def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, World | None]:
     """The run folder, its configuration, and the emulated world if there is one; what was not said becomes the default,
     or what the run to resume had. Nothing is written before all of it is known to be right.

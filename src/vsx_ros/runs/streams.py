@@ -13,8 +13,8 @@ import os
 import sys
 from typing import TYPE_CHECKING, TextIO
 
-from vsx_ros.runs.exit_codes import FAILED
 from vsx_ros.errors import disk_trouble
+from vsx_ros.runs.exit_codes import FAILED
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
