@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import shutil
 from pathlib import Path
 from unittest.mock import Mock
@@ -10,7 +11,7 @@ import pytest
 from rosbags.rosbag1 import Reader
 
 from vsx_ros.cli.record import Size
-from vsx_ros.errors import ConfigError, InputError
+from vsx_ros.errors import InputError
 from vsx_ros.ros.bag_writer import BagWriter, Serialized
 
 STRING = ("std_msgs/String", "992ce8a1687cec8c8bd883ec73ca41d1", "string data\n")
@@ -76,5 +77,5 @@ def test_sizes(text: str, size: float) -> None:
 
 @pytest.mark.parametrize("text", ["", "GB", "4", "4 GiB", "-1GB", "nanGB", "infMB"])
 def test_sizes_that_are_none(text: str) -> None:
-    with pytest.raises(ConfigError, match="size"):
+    with pytest.raises(argparse.ArgumentTypeError, match="size"):
         Size.parse(text)

@@ -55,12 +55,12 @@ class Size(NamedTuple):
 
     @staticmethod
     def parse(text: str) -> Size:
-        """A size like 500MB. Raises ConfigError for anything else."""
+        """A size like 500MB. Raises ArgumentTypeError for anything else."""
         number, unit = text.strip()[:-2], text.strip()[-2:]
         try:
             size = float(number) * _UNITS[unit]
         except (ValueError, KeyError):
             size = 0.0
         if not 0.0 < size < 1e18:
-            raise ConfigError(f"size {text!r}: give a number and one of {', '.join(_UNITS)}, e.g. 4GB")
+            raise argparse.ArgumentTypeError(f"size {text!r}: give a number and one of {', '.join(_UNITS)}, e.g. 4GB")
         return Size(text, size)
