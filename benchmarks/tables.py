@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import table_exploration
 import table_faults
 
-from vsx_ros.cli.experiments.rows import Row, code_hash, read_rows, tell
+from vsx_ros.experiments.rows import Row, code_hash, read_rows, tell
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "benchmarks" / "results"

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from vsx_ros.cli.experiments.rows import Row, Store, read_rows
+from vsx_ros.experiments.rows import Row, Store, read_rows
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 

@@ -56,8 +56,8 @@ def seeds(text: str) -> range:
 
 def run(args: argparse.Namespace) -> int:
     """Make what was asked for, and say where it is."""
-    from vsx_ros.cli.experiments.rows import made_by
     from vsx_ros.evaluation.page import page
+    from vsx_ros.experiments.rows import made_by
     from vsx_ros.io.atomic import write_text
     from vsx_ros.runs.world import open_world
 
@@ -102,7 +102,7 @@ def _write_numbers(args: argparse.Namespace, name: str, numbers: dict[str, Any])
     import json
 
     from vsx_ros import __version__
-    from vsx_ros.cli.experiments.rows import made_by
+    from vsx_ros.experiments.rows import made_by
     from vsx_ros.io.atomic import write_text
 
     chosen = {"seeds": list(args.seeds), "noises": args.noises} if name == "table1" else {"seed": args.seeds[0]}
@@ -113,8 +113,8 @@ def _write_numbers(args: argparse.Namespace, name: str, numbers: dict[str, Any])
 def _table1(args: argparse.Namespace) -> Any:
     import msgspec
 
-    from vsx_ros.cli.experiments import table1
-    from vsx_ros.cli.experiments.drive import ARMS
+    from vsx_ros.experiments import table1
+    from vsx_ros.experiments.drive import ARMS
     from vsx_ros.io.atomic import write_text
 
     drives = _drives(args, list(args.seeds))
@@ -133,14 +133,14 @@ def _of(interval: Any) -> str:
 
 
 def _fig2(args: argparse.Namespace) -> Any:
-    from vsx_ros.cli.experiments.drive import DriveTask
-    from vsx_ros.cli.experiments.drive_figures import figure2_section
+    from vsx_ros.experiments.drive import DriveTask
+    from vsx_ros.experiments.drive_figures import figure2_section
 
     return figure2_section([DriveTask(args.world, args.seeds[0], args.seeds[0], k) for k in (1, 2)])
 
 
 def _fig6(args: argparse.Namespace) -> Any:
-    from vsx_ros.cli.experiments.drive_figures import figure6_section
+    from vsx_ros.experiments.drive_figures import figure6_section
 
     section, drives = figure6_section(_drives(args, [args.seeds[0]]))
     _write_numbers(args, "fig6", {"drives": drives})
@@ -149,9 +149,9 @@ def _fig6(args: argparse.Namespace) -> Any:
 
 def _drives(args: argparse.Namespace, worlds: list[int]) -> list[Any]:
     """Tasks with their results, those that are known from results/drives.jsonl."""
-    from vsx_ros.cli.experiments.campaign import Engine, run_campaign
-    from vsx_ros.cli.experiments.drive import DriveTask, run_drives
-    from vsx_ros.cli.experiments.rows import Store
+    from vsx_ros.experiments.campaign import Engine, run_campaign
+    from vsx_ros.experiments.drive import DriveTask, run_drives
+    from vsx_ros.experiments.rows import Store
 
     noises = range(args.noises)
     tasks = [DriveTask(args.world, seed, seed + 1000 * k, d) for seed in worlds for k in noises for d in (1, 2)]
@@ -160,7 +160,7 @@ def _drives(args: argparse.Namespace, worlds: list[int]) -> list[Any]:
 
 
 def _fig7(args: argparse.Namespace) -> Any:
-    from vsx_ros.cli.experiments.stages import explore_in_stages, figure7
+    from vsx_ros.experiments.stages import explore_in_stages, figure7
 
     section, numbers = figure7(*explore_in_stages(args.world, args.seeds[0], args.time or 600.0))
     _write_numbers(args, "fig7", numbers)
@@ -168,8 +168,8 @@ def _fig7(args: argparse.Namespace) -> Any:
 
 
 def _fig5(args: argparse.Namespace) -> Any:
-    from vsx_ros.cli.experiments.ground_maps import explore_and_map
     from vsx_ros.evaluation.figure5 import section
+    from vsx_ros.experiments.ground_maps import explore_and_map
 
     figure, numbers = explore_and_map(args.world, args.seeds[0], args.time or 90.0)
     _write_numbers(args, "fig5", numbers)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from vsx_ros.cli.experiments.exploration import run_whole
 from vsx_ros.config import Config
 from vsx_ros.evaluation.figure5 import Figure5
 from vsx_ros.evaluation.obstacles import seen_faces
+from vsx_ros.experiments.exploration import run_whole
 from vsx_ros.runs.lockstep import FastRun
 from vsx_ros.runs.world import open_world
 from vsx_ros.sim.truth import ground_truth_grid

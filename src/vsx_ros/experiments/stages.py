@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vsx_ros.arrays import Points3
-from vsx_ros.cli.experiments.campaign import Result
-from vsx_ros.cli.experiments.exploration import run_whole
 from vsx_ros.config import Config
 from vsx_ros.evaluation.page import Section, figures, paragraph, table
 from vsx_ros.evaluation.ways import Window, curves, ways_picture, window_of
+from vsx_ros.experiments.campaign import Result
+from vsx_ros.experiments.exploration import run_whole
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.runs.lockstep import FastRun
 from vsx_ros.runs.world import open_world

@@ -8,9 +8,6 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from vsx_ros import __version__
-from vsx_ros.cli.experiments.campaign import Result
-from vsx_ros.cli.experiments.drive import ARMS, PHI_RAD_M, DriveTask
-from vsx_ros.cli.experiments.trackers import FULL, PAPER
 from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.evaluation.page import Section, interval, paragraph, table
 from vsx_ros.evaluation.paired import (
@@ -22,6 +19,9 @@ from vsx_ros.evaluation.paired import (
     share_interval,
     sign_test,
 )
+from vsx_ros.experiments.campaign import Result
+from vsx_ros.experiments.drive import ARMS, PHI_RAD_M, DriveTask
+from vsx_ros.experiments.trackers import FULL, PAPER
 
 Drives = Sequence[tuple[DriveTask, Result]]
 Column = list[float | None]
