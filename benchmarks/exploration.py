@@ -28,11 +28,11 @@ import numpy as np
 from nearest_frontier import nearest_frontier
 from tables import RESULTS, rooms_of
 
-from vsx_ros.cli.experiments.campaign import Engine, run_campaign
-from vsx_ros.cli.experiments.exploration import run_whole
-from vsx_ros.cli.experiments.rows import Store
 from vsx_ros.config import Config
 from vsx_ros.errors import InputError
+from vsx_ros.experiments.campaign import Engine, run_campaign
+from vsx_ros.experiments.exploration import run_whole
+from vsx_ros.experiments.rows import Store
 from vsx_ros.exploration.decision import Action
 from vsx_ros.occupancy.grid import UNKNOWN
 from vsx_ros.runs.exit_codes import STOPPED

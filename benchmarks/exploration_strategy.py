@@ -20,9 +20,9 @@ from exploration import LEVELS, SAMPLE_S
 from nearest_frontier import nearest_frontier
 from tables import RESULTS, rooms_of
 
-from vsx_ros.cli.experiments.campaign import Engine, run_campaign
-from vsx_ros.cli.experiments.rows import Store
 from vsx_ros.config import Config
+from vsx_ros.experiments.campaign import Engine, run_campaign
+from vsx_ros.experiments.rows import Store
 from vsx_ros.exploration.decision import Action, NavigationState, Situation
 from vsx_ros.exploration.mission import Mission
 from vsx_ros.exploration.utility import Ranker, rank_views

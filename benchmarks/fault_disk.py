@@ -32,7 +32,7 @@ import numpy as np
 import yaml
 from tables import RESULTS, rooms_of
 
-from vsx_ros.cli.experiments.rows import Store
+from vsx_ros.experiments.rows import Store
 from vsx_ros.io.map_file import load_map
 from vsx_ros.io.ply_file import read_ply
 from vsx_ros.io.sealed_archive import unseal

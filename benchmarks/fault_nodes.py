@@ -21,7 +21,7 @@ from pathlib import Path
 from exploring_robot import START_S, begin, home, new_stack, ready
 from tables import RESULTS, rooms_of
 
-from vsx_ros.cli.experiments.rows import Store
+from vsx_ros.experiments.rows import Store
 
 NODES = (
     "mobile_base", "follower", "move_base", "explore", "camera", "vslam", "rosmaster", "guardian",

@@ -13,8 +13,8 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
 
-from vsx_ros.cli.experiments.rows import Store
 from vsx_ros.config import Config
+from vsx_ros.experiments.rows import Store
 from vsx_ros.exploration.memory import MissionMemory
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2

@@ -35,10 +35,10 @@ import file_samples as samples
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from tables import RESULTS, rooms_of
 
-from vsx_ros.cli.experiments.rows import Store, read_rows
 from vsx_ros.cli.map import facts
 from vsx_ros.errors import InputError, VsxError
 from vsx_ros.evaluation.trajectory import associate, trajectory_error
+from vsx_ros.experiments.rows import Store, read_rows
 from vsx_ros.io.bag_reader import messages
 from vsx_ros.io.bag_without_index import UnindexedBag
 from vsx_ros.io.calibration_file import read_calibration

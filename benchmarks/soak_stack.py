@@ -25,7 +25,7 @@ from exploring_robot import home, new_stack, wait_for_motion
 from fault_camera import FaultyCable
 from tables import RESULTS, rooms_of
 
-from vsx_ros.cli.experiments.rows import Store
+from vsx_ros.experiments.rows import Store
 
 PERIOD_S, WARM_S = 20.0, 120.0
 DISK_MB = 256

@@ -7,7 +7,7 @@ import statistics
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from vsx_ros.cli.experiments.rows import Row
+from vsx_ros.experiments.rows import Row
 
 
 def nodes(rows: Sequence[Row]) -> list[str]:

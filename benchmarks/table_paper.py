@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from vsx_ros.cli.experiments.drive import DriveTask
-from vsx_ros.cli.experiments.rows import Row
-from vsx_ros.cli.experiments.table1 import HEADER, numbers, rows_of
-from vsx_ros.cli.experiments.trackers import U2_READINGS
+from vsx_ros.experiments.drive import DriveTask
+from vsx_ros.experiments.rows import Row
+from vsx_ros.experiments.table1 import HEADER, numbers, rows_of
+from vsx_ros.experiments.trackers import U2_READINGS
 
 _USUAL = f": {U2_READINGS['u2_frames']}"
 

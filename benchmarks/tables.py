@@ -19,7 +19,7 @@ import table_exploration
 import table_faults
 import table_paper
 
-from vsx_ros.cli.experiments.rows import Row, code_hash, read_rows, tell
+from vsx_ros.experiments.rows import Row, code_hash, read_rows, tell
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "benchmarks" / "results"

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from vsx_ros import __version__
-from vsx_ros.cli.experiments import sweeps, table1
-from vsx_ros.cli.experiments.drive import ARMS, DriveTask, _drive, limits_of, plan_of, question
-from vsx_ros.cli.experiments.drive_figures import deviation, figure2, figure6
-from vsx_ros.cli.experiments.exploration import ExplorationTask
-from vsx_ros.cli.experiments.stages import figure7
-from vsx_ros.cli.experiments.trackers import FULL, PAPER, U2_READINGS, _u2_readings
 from vsx_ros.cli.main import execute
 from vsx_ros.config import Config
 from vsx_ros.errors import InputError
+from vsx_ros.experiments import sweeps, table1
+from vsx_ros.experiments.drive import ARMS, DriveTask, _drive, limits_of, plan_of, question
+from vsx_ros.experiments.drive_figures import deviation, figure2, figure6
+from vsx_ros.experiments.exploration import ExplorationTask
+from vsx_ros.experiments.stages import figure7
+from vsx_ros.experiments.trackers import FULL, PAPER, U2_READINGS, _u2_readings
 from vsx_ros.planning.path import Plan, Refusal, RefusalKind
 from vsx_ros.planning.planners import PLANNERS
 from vsx_ros.runs.lockstep import FastRun
@@ -206,7 +206,7 @@ def test_a_world_without_a_goal_is_listed_in_figure_2(monkeypatch):
             raise InputError("there is <none>")
         return question(task, world, config)
 
-    monkeypatch.setattr("vsx_ros.cli.experiments.drive_figures.question", asked)
+    monkeypatch.setattr("vsx_ros.experiments.drive_figures.question", asked)
     body = figure2("lab", 2)[0].body
     assert body.count("<figure>") == 2
     assert "there is &lt;none&gt;" in body

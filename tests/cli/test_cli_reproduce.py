@@ -22,8 +22,8 @@ def test_a_run_too_short_to_see_anything_is_told_as_such(tmp_path: Path) -> None
 
 
 def test_figure_3_tells_to_which_headings_one_segment_leads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("vsx_ros.cli.experiments.favourable._PLACES", 4)
-    monkeypatch.setattr("vsx_ros.cli.experiments.favourable._HEADINGS_DEG", range(0, 181, 30))
+    monkeypatch.setattr("vsx_ros.experiments.favourable._PLACES", 4)
+    monkeypatch.setattr("vsx_ros.experiments.favourable._HEADINGS_DEG", range(0, 181, 30))
     assert execute(["reproduce", "fig3", "--seed", "1", "--out", str(tmp_path)]) == 0
     rows = {row["heading_deg"]: row for row in json.loads((tmp_path / "fig3.json").read_text())["rows"]}
     # The place lies 37 deg to the left: no single turn of 30 deg ends there.

@@ -11,9 +11,9 @@ from typing import Any
 import msgspec
 import pytest
 
-from vsx_ros.cli.experiments.drive import ARMS, DriveTask
-from vsx_ros.cli.experiments.rows import Row, Store, read_rows
-from vsx_ros.cli.experiments.trackers import FULL, PAPER, U2_READINGS
+from vsx_ros.experiments.drive import ARMS, DriveTask
+from vsx_ros.experiments.rows import Row, Store, read_rows
+from vsx_ros.experiments.trackers import FULL, PAPER, U2_READINGS
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
-from vsx_ros.cli.experiments.rows import read_rows
 from vsx_ros.cli.main import execute
 from vsx_ros.errors import InputError, VsxError
+from vsx_ros.experiments.rows import read_rows
 from vsx_ros.io.calibration_file import read_calibration
 from vsx_ros.io.image_encoding import decoded, gray_image
 from vsx_ros.io.map_file import load_map, load_plan

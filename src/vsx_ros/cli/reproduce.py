@@ -63,8 +63,8 @@ def run(args: argparse.Namespace) -> int:
     import json
 
     from vsx_ros import __version__
-    from vsx_ros.cli.experiments.rows import made_by
     from vsx_ros.evaluation.page import page
+    from vsx_ros.experiments.rows import made_by
     from vsx_ros.io.atomic import write_text
     from vsx_ros.runs.world import open_world
 
@@ -107,7 +107,7 @@ def _in_words(chosen: range) -> str:
 
 def _made(name: str, args: argparse.Namespace) -> tuple[Section, dict[str, Any]]:
     """The section of a page, and its numbers."""
-    from vsx_ros.cli.experiments import drive_figures, favourable, ground_maps, stages
+    from vsx_ros.experiments import drive_figures, favourable, ground_maps, stages
 
     world, seed, short_s = args.world, args.seeds[0], args.time or 90.0
     makers = {
@@ -125,7 +125,7 @@ def _made(name: str, args: argparse.Namespace) -> tuple[Section, dict[str, Any]]
 def _table1(args: argparse.Namespace) -> tuple[Section, dict[str, Any]]:
     import msgspec
 
-    from vsx_ros.cli.experiments import table1
+    from vsx_ros.experiments import table1
     from vsx_ros.io.atomic import write_text
 
     drives = _drives(args, list(args.seeds))
@@ -136,9 +136,9 @@ def _table1(args: argparse.Namespace) -> tuple[Section, dict[str, Any]]:
 
 def _drives(args: argparse.Namespace, worlds: list[int]) -> list[Any]:
     """Tasks with their results, those that are known from results/drives.jsonl."""
-    from vsx_ros.cli.experiments.campaign import Engine, run_campaign
-    from vsx_ros.cli.experiments.drive import CONFIG, DriveTask, run_drives
-    from vsx_ros.cli.experiments.rows import Store
+    from vsx_ros.experiments.campaign import Engine, run_campaign
+    from vsx_ros.experiments.drive import CONFIG, DriveTask, run_drives
+    from vsx_ros.experiments.rows import Store
 
     tasks = [DriveTask(args.world, seed, k, d) for seed in worlds for k in range(args.noises) for d in (1, 2)]
     store = Store(args.out / "drives.jsonl", CONFIG)

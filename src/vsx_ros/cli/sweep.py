@@ -36,11 +36,11 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """All runs that are missing, then the page."""
-    from vsx_ros.cli.experiments import sweeps
-    from vsx_ros.cli.experiments.campaign import Engine, run_campaign
-    from vsx_ros.cli.experiments.exploration import ExplorationTask, explore
-    from vsx_ros.cli.experiments.rows import Store, made_by
     from vsx_ros.evaluation.page import page
+    from vsx_ros.experiments import sweeps
+    from vsx_ros.experiments.campaign import Engine, run_campaign
+    from vsx_ros.experiments.exploration import ExplorationTask, explore
+    from vsx_ros.experiments.rows import Store, made_by
     from vsx_ros.io.atomic import write_text
     from vsx_ros.planning.planners import PLANNERS
     from vsx_ros.runs.parameters import load

@@ -6,9 +6,6 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from vsx_ros import __version__
-from vsx_ros.cli.experiments.campaign import Result
-from vsx_ros.cli.experiments.drive import ARMS, CONSTRAINED, PHI_RAD_M, DriveTask
-from vsx_ros.cli.experiments.trackers import FULL, PAPER, U2_READINGS
 from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.evaluation.page import Section, csv_text, interval, paragraph, table
 from vsx_ros.evaluation.paired import (
@@ -20,6 +17,9 @@ from vsx_ros.evaluation.paired import (
     share_interval,
     sign_test,
 )
+from vsx_ros.experiments.campaign import Result
+from vsx_ros.experiments.drive import ARMS, CONSTRAINED, PHI_RAD_M, DriveTask
+from vsx_ros.experiments.trackers import FULL, PAPER, U2_READINGS
 
 Drives = Sequence[tuple[DriveTask, Result]]
 Column = list[float | None]

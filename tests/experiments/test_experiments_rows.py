@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 
 from vsx_ros import __version__
-from vsx_ros.cli.experiments import rows
-from vsx_ros.cli.experiments.rows import Row, Store, read_rows
 from vsx_ros.config import Config, overridden
 from vsx_ros.errors import InputError
+from vsx_ros.experiments import rows
+from vsx_ros.experiments.rows import Row, Store, read_rows
 
 ASKED: dict[str, Any] = {"world": "lab", "seed": 7, "settings": ("a=1",)}
 OTHER = {**ASKED, "seed": 8}

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from vsx_ros.cli.experiments.drive import PHI_RAD_M
 from vsx_ros.evaluation.map_view import FIGURE_PX, Way, map_view, window_around
 from vsx_ros.evaluation.page import Section, figures, paragraph
 from vsx_ros.evaluation.svg import plot
+from vsx_ros.experiments.drive import PHI_RAD_M
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.planning.connect import connect
 from vsx_ros.planning.path import Path

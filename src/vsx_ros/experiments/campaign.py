@@ -14,8 +14,8 @@ from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import active_children, get_context, parent_process
 from typing import Any, NamedTuple, Protocol, cast
 
-from vsx_ros.cli.experiments.rows import Store, tell
 from vsx_ros.errors import ConfigError, VsxError, disk_trouble
+from vsx_ros.experiments.rows import Store, tell
 
 Result = dict[str, Any]
 CONNECT_S = 10.0

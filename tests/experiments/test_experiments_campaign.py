@@ -14,9 +14,9 @@ from typing import NamedTuple
 import pytest
 from free_ports import free_port
 
-from vsx_ros.cli.experiments.campaign import Engine, run_campaign
-from vsx_ros.cli.experiments.rows import Store
 from vsx_ros.errors import ConfigError, InputError
+from vsx_ros.experiments.campaign import Engine, run_campaign
+from vsx_ros.experiments.rows import Store
 
 
 class Square(NamedTuple):
@@ -109,7 +109,7 @@ def test_dask_workers_do_the_same(tmp_path):
 
 def test_a_scheduler_that_is_not_there(tmp_path, monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("vsx_ros.cli.experiments.campaign.CONNECT_S", 1.0)
+    monkeypatch.setattr("vsx_ros.experiments.campaign.CONNECT_S", 1.0)
     with pytest.raises(ConfigError, match="no dask scheduler at tcp://127.0.0.1:1"):
         run_campaign(TASKS, square, Store(tmp_path / "r.jsonl"), Engine(scheduler="tcp://127.0.0.1:1"))
 

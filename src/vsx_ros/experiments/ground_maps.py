@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from vsx_ros.arrays import FloatArray, IntArray
-from vsx_ros.cli.experiments.exploration import run_whole
 from vsx_ros.config import Config
 from vsx_ros.dense.densify import DenseMap, Densifier
 from vsx_ros.dense.planes import PlaneKind
@@ -19,6 +18,7 @@ from vsx_ros.evaluation.figure5 import Figure5
 from vsx_ros.evaluation.figure5 import section as maps_section
 from vsx_ros.evaluation.obstacles import seen_faces
 from vsx_ros.evaluation.page import Section
+from vsx_ros.experiments.exploration import run_whole
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.runs.lockstep import FastRun

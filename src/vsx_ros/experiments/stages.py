@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vsx_ros.arrays import Points3
-from vsx_ros.cli.experiments.campaign import Result
-from vsx_ros.cli.experiments.exploration import run_whole
 from vsx_ros.config import Config
 from vsx_ros.evaluation.map_view import FIGURE_PX, Window, map_view, window_of
 from vsx_ros.evaluation.page import Section, figures, paragraph, table
 from vsx_ros.evaluation.svg import plot
+from vsx_ros.experiments.campaign import Result
+from vsx_ros.experiments.exploration import run_whole
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.runs.lockstep import FastRun
 from vsx_ros.runs.world import open_world

@@ -6,10 +6,10 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from vsx_ros.cli.experiments.campaign import Result
-from vsx_ros.cli.experiments.exploration import ExplorationTask
 from vsx_ros.evaluation.page import Section, csv_text, interval, paragraph, table
 from vsx_ros.evaluation.paired import known, mean_interval, share_interval
+from vsx_ros.experiments.campaign import Result
+from vsx_ros.experiments.exploration import ExplorationTask
 from vsx_ros.exploration.decision import Outcome
 
 Runs = Sequence[tuple[ExplorationTask, Result]]

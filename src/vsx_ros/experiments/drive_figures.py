@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from vsx_ros.arrays import FloatArray
-from vsx_ros.cli.experiments.drive import CONFIG, CONSTRAINED, UNCONSTRAINED, DriveTask, Question, plan_of, question
-from vsx_ros.cli.experiments.table1 import Drives, faults, faults_table
-from vsx_ros.cli.experiments.trackers import PAPER
 from vsx_ros.errors import InputError
 from vsx_ros.evaluation.map_view import map_view, window_around
 from vsx_ros.evaluation.page import Section, figures, paragraph, table
+from vsx_ros.experiments.drive import CONFIG, CONSTRAINED, UNCONSTRAINED, DriveTask, Question, plan_of, question
+from vsx_ros.experiments.table1 import Drives, faults, faults_table
+from vsx_ros.experiments.trackers import PAPER
 from vsx_ros.planning.path import Plan
 from vsx_ros.runs.world import open_world
 
