@@ -7,7 +7,9 @@ import html
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from vsx_ros.evaluation.report import STYLE, ReportData, map_picture, timeline
+from vsx_ros.evaluation.page import document, part
+from vsx_ros.evaluation.report import ReportData, map_picture, timeline
+from vsx_ros.evaluation.report_style import STYLE
 
 _INDENT = 2
 Named = tuple[str, ReportData]
@@ -30,17 +32,13 @@ def compare(a: Named, b: Named) -> str:
     body = [
         f"<h1>{title}</h1>",
         _side_by_side(a, b, lambda data: html.escape(str(data.summary.get("stop_reason") or "unknown"))),
-        _section("Numbers", _numbers(a, b)),
-        _section("Map and trajectory", _side_by_side(a, b, map_picture)),
-        _section("Tracking over time", _side_by_side(a, b, timeline)),
-        _section("Settings that differ", _settings(a, b)),
-        _section("How to repeat them", _side_by_side(a, b, _command)),
+        part("Numbers", _numbers(a, b)),
+        part("Map and trajectory", _side_by_side(a, b, map_picture)),
+        part("Tracking over time", _side_by_side(a, b, timeline)),
+        part("Settings that differ", _settings(a, b)),
+        part("How to repeat them", _side_by_side(a, b, _command)),
     ]
-    return (
-        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
-        f'<meta name="viewport" content="width=device-width"><style>{STYLE}{_SIDE}{_WORSE}</style></head>'
-        f"<body><main>{''.join(body)}</main></body></html>\n"
-    )
+    return document(title, STYLE + _SIDE + _WORSE, "".join(body))
 
 
 def change(key: str, before: Any, after: Any) -> tuple[str, str]:
@@ -112,7 +110,3 @@ def _command(data: ReportData) -> str:
 def _side_by_side(a: Named, b: Named, shown: Callable[[ReportData], str]) -> str:
     sides = "".join(f"<div><h3>{html.escape(name)}</h3>{shown(data)}</div>" for name, data in (a, b))
     return f'<div class="sides">{sides}</div>'
-
-
-def _section(title: str, content: str) -> str:
-    return f"<section><h2>{title}</h2>{content}</section>"

@@ -20,11 +20,22 @@ def page(title: str, facts: str, sections: Iterable[Section]) -> str:
     """The page. facts: what all of it rests on, in words. A section of the page's own title has none of its own."""
     heads = ((f"<h2>{html.escape(s.title)}</h2>" if s.title != title else "", s.body) for s in sections)
     body = "".join(f"<section>{head}{content}</section>" for head, content in heads)
+    title = html.escape(title)
+    return document(title, _STYLE, f"<h1>{title}</h1>{paragraph(facts)}{body}")
+
+
+def document(title: str, style: str, body: str) -> str:
+    """The whole HTML file. title, body: HTML. style: CSS."""
     return (
-        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{html.escape(title)}</title>'
-        f'<meta name="viewport" content="width=device-width"><style>{_STYLE}</style></head>'
-        f"<body><main><h1>{html.escape(title)}</h1>{paragraph(facts)}{body}</main></body></html>\n"
+        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
+        f'<meta name="viewport" content="width=device-width"><style>{style}</style></head>'
+        f"<body><main>{body}</main></body></html>\n"
     )
+
+
+def part(title: str, content: str) -> str:
+    """A section with its title, both HTML; nothing where there is no content."""
+    return f"<section><h2>{title}</h2>{content}</section>" if content else ""
 
 
 def paragraph(text: str) -> str:
