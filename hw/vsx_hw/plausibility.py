@@ -15,18 +15,10 @@ from typing import NamedTuple
 
 from vsx_hw.command_trace import LONGEST_PAUSE_NS, CommandTrace, Span
 from vsx_hw.turn_mismatch import TurnMismatch
+from vsx_hw.wheel_verdict import HELD, wheel_verdict
 
 WINDOW_NS = 1_000_000_000
 PERIOD_NS = 20_000_000
-
-FOLLOWS, RUNS_AWAY = 0.1, 1.5
-"""Shares of the commanded way. A sound wheel, whose speed is controlled, makes 0.7 to 1.1 of it; one that is blocked or
-whose encoder stands 0, one that counts each edge twice 2, one whose phases are swapped -1."""
-WAY_M, SLACK_M = 0.02, 0.015
-"""Slower wheels are not judged: friction may hold them. Slack: two reports of a Create 1 are rounded by 7 mm; as much
-again for the roll after a command was lowered."""
-BEGUN = 0.5
-"""The least way told, by the longest lag, has this share of the most: the start-up is over."""
 
 FRAME_RAD, FRAME_RAD_S = 0.02, 1.0
 """What gyro and wheels may differ by in one report: a base that is blocked in a turn of 1.5 rad/s differs by 0.03 rad
@@ -43,9 +35,6 @@ SLIP_NS = 200_000_000
 AGREED_RAD, AGREED_M = 0.5, 1.0
 """Through how much of a turn both must agree again; a gyro that was believed, also along such a way. On the straight a
 gyro that stands is right too."""
-
-
-_HELD = "does not follow the command"
 
 
 class Belief(NamedTuple):
@@ -180,9 +169,9 @@ class MotionJudge:
         """Which wheel does not do what it was told, in words; the pose is uncertain until both have done so again."""
         left, right, _ = self._told(begin, now)
         sides = {"left": (now.left_m - begin.left_m, left), "right": (now.right_m - begin.right_m, right)}
-        verdicts = {side: _verdict(way_m, told) for side, (way_m, told) in sides.items()}
+        verdicts = {side: wheel_verdict(way_m, told) for side, (way_m, told) in sides.items()}
         wrong = [f"the {side} wheel {verdict}; see to its encoder" for side, verdict in verdicts.items() if verdict]
-        if all(verdict == _HELD for verdict in verdicts.values()):
+        if all(verdict == HELD for verdict in verdicts.values()):
             wrong = ["wheels do not follow the command; free the robot"]
         if wrong:
             if not self._unproven or begin.time_ns > self._wrong_ns:  # the first words stay: their numbers change
@@ -240,16 +229,3 @@ class MotionJudge:
         self._agreed_rad = self._agreed_m = 0.0
         if not self._doubt or gyro_out != self._gyro_out:
             self._doubt, self._gyro_out = doubt, gyro_out
-
-
-def _verdict(way_m: float, told: Span) -> str | None:
-    """What is wrong with the way of a wheel, in words, empty if nothing; None where it cannot be judged: too slow, or
-    not yet, or no longer."""
-    least, most = sorted(told, key=abs)
-    if abs(most) < WAY_M:
-        return None
-    if abs(way_m) > RUNS_AWAY * abs(most) + SLACK_M:
-        return f"counts {abs(way_m):.2f} m for {abs(most):.2f} m told"
-    if told[0] * told[1] <= 0.0 or abs(least) < max(WAY_M, BEGUN * abs(most)):
-        return None
-    return _HELD if way_m * math.copysign(1.0, least) < FOLLOWS * abs(least) else ""

@@ -4,7 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from vsx_ros.kernels.vision.patches import best_pixel, quantize, refine, search, warp_template, warp_templates, zmssd
+from vsx_ros.kernels.vision.patches import best_pixel, quantize, refine, zmssd
+from vsx_ros.kernels.vision.search import search
+from vsx_ros.kernels.vision.warping import warp_template, warp_templates
 from vsx_ros.vision.corners import CornerDetector
 from vsx_ros.vision.patch_search import cut_patches
 from vsx_ros.vision.pyramid import build_pyramid

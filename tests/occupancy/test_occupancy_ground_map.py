@@ -8,8 +8,9 @@ from vsx_ros.errors import InputError
 from vsx_ros.geometry.camera import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
+from vsx_ros.occupancy.free_ground import gaps
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN
-from vsx_ros.occupancy.ground_map import Driven, GroundMap, _gaps
+from vsx_ros.occupancy.ground_map import Driven, GroundMap
 
 MOUNT = mount_pose(-0.09, 0.0, 0.31, 0.0)
 ROOM = (-3.0, 3.0, -2.0, 2.0)
@@ -221,9 +222,9 @@ def test_a_gap_in_ground_that_hardly_anybody_saw_stays():
     data = np.full((20, 20), FREE, np.int8)
     data[5, 5] = data[12:19, 12] = UNKNOWN
     sure = np.ones(data.shape, bool)
-    assert _gaps(data, sure).sum() == 8
+    assert gaps(data, sure).sum() == 8
     sure[:, 4:] = False
-    assert not _gaps(data, sure).any()
+    assert not gaps(data, sure).any()
 
 
 def test_the_trail_is_free_and_bumps_stay_whatever_is_seen(room, ground_map):

@@ -12,7 +12,7 @@ from vsx_ros.evaluation.trajectory import trajectory_error
 from vsx_ros.io.open_recording import open_recording
 from vsx_ros.kernels.geometry import projection
 from vsx_ros.kernels.slam import bundle, epipolar, pose
-from vsx_ros.kernels.vision import alignment, patches
+from vsx_ros.kernels.vision import alignment, search
 from vsx_ros.kernels.warmup import warm_up
 from vsx_ros.robot import Frame
 from vsx_ros.slam.slam import SequentialSlam
@@ -232,7 +232,7 @@ def test_warm_up_compiles_what_tracking_uses(arc_drive):
         bundle.adjust,
         projection.predict,
         projection.unproject_pixels,
-        patches.search,
+        search.search,
         epipolar.search_rays,
         alignment.align_small,
         pose.optimize_pose,

@@ -14,11 +14,10 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.planning.flood import flood, flood_costs
 from vsx_ros.occupancy.distance import DistanceField, travel_distance, with_fringe
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.planning import corridor_qp
 from vsx_ros.planning.connect import connections, same_pose
 from vsx_ros.planning.corridor import Corridor, build_corridor
 from vsx_ros.planning.path import STOP_COST_M, Path, Plan, Refusal, RefusalKind, certified
-from vsx_ros.planning.pieces import Piece, turn_piece
+from vsx_ros.planning.pieces import turn_piece
 from vsx_ros.planning.reach import check_question
 from vsx_ros.planning.sight import Sight
 from vsx_ros.planning.skeleton import (
@@ -35,6 +34,7 @@ from vsx_ros.planning.skeleton import (
     search_tree,
     shortened,
 )
+from vsx_ros.planning.smoothing import smoothed
 
 _TIGHT = 0.9
 _DIRECT = 4
@@ -45,7 +45,6 @@ _ANOTHER = 1.002  # a way hardly longer than the one before is most likely the s
 _REVERSE_SLACK_M = 1e-6
 _MOST_BLIND_M, _SAME_PLACE_M = 1.5, 0.02
 _DETOUR, _DETOUR_M = 1.2, 0.5  # by which a way with the preferred clearance may be longer
-_STRAIGHTS_M = (math.inf, 0.5)
 
 
 class Planner:
@@ -201,7 +200,8 @@ class Planner:
         self, start: SE2, goal: SE2, corridor: Corridor, remaining: FloatArray, rng: np.random.Generator
     ) -> list[Path]:
         """Paths along a few skeletons: a free Reeds-Shepp word, or what a search finds."""
-        tight, limit, margin = _TIGHT * self._config.phi_rad_m, self._config.max_reverse_m, corridor.margin
+        phi, limit, margin = self._config.phi_rad_m, self._config.max_reverse_m, corridor.margin
+        tight = _TIGHT * phi
         skeletons = free_words(margin, start, goal, tight, limit)[:1]
         bound = OCTILE * float(remaining[margin.cell(start.x, start.y)])
         if not skeletons or skeletons[0].length_m > _NEAR_BOUND * bound + STOP_COST_M:
@@ -214,7 +214,7 @@ class Planner:
             if skeleton.length_m < _ANOTHER * before_m:
                 continue
             before_m = skeleton.length_m
-            found += [p for p in self._smoothed(skeleton, start, goal, corridor) if self._allowed(p, corridor)]
+            found += [p for p in smoothed(skeleton, start, goal, phi, corridor) if self._allowed(p, corridor)]
             best = min(found, key=lambda path: path.cost_m, default=None)
             if best is not None and not best.jumps and best.cost_m < skeleton.length_m + 2.0 * STOP_COST_M:
                 break
@@ -233,41 +233,6 @@ class Planner:
             way = search_lattice(margin, start, goal, tight, limit, remaining, fine)
             way = way or search_lattice_back(margin, start, goal, tight, limit, fine)
         return way or search_tree(margin, start, goal, tight, limit, rng)
-
-    def _smoothed(self, skeleton: Skeleton, start: SE2, goal: SE2, corridor: Corridor) -> list[Path]:
-        """The skeleton itself, with stops where its curvature jumps, and its smooth version as far as there is one."""
-        paths = [certified(start, goal, skeleton.pieces(start), "arcs and lines")]
-        whole = self._fitted(skeleton, start, goal, corridor)
-        if whole is not None:
-            return [*paths, whole]
-        pieces = self._in_parts(skeleton, start, corridor)
-        return [*paths, certified(start, goal, pieces, "Bernstein coefficients; arcs and lines")]
-
-    def _in_parts(self, skeleton: Skeleton, start: SE2, corridor: Corridor) -> tuple[Piece, ...]:
-        """A way that cannot be fitted as a whole, in two halves, and these again: the base stops in between.
-
-        It is cut where it stops anyway, as long as there are such places.
-        """
-        pieces: tuple[Piece, ...] = ()
-        at = start
-        for part in skeleton.parted():
-            arcs = part.pieces(at)
-            if len(arcs) > 1:  # one arc from rest to rest has nothing to smooth
-                smooth = self._fitted(part, at, arcs[-1].end, corridor)
-                pieces += smooth.pieces if smooth is not None else self._in_parts(part, at, corridor)
-            else:
-                pieces += arcs
-            at = arcs[-1].end
-        return pieces
-
-    def _fitted(self, skeleton: Skeleton, start: SE2, goal: SE2, corridor: Corridor) -> Path | None:
-        """The smooth version of a way, with its long straight lines whole or cut."""
-        for longest_straight_m in _STRAIGHTS_M:
-            halved, cuts = skeleton.halved(longest_straight_m)
-            smooth = corridor_qp.smooth(halved, cuts, start, goal, self._config.phi_rad_m, corridor)
-            if smooth is not None:
-                return smooth
-        return None
 
     def _finished(self, path: Path, goal: SE2, corridor: Corridor) -> Path:
         clearance = corridor.least_clearance(path)

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import Float32Array, FloatArray, IntArray
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.planning.lattice import lattice_search, lattice_way, reverse_run, word_is_free
-from vsx_ros.kernels.planning.reeds_shepp import MAX_WORDS, SEGMENTS, reeds_shepp_table, reeds_shepp_words
+from vsx_ros.kernels.planning.reeds_shepp import MAX_WORDS, SEGMENTS, reeds_shepp_words
+from vsx_ros.kernels.planning.reeds_shepp_table import reeds_shepp_table
 from vsx_ros.kernels.planning.rrt import rrt_connect
 from vsx_ros.kernels.planning.shortcuts import shorten
 from vsx_ros.occupancy.distance import DistanceField, travel_distance, with_fringe

@@ -100,7 +100,7 @@ def replay(
 
 
 def xml(nodes: list[LaunchNode], config: dict[str, Any], params: dict[str, Any] | None = None) -> str:
-    """The launch file of these nodes. config: tree of config.py, for all of them; params: of the namespace."""
+    """The launch file of these nodes. config: tree of 'vsx config', for all of them; params: of the namespace."""
     lines = ["<launch>"]
     lines += [f'  <env name="{name}" value="{value}"/>' for name, value in ENVIRONMENT.items()]
     if config:

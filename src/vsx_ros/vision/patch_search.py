@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.kernels.geometry.projection import unproject_pixels
-from vsx_ros.kernels.vision.patches import CENTRE, PATCH, search, warp_templates
+from vsx_ros.kernels.vision.patches import CENTRE, PATCH
+from vsx_ros.kernels.vision.search import search
+from vsx_ros.kernels.vision.warping import warp_templates
 from vsx_ros.vision.corners import Corners
 from vsx_ros.vision.pyramid import Pyramid
 

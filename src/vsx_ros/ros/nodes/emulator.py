@@ -7,7 +7,7 @@ Publishers: emulator/ground_truth/odometry (frame world: that of the world file,
 Parameters: ~world (lab): lab, office, corridor, building, a world.yaml or a map. ~seed (0). ~robot_type (kobuki).
     ~port (ttyVSX in the folder for temporary files): the serial port it makes.
     ~camera_socket (vsx_kinect, same folder): the socket it makes; the camera's calibration is written beside it, with
-    .yaml appended. ~rate_hz (15.0): images a second at most. ~config (tree of config.py).
+    .yaml appended. ~rate_hz (15.0): images a second at most. ~config (tree of 'vsx config').
 
 The body and the board run on a thread of this process at 200 Hz; the camera renders in a child process.
 """

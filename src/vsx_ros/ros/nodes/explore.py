@@ -7,8 +7,8 @@ Publishers: explore/frontiers (as explore_lite), explore/status (latched String,
     area, m2), move_base/lease.
 Services: explore/pause, explore/resume, explore/stop, explore/home.
 Actions: client of move_base.
-Parameters: ~config (tree of config.py), ~run_dir (folder of the run, for what the mission shall remember of it when it
-    is interrupted; none).
+Parameters: ~config (tree of 'vsx config'), ~run_dir (folder of the run, for what the mission shall remember of it when
+    it is interrupted; none).
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ Publishers: cmd_vel_mux/input/navi, follower/status (latched String, JSON: traje
     at_s: how far it is in the trajectory's own time, stop: while it is stopping on the way because move_base wants so,
     where it will stand, x, y, theta).
 Services: follower/cancel.
-Parameters: ~config (tree of config.py).
+Parameters: ~config (tree of 'vsx config').
 
 The wheels turn only while vslam and move_base renew their leases and odometry comes. After a stop the node sends zero
 for a moment and then nothing, so that other inputs of the mux are not disturbed.

@@ -8,7 +8,7 @@ Services: move_base/make_plan.
 Actions: move_base. Goals in frame map are planned in the newest map from the fused pose, goals in frame odom by
     odometry alone: straight or along the trail, without a map. Plans keep the map points in view, drive slowly where
     they cannot, and are refused where that would be long; points much older or newer than the map do not count.
-Parameters: ~config (tree of config.py), ~planner (fov or unconstrained; fov), ~seed (int, 0). While it runs, for the
+Parameters: ~config (tree of 'vsx config'), ~planner (fov or unconstrained; fov), ~seed (int, 0). While it runs, for the
     plans to come, by dynamic_reconfigure: ~v_m_s and ~omega_rad_s (up to the configured limits), ~phi_rad_m.
 
 A client that ever renewed move_base/lease must go on doing so while its goal is pursued.

@@ -5,7 +5,7 @@ Publishers: vslam/pose (base_footprint in map, stamp of the image), /tf map -> o
     vslam/state, vslam/stats/*, follower/lease; vslam/preview/compressed (while someone looks); map, map_metadata,
     vslam/{map_points,keyframes,path} (latched); vslam/planes, vslam/dense_points, scan (while someone listens).
 Services: static_map; vslam/save_map (Trigger: saves the SLAM map, the answer says where).
-Parameters: ~config (tree of config.py), ~seed (int, 0), ~run_dir (folder for the results of the run, gone
+Parameters: ~config (tree of 'vsx config'), ~seed (int, 0), ~run_dir (folder for the results of the run, gone
     on with when it holds the map of an interrupted one; none),
     ~use_odometry (bool, true: wait for odom, the map is metric; false: the map has no scale and no floor),
     ~load_map (SLAM map to go on in, the robot anywhere in it; none; not read where ~run_dir is gone on with),

@@ -1,4 +1,4 @@
-"""Every parameter of the stack on one page: name, unit, default, bound. Branches carry the names of the components
+"""Every parameter of the stack: name, unit, default, bound. Branches carry the names of the components
 that receive them. ``vsx config`` prints this tree; config/default.yaml is generated from it."""
 
 from __future__ import annotations
@@ -8,22 +8,31 @@ from collections.abc import Iterator
 from typing import Annotated, Any
 
 import msgspec
-from msgspec import Meta, Struct
+from msgspec import Meta
 
+from vsx_ros.config.branch import Branch, Count, Factor, NonNegative, Positive, Ratio
+from vsx_ros.config.ground import DenseConfig, GroundMapConfig, PlanesConfig
+from vsx_ros.config.slam import (
+    CullingConfig,
+    InitializationConfig,
+    KeyframeConfig,
+    MapperConfig,
+    ShutterConfig,
+    SlamConfig,
+    TrackerConfig,
+    WheelConfig,
+)
 from vsx_ros.errors import ConfigError
 
-Positive = Annotated[float, Meta(gt=0)]
-NonNegative = Annotated[float, Meta(ge=0)]
-Ratio = Annotated[float, Meta(ge=0, le=1)]
-Factor = Annotated[float, Meta(gt=0, le=1)]
-Count = Annotated[int, Meta(ge=1)]
+__all__ = [
+    "ComputingConfig", "Config", "CullingConfig", "DenseConfig", "ExplorationConfig", "FollowerConfig",
+    "GroundMapConfig", "InitializationConfig", "KeyframeConfig", "LimitsConfig", "MapperConfig", "MountConfig",
+    "OdometryConfig", "PlannerConfig", "PlanesConfig", "RobotConfig", "ShutterConfig", "SlamConfig", "TrackerConfig",
+    "WheelConfig", "from_dict", "overridden", "to_dict",
+]  # fmt: skip
 
 
-class _Branch(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Common policy: immutable, unknown names refused, keyword only."""
-
-
-class MountConfig(_Branch, frozen=True):
+class MountConfig(Branch, frozen=True):
     """Where the camera sits on the base (T_base_cam)."""
 
     forward_m: float = -0.09
@@ -33,14 +42,14 @@ class MountConfig(_Branch, frozen=True):
     yaw_left_rad: float = 0.0
 
 
-class OdometryConfig(_Branch, frozen=True):
+class OdometryConfig(Branch, frozen=True):
     """What the base multiplies way and turn of its wheels by; 'vsx calibrate odometry' finds it."""
 
     linear_scale: Annotated[float, Meta(ge=0.5, le=2)] = 1.0
     angular_scale: Annotated[float, Meta(ge=0.5, le=2)] = 1.0
 
 
-class RobotConfig(_Branch, frozen=True):
+class RobotConfig(Branch, frozen=True):
     """The body."""
 
     radius_m: Positive = 0.18
@@ -49,7 +58,7 @@ class RobotConfig(_Branch, frozen=True):
     odometry: OdometryConfig = OdometryConfig()
 
 
-class LimitsConfig(_Branch, frozen=True):
+class LimitsConfig(Branch, frozen=True):
     """What the time scaling and the follower never exceed; the bounds are about what the bases can do. a_stop_m_s2 is
     for what comes to light too near for a_m_s2: 6 cm from 0.3 m/s instead of 14. The bases stop harder than that, as
     they do for a hazard, but then the images blur."""
@@ -69,96 +78,7 @@ class LimitsConfig(_Branch, frozen=True):
         return msgspec.structs.replace(self, a_m_s2=share * self.a_m_s2, jerk_m_s3=jerk, alpha_rad_s2=alpha)
 
 
-class InitializationConfig(_Branch, frozen=True):
-    """Two-frame start of the map (paper 3.1). Without odometry the baseline gets unit_baseline_m, and only parallax
-    tells whether it is long enough."""
-
-    baseline_m: Positive = 0.20
-    baseline_max_m: Positive = 0.6
-    unit_baseline_m: Positive = 0.1
-    min_matches: Count = 60
-    min_parallax_deg: Positive = 0.7
-    min_parallax_without_odometry_deg: Positive = 0.25
-    max_turn_deg: Positive = 30.0  # more than the planner bends over the baseline (phi 2 rad/m)
-
-
-class TrackerConfig(_Branch, frozen=True):
-    """Per-frame tracking."""
-
-    max_points: Count = 800
-    coarse_radius_px: Positive = 30.0
-    fine_radius_px: Positive = 10.0
-    good_ratio: Ratio = 0.3
-    lost_ratio: Ratio = 0.13
-    min_found: Count = 30
-    lost_after_frames: Count = 3
-
-
-class KeyframeConfig(_Branch, frozen=True):
-    """When a frame becomes a keyframe (paper 3.1: conservative where the map is already known)."""
-
-    min_gap_frames: Count = 4
-    distance_ratio: Positive = 0.06
-    angle_deg: Positive = 8.0
-    overlap_ratio: Ratio = 0.55
-
-
-class MapperConfig(_Branch, frozen=True):
-    """Making, refining and removing points."""
-
-    window_keyframes: Count = 8
-    target_keyframes: Count = 3
-    max_points_per_keyframe: Count = 400
-    min_parallax_deg: Positive = 0.8
-    local_iterations: Count = 10
-    global_iterations: Count = 10
-
-
-class CullingConfig(_Branch, frozen=True):
-    """A keyframe is redundant when that share of its points is seen by so many others from as near; the newest are
-    kept. With 3 viewers, as ORB-SLAM has it, keyframes as near to each other as here are made again at once."""
-
-    seen_ratio: Ratio = 0.9
-    viewers: Count = 6
-    keep_newest: Count = 10
-
-
-class ShutterConfig(_Branch, frozen=True):
-    """How the camera exposes: its rows one after the other (0: all at once), each for so long. With odometry, images
-    are freed from how the camera moves meanwhile. Defaults: the Kinect's colour camera indoors."""
-
-    readout_s: NonNegative = 0.026
-    exposure_s: NonNegative = 0.015
-
-
-class WheelConfig(_Branch, frozen=True):
-    """How far wheel odometry between keyframes is believed, per axis: a constant plus a share of the motion; and how
-    far the base stands level on the floor. What is wrong with the wheels' diameter is wrong everywhere alike and
-    becomes the world's size; what counts here is how unlike one stretch is to the next."""
-
-    distance_sigma_m: Positive = 0.0003
-    distance_sigma_ratio: Positive = 0.002
-    sideways_sigma_ratio: Positive = 0.006
-    turn_sigma_rad: Positive = 0.002
-    turn_sigma_ratio: Positive = 0.01
-    tilt_sigma_rad: Positive = 0.01
-    floor_height_sigma_m: Positive = 0.01
-    floor_tilt_sigma_rad: Positive = 0.02
-
-
-class SlamConfig(_Branch, frozen=True):
-    """Keyframe SLAM (paper 3)."""
-
-    initialization: InitializationConfig = InitializationConfig()
-    tracker: TrackerConfig = TrackerConfig()
-    keyframes: KeyframeConfig = KeyframeConfig()
-    mapper: MapperConfig = MapperConfig()
-    culling: CullingConfig = CullingConfig()
-    wheels: WheelConfig = WheelConfig()
-    shutter: ShutterConfig = ShutterConfig()
-
-
-class PlannerConfig(_Branch, frozen=True):
+class PlannerConfig(Branch, frozen=True):
     """Motion planning (paper 4)."""
 
     phi_rad_m: Positive = 2.0
@@ -174,7 +94,7 @@ class PlannerConfig(_Branch, frozen=True):
     max_blind_m: NonNegative = 2.0
 
 
-class FollowerConfig(_Branch, frozen=True):
+class FollowerConfig(Branch, frozen=True):
     """Following a timed trajectory."""
 
     stiffness_rad_m: Positive = 5.0
@@ -187,59 +107,7 @@ class FollowerConfig(_Branch, frozen=True):
     replans_after_divergence: Annotated[int, Meta(ge=0)] = 2
 
 
-class GroundMapConfig(_Branch, frozen=True):
-    """The 2-D map (paper 5.2)."""
-
-    resolution_m: Positive = 0.05
-    obstacle_min_height_m: NonNegative = 0.06
-    obstacle_max_height_m: Positive = 0.60
-    clear_max_height_m: Positive = 0.40
-    max_range_m: Positive = 4.5
-    start_clear_m: NonNegative = 0.7
-
-
-class PlanesConfig(_Branch, frozen=True):
-    """Planes of the sparse map by J-linkage (paper 5.1), tile by tile."""
-
-    tile_m: Positive = 3.0
-    max_points_per_tile: Count = 1000
-    hypotheses: Count = 2000
-    noise_px: Positive = 0.4
-    floor_sigma_m: Positive = 0.01
-    inlier_sigmas: Positive = 2.5
-    max_distance_m: Positive = 0.08
-    max_sigma_m: Positive = 0.3
-    partner_sigma_m: Positive = 0.8
-    min_separation_m: Positive = 0.10
-    min_points: Count = 15
-
-
-class DenseConfig(_Branch, frozen=True):
-    """Dense planar mapping (paper 5.1). Textures are standard deviations, in grey levels, of what a cell shows."""
-
-    enabled: bool = True
-    planes: PlanesConfig = PlanesConfig()
-    cell_m: Positive = 0.08
-    patch_m: Positive = 0.12
-    min_texture: NonNegative = 1.0
-    accept_zncc: Ratio = 0.75
-    grow_zncc: Ratio = 0.65
-    rival_margin: Ratio = 0.05
-    min_views: Count = 3
-    min_parallax_deg: Positive = 2.0
-    max_parallax_deg: Positive = 30.0
-    min_range_m: Positive = 0.4
-    max_range_m: Positive = 4.5
-    max_incidence_deg: Annotated[float, Meta(gt=0, lt=90)] = 80.0
-    contact_contrast: NonNegative = 5.0
-    contact_step: Positive = 1.2
-    contact_min_views: Count = 3
-    contact_max_support_m: Positive = 0.3
-    max_fill_height_m: Positive = 0.6
-    cells_per_update: Count = 3000
-
-
-class ExplorationConfig(_Branch, frozen=True):
+class ExplorationConfig(Branch, frozen=True):
     """Frontiers, views and the mission (paper 5.2)."""
 
     ranker: str = "views"
@@ -270,7 +138,7 @@ class ExplorationConfig(_Branch, frozen=True):
     retries_boxed_in: Count = 10
 
 
-class ComputingConfig(_Branch, frozen=True):
+class ComputingConfig(Branch, frozen=True):
     """What computing costs in lock-step, in emulated time: a frame, from its stamp to its pose being known; a ranking
     of views, at least and per known ground; a plan, at least and per metre of the way. Twice the processor time that
     benchmarks/computing.py measures: on a laptop of two cores SLAM runs on them, too."""
@@ -282,7 +150,7 @@ class ComputingConfig(_Branch, frozen=True):
     plan_ms_m: NonNegative = 11.0
 
 
-class Config(_Branch, frozen=True):
+class Config(Branch, frozen=True):
     """The whole tree."""
 
     robot: RobotConfig = RobotConfig()
