@@ -133,10 +133,10 @@ def driven_map(problem: Problem, seed: int = 0) -> Map:
     first = problem.frame[np.searchsorted(problem.point, np.arange(len(problem.points)))]
     for k in range(len(problem.poses)):
         made = problem.points[first == k]
-        looks = NewTemplates(
+        templates = NewTemplates(
             np.zeros((len(made), 4)), np.zeros((len(made), 2)), np.zeros((len(made), PATCH, PATCH), np.uint8)
         )
-        world.add_points(made, looks, k)
+        world.add_points(made, templates, k)
         mine = problem.frame == k
         uv, level = problem.xy[mine], np.zeros(int(mine.sum()), np.int64)
         world.observe(k, Observations(problem.point[mine], uv, uv, level))

@@ -62,7 +62,7 @@ def explored(task: Exploration, pictures: Path | None = None) -> dict[str, objec
     """One run in lock-step. reached: metres and seconds until shares were known and right."""
     run = FastRun(open_world(task.world, task.seed), 1000 * task.noise + task.seed, "fov", Config())
     if task.strategy == "nearest":
-        run.system.mission.outlook._rank = nearest_frontier
+        run.system.mission.view_selector._rank = nearest_frontier
     reached: dict[str, list[float]] = {}
     due_s = 0.0
     enough = run.until(task.until)

@@ -53,7 +53,7 @@ from vsx_ros.runs.journal import FrameLine, read_journal
 from vsx_ros.runs.parameters import load as load_config
 from vsx_ros.runs.report import write_report
 from vsx_ros.runs.robot_file import update_robot_file
-from vsx_ros.runs.session import Before, end_the_trail
+from vsx_ros.runs.session import PreviousSessions, end_trail
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.map_import import world_from_grid
 from vsx_ros.sim.truth import ground_truth_grid
@@ -123,10 +123,10 @@ def _world(path: Path) -> None:
 def _resume(path: Path) -> None:
     folder = RunFolder.open(path)
     folder.read_config()
-    before = Before.of(folder)
+    before = PreviousSessions.of(folder)
     if before is not None:
-        assert before.memory is not None
-    end_the_trail(folder, False)
+        assert before.system is not None
+    end_trail(folder, False)
 
 
 def _journal(path: Path) -> None:

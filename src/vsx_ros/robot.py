@@ -50,7 +50,7 @@ class Odometry(NamedTuple):
 
     @property
     def stands(self) -> bool:
-        """Whether the wheels report that they stand."""
+        """Whether odometry says that the base stands."""
         return abs(self.v) < _STANDS_M_S and abs(self.omega) < _STANDS_RAD_S
 
     def towards(self, later: Odometry, stamp_ns: int) -> Odometry:

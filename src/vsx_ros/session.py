@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 from numpy.typing import NDArray
 
 from vsx_ros.config import Config
-from vsx_ros.control.localization import NOWHERE, Localization, Whereabouts
+from vsx_ros.control.localization import UNLOCALIZED, Localization, LocalizationState
 from vsx_ros.dense.mapped_ground import MappedGround
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
@@ -47,7 +47,7 @@ class SlamSession:
         self._record = None if state is None else TrackingRecord.restored(state)
         self._localization = Localization()
         self._late: deque[TrackingResult] = deque()
-        self.where: Whereabouts = NOWHERE
+        self.where: LocalizationState = UNLOCALIZED
         self.ground = MappedGround(config)
         if state is not None:
             self.ground.restore(state)
@@ -60,7 +60,7 @@ class SlamSession:
         mount = self.T_base_cam if metric else None
         return kind(camera, mount, self._config, seed, self.slam_map, self._record)
 
-    def locate(self, tracking: TrackingResult, odometry: Odometry | None, computing_ns: int = 0) -> Whereabouts:
+    def locate(self, tracking: TrackingResult, odometry: Odometry | None, computing_ns: int = 0) -> LocalizationState:
         """Where the base is at a tracked frame, and put it on the ground. odometry: of the frame. computing_ns: so long
         after its stamp the pose of a frame is known."""
         now_ns, localization = tracking.stamp_ns, self._localization

@@ -13,16 +13,16 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import Points3
 from vsx_ros.config import Config
-from vsx_ros.control.localization import Whereabouts
-from vsx_ros.dense.anchored import AnchoredSpots
+from vsx_ros.control.localization import LocalizationState
+from vsx_ros.dense.anchored_surface import AnchoredSurface
 from vsx_ros.dense.densify import DenseMap, Densifier, update_every_s
 from vsx_ros.exploration.decision import Action, Decision, NavigationState, Situation
-from vsx_ros.exploration.memory import MissionMemory
 from vsx_ros.exploration.mission import Mission
+from vsx_ros.exploration.saved_mission import SavedMission
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.navigation.costs import Costs
+from vsx_ros.navigation.computing_time import ComputingTime
 from vsx_ros.navigation.goal_planner import GoalPlanner
 from vsx_ros.navigation.navigator import Navigator
 from vsx_ros.occupancy.grid import OccupancyGrid
@@ -48,13 +48,13 @@ class StepResult(NamedTuple):
     follow_error_m: float | None
 
 
-class Memory(NamedTuple):
+class SavedSystem(NamedTuple):
     """What another session needs to go on: the map, what was counted and driven, by name, and what the mission
     remembers."""
 
     slam_map: SlamMap
     state: dict[str, NDArray[Any]]
-    mission: MissionMemory
+    mission: SavedMission
 
 
 class ExplorationSystem:
@@ -67,31 +67,31 @@ class ExplorationSystem:
         config: Config,
         seed: int,
         planner: str = "fov",
-        memory: Memory | None = None,
+        saved: SavedSystem | None = None,
         slam_map: SlamMap | None = None,
     ) -> None:
-        """memory: of a run to go on with, the base standing where it stood; slam_map: a map to go on in, the base
+        """saved: of a run to go on with, the base standing where it stood; slam_map: a map to go on in, the base
         anywhere in it. Raises CalibrationError when either was made with another camera or mount, InputError when
         memory is damaged."""
         self._config = config
         self.planner = GoalPlanner(config, planner, seed)
-        self._costs = Costs(config.computing)
+        self._computing_time = ComputingTime(config.computing)
         self._densifier = Densifier(camera, T_base_cam, config.dense, seed) if config.dense.enabled else None
         self._epochs = OdometryEpochs()
         self.odometry = Odometry(0, SE2())
         self._decided: tuple[int, Decision] | None = None
         self._mapped = (-1, 0, 0)
         self._next_map_ns = self._next_dense_ns = self._next_decision_ns = 0
-        continued = (slam_map, None) if memory is None else (memory.slam_map, memory.state)
+        continued = (slam_map, None) if saved is None else (saved.slam_map, saved.state)
         self.session = SlamSession(T_base_cam, config, *continued)
         self.slam = self.session.begin(SequentialSlam, camera, seed)
         self.ground = self.session.ground
-        self.navigator = Navigator(config, self.planner, self._costs)
+        self.navigator = Navigator(config, self.planner, self._computing_time)
         ways = Planner(config.planner, config.robot)
         self.mission = Mission(config, lambda start, grid: lambda poses: ways.travel_costs(start, grid, poses))
         self.grid: OccupancyGrid | None = None
         self.dense: DenseMap | None = None
-        self._recalled = None if memory is None else memory.mission
+        self._saved = None if saved is None else saved.mission
         while self._densify(self.slam.snapshot()):  # what a map made before shows
             pass
 
@@ -106,18 +106,18 @@ class ExplorationSystem:
 
     def act(self, tracking: TrackingResult, hazard: str | None = None) -> StepResult:
         """What ``step`` does once the frame is tracked. Its pose is known only when computing it is over; so it is with
-        decisions and plans (``Costs``)."""
+        decisions and plans (``ComputingTime``)."""
         now_ns, odometry = tracking.stamp_ns, self.odometry
-        where = self.session.locate(tracking, odometry, self._costs.frame_ns())
+        where = self.session.locate(tracking, odometry, self._computing_time.frame_ns())
         if hazard and where.T_map_base is not None:
             self.ground.bumped(where.T_map_base)
         self._refresh_map(now_ns)
         decision = None
         if self._decided is None and now_ns >= self._next_decision_ns:
             self._next_decision_ns = now_ns + _DECIDE_EVERY_NS
-            if self._recalled is not None:
-                self.mission.recall(now_ns, self._recalled, odometry.T_odom_base)
-                self._recalled = None
+            if self._saved is not None:
+                self.mission.restore(now_ns, self._saved, odometry.T_odom_base)
+                self._saved = None
             decision = self._decide(now_ns, odometry.T_odom_base, where, hazard)
         self._carry_out(now_ns)
         followed = self.navigator.step(now_ns, where, frozenset([hazard] if hazard else []))
@@ -152,11 +152,11 @@ class ExplorationSystem:
         if self.dense is not None and not self.dense.is_due(snapshot):
             return False
         self.dense = self._densifier.update(snapshot)
-        self.ground.dense = AnchoredSpots.of(self.dense, snapshot, self._config.dense.cell_m)
+        self.ground.dense = AnchoredSurface.of(self.dense, snapshot, self._config.dense.cell_m)
         return True
 
-    def _decide(self, now_ns: int, T_odom_base: SE2, where: Whereabouts, hazard: str | None) -> Decision:
-        ranked_before = self.mission.outlook.ranking
+    def _decide(self, now_ns: int, T_odom_base: SE2, where: LocalizationState, hazard: str | None) -> Decision:
+        ranked_before = self.mission.view_selector.ranking
         decision = self.mission.decide(
             now_ns,
             Situation(
@@ -173,8 +173,8 @@ class ExplorationSystem:
             ),
         )
         cost_ns = 0
-        if self.grid is not None and self.mission.outlook.ranking is not ranked_before:
-            cost_ns = self._costs.ranking_ns(self.grid)
+        if self.grid is not None and self.mission.view_selector.ranking is not ranked_before:
+            cost_ns = self._computing_time.ranking_ns(self.grid)
         self._decided = now_ns + cost_ns, decision
         return decision
 

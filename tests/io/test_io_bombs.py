@@ -18,7 +18,7 @@ from vsx_ros.io.map_file import load_map, load_plan
 from vsx_ros.io.open_recording import open_recording
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
 from vsx_ros.io.trajectory_file import read_trajectory
-from vsx_ros.runs.checkpoint import Checkpoint, Saved
+from vsx_ros.runs.checkpoint import Checkpoint, CheckpointData
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import read_journal
 from vsx_ros.runs.parameters import load
@@ -214,7 +214,7 @@ def test_lists_of_images_and_trajectories(tmp_path):
 
 def test_one_picture_or_piece_for_many(tmp_path):
     checkpoint = Checkpoint(tmp_path)
-    checkpoint.write(Saved(file_samples.slam_map(), 1, {}, {}))
+    checkpoint.write(CheckpointData(file_samples.slam_map(), 1, {}, {}))
     whole = (tmp_path / "map.zip").read_bytes()
     for change, message in ((bombs.same_picture, "the same picture"), (bombs.same_piece, "asks for")):
         (tmp_path / "map.zip").write_bytes(change(whole))

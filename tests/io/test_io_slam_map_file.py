@@ -39,8 +39,10 @@ def slam_map():
         data = FrameData(7 * k + 10**18, pyramid, detector.detect(pyramid), small_image(pyramid), wheels, camera)
         world.odom_epoch = k // 3
         world.add_keyframe(data, SE3.exp(rng.normal(0.0, 0.3, 6)), Observations.none(), map_id=int(k == 4))
-        looks = NewTemplates(rng.normal(size=(30, 4)), rng.random((30, 2)), rng.integers(0, 256, (30, PATCH, PATCH)))
-        world.add_points(rng.normal(size=(30, 3)), looks, k)
+        templates = NewTemplates(
+            rng.normal(size=(30, 4)), rng.random((30, 2)), rng.integers(0, 256, (30, PATCH, PATCH))
+        )
+        world.add_points(rng.normal(size=(30, 3)), templates, k)
     for k in range(5):
         uv = rng.uniform(0.0, 119.0, (150, 2))
         world.observe(k, Observations(np.arange(150), uv, uv + 0.1, rng.integers(0, 4, 150)))

@@ -228,14 +228,14 @@ def test_all_nodes_register_with_another_master_and_the_robot_explores_on(stack:
 
 
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSTOP])
-def test_without_both_guardians_the_wheels_stand_until_there_is_a_new_one(stack: Stack, end: signal.Signals) -> None:
+def test_without_both_watchdogs_the_wheels_stand_until_there_is_a_new_one(stack: Stack, end: signal.Signals) -> None:
     stack.wait_until_driving()
     before = children(stack._processes["mobile_base"].pid)
     assert len(before) == 2
     os.kill(before[0], end)
     stack.wait(lambda: not stack.plant.moving, 2.0, "the wheels to stand")
     stack.wait(
-        lambda: len(set(children(stack._processes["mobile_base"].pid)) - set(before)) == 1, 10.0, "a new guardian"
+        lambda: len(set(children(stack._processes["mobile_base"].pid)) - set(before)) == 1, 10.0, "a new watchdog"
     )
     stack.wait_until_driving()
     assert before[0] not in children(stack._processes["mobile_base"].pid)

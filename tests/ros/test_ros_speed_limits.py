@@ -52,11 +52,11 @@ def test_a_lower_cap_is_obeyed_and_told(parameters: dict[str, float], warnings: 
 
 
 @pytest.mark.parametrize("stands", [True, False])
-def test_the_guardians_are_let_go_only_once_the_wheels_surely_stand(stands: bool) -> None:
+def test_the_watchdogs_are_let_go_only_once_the_wheels_surely_stand(stands: bool) -> None:
     released: list[bool] = []
     node = SimpleNamespace(
         _driver=SimpleNamespace(close=lambda: stands),
-        _guardians=SimpleNamespace(release=lambda: released.append(True)),
+        _watchdogs=SimpleNamespace(release=lambda: released.append(True)),
     )
     mobile_base.MobileBaseNode.close(node)  # type: ignore[arg-type]
     assert released == [True] * stands

@@ -3,8 +3,8 @@ import sys
 
 INTERRUPTED_AT_EVERY_LINE = """
 import signal
-from vsx_ros.runs.stoppable import Heard
-heard = Heard(signal.SIGUSR1)
+from vsx_ros.runs.interruptible import SignalFlag
+heard = SignalFlag(signal.SIGUSR1)
 
 def again(frame, event, arg):
     if frame.f_code.co_filename != "<string>":

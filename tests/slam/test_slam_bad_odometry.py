@@ -7,8 +7,8 @@ from spoilt_drives import FIRST, LAST, TRACKED, between, run
 
 from vsx_ros.geometry.se2 import SE2, wrap_angle
 from vsx_ros.robot import Odometry, OdometryEpochs
+from vsx_ros.slam.continuous_odometry import ContinuousOdometry
 from vsx_ros.slam.state import TrackingState
-from vsx_ros.slam.wheel_readings import WheelReadings
 
 
 @pytest.mark.parametrize(
@@ -47,15 +47,15 @@ def test_odometry_that_jumps_is_counted_on(arc_drive, jump, last):
 @pytest.mark.parametrize("restarted", [False, True])
 def test_after_a_silence_a_base_that_restarted_is_counted_on(silent_s, v, restarted):
     gaps = []
-    wheels, epochs = WheelReadings(lambda stamp_ns, reason: gaps.append(reason)), OdometryEpochs()
+    odometry, epochs = ContinuousOdometry(lambda stamp_ns, reason: gaps.append(reason)), OdometryEpochs()
     before, after_ns = Odometry(0, SE2(-5.7, -2.9, 1.0), v, 0.0), round(silent_s * 1e9)
     driven = SE2(v * silent_s, 0.0, 0.0)
-    assert wheels.at(0, epochs.enter(before)) == before.T_odom_base
+    assert odometry.at(0, epochs.enter(before)) == before.T_odom_base
     now = epochs.enter(Odometry(after_ns, SE2() if restarted else before.T_odom_base @ driven, v, 0.0))
-    counted = wheels.at(after_ns, now)
+    counted = odometry.at(after_ns, now)
     assert (before.T_odom_base.inverse() @ counted).as_array() == pytest.approx(driven.as_array(), abs=1e-9)
     assert len(gaps) == restarted
-    on = wheels.at(after_ns + 10**8, now._replace(stamp_ns=after_ns + 10**8, T_odom_base=now.T_odom_base @ SE2(0.02)))
+    on = odometry.at(after_ns + 10**8, now._replace(stamp_ns=after_ns + 10**8, T_odom_base=now.T_odom_base @ SE2(0.02)))
     assert (counted.inverse() @ on).as_array() == pytest.approx([0.02, 0.0, 0.0], abs=1e-9)
 
 

@@ -40,8 +40,10 @@ def made_map(sees, n_points=12):
     for k in range(len(sees)):
         data = FrameData.without_image(k, SE2(0.1 * k, 0.0, 0.0))
         world.add_keyframe(data, SE3(np.eye(3), [0.1 * k, 0.0, 0.0]), Observations.none())
-    looks = NewTemplates(np.zeros((n_points, 4)), np.zeros((n_points, 2)), np.zeros((n_points, PATCH, PATCH), np.uint8))
-    world.add_points(np.tile([0.0, 0.0, 2.0], (n_points, 1)), looks, 1)
+    templates = NewTemplates(
+        np.zeros((n_points, 4)), np.zeros((n_points, 2)), np.zeros((n_points, PATCH, PATCH), np.uint8)
+    )
+    world.add_points(np.tile([0.0, 0.0, 2.0], (n_points, 1)), templates, 1)
     for k, rows in enumerate(sees):
         world.observe(k, seeing(rows))
     return world
@@ -124,9 +126,9 @@ def test_a_resumed_map_leaves_the_view_it_came_from_alone():
     resumed.points[:] = 7.0
     resumed.remove_points(np.array([3]))
     resumed.move_keyframe(1, SE3(np.eye(3), [5.0, 0.0, 0.0]))
-    looks = NewTemplates(np.ones((2, 4)), np.ones((2, 2)), np.ones((2, PATCH, PATCH), np.uint8))
-    resumed.add_points(np.ones((2, 3)), looks, 1)
-    resumed.add_templates(np.array([0]), NewTemplates(*(a[:1] for a in looks)), 1)
+    templates = NewTemplates(np.ones((2, 4)), np.ones((2, 2)), np.ones((2, PATCH, PATCH), np.uint8))
+    resumed.add_points(np.ones((2, 3)), templates, 1)
+    resumed.add_templates(np.array([0]), NewTemplates(*(a[:1] for a in templates)), 1)
     assert view.points[:, 2].tolist() == [2.0] * 12
     assert view.alive.all()
     assert view.templates.of_point[0].tolist() == [0, -1, -1, -1, -1]

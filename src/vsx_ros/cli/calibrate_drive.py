@@ -115,7 +115,7 @@ def _seen_from_board(recording: Recording, board: Board) -> list[TrackedPose]:
 
 
 def _seen_by_slam(recording: Recording, config: SlamConfig) -> tuple[list[TrackedPose], Points3]:
-    """The drive by vision alone: the wheels and the mount are what is in question."""
+    """The drive by vision alone: odometry and the mount are what is in question."""
     slam = SequentialSlam(_camera(recording), None, config)
     drive, frames = [], 0
     for frame in recording.frames():
@@ -123,7 +123,7 @@ def _seen_by_slam(recording: Recording, config: SlamConfig) -> tuple[list[Tracke
         result, odometry = slam.track(frame), recording.odometry_at(frame.stamp_ns)
         if result.state.tracked and result.T_world_cam is not None and odometry is not None:
             drive.append(TrackedPose(odometry.T_odom_base, result.T_world_cam))
-    print(f"{len(drive)} of {frames} pictures were tracked without the wheels")
+    print(f"{len(drive)} of {frames} pictures were tracked without odometry")
     return drive, slam.snapshot().points_world
 
 

@@ -12,7 +12,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from vsx_ros.cli.finding import FAIL, NOTE, OK, WARN, Finding
-from vsx_ros.ros.own_address import DEFAULT_MASTER, MASTER_PORT
+from vsx_ros.ros.host_address import DEFAULT_MASTER, MASTER_PORT
 
 _ANSWER_S = 2.0
 _SKEW_S = 1.5

@@ -14,8 +14,8 @@ from vsx_ros.cli.explore import BASES, PLANNERS
 from vsx_ros.config import to_dict
 from vsx_ros.errors import VsxError
 from vsx_ros.ros import launch, logs
+from vsx_ros.ros.host_address import DEFAULT_MASTER
 from vsx_ros.ros.launch import LaunchNode
-from vsx_ros.ros.own_address import DEFAULT_MASTER
 from vsx_ros.runs.exit_codes import DONE, FAILED
 from vsx_ros.runs.parameters import load
 from vsx_ros.runs.robot_file import robot_file_here

@@ -60,8 +60,8 @@ def run(args: argparse.Namespace) -> int:
 
     from vsx_ros.geometry.se2 import SE2
     from vsx_ros.io.map_file import load_map
+    from vsx_ros.planning.feasibility import check_question
     from vsx_ros.planning.path import Refusal
-    from vsx_ros.planning.reach import check_question
     from vsx_ros.planning.time_scaling import time_scale
     from vsx_ros.runs.parameters import load
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from vsx_ros.cli.compiled import compile_kernels
 from vsx_ros.errors import ConfigError
-from vsx_ros.runs.stoppable import stoppable
+from vsx_ros.runs.interruptible import interruptible
 
 if TYPE_CHECKING:
     from vsx_ros.config import Config
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from vsx_ros.evaluation.trajectory import AlignmentKind
     from vsx_ros.io.recording import Recording
     from vsx_ros.runs.record import RunRecord
-    from vsx_ros.runs.session import RunKeeper
+    from vsx_ros.runs.session import RunWriter
     from vsx_ros.slam.slam import SequentialSlam
     from vsx_ros.slam.state import TrackingResult
 
@@ -76,7 +76,7 @@ def run(args: argparse.Namespace) -> int:
     from vsx_ros.runs.parameters import load
     from vsx_ros.runs.replay import exit_code, new_folder, opened
     from vsx_ros.runs.report import tell_the_end, write_report
-    from vsx_ros.runs.session import RunKeeper
+    from vsx_ros.runs.session import RunWriter
     from vsx_ros.slam.state import TrackingState
 
     config = load(args.config, args.set)
@@ -84,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
     T_base_cam = mounted(config.robot.mount)
     slam = _slam(recording, config, args)
     folder = new_folder(args, config)
-    keeper = RunKeeper(T_base_cam)
+    keeper = RunWriter(T_base_cam)
     record, stopped = keeper.record, _track_all(slam, recording, keeper)
     continued = str(args.load_map.resolve()) if args.load_map else None
     code = exit_code(record.results[-1].state if record.results else TrackingState.NOT_INITIALISED)
@@ -119,13 +119,13 @@ def _slam(recording: Recording, config: Config, args: argparse.Namespace) -> Seq
     return session.begin(SequentialSlam, recording.camera, args.seed, metric=bool(recording.odometry))
 
 
-def _track_all(slam: SequentialSlam, recording: Recording, keeper: RunKeeper) -> bool:
+def _track_all(slam: SequentialSlam, recording: Recording, keeper: RunWriter) -> bool:
     """Every frame, with the odometry of its instant; on a terminal, one line tells how far it is. Whether Ctrl-C came
     first."""
     for reading in recording.odometry:
         keeper.record.add_odometry(reading)
     shown = 0.0
-    with stoppable() as stopped:
+    with interruptible() as stopped:
         for number, frame in enumerate(recording.frames(), start=1):
             odometry = recording.odometry_at(frame.stamp_ns)
             began = time.perf_counter()

@@ -17,10 +17,10 @@ from vsx_ros.config.slam import (
     InitializationConfig,
     KeyframeConfig,
     MapperConfig,
+    OdometryNoiseConfig,
     ShutterConfig,
     SlamConfig,
     TrackerConfig,
-    WheelConfig,
 )
 from vsx_ros.errors import ConfigError
 
@@ -28,7 +28,7 @@ __all__ = [
     "ComputingConfig", "Config", "CullingConfig", "DenseConfig", "ExplorationConfig", "FollowerConfig",
     "GroundMapConfig", "InitializationConfig", "KeyframeConfig", "LimitsConfig", "MapperConfig", "MountConfig",
     "OdometryConfig", "PlannerConfig", "PlanesConfig", "RobotConfig", "ShutterConfig", "SlamConfig", "TrackerConfig",
-    "WheelConfig", "from_dict", "overridden", "to_dict",
+    "OdometryNoiseConfig", "from_dict", "overridden", "to_dict",
 ]  # fmt: skip
 
 

@@ -67,7 +67,7 @@ class ShutterConfig(Branch, frozen=True):
     exposure_s: NonNegative = 0.015
 
 
-class WheelConfig(Branch, frozen=True):
+class OdometryNoiseConfig(Branch, frozen=True):
     """How far wheel odometry between keyframes is believed, per axis: a constant plus a share of the motion; and how
     far the base stands level on the floor. What is wrong with the wheels' diameter is wrong everywhere alike and
     becomes the world's size; what counts here is how unlike one stretch is to the next."""
@@ -90,5 +90,5 @@ class SlamConfig(Branch, frozen=True):
     keyframes: KeyframeConfig = KeyframeConfig()
     mapper: MapperConfig = MapperConfig()
     culling: CullingConfig = CullingConfig()
-    wheels: WheelConfig = WheelConfig()
+    wheels: OdometryNoiseConfig = OdometryNoiseConfig()
     shutter: ShutterConfig = ShutterConfig()

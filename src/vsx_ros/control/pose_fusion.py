@@ -8,7 +8,7 @@ from collections import deque
 import numpy as np
 
 from vsx_ros.arrays import FloatArray
-from vsx_ros.control.stuck import Stuck, StuckWatch
+from vsx_ros.control.stuck import Stuck, StuckDetector
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Odometry, odometry_at
@@ -38,12 +38,12 @@ class PoseFuser:
         self._anchor: tuple[SE2, SE2] | None = None
         self._bend_rad_m = 0.0
         self._covariance: FloatArray = np.zeros((4, 4))
-        self._watch = StuckWatch()
+        self._stuck_detector = StuckDetector()
 
     @property
     def stuck(self) -> Stuck | None:
         """How the wheels turn although the camera stands; None when they do not."""
-        return self._watch.stuck
+        return self._stuck_detector.stuck
 
     def add_odometry(self, odometry: Odometry) -> bool:
         """Take a reading, or, False, ignore one that is not newer than the last. Raises InputError for an impossible
@@ -67,7 +67,7 @@ class PoseFuser:
         odometry = odometry_at(self._odometry, stamp_ns)
         if odometry is None:
             return
-        self._watch.add(odometry, T_world_base)
+        self._stuck_detector.add(odometry, T_world_base)
         T_odom_base = odometry.T_odom_base
         if self._anchor is not None:
             believed = self._carried(T_odom_base)

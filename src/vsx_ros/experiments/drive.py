@@ -1,7 +1,7 @@
 """One drive from a start to a goal that looks elsewhere, by each planner, tracked by two trackers (paper, Table 1).
 
 The drives of one world begin alike, to the bit: same world, same noise, same straight start. Then each planner's path
-to the same goal is driven, closed on the wheels' odometry, so that whoever loses track still gets there and the next
+to the same goal is driven, closed on odometry, so that whoever loses track still gets there and the next
 one is not judged by another way. The frames of a drive go through both trackers.
 """
 
@@ -156,7 +156,7 @@ def _drive(arm: str, asked: Question, task: DriveTask, world: World, config: Con
         "collisions": robot.truth.collisions,
         "planned": way.round(3).tolist(),
         "driven": driver.driven(begun_ns),
-        "trackers": {t.name: t.judged(driver.truth, driver.wheels) for t in trackers.all},
+        "trackers": {t.name: t.judged(driver.truth, driver.odometry) for t in trackers.all},
     }
 
 
@@ -169,13 +169,13 @@ def _straight(asked: Question, config: Config) -> Path:
 
 
 class _Driver:
-    """Drives trajectories of the world frame by the wheels' odometry, and lets the trackers watch."""
+    """Drives trajectories of the world frame by odometry, and lets the trackers watch."""
 
     def __init__(self, robot: EmulatedRobot, trackers: Trackers, start: SE2) -> None:
         self._robot, self._trackers, self._start = robot, trackers, start
         self._command = STOP
         self.truth: list[StampedPose] = []
-        self.wheels: list[SE3] = []
+        self.odometry: list[SE3] = []
         self._bases: list[SE2] = []
 
     def follow(self, trajectory: Trajectory, limits: LimitsConfig, config: Config) -> FollowStatus:
@@ -202,7 +202,7 @@ class _Driver:
         self._trackers.track(frame, odometry)
         self.truth.append(StampedPose(frame.stamp_ns, self._robot.truth.T_world_cam))
         self._bases.append(self._robot.truth.T_world_base)
-        self.wheels.append(SE3.from_se2(odometry.T_odom_base) @ self._robot.T_base_cam_given)
+        self.odometry.append(SE3.from_se2(odometry.T_odom_base) @ self._robot.T_base_cam_given)
         return frame.stamp_ns, self._start @ odometry.T_odom_base
 
 

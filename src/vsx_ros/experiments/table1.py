@@ -179,12 +179,12 @@ _ENDED = {
 }
 _PROTOCOL = (
     "Each row: the drives of several worlds to a goal that looks to the side (dataset 1: 60 to 110 deg) or back "
-    "(dataset 2: 150 to 180 deg), planned in the true map, driven on the wheels' odometry. Constrained: change of view "
+    "(dataset 2: 150 to 180 deg), planned in the true map, driven on odometry. Constrained: change of view "
     f"at most {PHI_RAD_M:g} rad/m. Unconstrained: shortest way, turns on the spot at 52 deg/s; or at 17 deg/s, at "
     "which no image is smeared. The paper's planner: section 4 to the letter, one try; goals that it does not reach "
     "do not count for it. U1: points found of those searched, a lost frame counts 0. U2: in how many frames a point "
     "was looked for or found, the mean over the points as said; in seconds, of points found three times. Broken: lost "
-    "at the end, or wrong by more than 15 cm rms, or jumped against the wheels. ATE: of the tracked poses, with scale "
+    "at the end, or wrong by more than 15 cm rms, or jumped against odometry. ATE: of the tracked poses, with scale "
     "alignment for the tracker as in the paper. In parentheses of how many drives where it is not known of all. A "
     "world counts once, with the mean of its drives. Brackets: 95 % (bootstrap over worlds; Wilson for breaks). By "
     "chance: sign test over worlds. As in the paper: visual motion model, no wheels, a keyframe at most every 20 "

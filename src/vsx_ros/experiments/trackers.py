@@ -60,7 +60,7 @@ class Trackers:
             tracked.begun, tracked.before, tracked.at_loss = len(tracked.results), tracked.slam.record(), None
 
     def track(self, frame: Frame, odometry: Odometry) -> None:
-        """One frame; the paper's tracker sees no wheels: it predicts by its own motion and the image's."""
+        """One frame; the paper's tracker sees no odometry: it predicts by its own motion and the image's."""
         for tracked in self.all:
             result = tracked.slam.track(frame, odometry if tracked.metric else None)
             tracked.results.append(result)
@@ -69,7 +69,7 @@ class Trackers:
 
 
 class Tracked:
-    """One tracker and what it said. metric: whether it has the wheels, hence metres."""
+    """One tracker and what it said. metric: whether it has odometry, hence metres."""
 
     def __init__(self, name: str, slam: SequentialSlam, *, metric: bool) -> None:
         self.name, self.slam, self.metric = name, slam, metric
@@ -77,14 +77,14 @@ class Tracked:
         self.begun, self.before = 0, slam.record()
         self.at_loss: Record | None = None
 
-    def judged(self, truth: list[StampedPose], wheels: list[SE3]) -> dict[str, Any]:
+    def judged(self, truth: list[StampedPose], odometry: list[SE3]) -> dict[str, Any]:
         """U1, U2, losses, breaks and errors of the drive.
 
         u1: found of searched, a lost frame counts 0. broken: lost at the end, or somewhere else than it says by more
-        than 15 cm rms, or (where it knows metres) jumped against the wheels. held_share: of the drive until the first
+        than 15 cm rms, or (where it knows metres) jumped against odometry. held_share: of the drive until the first
         loss.
         """
-        drive = list(zip(self.results, truth, wheels, strict=True))[self.begun :]
+        drive = list(zip(self.results, truth, odometry, strict=True))[self.begun :]
         results = [result for result, _, _ in drive]
         tracked = [result.state.tracked and result.T_world_cam is not None for result in results]
         ratios = [r.found / r.searched if ok and r.searched else 0.0 for r, ok in zip(results, tracked, strict=True)]

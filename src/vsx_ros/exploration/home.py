@@ -9,7 +9,7 @@ _MOST_TRIES = 5
 
 
 class Home:
-    """``see`` every situation. pose: T_map_base where the exploration began; None until the camera knows the map.
+    """``observe`` every situation. pose: T_map_base where the exploration began; None until the camera knows the map.
     asked: whether to go there."""
 
     def __init__(self) -> None:
@@ -19,11 +19,11 @@ class Home:
         self._tries = 0
         self._why = ""
 
-    def recall(self, pose: SE2 | None, asked: bool) -> None:
+    def restore(self, pose: SE2 | None, asked: bool) -> None:
         """Go on from a session before; asked: whether it was on its way home, and this one may be already."""
         self.pose, self.asked = pose, asked or self.asked
 
-    def see(self, situation: Situation) -> None:
+    def observe(self, situation: Situation) -> None:
         """Odometry knows the way from where the exploration, or the odometry's epoch, began to where the camera first
         knows the map."""
         if self.pose is not None or situation.T_odom_base is None:

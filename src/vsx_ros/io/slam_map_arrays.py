@@ -57,9 +57,9 @@ _ORTHONORMAL = 1e-6
 
 def arrays_of(view: MapView) -> Arrays:
     """All of a view but the pixels of its keyframes."""
-    frames, looks = view.keyframes, view.templates
+    frames, templates = view.keyframes, view.templates
     anchors = [(-1, np.eye(3), np.zeros(3)) if k.anchor is None else _flat(k.anchor) for k in frames]
-    wheels = [k.data.T_odom_base for k in frames]
+    odometry = [k.data.T_odom_base for k in frames]
     arrays = {
         "stamp_ns": [k.data.stamp_ns for k in frames],
         "rotation": view.R_world_cam,
@@ -67,8 +67,8 @@ def arrays_of(view: MapView) -> Arrays:
         "median_depth": [k.median_depth for k in frames],
         "chain": [k.odom_epoch for k in frames],
         "map_id": [k.map_id for k in frames],
-        "has_odometry": [T is not None for T in wheels],
-        "odometry": [(0.0, 0.0, 0.0) if T is None else (T.x, T.y, T.theta) for T in wheels],
+        "has_odometry": [T is not None for T in odometry],
+        "odometry": [(0.0, 0.0, 0.0) if T is None else (T.x, T.y, T.theta) for T in odometry],
         "readout_motion": [k.data.camera[-6:] for k in frames],
         "anchor": [a[0] for a in anchors],
         "anchor_rotation": [a[1] for a in anchors],
@@ -83,11 +83,11 @@ def arrays_of(view: MapView) -> Arrays:
         "point": view.points,
         "point_alive": view.alive,
         "point_source": view.source,
-        "point_templates": looks.of_point,
-        "template_source": looks.source,
-        "template_basis": looks.basis,
-        "template_offset": looks.offset,
-        "template_patch": looks.patches,
+        "point_templates": templates.of_point,
+        "template_source": templates.source,
+        "template_basis": templates.basis,
+        "template_offset": templates.offset,
+        "template_patch": templates.patches,
     }
     return {name: np.asarray(arrays[name], LAYOUT[name][0]) for name in LAYOUT}
 

@@ -99,7 +99,7 @@ def _tracking() -> None:
         np.zeros((1, 3)),
         8.0,
     )
-    looks, usable = warping.warp_templates(templates, np.zeros((1, 2)), chosen, warp)
+    warped, usable = warping.warp_templates(templates, np.zeros((1, 2)), chosen, warp)
     epipolar.search_rays(
         camera,
         eye,
@@ -115,7 +115,7 @@ def _tracking() -> None:
     )
     small = np.zeros((30, 40), np.float32)
     alignment.align_small(small, small, 2)
-    found, uv = search.search(pixels, table, corners, row_table, looks, usable, level, uv, 10.0, 2)
+    found, uv = search.search(pixels, table, corners, row_table, warped, usable, level, uv, 10.0, 2)
     pose.optimize_pose(camera, eye, zero, points, rows, uv, level, found, np.zeros(6), 1, 2, 0.4)
     tracking.count_hidden(uv, np.ones(len(uv)), found, 16, 1.25)
     tracking.index_rows(corners, np.zeros(4, np.int64), table)

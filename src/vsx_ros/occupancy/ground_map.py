@@ -41,7 +41,7 @@ _BUMP_ARC_RAD = 1.0
 _BUMP_AHEAD_M = 0.05
 
 
-class Driven(NamedTuple):
+class DriveHistory(NamedTuple):
     """Of the base: trail, poses driven through, free as wide as the robot; bumps, poses where a bumper was pressed, an
     arc in front of each occupied for good; start, in front of which the operator promised ``start_clear_m`` of free
     floor."""
@@ -64,7 +64,7 @@ class GroundMap:
         points_world: Points3,
         obs_keyframe: IntArray,
         obs_point: IntArray,
-        driven: Driven | None = None,
+        driven: DriveHistory | None = None,
         surfaces: Surfaces | None = None,
         obs_level: IntArray | None = None,
     ) -> OccupancyGrid:
@@ -77,7 +77,7 @@ class GroundMap:
         ones show no obstacle but end what is free.
         Raises InputError when an observation or a surface names a keyframe or point that is not there.
         """
-        trail, bumps, start = driven or Driven()
+        trail, bumps, start = driven or DriveHistory()
         self._check(len(T_world_cams), points_world, obs_keyframe, obs_point, obs_level)
         scans = virtual_scans(T_world_cams, points_world, obs_keyframe, obs_point, self._config)
         spots, touched, outline = self._touched(surfaces or Surfaces.none(), len(T_world_cams))

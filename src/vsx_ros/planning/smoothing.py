@@ -6,32 +6,32 @@ import math
 
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.planning import corridor_qp
+from vsx_ros.planning.coarse_path import CoarsePath
 from vsx_ros.planning.corridor import Corridor
 from vsx_ros.planning.path import Path, certified
 from vsx_ros.planning.pieces import Piece
-from vsx_ros.planning.skeleton import Skeleton
 
 _STRAIGHTS_M = (math.inf, 0.5)
 
 
-def smoothed(skeleton: Skeleton, start: SE2, goal: SE2, phi_rad_m: float, corridor: Corridor) -> list[Path]:
-    """The skeleton itself, with stops where its curvature jumps, and its smooth version as far as there is one."""
-    paths = [certified(start, goal, skeleton.pieces(start), "arcs and lines")]
-    whole = _fitted(skeleton, start, goal, phi_rad_m, corridor)
+def smoothed(coarse: CoarsePath, start: SE2, goal: SE2, phi_rad_m: float, corridor: Corridor) -> list[Path]:
+    """The coarse path, with stops where its curvature jumps, and its smooth version as far as there is one."""
+    paths = [certified(start, goal, coarse.pieces(start), "arcs and lines")]
+    whole = _fitted(coarse, start, goal, phi_rad_m, corridor)
     if whole is not None:
         return [*paths, whole]
-    pieces = _in_parts(skeleton, start, phi_rad_m, corridor)
+    pieces = _in_parts(coarse, start, phi_rad_m, corridor)
     return [*paths, certified(start, goal, pieces, "Bernstein coefficients; arcs and lines")]
 
 
-def _in_parts(skeleton: Skeleton, start: SE2, phi_rad_m: float, corridor: Corridor) -> tuple[Piece, ...]:
+def _in_parts(coarse: CoarsePath, start: SE2, phi_rad_m: float, corridor: Corridor) -> tuple[Piece, ...]:
     """A way that cannot be fitted as a whole, in two halves, and these again: the base stops in between.
 
     It is cut where it stops anyway, as long as there are such places.
     """
     pieces: tuple[Piece, ...] = ()
     at = start
-    for part in skeleton.parted():
+    for part in coarse.parted():
         arcs = part.pieces(at)
         if len(arcs) > 1:  # one arc from rest to rest has nothing to smooth
             smooth = _fitted(part, at, arcs[-1].end, phi_rad_m, corridor)
@@ -42,10 +42,10 @@ def _in_parts(skeleton: Skeleton, start: SE2, phi_rad_m: float, corridor: Corrid
     return pieces
 
 
-def _fitted(skeleton: Skeleton, start: SE2, goal: SE2, phi_rad_m: float, corridor: Corridor) -> Path | None:
+def _fitted(coarse: CoarsePath, start: SE2, goal: SE2, phi_rad_m: float, corridor: Corridor) -> Path | None:
     """The smooth version of a way, with its long straight lines whole or cut."""
     for longest_straight_m in _STRAIGHTS_M:
-        halved, cuts = skeleton.halved(longest_straight_m)
+        halved, cuts = coarse.halved(longest_straight_m)
         smooth = corridor_qp.smooth(halved, cuts, start, goal, phi_rad_m, corridor)
         if smooth is not None:
             return smooth

@@ -18,11 +18,11 @@ from vsx_ros.calibration.variety import ViewChooser
 from vsx_ros.calibration.verdict import Grade
 from vsx_ros.errors import InputError
 from vsx_ros.robot import Frame
-from vsx_ros.ros import calls, clock, guest, images, topics
+from vsx_ros.ros import calls, clock, images, operator_command, topics
 from vsx_ros.ros.progress import Progress
 from vsx_ros.ros.subscribers import image_subscriber
 from vsx_ros.runs.exit_codes import DONE, FAILED
-from vsx_ros.runs.stoppable import Heard
+from vsx_ros.runs.interruptible import SignalFlag
 
 _STILL_PX, _STILL_S = 2.0, 0.5
 _FIRST_IMAGE_S, _SERVICE_S = 10.0, 5.0
@@ -69,11 +69,11 @@ class BoardWatcher:
         return f"{name} taken" if self.chooser.offer(BoardView(name, pixels)) else "seen like this before"
 
 
-@guest.command
+@operator_command.command
 def calibrate(board: Board) -> int:
     """Collect until nothing is missing or Ctrl-C; calibrate, and let the camera node store it."""
-    guest.join("calibrate")
-    ended = Heard(signal.SIGINT, signal.SIGTERM)
+    operator_command.join("calibrate")
+    ended = SignalFlag(signal.SIGINT, signal.SIGTERM)
     progress = Progress(sys.stderr)
     watcher = BoardWatcher(board)
     while not ended.came and not rospy.is_shutdown():

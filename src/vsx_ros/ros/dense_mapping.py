@@ -14,7 +14,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from vsx_ros.arrays import Points3
 from vsx_ros.config import Config
-from vsx_ros.dense.anchored import AnchoredSpots
+from vsx_ros.dense.anchored_surface import AnchoredSurface
 from vsx_ros.dense.densify import UPDATE_EVERY_S, DenseMap, update_every_s
 from vsx_ros.dense.planes import Plane, PlaneKind
 from vsx_ros.errors import VsxError
@@ -47,7 +47,7 @@ class DenseMapping:
         self._process: DenseProcess | None = None
         self._map: DenseMap | None = None
         self._due_s = 0.0
-        self.spots: AnchoredSpots | None = None
+        self.spots: AnchoredSurface | None = None
         self._planes_pub = rospy.Publisher(topics.PLANES, MarkerArray, queue_size=1)
         self._points_pub = rospy.Publisher(topics.DENSE_POINTS, PointCloud2, queue_size=1)
         self._scan_pub = rospy.Publisher(topics.SCAN, LaserScan, queue_size=1)

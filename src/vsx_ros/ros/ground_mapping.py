@@ -10,7 +10,7 @@ from nav_msgs.msg import Path as PathMsg
 from nav_msgs.srv import GetMap, GetMapRequest, GetMapResponse
 from sensor_msgs.msg import PointCloud2
 
-from vsx_ros.dense.anchored import AnchoredSpots
+from vsx_ros.dense.anchored_surface import AnchoredSurface
 from vsx_ros.dense.mapped_ground import MappedGround
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.ros import clock, convert, topics
@@ -35,7 +35,7 @@ class GroundMapping:
         self._path_pub = rospy.Publisher(topics.SLAM_PATH, PathMsg, queue_size=1, latch=True)
         rospy.Service(topics.STATIC_MAP, GetMap, self._on_static_map)
 
-    def refresh(self, snapshot: MapSnapshot, spots: AnchoredSpots | None) -> None:
+    def refresh(self, snapshot: MapSnapshot, spots: AnchoredSurface | None) -> None:
         """Build and publish again what changed; without keyframes the map is the strip assumed free at the start."""
         made_of = snapshot.version, self._ground.start, self._ground.counts
         if made_of == self._built and spots is self._ground.dense:

@@ -12,19 +12,19 @@ from vsx_ros.arrays import Points3
 from vsx_ros.exploration.decision import NavigationState, Situation
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.ros import convert, topics
-from vsx_ros.ros.localization import HeardLocalization
+from vsx_ros.ros.localization import LocalizationSubscriber
 from vsx_ros.ros.subscribers import subscribe
 
 
 class HeardSituation:
-    """Subscribers: map, vslam/map_points, mobile_base/hazards, and those of ``HeardLocalization``.
+    """Subscribers: map, vslam/map_points, mobile_base/hazards, and those of ``LocalizationSubscriber``.
 
     grid: the newest map, if any.
     """
 
     def __init__(self) -> None:
         self.grid: OccupancyGrid | None = None
-        self.where = HeardLocalization()
+        self.where = LocalizationSubscriber()
         self._landmarks: Points3 = np.zeros((0, 3))
         self._hazards = 0
         subscribe(topics.MAP, OccupancyGridMsg, self._on_map, queue_size=1)

@@ -19,7 +19,7 @@ import yaml
 
 from vsx_ros.errors import ConfigError
 from vsx_ros.ros import topics
-from vsx_ros.ros.own_address import tell_ros
+from vsx_ros.ros.host_address import export_ros_address
 
 SIGINT_TIMEOUT_S, SIGTERM_TIMEOUT_S = 3.0, 1.0
 
@@ -41,7 +41,7 @@ class LaunchNode(NamedTuple):
 
 
 class BagTopics(NamedTuple):
-    """What a bag calls the camera and the wheels."""
+    """What a bag calls the camera's and the odometry's topics."""
 
     image: str = "/camera/rgb/image_raw"
     camera_info: str = "/camera/rgb/camera_info"
@@ -129,7 +129,7 @@ def package_environment() -> None:
 
     Raises ConfigError when neither holds the package manifest.
     """
-    tell_ros()
+    export_ros_address()
     checkout = Path(__file__).resolve().parents[3]
     if not (checkout / "package.xml").exists():
         raise ConfigError(f"no package.xml in {checkout}: the live run needs a checkout; use --fast without one")

@@ -1,4 +1,4 @@
-"""Where the robot is, as every node but vslam knows it: wheels at 30 Hz and more, corrected by the camera."""
+"""Where the robot is, as every node but vslam knows it: odometry at 30 Hz and more, corrected by the camera."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry as OdometryMsg
 
-from vsx_ros.control.localization import Localization, Whereabouts
+from vsx_ros.control.localization import Localization, LocalizationState
 from vsx_ros.robot import Odometry, OdometryEpochs
 from vsx_ros.ros import clock, convert, slam_messages, topics
 from vsx_ros.ros.subscribers import odometry_subscriber, subscribe
@@ -29,7 +29,7 @@ def hear_odometry(callback: Callable[[Odometry], None], first_epoch: int = 0) ->
     odometry_subscriber(take)
 
 
-class HeardLocalization:
+class LocalizationSubscriber:
     """A ``Localization`` fed by topics. Subscribers: odom, vslam/pose, vslam/state. Thread-safe."""
 
     def __init__(self) -> None:
@@ -56,12 +56,12 @@ class HeardLocalization:
         with self._lock:
             self._localization.add_state(state, msg.message)
 
-    def at(self, now_ns: int) -> Whereabouts:
+    def at(self, now_ns: int) -> LocalizationState:
         """What is known now."""
         with self._lock:
             return self._localization.at(now_ns)
 
     @property
-    def wheels_silent_s(self) -> float:
+    def odometry_age_s(self) -> float:
         """For how long no odometry came that could be used [s], on the monotonic clock; infinite before the first."""
         return time.monotonic() - self._taken_s

@@ -46,10 +46,12 @@ class MissionTopics:
         if grid is not None and grid is not self._grid:
             self._grid = grid
             self._coverage_pub.publish(grid.known_area_m2)
-        outlook = self._mission.outlook
-        if outlook.ranking is not self._shown and grid is not None:
-            self._shown, self._frontiers = outlook.ranking, outlook.frontiers()
-            markers = frontier_markers(grid, self._frontiers, outlook.ranking.views, topics.MAP_FRAME, clock.now_ns())
+        view_selector = self._mission.view_selector
+        if view_selector.ranking is not self._shown and grid is not None:
+            self._shown, self._frontiers = view_selector.ranking, view_selector.frontiers()
+            markers = frontier_markers(
+                grid, self._frontiers, view_selector.ranking.views, topics.MAP_FRAME, clock.now_ns()
+            )
             self._frontiers_pub.publish(markers)
         text, now_s = self._status_text(decision, navigation, grid), time.monotonic()
         if text == self._status and now_s - self._status_s <= _STATUS_PERIOD_S:
@@ -67,7 +69,7 @@ class MissionTopics:
             "navigation": navigation.value,
             "goal": [goal.x, goal.y, goal.theta] if goal is not None else None,
             "frontiers": len(self._frontiers),
-            "views": len(self._mission.outlook.ranking.views),
+            "views": len(self._mission.view_selector.ranking.views),
             "known_area_m2": grid.known_area_m2 if grid is not None else None,
         }
         return json.dumps(status)

@@ -15,8 +15,8 @@ from std_msgs.msg import Float32
 
 from vsx_ros.config import Config
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.navigation.goal_execution import PlanRequest
 from vsx_ros.navigation.goal_planner import GoalPlanner, TimedPlan
-from vsx_ros.navigation.pursuit import PlanRequest
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.path import Plan, Refusal
 from vsx_ros.ros import clock, convert, frames, threads, topics

@@ -42,7 +42,7 @@ class PosePublisher:
             return
         T_map_base = (result.T_world_cam @ self._T_cam_base).to_se2()
         sigma_m, sigma_rad = _SIGMA[result.state]
-        if result.found == 0 and odometry is not None and not odometry.trusted:  # by wheels that nobody vouches for
+        if result.found == 0 and odometry is not None and not odometry.trusted:  # by odometry that nobody vouches for
             sigma_m, sigma_rad = _DISTRUST * sigma_m, _DISTRUST * sigma_rad
         sigmas = sigma_m, sigma_rad
         self._pose_pub.publish(convert.pose_with_covariance(topics.MAP_FRAME, result.stamp_ns, T_map_base, *sigmas))

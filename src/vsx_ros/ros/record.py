@@ -17,12 +17,12 @@ import rospy
 from sensor_msgs.msg import CompressedImage, Image
 
 from vsx_ros.errors import InputError
-from vsx_ros.ros import clock, guest, images, topics
+from vsx_ros.ros import clock, images, operator_command, topics
 from vsx_ros.ros.bag_writer import BagWriter, Serialized
 from vsx_ros.ros.progress import Progress
 from vsx_ros.ros.subscribers import IMAGE_BUFFER_BYTES, subscribe
 from vsx_ros.runs.exit_codes import DONE, FAILED
-from vsx_ros.runs.stoppable import Heard
+from vsx_ros.runs.interruptible import SignalFlag
 
 _TOPICS = (
     topics.CAMERA_INFO, topics.ODOM, topics.TF, topics.TF_STATIC, topics.IMU, topics.HAZARDS, topics.BUTTONS,
@@ -78,14 +78,14 @@ class Recorder:
         )
 
 
-@guest.command
+@operator_command.command
 def record(args: argparse.Namespace) -> int:
     """Record until Ctrl-C or a limit; say what the bag is called and what is in it. args: options of ``vsx record``."""
     path: Path = args.out or Path(f"{datetime.now():%Y-%m-%d_%H-%M-%S}.bag")
     if full := _full(args, path):
         raise InputError(f"not begun with {full}; make room, or give another --out or a smaller --keep-free")
-    guest.join("record")
-    ended = Heard(signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    operator_command.join("record")
+    ended = SignalFlag(signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     writer, progress = BagWriter(path), Progress(sys.stderr)
     Recorder(writer, args.images, args.topic)
     began_s, warned = time.monotonic(), False

@@ -9,20 +9,20 @@ import rospy
 from std_srvs.srv import Trigger
 
 from vsx_ros.errors import ConfigError, MapFileError
-from vsx_ros.ros import calls, guest, topics
+from vsx_ros.ros import calls, operator_command, topics
 from vsx_ros.runs.exit_codes import DONE
 
 _WAIT_S, _SAVED_S = 5.0, 120.0
 """The map of a large building is 120 MB, and its disk may be slow."""
 
 
-@guest.command
+@operator_command.command
 def save_map(out: Path | None) -> int:
     """Ask vslam to save its map, and say where it is. out: where, else where the node finds best.
 
     Raises ConfigError when no robot maps, MapFileError when the map cannot be saved.
     """
-    guest.join("save_map")
+    operator_command.join("save_map")
     try:
         rospy.wait_for_service(topics.SAVE_MAP, timeout=_WAIT_S)
         rospy.set_param(topics.SAVE_MAP_TO, str(out.resolve()) if out is not None else "")

@@ -17,7 +17,7 @@ from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import Odometry
 from vsx_ros.ros import logs
 from vsx_ros.runs.folder import RunFolder
-from vsx_ros.runs.session import Before, RunKeeper
+from vsx_ros.runs.session import PreviousSessions, RunWriter
 from vsx_ros.session import SlamSession
 from vsx_ros.slam.state import TrackingResult
 from vsx_ros.slam.threads import ThreadedSlam
@@ -37,13 +37,13 @@ class SlamRun:
         T_base_cam, run_dir = mounted(config.robot.mount), str(rospy.get_param("~run_dir", ""))
         self._save_map = str(rospy.get_param("~save_map", ""))  # the master may be gone before the end
         self._folder = RunFolder(Path(run_dir)) if run_dir else None
-        before = Before.of(self._folder) if self._folder is not None else None
+        before = PreviousSessions.of(self._folder) if self._folder is not None else None
         if before is not None:
             self.session = SlamSession(T_base_cam, config, before.saved.slam_map, before.saved.state)
         else:
             path = str(rospy.get_param("~load_map", ""))
             self.session = SlamSession(T_base_cam, config, load_slam_map(Path(path)) if path else None)
-        self._keeper = RunKeeper(T_base_cam, self._folder, before, logs.log_errors, _REST)
+        self._keeper = RunWriter(T_base_cam, self._folder, before, logs.log_errors, _REST)
         self.first_epoch = 1 + self._keeper.record.odom_epoch
 
     def odometry(self, odometry: Odometry) -> None:

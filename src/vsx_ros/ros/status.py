@@ -13,7 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from sensor_msgs.msg import BatteryState, CameraInfo
 from std_msgs.msg import Float32, String, UInt8
 
-from vsx_ros.ros import convert, guest, topics
+from vsx_ros.ros import convert, operator_command, topics
 from vsx_ros.runs import streams
 from vsx_ros.runs.exit_codes import DONE, FAILED
 
@@ -96,10 +96,10 @@ def screen(facts: dict[str, Any]) -> str:
     return "".join(f"{name:12} {text}\n" for name, text in lines.items())
 
 
-@guest.command
+@operator_command.command
 def status(*, watch: bool, as_json: bool) -> int:
     """Listen and print, once or until Ctrl-C."""
-    guest.join("status")
+    operator_command.join("status")
     board = StatusBoard()
     time.sleep(_LISTEN_S)
     deadline_s = time.monotonic() + _PATIENCE_S - _LISTEN_S

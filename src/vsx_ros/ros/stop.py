@@ -11,7 +11,7 @@ from std_srvs.srv import SetBool
 
 from vsx_hw.errors import DeviceError, DeviceTimeout
 from vsx_ros.errors import ConfigError
-from vsx_ros.ros import calls, guest, topics
+from vsx_ros.ros import calls, operator_command, topics
 from vsx_ros.runs.exit_codes import DONE
 
 _ANSWER_S = 6.0
@@ -19,7 +19,7 @@ _STAND_S = 2.0
 _STANDING_M_S, _STANDING_RAD_S = 0.01, 0.02
 
 
-@guest.command
+@operator_command.command
 def stop(*, release: bool) -> int:
     """Set or release the emergency stop, and see that the wheels stand.
 
@@ -27,7 +27,7 @@ def stop(*, release: bool) -> int:
     """
 
     def call() -> None:
-        guest.join("stop")
+        operator_command.join("stop")
         rospy.ServiceProxy(topics.ESTOP, SetBool)(not release)
 
     try:

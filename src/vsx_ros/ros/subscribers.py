@@ -16,7 +16,7 @@ from vsx_ros.ros import logs, threads, topics
 # Bigger than any image: with rospy's default of 64 kB a slow callback sees images of a second ago (ros_comm #536).
 IMAGE_BUFFER_BYTES = 2**24
 
-# Two seconds of the wheels: a second without them looks like a base that was restarted, though only this process slept.
+# Two seconds of odometry: a second without it looks like a base that was restarted, though only this process slept.
 ODOMETRY_QUEUE = 100
 
 _REPEAT_S = 5.0
@@ -46,5 +46,5 @@ def image_subscriber(callback: Callable[[Image], None]) -> rospy.Subscriber:
 
 
 def odometry_subscriber(callback: Callable[[Odometry], None], topic: str = topics.ODOM) -> rospy.Subscriber:
-    """Subscribe to the wheels so that every reading arrives, on a machine that was busy for a moment, too."""
+    """Subscribe to odometry so that every reading arrives, on a machine that was busy for a moment, too."""
     return subscribe(topic, Odometry, callback, queue_size=ODOMETRY_QUEUE, tcp_nodelay=True)

@@ -142,8 +142,8 @@ def own_driver_odometry(robot_type: str) -> TopicNames | None:
     return TopicNames.of(names) if kind == "ros" else None
 
 
-class Unguarded:
-    """In place of guardians where no port could be taken over."""
+class NoWatchdogs:
+    """In place of watchdogs where no port could be taken over."""
 
     answer = True
 

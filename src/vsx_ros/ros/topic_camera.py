@@ -10,7 +10,7 @@ import genpy
 import rospy
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
-from vsx_hw.frozen import FROZEN, FrozenWatch
+from vsx_hw.frozen_image import FROZEN, FrozenImageDetector
 from vsx_hw.readings import ImageReading, LinkStatus
 from vsx_ros.arrays import GrayImage
 from vsx_ros.errors import ConfigError, InputError
@@ -44,7 +44,7 @@ class TopicCamera:
         self._topic, self._on_image = topic, on_image
         self._counters = {"frames": 0, "frozen_frames": 0}
         self._heard_s = 0.0
-        self._frozen, self._watch = False, FrozenWatch()
+        self._frozen, self._watch = False, FrozenImageDetector()
 
     def start(self) -> None:
         """Listen from now on."""

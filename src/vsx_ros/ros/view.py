@@ -12,8 +12,8 @@ import rosgraph
 
 from vsx_ros.ros import logs, node
 from vsx_ros.ros.dashboard.server import LOOPBACK, address, choose_port
+from vsx_ros.ros.host_address import DEFAULT_MASTER, export_ros_address
 from vsx_ros.ros.nodes.dashboard import TOKEN, DashboardNode
-from vsx_ros.ros.own_address import DEFAULT_MASTER, tell_ros
 from vsx_ros.runs.exit_codes import DONE
 
 _MASTER_PERIOD_S = 0.5
@@ -37,7 +37,7 @@ def open_browser(url: str) -> None:
 
 def view(host: str, port: int | None, allow: str, *, headless: bool) -> int:
     """Wait for a master, then be the node. Raises ConfigError when the address cannot be listened on."""
-    tell_ros()
+    export_ros_address()
     logs.quiet_failures()
     port, url = prepare(host, port)
     sys.stderr.write(f"live view: {url}\n")

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsx_ros.errors import InputError, reason_of
+from vsx_ros.io.array_chunks import ArrayChunks, array_bytes, array_of
 from vsx_ros.io.atomic import sync, write_bytes, write_text
-from vsx_ros.io.pieces import Pieces, array_bytes, array_of
 from vsx_ros.io.sealed_archive import seal, unseal
 from vsx_ros.io.slam_map_arrays import Arrays, arrays_of
 from vsx_ros.io.slam_map_file import array_name, damage_explained, encoded, entries_of, image_name
@@ -31,7 +31,7 @@ _KEYFRAMES, _PATCHES = 64, 4096
 """The corners of so many keyframes, and so many patches, make a piece: some megabytes."""
 
 
-class Saved(NamedTuple):
+class CheckpointData(NamedTuple):
     """What a checkpoint holds. stamp_ns: when it was made. state: arrays of whoever wants to go on, by name; mission:
     what the mission remembers, as JSON has it."""
 
@@ -46,14 +46,14 @@ class Checkpoint:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._pieces = Pieces(path / "pieces")
+        self._chunks = ArrayChunks(path / "pieces")
 
     @property
     def exists(self) -> bool:
         """Whether there is a map to go on in."""
         return (self.path / "map.zip").exists()
 
-    def write(self, saved: Saved) -> None:
+    def write(self, saved: CheckpointData) -> None:
         """Replace the checkpoint in one step. Raises InputError when the folder cannot be written."""
         living = {_file(k): k for k in saved.slam_map.view.keyframes if k.alive}
         arrays = arrays_of(saved.slam_map.view)
@@ -62,14 +62,14 @@ class Checkpoint:
             for path in (self.path.parent, *self.path.glob("*.jsonl")):
                 sync(path)
             self._write_pictures(living)
-            pieces = {name: self._pieces.write(arrays.pop(name), cuts) for name, cuts in _cuts(arrays).items()}
+            pieces = {name: self._chunks.write(arrays.pop(name), cuts) for name, cuts in _cuts(arrays).items()}
             entries = entries_of(saved.slam_map, arrays)
             entries |= {f"{_STATE}{name}.npy": array_bytes(array) for name, array in saved.state.items()}
             files = {keyframe.id: name for name, keyframe in living.items()}
             notes = {"stamp_ns": saved.stamp_ns, "mission": saved.mission, "files": files, "pieces": pieces}
             entries[_NOTES] = json.dumps(notes).encode()
             write_bytes(self.path / "map.zip", seal(entries, quick=True), durable=True)
-            self._pieces.keep({piece for names in pieces.values() for piece in names})
+            self._chunks.keep({piece for names in pieces.values() for piece in names})
             for path in (self.path / "keyframes").iterdir():
                 if path.name not in living:
                     path.unlink()
@@ -84,7 +84,7 @@ class Checkpoint:
             if name not in there:
                 write_bytes(folder / name, encoded(keyframe.data.pyramid.level(0)), durable=True)
 
-    def read(self) -> Saved:
+    def read(self) -> CheckpointData:
         """The newest checkpoint. Raises MapFileError when there is none or it is damaged."""
         path = self.path / "map.zip"
         with damage_explained(path):
@@ -95,15 +95,15 @@ class Checkpoint:
                 raise ValueError("two of its keyframes name the same picture")
             for index, name in files.items():
                 entries[image_name(index)] = file_bytes(self.path / "keyframes" / name, DATA_BYTES)
-            allowance = self._pieces.allowance()
+            allowance = self._chunks.allowance()
             for name, pieces in tree.get("pieces", {}).items():
-                entries[array_name(name)] = array_bytes(self._pieces.read(pieces, allowance))
+                entries[array_name(name)] = array_bytes(self._chunks.read(pieces, allowance))
             state = {
                 name.removeprefix(_STATE).removesuffix(".npy"): array_of(content)
                 for name, content in entries.items()
                 if name.startswith(_STATE)
             }
-            return Saved(slam_map_of_entries(entries), int(tree["stamp_ns"]), state, dict(tree["mission"]))
+            return CheckpointData(slam_map_of_entries(entries), int(tree["stamp_ns"]), state, dict(tree["mission"]))
 
     def write_mission(self, memory: Mapping[str, Any], stamp_ns: int) -> None:
         """What a mission in a process of its own remembers at this stamp, apart from the map, in one step.

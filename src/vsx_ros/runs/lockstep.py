@@ -18,13 +18,13 @@ from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.robot import STOP, Frame, Odometry, VelocityCommand
 from vsx_ros.runs.exit_codes import DONE, LOST, STOPPED, ended_well
 from vsx_ros.runs.folder import RunEvent, RunFolder
+from vsx_ros.runs.interruptible import interruptible
 from vsx_ros.runs.journal import TruthLine, flat, unflat
 from vsx_ros.runs.outcomes import EXIT_CODES
 from vsx_ros.runs.record import MapJudge
 from vsx_ros.runs.report import tell_the_end, write_report
-from vsx_ros.runs.session import Before, RunKeeper
+from vsx_ros.runs.session import PreviousSessions, RunWriter
 from vsx_ros.runs.start import begin
-from vsx_ros.runs.stoppable import stoppable
 from vsx_ros.sim.robot import EmulatedRobot, Observation
 from vsx_ros.sim.settings import SimulationConfig
 from vsx_ros.sim.world import Start, World, changed
@@ -47,7 +47,7 @@ class FastRun:
         seed: int,
         planner: str,
         config: Config,
-        before: Before | None = None,
+        before: PreviousSessions | None = None,
         slam_map: SlamMap | None = None,
         folder: RunFolder | None = None,
     ) -> None:
@@ -62,8 +62,8 @@ class FastRun:
             world = changed(world, start=Start(x=x, y=y, theta_rad=theta))
         self.robot = EmulatedRobot(world, seed, SimulationConfig(threads=2), config.robot)
         mount = self.robot.T_base_cam_given
-        memory = before.memory if before is not None else None
-        self.system = ExplorationSystem(self.robot.camera_given, mount, config, seed, planner, memory, slam_map)
+        saved = before.system if before is not None else None
+        self.system = ExplorationSystem(self.robot.camera_given, mount, config, seed, planner, saved, slam_map)
         self.truth: list[StampedPose] = []
         self._errors_m: list[float] = []
         if before is not None:
@@ -71,7 +71,7 @@ class FastRun:
             self.truth += [StampedPose(line.stamp_ns, unflat(line.T_world_cam)) for line in known]
             self._errors_m += before.saved.state["errors_m"].tolist()
         # Last: as long as it is not ready to drive, what the interrupted run left stays as it is.
-        self.keeper = RunKeeper(mount, folder, before)
+        self.keeper = RunWriter(mount, folder, before)
         self.record = self.keeper.record
 
     @property
@@ -94,7 +94,7 @@ class FastRun:
         mission, command, shown = self.system.mission, STOP, 0.0
         seen: Observation | None = None
         reason = STOPPED_BY_OPERATOR
-        with stoppable() as stopped:
+        with interruptible() as stopped:
             while mission.outcome is None and not stopped():
                 now = self._observe(command)
                 if now.frame.stamp_ns * 1e-9 > limit_s:
@@ -137,7 +137,7 @@ class FastRun:
         system = self.system
         if self.keeper.note(system.slam, stamp_ns, now=now):
             pursued = {"errors_m": np.array(self._errors_m, float), "plans": np.array([self.plans])}
-            mission = system.mission.memory(stamp_ns, system.odometry.T_odom_base)
+            mission = system.mission.to_save(stamp_ns, system.odometry.T_odom_base)
             self.keeper.write({**system.ground.state(), **pursued}, mission.tree())
 
     @property
@@ -146,7 +146,7 @@ class FastRun:
         return self._judge
 
     def _observe(self, command: VelocityCommand) -> Observation:
-        """What the robot's sensors say; time and wheels go on from where an earlier session left them."""
+        """What the robot's sensors say; time and odometry go on from where an earlier session left them."""
         frame, odometry = self.robot.step(command)
         if self._before is None:
             return Observation(frame, odometry)
@@ -226,13 +226,13 @@ def explore_fast(args: argparse.Namespace) -> int:
     """One lock-step exploration; its exit code."""
     folder, config, world = begin(args)
     assert world is not None
-    before = Before.of(folder) if args.resume is not None else None
+    before = PreviousSessions.of(folder) if args.resume is not None else None
     limit_s = args.time or _DEFAULT_TIME_S
     if before is not None and before.ended_ns * 1e-9 >= limit_s:
         raise ConfigError(f"{folder.path} has lasted {before.ended_ns * 1e-9:.0f} s; to go on give more with --time")
     slam_map = None
     if args.load_map:  # it may be gone by now: what became of it is in the checkpoint
-        slam_map = load_slam_map(Path(args.load_map)) if before is None else before.memory.slam_map
+        slam_map = load_slam_map(Path(args.load_map)) if before is None else before.saved.slam_map
     run = FastRun(world, args.seed, args.planner, config, before, slam_map, folder)
     reason = run.run(limit_s, run.until(args.until) if args.until is not None else None)
     facts = {"world": args.world, "seed": args.seed, "planner": args.planner, "continued_map": args.load_map}

@@ -32,8 +32,8 @@ class RunRecord:
 
     def __init__(self, T_base_cam: SE3) -> None:
         self._T_base_cam = T_base_cam
-        # Of an hour's frames and readings: where the wheels were at each, three numbers instead of twelve.
-        self._wheels: list[SE2 | None] = []
+        # Of an hour's frames and readings: odometry at each, three numbers instead of twelve.
+        self._T_odom_bases: list[SE2 | None] = []
         self._epochs: list[int] = []
         self._odometry: list[tuple[int, SE2]] = []
         self.results: list[TrackingResult] = []
@@ -42,7 +42,7 @@ class RunRecord:
         self.events: list[RunEvent] = []
 
     def add_odometry(self, odometry: Odometry) -> None:
-        """A reading of the wheels."""
+        """An odometry reading."""
         self._odometry.append((odometry.stamp_ns, odometry.T_odom_base))
 
     def add_frame(
@@ -50,7 +50,7 @@ class RunRecord:
     ) -> None:
         """A frame the tracker has seen, the odometry of its instant, how long it took [s], and U2 after it."""
         self.results.append(result)
-        self._wheels.append(odometry.T_odom_base if odometry is not None else None)
+        self._T_odom_bases.append(odometry.T_odom_base if odometry is not None else None)
         self._epochs.append(odometry.odom_epoch if odometry is not None else self.odom_epoch)
         self.track_ms.append(1e3 * track_s)
         self.u2_frames.append(u2_frames)
@@ -59,7 +59,7 @@ class RunRecord:
         """Changes of state of the SLAM."""
         self.events += [RunEvent(event.stamp_ns, "slam", event.kind, event.reason) for event in events]
 
-    def recall(self, lines: Iterable[Line]) -> None:
+    def restore(self, lines: Iterable[Line]) -> None:
         """Go on from the journal of the sessions before."""
         for line in lines:
             if isinstance(line, FrameLine):
@@ -84,7 +84,7 @@ class RunRecord:
 
     def summary(self, statistics: SlamStatistics) -> Summary:
         """What is known without any truth."""
-        cameras = [None if T is None else SE3.from_se2(T) @ self._T_base_cam for T in self._wheels]
+        cameras = [None if T is None else SE3.from_se2(T) @ self._T_base_cam for T in self._T_odom_bases]
         breaks = len(find_breaks(self.results, cameras, self._epochs))
         return tracking_summary(statistics, self.track_ms).with_values(breaks=breaks)
 
@@ -101,8 +101,8 @@ class RunRecord:
             for r, ms, u2 in zip(self.results, self.track_ms, self.u2_frames, strict=True)
         )
         if self._odometry:
-            wheels = [StampedPose(ns, SE3.from_se2(T)) for ns, T in self._odometry]
-            yield lambda: folder.write_poses("odometry", wheels)
+            T_odom_base = [StampedPose(ns, SE3.from_se2(T)) for ns, T in self._odometry]
+            yield lambda: folder.write_poses("odometry", T_odom_base)
         if len(snapshot.points_world):
             yield lambda: folder.write_points(snapshot.points_world)
         if surface is not None and len(surface):

@@ -16,23 +16,23 @@ from vsx_ros.arrays import Points3
 from vsx_ros.errors import InputError
 from vsx_ros.evaluation.summary import Summary
 from vsx_ros.exploration.decision import MissionEvent
-from vsx_ros.exploration.memory import MissionMemory
+from vsx_ros.exploration.saved_mission import SavedMission
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import Odometry
-from vsx_ros.runs.checkpoint import Saved
+from vsx_ros.runs.checkpoint import CheckpointData
 from vsx_ros.runs.folder import RunEvent, RunFolder
 from vsx_ros.runs.journal import EventLine, FrameLine, Journal, Line, TruthLine, read_journal
 from vsx_ros.runs.record import RunRecord
 from vsx_ros.slam.state import SlamEvent, TrackingResult
 from vsx_ros.slam.tracker_and_mapper import TrackerAndMapper
-from vsx_ros.system import Memory
+from vsx_ros.system import SavedSystem
 
 CHECKPOINT_EVERY_NS = 5_000_000_000
 
 
-class Before:
+class PreviousSessions:
     """What is known of the sessions before: the checkpoint, and the journal, which tells more. lines: of the journal,
     frames and events up to the checkpoint, the truth up to the last moment."""
 
@@ -44,9 +44,9 @@ class Before:
         self.lines = [line for line in self._journal if line.stamp_ns <= stamp_ns or isinstance(line, TruthLine)]
 
     @staticmethod
-    def of(folder: RunFolder) -> Before | None:
+    def of(folder: RunFolder) -> PreviousSessions | None:
         """None where the run was interrupted before it had a map. Raises MapFileError or InputError when damaged."""
-        return Before(folder) if folder.checkpoint.exists else None
+        return PreviousSessions(folder) if folder.checkpoint.exists else None
 
     @property
     def ended_ns(self) -> int:
@@ -64,19 +64,19 @@ class Before:
         return _driven(self._journal)[-1][1]
 
     @cached_property
-    def memory(self) -> Memory:
+    def system(self) -> SavedSystem:
         """Of a run in lock-step. Raises InputError where the checkpoint or the journal lacks some of it."""
         saved, driven = self.saved, _driven(self._journal)
         if not driven or not {"errors_m", "plans"} <= saved.state.keys():
             raise InputError(f"{self._path} holds a map but not how it came about; start a new run")
         since = [T for stamp_ns, T in driven if stamp_ns >= saved.stamp_ns]
-        mission = MissionMemory.of(saved.mission, self._path)
+        mission = SavedMission.of(saved.mission, self._path)
         # A journal that ends before the checkpoint: the robot stands where it did then, and not where its trail ends.
         mission = mission.carried([since[0].inverse() @ T for T in since]) if since else mission.moved()
-        return Memory(saved.slam_map, saved.state, mission)
+        return SavedSystem(saved.slam_map, saved.state, mission)
 
 
-def end_the_trail(folder: RunFolder, moved: bool) -> None:
+def end_trail(folder: RunFolder, moved: bool) -> None:
     """Let the trail that a live mission remembers end where the base stood last: what it drove after the mission's last
     word is in the journal. moved: it has been put elsewhere since, and the way it came is not behind it.
 
@@ -85,17 +85,17 @@ def end_the_trail(folder: RunFolder, moved: bool) -> None:
     remembered = folder.checkpoint.read_mission()
     if remembered is None:
         return
-    memory, told_ns = MissionMemory.of(remembered, folder.checkpoint.path), remembered.get("stamp_ns")
+    saved, told_ns = SavedMission.of(remembered, folder.checkpoint.path), remembered.get("stamp_ns")
     driven = _driven(read_journal(folder.journal))
     since = [T for stamp_ns, T in driven if isinstance(told_ns, int) and stamp_ns > told_ns]
     if moved:
-        memory = memory.moved()
+        saved = saved.moved()
     elif 0 < len(since) < len(driven):
         there = driven[-len(since) - 1][1].inverse()
-        memory = memory.carried([there @ T for T in since])
+        saved = saved.carried([there @ T for T in since])
     else:
         return
-    folder.checkpoint.write_mission(memory.tree(), driven[-1][0] if driven else 0)
+    folder.checkpoint.write_mission(saved.tree(), driven[-1][0] if driven else 0)
 
 
 def _driven(lines: Sequence[Line]) -> list[tuple[int, SE2]]:
@@ -104,7 +104,7 @@ def _driven(lines: Sequence[Line]) -> list[tuple[int, SE2]]:
     return [(r.stamp_ns, r.T_odom_base) for r in readings if r.odom_epoch == readings[-1].odom_epoch]
 
 
-class RunKeeper:
+class RunWriter:
     """What a run keeps: every frame and event, for its results, and in its folder as it happens, with the map every few
     seconds, so that another session can go on with it. Lock-step, replays and the node vslam have one.
 
@@ -117,7 +117,7 @@ class RunKeeper:
         self,
         T_base_cam: SE3,
         folder: RunFolder | None = None,
-        before: Before | None = None,
+        before: PreviousSessions | None = None,
         kept: Callable[[], AbstractContextManager[None]] | None = None,
         rest: float = 0.0,
     ) -> None:
@@ -126,13 +126,13 @@ class RunKeeper:
         writing the map took nothing is written. Raises InputError where the folder cannot be written."""
         self.record = RunRecord(T_base_cam)
         lines = before.lines if before is not None else []
-        self.record.recall(lines)
+        self.record.restore(lines)
         self.failure = ""
         self._kept, self._rest = kept or self._say_first, rest
         self._checkpoint = folder.checkpoint if folder is not None else None
         self._journal = Journal(folder.journal, lines) if folder is not None else None
         self._lock, self._writing = threading.Lock(), threading.Lock()
-        self._noted: Saved | None = None
+        self._noted: CheckpointData | None = None
         self._due_ns = 0
 
     def frame(
@@ -163,7 +163,7 @@ class RunKeeper:
             return False
         self._due_ns = stamp_ns + CHECKPOINT_EVERY_NS
         with self._lock:
-            self._noted = Saved(slam_map, stamp_ns, slam.record(), {})
+            self._noted = CheckpointData(slam_map, stamp_ns, slam.record(), {})
         return True
 
     def write(self, state: Mapping[str, NDArray[Any]], mission: dict[str, Any] | None = None) -> None:

@@ -15,7 +15,7 @@ from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.parameters import load
 from vsx_ros.runs.robot_file import robot_file_here
-from vsx_ros.runs.session import end_the_trail
+from vsx_ros.runs.session import end_trail
 from vsx_ros.runs.world import open_world
 from vsx_ros.sim.world import World
 from vsx_ros.sim.world_file import load_world, save_world
@@ -82,5 +82,5 @@ def _begin_again(args: argparse.Namespace, folder: RunFolder) -> tuple[RunFolder
     if args.moved and world is not None:
         raise ConfigError(f"the emulated robot of {folder.path} stands where it stood; leave out --moved")
     if not args.fast:
-        end_the_trail(folder, args.moved)
+        end_trail(folder, args.moved)
     return folder, parameters, world

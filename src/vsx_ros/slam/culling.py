@@ -10,7 +10,7 @@ from vsx_ros.config import CullingConfig
 from vsx_ros.slam.map import Map
 
 # A keyframe with fewer points is held by little else: it stays. So does one whose neighbours in its epoch would be
-# left to the wheels alone without it.
+# left to odometry alone without it.
 ASSESSED_POINTS, TIED_POINTS = 40, 40
 
 
@@ -36,7 +36,7 @@ def is_redundant(world: Map, index: int, config: CullingConfig) -> bool:
     viewers = np.zeros(world.count, np.int64)
     finest: IntArray = np.full(world.count, -1, np.int64)
     finest[seen.rows] = seen.level
-    for k in world.seers(seen.rows):
+    for k in world.observers(seen.rows):
         if k != index:
             other = world.keyframes[k].observations
             viewers[other.rows[other.level <= finest[other.rows]]] += 1

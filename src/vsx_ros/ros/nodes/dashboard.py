@@ -21,7 +21,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from vsx_ros.config import Config
 from vsx_ros.ros import calls, node, threads, topics
-from vsx_ros.ros.dashboard import words
+from vsx_ros.ros.dashboard import json_messages
 from vsx_ros.ros.dashboard.board import Board
 from vsx_ros.ros.dashboard.feed import Feed
 from vsx_ros.ros.dashboard.handler import Answer, Command
@@ -51,7 +51,7 @@ class DashboardNode:
 
     def _watch_master(self) -> None:
         while not rospy.is_shutdown():
-            self._board.post("stack", words.text(master_watch().answers))
+            self._board.post("stack", json_messages.text(master_watch().answers))
             time.sleep(_MASTER_PERIOD_S)
 
     def close(self) -> None:

@@ -28,8 +28,8 @@ from vsx_ros.ros import base_messages, clock, node, threads, topics
 from vsx_ros.ros.diagnostics import OK, WARN, Diagnostics
 from vsx_ros.ros.heard_situation import HeardSituation
 from vsx_ros.ros.lease import PERIOD_S, Lease, LeaseWatch
-from vsx_ros.ros.mission_keeper import MissionKeeper
 from vsx_ros.ros.mission_topics import MissionTopics
+from vsx_ros.ros.mission_writer import MissionWriter
 from vsx_ros.ros.sent_goal import GoalSender
 from vsx_ros.ros.services import offer_trigger
 from vsx_ros.ros.subscribers import subscribe
@@ -67,7 +67,7 @@ class ExploreNode:
             (topics.EXPLORE_HOME, self._mission.home),
         ):
             offer_trigger(name, partial(self._request, request))
-        self._keeper = MissionKeeper(self._mission, self._lock, self._heard.where)
+        self._writer = MissionWriter(self._mission, self._lock, self._heard.where)
         threads.every(PERIOD_S, "lease", self._lease.keep)
         threads.every(_DECIDE_PERIOD_S, "mission", self._decide)
 
@@ -95,7 +95,7 @@ class ExploreNode:
         now_ns = clock.now_ns()
         situation = self._heard.at(now_ns, *self._goals.state())
         with self._lock:
-            self._keeper.recall(now_ns, situation.T_odom_base)
+            self._writer.restore(now_ns, situation.T_odom_base)
             decision = self._mission.decide(now_ns, situation)
             events = self._mission.drain_events()
         self._goals.act(now_ns, decision)
@@ -107,7 +107,7 @@ class ExploreNode:
         """Without the mission nobody wants to drive."""
         self._lease.release()
         self._goals.cancel_all()
-        self._keeper.write()
+        self._writer.write()
 
 
 def main() -> None:

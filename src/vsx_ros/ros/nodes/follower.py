@@ -1,6 +1,6 @@
 """Node ``follower``: drives along the trajectory of move_base, 30 times a second.
 
-Subscribers: move_base/trajectory (frame map: by camera and wheels; frame odom: by the wheels alone), odom, vslam/pose,
+Subscribers: move_base/trajectory (frame map: by camera and odometry; frame odom: by odometry alone), odom, vslam/pose,
     vslam/state, mobile_base/hazards, follower/lease.
 Publishers: cmd_vel_mux/input/navi, follower/status (latched String, JSON: trajectory, status, reason, frame, error,
     at_s: how far it is in the trajectory's own time, stop: while it is stopping on the way because move_base wants so,
@@ -24,13 +24,13 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from vsx_ros.config import Config
 from vsx_ros.control.trajectory_tracker import FollowStatus
-from vsx_ros.navigation.follower import Follower, Silence
+from vsx_ros.navigation.follower import Follower, MessageAges
 from vsx_ros.navigation.follower_report import FollowerReport
 from vsx_ros.robot import STOP, VelocityCommand
 from vsx_ros.ros import clock, convert, frames, node, threads, topics, trajectory_messages
 from vsx_ros.ros.diagnostics import OK, WARN, Diagnostics
 from vsx_ros.ros.lease import LeaseWatch
-from vsx_ros.ros.localization import HeardLocalization
+from vsx_ros.ros.localization import LocalizationSubscriber
 from vsx_ros.ros.services import offer_trigger
 from vsx_ros.ros.subscribers import subscribe
 
@@ -47,7 +47,7 @@ class FollowerNode:
         self._lock = threading.Lock()
         self._reported: FollowerReport | None = None
         self._reported_s = 0.0
-        self._where = HeardLocalization()
+        self._where = LocalizationSubscriber()
         self._leases = LeaseWatch(topics.FOLLOWER_LEASE)
         self._diagnostics = Diagnostics()
         self._command_pub = rospy.Publisher(topics.COMMAND_NAVI, Twist, queue_size=1, tcp_nodelay=True)
@@ -70,7 +70,7 @@ class FollowerNode:
     def _on_hazards(self, msg: UInt8) -> None:
         words = convert.hazard_words(msg.data)
         with self._lock:
-            self._tell(self._follower.feel(clock.now_ns(), frozenset(words.split(", ") if words else [])))
+            self._tell(self._follower.take_hazards(clock.now_ns(), frozenset(words.split(", ") if words else [])))
 
     def _cancel(self) -> str:
         with self._lock:
@@ -80,8 +80,8 @@ class FollowerNode:
     def _control(self) -> None:
         with self._lock:
             now_ns, age_s = clock.now_ns(), self._leases.age_s
-            silence = Silence(age_s("vslam"), self._where.wheels_silent_s, age_s("move_base"))
-            self._tell(self._follower.step(now_ns, self._where.at(now_ns), silence))
+            ages = MessageAges(age_s("vslam"), self._where.odometry_age_s, age_s("move_base"))
+            self._tell(self._follower.step(now_ns, self._where.at(now_ns), ages))
 
     def _tell(self, command: VelocityCommand | None) -> None:
         """The command, and the status for move_base: on change, and again and again while following."""

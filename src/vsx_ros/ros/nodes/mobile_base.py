@@ -1,6 +1,6 @@
 """Node ``mobile_base``: driver, command mux and the last decision before the wheels, in one small process.
 
-Two more processes stop the wheels when this one is killed or hangs (vsx_hw.guardian). Without both, or where the ROS
+Two more processes stop the wheels when this one is killed or hangs (vsx_hw.watchdog). Without both, or where the ROS
 master that answers does not have all that this node offers, the emergency stop above all, they stand.
 
 Subscribers: cmd_vel_mux/input/{safety_controller,teleop,navi} (priority in this order; each has its own timeout).
@@ -32,8 +32,8 @@ from std_srvs.srv import SetBool, SetBoolRequest, SetBoolResponse
 from vsx_hw.readings import BaseReading, Hazard
 from vsx_hw.safety import Decision
 from vsx_ros.config import Config
-from vsx_ros.ros import clock, logs, node, service_manager, threads, topics
-from vsx_ros.ros.base_drivers import Listeners, base_driver, base_guardians
+from vsx_ros.ros import clock, logs, node, systemd_notify, threads, topics
+from vsx_ros.ros.base_drivers import Listeners, base_driver, base_watchdogs
 from vsx_ros.ros.base_health import BaseHealth
 from vsx_ros.ros.base_parameters import base_settings, supervisor, wait_for_base
 from vsx_ros.ros.base_topics import BaseTopics
@@ -42,7 +42,7 @@ from vsx_ros.ros.master_watch import master_watch
 from vsx_ros.ros.services import offer_trigger
 
 LINK_PERIOD_S = 0.2  # a silent base is to be known within a second
-_UNGUARDED = "a guardian of the wheels does not answer; a new one starts"
+_UNGUARDED = "a watchdog of the wheels does not answer; a new one starts"
 
 
 class MobileBaseNode:
@@ -58,14 +58,14 @@ class MobileBaseNode:
         diagnostics = Diagnostics(settings.port)
         settings = wait_for_base(settings, diagnostics)
         self._health = BaseHealth(diagnostics, self._supervisor)
-        self._guardians = base_guardians(settings.robot_type, settings.port)
-        self._driver = base_driver(settings, Listeners(self._on_reading, self._on_link, self._guardians.beat))
+        self._watchdogs = base_watchdogs(settings.robot_type, settings.port)
+        self._driver = base_driver(settings, Listeners(self._on_reading, self._on_link, self._watchdogs.beat))
         for source, topic in topics.COMMANDS.items():
             rospy.Subscriber(topic, Twist, self._on_command, source, queue_size=1, tcp_nodelay=True)
         rospy.Service(topics.ESTOP, SetBool, self._on_estop)
         offer_trigger(topics.RESET_ODOMETRY, self._reset_odometry)
         self._driver.start()
-        service_manager.notify(service_manager.READY)
+        systemd_notify.notify(systemd_notify.READY)
         threads.every(1.0, "health", self._report)
         threads.every(LINK_PERIOD_S, "link", lambda: self._health.link(self._driver.status()))
 
@@ -76,7 +76,7 @@ class MobileBaseNode:
 
     def _on_reading(self, reading: BaseReading) -> None:
         """On the driver's thread: decide first, talk later."""
-        hold = self._master.trouble if self._guardians.answer else _UNGUARDED
+        hold = self._master.trouble if self._watchdogs.answer else _UNGUARDED
         decision, signal = self._supervisor.answer(time.monotonic_ns(), reading, hold)
         self._driver.drive(decision.v_m_s, decision.omega_rad_s, decision.until_ns)
         self._driver.show(signal)
@@ -103,16 +103,16 @@ class MobileBaseNode:
     def _report(self) -> None:
         """Once a second: battery and health."""
         with self._supervisor.lock:
-            service_manager.notify(service_manager.ALIVE)
-        self._guardians.revive()
+            systemd_notify.notify(systemd_notify.ALIVE)
+        self._watchdogs.revive()
         if self._latest is not None and self._driver.status().connected:
             self._topics.tell_battery(self._latest[0])
             self._health.report(*self._latest)
 
     def close(self) -> None:
-        """Stop the wheels and leave the base safe; where that failed, the guardians do it after this process."""
+        """Stop the wheels and leave the base safe; where that failed, the watchdogs do it after this process."""
         if self._driver.close():
-            self._guardians.release()
+            self._watchdogs.release()
 
 
 def main() -> None:

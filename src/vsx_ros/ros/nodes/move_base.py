@@ -27,12 +27,12 @@ from move_base_msgs.msg import MoveBaseAction, MoveBaseActionGoal, MoveBaseFeedb
 
 from vsx_ros.config import Config
 from vsx_ros.errors import VsxError
-from vsx_ros.navigation.pursuit import Act, Brake, Done, Follow, GoalPursuit, PlanRequest, Seen
+from vsx_ros.navigation.goal_execution import Act, Brake, Done, ExecutionInput, Follow, GoalExecution, PlanRequest
 from vsx_ros.ros import clock, convert, frames, node, threads, topics
 from vsx_ros.ros.diagnostics import OK, WARN, Diagnostics
 from vsx_ros.ros.follower_link import FollowerLink
 from vsx_ros.ros.lease import PERIOD_S, Lease, LeaseWatch
-from vsx_ros.ros.localization import HeardLocalization
+from vsx_ros.ros.localization import LocalizationSubscriber
 from vsx_ros.ros.planning_thread import PlanningThread
 from vsx_ros.ros.subscribers import subscribe
 
@@ -44,8 +44,8 @@ class MoveBaseNode:
     """One goal at a time, on the action server's thread."""
 
     def __init__(self, config: Config) -> None:
-        self._pursuing, self._pursuit = threading.Lock(), GoalPursuit(config)
-        self._follower, self._where = FollowerLink(), HeardLocalization()
+        self._pursuing, self._execution = threading.Lock(), GoalExecution(config)
+        self._follower, self._where = FollowerLink(), LocalizationSubscriber()
         self._diagnostics = Diagnostics()
         self._planner = PlanningThread(config, self._diagnostics)
         self._clients = LeaseWatch(topics.NAVIGATION_LEASE)
@@ -68,22 +68,22 @@ class MoveBaseNode:
             (server.set_succeeded if done.arrived else gave_up)(text=done.reason)
 
     def _pursue(self, target: PoseStamped) -> Done:
-        """Step the pursuit until the goal has ended; one that makes way for the next ends while the base brakes."""
+        """Step the execution until the goal has ended; one that makes way for the next ends while the base brakes."""
         frame = frames.bare(target.header.frame_id)
         try:
-            self._pursuit.begin(clock.now_ns(), convert.se2(target.pose), frame)
+            self._execution.begin(clock.now_ns(), convert.se2(target.pose), frame)
         except VsxError as error:
             return Done(False, str(error))
         while not threads.is_ending():
             self._lease.promise(_LOOK_WITHIN_S)
             now_ns = clock.now_ns()
             if self._server.is_preempt_requested():
-                self._pursuit.cancel(now_ns, _CANCELLED)
+                self._execution.cancel(now_ns, _CANCELLED)
                 if self._server.is_new_goal_available():
                     return Done(False, _CANCELLED)
             for number, answer in self._planner.answers():
-                self._pursuit.planned(now_ns, number, answer)
-            for act in self._pursuit.step(now_ns, self._seen(now_ns, frame)):
+                self._execution.planned(now_ns, number, answer)
+            for act in self._execution.step(now_ns, self._seen(now_ns, frame)):
                 if isinstance(act, Done):
                     self._follower.brake(now_ns, math.inf)
                     return act
@@ -91,13 +91,15 @@ class MoveBaseNode:
             time.sleep(PERIOD_S)
         return Done(False, "shutting down")
 
-    def _seen(self, now_ns: int, frame: str) -> Seen:
+    def _seen(self, now_ns: int, frame: str) -> ExecutionInput:
         where = self._where.at(now_ns)
         if (pose := where.pose(frame)) is not None:
             self._server.publish_feedback(MoveBaseFeedback(convert.pose_stamped(frame, now_ns, pose)))
         client = str(self._server.current_goal.get_goal_id().id).split("-")[0]
         gone = self._clients.is_known(client) and not self._clients.is_fresh(client)
-        return Seen(where, self._planner.grid, self._follower.report, self._follower.age_s, client if gone else "")
+        return ExecutionInput(
+            where, self._planner.grid, self._follower.report, self._follower.age_s, client if gone else ""
+        )
 
     def _do(self, now_ns: int, act: Act) -> None:
         if isinstance(act, PlanRequest):

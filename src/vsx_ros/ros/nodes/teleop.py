@@ -24,7 +24,7 @@ from vsx_ros.control.keyboard import KEYS, KeyboardDrive, keys
 from vsx_ros.errors import ConfigError
 from vsx_ros.robot import STOP, VelocityCommand
 from vsx_ros.ros import convert, node, threads, topics
-from vsx_ros.ros.own_address import tell_ros
+from vsx_ros.ros.host_address import export_ros_address
 from vsx_ros.runs.exit_codes import DONE
 
 _PERIOD_S = 0.05
@@ -97,6 +97,6 @@ def _from_parameters(_: Config) -> TeleopNode:
 
 def teleop(v_m_s: float, omega_rad_s: float) -> int:
     """``vsx teleop``: the node at these speeds until its end."""
-    tell_ros()
+    export_ros_address()
     node.run("teleop", lambda _: TeleopNode(v_m_s, omega_rad_s))
     return DONE

@@ -1,4 +1,4 @@
-"""Node ``vslam``: camera and wheels to pose, sparse map and ground map.
+"""Node ``vslam``: images and odometry to pose, sparse map and ground map.
 
 Subscribers: camera/rgb/image_raw, camera/rgb/camera_info, odom, mobile_base/hazards.
 Publishers: vslam/pose (base_footprint in map, stamp of the image), /tf map -> odom, /tf_static (camera, gyro),
@@ -25,7 +25,7 @@ from vsx_ros.errors import InputError
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.ros import node, threads, topics
 from vsx_ros.ros.lease import Lease
-from vsx_ros.ros.picture_watch import PictureWatch
+from vsx_ros.ros.picture_watch import RepeatedImageDetector
 from vsx_ros.ros.pose_publisher import PosePublisher
 from vsx_ros.ros.preview import Preview
 from vsx_ros.ros.save_map_service import SaveMapService
@@ -48,7 +48,7 @@ class VslamNode:
         self._run = SlamRun(config)
         self._session = self._run.session
         self._slam: ThreadedSlam | None = None
-        self._status, self._preview, self._pictures = SlamStatus(), Preview(), PictureWatch()
+        self._status, self._preview, self._pictures = SlamStatus(), Preview(), RepeatedImageDetector()
         self._maps = SlamMaps(config, self._session, self._status)
         self._lease = Lease(topics.FOLLOWER_LEASE, "vslam")
         self._poses = PosePublisher(self._session, config.robot.mount)
@@ -65,7 +65,7 @@ class VslamNode:
         while not threads.is_ending():
             taken = self._input.next()
             if taken is not None and waits_for_odometry and taken[1] is None:
-                self._status.waiting_for(topics.ODOM)  # a map begun without the wheels would have no scale for good
+                self._status.waiting_for(topics.ODOM)  # a map begun without odometry would have no scale for good
             elif taken is not None:
                 waits_for_odometry &= not self._track_frame(slam, *taken)
 
@@ -85,7 +85,7 @@ class VslamNode:
         self._status.frame(result, self._input.period_s, self._input.dropped)
         self._run.frame(slam, result, odometry, time.monotonic() - began_s)
         if self._preview.is_due:
-            self._preview.show(frame, slam.sight())
+            self._preview.show(frame, slam.tracked_features())
         return True
 
     def close(self) -> None:
