@@ -186,7 +186,7 @@ def test_a_journal_that_ends_seconds_before_the_map_is_gone_on_with(resumed, tmp
     assert before.T_odom_base == SE2(*last.T_odom_base)
     assert before.truth.stamp_ns == last.stamp_ns
     assert saved.mission["trail"]
-    assert before.saved.mission.trail == [], "the robot stands before the end of its trail"
+    assert before.system.mission.trail == [], "the robot stands before the end of its trail"
     assert execute(["explore", "--fast", "--resume", str(cut), "--time", "42"]) == 0
     assert folder.read_frames()[-1].stamp_ns > 41 * SECOND
 

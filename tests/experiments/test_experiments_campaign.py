@@ -161,7 +161,7 @@ def is_over(pid: int) -> bool:
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGINT])
 def test_processes_end_with_the_campaign_however_that_ends(tmp_path, end):
     code = (
-        "import test_cli_campaign as t; t.run_campaign([t.Square(1, (r'{}',))], t.slow, t.Store(t.Path(r'{}')),"
+        "import test_experiments_campaign as t; t.run_campaign([t.Square(1, (r'{}',))], t.slow, t.Store(t.Path(r'{}')),"
         " t.Engine(apart=True))"
     ).format(tmp_path / "pid", tmp_path / "r.jsonl")
     paths = os.pathsep.join([str(Path(__file__).parent), *sys.path])
