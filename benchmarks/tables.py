@@ -43,7 +43,14 @@ ROOMS: dict[str, tuple[str, ...]] = {
     "fault_disk": ("src/vsx_ros", "hw/vsx_hw", "benchmarks/fault_disk"),
     "fault_sensors": ("hw/vsx_hw", "benchmarks/fault_sensors"),
     "fault_alarms": ("hw/vsx_hw", "benchmarks/fault_sensors"),
-    "fuzz_files": ("src/vsx_ros/io", "src/vsx_ros/limits", "benchmarks/file_mutations", "benchmarks/file_samples"),
+    "fuzz_files": (
+        "src/vsx_ros/cli",
+        "src/vsx_ros/io",
+        "src/vsx_ros/limits",
+        "benchmarks/file_mutations",
+        "benchmarks/file_samples",
+        "benchmarks/fuzz_files",
+    ),
     "soak_stack": ("src/vsx_ros", "hw/vsx_hw", "benchmarks/soak_stack", "benchmarks/exploring_robot"),
 }
 """What the rows of a file judge: folders, and files without their .py."""

@@ -18,6 +18,7 @@ from vsx_ros.kernels.planning.shortcuts import shorten
 from vsx_ros.occupancy.distance import DistanceField, travel_distance, with_fringe
 from vsx_ros.planning.path import CUSP_COST_M
 from vsx_ros.planning.pieces import Piece, arc_piece
+from vsx_ros.planning.words import nanometres
 
 _ARC_M = 0.27
 _SHORTEST_M = 1e-9
@@ -105,7 +106,7 @@ def free_words(margin: DistanceField, start: SE2, goal: SE2, phi: float, max_rev
             turns[k], lengths[k], phi,
         ):  # fmt: skip
             words.append(Skeleton(turns[k], lengths[k] / phi, phi))
-    return sorted(words, key=lambda word: round(word.length_m, 9))
+    return sorted(words, key=lambda word: nanometres(word.length_m))
 
 
 @dataclass(frozen=True, slots=True)
