@@ -13,5 +13,5 @@ lint:  ## floor plan and style
 types:  ## mypy, strict
 	$(PYTHON) -m mypy
 docs:  ## write anew what is generated: the reference and the default parameters
-	$(PYTHON) -m vsx_ros.ros.reference > docs/reference.md
+	$(PYTHON) -m vsx_ros.cli.reference > docs/reference.md
 	$(PYTHON) -m vsx_ros.cli.main config > config/default.yaml

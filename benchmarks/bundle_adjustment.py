@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from bundle_problems import CAMERA, MOUNT, K, Problem, building, driven_map, ring
 
-from vsx_ros.config import WheelConfig
+from vsx_ros.config import OdometryNoiseConfig
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.slam import bundle
 from vsx_ros.kernels.slam.floor import no_floor
@@ -192,7 +192,7 @@ def section_building() -> None:
             f"{frames} keyframes, {len(problem.points)} points, {len(problem.xy)} observations, tracks of "
             f"{track.mean():.1f} (at most {track.max()})"
         )
-        world, adjuster = driven_map(problem), BundleAdjuster(CAMERA, MOUNT, WheelConfig())
+        world, adjuster = driven_map(problem), BundleAdjuster(CAMERA, MOUNT, OdometryNoiseConfig())
         for what in ("from the start", "eight keyframes later"):
             before = problem.pose_error_m([k.T_world_cam.inverse() for k in world.keyframes])
             whole, longest, slices = timed_adjustment(adjuster, world, frames)

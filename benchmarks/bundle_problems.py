@@ -122,7 +122,7 @@ def building(frames: int, points: int, per_frame: int, seed: int = 0) -> Problem
 def driven_map(problem: Problem, seed: int = 0) -> Map:
     """The problem as a SLAM's map, with wheels that are 0.5 % and 2 mrad a step wrong."""
     rng, world = np.random.default_rng(seed), Map()
-    bases = [SE2.from_se3(T.inverse() @ MOUNT.inverse()) for T in problem.truth]
+    bases = [(T.inverse() @ MOUNT.inverse()).to_se2() for T in problem.truth]
     wheels = bases[0]
     for k, T in enumerate(problem.poses):
         if k:
@@ -133,10 +133,10 @@ def driven_map(problem: Problem, seed: int = 0) -> Map:
     first = problem.frame[np.searchsorted(problem.point, np.arange(len(problem.points)))]
     for k in range(len(problem.poses)):
         made = problem.points[first == k]
-        looks = NewTemplates(
+        templates = NewTemplates(
             np.zeros((len(made), 4)), np.zeros((len(made), 2)), np.zeros((len(made), PATCH, PATCH), np.uint8)
         )
-        world.add_points(made, looks, k)
+        world.add_points(made, templates, k)
         mine = problem.frame == k
         uv, level = problem.xy[mine], np.zeros(int(mine.sum()), np.int64)
         world.observe(k, Observations(problem.point[mine], uv, uv, level))

@@ -14,11 +14,11 @@ import time
 import numpy as np
 from scipy.optimize import nnls
 
-from vsx_ros.cli.explore_fast import FastRun
-from vsx_ros.cli.world import open_world
 from vsx_ros.config import Config
-from vsx_ros.navigation.costs import known_m2
+from vsx_ros.navigation.computing_time import known_m2
 from vsx_ros.navigation.goal_planner import TimedPlan
+from vsx_ros.runs.lockstep import FastRun
+from vsx_ros.runs.world import open_world
 
 
 def watched(run: FastRun) -> tuple[list[list[float]], list[list[float]]]:
@@ -28,9 +28,9 @@ def watched(run: FastRun) -> tuple[list[list[float]], list[list[float]]]:
     decide, timed = mission.decide, planner.timed
 
     def decided(*args):
-        before, began = mission.outlook.ranking, time.process_time()
+        before, began = mission.view_selector.ranking, time.process_time()
         decision = decide(*args)
-        if mission.outlook.ranking is not before:
+        if mission.view_selector.ranking is not before:
             rankings.append([1.0, known_m2(system.grid), 1e3 * (time.process_time() - began)])
         return decision
 

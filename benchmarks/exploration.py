@@ -28,16 +28,16 @@ import numpy as np
 from nearest_frontier import nearest_frontier
 from tables import RESULTS, rooms_of
 
-from vsx_ros.cli.exit_codes import STOPPED
-from vsx_ros.cli.experiments.campaign import Engine, run_campaign
-from vsx_ros.cli.experiments.exploration import run_whole
-from vsx_ros.cli.experiments.rows import Store
-from vsx_ros.cli.explore_fast import FastRun
-from vsx_ros.cli.world import open_world
 from vsx_ros.config import Config
 from vsx_ros.errors import InputError
+from vsx_ros.experiments.campaign import Engine, run_campaign
+from vsx_ros.experiments.exploration import run_whole
+from vsx_ros.experiments.rows import Store
 from vsx_ros.exploration.decision import Action
 from vsx_ros.occupancy.grid import UNKNOWN
+from vsx_ros.runs.exit_codes import STOPPED
+from vsx_ros.runs.lockstep import FastRun
+from vsx_ros.runs.world import open_world
 
 SAMPLE_S = 5.0
 LEVELS = (0.5, 0.7, 0.8, 0.9, 0.95)
@@ -62,7 +62,7 @@ def explored(task: Exploration, pictures: Path | None = None) -> dict[str, objec
     """One run in lock-step. reached: metres and seconds until shares were known and right."""
     run = FastRun(open_world(task.world, task.seed), 1000 * task.noise + task.seed, "fov", Config())
     if task.strategy == "nearest":
-        run.system.mission.outlook._rank = nearest_frontier
+        run.system.mission.view_selector._rank = nearest_frontier
     reached: dict[str, list[float]] = {}
     due_s = 0.0
     enough = run.until(task.until)

@@ -20,10 +20,9 @@ from exploration import LEVELS, SAMPLE_S
 from nearest_frontier import nearest_frontier
 from tables import RESULTS, rooms_of
 
-from vsx_ros.cli.experiments.campaign import Engine, run_campaign
-from vsx_ros.cli.experiments.rows import Store
-from vsx_ros.cli.run_record import MapJudge
 from vsx_ros.config import Config
+from vsx_ros.experiments.campaign import Engine, run_campaign
+from vsx_ros.experiments.rows import Store
 from vsx_ros.exploration.decision import Action, NavigationState, Situation
 from vsx_ros.exploration.mission import Mission
 from vsx_ros.exploration.utility import Ranker, rank_views
@@ -32,11 +31,12 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels import kernel
 from vsx_ros.occupancy.grid import FREE, OccupancyGrid
-from vsx_ros.occupancy.ground_map import Driven, GroundMap
+from vsx_ros.occupancy.ground_map import DriveHistory, GroundMap
+from vsx_ros.planning.landmark_visibility import Visibility
 from vsx_ros.planning.path import Refusal, Trajectory
 from vsx_ros.planning.planner import Planner
-from vsx_ros.planning.sight import Sight
 from vsx_ros.planning.time_scaling import time_scale
+from vsx_ros.runs.record import MapJudge
 from vsx_ros.sim.camera import EmulatedCamera
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.scene import compile_scene
@@ -204,7 +204,7 @@ class Run:
         self._points, keyframe, point = self._landmarks.mapped()
         self._grid = self._ground.build(
             self._landmarks.T_world_cams, self._points, keyframe, point,
-            Driven(self._trail, self._bumps, SE2()),
+            DriveHistory(self._trail, self._bumps, SE2()),
         )  # fmt: skip
         if due:
             right = self._judge.quality(self._grid).coverage_correct or 0.0
@@ -227,8 +227,8 @@ class Run:
         if frame == "odom" or self._grid is None:
             plan = self._planner.plan_blind(self._pose, goal)
         else:
-            sight = Sight.of(self._points, config.planner)
-            plan = self._planner.plan(self._pose, goal, self._grid, self._rng, sight)
+            visibility = Visibility.of(self._points, config.planner)
+            plan = self._planner.plan(self._pose, goal, self._grid, self._rng, visibility)
         if isinstance(plan, Refusal):
             self._stop(NavigationState.ABORTED, plan.reason)
             return

@@ -26,7 +26,7 @@ from tables import RESULTS, rooms_of
 from vsx_hw.errors import DeviceError
 from vsx_hw.kinect import wire
 from vsx_hw.kinect.protocol import FLAG_START, HEADER_BYTES
-from vsx_ros.cli.experiments.rows import Store
+from vsx_ros.experiments.rows import Store
 
 FAULTS = ("unplugged", "off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent")
 WATCH_S = 4.0

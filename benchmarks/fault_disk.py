@@ -32,12 +32,12 @@ import numpy as np
 import yaml
 from tables import RESULTS, rooms_of
 
-from vsx_ros.cli.experiments.rows import Store
-from vsx_ros.io.journal import read_journal
+from vsx_ros.experiments.rows import Store
 from vsx_ros.io.map_file import load_map
 from vsx_ros.io.ply_file import read_ply
-from vsx_ros.io.run_folder import RunFolder
 from vsx_ros.io.sealed_archive import unseal
+from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.journal import read_journal
 
 FAULTS = ("full", "full for 3 s", "no inode left", "read-only", "run folder deleted")
 HOW = ("live", "lockstep")

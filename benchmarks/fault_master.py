@@ -21,7 +21,7 @@ import time
 from exploring_robot import begin, home, new_stack, ready, wait_for_motion
 from tables import RESULTS, rooms_of
 
-from vsx_ros.cli.experiments.rows import Store
+from vsx_ros.experiments.rows import Store
 
 AWAY_S = (0.5, 1.0, 5.0, 30.0)
 DRIVES_WITHIN_S = 60.0

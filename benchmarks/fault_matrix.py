@@ -26,7 +26,7 @@ from vsx_hw.kinect.socket_transport import SocketTransport
 from vsx_hw.readings import Hazard
 from vsx_hw.safety import SpeedLimits, Supervisor
 from vsx_hw.serial_emulator import PlantState
-from vsx_ros.cli.experiments.rows import Store
+from vsx_ros.experiments.rows import Store
 
 FAULTS = ("off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent")
 WATCH_S = 2.5

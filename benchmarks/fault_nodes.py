@@ -5,8 +5,8 @@ python benchmarks/fault_nodes.py [--repetitions 20] [--nodes mobile_base followe
 
 The real nodes explore an office, over a real driver and a pseudo-terminal. Each repetition waits until the wheels turn,
 then does it (SIGKILL, SIGSTOP or SIGINT to that process), measures until the wheels were told to stand, and mends it;
-a stack whose master ended is built anew (benchmarks/fault_master.py starts another master instead). A guardian of
-mobile_base ignores SIGINT, and is replaced by its node; mobile_base+guardian are both at once.
+a stack whose master ended is built anew (benchmarks/fault_master.py starts another master instead). A watchdog of
+mobile_base ignores SIGINT, and is replaced by its node; mobile_base+watchdog are both at once.
 Each repetition leaves a row; benchmarks/tables.py makes the table of docs/reliability.md from them.
 """
 
@@ -21,40 +21,40 @@ from pathlib import Path
 from exploring_robot import START_S, begin, home, new_stack, ready
 from tables import RESULTS, rooms_of
 
-from vsx_ros.cli.experiments.rows import Store
+from vsx_ros.experiments.rows import Store
 
 NODES = (
-    "mobile_base", "follower", "move_base", "explore", "camera", "vslam", "rosmaster", "guardian",
-    "mobile_base+guardian",
+    "mobile_base", "follower", "move_base", "explore", "camera", "vslam", "rosmaster", "watchdog",
+    "mobile_base+watchdog",
 )  # fmt: skip
 SIGNALS = {"killed": signal.SIGKILL, "hung": signal.SIGSTOP, "stopped": signal.SIGINT}
 WATCH_S = 1.5
 
 
 def victims(stack: object, node: str) -> list[int]:
-    """Process ids. A guardian is one of the two children of mobile_base."""
-    if "guardian" not in node:
+    """Process ids. A watchdog is one of the two children of mobile_base."""
+    if "watchdog" not in node:
         return [stack._processes[node].pid]
     base = stack._processes["mobile_base"].pid
-    guardian, _ = (
+    watchdog, _ = (
         int(child) for task in Path(f"/proc/{base}/task").glob("*/children") for child in task.read_text().split()
     )
-    return [guardian] if node == "guardian" else [guardian, base]
+    return [watchdog] if node == "watchdog" else [watchdog, base]
 
 
 def repetition(stack: object, node: str, how: str) -> float:
-    """Seconds until the wheels stand for good (for a guardian, until it is replaced); -1 when they do not."""
+    """Seconds until the wheels stand for good (for a watchdog, until it is replaced); -1 when they do not."""
     pids = victims(stack, node)
     begin_s = time.monotonic()
     for pid in pids:
         os.kill(pid, SIGNALS[how])
-    while time.monotonic() - begin_s < WATCH_S and (stack.plant.moving or node != "guardian"):
+    while time.monotonic() - begin_s < WATCH_S and (stack.plant.moving or node != "watchdog"):
         time.sleep(0.005)
     return -1.0 if stack.plant.moving else max(0.0, stack.plant.stopped_s - begin_s)
 
 
 def mend(stack: object, node: str, how: str) -> None:
-    if node == "guardian":
+    if node == "watchdog":
         return
     node = node.split("+")[0]
     process = stack._processes[node]
@@ -80,7 +80,7 @@ def main() -> None:
     try:
         for how in args.how:
             for node in args.nodes:
-                if "guardian" in node and how == "stopped":
+                if "watchdog" in node and how == "stopped":
                     continue
                 last = node == "rosmaster" and how != "hung"
                 for number in range(args.repetitions):

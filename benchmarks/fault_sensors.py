@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 from tables import RESULTS, rooms_of
 
-from vsx_ros.cli.experiments.rows import Store
+from vsx_ros.experiments.rows import Store
 
 sys.path.append(str(Path(__file__).parents[1] / "tests" / "hw"))
 import hw_sensor_faults

@@ -18,7 +18,7 @@ from pathlib import Path
 import lz4.frame
 import numpy as np
 
-from vsx_ros.io.pieces import array_bytes, array_of
+from vsx_ros.io.array_chunks import array_bytes, array_of
 from vsx_ros.io.sealed_archive import seal, unseal
 
 Mutation = Callable[[random.Random, bytes], bytes]

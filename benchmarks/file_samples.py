@@ -13,19 +13,20 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
 
-from vsx_ros.cli.experiments.rows import Store
 from vsx_ros.config import Config
-from vsx_ros.exploration.memory import MissionMemory
+from vsx_ros.experiments.rows import Store
+from vsx_ros.exploration.saved_mission import SavedMission
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.calibration_file import write_calibration
-from vsx_ros.io.checkpoint import Saved
-from vsx_ros.io.journal import ClockLine, EventLine, FrameLine, Journal, TruthLine, flat
-from vsx_ros.io.run_folder import FrameRecord, RunEvent, RunFolder
 from vsx_ros.kernels.vision.patches import PATCH
 from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.robot import Odometry
+from vsx_ros.runs.checkpoint import CheckpointData
+from vsx_ros.runs.folder import FrameRecord, RunEvent, RunFolder
+from vsx_ros.runs.journal import ClockLine, EventLine, FrameLine, Journal, TruthLine, flat
 from vsx_ros.slam.keyframe import FrameData, Observations
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.slam_map import SlamMap
@@ -48,8 +49,10 @@ def slam_map() -> SlamMap:
         camera = moving(kernel_camera(CAMERA), np.zeros(6))
         data = FrameData(k + 1, pyramid, detector.detect(pyramid), small_image(pyramid), SE2(0.1 * k, 0.0, 0.0), camera)
         world.add_keyframe(data, SE3.exp(rng.normal(0.0, 0.3, 6)), Observations.none(), map_id=0)
-        looks = NewTemplates(rng.normal(size=(20, 4)), rng.random((20, 2)), rng.integers(0, 256, (20, PATCH, PATCH)))
-        world.add_points(rng.normal(size=(20, 3)), looks, k)
+        templates = NewTemplates(
+            rng.normal(size=(20, 4)), rng.random((20, 2)), rng.integers(0, 256, (20, PATCH, PATCH))
+        )
+        world.add_points(rng.normal(size=(20, 3)), templates, k)
     for k in range(3):
         uv = rng.uniform(0.0, 119.0, (60, 2))
         world.observe(k, Observations(np.arange(60), uv, uv + 0.1, rng.integers(0, 4, 60)))
@@ -79,10 +82,10 @@ def run_folder(path: Path) -> RunFolder:
         folder.write_poses(name, poses)
     folder.write_map(grid())
     folder.write_points(np.random.default_rng(0).normal(size=(50, 3)))
-    memory = MissionMemory([SE2(0, 0, 0)], [(SE2(1, 1, 0), 3.0, 1)], [SE2(0, 0, 0)], False, SE2(0, 0, 0))
+    saved = SavedMission([SE2(0, 0, 0)], [(SE2(1, 1, 0), 3.0, 1)], [SE2(0, 0, 0)], False, SE2(0, 0, 0))
     state = {"errors_m": np.zeros(3), "plans": np.array([4]), "driven": np.zeros((4, 3))}
-    folder.checkpoint.write(Saved(slam_map(), 10**9, state, memory.tree()))
-    folder.checkpoint.write_mission(memory.tree(), 10**9)
+    folder.checkpoint.write(CheckpointData(slam_map(), 10**9, state, saved.tree()))
+    folder.checkpoint.write_mission(saved.tree(), 10**9)
     journal(folder.journal, poses)
     return folder
 
@@ -92,7 +95,7 @@ def journal(path: Path, poses: list[StampedPose]) -> None:
     lines = Journal(path)
     for k, pose in enumerate(poses):
         result = TrackingResult(pose.stamp_ns, TrackingState.GOOD, pose.T, 100, 60, k == 5, "")
-        lines.add(FrameLine.of(result, SE2(0.1 * k, 0.0, 0.0), 7.0, 1.0))
+        lines.add(FrameLine.of(result, Odometry(0, SE2(0.1 * k, 0.0, 0.0)), 7.0, 1.0))
     lines.add(EventLine(stamp_ns=1, source="slam", state="GOOD", reason=""))
     lines.add(TruthLine(stamp_ns=2, T_world_cam=flat(poses[0].T), T_world_base=(0.0, 0.0, 0.0), collisions=0))
     lines.add(ClockLine(stamp_ns=3, elapsed_s=1.0, plans=1, collisions=0))

@@ -35,25 +35,25 @@ import file_samples as samples
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from tables import RESULTS, rooms_of
 
-from vsx_ros.cli.config import load as load_config
-from vsx_ros.cli.experiments.rows import Store, read_rows
 from vsx_ros.cli.map import facts
-from vsx_ros.cli.report import write_report
-from vsx_ros.cli.robot_file import update_robot_file
-from vsx_ros.cli.session import Before, end_the_trail
 from vsx_ros.errors import InputError, VsxError
 from vsx_ros.evaluation.trajectory import associate, trajectory_error
+from vsx_ros.experiments.rows import Store, read_rows
 from vsx_ros.io.bag_reader import messages
 from vsx_ros.io.bag_without_index import UnindexedBag
 from vsx_ros.io.calibration_file import read_calibration
 from vsx_ros.io.image_encoding import SUPPORTED, decoded, gray_image
-from vsx_ros.io.journal import FrameLine, read_journal
 from vsx_ros.io.map_file import load_map, load_plan
+from vsx_ros.io.open_recording import open_recording
 from vsx_ros.io.ply_file import read_ply
-from vsx_ros.io.recording import open_recording
-from vsx_ros.io.run_folder import RunFolder
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
 from vsx_ros.io.trajectory_file import read_trajectory
+from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.journal import FrameLine, read_journal
+from vsx_ros.runs.parameters import load as load_config
+from vsx_ros.runs.report import write_report
+from vsx_ros.runs.robot_file import update_robot_file
+from vsx_ros.runs.session import PreviousSessions, end_trail
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.map_import import world_from_grid
 from vsx_ros.sim.truth import ground_truth_grid
@@ -123,8 +123,10 @@ def _world(path: Path) -> None:
 def _resume(path: Path) -> None:
     folder = RunFolder.open(path)
     folder.read_config()
-    Before.of(folder)
-    end_the_trail(folder, False)
+    before = PreviousSessions.of(folder)
+    if before is not None:
+        assert before.system is not None
+    end_trail(folder, False)
 
 
 def _journal(path: Path) -> None:

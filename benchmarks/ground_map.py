@@ -29,7 +29,7 @@ from vsx_ros.evaluation.obstacles import ObstacleQuality, obstacle_quality, seen
 from vsx_ros.geometry.camera import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.occupancy.ground_map import Driven, GroundMap
+from vsx_ros.occupancy.ground_map import DriveHistory, GroundMap
 from vsx_ros.occupancy.surfaces import Surfaces
 from vsx_ros.robot import STOP
 from vsx_ros.sim.generate import generate_world
@@ -143,7 +143,7 @@ def rebuild(n: int, half_length_m: float, half_width_m: float) -> float:
     for _ in range(4):
         began = time.thread_time()
         ground_map.build(
-            cameras, at, np.concatenate(keyframe), np.concatenate(point), Driven(poses, start=SE2()), surfaces
+            cameras, at, np.concatenate(keyframe), np.concatenate(point), DriveHistory(poses, start=SE2()), surfaces
         )
         times.append(1e3 * (time.thread_time() - began))
     return min(times)

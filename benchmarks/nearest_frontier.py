@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from vsx_ros.exploration.frontiers import find_frontiers
-from vsx_ros.exploration.utility import Ranking, RankingInput, Rejection, View, standing_room
+from vsx_ros.exploration.utility import Ranking, RankingInput, Rejection, View, traversable_cells
 from vsx_ros.geometry.se2 import SE2
 
 POTENTIAL_SCALE, GAIN_SCALE = 3.0, 1.0  # explore_lite's defaults
@@ -14,9 +14,9 @@ POTENTIAL_SCALE, GAIN_SCALE = 3.0, 1.0  # explore_lite's defaults
 def nearest_frontier(asked: RankingInput) -> Ranking:
     """Goals as explore_lite ranks them: 3 x straight distance to the frontier's nearest cell less its length; the goal
     is the place to stand nearest to its middle. It stands with any heading there; here it looks at the frontier."""
-    grid, radius_m, _, looked_from, travel_costs, given_up, config = asked
+    grid, radius_m, _, looked_from, travel_costs, blacklist, config = asked
     rejected = dict.fromkeys(Rejection, 0)
-    cells = np.argwhere(standing_room(grid, radius_m + config.view_margin_m))
+    cells = np.argwhere(traversable_cells(grid, radius_m + config.view_margin_m))
     frontiers = find_frontiers(grid, config.min_frontier_m)
     if not len(cells) or not frontiers:
         rejected[Rejection.NO_ROOM] = int(not len(cells))
@@ -31,9 +31,9 @@ def nearest_frontier(asked: RankingInput) -> Ranking:
         utility = GAIN_SCALE * frontier.length_m - POTENTIAL_SCALE * near_m
         views.append(View(SE2(*map(float, place), heading), frontier.length_m, near_m, 0, utility))
     poses = np.array([view.pose.as_array() for view in views])
-    failed, reachable = given_up(poses), np.isfinite(travel_costs(poses))
+    failed, reachable = blacklist(poses), np.isfinite(travel_costs(poses))
     looked = np.array([_is_looked(pose, looked_from, config.look_spacing_m) for pose in poses])
-    rejected[Rejection.GIVEN_UP], rejected[Rejection.LOOKED] = int(failed.sum()), int(looked.sum())
+    rejected[Rejection.BLACKLISTED], rejected[Rejection.LOOKED] = int(failed.sum()), int(looked.sum())
     rejected[Rejection.UNREACHABLE] = int((~reachable).sum())
     left = [view for view, out in zip(views, failed | ~reachable | looked, strict=True) if not out]
     return Ranking(sorted(left, key=lambda view: -view.utility), rejected)

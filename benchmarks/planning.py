@@ -21,10 +21,11 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.planning.reeds_shepp import reeds_shepp_lengths
 from vsx_ros.kernels.warmup import warm_up
 from vsx_ros.planning.connect import connect
+from vsx_ros.planning.feasibility import feasible
 from vsx_ros.planning.path import Path, Plan, Trajectory
-from vsx_ros.planning.planner import Planner, UnconstrainedPlanner
-from vsx_ros.planning.reach import feasible
+from vsx_ros.planning.planner import Planner
 from vsx_ros.planning.time_scaling import time_scale
+from vsx_ros.planning.unconstrained import UnconstrainedPlanner
 
 PHIS = [0.5, 1.0, 2.0]
 

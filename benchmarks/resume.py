@@ -24,10 +24,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from tables import RESULTS, rooms_of
 
-from vsx_ros.cli.experiments.campaign import Engine, run_campaign
-from vsx_ros.cli.experiments.rows import Store
 from vsx_ros.cli.reproduce import seeds
-from vsx_ros.io.journal import FrameLine, read_journal
+from vsx_ros.experiments.campaign import Engine, run_campaign
+from vsx_ros.experiments.rows import Store
+from vsx_ros.runs.journal import FrameLine, read_journal
 
 VSX = [sys.executable, "-m", "vsx_ros.cli.main", "explore", "--fast"]
 LAST_S = 60.0

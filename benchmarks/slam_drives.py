@@ -64,7 +64,7 @@ class Drive(NamedTuple):
     def frame(self, k: int) -> Frame:
         return Frame(self.stamps_ns[k], self.images[k])
 
-    def wheels(self, k: int) -> Odometry:
+    def odometry_at(self, k: int) -> Odometry:
         x, y, theta, v, omega = self.odometry[k].tolist()
         return Odometry(self.stamps_ns[k], SE2(x, y, theta), v, omega)
 

@@ -25,7 +25,7 @@ from exploring_robot import home, new_stack, wait_for_motion
 from fault_camera import FaultyCable
 from tables import RESULTS, rooms_of
 
-from vsx_ros.cli.experiments.rows import Store
+from vsx_ros.experiments.rows import Store
 
 PERIOD_S, WARM_S = 20.0, 120.0
 DISK_MB = 256
@@ -85,7 +85,7 @@ class Truth:
         from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
         from nav_msgs.msg import Odometry
 
-        from vsx_ros.ros import convert, guest, topics
+        from vsx_ros.ros import convert, operator_command, topics
 
         self._start = stack.plant.state.T_world_base
         self._rows: list[tuple[int, float, float, float]] = []
@@ -93,7 +93,7 @@ class Truth:
         self.keyframes = 0
         self._convert = convert
         stack.watch_steps(self._on_step)
-        guest.join("soak")  # whose subscriptions outlive a master, too
+        operator_command.join("soak")  # whose subscriptions outlive a master, too
         rospy.Subscriber(f"/{topics.POSE}", PoseWithCovarianceStamped, self._judge, "slam")
         rospy.Subscriber(f"/{topics.ODOM}", Odometry, self._judge, "odometry")
         rospy.Subscriber(f"/{topics.KEYFRAMES}", PoseArray, self._count)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from vsx_ros.cli.experiments.rows import Row
+from vsx_ros.experiments.rows import Row
 
 Runs = Sequence[Row]
 _UNTIL = "90"

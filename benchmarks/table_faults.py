@@ -7,7 +7,7 @@ import statistics
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from vsx_ros.cli.experiments.rows import Row
+from vsx_ros.experiments.rows import Row
 
 
 def nodes(rows: Sequence[Row]) -> list[str]:
@@ -16,6 +16,7 @@ def nodes(rows: Sequence[Row]) -> list[str]:
     for (node, how), results in _parts(rows, "node", "how"):
         turned = [result["turned_s"] for result in results]
         worst = "did not stop" if min(turned) < 0 else f"{max(turned):.3f} s"
+        node = node.replace("guardian", "watchdog")  # the name in older rows
         lines.append(f"| {node} | {how} | {statistics.median(turned):.3f} s | {worst} | {len(turned)} |")
     return lines
 

@@ -17,24 +17,29 @@ from typing import Any, NamedTuple
 
 import table_exploration
 import table_faults
+import table_paper
 
-from vsx_ros.cli.experiments.rows import Row, code_hash, read_rows, tell
+from vsx_ros.experiments.rows import Row, code_hash, read_rows, tell
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "benchmarks" / "results"
 
 _CORE = (
-    "config", "cli/explore_fast", "cli/run_record", "control", "dense", "evaluation", "exploration", "geometry",
-    "kernels", "navigation", "occupancy", "planning", "robot", "sim", "slam", "system", "vision",
+    "config", "control", "dense", "evaluation", "exploration", "geometry", "kernels", "navigation", "occupancy",
+    "planning", "robot", "runs/lockstep", "runs/record", "runs/session", "session", "sim", "slam", "system", "vision",
 )  # fmt: skip
-_NODES = ("hw/vsx_hw", "src/vsx_ros/ros", "src/vsx_ros/control", "src/vsx_ros/navigation", "src/vsx_ros/robot")
+_NODES = (
+    "hw/vsx_hw",
+    *(f"src/vsx_ros/{room}" for room in ("ros", "runs", "control", "navigation", "robot", "session")),
+)
 _IN_LOCK_STEP = tuple(f"src/vsx_ros/{room}" for room in _CORE)
 
 ROOMS: dict[str, tuple[str, ...]] = {
     "exploration": (*_IN_LOCK_STEP, "benchmarks/exploration", "benchmarks/nearest_frontier"),
+    "drives": ("src/vsx_ros",),
     "exploration_strategy": (*_IN_LOCK_STEP, "benchmarks/exploration_strategy", "benchmarks/nearest_frontier"),
     "exploration_live": (*_IN_LOCK_STEP, "src/vsx_ros/ros", "hw/vsx_hw", "benchmarks/exploration"),
-    "resume": (*_IN_LOCK_STEP, "src/vsx_ros/cli/session", "src/vsx_ros/io", "benchmarks/resume"),
+    "resume": (*_IN_LOCK_STEP, "src/vsx_ros/io", "src/vsx_ros/runs", "benchmarks/resume"),
     "fault_nodes": (*_NODES, "benchmarks/fault_nodes", "benchmarks/exploring_robot"),
     "fault_camera": (*_NODES, "src/vsx_ros/slam", "benchmarks/fault_camera", "benchmarks/exploring_robot"),
     "fault_bases": ("hw/vsx_hw", "benchmarks/fault_matrix"),
@@ -47,6 +52,7 @@ ROOMS: dict[str, tuple[str, ...]] = {
         "src/vsx_ros/cli",
         "src/vsx_ros/io",
         "src/vsx_ros/limits",
+        "src/vsx_ros/runs",
         "benchmarks/file_mutations",
         "benchmarks/file_samples",
         "benchmarks/fuzz_files",
@@ -81,6 +87,8 @@ TABLES: dict[str, Table] = {
     "files": Table("docs/reliability.md", "fuzz_files", table_faults.files),
     "soaks": Table("docs/reliability.md", "soak_stack", table_faults.soaks),
     "alarms": Table("docs/reliability.md", "fault_alarms", table_faults.alarms),
+    "table 1": Table("docs/results.md", "drives", table_paper.table1),
+    "U2": Table("docs/paper.md", "drives", table_paper.u2),
     "totals": Table("README.md", "exploration", table_exploration.brief, _LAB),
     "strategies": Table("docs/results.md", "exploration_strategy", table_exploration.strategies),
     "exploration": Table("docs/results.md", "exploration", table_exploration.runs, _LAB),

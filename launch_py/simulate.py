@@ -8,4 +8,4 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "scripts"))
 
 import boot
 
-boot.into("vsx_ros.ros.launching")
+boot.into("vsx_ros.cli.launching")

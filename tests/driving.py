@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from vsx_ros.config import ComputingConfig, Config
-from vsx_ros.control.localization import Localization, Whereabouts
+from vsx_ros.control.localization import Localization, LocalizationState
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.unicycle import integrate
-from vsx_ros.navigation.costs import Costs
+from vsx_ros.navigation.computing_time import ComputingTime
 from vsx_ros.navigation.goal_planner import GoalPlanner
 from vsx_ros.navigation.navigator import Navigator
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
@@ -85,20 +85,20 @@ class Base:
 
 
 class LockStep:
-    """The navigator above such a base, told where it is by the wheels and by a camera that is late."""
+    """The navigator above such a base, told where it is by odometry and by a camera that is late."""
 
     def __init__(self, config: Config = CONFIG) -> None:
         self.base, self.localization = Base(), Localization()
         self.planner = GoalPlanner(config, "fov", 0)
         self.planner.take_grid(open_floor(), 0)
-        self.navigator = Navigator(config, self.planner, Costs(config.computing))
+        self.navigator = Navigator(config, self.planner, ComputingTime(config.computing))
         self._seen: deque[tuple[int, SE2]] = deque()
         self.drive(0.2)
 
     def go(self, goal: SE2, frame: str = "map") -> None:
         self.navigator.go(self.base.now_ns, goal, frame)
 
-    def where(self, state: TrackingState) -> Whereabouts:
+    def where(self, state: TrackingState) -> LocalizationState:
         base = self.base
         self._seen.append((base.now_ns, base.pose))
         self.localization.add_odometry(base.odometry)

@@ -6,7 +6,7 @@ import pytest
 
 from vsx_ros.config import Config, overridden
 from vsx_ros.errors import ConfigError
-from vsx_ros.exploration.outlook import Outlook
+from vsx_ros.exploration.view_selector import ViewSelector
 from vsx_ros.registry import PLUGINS, Registry, load_plugins
 
 
@@ -36,8 +36,8 @@ def test_a_ranker_of_a_user_s_module_is_found_by_name(tmp_path: Path, monkeypatc
     )
     config = overridden(Config(), {"exploration.ranker": "nothing"})
     with pytest.raises(ConfigError, match="no view ranker named 'nothing'"):
-        Outlook(config, lambda start, grid: lambda poses: poses[:, 0])
+        ViewSelector(config, lambda start, grid: lambda poses: poses[:, 0])
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setenv(PLUGINS, "my_ranker")
     load_plugins()
-    Outlook(config, lambda start, grid: lambda poses: poses[:, 0])
+    ViewSelector(config, lambda start, grid: lambda poses: poses[:, 0])

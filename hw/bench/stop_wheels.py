@@ -1,6 +1,6 @@
 """stop_wheels.py PORT, the robot on a box: you should see the wheels turn for 3 s and stop within a second of "killed".
 
-The driver runs in a child process that is killed with SIGKILL; its guardians stop the wheels.
+The driver runs in a child process that is killed with SIGKILL; its watchdogs stop the wheels.
 """
 
 import os
@@ -11,12 +11,12 @@ import time
 from bench_base import BenchBase
 
 from vsx_hw.bases import BASES
-from vsx_hw.guardian import Guardians
+from vsx_hw.watchdog import Watchdogs
 
 if os.fork() == 0:
     base = BenchBase(sys.argv[1])
-    guardians = Guardians(base.port, BASES[base.kind].baud, BASES[base.kind].stop_bytes())
-    driver = base.driver(lambda reading: driver.drive(0.1, 0.0), guardians.beat)
+    watchdogs = Watchdogs(base.port, BASES[base.kind].baud, BASES[base.kind].stop_bytes())
+    driver = base.driver(lambda reading: driver.drive(0.1, 0.0), watchdogs.beat)
     driver.start()
     time.sleep(4.0)
     print("killed", flush=True)

@@ -12,8 +12,8 @@ import time
 from collections.abc import Callable, Iterable
 from typing import NamedTuple, Protocol
 
+from vsx_hw.connection_thread import ConnectionThread
 from vsx_hw.errors import DeviceTimeout
-from vsx_hw.keeper import Keeper
 from vsx_hw.readings import BaseReading, LinkStatus, Signal
 from vsx_hw.transport import Transport
 
@@ -77,7 +77,7 @@ class BaseDriver:
 
     ``on_link`` is told (connected, message) at every change. Within ``on_reading`` a call of ``drive`` reaches the
     wheels in the same cycle. ``on_command`` hears after each command whether it lets the wheels turn: the pulse of a
-    guardian. Usable as a context manager.
+    watchdog. Usable as a context manager.
     """
 
     def __init__(
@@ -99,7 +99,7 @@ class BaseDriver:
         self._row, self._damage, self._refusal = 0, 0, ""
         self._sent = _STILL
         self._signal, self._shown = Signal.READY, ""
-        self._keeper = Keeper(device, open_transport, self._serve, self._leave, on_link, BACKOFF_S)
+        self._connection = ConnectionThread(device, open_transport, self._serve, self._leave, on_link, BACKOFF_S)
 
     def __enter__(self) -> BaseDriver:
         """Start."""
@@ -112,7 +112,7 @@ class BaseDriver:
 
     def start(self) -> None:
         """Begin connecting; returns at once."""
-        self._keeper.start()
+        self._connection.start()
 
     def drive(self, v_m_s: float, omega_rad_s: float, until_ns: int | None = None) -> None:
         """Move like this until the next command, at most until the timeout or the instant until_ns (monotonic)."""
@@ -133,27 +133,27 @@ class BaseDriver:
 
     def status(self) -> LinkStatus:
         """Health for diagnostics: a base that has been silent for longer than TOLD_NS is not connected."""
-        counters = {"connections": self._keeper.connections, **self._dialect.counters()}
-        connected, message = self._keeper.connected, self._keeper.message
+        counters = {"connections": self._connection.connections, **self._dialect.counters()}
+        connected, message = self._connection.connected, self._connection.message
         silent_ns = time.monotonic_ns() - self._last_reading_ns
         if connected and silent_ns > TOLD_NS:
             told = f"{self._heard()} for {silent_ns * 1e-9:.1f} s; the wheels are told to stand"
             connected, message = False, f"{told}; {self._dialect.silence()}"
-        return LinkStatus(connected, message, self._device, counters, self._keeper.alive)
+        return LinkStatus(connected, message, self._device, counters, self._connection.alive)
 
     def close(self) -> bool:
         """Stop the wheels, leave the base safe and release the port; whether the wheels surely stand."""
-        return self._keeper.close() and self._sent == _STILL
+        return self._connection.close() and self._sent == _STILL
 
     def _serve(self, transport: Transport) -> None:
         """One connection: until the driver closes or the device fails."""
         self._command, self._shown, self._heard_bytes, self._row = None, "", 0, 0
         for data, pause_s in self._dialect.hello():
             transport.write(data)
-            self._keeper.closing.wait(pause_s)
+            self._connection.closing.wait(pause_s)
         self._last_reading_ns = time.monotonic_ns()
         sent_ns, answered = 0, False
-        while not self._keeper.closing.is_set():
+        while not self._connection.closing.is_set():
             readings = self._listen(transport, sent_ns + self._period_ns(answered))
             now_ns = time.monotonic_ns()
             answered = answered or bool(readings)
@@ -197,7 +197,7 @@ class BaseDriver:
             self._on_reading(reading)
         if readings:
             self._heard_bytes = 0
-            self._keeper.report(True, "connected")
+            self._connection.report(True, "connected")
         return readings
 
     def _count(self, now_ns: int) -> None:

@@ -8,12 +8,12 @@ from typing import NamedTuple
 from vsx_hw.base_driver import BaseDriver, Dialect
 from vsx_hw.create.driver import Create1Dialect, Create2Dialect
 from vsx_hw.create.protocol import CREATE_1, CREATE_2
-from vsx_hw.guardian import StopBytes
 from vsx_hw.kobuki.base_control import WHEEL_BASE_M as KOBUKI_WHEEL_BASE_M
 from vsx_hw.kobuki.driver import KobukiDialect
 from vsx_hw.kobuki.protocol import BAUD as KOBUKI_BAUD
 from vsx_hw.readings import BaseReading
 from vsx_hw.transport import SerialTransport
+from vsx_hw.watchdog import StopBytes
 
 
 class Base(NamedTuple):

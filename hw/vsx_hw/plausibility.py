@@ -1,6 +1,6 @@
 """Whether wheels, gyro and commands agree, and which turn to believe. Pure; time is an argument.
 
-Three witnesses speak of one motion: each wheel of its way, the gyro of the turn, the command of what both should be.
+Three sources tell of one motion: each wheel of its way, the gyro of the turn, the command of what both should be.
 
 - A wheel whose way over a second is not what it was told is at fault: the base cannot be steered, it must stand.
 - Gyro and wheels that tell different turns, in one report or over a second, cannot both be right. The one farther from
@@ -15,18 +15,10 @@ from typing import NamedTuple
 
 from vsx_hw.command_trace import LONGEST_PAUSE_NS, CommandTrace, Span
 from vsx_hw.turn_mismatch import TurnMismatch
+from vsx_hw.wheel_verdict import HELD, wheel_verdict
 
 WINDOW_NS = 1_000_000_000
 PERIOD_NS = 20_000_000
-
-FOLLOWS, RUNS_AWAY = 0.1, 1.5
-"""Shares of the commanded way. A sound wheel, whose speed is controlled, makes 0.7 to 1.1 of it; one that is blocked or
-whose encoder stands 0, one that counts each edge twice 2, one whose phases are swapped -1."""
-WAY_M, SLACK_M = 0.02, 0.015
-"""Slower wheels are not judged: friction may hold them. Slack: two reports of a Create 1 are rounded by 7 mm; as much
-again for the roll after a command was lowered."""
-BEGUN = 0.5
-"""The least way told, by the longest lag, has this share of the most: the start-up is over."""
 
 FRAME_RAD, FRAME_RAD_S = 0.02, 1.0
 """What gyro and wheels may differ by in one report: a base that is blocked in a turn of 1.5 rad/s differs by 0.03 rad
@@ -45,10 +37,7 @@ AGREED_RAD, AGREED_M = 0.5, 1.0
 gyro that stands is right too."""
 
 
-_HELD = "does not follow the command"
-
-
-class Belief(NamedTuple):
+class CheckedMotion(NamedTuple):
     """What to make of a report. turn_rad: the turn to count. doubt: why the pose is uncertain, fault: why the base must
     stand, in words, empty while all agree. gyro: whether the gyro is believed."""
 
@@ -58,7 +47,7 @@ class Belief(NamedTuple):
     gyro: bool = True
 
 
-class _Moment(NamedTuple):
+class _Sums(NamedTuple):
     """Sums since the start. wheels_rad, gyro_rad: turns; no_gyro, no_wheels: reports that it was left out of."""
 
     time_ns: int
@@ -74,9 +63,9 @@ class _Moment(NamedTuple):
         """Reports that one of the two was left out of."""
         return self.no_gyro + self.no_wheels
 
-    def after(self, step: _Moment) -> _Moment:
+    def after(self, step: _Sums) -> _Sums:
         """These sums and those of a step more."""
-        return _Moment(
+        return _Sums(
             self.time_ns + step.time_ns,
             self.left_m + step.left_m,
             self.right_m + step.right_m,
@@ -87,7 +76,7 @@ class _Moment(NamedTuple):
         )
 
 
-class MotionJudge:
+class MotionCheck:
     """``command`` every command as it is sent, ``step`` every report of motion. Not thread-safe.
 
     step_rad: by how much rounding may change the wheels' turn in a report, beyond its mean; twice that where they tell
@@ -98,7 +87,7 @@ class MotionJudge:
         self._wheel_base_m, self._step_rad = wheel_base_m, step_rad
         self._trace = CommandTrace()
         self._mismatch = TurnMismatch()
-        self._moments = deque([_Moment(0)])
+        self._sums = deque([_Sums(0)])
         self._rate_rad_s = 0.0
         self._doubt, self._gyro_out = "", False
         self._unproven, self._wrong_ns = "", 0
@@ -122,11 +111,11 @@ class MotionJudge:
 
     def step(
         self, now_ns: int, left_m: float, right_m: float, gyro_rad: float | None = None, alive: bool | None = None
-    ) -> Belief:
+    ) -> CheckedMotion:
         """Judge the motion since the last report. gyro_rad: turn by the gyro, None without one; alive: whether it shows
         by itself that it measures, or that it does not; None where it shows neither."""
         self._trace.advance(now_ns)
-        last = self._moments[-1]
+        last = self._sums[-1]
         pause_ns = now_ns - last.time_ns
         whole = 0 < pause_ns <= LONGEST_PAUSE_NS
         dt_s = (pause_ns if whole else PERIOD_NS) * 1e-9
@@ -136,22 +125,24 @@ class MotionJudge:
             turn_rad, no_gyro, no_wheels = self._in_report(wheels_rad, gyro_rad, dt_s)
         refused = no_gyro or no_wheels
         if not whole:
-            self._moments = deque([_Moment(now_ns)])
-            return self._belief(wheels_rad, turn_rad, refused, "", no_gyro)
+            self._sums = deque([_Sums(now_ns)])
+            return self._verdict_of(wheels_rad, turn_rad, refused, "", no_gyro)
         if not refused:
             self._rate_rad_s = turn_rad / dt_s
         counted = turn_rad if refused else wheels_rad
-        now = last.after(_Moment(pause_ns, left_m, right_m, counted, turn_rad, int(no_gyro), int(no_wheels)))
-        self._moments.append(now)
+        now = last.after(_Sums(pause_ns, left_m, right_m, counted, turn_rad, int(no_gyro), int(no_wheels)))
+        self._sums.append(now)
         begin = self._window(now_ns)
         fault = self._fault(begin, now)
         if gyro_rad is not None:
             self._compare(begin, now, alive)
-        return self._belief(wheels_rad, turn_rad, now.refused > begin.refused, fault, no_gyro)
+        return self._verdict_of(wheels_rad, turn_rad, now.refused > begin.refused, fault, no_gyro)
 
-    def _belief(self, wheels_rad: float, turn_rad: float, refused: bool, fault: str, no_gyro: bool) -> Belief:
+    def _verdict_of(
+        self, wheels_rad: float, turn_rad: float, refused: bool, fault: str, no_gyro: bool
+    ) -> CheckedMotion:
         doubt = fault or self._unproven or self._doubt or ("gyro and wheels differ in one report" if refused else "")
-        return Belief(wheels_rad if self._gyro_out else turn_rad, doubt, fault, not (self._gyro_out or no_gyro))
+        return CheckedMotion(wheels_rad if self._gyro_out else turn_rad, doubt, fault, not (self._gyro_out or no_gyro))
 
     def _in_report(self, wheels_rad: float, gyro_rad: float, dt_s: float) -> tuple[float, bool, bool]:
         """(turn, whether the gyro was left out, whether the wheels were): the one that is farther from the turn rate
@@ -164,25 +155,25 @@ class MotionJudge:
             return gyro_rad, False, True
         return wheels_rad, True, False
 
-    def _window(self, now_ns: int) -> _Moment:
+    def _window(self, now_ns: int) -> _Sums:
         """The moment a second ago. What is older has passed: the difference of gyro and wheels is learned from it."""
-        moments = self._moments
-        while len(moments) > 2 and moments[1].time_ns <= now_ns - WINDOW_NS:
-            a, b = moments.popleft(), moments[0]
+        sums = self._sums
+        while len(sums) > 2 and sums[1].time_ns <= now_ns - WINDOW_NS:
+            a, b = sums.popleft(), sums[0]
             if not self._doubt and b.refused == a.refused:
                 way_m = 0.5 * (b.left_m - a.left_m + b.right_m - a.right_m)
                 turn_rad = b.wheels_rad - a.wheels_rad
                 difference = b.gyro_rad - a.gyro_rad - turn_rad
                 self._mismatch.learn(way_m, turn_rad, difference, (b.time_ns - a.time_ns) * 1e-9)
-        return moments[0]
+        return sums[0]
 
-    def _fault(self, begin: _Moment, now: _Moment) -> str:
+    def _fault(self, begin: _Sums, now: _Sums) -> str:
         """Which wheel does not do what it was told, in words; the pose is uncertain until both have done so again."""
         left, right, _ = self._told(begin, now)
         sides = {"left": (now.left_m - begin.left_m, left), "right": (now.right_m - begin.right_m, right)}
-        verdicts = {side: _verdict(way_m, told) for side, (way_m, told) in sides.items()}
+        verdicts = {side: wheel_verdict(way_m, told) for side, (way_m, told) in sides.items()}
         wrong = [f"the {side} wheel {verdict}; see to its encoder" for side, verdict in verdicts.items() if verdict]
-        if all(verdict == _HELD for verdict in verdicts.values()):
+        if all(verdict == HELD for verdict in verdicts.values()):
             wrong = ["wheels do not follow the command; free the robot"]
         if wrong:
             if not self._unproven or begin.time_ns > self._wrong_ns:  # the first words stay: their numbers change
@@ -193,10 +184,10 @@ class MotionJudge:
             self._unproven = ""
         return ""
 
-    def _told(self, begin: _Moment, now: _Moment) -> tuple[Span, Span, Span]:
+    def _told(self, begin: _Sums, now: _Sums) -> tuple[Span, Span, Span]:
         return self._trace.between(begin.time_ns, now.time_ns, self._wheel_base_m)
 
-    def _compare(self, begin: _Moment, now: _Moment, alive: bool | None) -> None:
+    def _compare(self, begin: _Sums, now: _Sums, alive: bool | None) -> None:
         """Judge the last second: doubt, go on doubting, or believe both again."""
         way_m = 0.5 * (now.left_m - begin.left_m + now.right_m - begin.right_m)
         wheels_rad, gyro_rad = now.wheels_rad - begin.wheels_rad, now.gyro_rad - begin.gyro_rad
@@ -213,15 +204,15 @@ class MotionJudge:
             slip = alive is True and self._slips(now)
             self._choose(wheels_rad, gyro_rad, slip, self._told(begin, now)[2])
         elif self._doubt:
-            a, b = self._moments[-2], now
+            a, b = self._sums[-2], now
             self._agreed_rad += abs(b.wheels_rad - a.wheels_rad)
             self._agreed_m += 0.5 * abs(b.left_m - a.left_m + b.right_m - a.right_m)
             if self._agreed_rad > AGREED_RAD or (self._agreed_m > AGREED_M and not self._gyro_out):
                 self._doubt, self._gyro_out = "", False
 
-    def _slips(self, now: _Moment) -> bool:
+    def _slips(self, now: _Sums) -> bool:
         """Whether the base turns as its wheels do, but less, by the gyro and at this moment."""
-        before = next(m for m in reversed(self._moments) if m is self._moments[0] or m.time_ns <= now.time_ns - SLIP_NS)
+        before = next(m for m in reversed(self._sums) if m is self._sums[0] or m.time_ns <= now.time_ns - SLIP_NS)
         wheels_rad, gyro_rad = now.wheels_rad - before.wheels_rad, now.gyro_rad - before.gyro_rad
         return 0.0 <= gyro_rad * math.copysign(1.0, wheels_rad) < abs(wheels_rad)
 
@@ -240,16 +231,3 @@ class MotionJudge:
         self._agreed_rad = self._agreed_m = 0.0
         if not self._doubt or gyro_out != self._gyro_out:
             self._doubt, self._gyro_out = doubt, gyro_out
-
-
-def _verdict(way_m: float, told: Span) -> str | None:
-    """What is wrong with the way of a wheel, in words, empty if nothing; None where it cannot be judged: too slow, or
-    not yet, or no longer."""
-    least, most = sorted(told, key=abs)
-    if abs(most) < WAY_M:
-        return None
-    if abs(way_m) > RUNS_AWAY * abs(most) + SLACK_M:
-        return f"counts {abs(way_m):.2f} m for {abs(most):.2f} m told"
-    if told[0] * told[1] <= 0.0 or abs(least) < max(WAY_M, BEGUN * abs(most)):
-        return None
-    return _HELD if way_m * math.copysign(1.0, least) < FOLLOWS * abs(least) else ""

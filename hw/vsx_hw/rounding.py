@@ -11,7 +11,7 @@ COARSEST_RAD_S = 0.02
 Command = TypeVar("Command")
 
 
-class CarriedTurn:
+class TurnErrorFeedback:
     """Error feedback over commands that follow each other evenly (one a report): their mean turn is what was asked for.
 
     Straight on and at standstill the error is forgotten: nothing is made up for then.

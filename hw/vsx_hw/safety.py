@@ -6,9 +6,10 @@ It knows nothing of cameras, maps and plans, so that it stays right when all of 
 from __future__ import annotations
 
 import math
+import threading
 from typing import NamedTuple
 
-from vsx_hw.readings import Hazard
+from vsx_hw.readings import BaseReading, Hazard, Signal
 
 ABSURD_V_M_S = 5.0
 ABSURD_OMEGA_RAD_S = 20.0
@@ -54,7 +55,7 @@ class _Command(NamedTuple):
 
 
 class Supervisor:
-    """Mux, timeouts, hazards, limits and emergency stop of one base. Not thread-safe: its owner has the lock.
+    """Mux, timeouts, hazards, limits and emergency stop of one base. Thread-safe.
 
     - A bumper forbids driving forward; turning and reversing stay possible.
     - A cliff leaves only reversing straight.
@@ -73,6 +74,7 @@ class Supervisor:
         self._latched = ""
         self._estop = False
         self._decided_ns = self._overcurrent_ns = 0
+        self.lock = threading.RLock()
         self.refused = 0
         self.hold = ""
 
@@ -92,32 +94,48 @@ class Supervisor:
 
         Raises KeyError for a source that is not in the mux.
         """
-        accepted = abs(v_m_s) <= ABSURD_V_M_S and abs(omega_rad_s) <= ABSURD_OMEGA_RAD_S
-        if not accepted:
-            self.refused += 1
-            v_m_s = omega_rad_s = 0.0
         speaker = self._sources[source]
-        until_ns = now_ns + round(speaker.timeout_s * 1e9)
-        self._commands[speaker.name] = _Command(v_m_s, omega_rad_s, until_ns)
+        accepted = abs(v_m_s) <= ABSURD_V_M_S and abs(omega_rad_s) <= ABSURD_OMEGA_RAD_S
+        with self.lock:
+            if not accepted:
+                self.refused += 1
+                v_m_s = omega_rad_s = 0.0
+            until_ns = now_ns + round(speaker.timeout_s * 1e9)
+            self._commands[speaker.name] = _Command(v_m_s, omega_rad_s, until_ns)
         return accepted
 
     def forget_commands(self) -> None:
         """Nothing said so far counts any longer (the base was reconnected, the emergency stop cleared)."""
-        self._commands.clear()
+        with self.lock:
+            self._commands.clear()
 
     def emergency_stop(self, stop: bool) -> None:
         """Set the emergency stop, or clear it."""
-        if self._estop and not stop:
-            self.forget_commands()
-        self._estop = stop
+        with self.lock:
+            if self._estop and not stop:
+                self.forget_commands()
+            self._estop = stop
 
     def observe(self, fault: str) -> None:
         """Why the base must stand by its own report, in words (``OdometryReading.fault``); empty: it need not."""
         if fault:
             self._latched = fault
 
+    def answer(self, now_ns: int, reading: BaseReading, hold: str) -> tuple[Decision, Signal]:
+        """What the wheels shall do now by all that the base reports, and what its lamp and sound shall say."""
+        with self.lock:
+            self.hold = hold or reading.refusal
+            decision = self.decide(now_ns, reading.hazards)
+            self.observe(reading.odometry.fault)
+            held = Signal.HELD if decision.reason and decision.source else Signal.READY
+            return decision, Signal.ALARM if self.locked else held
+
     def decide(self, now_ns: int, hazards: Hazard) -> Decision:
         """What the wheels shall do now."""
+        with self.lock:
+            return self._decide(now_ns, hazards)
+
+    def _decide(self, now_ns: int, hazards: Hazard) -> Decision:
         source, v, omega, until_ns = self._selected(now_ns)
         overcurrent = self._overcurrent(now_ns, hazards)
         if hazards & Hazard.WHEEL_DROP:

@@ -10,7 +10,7 @@ import sys
 from vsx_hw.bases import BASES
 from vsx_hw.detect import detect_base
 from vsx_hw.errors import DeviceError
-from vsx_hw.guardian import take_over
+from vsx_hw.watchdog import take_over
 
 
 def main() -> None:

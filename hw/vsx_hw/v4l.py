@@ -8,9 +8,9 @@ from typing import Any
 
 import cv2
 
+from vsx_hw.connection_thread import ConnectionThread
 from vsx_hw.errors import DeviceError, DeviceNotFound
-from vsx_hw.frozen import FROZEN, FrozenWatch
-from vsx_hw.keeper import Keeper
+from vsx_hw.frozen_image import FROZEN, FrozenImageDetector
 from vsx_hw.readings import ImageReading, LinkStatus
 
 GRBG = cv2.VideoWriter.fourcc(*"GRBG")
@@ -46,8 +46,8 @@ class V4lCamera:
         self.serial = f"video{number}"
         self._number, self._on_image = number, on_image
         self._frames = self._frozen_frames = 0
-        self._watch = FrozenWatch()
-        self._keeper: Keeper[_Capture] = Keeper(
+        self._frozen_detector = FrozenImageDetector()
+        self._connection: ConnectionThread[_Capture] = ConnectionThread(
             f"/dev/video{number}",
             lambda: _Capture(open_capture(number)),
             self._serve,
@@ -58,34 +58,34 @@ class V4lCamera:
 
     def start(self) -> None:
         """Begin; returns at once."""
-        self._keeper.start()
+        self._connection.start()
 
     def status(self) -> LinkStatus:
         """Health for diagnostics."""
         counters = {
-            "connections": self._keeper.connections,
+            "connections": self._connection.connections,
             "frames": self._frames,
             "frozen_frames": self._frozen_frames,
         }
-        keeper = self._keeper
-        return LinkStatus(keeper.connected, keeper.message, self.serial, counters, keeper.alive)
+        link = self._connection
+        return LinkStatus(link.connected, link.message, self.serial, counters, link.alive)
 
     def close(self) -> None:
         """Release the device."""
-        self._keeper.close()
+        self._connection.close()
 
     def _serve(self, capture: _Capture) -> None:
-        while not self._keeper.closing.is_set():
+        while not self._connection.closing.is_set():
             ok, image = capture.device.read()
             stamp_ns = time.time_ns()
             if not ok:
                 raise DeviceError(f"/dev/video{self._number}: no image; check the cable")
             self._frames += 1
-            if self._watch.is_frozen(image):
+            if self._frozen_detector.is_frozen(image):
                 self._frozen_frames += 1
-                self._keeper.report(False, f"/dev/video{self._number}: {FROZEN}")
+                self._connection.report(False, f"/dev/video{self._number}: {FROZEN}")
                 continue
-            self._keeper.report(True, "streaming")
+            self._connection.report(True, "streaming")
             if image.ndim == 3:
                 self._on_image(ImageReading(stamp_ns, cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), "mono8"))
             else:

@@ -12,9 +12,12 @@ from vsx_ros.geometry.se2 import SE2
 
 _STANDS_M_S, _STANDS_RAD_S = 0.01, 0.02
 # Twice what a TurtleBot's wheels can do; what moves faster is a counter that was reset or a bit that fell over.
-MAX_SPEED_M_S, MAX_TURN_RAD_S = 1.3, 6.0
+_MAX_SPEED_M_S, _MAX_TURN_RAD_S, _FAR_M = 1.3, 6.0, 1e5
 _SLACK_M, _SLACK_RAD = 0.05, 0.1
 SILENCE_NS = 1_000_000_000
+# In a silence the base may have restarted. One that has not can hardly have gone on faster than it was and is.
+_FASTER, _SILENT_M, _SILENT_RAD = 1.5, 0.3, 0.5
+_ORIGIN_M, _ORIGIN_RAD = 0.001, 0.001
 _CARRIED_NS = 200_000_000
 
 
@@ -32,9 +35,10 @@ class Frame(NamedTuple):
 class Odometry(NamedTuple):
     """Wheel odometry at an instant.
 
-    T_odom_base: pose of the base in the odometry frame. It drifts, and jumps where the base begins to count anew.
+    T_odom_base: pose of the base in the odometry frame. It drifts, and jumps where the base's counting restarts.
     v: forward speed [m/s]. omega: turn rate, counter-clockwise positive [rad/s].
     trusted: False where the base says that its sensors contradict each other.
+    odom_epoch: increases where counting restarts (``OdometryEpochs``); poses of two epochs must not be compared.
     """
 
     stamp_ns: int
@@ -42,19 +46,20 @@ class Odometry(NamedTuple):
     v: float = 0.0
     omega: float = 0.0
     trusted: bool = True
+    odom_epoch: int = 0
 
     @property
     def stands(self) -> bool:
-        """Whether the wheels report that they stand."""
+        """Whether odometry says that the base stands."""
         return abs(self.v) < _STANDS_M_S and abs(self.omega) < _STANDS_RAD_S
 
     def towards(self, later: Odometry, stamp_ns: int) -> Odometry:
-        """At an instant between this reading and a later one."""
+        """At an instant between this reading and a later one of its epoch."""
         ratio = (stamp_ns - self.stamp_ns) / (later.stamp_ns - self.stamp_ns)
         pose = self.T_odom_base.interpolate(later.T_odom_base, ratio)
         v = self.v + ratio * (later.v - self.v)
         omega = self.omega + ratio * (later.omega - self.omega)
-        return Odometry(stamp_ns, pose, v, omega, self.trusted and later.trusted)
+        return Odometry(stamp_ns, pose, v, omega, self.trusted and later.trusted, self.odom_epoch)
 
     def carried_on(self, stamp_ns: int) -> Odometry:
         """At an instant after this reading, its speeds held."""
@@ -62,30 +67,64 @@ class Odometry(NamedTuple):
         pose = self.T_odom_base @ SE2.exp(self.v * seconds, 0.0, self.omega * seconds)
         return self._replace(stamp_ns=stamp_ns, T_odom_base=pose)
 
-    def counts_on_from(self, before: Odometry) -> bool:
-        """Whether the two readings are surely of one counting: not where the pose jumps, nor after a second of silence,
-        in which the base may have been started anew."""
-        elapsed_ns = self.stamp_ns - before.stamp_ns
-        return elapsed_ns <= SILENCE_NS and why_jumped(before.T_odom_base, self.T_odom_base, 1e-9 * elapsed_ns) == ""
+    @property
+    def impossible(self) -> str:
+        """Why no base can be there or move so, in words; empty when one can."""
+        pose, v, omega = self.T_odom_base, self.v, self.omega
+        if not (pose.is_finite() and math.isfinite(v) and math.isfinite(omega)):
+            return "odometry is not a number"
+        if max(abs(pose.x), abs(pose.y)) > _FAR_M or abs(v) > _MAX_SPEED_M_S or abs(omega) > _MAX_TURN_RAD_S:
+            return f"odometry at ({pose.x:g}, {pose.y:g}) m with {v:g} m/s and {omega:g} rad/s cannot be"
+        return ""
+
+
+class OdometryEpochs:
+    """Decides where a base's counting restarts. Readings pass here where they enter the system, and nowhere else."""
+
+    def __init__(self, first: int = 0) -> None:
+        """first: the epoch to begin with."""
+        self._epoch = first
+        self._last: Odometry | None = None
+
+    def enter(self, reading: Odometry) -> Odometry:
+        """The reading with its epoch. One that is impossible begins none."""
+        if not reading.impossible:
+            if self._last is not None and _has_restarted(self._last, reading):
+                self._epoch += 1
+            self._last = reading
+        return reading._replace(odom_epoch=self._epoch)
+
+
+def _has_restarted(before: Odometry, now: Odometry) -> bool:
+    """Whether no wheels can move the base so far in that time; after a silence, whether it was too slow for that before
+    and after, or is back at the origin."""
+    elapsed_ns = max(0, now.stamp_ns - before.stamp_ns)
+    elapsed_s = 1e-9 * elapsed_ns
+    distance, turn = before.T_odom_base.distance_to(now.T_odom_base), abs(before.T_odom_base.angle_to(now.T_odom_base))
+    if distance > _MAX_SPEED_M_S * elapsed_s + _SLACK_M or turn > _MAX_TURN_RAD_S * elapsed_s + _SLACK_RAD:
+        return True
+    if elapsed_ns <= SILENCE_NS:
+        return False
+    fast_m = _FASTER * max(abs(before.v), abs(now.v)) * elapsed_s
+    fast_rad = _FASTER * max(abs(before.omega), abs(now.omega)) * elapsed_s
+    too_far = distance > fast_m + _SILENT_M or turn > fast_rad + _SILENT_RAD
+    return too_far or (_is_origin(now.T_odom_base) and not _is_origin(before.T_odom_base))
+
+
+def _is_origin(T_odom_base: SE2) -> bool:
+    return T_odom_base.distance_to(SE2()) < _ORIGIN_M and abs(T_odom_base.angle_to(SE2())) < _ORIGIN_RAD
 
 
 def odometry_at(readings: Sequence[Odometry], stamp_ns: int) -> Odometry | None:
-    """At an instant, of readings by time: between two of them, or after the last at its speeds for at most 0.2 s."""
+    """At an instant, of readings by time: between two of one epoch, or after the last of one at its speeds for at most
+    0.2 s."""
     i = bisect_right(readings, stamp_ns, key=lambda reading: reading.stamp_ns)
     if i == 0:
         return None
     before = readings[i - 1]
-    if i < len(readings):
+    if i < len(readings) and readings[i].odom_epoch == before.odom_epoch:
         return before.towards(readings[i], stamp_ns)
     return before.carried_on(stamp_ns) if stamp_ns - before.stamp_ns <= _CARRIED_NS else None
-
-
-def why_jumped(before: SE2, now: SE2, elapsed_s: float) -> str:
-    """How far the pose of the base moved, where no wheels can move it so far in that time; empty where they can."""
-    distance, turn = before.distance_to(now), abs(before.angle_to(now))
-    if distance <= MAX_SPEED_M_S * elapsed_s + _SLACK_M and turn <= MAX_TURN_RAD_S * elapsed_s + _SLACK_RAD:
-        return ""
-    return f"{distance:.2f} m and {math.degrees(turn):.0f} deg in {elapsed_s:.2f} s"
 
 
 class VelocityCommand(NamedTuple):

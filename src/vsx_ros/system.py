@@ -6,7 +6,6 @@ This is the lock-step run (``vsx explore --fast``), and the list of what the ROS
 from __future__ import annotations
 
 import math
-from collections import deque
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,27 +13,26 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import Points3
 from vsx_ros.config import Config
-from vsx_ros.control.localization import Localization, Whereabouts
-from vsx_ros.dense.anchored import AnchoredSpots
+from vsx_ros.control.localization import LocalizationState
+from vsx_ros.dense.anchored_surface import AnchoredSurface
 from vsx_ros.dense.densify import DenseMap, Densifier, update_every_s
-from vsx_ros.dense.mapped_ground import MappedGround
 from vsx_ros.exploration.decision import Action, Decision, NavigationState, Situation
-from vsx_ros.exploration.memory import MissionMemory
 from vsx_ros.exploration.mission import Mission
+from vsx_ros.exploration.saved_mission import SavedMission
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.navigation.costs import Costs
+from vsx_ros.navigation.computing_time import ComputingTime
 from vsx_ros.navigation.goal_planner import GoalPlanner
 from vsx_ros.navigation.navigator import Navigator
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.planner import Planner
-from vsx_ros.robot import Frame, Odometry, VelocityCommand
+from vsx_ros.robot import Frame, Odometry, OdometryEpochs, VelocityCommand
+from vsx_ros.session import SlamSession
 from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.slam_map import SlamMap
 from vsx_ros.slam.snapshot import MapSnapshot
 from vsx_ros.slam.state import TrackingResult
-from vsx_ros.slam.tracking_record import TrackingRecord
 
 _DECIDE_EVERY_NS = 200_000_000
 _MAP_EVERY_NS = 500_000_000
@@ -50,13 +48,13 @@ class StepResult(NamedTuple):
     follow_error_m: float | None
 
 
-class Memory(NamedTuple):
+class SavedSystem(NamedTuple):
     """What another session needs to go on: the map, what was counted and driven, by name, and what the mission
     remembers."""
 
     slam_map: SlamMap
     state: dict[str, NDArray[Any]]
-    mission: MissionMemory
+    mission: SavedMission
 
 
 class ExplorationSystem:
@@ -69,98 +67,67 @@ class ExplorationSystem:
         config: Config,
         seed: int,
         planner: str = "fov",
-        memory: Memory | None = None,
+        saved: SavedSystem | None = None,
         slam_map: SlamMap | None = None,
     ) -> None:
-        """memory: of a run to go on with, the base standing where it stood; slam_map: a map to go on in, the base
+        """saved: of a run to go on with, the base standing where it stood; slam_map: a map to go on in, the base
         anywhere in it. Raises CalibrationError when either was made with another camera or mount, InputError when
         memory is damaged."""
         self._config = config
-        self._T_cam_base = T_base_cam.inverse()
         self.planner = GoalPlanner(config, planner, seed)
-        self._costs = Costs(config.computing)
-        self.ground = MappedGround(config)
+        self._computing_time = ComputingTime(config.computing)
         self._densifier = Densifier(camera, T_base_cam, config.dense, seed) if config.dense.enabled else None
-        self._localization = Localization()
-        self._late: deque[TrackingResult] = deque()
+        self._epochs = OdometryEpochs()
+        self.odometry = Odometry(0, SE2())
         self._decided: tuple[int, Decision] | None = None
         self._mapped = (-1, 0, 0)
         self._next_map_ns = self._next_dense_ns = self._next_decision_ns = 0
-        record = None if memory is None else TrackingRecord.restored(memory.state)
-        slam_map = slam_map if memory is None else memory.slam_map
-        self.slam = SequentialSlam(camera, T_base_cam, config.slam, seed, slam_map, record)
-        self.navigator = Navigator(config, self.planner, self._costs)
+        continued = (slam_map, None) if saved is None else (saved.slam_map, saved.state)
+        self.session = SlamSession(T_base_cam, config, *continued)
+        self.slam = self.session.begin(SequentialSlam, camera, seed)
+        self.ground = self.session.ground
+        self.navigator = Navigator(config, self.planner, self._computing_time)
         ways = Planner(config.planner, config.robot)
         self.mission = Mission(config, lambda start, grid: lambda poses: ways.travel_costs(start, grid, poses))
         self.grid: OccupancyGrid | None = None
         self.dense: DenseMap | None = None
-        self._recalled = None if memory is None else memory.mission
-        if slam_map is not None:
-            self._take_over(slam_map, memory)
-
-    def _take_over(self, slam_map: SlamMap, memory: Memory | None) -> None:
-        """The ground of a map made before: what was driven then, or where its first keyframe stood, is free."""
-        if memory is not None:
-            self.ground.restore(memory.state)
-        else:
-            self.ground.start = SE2.from_se3(slam_map.view.keyframes[0].T_world_cam @ self._T_cam_base)
-        if self._densifier is not None:
-            while self._densify(self.slam.snapshot()):
-                pass
-
-    def memory(self, now_ns: int, odometry: Odometry) -> Memory | None:
-        """What another session needs to go on from here; None while there is no map."""
-        slam_map = self.slam.slam_map()
-        if slam_map is None:
-            return None
-        state: dict[str, NDArray[Any]] = {**self.slam.record(), **self.ground.state()}
-        return Memory(slam_map, state, self.mission.memory(now_ns, odometry.T_odom_base))
+        self._saved = None if saved is None else saved.mission
+        while self._densify(self.slam.snapshot()):  # what a map made before shows
+            pass
 
     def step(self, frame: Frame, odometry: Odometry, hazard: str | None = None) -> StepResult:
         """Track the frame, refresh the map, decide, and say how the wheels shall turn. hazard: a pressed bumper."""
-        return self.act(self.slam.track(frame, odometry), odometry, hazard)
+        return self.act(self.track(frame, odometry), hazard)
 
-    def act(self, tracking: TrackingResult, odometry: Odometry, hazard: str | None = None) -> StepResult:
+    def track(self, frame: Frame, odometry: Odometry) -> TrackingResult:
+        """The first half of ``step``. Here odometry enters."""
+        self.odometry = self._epochs.enter(odometry)
+        return self.slam.track(frame, self.odometry)
+
+    def act(self, tracking: TrackingResult, hazard: str | None = None) -> StepResult:
         """What ``step`` does once the frame is tracked. Its pose is known only when computing it is over; so it is with
-        decisions and plans (``Costs``)."""
-        now_ns = tracking.stamp_ns
-        where = self._localize(now_ns, tracking, odometry)
-        self._remember(now_ns, hazard, where)
+        decisions and plans (``ComputingTime``)."""
+        now_ns, odometry = tracking.stamp_ns, self.odometry
+        where = self.session.locate(tracking, odometry, self._computing_time.frame_ns())
+        if hazard and where.T_map_base is not None:
+            self.ground.bumped(where.T_map_base)
         self._refresh_map(now_ns)
         decision = None
         if self._decided is None and now_ns >= self._next_decision_ns:
             self._next_decision_ns = now_ns + _DECIDE_EVERY_NS
-            if self._recalled is not None:
-                self.mission.recall(now_ns, self._recalled, odometry.T_odom_base)
-                self._recalled = None
+            if self._saved is not None:
+                self.mission.restore(now_ns, self._saved, odometry.T_odom_base)
+                self._saved = None
             decision = self._decide(now_ns, odometry.T_odom_base, where, hazard)
         self._carry_out(now_ns)
         followed = self.navigator.step(now_ns, where, frozenset([hazard] if hazard else []))
         error_m = math.hypot(followed.error.x, followed.error.y) if followed.error is not None else None
         return StepResult(followed.command, tracking, decision, error_m)
 
-    def _localize(self, now_ns: int, tracking: TrackingResult, odometry: Odometry) -> Whereabouts:
-        self._localization.add_odometry(odometry)
-        self._late.append(tracking)
-        while self._late and now_ns >= self._late[0].stamp_ns + self._costs.frame_ns():
-            known = self._late.popleft()
-            self._localization.add_state(known.state, known.reason)
-            if known.state.tracked and known.T_world_cam is not None:
-                self._localization.add_pose(known.stamp_ns, SE2.from_se3(known.T_world_cam @ self._T_cam_base))
-        return self._localization.at(now_ns)
-
     def surface_points(self) -> Points3:
         """(N, 3) spots of surface of the dense map, in the map as it is now [m]."""
         spots = self.ground.dense
         return spots.surfaces(self.slam.snapshot()).points if spots is not None else np.zeros((0, 3))
-
-    def _remember(self, now_ns: int, hazard: str | None, where: Whereabouts) -> None:
-        if where.stuck is not None:
-            self.ground.pushed(where.stuck.T_world_push, now_ns)
-        elif where.T_map_base is not None:
-            self.ground.moved(where.T_map_base, now_ns)
-        if where.T_map_base is not None and hazard:
-            self.ground.bumped(where.T_map_base)
 
     def _refresh_map(self, now_ns: int) -> None:
         if now_ns < self._next_map_ns:
@@ -185,11 +152,11 @@ class ExplorationSystem:
         if self.dense is not None and not self.dense.is_due(snapshot):
             return False
         self.dense = self._densifier.update(snapshot)
-        self.ground.dense = AnchoredSpots.of(self.dense, snapshot, self._config.dense.cell_m)
+        self.ground.dense = AnchoredSurface.of(self.dense, snapshot, self._config.dense.cell_m)
         return True
 
-    def _decide(self, now_ns: int, T_odom_base: SE2, where: Whereabouts, hazard: str | None) -> Decision:
-        ranked_before = self.mission.outlook.ranking
+    def _decide(self, now_ns: int, T_odom_base: SE2, where: LocalizationState, hazard: str | None) -> Decision:
+        ranked_before = self.mission.view_selector.ranking
         decision = self.mission.decide(
             now_ns,
             Situation(
@@ -202,12 +169,12 @@ class ExplorationSystem:
                 self.navigator.reason,
                 hazard or (where.stuck.reason if where.stuck is not None else None),
                 self.slam.snapshot().points_world,
-                where.countings,
+                where.odom_epoch,
             ),
         )
         cost_ns = 0
-        if self.grid is not None and self.mission.outlook.ranking is not ranked_before:
-            cost_ns = self._costs.ranking_ns(self.grid)
+        if self.grid is not None and self.mission.view_selector.ranking is not ranked_before:
+            cost_ns = self._computing_time.ranking_ns(self.grid)
         self._decided = now_ns + cost_ns, decision
         return decision
 

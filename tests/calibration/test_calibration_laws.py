@@ -20,7 +20,7 @@ X = mount_pose(0.1, -0.02, 0.4, math.radians(7.0), math.radians(-4.0))
 
 
 def wandering(linear=1.0, angular=1.0, steps=400):
-    """Poses by the wheels, and the camera's true ones in a frame of its own; the wheels are to be multiplied by linear
+    """Poses by odometry, and the camera's true ones in a frame of its own; the wheels are to be multiplied by linear
     and angular."""
     true, wheels, drive = SE2(), SE2(), []
     gauge = SE3(so3_exp(np.array([0.3, -0.5, 0.2])), np.array([1.0, 2.0, -0.5]))

@@ -8,10 +8,10 @@ import yaml
 from calibration.board_pictures import CAMERA, Photographer, poses
 
 from vsx_ros.calibration.board import Board
-from vsx_ros.cli.explore import begin
-from vsx_ros.cli.main import execute, parser
-from vsx_ros.cli.robot_file import default_robot_file, update_robot_file
+from vsx_ros.cli.main import execute, parse
 from vsx_ros.io.calibration_file import read_calibration
+from vsx_ros.runs.robot_file import default_robot_file, update_robot_file
+from vsx_ros.runs.start import begin
 
 BOARD = ["--board", "8x6x0.03"]
 
@@ -90,8 +90,8 @@ def test_a_real_robot_explores_with_its_own_parameters_and_an_emulated_one_witho
     monkeypatch.setenv("ROS_HOME", str(tmp_path))
     update_robot_file(default_robot_file(), "mount", {"height_m": 0.42}, "by hand")
     words = ["explore", "--out"]
-    _, real, _ = begin(parser().parse_args([*words, str(tmp_path / "real")]))
+    _, real, _ = begin(parse([*words, str(tmp_path / "real")]))
     assert real.robot.mount.height_m == 0.42
     assert "robot.yaml" in capsys.readouterr().err
-    _, emulated, _ = begin(parser().parse_args([*words, str(tmp_path / "emulated"), "--world", "lab"]))
+    _, emulated, _ = begin(parse([*words, str(tmp_path / "emulated"), "--world", "lab"]))
     assert emulated.robot.mount.height_m == 0.31

@@ -3,10 +3,10 @@ from pathlib import Path
 import pytest
 import yaml
 
-from vsx_ros.cli.config import commented_yaml, load
 from vsx_ros.cli.main import execute
 from vsx_ros.config import Config, from_dict, to_dict
 from vsx_ros.errors import ConfigError
+from vsx_ros.runs.parameters import commented_yaml, load
 
 DEFAULT = Path(__file__).parents[2] / "config" / "default.yaml"
 

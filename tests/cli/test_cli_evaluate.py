@@ -8,8 +8,8 @@ from vsx_ros.config import Config
 from vsx_ros.evaluation.summary import Summary
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.geometry.stamped import StampedPose
-from vsx_ros.io.run_folder import RunFolder
 from vsx_ros.io.trajectory_file import write_trajectory
+from vsx_ros.runs.folder import RunFolder
 
 
 @pytest.fixture

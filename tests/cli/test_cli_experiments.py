@@ -8,53 +8,59 @@ import numpy as np
 import pytest
 
 from vsx_ros import __version__
-from vsx_ros.cli.experiments import sweeps, table1
-from vsx_ros.cli.experiments.drive import ARMS, DriveTask, _drive, limits_of, plan_of, question
-from vsx_ros.cli.experiments.drive_figures import deviation, figure2_section, figure6_section
-from vsx_ros.cli.experiments.exploration import ExplorationTask
-from vsx_ros.cli.experiments.stages import figure7
-from vsx_ros.cli.experiments.trackers import FULL, PAPER
-from vsx_ros.cli.explore_fast import FastRun
 from vsx_ros.cli.main import execute
-from vsx_ros.cli.world import open_world
 from vsx_ros.config import Config
 from vsx_ros.errors import InputError
-from vsx_ros.planning.path import Plan
+from vsx_ros.experiments import sweeps, table1
+from vsx_ros.experiments.drive import ARMS, DriveTask, _drive, limits_of, plan_of, question
+from vsx_ros.experiments.drive_figures import deviation, figure2, figure6
+from vsx_ros.experiments.exploration import ExplorationTask
+from vsx_ros.experiments.stages import figure7
+from vsx_ros.experiments.trackers import FULL, PAPER, U2_READINGS, _u2_readings
+from vsx_ros.planning.path import Plan, Refusal, RefusalKind
+from vsx_ros.planning.planners import PLANNERS
+from vsx_ros.runs.lockstep import FastRun
+from vsx_ros.runs.world import open_world
+
+CONSTRAINED, FAST, SLOW, LITERAL = ARMS
 
 
 @pytest.mark.parametrize(("dataset", "low_deg", "high_deg"), [(1, 60, 110), (2, 150, 180)])
 def test_goals_look_elsewhere_and_every_planner_gets_there(dataset, low_deg, high_deg):
-    task = DriveTask("lab", 2, 2, dataset)
+    task = DriveTask("lab", 2, 0, dataset)
     asked = question(task, open_world("lab", 2), Config())
     assert low_deg <= math.degrees(abs(asked.start.angle_to(asked.goal))) <= high_deg
     assert 1.5 <= asked.start.distance_to(asked.goal) <= 3.5
-    constrained, unconstrained, slow = (plan_of(arm, asked, Config()) for arm in ARMS)
+    constrained, unconstrained, slow, literal = (plan_of(arm, asked, Config()) for arm in ARMS)
     assert isinstance(constrained, Plan)
     assert isinstance(unconstrained, Plan)
     assert constrained.path.turn_on_spot_rad == 0.0
+    assert isinstance(literal, Refusal) or (literal.planner, literal.path.turn_on_spot_rad) == ("paper", 0.0)
     assert unconstrained.path.turn_on_spot_rad > 0.1
     np.testing.assert_array_equal(unconstrained.path.sample(0.1), slow.path.sample(0.1))
     assert question(task, open_world("lab", 2), Config()).goal == asked.goal
 
 
 def test_only_turns_differ_between_the_unconstrained_arms():
-    fast, slow = (limits_of(arm, Config()) for arm in ARMS[1:])
+    fast, slow = (limits_of(arm, Config()) for arm in (FAST, SLOW))
     assert (fast.v_m_s, fast.a_m_s2) == (slow.v_m_s, slow.a_m_s2)
     assert math.degrees(fast.omega_rad_s) == pytest.approx(52, abs=1)
     assert math.degrees(slow.omega_rad_s) == pytest.approx(17, abs=1)
+    assert limits_of(CONSTRAINED, Config()) == limits_of(LITERAL, Config()) == Config().limits
 
 
 def test_a_drive_arrives_and_both_trackers_are_judged_by_it():
-    task, world = DriveTask("lab", 1, 1, 1), open_world("lab", 1)
+    task, world = DriveTask("lab", 1, 0, 1), open_world("lab", 1)
     asked = question(task, world, Config())
-    drive = _drive(ARMS[0], asked, task, world, Config())
+    drive = _drive(CONSTRAINED, asked, task, world, Config())
     assert drive["ended"] == "arrived"
     assert drive["collisions"] == 0
     assert math.dist(drive["driven"][-1][:2], (asked.goal.x, asked.goal.y)) < 0.15
     assert math.dist(drive["planned"][0][:2], (asked.start.x, asked.start.y)) < 1e-3
     for judged in (drive["trackers"][PAPER], drive["trackers"][FULL]):
         assert 0.5 < judged["u1"] <= 1.0
-        assert judged["u2_frames"] > 10
+        assert judged["u2_searched"] > judged["u2_frames"] > judged["u2_made"] > judged["u2_drive"] > 10
+        assert judged["u2_until_loss"] == judged["u2_made"]  # it was never lost
         assert not judged["broken"]
         assert judged["ate_m"] < 0.05
         end = judged["estimate"][-1]
@@ -63,10 +69,38 @@ def test_a_drive_arrives_and_both_trackers_are_judged_by_it():
     json.dumps(drive)
 
 
+def test_u2_by_each_reading_of_its_sentence():
+    """Three points, the last one made in the drive; the first two are found no more after the loss."""
+    start, loss, end = (
+        {"found": np.array(found), "searched": np.array(searched)}
+        for found, searched in (([2, 0], [2, 3]), ([5, 0, 1], [6, 5, 2]), ([5, 0, 4], [8, 7, 4]))
+    )
+    assert _u2_readings(start, loss, end) == {
+        "u2_frames": 4.5, "u2_made": 3.0, "u2_searched": 6.0, "u2_made_searched": pytest.approx(19 / 3),
+        "u2_drive": pytest.approx(7 / 3), "u2_until_loss": 2.0, "u2_drive_until_loss": pytest.approx(4 / 3),
+    }  # fmt: skip
+    nothing = {"found": np.zeros(0), "searched": np.zeros(0)}
+    assert _u2_readings(nothing, nothing, nothing) == dict.fromkeys(U2_READINGS)
+
+
+def test_a_planner_without_a_path_is_told_and_does_not_drive(monkeypatch):
+    class Nowhere:
+        def __init__(self, config, robot):
+            pass
+
+        def plan(self, *question):
+            return Refusal(RefusalKind.BUDGET, "not found")
+
+    monkeypatch.setitem(PLANNERS._entries, "paper", Nowhere)
+    task, world = DriveTask("lab", 1, 0, 1), open_world("lab", 1)
+    assert _drive(LITERAL, question(task, world, Config()), task, world, Config()) == {"refused": "not found"}
+
+
 def judged(u1: float, broken: bool, ate_m: float | None = None) -> dict:
     return {
-        "u1": u1, "u1_until_loss": u1, "u2_frames": 100 * u1, "u2_seconds": None, "tracked_share": u1, "losses": 0,
-        "broken": broken, "held_share": u1, "ate_m": ate_m, "estimate": [[5.0, 2.0], [5.2, 2.0], None],
+        "u1": u1, "u1_until_loss": u1, **dict.fromkeys(U2_READINGS, 100 * u1), "u2_seconds": None,
+        "tracked_share": u1, "losses": 0, "broken": broken, "held_share": u1, "ate_m": ate_m,
+        "estimate": [[5.0, 2.0], [5.2, 2.0], None],
     }  # fmt: skip
 
 
@@ -79,74 +113,78 @@ def drive(u1: float, broken: bool, ate_m: float | None = None, ended: str = "arr
 
 def drives() -> list:
     """Two datasets and three noises in each of five worlds, and one without a goal."""
-    arms = {ARMS[0]: drive(0.9, False, 0.02), ARMS[1]: drive(0.3, True), ARMS[2]: drive(0.6, False, 0.04)}
-    tasks = [DriveTask("lab", n, n + 1000 * k, d) for n in range(1, 6) for k in range(3) for d in (1, 2)]
-    return [*((task, {"arms": arms}) for task in tasks), (DriveTask("lab", 9, 9, 1), {"failed": "no <goal>"})]
+    arms = {CONSTRAINED: drive(0.9, False, 0.02), FAST: drive(0.3, True), SLOW: drive(0.6, False, 0.04)}
+    arms[LITERAL] = {"refused": "no way"}
+    tasks = [DriveTask("lab", n, k, d) for n in range(1, 6) for k in range(3) for d in (1, 2)]
+    return [*((task, {"arms": arms}) for task in tasks), (DriveTask("lab", 9, 0, 1), {"failed": "no <goal>"})]
 
 
 def test_the_table_compares_worlds():
     both = table1.numbers(drives())[PAPER]["both"]
     assert (both["drives"], both["worlds"]) == (30, 5)
-    assert both["u1"][ARMS[0]].value == pytest.approx(0.9)
-    assert both["u1"]["ratio"][ARMS[1]].value == pytest.approx(3.0)
-    assert both["u1"]["ratio"][ARMS[2]].value == pytest.approx(1.5)
-    assert both["u1"]["chance"] == {ARMS[1]: pytest.approx(2 / 2**5), ARMS[2]: pytest.approx(2 / 2**5)}
-    assert both["broken"][ARMS[1]].value == 1.0
-    assert both["broken"][ARMS[0]].high == pytest.approx(0.4345, abs=1e-3)  # Wilson: 0 of 5
-    assert both["broken"]["chance"] == {ARMS[1]: pytest.approx(2 / 2**5), ARMS[2]: 1.0}
-    assert both["u2_seconds"][ARMS[0]].value == 0.0
-    assert both["held_share"]["ratio"][ARMS[1]].value == pytest.approx(3.0)
-    assert table1.numbers(drives())[FULL]["both"]["broken"]["chance"][ARMS[1]] == 1.0
-    assert table1.numbers([])[FULL]["both"]["u1"][ARMS[0]] is None
+    assert both["u1"][CONSTRAINED].value == pytest.approx(0.9)
+    assert both["u1"]["ratio"][FAST].value == pytest.approx(3.0)
+    assert both["u1"]["ratio"][SLOW].value == pytest.approx(1.5)
+    by_chance = {FAST: pytest.approx(2 / 2**5), SLOW: pytest.approx(2 / 2**5), LITERAL: 1.0}
+    assert both["u1"]["chance"] == by_chance
+    assert (both["u1"][LITERAL], both["u1"]["known"][LITERAL]) == (None, 0)
+    assert both["broken"][FAST].value == 1.0
+    assert both["broken"][CONSTRAINED].high == pytest.approx(0.4345, abs=1e-3)  # Wilson: 0 of 5
+    assert both["broken"]["chance"] == {FAST: pytest.approx(2 / 2**5), SLOW: 1.0, LITERAL: 1.0}
+    assert both["u2_seconds"][CONSTRAINED].value == 0.0
+    assert both["held_share"]["ratio"][FAST].value == pytest.approx(3.0)
+    assert table1.numbers(drives())[FULL]["both"]["broken"]["chance"][FAST] == 1.0
+    assert table1.numbers([])[FULL]["both"]["u1"][CONSTRAINED] is None
 
 
 def test_errors_are_compared_where_both_are_known():
     ate = table1.numbers(drives())[PAPER]["both"]["ate_m"]
-    assert ate[ARMS[0]].value == pytest.approx(0.02)
-    assert ate["known"] == {ARMS[0]: 30, ARMS[1]: 0, ARMS[2]: 30}
-    assert (ate[ARMS[1]], ate["ratio"][ARMS[1]]) == (None, None)
-    assert ate["ratio"][ARMS[2]].value == pytest.approx(0.5)
-    assert ate["chance"] == {ARMS[1]: 1.0, ARMS[2]: pytest.approx(2 / 2**5)}
+    assert ate[CONSTRAINED].value == pytest.approx(0.02)
+    assert ate["known"] == {CONSTRAINED: 30, FAST: 0, SLOW: 30, LITERAL: 0}
+    assert (ate[FAST], ate["ratio"][FAST]) == (None, None)
+    assert ate["ratio"][SLOW].value == pytest.approx(0.5)
+    assert ate["chance"] == {FAST: 1.0, SLOW: pytest.approx(2 / 2**5), LITERAL: 1.0}
 
 
 def test_drives_of_one_world_are_no_proof():
     """Half of the drives well, half badly: as much within a world as between any two."""
     good, bad = drive(0.9, False), drive(0.1, True)
-    arms = [{ARMS[0]: good if k % 2 else bad, ARMS[1]: bad, ARMS[2]: bad} for k in range(12)]
+    arms = [{CONSTRAINED: good if k % 2 else bad, FAST: bad, SLOW: bad} for k in range(12)]
     one = [(DriveTask("lab", 1, k, 1), {"arms": a}) for k, a in enumerate(arms)]
     six = [(DriveTask("lab", k // 2, k, 1), {"arms": a}) for k, a in enumerate(arms)]
-    assert table1.numbers(one)[PAPER]["both"]["u1"]["chance"][ARMS[1]] == 1.0
+    assert table1.numbers(one)[PAPER]["both"]["u1"]["chance"][FAST] == 1.0
     u1 = table1.numbers(six)[PAPER]["both"]["u1"]
-    assert u1["chance"][ARMS[1]] == pytest.approx(2 / 2**6)
-    assert u1[ARMS[0]] == pytest.approx((0.5, 0.5, 0.5))
+    assert u1["chance"][FAST] == pytest.approx(2 / 2**6)
+    assert u1[CONSTRAINED] == pytest.approx((0.5, 0.5, 0.5))
 
 
 def test_the_page_lists_failures_and_the_csv_every_drive():
     body = table1.table_section(drives()).body
-    assert "Failures: 1 of 31 goals; drives that went astray or touched something: 0" in body
+    assert "Failures: 1 of 31 goals; drives without a path, astray or with contacts: 30" in body
     assert "no &lt;goal&gt;" in body
+    assert "no path: no way" in body
     assert "3.00 [3.00, 3.00]" in body
     assert "dataset 2, 15 drives in 5 worlds; both, 30 drives in 5 worlds." in body
     assert "<td>both</td><td>ATE [m]</td><td>0.020 [0.020, 0.020]</td><td>unknown (0 drives)</td>" in body
     lines = table1.as_csv(drives()).splitlines()
     assert len(lines) == 1 + 30 * 3 * 2
-    assert lines[1].startswith("lab,1,1,1,constrained,2,0,0,10,arrived,0,as in the paper,0.9,0.9,90,,")
+    assert lines[1].startswith("lab,1,0,1,constrained,2,0,0,10,arrived,0,as in the paper,0.9,0.9,90,90,")
     assert lines[1].endswith(f",0.02,{__version__}")
 
 
 def test_drives_that_went_astray_or_touched_something_are_listed():
-    arms = {ARMS[0]: drive(0.9, False), ARMS[1]: drive(0.3, True, None, "diverged", 2)}
-    arms[ARMS[2]] = drive(0.6, False, None, "stale")
+    arms = {CONSTRAINED: drive(0.9, False), FAST: drive(0.3, True, None, "diverged", 2)}
+    arms[SLOW] = drive(0.6, False, None, "stale")
     astray = [(DriveTask("lab", 7, 7, 2), {"arms": arms})]
     assert table1.faults(astray) == [
-        ["lab", "7", "7", "2", ARMS[1], "strayed too far from its path"],
-        ["lab", "7", "7", "2", ARMS[1], "2 collisions"],
-        ["lab", "7", "7", "2", ARMS[2], "did not arrive in time"],
+        ["lab", "7", "7", "2", FAST, "strayed too far from its path"],
+        ["lab", "7", "7", "2", FAST, "2 collisions"],
+        ["lab", "7", "7", "2", SLOW, "did not arrive in time"],
     ]
     body = table1.table_section(astray).body
-    assert "Failures: 0 of 1 goals; drives that went astray or touched something: 2" in body
+    assert "Failures: 0 of 1 goals; drives without a path, astray or with contacts: 2" in body
     assert "strayed too far from its path" in body
-    assert "strayed too far from its path" in figure6_section(astray)[0].body
+    assert "strayed too far from its path" in figure6(astray)[0].body
 
 
 def test_figures_2_and_6_show_both_arms(tmp_path):
@@ -155,11 +193,11 @@ def test_figures_2_and_6_show_both_arms(tmp_path):
     assert page.count("<figure>") == 4
     assert "0.0 rad on the spot" in page
     assert "lab, seed 2." in page
-    section, rows = figure6_section(drives()[:1])
+    section, numbers = figure6(drives()[:1])
     assert section.body.count("<figure>") == 2
     assert section.body.count('class="broke"') == 2
-    assert [row["planner"] for row in rows] == [ARMS[0], ARMS[0], ARMS[1], ARMS[1]]
-    assert rows[0]["max_m"] == pytest.approx(0.0, abs=1e-9)
+    assert [row["planner"] for row in numbers["drives"]] == [CONSTRAINED, CONSTRAINED, FAST, FAST]
+    assert numbers["drives"][0]["max_m"] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_world_without_a_goal_is_listed_in_figure_2(monkeypatch):
@@ -168,8 +206,8 @@ def test_a_world_without_a_goal_is_listed_in_figure_2(monkeypatch):
             raise InputError("there is <none>")
         return question(task, world, config)
 
-    monkeypatch.setattr("vsx_ros.cli.experiments.drive_figures.question", asked)
-    body = figure2_section([DriveTask("lab", 2, 2, d) for d in (1, 2)]).body
+    monkeypatch.setattr("vsx_ros.experiments.drive_figures.question", asked)
+    body = figure2("lab", 2)[0].body
     assert body.count("<figure>") == 2
     assert "there is &lt;none&gt;" in body
 
@@ -196,7 +234,7 @@ def test_numbers_say_what_they_rest_on(tmp_path, monkeypatch):
     table, figure = (json.loads((tmp_path / name).read_text()) for name in ("table1.json", "fig6.json"))
     assert table["made_by"].startswith(f"vsx_ros {__version__}")
     assert (table["version"], table["world"], table["seeds"], table["noises"]) == (__version__, "lab", [1, 2], 3)
-    assert table[PAPER]["both"]["u1"]["ratio"][ARMS[1]][0] == pytest.approx(3.0)
+    assert table[PAPER]["both"]["u1"]["ratio"][FAST][0] == pytest.approx(3.0)
     assert (figure["version"], figure["world"], figure["seed"]) == (__version__, "lab", 1)
     assert len(figure["drives"]) == 6 * 2 * 2
     assert "lab, seeds 1 to 2." in (tmp_path / "table1.html").read_text()
@@ -236,6 +274,13 @@ def test_a_sweep_is_continued_and_told(tmp_path, capsys):
     assert "known and right; time limit of 3 s" in (tmp_path / "sweep.html").read_text()
 
 
+def test_a_sweep_takes_a_planner_of_a_plug_in(tmp_path, monkeypatch):
+    monkeypatch.setitem(PLANNERS._entries, "mine", PLANNERS["fov"])
+    words = ["sweep", "--seeds", "1:2", "--time", "1", "--planners", "mine", "--out", str(tmp_path)]
+    assert execute(words) == 0
+    assert json.loads((tmp_path / "results.jsonl").read_text())["result"]["planner"] == "mine"
+
+
 @pytest.mark.parametrize("words", [["sweep", "--seeds", "1:3"], ["reproduce", "fig5"], ["reproduce", "fig7"]])
 def test_ctrl_c_interrupts_and_half_a_run_is_no_result(words, tmp_path, monkeypatch, capsys):
     step, begun = FastRun._step, []
@@ -256,7 +301,7 @@ def test_ctrl_c_interrupts_and_half_a_run_is_no_result(words, tmp_path, monkeypa
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["sweep", "--planners", "best"], "no planner 'best'"),
+        (["sweep", "--planners", "best"], "no planner named 'best'"),
         (["sweep", "--set", "no.such=1"], "no parameter 'no.such'"),
         (["sweep", "--time", "-1"], "--time -1: give a positive number"),
         (["sweep", "--worlds", "lab,labb"], "world 'labb' is neither"),

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from vsx_ros.cli import explore_fast
 from vsx_ros.cli.main import execute
-from vsx_ros.io.journal import read_journal
-from vsx_ros.io.run_folder import RunFolder
+from vsx_ros.runs import lockstep
+from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.journal import read_journal
 
 LIMIT = 60_000
 """Bytes: of a file in one of the tests; of the whole disk in the other, whose pages and logs need some more."""
@@ -78,14 +78,14 @@ def test_a_full_disk_costs_what_does_not_fit(small_disk: Path) -> None:
 
 def test_a_run_folder_that_was_deleted_is_made_anew(tmp_path: Path, monkeypatch, capsys) -> None:
     out = tmp_path / "run"
-    step = explore_fast.FastRun._step
+    step = lockstep.FastRun._step
 
     def step_and_delete(run, frame, odometry):
         if len(run.record.results) == 20:
             shutil.rmtree(out)
         return step(run, frame, odometry)
 
-    monkeypatch.setattr(explore_fast.FastRun, "_step", step_and_delete)
+    monkeypatch.setattr(lockstep.FastRun, "_step", step_and_delete)
     assert execute(["explore", "--fast", "--seed", "1", "--time", "2", "--out", str(out)]) == 1
     assert "config.yaml cannot be read (No such file or directory)" in capsys.readouterr().err
     folder = RunFolder.open(out)

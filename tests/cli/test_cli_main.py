@@ -61,6 +61,17 @@ def test_exit_codes_and_one_sentence(raised, code, said, debug, monkeypatch, cap
     assert debug or error.count("\n") == (raised is not None)
 
 
+@pytest.mark.parametrize("line", [["stop"], ["status"], ["view"], ["record"], ["map", "save"], ["explore"]])
+def test_where_ros_is_not_installed_one_sentence_says_so(line):
+    ros = ("rospy", "rosgraph", "roslaunch", "std_msgs", "sensor_msgs", "geometry_msgs", "nav_msgs", "std_srvs")
+    code = f"import sys; sys.modules.update(dict.fromkeys({ros!r})); from vsx_ros.cli.main import main; main()"
+    done = subprocess.run([sys.executable, "-c", code, *line], capture_output=True, text=True, check=False)
+    assert done.returncode == 1, done.stderr
+    assert done.stderr.startswith("vsx: there is no Python package '")
+    assert "'vsx doctor'" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
 def test_a_reader_that_leaves_is_no_error():
     code = f"import sys; sys.path[:0] = {sys.path!r}; from vsx_ros.cli.main import main; main()"
     line = [sys.executable, "-c", code, "config"]

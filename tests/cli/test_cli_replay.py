@@ -13,14 +13,14 @@ import yaml
 from chromium import EXECUTABLE, Chromium
 
 from vsx_ros.cli.main import execute
-from vsx_ros.cli.run_record import RunRecord
 from vsx_ros.evaluation.summary import Summary
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.geometry.stamped import StampedPose
-from vsx_ros.io.run_folder import RunFolder
 from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.io.trajectory_file import format_stamp, write_trajectory
 from vsx_ros.robot import VelocityCommand
+from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.record import RunRecord
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.robot import EmulatedRobot
 

@@ -14,17 +14,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from vsx_ros.cli import explore
-from vsx_ros.cli.main import execute, parser
-from vsx_ros.cli.session import Before
+from vsx_ros.cli.main import execute, parse
 from vsx_ros.config import Config
 from vsx_ros.errors import MapFileError
-from vsx_ros.exploration.memory import MissionMemory
+from vsx_ros.exploration.saved_mission import SavedMission
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.io.checkpoint import Checkpoint
-from vsx_ros.io.journal import FrameLine, Journal, read_journal
-from vsx_ros.io.run_folder import RunFolder
 from vsx_ros.io.slam_map_file import load_slam_map
+from vsx_ros.robot import Odometry
+from vsx_ros.runs.checkpoint import Checkpoint
+from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.journal import FrameLine, Journal, read_journal
+from vsx_ros.runs.session import PreviousSessions
+from vsx_ros.runs.start import begin
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
 SECOND = 1_000_000_000
@@ -50,13 +51,13 @@ def kill_at(run: subprocess.Popen[bytes], folder: Path, second: float) -> None:
 
 
 @pytest.fixture(scope="module")
-def resumed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Before]]:
+def resumed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[PreviousSessions]]:
     """A run killed twice, once before it has a map and once on its way, then resumed to its end."""
     out, befores = tmp_path_factory.mktemp("killed") / "run", []
     kill_at(start("--seed", "1", "--time", "40", "--out", str(out)), out, 0.5)
-    assert Before.of(RunFolder.open(out)) is None
+    assert PreviousSessions.of(RunFolder.open(out)) is None
     kill_at(start("--resume", str(out)), out, 13.0)
-    before = Before.of(RunFolder.open(out))
+    before = PreviousSessions.of(RunFolder.open(out))
     assert before is not None
     befores.append(before)
     assert execute(["explore", "--fast", "--resume", str(out)]) == 0
@@ -68,7 +69,7 @@ def test_no_more_than_the_last_seconds_are_lost(resumed):
     frames = [line for line in before.lines if isinstance(line, FrameLine)]
     assert before.ended_ns >= 13 * SECOND
     assert before.ended_ns - frames[-1].stamp_ns <= 6 * SECOND
-    keyframes = before.memory.slam_map.view.keyframes
+    keyframes = before.saved.slam_map.view.keyframes
     assert len(keyframes) >= 5
     assert keyframes[-1].data.stamp_ns <= frames[-1].stamp_ns
 
@@ -79,7 +80,7 @@ def test_it_goes_on_in_the_same_map_and_ends_as_a_run_does(resumed):
     assert summary["stop_reason"] == "time limit of 40 s"
     assert (summary["breaks"], summary["collisions"]) == (0, 0)
     assert summary["relocalizations"] >= 1
-    assert summary["keyframes"] >= len(before.memory.slam_map.view.living)
+    assert summary["keyframes"] >= len(before.saved.slam_map.view.living)
     assert 0.0 < summary["ate_rmse_m"] < 0.05
     assert 0.5 < summary["u1"] <= 1.0
     assert summary["frames"] == len(folder.read_frames()) == len(folder.read_poses("odometry"))
@@ -180,12 +181,12 @@ def test_a_journal_that_ends_seconds_before_the_map_is_gone_on_with(resumed, tmp
     assert saved.stamp_ns - last.stamp_ns > 2 * SECOND
     end = next(i for i, line in enumerate(lines) if f'"stamp_ns":{last.stamp_ns}'.encode() in line and b"truth" in line)
     folder.journal.write_bytes(b"".join(lines[: end + 1]) + b'{"type":"fra')
-    before = Before.of(folder)
+    before = PreviousSessions.of(folder)
     assert before.ended_ns == saved.stamp_ns
     assert before.T_odom_base == SE2(*last.T_odom_base)
     assert before.truth.stamp_ns == last.stamp_ns
     assert saved.mission["trail"]
-    assert before.memory.mission.trail == [], "the robot stands before the end of its trail"
+    assert before.system.mission.trail == [], "the robot stands before the end of its trail"
     assert execute(["explore", "--fast", "--resume", str(cut), "--time", "42"]) == 0
     assert folder.read_frames()[-1].stamp_ns > 41 * SECOND
 
@@ -205,7 +206,7 @@ def test_its_map_can_be_saved_and_gone_on_in_by_another_run(resumed, tmp_path, c
     assert summary["frames_tracked"] > 40
     assert summary["coverage"] is None
     command = RunFolder.open(other).read_config()[1]["command"]
-    assert command == f"vsx explore --fast --load-map {path} --seed 1 --time 3.0 --out {other}"
+    assert command == f"vsx map load {path} --fast --seed 1 --time 3 --out {other}"
     path.unlink()  # what became of it is in the run's own folder
     assert execute(["explore", "--fast", "--resume", str(other), "--time", "4"]) == 0
     assert json.loads((other / "summary.json").read_text())["coverage"] is None
@@ -277,14 +278,14 @@ def test_a_robot_that_was_moved_forgets_the_way_it_came_and_nothing_else(tmp_pat
     folder = RunFolder.create(tmp_path)
     folder.write_config(Config(), ["vsx", "explore"], fast=False, world=None, base="kobuki")
     way, home = [SE2(-0.2, 0.0, 0.0), SE2(-0.1, 0.0, 0.0)], SE2(1.0, 0.0, 0.0)
-    memory = MissionMemory([home], [(home, 9.0, 2)], way, True, home)
+    saved = SavedMission([home], [(home, 9.0, 2)], way, True, home)
     words = ["explore", "--resume", str(tmp_path)]
-    explore.begin(parser().parse_args([*words, "--moved"]))  # killed before it had a map: nothing to forget
-    folder.checkpoint.write_mission(memory.tree(), 0)
+    begin(parse([*words, "--moved"]))  # killed before it had a map: nothing to forget
+    folder.checkpoint.write_mission(saved.tree(), 0)
     (folder.checkpoint.path / "map.zip").touch()
-    for more, expected in (([], memory), (["--moved"], memory._replace(trail=[]))):
-        explore.begin(parser().parse_args([*words, *more]))
-        assert MissionMemory.of(folder.checkpoint.read_mission(), tmp_path) == expected
+    for more, expected in (([], saved), (["--moved"], saved._replace(trail=[]))):
+        begin(parse([*words, *more]))
+        assert SavedMission.of(folder.checkpoint.read_mission(), tmp_path) == expected
 
 
 def test_the_way_driven_after_the_missions_last_word_is_in_the_journal(tmp_path):
@@ -293,14 +294,17 @@ def test_the_way_driven_after_the_missions_last_word_is_in_the_journal(tmp_path)
     drive = [SE2(4.0 + 0.1 * k, 2.0, 0.0) for k in range(6)]
     result = TrackingResult(0, TrackingState.GOOD, None, 0, 0, False, "")
     Journal(folder.journal).add(
-        *(FrameLine.of(result._replace(stamp_ns=k * SECOND), drive[k], 1.0, None) for k in range(len(drive)))
+        *(
+            FrameLine.of(result._replace(stamp_ns=k * SECOND), Odometry(0, drive[k]), 1.0, None)
+            for k in range(len(drive))
+        )
     )
-    memory = MissionMemory([], [], [SE2(-0.1, 0.0, 0.0), SE2()], False, None)
-    folder.checkpoint.write_mission(memory.tree(), 3 * SECOND + 1)
+    saved = SavedMission([], [], [SE2(-0.1, 0.0, 0.0), SE2()], False, None)
+    folder.checkpoint.write_mission(saved.tree(), 3 * SECOND + 1)
     (folder.checkpoint.path / "map.zip").touch()
     for _ in range(2):  # the second time there is nothing left to add
-        explore.begin(parser().parse_args(["explore", "--resume", str(tmp_path)]))
-        trail = MissionMemory.of(folder.checkpoint.read_mission(), tmp_path).trail
+        begin(parse(["explore", "--resume", str(tmp_path)]))
+        trail = SavedMission.of(folder.checkpoint.read_mission(), tmp_path).trail
         assert [pose.x for pose in trail] == pytest.approx([-0.3, -0.2, -0.1, 0.0])
 
 
@@ -313,7 +317,7 @@ def test_only_the_robot_of_a_run_to_resume_can_have_been_moved(tmp_path, monkeyp
 
 def test_runs_begun_in_the_same_second_have_folders_of_their_own(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(explore, "datetime", SimpleNamespace(now=lambda: datetime(2026, 5, 4, 10, 20, 30)))
-    folders = [explore.begin(parser().parse_args(["explore", "--fast", "--seed", str(seed)]))[0] for seed in (1, 2, 3)]
+    monkeypatch.setattr("vsx_ros.runs.start.datetime", SimpleNamespace(now=lambda: datetime(2026, 5, 4, 10, 20, 30)))
+    folders = [begin(parse(["explore", "--fast", "--seed", str(seed)]))[0] for seed in (1, 2, 3)]
     assert [folder.path.name for folder in folders] == [f"2026-05-04_10-20-30_lab{more}" for more in ("", "_2", "_3")]
     assert [folder.read_config()[1]["seed"] for folder in folders] == [1, 2, 3]

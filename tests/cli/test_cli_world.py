@@ -10,6 +10,7 @@ from vsx_ros.cli import world as command
 from vsx_ros.errors import ConfigError, MapFileError
 from vsx_ros.io.map_file import load_map
 from vsx_ros.occupancy.grid import FREE
+from vsx_ros.runs.world import open_world
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.world_file import load_world
 
@@ -48,10 +49,10 @@ def test_wrong_uses_are_named(tmp_path: Path) -> None:
 
 def test_a_floor_plan_alone_is_a_world(tmp_path: Path) -> None:
     assert run("lab", "--seed", "2", "--map", str(tmp_path / "m.pgm")) == 0
-    with_origin = command.open_world(str(tmp_path / "m.pgm"), 1)
+    with_origin = open_world(str(tmp_path / "m.pgm"), 1)
     (tmp_path / "m.yaml").unlink()
-    alone = command.open_world(str(tmp_path / "m.pgm"), 1)
+    alone = open_world(str(tmp_path / "m.pgm"), 1)
     assert alone.bounds[2] - alone.bounds[0] == pytest.approx(with_origin.bounds[2] - with_origin.bounds[0])
     assert alone.generator.name == "m"
     with pytest.raises(ConfigError, match="existing"):
-        command.open_world(str(tmp_path / "none.png"), 1)
+        open_world(str(tmp_path / "none.png"), 1)

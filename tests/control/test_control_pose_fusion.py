@@ -9,7 +9,7 @@ from vsx_ros.control.pose_fusion import PoseFuser
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.unicycle import integrate
-from vsx_ros.robot import Odometry
+from vsx_ros.robot import Odometry, OdometryEpochs
 
 MS = 1_000_000
 
@@ -91,38 +91,36 @@ def test_a_relocalisation_is_believed_at_once():
 
 
 @pytest.mark.parametrize("silence_ns", [20 * MS, 4000 * MS])
-def test_wheels_that_count_anew_do_not_move_the_base(silence_ns: int):
-    fuser, T_world_odom = PoseFuser(), SE2(-4.0, 1.0, 0.3)
+def test_odometry_that_restarts_does_not_move_the_base(silence_ns: int):
+    fuser, epochs, T_world_odom = PoseFuser(), OdometryEpochs(), SE2(-4.0, 1.0, 0.3)
     odom = SE2(5.0, 3.0, 0.4)
     for k in range(40):
-        fuser.add_odometry(Odometry(k * 20 * MS, odom, 0.2, 0.0))
+        fuser.add_odometry(epochs.enter(Odometry(k * 20 * MS, odom, 0.2, 0.0)))
         fuser.add_slam(k * 20 * MS, T_world_odom @ odom)
         odom = integrate(odom, 0.004, 0.0)
     true = fuser.pose()
     assert true is not None
-    assert fuser.countings == 1
     now = 39 * 20 * MS + silence_ns
-    fuser.add_odometry(Odometry(now, SE2()))
-    assert fuser.countings == 2
+    fuser.add_odometry(epochs.enter(Odometry(now, SE2())))
     assert close(fuser.pose(), true, 1e-9, 1e-9)
-    fuser.add_slam(now - silence_ns // 2, true)  # of an image between the two countings
+    fuser.add_slam(now - silence_ns // 2, true)  # of an image between the two epochs
     odom = SE2()
     for k in range(1, 40):
         odom, true = integrate(odom, 0.004, 0.0), integrate(true, 0.004, 0.0)
-        fuser.add_odometry(Odometry(now + k * 20 * MS, odom, 0.2, 0.0))
+        fuser.add_odometry(epochs.enter(Odometry(now + k * 20 * MS, odom, 0.2, 0.0)))
         assert close(fuser.pose(), true, 0.01, 0.02)
         fuser.add_slam(now + k * 20 * MS, true)
         assert fuser.stuck is None
-    assert fuser.countings == 2
+    assert epochs.enter(Odometry(now + 1000 * MS, odom)).odom_epoch == 1
     assert close(fuser.pose(), true, 0.002, 0.002)
 
 
 def test_a_base_that_was_moved_while_its_wheels_were_silent_is_found_where_the_camera_sees_it():
-    fuser = PoseFuser()
+    fuser, epochs = PoseFuser(), OdometryEpochs()
     for k in range(20):
-        fuser.add_odometry(Odometry(k * 20 * MS, SE2(5.0, 3.0, 0.4)))
+        fuser.add_odometry(epochs.enter(Odometry(k * 20 * MS, SE2(5.0, 3.0, 0.4))))
         fuser.add_slam(k * 20 * MS, SE2(1.0, 0.0, 0.0))
-    fuser.add_odometry(Odometry(5000 * MS, SE2()))
+    fuser.add_odometry(epochs.enter(Odometry(5000 * MS, SE2())))
     fuser.add_slam(5000 * MS, SE2(1.2, 0.1, 0.2))
     assert close(fuser.pose(), SE2(1.2, 0.1, 0.2), 0.005, 0.005)
 
@@ -138,5 +136,7 @@ def test_old_and_broken_input():
     assert close(fuser.pose(), SE2(), 1e-12, 1e-12)
     with pytest.raises(InputError, match="odometry"):
         fuser.add_odometry(Odometry(200 * MS, SE2(math.nan, 0.0, 0.0)))
+    with pytest.raises(InputError, match="cannot be"):
+        fuser.add_odometry(Odometry(200 * MS, SE2(1e300, 0.0, 0.0)))
     with pytest.raises(InputError, match="SLAM"):
         fuser.add_slam(200 * MS, SE2(0.0, math.inf, 0.0))

@@ -4,24 +4,27 @@ import math
 
 import pytest
 
-from vsx_ros.control.stuck import StuckWatch
+from vsx_ros.control.stuck import StuckDetector
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.robot import Odometry
 
 STEP_M = 0.01
 START = SE2(2.0, -1.0, 0.7)
 
 
-def drive(watch: StuckWatch, counted: SE2, seen: SE2, steps: int, way_m: float, seen_share: float) -> tuple[SE2, SE2]:
-    """So many steps of way_m by the wheels, of which the camera sees a share; where the base is by either."""
+def drive(
+    watch: StuckDetector, counted: SE2, seen: SE2, steps: int, way_m: float, seen_share: float
+) -> tuple[SE2, SE2]:
+    """So many steps of way_m by odometry, of which the camera sees a share; where the base is by either."""
     for _ in range(steps):
         counted, seen = counted @ SE2(way_m, 0.0, 0.0), seen @ SE2(seen_share * way_m, 0.0, 0.0)
-        watch.add(counted, seen)
+        watch.add(Odometry(0, counted), seen)
     return counted, seen
 
 
 @pytest.mark.parametrize("way_m", [STEP_M, -STEP_M])
 def test_turning_wheels_of_a_standing_base_are_noticed_within_centimetres(way_m: float):
-    watch = StuckWatch()
+    watch = StuckDetector()
     counted, seen = drive(watch, SE2(), START, 30, way_m, 1.0)
     assert watch.stuck is None
     counted, seen = drive(watch, counted, seen, 3, way_m, 0.0)
@@ -35,17 +38,17 @@ def test_turning_wheels_of_a_standing_base_are_noticed_within_centimetres(way_m:
 
 
 def test_it_holds_while_the_base_stands_and_ends_when_it_is_seen_to_move():
-    watch = StuckWatch()
+    watch = StuckDetector()
     counted, seen = drive(watch, SE2(), START, 10, -STEP_M, 0.0)
     for _ in range(200):
-        watch.add(counted, seen)
+        watch.add(Odometry(0, counted), seen)
     assert watch.stuck is not None
     drive(watch, counted, seen, 7, STEP_M, 1.0)
     assert watch.stuck is None
 
 
 def test_once_it_is_free_the_way_it_was_stuck_on_counts_no_more():
-    watch = StuckWatch()
+    watch = StuckDetector()
     counted, seen = drive(watch, SE2(), START, 8, STEP_M, 0.0)
     said = watch.stuck
     for _ in range(20):
@@ -56,13 +59,13 @@ def test_once_it_is_free_the_way_it_was_stuck_on_counts_no_more():
 
 @pytest.mark.parametrize("share", [0.5, 0.9, 1.5])
 def test_wheels_that_slip_or_are_pushed_are_not_stuck(share: float):
-    watch = StuckWatch()
+    watch = StuckDetector()
     drive(watch, SE2(), START, 60, STEP_M, share)
     assert watch.stuck is None
 
 
 def test_a_map_that_moves_under_the_base_is_no_obstacle():
-    watch = StuckWatch()
+    watch = StuckDetector()
     counted, seen = drive(watch, SE2(), START, 20, STEP_M, 1.0)
     for k in range(12):
         counted, seen = drive(watch, counted, seen, 1, STEP_M, 1.0)
@@ -71,15 +74,15 @@ def test_a_map_that_moves_under_the_base_is_no_obstacle():
 
 
 def test_a_way_that_the_camera_did_not_see_judges_nobody():
-    watch = StuckWatch()
+    watch = StuckDetector()
     counted, seen = drive(watch, SE2(), START, 20, STEP_M, 1.0)
     drive(watch, counted @ SE2(0.3, 0.0, 0.0), seen, 1, STEP_M, 0.0)
     assert watch.stuck is None
 
 
 @pytest.mark.parametrize("jump", [SE2(-5.0, -3.0, 1.0), SE2(0.07, 0.0, 0.0), SE2(0.05, 0.0, 0.0)])
-def test_wheels_that_count_anew_are_not_stuck(jump: SE2):
-    watch = StuckWatch()
+def test_wheels_that_jump_are_not_stuck(jump: SE2):
+    watch = StuckDetector()
     counted, seen = drive(watch, SE2(5.0, 3.0, 0.0), START, 20, STEP_M, 1.0)
     counted = counted @ jump
     for _ in range(20):
@@ -90,8 +93,15 @@ def test_wheels_that_count_anew_are_not_stuck(jump: SE2):
 
 
 def test_a_base_that_turns_on_the_spot_is_not_stuck():
-    watch = StuckWatch()
+    watch = StuckDetector()
     for k in range(100):
         turned = SE2(0.0, 0.0, 0.05 * k)
-        watch.add(turned, START @ turned)
+        watch.add(Odometry(0, turned), START @ turned)
     assert watch.stuck is None
+
+
+def test_ways_of_two_epochs_are_not_added_up():
+    watch, seen = StuckDetector(), START
+    for k in range(40):  # each epoch alone is too short to be judged
+        watch.add(Odometry(0, SE2(0.01 * k, 0.0, 0.0), odom_epoch=k // 5), seen)
+        assert watch.stuck is None

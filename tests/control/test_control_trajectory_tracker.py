@@ -15,8 +15,8 @@ from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.connect import connect
 from vsx_ros.planning.path import Path, Plan, Trajectory, certified
 from vsx_ros.planning.pieces import arc_piece
-from vsx_ros.planning.planner import UnconstrainedPlanner
 from vsx_ros.planning.time_scaling import time_scale
+from vsx_ros.planning.unconstrained import UnconstrainedPlanner
 from vsx_ros.robot import STOP
 
 LIMITS, FOLLOWER = LimitsConfig(), FollowerConfig()

@@ -11,7 +11,7 @@ from vsx_ros.dense import plane_finding
 from vsx_ros.dense.plane_finding import PlaneFinder
 from vsx_ros.dense.planes import PlaneKind
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.io.recording import open_recording
+from vsx_ros.io.open_recording import open_recording
 from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.snapshot import MapSnapshot
 
@@ -119,7 +119,7 @@ def test_same_snapshot_same_bits():
         assert a.offset == b.offset
 
 
-def grown(old: MapSnapshot, more: MapSnapshot) -> MapSnapshot:
+def grow_regions(old: MapSnapshot, more: MapSnapshot) -> MapSnapshot:
     """The old map with another one's points in it."""
     return dataclasses.replace(
         old,
@@ -146,7 +146,7 @@ def test_ids_last_and_only_changed_tiles_are_done_again(monkeypatch):
     assert not done
     far = on_wall((2.0, -6.7), (4.0, -6.7), 60, rng)
     after = keeper.update(
-        grown(start, seen(far, [looking(3.0, 0.1 * k - 4.7, -1.57) for k in range(7)], rng, first_id=290))
+        grow_regions(start, seen(far, [looking(3.0, 0.1 * k - 4.7, -1.57) for k in range(7)], rng, first_id=290))
     )
     assert 1 <= len(done) <= 8
     assert {p.id: tuple(p.normal) for p in before}.items() <= {p.id: tuple(p.normal) for p in after}.items()
@@ -160,7 +160,7 @@ def test_a_small_face_that_comes_late_before_many_points_is_found():
     assert len(keeper.update(start)) == 1
     box = on_wall((1.6, -0.25), (1.6, 0.25), 24, rng)
     box[:, 2] *= 0.5
-    wall, small = keeper.update(grown(start, seen(box, CAMERAS, rng, first_id=600)))
+    wall, small = keeper.update(grow_regions(start, seen(box, CAMERAS, rng, first_id=600)))
     assert len(wall.points) > 500
     assert np.isin(np.arange(600, 624), small.points).mean() > 0.8
     assert small.offset == pytest.approx(-1.6, abs=0.03)
@@ -170,7 +170,7 @@ def test_a_small_face_whose_points_are_culled_goes():
     rng = np.random.default_rng(11)
     wall = seen(on_wall((2.5, -0.3), (2.5, 0.3), 800, rng), CAMERAS, rng)
     keeper, box = finder(), on_wall((2.3, -0.25), (2.3, 0.25), 24, rng)
-    assert len(keeper.update(grown(wall, seen(box, CAMERAS, rng, first_id=800)))) == 2
+    assert len(keeper.update(grow_regions(wall, seen(box, CAMERAS, rng, first_id=800)))) == 2
     assert len(keeper.update(wall)) == 1
 
 

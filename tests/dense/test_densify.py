@@ -112,10 +112,10 @@ def test_the_same_snapshots_give_the_same_bits(textured: MapSnapshot) -> None:
 def test_a_map_that_grew_is_as_full_as_one_made_at_once(textured: MapSnapshot) -> None:
     growing = densifier()
     for n in range(3, len(textured.images) + 1):
-        grown = growing.update(first(textured, n))
+        grow_regions = growing.update(first(textured, n))
     at_once = densifier().update(textured)
-    assert grown.complete
-    assert len(grown.cells.plane) == pytest.approx(len(at_once.cells.plane), rel=0.1)
+    assert grow_regions.complete
+    assert len(grow_regions.cells.plane) == pytest.approx(len(at_once.cells.plane), rel=0.1)
 
 
 def test_work_beyond_the_budget_waits_for_the_next_update(textured: MapSnapshot) -> None:

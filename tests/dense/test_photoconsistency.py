@@ -3,8 +3,8 @@ import pytest
 import wall_scene as scene
 
 from vsx_ros.config import DenseConfig
-from vsx_ros.dense.growing import consistent
 from vsx_ros.dense.photoconsistency import Judgement, KeyframeImages, judge
+from vsx_ros.dense.region_growing import consistent
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.kernels.dense.surface_cells import count_passing
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from vsx_ros.cli.config import load
 from vsx_ros.cli.main import parser
+from vsx_ros.runs.parameters import load
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 PAGES = [CHECKOUT / "README.md", CHECKOUT / "CONTRIBUTING.md", *sorted((CHECKOUT / "docs").rglob("*.md"))]

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from vsx_ros.cli.reference import reference
 from vsx_ros.ros import nodes
-from vsx_ros.ros.reference import reference
 
 ROSPYS_OWN = {"~get_loggers", "~set_logger_level"}
 PRIVATE = re.compile(r"~\w+")

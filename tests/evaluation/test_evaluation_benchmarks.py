@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from vsx_ros.cli.exit_codes import STOPPED
-from vsx_ros.cli.experiments.campaign import Engine
-from vsx_ros.cli.experiments.rows import read_rows
+from vsx_ros.experiments.campaign import Engine
+from vsx_ros.experiments.rows import read_rows
+from vsx_ros.runs.exit_codes import STOPPED
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from vsx_ros.evaluation.comparison import change, compare
+from vsx_ros.evaluation.map_view import map_view, window_around, window_of
 from vsx_ros.evaluation.page import Section, figures, interval, page, table
 from vsx_ros.evaluation.paired import Interval
 from vsx_ros.evaluation.report import ReportData
-from vsx_ros.evaluation.ways import curves, ways_picture, window_around
+from vsx_ros.evaluation.svg import plot
 from vsx_ros.occupancy.grid import FREE, OccupancyGrid
 
 A = ReportData(
@@ -75,26 +76,30 @@ def test_changes(key, before, after, told):
 
 
 def test_ways_are_where_they_belong():
-    picture = ways_picture(
-        GRID, [("planned", [[0.0, 0.0], [1.0, 0.0], None, [2.0, 0.5], [2.5, 0.5]])], [("broke", (1, 0))]
-    )
+    way = [[0.0, 0.0], [1.0, 0.0], None, [2.0, 0.5], [2.5, 0.5]]
+    picture = map_view(GRID, [("planned", way)], window_of(GRID), marks=[("broke", (1, 0))], width_px=240.0)
     assert picture.count("<polyline") == 2
     assert 'points="60.0,60.0 120.0,60.0"' in picture  # 60 px a metre from the corner (-1, 1)
     assert '<circle class="broke" cx="120.0" cy="60.0"' in picture
-    near = ways_picture(
-        GRID, [("planned", [[0.0, 0.0], [1.0, 0.0]])], window=window_around([("", [[0.0, 0.0], [1.0, 0.0]])], 0.5)
-    )
+    near = map_view(GRID, [("planned", way[:2])], window_around([way[:2]], 0.5), width_px=120.0)
     assert 'viewBox="0 0 120 60"' in near
     assert 'points="30.0,30.0 90.0,30.0"' in near
     assert '<image x="-30.0" y="-30.0" width="240.0" height="120.0"' in near
-    many = ways_picture(GRID, [], dots=np.zeros((9000, 2)))
-    assert 2000 < many.count("M60.0,60.0h0") <= 3000
+    many = map_view(GRID, [], window_of(GRID), dots=np.zeros((9000, 2)), width_px=240.0)
+    assert 2000 < many.count("M60.0,60.0h0") <= 4000
+
+
+def test_nothing_has_a_window_too():
+    low, high = window_around([[None], []])
+    assert (high > low).all()
 
 
 def test_curves_end_where_the_data_do():
-    drawing = curves([("first", np.array([0.0, 5.0, 10.0]), np.array([0.0, 0.5, 1.0]))], "m", "share")
+    x, y = np.array([0.0, 5.0, 10.0]), np.array([0.0, 1.0, 2.0])
+    drawing = plot([("first", x, y)], "share", 2.0, unit="m", size=(540.0, 260.0))
     x, y = drawing.split('points="')[1].split('"')[0].split()[-1].split(",")
-    assert (float(x), float(y)) == (508.0, 8.0)
+    assert (float(x), float(y)) == (528.0, 12.0)
+    assert ">10 m</text>" in drawing
 
 
 def test_pieces_of_a_page_are_safe():

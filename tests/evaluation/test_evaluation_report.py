@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from vsx_ros.evaluation import svg
+from vsx_ros.evaluation.map_view import map_view, window_around
 from vsx_ros.evaluation.report import ReportData, render
 from vsx_ros.evaluation.summary import Summary
 from vsx_ros.geometry.se3 import SE3, so3_exp
@@ -134,14 +135,15 @@ def test_ticks_are_round(low, high, expected):
 
 def test_a_curve_breaks_where_nothing_is_known():
     seconds, values = np.arange(6.0), np.array([1.0, 1.0, np.nan, np.nan, 0.5, 0.5])
-    curves = list(drawings(svg.time_plot(seconds, values, "x", 1.0))[0].iter("polyline"))
+    curves = list(drawings(svg.plot([("curve", seconds, values)], "x"))[0].iter("polyline"))
     assert len(curves) == 2
     heights = [float(c.get("points").split()[0].split(",")[1]) for c in curves]
     assert heights[0] < heights[1]
 
 
 def test_an_axis_of_decades_gives_each_the_same_height():
-    drawing = drawings(svg.time_plot(np.arange(4.0), np.array([0.5, 10.0, 100.0, 5000.0]), "x", 1000.0, bottom=1.0))[0]
+    line = "curve", np.arange(4.0), np.array([0.5, 10.0, 100.0, 5000.0])
+    drawing = drawings(svg.plot([line], "x", 1000.0, bottom=1.0))[0]
     heights = [float(place.split(",")[1]) for place in next(drawing.iter("polyline")).get("points").split()]
     lines = [float(line.get("y1")) for line in drawing.iter("line")]
     assert len(lines) == 4
@@ -157,8 +159,8 @@ def test_decades_hold_all_values(low, high, expected):
 
 
 def test_the_map_is_drawn_to_scale():
-    lines = [("estimate", np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 4.0]]))]
-    drawing = drawings(svg.map_view(None, np.zeros((0, 2)), lines, ("x", "y"), "m"))[0]
+    way = [[0.0, 0.0], [3.0, 0.0], [3.0, 4.0]]
+    drawing = drawings(map_view(None, [("estimate", way)], window_around([way])))[0]
     line = next(iter(drawing.iter("polyline"))).get("points").split()
     a, b, c = (np.array(p.split(","), float) for p in line)
     assert np.linalg.norm(c - b) / np.linalg.norm(b - a) == pytest.approx(4 / 3, abs=0.01)

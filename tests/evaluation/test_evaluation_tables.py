@@ -8,9 +8,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
-from vsx_ros.cli.experiments.rows import Row, Store, read_rows
+from vsx_ros.experiments.drive import ARMS, DriveTask
+from vsx_ros.experiments.rows import Row, Store, read_rows
+from vsx_ros.experiments.trackers import FULL, PAPER, U2_READINGS
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 
@@ -20,7 +23,7 @@ CAPTION = re.compile(
     r"\*(\d+ rows of `benchmarks/results/\w+\.jsonl`; commit [0-9a-f]{7}.* \(\d{4}-\d\d-\d\d.*"
     r"|Rows not kept; commit [0-9a-f]{7} \(\d{4}-\d\d-\d\d\) or before|No rows yet)\.\*"
 )
-DOCUMENTS = ("docs/results.md", "docs/reliability.md", "README.md")
+DOCUMENTS = ("docs/results.md", "docs/paper.md", "docs/reliability.md", "README.md")
 
 
 def row(seed: int, code: str = "a", config: str = "c", commit: str = "0123456789ab", **asked: Any) -> Row:
@@ -62,6 +65,22 @@ def test_every_table_of_results_names_its_commit_and_day() -> None:
 def test_kept_rows_are_whole_and_have_a_table(path: Path) -> None:
     assert read_rows(path, pytest.fail)
     assert path.stem in {table.rows for table in tables.TABLES.values()}
+
+
+def test_drives_make_a_line_for_each_tracker_and_reading() -> None:
+    judged = {**dict.fromkeys(U2_READINGS, 40.0), "u1": 0.8, "u2_seconds": 2.0, "broken": False, "held_share": 1.0}
+    drive = {"trackers": {name: {**judged, "ate_m": None} for name in (PAPER, FULL)}}
+    arms = {**dict.fromkeys(ARMS, drive), "the paper's planner": {"refused": "no way"}}
+    rows = [msgspec.structs.replace(row(seed), asked=DriveTask("lab", seed, 0, 1)._asdict(), result={"arms": arms})
+            for seed in (1, 2)]  # fmt: skip
+    lines = tables.table_paper.u2(rows)
+    assert len(lines) == 2 + 2 * len(U2_READINGS)
+    assert {line.count("|") for line in lines} == {1 + 2 + len(ARMS) + 2 * (len(ARMS) - 1)}
+    assert "| 40.0 [40.0, 40.0] |" in lines[2]
+    assert "| unknown (0 drives) |" in lines[2]
+    usual = [line for line in tables.table_paper.table1(rows) if "U2 [frames]" in line]
+    assert len(usual) == 2
+    assert all("found, points found three times" in line for line in usual)
 
 
 def test_every_room_is_there() -> None:

@@ -7,10 +7,10 @@ import pytest
 
 from vsx_ros.config import Config
 from vsx_ros.exploration.decision import Action, MissionState, NavigationState, Outcome, Situation
-from vsx_ros.exploration.given_up import GivenUp, near_poses
-from vsx_ros.exploration.memory import MissionMemory
+from vsx_ros.exploration.escape_arc import escape_arc
+from vsx_ros.exploration.goal_blacklist import GoalBlacklist, near_poses
 from vsx_ros.exploration.mission import Mission
-from vsx_ros.exploration.swing import free_swing
+from vsx_ros.exploration.saved_mission import SavedMission
 from vsx_ros.exploration.trail import Trail
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import FREE, UNKNOWN, OccupancyGrid
@@ -77,7 +77,7 @@ def test_it_goes_to_a_view_of_the_unknown_and_says_its_utility():
 
 def test_a_failed_goal_is_not_chosen_again_at_once():
     mission = mapping_mission()
-    first = mission.outlook.ranking.views[0].pose
+    first = mission.view_selector.ranking.views[0].pose
     failed = situation(navigation=NavigationState.ABORTED, navigation_reason="goal blocked")
     assert mission.decide(2 * SECOND, failed).reason == "coming to rest"
     decision = mission.decide(4 * SECOND, failed)
@@ -162,11 +162,11 @@ def test_lost_for_good_it_backs_goes_on_to_where_most_is_known_looks_to_the_side
     assert np.diff([4.0, *straight]).min() > -config.backtrack_step_m - 0.11
     backed_m = config.backtrack_step_m * int(np.ceil(config.backtrack_max_m / config.backtrack_step_m))
     assert straight[-1] < 4.0 - backed_m - 0.3
-    swings, turns = goals[len(straight) : -8], goals[-8:]
-    assert 2 <= len(swings) <= 4
-    assert all(abs(goal.theta) > 0.2 for goal in swings)
-    assert {(goal.x, goal.y) for goal in turns} == {(swings[-1].x, swings[-1].y)}
-    headings = [swings[-1].theta, *(goal.theta for goal in turns)]
+    arcs, turns = goals[len(straight) : -8], goals[-8:]
+    assert 2 <= len(arcs) <= 4
+    assert all(abs(goal.theta) > 0.2 for goal in arcs)
+    assert {(goal.x, goal.y) for goal in turns} == {(arcs[-1].x, arcs[-1].y)}
+    headings = [arcs[-1].theta, *(goal.theta for goal in turns)]
     assert np.diff(np.unwrap(headings)) == pytest.approx([np.pi / 4] * 8)
     assert mission.outcome is Outcome.LOST
     reasons = [event.reason for event in mission.drain_events()]
@@ -196,7 +196,7 @@ def test_it_ends_explored_when_nothing_is_left_and_counts_the_reasons():
 
 def test_a_goal_whose_view_was_seen_on_the_way_is_left_without_blame():
     mission = mapping_mission()
-    goal = mission.outlook.ranking.views[0].pose
+    goal = mission.view_selector.ranking.views[0].pose
     active = situation(navigation=NavigationState.ACTIVE)
     assert mission.decide(2 * SECOND, active._replace(grid=half_known())).action is Action.WAIT
     known = [OccupancyGrid(np.full((80, 120), FREE, np.int8), 0.05, -1.5, -2.0) for _ in range(5)]
@@ -294,7 +294,7 @@ def test_pause_resume_stop_and_home():
     assert stopped.outcome is Outcome.STOPPED
     stopped.home(10 * SECOND)
     assert stopped.decide(10 * SECOND, situation()).reason == "stopped by the operator"
-    assert not stopped.memory(10 * SECOND, SE2()).going_home
+    assert not stopped.to_save(10 * SECOND, SE2()).going_home
 
 
 def test_on_the_way_to_a_view_it_turns_home_at_once_when_asked():
@@ -355,17 +355,17 @@ def test_the_way_back_turns_where_the_robot_had_turned_on_the_spot():
 
 
 def test_a_goal_that_fails_again_is_left_alone_twice_as_long():
-    given_up = GivenUp(radius_m=0.4, first_s=10.0)
+    blacklist = GoalBlacklist(radius_m=0.4, first_s=10.0)
     here = np.array([[1.0, 0.0, 0.0]])
-    assert given_up.add(0, SE2(1.0, 0.0, 0.0)) == 10.0
-    assert given_up.near(9 * SECOND, here).all()
-    assert not given_up.near(11 * SECOND, here).any()
-    assert given_up.add(20 * SECOND, SE2(1.2, 0.0, 0.3)) == 20.0
-    assert given_up.add(20 * SECOND, SE2(3.0, 0.0, 0.0)) == 10.0
-    assert not given_up.near(25 * SECOND, np.array([[1.1, 0.0, 2.0], [2.0, 0.0, 0.0]])).any()
-    assert [(left, times) for _, left, times in given_up.left(25 * SECOND)] == [(0.0, 1), (15.0, 2), (5.0, 1)]
-    again = GivenUp(radius_m=0.4, first_s=10.0)
-    again.recall(SECOND, given_up.left(25 * SECOND))
+    assert blacklist.add(0, SE2(1.0, 0.0, 0.0)) == 10.0
+    assert blacklist.near(9 * SECOND, here).all()
+    assert not blacklist.near(11 * SECOND, here).any()
+    assert blacklist.add(20 * SECOND, SE2(1.2, 0.0, 0.3)) == 20.0
+    assert blacklist.add(20 * SECOND, SE2(3.0, 0.0, 0.0)) == 10.0
+    assert not blacklist.near(25 * SECOND, np.array([[1.1, 0.0, 2.0], [2.0, 0.0, 0.0]])).any()
+    assert [(left, times) for _, left, times in blacklist.left(25 * SECOND)] == [(0.0, 1), (15.0, 2), (5.0, 1)]
+    again = GoalBlacklist(radius_m=0.4, first_s=10.0)
+    again.restore(SECOND, blacklist.left(25 * SECOND))
     assert again.near(15 * SECOND, here).all()
     assert not again.near(17 * SECOND, here).any()
 
@@ -373,14 +373,14 @@ def test_a_goal_that_fails_again_is_left_alone_twice_as_long():
 def test_a_swing_stays_on_free_ground_and_turns():
     data = np.full((60, 60), FREE, np.int8)
     grid = OccupancyGrid(data, 0.05, -1.5, -1.5)
-    ahead = free_swing(grid, SE2(), 0.2, 1.0, 0.3, ahead=True)
+    ahead = escape_arc(grid, SE2(), 0.2, 1.0, 0.3, ahead=True)
     assert (ahead.x, ahead.theta) == pytest.approx((np.sin(0.3), 0.3))
-    back = free_swing(grid, SE2(), 0.2, 1.0, 0.3, ahead=False)
+    back = escape_arc(grid, SE2(), 0.2, 1.0, 0.3, ahead=False)
     assert (back.x, back.theta) == pytest.approx((-np.sin(0.3), 0.3))
     data[:, 36:] = UNKNOWN
-    assert free_swing(OccupancyGrid(data, 0.05, -1.5, -1.5), SE2(), 0.2, 1.0, 0.3, ahead=True).x < 0.0
+    assert escape_arc(OccupancyGrid(data, 0.05, -1.5, -1.5), SE2(), 0.2, 1.0, 0.3, ahead=True).x < 0.0
     data[:, :24] = UNKNOWN
-    assert free_swing(OccupancyGrid(data, 0.05, -1.5, -1.5), SE2(), 0.2, 1.0, 0.3, ahead=True) is None
+    assert escape_arc(OccupancyGrid(data, 0.05, -1.5, -1.5), SE2(), 0.2, 1.0, 0.3, ahead=True) is None
 
 
 def wheels_driven(mission: Mission, way_m: float, start: SE2) -> SE2:
@@ -393,31 +393,31 @@ def wheels_driven(mission: Mission, way_m: float, start: SE2) -> SE2:
 
 
 @pytest.mark.parametrize("state", [TrackingState.GOOD, TrackingState.LOST])
-def test_wheels_that_count_anew_end_the_drive_and_nobody_goes_back_to_before(state):
+def test_odometry_that_restarts_ends_the_drive_and_nobody_goes_back_to_before(state):
     mission = mapping_mission()
     wheels_driven(mission, 2.0, SE2(3.0, 3.0, 0.5))
-    anew = situation(slam_state=state, T_odom_base=SE2(), countings=1, hazard="bumper left pressed")
-    decision = mission.decide(3 * SECOND, anew._replace(navigation=NavigationState.ACTIVE))
+    restarted = situation(slam_state=state, T_odom_base=SE2(), odom_epoch=1, hazard="bumper left pressed")
+    decision = mission.decide(3 * SECOND, restarted._replace(navigation=NavigationState.ACTIVE))
     assert decision.action is Action.CANCEL
-    assert "count" in decision.reason
+    assert "restarted" in decision.reason
     for k in range(1, 8):
-        goal = mission.decide((3 + k) * SECOND, anew._replace(navigation=NavigationState.ABORTED)).goal
+        goal = mission.decide((3 + k) * SECOND, restarted._replace(navigation=NavigationState.ABORTED)).goal
         assert goal is None or goal.distance_to(SE2()) < 0.5
     assert not any("given up" in event.reason for event in mission.drain_events())
 
 
-def test_the_way_back_begins_where_the_wheels_began_to_count_anew():
+def test_the_way_back_begins_where_odometry_restarted():
     mission = mapping_mission()
     wheels_driven(mission, 2.0, SE2(3.0, 3.0, 0.5))
-    anew = situation(T_odom_base=SE2(), countings=1)
-    active = anew._replace(navigation=NavigationState.ACTIVE)
+    restarted = situation(T_odom_base=SE2(), odom_epoch=1)
+    active = restarted._replace(navigation=NavigationState.ACTIVE)
     mission.decide(3 * SECOND, active)
-    mission.decide(5 * SECOND, anew)
+    mission.decide(5 * SECOND, restarted)
     pose = SE2()
     for k in range(11):
         pose = SE2(0.05 * k, 0.0, 0.0)
         mission.decide(11 * SECOND + k, active._replace(T_odom_base=pose))
-    back = mission.decide(13 * SECOND, anew._replace(T_odom_base=pose, hazard="bumper left pressed"))
+    back = mission.decide(13 * SECOND, restarted._replace(T_odom_base=pose, hazard="bumper left pressed"))
     assert back.frame == "odom"
     assert (back.goal.x, back.goal.y) == pytest.approx((0.15, 0.0))
 
@@ -432,22 +432,22 @@ def test_a_robot_that_was_carried_in_the_air_does_not_back_along_the_way_it_came
     assert "turning to look elsewhere" in next(drive.reason for drive in drives if drive.action is Action.GO)
 
 
-def test_a_resumed_mission_goes_back_along_the_way_it_remembers_although_its_wheels_count_anew():
+def test_a_resumed_mission_goes_back_along_the_way_it_remembers_although_its_odometry_restarts():
     mission = mapping_mission()
     here = wheels_driven(mission, 2.0, SE2())
-    memory = mission.memory(3 * SECOND, here)
+    saved = mission.to_save(3 * SECOND, here)
     again = Mission(Config(), euclid)
-    again.recall(4 * SECOND, memory, SE2())
-    lost = situation(slam_state=TrackingState.LOST, slam_reason="dark", countings=7)
+    again.restore(4 * SECOND, saved, SE2())
+    lost = situation(slam_state=TrackingState.LOST, slam_reason="dark", odom_epoch=7)
     decisions = [again.decide((4 + k) * SECOND, lost) for k in range(12)]
     back = next(decision for decision in decisions if decision.action is Action.GO)
     assert -0.5 < back.goal.x < -0.25
 
 
 def test_a_resumed_mission_that_knows_neither_place_nor_way_looks_around_on_the_spot():
-    memory = mapping_mission().memory(3 * SECOND, SE2())
+    saved = mapping_mission().to_save(3 * SECOND, SE2())
     again = Mission(Config(), euclid)
-    again.recall(4 * SECOND, memory._replace(trail=[]), SE2())
+    again.restore(4 * SECOND, saved._replace(trail=[]), SE2())
     goals, pose = [], SE2(1.0, 2.0, 0.3)
     for k in range(60):
         lost = situation(slam_state=TrackingState.LOST, slam_reason="dark", T_map_base=None, grid=None)
@@ -485,7 +485,7 @@ def test_home_is_where_the_exploration_began_although_the_wheels_counted_before(
     mission.decide(SECOND, tracked)
     mission.home(2 * SECOND)
     resumed = Mission(Config(), euclid)
-    resumed.recall(3 * SECOND, MissionMemory.of(mission.memory(2 * SECOND, here).tree(), Path("mission.json")), SE2())
+    resumed.restore(3 * SECOND, SavedMission.of(mission.to_save(2 * SECOND, here).tree(), Path("mission.json")), SE2())
     elsewhere = situation(T_map_base=SE2(0.3, 0.2, 0.0))
     for now_s in (3, 4):
         resumed.decide(now_s * SECOND, elsewhere)
@@ -509,9 +509,9 @@ def test_a_home_that_cannot_be_reached_ends_the_mission_with_the_reason():
 
 
 def test_a_goal_that_fails_for_ever_is_left_alone_for_hours_at_most():
-    given_up = GivenUp(radius_m=0.4, first_s=10.0)
+    blacklist = GoalBlacklist(radius_m=0.4, first_s=10.0)
     for _ in range(1100):
-        seconds = given_up.add(0, SE2(1.0, 0.0, 0.0))
+        seconds = blacklist.add(0, SE2(1.0, 0.0, 0.0))
     assert 600.0 < seconds < 36000.0
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from vsx_ros.config import Config
 from vsx_ros.exploration.frontiers import find_frontiers
+from vsx_ros.exploration.information_gain import SECTORS, information_weights, opaque_walls
 from vsx_ros.exploration.utility import (
     BEARINGS,
     Ranking,
@@ -15,10 +16,9 @@ from vsx_ros.exploration.utility import (
     count_landmarks,
     gain_at,
     rank_views,
-    standing_room,
+    traversable_cells,
     view_gain,
 )
-from vsx_ros.exploration.worth import SECTORS, opaque_walls, unknown_worth
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.occupancy.visibility import window_sums
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
@@ -99,7 +99,7 @@ def test_views_look_into_the_unknown_and_stand_on_free_ground():
     assert abs(math.remainder(best.pose.theta, 2 * math.pi)) < math.radians(46)
     assert best.utility == pytest.approx(best.gain_m2 / (best.distance_m + CONFIG.stop_cost_m))
     assert [v.utility for v in ranking.views] == sorted((v.utility for v in ranking.views), reverse=True)
-    room = standing_room(grid, 0.2)
+    room = traversable_cells(grid, 0.2)
     cells = grid.cells(np.array([[v.pose.x, v.pose.y] for v in ranking.views]))
     assert room[cells[:, 0], cells[:, 1]].all()
 
@@ -151,27 +151,27 @@ def test_unreachable_and_blacklisted_views_are_counted_not_returned():
         grid, 0.2, np.zeros((0, 3)), NOWHERE_YET, straight_costs, lambda p: np.ones(len(p), bool), NO_LANDMARKS_NEEDED
     )
     assert banned.views == []
-    assert banned.rejected[Rejection.GIVEN_UP] > 0
+    assert banned.rejected[Rejection.BLACKLISTED] > 0
 
 
 def test_unknown_ground_is_worth_less_with_every_look_from_the_same_side():
     grid = half_known_room()
     looks = np.tile([[2.5, 1.9, 0.1]], (2, 1))
-    worth = unknown_worth(grid, looks, CONFIG)
+    weights = information_weights(grid, looks, CONFIG)
     ahead, beside, far, known = grid.cells(np.array([[4.0, 2.4], [3.2, 3.5], [5.9, 2.4], [2.5, 2.0]]))
-    assert worth[(0, *ahead)] == pytest.approx(0.5 ** (2 / CONFIG.looks_to_half))
-    assert worth[(1, *ahead)] == worth[(SECTORS - 1, *ahead)] == pytest.approx(0.5 ** (1 / CONFIG.looks_to_half))
-    assert (worth[(slice(2, SECTORS - 1), *ahead)] == 1.0).all()
-    assert (worth[(slice(None), *beside)] == 1.0).all()
-    assert (worth[(slice(None), *far)] == 1.0).all()
-    assert (worth[(slice(None), *known)] == 0.0).all()
+    assert weights[(0, *ahead)] == pytest.approx(0.5 ** (2 / CONFIG.looks_to_half))
+    assert weights[(1, *ahead)] == weights[(SECTORS - 1, *ahead)] == pytest.approx(0.5 ** (1 / CONFIG.looks_to_half))
+    assert (weights[(slice(2, SECTORS - 1), *ahead)] == 1.0).all()
+    assert (weights[(slice(None), *beside)] == 1.0).all()
+    assert (weights[(slice(None), *far)] == 1.0).all()
+    assert (weights[(slice(None), *known)] == 0.0).all()
 
 
 def test_what_was_looked_at_from_one_side_gains_from_the_other():
     grid = OccupancyGrid(np.full((80, 120), UNKNOWN, np.int8), RESOLUTION, 0.0, 0.0)
-    worth = unknown_worth(grid, np.tile([[1.0, 2.0, 0.0]], (6, 1)), CONFIG)
-    before = view_gain(grid, np.array([[1.0, 2.0], [4.0, 2.0]]), np.ones_like(worth), CONFIG)
-    after = view_gain(grid, np.array([[1.0, 2.0], [4.0, 2.0]]), worth, CONFIG)
+    weights = information_weights(grid, np.tile([[1.0, 2.0, 0.0]], (6, 1)), CONFIG)
+    before = view_gain(grid, np.array([[1.0, 2.0], [4.0, 2.0]]), np.ones_like(weights), CONFIG)
+    after = view_gain(grid, np.array([[1.0, 2.0], [4.0, 2.0]]), weights, CONFIG)
     again, from_behind = after / np.maximum(before, 1e-9)
     assert again[0] < 0.2
     assert from_behind[BEARINGS // 2] == pytest.approx(1.0)
@@ -214,7 +214,7 @@ def test_a_wall_hides_landmarks():
 
 
 def test_standing_room_keeps_the_radius_from_unknown_and_walls():
-    room = standing_room(half_known_room(), 0.3)
+    room = traversable_cells(half_known_room(), 0.3)
     cells = np.argwhere(room)
     assert cells[:, 1].max() * RESOLUTION <= 3.0 - 0.3
     assert cells[:, 0].min() * RESOLUTION >= 0.05 + 0.3 - RESOLUTION

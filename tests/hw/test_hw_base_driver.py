@@ -5,9 +5,9 @@ import threading
 import pytest
 from hw_wire import MS, Wire
 
+from vsx_hw.connection_thread import ConnectionThread
 from vsx_hw.create.protocol import encode_lamps, encode_play
 from vsx_hw.errors import DeviceTimeout
-from vsx_hw.keeper import Keeper
 from vsx_hw.kobuki.framing import FrameScanner, encode_frame, sub_payloads
 from vsx_hw.kobuki.protocol import Led, Sound, melody_payload, outputs_payload
 from vsx_hw.readings import Signal
@@ -149,11 +149,11 @@ def test_a_base_that_falls_silent_or_mad_is_told_so_while_its_wheels_are_stopped
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_wheels_whose_stop_bytes_were_not_taken_are_not_said_to_stand(kind, monkeypatch):
-    """The guardian goes on stopping them, and is not let go."""
+    """The watchdog goes on stopping them, and is not let go."""
     wire = Wire(kind, monkeypatch)
     turning: list[bool] = []
     wire.driver._on_command = turning.append
-    monkeypatch.setattr(wire.driver._keeper, "close", lambda: True)
+    monkeypatch.setattr(wire.driver._connection, "close", lambda: True)
     assert wire.driver.close(), "it never drove"
     wire.each_ms = lambda: wire.driver.drive(0.2, 0.0)
     wire.serve(1.0)
@@ -177,8 +177,10 @@ def test_wheels_whose_stop_bytes_were_not_taken_are_not_said_to_stand(kind, monk
 
 def test_a_keeper_whose_thread_hangs_says_so():
     hangs = threading.Event()
-    keeper = Keeper("a base", LoopbackTransport, lambda _: hangs.wait(), lambda _: None, lambda *_: None, (0.0,))
-    keeper.start()
-    assert not keeper.close(0.05)
+    connection = ConnectionThread(
+        "a base", LoopbackTransport, lambda _: hangs.wait(), lambda _: None, lambda *_: None, (0.0,)
+    )
+    connection.start()
+    assert not connection.close(0.05)
     hangs.set()
-    assert keeper.close()
+    assert connection.close()

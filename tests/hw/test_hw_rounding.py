@@ -5,7 +5,7 @@ import math
 import pytest
 from hw_wire import MS, Wire
 
-from vsx_hw.rounding import CarriedTurn
+from vsx_hw.rounding import TurnErrorFeedback
 
 SECONDS = 10.0
 
@@ -42,7 +42,7 @@ def test_nothing_is_made_up_for_at_standstill_or_straight_on():
         told.append((v, omega))
         return omega, 0.1 * round(omega / 0.1)
 
-    carried = CarriedTurn()
+    carried = TurnErrorFeedback()
     for twist in ((0.2, 0.04), (0.2, 0.04), (0.0, 0.0), (0.2, 0.04), (0.2, 0.0), (0.2, 0.04)):
         carried.command(*twist, encode)
     assert [omega for _, omega in told] == pytest.approx([0.04, 0.06, 0.0, 0.04, 0.0, 0.04])
@@ -50,7 +50,7 @@ def test_nothing_is_made_up_for_at_standstill_or_straight_on():
 
 def test_a_limit_that_is_met_is_not_made_up_for():
     """Wheels at their top speed turn less than was asked for: no wind-up."""
-    carried = CarriedTurn()
+    carried = TurnErrorFeedback()
     for _ in range(100):
         carried.command(0.5, 1.0, lambda v, omega: (None, 0.2))
     assert carried.command(0.1, 0.5, lambda v, omega: (omega, omega)) <= 0.5 + 0.02 + 1e-12

@@ -19,7 +19,7 @@ from hw_sensor_faults import (
 )
 from hw_wire import MS
 
-from vsx_hw.plausibility import MotionJudge
+from vsx_hw.plausibility import MotionCheck
 
 TOLD_S, JUMP_M, JUMP_RAD = 1.5, 0.05, math.radians(3.0)
 BASES = ("kobuki", "create", "create2")
@@ -187,7 +187,7 @@ def test_an_encoder_that_breaks_in_a_fast_turn_makes_no_jump(fault, monkeypatch)
 
 
 def run_judge(wheel_m_s: float, told_m_s: float, seconds: float = 3.0) -> list[str]:
-    judge = MotionJudge(0.23)
+    judge = MotionCheck(0.23)
     judge.command(told_m_s, 0.0)
     way_m = wheel_m_s * 0.02
     return [judge.step(k * 20 * MS, way_m, way_m).fault for k in range(1, round(seconds * 50))]

@@ -15,7 +15,7 @@ class Body:
     x_m: float = 0.0
     y_m: float = 0.0
     yaw_rad: float = 0.0
-    left_m: float = 0.0  # travelled by the wheels since the start
+    left_m: float = 0.0  # travelled by odometry since the start
     right_m: float = 0.0
     left_m_s: float = 0.0
     right_m_s: float = 0.0

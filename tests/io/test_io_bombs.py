@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
-from vsx_ros.cli.config import load
-from vsx_ros.cli.experiments.rows import read_rows
 from vsx_ros.cli.main import execute
-from vsx_ros.cli.robot_file import update_robot_file
 from vsx_ros.errors import InputError, VsxError
+from vsx_ros.experiments.rows import read_rows
 from vsx_ros.io.calibration_file import read_calibration
-from vsx_ros.io.checkpoint import Checkpoint, Saved
 from vsx_ros.io.image_encoding import decoded, gray_image
-from vsx_ros.io.journal import read_journal
 from vsx_ros.io.map_file import load_map, load_plan
-from vsx_ros.io.recording import open_recording
-from vsx_ros.io.run_folder import RunFolder
+from vsx_ros.io.open_recording import open_recording
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
 from vsx_ros.io.trajectory_file import read_trajectory
+from vsx_ros.runs.checkpoint import Checkpoint, CheckpointData
+from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.journal import read_journal
+from vsx_ros.runs.parameters import load
+from vsx_ros.runs.robot_file import update_robot_file
 from vsx_ros.sim.map_import import world_from_grid
 from vsx_ros.sim.scene import compile_scene
 from vsx_ros.sim.truth import ground_truth_grid
@@ -214,7 +214,7 @@ def test_lists_of_images_and_trajectories(tmp_path):
 
 def test_one_picture_or_piece_for_many(tmp_path):
     checkpoint = Checkpoint(tmp_path)
-    checkpoint.write(Saved(file_samples.slam_map(), 1, {}, {}))
+    checkpoint.write(CheckpointData(file_samples.slam_map(), 1, {}, {}))
     whole = (tmp_path / "map.zip").read_bytes()
     for change, message in ((bombs.same_picture, "the same picture"), (bombs.same_piece, "asks for")):
         (tmp_path / "map.zip").write_bytes(change(whole))

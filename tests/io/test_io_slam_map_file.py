@@ -37,10 +37,12 @@ def slam_map():
         wheels = None if k == 2 else SE2(0.1 * k, 0.2, -0.3 * k)
         camera = moving(kernel_camera(CAMERA), rng.normal(0.0, 0.01, 6))
         data = FrameData(7 * k + 10**18, pyramid, detector.detect(pyramid), small_image(pyramid), wheels, camera)
-        world.chain = k // 3
+        world.odom_epoch = k // 3
         world.add_keyframe(data, SE3.exp(rng.normal(0.0, 0.3, 6)), Observations.none(), map_id=int(k == 4))
-        looks = NewTemplates(rng.normal(size=(30, 4)), rng.random((30, 2)), rng.integers(0, 256, (30, PATCH, PATCH)))
-        world.add_points(rng.normal(size=(30, 3)), looks, k)
+        templates = NewTemplates(
+            rng.normal(size=(30, 4)), rng.random((30, 2)), rng.integers(0, 256, (30, PATCH, PATCH))
+        )
+        world.add_points(rng.normal(size=(30, 3)), templates, k)
     for k in range(5):
         uv = rng.uniform(0.0, 119.0, (150, 2))
         world.observe(k, Observations(np.arange(150), uv, uv + 0.1, rng.integers(0, 4, 150)))
@@ -63,7 +65,7 @@ def test_everything_comes_back_bit_for_bit(slam_map, saved):
     assert (back.view.version, back.view.living.tolist()) == (42, [0, 2, 3, 4])
     assert [k.alive for k in back.view.keyframes] == [True, False, True, True, True]
     for ours, theirs in zip(slam_map.view.keyframes, back.view.keyframes, strict=True):
-        assert (ours.id, ours.chain, ours.map_id) == (theirs.id, theirs.chain, theirs.map_id)
+        assert (ours.id, ours.odom_epoch, ours.map_id) == (theirs.id, theirs.odom_epoch, theirs.map_id)
         assert ours.median_depth == theirs.median_depth
         assert (ours.data.stamp_ns, ours.data.T_odom_base) == (theirs.data.stamp_ns, theirs.data.T_odom_base)
         assert all(np.array_equal(a, b) for a, b in zip(ours.data.pyramid, theirs.data.pyramid, strict=True))

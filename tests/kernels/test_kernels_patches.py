@@ -4,7 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from vsx_ros.kernels.vision.patches import best_pixel, quantize, refine, search, warp_template, warp_templates, zmssd
+from vsx_ros.kernels.vision.patches import best_pixel, quantize, refine, zmssd
+from vsx_ros.kernels.vision.search import search
+from vsx_ros.kernels.vision.warping import warp_template, warp_templates
 from vsx_ros.vision.corners import CornerDetector
 from vsx_ros.vision.patch_search import cut_patches
 from vsx_ros.vision.pyramid import build_pyramid
@@ -88,13 +90,13 @@ def test_search_finds_shifted_points_and_rejects_foreign_ones(texture, reach):
     n = len(corners)
     patches = cut_patches(first, corners, 0)
     patches[::2] = patches[::2][:, ::-1, ::-1]
-    looks, usable = warp_templates(patches, np.zeros((n, 2)), np.arange(n), np.tile([1.0, 0.0, 0.0, 1.0], (n, 1)))
+    warped, usable = warp_templates(patches, np.zeros((n, 2)), np.arange(n), np.tile([1.0, 0.0, 0.0, 1.0], (n, 1)))
     found, position = search(
         second.pixels,
         second.table,
         CornerDetector().detect(second).positions,
         CornerDetector().detect(second).row_table,
-        looks,
+        warped,
         usable,
         np.zeros(n, np.int64),
         corners.astype(float),

@@ -7,12 +7,12 @@ import pytest
 from driving import POSE_LATE_NS, Base
 
 from vsx_ros.config import Config
-from vsx_ros.control.localization import NOWHERE, Localization, Whereabouts
+from vsx_ros.control.localization import UNLOCALIZED, Localization, LocalizationState
 from vsx_ros.control.stuck import Stuck
 from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.navigation.follower import Follower, Silence
+from vsx_ros.navigation.follower import Follower, MessageAges
 from vsx_ros.navigation.follower_report import decode_report
 from vsx_ros.planning.path import Trajectory, certified
 from vsx_ros.planning.pieces import arc_piece
@@ -36,8 +36,8 @@ class Drive:
     def __init__(self) -> None:
         self.base, self.follower, self.localization = Base(), Follower(Config()), Localization()
         self.told: list[float | None] = []
-        self.state, self.silence = TrackingState.GOOD, Silence()
-        self.changed: Callable[[Whereabouts], Whereabouts] = lambda where: where
+        self.state, self.ages = TrackingState.GOOD, MessageAges()
+        self.changed: Callable[[LocalizationState], LocalizationState] = lambda where: where
         self.go_on(0.1)
         self.follower.follow(self.base.now_ns, ahead(SE2()), "map", 1)
 
@@ -49,7 +49,7 @@ class Drive:
             self.localization.add_pose(base.now_ns, base.pose)
             self.localization.add_state(self.state, "")
             where = self.changed(self.localization.at(base.now_ns))
-            command = self.follower.step(base.now_ns, where, self.silence)
+            command = self.follower.step(base.now_ns, where, self.ages)
             self.told.append(None if command is None else command.v)
             base.tell(command or STOP)
 
@@ -68,18 +68,19 @@ def drive() -> Drive:
 
 
 @pytest.mark.parametrize(
-    ("silence", "reason"), [(Silence(vslam_s=0.31), "no word from vslam"), (Silence(wheels_s=0.51), "no odometry")]
+    ("ages", "reason"),
+    [(MessageAges(vslam_s=0.31), "no word from vslam"), (MessageAges(odometry_s=0.51), "no odometry")],
 )
 def test_silence_stops_at_once_and_is_waited_for_and_the_speed_grows_from_rest(
-    drive: Drive, silence: Silence, reason: str
+    drive: Drive, ages: MessageAges, reason: str
 ) -> None:
-    drive.silence = silence
+    drive.ages = ages
     drive.go_on(0.04)
     assert drive.told[-1] == 0.0
     assert reason in drive.follower.report.reason
     drive.go_on(1.0)
     assert drive.status is FollowStatus.STALE
-    drive.silence, begin = Silence(), len(drive.told)
+    drive.ages, begin = MessageAges(), len(drive.told)
     drive.go_on(1.5)
     speeds = np.array([0.0, *drive.told[begin:]])
     assert speeds.max() > 0.1
@@ -87,17 +88,18 @@ def test_silence_stops_at_once_and_is_waited_for_and_the_speed_grows_from_rest(
 
 
 @pytest.mark.parametrize(
-    ("silence", "reason"), [(Silence(vslam_s=2.1), "vslam is silent"), (Silence(pursuer_s=0.31), "move_base is silent")]
+    ("ages", "reason"),
+    [(MessageAges(vslam_s=2.1), "vslam is silent"), (MessageAges(executor_s=0.31), "move_base is silent")],
 )
-def test_a_long_silence_and_one_of_the_pursuer_end_the_drive(drive: Drive, silence: Silence, reason: str) -> None:
-    drive.silence = silence
+def test_a_long_silence_and_one_of_the_executor_end_the_drive(drive: Drive, ages: MessageAges, reason: str) -> None:
+    drive.ages = ages
     drive.go_on(0.04)
     assert (drive.told[-1], drive.status, drive.follower.report.reason) == (0.0, FollowStatus.STOPPED, reason)
 
 
 def test_a_trajectory_given_while_vslam_is_silent_waits_for_it() -> None:
     drive = Drive()
-    drive.silence = Silence(vslam_s=60.0)
+    drive.ages = MessageAges(vslam_s=60.0)
     drive.go_on(1.9)
     assert drive.status is FollowStatus.STALE
     drive.go_on(0.3)
@@ -106,11 +108,11 @@ def test_a_trajectory_given_while_vslam_is_silent_waits_for_it() -> None:
 
 def test_a_new_hazard_ends_the_drive_and_one_that_is_there_may_be_backed_away_from(drive: Drive) -> None:
     now_ns, follower = drive.base.now_ns, drive.follower
-    assert follower.feel(now_ns, frozenset(["bumper left"])) == STOP
+    assert follower.take_hazards(now_ns, frozenset(["bumper left"])) == STOP
     assert follower.report.reason == "hazard: bumper left"
     follower.follow(now_ns, ahead(SE2()), "map", 2)
-    assert follower.feel(now_ns, frozenset(["bumper left"])) is None
-    assert follower.feel(now_ns, frozenset(["bumper left", "cliff"])) == STOP
+    assert follower.take_hazards(now_ns, frozenset(["bumper left"])) is None
+    assert follower.take_hazards(now_ns, frozenset(["bumper left", "cliff"])) == STOP
     assert follower.report.reason == "hazard: cliff"
 
 
@@ -178,6 +180,6 @@ def test_a_report_is_the_same_after_the_wire_and_what_is_none_is_named(drive: Dr
 
 def test_before_anything_came_nothing_moves() -> None:
     follower = Follower(Config())
-    assert follower.step(POSE_LATE_NS, NOWHERE) is None
+    assert follower.step(POSE_LATE_NS, UNLOCALIZED) is None
     follower.follow(POSE_LATE_NS, ahead(SE2()), "map", 1)
-    assert follower.step(2 * POSE_LATE_NS, NOWHERE) == STOP
+    assert follower.step(2 * POSE_LATE_NS, UNLOCALIZED) == STOP

@@ -8,7 +8,7 @@ from vsx_ros.dense.mapped_ground import MappedGround
 from vsx_ros.geometry.camera import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.occupancy.driven import Anchored
+from vsx_ros.occupancy.anchored_poses import AnchoredPoses
 
 MOUNT = mount_pose(-0.09, 0.0, 0.31, 0.1)
 SECOND_NS = 1_000_000_000
@@ -27,7 +27,7 @@ FIRST, SECOND = SE2(0.0, 0.0, 0.0), SE2(2.0, 0.0, 0.5)
 
 @pytest.fixture
 def driven():
-    anchored = Anchored(0.05)
+    anchored = AnchoredPoses(0.05)
     for x in (0.0, 0.1, 0.12, 1.9, 2.0):
         anchored.add(SE2(x, 0.1, 0.2))
     assert len(anchored) == 4
@@ -36,7 +36,7 @@ def driven():
 
 
 def test_without_keyframes_they_stay():
-    anchored = Anchored(0.05)
+    anchored = AnchoredPoses(0.05)
     anchored.add(SE2(1.0, 2.0, 3.0))
     assert anchored.poses(np.zeros(0, int), []) == [SE2(1.0, 2.0, 3.0)]
 
@@ -58,11 +58,11 @@ def test_when_its_keyframe_is_gone_it_stays_and_follows_the_nearest(driven):
 
 
 def test_what_it_pushed_against_ahead_and_behind_are_two():
-    bumps = Anchored(0.1, 0.5)
+    bumps = AnchoredPoses(0.1, 0.5)
     for heading in (0.2, 0.2 + np.pi, 0.2 + np.pi - 0.4, 0.2 + 3.0 * np.pi, 0.2 - np.pi):
         bumps.add(SE2(1.0, 2.0, heading))
     assert rows(bumps.poses(np.zeros(0, int), []))[:, 2] == pytest.approx([0.2, 0.2 + np.pi])
-    trail = Anchored(0.05)
+    trail = AnchoredPoses(0.05)
     for heading in (0.0, 2.0, -2.0):
         trail.add(SE2(1.0, 2.0, heading))
     assert len(trail) == 1

@@ -8,8 +8,9 @@ from vsx_ros.errors import InputError
 from vsx_ros.geometry.camera import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
+from vsx_ros.occupancy.free_ground import gaps
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN
-from vsx_ros.occupancy.ground_map import Driven, GroundMap, _gaps
+from vsx_ros.occupancy.ground_map import DriveHistory, GroundMap
 
 MOUNT = mount_pose(-0.09, 0.0, 0.31, 0.0)
 ROOM = (-3.0, 3.0, -2.0, 2.0)
@@ -58,7 +59,7 @@ def room():
         keyframe.append(np.full(seen.sum(), k))
         point.append(np.flatnonzero(seen))
     noisy = points + rng.normal(0, 0.008, points.shape)
-    return poses, noisy, np.concatenate(keyframe), np.concatenate(point), Driven(trail)
+    return poses, noisy, np.concatenate(keyframe), np.concatenate(point), DriveHistory(trail)
 
 
 @pytest.fixture(scope="module")
@@ -221,15 +222,15 @@ def test_a_gap_in_ground_that_hardly_anybody_saw_stays():
     data = np.full((20, 20), FREE, np.int8)
     data[5, 5] = data[12:19, 12] = UNKNOWN
     sure = np.ones(data.shape, bool)
-    assert _gaps(data, sure).sum() == 8
+    assert gaps(data, sure).sum() == 8
     sure[:, 4:] = False
-    assert not _gaps(data, sure).any()
+    assert not gaps(data, sure).any()
 
 
 def test_the_trail_is_free_and_bumps_stay_whatever_is_seen(room, ground_map):
     poses, points, keyframe, point, driven = room
     bump = SE2(-1.0, 0.0, 0.0)
-    bumped = Driven([*driven.trail, bump, SE2(-0.7, 0.0, 0.0)], [bump])
+    bumped = DriveHistory([*driven.trail, bump, SE2(-0.7, 0.0, 0.0)], [bump])
     grid = ground_map.build(poses, points, keyframe, point, bumped)
     assert all(grid.value_at(p.x + 0.1, p.y) == FREE for p in driven.trail)
     assert grid.value_at(-1.0 + 0.23, 0.0) == OCCUPIED
@@ -242,14 +243,14 @@ def test_the_trail_is_free_and_bumps_stay_whatever_is_seen(room, ground_map):
 def test_the_promised_strip_is_free_until_an_obstacle_is_seen(ground_map):
     none = np.zeros((0, 3)), np.zeros(0, int), np.zeros(0, int)
     start = SE2(1.0, 1.0, np.pi / 2)
-    grid = ground_map.build([], *none, Driven(start=start))
+    grid = ground_map.build([], *none, DriveHistory(start=start))
     assert grid.value_at(1.0, 1.65) == FREE
     assert grid.value_at(1.15, 1.3) == FREE
     assert grid.value_at(1.0, 1.8) == UNKNOWN
     assert grid.value_at(1.6, 1.0) == UNKNOWN
     poses = [SE3.from_se2(SE2(1.0 + 0.1 * i, 0.8, np.pi / 2)) @ MOUNT for i in range(3)]
     points = np.array([[1.0, 1.5, 0.3], [1.02, 1.5, 0.2]])
-    seen = ground_map.build(poses, points, np.repeat([0, 1, 2], 2), np.tile([0, 1], 3), Driven(start=start))
+    seen = ground_map.build(poses, points, np.repeat([0, 1, 2], 2), np.tile([0, 1], 3), DriveHistory(start=start))
     assert seen.value_at(1.0, 1.51) == OCCUPIED
 
 
@@ -262,7 +263,7 @@ def test_nothing_known_is_a_grid_of_unknown(ground_map):
 def test_grids_of_successive_builds_align(room, ground_map):
     poses, points, keyframe, point, driven = room
     early = keyframe < 20
-    small = ground_map.build(poses[:20], points, keyframe[early], point[early], Driven(driven.trail[:20]))
+    small = ground_map.build(poses[:20], points, keyframe[early], point[early], DriveHistory(driven.trail[:20]))
     large = ground_map.build(*room)
     for a, b in ((small.origin_x, large.origin_x), (small.origin_y, large.origin_y)):
         cells = (a - b) / 0.05

@@ -9,7 +9,7 @@ from vsx_ros.geometry.camera import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN
-from vsx_ros.occupancy.ground_map import Driven, GroundMap
+from vsx_ros.occupancy.ground_map import DriveHistory, GroundMap
 from vsx_ros.occupancy.surfaces import Surfaces
 from vsx_ros.occupancy.virtual_scan import laser_scan
 
@@ -96,10 +96,12 @@ def test_a_surface_nobody_knows_where_is_left_out():
 
 
 def test_where_the_robot_drove_is_free_and_where_it_bumped_is_not():
-    driven = built([], wall(0.51, -0.5, 0.5), driven=Driven([SE2(x, 0.0, 0.0) for x in np.arange(0.0, 1.0, 0.05)]))
+    driven = built(
+        [], wall(0.51, -0.5, 0.5), driven=DriveHistory([SE2(x, 0.0, 0.0) for x in np.arange(0.0, 1.0, 0.05)])
+    )
     assert set(column(driven, 0.51, -0.1, 0.1)) == {FREE}
     assert driven.value_at(0.51, 0.4) == OCCUPIED
-    bumped = built([], wall(0.51, -0.5, 0.5), driven=Driven([SE2(0.3, 0.0, 0.0)], [SE2(0.3, 0.0, 0.0)]))
+    bumped = built([], wall(0.51, -0.5, 0.5), driven=DriveHistory([SE2(0.3, 0.0, 0.0)], [SE2(0.3, 0.0, 0.0)]))
     assert bumped.value_at(0.53, 0.0) == OCCUPIED
 
 

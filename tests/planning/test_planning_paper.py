@@ -8,9 +8,9 @@ import pytest
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.planning import heading_qp, position_qp
 from vsx_ros.planning.connect import connect
+from vsx_ros.planning.feasibility import feasible
 from vsx_ros.planning.path import Path, Refusal, RefusalKind
 from vsx_ros.planning.position_qp import GRID_POINTS, build, displacement_rows
-from vsx_ros.planning.reach import feasible
 
 REACHED = SE2(2.2, 1.8, math.pi / 2)
 

@@ -14,8 +14,9 @@ from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.planning.corridor import Corridor, build_corridor
 from vsx_ros.planning.paper_planner import PaperPlanner
 from vsx_ros.planning.path import CUSP_COST_M, Path, Plan, Refusal, RefusalKind
-from vsx_ros.planning.planner import Planner, UnconstrainedPlanner
+from vsx_ros.planning.planner import Planner
 from vsx_ros.planning.time_scaling import time_scale
+from vsx_ros.planning.unconstrained import UnconstrainedPlanner
 
 ROBOT, CONFIG = RobotConfig(), PlannerConfig()
 NEED = ROBOT.radius_m + CONFIG.clearance_m

@@ -14,12 +14,12 @@ from vsx_ros.kernels.planning.reeds_shepp import (
     TABLE_HEADINGS,
     TABLE_STEP,
     advance,
-    look_up_length,
     reeds_shepp_lengths,
     reeds_shepp_words,
 )
-from vsx_ros.planning.skeleton import word_table
-from vsx_ros.planning.words import free_space_sequences
+from vsx_ros.kernels.planning.reeds_shepp_table import look_up_length
+from vsx_ros.planning.coarse_path import word_table
+from vsx_ros.planning.heading_sequences import free_space_sequences
 
 coordinate = st.floats(-6.0, 6.0)
 angle = st.floats(-math.pi, math.pi)

@@ -10,10 +10,10 @@ from vsx_ros.config import PlannerConfig, RobotConfig
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.distance import DistanceField
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
+from vsx_ros.planning.coarse_path import coarse_lattice, is_stuck, search_lattice_back
 from vsx_ros.planning.corridor import Corridor, build_corridor
 from vsx_ros.planning.path import Plan
 from vsx_ros.planning.planner import Planner
-from vsx_ros.planning.skeleton import coarse_lattice, is_stuck, search_lattice_back
 
 ROBOT, CONFIG = RobotConfig(), PlannerConfig(phi_rad_m=1.0)
 

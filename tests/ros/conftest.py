@@ -19,14 +19,14 @@ pytest.importorskip("rospy")
 
 from ros_ports import HOST, free_port
 
-from vsx_ros.cli.world import open_world
 from vsx_ros.config import RobotConfig
-from vsx_ros.io.run_folder import RunFolder
 from vsx_ros.ros import launch
 from vsx_ros.ros.base_drivers import base_emulator, wheel_base_m
 from vsx_ros.ros.emulation import BodyPlant, BodyState
 from vsx_ros.ros.master_watch import master_watch
 from vsx_ros.ros.render_process import POSE, RenderSettings
+from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.world import open_world
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 WORLD, SEED = "office", 1  # large enough to be explored as long as the tests last
@@ -200,11 +200,12 @@ class Stack:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What changes rospy itself comes first, before this process is a node; what sends the one robot of all tests home
-    comes last."""
+    """What changes rospy itself comes first, before this process is a node. What uses the one robot of all tests comes
+    late, so that it explores on two cores of its own and beside no other run; what sends it home comes last."""
     items.sort(
         key=lambda item: (
             item.get_closest_marker("ends_mission") is not None,
+            "stack" in getattr(item, "fixturenames", ()),
             item.get_closest_marker("changes_rospy") is None,
         )
     )

@@ -13,10 +13,10 @@ import rosgraph
 from processes import Processes
 from ros_ports import HOST, free_port
 
-from vsx_ros.cli.world import open_world
 from vsx_ros.config import RobotConfig
 from vsx_ros.ros.base_drivers import base_emulator, wheel_base_m
 from vsx_ros.ros.emulation import BodyPlant
+from vsx_ros.runs.world import open_world
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import shutil
 from pathlib import Path
 from unittest.mock import Mock
@@ -9,8 +10,8 @@ from unittest.mock import Mock
 import pytest
 from rosbags.rosbag1 import Reader
 
-from vsx_ros.cli.record import size_bytes
-from vsx_ros.errors import ConfigError, InputError
+from vsx_ros.cli.record import Size
+from vsx_ros.errors import InputError
 from vsx_ros.ros.bag_writer import BagWriter, Serialized
 
 STRING = ("std_msgs/String", "992ce8a1687cec8c8bd883ec73ca41d1", "string data\n")
@@ -71,10 +72,10 @@ def test_a_folder_that_is_not_there(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("text", "size"), [("4GB", 4e9), ("1.5 MB", 1.5e6), ("800kB", 8e5)])
 def test_sizes(text: str, size: float) -> None:
-    assert size_bytes(text) == size
+    assert Size.parse(text) == (text, size)
 
 
 @pytest.mark.parametrize("text", ["", "GB", "4", "4 GiB", "-1GB", "nanGB", "infMB"])
 def test_sizes_that_are_none(text: str) -> None:
-    with pytest.raises(ConfigError, match="size"):
-        size_bytes(text)
+    with pytest.raises(argparse.ArgumentTypeError, match="size"):
+        Size.parse(text)

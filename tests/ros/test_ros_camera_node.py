@@ -5,8 +5,8 @@ import pytest
 pytest.importorskip("rospy")
 
 from vsx_ros.errors import ConfigError
+from vsx_ros.ros.camera_calibration import nominal
 from vsx_ros.ros.cameras import open_camera
-from vsx_ros.ros.nodes.camera import nominal
 
 
 @pytest.mark.parametrize(("size", "focal", "centre"), [((640, 480), 525, 239.5), ((1280, 1024), 1050, 479.5)])

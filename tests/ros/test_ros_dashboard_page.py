@@ -24,13 +24,13 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.robot import Frame
 from vsx_ros.ros import convert
-from vsx_ros.ros.dashboard import words
+from vsx_ros.ros.dashboard import json_messages
 from vsx_ros.ros.dashboard.board import Board
 from vsx_ros.ros.dashboard.handler import Answer
 from vsx_ros.ros.dashboard.server import ViewServer
 from vsx_ros.ros.frontier_markers import frontier_markers
 from vsx_ros.ros.preview import drawn
-from vsx_ros.slam.sight import Sight
+from vsx_ros.slam.tracked_features import TrackedFeatures
 
 pytestmark = pytest.mark.skipif(EXECUTABLE is None, reason="no chromium is installed")
 
@@ -70,34 +70,36 @@ class Robot:
         border = np.array([[row, 129] for row in range(30, 90)])
         views = [View(SE2(3.6, y, 0.0), 4.0 / k, 1.0 + k, 30, 2.5 / k) for k, y in ((1, 0.5), (2, -1.0))]
         markers = frontier_markers(grid, [Frontier(border, np.zeros(2), 3.0)], views, "map", 1)
-        self._board.post("frontiers", words.text(words.frontiers(markers)))
-        self._board.post("map", words.text(words.grid(convert.grid_msg(grid, "map", 1))))
+        self._board.post("frontiers", json_messages.text(json_messages.frontiers(markers)))
+        self._board.post("map", json_messages.text(json_messages.grid(convert.grid_msg(grid, "map", 1))))
         path = [SE2(0.05 * k, 0.3 * math.sin(0.1 * k), 0.0) for k in range(60)]
-        self._board.post("plan", words.text(words.plan(convert.path_msg("map", 1, path))))
+        self._board.post("plan", json_messages.text(json_messages.plan(convert.path_msg("map", 1, path))))
         cameras = [SE3.from_se2(SE2(-1.0 + 0.4 * k, -1.5, 0.2 * k)) @ MOUNT for k in range(KEYFRAMES)]
-        self._board.post("keyframes", words.text(words.keyframes(convert.pose_array("map", 1, cameras))))
+        self._board.post(
+            "keyframes", json_messages.text(json_messages.keyframes(convert.pose_array("map", 1, cameras)))
+        )
         status = {"state": "mapping", "reason": "driving to a view of 4.0 m2, 2.0 m away", "goal": [3.0, 0.3, 0.0]}
-        self._board.post("mission", words.text(status))
-        self._board.post("slam", words.text(["TRACKING", ""]))
+        self._board.post("mission", json_messages.text(status))
+        self._board.post("slam", json_messages.text(["TRACKING", ""]))
         health = {
             "mobile_base: safety": [1, "emergency stop", {"estop": "True"}],
             "vslam: input": [0, "30 images a second", {"dropped": "4"}],
         }
-        self._board.post("health", words.text(health))
+        self._board.post("health", json_messages.text(health))
         event = {"stamp_ns": 10**18, "state": "mapping", "reason": "<b>chosen</b>"}
-        self._board.post("events", words.text([event]))
+        self._board.post("events", json_messages.text([event]))
         rng = np.random.default_rng(0)
         noise = cv2.GaussianBlur(rng.integers(0, 255, (480, 640), dtype=np.uint8), (31, 31), 0)
         k = 0
         while not self._over.wait(1.0 / RATE_HZ):
             k += 1
             points = rng.uniform((10, 10), (630, 470), (300, 2))
-            picture = drawn(Frame(k, noise), Sight(points[:220], points[220:]))
+            picture = drawn(Frame(k, noise), TrackedFeatures(points[:220], points[220:]))
             _, jpeg = cv2.imencode(".jpg", picture)
-            self._board.post("camera", words.text(base64.b64encode(jpeg.tobytes()).decode()))
-            self._board.post("pose", words.text([0.02 * k % 3.0, 0.3 * math.sin(0.04 * k), 0.0]))
+            self._board.post("camera", json_messages.text(base64.b64encode(jpeg.tobytes()).decode()))
+            self._board.post("pose", json_messages.text([0.02 * k % 3.0, 0.3 * math.sin(0.04 * k), 0.0]))
             stats = {"tracked": 220, "attempted": 300, "latency_ms": 20.0, "keyframes": KEYFRAMES, "points": 3000}
-            self._board.post("stats", words.text({**stats, "plan_ms": 180.0}))
+            self._board.post("stats", json_messages.text({**stats, "plan_ms": 180.0}))
 
 
 @pytest.fixture

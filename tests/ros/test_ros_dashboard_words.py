@@ -24,10 +24,10 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.robot import Frame
 from vsx_ros.ros import convert
-from vsx_ros.ros.dashboard import words
+from vsx_ros.ros.dashboard import json_messages
 from vsx_ros.ros.frontier_markers import frontier_markers
 from vsx_ros.ros.preview import drawn
-from vsx_ros.slam.sight import Sight
+from vsx_ros.slam.tracked_features import TrackedFeatures
 
 
 def grid() -> OccupancyGrid:
@@ -38,7 +38,7 @@ def grid() -> OccupancyGrid:
 
 
 def test_the_map_is_cut_to_what_is_known_and_stays_in_place() -> None:
-    told = words.grid(convert.grid_msg(grid(), "map", 1))
+    told = json_messages.grid(convert.grid_msg(grid(), "map", 1))
     assert (told["x"], told["y"], told["resolution"]) == (-3.0 + 4 * 0.5, 1.0 + 2 * 0.5, 0.5)
     png = cv2.imdecode(np.frombuffer(base64.b64decode(told["png"]), np.uint8), cv2.IMREAD_UNCHANGED)
     assert png.shape == (3, 6, 4)
@@ -49,7 +49,7 @@ def test_the_map_is_cut_to_what_is_known_and_stays_in_place() -> None:
 
 def test_a_map_without_knowledge_is_one_transparent_pixel() -> None:
     nothing = OccupancyGrid(np.full((4, 4), UNKNOWN, np.int8), 0.1, 0.0, 0.0)
-    told = words.grid(convert.grid_msg(nothing, "map", 1))
+    told = json_messages.grid(convert.grid_msg(nothing, "map", 1))
     png = cv2.imdecode(np.frombuffer(base64.b64decode(told["png"]), np.uint8), cv2.IMREAD_UNCHANGED)
     assert png.shape == (1, 1, 4)
     assert png[0, 0, 3] == 0
@@ -58,16 +58,16 @@ def test_a_map_without_knowledge_is_one_transparent_pixel() -> None:
 @pytest.mark.parametrize("heading", [-2.5, 0.0, 1.0, 3.0])
 def test_keyframes_look_where_their_camera_looks(heading: float) -> None:
     T_world_cam = SE3.from_se2(SE2(1.0, 2.0, heading)) @ mount_pose(0.0, 0.0, 0.5, 0.2)
-    [[x, y, looks]] = words.keyframes(convert.pose_array("map", 1, [T_world_cam]))
+    [[x, y, looks]] = json_messages.keyframes(convert.pose_array("map", 1, [T_world_cam]))
     assert (x, y) == (1.0, 2.0)
     assert math.cos(looks - heading) == pytest.approx(1.0, abs=1e-4)
-    assert words.keyframes(PoseArray()) == []
+    assert json_messages.keyframes(PoseArray()) == []
 
 
 def test_frontiers_come_with_their_utility() -> None:
     border = Frontier(np.array([[2, 9], [3, 9]]), np.zeros(2), 1.0)
     views = [View(SE2(1.0, 2.0, 0.0), 4.0, 2.0, 30, 2.0), View(SE2(0.0, 0.0, 0.0), 1.0, 4.0, 30, 0.25)]
-    told = words.frontiers(frontier_markers(grid(), [border], views, "map", 1))
+    told = json_messages.frontiers(frontier_markers(grid(), [border], views, "map", 1))
     assert told["borders"] == [[[1.75, 2.25], [1.75, 2.75]]]
     assert [view["utility"] for view in told["views"]] == [2.0, 0.25]
     assert told["views"][0]["text"] == "v 4.0 m2, d 2.0 m, U 2.00"
@@ -75,27 +75,27 @@ def test_frontiers_come_with_their_utility() -> None:
 
 def test_a_long_plan_is_thinned_and_keeps_its_ends() -> None:
     poses = [SE2(0.01 * k, 0.0, 0.0) for k in range(1001)]
-    told = words.plan(convert.path_msg("map", 1, poses))
+    told = json_messages.plan(convert.path_msg("map", 1, poses))
     assert len(told) < 250
     assert (told[0], told[-1]) == ([0.0, 0.0], [10.0, 0.0])
-    assert words.plan(convert.path_msg("odom", 1, poses)) == []
+    assert json_messages.plan(convert.path_msg("odom", 1, poses)) == []
 
 
 @pytest.mark.parametrize("data", ["", "{", "[1]", "null"])
 def test_status_that_is_no_object_is_refused(data: str) -> None:
     with pytest.raises(InputError, match="JSON"):
-        words.parsed(String(data))
+        json_messages.parsed(String(data))
 
 
 def test_numbers_that_are_not_finite_are_refused() -> None:
-    assert json.loads(words.text({"a": [1, 2.5]})) == {"a": [1, 2.5]}
+    assert json.loads(json_messages.text({"a": [1, 2.5]})) == {"a": [1, 2.5]}
     with pytest.raises(InputError, match="finite"):
-        words.text({"tracked_ratio": math.nan})
+        json_messages.text({"tracked_ratio": math.nan})
 
 
 def test_found_points_are_green_circles_and_missed_ones_red_crosses() -> None:
     dark = np.zeros((60, 80), np.uint8)
-    picture = drawn(Frame(1, dark), Sight(np.array([[20.2, 30.4]]), np.array([[60.0, 10.0], [-50.0, 900.0]])))
+    picture = drawn(Frame(1, dark), TrackedFeatures(np.array([[20.2, 30.4]]), np.array([[60.0, 10.0], [-50.0, 900.0]])))
     assert picture.shape == (60, 80, 3)
     blue, green, red = picture[30, 24]
     assert green > max(blue, red)

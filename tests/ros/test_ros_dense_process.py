@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from vsx_ros.config import DenseConfig
-from vsx_ros.dense.anchored import AnchoredSpots
+from vsx_ros.dense.anchored_surface import AnchoredSurface
 from vsx_ros.dense.densify import Densifier
 from vsx_ros.errors import VsxError
 from vsx_ros.geometry.camera import PinholeCamera, mount_pose
@@ -51,7 +51,7 @@ def test_it_answers_as_the_densifier_would_and_is_sent_each_image_once() -> None
             assert dense.version == n
             assert len(dense.cells.plane) > 20
             assert all(np.array_equal(a, b) for a, b in zip(dense.cells, wanted.cells))
-            expected = AnchoredSpots.of(wanted, seen(n), config.cell_m)
+            expected = AnchoredSurface.of(wanted, seen(n), config.cell_m)
             assert all(np.array_equal(a, b) for a, b in zip(spots, expected))
         later = dataclasses.replace(seen(5), images=(None,) * 5)
         assert len(beside.update(later)[0].planes) == len(dense.planes)

@@ -6,13 +6,13 @@ pytest.importorskip("rospy")
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from vsx_ros.ros import process
 from vsx_ros.ros.device_trouble import DeviceTrouble
+from vsx_ros.ros.diagnostics import ERROR, OK
 
 MISSING = "no such port; plug the base in"
 
 
-def said(trouble, message=MISSING, level=process.ERROR, name="mobile_base: link", times=1):
+def said(trouble, message=MISSING, level=ERROR, name="mobile_base: link", times=1):
     told = [trouble.heard(DiagnosticStatus(level, name, message, "/dev/ttyUSB9", [])) for _ in range(times)]
     return [line for line in told if line is not None]
 
@@ -26,7 +26,7 @@ def test_a_link_that_is_being_made_is_no_trouble():
     trouble = DeviceTrouble("/")
     assert said(trouble, "not started", times=2) == []
     assert said(trouble, "no images", times=2) == []
-    assert said(trouble, "connected", process.OK, times=10) == []
+    assert said(trouble, "connected", OK, times=10) == []
 
 
 def test_another_trouble_is_told_anew():

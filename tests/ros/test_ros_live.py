@@ -16,8 +16,8 @@ pytest.importorskip("rospy")
 
 from lone_base import LoneBase
 
-from vsx_ros.cli import streams
-from vsx_ros.ros import live, topics
+from vsx_ros.ros import live_run, topics
+from vsx_ros.runs import streams
 
 pytestmark = pytest.mark.ros
 
@@ -26,11 +26,11 @@ import json, sys
 import rosgraph, rospy
 from std_srvs.srv import SetBool
 from vsx_ros.ros.launch import LaunchNode
-from vsx_ros.ros.live import Live
+from vsx_ros.ros.live_run import LiveRun
 
 port, operator = sys.argv[1:]
 base = LaunchNode("mobile_base", {{"robot_type": "kobuki", "port": port}}, respawn=True)
-with Live([base], {{}}, ("mobile_base",)) as live:
+with LiveRun([base], {{}}, ("mobile_base",)) as live:
     rospy.wait_for_service("{topics.ESTOP}", 60.0)
     stop = rospy.ServiceProxy("{topics.ESTOP}", SetBool)
     began = rospy.get_param("/mobile_base/estopped", False)
@@ -45,10 +45,10 @@ print(json.dumps([began, before, stopped, after]))
 
 
 def test_a_launcher_that_hangs_is_left_behind_and_its_nodes_ended(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(live, "_END_S", 0.1)
-    monkeypatch.setattr(live.rospy, "signal_shutdown", lambda _: None)
+    monkeypatch.setattr(live_run, "_END_S", 0.1)
+    monkeypatch.setattr(live_run.rospy, "signal_shutdown", lambda _: None)
     with subprocess.Popen(["sleep", "600"], start_new_session=True) as node:
-        run = live.Live([], {}, ())
+        run = live_run.LiveRun([], {}, ())
         hangs = threading.Event()
         processes = SimpleNamespace(procs=[SimpleNamespace(popen=node), SimpleNamespace(popen=None)])
         run._parent = SimpleNamespace(pm=processes, shutdown=hangs.wait)

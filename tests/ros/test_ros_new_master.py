@@ -38,10 +38,10 @@ while True:
 LIVE = """
 import sys, time
 from vsx_ros.ros.launch import LaunchNode
-from vsx_ros.ros.live import Live
+from vsx_ros.ros.live_run import LiveRun
 
 base = LaunchNode("mobile_base", {"robot_type": "kobuki", "port": sys.argv[1]}, respawn=True)
-with Live([base], {"robot": {"odometry": {"linear_scale": 1.25}}}, ("mobile_base",)) as live:
+with LiveRun([base], {"robot": {"odometry": {"linear_scale": 1.25}}}, ("mobile_base",)) as live:
     while not live.interrupted:
         time.sleep(0.1)
 """
@@ -118,15 +118,15 @@ def test_a_run_at_another_s_master_goes_on_and_a_node_that_died_meanwhile_comes_
     assert live.poll() is None
 
 
-def test_health_is_told_and_guardians_are_replaced_while_ros_time_stands(base: LoneBase) -> None:
+def test_health_is_told_and_watchdogs_are_replaced_while_ros_time_stands(base: LoneBase) -> None:
     rosgraph.Master("/test", base.uri).setParam("/use_sim_time", True)
     node = base.start("mobile_base", "_robot_type:=kobuki", f"_port:={base.port}")
     base.processes.wait(lambda: stop_path(base), "the base")
-    base.processes.wait(lambda: len(children(node.pid)) == 2, "its guardians")
+    base.processes.wait(lambda: len(children(node.pid)) == 2, "its watchdogs")
     assert json.loads(base.processes.run("python3", "-c", LISTEN).stdout) >= 3
     before = children(node.pid)
     os.kill(min(before), 9)
-    base.processes.wait(lambda: len(children(node.pid) - before) == 1, "a new guardian", 20.0)
+    base.processes.wait(lambda: len(children(node.pid) - before) == 1, "a new watchdog", 20.0)
     base.kill_master()
     base.start_master()
     base.processes.wait(lambda: stop_path(base), "the stop path")

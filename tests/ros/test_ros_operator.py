@@ -23,10 +23,10 @@ pytest.importorskip("rospy")
 import bag_numbers
 import numpy as np
 
-from vsx_ros.cli.exit_codes import DONE, FAILED
-from vsx_ros.io.recording import open_recording
+from vsx_ros.control.keyboard import keys
+from vsx_ros.io.open_recording import open_recording
 from vsx_ros.ros import topics
-from vsx_ros.ros.nodes.teleop import keys
+from vsx_ros.runs.exit_codes import DONE, FAILED
 
 if TYPE_CHECKING:
     from conftest import Stack
@@ -169,13 +169,13 @@ def test_the_terminal_is_given_back_however_teleop_ends(keyboard: Keyboard, numb
 
 _ASKING = """
 import rospy
-from vsx_ros.ros import process
+from vsx_ros.ros import node, threads
 def build(config):
     print("asks", flush=True)
-    while not process.is_ending():
+    while not threads.is_ending():
         rospy.get_param("/rosdistro", "")
     raise KeyboardInterrupt
-process.run("asker", build)
+node.run("asker", build)
 """
 
 

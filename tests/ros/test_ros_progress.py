@@ -9,7 +9,7 @@ pytest.importorskip("rospy")
 from vsx_ros.ros.progress import progress_line
 
 
-def witness(status):
+def monitor(status):
     return SimpleNamespace(stats={}, status=status, grid=None, slam_state="NOT_INITIALISED", distance_m=0.0)
 
 
@@ -23,4 +23,4 @@ def witness(status):
     ],
 )
 def test_the_line_ends_with_the_reason_or_with_what_is_missing(status, missing, told):
-    assert progress_line(witness(status), None, 3.0, 60.0, missing).rsplit(" | ", 1)[1] == told
+    assert progress_line(monitor(status), None, 3.0, 60.0, missing).rsplit(" | ", 1)[1] == told

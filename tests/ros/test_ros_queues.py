@@ -8,8 +8,10 @@ import pytest
 
 pytest.importorskip("rospy")
 
+import rospy
+
 from vsx_ros.robot import SILENCE_NS
-from vsx_ros.ros import process
+from vsx_ros.ros.subscribers import odometry_subscriber
 
 ROOM = Path(__file__).resolve().parents[2] / "src" / "vsx_ros" / "ros"
 
@@ -36,7 +38,7 @@ def test_publishers_never_wait() -> None:
 
 
 def test_subscribers_drop_what_is_old() -> None:
-    found = list(calls("rospy.Subscriber", "process.subscribe", "subscribe"))
+    found = list(calls("rospy.Subscriber", "subscribe"))
     assert len(found) > 30
     unbounded = [place for place, call in found if "queue_size" not in options(call) and None not in options(call)]
     # the recorder alone wants every message
@@ -45,24 +47,20 @@ def test_subscribers_drop_what_is_old() -> None:
 
 @pytest.mark.parametrize("message", ["Image", "PointCloud2", "rospy.AnyMsg"])
 def test_big_messages_have_big_buffers(message: str) -> None:
-    found = [
-        (place, call)
-        for place, call in calls("rospy.Subscriber", "process.subscribe", "subscribe")
-        if kind(call) == message
-    ]
+    found = [(place, call) for place, call in calls("rospy.Subscriber", "subscribe") if kind(call) == message]
     assert found
     assert [place for place, call in found if "buff_size" not in options(call)] == []
 
 
 def test_a_process_that_slept_for_a_second_misses_no_wheels(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It would take the gap for a base that began to count anew."""
+    """It would take the gap for a base that restarted."""
     lengths: list[int] = []
-    monkeypatch.setattr(process.rospy, "Subscriber", lambda *_, queue_size, **__: lengths.append(queue_size))
-    process.odometry_subscriber(lambda _: None)
+    monkeypatch.setattr(rospy, "Subscriber", lambda *_, queue_size, **__: lengths.append(queue_size))
+    odometry_subscriber(lambda _: None)
     assert [50 * SILENCE_NS * 1e-9 < length <= 500 for length in lengths] == [True]
     direct = [
         place
-        for place, call in calls("process.subscribe")
+        for place, call in calls("subscribe")
         if kind(call) == "OdometryMsg" or "topics.ODOM" in map(ast.unparse, call.args)
     ]
     assert direct == []

@@ -18,8 +18,8 @@ pytest.importorskip("rospy")
 from ros_ports import free_port
 from test_ros_run import environment, run_command
 
-from vsx_ros.io.journal import ClockLine, FrameLine, read_journal
-from vsx_ros.io.run_folder import RunFolder
+from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.journal import ClockLine, FrameLine, read_journal
 from vsx_ros.slam.state import TrackingState
 
 pytestmark = pytest.mark.ros

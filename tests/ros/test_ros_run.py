@@ -21,11 +21,11 @@ pytest.importorskip("rospy")
 
 from ros_ports import free_port
 
-from vsx_ros.cli.exit_codes import DONE, FAILED, STOPPED
 from vsx_ros.config import Config
-from vsx_ros.io.journal import read_journal
-from vsx_ros.io.run_folder import RunEvent, RunFolder
 from vsx_ros.ros.run import Coverage, all_events
+from vsx_ros.runs.exit_codes import DONE, FAILED, STOPPED
+from vsx_ros.runs.folder import RunEvent, RunFolder
+from vsx_ros.runs.journal import read_journal
 
 pytestmark = pytest.mark.ros
 
@@ -39,7 +39,7 @@ def environment(tmp_path: Path, port: int) -> dict[str, str]:
 
 
 def run_command(*words: str) -> list[str]:
-    return [sys.executable, "-m", "vsx_ros.ros", *words]
+    return [sys.executable, "-m", "vsx_ros.cli.main", "explore", *words]
 
 
 def processes_that_name(text: str) -> list[str]:
@@ -156,8 +156,8 @@ def test_a_resumed_run_whose_slam_never_began_tells_nothing_twice(tmp_path: Path
     folder.write_config(Config(), ["vsx", "explore"])
     slam, mission, more = (RunEvent(i, source, "s", "r") for i, source in enumerate(("slam", "mission", "mission")))
     folder.write_events([slam, mission])
-    journal, witness = SimpleNamespace(events=lambda: [mission]), SimpleNamespace(events=lambda: [more])
-    assert all_events(folder, journal, witness) == [slam, mission, more]
+    journal, monitor = SimpleNamespace(events=lambda: [mission]), SimpleNamespace(events=lambda: [more])
+    assert all_events(folder, journal, monitor) == [slam, mission, more]
 
 
 @pytest.mark.parametrize(

@@ -137,7 +137,7 @@ def test_wheels_that_turn_while_the_camera_stands_are_stopped_and_the_robot_back
     stack.wait_until_driving()
 
 
-def test_odometry_that_begins_anew_is_no_obstacle_and_no_way_back(stack: Stack) -> None:
+def test_odometry_that_restarts_is_no_obstacle_and_no_way_back(stack: Stack) -> None:
     events: list[str] = []
     listener = rospy.Subscriber(
         f"/{topics.EXPLORE_EVENTS}", String, lambda msg: events.append(json.loads(msg.data)["reason"])
@@ -153,8 +153,8 @@ def test_odometry_that_begins_anew_is_no_obstacle_and_no_way_back(stack: Stack) 
         stack.wait(lambda: listener.get_num_connections() and counted_m() > 0.7, 90.0, "some way by the wheels")
         stack.wait_until_driving()
         assert rospy.ServiceProxy(f"/{topics.RESET_ODOMETRY}", Trigger)().success
-        stack.wait(lambda: any("wheels count anew" in reason for reason in events), 10.0, "the mission to notice")
-        begin = next(k for k, reason in enumerate(events) if "wheels count anew" in reason)
+        stack.wait(lambda: any("odometry restarted" in reason for reason in events), 10.0, "the mission to notice")
+        begin = next(k for k, reason in enumerate(events) if "odometry restarted" in reason)
         stack.wait(lambda: any(reason.startswith("view at") for reason in events[begin:]), 30.0, "the next drive")
         stack.wait_until_driving()
         time.sleep(3.0)
@@ -228,14 +228,14 @@ def test_all_nodes_register_with_another_master_and_the_robot_explores_on(stack:
 
 
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSTOP])
-def test_without_both_guardians_the_wheels_stand_until_there_is_a_new_one(stack: Stack, end: signal.Signals) -> None:
+def test_without_both_watchdogs_the_wheels_stand_until_there_is_a_new_one(stack: Stack, end: signal.Signals) -> None:
     stack.wait_until_driving()
     before = children(stack._processes["mobile_base"].pid)
     assert len(before) == 2
     os.kill(before[0], end)
     stack.wait(lambda: not stack.plant.moving, 2.0, "the wheels to stand")
     stack.wait(
-        lambda: len(set(children(stack._processes["mobile_base"].pid)) - set(before)) == 1, 10.0, "a new guardian"
+        lambda: len(set(children(stack._processes["mobile_base"].pid)) - set(before)) == 1, 10.0, "a new watchdog"
     )
     stack.wait_until_driving()
     assert before[0] not in children(stack._processes["mobile_base"].pid)

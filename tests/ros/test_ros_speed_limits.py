@@ -8,22 +8,25 @@ import pytest
 
 pytest.importorskip("rospy")
 
+import rospy
+
 from vsx_hw.safety import SpeedLimits
 from vsx_ros.config import LimitsConfig
+from vsx_ros.ros.base_parameters import speed_limits
 from vsx_ros.ros.nodes import mobile_base
 
 
 @pytest.fixture
 def parameters(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
     given: dict[str, float] = {}
-    monkeypatch.setattr(mobile_base.rospy, "get_param", given.get)
+    monkeypatch.setattr(rospy, "get_param", given.get)
     return given
 
 
 @pytest.fixture
 def warnings(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     said: list[str] = []
-    monkeypatch.setattr(mobile_base.rospy, "logwarn", lambda form, *values: said.append(form % values))
+    monkeypatch.setattr(rospy, "logwarn", lambda form, *values: said.append(form % values))
     return said
 
 
@@ -37,23 +40,23 @@ def warnings(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 )
 @pytest.mark.usefixtures("parameters")
 def test_what_is_configured_can_be_driven(limits: LimitsConfig, caps: SpeedLimits, warnings: list[str]) -> None:
-    assert mobile_base.speed_limits(limits) == caps
+    assert speed_limits(limits) == caps
     assert warnings == []
 
 
 def test_a_lower_cap_is_obeyed_and_told(parameters: dict[str, float], warnings: list[str]) -> None:
     parameters |= {"~max_vel": 0.2, "~max_angular_vel": 1.0}
-    assert mobile_base.speed_limits(LimitsConfig()) == SpeedLimits(0.2, 1.0)
+    assert speed_limits(LimitsConfig()) == SpeedLimits(0.2, 1.0)
     assert len(warnings) == 1
     assert "max_vel is 0.2, less than the configured limit of 0.3" in warnings[0]
 
 
 @pytest.mark.parametrize("stands", [True, False])
-def test_the_guardians_are_let_go_only_once_the_wheels_surely_stand(stands: bool) -> None:
+def test_the_watchdogs_are_let_go_only_once_the_wheels_surely_stand(stands: bool) -> None:
     released: list[bool] = []
     node = SimpleNamespace(
         _driver=SimpleNamespace(close=lambda: stands),
-        _guardians=SimpleNamespace(release=lambda: released.append(True)),
+        _watchdogs=SimpleNamespace(release=lambda: released.append(True)),
     )
     mobile_base.MobileBaseNode.close(node)  # type: ignore[arg-type]
     assert released == [True] * stands

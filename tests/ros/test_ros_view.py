@@ -78,7 +78,7 @@ def machine(tmp_path: Path) -> Iterator[Machine]:
 
 @pytest.mark.skipif(EXECUTABLE is None, reason="no chromium is installed")
 def test_it_waits_for_a_stack_and_outlives_it(machine: Machine, tmp_path: Path) -> None:
-    machine.start(sys.executable, "-m", "vsx_ros.ros.view", "--headless", "--port", str(machine.port))
+    machine.start(sys.executable, "-m", "vsx_ros.cli.main", "view", "--headless", "--port", str(machine.port))
     machine.wait(lambda: "waiting for a ROS master" in machine.log.read_text(), "its words")
     master = machine.start_master()
     machine.wait(machine.knows_the_view, "the view to join")

@@ -1,10 +1,8 @@
-"""The node vslam beside its SLAM: what it does with images that do not fit, and what it leaves behind."""
+"""What the node vslam hears and does beside its SLAM: images that do not fit, touches, and what it leaves behind."""
 
 from __future__ import annotations
 
 import errno
-import threading
-import time
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,12 +11,17 @@ import pytest
 
 pytest.importorskip("rospy")
 
-from vsx_ros.config import Config
+import rospy
+from std_msgs.msg import UInt8
+
+from vsx_hw.readings import Hazard
 from vsx_ros.errors import InputError
+from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Frame, Odometry
-from vsx_ros.ros import process
-from vsx_ros.ros.nodes import vslam
+from vsx_ros.ros import slam_run, threads
 from vsx_ros.ros.nodes.vslam import VslamNode
+from vsx_ros.ros.slam_input import SlamInput
+from vsx_ros.ros.slam_run import SlamRun
 
 
 class Notes:
@@ -28,19 +31,19 @@ class Notes:
         self.said: list[tuple[str, Any]] = []
 
     def __getattr__(self, name: str) -> Any:
-        return lambda *words: self.said.append((name, words[0] if words else None))
+        return lambda *words, **_: self.said.append((name, words[0] if words else None))
 
 
-def bare_node(**parts: Any) -> VslamNode:
-    """The node with nothing but these parts."""
-    node = VslamNode.__new__(VslamNode)
-    node.__dict__.update(parts)
-    return node
+def bare(kind: type[Any], **parts: Any) -> Any:
+    """One of its kind with nothing but these parts."""
+    made = kind.__new__(kind)
+    made.__dict__.update(parts)
+    return made
 
 
 def test_an_image_of_another_size_is_as_if_it_had_never_come(monkeypatch: pytest.MonkeyPatch) -> None:
     shapes = [(480, 640), (480, 640), (240, 320), (480, 640)]
-    waiting = [(Frame(k, np.zeros(shape, np.uint8)), Odometry(k, None)) for k, shape in enumerate(shapes)]  # type: ignore[arg-type]
+    waiting = [(Frame(k, np.zeros(shape, np.uint8)), Odometry(k, SE2())) for k, shape in enumerate(shapes)]
     tracked: list[int] = []
 
     def track(frame: Frame, odometry: Odometry | None) -> SimpleNamespace:
@@ -49,17 +52,15 @@ def test_an_image_of_another_size_is_as_if_it_had_never_come(monkeypatch: pytest
         tracked.append(frame.stamp_ns)
         return SimpleNamespace(stamp_ns=frame.stamp_ns)
 
-    monkeypatch.setattr(vslam, "ThreadedSlam", lambda *_: SimpleNamespace(track=track))
-    monkeypatch.setattr(vslam, "PictureWatch", lambda: SimpleNamespace(is_new=lambda *_: True))
-    monkeypatch.setattr(vslam.images, "camera", lambda _: None)
-    monkeypatch.setattr(vslam.rospy, "get_param", lambda _, usual: usual)
-    monkeypatch.setattr(process, "is_ending", lambda: not waiting)
+    monkeypatch.setattr(rospy, "get_param", lambda _, usual: usual)
+    monkeypatch.setattr(threads, "is_ending", lambda: not waiting)
     status, lease = Notes(), Notes()
-    node = bare_node(
-        _config=Config(), _metric=True, _T_base_cam=None, _loaded=None, _counted=None, _dense=Notes(), _status=status,
-        _lease=lease, _sync=SimpleNamespace(take=lambda timeout_s: waiting.pop(0), dropped=0),
-        _preview=SimpleNamespace(is_due=False), _first_camera_info=lambda: None, _publish_pose=lambda *_: None,
-        _remember=lambda *_: None,
+    sync = SimpleNamespace(take=lambda timeout_s: waiting.pop(0), dropped=0)
+    heard = bare(SlamInput, _sync=sync, _status=status, _used_s=1e12, camera=lambda: None)
+    node = bare(
+        VslamNode, _metric=True, _input=heard, _maps=Notes(), _status=status, _lease=lease, _poses=Notes(),
+        _session=SimpleNamespace(begin=lambda *_, **__: SimpleNamespace(track=track), locate=lambda *_: None),
+        _run=Notes(), _preview=SimpleNamespace(is_due=False), _pictures=SimpleNamespace(is_new=lambda *_: True),
     )  # fmt: skip
     node._track()
     assert tracked == [0, 1, 3]
@@ -69,27 +70,50 @@ def test_an_image_of_another_size_is_as_if_it_had_never_come(monkeypatch: pytest
 
 
 @pytest.mark.parametrize(
+    ("hazard", "met"),
+    [
+        (Hazard.BUMPER_LEFT, True),
+        (Hazard.BUMPER_CENTER, True),
+        (Hazard.CLIFF_LEFT, True),
+        (Hazard.CLIFF_CENTER | Hazard.CLIFF_RIGHT, True),
+        (Hazard.NONE, False),
+        (Hazard.WHEEL_DROP_LEFT, False),
+        (Hazard.WHEEL_DROP, False),
+    ],
+)
+def test_bumpers_and_cliffs_meet_something_and_a_raised_wheel_nothing(hazard: Hazard, met: bool) -> None:
+    ground = Notes()
+    session = SimpleNamespace(base_at=lambda odometry: odometry.T_odom_base, ground=ground)
+    heard = bare(SlamInput, _session=session, _odometry=None)
+    heard._on_hazards(UInt8(hazard))
+    assert ground.said == [], "nobody knows where"
+    heard._odometry = Odometry(7, SE2(3.0, 0.5, 0.2))
+    heard._on_hazards(UInt8(hazard))
+    assert ground.said == [("bumped", SE2(3.0, 0.5, 0.2))] * met
+
+
+@pytest.mark.parametrize(
     "trouble", [OSError(errno.ENOSPC, "full", "summary.json"), InputError("no"), ZeroDivisionError()]
 )
 def test_results_that_cannot_be_written_cost_neither_the_checkpoint_nor_the_map(
     trouble: Exception, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     saved: list[str] = []
-    driven: dict[str, int] = {"bumps": 0}
-    monkeypatch.setattr(vslam, "save_slam_map", lambda _, path: saved.append(str(path)))
-    monkeypatch.setattr(process.rospy, "logerr", lambda form, *values: saved.append("told"))
-    mapping = threading.Thread(target=lambda: (time.sleep(0.1), driven.update(bumps=1)))
-    mapping.start()
+    monkeypatch.setattr(slam_run, "save_slam_map", lambda _, path: saved.append(str(path)))
+    monkeypatch.setattr(rospy, "logerr", lambda form, *values: saved.append("told"))
 
     def finish(*_: Any) -> None:
         raise trouble
 
-    node = bare_node(
-        _lease=Notes(), _tracking=threading.current_thread(), _mapping=mapping, _dense=Notes(), _metric=True,
-        _ground=SimpleNamespace(grid=None, state=lambda: dict(driven)), _driven={}, _save_map="end.vsxmap",
-        _slam=SimpleNamespace(close=lambda: None, slam_map=lambda: "a map", snapshot=lambda: None),
-        _keeper=SimpleNamespace(finish=finish, write=lambda ground: saved.append(f"bumps {ground['bumps']}")),
+    run = bare(
+        SlamRun, _save_map="end.vsxmap", _folder="a folder",
+        _keeper=SimpleNamespace(
+            finish=finish, write=lambda ground: saved.append(f"bumps {ground['bumps']}"),
+            record=SimpleNamespace(results=[]),
+        ),
     )  # fmt: skip
-    node.close()
-    assert [entry for entry in saved if entry != "told"] == ["bumps 1", "end.vsxmap"]
-    assert ("told" in saved) != ("_write_results failed" in caplog.text), "one sentence, but for a mistake in here"
+    slam = SimpleNamespace(close=lambda: saved.append("slam ended"), slam_map=lambda: "a map")
+    maps = SimpleNamespace(close=lambda: (saved.append("maps ended"), None), driven={"bumps": 1})
+    bare(VslamNode, _lease=Notes(), _tracking=Notes(), _maps=maps, _slam=slam, _run=run).close()
+    assert [entry for entry in saved if entry != "told"] == ["slam ended", "maps ended", "bumps 1", "end.vsxmap"]
+    assert ("told" in saved) != ("failed" in caplog.text), "one sentence, but for a mistake in here"

@@ -15,10 +15,10 @@ from driving import FRAME_NS, PLAN_MS, POSE_LATE_NS, Base
 from geometry_msgs.msg import Twist
 from std_msgs.msg import String
 
-from vsx_ros.errors import VsxError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import VelocityCommand
-from vsx_ros.ros import convert, lease, localization, planning_thread, process, topics
+from vsx_ros.ros import clock, convert, follower_link, lease, localization, planning_thread, threads, topics
+from vsx_ros.ros.diagnostics import Diagnostics
 from vsx_ros.ros.nodes import follower, move_base
 from vsx_ros.slam.state import TrackingState
 
@@ -55,23 +55,28 @@ class Wires:
             (rospy, "Service", lambda *_: None),
             (rospy, "Subscriber", self._subscribe),
             (rospy, "get_param", lambda _, default=None: default),
-            (process, "subscribe", self._subscribe),
-            (process, "every", lambda period_s, _, step: self._periodic.append([round(1e9 * period_s), 0, step])),
-            (process, "worker", lambda *_: None),
-            (process, "now_ns", lambda: self.base.now_ns),
-            (process, "Diagnostics", lambda: SimpleNamespace(set=lambda *_, **__: None)),
+            (rospy, "logerr", self._log_error),
+            (threads, "every", lambda period_s, _, step: self._periodic.append([round(1e9 * period_s), 0, step])),
+            (threads, "worker", lambda *_: None),
+            (clock, "now_ns", lambda: self.base.now_ns),
+            (Diagnostics, "__init__", lambda _: None),
+            (Diagnostics, "set", lambda *_, **__: None),
             (planning_thread, "serve_adjustable", lambda *_: None),
             (planning_thread.PlanningThread, "ask", lambda planner, request: self._ask(planner, request)),
             (actionlib, "SimpleActionServer", self.server.made),
         ):
             monkeypatch.setattr(owner, name, fake)
-        clock = SimpleNamespace(monotonic=lambda: 1e-9 * self.base.now_ns, sleep=self.go_on)
-        for module in (follower, move_base, lease, localization, planning_thread):  # others have threads, which go on
+        time = SimpleNamespace(monotonic=lambda: 1e-9 * self.base.now_ns, sleep=self.go_on)
+        # others have threads, which go on
+        for module in (follower, follower_link, move_base, lease, localization, planning_thread):
             if hasattr(module, "time"):
-                monkeypatch.setattr(module, "time", clock)
+                monkeypatch.setattr(module, "time", time)
 
     def _subscribe(self, topic: str, _: Any, callback: Callable[[Any], None], **__: Any) -> None:
         self._heard[topic].append(callback)
+
+    def _log_error(self, *_: Any) -> None:
+        assert self.ahead_ns, "a node could not use a message"
 
     def _ask(self, planner: Any, request: Any) -> None:
         self._later.append((self.base.now_ns + round(1e6 * PLAN_MS), lambda: planner.make(request)))
@@ -81,10 +86,7 @@ class Wires:
         msg = msg if kind is None or isinstance(msg, kind) else kind(msg)
         self.said[topic].append(msg)
         for callback in self._heard[topic]:
-            try:
-                callback(msg)
-            except VsxError:
-                assert self.ahead_ns
+            callback(msg)
 
     def go_on(self, seconds: float) -> None:
         """Time passes: the base drives, all that comes is told, and the loops of the nodes run."""

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vsx_ros.cli.world import open_world
 from vsx_ros.errors import MapFileError
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from vsx_ros.runs.world import open_world
 from vsx_ros.sim.map_import import free_space_outlines, world_from_grid
 from vsx_ros.sim.placement import free_ahead
 from vsx_ros.sim.scene import quads

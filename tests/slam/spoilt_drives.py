@@ -7,6 +7,7 @@ import numpy as np
 from vsx_ros.config import Config
 from vsx_ros.errors import InputError
 from vsx_ros.evaluation.trajectory import align
+from vsx_ros.robot import OdometryEpochs
 from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.state import SlamEvent, TrackingResult, TrackingState
 
@@ -33,10 +34,11 @@ class Run(NamedTuple):
 def run(drive, change):
     """Track a drive with ``change(k, frame, odometry)``; the map's frame is that of the first drawn poses."""
     slam = SequentialSlam(drive.camera, drive.T_base_cam, CONFIG, 1)
-    results, refused = [], []
+    results, refused, epochs = [], [], OdometryEpochs()
     for k, (frame, odometry, _) in enumerate(drive.frames):
+        frame, odometry = change(k, frame, odometry)
         try:
-            results.append(slam.track(*change(k, frame, odometry)))
+            results.append(slam.track(frame, odometry and epochs.enter(odometry)))
         except InputError as error:
             results.append(None)
             refused.append(str(error))

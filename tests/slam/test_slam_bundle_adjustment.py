@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from vsx_ros.config import WheelConfig
+from vsx_ros.config import OdometryNoiseConfig
 from vsx_ros.geometry.camera import PinholeCamera, mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
@@ -19,7 +19,7 @@ from vsx_ros.slam.map import Map
 from vsx_ros.slam.templates import NewTemplates
 
 MOUNT = mount_pose(-0.09, 0.02, 0.31, 0.1, 0.05)
-WHEELS = WheelConfig()
+NOISE = OdometryNoiseConfig()
 CAMERA = PinholeCamera(640, 480, 525.0, 525.0, 319.5, 239.5)
 
 
@@ -30,7 +30,7 @@ def test_adjoint_moves_a_tangent_across():
 
 def test_factor_is_the_camera_motion_of_the_base_motion():
     motion = SE2(0.1, 0.02, 0.3)
-    factor = odometry_factor(motion, MOUNT, WHEELS)
+    factor = odometry_factor(motion, MOUNT, NOISE)
     start = SE3.from_se2(SE2(2.0, 1.0, 0.7)) @ MOUNT
     end = SE3.from_se2(SE2(2.0, 1.0, 0.7) @ motion) @ MOUNT
     assert factor.T_a_b.matrix() == pytest.approx((start.inverse() @ end).matrix(), abs=1e-12)
@@ -39,14 +39,14 @@ def test_factor_is_the_camera_motion_of_the_base_motion():
 @pytest.mark.parametrize(
     ("axis", "sigma"),
     [
-        (0, WHEELS.distance_sigma_m + 0.2 * WHEELS.distance_sigma_ratio),
-        (1, WHEELS.distance_sigma_m + 0.2 * WHEELS.sideways_sigma_ratio),
-        (5, WHEELS.turn_sigma_rad),
+        (0, NOISE.distance_sigma_m + 0.2 * NOISE.distance_sigma_ratio),
+        (1, NOISE.distance_sigma_m + 0.2 * NOISE.sideways_sigma_ratio),
+        (5, NOISE.turn_sigma_rad),
     ],
 )
 def test_one_deviation_of_the_base_costs_one(axis, sigma):
     motion = SE2(0.2, 0.0, 0.0)
-    factor = odometry_factor(motion, MOUNT, WHEELS)
+    factor = odometry_factor(motion, MOUNT, NOISE)
     off = SE3.from_se2(motion) @ SE3.exp(sigma * np.eye(6)[axis])
     error = (factor.T_a_b.inverse() @ MOUNT.inverse() @ off @ MOUNT).log()
     assert math.sqrt(error @ factor.information @ error) == pytest.approx(1.0, rel=1e-3)
@@ -60,8 +60,10 @@ def driven_map(n=8, n_points=80, noise_px=0.3, wheels=True):
     for k, T in enumerate(poses):
         data = FrameData.without_image(k, SE2(0.1 * k, 0.0, 0.0) if wheels else None)
         world.add_keyframe(data, T if k < 2 else T @ SE3.exp(rng.normal(0, 0.005, 6)), Observations.none())
-    looks = NewTemplates(np.zeros((n_points, 4)), np.zeros((n_points, 2)), np.zeros((n_points, PATCH, PATCH), np.uint8))
-    world.add_points(truth + rng.normal(0, 0.05, truth.shape), looks, 0)
+    templates = NewTemplates(
+        np.zeros((n_points, 4)), np.zeros((n_points, 2)), np.zeros((n_points, PATCH, PATCH), np.uint8)
+    )
+    world.add_points(truth + rng.normal(0, 0.05, truth.shape), templates, 0)
     for k, T in enumerate(poses):
         uv = CAMERA.project(np.array([T.inverse() @ p for p in truth])) + rng.normal(0, noise_px, (n_points, 2))
         world.observe(k, Observations(np.arange(n_points), uv, uv, np.zeros(n_points, np.int64)))
@@ -69,7 +71,7 @@ def driven_map(n=8, n_points=80, noise_px=0.3, wheels=True):
 
 
 def adjuster():
-    return BundleAdjuster(CAMERA, MOUNT, WHEELS)
+    return BundleAdjuster(CAMERA, MOUNT, NOISE)
 
 
 def offsets(world, poses):
@@ -116,7 +118,7 @@ def test_culled_keyframes_are_carried_not_adjusted():
     assert adjuster().adjust(world, list(range(8)), 10).finished
     carried = world.keyframes[anchor.keyframe].T_world_cam @ anchor.T_keyframe_this
     assert world.keyframes[4].T_world_cam.matrix() == pytest.approx(carried.matrix(), abs=1e-12)
-    assert adjuster().by_wheels(world, 5).T_a_b.matrix() == pytest.approx(
+    assert adjuster().by_odometry(world, 5).T_a_b.matrix() == pytest.approx(
         (world_base(3) @ MOUNT).inverse().matrix() @ (world_base(5) @ MOUNT).matrix(), abs=1e-12
     )
 
@@ -125,26 +127,26 @@ def world_base(k):
     return SE3.from_se2(SE2(0.1 * k, 0.0, 0.0))
 
 
-def test_no_wheels_between_chains():
+def test_no_wheels_between_epochs():
     world, _ = driven_map(4)
-    world.chain = 1
+    world.odom_epoch = 1
     index = world.add_keyframe(FrameData.without_image(9, SE2(7.0, 0.0, 0.0)), SE3.identity(), Observations.none())
-    assert adjuster().by_wheels(world, index) is None
-    assert adjuster().by_wheels(world, index - 1) is not None
+    assert adjuster().by_odometry(world, index) is None
+    assert adjuster().by_odometry(world, index - 1) is not None
 
 
 def test_no_wheels_and_no_floor_in_a_map_that_began_without_them():
     world, _ = driven_map(4)
-    world.chain = 1
+    world.odom_epoch = 1
     bases = [None, SE2(7.0, 0.0, 0.0), SE2(7.1, 0.0, 0.0)]
     frames = [FrameData.without_image(9 + k, base) for k, base in enumerate(bases)]
     indices = [world.add_keyframe(data, SE3.identity(), Observations.none(), map_id=1) for data in frames]
     assert (world.is_metric(0), world.is_metric(1)) == (True, False)
-    assert adjuster().by_wheels(world, indices[-1]) is None
+    assert adjuster().by_odometry(world, indices[-1]) is None
     assert adjuster()._floor(world, [0, 1, *indices]).frames.tolist() == [0, 1]
     assert not is_metric(world, world.keyframes[indices[-1]])
     world.join(1, into=0)
-    assert adjuster().by_wheels(world, indices[-1]) is not None
+    assert adjuster().by_odometry(world, indices[-1]) is not None
 
 
 def test_interrupted_work_is_kept_nothing_is_removed_and_it_goes_on(monkeypatch):

@@ -27,8 +27,10 @@ def made_map(sees, step_m=0.1, levels=None, places=None):
         world.add_keyframe(
             FrameData.without_image(k, SE2(step_m * k, 0.0, 0.0)), SE3(np.eye(3), centre), Observations.none()
         )
-    looks = NewTemplates(np.zeros((n_points, 4)), np.zeros((n_points, 2)), np.zeros((n_points, PATCH, PATCH), np.uint8))
-    world.add_points(np.tile([0.0, 0.0, 2.0], (n_points, 1)), looks, 0)
+    templates = NewTemplates(
+        np.zeros((n_points, 4)), np.zeros((n_points, 2)), np.zeros((n_points, PATCH, PATCH), np.uint8)
+    )
+    world.add_points(np.tile([0.0, 0.0, 2.0], (n_points, 1)), templates, 0)
     for k, rows in enumerate(sees):
         n, level = len(rows), 0 if levels is None else levels[k]
         world.observe(k, Observations(np.array(rows), np.zeros((n, 2)), np.zeros((n, 2)), np.full(n, level)))
@@ -85,11 +87,11 @@ def test_who_sees_a_point_is_found_among_the_keyframes_of_its_place_alone():
     for n in (30, 300):
         world = corridor(n)
         rows = world.keyframes[20].observations.rows
-        seers = world.seers(rows)
-        assert set(seers) >= {k for k in range(n) if np.isin(world.keyframes[k].observations.rows, rows).any()}
+        observers = world.observers(rows)
+        assert set(observers) >= {k for k in range(n) if np.isin(world.keyframes[k].observations.rows, rows).any()}
         whole = [np.count_nonzero(np.isin(k.observations.rows, rows)) for k in world.keyframes]
         assert world.covisible(rows).tolist() == whole
-        asked.append(sum(len(world.keyframes[k].observations.rows) for k in seers))
+        asked.append(sum(len(world.keyframes[k].observations.rows) for k in observers))
     assert asked[0] == asked[1], "observations touched in a map ten times as large"
 
 

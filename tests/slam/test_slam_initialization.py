@@ -10,7 +10,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.initialization import Initializer
 from vsx_ros.slam.keyframe import FrameData
-from vsx_ros.slam.two_views import Initialization, Pair, TwoViewMap, TwoViews
+from vsx_ros.slam.two_view_reconstruction import InitialMap, InitialPair, MotionHypothesis, TwoViewReconstruction
 from vsx_ros.vision.corners import CornerDetector
 from vsx_ros.vision.patch_search import kernel_camera
 from vsx_ros.vision.pyramid import build_pyramid
@@ -26,10 +26,10 @@ SIDEWAYS, AHEAD = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 
 def hypothesis(direction, support, usable):
-    return TwoViewMap(SE3(np.eye(3), direction), support, np.zeros((200, 3)), np.arange(200) < usable)
+    return MotionHypothesis(SE3(np.eye(3), direction), support, np.zeros((200, 3)), np.arange(200) < usable)
 
 
-TWO_VIEWS = TwoViews(CAMERA, CONFIG)
+TWO_VIEWS = TwoViewReconstruction(CAMERA, CONFIG)
 
 
 def test_parallax_does_not_make_up_for_a_poor_explanation():
@@ -95,7 +95,7 @@ def outcome(initializer, planes, poses, bases=None):
     for k, T in enumerate(poses):
         got = initializer.add(frame(k, picture(T, planes), None if bases is None else bases[k]))
         got = got if isinstance(got, str) else TWO_VIEWS.reconstruct(got)
-        if isinstance(got, Initialization):
+        if isinstance(got, InitialMap):
             break
     return got
 
@@ -104,7 +104,7 @@ def outcome(initializer, planes, poses, bases=None):
 def test_a_wall_and_a_scene_start_with_the_true_motion(planes):
     steps = np.arange(0.0, 0.36, 0.05)
     got = outcome(Initializer(None, CONFIG), planes, [moved(x=x) for x in steps])
-    assert isinstance(got, Initialization)
+    assert isinstance(got, InitialMap)
     T = got.poses[0].inverse() @ got.poses[1]
     size = np.linalg.norm(T.translation)
     assert np.degrees(np.arccos(T.translation[0] / size)) < 3.0
@@ -117,7 +117,7 @@ def test_a_wall_and_a_scene_start_with_the_true_motion(planes):
 def test_a_wall_starts_with_the_wheels_scale():
     ways = np.arange(0.0, 0.5, 0.05)
     got = outcome(Initializer(MOUNT, CONFIG), WALL, [moved(z=z) for z in ways], [SE2(float(z), 0.0, 0.0) for z in ways])
-    assert isinstance(got, Initialization)
+    assert isinstance(got, InitialMap)
     driven = np.linalg.norm(got.poses[1].translation - got.poses[0].translation)
     assert driven == pytest.approx(ways[got.second.stamp_ns], abs=1e-9)
 
@@ -126,7 +126,7 @@ def test_a_bend_as_the_planner_drives_it_starts_with_the_true_motion():
     bases = [SE2.exp(float(way), 0.0, 2.0 * float(way)) for way in np.arange(0.0, 0.23, 0.02)]
     cameras = [MOUNT.inverse() @ SE3.from_se2(base) @ MOUNT for base in bases]
     got = outcome(Initializer(MOUNT, CONFIG), SCENE, cameras, bases)
-    assert isinstance(got, Initialization)
+    assert isinstance(got, InitialMap)
     T, true = got.poses[0].inverse() @ got.poses[1], cameras[got.second.stamp_ns]
     assert np.linalg.norm(T.translation - true.translation) < 0.01
     assert np.degrees(T.rotation_angle_to(true)) < 0.3
@@ -134,10 +134,10 @@ def test_a_bend_as_the_planner_drives_it_starts_with_the_true_motion():
 
 def test_a_hiccup_of_the_wheels_starts_no_map_without_scale():
     ways = np.arange(0.0, 0.6, 0.05)
-    wheels = [SE2(float(z), 0.0, 0.0) for z in ways]
-    hiccups = [None if k in (0, 3) else base for k, base in enumerate(wheels)]
+    odometry = [SE2(float(z), 0.0, 0.0) for z in ways]
+    hiccups = [None if k in (0, 3) else base for k, base in enumerate(odometry)]
     got = outcome(Initializer(MOUNT, CONFIG), WALL, [moved(z=z) for z in ways], hiccups)
-    assert isinstance(got, Initialization)
+    assert isinstance(got, InitialMap)
     driven = np.linalg.norm(got.poses[1].translation - got.poses[0].translation)
     assert driven == pytest.approx(ways[got.second.stamp_ns] - ways[1], abs=1e-9)
 
@@ -148,10 +148,10 @@ def test_wheels_that_fall_silent_for_good_are_done_without():
         initializer.add(frame(k * 300_000_000, picture(moved(x=0.05 * k), SCENE), SE2() if k == 0 else None))
         for k in range(8)
     ]
-    assert ["waiting for them" in str(word) for word in said[1:4]] == [True] * 3
-    assert "starting again without them" in said[4]
-    assert isinstance(said[-1], Pair)
-    assert said[-1].wheels is None
+    assert ["waiting for it" in str(word) for word in said[1:4]] == [True] * 3
+    assert "starting again without it" in said[4]
+    assert isinstance(said[-1], InitialPair)
+    assert said[-1].odometry is None
 
 
 def test_standing_and_turning_and_darkness_are_refused_by_name():

@@ -10,12 +10,12 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.vision.patches import PATCH
 from vsx_ros.slam.frontend import FrontEnd
 from vsx_ros.slam.keyframe import FrameData, Observations
-from vsx_ros.slam.loop_closing import LoopFinder, Reunion
+from vsx_ros.slam.loop_closing import LoopClosure, LoopDetector
+from vsx_ros.slam.loop_correction import correct_loops
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.place_recognition import PlaceRecognizer, is_certain, is_sure
-from vsx_ros.slam.pose_graph import Loop, bend
+from vsx_ros.slam.pose_graph import Loop, optimize_pose_graph
 from vsx_ros.slam.recovery import Recovery
-from vsx_ros.slam.reunion import reunite
 from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.templates import NewTemplates
 from vsx_ros.slam.tracker import Tracker
@@ -41,7 +41,7 @@ def places(arc_drive):
 def taken_apart(drive, image, k):
     front = FrontEnd(drive.camera, drive.T_base_cam, CONFIG, 0)
     frame, odometry, _ = drive.frames[k]
-    return front._intake.take(frame._replace(image=image), odometry)
+    return front._preprocessor.take(frame._replace(image=image), odometry)
 
 
 def best(places, data, view):
@@ -108,9 +108,9 @@ def ring(n=40, radius=3.0, drift=0.004, map_id=0):
         true.append(T)
         T = T @ SE3.exp(np.array([step, 0.0, 0.0, 0.0, 0.0, turn]))
         estimate = estimate @ SE3.exp(np.array([step, 0.0, 0.0, 0.0, 0.0, turn + drift]))
-    looks = NewTemplates(np.zeros((20, 4)), np.zeros((20, 2)), np.zeros((20, PATCH, PATCH), np.uint8))
+    templates = NewTemplates(np.zeros((20, 4)), np.zeros((20, 2)), np.zeros((20, PATCH, PATCH), np.uint8))
     for k in range(n + 1):
-        rows = world.add_points(world.keyframes[k].T_world_cam @ np.tile([0.0, 0.0, 2.0], (20, 1)), looks, k)
+        rows = world.add_points(world.keyframes[k].T_world_cam @ np.tile([0.0, 0.0, 2.0], (20, 1)), templates, k)
         for j in range(k, min(k + 5, n + 1)):
             world.observe(j, Observations(rows, np.zeros((20, 2)), np.zeros((20, 2)), np.zeros(20, np.int64)))
     return world, true
@@ -127,7 +127,7 @@ def test_a_true_loop_is_closed_and_the_error_falls_everywhere():
     seam = np.linalg.norm(world.keyframes[last].T_world_cam.translation)
     assert seam > 0.3
     relative = [k.T_world_cam.inverse() @ world.points[20 * n] for n, k in enumerate(world.keyframes)]
-    moved = bend(world, 0, [Loop(0, last, true[0].inverse() @ true[last], 1.0)], free_scale=False)
+    moved = optimize_pose_graph(world, 0, [Loop(0, last, true[0].inverse() @ true[last], 1.0)], free_scale=False)
     assert abs(moved - seam) < 0.05
     assert np.linalg.norm(world.keyframes[last].T_world_cam.translation) < 0.01
     assert error_m(world, true) < 0.25 * before
@@ -139,9 +139,9 @@ def test_a_true_loop_is_closed_and_the_error_falls_everywhere():
 def test_a_keyframe_that_was_culled_confirms_no_loop(arc_drive):
     world, true = ring()
     last = len(true) - 1
-    finder = LoopFinder(arc_drive.camera, CONFIG.tracker, np.random.default_rng(0))
+    finder = LoopDetector(arc_drive.camera, CONFIG.tracker, np.random.default_rng(0))
     home = true[last] @ world.keyframes[last].T_world_cam.inverse()
-    one, two = (Reunion(0, k, home @ world.keyframes[k].T_world_cam, 1.0, 100) for k in (last - 1, last))
+    one, two = (LoopClosure(0, k, home @ world.keyframes[k].T_world_cam, 1.0, 100) for k in (last - 1, last))
     assert finder._agree(world, one, two)
     world.cull_keyframe(last - 1)
     assert not finder._agree(world, one, two)
@@ -153,7 +153,7 @@ def test_a_culled_keyframe_is_bent_with_what_carries_it():
     world.cull_keyframe(20)
     parent = world.keyframes[20].anchor.keyframe
     held = world.keyframes[parent].T_world_cam.inverse() @ world.keyframes[20].T_world_cam
-    bend(world, 0, [Loop(0, last, true[0].inverse() @ true[last], 1.0)], free_scale=False)
+    optimize_pose_graph(world, 0, [Loop(0, last, true[0].inverse() @ true[last], 1.0)], free_scale=False)
     after = world.keyframes[parent].T_world_cam.inverse() @ world.keyframes[20].T_world_cam
     assert np.allclose(after.matrix(), held.matrix(), atol=1e-12)
     assert error_m(world, true) < 0.05
@@ -170,8 +170,8 @@ def test_maps_begun_apart_become_one_of_the_right_size_and_keep_their_indices():
     ahead = [(T @ np.array([0.0, 0.0, 1.0]))[None] for T in small]
     rows = np.concatenate([world.add_points(p, one, n + k) for k, p in enumerate(ahead)])
     count = world.count
-    reunion = Reunion(3, n + 3, SE3.identity(), 2.0, 100)
-    event = reunite(world, [reunion], [])
+    closure = LoopClosure(3, n + 3, SE3.identity(), 2.0, 100)
+    event = correct_loops(world, [closure], [])
     assert event.kind == "merged"
     assert "map 1 into map 0, 2.000 times as large" in event.reason
     assert [k.id for k in world.keyframes] == list(range(2 * n))
@@ -185,10 +185,10 @@ def test_maps_begun_apart_become_one_of_the_right_size_and_keep_their_indices():
 
 def test_what_the_map_cannot_have_drifted_is_not_believed(arc_drive):
     world, true = ring(drift=0.0)
-    finder = LoopFinder(arc_drive.camera, CONFIG.tracker, np.random.default_rng(0))
+    finder = LoopDetector(arc_drive.camera, CONFIG.tracker, np.random.default_rng(0))
     last = len(true) - 1
     way = 2.0 * np.pi * 3.0
     for off, possible in ((0.15 + 0.03 * way - 0.02, True), (0.15 + 0.03 * way + 0.02, False)):
         shifted = SE3(np.eye(3), [off, 0.0, 0.0]) @ world.keyframes[last].T_world_cam
-        reunion = Reunion(0, last, world.keyframes[0].T_world_cam.inverse() @ shifted, 1.0, 100)
-        assert finder._can_be(world, reunion) is possible
+        closure = LoopClosure(0, last, world.keyframes[0].T_world_cam.inverse() @ shifted, 1.0, 100)
+        assert finder._is_plausible(world, closure) is possible

@@ -40,8 +40,10 @@ def made_map(sees, n_points=12):
     for k in range(len(sees)):
         data = FrameData.without_image(k, SE2(0.1 * k, 0.0, 0.0))
         world.add_keyframe(data, SE3(np.eye(3), [0.1 * k, 0.0, 0.0]), Observations.none())
-    looks = NewTemplates(np.zeros((n_points, 4)), np.zeros((n_points, 2)), np.zeros((n_points, PATCH, PATCH), np.uint8))
-    world.add_points(np.tile([0.0, 0.0, 2.0], (n_points, 1)), looks, 1)
+    templates = NewTemplates(
+        np.zeros((n_points, 4)), np.zeros((n_points, 2)), np.zeros((n_points, PATCH, PATCH), np.uint8)
+    )
+    world.add_points(np.tile([0.0, 0.0, 2.0], (n_points, 1)), templates, 1)
     for k, rows in enumerate(sees):
         world.observe(k, seeing(rows))
     return world
@@ -105,12 +107,12 @@ def test_the_first_keyframe_and_culled_ones_cannot_be_culled():
         world.cull_keyframe(2)
 
 
-def test_predecessors_are_living_and_of_the_same_chain():
+def test_predecessors_are_living_and_of_the_same_epoch():
     world = made_map([range(12)] * 3)
     resumed = Map.resumed(world.view())
     for _ in range(3):
         resumed.add_keyframe(FrameData.without_image(9, None), SE3.identity(), seeing(range(12)))
-    assert [k.chain for k in resumed.keyframes] == [0, 0, 0, 1, 1, 1]
+    assert [k.odom_epoch for k in resumed.keyframes] == [0, 0, 0, 1, 1, 1]
     resumed.cull_keyframe(1)
     resumed.cull_keyframe(4)
     assert [resumed.predecessor(k) for k in (0, 2, 3, 5)] == [None, 0, None, 3]
@@ -124,9 +126,9 @@ def test_a_resumed_map_leaves_the_view_it_came_from_alone():
     resumed.points[:] = 7.0
     resumed.remove_points(np.array([3]))
     resumed.move_keyframe(1, SE3(np.eye(3), [5.0, 0.0, 0.0]))
-    looks = NewTemplates(np.ones((2, 4)), np.ones((2, 2)), np.ones((2, PATCH, PATCH), np.uint8))
-    resumed.add_points(np.ones((2, 3)), looks, 1)
-    resumed.add_templates(np.array([0]), NewTemplates(*(a[:1] for a in looks)), 1)
+    templates = NewTemplates(np.ones((2, 4)), np.ones((2, 2)), np.ones((2, PATCH, PATCH), np.uint8))
+    resumed.add_points(np.ones((2, 3)), templates, 1)
+    resumed.add_templates(np.array([0]), NewTemplates(*(a[:1] for a in templates)), 1)
     assert view.points[:, 2].tolist() == [2.0] * 12
     assert view.alive.all()
     assert view.templates.of_point[0].tolist() == [0, -1, -1, -1, -1]
@@ -170,7 +172,7 @@ def made_before(arc_drive):
 def second_drive(arc_drive):
     """The same robot in the same lab, set down elsewhere, the first five images dark: (frame, odometry, truth)."""
     first = arc_drive.frames[0][2] @ arc_drive.T_base_cam.inverse()
-    start = SE2.from_se3(first) @ SE2(0.3, 0.08, 0.1)
+    start = first.to_se2() @ SE2(0.3, 0.08, 0.1)
     world = generate_world("lab", 12)
     world = msgspec.structs.replace(world, start=Start(x=start.x, y=start.y, theta_rad=start.theta))
     robot = EmulatedRobot(world, 12)
@@ -213,8 +215,8 @@ def test_a_second_session_is_lost_until_recognised_and_goes_on_in_the_same_world
     frames = slam.slam_map().view.keyframes
     old = len(made_before.view.keyframes)
     assert len(frames) > old
-    assert {k.chain for k in frames[:old]} == {0}
-    assert len({k.chain for k in frames[old:]} - {0}) == 1
+    assert {k.odom_epoch for k in frames[:old]} == {0}
+    assert len({k.odom_epoch for k in frames[old:]} - {0}) == 1
     assert slam._mapper.map.predecessor(old) is None
 
 

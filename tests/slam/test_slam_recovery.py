@@ -18,7 +18,7 @@ def lost(arc_drive):
     """The recovery of a camera that was tracked at frame 40, and the frame ``k`` of the drive with the wheels at x."""
     slam = SequentialSlam(arc_drive.camera, arc_drive.T_base_cam, Config().slam, 1)
     front = slam._front
-    frames = [front._intake.take(*arc_drive.frames[k][:2]) for k in range(41)]
+    frames = [front._preprocessor.take(*arc_drive.frames[k][:2]) for k in range(41)]
     motion = front._motion
     recovery = Recovery(arc_drive.camera, arc_drive.T_base_cam, Config().slam, front._tracker, motion)
 
@@ -30,30 +30,30 @@ def lost(arc_drive):
     return recovery, frame
 
 
-def reach(recovery, frame):
+def tolerance(recovery, frame):
     """How far from the wheels' pose the camera may be, once a frame more is lost."""
-    by_wheels = recovery._motion.predict(frame).T_world_cam
-    recovery._travel(by_wheels)
-    recovery._motion.update(frame, by_wheels, measured=False)
-    return recovery.expectation(by_wheels, 0).reach
+    by_odometry = recovery._motion.predict(frame).T_world_cam
+    recovery._travel(by_odometry)
+    recovery._motion.update(frame, by_odometry, measured=False)
+    return recovery.expected_pose(by_odometry, 0).tolerance
 
 
 def test_wheels_that_stand_leave_the_camera_where_it_was(lost):
     recovery, frame = lost
-    begin = reach(recovery, frame(40))
+    begin = tolerance(recovery, frame(40))
     for _ in range(50):
         recovery.missed(frame(40))
-        again = reach(recovery, frame(40))
+        again = tolerance(recovery, frame(40))
     assert again[:2] == pytest.approx(begin[:2])
     assert begin.distance_m < 0.1, "the next brick of a wall is 0.2 m away"
 
 
 def test_the_way_by_the_wheels_widens_where_the_camera_can_be(lost):
     recovery, frame = lost
-    begin = reach(recovery, frame(40))
+    begin = tolerance(recovery, frame(40))
     for x in np.arange(0.0, 1.01, 0.1):
-        there = reach(recovery, frame(40, x))
-    back = reach(recovery, frame(40))
+        there = tolerance(recovery, frame(40, x))
+    back = tolerance(recovery, frame(40))
     assert there.distance_m == pytest.approx(begin.distance_m + 0.1, abs=0.01)
     assert back.distance_m == pytest.approx(begin.distance_m + 0.2, abs=0.02), "the way back is way too"
 
@@ -70,9 +70,9 @@ def test_a_camera_on_wheels_errs_along_the_floor(lost, error, allowed):
     recovery, frame = lost
     expected = SE3.from_se2(SE2(2.0, 1.0, 0.7)) @ MOUNT
     recovery._T_base_cam = MOUNT
-    expectation = recovery.expectation(expected, 0)
-    assert expectation.allows(SE3.from_se2(SE2(2.0, 1.0, 0.7) @ error) @ MOUNT, 0) == allowed
-    assert not expectation.allows(expected, 1), "another map"
+    expected_pose = recovery.expected_pose(expected, 0)
+    assert expected_pose.allows(SE3.from_se2(SE2(2.0, 1.0, 0.7) @ error) @ MOUNT, 0) == allowed
+    assert not expected_pose.allows(expected, 1), "another map"
 
 
 @pytest.mark.parametrize("off", [SE3(np.eye(3), np.array([0.0, 0.0, -0.04])), SE3.exp(np.array([0, 0, 0, 0.06, 0, 0]))])
@@ -80,9 +80,9 @@ def test_a_camera_on_wheels_stays_on_the_floor(lost, off):
     recovery, frame = lost
     expected = SE3.from_se2(SE2(2.0, 1.0, 0.7)) @ MOUNT
     recovery._T_base_cam, recovery._way_m = MOUNT, 3.0
-    expectation = recovery.expectation(expected, 0)
-    assert expectation.allows(expected, 0)
-    assert not expectation.allows(off @ expected, 0)
+    expected_pose = recovery.expected_pose(expected, 0)
+    assert expected_pose.allows(expected, 0)
+    assert not expected_pose.allows(off @ expected, 0)
 
 
 def test_only_another_image_before_wheels_that_stood_was_carried_there(lost):
@@ -92,4 +92,4 @@ def test_only_another_image_before_wheels_that_stood_was_carried_there(lost):
     other = frame(0)._replace(small=-frame(0).small)
     assert [recovery.missed(other) for _ in range(25)].count(True) == 1
     assert recovery.carried
-    assert not recovery.expectation(SE3.identity(), 0).is_firm
+    assert not recovery.expected_pose(SE3.identity(), 0).is_firm

@@ -9,10 +9,10 @@ import pytest
 from vsx_ros.config import Config
 from vsx_ros.errors import InputError
 from vsx_ros.evaluation.trajectory import trajectory_error
-from vsx_ros.io.recording import open_recording
+from vsx_ros.io.open_recording import open_recording
 from vsx_ros.kernels.geometry import projection
 from vsx_ros.kernels.slam import bundle, epipolar, pose
-from vsx_ros.kernels.vision import alignment, patches
+from vsx_ros.kernels.vision import alignment, search
 from vsx_ros.kernels.warmup import warm_up
 from vsx_ros.robot import Frame
 from vsx_ros.slam.slam import SequentialSlam
@@ -111,7 +111,7 @@ def test_blackout_is_marked_and_overcome(arc_drive):
     assert trajectory_error(pairs, "se3").ate_rmse_m < 0.02
 
 
-def test_without_wheels_a_camera_found_again_begins_a_chain_of_keyframes(arc_drive):
+def test_without_wheels_a_camera_found_again_begins_an_epoch_of_keyframes(arc_drive):
     def blackout(k, frame, odometry):
         return (Frame(frame.stamp_ns, np.zeros_like(frame.image)) if 60 <= k < 75 else frame), None
 
@@ -120,7 +120,7 @@ def test_without_wheels_a_camera_found_again_begins_a_chain_of_keyframes(arc_dri
     world = slam._mapper.map
     after = [k.id for k in world.keyframes if k.data.stamp_ns >= arc_drive.frames[75][0].stamp_ns]
     assert after
-    assert {world.keyframes[k].chain for k in after}.isdisjoint(k.chain for k in world.keyframes[: after[0]])
+    assert {world.keyframes[k].odom_epoch for k in after}.isdisjoint(k.odom_epoch for k in world.keyframes[: after[0]])
     assert world.predecessor(after[0]) is None
 
 
@@ -232,7 +232,7 @@ def test_warm_up_compiles_what_tracking_uses(arc_drive):
         bundle.adjust,
         projection.predict,
         projection.unproject_pixels,
-        patches.search,
+        search.search,
         epipolar.search_rays,
         alignment.align_small,
         pose.optimize_pose,

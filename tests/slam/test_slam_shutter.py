@@ -9,7 +9,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.geometry.projection import ideal_pixels, project_normalized, unproject_pixels
 from vsx_ros.robot import Odometry
-from vsx_ros.slam.shutter import Shutter
+from vsx_ros.slam.rolling_shutter import RollingShutter
 from vsx_ros.vision.patch_search import kernel_camera
 
 CAMERA = PinholeCamera(640, 480, 517.3, 516.5, 318.6, 255.3, (0.262383, -0.953104, -0.005358, 0.002628, 1.163314))
@@ -20,7 +20,7 @@ READOUT_S, EXPOSURE_S = 0.026, 0.015
 
 @pytest.fixture
 def exposure():
-    return Shutter(CAMERA, MOUNT, ShutterConfig(readout_s=READOUT_S, exposure_s=EXPOSURE_S)).exposure(ODOMETRY)
+    return RollingShutter(CAMERA, MOUNT, ShutterConfig(readout_s=READOUT_S, exposure_s=EXPOSURE_S)).exposure(ODOMETRY)
 
 
 def camera_after(seconds):
@@ -71,7 +71,7 @@ def test_the_pose_of_the_middle_tells_that_of_the_stamp(exposure):
 def test_nothing_is_bent_without_wheels_or_with_a_global_shutter():
     pixels = np.array([[10.0, 5.0], [630.0, 470.0]])
     still = unproject_pixels(kernel_camera(CAMERA), pixels)
-    without = Shutter(CAMERA, MOUNT, ShutterConfig()).exposure(None)
-    at_once = Shutter(CAMERA, MOUNT, ShutterConfig(readout_s=0.0, exposure_s=0.0)).exposure(ODOMETRY)
+    without = RollingShutter(CAMERA, MOUNT, ShutterConfig()).exposure(None)
+    at_once = RollingShutter(CAMERA, MOUNT, ShutterConfig(readout_s=0.0, exposure_s=0.0)).exposure(ODOMETRY)
     for exposure in (without, at_once):
         assert (unproject_pixels(exposure.camera, pixels) == still).all()

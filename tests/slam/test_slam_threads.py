@@ -6,8 +6,8 @@ import time
 import pytest
 
 from vsx_ros.config import Config
+from vsx_ros.slam.bootstrap import TRIED
 from vsx_ros.slam.slam import SequentialSlam
-from vsx_ros.slam.starting import TRIED
 from vsx_ros.slam.state import TrackingState
 from vsx_ros.slam.threads import ThreadedSlam
 
@@ -82,12 +82,12 @@ def test_a_camera_found_again_meanwhile_stays_where_it_is(arc_drive, monkeypatch
     for frame, odometry, _ in arc_drive.frames[:40]:
         slam.track(frame, odometry)
     front = slam._front
-    assert front._starting.once(pairs[0]) is pairs[0]
-    assert front._starting.once(pairs[0]) is None
-    second = make(pairs[0]._replace(chain=front._new_chain()))
+    assert front._bootstrap.claim(pairs[0]) is pairs[0]
+    assert front._bootstrap.claim(pairs[0]) is None
+    second = make(pairs[0]._replace(odom_epoch=front._new_epoch()))
     assert second.keyframes[-1].map_id == 1
     assert front.started(second) is None
-    assert front._new_chain() > second.keyframes[-1].chain > front._chain
+    assert front._new_epoch() > second.keyframes[-1].odom_epoch > front._epoch
     frame, odometry, _ = arc_drive.frames[40]
     result = slam.track(frame, odometry)
     assert (result.state, result.map_id) == (TrackingState.GOOD, 0)

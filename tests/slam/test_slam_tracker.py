@@ -15,9 +15,9 @@ def test_wheels_lead_to_points_that_are_no_corners(arc_drive):
     for frame, odometry, _ in arc_drive.frames[:60]:
         slam.track(frame, odometry)
     front = slam._front
-    data = front._intake.take(*arc_drive.frames[60][:2])
+    data = front._preprocessor.take(*arc_drive.frames[60][:2])
     prediction = front._motion.predict(data)
-    assert prediction.by_wheels
+    assert prediction.by_odometry
     bare = data._replace(corners=indexed([np.zeros((0, 2), np.int32)] * LEVELS, data.pyramid))
 
     def tracked(image, information):

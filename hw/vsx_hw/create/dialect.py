@@ -18,7 +18,7 @@ from vsx_hw.create.protocol import (
     wheel_speeds,
 )
 from vsx_hw.readings import BaseReading, BatteryReading, GyroReading, Hazard, OdometryReading, Signal
-from vsx_hw.rounding import CarriedTurn
+from vsx_hw.rounding import TurnErrorFeedback
 
 SAFETY_PACKETS = [7, 9, 10, 11, 12, 14, 18, 35]
 BATTERY_PACKETS = [21, 22, 25, 26, 34]
@@ -58,7 +58,7 @@ class CreateDialect:
         self._charges = self._doubted = self.driving = self.deaf = False
         self._last: Mapping[int, int] = {}
         self._cycles_out_of_safe = 0
-        self._rounding = CarriedTurn()
+        self._rounding = TurnErrorFeedback()
 
     @property
     def obeys(self) -> bool:

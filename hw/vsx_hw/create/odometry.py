@@ -8,7 +8,7 @@ from copy import copy
 
 from vsx_hw.create.protocol import CREATE_1, CREATE_2, METRES_PER_TICK
 from vsx_hw.planar_pose import PlanarPose
-from vsx_hw.plausibility import WINDOW_NS, Belief, MotionJudge
+from vsx_hw.plausibility import WINDOW_NS, CheckedMotion, MotionCheck
 from vsx_hw.readings import OdometryReading
 
 LONGEST_GAP_S = 0.5
@@ -37,12 +37,12 @@ class EncoderOdometry:
         self._travel: deque[tuple[int, float, float]] = deque([(0, 0.0, 0.0)], SPEED_WINDOW)
         self._gaps = 0
         self._lost_ns = -WINDOW_NS
-        self._judge = MotionJudge(CREATE_2.wheel_base_m)
-        self._belief = Belief(0.0)
+        self._check = MotionCheck(CREATE_2.wheel_base_m)
+        self._checked = CheckedMotion(0.0)
 
     def command(self, v_m_s: float, omega_rad_s: float) -> None:
         """What the robot was told last."""
-        self._judge.command(v_m_s, omega_rad_s)
+        self._check.command(v_m_s, omega_rad_s)
 
     def reset(self) -> None:
         """Start again at the origin; the counters' base line stays."""
@@ -73,11 +73,11 @@ class EncoderOdometry:
                 trusted = left == right == 0.0
             else:
                 v, omega = self._move(left, right, now_ns)
-            self._belief = self._judge.step(now_ns, left, right)
+            self._checked = self._check.step(now_ns, left, right)
         self._previous = left_ticks, right_ticks, now_ns
         p = self._pose
-        fault = self._belief.fault
-        doubt = self._belief.doubt or (LOST if now_ns - self._lost_ns < WINDOW_NS else "")
+        fault = self._checked.fault
+        doubt = self._checked.doubt or (LOST if now_ns - self._lost_ns < WINDOW_NS else "")
         trusted = trusted and not doubt
         return OdometryReading(
             now_ns, p.x_m, p.y_m, p.heading_rad, v, omega, self._gaps, trusted, self._wheels, doubt, fault
@@ -112,14 +112,14 @@ class DistanceOdometry:
         self._gaps = 0
         self._known = True
         self._gyro_turn: float | None = 0.0  # since the last reading of the distance; None when the gyro was silent
-        self._judge = MotionJudge(CREATE_1.wheel_base_m, math.radians(0.5))
-        self._belief = Belief(0.0)
+        self._check = MotionCheck(CREATE_1.wheel_base_m, math.radians(0.5))
+        self._checked = CheckedMotion(0.0)
         self._strange_ns, self._unsure_until_ns = -WINDOW_NS, 0
 
     @property
     def gyro_trusted(self) -> bool:
         """Whether the gyro's latest rate is believed."""
-        return self._belief.gyro and self._strange_ns != self._then_ns
+        return self._checked.gyro and self._strange_ns != self._then_ns
 
     def reset(self) -> None:
         """Start again at the origin."""
@@ -128,7 +128,7 @@ class DistanceOdometry:
     def command(self, v_m_s: float, omega_rad_s: float) -> None:
         """What the robot was told last."""
         self._speeds = v_m_s, omega_rad_s
-        self._judge.command(v_m_s, omega_rad_s)
+        self._check.command(v_m_s, omega_rad_s)
 
     def lose(self) -> None:
         """A reading was lost, and with it the motion since the one before."""
@@ -144,12 +144,12 @@ class DistanceOdometry:
         half = 0.5 * CREATE_1.wheel_base_m * math.radians(angle_deg)
         left, right = distance_mm / 1000.0 - half, distance_mm / 1000.0 + half
         if self._known or gyro_turn is None:
-            self._belief = self._judge.step(now_ns, left, right, gyro_turn)
+            self._checked = self._check.step(now_ns, left, right, gyro_turn)
         else:  # the wheels' part of this turn is lost: nothing to compare
-            judged = self._judge.step(now_ns, left, right)
-            self._belief = judged._replace(turn_rad=gyro_turn if self._belief.gyro else judged.turn_rad)
+            judged = self._check.step(now_ns, left, right)
+            self._checked = judged._replace(turn_rad=gyro_turn if self._checked.gyro else judged.turn_rad)
         self._wheels = (self._wheels[0] + left * self._scales[0], self._wheels[1] + right * self._scales[0])
-        self._measured.advance(distance_mm / 1000.0 * self._scales[0], self._belief.turn_rad * self._scales[1])
+        self._measured.advance(distance_mm / 1000.0 * self._scales[0], self._checked.turn_rad * self._scales[1])
         self._best = copy(self._measured)
         if not self._known:
             self._known, self._unsure_until_ns = True, now_ns + WINDOW_NS
@@ -158,14 +158,14 @@ class DistanceOdometry:
         """The pose now; gyro_rad_s is the measured rate where there is one."""
         dt_s = min((now_ns - self._then_ns) * 1e-9, 0.1) if self._then_ns else 0.0
         self._then_ns = now_ns
-        self._judge.listen(now_ns)
+        self._check.listen(now_ns)
         v, omega = self._speeds
         if gyro_rad_s is None:
             self._gyro_turn = None
         else:
-            if not self._judge.can_turn(gyro_rad_s):
+            if not self._check.can_turn(gyro_rad_s):
                 self._strange_ns, gyro_rad_s = now_ns, omega
-            if self._belief.gyro:
+            if self._checked.gyro:
                 omega = gyro_rad_s * self._scales[1]
             if self._gyro_turn is not None:
                 self._gyro_turn += gyro_rad_s * dt_s
@@ -175,7 +175,7 @@ class DistanceOdometry:
         return self._told(now_ns, v, omega)
 
     def _told(self, now_ns: int, v: float, omega: float) -> OdometryReading:
-        p, fault, doubt = self._shown, self._belief.fault, self._belief.doubt
+        p, fault, doubt = self._shown, self._checked.fault, self._checked.doubt
         if not doubt and now_ns - self._strange_ns < WINDOW_NS:
             doubt = "the gyro turns as the base cannot; the heading is that of the wheels"
         if not self._known or now_ns < self._unsure_until_ns:

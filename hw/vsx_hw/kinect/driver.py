@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_hw.clock import DeviceClock
+from vsx_hw.connection_thread import ConnectionThread
+from vsx_hw.device_clock import DeviceClock
 from vsx_hw.errors import DeviceError, DeviceTimeout
-from vsx_hw.frozen import FROZEN, FrozenWatch
-from vsx_hw.keeper import Keeper
+from vsx_hw.frozen_image import FROZEN, FrozenImageDetector
 from vsx_hw.kinect.assembler import FrameAssembler, RawFrame
 from vsx_hw.kinect.protocol import (
     AUTOMATIC_EXPOSURE,
@@ -70,10 +70,10 @@ class KinectCamera:
         self._clock = DeviceClock(CLOCK_HZ, CLOCK_BITS)
         self._last_image_s = self._streaming_since_s = 0.0
         self._fault: Exception | None = None
-        self._watch = FrozenWatch()
+        self._frozen_detector = FrozenImageDetector()
         self._counters = {"revivals": 0, "frames": 0, "torn_frames": 0, "bad_packets": 0, "frozen_frames": 0}
         self.serial = ""
-        self._keeper: Keeper[KinectTransport] = Keeper(
+        self._connection: ConnectionThread[KinectTransport] = ConnectionThread(
             device, open_transport, self._serve, self._end, lambda connected, message: None, BACKOFF_S
         )
 
@@ -88,24 +88,24 @@ class KinectCamera:
 
     def start(self) -> None:
         """Begin connecting; returns at once."""
-        self._keeper.start()
+        self._connection.start()
 
     def status(self) -> LinkStatus:
         """Health for diagnostics."""
-        counters = {"connections": self._keeper.connections, **self._counters, "exposure_locked": int(self._locked)}
-        keeper = self._keeper
-        return LinkStatus(keeper.connected, keeper.message, self.serial or self._device, counters, keeper.alive)
+        counters = {"connections": self._connection.connections, **self._counters, "exposure_locked": int(self._locked)}
+        link = self._connection
+        return LinkStatus(link.connected, link.message, self.serial or self._device, counters, link.alive)
 
     def close(self) -> None:
         """Stop the stream and release the camera."""
-        self._keeper.close()
+        self._connection.close()
 
     def _serve(self, transport: KinectTransport) -> None:
         """One connection: until the driver closes or the camera fails."""
         self.serial = transport.serial
         self._fault = None
         self._begin(transport)
-        while not self._keeper.closing.wait(0.1):
+        while not self._connection.closing.wait(0.1):
             if self._fault is not None:
                 raise self._fault
             if transport.failure():
@@ -119,7 +119,7 @@ class KinectCamera:
     def _revive(self, transport: KinectTransport) -> None:
         self._counters["revivals"] += 1
         message = f"{self._device}: no image for {REVIVE_AFTER_S:.0f} s; starting the stream again"
-        self._keeper.report(False, message)
+        self._connection.report(False, message)
         self._end(transport)
         self._begin(transport)
 
@@ -182,13 +182,13 @@ class KinectCamera:
             self._fault = error
 
     def _hand_over(self, frame: RawFrame) -> None:
-        if self._watch.is_frozen(frame.image):
+        if self._frozen_detector.is_frozen(frame.image):
             self._counters["frozen_frames"] += 1
-            self._keeper.report(False, f"{self._device}: {FROZEN}")
+            self._connection.report(False, f"{self._device}: {FROZEN}")
             return
         self._last_image_s = time.monotonic()
         self._streaming_since_s = self._streaming_since_s or self._last_image_s
-        self._keeper.report(True, "streaming")
+        self._connection.report(True, "streaming")
         stamp_ns = self._clock.host_ns(frame.clock_ticks, frame.first_arrival_ns)
         if frame.image.ndim == 2:
             self._on_image(ImageReading(stamp_ns, frame.image))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from vsx_hw.clock import DeviceClock
+from vsx_hw.device_clock import DeviceClock
 from vsx_hw.kobuki.base_control import BaseControl, base_control, twist_of
 from vsx_hw.kobuki.framing import encode_frame
 from vsx_hw.kobuki.gyro import gyro_reading
@@ -26,7 +26,7 @@ from vsx_hw.kobuki.protocol import (
 from vsx_hw.kobuki.stream import StreamParser
 from vsx_hw.kobuki.versions import STEADY_GYRO, Version, objection
 from vsx_hw.readings import BaseReading, BatteryReading, Hazard, Signal
-from vsx_hw.rounding import CarriedTurn
+from vsx_hw.rounding import TurnErrorFeedback
 
 _LAMPS = {Signal.READY: Led.GREEN, Signal.HELD: Led.ORANGE, Signal.ALARM: Led.RED}
 
@@ -56,7 +56,7 @@ class KobukiDialect:
         self.firmware: Version | None = None
         self._hardware: Version | None = None
         self._hazards = Hazard.NONE
-        self._rounding = CarriedTurn()
+        self._rounding = TurnErrorFeedback()
 
     def hello(self) -> Iterable[tuple[bytes, float]]:
         """Supplies on (the camera's 12 V), wheels still."""

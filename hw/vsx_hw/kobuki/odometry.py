@@ -7,7 +7,7 @@ from vsx_hw.kobuki.gyro import Pulse, turned_rad
 from vsx_hw.kobuki.protocol import Feedback
 from vsx_hw.kobuki.stream import rolled_m
 from vsx_hw.planar_pose import PlanarPose
-from vsx_hw.plausibility import PERIOD_NS, Belief, MotionJudge
+from vsx_hw.plausibility import PERIOD_NS, CheckedMotion, MotionCheck
 from vsx_hw.readings import OdometryReading
 
 SHORT_GAP_MS = 60
@@ -18,7 +18,7 @@ LOST_FRAMES = 50
 
 class KobukiOdometry:
     """Integrates feedback frames. Distance comes from the encoders, heading from the gyro where the frame has it and
-    the ``MotionJudge`` believes it, else from the encoders.
+    the ``MotionCheck`` believes it, else from the encoders.
 
     linear_scale and angular_scale correct the travelled distance and the measured turn (1.0 = as built).
     After a gap, a power cycle or an impossible step the counters are taken as a new base line: the pose stays
@@ -32,16 +32,16 @@ class KobukiOdometry:
         self._pose = PlanarPose()
         self._wheels = (0.0, 0.0)
         self._gaps = 0
-        self._judge = MotionJudge(WHEEL_BASE_M)
+        self._check = MotionCheck(WHEEL_BASE_M)
         self._pulse = Pulse()
         self._time_ns = 0  # of the base's own clock, counted on over gaps
         self._since_gap = LOST_FRAMES
-        self._belief = Belief(0.0)
+        self._checked = CheckedMotion(0.0)
 
     @property
     def gyro_trusted(self) -> bool:
         """Whether the gyro of the latest frame is believed."""
-        return self._belief.gyro
+        return self._checked.gyro
 
     def reset(self) -> None:
         """Start again at the origin; the counters' base line stays, so the next report is continuous."""
@@ -49,7 +49,7 @@ class KobukiOdometry:
 
     def command(self, v_m_s: float, omega_rad_s: float) -> None:
         """What the base was told last."""
-        self._judge.command(v_m_s, omega_rad_s)
+        self._check.command(v_m_s, omega_rad_s)
 
     def update(self, feedback: Feedback, stamp_ns: int) -> OdometryReading:
         """The reading after one more frame."""
@@ -57,7 +57,7 @@ class KobukiOdometry:
         if self._previous is not None:
             v, omega = self._move(self._previous, feedback)
         self._previous = feedback
-        doubt, fault = self._belief.doubt, self._belief.fault
+        doubt, fault = self._checked.doubt, self._checked.fault
         if self._since_gap < LOST_FRAMES:
             doubt = doubt or "clock or counters of the base jumped: its motion is not known"
         p = self._pose
@@ -74,23 +74,23 @@ class KobukiOdometry:
             self._since_gap = 0
             self._time_ns += PERIOD_NS
             self._pose.advance(0.0, self._turned_unrolled(before, after, dt_ms))
-            self._belief = self._judge.step(self._time_ns, 0.0, 0.0)
+            self._checked = self._check.step(self._time_ns, 0.0, 0.0)
             return 0.0, 0.0
         self._since_gap += 1
         self._time_ns += dt_ms * 1_000_000
         left, right = rolled
         dt_s, turned = dt_ms / 1000.0, turned_rad(before, after)
         alive = None if turned is None else self._pulse.alive(after, turned, dt_s)
-        self._belief = self._judge.step(self._time_ns, left, right, turned, alive)
+        self._checked = self._check.step(self._time_ns, left, right, turned, alive)
         self._wheels = (self._wheels[0] + left, self._wheels[1] + right)
-        distance, turn = 0.5 * (left + right) * self._linear_scale, self._belief.turn_rad * self._angular_scale
+        distance, turn = 0.5 * (left + right) * self._linear_scale, self._checked.turn_rad * self._angular_scale
         self._pose.advance(distance, turn)
         return distance / dt_s, turn / dt_s
 
     def _turned_unrolled(self, before: Feedback, after: Feedback, dt_ms: int) -> float:
         """The turn by the gyro while the counters jumped: two frames of a turn of 1.5 rad/s are worth 3.4 degrees."""
         turned = turned_rad(before, after)
-        known = self._belief.gyro and turned is not None and 0 < dt_ms <= SHORT_GAP_MS
-        if turned is None or not known or not self._judge.can_turn(1000.0 * turned / dt_ms):
+        known = self._checked.gyro and turned is not None and 0 < dt_ms <= SHORT_GAP_MS
+        if turned is None or not known or not self._check.can_turn(1000.0 * turned / dt_ms):
             return 0.0
         return turned * self._angular_scale

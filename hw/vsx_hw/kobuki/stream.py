@@ -20,7 +20,7 @@ MOST_CENTIDEG_PER_MS = 25
 MOST_DECIVOLT = 5
 
 
-class _Heard(NamedTuple):
+class _Received(NamedTuple):
     """A frame, when it came, and what had been refused and skipped by then."""
 
     feedback: Feedback
@@ -41,8 +41,8 @@ class StreamParser:
         self.frames = 0
         self.refused = 0
         self._scanner = FrameScanner()
-        self._last: _Heard | None = None
-        self._doubted: _Heard | None = None
+        self._last: _Received | None = None
+        self._doubted: _Received | None = None
 
     @property
     def skipped_bytes(self) -> int:
@@ -67,7 +67,7 @@ class StreamParser:
         return found
 
     def _believes(self, feedback: Feedback, now_ns: int) -> bool:
-        heard = _Heard(feedback, now_ns, self.refused, self.skipped_bytes)
+        heard = _Received(feedback, now_ns, self.refused, self.skipped_bytes)
         earlier = [before for before in (self._last, self._doubted) if before is not None]
         if earlier and not any(_follows(before, heard) for before in earlier):
             self._doubted = heard._replace(refused=self.refused + 1)
@@ -76,7 +76,7 @@ class StreamParser:
         return True
 
 
-def _follows(before: _Heard, after: _Heard) -> bool:
+def _follows(before: _Received, after: _Received) -> bool:
     frames = 1 + after.refused - before.refused
     whole = before.skipped_bytes == after.skipped_bytes
     at_once = after.time_ns - before.time_ns <= frames * USUAL_MS[1] * 1_000_000

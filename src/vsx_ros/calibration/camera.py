@@ -50,6 +50,23 @@ class CameraCalibration(NamedTuple):
     tilt: float
     verdict: Verdict
 
+    def report(self) -> list[str]:
+        """The result in lines for people."""
+        left_out = f"; left out, as they contradict the others: {', '.join(self.left_out)}" if self.left_out else ""
+        k1, k2, p1, p2, _ = self.camera.distortion
+        return [
+            f"residual      {self.rms_px:.3f} px rms, {max(self.view_rms_px):.3f} px in the worst picture{left_out}",
+            f"focal length  {self.camera.fx:.2f} {self.camera.fy:.2f} px, known to {self.focal_sigma_px:.2f} px",
+            f"centre        {self.camera.cx:.2f} {self.camera.cy:.2f} px, known to {self.centre_sigma_px:.2f} px",
+            f"distortion    k1 {k1:.4f}  k2 {k2:.4f}  p1 {p1:.4f}  p2 {p2:.4f}",
+            f"views         {100 * self.cover:.0f} % of the picture, tilted by up to {math.degrees(self.tilt):.0f} deg",
+        ]
+
+    def remark(self) -> str:
+        """The result in two lines for a file."""
+        count = f"{len(self.view_rms_px)} pictures"
+        return f"vsx calibrate camera: {self.rms_px:.3f} px rms over {count}\n{self.verdict}"
+
 
 class _Fit(NamedTuple):
     camera: PinholeCamera

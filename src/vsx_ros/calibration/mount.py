@@ -2,7 +2,7 @@
 
 A camera that moves without turning moves towards the focus of expansion; straight ahead on wheels that is the base's
 own x axis, whatever the map's scale (Hartley and Zisserman, Multiple View Geometry, 11.7.2). The floor is the level
-plane below the camera that most map points lie on; its distance gets its metres from the wheels.
+plane below the camera that most map points lie on; its distance gets its metres from odometry.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ MAX_PITCH_RAD, MAX_YAW_RAD = 0.8, math.radians(30.0)
 
 
 class TrackedPose(NamedTuple):
-    """One image of the drive: T_odom_base by the wheels, and T_ref_cam by vision alone, whose scale may be unknown."""
+    """One image of the drive: T_odom_base by odometry, and T_ref_cam by vision alone, whose scale may be unknown."""
 
     T_odom_base: SE2
     T_ref_cam: SE3
@@ -84,7 +84,7 @@ def calibrate_mount(drive: Sequence[TrackedPose], points_ref: Points3, forward: 
 
 
 def _straight_windows(drive: Sequence[TrackedPose], lever: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(K, 2) ways of the camera in the base's frame by the wheels [m], and (K, 3) the same in its own by vision, over
+    """(K, 2) ways of the camera in the base's frame by odometry [m], and (K, 3) the same in its own by vision, over
     pieces that follow each other."""
     moved_base, moved_cam = [], []
     start = 0

@@ -106,7 +106,7 @@ def total_turn(poses: Sequence[SE2]) -> float:
 
 
 def _ways(drive: Sequence[TrackedPose], bases: Sequence[SE3]) -> list[FloatArray]:
-    """(K, 2) progress ahead by the wheels and by the camera, of each stretch that is nearly straight [m]."""
+    """(K, 2) progress ahead by odometry and by the camera, of each stretch that is nearly straight [m]."""
     stretches, start, rows = [], 0, [(0.0, 0.0)]
     for k in range(1, len(drive)):
         motion = (drive[start].T_odom_base.inverse() @ drive[k].T_odom_base).wrapped()
@@ -120,9 +120,9 @@ def _ways(drive: Sequence[TrackedPose], bases: Sequence[SE3]) -> list[FloatArray
 
 
 def _turns(drive: Sequence[TrackedPose], bases: Sequence[SE3]) -> list[FloatArray]:
-    """(K, 2) heading by the wheels and by the camera, of stretches with ``STRETCH_RAD`` of turning each [rad]."""
+    """(K, 2) heading by odometry and by the camera, of stretches with ``STRETCH_RAD`` of turning each [rad]."""
     steps = [before.T_odom_base.angle_to(after.T_odom_base) for before, after in zip(drive, drive[1:])]
-    seen = np.unwrap([SE2.from_se3(bases[0].inverse() @ base).theta for base in bases])
+    seen = np.unwrap([(bases[0].inverse() @ base).to_se2().theta for base in bases])
     headings = np.column_stack([np.cumsum([0.0, *steps]), seen])
     number = (np.cumsum([0.0, *map(abs, steps)]) / STRETCH_RAD).astype(int)
     stretches = [headings[number == k] for k in range(int(number[-1]) + 1)]
@@ -130,8 +130,9 @@ def _turns(drive: Sequence[TrackedPose], bases: Sequence[SE3]) -> list[FloatArra
 
 
 def _fitted(stretches: Sequence[FloatArray], piece: float) -> Factor | None:
-    """The slope of camera over wheels within the stretches, by least squares without the worst rows; None where little
-    was driven. Neighbouring rows err alike: as independent counts one row for each ``piece`` of what was driven."""
+    """The slope of camera over odometry within the stretches, by least squares without the worst rows; None where
+    little was driven. Neighbouring rows err alike: as independent counts one row for each ``piece`` of what was
+    driven."""
     driven = sum(float(np.abs(np.diff(stretch[:, 0])).sum()) for stretch in stretches)
     if driven < MIN_PIECES * piece:
         return None

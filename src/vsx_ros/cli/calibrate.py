@@ -31,14 +31,6 @@ def _add_camera(verbs: Any) -> None:
         epilog="examples: vsx calibrate camera --live --board 8x6x0.025   |   vsx calibrate camera pictures/ --board "
         "8x6x0.025 --name rgb_A00362",
     )
-    add_camera_arguments(camera)
-    camera.add_argument("--name", default="camera", metavar="NAME", help="of the camera: NAME.yaml (default camera)")
-    camera.add_argument("--out", type=Path, metavar="FILE", help="(default $ROS_HOME/camera_info/NAME.yaml)")
-    camera.set_defaults(run=run_camera)
-
-
-def add_camera_arguments(camera: argparse.ArgumentParser) -> None:
-    """The options, for here and for the program above."""
     camera.add_argument("input", nargs="*", type=Path, metavar="INPUT", help="pictures, folders of them, a ROS 1 bag")
     camera.add_argument(
         "--board",
@@ -49,6 +41,9 @@ def add_camera_arguments(camera: argparse.ArgumentParser) -> None:
     camera.add_argument("--pattern", choices=("checkerboard", "circles"), default="checkerboard", help="on the board")
     camera.add_argument("--image-topic", metavar="T", help="image topic of the bag (default: the only one)")
     camera.add_argument("--live", action="store_true", help="from the running node 'camera', which then stores it")
+    camera.add_argument("--name", default="camera", metavar="NAME", help="of the camera: NAME.yaml (default camera)")
+    camera.add_argument("--out", type=Path, metavar="FILE", help="(default $ROS_HOME/camera_info/NAME.yaml)")
+    camera.set_defaults(run=run_camera)
 
 
 def _add_odometry(verbs: Any) -> None:
@@ -96,18 +91,17 @@ def _add_drive_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run_camera(args: argparse.Namespace) -> int:
-    """From pictures here, live where ROS is."""
+    """From pictures, or live."""
     from vsx_ros.calibration.board import Board
     from vsx_ros.errors import ConfigError
 
-    Board.parse(args.board)
+    board = Board.parse(args.board, args.pattern)
     if args.live == bool(args.input):
         raise ConfigError("give pictures, a folder or a bag, or else --live for the running camera node")
     if args.live:
-        from vsx_ros.cli.above import continue_as
+        from vsx_ros.ros.calibrate_camera import calibrate
 
-        wanted = {name: getattr(args, name) for name in ("board", "pattern")}
-        continue_as("vsx_ros.ros.calibrate_camera", argparse.Namespace(**wanted))
+        return calibrate(board)
     from vsx_ros.cli.calibrate_camera import calibrate_from_pictures
 
     return calibrate_from_pictures(args)

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import argparse
-import math
 from collections.abc import Iterator
 from pathlib import Path
 
 from vsx_ros.arrays import GrayImage
 from vsx_ros.calibration.board import Board
-from vsx_ros.calibration.camera import BoardView, CameraCalibration, calibrate_camera
+from vsx_ros.calibration.camera import BoardView, calibrate_camera
 from vsx_ros.calibration.variety import ViewChooser
 from vsx_ros.calibration.verdict import Grade
-from vsx_ros.cli.exit_codes import DONE, FAILED
-from vsx_ros.cli.robot_file import ros_home
 from vsx_ros.errors import CalibrationError, InputError, reason_of
 from vsx_ros.io.calibration_file import write_calibration
 from vsx_ros.io.image_encoding import decoded
-from vsx_ros.io.recording import open_recording
+from vsx_ros.io.open_recording import open_recording
 from vsx_ros.limits import LOG_BYTES, file_bytes
+from vsx_ros.runs.exit_codes import DONE, FAILED
+from vsx_ros.runs.robot_file import ros_home
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".tif", ".tiff")
 MAX_SEARCHED = 150
@@ -48,38 +47,18 @@ def calibrate_from_pictures(args: argparse.Namespace) -> int:
             f"there is no picture in {', '.join(map(str, args.input))}; give {' '.join(PICTURES)} or a bag"
         )
     result = calibrate_camera(board, views, size[1], size[0])
-    print(f"the board is in {len(views)} of {searched} pictures that were searched", *report(result), sep="\n  ")
+    print(f"the board is in {len(views)} of {searched} pictures that were searched", *result.report(), sep="\n  ")
     print(result.verdict)
     if result.verdict.grade is Grade.BAD:
         print(f"  {out} is not written")
         return FAILED
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
-        write_calibration(out, result.camera, args.name, remark(result))
+        write_calibration(out, result.camera, args.name, result.remark())
     except OSError as error:
         raise CalibrationError(f"{out} cannot be written ({error.strerror}); give another file with --out") from error
     print(f"written: {out}", f"for a node: camera_info_url:=file://{out.resolve()}", sep="\n  ")
     return DONE
-
-
-def report(result: CameraCalibration) -> list[str]:
-    """The result in lines for people."""
-    camera = result.camera
-    left_out = f"; left out, as they contradict the others: {', '.join(result.left_out)}" if result.left_out else ""
-    k1, k2, p1, p2, _ = camera.distortion
-    return [
-        f"residual      {result.rms_px:.3f} px rms, {max(result.view_rms_px):.3f} px in the worst picture{left_out}",
-        f"focal length  {camera.fx:.2f} {camera.fy:.2f} px, known to {result.focal_sigma_px:.2f} px",
-        f"centre        {camera.cx:.2f} {camera.cy:.2f} px, known to {result.centre_sigma_px:.2f} px",
-        f"distortion    k1 {k1:.4f}  k2 {k2:.4f}  p1 {p1:.4f}  p2 {p2:.4f}",
-        f"views         {100 * result.cover:.0f} % of the picture, tilted by up to {math.degrees(result.tilt):.0f} deg",
-    ]
-
-
-def remark(result: CameraCalibration) -> str:
-    """The result in two lines for a file."""
-    count = f"{len(result.view_rms_px)} pictures"
-    return f"vsx calibrate camera: {result.rms_px:.3f} px rms over {count}\n{result.verdict}"
 
 
 def _is_recording(source: Path) -> bool:

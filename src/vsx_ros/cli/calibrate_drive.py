@@ -14,14 +14,15 @@ from vsx_ros.calibration.closing import closing_turn
 from vsx_ros.calibration.mount import MountCalibration, TrackedPose, calibrate_mount
 from vsx_ros.calibration.odometry import OdometryCalibration, from_camera, from_known_turns, from_known_way
 from vsx_ros.calibration.verdict import Grade, Verdict
-from vsx_ros.cli.config import load
-from vsx_ros.cli.exit_codes import DONE, FAILED
-from vsx_ros.cli.robot_file import default_robot_file, update_robot_file
 from vsx_ros.config import Config, MountConfig, SlamConfig
 from vsx_ros.errors import CalibrationError, InputError
 from vsx_ros.geometry.camera import PinholeCamera, mounted
 from vsx_ros.io.calibration_file import read_calibration
-from vsx_ros.io.recording import Recording, open_recording
+from vsx_ros.io.open_recording import open_recording
+from vsx_ros.io.recording import Recording
+from vsx_ros.runs.exit_codes import DONE, FAILED
+from vsx_ros.runs.parameters import load
+from vsx_ros.runs.robot_file import default_robot_file, update_robot_file
 from vsx_ros.slam.slam import SequentialSlam
 
 
@@ -114,7 +115,7 @@ def _seen_from_board(recording: Recording, board: Board) -> list[TrackedPose]:
 
 
 def _seen_by_slam(recording: Recording, config: SlamConfig) -> tuple[list[TrackedPose], Points3]:
-    """The drive by vision alone: the wheels and the mount are what is in question."""
+    """The drive by vision alone: odometry and the mount are what is in question."""
     slam = SequentialSlam(_camera(recording), None, config)
     drive, frames = [], 0
     for frame in recording.frames():
@@ -122,7 +123,7 @@ def _seen_by_slam(recording: Recording, config: SlamConfig) -> tuple[list[Tracke
         result, odometry = slam.track(frame), recording.odometry_at(frame.stamp_ns)
         if result.state.tracked and result.T_world_cam is not None and odometry is not None:
             drive.append(TrackedPose(odometry.T_odom_base, result.T_world_cam))
-    print(f"{len(drive)} of {frames} pictures were tracked without the wheels")
+    print(f"{len(drive)} of {frames} pictures were tracked without odometry")
     return drive, slam.snapshot().points_world
 
 

@@ -138,8 +138,8 @@ def _calibration(folder: Path) -> Iterator[Finding]:
 
 def _robot_file(file: Path) -> Iterator[Finding]:
     """What 'vsx calibrate odometry' and 'mount' wrote; without it the robot is taken as built."""
-    from vsx_ros.cli.config import load
     from vsx_ros.errors import ConfigError
+    from vsx_ros.runs.parameters import load
 
     if not file.exists():
         return

@@ -12,8 +12,8 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from vsx_ros.cli.finding import FAIL, NOTE, OK, WARN, Finding
+from vsx_ros.ros.host_address import DEFAULT_MASTER, MASTER_PORT
 
-DEFAULT_MASTER = "http://localhost:11311"
 _ANSWER_S = 2.0
 _SKEW_S = 1.5
 """A clock this far from the master's is told; HTTP dates are whole seconds, so less cannot be seen."""
@@ -26,7 +26,7 @@ def check_network(environment: Mapping[str, str]) -> Iterator[Finding]:
     uri = environment.get("ROS_MASTER_URI", DEFAULT_MASTER)
     try:
         parts = urlsplit(uri)
-        host, port = parts.hostname or "", parts.port or 11311
+        host, port = parts.hostname or "", parts.port or MASTER_PORT
     except ValueError:
         host = ""
     if not host:

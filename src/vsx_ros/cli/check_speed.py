@@ -17,9 +17,9 @@ _SPARE, _SHORT = 0.5, 1.0
 def check_speed() -> Finding:
     """Track some rendered frames of a straight drive; the frames that make a keyframe are left out, as the live run
     maps on a thread of its own."""
-    from vsx_ros.cli.world import open_world
     from vsx_ros.config import Config
     from vsx_ros.robot import VelocityCommand
+    from vsx_ros.runs.world import open_world
     from vsx_ros.sim.robot import EmulatedRobot
     from vsx_ros.sim.settings import SimulationConfig
     from vsx_ros.slam.slam import SequentialSlam

@@ -36,8 +36,8 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print every finding as soon as it is known."""
-    from vsx_ros.cli.exit_codes import DONE, FAILED
     from vsx_ros.cli.finding import FAIL, WARN
+    from vsx_ros.runs.exit_codes import DONE, FAILED
 
     findings = []
     for finding in examine(args.hw, args.quick):

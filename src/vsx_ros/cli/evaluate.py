@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
 def _of_run(args: argparse.Namespace) -> dict[str, Any]:
     from vsx_ros.errors import InputError
     from vsx_ros.evaluation.summary import checked_summary
-    from vsx_ros.io.run_folder import RunFolder
+    from vsx_ros.runs.folder import RunFolder
 
     folder = RunFolder.open(args.run_folder)
     summary = checked_summary(folder.read_summary(), str(folder.path))

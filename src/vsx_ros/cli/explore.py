@@ -5,25 +5,13 @@ from __future__ import annotations
 import argparse
 import os
 import re
-import sys
-from collections.abc import Mapping
-from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from vsx_ros.cli import config
 from vsx_ros.cli.compiled import compile_kernels
 from vsx_ros.errors import ConfigError
 from vsx_ros.registry import PLUGINS, Kinds
-
-if TYPE_CHECKING:
-    from vsx_ros.config import Config
-    from vsx_ros.io.run_folder import RunFolder
-    from vsx_ros.sim.world import World
-
-DEFAULTS = {"seed": 1, "base": "auto", "port": "/dev/kobuki", "camera": "kinect", "rate": 15.0, "planner": "fov"}
-REMEMBERED = ("world", "seed", "base", "port", "camera", "rate", "planner", "time", "until", "fast", "load_map")
-
 
 BASES = Kinds(("auto", "kobuki", "create", "create2", "ros"))
 PLANNERS = Kinds(("fov", "unconstrained"))
@@ -97,7 +85,7 @@ def add_arguments(parser: argparse.ArgumentParser, *, with_load_map: bool = True
 
 
 def run(args: argparse.Namespace) -> int:
-    """Lock-step here; the live run in a process of its own, because ROS lives above the command line."""
+    """In lock-step, or live."""
     if args.time is not None and not args.time > 0:
         raise ConfigError(f"--time {args.time}: give a positive number of seconds")
     if args.fast and args.view:
@@ -107,13 +95,18 @@ def run(args: argparse.Namespace) -> int:
             f"--until {args.until:g}: how much is right is known of an emulated world and a new map alone"
         )
     _refuse_wires(args)
-    compile_kernels()
     if args.fast:
-        from vsx_ros.cli.explore_fast import explore_fast
+        from vsx_ros.runs.lockstep import explore_fast
 
+        compile_kernels()
         return explore_fast(args)
-    sys.stdout.flush()
-    os.execv(sys.executable, [sys.executable, "-m", "vsx_ros.ros", *live_arguments(args)])
+    from vsx_ros.ros.launch import package_environment
+
+    package_environment()  # before minutes of compiling
+    compile_kernels()
+    from vsx_ros.ros.run import explore
+
+    return explore(args)
 
 
 def camera(text: str) -> str:
@@ -151,93 +144,3 @@ def _refuse_wires(args: argparse.Namespace) -> None:
             raise ConfigError(
                 f"{given} has no meaning for the robot that {emulated} emulates; leave out one of the two"
             )
-
-
-def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, World | None]:
-    """The run folder, its configuration, and the emulated world if there is one; what was not said becomes the default,
-    or what the run to resume had. Nothing is written before all of it is known to be right.
-
-    Raises InputError, ConfigError or MapFileError when there is no such run, world or map, or an option contradicts it.
-    """
-    from vsx_ros.cli.robot_file import robot_file_here
-    from vsx_ros.cli.world import open_world
-    from vsx_ros.config import overridden
-    from vsx_ros.io.atomic import sync
-    from vsx_ros.io.run_folder import RunFolder
-    from vsx_ros.io.slam_map_file import load_slam_map
-    from vsx_ros.sim.world_file import save_world
-
-    if args.resume is not None:
-        return _begin_again(args, RunFolder.open(args.resume))
-    if args.moved:
-        raise ConfigError("--moved is said of the robot of an interrupted run; give that run with --resume, too")
-    command = ["vsx", "explore", *(["--fast"] if args.fast else []), *live_arguments(args)]
-    fill(args, DEFAULTS)
-    if args.fast:
-        fill(args, {"world": "lab"})
-    if args.load_map is not None:
-        args.load_map = str(Path(args.load_map).resolve())
-        if not Path(args.load_map).is_file():
-            raise ConfigError(f"there is no map {args.load_map}; 'vsx map save' makes one")
-        load_slam_map(Path(args.load_map))
-    if args.config is None and args.world is None:
-        args.config = robot_file_here()
-    parameters = config.load(args.config, args.set)
-    if args.phi is not None:
-        parameters = overridden(parameters, {"planner.phi_rad_m": args.phi})
-    world = open_world(args.world, args.seed) if args.world else None
-    now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
-    usual = Path("runs") / f"{now}_{Path(args.world).stem if args.world else args.base.partition(':')[0]}"
-    folder = RunFolder.create(args.out) if args.out else RunFolder.create_another(usual)
-    folder.write_config(parameters, command, **{name: getattr(args, name) for name in REMEMBERED})
-    if world is not None:
-        save_world(world, folder.path / "world.yaml")
-        sync(folder.path / "world.yaml")
-    return folder, parameters, world
-
-
-def fill(args: argparse.Namespace, values: Mapping[str, Any]) -> None:
-    """Give the options that were not given these values."""
-    for name, value in values.items():
-        if getattr(args, name) is None:
-            setattr(args, name, value)
-
-
-def _begin_again(args: argparse.Namespace, folder: RunFolder) -> tuple[RunFolder, Config, World | None]:
-    from vsx_ros.cli.session import end_the_trail
-    from vsx_ros.sim.world_file import load_world
-
-    fixed = ("world", "seed", "base", "planner", "phi", "load_map", "config", "set", "out")
-    contradicting = [name.replace("_", "-") for name in fixed if getattr(args, name) not in (None, [])]
-    if contradicting:
-        raise ConfigError(f"--resume goes on with the options of {folder.path}; leave out --{contradicting[0]}")
-    parameters, facts = folder.read_config()
-    if "fast" not in facts:
-        raise ConfigError(f"{folder.path} is no run of 'vsx explore'; a replay is begun anew")
-    if facts["fast"] is not args.fast:
-        how = "with" if facts["fast"] else "without"
-        raise ConfigError(f"{folder.path} was made {how} --fast; resume it so, too")
-    fill(args, {name: facts.get(name) for name in REMEMBERED})
-    fill(args, DEFAULTS)
-    world = load_world(folder.path / "world.yaml") if args.world else None
-    if args.moved and world is not None:
-        raise ConfigError(f"the emulated robot of {folder.path} stands where it stood; leave out --moved")
-    if not args.fast:
-        end_the_trail(folder, args.moved)
-    return folder, parameters, world
-
-
-def live_arguments(args: argparse.Namespace) -> list[str]:
-    """The command line of ``python -m vsx_ros.ros`` that says the same."""
-    words: list[str] = []
-    for name, value in vars(args).items():
-        option = f"--{name.replace('_', '-')}"
-        if name in ("run", "command", "debug", "fast") or value is None or value is False:
-            continue
-        if value is True:
-            words.append(option)
-        elif isinstance(value, list):
-            words += [word for item in value for word in (option, item)]
-        else:
-            words += [option, str(value)]
-    return words

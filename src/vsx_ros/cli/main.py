@@ -14,10 +14,10 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from vsx_ros import __version__
-from vsx_ros.cli import streams
-from vsx_ros.cli.exit_codes import FAILED, HARDWARE, INTERNAL, STOPPED
 from vsx_ros.errors import VsxError, disk_trouble
 from vsx_ros.registry import load_plugins
+from vsx_ros.runs import streams
+from vsx_ros.runs.exit_codes import FAILED, HARDWARE, INTERNAL, STOPPED
 
 COMMANDS = (
     "explore", "replay", "record", "plan", "evaluate", "report", "reproduce", "sweep", "map", "view", "status", "stop",
@@ -48,12 +48,19 @@ def parser() -> argparse.ArgumentParser:
     return root
 
 
+def parse(arguments: Sequence[str]) -> argparse.Namespace:
+    """The options of a command line; ``line`` is the line that repeats it."""
+    words = [word for word in arguments if word != "--debug"]
+    args = parser().parse_args(words)
+    args.debug, args.line = len(words) < len(arguments), ["vsx", *words]
+    return args
+
+
 def execute(arguments: Sequence[str]) -> int:
     """Run one command line; its exit code. Errors are one sentence on stderr, with a traceback only after --debug."""
     debug = "--debug" in arguments
     try:
-        args = parser().parse_args([word for word in arguments if word != "--debug"])
-        args.debug = debug
+        args = parse(arguments)
         load_plugins()
         code: int = args.run(args)
         return streams.ended(code)
@@ -61,6 +68,12 @@ def execute(arguments: Sequence[str]) -> int:
         return _failed("stopped by the operator", STOPPED, debug=debug)
     except VsxError as error:
         return _failed(str(error), FAILED, debug=debug)
+    except ModuleNotFoundError as error:
+        return _failed(
+            f"there is no Python package {error.name!r} here; 'vsx doctor' tells what is missing, and what to type",
+            FAILED,
+            debug=debug,
+        )
     except Exception as error:
         if isinstance(error, OSError) and disk_trouble(error):
             return _failed(disk_trouble(error), FAILED, debug=debug)

@@ -73,13 +73,13 @@ def _add_save_and_load(verbs: Any) -> None:
 
 
 def run_save(args: argparse.Namespace) -> int:
-    """From the folder here, from the robot where ROS is."""
+    """From the folder, or from the robot."""
     if args.run_folder is None:
-        from vsx_ros.cli.above import continue_as
+        from vsx_ros.ros.save_map import save_map
 
-        continue_as("vsx_ros.ros.save_map", argparse.Namespace(out=args.out and args.out.resolve()))
-    from vsx_ros.io.run_folder import RunFolder
+        return save_map(args.out)
     from vsx_ros.io.slam_map_file import save_slam_map
+    from vsx_ros.runs.folder import RunFolder
 
     folder = RunFolder.open(args.run_folder)
     out = args.out or folder.path / "map.vsxmap"
@@ -92,7 +92,6 @@ def run_load(args: argparse.Namespace) -> int:
     """An exploration in the map."""
     from vsx_ros.cli import explore
 
-    del args.verb
     return explore.run(args)
 
 
@@ -168,9 +167,9 @@ def run_export(args: argparse.Namespace) -> int:
 
 def _ground(args: argparse.Namespace, slam_map: SlamMap, seen: MapSnapshot) -> OccupancyGrid:
     """Raises InputError for a map that has no floor."""
-    from vsx_ros.cli.config import load
     from vsx_ros.cli.ground import ground_grid
     from vsx_ros.errors import InputError
+    from vsx_ros.runs.parameters import load
 
     if slam_map.T_base_cam is None:
         raise InputError(

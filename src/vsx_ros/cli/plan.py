@@ -9,8 +9,8 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vsx_ros.cli.exit_codes import DONE, FAILED
 from vsx_ros.registry import Kinds
+from vsx_ros.runs.exit_codes import DONE, FAILED
 
 if TYPE_CHECKING:
     from vsx_ros.config import Config
@@ -58,15 +58,15 @@ def run(args: argparse.Namespace) -> int:
     """Plan, print, and draw; 1 when the plan is refused."""
     import numpy as np
 
-    from vsx_ros.cli import config as config_command
     from vsx_ros.geometry.se2 import SE2
     from vsx_ros.io.map_file import load_map
+    from vsx_ros.planning.feasibility import check_question
     from vsx_ros.planning.path import Refusal
-    from vsx_ros.planning.reach import check_question
     from vsx_ros.planning.time_scaling import time_scale
+    from vsx_ros.runs.parameters import load
 
     assignments = list(args.set) + ([f"planner.phi_rad_m={args.phi!r}"] if args.phi is not None else [])
-    config = config_command.load(args.config, assignments)
+    config = load(args.config, assignments)
     start, goal = SE2(*args.start), SE2(*args.goal)
     check_question(start, goal, config.planner.phi_rad_m)
     grid = load_map(args.map) if args.map is not None else _open_floor(start, goal)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from vsx_ros.errors import ConfigError
 
@@ -23,42 +23,44 @@ def add_parser(subparsers: Any) -> None:
         epilog="examples: vsx record   |   vsx record --images jpeg --time 600 --out office.bag   |   then: vsx replay "
         "office.bag --map",
     )
-    add_arguments(parser)
-    parser.set_defaults(run=run)
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options, for here and for the program above."""
     parser.add_argument("--out", type=Path, metavar="FILE", help="the bag (default <date>_<time>.bag)")
     parser.add_argument("--images", choices=("raw", "png", "jpeg"), default="raw", help="how images are kept (raw)")
     parser.add_argument("--time", type=float, metavar="S", help="stop after this time")
-    parser.add_argument("--limit", default="1TB", metavar="SIZE", help="stop at this size, e.g. 4GB")
-    parser.add_argument("--keep-free", default="1GB", metavar="SIZE", help="stop when the disk has less left (1GB)")
+    parser.add_argument("--limit", type=Size.parse, default="1TB", metavar="SIZE", help="stop at this size, e.g. 4GB")
+    parser.add_argument(
+        "--keep-free", type=Size.parse, default="1GB", metavar="SIZE", help="stop when the disk has less left (1GB)"
+    )
     parser.add_argument("--topic", action="append", default=[], metavar="T", help="record this topic, too; repeatable")
+    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Check what can be checked, and continue where ROS is."""
-    from vsx_ros.cli.above import continue_as
-
-    size_bytes(args.limit)
-    size_bytes(args.keep_free)
+    """Check what can be checked, and record."""
     if args.time is not None and not args.time > 0:
         raise ConfigError(f"--time {args.time}: give a positive number of seconds")
     if args.out is not None and args.out.exists():
         raise ConfigError(f"{args.out} exists; give another name, or delete it")
     if args.out is not None and not args.out.resolve().parent.is_dir():
         raise ConfigError(f"--out {args.out}: its folder does not exist; make it first")
-    continue_as("vsx_ros.ros.record", args)
+    from vsx_ros.ros.record import record
+
+    return record(args)
 
 
-def size_bytes(text: str) -> float:
-    """Bytes of a size like 500MB. Raises ConfigError for anything else."""
-    number, unit = text.strip()[:-2], text.strip()[-2:]
-    try:
-        size = float(number) * _UNITS[unit]
-    except (ValueError, KeyError):
-        size = 0.0
-    if not 0.0 < size < 1e18:
-        raise ConfigError(f"size {text!r}: give a number and one of {', '.join(_UNITS)}, e.g. 4GB")
-    return size
+class Size(NamedTuple):
+    """Of a file or a disk. text: as it was given."""
+
+    text: str
+    bytes: float
+
+    @staticmethod
+    def parse(text: str) -> Size:
+        """A size like 500MB. Raises ArgumentTypeError for anything else."""
+        number, unit = text.strip()[:-2], text.strip()[-2:]
+        try:
+            size = float(number) * _UNITS[unit]
+        except (ValueError, KeyError):
+            size = 0.0
+        if not 0.0 < size < 1e18:
+            raise argparse.ArgumentTypeError(f"size {text!r}: give a number and one of {', '.join(_UNITS)}, e.g. 4GB")
+        return Size(text, size)

@@ -3,29 +3,25 @@
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import sys
 import time
-from collections.abc import Sequence
-from datetime import datetime
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 from vsx_ros.cli.compiled import compile_kernels
-from vsx_ros.cli.stoppable import stoppable
 from vsx_ros.errors import ConfigError
+from vsx_ros.runs.interruptible import interruptible
 
 if TYPE_CHECKING:
-    from vsx_ros.cli.run_record import RunRecord
     from vsx_ros.config import Config
     from vsx_ros.evaluation.summary import Summary
     from vsx_ros.evaluation.trajectory import AlignmentKind
-    from vsx_ros.geometry.camera import PinholeCamera
-    from vsx_ros.geometry.se3 import SE3
     from vsx_ros.io.recording import Recording
-    from vsx_ros.io.run_folder import RunFolder
+    from vsx_ros.runs.record import RunRecord
+    from vsx_ros.runs.session import RunWriter
     from vsx_ros.slam.slam import SequentialSlam
-    from vsx_ros.slam.state import TrackingResult, TrackingState
+    from vsx_ros.slam.state import TrackingResult
 
 _PROGRESS_EVERY_S = 0.5
 _MAX_RATE = 100.0
@@ -33,6 +29,8 @@ _MAX_RATE = 100.0
 
 def add_parser(subparsers: Any) -> None:
     """Register the command and its options."""
+    from vsx_ros.cli.config import add_arguments
+
     parser = subparsers.add_parser(
         "replay",
         help="run the SLAM over a bag or an image folder",
@@ -44,14 +42,6 @@ def add_parser(subparsers: Any) -> None:
     )
     help_ = "a bag (ROS 1: .bag; ROS 2: folder, .db3 or .mcap) or a folder with rgb.txt"
     parser.add_argument("input", type=Path, metavar="INPUT", help=help_)
-    add_options(parser)
-    parser.set_defaults(run=run)
-
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """The options, for here and for the program that feeds the nodes."""
-    from vsx_ros.cli.config import add_arguments
-
     parser.add_argument("--calibration", type=Path, metavar="FILE", help="ROS camera_info YAML or camera.json")
     parser.add_argument("--image-topic", metavar="T", help="image topic of the bag (default: the only one)")
     parser.add_argument("--odometry-topic", metavar="T", help="odometry or base poses (default: the only Odometry)")
@@ -66,143 +56,82 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--view", action="store_true", help="with --ros: serve the live view")
     add_arguments(parser)
+    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Replay, write the run folder, say what happened; 3 when tracking was lost for good, 1 when it never began."""
     if not args.ros and (args.rate is not None or args.view):
         raise ConfigError("--rate and --view go with --ros; without it every image is tracked, in order, by no node")
+    if args.rate is not None and not 0.0 <= args.rate <= _MAX_RATE:
+        raise ConfigError(f"--rate {args.rate}: give a number from 0 (no image left out) to {_MAX_RATE:g}")
     compile_kernels()
     if args.ros:
-        _feed_nodes(args)
-    from vsx_ros.cli.config import load
-    from vsx_ros.cli.exit_codes import STOPPED, ended_well
+        from vsx_ros.ros.replay import replay
+
+        return replay(args)
     from vsx_ros.cli.ground import ground_grid
-    from vsx_ros.cli.report import tell_the_end, write_report
-    from vsx_ros.cli.run_record import RunRecord
     from vsx_ros.geometry.camera import mounted
+    from vsx_ros.runs.exit_codes import STOPPED, ended_well
+    from vsx_ros.runs.parameters import load
+    from vsx_ros.runs.replay import exit_code, new_folder, opened
+    from vsx_ros.runs.report import tell_the_end, write_report
+    from vsx_ros.runs.session import RunWriter
     from vsx_ros.slam.state import TrackingState
 
     config = load(args.config, args.set)
     recording = opened(args)
     T_base_cam = mounted(config.robot.mount)
-    slam = _slam(recording, config, args, T_base_cam)
-    folder = new_folder(args, config, ["vsx", *sys.argv[1:]])
-    record = RunRecord(T_base_cam)
-    stopped = _track_all(slam, recording, record)
+    slam = _slam(recording, config, args)
+    folder = new_folder(args, config)
+    keeper = RunWriter(T_base_cam)
+    record, stopped = keeper.record, _track_all(slam, recording, keeper)
     continued = str(args.load_map.resolve()) if args.load_map else None
     code = exit_code(record.results[-1].state if record.results else TrackingState.NOT_INITIALISED)
     code = STOPPED if stopped else code
-    summary = _summary(slam, recording, record).with_values(seed=args.seed, continued_map=continued).as_dict()
-    summary["ended_well"] = ended_well(code)
+    facts = {"seed": args.seed, "continued_map": continued, "ended_well": ended_well(code)}
     if stopped:
-        summary["stop_reason"] = (
-            f"stopped by the operator after {len(record.results)} of {recording.frame_count} frames"
-        )
-    writes = [lambda: folder.write_summary(summary), *record.writes(folder, slam.snapshot())]
-    if recording.ground_truth:
-        writes.append(lambda: folder.write_poses("groundtruth", recording.ground_truth))
+        facts["stop_reason"] = f"stopped by the operator after {len(record.results)} of {recording.frame_count} frames"
+    summary = _summary(slam, recording, record).with_values(**facts)
+    grid = None
     if args.map:
         grid = ground_grid(slam.snapshot(), (p.T for p in record.estimate()), T_base_cam, config)
-        writes.append(lambda: folder.write_map(grid))
-    writes.append(lambda: _save_slam_map(slam, args.save_map))
-    failure = folder.write_what_fits(*writes, lambda: write_report(folder))
-    return tell_the_end(folder, summary, code, failure)
+    more: list[Callable[[], object]] = [lambda: _save_slam_map(slam, args.save_map), lambda: write_report(folder)]
+    if recording.ground_truth:
+        more.insert(0, lambda: folder.write_poses("groundtruth", recording.ground_truth))
+    failure = keeper.finish(folder, slam, summary, None, grid, *more)
+    return tell_the_end(folder, summary.as_dict(), code, failure)
 
 
-def _feed_nodes(args: argparse.Namespace) -> NoReturn:
-    """Become the program above that feeds the nodes."""
-    from vsx_ros.cli.above import continue_as
-
-    if args.rate is not None and not 0.0 <= args.rate <= _MAX_RATE:
-        raise ConfigError(f"--rate {args.rate}: give a number from 0 (no image left out) to {_MAX_RATE:g}")
-    continue_as("vsx_ros.ros.replay", args)
-
-
-def opened(args: argparse.Namespace) -> Recording:
-    """The recording of the options, with a camera; what is wrong with it is said.
-
-    Raises InputError when it cannot be used as wished, CalibrationError for a calibration that cannot be read.
-    """
-    from vsx_ros.errors import InputError
-    from vsx_ros.io.recording import open_recording
-
-    recording = open_recording(args.input, args.image_topic, args.odometry_topic)
-    if recording.damage:
-        print(f"vsx: {recording.damage}", file=sys.stderr)
-    if args.map and not recording.odometry:
-        raise InputError(f"{args.input} has no odometry, without which scale and floor are unknown; leave out --map")
-    return dataclasses.replace(recording, camera=_calibration(recording, args.calibration))
-
-
-def new_folder(args: argparse.Namespace, config: Config, command: Sequence[str]) -> RunFolder:
-    """The run folder, with the configuration in it. Raises InputError where something else is in the way."""
-    from vsx_ros.io.run_folder import RunFolder
-
-    usual = Path("runs") / f"{datetime.now().strftime('%Y-%m-%d_%H-%M-%S')}_{args.input.stem}"
-    folder = RunFolder.create(args.out) if args.out else RunFolder.create_another(usual)
-    folder.write_config(config, command, seed=args.seed, input=str(args.input.resolve()))
-    return folder
-
-
-def exit_code(ending: TrackingState) -> int:
-    """What the state after the last image means."""
-    from vsx_ros.cli.exit_codes import DONE, FAILED, LOST
-    from vsx_ros.slam.state import TrackingState
-
-    return {TrackingState.NOT_INITIALISED: FAILED, TrackingState.LOST: LOST}.get(ending, DONE)
-
-
-def _calibration(recording: Recording, file: Path | None) -> PinholeCamera:
-    """The operator's calibration, else the recording's own, else a Kinect's nominal one with a warning."""
-    from vsx_ros.errors import InputError
-    from vsx_ros.geometry.camera import nominal_camera
-    from vsx_ros.io.calibration_file import read_calibration
-
-    if file is not None:
-        return read_calibration(file)
-    if recording.camera is not None:
-        return recording.camera
-    first = next(recording.frames(), None)
-    if first is None:
-        raise InputError(f"{recording.source} holds no image that could be used; record it again")
-    camera = nominal_camera(first.image.shape[1], first.image.shape[0])
-    print(
-        f"vsx: {recording.source} brings no camera calibration: a Kinect's nominal one is assumed ({camera.fx:g} px), "
-        "expect a bent map; give the right one with --calibration FILE (ROS camera_info YAML or camera.json)",
-        file=sys.stderr,
-    )
-    return camera
-
-
-def _slam(recording: Recording, config: Config, args: argparse.Namespace, T_base_cam: SE3) -> SequentialSlam:
+def _slam(recording: Recording, config: Config, args: argparse.Namespace) -> SequentialSlam:
     """A new map or the one to go on in; what cannot be read or written at the end is said now."""
     from vsx_ros.errors import MapFileError
+    from vsx_ros.geometry.camera import mounted
     from vsx_ros.io.slam_map_file import load_slam_map
+    from vsx_ros.session import SlamSession
     from vsx_ros.slam.slam import SequentialSlam
 
     if args.save_map and not args.save_map.resolve().parent.is_dir():
         raise MapFileError(f"map {args.save_map} cannot be written: its folder does not exist; choose another folder")
     loaded = load_slam_map(args.load_map) if args.load_map else None
     assert recording.camera is not None
-    mount = T_base_cam if recording.odometry else None
-    return SequentialSlam(recording.camera, mount, config.slam, args.seed, loaded)
+    session = SlamSession(mounted(config.robot.mount), config, loaded)
+    return session.begin(SequentialSlam, recording.camera, args.seed, metric=bool(recording.odometry))
 
 
-def _track_all(slam: SequentialSlam, recording: Recording, record: RunRecord) -> bool:
+def _track_all(slam: SequentialSlam, recording: Recording, keeper: RunWriter) -> bool:
     """Every frame, with the odometry of its instant; on a terminal, one line tells how far it is. Whether Ctrl-C came
     first."""
     for reading in recording.odometry:
-        record.add_odometry(reading)
+        keeper.record.add_odometry(reading)
     shown = 0.0
-    with stoppable() as stopped:
+    with interruptible() as stopped:
         for number, frame in enumerate(recording.frames(), start=1):
             odometry = recording.odometry_at(frame.stamp_ns)
             began = time.perf_counter()
             result = slam.track(frame, odometry)
             track_s = time.perf_counter() - began
-            record.add_frame(result, odometry, track_s, slam.statistics().u2_frames)
-            record.add_slam_events(slam.drain_events())
+            keeper.frame(result, odometry, track_s, slam.statistics().u2_frames, slam.drain_events())
             if sys.stderr.isatty() and began - shown > _PROGRESS_EVERY_S:
                 shown = began
                 found = f"{result.found}/{result.searched} points"

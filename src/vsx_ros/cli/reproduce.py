@@ -5,11 +5,14 @@ from __future__ import annotations
 import argparse
 import re
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from vsx_ros.errors import ConfigError
 
-WHAT = ("table1", "fig2", "fig5", "fig6", "fig7", "all")
+if TYPE_CHECKING:
+    from vsx_ros.evaluation.page import Section
+
+WHAT = ("table1", *(f"fig{k}" for k in range(2, 8)), "all")
 _QUICK_SEEDS, _QUICK_TIME_S = 2, 60.0
 
 
@@ -18,9 +21,10 @@ def add_parser(subparsers: Any) -> None:
     parser = subparsers.add_parser(
         "reproduce",
         help="make the paper's table and figures anew",
-        description="table1: drives of many worlds to goals that look elsewhere, by the constrained planner and by one "
-        "that turns on the spot, tracked as in the paper and by the full tracker. fig2, fig6: their paths, planned and "
-        "tracked. fig5: the sparse and the dense ground map beside the truth. fig7: the map at stages of an "
+        description="table1: drives of many worlds to goals that look elsewhere, by the constrained planner, by one "
+        "that turns on the spot and by the paper's own, tracked as in the paper and by the full tracker. fig2, fig6: "
+        "their paths, planned and tracked. fig3: states to which one segment leads. fig4: points, planes and surface. "
+        "fig5: the sparse and the dense ground map beside the truth. fig7: the map at stages of an "
         "exploration. Each leaves a page that needs nothing else, and its numbers. Ctrl-C interrupts, the same command "
         "continues.",
         epilog="examples: vsx reproduce all --quick   |   vsx reproduce table1 --seeds 100:120 --jobs 2   |   "
@@ -33,7 +37,7 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--noises", type=int, default=1, metavar="K", help="drives of each with other noise (default 1)"
     )
-    parser.add_argument("--time", type=float, metavar="S", help="emulated time of fig5 (90) and fig7 (600)")
+    parser.add_argument("--time", type=float, metavar="S", help="emulated time of fig4, fig5 (90), fig7 (600)")
     parser.add_argument("--quick", action="store_true", help="two worlds and a minute: done in some minutes")
     parser.add_argument("--out", type=Path, default=Path("results"), metavar="FOLDER", help="default: results")
     add_engine_arguments(parser)
@@ -56,10 +60,13 @@ def seeds(text: str) -> range:
 
 def run(args: argparse.Namespace) -> int:
     """Make what was asked for, and say where it is."""
-    from vsx_ros.cli.experiments.rows import made_by
-    from vsx_ros.cli.world import open_world
+    import json
+
+    from vsx_ros import __version__
     from vsx_ros.evaluation.page import page
+    from vsx_ros.experiments.rows import made_by
     from vsx_ros.io.atomic import write_text
+    from vsx_ros.runs.world import open_world
 
     if args.time is not None and not args.time > 0:
         raise ConfigError(f"--time {args.time}: give a positive number of seconds")
@@ -75,14 +82,15 @@ def run(args: argparse.Namespace) -> int:
         args.out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ConfigError(f"folder {args.out} cannot be made ({error.strerror}); choose another --out") from error
-    makers = {"table1": _table1, "fig2": _fig2, "fig5": _fig5, "fig6": _fig6, "fig7": _fig7}
-    names = [name for name in makers if args.what in (name, "all")]
     made = f"Made by {made_by()}; {args.world}, "
     all_seeds, seed = _in_words(args.seeds), _in_words(args.seeds[:1])
     sections = []
-    for name in names:
-        section = makers[name](args)
+    for name in WHAT[:-1] if args.what == "all" else [args.what]:
+        section, numbers = _made(name, args)
         sections.append(section)
+        chosen = {"seeds": list(args.seeds), "noises": args.noises} if name == "table1" else {"seed": args.seeds[0]}
+        tree = {"version": __version__, "made_by": made_by(), "world": args.world, **chosen, **numbers}
+        write_text(args.out / f"{name}.json", json.dumps(tree, indent=1) + "\n")
         facts = f"{made}{all_seeds if name == 'table1' else seed}."
         write_text(args.out / f"{name}.html", page(section.title, facts, [section]))
         print(f"page: {args.out / name}.html")
@@ -97,82 +105,41 @@ def _in_words(chosen: range) -> str:
     return f"seed {chosen[0]}" if len(chosen) == 1 else f"seeds {chosen[0]} to {chosen[-1]}"
 
 
-def _write_numbers(args: argparse.Namespace, name: str, numbers: dict[str, Any]) -> None:
-    """NAME.json, with what its numbers rest on."""
-    import json
+def _made(name: str, args: argparse.Namespace) -> tuple[Section, dict[str, Any]]:
+    """The section of a page, and its numbers."""
+    from vsx_ros.experiments import drive_figures, favourable, ground_maps, stages
 
-    from vsx_ros import __version__
-    from vsx_ros.cli.experiments.rows import made_by
-    from vsx_ros.io.atomic import write_text
+    world, seed, short_s = args.world, args.seeds[0], args.time or 90.0
+    makers = {
+        "table1": lambda: _table1(args),
+        "fig2": lambda: drive_figures.figure2(world, seed),
+        "fig3": lambda: favourable.figure3(seed),
+        "fig4": lambda: ground_maps.figure4(world, seed, short_s),
+        "fig5": lambda: ground_maps.figure5(world, seed, short_s),
+        "fig6": lambda: drive_figures.figure6(_drives(args, [seed])),
+        "fig7": lambda: stages.figure7(*stages.explore_in_stages(world, seed, args.time or 600.0)),
+    }
+    return makers[name]()
 
-    chosen = {"seeds": list(args.seeds), "noises": args.noises} if name == "table1" else {"seed": args.seeds[0]}
-    tree = {"version": __version__, "made_by": made_by(), "world": args.world, **chosen, **numbers}
-    write_text(args.out / f"{name}.json", json.dumps(tree, indent=1) + "\n")
 
-
-def _table1(args: argparse.Namespace) -> Any:
+def _table1(args: argparse.Namespace) -> tuple[Section, dict[str, Any]]:
     import msgspec
 
-    from vsx_ros.cli.experiments import table1
-    from vsx_ros.cli.experiments.drive import ARMS
+    from vsx_ros.experiments import table1
     from vsx_ros.io.atomic import write_text
 
     drives = _drives(args, list(args.seeds))
     write_text(args.out / "table1.csv", table1.as_csv(drives))
     numbers = msgspec.to_builtins(table1.numbers(drives))
-    _write_numbers(args, "table1", {**numbers, "faults": table1.faults(drives)})
-    for tracker, datasets in numbers.items():
-        u1, u2, broken = (datasets["both"][name] for name in ("u1", "u2_frames", "broken"))
-        shown = "  ".join(f"{arm} {_of(u1[arm])}/{_of(u2[arm])}/{_of(broken[arm])}" for arm in ARMS)
-        print(f"tracker {tracker}: U1/U2/broken  {shown}")
-    return table1.table_section(drives)
-
-
-def _of(interval: Any) -> str:
-    return "unknown" if interval is None else f"{interval[0]:.3g}"
-
-
-def _fig2(args: argparse.Namespace) -> Any:
-    from vsx_ros.cli.experiments.drive import DriveTask
-    from vsx_ros.cli.experiments.drive_figures import figure2_section
-
-    return figure2_section([DriveTask(args.world, args.seeds[0], args.seeds[0], k) for k in (1, 2)])
-
-
-def _fig6(args: argparse.Namespace) -> Any:
-    from vsx_ros.cli.experiments.drive_figures import figure6_section
-
-    section, drives = figure6_section(_drives(args, [args.seeds[0]]))
-    _write_numbers(args, "fig6", {"drives": drives})
-    return section
+    return table1.table_section(drives), {**numbers, "faults": table1.faults(drives)}
 
 
 def _drives(args: argparse.Namespace, worlds: list[int]) -> list[Any]:
     """Tasks with their results, those that are known from results/drives.jsonl."""
-    from vsx_ros.cli.experiments.campaign import Engine, run_campaign
-    from vsx_ros.cli.experiments.drive import DriveTask, run_drives
-    from vsx_ros.cli.experiments.rows import Store
+    from vsx_ros.experiments.campaign import Engine, run_campaign
+    from vsx_ros.experiments.drive import CONFIG, DriveTask, run_drives
+    from vsx_ros.experiments.rows import Store
 
-    noises = range(args.noises)
-    tasks = [DriveTask(args.world, seed, seed + 1000 * k, d) for seed in worlds for k in noises for d in (1, 2)]
-    engine = Engine(args.jobs, args.scheduler)
-    return list(zip(tasks, run_campaign(tasks, run_drives, Store(args.out / "drives.jsonl"), engine), strict=True))
-
-
-def _fig7(args: argparse.Namespace) -> Any:
-    from vsx_ros.cli.experiments.stages import explore_in_stages, figure7
-
-    section, numbers = figure7(*explore_in_stages(args.world, args.seeds[0], args.time or 600.0))
-    _write_numbers(args, "fig7", numbers)
-    return section
-
-
-def _fig5(args: argparse.Namespace) -> Any:
-    from vsx_ros.cli.experiments.ground_maps import explore_and_map
-    from vsx_ros.evaluation.figure5 import section
-
-    figure, numbers = explore_and_map(args.world, args.seeds[0], args.time or 90.0)
-    _write_numbers(args, "fig5", numbers)
-    for name, values in list(numbers.items())[1:]:
-        print(f"{name}: " + ", ".join(f"{k} {v:.4f}" for k, v in values.items() if v is not None))
-    return section(figure)
+    tasks = [DriveTask(args.world, seed, k, d) for seed in worlds for k in range(args.noises) for d in (1, 2)]
+    store = Store(args.out / "drives.jsonl", CONFIG)
+    return list(zip(tasks, run_campaign(tasks, run_drives, store, Engine(args.jobs, args.scheduler)), strict=True))

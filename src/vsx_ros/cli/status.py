@@ -16,18 +16,13 @@ def add_parser(subparsers: Any) -> None:
         "-, in JSON as null.",
         epilog="exit codes: 0 somebody answers, 1 nobody does",
     )
-    add_arguments(parser)
+    parser.add_argument("--watch", action="store_true", help="print anew every second until Ctrl-C")
+    parser.add_argument("--json", action="store_true", help="one line of JSON each time")
     parser.set_defaults(run=run)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options, for here and for the program above."""
-    parser.add_argument("--watch", action="store_true", help="print anew every second until Ctrl-C")
-    parser.add_argument("--json", action="store_true", help="one line of JSON each time")
-
-
 def run(args: argparse.Namespace) -> int:
-    """Continue where ROS is."""
-    from vsx_ros.cli.above import continue_as
+    """Listen and print."""
+    from vsx_ros.ros.status import status
 
-    continue_as("vsx_ros.ros.status", args)
+    return status(watch=args.watch, as_json=args.json)

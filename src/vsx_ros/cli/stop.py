@@ -16,17 +16,12 @@ def add_parser(subparsers: Any) -> None:
         "is reached with ROS_NAMESPACE=robot1 vsx stop.",
         epilog="exit codes: 0 the wheels stand (or are free again), 1 no base can be reached, 2 it does not obey",
     )
-    add_arguments(parser)
+    parser.add_argument("--release", action="store_true", help="release the emergency stop")
     parser.set_defaults(run=run)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options, for here and for the program above."""
-    parser.add_argument("--release", action="store_true", help="release the emergency stop")
-
-
 def run(args: argparse.Namespace) -> int:
-    """Continue where ROS is."""
-    from vsx_ros.cli.above import continue_as
+    """Set or release it."""
+    from vsx_ros.ros.stop import stop
 
-    continue_as("vsx_ros.ros.stop", args)
+    return stop(release=args.release)

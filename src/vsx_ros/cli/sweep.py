@@ -9,8 +9,6 @@ from typing import Any
 from vsx_ros.cli.reproduce import add_engine_arguments, seeds
 from vsx_ros.errors import ConfigError
 
-_PLANNERS = ("fov", "unconstrained")
-
 
 def add_parser(subparsers: Any) -> None:
     """Register the command and its options."""
@@ -26,7 +24,9 @@ def add_parser(subparsers: Any) -> None:
     )
     parser.add_argument("--worlds", default="lab", metavar="NAME,...", help="lab, office, corridor, building, or files")
     parser.add_argument("--seeds", type=seeds, default=range(20), metavar="A:B", help="A to B - 1 (default 0:20)")
-    parser.add_argument("--planners", default="fov", metavar="NAME,...", help="fov, unconstrained (default fov)")
+    parser.add_argument(
+        "--planners", default="fov", metavar="NAME,...", help="fov, unconstrained, paper or a plug-in's (fov)"
+    )
     parser.add_argument("--time", type=float, default=600.0, metavar="S", help="emulated time of each (default 600)")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="override a parameter")
     parser.add_argument("--out", type=Path, default=Path("sweep"), metavar="FOLDER", help="default: sweep")
@@ -36,23 +36,23 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """All runs that are missing, then the page."""
-    from vsx_ros.cli.config import load
-    from vsx_ros.cli.experiments import sweeps
-    from vsx_ros.cli.experiments.campaign import Engine, run_campaign
-    from vsx_ros.cli.experiments.exploration import ExplorationTask, explore
-    from vsx_ros.cli.experiments.rows import Store, made_by
-    from vsx_ros.cli.world import open_world
     from vsx_ros.evaluation.page import page
+    from vsx_ros.experiments import sweeps
+    from vsx_ros.experiments.campaign import Engine, run_campaign
+    from vsx_ros.experiments.exploration import ExplorationTask, explore
+    from vsx_ros.experiments.rows import Store, made_by
     from vsx_ros.io.atomic import write_text
+    from vsx_ros.planning.planners import PLANNERS
+    from vsx_ros.runs.parameters import load
+    from vsx_ros.runs.world import open_world
 
     planners, worlds = args.planners.split(","), args.worlds.split(",")
-    unknown = [name for name in planners if name not in _PLANNERS]
-    if unknown:
-        raise ConfigError(f"--planners: there is no planner {unknown[0]!r}; choose of {', '.join(_PLANNERS)}")
     for name, value in (("jobs", args.jobs), ("time", args.time)):
         if not value > 0:
             raise ConfigError(f"--{name} {value:g}: give a positive number")
-    config = load(None, args.set)  # a mistake in --set or --worlds is told before hundreds of runs fail by it
+    config = load(None, args.set)  # a mistake in --set, --worlds or --planners is told before hundreds of runs fail
+    for planner in planners:
+        PLANNERS[planner]
     for world in worlds:
         open_world(world, args.seeds[0])
     settings = tuple(args.set)

@@ -7,9 +7,8 @@ import math
 import sys
 from typing import Any
 
+from vsx_ros.control.keyboard import KEYS
 from vsx_ros.errors import ConfigError
-
-KEYS = "arrows or w a s d: drive   space: stop   + -: speed   q: quit"
 
 
 def add_parser(subparsers: Any) -> None:
@@ -21,24 +20,19 @@ def add_parser(subparsers: Any) -> None:
         "which goes on half a second after the last key; bumper and cliff sensors win over the keyboard.",
         epilog=KEYS,
     )
-    add_arguments(parser)
+    parser.add_argument("--v", type=float, default=0.2, metavar="M_S", help="speed ahead and back (default 0.2 m/s)")
+    parser.add_argument("--omega", type=float, default=0.6, metavar="RAD_S", help="turn rate (default 0.6 rad/s)")
     parser.set_defaults(run=run)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options, for here and for the program above."""
-    parser.add_argument("--v", type=float, default=0.2, metavar="M_S", help="speed ahead and back (default 0.2 m/s)")
-    parser.add_argument("--omega", type=float, default=0.6, metavar="RAD_S", help="turn rate (default 0.6 rad/s)")
-
-
 def run(args: argparse.Namespace) -> int:
-    """Continue where ROS is."""
-    from vsx_ros.cli.above import continue_as
-
+    """Be the node until its end."""
     for name in ("v", "omega"):
         value = getattr(args, name)
         if not (math.isfinite(value) and value > 0.0):
             raise ConfigError(f"--{name} {value}: give a positive number")
     if not sys.stdin.isatty():
         raise ConfigError("there is no keyboard; start teleop in a terminal of its own")
-    continue_as("vsx_ros.ros.nodes.teleop", args)
+    from vsx_ros.ros.nodes.teleop import teleop
+
+    return teleop(args.v, args.omega)

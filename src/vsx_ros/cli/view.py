@@ -18,12 +18,6 @@ def add_parser(subparsers: Any) -> None:
         "the robot. The address it prints holds the token that the buttons need: without it one can only look.",
         epilog="examples: vsx view   |   vsx view --host 0.0.0.0   (whoever reaches this machine can look)",
     )
-    add_arguments(parser)
-    parser.set_defaults(run=run)
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options, for here and for the program above."""
     parser.add_argument("--host", default="127.0.0.1", metavar="ADDRESS", help="listen here (default: this machine)")
     parser.add_argument(
         "--port", type=int, metavar="N", help="listen here (default 8765, another one if that is taken)"
@@ -35,12 +29,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="answer to these names, too, NAME or NAME:PORT, by commas (default: those of this machine)",
     )
     parser.add_argument("--headless", action="store_true", help="open no browser")
+    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Continue where ROS is."""
-    from vsx_ros.cli.above import continue_as
-
+    """Serve until Ctrl-C."""
     if args.port is not None and not 0 < args.port < 65536:
         raise ConfigError(f"--port {args.port}: give a number from 1 to 65535")
-    continue_as("vsx_ros.ros.view", args)
+    from vsx_ros.ros.view import view
+
+    return view(args.host, args.port, args.allow, headless=args.headless)

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from vsx_ros.sim.world import World
+from typing import Any
 
 
 def add_parser(subparsers: Any) -> None:
@@ -32,6 +29,7 @@ def run(args: argparse.Namespace) -> int:
     """Make the world and write what was asked for; says on the standard output what it wrote."""
     from vsx_ros.errors import ConfigError
     from vsx_ros.io.map_file import save_map
+    from vsx_ros.runs.world import open_world
     from vsx_ros.sim.picture import BAND_M, world_picture, write_picture
     from vsx_ros.sim.truth import ground_truth_grid
     from vsx_ros.sim.world_file import save_world
@@ -49,31 +47,3 @@ def run(args: argparse.Namespace) -> int:
         write_picture(world_picture(world, args.seed), args.picture)
         print(f"picture: {args.picture}")
     return 0
-
-
-def open_world(name: str, seed: int) -> World:
-    """A generator's world by name and seed, or that of a world.yaml, or of a map (walls drawn by seed): a map_server
-    map.yaml, or a floor plan alone, .png or .pgm with 5 cm a pixel.
-
-    Raises ConfigError for an unknown name or a malformed world file, MapFileError for an unusable map.
-    """
-    from vsx_ros.errors import ConfigError
-    from vsx_ros.io.map_file import is_map_file, load_map, load_plan
-    from vsx_ros.sim.generate import GENERATORS, generate_world
-    from vsx_ros.sim.map_import import world_from_grid
-    from vsx_ros.sim.world_file import load_world
-
-    if name in GENERATORS:
-        return generate_world(name, seed)
-    path = Path(name)
-    if path.suffix in (".png", ".pgm") and path.is_file():
-        grid = load_map(path) if path.with_suffix(".yaml").exists() else load_plan(path)
-        return world_from_grid(grid, path.stem, seed)
-    if path.suffix not in (".yaml", ".yml") or not path.is_file():
-        names = ", ".join(GENERATORS)
-        raise ConfigError(
-            f"world {name!r} is neither a generator ({names}) nor an existing world.yaml, map.yaml or .png"
-        )
-    if is_map_file(path):
-        return world_from_grid(load_map(path), path.stem, seed)
-    return load_world(path)

@@ -1,4 +1,4 @@
-"""Where the base is and how well that is known: the wheels, corrected by the camera."""
+"""Where the base is and how well that is known: odometry, corrected by the camera."""
 
 from __future__ import annotations
 
@@ -14,17 +14,15 @@ from vsx_ros.slam.state import TrackingState
 MAP_FRAME, ODOM_FRAME = "map", "odom"
 
 
-class Whereabouts(NamedTuple):
+class LocalizationState(NamedTuple):
     """What is known at one instant.
 
     T_map_base: None before the first pose of the camera. odometry: the newest reading, None before the first.
-    countings: how often the wheels began to count until then. slam_age_s: age of the image behind the newest camera
-    pose. stuck: how the wheels turn although the camera stands.
+    slam_age_s: age of the image behind the newest camera pose. stuck: how the wheels turn although the camera stands.
     """
 
     T_map_base: SE2 | None
     odometry: Odometry | None
-    countings: int
     slam_state: TrackingState
     slam_reason: str
     slam_age_s: float
@@ -32,12 +30,17 @@ class Whereabouts(NamedTuple):
 
     @property
     def T_odom_base(self) -> SE2 | None:
-        """The base as the wheels count it; None before the first reading."""
+        """The base by odometry; None before the first reading."""
         return self.odometry.T_odom_base if self.odometry is not None else None
 
     @property
+    def odom_epoch(self) -> int:
+        """That of T_odom_base."""
+        return self.odometry.odom_epoch if self.odometry is not None else 0
+
+    @property
     def stands(self) -> bool:
-        """Whether the wheels report that they stand."""
+        """Whether odometry says that the base stands."""
         return self.odometry is not None and self.odometry.stands
 
     def pose(self, frame: str) -> SE2 | None:
@@ -46,7 +49,7 @@ class Whereabouts(NamedTuple):
 
 
 class Localization:
-    """Readings and poses in, ``Whereabouts`` out. One for each who drives, plans or decides, all fed alike."""
+    """Readings and poses in, ``LocalizationState`` out. One for each who drives, plans or decides, all fed alike."""
 
     def __init__(self) -> None:
         self._fuser = PoseFuser()
@@ -54,7 +57,8 @@ class Localization:
         self._slam = (TrackingState.NOT_INITIALISED, "waiting for vslam")
 
     def add_odometry(self, odometry: Odometry) -> bool:
-        """Take a reading, or, False, ignore one that is not newer than the last. Raises InputError for NaN."""
+        """Take a reading, or, False, ignore one that is not newer than the last. Raises InputError for an impossible
+        one."""
         if not self._fuser.add_odometry(odometry):
             return False
         self._odometry = odometry
@@ -68,11 +72,11 @@ class Localization:
         """Take what the SLAM says of itself."""
         self._slam = (state, reason)
 
-    def at(self, now_ns: int) -> Whereabouts:
+    def at(self, now_ns: int) -> LocalizationState:
         """What is known now."""
         fuser, age_s = self._fuser, self._fuser.slam_age_s(now_ns)
-        return Whereabouts(fuser.pose(), self._odometry, fuser.countings, *self._slam, age_s, fuser.stuck)
+        return LocalizationState(fuser.pose(), self._odometry, *self._slam, age_s, fuser.stuck)
 
 
-NOWHERE = Whereabouts(None, None, 0, TrackingState.NOT_INITIALISED, "", math.inf, None)
+UNLOCALIZED = LocalizationState(None, None, TrackingState.NOT_INITIALISED, "", math.inf, None)
 """What is known before anything came."""

@@ -8,7 +8,7 @@ from collections import deque
 import numpy as np
 
 from vsx_ros.arrays import FloatArray
-from vsx_ros.control.stuck import Stuck, StuckWatch
+from vsx_ros.control.stuck import Stuck, StuckDetector
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Odometry, odometry_at
@@ -27,7 +27,7 @@ class PoseFuser:
     A SLAM pose belongs to the instant its image was taken, so it is compared with the odometry of that instant, however
     late it arrives. Wheels of unequal size make the base bend by an unknown angle per metre; that bend is estimated
     too, because at the curvatures allowed here it is what leads off the path. A SLAM pose too far from the prediction
-    to be noise (a relocalisation) is taken as it is. Wheels that begin to count anew do not move the base.
+    to be noise (a relocalisation) is taken as it is. A new odometry epoch does not move the base.
     """
 
     def __init__(self) -> None:
@@ -37,25 +37,23 @@ class PoseFuser:
         # The anchor: pose in the world and in odometry at the stamp of the last SLAM pose that met odometry.
         self._anchor: tuple[SE2, SE2] | None = None
         self._bend_rad_m = 0.0
-        self.countings = 0
-        """How often the wheels began to count, the first time included."""
         self._covariance: FloatArray = np.zeros((4, 4))
-        self._watch = StuckWatch()
+        self._stuck_detector = StuckDetector()
 
     @property
     def stuck(self) -> Stuck | None:
         """How the wheels turn although the camera stands; None when they do not."""
-        return self._watch.stuck
+        return self._stuck_detector.stuck
 
     def add_odometry(self, odometry: Odometry) -> bool:
-        """Take a reading, or, False, ignore one that is not newer than the last. Raises InputError for NaN."""
-        T = odometry.T_odom_base
-        if not (T.is_finite() and math.isfinite(odometry.v) and math.isfinite(odometry.omega)):
-            raise InputError(f"odometry at {odometry.stamp_ns} ns is not finite: {odometry}; check the base driver")
+        """Take a reading, or, False, ignore one that is not newer than the last. Raises InputError for an impossible
+        one."""
+        if odometry.impossible:
+            raise InputError(f"at {odometry.stamp_ns} ns {odometry.impossible}; check the base driver")
         if self._odometry and odometry.stamp_ns <= self._odometry[-1].stamp_ns:
             return False
-        if not self._odometry or not odometry.counts_on_from(self._odometry[-1]):
-            self._count_anew(odometry.T_odom_base)
+        if self._odometry and odometry.odom_epoch != self._odometry[-1].odom_epoch:
+            self._enter_epoch(odometry.T_odom_base)
         self._odometry.append(odometry)
         return True
 
@@ -66,10 +64,11 @@ class PoseFuser:
         if self._slam_stamp_ns is not None and stamp_ns <= self._slam_stamp_ns:
             return
         self._slam_stamp_ns, self._slam_pose = stamp_ns, T_world_base
-        T_odom_base = self._odometry_at(stamp_ns)
-        if T_odom_base is None:
+        odometry = odometry_at(self._odometry, stamp_ns)
+        if odometry is None:
             return
-        self._watch.add(T_odom_base, T_world_base)
+        self._stuck_detector.add(odometry, T_world_base)
+        T_odom_base = odometry.T_odom_base
         if self._anchor is not None:
             believed = self._carried(T_odom_base)
             if believed.distance_to(T_world_base) <= _JUMP_M and abs(believed.angle_to(T_world_base)) <= _JUMP_RAD:
@@ -85,19 +84,18 @@ class PoseFuser:
         """
         if not self._odometry:
             return self._slam_pose
-        T_odom_base = self._odometry_at(self._odometry[-1].stamp_ns if stamp_ns is None else stamp_ns)
-        if self._anchor is None or T_odom_base is None:
+        odometry = odometry_at(self._odometry, self._odometry[-1].stamp_ns if stamp_ns is None else stamp_ns)
+        if self._anchor is None or odometry is None:
             return None
-        return self._carried(T_odom_base)
+        return self._carried(odometry.T_odom_base)
 
     def slam_age_s(self, now_ns: int) -> float:
         """Time since the image of the last SLAM pose [s]; infinite before the first."""
         return math.inf if self._slam_stamp_ns is None else (now_ns - self._slam_stamp_ns) * 1e-9
 
-    def _count_anew(self, T_odom_base: SE2) -> None:
-        """The wheels count from elsewhere: the base is about where it stood, until the camera knows better."""
+    def _enter_epoch(self, T_odom_base: SE2) -> None:
+        """Odometry counts from elsewhere: the base is about where it stood, until the camera knows better."""
         stood = self.pose()
-        self.countings += 1
         self._odometry.clear()
         if stood is not None and self._anchor is not None:
             self._stand_at(stood, T_odom_base, _JUMP_M, _JUMP_RAD)
@@ -134,8 +132,3 @@ class PoseFuser:
         self._covariance = P - gain @ P[:3, :]
         self._bend_rad_m += float(change[3])
         return SE2(believed.x + float(change[0]), believed.y + float(change[1]), believed.theta + float(change[2]))
-
-    def _odometry_at(self, stamp_ns: int) -> SE2 | None:
-        """T_odom_base; None outside of what is remembered."""
-        odometry = odometry_at(self._odometry, stamp_ns)
-        return None if odometry is None else odometry.T_odom_base

@@ -7,12 +7,13 @@ from collections import deque
 from typing import NamedTuple
 
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.robot import Odometry
 
 _STEP_M, _MEMORY = 0.005, 40
-# Beyond how much of the wheels' way they are judged, by how many poses in between, and how much of it must be seen.
+# Beyond how much of a way by odometry it is judged, by how many poses in between, and how much of it must be seen.
 _WAY_M, _POSES, _SHARE = 0.06, 3, 0.35
-_JUMP_M = 0.02  # by which the camera moves farther than the wheels when it is the map that moved
-_UNSEEN_M = (1.0 - _SHARE) * _WAY_M  # by which the wheels move farther in one step when they began to count anew
+_JUMP_M = 0.02  # by which the camera moves farther than odometry when it is the map that moved
+_UNSEEN_M = (1.0 - _SHARE) * _WAY_M  # by which the wheels move farther in one step when the camera saw none of it
 
 
 class Stuck(NamedTuple):
@@ -22,40 +23,43 @@ class Stuck(NamedTuple):
     reason: str
 
 
-class _Moment(NamedTuple):
+class _PosePair(NamedTuple):
     T_odom_base: SE2
     T_world_base: SE2
+    odom_epoch: int
 
 
-class StuckWatch:
+class StuckDetector:
     """``add`` every pose that the camera found. ``stuck`` holds until the base is seen to move again."""
 
     def __init__(self) -> None:
-        self._moments: deque[_Moment] = deque(maxlen=_MEMORY)
+        self._pairs: deque[_PosePair] = deque(maxlen=_MEMORY)
         self.stuck: Stuck | None = None
 
-    def add(self, T_odom_base: SE2, T_world_base: SE2) -> None:
-        """The base at one instant, as the wheels count it and as the camera saw it."""
-        now = _Moment(T_odom_base, T_world_base)
-        if self._moments:
-            counted_m = self._moments[-1].T_odom_base.distance_to(T_odom_base)
-            unseen_m = counted_m - self._moments[-1].T_world_base.distance_to(T_world_base)
-            if unseen_m < -_JUMP_M or unseen_m > _UNSEEN_M:
-                self._moments.clear()
+    def add(self, odometry: Odometry, T_world_base: SE2) -> None:
+        """The base at one instant, by odometry and as the camera saw it."""
+        T_odom_base = odometry.T_odom_base
+        now = _PosePair(T_odom_base, T_world_base, odometry.odom_epoch)
+        if self._pairs:
+            last = self._pairs[-1]
+            counted_m = last.T_odom_base.distance_to(T_odom_base)
+            unseen_m = counted_m - last.T_world_base.distance_to(T_world_base)
+            if last.odom_epoch != now.odom_epoch or unseen_m < -_JUMP_M or unseen_m > _UNSEEN_M:
+                self._pairs.clear()
             elif counted_m < _STEP_M:
                 return
-        self._moments.append(now)
+        self._pairs.append(now)
         seen_m = 0.0
-        for back, before in enumerate(reversed(self._moments)):
+        for back, before in enumerate(reversed(self._pairs)):
             seen_m = max(seen_m, before.T_world_base.distance_to(T_world_base))
             if before.T_odom_base.distance_to(T_odom_base) >= _WAY_M:
                 self.stuck = _verdict(before, now, seen_m) if back > _POSES else None
                 if self.stuck is not None:  # the way from here on is judged by itself
-                    self._moments = deque([now], maxlen=_MEMORY)
+                    self._pairs = deque([now], maxlen=_MEMORY)
                 return
 
 
-def _verdict(before: _Moment, now: _Moment, seen_m: float) -> Stuck | None:
+def _verdict(before: _PosePair, now: _PosePair, seen_m: float) -> Stuck | None:
     counted = before.T_odom_base.inverse() @ now.T_odom_base
     way_m = math.hypot(counted.x, counted.y)
     if seen_m >= _SHARE * way_m:

@@ -98,7 +98,7 @@ class Densifier:
             surface, anew = Surface(plane, self._config, unit, self._has_floor), every
         else:
             surface.extended(plane)
-            surface.seen_anew(plane, views.at(fresh))
+            surface.mark_seen(plane, views.at(fresh))
         surface.look_through(plane, views.centres, points, anew.keyframe, anew.point)
         return surface
 

@@ -10,9 +10,9 @@ from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2, Points3
 from vsx_ros.config import DenseConfig
 from vsx_ros.dense.cells import CellKind, Cells
 from vsx_ros.dense.floor_contact import Contact, fill_heights, floor_contact, supported_runs
-from vsx_ros.dense.growing import consistent, enclosed, grown, refuted
 from vsx_ros.dense.photoconsistency import Judgement, Views, judge
 from vsx_ros.dense.planes import Plane, PlaneKind
+from vsx_ros.dense.region_growing import consistent, enclosed, grow_regions, refuted
 from vsx_ros.kernels.dense.surface_cells import count_passing
 
 _MARGIN_M = 0.3
@@ -78,7 +78,7 @@ class Surface:
             frame, plane.offset, centres, points, keyframe, point, behind, self.low, self._size, self._passing
         )
 
-    def seen_anew(self, plane: Plane, views: Views) -> None:
+    def mark_seen(self, plane: Plane, views: Views) -> None:
         """Cells not yet consistent that some of the views show are due again."""
         near, (_, height_px, width_px) = self._config.max_range_m * self._unit, views.table[0]
         open_cells = np.argwhere(~self.due & ~self._consistent())
@@ -124,7 +124,7 @@ class Surface:
         strong = self._consistent()
         weak = (self._score >= self._config.grow_zncc) & (self._score > self._rival)
         against = refuted(self._texture, self._score, self._views, self._passing)
-        believed = grown(seed & ~(against & ~strong), strong, weak, self._passing)
+        believed = grow_regions(seed & ~(against & ~strong), strong, weak, self._passing)
         filled = self._standing(believed, against)
         holes = enclosed(believed | filled, against)
         kind = np.full(seed.shape, -1, np.int64)

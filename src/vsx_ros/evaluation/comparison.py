@@ -7,7 +7,8 @@ import html
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from vsx_ros.evaluation.report import STYLE, ReportData, map_picture, timeline
+from vsx_ros.evaluation.page import document
+from vsx_ros.evaluation.report import STYLE, ReportData, map_picture, section, shown, timeline
 
 _INDENT = 2
 Named = tuple[str, ReportData]
@@ -21,26 +22,22 @@ _LESS_IS_BETTER = {
     "free_inside_obstacle", "collisions", "planned_vs_executed_rms_m", "plan_ms_median", "plan_ms_p99",
 }  # fmt: skip
 _SIDE = "main{max-width:1500px}.sides{display:grid;grid-template-columns:1fr 1fr;gap:24px}.better{color:var(--green)}"
-_WORSE = ".worse{color:var(--red)}"
+_SIDE += ".worse{color:var(--red)}"
 
 
 def compare(a: Named, b: Named) -> str:
     """The page: the second run against the first."""
-    title = html.escape(f"{b[0]} against {a[0]}")
+    title = f"{b[0]} against {a[0]}"
     body = [
-        f"<h1>{title}</h1>",
+        f"<h1>{html.escape(title)}</h1>",
         _side_by_side(a, b, lambda data: html.escape(str(data.summary.get("stop_reason") or "unknown"))),
-        _section("Numbers", _numbers(a, b)),
-        _section("Map and trajectory", _side_by_side(a, b, map_picture)),
-        _section("Tracking over time", _side_by_side(a, b, timeline)),
-        _section("Settings that differ", _settings(a, b)),
-        _section("How to repeat them", _side_by_side(a, b, _command)),
+        section("Numbers", _numbers(a, b)),
+        section("Map and trajectory", _side_by_side(a, b, map_picture)),
+        section("Tracking over time", _side_by_side(a, b, timeline)),
+        section("Settings that differ", _settings(a, b)),
+        section("How to repeat them", _side_by_side(a, b, _command)),
     ]
-    return (
-        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
-        f'<meta name="viewport" content="width=device-width"><style>{STYLE}{_SIDE}{_WORSE}</style></head>'
-        f"<body><main>{''.join(body)}</main></body></html>\n"
-    )
+    return document(title, "".join(body), STYLE + _SIDE)
 
 
 def change(key: str, before: Any, after: Any) -> tuple[str, str]:
@@ -66,16 +63,10 @@ def _numbers(a: Named, b: Named) -> str:
         if before is None and after is None:
             continue
         words, verdict = change(key, before, after)
-        cells = "".join(f"<td>{_shown(value)}</td>" for value in (before, after))
+        cells = "".join(f"<td>{shown(value)}</td>" for value in (before, after))
         rows.append(f'<tr><td>{html.escape(key)}</td>{cells}<td class="{verdict}">{words}</td></tr>')
     head = "".join(f"<th>{html.escape(name)}</th>" for name in ("", a[0], b[0], "change"))
     return f"<table><tr>{head}</tr>{''.join(rows)}</table>"
-
-
-def _shown(value: Any) -> str:
-    if value is None:
-        return "<i>unknown</i>"
-    return html.escape(f"{value:.5g}" if isinstance(value, float) else str(value))
 
 
 def _settings(a: Named, b: Named) -> str:
@@ -109,10 +100,6 @@ def _command(data: ReportData) -> str:
     return f"<pre>{html.escape(str(data.facts.get('command', '')))}</pre>"
 
 
-def _side_by_side(a: Named, b: Named, shown: Callable[[ReportData], str]) -> str:
-    sides = "".join(f"<div><h3>{html.escape(name)}</h3>{shown(data)}</div>" for name, data in (a, b))
+def _side_by_side(a: Named, b: Named, drawn: Callable[[ReportData], str]) -> str:
+    sides = "".join(f"<div><h3>{html.escape(name)}</h3>{drawn(data)}</div>" for name, data in (a, b))
     return f'<div class="sides">{sides}</div>'
-
-
-def _section(title: str, content: str) -> str:
-    return f"<section><h2>{title}</h2>{content}</section>"

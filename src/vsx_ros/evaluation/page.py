@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import csv
 import html
+import io
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from vsx_ros.evaluation.paired import Interval
 
@@ -20,10 +22,15 @@ def page(title: str, facts: str, sections: Iterable[Section]) -> str:
     """The page. facts: what all of it rests on, in words. A section of the page's own title has none of its own."""
     heads = ((f"<h2>{html.escape(s.title)}</h2>" if s.title != title else "", s.body) for s in sections)
     body = "".join(f"<section>{head}{content}</section>" for head, content in heads)
+    return document(title, f"<h1>{html.escape(title)}</h1>{paragraph(facts)}{body}", _FIGURES)
+
+
+def document(title: str, body: str, style: str) -> str:
+    """A whole page. title: as text; body: HTML; style: what it has besides the style of all pages."""
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{html.escape(title)}</title>'
-        f'<meta name="viewport" content="width=device-width"><style>{_STYLE}</style></head>'
-        f"<body><main><h1>{html.escape(title)}</h1>{paragraph(facts)}{body}</main></body></html>\n"
+        f'<meta name="viewport" content="width=device-width"><style>{_STYLE}{style}</style></head>'
+        f"<body><main>{body}</main></body></html>\n"
     )
 
 
@@ -39,6 +46,16 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return f"<table><tr>{head}</tr>{lines}</table>"
 
 
+def csv_text(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """The same as a file for spreadsheets; floats with six digits."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    for row in rows:
+        writer.writerow([f"{value:.6g}" if isinstance(value, float) else value for value in row])
+    return text.getvalue()
+
+
 def figures(pictures: Iterable[tuple[str, str]]) -> str:
     """(caption, svg or img) side by side where there is room."""
     shown = (f"<figure>{picture}<figcaption>{html.escape(name)}</figcaption></figure>" for name, picture in pictures)
@@ -51,24 +68,27 @@ def interval(value: Interval | None, form: str = ".2f") -> str:
 
 
 _STYLE = """
-:root{color-scheme:light;--ink:#1d2329;--soft:#5f6b76;--line:#d9dee3;--blue:#1f6fd6;--green:#12855a;--red:#c83232;
---purple:#8b2fc9}
-body{margin:0;background:#fff;color:var(--ink);font:15px/1.5 system-ui,sans-serif}
+:root{color-scheme:light dark;--ink:#1d2329;--soft:#5f6b76;--line:#d9dee3;--paper:#fff;--tile:#f3f5f7;--blue:#1f6fd6;
+--green:#1d9a6c;--red:#c83232}
+@media(prefers-color-scheme:dark){:root{--ink:#e8ebee;--soft:#9aa6b2;--line:#3a434c;--paper:#15191d;--tile:#20262c;
+--blue:#6aa8ff;--green:#4fd1a0;--red:#ff7b7b}}
+body{margin:0;background:var(--paper);color:var(--ink);font:15px/1.5 system-ui,sans-serif}
 main{max-width:1080px;margin:0 auto;padding:24px 20px 60px}
 h1{font-size:26px;margin:0 0 6px}h2{font-size:18px;margin:36px 0 10px}
 table{border-collapse:collapse;font-size:13.5px;font-variant-numeric:tabular-nums;margin:8px 0 16px}
 td,th{text-align:left;padding:4px 14px 4px 0;border-bottom:1px solid var(--line);vertical-align:top}
+svg{display:block;width:100%;height:auto;border-radius:6px}svg text{fill:var(--soft);font:12px system-ui,sans-serif}
+svg.map{--blue:#1f6fd6;--green:#12855a;--red:#c83232;--soft:#4d5964;--ink:#1d2329;background:#c4c9ce;margin:0 auto}
+.grid{stroke:var(--line)}polyline{fill:none;stroke-width:2}.bar{stroke:var(--ink);stroke-width:3}
+pre{overflow:auto;background:var(--tile);padding:10px 12px;border-radius:6px;font-size:13px}
+"""
+_FIGURES = """
 .figures{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(400px,100%),1fr));gap:16px}
-figure{margin:0;min-width:0}figure img{max-width:100%;height:auto}
-figure svg,figure img{border:1px solid var(--line);box-sizing:border-box}figcaption{color:var(--soft);font-size:13px}
-svg{display:block;width:100%;height:auto;background:#f3f5f7;border-radius:6px}
-svg text{fill:var(--soft);font:12px system-ui,sans-serif}
-polyline{fill:none;stroke-width:2}.planned{stroke:var(--blue)}.estimate{stroke:var(--green);stroke-width:2.5}
-.driven{stroke:var(--soft);stroke-dasharray:4 4}.first{stroke:var(--blue)}.second{stroke:var(--red)}
+figure{margin:0;min-width:0}figure svg.plot{background:var(--tile)}figure img{max-width:100%;height:auto}
+figure svg,figure img{border:1px solid var(--line);box-sizing:border-box}
+figcaption{color:var(--soft);font-size:13px}
+.planned,.first{stroke:var(--blue)}.second{stroke:var(--red)}.estimate{stroke:var(--green);stroke-width:2.5}
+.driven{stroke:var(--soft);stroke-dasharray:4 4}.view{stroke:var(--blue);stroke-width:1;opacity:.6}
 .dots{stroke:var(--blue);stroke-width:4;stroke-linecap:round;opacity:.5}
-.view{stroke:var(--blue);stroke-width:1;opacity:.6}
-circle.broke{fill:var(--purple)}circle.start{fill:var(--ink)}circle.goal{fill:none;stroke:var(--ink);stroke-width:2}
-.grid{stroke:var(--line)}.key::before{content:"";display:inline-block;width:18px;height:4px;margin-right:6px;
-vertical-align:middle;background:var(--c)}.key{margin-right:18px;color:var(--soft);font-size:13px}
-pre{overflow:auto;background:#f3f5f7;padding:10px 12px;border-radius:6px;font-size:13px}
+circle.broke{fill:#8b2fc9}circle.start{fill:var(--ink)}circle.goal{fill:none;stroke:var(--ink);stroke-width:2}
 """

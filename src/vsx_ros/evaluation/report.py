@@ -12,13 +12,14 @@ import numpy as np
 from vsx_ros.arrays import FloatArray, Points2, Points3
 from vsx_ros.errors import InputError
 from vsx_ros.evaluation import svg
+from vsx_ros.evaluation.map_view import map_view, window_around, window_of
+from vsx_ros.evaluation.page import document
 from vsx_ros.evaluation.trajectory import AlignmentKind, align, associate
 from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.slam.state import TrackingState
 
 _MAX_EVENTS = 400
-_MAX_DOTS = 4000
 _FLOOR_M = 0.06
 _FASTEST_MS = 0.1
 
@@ -48,24 +49,21 @@ class ReportData:
 
 def render(data: ReportData) -> str:
     """The page."""
-    title = html.escape(f"{data.summary.get('world') or 'run'}")
+    title = str(data.summary.get("world") or "run")
     body = [
-        _ending(data, title),
+        _ending(data, html.escape(title)),
         _figures(data.summary),
-        _section("Map and trajectory", map_picture(data)),
-        _section("Tracking over time", timeline(data)),
-        _section("Events", _events(data)),
-        _section("All numbers", _table(data.summary)),
-        _section("How to repeat it", _repeat(data)),
+        section("Map and trajectory", map_picture(data)),
+        section("Tracking over time", timeline(data)),
+        section("Events", _events(data)),
+        section("All numbers", _table(data.summary)),
+        section("How to repeat it", _repeat(data)),
     ]
-    return (
-        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
-        f'<meta name="viewport" content="width=device-width"><style>{STYLE}</style></head>'
-        f"<body><main>{''.join(body)}</main></body></html>\n"
-    )
+    return document(title, "".join(body), STYLE)
 
 
-def _section(title: str, content: str) -> str:
+def section(title: str, content: str) -> str:
+    """A part of a page; nothing where there is no content."""
     return f"<section><h2>{title}</h2>{content}</section>" if content else ""
 
 
@@ -116,11 +114,15 @@ def map_picture(data: ReportData) -> str:
     if not len(estimate) and not len(data.points_world) and data.grid is None:
         return "<p>There is no map: it was never started.</p>"
     truth = _truth_in_map(data)
-    lines = [("estimate", flat(estimate)), ("truth", flat(truth))]
-    axes = ("x", "y") if data.world_is_level else ("x", "z of the first camera")
-    unit = "m" if data.world_is_level else "map units (no odometry, hence no scale)"
+    ways = [(name, flat(points).tolist()) for name, points in (("estimate", estimate), ("truth", truth))]
+    unit = "m" if data.world_is_level else "map units (no odometry, hence no scale; x and z of the first camera)"
     points = data.points_world if data.grid is None else data.points_world[data.points_world[:, 2] > _FLOOR_M]
-    picture = svg.map_view(data.grid, flat(points[:: max(1, len(points) // _MAX_DOTS)]), lines, axes, unit)
+    dots = flat(points)
+    corners = [] if data.grid is None else [corner.tolist() for corner in window_of(data.grid)]
+    inner = np.percentile(dots, [1, 99], axis=0).tolist() if len(dots) else []
+    window = window_around([corners, inner, *(way for _, way in ways)])
+    starts = [(name, way[0]) for name, way in ways if way]
+    picture = map_view(data.grid, ways, window, marks=starts, dots=dots, unit=unit, width_px=svg.WIDTH)
     legend = '<span class="key estimate">estimate</span>'
     legend += '<span class="key truth">truth, aligned</span>' if len(truth) else ""
     legend += '<span class="key points">map points</span>' if len(data.points_world) else ""
@@ -164,14 +166,14 @@ def timeline(data: ReportData) -> str:
             (data.lost_ratio, f"{TrackingState.LOST.word} below"),
         ]
         parts.append("<h3>share of the searched points that were found; its mean is U1</h3>")
-        parts.append(svg.time_plot(seconds, ratio, "found / searched", 1.0, levels))
+        parts.append(svg.plot([("curve", seconds, ratio)], "found / searched", marks=levels))
     if np.isfinite(lives).any():
         parts.append("<h3>frames in which a point was tracked, the mean so far; it ends at U2</h3>")
-        parts.append(svg.time_plot(seconds, lives, "U2 so far [frames]", _top(lives)))
+        parts.append(svg.plot([("curve", seconds, lives)], "U2 so far [frames]", _top(lives)))
     if np.isfinite(times).any():
         scale = svg.decades(max(float(np.nanpercentile(times, 1.0)), _FASTEST_MS), float(np.nanmax(times)))
         parts.append("<h3>time per frame [ms]; in lock-step mapping and planning are part of it</h3>")
-        parts.append(svg.time_plot(seconds, times, "ms per frame", scale[-1], bottom=scale[0]))
+        parts.append(svg.plot([("curve", seconds, times)], "ms per frame", scale[-1], bottom=scale[0]))
     return "".join(parts)
 
 
@@ -196,13 +198,15 @@ def _events(data: ReportData) -> str:
 
 
 def _table(summary: Mapping[str, Any]) -> str:
-    def shown(value: Any) -> str:
-        if value is None:
-            return "<i>unknown</i>"
-        return html.escape(f"{value:.5g}" if isinstance(value, float) else str(value))
-
     rows = "".join(f"<tr><td>{html.escape(key)}</td><td>{shown(value)}</td></tr>" for key, value in summary.items())
     return f"<details><summary>summary.json</summary><table>{rows}</table></details>"
+
+
+def shown(value: Any) -> str:
+    """A value of a summary, as HTML."""
+    if value is None:
+        return "<i>unknown</i>"
+    return html.escape(f"{value:.5g}" if isinstance(value, float) else str(value))
 
 
 def _repeat(data: ReportData) -> str:
@@ -219,35 +223,21 @@ def _repeat(data: ReportData) -> str:
 
 
 STYLE = """
-:root{color-scheme:light dark;--ink:#1d2329;--soft:#5f6b76;--line:#d9dee3;--paper:#fff;--tile:#f3f5f7;--blue:#1f6fd6;
---green:#1d9a6c;--red:#c83232}
-@media(prefers-color-scheme:dark){:root{--ink:#e8ebee;--soft:#9aa6b2;--line:#3a434c;--paper:#15191d;--tile:#20262c;
---blue:#6aa8ff;--green:#4fd1a0;--red:#ff7b7b}}
-body{margin:0;background:var(--paper);color:var(--ink);font:15px/1.5 system-ui,sans-serif}
-main{max-width:940px;margin:0 auto;padding:24px 20px 60px}
-h1{font-size:26px;margin:0 0 6px}h2{font-size:18px;margin:36px 0 10px}
-h3{font-size:13px;font-weight:500;color:var(--soft);margin:14px 0 0}
+main{max-width:940px}h3{font-size:13px;font-weight:500;color:var(--soft);margin:14px 0 0}
 .ending{font-size:17px;margin:0 0 20px;padding:10px 14px;border-left:5px solid;background:var(--tile);border-radius:4px}
 .fine{border-color:var(--green)}.bad{border-color:var(--red)}
 .tiles{display:grid;grid-template-columns:repeat(auto-fill,minmax(150px,1fr));gap:10px}
 .tiles div{background:var(--tile);border-radius:6px;padding:10px 12px}
 .tiles b{display:block;font-size:19px;font-variant-numeric:tabular-nums;white-space:nowrap}
 .tiles span{color:var(--soft);font-size:13px}
-svg{display:block;width:100%;height:auto}svg text{fill:var(--soft);font:12px system-ui,sans-serif}
-svg.map{--blue:#1f6fd6;--green:#12855a;--soft:#4d5964;--ink:#1d2329;background:#c4c9ce;border-radius:6px;margin:0 auto}
-.grid{stroke:var(--line)}line.mark{stroke:var(--red);stroke-dasharray:5 4;opacity:.6}
-polyline{fill:none;stroke-width:1.6}.curve{stroke:var(--blue)}.event{fill:var(--ink)}
-polyline.estimate{stroke:var(--blue);stroke-width:2.5}
-polyline.truth{stroke:var(--green);stroke-width:2;stroke-dasharray:6 4}
-circle.estimate{fill:var(--blue)}circle.truth{fill:var(--green)}
-.dots{stroke:var(--soft);stroke-width:2;stroke-linecap:round;opacity:.45}.bar{stroke:var(--ink);stroke-width:3}
+line.mark{stroke:var(--red);stroke-dasharray:5 4;opacity:.6}.curve{stroke:var(--blue)}.event{fill:var(--ink)}
+polyline.estimate{stroke:var(--blue);stroke-width:2.5}circle.estimate{fill:var(--blue)}
+polyline.truth{stroke:var(--green);stroke-dasharray:6 4}circle.truth{fill:var(--green)}
+.dots{stroke:var(--soft);stroke-width:2;stroke-linecap:round;opacity:.45}
 .legend{color:var(--soft);font-size:13px;margin:6px 0}.legend span{margin-right:18px}
 .key::before{content:"";display:inline-block;width:18px;height:4px;margin-right:6px;vertical-align:middle;
 background:var(--c)}
 .key.estimate{--c:#1f6fd6}.key.truth{--c:#12855a}.key.points{--c:#4d5964}
-table{border-collapse:collapse;width:100%;font-size:13.5px;font-variant-numeric:tabular-nums}
-td,th{text-align:left;padding:4px 10px 4px 0;border-bottom:1px solid var(--line);vertical-align:top}
-td:first-child{white-space:nowrap}
-pre{overflow:auto;background:var(--tile);padding:10px 12px;border-radius:6px;font-size:13px}
-summary{cursor:pointer;color:var(--blue);margin:8px 0}i{color:var(--soft)}
+table{width:100%}td:first-child{white-space:nowrap}summary{cursor:pointer;color:var(--blue);margin:8px 0}
+i{color:var(--soft)}
 """

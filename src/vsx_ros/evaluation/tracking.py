@@ -20,23 +20,26 @@ class Break(NamedTuple):
     reason: str
 
 
-def find_breaks(results: Sequence[TrackingResult], reference: Sequence[SE3 | None]) -> list[Break]:
+def find_breaks(
+    results: Sequence[TrackingResult], reference: Sequence[SE3 | None], epochs: Sequence[int] = ()
+) -> list[Break]:
     """Jumps of more than 0.15 m or 5 deg against the reference, and a loss that lasts to the end.
 
-    results: frames in order. reference: as many camera poses by odometry (or truth), None where unknown. Only frames
-    tracked from the map are compared, each with the tracked frame before it; a jump that the map made, because a loop
-    was closed, is none of the tracking.
+    results: frames in order. reference: as many camera poses by odometry (or truth), None where unknown. epochs: of
+    the odometry, if it may have restarted. Only frames tracked from the map are compared, each with the tracked frame
+    before it in its epoch; a jump that the map made, because a loop was closed, is none of the tracking.
     """
     breaks = []
-    last: tuple[SE3, SE3 | None] | None = None
-    for result, expected in zip(results, reference, strict=True):
+    last: tuple[SE3, SE3 | None, int] | None = None
+    for result, expected, epoch in zip(results, reference, epochs or [0] * len(results), strict=True):
         if not result.state.tracked or result.T_world_cam is None:
             continue
-        if last is not None and last[1] is not None and expected is not None and not result.corrected:
+        comparable = last is not None and last[2] == epoch and not result.corrected
+        if comparable and last is not None and last[1] is not None and expected is not None:
             jump = _jump(last[0].inverse() @ result.T_world_cam, last[1].inverse() @ expected)
             if jump:
                 breaks.append(Break(result.stamp_ns, jump))
-        last = result.T_world_cam, expected
+        last = result.T_world_cam, expected, epoch
     if last is not None and results[-1].state is TrackingState.LOST:
         since = next(r for r, after in zip(results, _suffix_lost(results)) if after)
         breaks.append(Break(since.stamp_ns, f"lost for good: {since.reason}"))

@@ -24,7 +24,7 @@ class Situation(NamedTuple):
     """What the mission knows when it decides.
 
     T_map_base is None while no map exists. hazard names a pressed bumper or the like. landmarks_world: (M, 3).
-    countings: how often the wheels began to count; T_odom_base has nothing to do with one of another counting.
+    odom_epoch: that of T_odom_base, which has nothing to do with one of another epoch.
     lifted: whether the robot is held in the air.
     """
 
@@ -37,7 +37,7 @@ class Situation(NamedTuple):
     navigation_reason: str
     hazard: str | None
     landmarks_world: FloatArray
-    countings: int = 0
+    odom_epoch: int = 0
     lifted: bool = False
 
 

@@ -9,29 +9,29 @@ _MOST_TRIES = 5
 
 
 class Home:
-    """``see`` every situation. pose: T_map_base where the exploration began; None until the camera knows the map.
+    """``observe`` every situation. pose: T_map_base where the exploration began; None until the camera knows the map.
     asked: whether to go there."""
 
     def __init__(self) -> None:
         self.pose: SE2 | None = None
         self.asked = False
-        self._T_odom_begun: SE2 | None = None
+        self._begun: tuple[int, SE2] | None = None
         self._tries = 0
         self._why = ""
 
-    def recall(self, pose: SE2 | None, asked: bool) -> None:
+    def restore(self, pose: SE2 | None, asked: bool) -> None:
         """Go on from a session before; asked: whether it was on its way home, and this one may be already."""
         self.pose, self.asked = pose, asked or self.asked
 
-    def see(self, situation: Situation, anew: bool) -> None:
-        """The wheels know the way from where the exploration began, or from where they began to count anew, to where
-        the camera first knows the map."""
+    def observe(self, situation: Situation) -> None:
+        """Odometry knows the way from where the exploration, or the odometry's epoch, began to where the camera first
+        knows the map."""
         if self.pose is not None or situation.T_odom_base is None:
             return
-        if anew or self._T_odom_begun is None:
-            self._T_odom_begun = situation.T_odom_base
+        if self._begun is None or self._begun[0] != situation.odom_epoch:
+            self._begun = situation.odom_epoch, situation.T_odom_base
         if situation.slam_state.tracked and situation.T_map_base is not None:
-            self.pose = situation.T_map_base @ situation.T_odom_base.inverse() @ self._T_odom_begun
+            self.pose = situation.T_map_base @ situation.T_odom_base.inverse() @ self._begun[1]
 
     def failed(self, reason: str) -> str:
         """A drive home ended elsewhere, for this reason; in words, with the number of tries."""

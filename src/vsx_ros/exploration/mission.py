@@ -16,7 +16,6 @@ reason.
 from __future__ import annotations
 
 from vsx_ros.config import Config
-from vsx_ros.exploration.chronicle import Chronicle
 from vsx_ros.exploration.decision import (
     Action,
     Decision,
@@ -26,15 +25,16 @@ from vsx_ros.exploration.decision import (
     Outcome,
     Situation,
 )
-from vsx_ros.exploration.first_drives import FirstDrives
+from vsx_ros.exploration.escape_arc import SPOT_TURN, escape_arc
+from vsx_ros.exploration.expected_gain import ExpectedGain
 from vsx_ros.exploration.home import Home
-from vsx_ros.exploration.memory import MissionMemory
-from vsx_ros.exploration.outlook import Outlook
-from vsx_ros.exploration.promise import Promise
+from vsx_ros.exploration.initialization_drives import InitializationDrives
+from vsx_ros.exploration.mission_log import MissionLog
 from vsx_ros.exploration.recovery import Recovery
-from vsx_ros.exploration.swing import SPOT_TURN, free_swing
+from vsx_ros.exploration.saved_mission import SavedMission
 from vsx_ros.exploration.trail import Trail
 from vsx_ros.exploration.utility import Rejection, TravelCostsFrom, View
+from vsx_ros.exploration.view_selector import ViewSelector
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.slam.state import TrackingState
@@ -55,33 +55,33 @@ class Mission:
         self._config = config.exploration
         self._body_m, self._phi_rad_m = config.robot.radius_m, config.planner.phi_rad_m
         self._trail = Trail(spacing_m=0.05)
-        self._chronicle = Chronicle()
-        self._first_drives = FirstDrives(self._config.init_drive_m, self._config.init_attempts)
+        self._log = MissionLog()
+        self._initialization_drives = InitializationDrives(self._config.init_drive_m, self._config.init_attempts)
         self._after_pause = MissionState.STARTING
         self._goal: View | None = None
         self._purpose = self._stopped_for = ""
-        self._promise: Promise | None = None
+        self._gain: ExpectedGain | None = None
         self._wait_until_ns = 0
         self._recovery = Recovery(self._config, self._body_m, self._phi_rad_m)
         self._empty_rankings = 0
         self._backing_off = self._has_gone = False
         self._home = Home()
         self._blocked = 0
-        self.outlook = Outlook(config, travel_costs)
+        self.view_selector = ViewSelector(config, travel_costs)
 
     @property
     def state(self) -> MissionState:
         """The box of the diagram the mission is in."""
-        return self._chronicle.state
+        return self._log.state
 
     @property
     def outcome(self) -> Outcome | None:
         """How the mission ended; None before."""
-        return self._chronicle.outcome
+        return self._log.outcome
 
     def drain_events(self) -> list[MissionEvent]:
         """The events since the last call."""
-        return self._chronicle.drain()
+        return self._log.drain()
 
     # Requests of the operator -------------------------------------------------------------------------------
 
@@ -89,43 +89,43 @@ class Mission:
         """Stand still until resume."""
         if self.state not in (MissionState.DONE, MissionState.PAUSED):
             self._after_pause = self.state
-            self._chronicle.enter(now_ns, MissionState.PAUSED, "paused by the operator")
+            self._log.enter(now_ns, MissionState.PAUSED, "paused by the operator")
 
     def resume(self, now_ns: int) -> None:
         """Go on after a pause."""
         if self.state is MissionState.PAUSED:
-            self._goal = self._promise = None
-            self._chronicle.enter(now_ns, self._after_pause, "resumed by the operator")
+            self._goal = self._gain = None
+            self._log.enter(now_ns, self._after_pause, "resumed by the operator")
 
     def stop(self, now_ns: int) -> None:
         """End the mission here."""
-        self._chronicle.finish(now_ns, Outcome.STOPPED, "stopped by the operator")
+        self._log.finish(now_ns, Outcome.STOPPED, "stopped by the operator")
 
     def home(self, now_ns: int) -> None:
         """Drive back to where the exploration began, then end; nothing once it has ended."""
         if self.state is not MissionState.DONE:
             self._home.asked = True
-            self._goal = self._promise = None
-            self._chronicle.note(now_ns, "returning home on request")
+            self._goal = self._gain = None
+            self._log.note(now_ns, "returning home on request")
 
     # An interruption ----------------------------------------------------------------------------------------
 
-    def memory(self, now_ns: int, T_odom_base: SE2) -> MissionMemory:
+    def to_save(self, now_ns: int, T_odom_base: SE2) -> SavedMission:
         """What another session needs to go on from here."""
         trail = [T_odom_base.inverse() @ pose for pose in self._trail.poses]
-        looked_from, given_up = list(self.outlook.looks.poses), self.outlook.given_up.left(now_ns)
+        looked_from, blacklist = list(self.view_selector.viewpoints.poses), self.view_selector.blacklist.left(now_ns)
         paused, over = self.state is MissionState.PAUSED, self.state is MissionState.DONE
-        return MissionMemory(looked_from, given_up, trail, self._home.asked and not over, self._home.pose, paused)
+        return SavedMission(looked_from, blacklist, trail, self._home.asked and not over, self._home.pose, paused)
 
-    def recall(self, now_ns: int, memory: MissionMemory, T_odom_base: SE2) -> None:
+    def restore(self, now_ns: int, saved: SavedMission, T_odom_base: SE2) -> None:
         """Go on with the map of a session before, standing where its trail ended: first the camera must recognise
         it. One that was paused, before or meanwhile, stands until it is told to go on; one that was stopped meanwhile
         has ended, and remembers all the same."""
-        paused = memory.paused or self.state is MissionState.PAUSED
-        self.outlook.looks.poses = list(memory.looked_from)
-        self._home.recall(memory.home, memory.going_home)
-        self.outlook.given_up.recall(now_ns, memory.given_up)
-        for pose in memory.trail:
+        paused = saved.paused or self.state is MissionState.PAUSED
+        self.view_selector.viewpoints.poses = list(saved.looked_from)
+        self._home.restore(saved.home, saved.going_home)
+        self.view_selector.blacklist.restore(now_ns, saved.blacklist)
+        for pose in saved.trail:
             self._trail.add(T_odom_base @ pose)
         if self.state is MissionState.DONE:
             return
@@ -138,23 +138,23 @@ class Mission:
     def decide(self, now_ns: int, situation: Situation) -> Decision:
         """One action for the situation. Call it at 2 to 10 Hz; choosing a view takes some tenths of a second."""
         backing = self._backing_off or self.state is MissionState.RECOVERING
-        anew = situation.T_odom_base is not None and self._trail.counts_anew(situation.countings)
+        restarted = situation.T_odom_base is not None and self._trail.enter_epoch(situation.odom_epoch)
         if situation.lifted:
             self._trail.clear()
         if situation.T_odom_base is not None:
             (self._trail.driven_back_to if backing else self._trail.add)(situation.T_odom_base)
-        self._home.see(situation, anew)
+        self._home.observe(situation)
         if situation.T_map_base is not None and situation.slam_state is TrackingState.GOOD:
-            self.outlook.looks.add(situation.T_map_base)
+            self.view_selector.viewpoints.add(situation.T_map_base)
         if self.state is MissionState.DONE:
-            return self._answer(Action.FINISH, self._chronicle.reason)
+            return self._answer(Action.FINISH, self._log.reason)
         active = situation.navigation is NavigationState.ACTIVE
         if self.state is MissionState.PAUSED:
             return self._answer(Action.CANCEL if active else Action.WAIT, "paused")
         if situation.T_odom_base is None:
             return self._answer(Action.WAIT, "waiting for odometry")
-        if anew:
-            return self._rest(now_ns, active, "the wheels count anew: coming to rest")
+        if restarted:
+            return self._rest(now_ns, active, "odometry restarted: coming to rest")
         if self.state is MissionState.STARTING:
             return self._start(now_ns, situation, situation.T_odom_base)
         if self.state is MissionState.RECOVERING:
@@ -164,7 +164,7 @@ class Mission:
     def _start(self, now_ns: int, situation: Situation, T_odom_base: SE2) -> Decision:
         """Drive straight until the SLAM has found its two frames (paper 3.1)."""
         if situation.slam_state.tracked:
-            self._chronicle.enter(now_ns, MissionState.MAPPING, "the map is initialised")
+            self._log.enter(now_ns, MissionState.MAPPING, "the map is initialised")
             return self._map(now_ns, situation)
         if situation.slam_state is TrackingState.LOST:
             return self._look_for_a_place(now_ns, "there is a map: looking for a place of it")
@@ -172,7 +172,7 @@ class Mission:
             return self._answer(Action.WAIT, "driving straight to start the map: " + situation.slam_reason)
         if now_ns < self._wait_until_ns:
             return self._answer(Action.WAIT, "waiting for the map to start")
-        drive = self._first_drives.next(situation.slam_reason)
+        drive = self._initialization_drives.next(situation.slam_reason)
         if drive is None:
             return self._end(now_ns, Outcome.NOT_STARTED, f"the map did not start: {situation.slam_reason}")
         self._wait_until_ns = now_ns + _SECOND_NS
@@ -183,7 +183,7 @@ class Mission:
         self._recovery.begin(now_ns)
         self._has_gone = True
         self._wait_until_ns = now_ns + _RECOGNISE_WAIT_NS
-        self._chronicle.enter(now_ns, MissionState.RECOVERING, reason)
+        self._log.enter(now_ns, MissionState.RECOVERING, reason)
         return self._answer(Action.WAIT, reason)
 
     def _map(self, now_ns: int, situation: Situation) -> Decision:
@@ -193,7 +193,7 @@ class Mission:
             self._backing_off = False
             self._recovery.begin(now_ns)
             self._wait_until_ns = now_ns + _RELOCALISE_WAIT_NS
-            self._chronicle.enter(now_ns, MissionState.RECOVERING, f"tracking lost: {situation.slam_reason}")
+            self._log.enter(now_ns, MissionState.RECOVERING, f"tracking lost: {situation.slam_reason}")
             return self._answer(Action.CANCEL, "tracking lost")
         if not situation.hazard:
             self._blocked = 0
@@ -212,8 +212,8 @@ class Mission:
         if self._home.asked and self._goal is not None:
             return self._end(now_ns, Outcome.HOME, "returned to the start")
         if self._goal is not None:
-            self.outlook.looks.poses.append(self._goal.pose)
-        self._goal = self._promise = None
+            self.view_selector.viewpoints.poses.append(self._goal.pose)
+        self._goal = self._gain = None
         if situation.grid is None or situation.T_map_base is None:
             return self._answer(Action.WAIT, "waiting for the ground map")
         return self._choose(now_ns, situation, situation.grid, situation.T_map_base)
@@ -222,21 +222,21 @@ class Mission:
         if situation.hazard and not self._backing_off:
             if not self._stopped_for:
                 self._stopped_for = situation.hazard
-                self._chronicle.note(now_ns, f"stopping: {situation.hazard}")
+                self._log.note(now_ns, f"stopping: {situation.hazard}")
             return self._answer(Action.CANCEL, f"stopping: {situation.hazard}")
         if self._home.asked and self._goal is None and not self._backing_off:
             return self._rest(now_ns, True, "leaving the goal to drive home")
-        reason = self._promise.seen(situation.grid) if self._promise and situation.grid is not None else ""
+        reason = self._gain.why_obsolete(situation.grid) if self._gain and situation.grid is not None else ""
         if not reason:
             return self._answer(Action.WAIT, f"on the way: {self._purpose}")
         return self._rest(now_ns, True, reason)
 
     def _rest(self, now_ns: int, active: bool, reason: str) -> Decision:
         """Leave the goal, without blame, and come to rest."""
-        self._goal = self._promise = None
+        self._goal = self._gain = None
         self._backing_off = False
         self._wait_until_ns = now_ns + _BRAKE_NS
-        self._chronicle.note(now_ns, reason)
+        self._log.note(now_ns, reason)
         return self._answer(Action.CANCEL if active else Action.WAIT, reason)
 
     def _choose(self, now_ns: int, situation: Situation, grid: OccupancyGrid, T_map_base: SE2) -> Decision:
@@ -245,23 +245,23 @@ class Mission:
                 return self._end(now_ns, Outcome.STRANDED, self._home.out_of_reach)
             self._goal = View(self._home.pose, 0.0, 0.0, 0, 0.0)
             return self._go(now_ns, self._goal.pose, "map", "driving home")
-        views = self.outlook.rank(now_ns, T_map_base, grid, situation.landmarks_world).views
+        views = self.view_selector.rank(now_ns, T_map_base, grid, situation.landmarks_world).views
         if not views:
             return self._nothing_left(now_ns, situation, grid)
         self._empty_rankings, self._has_gone = 0, True
         self._goal = goal = views[0]
-        self._promise = self.outlook.promise(goal, grid)
+        self._gain = self.view_selector.expected_gain(goal, grid)
         return self._go(now_ns, goal.pose, "map", goal.words(self._config.stop_cost_m))
 
     def _nothing_left(self, now_ns: int, situation: Situation, grid: OccupancyGrid) -> Decision:
         """No view is worth its way: try again what failed, look from elsewhere; only where all of the ground is within
         reach, or nothing helps, is it explored."""
-        ranking, given_up = self.outlook.ranking, self.outlook.given_up
+        ranking, blacklist = self.view_selector.ranking, self.view_selector.blacklist
         why, boxed_in = ranking.why(), ranking.boxed_in()
         self._empty_rankings += 1
         self._wait_until_ns = now_ns + _EMPTY_WAIT_NS
-        if ranking.rejected[Rejection.GIVEN_UP] and given_up.forgive(now_ns):
-            self._chronicle.note(now_ns, f"no other view found ({why}): what was given up is tried again")
+        if ranking.rejected[Rejection.BLACKLISTED] and blacklist.release(now_ns):
+            self._log.note(now_ns, f"no other view found ({why}): what was given up is tried again")
             return self._answer(Action.WAIT, "trying again what was given up")
         if self._empty_rankings > (self._config.retries_boxed_in if boxed_in else self._config.retries_without_view):
             if boxed_in and not self._has_gone:
@@ -269,7 +269,7 @@ class Mission:
             return self._end(now_ns, Outcome.EXPLORED, f"no view is worth its way any more ({why})")
         if boxed_in and self._empty_rankings > self._config.retries_without_view:
             reason, ahead = f"no view found ({why}): turning to look elsewhere", self._empty_rankings % 2 == 1
-            return self._swing(now_ns, situation, grid, reason, ahead)
+            return self._escape(now_ns, situation, grid, reason, ahead)
         return self._back_off(now_ns, f"no view found ({why}): looking again from further back")
 
     def _leave(self, now_ns: int, situation: Situation, hazard: str) -> Decision:
@@ -280,17 +280,17 @@ class Mission:
         along_trail = self._blocked % 2 == 1 and len(self._trail) > 1
         if along_trail or situation.grid is None or situation.T_map_base is None:
             return self._back_off(now_ns, f"backing off: {hazard}")
-        swing = self._swing(now_ns, situation, situation.grid, f"turning away: {hazard}", self._blocked % 4 == 0)
-        self._backing_off = swing.action is Action.GO
-        return swing
+        escape = self._escape(now_ns, situation, situation.grid, f"turning away: {hazard}", self._blocked % 4 == 0)
+        self._backing_off = escape.action is Action.GO
+        return escape
 
-    def _swing(self, now_ns: int, situation: Situation, grid: OccupancyGrid, reason: str, ahead: bool) -> Decision:
+    def _escape(self, now_ns: int, situation: Situation, grid: OccupancyGrid, reason: str, ahead: bool) -> Decision:
         """A short arc ahead or back, so that the camera turns; where all is blocked, back along the trail; without one,
         and without a hazard, on the spot."""
         assert situation.T_map_base is not None
         assert situation.T_odom_base is not None
         step_m = self._config.backtrack_step_m
-        arc = free_swing(grid, situation.T_map_base, self._body_m, self._phi_rad_m, step_m, ahead)
+        arc = escape_arc(grid, situation.T_map_base, self._body_m, self._phi_rad_m, step_m, ahead)
         if arc is None and (len(self._trail) > 1 or situation.hazard):
             return self._back_off(now_ns, reason)
         return self._go(now_ns, situation.T_odom_base @ (arc or SPOT_TURN), "odom", reason)
@@ -312,7 +312,7 @@ class Mission:
             return self._answer(Action.WAIT, f"on the way: {self._purpose}")
         if self._recovery.is_over(now_ns, tracked):
             self._wait_until_ns = now_ns
-            self._chronicle.enter(now_ns, MissionState.MAPPING, "relocalised")
+            self._log.enter(now_ns, MissionState.MAPPING, "relocalised")
         if tracked and not self._recovery.owes_a_step:
             return self._answer(Action.WAIT, "a place of the map is recognised")
         if now_ns < self._wait_until_ns:
@@ -327,19 +327,19 @@ class Mission:
 
     def _goal_failed(self, now_ns: int, reason: str) -> None:
         if self._goal is not None and self._home.asked:
-            self._chronicle.note(now_ns, self._home.failed(reason))
+            self._log.note(now_ns, self._home.failed(reason))
         elif self._goal is not None:
-            seconds = self.outlook.given_up.add(now_ns, self._goal.pose)
-            self._chronicle.note(now_ns, f"goal given up for {seconds:.0f} s: {reason}")
-        self._goal = self._promise = None
+            seconds = self.view_selector.blacklist.add(now_ns, self._goal.pose)
+            self._log.note(now_ns, f"goal given up for {seconds:.0f} s: {reason}")
+        self._goal = self._gain = None
 
     def _end(self, now_ns: int, outcome: Outcome, reason: str) -> Decision:
-        self._chronicle.finish(now_ns, outcome, reason)
+        self._log.finish(now_ns, outcome, reason)
         return self._answer(Action.FINISH, reason)
 
     def _go(self, now_ns: int, goal: SE2, frame: str, reason: str) -> Decision:
         self._purpose, self._stopped_for = reason, ""
-        self._chronicle.note(now_ns, reason)
+        self._log.note(now_ns, reason)
         return Decision(Action.GO, goal, frame, self.state.value, reason)
 
     def _answer(self, action: Action, reason: str) -> Decision:

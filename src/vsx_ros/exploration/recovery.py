@@ -11,12 +11,12 @@ import numpy as np
 
 from vsx_ros.config import ExplorationConfig
 from vsx_ros.exploration.decision import Situation
-from vsx_ros.exploration.swing import SPOT_TURN, free_swing
+from vsx_ros.exploration.escape_arc import SPOT_TURN, escape_arc
 from vsx_ros.exploration.trail import Trail
 from vsx_ros.exploration.utility import count_landmarks
 from vsx_ros.geometry.se2 import SE2
 
-_SWINGS, _TURNS = 4, round(2.0 * math.pi / SPOT_TURN.theta)  # turns: once around
+_ARCS, _TURNS = 4, round(2.0 * math.pi / SPOT_TURN.theta)  # turns: once around
 _MOST_STEPS = 40  # back: of a robot that does not move, or whose steps are all cut short
 _NEAR_M = 0.05
 _HOLD_NS, _AGAIN_NS = 1_000_000_000, 10_000_000_000
@@ -38,7 +38,7 @@ class Recovery:
         self._tracked_since_ns: int | None = None
         self.owes_a_step = now_ns < self._over_ns + _AGAIN_NS
         if not self.owes_a_step:
-            self._steps = self._swings = self._turns = 0
+            self._steps = self._arcs = self._turns = 0
             self._lost_at_m: float | None = None
             self._best_at_m: float | None = None
 
@@ -100,9 +100,9 @@ class Recovery:
         return situation.T_odom_base @ SPOT_TURN, f"lost: looking around on the spot ({self._turns} of {_TURNS})"
 
     def _free_arc(self, situation: Situation) -> SE2 | None:
-        if self._swings == _SWINGS or situation.grid is None or situation.T_map_base is None:
+        if self._arcs == _ARCS or situation.grid is None or situation.T_map_base is None:
             return None
-        ahead = self._swings % 2 == 1
-        self._swings += 1
+        ahead = self._arcs % 2 == 1
+        self._arcs += 1
         step_m = self._config.backtrack_step_m
-        return free_swing(situation.grid, situation.T_map_base, self._radius_m, self._bend_rad_m, step_m, ahead)
+        return escape_arc(situation.grid, situation.T_map_base, self._radius_m, self._bend_rad_m, step_m, ahead)

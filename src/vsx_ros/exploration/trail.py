@@ -16,7 +16,7 @@ class Trail:
         self._spacing_m = spacing_m
         self._capacity = max(2, int(length_m / spacing_m))
         self._poses: list[SE2] = []
-        self._countings: int | None = None
+        self._epoch: int | None = None
 
     def __len__(self) -> int:
         return len(self._poses)
@@ -26,14 +26,13 @@ class Trail:
         """The trail, oldest first."""
         return tuple(self._poses)
 
-    def counts_anew(self, countings: int) -> bool:
-        """Whether the wheels have begun to count anew since they were asked last; then nobody knows where the poses
-        lie, and they are forgotten."""
-        anew = self._countings not in (None, countings)
-        self._countings = countings
-        if anew:
+    def enter_epoch(self, odom_epoch: int) -> bool:
+        """Whether it is another one than last time; then nobody knows where the poses lie, and they are forgotten."""
+        other = self._epoch not in (None, odom_epoch)
+        self._epoch = odom_epoch
+        if other:
             self.clear()
-        return anew
+        return other
 
     def clear(self) -> None:
         """The base was carried: the way it came is not behind it."""

@@ -1,7 +1,7 @@
 """Which view to drive to next: utility U = v / d (paper eq. 12) over candidate views.
 
 v is the unknown area a view would show, found by ray casting within the camera's field of view, with the probability
-that nothing unknown hides it, and what it is worth (``worth.py``).
+that nothing unknown hides it, and the information in it (``information_gain.py``).
 d is the length of the motion-bounded path plus what a stop costs. A view that would show too few known landmarks is
 worth less, for the tracker has to live there.
 """
@@ -18,8 +18,8 @@ import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2
 from vsx_ros.config import ExplorationConfig
-from vsx_ros.exploration.given_up import near_poses
-from vsx_ros.exploration.worth import opaque_walls, unknown_worth
+from vsx_ros.exploration.goal_blacklist import near_poses
+from vsx_ros.exploration.information_gain import information_weights, opaque_walls
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.occupancy.visibility import unknown_area_by_bearing, visible_landmarks, window_sums
 from vsx_ros.occupancy.grid import FREE, OccupancyGrid
@@ -54,7 +54,7 @@ class Rejection(Enum):
 
     NO_ROOM = "no standing room"
     NO_GAIN = "gain too small"
-    GIVEN_UP = "given up for a while"
+    BLACKLISTED = "given up for a while"
     LOOKED = "looked from already"
     UNREACHABLE = "unreachable"
     NOT_WORTH = "not worth the way"
@@ -85,7 +85,7 @@ TravelCosts = Callable[[FloatArray], FloatArray]
 TravelCostsFrom = Callable[[SE2, OccupancyGrid], TravelCosts]
 """Start pose and grid to the function that costs many poses in one call."""
 
-GivenUpPoses = Callable[[FloatArray], BoolArray]
+BlacklistedPoses = Callable[[FloatArray], BoolArray]
 """(N, 3) poses to (N,) True where a goal failed a while ago."""
 
 
@@ -93,7 +93,7 @@ class RankingInput(NamedTuple):
     """What a ranking is made from.
 
     radius_m: of the robot with its clearance. landmarks_world: (M, 2) or (M, 3) map points [m]. looked_from: (L, 3)
-    poses that the camera has looked from. travel_costs: path lengths from here. given_up: poses near goals that failed.
+    poses that the camera has looked from. travel_costs: path lengths from here. blacklist: poses near failed goals.
     """
 
     grid: OccupancyGrid
@@ -101,7 +101,7 @@ class RankingInput(NamedTuple):
     landmarks_world: FloatArray
     looked_from: FloatArray
     travel_costs: TravelCosts
-    given_up: GivenUpPoses
+    blacklist: BlacklistedPoses
     config: ExplorationConfig
 
 
@@ -112,7 +112,7 @@ class Ranker(Protocol):
         """Views by falling utility."""
 
 
-def standing_room(grid: OccupancyGrid, radius_m: float) -> BoolArray:
+def traversable_cells(grid: OccupancyGrid, radius_m: float) -> BoolArray:
     """(H, W) cells where a round robot of this radius [m] stands on known free ground only."""
     free = (grid.data == FREE).astype(np.uint8)
     padded = cv2.copyMakeBorder(free, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
@@ -121,12 +121,12 @@ def standing_room(grid: OccupancyGrid, radius_m: float) -> BoolArray:
     return room
 
 
-def view_gain(grid: OccupancyGrid, positions: Points2, worth: FloatArray, config: ExplorationConfig) -> FloatArray:
-    """(N, BEARINGS) unknown area [m2], weighted by worth (S, H, W), in the field of view from each position (N, 2) [m],
-    looking at each bearing k * 2 pi / BEARINGS."""
+def view_gain(grid: OccupancyGrid, positions: Points2, weights: FloatArray, config: ExplorationConfig) -> FloatArray:
+    """(N, BEARINGS) unknown area [m2], weighted by weights (S, H, W), in the field of view from each position (N, 2)
+    [m], looking at each bearing k * 2 pi / BEARINGS."""
     bearings: FloatArray = np.arange(BEARINGS, dtype=np.float64) * (2 * math.pi / BEARINGS)
     per_bearing = unknown_area_by_bearing(
-        grid.data, worth, grid.resolution, grid.origin_x, grid.origin_y, positions, bearings,
+        grid.data, weights, grid.resolution, grid.origin_x, grid.origin_y, positions, bearings,
         config.sensor_range_m, config.mean_free_path_m,
     )  # fmt: skip
     window = max(1, round(config.sensor_fov_rad / (2 * math.pi) * BEARINGS))
@@ -139,22 +139,22 @@ def gain_at(
     """v of one pose [m2]; arguments as of ``RankingInput``."""
     opaque, place = opaque_walls(grid, 2.0 * radius_m, config.wall_gap_m), np.array([[pose.x, pose.y]])
     near = np.hypot(*(looked_from[:, :2] - place).T) < config.sensor_range_m + config.look_range_m + grid.resolution
-    gains = view_gain(opaque, place, unknown_worth(opaque, looked_from[near], config), config)[0]
+    gains = view_gain(opaque, place, information_weights(opaque, looked_from[near], config), config)[0]
     return float(gains[round(pose.theta / (2 * math.pi) * BEARINGS) % BEARINGS])
 
 
 def rank_views(asked: RankingInput) -> Ranking:
     """Rank views on a raster over the standing room (eq. 12)."""
-    grid, radius_m, landmarks_world, looked_from, travel_costs, given_up, config = asked
+    grid, radius_m, landmarks_world, looked_from, travel_costs, blacklist, config = asked
     opaque = opaque_walls(grid, 2.0 * radius_m, config.wall_gap_m)
-    worth = unknown_worth(opaque, looked_from, config)
+    weights = information_weights(opaque, looked_from, config)
     rejected = dict.fromkeys(Rejection, 0)
-    candidates, gains = _promising(grid, opaque, radius_m, worth, config, rejected)
+    candidates, gains = _candidates(grid, opaque, radius_m, weights, config, rejected)
     if len(candidates) == 0:
         return Ranking([], rejected)
     spacing, looks = config.look_spacing_m, [SE2(*pose) for pose in looked_from.tolist()]
-    looked, failed = near_poses(candidates, looks, spacing, spacing), given_up(candidates)
-    rejected[Rejection.LOOKED], rejected[Rejection.GIVEN_UP] = int(looked.sum()), int((failed & ~looked).sum())
+    looked, failed = near_poses(candidates, looks, spacing, spacing), blacklist(candidates)
+    rejected[Rejection.LOOKED], rejected[Rejection.BLACKLISTED] = int(looked.sum()), int((failed & ~looked).sum())
     candidates, gains = candidates[~looked & ~failed], gains[~looked & ~failed]
     distances = travel_costs(candidates) if len(candidates) else np.zeros(0)
     reachable = np.isfinite(distances)
@@ -215,16 +215,16 @@ def count_landmarks(
     return counts
 
 
-def _promising(
+def _candidates(
     grid: OccupancyGrid,
     opaque: OccupancyGrid,
     radius_m: float,
-    worth: FloatArray,
+    weights: FloatArray,
     config: ExplorationConfig,
     rejected: dict[Rejection, int],
 ) -> tuple[FloatArray, FloatArray]:
     """(N, 3) poses and (N,) gains [m2] worth costing: the best headings of raster cells with standing room."""
-    room = standing_room(grid, radius_m + config.view_margin_m)
+    room = traversable_cells(grid, radius_m + config.view_margin_m)
     stride = max(1, round(config.view_spacing_m / grid.resolution))
     cells = np.argwhere(room)
     cells = cells[(cells[:, 0] % stride == 0) & (cells[:, 1] % stride == 0)]
@@ -232,7 +232,7 @@ def _promising(
         rejected[Rejection.NO_ROOM] = int(room.size)
         return np.zeros((0, 3)), np.zeros(0)
     positions = grid.centres(cells)
-    gain = view_gain(opaque, positions, worth, config)[:, :: BEARINGS // HEADINGS]
+    gain = view_gain(opaque, positions, weights, config)[:, :: BEARINGS // HEADINGS]
     enough = gain >= config.min_gain_m2
     rejected[Rejection.NO_GAIN] = int((~enough).sum())
     i, k = np.nonzero(enough)

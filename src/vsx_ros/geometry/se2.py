@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, overload
+from typing import overload
 
 import numpy as np
 
 from vsx_ros.arrays import FloatArray, Points2
-
-if TYPE_CHECKING:
-    from vsx_ros.geometry.se3 import SE3
 
 
 def wrap_angle(angle: float) -> float:
@@ -83,13 +80,4 @@ class SE2:
             self.x + ratio * (other.x - self.x),
             self.y + ratio * (other.y - self.y),
             self.theta + ratio * self.angle_to(other),
-        )
-
-    @staticmethod
-    def from_se3(T: SE3) -> SE2:
-        """Drop height, roll and pitch: x, y and the heading of the x axis."""
-        return SE2(
-            float(T.translation[0]),
-            float(T.translation[1]),
-            math.atan2(float(T.rotation[1, 0]), float(T.rotation[0, 0])),
         )

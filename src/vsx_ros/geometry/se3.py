@@ -162,6 +162,11 @@ class SE3:
         c, s = math.cos(T.theta), math.sin(T.theta)
         return SE3._of(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), np.array([T.x, T.y, height], float))
 
+    def to_se2(self) -> SE2:
+        """Drop height, roll and pitch: x, y and the heading of the x axis."""
+        heading = math.atan2(float(self.rotation[1, 0]), float(self.rotation[0, 0]))
+        return SE2(float(self.translation[0]), float(self.translation[1]), heading)
+
     def rotation_angle_to(self, other: SE3) -> float:
         """Angle of the rotation between the two poses, in [0, pi] [rad]."""
         qx, qy, qz, qw = quaternion_from_rotation(self.rotation.T @ other.rotation)

@@ -10,7 +10,6 @@ import numpy as np
 
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.camera import PinholeCamera
-from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.bag_reader import Messages, messages
@@ -121,7 +120,7 @@ def _odometry(bag: Messages, topic: str) -> list[Odometry]:
         with_twist = message.__msgtype__ == ODOMETRY
         pose = message.pose if message.__msgtype__ == POSE else message.pose.pose
         v, omega = (message.twist.twist.linear.x, message.twist.twist.angular.z) if with_twist else (0.0, 0.0)
-        reading = Odometry(stamp_ns, SE2.from_se3(_se3(pose, topic)), v, omega)
+        reading = Odometry(stamp_ns, _se3(pose, topic).to_se2(), v, omega)
         if not with_twist and readings:
             reading = _with_speeds(reading, readings[-1])
         if not (reading.T_odom_base.is_finite() and np.isfinite(reading.v + reading.omega)):

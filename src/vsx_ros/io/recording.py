@@ -74,9 +74,9 @@ class Recording:
         if not near or min(abs(reading.stamp_ns - stamp_ns) for reading in near) > GRACE_NS:
             return None
         first, last = near[0], near[-1]
-        if first.stamp_ns <= stamp_ns < last.stamp_ns:
+        if first.stamp_ns <= stamp_ns < last.stamp_ns and first.odom_epoch == last.odom_epoch:
             return first.towards(last, stamp_ns)
-        return first._replace(stamp_ns=stamp_ns)
+        return min(near, key=lambda reading: abs(reading.stamp_ns - stamp_ns))._replace(stamp_ns=stamp_ns)
 
     def _checked(self, frame: Frame) -> Frame:
         height, width = frame.image.shape
@@ -86,19 +86,3 @@ class Recording:
                 f"{self.camera.width}x{self.camera.height}; give the right one with --calibration FILE"
             )
         return frame
-
-
-def open_recording(path: Path, image_topic: str | None = None, odometry_topic: str | None = None) -> Recording:
-    """A ROS 1 or ROS 2 bag, or a folder in the TUM RGB-D layout (rgb.txt, rgb/, groundtruth.txt, camera.json).
-
-    Raises InputError saying what is wrong with the input and what to do.
-    """
-    from vsx_ros.io.bag import open_bag
-    from vsx_ros.io.bag_reader import METADATA
-    from vsx_ros.io.tum_folder import open_folder
-
-    if path.is_dir() and not (path / METADATA).exists():
-        return open_folder(path)
-    if not path.exists():
-        raise InputError(f"there is no {path}; give a bag or a folder with rgb.txt")
-    return open_bag(path, image_topic, odometry_topic)

@@ -48,7 +48,7 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "template_patch": ("|u1", ("T", PATCH, PATCH)),
 }
 """Type and shape of every array; anchor is -1 for a living keyframe, odometry is x, y, theta where there is any,
-readout_motion as ``moving`` takes it."""
+readout_motion as ``moving`` takes it, chain the odometry's epoch."""
 
 MAX_KEYFRAMES = 2**16
 """Many times those of the largest buildings."""
@@ -57,18 +57,18 @@ _ORTHONORMAL = 1e-6
 
 def arrays_of(view: MapView) -> Arrays:
     """All of a view but the pixels of its keyframes."""
-    frames, looks = view.keyframes, view.templates
+    frames, templates = view.keyframes, view.templates
     anchors = [(-1, np.eye(3), np.zeros(3)) if k.anchor is None else _flat(k.anchor) for k in frames]
-    wheels = [k.data.T_odom_base for k in frames]
+    odometry = [k.data.T_odom_base for k in frames]
     arrays = {
         "stamp_ns": [k.data.stamp_ns for k in frames],
         "rotation": view.R_world_cam,
         "translation": view.centres,
         "median_depth": [k.median_depth for k in frames],
-        "chain": [k.chain for k in frames],
+        "chain": [k.odom_epoch for k in frames],
         "map_id": [k.map_id for k in frames],
-        "has_odometry": [T is not None for T in wheels],
-        "odometry": [(0.0, 0.0, 0.0) if T is None else (T.x, T.y, T.theta) for T in wheels],
+        "has_odometry": [T is not None for T in odometry],
+        "odometry": [(0.0, 0.0, 0.0) if T is None else (T.x, T.y, T.theta) for T in odometry],
         "readout_motion": [k.data.camera[-6:] for k in frames],
         "anchor": [a[0] for a in anchors],
         "anchor_rotation": [a[1] for a in anchors],
@@ -83,11 +83,11 @@ def arrays_of(view: MapView) -> Arrays:
         "point": view.points,
         "point_alive": view.alive,
         "point_source": view.source,
-        "point_templates": looks.of_point,
-        "template_source": looks.source,
-        "template_basis": looks.basis,
-        "template_offset": looks.offset,
-        "template_patch": looks.patches,
+        "point_templates": templates.of_point,
+        "template_source": templates.source,
+        "template_basis": templates.basis,
+        "template_offset": templates.offset,
+        "template_patch": templates.patches,
     }
     return {name: np.asarray(arrays[name], LAYOUT[name][0]) for name in LAYOUT}
 
@@ -104,7 +104,8 @@ def check(arrays: Mapping[str, NDArray[Any]], width: int, height: int) -> None:
             raise ValueError(f"{name} holds a number that is not finite")
     for name in ("rotation", "anchor_rotation"):
         R = arrays[name]
-        if np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max() > _ORTHONORMAL or np.linalg.det(R).min() < 0:
+        small = np.abs(R).max() <= 1.0 + _ORTHONORMAL  # the product of larger numbers may overflow
+        if not small or np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max() > _ORTHONORMAL or np.linalg.det(R).min() < 0:
             raise ValueError(f"{name} holds a matrix that is no rotation")
     K, P, T = sizes["K"], sizes["P"], sizes["T"]
     _within(arrays, "anchor", -1, K)

@@ -23,9 +23,9 @@ from vsx_ros.errors import MapFileError, reason_of
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
+from vsx_ros.io.array_chunks import array_bytes, array_of
 from vsx_ros.io.atomic import write_bytes
 from vsx_ros.io.image_size import check_image_size, picture
-from vsx_ros.io.pieces import array_bytes, array_of
 from vsx_ros.io.sealed_archive import seal, unseal
 from vsx_ros.io.slam_map_arrays import LAYOUT, Arrays, arrays_of, check
 from vsx_ros.limits import DAMAGE, DATA_BYTES, MIB, Allowance, file_bytes, json_tree
@@ -145,7 +145,7 @@ def _view(arrays: Arrays, entries: Mapping[str, bytes], camera: PinholeCamera, v
     ends = np.concatenate([[0], np.cumsum(arrays["observation_count"])]).tolist()
     parts = (slice(*pair) for pair in pairwise(ends))
     frames = tuple(_keyframe(k, part, arrays, entries, camera) for k, part in enumerate(parts))
-    looks = (arrays[f"template_{name}"] for name in ("source", "basis", "offset", "patch"))
+    templates = (arrays[f"template_{name}"] for name in ("source", "basis", "offset", "patch"))
     return MapView(
         version,
         frames,
@@ -156,7 +156,7 @@ def _view(arrays: Arrays, entries: Mapping[str, bytes], camera: PinholeCamera, v
         arrays["point"],
         arrays["point_alive"],
         arrays["point_source"],
-        Templates(arrays["point_templates"], *looks),
+        Templates(arrays["point_templates"], *templates),
     )
 
 
@@ -182,16 +182,16 @@ def _keyframe(k: int, part: slice, arrays: Arrays, entries: Mapping[str, bytes],
 def _frame_data(k: int, arrays: Arrays, entries: Mapping[str, bytes], camera: PinholeCamera) -> FrameData:
     """All that follows from the image is made anew; corners follow from earlier images, too, hence are stored."""
     stamp_ns = int(arrays["stamp_ns"][k])
-    wheels = SE2(*arrays["odometry"][k].tolist()) if arrays["has_odometry"][k] else None
+    T_odom_base = SE2(*arrays["odometry"][k].tolist()) if arrays["has_odometry"][k] else None
     if arrays["anchor"][k] >= 0:
-        return FrameData.without_image(stamp_ns, wheels)
+        return FrameData.without_image(stamp_ns, T_odom_base)
     pyramid = build_pyramid(_decoded(entries[image_name(k)], k, camera))
     counts = arrays["corner_count"]
     first = int(counts[:k].sum())
     ends = first + np.cumsum(counts[k])
     corners = indexed(np.split(arrays["corner"][first : ends[-1]], ends[:-1] - first), pyramid)
     own = moving(kernel_camera(camera), arrays["readout_motion"][k])
-    return FrameData(stamp_ns, pyramid, corners, small_image(pyramid), wheels, own)
+    return FrameData(stamp_ns, pyramid, corners, small_image(pyramid), T_odom_base, own)
 
 
 def array_name(name: str) -> str:

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from vsx_ros.errors import InputError, reason_of
 from vsx_ros.geometry.camera import PinholeCamera
-from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.calibration_file import read_calibration
 from vsx_ros.io.image_encoding import decoded
@@ -98,7 +97,7 @@ def _odometry(path: Path) -> list[Odometry]:
         return []
     readings: list[Odometry] = []
     for stamp_ns, T in sorted(read_trajectory(path), key=_stamp):
-        pose = SE2.from_se3(T)
+        pose = T.to_se2()
         v = omega = 0.0
         if readings and stamp_ns > readings[-1].stamp_ns:
             seconds = (stamp_ns - readings[-1].stamp_ns) * 1e-9

@@ -10,11 +10,11 @@ from vsx_ros.kernels.dense import floor_contact, jlinkage, plane_fits, planes, s
 from vsx_ros.kernels.geometry import projection
 from vsx_ros.kernels.occupancy import clearance, ground_cells, ground_map, scan_casting
 from vsx_ros.kernels.occupancy.wavefront import wavefront
-from vsx_ros.kernels.planning import curves, flood, lattice, reeds_shepp, rrt, shortcuts
+from vsx_ros.kernels.planning import curves, flood, lattice, reeds_shepp, reeds_shepp_table, rrt, shortcuts
 from vsx_ros.kernels.slam import bundle, epipolar, pose, pose_graph, tracking
 from vsx_ros.kernels.slam.floor import no_floor
 from vsx_ros.kernels.slam.relative_pose import Factors
-from vsx_ros.kernels.vision import alignment, patches
+from vsx_ros.kernels.vision import alignment, search, warping
 
 
 def warm_up() -> None:
@@ -99,7 +99,7 @@ def _tracking() -> None:
         np.zeros((1, 3)),
         8.0,
     )
-    looks, usable = patches.warp_templates(templates, np.zeros((1, 2)), chosen, warp)
+    warped, usable = warping.warp_templates(templates, np.zeros((1, 2)), chosen, warp)
     epipolar.search_rays(
         camera,
         eye,
@@ -115,7 +115,7 @@ def _tracking() -> None:
     )
     small = np.zeros((30, 40), np.float32)
     alignment.align_small(small, small, 2)
-    found, uv = patches.search(pixels, table, corners, row_table, looks, usable, level, uv, 10.0, 2)
+    found, uv = search.search(pixels, table, corners, row_table, warped, usable, level, uv, 10.0, 2)
     pose.optimize_pose(camera, eye, zero, points, rows, uv, level, found, np.zeros(6), 1, 2, 0.4)
     tracking.count_hidden(uv, np.ones(len(uv)), found, 16, 1.25)
     tracking.index_rows(corners, np.zeros(4, np.int64), table)
@@ -170,7 +170,7 @@ def _planning() -> None:
     )
     remaining = clearance.fringe(wavefront(field >= 0.0, 5, 5) * 0.1, 0.1)
     ground = (field, 0.1, 0.0, 0.0)
-    table = reeds_shepp.reeds_shepp_table()
+    table = reeds_shepp_table.reeds_shepp_table()
     table.flags.writeable = False
     poses, parents, motions, step, winner = lattice.lattice_search(
         *ground, start, 1.0, 24, 1, 0.1, 1.5, goal, remaining, table, 1000

@@ -6,40 +6,40 @@ import math
 from typing import NamedTuple
 
 from vsx_ros.config import Config
-from vsx_ros.control.caution import Caution
-from vsx_ros.control.localization import MAP_FRAME, ODOM_FRAME, Whereabouts
+from vsx_ros.control.localization import MAP_FRAME, ODOM_FRAME, LocalizationState
+from vsx_ros.control.tracking_speed_limiter import TrackingSpeedLimiter
 from vsx_ros.control.trajectory_tracker import FollowResult, FollowStatus, TrajectoryTracker
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.navigation.follower_report import FollowerReport
-from vsx_ros.navigation.silence import LEASE_S, VSLAM_GONE_S, WHEELS_S
+from vsx_ros.navigation.timeouts import LEASE_S, ODOMETRY_S, VSLAM_GONE_S
 from vsx_ros.planning.path import Trajectory
 from vsx_ros.robot import STOP, VelocityCommand
 
 _ZERO_FOR_S = 0.3
 
 
-class Silence(NamedTuple):
-    """For how long nothing was heard of vslam, the wheels, and whoever gave the trajectory [s]."""
+class MessageAges(NamedTuple):
+    """How old the newest message is of vslam, of odometry, and of whoever gave the trajectory [s]."""
 
     vslam_s: float = 0.0
-    wheels_s: float = 0.0
-    pursuer_s: float = 0.0
+    odometry_s: float = 0.0
+    executor_s: float = 0.0
 
 
-NOBODY_IS_SILENT = Silence()
+ALL_FRESH = MessageAges()
 
 
 class Follower:
     """Follows one trajectory at a time. ``step`` it at 10 Hz or more; live 30 Hz, in lock-step once a frame.
 
-    A trajectory in the frame map needs a tracked camera, one in odom the wheels alone. Silence of vslam or of the
-    wheels stops at once and is waited for, the former not for long. A hazard that was not there before, a base that
-    gets stuck and silence of whoever gave the trajectory end the drive at once. All else slows on the path.
+    A trajectory in the frame map needs a tracked camera, one in odom odometry alone. Silence of vslam or of odometry
+    stops at once and is waited for, the former not for long. A hazard that was not there before, a base that gets stuck
+    and silence of whoever gave the trajectory end the drive at once. All else slows on the path.
     """
 
     def __init__(self, config: Config) -> None:
         self._tracker = TrajectoryTracker(config.follower, config.limits)
-        self._caution = Caution(config.follower)
+        self._speed_limiter = TrackingSpeedLimiter(config.follower)
         self._hazards: frozenset[str] = frozenset()
         self._is_stuck = False
         self._id, self._frame = 0, MAP_FRAME
@@ -84,38 +84,38 @@ class Follower:
         self.result = FollowResult(STOP, FollowStatus.STOPPED, reason)
         return self._rest(now_ns)
 
-    def feel(self, now_ns: int, hazards: frozenset[str]) -> VelocityCommand | None:
+    def take_hazards(self, now_ns: int, hazards: frozenset[str]) -> VelocityCommand | None:
         """What is pressed or raised, by name. What is new ends the drive; what was there may be backed away from."""
         new, self._hazards = hazards - self._hazards, hazards
         return self.end(now_ns, f"hazard: {', '.join(sorted(new))}") if new else None
 
-    def step(self, now_ns: int, where: Whereabouts, silence: Silence = NOBODY_IS_SILENT) -> VelocityCommand | None:
+    def step(self, now_ns: int, where: LocalizationState, ages: MessageAges = ALL_FRESH) -> VelocityCommand | None:
         """The command for now; None where there is nothing to say, so that others may drive."""
         was_stuck, self._is_stuck = self._is_stuck, where.stuck is not None
         if not self._following:
             return STOP if 0 <= now_ns - self._rested_ns < _ZERO_FOR_S * 1e9 and self._rested_ns >= 0 else None
-        if silence.pursuer_s > LEASE_S:
+        if ages.executor_s > LEASE_S:
             return self.end(now_ns, "move_base is silent")
-        if silence.vslam_s > VSLAM_GONE_S and not 0 <= now_ns - self._begun_ns <= VSLAM_GONE_S * 1e9:
+        if ages.vslam_s > VSLAM_GONE_S and not 0 <= now_ns - self._begun_ns <= VSLAM_GONE_S * 1e9:
             return self.end(now_ns, "vslam is silent")
         if where.stuck is not None and not was_stuck:
             return self.end(now_ns, where.stuck.reason)
-        self.result = result = self._followed(now_ns, where, _why_silent(silence))
+        self.result = result = self._followed(now_ns, where, _why_stale(ages))
         if self._stop is not None and self._tracker.stands:
             return self.end(now_ns, "stopped on the way")
         if result.status in (FollowStatus.ARRIVED, FollowStatus.DIVERGED):
             return self._rest(now_ns)
         return result.command
 
-    def _followed(self, now_ns: int, where: Whereabouts, silence: str) -> FollowResult:
+    def _followed(self, now_ns: int, where: LocalizationState, stale: str) -> FollowResult:
         blind = self._frame == ODOM_FRAME
         age_s = 0.0 if blind else where.slam_age_s
-        tracking_ok = not silence and (blind or where.slam_state.tracked)
-        factor = 1.0 if blind else self._caution.speed_factor(now_ns, where.slam_state)
+        tracking_ok = not stale and (blind or where.slam_state.tracked)
+        factor = 1.0 if blind else self._speed_limiter.speed_factor(now_ns, where.slam_state)
         result = self._tracker.command(now_ns, where.pose(self._frame), age_s, tracking_ok, factor)
-        if silence:
+        if stale:
             self._tracker.halted()
-            return result._replace(command=STOP, reason=silence)
+            return result._replace(command=STOP, reason=stale)
         return result
 
     def _rest(self, now_ns: int) -> VelocityCommand:
@@ -123,10 +123,10 @@ class Follower:
         return STOP
 
 
-def _why_silent(silence: Silence) -> str:
+def _why_stale(ages: MessageAges) -> str:
     """What must come and does not: without it the pose would stand still while the base drives on."""
-    if silence.vslam_s > LEASE_S:
+    if ages.vslam_s > LEASE_S:
         return "no word from vslam, which may have no images"
-    if silence.wheels_s > WHEELS_S:
+    if ages.odometry_s > ODOMETRY_S:
         return "no odometry that can be used"
     return ""

@@ -1,4 +1,4 @@
-"""From a goal to a timed way there, in the newest map or by the wheels alone."""
+"""From a goal to a timed way there, in the newest map or by odometry alone."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from vsx_ros.control.localization import MAP_FRAME, ODOM_FRAME
 from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.planning.landmark_visibility import Visibility
 from vsx_ros.planning.path import Plan, Refusal, RefusalKind, Trajectory
 from vsx_ros.planning.planner import Planner
 from vsx_ros.planning.planners import PLANNERS
-from vsx_ros.planning.sight import Sight
 from vsx_ros.planning.time_scaling import time_scale
 
 _SAME_MAP_NS = 3_000_000_000
@@ -77,7 +77,7 @@ class GoalPlanner:
             return Refusal(RefusalKind.INFEASIBLE, f"goals are in map or odom, not in frame {frame!r}")
         if grid is None:
             return Refusal(RefusalKind.INFEASIBLE, "there is no map yet to plan in")
-        return self._planner.plan(start, goal, grid, self._rng, self._sight())
+        return self._planner.plan(start, goal, grid, self._rng, self._visibility())
 
     def plan_between(self, start: tuple[str, SE2], goal: tuple[str, SE2]) -> Plan | Refusal:
         """The same for poses that each name their frame."""
@@ -87,8 +87,8 @@ class GoalPlanner:
             )
         return self.plan(start[1], goal[1], goal[0])
 
-    def _sight(self) -> Sight | None:
+    def _visibility(self) -> Visibility | None:
         """What to keep in view; None where no landmarks belong to the map at hand."""
         if len(self._landmarks) == 0 or abs(self._landmarks_ns - self._grid_ns) > _SAME_MAP_NS:
             return None
-        return Sight.of(self._landmarks, self._config.planner)
+        return Visibility.of(self._landmarks, self._config.planner)

@@ -1,18 +1,18 @@
-"""The pursuit of a goal and the follower in one process, as the lock-step run steps them."""
+"""The execution of a goal and the follower in one process, as the lock-step run steps them."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 from vsx_ros.config import Config
-from vsx_ros.control.localization import Whereabouts
+from vsx_ros.control.localization import LocalizationState
 from vsx_ros.control.trajectory_tracker import FollowResult
 from vsx_ros.exploration.decision import NavigationState
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.navigation.costs import Costs
+from vsx_ros.navigation.computing_time import ComputingTime
 from vsx_ros.navigation.follower import Follower
+from vsx_ros.navigation.goal_execution import Act, Brake, Done, ExecutionInput, Follow, GoalExecution, PlanRequest
 from vsx_ros.navigation.goal_planner import GoalPlanner, TimedPlan
-from vsx_ros.navigation.pursuit import Act, Brake, Done, Follow, GoalPursuit, PlanRequest, Seen
 from vsx_ros.planning.path import Refusal
 from vsx_ros.robot import STOP
 
@@ -28,9 +28,9 @@ class _Answer(NamedTuple):
 class Navigator:
     """What the move_base and follower nodes are on the robot, made of the same parts; a plan takes emulated time."""
 
-    def __init__(self, config: Config, planner: GoalPlanner, costs: Costs) -> None:
-        self._planner, self._costs = planner, costs
-        self._pursuit, self._follower = GoalPursuit(config), Follower(config)
+    def __init__(self, config: Config, planner: GoalPlanner, computing_time: ComputingTime) -> None:
+        self._planner, self._computing_time = planner, computing_time
+        self._execution, self._follower = GoalExecution(config), Follower(config)
         self._answer: _Answer | None = None
         self._busy_until_ns = 0
         self.state, self.reason = NavigationState.IDLE, ""
@@ -38,21 +38,21 @@ class Navigator:
 
     def go(self, now_ns: int, goal: SE2, frame: str) -> None:
         """Pursue the goal, in ``frame``; one before it is forgotten."""
-        self._pursuit.begin(now_ns, goal, frame)
+        self._execution.begin(now_ns, goal, frame)
         self.state, self.reason = NavigationState.ACTIVE, ""
 
     def cancel(self, now_ns: int) -> None:
         """Come to rest; then the goal has ended."""
-        self._pursuit.cancel(now_ns, "cancelled")
+        self._execution.cancel(now_ns, "cancelled")
 
-    def step(self, now_ns: int, where: Whereabouts, hazards: frozenset[str] = frozenset()) -> FollowResult:
+    def step(self, now_ns: int, where: LocalizationState, hazards: frozenset[str] = frozenset()) -> FollowResult:
         """The velocity for now, and how the follower came to it."""
         if self._answer is not None and now_ns >= self._answer.ready_ns:
-            self._pursuit.planned(now_ns, self._answer.number, self._answer.way)
+            self._execution.planned(now_ns, self._answer.number, self._answer.way)
             self._answer = None
-        for act in self._pursuit.step(now_ns, Seen(where, self._planner.grid, self._follower.report)):
+        for act in self._execution.step(now_ns, ExecutionInput(where, self._planner.grid, self._follower.report)):
             self._do(now_ns, act)
-        self._follower.feel(now_ns, hazards)
+        self._follower.take_hazards(now_ns, hazards)
         command = self._follower.step(now_ns, where) or STOP
         return self._follower.result._replace(command=command)
 
@@ -72,5 +72,5 @@ class Navigator:
         """One at a time, as the planner's thread does it: an older question is answered first."""
         self.plans += 1
         way = self._planner.timed(request.start, request.goal, request.frame)
-        self._busy_until_ns = max(now_ns, self._busy_until_ns) + self._costs.plan_ns(way)
+        self._busy_until_ns = max(now_ns, self._busy_until_ns) + self._computing_time.plan_ns(way)
         self._answer = _Answer(self._busy_until_ns, request.number, way)

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, FloatArray, Int32Array, IntArray, Points2, Points3
+from vsx_ros.arrays import BoolArray, Int32Array, IntArray, Points2, Points3
 from vsx_ros.config import GroundMapConfig, RobotConfig
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
@@ -19,12 +16,13 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.occupancy import ground_cells
 from vsx_ros.kernels.occupancy import ground_map as kernels
 from vsx_ros.kernels.occupancy.scan_casting import count_free
+from vsx_ros.occupancy.free_ground import MIN_SURE_VOTES, gaps, rims
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from vsx_ros.occupancy.lattice import Lattice
 from vsx_ros.occupancy.surfaces import Surfaces
 from vsx_ros.occupancy.virtual_scan import PolarScans, meet, virtual_scans, writable
 from vsx_ros.occupancy.walls import walls
 
-_MARGIN_M = 0.5
 _MIN_FREE_VOTES = 1
 _MIN_POINTS, _POINT_HITS = 2, 3
 """A lone point is no obstacle, nor one that hardly anybody saw: edges before the far floor are matched wrongly."""
@@ -34,10 +32,6 @@ half of eight pixels of the level are 6 cm at a metre."""
 _SURE_POINTS = 3
 _OVERRULED_BY, _FEW_OVERRULED_BY = 1.0, 0.25
 """Points, or fewer than sure ones, are noise where so many times more keyframes looked through their place."""
-_SPECK_CELLS, _SLIT_CELLS = 3, 7
-_MIN_SURE_VOTES = 2
-"""So many keyframes know a cell at the rim of the free ground, or around a gap in it; where fewer do, it may be a
-face's that they graze, and the gap the shadow of a leg."""
 _WALL_GAP_M, _WALL_SHARE = 1.0, 0.5
 """Of a straight wall, so long a stretch that nobody saw is taken for wall; at least so much of it was seen."""
 _MIN_SPOTS = 6
@@ -47,37 +41,7 @@ _BUMP_ARC_RAD = 1.0
 _BUMP_AHEAD_M = 0.05
 
 
-@dataclass(frozen=True)
-class _Lattice:
-    """Rows and columns of a grid whose origin is a whole number of cells away from the world's."""
-
-    rows: int
-    columns: int
-    resolution: float
-    origin_x: float
-    origin_y: float
-
-    @staticmethod
-    def around(points: Points2, resolution: float) -> _Lattice:
-        """The smallest lattice with a margin around (N, 2) points; around the origin if there are none."""
-        points = np.vstack([points, np.zeros((0 if len(points) else 1, 2))])
-        low = np.floor((points.min(axis=0) - _MARGIN_M) / resolution).astype(int)
-        high = np.ceil((points.max(axis=0) + _MARGIN_M) / resolution).astype(int)
-        columns, rows = (high - low).tolist()
-        return _Lattice(rows, columns, resolution, float(low[0] * resolution), float(low[1] * resolution))
-
-    def arguments(self) -> tuple[int, int, float, float, float]:
-        """In the order that kernels take them."""
-        return self.rows, self.columns, self.resolution, self.origin_x, self.origin_y
-
-    def centres(self) -> tuple[FloatArray, FloatArray]:
-        """x of each column (1, columns) and y of each row (rows, 1) [m]."""
-        x = self.origin_x + (np.arange(self.columns, dtype=np.float64) + 0.5) * self.resolution
-        y = self.origin_y + (np.arange(self.rows, dtype=np.float64) + 0.5) * self.resolution
-        return x[None, :], y[:, None]
-
-
-class Driven(NamedTuple):
+class DriveHistory(NamedTuple):
     """Of the base: trail, poses driven through, free as wide as the robot; bumps, poses where a bumper was pressed, an
     arc in front of each occupied for good; start, in front of which the operator promised ``start_clear_m`` of free
     floor."""
@@ -100,7 +64,7 @@ class GroundMap:
         points_world: Points3,
         obs_keyframe: IntArray,
         obs_point: IntArray,
-        driven: Driven | None = None,
+        driven: DriveHistory | None = None,
         surfaces: Surfaces | None = None,
         obs_level: IntArray | None = None,
     ) -> OccupancyGrid:
@@ -113,7 +77,7 @@ class GroundMap:
         ones show no obstacle but end what is free.
         Raises InputError when an observation or a surface names a keyframe or point that is not there.
         """
-        trail, bumps, start = driven or Driven()
+        trail, bumps, start = driven or DriveHistory()
         self._check(len(T_world_cams), points_world, obs_keyframe, obs_point, obs_level)
         scans = virtual_scans(T_world_cams, points_world, obs_keyframe, obs_point, self._config)
         spots, touched, outline = self._touched(surfaces or Surfaces.none(), len(T_world_cams))
@@ -124,7 +88,7 @@ class GroundMap:
         arcs = self._bump_cells(bumps)
         seen = scans.corners(points_world, obs_point)
         extent = np.vstack([seen, outline, self._passed(trail, start), arcs])
-        lattice = _Lattice.around(extent, self._config.resolution_m)
+        lattice = Lattice.around(extent, self._config.resolution_m)
         free_votes = count_free(scans.positions, scans.headings, scans.free, *lattice.arguments())
         occupied = self._occupied(scans, points_world, obs_point, free_votes, lattice)
         occupied |= _solid(spots, touched, free_votes, lattice)
@@ -134,11 +98,11 @@ class GroundMap:
         data = np.full((lattice.rows, lattice.columns), UNKNOWN, np.int8)
         data[(free_votes >= _MIN_FREE_VOTES) | known] = FREE
         data[occupied] = OCCUPIED
-        data[_gaps(data, known | (free_votes >= _MIN_SURE_VOTES))] = FREE
-        unsure = (data == UNKNOWN) | ((data == FREE) & (free_votes < _MIN_SURE_VOTES))
+        data[gaps(data, known | (free_votes >= MIN_SURE_VOTES))] = FREE
+        unsure = (data == UNKNOWN) | ((data == FREE) & (free_votes < MIN_SURE_VOTES))
         solid = walls(occupied, lattice.resolution, 2 * self._robot.radius_m, _WALL_GAP_M, _WALL_SHARE)
         data[unsure & solid] = OCCUPIED
-        data[_rims(data, free_votes)] = UNKNOWN
+        data[rims(data, free_votes)] = UNKNOWN
         data[known] = FREE
         grid = OccupancyGrid(data, lattice.resolution, lattice.origin_x, lattice.origin_y)
         if not len(arcs):
@@ -169,7 +133,7 @@ class GroundMap:
         return np.array([*poses, *ahead]).reshape(-1, 2)
 
     def _occupied(
-        self, scans: PolarScans, points_world: Points3, obs_point: IntArray, free_votes: Int32Array, lattice: _Lattice
+        self, scans: PolarScans, points_world: Points3, obs_point: IntArray, free_votes: Int32Array, lattice: Lattice
     ) -> BoolArray:
         """Cells with enough observations of obstacle points, the few that others look through left out."""
         points, point = writable(points_world, np.float64).reshape(-1, 3), writable(obs_point, np.int64)
@@ -205,7 +169,7 @@ class GroundMap:
             )
         return Surfaces(points, keyframe, sigma), touched, corners if touched.any() else np.zeros((0, 2))
 
-    def _start_strip(self, start: SE2, lattice: _Lattice) -> BoolArray:
+    def _start_strip(self, start: SE2, lattice: Lattice) -> BoolArray:
         """The promised floor: from behind the robot to ``start_clear_m`` in front, a little wider than the robot."""
         x, y = lattice.centres()
         half_width = self._robot.radius_m + 2 * lattice.resolution
@@ -221,7 +185,7 @@ class GroundMap:
         )
         return strip
 
-    def _footprints(self, trail: Sequence[SE2], lattice: _Lattice) -> BoolArray:
+    def _footprints(self, trail: Sequence[SE2], lattice: Lattice) -> BoolArray:
         """Cells whose centre the robot's body has covered."""
         places = np.array([(pose.x, pose.y) for pose in trail]).reshape(-1, 2)
         return ground_cells.cover_discs(places, self._robot.radius_m, *lattice.arguments())
@@ -235,39 +199,7 @@ class GroundMap:
         return np.vstack([np.zeros((0, 2)), *(pose @ arc for pose in bumps)])
 
 
-def _solid(spots: Surfaces, touched: BoolArray, free_votes: Int32Array, lattice: _Lattice) -> BoolArray:
+def _solid(spots: Surfaces, touched: BoolArray, free_votes: Int32Array, lattice: Lattice) -> BoolArray:
     """Cells under surfaces, but for those that many keyframes look through."""
     votes = ground_cells.count_spots(spots.points, touched, *lattice.arguments())
     return ground_cells.believed_spots(votes, free_votes, _MIN_SPOTS, _SEEN_THROUGH)
-
-
-def _gaps(data: NDArray[np.int8], sure: BoolArray) -> BoolArray:
-    """Unknown cells in gaps of at most two cells between free ones, two cells or more from any obstacle; and unknown
-    patches at most three cells wide and high whose every neighbour is free. Sparse rays leave both everywhere. Only
-    ``sure`` free cells count."""
-    free = np.pad(((data == FREE) & sure).astype(np.uint8), 2)
-    closed = cv2.morphologyEx(free, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))[2:-2, 2:-2] > 0
-    near_obstacle = cv2.dilate((data == OCCUPIED).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
-    gaps: BoolArray = closed & (data == UNKNOWN) & ~near_obstacle
-    unknown = ((data == UNKNOWN) & ~gaps).astype(np.uint8)
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(unknown, connectivity=8)
-    small = (stats[:, cv2.CC_STAT_WIDTH] <= _SPECK_CELLS) & (stats[:, cv2.CC_STAT_HEIGHT] <= _SPECK_CELLS)
-    small[0] = False
-    doubtful = cv2.dilate(((data == FREE) & ~sure).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    for beside in (labels[near_obstacle | doubtful], labels[0], labels[-1], labels[:, 0], labels[:, -1]):
-        small[beside] = False
-    gaps |= small[labels]
-    return gaps
-
-
-def _rims(data: NDArray[np.int8], free_votes: Int32Array) -> BoolArray:
-    """Free cells beside obstacles, and beside what nobody saw, that few keyframes looked through: a ray along a face
-    passes through the face's own cells, and what nobody saw may be a face. Unknown slits narrower than seven cells
-    between free ones are not meant: they are where rays happen to lie apart."""
-    free = np.pad((data == FREE).astype(np.uint8), _SLIT_CELLS)
-    square = np.ones((_SLIT_CELLS, _SLIT_CELLS), np.uint8)
-    closed = cv2.morphologyEx(free, cv2.MORPH_CLOSE, square)[_SLIT_CELLS:-_SLIT_CELLS, _SLIT_CELLS:-_SLIT_CELLS]
-    beyond = (closed == 0) | (data == OCCUPIED)
-    rims: BoolArray = (data == FREE) & (free_votes < _MIN_SURE_VOTES)
-    rims &= cv2.dilate(beyond.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    return rims

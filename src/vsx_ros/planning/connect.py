@@ -7,11 +7,11 @@ import math
 from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.planning import joint_qp
+from vsx_ros.planning.feasibility import check_question, feasible
+from vsx_ros.planning.heading_sequences import free_space_sequences, nanometres, shortest_segments
 from vsx_ros.planning.path import CUSP_COST_M, Path, Refusal, certified
 from vsx_ros.planning.pieces import Piece, arc_piece
 from vsx_ros.planning.position_qp import connect_paper
-from vsx_ros.planning.reach import check_question, feasible
-from vsx_ros.planning.words import free_space_sequences, nanometres, shortest_segments
 
 __all__ = ["connect", "connections", "feasible"]
 

@@ -1,4 +1,4 @@
-"""The joint programme of a skeleton inside the corridor.
+"""The joint programme of a coarse path inside the corridor.
 
 Positions are linear in the unknowns, so at samples of every piece the clearance is kept by half-planes of the margin
 field, linearised at the previous solution and trusted only as far as that stays valid; a few rounds suffice.
@@ -11,13 +11,13 @@ import numpy as np
 from vsx_ros.arrays import BoolArray, FloatArray
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.planning import joint_qp
+from vsx_ros.planning.coarse_path import CoarsePath
 from vsx_ros.planning.corridor import Corridor
 from vsx_ros.planning.flat_output import COEFFICIENTS, Quadrature
+from vsx_ros.planning.heading_sequences import HeadingSequence, merge_segments
 from vsx_ros.planning.path import Path, certified
 from vsx_ros.planning.pieces import Piece
 from vsx_ros.planning.qp import QpProblem, solve_exact
-from vsx_ros.planning.skeleton import Skeleton
-from vsx_ros.planning.words import HeadingSequence, merge_segments
 
 _MOST_IN_A_LEG, _MOST_PIECES = 12, 7  # the programme grows with the cube of its pieces; long ways are fitted in parts
 _SAMPLES = Quadrature(intervals=32, order=4)
@@ -32,8 +32,8 @@ _HOPELESS_M = (0.05, 0.02, 0.0, 0.0, 0.0)
 _CONVERGED = 0.01
 
 
-def skeleton_points(sequence: HeadingSequence, pieces: list[list[Piece]]) -> FloatArray:
-    """(32 K, 2) points of the skeleton with the headings the pieces will have at their samples.
+def coarse_points(sequence: HeadingSequence, pieces: list[list[Piece]]) -> FloatArray:
+    """(32 K, 2) points of the coarse path with the headings the pieces will have at their samples.
 
     pieces[k]: arcs and lines that piece k of the sequence replaces.
     """
@@ -52,16 +52,16 @@ def skeleton_points(sequence: HeadingSequence, pieces: list[list[Piece]]) -> Flo
 
 
 def smooth(
-    skeleton: Skeleton, cuts: frozenset[int], start: SE2, goal: SE2, phi: float, corridor: Corridor
+    coarse: CoarsePath, cuts: frozenset[int], start: SE2, goal: SE2, phi: float, corridor: Corridor
 ) -> Path | None:
-    """The shortest path found with the skeleton's headings that stays in the corridor, or None.
+    """The shortest path found with the coarse path's headings that stays in the corridor, or None.
 
     cuts: segments after which a new piece begins although the way runs straight on.
     """
-    sequence = merge_segments(skeleton.turns, skeleton.lengths, skeleton.phi, goal.theta - start.theta, cuts)
+    sequence = merge_segments(coarse.turns, coarse.lengths, coarse.phi, goal.theta - start.theta, cuts)
     if sequence is None or len(sequence.turns) > (_MOST_PIECES if sequence.cusps else _MOST_IN_A_LEG):
         return None
-    arcs = skeleton.arcs(start)
+    arcs = coarse.arcs(start)
     return fit(sequence, [[arcs[i] for i in members] for members in sequence.members], start, goal, phi, corridor)
 
 
@@ -70,11 +70,11 @@ def fit(
 ) -> Path | None:
     """As ``smooth`` for a sequence.
 
-    runs: the skeleton's arcs and lines, grouped by piece; it is where the search begins.
+    runs: the coarse path's arcs and lines, grouped by piece; it is where the search begins.
     """
     base = joint_qp.build(sequence, start, goal, phi)
     X, Y = joint_qp.position_rows(sequence, start.theta, _SAMPLES)
-    guide = skeleton_points(sequence, runs) - np.array([start.x, start.y])
+    guide = coarse_points(sequence, runs) - np.array([start.x, start.y])
     first = solve_exact(_following(base, X, Y, guide))
     if first is None or first.duals is None:
         return None

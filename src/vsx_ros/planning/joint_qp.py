@@ -17,9 +17,9 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.planning import curves as kernels
 from vsx_ros.planning.flat_output import COARSE, COEFFICIENTS, FLAGS, Quadrature
 from vsx_ros.planning.fov_bound import RATE_ROWS, curvature_bound, least_rate
+from vsx_ros.planning.heading_sequences import HeadingSequence
 from vsx_ros.planning.pieces import Piece, curve_piece
 from vsx_ros.planning.qp import QpProblem, solve_exact
-from vsx_ros.planning.words import HeadingSequence
 
 _ENERGY = 0.01
 _FLOOR_M = 0.01

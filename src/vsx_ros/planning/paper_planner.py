@@ -14,11 +14,11 @@ from vsx_ros.occupancy.distance import travel_distance, with_fringe
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.connect import same_pose
 from vsx_ros.planning.corridor import Corridor, build_corridor
+from vsx_ros.planning.feasibility import check_question
+from vsx_ros.planning.landmark_visibility import Visibility
 from vsx_ros.planning.path import Path, Plan, Refusal, RefusalKind, certified
 from vsx_ros.planning.pieces import Piece, arc_piece
 from vsx_ros.planning.position_qp import connect_paper
-from vsx_ros.planning.reach import check_question
-from vsx_ros.planning.sight import Sight
 
 _STATES = 4000
 _ATTEMPTS = 20
@@ -33,9 +33,9 @@ class PaperPlanner:
         self._robot = robot
 
     def plan(
-        self, start: SE2, goal: SE2, grid: OccupancyGrid, rng: np.random.Generator, sight: Sight | None = None
+        self, start: SE2, goal: SE2, grid: OccupancyGrid, rng: np.random.Generator, visibility: Visibility | None = None
     ) -> Plan | Refusal:
-        """As ``Planner.plan``, without ``sight``. Raises PlanningError for poses that are not finite."""
+        """As ``Planner.plan``, without ``visibility``. Raises PlanningError for poses that are not finite."""
         phi = self._config.phi_rad_m
         check_question(start, goal, phi)
         corridor = build_corridor(grid, start, goal, self._config, self._robot)

@@ -14,16 +14,9 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.planning.flood import flood, flood_costs
 from vsx_ros.occupancy.distance import DistanceField, travel_distance, with_fringe
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.planning import corridor_qp
-from vsx_ros.planning.connect import connections, same_pose
-from vsx_ros.planning.corridor import Corridor, build_corridor
-from vsx_ros.planning.path import STOP_COST_M, Path, Plan, Refusal, RefusalKind, certified
-from vsx_ros.planning.pieces import Piece, turn_piece
-from vsx_ros.planning.reach import check_question
-from vsx_ros.planning.sight import Sight
-from vsx_ros.planning.skeleton import (
+from vsx_ros.planning.coarse_path import (
     OCTILE,
-    Skeleton,
+    CoarsePath,
     about_turn,
     back_lattice,
     coarse_lattice,
@@ -35,9 +28,13 @@ from vsx_ros.planning.skeleton import (
     search_tree,
     shortened,
 )
-from vsx_ros.planning.unconstrained import UnconstrainedPlanner
-
-__all__ = ["Planner", "UnconstrainedPlanner"]
+from vsx_ros.planning.connect import connections, same_pose
+from vsx_ros.planning.corridor import Corridor, build_corridor
+from vsx_ros.planning.feasibility import check_question
+from vsx_ros.planning.landmark_visibility import Visibility
+from vsx_ros.planning.path import STOP_COST_M, Path, Plan, Refusal, RefusalKind, certified
+from vsx_ros.planning.pieces import turn_piece
+from vsx_ros.planning.smoothing import smoothed
 
 _TIGHT = 0.9
 _DIRECT = 4
@@ -48,7 +45,6 @@ _ANOTHER = 1.002  # a way hardly longer than the one before is most likely the s
 _REVERSE_SLACK_M = 1e-6
 _MOST_BLIND_M, _SAME_PLACE_M = 1.5, 0.02
 _DETOUR, _DETOUR_M = 1.2, 0.5  # by which a way with the preferred clearance may be longer
-_STRAIGHTS_M = (math.inf, 0.5)
 
 
 class Planner:
@@ -61,13 +57,13 @@ class Planner:
         self._wide = msgspec.structs.replace(config, clearance_m=preferred_m)
 
     def plan(
-        self, start: SE2, goal: SE2, grid: OccupancyGrid, rng: np.random.Generator, sight: Sight | None = None
+        self, start: SE2, goal: SE2, grid: OccupancyGrid, rng: np.random.Generator, visibility: Visibility | None = None
     ) -> Plan | Refusal:
         """A collision-free plan to the exact goal pose over known free ground, or a refusal with its reason.
 
         The way keeps config.preferred_clearance_m where that makes no detour, else config.clearance_m.
 
-        With ``sight`` the way along which too few landmarks are in view counts several times, so that a path which
+        With ``visibility`` the way along which too few landmarks are in view counts several times, so that a path which
         keeps the map in view is preferred to a shorter one that loses it; ``Plan.blind_spans`` says what remains, and a
         way with more of it in one go than config.max_blind_m is not taken. The same question with the same state of rng
         gives the same answer to the last bit. Raises PlanningError for poses that are not finite.
@@ -85,10 +81,10 @@ class Planner:
             remaining_wide = _remaining(wide, goal, grid)
             cell = corridor.margin.cell(start.x, start.y)
             if remaining_wide[cell] < _DETOUR * remaining[cell] + _DETOUR_M:
-                plan = self._in_corridor(start, goal, wide, remaining_wide, grid, rng, sight)
+                plan = self._in_corridor(start, goal, wide, remaining_wide, grid, rng, visibility)
                 if isinstance(plan, Plan) or plan.kind is RefusalKind.BLIND:
                     return plan
-        return self._in_corridor(start, goal, corridor, remaining, grid, rng, sight)
+        return self._in_corridor(start, goal, corridor, remaining, grid, rng, visibility)
 
     def _in_corridor(
         self,
@@ -98,16 +94,16 @@ class Planner:
         remaining: FloatArray,
         grid: OccupancyGrid,
         rng: np.random.Generator,
-        sight: Sight | None,
+        visibility: Visibility | None,
     ) -> Plan | Refusal:
         """remaining: the way from each cell to the goal [m]."""
 
         def cost(path: Path) -> float:
-            return path.cost_m + (_BLIND_COST * sight.blind_m(path, grid) if sight is not None else 0.0)
+            return path.cost_m + (_BLIND_COST * visibility.blind_m(path, grid) if visibility is not None else 0.0)
 
-        direct = self._direct(start, goal, corridor, enough=1 if sight is None else _DIRECT)
-        if direct and (sight is None or cost(direct[0]) == direct[0].cost_m):
-            return self._plan(direct[0], goal, corridor, sight, grid)
+        direct = self._direct(start, goal, corridor, enough=1 if visibility is None else _DIRECT)
+        if direct and (visibility is None or cost(direct[0]) == direct[0].cost_m):
+            return self._plan(direct[0], goal, corridor, visibility, grid)
         if not math.isfinite(remaining[corridor.margin.cell(start.x, start.y)]):
             return Refusal(
                 RefusalKind.DISCONNECTED,
@@ -121,7 +117,7 @@ class Planner:
                 f"the goal is connected, but no path with phi {self._config.phi_rad_m:g} rad/m and reverse legs of at "
                 f"most {self._config.max_reverse_m:g} m was found within the search budget",
             )
-        ways = (self._plan(path, goal, corridor, sight, grid) for path in sorted(found, key=cost))
+        ways = (self._plan(path, goal, corridor, visibility, grid) for path in sorted(found, key=cost))
         best = next(ways)
         return best if isinstance(best, Plan) else next((way for way in ways if isinstance(way, Plan)), best)
 
@@ -181,18 +177,18 @@ class Planner:
         return [path for path in best if self._allowed(path, corridor)]
 
     def _plan(
-        self, path: Path, goal: SE2, corridor: Corridor, sight: Sight | None, grid: OccupancyGrid
+        self, path: Path, goal: SE2, corridor: Corridor, visibility: Visibility | None, grid: OccupancyGrid
     ) -> Plan | Refusal:
-        if sight is None:
+        if visibility is None:
             return Plan(goal, self._finished(path, goal, corridor), "fov")
-        spans = sight.blind_spans(path, grid)
+        spans = visibility.blind_spans(path, grid)
         longest = max((last - first for first, last in spans.tolist()), default=0.0)
         if longest > self._config.max_blind_m:
             return Refusal(
                 RefusalKind.BLIND,
                 f"of the best way, {path.length_m:.1f} m long, {longest:.1f} m in one go would be driven with fewer "
-                f"than {sight.least} of the {len(sight.landmarks_world)} landmarks in view or all on one side "
-                f"(limit {self._config.max_blind_m:g} m)",
+                f"than {visibility.least} of the {len(visibility.landmarks_world)} landmarks in view or all on "
+                f"one side (limit {self._config.max_blind_m:g} m)",
             )
         return Plan(goal, self._finished(path, goal, corridor), "fov", spans)
 
@@ -203,29 +199,30 @@ class Planner:
     def _through_map(
         self, start: SE2, goal: SE2, corridor: Corridor, remaining: FloatArray, rng: np.random.Generator
     ) -> list[Path]:
-        """Paths along a few skeletons: a free Reeds-Shepp word, or what a search finds."""
-        tight, limit, margin = _TIGHT * self._config.phi_rad_m, self._config.max_reverse_m, corridor.margin
-        skeletons = free_words(margin, start, goal, tight, limit)[:1]
+        """Paths along a few coarse paths: a free Reeds-Shepp word, or what a search finds."""
+        phi, limit, margin = self._config.phi_rad_m, self._config.max_reverse_m, corridor.margin
+        tight = _TIGHT * phi
+        coarse_paths = free_words(margin, start, goal, tight, limit)[:1]
         bound = OCTILE * float(remaining[margin.cell(start.x, start.y)])
-        if not skeletons or skeletons[0].length_m > _NEAR_BOUND * bound + STOP_COST_M:
+        if not coarse_paths or coarse_paths[0].length_m > _NEAR_BOUND * bound + STOP_COST_M:
             raw = self._searched(start, goal, margin, remaining, rng)
             if raw is not None:
-                skeletons += [shortened(raw, margin, start, limit, rng) for _ in range(_SHORTENINGS)]
+                coarse_paths += [shortened(raw, margin, start, limit, rng) for _ in range(_SHORTENINGS)]
         found: list[Path] = []
         before_m = 0.0
-        for skeleton in sorted(skeletons, key=lambda s: s.length_m):
-            if skeleton.length_m < _ANOTHER * before_m:
+        for coarse in sorted(coarse_paths, key=lambda s: s.length_m):
+            if coarse.length_m < _ANOTHER * before_m:
                 continue
-            before_m = skeleton.length_m
-            found += [p for p in self._smoothed(skeleton, start, goal, corridor) if self._allowed(p, corridor)]
+            before_m = coarse.length_m
+            found += [p for p in smoothed(coarse, start, goal, phi, corridor) if self._allowed(p, corridor)]
             best = min(found, key=lambda path: path.cost_m, default=None)
-            if best is not None and not best.jumps and best.cost_m < skeleton.length_m + 2.0 * STOP_COST_M:
+            if best is not None and not best.jumps and best.cost_m < coarse.length_m + 2.0 * STOP_COST_M:
                 break
         return found
 
     def _searched(
         self, start: SE2, goal: SE2, margin: DistanceField, remaining: FloatArray, rng: np.random.Generator
-    ) -> Skeleton | None:
+    ) -> CoarsePath | None:
         """A way over a lattice: from the start, from the goal, with arcs half as long; else one of a random tree."""
         tight, limit = _TIGHT * self._config.phi_rad_m, self._config.max_reverse_m
         coarse, fine = coarse_lattice(tight), fine_lattice(tight)
@@ -236,41 +233,6 @@ class Planner:
             way = search_lattice(margin, start, goal, tight, limit, remaining, fine)
             way = way or search_lattice_back(margin, start, goal, tight, limit, fine)
         return way or search_tree(margin, start, goal, tight, limit, rng)
-
-    def _smoothed(self, skeleton: Skeleton, start: SE2, goal: SE2, corridor: Corridor) -> list[Path]:
-        """The skeleton itself, with stops where its curvature jumps, and its smooth version as far as there is one."""
-        paths = [certified(start, goal, skeleton.pieces(start), "arcs and lines")]
-        whole = self._fitted(skeleton, start, goal, corridor)
-        if whole is not None:
-            return [*paths, whole]
-        pieces = self._in_parts(skeleton, start, corridor)
-        return [*paths, certified(start, goal, pieces, "Bernstein coefficients; arcs and lines")]
-
-    def _in_parts(self, skeleton: Skeleton, start: SE2, corridor: Corridor) -> tuple[Piece, ...]:
-        """A way that cannot be fitted as a whole, in two halves, and these again: the base stops in between.
-
-        It is cut where it stops anyway, as long as there are such places.
-        """
-        pieces: tuple[Piece, ...] = ()
-        at = start
-        for part in skeleton.parted():
-            arcs = part.pieces(at)
-            if len(arcs) > 1:  # one arc from rest to rest has nothing to smooth
-                smooth = self._fitted(part, at, arcs[-1].end, corridor)
-                pieces += smooth.pieces if smooth is not None else self._in_parts(part, at, corridor)
-            else:
-                pieces += arcs
-            at = arcs[-1].end
-        return pieces
-
-    def _fitted(self, skeleton: Skeleton, start: SE2, goal: SE2, corridor: Corridor) -> Path | None:
-        """The smooth version of a way, with its long straight lines whole or cut."""
-        for longest_straight_m in _STRAIGHTS_M:
-            halved, cuts = skeleton.halved(longest_straight_m)
-            smooth = corridor_qp.smooth(halved, cuts, start, goal, self._config.phi_rad_m, corridor)
-            if smooth is not None:
-                return smooth
-        return None
 
     def _finished(self, path: Path, goal: SE2, corridor: Corridor) -> Path:
         clearance = corridor.least_clearance(path)

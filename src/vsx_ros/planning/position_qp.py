@@ -13,6 +13,7 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray
 from vsx_ros.geometry.se2 import SE2, wrap_angle
+from vsx_ros.planning.feasibility import feasible
 from vsx_ros.planning.flat_output import COARSE, COEFFICIENTS, FINE, jacobi
 from vsx_ros.planning.heading_qp import (
     HEADING_COEFFICIENTS,
@@ -25,7 +26,6 @@ from vsx_ros.planning.heading_qp import (
 from vsx_ros.planning.path import Path, Refusal, RefusalKind, certified
 from vsx_ros.planning.pieces import Piece
 from vsx_ros.planning.qp import QpProblem, solve_osqp
-from vsx_ros.planning.reach import feasible
 
 GRID_POINTS = 50
 _ROUNDS = 4

@@ -12,10 +12,10 @@ from vsx_ros.kernels.occupancy.clearance import arc_is_free
 from vsx_ros.occupancy.distance import travel_distance, with_fringe
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.corridor import Corridor, build_corridor
+from vsx_ros.planning.feasibility import check_question
+from vsx_ros.planning.landmark_visibility import Visibility
 from vsx_ros.planning.path import Plan, Refusal, RefusalKind, certified
 from vsx_ros.planning.pieces import Piece, arc_piece, turn_piece
-from vsx_ros.planning.reach import check_question
-from vsx_ros.planning.sight import Sight
 
 _SMALLEST_TURN = 1e-9
 _SMALLEST_DRIVE_M = 1e-9
@@ -29,9 +29,9 @@ class UnconstrainedPlanner:
         self._robot = robot
 
     def plan(
-        self, start: SE2, goal: SE2, grid: OccupancyGrid, rng: np.random.Generator, sight: Sight | None = None
+        self, start: SE2, goal: SE2, grid: OccupancyGrid, rng: np.random.Generator, visibility: Visibility | None = None
     ) -> Plan | Refusal:
-        """As ``Planner.plan``, without ``sight`` and rng. Raises PlanningError for poses that are not finite."""
+        """As ``Planner.plan``, without ``visibility`` and rng. Raises PlanningError for poses that are not finite."""
         check_question(start, goal, self._config.phi_rad_m)
         corridor = build_corridor(grid, start, goal, self._config, self._robot)
         if isinstance(corridor, Refusal):

@@ -6,12 +6,12 @@ from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 from vsx_hw import bases, emulators
-from vsx_hw.guardian import Guardians
 from vsx_hw.readings import BaseReading, LinkStatus, Signal
 from vsx_hw.serial_emulator import Plant, SerialEmulator
+from vsx_hw.watchdog import Watchdogs
 from vsx_ros.errors import ConfigError
 from vsx_ros.registry import Registry
-from vsx_ros.ros.topic_base import TopicBase, TopicNames, Unguarded
+from vsx_ros.ros.topic_base import NoWatchdogs, TopicBase, TopicNames
 
 
 class Base(Protocol):
@@ -82,10 +82,10 @@ def base_driver(settings: BaseSettings, hears: Listeners) -> Base:
     return BASES[settings.robot_type.partition(":")[0]](settings, hears)
 
 
-def base_guardians(robot_type: str, port: str) -> Guardians | Unguarded:
+def base_watchdogs(robot_type: str, port: str) -> Watchdogs | NoWatchdogs:
     """The processes that stop a base at a serial port should this one die or hang."""
     base = bases.BASES.get(robot_type)
-    return Unguarded() if base is None else Guardians(port, base.baud, base.stop_bytes())
+    return NoWatchdogs() if base is None else Watchdogs(port, base.baud, base.stop_bytes())
 
 
 def base_emulator(robot_type: str, plant: Plant, link: str, seed: int) -> SerialEmulator:

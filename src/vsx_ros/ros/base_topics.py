@@ -12,13 +12,14 @@ from tf2_msgs.msg import TFMessage
 
 from vsx_hw.readings import BaseReading, Hazard
 from vsx_ros.ros import base_messages, topics
-from vsx_ros.ros.topic_base import TopicNames
+from vsx_ros.ros.topic_base import own_driver_odometry
 
 
 class BaseTopics:
     """``tell`` every reading. Of a base with a driver of its own only what that driver does not say under our names."""
 
-    def __init__(self, own_driver: TopicNames | None) -> None:
+    def __init__(self, robot_type: str) -> None:
+        own_driver = own_driver_odometry(robot_type)
         ours = own_driver is None
         renamed = own_driver is not None and rospy.resolve_name(own_driver.odometry) != rospy.resolve_name(topics.ODOM)
         odometry, tf = ours or renamed, ours and rospy.get_param("~publish_tf", True)

@@ -1,8 +1,7 @@
-"""``vsx calibrate camera --live``. Run as ``python -m vsx_ros.ros.calibrate_camera`` with its options."""
+"""``vsx calibrate camera --live``."""
 
 from __future__ import annotations
 
-import argparse
 import signal
 import sys
 import threading
@@ -17,14 +16,13 @@ from vsx_ros.calibration.board import Board
 from vsx_ros.calibration.camera import MIN_VIEWS, BoardView, calibrate_camera
 from vsx_ros.calibration.variety import ViewChooser
 from vsx_ros.calibration.verdict import Grade
-from vsx_ros.cli.calibrate import add_camera_arguments
-from vsx_ros.cli.calibrate_camera import report
-from vsx_ros.cli.exit_codes import DONE, FAILED
-from vsx_ros.cli.stoppable import Heard
 from vsx_ros.errors import InputError
 from vsx_ros.robot import Frame
-from vsx_ros.ros import calls, guest, images, process, topics
+from vsx_ros.ros import calls, clock, images, operator_command, topics
 from vsx_ros.ros.progress import Progress
+from vsx_ros.ros.subscribers import image_subscriber
+from vsx_ros.runs.exit_codes import DONE, FAILED
+from vsx_ros.runs.interruptible import SignalFlag
 
 _STILL_PX, _STILL_S = 2.0, 0.5
 _FIRST_IMAGE_S, _SERVICE_S = 10.0, 5.0
@@ -40,7 +38,7 @@ class BoardWatcher:
         self._before: tuple[int, Pixels] | None = None
         self.chooser: ViewChooser | None = None
         self.size = (0, 0)
-        process.image_subscriber(self._on_image)
+        image_subscriber(self._on_image)
 
     def _on_image(self, msg: Image) -> None:
         frame = images.frame(msg)
@@ -71,11 +69,12 @@ class BoardWatcher:
         return f"{name} taken" if self.chooser.offer(BoardView(name, pixels)) else "seen like this before"
 
 
-def calibrate(args: argparse.Namespace) -> int:
+@operator_command.command
+def calibrate(board: Board) -> int:
     """Collect until nothing is missing or Ctrl-C; calibrate, and let the camera node store it."""
-    guest.join("calibrate")
-    ended = Heard(signal.SIGINT, signal.SIGTERM)
-    board, progress = Board.parse(args.board, args.pattern), Progress(sys.stderr)
+    operator_command.join("calibrate")
+    ended = SignalFlag(signal.SIGINT, signal.SIGTERM)
+    progress = Progress(sys.stderr)
     watcher = BoardWatcher(board)
     while not ended.came and not rospy.is_shutdown():
         said = watcher.look(_FIRST_IMAGE_S)
@@ -90,12 +89,12 @@ def calibrate(args: argparse.Namespace) -> int:
     if watcher.chooser is None or len(watcher.chooser.views) < MIN_VIEWS:
         raise InputError(f"ended with too few views of the board, {MIN_VIEWS} are needed; nothing is stored")
     result = calibrate_camera(board, watcher.chooser.views, *watcher.size)
-    sys.stdout.write("\n".join([f"{len(watcher.chooser.views)} views", *(f"  {line}" for line in report(result))]))
+    sys.stdout.write("\n".join([f"{len(watcher.chooser.views)} views", *(f"  {line}" for line in result.report())]))
     sys.stdout.write(f"\n{result.verdict}\n")
     if result.verdict.grade is Grade.BAD:
         sys.stdout.write("  it is not stored\n")
         return FAILED
-    info = images.camera_info(result.camera, process.now_ns(), topics.OPTICAL_FRAME)
+    info = images.camera_info(result.camera, clock.now_ns(), topics.OPTICAL_FRAME)
     return _store(rospy.resolve_name(topics.SET_CAMERA_INFO), info)
 
 
@@ -108,14 +107,3 @@ def _store(service: str, info: object) -> int:
         raise InputError(f"{service} does not store it: {answer.status_message}")
     sys.stdout.write(f"  the camera node has {answer.status_message} and uses it now\n")
     return DONE
-
-
-def main() -> int:
-    """Parse and run."""
-    parser = argparse.ArgumentParser(prog="vsx calibrate camera --live")
-    add_camera_arguments(parser)
-    return guest.command(calibrate, parser.parse_args())
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -22,25 +22,25 @@ class NoAnswer(rospy.ROSException):
     """Somebody did not answer in time."""
 
 
-class ImpatientTransport(xmlrpc.client.Transport):
+class TimeoutTransport(xmlrpc.client.Transport):
     """A hanging master accepts connections and never answers. Other nodes are rospy's to ask, on threads of its own."""
 
     def __init__(self, *others: Any, patience_s: float = MASTER_S, **options: Any) -> None:
         super().__init__(*others, **options)
-        self._patience_s = patience_s
+        self._timeout_s = patience_s
 
     def make_connection(self, host: Any) -> http.client.HTTPConnection:
         """To the master, with patience; to others as usual."""
         connection = super().make_connection(host)
         master = urlparse(rosgraph.get_master_uri())
         if (connection.host.lower(), connection.port) == (master.hostname, master.port):
-            connection.timeout = self._patience_s
+            connection.timeout = self._timeout_s
         return connection
 
 
 def bound_master_calls() -> None:
     """Parameters, look-ups and registrations of this process raise TimeoutError after MASTER_S."""
-    xmlrpc.client.Transport = ImpatientTransport  # type: ignore[misc]  # what every ServerProxy without one of its own takes
+    xmlrpc.client.Transport = TimeoutTransport  # type: ignore[misc]  # what every ServerProxy without one of its own takes
 
 
 def within(seconds: float, ask: Callable[[], Answer], whom: str) -> Answer:

@@ -72,7 +72,7 @@ def se3(pose: Pose) -> SE3:
 
 def se2(pose: Pose) -> SE2:
     """The pose on the floor. Raises InputError as ``se3`` does."""
-    return SE2.from_se3(se3(pose))
+    return se3(pose).to_se2()
 
 
 def pose_msg(T: SE2 | SE3) -> Pose:

@@ -14,7 +14,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from vsx_ros.arrays import Points3
 from vsx_ros.config import Config
-from vsx_ros.dense.anchored import AnchoredSpots
+from vsx_ros.dense.anchored_surface import AnchoredSurface
 from vsx_ros.dense.densify import UPDATE_EVERY_S, DenseMap, update_every_s
 from vsx_ros.dense.planes import Plane, PlaneKind
 from vsx_ros.errors import VsxError
@@ -23,7 +23,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.virtual_scan import laser_scan
-from vsx_ros.ros import convert, process, topics
+from vsx_ros.ros import clock, convert, topics
 from vsx_ros.ros.dense_process import DenseProcess
 from vsx_ros.slam.snapshot import MapSnapshot
 
@@ -47,7 +47,7 @@ class DenseMapping:
         self._process: DenseProcess | None = None
         self._map: DenseMap | None = None
         self._due_s = 0.0
-        self.spots: AnchoredSpots | None = None
+        self.spots: AnchoredSurface | None = None
         self._planes_pub = rospy.Publisher(topics.PLANES, MarkerArray, queue_size=1)
         self._points_pub = rospy.Publisher(topics.DENSE_POINTS, PointCloud2, queue_size=1)
         self._scan_pub = rospy.Publisher(topics.SCAN, LaserScan, queue_size=1)
@@ -74,7 +74,7 @@ class DenseMapping:
 
     def publish(self, snapshot: MapSnapshot, grid: OccupancyGrid, T_map_base: SE2) -> None:
         """Show what is known, to those who look."""
-        stamp_ns = process.now_ns()
+        stamp_ns = clock.now_ns()
         if self._scan_pub.get_num_connections():
             self._scan_pub.publish(scan_msg(grid, T_map_base, self._config.ground_map.max_range_m, stamp_ns))
         if self._map is not None and self._planes_pub.get_num_connections():

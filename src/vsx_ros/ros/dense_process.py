@@ -20,7 +20,7 @@ import cv2
 
 from vsx_ros.arrays import GrayImage
 from vsx_ros.config import DenseConfig
-from vsx_ros.dense.anchored import AnchoredSpots
+from vsx_ros.dense.anchored_surface import AnchoredSurface
 from vsx_ros.dense.densify import DenseMap, Densifier
 from vsx_ros.errors import VsxError
 from vsx_ros.geometry.camera import PinholeCamera
@@ -65,7 +65,7 @@ class DenseProcess:
         """Of the child."""
         return self._child.pid
 
-    def update(self, snapshot: MapSnapshot) -> tuple[DenseMap, AnchoredSpots]:
+    def update(self, snapshot: MapSnapshot) -> tuple[DenseMap, AnchoredSurface]:
         """The dense map of a snapshot, and its spots. Raises VsxError when the child is gone; a hung one is ended."""
         ids = snapshot.keyframe_ids.tolist()
         images = {number: image for number, image in zip(ids, snapshot.images) if number not in self._sent}
@@ -76,7 +76,7 @@ class DenseProcess:
         patience.start()
         try:
             self._say(_Request(dataclasses.replace(snapshot, images=()), images))
-            answer: tuple[DenseMap, AnchoredSpots] = pickle.load(self._child.stdout)
+            answer: tuple[DenseMap, AnchoredSurface] = pickle.load(self._child.stdout)
         except (EOFError, OSError, pickle.UnpicklingError) as error:
             raise self._gone() from error
         finally:
@@ -122,7 +122,7 @@ def serve(requests: BinaryIO, answers: BinaryIO) -> None:
         images = {number: image for number, image in {**images, **request.images}.items() if number in set(ids)}
         snapshot = dataclasses.replace(request.snapshot, images=tuple(images[number] for number in ids))
         dense = densifier.update(snapshot)
-        answer = dense, AnchoredSpots.of(dense, snapshot, settings.config.cell_m)
+        answer = dense, AnchoredSurface.of(dense, snapshot, settings.config.cell_m)
         pickle.dump(answer, answers, pickle.HIGHEST_PROTOCOL)
         answers.flush()
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from vsx_ros.ros import process
+from vsx_ros.ros.diagnostics import ERROR
 
 _LINKS = ("mobile_base: link", "camera: stream")
 _TIMES = 3  # a link that is being made is without images, or not yet there, for a moment
@@ -23,7 +23,7 @@ class DeviceTrouble:
         if status.name not in self._names:
             return None
         before, times = self._said.get(status.name, ("", 0))
-        times = times + 1 if status.message == before and status.level >= process.ERROR else 1
+        times = times + 1 if status.message == before and status.level >= ERROR else 1
         self._said[status.name] = status.message, times
         if times != _TIMES:
             return None

@@ -17,11 +17,10 @@ import roslaunch.parent
 import roslaunch.rlutil
 import yaml
 
-from vsx_ros.cli.own_address import tell_ros
 from vsx_ros.errors import ConfigError
 from vsx_ros.ros import topics
+from vsx_ros.ros.host_address import export_ros_address
 
-DEFAULT_MASTER = "http://localhost:11311"
 SIGINT_TIMEOUT_S, SIGTERM_TIMEOUT_S = 3.0, 1.0
 
 # Parallelism is by process; threads of libraries inside of them only fight for the same cores.
@@ -42,7 +41,7 @@ class LaunchNode(NamedTuple):
 
 
 class BagTopics(NamedTuple):
-    """What a bag calls the camera and the wheels."""
+    """What a bag calls the camera's and the odometry's topics."""
 
     image: str = "/camera/rgb/image_raw"
     camera_info: str = "/camera/rgb/camera_info"
@@ -101,7 +100,7 @@ def replay(
 
 
 def xml(nodes: list[LaunchNode], config: dict[str, Any], params: dict[str, Any] | None = None) -> str:
-    """The launch file of these nodes. config: tree of config.py, for all of them; params: of the namespace."""
+    """The launch file of these nodes. config: tree of 'vsx config', for all of them; params: of the namespace."""
     lines = ["<launch>"]
     lines += [f'  <env name="{name}" value="{value}"/>' for name, value in ENVIRONMENT.items()]
     if config:
@@ -130,7 +129,7 @@ def package_environment() -> None:
 
     Raises ConfigError when neither holds the package manifest.
     """
-    tell_ros()
+    export_ros_address()
     checkout = Path(__file__).resolve().parents[3]
     if not (checkout / "package.xml").exists():
         raise ConfigError(f"no package.xml in {checkout}: the live run needs a checkout; use --fast without one")

@@ -15,7 +15,7 @@ import time
 import rospy
 from std_msgs.msg import String
 
-from vsx_ros.navigation.silence import LEASE_S
+from vsx_ros.navigation.timeouts import LEASE_S
 
 PERIOD_S = 0.05
 TIMEOUT_S = LEASE_S

@@ -1,40 +1,53 @@
-"""Where the robot is, as every node but vslam knows it: wheels at 30 Hz and more, corrected by the camera."""
+"""Where the robot is, as every node but vslam knows it: odometry at 30 Hz and more, corrected by the camera."""
 
 from __future__ import annotations
 
 import math
 import threading
 import time
+from collections.abc import Callable
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry as OdometryMsg
 
-from vsx_ros.control.localization import Localization, Whereabouts
-from vsx_ros.ros import convert, process, slam_messages, topics
+from vsx_ros.control.localization import Localization, LocalizationState
+from vsx_ros.robot import Odometry, OdometryEpochs
+from vsx_ros.ros import clock, convert, slam_messages, topics
+from vsx_ros.ros.subscribers import odometry_subscriber, subscribe
 
 
-class HeardLocalization:
+def hear_odometry(callback: Callable[[Odometry], None], first_epoch: int = 0) -> None:
+    """Subscribe to odom: every reading, with its epoch. first_epoch: the one to begin with."""
+    epochs = OdometryEpochs(first_epoch)
+
+    def take(msg: OdometryMsg) -> None:
+        odometry = convert.odometry(msg)
+        clock.refuse_future(odometry.stamp_ns)
+        callback(epochs.enter(odometry))
+
+    odometry_subscriber(take)
+
+
+class LocalizationSubscriber:
     """A ``Localization`` fed by topics. Subscribers: odom, vslam/pose, vslam/state. Thread-safe."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._localization = Localization()
         self._taken_s = -math.inf
-        process.odometry_subscriber(self._on_odometry)
-        process.subscribe(topics.POSE, PoseWithCovarianceStamped, self._on_pose, queue_size=5, tcp_nodelay=True)
-        process.subscribe(topics.SLAM_STATE, DiagnosticStatus, self._on_state, queue_size=5, tcp_nodelay=True)
+        hear_odometry(self._on_odometry)
+        subscribe(topics.POSE, PoseWithCovarianceStamped, self._on_pose, queue_size=5, tcp_nodelay=True)
+        subscribe(topics.SLAM_STATE, DiagnosticStatus, self._on_state, queue_size=5, tcp_nodelay=True)
 
-    def _on_odometry(self, msg: OdometryMsg) -> None:
-        odometry = convert.odometry(msg)
-        process.refuse_future(odometry.stamp_ns)
+    def _on_odometry(self, odometry: Odometry) -> None:
         with self._lock:
             if self._localization.add_odometry(odometry):
                 self._taken_s = time.monotonic()
 
     def _on_pose(self, msg: PoseWithCovarianceStamped) -> None:
         stamp_ns = msg.header.stamp.to_nsec()
-        process.refuse_future(stamp_ns)
+        clock.refuse_future(stamp_ns)
         with self._lock:
             self._localization.add_pose(stamp_ns, convert.se2(msg.pose.pose))
 
@@ -43,12 +56,12 @@ class HeardLocalization:
         with self._lock:
             self._localization.add_state(state, msg.message)
 
-    def at(self, now_ns: int) -> Whereabouts:
+    def at(self, now_ns: int) -> LocalizationState:
         """What is known now."""
         with self._lock:
             return self._localization.at(now_ns)
 
     @property
-    def wheels_silent_s(self) -> float:
+    def odometry_age_s(self) -> float:
         """For how long no odometry came that could be used [s], on the monotonic clock; infinite before the first."""
         return time.monotonic() - self._taken_s

@@ -6,10 +6,10 @@ import numpy as np
 
 from vsx_ros.arrays import GrayImage
 from vsx_ros.robot import Odometry
-from vsx_ros.slam.intake import STILL_M, STILL_RAD
+from vsx_ros.slam.preprocessing import STILL_M, STILL_RAD
 
 
-class PictureWatch:
+class RepeatedImageDetector:
     """Noise makes every picture of a living camera differ; a perfect one repeats itself only where the base stands."""
 
     def __init__(self) -> None:

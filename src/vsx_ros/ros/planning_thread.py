@@ -15,12 +15,14 @@ from std_msgs.msg import Float32
 
 from vsx_ros.config import Config
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.navigation.goal_execution import PlanRequest
 from vsx_ros.navigation.goal_planner import GoalPlanner, TimedPlan
-from vsx_ros.navigation.pursuit import PlanRequest
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.path import Plan, Refusal
-from vsx_ros.ros import convert, frames, process, topics
+from vsx_ros.ros import clock, convert, frames, threads, topics
 from vsx_ros.ros.adjustable import adjustable_of_plans, serve_adjustable
+from vsx_ros.ros.diagnostics import OK, Diagnostics
+from vsx_ros.ros.subscribers import subscribe
 from vsx_ros.ros.warm_up import warm_up_planning
 
 _PLAN_STEP_M = 0.05
@@ -29,18 +31,19 @@ _PLAN_STEP_M = 0.05
 class PlanningThread:
     """Subscribers: map, vslam/map_points. Publishers: move_base/stats/plan_ms. Services: move_base/make_plan."""
 
-    def __init__(self, config: Config, kind: str, seed: int, diagnostics: process.Diagnostics) -> None:
-        """Raises ConfigError for a kind of planner that there is not."""
+    def __init__(self, config: Config, diagnostics: Diagnostics) -> None:
+        """Raises ConfigError for a ~planner that there is not."""
+        kind, seed = str(rospy.get_param("~planner", "fov")), int(rospy.get_param("~seed", 0))
         self._planner, self._diagnostics = GoalPlanner(config, kind, seed), diagnostics
         warm_up_planning(self._planner.blind, config)
         self._lock = threading.Lock()
         self._requests: queue.SimpleQueue[PlanRequest] = queue.SimpleQueue()
         self._answers: queue.SimpleQueue[tuple[int, TimedPlan | Refusal]] = queue.SimpleQueue()
         self._plan_ms_pub = rospy.Publisher(topics.PLAN_MS, Float32, queue_size=10, latch=True)
-        process.subscribe(topics.MAP, OccupancyGridMsg, self._on_map, queue_size=1)
-        process.subscribe(topics.MAP_POINTS, PointCloud2, self._on_points, queue_size=1, buff_size=2**22)
+        subscribe(topics.MAP, OccupancyGridMsg, self._on_map, queue_size=1)
+        subscribe(topics.MAP_POINTS, PointCloud2, self._on_points, queue_size=1, buff_size=2**22)
         rospy.Service(topics.MAKE_PLAN, GetPlan, self._on_make_plan)
-        process.worker("planner", self._work)
+        threads.worker("planner", self._work)
         serve_adjustable(config, adjustable_of_plans(config.limits), self._change)
 
     @property
@@ -50,6 +53,8 @@ class PlanningThread:
 
     def ask(self, request: PlanRequest) -> None:
         """Begin with this plan when the one under way is made; others that wait are not wanted any longer."""
+        if request.again:
+            rospy.logwarn("planning again: %s", request.again)
         self._requests.put(request)
 
     def answers(self) -> list[tuple[int, TimedPlan | Refusal]]:
@@ -57,7 +62,7 @@ class PlanningThread:
         return [self._answers.get() for _ in range(self._answers.qsize())]
 
     def _work(self) -> None:
-        while not process.is_ending():
+        while not threads.is_ending():
             request = self._requests.get()
             while not self._requests.empty():
                 request = self._requests.get()
@@ -71,7 +76,7 @@ class PlanningThread:
         self._answers.put((request.number, answer))
         elapsed_ms = 1e3 * (time.monotonic() - began_s)
         self._plan_ms_pub.publish(elapsed_ms)
-        self._diagnostics.set("planner", process.OK, f"last plan took {elapsed_ms:.0f} ms")
+        self._diagnostics.set("planner", OK, f"last plan took {elapsed_ms:.0f} ms")
 
     def _change(self, config: Config) -> None:
         with self._lock:
@@ -96,4 +101,4 @@ class PlanningThread:
 def path_msg(plan: Plan, frame: str) -> PathMsg:
     """The way of a plan in ``frame``, every few centimetres."""
     poses = [SE2(*row[:3]) for row in plan.path.sample(_PLAN_STEP_M).tolist()]
-    return convert.path_msg(frame, process.now_ns(), poses)
+    return convert.path_msg(frame, clock.now_ns(), poses)

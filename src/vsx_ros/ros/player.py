@@ -1,4 +1,4 @@
-"""A recording in place of a robot's camera and wheels, and of time."""
+"""A recording in place of a robot's camera, odometry and clock."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _LEAD_NS = 1_000_000_000
 _HOLD_NS = 100_000_000
 _FIRST_ANSWER_S, _ANSWER_S = 30.0, 10.0
 _CALIBRATION_LEAD_S = 0.5
-"""It comes by a connection of its own, as the wheels do, and an image that overtakes them is lost."""
+"""It comes by a connection of its own, as odometry does, and an image that overtakes it is lost."""
 _END_NS = 3_000_000_000
 """So long time goes on after the last image, for maps that are made once a second."""
 
@@ -139,7 +139,7 @@ class _Stopwatch:
 
 def _deliveries(recording: Recording) -> Iterator[Frame | Odometry]:
     """Messages by stamp, but an image after the first odometry that is not older, as from a real camera. Left out are
-    images before the wheels were heard, which have no pose, and odometry long before the first image."""
+    images before odometry was heard, which have no pose, and odometry long before the first image."""
     odometry, waiting = recording.odometry, deque[Frame]()
     first = next(recording.frames(), None)
     if first is None:

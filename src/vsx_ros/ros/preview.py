@@ -11,8 +11,8 @@ from sensor_msgs.msg import CompressedImage
 
 from vsx_ros.arrays import ColorImage, Pixels
 from vsx_ros.robot import Frame
-from vsx_ros.ros import convert, process, topics
-from vsx_ros.slam.sight import Sight
+from vsx_ros.ros import convert, threads, topics
+from vsx_ros.slam.tracked_features import TrackedFeatures
 
 _PERIOD_S = 0.1
 _QUALITY_PERCENT = 70
@@ -26,19 +26,19 @@ class Preview:
     def __init__(self) -> None:
         self._publisher = rospy.Publisher(topics.PREVIEW, CompressedImage, queue_size=1)
         self._shown_s = 0.0
-        self._newest: tuple[Frame, Sight | None] | None = None
+        self._newest: tuple[Frame, TrackedFeatures | None] | None = None
         self._work = threading.Event()
-        process.worker("preview", self._draw)
+        threads.worker("preview", self._draw)
 
     @property
     def is_due(self) -> bool:
         """Whether someone looks and has waited long enough for the next picture."""
         return time.monotonic() - self._shown_s >= _PERIOD_S and self._publisher.get_num_connections() > 0
 
-    def show(self, frame: Frame, sight: Sight | None) -> None:
+    def show(self, frame: Frame, features: TrackedFeatures | None) -> None:
         """Hand over a picture; it is drawn on another thread."""
         self._shown_s = time.monotonic()
-        self._newest = frame, sight
+        self._newest = frame, features
         self._work.set()
 
     def _draw(self) -> None:
@@ -47,21 +47,21 @@ class Preview:
                 continue
             self._work.clear()
             assert self._newest is not None
-            frame, sight = self._newest
-            _, jpeg = cv2.imencode(".jpg", drawn(frame, sight), [cv2.IMWRITE_JPEG_QUALITY, _QUALITY_PERCENT])
+            frame, features = self._newest
+            _, jpeg = cv2.imencode(".jpg", drawn(frame, features), [cv2.IMWRITE_JPEG_QUALITY, _QUALITY_PERCENT])
             header = convert.header(topics.OPTICAL_FRAME, frame.stamp_ns)
             self._publisher.publish(CompressedImage(header, "bgr8; jpeg compressed bgr8", jpeg.tobytes()))
 
 
-def drawn(frame: Frame, sight: Sight | None) -> ColorImage:
+def drawn(frame: Frame, features: TrackedFeatures | None) -> ColorImage:
     """The (H, W, 3) picture in BGR: a green circle where a point was found, a red cross where one was missed."""
     picture: ColorImage = cv2.cvtColor(frame.image, cv2.COLOR_GRAY2BGR)
-    if sight is not None:
-        for u, v in _pixels(sight.missed):
+    if features is not None:
+        for u, v in _pixels(features.missed):
             reach = _MISSED_PX
             cv2.line(picture, (u - reach, v - reach), (u + reach, v + reach), _MISSED_BGR)
             cv2.line(picture, (u - reach, v + reach), (u + reach, v - reach), _MISSED_BGR)
-        for pixel in _pixels(sight.found):
+        for pixel in _pixels(features.found):
             cv2.circle(picture, pixel, _FOUND_PX, _FOUND_BGR)
     return picture
 

@@ -7,29 +7,29 @@ import time
 from collections.abc import Iterable
 from typing import TextIO
 
-from vsx_ros.ros.witness import Witness
+from vsx_ros.ros.monitor import Monitor
 
 _TERMINAL_PERIOD_S = 1.0
 _PLAIN_PERIOD_S = 5.0
 
 
 def progress_line(
-    witness: Witness, coverage: float | None, elapsed_s: float, limit_s: float | None, missing: Iterable[str] = ()
+    monitor: Monitor, coverage: float | None, elapsed_s: float, limit_s: float | None, missing: Iterable[str] = ()
 ) -> str:
     """State, coverage, keyframes, tracked ratio, distance, time, and the reason of the state. missing: nodes known to
     be without their device."""
-    stats, status = witness.stats, witness.status
-    area = witness.grid.known_area_m2 if witness.grid is not None else 0.0
+    stats, status = monitor.stats, monitor.status
+    area = monitor.grid.known_area_m2 if monitor.grid is not None else 0.0
     covered = f"{100 * coverage:.0f} % covered" if coverage is not None else f"{area:.1f} m2 known"
     clock = f"{elapsed_s:.0f}" + (f"/{limit_s:.0f} s" if limit_s is not None else " s")
     facts = [
         clock,
         str(status.get("state", "starting")),
-        witness.slam_state,
+        monitor.slam_state,
         covered,
         f"{stats.get('keyframes', 0):.0f} keyframes",
         f"{100 * stats.get('tracked_ratio', 0.0):.0f} % of points found at {stats.get('fps', 0.0):.0f} Hz",
-        f"{witness.distance_m:.1f} m",
+        f"{monitor.distance_m:.1f} m",
     ]
     waiting = f"waiting for {' and '.join(missing) or 'the nodes'}"
     return " | ".join([*facts, str(status.get("reason", waiting))])

@@ -1,4 +1,4 @@
-"""The recorder behind ``vsx record``. Run as ``python -m vsx_ros.ros.record`` with its options."""
+"""The recorder behind ``vsx record``."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ import cv2
 import rospy
 from sensor_msgs.msg import CompressedImage, Image
 
-from vsx_ros.cli.exit_codes import DONE, FAILED
-from vsx_ros.cli.record import add_arguments, size_bytes
-from vsx_ros.cli.stoppable import Heard
 from vsx_ros.errors import InputError
-from vsx_ros.ros import guest, images, process, topics
+from vsx_ros.ros import clock, images, operator_command, topics
 from vsx_ros.ros.bag_writer import BagWriter, Serialized
 from vsx_ros.ros.progress import Progress
+from vsx_ros.ros.subscribers import IMAGE_BUFFER_BYTES, subscribe
+from vsx_ros.runs.exit_codes import DONE, FAILED
+from vsx_ros.runs.interruptible import SignalFlag
 
 _TOPICS = (
     topics.CAMERA_INFO, topics.ODOM, topics.TF, topics.TF_STATIC, topics.IMU, topics.HAZARDS, topics.BUTTONS,
@@ -44,16 +44,16 @@ class Recorder:
         self._writer, self._how = writer, how
         wanted = (*_TOPICS, *more, *((topics.IMAGE,) if how == "raw" else ()))
         for name in dict.fromkeys(map(rospy.resolve_name, wanted)):
-            rospy.Subscriber(name, rospy.AnyMsg, self._on_any, name, buff_size=process.IMAGE_BUFFER_BYTES)
+            rospy.Subscriber(name, rospy.AnyMsg, self._on_any, name, buff_size=IMAGE_BUFFER_BYTES)
         if how != "raw":
-            process.subscribe(topics.IMAGE, Image, self._on_image, queue_size=5, buff_size=process.IMAGE_BUFFER_BYTES)
+            subscribe(topics.IMAGE, Image, self._on_image, queue_size=5, buff_size=IMAGE_BUFFER_BYTES)
 
     def _on_any(self, msg: Any, topic: str) -> None:
         said: dict[str, str] = msg._connection_header
         self._writer.put(
             Serialized(
                 topic,
-                process.now_ns(),
+                clock.now_ns(),
                 said["type"],
                 said["md5sum"],
                 said.get("message_definition", ""),
@@ -74,17 +74,18 @@ class Recorder:
         topic = f"{rospy.resolve_name(topics.IMAGE)}/compressed"
         kind, md5sum, definition = packed._type, packed._md5sum, packed._full_text
         self._writer.put(
-            Serialized(topic, process.now_ns(), kind, md5sum, definition, "/vsx_record", False, data.getvalue())
+            Serialized(topic, clock.now_ns(), kind, md5sum, definition, "/vsx_record", False, data.getvalue())
         )
 
 
+@operator_command.command
 def record(args: argparse.Namespace) -> int:
-    """Record until Ctrl-C or a limit; say what the bag is called and what is in it."""
+    """Record until Ctrl-C or a limit; say what the bag is called and what is in it. args: options of ``vsx record``."""
     path: Path = args.out or Path(f"{datetime.now():%Y-%m-%d_%H-%M-%S}.bag")
     if full := _full(args, path):
         raise InputError(f"not begun with {full}; make room, or give another --out or a smaller --keep-free")
-    guest.join("record")
-    ended = Heard(signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    operator_command.join("record")
+    ended = SignalFlag(signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     writer, progress = BagWriter(path), Progress(sys.stderr)
     Recorder(writer, args.images, args.topic)
     began_s, warned = time.monotonic(), False
@@ -112,8 +113,8 @@ def _limit(args: argparse.Namespace, writer: BagWriter, elapsed_s: float, path: 
         return f"the disk took no more: {writer.failure}"
     if args.time is not None and elapsed_s >= args.time:
         return f"ended after {args.time:g} s"
-    if writer.bytes >= size_bytes(args.limit):
-        return f"ended at the limit of {args.limit}"
+    if writer.bytes >= args.limit.bytes:
+        return f"ended at the limit of {args.limit.text}"
     if full := _full(args, path):
         return f"ended with {full}"
     return "" if not rospy.is_shutdown() else "ended, as the ROS master asked for it"
@@ -125,8 +126,8 @@ def _full(args: argparse.Namespace, path: Path) -> str:
         free = shutil.disk_usage(path.resolve().parent).free
     except OSError as error:
         return f"{path.parent} out of reach ({error.strerror})"
-    few = free < size_bytes(args.keep_free)
-    return f"{free / 1e9:.1f} GB left on the disk (--keep-free {args.keep_free})" if few else ""
+    few = free < args.keep_free.bytes
+    return f"{free / 1e9:.1f} GB left on the disk (--keep-free {args.keep_free.text})" if few else ""
 
 
 def _images(writer: BagWriter) -> int:
@@ -159,14 +160,3 @@ def _say(writer: BagWriter, path: Path, elapsed_s: float) -> int:
         return FAILED
     sys.stdout.write(f"  vsx replay {path} --map\n")
     return DONE
-
-
-def main() -> int:
-    """Parse and run."""
-    parser = argparse.ArgumentParser(prog="vsx record")
-    add_arguments(parser)
-    return guest.command(record, parser.parse_args())
-
-
-if __name__ == "__main__":
-    sys.exit(main())

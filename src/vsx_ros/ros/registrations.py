@@ -16,7 +16,7 @@ import rospy
 import rospy.core
 from rospy.impl import registration
 
-from vsx_ros.ros.calls import ImpatientTransport
+from vsx_ros.ros.calls import TimeoutTransport
 
 ANSWER_S = 0.35
 REGISTER_S = 5.0
@@ -55,7 +55,7 @@ def asked(calls: Sequence[Call], patience_s: float = ANSWER_S) -> list[Any]:
     """
     if not calls:
         return []
-    with xmlrpc.client.ServerProxy(master_uri(), transport=ImpatientTransport(patience_s=patience_s)) as master:
+    with xmlrpc.client.ServerProxy(master_uri(), transport=TimeoutTransport(patience_s=patience_s)) as master:
         many = xmlrpc.client.MultiCall(master)
         for method, *arguments in calls:
             getattr(many, method)(rospy.get_name(), *arguments)

@@ -21,11 +21,11 @@ import numpy as np
 
 from vsx_hw.kinect.emulator import KinectEmulator
 from vsx_ros.arrays import FloatArray, IntArray
-from vsx_ros.cli.world import open_world
 from vsx_ros.config import RobotConfig
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.io.calibration_file import write_calibration
 from vsx_ros.ros.emulation import CAMERA_CHILD
+from vsx_ros.runs.world import open_world
 from vsx_ros.sim.camera import EmulatedCamera
 from vsx_ros.sim.scene import compile_scene
 from vsx_ros.sim.settings import SimulationConfig

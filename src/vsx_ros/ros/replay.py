@@ -1,49 +1,42 @@
-"""The recording behind ``vsx replay --ros``: the node vslam hears it as it would a robot, and time is the recording's.
-
-Run as ``python -m vsx_ros.ros.replay`` with the options of ``vsx replay`` and ``--input``.
-"""
+"""The recording behind ``vsx replay --ros``: the node vslam hears it as a robot's, and time is the recording's."""
 
 from __future__ import annotations
 
 import argparse
 import os
-import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import rosgraph
 import rospy
 
-from vsx_ros.cli import streams
-from vsx_ros.cli.config import load
-from vsx_ros.cli.exit_codes import FAILED, INTERNAL, STOPPED, ended_well
-from vsx_ros.cli.explore import live_arguments
-from vsx_ros.cli.replay import add_options, exit_code, new_folder, opened
-from vsx_ros.cli.report import tell_the_end, write_report
 from vsx_ros.config import to_dict
-from vsx_ros.errors import ConfigError, VsxError, disk_trouble
+from vsx_ros.errors import ConfigError
 from vsx_ros.evaluation.summary import Summary, with_accuracy
 from vsx_ros.evaluation.trajectory import AlignmentKind
 from vsx_ros.io.recording import Recording
-from vsx_ros.io.run_folder import RunFolder
-from vsx_ros.ros import launch, process, topics, view
+from vsx_ros.ros import launch, logs, topics, view
 from vsx_ros.ros.launch import LaunchNode
-from vsx_ros.ros.live import Live
+from vsx_ros.ros.live_run import LiveRun
+from vsx_ros.ros.monitor import Monitor
 from vsx_ros.ros.player import Player
 from vsx_ros.ros.progress import Progress
-from vsx_ros.ros.witness import Witness
+from vsx_ros.runs.exit_codes import INTERNAL, STOPPED, ended_well
+from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.parameters import load
+from vsx_ros.runs.replay import exit_code, new_folder, opened
+from vsx_ros.runs.report import tell_the_end, write_report
 from vsx_ros.slam.state import TrackingState
 
 _READY_WAIT_S = 180.0
 
 
 def replay(args: argparse.Namespace) -> int:
-    """Play it all, write the run folder, say what happened; its exit code."""
+    """Play it all, write the run folder, say what happened; its exit code. args: the options of ``vsx replay``."""
+    logs.quiet_failures()
     config, recording = load(args.config, args.set), opened(args)
     _refuse_company()
-    words = live_arguments(argparse.Namespace(**{k: v for k, v in vars(args).items() if k != "input"}))
-    folder = new_folder(args, config, ["vsx", "replay", str(args.input), *words])
+    folder = new_folder(args, config)
     os.environ["ROS_LOG_DIR"] = str((folder.path / "log").resolve())
     (folder.path / "log").mkdir(exist_ok=True)
     nodes = [_slam(args, recording, folder)]
@@ -51,15 +44,15 @@ def replay(args: argparse.Namespace) -> int:
     if args.view:
         port, url = view.prepare()
         nodes += launch.view(port=port)
-    with Live(nodes, to_dict(config), vital=("vslam",), replayed=True) as live:
+    with LiveRun(nodes, to_dict(config), vital=("vslam",), replayed=True) as live:
         progress = Progress(live.terminal)
         progress.say(f"nodes are starting at ROS_MASTER_URI={os.environ['ROS_MASTER_URI']}; Ctrl-C ends the replay")
         if url:
             progress.say(f"live view: {url}")
-        witness, player = Witness(emulated=False), Player(recording)
-        _play(live, witness, player, progress, 1.0 if args.rate is None else args.rate)
+        monitor, player = Monitor(emulated=False), Player(recording)
+        _play(live, monitor, player, progress, 1.0 if args.rate is None else args.rate)
         interrupted, dead = live.interrupted, live.dead
-    return _gather(folder, recording, witness, args, f"node {dead} died" if dead else "", interrupted)
+    return _gather(folder, recording, monitor, args, f"node {dead} died" if dead else "", interrupted)
 
 
 def _refuse_company() -> None:
@@ -84,16 +77,16 @@ def _slam(args: argparse.Namespace, recording: Recording, folder: RunFolder) -> 
     return LaunchNode("vslam", params)
 
 
-def _play(live: Live, witness: Witness, player: Player, progress: Progress, rate: float) -> None:
+def _play(live: LiveRun, monitor: Monitor, player: Player, progress: Progress, rate: float) -> None:
     """Wait for the SLAM and play. Raises ConfigError when it never gets ready."""
     deadline_s = time.monotonic() + _READY_WAIT_S
 
     def goes_on() -> bool:
         if progress.is_due and player.sent:
-            stats = witness.stats
+            stats = monitor.stats
             found = f"{stats.get('tracked', 0):.0f}/{stats.get('attempted', 0):.0f} points"
             dropped = f"{stats.get('dropped', 0):.0f} dropped"
-            progress.show(f"image {player.sent}/{player.count}  {witness.slam_state}  {found}  {dropped}")
+            progress.show(f"image {player.sent}/{player.count}  {monitor.slam_state}  {found}  {dropped}")
         return not live.interrupted and not live.dead
 
     while goes_on() and not player.ready:
@@ -104,7 +97,7 @@ def _play(live: Live, witness: Witness, player: Player, progress: Progress, rate
 
 
 def _gather(
-    folder: RunFolder, recording: Recording, witness: Witness, args: argparse.Namespace, failure: str, interrupted: bool
+    folder: RunFolder, recording: Recording, monitor: Monitor, args: argparse.Namespace, failure: str, interrupted: bool
 ) -> int:
     """Complete what vslam wrote, and tell it."""
     known = folder.read_summary() if (folder.path / "summary.json").exists() else {}
@@ -127,7 +120,7 @@ def _gather(
     writes: list[Callable[[], object]] = [lambda: folder.write_summary(summary.as_dict())]
     if recording.ground_truth:
         writes.append(lambda: folder.write_poses("groundtruth", recording.ground_truth))
-    if args.map and (grid := witness.grid) is not None:
+    if args.map and (grid := monitor.grid) is not None:
         writes.append(lambda: folder.write_map(grid))
     kept = folder.write_what_fits(*writes, lambda: write_report(folder))
     return tell_the_end(folder, summary.as_dict(), code, kept)
@@ -142,28 +135,3 @@ def _stop_reason(folder: RunFolder, ending: TrackingState) -> str:
     if ending is TrackingState.LOST:
         return f"lost for good: {last}"
     return "the recording was played to its end"
-
-
-def main() -> int:
-    """Parse and run; errors are one sentence."""
-    parser = argparse.ArgumentParser(prog="vsx replay")
-    parser.add_argument("--input", type=Path, required=True)
-    add_options(parser)
-    process.quiet_failures()
-    try:
-        return streams.ended(replay(parser.parse_args()))
-    except KeyboardInterrupt:
-        sys.stderr.write("vsx: stopped by the operator\n")
-        return STOPPED
-    except VsxError as error:
-        sys.stderr.write(f"vsx: {error}\n")
-        return FAILED
-    except OSError as error:
-        if not disk_trouble(error):
-            raise
-        sys.stderr.write(f"vsx: {disk_trouble(error)}\n")
-        return FAILED
-
-
-if __name__ == "__main__":
-    sys.exit(main())

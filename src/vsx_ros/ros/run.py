@@ -1,13 +1,9 @@
-"""The live run behind ``vsx explore``: all nodes, an emulated robot when a world is given, and a run folder at the end.
-
-Run as ``python -m vsx_ros.ros`` with the options of ``vsx explore``.
-"""
+"""The live run behind ``vsx explore``: all nodes, an emulated robot where a world is given, a run folder at the end."""
 
 from __future__ import annotations
 
 import argparse
 import os
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
@@ -16,28 +12,26 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsx_hw.errors import DeviceError
-from vsx_ros.cli import streams
-from vsx_ros.cli.exit_codes import DONE, FAILED, HARDWARE, INTERNAL, STOPPED, ended_well
-from vsx_ros.cli.explore import add_arguments, begin
-from vsx_ros.cli.outcomes import EXIT_CODES
-from vsx_ros.cli.report import tell_the_end, write_report
-from vsx_ros.cli.run_record import MapJudge
 from vsx_ros.config import Config, MountConfig, to_dict
-from vsx_ros.errors import ConfigError, VsxError, disk_trouble
+from vsx_ros.errors import ConfigError
 from vsx_ros.evaluation.summary import Summary, with_accuracy
 from vsx_ros.evaluation.trajectory import path_length
 from vsx_ros.exploration.decision import MissionState
 from vsx_ros.geometry.camera import mounted
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.stamped import StampedPose
-from vsx_ros.io.run_folder import RunEvent, RunFolder
-from vsx_ros.ros import launch, process, view
+from vsx_ros.ros import clock, launch, logs, view
 from vsx_ros.ros.launch import LaunchNode
-from vsx_ros.ros.live import MASTER, Live, refuse_second_robot
+from vsx_ros.ros.live_run import MASTER, LiveRun, refuse_second_robot
+from vsx_ros.ros.monitor import Monitor
+from vsx_ros.ros.monitor_journal import MonitorJournal
 from vsx_ros.ros.progress import Progress, progress_line
-from vsx_ros.ros.witness import Witness
-from vsx_ros.ros.witness_journal import WitnessJournal
+from vsx_ros.runs.exit_codes import DONE, FAILED, HARDWARE, INTERNAL, STOPPED, ended_well
+from vsx_ros.runs.folder import RunEvent, RunFolder
+from vsx_ros.runs.outcomes import EXIT_CODES
+from vsx_ros.runs.record import MapJudge
+from vsx_ros.runs.report import tell_the_end, write_report
+from vsx_ros.runs.start import begin
 from vsx_ros.sim.world import Start, World, changed
 from vsx_ros.sim.world_file import save_world
 from vsx_ros.slam.state import TrackingState
@@ -70,32 +64,33 @@ class Coverage:
         self._right = 0.0
         self._judged_s = -1e9
 
-    def is_enough(self, witness: Witness) -> bool:
+    def is_enough(self, monitor: Monitor) -> bool:
         """Whether the run may end: as much is known as was asked for, and the camera is tracked."""
         if self.until is None:
             return False
-        self.of(witness)
-        return self._right >= self.until and witness.slam_state in _TRACKED
+        self.of(monitor)
+        return self._right >= self.until and monitor.slam_state in _TRACKED
 
-    def of(self, witness: Witness) -> float | None:
+    def of(self, monitor: Monitor) -> float | None:
         """The share now, or a moment ago."""
         due = time.monotonic() - self._judged_s > _COVERAGE_PERIOD_S
-        if self._judge is not None and witness.grid is not None and due:
+        if self._judge is not None and monitor.grid is not None and due:
             self._judged_s = time.monotonic()
-            quality = self._judge.quality(witness.grid)
+            quality = self._judge.quality(monitor.grid)
             self._share, self._right = quality.coverage, quality.coverage_correct or 0.0
         return self._share
 
 
 def explore(args: argparse.Namespace) -> int:
-    """One live run, or the rest of one that was interrupted; its exit code."""
+    """One live run, or the rest of one that was interrupted; its exit code. args: the options of ``vsx explore``."""
+    logs.quiet_failures()
     refuse_second_robot([node.name for node in (*launch.bringup(), *launch.exploration())])
     folder, config, world = begin(args)
     os.environ["ROS_LOG_DIR"] = str((folder.path / "log").resolve())
     (folder.path / "log").mkdir(exist_ok=True)
     # Where a loaded map lies in the world is not known.
     judge = MapJudge(world, config) if world is not None and not args.load_map else None
-    journal = WitnessJournal(folder, config.robot.mount)
+    journal = MonitorJournal(folder, config.robot.mount)
     if args.time is not None and journal.clock.elapsed_s >= args.time:
         raise ConfigError(f"{folder.path} has lasted {journal.clock.elapsed_s:.0f} s; to go on give more with --time")
     with tempfile.TemporaryDirectory(prefix="vsx-", ignore_cleanup_errors=True) as devices:
@@ -104,17 +99,17 @@ def explore(args: argparse.Namespace) -> int:
         if args.view:
             port, url = view.prepare()
             nodes += launch.view(port=port)
-        with Live(nodes, to_dict(config), vital=("mobile_base", "vslam", "explore", "emulator")) as live:
+        with LiveRun(nodes, to_dict(config), vital=("mobile_base", "vslam", "explore", "emulator")) as live:
             progress = Progress(live.terminal)
             progress.say(f"nodes are starting at ROS_MASTER_URI={os.environ['ROS_MASTER_URI']}; Ctrl-C stops the robot")
             if url:
                 progress.say(f"live view: {url}")
             if url and not args.headless:
                 view.open_browser(url)
-            witness = Witness(emulated=world is not None)
-            ending = _watch(live, witness, journal, Coverage(judge, args.until), progress, args.time)
+            monitor = Monitor(emulated=world is not None)
+            ending = _watch(live, monitor, journal, Coverage(judge, args.until), progress, args.time)
             progress.say(f"stopping: {ending.reason}")
-    return _gather(folder, config, witness, journal, judge, ending, args)
+    return _gather(folder, config, monitor, journal, judge, ending, args)
 
 
 def _nodes(
@@ -133,9 +128,9 @@ def _nodes(
 
 
 def _watch(
-    live: Live,
-    witness: Witness,
-    journal: WitnessJournal,
+    live: LiveRun,
+    monitor: Monitor,
+    journal: MonitorJournal,
     coverage: Coverage,
     progress: Progress,
     limit_s: float | None,
@@ -150,36 +145,36 @@ def _watch(
     while True:
         time.sleep(_TICK_S)
         now_s = time.monotonic()
-        if began_s is None and witness.status:
+        if began_s is None and monitor.status:
             began_s = now_s
         elapsed_s = journal.clock.elapsed_s + (now_s - began_s if began_s is not None else 0.0)
-        ending = _ending(live, witness, elapsed_s, limit_s)
-        if ending is None and coverage.is_enough(witness):
+        ending = _ending(live, monitor, elapsed_s, limit_s)
+        if ending is None and coverage.is_enough(monitor):
             ending = Ending(f"{100 * (coverage.until or 0.0):g} % is known", DONE)
         if ending is None and began_s is None and now_s - started_s > _READY_WAIT_S:
             why = "; ".join(trouble.values()) or "see the run's log folder"
             ending = Ending(f"the robot was not ready within {_READY_WAIT_S:.0f} s: {why}", HARDWARE)
-        journal.keep(witness, process.now_ns(), elapsed_s)
+        journal.keep(monitor, clock.now_ns(), elapsed_s)
         if ending is not None:
             return ending
-        warnings = witness.new_warnings()
-        if began_s is not None or not witness.emulated:  # emulated devices appear while their drivers already look
+        warnings = monitor.new_warnings()
+        if began_s is not None or not monitor.emulated:  # emulated devices appear while their drivers already look
             for warning in warnings:
                 progress.say(warning)
                 if (node := warning.partition(":")[0]) in ("mobile_base", "camera"):
                     trouble[node] = warning
         if progress.is_due:
-            progress.show(progress_line(witness, coverage.of(witness), elapsed_s, limit_s, trouble))
+            progress.show(progress_line(monitor, coverage.of(monitor), elapsed_s, limit_s, trouble))
 
 
-def _ending(live: Live, witness: Witness, elapsed_s: float, limit_s: float | None) -> Ending | None:
-    status = witness.status
+def _ending(live: LiveRun, monitor: Monitor, elapsed_s: float, limit_s: float | None) -> Ending | None:
+    status = monitor.status
     if live.interrupted:
         return Ending("stopped by the operator", STOPPED)
     if live.dead == MASTER:
         return Ending("the ROS master of this run has ended, so the robot was stopped; explore again", FAILED)
     if live.dead:
-        said = witness.last_words(live.dead)
+        said = monitor.last_words(live.dead)
         if said:
             return Ending(f"node {live.dead} has ended: {said}", FAILED)
         return Ending(f"node {live.dead} died; its last words are in the run's log folder", INTERNAL)
@@ -193,21 +188,21 @@ def _ending(live: Live, witness: Witness, elapsed_s: float, limit_s: float | Non
 def _gather(
     folder: RunFolder,
     config: Config,
-    witness: Witness,
-    journal: WitnessJournal,
+    monitor: Monitor,
+    journal: MonitorJournal,
     judge: MapJudge | None,
     ending: Ending,
     args: argparse.Namespace,
 ) -> int:
-    """Complete what vslam wrote with what the witness saw, and tell it; the exit code."""
+    """Complete what vslam wrote with what the monitor saw, and tell it; the exit code."""
     known = folder.read_summary() if (folder.path / "summary.json").exists() else {}
-    navigation, truth, so_far = witness.navigation(), [*journal.truth(), *witness.truth()], journal.so_far
+    navigation, truth, so_far = monitor.navigation(), [*journal.truth(), *monitor.truth()], journal.so_far
     summary = with_accuracy(Summary(**known), folder.read_poses("trajectory"), truth, "yaw")
     if judge is not None:
-        summary = judge.judged(summary, witness.grid)
+        summary = judge.judged(summary, monitor.grid)
     plan_ms, error_m = np.array(navigation.plan_ms), np.array(navigation.error_m)
     summary = summary.with_values(
-        **_told_by_truth(witness, journal, truth, config.robot.mount),
+        **_told_by_truth(monitor, journal, truth, config.robot.mount),
         duration_s=so_far.elapsed_s,
         plans=so_far.plans,
         plan_ms_median=float(np.median(plan_ms)) if plan_ms.size else None,
@@ -222,9 +217,9 @@ def _gather(
         continued_map=args.load_map,
     )
     writes: list[Callable[[], object]] = [lambda: folder.write_summary(summary.as_dict())]
-    if (grid := witness.grid) is not None:
+    if (grid := monitor.grid) is not None:
         writes.append(lambda: folder.write_map(grid))
-    writes.append(lambda: folder.write_events(all_events(folder, journal, witness)))
+    writes.append(lambda: folder.write_events(all_events(folder, journal, monitor)))
     if truth:
         writes.append(lambda: folder.write_poses("groundtruth", truth))
     failure = folder.write_what_fits(*writes, lambda: write_report(folder)) or journal.failure
@@ -232,39 +227,21 @@ def _gather(
 
 
 def _told_by_truth(
-    witness: Witness, journal: WitnessJournal, truth: Sequence[StampedPose], mount: MountConfig
+    monitor: Monitor, journal: MonitorJournal, truth: Sequence[StampedPose], mount: MountConfig
 ) -> dict[str, float | None]:
     """How the emulated body fared; its way and clearance where no session was before."""
     if not truth or journal.before:
-        return {"collisions": journal.so_far.collisions if witness.emulated else None}
+        return {"collisions": journal.so_far.collisions if monitor.emulated else None}
     T_cam_base = mounted(mount).inverse()
     return {
         "collisions": journal.so_far.collisions,
         "driven_m": path_length([StampedPose(ns, T @ T_cam_base) for ns, T in truth]),
-        "min_clearance_m": witness.min_clearance_m,
+        "min_clearance_m": monitor.min_clearance_m,
     }
 
 
-def all_events(folder: RunFolder, journal: WitnessJournal, witness: Witness) -> list[RunEvent]:
+def all_events(folder: RunFolder, journal: MonitorJournal, monitor: Monitor) -> list[RunEvent]:
     """SLAM's from the folder, all else from who watched: where SLAM never began anew, the folder still holds both from
     the session before."""
     slam = [event for event in folder.read_events() if event.source == "slam"]
-    return [*slam, *journal.events(), *witness.events()]
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Parse and run; errors are one sentence. KeyboardInterrupt is the caller's to tell."""
-    parser = argparse.ArgumentParser(prog="vsx explore")
-    add_arguments(parser)
-    process.quiet_failures()
-    args = parser.parse_args(arguments)
-    try:
-        return streams.ended(explore(args))
-    except (VsxError, DeviceError) as error:
-        sys.stderr.write(f"vsx: {error}\n")
-        return HARDWARE if isinstance(error, DeviceError) else FAILED
-    except OSError as error:
-        if not disk_trouble(error):
-            raise
-        sys.stderr.write(f"vsx: {disk_trouble(error)}\n")
-        return FAILED
+    return [*slam, *journal.events(), *monitor.events()]

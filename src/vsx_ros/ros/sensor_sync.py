@@ -8,7 +8,7 @@ from collections import deque
 from vsx_ros.robot import Frame, Odometry, odometry_at
 
 _KEEP_ODOMETRY = 300
-# Wheels report 30 to 50 times a second: a reading later than the image arrives within this time, or not at all.
+# Odometry comes 30 to 50 times a second: a reading later than the image arrives within this time, or not at all.
 _WAIT_FOR_ODOMETRY_S = 0.06
 
 

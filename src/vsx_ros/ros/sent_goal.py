@@ -1,4 +1,4 @@
-"""A goal that was sent to move_base, and what has become of it."""
+"""Goals that are sent to move_base, and what has become of them."""
 
 from __future__ import annotations
 
@@ -7,17 +7,13 @@ import time
 import actionlib
 from actionlib import CommState
 from actionlib_msgs.msg import GoalStatus
+from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
 
-from vsx_ros.exploration.decision import NavigationState
+from vsx_ros.exploration.decision import Action, Decision, NavigationState
+from vsx_ros.ros import convert, topics
 
 TAKEN_WITHIN_S = 2.0
 """actionlib waits for ever for a goal that was lost on its way, as to a move_base that died at that moment."""
-
-
-def is_served(client: actionlib.ActionClient) -> bool:
-    """Whether an action server is connected. The client's own wait for it goes by ROS time, which may stand."""
-    ends = client.pub_goal, client.pub_cancel, client.result_sub, client.feedback_sub
-    return all(end.get_num_connections() > 0 for end in ends)
 
 
 class SentGoal:
@@ -45,3 +41,34 @@ class SentGoal:
     def cancel(self) -> None:
         """Give up this goal and no other: after a pause somebody else may send one."""
         self._handle.cancel()
+
+
+class GoalSender:
+    """The client of move_base: one goal at a time."""
+
+    def __init__(self) -> None:
+        self._client = actionlib.ActionClient(topics.MOVE_BASE_ACTION, MoveBaseAction)
+        self._goal: SentGoal | None = None
+
+    @property
+    def is_served(self) -> bool:
+        """Whether an action server is connected. The client's own wait for it goes by ROS time, which may stand."""
+        ends = self._client.pub_goal, self._client.pub_cancel, self._client.result_sub, self._client.feedback_sub
+        return all(end.get_num_connections() > 0 for end in ends)
+
+    def state(self) -> tuple[NavigationState, str]:
+        """Of the newest goal; IDLE before the first."""
+        return self._goal.state() if self._goal is not None else (NavigationState.IDLE, "")
+
+    def act(self, now_ns: int, decision: Decision) -> None:
+        """Send the goal of a decision, or cancel the one under way."""
+        if decision.action is Action.GO and decision.goal is not None:
+            goal = convert.pose_stamped(decision.frame, now_ns, decision.goal)
+            self._goal = SentGoal(self._client.send_goal(MoveBaseGoal(goal)))
+        elif decision.action in (Action.CANCEL, Action.FINISH) and self.state()[0] is NavigationState.ACTIVE:
+            assert self._goal is not None
+            self._goal.cancel()
+
+    def cancel_all(self) -> None:
+        """Those of others, too: nobody wants to drive."""
+        self._client.cancel_all_goals()

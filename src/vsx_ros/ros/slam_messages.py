@@ -7,16 +7,17 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from std_msgs.msg import Float32, UInt32
 
 from vsx_ros.errors import InputError
-from vsx_ros.ros import process, topics
+from vsx_ros.ros import clock, logs, topics
+from vsx_ros.ros.diagnostics import ERROR, OK, WARN, Diagnostics
 from vsx_ros.slam.snapshot import MapSnapshot
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
 _STATES = {state.word: state for state in TrackingState}
 _LEVELS = {
-    TrackingState.NOT_INITIALISED: process.WARN,
-    TrackingState.GOOD: process.OK,
-    TrackingState.DUBIOUS: process.WARN,
-    TrackingState.LOST: process.ERROR,
+    TrackingState.NOT_INITIALISED: WARN,
+    TrackingState.GOOD: OK,
+    TrackingState.DUBIOUS: WARN,
+    TrackingState.LOST: ERROR,
 }
 _FPS_MEMORY = 0.1
 _AGAIN_S = 10.0
@@ -45,7 +46,7 @@ class SlamStatus:
             for name, kind in topics.STAT_TYPES.items()
         }
         self._state_pub = rospy.Publisher(topics.SLAM_STATE, DiagnosticStatus, queue_size=5, latch=True)
-        self._diagnostics = process.Diagnostics()
+        self._diagnostics = Diagnostics()
         self._state, self._reason = TrackingState.NOT_INITIALISED, "waiting for the first image"
         self._fps = 0.0
         self._announce()
@@ -54,8 +55,8 @@ class SlamStatus:
         """No message on a topic the node cannot do without."""
         name = rospy.resolve_name(topic)
         reason = f"no message on {name}; 'rostopic info {name}' shows who publishes it"
-        self._diagnostics.set("input", process.ERROR, reason)
-        if process.due("waiting", _AGAIN_S):
+        self._diagnostics.set("input", ERROR, reason)
+        if logs.due("waiting", _AGAIN_S):
             rospy.logwarn("%s", reason)
 
     def without_images(self, reason: str = "no image comes") -> None:
@@ -72,21 +73,21 @@ class SlamStatus:
 
     def refused(self, reason: str) -> None:
         """An image came that cannot be used."""
-        self._diagnostics.set("input", process.ERROR, reason)
-        if process.due("refused", _AGAIN_S):
+        self._diagnostics.set("input", ERROR, reason)
+        if logs.due("refused", _AGAIN_S):
             rospy.logerr("%s", reason)
 
     def frame(self, result: TrackingResult, period_s: float, dropped: int) -> None:
         """One frame was tracked, ``period_s`` after the one before; ``dropped`` counts those never looked at."""
         self._fps += _FPS_MEMORY * (1.0 / max(period_s, 1e-3) - self._fps)
         self._change(result.state, result.reason)
-        self._diagnostics.set("input", process.OK, f"{self._fps:.0f} images a second", dropped=dropped)
+        self._diagnostics.set("input", OK, f"{self._fps:.0f} images a second", dropped=dropped)
         self._publish(
             tracked_ratio=result.found / max(result.searched, 1),
             tracked=result.found,
             attempted=result.searched,
             fps=self._fps,
-            latency_ms=(process.now_ns() - result.stamp_ns) * 1e-6,
+            latency_ms=(clock.now_ns() - result.stamp_ns) * 1e-6,
             dropped=dropped,
         )
 

@@ -1,8 +1,7 @@
-"""The one screen behind ``vsx status``. Run as ``python -m vsx_ros.ros.status`` with its options."""
+"""The one screen behind ``vsx status``."""
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import time
@@ -14,10 +13,9 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from sensor_msgs.msg import BatteryState, CameraInfo
 from std_msgs.msg import Float32, String, UInt8
 
-from vsx_ros.cli import streams
-from vsx_ros.cli.exit_codes import DONE, FAILED
-from vsx_ros.cli.status import add_arguments
-from vsx_ros.ros import convert, guest, topics
+from vsx_ros.ros import convert, operator_command, topics
+from vsx_ros.runs import streams
+from vsx_ros.runs.exit_codes import DONE, FAILED
 
 _LISTEN_S, _PERIOD_S = 2.0, 1.0
 _PATIENCE_S = 4.0
@@ -98,9 +96,10 @@ def screen(facts: dict[str, Any]) -> str:
     return "".join(f"{name:12} {text}\n" for name, text in lines.items())
 
 
-def status(args: argparse.Namespace) -> int:
+@operator_command.command
+def status(*, watch: bool, as_json: bool) -> int:
     """Listen and print, once or until Ctrl-C."""
-    guest.join("status")
+    operator_command.join("status")
     board = StatusBoard()
     time.sleep(_LISTEN_S)
     deadline_s = time.monotonic() + _PATIENCE_S - _LISTEN_S
@@ -108,11 +107,11 @@ def status(args: argparse.Namespace) -> int:
         time.sleep(0.1)
     while True:
         facts = board.facts()
-        clear = "\x1b[H\x1b[J" if args.watch and sys.stdout.isatty() else ""
-        sys.stdout.write(json.dumps(facts) + "\n" if args.json else clear + screen(facts))
+        clear = "\x1b[H\x1b[J" if watch and sys.stdout.isatty() else ""
+        sys.stdout.write(json.dumps(facts) + "\n" if as_json else clear + screen(facts))
         if streams.lost() is not None:
             return DONE
-        if not args.watch:
+        if not watch:
             return DONE if any(value is not None for value in facts.values()) else _nobody()
         time.sleep(_PERIOD_S)
 
@@ -120,14 +119,3 @@ def status(args: argparse.Namespace) -> int:
 def _nobody() -> int:
     sys.stderr.write("vsx: a ROS master runs, but no robot; start one with 'vsx explore', or set ROS_NAMESPACE\n")
     return FAILED
-
-
-def main() -> int:
-    """Parse and run."""
-    parser = argparse.ArgumentParser(prog="vsx status")
-    add_arguments(parser)
-    return guest.command(status, parser.parse_args())
-
-
-if __name__ == "__main__":
-    sys.exit(main())

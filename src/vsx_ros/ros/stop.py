@@ -1,8 +1,7 @@
-"""The emergency stop behind ``vsx stop``. Run as ``python -m vsx_ros.ros.stop`` with its options."""
+"""The emergency stop behind ``vsx stop``."""
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 
@@ -11,25 +10,25 @@ from nav_msgs.msg import Odometry
 from std_srvs.srv import SetBool
 
 from vsx_hw.errors import DeviceError, DeviceTimeout
-from vsx_ros.cli.exit_codes import DONE
-from vsx_ros.cli.stop import add_arguments
 from vsx_ros.errors import ConfigError
-from vsx_ros.ros import calls, guest, topics
+from vsx_ros.ros import calls, operator_command, topics
+from vsx_ros.runs.exit_codes import DONE
 
 _ANSWER_S = 6.0
 _STAND_S = 2.0
 _STANDING_M_S, _STANDING_RAD_S = 0.01, 0.02
 
 
-def stop(args: argparse.Namespace) -> int:
+@operator_command.command
+def stop(*, release: bool) -> int:
     """Set or release the emergency stop, and see that the wheels stand.
 
     Raises ConfigError when there is no master or no base, DeviceError when the base does not answer or rolls on.
     """
 
     def call() -> None:
-        guest.join("stop")
-        rospy.ServiceProxy(topics.ESTOP, SetBool)(not args.release)
+        operator_command.join("stop")
+        rospy.ServiceProxy(topics.ESTOP, SetBool)(not release)
 
     try:
         calls.within(_ANSWER_S, call, "the base")
@@ -40,7 +39,7 @@ def stop(args: argparse.Namespace) -> int:
         raise ConfigError(
             f"no base offers {name} ({error}); if wheels turn use its power button, else start it"
         ) from error
-    if args.release:
+    if release:
         sys.stdout.write("released: the robot may drive\n")
         return DONE
     _see_it_stand()
@@ -61,14 +60,3 @@ def _see_it_stand() -> None:
             return
         said = f"its odometry says {twist.linear.x:.2f} m/s, {twist.angular.z:.2f} rad/s"
     raise DeviceError(f"the base took the emergency stop, but {said}; look at it, and use its power button if it rolls")
-
-
-def main() -> int:
-    """Parse and run."""
-    parser = argparse.ArgumentParser(prog="vsx stop")
-    add_arguments(parser)
-    return guest.command(stop, parser.parse_args())
-
-
-if __name__ == "__main__":
-    sys.exit(main())

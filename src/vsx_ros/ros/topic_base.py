@@ -20,7 +20,8 @@ from vsx_hw.errors import DeviceError
 from vsx_hw.readings import BaseReading, BatteryReading, Hazard, LinkStatus, OdometryReading, Signal
 from vsx_ros.errors import ConfigError
 from vsx_ros.robot import STOP, VelocityCommand
-from vsx_ros.ros import convert, process, topics
+from vsx_ros.ros import clock, convert, threads, topics
+from vsx_ros.ros.subscribers import odometry_subscriber
 
 _PERIOD_S = 0.05
 _ZERO_FOR_S = 0.5
@@ -67,8 +68,8 @@ class TopicBase:
 
     def start(self) -> None:
         """Listen and obey from now on."""
-        process.odometry_subscriber(self._on_odometry, self._names.odometry)
-        process.every(_PERIOD_S, "command", self._send)
+        odometry_subscriber(self._on_odometry, self._names.odometry)
+        threads.every(_PERIOD_S, "command", self._send)
 
     def drive(self, v_m_s: float, omega_rad_s: float, until_ns: int | None = None) -> None:
         """Move like this until the next command, at most until the timeout or the instant until_ns (monotonic)."""
@@ -105,7 +106,7 @@ class TopicBase:
 
     def _on_odometry(self, msg: OdometryMsg) -> None:
         moved = convert.odometry(msg)
-        process.refuse_future(moved.stamp_ns)
+        clock.refuse_future(moved.stamp_ns)
         self._heard_s = time.monotonic()
         self._readings += 1
         self._link(True, "connected")
@@ -131,7 +132,7 @@ class TopicBase:
                 self._zero_until_s = now_s + _ZERO_FOR_S
             elif now_s > self._zero_until_s:
                 return
-        if not process.is_ending():
+        if not threads.is_ending():
             self._command_pub.publish(convert.twist(command))
 
 
@@ -141,8 +142,8 @@ def own_driver_odometry(robot_type: str) -> TopicNames | None:
     return TopicNames.of(names) if kind == "ros" else None
 
 
-class Unguarded:
-    """In place of guardians where no port could be taken over."""
+class NoWatchdogs:
+    """In place of watchdogs where no port could be taken over."""
 
     answer = True
 

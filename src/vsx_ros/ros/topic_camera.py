@@ -10,13 +10,14 @@ import genpy
 import rospy
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
-from vsx_hw.frozen import FROZEN, FrozenWatch
+from vsx_hw.frozen_image import FROZEN, FrozenImageDetector
 from vsx_hw.readings import ImageReading, LinkStatus
 from vsx_ros.arrays import GrayImage
 from vsx_ros.errors import ConfigError, InputError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.io.image_encoding import decoded
-from vsx_ros.ros import images, process, topics
+from vsx_ros.ros import clock, images, topics
+from vsx_ros.ros.subscribers import IMAGE_BUFFER_BYTES, subscribe
 
 _SILENT_S = 1.0
 _TYPES: dict[str, type[Image] | type[CompressedImage]] = {
@@ -43,13 +44,13 @@ class TopicCamera:
         self._topic, self._on_image = topic, on_image
         self._counters = {"frames": 0, "frozen_frames": 0}
         self._heard_s = 0.0
-        self._frozen, self._watch = False, FrozenWatch()
+        self._frozen, self._watch = False, FrozenImageDetector()
 
     def start(self) -> None:
         """Listen from now on."""
-        process.subscribe(info_topic(self._topic), CameraInfo, self._on_info, queue_size=1)
-        process.subscribe(
-            self._topic, rospy.AnyMsg, self._on_any, queue_size=1, buff_size=process.IMAGE_BUFFER_BYTES,
+        subscribe(info_topic(self._topic), CameraInfo, self._on_info, queue_size=1)
+        subscribe(
+            self._topic, rospy.AnyMsg, self._on_any, queue_size=1, buff_size=IMAGE_BUFFER_BYTES,
             tcp_nodelay=True,
         )  # fmt: skip
 
@@ -71,7 +72,7 @@ class TopicCamera:
 
     def _on_any(self, msg: Any) -> None:
         stamp_ns, image = image_of(msg._connection_header["type"], msg._buff, self._topic)
-        process.refuse_future(stamp_ns)
+        clock.refuse_future(stamp_ns)
         self._heard_s = time.monotonic()
         self._counters["frames"] += 1
         self._frozen = self._watch.is_frozen(image)

@@ -40,6 +40,7 @@ MUX_ACTIVE = "cmd_vel_mux/active"
 COMMAND_SAFETY = "cmd_vel_mux/input/safety_controller"
 COMMAND_TELEOP = "cmd_vel_mux/input/teleop"
 COMMAND_NAVI = "cmd_vel_mux/input/navi"
+COMMANDS = {"safety_controller": COMMAND_SAFETY, "teleop": COMMAND_TELEOP, "navi": COMMAND_NAVI}
 ESTOP = "mobile_base/estop"
 RESET_ODOMETRY = "mobile_base/reset_odometry"
 

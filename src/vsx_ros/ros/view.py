@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 import secrets
 import sys
@@ -11,12 +10,11 @@ import webbrowser
 
 import rosgraph
 
-from vsx_ros.cli.exit_codes import DONE, FAILED
-from vsx_ros.cli.view import add_arguments
-from vsx_ros.errors import VsxError
-from vsx_ros.ros import launch, process
+from vsx_ros.ros import logs, node
 from vsx_ros.ros.dashboard.server import LOOPBACK, address, choose_port
-from vsx_ros.ros.nodes.dashboard import TOKEN
+from vsx_ros.ros.host_address import DEFAULT_MASTER, export_ros_address
+from vsx_ros.ros.nodes.dashboard import TOKEN, DashboardNode
+from vsx_ros.runs.exit_codes import DONE
 
 _MASTER_PERIOD_S = 0.5
 
@@ -37,34 +35,21 @@ def open_browser(url: str) -> None:
         webbrowser.open(url)
 
 
-def view(args: argparse.Namespace) -> None:
-    """Wait for a master, then become the node. Raises ConfigError when the address cannot be listened on."""
-    port, url = prepare(args.host, args.port)
+def view(host: str, port: int | None, allow: str, *, headless: bool) -> int:
+    """Wait for a master, then be the node. Raises ConfigError when the address cannot be listened on."""
+    export_ros_address()
+    logs.quiet_failures()
+    port, url = prepare(host, port)
     sys.stderr.write(f"live view: {url}\n")
-    uri = os.environ.setdefault("ROS_MASTER_URI", launch.DEFAULT_MASTER)
+    uri = os.environ.setdefault("ROS_MASTER_URI", DEFAULT_MASTER)
     if not rosgraph.is_master_online():
         sys.stderr.write(f"waiting for a ROS master at {uri}; 'vsx explore' or roslaunch bring one; Ctrl-C ends\n")
-    while not rosgraph.is_master_online():
-        time.sleep(_MASTER_PERIOD_S)
-    if not args.headless:
-        open_browser(url)
-    node = ["-m", "vsx_ros.ros.nodes.dashboard", f"__name:=view_{os.getpid()}"]
-    os.execv(sys.executable, [sys.executable, *node, f"_host:={args.host}", f"_port:={port}", f"_allow:={args.allow}"])
-
-
-def main() -> int:
-    """Parse and run; errors are one sentence."""
-    process.quiet_failures()
-    parser = argparse.ArgumentParser(prog="vsx view")
-    add_arguments(parser)
     try:
-        view(parser.parse_args())
+        while not rosgraph.is_master_online():
+            time.sleep(_MASTER_PERIOD_S)
     except KeyboardInterrupt:
         return DONE
-    except VsxError as error:
-        sys.stderr.write(f"vsx: {error}\n")
-    return FAILED
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    if not headless:
+        open_browser(url)
+    node.run(f"view_{os.getpid()}", lambda _: DashboardNode(host, port, allow))
+    return DONE

@@ -11,11 +11,11 @@ from vsx_ros.exploration.mission import Mission
 from vsx_ros.geometry.camera import PinholeCamera, mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OCCUPIED, UNKNOWN, OccupancyGrid
-from vsx_ros.occupancy.ground_map import Driven, GroundMap
+from vsx_ros.occupancy.ground_map import DriveHistory, GroundMap
 from vsx_ros.occupancy.surfaces import Surfaces
+from vsx_ros.planning.landmark_visibility import Visibility
 from vsx_ros.planning.path import Plan
 from vsx_ros.planning.planner import Planner
-from vsx_ros.planning.sight import Sight
 from vsx_ros.planning.time_scaling import time_scale
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.slam.slam import SequentialSlam
@@ -57,15 +57,15 @@ def warm_up_slam(config: Config) -> None:
     observed = seen.T_world_cams, seen.points_world, seen.obs_keyframe, seen.obs_point
     spots = seen.points_world[seen.obs_point] * [1.0, 1.0, 0.0] + [0.0, 0.0, 0.3]
     surfaces = Surfaces(spots, seen.obs_keyframe, np.zeros(len(spots)))
-    ground_map.build(*observed, Driven([SE2()], [SE2()], SE2()), surfaces)
+    ground_map.build(*observed, DriveHistory([SE2()], [SE2()], SE2()), surfaces)
 
 
 def warm_up_planning(planner: Planner, config: Config) -> None:
     """Plan once around a pillar, once blindly, and put time on both."""
     start, goal = SE2(1.0, 2.5, 0.0), SE2(4.0, 2.6, 0.3)
-    sight = Sight.of(np.full((1, 3), 3.0), config.planner)
+    visibility = Visibility.of(np.full((1, 3), 3.0), config.planner)
     rng = np.random.default_rng(0)
-    plans = planner.plan(start, goal, _small_room(), rng, sight), planner.plan_blind(start, goal)
+    plans = planner.plan(start, goal, _small_room(), rng, visibility), planner.plan_blind(start, goal)
     for plan in plans:
         if isinstance(plan, Plan):
             time_scale(plan.path, config.limits)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray
-from vsx_ros.config import WheelConfig
+from vsx_ros.config import OdometryNoiseConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
@@ -78,14 +78,14 @@ def adjoint(T: SE3) -> FloatArray:
     return out
 
 
-def odometry_factor(motion: SE2, T_base_cam: SE3, wheels: WheelConfig) -> OdometryFactor:
-    """Factor of a wheel-measured base motion between two images."""
+def odometry_factor(motion: SE2, T_base_cam: SE3, noise: OdometryNoiseConfig) -> OdometryFactor:
+    """Factor of a base motion by odometry between two images."""
     T_a_b = T_base_cam.inverse() @ SE3.from_se2(motion) @ T_base_cam
     distance, turn = float(np.hypot(motion.x, motion.y)), abs(motion.theta)
-    along = wheels.distance_sigma_m + wheels.distance_sigma_ratio * distance
-    across = wheels.distance_sigma_m + wheels.sideways_sigma_ratio * distance
-    yaw = wheels.turn_sigma_rad + wheels.turn_sigma_ratio * turn
-    tilt = wheels.tilt_sigma_rad + wheels.turn_sigma_ratio * turn
+    along = noise.distance_sigma_m + noise.distance_sigma_ratio * distance
+    across = noise.distance_sigma_m + noise.sideways_sigma_ratio * distance
+    yaw = noise.turn_sigma_rad + noise.turn_sigma_ratio * turn
+    tilt = noise.tilt_sigma_rad + noise.turn_sigma_ratio * turn
     sigma = np.array([along, across, across, tilt, tilt, yaw])
     to_base = adjoint(T_base_cam)
     return OdometryFactor(T_a_b, to_base.T @ np.diag(1.0 / sigma**2) @ to_base)
@@ -94,10 +94,10 @@ def odometry_factor(motion: SE2, T_base_cam: SE3, wheels: WheelConfig) -> Odomet
 class BundleAdjuster:
     """Selects keyframes, points and factors, solves, writes back and removes what does not fit."""
 
-    def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, wheels: WheelConfig) -> None:
+    def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, noise: OdometryNoiseConfig) -> None:
         self._K = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
         self._T_base_cam = T_base_cam
-        self._wheels = wheels
+        self._noise = noise
         self._made: dict[tuple[SE2, SE2], OdometryFactor] = {}
 
     def adjust(
@@ -113,7 +113,7 @@ class BundleAdjuster:
         seen = np.zeros(world.count, np.bool_)
         for index in free:
             seen[world.keyframes[index].observations.rows] = True
-        frames = sorted(set(world.seers(np.flatnonzero(seen))) | set(free))
+        frames = sorted(set(world.observers(np.flatnonzero(seen))) | set(free))
         frames = [k for k in frames if k in free or seen[world.keyframes[k].observations.rows].any()]
         observed = _observed(world, frames, seen)
         if not free or len(observed.frame) < 12:
@@ -156,7 +156,7 @@ class BundleAdjuster:
                 break
         return Solution(moving, R, t, points, squared, float(sigma), progress.done or done >= iterations)
 
-    def by_wheels(self, world: Map, index: int) -> OdometryFactor | None:
+    def by_odometry(self, world: Map, index: int) -> OdometryFactor | None:
         """The odometry factor between a keyframe and its predecessor, None without odometry or in a map of another
         size."""
         previous = world.predecessor(index)
@@ -167,7 +167,7 @@ class BundleAdjuster:
         if not world.is_metric(world.keyframes[index].map_id):
             return None
         if (before, now) not in self._made:
-            self._made[before, now] = odometry_factor(before.inverse() @ now, self._T_base_cam, self._wheels)
+            self._made[before, now] = odometry_factor(before.inverse() @ now, self._T_base_cam, self._noise)
         return self._made[before, now]
 
     def _factors(self, world: Map, frames: list[int], free: set[int]) -> Factors:
@@ -177,7 +177,7 @@ class BundleAdjuster:
         for k in frames:
             previous = world.predecessor(k)
             if previous in where and (k in free or previous in free):
-                factor = self.by_wheels(world, k)
+                factor = self.by_odometry(world, k)
                 if factor is not None:
                     found.append((where[previous], where[k], factor))
         n = len(found)
@@ -199,12 +199,12 @@ class BundleAdjuster:
         keyframes = [world.keyframes[k] for k in frames]
         level = {map_id: world.is_metric(map_id) for map_id in {keyframe.map_id for keyframe in keyframes}}
         standing = [i for i, k in enumerate(keyframes) if k.data.T_odom_base is not None and level[k.map_id]]
-        tilt = self._wheels.floor_tilt_sigma_rad
+        tilt = self._noise.floor_tilt_sigma_rad
         return Floor(
             np.array(standing, np.int64),
             np.array(self._T_base_cam.rotation),
             np.array(self._T_base_cam.inverse().translation),
-            np.array([self._wheels.floor_height_sigma_m, tilt, tilt]),
+            np.array([self._noise.floor_height_sigma_m, tilt, tilt]),
             frames.index(0) if 0 in frames else -1,
         )
 

@@ -9,8 +9,8 @@ from vsx_ros.arrays import IntArray
 from vsx_ros.config import CullingConfig
 from vsx_ros.slam.map import Map
 
-# A keyframe with fewer points is held by little else: it stays. So does one whose neighbours in its chain would be
-# left to the wheels alone without it.
+# A keyframe with fewer points is held by little else: it stays. So does one whose neighbours in its epoch would be
+# left to odometry alone without it.
 ASSESSED_POINTS, TIED_POINTS = 40, 40
 
 
@@ -22,7 +22,7 @@ def cull_redundant(world: Map, among: list[int], config: CullingConfig) -> list[
     newest = set(world.living[-config.keep_newest :])
     culled = []
     for k in sorted(set(among) - held - newest):
-        if world.keyframes[k].alive and is_redundant(world, k, config) and not _ties_its_chain(world, k):
+        if world.keyframes[k].alive and is_redundant(world, k, config) and not _ties_its_epoch(world, k):
             world.cull_keyframe(k)
             culled.append(k)
     return culled
@@ -36,7 +36,7 @@ def is_redundant(world: Map, index: int, config: CullingConfig) -> bool:
     viewers = np.zeros(world.count, np.int64)
     finest: IntArray = np.full(world.count, -1, np.int64)
     finest[seen.rows] = seen.level
-    for k in world.seers(seen.rows):
+    for k in world.observers(seen.rows):
         if k != index:
             other = world.keyframes[k].observations
             viewers[other.rows[other.level <= finest[other.rows]]] += 1
@@ -44,7 +44,7 @@ def is_redundant(world: Map, index: int, config: CullingConfig) -> bool:
     return bool(enough >= config.seen_ratio * len(seen.rows))
 
 
-def _ties_its_chain(world: Map, index: int) -> bool:
+def _ties_its_epoch(world: Map, index: int) -> bool:
     """Whether the keyframes before and after it share too little to be held together by images without it."""
     before, after = world.predecessor(index), world.successor(index)
     if before is None or after is None:

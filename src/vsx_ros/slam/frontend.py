@@ -10,25 +10,25 @@ from vsx_ros.config import SlamConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry
-from vsx_ros.slam.intake import Intake
+from vsx_ros.slam.bootstrap import Bootstrap
 from vsx_ros.slam.keyframe import FrameData
 from vsx_ros.slam.keyframes import keyframe_reason
 from vsx_ros.slam.map import MapView, empty_view
 from vsx_ros.slam.mapper import KeyFrameRequest
 from vsx_ros.slam.motion_model import MotionModel
+from vsx_ros.slam.odometry_consistency import OdometryConsistency
+from vsx_ros.slam.preprocessing import Preprocessor
 from vsx_ros.slam.recovery import Recovery
-from vsx_ros.slam.relocalization import Found
-from vsx_ros.slam.starting import Starting
+from vsx_ros.slam.relocalization import Relocalization
 from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult, TrackingState
 from vsx_ros.slam.tracker import LocalMap, Track, Tracker, nearest_keyframes, nothing_tracked
 from vsx_ros.slam.tracking_record import TrackingRecord
-from vsx_ros.slam.two_views import Pair
-from vsx_ros.slam.wheel_trust import WheelTrust
+from vsx_ros.slam.two_view_reconstruction import InitialPair
 
 MAX_STEP_M, MAX_STEP_RAD = 0.08, 0.06
 # A last pose that a new map moves by more than this is a jump of the map.
 CORRECTION_M, CORRECTION_RAD = 0.05, 0.02
-# A frame with so many points, and that share of the expected ones, knows better than the wheels.
+# A frame with so many points, and that share of the expected ones, knows better than odometry.
 SURE_POINTS, SURE_RATIO = 100, 0.2
 
 
@@ -37,7 +37,7 @@ class FrameOutcome(NamedTuple):
     hear of ``started`` or ``refused``, at once or some frames later; it proposes no other before."""
 
     result: TrackingResult
-    start: Pair | None = None
+    start: InitialPair | None = None
     request: KeyFrameRequest | None = None
 
 
@@ -51,18 +51,18 @@ class FrontEnd:
         self._tracker = Tracker(config.tracker, np.random.default_rng(seed))
         self._motion = MotionModel(T_base_cam, camera.fx)
         self._recovery = Recovery(camera, T_base_cam, config, self._tracker, self._motion)
-        self._trust = WheelTrust(T_base_cam)
+        self._consistency = OdometryConsistency(T_base_cam)
         self._local = LocalMap()
         self._view = self._here = empty_view()
-        self._reference = self._map_id = self._chain = self._chains = 0
+        self._reference = self._map_id = self._epoch = self._epochs = 0
         self._corrected = False
         self._since_keyframe = 0
         self._coarse_next = True
         self.record = TrackingRecord()
         self.events: list[SlamEvent] = []
         self.last_track: tuple[MapView, Track] | None = None
-        self._starting = Starting(T_base_cam, config.initialization, lambda ns, why: self._event(ns, "refused", why))
-        self._intake = Intake(camera, T_base_cam, config.shutter, self._gap)
+        self._bootstrap = Bootstrap(T_base_cam, config.initialization, lambda ns, why: self._event(ns, "refused", why))
+        self._preprocessor = Preprocessor(camera, T_base_cam, config.shutter, self._gap)
 
     def process(self, frame: Frame, odometry: Odometry | None) -> FrameOutcome:
         """One frame, in the order of the stamps.
@@ -70,7 +70,7 @@ class FrontEnd:
         Raises InputError for an image of the wrong size or type and for a stamp that does not advance; the frame is
         then as if it had never come.
         """
-        outcome = self._process(self._trust.admit(self._intake.take(frame, odometry)))
+        outcome = self._process(self._consistency.admit(self._preprocessor.take(frame, odometry)))
         return outcome._replace(result=self._at_stamp(outcome.result))
 
     def _process(self, data: FrameData) -> FrameOutcome:
@@ -81,27 +81,27 @@ class FrontEnd:
         if self._motion.last_pose is None:
             return self._recover(data, self._unplaced(data), None)
         prediction = self._motion.predict(data)
-        if self._recovery.bad_frames and prediction.by_wheels:
+        if self._recovery.bad_frames and prediction.by_odometry:
             self._reference = int(nearest_keyframes(self._here, prediction.T_world_cam)[0])
         self._local.select(self._here, self._reference)
         radius = self._config.tracker.coarse_radius_px
-        coarse = radius if self._coarse_next or not prediction.by_wheels else 0.0
+        coarse = radius if self._coarse_next or not prediction.by_odometry else 0.0
         track = self._tracker.track(
             data, self._here, prediction.T_world_cam, self._local.rows, coarse, prediction.information
         )
         self.last_track = self._here, track
-        if track.state is not TrackingState.LOST and prediction.by_wheels:
+        if track.state is not TrackingState.LOST and prediction.by_odometry:
             track = self._checked(track, prediction.T_world_cam)
-        if track.state is TrackingState.LOST and prediction.by_wheels and not self._recovery.bad_frames:
+        if track.state is TrackingState.LOST and prediction.by_odometry and not self._recovery.bad_frames:
             track = self._by_image_alone(data, track)
         if track.state is TrackingState.LOST:
-            return self._recover(data, track, prediction.T_world_cam if prediction.by_wheels else None)
+            return self._recover(data, track, prediction.T_world_cam if prediction.by_odometry else None)
         return self._tracked(data, track, self._local.follow(self._here, track.rows))
 
     def resume(self, view: MapView) -> None:
         """Begin in a map made before, lost: the camera is looked for everywhere in it."""
-        self._chains = max(keyframe.chain for keyframe in view.keyframes)
-        self._chain = self._new_chain()
+        self._epochs = max(keyframe.odom_epoch for keyframe in view.keyframes)
+        self._epoch = self._new_epoch()
         self._enter(view, 0)
 
     def use(self, view: MapView) -> None:
@@ -113,7 +113,7 @@ class FrontEnd:
             T_old_cam = old.T_world_cam.inverse() @ before
             moved = new.T_world_cam @ SE3(T_old_cam.rotation, factor * T_old_cam.translation)
             self._motion.move(moved, factor)
-            self._trust.move(moved @ before.inverse())
+            self._consistency.move(moved @ before.inverse())
             far = float(np.linalg.norm(moved.translation - before.translation)) > CORRECTION_M
             self._corrected |= far or moved.rotation_angle_to(before) > CORRECTION_RAD
             self._reference = self._reference if new.anchor is None else new.anchor.keyframe
@@ -123,7 +123,7 @@ class FrontEnd:
     def started(self, view: MapView) -> TrackingResult | None:
         """The mapper made a map of the proposed pair: go on in it. Returns what the result of the pair's second frame
         becomes; None when the camera has been found in another map since, and stays there."""
-        pair, newest = self._starting.done(), view.keyframes[-1]
+        pair, newest = self._bootstrap.done(), view.keyframes[-1]
         found, in_world = len(newest.observations.rows), newest.map_id == 0
         if in_world:
             self._event(pair.second.stamp_ns, "initialised", f"{found} points from two frames")
@@ -134,7 +134,7 @@ class FrontEnd:
             self.use(view)
             return None
         self._enter(view, newest.map_id)
-        self._chain = newest.chain
+        self._epoch = newest.odom_epoch
         self._reference = len(view.keyframes) - 1
         self._motion.update(pair.second, newest.T_world_cam, measured=False)
         self._recovery.over(pair.second)
@@ -148,13 +148,13 @@ class FrontEnd:
     def refused(self, reason: str) -> None:
         """The mapper could not make a map of the proposed pair."""
         if self._view.keyframes:
-            self._starting.done()
+            self._bootstrap.done()
         else:
-            self._starting.refused(reason)
+            self._bootstrap.refused(reason)
 
     def _at_stamp(self, result: TrackingResult) -> TrackingResult:
         """Inside, poses are those of the image's middle row; outside, of its stamp, the start of its first row."""
-        T = self._intake.T_middle_stamp
+        T = self._preprocessor.T_middle_stamp
         local = None if result.T_map_cam is None else result.T_map_cam @ T
         return result._replace(T_world_cam=None if result.T_world_cam is None else local, T_map_cam=local)
 
@@ -174,24 +174,24 @@ class FrontEnd:
         return self.record.statistics(len(self._view.living), int(np.count_nonzero(self._view.alive)))
 
     def _start(self, data: FrameData) -> FrameOutcome:
-        reason, pair = self._starting.first_map(data)
+        reason, pair = self._bootstrap.next_pair(data)
         self.record.frame_without_map(data.stamp_ns)
         result = TrackingResult(data.stamp_ns, TrackingState.NOT_INITIALISED, None, 0, 0, False, reason)
         return FrameOutcome(result, start=pair)
 
-    def _checked(self, track: Track, by_wheels: SE3) -> Track:
-        """A pose far from where the wheels moved the last one is a mistake, not a measurement."""
+    def _checked(self, track: Track, by_odometry: SE3) -> Track:
+        """A pose far from where odometry moved the last one is a mistake, not a measurement."""
         if self._recovery.bad_frames:
             return track
-        step = float(np.linalg.norm(track.T_world_cam.translation - by_wheels.translation))
-        turn = track.T_world_cam.rotation_angle_to(by_wheels)
+        step = float(np.linalg.norm(track.T_world_cam.translation - by_odometry.translation))
+        turn = track.T_world_cam.rotation_angle_to(by_odometry)
         if step < MAX_STEP_M and turn < MAX_STEP_RAD:
             return track
-        reason = f"contradicts the wheels by {step:.2f} m and {np.degrees(turn):.1f} deg"
+        reason = f"contradicts odometry by {step:.2f} m and {np.degrees(turn):.1f} deg"
         return track._replace(state=TrackingState.LOST, reason=reason)
 
     def _by_image_alone(self, data: FrameData, track: Track) -> Track:
-        """Where the camera went on as before, the frame as tracked without the wheels, which are wrong then; else the
+        """Where the camera went on as before, the frame as tracked without odometry, which is wrong then; else the
         track as it was."""
         prediction = self._motion.predict(data._replace(T_odom_base=None))
         rows, radius = self._local.rows, self._config.tracker.coarse_radius_px
@@ -204,7 +204,7 @@ class FrontEnd:
     def _tracked(self, data: FrameData, track: Track, reference: int) -> FrameOutcome:
         self._motion.update(data, track.T_world_cam, measured=True)
         if _is_sure(track):
-            change = self._trust.compare(track.T_world_cam)
+            change = self._consistency.compare(track.T_world_cam)
             if change:
                 self._event(data.stamp_ns, "gap", change)
         if self._recovery.is_lost:
@@ -242,7 +242,7 @@ class FrontEnd:
             self._reference,
             reference.T_world_cam.inverse() @ track.T_world_cam,
             reference.scale,
-            self._chain,
+            self._epoch,
             track.rows,
             track.uv,
             track.level,
@@ -250,60 +250,60 @@ class FrontEnd:
             found,
         )
 
-    def _recover(self, data: FrameData, track: Track, by_wheels: SE3 | None) -> FrameOutcome:
+    def _recover(self, data: FrameData, track: Track, by_odometry: SE3 | None) -> FrameOutcome:
         """Too little was found: try everything to find the camera again, at once and in every frame."""
         recovery = self._recovery
         if recovery.is_lost:
-            self._trust.interrupt()
-        found = recovery.search(data, self._view, by_wheels, self._map_id)
+            self._consistency.interrupt()
+        found = recovery.search(data, self._view, by_odometry, self._map_id)
         if found is not None:
-            return self._found_again(data, found, by_wheels)
+            return self._found_again(data, found, by_odometry)
         was_lost = recovery.is_lost
         if recovery.missed(data):
-            self._event(data.stamp_ns, "carried", "the image is another one though the wheels stood")
+            self._event(data.stamp_ns, "carried", "the image is another one though the base stood")
         if recovery.is_lost and not was_lost:
             self._event(data.stamp_ns, "lost", track.reason)
-        pair = None if data.blurred else self._starting.once(recovery.second_map(data, by_wheels is not None))
-        pair = pair._replace(chain=self._new_chain()) if pair is not None else None
+        pair = None if data.blurred else self._bootstrap.claim(recovery.second_map(data, by_odometry is not None))
+        pair = pair._replace(odom_epoch=self._new_epoch()) if pair is not None else None
         request = None
-        if by_wheels is not None:
-            self._motion.update(data, by_wheels, measured=False)
+        if by_odometry is not None:
+            self._motion.update(data, by_odometry, measured=False)
             if (
                 not data.blurred
                 and recovery.is_lost
-                and recovery.bridges(data, self._here, by_wheels, self._since_keyframe)
+                and recovery.bridges(data, self._here, by_odometry, self._since_keyframe)
             ):
-                self._event(data.stamp_ns, "bridged", "keyframe placed by the wheels alone")
-                self._trust.bridge()
-                request = self._request(data, nothing_tracked(track.reason, by_wheels))
+                self._event(data.stamp_ns, "bridged", "keyframe placed by odometry alone")
+                self._consistency.bridge()
+                request = self._request(data, nothing_tracked(track.reason, by_odometry))
         self._coarse_next = True
         self.record.missed(data.stamp_ns)
-        trusted = by_wheels if not recovery.carried and self._map_id == 0 else None
+        trusted = by_odometry if not recovery.carried and self._map_id == 0 else None
         state = TrackingState.LOST if recovery.is_lost or self._map_id else TrackingState.DUBIOUS
-        reason = track.reason + ("; position by the wheels" if trusted is not None else "")
+        reason = track.reason + ("; position by odometry" if trusted is not None else "")
         searched, added = len(track.searched_rows), request is not None
-        result = TrackingResult(data.stamp_ns, state, trusted, searched, 0, added, reason, self._map_id, by_wheels)
+        result = TrackingResult(data.stamp_ns, state, trusted, searched, 0, added, reason, self._map_id, by_odometry)
         return FrameOutcome(result, pair, request)
 
-    def _found_again(self, data: FrameData, found: Found, by_wheels: SE3 | None) -> FrameOutcome:
-        """The camera is somewhere in the maps; where the wheels do not vouch for the way there, they count anew."""
-        expected = self._recovery.expectation(by_wheels, self._map_id)
+    def _found_again(self, data: FrameData, found: Relocalization, by_odometry: SE3 | None) -> FrameOutcome:
+        """The camera is somewhere in the maps; where odometry does not vouch for the way, its next epoch begins."""
+        expected = self._recovery.expected_pose(by_odometry, self._map_id)
         firm = expected is not None and expected.is_firm
         far = self._recovery.is_lost or found.map_id != self._map_id
-        if not firm and (far or by_wheels is not None):
-            self._chain = self._new_chain()
+        if not firm and (far or by_odometry is not None):
+            self._epoch = self._new_epoch()
         self._enter(self._view, found.map_id)
         self._local.select(self._here, found.reference)
         outcome = self._tracked(data, found.track, found.reference)
         self._coarse_next = True
         return outcome
 
-    def _new_chain(self) -> int:
-        self._chains += 1
-        return self._chains
+    def _new_epoch(self) -> int:
+        self._epochs += 1
+        return self._epochs
 
     def _unplaced(self, data: FrameData) -> Track:
-        """Where the camera is in the map made before is not known yet; the wheels count from elsewhere."""
+        """Where the camera is in the map made before is not known yet; odometry counts from elsewhere."""
         reason = f"not yet recognised in the loaded map of {len(self._here.living)} keyframes"
         if not self._recovery.is_lost:
             self._recovery.begin_lost()

@@ -56,9 +56,9 @@ def _find(keyframe: KeyFrame, view: MapView, rows: IntArray) -> tuple[Prediction
     """Where the points appear in a keyframe that does not see them yet."""
     wanted = rows[view.alive[rows] & ~np.isin(rows, keyframe.observations.rows)]
     expected = predicted(keyframe.data.camera, keyframe.T_world_cam.inverse(), view, wanted)
-    looks = view.templates
+    templates = view.templates
     found, uv = find_patches(
-        keyframe.data.pyramid, keyframe.data.corners, looks.patches, looks.offset, expected, RADIUS_PX, REACH
+        keyframe.data.pyramid, keyframe.data.corners, templates.patches, templates.offset, expected, RADIUS_PX, REACH
     )
     return expected.take(found), uv[found]
 

@@ -14,7 +14,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import SILENCE_NS
 from vsx_ros.slam.keyframe import FrameData, KeyFrame, Observations
 from vsx_ros.slam.point_creation import candidates_in
-from vsx_ros.slam.two_views import Pair
+from vsx_ros.slam.two_view_reconstruction import InitialPair
 
 TRAILS = 600
 STILL_PX = 2.0
@@ -29,7 +29,7 @@ class Initializer:
         self._config = config
         self._reference: FrameData | None = None
 
-    def add(self, data: FrameData) -> Pair | str:
+    def add(self, data: FrameData) -> InitialPair | str:
         """Follow the reference frame's corners into this frame and propose the two when they are far enough apart."""
         if self._reference is None:
             return self._restart(data, "the first frame was taken; drive straight ahead")
@@ -40,12 +40,12 @@ class Initializer:
         wanted = max(self._config.min_matches, len(self._candidates.uv) // 4)
         if len(self._index) < wanted:
             return self._restart(data, f"sees too little: {len(self._index)} corners followed, {wanted} needed")
-        motion = self._wheel_motion(data)
-        refusal = self._too_early() if motion is None else self._wheels_refuse(data)
+        motion = self._odometry_motion(data)
+        refusal = self._too_early() if motion is None else self._odometry_refuses(data)
         return refusal if refusal else self._pair(data, motion)
 
     def _silence(self, data: FrameData) -> str:
-        """Of two frames of which the wheels know one alone no map is made: it would have no scale."""
+        """Of two frames of which one alone has odometry no map is made: it would have no scale."""
         assert self._reference is not None
         had, has = self._reference.T_odom_base is not None, data.T_odom_base is not None
         if has:
@@ -53,10 +53,10 @@ class Initializer:
         if self._T_base_cam is None or had == has:
             return ""
         if has:
-            return self._restart(data, "the wheels are heard again: starting again from here")
+            return self._restart(data, "odometry is heard again: starting again from here")
         if data.stamp_ns - self._heard_ns > SILENCE_NS:
-            return self._restart(data, "the wheels are silent: starting again without them, and without scale")
-        return "the wheels are silent: waiting for them"
+            return self._restart(data, "odometry is silent: starting again without it, and without scale")
+        return "odometry is silent: waiting for it"
 
     def _restart(self, data: FrameData, reason: str) -> str:
         keyframe = KeyFrame(0, data, SE3.identity(), Observations.none(), 0.0)
@@ -80,15 +80,15 @@ class Initializer:
         self._sure: BoolArray = sure
         self._last = data
 
-    def _wheel_motion(self, data: FrameData) -> SE3 | None:
-        """T_second_first of the cameras as the wheels have it."""
+    def _odometry_motion(self, data: FrameData) -> SE3 | None:
+        """T_second_first of the cameras by odometry."""
         assert self._reference is not None
         if self._T_base_cam is None or data.T_odom_base is None or self._reference.T_odom_base is None:
             return None
         motion = SE3.from_se2(data.T_odom_base.inverse() @ self._reference.T_odom_base)
         return self._T_base_cam.inverse() @ motion @ self._T_base_cam
 
-    def _wheels_refuse(self, data: FrameData) -> str:
+    def _odometry_refuses(self, data: FrameData) -> str:
         assert self._reference is not None
         assert self._reference.T_odom_base is not None
         assert data.T_odom_base is not None
@@ -113,7 +113,7 @@ class Initializer:
             return f"too little motion: corners moved {shift:.1f} px of the {START_PX:.0f} px needed to start"
         return ""
 
-    def _pair(self, data: FrameData, wheels: SE3 | None) -> Pair | str:
+    def _pair(self, data: FrameData, odometry: SE3 | None) -> InitialPair | str:
         reference = self._reference
         assert reference is not None
         index = self._index[self._sure]
@@ -123,7 +123,7 @@ class Initializer:
         if self._T_base_cam is not None and reference.T_odom_base is not None:
             T_world_first = SE3.from_se2(reference.T_odom_base) @ self._T_base_cam
         uv = np.ascontiguousarray(self._positions[self._sure])
-        return Pair(reference, data, T_world_first, wheels, self._candidates, index, uv)
+        return InitialPair(reference, data, T_world_first, odometry, self._candidates, index, uv)
 
 
 def _flow(before: GrayImage, now: GrayImage, start: Pixels, guess: Pixels) -> tuple[Pixels, BoolArray]:

@@ -48,7 +48,7 @@ class Observations(NamedTuple):
 
 class FrameData(NamedTuple):
     """An image taken apart once, used by tracker, mapper and relocaliser. camera (18,): the kernels' array, with
-    the motion during its readout. T_odom_base: by the wheels when its middle row was exposed, None when not known.
+    the motion during its readout. T_odom_base: by odometry when its middle row was exposed, None when not known.
     blurred: much less sharp than the frames before; good enough to track, not to make a map of."""
 
     stamp_ns: int
@@ -61,7 +61,7 @@ class FrameData(NamedTuple):
 
     @staticmethod
     def without_image(stamp_ns: int, T_odom_base: SE2 | None) -> FrameData:
-        """The instant and the wheels alone."""
+        """The instant and odometry alone."""
         nothing = Pyramid(np.zeros(0, np.uint8), np.zeros((LEVELS, 4), np.int64))
         no_corners = Corners(np.zeros((0, 2), np.int32), np.zeros(0, np.int64), (0,) * LEVELS)
         return FrameData(stamp_ns, nothing, no_corners, np.zeros((0, 0), np.float32), T_odom_base, np.zeros(18))
@@ -78,7 +78,7 @@ class Anchor(NamedTuple):
 class KeyFrame:
     """A frame the map is made of. Replaced, never changed.
 
-    chain: the wheels tell the way between successive living keyframes of one chain, never between two chains. A culled
+    odom_epoch: odometry tells the way between successive living keyframes of one epoch, never between two. A culled
     keyframe has an anchor, no image and no observations; its pose is still that of the templates cut from it. map_id:
     0 is the first map, whose frame is the world; others, begun where the first was out of sight, have frames of their
     own until they are joined with it. scale: the length now of what was 1 when the keyframe was made.
@@ -89,7 +89,7 @@ class KeyFrame:
     T_world_cam: SE3
     observations: Observations
     median_depth: float
-    chain: int = 0
+    odom_epoch: int = 0
     anchor: Anchor | None = None
     map_id: int = 0
     scale: float = 1.0
@@ -107,7 +107,7 @@ def covisible(keyframes: tuple[KeyFrame, ...] | list[KeyFrame], rows: IntArray, 
     return np.array([np.count_nonzero(wanted[k.observations.rows]) for k in keyframes], np.int64)
 
 
-class Seers:
+class PointObservers:
     """Who may have seen which points: keyframe indices by blocks of successive rows, which are of one place. Asking
     costs as much as there are keyframes at that place, however large the map is."""
 

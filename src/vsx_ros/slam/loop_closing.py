@@ -22,16 +22,16 @@ TRIED, DRIFTED_PX = 2, 60.0
 # A keyframe knows the neighbourhood when it shares so many points with what was seen so long ago.
 KNOWN_POINTS, LONG_AGO = 40, 1.5
 # After a way of so many depths it is a loop that tracking has closed, when no keyframe shortly before did.
-HOME_WAY, HOME_KEYFRAMES = 4.0, 20
-# How far a map can have drifted along a way: a constant and a share, with the wheels' help and without.
+LOOP_WAY, LOOP_KEYFRAMES = 4.0, 20
+# How far a map can have drifted along a way: a constant and a share, with odometry and without.
 DRIFT_M, DRIFT_RAD = 0.15, 0.06
-DRIFT_WHEELS, DRIFT_CAMERA, TURN_WHEELS, TURN_CAMERA = 0.03, 0.3, 0.015, 0.06
+DRIFT_ODOMETRY, DRIFT_CAMERA, TURN_ODOMETRY, TURN_CAMERA = 0.03, 0.3, 0.015, 0.06
 VIEW_DEPTHS, VIEW_RAD = 0.7, 0.6
 SCALE_PAIRS, SCALE_SPREAD = 12, 0.1
 AGREE_M, AGREE_RAD, AGREE_SCALE, AGREE_KEYFRAMES = 0.05, 0.03, 0.05, 6
 
 
-class Reunion(NamedTuple):
+class LoopClosure(NamedTuple):
     """Keyframe ``newer`` was recognised by ``older``: where it stands by that part of the map, how many times as large
     its own part would have to be, and how many points were found."""
 
@@ -46,33 +46,34 @@ class Reunion(NamedTuple):
         return world.keyframes[self.older].T_world_cam @ self.T_older_newer
 
 
-class LoopFinder:
-    """``look`` at every new keyframe once. came_home: in words, that the keyframe last looked at shares points with
+class LoopDetector:
+    """``detect`` for every new keyframe once. tracked_loop: in words, that the keyframe shares points with
     keyframes of long ago, and the ones before did not: tracking alone has closed a loop; else empty."""
 
     def __init__(self, camera: PinholeCamera, config: TrackerConfig, rng: np.random.Generator) -> None:
         self._places = PlaceRecognizer(camera, Tracker(config, rng))
-        self._unconfirmed: Reunion | None = None
-        self._last_at_home = -HOME_KEYFRAMES
-        self.came_home = ""
+        self._unconfirmed: LoopClosure | None = None
+        self._last_loop = -LOOP_KEYFRAMES
+        self.tracked_loop = ""
 
-    def look(self, world: Map, view: MapView, index: int) -> list[Reunion]:
-        """The reunions of keyframe ``index`` and of one before that agree, empty when there is nothing to act on."""
-        self.came_home = ""
-        among = self._strangers(world, view, index)
+    def detect(self, world: Map, view: MapView, index: int) -> list[LoopClosure]:
+        """The loop closures of keyframe ``index`` and of one before that agree, empty when there is nothing to act
+        on."""
+        self.tracked_loop = ""
+        among = self._candidates(world, view, index)
         if not len(among):
             return []
         for seen in self._recognitions(world.keyframes[index], view, among):
             if not is_sure(seen):
                 continue
-            reunion = self._reunion(world, index, seen)
-            if reunion is None or not self._can_be(world, reunion):
+            closure = self._closure(world, index, seen)
+            if closure is None or not self._is_plausible(world, closure):
                 continue
-            before, self._unconfirmed = self._unconfirmed, reunion
-            found = [reunion] if is_certain(seen) else []
-            if before is not None and self._agree(world, before, reunion):
-                found = [before, reunion]
-            self._last_at_home = index if found else self._last_at_home
+            before, self._unconfirmed = self._unconfirmed, closure
+            found = [closure] if is_certain(seen) else []
+            if before is not None and self._agree(world, before, closure):
+                found = [before, closure]
+            self._last_loop = index if found else self._last_loop
             return found
         return []
 
@@ -91,7 +92,7 @@ class LoopFinder:
         """What was seen has been acted on."""
         self._unconfirmed = None
 
-    def _strangers(self, world: Map, view: MapView, index: int) -> IntArray:
+    def _candidates(self, world: Map, view: MapView, index: int) -> IntArray:
         """Keyframes that may show the same place without being known to: of an earlier map, or of this one from long
         ago and near enough for the drift since then."""
         newest = world.keyframes[index]
@@ -103,37 +104,39 @@ class LoopFinder:
         long_ago = mine[way[mine] > LONG_AGO * max(newest.median_depth, 1e-6)]
         shared = world.covisible(newest.observations.rows)[long_ago]
         if not len(long_ago) or shared.max() >= KNOWN_POINTS:
-            self._notice_home(index, long_ago[shared >= KNOWN_POINTS], way, newest)
+            self._notice_tracked_loop(index, long_ago[shared >= KNOWN_POINTS], way, newest)
             return np.zeros(0, np.int64)
         offset = np.linalg.norm(view.centres[long_ago] - newest.T_world_cam.translation, axis=1)
         cosine = view.R_world_cam[long_ago, :, 2] @ newest.T_world_cam.rotation[:, 2]
         metres, angle = _drift(way[long_ago], is_metric(world, newest))
         near = offset < metres + VIEW_DEPTHS * newest.median_depth
         near &= np.arccos(np.clip(cosine, -1.0, 1.0)) < angle + VIEW_RAD
-        strangers: IntArray = long_ago[near]
-        return strangers
+        candidates: IntArray = long_ago[near]
+        return candidates
 
-    def _notice_home(self, index: int, known: IntArray, way: FloatArray, newest: KeyFrame) -> None:
+    def _notice_tracked_loop(self, index: int, known: IntArray, way: FloatArray, newest: KeyFrame) -> None:
         oldest = max(known.tolist(), key=lambda k: float(way[k]), default=index)
-        if way[oldest] < HOME_WAY * newest.median_depth:
+        if way[oldest] < LOOP_WAY * newest.median_depth:
             return
-        if index - self._last_at_home > HOME_KEYFRAMES:
-            self.came_home = f"after {way[oldest]:.1f} m, by tracking alone: keyframe {index} sees points of {oldest}"
-        self._last_at_home = index
+        if index - self._last_loop > LOOP_KEYFRAMES:
+            self.tracked_loop = (
+                f"after {way[oldest]:.1f} m, by tracking alone: keyframe {index} sees points of {oldest}"
+            )
+        self._last_loop = index
 
-    def _can_be(self, world: Map, reunion: Reunion) -> bool:
+    def _is_plausible(self, world: Map, closure: LoopClosure) -> bool:
         """Whether the map can have drifted so far; maps that were begun apart can lie anyhow."""
-        older, newer = world.keyframes[reunion.older], world.keyframes[reunion.newer]
+        older, newer = world.keyframes[closure.older], world.keyframes[closure.newer]
         if older.map_id != newer.map_id:
             return True
         way = path_lengths(world)
-        metres, angle = _drift(way[reunion.newer] - way[reunion.older], is_metric(world, older, newer))
-        there = reunion.place(world)
+        metres, angle = _drift(way[closure.newer] - way[closure.older], is_metric(world, older, newer))
+        there = closure.place(world)
         off = float(np.linalg.norm(there.translation - newer.T_world_cam.translation))
         return off < float(metres) and there.rotation_angle_to(newer.T_world_cam) < float(angle)
 
-    def _reunion(self, world: Map, index: int, seen: Recognition) -> Reunion | None:
-        """With the factor of size: 1 by the wheels, else from the depths of points that both parts see at one spot."""
+    def _closure(self, world: Map, index: int, seen: Recognition) -> LoopClosure | None:
+        """With the factor of size: 1 by odometry, else from the depths of points that both parts see at one spot."""
         newest, track = world.keyframes[index], seen.track
         factor = 1.0
         if not is_metric(world, newest, world.keyframes[seen.keyframe]):
@@ -146,9 +149,9 @@ class LoopFinder:
                 return None
             factor = float(np.exp(middle))
         T_older_newer = world.keyframes[seen.keyframe].T_world_cam.inverse() @ track.T_world_cam
-        return Reunion(seen.keyframe, index, T_older_newer, factor, len(track.rows))
+        return LoopClosure(seen.keyframe, index, T_older_newer, factor, len(track.rows))
 
-    def _agree(self, world: Map, a: Reunion, b: Reunion) -> bool:
+    def _agree(self, world: Map, a: LoopClosure, b: LoopClosure) -> bool:
         """Whether two keyframes tell of the same displacement; one that was culled since tells of none."""
         if not (world.keyframes[a.older].alive and world.keyframes[a.newer].alive):
             return False
@@ -165,13 +168,13 @@ class LoopFinder:
 
 
 def is_metric(world: Map, *keyframes: KeyFrame) -> bool:
-    """Whether the wheels measured the size of the map around the keyframes."""
+    """Whether odometry measured the size of the map around the keyframes."""
     return all(k.data.T_odom_base is not None and world.is_metric(k.map_id) for k in keyframes)
 
 
-def _drift(way: FloatArray, by_wheels: bool) -> tuple[FloatArray, FloatArray]:
+def _drift(way: FloatArray, by_odometry: bool) -> tuple[FloatArray, FloatArray]:
     """How far [m, rad] the map can be off after a way [m]."""
-    share, turn = (DRIFT_WHEELS, TURN_WHEELS) if by_wheels else (DRIFT_CAMERA, TURN_CAMERA)
+    share, turn = (DRIFT_ODOMETRY, TURN_ODOMETRY) if by_odometry else (DRIFT_CAMERA, TURN_CAMERA)
     return DRIFT_M + share * way, DRIFT_RAD + turn * way
 
 

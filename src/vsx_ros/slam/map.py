@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points3
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.slam.keyframe import Anchor, FrameData, KeyFrame, Observations, Seers, covisible
+from vsx_ros.slam.keyframe import Anchor, FrameData, KeyFrame, Observations, PointObservers, covisible
 from vsx_ros.slam.templates import NewTemplates, Templates, TemplateStore, grown
 
 _ENOUGH_DEPTHS = 5
@@ -39,14 +39,14 @@ class MapView(NamedTuple):
 
 
 class Map:
-    """The mutable map. Rows of points are never reused. chain is that of the keyframes to come."""
+    """The mutable map. Rows of points are never reused. odom_epoch is that of the keyframes to come."""
 
     def __init__(self) -> None:
         self.version = 0
-        self.chain = 0
+        self.odom_epoch = 0
         self.keyframes: list[KeyFrame] = []
         self._carried: dict[int, list[int]] = {}
-        self._seers = Seers()
+        self._observers = PointObservers()
         self.count = 0
         self._points = np.zeros((1024, 3))
         self._alive = np.zeros(1024, np.bool_)
@@ -55,14 +55,14 @@ class Map:
 
     @staticmethod
     def resumed(view: MapView) -> Map:
-        """The map of a view, to go on with; its new keyframes begin a chain of their own."""
+        """The map of a view, to go on with; its new keyframes begin an odometry epoch of their own."""
         world = Map()
         world.version, world.keyframes = view.version, list(view.keyframes)
-        world.chain = 1 + max(keyframe.chain for keyframe in view.keyframes)
+        world.odom_epoch = 1 + max(keyframe.odom_epoch for keyframe in view.keyframes)
         for k, keyframe in enumerate(view.keyframes):
             if keyframe.anchor is not None:
                 world._carried.setdefault(keyframe.anchor.keyframe, []).append(k)
-            world._seers.add(k, keyframe.observations.rows)
+            world._observers.add(k, keyframe.observations.rows)
         world.count = len(view.points)
         world._points, world._alive, world._source = view.points.copy(), view.alive.copy(), view.source.copy()
         world._templates = TemplateStore.resumed(view.templates)
@@ -87,12 +87,12 @@ class Map:
         """Append a keyframe; returns its index, which is also its id."""
         index = len(self.keyframes)
         depth = self.keyframes[-1].median_depth if self.keyframes else 0.0
-        self.keyframes.append(KeyFrame(index, data, T_world_cam, observations, depth, self.chain, None, map_id))
-        self._seers.add(index, observations.rows)
+        self.keyframes.append(KeyFrame(index, data, T_world_cam, observations, depth, self.odom_epoch, None, map_id))
+        self._observers.add(index, observations.rows)
         self.update_depth(index)
         return index
 
-    def add_points(self, points_world: Points3, looks: NewTemplates, source: int) -> NDArray[np.int64]:
+    def add_points(self, points_world: Points3, templates: NewTemplates, source: int) -> NDArray[np.int64]:
         """Append points (N, 3) first seen in keyframe ``source``; returns their rows."""
         n = len(points_world)
         self._points, self._alive, self._source = (
@@ -106,19 +106,19 @@ class Map:
         self._source[rows] = source
         self._templates.add_points(n)
         self.count += n
-        self.add_templates(rows, looks, source)
+        self.add_templates(rows, templates, source)
         return rows
 
-    def add_templates(self, rows: IntArray, looks: NewTemplates, source: int) -> None:
+    def add_templates(self, rows: IntArray, templates: NewTemplates, source: int) -> None:
         """Let points (rows) also be looked for as keyframe ``source`` shows them; the oldest look but the first
         gives way."""
-        self._templates.add(rows, looks, source)
+        self._templates.add(rows, templates, source)
 
     def observe(self, index: int, more: Observations) -> None:
         """Add observations to a keyframe."""
         keyframe = self.keyframes[index]
         self.keyframes[index] = replace(keyframe, observations=Observations.concatenated([keyframe.observations, more]))
-        self._seers.add(index, more.rows)
+        self._observers.add(index, more.rows)
 
     def forget(self, index: int, mask: BoolArray) -> None:
         """Remove the observations of a keyframe where mask (n,) is set."""
@@ -152,7 +152,7 @@ class Map:
         """Whoever saw the points ``old`` (rows) has seen ``new`` (as many) instead; the old ones leave the map."""
         becomes = np.arange(self.count)
         becomes[old] = new
-        for index in self._seers.of(old):
+        for index in self._observers.of(old):
             keyframe = self.keyframes[index]
             observed = keyframe.observations
             rows = becomes[observed.rows]
@@ -161,7 +161,7 @@ class Map:
             kept[order[np.unique(rows[order], return_index=True)[1]]] = True
             if (rows != observed.rows).any():
                 self.keyframes[index] = replace(keyframe, observations=observed._replace(rows=rows).where(kept))
-                self._seers.add(index, rows)
+                self._observers.add(index, rows)
         self.alive[old] = False
 
     @property
@@ -174,37 +174,36 @@ class Map:
         return [k for k, keyframe in enumerate(self.keyframes) if keyframe.alive and keyframe.map_id == map_id]
 
     def is_metric(self, map_id: int) -> bool:
-        """Whether one of the maps began by wheels: then it has their size and stands level."""
+        """Whether one of the maps began with odometry: then it is metric and stands level."""
         first = next(keyframe for keyframe in self.keyframes if keyframe.map_id == map_id)
         return first.data.T_odom_base is not None
 
     def predecessor(self, index: int) -> int | None:
-        """The living keyframe before this one in its chain, None for the first."""
-        chain = self.keyframes[index].chain
+        """The living keyframe before this one in its epoch, None for the first."""
+        epoch = self.keyframes[index].odom_epoch
         for k in range(index - 1, -1, -1):
-            if self.keyframes[k].alive and self.keyframes[k].chain == chain:
+            if self.keyframes[k].alive and self.keyframes[k].odom_epoch == epoch:
                 return k
         return None
 
     def successor(self, index: int) -> int | None:
-        """The living keyframe after this one in its chain, None for the last."""
-        return next(
-            (k for k in self.living if k > index and self.keyframes[k].chain == self.keyframes[index].chain), None
-        )
+        """The living keyframe after this one in its epoch, None for the last."""
+        epoch = self.keyframes[index].odom_epoch
+        return next((k for k in self.living if k > index and self.keyframes[k].odom_epoch == epoch), None)
 
-    def seers(self, rows: IntArray) -> list[int]:
+    def observers(self, rows: IntArray) -> list[int]:
         """All living keyframes that see any of the points (rows), and some that do not, ascending."""
-        return [k for k in self._seers.of(rows) if self.keyframes[k].alive]
+        return [k for k in self._observers.of(rows) if self.keyframes[k].alive]
 
     def covisible(self, rows: IntArray) -> IntArray:
         """(K,) how many of the points (rows) each keyframe sees."""
-        seers, shared = self.seers(rows), np.zeros(len(self.keyframes), np.int64)
-        shared[seers] = covisible([self.keyframes[k] for k in seers], rows, self.count)
+        observers, shared = self.observers(rows), np.zeros(len(self.keyframes), np.int64)
+        shared[observers] = covisible([self.keyframes[k] for k in observers], rows, self.count)
         return shared
 
     def seen(self, rows: IntArray) -> IntArray:
         """(P,) how many keyframes see each of the points (rows); fewer than do, or none, for other points."""
-        every = [self.keyframes[k].observations.rows for k in self.seers(rows)]
+        every = [self.keyframes[k].observations.rows for k in self.observers(rows)]
         return np.bincount(np.concatenate([np.zeros(0, np.int64), *every]), minlength=self.count)
 
     def cull_keyframe(self, index: int) -> None:
@@ -238,7 +237,7 @@ class Map:
         if not len(rows):
             return
         self.alive[rows] = False
-        for index in self.seers(rows):
+        for index in self.observers(rows):
             gone = ~self.alive[self.keyframes[index].observations.rows]
             if gone.any():
                 self.forget(index, gone)
@@ -270,7 +269,7 @@ class Map:
         )
 
     def templates(self) -> Templates:
-        """All looks, for searching."""
+        """All templates, for searching."""
         return self._templates.view()
 
 

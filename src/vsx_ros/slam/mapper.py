@@ -16,42 +16,42 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.bundle_adjustment import BundleAdjuster, never
 from vsx_ros.slam.culling import cull_redundant
 from vsx_ros.slam.keyframe import FrameData, Observations
-from vsx_ros.slam.loop_closing import LoopFinder
+from vsx_ros.slam.loop_closing import LoopDetector
+from vsx_ros.slam.loop_correction import correct_loops
 from vsx_ros.slam.map import Map, MapView
 from vsx_ros.slam.point_creation import (
     Candidates,
     TargetMatches,
     candidates_in,
-    looks_in,
-    looks_of,
     match_in_target,
     observations_at,
+    templates_in,
+    templates_of,
 )
-from vsx_ros.slam.reunion import reunite
 from vsx_ros.slam.state import SlamEvent
 from vsx_ros.slam.tracker import predicted
-from vsx_ros.slam.two_views import Pair, TwoViews
+from vsx_ros.slam.two_view_reconstruction import InitialPair, TwoViewReconstruction
 from vsx_ros.vision.corners import dense_corners
 from vsx_ros.vision.patch_search import find_patches
 
 REFIND_RADIUS_PX, REFIND_REACH = 4.0, 2
 # The whole map is adjusted when it has grown by so many keyframes and that share: the work per keyframe stays the same.
 GLOBAL_EVERY, GLOBAL_GROWTH = 8, 0.1
-NEW_LOOK = 0.006
+NEW_TEMPLATE = 0.006
 VETO_OBSERVATIONS, VETO_AGE, VETO_SIGMAS = 100, 3, 6.0
 BASELINES = (0.07, 0.025, 0.12, 0.045)
 
 
 class KeyFrameRequest(NamedTuple):
     """A tracked frame that shall enter the map. T_ref_cam: its pose in keyframe ``reference``, which may have moved
-    since, and been resized from ``scale``. chain: that of the wheels, see KeyFrame.
+    since, and been resized from ``scale``. odom_epoch: see KeyFrame.
     searched, found (P,): the tracker's counts per point so far."""
 
     data: FrameData
     reference: int
     T_ref_cam: SE3
     scale: float
-    chain: int
+    odom_epoch: int
     rows: IntArray
     uv: FloatArray
     level: IntArray
@@ -65,21 +65,21 @@ class Mapper:
     def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, config: SlamConfig, world: Map) -> None:
         self.map = world
         self._config, self._culling = config.mapper, config.culling
-        self._two_views = TwoViews(camera, config.initialization)
+        self._reconstruction = TwoViewReconstruction(camera, config.initialization)
         self._adjuster = BundleAdjuster(camera, T_base_cam, config.wheels)
         self._since_global = 0
-        self._loops = LoopFinder(camera, config.tracker, np.random.default_rng(0))
+        self._loops = LoopDetector(camera, config.tracker, np.random.default_rng(0))
         self.events: deque[SlamEvent] = deque()
 
-    def start(self, pair: Pair) -> MapView | str:
+    def start(self, pair: InitialPair) -> MapView | str:
         """Make a map of two frames, the first one or one of its own; nothing changes when they do not allow it, for the
         reason returned."""
-        start = self._two_views.reconstruct(pair)
+        start = self._reconstruction.reconstruct(pair)
         if isinstance(start, str):
             return start
         world = self.map
         map_id = 1 + max((keyframe.map_id for keyframe in world.keyframes), default=-1)
-        world.chain = pair.chain
+        world.odom_epoch = pair.odom_epoch
         first = world.add_keyframe(_with_dense_corners(start.first), start.poses[0], Observations.none(), map_id)
         second = world.add_keyframe(_with_dense_corners(start.second), start.poses[1], Observations.none(), map_id)
         self._enter(first, second, start.candidates, start.matches)
@@ -98,7 +98,7 @@ class Mapper:
         reference, T_ref_cam = world.keyframes[request.reference], request.T_ref_cam
         grown = reference.scale / request.scale
         pose = reference.T_world_cam @ SE3(T_ref_cam.rotation, grown * T_ref_cam.translation)
-        world.chain = request.chain
+        world.odom_epoch = request.odom_epoch
         seen = request.rows[keep], request.uv[keep], request.level[keep]
         observed = observations_at(request.data, pose, world.points, *seen)
         self._cull(request.searched, request.found)
@@ -110,26 +110,28 @@ class Mapper:
         self._refind(neighbours, created)
         before = list(world.keyframes), world.points.copy(), world.alive.copy()
         self._adjuster.adjust(world, self._movable([index, *neighbours]), self._config.local_iterations)
-        if self._contradicts_wheels(index):
+        if self._contradicts_odometry(index):
             world.keyframes[:], world.points[:], world.alive[:] = before
-            self._place_by_wheels(index)
-        self._renew_looks(index)
+            self._place_by_odometry(index)
+        self._renew_templates(index)
         self._since_global += 1
-        self._reunite(index, neighbours)
+        self._correct_loops(index, neighbours)
         cull_redundant(world, neighbours, self._culling)
         world.version += 1
         return world.view()
 
-    def _reunite(self, index: int, neighbours: list[int]) -> None:
+    def _correct_loops(self, index: int, neighbours: list[int]) -> None:
         """Close the loop, or join the map, when a new keyframe shows a place that is known from elsewhere."""
-        reunions = self._loops.look(self.map, self.map.view(), index)
-        if self._loops.came_home:
-            self.events.append(SlamEvent(self.map.keyframes[index].data.stamp_ns, "loop closed", self._loops.came_home))
+        closures = self._loops.detect(self.map, self.map.view(), index)
+        if self._loops.tracked_loop:
+            self.events.append(
+                SlamEvent(self.map.keyframes[index].data.stamp_ns, "loop closed", self._loops.tracked_loop)
+            )
             self._since_global = len(self.map.keyframes)
-        if not reunions:
+        if not closures:
             return
-        around, older = [index, *neighbours], reunions[-1].older
-        self.events.append(reunite(self.map, reunions, around))
+        around, older = [index, *neighbours], closures[-1].older
+        self.events.append(correct_loops(self.map, closures, around))
         self._loops.forget()
         there = [older, *self.neighbours(older, self._config.window_keyframes)]
         free = self._movable(sorted({*around, *there}))
@@ -160,7 +162,7 @@ class Mapper:
 
     def neighbours(self, index: int, count: int) -> list[int]:
         """Indices of the living keyframes that share most points with one, at least 15, best first; the previous one of
-        its chain always."""
+        its epoch always."""
         shared = self.map.covisible(self.map.keyframes[index].observations.rows)
         shared[index] = 0
         ranked = [int(k) for k in np.argsort(-shared, kind="stable") if shared[k] >= 15][:count]
@@ -169,7 +171,7 @@ class Mapper:
         return [*ranked[: count - wanted], *previous[:wanted]]
 
     def _previous(self, index: int, count: int) -> list[int]:
-        """Up to ``count`` living keyframes before one in its chain, latest first."""
+        """Up to ``count`` living keyframes before one in its epoch, latest first."""
         found: list[int] = []
         before = self.map.predecessor(index)
         while before is not None and len(found) < count:
@@ -204,13 +206,13 @@ class Mapper:
         if not len(rows):
             return
         view = self.map.view()
-        looks = view.templates
+        known = view.templates
         for index in indices:
             data, pose = self.map.keyframes[index].data, self.map.keyframes[index].T_world_cam
             unseen = rows[~np.isin(rows, self.map.keyframes[index].observations.rows)]
             expected = predicted(data.camera, pose.inverse(), view, unseen)
             found, uv = find_patches(
-                data.pyramid, data.corners, looks.patches, looks.offset, expected, REFIND_RADIUS_PX, REFIND_REACH
+                data.pyramid, data.corners, known.patches, known.offset, expected, REFIND_RADIUS_PX, REFIND_REACH
             )
             self._observe(index, expected.rows[found], uv[found], expected.level[found])
 
@@ -245,16 +247,16 @@ class Mapper:
 
     def _enter(self, source: int, target: int, candidates: Candidates, matches: TargetMatches) -> IntArray:
         world = self.map
-        rows = world.add_points(matches.points_world, looks_of(candidates, matches.chosen), source)
+        rows = world.add_points(matches.points_world, templates_of(candidates, matches.chosen), source)
         chosen = matches.chosen
         self._observe(source, rows, candidates.uv[chosen], candidates.level[chosen])
         self._observe(target, rows, matches.uv, matches.level)
         return rows
 
-    def _contradicts_wheels(self, index: int) -> bool:
-        """Whether the step from the previous keyframe is beyond what the wheels can have got wrong, and few points
+    def _contradicts_odometry(self, index: int) -> bool:
+        """Whether the step from the previous keyframe is beyond what odometry can have got wrong, and few points
         that the map has known for a while vouch for it (many do when the wheels slip)."""
-        factor, before = self._adjuster.by_wheels(self.map, index), self.map.predecessor(index)
+        factor, before = self._adjuster.by_odometry(self.map, index), self.map.predecessor(index)
         known = self.map.source[self.map.keyframes[index].observations.rows] < index - VETO_AGE
         if factor is None or before is None or np.count_nonzero(known) >= VETO_OBSERVATIONS:
             return False
@@ -262,30 +264,30 @@ class Mapper:
         error = (factor.T_a_b.inverse() @ previous.inverse() @ newest).log()
         return float(error @ factor.information @ error) > VETO_SIGMAS**2
 
-    def _place_by_wheels(self, index: int) -> None:
-        """Few points that contradict the wheels are not believed: they can pull the map into another scale. The
-        keyframe stands where the wheels put it, without them."""
-        world, factor, before = self.map, self._adjuster.by_wheels(self.map, index), self.map.predecessor(index)
+    def _place_by_odometry(self, index: int) -> None:
+        """Few points that contradict odometry are not believed: they can pull the map into another scale. The
+        keyframe stands where odometry puts it, without them."""
+        world, factor, before = self.map, self._adjuster.by_odometry(self.map, index), self.map.predecessor(index)
         assert factor is not None
         assert before is not None
         world.remove_points(np.flatnonzero(world.alive & (world.source == index)))
         world.forget(index, np.ones(len(world.keyframes[index].observations.rows), np.bool_))
         world.move_keyframe(index, world.keyframes[before].T_world_cam @ factor.T_a_b)
 
-    def _renew_looks(self, index: int) -> None:
+    def _renew_templates(self, index: int) -> None:
         """Points seen here from a direction or distance that none of their templates comes near get one more."""
         world, keyframe = self.map, self.map.keyframes[index]
         rows = keyframe.observations.rows
-        looks = world.templates()
+        known = world.templates()
         here = world.points[rows] - keyframe.T_world_cam.translation
         centres = np.array([k.T_world_cam.translation for k in world.keyframes])
-        numbers = looks.of_point[rows]
-        there = world.points[rows][:, None] - centres[looks.source[numbers]]
+        numbers = known.of_point[rows]
+        there = world.points[rows][:, None] - centres[known.source[numbers]]
         here2, there2 = (here**2).sum(axis=1)[:, None], (there**2).sum(axis=2)
         cosine = (here[:, None] * there).sum(axis=2) / np.sqrt(here2 * there2)
         unlike = 2.0 * (1.0 - cosine) + 0.05 * np.log(there2 / here2) ** 2
         unlike[numbers < 0] = np.inf
-        chosen, more = looks_in(keyframe, np.flatnonzero(unlike.min(axis=1, initial=np.inf) > NEW_LOOK))
+        chosen, more = templates_in(keyframe, np.flatnonzero(unlike.min(axis=1, initial=np.inf) > NEW_TEMPLATE))
         world.add_templates(rows[chosen], more, index)
 
     def _cull(self, searched: IntArray, found: IntArray) -> None:

@@ -1,4 +1,4 @@
-"""Where the camera should be now: by the wheels where there are any, else by constant velocity and image rotation."""
+"""Where the camera should be now: by odometry where there is any, else by constant velocity and image rotation."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ MAX_GAP_S = 0.5
 
 
 class Prediction(NamedTuple):
-    """T_world_cam expected, whether it comes from the wheels, and how firmly: information (6,) per axis of the camera's
+    """T_world_cam expected, whether it comes from odometry, and how firmly: information (6,) per axis of the camera's
     tangent."""
 
     T_world_cam: SE3
-    by_wheels: bool
+    by_odometry: bool
     information: FloatArray
 
 
@@ -39,12 +39,12 @@ class MotionModel:
         """The expected pose of a frame. Needs an ``update`` before."""
         assert self._last is not None
         before, T = self._last
-        by_wheels = self.by_wheels(before, data)
-        if by_wheels is not None:
-            distance = float(np.linalg.norm(by_wheels.translation))
-            turn = by_wheels.rotation_angle_to(SE3.identity())
+        by_odometry = self.by_odometry(before, data)
+        if by_odometry is not None:
+            distance = float(np.linalg.norm(by_odometry.translation))
+            turn = by_odometry.rotation_angle_to(SE3.identity())
             sigma = np.repeat([0.0006 + 0.01 * distance, 0.0006 + 0.01 * turn], 3)
-            return Prediction(T @ by_wheels, True, sigma**-2)
+            return Prediction(T @ by_odometry, True, sigma**-2)
         dt = (data.stamp_ns - before.stamp_ns) * 1e-9
         if dt > MAX_GAP_S:
             return Prediction(T, False, np.zeros(6))
@@ -54,7 +54,7 @@ class MotionModel:
             motion = SE3(rotation.T, motion.translation)
         return Prediction(T @ motion, False, np.zeros(6))
 
-    def by_wheels(self, before: FrameData, now: FrameData) -> SE3 | None:
+    def by_odometry(self, before: FrameData, now: FrameData) -> SE3 | None:
         """T_before_now of the camera by odometry, None without."""
         if self._T_base_cam is None or before.T_odom_base is None or now.T_odom_base is None:
             return None

@@ -52,7 +52,7 @@ def is_certain(seen: Recognition) -> bool:
     return not few and seen.track.ratio >= CERTAIN_RATIO and seen.cells >= CERTAIN_CELLS
 
 
-class _Looks(NamedTuple):
+class _KeyframeFeatures(NamedTuple):
     of: Observations
     rows: IntArray
     features: Features
@@ -66,7 +66,7 @@ class PlaceRecognizer:
         self._camera = camera
         self._array = kernel_camera(camera)
         self._tracker = tracker
-        self._looks: dict[int, _Looks] = {}
+        self._features: dict[int, _KeyframeFeatures] = {}
         self._tiny: dict[int, SmallImage] = {}
 
     def ranked(self, small: SmallImage, view: MapView, among: IntArray) -> IntArray:
@@ -100,9 +100,9 @@ class PlaceRecognizer:
 
     def _guess(self, features: Features, view: MapView, index: int) -> tuple[SE3, int] | None:
         """T_world_cam from descriptor matches with a keyframe's points (perspective three-point and consensus)."""
-        looks = self._described(view.keyframes[index])
-        there, here = match(looks.features, features)
-        rows = looks.rows[there]
+        known = self._described(view.keyframes[index])
+        there, here = match(known.features, features)
+        rows = known.rows[there]
         alive = view.alive[rows]
         rows, here = rows[alive], here[alive]
         if len(rows) < MIN_MATCHES:
@@ -124,15 +124,15 @@ class PlaceRecognizer:
         T_cam_local = SE3(np.asarray(cv2.Rodrigues(rotation)[0]), np.asarray(translation, float).ravel())
         return SE3(np.eye(3), centre) @ T_cam_local.inverse(), len(inliers)
 
-    def _described(self, keyframe: KeyFrame) -> _Looks:
+    def _described(self, keyframe: KeyFrame) -> _KeyframeFeatures:
         observed = keyframe.observations
-        known = self._looks.pop(keyframe.id, None)
+        known = self._features.pop(keyframe.id, None)
         if known is None or known.of is not observed:
             index, features = describe(keyframe.data.pyramid, observed.uv, observed.level)
-            known = _Looks(observed, observed.rows[index], features)
-        self._looks[keyframe.id] = known
-        if len(self._looks) > REMEMBERED:
-            del self._looks[next(iter(self._looks))]
+            known = _KeyframeFeatures(observed, observed.rows[index], features)
+        self._features[keyframe.id] = known
+        if len(self._features) > REMEMBERED:
+            del self._features[next(iter(self._features))]
         return known
 
     def _shrunk(self, keyframe: KeyFrame) -> SmallImage:

@@ -138,14 +138,14 @@ def checked_points(
     return points, keep
 
 
-def looks_of(candidates: Candidates, index: IntArray) -> NewTemplates:
+def templates_of(candidates: Candidates, index: IntArray) -> NewTemplates:
     """How chosen candidates look."""
     return NewTemplates(candidates.basis[index], np.zeros((len(index), 2)), candidates.patches[index])
 
 
-def looks_in(keyframe: KeyFrame, chosen: IntArray) -> tuple[IntArray, NewTemplates]:
+def templates_in(keyframe: KeyFrame, chosen: IntArray) -> tuple[IntArray, NewTemplates]:
     """How points look in a keyframe that observes them: (which of ``chosen``, indices into its observations, have a
-    whole patch; their looks)."""
+    whole patch; their templates)."""
     observed = keyframe.observations
     kept, parts = [], []
     for level in range(LEVELS):

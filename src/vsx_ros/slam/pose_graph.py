@@ -1,4 +1,4 @@
-"""Bending a map so that a place seen twice becomes one: a pose graph of its keyframes, the points carried along."""
+"""Pose graph optimisation, so that a place seen twice becomes one; points move with their keyframes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from vsx_ros.slam.map import Map
 # Standard deviations of what two keyframes that share points know of one another: a constant and a share of the way.
 DISTANCE_M, DISTANCE_RATIO, ANGLE_RAD, ANGLE_RAD_M, SCALE, SCALE_RATIO = 0.002, 0.01, 0.001, 0.005, 0.002, 0.01
 LOOSE = 5.0
-STRANGERS, CLOSE_FRIENDS, FRIENDS = 15, 60, 2
+WEAK_COVISIBILITY, STRONG_COVISIBILITY, NEIGHBOURS = 15, 60, 2
 LOOP_SIGMA = np.array([0.004, 0.004, 0.004, 0.002, 0.002, 0.002, 0.003])
 ITERATIONS = 12
 
@@ -37,7 +37,7 @@ class _Edge(NamedTuple):
     sigma: FloatArray
 
 
-def bend(world: Map, map_id: int, loops: list[Loop], free_scale: bool) -> float:
+def optimize_pose_graph(world: Map, map_id: int, loops: list[Loop], free_scale: bool) -> float:
     """Move all living keyframes of a map but the first so that the loops close, each stretch giving way as far as it is
     uncertain: where successive keyframes share few points, first. free_scale: without odometry the size drifts too.
 
@@ -62,12 +62,12 @@ def bend(world: Map, map_id: int, loops: list[Loop], free_scale: bool) -> float:
         ITERATIONS,
     )
     after = [SE3(R[n], t[n]) for n in range(len(nodes))]
-    place(world, nodes, after, s)
+    move_keyframes(world, nodes, after, s)
     last = number[loops[-1].newer]
     return float(np.linalg.norm(after[last].translation - before[last].translation))
 
 
-def place(world: Map, nodes: list[int], poses: list[SE3], factors: FloatArray) -> None:
+def move_keyframes(world: Map, nodes: list[int], poses: list[SE3], factors: FloatArray) -> None:
     """Move keyframes (indices) to new poses, ``factors`` times as large, with the points first seen in them or in
     culled keyframes they carry."""
     before = [world.keyframes[k].T_world_cam for k in nodes]
@@ -97,9 +97,9 @@ def _edges_within(world: Map, nodes: list[int], poses: list[SE3]) -> list[_Edge]
     shared = shared_points(world, nodes)
     edges = []
     for n in range(1, len(nodes)):
-        edges.append(_edge(world, nodes, poses, n - 1, n, bool(shared[n, n - 1] < STRANGERS)))
-        earlier = np.argsort(-shared[n, : n - 1], kind="stable")[:FRIENDS]
-        edges += [_edge(world, nodes, poses, int(m), n, False) for m in earlier if shared[n, m] >= CLOSE_FRIENDS]
+        edges.append(_edge(world, nodes, poses, n - 1, n, bool(shared[n, n - 1] < WEAK_COVISIBILITY)))
+        earlier = np.argsort(-shared[n, : n - 1], kind="stable")[:NEIGHBOURS]
+        edges += [_edge(world, nodes, poses, int(m), n, False) for m in earlier if shared[n, m] >= STRONG_COVISIBILITY]
     return edges
 
 

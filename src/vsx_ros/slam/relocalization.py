@@ -26,9 +26,9 @@ AGREE_M, AGREE_RAD, AGREE_S = 0.15, 0.15, 0.5
 OFF_FLOOR_M, OFF_FLOOR_RAD = 0.03, 0.05
 
 
-class Reach(NamedTuple):
-    """How far the wheels, that may have slipped, allow the camera to be from where they have it: along the floor they
-    slip, off it they do not. up_cam (3,): the floor's normal in that camera."""
+class PoseTolerance(NamedTuple):
+    """How far odometry, whose wheels may have slipped, allows the camera to be from where it has it: along the floor
+    they slip, off it they do not. up_cam (3,): the floor's normal in that camera."""
 
     distance_m: float
     angle_rad: float
@@ -43,27 +43,27 @@ class Reach(NamedTuple):
         return bool(abs(shift @ self.up_cam) <= OFF_FLOOR_M and tilt <= OFF_FLOOR_RAD)
 
 
-class Expectation(NamedTuple):
-    """Where the camera should be: T_world_cam in map ``map_id``, and how far from it it can be, None when the wheels do
+class ExpectedPose(NamedTuple):
+    """Where the camera should be: T_world_cam in map ``map_id``, and how far from it it can be, None when odometry does
     not tell."""
 
     T_world_cam: SE3
     map_id: int
-    reach: Reach | None
+    tolerance: PoseTolerance | None
 
     @property
     def is_firm(self) -> bool:
         """Whether another place is out of the question."""
-        return self.reach is not None
+        return self.tolerance is not None
 
     def allows(self, T_world_cam: SE3, map_id: int) -> bool:
         """Whether the camera can be there."""
-        if self.reach is None:
+        if self.tolerance is None:
             return True
-        return map_id == self.map_id and self.reach.allows((self.T_world_cam.inverse() @ T_world_cam).log())
+        return map_id == self.map_id and self.tolerance.allows((self.T_world_cam.inverse() @ T_world_cam).log())
 
 
-class Found(NamedTuple):
+class Relocalization(NamedTuple):
     """The camera in map ``map_id``. reference: keyframe index."""
 
     track: Track
@@ -82,13 +82,13 @@ class Relocalizer:
         self._motion = motion
         self._places = PlaceRecognizer(camera, tracker)
         self._turn = 0
-        self._unconfirmed: tuple[FrameData, Found] | None = None
+        self._unconfirmed: tuple[FrameData, Relocalization] | None = None
 
     def forget(self) -> None:
         """The next loss has nothing to do with this one."""
         self._turn, self._unconfirmed = 0, None
 
-    def relocalize(self, data: FrameData, view: MapView, expected: Expectation | None) -> Found | None:
+    def relocalize(self, data: FrameData, view: MapView, expected: ExpectedPose | None) -> Relocalization | None:
         """The camera in any of the maps, None when it cannot be told."""
         if expected is not None:
             found = self._where_expected(data, view, expected)
@@ -108,7 +108,7 @@ class Relocalizer:
             self._unconfirmed = data, found
         return None
 
-    def _where_expected(self, data: FrameData, view: MapView, expected: Expectation) -> Found | None:
+    def _where_expected(self, data: FrameData, view: MapView, expected: ExpectedPose) -> Relocalization | None:
         here = view.part(expected.map_id)
         reference = int(nearest_keyframes(here, expected.T_world_cam)[0])
         local = LocalMap()
@@ -120,7 +120,7 @@ class Relocalizer:
         seen = Recognition(reference, track, 0, occupied_cells(track.uv, self._camera))
         return self._found(track, view, reference) if expected.is_firm or is_sure(seen) else None
 
-    def _likely(self, data: FrameData, view: MapView, expected: Expectation | None) -> list[int]:
+    def _likely(self, data: FrameData, view: MapView, expected: ExpectedPose | None) -> list[int]:
         """The best look-alikes, and some of the rest in turn."""
         among = view.living if expected is None or not expected.is_firm else view.part(expected.map_id).living
         ranked = [int(k) for k in self._places.ranked(data.small, view, among)]
@@ -129,21 +129,21 @@ class Relocalizer:
         self._turn += IN_TURN
         return best + in_turn
 
-    def _found(self, track: Track, view: MapView, keyframe: int) -> Found:
+    def _found(self, track: Track, view: MapView, keyframe: int) -> Relocalization:
         map_id = view.keyframes[keyframe].map_id
         here = view.part(map_id)
         local = LocalMap()
         local.select(here, keyframe)
-        return Found(track, local.follow(here, track.rows), map_id)
+        return Relocalization(track, local.follow(here, track.rows), map_id)
 
-    def _confirms(self, data: FrameData, found: Found) -> bool:
+    def _confirms(self, data: FrameData, found: Relocalization) -> bool:
         """Whether a frame shortly before was recognised where the camera must then have been."""
         if self._unconfirmed is None:
             return False
         before, earlier = self._unconfirmed
         if earlier.map_id != found.map_id or (data.stamp_ns - before.stamp_ns) * 1e-9 > AGREE_S:
             return False
-        moved = self._motion.by_wheels(before, data) or SE3.identity()
+        moved = self._motion.by_odometry(before, data) or SE3.identity()
         step = (earlier.track.T_world_cam @ moved).inverse() @ found.track.T_world_cam
         angle = step.rotation_angle_to(SE3.identity())
         return float(np.linalg.norm(step.translation)) < AGREE_M and angle < AGREE_RAD

@@ -39,8 +39,8 @@ class TrackingResult(NamedTuple):
     """One frame. searched, found: map points expected in the image and found where the pose puts them.
 
     T_world_cam is None while there is no map, while the camera is lost without odometry, until it is recognised in a
-    loaded map, and in a map not yet joined with the first one; in state LOST with odometry it is the pose the wheels
-    predict. reason: why the state is not GOOD, in words. map_id: the map the camera is tracked in; 0 is the first one,
+    loaded map, and in a map not yet joined with the first one; in state LOST with odometry it is the pose odometry
+    predicts. reason: why the state is not GOOD, in words. map_id: the map the camera is tracked in; 0 is the first one,
     whose frame is the world. In another one the state is LOST, because the place in the world is not known, and
     T_map_cam is the pose in that map's own frame. corrected: the map moved under the camera since the frame before
     (a loop was closed, maps were joined): the jump is the map's, not the camera's.
@@ -59,8 +59,8 @@ class TrackingResult(NamedTuple):
 
 
 class SlamEvent(NamedTuple):
-    """A change of state. kind: refused, initialised, lost, bridged (a keyframe placed by the wheels alone), carried
-    (the image changed though the wheels stood), relocalised, second map (begun where the first is out of sight), loop
+    """A change of state. kind: refused, initialised, lost, bridged (a keyframe placed by odometry alone), carried
+    (the image changed though the base stood), relocalised, second map (begun where the first is out of sight), loop
     closed, merged (a second map was joined with the first), gap."""
 
     stamp_ns: int

@@ -46,12 +46,12 @@ class TemplateStore:
         self._patches = np.zeros((1024, PATCH, PATCH), np.uint8)
 
     @staticmethod
-    def resumed(looks: Templates) -> TemplateStore:
+    def resumed(templates: Templates) -> TemplateStore:
         """The templates of a view, to go on with."""
         store = TemplateStore()
-        store._points, store._of_point = len(looks.of_point), looks.of_point.copy()
-        store._count, store._source = len(looks.source), looks.source
-        store._basis, store._offset, store._patches = looks.basis, looks.offset, looks.patches
+        store._points, store._of_point = len(templates.of_point), templates.of_point.copy()
+        store._count, store._source = len(templates.source), templates.source
+        store._basis, store._offset, store._patches = templates.basis, templates.offset, templates.patches
         return store
 
     def add_points(self, count: int) -> None:
@@ -60,7 +60,7 @@ class TemplateStore:
         self._of_point = grown(self._of_point, self._points)
         self._of_point[self._points - count : self._points] = -1
 
-    def add(self, rows: IntArray, looks: NewTemplates, source: int) -> None:
+    def add(self, rows: IntArray, templates: NewTemplates, source: int) -> None:
         """Points (rows) also look as keyframe ``source`` shows them; the oldest look but the first gives way."""
         first = self._count
         self._count += len(rows)
@@ -72,9 +72,9 @@ class TemplateStore:
         )
         numbers = np.arange(first, self._count)
         self._source[numbers] = source
-        self._basis[numbers] = looks.basis
-        self._offset[numbers] = looks.offset
-        self._patches[numbers] = looks.patches
+        self._basis[numbers] = templates.basis
+        self._offset[numbers] = templates.offset
+        self._patches[numbers] = templates.patches
         free = self._of_point[rows] < 0
         full = ~free.any(axis=1)
         self._of_point[rows[full], 1:-1] = self._of_point[rows[full], 2:]
@@ -82,7 +82,7 @@ class TemplateStore:
         self._of_point[rows, slot] = numbers
 
     def view(self) -> Templates:
-        """All looks, for searching."""
+        """All templates, for searching."""
         n = self._count
         of_point = self._of_point[: self._points].copy()
         return Templates(of_point, self._source[:n], self._basis[:n], self._offset[:n], self._patches[:n])

@@ -16,12 +16,12 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.slam.map import MapView
 from vsx_ros.slam.mapper import KeyFrameRequest
-from vsx_ros.slam.sight import Sight, sight
 from vsx_ros.slam.slam_map import SlamMap
 from vsx_ros.slam.state import TrackingResult
+from vsx_ros.slam.tracked_features import TrackedFeatures, tracked_features
 from vsx_ros.slam.tracker_and_mapper import TrackerAndMapper
 from vsx_ros.slam.tracking_record import TrackingRecord
-from vsx_ros.slam.two_views import Pair
+from vsx_ros.slam.two_view_reconstruction import InitialPair
 
 MAX_WAITING = 3
 
@@ -44,7 +44,7 @@ class ThreadedSlam(TrackerAndMapper):
         """As TrackerAndMapper."""
         super().__init__(camera, T_base_cam, config, seed, slam_map, record)
         self._used: MapView = self._view
-        self._waiting: deque[KeyFrameRequest | Pair] = deque()
+        self._waiting: deque[KeyFrameRequest | InitialPair] = deque()
         self._tried: MapView | str | None = None
         self._work = threading.Condition()
         self._closing = False
@@ -72,10 +72,10 @@ class ThreadedSlam(TrackerAndMapper):
             result = result._replace(keyframe_added=taken)
         return result
 
-    def sight(self) -> Sight | None:
+    def tracked_features(self) -> TrackedFeatures | None:
         """The points looked for in the newest frame, None where there were none; from the thread that tracks."""
         last = self._front.last_track
-        return None if last is None else sight(self._camera, *last)
+        return None if last is None else tracked_features(self._camera, *last)
 
     def close(self) -> None:
         """Stop the mapper after the step it is in. Can be called twice."""
@@ -114,8 +114,8 @@ class ThreadedSlam(TrackerAndMapper):
         except BaseException as error:  # handed to the tracker's thread, which raises it
             self._failure = error
 
-    def _step(self, request: KeyFrameRequest | Pair | None) -> None:
-        if isinstance(request, Pair):
+    def _step(self, request: KeyFrameRequest | InitialPair | None) -> None:
+        if isinstance(request, InitialPair):
             tried = self._mapper.start(request)
             with self._work:
                 self._tried = tried

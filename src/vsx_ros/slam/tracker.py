@@ -15,7 +15,7 @@ from vsx_ros.slam.keyframe import FrameData
 from vsx_ros.slam.map import MapView
 from vsx_ros.slam.pose_optimization import PoseEstimate, optimized
 from vsx_ros.slam.state import TrackingState
-from vsx_ros.vision.patch_search import Looks, Predictions, expected_looks, find_patches, search_looks
+from vsx_ros.vision.patch_search import Predictions, WarpedTemplates, find_patches, search_templates, warped_templates
 
 COARSE_POINTS = 80
 COARSE_LEVEL = 2
@@ -82,7 +82,7 @@ class Tracker:
         """Look for the candidate points (rows) around their place at the expected pose.
 
         coarse_radius_px: 0 leaves the coarse stage out. information (6,): how firmly the
-        expected pose is known, per axis of the camera's tangent; None without wheels.
+        expected pose is known, per axis of the camera's tangent; None without odometry.
         """
         pull = np.zeros(6) if information is None else information
         pose = T_world_cam.inverse()
@@ -94,13 +94,13 @@ class Tracker:
                 pose, radius = coarse, 0.5 * radius
                 expected = predicted(data.camera, pose, view, candidates)
         expected = self._choose(expected)
-        looks = expected_looks(view.templates.patches, view.templates.offset, expected)
-        found, uv = search_looks(data.pyramid, data.corners, looks, expected.level, expected.uv, radius)
+        templates = warped_templates(view.templates.patches, view.templates.offset, expected)
+        found, uv = search_templates(data.pyramid, data.corners, templates, expected.level, expected.uv, radius)
         fit = optimized(data.camera, pose, view.points, expected, found, uv, pull, FIRST)
         counted = np.ones(len(uv), np.bool_)
-        # Where the wheels hold the pose, points that are no corners in this image need none to lead to them.
+        # Where odometry holds the pose, points that are no corners in this image need none to lead to them.
         if np.count_nonzero(fit.weights) >= MIN_FIRST or pull.any():
-            fit, uv, counted = self._again(data, view, fit, expected, looks, uv, pull)
+            fit, uv, counted = self._again(data, view, fit, expected, templates, uv, pull)
         kept = fit.weights > 0
         searched, pose = expected.rows[counted], fit.T_cam_world
         depth = view.points[expected.rows] @ pose.rotation[2] + pose.translation[2]
@@ -156,7 +156,7 @@ class Tracker:
         view: MapView,
         fit: PoseEstimate,
         expected: Predictions,
-        looks: Looks,
+        templates: WarpedTemplates,
         uv: Pixels,
         pull: FloatArray,
     ) -> tuple[PoseEstimate, Pixels, BoolArray]:
@@ -166,15 +166,15 @@ class Tracker:
         where, inside = project_rows(
             data.camera, pose.rotation, pose.translation, view.points, expected.rows, MARGIN_PX
         )
-        found, more = search_looks(
-            data.pyramid, data.corners, looks, expected.level, where, AGAIN_RADIUS_PX, AGAIN_REACH, inside & ~kept
+        found, more = search_templates(
+            data.pyramid, data.corners, templates, expected.level, where, AGAIN_RADIUS_PX, AGAIN_REACH, inside & ~kept
         )
         uv = np.where(kept[:, None], uv, more)
         fit = optimized(data.camera, pose, view.points, expected, kept | found, uv, pull, SECOND)
         return fit, uv, kept | inside
 
     def _judge(self, found: int, searched: int, corners: int, guided: bool) -> tuple[TrackingState, str]:
-        """A pose that the wheels support needs fewer points, provided that most of them are where they should be."""
+        """A pose that odometry supports needs fewer points, provided that most of them are where they should be."""
         config = self._config
         share = found / max(1, searched)
         if guided and found < config.min_found and found >= FEW and share > FEW_RATIO:

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.kernels.geometry.projection import unproject_pixels
-from vsx_ros.kernels.vision.patches import CENTRE, PATCH, search, warp_templates
+from vsx_ros.kernels.vision.patches import CENTRE, PATCH
+from vsx_ros.kernels.vision.search import search
+from vsx_ros.kernels.vision.warping import warp_templates
 from vsx_ros.vision.corners import Corners
 from vsx_ros.vision.pyramid import Pyramid
 
@@ -47,22 +49,22 @@ def from_level(uv: Pixels, level: int | IntArray) -> Pixels:
     return (uv + 0.5) * scale - 0.5
 
 
-class Looks(NamedTuple):
+class WarpedTemplates(NamedTuple):
     """How predicted points should appear: templates (S, 10, 10) int32, see ``warp_template``; usable (S,)."""
 
     templates: NDArray[np.int32]
     usable: BoolArray
 
 
-def expected_looks(patches: NDArray[np.uint8], offsets: FloatArray, predictions: Predictions) -> Looks:
+def warped_templates(patches: NDArray[np.uint8], offsets: FloatArray, predictions: Predictions) -> WarpedTemplates:
     """The patches (T, 24, 24) with offsets (T, 2) of predicted points, as the predictions see them."""
-    return Looks(*warp_templates(patches, offsets, predictions.template, predictions.inverse_warp))
+    return WarpedTemplates(*warp_templates(patches, offsets, predictions.template, predictions.inverse_warp))
 
 
-def search_looks(
+def search_templates(
     pyramid: Pyramid,
     corners: Corners,
-    looks: Looks,
+    templates: WarpedTemplates,
     level: IntArray,
     uv: Pixels,
     radius_px: float,
@@ -76,8 +78,8 @@ def search_looks(
         pyramid.table,
         corners.positions,
         corners.row_table,
-        looks.templates,
-        looks.usable if wanted is None else wanted & looks.usable,
+        templates.templates,
+        templates.usable if wanted is None else wanted & templates.usable,
         level,
         uv,
         float(radius_px),
@@ -95,9 +97,9 @@ def find_patches(
     radius_px: float,
     reach: int = 0,
 ) -> tuple[BoolArray, Pixels]:
-    """``search_looks`` of predicted points where they are predicted."""
-    looks = expected_looks(patches, offsets, predictions)
-    return search_looks(pyramid, corners, looks, predictions.level, predictions.uv, radius_px, reach)
+    """``search_templates`` of predicted points where they are predicted."""
+    templates = warped_templates(patches, offsets, predictions)
+    return search_templates(pyramid, corners, templates, predictions.level, predictions.uv, radius_px, reach)
 
 
 def cut_patches(pyramid: Pyramid, positions: NDArray[np.int32], level: int) -> NDArray[np.uint8]:

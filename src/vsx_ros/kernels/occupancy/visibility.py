@@ -14,7 +14,7 @@ OCCUPIED, UNKNOWN = 100, -1
 @kernel
 def unknown_area_by_bearing(
     data: NDArray[np.int8],
-    worth: FloatArray,
+    weights: FloatArray,
     resolution: float,
     origin_x: float,
     origin_y: float,
@@ -23,15 +23,15 @@ def unknown_area_by_bearing(
     range_m: float,
     mean_free_path_m: float,
 ) -> FloatArray:
-    """(N, B) area [m2], weighted by ``worth`` (S, H, W), of the unknown cells seen from each position (N, 2) around
-    each of B equally spaced bearings; what a cell is worth depends on which of S equal sectors the bearing is in.
+    """(N, B) area [m2], weighted by ``weights`` (S, H, W), of the unknown cells seen from each position (N, 2) around
+    each of B equally spaced bearings; the weight depends on which of S equal sectors the bearing is in.
 
     A ray runs to the first occupied cell, the edge of the grid or range_m. Unknown cells may turn out to be obstacles:
     what lies behind them counts by the probability that it is seen, exp(-s / mean_free_path_m) after s metres of
     unknown ground. Each step counts the area of its ring sector, so near cells are not counted twice.
     """
     rows, columns = data.shape
-    n, b, sectors = positions.shape[0], bearings.shape[0], worth.shape[0]
+    n, b, sectors = positions.shape[0], bearings.shape[0], weights.shape[0]
     width = 2.0 * math.pi / b
     step = resolution
     passed = math.exp(-step / mean_free_path_m)
@@ -51,7 +51,7 @@ def unknown_area_by_bearing(
                 if value == OCCUPIED:
                     break
                 if value == UNKNOWN:
-                    total += seen * worth[k, row, column] * step * r * width
+                    total += seen * weights[k, row, column] * step * r * width
                     seen *= passed
                 r += step
             area[i, j] = total
@@ -94,19 +94,19 @@ def count_looks(
 
 
 @kernel
-def worth_of_looks(data: NDArray[np.int8], looks: Int32Array, left: FloatArray) -> FloatArray:
-    """(S, H, W) what a look in each of S sectors at each unknown cell is worth after so many looks (S, H, W), 0 where
+def weights_of_looks(data: NDArray[np.int8], looks: Int32Array, left: FloatArray) -> FloatArray:
+    """(S, H, W) weight of a look from each of S sectors at each unknown cell after so many looks (S, H, W), 0 where
     it is known. left: what n half looks leave; looks in the sectors beside count half."""
     sectors, rows, columns = looks.shape
-    worth = np.zeros((sectors, rows, columns))
+    weights = np.zeros((sectors, rows, columns))
     for k in range(sectors):
         before, after = (k - 1) % sectors, (k + 1) % sectors
         for row in range(rows):
             for column in range(columns):
                 if data[row, column] == UNKNOWN:
                     beside = looks[before, row, column] + looks[after, row, column]
-                    worth[k, row, column] = left[2 * looks[k, row, column] + beside]
-    return worth
+                    weights[k, row, column] = left[2 * looks[k, row, column] + beside]
+    return weights
 
 
 @kernel

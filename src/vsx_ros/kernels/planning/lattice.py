@@ -11,7 +11,8 @@ from vsx_ros.arrays import Float32Array, FloatArray, IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.occupancy.clearance import arc_is_free, interpolate
 from vsx_ros.kernels.planning.motions import BENDS, MOTIONS, SIGNS, arc_places, places_are_free
-from vsx_ros.kernels.planning.reeds_shepp import MAX_WORDS, SEGMENTS, advance, look_up_length, reeds_shepp_shortest
+from vsx_ros.kernels.planning.reeds_shepp import MAX_WORDS, SEGMENTS, advance, reeds_shepp_shortest
+from vsx_ros.kernels.planning.reeds_shepp_table import look_up_length
 
 _BUCKETS = 4
 _GREED = 1.2  # what is left counts so much: far fewer states for ways that are shortened afterwards anyway

@@ -16,8 +16,8 @@ from vsx_ros.kernels.vision.patches import (
     best_corner,
     quantize,
     refine,
-    warp_template,
 )
+from vsx_ros.kernels.vision.warping import warp_template
 
 STEP_PX = 2.5
 REACH_PX = 2.2

@@ -17,9 +17,10 @@ from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Float32, String, UInt8, UInt32
 from visualization_msgs.msg import MarkerArray
 
-from vsx_ros.ros import process, topics
-from vsx_ros.ros.dashboard import words
+from vsx_ros.ros import threads, topics
+from vsx_ros.ros.dashboard import json_messages
 from vsx_ros.ros.dashboard.board import Board
+from vsx_ros.ros.subscribers import subscribe
 
 _GRACE_S = 3.0
 """A page that is loaded again comes back within this time and finds everything still there."""
@@ -39,7 +40,7 @@ class Feed:
         self._lock = threading.Lock()
         self._subscribers: list[rospy.Subscriber] = []
         self._forget()
-        process.worker("feed", self._follow)
+        threads.worker("feed", self._follow)
 
     def viewers(self, count: int) -> None:
         """Somebody came or went."""
@@ -68,22 +69,22 @@ class Feed:
     def _subscribe(self) -> None:
         def hear(topic: str, kind: type[Any], subject: str, convert: Callable[[Any], Any], **options: Any) -> None:
             def on_message(msg: Any) -> None:
-                self._board.post(subject, words.text(convert(msg)))
+                self._board.post(subject, json_messages.text(convert(msg)))
 
-            self._subscribers.append(process.subscribe(topic, kind, on_message, **{"queue_size": 1, **options}))
+            self._subscribers.append(subscribe(topic, kind, on_message, **{"queue_size": 1, **options}))
 
         hear(
             topics.PREVIEW, CompressedImage, "camera", lambda msg: base64.b64encode(msg.data).decode(), buff_size=2**20
         )
-        hear(topics.POSE, PoseWithCovarianceStamped, "pose", words.pose)
+        hear(topics.POSE, PoseWithCovarianceStamped, "pose", json_messages.pose)
         hear(topics.SLAM_STATE, DiagnosticStatus, "slam", lambda msg: [msg.name, msg.message])
-        hear(topics.EXPLORE_STATUS, String, "mission", words.parsed)
+        hear(topics.EXPLORE_STATUS, String, "mission", json_messages.parsed)
         hear(topics.EXPLORE_EVENTS, String, "events", self._event, queue_size=20)
-        hear(topics.MAP, OccupancyGridMsg, "map", words.grid)
-        hear(topics.FRONTIERS, MarkerArray, "frontiers", words.frontiers)
-        hear(topics.KEYFRAMES, PoseArray, "keyframes", words.keyframes)
-        hear(topics.GLOBAL_PLAN, PathMsg, "plan", words.plan)
-        hear(topics.HAZARDS, UInt8, "hazards", words.hazards)
+        hear(topics.MAP, OccupancyGridMsg, "map", json_messages.grid)
+        hear(topics.FRONTIERS, MarkerArray, "frontiers", json_messages.frontiers)
+        hear(topics.KEYFRAMES, PoseArray, "keyframes", json_messages.keyframes)
+        hear(topics.GLOBAL_PLAN, PathMsg, "plan", json_messages.plan)
+        hear(topics.HAZARDS, UInt8, "hazards", json_messages.hazards)
         hear(topics.MUX_ACTIVE, String, "driver", lambda msg: msg.data)
         hear(topics.DIAGNOSTICS, DiagnosticArray, "health", self._condition, queue_size=20)
         hear(topics.PLAN_MS, Float32, "stats", self._statistic("plan_ms"))
@@ -96,7 +97,7 @@ class Feed:
 
     def _event(self, msg: String) -> list[Any]:
         with self._lock:
-            self._events.append(words.parsed(msg))
+            self._events.append(json_messages.parsed(msg))
             return list(self._events)
 
     def _condition(self, msg: DiagnosticArray) -> dict[str, list[Any]]:

@@ -20,8 +20,8 @@ import rospy
 from std_srvs.srv import SetBool, Trigger
 
 from vsx_ros.config import Config
-from vsx_ros.ros import calls, process, topics
-from vsx_ros.ros.dashboard import words
+from vsx_ros.ros import calls, node, threads, topics
+from vsx_ros.ros.dashboard import json_messages
 from vsx_ros.ros.dashboard.board import Board
 from vsx_ros.ros.dashboard.feed import Feed
 from vsx_ros.ros.dashboard.handler import Answer, Command
@@ -37,9 +37,9 @@ _SERVICE_WAIT_S = 2.0
 class DashboardNode:
     """Serves the page; outlives the stack it shows."""
 
-    def __init__(self, _: Config) -> None:
-        host, port = str(rospy.get_param("~host", LOOPBACK)), int(rospy.get_param("~port", DEFAULT_PORT))
-        allowed = [name.strip() for name in str(rospy.get_param("~allow", "")).split(",") if name.strip()]
+    def __init__(self, host: str, port: int, allow: str) -> None:
+        """allow: names by commas."""
+        allowed = [name.strip() for name in allow.split(",") if name.strip()]
         self._board = Board()
         token = os.environ.get(TOKEN) or secrets.token_urlsafe(12)
         feed = Feed(self._board)
@@ -47,11 +47,11 @@ class DashboardNode:
         if TOKEN not in os.environ:
             os.environ[TOKEN] = token
             sys.stderr.write(f"live view: {address(host, self._server.port, token)}\n")
-        process.worker("master", self._watch_master)
+        threads.worker("master", self._watch_master)
 
     def _watch_master(self) -> None:
         while not rospy.is_shutdown():
-            self._board.post("stack", words.text(master_watch().answers))
+            self._board.post("stack", json_messages.text(master_watch().answers))
             time.sleep(_MASTER_PERIOD_S)
 
     def close(self) -> None:
@@ -84,8 +84,9 @@ def _call(service: str, kind: type[Any], *arguments: object) -> Command:
 
 def main() -> None:
     """Entry point of scripts/dashboard."""
-    process.run("dashboard", DashboardNode)
+    node.run("dashboard", _from_parameters)
 
 
-if __name__ == "__main__":
-    main()
+def _from_parameters(_: Config) -> DashboardNode:
+    host, port = str(rospy.get_param("~host", LOOPBACK)), int(rospy.get_param("~port", DEFAULT_PORT))
+    return DashboardNode(host, port, str(rospy.get_param("~allow", "")))

@@ -1,12 +1,12 @@
 """Node ``follower``: drives along the trajectory of move_base, 30 times a second.
 
-Subscribers: move_base/trajectory (frame map: by camera and wheels; frame odom: by the wheels alone), odom, vslam/pose,
+Subscribers: move_base/trajectory (frame map: by camera and odometry; frame odom: by odometry alone), odom, vslam/pose,
     vslam/state, mobile_base/hazards, follower/lease.
 Publishers: cmd_vel_mux/input/navi, follower/status (latched String, JSON: trajectory, status, reason, frame, error,
     at_s: how far it is in the trajectory's own time, stop: while it is stopping on the way because move_base wants so,
     where it will stand, x, y, theta).
 Services: follower/cancel.
-Parameters: ~config (tree of config.py).
+Parameters: ~config (tree of 'vsx config').
 
 The wheels turn only while vslam and move_base renew their leases and odometry comes. After a stop the node sends zero
 for a moment and then nothing, so that other inputs of the mux are not disturbed.
@@ -20,17 +20,19 @@ import time
 import rospy
 from geometry_msgs.msg import Twist
 from std_msgs.msg import String, UInt8
-from std_srvs.srv import Trigger, TriggerRequest, TriggerResponse
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from vsx_ros.config import Config
 from vsx_ros.control.trajectory_tracker import FollowStatus
-from vsx_ros.navigation.follower import Follower, Silence
+from vsx_ros.navigation.follower import Follower, MessageAges
 from vsx_ros.navigation.follower_report import FollowerReport
 from vsx_ros.robot import STOP, VelocityCommand
-from vsx_ros.ros import convert, frames, process, topics, trajectory_messages
+from vsx_ros.ros import clock, convert, frames, node, threads, topics, trajectory_messages
+from vsx_ros.ros.diagnostics import OK, WARN, Diagnostics
 from vsx_ros.ros.lease import LeaseWatch
-from vsx_ros.ros.localization import HeardLocalization
+from vsx_ros.ros.localization import LocalizationSubscriber
+from vsx_ros.ros.services import offer_trigger
+from vsx_ros.ros.subscribers import subscribe
 
 _PERIOD_S = 1.0 / 30.0
 _STATUS_PERIOD_S = 0.2
@@ -45,19 +47,19 @@ class FollowerNode:
         self._lock = threading.Lock()
         self._reported: FollowerReport | None = None
         self._reported_s = 0.0
-        self._where = HeardLocalization()
+        self._where = LocalizationSubscriber()
         self._leases = LeaseWatch(topics.FOLLOWER_LEASE)
-        self._diagnostics = process.Diagnostics()
+        self._diagnostics = Diagnostics()
         self._command_pub = rospy.Publisher(topics.COMMAND_NAVI, Twist, queue_size=1, tcp_nodelay=True)
         self._status_pub = rospy.Publisher(topics.FOLLOWER_STATUS, String, queue_size=5, latch=True, tcp_nodelay=True)
         self._tell(None)
-        rospy.Service(topics.FOLLOWER_CANCEL, Trigger, self._on_cancel)
-        process.subscribe(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5, tcp_nodelay=True)
-        process.subscribe(topics.TRAJECTORY, MultiDOFJointTrajectory, self._on_trajectory, queue_size=2)
-        process.every(_PERIOD_S, "control", self._control)
+        offer_trigger(topics.FOLLOWER_CANCEL, self._cancel)
+        subscribe(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5, tcp_nodelay=True)
+        subscribe(topics.TRAJECTORY, MultiDOFJointTrajectory, self._on_trajectory, queue_size=2)
+        threads.every(_PERIOD_S, "control", self._control)
 
     def _on_trajectory(self, msg: MultiDOFJointTrajectory) -> None:
-        wanted, now_ns = trajectory_messages.wanted(msg), process.now_ns()
+        wanted, now_ns = trajectory_messages.wanted(msg), clock.now_ns()
         with self._lock:
             if isinstance(wanted, float):
                 self._tell(self._follower.brake(now_ns, wanted))
@@ -68,22 +70,22 @@ class FollowerNode:
     def _on_hazards(self, msg: UInt8) -> None:
         words = convert.hazard_words(msg.data)
         with self._lock:
-            self._tell(self._follower.feel(process.now_ns(), frozenset(words.split(", ") if words else [])))
+            self._tell(self._follower.take_hazards(clock.now_ns(), frozenset(words.split(", ") if words else [])))
 
-    def _on_cancel(self, _: TriggerRequest) -> TriggerResponse:
+    def _cancel(self) -> str:
         with self._lock:
-            self._tell(self._follower.end(process.now_ns(), "cancelled by service"))
-        return TriggerResponse(True, "stopped")
+            self._tell(self._follower.end(clock.now_ns(), "cancelled by service"))
+        return "stopped"
 
     def _control(self) -> None:
         with self._lock:
-            now_ns, age_s = process.now_ns(), self._leases.age_s
-            silence = Silence(age_s("vslam"), self._where.wheels_silent_s, age_s("move_base"))
-            self._tell(self._follower.step(now_ns, self._where.at(now_ns), silence))
+            now_ns, age_s = clock.now_ns(), self._leases.age_s
+            ages = MessageAges(age_s("vslam"), self._where.odometry_age_s, age_s("move_base"))
+            self._tell(self._follower.step(now_ns, self._where.at(now_ns), ages))
 
     def _tell(self, command: VelocityCommand | None) -> None:
         """The command, and the status for move_base: on change, and again and again while following."""
-        if command is not None and not process.is_ending():
+        if command is not None and not threads.is_ending():
             self._command_pub.publish(convert.twist(command))
         report, now_s = self._follower.report, time.monotonic()
         again = command is not None and now_s - self._reported_s >= _STATUS_PERIOD_S
@@ -91,7 +93,7 @@ class FollowerNode:
             return
         self._reported, self._reported_s = report, now_s
         self._status_pub.publish(report.encode())
-        level = process.WARN if report.status in _BAD else process.OK
+        level = WARN if report.status in _BAD else OK
         self._diagnostics.set("control", level, ": ".join(filter(None, (report.status.value, report.reason))))
 
     def close(self) -> None:
@@ -101,4 +103,4 @@ class FollowerNode:
 
 def main() -> None:
     """Entry point of scripts/follower."""
-    process.run("follower", FollowerNode)
+    node.run("follower", FollowerNode)

@@ -8,7 +8,7 @@ Services: move_base/make_plan.
 Actions: move_base. Goals in frame map are planned in the newest map from the fused pose, goals in frame odom by
     odometry alone: straight or along the trail, without a map. Plans keep the map points in view, drive slowly where
     they cannot, and are refused where that would be long; points much older or newer than the map do not count.
-Parameters: ~config (tree of config.py), ~planner (fov or unconstrained; fov), ~seed (int, 0). While it runs, for the
+Parameters: ~config (tree of 'vsx config'), ~planner (fov or unconstrained; fov), ~seed (int, 0). While it runs, for the
     plans to come, by dynamic_reconfigure: ~v_m_s and ~omega_rad_s (up to the configured limits), ~phi_rad_m.
 
 A client that ever renewed move_base/lease must go on doing so while its goal is pursued.
@@ -24,23 +24,19 @@ import actionlib
 import rospy
 from geometry_msgs.msg import PoseStamped
 from move_base_msgs.msg import MoveBaseAction, MoveBaseActionGoal, MoveBaseFeedback, MoveBaseGoal
-from nav_msgs.msg import Path as PathMsg
-from std_msgs.msg import String
-from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from vsx_ros.config import Config
-from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.errors import VsxError
-from vsx_ros.navigation.follower_report import FollowerReport, decode_report
-from vsx_ros.navigation.pursuit import Act, Brake, Done, Follow, GoalPursuit, PlanRequest, Seen
-from vsx_ros.ros import convert, frames, process, topics, trajectory_messages
+from vsx_ros.navigation.goal_execution import Act, Brake, Done, ExecutionInput, Follow, GoalExecution, PlanRequest
+from vsx_ros.ros import clock, convert, frames, node, threads, topics
+from vsx_ros.ros.diagnostics import OK, WARN, Diagnostics
+from vsx_ros.ros.follower_link import FollowerLink
 from vsx_ros.ros.lease import PERIOD_S, Lease, LeaseWatch
-from vsx_ros.ros.localization import HeardLocalization
-from vsx_ros.ros.planning_thread import PlanningThread, path_msg
+from vsx_ros.ros.localization import LocalizationSubscriber
+from vsx_ros.ros.planning_thread import PlanningThread
+from vsx_ros.ros.subscribers import subscribe
 
-_LAST_WORD_S = 0.5
-_LOOK_WITHIN_S = 2.0
-"""Looks at the drive take no time; a thread that needs this long hangs, and the base stops."""
+_LOOK_WITHIN_S = 2.0  # looks at the drive take no time; a thread that needs this long hangs, and the base stops
 _CANCELLED = "cancelled by the client"
 
 
@@ -48,30 +44,17 @@ class MoveBaseNode:
     """One goal at a time, on the action server's thread."""
 
     def __init__(self, config: Config) -> None:
-        self._pursuing, self._pursuit = threading.Lock(), GoalPursuit(config)
-        self._follower, self._follower_s = FollowerReport(0, FollowStatus.IDLE, "", topics.MAP_FRAME), 0.0
-        self._diagnostics = process.Diagnostics()
-        kind, seed = str(rospy.get_param("~planner", "fov")), int(rospy.get_param("~seed", 0))
-        self._planner = PlanningThread(config, kind, seed, self._diagnostics)
-        self._where = HeardLocalization()
+        self._pursuing, self._execution = threading.Lock(), GoalExecution(config)
+        self._follower, self._where = FollowerLink(), LocalizationSubscriber()
+        self._diagnostics = Diagnostics()
+        self._planner = PlanningThread(config, self._diagnostics)
         self._clients = LeaseWatch(topics.NAVIGATION_LEASE)
         self._lease = Lease(topics.FOLLOWER_LEASE, "move_base")
-        self._goal_pub = rospy.Publisher(f"{topics.MOVE_BASE_ACTION}/goal", MoveBaseActionGoal, queue_size=2)
-        self._path_pub = rospy.Publisher(topics.GLOBAL_PLAN, PathMsg, queue_size=1, latch=True)
-        self._trajectory_pub = rospy.Publisher(topics.TRAJECTORY, MultiDOFJointTrajectory, queue_size=2, latch=True)
-        process.subscribe(topics.SIMPLE_GOAL, PoseStamped, self._on_simple_goal, queue_size=1)
-        process.subscribe(topics.FOLLOWER_STATUS, String, self._on_follower, queue_size=5, tcp_nodelay=True)
-        process.every(PERIOD_S, "lease", self._lease.keep)
-        self._server = actionlib.SimpleActionServer(
-            topics.MOVE_BASE_ACTION, MoveBaseAction, self._execute, auto_start=False
-        )
+        goals = rospy.Publisher(f"{topics.MOVE_BASE_ACTION}/goal", MoveBaseActionGoal, queue_size=2)
+        subscribe(topics.SIMPLE_GOAL, PoseStamped, lambda msg: goals.publish(goal=MoveBaseGoal(msg)), queue_size=1)
+        threads.every(PERIOD_S, "lease", self._lease.keep)
+        self._server = actionlib.SimpleActionServer(topics.MOVE_BASE_ACTION, MoveBaseAction, self._execute, False)
         self._server.start()
-
-    def _on_simple_goal(self, msg: PoseStamped) -> None:
-        self._goal_pub.publish(MoveBaseActionGoal(goal=MoveBaseGoal(msg)))
-
-    def _on_follower(self, msg: String) -> None:
-        self._follower, self._follower_s = decode_report(msg.data), time.monotonic()
 
     def _execute(self, goal: MoveBaseGoal) -> None:
         """Pursue the goal, and tell how it ended."""
@@ -79,70 +62,61 @@ class MoveBaseNode:
             done = self._pursue(goal.target_pose)
             self._lease.promise(0.0)
             rospy.loginfo("goal %s: %s", "reached" if done.arrived else "given up", done.reason)
-            self._diagnostics.set("goal", process.OK if done.arrived else process.WARN, done.reason)
-            if done.arrived:
-                self._server.set_succeeded(text=done.reason)
-            elif self._server.is_preempt_requested():
-                self._server.set_preempted(text=done.reason)
-            else:
-                self._server.set_aborted(text=done.reason)
+            self._diagnostics.set("goal", OK if done.arrived else WARN, done.reason)
+            server = self._server
+            gave_up = server.set_preempted if server.is_preempt_requested() else server.set_aborted
+            (server.set_succeeded if done.arrived else gave_up)(text=done.reason)
 
     def _pursue(self, target: PoseStamped) -> Done:
-        """Step the pursuit until the goal has ended; one that makes way for the next ends while the base brakes."""
+        """Step the execution until the goal has ended; one that makes way for the next ends while the base brakes."""
         frame = frames.bare(target.header.frame_id)
         try:
-            self._pursuit.begin(process.now_ns(), convert.se2(target.pose), frame)
+            self._execution.begin(clock.now_ns(), convert.se2(target.pose), frame)
         except VsxError as error:
             return Done(False, str(error))
-        while not process.is_ending():
+        while not threads.is_ending():
             self._lease.promise(_LOOK_WITHIN_S)
-            now_ns = process.now_ns()
+            now_ns = clock.now_ns()
             if self._server.is_preempt_requested():
-                self._pursuit.cancel(now_ns, _CANCELLED)
+                self._execution.cancel(now_ns, _CANCELLED)
                 if self._server.is_new_goal_available():
                     return Done(False, _CANCELLED)
             for number, answer in self._planner.answers():
-                self._pursuit.planned(now_ns, number, answer)
-            for act in self._pursuit.step(now_ns, self._seen(now_ns, frame)):
+                self._execution.planned(now_ns, number, answer)
+            for act in self._execution.step(now_ns, self._seen(now_ns, frame)):
                 if isinstance(act, Done):
-                    self._clear()
+                    self._follower.brake(now_ns, math.inf)
                     return act
                 self._do(now_ns, act)
             time.sleep(PERIOD_S)
         return Done(False, "shutting down")
 
-    def _seen(self, now_ns: int, frame: str) -> Seen:
-        where, age_s = self._where.at(now_ns), time.monotonic() - self._follower_s
+    def _seen(self, now_ns: int, frame: str) -> ExecutionInput:
+        where = self._where.at(now_ns)
         if (pose := where.pose(frame)) is not None:
             self._server.publish_feedback(MoveBaseFeedback(convert.pose_stamped(frame, now_ns, pose)))
         client = str(self._server.current_goal.get_goal_id().id).split("-")[0]
         gone = self._clients.is_known(client) and not self._clients.is_fresh(client)
-        return Seen(where, self._planner.grid, self._follower, age_s, client if gone else "")
+        return ExecutionInput(
+            where, self._planner.grid, self._follower.report, self._follower.age_s, client if gone else ""
+        )
 
     def _do(self, now_ns: int, act: Act) -> None:
         if isinstance(act, PlanRequest):
-            if act.again:
-                rospy.logwarn("planning again: %s", act.again)
             self._planner.ask(act)
         elif isinstance(act, Follow):
-            self._path_pub.publish(path_msg(act.way.plan, act.frame))
-            msg = trajectory_messages.trajectory_msg(act.way.trajectory, act.frame, act.identity)
-            self._trajectory_pub.publish(msg)
-            self._diagnostics.set("goal", process.OK, f"driving {act.way.plan.path.length_m:.1f} m")
+            self._follower.follow(act)
+            self._diagnostics.set("goal", OK, f"driving {act.way.plan.path.length_m:.1f} m")
         elif isinstance(act, Brake):
-            self._trajectory_pub.publish(trajectory_messages.brake_msg(act.a_m_s2, topics.MAP_FRAME, now_ns))
-
-    def _clear(self) -> None:
-        """There is nothing to follow any longer, for a follower that starts anew either."""
-        self._do(process.now_ns(), Brake(math.inf))
+            self._follower.brake(now_ns, act.a_m_s2)
 
     def close(self) -> None:
-        """A last word to the follower; and the goal's end is told while its topics are open."""
-        self._clear()
-        self._pursuing.acquire(timeout=_LAST_WORD_S)
+        """A last word to the follower, or to one that starts anew; and the goal's end is told while topics are open."""
+        self._follower.brake(clock.now_ns(), math.inf)
+        self._pursuing.acquire(timeout=0.5)
         self._server.action_server.status_timer.shutdown()
 
 
 def main() -> None:
     """Entry point of scripts/move_base."""
-    process.run("move_base", MoveBaseNode)
+    node.run("move_base", MoveBaseNode)

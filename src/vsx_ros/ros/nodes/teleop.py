@@ -8,10 +8,8 @@ Arrow keys or w a s d move, space stops, + and - change the speed, q ends. Relea
 
 from __future__ import annotations
 
-import argparse
 import atexit
 import os
-import re
 import select
 import sys
 import termios
@@ -21,32 +19,15 @@ import tty
 import rospy
 from geometry_msgs.msg import Twist
 
-from vsx_ros.cli.teleop import KEYS, add_arguments
 from vsx_ros.config import Config
+from vsx_ros.control.keyboard import KEYS, KeyboardDrive, keys
 from vsx_ros.errors import ConfigError
 from vsx_ros.robot import STOP, VelocityCommand
-from vsx_ros.ros import convert, process, topics
+from vsx_ros.ros import convert, node, threads, topics
+from vsx_ros.ros.host_address import export_ros_address
+from vsx_ros.runs.exit_codes import DONE
 
 _PERIOD_S = 0.05
-# A held key repeats 10 to 30 times a second, after a first pause of up to half a second.
-_FIRST_HELD_FOR_S, _HELD_FOR_S = 0.55, 0.25
-_FASTER = 1.1
-_KEYS = {
-    "w": (1.0, 0.0),
-    "s": (-1.0, 0.0),
-    "a": (0.0, 1.0),
-    "d": (0.0, -1.0),
-    "\x1b[A": (1.0, 0.0),
-    "\x1b[B": (-1.0, 0.0),
-    "\x1b[D": (0.0, 1.0),
-    "\x1b[C": (0.0, -1.0),
-}
-_ARROW = re.compile(r"\x1b[\[O]([A-D])|.", re.DOTALL)
-
-
-def keys(text: str) -> list[str]:
-    """The keys of what a terminal sent; arrows are three characters, in either of a terminal's two modes."""
-    return [f"\x1b[{match[1]}" if match[1] else match[0] for match in _ARROW.finditer(text)]
 
 
 class TeleopNode:
@@ -55,29 +36,32 @@ class TeleopNode:
     Raises ConfigError where there is no terminal.
     """
 
-    def __init__(self, _: Config) -> None:
+    def __init__(self, v_m_s: float, omega_rad_s: float) -> None:
         if not sys.stdin.isatty():
             raise ConfigError("there is no keyboard; start teleop in a terminal of its own, not from a launch file")
         self._publisher = rospy.Publisher(topics.COMMAND_TELEOP, Twist, queue_size=1, tcp_nodelay=True)
-        self._v, self._omega = float(rospy.get_param("~v_m_s", 0.2)), float(rospy.get_param("~omega_rad_s", 0.6))
-        self._command, self._until_s = STOP, 0.0
+        self._drive = KeyboardDrive(v_m_s, omega_rad_s)
         self._input = sys.stdin.fileno()
         self._terminal = termios.tcgetattr(self._input)
         atexit.register(self._give_back)
         tty.setcbreak(self._input)
         sys.stderr.write(f"{KEYS}\n")
         self._say_speed()
-        process.worker("keyboard", self._loop)
+        threads.worker("keyboard", self._loop)
 
     def _loop(self) -> None:
         driving = False
         while not rospy.is_shutdown():
             for key in self._pressed_keys():
-                self._on_key(key)
-            held = time.monotonic() < self._until_s
-            if held or driving:
-                self._publisher.publish(convert.twist(self._command if held else STOP))
-            driving = held
+                self._drive.press(key, time.monotonic())
+                if key in ("+", "-"):
+                    self._say_speed()
+                elif key == "q":
+                    rospy.signal_shutdown("ended by the operator")
+            speeds = self._drive.speeds(time.monotonic())
+            if speeds is not None or driving:
+                self._publisher.publish(convert.twist(VelocityCommand(*speeds) if speeds is not None else STOP))
+            driving = speeds is not None
 
     def _pressed_keys(self) -> list[str]:
         """Those that arrive within one period. Never waits longer: a robot drives meanwhile."""
@@ -88,23 +72,8 @@ class TeleopNode:
             rospy.signal_shutdown("the terminal is closed")
         return keys(content.decode(errors="replace"))
 
-    def _on_key(self, key: str) -> None:
-        now_s = time.monotonic()
-        if key in _KEYS:
-            forward, left = _KEYS[key]
-            self._command = VelocityCommand(forward * self._v, left * self._omega)
-            self._until_s = now_s + (_HELD_FOR_S if now_s < self._until_s else _FIRST_HELD_FOR_S)
-        elif key == " ":
-            self._command, self._until_s = STOP, now_s + _FIRST_HELD_FOR_S
-        elif key in ("+", "-"):
-            factor = _FASTER if key == "+" else 1.0 / _FASTER
-            self._v, self._omega = self._v * factor, self._omega * factor
-            self._say_speed()
-        elif key == "q":
-            rospy.signal_shutdown("ended by the operator")
-
     def _say_speed(self) -> None:
-        sys.stderr.write(f"\r{self._v:.2f} m/s {self._omega:.2f} rad/s ")
+        sys.stderr.write(f"\r{self._drive.v_m_s:.2f} m/s {self._drive.omega_rad_s:.2f} rad/s ")
         sys.stderr.flush()
 
     def _give_back(self) -> None:
@@ -119,17 +88,15 @@ class TeleopNode:
 
 def main() -> None:
     """Entry point of scripts/teleop."""
-    process.run("teleop", TeleopNode)
+    node.run("teleop", _from_parameters)
 
 
-def command() -> None:
-    """``vsx teleop``: its options become the node's parameters, as on a roslaunch line."""
-    parser = argparse.ArgumentParser(prog="vsx teleop")
-    add_arguments(parser)
-    args = parser.parse_args()
-    sys.argv = [sys.argv[0], f"_v_m_s:={args.v}", f"_omega_rad_s:={args.omega}"]
-    main()
+def _from_parameters(_: Config) -> TeleopNode:
+    return TeleopNode(float(rospy.get_param("~v_m_s", 0.2)), float(rospy.get_param("~omega_rad_s", 0.6)))
 
 
-if __name__ == "__main__":
-    command()
+def teleop(v_m_s: float, omega_rad_s: float) -> int:
+    """``vsx teleop``: the node at these speeds until its end."""
+    export_ros_address()
+    node.run("teleop", lambda _: TeleopNode(v_m_s, omega_rad_s))
+    return DONE

@@ -1,0 +1,123 @@
+"""The thread of the connection to any device: opens it, serves it, lets it go, and tries again when it fails."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from typing import Generic, Protocol, TypeVar
+
+from vsx_hw.errors import DeviceError
+
+logger = logging.getLogger(__name__)
+
+STEADY_S = 5.0
+"""A connection that lasted so long was a good one: its loss is mended at once, that of a loose plug ever later."""
+
+
+class Closable(Protocol):
+    """What is opened can be let go."""
+
+    def close(self) -> None:
+        """Release the device; may be called twice."""
+
+
+Device = TypeVar("Device", bound=Closable)
+
+
+class ConnectionThread(Generic[Device]):
+    """Runs ``serve(device)`` on a daemon thread until it returns; a DeviceError or any other exception in it closes the
+    device and leads to a new attempt, after the pauses backoff_s.
+
+    ``leave`` is called before each close; its own DeviceErrors do not matter, the device may be gone. ``report`` tells
+    the state of the connection; each change is logged once and handed to on_link. ``alive`` is false when the thread
+    has ended though nobody asked it to: who needs the device had better begin anew.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        open_device: Callable[[], Device],
+        serve: Callable[[Device], None],
+        leave: Callable[[Device], None],
+        on_link: Callable[[bool, str], None],
+        backoff_s: tuple[float, ...],
+    ) -> None:
+        self.closing = threading.Event()
+        self.alive, self.connected = True, False
+        self.message = "not started"
+        self.connections = 0
+        self._name = name
+        self._open_device, self._serve, self._leave = open_device, serve, leave
+        self._on_link = on_link
+        self._backoff_s = backoff_s
+        self._connected_s = 0.0
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+
+    def start(self) -> None:
+        """Begin; returns at once."""
+        self._thread.start()
+
+    def close(self, timeout_s: float = 3.0) -> bool:
+        """Ask ``serve`` to return and wait for the thread; whether it has ended."""
+        self.closing.set()
+        if self._thread.is_alive() and self._thread is not threading.current_thread():
+            self._thread.join(timeout_s)
+        return not self._thread.is_alive()
+
+    def report(self, connected: bool, message: str) -> None:
+        """What is known of the connection now."""
+        if message == self.message:
+            return
+        if connected and not self.connected:
+            self.connections += 1
+            self._connected_s = time.monotonic()
+        self.connected, self.message = connected, message
+        named = message if message.startswith(self._name) else f"{self._name}: {message}"
+        logger.log(logging.INFO if connected else logging.WARNING, "%s", named)
+        self._on_link(connected, message)
+
+    def _run(self) -> None:
+        try:
+            self._serve_until_closed()
+        finally:
+            self.alive = self.closing.is_set()
+
+    def _serve_until_closed(self) -> None:
+        failures = 0
+        while not self.closing.is_set():
+            try:
+                device = self._open_device()
+                try:
+                    self._serve(device)
+                finally:
+                    self._let_go(device)
+            except Exception as error:  # a fault in a callback must not leave a device without its driver
+                failure = error
+            else:
+                continue
+            steady = self.connected and time.monotonic() - self._connected_s > STEADY_S
+            failures = 0 if steady else failures + 1
+            self._report_failure(failure)
+            self.closing.wait(self._backoff_s[min(failures, len(self._backoff_s) - 1)])
+
+    def _report_failure(self, failure: Exception) -> None:
+        """Whoever is told may fail, too: the log that the disk does not take, or on_link."""
+        message = str(failure)
+        try:
+            if not isinstance(failure, DeviceError):
+                message = f"{self._name}: internal fault ({failure!r}); connecting again"
+                if message != self.message:
+                    logger.error("%s", message, exc_info=failure)
+            self.report(False, message)
+        except Exception as error:
+            self.message = f"{message}; and nobody could be told ({error!r})"
+
+    def _let_go(self, device: Device) -> None:
+        try:
+            self._leave(device)
+        except DeviceError as error:
+            logger.debug("%s: not left properly (%s)", self._name, error)
+        finally:
+            device.close()

@@ -1,0 +1,189 @@
+"""Two tiny processes beside the driver's, each of which stops the wheels when that one dies or hangs.
+
+A base may go on driving by its last command for ever. The driver beats on a pipe after each command. When the beats
+cease while the wheels turn, a watchdog writes standstill to the port (the driver may still hold it and go on later);
+when the pipe breaks without a word, the driver is dead and the base is left for good. It answers each beat, so that
+the driver knows that it is guarded. There are two, who know nothing of each other: whichever of the three processes are
+killed or hang at once, the last one stops the wheels.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import select
+import signal
+import subprocess
+import sys
+import threading
+import time
+from typing import NamedTuple
+
+from vsx_hw.errors import DeviceError
+from vsx_hw.transport import SerialTransport
+
+STANDING, TURNING, RELEASED = b"s", b"t", b"r"
+HUNG_AFTER_S = 0.25
+"""The driver beats at least every 50 ms."""
+ANSWER_S = 0.3
+PATIENCE_S = 5.0
+"""A watchdog that has just been started may take so long on a busy machine."""
+ATTEMPTS, PAUSE_S = 40, 0.05
+
+
+class StopBytes(NamedTuple):
+    """What the watchdog says to a base: to the one of a hanging driver, and to the one of a dead driver."""
+
+    halt: bytes
+    farewell: bytes
+
+
+class Watchdogs:
+    """The parent's ends of both. Start them before the wheels may turn, ``release`` them after they were stopped."""
+
+    def __init__(self, port: str, baud: int, stop: StopBytes) -> None:
+        self._both = tuple(_Watchdog(port, baud, stop) for _ in range(2))
+
+    def beat(self, turning: bool) -> None:
+        """The driver is well, and has just let the wheels turn or stand. Never blocks."""
+        for watchdog in self._both:
+            watchdog.tell(TURNING if turning else STANDING)
+
+    @property
+    def answer(self) -> bool:
+        """Whether both are there: with one alone nothing may move."""
+        return all(watchdog.answers for watchdog in self._both)
+
+    def revive(self) -> None:
+        """Put new ones in the places of those that were killed or hang; to be called now and then."""
+        for watchdog in self._both:
+            watchdog.revive()
+
+    def release(self) -> None:
+        """All is well; the watchdogs end without touching the port."""
+        for watchdog in self._both:  # the second hears it before the first has ended
+            watchdog.tell(RELEASED)
+        for watchdog in self._both:
+            watchdog.release()
+
+
+class _Watchdog:
+    """The parent's end of one. Thread-safe."""
+
+    def __init__(self, port: str, baud: int, stop: StopBytes) -> None:
+        self._command = [
+            sys.executable, "-m", "vsx_hw.watchdog", port, str(baud), stop.halt.hex(), stop.farewell.hex()
+        ]  # fmt: skip
+        self._lock = threading.Lock()
+        self._process = self._started()
+        self._unanswered_s: float | None = -math.inf  # until it says that it is there
+
+    def _started(self) -> subprocess.Popen[bytes]:
+        process = subprocess.Popen(
+            self._command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
+            start_new_session=True,
+            bufsize=0,
+        )
+        for pipe in (process.stdin, process.stdout):
+            assert pipe is not None
+            os.set_blocking(pipe.fileno(), False)
+        self._started_s = time.monotonic()
+        return process
+
+    def tell(self, word: bytes) -> None:
+        with self._lock, contextlib.suppress(OSError, ValueError):  # dead, or released
+            assert self._process.stdin is not None
+            if self._unanswered_s is None:
+                self._unanswered_s = time.monotonic()
+            os.write(self._process.stdin.fileno(), word)
+
+    @property
+    def answers(self) -> bool:
+        """Whether it is there: it has answered all beats but those of the last moment."""
+        with self._lock:
+            assert self._process.stdout is not None
+            with contextlib.suppress(BlockingIOError, ValueError):  # nothing yet, or released
+                self._unanswered_s = None if os.read(self._process.stdout.fileno(), 4096) else -math.inf
+            return self._unanswered_s is None or time.monotonic() - self._unanswered_s < ANSWER_S
+
+    def revive(self) -> None:
+        released = self._process.poll() == 0
+        if self.answers or released or time.monotonic() - self._started_s < PATIENCE_S:
+            return
+        old, new = self._process, self._started()
+        with self._lock:
+            self._process, self._unanswered_s = new, -math.inf
+        old.kill()
+        old.communicate()
+
+    def release(self) -> None:
+        if self._process.poll() is None:
+            assert self._process.stdin is not None
+            os.set_blocking(self._process.stdin.fileno(), True)
+            try:
+                self._process.communicate(RELEASED, timeout=2.0)
+            except subprocess.TimeoutExpired:  # it hangs
+                self._process.kill()
+
+
+def take_over(port: str, baud: int, data: bytes) -> bool:
+    """Open the port of a dead driver and write; True when it worked within two seconds."""
+    for _ in range(ATTEMPTS):
+        try:
+            transport = SerialTransport(port, baud)
+            transport.write(data)
+            transport.close()
+            return True
+        except DeviceError:
+            time.sleep(PAUSE_S)
+    return False
+
+
+def write_past_lock(port: str, data: bytes) -> None:
+    """Write to the port that a hanging driver holds, past its lock and without touching settings or buffers."""
+    with contextlib.suppress(OSError):
+        descriptor = os.open(port, os.O_WRONLY | os.O_NOCTTY | os.O_NONBLOCK)
+        try:
+            os.write(descriptor, data)
+        finally:
+            os.close(descriptor)
+
+
+def watch(port: str, baud: int, stop: StopBytes, beats: int, answers: int) -> bool:
+    """What the watchdog does: until the file descriptor ``beats`` ends. True when it left the base of a dead driver.
+
+    Another driver may have taken the port meanwhile; that one begins by stopping the wheels itself.
+    """
+    last = STANDING
+    _answer(answers)
+    while True:
+        if select.select([beats], [], [], HUNG_AFTER_S)[0]:
+            data = os.read(beats, 4096)
+            if not data:
+                return last != RELEASED and take_over(port, baud, stop.farewell)
+            last = data[-1:]
+            _answer(answers)
+        elif last == TURNING:
+            write_past_lock(port, stop.halt)
+
+
+def _answer(answers: int) -> None:
+    with contextlib.suppress(OSError):
+        os.write(answers, STANDING)
+
+
+def main() -> None:
+    """Port, baud rate and the two stop messages in hexadecimal are the arguments."""
+    for ignored in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(ignored, signal.SIG_IGN)
+    os.set_blocking(sys.stdout.fileno(), False)
+    stop = StopBytes(bytes.fromhex(sys.argv[3]), bytes.fromhex(sys.argv[4]))
+    watch(sys.argv[1], int(sys.argv[2]), stop, sys.stdin.fileno(), sys.stdout.fileno())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,95 @@
+"""What launch_py/*.py do: launch the nodes that the script is named after, and stay until Ctrl-C."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from vsx_hw import bases
+from vsx_ros.cli.explore import BASES, PLANNERS
+from vsx_ros.config import to_dict
+from vsx_ros.errors import VsxError
+from vsx_ros.ros import launch, logs
+from vsx_ros.ros.host_address import DEFAULT_MASTER
+from vsx_ros.ros.launch import LaunchNode
+from vsx_ros.runs.exit_codes import DONE, FAILED
+from vsx_ros.runs.parameters import load
+from vsx_ros.runs.robot_file import robot_file_here
+from vsx_ros.runs.world import open_world
+
+_TEXTS = {
+    "bringup": "The robot itself: base and camera.",
+    "explore": "A real robot explores.",
+    "simulate": "An emulated robot under the real drivers explores.",
+    "replay": "A bag in place of the robot; only the SLAM listens.",
+}
+
+
+def nodes_of(name: str, args: argparse.Namespace) -> list[LaunchNode]:
+    """The nodes of a launch by its name and options."""
+    if name == "replay":
+        named = launch.BagTopics(args.image_topic, args.camera_info_topic, args.odometry_topic)
+        return launch.replay(str(args.bag.resolve()), args.rate, not args.without_odometry, args.run_dir, named)
+    if name == "simulate":
+        open_world(args.world, args.seed)
+        robot = launch.emulation(args.world, args.seed, args.devices, args.base, args.rate_hz)
+    else:
+        robot = launch.bringup(args.base, args.port, args.camera, args.camera_info_url)
+    if name == "bringup":
+        return robot
+    return [*robot, *launch.exploration(args.planner, args.seed, args.run_dir, args.load_map)]
+
+
+def parser(name: str) -> argparse.ArgumentParser:
+    """The options of a launch; those of its .launch file."""
+    options = argparse.ArgumentParser(prog=f"{name}.py", description=_TEXTS[name])
+    add: Callable[..., Any] = options.add_argument
+    add("--config", type=Path, help="YAML with parameters, as 'vsx config' prints it")
+    if name == "replay":
+        add("--bag", type=Path, required=True, help="bag with raw images, camera_info and odometry")
+        for name, default in launch.BagTopics()._asdict().items():
+            add(f"--{name.replace('_', '-')}-topic", default=default, help=f"what the bag calls it ({default})")
+        add("--rate", type=float, default=1.0, help="1 is real time")
+        add("--without-odometry", action="store_true", help="the bag has none: the map has no scale")
+        add("--run-dir", default="", help="folder for the results of the SLAM")
+        return options
+    if name == "simulate":
+        add("--base", choices=tuple(bases.BASES), default="kobuki", help="kind of base")
+    else:
+        add("--base", choices=BASES, default="auto", help="kind of base; auto: the one that answers; ros: its topics")
+    if name == "simulate":
+        add("--world", default="lab", help="lab, office, corridor, building or a world.yaml")
+        add("--devices", default="/tmp", help="folder for the emulated port and camera")
+        add("--rate-hz", type=float, default=15.0, help="images a second (15)")
+    else:
+        add("--port", default="/dev/kobuki", help="serial port of the base")
+        add("--camera", default="kinect", help="kinect, kinect:SERIAL, v4l:N, ros:TOPIC, or ros: camera/rgb/image_raw")
+        add("--camera-info-url", default="", help="file with the camera's calibration")
+    if name != "bringup":
+        add("--planner", choices=PLANNERS, default="fov", help="motion planner")
+        add("--seed", type=int, default=0, help="seed of the random draws")
+        add("--run-dir", default="", help="folder for the results of the SLAM")
+        add("--load-map", default="", help="SLAM map (.vsxmap) to go on in, the robot anywhere in it")
+    return options
+
+
+def main() -> None:
+    """Entry point; the launch is named like the script."""
+    name = Path(sys.argv[0]).stem
+    args = parser(name).parse_args()
+    logs.quiet_failures()
+    try:
+        real = name in ("bringup", "explore")
+        config = to_dict(load(args.config or (robot_file_here() if real else None), []))
+        params = {"use_sim_time": True} if name == "replay" else {}
+        os.environ.setdefault("ROS_MASTER_URI", DEFAULT_MASTER)
+        parent = launch.start(launch.xml(nodes_of(name, args), config, params))
+        parent.spin()
+    except VsxError as error:
+        sys.stderr.write(f"{name}: {error}\n")
+        sys.exit(FAILED)
+    sys.exit(DONE)

@@ -1,0 +1,217 @@
+"""Every parameter of the stack: name, unit, default, bound. Branches carry the names of the components
+that receive them. ``vsx config`` prints this tree; config/default.yaml is generated from it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Annotated, Any
+
+import msgspec
+from msgspec import Meta
+
+from vsx_ros.config.branch import Branch, Count, Factor, NonNegative, Positive, Ratio
+from vsx_ros.config.ground import DenseConfig, GroundMapConfig, PlanesConfig
+from vsx_ros.config.slam import (
+    CullingConfig,
+    InitializationConfig,
+    KeyframeConfig,
+    MapperConfig,
+    OdometryNoiseConfig,
+    ShutterConfig,
+    SlamConfig,
+    TrackerConfig,
+)
+from vsx_ros.errors import ConfigError
+
+__all__ = [
+    "ComputingConfig", "Config", "CullingConfig", "DenseConfig", "ExplorationConfig", "FollowerConfig",
+    "GroundMapConfig", "InitializationConfig", "KeyframeConfig", "LimitsConfig", "MapperConfig", "MountConfig",
+    "OdometryConfig", "PlannerConfig", "PlanesConfig", "RobotConfig", "ShutterConfig", "SlamConfig", "TrackerConfig",
+    "OdometryNoiseConfig", "from_dict", "overridden", "to_dict",
+]  # fmt: skip
+
+
+class MountConfig(Branch, frozen=True):
+    """Where the camera sits on the base (T_base_cam)."""
+
+    forward_m: float = -0.09
+    left_m: float = 0.0
+    height_m: Positive = 0.31
+    pitch_down_rad: Annotated[float, Meta(ge=-0.8, le=0.8)] = 0.0
+    yaw_left_rad: float = 0.0
+
+
+class OdometryConfig(Branch, frozen=True):
+    """What the base multiplies way and turn of its wheels by; 'vsx calibrate odometry' finds it."""
+
+    linear_scale: Annotated[float, Meta(ge=0.5, le=2)] = 1.0
+    angular_scale: Annotated[float, Meta(ge=0.5, le=2)] = 1.0
+
+
+class RobotConfig(Branch, frozen=True):
+    """The body."""
+
+    radius_m: Positive = 0.18
+    height_m: Positive = 0.45
+    mount: MountConfig = MountConfig()
+    odometry: OdometryConfig = OdometryConfig()
+
+
+class LimitsConfig(Branch, frozen=True):
+    """What the time scaling and the follower never exceed; the bounds are about what the bases can do. a_stop_m_s2 is
+    for what comes to light too near for a_m_s2: 6 cm from 0.3 m/s instead of 14. The bases stop harder than that, as
+    they do for a hazard, but then the images blur."""
+
+    v_m_s: Annotated[float, Meta(gt=0, le=0.7)] = 0.3
+    a_m_s2: Annotated[float, Meta(gt=0, le=3)] = 0.4
+    jerk_m_s3: Annotated[float, Meta(gt=0, le=100)] = 2.0
+    omega_rad_s: Annotated[float, Meta(gt=0, le=3.2)] = 0.4
+    alpha_rad_s2: Annotated[float, Meta(gt=0, le=20)] = 1.0
+    a_stop_m_s2: Annotated[float, Meta(gt=0, le=3)] = 1.0
+
+    def braking(self, a_m_s2: float) -> LimitsConfig:
+        """The limits while braking by a_m_s2: harder than usual it sets in more steeply, too, and where the way bends
+        the turn rate falls with the speed."""
+        share = max(1.0, a_m_s2 / self.a_m_s2)
+        jerk, alpha = share * share * self.jerk_m_s3, share * self.alpha_rad_s2
+        return msgspec.structs.replace(self, a_m_s2=share * self.a_m_s2, jerk_m_s3=jerk, alpha_rad_s2=alpha)
+
+
+class PlannerConfig(Branch, frozen=True):
+    """Motion planning (paper 4)."""
+
+    phi_rad_m: Positive = 2.0
+    # Beside the body: kept always, and kept where that is no detour.
+    clearance_m: NonNegative = 0.04
+    preferred_clearance_m: NonNegative = 0.15
+    max_reverse_m: NonNegative = 1.5
+    # What the tracker needs in view, how fast to drive where it is not, and how far at most in one go.
+    sight_landmarks: Count = 20
+    sight_fov_rad: Annotated[float, Meta(gt=0, lt=3.14)] = 1.05
+    sight_range_m: Positive = 5.0
+    blind_v_m_s: Positive = 0.2
+    max_blind_m: NonNegative = 2.0
+
+
+class FollowerConfig(Branch, frozen=True):
+    """Following a timed trajectory."""
+
+    stiffness_rad_m: Positive = 5.0
+    max_lateral_error_m: Positive = 0.12
+    max_heading_error_rad: Positive = 0.25
+    pose_timeout_s: Positive = 0.5
+    # Speed while tracking is dubious (state POOR), as a share of the planned one, and how long it stays so afterwards.
+    dubious_speed_factor: Factor = 0.5
+    dubious_hold_s: NonNegative = 1.0
+    replans_after_divergence: Annotated[int, Meta(ge=0)] = 2
+
+
+class ExplorationConfig(Branch, frozen=True):
+    """Frontiers, views and the mission (paper 5.2)."""
+
+    ranker: str = "views"
+    sensor_range_m: Positive = 3.0
+    sensor_fov_rad: Positive = 1.05
+    mean_free_path_m: Positive = 1.0
+    init_drive_m: Annotated[float, Meta(gt=0, le=1)] = 0.45
+    init_attempts: Count = 4
+    min_frontier_m: NonNegative = 0.25
+    min_gain_m2: NonNegative = 0.08
+    min_utility_m: NonNegative = 0.03
+    stop_cost_m: Positive = 2.0
+    look_range_m: Positive = 3.0
+    looks_to_half: Positive = 1.5
+    wall_gap_m: Positive = 1.0
+    goal_seen_ratio: Ratio = 0.3
+    look_spacing_m: Positive = 0.35
+    view_spacing_m: Positive = 0.2
+    view_margin_m: NonNegative = 0.05
+    max_ranked_views: Count = 300
+    min_landmarks: Annotated[int, Meta(ge=0)] = 15
+    good_landmarks: Count = 60
+    blacklist_radius_m: Positive = 0.4
+    blacklist_s: Positive = 60.0
+    backtrack_step_m: Annotated[float, Meta(gt=0, le=1)] = 0.35
+    backtrack_max_m: Positive = 1.5
+    retries_without_view: Count = 2
+    retries_boxed_in: Count = 10
+
+
+class ComputingConfig(Branch, frozen=True):
+    """What computing costs in lock-step, in emulated time: a frame, from its stamp to its pose being known; a ranking
+    of views, at least and per known ground; a plan, at least and per metre of the way. Twice the processor time that
+    benchmarks/computing.py measures: on a laptop of two cores SLAM runs on them, too."""
+
+    frame_ms: NonNegative = 60.0
+    ranking_ms: NonNegative = 60.0
+    ranking_ms_m2: NonNegative = 1.3
+    plan_ms: NonNegative = 40.0
+    plan_ms_m: NonNegative = 11.0
+
+
+class Config(Branch, frozen=True):
+    """The whole tree."""
+
+    robot: RobotConfig = RobotConfig()
+    limits: LimitsConfig = LimitsConfig()
+    slam: SlamConfig = SlamConfig()
+    planner: PlannerConfig = PlannerConfig()
+    follower: FollowerConfig = FollowerConfig()
+    ground_map: GroundMapConfig = GroundMapConfig()
+    dense: DenseConfig = DenseConfig()
+    exploration: ExplorationConfig = ExplorationConfig()
+    computing: ComputingConfig = ComputingConfig()
+
+
+def from_dict(tree: dict[str, Any]) -> Config:
+    """The configuration of a nested dict; missing entries take their default.
+
+    Raises ConfigError naming the entry, e.g. ``Expected `float` > 0.0 - at `$.planner.phi_rad_m`, not -1``.
+    """
+    try:
+        config: Config = msgspec.convert(tree, Config)
+    except msgspec.ValidationError as error:
+        wrong = f"{error}{_given(tree, str(error))}"
+        raise ConfigError(f"configuration: {wrong}; 'vsx config' prints every name, unit and default") from error
+    for name, value in _leaves(to_dict(config)):
+        if isinstance(value, float) and not math.isfinite(value):
+            raise ConfigError(f"configuration: {name} is {value}; it needs a finite number")
+    return config
+
+
+def _leaves(tree: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for name, value in tree.items():
+        yield from _leaves(value, f"{prefix}{name}.") if isinstance(value, dict) else [(prefix + name, value)]
+
+
+def _given(tree: Any, message: str) -> str:
+    """The value that a message of msgspec is about, e.g. ", not -1"; nothing where it is about a whole branch."""
+    for name in message.rpartition("`$.")[2].rstrip("`").split("."):
+        if not isinstance(tree, dict) or name not in tree:
+            return ""
+        tree = tree[name]
+    return "" if isinstance(tree, dict) else f", not {tree!r:.80}"
+
+
+def to_dict(config: Config) -> dict[str, Any]:
+    """The nested dict that ``from_dict`` reads back to the same configuration."""
+    tree: dict[str, Any] = msgspec.to_builtins(config)
+    return tree
+
+
+def overridden(config: Config, assignments: dict[str, Any]) -> Config:
+    """A copy with dotted names replaced, e.g. ``{"planner.phi_rad_m": 0.5}``.
+
+    Raises ConfigError for an unknown name or an impossible value.
+    """
+    tree = to_dict(config)
+    for name, value in assignments.items():
+        *branches, leaf = name.split(".")
+        node = tree
+        for branch in branches:
+            node = node.get(branch, {}) if isinstance(node, dict) else {}
+        if not isinstance(node, dict) or leaf not in node:
+            raise ConfigError(f"configuration: there is no parameter {name!r}; 'vsx config' prints every name")
+        node[leaf] = value
+    return from_dict(tree)

@@ -1,0 +1,82 @@
+"""A map from above with ways over it, as inline SVG."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from vsx_ros.arrays import FloatArray, Points2
+from vsx_ros.evaluation.svg import grid_image, png_url, ticks, unbroken
+from vsx_ros.occupancy.grid import OccupancyGrid
+
+_HIGHEST_PX = 620.0
+FIGURE_PX = 540.0
+_VIEW_M = 0.35
+_MAX_DOTS, _MAX_POINTS = 4000, 1500
+Way = Sequence[Sequence[float] | None]
+Window = tuple[FloatArray, FloatArray]
+
+
+def map_view(
+    grid: OccupancyGrid | None,
+    ways: Sequence[tuple[str, Way]],
+    window: Window,
+    *,
+    marks: Sequence[tuple[str, Sequence[float]]] = (),
+    views: Sequence[Sequence[float]] = (),
+    dots: Points2 | None = None,
+    unit: str = "m",
+    width_px: float = FIGURE_PX,
+) -> str:
+    """North up, with a scale bar. ways: (CSS class, points; None leaves a gap). marks: (CSS class, point). views: x, y,
+    heading of short strokes. dots: (N, 2), thinned where they are many. window: lower and upper corner. Lengths in
+    ``unit``."""
+    low, high = window
+    scale = min(width_px / (high[0] - low[0]), _HIGHEST_PX / (high[1] - low[1]))
+    width, height = (high - low) * scale
+
+    def place(point: Sequence[float]) -> str:
+        return f"{(point[0] - low[0]) * scale:.1f},{(high[1] - point[1]) * scale:.1f}"
+
+    parts = [f'<svg class="map" viewBox="0 0 {width:.0f} {height:.0f}" style="max-width:{width:.0f}px" role="img">']
+    parts.append("<title>map from above</title>")
+    if grid is not None:
+        corner, end = window_of(grid)
+        x, y = place((corner[0], end[1])).split(",")
+        size = (end - corner) * scale
+        parts.append(
+            f'<image x="{x}" y="{y}" width="{size[0]:.1f}" height="{size[1]:.1f}" preserveAspectRatio="none" '
+            f'style="image-rendering:pixelated" href="{png_url(grid_image(grid))}"/>'
+        )
+    if dots is not None and len(dots):
+        shown = dots[:: 1 + len(dots) // _MAX_DOTS].tolist()
+        parts.append(f'<path class="dots" d="{"".join(f"M{place(p)}h0" for p in shown)}"/>')
+    for x_m, y_m, theta in views:
+        tip = x_m + _VIEW_M * np.cos(theta), y_m + _VIEW_M * np.sin(theta)
+        parts.append(f'<polyline class="view" points="{place((x_m, y_m))} {place(tip)}"/>')
+    for name, way in ways:
+        for run in unbroken(way):
+            points = " ".join(place(p) for p in run[:: 1 + len(run) // _MAX_POINTS])
+            parts.append(f'<polyline class="{name}" points="{points}"/>')
+    for name, point in marks:
+        x, y = place(point).split(",")
+        parts.append(f'<circle class="{name}" cx="{x}" cy="{y}" r="5"/>')
+    bar = ticks(0.0, float(high[0] - low[0]), 5)[1]
+    parts.append(f'<path class="bar" d="M12 {height - 12:.1f}h{bar * scale:.1f}"/>')
+    parts.append(f'<text x="12" y="{height - 18:.1f}">{bar:g} {unit}</text></svg>')
+    return "".join(parts)
+
+
+def window_of(grid: OccupancyGrid) -> Window:
+    """All of a grid: its lower and upper corner."""
+    low = np.array([grid.origin_x, grid.origin_y])
+    return low, low + np.array(grid.shape)[::-1] * grid.resolution
+
+
+def window_around(ways: Sequence[Way], margin: float | None = None) -> Window:
+    """So much around ways, by default a twentieth of their extent and a little more; never empty."""
+    points = np.array([point[:2] for way in ways for point in way if point is not None]).reshape(-1, 2)
+    low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(2), np.zeros(2))
+    margin = 0.05 * float((high - low).max()) + 0.05 if margin is None else margin
+    return low - margin, high + margin

@@ -1,0 +1,210 @@
+"""One drive from a start to a goal that looks elsewhere, by each planner, tracked by two trackers (paper, Table 1).
+
+The drives of one world begin alike, to the bit: same world, same noise, same straight start. Then each planner's path
+to the same goal is driven, closed on odometry, so that whoever loses track still gets there and the next
+one is not judged by another way. The frames of a drive go through both trackers.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+
+from vsx_ros.config import Config, LimitsConfig, overridden
+from vsx_ros.control.trajectory_tracker import FollowStatus, TrajectoryTracker
+from vsx_ros.errors import InputError
+from vsx_ros.experiments.trackers import Trackers
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.occupancy.grid import FREE, OccupancyGrid
+from vsx_ros.planning.path import Path, Plan, Refusal, Trajectory
+from vsx_ros.planning.planner import Planner
+from vsx_ros.planning.planners import PLANNERS
+from vsx_ros.planning.time_scaling import time_scale
+from vsx_ros.robot import STOP, VelocityCommand
+from vsx_ros.runs.world import open_world
+from vsx_ros.sim.robot import EmulatedRobot
+from vsx_ros.sim.truth import ground_truth_grid
+from vsx_ros.sim.world import World
+
+
+class Arm(NamedTuple):
+    """planner: one of PLANNERS. turn_rad_s: how fast it may turn; the robot's own limit where it is None."""
+
+    planner: str
+    turn_rad_s: float | None = None
+
+
+# At 0.3 rad/s no image is smeared by more than 3 px.
+ARMS = {
+    "constrained": Arm("fov"),
+    "unconstrained": Arm("unconstrained", 0.9),
+    "unconstrained, slow turns": Arm("unconstrained", 0.3),
+    "the paper's planner": Arm("paper"),
+}
+CONSTRAINED, UNCONSTRAINED, *_ = ARMS
+START_M = 0.6
+PHI_RAD_M = 1.0
+# Whoever strays a little is led back, so that all arms get to the goal.
+CONFIG = overridden(
+    Config(),
+    {"planner.phi_rad_m": PHI_RAD_M, "follower.max_heading_error_rad": 0.8, "follower.max_lateral_error_m": 0.3},
+)
+_TURNS = {1: (math.radians(60.0), math.radians(110.0)), 2: (math.radians(150.0), math.pi)}
+_DISTANCE_M = (1.5, 3.5)
+_CLEARANCE_M, _LONGEST_PATH_M, _TRIES, _LONGEST_DRIVE_S = 0.4, 12.0, 200, 180.0
+
+
+class DriveTask(NamedTuple):
+    """dataset: 1, a goal that looks to the side; 2, one that looks back. noise: which of the robot's and camera's
+    errors, counted from 0."""
+
+    world: str
+    seed: int
+    noise: int
+    dataset: int
+
+    @property
+    def noise_seed(self) -> int:
+        """Of the robot's and camera's errors; no other world's."""
+        return self.seed + 1000 * self.noise
+
+
+class Question(NamedTuple):
+    """start, goal: poses in the world. grid: the true map, known to all planners alike."""
+
+    start: SE2
+    goal: SE2
+    grid: OccupancyGrid
+
+
+def question(task: DriveTask, world: World, config: Config) -> Question:
+    """A goal of the dataset's kind that the constrained and the unconstrained planner reach, drawn by the world's seed.
+
+    Raises InputError when the world offers none.
+    """
+    ground = config.ground_map
+    grid = ground_truth_grid(world, ground.resolution_m, ground.obstacle_min_height_m, ground.obstacle_max_height_m)
+    start = world.start_pose @ SE2(START_M, 0.0, 0.0)
+    rng = np.random.default_rng([task.seed, task.dataset, 5])
+    low, high = _TURNS[task.dataset]
+    for _ in range(_TRIES):
+        bearing, distance = rng.uniform(-math.pi, math.pi), rng.uniform(*_DISTANCE_M)
+        turn = rng.uniform(low, high) * rng.choice([-1.0, 1.0])
+        x, y = start.x + distance * math.cos(bearing), start.y + distance * math.sin(bearing)
+        goal = SE2(x, y, float(start.theta + turn))
+        if not _is_wide(grid, goal):
+            continue
+        plans = [plan_of(arm, Question(start, goal, grid), config) for arm in (CONSTRAINED, UNCONSTRAINED)]
+        if all(isinstance(plan, Plan) and plan.path.length_m < _LONGEST_PATH_M for plan in plans):
+            return Question(start, goal, grid)
+    raise InputError(f"{task.world} {task.seed} has no goal of dataset {task.dataset} that both planners reach")
+
+
+def _is_wide(grid: OccupancyGrid, pose: SE2) -> bool:
+    reach = np.linspace(-_CLEARANCE_M, _CLEARANCE_M, 9)
+    return all(grid.value_at(pose.x + dx, pose.y + dy) == FREE for dx in reach for dy in reach)
+
+
+def plan_of(arm: str, asked: Question, config: Config) -> Plan | Refusal:
+    """The arm's plan, knowing the true map."""
+    planner = PLANNERS[ARMS[arm].planner](config.planner, config.robot)
+    return planner.plan(asked.start, asked.goal, asked.grid, np.random.default_rng(0))
+
+
+def limits_of(arm: str, config: Config) -> LimitsConfig:
+    """The robot's own, but for how fast the arm may turn."""
+    turn_rad_s = ARMS[arm].turn_rad_s
+    return msgspec.structs.replace(config.limits, omega_rad_s=turn_rad_s or config.limits.omega_rad_s)
+
+
+def run_drives(task: DriveTask) -> dict[str, Any]:
+    """All arms: path, duration, planned and driven way, and what each tracker made of it; of an arm that found no path,
+    why."""
+    config, world = CONFIG, open_world(task.world, task.seed)
+    asked = question(task, world, config)
+    return {
+        "start": _row(asked.start),
+        "goal": _row(asked.goal),
+        "arms": {arm: _drive(arm, asked, task, world, config) for arm in ARMS},
+    }
+
+
+def _drive(arm: str, asked: Question, task: DriveTask, world: World, config: Config) -> dict[str, Any]:
+    plan = plan_of(arm, asked, config)
+    if isinstance(plan, Refusal):
+        return {"refused": plan.reason}
+    limits = limits_of(arm, config)
+    robot = EmulatedRobot(world, task.noise_seed, robot=config.robot)
+    trackers = Trackers(robot, config, task.noise_seed)
+    driver = _Driver(robot, trackers, world.start_pose)
+    driver.follow(time_scale(_straight(asked, config), config.limits), config.limits, config)
+    begun_ns = robot.truth.stamp_ns
+    trackers.begin()
+    status = driver.follow(time_scale(plan.path, limits), limits, config)
+    way = plan.path.sample(0.1)[:, :3]
+    return {
+        "path_m": plan.path.length_m,
+        "reverse_m": plan.path.reverse_m,
+        "turn_on_spot_rad": plan.path.turn_on_spot_rad,
+        "duration_s": (robot.truth.stamp_ns - begun_ns) * 1e-9,
+        "ended": status.value,
+        "collisions": robot.truth.collisions,
+        "planned": way.round(3).tolist(),
+        "driven": driver.driven(begun_ns),
+        "trackers": {t.name: t.judged(driver.truth, driver.odometry) for t in trackers.all},
+    }
+
+
+def _straight(asked: Question, config: Config) -> Path:
+    """The start of every drive: two frames for the map, and a little more."""
+    begin = asked.start @ SE2(-START_M, 0.0, 0.0)
+    plan = Planner(config.planner, config.robot).plan_blind(begin, asked.start)
+    assert isinstance(plan, Plan)
+    return plan.path
+
+
+class _Driver:
+    """Drives trajectories of the world frame by odometry, and lets the trackers watch."""
+
+    def __init__(self, robot: EmulatedRobot, trackers: Trackers, start: SE2) -> None:
+        self._robot, self._trackers, self._start = robot, trackers, start
+        self._command = STOP
+        self.truth: list[StampedPose] = []
+        self.odometry: list[SE3] = []
+        self._bases: list[SE2] = []
+
+    def follow(self, trajectory: Trajectory, limits: LimitsConfig, config: Config) -> FollowStatus:
+        """Until it arrives, diverges or takes too long; how it ended."""
+        tracker = TrajectoryTracker(config.follower, limits)
+        tracker.start(trajectory, self._robot.truth.stamp_ns)
+        ends_ns = self._robot.truth.stamp_ns + int(_LONGEST_DRIVE_S * 1e9)
+        while self._robot.truth.stamp_ns < ends_ns:
+            stamp_ns, pose = self._step()
+            result = tracker.command(stamp_ns, pose, 0.0, True)
+            self._command = result.command
+            if result.status in (FollowStatus.ARRIVED, FollowStatus.DIVERGED):
+                self._command = VelocityCommand(0.0, 0.0)
+                return result.status
+        return FollowStatus.STALE
+
+    def driven(self, since_ns: int) -> list[list[float]]:
+        """Where the base really was, four times a second."""
+        poses = [base for base, pose in zip(self._bases, self.truth, strict=True) if pose.stamp_ns >= since_ns]
+        return [_row(pose) for pose in poses[::4]]
+
+    def _step(self) -> tuple[int, SE2]:
+        frame, odometry = self._robot.step(self._command)
+        self._trackers.track(frame, odometry)
+        self.truth.append(StampedPose(frame.stamp_ns, self._robot.truth.T_world_cam))
+        self._bases.append(self._robot.truth.T_world_base)
+        self.odometry.append(SE3.from_se2(odometry.T_odom_base) @ self._robot.T_base_cam_given)
+        return frame.stamp_ns, self._start @ odometry.T_odom_base
+
+
+def _row(pose: SE2) -> list[float]:
+    return [round(pose.x, 3), round(pose.y, 3), round(pose.theta, 4)]

@@ -1,0 +1,115 @@
+"""Figures 2 and 6 of the paper: the paths of both planners to the same goals, and what a tracker made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from vsx_ros.arrays import FloatArray
+from vsx_ros.errors import InputError
+from vsx_ros.evaluation.map_view import map_view, window_around
+from vsx_ros.evaluation.page import Section, figures, paragraph, table
+from vsx_ros.experiments.drive import CONFIG, CONSTRAINED, UNCONSTRAINED, DriveTask, Question, plan_of, question
+from vsx_ros.experiments.table1 import Drives, faults, faults_table
+from vsx_ros.experiments.trackers import PAPER
+from vsx_ros.planning.path import Plan
+from vsx_ros.runs.world import open_world
+
+_AROUND_M = 1.2
+
+
+def figure2(world: str, seed: int) -> tuple[Section, dict[str, Any]]:
+    """The paths themselves, with where the camera looks along them, and what they are like; a dataset without a goal is
+    listed."""
+    pictures, failed, rows = [], [], []
+    for task in [DriveTask(world, seed, 0, dataset) for dataset in (1, 2)]:
+        try:
+            asked = question(task, open_world(task.world, task.seed), CONFIG)
+        except InputError as error:
+            failed.append([*(str(value) for value in task), "all", str(error)])
+            continue
+        for arm in (CONSTRAINED, UNCONSTRAINED):
+            plan = plan_of(arm, asked, CONFIG)
+            assert isinstance(plan, Plan)
+            way = plan.path.sample(0.05)[:, :3].tolist()
+            views = plan.path.sample(0.25)[:, :3].tolist()
+            path_m, reverse_m, turn_rad = plan.path.length_m, plan.path.reverse_m, plan.path.turn_on_spot_rad
+            told = f"{path_m:.1f} m, {reverse_m:.1f} m of it in reverse, {turn_rad:.1f} rad on the spot"
+            caption = f"{task.world} {task.seed}, dataset {task.dataset}, {arm}: {told}"
+            like = {"path_m": path_m, "reverse_m": reverse_m, "turn_on_spot_rad": turn_rad}
+            rows.append({**task._asdict(), "planner": arm, **like})
+            pictures.append((caption, _picture(asked, [("planned", way)], [], views)))
+    words = "Dot: start. Ring: goal. Strokes: where the camera looks; to turn under its bound the robot backs up."
+    body = paragraph(words) + figures(pictures) + faults_table(failed)
+    return Section("Figure 2: unconstrained and constrained trajectories", body), {"drives": rows}
+
+
+def figure6(drives: Drives) -> tuple[Section, dict[str, Any]]:
+    """Planned way and what the paper's tracker says, until it breaks; and how far all trackers' ways lie from it."""
+    pictures, rows = [], []
+    for task, result in [drive for drive in drives if "arms" in drive[1]]:
+        asked = question(task, open_world(task.world, task.seed), CONFIG)
+        for arm in (CONSTRAINED, UNCONSTRAINED):
+            drive = result["arms"][arm]
+            estimate = drive["trackers"][PAPER]["estimate"]
+            before = [(a, b) for a, b in zip(estimate, estimate[1:]) if a is not None and b is None]
+            marks = [("broke", a) for a, _ in before]
+            ways = [("driven", drive["driven"]), ("planned", drive["planned"]), ("estimate", estimate)]
+            state = "broken" if drive["trackers"][PAPER]["broken"] else "unbroken"
+            caption = f"{task.world} {task.seed}, dataset {task.dataset}, {arm}: {state}"
+            pictures.append((caption, _picture(asked, ways, marks, [])))
+            for tracker, judged in drive["trackers"].items():
+                named = {**task._asdict(), "planner": arm, "tracker": tracker, "broken": judged["broken"]}
+                rows.append({**named, **deviation(drive["planned"], judged["estimate"])})
+    words = "Blue: planned. Green: the camera as tracked (9 cm behind the base's middle). Purple: where it was lost."
+    told = "From the planned way of the camera to the tracked one, where it was tracked, a point to its nearest:"
+    body = paragraph(words) + figures(pictures) + paragraph(told) + _deviations(rows) + faults_table(faults(drives))
+    return Section("Figure 6: planned and tracked trajectories", body), {"drives": rows}
+
+
+def deviation(planned: Sequence[Sequence[float]], estimate: Sequence[Sequence[float] | None]) -> dict[str, Any]:
+    """How far the tracked way of the camera lies from its planned one: rms_m and max_m of the distances to the nearest
+    point, None where nothing was tracked, and tracked_share. planned: x, y, theta of the base; estimate: x, y of the
+    camera, None where it was lost."""
+    tracked = np.array([point[:2] for point in estimate if point is not None]).reshape(-1, 2)
+    share = len(tracked) / len(estimate) if estimate else 0.0
+    if not len(tracked):
+        return {"rms_m": None, "max_m": None, "tracked_share": share}
+    x, y, theta = np.array(planned).T
+    mount = CONFIG.robot.mount
+    c, s = np.cos(theta), np.sin(theta)
+    camera = np.column_stack([x + c * mount.forward_m - s * mount.left_m, y + s * mount.forward_m + c * mount.left_m])
+    far = _distances(tracked, camera)
+    return {"rms_m": float(np.sqrt(np.mean(far**2))), "max_m": float(far.max()), "tracked_share": share}
+
+
+def _distances(points: FloatArray, way: FloatArray) -> FloatArray:
+    """(N,) from (N, 2) points to the nearest point of a way of (M, 2) corners."""
+    begin, along = way, np.diff(way, axis=0, append=way[-1:])
+    square = np.maximum(np.sum(along**2, axis=1), 1e-12)
+    share = np.clip(np.sum((points[:, None] - begin) * along, axis=2) / square, 0.0, 1.0)
+    far: FloatArray = np.linalg.norm(begin + share[:, :, None] * along - points[:, None], axis=2).min(axis=1)
+    return far
+
+
+def _deviations(rows: Sequence[dict[str, Any]]) -> str:
+    shown = [
+        [
+            f"{row['world']} {row['seed']}, dataset {row['dataset']}, {row['planner']}",
+            row["tracker"],
+            *("unknown" if row[name] is None else f"{100 * row[name]:.1f}" for name in ("rms_m", "max_m")),
+            f"{100 * row['tracked_share']:.0f}",
+            "yes" if row["broken"] else "no",
+        ]
+        for row in rows
+    ]
+    return table(["drive", "tracker", "rms [cm]", "at most [cm]", "tracked [%]", "broken"], shown)
+
+
+def _picture(asked: Question, ways: Any, marks: Any, views: Any) -> str:
+    ends = [("start", (asked.start.x, asked.start.y)), ("goal", (asked.goal.x, asked.goal.y))]
+    return map_view(
+        asked.grid, ways, window_around([way for _, way in ways], _AROUND_M), marks=[*ends, *marks], views=views
+    )

@@ -1,0 +1,80 @@
+"""From which keyframes a cell of a plane is judged."""
+
+from __future__ import annotations
+
+import math
+from typing import TypeAlias
+
+from vsx_ros.arrays import FloatArray, IntArray
+from vsx_ros.kernels import kernel
+
+VIEWS = 6
+
+Limits: TypeAlias = tuple[float, float, float, float, float, float, float]
+"""See ``choose_views``."""
+
+
+@kernel
+def choose_views(
+    table: IntArray, K: FloatArray, R: FloatArray, centres: FloatArray, frame: FloatArray, x: float, y: float,
+    z: float, half: float, limits: Limits, worth: FloatArray, views: IntArray,
+) -> int:  # fmt: skip
+    """The keyframes to compare a cell in: views[0] is the reference, the nearest and most frontal; the others, up to
+    VIEWS, are the next best with parallax to it and to each other. How many, reference included; 0 without any.
+
+    worth (K,): filled here. limits: nearest, farthest [m], least cosine of incidence, cosines of the least and largest
+    parallax and of the least between two views, and 1 - cosine of the parallax from which more is no better.
+    """
+    nearest, farthest, grazing, least, largest, apart, enough = limits
+    n = centres.shape[0]
+    best, chosen = 0.0, -1
+    for k in range(n):
+        worth[k] = 0.0
+        dx, dy, dz = centres[k, 0] - x, centres[k, 1] - y, centres[k, 2] - z
+        distance = math.sqrt(dx * dx + dy * dy + dz * dz)
+        if not nearest <= distance <= farthest:
+            continue
+        cosine = (dx * frame[2, 0] + dy * frame[2, 1] + dz * frame[2, 2]) / distance
+        if cosine < grazing:
+            continue
+        depth = -(R[k, 2, 0] * dx + R[k, 2, 1] * dy + R[k, 2, 2] * dz)
+        if depth < 0.5 * distance:
+            continue
+        margin = 1.5 * half * K[0] / depth
+        u = K[2] - K[0] * (R[k, 0, 0] * dx + R[k, 0, 1] * dy + R[k, 0, 2] * dz) / depth
+        v = K[3] - K[1] * (R[k, 1, 0] * dx + R[k, 1, 1] * dy + R[k, 1, 2] * dz) / depth
+        if not (margin <= u < table[0, 2] - margin and margin <= v < table[0, 1] - margin):
+            continue
+        worth[k] = cosine / distance
+        if worth[k] > best:
+            best, chosen = worth[k], k
+    if chosen < 0:
+        return 0
+    views[0] = chosen
+    for k in range(n):
+        if worth[k] > 0.0:
+            cosine = _cosine_between(centres, k, chosen, x, y, z)
+            worth[k] *= min(1.0, (1.0 - cosine) / enough) if largest <= cosine <= least else 0.0
+    count = 1
+    while count <= VIEWS:
+        best, chosen = 0.0, -1
+        for k in range(n):
+            if worth[k] > best:
+                best, chosen = worth[k], k
+        if chosen < 0:
+            break
+        views[count] = chosen
+        count += 1
+        for k in range(n):
+            if worth[k] > 0.0 and _cosine_between(centres, k, chosen, x, y, z) > apart:
+                worth[k] = 0.0
+    return count
+
+
+@kernel
+def _cosine_between(centres: FloatArray, k: int, m: int, x: float, y: float, z: float) -> float:
+    ax, ay, az = centres[k, 0] - x, centres[k, 1] - y, centres[k, 2] - z
+    bx, by, bz = centres[m, 0] - x, centres[m, 1] - y, centres[m, 2] - z
+    norm = math.sqrt((ax * ax + ay * ay + az * az) * (bx * bx + by * by + bz * bz))
+    cosine: float = (ax * bx + ay * by + az * bz) / norm
+    return cosine

@@ -1,0 +1,241 @@
+"""A goal from its first plan to its end: plan, hand over to the follower, watch, plan again, give up.
+
+             begin                    way found, base stands
+    IDLE ------------> PLANNING ---------------------------------> DRIVING ----(arrived)----> IDLE
+      ^                 |    ^                                      |   |
+      |   (no way)      |    +--(left its path; obstacle: brake)----+   |
+      +-----------------+                                               |
+      +<---- RESTING <----(cancelled: brake; nothing left to try)-------+
+
+``step`` is told what is known and answers with what is to be done; planning takes its time meanwhile, and the base
+stands or brakes. Whoever steps it gives the answers of the planner to ``planned``.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import NamedTuple
+
+from vsx_ros.config import Config
+from vsx_ros.control.localization import MAP_FRAME, LocalizationState
+from vsx_ros.control.trajectory_tracker import FollowStatus
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.navigation.follower_report import FollowerReport
+from vsx_ros.navigation.goal_planner import TimedPlan
+from vsx_ros.navigation.timeouts import FOLLOWER_S, PLANNER_S
+from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.planning.collision_check import Obstacle, braking_before, obstacle_ahead
+from vsx_ros.planning.path import Refusal
+
+_STAND_WAIT_S = 1.5
+_NEAR_ALONG_M, _NEAR_BESIDE_M, _NEAR_RAD = 0.08, 0.04, 0.06
+
+
+class ExecutionInput(NamedTuple):
+    """What is known. follower: its newest report, so old [s]. silent_client: the name of a client that wanted the goal
+    and has ceased to say so; empty where it has not."""
+
+    where: LocalizationState
+    grid: OccupancyGrid | None
+    follower: FollowerReport
+    follower_age_s: float = 0.0
+    silent_client: str = ""
+
+
+class PlanRequest(NamedTuple):
+    """Plan, and answer under this number. again: why the plan before is not followed to its end; empty at first."""
+
+    number: int
+    start: SE2
+    goal: SE2
+    frame: str
+    again: str
+
+
+class Follow(NamedTuple):
+    """Let the follower follow it, from rest; identity: the follower's reports tell by it what they are about."""
+
+    identity: int
+    way: TimedPlan
+    frame: str
+
+
+class Brake(NamedTuple):
+    """Let the follower stop on the way by so much [m/s2]; infinite: at once."""
+
+    a_m_s2: float
+
+
+class Done(NamedTuple):
+    """The goal has ended."""
+
+    arrived: bool
+    reason: str
+
+
+Act = PlanRequest | Follow | Brake | Done
+
+
+class _Phase(Enum):
+    IDLE = "idle"
+    PLANNING = "planning"
+    DRIVING = "driving"
+    RESTING = "resting"
+
+
+class GoalExecution:
+    """One goal at a time; not thread-safe."""
+
+    def __init__(self, config: Config) -> None:
+        self._limits, self._radius_m = config.limits, config.robot.radius_m
+        self._replans = config.follower.replans_after_divergence
+        self._phase, self._since_ns = _Phase.IDLE, 0
+        self._goal, self._frame = SE2(), MAP_FRAME
+        self._replans_left = 0
+        self._again = ""
+        self._number = 0
+        self._waits_for_plan = self._start_is_predicted = False
+        self._answer: TimedPlan | Refusal | None = None
+        self._driven: Follow | None = None
+        self._braking_m_s2 = 0.0
+        self._checked: OccupancyGrid | None = None
+        self._ending = ""
+
+    def begin(self, now_ns: int, goal: SE2, frame: str) -> None:
+        """Pursue this goal, in ``frame``, from now on; of one before it there is no ``Done`` any more."""
+        self._goal, self._frame, self._again = goal, frame, ""
+        self._replans_left = self._replans
+        self._enter(_Phase.PLANNING, now_ns)
+
+    def cancel(self, now_ns: int, reason: str) -> None:
+        """Come to rest, then end for that reason."""
+        if self._phase in (_Phase.PLANNING, _Phase.DRIVING):
+            self._ending = reason
+            self._enter(_Phase.RESTING, now_ns)
+
+    def planned(self, now_ns: int, number: int, answer: TimedPlan | Refusal) -> None:
+        """The planner's answer; one to an older question is not used."""
+        if number == self._number and self._waits_for_plan:
+            self._answer, self._waits_for_plan, self._since_ns = answer, False, now_ns
+
+    def step(self, now_ns: int, seen: ExecutionInput) -> list[Act]:
+        """What is to be done now, in this order."""
+        if self._phase is _Phase.IDLE:
+            return []
+        if seen.silent_client:
+            return [self._done(False, f"the client {seen.silent_client} is silent")]
+        if self._phase is _Phase.DRIVING and (done := self._verdict(now_ns, seen)) is not None:
+            return [done]
+        acts = self._brake(now_ns, seen)
+        if self._phase is _Phase.PLANNING:
+            acts += self._prepare(now_ns, seen)
+        elif self._phase is _Phase.RESTING and not acts and self._has_rested(now_ns, seen):
+            acts.append(self._done(False, self._ending))
+        return acts
+
+    def _enter(self, phase: _Phase, now_ns: int) -> None:
+        self._phase, self._since_ns = phase, now_ns
+        self._answer, self._waits_for_plan = None, False
+
+    def _done(self, arrived: bool, reason: str) -> Done:
+        self._enter(_Phase.IDLE, 0)
+        self._driven = None
+        return Done(arrived, reason)
+
+    def _has_rested(self, now_ns: int, seen: ExecutionInput) -> bool:
+        """A plan begins at rest: the base needs a moment to stop, and has it."""
+        return seen.where.stands or now_ns - self._since_ns > _STAND_WAIT_S * 1e9
+
+    # A plan --------------------------------------------------------------------------------------------------
+
+    def _prepare(self, now_ns: int, seen: ExecutionInput) -> list[Act]:
+        pose = seen.where.pose(self._frame)
+        if self._waits_for_plan:
+            if now_ns - self._since_ns > PLANNER_S * 1e9:
+                return [self._done(False, f"the planner has not answered within {PLANNER_S:g} s")]
+            return []
+        if self._answer is None and (stop := self._predicted_stop(seen)) is not None:
+            return [self._ask(now_ns, stop, predicted=True)]
+        if not self._has_rested(now_ns, seen):
+            return []
+        if pose is None:
+            return [self._done(False, f"no pose of the base in frame {self._frame!r}; goals are in map or odom")]
+        if self._answer is None or (self._start_is_predicted and not _near(self._start, pose)):
+            return [self._ask(now_ns, pose, predicted=False)]
+        if isinstance(self._answer, Refusal):
+            return [self._done(False, self._answer.reason)]
+        self._driven = follow = Follow(now_ns, self._answer, self._frame)
+        self._braking_m_s2, self._checked = 0.0, None
+        self._enter(_Phase.DRIVING, now_ns)
+        return [follow]
+
+    def _predicted_stop(self, seen: ExecutionInput) -> SE2 | None:
+        """Where a base that is stopping will stand."""
+        return None if seen.where.stands else seen.follower.stop_in(self._frame)
+
+    def _ask(self, now_ns: int, start: SE2, *, predicted: bool) -> PlanRequest:
+        self._number += 1
+        self._start, self._start_is_predicted = start, predicted
+        self._waits_for_plan, self._answer, self._since_ns = True, None, now_ns
+        return PlanRequest(self._number, start, self._goal, self._frame, self._again)
+
+    # The drive -----------------------------------------------------------------------------------------------
+
+    def _verdict(self, now_ns: int, seen: ExecutionInput) -> Done | None:
+        """What the follower says of the trajectory, if that ends the goal."""
+        assert self._driven is not None
+        if min(seen.follower_age_s, 1e-9 * (now_ns - self._driven.identity)) > FOLLOWER_S:
+            return self._done(False, "the follower is silent")
+        if seen.follower.trajectory != self._driven.identity:
+            return None
+        status, reason = seen.follower.status, seen.follower.reason
+        if status in (FollowStatus.ARRIVED, FollowStatus.STOPPED):
+            return self._done(status is FollowStatus.ARRIVED, reason)
+        if status is FollowStatus.DIVERGED:
+            self._driven = None
+            self._try_again(now_ns, reason)
+        return None
+
+    def _try_again(self, now_ns: int, reason: str) -> None:
+        """Plan again, a few times; then give up."""
+        if self._replans_left > 0:
+            self._replans_left -= 1
+            self._again = reason
+            self._enter(_Phase.PLANNING, now_ns)
+        else:
+            self._ending = reason
+            self._enter(_Phase.RESTING, now_ns)
+
+    def _brake(self, now_ns: int, seen: ExecutionInput) -> list[Act]:
+        """Brake for an obstacle that a new map shows on the way, however the base moves there; and where the way is
+        not to be driven to its end."""
+        if self._driven is None:
+            return []
+        obstacle, wanted = self._obstacle(self._driven, seen), 0.0
+        if obstacle is not None:
+            v_m_s = seen.where.odometry.v if seen.where.odometry is not None else 0.0
+            wanted = braking_before(obstacle, v_m_s, self._limits)
+            if self._phase is _Phase.DRIVING:
+                self._try_again(now_ns, obstacle.words)
+        elif self._phase is not _Phase.DRIVING:
+            wanted = self._limits.a_m_s2
+        if wanted <= self._braking_m_s2:
+            return []
+        self._braking_m_s2 = wanted
+        return [Brake(wanted)]
+
+    def _obstacle(self, driven: Follow, seen: ExecutionInput) -> Obstacle | None:
+        """What a map that was not yet looked at shows on the rest of the way."""
+        if driven.frame != MAP_FRAME or seen.grid is None or seen.grid is self._checked:
+            return None
+        if seen.follower.trajectory != driven.identity:
+            return None
+        self._checked = seen.grid
+        return obstacle_ahead(driven.way.trajectory, seen.follower.at_s, seen.grid, self._radius_m)
+
+
+def _near(planned: SE2, real: SE2) -> bool:
+    """Whether a path planned from one pose may be followed from the other. A base stops later than it is told, so that
+    it stands ahead of the prediction; the follower makes up for that."""
+    off = planned.inverse() @ real
+    return abs(off.x) <= _NEAR_ALONG_M and abs(off.y) <= _NEAR_BESIDE_M and abs(planned.angle_to(real)) <= _NEAR_RAD

@@ -1,0 +1,32 @@
+"""The name under which nodes of this machine are found by others."""
+
+from __future__ import annotations
+
+import os
+import socket
+from urllib.parse import urlparse
+
+MASTER_PORT = 11311
+DEFAULT_MASTER = f"http://localhost:{MASTER_PORT}"
+
+
+def host_address(master_uri: str) -> str:
+    """The address this machine has towards the master, for others to find it by; 'localhost' where the master is
+    called so or has no address."""
+    master = urlparse(master_uri)
+    try:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            probe.connect((master.hostname or "localhost", master.port or MASTER_PORT))  # sends nothing
+            address = str(probe.getsockname()[0])
+    except (OSError, ValueError):
+        return "localhost"
+    return "localhost" if address.startswith("127.") else address
+
+
+def export_ros_address() -> None:
+    """Set ROS_IP or ROS_HOSTNAME for this process and its children, unless the user did: a machine's host name often
+    has no address that others can reach."""
+    if os.environ.get("ROS_IP") or os.environ.get("ROS_HOSTNAME"):
+        return
+    address = host_address(os.environ.get("ROS_MASTER_URI", DEFAULT_MASTER))
+    os.environ["ROS_HOSTNAME" if address == "localhost" else "ROS_IP"] = address

@@ -1,0 +1,224 @@
+"""The processes of a live run: a master when none runs, all nodes, a watch over them, and a stop before the end."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import socket
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, TextIO
+
+import rosgraph
+import roslaunch.pmon
+import rospy
+from geometry_msgs.msg import Twist
+from std_srvs.srv import SetBool
+
+from vsx_ros.errors import ConfigError
+from vsx_ros.ros import calls, launch, logs, node, topics
+from vsx_ros.ros.host_address import DEFAULT_MASTER
+from vsx_ros.ros.launch import LaunchNode
+from vsx_ros.ros.master_watch import master_watch
+from vsx_ros.ros.registrations import answers_at
+from vsx_ros.runs import streams
+from vsx_ros.runs.interruptible import SignalFlag
+
+_STOP_S = 0.6
+_ESTOP_WAIT_S = 2.0
+_ANSWER_S = 1.0
+_END_S = 2.0 * (launch.SIGINT_TIMEOUT_S + launch.SIGTERM_TIMEOUT_S)
+"""Nodes, then the master; roslaunch has killed them by then, unless it hangs itself."""
+_ESTOPPED = "mobile_base/estopped"
+MASTER = "master"
+"""What roslaunch calls the process of the master that it started."""
+
+
+class LiveRun:
+    """Usable as a context manager: whatever happens inside, the robot is stopped and every process is ended."""
+
+    def __init__(
+        self, nodes: list[LaunchNode], config: dict[str, Any], vital: tuple[str, ...], *, replayed: bool = False
+    ) -> None:
+        """vital: names of nodes without which it cannot go on. replayed: a recording gives the time, and there is no
+        robot to stop."""
+        self._names = [node.name for node in nodes]
+        self._text = launch.xml(nodes, config, {"/use_sim_time": True} if replayed else None)
+        self._vital, self._replayed = vital, replayed
+        self._parent: Any = None
+        self._zero_pub: Any = None
+        self._dead: list[str] = []
+        self._to_release = ""
+        self._heard: SignalFlag | None = None
+        self._log: TextIO | None = None
+        self._redirected = contextlib.ExitStack()
+        self.terminal = streams.lossy(os.dup(2), close=True)
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether someone pressed Ctrl-C or sent SIGTERM."""
+        return self._heard is not None and self._heard.came
+
+    @property
+    def dead(self) -> str:
+        """The first vital node that died, or the master that this run has started; or nothing."""
+        return next((name for name in self._dead if name in (*self._vital, MASTER)), "")
+
+    def __enter__(self) -> LiveRun:
+        """Start everything. Raises ConfigError when no master can be had, a robot runs already or roslaunch refuses."""
+        os.environ[node.DIE_WITH_PARENT] = "1"
+        launch.package_environment()
+        choose_master()
+        refuse_second_robot(self._names)
+        self._log = self._silence()
+        try:
+            self._start()
+        except BaseException:
+            self._end(self._log)
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        """Stop the robot, then the processes."""
+        assert self._log is not None
+        try:
+            if self._replayed:
+                _tried(_ANSWER_S, lambda: rospy.delete_param("/use_sim_time"), "the ROS master")
+            else:
+                self.stop_robot()
+        finally:
+            self._end(self._log)
+
+    def _start(self) -> None:
+        self._heard = SignalFlag(signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+        try:
+            self._parent = launch.start(self._text, quiet=True)
+        except Exception:
+            if self.interrupted:  # roslaunch complains about the processes that the signal ended
+                raise KeyboardInterrupt from None
+            raise
+        self._heard.listen()  # roslaunch has put its own answers before
+        self._parent.runner.pm.add_process_listener(_Listener(self._dead))
+        rospy.init_node("run", disable_signals=True, anonymous=True)
+        logs.log_without_master()
+        master_watch().remember({param.key: param.value for param in self._parent.config.params.values()})
+        self._zero_pub = rospy.Publisher(topics.COMMAND_SAFETY, Twist, queue_size=1)
+
+    def _end(self, log: TextIO) -> None:
+        _tried(_ANSWER_S, lambda: rospy.signal_shutdown("the run is over"), "the ROS master")
+        if self._parent is not None:
+            started = list(self._parent.pm.procs) if self._parent.pm is not None else []
+            _tried(_END_S, self._parent.shutdown, "roslaunch")
+            _kill(started)
+        self._release()
+        os.dup2(self.terminal.fileno(), 2)
+        self._redirected.close()
+        log.close()
+
+    def _silence(self) -> TextIO:
+        """The words of roslaunch, at whatever moment, and of all nodes go to a file; ``terminal`` is the terminal."""
+        file = Path(os.environ["ROS_LOG_DIR"]) / "terminal.log"
+        log = streams.lossy(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644), close=True)
+        os.dup2(log.fileno(), 2)
+        self._redirected.enter_context(contextlib.redirect_stdout(log))
+        return log
+
+    def stop_robot(self) -> None:
+        """Zero with the highest priority and the emergency stop; either one alone is enough."""
+        deadline_s = time.monotonic() + _STOP_S
+        while time.monotonic() < deadline_s:
+            self._zero_pub.publish(Twist())
+            time.sleep(0.05)
+        _tried(_ANSWER_S, self._remember_who_stopped, "the ROS master")
+        try:
+            calls.service(topics.ESTOP, SetBool, True, within_s=_ESTOP_WAIT_S)
+        except (rospy.ROSException, rospy.ServiceException) as error:
+            rospy.logwarn("no emergency stop: %s", error)
+
+    def _remember_who_stopped(self) -> None:
+        if not rospy.get_param(_ESTOPPED, False):
+            self._to_release = rospy.resolve_name(_ESTOPPED)
+
+    def _release(self) -> None:
+        """Once all processes have ended: a master that lives on shall not stop the next run, unless it was the operator
+        who stopped this one."""
+        if self._to_release:
+            _tried(_ANSWER_S, lambda: rosgraph.Master("/vsx").deleteParam(self._to_release), "the ROS master")
+
+
+def _tried(seconds: float, last: Callable[[], object], whom: str) -> None:
+    """One of the last things of a run; the next is done all the same."""
+    try:
+        calls.within(seconds, last, whom)
+    except Exception as error:
+        rospy.logwarn("%s: %s", whom, error)
+
+
+def _kill(started: Sequence[Any]) -> None:
+    """What roslaunch has left alive; each is the head of its own group."""
+    for each in started:
+        child = each.popen
+        if child is not None and child.poll() is None:
+            with contextlib.suppress(OSError):
+                os.killpg(child.pid, signal.SIGKILL)
+
+
+class _Listener(roslaunch.pmon.ProcessListener):
+    """Remembers which nodes died; roslaunch numbers its processes."""
+
+    def __init__(self, dead: list[str]) -> None:
+        self._dead = dead
+
+    def process_died(self, process_name: str, exit_code: int) -> None:
+        self._dead.append(process_name.rsplit("-", 1)[0])
+
+
+def choose_master() -> None:
+    """Use the master that runs; else let roslaunch start one at the usual port, or at a free one if that is taken.
+
+    Raises ConfigError when ROS_MASTER_URI names another machine where no master answers, or a name nobody knows.
+    """
+    uri = os.environ.setdefault("ROS_MASTER_URI", DEFAULT_MASTER)
+    if rosgraph.is_master_online(uri):
+        return
+    host, port = rosgraph.network.parse_http_host_and_port(uri)
+    try:
+        socket.getaddrinfo(host, port)
+    except OSError:
+        raise ConfigError(
+            f"the name {host!r} in ROS_MASTER_URI={uri} has no address; if it is this machine, add the line "
+            f"'127.0.0.1 {host}' to /etc/hosts"
+        ) from None
+    if not rosgraph.network.is_local_address(host):
+        raise ConfigError(f"no ROS master answers at ROS_MASTER_URI={uri}; start it there, or unset ROS_MASTER_URI")
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(("", port))
+        except OSError:
+            probe.bind(("", 0))
+            os.environ["ROS_MASTER_URI"] = f"http://localhost:{probe.getsockname()[1]}"
+
+
+def refuse_second_robot(names: Sequence[str]) -> None:
+    """Raises ConfigError where a node of ours runs in this namespace already: ROS would end it in favour of the new
+    one, in the middle of a drive. One that died without a word to the master is no hindrance."""
+    master = rosgraph.Master("/vsx")
+    for name in names:
+        full_name = rosgraph.names.ns_join(rosgraph.names.get_ros_namespace(), name)
+        try:
+            address = master.lookupNode(full_name)
+        except (OSError, rosgraph.MasterException):
+            continue
+        if not answers_at(address):
+            continue
+        raise ConfigError(
+            f"node {full_name} runs already at {rosgraph.get_master_uri()}, and a second one would end it; end that "
+            "run first, or give this one a name of its own (ROS_NAMESPACE=robot2) or a master "
+            "of its own (ROS_MASTER_URI=http://localhost:11312)"
+        )

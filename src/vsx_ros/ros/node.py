@@ -1,0 +1,149 @@
+"""A node from start to end: configuration, signals, exit codes."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable
+from typing import Any, NoReturn, Protocol
+
+import cv2
+import rosgraph
+import rospy
+
+from vsx_hw.errors import DeviceError
+from vsx_ros.config import Config, from_dict
+from vsx_ros.errors import ConfigError, VsxError
+from vsx_ros.registry import load_plugins
+from vsx_ros.ros import frames, logs
+from vsx_ros.ros.master_watch import master_watch
+
+_LOOK_S = 0.05
+"""rospy.spin would sleep for half a second."""
+_LET_GO_S = 5.0
+
+DIE_WITH_PARENT = "VSX_DIE_WITH_PARENT"
+"""Environment variable: a node started by a run ends when the run is killed."""
+
+
+class Node(Protocol):
+    """What ``run`` needs: advertise and subscribe on construction, let go in ``close``."""
+
+    def close(self) -> None:
+        """Stop threads, write what must be written. Called once, when ROS shuts down."""
+
+
+def run(name: str, build: Callable[[Config], Node]) -> None:
+    """Be the node ``name`` until ROS shuts down.
+
+    ``build`` constructs it from the configuration in the private parameter ``~config``; whatever it must compile
+    it compiles before it advertises. A broken promise (configuration, calibration, device) is logged as one
+    sentence and ends the process with exit code 1, 2 for a device.
+    """
+    _die_with_parent()
+    logs.quiet_failures()
+    cv2.setNumThreads(1)
+    if not rosgraph.is_master_online():
+        sys.stderr.write(
+            f"{name}: no ROS master answers at {rosgraph.get_master_uri()}; start one with 'roscore', set "
+            "ROS_MASTER_URI, or let roslaunch or 'vsx explore' bring one\n"
+        )
+        sys.exit(1)
+    let_go = _close_on_signals()
+    try:
+        node = _start(name, build)
+    except (KeyboardInterrupt, rospy.ROSInterruptException):
+        let_go()
+        return
+    except (VsxError, DeviceError) as error:
+        _fail(name, str(error), 2 if isinstance(error, DeviceError) else 1)
+    except ConnectionError:
+        if rosgraph.is_master_online():
+            raise
+        _fail(name, "the ROS master went away while this node started; start both again", 1)
+    unclosed = threading.Lock()
+
+    def close() -> None:
+        """Once: what is added while ROS shuts down is never called by it."""
+        if unclosed.acquire(blocking=False):
+            node.close()
+
+    rospy.on_shutdown(close)
+    rospy.loginfo("%s: ready", rospy.get_name())
+    while not rospy.is_shutdown():
+        time.sleep(_LOOK_S)
+    let_go()
+    close()
+
+
+def _start(name: str, build: Callable[[Config], Node]) -> Node:
+    rospy.init_node(name, disable_signals=True)
+    master_watch()
+    frames.adopt_prefix()
+    logs.bridge_logging()
+    logs.log_without_master()
+    load_plugins()
+    return build(configuration())
+
+
+def _fail(name: str, reason: str, exit_code: int) -> NoReturn:
+    rospy.logfatal("%s: %s", name, reason)
+    rospy.signal_shutdown(reason)
+    sys.exit(exit_code)
+
+
+def _close_on_signals() -> Callable[[], None]:
+    """Shut down on SIGINT, SIGTERM and SIGHUP, on a thread; what waits until that is done, if a signal came.
+
+    rospy does it in the handler, on top of whatever the main thread is at: if that is a question to the master, the
+    handler waits for the question's lock for ever.
+    """
+    heard, told = os.pipe()
+    os.set_blocking(told, False)
+    signal.set_wakeup_fd(told)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, lambda *_: None)
+    came = threading.Event()
+
+    def close() -> None:
+        number = os.read(heard, 1)[0]
+        came.set()
+        rospy.signal_shutdown(signal.Signals(number).name)
+
+    thread = threading.Thread(target=close, name="signals", daemon=True)
+    thread.start()
+    return lambda: thread.join(_LET_GO_S) if came.is_set() else None
+
+
+def configuration() -> Config:
+    """The configuration: the tree ``config`` of the namespace, entries of the node's own ``~config`` first.
+
+    Raises ConfigError naming the entry.
+    """
+    tree: dict[str, Any] = {}
+    for name in ("config", "~config"):
+        branch: Any = rospy.get_param(name, {})
+        if not isinstance(branch, dict):
+            raise ConfigError(f"parameter {rospy.resolve_name(name)} is {branch!r}, not a tree of names")
+        tree = _merged(tree, branch)
+    return from_dict(tree)
+
+
+def _merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+    merged = {**below, **above}
+    for name in below.keys() & above.keys():
+        if isinstance(below[name], dict) and isinstance(above[name], dict):
+            merged[name] = _merged(below[name], above[name])
+    return merged
+
+
+def _die_with_parent() -> None:
+    """Ask the kernel for SIGINT when the run that started this node is gone, however it went."""
+    if os.environ.get(DIE_WITH_PARENT) and sys.platform == "linux":
+        pr_set_pdeathsig = 1
+        ctypes.CDLL(None, use_errno=True).prctl(pr_set_pdeathsig, signal.SIGINT)

@@ -1,0 +1,84 @@
+"""The run of the node vslam: what it goes on from, what it keeps on the way and what it leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TypeAlias
+
+import rospy
+
+from vsx_ros.arrays import FloatArray, Points3
+from vsx_ros.config import Config
+from vsx_ros.errors import InputError
+from vsx_ros.geometry.camera import mounted
+from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
+from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.robot import Odometry
+from vsx_ros.ros import logs
+from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.session import PreviousSessions, RunWriter
+from vsx_ros.session import SlamSession
+from vsx_ros.slam.state import TrackingResult
+from vsx_ros.slam.threads import ThreadedSlam
+
+State: TypeAlias = Mapping[str, FloatArray]
+_REST = 4.0
+"""So many times as long as writing took nothing is written: 120 MB each time in a building of 40 m x 25 m."""
+
+
+class SlamRun:
+    """session: new, in the map of ~load_map, or gone on with from ~run_dir, in the odometry's epoch ``first_epoch``.
+
+    Raises MapFileError or InputError when one of these holds something damaged.
+    """
+
+    def __init__(self, config: Config) -> None:
+        T_base_cam, run_dir = mounted(config.robot.mount), str(rospy.get_param("~run_dir", ""))
+        self._save_map = str(rospy.get_param("~save_map", ""))  # the master may be gone before the end
+        self._folder = RunFolder(Path(run_dir)) if run_dir else None
+        before = PreviousSessions.of(self._folder) if self._folder is not None else None
+        if before is not None:
+            self.session = SlamSession(T_base_cam, config, before.saved.slam_map, before.saved.state)
+        else:
+            path = str(rospy.get_param("~load_map", ""))
+            self.session = SlamSession(T_base_cam, config, load_slam_map(Path(path)) if path else None)
+        self._keeper = RunWriter(T_base_cam, self._folder, before, logs.log_errors, _REST)
+        self.first_epoch = 1 + self._keeper.record.odom_epoch
+
+    def odometry(self, odometry: Odometry) -> None:
+        """A reading; from any thread."""
+        if self._folder is not None:
+            self._keeper.record.add_odometry(odometry)
+
+    def frame(self, slam: ThreadedSlam, result: TrackingResult, odometry: Odometry | None, track_s: float) -> None:
+        """A frame was tracked, in so many seconds; from the thread that tracks."""
+        events = slam.drain_events()
+        if self._folder is not None:
+            self._keeper.frame(result, odometry, track_s, slam.statistics().u2_frames, events)
+            self._keeper.note(slam, result.stamp_ns)
+
+    def end(self, slam: ThreadedSlam, driven: State, surface: Points3 | None, grid: OccupancyGrid | None) -> None:
+        """Write the results, the last map to go on from and the map of ~save_map; one that cannot be written keeps no
+        other from it."""
+        logs.attempt(lambda: self._write_results(slam, surface, grid))
+        logs.attempt(lambda: self.write(driven))
+        logs.attempt(lambda: self._write_map(slam))
+
+    def write(self, driven: State) -> None:
+        """Write the map noted last, with the newest state of the ground; may wait for the disk for seconds."""
+        self._keeper.write(driven)
+
+    def _write_results(self, slam: ThreadedSlam, surface: Points3 | None, grid: OccupancyGrid | None) -> None:
+        if self._folder is None:
+            return
+        results = self._keeper.record.results
+        if results:
+            self._keeper.note(slam, results[-1].stamp_ns, now=True)
+        if said := self._keeper.finish(self._folder, slam, None, surface, grid):
+            raise InputError(said)
+
+    def _write_map(self, slam: ThreadedSlam) -> None:
+        slam_map = slam.slam_map()
+        if self._save_map and slam_map is not None:
+            save_slam_map(slam_map, Path(self._save_map))

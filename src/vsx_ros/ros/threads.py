@@ -1,0 +1,68 @@
+"""Threads of a node: one that fails ends the node, and each ends with it."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+
+import rospy
+import rospy.core
+
+from vsx_hw.errors import DeviceError
+from vsx_ros.errors import VsxError
+
+logger = logging.getLogger(__name__)
+
+
+def is_ending() -> bool:
+    """Whether the node is about to end: topics close, and refuse to publish, before ``rospy.is_shutdown`` is true."""
+    return bool(rospy.core.is_shutdown_requested())
+
+
+def worker(name: str, loop: Callable[[], None]) -> threading.Thread:
+    """Run ``loop`` on a thread; if it raises, the whole node ends and says why.
+
+    A node with a dead thread looks alive to everybody else, which is worse than a dead node.
+    """
+
+    def guarded() -> None:
+        try:
+            loop()
+        except Exception as error:
+            if isinstance(error, rospy.ROSException) and is_ending():
+                return  # topics close while threads still run
+            if isinstance(error, VsxError | DeviceError):
+                rospy.logfatal("%s", error)
+            else:
+                logger.exception("thread %r failed", name)
+            rospy.signal_shutdown(f"thread {name!r} failed: {error}")
+
+    thread = threading.Thread(target=guarded, name=name, daemon=True)
+    thread.start()
+    return thread
+
+
+def every(period_s: float, name: str, step: Callable[[], None]) -> threading.Thread:
+    """Call ``step`` on a thread of its own every ``period_s`` seconds until ROS shuts down.
+
+    On the monotonic clock: ROS time may stand, and all that keeps the robot safe would stand with it.
+    """
+
+    def loop() -> None:
+        due_s = time.monotonic()
+        while not is_ending():
+            step()
+            due_s = max(due_s + period_s, time.monotonic())  # what was missed is not made up for
+            time.sleep(max(0.0, due_s - time.monotonic()))
+
+    return worker(name, loop)
+
+
+def join(thread: threading.Thread, within_s: float) -> bool:
+    """Wait for a thread of the node; whether it ended. A thread that calls this for itself, as it failed, has."""
+    if thread is threading.current_thread():
+        return True
+    thread.join(within_s)
+    return not thread.is_alive()

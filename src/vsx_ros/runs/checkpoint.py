@@ -1,0 +1,142 @@
+"""What a run needs to go on after it was killed: its map and what was counted, written every few seconds.
+
+A folder: keyframes/<index>_<stamp>.png and pieces/<hash>.npy (corners, and what points look like), each written once;
+map.zip, sealed, with all that changes. Whatever the moment the program dies or the power goes, map.zip is the old or
+the new one, and the files it names are there, as are the lines that the journals beside it (*.jsonl) held before.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsx_ros.errors import InputError, reason_of
+from vsx_ros.io.array_chunks import ArrayChunks, array_bytes, array_of
+from vsx_ros.io.atomic import sync, write_bytes, write_text
+from vsx_ros.io.sealed_archive import seal, unseal
+from vsx_ros.io.slam_map_arrays import Arrays, arrays_of
+from vsx_ros.io.slam_map_file import array_name, damage_explained, encoded, entries_of, image_name
+from vsx_ros.io.slam_map_file import slam_map_of as slam_map_of_entries
+from vsx_ros.limits import DATA_BYTES, file_bytes, file_text, json_tree
+from vsx_ros.slam.keyframe import KeyFrame
+from vsx_ros.slam.slam_map import SlamMap
+
+_STATE, _NOTES = "state/", "checkpoint.json"
+_KEYFRAMES, _PATCHES = 64, 4096
+"""The corners of so many keyframes, and so many patches, make a piece: some megabytes."""
+
+
+class CheckpointData(NamedTuple):
+    """What a checkpoint holds. stamp_ns: when it was made. state: arrays of whoever wants to go on, by name; mission:
+    what the mission remembers, as JSON has it."""
+
+    slam_map: SlamMap
+    stamp_ns: int
+    state: dict[str, NDArray[Any]]
+    mission: dict[str, Any]
+
+
+class Checkpoint:
+    """Writes and reads one folder."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._chunks = ArrayChunks(path / "pieces")
+
+    @property
+    def exists(self) -> bool:
+        """Whether there is a map to go on in."""
+        return (self.path / "map.zip").exists()
+
+    def write(self, saved: CheckpointData) -> None:
+        """Replace the checkpoint in one step. Raises InputError when the folder cannot be written."""
+        living = {_file(k): k for k in saved.slam_map.view.keyframes if k.alive}
+        arrays = arrays_of(saved.slam_map.view)
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            for path in (self.path.parent, *self.path.glob("*.jsonl")):
+                sync(path)
+            self._write_pictures(living)
+            pieces = {name: self._chunks.write(arrays.pop(name), cuts) for name, cuts in _cuts(arrays).items()}
+            entries = entries_of(saved.slam_map, arrays)
+            entries |= {f"{_STATE}{name}.npy": array_bytes(array) for name, array in saved.state.items()}
+            files = {keyframe.id: name for name, keyframe in living.items()}
+            notes = {"stamp_ns": saved.stamp_ns, "mission": saved.mission, "files": files, "pieces": pieces}
+            entries[_NOTES] = json.dumps(notes).encode()
+            write_bytes(self.path / "map.zip", seal(entries, quick=True), durable=True)
+            self._chunks.keep({piece for names in pieces.values() for piece in names})
+            for path in (self.path / "keyframes").iterdir():
+                if path.name not in living:
+                    path.unlink()
+        except OSError as error:
+            raise InputError(f"checkpoint {self.path} cannot be written ({error.strerror}); free the disk") from error
+
+    def _write_pictures(self, living: Mapping[str, KeyFrame]) -> None:
+        folder = self.path / "keyframes"
+        folder.mkdir(exist_ok=True)
+        there = {path.name for path in folder.iterdir()}
+        for name, keyframe in living.items():
+            if name not in there:
+                write_bytes(folder / name, encoded(keyframe.data.pyramid.level(0)), durable=True)
+
+    def read(self) -> CheckpointData:
+        """The newest checkpoint. Raises MapFileError when there is none or it is damaged."""
+        path = self.path / "map.zip"
+        with damage_explained(path):
+            entries = unseal(file_bytes(path, DATA_BYTES))
+            tree = json_tree(entries[_NOTES])
+            files = {int(index): Path(name).name for index, name in tree["files"].items()}
+            if len(set(files.values())) < len(files):
+                raise ValueError("two of its keyframes name the same picture")
+            for index, name in files.items():
+                entries[image_name(index)] = file_bytes(self.path / "keyframes" / name, DATA_BYTES)
+            allowance = self._chunks.allowance()
+            for name, pieces in tree.get("pieces", {}).items():
+                entries[array_name(name)] = array_bytes(self._chunks.read(pieces, allowance))
+            state = {
+                name.removeprefix(_STATE).removesuffix(".npy"): array_of(content)
+                for name, content in entries.items()
+                if name.startswith(_STATE)
+            }
+            return CheckpointData(slam_map_of_entries(entries), int(tree["stamp_ns"]), state, dict(tree["mission"]))
+
+    def write_mission(self, memory: Mapping[str, Any], stamp_ns: int) -> None:
+        """What a mission in a process of its own remembers at this stamp, apart from the map, in one step.
+
+        Raises InputError when it cannot be written.
+        """
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            write_text(self.path / "mission.json", json.dumps({**memory, "stamp_ns": stamp_ns}), durable=True)
+        except OSError as error:
+            raise InputError(f"checkpoint {self.path} cannot be written ({error.strerror}); free the disk") from error
+
+    def read_mission(self) -> dict[str, Any] | None:
+        """What the mission of an interrupted run remembered, and "stamp_ns"; None without a map to use it in. Raises
+        InputError when damaged."""
+        path = self.path / "mission.json"
+        if not (self.exists and path.exists()):
+            return None
+        try:
+            tree = json_tree(file_text(path))
+        except (OSError, ValueError) as error:
+            raise InputError(
+                f"{path} cannot be read ({reason_of(error)}); delete it, the mission then begins anew"
+            ) from error
+        return tree if isinstance(tree, dict) else {}
+
+
+def _cuts(arrays: Arrays) -> dict[str, NDArray[np.int64]]:
+    """Where the arrays whose rows hardly ever change, and that are most of a map, are cut."""
+    corners = np.cumsum(arrays["corner_count"].sum(axis=1))
+    patches = np.arange(_PATCHES, len(arrays["template_patch"]), _PATCHES)
+    return {"corner": corners[_KEYFRAMES - 1 : -1 : _KEYFRAMES], "template_patch": patches}
+
+
+def _file(keyframe: KeyFrame) -> str:
+    return f"{keyframe.id:06d}_{keyframe.data.stamp_ns}.png"

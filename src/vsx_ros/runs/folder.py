@@ -1,0 +1,278 @@
+"""The folder that a run leaves behind: what happened, with which settings, and what came of it."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import platform
+import shutil
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import metadata
+from itertools import islice
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+import yaml
+
+from vsx_ros import __version__
+from vsx_ros.arrays import Points3
+from vsx_ros.config import Config, from_dict, to_dict
+from vsx_ros.errors import InputError, VsxError, disk_trouble, reason_of
+from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.io.atomic import write_text
+from vsx_ros.io.map_file import load_map, save_map
+from vsx_ros.io.ply_file import read_ply, write_ply
+from vsx_ros.io.trajectory_file import format_stamp, parse_stamp, read_trajectory, write_trajectory
+from vsx_ros.limits import LOG_BYTES, TEXT_BYTES, file_text, json_tree, yaml_tree
+from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.runs.checkpoint import Checkpoint
+from vsx_ros.runs.journal import EventLine
+
+FILES = (
+    "summary.json", "config.yaml", "trajectory.txt", "odometry.txt", "groundtruth.txt", "map.pgm", "map.yaml",
+    "sparse.ply", "dense.ply", "events.jsonl", "frames.csv", "report.html", "map.vsxmap",
+)  # fmt: skip
+_FRAME_COLUMNS_ONCE = 6  # older versions kept no u2_frames
+_MOST = 1e12  # of anything that is counted or measured in a frame
+_EVENT = msgspec.json.Decoder(EventLine)
+_PACKAGES = ("numpy", "numba", "opencv-python-headless", "osqp", "daqp", "ruckig", "rosbags", "msgspec")
+
+
+class RunEvent(NamedTuple):
+    """A change of state. source: who changed (slam, mission, navigation, safety). state: to what. reason: why."""
+
+    stamp_ns: int
+    source: str
+    state: str
+    reason: str
+
+
+class FrameRecord(NamedTuple):
+    """One frame as frames.csv keeps it. state: value of the tracking state. track_ms: None where not measured.
+    u2_frames: U2 of the run so far; None before there is any, and in folders that older versions left."""
+
+    stamp_ns: int
+    state: str
+    searched: int
+    found: int
+    keyframe_added: bool
+    track_ms: float | None
+    u2_frames: float | None = None
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """Reads and writes the files of one run; each file appears whole or not at all."""
+
+    path: Path
+
+    @staticmethod
+    def create(path: Path) -> RunFolder:
+        """Make the folder, or empty that of an earlier run.
+
+        Raises InputError where something else is in the way.
+        """
+        if path.exists() and (not path.is_dir() or (any(path.iterdir()) and not _is_run(path))):
+            raise InputError(f"{path} exists and is not a run folder; choose another with --out, or remove it")
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            for name in FILES:
+                (path / name).unlink(missing_ok=True)
+            shutil.rmtree(path / "resume", ignore_errors=True)
+        except OSError as error:
+            raise _cannot_be_made(path, error) from error
+        return RunFolder(path)
+
+    @staticmethod
+    def create_another(path: Path) -> RunFolder:
+        """Make a folder that was not there, with _2, _3, ... behind its name where that is taken.
+
+        Raises InputError where it cannot be made.
+        """
+        number, free = 1, path
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            while True:
+                try:
+                    free.mkdir()
+                    return RunFolder(free)
+                except FileExistsError:
+                    number += 1
+                    free = path.with_name(f"{path.name}_{number}")
+        except OSError as error:
+            raise _cannot_be_made(free, error) from error
+
+    @staticmethod
+    def open(path: Path) -> RunFolder:
+        """An existing run. Raises InputError when it is none."""
+        if not _is_run(path):
+            raise InputError(f"{path} is not a run folder (no config.yaml or summary.json in it); give one")
+        return RunFolder(path)
+
+    def write_what_fits(self, *writes: Callable[[], object]) -> str:
+        """Try each, the folder made anew where it was deleted meanwhile; what kept the first one that failed from it in
+        a sentence, nothing when all is written."""
+        said = ""
+        for write in writes:
+            try:
+                self.path.mkdir(parents=True, exist_ok=True)
+                write()
+            except VsxError as error:
+                said = said or str(error)
+            except OSError as error:
+                said = said or disk_trouble(error) or f"{error.filename or self.path} cannot be written ({error})"
+        return said
+
+    @property
+    def checkpoint(self) -> Checkpoint:
+        """What the run needs to go on after it was interrupted."""
+        return Checkpoint(self.path / "resume")
+
+    @property
+    def journal(self) -> Path:
+        """The journal of the run, see ``journal``."""
+        return self.path / "resume" / "journal.jsonl"
+
+    def write_config(self, config: Config, command: Sequence[str], **facts: Any) -> None:
+        """The exact configuration, the versions of all that computes, the command line, and facts such as the seed."""
+        tree = {"command": " ".join(command), **facts, "versions": installed_versions(), "config": to_dict(config)}
+        write_text(self.path / "config.yaml", yaml.safe_dump(tree, sort_keys=False), durable=True)
+
+    def read_config(self) -> tuple[Config, dict[str, Any]]:
+        """The configuration, and all else that config.yaml says (command, versions, seed).
+
+        Raises InputError or ConfigError when the file is missing or damaged.
+        """
+        tree = self._parsed("config.yaml", yaml_tree)
+        return from_dict(tree.pop("config", {})), tree
+
+    def write_summary(self, summary: Mapping[str, Any]) -> None:
+        """The numbers of the run, one key a line; absent knowledge is null."""
+        write_text(self.path / "summary.json", json.dumps(dict(summary), indent=1, allow_nan=False) + "\n")
+
+    def read_summary(self) -> dict[str, Any]:
+        """What ``write_summary`` wrote. Raises InputError when missing or damaged."""
+        return self._parsed("summary.json", json_tree)
+
+    def write_events(self, events: Iterable[RunEvent]) -> None:
+        """Every change of state with its reason, by time, one JSON object a line."""
+        ordered = sorted(events, key=lambda event: event.stamp_ns)
+        write_text(self.path / "events.jsonl", "".join(json.dumps(event._asdict()) + "\n" for event in ordered))
+
+    def read_events(self) -> list[RunEvent]:
+        """What ``write_events`` wrote; none where there is no file. Raises InputError when damaged."""
+        try:
+            text = self._text("events.jsonl", LOG_BYTES) if (self.path / "events.jsonl").exists() else ""
+            return [_run_event(line) for line in io.StringIO(text)]
+        except (RecursionError, ValueError) as error:
+            raise self._damaged("events.jsonl", error) from error
+
+    def write_frames(self, frames: Iterable[FrameRecord]) -> None:
+        """frames.csv: how each frame was tracked."""
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(["stamp_s", *FrameRecord._fields[1:]])
+        for frame in frames:
+            measured = ("" if value is None else f"{value:.2f}" for value in (frame.track_ms, frame.u2_frames))
+            counts = frame.searched, frame.found, int(frame.keyframe_added)
+            writer.writerow([format_stamp(frame.stamp_ns), frame.state, *counts, *measured])
+        write_text(self.path / "frames.csv", text.getvalue())
+
+    def read_frames(self) -> list[FrameRecord]:
+        """What ``write_frames`` wrote; none where there is no file. Raises InputError when damaged."""
+        if not (self.path / "frames.csv").exists():
+            return []
+        try:
+            rows = csv.reader(io.StringIO(self._text("frames.csv", LOG_BYTES)))
+            return [_frame_record(row) for row in islice(rows, 1, None)]
+        except (csv.Error, OverflowError, ValueError) as error:
+            raise self._damaged("frames.csv", error) from error
+
+    def write_poses(self, name: str, poses: Iterable[StampedPose]) -> None:
+        """name: trajectory (T_world_cam), odometry (T_odom_base) or groundtruth (T_world_cam)."""
+        write_trajectory(self.path / f"{name}.txt", poses)
+
+    def read_poses(self, name: str) -> list[StampedPose]:
+        """What ``write_poses`` wrote; none where there is no file."""
+        path = self.path / f"{name}.txt"
+        return read_trajectory(path) if path.exists() else []
+
+    def write_map(self, grid: OccupancyGrid) -> None:
+        """map.pgm and map.yaml."""
+        save_map(grid, self.path / "map.yaml")
+
+    def read_map(self) -> OccupancyGrid | None:
+        """The map, None where there is none."""
+        return load_map(self.path / "map.yaml") if (self.path / "map.yaml").exists() else None
+
+    def write_points(self, points_world: Points3) -> None:
+        """sparse.ply: the SLAM's (M, 3) points."""
+        write_ply(self.path / "sparse.ply", points_world)
+
+    def read_points(self) -> Points3 | None:
+        """The SLAM's points, None where there are none."""
+        return read_ply(self.path / "sparse.ply") if (self.path / "sparse.ply").exists() else None
+
+    def write_surface(self, points_world: Points3) -> None:
+        """dense.ply: (N, 3) spots of the dense map's surface."""
+        write_ply(self.path / "dense.ply", points_world)
+
+    def write_report(self, html: str) -> Path:
+        """report.html; its path."""
+        write_text(self.path / "report.html", html)
+        return self.path / "report.html"
+
+    def _text(self, name: str, most: int = TEXT_BYTES) -> str:
+        try:
+            return file_text(self.path / name, most)
+        except (OSError, ValueError) as error:
+            raise InputError(f"{self.path / name} cannot be read ({reason_of(error)}); run again") from error
+
+    def _damaged(self, name: str, error: Exception) -> InputError:
+        return InputError(f"{self.path / name} is damaged ({reason_of(error)}); delete it or run again")
+
+    def _parsed(self, name: str, parse: Any) -> dict[str, Any]:
+        text = self._text(name)
+        try:
+            tree = parse(text)
+        except (ValueError, yaml.YAMLError) as error:
+            raise InputError(f"{self.path / name} is damaged ({reason_of(error)}); run again") from error
+        if not isinstance(tree, dict):
+            raise InputError(f"{self.path / name} is damaged (it holds no names); run again")
+        return tree
+
+
+def _cannot_be_made(path: Path, error: OSError) -> InputError:
+    return InputError(f"run folder {path} cannot be made ({error.strerror}); choose another with --out")
+
+
+def _is_run(path: Path) -> bool:
+    return any((path / name).is_file() for name in ("summary.json", "config.yaml"))
+
+
+def _run_event(line: str) -> RunEvent:
+    event = _EVENT.decode(line)
+    return RunEvent(event.stamp_ns, event.source, event.state, event.reason)
+
+
+def _frame_record(row: Sequence[str]) -> FrameRecord:
+    stamp, state, searched, found, added, *measured = row if len(row) > _FRAME_COLUMNS_ONCE else [*row, ""]
+    track_ms, u2_frames = (float(value) if value else None for value in measured)
+    counts = int(searched), int(found), bool(int(added))
+    if not all(0 <= number <= _MOST for number in (*counts, track_ms or 0, u2_frames or 0)):
+        raise ValueError(f"frame {stamp} holds a number that is none of a frame")
+    return FrameRecord(parse_stamp(stamp), state, *counts, track_ms, u2_frames)
+
+
+def installed_versions() -> dict[str, str]:
+    """Versions of this package, Python and whatever computes."""
+    versions = {"vsx_ros": __version__, "python": platform.python_version(), "machine": platform.machine()}
+    for name in _PACKAGES:
+        try:
+            versions[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            versions[name] = "not installed"
+    return versions

@@ -1,0 +1,169 @@
+"""What happens in a run, a line each as it happens, so that a killed run is remembered to its last moment."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import TypeAlias
+
+import msgspec
+import numpy as np
+from msgspec import Struct
+
+from vsx_ros.errors import InputError, reason_of
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.io.atomic import write_bytes
+from vsx_ros.limits import LOG_BYTES, file_bytes
+from vsx_ros.robot import Odometry
+from vsx_ros.slam.state import TrackingResult, TrackingState
+
+Pose2: TypeAlias = tuple[float, float, float]
+Pose3: TypeAlias = tuple[float, float, float, float, float, float, float]
+
+
+class FrameLine(Struct, frozen=True, kw_only=True, tag="frame"):
+    """A tracked frame. T_world_cam: translation and quaternion. T_odom_base: x, y, theta, in the
+    odometry's epoch. u2_frames: U2 so far."""
+
+    stamp_ns: int
+    state: TrackingState
+    searched: int
+    found: int
+    keyframe_added: bool
+    corrected: bool
+    reason: str
+    track_ms: float
+    T_world_cam: Pose3 | None
+    T_odom_base: Pose2 | None
+    u2_frames: float | None = None
+    odom_epoch: int = 0
+
+    @staticmethod
+    def of(result: TrackingResult, odometry: Odometry | None, track_ms: float, u2_frames: float | None) -> FrameLine:
+        """The line of a frame, its odometry, how long it took, and U2 so far."""
+        T = None if odometry is None else odometry.T_odom_base
+        return FrameLine(
+            stamp_ns=result.stamp_ns,
+            state=result.state,
+            searched=result.searched,
+            found=result.found,
+            keyframe_added=result.keyframe_added,
+            corrected=result.corrected,
+            reason=result.reason,
+            track_ms=track_ms,
+            T_world_cam=None if result.T_world_cam is None else flat(result.T_world_cam),
+            T_odom_base=None if T is None else (T.x, T.y, T.theta),
+            u2_frames=u2_frames,
+            odom_epoch=0 if odometry is None else odometry.odom_epoch,
+        )
+
+    @property
+    def odometry(self) -> Odometry | None:
+        """The odometry of the frame, without speeds."""
+        if self.T_odom_base is None:
+            return None
+        return Odometry(self.stamp_ns, SE2(*self.T_odom_base), odom_epoch=self.odom_epoch)
+
+    def result(self) -> TrackingResult:
+        """The frame as it was tracked, but for its place in maps not joined with the first."""
+        T = None if self.T_world_cam is None else unflat(self.T_world_cam)
+        counts = self.searched, self.found, self.keyframe_added
+        return TrackingResult(self.stamp_ns, self.state, T, *counts, self.reason, corrected=self.corrected)
+
+
+class TruthLine(Struct, frozen=True, kw_only=True, tag="truth"):
+    """What really happened up to a stamp, where an emulator knows it."""
+
+    stamp_ns: int
+    T_world_cam: Pose3
+    T_world_base: Pose2
+    collisions: int
+
+
+class EventLine(Struct, frozen=True, kw_only=True, tag="event"):
+    """A change of state, as in events.jsonl."""
+
+    stamp_ns: int
+    source: str
+    state: str
+    reason: str
+
+
+class ClockLine(Struct, frozen=True, kw_only=True, tag="clock"):
+    """How long the run has lasted so far, and what was counted in it."""
+
+    stamp_ns: int
+    elapsed_s: float
+    plans: int
+    collisions: int
+
+
+Line: TypeAlias = FrameLine | TruthLine | EventLine | ClockLine
+_ENCODE, _DECODE = msgspec.json.Encoder(), msgspec.json.Decoder(Line)
+
+
+class Journal:
+    """``add`` lines as they come; each is with the operating system before ``add`` returns."""
+
+    def __init__(self, path: Path, known: Sequence[Line] = ()) -> None:
+        """Begin with the lines that are known already. Raises InputError when the file cannot be written."""
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_bytes(path, _text(known), durable=True)
+            self._whole = path.stat().st_size
+            self._file = path.open("ab", buffering=0)
+        except OSError as error:
+            raise InputError(f"journal {path} cannot be written ({error.strerror}); choose another --out") from error
+
+    def add(self, *lines: Line) -> None:
+        """Append lines, all or none. Raises InputError when the disk takes no more."""
+        text = _text(lines)
+        left = memoryview(text)
+        try:
+            if os.fstat(self._file.fileno()).st_size > self._whole:  # half a line that could not be taken back then
+                os.ftruncate(self._file.fileno(), self._whole)
+            while left:  # a disk that is nearly full takes a part, and says so only when asked to take the rest
+                left = left[self._file.write(left) :]
+            self._whole += len(text)
+        except OSError as error:
+            with suppress(OSError):
+                os.ftruncate(self._file.fileno(), self._whole)
+            raise InputError(
+                f"journal {self._file.name} cannot be written ({error.strerror}); free the disk"
+            ) from error
+
+
+def read_journal(path: Path) -> list[Line]:
+    """All lines but a last one that was cut off. Raises InputError when the file is damaged elsewhere."""
+    if not path.exists():
+        return []
+    try:
+        *lines, _ = file_bytes(path, LOG_BYTES).split(b"\n")
+        return [_checked(_DECODE.decode(line)) for line in lines]
+    except (OSError, RecursionError, ValueError) as error:
+        raise InputError(f"journal {path} is damaged ({reason_of(error)}); start a new run") from error
+
+
+def _checked(line: Line) -> Line:
+    pose = line.T_world_cam if isinstance(line, FrameLine | TruthLine) else None
+    if pose is not None and not 0.9 < sum(q * q for q in pose[3:]) < 1.1:
+        raise ValueError(f"at {line.stamp_ns} ns the quaternion {pose[3:]} is no rotation")
+    return line
+
+
+def flat(T: SE3) -> Pose3:
+    """Translation and quaternion (x, y, z, w)."""
+    x, y, z = T.translation.tolist()
+    return (x, y, z, *(float(q) for q in T.quaternion()))
+
+
+def unflat(pose: Pose3) -> SE3:
+    """The pose of ``flat``."""
+    return SE3.from_quaternion(np.array(pose[:3]), pose[3:])
+
+
+def _text(lines: Iterable[Line]) -> bytes:
+    return b"".join(_ENCODE.encode(line) + b"\n" for line in lines)

@@ -1,0 +1,241 @@
+"""``vsx explore --fast``: emulator, SLAM, planner and mission in one process, in lock-step. Same seed, same bits."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from vsx_ros.config import Config
+from vsx_ros.errors import ConfigError
+from vsx_ros.evaluation.summary import Summary, with_accuracy
+from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.io.slam_map_file import load_slam_map
+from vsx_ros.robot import STOP, Frame, Odometry, VelocityCommand
+from vsx_ros.runs.exit_codes import DONE, LOST, STOPPED, ended_well
+from vsx_ros.runs.folder import RunEvent, RunFolder
+from vsx_ros.runs.interruptible import interruptible
+from vsx_ros.runs.journal import TruthLine, flat, unflat
+from vsx_ros.runs.outcomes import EXIT_CODES
+from vsx_ros.runs.record import MapJudge
+from vsx_ros.runs.report import tell_the_end, write_report
+from vsx_ros.runs.session import PreviousSessions, RunWriter
+from vsx_ros.runs.start import begin
+from vsx_ros.sim.robot import EmulatedRobot, Observation
+from vsx_ros.sim.settings import SimulationConfig
+from vsx_ros.sim.world import Start, World, changed
+from vsx_ros.slam.slam_map import SlamMap
+from vsx_ros.slam.state import TrackingState
+from vsx_ros.system import ExplorationSystem
+
+STOPPED_BY_OPERATOR = "stopped by the operator"
+_DEFAULT_TIME_S = 600.0
+_PROGRESS_EVERY_S = 0.5
+_JUDGED_EVERY_NS = 2_000_000_000
+
+
+class FastRun:
+    """One lock-step run: the robot, the system and what they leave behind."""
+
+    def __init__(
+        self,
+        world: World,
+        seed: int,
+        planner: str,
+        config: Config,
+        before: PreviousSessions | None = None,
+        slam_map: SlamMap | None = None,
+        folder: RunFolder | None = None,
+    ) -> None:
+        """before: an interrupted run to go on with, in the same world with the same seed; the robot stands where it
+        stood when the power went. slam_map: a map to go on in. folder: where to keep what another one needs."""
+        self.world, self._config = world, config
+        # Where a loaded map lies in the world is not known.
+        self._judge = MapJudge(world, config) if slam_map is None else None
+        self._before, truth = before, before.truth if before is not None else None
+        if truth is not None:
+            x, y, theta = truth.T_world_base
+            world = changed(world, start=Start(x=x, y=y, theta_rad=theta))
+        self.robot = EmulatedRobot(world, seed, SimulationConfig(threads=2), config.robot)
+        mount = self.robot.T_base_cam_given
+        saved = before.system if before is not None else None
+        self.system = ExplorationSystem(self.robot.camera_given, mount, config, seed, planner, saved, slam_map)
+        self.truth: list[StampedPose] = []
+        self._errors_m: list[float] = []
+        if before is not None:
+            known = [line for line in before.lines if isinstance(line, TruthLine)]
+            self.truth += [StampedPose(line.stamp_ns, unflat(line.T_world_cam)) for line in known]
+            self._errors_m += before.saved.state["errors_m"].tolist()
+        # Last: as long as it is not ready to drive, what the interrupted run left stays as it is.
+        self.keeper = RunWriter(mount, folder, before)
+        self.record = self.keeper.record
+
+    @property
+    def collisions(self) -> int:
+        """So far, of all sessions."""
+        earlier = self._before.truth if self._before is not None else None
+        return self.robot.truth.collisions + (earlier.collisions if earlier is not None else 0)
+
+    @property
+    def plans(self) -> int:
+        """So far, of all sessions."""
+        earlier = int(self._before.saved.state["plans"].sum()) if self._before is not None else 0
+        return self.system.navigator.plans + earlier
+
+    def run(self, limit_s: float, watch: Callable[[int], str | None] | None = None) -> str:
+        """Step until the mission is done, the emulated time is over or Ctrl-C is pressed; why it ended.
+
+        watch: told the stamp after each step; what it answers ends the run, and is why.
+        """
+        mission, command, shown = self.system.mission, STOP, 0.0
+        seen: Observation | None = None
+        reason = STOPPED_BY_OPERATOR
+        with interruptible() as stopped:
+            while mission.outcome is None and not stopped():
+                now = self._observe(command)
+                if now.frame.stamp_ns * 1e-9 > limit_s:
+                    reason = f"time limit of {limit_s:g} s"
+                    break
+                seen, command = now, self._step(*now)
+                if watch is not None and (told := watch(now.frame.stamp_ns)):
+                    reason = told
+                    break
+                if sys.stderr.isatty() and time.perf_counter() - shown > _PROGRESS_EVERY_S:
+                    shown = time.perf_counter()
+                    print(f"\r{self._progress(now.frame.stamp_ns)}\x1b[K", end="", file=sys.stderr, flush=True)
+        if shown:
+            print("\r\x1b[K", end="", file=sys.stderr)
+        if seen is not None:
+            self._save(seen.frame.stamp_ns, now=True)
+        if mission.outcome is None:
+            stamp_ns = seen.frame.stamp_ns if seen is not None else 0
+            self.record.events.append(RunEvent(stamp_ns, "mission", mission.state.value, reason))
+            return reason
+        return next(event.reason for event in reversed(self.record.events) if event.source == "mission")
+
+    def until(self, share: float) -> Callable[[int], str | None]:
+        """A watch that ends the run when this share of what can be seen is known and right, and the camera tracked: a
+        run that ends lost would end too early to be judged."""
+        due_ns = 0
+
+        def watch(now_ns: int) -> str | None:
+            nonlocal due_ns
+            if now_ns < due_ns or self._judge is None or self.system.grid is None:
+                return None
+            right = self._judge.quality(self.system.grid).coverage_correct or 0.0
+            enough = right >= share
+            due_ns = now_ns if enough else now_ns + _JUDGED_EVERY_NS
+            return f"{100 * share:g} % is known" if enough and self.record.results[-1].state.tracked else None
+
+        return watch
+
+    def _save(self, stamp_ns: int, *, now: bool = False) -> None:
+        system = self.system
+        if self.keeper.note(system.slam, stamp_ns, now=now):
+            pursued = {"errors_m": np.array(self._errors_m, float), "plans": np.array([self.plans])}
+            mission = system.mission.to_save(stamp_ns, system.odometry.T_odom_base)
+            self.keeper.write({**system.ground.state(), **pursued}, mission.tree())
+
+    @property
+    def judge(self) -> MapJudge | None:
+        """Compares maps with the world; None where it is not known how the map lies in it."""
+        return self._judge
+
+    def _observe(self, command: VelocityCommand) -> Observation:
+        """What the robot's sensors say; time and odometry go on from where an earlier session left them."""
+        frame, odometry = self.robot.step(command)
+        if self._before is None:
+            return Observation(frame, odometry)
+        stamp_ns, T = frame.stamp_ns + self._before.ended_ns, self._before.T_odom_base
+        odometry = odometry._replace(stamp_ns=stamp_ns, T_odom_base=T @ odometry.T_odom_base)
+        return Observation(frame._replace(stamp_ns=stamp_ns), odometry)
+
+    def _step(self, frame: Frame, odometry: Odometry) -> VelocityCommand:
+        bumper = "bumper pressed" if any(self.robot.body.bumper) else None
+        began = time.perf_counter()
+        tracking = self.system.track(frame, odometry)
+        track_s = time.perf_counter() - began
+        step, odometry = self.system.act(tracking, bumper), self.system.odometry
+        slam = self.system.slam
+        self.truth.append(StampedPose(frame.stamp_ns, self.robot.truth.T_world_cam))
+        if step.follow_error_m is not None:
+            self._errors_m.append(step.follow_error_m)
+        self.record.add_odometry(odometry)
+        told = slam.statistics().u2_frames, slam.drain_events(), self.system.mission.drain_events()
+        self.keeper.frame(step.tracking, odometry, track_s, *told, self._truth_line(frame.stamp_ns))
+        self._save(frame.stamp_ns)
+        return step.command
+
+    def _truth_line(self, stamp_ns: int) -> TruthLine:
+        truth = self.robot.truth
+        base = truth.T_world_base.x, truth.T_world_base.y, truth.T_world_base.theta
+        camera = flat(truth.T_world_cam)
+        return TruthLine(stamp_ns=stamp_ns, T_world_cam=camera, T_world_base=base, collisions=self.collisions)
+
+    def _progress(self, now_ns: int) -> str:
+        last = self.record.results[-1]
+        area = self.system.grid.known_area_m2 if self.system.grid else 0.0
+        return (
+            f"{now_ns * 1e-9:5.0f} s  {self.system.mission.state.value}  {area:.1f} m2 known  "
+            f"{self.robot.truth.path_length_m:.1f} m driven  {last.found}/{last.searched} points"
+        )
+
+    def exit_code(self, reason: str) -> int:
+        """That of the command; reason: why the run ended."""
+        if reason == STOPPED_BY_OPERATOR:
+            return STOPPED
+        if self.system.mission.outcome is not None:
+            return EXIT_CODES[self.system.mission.outcome]
+        results = self.record.results
+        return LOST if results and results[-1].state is TrackingState.LOST else DONE
+
+    def summary(self, reason: str, **facts: str | int | None) -> Summary:
+        """The numbers of the run. reason: why it ended; facts: what else the summary shall say."""
+        system, errors = self.system, np.array(self._errors_m)
+        summary = self.record.summary(system.slam.statistics())
+        summary = with_accuracy(summary, self.record.estimate(), self.truth, "yaw")
+        if self._judge is not None:
+            summary = self._judge.judged(summary, system.grid)
+        truth = self.robot.truth if self._before is None else None
+        return summary.with_values(
+            collisions=self.collisions,
+            driven_m=truth and truth.path_length_m,
+            min_clearance_m=truth and truth.min_clearance_m,
+            duration_s=self.truth[-1].stamp_ns * 1e-9 if self.truth else 0.0,
+            planned_vs_executed_rms_m=float(np.sqrt(np.mean(errors**2))) if errors.size else None,
+            plans=self.plans,
+            stop_reason=reason,
+            ended_well=ended_well(self.exit_code(reason)),
+            phi=self._config.planner.phi_rad_m,
+            **facts,
+        )
+
+    def write(self, folder: RunFolder, summary: Summary) -> str:
+        """Every file of the run folder but config and world; why not all of it could be written, or nothing."""
+        system, surface = self.system, self.system.surface_points()
+        truth = lambda: folder.write_poses("groundtruth", self.truth)  # noqa: E731
+        more = truth, lambda: write_report(folder)
+        return self.keeper.finish(folder, system.slam, summary, surface, system.grid, *more)
+
+
+def explore_fast(args: argparse.Namespace) -> int:
+    """One lock-step exploration; its exit code."""
+    folder, config, world = begin(args)
+    assert world is not None
+    before = PreviousSessions.of(folder) if args.resume is not None else None
+    limit_s = args.time or _DEFAULT_TIME_S
+    if before is not None and before.ended_ns * 1e-9 >= limit_s:
+        raise ConfigError(f"{folder.path} has lasted {before.ended_ns * 1e-9:.0f} s; to go on give more with --time")
+    slam_map = None
+    if args.load_map:  # it may be gone by now: what became of it is in the checkpoint
+        slam_map = load_slam_map(Path(args.load_map)) if before is None else before.saved.slam_map
+    run = FastRun(world, args.seed, args.planner, config, before, slam_map, folder)
+    reason = run.run(limit_s, run.until(args.until) if args.until is not None else None)
+    facts = {"world": args.world, "seed": args.seed, "planner": args.planner, "continued_map": args.load_map}
+    summary = run.summary(reason, **facts)
+    failure = run.write(folder, summary)
+    return tell_the_end(folder, summary.as_dict(), run.exit_code(reason), failure)

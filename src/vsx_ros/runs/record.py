@@ -1,0 +1,136 @@
+"""What a run leaves behind, collected while it goes on, and the judgement of its map against the emulated world."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsx_ros.arrays import Points3
+from vsx_ros.config import Config
+from vsx_ros.evaluation.coverage import MapQuality, map_quality, observable_cells
+from vsx_ros.evaluation.figure5 import map_on_truth_picture
+from vsx_ros.evaluation.summary import Summary, tracking_summary
+from vsx_ros.evaluation.tracking import find_breaks
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
+from vsx_ros.robot import Odometry
+from vsx_ros.runs.folder import FrameRecord, RunEvent, RunFolder
+from vsx_ros.runs.journal import EventLine, FrameLine, Line
+from vsx_ros.sim.truth import ground_truth_grid
+from vsx_ros.sim.world import World
+from vsx_ros.slam.snapshot import MapSnapshot
+from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult
+
+
+class RunRecord:
+    """The SLAM of a run, frame by frame."""
+
+    def __init__(self, T_base_cam: SE3) -> None:
+        self._T_base_cam = T_base_cam
+        # Of an hour's frames and readings: odometry at each, three numbers instead of twelve.
+        self._T_odom_bases: list[SE2 | None] = []
+        self._epochs: list[int] = []
+        self._odometry: list[tuple[int, SE2]] = []
+        self.results: list[TrackingResult] = []
+        self.track_ms: list[float] = []
+        self.u2_frames: list[float | None] = []
+        self.events: list[RunEvent] = []
+
+    def add_odometry(self, odometry: Odometry) -> None:
+        """An odometry reading."""
+        self._odometry.append((odometry.stamp_ns, odometry.T_odom_base))
+
+    def add_frame(
+        self, result: TrackingResult, odometry: Odometry | None, track_s: float, u2_frames: float | None
+    ) -> None:
+        """A frame the tracker has seen, the odometry of its instant, how long it took [s], and U2 after it."""
+        self.results.append(result)
+        self._T_odom_bases.append(odometry.T_odom_base if odometry is not None else None)
+        self._epochs.append(odometry.odom_epoch if odometry is not None else self.odom_epoch)
+        self.track_ms.append(1e3 * track_s)
+        self.u2_frames.append(u2_frames)
+
+    def add_slam_events(self, events: Iterable[SlamEvent]) -> None:
+        """Changes of state of the SLAM."""
+        self.events += [RunEvent(event.stamp_ns, "slam", event.kind, event.reason) for event in events]
+
+    def restore(self, lines: Iterable[Line]) -> None:
+        """Go on from the journal of the sessions before."""
+        for line in lines:
+            if isinstance(line, FrameLine):
+                self.add_frame(line.result(), line.odometry, 1e-3 * line.track_ms, line.u2_frames)
+                if line.odometry is not None:
+                    self.add_odometry(line.odometry)
+            elif isinstance(line, EventLine):
+                self.events.append(RunEvent(line.stamp_ns, line.source, line.state, line.reason))
+
+    @property
+    def odom_epoch(self) -> int:
+        """The odometry's epoch in the last frame, -1 before the first."""
+        return self._epochs[-1] if self._epochs else -1
+
+    def estimate(self) -> list[StampedPose]:
+        """T_world_cam of every frame tracked from the map."""
+        return [
+            StampedPose(r.stamp_ns, r.T_world_cam)
+            for r in self.results
+            if r.state.tracked and r.T_world_cam is not None
+        ]
+
+    def summary(self, statistics: SlamStatistics) -> Summary:
+        """What is known without any truth."""
+        cameras = [None if T is None else SE3.from_se2(T) @ self._T_base_cam for T in self._T_odom_bases]
+        breaks = len(find_breaks(self.results, cameras, self._epochs))
+        return tracking_summary(statistics, self.track_ms).with_values(breaks=breaks)
+
+    def writes(
+        self, folder: RunFolder, snapshot: MapSnapshot, surface: Points3 | None = None
+    ) -> Iterator[Callable[[], None]]:
+        """How to write events.jsonl, trajectory.txt (camera in the map, as tracked), frames.csv, odometry.txt and
+        sparse.ply; with spots of surface (N, 3), dense.ply too. What matters most where there is little room is first.
+        """
+        yield lambda: folder.write_events(self.events)
+        yield lambda: folder.write_poses("trajectory", self.estimate())
+        yield lambda: folder.write_frames(
+            FrameRecord(r.stamp_ns, r.state.value, r.searched, r.found, r.keyframe_added, ms, u2)
+            for r, ms, u2 in zip(self.results, self.track_ms, self.u2_frames, strict=True)
+        )
+        if self._odometry:
+            T_odom_base = [StampedPose(ns, SE3.from_se2(T)) for ns, T in self._odometry]
+            yield lambda: folder.write_poses("odometry", T_odom_base)
+        if len(snapshot.points_world):
+            yield lambda: folder.write_points(snapshot.points_world)
+        if surface is not None and len(surface):
+            yield lambda: folder.write_surface(surface)
+
+
+class MapJudge:
+    """Compares maps with an emulated world, whose base begins to count where it starts: there the map's origin is."""
+
+    def __init__(self, world: World, config: Config) -> None:
+        ground = config.ground_map
+        self._start = world.start_pose
+        self._truth = ground_truth_grid(
+            world, ground.resolution_m, ground.obstacle_min_height_m, ground.obstacle_max_height_m
+        )
+        self._observable = observable_cells(
+            self._truth, self._start, config.robot.radius_m, config.exploration.sensor_range_m
+        )
+
+    def quality(self, grid: OccupancyGrid) -> MapQuality:
+        """Coverage, precision and recall, free cells inside obstacles."""
+        return map_quality(grid, self._truth, self._observable, self._start)
+
+    def picture(self, grid: OccupancyGrid) -> NDArray[np.uint8]:
+        """The map as ``map_on_truth_picture`` draws it, with what it lacks of the obstacles that can be seen."""
+        faces = self._observable & (self._truth.data == OCCUPIED)
+        return map_on_truth_picture(grid, self._truth, faces, self._start)
+
+    def judged(self, summary: Summary, grid: OccupancyGrid | None) -> Summary:
+        """The summary with the quality of the map."""
+        return summary if grid is None else summary.with_values(**dataclasses.asdict(self.quality(grid)))

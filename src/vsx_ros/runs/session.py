@@ -1,0 +1,209 @@
+"""A run that may be killed at any moment, and the next session that goes on with it (``vsx explore --resume``)."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from functools import cached_property
+from typing import Any
+
+from numpy.typing import NDArray
+
+from vsx_ros.arrays import Points3
+from vsx_ros.errors import InputError
+from vsx_ros.evaluation.summary import Summary
+from vsx_ros.exploration.decision import MissionEvent
+from vsx_ros.exploration.saved_mission import SavedMission
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.robot import Odometry
+from vsx_ros.runs.checkpoint import CheckpointData
+from vsx_ros.runs.folder import RunEvent, RunFolder
+from vsx_ros.runs.journal import EventLine, FrameLine, Journal, Line, TruthLine, read_journal
+from vsx_ros.runs.record import RunRecord
+from vsx_ros.slam.state import SlamEvent, TrackingResult
+from vsx_ros.slam.tracker_and_mapper import TrackerAndMapper
+from vsx_ros.system import SavedSystem
+
+CHECKPOINT_EVERY_NS = 5_000_000_000
+
+
+class PreviousSessions:
+    """What is known of the sessions before: the checkpoint, and the journal, which tells more. lines: of the journal,
+    frames and events up to the checkpoint, the truth up to the last moment."""
+
+    def __init__(self, folder: RunFolder) -> None:
+        """Raises MapFileError or InputError when damaged."""
+        self._path = folder.checkpoint.path
+        self.saved, self._journal = folder.checkpoint.read(), read_journal(folder.journal)
+        stamp_ns = self.saved.stamp_ns
+        self.lines = [line for line in self._journal if line.stamp_ns <= stamp_ns or isinstance(line, TruthLine)]
+
+    @staticmethod
+    def of(folder: RunFolder) -> PreviousSessions | None:
+        """None where the run was interrupted before it had a map. Raises MapFileError or InputError when damaged."""
+        return PreviousSessions(folder) if folder.checkpoint.exists else None
+
+    @property
+    def ended_ns(self) -> int:
+        """The last moment that is known."""
+        return max([self.saved.stamp_ns, *(line.stamp_ns for line in self._journal)])
+
+    @property
+    def truth(self) -> TruthLine | None:
+        """Where the emulated robot stood last."""
+        return next((line for line in reversed(self._journal) if isinstance(line, TruthLine)), None)
+
+    @property
+    def T_odom_base(self) -> SE2:
+        """The base in the odometry frame at the last moment."""
+        return _driven(self._journal)[-1][1]
+
+    @cached_property
+    def system(self) -> SavedSystem:
+        """Of a run in lock-step. Raises InputError where the checkpoint or the journal lacks some of it."""
+        saved, driven = self.saved, _driven(self._journal)
+        if not driven or not {"errors_m", "plans"} <= saved.state.keys():
+            raise InputError(f"{self._path} holds a map but not how it came about; start a new run")
+        since = [T for stamp_ns, T in driven if stamp_ns >= saved.stamp_ns]
+        mission = SavedMission.of(saved.mission, self._path)
+        # A journal that ends before the checkpoint: the robot stands where it did then, and not where its trail ends.
+        mission = mission.carried([since[0].inverse() @ T for T in since]) if since else mission.moved()
+        return SavedSystem(saved.slam_map, saved.state, mission)
+
+
+def end_trail(folder: RunFolder, moved: bool) -> None:
+    """Let the trail that a live mission remembers end where the base stood last: what it drove after the mission's last
+    word is in the journal. moved: it has been put elsewhere since, and the way it came is not behind it.
+
+    Raises InputError when one of them is damaged.
+    """
+    remembered = folder.checkpoint.read_mission()
+    if remembered is None:
+        return
+    saved, told_ns = SavedMission.of(remembered, folder.checkpoint.path), remembered.get("stamp_ns")
+    driven = _driven(read_journal(folder.journal))
+    since = [T for stamp_ns, T in driven if isinstance(told_ns, int) and stamp_ns > told_ns]
+    if moved:
+        saved = saved.moved()
+    elif 0 < len(since) < len(driven):
+        there = driven[-len(since) - 1][1].inverse()
+        saved = saved.carried([there @ T for T in since])
+    else:
+        return
+    folder.checkpoint.write_mission(saved.tree(), driven[-1][0] if driven else 0)
+
+
+def _driven(lines: Sequence[Line]) -> list[tuple[int, SE2]]:
+    """Stamp and T_odom_base of every frame that has both, in the last epoch of the odometry."""
+    readings = [line.odometry for line in lines if isinstance(line, FrameLine) and line.odometry is not None]
+    return [(r.stamp_ns, r.T_odom_base) for r in readings if r.odom_epoch == readings[-1].odom_epoch]
+
+
+class RunWriter:
+    """What a run keeps: every frame and event, for its results, and in its folder as it happens, with the map every few
+    seconds, so that another session can go on with it. Lock-step, replays and the node vslam have one.
+
+    ``frame`` and ``note`` on the thread that tracks; ``write`` on any, which may wait for the disk for seconds. A disk
+    that takes no more ends nothing: ``failure`` says what could not be kept, and the run could not be gone on with from
+    there.
+    """
+
+    def __init__(
+        self,
+        T_base_cam: SE3,
+        folder: RunFolder | None = None,
+        before: PreviousSessions | None = None,
+        kept: Callable[[], AbstractContextManager[None]] | None = None,
+        rest: float = 0.0,
+    ) -> None:
+        """folder: where to keep what another session needs; nothing is kept there without. kept: around
+        what is written, to tell an InputError; without, the first is said on stderr. rest: so many times as long as
+        writing the map took nothing is written. Raises InputError where the folder cannot be written."""
+        self.record = RunRecord(T_base_cam)
+        lines = before.lines if before is not None else []
+        self.record.restore(lines)
+        self.failure = ""
+        self._kept, self._rest = kept or self._say_first, rest
+        self._checkpoint = folder.checkpoint if folder is not None else None
+        self._journal = Journal(folder.journal, lines) if folder is not None else None
+        self._lock, self._writing = threading.Lock(), threading.Lock()
+        self._noted: CheckpointData | None = None
+        self._due_ns = 0
+
+    def frame(
+        self,
+        result: TrackingResult,
+        odometry: Odometry | None,
+        track_s: float,
+        u2_frames: float | None,
+        events: Sequence[SlamEvent],
+        mission: Sequence[MissionEvent] = (),
+        *more: Line,
+    ) -> None:
+        """A frame was tracked, U2 after it, and what SLAM and mission told. more: other lines for the journal."""
+        record, told = self.record, len(self.record.events)
+        record.add_frame(result, odometry, track_s, u2_frames)
+        record.add_slam_events(events)
+        record.events += [RunEvent(event.stamp_ns, "mission", event.state, event.reason) for event in mission]
+        lines = [EventLine(**event._asdict()) for event in record.events[told:]]
+        if self._journal is not None:
+            with self._kept():
+                self._journal.add(*lines, FrameLine.of(result, odometry, 1e3 * track_s, u2_frames), *more)
+
+    def note(self, slam: TrackerAndMapper, stamp_ns: int, *, now: bool = False) -> bool:
+        """Remember the map as it is, every few seconds, to be written; whether it was time for that."""
+        is_due = self._checkpoint is not None and (now or stamp_ns >= self._due_ns)
+        slam_map = slam.slam_map() if is_due else None
+        if slam_map is None:
+            return False
+        self._due_ns = stamp_ns + CHECKPOINT_EVERY_NS
+        with self._lock:
+            self._noted = CheckpointData(slam_map, stamp_ns, slam.record(), {})
+        return True
+
+    def write(self, state: Mapping[str, NDArray[Any]], mission: dict[str, Any] | None = None) -> None:
+        """Write the map noted last, with what is driven and bumped, and what the mission remembers; nothing where none
+        was noted since."""
+        with self._writing:
+            with self._lock:
+                noted, self._noted = self._noted, None
+            if noted is None or self._checkpoint is None:
+                return
+            began_s = time.monotonic()
+            with self._kept():
+                self._checkpoint.write(noted._replace(state={**noted.state, **state}, mission=mission or {}))
+            rest_ns = round(self._rest * 1e9 * (time.monotonic() - began_s))
+            self._due_ns = max(self._due_ns, noted.stamp_ns + rest_ns)
+
+    def finish(
+        self,
+        folder: RunFolder,
+        slam: TrackerAndMapper,
+        summary: Summary | None = None,
+        surface: Points3 | None = None,
+        grid: OccupancyGrid | None = None,
+        *more: Callable[[], object],
+    ) -> str:
+        """Write the results, with what there is of spots of surface (N, 3) [m] and ground map, then ``more``. Why not
+        all of them, or not all that another session needs, could be written; empty where all is well."""
+        record = self.record
+        told = (summary or record.summary(slam.statistics())).as_dict()
+        writes: list[Callable[[], object]] = [lambda: folder.write_summary(told)]
+        if grid is not None:
+            writes.append(lambda: folder.write_map(grid))
+        said = folder.write_what_fits(*writes, *record.writes(folder, slam.snapshot(), surface), *more)
+        return said or self.failure
+
+    @contextmanager
+    def _say_first(self) -> Iterator[None]:
+        try:
+            yield
+        except InputError as error:
+            if not self.failure:
+                self.failure = str(error)
+                print(f"vsx: {self.failure}; the run goes on", file=sys.stderr)

@@ -1,0 +1,86 @@
+"""The start of an exploration, or of the rest of one: options made complete, run folder, configuration, world."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from vsx_ros.config import Config, overridden
+from vsx_ros.errors import ConfigError
+from vsx_ros.io.atomic import sync
+from vsx_ros.io.slam_map_file import load_slam_map
+from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.parameters import load
+from vsx_ros.runs.robot_file import robot_file_here
+from vsx_ros.runs.session import end_trail
+from vsx_ros.runs.world import open_world
+from vsx_ros.sim.world import World
+from vsx_ros.sim.world_file import load_world, save_world
+
+DEFAULTS = {"seed": 1, "base": "auto", "port": "/dev/kobuki", "camera": "kinect", "rate": 15.0, "planner": "fov"}
+REMEMBERED = ("world", "seed", "base", "port", "camera", "rate", "planner", "time", "until", "fast", "load_map")
+
+
+def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, World | None]:
+    """The run folder, its configuration, and the emulated world if there is one; what was not said becomes the default,
+    or what the run to resume had. Nothing is written before all of it is known to be right.
+
+    Raises InputError, ConfigError or MapFileError when there is no such run, world or map, or an option contradicts it.
+    """
+    if args.resume is not None:
+        return _begin_again(args, RunFolder.open(args.resume))
+    if args.moved:
+        raise ConfigError("--moved is said of the robot of an interrupted run; give that run with --resume, too")
+    fill(args, DEFAULTS)
+    if args.fast:
+        fill(args, {"world": "lab"})
+    if args.load_map is not None:
+        args.load_map = str(Path(args.load_map).resolve())
+        if not Path(args.load_map).is_file():
+            raise ConfigError(f"there is no map {args.load_map}; 'vsx map save' makes one")
+        load_slam_map(Path(args.load_map))
+    if args.config is None and args.world is None:
+        args.config = robot_file_here()
+    parameters = load(args.config, args.set)
+    if args.phi is not None:
+        parameters = overridden(parameters, {"planner.phi_rad_m": args.phi})
+    world = open_world(args.world, args.seed) if args.world else None
+    now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
+    usual = Path("runs") / f"{now}_{Path(args.world).stem if args.world else args.base.partition(':')[0]}"
+    folder = RunFolder.create(args.out) if args.out else RunFolder.create_another(usual)
+    folder.write_config(parameters, args.line, **{name: getattr(args, name) for name in REMEMBERED})
+    if world is not None:
+        save_world(world, folder.path / "world.yaml")
+        sync(folder.path / "world.yaml")
+    return folder, parameters, world
+
+
+def fill(args: argparse.Namespace, values: Mapping[str, Any]) -> None:
+    """Give the options that were not given these values."""
+    for name, value in values.items():
+        if getattr(args, name) is None:
+            setattr(args, name, value)
+
+
+def _begin_again(args: argparse.Namespace, folder: RunFolder) -> tuple[RunFolder, Config, World | None]:
+    fixed = ("world", "seed", "base", "planner", "phi", "load_map", "config", "set", "out")
+    contradicting = [name.replace("_", "-") for name in fixed if getattr(args, name) not in (None, [])]
+    if contradicting:
+        raise ConfigError(f"--resume goes on with the options of {folder.path}; leave out --{contradicting[0]}")
+    parameters, facts = folder.read_config()
+    if "fast" not in facts:
+        raise ConfigError(f"{folder.path} is no run of 'vsx explore'; a replay is begun anew")
+    if facts["fast"] is not args.fast:
+        how = "with" if facts["fast"] else "without"
+        raise ConfigError(f"{folder.path} was made {how} --fast; resume it so, too")
+    fill(args, {name: facts.get(name) for name in REMEMBERED})
+    fill(args, DEFAULTS)
+    world = load_world(folder.path / "world.yaml") if args.world else None
+    if args.moved and world is not None:
+        raise ConfigError(f"the emulated robot of {folder.path} stands where it stood; leave out --moved")
+    if not args.fast:
+        end_trail(folder, args.moved)
+    return folder, parameters, world

@@ -1,0 +1,95 @@
+"""SLAM with what belongs to it: where the base is by it, the ground that was driven on, and what another session left.
+
+Lock-step, the node vslam and replays hold one, so that all begin, resume and remember alike.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+from numpy.typing import NDArray
+
+from vsx_ros.config import Config
+from vsx_ros.control.localization import UNLOCALIZED, Localization, LocalizationState
+from vsx_ros.dense.mapped_ground import MappedGround
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.robot import Odometry
+from vsx_ros.slam.slam_map import SlamMap
+from vsx_ros.slam.state import TrackingResult
+from vsx_ros.slam.tracker_and_mapper import TrackerAndMapper
+from vsx_ros.slam.tracking_record import TrackingRecord
+
+SlamT = TypeVar("SlamT", bound=TrackerAndMapper)
+
+
+class SlamSession:
+    """``begin`` when the camera is known, then ``locate`` after every tracked frame.
+
+    ground: what is driven, bumped and pushed. where: what ``locate`` said last. From any thread: ``base_at``.
+    """
+
+    def __init__(
+        self,
+        T_base_cam: SE3,
+        config: Config,
+        slam_map: SlamMap | None = None,
+        state: Mapping[str, NDArray[Any]] | None = None,
+    ) -> None:
+        """slam_map: a map to go on in, the base anywhere in it. state: what was driven and counted while it was made;
+        None: free is where its first keyframe stood. Raises InputError when the state is damaged."""
+        self.T_base_cam, self._T_cam_base = T_base_cam, T_base_cam.inverse()
+        self.slam_map = slam_map
+        self._config = config.slam
+        self._record = None if state is None else TrackingRecord.restored(state)
+        self._localization = Localization()
+        self._late: deque[TrackingResult] = deque()
+        self.where: LocalizationState = UNLOCALIZED
+        self.ground = MappedGround(config)
+        if state is not None:
+            self.ground.restore(state)
+        elif slam_map is not None:
+            self.ground.start = (slam_map.view.keyframes[0].T_world_cam @ self._T_cam_base).to_se2()
+
+    def begin(self, kind: type[SlamT], camera: PinholeCamera, seed: int, *, metric: bool = True) -> SlamT:
+        """The SLAM, of this kind. metric: whether there is odometry. Raises CalibrationError when the map was made with
+        another camera or mount."""
+        mount = self.T_base_cam if metric else None
+        return kind(camera, mount, self._config, seed, self.slam_map, self._record)
+
+    def locate(self, tracking: TrackingResult, odometry: Odometry | None, computing_ns: int = 0) -> LocalizationState:
+        """Where the base is at a tracked frame, and put it on the ground. odometry: of the frame. computing_ns: so long
+        after its stamp the pose of a frame is known."""
+        now_ns, localization = tracking.stamp_ns, self._localization
+        if odometry is not None and not odometry.impossible:
+            localization.add_odometry(odometry)
+        self._late.append(tracking)
+        while self._late and now_ns >= self._late[0].stamp_ns + computing_ns:
+            known = self._late.popleft()
+            localization.add_state(known.state, known.reason)
+            if known.state.tracked and known.T_world_cam is not None:
+                localization.add_pose(known.stamp_ns, (known.T_world_cam @ self._T_cam_base).to_se2())
+        self.where = where = localization.at(now_ns)
+        if where.stuck is not None:
+            self.ground.pushed(where.stuck.T_world_push, now_ns)
+        elif where.T_map_base is not None:
+            self.ground.moved(where.T_map_base, now_ns)
+        return where
+
+    @property
+    def T_map_odom(self) -> SE2 | None:
+        """The odometry frame in the map; None while nobody knows. A new map begins as the odometry frame."""
+        where = self.where
+        if where.T_map_base is None or where.T_odom_base is None:
+            return SE2() if self.slam_map is None else None
+        return (where.T_map_base @ where.T_odom_base.inverse()).wrapped()
+
+    def base_at(self, odometry: Odometry) -> SE2 | None:
+        """T_map_base by a newer reading, after which the camera may have been lost for a while; None while nobody knows
+        where in the map the base is."""
+        where, T_map_odom = self.where, self.T_map_odom
+        other = where.T_map_base is not None and where.odom_epoch != odometry.odom_epoch
+        return None if other or T_map_odom is None else T_map_odom @ odometry.T_odom_base

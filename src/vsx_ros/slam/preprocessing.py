@@ -1,0 +1,101 @@
+"""Each frame checked and preprocessed: image, stamp, odometry."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from vsx_ros.config import ShutterConfig
+from vsx_ros.errors import InputError
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.robot import Frame, Odometry
+from vsx_ros.slam.calibration_check import check_calibration
+from vsx_ros.slam.continuous_odometry import ContinuousOdometry
+from vsx_ros.slam.keyframe import FrameData
+from vsx_ros.slam.rolling_shutter import RollingShutter
+from vsx_ros.vision.corners import CornerDetector, Corners, indexed
+from vsx_ros.vision.pyramid import LEVELS, Pyramid, build_pyramid
+from vsx_ros.vision.sharpness import BlurDetector
+from vsx_ros.vision.small_image import small_image
+
+GAP_S = 1.0
+# A base that moves less than this between two images stands.
+# What a reading that stops between two images can differ by, carried from its stamp to the image's middle row.
+STILL_M, STILL_RAD = 0.006, 0.01
+
+
+class Preprocessor:
+    """``take`` one frame after the other. T_middle_stamp: the camera at the latest frame's stamp, seen from the middle
+    of its exposure. gap: told (stamp_ns, reason) when time, images or odometry have a hole.
+
+    Raises CalibrationError for a camera or a mount that cannot be.
+    """
+
+    def __init__(
+        self,
+        camera: PinholeCamera,
+        T_base_cam: SE3 | None,
+        shutter: ShutterConfig,
+        gap: Callable[[int, str], None],
+    ) -> None:
+        check_calibration(camera, T_base_cam)
+        self._camera = camera
+        self._gap = gap
+        self._shutter = RollingShutter(camera, T_base_cam, shutter)
+        self.T_middle_stamp = SE3.identity()
+        self._odometry = None if T_base_cam is None else ContinuousOdometry(gap)
+        self._detector = CornerDetector()
+        self._blur = BlurDetector()
+        self._last_stamp_ns: int | None = None
+        self._last_image: tuple[Pyramid, SE2 | None] | None = None
+
+    def take(self, frame: Frame, odometry: Odometry | None) -> FrameData:
+        """The next frame. Raises InputError for an image of the wrong size or type and a stamp that does not advance;
+        nothing has changed then."""
+        camera = self._camera
+        pyramid = build_pyramid(frame.image)
+        if frame.image.shape != (camera.height, camera.width):
+            height, width = frame.image.shape
+            raise InputError(
+                f"image of {width}x{height} does not fit the calibration for {camera.width}x{camera.height}; "
+                "calibrate at this size or set the camera to the calibrated one"
+            )
+        last = self._last_stamp_ns
+        if last is not None and frame.stamp_ns <= last:
+            raise InputError(
+                f"frame stamp {frame.stamp_ns} ns is not after the one before, {last} ns; frames must come in order"
+            )
+        if last is not None and (frame.stamp_ns - last) * 1e-9 > GAP_S:
+            self._gap(frame.stamp_ns, f"no frame for {(frame.stamp_ns - last) * 1e-9:.1f} s")
+        self._last_stamp_ns = frame.stamp_ns
+        middle_ns = frame.stamp_ns + self._shutter.middle_ns
+        T_odom_base = None if self._odometry is None else self._odometry.at(middle_ns, odometry)
+        exposure = self._shutter.exposure(odometry if T_odom_base is not None else None)
+        self.T_middle_stamp = exposure.T_middle_stamp
+        small = small_image(pyramid)
+        if self._is_frozen(pyramid, T_odom_base):
+            self._gap(frame.stamp_ns, "the image is the last one to the bit though the base moves: the camera hangs")
+            return FrameData(frame.stamp_ns, pyramid, _no_corners(pyramid), small, T_odom_base, exposure.camera)
+        blurred = self._blur.blurred(pyramid)
+        corners = self._detector.detect(pyramid, steer=not blurred)
+        return FrameData(frame.stamp_ns, pyramid, corners, small, T_odom_base, exposure.camera, blurred)
+
+    def _is_frozen(self, pyramid: Pyramid, T_odom_base: SE2 | None) -> bool:
+        """Whether the camera repeats its last image, which noise never does, though the base has moved since."""
+        before, self._last_image = self._last_image, (pyramid, T_odom_base)
+        if before is None or T_odom_base is None or before[1] is None:
+            return False
+        still = before[1].distance_to(T_odom_base) < STILL_M and abs(before[1].angle_to(T_odom_base)) < STILL_RAD
+        # The coarsest level tells almost always, in a fraction of the time.
+        same = np.array_equal(before[0].level(LEVELS - 1), pyramid.level(LEVELS - 1))
+        if still or not same or not np.array_equal(before[0].pixels, pyramid.pixels):
+            return False
+        self._last_image = before
+        return True
+
+
+def _no_corners(pyramid: Pyramid) -> Corners:
+    return indexed([np.zeros((0, 2), np.int32)] * LEVELS, pyramid)

@@ -1,0 +1,178 @@
+"""A map from two views: the motion between them from images and odometry, metric scale (paper 3.1). It takes longer
+than a frame may, so it is the mapper's work."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels, Points3
+from vsx_ros.config import InitializationConfig
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.epipolar import epipolar_error, essential_matrix, two_view_motions
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.kernels.geometry.projection import unproject_pixels
+from vsx_ros.kernels.slam.bundle import START, adjust
+from vsx_ros.kernels.slam.floor import no_floor
+from vsx_ros.kernels.slam.relative_pose import no_factors
+from vsx_ros.slam.keyframe import FrameData
+from vsx_ros.slam.point_creation import Candidates, TargetMatches, checked_points
+
+MAX_DIRECTION_ERROR_RAD = math.radians(20.0)
+MAX_ROTATION_ERROR_RAD = math.radians(4.0)
+RIVAL, DIFFERENT_RAD = 0.92, math.radians(15.0)
+
+
+class InitialPair(NamedTuple):
+    """Two frames worth a try. T_world_first: the pose the first shall have; odometry: T_second_first of the cameras by
+    odometry, None without. chosen (N,): the first one's candidates that were followed into the second, uv (N,
+    2): to where [px]. odom_epoch: that of the keyframes they become."""
+
+    first: FrameData
+    second: FrameData
+    T_world_first: SE3
+    odometry: SE3 | None
+    candidates: Candidates
+    chosen: IntArray
+    uv: Pixels
+    odom_epoch: int = 0
+
+
+class InitialMap(NamedTuple):
+    """Two frames with poses T_world_cam, and the first one's candidates with their matches in the second."""
+
+    first: FrameData
+    second: FrameData
+    poses: tuple[SE3, SE3]
+    matches: TargetMatches
+    candidates: Candidates
+
+
+class MotionHypothesis(NamedTuple):
+    """A motion hypothesis refined: T_b_a, support: how well it explains the matches, 1 for perfectly, points_a (N, 3),
+    good (N,): usable ones."""
+
+    T_b_a: SE3
+    support: float
+    points_a: Points3
+    good: BoolArray
+
+
+class TwoViewReconstruction:
+    """Makes the first two keyframes of a map, or says why the images do not allow it yet."""
+
+    def __init__(self, camera: PinholeCamera, config: InitializationConfig) -> None:
+        self._camera = camera
+        self._config = config
+
+    def reconstruct(self, pair: InitialPair) -> InitialMap | str:
+        """Capped work: a handful of hypotheses, each adjusted in few iterations."""
+        uv_b, odometry = pair.uv, pair.odometry
+        rays_a, rays_b = pair.candidates.rays[pair.chosen], unproject_pixels(pair.second.camera, uv_b)
+        tolerance = 1.0 / self._camera.fx
+        motions = two_view_motions(rays_a, rays_b, tolerance)
+        hypotheses = list(motions.T_b_a)
+        if odometry is not None:
+            size = float(np.linalg.norm(odometry.translation))
+            hypotheses.append(SE3(odometry.rotation, odometry.translation / size))
+        config = self._config
+        parallax = config.min_parallax_without_odometry_deg if odometry is None else config.min_parallax_deg
+        maps = [self._refine(T, rays_a, rays_b, tolerance, math.radians(parallax)) for T in hypotheses]
+        if not maps:
+            return "no rigid motion explains the corners"
+        best = self._choose(maps, odometry)
+        if isinstance(best, str):
+            return best
+        scale = config.unit_baseline_m if odometry is None else float(np.linalg.norm(odometry.translation))
+        return _initial_map(pair, best, scale)
+
+    def _choose(self, maps: list[MotionHypothesis], odometry: SE3 | None) -> MotionHypothesis | str:
+        """The hypothesis that explains the matches best, if it has enough usable points and is not contradicted by
+        odometry or by an equal rival. (Usable points do not rank them: a wrong motion sees parallax everywhere.)"""
+        needed = self._config.min_matches
+        ranked = sorted(maps, key=lambda m: -m.support)
+        if odometry is not None:
+            agreeing = [m for m in ranked if _disagreement(m.T_b_a, odometry) == ""]
+            if not agreeing:
+                return f"odometry disagrees with the images: {_disagreement(ranked[0].T_b_a, odometry)}"
+            ranked = agreeing
+        best = ranked[0]
+        count = int(best.good.sum())
+        if count < needed:
+            return (
+                f"too little parallax: {count} points of the {needed} needed; the camera turns in place or has not "
+                "moved far enough"
+            )
+        for rival in ranked[1:] if odometry is None else ():
+            if _differ(best.T_b_a, rival.T_b_a) and rival.support > RIVAL * best.support:
+                return "two motions explain this flat scene equally well; move on to another viewpoint"
+        return best
+
+    def _refine(
+        self, T_b_a: SE3, rays_a: FloatArray, rays_b: FloatArray, tolerance: float, parallax: float
+    ) -> MotionHypothesis:
+        """Capped two-view adjustment of one hypothesis, and the points that stand the checks."""
+        E_error = epipolar_error(essential_matrix(T_b_a), rays_a, rays_b).max(axis=1)
+        strict, loose, anywhere = 2.0 * tolerance, 6.0 * tolerance, (0.0, 1e6)
+        points, keep = checked_points(T_b_a, rays_a, rays_b, (loose, loose), anywhere, math.radians(0.2))
+        keep &= E_error < loose**2
+        if int(keep.sum()) >= 12:
+            T_b_a = self._adjust(T_b_a, points[keep], rays_a[keep], rays_b[keep])
+        points, good = checked_points(T_b_a, rays_a, rays_b, (strict, strict), anywhere, parallax)
+        _, possible = checked_points(T_b_a, rays_a, rays_b, (strict, strict), anywhere, 0.0)
+        error = epipolar_error(essential_matrix(T_b_a), rays_a, rays_b).max(axis=1) / tolerance**2
+        support = float(np.where(possible, np.maximum(0.0, 1.0 - error), 0.0).mean())
+        return MotionHypothesis(T_b_a, support, points, good)
+
+    def _adjust(self, T_b_a: SE3, points: Points3, rays_a: FloatArray, rays_b: FloatArray) -> SE3:
+        n, f = len(points), self._camera.fx
+        R = np.array([np.eye(3), T_b_a.rotation])
+        t = np.array([np.zeros(3), T_b_a.translation])
+        xy = np.stack([rays_a, rays_b], axis=1).reshape(-1, 2) * f
+        R, t, *_ = adjust(
+            np.array([f, f, 0.0, 0.0]),
+            R,
+            t,
+            np.array([-1, 0]),
+            points,
+            np.arange(0, 2 * n + 1, 2),
+            np.repeat(np.arange(n), 2),
+            np.tile([0, 1], n),
+            xy,
+            np.ones(2 * n),
+            no_factors(),
+            no_floor(),
+            12,
+            0.3,
+            START,
+        )
+        return SE3(R[1], t[1] / max(float(np.linalg.norm(t[1])), 1e-12))
+
+
+def _initial_map(pair: InitialPair, found: MotionHypothesis, scale: float) -> InitialMap:
+    T_world_a = pair.T_world_first
+    T_b_a = SE3(found.T_b_a.rotation, found.T_b_a.translation * scale)
+    kept = pair.chosen[found.good]
+    points = T_world_a @ (found.points_a[found.good] * scale)
+    matches = TargetMatches(kept, pair.uv[found.good], pair.candidates.level[kept], points)
+    return InitialMap(pair.first, pair.second, (T_world_a, T_world_a @ T_b_a.inverse()), matches, pair.candidates)
+
+
+def _differ(a: SE3, b: SE3) -> bool:
+    """Whether two motions with unit translation lead to different scenes."""
+    angle = math.acos(min(1.0, max(-1.0, float(a.translation @ b.translation))))
+    return angle > DIFFERENT_RAD or a.rotation_angle_to(b) > math.radians(2.0)
+
+
+def _disagreement(T_b_a: SE3, odometry: SE3) -> str:
+    """What a visual motion (unit translation) and odometry disagree about; empty when they agree."""
+    rotation = T_b_a.rotation_angle_to(odometry)
+    direction = odometry.translation / np.linalg.norm(odometry.translation)
+    angle = math.acos(min(1.0, max(-1.0, float(direction @ T_b_a.translation))))
+    if rotation > MAX_ROTATION_ERROR_RAD:
+        return f"rotation differs by {math.degrees(rotation):.1f} deg; check the odometry and the camera mount"
+    if angle > MAX_DIRECTION_ERROR_RAD:
+        return f"direction differs by {math.degrees(angle):.0f} deg; check the odometry and the camera mount"
+    return ""

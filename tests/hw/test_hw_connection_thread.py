@@ -1,0 +1,54 @@
+"""The thread that keeps a device outlives whoever listens to it, or is known to be dead."""
+
+import threading
+
+import pytest
+
+from vsx_hw.connection_thread import ConnectionThread
+from vsx_hw.errors import DeviceError
+
+
+class Port:
+    def close(self) -> None:
+        pass
+
+
+class Told(threading.Event):
+    """A device that cannot be opened twice and then works; who is told of it fails."""
+
+    def __init__(self, error: type[BaseException]) -> None:
+        super().__init__()
+        self.attempts = 0
+        self._error = error
+        self.connection = ConnectionThread("port", self.open, self.serve, lambda _: None, self.fail, (0.01,))
+
+    def open(self) -> Port:
+        self.attempts += 1
+        if self.attempts < 3:
+            raise DeviceError(f"no such port, attempt {self.attempts}")
+        return Port()
+
+    def serve(self, _: Port) -> None:
+        self.set()
+        self.connection.closing.wait(10.0)
+
+    def fail(self, *_: object) -> None:
+        raise self._error(28, "No space left on device")
+
+
+def test_a_listener_that_fails_leaves_no_device_without_its_driver() -> None:
+    told = Told(OSError)
+    told.connection.start()
+    assert told.wait(10.0)
+    assert "nobody could be told" in told.connection.message
+    assert told.connection.alive
+    assert told.connection.close()
+    assert told.connection.alive, "it was asked to end"
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_a_keeper_that_ended_by_itself_is_known_to_be_dead() -> None:
+    told = Told(SystemExit)
+    told.connection.start()
+    told.connection._thread.join(10.0)
+    assert not told.connection.alive

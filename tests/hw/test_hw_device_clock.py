@@ -1,0 +1,51 @@
+"""The device clock: the least delay wins, wraps and restarts are survived."""
+
+import random
+
+from vsx_hw.device_clock import DeviceClock
+
+MS = 1_000_000
+
+
+def test_jittered_arrivals_give_even_stamps():
+    rng = random.Random(3)
+    clock = DeviceClock(60_000_000, 32)
+    start = 1_700_000_000_000_000_000
+    stamps = []
+    for k in range(3000):
+        ticks = (4_290_000_000 + k * 2_000_000) % 2**32
+        delay_ns = rng.randrange(0, 30 * MS) if k % 50 else 0
+        stamps.append(clock.host_ns(ticks, start + k * 2_000_000 * 50 // 3 + delay_ns))
+    steps = [b - a for a, b in zip(stamps, stamps[1:])]
+    assert max(abs(step - 33_333_333) for step in steps[60:]) <= 1
+    assert abs(stamps[100] - (start + 100 * 33_333_333)) < 1000
+
+
+def test_drift_of_the_crystal_is_followed():
+    clock = DeviceClock(1000, 16)
+    worst = 0
+    for k in range(20_000):
+        true_ns = k * 20 * MS
+        device_ms = round(k * 20 * (1 - 50e-6)) % 65536
+        stamp = clock.host_ns(device_ms, 10**18 + true_ns)
+        if k > 2000:
+            worst = max(worst, abs(stamp - 10**18 - true_ns))
+    assert 0.1 * MS < worst < 2.5 * MS
+
+
+def test_restart_of_the_device_and_long_silence_start_anew():
+    clock = DeviceClock(1000, 16)
+    start = 10**18
+    for k in range(100):
+        clock.host_ns(50_000 + k * 20, start + k * 20 * MS)
+    after = start + 5000 * MS
+    assert clock.host_ns(17, after) == after
+    much_later = after + 66_000 * MS
+    assert clock.host_ns(40, much_later) == much_later
+    assert clock.host_ns(60, much_later + 20 * MS) == much_later + 20 * MS
+
+
+def test_a_host_clock_set_back_is_followed():
+    clock = DeviceClock(1000, 16)
+    clock.host_ns(100, 10**18)
+    assert clock.host_ns(120, 10**18 - 3_600_000 * MS) == 10**18 - 3_600_000 * MS

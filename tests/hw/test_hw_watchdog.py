@@ -1,0 +1,169 @@
+"""The wheels stop although the driver was killed or hangs."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from hw_plant import FreeWheels, until
+
+from vsx_hw.bases import BASES
+from vsx_hw.kobuki.base_control import WHEEL_BASE_M
+from vsx_hw.kobuki.emulator import kobuki_emulator
+from vsx_hw.kobuki.protocol import BAUD
+from vsx_hw.watchdog import Watchdogs, take_over
+
+STOP = BASES["kobuki"].stop_bytes()
+
+DRIVER = """
+import sys, time
+from vsx_hw.bases import BASES, base_driver
+from vsx_hw.watchdog import Watchdogs
+watchdogs = Watchdogs(sys.argv[1], 115200, BASES["kobuki"].stop_bytes())
+driver = base_driver("kobuki", sys.argv[1], lambda reading: driver.drive(0.2, 0.0), on_command=watchdogs.beat)
+driver.start()
+time.sleep(60)
+"""
+
+
+@pytest.fixture
+def driven(tmp_path):
+    """Wheels that a driver in another process lets turn."""
+    port = str(tmp_path / "ttyKOBUKI")
+    plant = FreeWheels(WHEEL_BASE_M)
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
+    with kobuki_emulator(plant, port):
+        process = subprocess.Popen([sys.executable, "-c", DRIVER, port], env=environment)
+        try:
+            assert until(lambda: plant.speeds[0] > 0.1, 30.0), "it takes long to start on a busy machine"
+            time.sleep(0.5)
+            assert plant.speeds[0] > 0.1
+            yield plant, process
+        finally:
+            process.kill()
+            process.wait()
+
+
+def test_a_killed_driver_leaves_the_wheels_stopped(driven):
+    plant, process = driven
+    process.kill()
+    process.wait()
+    assert until(lambda: plant.speeds == (0.0, 0.0))
+
+
+def test_a_hanging_driver_leaves_the_wheels_stopped_and_may_go_on_later(driven):
+    plant, process = driven
+    process.send_signal(signal.SIGSTOP)
+    assert until(lambda: plant.speeds == (0.0, 0.0))
+    time.sleep(0.3)
+    assert plant.speeds == (0.0, 0.0)
+    process.send_signal(signal.SIGCONT)
+    assert until(lambda: plant.speeds[0] > 0.1)
+
+
+@pytest.mark.parametrize("driver_end", [signal.SIGKILL, signal.SIGSTOP])
+@pytest.mark.parametrize("watchdog_end", [signal.SIGKILL, signal.SIGSTOP])
+@pytest.mark.parametrize("which", [0, 1])
+def test_whoever_is_killed_or_hangs_beside_the_driver_the_last_one_stops_the_wheels(
+    driven, driver_end, watchdog_end, which
+):
+    plant, process = driven
+    watchdogs = sorted(
+        int(pid)
+        for children in Path(f"/proc/{process.pid}/task").glob("*/children")
+        for pid in children.read_text().split()
+    )
+    os.kill(process.pid, signal.SIGSTOP)  # whoever goes first, the driver has no time to notice
+    try:
+        os.kill(watchdogs[which], watchdog_end)
+        assert plant.speeds[0] > 0.1
+        began_s = time.monotonic()
+        os.kill(process.pid, driver_end)
+        assert until(lambda: plant.speeds == (0.0, 0.0))
+        print(f"the wheels turned {time.monotonic() - began_s:.3f} s")
+        time.sleep(0.3)
+        assert plant.speeds == (0.0, 0.0)
+    finally:
+        for pid in watchdogs:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+
+
+def test_released_watchdogs_do_not_touch_the_port(tmp_path):
+    port = str(tmp_path / "ttyKOBUKI")
+    plant = FreeWheels(WHEEL_BASE_M)
+    plant.speeds = (0.1, 0.1)
+    with kobuki_emulator(plant, port):
+        watchdogs = Watchdogs(port, BAUD, STOP)
+        watchdogs.beat(True)
+        watchdogs.release()
+        time.sleep(0.05)
+        assert plant.speeds == (0.1, 0.1)
+        assert take_over(port, BAUD, STOP.farewell)
+        assert until(lambda: plant.speeds == (0.0, 0.0))
+
+
+def test_a_driver_that_stands_is_left_alone_by_its_watchdogs(tmp_path):
+    port = str(tmp_path / "ttyKOBUKI")
+    plant = FreeWheels(WHEEL_BASE_M)
+    plant.speeds = (0.1, 0.1)
+    with kobuki_emulator(plant, port):
+        watchdogs = Watchdogs(port, BAUD, STOP)
+        watchdogs.beat(False)
+        time.sleep(0.6)
+        assert plant.speeds == (0.1, 0.1)
+        watchdogs.beat(True)
+        assert until(lambda: plant.speeds == (0.0, 0.0))
+        watchdogs.release()
+
+
+@pytest.mark.parametrize("which", [0, 1])
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_watchdog_that_is_killed_or_hangs_is_missed_and_replaced(tmp_path, monkeypatch, end, which):
+    monkeypatch.setattr("vsx_hw.watchdog.PATIENCE_S", 0.0)
+    watchdogs = Watchdogs(str(tmp_path / "nothing"), BAUD, STOP)
+
+    def answer():
+        watchdogs.beat(False)
+        return watchdogs.answer
+
+    def pids():
+        return [watchdog._process.pid for watchdog in watchdogs._both]
+
+    assert until(answer)
+    before = pids()
+    watchdogs.revive()
+    assert pids() == before
+    hurt = watchdogs._both[which]._process
+    hurt.send_signal(end)
+    assert until(lambda: not answer())
+    watchdogs.revive()
+    assert until(answer)
+    assert [pid in before for pid in pids()] == [which == 1, which == 0]
+    assert hurt.poll() is not None
+    watchdogs.release()
+    last = [watchdog._process for watchdog in watchdogs._both]
+    assert [process.returncode for process in last] == [0, 0]
+    watchdogs.beat(False)
+    watchdogs.revive()
+    assert [watchdog._process for watchdog in watchdogs._both] == last, "they were let go"
+
+
+def test_watchdogs_that_nobody_beats_are_well(tmp_path):
+    watchdogs = Watchdogs(str(tmp_path / "nothing"), BAUD, STOP)
+    assert until(lambda: watchdogs.answer)
+    time.sleep(0.4)
+    assert watchdogs.answer
+    watchdogs.release()
+
+
+def test_watchdogs_that_do_not_start_are_none(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "executable", "/bin/false")
+    watchdogs = Watchdogs(str(tmp_path / "nothing"), BAUD, STOP)
+    watchdogs.beat(False)
+    assert not until(lambda: watchdogs.answer, 0.5)
+    watchdogs.release()

@@ -1,0 +1,148 @@
+"""What nodes do alike, without a master: threads that fail, logging that must not, diagnostics."""
+
+from __future__ import annotations
+
+import logging
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rospy")
+
+import rospy
+import rospy.core
+
+from vsx_hw import base_driver
+from vsx_ros.errors import InputError
+from vsx_ros.ros import clock, logs, threads
+from vsx_ros.ros.diagnostics import ERROR, OK, WARN, DiagnosticArray, Diagnostics
+from vsx_ros.ros.nodes import mobile_base
+
+
+def refuse() -> None:
+    raise rospy.ROSException("publish() to a closed topic")
+
+
+@pytest.fixture
+def told(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    reasons: list[str] = []
+    monkeypatch.setattr(rospy, "signal_shutdown", reasons.append)
+    return reasons
+
+
+@pytest.mark.parametrize("ending", [True, False])
+def test_topics_that_close_at_the_end_are_no_failure(
+    ending: bool, told: list[str], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(rospy.core, "is_shutdown_requested", lambda: ending)
+    with caplog.at_level(logging.ERROR, threads.__name__):
+        threads.worker("mission", refuse).join(5.0)
+    assert told == ([] if ending else ["thread 'mission' failed: publish() to a closed topic"])
+    assert bool(caplog.records) != ending
+
+
+def test_a_thread_that_fails_ends_the_node(told: list[str], caplog: pytest.LogCaptureFixture) -> None:
+    threads.worker("sums", lambda: [][0]).join(5.0)
+    assert told == ["thread 'sums' failed: list index out of range"]
+
+
+@pytest.mark.parametrize("ros_time", [None, rospy.Time(), rospy.Time(1)], ids=["wall", "not begun", "stands"])
+def test_what_is_done_every_so_often_goes_on_while_ros_time_stands_and_ends_with_the_node(
+    ros_time: rospy.Time | None, told: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    steps: list[int] = []
+    monkeypatch.setattr(rospy.core, "is_shutdown_requested", lambda: len(steps) >= 3)
+    monkeypatch.setattr(rospy.rostime, "_rostime_current", ros_time)
+    rospy.rostime.set_rostime_initialized(True)
+    threads.every(0.001, "steps", lambda: steps.append(1)).join(5.0)
+    assert len(steps) == 3
+    assert told == []
+
+
+@pytest.mark.changes_rospy
+def test_what_is_due_now_and_then_is_due_again_while_ros_time_stands(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = 100.0
+    monkeypatch.setattr(logs.time, "monotonic", lambda: now_s)
+    assert logs.due("this", 10.0)
+    assert logs.due("that", 10.0)
+    assert not logs.due("this", 10.0)
+    now_s += 10.5
+    assert logs.due("this", 10.0)
+
+
+def test_no_node_waits_for_ros_time() -> None:
+    """It stands where a clock was promised that nobody sets; stamps are made of it, patience is not."""
+    waits = re.compile(r"rospy\.(Rate|sleep|Timer)\b|_throttle\(|\.wait_for_(server|result|action)")
+    files = sorted(Path(threads.__file__).parent.rglob("*.py"))
+    assert [str(file) for file in files if waits.search(file.read_text(encoding="utf-8"))] == []
+
+
+NODE = """
+import logging, logging.config, os, sys
+import rospy
+from vsx_ros.ros import clock, logs, threads
+from vsx_ros.ros.diagnostics import DiagnosticArray, Diagnostics, ERROR, OK, WARN
+
+logs.quiet_failures()
+os.environ["ROS_LOG_FILENAME"] = sys.argv[1]
+logging.config.fileConfig(os.environ["ROS_PYTHON_LOG_CONFIG_FILE"], disable_existing_loggers=False)
+rospy.logerr("it is said all the same")
+rospy.logwarn("this, too")
+print("goes on")
+"""
+
+
+@pytest.mark.parametrize("log", ["/dev/full", "/no/such/folder/node.log"])
+def test_a_node_whose_words_nobody_takes_goes_on(log: str) -> None:
+    command = [sys.executable, "-c", NODE, log]
+    paths = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(command, env=paths, stdout=subprocess.PIPE, stderr=full, text=True, check=True)
+    assert done.stdout == "goes on\n"
+
+
+def test_a_line_that_is_logged_asks_no_master(monkeypatch: pytest.MonkeyPatch) -> None:
+    """rospy would, with every line."""
+    asked: list[str] = []
+    monkeypatch.setattr(rospy.impl.paramserver, "_param_server_cache", None)
+    monkeypatch.setattr(rospy.client, "_init_param_server", lambda: None)
+    monkeypatch.setattr(rospy.client, "_param_server", rospy.msproxy.MasterProxy("http://127.0.0.1:1"))
+    monkeypatch.setattr(rospy, "get_param", lambda name, default: asked.append(name) or default)
+    logs.log_without_master()
+    assert rospy.get_param_cached(asked[0], "asked the master") is False
+
+
+def test_a_reading_from_the_future_is_refused_and_one_from_a_clock_a_little_ahead_is_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(clock, "now_ns", lambda: 5_000_000_000)
+    for stamp_ns in (0, 5_000_000_000, 6_000_000_000):
+        clock.refuse_future(stamp_ns)
+    with pytest.raises(InputError, match=r"stamp 1\.5 s ahead"):
+        clock.refuse_future(6_500_000_000)
+
+
+def test_an_error_is_told_at_once_and_the_rest_once_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
+    arrays: list[list[tuple[str, int]]] = []
+    monkeypatch.setattr(threads, "every", lambda *_: None)
+    monkeypatch.setattr(rospy.Time, "now", lambda: rospy.Time(1, 0))
+    monkeypatch.setattr(rospy, "get_name", lambda: "/mobile_base")
+
+    class Heard:
+        def __init__(self, *_: object, **__: object) -> None:
+            pass
+
+        def publish(self, array: DiagnosticArray) -> None:
+            arrays.append([(status.name, status.level) for status in array.status])
+
+    monkeypatch.setattr(rospy, "Publisher", Heard)
+    diagnostics = Diagnostics("a base")
+    for level in (OK, WARN, OK, ERROR, ERROR, OK):
+        diagnostics.set("link", level, "words")
+        diagnostics.set("battery", OK, "words")
+    assert arrays == [[("mobile_base: link", ERROR)]]
+    assert base_driver.TOLD_NS * 1e-9 + mobile_base.LINK_PERIOD_S < 1.0, "a silent base is told within a second"

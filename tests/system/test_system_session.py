@@ -1,0 +1,70 @@
+"""Where a session puts what the base meets: where the wheels say it is by now."""
+
+import math
+
+import numpy as np
+import pytest
+
+from vsx_ros.config import Config
+from vsx_ros.dense.mapped_ground import MappedGround
+from vsx_ros.geometry.camera import mounted
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.robot import Odometry
+from vsx_ros.session import SlamSession
+from vsx_ros.slam.state import TrackingResult, TrackingState
+
+T_MAP_ODOM = SE2(1.0, 2.0, math.pi / 2)
+BEGAN, WHEELS = Odometry(1, SE2(0.5, 0.0, 0.0)), Odometry(7, SE2(3.0, 0.5, 0.2), 0.2, 0.0)
+"""The second perhaps metres after the last pose that the camera found."""
+
+
+def session_at(T_map_odom: SE2) -> SlamSession:
+    session = SlamSession(mounted(Config().robot.mount), Config())
+    T_world_cam = SE3.from_se2(T_map_odom @ BEGAN.T_odom_base) @ session.T_base_cam
+    session.locate(TrackingResult(1, TrackingState.GOOD, T_world_cam, 9, 9, False, ""), BEGAN)
+    return session
+
+
+def test_what_is_met_is_where_the_wheels_say() -> None:
+    met = session_at(T_MAP_ODOM).base_at(WHEELS)
+    assert met is not None
+    assert met.as_array() == pytest.approx(np.array([0.5, 5.0, math.pi / 2 + 0.2]))
+
+
+def test_nothing_is_met_in_a_map_in_which_the_base_is_unknown() -> None:
+    session = session_at(T_MAP_ODOM)
+    assert session.base_at(WHEELS._replace(odom_epoch=1)) is None, "odometry restarted since"
+    new = SlamSession(session.T_base_cam, Config())
+    assert new.base_at(WHEELS) == WHEELS.T_odom_base, "a new map begins as the odometry frame"
+    new.slam_map = object()  # type: ignore[assignment]
+    assert new.base_at(WHEELS) is None, "in a map made before it is not yet recognised"
+
+
+def test_an_impossible_reading_moves_nothing() -> None:
+    session = session_at(T_MAP_ODOM)
+    lost = TrackingResult(2, TrackingState.LOST, None, 9, 0, False, "dark")
+    where = session.locate(lost, Odometry(2, SE2(1e300, 0.0, 0.0)))
+    assert where.T_map_base == session_at(T_MAP_ODOM).where.T_map_base
+
+
+def test_the_ground_driven_while_the_camera_is_lost_is_free() -> None:
+    session = session_at(SE2())
+    for k in range(1, 11):
+        lost = TrackingResult(1 + k, TrackingState.LOST, None, 9, 0, False, "dark")
+        session.locate(lost, Odometry(1 + k, SE2(0.5 + 0.005 * k, 0.0, 0.0)))
+    assert session.where.T_map_base is not None
+    assert session.where.T_map_base.x == pytest.approx(0.55)
+
+
+def test_a_bump_after_the_last_map_is_kept_for_the_next_session() -> None:
+    ground = MappedGround(Config())
+    ground.start = SE2(0.5, 0.0, 0.0)
+    ground.bumped(SE2(1.0, 2.0, 0.0))
+    state = ground.state()
+    assert state["start"] == pytest.approx([0.5, 0.0, 0.0])
+    assert len(state["bumps"]) == 1
+    again = MappedGround(Config())
+    again.restore(state)
+    assert again.state()["start"] == pytest.approx([0.5, 0.0, 0.0])
+    assert len(again.state()["bumps"]) == 1

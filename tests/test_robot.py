@@ -1,0 +1,59 @@
+"""Where odometry restarts, and what lies between two readings."""
+
+import math
+
+import pytest
+
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.robot import Odometry, OdometryEpochs, odometry_at
+
+SECOND = 1_000_000_000
+
+
+def epochs(*readings: Odometry) -> list[int]:
+    door = OdometryEpochs(first=5)
+    return [door.enter(reading).odom_epoch - 5 for reading in readings]
+
+
+@pytest.mark.parametrize(
+    ("now", "restarted"),
+    [
+        (Odometry(SECOND // 50, SE2(3.02, 1.0, 0.4), 0.3), 0),
+        (Odometry(SECOND // 50, SE2(3.1, 1.0, 0.4), 0.3), 1),
+        (Odometry(SECOND // 50, SE2(3.0, 1.0, 0.7), 0.3), 1),
+        (Odometry(SECOND, SE2(4.2, 1.0, 0.4), 0.3), 0),
+        (Odometry(2 * SECOND, SE2(4.1, 1.0, 0.4), 0.3), 0),
+        (Odometry(2 * SECOND, SE2(4.3, 1.0, 0.4), 0.3), 1),
+        (Odometry(2 * SECOND, SE2(3.0, 1.0, 1.0), 0.3), 1),
+        (Odometry(9 * SECOND, SE2(3.0, 1.0, 0.4)), 0),
+    ],
+)
+def test_no_base_moves_so_far_in_that_time(now: Odometry, restarted: int) -> None:
+    assert epochs(Odometry(0, SE2(3.0, 1.0, 0.4), 0.3), now) == [0, restarted]
+
+
+def test_after_a_silence_a_base_at_the_origin_has_restarted_though_it_stood_near_it() -> None:
+    near, there = Odometry(0, SE2(0.1, 0.0, 0.0)), Odometry(2 * SECOND, SE2())
+    assert epochs(near, there, there._replace(stamp_ns=4 * SECOND)) == [0, 1, 1]
+    assert epochs(near, there._replace(stamp_ns=SECOND // 2)) == [0, 0]
+
+
+def test_readings_that_are_a_little_late_or_impossible_begin_no_epoch() -> None:
+    good = Odometry(SECOND, SE2(3.0, 1.0, 0.4))
+    bad = [SE2(math.nan, 0.0, 0.0), SE2(1e300, 0.0, 0.0)]
+    later = [good._replace(stamp_ns=SECOND + k, T_odom_base=T) for k, T in enumerate(bad, start=1)]
+    late = good._replace(stamp_ns=0, T_odom_base=SE2(2.98, 1.0, 0.4))
+    assert epochs(good, *later, late, good._replace(stamp_ns=SECOND + 9)) == [0] * 5
+    assert all(reading.impossible for reading in later)
+    assert good._replace(v=1e9).impossible
+    assert not good.impossible
+
+
+def test_nothing_lies_between_readings_of_two_epochs() -> None:
+    one = Odometry(0, SE2(3.0, 0.0, 0.0), 0.5)
+    other = Odometry(SECOND // 2, SE2(), odom_epoch=1)
+    between = odometry_at([one, other], SECOND // 10)
+    assert between is not None
+    assert (between.T_odom_base.x, between.odom_epoch) == (pytest.approx(3.05), 0)
+    assert odometry_at([one, other], SECOND // 3) is None
+    assert odometry_at([one, other], SECOND // 2) == other
