@@ -142,9 +142,13 @@ def soaks(rows: Sequence[Row]) -> list[str]:
             f"| {len(of['tracebacks'])} | {len(of['died_by_themselves'])} | {of['collisions']} | {of['path_m']:.0f} m "
             f"| {', '.join(f'{100 * error:.0f} cm' for error in of['error_rms_m'].values())} |"
         )
-    lines += ["", "| process | lives | longest, when it was warm | its memory then | grew by | keyframes that came |"]
-    lines += ["|---|---|---|---|---|---|"]
-    lives = [life for row in rows for life in row.result["lives"]]
+    lives = [life for row in rows for life in row.result.get("lives", ())]
+    if lives:
+        lines += [
+            "",
+            "| process | lives | longest, when it was warm | its memory then | grew by | keyframes that came |",
+        ]
+        lines += ["|---|---|---|---|---|---|"]
     for name in dict.fromkeys(life["name"] for life in lives):
         of_name = [life for life in lives if life["name"] == name]
         longest = max(of_name, key=lambda life: life["minutes"])
