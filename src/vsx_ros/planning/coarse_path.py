@@ -106,7 +106,7 @@ def free_words(margin: DistanceField, start: SE2, goal: SE2, phi: float, max_rev
             turns[k], lengths[k], phi,
         ):  # fmt: skip
             words.append(CoarsePath(turns[k], lengths[k] / phi, phi))
-    return sorted(words, key=lambda word: word.length_m)
+    return sorted(words, key=lambda word: round(word.length_m, 9))
 
 
 @dataclass(frozen=True, slots=True)

@@ -67,7 +67,7 @@ def connections(start: SE2, goal: SE2, phi: float, enough: int) -> list[Path]:
         best = min((path.length_m for path in found), default=math.inf)
         if len(found) >= enough and best <= GOOD_ENOUGH * optimum:
             break
-    return sorted([*found, word], key=lambda path: path.cost_m)
+    return sorted([*found, word], key=lambda path: round(path.cost_m, 9))
 
 
 def shortest_word(start: SE2, goal: SE2, phi: float) -> Path:

@@ -95,7 +95,10 @@ def shortest_segments(start: SE2, goal: SE2, phi: float) -> list[tuple[int, floa
 
 
 def free_space_sequences(start: SE2, goal: SE2, phi: float) -> list[HeadingSequence]:
-    """The sequences of all Reeds-Shepp words between two poses at curvature phi [rad/m], cheapest first."""
+    """The sequences of all Reeds-Shepp words between two poses at curvature phi [rad/m], cheapest first.
+
+    Lengths that differ by less than a nanometre are alike, whatever rounding a processor adds.
+    """
     relative = start.inverse() @ goal
     turns = np.zeros((MAX_WORDS, SEGMENTS), np.int64)
     lengths = np.zeros((MAX_WORDS, SEGMENTS))
@@ -105,4 +108,4 @@ def free_space_sequences(start: SE2, goal: SE2, phi: float) -> list[HeadingSeque
         for i in range(n)
         if (sequence := merge_segments(turns[i], lengths[i] / phi, phi, relative.theta)) is not None
     ]
-    return sorted(sequences, key=lambda sequence: sequence.length_m + CUSP_COST_M * sequence.cusps)
+    return sorted(sequences, key=lambda sequence: round(sequence.length_m + CUSP_COST_M * sequence.cusps, 9))
