@@ -5,9 +5,10 @@ python benchmarks/fault_master.py [--away 0.5 1 5 30] [--repetitions 20] [--minu
 As benchmarks/fault_nodes.py, on the same stack. A row is one repetition: for how long no master ran (``away_s``); how
 long the wheels turned after it was killed (``turned_s``, -1: they did not stop); when, after the new one was started,
 the stop path was there again (``path_s``: the service of the emergency stop, its node and the topics of the commands
-are registered, and the service accepts a connection); whether the wheels began to turn before that (``moved_before``);
-when the robot drove again by itself (``driving_s``, null: not within 60 s), or what ended it (``ending``); whether
-'vsx stop' then stopped it (``stopped``). What is there already by the present code is not measured again.
+are registered, and the service accepts a connection); whether the wheels, once they
+stood, turned before that (``moved_before``); when the robot drove again by itself (``driving_s``, null: not within
+60 s), or what ended it (``ending``); whether 'vsx stop' then stopped it (``stopped``). What is there already by the
+present code is not measured again.
 """
 
 from __future__ import annotations
@@ -24,8 +25,6 @@ from vsx_ros.experiments.rows import Store
 
 AWAY_S = (0.5, 1.0, 5.0, 30.0)
 DRIVES_WITHIN_S = 60.0
-STOPPED_S = 0.5
-"""After the kill: until then wheels may turn, also begin to, for the base has not asked yet; ``turned_s`` tells."""
 COMMANDS = ("safety_controller", "teleop", "navi")
 
 
@@ -78,7 +77,7 @@ def repetition(stack: object, away_s: float) -> dict[str, object]:
     turned_s = -1.0 if plant.moving else max(0.0, plant.stopped_s - killed_s)
     began_s = time.monotonic()
     stack.start_master()
-    path_s, moved = wait_for_stop_path(plant, killed_s + STOPPED_S)
+    path_s, moved = wait_for_stop_path(plant, killed_s + turned_s)
     drives = wait_for_motion(stack, DRIVES_WITHIN_S)
     return {
         "turned_s": round(turned_s, 3),

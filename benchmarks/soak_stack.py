@@ -4,8 +4,8 @@ python benchmarks/soak_stack.py [--minutes 60] [--kinds camera base node master 
 
 Every 20 s one fault comes and goes: the camera is unplugged, silent or loses images; the base is unplugged, silent or
 loses bytes; a node is killed and started again; the master is killed and started again; the disk of the run folder is
-full (a tmpfs, root only). At the end: growth of memory, process by process, from two minutes after its start, that of
-vslam beyond what its map holds; the error of the SLAM's pose and of the odometry against the emulated truth; tracebacks
+full (a tmpfs, root only). At the end: growth of memory, process by process, from two minutes after its start, and how
+many keyframes came since; the error of the SLAM's pose and of the odometry against the emulated truth; tracebacks
 in the nodes' words; nodes that died by themselves. That is a row, of which benchmarks/tables.py makes the table.
 """
 

@@ -144,11 +144,8 @@ def soaks(rows: Sequence[Row]) -> list[str]:
         )
     lives = [life for row in rows for life in row.result.get("lives", ())]
     if lives:
-        lines += [
-            "",
-            "| process | lives | longest, when it was warm | its memory then | grew by | keyframes that came |",
-        ]
-        lines += ["|---|---|---|---|---|---|"]
+        head = "| process | lives | the longest, since it was warm | its memory then | grew by | keyframes that came |"
+        lines += ["", head, "|---|---|---|---|---|---|"]
     for name in dict.fromkeys(life["name"] for life in lives):
         of_name = [life for life in lives if life["name"] == name]
         longest = max(of_name, key=lambda life: life["minutes"])

@@ -49,11 +49,13 @@ ROOMS: dict[str, tuple[str, ...]] = {
     "fault_sensors": ("hw/vsx_hw", "benchmarks/fault_sensors"),
     "fault_alarms": ("hw/vsx_hw", "benchmarks/fault_sensors"),
     "fuzz_files": (
+        "src/vsx_ros/cli",
         "src/vsx_ros/io",
         "src/vsx_ros/limits",
         "src/vsx_ros/runs",
         "benchmarks/file_mutations",
         "benchmarks/file_samples",
+        "benchmarks/fuzz_files",
     ),
     "soak_stack": ("src/vsx_ros", "hw/vsx_hw", "benchmarks/soak_stack", "benchmarks/exploring_robot"),
 }

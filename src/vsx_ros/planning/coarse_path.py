@@ -17,6 +17,7 @@ from vsx_ros.kernels.planning.reeds_shepp_table import reeds_shepp_table
 from vsx_ros.kernels.planning.rrt import rrt_connect
 from vsx_ros.kernels.planning.shortcuts import shorten
 from vsx_ros.occupancy.distance import DistanceField, travel_distance, with_fringe
+from vsx_ros.planning.heading_sequences import nanometres
 from vsx_ros.planning.path import CUSP_COST_M
 from vsx_ros.planning.pieces import Piece, arc_piece
 
@@ -106,7 +107,7 @@ def free_words(margin: DistanceField, start: SE2, goal: SE2, phi: float, max_rev
             turns[k], lengths[k], phi,
         ):  # fmt: skip
             words.append(CoarsePath(turns[k], lengths[k] / phi, phi))
-    return sorted(words, key=lambda word: round(word.length_m, 9))
+    return sorted(words, key=lambda word: nanometres(word.length_m))
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.planning import joint_qp
 from vsx_ros.planning.feasibility import check_question, feasible
-from vsx_ros.planning.heading_sequences import free_space_sequences, shortest_segments
+from vsx_ros.planning.heading_sequences import free_space_sequences, nanometres, shortest_segments
 from vsx_ros.planning.path import CUSP_COST_M, Path, Refusal, certified
 from vsx_ros.planning.pieces import Piece, arc_piece
 from vsx_ros.planning.position_qp import connect_paper
@@ -67,7 +67,7 @@ def connections(start: SE2, goal: SE2, phi: float, enough: int) -> list[Path]:
         best = min((path.length_m for path in found), default=math.inf)
         if len(found) >= enough and best <= GOOD_ENOUGH * optimum:
             break
-    return sorted([*found, word], key=lambda path: round(path.cost_m, 9))
+    return sorted([*found, word], key=lambda path: nanometres(path.cost_m))
 
 
 def shortest_word(start: SE2, goal: SE2, phi: float) -> Path:

@@ -94,11 +94,13 @@ def shortest_segments(start: SE2, goal: SE2, phi: float) -> list[tuple[int, floa
     return [(turn, length) for turn, length in segments if abs(length) > 1e-12]
 
 
-def free_space_sequences(start: SE2, goal: SE2, phi: float) -> list[HeadingSequence]:
-    """The sequences of all Reeds-Shepp words between two poses at curvature phi [rad/m], cheapest first.
+def nanometres(cost_m: float) -> int:
+    """By which costs are ordered: of equal ones the first is taken, whatever rounding a processor adds."""
+    return round(1e9 * cost_m)
 
-    Lengths that differ by less than a nanometre are alike, whatever rounding a processor adds.
-    """
+
+def free_space_sequences(start: SE2, goal: SE2, phi: float) -> list[HeadingSequence]:
+    """The sequences of all Reeds-Shepp words between two poses at curvature phi [rad/m], cheapest first."""
     relative = start.inverse() @ goal
     turns = np.zeros((MAX_WORDS, SEGMENTS), np.int64)
     lengths = np.zeros((MAX_WORDS, SEGMENTS))
@@ -108,4 +110,4 @@ def free_space_sequences(start: SE2, goal: SE2, phi: float) -> list[HeadingSeque
         for i in range(n)
         if (sequence := merge_segments(turns[i], lengths[i] / phi, phi, relative.theta)) is not None
     ]
-    return sorted(sequences, key=lambda sequence: round(sequence.length_m + CUSP_COST_M * sequence.cusps, 9))
+    return sorted(sequences, key=lambda sequence: nanometres(sequence.length_m + CUSP_COST_M * sequence.cusps))
