@@ -46,8 +46,12 @@ def test_minus_zero_is_written_as_zero(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "line", ["1 2 3", "1 0 0 0 0 0 0 0", "1 0 0 nan 0 0 0 1", "1 0 0 0 0 0 0 5", "x 0 0 0 0 0 0 1", "1 0 0 0 0 0 0 1 9"]
-)
+    "line",
+    [
+        "1 2 3", "1 0 0 0 0 0 0 0", "1 0 0 nan 0 0 0 1", "1 0 nan 0 0 0 0 1", "1 0 0 0 0 0 0 5", "x 0 0 0 0 0 0 1",
+        "1 0 0 0 0 0 0 1 9", "1 0 -1e290 0 0 0 0 1", "1 inf 0 0 0 0 0 1",
+    ],
+)  # fmt: skip
 def test_wrong_lines_are_named(tmp_path, line):
     (tmp_path / "t.txt").write_text("# header\n" + line + "\n")
     with pytest.raises(InputError, match="line 2"):

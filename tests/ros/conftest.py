@@ -200,11 +200,12 @@ class Stack:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What changes rospy itself comes first, before this process is a node; what sends the one robot of all tests home
-    comes last."""
+    """What changes rospy itself comes first, before this process is a node. What uses the one robot of all tests comes
+    late, so that it explores on two cores of its own and beside no other run; what sends it home comes last."""
     items.sort(
         key=lambda item: (
             item.get_closest_marker("ends_mission") is not None,
+            "stack" in getattr(item, "fixturenames", ()),
             item.get_closest_marker("changes_rospy") is None,
         )
     )

@@ -95,11 +95,15 @@ def run(args: argparse.Namespace) -> int:
             f"--until {args.until:g}: how much is right is known of an emulated world and a new map alone"
         )
     _refuse_wires(args)
-    compile_kernels()
     if args.fast:
         from vsx_ros.runs.lockstep import explore_fast
 
+        compile_kernels()
         return explore_fast(args)
+    from vsx_ros.ros.launch import package_environment
+
+    package_environment()  # before minutes of compiling
+    compile_kernels()
     from vsx_ros.ros.run import explore
 
     return explore(args)

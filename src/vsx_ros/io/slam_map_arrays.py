@@ -104,7 +104,8 @@ def check(arrays: Mapping[str, NDArray[Any]], width: int, height: int) -> None:
             raise ValueError(f"{name} holds a number that is not finite")
     for name in ("rotation", "anchor_rotation"):
         R = arrays[name]
-        if np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max() > _ORTHONORMAL or np.linalg.det(R).min() < 0:
+        small = np.abs(R).max() <= 1.0 + _ORTHONORMAL  # the product of larger numbers may overflow
+        if not small or np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max() > _ORTHONORMAL or np.linalg.det(R).min() < 0:
             raise ValueError(f"{name} holds a matrix that is no rotation")
     K, P, T = sizes["K"], sizes["P"], sizes["T"]
     _within(arrays, "anchor", -1, K)

@@ -16,6 +16,8 @@ from vsx_ros.io.atomic import write_text
 from vsx_ros.limits import LOG_BYTES, file_text
 
 HEADER = "# stamp tx ty tz qx qy qz qw\n"
+FARTHEST_M = 1e7
+"""No trajectory on Earth leaves it, and squares of such numbers are far from where linear algebra fails or hangs."""
 
 
 def format_stamp(stamp_ns: int) -> str:
@@ -57,7 +59,7 @@ def write_trajectory(path: Path, poses: Iterable[StampedPose]) -> None:
 def read_trajectory(path: Path) -> list[StampedPose]:
     """All poses of a file, in its order.
 
-    Raises InputError naming file and line when a line is not eight finite numbers with a non-zero quaternion.
+    Raises InputError naming file and line when a line is no stamp, position within FARTHEST_M, unit quaternion.
     """
     try:
         text = file_text(path, LOG_BYTES)
@@ -81,8 +83,9 @@ def _pose_of(line: str, where: str) -> StampedPose:
         raise InputError(f"{where}: expected 'stamp tx ty tz qx qy qz qw', got {line.strip()[:80]!r}") from error
     quaternion = (qx, qy, qz, qw)
     norm = math.sqrt(sum(q * q for q in quaternion))
-    if not (math.isfinite(x + y + z + norm) and abs(norm - 1.0) < 0.05):
+    if not (all(abs(v) <= FARTHEST_M for v in (x, y, z)) and abs(norm - 1.0) < 0.05):
         raise InputError(
-            f"{where}: the numbers must be finite and the quaternion of length 1, got {line.strip()[:80]!r}"
+            f"{where}: positions must be within {FARTHEST_M:g} m and the quaternion of length 1, "
+            f"got {line.strip()[:80]!r}"
         )
     return StampedPose(stamp_ns, SE3.from_quaternion(np.array([x, y, z]), quaternion))
