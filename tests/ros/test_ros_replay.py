@@ -94,8 +94,13 @@ def test_the_nodes_find_what_lock_step_finds(bag: Path, in_lock_step: RunFolder,
 
 
 def test_rosbags_own_player_feeds_the_nodes_too(bag: Path, in_lock_step: RunFolder, tmp_path: Path) -> None:
-    """roslaunch ends by itself when the bag does, and leaves the results."""
-    names = ["image_topic:=/kinect/image_raw", "camera_info_topic:=/kinect/camera_info", "odometry_topic:=/wheels"]
+    """roslaunch ends by itself when the bag does, and leaves the results. Slowly: rosbag play waits for nobody."""
+    names = [
+        "rate:=0.4",
+        "image_topic:=/kinect/image_raw",
+        "camera_info_topic:=/kinect/camera_info",
+        "odometry_topic:=/wheels",
+    ]
     done = subprocess.run(
         ["roslaunch", "vsx_ros", "replay.launch", f"bag:={bag}", f"run_dir:={tmp_path / 'run'}", *names],
         env={**environment(tmp_path), "ROS_PACKAGE_PATH": f"{CHECKOUT}:/usr/share", "VSX_PYTHON": sys.executable},

@@ -2,8 +2,8 @@
 
 import errno
 import sys
-import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,6 +20,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Odometry, VelocityCommand
 from vsx_ros.ros import logs, slam_run
 from vsx_ros.ros.slam_run import SlamRun
+from vsx_ros.runs import session
 from vsx_ros.runs.folder import RunEvent, RunFolder
 from vsx_ros.runs.session import PreviousSessions, RunWriter
 from vsx_ros.sim.generate import generate_world
@@ -72,7 +73,7 @@ def test_a_map_that_takes_long_to_write_is_written_less_often(driven, tmp_path: 
     writer = RunWriter(robot.T_base_cam_given, RunFolder(tmp_path), rest=4.0)
     first_ns = frames[-1][0].stamp_ns
     seconds = iter([0.0, 10.0, 20.0, 20.1, 30.0, 30.1])  # before and after each of three writes
-    monkeypatch.setattr(time, "monotonic", lambda: next(seconds))
+    monkeypatch.setattr(session, "time", SimpleNamespace(monotonic=lambda: next(seconds)))
 
     def is_written(after_s: float) -> bool:
         (tmp_path / "resume" / "map.zip").unlink(missing_ok=True)
