@@ -82,8 +82,8 @@ def test_a_camera_found_again_meanwhile_stays_where_it_is(arc_drive, monkeypatch
     for frame, odometry, _ in arc_drive.frames[:40]:
         slam.track(frame, odometry)
     front = slam._front
-    assert front._bootstrap.once(pairs[0]) is pairs[0]
-    assert front._bootstrap.once(pairs[0]) is None
+    assert front._bootstrap.claim(pairs[0]) is pairs[0]
+    assert front._bootstrap.claim(pairs[0]) is None
     second = make(pairs[0]._replace(odom_epoch=front._new_epoch()))
     assert second.keyframes[-1].map_id == 1
     assert front.started(second) is None
