@@ -26,9 +26,13 @@ from vsx_ros.runs.robot_file import default_robot_file, update_robot_file
 from vsx_ros.slam.slam import SequentialSlam
 
 
-def calibrate_odometry(args: argparse.Namespace) -> int:
-    """Find the factors the chosen way, say how sure they are, write them unless they are bad."""
+def calibrate(args: argparse.Namespace) -> int:
+    """Find odometry or mount, say how sure they are, write them unless they are bad."""
     config, recording = load(args.config, args.set), _recording(args)
+    return (_odometry if args.verb == "odometry" else _mount)(args, config, recording)
+
+
+def _odometry(args: argparse.Namespace, config: Config, recording: Recording) -> int:
     poses = [reading.T_odom_base for reading in recording.odometry]
     if args.distance is not None:
         result = from_known_way(poses, args.distance)
@@ -48,9 +52,7 @@ def calibrate_odometry(args: argparse.Namespace) -> int:
     return _conclude(args.out, "odometry", values, result.verdict, ", ".join(sure))
 
 
-def calibrate_mount_of_drive(args: argparse.Namespace) -> int:
-    """Find the mount, say how sure it is, write it unless it is bad."""
-    config, recording = load(args.config, args.set), _recording(args)
+def _mount(args: argparse.Namespace, config: Config, recording: Recording) -> int:
     before = config.robot.mount
     drive, points = _seen_by_slam(recording, config.slam)
     result = calibrate_mount(drive, points, before.forward_m, before.left_m)

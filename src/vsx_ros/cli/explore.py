@@ -1,4 +1,11 @@
-"""``vsx explore``: an autonomous exploration, live through the ROS nodes or in lock-step (``--fast``)."""
+"""``vsx explore``: explore and map by itself: a real robot, or an emulated one with --world
+
+An autonomous exploration. With --world the emulator stands in for the robot under the real drivers; without it, real
+devices are used.
+
+examples: vsx explore --world lab --seed 1 --time 240 | vsx explore --base kobuki --port /dev/kobuki | vsx explore
+--fast --seed 1 | vsx explore --resume runs/today
+"""
 
 from __future__ import annotations
 
@@ -6,29 +13,14 @@ import argparse
 import os
 import re
 from pathlib import Path
-from typing import Any
 
-from vsx_ros.cli import config
 from vsx_ros.cli.compiled import compile_kernels
+from vsx_ros.cli.config import add_parameters
 from vsx_ros.errors import ConfigError
 from vsx_ros.registry import PLUGINS, Kinds
 
 BASES = Kinds(("auto", "kobuki", "create", "create2", "ros"))
 PLANNERS = Kinds(("fov", "unconstrained"))
-
-
-def add_parser(subparsers: Any) -> None:
-    """Register the command and its options."""
-    parser = subparsers.add_parser(
-        "explore",
-        help="explore and map by itself: a real robot, or an emulated one with --world",
-        description="An autonomous exploration. With --world the emulator stands in for the robot under the real "
-        "drivers; without it, real devices are used.",
-        epilog="examples: vsx explore --world lab --seed 1 --time 240   |   vsx explore --base kobuki --port "
-        "/dev/kobuki   |   vsx explore --fast --seed 1   |   vsx explore --resume runs/today",
-    )
-    add_arguments(parser)
-    parser.set_defaults(run=run)
 
 
 def add_arguments(parser: argparse.ArgumentParser, *, with_load_map: bool = True) -> None:
@@ -81,7 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser, *, with_load_map: bool = True
     parser.add_argument("--view", action="store_true", help="serve the live view, for a browser on this machine")
     parser.add_argument("--headless", action="store_true", help="open no window and no browser")
     parser.add_argument("--out", type=Path, metavar="RUN", help="run folder (default runs/<date>_<world>)")
-    config.add_arguments(parser)
+    add_parameters(parser)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -1,4 +1,9 @@
-"""``vsx plan``: one motion plan with its certificate and time scaling, as text, JSON or a picture."""
+"""``vsx plan``: plan one motion from pose to pose and prove what it promises
+
+Plans from pose to pose, in a map or on open floor, and prints the certificate and the time.
+
+example: vsx plan --start 0,0,0 --goal 2,-1,90 --phi 1 --plot plan.png
+"""
 
 from __future__ import annotations
 
@@ -9,6 +14,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from vsx_ros.cli.config import add_parameters
 from vsx_ros.registry import Kinds
 from vsx_ros.runs.exit_codes import DONE, FAILED
 
@@ -22,16 +28,8 @@ PLANNERS = Kinds(("fov", "unconstrained", "paper"))
 _OPEN_FLOOR_MARGIN_M = 3.0
 
 
-def add_parser(subparsers: Any) -> None:
-    """Register the command and its options."""
-    from vsx_ros.cli import config
-
-    parser = subparsers.add_parser(
-        "plan",
-        help="plan one motion from pose to pose and prove what it promises",
-        description="Plans from pose to pose, in a map or on open floor, and prints the certificate and the time.",
-        epilog="example: vsx plan --start 0,0,0 --goal 2,-1,90 --phi 1 --plot plan.png",
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Its options."""
     # Poses may begin with a minus sign.
     parser._negative_number_matcher = re.compile(r"^-[\d.]")
     parser.add_argument("--start", type=_pose, required=True, metavar="X,Y,DEG", help="metres and degrees")
@@ -42,8 +40,7 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument("--seed", type=int, default=0, help="of the randomised searches (default 0)")
     parser.add_argument("--json", action="store_true", help="print everything as JSON")
     parser.add_argument("--plot", type=Path, metavar="FILE", help="write a picture (.png)")
-    config.add_arguments(parser)
-    parser.set_defaults(run=run)
+    add_parameters(parser)
 
 
 def _pose(text: str) -> tuple[float, float, float]:

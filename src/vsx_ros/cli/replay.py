@@ -1,4 +1,12 @@
-"""``vsx replay``: the SLAM over a recording, every frame in order, and what came of it in a run folder."""
+"""``vsx replay``: run the SLAM over a bag or an image folder
+
+Tracks every image of a ROS 1 or ROS 2 bag or of a folder in the TUM RGB-D layout (rgb.txt, camera.json,
+groundtruth.txt), in order and repeatably, and leaves a run folder with the trajectory and a report. Ctrl-C ends it with
+what there is.
+
+examples: vsx replay drive.bag --map | vsx replay rgbd_freiburg1_xyz --calibration fr1.yaml | vsx replay drive.bag --ros
+--view
+"""
 
 from __future__ import annotations
 
@@ -7,9 +15,10 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from vsx_ros.cli.compiled import compile_kernels
+from vsx_ros.cli.config import add_parameters
 from vsx_ros.errors import ConfigError
 from vsx_ros.runs.interruptible import interruptible
 
@@ -27,19 +36,8 @@ _PROGRESS_EVERY_S = 0.5
 _MAX_RATE = 100.0
 
 
-def add_parser(subparsers: Any) -> None:
-    """Register the command and its options."""
-    from vsx_ros.cli.config import add_arguments
-
-    parser = subparsers.add_parser(
-        "replay",
-        help="run the SLAM over a bag or an image folder",
-        description="Tracks every image of a ROS 1 or ROS 2 bag or of a folder in the TUM RGB-D layout (rgb.txt, "
-        "camera.json, groundtruth.txt), in order and repeatably, and leaves a run folder with the trajectory and a "
-        "report. Ctrl-C ends it with what there is.",
-        epilog="examples: vsx replay drive.bag --map   |   vsx replay rgbd_freiburg1_xyz --calibration fr1.yaml   |   "
-        "vsx replay drive.bag --ros --view",
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Its options."""
     help_ = "a bag (ROS 1: .bag; ROS 2: folder, .db3 or .mcap) or a folder with rgb.txt"
     parser.add_argument("input", type=Path, metavar="INPUT", help=help_)
     parser.add_argument("--calibration", type=Path, metavar="FILE", help="ROS camera_info YAML or camera.json")
@@ -55,8 +53,7 @@ def add_parser(subparsers: Any) -> None:
         "--rate", type=float, metavar="R", help="with --ros: speed; 1 (default) real time, 0 with no image left out"
     )
     parser.add_argument("--view", action="store_true", help="with --ros: serve the live view")
-    add_arguments(parser)
-    parser.set_defaults(run=run)
+    add_parameters(parser)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -1,4 +1,14 @@
-"""``vsx reproduce``: the paper's table and figures made anew, in emulation, with the numbers behind them."""
+"""``vsx reproduce``: make the paper's table and figures anew
+
+table1: drives of many worlds to goals that look elsewhere, by the constrained planner, by one that turns on the spot
+and by the paper's own, tracked as in the paper and by the full tracker. fig2, fig6: their paths, planned and tracked.
+fig3: states to which one segment leads. fig4: points, planes and surface. fig5: the sparse and the dense ground map
+beside the truth. fig7: the map at stages of an exploration. Each leaves a page that needs nothing else, and its
+numbers. Ctrl-C interrupts, the same command continues.
+
+examples: vsx reproduce all --quick | vsx reproduce table1 --seeds 100:120 --jobs 2 | vsx reproduce fig5 --seeds 101:102
+--time 90
+"""
 
 from __future__ import annotations
 
@@ -16,20 +26,8 @@ WHAT = ("table1", *(f"fig{k}" for k in range(2, 8)), "all")
 _QUICK_SEEDS, _QUICK_TIME_S = 2, 60.0
 
 
-def add_parser(subparsers: Any) -> None:
-    """Register the command and its options."""
-    parser = subparsers.add_parser(
-        "reproduce",
-        help="make the paper's table and figures anew",
-        description="table1: drives of many worlds to goals that look elsewhere, by the constrained planner, by one "
-        "that turns on the spot and by the paper's own, tracked as in the paper and by the full tracker. fig2, fig6: "
-        "their paths, planned and tracked. fig3: states to which one segment leads. fig4: points, planes and surface. "
-        "fig5: the sparse and the dense ground map beside the truth. fig7: the map at stages of an "
-        "exploration. Each leaves a page that needs nothing else, and its numbers. Ctrl-C interrupts, the same command "
-        "continues.",
-        epilog="examples: vsx reproduce all --quick   |   vsx reproduce table1 --seeds 100:120 --jobs 2   |   "
-        "vsx reproduce fig5 --seeds 101:102 --time 90",
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Its options."""
     parser.add_argument("what", metavar="WHAT", choices=WHAT, help=", ".join(WHAT))
     parser.add_argument("--world", default="lab", metavar="NAME", help="lab, office, corridor, building or a file")
     parser.add_argument("--seeds", type=seeds, metavar="A:B", help="worlds A to B - 1 (default 100:120; figures: A)")
@@ -41,7 +39,6 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument("--quick", action="store_true", help="two worlds and a minute: done in some minutes")
     parser.add_argument("--out", type=Path, default=Path("results"), metavar="FOLDER", help="default: results")
     add_engine_arguments(parser)
-    parser.set_defaults(run=run)
 
 
 def add_engine_arguments(parser: argparse.ArgumentParser) -> None:

@@ -1,20 +1,18 @@
-"""``vsx world``: write an emulated building to a file, draw it, or see what the robot would see."""
+"""``vsx world``: write an emulated building to world.yaml
+
+Makes a building for the emulator: from a generator's name and seed, or from a map_server map.
+
+examples: vsx world lab --seed 3 --out world.yaml | vsx world office.yaml --picture plan.png
+"""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
 
 
-def add_parser(subparsers: Any) -> None:
-    """Register the command and its options."""
-    parser = subparsers.add_parser(
-        "world",
-        help="write an emulated building to world.yaml",
-        description="Makes a building for the emulator: from a generator's name and seed, or from a map_server map.",
-        epilog="examples: vsx world lab --seed 3 --out world.yaml   |   vsx world office.yaml --picture plan.png",
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Its options."""
     parser.add_argument(
         "name", metavar="NAME", help="lab, office, corridor, building, a world.yaml, a map.yaml, a .png"
     )
@@ -22,7 +20,6 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument("--out", type=Path, metavar="FILE", help="write the world to this YAML file")
     parser.add_argument("--picture", type=Path, metavar="FILE.png", help="draw the plan and the first view")
     parser.add_argument("--map", type=Path, metavar="FILE.pgm", help="write the true map (pgm and yaml) for map_server")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
