@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from operator import add
 from typing import NamedTuple
 
-from vsx_hw.command_trace import LONGEST_PAUSE_NS, CommandTrace, Span
+from vsx_hw.command_trace import HELD, LONGEST_PAUSE_NS, CommandTrace, Span, wheel_verdict
 from vsx_hw.turn_mismatch import TurnMismatch
-from vsx_hw.wheel_verdict import HELD, wheel_verdict
 
 WINDOW_NS = 1_000_000_000
 PERIOD_NS = 20_000_000
@@ -65,15 +65,7 @@ class _Sums(NamedTuple):
 
     def after(self, step: _Sums) -> _Sums:
         """These sums and those of a step more."""
-        return _Sums(
-            self.time_ns + step.time_ns,
-            self.left_m + step.left_m,
-            self.right_m + step.right_m,
-            self.wheels_rad + step.wheels_rad,
-            self.gyro_rad + step.gyro_rad,
-            self.no_gyro + step.no_gyro,
-            self.no_wheels + step.no_wheels,
-        )
+        return _Sums(*map(add, self, step))
 
 
 class MotionCheck:

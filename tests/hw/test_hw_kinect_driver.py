@@ -11,8 +11,7 @@ from hw_plant import until
 from vsx_hw.errors import DeviceNotFound, ProtocolError
 from vsx_hw.kinect import driver as driver_module
 from vsx_hw.kinect.driver import KinectCamera
-from vsx_hw.kinect.emulator import KinectBoard, KinectEmulator
-from vsx_hw.kinect.packets import packetize
+from vsx_hw.kinect.emulator import KinectBoard, KinectEmulator, packetize
 from vsx_hw.kinect.protocol import (
     EXPOSURE_MODES,
     MODES,

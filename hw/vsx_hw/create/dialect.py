@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from functools import reduce
+from operator import or_
 
+from vsx_hw.base_driver import Dialect
 from vsx_hw.create.protocol import (
     CREATE_1,
     CREATE_2,
@@ -34,17 +37,23 @@ _KNOWN = {21: ("charging state", range(6)), 34: ("chargers", range(4))}
 _SLOW = {18: 0, 21: 0, 22: 500, 25: 100, 26: 0, 34: 0}
 """By how much packets change from one report to the next, mV and mAh; what people change counts when repeated."""
 
+_HAZARDS = (
+    (7, 1, Hazard.BUMPER_RIGHT), (7, 2, Hazard.BUMPER_LEFT),
+    (7, 4, Hazard.WHEEL_DROP_RIGHT), (7, 8, Hazard.WHEEL_DROP_LEFT), (7, 16, Hazard.WHEEL_DROP),
+    (9, 1, Hazard.CLIFF_LEFT), (10, 1, Hazard.CLIFF_CENTER), (11, 1, Hazard.CLIFF_CENTER), (12, 1, Hazard.CLIFF_RIGHT),
+    (14, 8, Hazard.OVERCURRENT_RIGHT), (14, 16, Hazard.OVERCURRENT_LEFT),
+)  # fmt: skip
+"""Packet, bit, and what it means."""
+
 BRIGHT = 255
 _COLORS = {Signal.READY: 0, Signal.HELD: 128, Signal.ALARM: 255}
 ALARM_SONG, ALARM_NOTES = 0, [(84, 0.125), (72, 0.25)]
 
 
-class CreateDialect:
-    """See ``vsx_hw.base_driver.Dialect``.
-
-    The robots are driven in Safe mode: at a cliff or a raised wheel they stop by themselves and fall to Passive. They
-    are put back to Safe when the cause is gone, or for reversing from a cliff, and a command to move arrives; from a
-    mode that is not known at once, unless they charge.
+class CreateDialect(Dialect):
+    """Both robots are driven in Safe mode: at a cliff or a raised wheel they stop by themselves and fall to Passive.
+    They are put back to Safe when the cause is gone, or for reversing from a cliff, and a command to move arrives; from
+    a mode that is not known at once, unless they charge.
     """
 
     def __init__(self, model: Model) -> None:
@@ -164,20 +173,8 @@ def warnings_of(values: Mapping[int, int]) -> tuple[str, ...]:
 
 
 def hazards_of(values: Mapping[int, int]) -> Hazard:
-    """Packets 7 (bit 0 right, 1 left bump; 2 right, 3 left, 4 caster drop), 9-12 (cliffs from left to right) and 14
-    (overcurrent: 3 right, 4 left wheel)."""
-    bumps = values[7]
-    hazards = Hazard.NONE
-    for bit, hazard in ((1, Hazard.BUMPER_RIGHT), (2, Hazard.BUMPER_LEFT)):
-        hazards |= hazard if bumps & bit else Hazard.NONE
-    for bit, hazard in ((4, Hazard.WHEEL_DROP_RIGHT), (8, Hazard.WHEEL_DROP_LEFT), (16, Hazard.WHEEL_DROP)):
-        hazards |= hazard if bumps & bit else Hazard.NONE
-    sides = ((9, Hazard.CLIFF_LEFT), (10, Hazard.CLIFF_CENTER), (11, Hazard.CLIFF_CENTER), (12, Hazard.CLIFF_RIGHT))
-    for packet, hazard in sides:
-        hazards |= hazard if values[packet] else Hazard.NONE
-    for bit, hazard in ((8, Hazard.OVERCURRENT_RIGHT), (16, Hazard.OVERCURRENT_LEFT)):
-        hazards |= hazard if values[14] & bit else Hazard.NONE
-    return hazards
+    """All that these packets tell; a caster drop counts as both wheels."""
+    return reduce(or_, (hazard for packet, bit, hazard in _HAZARDS if values[packet] & bit), Hazard.NONE)
 
 
 def battery_of(values: Mapping[int, int]) -> BatteryReading:

@@ -33,7 +33,7 @@ class Create2Dialect(CreateDialect):
 
     def __init__(self, linear_scale: float = 1.0, angular_scale: float = 1.0) -> None:
         super().__init__(CREATE_2)
-        self._odometry = EncoderOdometry(linear_scale, angular_scale)
+        self.odometry = EncoderOdometry(linear_scale, angular_scale)
         self._parser = StreamParser()
         self._refused = 0
 
@@ -47,26 +47,18 @@ class Create2Dialect(CreateDialect):
         readings = []
         for values in self._parser.feed(data):
             if list(values) != STREAM_PACKETS or not self.believes(
-                values, self._odometry.can_follow(values[43], values[44], now_ns)
+                values, self.odometry.can_follow(values[43], values[44], now_ns)
             ):
                 self._refused += 1
             else:
-                odometry = self._odometry.update(values[43], values[44], self.driving, now_ns)
+                odometry = self.odometry.update(values[43], values[44], self.driving, now_ns)
                 readings.append(self.base_reading(values, odometry))
         return readings
 
-    def waits(self) -> bool:
-        """See Dialect. The robot streams."""
-        return True
-
     def drive(self, v_m_s: float, omega_rad_s: float) -> bytes:
         """See Dialect."""
-        self._odometry.command(*((v_m_s, omega_rad_s) if self.obeys else (0.0, 0.0)))
+        self.odometry.command(*((v_m_s, omega_rad_s) if self.obeys else (0.0, 0.0)))
         return self.wheel_command(v_m_s, omega_rad_s)
-
-    def reset_odometry(self) -> None:
-        """See Dialect."""
-        self._odometry.reset()
 
     def counters(self) -> dict[str, int]:
         """See Dialect."""
@@ -81,7 +73,7 @@ class Create1Dialect(CreateDialect):
 
     def __init__(self, linear_scale: float = 1.0, angular_scale: float = 1.0) -> None:
         super().__init__(CREATE_1)
-        self._odometry = DistanceOdometry(linear_scale, angular_scale)
+        self.odometry = DistanceOdometry(linear_scale, angular_scale)
         self._gyro = BoardGyro()
         self._gyro_heading_rad = 0.0
         self._gyro_ns = 0
@@ -95,7 +87,7 @@ class Create1Dialect(CreateDialect):
         """See Dialect. What the robot printed at start-up is not an answer; what it drove since the last reading is
         lost with the first of this connection."""
         if self._measured_once:
-            self._odometry.lose()
+            self.odometry.lose()
         self._asked, self._measured_once = [], False
         yield from self.greeting()
         yield bytes((Opcode.PAUSE_STREAM, 0)), 0.0
@@ -117,12 +109,12 @@ class Create1Dialect(CreateDialect):
         if 19 in values:
             # The first reading holds whatever happened before this program began.
             if self._measured_once:
-                self._odometry.measure(values[19], values[20], now_ns)
+                self.odometry.measure(values[19], values[20], now_ns)
             self._measured_once = True
         gyro = self._turned(values, now_ns)
-        odometry = self._odometry.reading(now_ns, None if gyro is None else gyro.rate_rad_s)
+        odometry = self.odometry.reading(now_ns, None if gyro is None else gyro.rate_rad_s)
         if gyro is not None:
-            gyro = gyro._replace(trusted=self._odometry.gyro_trusted)
+            gyro = gyro._replace(trusted=self.odometry.gyro_trusted)
         return [self.base_reading(values, odometry, gyro)]
 
     def _turned(self, values: Mapping[int, int], now_ns: int) -> GyroReading | None:
@@ -142,7 +134,7 @@ class Create1Dialect(CreateDialect):
         """The command, the camera's supply (digital output 0 of a TurtleBot 1, cleared whenever Safe is left), and the
         next question; none after an answer that did not come, so that its late bytes are not taken for the next, nor
         behind a change of mode, where it would be lost."""
-        self._odometry.command(*((v_m_s, omega_rad_s) if self.obeys else (0.0, 0.0)))
+        self.odometry.command(*((v_m_s, omega_rad_s) if self.obeys else (0.0, 0.0)))
         command = self.wheel_command(v_m_s, omega_rad_s) + (bytes((Opcode.DIGITAL_OUTPUTS, 1)) if self.obeys else b"")
         if self._asked:
             self._give_up()
@@ -161,13 +153,9 @@ class Create1Dialect(CreateDialect):
         has not read out still counts up inside."""
         self._lost += 1
         if 19 in self._asked:
-            self._odometry.lose()
+            self.odometry.lose()
             self._queries = 0
         self._asked = []
-
-    def reset_odometry(self) -> None:
-        """See Dialect."""
-        self._odometry.reset()
 
     def counters(self) -> dict[str, int]:
         """See Dialect."""

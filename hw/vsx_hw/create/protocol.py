@@ -121,10 +121,7 @@ class StreamParser:
     def feed(self, data: bytes) -> list[dict[int, int]]:
         """The frames completed by these bytes, in order."""
         self._buffer += data
-        found = []
-        while (frame := self._next()) is not None:
-            found.append(frame)
-        return found
+        return list(iter(self._next, None))
 
     def _next(self) -> dict[int, int] | None:
         buffer = self._buffer

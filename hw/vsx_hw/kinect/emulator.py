@@ -15,13 +15,19 @@ from numpy.typing import NDArray
 
 from vsx_hw.errors import DeviceError, ProtocolError
 from vsx_hw.kinect import wire
-from vsx_hw.kinect.packets import packetize
 from vsx_hw.kinect.protocol import (
     CLOCK_HZ,
     CMOS_REGISTER,
     EXPOSURE_MODES,
+    FLAG_END,
+    FLAG_MIDDLE,
+    FLAG_START,
+    HEADER_BYTES,
     MICROFRAME_NS,
     MODES,
+    PACKET_BYTES,
+    PACKET_DATA_BYTES,
+    PACKET_MAGIC,
     STREAM_SWITCH,
     WRITE_REGISTER,
     StreamMode,
@@ -123,11 +129,9 @@ class KinectEmulator:
         self._thread.start()
 
     def __enter__(self) -> KinectEmulator:
-        """It listens already."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Remove the socket."""
         self.close()
 
     @property
@@ -206,3 +210,24 @@ class KinectEmulator:
 def _timeval(seconds: float) -> bytes:
     whole = int(seconds)
     return whole.to_bytes(8, "little") + round((seconds - whole) * 1e6).to_bytes(8, "little")
+
+
+def packetize(
+    image: NDArray[np.uint8], clock_ticks: int, first_sequence: int
+) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
+    """(N, 1920) packets and their (N,) lengths for an image of any mode, 162 for a VGA mosaic; the next sequence number
+    is first_sequence + N, modulo 256."""
+    pixels = image.reshape(-1)
+    count = -(-len(pixels) // PACKET_DATA_BYTES)
+    packets = np.zeros((count, PACKET_BYTES), np.uint8)
+    packets[:, :2] = PACKET_MAGIC
+    packets[:, 3] = FLAG_MIDDLE
+    packets[0, 3], packets[-1, 3] = FLAG_START, FLAG_END
+    packets[:, 5] = (first_sequence + np.arange(count)) % 256
+    packets[:, 8:12] = np.frombuffer((clock_ticks % 2**32).to_bytes(4, "little"), np.uint8)
+    whole = (count - 1) * PACKET_DATA_BYTES
+    packets[:-1, HEADER_BYTES:] = pixels[:whole].reshape(-1, PACKET_DATA_BYTES)
+    packets[-1, HEADER_BYTES : HEADER_BYTES + len(pixels) - whole] = pixels[whole:]
+    lengths = np.full(count, PACKET_BYTES, np.int64)
+    lengths[-1] = HEADER_BYTES + len(pixels) - whole
+    return packets, lengths

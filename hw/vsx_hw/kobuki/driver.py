@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from vsx_hw.base_driver import Dialect
 from vsx_hw.device_clock import DeviceClock
 from vsx_hw.kobuki.base_control import BaseControl, base_control, twist_of
 from vsx_hw.kobuki.framing import encode_frame
@@ -36,21 +37,18 @@ WIRE_NS = 7_000_000
 """A regular frame of 81 bytes takes 7 ms at 115200 baud: it was measured before its last byte arrived."""
 
 
-class KobukiDialect:
-    """Kobuki frames as readings of a base, commands as frames; see ``vsx_hw.base_driver.Dialect``.
-
-    Readings refuse to be driven by until the base has told a firmware that is known, or any
-    with ``allow_unknown_firmware``.
-    """
+class KobukiDialect(Dialect):
+    """Kobuki frames as readings of a base, commands as frames. Readings refuse to be driven by until the base has told
+    a firmware that is known, or any with ``allow_unknown_firmware``."""
 
     def __init__(self, linear_scale: float = 1.0, angular_scale: float = 1.0) -> None:
         self.allow_unknown_firmware = False
-        self._odometry = KobukiOdometry(linear_scale, angular_scale)
-        self._frames = self._refused = self._skipped = 0
+        self.odometry = KobukiOdometry(linear_scale, angular_scale)
+        self._parser = StreamParser()
         self._start_connection()
 
     def _start_connection(self) -> None:
-        self._parser = StreamParser()
+        self._parser.restart()
         self._clock = DeviceClock(1000, 16)
         self._commands_sent = 0
         self.firmware: Version | None = None
@@ -60,7 +58,6 @@ class KobukiDialect:
 
     def hello(self) -> Iterable[tuple[bytes, float]]:
         """Supplies on (the camera's 12 V), wheels still."""
-        self._keep_counters()
         self._start_connection()
         return [(encode_frame(outputs_payload(), drive_payload(BaseControl(0, 0))), 0.0)]
 
@@ -77,14 +74,14 @@ class KobukiDialect:
         held, self._hazards = hazards | self._hazards, hazards
         stamp_ns = self._clock.host_ns(core.time_ms, now_ns) - WIRE_NS
         fraction, state, charging = battery_state(core.battery_decivolt, core.charger)
-        odometry = self._odometry.update(feedback, stamp_ns)
+        odometry = self.odometry.update(feedback, stamp_ns)
         return BaseReading(
             stamp_ns,
             odometry,
             held,
             BatteryReading(core.battery_decivolt / 10.0, fraction, charging, state, core.charger in AT_THE_DOCK),
             core.buttons,
-            gyro=gyro_reading(feedback, stamp_ns, self._odometry.gyro_trusted),
+            gyro=gyro_reading(feedback, stamp_ns, self.odometry.gyro_trusted),
             refusal=refusal,
             warnings=warnings,
         )
@@ -104,17 +101,13 @@ class KobukiDialect:
 
     def drive(self, v_m_s: float, omega_rad_s: float) -> bytes:
         """Base control; until the base has told versions that are known they are asked for, but not for ever."""
-        self._odometry.command(v_m_s, omega_rad_s)
+        self.odometry.command(v_m_s, omega_rad_s)
         payloads = [drive_payload(self._rounding.command(v_m_s, omega_rad_s, _encoded))]
         requests, remainder = divmod(self._commands_sent, FRAMES_PER_REQUEST)
         if objection(self.firmware, self._hardware) and remainder == 0 and requests < VERSION_REQUESTS:
             payloads.append(request_versions_payload())
         self._commands_sent += 1
         return encode_frame(*payloads)
-
-    def waits(self) -> bool:
-        """See Dialect. A Kobuki reports unasked."""
-        return True
 
     def halt(self) -> bytes:
         """See Dialect."""
@@ -129,16 +122,12 @@ class KobukiDialect:
         """Stand still; the supplies stay on."""
         return encode_frame(drive_payload(BaseControl(0, 0)), outputs_payload())
 
-    def reset_odometry(self) -> None:
-        """See Dialect."""
-        self._odometry.reset()
-
     def counters(self) -> dict[str, int]:
         """See Dialect."""
         return {
-            "frames": self._frames + self._parser.frames,
-            "refused_frames": self._refused + self._parser.refused,
-            "skipped_bytes": self._skipped + self._parser.skipped_bytes,
+            "frames": self._parser.frames,
+            "refused_frames": self._parser.refused,
+            "skipped_bytes": self._parser.skipped_bytes,
         }
 
     def silence(self) -> str:
@@ -149,11 +138,6 @@ class KobukiDialect:
             f"switch the Kobuki on and check ~robot_type: a Kobuki speaks unasked at {BAUD} baud; a Create 1 answers "
             "at 57600, a Create 2 or Roomba at 115200; 'auto' finds out"
         )
-
-    def _keep_counters(self) -> None:
-        self._frames += self._parser.frames
-        self._refused += self._parser.refused
-        self._skipped += self._parser.skipped_bytes
 
 
 def hazards_of(core: Core) -> Hazard:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from vsx_hw.kobuki.framing import FrameScanner
 from vsx_hw.kobuki.protocol import METRES_PER_TICK, Feedback, decode
+from vsx_hw.odometry import signed
 
 USUAL_MS, LONGEST_MS = (10, 40), 500
 """From one frame to the next (20 ms), and the longest time that is compared over when frames were lost."""
@@ -41,6 +42,11 @@ class StreamParser:
         self.frames = 0
         self.refused = 0
         self._scanner = FrameScanner()
+        self.restart()
+
+    def restart(self) -> None:
+        """Another connection begins, of which nothing has been heard; the counters go on."""
+        self._scanner.clear()
         self._last: _Received | None = None
         self._doubted: _Received | None = None
 
@@ -112,9 +118,3 @@ def rolled_m(before: Feedback, after: Feedback) -> tuple[float, float] | None:
     if not 0 < dt_ms <= LONGEST_MS or max(abs(left), abs(right)) > MOST_TICKS_PER_MS * dt_ms:
         return None
     return METRES_PER_TICK * left, METRES_PER_TICK * right
-
-
-def signed(difference: int, modulus: int) -> int:
-    """The smallest step of a wrapping counter, in [-modulus/2, modulus/2)."""
-    half = modulus // 2
-    return (difference + half) % modulus - half
