@@ -11,8 +11,11 @@ Every message names the thing, the value found and the remedy.
 """
 
 import errno
-from typing import Any
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, TypeAlias
 
+_Causes: TypeAlias = type[Exception] | tuple[type[Exception], ...]
 _LONGEST_REASON = 300  # a file may hold megabytes where an error quotes a word of it
 
 _DISK_REMEDIES = {
@@ -59,6 +62,17 @@ def reason_of(error: Exception) -> str:
     if mark is not None:
         return f"line {mark.line + 1}: {getattr(error, 'problem', '')}"[:_LONGEST_REASON]
     return next(iter(str(error).splitlines()), type(error).__name__)[:_LONGEST_REASON]
+
+
+@contextmanager
+def explained(kind: type[VsxError], what: str, remedy: str, causes: _Causes = (OSError, ValueError)) -> Iterator[None]:
+    """One of the causes inside, but none of ours, becomes this error: what (why); remedy."""
+    try:
+        yield
+    except VsxError:
+        raise
+    except causes as error:
+        raise kind(f"{what} ({reason_of(error)}); {remedy}") from error
 
 
 def disk_trouble(error: OSError) -> str:

@@ -17,6 +17,8 @@ from typing import Any
 
 import yaml
 
+from vsx_ros.errors import reason_of
+
 MIB = 2**20
 TEXT_BYTES = 16 * MIB
 """Parameters, worlds, calibrations: a building's world has a quarter of a MiB."""
@@ -94,12 +96,14 @@ def json_tree(text: str | bytes) -> Any:
 def yaml_tree(text: str) -> Any:
     """What ``yaml.safe_load`` makes of it, in which aliases count as often as they are used.
 
-    Raises yaml.YAMLError, ValueError for more than a tree of ``YAML_NODES``.
+    Raises ValueError, also for more than a tree of ``YAML_NODES``.
     """
     try:
         _check_yaml(text)
         return yaml.load(text, _LOADER)  # noqa: S506  # a safe one
-    except (yaml.YAMLError, ValueError):
+    except yaml.YAMLError as error:
+        raise ValueError(reason_of(error)) from error
+    except ValueError:
         raise
     except DAMAGE as error:  # what its constructors raise, e.g. a LookupError for "!!int ''"
         raise ValueError(f"it holds a value that is none ({type(error).__name__}: {error})") from error

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from vsx_ros.cli import explore
 from vsx_ros.cli.config import add_parameters
+from vsx_ros.errors import InputError, explained
 
 if TYPE_CHECKING:
     from vsx_ros.occupancy.grid import OccupancyGrid
@@ -138,7 +139,7 @@ def _export(args: argparse.Namespace) -> int:
     slam_map = load_slam_map(args.file)
     seen = snapshot(slam_map.view)
     out: Path = args.out or args.file.with_name(f"{args.file.stem}{_FORMATS[args.format]}")
-    try:
+    with explained(InputError, f"{out} cannot be written", "give another one with --out", OSError):
         if args.format == "tum":
             stamps = seen.keyframe_stamps_ns.tolist()
             write_trajectory(out, (StampedPose(*pose) for pose in zip(stamps, seen.T_world_cams, strict=True)))
@@ -148,10 +149,6 @@ def _export(args: argparse.Namespace) -> int:
             save_map(_ground(args, slam_map, seen), out)
         else:
             write_colmap(out, slam_map.camera, seen)
-    except OSError as error:
-        from vsx_ros.errors import InputError
-
-        raise InputError(f"{out} cannot be written ({error.strerror}); give another one with --out") from error
     print(out)
     return 0
 
@@ -159,7 +156,6 @@ def _export(args: argparse.Namespace) -> int:
 def _ground(args: argparse.Namespace, slam_map: SlamMap, seen: MapSnapshot) -> OccupancyGrid:
     """Raises InputError for a map that has no floor."""
     from vsx_ros.cli.ground import ground_grid
-    from vsx_ros.errors import InputError
     from vsx_ros.runs.parameters import load
 
     if slam_map.T_base_cam is None:

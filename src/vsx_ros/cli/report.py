@@ -13,6 +13,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from vsx_ros.errors import ConfigError, InputError, explained
+
 if TYPE_CHECKING:
     from vsx_ros.runs.folder import RunFolder
 
@@ -26,7 +28,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the page and say where it is."""
-    from vsx_ros.errors import ConfigError
     from vsx_ros.runs.folder import RunFolder
     from vsx_ros.runs.report import write_report
 
@@ -41,7 +42,6 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _compare(a: RunFolder, b: RunFolder, out: Path | None) -> Path:
-    from vsx_ros.errors import InputError
     from vsx_ros.evaluation.comparison import compare
     from vsx_ros.io.atomic import write_text
     from vsx_ros.runs.report import report_data
@@ -49,8 +49,6 @@ def _compare(a: RunFolder, b: RunFolder, out: Path | None) -> Path:
     out = out or b.path / "compared.html"
     names = (a.path.name, b.path.name) if a.path.name != b.path.name else (str(a.path), str(b.path))
     page = compare((names[0], report_data(a)), (names[1], report_data(b)))
-    try:
+    with explained(InputError, f"{out} cannot be written", "give another one with --out", OSError):
         write_text(out, page)
-    except OSError as error:
-        raise InputError(f"{out} cannot be written ({error.strerror}); give another one with --out") from error
     return out

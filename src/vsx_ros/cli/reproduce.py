@@ -17,7 +17,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vsx_ros.errors import ConfigError
+from vsx_ros.errors import ConfigError, explained
 
 if TYPE_CHECKING:
     from vsx_ros.evaluation.page import Section
@@ -75,10 +75,8 @@ def run(args: argparse.Namespace) -> int:
     if args.quick:
         args.seeds, args.time = args.seeds[:_QUICK_SEEDS], args.time or _QUICK_TIME_S
     open_world(args.world, args.seeds[0])  # a mistake is told before anything is made
-    try:
+    with explained(ConfigError, f"folder {args.out} cannot be made", "choose another --out", OSError):
         args.out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigError(f"folder {args.out} cannot be made ({error.strerror}); choose another --out") from error
     made = f"Made by {made_by()}; {args.world}, "
     all_seeds, seed = _in_words(args.seeds), _in_words(args.seeds[:1])
     sections = []

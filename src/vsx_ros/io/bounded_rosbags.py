@@ -18,7 +18,6 @@ from types import SimpleNamespace
 from typing import Any, BinaryIO
 
 import lz4.frame  # type: ignore[import-untyped]  # ships no types
-import yaml
 from rosbags.rosbag1 import Reader as Ros1Reader
 from rosbags.rosbag1.reader import Chunk, Header, IndexData, RecordType
 from rosbags.rosbag2 import Reader as Ros2Reader
@@ -158,7 +157,7 @@ class _Directory(ros2_reader.DirectoryReader):  # type: ignore[misc]  # as above
         """metadata.yaml is not larger than it may be."""
         try:
             yaml_tree(file_text(Path(self.path) / "metadata.yaml"))
-        except yaml.YAMLError as error:
+        except ValueError as error:
             raise ros2_reader.ReaderError(f"metadata.yaml is none: {error}") from error
         super().open()
 

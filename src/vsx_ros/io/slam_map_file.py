@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from vsx_ros import __version__
 from vsx_ros.arrays import GrayImage
-from vsx_ros.errors import MapFileError, reason_of
+from vsx_ros.errors import MapFileError, explained, reason_of
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
@@ -49,10 +49,8 @@ def save_slam_map(slam_map: SlamMap, path: Path) -> None:
     Raises MapFileError when it cannot be written.
     """
     pictures = {image_name(k.id): encoded(k.data.pyramid.level(0)) for k in slam_map.view.keyframes if k.alive}
-    try:
+    with explained(MapFileError, f"map {path} cannot be written", "choose another folder", OSError):
         write_bytes(path, seal(entries_of(slam_map, arrays_of(slam_map.view)) | pictures))
-    except OSError as error:
-        raise MapFileError(f"map {path} cannot be written ({error.strerror}); choose another folder") from error
 
 
 def load_slam_map(path: Path) -> SlamMap:

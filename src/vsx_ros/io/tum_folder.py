@@ -6,7 +6,7 @@ import io
 from collections.abc import Iterator
 from pathlib import Path
 
-from vsx_ros.errors import InputError, reason_of
+from vsx_ros.errors import InputError, explained
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.calibration_file import read_calibration
@@ -31,13 +31,9 @@ def open_folder(folder: Path) -> Recording:
     def frames() -> Iterator[Frame]:
         for stamp_ns, name in listed:
             path = folder / name
-            try:
+            what = f"image {path} named in {folder / 'rgb.txt'} cannot be read"
+            with explained(InputError, what, "copy the folder again or delete its line"):
                 content = file_bytes(path, LOG_BYTES)
-            except (OSError, ValueError) as error:
-                raise InputError(
-                    f"image {path} named in {folder / 'rgb.txt'} cannot be read ({reason_of(error)}); "
-                    "copy the folder again or delete its line"
-                ) from error
             yield Frame(stamp_ns, decoded(content, f"image {path}"))
 
     truth = folder / "groundtruth.txt"
@@ -59,12 +55,8 @@ def _listed_images(folder: Path) -> list[tuple[int, str]]:
         raise InputError(
             f"folder {folder} has no rgb.txt and no metadata.yaml; give a bag or a folder in the TUM RGB-D layout"
         )
-    try:
+    with explained(InputError, f"{index} cannot be read", "give a text file of lines 'stamp file'"):
         text = file_bytes(index, LOG_BYTES).decode(errors="replace")
-    except (OSError, ValueError) as error:
-        raise InputError(
-            f"{index} cannot be read ({reason_of(error)}); give a text file of lines 'stamp file'"
-        ) from error
     listed: list[tuple[int, str]] = []
     for number, line in enumerate(io.StringIO(text), start=1):
         if not line.strip() or line.lstrip().startswith("#"):
