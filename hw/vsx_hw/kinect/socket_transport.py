@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import queue
 import socket
 import threading
@@ -67,15 +68,10 @@ class SocketTransport:
         """See KinectTransport."""
         if not self._closed:
             self._closed = True
-            self._shut_down()
+            with contextlib.suppress(OSError):
+                self._socket.shutdown(socket.SHUT_RDWR)
             self._thread.join(timeout=1.0)
             self._socket.close()
-
-    def _shut_down(self) -> None:
-        try:
-            self._socket.shutdown(socket.SHUT_RDWR)
-        except OSError:
-            return
 
     def _listen(self) -> None:
         try:

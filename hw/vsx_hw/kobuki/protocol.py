@@ -110,15 +110,15 @@ def decode(payload: bytes) -> Feedback | None:
     core = _core(fields.get(1, b""))
     if core is None or len(fields) != len(parts) or not all(_is_whole(*part) for part in parts):
         return None
-    inertia = fields.get(4)
+    inertia, gyro, inputs = fields.get(4), fields.get(13), _exact("<8H", fields.get(16))
     feedback = Feedback(
         core,
         Inertia(*struct.unpack_from("<hh", inertia)) if inertia else None,
         dock_ir=_exact("<3B", fields.get(3)),
         cliff_adc=_exact("<3H", fields.get(5)),
         current=_exact("<2B", fields.get(6)),
-        gyro=_raw_gyro(fields.get(13)),
-        general_input=_general_input(fields.get(16)),
+        gyro=RawGyro(gyro[0], tuple(struct.iter_unpack("<hhh", gyro[2:]))) if gyro else None,
+        general_input=GeneralInput(inputs[0], inputs[1:5]) if inputs else None,
         hardware_version=decode_version(fields.get(10)),
         firmware_version=decode_version(fields.get(11)),
         udid=_exact("<3I", fields.get(19)),
@@ -146,19 +146,6 @@ def _core(data: bytes) -> Core | None:
     core = Core(*struct.unpack("<HBBBHHbbBBBB", data))
     flags_are_known = max(core.bumper, core.cliff, core.buttons) <= 7 and max(core.wheel_drop, core.overcurrent) <= 3
     return core if flags_are_known else None
-
-
-def _raw_gyro(data: bytes | None) -> RawGyro | None:
-    if data is None:
-        return None
-    return RawGyro(data[0], tuple(struct.iter_unpack("<hhh", data[2:])))
-
-
-def _general_input(data: bytes | None) -> GeneralInput | None:
-    if data is None:
-        return None
-    digital, *analog = struct.unpack_from("<5H", data)
-    return GeneralInput(digital, (analog[0], analog[1], analog[2], analog[3]))
 
 
 def battery_state(decivolt: int, charger: int) -> tuple[float, str, bool]:

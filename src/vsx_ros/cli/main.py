@@ -85,7 +85,9 @@ def execute(arguments: Sequence[str]) -> int:
     except Exception as error:
         if isinstance(error, OSError) and disk_trouble(error):
             return _failed(disk_trouble(error), FAILED, debug=debug)
-        if _is_device_error(error):
+        from vsx_hw.errors import DeviceError
+
+        if isinstance(error, DeviceError):
             return _failed(str(error), HARDWARE, debug=debug)
         place = traceback.extract_tb(error.__traceback__)[-1]
         return _failed(
@@ -94,12 +96,6 @@ def execute(arguments: Sequence[str]) -> int:
             INTERNAL,
             debug=debug,
         )
-
-
-def _is_device_error(error: Exception) -> bool:
-    from vsx_hw.errors import DeviceError
-
-    return isinstance(error, DeviceError)
 
 
 def _failed(sentence: str, code: int, *, debug: bool) -> int:

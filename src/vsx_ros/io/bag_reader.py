@@ -77,7 +77,7 @@ def messages(path: Path) -> Iterator[Messages]:
     ros2 = _is_ros2(path)
     try:
         with ExitStack() as stack:
-            yield _opened_ros2(path, stack) if ros2 else _opened_ros1(path, stack)
+            yield Messages(stack.enter_context(BoundedRos2(path)), ros2=True) if ros2 else _opened_ros1(path, stack)
     except VsxError:
         raise
     except PermissionError as error:
@@ -102,10 +102,6 @@ def _opened_ros1(path: Path, stack: ExitStack) -> Messages:
             "'rosbag reindex FILE' makes it a good one"
         )
         return Messages(bag, ros2=False, damage=damage)
-
-
-def _opened_ros2(path: Path, stack: ExitStack) -> Messages:
-    return Messages(stack.enter_context(BoundedRos2(path)), ros2=True)
 
 
 def _remedy(path: Path, error: Exception, *, ros2: bool) -> str:

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator
+from operator import attrgetter
 from pathlib import Path
 
 from vsx_ros.errors import InputError, explained
-from vsx_ros.geometry.camera import PinholeCamera
-from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.calibration_file import read_calibration
 from vsx_ros.io.image_encoding import decoded
-from vsx_ros.io.recording import Recording
+from vsx_ros.io.recording import Recording, with_speeds
 from vsx_ros.io.trajectory_file import parse_stamp, read_trajectory
 from vsx_ros.limits import LOG_BYTES, file_bytes
 from vsx_ros.robot import Frame, Odometry
 
 _MOST_IMAGES = 2**20  # nine hours at 30 a second
 _LONGEST_NAME = 1000
+_STAMP = attrgetter("stamp_ns")
 CALIBRATION_NAMES = ("camera.json", "camera.yaml", "calibration.yaml", "camera_info.yaml")
 
 
@@ -37,14 +37,15 @@ def open_folder(folder: Path) -> Recording:
             yield Frame(stamp_ns, decoded(content, f"image {path}"))
 
     truth = folder / "groundtruth.txt"
+    calibration = next((folder / name for name in CALIBRATION_NAMES if (folder / name).exists()), None)
     return Recording(
         source=folder,
         image_topic=None,
         odometry_topic=None,
         frame_count=len(listed),
-        camera=_calibration(folder),
+        camera=read_calibration(calibration) if calibration is not None else None,
         odometry=_odometry(folder / "odometry.txt"),
-        ground_truth=sorted(read_trajectory(truth), key=_stamp) if truth.exists() else [],
+        ground_truth=sorted(read_trajectory(truth), key=_STAMP) if truth.exists() else [],
         open_frames=frames,
     )
 
@@ -75,25 +76,11 @@ def _listed_images(folder: Path) -> list[tuple[int, str]]:
     return listed
 
 
-def _calibration(folder: Path) -> PinholeCamera | None:
-    found = [folder / name for name in CALIBRATION_NAMES if (folder / name).exists()]
-    return read_calibration(found[0]) if found else None
-
-
-def _stamp(pose: StampedPose) -> int:
-    return pose.stamp_ns
-
-
 def _odometry(path: Path) -> list[Odometry]:
     if not path.exists():
         return []
     readings: list[Odometry] = []
-    for stamp_ns, T in sorted(read_trajectory(path), key=_stamp):
-        pose = T.to_se2()
-        v = omega = 0.0
-        if readings and stamp_ns > readings[-1].stamp_ns:
-            seconds = (stamp_ns - readings[-1].stamp_ns) * 1e-9
-            motion = readings[-1].T_odom_base.inverse() @ pose
-            v, omega = motion.x / seconds, motion.wrapped().theta / seconds
-        readings.append(Odometry(stamp_ns, pose, v, omega))
+    for stamp_ns, T in sorted(read_trajectory(path), key=_STAMP):
+        reading = Odometry(stamp_ns, T.to_se2())
+        readings.append(with_speeds(reading, readings[-1]) if readings else reading)
     return readings
