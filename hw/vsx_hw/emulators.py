@@ -9,10 +9,8 @@ from vsx_hw.serial_emulator import Board, Plant, SerialEmulator
 
 
 def base_emulator(kind: str, plant: Plant, link: str, seed: int = 0) -> SerialEmulator:
-    """A base on emulated wheels behind the serial port ``link``; start it, or use it as a context manager.
-
-    Raises KeyError for a kind that is not in BASES.
-    """
+    """A base on emulated wheels behind the serial port ``link``; start it, or use it as a context manager. Raises
+    KeyError for a kind that is not in BASES."""
     if kind == "kobuki":
         board: Board = KobukiBoard(plant, seed)
     else:

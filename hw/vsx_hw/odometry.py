@@ -32,10 +32,8 @@ class PlanarPose:
 
 
 class WheelOdometry:
-    """Pose, ways of the wheels and what ``MotionCheck`` says of them.
-
-    linear_scale and angular_scale correct the travelled distance and the measured turn (1.0 = as built).
-    """
+    """Pose, ways of the wheels and what ``MotionCheck`` says of them. linear_scale and angular_scale correct the
+    travelled distance and the measured turn (1.0 = as built)."""
 
     def __init__(self, check: MotionCheck, linear_scale: float, angular_scale: float) -> None:
         self._linear_scale, self._angular_scale = linear_scale, angular_scale

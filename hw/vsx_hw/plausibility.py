@@ -69,11 +69,8 @@ class _Sums(NamedTuple):
 
 
 class MotionCheck:
-    """``command`` every command as it is sent, ``step`` every report of motion. Not thread-safe.
-
-    step_rad: by how much rounding may change the wheels' turn in a report, beyond its mean; twice that where they tell
-    none.
-    """
+    """``command`` every command as it is sent, ``step`` every report of motion. Not thread-safe. step_rad: by how much
+    rounding may change the wheels' turn in a report, beyond its mean; twice that where they tell none."""
 
     def __init__(self, wheel_base_m: float, step_rad: float = 0.0) -> None:
         self._wheel_base_m, self._step_rad = wheel_base_m, step_rad

@@ -27,10 +27,8 @@ class Transport(Protocol):
 
 
 class SerialTransport:
-    """A serial port, locked for this process. RTS and DTR stay low: on a Create, RTS moves the wake-up line.
-
-    Raises DeviceNotFound with the remedy when the port is absent, forbidden or in use.
-    """
+    """A serial port, locked for this process. RTS and DTR stay low: on a Create, RTS moves the wake-up line. Raises
+    DeviceNotFound with the remedy when the port is absent, forbidden or in use."""
 
     def __init__(self, port: str, baud: int) -> None:
         self.port = port

@@ -18,10 +18,7 @@ BACKOFF_S = (0.5, 2.0)
 
 
 def open_video(number: int) -> Any:
-    """The capture device at 640 x 480, raw Bayer where the camera has it.
-
-    Raises DeviceNotFound with the remedy.
-    """
+    """The capture device at 640 x 480, raw Bayer where the camera has it. Raises DeviceNotFound with the remedy."""
     capture = cv2.VideoCapture(number, cv2.CAP_V4L2)
     if not capture.isOpened():
         raise DeviceNotFound(f"/dev/video{number} cannot be opened; check 'ls /dev/video*' and the group video")

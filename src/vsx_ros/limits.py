@@ -64,10 +64,8 @@ class Allowance:
 
 
 def file_bytes(path: Path, most: int) -> bytes:
-    """The content of a file of at most so many bytes; of a pipe or device at most ``TEXT_BYTES``.
-
-    Raises ValueError for a larger one, OSError.
-    """
+    """The content of a file of at most so many bytes; of a pipe or device at most ``TEXT_BYTES``. Raises ValueError for
+    a larger one, OSError."""
     with path.open("rb") as file:
         status = os.fstat(file.fileno())
         regular = stat.S_ISREG(status.st_mode)
@@ -94,10 +92,8 @@ def json_tree(text: str | bytes) -> Any:
 
 
 def yaml_tree(text: str) -> Any:
-    """What ``yaml.safe_load`` makes of it, in which aliases count as often as they are used.
-
-    Raises ValueError, also for more than a tree of ``YAML_NODES``.
-    """
+    """What ``yaml.safe_load`` makes of it, in which aliases count as often as they are used. Raises ValueError, also
+    for more than a tree of ``YAML_NODES``."""
     try:
         _check_yaml(text)
         return yaml.load(text, _LOADER)  # noqa: S506  # a safe one

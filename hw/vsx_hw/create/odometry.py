@@ -23,10 +23,8 @@ COASTING_NS = 500_000_000
 
 
 class EncoderOdometry(WheelOdometry):
-    """Create 2. Its encoders count but do not know the direction: the robot assumes the commanded one.
-
-    Counts without a command are therefore not motion that can be trusted: they are left out and reported.
-    """
+    """Create 2. Its encoders count but do not know the direction: the robot assumes the commanded one. Counts without a
+    command are therefore not motion that can be trusted: they are left out and reported."""
 
     def __init__(self, linear_scale: float = 1.0, angular_scale: float = 1.0) -> None:
         super().__init__(MotionCheck(CREATE_2.wheel_base_m), linear_scale, angular_scale)

@@ -107,10 +107,8 @@ class KinectBoard:
 
 
 class KinectEmulator:
-    """Listens at a socket path, serves one driver at a time; ``send_frame`` gives it an image.
-
-    Usable as a context manager.
-    """
+    """Listens at a socket path, serves one driver at a time; ``send_frame`` gives it an image. Usable as a context
+    manager."""
 
     def __init__(self, path: str, seed: int = 0) -> None:
         self.board = KinectBoard()

@@ -15,10 +15,8 @@ REPLY_WAIT_S = 0.5
 
 
 class SocketTransport:
-    """Connects to the emulator's socket; see ``KinectTransport``.
-
-    Raises DeviceNotFound when no emulator listens there.
-    """
+    """Connects to the emulator's socket; see ``KinectTransport``. Raises DeviceNotFound when no emulator listens
+    there."""
 
     serial = "emulated"
 

@@ -37,10 +37,8 @@ def remedy(error: usb1.USBError) -> str:
 
 
 class UsbTransport:
-    """The first Kinect found, or the one with the given serial number; see ``KinectTransport``.
-
-    Raises DeviceNotFound with the remedy when there is none or it cannot be opened.
-    """
+    """The first Kinect found, or the one with the given serial number; see ``KinectTransport``. Raises DeviceNotFound
+    with the remedy when there is none or it cannot be opened."""
 
     def __init__(self, serial: str = "") -> None:
         self._context = usb1.USBContext()

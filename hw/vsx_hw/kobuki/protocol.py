@@ -102,9 +102,7 @@ class Feedback(NamedTuple):
 
 def decode(payload: bytes) -> Feedback | None:
     """The frame, or None unless its parts tile it, each once and as long as documented, with values in their ranges.
-
-    Parts with unknown ids are skipped.
-    """
+    Parts with unknown ids are skipped."""
     parts = sub_payloads(payload) or []
     fields = dict(parts)
     core = _core(fields.get(1, b""))
@@ -149,10 +147,8 @@ def _core(data: bytes) -> Core | None:
 
 
 def battery_state(decivolt: int, charger: int) -> tuple[float, str, bool]:
-    """(fraction, state in a word, charging) of the core's battery byte and charger byte.
-
-    Thresholds of the vendor's diagnostics: healthy above 14.0 V, low above 13.2 V; 5 % at 13.2 V, 100 % at 16.5 V.
-    """
+    """(fraction, state in a word, charging) of the core's battery byte and charger byte. Thresholds of the vendor's
+    diagnostics: healthy above 14.0 V, low above 13.2 V; 5 % at 13.2 V, 100 % at 16.5 V."""
     volt = decivolt / 10.0
     fraction = 0.05 + 0.95 * (volt - BATTERY_EMPTY_V) / (BATTERY_FULL_V - BATTERY_EMPTY_V)
     state = CHARGER_STATES.get(charger, "")

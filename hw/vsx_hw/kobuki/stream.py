@@ -90,10 +90,8 @@ def _follows(before: _Received, after: _Received) -> bool:
 
 
 def follows(before: Feedback, after: Feedback, frames: int) -> bool:
-    """Whether a base can have sent this frame after that one; frames: how many later it is, 0 if nobody knows.
-
-    What only people change (buttons, charger) counts from its second frame on.
-    """
+    """Whether a base can have sent this frame after that one; frames: how many later it is, 0 if nobody knows. What
+    only people change (buttons, charger) counts from its second frame on."""
     a, b = before.core, after.core
     dt_ms = (b.time_ms - a.time_ms) % 0x10000
     shortest, longest = (USUAL_MS[0], frames * USUAL_MS[1]) if frames else (1, LONGEST_MS)

@@ -70,10 +70,8 @@ class Messages:
 
 @contextmanager
 def messages(path: Path) -> Iterator[Messages]:
-    """Open a bag; whatever goes wrong in its bytes becomes an InputError with the remedy.
-
-    A ROS 1 bag without a usable index is read without one.
-    """
+    """Open a bag; whatever goes wrong in its bytes becomes an InputError with the remedy. A ROS 1 bag without a usable
+    index is read without one."""
     ros2 = _is_ros2(path)
     try:
         with ExitStack() as stack:

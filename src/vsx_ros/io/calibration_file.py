@@ -42,10 +42,8 @@ def camera_from_info(
 
 
 def read_calibration(path: Path) -> PinholeCamera:
-    """The camera of a camera_info YAML or a camera.json, told apart by their content.
-
-    Raises CalibrationError when the file is missing, malformed, uncalibrated or of an unsupported lens model.
-    """
+    """The camera of a camera_info YAML or a camera.json, told apart by their content. Raises CalibrationError when the
+    file is missing, malformed, uncalibrated or of an unsupported lens model."""
     with explained(CalibrationError, f"calibration {path} cannot be read", f"give {_FORMATS}"):
         if not path.exists():
             raise CalibrationError(f"there is no calibration {path}; 'vsx calibrate camera' makes one")

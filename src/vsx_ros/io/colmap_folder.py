@@ -24,10 +24,8 @@ _GREY = "128 128 128"
 
 
 def write_colmap(folder: Path, camera: PinholeCamera, snapshot: MapSnapshot) -> None:
-    """Make the folder and fill it; points are numbered by their ids, images by keyframe id + 1.
-
-    Raises InputError when it cannot be written.
-    """
+    """Make the folder and fill it; points are numbered by their ids, images by keyframe id + 1. Raises InputError when
+    it cannot be written."""
     with explained(InputError, f"folder {folder} cannot be written", "choose another one", OSError):
         (folder / "images").mkdir(parents=True, exist_ok=True)
         write_text(folder / "cameras.txt", _camera_text(camera))

@@ -24,10 +24,8 @@ _LONGEST_NAME = 1000
 
 
 def save_map(grid: OccupancyGrid, path: Path) -> None:
-    """``path`` with the endings .pgm and .yaml, as map_server's map_saver writes them.
-
-    Raises MapFileError when they cannot be written.
-    """
+    """``path`` with the endings .pgm and .yaml, as map_server's map_saver writes them. Raises MapFileError when they
+    cannot be written."""
     gray = np.full(grid.shape, _GRAY_OF_UNKNOWN, np.uint8)
     gray[grid.data == FREE] = _GRAY_OF_FREE
     gray[grid.data == OCCUPIED] = _GRAY_OF_OCCUPIED
@@ -88,9 +86,7 @@ def is_map_file(path: Path) -> bool:
 
 def load_plan(path: Path, resolution: float = 0.05) -> OccupancyGrid:
     """The grid of a picture without a YAML: bright is free, dark is occupied, grey unknown, as map_saver draws them.
-
-    Raises MapFileError when it is no picture.
-    """
+    Raises MapFileError when it is no picture."""
     thresholds = _FREE_THRESHOLD, _OCCUPIED_THRESHOLD
     return OccupancyGrid(_cells(path, thresholds, negate=False, raw=False)[::-1], resolution, 0.0, 0.0)
 

@@ -23,10 +23,7 @@ def write_ply(path: Path, points: Points3) -> None:
 
 
 def read_ply(path: Path) -> Points3:
-    """The (N, 3) points of a file that ``write_ply`` wrote.
-
-    Raises InputError for anything else.
-    """
+    """The (N, 3) points of a file that ``write_ply`` wrote. Raises InputError for anything else."""
     with explained(InputError, f"point cloud {path} cannot be read", "check the path"):
         header, _, body = file_bytes(path, DATA_BYTES).partition(b"end_header\n")
     wrong = f"point cloud {path} is not a PLY that this program wrote"

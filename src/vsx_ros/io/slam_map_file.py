@@ -44,20 +44,15 @@ _PIXELS, _PIXELS_PER_BYTE = 64 * MIB, 16
 
 
 def save_slam_map(slam_map: SlamMap, path: Path) -> None:
-    """Write the file in one step; the SLAM may go on meanwhile.
-
-    Raises MapFileError when it cannot be written.
-    """
+    """Write the file in one step; the SLAM may go on meanwhile. Raises MapFileError when it cannot be written."""
     pictures = {image_name(k.id): encoded(k.data.pyramid.level(0)) for k in slam_map.view.keyframes if k.alive}
     with explained(MapFileError, f"map {path} cannot be written", "choose another folder", OSError):
         write_bytes(path, seal(entries_of(slam_map, arrays_of(slam_map.view)) | pictures))
 
 
 def load_slam_map(path: Path) -> SlamMap:
-    """The map of a file that ``save_slam_map`` wrote, bit for bit.
-
-    Raises MapFileError when it is missing, damaged, something else or from a newer program.
-    """
+    """The map of a file that ``save_slam_map`` wrote, bit for bit. Raises MapFileError when it is missing, damaged,
+    something else or from a newer program."""
     with damage_explained(path):
         return slam_map_of(unseal(file_bytes(path, DATA_BYTES)))
 
@@ -79,10 +74,8 @@ def entries_of(slam_map: SlamMap, arrays: Arrays) -> dict[str, bytes]:
 
 
 def slam_map_of(entries: Mapping[str, bytes]) -> SlamMap:
-    """The map of ``entries_of`` all arrays with a picture, ``image_name(index)``, of each living keyframe.
-
-    Raises one of ``limits.DAMAGE`` for anything else.
-    """
+    """The map of ``entries_of`` all arrays with a picture, ``image_name(index)``, of each living keyframe. Raises one
+    of ``limits.DAMAGE`` for anything else."""
     manifest = _manifest(entries)
     camera, mount = _camera(manifest), _mount(manifest)
     arrays = {name: array_of(entries[array_name(name)]) for name in LAYOUT}

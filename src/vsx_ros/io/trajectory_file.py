@@ -26,10 +26,8 @@ def format_stamp(stamp_ns: int) -> str:
 
 
 def parse_stamp(text: str) -> int:
-    """Nanoseconds of a decimal number of seconds, without rounding through a float.
-
-    Raises ValueError when the text is no number, or one that no 64 bits hold.
-    """
+    """Nanoseconds of a decimal number of seconds, without rounding through a float. Raises ValueError when the text is
+    no number, or one that no 64 bits hold."""
     stamp_ns = _nanoseconds(text)
     if abs(stamp_ns) >= 2**63:
         raise ValueError(f"stamp {text[:40]} lies outside of time")
@@ -55,10 +53,8 @@ def write_trajectory(path: Path, poses: Iterable[StampedPose]) -> None:
 
 
 def read_trajectory(path: Path) -> list[StampedPose]:
-    """All poses of a file, in its order.
-
-    Raises InputError naming file and line when a line is not eight finite numbers with a non-zero quaternion.
-    """
+    """All poses of a file, in its order. Raises InputError naming file and line when a line is not eight finite numbers
+    with a non-zero quaternion."""
     with explained(InputError, f"trajectory {path} cannot be read", "give a text file in TUM format"):
         text = file_text(path, LOG_BYTES)
     poses = []

@@ -23,9 +23,7 @@ CALIBRATION_NAMES = ("camera.json", "camera.yaml", "calibration.yaml", "camera_i
 
 def open_folder(folder: Path) -> Recording:
     """Images listed in rgb.txt; groundtruth.txt (T_world_cam), odometry.txt (T_odom_base) and calibration if there.
-
-    Raises InputError when rgb.txt is missing, empty or malformed.
-    """
+    Raises InputError when rgb.txt is missing, empty or malformed."""
     listed = _listed_images(folder)
 
     def frames() -> Iterator[Frame]:

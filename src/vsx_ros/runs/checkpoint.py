@@ -108,10 +108,8 @@ class Checkpoint:
             return CheckpointData(slam_map_of_entries(entries), int(tree["stamp_ns"]), state, dict(tree["mission"]))
 
     def write_mission(self, memory: Mapping[str, Any], stamp_ns: int) -> None:
-        """What a mission in a process of its own remembers at this stamp, apart from the map, in one step.
-
-        Raises InputError when it cannot be written.
-        """
+        """What a mission in a process of its own remembers at this stamp, apart from the map, in one step. Raises
+        InputError when it cannot be written."""
         with self._writing():
             self.path.mkdir(parents=True, exist_ok=True)
             write_text(self.path / "mission.json", json.dumps({**memory, "stamp_ns": stamp_ns}), durable=True)

@@ -63,10 +63,7 @@ class RunFolder:
 
     @staticmethod
     def create(path: Path) -> RunFolder:
-        """Make the folder, or empty that of an earlier run.
-
-        Raises InputError where something else is in the way.
-        """
+        """Make the folder, or empty that of an earlier run. Raises InputError where something else is in the way."""
         if path.exists() and (not path.is_dir() or (any(path.iterdir()) and not _is_run(path))):
             raise InputError(f"{path} exists and is not a run folder; choose another with --out, or remove it")
         with _making(path):
@@ -78,10 +75,8 @@ class RunFolder:
 
     @staticmethod
     def create_dated(name: str) -> RunFolder:
-        """Make runs/<date>_<name>, with _2, _3, ... behind it where that is taken.
-
-        Raises InputError where it cannot be made.
-        """
+        """Make runs/<date>_<name>, with _2, _3, ... behind it where that is taken. Raises InputError where it cannot be
+        made."""
         first = Path("runs") / f"{datetime.now().strftime('%Y-%m-%d_%H-%M-%S')}_{name}"
         path, number = first, 1
         with _making(first):
@@ -130,10 +125,8 @@ class RunFolder:
         write_text(self.path / "config.yaml", yaml.safe_dump(tree, sort_keys=False), durable=True)
 
     def read_config(self) -> tuple[Config, dict[str, Any]]:
-        """The configuration, and all else that config.yaml says (command, versions, seed).
-
-        Raises InputError or ConfigError when the file is missing or damaged.
-        """
+        """The configuration, and all else that config.yaml says (command, versions, seed). Raises InputError or
+        ConfigError when the file is missing or damaged."""
         tree = self._parsed("config.yaml", yaml_tree)
         return from_dict(tree.pop("config", {})), tree
 

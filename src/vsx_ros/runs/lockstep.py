@@ -87,10 +87,8 @@ class FastRun:
         return self.system.navigator.plans + earlier
 
     def run(self, limit_s: float, watch: Callable[[int], str | None] | None = None) -> str:
-        """Step until the mission is done, the emulated time is over or Ctrl-C is pressed; why it ended.
-
-        watch: told the stamp after each step; what it answers ends the run, and is why.
-        """
+        """Step until the mission is done, the emulated time is over or Ctrl-C is pressed; why it ended. watch: told the
+        stamp after each step; what it answers ends the run, and is why."""
         mission, command, shown = self.system.mission, STOP, 0.0
         seen: Observation | None = None
         reason = STOPPED_BY_OPERATOR

@@ -23,10 +23,8 @@ _UNITS = (
 
 
 def load(file: Path | None, assignments: Sequence[str]) -> Config:
-    """Defaults, then the file, then NAME=VALUE assignments.
-
-    Raises ConfigError naming the file or entry, e.g. for an unknown name.
-    """
+    """Defaults, then the file, then NAME=VALUE assignments. Raises ConfigError naming the file or entry, e.g. for an
+    unknown name."""
     config = Config()
     if file is not None:
         with explained(ConfigError, f"configuration {file} cannot be read", "'vsx config' prints one"):

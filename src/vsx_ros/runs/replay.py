@@ -19,10 +19,8 @@ from vsx_ros.slam.state import TrackingState
 
 
 def opened(args: argparse.Namespace) -> Recording:
-    """The recording of the options, with a camera; what is wrong with it is said.
-
-    Raises InputError when it cannot be used as wished, CalibrationError for a calibration that cannot be read.
-    """
+    """The recording of the options, with a camera; what is wrong with it is said. Raises InputError when it cannot be
+    used as wished, CalibrationError for a calibration that cannot be read."""
     recording = open_recording(args.input, args.image_topic, args.odometry_topic)
     if recording.damage:
         print(f"vsx: {recording.damage}", file=sys.stderr)

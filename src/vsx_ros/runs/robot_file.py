@@ -35,10 +35,8 @@ def robot_file_here() -> Path | None:
 
 
 def update_robot_file(path: Path, branch: str, values: dict[str, float], remark: str) -> None:
-    """Replace entries of ``robot.BRANCH`` in the file; the rest of it stays, each branch with its remark on top.
-
-    Raises ConfigError when what is there holds no parameters, or the file cannot be written.
-    """
+    """Replace entries of ``robot.BRANCH`` in the file; the rest of it stays, each branch with its remark on top. Raises
+    ConfigError when what is there holds no parameters, or the file cannot be written."""
     remarks, tree = _known(path)
     robot = tree.setdefault("robot", {})
     robot[branch] = {**robot.get(branch, {}), **values}
