@@ -144,7 +144,8 @@ class BaseDriver(ConnectionThread):
             now_ns = time.monotonic_ns()
             answered = answered or bool(readings)
             if now_ns - self._last_reading_ns > SILENT_NS:
-                raise DeviceTimeout(self._silence())
+                silent = f"{self._heard()} for {SILENT_NS / 1e9:.0f} s"
+                raise DeviceTimeout(f"{self._name}: {silent}; {self._dialect.silence()}")
             due = now_ns - sent_ns >= self._period_ns(answered)
             command = self._current(time.monotonic_ns())
             if due:
@@ -196,10 +197,6 @@ class BaseDriver(ConnectionThread):
             damage = sum(counters.values()) - counters["frames"]
             in_row = gap_ns <= ROW_NS and damage == self._damage
             self._row, self._damage = self._row + 1 if in_row else 1, damage
-
-    def _silence(self) -> str:
-        """What is wrong with a base that has told nothing for long."""
-        return f"{self._name}: {self._heard()} for {SILENT_NS / 1e9:.0f} s; {self._dialect.silence()}"
 
     def _heard(self) -> str:
         return f"{self._heard_bytes} bytes that make no sense" if self._heard_bytes else "no data"

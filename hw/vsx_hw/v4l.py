@@ -35,10 +35,7 @@ class V4lCamera(ConnectionThread):
     """Images to ``on_image`` on a thread of its own, none that repeats itself; opens the device again when it fails."""
 
     def __init__(
-        self,
-        number: int,
-        on_image: Callable[[ImageReading], None],
-        open_capture: Callable[[int], Any] = open_video,
+        self, number: int, on_image: Callable[[ImageReading], None], open_capture: Callable[[int], Any] = open_video
     ) -> None:
         super().__init__(f"/dev/video{number}", lambda: open_capture(number), BACKOFF_S)
         self.serial = f"video{number}"

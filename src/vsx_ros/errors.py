@@ -1,12 +1,5 @@
 """Broken promises. Expected outcomes (lost, refused, unreachable) are values, never exceptions.
 
-VsxError
-├── ConfigError         (ValueError)   a parameter, option or configuration file
-├── CalibrationError    (ValueError)   camera or mount calibration that cannot be used
-├── InputError          (ValueError)   a recording, image, message or trajectory that cannot be used
-├── MapFileError        (ValueError)   a map on disk that cannot be read or written
-└── PlanningError       (ValueError)   a question that has no meaning (NaN pose, phi <= 0)
-
 Every message names the thing, the value found and the remedy.
 """
 
@@ -34,7 +27,7 @@ class VsxError(Exception):
 
 
 class ConfigError(VsxError, ValueError):
-    """A parameter has an impossible value or an unknown name."""
+    """A parameter, option or configuration file has an impossible value or an unknown name."""
 
 
 class CalibrationError(VsxError, ValueError):
@@ -42,7 +35,7 @@ class CalibrationError(VsxError, ValueError):
 
 
 class InputError(VsxError, ValueError):
-    """A recording, image or trajectory cannot be used."""
+    """A recording, image, message or trajectory cannot be used."""
 
 
 class MapFileError(VsxError, ValueError):
@@ -50,7 +43,7 @@ class MapFileError(VsxError, ValueError):
 
 
 class PlanningError(VsxError, ValueError):
-    """The planner was asked something without meaning."""
+    """The planner was asked something without meaning (NaN pose, phi <= 0)."""
 
 
 def reason_of(error: Exception) -> str:

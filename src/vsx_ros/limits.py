@@ -31,19 +31,9 @@ YAML_TEXT, YAML_NUMBER = MIB, 8192
 """Characters of a value in quotes, and of one without, which may be a number (1:59:59, say, takes its square)."""
 
 DAMAGE = (
-    ArithmeticError,
-    AssertionError,
-    AttributeError,
-    EOFError,
-    LookupError,
-    MemoryError,
-    OSError,
-    RuntimeError,
-    TypeError,
-    ValueError,
-    struct.error,
-    zlib.error,
-)
+    ArithmeticError, AssertionError, AttributeError, EOFError, LookupError, MemoryError, OSError, RuntimeError,
+    TypeError, ValueError, struct.error, zlib.error,
+)  # fmt: skip
 """What parsers raise where a file's content is not what they expect."""
 
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)

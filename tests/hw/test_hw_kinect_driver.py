@@ -246,7 +246,7 @@ def test_a_camera_that_refuses_the_lock_is_not_said_to_be_locked(tmp_path, monke
         asked.append(message)
         raise ProtocolError("no such register")
 
-    monkeypatch.setattr(driver_module, "encode_cmos_write", refuse)
+    monkeypatch.setattr(driver_module.protocol, "encode_cmos_write", refuse)
     path = str(tmp_path / "kinect")
     with (
         KinectEmulator(path) as emulator,

@@ -74,8 +74,9 @@ class CreateDialect(Dialect):
         """Whether a command to drive is sent: in Passive the robot would not hear it, in an unknown mode it might."""
         return self._mode in (Mode.SAFE, Mode.FULL)
 
-    def wheel_command(self, v_m_s: float, omega_rad_s: float) -> bytes:
-        """Drive, or go back to Safe first."""
+    def drive(self, v_m_s: float, omega_rad_s: float) -> bytes:
+        """See Dialect. Goes back to Safe first."""
+        self.odometry.command(*((v_m_s, omega_rad_s) if self.obeys else (0.0, 0.0)))
         wanted = v_m_s != 0.0 or omega_rad_s != 0.0
         self.deaf = False
         self.driving = wanted and self.obeys
@@ -97,13 +98,13 @@ class CreateDialect(Dialect):
         return encode_drive_direct(left, right), (right - left) / base
 
     def show(self, signal: Signal) -> bytes:
-        """See Dialect. The power lamp, and in an alarm the song of ``greeting``: only in Safe and Full."""
+        """See Dialect. The power lamp, and in an alarm the song of ``hello``: only in Safe and Full."""
         if not self.obeys:
             return b""
         return encode_lamps(0, _COLORS[signal], BRIGHT) + (encode_play(ALARM_SONG) if signal is Signal.ALARM else b"")
 
-    def greeting(self) -> Iterable[tuple[bytes, float]]:
-        """To Passive, to Safe, with the pauses that the robots need, and the song of an alarm to their memory."""
+    def hello(self) -> Iterable[tuple[bytes, float]]:
+        """See Dialect. To Passive, to Safe, with the pauses that the robots need; stores the song of an alarm."""
         self._forget()
         yield bytes((Opcode.START,)), MODE_PAUSE_S
         yield bytes((Opcode.SAFE,)), MODE_PAUSE_S

@@ -14,25 +14,8 @@ from vsx_hw.connection_thread import ConnectionThread
 from vsx_hw.device_clock import DeviceClock
 from vsx_hw.errors import DeviceError, DeviceTimeout
 from vsx_hw.frozen_image import FROZEN, FrozenImageDetector
+from vsx_hw.kinect import protocol
 from vsx_hw.kinect.assembler import FrameAssembler, RawFrame
-from vsx_hw.kinect.protocol import (
-    AUTOMATIC_EXPOSURE,
-    AUTOMATIC_WHITE_BALANCE,
-    CLOCK_BITS,
-    CLOCK_HZ,
-    CMOS_REGISTER,
-    EXPOSURE_MODES,
-    REPLY_BYTES,
-    STOP,
-    VGA_BAYER,
-    WRITE_REGISTER,
-    Register,
-    StreamMode,
-    decode_reply,
-    encode_cmos_read,
-    encode_cmos_write,
-    encode_write,
-)
 from vsx_hw.kinect.transport import KinectTransport
 from vsx_hw.readings import ImageReading, LinkStatus
 
@@ -60,7 +43,7 @@ class KinectCamera(ConnectionThread):
         open_transport: Callable[[], KinectTransport],
         device: str,
         on_image: Callable[[ImageReading], None],
-        mode: StreamMode = VGA_BAYER,
+        mode: protocol.StreamMode = protocol.VGA_BAYER,
         lock_exposure: bool = False,
     ) -> None:
         super().__init__(device, open_transport, BACKOFF_S)
@@ -68,7 +51,7 @@ class KinectCamera(ConnectionThread):
         self._wants_lock, self._asked_to_lock, self._locked = lock_exposure, False, False
         self._tag = 0
         self._assembler = FrameAssembler(mode)
-        self._clock = DeviceClock(CLOCK_HZ, CLOCK_BITS)
+        self._clock = DeviceClock(protocol.CLOCK_HZ, protocol.CLOCK_BITS)
         self._last_image_s = self._streaming_since_s = 0.0
         self._fault: Exception | None = None
         self._frozen_detector = FrozenImageDetector()
@@ -87,8 +70,8 @@ class KinectCamera(ConnectionThread):
         while not self.closing.wait(0.1):
             if self._fault is not None:
                 raise self._fault
-            if transport.failure():
-                raise DeviceError(transport.failure())
+            if transport.failure:
+                raise DeviceError(transport.failure)
             if time.monotonic() - self._last_image_s > REVIVE_AFTER_S:
                 self._revive(transport)
             elif self._wants_lock and not self._asked_to_lock and self._has_settled():
@@ -105,7 +88,7 @@ class KinectCamera(ConnectionThread):
     def _begin(self, transport: KinectTransport) -> None:
         """Receive first, then switch on: the other way round the first packets are lost."""
         self._assembler = FrameAssembler(self._mode)
-        self._clock = DeviceClock(CLOCK_HZ, CLOCK_BITS)
+        self._clock = DeviceClock(protocol.CLOCK_HZ, protocol.CLOCK_BITS)
         self._last_image_s = time.monotonic()
         self._streaming_since_s, self._asked_to_lock, self._locked = 0.0, False, False
         transport.start_iso(self._on_packets)
@@ -114,7 +97,7 @@ class KinectCamera(ConnectionThread):
     def _leave(self, transport: KinectTransport) -> None:
         """Switch off first, then stop receiving."""
         try:
-            self._write(transport, STOP)
+            self._write(transport, protocol.STOP)
         finally:
             transport.stop_iso()
 
@@ -124,16 +107,20 @@ class KinectCamera(ConnectionThread):
     def _lock_exposure(self, transport: KinectTransport) -> None:
         """A camera that refuses is used as it is."""
         try:
-            modes = self._ask(transport, encode_cmos_read(EXPOSURE_MODES, self._tag), CMOS_REGISTER)[2]
-            fixed = Register(EXPOSURE_MODES, modes & ~(AUTOMATIC_EXPOSURE | AUTOMATIC_WHITE_BALANCE))
-            self._ask(transport, encode_cmos_write(fixed, self._tag), CMOS_REGISTER)
+            modes = self._ask(
+                transport, protocol.encode_cmos_read(protocol.EXPOSURE_MODES, self._tag), protocol.CMOS_REGISTER
+            )[2]
+            fixed = protocol.Register(
+                protocol.EXPOSURE_MODES, modes & ~(protocol.AUTOMATIC_EXPOSURE | protocol.AUTOMATIC_WHITE_BALANCE)
+            )
+            self._ask(transport, protocol.encode_cmos_write(fixed, self._tag), protocol.CMOS_REGISTER)
             self._locked = True
         except (DeviceError, IndexError) as error:
             logger.warning("%s: exposure stays automatic (%s)", self._name, error)
 
-    def _write(self, transport: KinectTransport, registers: Iterable[Register]) -> None:
+    def _write(self, transport: KinectTransport, registers: Iterable[protocol.Register]) -> None:
         for register in registers:
-            self._ask(transport, encode_write(register, self._tag), WRITE_REGISTER)
+            self._ask(transport, protocol.encode_write(register, self._tag), protocol.WRITE_REGISTER)
 
     def _ask(self, transport: KinectTransport, message: bytes, command: int) -> tuple[int, ...]:
         """Send a message with the present tag; the words of its reply. The camera says nothing until it is done: ask
@@ -141,9 +128,9 @@ class KinectCamera(ConnectionThread):
         transport.control_out(message)
         deadline = time.monotonic() + REPLY_TIMEOUT_S
         while time.monotonic() < deadline:
-            reply = transport.control_in(REPLY_BYTES)
+            reply = transport.control_in(protocol.REPLY_BYTES)
             if reply:
-                words = decode_reply(reply, command, self._tag)
+                words = protocol.decode_reply(reply, command, self._tag)
                 self._tag = (self._tag + 1) & 0xFFFF
                 return words
             time.sleep(0.001)

@@ -30,7 +30,7 @@ class SocketTransport:
         self._replies: queue.Queue[bytes] = queue.Queue()
         self._handler: PacketHandler | None = None
         self._handing_over = threading.Lock()
-        self._failure = ""
+        self.failure = ""
         self._closed = False
         self._thread = threading.Thread(target=self._listen, name="emulated usb", daemon=True)
         self._thread.start()
@@ -58,10 +58,6 @@ class SocketTransport:
             self._handler = None
         wire.send(self._socket, wire.STOP)
 
-    def failure(self) -> str:
-        """See KinectTransport."""
-        return self._failure
-
     def close(self) -> None:
         """See KinectTransport."""
         if not self._closed:
@@ -83,4 +79,4 @@ class SocketTransport:
                         if self._handler is not None:
                             self._handler(*message)
         except DeviceError as error:
-            self._failure = str(error)
+            self.failure = str(error)

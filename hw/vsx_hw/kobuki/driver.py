@@ -6,30 +6,17 @@ from collections.abc import Iterable
 
 from vsx_hw.base_driver import Dialect
 from vsx_hw.device_clock import DeviceClock
+from vsx_hw.kobuki import protocol
 from vsx_hw.kobuki.base_control import BaseControl, base_control, twist_of
 from vsx_hw.kobuki.framing import encode_frame
 from vsx_hw.kobuki.gyro import gyro_reading
 from vsx_hw.kobuki.odometry import KobukiOdometry
-from vsx_hw.kobuki.protocol import (
-    AT_THE_DOCK,
-    BAUD,
-    CHARGER_STATES,
-    Core,
-    Feedback,
-    Led,
-    Sound,
-    battery_state,
-    drive_payload,
-    melody_payload,
-    outputs_payload,
-    request_versions_payload,
-)
 from vsx_hw.kobuki.stream import StreamParser
 from vsx_hw.kobuki.versions import STEADY_GYRO, Version, objection
 from vsx_hw.readings import BaseReading, BatteryReading, Hazard, Signal
 from vsx_hw.rounding import TurnErrorFeedback
 
-_LAMPS = {Signal.READY: Led.GREEN, Signal.HELD: Led.ORANGE, Signal.ALARM: Led.RED}
+_LAMPS = {Signal.READY: protocol.Led.GREEN, Signal.HELD: protocol.Led.ORANGE, Signal.ALARM: protocol.Led.RED}
 
 VERSION_REQUESTS = 10
 FRAMES_PER_REQUEST = 25
@@ -59,13 +46,13 @@ class KobukiDialect(Dialect):
     def hello(self) -> Iterable[tuple[bytes, float]]:
         """Supplies on (the camera's 12 V), wheels still."""
         self._start_connection()
-        return [(encode_frame(outputs_payload(), drive_payload(BaseControl(0, 0))), 0.0)]
+        return [(encode_frame(protocol.outputs_payload(), protocol.drive_payload(BaseControl(0, 0))), 0.0)]
 
     def receive(self, data: bytes, now_ns: int) -> list[BaseReading]:
         """See Dialect."""
         return [self._reading(feedback, now_ns) for feedback in self._parser.feed(data, now_ns)]
 
-    def _reading(self, feedback: Feedback, now_ns: int) -> BaseReading:
+    def _reading(self, feedback: protocol.Feedback, now_ns: int) -> BaseReading:
         core = feedback.core
         self.firmware = feedback.firmware_version or self.firmware
         self._hardware = feedback.hardware_version or self._hardware
@@ -73,20 +60,22 @@ class KobukiDialect(Dialect):
         hazards = hazards_of(core)  # a contact ends with the second frame that says so: one may have been damaged
         held, self._hazards = hazards | self._hazards, hazards
         stamp_ns = self._clock.host_ns(core.time_ms, now_ns) - WIRE_NS
-        fraction, state, charging = battery_state(core.battery_decivolt, core.charger)
+        fraction, state, charging = protocol.battery_state(core.battery_decivolt, core.charger)
         odometry = self.odometry.update(feedback, stamp_ns)
         return BaseReading(
             stamp_ns,
             odometry,
             held,
-            BatteryReading(core.battery_decivolt / 10.0, fraction, charging, state, core.charger in AT_THE_DOCK),
+            BatteryReading(
+                core.battery_decivolt / 10.0, fraction, charging, state, core.charger in protocol.AT_THE_DOCK
+            ),
             core.buttons,
             gyro=gyro_reading(feedback, stamp_ns, self.odometry.gyro_trusted),
             refusal=refusal,
             warnings=warnings,
         )
 
-    def _trust(self, core: Core) -> tuple[str, tuple[str, ...]]:
+    def _trust(self, core: protocol.Core) -> tuple[str, tuple[str, ...]]:
         """(refusal, warnings) of the versions and of what this frame says."""
         warnings = []
         refusal = objection(self.firmware, self._hardware)
@@ -95,32 +84,32 @@ class KobukiDialect(Dialect):
             refusal = ""
         if self.firmware is not None and self.firmware < STEADY_GYRO:
             warnings.append(f"firmware {self.firmware}: the gyro drifts; flash 1.2.0")
-        if core.charger not in CHARGER_STATES:
+        if core.charger not in protocol.CHARGER_STATES:
             warnings.append(f"charger state {core.charger} is unknown, taken for not charging; look at the charger")
         return refusal, tuple(warnings)
 
     def drive(self, v_m_s: float, omega_rad_s: float) -> bytes:
         """Base control; until the base has told versions that are known they are asked for, but not for ever."""
         self.odometry.command(v_m_s, omega_rad_s)
-        payloads = [drive_payload(self._rounding.command(v_m_s, omega_rad_s, _encoded))]
+        payloads = [protocol.drive_payload(self._rounding.command(v_m_s, omega_rad_s, _encoded))]
         requests, remainder = divmod(self._commands_sent, FRAMES_PER_REQUEST)
         if objection(self.firmware, self._hardware) and remainder == 0 and requests < VERSION_REQUESTS:
-            payloads.append(request_versions_payload())
+            payloads.append(protocol.request_versions_payload())
         self._commands_sent += 1
         return encode_frame(*payloads)
 
     def halt(self) -> bytes:
         """See Dialect."""
-        return encode_frame(drive_payload(BaseControl(0, 0)))
+        return encode_frame(protocol.drive_payload(BaseControl(0, 0)))
 
     def show(self, signal: Signal) -> bytes:
         """See Dialect. The first lamp."""
-        sound = [melody_payload(Sound.ERROR)] if signal is Signal.ALARM else []
-        return encode_frame(outputs_payload(led1=_LAMPS[signal]), *sound)
+        sound = [protocol.melody_payload(protocol.Sound.ERROR)] if signal is Signal.ALARM else []
+        return encode_frame(protocol.outputs_payload(led1=_LAMPS[signal]), *sound)
 
     def farewell(self) -> bytes:
         """Stand still; the supplies stay on."""
-        return encode_frame(drive_payload(BaseControl(0, 0)), outputs_payload())
+        return encode_frame(protocol.drive_payload(BaseControl(0, 0)), protocol.outputs_payload())
 
     def counters(self) -> dict[str, int]:
         """See Dialect."""
@@ -135,12 +124,12 @@ class KobukiDialect(Dialect):
         if self._parser.doubts:
             return "no report can follow the one before: the base's clock or counters fail; switch it off and on"
         return (
-            f"switch the Kobuki on and check ~robot_type: a Kobuki speaks unasked at {BAUD} baud; a Create 1 answers "
-            "at 57600, a Create 2 or Roomba at 115200; 'auto' finds out"
+            f"switch the Kobuki on and check ~robot_type: a Kobuki speaks unasked at {protocol.BAUD} baud; a Create 1 "
+            "answers at 57600, a Create 2 or Roomba at 115200; 'auto' finds out"
         )
 
 
-def hazards_of(core: Core) -> Hazard:
+def hazards_of(core: protocol.Core) -> Hazard:
     """The level of each contact in this frame (not its edges: a missed edge would leave the robot blind)."""
     return Hazard(core.bumper | core.cliff << 3 | core.wheel_drop << 6 | core.overcurrent << 8)
 

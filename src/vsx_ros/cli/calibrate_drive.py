@@ -45,10 +45,20 @@ def _odometry(args: argparse.Namespace, config: Config, recording: Recording) ->
         else:
             drive, _ = _seen_by_slam(recording, config.slam)
         result = from_camera(drive, T_base_cam, metric=args.board is not None)
-    values = _new_factors(result, config)
-    print(*_odometry_lines(result, values, config), sep="\n")
-    known = [("way", result.linear), ("turn", result.angular)]
-    sure = [f"{name} known to {100 * factor.sigma:.2f} %" for name, factor in known if factor is not None]
+    values, sure, known = {}, [], config.robot.odometry
+    for name, before, factor, word, of in (
+        ("linear_scale", known.linear_scale, result.linear, "way", "m of way"),
+        ("angular_scale", known.angular_scale, result.angular, "turn", "rad of turning"),
+    ):
+        if factor is None:
+            values[name] = before
+            print(f"{name:14} {before:.4f}: this drive does not tell")
+            continue
+        values[name] = round(before * factor.value, 5)
+        exact = f"known to {100 * factor.sigma:.2f} %"
+        measured = f"{exact} from {factor.measured:.2f} {of}"
+        print(f"{name:14} {values[name]:.4f}: the drive was recorded with {before:.4f}; {measured}")
+        sure.append(f"{word} {exact}")
     return _conclude(args.out, "odometry", values, result.verdict, ", ".join(sure))
 
 
@@ -127,32 +137,6 @@ def _seen_by_slam(recording: Recording, config: SlamConfig) -> tuple[list[Tracke
             drive.append(TrackedPose(odometry.T_odom_base, result.T_world_cam))
     print(f"{len(drive)} of {frames} pictures were tracked without odometry")
     return drive, slam.snapshot().points_world
-
-
-def _new_factors(result: OdometryCalibration, config: Config) -> dict[str, float]:
-    """What takes the place of the factors in force while the drive was recorded."""
-    known = config.robot.odometry
-    values = {"linear_scale": known.linear_scale, "angular_scale": known.angular_scale}
-    if result.linear is not None:
-        values["linear_scale"] = round(known.linear_scale * result.linear.value, 5)
-    if result.angular is not None:
-        values["angular_scale"] = round(known.angular_scale * result.angular.value, 5)
-    return values
-
-
-def _odometry_lines(result: OdometryCalibration, values: dict[str, float], config: Config) -> list[str]:
-    lines = []
-    known = config.robot.odometry
-    for name, factor, of, before in (
-        ("linear_scale", result.linear, "m of way", known.linear_scale),
-        ("angular_scale", result.angular, "rad of turning", known.angular_scale),
-    ):
-        if factor is None:
-            lines.append(f"{name:14} {values[name]:.4f}: this drive does not tell")
-        else:
-            measured = f"known to {100 * factor.sigma:.2f} % from {factor.measured:.2f} {of}"
-            lines.append(f"{name:14} {values[name]:.4f}: the drive was recorded with {before:.4f}; {measured}")
-    return lines
 
 
 def _mount_lines(result: MountCalibration, before: MountConfig) -> list[str]:

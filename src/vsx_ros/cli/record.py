@@ -21,14 +21,13 @@ _UNITS = {"kB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12}
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Its options."""
-    parser.add_argument("--out", type=Path, metavar="FILE", help="the bag (default <date>_<time>.bag)")
-    parser.add_argument("--images", choices=("raw", "png", "jpeg"), default="raw", help="how images are kept (raw)")
-    parser.add_argument("--time", type=float, metavar="S", help="stop after this time")
-    parser.add_argument("--limit", type=Size.parse, default="1TB", metavar="SIZE", help="stop at this size, e.g. 4GB")
-    parser.add_argument(
-        "--keep-free", type=Size.parse, default="1GB", metavar="SIZE", help="stop when the disk has less left (1GB)"
-    )
-    parser.add_argument("--topic", action="append", default=[], metavar="T", help="record this topic, too; repeatable")
+    add = parser.add_argument
+    add("--out", type=Path, metavar="FILE", help="the bag (default <date>_<time>.bag)")
+    add("--images", choices=("raw", "png", "jpeg"), default="raw", help="how images are kept (raw)")
+    add("--time", type=float, metavar="S", help="stop after this time")
+    add("--limit", type=Size.parse, default="1TB", metavar="SIZE", help="stop at this size, e.g. 4GB")
+    add("--keep-free", type=Size.parse, default="1GB", metavar="SIZE", help="stop when the disk has less left (1GB)")
+    add("--topic", action="append", default=[], metavar="T", help="record this topic, too; repeatable")
 
 
 def run(args: argparse.Namespace) -> int:

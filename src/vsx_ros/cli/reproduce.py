@@ -28,16 +28,15 @@ _QUICK_SEEDS, _QUICK_TIME_S = 2, 60.0
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Its options."""
-    parser.add_argument("what", metavar="WHAT", choices=WHAT, help=", ".join(WHAT))
-    parser.add_argument("--world", default="lab", metavar="NAME", help="lab, office, corridor, building or a file")
-    parser.add_argument("--seeds", type=seeds, metavar="A:B", help="worlds A to B - 1 (default 100:120; figures: A)")
-    parser.add_argument("--seed", type=int, metavar="N", help="the same as --seeds N:N+1")
-    parser.add_argument(
-        "--noises", type=int, default=1, metavar="K", help="drives of each with other noise (default 1)"
-    )
-    parser.add_argument("--time", type=float, metavar="S", help="emulated time of fig4, fig5 (90), fig7 (600)")
-    parser.add_argument("--quick", action="store_true", help="two worlds and a minute: done in some minutes")
-    parser.add_argument("--out", type=Path, default=Path("results"), metavar="FOLDER", help="default: results")
+    add = parser.add_argument
+    add("what", metavar="WHAT", choices=WHAT, help=", ".join(WHAT))
+    add("--world", default="lab", metavar="NAME", help="lab, office, corridor, building or a file")
+    add("--seeds", type=seeds, metavar="A:B", help="worlds A to B - 1 (default 100:120; figures: A)")
+    add("--seed", type=int, metavar="N", help="the same as --seeds N:N+1")
+    add("--noises", type=int, default=1, metavar="K", help="drives of each with other noise (default 1)")
+    add("--time", type=float, metavar="S", help="emulated time of fig4, fig5 (90), fig7 (600)")
+    add("--quick", action="store_true", help="two worlds and a minute: done in some minutes")
+    add("--out", type=Path, default=Path("results"), metavar="FOLDER", help="default: results")
     add_engine_arguments(parser)
 
 

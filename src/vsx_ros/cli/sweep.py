@@ -19,14 +19,13 @@ from vsx_ros.errors import ConfigError
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Its options."""
-    parser.add_argument("--worlds", default="lab", metavar="NAME,...", help="lab, office, corridor, building, or files")
-    parser.add_argument("--seeds", type=seeds, default=range(20), metavar="A:B", help="A to B - 1 (default 0:20)")
-    parser.add_argument(
-        "--planners", default="fov", metavar="NAME,...", help="fov, unconstrained, paper or a plug-in's (fov)"
-    )
-    parser.add_argument("--time", type=float, default=600.0, metavar="S", help="emulated time of each (default 600)")
-    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="override a parameter")
-    parser.add_argument("--out", type=Path, default=Path("sweep"), metavar="FOLDER", help="default: sweep")
+    add = parser.add_argument
+    add("--worlds", default="lab", metavar="NAME,...", help="lab, office, corridor, building, or files")
+    add("--seeds", type=seeds, default=range(20), metavar="A:B", help="A to B - 1 (default 0:20)")
+    add("--planners", default="fov", metavar="NAME,...", help="fov, unconstrained, paper or a plug-in's (fov)")
+    add("--time", type=float, default=600.0, metavar="S", help="emulated time of each (default 600)")
+    add("--set", action="append", default=[], metavar="NAME=VALUE", help="override a parameter")
+    add("--out", type=Path, default=Path("sweep"), metavar="FOLDER", help="default: sweep")
     add_engine_arguments(parser)
 
 

@@ -16,17 +16,16 @@ from vsx_ros.errors import ConfigError
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Its options."""
-    parser.add_argument("--host", default="127.0.0.1", metavar="ADDRESS", help="listen here (default: this machine)")
-    parser.add_argument(
-        "--port", type=int, metavar="N", help="listen here (default 8765, another one if that is taken)"
-    )
-    parser.add_argument(
+    add = parser.add_argument
+    add("--host", default="127.0.0.1", metavar="ADDRESS", help="listen here (default: this machine)")
+    add("--port", type=int, metavar="N", help="listen here (default 8765, another one if that is taken)")
+    add(
         "--allow",
         default="",
         metavar="NAMES",
         help="answer to these names, too, NAME or NAME:PORT, by commas (default: those of this machine)",
     )
-    parser.add_argument("--headless", action="store_true", help="open no browser")
+    add("--headless", action="store_true", help="open no browser")
 
 
 def run(args: argparse.Namespace) -> int:

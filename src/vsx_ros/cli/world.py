@@ -13,13 +13,12 @@ from pathlib import Path
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Its options."""
-    parser.add_argument(
-        "name", metavar="NAME", help="lab, office, corridor, building, a world.yaml, a map.yaml, a .png"
-    )
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="which of the generator's worlds (default 0)")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="write the world to this YAML file")
-    parser.add_argument("--picture", type=Path, metavar="FILE.png", help="draw the plan and the first view")
-    parser.add_argument("--map", type=Path, metavar="FILE.pgm", help="write the true map (pgm and yaml) for map_server")
+    add = parser.add_argument
+    add("name", metavar="NAME", help="lab, office, corridor, building, a world.yaml, a map.yaml, a .png")
+    add("--seed", type=int, default=0, metavar="N", help="which of the generator's worlds (default 0)")
+    add("--out", type=Path, metavar="FILE", help="write the world to this YAML file")
+    add("--picture", type=Path, metavar="FILE.png", help="draw the plan and the first view")
+    add("--map", type=Path, metavar="FILE.pgm", help="write the true map (pgm and yaml) for map_server")
 
 
 def run(args: argparse.Namespace) -> int:

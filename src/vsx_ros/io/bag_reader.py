@@ -28,16 +28,7 @@ _ROS1_MAGIC = b"#ROSBAG V2.0\n"
 _ROS2_MAGIC = {b"\x89MCAP0\r\n": ".mcap", b"SQLite format 3\x00": ".db3"}
 _ROS2_SUFFIXES = tuple(_ROS2_MAGIC.values())
 # what rosbags, the decompressors, YAML and sqlite raise on damaged files
-_DAMAGE = (
-    Ros1ReaderError,
-    Ros2ReaderError,
-    SerdeError,
-    sqlite3.Error,
-    apsw.Error,
-    YAMLError,
-    ZstdError,
-    *DAMAGE,
-)
+_DAMAGE = (Ros1ReaderError, Ros2ReaderError, SerdeError, sqlite3.Error, apsw.Error, YAMLError, ZstdError, *DAMAGE)
 
 
 class Messages:

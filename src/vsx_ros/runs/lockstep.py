@@ -20,9 +20,8 @@ from vsx_ros.runs.exit_codes import DONE, LOST, STOPPED, ended_well
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.interruptible import interruptible
 from vsx_ros.runs.journal import RunEvent, TruthLine, flat, unflat
-from vsx_ros.runs.outcomes import EXIT_CODES
 from vsx_ros.runs.record import MapJudge
-from vsx_ros.runs.report import tell_the_end, write_report
+from vsx_ros.runs.report import EXIT_CODES, tell_the_end, write_report
 from vsx_ros.runs.session import PreviousSessions, RunWriter
 from vsx_ros.runs.start import begin
 from vsx_ros.sim.robot import EmulatedRobot, Observation

@@ -1,4 +1,4 @@
-"""What a run tells at its end: its page, and the facts that people want first."""
+"""What a run tells at its end: its exit code, its page, and the facts that people want first."""
 
 from __future__ import annotations
 
@@ -12,11 +12,24 @@ from msgspec.structs import astuple
 
 from vsx_ros.evaluation.report import ReportData, render
 from vsx_ros.evaluation.summary import checked_summary
+from vsx_ros.exploration.decision import Outcome
 from vsx_ros.io.atomic import write_text
 from vsx_ros.io.ply_file import read_ply
-from vsx_ros.runs.exit_codes import FAILED
+from vsx_ros.runs.exit_codes import DONE, FAILED, LOST, STOPPED
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.parameters import commented_yaml
+
+EXIT_CODES = {
+    Outcome.EXPLORED: DONE,
+    Outcome.HOME: DONE,
+    Outcome.STOPPED: STOPPED,
+    Outcome.BOXED_IN: FAILED,
+    Outcome.NOT_STARTED: FAILED,
+    Outcome.LOST: LOST,
+    Outcome.STRANDED: FAILED,
+    Outcome.BLOCKED: FAILED,
+}
+"""Of each way an exploration ends, live or in lock-step."""
 
 
 def write_report(folder: RunFolder) -> Path:
