@@ -14,7 +14,6 @@ from typing import NamedTuple, Protocol
 
 from vsx_hw.connection_thread import ConnectionThread
 from vsx_hw.errors import DeviceTimeout
-from vsx_hw.odometry import WheelOdometry
 from vsx_hw.readings import BaseReading, LinkStatus, Signal
 from vsx_hw.transport import Transport
 
@@ -32,8 +31,6 @@ BACKOFF_S = (0.2, 0.5, 1.0, 2.0)
 
 class Dialect(Protocol):
     """How one kind of base speaks. Objects live as long as the driver; ``hello`` starts a new connection."""
-
-    odometry: WheelOdometry
 
     def hello(self) -> Iterable[tuple[bytes, float]]:
         """Opening bytes, each with the pause [s] that the base needs afterwards."""
@@ -57,6 +54,9 @@ class Dialect(Protocol):
 
     def farewell(self) -> bytes:
         """Stop, and leave the base in a state in which it can be left alone."""
+
+    def reset_odometry(self) -> None:
+        """Start the pose again at the origin."""
 
     def counters(self) -> dict[str, int]:
         """Frames and errors seen, for diagnostics."""
@@ -117,7 +117,7 @@ class BaseDriver(ConnectionThread):
 
     def reset_odometry(self) -> None:
         """Start the pose again at the origin."""
-        self._dialect.odometry.reset()
+        self._dialect.reset_odometry()
 
     def status(self) -> LinkStatus:
         """Health for diagnostics: a base that has been silent for longer than TOLD_NS is not connected."""

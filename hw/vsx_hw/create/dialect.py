@@ -20,6 +20,7 @@ from vsx_hw.create.protocol import (
     mode_of,
     wheel_speeds,
 )
+from vsx_hw.odometry import WheelOdometry
 from vsx_hw.readings import BaseReading, BatteryReading, GyroReading, Hazard, OdometryReading, Signal
 from vsx_hw.rounding import TurnErrorFeedback
 
@@ -55,6 +56,8 @@ class CreateDialect(Dialect):
     They are put back to Safe when the cause is gone, or for reversing from a cliff, and a command to move arrives; from
     a mode that is not known at once, unless they charge.
     """
+
+    odometry: WheelOdometry
 
     def __init__(self, model: Model) -> None:
         self._model = model
@@ -118,6 +121,10 @@ class CreateDialect(Dialect):
         """Wheels still, then Passive: in Safe a robot does not charge and drains its battery. Create 2 sleeps."""
         end = bytes((Opcode.STOP,)) if self._model is CREATE_2 else b""
         return encode_drive_direct(0.0, 0.0) + bytes((Opcode.START,)) + end
+
+    def reset_odometry(self) -> None:
+        """See Dialect."""
+        self.odometry.reset()
 
     def base_reading(
         self, values: Mapping[int, int], odometry: OdometryReading, gyro: GyroReading | None = None

@@ -111,6 +111,10 @@ class KobukiDialect(Dialect):
         """Stand still; the supplies stay on."""
         return encode_frame(protocol.drive_payload(BaseControl(0, 0)), protocol.outputs_payload())
 
+    def reset_odometry(self) -> None:
+        """See Dialect."""
+        self.odometry.reset()
+
     def counters(self) -> dict[str, int]:
         """See Dialect."""
         return {

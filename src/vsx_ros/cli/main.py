@@ -47,7 +47,7 @@ def parser() -> argparse.ArgumentParser:
     subparsers = root.add_subparsers(dest="command", metavar="COMMAND", required=True, parser_class=_Parser)
     for name in COMMANDS:
         module = importlib.import_module(f"vsx_ros.cli.{name}")
-        title, description, *epilog = (module.__doc__ or "").split("\n\n")
+        title, description, *epilog = (module.__doc__ or "\n\n").split("\n\n")
         command = subparsers.add_parser(
             name, help=title.partition(": ")[2], description=description, epilog="".join(epilog) or None
         )
