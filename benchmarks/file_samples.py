@@ -21,12 +21,13 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.calibration_file import write_calibration
+from vsx_ros.io.ply_file import write_ply
 from vsx_ros.kernels.vision.patches import PATCH
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import Odometry
 from vsx_ros.runs.checkpoint import CheckpointData
-from vsx_ros.runs.folder import FrameRecord, RunEvent, RunFolder
-from vsx_ros.runs.journal import ClockLine, EventLine, FrameLine, Journal, TruthLine, flat
+from vsx_ros.runs.folder import FrameRecord, RunFolder
+from vsx_ros.runs.journal import ClockLine, FrameLine, Journal, RunEvent, TruthLine, flat
 from vsx_ros.slam.keyframe import FrameData, Observations
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.slam_map import SlamMap
@@ -81,7 +82,7 @@ def run_folder(path: Path) -> RunFolder:
     for name in ("trajectory", "odometry", "groundtruth"):
         folder.write_poses(name, poses)
     folder.write_map(grid())
-    folder.write_points(np.random.default_rng(0).normal(size=(50, 3)))
+    write_ply(folder.path / "sparse.ply", np.random.default_rng(0).normal(size=(50, 3)))
     saved = SavedMission([SE2(0, 0, 0)], [(SE2(1, 1, 0), 3.0, 1)], [SE2(0, 0, 0)], False, SE2(0, 0, 0))
     state = {"errors_m": np.zeros(3), "plans": np.array([4]), "driven": np.zeros((4, 3))}
     folder.checkpoint.write(CheckpointData(slam_map(), 10**9, state, saved.tree()))
@@ -96,7 +97,7 @@ def journal(path: Path, poses: list[StampedPose]) -> None:
     for k, pose in enumerate(poses):
         result = TrackingResult(pose.stamp_ns, TrackingState.GOOD, pose.T, 100, 60, k == 5, "")
         lines.add(FrameLine.of(result, Odometry(0, SE2(0.1 * k, 0.0, 0.0)), 7.0, 1.0))
-    lines.add(EventLine(stamp_ns=1, source="slam", state="GOOD", reason=""))
+    lines.add(RunEvent(stamp_ns=1, source="slam", state="GOOD", reason=""))
     lines.add(TruthLine(stamp_ns=2, T_world_cam=flat(poses[0].T), T_world_base=(0.0, 0.0, 0.0), collisions=0))
     lines.add(ClockLine(stamp_ns=3, elapsed_s=1.0, plans=1, collisions=0))
 

@@ -27,7 +27,7 @@ from vsx_hw.create.protocol import METRES_PER_TICK as CREATE_METRES_PER_TICK
 from vsx_hw.create.protocol import StreamParser as CreateParser
 from vsx_hw.create.protocol import encode_stream_frame
 from vsx_hw.kinect.assembler import FrameAssembler
-from vsx_hw.kinect.packets import packetize
+from vsx_hw.kinect.emulator import packetize
 from vsx_hw.kobuki.framing import encode_frame
 from vsx_hw.kobuki.protocol import METRES_PER_TICK
 from vsx_hw.kobuki.stream import StreamParser as KobukiParser

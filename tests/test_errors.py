@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from vsx_ros.errors import disk_trouble, reason_of
+from vsx_ros.errors import CalibrationError, InputError, MapFileError, disk_trouble, explained, reason_of
 
 
 def test_the_system_s_reason_comes_without_its_number(tmp_path: Path) -> None:
@@ -25,6 +25,20 @@ def test_yaml_tells_the_line() -> None:
 
 def test_other_words_are_cut_to_one_line() -> None:
     assert reason_of(ValueError("first\nsecond")) == "first"
+
+
+def test_what_goes_wrong_with_a_file_is_told_with_reason_and_remedy(tmp_path: Path) -> None:
+    with (
+        pytest.raises(InputError, match=r"^list cannot be read \(No such file or directory\); give one$"),
+        explained(InputError, "list cannot be read", "give one"),
+    ):
+        (tmp_path / "absent").read_text(encoding="utf-8")
+    with pytest.raises(MapFileError), explained(InputError, "list cannot be read", "give one"):
+        raise MapFileError("ours says more already")
+    with pytest.raises(ZeroDivisionError), explained(CalibrationError, "x", "y"):
+        raise ZeroDivisionError
+    with pytest.raises(ValueError, match="^a mistake of ours$"), explained(InputError, "x", "y", OSError):
+        raise ValueError("a mistake of ours")
 
 
 @pytest.mark.parametrize(

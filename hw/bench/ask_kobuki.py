@@ -7,21 +7,17 @@ the gains of the wheels' controller. Kind 0 is the factory's, P 100, I 0.1, D 2;
 import sys
 import time
 
+from vsx_hw.kobuki import protocol
 from vsx_hw.kobuki.framing import encode_frame
-from vsx_hw.kobuki.protocol import (
-    BAUD,
-    factory_gains_payload,
-    get_gains_payload,
-    request_versions_payload,
-    sound_payload,
-)
 from vsx_hw.kobuki.stream import StreamParser
 from vsx_hw.transport import SerialTransport
 
-transport, parser, told = SerialTransport(sys.argv[1], BAUD), StreamParser(), {}
+transport, parser, told = SerialTransport(sys.argv[1], protocol.BAUD), StreamParser(), {}
 if "--factory-gains" in sys.argv:
-    transport.write(encode_frame(factory_gains_payload()))
-transport.write(encode_frame(sound_payload(440.0, 200), request_versions_payload(), get_gains_payload()))
+    transport.write(encode_frame(protocol.factory_gains_payload()))
+transport.write(
+    encode_frame(protocol.sound_payload(440.0, 200), protocol.request_versions_payload(), protocol.get_gains_payload())
+)
 end_s = time.monotonic() + 2.0
 while time.monotonic() < end_s:
     for feedback in parser.feed(transport.read(0.1)):

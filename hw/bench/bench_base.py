@@ -18,9 +18,7 @@ class BenchBase:
         print(f"{port}: {self.kind} at {BASES[self.kind].baud} baud", flush=True)
 
     def driver(
-        self,
-        on_reading: Callable[[BaseReading], None],
-        on_command: Callable[[bool], None] = lambda turning: None,
+        self, on_reading: Callable[[BaseReading], None], on_command: Callable[[bool], None] = lambda turning: None
     ) -> BaseDriver:
         """Call ``start`` on it, or use it as a context manager."""
         return base_driver(self.kind, self.port, on_reading, on_command=on_command)

@@ -42,7 +42,9 @@ class Dialect(Protocol):
         """The command bytes, with whatever else the base should hear now."""
 
     def waits(self) -> bool:
-        """Whether a report is on its way; if not, the next command goes as soon as it may."""
+        """Whether a report is on its way, as always where the base reports unasked; if not, the next command goes as
+        soon as it may."""
+        return True
 
     def halt(self) -> bytes:
         """Wheels still, and nothing else: may be sent at any moment, between question and answer too."""
@@ -72,12 +74,12 @@ class _Command(NamedTuple):
 _STILL = (0.0, 0.0)
 
 
-class BaseDriver:
+class BaseDriver(ConnectionThread):
     """Drives a base through ``open_transport``; reports come to ``on_reading`` on the driver's own thread.
 
     ``on_link`` is told (connected, message) at every change. Within ``on_reading`` a call of ``drive`` reaches the
     wheels in the same cycle. ``on_command`` hears after each command whether it lets the wheels turn: the pulse of a
-    watchdog. Usable as a context manager.
+    watchdog.
     """
 
     def __init__(
@@ -90,8 +92,8 @@ class BaseDriver:
         command_timeout_s: float = 0.25,
         on_command: Callable[[bool], None] = lambda turning: None,
     ) -> None:
+        super().__init__(device, open_transport, BACKOFF_S, on_link)
         self._dialect = dialect
-        self._device = device
         self._on_reading, self._on_command = on_reading, on_command
         self._timeout_ns = round(command_timeout_s * 1e9)
         self._command: _Command | None = None
@@ -99,20 +101,6 @@ class BaseDriver:
         self._row, self._damage, self._refusal = 0, 0, ""
         self._sent = _STILL
         self._signal, self._shown = Signal.READY, ""
-        self._connection = ConnectionThread(device, open_transport, self._serve, self._leave, on_link, BACKOFF_S)
-
-    def __enter__(self) -> BaseDriver:
-        """Start."""
-        self.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Stop the wheels and close."""
-        self.close()
-
-    def start(self) -> None:
-        """Begin connecting; returns at once."""
-        self._connection.start()
 
     def drive(self, v_m_s: float, omega_rad_s: float, until_ns: int | None = None) -> None:
         """Move like this until the next command, at most until the timeout or the instant until_ns (monotonic)."""
@@ -133,32 +121,31 @@ class BaseDriver:
 
     def status(self) -> LinkStatus:
         """Health for diagnostics: a base that has been silent for longer than TOLD_NS is not connected."""
-        counters = {"connections": self._connection.connections, **self._dialect.counters()}
-        connected, message = self._connection.connected, self._connection.message
+        status = self._status(self._name, self._dialect.counters())
         silent_ns = time.monotonic_ns() - self._last_reading_ns
-        if connected and silent_ns > TOLD_NS:
-            told = f"{self._heard()} for {silent_ns * 1e-9:.1f} s; the wheels are told to stand"
-            connected, message = False, f"{told}; {self._dialect.silence()}"
-        return LinkStatus(connected, message, self._device, counters, self._connection.alive)
+        if not status.connected or silent_ns <= TOLD_NS:
+            return status
+        told = f"{self._heard()} for {silent_ns * 1e-9:.1f} s; the wheels are told to stand"
+        return status._replace(connected=False, message=f"{told}; {self._dialect.silence()}")
 
-    def close(self) -> bool:
+    def close(self, timeout_s: float = 3.0) -> bool:
         """Stop the wheels, leave the base safe and release the port; whether the wheels surely stand."""
-        return self._connection.close() and self._sent == _STILL
+        return super().close(timeout_s) and self._sent == _STILL
 
     def _serve(self, transport: Transport) -> None:
-        """One connection: until the driver closes or the device fails."""
         self._command, self._shown, self._heard_bytes, self._row = None, "", 0, 0
         for data, pause_s in self._dialect.hello():
             transport.write(data)
-            self._connection.closing.wait(pause_s)
+            self.closing.wait(pause_s)
         self._last_reading_ns = time.monotonic_ns()
         sent_ns, answered = 0, False
-        while not self._connection.closing.is_set():
+        while not self.closing.is_set():
             readings = self._listen(transport, sent_ns + self._period_ns(answered))
             now_ns = time.monotonic_ns()
             answered = answered or bool(readings)
             if now_ns - self._last_reading_ns > SILENT_NS:
-                raise DeviceTimeout(self._silence())
+                silent = f"{self._heard()} for {SILENT_NS / 1e9:.0f} s"
+                raise DeviceTimeout(f"{self._name}: {silent}; {self._dialect.silence()}")
             due = now_ns - sent_ns >= self._period_ns(answered)
             command = self._current(time.monotonic_ns())
             if due:
@@ -197,7 +184,7 @@ class BaseDriver:
             self._on_reading(reading)
         if readings:
             self._heard_bytes = 0
-            self._connection.report(True, "connected")
+            self.report(True, "connected")
         return readings
 
     def _count(self, now_ns: int) -> None:
@@ -210,10 +197,6 @@ class BaseDriver:
             damage = sum(counters.values()) - counters["frames"]
             in_row = gap_ns <= ROW_NS and damage == self._damage
             self._row, self._damage = self._row + 1 if in_row else 1, damage
-
-    def _silence(self) -> str:
-        """What is wrong with a base that has told nothing for long."""
-        return f"{self._device}: {self._heard()} for {SILENT_NS / 1e9:.0f} s; {self._dialect.silence()}"
 
     def _heard(self) -> str:
         return f"{self._heard_bytes} bytes that make no sense" if self._heard_bytes else "no data"

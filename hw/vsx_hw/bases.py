@@ -56,11 +56,5 @@ def base_driver(
     if isinstance(dialect, KobukiDialect):
         dialect.allow_unknown_firmware = allow_unknown_firmware
     return BaseDriver(
-        dialect,
-        lambda: SerialTransport(port, base.baud),
-        port,
-        on_reading,
-        on_link,
-        command_timeout_s,
-        on_command,
+        dialect, lambda: SerialTransport(port, base.baud), port, on_reading, on_link, command_timeout_s, on_command
     )

@@ -1,11 +1,11 @@
-"""What the wheels were told lately, for comparison with what they did. Pure; time is an argument."""
+"""What the wheels were told lately, and whether they did it. Pure; time is an argument."""
 
 from __future__ import annotations
 
+import math
 from collections import deque
 
 Span = tuple[float, float]
-
 
 LAGS_NS = tuple(range(0, 600_000_000, 100_000_000))
 """How late a command may show in a report: a Kobuki's dead time is 0.2 s, its speed control needs as long again, and
@@ -15,6 +15,17 @@ LONGEST_PAUSE_NS = 2_000_000_000
 less often on a busy machine."""
 MEMORY_NS = 4_500_000_000
 """Window, longest lag and longest pause."""
+
+FOLLOWS, RUNS_AWAY = 0.1, 1.5
+"""Shares of the commanded way. A sound wheel, whose speed is controlled, makes 0.7 to 1.1 of it; one that is blocked or
+whose encoder stands 0, one that counts each edge twice 2, one whose phases are swapped -1."""
+WAY_M, SLACK_M = 0.02, 0.015
+"""Slower wheels are not judged: friction may hold them. Slack: two reports of a Create 1 are rounded by 7 mm; as much
+again for the roll after a command was lowered."""
+BEGUN = 0.5
+"""The least way told, by the longest lag, has this share of the most: the start-up is over."""
+
+HELD = "does not follow the command"
 
 
 class CommandTrace:
@@ -63,3 +74,16 @@ class CommandTrace:
                 return point[1] + share * (later[1] - point[1]), point[2] + share * (later[2] - point[2])
             later = point
         return later[1], later[2]
+
+
+def wheel_verdict(way_m: float, told: Span) -> str | None:
+    """What is wrong with the way of a wheel over a second, in words, empty if nothing; None where it cannot be judged:
+    too slow, or not yet, or no longer."""
+    least, most = sorted(told, key=abs)
+    if abs(most) < WAY_M:
+        return None
+    if abs(way_m) > RUNS_AWAY * abs(most) + SLACK_M:
+        return f"counts {abs(way_m):.2f} m for {abs(most):.2f} m told"
+    if told[0] * told[1] <= 0.0 or abs(least) < max(WAY_M, BEGUN * abs(most)):
+        return None
+    return HELD if way_m * math.copysign(1.0, least) < FOLLOWS * abs(least) else ""

@@ -6,31 +6,24 @@ import logging
 import threading
 import time
 from collections.abc import Callable
-from typing import Generic, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from vsx_hw.errors import DeviceError
+from vsx_hw.readings import LinkStatus
 
 logger = logging.getLogger(__name__)
 
 STEADY_S = 5.0
 """A connection that lasted so long was a good one: its loss is mended at once, that of a loose plug ever later."""
 
-
-class Closable(Protocol):
-    """What is opened can be let go."""
-
-    def close(self) -> None:
-        """Release the device; may be called twice."""
+Driver = TypeVar("Driver", bound="ConnectionThread")
 
 
-Device = TypeVar("Device", bound=Closable)
+class ConnectionThread:
+    """A driver runs its ``_serve(device)`` on a daemon thread until it returns; a DeviceError or any other exception in
+    it closes the device and leads to a new attempt, after the pauses backoff_s. Usable as a context manager.
 
-
-class ConnectionThread(Generic[Device]):
-    """Runs ``serve(device)`` on a daemon thread until it returns; a DeviceError or any other exception in it closes the
-    device and leads to a new attempt, after the pauses backoff_s.
-
-    ``leave`` is called before each close; its own DeviceErrors do not matter, the device may be gone. ``report`` tells
+    ``_leave`` is called before each close; its own DeviceErrors do not matter, the device may be gone. ``report`` tells
     the state of the connection; each change is logged once and handed to on_link. ``alive`` is false when the thread
     has ended though nobody asked it to: who needs the device had better begin anew.
     """
@@ -38,29 +31,33 @@ class ConnectionThread(Generic[Device]):
     def __init__(
         self,
         name: str,
-        open_device: Callable[[], Device],
-        serve: Callable[[Device], None],
-        leave: Callable[[Device], None],
-        on_link: Callable[[bool, str], None],
+        open_device: Callable[[], Any],
         backoff_s: tuple[float, ...],
+        on_link: Callable[[bool, str], None] = lambda connected, message: None,
     ) -> None:
         self.closing = threading.Event()
         self.alive, self.connected = True, False
         self.message = "not started"
         self.connections = 0
         self._name = name
-        self._open_device, self._serve, self._leave = open_device, serve, leave
-        self._on_link = on_link
+        self._open_device, self._on_link = open_device, on_link
         self._backoff_s = backoff_s
         self._connected_s = 0.0
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
+    def __enter__(self: Driver) -> Driver:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
     def start(self) -> None:
-        """Begin; returns at once."""
+        """Begin connecting; returns at once."""
         self._thread.start()
 
     def close(self, timeout_s: float = 3.0) -> bool:
-        """Ask ``serve`` to return and wait for the thread; whether it has ended."""
+        """Let the device go and wait for the thread; whether it has ended."""
         self.closing.set()
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join(timeout_s)
@@ -77,6 +74,10 @@ class ConnectionThread(Generic[Device]):
         named = message if message.startswith(self._name) else f"{self._name}: {message}"
         logger.log(logging.INFO if connected else logging.WARNING, "%s", named)
         self._on_link(connected, message)
+
+    def _status(self, device: str, counters: dict[str, int]) -> LinkStatus:
+        told = {"connections": self.connections, **counters}
+        return LinkStatus(self.connected, self.message, device, told, self.alive)
 
     def _run(self) -> None:
         try:
@@ -114,7 +115,14 @@ class ConnectionThread(Generic[Device]):
         except Exception as error:
             self.message = f"{message}; and nobody could be told ({error!r})"
 
-    def _let_go(self, device: Device) -> None:
+    def _serve(self, device: Any) -> None:
+        """One connection: until ``closing`` is set or the device fails."""
+        raise NotImplementedError
+
+    def _leave(self, device: Any) -> None:
+        """The last words to a device."""
+
+    def _let_go(self, device: Any) -> None:
         try:
             self._leave(device)
         except DeviceError as error:

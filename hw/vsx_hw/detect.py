@@ -18,10 +18,8 @@ QUESTIONS = SAFETY_PACKETS + BATTERY_PACKETS
 
 
 def detect_base(port: str, open_transport: Callable[[str, int], Transport] = SerialTransport) -> str:
-    """kobuki, create or create2. Raises DeviceNotFound when the port cannot be opened or nobody answers.
-
-    A Kobuki speaks unasked. The Creates answer questions, each at its own speed.
-    """
+    """kobuki, create or create2. Raises DeviceNotFound when the port cannot be opened or nobody answers. A Kobuki
+    speaks unasked. The Creates answer questions, each at its own speed."""
     transport = open_transport(port, KOBUKI_BAUD)
     try:
         if _speaks_like_a_kobuki(transport):

@@ -1,12 +1,4 @@
-"""Broken promises of devices.
-
-DeviceError
-├── DeviceNotFound                  nothing there, or no permission to open it
-├── DeviceTimeout   (TimeoutError)  it is there but does not answer in time
-└── ProtocolError   (ValueError)    bytes or values that the device's protocol does not allow
-
-Every message names the device, the value found and the remedy.
-"""
+"""Broken promises of devices. Every message names the device, the value found and the remedy."""
 
 
 class DeviceError(Exception):

@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from operator import add
 from typing import NamedTuple
 
-from vsx_hw.command_trace import LONGEST_PAUSE_NS, CommandTrace, Span
+from vsx_hw.command_trace import HELD, LONGEST_PAUSE_NS, CommandTrace, Span, wheel_verdict
 from vsx_hw.turn_mismatch import TurnMismatch
-from vsx_hw.wheel_verdict import HELD, wheel_verdict
 
 WINDOW_NS = 1_000_000_000
 PERIOD_NS = 20_000_000
@@ -65,23 +65,12 @@ class _Sums(NamedTuple):
 
     def after(self, step: _Sums) -> _Sums:
         """These sums and those of a step more."""
-        return _Sums(
-            self.time_ns + step.time_ns,
-            self.left_m + step.left_m,
-            self.right_m + step.right_m,
-            self.wheels_rad + step.wheels_rad,
-            self.gyro_rad + step.gyro_rad,
-            self.no_gyro + step.no_gyro,
-            self.no_wheels + step.no_wheels,
-        )
+        return _Sums(*map(add, self, step))
 
 
 class MotionCheck:
-    """``command`` every command as it is sent, ``step`` every report of motion. Not thread-safe.
-
-    step_rad: by how much rounding may change the wheels' turn in a report, beyond its mean; twice that where they tell
-    none.
-    """
+    """``command`` every command as it is sent, ``step`` every report of motion. Not thread-safe. step_rad: by how much
+    rounding may change the wheels' turn in a report, beyond its mean; twice that where they tell none."""
 
     def __init__(self, wheel_base_m: float, step_rad: float = 0.0) -> None:
         self._wheel_base_m, self._step_rad = wheel_base_m, step_rad

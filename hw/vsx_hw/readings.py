@@ -119,11 +119,8 @@ class BaseReading(NamedTuple):
 
 
 class ImageReading(NamedTuple):
-    """One complete image, (H, W) uint8, rows from the top.
-
-    stamp_ns: host time at which the first row left the camera. encoding: ROS's name, bayer_grbg8 (first row G R G R)
-    or mono8.
-    """
+    """One complete image, (H, W) uint8, rows from the top. stamp_ns: host time at which the first row left the camera.
+    encoding: ROS's name, bayer_grbg8 (first row G R G R) or mono8."""
 
     stamp_ns: int
     image: NDArray[np.uint8]

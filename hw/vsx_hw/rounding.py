@@ -13,9 +13,7 @@ Command = TypeVar("Command")
 
 class TurnErrorFeedback:
     """Error feedback over commands that follow each other evenly (one a report): their mean turn is what was asked for.
-
-    Straight on and at standstill the error is forgotten: nothing is made up for then.
-    """
+    Straight on and at standstill the error is forgotten: nothing is made up for then."""
 
     def __init__(self) -> None:
         self._error_rad_s = 0.0

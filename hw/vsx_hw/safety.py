@@ -36,10 +36,8 @@ class SpeedLimits(NamedTuple):
 
 
 class Decision(NamedTuple):
-    """What the wheels shall do now, on whose word, and why not what he said (empty when it is).
-
-    until_ns: when that word loses its validity, on the clock of ``decide``.
-    """
+    """What the wheels shall do now, on whose word, and why not what he said (empty when it is). until_ns: when that
+    word loses its validity, on the clock of ``decide``."""
 
     v_m_s: float
     omega_rad_s: float
@@ -90,10 +88,8 @@ class Supervisor:
         return self._estop or bool(self._latched)
 
     def command(self, source: str, v_m_s: float, omega_rad_s: float, now_ns: int) -> bool:
-        """A source speaks. False when the command was refused and replaced by standstill.
-
-        Raises KeyError for a source that is not in the mux.
-        """
+        """A source speaks. False when the command was refused and replaced by standstill. Raises KeyError for a source
+        that is not in the mux."""
         speaker = self._sources[source]
         accepted = abs(v_m_s) <= ABSURD_V_M_S and abs(omega_rad_s) <= ABSURD_OMEGA_RAD_S
         with self.lock:

@@ -108,12 +108,10 @@ class SerialEmulator:
         self._thread = threading.Thread(target=self._run, name=f"emulator {link}", daemon=True)
 
     def __enter__(self) -> SerialEmulator:
-        """Plug in and run."""
         self.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Stop and remove the port."""
         self.close()
 
     def start(self, start_ns: int | None = None) -> None:

@@ -18,10 +18,7 @@ BACKOFF_S = (0.5, 2.0)
 
 
 def open_video(number: int) -> Any:
-    """The capture device at 640 x 480, raw Bayer where the camera has it.
-
-    Raises DeviceNotFound with the remedy.
-    """
+    """The capture device at 640 x 480, raw Bayer where the camera has it. Raises DeviceNotFound with the remedy."""
     capture = cv2.VideoCapture(number, cv2.CAP_V4L2)
     if not capture.isOpened():
         raise DeviceNotFound(f"/dev/video{number} cannot be opened; check 'ls /dev/video*' and the group video")
@@ -34,70 +31,38 @@ def open_video(number: int) -> Any:
     return capture
 
 
-class V4lCamera:
+class V4lCamera(ConnectionThread):
     """Images to ``on_image`` on a thread of its own, none that repeats itself; opens the device again when it fails."""
 
     def __init__(
-        self,
-        number: int,
-        on_image: Callable[[ImageReading], None],
-        open_capture: Callable[[int], Any] = open_video,
+        self, number: int, on_image: Callable[[ImageReading], None], open_capture: Callable[[int], Any] = open_video
     ) -> None:
+        super().__init__(f"/dev/video{number}", lambda: open_capture(number), BACKOFF_S)
         self.serial = f"video{number}"
         self._number, self._on_image = number, on_image
         self._frames = self._frozen_frames = 0
         self._frozen_detector = FrozenImageDetector()
-        self._connection: ConnectionThread[_Capture] = ConnectionThread(
-            f"/dev/video{number}",
-            lambda: _Capture(open_capture(number)),
-            self._serve,
-            lambda capture: None,
-            lambda connected, message: None,
-            BACKOFF_S,
-        )
-
-    def start(self) -> None:
-        """Begin; returns at once."""
-        self._connection.start()
 
     def status(self) -> LinkStatus:
         """Health for diagnostics."""
-        counters = {
-            "connections": self._connection.connections,
-            "frames": self._frames,
-            "frozen_frames": self._frozen_frames,
-        }
-        link = self._connection
-        return LinkStatus(link.connected, link.message, self.serial, counters, link.alive)
+        return self._status(self.serial, {"frames": self._frames, "frozen_frames": self._frozen_frames})
 
-    def close(self) -> None:
-        """Release the device."""
-        self._connection.close()
-
-    def _serve(self, capture: _Capture) -> None:
-        while not self._connection.closing.is_set():
-            ok, image = capture.device.read()
+    def _serve(self, capture: Any) -> None:
+        while not self.closing.is_set():
+            ok, image = capture.read()
             stamp_ns = time.time_ns()
             if not ok:
                 raise DeviceError(f"/dev/video{self._number}: no image; check the cable")
             self._frames += 1
             if self._frozen_detector.is_frozen(image):
                 self._frozen_frames += 1
-                self._connection.report(False, f"/dev/video{self._number}: {FROZEN}")
+                self.report(False, f"/dev/video{self._number}: {FROZEN}")
                 continue
-            self._connection.report(True, "streaming")
+            self.report(True, "streaming")
             if image.ndim == 3:
                 self._on_image(ImageReading(stamp_ns, cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), "mono8"))
             else:
                 self._on_image(ImageReading(stamp_ns, image))
 
-
-class _Capture:
-    """An OpenCV capture as something that is closed."""
-
-    def __init__(self, device: Any) -> None:
-        self.device = device
-
-    def close(self) -> None:
-        """Release the device."""
-        self.device.release()
+    def _let_go(self, capture: Any) -> None:
+        capture.release()

@@ -155,9 +155,7 @@ def write_past_lock(port: str, data: bytes) -> None:
 
 def watch(port: str, baud: int, stop: StopBytes, beats: int, answers: int) -> bool:
     """What the watchdog does: until the file descriptor ``beats`` ends. True when it left the base of a dead driver.
-
-    Another driver may have taken the port meanwhile; that one begins by stopping the wheels itself.
-    """
+    Another driver may have taken the port meanwhile; that one begins by stopping the wheels itself."""
     last = STANDING
     _answer(answers)
     while True:

@@ -1,18 +1,14 @@
 """Broken promises. Expected outcomes (lost, refused, unreachable) are values, never exceptions.
 
-VsxError
-├── ConfigError         (ValueError)   a parameter, option or configuration file
-├── CalibrationError    (ValueError)   camera or mount calibration that cannot be used
-├── InputError          (ValueError)   a recording, image, message or trajectory that cannot be used
-├── MapFileError        (ValueError)   a map on disk that cannot be read or written
-└── PlanningError       (ValueError)   a question that has no meaning (NaN pose, phi <= 0)
-
 Every message names the thing, the value found and the remedy.
 """
 
 import errno
-from typing import Any
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, TypeAlias
 
+_Causes: TypeAlias = type[Exception] | tuple[type[Exception], ...]
 _LONGEST_REASON = 300  # a file may hold megabytes where an error quotes a word of it
 
 _DISK_REMEDIES = {
@@ -31,7 +27,7 @@ class VsxError(Exception):
 
 
 class ConfigError(VsxError, ValueError):
-    """A parameter has an impossible value or an unknown name."""
+    """A parameter, option or configuration file has an impossible value or an unknown name."""
 
 
 class CalibrationError(VsxError, ValueError):
@@ -39,7 +35,7 @@ class CalibrationError(VsxError, ValueError):
 
 
 class InputError(VsxError, ValueError):
-    """A recording, image or trajectory cannot be used."""
+    """A recording, image, message or trajectory cannot be used."""
 
 
 class MapFileError(VsxError, ValueError):
@@ -47,7 +43,7 @@ class MapFileError(VsxError, ValueError):
 
 
 class PlanningError(VsxError, ValueError):
-    """The planner was asked something without meaning."""
+    """The planner was asked something without meaning (NaN pose, phi <= 0)."""
 
 
 def reason_of(error: Exception) -> str:
@@ -59,6 +55,17 @@ def reason_of(error: Exception) -> str:
     if mark is not None:
         return f"line {mark.line + 1}: {getattr(error, 'problem', '')}"[:_LONGEST_REASON]
     return next(iter(str(error).splitlines()), type(error).__name__)[:_LONGEST_REASON]
+
+
+@contextmanager
+def explained(kind: type[VsxError], what: str, remedy: str, causes: _Causes = (OSError, ValueError)) -> Iterator[None]:
+    """One of the causes inside, but none of ours, becomes this error: what (why); remedy."""
+    try:
+        yield
+    except VsxError:
+        raise
+    except causes as error:
+        raise kind(f"{what} ({reason_of(error)}); {remedy}") from error
 
 
 def disk_trouble(error: OSError) -> str:

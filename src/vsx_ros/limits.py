@@ -17,6 +17,8 @@ from typing import Any
 
 import yaml
 
+from vsx_ros.errors import reason_of
+
 MIB = 2**20
 TEXT_BYTES = 16 * MIB
 """Parameters, worlds, calibrations: a building's world has a quarter of a MiB."""
@@ -29,19 +31,9 @@ YAML_TEXT, YAML_NUMBER = MIB, 8192
 """Characters of a value in quotes, and of one without, which may be a number (1:59:59, say, takes its square)."""
 
 DAMAGE = (
-    ArithmeticError,
-    AssertionError,
-    AttributeError,
-    EOFError,
-    LookupError,
-    MemoryError,
-    OSError,
-    RuntimeError,
-    TypeError,
-    ValueError,
-    struct.error,
-    zlib.error,
-)
+    ArithmeticError, AssertionError, AttributeError, EOFError, LookupError, MemoryError, OSError, RuntimeError,
+    TypeError, ValueError, struct.error, zlib.error,
+)  # fmt: skip
 """What parsers raise where a file's content is not what they expect."""
 
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -62,10 +54,8 @@ class Allowance:
 
 
 def file_bytes(path: Path, most: int) -> bytes:
-    """The content of a file of at most so many bytes; of a pipe or device at most ``TEXT_BYTES``.
-
-    Raises ValueError for a larger one, OSError.
-    """
+    """The content of a file of at most so many bytes; of a pipe or device at most ``TEXT_BYTES``. Raises ValueError for
+    a larger one, OSError."""
     with path.open("rb") as file:
         status = os.fstat(file.fileno())
         regular = stat.S_ISREG(status.st_mode)
@@ -92,14 +82,14 @@ def json_tree(text: str | bytes) -> Any:
 
 
 def yaml_tree(text: str) -> Any:
-    """What ``yaml.safe_load`` makes of it, in which aliases count as often as they are used.
-
-    Raises yaml.YAMLError, ValueError for more than a tree of ``YAML_NODES``.
-    """
+    """What ``yaml.safe_load`` makes of it, in which aliases count as often as they are used. Raises ValueError, also
+    for more than a tree of ``YAML_NODES``."""
     try:
         _check_yaml(text)
         return yaml.load(text, _LOADER)  # noqa: S506  # a safe one
-    except (yaml.YAMLError, ValueError):
+    except yaml.YAMLError as error:
+        raise ValueError(reason_of(error)) from error
+    except ValueError:
         raise
     except DAMAGE as error:  # what its constructors raise, e.g. a LookupError for "!!int ''"
         raise ValueError(f"it holds a value that is none ({type(error).__name__}: {error})") from error

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 from free_ports import free_port
 
-from vsx_hw.kobuki.emulator import kobuki_emulator
+from vsx_hw.emulators import base_emulator
 from vsx_ros.cli import check_machine, main
 from vsx_ros.cli.check_devices import check_devices as devices
 from vsx_ros.cli.check_speed import check_speed, judged
@@ -155,7 +155,7 @@ class Wheels:
 def test_with_hw_the_base_says_who_it_is_and_no_wheel_turns(tmp_path: Path) -> None:
     (tmp_path / "dev").mkdir()
     plant = Wheels()
-    with kobuki_emulator(plant, str(tmp_path / "dev/kobuki")):
+    with base_emulator("kobuki", plant, str(tmp_path / "dev/kobuki")):
         found = of("base", list(devices(tmp_path, {}, True)))
     assert [f.level for f in found] == [OK, OK]
     assert "is a kobuki" in found[1].text

@@ -1,12 +1,11 @@
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
 import cv2
 import pytest
 
-from vsx_ros.cli import world as command
+from vsx_ros.cli.main import parse
 from vsx_ros.errors import ConfigError, MapFileError
 from vsx_ros.io.map_file import load_map
 from vsx_ros.occupancy.grid import FREE
@@ -16,9 +15,7 @@ from vsx_ros.sim.world_file import load_world
 
 
 def run(*words: str) -> int:
-    parser = argparse.ArgumentParser()
-    command.add_parser(parser.add_subparsers())
-    args = parser.parse_args(["world", *words])
+    args = parse(["world", *words])
     return int(args.run(args))
 
 

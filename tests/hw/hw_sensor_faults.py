@@ -8,7 +8,7 @@ from typing import NamedTuple
 from hw_wire import MS, Wire
 
 from vsx_hw.bases import BASES
-from vsx_hw.planar_pose import PlanarPose
+from vsx_hw.odometry import PlanarPose
 from vsx_hw.readings import Hazard
 from vsx_hw.safety import SpeedLimits, Supervisor
 from vsx_hw.serial_emulator import PlantState

@@ -32,7 +32,7 @@ class Wire:
         self._end_ns = 0
         on_reading = on_reading or self.readings.append
         self.driver = base_driver.BaseDriver(BASES[kind].dialect(1.0, 1.0), lambda: self, kind, on_reading)
-        self.driver._connection.closing = self
+        self.driver.closing = self
         clock = SimpleNamespace(monotonic_ns=lambda: self.now_ns, time_ns=lambda: self.now_ns)
         monkeypatch.setattr(base_driver, "time", clock)
 

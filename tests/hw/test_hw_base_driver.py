@@ -3,6 +3,7 @@
 import threading
 
 import pytest
+from hw_null_modem import LoopbackTransport
 from hw_wire import MS, Wire
 
 from vsx_hw.connection_thread import ConnectionThread
@@ -11,7 +12,6 @@ from vsx_hw.errors import DeviceTimeout
 from vsx_hw.kobuki.framing import FrameScanner, encode_frame, sub_payloads
 from vsx_hw.kobuki.protocol import Led, Sound, melody_payload, outputs_payload
 from vsx_hw.readings import Signal
-from vsx_hw.transport import LoopbackTransport
 
 KINDS = ["kobuki", "create", "create2"]
 
@@ -153,7 +153,7 @@ def test_wheels_whose_stop_bytes_were_not_taken_are_not_said_to_stand(kind, monk
     wire = Wire(kind, monkeypatch)
     turning: list[bool] = []
     wire.driver._on_command = turning.append
-    monkeypatch.setattr(wire.driver._connection, "close", lambda: True)
+    monkeypatch.setattr(ConnectionThread, "close", lambda *_: True)
     assert wire.driver.close(), "it never drove"
     wire.each_ms = lambda: wire.driver.drive(0.2, 0.0)
     wire.serve(1.0)
@@ -177,9 +177,8 @@ def test_wheels_whose_stop_bytes_were_not_taken_are_not_said_to_stand(kind, monk
 
 def test_a_keeper_whose_thread_hangs_says_so():
     hangs = threading.Event()
-    connection = ConnectionThread(
-        "a base", LoopbackTransport, lambda _: hangs.wait(), lambda _: None, lambda *_: None, (0.0,)
-    )
+    connection = ConnectionThread("a base", LoopbackTransport, (0.0,))
+    connection._serve = lambda _: hangs.wait()
     connection.start()
     assert not connection.close(0.05)
     hangs.set()

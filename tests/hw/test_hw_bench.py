@@ -11,10 +11,9 @@ import pytest
 import serial
 from hw_plant import FreeWheels
 
-from vsx_hw.create.emulator import create_emulator
 from vsx_hw.create.protocol import CREATE_2
+from vsx_hw.emulators import base_emulator
 from vsx_hw.kobuki.base_control import WHEEL_BASE_M
-from vsx_hw.kobuki.emulator import kobuki_emulator
 from vsx_hw.kobuki.framing import encode_frame
 
 BENCH = Path(__file__).resolve().parents[2] / "hw" / "bench"
@@ -30,7 +29,7 @@ def run(*arguments: str, seconds: float = 30.0) -> subprocess.CompletedProcess[s
 @pytest.fixture
 def kobuki(tmp_path):
     plant, port = FreeWheels(WHEEL_BASE_M), str(tmp_path / "ttyKOBUKI")
-    with kobuki_emulator(plant, port):
+    with base_emulator("kobuki", plant, port):
         yield plant, port
 
 
@@ -70,7 +69,7 @@ def test_a_kobuki_tells_what_it_is_and_takes_back_the_gains_of_the_factory(kobuk
 
 def test_a_create_is_found_and_told_to_stop(tmp_path):
     plant, port = FreeWheels(CREATE_2.wheel_base_m), str(tmp_path / "ttyCREATE")
-    with create_emulator(CREATE_2, plant, port) as emulator:
+    with base_emulator("create2", plant, port) as emulator:
         assert "create2" in run(str(BENCH / "find_base.py"), port).stdout
         plant.speeds = (0.1, 0.1)
         done = run("-c", "import vsx_hw.stop_base as s; s.main()", port, "create2")

@@ -20,7 +20,8 @@ class Told(threading.Event):
         super().__init__()
         self.attempts = 0
         self._error = error
-        self.connection = ConnectionThread("port", self.open, self.serve, lambda _: None, self.fail, (0.01,))
+        self.connection = ConnectionThread("port", self.open, (0.01,), self.fail)
+        self.connection._serve = self.serve  # type: ignore[method-assign]
 
     def open(self) -> Port:
         self.attempts += 1

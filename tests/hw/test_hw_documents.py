@@ -9,7 +9,7 @@ import numpy as np
 from vsx_hw.create.protocol import GROUPS, LAYOUT, Opcode, packet_bytes
 from vsx_hw.kinect import audio, tilt, usb_transport
 from vsx_hw.kinect import protocol as kinect
-from vsx_hw.kinect.packets import packetize
+from vsx_hw.kinect.emulator import packetize
 from vsx_hw.kobuki import protocol as kobuki
 
 TEXT = (Path(__file__).resolve().parents[2] / "docs" / "protocols.md").read_text(encoding="utf-8")

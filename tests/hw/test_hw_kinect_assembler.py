@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vsx_hw.kinect.assembler import FrameAssembler
-from vsx_hw.kinect.packets import packetize
+from vsx_hw.kinect.emulator import packetize
 
 PER_TRANSFER = 32
 

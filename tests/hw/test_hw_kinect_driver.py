@@ -11,8 +11,7 @@ from hw_plant import until
 from vsx_hw.errors import DeviceNotFound, ProtocolError
 from vsx_hw.kinect import driver as driver_module
 from vsx_hw.kinect.driver import KinectCamera
-from vsx_hw.kinect.emulator import KinectBoard, KinectEmulator
-from vsx_hw.kinect.packets import packetize
+from vsx_hw.kinect.emulator import KinectBoard, KinectEmulator, packetize
 from vsx_hw.kinect.protocol import (
     EXPOSURE_MODES,
     MODES,
@@ -247,7 +246,7 @@ def test_a_camera_that_refuses_the_lock_is_not_said_to_be_locked(tmp_path, monke
         asked.append(message)
         raise ProtocolError("no such register")
 
-    monkeypatch.setattr(driver_module, "encode_cmos_write", refuse)
+    monkeypatch.setattr(driver_module.protocol, "encode_cmos_write", refuse)
     path = str(tmp_path / "kinect")
     with (
         KinectEmulator(path) as emulator,

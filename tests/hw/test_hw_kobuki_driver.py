@@ -8,6 +8,7 @@ import threading
 import time
 
 import pytest
+from hw_null_modem import LoopbackTransport
 from hw_plant import FreeWheels, Rig, until
 
 from vsx_hw.base_driver import BaseDriver
@@ -17,11 +18,11 @@ from vsx_hw.emulators import base_emulator
 from vsx_hw.errors import DeviceNotFound, DeviceTimeout
 from vsx_hw.kobuki.base_control import WHEEL_BASE_M, BaseControl, twist_of
 from vsx_hw.kobuki.driver import KobukiDialect
-from vsx_hw.kobuki.emulator import KobukiBoard, kobuki_emulator
+from vsx_hw.kobuki.emulator import KobukiBoard
 from vsx_hw.kobuki.framing import FrameScanner, sub_payloads
 from vsx_hw.readings import Hazard
 from vsx_hw.safety import Source, SpeedLimits, Supervisor
-from vsx_hw.transport import LoopbackTransport, SerialTransport
+from vsx_hw.transport import SerialTransport
 
 
 @pytest.fixture
@@ -236,7 +237,7 @@ def test_a_fault_in_the_listener_is_told_and_the_base_stopped(tmp_path):
             raise ZeroDivisionError("listener")
 
     driver = base_driver("kobuki", port, fail)
-    with kobuki_emulator(plant, port), driver:
+    with base_emulator("kobuki", plant, port), driver:
         assert until(lambda: "ZeroDivisionError" in driver.status().message)
         assert until(lambda: plant.speeds == (0.0, 0.0))
 

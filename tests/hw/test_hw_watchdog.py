@@ -12,8 +12,8 @@ import pytest
 from hw_plant import FreeWheels, until
 
 from vsx_hw.bases import BASES
+from vsx_hw.emulators import base_emulator
 from vsx_hw.kobuki.base_control import WHEEL_BASE_M
-from vsx_hw.kobuki.emulator import kobuki_emulator
 from vsx_hw.kobuki.protocol import BAUD
 from vsx_hw.watchdog import Watchdogs, take_over
 
@@ -36,7 +36,7 @@ def driven(tmp_path):
     port = str(tmp_path / "ttyKOBUKI")
     plant = FreeWheels(WHEEL_BASE_M)
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
-    with kobuki_emulator(plant, port):
+    with base_emulator("kobuki", plant, port):
         process = subprocess.Popen([sys.executable, "-c", DRIVER, port], env=environment)
         try:
             assert until(lambda: plant.speeds[0] > 0.1, 30.0), "it takes long to start on a busy machine"
@@ -97,7 +97,7 @@ def test_released_watchdogs_do_not_touch_the_port(tmp_path):
     port = str(tmp_path / "ttyKOBUKI")
     plant = FreeWheels(WHEEL_BASE_M)
     plant.speeds = (0.1, 0.1)
-    with kobuki_emulator(plant, port):
+    with base_emulator("kobuki", plant, port):
         watchdogs = Watchdogs(port, BAUD, STOP)
         watchdogs.beat(True)
         watchdogs.release()
@@ -111,7 +111,7 @@ def test_a_driver_that_stands_is_left_alone_by_its_watchdogs(tmp_path):
     port = str(tmp_path / "ttyKOBUKI")
     plant = FreeWheels(WHEEL_BASE_M)
     plant.speeds = (0.1, 0.1)
-    with kobuki_emulator(plant, port):
+    with base_emulator("kobuki", plant, port):
         watchdogs = Watchdogs(port, BAUD, STOP)
         watchdogs.beat(False)
         time.sleep(0.6)

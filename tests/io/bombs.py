@@ -80,7 +80,7 @@ def damaged_deflate(sealed):
 def zero_arrays(count):
     """Arrays of a map of so many keyframes, all zero but what is checked first."""
     sizes = {"K": count, "O": 0, "C": 0, "P": 0, "T": 0}
-    arrays = {n: np.zeros([sizes.get(s, s) for s in shape], kind) for n, (kind, shape) in LAYOUT.items()}
+    arrays = {n: np.zeros([sizes.get(s, s) for s in shape], kind) for n, (kind, shape, _) in LAYOUT.items()}
     for name in ("rotation", "anchor_rotation"):
         arrays[name][:] = np.eye(3)
     arrays["anchor"][:] = -1

@@ -1,6 +1,5 @@
 """``vsx plan``: words, JSON, picture and exit codes."""
 
-import argparse
 import json
 import math
 from pathlib import Path
@@ -9,16 +8,15 @@ import cv2
 import numpy as np
 import pytest
 
-from vsx_ros.cli import plan
+from vsx_ros.cli.main import parse
+from vsx_ros.cli.plan import PLANNERS
 from vsx_ros.errors import ConfigError, InputError, PlanningError
 from vsx_ros.io.map_file import save_map
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 
 
 def run(*words: str) -> int:
-    parser = argparse.ArgumentParser()
-    plan.add_parser(parser.add_subparsers())
-    args = parser.parse_args(["plan", *words])
+    args = parse(["plan", *words])
     return int(args.run(args))
 
 
@@ -56,7 +54,7 @@ def test_words_and_picture(capsys, tmp_path):
         run("--start", "0,0,0", "--goal", "2,1,0", "--plot", str(tmp_path / "no" / "plan.png"))
 
 
-@pytest.mark.parametrize("planner", plan.PLANNERS)
+@pytest.mark.parametrize("planner", PLANNERS)
 def test_a_refusal_is_an_exit_code_and_a_reason(planner, divided_room, capsys):
     words = ("--start", "-1.5,0,0", "--goal", "1.5,0,0", "--map", str(divided_room), "--planner", planner)
     assert run(*words) == 1

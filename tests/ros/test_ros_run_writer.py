@@ -21,7 +21,8 @@ from vsx_ros.robot import Odometry, VelocityCommand
 from vsx_ros.ros import logs, slam_run
 from vsx_ros.ros.slam_run import SlamRun
 from vsx_ros.runs import session
-from vsx_ros.runs.folder import RunEvent, RunFolder
+from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.journal import RunEvent
 from vsx_ros.runs.session import PreviousSessions, RunWriter
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.robot import EmulatedRobot

@@ -7,8 +7,10 @@ from vsx_ros.config import Config, overridden
 from vsx_ros.errors import InputError, VsxError
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.io.ply_file import read_ply, write_ply
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.runs.folder import FILES, FrameRecord, RunEvent, RunFolder
+from vsx_ros.runs.folder import FILES, FrameRecord, RunFolder
+from vsx_ros.runs.journal import RunEvent
 
 
 @pytest.fixture
@@ -25,7 +27,7 @@ def test_everything_written_is_read_back(run):
     run.write_poses("trajectory", poses)
     run.write_frames(frames)
     run.write_map(grid)
-    run.write_points(np.eye(3))
+    write_ply(run.path / "sparse.ply", np.eye(3))
     run.write_summary({"frames": 3, "u1": None})
     again = RunFolder.open(run.path)
     config, facts = again.read_config()
@@ -35,7 +37,7 @@ def test_everything_written_is_read_back(run):
     assert [p.stamp_ns for p in again.read_poses("trajectory")] == [0, 10**8, 2 * 10**8]
     assert again.read_frames() == frames
     assert np.array_equal(again.read_map().data, grid.data)
-    assert np.array_equal(again.read_points(), np.eye(3))
+    assert np.array_equal(read_ply(again.path / "sparse.ply"), np.eye(3))
     assert again.read_summary() == {"frames": 3, "u1": None}
 
 
@@ -48,7 +50,7 @@ def test_frames_of_an_older_version_are_read(run):
 def test_what_was_never_written_is_absent(run):
     assert (run.read_poses("groundtruth"), run.read_frames(), run.read_events()) == ([], [], [])
     assert run.read_map() is None
-    assert run.read_points() is None
+    assert not (run.path / "sparse.ply").exists()
 
 
 def test_events_are_ordered_by_time(run):
@@ -60,7 +62,7 @@ def test_events_are_ordered_by_time(run):
 
 def test_a_second_run_leaves_nothing_of_the_first(run):
     run.write_summary({"frames": 1})
-    run.write_points(np.eye(3))
+    write_ply(run.path / "sparse.ply", np.eye(3))
     again = RunFolder.create(run.path)
     assert not any((again.path / name).exists() for name in FILES)
 

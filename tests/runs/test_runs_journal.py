@@ -11,9 +11,9 @@ from unittest.mock import Mock
 import pytest
 
 from vsx_ros.errors import InputError
-from vsx_ros.runs.journal import EventLine, Journal, read_journal
+from vsx_ros.runs.journal import Journal, RunEvent, read_journal
 
-LINES = [EventLine(stamp_ns=i, source="mission", state="mapping", reason="x" * 100) for i in range(5)]
+LINES = [RunEvent(stamp_ns=i, source="mission", state="mapping", reason="x" * 100) for i in range(5)]
 
 
 @contextmanager

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from functools import reduce
+from operator import or_
 
+from vsx_hw.base_driver import Dialect
 from vsx_hw.create.protocol import (
     CREATE_1,
     CREATE_2,
@@ -17,6 +20,7 @@ from vsx_hw.create.protocol import (
     mode_of,
     wheel_speeds,
 )
+from vsx_hw.odometry import WheelOdometry
 from vsx_hw.readings import BaseReading, BatteryReading, GyroReading, Hazard, OdometryReading, Signal
 from vsx_hw.rounding import TurnErrorFeedback
 
@@ -34,18 +38,26 @@ _KNOWN = {21: ("charging state", range(6)), 34: ("chargers", range(4))}
 _SLOW = {18: 0, 21: 0, 22: 500, 25: 100, 26: 0, 34: 0}
 """By how much packets change from one report to the next, mV and mAh; what people change counts when repeated."""
 
+_HAZARDS = (
+    (7, 1, Hazard.BUMPER_RIGHT), (7, 2, Hazard.BUMPER_LEFT),
+    (7, 4, Hazard.WHEEL_DROP_RIGHT), (7, 8, Hazard.WHEEL_DROP_LEFT), (7, 16, Hazard.WHEEL_DROP),
+    (9, 1, Hazard.CLIFF_LEFT), (10, 1, Hazard.CLIFF_CENTER), (11, 1, Hazard.CLIFF_CENTER), (12, 1, Hazard.CLIFF_RIGHT),
+    (14, 8, Hazard.OVERCURRENT_RIGHT), (14, 16, Hazard.OVERCURRENT_LEFT),
+)  # fmt: skip
+"""Packet, bit, and what it means."""
+
 BRIGHT = 255
 _COLORS = {Signal.READY: 0, Signal.HELD: 128, Signal.ALARM: 255}
 ALARM_SONG, ALARM_NOTES = 0, [(84, 0.125), (72, 0.25)]
 
 
-class CreateDialect:
-    """See ``vsx_hw.base_driver.Dialect``.
-
-    The robots are driven in Safe mode: at a cliff or a raised wheel they stop by themselves and fall to Passive. They
-    are put back to Safe when the cause is gone, or for reversing from a cliff, and a command to move arrives; from a
-    mode that is not known at once, unless they charge.
+class CreateDialect(Dialect):
+    """Both robots are driven in Safe mode: at a cliff or a raised wheel they stop by themselves and fall to Passive.
+    They are put back to Safe when the cause is gone, or for reversing from a cliff, and a command to move arrives; from
+    a mode that is not known at once, unless they charge.
     """
+
+    odometry: WheelOdometry
 
     def __init__(self, model: Model) -> None:
         self._model = model
@@ -65,8 +77,9 @@ class CreateDialect:
         """Whether a command to drive is sent: in Passive the robot would not hear it, in an unknown mode it might."""
         return self._mode in (Mode.SAFE, Mode.FULL)
 
-    def wheel_command(self, v_m_s: float, omega_rad_s: float) -> bytes:
-        """Drive, or go back to Safe first."""
+    def drive(self, v_m_s: float, omega_rad_s: float) -> bytes:
+        """See Dialect. Goes back to Safe first."""
+        self.odometry.command(*((v_m_s, omega_rad_s) if self.obeys else (0.0, 0.0)))
         wanted = v_m_s != 0.0 or omega_rad_s != 0.0
         self.deaf = False
         self.driving = wanted and self.obeys
@@ -88,13 +101,13 @@ class CreateDialect:
         return encode_drive_direct(left, right), (right - left) / base
 
     def show(self, signal: Signal) -> bytes:
-        """See Dialect. The power lamp, and in an alarm the song of ``greeting``: only in Safe and Full."""
+        """See Dialect. The power lamp, and in an alarm the song of ``hello``: only in Safe and Full."""
         if not self.obeys:
             return b""
         return encode_lamps(0, _COLORS[signal], BRIGHT) + (encode_play(ALARM_SONG) if signal is Signal.ALARM else b"")
 
-    def greeting(self) -> Iterable[tuple[bytes, float]]:
-        """To Passive, to Safe, with the pauses that the robots need, and the song of an alarm to their memory."""
+    def hello(self) -> Iterable[tuple[bytes, float]]:
+        """See Dialect. To Passive, to Safe, with the pauses that the robots need; stores the song of an alarm."""
         self._forget()
         yield bytes((Opcode.START,)), MODE_PAUSE_S
         yield bytes((Opcode.SAFE,)), MODE_PAUSE_S
@@ -108,6 +121,10 @@ class CreateDialect:
         """Wheels still, then Passive: in Safe a robot does not charge and drains its battery. Create 2 sleeps."""
         end = bytes((Opcode.STOP,)) if self._model is CREATE_2 else b""
         return encode_drive_direct(0.0, 0.0) + bytes((Opcode.START,)) + end
+
+    def reset_odometry(self) -> None:
+        """See Dialect."""
+        self.odometry.reset()
 
     def base_reading(
         self, values: Mapping[int, int], odometry: OdometryReading, gyro: GyroReading | None = None
@@ -164,20 +181,8 @@ def warnings_of(values: Mapping[int, int]) -> tuple[str, ...]:
 
 
 def hazards_of(values: Mapping[int, int]) -> Hazard:
-    """Packets 7 (bit 0 right, 1 left bump; 2 right, 3 left, 4 caster drop), 9-12 (cliffs from left to right) and 14
-    (overcurrent: 3 right, 4 left wheel)."""
-    bumps = values[7]
-    hazards = Hazard.NONE
-    for bit, hazard in ((1, Hazard.BUMPER_RIGHT), (2, Hazard.BUMPER_LEFT)):
-        hazards |= hazard if bumps & bit else Hazard.NONE
-    for bit, hazard in ((4, Hazard.WHEEL_DROP_RIGHT), (8, Hazard.WHEEL_DROP_LEFT), (16, Hazard.WHEEL_DROP)):
-        hazards |= hazard if bumps & bit else Hazard.NONE
-    sides = ((9, Hazard.CLIFF_LEFT), (10, Hazard.CLIFF_CENTER), (11, Hazard.CLIFF_CENTER), (12, Hazard.CLIFF_RIGHT))
-    for packet, hazard in sides:
-        hazards |= hazard if values[packet] else Hazard.NONE
-    for bit, hazard in ((8, Hazard.OVERCURRENT_RIGHT), (16, Hazard.OVERCURRENT_LEFT)):
-        hazards |= hazard if values[14] & bit else Hazard.NONE
-    return hazards
+    """All that these packets tell; a caster drop counts as both wheels."""
+    return reduce(or_, (hazard for packet, bit, hazard in _HAZARDS if values[packet] & bit), Hazard.NONE)
 
 
 def battery_of(values: Mapping[int, int]) -> BatteryReading:

@@ -4,19 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+from vsx_hw.create import protocol
 from vsx_hw.create.dialect import BATTERY_PACKETS, SAFETY_PACKETS, CreateDialect
 from vsx_hw.create.gyro import BoardGyro
 from vsx_hw.create.odometry import DistanceOdometry, EncoderOdometry
-from vsx_hw.create.protocol import (
-    CREATE_1,
-    CREATE_2,
-    Opcode,
-    StreamParser,
-    decode_packets,
-    encode_query,
-    encode_stream_request,
-    packet_bytes,
-)
 from vsx_hw.readings import BaseReading, GyroReading
 
 ENCODER_PACKETS = [43, 44]
@@ -32,56 +23,40 @@ class Create2Dialect(CreateDialect):
     """Create 2: a stream every 15 ms, odometry by encoders."""
 
     def __init__(self, linear_scale: float = 1.0, angular_scale: float = 1.0) -> None:
-        super().__init__(CREATE_2)
-        self._odometry = EncoderOdometry(linear_scale, angular_scale)
-        self._parser = StreamParser()
+        super().__init__(protocol.CREATE_2)
+        self.odometry = EncoderOdometry(linear_scale, angular_scale)
+        self._parser = protocol.StreamParser()
         self._refused = 0
 
     def hello(self) -> Iterable[tuple[bytes, float]]:
         """See Dialect."""
-        yield from self.greeting()
-        yield encode_stream_request(STREAM_PACKETS, self._model.baud), 0.0
+        yield from super().hello()
+        yield protocol.encode_stream_request(STREAM_PACKETS, self._model.baud), 0.0
 
     def receive(self, data: bytes, now_ns: int) -> list[BaseReading]:
         """See Dialect."""
         readings = []
         for values in self._parser.feed(data):
             if list(values) != STREAM_PACKETS or not self.believes(
-                values, self._odometry.can_follow(values[43], values[44], now_ns)
+                values, self.odometry.can_follow(values[43], values[44], now_ns)
             ):
                 self._refused += 1
             else:
-                odometry = self._odometry.update(values[43], values[44], self.driving, now_ns)
+                odometry = self.odometry.update(values[43], values[44], self.driving, now_ns)
                 readings.append(self.base_reading(values, odometry))
         return readings
 
-    def waits(self) -> bool:
-        """See Dialect. The robot streams."""
-        return True
-
-    def drive(self, v_m_s: float, omega_rad_s: float) -> bytes:
-        """See Dialect."""
-        self._odometry.command(*((v_m_s, omega_rad_s) if self.obeys else (0.0, 0.0)))
-        return self.wheel_command(v_m_s, omega_rad_s)
-
-    def reset_odometry(self) -> None:
-        """See Dialect."""
-        self._odometry.reset()
-
     def counters(self) -> dict[str, int]:
         """See Dialect."""
-        return {
-            "frames": self._parser.frames - self._refused,
-            "refused_frames": self._parser.refused + self._refused,
-        }
+        return {"frames": self._parser.frames - self._refused, "refused_frames": self._parser.refused + self._refused}
 
 
 class Create1Dialect(CreateDialect):
     """Create 1: questions and answers, because its distance and angle suffer from being read often."""
 
     def __init__(self, linear_scale: float = 1.0, angular_scale: float = 1.0) -> None:
-        super().__init__(CREATE_1)
-        self._odometry = DistanceOdometry(linear_scale, angular_scale)
+        super().__init__(protocol.CREATE_1)
+        self.odometry = DistanceOdometry(linear_scale, angular_scale)
         self._gyro = BoardGyro()
         self._gyro_heading_rad = 0.0
         self._gyro_ns = 0
@@ -95,20 +70,20 @@ class Create1Dialect(CreateDialect):
         """See Dialect. What the robot printed at start-up is not an answer; what it drove since the last reading is
         lost with the first of this connection."""
         if self._measured_once:
-            self._odometry.lose()
+            self.odometry.lose()
         self._asked, self._measured_once = [], False
-        yield from self.greeting()
-        yield bytes((Opcode.PAUSE_STREAM, 0)), 0.0
+        yield from super().hello()
+        yield bytes((protocol.Opcode.PAUSE_STREAM, 0)), 0.0
 
     def receive(self, data: bytes, now_ns: int) -> list[BaseReading]:
         """See Dialect. Bytes that nobody asked for are a late answer: the motion in it was given up already."""
         if not self._asked:
             return []
         self._buffer += data
-        expected = sum(packet_bytes(p) for p in self._asked)
+        expected = sum(protocol.packet_bytes(p) for p in self._asked)
         if len(self._buffer) < expected:
             return []
-        values = decode_packets(bytes(self._buffer[:expected]), self._asked)
+        values = protocol.decode_packets(bytes(self._buffer[:expected]), self._asked)
         if len(self._buffer) > expected or not self.believes(values):
             self._give_up()
             return []
@@ -117,12 +92,12 @@ class Create1Dialect(CreateDialect):
         if 19 in values:
             # The first reading holds whatever happened before this program began.
             if self._measured_once:
-                self._odometry.measure(values[19], values[20], now_ns)
+                self.odometry.measure(values[19], values[20], now_ns)
             self._measured_once = True
         gyro = self._turned(values, now_ns)
-        odometry = self._odometry.reading(now_ns, None if gyro is None else gyro.rate_rad_s)
+        odometry = self.odometry.reading(now_ns, None if gyro is None else gyro.rate_rad_s)
         if gyro is not None:
-            gyro = gyro._replace(trusted=self._odometry.gyro_trusted)
+            gyro = gyro._replace(trusted=self.odometry.gyro_trusted)
         return [self.base_reading(values, odometry, gyro)]
 
     def _turned(self, values: Mapping[int, int], now_ns: int) -> GyroReading | None:
@@ -142,8 +117,9 @@ class Create1Dialect(CreateDialect):
         """The command, the camera's supply (digital output 0 of a TurtleBot 1, cleared whenever Safe is left), and the
         next question; none after an answer that did not come, so that its late bytes are not taken for the next, nor
         behind a change of mode, where it would be lost."""
-        self._odometry.command(*((v_m_s, omega_rad_s) if self.obeys else (0.0, 0.0)))
-        command = self.wheel_command(v_m_s, omega_rad_s) + (bytes((Opcode.DIGITAL_OUTPUTS, 1)) if self.obeys else b"")
+        command = super().drive(v_m_s, omega_rad_s) + (
+            bytes((protocol.Opcode.DIGITAL_OUTPUTS, 1)) if self.obeys else b""
+        )
         if self._asked:
             self._give_up()
             return command
@@ -154,20 +130,16 @@ class Create1Dialect(CreateDialect):
         if self._queries % QUERIES_PER_MOTION == 0:
             self._asked = self._asked + MOTION_PACKETS
         self._queries += 1
-        return command + encode_query(self._asked)
+        return command + protocol.encode_query(self._asked)
 
     def _give_up(self) -> None:
         """The answer is lost. A motion that was asked for is asked for again: what the robot read out is gone, what it
         has not read out still counts up inside."""
         self._lost += 1
         if 19 in self._asked:
-            self._odometry.lose()
+            self.odometry.lose()
             self._queries = 0
         self._asked = []
-
-    def reset_odometry(self) -> None:
-        """See Dialect."""
-        self._odometry.reset()
 
     def counters(self) -> dict[str, int]:
         """See Dialect."""

@@ -19,7 +19,7 @@ from vsx_hw.create.protocol import (
     encode_stream_frame,
 )
 from vsx_hw.readings import Hazard
-from vsx_hw.serial_emulator import Plant, PlantState, SerialEmulator
+from vsx_hw.serial_emulator import Plant, PlantState
 
 DEAF_NS = 20_000_000
 BANNER = b"bl-start\r\nSTR730\r\nbootloader id: #x47186549\r\nr3_robot/tags/release-3.3.0:5058\r\n"
@@ -151,8 +151,3 @@ class CreateBoard:
         """(distance [m], angle [rad]) since the start. What is cut off at a reading is lost, as on the robot."""
         turn = (state.right_m - state.left_m) / self._model.wheel_base_m
         return 0.5 * (state.left_m + state.right_m), turn
-
-
-def create_emulator(model: Model, plant: Plant, link: str, seed: int = 0) -> SerialEmulator:
-    """A Create on these wheels, reachable as the serial port ``link``; call ``start`` on it."""
-    return SerialEmulator(CreateBoard(model, plant, seed), plant, link, seed)

@@ -7,8 +7,8 @@ from collections import deque
 from copy import copy
 
 from vsx_hw.create.protocol import CREATE_1, CREATE_2, METRES_PER_TICK
-from vsx_hw.planar_pose import PlanarPose
-from vsx_hw.plausibility import WINDOW_NS, CheckedMotion, MotionCheck
+from vsx_hw.odometry import PlanarPose, WheelOdometry, signed
+from vsx_hw.plausibility import WINDOW_NS, MotionCheck
 from vsx_hw.readings import OdometryReading
 
 LONGEST_GAP_S = 0.5
@@ -22,37 +22,24 @@ COASTING_NS = 500_000_000
 """After a stop the wheels roll on for a moment; later counts come from someone who pushes the robot."""
 
 
-class EncoderOdometry:
-    """Create 2. Its encoders count but do not know the direction: the robot assumes the commanded one.
-
-    Counts without a command are therefore not motion that can be trusted: they are left out and reported.
-    """
+class EncoderOdometry(WheelOdometry):
+    """Create 2. Its encoders count but do not know the direction: the robot assumes the commanded one. Counts without a
+    command are therefore not motion that can be trusted: they are left out and reported."""
 
     def __init__(self, linear_scale: float = 1.0, angular_scale: float = 1.0) -> None:
-        self._scales = linear_scale, angular_scale
-        self._pose = PlanarPose()
+        super().__init__(MotionCheck(CREATE_2.wheel_base_m), linear_scale, angular_scale)
         self._previous: tuple[int, int, int] | None = None
         self._driven_ns = 0
-        self._wheels = (0.0, 0.0)
         self._travel: deque[tuple[int, float, float]] = deque([(0, 0.0, 0.0)], SPEED_WINDOW)
-        self._gaps = 0
         self._lost_ns = -WINDOW_NS
-        self._check = MotionCheck(CREATE_2.wheel_base_m)
-        self._checked = CheckedMotion(0.0)
-
-    def command(self, v_m_s: float, omega_rad_s: float) -> None:
-        """What the robot was told last."""
-        self._check.command(v_m_s, omega_rad_s)
-
-    def reset(self) -> None:
-        """Start again at the origin; the counters' base line stays."""
-        self._pose = PlanarPose()
 
     def can_follow(self, left_ticks: int, right_ticks: int, now_ns: int) -> bool:
         """Whether the wheels can have rolled so far since the last report."""
         if self._previous is None:
             return True
-        ways_m = (abs(METRES_PER_TICK * _signed(n - m)) for n, m in zip((left_ticks, right_ticks), self._previous))
+        ways_m = (
+            abs(METRES_PER_TICK * signed(n - m, 0x10000)) for n, m in zip((left_ticks, right_ticks), self._previous)
+        )
         return max(ways_m) <= FASTEST_M_S * max((now_ns - self._previous[2]) * 1e-9, 0.03)
 
     def update(self, left_ticks: int, right_ticks: int, driving: bool, now_ns: int) -> OdometryReading:
@@ -62,8 +49,8 @@ class EncoderOdometry:
         v = omega = 0.0
         trusted = True
         if self._previous is not None:
-            left = METRES_PER_TICK * _signed(left_ticks - self._previous[0])
-            right = METRES_PER_TICK * _signed(right_ticks - self._previous[1])
+            left = METRES_PER_TICK * signed(left_ticks - self._previous[0], 0x10000)
+            right = METRES_PER_TICK * signed(right_ticks - self._previous[1], 0x10000)
             dt_s = (now_ns - self._previous[2]) * 1e-9
             if dt_s > LONGEST_GAP_S or not self.can_follow(left_ticks, right_ticks, now_ns):
                 self._gaps += 1
@@ -75,20 +62,14 @@ class EncoderOdometry:
                 v, omega = self._move(left, right, now_ns)
             self._checked = self._check.step(now_ns, left, right)
         self._previous = left_ticks, right_ticks, now_ns
-        p = self._pose
-        fault = self._checked.fault
-        doubt = self._checked.doubt or (LOST if now_ns - self._lost_ns < WINDOW_NS else "")
-        trusted = trusted and not doubt
-        return OdometryReading(
-            now_ns, p.x_m, p.y_m, p.heading_rad, v, omega, self._gaps, trusted, self._wheels, doubt, fault
-        )
+        return self._reading(now_ns, v, omega, LOST if now_ns - self._lost_ns < WINDOW_NS else "", trusted)
 
     def _move(self, left: float, right: float, now_ns: int) -> tuple[float, float]:
         """Advance the pose; the speeds are means over a few reports, because their arrival is not even."""
-        distance = 0.5 * (left + right) * self._scales[0]
-        turn = (right - left) / CREATE_2.wheel_base_m * self._scales[1]
+        distance = 0.5 * (left + right) * self._linear_scale
+        turn = (right - left) / CREATE_2.wheel_base_m * self._angular_scale
         self._pose.advance(distance, turn)
-        self._wheels = (self._wheels[0] + left, self._wheels[1] + right)
+        self._roll(left, right)
         then_ns, distance_then, turn_then = self._travel[0]
         _, distance_before, turn_before = self._travel[-1]
         self._travel.append((now_ns, distance_before + distance, turn_before + turn))
@@ -98,37 +79,33 @@ class EncoderOdometry:
         return (distance_before + distance - distance_then) / dt_s, (turn_before + turn - turn_then) / dt_s
 
 
-class DistanceOdometry:
+class DistanceOdometry(WheelOdometry):
     """Create 1. Its distance and angle are whole millimetres and degrees, zeroed by each reading, so they are read
     seldom; in between the pose follows the commanded speeds, or the gyro's rate where the power board has one that is
     believed, and is corrected by the next reading."""
 
     def __init__(self, linear_scale: float = 1.0, angular_scale: float = 1.0) -> None:
-        self._scales = linear_scale, angular_scale
-        self._measured, self._best, self._shown = PlanarPose(), PlanarPose(), PlanarPose()
+        super().__init__(MotionCheck(CREATE_1.wheel_base_m, math.radians(0.5)), linear_scale, angular_scale)
+        self._measured, self._best = PlanarPose(), PlanarPose()
         self._then_ns = 0
         self._speeds = (0.0, 0.0)
-        self._wheels = (0.0, 0.0)
-        self._gaps = 0
         self._known = True
         self._gyro_turn: float | None = 0.0  # since the last reading of the distance; None when the gyro was silent
-        self._check = MotionCheck(CREATE_1.wheel_base_m, math.radians(0.5))
-        self._checked = CheckedMotion(0.0)
         self._strange_ns, self._unsure_until_ns = -WINDOW_NS, 0
 
     @property
     def gyro_trusted(self) -> bool:
         """Whether the gyro's latest rate is believed."""
-        return self._checked.gyro and self._strange_ns != self._then_ns
+        return super().gyro_trusted and self._strange_ns != self._then_ns
 
     def reset(self) -> None:
         """Start again at the origin."""
-        self._measured, self._best, self._shown = PlanarPose(), PlanarPose(), PlanarPose()
+        self._measured, self._best, self._pose = PlanarPose(), PlanarPose(), PlanarPose()
 
     def command(self, v_m_s: float, omega_rad_s: float) -> None:
         """What the robot was told last."""
         self._speeds = v_m_s, omega_rad_s
-        self._check.command(v_m_s, omega_rad_s)
+        super().command(v_m_s, omega_rad_s)
 
     def lose(self) -> None:
         """A reading was lost, and with it the motion since the one before."""
@@ -148,8 +125,8 @@ class DistanceOdometry:
         else:  # the wheels' part of this turn is lost: nothing to compare
             judged = self._check.step(now_ns, left, right)
             self._checked = judged._replace(turn_rad=gyro_turn if self._checked.gyro else judged.turn_rad)
-        self._wheels = (self._wheels[0] + left * self._scales[0], self._wheels[1] + right * self._scales[0])
-        self._measured.advance(distance_mm / 1000.0 * self._scales[0], self._checked.turn_rad * self._scales[1])
+        self._roll(left * self._linear_scale, right * self._linear_scale)
+        self._measured.advance(distance_mm / 1000.0 * self._linear_scale, self._checked.turn_rad * self._angular_scale)
         self._best = copy(self._measured)
         if not self._known:
             self._known, self._unsure_until_ns = True, now_ns + WINDOW_NS
@@ -166,26 +143,15 @@ class DistanceOdometry:
             if not self._check.can_turn(gyro_rad_s):
                 self._strange_ns, gyro_rad_s = now_ns, omega
             if self._checked.gyro:
-                omega = gyro_rad_s * self._scales[1]
+                omega = gyro_rad_s * self._angular_scale
             if self._gyro_turn is not None:
                 self._gyro_turn += gyro_rad_s * dt_s
-        for pose in (self._best, self._shown):
+        for pose in (self._best, self._pose):
             pose.advance(v * dt_s, omega * dt_s)
-        self._shown.approach(self._best, CORRECTION_M, CORRECTION_RAD)
-        return self._told(now_ns, v, omega)
-
-    def _told(self, now_ns: int, v: float, omega: float) -> OdometryReading:
-        p, fault, doubt = self._shown, self._checked.fault, self._checked.doubt
-        if not doubt and now_ns - self._strange_ns < WINDOW_NS:
+        self._pose.approach(self._best, CORRECTION_M, CORRECTION_RAD)
+        doubt = ""
+        if now_ns - self._strange_ns < WINDOW_NS:
             doubt = "the gyro turns as the base cannot; the heading is that of the wheels"
-        if not self._known or now_ns < self._unsure_until_ns:
-            doubt = doubt or LOST
-        trusted = not doubt
-        return OdometryReading(
-            now_ns, p.x_m, p.y_m, p.heading_rad, v, omega, self._gaps, trusted, self._wheels, doubt, fault
-        )
-
-
-def _signed(difference: int) -> int:
-    """The smallest step of a 16-bit counter."""
-    return (difference + 0x8000) % 0x10000 - 0x8000
+        elif not self._known or now_ns < self._unsure_until_ns:
+            doubt = LOST
+        return self._reading(now_ns, v, omega, doubt)

@@ -121,10 +121,7 @@ class StreamParser:
     def feed(self, data: bytes) -> list[dict[int, int]]:
         """The frames completed by these bytes, in order."""
         self._buffer += data
-        found = []
-        while (frame := self._next()) is not None:
-            found.append(frame)
-        return found
+        return list(iter(self._next, None))
 
     def _next(self) -> dict[int, int] | None:
         buffer = self._buffer
@@ -172,10 +169,8 @@ def encode_stream_frame(values: Mapping[int, int]) -> bytes:
 
 
 def encode_drive_direct(left_mm_s: float, right_mm_s: float) -> bytes:
-    """Wheel speeds, right one first on the wire; both scaled alike to the robot's 500 mm/s, so the curve stays.
-
-    Raises ProtocolError for numbers that are not finite.
-    """
+    """Wheel speeds, right one first on the wire; both scaled alike to the robot's 500 mm/s, so the curve stays. Raises
+    ProtocolError for numbers that are not finite."""
     left, right = wheel_speeds(left_mm_s, right_mm_s)
     return struct.pack(">Bhh", Opcode.DRIVE_DIRECT, right, left)
 
@@ -197,10 +192,8 @@ def encode_lamps(bits: int, color: int, intensity: int) -> bytes:
 
 
 def encode_song(number: int, notes: list[tuple[int, float]]) -> bytes:
-    """Store a song: (MIDI note 31-127, duration [s]) each; numbers 0-4 exist on all robots.
-
-    Raises ProtocolError, so that nothing is sent half, for a number, a note, a duration or a count out of range.
-    """
+    """Store a song: (MIDI note 31-127, duration [s]) each; numbers 0-4 exist on all robots. Raises ProtocolError, so
+    that nothing is sent half, for a number, a note, a duration or a count out of range."""
     if not (0 <= number <= 4 and 1 <= len(notes) <= 16):
         raise ProtocolError(f"song {number} of {len(notes)} notes; songs 0-4 hold 1 to 16 notes")
     content = b""

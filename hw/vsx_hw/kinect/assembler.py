@@ -46,10 +46,8 @@ class FrameAssembler:
         self._first_arrival_ns = 0
 
     def feed(self, arrival_ns: int, packets: Bytes, lengths: NDArray[np.int64]) -> list[RawFrame]:
-        """The frames completed by these packets.
-
-        packets: (N, 1920), row i holds packet i. lengths: (N,) bytes received; 0 is an idle slot.
-        """
+        """The frames completed by these packets. packets: (N, 1920), row i holds packet i. lengths: (N,) bytes
+        received; 0 is an idle slot."""
         good = np.flatnonzero(self._is_video(packets, lengths))
         self.counters["bad_packets"] += int(np.count_nonzero(lengths)) - len(good)
         if not len(good):

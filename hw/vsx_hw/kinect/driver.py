@@ -14,25 +14,8 @@ from vsx_hw.connection_thread import ConnectionThread
 from vsx_hw.device_clock import DeviceClock
 from vsx_hw.errors import DeviceError, DeviceTimeout
 from vsx_hw.frozen_image import FROZEN, FrozenImageDetector
+from vsx_hw.kinect import protocol
 from vsx_hw.kinect.assembler import FrameAssembler, RawFrame
-from vsx_hw.kinect.protocol import (
-    AUTOMATIC_EXPOSURE,
-    AUTOMATIC_WHITE_BALANCE,
-    CLOCK_BITS,
-    CLOCK_HZ,
-    CMOS_REGISTER,
-    EXPOSURE_MODES,
-    REPLY_BYTES,
-    STOP,
-    VGA_BAYER,
-    WRITE_REGISTER,
-    Register,
-    StreamMode,
-    decode_reply,
-    encode_cmos_read,
-    encode_cmos_write,
-    encode_write,
-)
 from vsx_hw.kinect.transport import KinectTransport
 from vsx_hw.readings import ImageReading, LinkStatus
 
@@ -47,12 +30,12 @@ _FULL_RANGE = np.clip((np.arange(256) - 16) * 255.0 / 219.0 + 0.5, 0, 255).astyp
 """Luma 16..235 of the camera's UYVY to 0..255 (ITU-R BT.601)."""
 
 
-class KinectCamera:
+class KinectCamera(ConnectionThread):
     """Images of one mode to ``on_image``, called on the transport's thread.
 
     A stream that delivers nothing new for five seconds is stopped and started again; a camera that vanishes is opened
     again with growing pauses; a picture that repeats itself is not delivered. lock_exposure: after two seconds of
-    images, exposure and white balance stay as they are. Usable as a context manager.
+    images, exposure and white balance stay as they are.
     """
 
     def __init__(
@@ -60,56 +43,35 @@ class KinectCamera:
         open_transport: Callable[[], KinectTransport],
         device: str,
         on_image: Callable[[ImageReading], None],
-        mode: StreamMode = VGA_BAYER,
+        mode: protocol.StreamMode = protocol.VGA_BAYER,
         lock_exposure: bool = False,
     ) -> None:
-        self._device, self._on_image, self._mode = device, on_image, mode
+        super().__init__(device, open_transport, BACKOFF_S)
+        self._on_image, self._mode = on_image, mode
         self._wants_lock, self._asked_to_lock, self._locked = lock_exposure, False, False
         self._tag = 0
         self._assembler = FrameAssembler(mode)
-        self._clock = DeviceClock(CLOCK_HZ, CLOCK_BITS)
+        self._clock = DeviceClock(protocol.CLOCK_HZ, protocol.CLOCK_BITS)
         self._last_image_s = self._streaming_since_s = 0.0
         self._fault: Exception | None = None
         self._frozen_detector = FrozenImageDetector()
         self._counters = {"revivals": 0, "frames": 0, "torn_frames": 0, "bad_packets": 0, "frozen_frames": 0}
         self.serial = ""
-        self._connection: ConnectionThread[KinectTransport] = ConnectionThread(
-            device, open_transport, self._serve, self._end, lambda connected, message: None, BACKOFF_S
-        )
-
-    def __enter__(self) -> KinectCamera:
-        """Start."""
-        self.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Stop the stream and close."""
-        self.close()
-
-    def start(self) -> None:
-        """Begin connecting; returns at once."""
-        self._connection.start()
 
     def status(self) -> LinkStatus:
         """Health for diagnostics."""
-        counters = {"connections": self._connection.connections, **self._counters, "exposure_locked": int(self._locked)}
-        link = self._connection
-        return LinkStatus(link.connected, link.message, self.serial or self._device, counters, link.alive)
-
-    def close(self) -> None:
-        """Stop the stream and release the camera."""
-        self._connection.close()
+        counters = {**self._counters, "exposure_locked": int(self._locked)}
+        return self._status(self.serial or self._name, counters)
 
     def _serve(self, transport: KinectTransport) -> None:
-        """One connection: until the driver closes or the camera fails."""
         self.serial = transport.serial
         self._fault = None
         self._begin(transport)
-        while not self._connection.closing.wait(0.1):
+        while not self.closing.wait(0.1):
             if self._fault is not None:
                 raise self._fault
-            if transport.failure():
-                raise DeviceError(transport.failure())
+            if transport.failure:
+                raise DeviceError(transport.failure)
             if time.monotonic() - self._last_image_s > REVIVE_AFTER_S:
                 self._revive(transport)
             elif self._wants_lock and not self._asked_to_lock and self._has_settled():
@@ -118,24 +80,24 @@ class KinectCamera:
 
     def _revive(self, transport: KinectTransport) -> None:
         self._counters["revivals"] += 1
-        message = f"{self._device}: no image for {REVIVE_AFTER_S:.0f} s; starting the stream again"
-        self._connection.report(False, message)
-        self._end(transport)
+        message = f"{self._name}: no image for {REVIVE_AFTER_S:.0f} s; starting the stream again"
+        self.report(False, message)
+        self._leave(transport)
         self._begin(transport)
 
     def _begin(self, transport: KinectTransport) -> None:
         """Receive first, then switch on: the other way round the first packets are lost."""
         self._assembler = FrameAssembler(self._mode)
-        self._clock = DeviceClock(CLOCK_HZ, CLOCK_BITS)
+        self._clock = DeviceClock(protocol.CLOCK_HZ, protocol.CLOCK_BITS)
         self._last_image_s = time.monotonic()
         self._streaming_since_s, self._asked_to_lock, self._locked = 0.0, False, False
         transport.start_iso(self._on_packets)
         self._write(transport, self._mode.start)
 
-    def _end(self, transport: KinectTransport) -> None:
+    def _leave(self, transport: KinectTransport) -> None:
         """Switch off first, then stop receiving."""
         try:
-            self._write(transport, STOP)
+            self._write(transport, protocol.STOP)
         finally:
             transport.stop_iso()
 
@@ -145,16 +107,20 @@ class KinectCamera:
     def _lock_exposure(self, transport: KinectTransport) -> None:
         """A camera that refuses is used as it is."""
         try:
-            modes = self._ask(transport, encode_cmos_read(EXPOSURE_MODES, self._tag), CMOS_REGISTER)[2]
-            fixed = Register(EXPOSURE_MODES, modes & ~(AUTOMATIC_EXPOSURE | AUTOMATIC_WHITE_BALANCE))
-            self._ask(transport, encode_cmos_write(fixed, self._tag), CMOS_REGISTER)
+            modes = self._ask(
+                transport, protocol.encode_cmos_read(protocol.EXPOSURE_MODES, self._tag), protocol.CMOS_REGISTER
+            )[2]
+            fixed = protocol.Register(
+                protocol.EXPOSURE_MODES, modes & ~(protocol.AUTOMATIC_EXPOSURE | protocol.AUTOMATIC_WHITE_BALANCE)
+            )
+            self._ask(transport, protocol.encode_cmos_write(fixed, self._tag), protocol.CMOS_REGISTER)
             self._locked = True
         except (DeviceError, IndexError) as error:
-            logger.warning("%s: exposure stays automatic (%s)", self._device, error)
+            logger.warning("%s: exposure stays automatic (%s)", self._name, error)
 
-    def _write(self, transport: KinectTransport, registers: Iterable[Register]) -> None:
+    def _write(self, transport: KinectTransport, registers: Iterable[protocol.Register]) -> None:
         for register in registers:
-            self._ask(transport, encode_write(register, self._tag), WRITE_REGISTER)
+            self._ask(transport, protocol.encode_write(register, self._tag), protocol.WRITE_REGISTER)
 
     def _ask(self, transport: KinectTransport, message: bytes, command: int) -> tuple[int, ...]:
         """Send a message with the present tag; the words of its reply. The camera says nothing until it is done: ask
@@ -162,13 +128,13 @@ class KinectCamera:
         transport.control_out(message)
         deadline = time.monotonic() + REPLY_TIMEOUT_S
         while time.monotonic() < deadline:
-            reply = transport.control_in(REPLY_BYTES)
+            reply = transport.control_in(protocol.REPLY_BYTES)
             if reply:
-                words = decode_reply(reply, command, self._tag)
+                words = protocol.decode_reply(reply, command, self._tag)
                 self._tag = (self._tag + 1) & 0xFFFF
                 return words
             time.sleep(0.001)
-        raise DeviceTimeout(f"{self._device}: no answer in {REPLY_TIMEOUT_S} s; check its 12 V supply and replug it")
+        raise DeviceTimeout(f"{self._name}: no answer in {REPLY_TIMEOUT_S} s; check its 12 V supply and replug it")
 
     def _on_packets(self, arrival_ns: int, packets: NDArray[np.uint8], lengths: NDArray[np.int64]) -> None:
         """On the transport's thread, where nobody would see an exception: the driver's own thread raises it."""
@@ -184,11 +150,11 @@ class KinectCamera:
     def _hand_over(self, frame: RawFrame) -> None:
         if self._frozen_detector.is_frozen(frame.image):
             self._counters["frozen_frames"] += 1
-            self._connection.report(False, f"{self._device}: {FROZEN}")
+            self.report(False, f"{self._name}: {FROZEN}")
             return
         self._last_image_s = time.monotonic()
         self._streaming_since_s = self._streaming_since_s or self._last_image_s
-        self._connection.report(True, "streaming")
+        self.report(True, "streaming")
         stamp_ns = self._clock.host_ns(frame.clock_ticks, frame.first_arrival_ns)
         if frame.image.ndim == 2:
             self._on_image(ImageReading(stamp_ns, frame.image))

@@ -14,20 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsx_hw.errors import DeviceError, ProtocolError
-from vsx_hw.kinect import wire
-from vsx_hw.kinect.packets import packetize
-from vsx_hw.kinect.protocol import (
-    CLOCK_HZ,
-    CMOS_REGISTER,
-    EXPOSURE_MODES,
-    MICROFRAME_NS,
-    MODES,
-    STREAM_SWITCH,
-    WRITE_REGISTER,
-    StreamMode,
-    decode_message,
-    encode_reply,
-)
+from vsx_hw.kinect import protocol, wire
 
 logger = logging.getLogger(__name__)
 
@@ -53,7 +40,7 @@ class KinectBoard:
 
     def __init__(self) -> None:
         self.registers: dict[int, int] = {}
-        self.cmos: dict[int, int] = {EXPOSURE_MODES: AUTOMATIC}
+        self.cmos: dict[int, int] = {protocol.EXPOSURE_MODES: AUTOMATIC}
         self._reply = b""
         self._sequence = 0
 
@@ -61,17 +48,17 @@ class KinectBoard:
         """Obey a write, read or write the sensor; nonsense gets no reply."""
         self._reply = b""
         try:
-            command, tag, words = decode_message(message)
+            command, tag, words = protocol.decode_message(message)
         except ProtocolError:
             return
-        if command == WRITE_REGISTER and len(words) == 2:
+        if command == protocol.WRITE_REGISTER and len(words) == 2:
             self.registers[words[0]] = words[1]
-            self._reply = encode_reply(command, tag, 0)
-        elif command == CMOS_REGISTER and len(words) == 3:
+            self._reply = protocol.encode_reply(command, tag, 0)
+        elif command == protocol.CMOS_REGISTER and len(words) == 3:
             address = words[1] & 0x7FFF
             if words[1] & 0x8000:
                 self.cmos[address] = words[2]
-            self._reply = encode_reply(command, tag, 1, words[1], self.cmos.get(address, 0))
+            self._reply = protocol.encode_reply(command, tag, 1, words[1], self.cmos.get(address, 0))
 
     def control_in(self) -> bytes:
         """The reply to the last message, once."""
@@ -81,13 +68,13 @@ class KinectBoard:
     @property
     def streaming(self) -> bool:
         """Whether the stream is on, in one of the modes."""
-        return self.registers.get(STREAM_SWITCH) == 1 and self.mode is not None
+        return self.registers.get(protocol.STREAM_SWITCH) == 1 and self.mode is not None
 
     @property
-    def mode(self) -> StreamMode | None:
+    def mode(self) -> protocol.StreamMode | None:
         """The mode that the registers select, None for a combination that is none."""
         selected = [self.registers.get(address) for address in _SETTINGS]
-        for mode in MODES.values():
+        for mode in protocol.MODES.values():
             wanted = dict(mode.start)
             if selected == [wanted[address] for address in _SETTINGS]:
                 return mode
@@ -101,10 +88,8 @@ class KinectBoard:
 
 
 class KinectEmulator:
-    """Listens at a socket path, serves one driver at a time; ``send_frame`` gives it an image.
-
-    Usable as a context manager.
-    """
+    """Listens at a socket path, serves one driver at a time; ``send_frame`` gives it an image. Usable as a context
+    manager."""
 
     def __init__(self, path: str, seed: int = 0) -> None:
         self.board = KinectBoard()
@@ -123,11 +108,9 @@ class KinectEmulator:
         self._thread.start()
 
     def __enter__(self) -> KinectEmulator:
-        """It listens already."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Remove the socket."""
         self.close()
 
     @property
@@ -144,12 +127,12 @@ class KinectEmulator:
                 return False
             if image.size != mode.frame_bytes:
                 return False
-            packets, lengths = self.board.packets(image, start_ns * (CLOCK_HZ // 1_000_000) // 1000)
+            packets, lengths = self.board.packets(image, start_ns * (protocol.CLOCK_HZ // 1_000_000) // 1000)
             kept = np.flatnonzero(self._rng.random(len(lengths)) >= self.faults.drop_rate)
             try:
                 for first in range(0, len(lengths), PACKETS_PER_TRANSFER):
                     rows = kept[(kept >= first) & (kept < first + PACKETS_PER_TRANSFER)]
-                    body = wire.encode_packets(start_ns + first * MICROFRAME_NS, packets[rows], lengths[rows])
+                    body = wire.encode_packets(start_ns + first * protocol.MICROFRAME_NS, packets[rows], lengths[rows])
                     wire.send(self._client, wire.PACKETS, body)
             except DeviceError as error:
                 logger.warning("%s", error)
@@ -206,3 +189,24 @@ class KinectEmulator:
 def _timeval(seconds: float) -> bytes:
     whole = int(seconds)
     return whole.to_bytes(8, "little") + round((seconds - whole) * 1e6).to_bytes(8, "little")
+
+
+def packetize(
+    image: NDArray[np.uint8], clock_ticks: int, first_sequence: int
+) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
+    """(N, 1920) packets and their (N,) lengths for an image of any mode, 162 for a VGA mosaic; the next sequence number
+    is first_sequence + N, modulo 256."""
+    pixels = image.reshape(-1)
+    count = -(-len(pixels) // protocol.PACKET_DATA_BYTES)
+    packets = np.zeros((count, protocol.PACKET_BYTES), np.uint8)
+    packets[:, :2] = protocol.PACKET_MAGIC
+    packets[:, 3] = protocol.FLAG_MIDDLE
+    packets[0, 3], packets[-1, 3] = protocol.FLAG_START, protocol.FLAG_END
+    packets[:, 5] = (first_sequence + np.arange(count)) % 256
+    packets[:, 8:12] = np.frombuffer((clock_ticks % 2**32).to_bytes(4, "little"), np.uint8)
+    whole = (count - 1) * protocol.PACKET_DATA_BYTES
+    packets[:-1, protocol.HEADER_BYTES :] = pixels[:whole].reshape(-1, protocol.PACKET_DATA_BYTES)
+    packets[-1, protocol.HEADER_BYTES : protocol.HEADER_BYTES + len(pixels) - whole] = pixels[whole:]
+    lengths = np.full(count, protocol.PACKET_BYTES, np.int64)
+    lengths[-1] = protocol.HEADER_BYTES + len(pixels) - whole
+    return packets, lengths

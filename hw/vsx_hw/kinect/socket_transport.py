@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import queue
 import socket
 import threading
@@ -14,10 +15,8 @@ REPLY_WAIT_S = 0.5
 
 
 class SocketTransport:
-    """Connects to the emulator's socket; see ``KinectTransport``.
-
-    Raises DeviceNotFound when no emulator listens there.
-    """
+    """Connects to the emulator's socket; see ``KinectTransport``. Raises DeviceNotFound when no emulator listens
+    there."""
 
     serial = "emulated"
 
@@ -31,7 +30,7 @@ class SocketTransport:
         self._replies: queue.Queue[bytes] = queue.Queue()
         self._handler: PacketHandler | None = None
         self._handing_over = threading.Lock()
-        self._failure = ""
+        self.failure = ""
         self._closed = False
         self._thread = threading.Thread(target=self._listen, name="emulated usb", daemon=True)
         self._thread.start()
@@ -59,23 +58,14 @@ class SocketTransport:
             self._handler = None
         wire.send(self._socket, wire.STOP)
 
-    def failure(self) -> str:
-        """See KinectTransport."""
-        return self._failure
-
     def close(self) -> None:
         """See KinectTransport."""
         if not self._closed:
             self._closed = True
-            self._shut_down()
+            with contextlib.suppress(OSError):
+                self._socket.shutdown(socket.SHUT_RDWR)
             self._thread.join(timeout=1.0)
             self._socket.close()
-
-    def _shut_down(self) -> None:
-        try:
-            self._socket.shutdown(socket.SHUT_RDWR)
-        except OSError:
-            return
 
     def _listen(self) -> None:
         try:
@@ -89,4 +79,4 @@ class SocketTransport:
                         if self._handler is not None:
                             self._handler(*message)
         except DeviceError as error:
-            self._failure = str(error)
+            self.failure = str(error)

@@ -16,9 +16,10 @@ The arrays are valid during the call only."""
 class KinectTransport(Protocol):
     """An open camera. Every method raises DeviceError once the camera is lost."""
 
-    @property
-    def serial(self) -> str:
-        """Serial number, or what stands for it; names the calibration file."""
+    serial: str
+    """Serial number, or what stands for it; names the calibration file."""
+    failure: str
+    """Why the stream has ended, empty while it has not."""
 
     def control_out(self, data: bytes) -> None:
         """Send a control message."""
@@ -31,9 +32,6 @@ class KinectTransport(Protocol):
 
     def stop_iso(self) -> None:
         """Receive no more; the handler is not called after the return."""
-
-    def failure(self) -> str:
-        """Why the stream has ended, empty while it has not."""
 
     def close(self) -> None:
         """Let go of the camera; may be called twice."""

@@ -37,10 +37,8 @@ def remedy(error: usb1.USBError) -> str:
 
 
 class UsbTransport:
-    """The first Kinect found, or the one with the given serial number; see ``KinectTransport``.
-
-    Raises DeviceNotFound with the remedy when there is none or it cannot be opened.
-    """
+    """The first Kinect found, or the one with the given serial number; see ``KinectTransport``. Raises DeviceNotFound
+    with the remedy when there is none or it cannot be opened."""
 
     def __init__(self, serial: str = "") -> None:
         self._context = usb1.USBContext()
@@ -54,7 +52,7 @@ class UsbTransport:
         self._packets = np.zeros((PACKETS, PACKET_BYTES), np.uint8)
         self._lengths = np.zeros(PACKETS, np.int64)
         self._in_flight = 0
-        self._failure = ""
+        self.failure = ""
         self._running = threading.Event()
         self._handler: PacketHandler | None = None
         self._handle: Any = None
@@ -116,7 +114,7 @@ class UsbTransport:
     def start_iso(self, handler: PacketHandler) -> None:
         """See KinectTransport."""
         self._handler = handler
-        self._failure = ""
+        self.failure = ""
         try:
             for _ in range(TRANSFERS):
                 transfer = self._handle.getTransfer(iso_packets=PACKETS)
@@ -144,11 +142,11 @@ class UsbTransport:
                 transfer.submit()
                 return
             except usb1.USBError as error:
-                self._failure = f"Kinect: {remedy(error)}"
+                self.failure = f"Kinect: {remedy(error)}"
         elif status == usb1.TRANSFER_NO_DEVICE:
-            self._failure = "Kinect: unplugged; check the cable and the 12 V supply"
+            self.failure = "Kinect: unplugged; check the cable and the 12 V supply"
         elif status != usb1.TRANSFER_CANCELLED:
-            self._failure = f"Kinect: transfer ended with status {status}; give it a USB port of its own"
+            self.failure = f"Kinect: transfer ended with status {status}; give it a USB port of its own"
         self._in_flight -= 1
 
     def stop_iso(self) -> None:
@@ -166,16 +164,12 @@ class UsbTransport:
         self._transfers.clear()
         self._in_flight = 0
 
-    def failure(self) -> str:
-        """See KinectTransport."""
-        return self._failure
-
     def _events(self) -> None:
         try:
             while self._running.is_set():
                 self._context.handleEventsTimeout(0.1)
         except usb1.USBError as error:
-            self._failure = f"Kinect: {remedy(error)}"
+            self.failure = f"Kinect: {remedy(error)}"
             self._running.clear()
 
     def close(self) -> None:

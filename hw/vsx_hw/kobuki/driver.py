@@ -4,31 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from vsx_hw.base_driver import Dialect
 from vsx_hw.device_clock import DeviceClock
+from vsx_hw.kobuki import protocol
 from vsx_hw.kobuki.base_control import BaseControl, base_control, twist_of
 from vsx_hw.kobuki.framing import encode_frame
 from vsx_hw.kobuki.gyro import gyro_reading
 from vsx_hw.kobuki.odometry import KobukiOdometry
-from vsx_hw.kobuki.protocol import (
-    AT_THE_DOCK,
-    BAUD,
-    CHARGER_STATES,
-    Core,
-    Feedback,
-    Led,
-    Sound,
-    battery_state,
-    drive_payload,
-    melody_payload,
-    outputs_payload,
-    request_versions_payload,
-)
 from vsx_hw.kobuki.stream import StreamParser
 from vsx_hw.kobuki.versions import STEADY_GYRO, Version, objection
 from vsx_hw.readings import BaseReading, BatteryReading, Hazard, Signal
 from vsx_hw.rounding import TurnErrorFeedback
 
-_LAMPS = {Signal.READY: Led.GREEN, Signal.HELD: Led.ORANGE, Signal.ALARM: Led.RED}
+_LAMPS = {Signal.READY: protocol.Led.GREEN, Signal.HELD: protocol.Led.ORANGE, Signal.ALARM: protocol.Led.RED}
 
 VERSION_REQUESTS = 10
 FRAMES_PER_REQUEST = 25
@@ -36,21 +24,18 @@ WIRE_NS = 7_000_000
 """A regular frame of 81 bytes takes 7 ms at 115200 baud: it was measured before its last byte arrived."""
 
 
-class KobukiDialect:
-    """Kobuki frames as readings of a base, commands as frames; see ``vsx_hw.base_driver.Dialect``.
-
-    Readings refuse to be driven by until the base has told a firmware that is known, or any
-    with ``allow_unknown_firmware``.
-    """
+class KobukiDialect(Dialect):
+    """Kobuki frames as readings of a base, commands as frames. Readings refuse to be driven by until the base has told
+    a firmware that is known, or any with ``allow_unknown_firmware``."""
 
     def __init__(self, linear_scale: float = 1.0, angular_scale: float = 1.0) -> None:
         self.allow_unknown_firmware = False
-        self._odometry = KobukiOdometry(linear_scale, angular_scale)
-        self._frames = self._refused = self._skipped = 0
+        self.odometry = KobukiOdometry(linear_scale, angular_scale)
+        self._parser = StreamParser()
         self._start_connection()
 
     def _start_connection(self) -> None:
-        self._parser = StreamParser()
+        self._parser.restart()
         self._clock = DeviceClock(1000, 16)
         self._commands_sent = 0
         self.firmware: Version | None = None
@@ -60,15 +45,14 @@ class KobukiDialect:
 
     def hello(self) -> Iterable[tuple[bytes, float]]:
         """Supplies on (the camera's 12 V), wheels still."""
-        self._keep_counters()
         self._start_connection()
-        return [(encode_frame(outputs_payload(), drive_payload(BaseControl(0, 0))), 0.0)]
+        return [(encode_frame(protocol.outputs_payload(), protocol.drive_payload(BaseControl(0, 0))), 0.0)]
 
     def receive(self, data: bytes, now_ns: int) -> list[BaseReading]:
         """See Dialect."""
         return [self._reading(feedback, now_ns) for feedback in self._parser.feed(data, now_ns)]
 
-    def _reading(self, feedback: Feedback, now_ns: int) -> BaseReading:
+    def _reading(self, feedback: protocol.Feedback, now_ns: int) -> BaseReading:
         core = feedback.core
         self.firmware = feedback.firmware_version or self.firmware
         self._hardware = feedback.hardware_version or self._hardware
@@ -76,20 +60,22 @@ class KobukiDialect:
         hazards = hazards_of(core)  # a contact ends with the second frame that says so: one may have been damaged
         held, self._hazards = hazards | self._hazards, hazards
         stamp_ns = self._clock.host_ns(core.time_ms, now_ns) - WIRE_NS
-        fraction, state, charging = battery_state(core.battery_decivolt, core.charger)
-        odometry = self._odometry.update(feedback, stamp_ns)
+        fraction, state, charging = protocol.battery_state(core.battery_decivolt, core.charger)
+        odometry = self.odometry.update(feedback, stamp_ns)
         return BaseReading(
             stamp_ns,
             odometry,
             held,
-            BatteryReading(core.battery_decivolt / 10.0, fraction, charging, state, core.charger in AT_THE_DOCK),
+            BatteryReading(
+                core.battery_decivolt / 10.0, fraction, charging, state, core.charger in protocol.AT_THE_DOCK
+            ),
             core.buttons,
-            gyro=gyro_reading(feedback, stamp_ns, self._odometry.gyro_trusted),
+            gyro=gyro_reading(feedback, stamp_ns, self.odometry.gyro_trusted),
             refusal=refusal,
             warnings=warnings,
         )
 
-    def _trust(self, core: Core) -> tuple[str, tuple[str, ...]]:
+    def _trust(self, core: protocol.Core) -> tuple[str, tuple[str, ...]]:
         """(refusal, warnings) of the versions and of what this frame says."""
         warnings = []
         refusal = objection(self.firmware, self._hardware)
@@ -98,47 +84,43 @@ class KobukiDialect:
             refusal = ""
         if self.firmware is not None and self.firmware < STEADY_GYRO:
             warnings.append(f"firmware {self.firmware}: the gyro drifts; flash 1.2.0")
-        if core.charger not in CHARGER_STATES:
+        if core.charger not in protocol.CHARGER_STATES:
             warnings.append(f"charger state {core.charger} is unknown, taken for not charging; look at the charger")
         return refusal, tuple(warnings)
 
     def drive(self, v_m_s: float, omega_rad_s: float) -> bytes:
         """Base control; until the base has told versions that are known they are asked for, but not for ever."""
-        self._odometry.command(v_m_s, omega_rad_s)
-        payloads = [drive_payload(self._rounding.command(v_m_s, omega_rad_s, _encoded))]
+        self.odometry.command(v_m_s, omega_rad_s)
+        payloads = [protocol.drive_payload(self._rounding.command(v_m_s, omega_rad_s, _encoded))]
         requests, remainder = divmod(self._commands_sent, FRAMES_PER_REQUEST)
         if objection(self.firmware, self._hardware) and remainder == 0 and requests < VERSION_REQUESTS:
-            payloads.append(request_versions_payload())
+            payloads.append(protocol.request_versions_payload())
         self._commands_sent += 1
         return encode_frame(*payloads)
 
-    def waits(self) -> bool:
-        """See Dialect. A Kobuki reports unasked."""
-        return True
-
     def halt(self) -> bytes:
         """See Dialect."""
-        return encode_frame(drive_payload(BaseControl(0, 0)))
+        return encode_frame(protocol.drive_payload(BaseControl(0, 0)))
 
     def show(self, signal: Signal) -> bytes:
         """See Dialect. The first lamp."""
-        sound = [melody_payload(Sound.ERROR)] if signal is Signal.ALARM else []
-        return encode_frame(outputs_payload(led1=_LAMPS[signal]), *sound)
+        sound = [protocol.melody_payload(protocol.Sound.ERROR)] if signal is Signal.ALARM else []
+        return encode_frame(protocol.outputs_payload(led1=_LAMPS[signal]), *sound)
 
     def farewell(self) -> bytes:
         """Stand still; the supplies stay on."""
-        return encode_frame(drive_payload(BaseControl(0, 0)), outputs_payload())
+        return encode_frame(protocol.drive_payload(BaseControl(0, 0)), protocol.outputs_payload())
 
     def reset_odometry(self) -> None:
         """See Dialect."""
-        self._odometry.reset()
+        self.odometry.reset()
 
     def counters(self) -> dict[str, int]:
         """See Dialect."""
         return {
-            "frames": self._frames + self._parser.frames,
-            "refused_frames": self._refused + self._parser.refused,
-            "skipped_bytes": self._skipped + self._parser.skipped_bytes,
+            "frames": self._parser.frames,
+            "refused_frames": self._parser.refused,
+            "skipped_bytes": self._parser.skipped_bytes,
         }
 
     def silence(self) -> str:
@@ -146,17 +128,12 @@ class KobukiDialect:
         if self._parser.doubts:
             return "no report can follow the one before: the base's clock or counters fail; switch it off and on"
         return (
-            f"switch the Kobuki on and check ~robot_type: a Kobuki speaks unasked at {BAUD} baud; a Create 1 answers "
-            "at 57600, a Create 2 or Roomba at 115200; 'auto' finds out"
+            f"switch the Kobuki on and check ~robot_type: a Kobuki speaks unasked at {protocol.BAUD} baud; a Create 1 "
+            "answers at 57600, a Create 2 or Roomba at 115200; 'auto' finds out"
         )
 
-    def _keep_counters(self) -> None:
-        self._frames += self._parser.frames
-        self._refused += self._parser.refused
-        self._skipped += self._parser.skipped_bytes
 
-
-def hazards_of(core: Core) -> Hazard:
+def hazards_of(core: protocol.Core) -> Hazard:
     """The level of each contact in this frame (not its edges: a missed edge would leave the robot blind)."""
     return Hazard(core.bumper | core.cliff << 3 | core.wheel_drop << 6 | core.overcurrent << 8)
 

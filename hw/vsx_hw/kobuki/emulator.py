@@ -11,7 +11,7 @@ from vsx_hw.kobuki.framing import FrameScanner, encode_frame, sub_payloads
 from vsx_hw.kobuki.gyro import RAW_STEP_RAD_S
 from vsx_hw.kobuki.protocol import BAUD, METRES_PER_TICK
 from vsx_hw.readings import Hazard
-from vsx_hw.serial_emulator import Plant, PlantState, SerialEmulator
+from vsx_hw.serial_emulator import Plant, PlantState
 
 FRAME_NS = 20_000_000
 TOP_WHEEL_SPEED_M_S = 0.7
@@ -120,8 +120,3 @@ class KobukiBoard:
         raw = rate_rad_s / RAW_STEP_RAD_S
         steps = [round(self._rng.gauss(mean, RAW_NOISE)) for mean in (0.0, 0.0, raw, 0.0, 0.0, raw)]
         return struct.pack("<6h", *(max(-32768, min(32767, step)) for step in steps))
-
-
-def kobuki_emulator(plant: Plant, link: str, seed: int = 0) -> SerialEmulator:
-    """A Kobuki on these wheels, reachable as the serial port ``link``; call ``start`` on it."""
-    return SerialEmulator(KobukiBoard(plant, seed), plant, link, seed)

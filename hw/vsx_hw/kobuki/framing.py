@@ -39,10 +39,11 @@ class FrameScanner:
     def feed(self, data: bytes) -> list[bytes]:
         """Payloads with a correct checksum completed by these bytes."""
         self._buffer += data
-        found = []
-        while (payload := self._next()) is not None:
-            found.append(payload)
-        return found
+        return list(iter(self._next, None))
+
+    def clear(self) -> None:
+        """Forget a frame that has begun."""
+        self._buffer.clear()
 
     def _next(self) -> bytes | None:
         buffer = self._buffer

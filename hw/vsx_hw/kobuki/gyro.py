@@ -10,6 +10,7 @@ import math
 from collections import deque
 
 from vsx_hw.kobuki.protocol import GYRO_STEP_RAD, Feedback, RawGyro
+from vsx_hw.odometry import signed
 from vsx_hw.readings import GyroReading, RateSample
 
 RAW_STEP_RAD_S = math.radians(0.00875)
@@ -68,5 +69,4 @@ def turned_rad(before: Feedback, after: Feedback) -> float | None:
     """By how much the angle turned between two frames; None where one of them has none."""
     if after.inertia is None or before.inertia is None:
         return None
-    steps = after.inertia.angle_centideg - before.inertia.angle_centideg
-    return GYRO_STEP_RAD * ((steps + 18000) % 36000 - 18000)
+    return GYRO_STEP_RAD * signed(after.inertia.angle_centideg - before.inertia.angle_centideg, 36000)

@@ -6,8 +6,8 @@ from vsx_hw.kobuki.base_control import WHEEL_BASE_M
 from vsx_hw.kobuki.gyro import Pulse, turned_rad
 from vsx_hw.kobuki.protocol import Feedback
 from vsx_hw.kobuki.stream import rolled_m
-from vsx_hw.planar_pose import PlanarPose
-from vsx_hw.plausibility import PERIOD_NS, CheckedMotion, MotionCheck
+from vsx_hw.odometry import WheelOdometry
+from vsx_hw.plausibility import PERIOD_NS, MotionCheck
 from vsx_hw.readings import OdometryReading
 
 SHORT_GAP_MS = 60
@@ -16,40 +16,20 @@ LOST_FRAMES = 50
 """After a gap the pose is uncertain for a second."""
 
 
-class KobukiOdometry:
+class KobukiOdometry(WheelOdometry):
     """Integrates feedback frames. Distance comes from the encoders, heading from the gyro where the frame has it and
     the ``MotionCheck`` believes it, else from the encoders.
 
-    linear_scale and angular_scale correct the travelled distance and the measured turn (1.0 = as built).
     After a gap, a power cycle or an impossible step the counters are taken as a new base line: the pose stays
     continuous and ``gaps`` counts the loss.
     """
 
     def __init__(self, linear_scale: float = 1.0, angular_scale: float = 1.0) -> None:
-        self._linear_scale = linear_scale
-        self._angular_scale = angular_scale
+        super().__init__(MotionCheck(WHEEL_BASE_M), linear_scale, angular_scale)
         self._previous: Feedback | None = None
-        self._pose = PlanarPose()
-        self._wheels = (0.0, 0.0)
-        self._gaps = 0
-        self._check = MotionCheck(WHEEL_BASE_M)
         self._pulse = Pulse()
         self._time_ns = 0  # of the base's own clock, counted on over gaps
         self._since_gap = LOST_FRAMES
-        self._checked = CheckedMotion(0.0)
-
-    @property
-    def gyro_trusted(self) -> bool:
-        """Whether the gyro of the latest frame is believed."""
-        return self._checked.gyro
-
-    def reset(self) -> None:
-        """Start again at the origin; the counters' base line stays, so the next report is continuous."""
-        self._pose = PlanarPose()
-
-    def command(self, v_m_s: float, omega_rad_s: float) -> None:
-        """What the base was told last."""
-        self._check.command(v_m_s, omega_rad_s)
 
     def update(self, feedback: Feedback, stamp_ns: int) -> OdometryReading:
         """The reading after one more frame."""
@@ -57,13 +37,8 @@ class KobukiOdometry:
         if self._previous is not None:
             v, omega = self._move(self._previous, feedback)
         self._previous = feedback
-        doubt, fault = self._checked.doubt, self._checked.fault
-        if self._since_gap < LOST_FRAMES:
-            doubt = doubt or "clock or counters of the base jumped: its motion is not known"
-        p = self._pose
-        return OdometryReading(
-            stamp_ns, p.x_m, p.y_m, p.heading_rad, v, omega, self._gaps, not doubt, self._wheels, doubt, fault
-        )
+        lost = "clock or counters of the base jumped: its motion is not known"
+        return self._reading(stamp_ns, v, omega, lost if self._since_gap < LOST_FRAMES else "")
 
     def _move(self, before: Feedback, after: Feedback) -> tuple[float, float]:
         """Count the motion between two frames; its speeds."""
@@ -82,7 +57,7 @@ class KobukiOdometry:
         dt_s, turned = dt_ms / 1000.0, turned_rad(before, after)
         alive = None if turned is None else self._pulse.alive(after, turned, dt_s)
         self._checked = self._check.step(self._time_ns, left, right, turned, alive)
-        self._wheels = (self._wheels[0] + left, self._wheels[1] + right)
+        self._roll(left, right)
         distance, turn = 0.5 * (left + right) * self._linear_scale, self._checked.turn_rad * self._angular_scale
         self._pose.advance(distance, turn)
         return distance / dt_s, turn / dt_s

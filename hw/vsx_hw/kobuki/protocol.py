@@ -102,23 +102,21 @@ class Feedback(NamedTuple):
 
 def decode(payload: bytes) -> Feedback | None:
     """The frame, or None unless its parts tile it, each once and as long as documented, with values in their ranges.
-
-    Parts with unknown ids are skipped.
-    """
+    Parts with unknown ids are skipped."""
     parts = sub_payloads(payload) or []
     fields = dict(parts)
     core = _core(fields.get(1, b""))
     if core is None or len(fields) != len(parts) or not all(_is_whole(*part) for part in parts):
         return None
-    inertia = fields.get(4)
+    inertia, gyro, inputs = fields.get(4), fields.get(13), _exact("<8H", fields.get(16))
     feedback = Feedback(
         core,
         Inertia(*struct.unpack_from("<hh", inertia)) if inertia else None,
         dock_ir=_exact("<3B", fields.get(3)),
         cliff_adc=_exact("<3H", fields.get(5)),
         current=_exact("<2B", fields.get(6)),
-        gyro=_raw_gyro(fields.get(13)),
-        general_input=_general_input(fields.get(16)),
+        gyro=RawGyro(gyro[0], tuple(struct.iter_unpack("<hhh", gyro[2:]))) if gyro else None,
+        general_input=GeneralInput(inputs[0], inputs[1:5]) if inputs else None,
         hardware_version=decode_version(fields.get(10)),
         firmware_version=decode_version(fields.get(11)),
         udid=_exact("<3I", fields.get(19)),
@@ -148,24 +146,9 @@ def _core(data: bytes) -> Core | None:
     return core if flags_are_known else None
 
 
-def _raw_gyro(data: bytes | None) -> RawGyro | None:
-    if data is None:
-        return None
-    return RawGyro(data[0], tuple(struct.iter_unpack("<hhh", data[2:])))
-
-
-def _general_input(data: bytes | None) -> GeneralInput | None:
-    if data is None:
-        return None
-    digital, *analog = struct.unpack_from("<5H", data)
-    return GeneralInput(digital, (analog[0], analog[1], analog[2], analog[3]))
-
-
 def battery_state(decivolt: int, charger: int) -> tuple[float, str, bool]:
-    """(fraction, state in a word, charging) of the core's battery byte and charger byte.
-
-    Thresholds of the vendor's diagnostics: healthy above 14.0 V, low above 13.2 V; 5 % at 13.2 V, 100 % at 16.5 V.
-    """
+    """(fraction, state in a word, charging) of the core's battery byte and charger byte. Thresholds of the vendor's
+    diagnostics: healthy above 14.0 V, low above 13.2 V; 5 % at 13.2 V, 100 % at 16.5 V."""
     volt = decivolt / 10.0
     fraction = 0.05 + 0.95 * (volt - BATTERY_EMPTY_V) / (BATTERY_FULL_V - BATTERY_EMPTY_V)
     state = CHARGER_STATES.get(charger, "")

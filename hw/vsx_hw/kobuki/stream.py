@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from vsx_hw.kobuki.framing import FrameScanner
 from vsx_hw.kobuki.protocol import METRES_PER_TICK, Feedback, decode
+from vsx_hw.odometry import signed
 
 USUAL_MS, LONGEST_MS = (10, 40), 500
 """From one frame to the next (20 ms), and the longest time that is compared over when frames were lost."""
@@ -41,6 +42,11 @@ class StreamParser:
         self.frames = 0
         self.refused = 0
         self._scanner = FrameScanner()
+        self.restart()
+
+    def restart(self) -> None:
+        """Another connection begins, of which nothing has been heard; the counters go on."""
+        self._scanner.clear()
         self._last: _Received | None = None
         self._doubted: _Received | None = None
 
@@ -84,10 +90,8 @@ def _follows(before: _Received, after: _Received) -> bool:
 
 
 def follows(before: Feedback, after: Feedback, frames: int) -> bool:
-    """Whether a base can have sent this frame after that one; frames: how many later it is, 0 if nobody knows.
-
-    What only people change (buttons, charger) counts from its second frame on.
-    """
+    """Whether a base can have sent this frame after that one; frames: how many later it is, 0 if nobody knows. What
+    only people change (buttons, charger) counts from its second frame on."""
     a, b = before.core, after.core
     dt_ms = (b.time_ms - a.time_ms) % 0x10000
     shortest, longest = (USUAL_MS[0], frames * USUAL_MS[1]) if frames else (1, LONGEST_MS)
@@ -112,9 +116,3 @@ def rolled_m(before: Feedback, after: Feedback) -> tuple[float, float] | None:
     if not 0 < dt_ms <= LONGEST_MS or max(abs(left), abs(right)) > MOST_TICKS_PER_MS * dt_ms:
         return None
     return METRES_PER_TICK * left, METRES_PER_TICK * right
-
-
-def signed(difference: int, modulus: int) -> int:
-    """The smallest step of a wrapping counter, in [-modulus/2, modulus/2)."""
-    half = modulus // 2
-    return (difference + half) % modulus - half

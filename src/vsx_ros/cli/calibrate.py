@@ -1,4 +1,8 @@
-"""``vsx calibrate``: the camera, the base's odometry, and where the one sits on the other."""
+"""``vsx calibrate``: calibrate camera, odometry and camera mount
+
+Measures what the map depends on, says how sure it is, and writes it where the nodes read it. In this order: camera,
+odometry, mount.
+"""
 
 from __future__ import annotations
 
@@ -6,19 +10,15 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from vsx_ros.cli.config import add_parameters
+from vsx_ros.errors import ConfigError
 
-def add_parser(subparsers: Any) -> None:
-    """Register the command and its verbs."""
-    parser = subparsers.add_parser(
-        "calibrate",
-        help="calibrate camera, odometry and camera mount",
-        description="Measures what the map depends on, says how sure it is, and writes it where the nodes read it. In "
-        "this order: camera, odometry, mount.",
-    )
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Its verbs and their options."""
     verbs = parser.add_subparsers(dest="verb", metavar="WHAT", required=True)
-    _add_camera(verbs)
-    _add_odometry(verbs)
-    _add_mount(verbs)
+    for add in (_add_camera, _add_odometry, _add_mount):
+        add(verbs)
 
 
 def _add_camera(verbs: Any) -> None:
@@ -43,7 +43,6 @@ def _add_camera(verbs: Any) -> None:
     camera.add_argument("--live", action="store_true", help="from the running node 'camera', which then stores it")
     camera.add_argument("--name", default="camera", metavar="NAME", help="of the camera: NAME.yaml (default camera)")
     camera.add_argument("--out", type=Path, metavar="FILE", help="(default $ROS_HOME/camera_info/NAME.yaml)")
-    camera.set_defaults(run=run_camera)
 
 
 def _add_odometry(verbs: Any) -> None:
@@ -63,7 +62,6 @@ def _add_odometry(verbs: Any) -> None:
     how.add_argument("--board", metavar="CxRxM", help="a board in sight, as of 'vsx calibrate camera'")
     odometry.add_argument("--pattern", choices=("checkerboard", "circles"), default="checkerboard", help="on the board")
     _add_drive_arguments(odometry)
-    odometry.set_defaults(run=run_odometry)
 
 
 def _add_mount(verbs: Any) -> None:
@@ -76,46 +74,30 @@ def _add_mount(verbs: Any) -> None:
         epilog="example: vsx calibrate mount straight.bag --set robot.mount.forward_m=-0.09",
     )
     _add_drive_arguments(mount)
-    mount.set_defaults(run=run_mount)
 
 
 def _add_drive_arguments(parser: argparse.ArgumentParser) -> None:
-    from vsx_ros.cli.config import add_arguments
-
     parser.add_argument("input", type=Path, metavar="BAG", help="a ROS 1 bag or a TUM-layout folder, with odometry")
     parser.add_argument("--calibration", type=Path, metavar="FILE", help="of the camera, if the bag has none")
     parser.add_argument("--image-topic", metavar="T", help="image topic of the bag (default: the only one)")
     parser.add_argument("--odometry-topic", metavar="T", help="odometry topic of the bag (likewise)")
     parser.add_argument("--out", type=Path, metavar="FILE", help="parameters (default $ROS_HOME/vsx_ros/robot.yaml)")
-    add_arguments(parser)
+    add_parameters(parser)
 
 
-def run_camera(args: argparse.Namespace) -> int:
-    """From pictures, or live."""
-    from vsx_ros.calibration.board import Board
-    from vsx_ros.errors import ConfigError
+def run(args: argparse.Namespace) -> int:
+    """One of the verbs."""
+    if args.verb != "camera":
+        from vsx_ros.cli import calibrate_drive
 
-    board = Board.parse(args.board, args.pattern)
+        return calibrate_drive.calibrate(args)
     if args.live == bool(args.input):
         raise ConfigError("give pictures, a folder or a bag, or else --live for the running camera node")
     if args.live:
+        from vsx_ros.calibration.board import Board
         from vsx_ros.ros.calibrate_camera import calibrate
 
-        return calibrate(board)
+        return calibrate(Board.parse(args.board, args.pattern))
     from vsx_ros.cli.calibrate_camera import calibrate_from_pictures
 
     return calibrate_from_pictures(args)
-
-
-def run_odometry(args: argparse.Namespace) -> int:
-    """The factors of a recorded drive."""
-    from vsx_ros.cli.calibrate_drive import calibrate_odometry
-
-    return calibrate_odometry(args)
-
-
-def run_mount(args: argparse.Namespace) -> int:
-    """The mount from a recorded drive."""
-    from vsx_ros.cli.calibrate_drive import calibrate_mount_of_drive
-
-    return calibrate_mount_of_drive(args)

@@ -11,7 +11,7 @@ from vsx_ros.calibration.board import Board
 from vsx_ros.calibration.camera import BoardView, calibrate_camera
 from vsx_ros.calibration.variety import ViewChooser
 from vsx_ros.calibration.verdict import Grade
-from vsx_ros.errors import CalibrationError, InputError, reason_of
+from vsx_ros.errors import CalibrationError, InputError, explained
 from vsx_ros.io.calibration_file import write_calibration
 from vsx_ros.io.image_encoding import decoded
 from vsx_ros.io.open_recording import open_recording
@@ -52,11 +52,9 @@ def calibrate_from_pictures(args: argparse.Namespace) -> int:
     if result.verdict.grade is Grade.BAD:
         print(f"  {out} is not written")
         return FAILED
-    try:
+    with explained(CalibrationError, f"{out} cannot be written", "give another file with --out", OSError):
         out.parent.mkdir(parents=True, exist_ok=True)
         write_calibration(out, result.camera, args.name, result.remark())
-    except OSError as error:
-        raise CalibrationError(f"{out} cannot be written ({error.strerror}); give another file with --out") from error
     print(f"written: {out}", f"for a node: camera_info_url:=file://{out.resolve()}", sep="\n  ")
     return DONE
 
@@ -76,14 +74,9 @@ def _pictures(source: Path, image_topic: str | None) -> Iterator[tuple[str, Gray
         return
     files = [source] if source.is_file() else sorted(p for p in source.iterdir() if p.suffix.lower() in PICTURES)
     for file in files:
-        yield str(file), decoded(_content(file), f"picture {file}")
-
-
-def _content(file: Path) -> bytes:
-    try:
-        return file_bytes(file, LOG_BYTES)
-    except (OSError, ValueError) as error:
-        raise InputError(f"picture {file} cannot be read ({reason_of(error)}); give another one") from error
+        with explained(InputError, f"picture {file} cannot be read", "give another one"):
+            content = file_bytes(file, LOG_BYTES)
+        yield str(file), decoded(content, f"picture {file}")
 
 
 def _text(shape: tuple[int, ...]) -> str:

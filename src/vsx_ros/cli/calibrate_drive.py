@@ -26,9 +26,13 @@ from vsx_ros.runs.robot_file import default_robot_file, update_robot_file
 from vsx_ros.slam.slam import SequentialSlam
 
 
-def calibrate_odometry(args: argparse.Namespace) -> int:
-    """Find the factors the chosen way, say how sure they are, write them unless they are bad."""
+def calibrate(args: argparse.Namespace) -> int:
+    """Find odometry or mount, say how sure they are, write them unless they are bad."""
     config, recording = load(args.config, args.set), _recording(args)
+    return (_odometry if args.verb == "odometry" else _mount)(args, config, recording)
+
+
+def _odometry(args: argparse.Namespace, config: Config, recording: Recording) -> int:
     poses = [reading.T_odom_base for reading in recording.odometry]
     if args.distance is not None:
         result = from_known_way(poses, args.distance)
@@ -41,16 +45,24 @@ def calibrate_odometry(args: argparse.Namespace) -> int:
         else:
             drive, _ = _seen_by_slam(recording, config.slam)
         result = from_camera(drive, T_base_cam, metric=args.board is not None)
-    values = _new_factors(result, config)
-    print(*_odometry_lines(result, values, config), sep="\n")
-    known = [("way", result.linear), ("turn", result.angular)]
-    sure = [f"{name} known to {100 * factor.sigma:.2f} %" for name, factor in known if factor is not None]
+    values, sure, known = {}, [], config.robot.odometry
+    for name, before, factor, word, of in (
+        ("linear_scale", known.linear_scale, result.linear, "way", "m of way"),
+        ("angular_scale", known.angular_scale, result.angular, "turn", "rad of turning"),
+    ):
+        if factor is None:
+            values[name] = before
+            print(f"{name:14} {before:.4f}: this drive does not tell")
+            continue
+        values[name] = round(before * factor.value, 5)
+        exact = f"known to {100 * factor.sigma:.2f} %"
+        measured = f"{exact} from {factor.measured:.2f} {of}"
+        print(f"{name:14} {values[name]:.4f}: the drive was recorded with {before:.4f}; {measured}")
+        sure.append(f"{word} {exact}")
     return _conclude(args.out, "odometry", values, result.verdict, ", ".join(sure))
 
 
-def calibrate_mount_of_drive(args: argparse.Namespace) -> int:
-    """Find the mount, say how sure it is, write it unless it is bad."""
-    config, recording = load(args.config, args.set), _recording(args)
+def _mount(args: argparse.Namespace, config: Config, recording: Recording) -> int:
     before = config.robot.mount
     drive, points = _seen_by_slam(recording, config.slam)
     result = calibrate_mount(drive, points, before.forward_m, before.left_m)
@@ -125,32 +137,6 @@ def _seen_by_slam(recording: Recording, config: SlamConfig) -> tuple[list[Tracke
             drive.append(TrackedPose(odometry.T_odom_base, result.T_world_cam))
     print(f"{len(drive)} of {frames} pictures were tracked without odometry")
     return drive, slam.snapshot().points_world
-
-
-def _new_factors(result: OdometryCalibration, config: Config) -> dict[str, float]:
-    """What takes the place of the factors in force while the drive was recorded."""
-    known = config.robot.odometry
-    values = {"linear_scale": known.linear_scale, "angular_scale": known.angular_scale}
-    if result.linear is not None:
-        values["linear_scale"] = round(known.linear_scale * result.linear.value, 5)
-    if result.angular is not None:
-        values["angular_scale"] = round(known.angular_scale * result.angular.value, 5)
-    return values
-
-
-def _odometry_lines(result: OdometryCalibration, values: dict[str, float], config: Config) -> list[str]:
-    lines = []
-    known = config.robot.odometry
-    for name, factor, of, before in (
-        ("linear_scale", result.linear, "m of way", known.linear_scale),
-        ("angular_scale", result.angular, "rad of turning", known.angular_scale),
-    ):
-        if factor is None:
-            lines.append(f"{name:14} {values[name]:.4f}: this drive does not tell")
-        else:
-            measured = f"known to {100 * factor.sigma:.2f} % from {factor.measured:.2f} {of}"
-            lines.append(f"{name:14} {values[name]:.4f}: the drive was recorded with {before:.4f}; {measured}")
-    return lines
 
 
 def _mount_lines(result: MountCalibration, before: MountConfig) -> list[str]:

@@ -1,10 +1,14 @@
-"""``vsx completion``: a shell script, made from the parser, that completes commands, options and their choices."""
+"""``vsx completion``: print a completion script for the shell
+
+Prints a script by which bash or zsh complete the words of vsx; file names where a file is meant.
+
+add to ~/.bashrc: eval "$(vsx completion bash)" | to ~/.zshrc: eval "$(vsx completion zsh)"
+"""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
-from typing import Any
 
 _BASH = """\
 # Completion of vsx, made by 'vsx completion'.
@@ -33,16 +37,9 @@ complete -o default -F _vsx vsx
 _ZSH = "autoload -U +X compinit bashcompinit && compinit -u && bashcompinit\n"
 
 
-def add_parser(subparsers: Any) -> None:
-    """Register the command and its options."""
-    parser = subparsers.add_parser(
-        "completion",
-        help="print a completion script for the shell",
-        description="Prints a script by which bash or zsh complete the words of vsx; file names where a file is meant.",
-        epilog='add to ~/.bashrc:  eval "$(vsx completion bash)"   |   to ~/.zshrc:  eval "$(vsx completion zsh)"',
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Its options."""
     parser.add_argument("shell", choices=("bash", "zsh"), help="which shell")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

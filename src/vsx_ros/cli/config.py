@@ -1,30 +1,27 @@
-"""``vsx config``: every parameter with its unit and bound; and the options by which commands take parameters."""
+"""``vsx config``: print every parameter with its value, unit and bound
+
+Prints the configuration as YAML. The output can be edited and given back with --config.
+
+examples: vsx config > my.yaml | vsx config --set planner.phi_rad_m=0.5
+"""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
 
 from vsx_ros.errors import ConfigError
 
 
-def add_parser(subparsers: Any) -> None:
-    """Register the command and its options."""
-    parser = subparsers.add_parser(
-        "config",
-        help="print every parameter with its value, unit and bound",
-        description="Prints the configuration as YAML. The output can be edited and given back with --config.",
-        epilog="examples: vsx config > my.yaml   |   vsx config --set planner.phi_rad_m=0.5",
-    )
-    add_arguments(parser)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Its options."""
+    add_parameters(parser)
     parser.add_argument(
         "--robot", action="store_true", help="what this machine's robot goes by: with what 'vsx calibrate' found"
     )
-    parser.set_defaults(run=run)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_parameters(parser: argparse.ArgumentParser) -> None:
     """The options by which every command takes parameters."""
     parser.add_argument("--config", type=Path, metavar="FILE", help="YAML with parameters, as 'vsx config' prints it")
     parser.add_argument(

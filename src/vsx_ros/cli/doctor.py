@@ -1,4 +1,11 @@
-"""``vsx doctor``: is everything here that a robot needs, and if not, what to type."""
+"""``vsx doctor``: check machine, ROS, devices, permissions and calibration
+
+Checks what a run needs: Python and libraries, ROS, the ROS network, base and camera, permissions, calibration, disk,
+and how fast this machine tracks. Each finding is ok, note, warn or fail and comes with what to do. No wheel turns. The
+exit code is 1 when something fails, 0 otherwise.
+
+examples: vsx doctor | vsx doctor --hw | vsx doctor --json --quick
+"""
 
 from __future__ import annotations
 
@@ -8,7 +15,7 @@ import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from vsx_ros.cli.finding import Finding
@@ -16,22 +23,13 @@ if TYPE_CHECKING:
 _COLOURS = {"ok": "32", "note": "36", "warn": "33", "fail": "31"}
 
 
-def add_parser(subparsers: Any) -> None:
-    """Register the command and its options."""
-    parser = subparsers.add_parser(
-        "doctor",
-        help="check machine, ROS, devices, permissions and calibration",
-        description="Checks what a run needs: Python and libraries, ROS, the ROS network, base and camera, "
-        "permissions, calibration, disk, and how fast this machine tracks. Each finding is ok, note, warn or fail and "
-        "comes with what to do. No wheel turns. The exit code is 1 when something fails, 0 otherwise.",
-        epilog="examples: vsx doctor   |   vsx doctor --hw   |   vsx doctor --json --quick",
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Its options."""
     parser.add_argument(
         "--hw", action="store_true", help="a robot must be here: open base and camera, and speak to them"
     )
     parser.add_argument("--json", action="store_true", help="print the findings as JSON: area, level, text, remedy")
     parser.add_argument("--quick", action="store_true", help="leave out the measurement of tracking (some seconds)")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -1,4 +1,10 @@
-"""``vsx evaluate``: a run, or a trajectory, against the truth."""
+"""``vsx evaluate``: ATE, RPE, scale, coverage, map quality, U1, U2 and breaks of a run; or of two TUM files
+
+Compares a run folder with its ground truth, or any estimated trajectory with a true one. Trajectories are text files in
+TUM format (stamp tx ty tz qx qy qz qw).
+
+examples: vsx evaluate runs/today | vsx evaluate --estimate a.txt --truth b.txt --align sim3
+"""
 
 from __future__ import annotations
 
@@ -14,15 +20,8 @@ _FROM_SUMMARY = (
 )  # fmt: skip
 
 
-def add_parser(subparsers: Any) -> None:
-    """Register the command and its options."""
-    parser = subparsers.add_parser(
-        "evaluate",
-        help="ATE, RPE, scale, coverage, map quality, U1, U2 and breaks of a run; or of two TUM files",
-        description="Compares a run folder with its ground truth, or any estimated trajectory with a true one. "
-        "Trajectories are text files in TUM format (stamp tx ty tz qx qy qz qw).",
-        epilog="examples: vsx evaluate runs/today   |   vsx evaluate --estimate a.txt --truth b.txt --align sim3",
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Its options."""
     parser.add_argument("run_folder", type=Path, nargs="?", metavar="RUN", help="a run folder")
     parser.add_argument("--estimate", type=Path, metavar="F", help="estimated trajectory")
     parser.add_argument("--truth", type=Path, metavar="F", help="true trajectory (default: the run's groundtruth.txt)")
@@ -32,7 +31,6 @@ def add_parser(subparsers: Any) -> None:
     )  # fmt: skip
     parser.add_argument("--max-gap", type=float, default=0.02, metavar="S", help="largest gap between stamps (0.02)")
     parser.add_argument("--json", action="store_true", help="print JSON")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

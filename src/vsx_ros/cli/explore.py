@@ -1,4 +1,11 @@
-"""``vsx explore``: an autonomous exploration, live through the ROS nodes or in lock-step (``--fast``)."""
+"""``vsx explore``: explore and map by itself: a real robot, or an emulated one with --world
+
+An autonomous exploration. With --world the emulator stands in for the robot under the real drivers; without it, real
+devices are used.
+
+examples: vsx explore --world lab --seed 1 --time 240 | vsx explore --base kobuki --port /dev/kobuki | vsx explore
+--fast --seed 1 | vsx explore --resume runs/today
+"""
 
 from __future__ import annotations
 
@@ -6,10 +13,9 @@ import argparse
 import os
 import re
 from pathlib import Path
-from typing import Any
 
-from vsx_ros.cli import config
 from vsx_ros.cli.compiled import compile_kernels
+from vsx_ros.cli.config import add_parameters
 from vsx_ros.errors import ConfigError
 from vsx_ros.registry import PLUGINS, Kinds
 
@@ -17,71 +23,52 @@ BASES = Kinds(("auto", "kobuki", "create", "create2", "ros"))
 PLANNERS = Kinds(("fov", "unconstrained"))
 
 
-def add_parser(subparsers: Any) -> None:
-    """Register the command and its options."""
-    parser = subparsers.add_parser(
-        "explore",
-        help="explore and map by itself: a real robot, or an emulated one with --world",
-        description="An autonomous exploration. With --world the emulator stands in for the robot under the real "
-        "drivers; without it, real devices are used.",
-        epilog="examples: vsx explore --world lab --seed 1 --time 240   |   vsx explore --base kobuki --port "
-        "/dev/kobuki   |   vsx explore --fast --seed 1   |   vsx explore --resume runs/today",
-    )
-    add_arguments(parser)
-    parser.set_defaults(run=run)
-
-
 def add_arguments(parser: argparse.ArgumentParser, *, with_load_map: bool = True) -> None:
     """The options that the live run and the lock-step run share; without --load-map where the map is given."""
-    parser.add_argument(
-        "--world", metavar="NAME|FILE", help="emulate: lab, office, corridor, building, a world.yaml, map.yaml or .png"
-    )
-    parser.add_argument("--seed", type=int, metavar="N", help="world and noise of the emulator (default 1)")
-    parser.add_argument(
+    add = parser.add_argument
+    add("--world", metavar="NAME|FILE", help="emulate: lab, office, corridor, building, a world.yaml, map.yaml or .png")
+    add("--seed", type=int, metavar="N", help="world and noise of the emulator (default 1)")
+    add(
         "--base",
         choices=BASES,
         metavar="auto|kobuki|create|create2|ros[:ODOM,CMD_VEL]",
         help="kind of base (default: the one that answers); ros: any base with a ROS driver of its own, by its topics "
         "odom and cmd_vel or those named",
     )
-    parser.add_argument("--port", metavar="DEV", help="serial port of the base (default /dev/kobuki)")
-    parser.add_argument(
+    add("--port", metavar="DEV", help="serial port of the base (default /dev/kobuki)")
+    add(
         "--camera",
         type=camera,
         metavar="kinect|v4l:N|ros[:TOPIC]",
         help="where the pictures come from (default kinect); ros: the images of another driver, as "
         "camera/rgb/image_raw or on that topic, raw or compressed",
     )
-    parser.add_argument(
-        "--rate", type=rate, metavar="HZ", help="images a second of a live emulated camera (default 15)"
-    )
-    parser.add_argument("--planner", choices=PLANNERS, metavar="fov|unconstrained", help="motion planner (default fov)")
-    parser.add_argument("--phi", type=float, metavar="RAD_PER_M", help="bound on the change of view per metre")
-    parser.add_argument(
+    add("--rate", type=rate, metavar="HZ", help="images a second of a live emulated camera (default 15)")
+    add("--planner", choices=PLANNERS, metavar="fov|unconstrained", help="motion planner (default fov)")
+    add("--phi", type=float, metavar="RAD_PER_M", help="bound on the change of view per metre")
+    add(
         "--time",
         type=float,
         metavar="S",
         help="stop after this time, the whole run's if resumed (default: none; with --fast 600)",
     )
-    parser.add_argument(
+    add(
         "--until",
         type=share,
         metavar="SHARE",
         help="stop when this share of what can be seen of an emulated world is known and right, e.g. 0.9",
     )
-    parser.add_argument(
-        "--resume", type=Path, metavar="RUN", help="go on with an interrupted run, in its map and with its options"
-    )
-    parser.add_argument("--moved", action="store_true", help="with --resume: the robot was carried elsewhere meanwhile")
+    add("--resume", type=Path, metavar="RUN", help="go on with an interrupted run, in its map and with its options")
+    add("--moved", action="store_true", help="with --resume: the robot was carried elsewhere meanwhile")
     if with_load_map:
-        parser.add_argument(
+        add(
             "--load-map", metavar="FILE", help="go on in a SLAM map (.vsxmap), the robot anywhere in it: 'vsx map save'"
         )
-    parser.add_argument("--fast", action="store_true", help="one process, lock-step, no ROS, deterministic")
-    parser.add_argument("--view", action="store_true", help="serve the live view, for a browser on this machine")
-    parser.add_argument("--headless", action="store_true", help="open no window and no browser")
-    parser.add_argument("--out", type=Path, metavar="RUN", help="run folder (default runs/<date>_<world>)")
-    config.add_arguments(parser)
+    add("--fast", action="store_true", help="one process, lock-step, no ROS, deterministic")
+    add("--view", action="store_true", help="serve the live view, for a browser on this machine")
+    add("--headless", action="store_true", help="open no window and no browser")
+    add("--out", type=Path, metavar="RUN", help="run folder (default runs/<date>_<world>)")
+    add_parameters(parser)
 
 
 def run(args: argparse.Namespace) -> int:

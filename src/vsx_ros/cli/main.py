@@ -1,4 +1,6 @@
-"""``vsx``: one command line for everything. Each subcommand is a module here, with ``add_parser`` and ``run``.
+"""``vsx``: one command line for everything. Each subcommand is a module here, with ``add_arguments`` and ``run``.
+
+A module's docstring is its help: a line, what the command does, and examples or exit codes.
 
 The modules import what they need inside ``run``, so that help and mistakes are answered at once.
 """
@@ -44,7 +46,13 @@ def parser() -> argparse.ArgumentParser:
     root.add_argument("--debug", action="store_true", help="show where an error came from (anywhere on the line)")
     subparsers = root.add_subparsers(dest="command", metavar="COMMAND", required=True, parser_class=_Parser)
     for name in COMMANDS:
-        importlib.import_module(f"vsx_ros.cli.{name}").add_parser(subparsers)
+        module = importlib.import_module(f"vsx_ros.cli.{name}")
+        title, description, *epilog = (module.__doc__ or "\n\n").split("\n\n")
+        command = subparsers.add_parser(
+            name, help=title.partition(": ")[2], description=description, epilog="".join(epilog) or None
+        )
+        module.add_arguments(command)
+        command.set_defaults(run=module.run)
     return root
 
 
@@ -77,7 +85,9 @@ def execute(arguments: Sequence[str]) -> int:
     except Exception as error:
         if isinstance(error, OSError) and disk_trouble(error):
             return _failed(disk_trouble(error), FAILED, debug=debug)
-        if _is_device_error(error):
+        from vsx_hw.errors import DeviceError
+
+        if isinstance(error, DeviceError):
             return _failed(str(error), HARDWARE, debug=debug)
         place = traceback.extract_tb(error.__traceback__)[-1]
         return _failed(
@@ -86,12 +96,6 @@ def execute(arguments: Sequence[str]) -> int:
             INTERNAL,
             debug=debug,
         )
-
-
-def _is_device_error(error: Exception) -> bool:
-    from vsx_hw.errors import DeviceError
-
-    return isinstance(error, DeviceError)
 
 
 def _failed(sentence: str, code: int, *, debug: bool) -> int:

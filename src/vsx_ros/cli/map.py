@@ -1,10 +1,20 @@
-"""``vsx map``: what is in a SLAM map (``.vsxmap``), and the same for other programs."""
+"""``vsx map``: save a SLAM map, go on in it, look into it, export it
+
+Works on SLAM maps (.vsxmap), which another session can go on in. The ground map of a run is map.pgm with map.yaml in
+its folder.
+
+examples: vsx map save --out lab.vsxmap | vsx map load lab.vsxmap | vsx map export lab.vsxmap --format colmap
+"""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from vsx_ros.cli import explore
+from vsx_ros.cli.config import add_parameters
+from vsx_ros.errors import InputError, explained
 
 if TYPE_CHECKING:
     from vsx_ros.occupancy.grid import OccupancyGrid
@@ -15,23 +25,12 @@ _LENGTHS = ("extent", "way_between_keyframes")
 _FORMATS = {"tum": ".txt", "ply": ".ply", "colmap": "_colmap", "pgm": "_ground.yaml"}
 
 
-def add_parser(subparsers: Any) -> None:
-    """Register the command and its options."""
-    from vsx_ros.cli.config import add_arguments
-
-    parser = subparsers.add_parser(
-        "map",
-        help="save a SLAM map, go on in it, look into it, export it",
-        description="Works on SLAM maps (.vsxmap), which another session can go on in. The ground map of a run is "
-        "map.pgm with map.yaml in its folder.",
-        epilog="examples: vsx map save --out lab.vsxmap   |   vsx map load lab.vsxmap   |   vsx map export lab.vsxmap "
-        "--format colmap",
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Its options."""
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
     info = verbs.add_parser("info", help="print what is in it", description="Prints what is in a SLAM map.")
     info.add_argument("file", type=Path, metavar="FILE", help="a .vsxmap")
     info.add_argument("--json", action="store_true", help="as JSON")
-    info.set_defaults(run=run_info)
     export = verbs.add_parser(
         "export",
         help="write it for other programs",
@@ -44,14 +43,11 @@ def add_parser(subparsers: Any) -> None:
     export.add_argument("file", type=Path, metavar="FILE", help="a .vsxmap")
     export.add_argument("--format", choices=tuple(_FORMATS), required=True, help="what to write")
     export.add_argument("--out", type=Path, metavar="PATH", help="file or folder (default: beside FILE)")
-    add_arguments(export)
-    export.set_defaults(run=run_export)
+    add_parameters(export)
     _add_save_and_load(verbs)
 
 
 def _add_save_and_load(verbs: Any) -> None:
-    from vsx_ros.cli import explore
-
     save = verbs.add_parser(
         "save",
         help="save the map of a running robot, or of a run",
@@ -60,7 +56,6 @@ def _add_save_and_load(verbs: Any) -> None:
     )
     save.add_argument("run_folder", type=Path, nargs="?", metavar="RUN", help="a run folder (default: the robot)")
     save.add_argument("--out", type=Path, metavar="FILE", help="default: map.vsxmap in the run folder")
-    save.set_defaults(run=run_save)
     load = verbs.add_parser(
         "load",
         help="explore on in a map",
@@ -69,10 +64,14 @@ def _add_save_and_load(verbs: Any) -> None:
     )
     load.add_argument("load_map", metavar="FILE", help="a .vsxmap")
     explore.add_arguments(load, with_load_map=False)
-    load.set_defaults(run=run_load)
 
 
-def run_save(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> int:
+    """One of the verbs."""
+    return {"info": _info, "export": _export, "save": _save, "load": explore.run}[args.verb](args)
+
+
+def _save(args: argparse.Namespace) -> int:
     """From the folder, or from the robot."""
     if args.run_folder is None:
         from vsx_ros.ros.save_map import save_map
@@ -88,14 +87,7 @@ def run_save(args: argparse.Namespace) -> int:
     return 0
 
 
-def run_load(args: argparse.Namespace) -> int:
-    """An exploration in the map."""
-    from vsx_ros.cli import explore
-
-    return explore.run(args)
-
-
-def run_info(args: argparse.Namespace) -> int:
+def _info(args: argparse.Namespace) -> int:
     """Print the facts, a line each."""
     import json
 
@@ -134,7 +126,7 @@ def facts(slam_map: SlamMap) -> dict[str, Any]:
     }
 
 
-def run_export(args: argparse.Namespace) -> int:
+def _export(args: argparse.Namespace) -> int:
     """Write it and say where it is."""
     from vsx_ros.geometry.stamped import StampedPose
     from vsx_ros.io.colmap_folder import write_colmap
@@ -147,7 +139,7 @@ def run_export(args: argparse.Namespace) -> int:
     slam_map = load_slam_map(args.file)
     seen = snapshot(slam_map.view)
     out: Path = args.out or args.file.with_name(f"{args.file.stem}{_FORMATS[args.format]}")
-    try:
+    with explained(InputError, f"{out} cannot be written", "give another one with --out", OSError):
         if args.format == "tum":
             stamps = seen.keyframe_stamps_ns.tolist()
             write_trajectory(out, (StampedPose(*pose) for pose in zip(stamps, seen.T_world_cams, strict=True)))
@@ -157,10 +149,6 @@ def run_export(args: argparse.Namespace) -> int:
             save_map(_ground(args, slam_map, seen), out)
         else:
             write_colmap(out, slam_map.camera, seen)
-    except OSError as error:
-        from vsx_ros.errors import InputError
-
-        raise InputError(f"{out} cannot be written ({error.strerror}); give another one with --out") from error
     print(out)
     return 0
 
@@ -168,7 +156,6 @@ def run_export(args: argparse.Namespace) -> int:
 def _ground(args: argparse.Namespace, slam_map: SlamMap, seen: MapSnapshot) -> OccupancyGrid:
     """Raises InputError for a map that has no floor."""
     from vsx_ros.cli.ground import ground_grid
-    from vsx_ros.errors import InputError
     from vsx_ros.runs.parameters import load
 
     if slam_map.T_base_cam is None:

@@ -1,4 +1,9 @@
-"""``vsx plan``: one motion plan with its certificate and time scaling, as text, JSON or a picture."""
+"""``vsx plan``: plan one motion from pose to pose and prove what it promises
+
+Plans from pose to pose, in a map or on open floor, and prints the certificate and the time.
+
+example: vsx plan --start 0,0,0 --goal 2,-1,90 --phi 1 --plot plan.png
+"""
 
 from __future__ import annotations
 
@@ -9,6 +14,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from vsx_ros.cli.config import add_parameters
 from vsx_ros.registry import Kinds
 from vsx_ros.runs.exit_codes import DONE, FAILED
 
@@ -16,22 +22,14 @@ if TYPE_CHECKING:
     from vsx_ros.config import Config
     from vsx_ros.geometry.se2 import SE2
     from vsx_ros.occupancy.grid import OccupancyGrid
-    from vsx_ros.planning.path import Plan, Refusal, Trajectory
+    from vsx_ros.planning.path import Plan, Trajectory
 
 PLANNERS = Kinds(("fov", "unconstrained", "paper"))
 _OPEN_FLOOR_MARGIN_M = 3.0
 
 
-def add_parser(subparsers: Any) -> None:
-    """Register the command and its options."""
-    from vsx_ros.cli import config
-
-    parser = subparsers.add_parser(
-        "plan",
-        help="plan one motion from pose to pose and prove what it promises",
-        description="Plans from pose to pose, in a map or on open floor, and prints the certificate and the time.",
-        epilog="example: vsx plan --start 0,0,0 --goal 2,-1,90 --phi 1 --plot plan.png",
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Its options."""
     # Poses may begin with a minus sign.
     parser._negative_number_matcher = re.compile(r"^-[\d.]")
     parser.add_argument("--start", type=_pose, required=True, metavar="X,Y,DEG", help="metres and degrees")
@@ -42,8 +40,7 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument("--seed", type=int, default=0, help="of the randomised searches (default 0)")
     parser.add_argument("--json", action="store_true", help="print everything as JSON")
     parser.add_argument("--plot", type=Path, metavar="FILE", help="write a picture (.png)")
-    config.add_arguments(parser)
-    parser.set_defaults(run=run)
+    add_parameters(parser)
 
 
 def _pose(text: str) -> tuple[float, float, float]:
@@ -60,6 +57,7 @@ def run(args: argparse.Namespace) -> int:
 
     from vsx_ros.geometry.se2 import SE2
     from vsx_ros.io.map_file import load_map
+    from vsx_ros.planning import planners
     from vsx_ros.planning.feasibility import check_question
     from vsx_ros.planning.path import Refusal
     from vsx_ros.planning.time_scaling import time_scale
@@ -70,23 +68,29 @@ def run(args: argparse.Namespace) -> int:
     start, goal = SE2(*args.start), SE2(*args.goal)
     check_question(start, goal, config.planner.phi_rad_m)
     grid = load_map(args.map) if args.map is not None else _open_floor(start, goal)
-    plan = _planner(args.planner, config).plan(start, goal, grid, np.random.default_rng(args.seed))
-    trajectory = None if isinstance(plan, Refusal) else time_scale(plan.path, config.limits)
-    if args.json:
-        print(json.dumps(_as_dict(args, config, plan, trajectory), indent=1, allow_nan=False))
+    planner = planners.PLANNERS[args.planner](config.planner, config.robot)
+    plan = planner.plan(start, goal, grid, np.random.default_rng(args.seed))
+    question = {
+        "start": list(args.start),
+        "goal": list(args.goal),
+        "planner": args.planner,
+        "phi_rad_m": config.planner.phi_rad_m,
+        "map": None if args.map is None else str(args.map),
+    }
+    if isinstance(plan, Refusal):
+        tree = {"solved": False, "refusal": {"kind": plan.kind.value, "reason": plan.reason}}
+        words = f"no plan ({plan.kind.value}): {plan.reason}"
     else:
-        print(_in_words(plan, trajectory, config))
-    if args.plot is not None and not isinstance(plan, Refusal):
+        trajectory = time_scale(plan.path, config.limits)
+        tree, words = _as_dict(plan, trajectory), _in_words(plan, trajectory, config)
+    print(json.dumps({**question, **tree}, indent=1, allow_nan=False) if args.json else words)
+    if isinstance(plan, Refusal):
+        return FAILED
+    if args.plot is not None:
         from vsx_ros.cli.plan_picture import draw
 
         draw(args.plot, grid, plan, config)
-    return FAILED if isinstance(plan, Refusal) else DONE
-
-
-def _planner(name: str, config: Config) -> Any:
-    from vsx_ros.planning.planners import PLANNERS
-
-    return PLANNERS[name](config.planner, config.robot)
+    return DONE
 
 
 def _open_floor(start: SE2, goal: SE2) -> OccupancyGrid:
@@ -105,35 +109,16 @@ def _open_floor(start: SE2, goal: SE2) -> OccupancyGrid:
     return OccupancyGrid(np.zeros((cells, cells), np.int8), resolution, x - reach, y - reach)
 
 
-def _as_dict(
-    args: argparse.Namespace, config: Config, plan: Plan | Refusal, trajectory: Trajectory | None
-) -> dict[str, Any]:
-    from vsx_ros.planning.path import Refusal
-
-    question = {
-        "start": list(args.start),
-        "goal": list(args.goal),
-        "planner": args.planner,
-        "phi_rad_m": config.planner.phi_rad_m,
-        "map": None if args.map is None else str(args.map),
-    }
-    if isinstance(plan, Refusal) or trajectory is None:
-        assert isinstance(plan, Refusal)
-        return {**question, "solved": False, "refusal": {"kind": plan.kind.value, "reason": plan.reason}}
+def _as_dict(plan: Plan, trajectory: Trajectory) -> dict[str, Any]:
     samples = [
         [round(float(v), 6) for v in (t, *pose, v, omega)]
         for t, pose, v, omega in zip(trajectory.times_s, trajectory.poses, trajectory.v, trajectory.omega)
     ]
     timed = {"duration_s": trajectory.duration_s, "t_x_y_theta_v_omega": samples}
-    return {**question, "solved": True, "path": plan.path.as_dict(), "trajectory": timed}
+    return {"solved": True, "path": plan.path.as_dict(), "trajectory": timed}
 
 
-def _in_words(plan: Plan | Refusal, trajectory: Trajectory | None, config: Config) -> str:
-    from vsx_ros.planning.path import Refusal
-
-    if isinstance(plan, Refusal) or trajectory is None:
-        assert isinstance(plan, Refusal)
-        return f"no plan ({plan.kind.value}): {plan.reason}"
+def _in_words(plan: Plan, trajectory: Trajectory, config: Config) -> str:
     path, c = plan.path, plan.path.certificate
     view = (
         f"at most {c.curvature_bound_rad_m:.6f} rad/m (phi {config.planner.phi_rad_m:g}), by {c.method}"

@@ -1,37 +1,33 @@
-"""``vsx record``: a bag of what a replay needs, of a robot that is running."""
+"""``vsx record``: record a bag of a running robot, for vsx replay
+
+Records images, calibration, odometry, tf, commands, states, plans and every number worth a plot of a running robot into
+a ROS 1 bag until Ctrl-C, a limit, or a nearly full disk. Raw images are 9 MB a second and replay bit for bit; png is
+half of that and loses nothing of the grey picture that the SLAM sees; jpeg is a fifteenth. While it is written the bag
+is called NAME.bag.active.
+
+examples: vsx record | vsx record --images jpeg --time 600 --out office.bag | then: vsx replay office.bag --map
+"""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from vsx_ros.errors import ConfigError
 
 _UNITS = {"kB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12}
 
 
-def add_parser(subparsers: Any) -> None:
-    """Register the command and its options."""
-    parser = subparsers.add_parser(
-        "record",
-        help="record a bag of a running robot, for vsx replay",
-        description="Records images, calibration, odometry, tf, commands, states, plans and every number worth a plot "
-        "of a running robot into a ROS 1 bag until Ctrl-C, a limit, or a nearly full disk. Raw images are 9 MB a "
-        "second and replay bit for bit; png is half of that and loses nothing of the grey picture that the SLAM sees; "
-        "jpeg is a fifteenth. While it is written the bag is called NAME.bag.active.",
-        epilog="examples: vsx record   |   vsx record --images jpeg --time 600 --out office.bag   |   then: vsx replay "
-        "office.bag --map",
-    )
-    parser.add_argument("--out", type=Path, metavar="FILE", help="the bag (default <date>_<time>.bag)")
-    parser.add_argument("--images", choices=("raw", "png", "jpeg"), default="raw", help="how images are kept (raw)")
-    parser.add_argument("--time", type=float, metavar="S", help="stop after this time")
-    parser.add_argument("--limit", type=Size.parse, default="1TB", metavar="SIZE", help="stop at this size, e.g. 4GB")
-    parser.add_argument(
-        "--keep-free", type=Size.parse, default="1GB", metavar="SIZE", help="stop when the disk has less left (1GB)"
-    )
-    parser.add_argument("--topic", action="append", default=[], metavar="T", help="record this topic, too; repeatable")
-    parser.set_defaults(run=run)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Its options."""
+    add = parser.add_argument
+    add("--out", type=Path, metavar="FILE", help="the bag (default <date>_<time>.bag)")
+    add("--images", choices=("raw", "png", "jpeg"), default="raw", help="how images are kept (raw)")
+    add("--time", type=float, metavar="S", help="stop after this time")
+    add("--limit", type=Size.parse, default="1TB", metavar="SIZE", help="stop at this size, e.g. 4GB")
+    add("--keep-free", type=Size.parse, default="1GB", metavar="SIZE", help="stop when the disk has less left (1GB)")
+    add("--topic", action="append", default=[], metavar="T", help="record this topic, too; repeatable")
 
 
 def run(args: argparse.Namespace) -> int:

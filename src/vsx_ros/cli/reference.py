@@ -35,7 +35,7 @@ def reference() -> str:
         "## Topics\n",
         _topics(),
         "## Services\n",
-        _services(),
+        _table("offers", topics.SERVICES),
     ]
     return "\n".join(parts)
 
@@ -76,10 +76,6 @@ def _topics() -> str:
         "with what the parameter `tf_prefix` in it or in one above says.\n\n"
     )
     return about + _table("publishes", topics.PUBLISHED)
-
-
-def _services() -> str:
-    return _table("offers", topics.SERVICES)
 
 
 def _table(verb: str, graph: dict[str, dict[str, str]]) -> str:

@@ -1,4 +1,12 @@
-"""``vsx replay``: the SLAM over a recording, every frame in order, and what came of it in a run folder."""
+"""``vsx replay``: run the SLAM over a bag or an image folder
+
+Tracks every image of a ROS 1 or ROS 2 bag or of a folder in the TUM RGB-D layout (rgb.txt, camera.json,
+groundtruth.txt), in order and repeatably, and leaves a run folder with the trajectory and a report. Ctrl-C ends it with
+what there is.
+
+examples: vsx replay drive.bag --map | vsx replay rgbd_freiburg1_xyz --calibration fr1.yaml | vsx replay drive.bag --ros
+--view
+"""
 
 from __future__ import annotations
 
@@ -7,9 +15,10 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from vsx_ros.cli.compiled import compile_kernels
+from vsx_ros.cli.config import add_parameters
 from vsx_ros.errors import ConfigError
 from vsx_ros.runs.interruptible import interruptible
 
@@ -27,36 +36,23 @@ _PROGRESS_EVERY_S = 0.5
 _MAX_RATE = 100.0
 
 
-def add_parser(subparsers: Any) -> None:
-    """Register the command and its options."""
-    from vsx_ros.cli.config import add_arguments
-
-    parser = subparsers.add_parser(
-        "replay",
-        help="run the SLAM over a bag or an image folder",
-        description="Tracks every image of a ROS 1 or ROS 2 bag or of a folder in the TUM RGB-D layout (rgb.txt, "
-        "camera.json, groundtruth.txt), in order and repeatably, and leaves a run folder with the trajectory and a "
-        "report. Ctrl-C ends it with what there is.",
-        epilog="examples: vsx replay drive.bag --map   |   vsx replay rgbd_freiburg1_xyz --calibration fr1.yaml   |   "
-        "vsx replay drive.bag --ros --view",
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Its options."""
     help_ = "a bag (ROS 1: .bag; ROS 2: folder, .db3 or .mcap) or a folder with rgb.txt"
-    parser.add_argument("input", type=Path, metavar="INPUT", help=help_)
-    parser.add_argument("--calibration", type=Path, metavar="FILE", help="ROS camera_info YAML or camera.json")
-    parser.add_argument("--image-topic", metavar="T", help="image topic of the bag (default: the only one)")
-    parser.add_argument("--odometry-topic", metavar="T", help="odometry or base poses (default: the only Odometry)")
-    parser.add_argument("--map", action="store_true", help="also build the ground map (needs odometry)")
-    parser.add_argument("--load-map", type=Path, metavar="FILE", help="go on in a SLAM map that --save-map wrote")
-    parser.add_argument("--save-map", type=Path, metavar="FILE", help="at the end, save the SLAM map to go on in it")
-    parser.add_argument("--out", type=Path, metavar="RUN", help="run folder (default runs/<date>_<name>)")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the SLAM's random draws (default 0)")
-    parser.add_argument("--ros", action="store_true", help="feed the ROS nodes instead, with /clock and use_sim_time")
-    parser.add_argument(
-        "--rate", type=float, metavar="R", help="with --ros: speed; 1 (default) real time, 0 with no image left out"
-    )
-    parser.add_argument("--view", action="store_true", help="with --ros: serve the live view")
-    add_arguments(parser)
-    parser.set_defaults(run=run)
+    add = parser.add_argument
+    add("input", type=Path, metavar="INPUT", help=help_)
+    add("--calibration", type=Path, metavar="FILE", help="ROS camera_info YAML or camera.json")
+    add("--image-topic", metavar="T", help="image topic of the bag (default: the only one)")
+    add("--odometry-topic", metavar="T", help="odometry or base poses (default: the only Odometry)")
+    add("--map", action="store_true", help="also build the ground map (needs odometry)")
+    add("--load-map", type=Path, metavar="FILE", help="go on in a SLAM map that --save-map wrote")
+    add("--save-map", type=Path, metavar="FILE", help="at the end, save the SLAM map to go on in it")
+    add("--out", type=Path, metavar="RUN", help="run folder (default runs/<date>_<name>)")
+    add("--seed", type=int, default=0, metavar="N", help="seed of the SLAM's random draws (default 0)")
+    add("--ros", action="store_true", help="feed the ROS nodes instead, with /clock and use_sim_time")
+    add("--rate", type=float, metavar="R", help="with --ros: speed; 1 (default) real time, 0 with no image left out")
+    add("--view", action="store_true", help="with --ros: serve the live view")
+    add_parameters(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -87,15 +83,14 @@ def run(args: argparse.Namespace) -> int:
     keeper = RunWriter(T_base_cam)
     record, stopped = keeper.record, _track_all(slam, recording, keeper)
     continued = str(args.load_map.resolve()) if args.load_map else None
-    code = exit_code(record.results[-1].state if record.results else TrackingState.NOT_INITIALISED)
-    code = STOPPED if stopped else code
+    ending = record.results[-1].state if record.results else TrackingState.NOT_INITIALISED
+    code = STOPPED if stopped else exit_code(ending)
     facts = {"seed": args.seed, "continued_map": continued, "ended_well": ended_well(code)}
     if stopped:
         facts["stop_reason"] = f"stopped by the operator after {len(record.results)} of {recording.frame_count} frames"
     summary = _summary(slam, recording, record).with_values(**facts)
-    grid = None
-    if args.map:
-        grid = ground_grid(slam.snapshot(), (p.T for p in record.estimate()), T_base_cam, config)
+    poses = (pose.T for pose in record.estimate())
+    grid = ground_grid(slam.snapshot(), poses, T_base_cam, config) if args.map else None
     more: list[Callable[[], object]] = [lambda: _save_slam_map(slam, args.save_map), lambda: write_report(folder)]
     if recording.ground_truth:
         more.insert(0, lambda: folder.write_poses("groundtruth", recording.ground_truth))

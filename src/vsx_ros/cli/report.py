@@ -1,34 +1,33 @@
-"""``vsx report RUN``: write report.html of a run folder anew; ``vsx report A B``: two runs side by side."""
+"""``vsx report``: write the report of a run folder, or compare two
+
+Writes report.html, one page that needs nothing else: what happened, why it ended, the map, the trajectory, tracking
+over time, every number, and the command that repeats the run. With a second run, a page that shows both side by side,
+and what differs in numbers and settings.
+
+examples: vsx report runs/today | vsx report runs/before runs/after --out compared.html
+"""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from vsx_ros.errors import ConfigError, InputError, explained
 
 if TYPE_CHECKING:
     from vsx_ros.runs.folder import RunFolder
 
 
-def add_parser(subparsers: Any) -> None:
-    """Register the command and its options."""
-    parser = subparsers.add_parser(
-        "report",
-        help="write the report of a run folder, or compare two",
-        description="Writes report.html, one page that needs nothing else: what happened, why it ended, the map, the "
-        "trajectory, tracking over time, every number, and the command that repeats the run. With a second run, a page "
-        "that shows both side by side, and what differs in numbers and settings.",
-        epilog="examples: vsx report runs/today   |   vsx report runs/before runs/after --out compared.html",
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Its options."""
     parser.add_argument("run_folder", type=Path, metavar="RUN", help="a run folder")
     parser.add_argument("other", type=Path, nargs="?", metavar="OTHER", help="another one, to compare with")
     parser.add_argument("--out", type=Path, metavar="FILE", help="the comparison (default compared.html in OTHER)")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Write the page and say where it is."""
-    from vsx_ros.errors import ConfigError
     from vsx_ros.runs.folder import RunFolder
     from vsx_ros.runs.report import write_report
 
@@ -43,7 +42,6 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _compare(a: RunFolder, b: RunFolder, out: Path | None) -> Path:
-    from vsx_ros.errors import InputError
     from vsx_ros.evaluation.comparison import compare
     from vsx_ros.io.atomic import write_text
     from vsx_ros.runs.report import report_data
@@ -51,8 +49,6 @@ def _compare(a: RunFolder, b: RunFolder, out: Path | None) -> Path:
     out = out or b.path / "compared.html"
     names = (a.path.name, b.path.name) if a.path.name != b.path.name else (str(a.path), str(b.path))
     page = compare((names[0], report_data(a)), (names[1], report_data(b)))
-    try:
+    with explained(InputError, f"{out} cannot be written", "give another one with --out", OSError):
         write_text(out, page)
-    except OSError as error:
-        raise InputError(f"{out} cannot be written ({error.strerror}); give another one with --out") from error
     return out

@@ -1,4 +1,14 @@
-"""``vsx reproduce``: the paper's table and figures made anew, in emulation, with the numbers behind them."""
+"""``vsx reproduce``: make the paper's table and figures anew
+
+table1: drives of many worlds to goals that look elsewhere, by the constrained planner, by one that turns on the spot
+and by the paper's own, tracked as in the paper and by the full tracker. fig2, fig6: their paths, planned and tracked.
+fig3: states to which one segment leads. fig4: points, planes and surface. fig5: the sparse and the dense ground map
+beside the truth. fig7: the map at stages of an exploration. Each leaves a page that needs nothing else, and its
+numbers. Ctrl-C interrupts, the same command continues.
+
+examples: vsx reproduce all --quick | vsx reproduce table1 --seeds 100:120 --jobs 2 | vsx reproduce fig5 --seeds 101:102
+--time 90
+"""
 
 from __future__ import annotations
 
@@ -7,7 +17,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vsx_ros.errors import ConfigError
+from vsx_ros.errors import ConfigError, explained
 
 if TYPE_CHECKING:
     from vsx_ros.evaluation.page import Section
@@ -16,32 +26,18 @@ WHAT = ("table1", *(f"fig{k}" for k in range(2, 8)), "all")
 _QUICK_SEEDS, _QUICK_TIME_S = 2, 60.0
 
 
-def add_parser(subparsers: Any) -> None:
-    """Register the command and its options."""
-    parser = subparsers.add_parser(
-        "reproduce",
-        help="make the paper's table and figures anew",
-        description="table1: drives of many worlds to goals that look elsewhere, by the constrained planner, by one "
-        "that turns on the spot and by the paper's own, tracked as in the paper and by the full tracker. fig2, fig6: "
-        "their paths, planned and tracked. fig3: states to which one segment leads. fig4: points, planes and surface. "
-        "fig5: the sparse and the dense ground map beside the truth. fig7: the map at stages of an "
-        "exploration. Each leaves a page that needs nothing else, and its numbers. Ctrl-C interrupts, the same command "
-        "continues.",
-        epilog="examples: vsx reproduce all --quick   |   vsx reproduce table1 --seeds 100:120 --jobs 2   |   "
-        "vsx reproduce fig5 --seeds 101:102 --time 90",
-    )
-    parser.add_argument("what", metavar="WHAT", choices=WHAT, help=", ".join(WHAT))
-    parser.add_argument("--world", default="lab", metavar="NAME", help="lab, office, corridor, building or a file")
-    parser.add_argument("--seeds", type=seeds, metavar="A:B", help="worlds A to B - 1 (default 100:120; figures: A)")
-    parser.add_argument("--seed", type=int, metavar="N", help="the same as --seeds N:N+1")
-    parser.add_argument(
-        "--noises", type=int, default=1, metavar="K", help="drives of each with other noise (default 1)"
-    )
-    parser.add_argument("--time", type=float, metavar="S", help="emulated time of fig4, fig5 (90), fig7 (600)")
-    parser.add_argument("--quick", action="store_true", help="two worlds and a minute: done in some minutes")
-    parser.add_argument("--out", type=Path, default=Path("results"), metavar="FOLDER", help="default: results")
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Its options."""
+    add = parser.add_argument
+    add("what", metavar="WHAT", choices=WHAT, help=", ".join(WHAT))
+    add("--world", default="lab", metavar="NAME", help="lab, office, corridor, building or a file")
+    add("--seeds", type=seeds, metavar="A:B", help="worlds A to B - 1 (default 100:120; figures: A)")
+    add("--seed", type=int, metavar="N", help="the same as --seeds N:N+1")
+    add("--noises", type=int, default=1, metavar="K", help="drives of each with other noise (default 1)")
+    add("--time", type=float, metavar="S", help="emulated time of fig4, fig5 (90), fig7 (600)")
+    add("--quick", action="store_true", help="two worlds and a minute: done in some minutes")
+    add("--out", type=Path, default=Path("results"), metavar="FOLDER", help="default: results")
     add_engine_arguments(parser)
-    parser.set_defaults(run=run)
 
 
 def add_engine_arguments(parser: argparse.ArgumentParser) -> None:
@@ -78,10 +74,8 @@ def run(args: argparse.Namespace) -> int:
     if args.quick:
         args.seeds, args.time = args.seeds[:_QUICK_SEEDS], args.time or _QUICK_TIME_S
     open_world(args.world, args.seeds[0])  # a mistake is told before anything is made
-    try:
+    with explained(ConfigError, f"folder {args.out} cannot be made", "choose another --out", OSError):
         args.out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigError(f"folder {args.out} cannot be made ({error.strerror}); choose another --out") from error
     made = f"Made by {made_by()}; {args.world}, "
     all_seeds, seed = _in_words(args.seeds), _in_words(args.seeds[:1])
     sections = []

@@ -1,37 +1,32 @@
-"""``vsx sweep``: many explorations, on this machine or on many, and what they prove together."""
+"""``vsx sweep``: explore many worlds, compare planners and settings
+
+Explores every world with every seed and planner, in lock-step, one after the other in this process, in several
+processes (--jobs), or by a dask scheduler's workers (--scheduler), and leaves results.jsonl (a line a run, as it ends),
+sweep.csv and sweep.html. Ctrl-C interrupts, the same command continues with what is missing.
+
+examples: vsx sweep --worlds lab,corridor --seeds 0:20 --jobs 2 | vsx sweep --seeds 100:400 --planners fov,unconstrained
+--scheduler tcp://10.0.0.5:8786
+"""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
 
 from vsx_ros.cli.reproduce import add_engine_arguments, seeds
 from vsx_ros.errors import ConfigError
 
 
-def add_parser(subparsers: Any) -> None:
-    """Register the command and its options."""
-    parser = subparsers.add_parser(
-        "sweep",
-        help="explore many worlds, compare planners and settings",
-        description="Explores every world with every seed and planner, in lock-step, one after the other in this "
-        "process, in several processes (--jobs), or by a dask scheduler's workers (--scheduler), and leaves "
-        "results.jsonl (a line a run, as it ends), sweep.csv and sweep.html. Ctrl-C interrupts, the same command "
-        "continues with what is missing.",
-        epilog="examples: vsx sweep --worlds lab,corridor --seeds 0:20 --jobs 2   |   vsx sweep --seeds 100:400 "
-        "--planners fov,unconstrained --scheduler tcp://10.0.0.5:8786",
-    )
-    parser.add_argument("--worlds", default="lab", metavar="NAME,...", help="lab, office, corridor, building, or files")
-    parser.add_argument("--seeds", type=seeds, default=range(20), metavar="A:B", help="A to B - 1 (default 0:20)")
-    parser.add_argument(
-        "--planners", default="fov", metavar="NAME,...", help="fov, unconstrained, paper or a plug-in's (fov)"
-    )
-    parser.add_argument("--time", type=float, default=600.0, metavar="S", help="emulated time of each (default 600)")
-    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="override a parameter")
-    parser.add_argument("--out", type=Path, default=Path("sweep"), metavar="FOLDER", help="default: sweep")
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Its options."""
+    add = parser.add_argument
+    add("--worlds", default="lab", metavar="NAME,...", help="lab, office, corridor, building, or files")
+    add("--seeds", type=seeds, default=range(20), metavar="A:B", help="A to B - 1 (default 0:20)")
+    add("--planners", default="fov", metavar="NAME,...", help="fov, unconstrained, paper or a plug-in's (fov)")
+    add("--time", type=float, default=600.0, metavar="S", help="emulated time of each (default 600)")
+    add("--set", action="append", default=[], metavar="NAME=VALUE", help="override a parameter")
+    add("--out", type=Path, default=Path("sweep"), metavar="FOLDER", help="default: sweep")
     add_engine_arguments(parser)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -1,28 +1,24 @@
-"""``vsx teleop``: drive with the keyboard."""
+"""``vsx teleop``: drive with the keyboard
+
+Drives while a key is held and stops when it is released. The keyboard wins over the exploration, which goes on half a
+second after the last key; bumper and cliff sensors win over the keyboard.
+"""
 
 from __future__ import annotations
 
 import argparse
 import math
 import sys
-from typing import Any
 
 from vsx_ros.control.keyboard import KEYS
 from vsx_ros.errors import ConfigError
 
 
-def add_parser(subparsers: Any) -> None:
-    """Register the command and its options."""
-    parser = subparsers.add_parser(
-        "teleop",
-        help="drive with the keyboard",
-        description="Drives while a key is held and stops when it is released. The keyboard wins over the exploration, "
-        "which goes on half a second after the last key; bumper and cliff sensors win over the keyboard.",
-        epilog=KEYS,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Its options."""
+    parser.epilog = KEYS
     parser.add_argument("--v", type=float, default=0.2, metavar="M_S", help="speed ahead and back (default 0.2 m/s)")
     parser.add_argument("--omega", type=float, default=0.6, metavar="RAD_S", help="turn rate (default 0.6 rad/s)")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -1,35 +1,31 @@
-"""``vsx view``: the live view in a browser."""
+"""``vsx view``: watch a running robot in a browser
+
+Serves one page with the camera and the points it is tracked by, the map with frontiers, plan and robot, the state with
+its reason, and buttons. Waits for a stack and outlives it; Ctrl-C ends the view, not the robot. The address it prints
+holds the token that the buttons need: without it one can only look.
+
+examples: vsx view | vsx view --host 0.0.0.0 (whoever reaches this machine can look)
+"""
 
 from __future__ import annotations
 
 import argparse
-from typing import Any
 
 from vsx_ros.errors import ConfigError
 
 
-def add_parser(subparsers: Any) -> None:
-    """Register the command and its options."""
-    parser = subparsers.add_parser(
-        "view",
-        help="watch a running robot in a browser",
-        description="Serves one page with the camera and the points it is tracked by, the map with frontiers, plan and "
-        "robot, the state with its reason, and buttons. Waits for a stack and outlives it; Ctrl-C ends the view, not "
-        "the robot. The address it prints holds the token that the buttons need: without it one can only look.",
-        epilog="examples: vsx view   |   vsx view --host 0.0.0.0   (whoever reaches this machine can look)",
-    )
-    parser.add_argument("--host", default="127.0.0.1", metavar="ADDRESS", help="listen here (default: this machine)")
-    parser.add_argument(
-        "--port", type=int, metavar="N", help="listen here (default 8765, another one if that is taken)"
-    )
-    parser.add_argument(
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Its options."""
+    add = parser.add_argument
+    add("--host", default="127.0.0.1", metavar="ADDRESS", help="listen here (default: this machine)")
+    add("--port", type=int, metavar="N", help="listen here (default 8765, another one if that is taken)")
+    add(
         "--allow",
         default="",
         metavar="NAMES",
         help="answer to these names, too, NAME or NAME:PORT, by commas (default: those of this machine)",
     )
-    parser.add_argument("--headless", action="store_true", help="open no browser")
-    parser.set_defaults(run=run)
+    add("--headless", action="store_true", help="open no browser")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -1,28 +1,24 @@
-"""``vsx world``: write an emulated building to a file, draw it, or see what the robot would see."""
+"""``vsx world``: write an emulated building to world.yaml
+
+Makes a building for the emulator: from a generator's name and seed, or from a map_server map.
+
+examples: vsx world lab --seed 3 --out world.yaml | vsx world office.yaml --picture plan.png
+"""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
 
 
-def add_parser(subparsers: Any) -> None:
-    """Register the command and its options."""
-    parser = subparsers.add_parser(
-        "world",
-        help="write an emulated building to world.yaml",
-        description="Makes a building for the emulator: from a generator's name and seed, or from a map_server map.",
-        epilog="examples: vsx world lab --seed 3 --out world.yaml   |   vsx world office.yaml --picture plan.png",
-    )
-    parser.add_argument(
-        "name", metavar="NAME", help="lab, office, corridor, building, a world.yaml, a map.yaml, a .png"
-    )
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="which of the generator's worlds (default 0)")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="write the world to this YAML file")
-    parser.add_argument("--picture", type=Path, metavar="FILE.png", help="draw the plan and the first view")
-    parser.add_argument("--map", type=Path, metavar="FILE.pgm", help="write the true map (pgm and yaml) for map_server")
-    parser.set_defaults(run=run)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Its options."""
+    add = parser.add_argument
+    add("name", metavar="NAME", help="lab, office, corridor, building, a world.yaml, a map.yaml, a .png")
+    add("--seed", type=int, default=0, metavar="N", help="which of the generator's worlds (default 0)")
+    add("--out", type=Path, metavar="FILE", help="write the world to this YAML file")
+    add("--picture", type=Path, metavar="FILE.png", help="draw the plan and the first view")
+    add("--map", type=Path, metavar="FILE.pgm", help="write the true map (pgm and yaml) for map_server")
 
 
 def run(args: argparse.Namespace) -> int:

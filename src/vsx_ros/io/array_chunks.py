@@ -35,14 +35,22 @@ class ArrayChunks:
         """Put what is new of an array on the disk; cuts: the rows that begin another piece, ascending. Returns the
         names of its pieces, in order. Raises OSError."""
         self.path.mkdir(parents=True, exist_ok=True)
-        return [self._write(array_bytes(piece)) for piece in np.split(array, cuts)]
+        names = []
+        for content in map(array_bytes, np.split(array, cuts)):
+            names.append(hashlib.sha256(content).hexdigest())
+            path = self.path / f"{names[-1]}.npy"
+            if not path.exists():
+                write_bytes(path, content, durable=True)
+        return names
 
     def read(self, names: Sequence[str], allowance: Allowance) -> NDArray[Any]:
         """The array of these pieces. Raises OSError without one of them, ValueError when one was changed, or where
         one is used again and again and the allowance does not suffice."""
         pieces = []
         for name in names:
-            content = self._read(name)
+            content = file_bytes(self.path / f"{Path(name).name}.npy", DATA_BYTES)
+            if hashlib.sha256(content).hexdigest() != name:
+                raise ValueError(f"its piece {name}.npy was changed")
             allowance.take(len(content), f"piece {name}.npy")
             pieces.append(array_of(content))
         return np.concatenate(pieces)
@@ -58,19 +66,6 @@ class ArrayChunks:
         for path in self.path.iterdir():
             if path.name not in kept:
                 path.unlink()
-
-    def _write(self, content: bytes) -> str:
-        name = hashlib.sha256(content).hexdigest()
-        path = self.path / f"{name}.npy"
-        if not path.exists():
-            write_bytes(path, content, durable=True)
-        return name
-
-    def _read(self, name: str) -> bytes:
-        content = file_bytes(self.path / f"{Path(name).name}.npy", DATA_BYTES)
-        if hashlib.sha256(content).hexdigest() != name:
-            raise ValueError(f"its piece {name}.npy was changed")
-        return content
 
 
 def array_bytes(array: NDArray[Any]) -> bytes:

@@ -9,10 +9,8 @@ from pathlib import Path
 
 
 def write_bytes(path: Path, content: bytes, *, durable: bool = False) -> None:
-    """Replace the file in one step; a durable one outlives a power cut from then on.
-
-    Raises OSError that names the path; what was there stays, and nothing is left beside it.
-    """
+    """Replace the file in one step; a durable one outlives a power cut from then on. Raises OSError that names the
+    path; what was there stays, and nothing is left beside it."""
     beside = path.with_name(f".{path.name}.part")
     try:
         with beside.open("wb") as file:

@@ -15,7 +15,7 @@ from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.bag_reader import Messages, messages
 from vsx_ros.io.calibration_file import camera_from_info
 from vsx_ros.io.image_encoding import decoded, gray_image, shift_for
-from vsx_ros.io.recording import Recording
+from vsx_ros.io.recording import Recording, with_speeds
 from vsx_ros.robot import Frame, Odometry
 
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
@@ -122,18 +122,11 @@ def _odometry(bag: Messages, topic: str) -> list[Odometry]:
         v, omega = (message.twist.twist.linear.x, message.twist.twist.angular.z) if with_twist else (0.0, 0.0)
         reading = Odometry(stamp_ns, _se3(pose, topic).to_se2(), v, omega)
         if not with_twist and readings:
-            reading = _with_speeds(reading, readings[-1])
+            reading = with_speeds(reading, readings[-1])
         if not (reading.T_odom_base.is_finite() and np.isfinite(reading.v + reading.omega)):
             raise InputError(f"topic {topic} holds a pose that is not finite; record it again or choose another topic")
         readings.append(reading)
     return sorted(readings, key=lambda reading: reading.stamp_ns)
-
-
-def _with_speeds(reading: Odometry, before: Odometry) -> Odometry:
-    moved, seconds = before.T_odom_base.inverse() @ reading.T_odom_base, (reading.stamp_ns - before.stamp_ns) * 1e-9
-    if seconds <= 0.0:
-        return reading._replace(v=before.v, omega=before.omega)
-    return reading._replace(v=moved.x / seconds, omega=moved.wrapped().theta / seconds)
 
 
 def _ground_truth(bag: Messages, topic: str) -> list[StampedPose]:

@@ -28,16 +28,7 @@ _ROS1_MAGIC = b"#ROSBAG V2.0\n"
 _ROS2_MAGIC = {b"\x89MCAP0\r\n": ".mcap", b"SQLite format 3\x00": ".db3"}
 _ROS2_SUFFIXES = tuple(_ROS2_MAGIC.values())
 # what rosbags, the decompressors, YAML and sqlite raise on damaged files
-_DAMAGE = (
-    Ros1ReaderError,
-    Ros2ReaderError,
-    SerdeError,
-    sqlite3.Error,
-    apsw.Error,
-    YAMLError,
-    ZstdError,
-    *DAMAGE,
-)
+_DAMAGE = (Ros1ReaderError, Ros2ReaderError, SerdeError, sqlite3.Error, apsw.Error, YAMLError, ZstdError, *DAMAGE)
 
 
 class Messages:
@@ -70,14 +61,12 @@ class Messages:
 
 @contextmanager
 def messages(path: Path) -> Iterator[Messages]:
-    """Open a bag; whatever goes wrong in its bytes becomes an InputError with the remedy.
-
-    A ROS 1 bag without a usable index is read without one.
-    """
+    """Open a bag; whatever goes wrong in its bytes becomes an InputError with the remedy. A ROS 1 bag without a usable
+    index is read without one."""
     ros2 = _is_ros2(path)
     try:
         with ExitStack() as stack:
-            yield _opened_ros2(path, stack) if ros2 else _opened_ros1(path, stack)
+            yield Messages(stack.enter_context(BoundedRos2(path)), ros2=True) if ros2 else _opened_ros1(path, stack)
     except VsxError:
         raise
     except PermissionError as error:
@@ -102,10 +91,6 @@ def _opened_ros1(path: Path, stack: ExitStack) -> Messages:
             "'rosbag reindex FILE' makes it a good one"
         )
         return Messages(bag, ros2=False, damage=damage)
-
-
-def _opened_ros2(path: Path, stack: ExitStack) -> Messages:
-    return Messages(stack.enter_context(BoundedRos2(path)), ros2=True)
 
 
 def _remedy(path: Path, error: Exception, *, ros2: bool) -> str:

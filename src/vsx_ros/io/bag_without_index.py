@@ -28,10 +28,8 @@ class UnindexedConnection(NamedTuple):
 
 
 class UnindexedBag:
-    """``connections`` and ``messages`` as rosbags' reader has them, in the order of the file.
-
-    A record that is cut off ends it; a chunk that cannot be decompressed is left out.
-    """
+    """``connections`` and ``messages`` as rosbags' reader has them, in the order of the file. A record that is cut off
+    ends it; a chunk that cannot be decompressed is left out."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

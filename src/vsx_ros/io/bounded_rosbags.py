@@ -15,10 +15,9 @@ import sys
 from contextlib import closing
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import lz4.frame  # type: ignore[import-untyped]  # ships no types
-import yaml
 from rosbags.rosbag1 import Reader as Ros1Reader
 from rosbags.rosbag1.reader import Chunk, Header, IndexData, RecordType
 from rosbags.rosbag2 import Reader as Ros2Reader
@@ -158,7 +157,7 @@ class _Directory(ros2_reader.DirectoryReader):  # type: ignore[misc]  # as above
         """metadata.yaml is not larger than it may be."""
         try:
             yaml_tree(file_text(Path(self.path) / "metadata.yaml"))
-        except yaml.YAMLError as error:
+        except ValueError as error:
             raise ros2_reader.ReaderError(f"metadata.yaml is none: {error}") from error
         super().open()
 
@@ -169,11 +168,7 @@ class BoundedRos2(Ros2Reader):  # type: ignore[misc]  # as above
     STORAGE_PLUGINS = {"dir": _Directory, ".mcap": _Mcap, ".db3": _Sqlite3}
 
 
-def _no_profiles(_profiles: Any) -> list[Any]:
-    return []
-
-
 storage_mcap.DECOMPRESSORS.update({kind: lambda d, n, kind=kind: _exactly(kind, d, n) for kind in ("lz4", "zstd")})  # type: ignore[misc]
 ros2_reader.zstd = SimpleNamespace(decompress=_message, open=_File)  # type: ignore[assignment]
 for module in (storage_mcap, storage_sqlite3, ros2_reader):
-    module.parse_qos = _no_profiles  # type: ignore[attr-defined]
+    module.parse_qos = lambda _profiles: []  # type: ignore[attr-defined]

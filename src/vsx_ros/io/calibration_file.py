@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 import yaml
 
-from vsx_ros.errors import CalibrationError, reason_of
+from vsx_ros.errors import CalibrationError, explained, reason_of
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.io.atomic import write_text
 from vsx_ros.limits import DAMAGE, file_text, json_tree, yaml_tree
 
 _PINHOLE_MODELS = ("plumb_bob", "radtan", "radial-tangential", "pinhole", "rational_polynomial", "")
+_FORMATS = "a ROS camera_info YAML or a camera.json"
 
 
 def camera_from_info(
@@ -41,21 +42,15 @@ def camera_from_info(
 
 
 def read_calibration(path: Path) -> PinholeCamera:
-    """The camera of a camera_info YAML or a camera.json, told apart by their content.
-
-    Raises CalibrationError when the file is missing, malformed, uncalibrated or of an unsupported lens model.
-    """
-    try:
+    """The camera of a camera_info YAML or a camera.json, told apart by their content. Raises CalibrationError when the
+    file is missing, malformed, uncalibrated or of an unsupported lens model."""
+    with explained(CalibrationError, f"calibration {path} cannot be read", f"give {_FORMATS}"):
+        if not path.exists():
+            raise CalibrationError(f"there is no calibration {path}; 'vsx calibrate camera' makes one")
         text = file_text(path)
         tree = json_tree(text) if path.suffix == ".json" else yaml_tree(text)
-    except FileNotFoundError as error:
-        raise CalibrationError(f"there is no calibration {path}; 'vsx calibrate camera' makes one") from error
-    except (OSError, ValueError, yaml.YAMLError) as error:
-        raise CalibrationError(
-            f"calibration {path} cannot be read ({reason_of(error)}); give a ROS camera_info YAML or a camera.json"
-        ) from error
     if not isinstance(tree, dict):
-        raise CalibrationError(f"calibration {path} holds no names; give a ROS camera_info YAML or a camera.json")
+        raise CalibrationError(f"calibration {path} holds no names; give {_FORMATS}")
     try:
         camera = _from_yaml_tree(tree, path) if "camera_matrix" in tree else _from_json_tree(tree, path)
     except DAMAGE as error:

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from vsx_ros.arrays import FloatArray
-from vsx_ros.errors import InputError
+from vsx_ros.errors import InputError, explained
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.io.atomic import write_bytes, write_text
 from vsx_ros.slam.snapshot import MapSnapshot
@@ -24,19 +24,15 @@ _GREY = "128 128 128"
 
 
 def write_colmap(folder: Path, camera: PinholeCamera, snapshot: MapSnapshot) -> None:
-    """Make the folder and fill it; points are numbered by their ids, images by keyframe id + 1.
-
-    Raises InputError when it cannot be written.
-    """
-    try:
+    """Make the folder and fill it; points are numbered by their ids, images by keyframe id + 1. Raises InputError when
+    it cannot be written."""
+    with explained(InputError, f"folder {folder} cannot be written", "choose another one", OSError):
         (folder / "images").mkdir(parents=True, exist_ok=True)
         write_text(folder / "cameras.txt", _camera_text(camera))
         write_text(folder / "images.txt", "".join(_image_lines(snapshot)))
         write_text(folder / "points3D.txt", "".join(_point_lines(camera, snapshot)))
         for number, image in zip(snapshot.keyframe_ids.tolist(), snapshot.images, strict=True):
             write_bytes(folder / "images" / _name(number), bytes(cv2.imencode(".png", image)[1]))
-    except OSError as error:
-        raise InputError(f"folder {folder} cannot be written ({error.strerror}); choose another one") from error
 
 
 def _name(keyframe_id: int) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsx_ros.arrays import GrayImage
-from vsx_ros.errors import InputError
+from vsx_ros.errors import InputError, explained
 from vsx_ros.geometry.camera import MAX_PIXELS
 from vsx_ros.io.image_size import picture
 
@@ -91,12 +91,8 @@ def decoded(compressed: bytes, name: str, said: str = "") -> GrayImage:
     """
     mosaic = said.partition(";")[0].strip()
     how = cv2.IMREAD_UNCHANGED if mosaic.startswith("bayer") else cv2.IMREAD_GRAYSCALE
-    try:
+    with explained(InputError, f"{name} ({len(compressed)} bytes) cannot be used", "give a whole JPEG or PNG"):
         image = picture(compressed, how)
-    except ValueError as error:
-        raise InputError(
-            f"{name} ({len(compressed)} bytes) cannot be used: {error}; give a whole JPEG or PNG"
-        ) from error
     if image is None:
         raise InputError(f"{name} ({len(compressed)} bytes) cannot be decoded; it must be a whole JPEG or PNG")
     if mosaic.startswith("bayer"):

@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from vsx_ros.errors import MapFileError, reason_of
+from vsx_ros.errors import MapFileError, explained, reason_of
 from vsx_ros.io.atomic import write_bytes, write_text
 from vsx_ros.io.image_size import picture
 from vsx_ros.limits import DAMAGE, LOG_BYTES, TEXT_BYTES, file_bytes, file_text, yaml_tree
@@ -24,10 +24,8 @@ _LONGEST_NAME = 1000
 
 
 def save_map(grid: OccupancyGrid, path: Path) -> None:
-    """``path`` with the endings .pgm and .yaml, as map_server's map_saver writes them.
-
-    Raises MapFileError when they cannot be written.
-    """
+    """``path`` with the endings .pgm and .yaml, as map_server's map_saver writes them. Raises MapFileError when they
+    cannot be written."""
     gray = np.full(grid.shape, _GRAY_OF_UNKNOWN, np.uint8)
     gray[grid.data == FREE] = _GRAY_OF_FREE
     gray[grid.data == OCCUPIED] = _GRAY_OF_OCCUPIED
@@ -41,11 +39,9 @@ def save_map(grid: OccupancyGrid, path: Path) -> None:
         "occupied_thresh": _OCCUPIED_THRESHOLD,
         "free_thresh": _FREE_THRESHOLD,
     }
-    try:
+    with explained(MapFileError, f"map {path} cannot be written", "choose another folder", OSError):
         write_bytes(image, f"P5\n{columns} {rows}\n255\n".encode() + gray[::-1].tobytes())
         write_text(text, yaml.safe_dump(tree, sort_keys=False, default_flow_style=None))
-    except OSError as error:
-        raise MapFileError(f"map {path} cannot be written ({error.strerror}); choose another folder") from error
 
 
 def load_map(path: Path) -> OccupancyGrid:
@@ -55,10 +51,8 @@ def load_map(path: Path) -> OccupancyGrid:
     Raises MapFileError naming what is missing or wrong.
     """
     text = path if path.suffix in (".yaml", ".yml") else path.with_suffix(".yaml")
-    try:
+    with explained(MapFileError, f"map {text} cannot be read", "give a map_server YAML"):
         tree = yaml_tree(file_text(text))
-    except (OSError, ValueError, yaml.YAMLError) as error:
-        raise MapFileError(f"map {text} cannot be read ({reason_of(error)}); give a map_server YAML") from error
     try:
         resolution = float(tree["resolution"])
         x, y, yaw = (float(value) for value in tree["origin"])
@@ -86,27 +80,21 @@ def load_map(path: Path) -> OccupancyGrid:
 
 def is_map_file(path: Path) -> bool:
     """Whether a YAML is that of a map. Raises MapFileError when it cannot be read."""
-    try:
+    with explained(MapFileError, f"map {path} cannot be read", "give a map_server YAML"):
         return any(line.startswith(b"image:") for line in file_bytes(path, TEXT_BYTES).splitlines())
-    except (OSError, ValueError) as error:
-        raise MapFileError(f"map {path} cannot be read ({reason_of(error)}); give a map_server YAML") from error
 
 
 def load_plan(path: Path, resolution: float = 0.05) -> OccupancyGrid:
     """The grid of a picture without a YAML: bright is free, dark is occupied, grey unknown, as map_saver draws them.
-
-    Raises MapFileError when it is no picture.
-    """
+    Raises MapFileError when it is no picture."""
     thresholds = _FREE_THRESHOLD, _OCCUPIED_THRESHOLD
     return OccupancyGrid(_cells(path, thresholds, negate=False, raw=False)[::-1], resolution, 0.0, 0.0)
 
 
 def _cells(path: Path, thresholds: tuple[float, float], *, negate: bool, raw: bool) -> NDArray[np.int8]:
     """(H, W) cells, the top row first; a band of rows at a time, for its probabilities need many times its bytes."""
-    try:
+    with explained(MapFileError, f"map image {path} is missing or no map", "give a PGM or PNG"):
         image = picture(file_bytes(path, LOG_BYTES), cv2.IMREAD_UNCHANGED, MAX_CELLS)
-    except (OSError, ValueError) as error:
-        raise MapFileError(f"map image {path} is missing or no map ({reason_of(error)}); give a PGM or PNG") from error
     if image is None or image.dtype not in (np.uint8, np.uint16):
         raise MapFileError(f"map image {path} is no 8 or 16 bit picture; give a PGM or PNG")
     cells = np.full(image.shape[:2], UNKNOWN, np.int8)

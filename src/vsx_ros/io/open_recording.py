@@ -14,10 +14,8 @@ from vsx_ros.robot import OdometryEpochs
 
 
 def open_recording(path: Path, image_topic: str | None = None, odometry_topic: str | None = None) -> Recording:
-    """A ROS 1 or ROS 2 bag, or a folder in the TUM RGB-D layout (rgb.txt, rgb/, groundtruth.txt, camera.json).
-
-    Raises InputError saying what is wrong with the input and what to do.
-    """
+    """A ROS 1 or ROS 2 bag, or a folder in the TUM RGB-D layout (rgb.txt, rgb/, groundtruth.txt, camera.json). Raises
+    InputError saying what is wrong with the input and what to do."""
     if path.is_dir() and not (path / METADATA).exists():
         recording = open_folder(path)
     elif not path.exists():

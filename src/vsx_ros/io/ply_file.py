@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from vsx_ros.arrays import Points3
-from vsx_ros.errors import InputError, reason_of
+from vsx_ros.errors import InputError, explained
 from vsx_ros.io.atomic import write_bytes
 from vsx_ros.limits import DATA_BYTES, file_bytes
 
@@ -23,15 +23,11 @@ def write_ply(path: Path, points: Points3) -> None:
 
 
 def read_ply(path: Path) -> Points3:
-    """The (N, 3) points of a file that ``write_ply`` wrote.
-
-    Raises InputError for anything else.
-    """
-    try:
+    """The (N, 3) points of a file that ``write_ply`` wrote. Raises InputError for anything else."""
+    with explained(InputError, f"point cloud {path} cannot be read", "check the path"):
         header, _, body = file_bytes(path, DATA_BYTES).partition(b"end_header\n")
-    except (OSError, ValueError) as error:
-        raise InputError(f"point cloud {path} cannot be read ({reason_of(error)}); check the path") from error
-    try:
+    wrong = f"point cloud {path} is not a PLY that this program wrote"
+    with explained(InputError, wrong, "give one that it wrote", (IndexError, ValueError)):
         count = int(header.split(b"element vertex")[1].split()[0])
         expected = _HEADER.format(count=count, properties=_PROPERTIES).encode("ascii")
         if header + b"end_header\n" != expected:
@@ -39,7 +35,3 @@ def read_ply(path: Path) -> Points3:
         if len(body) != 12 * count:
             raise ValueError(f"{len(body)} bytes are not {count} points")
         return np.frombuffer(body, "<f4").reshape(-1, 3).astype(np.float64)
-    except (IndexError, ValueError) as error:
-        raise InputError(
-            f"point cloud {path} is not a PLY that this program wrote ({reason_of(error)}); give one that it wrote"
-        ) from error

@@ -86,3 +86,11 @@ class Recording:
                 f"{self.camera.width}x{self.camera.height}; give the right one with --calibration FILE"
             )
         return frame
+
+
+def with_speeds(reading: Odometry, before: Odometry) -> Odometry:
+    """A reading of a pose alone, its speeds by the difference to the one before."""
+    moved, seconds = before.T_odom_base.inverse() @ reading.T_odom_base, (reading.stamp_ns - before.stamp_ns) * 1e-9
+    if seconds <= 0.0:
+        return reading._replace(v=before.v, omega=before.omega)
+    return reading._replace(v=moved.x / seconds, omega=moved.wrapped().theta / seconds)

@@ -5,50 +5,67 @@ K keyframes, O observations and C corners (of one keyframe after the other), P p
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.vision.patches import PATCH
+from vsx_ros.slam.keyframe import KeyFrame
 from vsx_ros.slam.map import MapView
 from vsx_ros.slam.templates import VIEWS
 from vsx_ros.vision.pyramid import LEVELS
 
 Arrays: TypeAlias = dict[str, NDArray[Any]]
 
-LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
-    "stamp_ns": ("<i8", ("K",)),
-    "rotation": ("<f8", ("K", 3, 3)),
-    "translation": ("<f8", ("K", 3)),
-    "median_depth": ("<f8", ("K",)),
-    "chain": ("<i8", ("K",)),
-    "map_id": ("<i8", ("K",)),
-    "has_odometry": ("|b1", ("K",)),
-    "odometry": ("<f8", ("K", 3)),
-    "readout_motion": ("<f8", ("K", 6)),
-    "anchor": ("<i8", ("K",)),
-    "anchor_rotation": ("<f8", ("K", 3, 3)),
-    "anchor_translation": ("<f8", ("K", 3)),
-    "corner_count": ("<i8", ("K", LEVELS)),
-    "corner": ("<i4", ("C", 2)),
-    "observation_count": ("<i8", ("K",)),
-    "observation_row": ("<i8", ("O",)),
-    "observation_uv": ("<f8", ("O", 2)),
-    "observation_ideal": ("<f8", ("O", 2)),
-    "observation_level": ("<i8", ("O",)),
-    "point": ("<f8", ("P", 3)),
-    "point_alive": ("|b1", ("P",)),
-    "point_source": ("<i8", ("P",)),
-    "point_templates": ("<i8", ("P", VIEWS)),
-    "template_source": ("<i8", ("T",)),
-    "template_basis": ("<f8", ("T", 4)),
-    "template_offset": ("<f8", ("T", 2)),
-    "template_patch": ("|u1", ("T", PATCH, PATCH)),
+
+_LIVING = -1, np.eye(3), np.zeros(3)
+
+
+def _pose(T: SE2 | None) -> tuple[float, float, float]:
+    return (0.0, 0.0, 0.0) if T is None else (T.x, T.y, T.theta)
+
+
+def _anchor(keyframe: KeyFrame) -> tuple[int, NDArray[np.float64], NDArray[np.float64]]:
+    if keyframe.anchor is None:
+        return _LIVING
+    T = keyframe.anchor.T_keyframe_this
+    return keyframe.anchor.keyframe, T.rotation, T.translation
+
+
+LAYOUT: dict[str, tuple[str, tuple[int | str, ...], Callable[[MapView], Any]]] = {
+    "stamp_ns": ("<i8", ("K",), lambda v: [k.data.stamp_ns for k in v.keyframes]),
+    "rotation": ("<f8", ("K", 3, 3), lambda v: v.R_world_cam),
+    "translation": ("<f8", ("K", 3), lambda v: v.centres),
+    "median_depth": ("<f8", ("K",), lambda v: [k.median_depth for k in v.keyframes]),
+    "chain": ("<i8", ("K",), lambda v: [k.odom_epoch for k in v.keyframes]),
+    "map_id": ("<i8", ("K",), lambda v: [k.map_id for k in v.keyframes]),
+    "has_odometry": ("|b1", ("K",), lambda v: [k.data.T_odom_base is not None for k in v.keyframes]),
+    "odometry": ("<f8", ("K", 3), lambda v: [_pose(k.data.T_odom_base) for k in v.keyframes]),
+    "readout_motion": ("<f8", ("K", 6), lambda v: [k.data.camera[-6:] for k in v.keyframes]),
+    "anchor": ("<i8", ("K",), lambda v: [_anchor(k)[0] for k in v.keyframes]),
+    "anchor_rotation": ("<f8", ("K", 3, 3), lambda v: [_anchor(k)[1] for k in v.keyframes]),
+    "anchor_translation": ("<f8", ("K", 3), lambda v: [_anchor(k)[2] for k in v.keyframes]),
+    "corner_count": ("<i8", ("K", LEVELS), lambda v: [k.data.corners.counts for k in v.keyframes]),
+    "corner": ("<i4", ("C", 2), lambda v: np.concatenate([k.data.corners.positions for k in v.keyframes])),
+    "observation_count": ("<i8", ("K",), lambda v: [len(k.observations.rows) for k in v.keyframes]),
+    "observation_row": ("<i8", ("O",), lambda v: np.concatenate([k.observations.rows for k in v.keyframes])),
+    "observation_uv": ("<f8", ("O", 2), lambda v: np.concatenate([k.observations.uv for k in v.keyframes])),
+    "observation_ideal": ("<f8", ("O", 2), lambda v: np.concatenate([k.observations.ideal for k in v.keyframes])),
+    "observation_level": ("<i8", ("O",), lambda v: np.concatenate([k.observations.level for k in v.keyframes])),
+    "point": ("<f8", ("P", 3), lambda v: v.points),
+    "point_alive": ("|b1", ("P",), lambda v: v.alive),
+    "point_source": ("<i8", ("P",), lambda v: v.source),
+    "point_templates": ("<i8", ("P", VIEWS), lambda v: v.templates.of_point),
+    "template_source": ("<i8", ("T",), lambda v: v.templates.source),
+    "template_basis": ("<f8", ("T", 4), lambda v: v.templates.basis),
+    "template_offset": ("<f8", ("T", 2), lambda v: v.templates.offset),
+    "template_patch": ("|u1", ("T", PATCH, PATCH), lambda v: v.templates.patches),
 }
-"""Type and shape of every array; anchor is -1 for a living keyframe, odometry is x, y, theta where there is any,
-readout_motion as ``moving`` takes it, chain the odometry's epoch."""
+"""Type and shape of every array, and what of a view it is; anchor is -1 for a living keyframe, odometry is x, y, theta
+where there is any, readout_motion as ``moving`` takes it, chain the odometry's epoch."""
 
 MAX_KEYFRAMES = 2**16
 """Many times those of the largest buildings."""
@@ -57,43 +74,7 @@ _ORTHONORMAL = 1e-6
 
 def arrays_of(view: MapView) -> Arrays:
     """All of a view but the pixels of its keyframes."""
-    frames, templates = view.keyframes, view.templates
-    anchors = [(-1, np.eye(3), np.zeros(3)) if k.anchor is None else _flat(k.anchor) for k in frames]
-    odometry = [k.data.T_odom_base for k in frames]
-    arrays = {
-        "stamp_ns": [k.data.stamp_ns for k in frames],
-        "rotation": view.R_world_cam,
-        "translation": view.centres,
-        "median_depth": [k.median_depth for k in frames],
-        "chain": [k.odom_epoch for k in frames],
-        "map_id": [k.map_id for k in frames],
-        "has_odometry": [T is not None for T in odometry],
-        "odometry": [(0.0, 0.0, 0.0) if T is None else (T.x, T.y, T.theta) for T in odometry],
-        "readout_motion": [k.data.camera[-6:] for k in frames],
-        "anchor": [a[0] for a in anchors],
-        "anchor_rotation": [a[1] for a in anchors],
-        "anchor_translation": [a[2] for a in anchors],
-        "corner_count": [k.data.corners.counts for k in frames],
-        "corner": np.concatenate([k.data.corners.positions for k in frames]),
-        "observation_count": [len(k.observations.rows) for k in frames],
-        "observation_row": np.concatenate([k.observations.rows for k in frames]),
-        "observation_uv": np.concatenate([k.observations.uv for k in frames]),
-        "observation_ideal": np.concatenate([k.observations.ideal for k in frames]),
-        "observation_level": np.concatenate([k.observations.level for k in frames]),
-        "point": view.points,
-        "point_alive": view.alive,
-        "point_source": view.source,
-        "point_templates": templates.of_point,
-        "template_source": templates.source,
-        "template_basis": templates.basis,
-        "template_offset": templates.offset,
-        "template_patch": templates.patches,
-    }
-    return {name: np.asarray(arrays[name], LAYOUT[name][0]) for name in LAYOUT}
-
-
-def _flat(anchor: Any) -> tuple[int, NDArray[np.float64], NDArray[np.float64]]:
-    return anchor.keyframe, anchor.T_keyframe_this.rotation, anchor.T_keyframe_this.translation
+    return {name: np.asarray(of(view), kind) for name, (kind, _, of) in LAYOUT.items()}
 
 
 def check(arrays: Mapping[str, NDArray[Any]], width: int, height: int) -> None:
@@ -126,7 +107,7 @@ def check(arrays: Mapping[str, NDArray[Any]], width: int, height: int) -> None:
 
 def _check_shapes(arrays: Mapping[str, NDArray[Any]]) -> dict[str, int]:
     sizes: dict[str, int] = {}
-    for name, (kind, shape) in LAYOUT.items():
+    for name, (kind, shape, _) in LAYOUT.items():
         if name not in arrays:
             raise ValueError(f"{name} is missing")
         array = arrays[name]

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from vsx_ros import __version__
 from vsx_ros.arrays import GrayImage
-from vsx_ros.errors import MapFileError, reason_of
+from vsx_ros.errors import MapFileError, explained, reason_of
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
@@ -44,22 +44,15 @@ _PIXELS, _PIXELS_PER_BYTE = 64 * MIB, 16
 
 
 def save_slam_map(slam_map: SlamMap, path: Path) -> None:
-    """Write the file in one step; the SLAM may go on meanwhile.
-
-    Raises MapFileError when it cannot be written.
-    """
+    """Write the file in one step; the SLAM may go on meanwhile. Raises MapFileError when it cannot be written."""
     pictures = {image_name(k.id): encoded(k.data.pyramid.level(0)) for k in slam_map.view.keyframes if k.alive}
-    try:
+    with explained(MapFileError, f"map {path} cannot be written", "choose another folder", OSError):
         write_bytes(path, seal(entries_of(slam_map, arrays_of(slam_map.view)) | pictures))
-    except OSError as error:
-        raise MapFileError(f"map {path} cannot be written ({error.strerror}); choose another folder") from error
 
 
 def load_slam_map(path: Path) -> SlamMap:
-    """The map of a file that ``save_slam_map`` wrote, bit for bit.
-
-    Raises MapFileError when it is missing, damaged, something else or from a newer program.
-    """
+    """The map of a file that ``save_slam_map`` wrote, bit for bit. Raises MapFileError when it is missing, damaged,
+    something else or from a newer program."""
     with damage_explained(path):
         return slam_map_of(unseal(file_bytes(path, DATA_BYTES)))
 
@@ -81,10 +74,8 @@ def entries_of(slam_map: SlamMap, arrays: Arrays) -> dict[str, bytes]:
 
 
 def slam_map_of(entries: Mapping[str, bytes]) -> SlamMap:
-    """The map of ``entries_of`` all arrays with a picture, ``image_name(index)``, of each living keyframe.
-
-    Raises one of ``limits.DAMAGE`` for anything else.
-    """
+    """The map of ``entries_of`` all arrays with a picture, ``image_name(index)``, of each living keyframe. Raises one
+    of ``limits.DAMAGE`` for anything else."""
     manifest = _manifest(entries)
     camera, mount = _camera(manifest), _mount(manifest)
     arrays = {name: array_of(entries[array_name(name)]) for name in LAYOUT}

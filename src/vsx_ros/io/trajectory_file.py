@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from vsx_ros.errors import InputError, reason_of
+from vsx_ros.errors import InputError, explained
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.atomic import write_text
@@ -28,10 +28,8 @@ def format_stamp(stamp_ns: int) -> str:
 
 
 def parse_stamp(text: str) -> int:
-    """Nanoseconds of a decimal number of seconds, without rounding through a float.
-
-    Raises ValueError when the text is no number, or one that no 64 bits hold.
-    """
+    """Nanoseconds of a decimal number of seconds, without rounding through a float. Raises ValueError when the text is
+    no number, or one that no 64 bits hold."""
     stamp_ns = _nanoseconds(text)
     if abs(stamp_ns) >= 2**63:
         raise ValueError(f"stamp {text[:40]} lies outside of time")
@@ -61,12 +59,8 @@ def read_trajectory(path: Path) -> list[StampedPose]:
 
     Raises InputError naming file and line when a line is no stamp, position within FARTHEST_M, unit quaternion.
     """
-    try:
+    with explained(InputError, f"trajectory {path} cannot be read", "give a text file in TUM format"):
         text = file_text(path, LOG_BYTES)
-    except (OSError, ValueError) as error:
-        raise InputError(
-            f"trajectory {path} cannot be read ({reason_of(error)}); give a text file in TUM format"
-        ) from error
     poses = []
     for number, line in enumerate(io.StringIO(text), start=1):
         if line.strip() and not line.lstrip().startswith("#"):

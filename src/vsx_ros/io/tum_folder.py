@@ -4,51 +4,46 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator
+from operator import attrgetter
 from pathlib import Path
 
-from vsx_ros.errors import InputError, reason_of
-from vsx_ros.geometry.camera import PinholeCamera
-from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.errors import InputError, explained
 from vsx_ros.io.calibration_file import read_calibration
 from vsx_ros.io.image_encoding import decoded
-from vsx_ros.io.recording import Recording
+from vsx_ros.io.recording import Recording, with_speeds
 from vsx_ros.io.trajectory_file import parse_stamp, read_trajectory
 from vsx_ros.limits import LOG_BYTES, file_bytes
 from vsx_ros.robot import Frame, Odometry
 
 _MOST_IMAGES = 2**20  # nine hours at 30 a second
 _LONGEST_NAME = 1000
+_STAMP = attrgetter("stamp_ns")
 CALIBRATION_NAMES = ("camera.json", "camera.yaml", "calibration.yaml", "camera_info.yaml")
 
 
 def open_folder(folder: Path) -> Recording:
     """Images listed in rgb.txt; groundtruth.txt (T_world_cam), odometry.txt (T_odom_base) and calibration if there.
-
-    Raises InputError when rgb.txt is missing, empty or malformed.
-    """
+    Raises InputError when rgb.txt is missing, empty or malformed."""
     listed = _listed_images(folder)
 
     def frames() -> Iterator[Frame]:
         for stamp_ns, name in listed:
             path = folder / name
-            try:
+            what = f"image {path} named in {folder / 'rgb.txt'} cannot be read"
+            with explained(InputError, what, "copy the folder again or delete its line"):
                 content = file_bytes(path, LOG_BYTES)
-            except (OSError, ValueError) as error:
-                raise InputError(
-                    f"image {path} named in {folder / 'rgb.txt'} cannot be read ({reason_of(error)}); "
-                    "copy the folder again or delete its line"
-                ) from error
             yield Frame(stamp_ns, decoded(content, f"image {path}"))
 
     truth = folder / "groundtruth.txt"
+    calibration = next((folder / name for name in CALIBRATION_NAMES if (folder / name).exists()), None)
     return Recording(
         source=folder,
         image_topic=None,
         odometry_topic=None,
         frame_count=len(listed),
-        camera=_calibration(folder),
+        camera=read_calibration(calibration) if calibration is not None else None,
         odometry=_odometry(folder / "odometry.txt"),
-        ground_truth=sorted(read_trajectory(truth), key=_stamp) if truth.exists() else [],
+        ground_truth=sorted(read_trajectory(truth), key=_STAMP) if truth.exists() else [],
         open_frames=frames,
     )
 
@@ -59,12 +54,8 @@ def _listed_images(folder: Path) -> list[tuple[int, str]]:
         raise InputError(
             f"folder {folder} has no rgb.txt and no metadata.yaml; give a bag or a folder in the TUM RGB-D layout"
         )
-    try:
+    with explained(InputError, f"{index} cannot be read", "give a text file of lines 'stamp file'"):
         text = file_bytes(index, LOG_BYTES).decode(errors="replace")
-    except (OSError, ValueError) as error:
-        raise InputError(
-            f"{index} cannot be read ({reason_of(error)}); give a text file of lines 'stamp file'"
-        ) from error
     listed: list[tuple[int, str]] = []
     for number, line in enumerate(io.StringIO(text), start=1):
         if not line.strip() or line.lstrip().startswith("#"):
@@ -83,25 +74,11 @@ def _listed_images(folder: Path) -> list[tuple[int, str]]:
     return listed
 
 
-def _calibration(folder: Path) -> PinholeCamera | None:
-    found = [folder / name for name in CALIBRATION_NAMES if (folder / name).exists()]
-    return read_calibration(found[0]) if found else None
-
-
-def _stamp(pose: StampedPose) -> int:
-    return pose.stamp_ns
-
-
 def _odometry(path: Path) -> list[Odometry]:
     if not path.exists():
         return []
     readings: list[Odometry] = []
-    for stamp_ns, T in sorted(read_trajectory(path), key=_stamp):
-        pose = T.to_se2()
-        v = omega = 0.0
-        if readings and stamp_ns > readings[-1].stamp_ns:
-            seconds = (stamp_ns - readings[-1].stamp_ns) * 1e-9
-            motion = readings[-1].T_odom_base.inverse() @ pose
-            v, omega = motion.x / seconds, motion.wrapped().theta / seconds
-        readings.append(Odometry(stamp_ns, pose, v, omega))
+    for stamp_ns, T in sorted(read_trajectory(path), key=_STAMP):
+        reading = Odometry(stamp_ns, T.to_se2())
+        readings.append(with_speeds(reading, readings[-1]) if readings else reading)
     return readings

@@ -29,7 +29,7 @@ class Camera(Protocol):
     def status(self) -> LinkStatus:
         """Health; counts ``frames``."""
 
-    def close(self) -> None:
+    def close(self) -> object:
         """Release the device."""
 
 

@@ -25,7 +25,7 @@ from vsx_ros.navigation.follower_report import decode_report
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.ros import clock, convert, topics
 from vsx_ros.ros.device_trouble import DeviceTrouble
-from vsx_ros.runs.folder import RunEvent
+from vsx_ros.runs.journal import RunEvent
 
 _JITTER_M = 0.002
 # rospy's own remarks on connections that come and go while nodes start and end.

@@ -11,8 +11,8 @@ from vsx_ros.geometry.camera import mounted
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.ros.monitor import Monitor
-from vsx_ros.runs.folder import RunEvent, RunFolder
-from vsx_ros.runs.journal import ClockLine, EventLine, Journal, Line, TruthLine, flat, read_journal, unflat
+from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.journal import ClockLine, Journal, Line, RunEvent, TruthLine, flat, read_journal, unflat
 
 
 class MonitorJournal:
@@ -46,14 +46,14 @@ class MonitorJournal:
 
     def events(self) -> list[RunEvent]:
         """Events of the sessions before."""
-        return [RunEvent(x.stamp_ns, x.source, x.state, x.reason) for x in self.before if isinstance(x, EventLine)]
+        return [line for line in self.before if isinstance(line, RunEvent)]
 
     def keep(self, monitor: Monitor, now_ns: int, elapsed_s: float) -> None:
         """Write down what is new. elapsed_s: of all sessions."""
         truths, events = monitor.truth()[self._truths :], monitor.events()[self._events :]
         self._truths, self._events = self._truths + len(truths), self._events + len(events)
         collisions = self.clock.collisions + monitor.collisions
-        lines: list[Line] = [EventLine(**event._asdict()) for event in events]
+        lines: list[Line] = [*events]
         for stamp_ns, T in truths:
             base = (T @ self._T_cam_base).to_se2()
             at, seen = (base.x, base.y, base.theta), flat(T)

@@ -27,10 +27,10 @@ from vsx_ros.ros.monitor import Monitor
 from vsx_ros.ros.monitor_journal import MonitorJournal
 from vsx_ros.ros.progress import Progress, progress_line
 from vsx_ros.runs.exit_codes import DONE, FAILED, HARDWARE, INTERNAL, STOPPED, ended_well
-from vsx_ros.runs.folder import RunEvent, RunFolder
-from vsx_ros.runs.outcomes import EXIT_CODES
+from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.journal import RunEvent
 from vsx_ros.runs.record import MapJudge
-from vsx_ros.runs.report import tell_the_end, write_report
+from vsx_ros.runs.report import EXIT_CODES, tell_the_end, write_report
 from vsx_ros.runs.start import begin
 from vsx_ros.sim.world import Start, World, changed
 from vsx_ros.sim.world_file import save_world

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.errors import InputError, reason_of
+from vsx_ros.errors import InputError, explained
 from vsx_ros.io.array_chunks import ArrayChunks, array_bytes, array_of
 from vsx_ros.io.atomic import sync, write_bytes, write_text
 from vsx_ros.io.sealed_archive import seal, unseal
@@ -57,7 +58,7 @@ class Checkpoint:
         """Replace the checkpoint in one step. Raises InputError when the folder cannot be written."""
         living = {_file(k): k for k in saved.slam_map.view.keyframes if k.alive}
         arrays = arrays_of(saved.slam_map.view)
-        try:
+        with self._writing():
             self.path.mkdir(parents=True, exist_ok=True)
             for path in (self.path.parent, *self.path.glob("*.jsonl")):
                 sync(path)
@@ -73,8 +74,9 @@ class Checkpoint:
             for path in (self.path / "keyframes").iterdir():
                 if path.name not in living:
                     path.unlink()
-        except OSError as error:
-            raise InputError(f"checkpoint {self.path} cannot be written ({error.strerror}); free the disk") from error
+
+    def _writing(self) -> AbstractContextManager[None]:
+        return explained(InputError, f"checkpoint {self.path} cannot be written", "free the disk", OSError)
 
     def _write_pictures(self, living: Mapping[str, KeyFrame]) -> None:
         folder = self.path / "keyframes"
@@ -106,15 +108,11 @@ class Checkpoint:
             return CheckpointData(slam_map_of_entries(entries), int(tree["stamp_ns"]), state, dict(tree["mission"]))
 
     def write_mission(self, memory: Mapping[str, Any], stamp_ns: int) -> None:
-        """What a mission in a process of its own remembers at this stamp, apart from the map, in one step.
-
-        Raises InputError when it cannot be written.
-        """
-        try:
+        """What a mission in a process of its own remembers at this stamp, apart from the map, in one step. Raises
+        InputError when it cannot be written."""
+        with self._writing():
             self.path.mkdir(parents=True, exist_ok=True)
             write_text(self.path / "mission.json", json.dumps({**memory, "stamp_ns": stamp_ns}), durable=True)
-        except OSError as error:
-            raise InputError(f"checkpoint {self.path} cannot be written ({error.strerror}); free the disk") from error
 
     def read_mission(self) -> dict[str, Any] | None:
         """What the mission of an interrupted run remembered, and "stamp_ns"; None without a map to use it in. Raises
@@ -122,12 +120,8 @@ class Checkpoint:
         path = self.path / "mission.json"
         if not (self.exists and path.exists()):
             return None
-        try:
+        with explained(InputError, f"{path} cannot be read", "delete it, the mission then begins anew"):
             tree = json_tree(file_text(path))
-        except (OSError, ValueError) as error:
-            raise InputError(
-                f"{path} cannot be read ({reason_of(error)}); delete it, the mission then begins anew"
-            ) from error
         return tree if isinstance(tree, dict) else {}
 
 

@@ -8,7 +8,9 @@ import json
 import platform
 import shutil
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
+from datetime import datetime
 from importlib import metadata
 from itertools import islice
 from pathlib import Path
@@ -16,20 +18,19 @@ from typing import Any, NamedTuple
 
 import msgspec
 import yaml
+from msgspec import structs
 
 from vsx_ros import __version__
-from vsx_ros.arrays import Points3
 from vsx_ros.config import Config, from_dict, to_dict
-from vsx_ros.errors import InputError, VsxError, disk_trouble, reason_of
+from vsx_ros.errors import InputError, VsxError, disk_trouble, explained
 from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.atomic import write_text
 from vsx_ros.io.map_file import load_map, save_map
-from vsx_ros.io.ply_file import read_ply, write_ply
 from vsx_ros.io.trajectory_file import format_stamp, parse_stamp, read_trajectory, write_trajectory
 from vsx_ros.limits import LOG_BYTES, TEXT_BYTES, file_text, json_tree, yaml_tree
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.runs.checkpoint import Checkpoint
-from vsx_ros.runs.journal import EventLine
+from vsx_ros.runs.journal import RunEvent
 
 FILES = (
     "summary.json", "config.yaml", "trajectory.txt", "odometry.txt", "groundtruth.txt", "map.pgm", "map.yaml",
@@ -37,17 +38,8 @@ FILES = (
 )  # fmt: skip
 _FRAME_COLUMNS_ONCE = 6  # older versions kept no u2_frames
 _MOST = 1e12  # of anything that is counted or measured in a frame
-_EVENT = msgspec.json.Decoder(EventLine)
+_EVENT = msgspec.json.Decoder(RunEvent)
 _PACKAGES = ("numpy", "numba", "opencv-python-headless", "osqp", "daqp", "ruckig", "rosbags", "msgspec")
-
-
-class RunEvent(NamedTuple):
-    """A change of state. source: who changed (slam, mission, navigation, safety). state: to what. reason: why."""
-
-    stamp_ns: int
-    source: str
-    state: str
-    reason: str
 
 
 class FrameRecord(NamedTuple):
@@ -71,39 +63,30 @@ class RunFolder:
 
     @staticmethod
     def create(path: Path) -> RunFolder:
-        """Make the folder, or empty that of an earlier run.
-
-        Raises InputError where something else is in the way.
-        """
+        """Make the folder, or empty that of an earlier run. Raises InputError where something else is in the way."""
         if path.exists() and (not path.is_dir() or (any(path.iterdir()) and not _is_run(path))):
             raise InputError(f"{path} exists and is not a run folder; choose another with --out, or remove it")
-        try:
+        with _making(path):
             path.mkdir(parents=True, exist_ok=True)
             for name in FILES:
                 (path / name).unlink(missing_ok=True)
             shutil.rmtree(path / "resume", ignore_errors=True)
-        except OSError as error:
-            raise _cannot_be_made(path, error) from error
         return RunFolder(path)
 
     @staticmethod
-    def create_another(path: Path) -> RunFolder:
-        """Make a folder that was not there, with _2, _3, ... behind its name where that is taken.
-
-        Raises InputError where it cannot be made.
-        """
-        number, free = 1, path
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
+    def create_dated(name: str) -> RunFolder:
+        """Make runs/<date>_<name>, with _2, _3, ... behind it where that is taken. Raises InputError where it cannot be
+        made."""
+        first = Path("runs") / f"{datetime.now().strftime('%Y-%m-%d_%H-%M-%S')}_{name}"
+        path, number = first, 1
+        with _making(first):
+            first.parent.mkdir(parents=True, exist_ok=True)
             while True:
-                try:
-                    free.mkdir()
-                    return RunFolder(free)
-                except FileExistsError:
-                    number += 1
-                    free = path.with_name(f"{path.name}_{number}")
-        except OSError as error:
-            raise _cannot_be_made(free, error) from error
+                with suppress(FileExistsError):
+                    path.mkdir()
+                    return RunFolder(path)
+                number += 1
+                path = first.with_name(f"{first.name}_{number}")
 
     @staticmethod
     def open(path: Path) -> RunFolder:
@@ -142,10 +125,8 @@ class RunFolder:
         write_text(self.path / "config.yaml", yaml.safe_dump(tree, sort_keys=False), durable=True)
 
     def read_config(self) -> tuple[Config, dict[str, Any]]:
-        """The configuration, and all else that config.yaml says (command, versions, seed).
-
-        Raises InputError or ConfigError when the file is missing or damaged.
-        """
+        """The configuration, and all else that config.yaml says (command, versions, seed). Raises InputError or
+        ConfigError when the file is missing or damaged."""
         tree = self._parsed("config.yaml", yaml_tree)
         return from_dict(tree.pop("config", {})), tree
 
@@ -160,15 +141,14 @@ class RunFolder:
     def write_events(self, events: Iterable[RunEvent]) -> None:
         """Every change of state with its reason, by time, one JSON object a line."""
         ordered = sorted(events, key=lambda event: event.stamp_ns)
-        write_text(self.path / "events.jsonl", "".join(json.dumps(event._asdict()) + "\n" for event in ordered))
+        write_text(self.path / "events.jsonl", "".join(json.dumps(structs.asdict(event)) + "\n" for event in ordered))
 
     def read_events(self) -> list[RunEvent]:
         """What ``write_events`` wrote; none where there is no file. Raises InputError when damaged."""
-        try:
-            text = self._text("events.jsonl", LOG_BYTES) if (self.path / "events.jsonl").exists() else ""
-            return [_run_event(line) for line in io.StringIO(text)]
-        except (RecursionError, ValueError) as error:
-            raise self._damaged("events.jsonl", error) from error
+        if not (self.path / "events.jsonl").exists():
+            return []
+        with self._reading("events.jsonl", (RecursionError, ValueError)):
+            return [_EVENT.decode(line) for line in io.StringIO(self._text("events.jsonl", LOG_BYTES))]
 
     def write_frames(self, frames: Iterable[FrameRecord]) -> None:
         """frames.csv: how each frame was tracked."""
@@ -185,11 +165,9 @@ class RunFolder:
         """What ``write_frames`` wrote; none where there is no file. Raises InputError when damaged."""
         if not (self.path / "frames.csv").exists():
             return []
-        try:
+        with self._reading("frames.csv", (csv.Error, OverflowError, ValueError)):
             rows = csv.reader(io.StringIO(self._text("frames.csv", LOG_BYTES)))
             return [_frame_record(row) for row in islice(rows, 1, None)]
-        except (csv.Error, OverflowError, ValueError) as error:
-            raise self._damaged("frames.csv", error) from error
 
     def write_poses(self, name: str, poses: Iterable[StampedPose]) -> None:
         """name: trajectory (T_world_cam), odometry (T_odom_base) or groundtruth (T_world_cam)."""
@@ -208,54 +186,28 @@ class RunFolder:
         """The map, None where there is none."""
         return load_map(self.path / "map.yaml") if (self.path / "map.yaml").exists() else None
 
-    def write_points(self, points_world: Points3) -> None:
-        """sparse.ply: the SLAM's (M, 3) points."""
-        write_ply(self.path / "sparse.ply", points_world)
-
-    def read_points(self) -> Points3 | None:
-        """The SLAM's points, None where there are none."""
-        return read_ply(self.path / "sparse.ply") if (self.path / "sparse.ply").exists() else None
-
-    def write_surface(self, points_world: Points3) -> None:
-        """dense.ply: (N, 3) spots of the dense map's surface."""
-        write_ply(self.path / "dense.ply", points_world)
-
-    def write_report(self, html: str) -> Path:
-        """report.html; its path."""
-        write_text(self.path / "report.html", html)
-        return self.path / "report.html"
-
     def _text(self, name: str, most: int = TEXT_BYTES) -> str:
-        try:
+        with explained(InputError, f"{self.path / name} cannot be read", "run again"):
             return file_text(self.path / name, most)
-        except (OSError, ValueError) as error:
-            raise InputError(f"{self.path / name} cannot be read ({reason_of(error)}); run again") from error
 
-    def _damaged(self, name: str, error: Exception) -> InputError:
-        return InputError(f"{self.path / name} is damaged ({reason_of(error)}); delete it or run again")
+    def _reading(self, name: str, causes: tuple[type[Exception], ...]) -> AbstractContextManager[None]:
+        return explained(InputError, f"{self.path / name} is damaged", "delete it or run again", causes)
 
     def _parsed(self, name: str, parse: Any) -> dict[str, Any]:
         text = self._text(name)
-        try:
+        with explained(InputError, f"{self.path / name} is damaged", "run again"):
             tree = parse(text)
-        except (ValueError, yaml.YAMLError) as error:
-            raise InputError(f"{self.path / name} is damaged ({reason_of(error)}); run again") from error
-        if not isinstance(tree, dict):
-            raise InputError(f"{self.path / name} is damaged (it holds no names); run again")
-        return tree
+            if not isinstance(tree, dict):
+                raise ValueError("it holds no names")
+            return tree
 
 
-def _cannot_be_made(path: Path, error: OSError) -> InputError:
-    return InputError(f"run folder {path} cannot be made ({error.strerror}); choose another with --out")
+def _making(path: Path) -> AbstractContextManager[None]:
+    return explained(InputError, f"run folder {path} cannot be made", "choose another with --out", OSError)
 
 
 def _is_run(path: Path) -> bool:
     return any((path / name).is_file() for name in ("summary.json", "config.yaml"))
-
-
-def _run_event(line: str) -> RunEvent:
-    event = _EVENT.decode(line)
-    return RunEvent(event.stamp_ns, event.source, event.state, event.reason)
 
 
 def _frame_record(row: Sequence[str]) -> FrameRecord:

@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 from msgspec import Struct
 
-from vsx_ros.errors import InputError, reason_of
+from vsx_ros.errors import InputError, explained
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.io.atomic import write_bytes
@@ -83,8 +83,8 @@ class TruthLine(Struct, frozen=True, kw_only=True, tag="truth"):
     collisions: int
 
 
-class EventLine(Struct, frozen=True, kw_only=True, tag="event"):
-    """A change of state, as in events.jsonl."""
+class RunEvent(Struct, frozen=True, tag="event"):
+    """A change of state. source: who changed (slam, mission, navigation, safety). state: to what. reason: why."""
 
     stamp_ns: int
     source: str
@@ -101,7 +101,7 @@ class ClockLine(Struct, frozen=True, kw_only=True, tag="clock"):
     collisions: int
 
 
-Line: TypeAlias = FrameLine | TruthLine | EventLine | ClockLine
+Line: TypeAlias = FrameLine | TruthLine | RunEvent | ClockLine
 _ENCODE, _DECODE = msgspec.json.Encoder(), msgspec.json.Decoder(Line)
 
 
@@ -110,13 +110,11 @@ class Journal:
 
     def __init__(self, path: Path, known: Sequence[Line] = ()) -> None:
         """Begin with the lines that are known already. Raises InputError when the file cannot be written."""
-        try:
+        with explained(InputError, f"journal {path} cannot be written", "choose another --out", OSError):
             path.parent.mkdir(parents=True, exist_ok=True)
             write_bytes(path, _text(known), durable=True)
             self._whole = path.stat().st_size
             self._file = path.open("ab", buffering=0)
-        except OSError as error:
-            raise InputError(f"journal {path} cannot be written ({error.strerror}); choose another --out") from error
 
     def add(self, *lines: Line) -> None:
         """Append lines, all or none. Raises InputError when the disk takes no more."""
@@ -140,11 +138,9 @@ def read_journal(path: Path) -> list[Line]:
     """All lines but a last one that was cut off. Raises InputError when the file is damaged elsewhere."""
     if not path.exists():
         return []
-    try:
+    with explained(InputError, f"journal {path} is damaged", "start a new run", (OSError, RecursionError, ValueError)):
         *lines, _ = file_bytes(path, LOG_BYTES).split(b"\n")
         return [_checked(_DECODE.decode(line)) for line in lines]
-    except (OSError, RecursionError, ValueError) as error:
-        raise InputError(f"journal {path} is damaged ({reason_of(error)}); start a new run") from error
 
 
 def _checked(line: Line) -> Line:

@@ -17,12 +17,11 @@ from vsx_ros.geometry.stamped import StampedPose
 from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.robot import STOP, Frame, Odometry, VelocityCommand
 from vsx_ros.runs.exit_codes import DONE, LOST, STOPPED, ended_well
-from vsx_ros.runs.folder import RunEvent, RunFolder
+from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.interruptible import interruptible
-from vsx_ros.runs.journal import TruthLine, flat, unflat
-from vsx_ros.runs.outcomes import EXIT_CODES
+from vsx_ros.runs.journal import RunEvent, TruthLine, flat, unflat
 from vsx_ros.runs.record import MapJudge
-from vsx_ros.runs.report import tell_the_end, write_report
+from vsx_ros.runs.report import EXIT_CODES, tell_the_end, write_report
 from vsx_ros.runs.session import PreviousSessions, RunWriter
 from vsx_ros.runs.start import begin
 from vsx_ros.sim.robot import EmulatedRobot, Observation
@@ -54,8 +53,8 @@ class FastRun:
         """before: an interrupted run to go on with, in the same world with the same seed; the robot stands where it
         stood when the power went. slam_map: a map to go on in. folder: where to keep what another one needs."""
         self.world, self._config = world, config
-        # Where a loaded map lies in the world is not known.
-        self._judge = MapJudge(world, config) if slam_map is None else None
+        # Compares maps with the world; where a loaded map lies in it is not known.
+        self.judge = MapJudge(world, config) if slam_map is None else None
         self._before, truth = before, before.truth if before is not None else None
         if truth is not None:
             x, y, theta = truth.T_world_base
@@ -87,10 +86,8 @@ class FastRun:
         return self.system.navigator.plans + earlier
 
     def run(self, limit_s: float, watch: Callable[[int], str | None] | None = None) -> str:
-        """Step until the mission is done, the emulated time is over or Ctrl-C is pressed; why it ended.
-
-        watch: told the stamp after each step; what it answers ends the run, and is why.
-        """
+        """Step until the mission is done, the emulated time is over or Ctrl-C is pressed; why it ended. watch: told the
+        stamp after each step; what it answers ends the run, and is why."""
         mission, command, shown = self.system.mission, STOP, 0.0
         seen: Observation | None = None
         reason = STOPPED_BY_OPERATOR
@@ -124,9 +121,9 @@ class FastRun:
 
         def watch(now_ns: int) -> str | None:
             nonlocal due_ns
-            if now_ns < due_ns or self._judge is None or self.system.grid is None:
+            if now_ns < due_ns or self.judge is None or self.system.grid is None:
                 return None
-            right = self._judge.quality(self.system.grid).coverage_correct or 0.0
+            right = self.judge.quality(self.system.grid).coverage_correct or 0.0
             enough = right >= share
             due_ns = now_ns if enough else now_ns + _JUDGED_EVERY_NS
             return f"{100 * share:g} % is known" if enough and self.record.results[-1].state.tracked else None
@@ -139,11 +136,6 @@ class FastRun:
             pursued = {"errors_m": np.array(self._errors_m, float), "plans": np.array([self.plans])}
             mission = system.mission.to_save(stamp_ns, system.odometry.T_odom_base)
             self.keeper.write({**system.ground.state(), **pursued}, mission.tree())
-
-    @property
-    def judge(self) -> MapJudge | None:
-        """Compares maps with the world; None where it is not known how the map lies in it."""
-        return self._judge
 
     def _observe(self, command: VelocityCommand) -> Observation:
         """What the robot's sensors say; time and odometry go on from where an earlier session left them."""
@@ -198,8 +190,8 @@ class FastRun:
         system, errors = self.system, np.array(self._errors_m)
         summary = self.record.summary(system.slam.statistics())
         summary = with_accuracy(summary, self.record.estimate(), self.truth, "yaw")
-        if self._judge is not None:
-            summary = self._judge.judged(summary, system.grid)
+        if self.judge is not None:
+            summary = self.judge.judged(summary, system.grid)
         truth = self.robot.truth if self._before is None else None
         return summary.with_values(
             collisions=self.collisions,

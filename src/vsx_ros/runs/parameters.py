@@ -11,7 +11,7 @@ import msgspec
 import yaml
 
 from vsx_ros.config import Config, from_dict, overridden
-from vsx_ros.errors import ConfigError, reason_of
+from vsx_ros.errors import ConfigError, explained
 from vsx_ros.limits import file_text, yaml_tree
 
 _UNITS = (
@@ -23,28 +23,20 @@ _UNITS = (
 
 
 def load(file: Path | None, assignments: Sequence[str]) -> Config:
-    """Defaults, then the file, then NAME=VALUE assignments.
-
-    Raises ConfigError naming the file or entry, e.g. for an unknown name.
-    """
+    """Defaults, then the file, then NAME=VALUE assignments. Raises ConfigError naming the file or entry, e.g. for an
+    unknown name."""
     config = Config()
     if file is not None:
-        try:
+        with explained(ConfigError, f"configuration {file} cannot be read", "'vsx config' prints one"):
             tree = yaml_tree(file_text(file))
-        except (OSError, ValueError, yaml.YAMLError) as error:
-            raise ConfigError(
-                f"configuration {file} cannot be read ({reason_of(error)}); 'vsx config' prints one"
-            ) from error
         config = from_dict(tree if tree is not None else {})
     values: dict[str, Any] = {}
     for assignment in assignments:
         name, equals, text = assignment.partition("=")
         if not equals:
             raise ConfigError(f"--set {assignment}: expected NAME=VALUE, e.g. --set limits.v_m_s=0.2")
-        try:
+        with explained(ConfigError, f"--set {assignment}: the value is none", "write a number"):
             values[name.strip()] = yaml_tree(text) if text else ""
-        except (ValueError, yaml.YAMLError) as error:
-            raise ConfigError(f"--set {assignment}: the value is none ({reason_of(error)}); write a number") from error
     return overridden(config, values)
 
 

@@ -17,14 +17,15 @@ from vsx_ros.evaluation.tracking import find_breaks
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.io.ply_file import write_ply
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 from vsx_ros.robot import Odometry
-from vsx_ros.runs.folder import FrameRecord, RunEvent, RunFolder
-from vsx_ros.runs.journal import EventLine, FrameLine, Line
+from vsx_ros.runs.folder import FrameRecord, RunFolder
+from vsx_ros.runs.journal import FrameLine, Line, RunEvent
 from vsx_ros.sim.truth import ground_truth_grid
 from vsx_ros.sim.world import World
 from vsx_ros.slam.snapshot import MapSnapshot
-from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult
+from vsx_ros.slam.state import SlamStatistics, TrackingResult
 
 
 class RunRecord:
@@ -55,10 +56,6 @@ class RunRecord:
         self.track_ms.append(1e3 * track_s)
         self.u2_frames.append(u2_frames)
 
-    def add_slam_events(self, events: Iterable[SlamEvent]) -> None:
-        """Changes of state of the SLAM."""
-        self.events += [RunEvent(event.stamp_ns, "slam", event.kind, event.reason) for event in events]
-
     def restore(self, lines: Iterable[Line]) -> None:
         """Go on from the journal of the sessions before."""
         for line in lines:
@@ -66,8 +63,8 @@ class RunRecord:
                 self.add_frame(line.result(), line.odometry, 1e-3 * line.track_ms, line.u2_frames)
                 if line.odometry is not None:
                     self.add_odometry(line.odometry)
-            elif isinstance(line, EventLine):
-                self.events.append(RunEvent(line.stamp_ns, line.source, line.state, line.reason))
+            elif isinstance(line, RunEvent):
+                self.events.append(line)
 
     @property
     def odom_epoch(self) -> int:
@@ -104,9 +101,9 @@ class RunRecord:
             T_odom_base = [StampedPose(ns, SE3.from_se2(T)) for ns, T in self._odometry]
             yield lambda: folder.write_poses("odometry", T_odom_base)
         if len(snapshot.points_world):
-            yield lambda: folder.write_points(snapshot.points_world)
+            yield lambda: write_ply(folder.path / "sparse.ply", snapshot.points_world)
         if surface is not None and len(surface):
-            yield lambda: folder.write_surface(surface)
+            yield lambda: write_ply(folder.path / "dense.ply", surface)
 
 
 class MapJudge:

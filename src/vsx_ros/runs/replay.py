@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import sys
-from datetime import datetime
 from pathlib import Path
 
 from vsx_ros.config import Config
@@ -20,10 +19,8 @@ from vsx_ros.slam.state import TrackingState
 
 
 def opened(args: argparse.Namespace) -> Recording:
-    """The recording of the options, with a camera; what is wrong with it is said.
-
-    Raises InputError when it cannot be used as wished, CalibrationError for a calibration that cannot be read.
-    """
+    """The recording of the options, with a camera; what is wrong with it is said. Raises InputError when it cannot be
+    used as wished, CalibrationError for a calibration that cannot be read."""
     recording = open_recording(args.input, args.image_topic, args.odometry_topic)
     if recording.damage:
         print(f"vsx: {recording.damage}", file=sys.stderr)
@@ -34,8 +31,7 @@ def opened(args: argparse.Namespace) -> Recording:
 
 def new_folder(args: argparse.Namespace, config: Config) -> RunFolder:
     """The run folder, with the configuration in it. Raises InputError where something else is in the way."""
-    usual = Path("runs") / f"{datetime.now().strftime('%Y-%m-%d_%H-%M-%S')}_{args.input.stem}"
-    folder = RunFolder.create(args.out) if args.out else RunFolder.create_another(usual)
+    folder = RunFolder.create(args.out) if args.out else RunFolder.create_dated(args.input.stem)
     folder.write_config(config, args.line, seed=args.seed, input=str(args.input.resolve()))
     return folder
 

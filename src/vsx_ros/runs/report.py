@@ -1,4 +1,4 @@
-"""What a run tells at its end: its page, and the facts that people want first."""
+"""What a run tells at its end: its exit code, its page, and the facts that people want first."""
 
 from __future__ import annotations
 
@@ -8,33 +8,51 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from msgspec.structs import astuple
 
 from vsx_ros.evaluation.report import ReportData, render
 from vsx_ros.evaluation.summary import checked_summary
-from vsx_ros.runs.exit_codes import FAILED
+from vsx_ros.exploration.decision import Outcome
+from vsx_ros.io.atomic import write_text
+from vsx_ros.io.ply_file import read_ply
+from vsx_ros.runs.exit_codes import DONE, FAILED, LOST, STOPPED
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.parameters import commented_yaml
+
+EXIT_CODES = {
+    Outcome.EXPLORED: DONE,
+    Outcome.HOME: DONE,
+    Outcome.STOPPED: STOPPED,
+    Outcome.BOXED_IN: FAILED,
+    Outcome.NOT_STARTED: FAILED,
+    Outcome.LOST: LOST,
+    Outcome.STRANDED: FAILED,
+    Outcome.BLOCKED: FAILED,
+}
+"""Of each way an exploration ends, live or in lock-step."""
 
 
 def write_report(folder: RunFolder) -> Path:
     """Write report.html of a run; its path."""
-    return folder.write_report(render(report_data(folder)))
+    path = folder.path / "report.html"
+    write_text(path, render(report_data(folder)))
+    return path
 
 
 def report_data(folder: RunFolder) -> ReportData:
     """What a page shows of a run."""
     config, facts = folder.read_config()
-    points = folder.read_points()
+    points = folder.path / "sparse.ply"
     return ReportData(
         summary=checked_summary(folder.read_summary(), str(folder.path)),
         facts=facts,
         config_yaml=commented_yaml(config),
-        events=folder.read_events(),
+        events=[astuple(event) for event in folder.read_events()],
         frames=folder.read_frames(),
         estimate=folder.read_poses("trajectory"),
         truth=folder.read_poses("groundtruth"),
         grid=folder.read_map(),
-        points_world=np.zeros((0, 3)) if points is None else points,
+        points_world=read_ply(points) if points.exists() else np.zeros((0, 3)),
         world_is_level=bool(folder.read_poses("odometry")),
         good_ratio=config.slam.tracker.good_ratio,
         lost_ratio=config.slam.tracker.lost_ratio,

@@ -7,7 +7,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from vsx_ros.errors import ConfigError, reason_of
+import yaml
+
+from vsx_ros.config import from_dict
+from vsx_ros.errors import ConfigError, explained
+from vsx_ros.io.atomic import write_text
+from vsx_ros.limits import file_text, yaml_tree
 
 
 def ros_home() -> Path:
@@ -30,41 +35,25 @@ def robot_file_here() -> Path | None:
 
 
 def update_robot_file(path: Path, branch: str, values: dict[str, float], remark: str) -> None:
-    """Replace entries of ``robot.BRANCH`` in the file; the rest of it stays, each branch with its remark on top.
-
-    Raises ConfigError when what is there holds no parameters, or the file cannot be written.
-    """
-    import yaml
-
-    from vsx_ros.config import from_dict
-    from vsx_ros.io.atomic import write_text
-
+    """Replace entries of ``robot.BRANCH`` in the file; the rest of it stays, each branch with its remark on top. Raises
+    ConfigError when what is there holds no parameters, or the file cannot be written."""
     remarks, tree = _known(path)
     robot = tree.setdefault("robot", {})
     robot[branch] = {**robot.get(branch, {}), **values}
     from_dict(tree)
     kept = [line for line in remarks if not line.startswith(f"# {branch}: ")]
     text = "\n".join([*kept, f"# {branch}: {remark}", yaml.safe_dump(tree, sort_keys=False)])
-    try:
+    with explained(ConfigError, f"{path} cannot be written", "give another file with --out", OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_text(path, text)
-    except OSError as error:
-        raise ConfigError(f"{path} cannot be written ({error.strerror}); give another file with --out") from error
 
 
 def _known(path: Path) -> tuple[list[str], dict[str, Any]]:
     """The remarks on top of the file and its tree; nothing where there is none."""
-    import yaml
-
-    from vsx_ros.config import from_dict
-    from vsx_ros.limits import file_text, yaml_tree
-
     if not path.exists():
         return [], {}
-    try:
+    with explained(ConfigError, f"{path} cannot be read", "give another file with --out"):
         text = file_text(path)
         tree = yaml_tree(text) or {}
-    except (OSError, ValueError, yaml.YAMLError) as error:
-        raise ConfigError(f"{path} cannot be read ({reason_of(error)}); give another file with --out") from error
     from_dict(tree)
     return [line for line in text.splitlines() if line.startswith("# ")], tree

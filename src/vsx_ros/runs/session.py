@@ -22,8 +22,8 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import Odometry
 from vsx_ros.runs.checkpoint import CheckpointData
-from vsx_ros.runs.folder import RunEvent, RunFolder
-from vsx_ros.runs.journal import EventLine, FrameLine, Journal, Line, TruthLine, read_journal
+from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.journal import FrameLine, Journal, Line, RunEvent, TruthLine, read_journal
 from vsx_ros.runs.record import RunRecord
 from vsx_ros.slam.state import SlamEvent, TrackingResult
 from vsx_ros.slam.tracker_and_mapper import TrackerAndMapper
@@ -148,12 +148,12 @@ class RunWriter:
         """A frame was tracked, U2 after it, and what SLAM and mission told. more: other lines for the journal."""
         record, told = self.record, len(self.record.events)
         record.add_frame(result, odometry, track_s, u2_frames)
-        record.add_slam_events(events)
+        record.events += [RunEvent(event.stamp_ns, "slam", event.kind, event.reason) for event in events]
         record.events += [RunEvent(event.stamp_ns, "mission", event.state, event.reason) for event in mission]
-        lines = [EventLine(**event._asdict()) for event in record.events[told:]]
         if self._journal is not None:
+            line = FrameLine.of(result, odometry, 1e3 * track_s, u2_frames)
             with self._kept():
-                self._journal.add(*lines, FrameLine.of(result, odometry, 1e3 * track_s, u2_frames), *more)
+                self._journal.add(*record.events[told:], line, *more)
 
     def note(self, slam: TrackerAndMapper, stamp_ns: int, *, now: bool = False) -> bool:
         """Remember the map as it is, every few seconds, to be written; whether it was time for that."""

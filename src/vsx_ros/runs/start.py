@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -48,9 +47,8 @@ def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, World | None]:
     if args.phi is not None:
         parameters = overridden(parameters, {"planner.phi_rad_m": args.phi})
     world = open_world(args.world, args.seed) if args.world else None
-    now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
-    usual = Path("runs") / f"{now}_{Path(args.world).stem if args.world else args.base.partition(':')[0]}"
-    folder = RunFolder.create(args.out) if args.out else RunFolder.create_another(usual)
+    name = Path(args.world).stem if args.world else args.base.partition(":")[0]
+    folder = RunFolder.create(args.out) if args.out else RunFolder.create_dated(name)
     folder.write_config(parameters, args.line, **{name: getattr(args, name) for name in REMEMBERED})
     if world is not None:
         save_world(world, folder.path / "world.yaml")

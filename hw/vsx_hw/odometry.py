@@ -1,0 +1,73 @@
+"""Dead reckoning as every kind of base has it."""
+
+from __future__ import annotations
+
+import math
+
+from vsx_hw.plausibility import CheckedMotion, MotionCheck
+from vsx_hw.readings import OdometryReading
+
+
+class PlanarPose:
+    """x_m, y_m, heading_rad, not wrapped; the origin at first."""
+
+    def __init__(self) -> None:
+        self.x_m = self.y_m = self.heading_rad = 0.0
+
+    def advance(self, distance_m: float, turn_rad: float) -> None:
+        """Along the arc, exactly."""
+        half = 0.5 * turn_rad
+        chord = distance_m if abs(half) < 1e-9 else distance_m * math.sin(half) / half
+        self.x_m += chord * math.cos(self.heading_rad + half)
+        self.y_m += chord * math.sin(self.heading_rad + half)
+        self.heading_rad += turn_rad
+
+    def approach(self, goal: PlanarPose, most_m: float, most_rad: float) -> None:
+        """Towards another pose, by so much at most."""
+        dx, dy, turn = goal.x_m - self.x_m, goal.y_m - self.y_m, goal.heading_rad - self.heading_rad
+        share = min(1.0, most_m / max(math.hypot(dx, dy), 1e-12))
+        self.x_m += share * dx
+        self.y_m += share * dy
+        self.heading_rad += max(-most_rad, min(most_rad, turn))
+
+
+class WheelOdometry:
+    """Pose, ways of the wheels and what ``MotionCheck`` says of them. linear_scale and angular_scale correct the
+    travelled distance and the measured turn (1.0 = as built)."""
+
+    def __init__(self, check: MotionCheck, linear_scale: float, angular_scale: float) -> None:
+        self._linear_scale, self._angular_scale = linear_scale, angular_scale
+        self._pose = PlanarPose()
+        self._wheels = (0.0, 0.0)
+        self._gaps = 0
+        self._check = check
+        self._checked = CheckedMotion(0.0)
+
+    @property
+    def gyro_trusted(self) -> bool:
+        """Whether the gyro's latest rate is believed."""
+        return self._checked.gyro
+
+    def reset(self) -> None:
+        """Start again at the origin; the counters' base line stays, so the next report is continuous."""
+        self._pose = PlanarPose()
+
+    def command(self, v_m_s: float, omega_rad_s: float) -> None:
+        """What the base was told last."""
+        self._check.command(v_m_s, omega_rad_s)
+
+    def _roll(self, left_m: float, right_m: float) -> None:
+        self._wheels = (self._wheels[0] + left_m, self._wheels[1] + right_m)
+
+    def _reading(self, stamp_ns: int, v: float, omega: float, doubt: str, trusted: bool = True) -> OdometryReading:
+        """doubt, trusted: beyond what the check doubts."""
+        p, doubt = self._pose, self._checked.doubt or doubt
+        trusted = trusted and not doubt
+        moved = (p.x_m, p.y_m, p.heading_rad, v, omega)
+        return OdometryReading(stamp_ns, *moved, self._gaps, trusted, self._wheels, doubt, self._checked.fault)
+
+
+def signed(difference: int, modulus: int) -> int:
+    """The smallest step of a wrapping counter, in [-modulus/2, modulus/2)."""
+    half = modulus // 2
+    return (difference + half) % modulus - half
