@@ -15,6 +15,7 @@ from std_msgs.msg import Float32
 
 from vsx_ros.config import Config
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.kernels.warmup import warm_up
 from vsx_ros.navigation.goal_execution import PlanRequest
 from vsx_ros.navigation.goal_planner import GoalPlanner, TimedPlan
 from vsx_ros.occupancy.grid import OccupancyGrid
@@ -23,7 +24,6 @@ from vsx_ros.ros import clock, convert, frames, threads, topics
 from vsx_ros.ros.adjustable import adjustable_of_plans, serve_adjustable
 from vsx_ros.ros.diagnostics import OK, Diagnostics
 from vsx_ros.ros.subscribers import subscribe
-from vsx_ros.ros.warm_up import warm_up_planning
 
 _PLAN_STEP_M = 0.05
 
@@ -35,7 +35,7 @@ class PlanningThread:
         """Raises ConfigError for a ~planner that there is not."""
         kind, seed = str(rospy.get_param("~planner", "fov")), int(rospy.get_param("~seed", 0))
         self._planner, self._diagnostics = GoalPlanner(config, kind, seed), diagnostics
-        warm_up_planning(self._planner.blind, config)
+        warm_up()
         self._lock = threading.Lock()
         self._requests: queue.SimpleQueue[PlanRequest] = queue.SimpleQueue()
         self._answers: queue.SimpleQueue[tuple[int, TimedPlan | Refusal]] = queue.SimpleQueue()

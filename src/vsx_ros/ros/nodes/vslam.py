@@ -22,6 +22,7 @@ import rospy
 
 from vsx_ros.config import Config
 from vsx_ros.errors import InputError
+from vsx_ros.kernels.warmup import warm_up
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.ros import node, threads, topics
 from vsx_ros.ros.lease import Lease
@@ -33,7 +34,6 @@ from vsx_ros.ros.slam_input import SlamInput
 from vsx_ros.ros.slam_maps import SlamMaps
 from vsx_ros.ros.slam_messages import SlamStatus
 from vsx_ros.ros.slam_run import SlamRun
-from vsx_ros.ros.warm_up import warm_up_slam
 from vsx_ros.slam.threads import ThreadedSlam
 
 _WRITE_PERIOD_S = 1.0
@@ -43,7 +43,7 @@ class VslamNode:
     """Tracks on one thread, beside those that map and write; callbacks only hand over."""
 
     def __init__(self, config: Config) -> None:
-        warm_up_slam(config)
+        warm_up()
         self._metric = bool(rospy.get_param("~use_odometry", True))
         self._run = SlamRun(config)
         self._session = self._run.session
