@@ -29,7 +29,7 @@ from vsx_ros.ros.lease import Lease
 from vsx_ros.ros.picture_watch import RepeatedImageDetector
 from vsx_ros.ros.pose_publisher import PosePublisher
 from vsx_ros.ros.preview import Preview
-from vsx_ros.ros.save_map_service import SaveMapService
+from vsx_ros.ros.services import offer_trigger
 from vsx_ros.ros.slam_input import SlamInput
 from vsx_ros.ros.slam_maps import SlamMaps
 from vsx_ros.ros.slam_messages import SlamStatus
@@ -54,7 +54,7 @@ class VslamNode:
         self._poses = PosePublisher(self._session, config.robot.mount)
         self._input = SlamInput(self._run, self._status)
         threads.every(_WRITE_PERIOD_S, "checkpoint", lambda: self._run.write(self._maps.driven))
-        SaveMapService(lambda: self._slam.slam_map() if self._slam is not None else None)
+        offer_trigger(topics.SAVE_MAP, lambda: self._run.save_map(self._slam))
         self._tracking = threads.worker("tracking", self._track)
 
     def _track(self) -> None:
