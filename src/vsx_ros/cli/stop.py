@@ -22,6 +22,6 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Set or release it."""
-    from vsx_ros.ros.stop import stop
+    from vsx_ros.ros.operator_command import stop
 
     return stop(release=args.release)
