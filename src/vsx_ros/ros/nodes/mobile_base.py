@@ -35,8 +35,8 @@ from vsx_ros.config import Config
 from vsx_ros.ros import clock, logs, node, systemd_notify, threads, topics
 from vsx_ros.ros.base_drivers import Listeners, base_driver, base_watchdogs
 from vsx_ros.ros.base_health import BaseHealth
+from vsx_ros.ros.base_messages import BaseTopics
 from vsx_ros.ros.base_parameters import base_settings, supervisor, wait_for_base
-from vsx_ros.ros.base_topics import BaseTopics
 from vsx_ros.ros.diagnostics import Diagnostics
 from vsx_ros.ros.master_watch import master_watch
 from vsx_ros.ros.services import offer_trigger
