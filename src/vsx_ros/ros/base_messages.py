@@ -165,9 +165,9 @@ class BaseTopics:
         """Now and then."""
         self._tell(topics.BATTERY, battery(reading.battery, reading.stamp_ns))
 
-    def _offer(self, topic: str, kind: Any, wanted: bool = True, **options: Any) -> None:
+    def _offer(self, topic: str, kind: Any, wanted: bool = True, *, queue_size: int, **options: Any) -> None:
         if wanted:
-            self._publishers[topic] = rospy.Publisher(topic, kind, **options)
+            self._publishers[topic] = rospy.Publisher(topic, kind, queue_size=queue_size, **options)
 
     def _tell(self, topic: str, message: object) -> None:
         if topic in self._publishers:

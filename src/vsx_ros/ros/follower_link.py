@@ -13,8 +13,8 @@ from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.navigation.follower_report import FollowerReport, decode_report
 from vsx_ros.navigation.goal_execution import Follow
 from vsx_ros.ros import topics, trajectory_messages
+from vsx_ros.ros.callbacks import subscribe
 from vsx_ros.ros.planning_thread import path_msg
-from vsx_ros.ros.subscribers import subscribe
 
 
 class FollowerLink:

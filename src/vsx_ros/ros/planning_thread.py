@@ -22,8 +22,8 @@ from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.path import Plan, Refusal
 from vsx_ros.ros import clock, convert, frames, threads, topics
 from vsx_ros.ros.adjustable import adjustable_of_plans, serve_adjustable
+from vsx_ros.ros.callbacks import subscribe
 from vsx_ros.ros.diagnostics import OK, Diagnostics
-from vsx_ros.ros.subscribers import subscribe
 
 _PLAN_STEP_M = 0.05
 

@@ -19,8 +19,8 @@ from sensor_msgs.msg import CompressedImage, Image
 from vsx_ros.errors import InputError
 from vsx_ros.ros import clock, images, operator_command, topics
 from vsx_ros.ros.bag_writer import BagWriter, Serialized
+from vsx_ros.ros.callbacks import IMAGE_BUFFER_BYTES, subscribe
 from vsx_ros.ros.progress import Progress
-from vsx_ros.ros.subscribers import IMAGE_BUFFER_BYTES, subscribe
 from vsx_ros.runs.exit_codes import DONE, FAILED
 from vsx_ros.runs.interruptible import SignalFlag
 

@@ -17,7 +17,7 @@ from vsx_ros.errors import ConfigError, InputError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.io.image_encoding import decoded
 from vsx_ros.ros import clock, images, topics
-from vsx_ros.ros.subscribers import IMAGE_BUFFER_BYTES, subscribe
+from vsx_ros.ros.callbacks import IMAGE_BUFFER_BYTES, subscribe
 
 _SILENT_S = 1.0
 _TYPES: dict[str, type[Image] | type[CompressedImage]] = {

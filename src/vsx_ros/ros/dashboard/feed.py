@@ -18,9 +18,9 @@ from std_msgs.msg import Float32, String, UInt8, UInt32
 from visualization_msgs.msg import MarkerArray
 
 from vsx_ros.ros import threads, topics
+from vsx_ros.ros.callbacks import subscribe
 from vsx_ros.ros.dashboard import json_messages
 from vsx_ros.ros.dashboard.board import Board
-from vsx_ros.ros.subscribers import subscribe
 
 _GRACE_S = 3.0
 """A page that is loaded again comes back within this time and finds everything still there."""

@@ -26,14 +26,13 @@ from vsx_ros.exploration.mission import Mission
 from vsx_ros.kernels.warmup import warm_up
 from vsx_ros.planning.planner import Planner
 from vsx_ros.ros import base_messages, clock, node, threads, topics
+from vsx_ros.ros.callbacks import offer_trigger, subscribe
 from vsx_ros.ros.diagnostics import OK, WARN, Diagnostics
 from vsx_ros.ros.heard_situation import HeardSituation
 from vsx_ros.ros.lease import PERIOD_S, Lease, LeaseWatch
 from vsx_ros.ros.mission_topics import MissionTopics
 from vsx_ros.ros.mission_writer import MissionWriter
 from vsx_ros.ros.sent_goal import GoalSender
-from vsx_ros.ros.services import offer_trigger
-from vsx_ros.ros.subscribers import subscribe
 
 _DECIDE_PERIOD_S = 0.2
 _DECIDE_WITHIN_S = 5.0

@@ -29,12 +29,12 @@ from vsx_ros.config import Config
 from vsx_ros.errors import VsxError
 from vsx_ros.navigation.goal_execution import Act, Brake, Done, ExecutionInput, Follow, GoalExecution, PlanRequest
 from vsx_ros.ros import clock, convert, frames, node, threads, topics
+from vsx_ros.ros.callbacks import subscribe
 from vsx_ros.ros.diagnostics import OK, WARN, Diagnostics
 from vsx_ros.ros.follower_link import FollowerLink
 from vsx_ros.ros.lease import PERIOD_S, Lease, LeaseWatch
 from vsx_ros.ros.localization import LocalizationSubscriber
 from vsx_ros.ros.planning_thread import PlanningThread
-from vsx_ros.ros.subscribers import subscribe
 
 _LOOK_WITHIN_S = 2.0  # looks at the drive take no time; a thread that needs this long hangs, and the base stops
 _CANCELLED = "cancelled by the client"
