@@ -50,7 +50,7 @@ class MonitorJournal:
 
     def keep(self, monitor: Monitor, now_ns: int, elapsed_s: float) -> None:
         """Write down what is new. elapsed_s: of all sessions."""
-        truths, events = monitor.truth()[self._truths :], monitor.events()[self._events :]
+        truths, events = monitor.truth[self._truths :], monitor.events[self._events :]
         self._truths, self._events = self._truths + len(truths), self._events + len(events)
         collisions = self.clock.collisions + monitor.collisions
         lines: list[Line] = [EventLine(**event._asdict()) for event in events]
@@ -58,7 +58,7 @@ class MonitorJournal:
             base = (T @ self._T_cam_base).to_se2()
             at, seen = (base.x, base.y, base.theta), flat(T)
             lines.append(TruthLine(stamp_ns=stamp_ns, T_world_cam=seen, T_world_base=at, collisions=collisions))
-        plans = self.clock.plans + len(monitor.navigation().plan_ms)
+        plans = self.clock.plans + len(monitor.plan_ms)
         self.so_far = ClockLine(stamp_ns=now_ns, elapsed_s=elapsed_s, plans=plans, collisions=collisions)
         try:
             self._journal.add(*lines, self.so_far)

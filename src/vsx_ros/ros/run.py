@@ -196,11 +196,11 @@ def _gather(
 ) -> int:
     """Complete what vslam wrote with what the monitor saw, and tell it; the exit code."""
     known = folder.read_summary() if (folder.path / "summary.json").exists() else {}
-    navigation, truth, so_far = monitor.navigation(), [*journal.truth(), *monitor.truth()], journal.so_far
+    truth, so_far = [*journal.truth(), *monitor.truth], journal.so_far
     summary = with_accuracy(Summary(**known), folder.read_poses("trajectory"), truth, "yaw")
     if judge is not None:
         summary = judge.judged(summary, monitor.grid)
-    plan_ms, error_m = np.array(navigation.plan_ms), np.array(navigation.error_m)
+    plan_ms, error_m = np.array(monitor.plan_ms), np.array(monitor.error_m)
     summary = summary.with_values(
         **_told_by_truth(monitor, journal, truth, config.robot.mount),
         duration_s=so_far.elapsed_s,
@@ -244,4 +244,4 @@ def all_events(folder: RunFolder, journal: MonitorJournal, monitor: Monitor) -> 
     """SLAM's from the folder, all else from who watched: where SLAM never began anew, the folder still holds both from
     the session before."""
     slam = [event for event in folder.read_events() if event.source == "slam"]
-    return [*slam, *journal.events(), *monitor.events()]
+    return [*slam, *journal.events(), *monitor.events]

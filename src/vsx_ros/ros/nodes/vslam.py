@@ -27,9 +27,9 @@ from vsx_ros.robot import Frame, Odometry
 from vsx_ros.ros import node, threads, topics
 from vsx_ros.ros.callbacks import offer_trigger
 from vsx_ros.ros.lease import Lease
-from vsx_ros.ros.picture_watch import RepeatedImageDetector
 from vsx_ros.ros.pose_publisher import PosePublisher
 from vsx_ros.ros.preview import Preview
+from vsx_ros.ros.sensor_sync import RepeatedImageDetector
 from vsx_ros.ros.slam_input import SlamInput
 from vsx_ros.ros.slam_maps import SlamMaps
 from vsx_ros.ros.slam_messages import SlamStatus
