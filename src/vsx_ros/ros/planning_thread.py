@@ -21,7 +21,7 @@ from vsx_ros.navigation.goal_planner import GoalPlanner, TimedPlan
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.path import Plan, Refusal
 from vsx_ros.ros import clock, convert, frames, threads, topics
-from vsx_ros.ros.adjustable import adjustable_of_plans, serve_adjustable
+from vsx_ros.ros.adjustable import serve_adjustable
 from vsx_ros.ros.callbacks import subscribe
 from vsx_ros.ros.diagnostics import OK, Diagnostics
 
@@ -44,7 +44,7 @@ class PlanningThread:
         subscribe(topics.MAP_POINTS, PointCloud2, self._on_points, queue_size=1, buff_size=2**22)
         rospy.Service(topics.MAKE_PLAN, GetPlan, self._on_make_plan)
         threads.worker("planner", self._work)
-        serve_adjustable(config, adjustable_of_plans(config.limits), self._change)
+        serve_adjustable(config, self._change)
 
     @property
     def grid(self) -> OccupancyGrid | None:
