@@ -80,15 +80,9 @@ def _described(numbers: Sequence[Adjustable]) -> SimpleNamespace:
         {"name": number.name, "type": "double", "level": 1, "description": number.meaning, "edit_method": ""}
         for number in numbers
     ]
+    group = {"name": "Default", "type": "", "id": 0, "parent": 0, "parameters": parameters, "groups": []}
     return SimpleNamespace(
-        config_description={
-            "name": "Default",
-            "type": "",
-            "id": 0,
-            "parent": 0,
-            "parameters": parameters,
-            "groups": [],
-        },
+        config_description=group,
         defaults=Values({number.name: number.value for number in numbers}),
         min=Values({number.name: number.low for number in numbers}),
         max=Values({number.name: number.high for number in numbers}),

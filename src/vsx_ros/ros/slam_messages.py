@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import rospy
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticStatus
 from genpy.message import get_message_class
 
 from vsx_ros.errors import InputError
@@ -23,10 +23,9 @@ _FPS_MEMORY = 0.1
 _AGAIN_S = 10.0
 
 
-def state_msg(state: TrackingState, reason: str, **values: object) -> DiagnosticStatus:
+def state_msg(state: TrackingState, reason: str) -> DiagnosticStatus:
     """name: NOT_INITIALISED, TRACKING, POOR or LOST; message: the reason."""
-    pairs = [KeyValue(key, str(value)) for key, value in values.items()]
-    return DiagnosticStatus(_LEVELS[state], state.word, reason, "vslam", pairs)
+    return DiagnosticStatus(_LEVELS[state], state.word, reason, "vslam", [])
 
 
 def tracking_state(msg: DiagnosticStatus) -> TrackingState:
