@@ -30,10 +30,8 @@ class Serialized(NamedTuple):
 
 
 class BagWriter:
-    """``put`` never waits; ``close`` writes the index and gives the bag its name.
-
-    Raises InputError when the file cannot be made. ``failure`` says, later, why writing ended early.
-    """
+    """``put`` never waits; ``close`` writes the index and gives the bag its name. Raises InputError when the file
+    cannot be made. ``failure`` says, later, why writing ended early."""
 
     def __init__(self, path: Path) -> None:
         self._path, self._active = path, path.with_name(f"{path.name}.active")

@@ -29,10 +29,8 @@ class BodyState(NamedTuple):
 
 
 class BodyPlant:
-    """``vsx_hw.serial_emulator.Plant`` over the emulated body; only the emulator's thread calls it.
-
-    ``state`` and the counts of ``body`` may be read from anywhere. ``on_step`` is called after each step.
-    """
+    """``vsx_hw.serial_emulator.Plant`` over the emulated body; only the emulator's thread calls it. ``state`` and the
+    counts of ``body`` may be read from anywhere. ``on_step`` is called after each step."""
 
     def __init__(
         self, world: World, seed: int, robot: RobotConfig, on_step: Callable[[BodyState], None], wheel_base_m: float

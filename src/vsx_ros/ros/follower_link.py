@@ -18,10 +18,7 @@ from vsx_ros.ros.planning_thread import path_msg
 
 
 class FollowerLink:
-    """Subscribers: follower/status. Publishers: move_base/global_plan, move_base/trajectory.
-
-    report: the newest.
-    """
+    """Subscribers: follower/status. Publishers: move_base/global_plan, move_base/trajectory. report: the newest."""
 
     def __init__(self) -> None:
         self.report, self._report_s = FollowerReport(0, FollowStatus.IDLE, "", topics.MAP_FRAME), 0.0

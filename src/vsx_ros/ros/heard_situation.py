@@ -17,10 +17,8 @@ from vsx_ros.ros.localization import LocalizationSubscriber
 
 
 class HeardSituation:
-    """Subscribers: map, vslam/map_points, mobile_base/hazards, and those of ``LocalizationSubscriber``.
-
-    grid: the newest map, if any.
-    """
+    """Subscribers: map, vslam/map_points, mobile_base/hazards, and those of ``LocalizationSubscriber``. grid: the
+    newest map, if any."""
 
     def __init__(self) -> None:
         self.grid: OccupancyGrid | None = None

@@ -15,10 +15,7 @@ from vsx_ros.robot import Frame
 
 
 def frame(msg: Image) -> Frame:
-    """The grey image with its stamp.
-
-    Raises InputError for an unknown encoding or a message with too few bytes.
-    """
+    """The grey image with its stamp. Raises InputError for an unknown encoding or a message with too few bytes."""
     gray = gray_image(msg.encoding, msg.height, msg.width, msg.step, bytes(msg.data), big_endian=bool(msg.is_bigendian))
     return Frame(msg.header.stamp.to_nsec(), gray)
 
@@ -34,10 +31,8 @@ def image_msg(stamp_ns: int, image: GrayImage | ColorImage, encoding: str, frame
 
 
 def camera(msg: CameraInfo) -> PinholeCamera:
-    """The calibration of the message.
-
-    Raises CalibrationError for an uncalibrated camera, an unsupported lens model, or binned images.
-    """
+    """The calibration of the message. Raises CalibrationError for an uncalibrated camera, an unsupported lens model, or
+    binned images."""
     if max(msg.binning_x, 1) != 1 or max(msg.binning_y, 1) != 1:
         raise CalibrationError(f"camera_info says binning {msg.binning_x}x{msg.binning_y}; publish unbinned images")
     found = camera_from_info(msg.width, msg.height, msg.K, msg.D, msg.distortion_model, "camera_info")

@@ -180,9 +180,7 @@ class _Listener(roslaunch.pmon.ProcessListener):
 
 def choose_master() -> None:
     """Use the master that runs; else let roslaunch start one at the usual port, or at a free one if that is taken.
-
-    Raises ConfigError when ROS_MASTER_URI names another machine where no master answers, or a name nobody knows.
-    """
+    Raises ConfigError when ROS_MASTER_URI names another machine where no master answers, or a name nobody knows."""
     uri = os.environ.setdefault("ROS_MASTER_URI", DEFAULT_MASTER)
     if rosgraph.is_master_online(uri):
         return

@@ -36,10 +36,8 @@ _TRANSPORT_FILES = ("tcpros_base.py", "tcpros_service.py", "registration.py")
 
 
 class DeviceTrouble:
-    """Which device keeps a robot from starting, from what base and camera say of their links each second.
-
-    A warning on /rosout is said once, and lost where nobody listened yet; diagnostics are said again.
-    """
+    """Which device keeps a robot from starting, from what base and camera say of their links each second. A warning on
+    /rosout is said once, and lost where nobody listened yet; diagnostics are said again."""
 
     def __init__(self, namespace: str) -> None:
         self._names = {f"{namespace.strip('/')}/{link}".lstrip("/") for link in _LINKS}

@@ -16,11 +16,8 @@ from vsx_ros.runs.journal import ClockLine, EventLine, Journal, Line, TruthLine,
 
 
 class MonitorJournal:
-    """``keep`` a few times a second.
-
-    before: what the sessions before kept. clock: how far they had come. so_far: what is counted up to now. failure: why
-    not all of it is kept, or nothing; the run goes on without.
-    """
+    """``keep`` a few times a second. before: what the sessions before kept. clock: how far they had come. so_far: what
+    is counted up to now. failure: why not all of it is kept, or nothing; the run goes on without."""
 
     def __init__(self, folder: RunFolder, mount: MountConfig) -> None:
         """Raises InputError when the folder holds a damaged journal or cannot be written."""

@@ -121,10 +121,8 @@ def _close_on_signals() -> Callable[[], None]:
 
 
 def configuration() -> Config:
-    """The configuration: the tree ``config`` of the namespace, entries of the node's own ``~config`` first.
-
-    Raises ConfigError naming the entry.
-    """
+    """The configuration: the tree ``config`` of the namespace, entries of the node's own ``~config`` first. Raises
+    ConfigError naming the entry."""
     tree: dict[str, Any] = {}
     for name in ("config", "~config"):
         branch: Any = rospy.get_param(name, {})

@@ -33,10 +33,8 @@ _OFFERED_S, _SAVED_S = 5.0, 120.0
 
 
 def join(name: str) -> None:
-    """Be a node whose name nobody else has. Ctrl-C stays what it is in Python.
-
-    Raises ConfigError when no master answers.
-    """
+    """Be a node whose name nobody else has. Ctrl-C stays what it is in Python. Raises ConfigError when no master
+    answers."""
     export_ros_address()
     uri = os.environ.setdefault("ROS_MASTER_URI", DEFAULT_MASTER)
     if not rosgraph.is_master_online():
@@ -67,10 +65,8 @@ def command(work: Callable[P, int]) -> Callable[P, int]:
 
 @command
 def stop(*, release: bool) -> int:
-    """The emergency stop of ``vsx stop``: set or release it, and see that the wheels stand.
-
-    Raises ConfigError when there is no master or no base, DeviceError when the base does not answer or rolls on.
-    """
+    """The emergency stop of ``vsx stop``: set or release it, and see that the wheels stand. Raises ConfigError when
+    there is no master or no base, DeviceError when the base does not answer or rolls on."""
 
     def call() -> None:
         join("stop")
@@ -110,10 +106,8 @@ def _see_it_stand() -> None:
 
 @command
 def save_map(out: Path | None) -> int:
-    """``vsx map save`` of a running robot: vslam saves its map. out: where, else where the node finds best.
-
-    Raises ConfigError when no robot maps, MapFileError when the map cannot be saved.
-    """
+    """``vsx map save`` of a running robot: vslam saves its map. out: where, else where the node finds best. Raises
+    ConfigError when no robot maps, MapFileError when the map cannot be saved."""
     join("save_map")
     try:
         rospy.wait_for_service(topics.SAVE_MAP, timeout=_OFFERED_S)

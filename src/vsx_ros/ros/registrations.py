@@ -49,10 +49,8 @@ def master_uri() -> str:
 
 
 def asked(calls: Sequence[Call], patience_s: float = ANSWER_S) -> list[Any]:
-    """(code, words, value) of each call of the master's API, made in this node's name, in one request.
-
-    The connection is closed: a master that is ending answers who is connected, and nobody else.
-    """
+    """(code, words, value) of each call of the master's API, made in this node's name, in one request. The connection
+    is closed: a master that is ending answers who is connected, and nobody else."""
     if not calls:
         return []
     with xmlrpc.client.ServerProxy(master_uri(), transport=TimeoutTransport(patience_s=patience_s)) as master:

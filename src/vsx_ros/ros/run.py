@@ -53,10 +53,8 @@ _CODES = {outcome.name: code for outcome, code in EXIT_CODES.items()}
 
 
 class Coverage:
-    """Share of the emulated world that the map covers; computed now and then, None on a real robot.
-
-    until: the share known and right that is enough.
-    """
+    """Share of the emulated world that the map covers; computed now and then, None on a real robot. until: the share
+    known and right that is enough."""
 
     def __init__(self, judge: MapJudge | None, until: float | None = None) -> None:
         self._judge, self.until = judge, until
@@ -135,10 +133,8 @@ def _watch(
     progress: Progress,
     limit_s: float | None,
 ) -> Ending:
-    """Until the mission, the time, the operator or a failure ends it.
-
-    Time counts from the mission's first word, and from where an earlier session was interrupted.
-    """
+    """Until the mission, the time, the operator or a failure ends it. Time counts from the mission's first word, and
+    from where an earlier session was interrupted."""
     started_s = time.monotonic()
     began_s: float | None = None
     trouble: dict[str, str] = {}

@@ -18,9 +18,7 @@ _WAIT_FOR_ODOMETRY_S = 0.06
 
 class SensorSync:
     """Two callbacks put in, one thread takes out. Images that nobody took in time are dropped and counted.
-
-    ``behind_s``: by how much the last image was older than one already taken, which is why it was dropped; else 0.
-    """
+    ``behind_s``: by how much the last image was older than one already taken, which is why it was dropped; else 0."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
@@ -46,10 +44,8 @@ class SensorSync:
             self._changed.notify_all()
 
     def take(self, timeout_s: float) -> tuple[Frame, Odometry | None] | None:
-        """The newest image and the odometry at its stamp; None when no newer image came in time.
-
-        The odometry is as ``odometry_at`` says.
-        """
+        """The newest image and the odometry at its stamp; None when no newer image came in time. The odometry is as
+        ``odometry_at`` says."""
         with self._changed:
             if not self._changed.wait_for(lambda: self._frame is not None, timeout_s) or self._frame is None:
                 return None

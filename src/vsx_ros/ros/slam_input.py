@@ -23,10 +23,8 @@ _CLOCK_BACK_S = 1.0
 
 
 class SlamInput:
-    """``next`` frame on the thread that tracks. What does not come is told to ``status``.
-
-    Subscribers: camera/rgb/image_raw, camera/rgb/camera_info, odom, mobile_base/hazards.
-    """
+    """``next`` frame on the thread that tracks. What does not come is told to ``status``. Subscribers:
+    camera/rgb/image_raw, camera/rgb/camera_info, odom, mobile_base/hazards."""
 
     def __init__(self, run: SlamRun, status: SlamStatus) -> None:
         self._run, self._session = run, run.session

@@ -30,10 +30,8 @@ _PERIOD_S = 1.0
 
 
 class GroundMapping:
-    """Publishers: map, map_metadata, vslam/map_points, vslam/keyframes, vslam/path (all latched).
-
-    Services: static_map. ``refresh`` from one thread.
-    """
+    """Publishers: map, map_metadata, vslam/map_points, vslam/keyframes, vslam/path (all latched). Services: static_map.
+    ``refresh`` from one thread."""
 
     def __init__(self, ground: MappedGround) -> None:
         self._ground = ground

@@ -30,9 +30,7 @@ _REST = 4.0
 
 class SlamRun:
     """session: new, in the map of ~load_map, or gone on with from ~run_dir, in the odometry's epoch ``first_epoch``.
-
-    Raises MapFileError or InputError when one of these holds something damaged.
-    """
+    Raises MapFileError or InputError when one of these holds something damaged."""
 
     def __init__(self, config: Config) -> None:
         T_base_cam, run_dir = mounted(config.robot.mount), str(rospy.get_param("~run_dir", ""))

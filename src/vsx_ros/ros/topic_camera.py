@@ -27,10 +27,8 @@ _TYPES: dict[str, type[Image] | type[CompressedImage]] = {
 
 
 class TopicCamera:
-    """Images of ``topic`` to ``on_image``, grey, with the stamps of their own driver.
-
-    calibration: of the topic camera_info beside the images, as told last; None before.
-    """
+    """Images of ``topic`` to ``on_image``, grey, with the stamps of their own driver. calibration: of the topic
+    camera_info beside the images, as told last; None before."""
 
     def __init__(self, topic: str, on_image: Callable[[ImageReading], None]) -> None:
         """Raises ConfigError where no topic is named, or that of our own node camera."""
