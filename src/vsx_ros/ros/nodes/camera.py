@@ -22,8 +22,7 @@ from vsx_hw.readings import ImageReading
 from vsx_ros.config import Config
 from vsx_ros.errors import CalibrationError
 from vsx_ros.ros import frames, images, node, threads, topics
-from vsx_ros.ros.camera_calibration import CameraCalibration
-from vsx_ros.ros.cameras import open_camera
+from vsx_ros.ros.cameras import CameraCalibration, open_camera
 from vsx_ros.ros.diagnostics import ERROR, OK, WARN, Diagnostics
 
 
