@@ -64,9 +64,7 @@ def asked(calls: Sequence[Call], patience_s: float = ANSWER_S) -> list[Any]:
 def offers() -> Offers:
     """What this node offers now."""
     topics, services = registration.get_topic_manager(), registration.get_service_manager()
-    return Offers(
-        dict(topics.get_publications()), dict(topics.get_subscriptions()), dict(services.get_services())
-    )  # fmt: skip
+    return Offers(*map(dict, (topics.get_publications(), topics.get_subscriptions(), services.get_services())))
 
 
 def missing(offered: Offers) -> list[str]:

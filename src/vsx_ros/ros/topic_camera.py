@@ -47,10 +47,7 @@ class TopicCamera:
     def start(self) -> None:
         """Listen from now on."""
         subscribe(info_topic(self._topic), CameraInfo, self._on_info, queue_size=1)
-        subscribe(
-            self._topic, rospy.AnyMsg, self._on_any, queue_size=1, buff_size=IMAGE_BUFFER_BYTES,
-            tcp_nodelay=True,
-        )  # fmt: skip
+        subscribe(self._topic, rospy.AnyMsg, self._on_any, queue_size=1, buff_size=IMAGE_BUFFER_BYTES, tcp_nodelay=True)
 
     def status(self) -> LinkStatus:
         """Health for diagnostics."""
