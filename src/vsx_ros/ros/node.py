@@ -38,12 +38,9 @@ class Node(Protocol):
 
 
 def run(name: str, build: Callable[[Config], Node]) -> None:
-    """Be the node ``name`` until ROS shuts down.
-
-    ``build`` constructs it from the configuration in the private parameter ``~config``; whatever it must compile
-    it compiles before it advertises. A broken promise (configuration, calibration, device) is logged as one
-    sentence and ends the process with exit code 1, 2 for a device.
-    """
+    """Be the node ``name`` until ROS shuts down. ``build`` constructs it from the configuration in the private parameter
+    ``~config``; whatever it must compile it compiles before it advertises. A broken promise (configuration,
+    calibration, device) is logged as one sentence and ends the process with exit code 1, 2 for a device."""
     _die_with_parent()
     logs.quiet_failures()
     cv2.setNumThreads(1)
