@@ -38,7 +38,7 @@ class Node(Protocol):
 
 
 def run(name: str, build: Callable[[Config], Node]) -> None:
-    """Be the node ``name`` until ROS shuts down. ``build`` constructs it from the configuration in the private parameter
+    """Be the node ``name`` until ROS shuts down. ``build`` makes it of the configuration in the parameter
     ``~config``; whatever it must compile it compiles before it advertises. A broken promise (configuration,
     calibration, device) is logged as one sentence and ends the process with exit code 1, 2 for a device."""
     _die_with_parent()
