@@ -194,7 +194,7 @@ def soak(stack: object, faults: Faults, kinds: list[str], minutes: float) -> dic
         "faults": dict(happened),
         "tracebacks": tracebacks(stack),
         "died_by_themselves": stack.dead(),
-        "collisions": stack.plant.collisions,
+        "collisions": stack.plant.body.collisions,
         "path_m": round(stack.plant.state.path_length_m, 1),
         "keyframes": truth.keyframes,
         "lives": [life._asdict() for life in memory.lives],

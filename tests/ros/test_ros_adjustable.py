@@ -18,12 +18,12 @@ def test_a_speed_that_is_no_number_is_named(stored: Any, monkeypatch: pytest.Mon
     monkeypatch.setattr("rospy.resolve_name", lambda name: name.replace("~", "/move_base/"))
     config = Config()
     with pytest.raises(ConfigError, match="parameter /move_base/v_m_s is .*; give a number from 0.05 to 0.3"):
-        adjustable.serve_adjustable(config, adjustable.adjustable_of_plans(config.limits), lambda _: None)
+        adjustable.serve_adjustable(config, lambda _: None)
 
 
 def test_what_can_be_adjusted_is_slower_and_named_as_configured() -> None:
     config = Config()
-    numbers = {number.entry: number for number in adjustable.adjustable_of_plans(config.limits)}
+    numbers = {number.entry: number for number in adjustable.adjustable_of_plans(config)}
     assert numbers["limits.v_m_s"].high == config.limits.v_m_s
     assert numbers["limits.omega_rad_s"].high == config.limits.omega_rad_s
     assert numbers["planner.phi_rad_m"].low < config.planner.phi_rad_m < numbers["planner.phi_rad_m"].high

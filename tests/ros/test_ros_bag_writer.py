@@ -14,11 +14,14 @@ from vsx_ros.cli.record import Size
 from vsx_ros.errors import InputError
 from vsx_ros.ros.bag_writer import BagWriter, Serialized
 
-STRING = ("std_msgs/String", "992ce8a1687cec8c8bd883ec73ca41d1", "string data\n")
+STRING = {
+    "type": "std_msgs/String", "md5sum": "992ce8a1687cec8c8bd883ec73ca41d1", "message_definition": "string data\n"
+}  # fmt: skip
 
 
 def message(text: bytes, caller: str = "/talker", latching: bool = False) -> Serialized:
-    return Serialized("/chatter", 7, *STRING, caller, latching, len(text).to_bytes(4, "little") + text)
+    said = {**STRING, "callerid": caller, "latching": "1" if latching else "0"}
+    return Serialized("/chatter", 7, said, len(text).to_bytes(4, "little") + text)
 
 
 def test_what_was_put_is_read(tmp_path: Path) -> None:

@@ -5,8 +5,7 @@ import pytest
 pytest.importorskip("rospy")
 
 from vsx_ros.errors import ConfigError
-from vsx_ros.ros.camera_calibration import nominal
-from vsx_ros.ros.cameras import open_camera
+from vsx_ros.ros.cameras import nominal, open_camera
 
 
 @pytest.mark.parametrize(("size", "focal", "centre"), [((640, 480), 525, 239.5), ((1280, 1024), 1050, 479.5)])

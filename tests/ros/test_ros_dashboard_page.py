@@ -28,7 +28,7 @@ from vsx_ros.ros.dashboard import json_messages
 from vsx_ros.ros.dashboard.board import Board
 from vsx_ros.ros.dashboard.handler import Answer
 from vsx_ros.ros.dashboard.server import ViewServer
-from vsx_ros.ros.frontier_markers import frontier_markers
+from vsx_ros.ros.mission_topics import frontier_markers
 from vsx_ros.ros.preview import drawn
 from vsx_ros.slam.tracked_features import TrackedFeatures
 
@@ -69,7 +69,7 @@ class Robot:
         grid = room()
         border = np.array([[row, 129] for row in range(30, 90)])
         views = [View(SE2(3.6, y, 0.0), 4.0 / k, 1.0 + k, 30, 2.5 / k) for k, y in ((1, 0.5), (2, -1.0))]
-        markers = frontier_markers(grid, [Frontier(border, np.zeros(2), 3.0)], views, "map", 1)
+        markers = frontier_markers(grid, [Frontier(border, np.zeros(2), 3.0)], views, 1)
         self._board.post("frontiers", json_messages.text(json_messages.frontiers(markers)))
         self._board.post("map", json_messages.text(json_messages.grid(convert.grid_msg(grid, "map", 1))))
         path = [SE2(0.05 * k, 0.3 * math.sin(0.1 * k), 0.0) for k in range(60)]

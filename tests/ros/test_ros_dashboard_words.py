@@ -25,7 +25,7 @@ from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.robot import Frame
 from vsx_ros.ros import convert
 from vsx_ros.ros.dashboard import json_messages
-from vsx_ros.ros.frontier_markers import frontier_markers
+from vsx_ros.ros.mission_topics import frontier_markers
 from vsx_ros.ros.preview import drawn
 from vsx_ros.slam.tracked_features import TrackedFeatures
 
@@ -67,7 +67,7 @@ def test_keyframes_look_where_their_camera_looks(heading: float) -> None:
 def test_frontiers_come_with_their_utility() -> None:
     border = Frontier(np.array([[2, 9], [3, 9]]), np.zeros(2), 1.0)
     views = [View(SE2(1.0, 2.0, 0.0), 4.0, 2.0, 30, 2.0), View(SE2(0.0, 0.0, 0.0), 1.0, 4.0, 30, 0.25)]
-    told = json_messages.frontiers(frontier_markers(grid(), [border], views, "map", 1))
+    told = json_messages.frontiers(frontier_markers(grid(), [border], views, 1))
     assert told["borders"] == [[[1.75, 2.25], [1.75, 2.75]]]
     assert [view["utility"] for view in told["views"]] == [2.0, 0.25]
     assert told["views"][0]["text"] == "v 4.0 m2, d 2.0 m, U 2.00"

@@ -6,8 +6,8 @@ pytest.importorskip("rospy")
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from vsx_ros.ros.device_trouble import DeviceTrouble
 from vsx_ros.ros.diagnostics import ERROR, OK
+from vsx_ros.ros.monitor import DeviceTrouble
 
 MISSING = "no such port; plug the base in"
 

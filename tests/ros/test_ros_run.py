@@ -156,7 +156,7 @@ def test_a_resumed_run_whose_slam_never_began_tells_nothing_twice(tmp_path: Path
     folder.write_config(Config(), ["vsx", "explore"])
     slam, mission, more = (RunEvent(i, source, "s", "r") for i, source in enumerate(("slam", "mission", "mission")))
     folder.write_events([slam, mission])
-    journal, monitor = SimpleNamespace(events=lambda: [mission]), SimpleNamespace(events=lambda: [more])
+    journal, monitor = SimpleNamespace(events=lambda: [mission]), SimpleNamespace(events=[more])
     assert all_events(folder, journal, monitor) == [slam, mission, more]
 
 

@@ -12,7 +12,7 @@ import rospy
 
 from vsx_hw.safety import SpeedLimits
 from vsx_ros.config import LimitsConfig
-from vsx_ros.ros.base_parameters import speed_limits
+from vsx_ros.ros.base_drivers import speed_limits
 from vsx_ros.ros.nodes import mobile_base
 
 

@@ -74,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
 def _save(args: argparse.Namespace) -> int:
     """From the folder, or from the robot."""
     if args.run_folder is None:
-        from vsx_ros.ros.save_map import save_map
+        from vsx_ros.ros.operator_command import save_map
 
         return save_map(args.out)
     from vsx_ros.io.slam_map_file import save_slam_map

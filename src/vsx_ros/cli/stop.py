@@ -19,6 +19,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Set or release it."""
-    from vsx_ros.ros.stop import stop
+    from vsx_ros.ros.operator_command import stop
 
     return stop(release=args.release)

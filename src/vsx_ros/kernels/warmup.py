@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import Int32Array, IntArray
 from vsx_ros.kernels.dense import floor_contact, jlinkage, plane_fits, planes, surface_cells
 from vsx_ros.kernels.geometry import projection
-from vsx_ros.kernels.occupancy import clearance, ground_cells, ground_map, scan_casting
+from vsx_ros.kernels.occupancy import clearance, ground_cells, ground_map, scan_casting, visibility
 from vsx_ros.kernels.occupancy.wavefront import wavefront
 from vsx_ros.kernels.planning import curves, flood, lattice, reeds_shepp, reeds_shepp_table, rrt, shortcuts
 from vsx_ros.kernels.slam import bundle, epipolar, pose, pose_graph, tracking
@@ -22,6 +22,7 @@ def warm_up() -> None:
     _tracking()
     _mapping()
     _planning()
+    _views()
     _ground_map()
     _planes()
     _surfaces()
@@ -188,6 +189,16 @@ def _planning() -> None:
     reeds_shepp.reeds_shepp_words(1.0, 1.0, 1.0, *work)
     word = np.zeros(reeds_shepp.SEGMENTS, np.int64), np.zeros(reeds_shepp.SEGMENTS)
     reeds_shepp.reeds_shepp_shortest(1.0, 1.0, 1.0, *work, *word)
+    lattice.word_is_free(*ground, 0.5, 0.5, 0.0, *word, 1.0)
+
+
+def _views() -> None:
+    data, poses, places, bearings = np.zeros((4, 4), np.int8), np.zeros((1, 3)), np.zeros((1, 2)), np.zeros(8)
+    data.flags.writeable = False
+    grid = data, 0.1, 0.0, 0.0
+    visibility.visible_landmarks(*grid, poses, places, 0.5, 0.5, 4.0)
+    weights = visibility.weights_of_looks(data, visibility.count_looks(*grid, poses, 0.5, 4.0, 4), np.ones(3))
+    visibility.unknown_area_by_bearing(data, weights, *grid[1:], places, bearings, 4.0, 1.0)
 
 
 def _pyramid() -> tuple[NDArray[np.uint8], IntArray, Int32Array, IntArray]:

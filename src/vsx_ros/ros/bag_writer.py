@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import queue
 import threading
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,23 +21,17 @@ _OVERHEAD_BYTES = 64
 
 
 class Serialized(NamedTuple):
-    """A message as it came over the wire, with what its publisher said of itself."""
+    """A message as it came over the wire. said: by its publisher, the header of the connection."""
 
     topic: str
     stamp_ns: int
-    kind: str
-    md5sum: str
-    definition: str
-    caller: str
-    latching: bool
+    said: Mapping[str, str]
     data: bytes
 
 
 class BagWriter:
-    """``put`` never waits; ``close`` writes the index and gives the bag its name.
-
-    Raises InputError when the file cannot be made. ``failure`` says, later, why writing ended early.
-    """
+    """``put`` never waits; ``close`` writes the index and gives the bag its name. Raises InputError when the file
+    cannot be made. ``failure`` says, later, why writing ended early."""
 
     def __init__(self, path: Path) -> None:
         self._path, self._active = path, path.with_name(f"{path.name}.active")
@@ -88,14 +83,15 @@ class BagWriter:
 
     def _connection(self, message: Serialized) -> object:
         """That of the topic and publisher, made when it speaks first."""
-        key = message.topic, message.kind, message.caller
+        said = message.said
+        key = message.topic, said["type"], said.get("callerid", "")
         if key not in self._connections:
             self._connections[key] = self._writer.add_connection(
                 message.topic,
-                message.kind.replace("/", "/msg/"),
-                msgdef=message.definition,
-                md5sum=message.md5sum,
-                callerid=message.caller,
-                latching=int(message.latching),
+                said["type"].replace("/", "/msg/"),
+                msgdef=said.get("message_definition", ""),
+                md5sum=said["md5sum"],
+                callerid=said.get("callerid", ""),
+                latching=int(said.get("latching") == "1"),
             )
         return self._connections[key]

@@ -1,6 +1,10 @@
-"""The condition of a base in the diagnostics, and what is new about it in the log."""
+"""The condition of a base in the diagnostics, what is new about it in the log, and signs of life for systemd."""
 
 from __future__ import annotations
+
+import contextlib
+import os
+import socket
 
 import rospy
 
@@ -59,3 +63,12 @@ class BaseHealth:
         agree = "all sensors agree" if odometry.trusted else "pushed: the direction is not known"
         level = OK if odometry.trusted else WARN
         self._diagnostics.set("odometry", level, odometry.doubt or agree, gaps=odometry.gaps)
+
+
+def tell_systemd(state: str) -> None:
+    """A word to the service manager (sd_notify); nobody hears it unless a unit of Type=notify started the process."""
+    address = os.environ.get("NOTIFY_SOCKET", "")
+    if not address:
+        return
+    with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as connection:
+        connection.sendto(state.encode(), "\0" + address[1:] if address.startswith("@") else address)

@@ -1,18 +1,23 @@
-"""What a base reports, as messages. Pure functions; no node and no master needed."""
+"""What a base reports, as messages, and on the topics of the node mobile_base."""
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
+import rospy
 from geometry_msgs.msg import TransformStamped, Vector3
 from nav_msgs.msg import Odometry as OdometryMsg
-from sensor_msgs.msg import BatteryState, Imu, JointState, PointCloud2, PointField
+from sensor_msgs.msg import BatteryState, Imu, JointState, PointCloud2
+from std_msgs.msg import String, UInt8
+from tf2_msgs.msg import TFMessage
 
-from vsx_hw.readings import BatteryReading, GyroReading, Hazard, OdometryReading, RateSample
+from vsx_hw.readings import BaseReading, BatteryReading, GyroReading, Hazard, OdometryReading, RateSample
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Odometry
 from vsx_ros.ros import convert, topics
+from vsx_ros.ros.topic_base import own_driver_odometry
 
 # Variances of the turtlebot's own driver (kobuki_node).
 _POSITION_M2, _HEADING_RAD2 = 0.1, 0.05
@@ -30,14 +35,14 @@ def _pose(reading: OdometryReading) -> SE2:
 
 def odometry(reading: OdometryReading) -> OdometryMsg:
     """Dead reckoning; covariance grows where a sensor of the base contradicts the others."""
-    moved = Odometry(reading.stamp_ns, _pose(reading), reading.v_m_s, reading.omega_rad_s)
-    return dead_reckoning(moved, reading.trusted)
+    moved = Odometry(reading.stamp_ns, _pose(reading), reading.v_m_s, reading.omega_rad_s, reading.trusted)
+    return dead_reckoning(moved)
 
 
-def dead_reckoning(moved: Odometry, trusted: bool = True) -> OdometryMsg:
+def dead_reckoning(moved: Odometry) -> OdometryMsg:
     """Wheel odometry of a base, or of a recording of one, with the covariance of a TurtleBot's."""
     msg = convert.odometry_msg(moved, topics.ODOM_FRAME, topics.BASE_FRAME)
-    factor = 1.0 if trusted else _DISTRUST
+    factor = 1.0 if moved.trusted else _DISTRUST
     msg.pose.covariance = convert.floor_covariance(_POSITION_M2 * factor, _HEADING_RAD2 * factor)
     msg.twist.covariance = msg.pose.covariance
     return msg
@@ -75,8 +80,8 @@ def imu(reading: GyroReading, stamp_ns: int) -> Imu:
     msg.orientation.z, msg.orientation.w = math.sin(0.5 * reading.heading_rad), math.cos(0.5 * reading.heading_rad)
     msg.angular_velocity.z = reading.rate_rad_s
     unknown, variance = convert.UNKNOWN_VARIANCE, _HEADING_RAD2 * (1.0 if reading.trusted else _DISTRUST)
-    msg.orientation_covariance = [unknown, 0.0, 0.0, 0.0, unknown, 0.0, 0.0, 0.0, variance]
-    msg.angular_velocity_covariance = [unknown, 0.0, 0.0, 0.0, unknown, 0.0, 0.0, 0.0, variance]
+    msg.orientation_covariance = np.diag([unknown, unknown, variance]).ravel().tolist()
+    msg.angular_velocity_covariance = msg.orientation_covariance
     msg.linear_acceleration_covariance = [-1.0] + [0.0] * 8
     return msg
 
@@ -102,14 +107,73 @@ def bumper_cloud(hazards: Hazard, stamp_ns: int) -> PointCloud2:
     ):
         radius = _RIM_M if hazards & sides else _FAR_M
         points.append((radius * math.cos(angle), radius * math.sin(angle), _BUMPER_HEIGHT_M))
-    msg = PointCloud2(header=convert.header(topics.BODY_FRAME, stamp_ns), height=1, width=len(points))
-    msg.fields = [PointField(name, 4 * k, PointField.FLOAT32, 1) for k, name in enumerate("xyz")]
-    msg.point_step, msg.row_step, msg.is_dense = 12, 12 * len(points), True
-    msg.data = np.array(points, "<f4").tobytes()
-    return msg
+    return convert.cloud_msg(np.array(points), topics.BODY_FRAME, stamp_ns)
 
 
 def is_nearly_empty(msg: BatteryState) -> bool:
     """At most a tenth is left and nothing charges it: on a Kobuki 13.3 V."""
     discharging = msg.power_supply_status == BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
     return bool(discharging and msg.percentage <= 0.1)
+
+
+class BaseTopics:
+    """``tell`` every reading. Of a base with a driver of its own only what that driver does not say under our names."""
+
+    def __init__(self, robot_type: str) -> None:
+        own_driver = own_driver_odometry(robot_type)
+        ours = own_driver is None
+        renamed = own_driver is not None and rospy.resolve_name(own_driver.odometry) != rospy.resolve_name(topics.ODOM)
+        self._publishers: dict[str, rospy.Publisher] = {}
+        fast: dict[str, Any] = {"queue_size": 50, "tcp_nodelay": True}
+        self._offer(topics.ODOM, OdometryMsg, ours or renamed, **fast)
+        self._offer(topics.TF, TFMessage, ours and rospy.get_param("~publish_tf", True), **fast)
+        self._offer(topics.JOINT_STATES, JointState, ours, queue_size=5)
+        self._offer(topics.BATTERY, BatteryState, ours, queue_size=1)
+        self._offer(topics.IMU, Imu, ours, **fast)
+        self._offer(topics.IMU_RAW, Imu, ours, **fast)
+        self._offer(topics.BUMPER_CLOUD, PointCloud2, queue_size=5, tcp_nodelay=True)
+        self._offer(topics.HAZARDS, UInt8, queue_size=5, latch=True, tcp_nodelay=True)
+        self._offer(topics.BUTTONS, UInt8, queue_size=5, latch=True)
+        self._offer(topics.MUX_ACTIVE, String, queue_size=5, latch=True)
+        self._news: dict[str, object] = {}
+        self._touched = False
+        self.tell_hazards(Hazard.NONE, 0)
+        self._tell_new(topics.BUTTONS, UInt8(0))
+        self._tell_new(topics.MUX_ACTIVE, String("idle"))
+
+    def tell(self, reading: BaseReading, active: str) -> None:
+        """A reading, and who drives (nobody: empty)."""
+        self._tell(topics.ODOM, odometry(reading.odometry))
+        self._tell(topics.TF, TFMessage([odom_transform(reading.odometry)]))
+        self._tell(topics.JOINT_STATES, joint_states(reading.odometry))
+        if reading.gyro is not None:
+            self._tell(topics.IMU, imu(reading.gyro, reading.stamp_ns))
+            for sample in reading.gyro.raw:
+                self._tell(topics.IMU_RAW, raw_imu(sample))
+        self.tell_hazards(reading.hazards, reading.stamp_ns)
+        self._tell_new(topics.BUTTONS, UInt8(reading.buttons))
+        self._tell_new(topics.MUX_ACTIVE, String(active or "idle"))
+
+    def tell_hazards(self, hazards: Hazard, stamp_ns: int) -> None:
+        """What the base touches, when that changes."""
+        before, self._touched = self._touched, bool(hazards & (Hazard.BUMPER | Hazard.CLIFF))
+        if before or self._touched:
+            self._tell(topics.BUMPER_CLOUD, bumper_cloud(hazards, stamp_ns))
+        self._tell_new(topics.HAZARDS, UInt8(int(hazards & Hazard.TOUCHED)))
+
+    def tell_battery(self, reading: BaseReading) -> None:
+        """Now and then."""
+        self._tell(topics.BATTERY, battery(reading.battery, reading.stamp_ns))
+
+    def _offer(self, topic: str, kind: Any, wanted: bool = True, *, queue_size: int, **options: Any) -> None:
+        if wanted:
+            self._publishers[topic] = rospy.Publisher(topic, kind, queue_size=queue_size, **options)
+
+    def _tell(self, topic: str, message: object) -> None:
+        if topic in self._publishers:
+            self._publishers[topic].publish(message)
+
+    def _tell_new(self, topic: str, message: object) -> None:
+        if message != self._news.get(topic):
+            self._news[topic] = message
+            self._tell(topic, message)

@@ -19,8 +19,8 @@ from vsx_ros.calibration.verdict import Grade
 from vsx_ros.errors import InputError
 from vsx_ros.robot import Frame
 from vsx_ros.ros import calls, clock, images, operator_command, topics
+from vsx_ros.ros.callbacks import image_subscriber
 from vsx_ros.ros.progress import Progress
-from vsx_ros.ros.subscribers import image_subscriber
 from vsx_ros.runs.exit_codes import DONE, FAILED
 from vsx_ros.runs.interruptible import SignalFlag
 

@@ -1,9 +1,13 @@
-"""Cameras by name, for the node ``camera``: what each needs to know, and how it is opened."""
+"""Cameras by name, for the node ``camera``: what each needs to know, how it is opened, which calibration it has."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from pathlib import Path
 from typing import NamedTuple, Protocol
+
+import rospy
 
 from vsx_hw.kinect.driver import KinectCamera
 from vsx_hw.kinect.protocol import MODES
@@ -12,7 +16,9 @@ from vsx_hw.kinect.transport import KinectTransport
 from vsx_hw.kinect.usb_transport import UsbTransport
 from vsx_hw.readings import ImageReading, LinkStatus
 from vsx_hw.v4l import V4lCamera
-from vsx_ros.errors import ConfigError
+from vsx_ros.errors import CalibrationError, ConfigError
+from vsx_ros.geometry.camera import PinholeCamera, nominal_camera
+from vsx_ros.io.calibration_file import read_calibration, write_calibration
 from vsx_ros.registry import Registry
 from vsx_ros.ros.topic_camera import TopicCamera
 
@@ -83,3 +89,68 @@ def open_camera(
     meaning."""
     kind, _, name = device.partition(":")
     return CAMERAS[kind](CameraSettings(name, on_image, mode, lock_exposure))
+
+
+class CameraCalibration:
+    """Of a file, what the source itself says, or nominal values, with a warning. known: whether it was measured."""
+
+    def __init__(self, device: str, url: str) -> None:
+        """Raises CalibrationError where the file of ``url`` cannot be used."""
+        self._device, self._url = device, url
+        self._camera: PinholeCamera | None = None
+        self.known = False
+        if url and not device.startswith("emulator:"):
+            self._camera, self.known = read_calibration(_path(url)), True
+
+    def of(self, source: Camera, width: int, height: int) -> PinholeCamera:
+        """The calibration for images of this size from the opened ``source``."""
+        camera = self._camera or self._given(source) or self._read(source, width, height)
+        if (camera.width, camera.height) != (width, height):
+            rospy.logwarn("calibration is of %dx%d, images are %dx%d", camera.width, camera.height, width, height)
+            camera, self.known = nominal(self._device, width, height), False
+        self._camera = camera
+        return camera
+
+    def store(self, source: Camera, camera: PinholeCamera) -> Path:
+        """Keep a new one where the node reads it. Raises OSError."""
+        path = self._file(source)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_calibration(path, camera, path.stem)
+        self._camera, self.known = camera, True
+        return path
+
+    def _given(self, source: Camera) -> PinholeCamera | None:
+        camera: PinholeCamera | None = getattr(source, "calibration", None)
+        self.known = self.known or camera is not None
+        return camera
+
+    def _file(self, source: Camera) -> Path:
+        if self._url:
+            return _path(self._url)
+        if self._device.startswith("emulator:"):
+            return Path(self._device.partition(":")[2] + ".yaml")
+        home = Path(os.environ.get("ROS_HOME", Path.home() / ".ros"))
+        return home / "camera_info" / f"rgb_{source.serial}.yaml"
+
+    def _read(self, source: Camera, width: int, height: int) -> PinholeCamera:
+        try:
+            camera = read_calibration(self._file(source))
+        except CalibrationError as error:
+            rospy.logwarn("camera is not calibrated: %s. Nominal values are used; expect a bent map", error)
+            return nominal(self._device, width, height)
+        self.known = True
+        return camera
+
+
+def nominal(device: str, width: int, height: int) -> PinholeCamera:
+    """What is assumed of an uncalibrated camera. The 4:3 image of a Kinect is the upper part of its 1280 x 1024 one, so
+    the centre lies above the middle of that."""
+    if device.startswith(("v4l", "ros")):
+        return nominal_camera(width, height)
+    upper = nominal_camera(width, width * 3 // 4)
+    return PinholeCamera(width, height, upper.fx, upper.fy, upper.cx, upper.cy)
+
+
+def _path(url: str) -> Path:
+    """A file from a file:// URL or a path; ${ROS_HOME} and ~ are expanded."""
+    return Path(os.path.expandvars(url.removeprefix("file://"))).expanduser()

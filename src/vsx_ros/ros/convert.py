@@ -122,10 +122,8 @@ def transform_stamped(parent: str, child: str, stamp_ns: int, T_parent_child: SE
 
 
 def mount_transforms(mount: MountConfig, stamp_ns: int) -> list[TransformStamped]:
-    """base_footprint -> base_link -> camera_link -> camera_rgb_frame -> camera_rgb_optical_frame, as mounted.
-
-    And base_link -> gyro_link: upright; where on the base a gyro sits changes neither heading nor rate.
-    """
+    """base_footprint -> base_link -> camera_link -> camera_rgb_frame -> camera_rgb_optical_frame, as mounted. And
+    base_link -> gyro_link: upright; where on the base a gyro sits changes neither heading nor rate."""
     T_base_optical = mounted(mount)
     T_camera_optical = mount_pose(0.0, 0.0, 0.0, 0.0)
     T_base_camera = T_base_optical @ T_camera_optical.inverse()
@@ -176,10 +174,8 @@ def hazard_words(mask: int) -> str:
 
 
 def grid(msg: OccupancyGridMsg) -> OccupancyGrid:
-    """The map: at most 19 % is free, 65 % and more occupied, anything between unknown (map_server's rule).
-
-    Raises MapFileError when sizes disagree or the map is rotated in its frame.
-    """
+    """The map: at most 19 % is free, 65 % and more occupied, anything between unknown (map_server's rule). Raises
+    MapFileError when sizes disagree or the map is rotated in its frame."""
     info = msg.info
     if len(msg.data) != info.width * info.height or not 0 < len(msg.data) <= MAX_CELLS:
         raise MapFileError(
@@ -219,10 +215,8 @@ def cloud_msg(points: Points3, frame_id: str, stamp_ns: int) -> PointCloud2:
 
 
 def cloud_points(msg: PointCloud2) -> FloatArray:
-    """(N, 3) x, y, z of a cloud whose first three fields are little-endian float32 x, y, z.
-
-    Raises InputError for another layout or a number that is not finite.
-    """
+    """(N, 3) x, y, z of a cloud whose first three fields are little-endian float32 x, y, z. Raises InputError for
+    another layout or a number that is not finite."""
     names = [field.name for field in msg.fields[:3]]
     count = msg.width * msg.height
     if names != ["x", "y", "z"] or msg.is_bigendian or msg.point_step < 12 or len(msg.data) < count * msg.point_step:

@@ -37,10 +37,8 @@ _SCAN_BEARINGS = 720
 
 
 class DenseMapping:
-    """Publishers: vslam/planes, vslam/dense_points, scan; each is made only while someone listens.
-
-    ``refresh`` from one thread, every UPDATE_EVERY_S, ``publish`` from any.
-    """
+    """Publishers: vslam/planes, vslam/dense_points, scan; each is made only while someone listens. ``refresh`` from one
+    thread, every UPDATE_EVERY_S, ``publish`` from any."""
 
     def __init__(self, config: Config) -> None:
         self._config = config

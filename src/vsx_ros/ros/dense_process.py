@@ -1,7 +1,8 @@
 """The densifier as a process of its own: what of it holds Python's global lock must not hold up the tracker.
 
 The child reads pickled requests from standard input and answers each on standard output; it ends when its input ends.
-No ROS in here.
+First comes what the densifier is made of, then each snapshot without its images, and the images that the child does not
+have yet, by keyframe. No ROS in here.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import signal
 import subprocess
 import sys
 import threading
-from typing import IO, BinaryIO, NamedTuple
+from typing import Any, BinaryIO
 
 import cv2
 
@@ -32,33 +33,15 @@ _ANSWER_S = 60.0
 """A map of a large building takes some seconds on a slow machine."""
 
 
-class _Settings(NamedTuple):
-    camera: PinholeCamera
-    T_base_cam: SE3 | None
-    config: DenseConfig
-    seed: int
-
-
-class _Request(NamedTuple):
-    """A snapshot without its images, and the images that the child does not have yet, by keyframe."""
-
-    snapshot: MapSnapshot
-    images: dict[int, GrayImage]
-
-
 class DenseProcess:
     """``Densifier.update`` in a child; from one thread."""
 
     def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, config: DenseConfig, seed: int) -> None:
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
-        self._child = subprocess.Popen(
-            [sys.executable, "-m", "vsx_ros.ros.dense_process"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            env=environment,
-        )
+        command, pipe = [sys.executable, "-m", "vsx_ros.ros.dense_process"], subprocess.PIPE
+        self._child = subprocess.Popen(command, stdin=pipe, stdout=pipe, env=environment)
         self._sent: set[int] = set()
-        self._say(_Settings(camera, T_base_cam, config, seed))
+        self._say((camera, T_base_cam, config, seed))
 
     @property
     def pid(self) -> int:
@@ -75,7 +58,7 @@ class DenseProcess:
         patience.daemon = True
         patience.start()
         try:
-            self._say(_Request(dataclasses.replace(snapshot, images=()), images))
+            self._say((dataclasses.replace(snapshot, images=()), images))
             answer: tuple[DenseMap, AnchoredSurface] = pickle.load(self._child.stdout)
         except (EOFError, OSError, pickle.UnpicklingError) as error:
             raise self._gone() from error
@@ -85,15 +68,14 @@ class DenseProcess:
 
     def close(self) -> None:
         """End the child once it has finished what it is at; one that hangs is not waited for."""
+        threading.Thread(target=self._close, daemon=True).start()
+
+    def _close(self) -> None:
         assert self._child.stdin is not None
-        threading.Thread(target=self._close, args=(self._child.stdin,), daemon=True).start()
-
-    @staticmethod
-    def _close(requests: IO[bytes]) -> None:
         with contextlib.suppress(OSError):
-            requests.close()
+            self._child.stdin.close()
 
-    def _say(self, request: _Settings | _Request) -> None:
+    def _say(self, request: tuple[Any, ...]) -> None:
         assert self._child.stdin is not None
         try:
             pickle.dump(request, self._child.stdin, pickle.HIGHEST_PROTOCOL)
@@ -110,19 +92,19 @@ class DenseProcess:
 
 def serve(requests: BinaryIO, answers: BinaryIO) -> None:
     """Settings first, then one answer for each request until there are no more."""
-    settings: _Settings = pickle.load(requests)
-    densifier = Densifier(*settings)
+    camera, T_base_cam, config, seed = pickle.load(requests)
+    densifier = Densifier(camera, T_base_cam, config, seed)
     images: dict[int, GrayImage] = {}
     while True:
         try:
-            request: _Request = pickle.load(requests)
+            without, new = pickle.load(requests)
         except EOFError:
             return
-        ids = request.snapshot.keyframe_ids.tolist()
-        images = {number: image for number, image in {**images, **request.images}.items() if number in set(ids)}
-        snapshot = dataclasses.replace(request.snapshot, images=tuple(images[number] for number in ids))
+        images = {**images, **new}
+        images = {number: images[number] for number in without.keyframe_ids.tolist()}
+        snapshot = dataclasses.replace(without, images=tuple(images.values()))
         dense = densifier.update(snapshot)
-        answer = dense, AnchoredSurface.of(dense, snapshot, settings.config.cell_m)
+        answer = dense, AnchoredSurface.of(dense, snapshot, config.cell_m)
         pickle.dump(answer, answers, pickle.HIGHEST_PROTOCOL)
         answers.flush()
 
@@ -138,7 +120,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    # The parent's pickles name these classes by this module, not by __main__.
-    from vsx_ros.ros import dense_process
-
-    dense_process.main()
+    main()

@@ -13,15 +13,12 @@ from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.navigation.follower_report import FollowerReport, decode_report
 from vsx_ros.navigation.goal_execution import Follow
 from vsx_ros.ros import topics, trajectory_messages
+from vsx_ros.ros.callbacks import subscribe
 from vsx_ros.ros.planning_thread import path_msg
-from vsx_ros.ros.subscribers import subscribe
 
 
 class FollowerLink:
-    """Subscribers: follower/status. Publishers: move_base/global_plan, move_base/trajectory.
-
-    report: the newest.
-    """
+    """Subscribers: follower/status. Publishers: move_base/global_plan, move_base/trajectory. report: the newest."""
 
     def __init__(self) -> None:
         self.report, self._report_s = FollowerReport(0, FollowStatus.IDLE, "", topics.MAP_FRAME), 0.0

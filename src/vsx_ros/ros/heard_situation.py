@@ -12,15 +12,13 @@ from vsx_ros.arrays import Points3
 from vsx_ros.exploration.decision import NavigationState, Situation
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.ros import convert, topics
+from vsx_ros.ros.callbacks import subscribe
 from vsx_ros.ros.localization import LocalizationSubscriber
-from vsx_ros.ros.subscribers import subscribe
 
 
 class HeardSituation:
-    """Subscribers: map, vslam/map_points, mobile_base/hazards, and those of ``LocalizationSubscriber``.
-
-    grid: the newest map, if any.
-    """
+    """Subscribers: map, vslam/map_points, mobile_base/hazards, and those of ``LocalizationSubscriber``. grid: the
+    newest map, if any."""
 
     def __init__(self) -> None:
         self.grid: OccupancyGrid | None = None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import rospy
 from sensor_msgs.msg import CameraInfo, Image
+from std_msgs.msg import Header
 
 from vsx_ros.arrays import ColorImage, GrayImage
 from vsx_ros.errors import CalibrationError
@@ -15,29 +16,21 @@ from vsx_ros.robot import Frame
 
 
 def frame(msg: Image) -> Frame:
-    """The grey image with its stamp.
-
-    Raises InputError for an unknown encoding or a message with too few bytes.
-    """
+    """The grey image with its stamp. Raises InputError for an unknown encoding or a message with too few bytes."""
     gray = gray_image(msg.encoding, msg.height, msg.width, msg.step, bytes(msg.data), big_endian=bool(msg.is_bigendian))
     return Frame(msg.header.stamp.to_nsec(), gray)
 
 
 def image_msg(stamp_ns: int, image: GrayImage | ColorImage, encoding: str, frame_id: str) -> Image:
     """The message of an (H, W) or (H, W, 3) uint8 array in the given encoding."""
-    msg = Image(height=image.shape[0], width=image.shape[1], encoding=encoding, is_bigendian=0)
-    msg.header.stamp = rospy.Time(0, stamp_ns)
-    msg.header.frame_id = frame_id
-    msg.step = image.size // image.shape[0]
-    msg.data = np.ascontiguousarray(image).tobytes()
-    return msg
+    header = Header(stamp=rospy.Time(0, stamp_ns), frame_id=frame_id)
+    height, width = image.shape[:2]
+    return Image(header, height, width, encoding, 0, image.size // height, np.ascontiguousarray(image).tobytes())
 
 
 def camera(msg: CameraInfo) -> PinholeCamera:
-    """The calibration of the message.
-
-    Raises CalibrationError for an uncalibrated camera, an unsupported lens model, or binned images.
-    """
+    """The calibration of the message. Raises CalibrationError for an uncalibrated camera, an unsupported lens model, or
+    binned images."""
     if max(msg.binning_x, 1) != 1 or max(msg.binning_y, 1) != 1:
         raise CalibrationError(f"camera_info says binning {msg.binning_x}x{msg.binning_y}; publish unbinned images")
     found = camera_from_info(msg.width, msg.height, msg.K, msg.D, msg.distortion_model, "camera_info")
@@ -52,10 +45,7 @@ def camera(msg: CameraInfo) -> PinholeCamera:
 def camera_info(camera: PinholeCamera, stamp_ns: int, frame_id: str) -> CameraInfo:
     """The message of a calibration, unrectified (R = identity, P = K)."""
     msg = CameraInfo(height=camera.height, width=camera.width, distortion_model="plumb_bob")
-    msg.header.stamp = rospy.Time(0, stamp_ns)
-    msg.header.frame_id = frame_id
-    msg.D = list(camera.distortion)
-    msg.K = camera.K.ravel().tolist()
-    msg.R = np.eye(3).ravel().tolist()
+    msg.header = Header(stamp=rospy.Time(0, stamp_ns), frame_id=frame_id)
+    msg.D, msg.K, msg.R = list(camera.distortion), camera.K.ravel().tolist(), np.eye(3).ravel().tolist()
     msg.P = np.column_stack([camera.K, np.zeros(3)]).ravel().tolist()
     return msg

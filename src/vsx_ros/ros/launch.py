@@ -49,10 +49,8 @@ class BagTopics(NamedTuple):
 
 
 def bringup(base: str = "auto", port: str = "/dev/kobuki", camera: str = "kinect", info: str = "") -> list[LaunchNode]:
-    """The robot itself: base and camera. base: its kind, or auto; info: URL or path of the camera's calibration.
-
-    With the camera ``ros`` its images come as ours do already, and no node of ours is wanted.
-    """
+    """The robot itself: base and camera. base: its kind, or auto; info: URL or path of the camera's calibration. With
+    the camera ``ros`` its images come as ours do already, and no node of ours is wanted."""
     nodes = [LaunchNode("mobile_base", {"robot_type": base, "port": port}, respawn=True)]
     if camera != "ros":
         nodes.append(LaunchNode("camera", {"device": camera, "camera_info_url": info}, respawn=True))
@@ -62,10 +60,8 @@ def bringup(base: str = "auto", port: str = "/dev/kobuki", camera: str = "kinect
 def emulation(
     world: str, seed: int = 0, devices: str = "/tmp", base: str = "kobuki", rate_hz: float = 15.0
 ) -> list[LaunchNode]:
-    """A robot that exists only as bytes, and the real drivers above it. devices: folder for port and socket.
-
-    base: its kind; auto is a Kobuki whose driver is not told so. rate_hz: images a second.
-    """
+    """A robot that exists only as bytes, and the real drivers above it. devices: folder for port and socket. base: its
+    kind; auto is a Kobuki whose driver is not told so. rate_hz: images a second."""
     port, camera_socket = f"{devices}/vsx_base", f"{devices}/vsx_camera"
     kind = "kobuki" if base == "auto" else base
     emulator = {"world": world, "seed": seed, "robot_type": kind, "port": port, "camera_socket": camera_socket}
@@ -125,10 +121,8 @@ def _param(name: str, value: Any, indent: str) -> str:
 
 
 def package_environment() -> None:
-    """Make ``vsx_ros`` findable for rospack and roslaunch, from a checkout or from an installation.
-
-    Raises ConfigError when neither holds the package manifest.
-    """
+    """Make ``vsx_ros`` findable for rospack and roslaunch, from a checkout or from an installation. Raises ConfigError
+    when neither holds the package manifest."""
     export_ros_address()
     checkout = Path(__file__).resolve().parents[3]
     if not (checkout / "package.xml").exists():
@@ -139,10 +133,8 @@ def package_environment() -> None:
 
 
 def start(text: str, *, quiet: bool = False) -> roslaunch.parent.ROSLaunchParent:
-    """Start the nodes of a launch text, with a master when none runs. Call it on the main thread.
-
-    Raises ConfigError when roslaunch refuses the text.
-    """
+    """Start the nodes of a launch text, with a master when none runs. Call it on the main thread. Raises ConfigError
+    when roslaunch refuses the text."""
     package_environment()
     if shutil.which("rosmaster") is None:
         raise ConfigError("there is no rosmaster: install ROS with 'scripts/demo' or the packages of apt.txt")

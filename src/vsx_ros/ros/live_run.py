@@ -9,7 +9,6 @@ import socket
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import Any, TextIO
 
 import rosgraph
@@ -81,9 +80,7 @@ class LiveRun:
             raise
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Stop the robot, then the processes."""
         assert self._log is not None
         try:
@@ -180,9 +177,7 @@ class _Listener(roslaunch.pmon.ProcessListener):
 
 def choose_master() -> None:
     """Use the master that runs; else let roslaunch start one at the usual port, or at a free one if that is taken.
-
-    Raises ConfigError when ROS_MASTER_URI names another machine where no master answers, or a name nobody knows.
-    """
+    Raises ConfigError when ROS_MASTER_URI names another machine where no master answers, or a name nobody knows."""
     uri = os.environ.setdefault("ROS_MASTER_URI", DEFAULT_MASTER)
     if rosgraph.is_master_online(uri):
         return

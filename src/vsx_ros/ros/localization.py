@@ -5,28 +5,14 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Callable
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from nav_msgs.msg import Odometry as OdometryMsg
 
 from vsx_ros.control.localization import Localization, LocalizationState
-from vsx_ros.robot import Odometry, OdometryEpochs
+from vsx_ros.robot import Odometry
 from vsx_ros.ros import clock, convert, slam_messages, topics
-from vsx_ros.ros.subscribers import odometry_subscriber, subscribe
-
-
-def hear_odometry(callback: Callable[[Odometry], None], first_epoch: int = 0) -> None:
-    """Subscribe to odom: every reading, with its epoch. first_epoch: the one to begin with."""
-    epochs = OdometryEpochs(first_epoch)
-
-    def take(msg: OdometryMsg) -> None:
-        odometry = convert.odometry(msg)
-        clock.refuse_future(odometry.stamp_ns)
-        callback(epochs.enter(odometry))
-
-    odometry_subscriber(take)
+from vsx_ros.ros.callbacks import hear_odometry, subscribe
 
 
 class LocalizationSubscriber:

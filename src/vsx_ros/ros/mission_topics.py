@@ -1,23 +1,32 @@
-"""What a mission says: its state, its choices, frontiers and views."""
+"""What a mission says: its state, its choices; frontiers and views for rviz, in the style of explore_lite."""
 
 from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import rospy
-from std_msgs.msg import Float32, String
-from visualization_msgs.msg import MarkerArray
+from geometry_msgs.msg import Point, Vector3
+from std_msgs.msg import ColorRGBA, Float32, String
+from visualization_msgs.msg import Marker, MarkerArray
 
 from vsx_ros.exploration.decision import Decision, MissionEvent, NavigationState
 from vsx_ros.exploration.frontiers import Frontier
 from vsx_ros.exploration.mission import Mission
+from vsx_ros.exploration.utility import View
+from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.ros import clock, topics
-from vsx_ros.ros.frontier_markers import frontier_markers
+from vsx_ros.ros import clock, convert, topics
 
 _STATUS_PERIOD_S = 1.0
+_BLUE = ColorRGBA(0.0, 0.0, 1.0, 1.0)
+_GREEN = ColorRGBA(0.0, 1.0, 0.0, 1.0)
+_WHITE = ColorRGBA(1.0, 1.0, 1.0, 1.0)
+_SHOWN_VIEWS = 10
+_BIGGEST_BALL_M = 0.3
+_TEXT_M = 0.15
+_LIFETIME_S = 10.0
 
 
 class MissionTopics:
@@ -49,10 +58,8 @@ class MissionTopics:
         view_selector = self._mission.view_selector
         if view_selector.ranking is not self._shown and grid is not None:
             self._shown, self._frontiers = view_selector.ranking, view_selector.frontiers()
-            markers = frontier_markers(
-                grid, self._frontiers, view_selector.ranking.views, topics.MAP_FRAME, clock.now_ns()
-            )
-            self._frontiers_pub.publish(markers)
+            views = view_selector.ranking.views
+            self._frontiers_pub.publish(frontier_markers(grid, self._frontiers, views, clock.now_ns()))
         text, now_s = self._status_text(decision, navigation, grid), time.monotonic()
         if text == self._status and now_s - self._status_s <= _STATUS_PERIOD_S:
             return False
@@ -73,3 +80,38 @@ class MissionTopics:
             "known_area_m2": grid.known_area_m2 if grid is not None else None,
         }
         return json.dumps(status)
+
+
+def frontier_markers(
+    grid: OccupancyGrid, frontiers: Sequence[Frontier], views: Sequence[View], stamp_ns: int
+) -> MarkerArray:
+    """A blue marker of points a frontier; for the best views a green ball as big as they are useful, and v, d (the stop
+    included) and U in words."""
+    shown = views[:_SHOWN_VIEWS]
+    best = max((view.utility for view in shown), default=1.0)
+    markers = [Marker(action=Marker.DELETEALL)]
+    for number, frontier in enumerate(frontiers):
+        marker = _marker("frontiers", number, Marker.POINTS, _BLUE)
+        marker.scale = Vector3(grid.resolution, grid.resolution, grid.resolution)
+        marker.points = [Point(x, y, 0.0) for x, y in grid.centres(frontier.cells).tolist()]
+        markers.append(marker)
+    for number, view in enumerate(shown):
+        size = _BIGGEST_BALL_M * max(0.1, view.utility / best)
+        ball = _marker("views", number, Marker.SPHERE, _GREEN, view.pose)
+        ball.scale = Vector3(size, size, size)
+        text = _marker("utilities", number, Marker.TEXT_VIEW_FACING, _WHITE, view.pose)
+        text.scale.z = _TEXT_M
+        way_m = view.gain_m2 / view.utility if view.utility > 0.0 else view.distance_m
+        text.text = f"v {view.gain_m2:.1f} m2, d {way_m:.1f} m, U {view.utility:.2f}"
+        markers += [ball, text]
+    for marker in markers:
+        marker.header, marker.lifetime = (
+            convert.header(topics.MAP_FRAME, stamp_ns),
+            rospy.Duration.from_sec(_LIFETIME_S),
+        )
+    return MarkerArray(markers)
+
+
+def _marker(namespace: str, number: int, kind: int, color: ColorRGBA, pose: SE2 | None = None) -> Marker:
+    pose_msg = convert.pose_msg(pose or SE2())
+    return Marker(ns=namespace, id=number, type=kind, action=Marker.ADD, pose=pose_msg, color=color)

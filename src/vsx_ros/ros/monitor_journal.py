@@ -16,11 +16,8 @@ from vsx_ros.runs.journal import ClockLine, Journal, Line, RunEvent, TruthLine, 
 
 
 class MonitorJournal:
-    """``keep`` a few times a second.
-
-    before: what the sessions before kept. clock: how far they had come. so_far: what is counted up to now. failure: why
-    not all of it is kept, or nothing; the run goes on without.
-    """
+    """``keep`` a few times a second. before: what the sessions before kept. clock: how far they had come. so_far: what
+    is counted up to now. failure: why not all of it is kept, or nothing; the run goes on without."""
 
     def __init__(self, folder: RunFolder, mount: MountConfig) -> None:
         """Raises InputError when the folder holds a damaged journal or cannot be written."""
@@ -50,7 +47,7 @@ class MonitorJournal:
 
     def keep(self, monitor: Monitor, now_ns: int, elapsed_s: float) -> None:
         """Write down what is new. elapsed_s: of all sessions."""
-        truths, events = monitor.truth()[self._truths :], monitor.events()[self._events :]
+        truths, events = monitor.truth[self._truths :], monitor.events[self._events :]
         self._truths, self._events = self._truths + len(truths), self._events + len(events)
         collisions = self.clock.collisions + monitor.collisions
         lines: list[Line] = [*events]
@@ -58,7 +55,7 @@ class MonitorJournal:
             base = (T @ self._T_cam_base).to_se2()
             at, seen = (base.x, base.y, base.theta), flat(T)
             lines.append(TruthLine(stamp_ns=stamp_ns, T_world_cam=seen, T_world_base=at, collisions=collisions))
-        plans = self.clock.plans + len(monitor.navigation().plan_ms)
+        plans = self.clock.plans + len(monitor.plan_ms)
         self.so_far = ClockLine(stamp_ns=now_ns, elapsed_s=elapsed_s, plans=plans, collisions=collisions)
         try:
             self._journal.add(*lines, self.so_far)

@@ -38,12 +38,9 @@ class Node(Protocol):
 
 
 def run(name: str, build: Callable[[Config], Node]) -> None:
-    """Be the node ``name`` until ROS shuts down.
-
-    ``build`` constructs it from the configuration in the private parameter ``~config``; whatever it must compile
-    it compiles before it advertises. A broken promise (configuration, calibration, device) is logged as one
-    sentence and ends the process with exit code 1, 2 for a device.
-    """
+    """Be the node ``name`` until ROS shuts down. ``build`` makes it of the configuration in the parameter
+    ``~config``; whatever it must compile it compiles before it advertises. A broken promise (configuration,
+    calibration, device) is logged as one sentence and ends the process with exit code 1, 2 for a device."""
     _die_with_parent()
     logs.quiet_failures()
     cv2.setNumThreads(1)
@@ -121,10 +118,8 @@ def _close_on_signals() -> Callable[[], None]:
 
 
 def configuration() -> Config:
-    """The configuration: the tree ``config`` of the namespace, entries of the node's own ``~config`` first.
-
-    Raises ConfigError naming the entry.
-    """
+    """The configuration: the tree ``config`` of the namespace, entries of the node's own ``~config`` first. Raises
+    ConfigError naming the entry."""
     tree: dict[str, Any] = {}
     for name in ("config", "~config"):
         branch: Any = rospy.get_param(name, {})

@@ -1,18 +1,24 @@
-"""What the operator's commands share: they join a running ROS graph for a moment and leave it as it was."""
+"""Commands of the operator join a running ROS graph for a moment and leave it as it was. The shortest of them."""
 
 from __future__ import annotations
 
 import contextlib
 import functools
 import os
+import sys
+import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import ParamSpec
 
 import rosgraph
 import rospy
+from nav_msgs.msg import Odometry
+from std_srvs.srv import SetBool, Trigger
 
-from vsx_ros.errors import ConfigError
-from vsx_ros.ros import calls, logs
+from vsx_hw.errors import DeviceError, DeviceTimeout
+from vsx_ros.errors import ConfigError, MapFileError
+from vsx_ros.ros import calls, logs, topics
 from vsx_ros.ros.host_address import DEFAULT_MASTER, export_ros_address
 from vsx_ros.ros.master_watch import master_watch
 from vsx_ros.runs.exit_codes import DONE
@@ -20,13 +26,15 @@ from vsx_ros.runs.exit_codes import DONE
 P = ParamSpec("P")
 
 _LEAVE_S = 3.0
+_STOP_S, _STAND_S = 6.0, 2.0
+_STANDING_M_S, _STANDING_RAD_S = 0.01, 0.02
+_OFFERED_S, _SAVED_S = 5.0, 120.0
+"""The map of a large building is 120 MB, and its disk may be slow."""
 
 
 def join(name: str) -> None:
-    """Be a node whose name nobody else has. Ctrl-C stays what it is in Python.
-
-    Raises ConfigError when no master answers.
-    """
+    """Be a node whose name nobody else has. Ctrl-C stays what it is in Python. Raises ConfigError when no master
+    answers."""
     export_ros_address()
     uri = os.environ.setdefault("ROS_MASTER_URI", DEFAULT_MASTER)
     if not rosgraph.is_master_online():
@@ -53,3 +61,64 @@ def command(work: Callable[P, int]) -> Callable[P, int]:
                 calls.within(_LEAVE_S, lambda: rospy.signal_shutdown("the command is done"), "the ROS master")
 
     return joining
+
+
+@command
+def stop(*, release: bool) -> int:
+    """The emergency stop of ``vsx stop``: set or release it, and see that the wheels stand. Raises ConfigError when
+    there is no master or no base, DeviceError when the base does not answer or rolls on."""
+
+    def call() -> None:
+        join("stop")
+        rospy.ServiceProxy(topics.ESTOP, SetBool)(not release)
+
+    try:
+        calls.within(_STOP_S, call, "the base")
+    except calls.NoAnswer as error:
+        raise DeviceTimeout(f"{error}; use its power button") from error
+    except (rospy.ServiceException, rospy.ROSException) as error:
+        name = rospy.resolve_name(topics.ESTOP)
+        raise ConfigError(
+            f"no base offers {name} ({error}); if wheels turn use its power button, else start it"
+        ) from error
+    if release:
+        sys.stdout.write("released: the robot may drive\n")
+        return DONE
+    _see_it_stand()
+    sys.stdout.write("stopped: the wheels stand until 'vsx stop --release'\n")
+    return DONE
+
+
+def _see_it_stand() -> None:
+    """Wait for odometry that says so. Raises DeviceError when the wheels still turn, or nobody knows."""
+    said = "it sends no odometry"
+    deadline_s = time.monotonic() + _STAND_S
+    while (left_s := deadline_s - time.monotonic()) > 0.0:
+        try:
+            twist = rospy.wait_for_message(topics.ODOM, Odometry, timeout=left_s).twist.twist
+        except rospy.ROSException:
+            break
+        if abs(twist.linear.x) < _STANDING_M_S and abs(twist.angular.z) < _STANDING_RAD_S:
+            return
+        said = f"its odometry says {twist.linear.x:.2f} m/s, {twist.angular.z:.2f} rad/s"
+    raise DeviceError(f"the base took the emergency stop, but {said}; look at it, and use its power button if it rolls")
+
+
+@command
+def save_map(out: Path | None) -> int:
+    """``vsx map save`` of a running robot: vslam saves its map. out: where, else where the node finds best. Raises
+    ConfigError when no robot maps, MapFileError when the map cannot be saved."""
+    join("save_map")
+    try:
+        rospy.wait_for_service(topics.SAVE_MAP, timeout=_OFFERED_S)
+        rospy.set_param(topics.SAVE_MAP_TO, str(out.resolve()) if out is not None else "")
+        answer = calls.service(topics.SAVE_MAP, Trigger, within_s=_SAVED_S)
+    except (rospy.ROSException, rospy.ServiceException) as error:
+        name = rospy.resolve_name(topics.SAVE_MAP)
+        raise ConfigError(
+            f"nobody offers {name} ({error}); start the robot, or save the map of a run: 'vsx map save RUN'"
+        ) from error
+    if not answer.success:
+        raise MapFileError(answer.message)
+    sys.stdout.write(f"{answer.message}\n")
+    return DONE

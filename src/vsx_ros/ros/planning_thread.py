@@ -15,15 +15,15 @@ from std_msgs.msg import Float32
 
 from vsx_ros.config import Config
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.kernels.warmup import warm_up
 from vsx_ros.navigation.goal_execution import PlanRequest
 from vsx_ros.navigation.goal_planner import GoalPlanner, TimedPlan
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.path import Plan, Refusal
 from vsx_ros.ros import clock, convert, frames, threads, topics
-from vsx_ros.ros.adjustable import adjustable_of_plans, serve_adjustable
+from vsx_ros.ros.adjustable import serve_adjustable
+from vsx_ros.ros.callbacks import subscribe
 from vsx_ros.ros.diagnostics import OK, Diagnostics
-from vsx_ros.ros.subscribers import subscribe
-from vsx_ros.ros.warm_up import warm_up_planning
 
 _PLAN_STEP_M = 0.05
 
@@ -35,7 +35,7 @@ class PlanningThread:
         """Raises ConfigError for a ~planner that there is not."""
         kind, seed = str(rospy.get_param("~planner", "fov")), int(rospy.get_param("~seed", 0))
         self._planner, self._diagnostics = GoalPlanner(config, kind, seed), diagnostics
-        warm_up_planning(self._planner.blind, config)
+        warm_up()
         self._lock = threading.Lock()
         self._requests: queue.SimpleQueue[PlanRequest] = queue.SimpleQueue()
         self._answers: queue.SimpleQueue[tuple[int, TimedPlan | Refusal]] = queue.SimpleQueue()
@@ -44,7 +44,7 @@ class PlanningThread:
         subscribe(topics.MAP_POINTS, PointCloud2, self._on_points, queue_size=1, buff_size=2**22)
         rospy.Service(topics.MAKE_PLAN, GetPlan, self._on_make_plan)
         threads.worker("planner", self._work)
-        serve_adjustable(config, adjustable_of_plans(config.limits), self._change)
+        serve_adjustable(config, self._change)
 
     @property
     def grid(self) -> OccupancyGrid | None:

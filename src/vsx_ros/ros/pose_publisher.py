@@ -22,9 +22,7 @@ _DISTRUST = 10.0
 
 class PosePublisher:
     """Publishers: vslam/pose (base_footprint in map, stamp of the image), /tf map -> odom, /tf_static (camera, gyro).
-
-    Parameters: ~publish_tf (bool, true; false: somebody else, an EKF, says where odom is in map).
-    """
+    Parameters: ~publish_tf (bool, true; false: somebody else, an EKF, says where odom is in map)."""
 
     def __init__(self, session: SlamSession, mount: MountConfig) -> None:
         self._session = session

@@ -19,8 +19,8 @@ from sensor_msgs.msg import CompressedImage, Image
 from vsx_ros.errors import InputError
 from vsx_ros.ros import clock, images, operator_command, topics
 from vsx_ros.ros.bag_writer import BagWriter, Serialized
+from vsx_ros.ros.callbacks import IMAGE_BUFFER_BYTES, subscribe
 from vsx_ros.ros.progress import Progress
-from vsx_ros.ros.subscribers import IMAGE_BUFFER_BYTES, subscribe
 from vsx_ros.runs.exit_codes import DONE, FAILED
 from vsx_ros.runs.interruptible import SignalFlag
 
@@ -49,19 +49,7 @@ class Recorder:
             subscribe(topics.IMAGE, Image, self._on_image, queue_size=5, buff_size=IMAGE_BUFFER_BYTES)
 
     def _on_any(self, msg: Any, topic: str) -> None:
-        said: dict[str, str] = msg._connection_header
-        self._writer.put(
-            Serialized(
-                topic,
-                clock.now_ns(),
-                said["type"],
-                said["md5sum"],
-                said.get("message_definition", ""),
-                said.get("callerid", ""),
-                said.get("latching") == "1",
-                msg._buff,
-            )
-        )
+        self._writer.put(Serialized(topic, clock.now_ns(), msg._connection_header, msg._buff))
 
     def _on_image(self, msg: Image) -> None:
         """Grey, as the SLAM sees it. Raises InputError for an image that cannot be used."""
@@ -72,10 +60,8 @@ class Recorder:
         packed, data = CompressedImage(msg.header, self._how, content.tobytes()), io.BytesIO()
         packed.serialize(data)
         topic = f"{rospy.resolve_name(topics.IMAGE)}/compressed"
-        kind, md5sum, definition = packed._type, packed._md5sum, packed._full_text
-        self._writer.put(
-            Serialized(topic, clock.now_ns(), kind, md5sum, definition, "/vsx_record", False, data.getvalue())
-        )
+        said = {"type": packed._type, "md5sum": packed._md5sum, "message_definition": packed._full_text}
+        self._writer.put(Serialized(topic, clock.now_ns(), {**said, "callerid": "/vsx_record"}, data.getvalue()))
 
 
 @operator_command.command

@@ -49,10 +49,8 @@ def master_uri() -> str:
 
 
 def asked(calls: Sequence[Call], patience_s: float = ANSWER_S) -> list[Any]:
-    """(code, words, value) of each call of the master's API, made in this node's name, in one request.
-
-    The connection is closed: a master that is ending answers who is connected, and nobody else.
-    """
+    """(code, words, value) of each call of the master's API, made in this node's name, in one request. The connection
+    is closed: a master that is ending answers who is connected, and nobody else."""
     if not calls:
         return []
     with xmlrpc.client.ServerProxy(master_uri(), transport=TimeoutTransport(patience_s=patience_s)) as master:
@@ -66,9 +64,7 @@ def asked(calls: Sequence[Call], patience_s: float = ANSWER_S) -> list[Any]:
 def offers() -> Offers:
     """What this node offers now."""
     topics, services = registration.get_topic_manager(), registration.get_service_manager()
-    return Offers(
-        dict(topics.get_publications()), dict(topics.get_subscriptions()), dict(services.get_services())
-    )  # fmt: skip
+    return Offers(*map(dict, (topics.get_publications(), topics.get_subscriptions(), services.get_services())))
 
 
 def missing(offered: Offers) -> list[str]:

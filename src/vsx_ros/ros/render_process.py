@@ -1,18 +1,22 @@
 """The emulated camera as a process of its own: rendering must not hold up the wheels.
 
-Reads poses of the base from standard input (``POSE``, one every 5 ms), renders each frame when its exposure is over,
-and sends it through the emulated Kinect at a socket. Writes one line of JSON per frame to standard output: stamp, true
-camera pose, render time, frames skipped. Ends when its input ends. No ROS in here.
+The child reads poses of the base from standard input (``POSE``, one every 5 ms), renders each frame when its exposure
+is over, and sends it through the emulated Kinect at a socket. It writes one line of JSON per frame to standard output:
+stamp, true camera pose, render time, frames skipped. It ends when its input ends. No ROS in here.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import signal
 import struct
+import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -22,9 +26,10 @@ import numpy as np
 from vsx_hw.kinect.emulator import KinectEmulator
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.config import RobotConfig
+from vsx_ros.errors import VsxError
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.io.calibration_file import write_calibration
-from vsx_ros.ros.emulation import CAMERA_CHILD
+from vsx_ros.ros.emulation import BodyState
 from vsx_ros.runs.world import open_world
 from vsx_ros.sim.camera import EmulatedCamera
 from vsx_ros.sim.scene import compile_scene
@@ -45,6 +50,42 @@ class RenderSettings(msgspec.Struct, frozen=True, kw_only=True):
     rate_hz: float
     start_ns: int
     robot: RobotConfig
+
+
+class RenderChild:
+    """The parent's end."""
+
+    def __init__(self, settings: RenderSettings) -> None:
+        self._closing = False
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
+        command = [sys.executable, "-m", "vsx_ros.ros.render_process", msgspec.json.encode(settings).decode()]
+        pipe = subprocess.PIPE
+        self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, env=environment, bufsize=0)
+
+    def move(self, state: BodyState) -> None:
+        """Tell the camera where the base is."""
+        assert self._process.stdin is not None
+        pose = state.T_world_base
+        with contextlib.suppress(OSError):
+            self._process.stdin.write(POSE.pack(state.time_ns, pose.x, pose.y, pose.theta, state.path_length_m))
+
+    def listen(self, on_frame: Callable[[dict[str, Any]], None]) -> None:
+        """Hand over a dictionary for each frame until the end. Raises VsxError where that was not asked for."""
+        assert self._process.stdout is not None
+        for line in iter(self._process.stdout.readline, b""):
+            on_frame(json.loads(line))
+        if not self._closing:
+            raise VsxError("the rendering process has ended")
+
+    def close(self) -> None:
+        """End the child."""
+        assert self._process.stdin is not None
+        self._closing = True
+        self._process.stdin.close()
+        try:
+            self._process.wait(timeout=2.0)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
 
 
 class PoseHistory:
@@ -84,7 +125,7 @@ class PoseHistory:
 
 def render(settings: RenderSettings, history: PoseHistory) -> None:
     """Frames on a grid of 1 / rate_hz until the history ends; slots that come too late are skipped and counted."""
-    rng = np.random.default_rng([settings.seed, CAMERA_CHILD])
+    rng = np.random.default_rng([settings.seed, 2])  # as in the lock-step robot
     world = open_world(settings.world, settings.seed)
     camera = EmulatedCamera(compile_scene(world), settings.robot.mount, SimulationConfig().camera, rng)
     write_calibration(Path(settings.socket + ".yaml"), camera.camera_given, "emulated")

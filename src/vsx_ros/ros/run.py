@@ -53,10 +53,8 @@ _CODES = {outcome.name: code for outcome, code in EXIT_CODES.items()}
 
 
 class Coverage:
-    """Share of the emulated world that the map covers; computed now and then, None on a real robot.
-
-    until: the share known and right that is enough.
-    """
+    """Share of the emulated world that the map covers; computed now and then, None on a real robot. until: the share
+    known and right that is enough."""
 
     def __init__(self, judge: MapJudge | None, until: float | None = None) -> None:
         self._judge, self.until = judge, until
@@ -135,10 +133,8 @@ def _watch(
     progress: Progress,
     limit_s: float | None,
 ) -> Ending:
-    """Until the mission, the time, the operator or a failure ends it.
-
-    Time counts from the mission's first word, and from where an earlier session was interrupted.
-    """
+    """Until the mission, the time, the operator or a failure ends it. Time counts from the mission's first word, and
+    from where an earlier session was interrupted."""
     started_s = time.monotonic()
     began_s: float | None = None
     trouble: dict[str, str] = {}
@@ -196,11 +192,11 @@ def _gather(
 ) -> int:
     """Complete what vslam wrote with what the monitor saw, and tell it; the exit code."""
     known = folder.read_summary() if (folder.path / "summary.json").exists() else {}
-    navigation, truth, so_far = monitor.navigation(), [*journal.truth(), *monitor.truth()], journal.so_far
+    truth, so_far = [*journal.truth(), *monitor.truth], journal.so_far
     summary = with_accuracy(Summary(**known), folder.read_poses("trajectory"), truth, "yaw")
     if judge is not None:
         summary = judge.judged(summary, monitor.grid)
-    plan_ms, error_m = np.array(navigation.plan_ms), np.array(navigation.error_m)
+    plan_ms, error_m = np.array(monitor.plan_ms), np.array(monitor.error_m)
     summary = summary.with_values(
         **_told_by_truth(monitor, journal, truth, config.robot.mount),
         duration_s=so_far.elapsed_s,
@@ -244,4 +240,4 @@ def all_events(folder: RunFolder, journal: MonitorJournal, monitor: Monitor) -> 
     """SLAM's from the folder, all else from who watched: where SLAM never began anew, the folder still holds both from
     the session before."""
     slam = [event for event in folder.read_events() if event.source == "slam"]
-    return [*slam, *journal.events(), *monitor.events()]
+    return [*slam, *journal.events(), *monitor.events]

@@ -1,11 +1,15 @@
-"""The newest image together with the odometry of its instant."""
+"""The newest image together with the odometry of its instant, and whether it shows anything new."""
 
 from __future__ import annotations
 
 import threading
 from collections import deque
 
+import numpy as np
+
+from vsx_ros.arrays import GrayImage
 from vsx_ros.robot import Frame, Odometry, odometry_at
+from vsx_ros.slam.preprocessing import STILL_M, STILL_RAD
 
 _KEEP_ODOMETRY = 300
 # Odometry comes 30 to 50 times a second: a reading later than the image arrives within this time, or not at all.
@@ -14,9 +18,7 @@ _WAIT_FOR_ODOMETRY_S = 0.06
 
 class SensorSync:
     """Two callbacks put in, one thread takes out. Images that nobody took in time are dropped and counted.
-
-    ``behind_s``: by how much the last image was older than one already taken, which is why it was dropped; else 0.
-    """
+    ``behind_s``: by how much the last image was older than one already taken, which is why it was dropped; else 0."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
@@ -42,10 +44,8 @@ class SensorSync:
             self._changed.notify_all()
 
     def take(self, timeout_s: float) -> tuple[Frame, Odometry | None] | None:
-        """The newest image and the odometry at its stamp; None when no newer image came in time.
-
-        The odometry is as ``odometry_at`` says.
-        """
+        """The newest image and the odometry at its stamp; None when no newer image came in time. The odometry is as
+        ``odometry_at`` says."""
         with self._changed:
             if not self._changed.wait_for(lambda: self._frame is not None, timeout_s) or self._frame is None:
                 return None
@@ -58,3 +58,18 @@ class SensorSync:
             if self._odometry:
                 self._changed.wait_for(lambda: self._odometry[-1].stamp_ns >= frame.stamp_ns, _WAIT_FOR_ODOMETRY_S)
             return frame, odometry_at(self._odometry, frame.stamp_ns)
+
+
+class RepeatedImageDetector:
+    """Noise makes every picture of a living camera differ; a perfect one repeats itself only where the base stands."""
+
+    def __init__(self) -> None:
+        self._first: tuple[GrayImage, Odometry] | None = None
+
+    def is_new(self, image: GrayImage, odometry: Odometry | None) -> bool:
+        """Whether the picture differs from the one before, or the base stands where that one was first shown."""
+        if self._first is None or odometry is None or not np.array_equal(image, self._first[0]):
+            self._first = None if odometry is None else (image, odometry)
+            return True
+        then, now = self._first[1].T_odom_base, odometry.T_odom_base
+        return then.distance_to(now) < STILL_M and abs(then.angle_to(now)) < STILL_RAD

@@ -12,22 +12,19 @@ from vsx_hw.readings import Hazard
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.ros import clock, images, topics
+from vsx_ros.ros.callbacks import hear_odometry, image_subscriber, subscribe
 from vsx_ros.ros.lease import TIMEOUT_S
-from vsx_ros.ros.localization import hear_odometry
 from vsx_ros.ros.sensor_sync import SensorSync
 from vsx_ros.ros.slam_messages import SlamStatus
 from vsx_ros.ros.slam_run import SlamRun
-from vsx_ros.ros.subscribers import image_subscriber, subscribe
 
 _SILENCE_S = 3.0
 _CLOCK_BACK_S = 1.0
 
 
 class SlamInput:
-    """``next`` frame on the thread that tracks. What does not come is told to ``status``.
-
-    Subscribers: camera/rgb/image_raw, camera/rgb/camera_info, odom, mobile_base/hazards.
-    """
+    """``next`` frame on the thread that tracks. What does not come is told to ``status``. Subscribers:
+    camera/rgb/image_raw, camera/rgb/camera_info, odom, mobile_base/hazards."""
 
     def __init__(self, run: SlamRun, status: SlamStatus) -> None:
         self._run, self._session = run, run.session
@@ -36,7 +33,7 @@ class SlamInput:
         self._status = status
         self._used_s = time.monotonic()
         self.period_s = 0.0
-        hear_odometry(self._on_odometry, run.first_epoch)
+        hear_odometry(self._on_odometry, first_epoch=run.first_epoch)
         subscribe(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5)
         image_subscriber(self._on_image)
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import rospy
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
-from std_msgs.msg import Float32, UInt32
+from diagnostic_msgs.msg import DiagnosticStatus
+from genpy.message import get_message_class
 
 from vsx_ros.errors import InputError
 from vsx_ros.ros import clock, logs, topics
@@ -23,10 +23,9 @@ _FPS_MEMORY = 0.1
 _AGAIN_S = 10.0
 
 
-def state_msg(state: TrackingState, reason: str, **values: object) -> DiagnosticStatus:
+def state_msg(state: TrackingState, reason: str) -> DiagnosticStatus:
     """name: NOT_INITIALISED, TRACKING, POOR or LOST; message: the reason."""
-    pairs = [KeyValue(key, str(value)) for key, value in values.items()]
-    return DiagnosticStatus(_LEVELS[state], state.word, reason, "vslam", pairs)
+    return DiagnosticStatus(_LEVELS[state], state.word, reason, "vslam", [])
 
 
 def tracking_state(msg: DiagnosticStatus) -> TrackingState:
@@ -40,9 +39,8 @@ class SlamStatus:
     """Publishers: vslam/state (latched, on change and with every map), vslam/stats/*, /diagnostics."""
 
     def __init__(self) -> None:
-        kinds = {"std_msgs/Float32": Float32, "std_msgs/UInt32": UInt32}
         self._stats = {
-            name: rospy.Publisher(f"{topics.STATS}/{name}", kinds[kind], queue_size=10)
+            name: rospy.Publisher(f"{topics.STATS}/{name}", get_message_class(kind), queue_size=10)
             for name, kind in topics.STAT_TYPES.items()
         }
         self._state_pub = rospy.Publisher(topics.SLAM_STATE, DiagnosticStatus, queue_size=5, latch=True)

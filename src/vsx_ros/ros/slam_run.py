@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TypeAlias
@@ -29,13 +30,12 @@ _REST = 4.0
 
 class SlamRun:
     """session: new, in the map of ~load_map, or gone on with from ~run_dir, in the odometry's epoch ``first_epoch``.
-
-    Raises MapFileError or InputError when one of these holds something damaged.
-    """
+    Raises MapFileError or InputError when one of these holds something damaged."""
 
     def __init__(self, config: Config) -> None:
         T_base_cam, run_dir = mounted(config.robot.mount), str(rospy.get_param("~run_dir", ""))
         self._save_map = str(rospy.get_param("~save_map", ""))  # the master may be gone before the end
+        self._save_map_to = Path(run_dir or tempfile.gettempdir()) / "map.vsxmap"
         self._folder = RunFolder(Path(run_dir)) if run_dir else None
         before = PreviousSessions.of(self._folder) if self._folder is not None else None
         if before is not None:
@@ -57,6 +57,15 @@ class SlamRun:
         if self._folder is not None:
             self._keeper.frame(result, odometry, track_s, slam.statistics().u2_frames, events)
             self._keeper.note(slam, result.stamp_ns)
+
+    def save_map(self, slam: ThreadedSlam | None) -> str:
+        """Save the map as it is now, while the SLAM goes on; where. Raises InputError or MapFileError."""
+        slam_map = slam.slam_map() if slam is not None else None
+        if slam_map is None:
+            raise InputError("there is no map yet: it starts with the first straight drive")
+        path = Path(str(rospy.get_param("~save_map_to", "")) or self._save_map_to)
+        save_slam_map(slam_map, path)
+        return str(path)
 
     def end(self, slam: ThreadedSlam, driven: State, surface: Points3 | None, grid: OccupancyGrid | None) -> None:
         """Write the results, the last map to go on from and the map of ~save_map; one that cannot be written keeps no

@@ -22,10 +22,8 @@ def is_ending() -> bool:
 
 
 def worker(name: str, loop: Callable[[], None]) -> threading.Thread:
-    """Run ``loop`` on a thread; if it raises, the whole node ends and says why.
-
-    A node with a dead thread looks alive to everybody else, which is worse than a dead node.
-    """
+    """Run ``loop`` on a thread; if it raises, the whole node ends and says why. A node with a dead thread looks alive
+    to everybody else, which is worse than a dead node."""
 
     def guarded() -> None:
         try:
@@ -45,10 +43,8 @@ def worker(name: str, loop: Callable[[], None]) -> threading.Thread:
 
 
 def every(period_s: float, name: str, step: Callable[[], None]) -> threading.Thread:
-    """Call ``step`` on a thread of its own every ``period_s`` seconds until ROS shuts down.
-
-    On the monotonic clock: ROS time may stand, and all that keeps the robot safe would stand with it.
-    """
+    """Call ``step`` on a thread of its own every ``period_s`` seconds until ROS shuts down. On the monotonic clock: ROS
+    time may stand, and all that keeps the robot safe would stand with it."""
 
     def loop() -> None:
         due_s = time.monotonic()

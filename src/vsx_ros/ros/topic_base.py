@@ -14,14 +14,13 @@ from typing import NamedTuple
 
 import rospy
 from geometry_msgs.msg import Twist
-from nav_msgs.msg import Odometry as OdometryMsg
 
 from vsx_hw.errors import DeviceError
 from vsx_hw.readings import BaseReading, BatteryReading, Hazard, LinkStatus, OdometryReading, Signal
 from vsx_ros.errors import ConfigError
-from vsx_ros.robot import STOP, VelocityCommand
-from vsx_ros.ros import clock, convert, threads, topics
-from vsx_ros.ros.subscribers import odometry_subscriber
+from vsx_ros.robot import STOP, Odometry, VelocityCommand
+from vsx_ros.ros import convert, threads, topics
+from vsx_ros.ros.callbacks import hear_odometry
 
 _PERIOD_S = 0.05
 _ZERO_FOR_S = 0.5
@@ -68,7 +67,7 @@ class TopicBase:
 
     def start(self) -> None:
         """Listen and obey from now on."""
-        odometry_subscriber(self._on_odometry, self._names.odometry)
+        hear_odometry(self._on_odometry, self._names.odometry)
         threads.every(_PERIOD_S, "command", self._send)
 
     def drive(self, v_m_s: float, omega_rad_s: float, until_ns: int | None = None) -> None:
@@ -104,9 +103,7 @@ class TopicBase:
         topic = rospy.resolve_name(self._names.odometry)
         return f"no odometry on {topic} for {_SILENT_S:g} s; start the base's own driver, or name its topics (base ros)"
 
-    def _on_odometry(self, msg: OdometryMsg) -> None:
-        moved = convert.odometry(msg)
-        clock.refuse_future(moved.stamp_ns)
+    def _on_odometry(self, moved: Odometry) -> None:
         self._heard_s = time.monotonic()
         self._readings += 1
         self._link(True, "connected")

@@ -17,7 +17,7 @@ from vsx_ros.errors import ConfigError, InputError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.io.image_encoding import decoded
 from vsx_ros.ros import clock, images, topics
-from vsx_ros.ros.subscribers import IMAGE_BUFFER_BYTES, subscribe
+from vsx_ros.ros.callbacks import IMAGE_BUFFER_BYTES, subscribe
 
 _SILENT_S = 1.0
 _TYPES: dict[str, type[Image] | type[CompressedImage]] = {
@@ -27,10 +27,8 @@ _TYPES: dict[str, type[Image] | type[CompressedImage]] = {
 
 
 class TopicCamera:
-    """Images of ``topic`` to ``on_image``, grey, with the stamps of their own driver.
-
-    calibration: of the topic camera_info beside the images, as told last; None before.
-    """
+    """Images of ``topic`` to ``on_image``, grey, with the stamps of their own driver. calibration: of the topic
+    camera_info beside the images, as told last; None before."""
 
     def __init__(self, topic: str, on_image: Callable[[ImageReading], None]) -> None:
         """Raises ConfigError where no topic is named, or that of our own node camera."""
@@ -49,10 +47,7 @@ class TopicCamera:
     def start(self) -> None:
         """Listen from now on."""
         subscribe(info_topic(self._topic), CameraInfo, self._on_info, queue_size=1)
-        subscribe(
-            self._topic, rospy.AnyMsg, self._on_any, queue_size=1, buff_size=IMAGE_BUFFER_BYTES,
-            tcp_nodelay=True,
-        )  # fmt: skip
+        subscribe(self._topic, rospy.AnyMsg, self._on_any, queue_size=1, buff_size=IMAGE_BUFFER_BYTES, tcp_nodelay=True)
 
     def status(self) -> LinkStatus:
         """Health for diagnostics."""

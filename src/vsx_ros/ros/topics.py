@@ -106,10 +106,7 @@ STAT_TYPES = {
 """Numbers a user may want to plot, one topic each below ``STATS``."""
 
 PUBLISHED: dict[str, dict[str, str]] = {
-    "camera": {
-        IMAGE: "sensor_msgs/Image",
-        CAMERA_INFO: "sensor_msgs/CameraInfo",
-    },
+    "camera": {IMAGE: "sensor_msgs/Image", CAMERA_INFO: "sensor_msgs/CameraInfo"},
     "mobile_base": {
         ODOM: "nav_msgs/Odometry",
         TF: "tf2_msgs/TFMessage",
@@ -150,10 +147,7 @@ PUBLISHED: dict[str, dict[str, str]] = {
         f"{MOVE_BASE_ACTION}/result": "move_base_msgs/MoveBaseActionResult",
         f"{MOVE_BASE_ACTION}/feedback": "move_base_msgs/MoveBaseActionFeedback",
     },
-    "follower": {
-        COMMAND_NAVI: "geometry_msgs/Twist",
-        FOLLOWER_STATUS: "std_msgs/String",
-    },
+    "follower": {COMMAND_NAVI: "geometry_msgs/Twist", FOLLOWER_STATUS: "std_msgs/String"},
     "explore": {
         FRONTIERS: "visualization_msgs/MarkerArray",
         EXPLORE_STATUS: "std_msgs/String",
@@ -163,9 +157,7 @@ PUBLISHED: dict[str, dict[str, str]] = {
         f"{MOVE_BASE_ACTION}/goal": "move_base_msgs/MoveBaseActionGoal",
         f"{MOVE_BASE_ACTION}/cancel": "actionlib_msgs/GoalID",
     },
-    "teleop": {
-        COMMAND_TELEOP: "geometry_msgs/Twist",
-    },
+    "teleop": {COMMAND_TELEOP: "geometry_msgs/Twist"},
     "emulator": {
         TRUTH_ODOMETRY: "nav_msgs/Odometry",
         TRUTH_CAMERA: "geometry_msgs/PoseStamped",

@@ -38,11 +38,8 @@ def brake_msg(a_m_s2: float, frame_id: str, stamp_ns: int) -> MultiDOFJointTraje
 
 
 def wanted(msg: MultiDOFJointTrajectory) -> Trajectory | float:
-    """The trajectory of a message, or how hard to brake [m/s2], infinite for at once.
-
-    Raises InputError when a point lacks its pose or speed, or the deceleration is none, PlanningError when numbers or
-    times are impossible.
-    """
+    """The trajectory of a message, or how hard to brake [m/s2], infinite for at once. Raises InputError when a point
+    lacks its pose or speed, or the deceleration is none, PlanningError when numbers or times are impossible."""
     if not msg.points:
         return math.inf
     first = msg.points[0]

@@ -38,7 +38,7 @@ class TruthTopics:
 
     def body(self, plant: BodyPlant) -> None:
         """Where the base is, and what it touched, on change."""
-        state = plant.state
+        state, body = plant.state, plant.body
         v = omega = 0.0
         if self._before is not None and state.time_ns > self._before[0]:
             dt_s = (state.time_ns - self._before[0]) * 1e-9
@@ -47,9 +47,9 @@ class TruthTopics:
         self._before = state.time_ns, state.T_world_base
         truth = Odometry(self._start_ns + state.time_ns, state.T_world_base, v, omega)
         self._odometry_pub.publish(convert.odometry_msg(truth, _WORLD_FRAME, topics.BASE_FRAME))
-        if plant.collisions != self._collisions:
-            self._collisions = plant.collisions
+        if body.collisions != self._collisions:
+            self._collisions = body.collisions
             self._collisions_pub.publish(UInt32(self._collisions))
-        if plant.min_clearance_m < self._clearance_m:
-            self._clearance_m = plant.min_clearance_m
+        if body.min_clearance_m < self._clearance_m:
+            self._clearance_m = body.min_clearance_m
             self._clearance_pub.publish(Float32(self._clearance_m))

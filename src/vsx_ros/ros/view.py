@@ -20,10 +20,8 @@ _MASTER_PERIOD_S = 0.5
 
 
 def prepare(host: str = LOOPBACK, port: int | None = None) -> tuple[int, str]:
-    """A port that is free and the address to open; the token goes to the environment, for the node to inherit.
-
-    Raises ConfigError when the address cannot be listened on.
-    """
+    """A port that is free and the address to open; the token goes to the environment, for the node to inherit. Raises
+    ConfigError when the address cannot be listened on."""
     port = choose_port(host, port)
     token = os.environ[TOKEN] = os.environ.get(TOKEN) or secrets.token_urlsafe(12)
     return port, address(host, port, token)

@@ -10,6 +10,7 @@ from typing import Any
 
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from genpy.message import get_message_class
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
 from nav_msgs.msg import Path as PathMsg
@@ -18,9 +19,10 @@ from std_msgs.msg import Float32, String, UInt8, UInt32
 from visualization_msgs.msg import MarkerArray
 
 from vsx_ros.ros import threads, topics
+from vsx_ros.ros.callbacks import subscribe
+from vsx_ros.ros.convert import hazard_words
 from vsx_ros.ros.dashboard import json_messages
 from vsx_ros.ros.dashboard.board import Board
-from vsx_ros.ros.subscribers import subscribe
 
 _GRACE_S = 3.0
 """A page that is loaded again comes back within this time and finds everything still there."""
@@ -84,16 +86,20 @@ class Feed:
         hear(topics.FRONTIERS, MarkerArray, "frontiers", json_messages.frontiers)
         hear(topics.KEYFRAMES, PoseArray, "keyframes", json_messages.keyframes)
         hear(topics.GLOBAL_PLAN, PathMsg, "plan", json_messages.plan)
-        hear(topics.HAZARDS, UInt8, "hazards", json_messages.hazards)
+        hear(topics.HAZARDS, UInt8, "hazards", lambda msg: hazard_words(msg.data))
         hear(topics.MUX_ACTIVE, String, "driver", lambda msg: msg.data)
         hear(topics.DIAGNOSTICS, DiagnosticArray, "health", self._condition, queue_size=20)
         hear(topics.PLAN_MS, Float32, "stats", self._statistic("plan_ms"))
         for name in _SHOWN_STATS:
-            kind = Float32 if topics.STAT_TYPES[name] == "std_msgs/Float32" else UInt32
-            hear(f"{topics.STATS}/{name}", kind, "stats", self._statistic(name))
+            hear(f"{topics.STATS}/{name}", get_message_class(topics.STAT_TYPES[name]), "stats", self._statistic(name))
 
     def _statistic(self, name: str) -> Callable[[Float32 | UInt32], dict[str, float]]:
-        return lambda msg: self._number(name, msg.data)
+        def convert(msg: Float32 | UInt32) -> dict[str, float]:
+            with self._lock:
+                self._stats[name] = msg.data
+                return dict(self._stats)
+
+        return convert
 
     def _event(self, msg: String) -> list[Any]:
         with self._lock:
@@ -108,8 +114,3 @@ class Feed:
                 values = {pair.key: pair.value for pair in status.values}
                 self._health[status.name] = [int(status.level), status.message, values]
             return dict(self._health)
-
-    def _number(self, name: str, value: float) -> dict[str, float]:
-        with self._lock:
-            self._stats[name] = value
-            return dict(self._stats)

@@ -13,7 +13,7 @@ import numpy as np
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
 from nav_msgs.msg import Path as PathMsg
-from std_msgs.msg import String, UInt8
+from std_msgs.msg import String
 from visualization_msgs.msg import Marker, MarkerArray
 
 from vsx_ros.errors import InputError
@@ -100,8 +100,3 @@ def plan(msg: PathMsg) -> list[list[float]]:
     step = max(1, len(msg.poses) // _PLAN_POINTS)
     kept = [*msg.poses[::step], *msg.poses[-1:]]
     return [[round(p.pose.position.x, 3), round(p.pose.position.y, 3)] for p in kept]
-
-
-def hazards(msg: UInt8) -> str:
-    """In words; empty for none."""
-    return convert.hazard_words(msg.data)

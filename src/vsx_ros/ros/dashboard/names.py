@@ -33,10 +33,8 @@ class Names:
             self._names.add(_split(word, port))
 
     def refusal(self, headers: Message, reached_at: str, is_page: bool) -> str:
-        """Why the request is not answered, in words; empty if it is.
-
-        reached_at: this end's address of the connection. is_page: the page itself, to which other sites may link.
-        """
+        """Why the request is not answered, in words; empty if it is. reached_at: this end's address of the connection.
+        is_page: the page itself, to which other sites may link."""
         hosts, origins = headers.get_all("Host", []), headers.get_all("Origin", [])
         host = hosts[0].strip() if len(hosts) == 1 else ""
         if not _NAME.fullmatch(host) or not self._is_ours(*_split(host, _HTTP_PORT), reached_at):

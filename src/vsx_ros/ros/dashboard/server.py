@@ -55,10 +55,8 @@ def address(host: str, port: int, token: str) -> str:
 
 
 def choose_port(host: str, port: int | None) -> int:
-    """The port; without one the default, or a free one if that is taken.
-
-    Raises ConfigError when the address cannot be had.
-    """
+    """The port; without one the default, or a free one if that is taken. Raises ConfigError when the address cannot be
+    had."""
     try:
         probe = _listening(host, DEFAULT_PORT if port is None else port)
     except ConfigError:

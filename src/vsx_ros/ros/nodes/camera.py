@@ -22,8 +22,7 @@ from vsx_hw.readings import ImageReading
 from vsx_ros.config import Config
 from vsx_ros.errors import CalibrationError
 from vsx_ros.ros import frames, images, node, threads, topics
-from vsx_ros.ros.camera_calibration import CameraCalibration
-from vsx_ros.ros.cameras import open_camera
+from vsx_ros.ros.cameras import CameraCalibration, open_camera
 from vsx_ros.ros.diagnostics import ERROR, OK, WARN, Diagnostics
 
 
@@ -38,12 +37,8 @@ class CameraNode:
         self._image_pub = rospy.Publisher(topics.IMAGE, Image, queue_size=5, tcp_nodelay=True)
         self._info_pub = rospy.Publisher(topics.CAMERA_INFO, CameraInfo, queue_size=5, tcp_nodelay=True)
         rospy.Service(topics.SET_CAMERA_INFO, SetCameraInfo, self._on_set_camera_info)
-        self._source = open_camera(
-            self._device,
-            self._on_image,
-            str(rospy.get_param("~mode", "vga")),
-            bool(rospy.get_param("~lock_exposure", True)),
-        )
+        mode, lock_exposure = str(rospy.get_param("~mode", "vga")), bool(rospy.get_param("~lock_exposure", True))
+        self._source = open_camera(self._device, self._on_image, mode, lock_exposure)
         self._diagnostics = Diagnostics(self._device)
         threads.every(1.0, "health", self._report)
         self._source.start()

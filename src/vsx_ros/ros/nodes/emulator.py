@@ -28,8 +28,7 @@ from vsx_ros.ros import logs, node, threads, topics
 from vsx_ros.ros.base_drivers import base_emulator, wheel_base_m
 from vsx_ros.ros.diagnostics import OK, WARN, Diagnostics
 from vsx_ros.ros.emulation import BodyPlant
-from vsx_ros.ros.render_child import RenderChild
-from vsx_ros.ros.render_process import RenderSettings
+from vsx_ros.ros.render_process import RenderChild, RenderSettings
 from vsx_ros.ros.truth_topics import TruthTopics
 from vsx_ros.runs.world import open_world
 
@@ -60,7 +59,8 @@ class EmulatorNode:
             start_ns=start_ns,
             robot=config.robot,
         )
-        self._child = RenderChild(settings, self._on_frame)
+        self._child = RenderChild(settings)
+        threads.worker("frames", lambda: self._child.listen(self._on_frame))
         self._plant = BodyPlant(world, seed, config.robot, self._child.move, wheel_base_m(robot_type))
         self._base = base_emulator(robot_type, self._plant, _file_param("~port", "ttyVSX"), seed)
         self._base.start(start_monotonic_ns)

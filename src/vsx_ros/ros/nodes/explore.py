@@ -23,17 +23,16 @@ from sensor_msgs.msg import BatteryState
 from vsx_ros.config import Config
 from vsx_ros.errors import InputError
 from vsx_ros.exploration.mission import Mission
+from vsx_ros.kernels.warmup import warm_up
 from vsx_ros.planning.planner import Planner
 from vsx_ros.ros import base_messages, clock, node, threads, topics
+from vsx_ros.ros.callbacks import offer_trigger, subscribe
 from vsx_ros.ros.diagnostics import OK, WARN, Diagnostics
 from vsx_ros.ros.heard_situation import HeardSituation
 from vsx_ros.ros.lease import PERIOD_S, Lease, LeaseWatch
 from vsx_ros.ros.mission_topics import MissionTopics
 from vsx_ros.ros.mission_writer import MissionWriter
 from vsx_ros.ros.sent_goal import GoalSender
-from vsx_ros.ros.services import offer_trigger
-from vsx_ros.ros.subscribers import subscribe
-from vsx_ros.ros.warm_up import warm_up_mission
 
 _DECIDE_PERIOD_S = 0.2
 _DECIDE_WITHIN_S = 5.0
@@ -45,12 +44,8 @@ class ExploreNode:
 
     def __init__(self, config: Config) -> None:
         ways = Planner(config.planner, config.robot)
-
-        def mission() -> Mission:
-            return Mission(config, lambda start, grid: lambda poses: ways.travel_costs(start, grid, poses))
-
-        warm_up_mission(mission())
-        self._mission = mission()
+        self._mission = Mission(config, lambda start, grid: lambda poses: ways.travel_costs(start, grid, poses))
+        warm_up()
         self._lock = threading.Lock()
         self._battery_empty = False
         self._heard = HeardSituation()

@@ -28,11 +28,10 @@ from vsx_ros.navigation.follower import Follower, MessageAges
 from vsx_ros.navigation.follower_report import FollowerReport
 from vsx_ros.robot import STOP, VelocityCommand
 from vsx_ros.ros import clock, convert, frames, node, threads, topics, trajectory_messages
+from vsx_ros.ros.callbacks import offer_trigger, subscribe
 from vsx_ros.ros.diagnostics import OK, WARN, Diagnostics
 from vsx_ros.ros.lease import LeaseWatch
 from vsx_ros.ros.localization import LocalizationSubscriber
-from vsx_ros.ros.services import offer_trigger
-from vsx_ros.ros.subscribers import subscribe
 
 _PERIOD_S = 1.0 / 30.0
 _STATUS_PERIOD_S = 0.2

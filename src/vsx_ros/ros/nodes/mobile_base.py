@@ -32,14 +32,13 @@ from std_srvs.srv import SetBool, SetBoolRequest, SetBoolResponse
 from vsx_hw.readings import BaseReading, Hazard
 from vsx_hw.safety import Decision
 from vsx_ros.config import Config
-from vsx_ros.ros import clock, logs, node, systemd_notify, threads, topics
-from vsx_ros.ros.base_drivers import Listeners, base_driver, base_watchdogs
-from vsx_ros.ros.base_health import BaseHealth
-from vsx_ros.ros.base_parameters import base_settings, supervisor, wait_for_base
-from vsx_ros.ros.base_topics import BaseTopics
+from vsx_ros.ros import clock, logs, node, threads, topics
+from vsx_ros.ros.base_drivers import Listeners, base_driver, base_settings, base_watchdogs, supervisor, wait_for_base
+from vsx_ros.ros.base_health import BaseHealth, tell_systemd
+from vsx_ros.ros.base_messages import BaseTopics
+from vsx_ros.ros.callbacks import offer_trigger
 from vsx_ros.ros.diagnostics import Diagnostics
 from vsx_ros.ros.master_watch import master_watch
-from vsx_ros.ros.services import offer_trigger
 
 LINK_PERIOD_S = 0.2  # a silent base is to be known within a second
 _UNGUARDED = "a watchdog of the wheels does not answer; a new one starts"
@@ -65,7 +64,7 @@ class MobileBaseNode:
         rospy.Service(topics.ESTOP, SetBool, self._on_estop)
         offer_trigger(topics.RESET_ODOMETRY, self._reset_odometry)
         self._driver.start()
-        systemd_notify.notify(systemd_notify.READY)
+        tell_systemd("READY=1")
         threads.every(1.0, "health", self._report)
         threads.every(LINK_PERIOD_S, "link", lambda: self._health.link(self._driver.status()))
 
@@ -103,7 +102,7 @@ class MobileBaseNode:
     def _report(self) -> None:
         """Once a second: battery and health."""
         with self._supervisor.lock:
-            systemd_notify.notify(systemd_notify.ALIVE)
+            tell_systemd("WATCHDOG=1")
         self._watchdogs.revive()
         if self._latest is not None and self._driver.status().connected:
             self._topics.tell_battery(self._latest[0])

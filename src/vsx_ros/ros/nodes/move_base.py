@@ -29,12 +29,12 @@ from vsx_ros.config import Config
 from vsx_ros.errors import VsxError
 from vsx_ros.navigation.goal_execution import Act, Brake, Done, ExecutionInput, Follow, GoalExecution, PlanRequest
 from vsx_ros.ros import clock, convert, frames, node, threads, topics
+from vsx_ros.ros.callbacks import subscribe
 from vsx_ros.ros.diagnostics import OK, WARN, Diagnostics
 from vsx_ros.ros.follower_link import FollowerLink
 from vsx_ros.ros.lease import PERIOD_S, Lease, LeaseWatch
 from vsx_ros.ros.localization import LocalizationSubscriber
 from vsx_ros.ros.planning_thread import PlanningThread
-from vsx_ros.ros.subscribers import subscribe
 
 _LOOK_WITHIN_S = 2.0  # looks at the drive take no time; a thread that needs this long hangs, and the base stops
 _CANCELLED = "cancelled by the client"
@@ -63,9 +63,8 @@ class MoveBaseNode:
             self._lease.promise(0.0)
             rospy.loginfo("goal %s: %s", "reached" if done.arrived else "given up", done.reason)
             self._diagnostics.set("goal", OK if done.arrived else WARN, done.reason)
-            server = self._server
-            gave_up = server.set_preempted if server.is_preempt_requested() else server.set_aborted
-            (server.set_succeeded if done.arrived else gave_up)(text=done.reason)
+            gave_up = self._server.set_preempted if self._server.is_preempt_requested() else self._server.set_aborted
+            (self._server.set_succeeded if done.arrived else gave_up)(text=done.reason)
 
     def _pursue(self, target: PoseStamped) -> Done:
         """Step the execution until the goal has ended; one that makes way for the next ends while the base brakes."""
@@ -97,9 +96,8 @@ class MoveBaseNode:
             self._server.publish_feedback(MoveBaseFeedback(convert.pose_stamped(frame, now_ns, pose)))
         client = str(self._server.current_goal.get_goal_id().id).split("-")[0]
         gone = self._clients.is_known(client) and not self._clients.is_fresh(client)
-        return ExecutionInput(
-            where, self._planner.grid, self._follower.report, self._follower.age_s, client if gone else ""
-        )
+        follower = self._follower
+        return ExecutionInput(where, self._planner.grid, follower.report, follower.age_s, client if gone else "")
 
     def _do(self, now_ns: int, act: Act) -> None:
         if isinstance(act, PlanRequest):

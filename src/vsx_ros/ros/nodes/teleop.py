@@ -31,10 +31,8 @@ _PERIOD_S = 0.05
 
 
 class TeleopNode:
-    """Reads the terminal on a thread, and gives it back as it was however the process ends.
-
-    Raises ConfigError where there is no terminal.
-    """
+    """Reads the terminal on a thread, and gives it back as it was however the process ends. Raises ConfigError where
+    there is no terminal."""
 
     def __init__(self, v_m_s: float, omega_rad_s: float) -> None:
         if not sys.stdin.isatty():

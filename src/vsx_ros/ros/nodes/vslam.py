@@ -22,18 +22,18 @@ import rospy
 
 from vsx_ros.config import Config
 from vsx_ros.errors import InputError
+from vsx_ros.kernels.warmup import warm_up
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.ros import node, threads, topics
+from vsx_ros.ros.callbacks import offer_trigger
 from vsx_ros.ros.lease import Lease
-from vsx_ros.ros.picture_watch import RepeatedImageDetector
 from vsx_ros.ros.pose_publisher import PosePublisher
 from vsx_ros.ros.preview import Preview
-from vsx_ros.ros.save_map_service import SaveMapService
+from vsx_ros.ros.sensor_sync import RepeatedImageDetector
 from vsx_ros.ros.slam_input import SlamInput
 from vsx_ros.ros.slam_maps import SlamMaps
 from vsx_ros.ros.slam_messages import SlamStatus
 from vsx_ros.ros.slam_run import SlamRun
-from vsx_ros.ros.warm_up import warm_up_slam
 from vsx_ros.slam.threads import ThreadedSlam
 
 _WRITE_PERIOD_S = 1.0
@@ -43,7 +43,7 @@ class VslamNode:
     """Tracks on one thread, beside those that map and write; callbacks only hand over."""
 
     def __init__(self, config: Config) -> None:
-        warm_up_slam(config)
+        warm_up()
         self._metric = bool(rospy.get_param("~use_odometry", True))
         self._run = SlamRun(config)
         self._session = self._run.session
@@ -54,7 +54,7 @@ class VslamNode:
         self._poses = PosePublisher(self._session, config.robot.mount)
         self._input = SlamInput(self._run, self._status)
         threads.every(_WRITE_PERIOD_S, "checkpoint", lambda: self._run.write(self._maps.driven))
-        SaveMapService(lambda: self._slam.slam_map() if self._slam is not None else None)
+        offer_trigger(topics.SAVE_MAP, lambda: self._run.save_map(self._slam))
         self._tracking = threads.worker("tracking", self._track)
 
     def _track(self) -> None:

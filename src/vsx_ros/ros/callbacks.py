@@ -1,4 +1,4 @@
-"""Subscribers that outlive a bad message, with queues as long as what they hear needs."""
+"""Subscribers and services that outlive what they cannot use, with queues as long as what they hear needs."""
 
 from __future__ import annotations
 
@@ -7,11 +7,14 @@ from typing import Any
 
 import rospy
 from genpy import Message
-from nav_msgs.msg import Odometry
+from nav_msgs.msg import Odometry as OdometryMsg
 from sensor_msgs.msg import Image
+from std_srvs.srv import Trigger, TriggerRequest, TriggerResponse
 
+from vsx_hw.errors import DeviceError
 from vsx_ros.errors import VsxError
-from vsx_ros.ros import logs, threads, topics
+from vsx_ros.robot import Odometry, OdometryEpochs
+from vsx_ros.ros import clock, convert, logs, threads, topics
 
 # Bigger than any image: with rospy's default of 64 kB a slow callback sees images of a second ago (ros_comm #536).
 IMAGE_BUFFER_BYTES = 2**24
@@ -45,6 +48,26 @@ def image_subscriber(callback: Callable[[Image], None]) -> rospy.Subscriber:
     return subscribe(topics.IMAGE, Image, callback, queue_size=1, buff_size=IMAGE_BUFFER_BYTES, tcp_nodelay=True)
 
 
-def odometry_subscriber(callback: Callable[[Odometry], None], topic: str = topics.ODOM) -> rospy.Subscriber:
-    """Subscribe to odometry so that every reading arrives, on a machine that was busy for a moment, too."""
-    return subscribe(topic, Odometry, callback, queue_size=ODOMETRY_QUEUE, tcp_nodelay=True)
+def hear_odometry(callback: Callable[[Odometry], None], topic: str = topics.ODOM, first_epoch: int = 0) -> None:
+    """Subscribe so that every reading arrives, with its epoch, on a machine that was busy for a moment, too.
+    first_epoch: the one to begin with."""
+    epochs = OdometryEpochs(first_epoch)
+
+    def take(msg: OdometryMsg) -> None:
+        odometry = convert.odometry(msg)
+        clock.refuse_future(odometry.stamp_ns)
+        callback(epochs.enter(odometry))
+
+    subscribe(topic, OdometryMsg, take, queue_size=ODOMETRY_QUEUE, tcp_nodelay=True)
+
+
+def offer_trigger(name: str, act: Callable[[], str]) -> None:
+    """A service without arguments: ``act`` returns the message of its answer, or raises VsxError or DeviceError."""
+
+    def answer(_: TriggerRequest) -> TriggerResponse:
+        try:
+            return TriggerResponse(True, act())
+        except (VsxError, DeviceError) as error:
+            return TriggerResponse(False, str(error))
+
+    rospy.Service(name, Trigger, answer)
