@@ -1,4 +1,4 @@
-"""A way through the map by arcs and straight lines: lattice search, RRT-Connect where that fails, then shortcuts."""
+"""A way through the map by arcs and straight lines: lattice search, then shortcuts."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.planning.lattice import lattice_search, lattice_way, reverse_run, word_is_free
 from vsx_ros.kernels.planning.reeds_shepp import MAX_WORDS, SEGMENTS, reeds_shepp_words
 from vsx_ros.kernels.planning.reeds_shepp_table import reeds_shepp_table
-from vsx_ros.kernels.planning.rrt import rrt_connect
 from vsx_ros.kernels.planning.shortcuts import shorten
 from vsx_ros.occupancy.distance import DistanceField, travel_distance, with_fringe
 from vsx_ros.planning.heading_sequences import nanometres
@@ -26,8 +25,6 @@ _SHORTEST_M = 1e-9
 _CELL_M = 0.1
 _COARSE_STATES, _BACK_STATES, _FINE_STATES, _FEW_STATES = 5_000_000, 40_000, 120_000, 200
 _SHORTCUTS = 300
-_RESTARTS = 2
-_ITERATIONS = 3000
 OCTILE = 0.924
 """A straight line is at least this share of the 8-connected way along it."""
 
@@ -207,22 +204,6 @@ def _searched(
         lattice.headings, lattice.bins, lattice.cell_m, max_reverse_m, goal.as_array(), bound, word_table(),
         lattice.most_states,
     )  # fmt: skip
-
-
-def search_tree(
-    margin: DistanceField, start: SE2, goal: SE2, phi: float, max_reverse_m: float, rng: np.random.Generator
-) -> CoarsePath | None:
-    """A way by RRT-Connect, for passages the lattice is too coarse for; None within its budget of iterations."""
-    reached = np.isfinite(travel_distance(margin, (start.x, start.y)))
-    cells = np.flatnonzero(reached)
-    for seed in rng.integers(1, 2**62, _RESTARTS):
-        turns, lengths, _ = rrt_connect(
-            margin.values, margin.resolution, margin.origin_x, margin.origin_y, cells, start.as_array(),
-            goal.as_array(), phi, 2.0 / phi, max_reverse_m, np.uint64(seed), _ITERATIONS,
-        )  # fmt: skip
-        if len(turns):
-            return CoarsePath(turns, lengths, phi)
-    return None
 
 
 def shortened(

@@ -25,7 +25,6 @@ from vsx_ros.planning.coarse_path import (
     is_stuck,
     search_lattice,
     search_lattice_back,
-    search_tree,
     shortened,
 )
 from vsx_ros.planning.connect import connections, same_pose
@@ -205,7 +204,7 @@ class Planner:
         coarse_paths = free_words(margin, start, goal, tight, limit)[:1]
         bound = OCTILE * float(remaining[margin.cell(start.x, start.y)])
         if not coarse_paths or coarse_paths[0].length_m > _NEAR_BOUND * bound + STOP_COST_M:
-            raw = self._searched(start, goal, margin, remaining, rng)
+            raw = self._searched(start, goal, margin, remaining)
             if raw is not None:
                 coarse_paths += [shortened(raw, margin, start, limit, rng) for _ in range(_SHORTENINGS)]
         found: list[Path] = []
@@ -220,10 +219,8 @@ class Planner:
                 break
         return found
 
-    def _searched(
-        self, start: SE2, goal: SE2, margin: DistanceField, remaining: FloatArray, rng: np.random.Generator
-    ) -> CoarsePath | None:
-        """A way over a lattice: from the start, from the goal, with arcs half as long; else one of a random tree."""
+    def _searched(self, start: SE2, goal: SE2, margin: DistanceField, remaining: FloatArray) -> CoarsePath | None:
+        """A way over a lattice: from the start, from the goal, with arcs half as long."""
         tight, limit = _TIGHT * self._config.phi_rad_m, self._config.max_reverse_m
         coarse, fine = coarse_lattice(tight), fine_lattice(tight)
         way = search_lattice(margin, start, goal, tight, limit, remaining, coarse)
@@ -232,7 +229,7 @@ class Planner:
         if way is None and not is_stuck(margin, about_turn(goal), about_turn(start), tight, limit, fine):
             way = search_lattice(margin, start, goal, tight, limit, remaining, fine)
             way = way or search_lattice_back(margin, start, goal, tight, limit, fine)
-        return way or search_tree(margin, start, goal, tight, limit, rng)
+        return way
 
     def _finished(self, path: Path, goal: SE2, corridor: Corridor) -> Path:
         clearance = corridor.least_clearance(path)
