@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import Float32Array, FloatArray, IntArray
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.planning.lattice import lattice_search, lattice_way, reverse_run, word_is_free
-from vsx_ros.kernels.planning.reeds_shepp import MAX_WORDS, SEGMENTS, reeds_shepp_words
+from vsx_ros.kernels.planning.reeds_shepp import MAX_WORDS, SEGMENTS, reeds_shepp_shortest, reeds_shepp_words
 from vsx_ros.kernels.planning.reeds_shepp_table import reeds_shepp_table
 from vsx_ros.kernels.planning.shortcuts import shorten
 from vsx_ros.occupancy.distance import DistanceField, travel_distance, with_fringe
-from vsx_ros.planning.heading_sequences import nanometres
 from vsx_ros.planning.path import CUSP_COST_M
 from vsx_ros.planning.pieces import Piece, arc_piece
 
@@ -92,19 +91,40 @@ class CoarsePath:
         return tuple(piece for piece in self.arcs(start) if piece.length_m >= _SHORTEST_M)
 
 
-def free_words(margin: DistanceField, start: SE2, goal: SE2, phi: float, max_reverse_m: float) -> list[CoarsePath]:
-    """The Reeds-Shepp words between two poses that stay in the margin field, shortest first."""
+def nanometres(cost_m: float) -> int:
+    """By which costs are ordered: of equal ones the first is taken, whatever rounding a processor adds."""
+    return round(1e9 * cost_m)
+
+
+def words(start: SE2, goal: SE2, phi: float) -> list[CoarsePath]:
+    """All Reeds-Shepp words between two poses at curvature phi [rad/m]."""
     relative = start.inverse() @ goal
     turns, lengths = np.zeros((MAX_WORDS, SEGMENTS), np.int64), np.zeros((MAX_WORDS, SEGMENTS))
     n = reeds_shepp_words(phi * relative.x, phi * relative.y, relative.theta, turns, lengths)
-    words = []
-    for k in range(n):
-        if reverse_run(lengths[k]) <= max_reverse_m * phi and word_is_free(
+    return [CoarsePath(turns[k], lengths[k] / phi, phi) for k in range(n)]
+
+
+def shortest_word(start: SE2, goal: SE2, phi: float) -> CoarsePath:
+    """The shortest path of curvature phi, by arcs and lines (Reeds and Shepp)."""
+    relative = start.inverse() @ goal
+    work = np.zeros((MAX_WORDS, SEGMENTS), np.int64), np.zeros((MAX_WORDS, SEGMENTS))
+    turns, lengths = np.zeros(SEGMENTS, np.int64), np.zeros(SEGMENTS)
+    reeds_shepp_shortest(phi * relative.x, phi * relative.y, relative.theta, *work, turns, lengths)
+    return CoarsePath(turns, lengths / phi, phi)
+
+
+def free_words(margin: DistanceField, start: SE2, goal: SE2, phi: float, max_reverse_m: float) -> list[CoarsePath]:
+    """The Reeds-Shepp words between two poses that stay in the margin field, shortest first."""
+    free = [
+        word
+        for word in words(start, goal, phi)
+        if word.longest_reverse_m <= max_reverse_m
+        and word_is_free(
             margin.values, margin.resolution, margin.origin_x, margin.origin_y, start.x, start.y, start.theta,
-            turns[k], lengths[k], phi,
-        ):  # fmt: skip
-            words.append(CoarsePath(turns[k], lengths[k] / phi, phi))
-    return sorted(words, key=lambda word: nanometres(word.length_m))
+            word.turns, word.lengths * phi, phi,
+        )
+    ]  # fmt: skip
+    return sorted(free, key=lambda word: nanometres(word.length_m))
 
 
 @dataclass(frozen=True, slots=True)

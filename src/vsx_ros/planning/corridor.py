@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -40,9 +40,10 @@ class Corridor:
         """Whether the base needs nowhere more room than there is."""
         return self.least_margin(path) >= 0.0
 
-    def least_clearance(self, path: Path) -> float:
-        """A lower bound of the clearance along the path [m]."""
-        return _least(self.clearance, path) - 0.5 * _CHECK_STEP_M
+    def measured(self, path: Path) -> Path:
+        """The path with a lower bound of its clearance in its certificate."""
+        clearance = _least(self.clearance, path) - 0.5 * _CHECK_STEP_M
+        return replace(path, certificate=replace(path.certificate, min_clearance_m=clearance))
 
 
 def _least(field: DistanceField, path: Path) -> float:

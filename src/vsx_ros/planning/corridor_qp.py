@@ -13,11 +13,11 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.planning import joint_qp
 from vsx_ros.planning.coarse_path import CoarsePath
 from vsx_ros.planning.corridor import Corridor
-from vsx_ros.planning.flat_output import COEFFICIENTS, Quadrature
+from vsx_ros.planning.flat_output import Quadrature
 from vsx_ros.planning.heading_sequences import HeadingSequence, merge_segments
-from vsx_ros.planning.path import Path, certified
+from vsx_ros.planning.path import Path
 from vsx_ros.planning.pieces import Piece
-from vsx_ros.planning.qp import QpProblem, solve_exact
+from vsx_ros.planning.qp import QpProblem, solve_qp
 
 _MOST_IN_A_LEG, _MOST_PIECES = 12, 7  # the programme grows with the cube of its pieces; long ways are fitted in parts
 _SAMPLES = Quadrature(intervals=32, order=4)
@@ -58,7 +58,7 @@ def smooth(
 
     cuts: segments after which a new piece begins although the way runs straight on.
     """
-    sequence = merge_segments(coarse.turns, coarse.lengths, coarse.phi, goal.theta - start.theta, cuts)
+    sequence = merge_segments(coarse, goal.theta - start.theta, cuts)
     if sequence is None or len(sequence.turns) > (_MOST_PIECES if sequence.cusps else _MOST_IN_A_LEG):
         return None
     arcs = coarse.arcs(start)
@@ -75,8 +75,8 @@ def fit(
     base = joint_qp.build(sequence, start, goal, phi)
     X, Y = joint_qp.position_rows(sequence, start.theta, _SAMPLES)
     guide = coarse_points(sequence, runs) - np.array([start.x, start.y])
-    first = solve_exact(_following(base, X, Y, guide))
-    if first is None or first.duals is None:
+    first = solve_qp(_following(base, X, Y, guide))
+    if first is None:
         return None
     x, best = first.x, None
     trust, gap = _TRUST_M, _GAP_M
@@ -84,13 +84,13 @@ def fit(
     duals = np.concatenate([first.duals, np.zeros(len(X) + 2 * len(X[_FEW])), [-1.0]])
     for hopeless_m in _HOPELESS_M:
         round_, kept = _round(base, X, Y, x, start, corridor, trust, gap)
-        answer = solve_exact(round_, duals[kept])
-        if answer is None or answer.duals is None:
+        answer = solve_qp(round_, duals[kept])
+        if answer is None:
             break
         duals = np.zeros(len(kept))
         duals[kept] = answer.duals
         x = answer.x[:-1]
-        path = _verified(sequence, start, goal, phi, base, x)
+        path = joint_qp.verified(base, x, sequence, start, goal, phi)
         if path is None:
             break
         short = -corridor.least_margin(path)
@@ -160,16 +160,3 @@ def _round(
         ]),
     )  # fmt: skip
     return problem, kept
-
-
-def _verified(
-    sequence: HeadingSequence, start: SE2, goal: SE2, phi: float, base: QpProblem, x: FloatArray
-) -> Path | None:
-    E, target = base.A[:2], base.lower[:2]
-    x = x + np.linalg.lstsq(E, target - E @ x, rcond=None)[0]
-    pieces = joint_qp.assemble(sequence, start, x.reshape(-1, COEFFICIENTS), phi)
-    if pieces is None:
-        return None
-    path = certified(start, goal, pieces, "Bernstein coefficients")
-    exact = path.certificate.end_error_m <= 1e-9 and path.certificate.end_error_rad <= 1e-9
-    return path if exact else None

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.geometry.se2 import SE2, wrap_angle
-from vsx_ros.kernels.planning.reeds_shepp import MAX_WORDS, SEGMENTS, reeds_shepp_shortest, reeds_shepp_words
+from vsx_ros.planning.coarse_path import CoarsePath, nanometres, words
 from vsx_ros.planning.path import CUSP_COST_M
 
 _SHORTEST_SEGMENT = 1e-6
@@ -42,10 +41,8 @@ class HeadingSequence:
         return k > 0 and self.joints[k - 1], k < len(self.joints) and self.joints[k]
 
 
-def merge_segments(
-    turns: IntArray, lengths: FloatArray, phi: float, total_turn: float, breaks: frozenset[int] = frozenset()
-) -> HeadingSequence | None:
-    """The sequence of a word: turns (S,) in -1, 0, 1 and signed lengths (S,) [m] at curvature phi.
+def merge_segments(word: CoarsePath, total_turn: float, breaks: frozenset[int] = frozenset()) -> HeadingSequence | None:
+    """The sequence of a word.
 
     The headings are made to add up to total_turn modulo a full circle exactly. After a segment in breaks, which must be
     straight, a new piece begins in any case. None for a word without length.
@@ -56,14 +53,14 @@ def merge_segments(
     sizes: list[float] = []
     joints: list[bool] = []
     members: list[list[int]] = []
-    for index, (bend, length) in enumerate(zip(turns.tolist(), lengths.tolist())):
-        if abs(length) * phi < _SHORTEST_SEGMENT:
+    for index, (bend, length) in enumerate(zip(word.turns.tolist(), word.lengths.tolist())):
+        if abs(length) * word.phi < _SHORTEST_SEGMENT:
             continue
         direction = 1 if length > 0 else -1
         same = bool(directions) and directions[-1] == direction
         if same and members[-1][-1] not in breaks and (bend == 0 or bends[-1] in (0, bend)):
             bends[-1] = bends[-1] or bend
-            angles[-1] += bend * length * phi
+            angles[-1] += bend * length * word.phi
             sizes[-1] += abs(length)
             members[-1].append(index)
             continue
@@ -71,7 +68,7 @@ def merge_segments(
             joints.append(same)
         directions.append(direction)
         bends.append(bend)
-        angles.append(bend * length * phi)
+        angles.append(bend * length * word.phi)
         sizes.append(abs(length))
         members.append([index])
     if not directions:
@@ -83,31 +80,9 @@ def merge_segments(
     )
 
 
-def shortest_segments(start: SE2, goal: SE2, phi: float) -> list[tuple[int, float]]:
-    """(turn, signed length [m]) of the shortest Reeds-Shepp word between two poses at curvature phi [rad/m]."""
-    relative = start.inverse() @ goal
-    turns, lengths = np.zeros((MAX_WORDS, SEGMENTS), np.int64), np.zeros((MAX_WORDS, SEGMENTS))
-    word_turns, word_lengths = np.zeros(SEGMENTS, np.int64), np.zeros(SEGMENTS)
-    x, y = phi * relative.x, phi * relative.y
-    reeds_shepp_shortest(x, y, relative.theta, turns, lengths, word_turns, word_lengths)
-    segments = zip(word_turns.tolist(), (word_lengths / phi).tolist())
-    return [(turn, length) for turn, length in segments if abs(length) > 1e-12]
-
-
-def nanometres(cost_m: float) -> int:
-    """By which costs are ordered: of equal ones the first is taken, whatever rounding a processor adds."""
-    return round(1e9 * cost_m)
-
-
 def free_space_sequences(start: SE2, goal: SE2, phi: float) -> list[HeadingSequence]:
     """The sequences of all Reeds-Shepp words between two poses at curvature phi [rad/m], cheapest first."""
-    relative = start.inverse() @ goal
-    turns = np.zeros((MAX_WORDS, SEGMENTS), np.int64)
-    lengths = np.zeros((MAX_WORDS, SEGMENTS))
-    n = reeds_shepp_words(phi * relative.x, phi * relative.y, relative.theta, turns, lengths)
-    sequences = [
-        sequence
-        for i in range(n)
-        if (sequence := merge_segments(turns[i], lengths[i] / phi, phi, relative.theta)) is not None
-    ]
+    turn = (start.inverse() @ goal).theta
+    found = [merge_segments(word, turn) for word in words(start, goal, phi)]
+    sequences = [sequence for sequence in found if sequence is not None]
     return sorted(sequences, key=lambda sequence: nanometres(sequence.length_m + CUSP_COST_M * sequence.cusps))

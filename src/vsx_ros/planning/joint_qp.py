@@ -18,27 +18,25 @@ from vsx_ros.kernels.planning import curves as kernels
 from vsx_ros.planning.flat_output import COARSE, COEFFICIENTS, FLAGS, Quadrature
 from vsx_ros.planning.fov_bound import RATE_ROWS, curvature_bound, least_rate
 from vsx_ros.planning.heading_sequences import HeadingSequence
+from vsx_ros.planning.path import Path, certified
 from vsx_ros.planning.pieces import Piece, curve_piece
-from vsx_ros.planning.qp import QpProblem, solve_exact
+from vsx_ros.planning.qp import QpProblem, solve_qp
 
 _ENERGY = 0.01
 _FLOOR_M = 0.01
 _FLOOR_SHARE = 0.02
+_EXACT = 1e-9
 _LENGTH = {flags: COARSE.integral(COARSE.basis[flags]) for flags in FLAGS}
-
-
-def start_headings(sequence: HeadingSequence, theta: float) -> FloatArray:
-    """(K,) heading at the start of every piece [rad], beginning with theta."""
-    heads: FloatArray = theta + np.concatenate([[0.0], np.cumsum(sequence.turns)[:-1]])
-    return heads
 
 
 def position_rows(sequence: HeadingSequence, theta: float, rule: Quadrature) -> FloatArray:
     """(2, I K, 10 K) rows that give x and y, relative to the start, at the ends of all intervals of the K pieces."""
     kinds = np.array([FLAGS.index(sequence.ends(k)) for k in range(len(sequence.turns))])
+    turns = np.array(sequence.turns)
+    heads = theta + np.concatenate([[0.0], np.cumsum(turns)[:-1]])
     return kernels.position_rows(
-        kinds, start_headings(sequence, theta), np.array(sequence.turns), np.array(sequence.directions),
-        rule.every_basis, rule.every_profile, rule.weights, rule.order,
+        kinds, heads, turns, np.array(sequence.directions), rule.every_basis, rule.every_profile, rule.weights,
+        rule.order,
     )  # fmt: skip
 
 
@@ -68,27 +66,32 @@ def build(sequence: HeadingSequence, start: SE2, goal: SE2, phi: float) -> QpPro
     )
 
 
-def solve(sequence: HeadingSequence, start: SE2, goal: SE2, phi: float) -> tuple[Piece, ...] | None:
-    """The pieces, or None where the sequence has no solution that is proved to keep the bound."""
+def solve(sequence: HeadingSequence, start: SE2, goal: SE2, phi: float) -> Path | None:
+    """The path, or None where the sequence has no solution that is proved to keep the bound."""
     problem = build(sequence, start, goal, phi)
-    solution = solve_exact(problem)
-    if solution is None:
-        return None
+    solution = solve_qp(problem)
+    return None if solution is None else verified(problem, solution.x, sequence, start, goal, phi)
+
+
+def verified(
+    problem: QpProblem, x: FloatArray, sequence: HeadingSequence, start: SE2, goal: SE2, phi: float
+) -> Path | None:
+    """The path of coefficients (10 K,), each piece proved to keep phi, when an integration with another rule than the
+    solver's confirms goal and bound, else None."""
     # The solver meets equalities to 1e-9; put the end exactly on the goal with the smallest change.
     E, target = problem.A[:2], problem.lower[:2]
-    x = solution.x + np.linalg.lstsq(E, target - E @ solution.x, rcond=None)[0]
-    return assemble(sequence, start, x.reshape(-1, COEFFICIENTS), phi)
-
-
-def assemble(sequence: HeadingSequence, start: SE2, coefficients: FloatArray, phi: float) -> tuple[Piece, ...] | None:
-    """Pieces of the coefficients (K, 10), each proved to keep phi; None where the proof fails."""
+    x = x + np.linalg.lstsq(E, target - E @ x, rcond=None)[0]
     pieces: list[Piece] = []
     at = start
-    for k, row in enumerate(coefficients):
+    for k, row in enumerate(x.reshape(-1, COEFFICIENTS)):
         joints = sequence.ends(k)
         bound = curvature_bound(row, sequence.turns[k], joints)
         if bound > phi:
             return None
         pieces.append(curve_piece(at, sequence.turns[k], sequence.directions[k], row, joints, bound))
         at = pieces[-1].end
-    return tuple(pieces)
+    path = certified(start, goal, tuple(pieces), "Bernstein coefficients")
+    sampled = max(float(abs(piece.table[:, 4]).max()) for piece in pieces)
+    c = path.certificate
+    ok = sampled <= phi * (1.0 + _EXACT) and c.end_error_m <= _EXACT and c.end_error_rad <= _EXACT
+    return path if ok else None

@@ -73,7 +73,7 @@ class Planner:
             return corridor
         if same_pose(start, goal):
             nothing = certified(start, goal, (), "start and goal are the same")
-            return Plan(goal, self._finished(nothing, goal, corridor), "fov")
+            return Plan(goal, corridor.measured(nothing), "fov")
         remaining = _remaining(corridor, goal, grid)
         wide = build_corridor(grid, start, goal, self._wide, self._robot)
         if isinstance(wide, Corridor):
@@ -179,7 +179,7 @@ class Planner:
         self, path: Path, goal: SE2, corridor: Corridor, visibility: Visibility | None, grid: OccupancyGrid
     ) -> Plan | Refusal:
         if visibility is None:
-            return Plan(goal, self._finished(path, goal, corridor), "fov")
+            return Plan(goal, corridor.measured(path), "fov")
         spans = visibility.blind_spans(path, grid)
         longest = max((last - first for first, last in spans.tolist()), default=0.0)
         if longest > self._config.max_blind_m:
@@ -189,7 +189,7 @@ class Planner:
                 f"than {visibility.least} of the {len(visibility.landmarks_world)} landmarks in view or all on "
                 f"one side (limit {self._config.max_blind_m:g} m)",
             )
-        return Plan(goal, self._finished(path, goal, corridor), "fov", spans)
+        return Plan(goal, corridor.measured(path), "fov", spans)
 
     def _allowed(self, path: Path, corridor: Corridor) -> bool:
         limit = self._config.max_reverse_m + _REVERSE_SLACK_M
@@ -230,10 +230,6 @@ class Planner:
             way = search_lattice(margin, start, goal, tight, limit, remaining, fine)
             way = way or search_lattice_back(margin, start, goal, tight, limit, fine)
         return way
-
-    def _finished(self, path: Path, goal: SE2, corridor: Corridor) -> Path:
-        clearance = corridor.least_clearance(path)
-        return certified(path.start, goal, path.pieces, path.certificate.method, clearance)
 
 
 def _remaining(corridor: Corridor, goal: SE2, grid: OccupancyGrid) -> FloatArray:
