@@ -5,15 +5,31 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from vsx_ros.config import Config
+from vsx_ros.config import Config, FollowerConfig
 from vsx_ros.control.localization import MAP_FRAME, ODOM_FRAME, LocalizationState
-from vsx_ros.control.tracking_speed_limiter import TrackingSpeedLimiter
 from vsx_ros.control.trajectory_tracker import FollowResult, FollowStatus, TrajectoryTracker
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.navigation.follower_report import FollowerReport
 from vsx_ros.navigation.timeouts import LEASE_S, ODOMETRY_S, VSLAM_GONE_S
 from vsx_ros.planning.path import Trajectory
 from vsx_ros.robot import STOP, VelocityCommand
+from vsx_ros.slam.state import TrackingState
+
+
+class TrackingSpeedLimiter:
+    """Slower while tracking is dubious and a moment longer, so that single frames do not make the speed flicker."""
+
+    def __init__(self, config: FollowerConfig) -> None:
+        self._config = config
+        self._until_ns: int | None = None
+
+    def speed_factor(self, now_ns: int, state: TrackingState) -> float:
+        """The share of the planned speed, in [0, 1]."""
+        if state is TrackingState.DUBIOUS:
+            self._until_ns = now_ns + round(self._config.dubious_hold_s * 1e9)
+        careful = self._until_ns is not None and now_ns <= self._until_ns
+        return self._config.dubious_speed_factor if careful else 1.0
+
 
 _ZERO_FOR_S = 0.3
 

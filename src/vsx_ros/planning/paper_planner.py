@@ -12,12 +12,12 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.planning.primitives import grow
 from vsx_ros.occupancy.distance import travel_distance, with_fringe
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.planning.coarse_path import CoarsePath
 from vsx_ros.planning.connect import same_pose
 from vsx_ros.planning.corridor import Corridor, build_corridor
 from vsx_ros.planning.feasibility import check_question
 from vsx_ros.planning.landmark_visibility import Visibility
 from vsx_ros.planning.path import Path, Plan, Refusal, RefusalKind, certified
+from vsx_ros.planning.pieces import Piece, arc_piece
 from vsx_ros.planning.two_level_qp import connect_paper
 
 _STATES = 4000
@@ -77,8 +77,11 @@ class PaperPlanner:
             while candidate > 0:
                 chain.append(candidate)
                 candidate = int(parents[candidate])
-            primitives = CoarsePath(bends[chain[::-1]], step * signs[chain[::-1]], phi)
-            path = certified(start, goal, (*primitives.arcs(start), *last.pieces), _METHOD)
+            primitives: list[Piece] = []
+            for k in reversed(chain):
+                at, sign = primitives[-1].end if primitives else start, int(signs[k])
+                primitives.append(arc_piece(at, float(bends[k]) * phi * sign, step, sign))
+            path = certified(start, goal, (*primitives, *last.pieces), _METHOD)
             if self._allowed(path, corridor):
                 return Plan(goal, corridor.measured(path), "paper")
         return Refusal(

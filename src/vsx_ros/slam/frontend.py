@@ -10,9 +10,9 @@ from vsx_ros.config import SlamConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry
-from vsx_ros.slam.bootstrap import Bootstrap
+from vsx_ros.slam.initialization import Bootstrap
 from vsx_ros.slam.keyframe import FrameData
-from vsx_ros.slam.keyframes import keyframe_reason
+from vsx_ros.slam.local_map import LocalMap, keyframe_reason, nearest_keyframes
 from vsx_ros.slam.map import MapView, empty_view
 from vsx_ros.slam.mapper import KeyFrameRequest
 from vsx_ros.slam.motion_model import MotionModel
@@ -21,7 +21,7 @@ from vsx_ros.slam.preprocessing import Preprocessor
 from vsx_ros.slam.recovery import Recovery
 from vsx_ros.slam.relocalization import Relocalization
 from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult, TrackingState
-from vsx_ros.slam.tracker import LocalMap, Track, Tracker, nearest_keyframes, nothing_tracked
+from vsx_ros.slam.tracker import Track, Tracker, nothing_tracked
 from vsx_ros.slam.tracking_record import TrackingRecord
 from vsx_ros.slam.two_view_reconstruction import InitialPair
 

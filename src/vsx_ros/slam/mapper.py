@@ -80,9 +80,9 @@ class Mapper:
         world = self.map
         map_id = 1 + max((keyframe.map_id for keyframe in world.keyframes), default=-1)
         world.odom_epoch = pair.odom_epoch
-        first = world.add_keyframe(_with_dense_corners(start.first), start.poses[0], Observations.none(), map_id)
-        second = world.add_keyframe(_with_dense_corners(start.second), start.poses[1], Observations.none(), map_id)
-        self._enter(first, second, start.candidates, start.matches)
+        first = world.add_keyframe(_with_dense_corners(pair.first), start.poses[0], Observations.none(), map_id)
+        second = world.add_keyframe(_with_dense_corners(pair.second), start.poses[1], Observations.none(), map_id)
+        self._enter(first, second, pair.candidates, start.matches)
         for k in (first, second):
             world.update_depth(k)
         self._adjuster.adjust(world, [second], 20)

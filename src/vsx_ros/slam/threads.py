@@ -16,10 +16,10 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.slam.map import MapView
 from vsx_ros.slam.mapper import KeyFrameRequest
+from vsx_ros.slam.slam import TrackerAndMapper
 from vsx_ros.slam.slam_map import SlamMap
+from vsx_ros.slam.snapshot import TrackedFeatures, tracked_features
 from vsx_ros.slam.state import TrackingResult
-from vsx_ros.slam.tracked_features import TrackedFeatures, tracked_features
-from vsx_ros.slam.tracker_and_mapper import TrackerAndMapper
 from vsx_ros.slam.tracking_record import TrackingRecord
 from vsx_ros.slam.two_view_reconstruction import InitialPair
 

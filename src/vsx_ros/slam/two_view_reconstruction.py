@@ -41,13 +41,11 @@ class InitialPair(NamedTuple):
 
 
 class InitialMap(NamedTuple):
-    """Two frames with poses T_world_cam, and the first one's candidates with their matches in the second."""
+    """The poses T_world_cam of a pair's frames, and the first one's candidates found in the second."""
 
-    first: FrameData
-    second: FrameData
+    pair: InitialPair
     poses: tuple[SE3, SE3]
     matches: TargetMatches
-    candidates: Candidates
 
 
 class MotionHypothesis(NamedTuple):
@@ -157,7 +155,7 @@ def _initial_map(pair: InitialPair, found: MotionHypothesis, scale: float) -> In
     kept = pair.chosen[found.good]
     points = T_world_a @ (found.points_a[found.good] * scale)
     matches = TargetMatches(kept, pair.uv[found.good], pair.candidates.level[kept], points)
-    return InitialMap(pair.first, pair.second, (T_world_a, T_world_a @ T_b_a.inverse()), matches, pair.candidates)
+    return InitialMap(pair, (T_world_a, T_world_a @ T_b_a.inverse()), matches)
 
 
 def _differ(a: SE3, b: SE3) -> bool:
