@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2, wrap_angle
-from vsx_ros.kernels.planning.reeds_shepp import reeds_shepp_lengths
+from vsx_ros.planning.coarse_path import shortest_word
 from vsx_ros.planning.connect import connect
 from vsx_ros.planning.feasibility import feasible
 from vsx_ros.planning.path import Path, Refusal, RefusalKind
@@ -62,7 +62,7 @@ def test_length_is_near_the_shortest_possible(goal, phi):
     assume(abs(goal.x) + abs(goal.y) + abs(goal.theta) > 1e-6)
     path = connect(SE2(), goal, phi)
     assert isinstance(path, Path)
-    shortest = reeds_shepp_lengths(np.zeros((1, 3)), goal.as_array()[None], phi)[0]
+    shortest = shortest_word(SE2(), goal, phi).length_m
     assert path.length_m >= shortest - 1e-5  # its inverse cosines lose half the digits next to the start
     assert path.length_m <= 1.6 * shortest + 0.7  # a stop for a jump of curvature is worth a small detour
 
