@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, Points2, Points3
-from vsx_ros.geometry.se3 import SE3
+from vsx_ros.geometry.se3 import SE3, skew
 
 _CHI2_LINE, _CHI2_POINT = 3.84, 5.99
 
@@ -95,9 +95,7 @@ def transfer_error(H: FloatArray, rays_a: Points2, rays_b: Points2) -> FloatArra
 
 def essential_matrix(T_b_a: SE3) -> FloatArray:
     """(3, 3) E with b^T E a = 0 for rays a, b of the same point."""
-    x, y, z = T_b_a.translation
-    E: FloatArray = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) @ T_b_a.rotation
-    return E
+    return skew(T_b_a.translation) @ T_b_a.rotation
 
 
 def triangulate(T_b_a: SE3, rays_a: Points2, rays_b: Points2) -> tuple[Points3, FloatArray]:

@@ -15,6 +15,8 @@ from vsx_ros.planning.path import Trajectory
 from vsx_ros.robot import STOP, VelocityCommand
 from vsx_ros.slam.state import TrackingState
 
+_ZERO_FOR_S = 0.3
+
 
 class TrackingSpeedLimiter:
     """Slower while tracking is dubious and a moment longer, so that single frames do not make the speed flicker."""
@@ -29,9 +31,6 @@ class TrackingSpeedLimiter:
             self._until_ns = now_ns + round(self._config.dubious_hold_s * 1e9)
         careful = self._until_ns is not None and now_ns <= self._until_ns
         return self._config.dubious_speed_factor if careful else 1.0
-
-
-_ZERO_FOR_S = 0.3
 
 
 class MessageAges(NamedTuple):

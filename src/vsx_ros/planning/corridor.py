@@ -19,6 +19,7 @@ _GIVE_M = 0.02
 _ESCAPE_M = 0.3
 _ESCAPE_SLOPE = 2.0
 _CHECK_STEP_M = 0.005
+REVERSE_SLACK_M = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,6 +40,10 @@ class Corridor:
     def is_free(self, path: Path) -> bool:
         """Whether the base needs nowhere more room than there is."""
         return self.least_margin(path) >= 0.0
+
+    def allows(self, path: Path, max_reverse_m: float) -> bool:
+        """Whether the path is free, with no leg in reverse longer than so much [m]."""
+        return path.longest_reverse_m <= max_reverse_m + REVERSE_SLACK_M and self.is_free(path)
 
     def measured(self, path: Path) -> Path:
         """The path with a lower bound of its clearance in its certificate."""

@@ -44,12 +44,8 @@ def view_rows(sequence: HeadingSequence, phi: float) -> tuple[FloatArray, FloatA
     """Rows (40 K, 10 K) and least values (40 K,) of the bound on the change of view."""
     k = len(sequence.turns)
     floor = min(_FLOOR_M, _FLOOR_SHARE * sequence.length_m)
-    height, width = RATE_ROWS.shape
-    rows: FloatArray = np.zeros((height * k, width * k))
-    for i in range(k):
-        rows[height * i : height * (i + 1), width * i : width * (i + 1)] = RATE_ROWS
     least = [least_rate(turn, phi, sequence.ends(i), floor) for i, turn in enumerate(sequence.turns)]
-    return rows, np.concatenate(least)
+    return np.kron(np.eye(k), RATE_ROWS), np.concatenate(least)
 
 
 def build(sequence: HeadingSequence, start: SE2, goal: SE2, phi: float) -> QpProblem:

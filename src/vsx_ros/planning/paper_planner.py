@@ -45,7 +45,7 @@ class PaperPlanner:
         if same_pose(start, goal):
             return Plan(goal, certified(start, goal, (), "start and goal are the same"), "paper")
         direct = connect_paper(start, goal, phi)
-        if isinstance(direct, Path) and self._allowed(direct, corridor):
+        if isinstance(direct, Path) and corridor.allows(direct, self._config.max_reverse_m):
             return Plan(goal, corridor.measured(certified(start, goal, direct.pieces, _METHOD)), "paper")
         reached = travel_distance(corridor.margin, (start.x, start.y))
         joined = with_fringe(reached, grid.resolution)
@@ -82,11 +82,8 @@ class PaperPlanner:
                 at, sign = primitives[-1].end if primitives else start, int(signs[k])
                 primitives.append(arc_piece(at, float(bends[k]) * phi * sign, step, sign))
             path = certified(start, goal, (*primitives, *last.pieces), _METHOD)
-            if self._allowed(path, corridor):
+            if corridor.allows(path, self._config.max_reverse_m):
                 return Plan(goal, corridor.measured(path), "paper")
         return Refusal(
             RefusalKind.BUDGET, f"{size} states of motion primitives and no segment from them to the goal that is free"
         )
-
-    def _allowed(self, path: Path, corridor: Corridor) -> bool:
-        return path.longest_reverse_m <= self._config.max_reverse_m + 1e-6 and corridor.is_free(path)

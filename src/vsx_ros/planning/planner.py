@@ -28,7 +28,7 @@ from vsx_ros.planning.coarse_path import (
     shortened,
 )
 from vsx_ros.planning.connect import connections, same_pose
-from vsx_ros.planning.corridor import Corridor, build_corridor
+from vsx_ros.planning.corridor import REVERSE_SLACK_M, Corridor, build_corridor
 from vsx_ros.planning.feasibility import check_question
 from vsx_ros.planning.landmark_visibility import Visibility
 from vsx_ros.planning.path import STOP_COST_M, Path, Plan, Refusal, RefusalKind, certified
@@ -41,7 +41,6 @@ _SHORTENINGS = 3
 _NEAR_BOUND = 1.15
 _BLIND_COST = 1.0
 _ANOTHER = 1.002  # a way hardly longer than the one before is most likely the same
-_REVERSE_SLACK_M = 1e-6
 _MOST_BLIND_M, _SAME_PLACE_M = 1.5, 0.02
 _DETOUR, _DETOUR_M = 1.2, 0.5  # by which a way with the preferred clearance may be longer
 
@@ -136,7 +135,7 @@ class Planner:
         short = [path for path in paths if path.length_m <= _MOST_BLIND_M]
         if not short:
             return Refusal(RefusalKind.INFEASIBLE, f"without a map at most {_MOST_BLIND_M:g} m is driven")
-        allowed = [path for path in short if path.longest_reverse_m <= limit + _REVERSE_SLACK_M]
+        allowed = [path for path in short if path.longest_reverse_m <= limit + REVERSE_SLACK_M]
         if allowed:
             return Plan(goal, allowed[0], "fov")
         return Refusal(RefusalKind.INFEASIBLE, f"every short connection needs a reverse leg longer than {limit:g} m")
@@ -173,7 +172,7 @@ class Planner:
         if not any(free_words(corridor.margin, start, goal, bend, limit) for bend in (phi, _TIGHT * phi)):
             return []
         best = connections(start, goal, phi, enough)[:enough]
-        return [path for path in best if self._allowed(path, corridor)]
+        return [path for path in best if corridor.allows(path, limit)]
 
     def _plan(
         self, path: Path, goal: SE2, corridor: Corridor, visibility: Visibility | None, grid: OccupancyGrid
@@ -190,10 +189,6 @@ class Planner:
                 f"one side (limit {self._config.max_blind_m:g} m)",
             )
         return Plan(goal, corridor.measured(path), "fov", spans)
-
-    def _allowed(self, path: Path, corridor: Corridor) -> bool:
-        limit = self._config.max_reverse_m + _REVERSE_SLACK_M
-        return path.longest_reverse_m <= limit and corridor.is_free(path)
 
     def _through_map(
         self, start: SE2, goal: SE2, corridor: Corridor, remaining: FloatArray, rng: np.random.Generator
@@ -213,7 +208,7 @@ class Planner:
             if coarse.length_m < _ANOTHER * before_m:
                 continue
             before_m = coarse.length_m
-            found += [p for p in smoothed(coarse, start, goal, phi, corridor) if self._allowed(p, corridor)]
+            found += [p for p in smoothed(coarse, start, goal, phi, corridor) if corridor.allows(p, limit)]
             best = min(found, key=lambda path: path.cost_m, default=None)
             if best is not None and not best.jumps and best.cost_m < coarse.length_m + 2.0 * STOP_COST_M:
                 break

@@ -15,6 +15,7 @@ from vsx_ros.config import InitializationConfig
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import SILENCE_NS
 from vsx_ros.slam.keyframe import FrameData, KeyFrame, Observations
+from vsx_ros.slam.motion_model import motion_by_odometry
 from vsx_ros.slam.point_creation import candidates_in
 from vsx_ros.slam.two_view_reconstruction import InitialPair
 
@@ -44,7 +45,8 @@ class Initializer:
         wanted = max(self._config.min_matches, len(self._candidates.uv) // 4)
         if len(self._index) < wanted:
             return self._restart(data, f"sees too little: {len(self._index)} corners followed, {wanted} needed")
-        motion = self._odometry_motion(data)
+        assert self._reference is not None
+        motion = motion_by_odometry(self._T_base_cam, data, self._reference)
         refusal = self._too_early() if motion is None else self._odometry_refuses(data)
         return refusal if refusal else self._pair(data, motion)
 
@@ -83,14 +85,6 @@ class Initializer:
         self._positions = np.where(sure[:, None], direct, moved)
         self._sure: BoolArray = sure
         self._last = data
-
-    def _odometry_motion(self, data: FrameData) -> SE3 | None:
-        """T_second_first of the cameras by odometry."""
-        assert self._reference is not None
-        if self._T_base_cam is None or data.T_odom_base is None or self._reference.T_odom_base is None:
-            return None
-        motion = SE3.from_se2(data.T_odom_base.inverse() @ self._reference.T_odom_base)
-        return self._T_base_cam.inverse() @ motion @ self._T_base_cam
 
     def _odometry_refuses(self, data: FrameData) -> str:
         assert self._reference is not None

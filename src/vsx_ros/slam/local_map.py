@@ -84,24 +84,19 @@ def nearest_keyframes(view: MapView, T_world_cam: SE3) -> IntArray:
     return living[np.argsort(offset / view.depths[living] + np.arccos(np.clip(cosine, -1.0, 1.0)), kind="stable")]
 
 
-def keyframe_reason(config: KeyframeConfig, view: MapView, track: Track, reference: int, frames_since: int) -> str:
-    """Why this frame should enter the map; empty when it should not.
+def becomes_keyframe(config: KeyframeConfig, view: MapView, track: Track, reference: int, frames_since: int) -> bool:
+    """Whether this frame should enter the map.
 
     Distance and angle are measured to the nearest keyframe of the whole map, so that explored area yields none.
     """
     sure = track.state is TrackingState.GOOD or track.ratio > SURE_RATIO
     if frames_since < config.min_gap_frames or not sure:
-        return ""
+        return False
     pose = track.T_world_cam
     nearest = [view.keyframes[int(k)] for k in nearest_keyframes(view, pose)[:5]]
     depth = nearest[0].median_depth or 1.0
     distance = min(float(np.linalg.norm(k.T_world_cam.translation - pose.translation)) for k in nearest)
     angle = min(k.T_world_cam.rotation_angle_to(pose) for k in nearest)
-    if distance > config.distance_ratio * depth:
-        return f"{distance:.2f} m from the nearest keyframe"
-    if angle > math.radians(config.angle_deg):
-        return f"{math.degrees(angle):.0f} deg from the nearest keyframe"
-    seen = max(1, len(view.keyframes[reference].observations.rows))
-    if len(track.rows) < config.overlap_ratio * seen and distance > 0.2 * config.distance_ratio * depth:
-        return f"only {len(track.rows)} of {seen} points of the reference keyframe left"
-    return ""
+    few = len(track.rows) < config.overlap_ratio * max(1, len(view.keyframes[reference].observations.rows))
+    far = distance > config.distance_ratio * depth or angle > math.radians(config.angle_deg)
+    return far or (few and distance > 0.2 * config.distance_ratio * depth)

@@ -36,7 +36,7 @@ class Candidates(NamedTuple):
 
     def where(self, mask: BoolArray) -> Candidates:
         """Those the mask keeps."""
-        return Candidates(self.uv[mask], self.level[mask], self.rays[mask], self.basis[mask], self.patches[mask])
+        return Candidates(*(column[mask] for column in self))
 
 
 class TargetMatches(NamedTuple):
@@ -96,18 +96,9 @@ def match_in_target(
     bounds = np.tile([1.0 / depth_range[1], 1.0 / depth_range[0]], (n, 1))
     pyramid, corners = target.data.pyramid, target.data.corners
     found, uv, level = search_rays(
-        camera,
-        T_target_source.rotation,
-        T_target_source.translation,
-        candidates.rays,
-        candidates.basis,
-        candidates.patches,
-        bounds,
-        pyramid.pixels,
-        pyramid.table,
-        corners.positions,
-        corners.row_table,
-    )
+        camera, T_target_source.rotation, T_target_source.translation, candidates.rays, candidates.basis,
+        candidates.patches, bounds, pyramid.pixels, pyramid.table, corners.positions, corners.row_table,
+    )  # fmt: skip
     index = np.flatnonzero(found)
     uv, level = uv[index], level[index]
     points, keep = checked_points(

@@ -53,19 +53,12 @@ def optimize_pose_graph(world: Map, map_id: int, loops: list[LoopClosure], free_
     edges = [_Edge(number[e.older], number[e.newer], e.T_older_newer, e.factor, LOOP_SIGMA) for e in loops]
     edges += _edges_within(world, nodes, before)
     R, t, s, _ = optimize_graph(
-        np.array([T.rotation for T in before]),
-        np.array([T.translation for T in before]),
-        np.ones(len(nodes)),
+        np.array([T.rotation for T in before]), np.array([T.translation for T in before]), np.ones(len(nodes)),
         np.arange(len(nodes)) == 0,
-        np.array([e.a for e in edges], np.int64),
-        np.array([e.b for e in edges], np.int64),
-        np.array([e.T_a_b.rotation for e in edges]),
-        np.array([e.T_a_b.translation for e in edges]),
-        np.array([e.scale for e in edges]),
-        np.array([np.diag(e.sigma**-2.0) for e in edges]),
-        free_scale,
-        ITERATIONS,
-    )
+        np.array([e.a for e in edges], np.int64), np.array([e.b for e in edges], np.int64),
+        np.array([e.T_a_b.rotation for e in edges]), np.array([e.T_a_b.translation for e in edges]),
+        np.array([e.scale for e in edges]), np.array([np.diag(e.sigma**-2.0) for e in edges]), free_scale, ITERATIONS,
+    )  # fmt: skip
     after = [SE3(R[n], t[n]) for n in range(len(nodes))]
     move_keyframes(world, nodes, after, s)
     last = number[loops[-1].newer]

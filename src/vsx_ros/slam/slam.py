@@ -47,6 +47,10 @@ class TrackerAndMapper:
             self._front.record = record
         if self._view.keyframes:
             self._front.resume(self._view)
+        self._begin()
+
+    def _begin(self) -> None:
+        """What else there is to begin with."""
 
     def snapshot(self) -> MapSnapshot:
         """The newest finished map; the same object while the version is unchanged."""

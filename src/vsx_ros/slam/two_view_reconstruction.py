@@ -130,22 +130,10 @@ class TwoViewReconstruction:
         t = np.array([np.zeros(3), T_b_a.translation])
         xy = np.stack([rays_a, rays_b], axis=1).reshape(-1, 2) * f
         R, t, *_ = adjust(
-            np.array([f, f, 0.0, 0.0]),
-            R,
-            t,
-            np.array([-1, 0]),
-            points,
-            np.arange(0, 2 * n + 1, 2),
-            np.repeat(np.arange(n), 2),
-            np.tile([0, 1], n),
-            xy,
-            np.ones(2 * n),
-            no_factors(),
-            no_floor(),
-            12,
-            0.3,
+            np.array([f, f, 0.0, 0.0]), R, t, np.array([-1, 0]), points, np.arange(0, 2 * n + 1, 2),
+            np.repeat(np.arange(n), 2), np.tile([0, 1], n), xy, np.ones(2 * n), no_factors(), no_floor(), 12, 0.3,
             START,
-        )
+        )  # fmt: skip
         return SE3(R[1], t[1] / max(float(np.linalg.norm(t[1])), 1e-12))
 
 
