@@ -25,6 +25,7 @@ from vsx_ros.planning.feasibility import feasible
 from vsx_ros.planning.path import Path, Plan, Trajectory
 from vsx_ros.planning.planner import Planner
 from vsx_ros.planning.time_scaling import time_scale
+from vsx_ros.planning.two_level_qp import connect_paper
 from vsx_ros.planning.unconstrained import UnconstrainedPlanner
 
 PHIS = [0.5, 1.0, 2.0]
@@ -201,7 +202,7 @@ def section_paper(quick: bool, phis: list[float]) -> list[Row]:
             pose = SE2(*goal.tolist())
             reachable += feasible(SE2(), pose, phi).ok or feasible(SE2(), pose, phi, reverse=True).ok
             begun = time.process_time()
-            path = connect(SE2(), pose, phi, mode="paper")
+            path = connect_paper(SE2(), pose, phi)
             if isinstance(path, Path):
                 seconds.append(time.process_time() - begun)
                 excess_.append(path.certificate.curvature_bound_rad_m / phi)

@@ -14,6 +14,7 @@ from vsx_ros.planning.connect import connect
 from vsx_ros.planning.feasibility import feasible
 from vsx_ros.planning.path import Path, Refusal, RefusalKind
 from vsx_ros.planning.pieces import arc_piece
+from vsx_ros.planning.two_level_qp import connect_paper
 
 poses = st.builds(SE2, st.floats(-4.0, 4.0), st.floats(-4.0, 4.0), st.floats(-math.pi, math.pi))
 bounds = st.sampled_from([0.5, 1.0, 2.0])
@@ -97,8 +98,6 @@ def test_a_bound_without_meaning_is_refused(phi):
 def test_a_pose_without_meaning_is_refused():
     with pytest.raises(PlanningError, match="goal pose"):
         connect(SE2(), SE2(1.0, math.nan, 0.0), 1.0)
-    with pytest.raises(PlanningError, match="mode"):
-        connect(SE2(), SE2(1.0, 0.0, 0.0), 1.0, mode="wish")
 
 
 def test_the_same_question_has_the_same_bits():
@@ -157,7 +156,7 @@ def test_absurd_bounds_are_kept_too(goal, phi):
 @example(SE2(3.0, 4.0, 3.0), 2.0)  # 12 m long, with its samples 13 cm apart
 @settings(max_examples=60)
 def test_paper_mode_reports_its_own_violation(goal, phi):
-    path = connect(SE2(), goal, phi, mode="paper")
+    path = connect_paper(SE2(), goal, phi)
     reachable = feasible(SE2(), goal, phi).ok or feasible(SE2(), goal, phi, reverse=True).ok
     if isinstance(path, Refusal):
         assert path.kind is RefusalKind.INFEASIBLE
@@ -196,5 +195,5 @@ def test_the_paper_solves_most_of_what_it_can_reach():
         goal = SE2(*rng.uniform(-3.0, 3.0, 3))
         if feasible(SE2(), goal, 1.0).ok:
             possible += 1
-            solved += isinstance(connect(SE2(), goal, 1.0, mode="paper"), Path)
+            solved += isinstance(connect_paper(SE2(), goal, 1.0), Path)
     assert 20 <= solved <= 30

@@ -7,11 +7,10 @@ import pytest
 
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.planning import two_level_qp
-from vsx_ros.planning.connect import connect
 from vsx_ros.planning.feasibility import feasible
 from vsx_ros.planning.flat_output import profile
 from vsx_ros.planning.path import Path, Refusal, RefusalKind
-from vsx_ros.planning.two_level_qp import build, displacement_rows
+from vsx_ros.planning.two_level_qp import build, connect_paper, displacement_rows
 
 REACHED = SE2(2.2, 1.8, math.pi / 2)
 ZETA_F = math.tan(math.pi / 4)
@@ -41,7 +40,7 @@ def test_what_the_closed_form_excludes_is_never_solved(monkeypatch):
 
     monkeypatch.setattr(two_level_qp, "solve_qp", unexpected)
     for goal in (SE2(2.0, 0.5, 0.0), SE2(0.9, 1.8, math.pi / 2), SE2(0.0, 1.0, 0.0)):
-        refusal = connect(SE2(), goal, 1.0, mode="paper")
+        refusal = connect_paper(SE2(), goal, 1.0)
         assert isinstance(refusal, Refusal)
         assert refusal.kind is RefusalKind.INFEASIBLE
         assert "forwards" in refusal.reason
@@ -50,12 +49,12 @@ def test_what_the_closed_form_excludes_is_never_solved(monkeypatch):
         assert margin < 0.0
         assert f"{-margin:.3f} m" in refusal.reason
     with pytest.raises(AssertionError, match="out of reach"):
-        connect(SE2(), REACHED, 1.0, mode="paper")
+        connect_paper(SE2(), REACHED, 1.0)
 
 
 @pytest.mark.parametrize("start", [SE2(), SE2(3.0, -2.0, 2.5)])
 def test_the_reported_violation_is_the_largest_one(start):
-    path = connect(start, start @ REACHED, 1.0, mode="paper")
+    path = connect_paper(start, start @ REACHED, 1.0)
     assert isinstance(path, Path)
     dense = np.abs(path.sample(0.001)[:, 3]).max()
     assert path.certificate.curvature_bound_rad_m == pytest.approx(dense, rel=1e-3)
@@ -65,7 +64,7 @@ def test_the_reported_violation_is_the_largest_one(start):
 
 def test_a_solver_that_fails_is_no_solution(monkeypatch):
     monkeypatch.setattr(two_level_qp, "solve_qp", lambda problem: None)
-    refusal = connect(SE2(), REACHED, 1.0, mode="paper")
+    refusal = connect_paper(SE2(), REACHED, 1.0)
     assert isinstance(refusal, Refusal)
     assert refusal.kind is RefusalKind.INFEASIBLE
     assert "no polynomials" in refusal.reason
@@ -79,7 +78,7 @@ def test_a_solution_that_turns_too_fast_is_none(monkeypatch):
         return real(problem)._replace(x=np.where(np.arange(10) == 5, 50.0, 0.0))
 
     monkeypatch.setattr(two_level_qp, "solve_qp", wrong)
-    refusal = connect(SE2(), REACHED, 1.0, mode="paper")
+    refusal = connect_paper(SE2(), REACHED, 1.0)
     assert isinstance(refusal, Refusal)
     assert refusal.kind is RefusalKind.INFEASIBLE
     assert "the curve turns at" in refusal.reason

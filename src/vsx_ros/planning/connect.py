@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import math
 
-from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.planning import joint_qp
 from vsx_ros.planning.coarse_path import nanometres, shortest_word
-from vsx_ros.planning.feasibility import check_question, feasible
+from vsx_ros.planning.feasibility import check_question
 from vsx_ros.planning.heading_sequences import free_space_sequences
-from vsx_ros.planning.path import CUSP_COST_M, Path, Refusal, certified
-from vsx_ros.planning.two_level_qp import connect_paper
-
-__all__ = ["connect", "connections", "feasible"]
+from vsx_ros.planning.path import CUSP_COST_M, Path, certified
 
 TIGHTNESS = (1.0, 0.95, 0.9, 0.8)
 """Headings are searched at these shares of phi, so that the programme at phi has room."""
@@ -29,20 +25,13 @@ def same_pose(start: SE2, goal: SE2) -> bool:
     return start.distance_to(goal) <= _EXACT and abs(start.angle_to(goal)) <= _EXACT
 
 
-def connect(start: SE2, goal: SE2, phi: float, mode: str = "fov") -> Path | Refusal:
-    """A path from start to goal with |dtheta/ds| <= phi everywhere, ending on the goal to a nanometre.
-
-    mode: 'fov' the certified method, with cusps where they help; 'paper' the two-level optimisation of section 4,
-    one segment without cusps, forward or reverse. Raises PlanningError for NaN, phi <= 0 or an unknown mode.
-    """
+def connect(start: SE2, goal: SE2, phi: float) -> Path:
+    """A path from start to goal with |dtheta/ds| <= phi everywhere, ending on the goal to a nanometre, with cusps
+    where they help. Raises PlanningError for NaN or phi <= 0."""
     check_question(start, goal, phi)
     if same_pose(start, goal):
         return certified(start, goal, (), "start and goal are the same")
-    if mode == "fov":
-        return connections(start, goal, phi, enough=1)[0]
-    if mode == "paper":
-        return connect_paper(start, goal, phi)
-    raise PlanningError(f"unknown connection mode {mode!r}; use 'fov' or 'paper'")
+    return connections(start, goal, phi, enough=1)[0]
 
 
 def connections(start: SE2, goal: SE2, phi: float, enough: int) -> list[Path]:
