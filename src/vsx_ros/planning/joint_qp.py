@@ -45,7 +45,7 @@ def view_rows(sequence: HeadingSequence, phi: float) -> tuple[FloatArray, FloatA
     k = len(sequence.turns)
     floor = min(_FLOOR_M, _FLOOR_SHARE * sequence.length_m)
     least = [least_rate(turn, phi, sequence.ends(i), floor) for i, turn in enumerate(sequence.turns)]
-    return np.kron(np.eye(k), RATE_ROWS), np.concatenate(least)
+    return np.asarray(np.kron(np.eye(k), RATE_ROWS), np.float64), np.concatenate(least)
 
 
 def build(sequence: HeadingSequence, start: SE2, goal: SE2, phi: float) -> QpProblem:

@@ -91,7 +91,7 @@ class _Stretch:
         """(n,) the planned speed's maximum over each segment."""
         inside = [self.speed[(self.s > low) & (self.s < high)].max(initial=0.0) for low, high in zip(cuts, cuts[1:])]
         at_cuts = np.interp(cuts, self.s, self.speed)
-        return np.maximum(np.array(inside), np.maximum(at_cuts[1:], at_cuts[:-1]))
+        return np.asarray(np.maximum(np.array(inside), np.maximum(at_cuts[1:], at_cuts[:-1])), np.float64)
 
     def profile(self, s: float, u: float, a: float, factor: float) -> tuple[Profile, float] | None:
         """The fastest profile found from a place, speed and acceleration, and by how much it must be stretched."""

@@ -37,7 +37,7 @@ class Observations(NamedTuple):
 
     def where(self, mask: BoolArray) -> Observations:
         """Those the mask (n,) keeps."""
-        return Observations(*(column[mask] for column in self))
+        return Observations._make(column[mask] for column in self)
 
 
 class FrameData(NamedTuple):

@@ -36,7 +36,7 @@ class Candidates(NamedTuple):
 
     def where(self, mask: BoolArray) -> Candidates:
         """Those the mask keeps."""
-        return Candidates(*(column[mask] for column in self))
+        return Candidates._make(column[mask] for column in self)
 
 
 class TargetMatches(NamedTuple):
