@@ -18,7 +18,7 @@ from vsx_ros.kernels.planning.reeds_shepp import (
 )
 from vsx_ros.kernels.planning.reeds_shepp_table import look_up_length
 from vsx_ros.planning.coarse_path import shortest_word, word_table
-from vsx_ros.planning.heading_sequences import free_space_sequences
+from vsx_ros.planning.joint_qp import free_space_sequences
 
 coordinate = st.floats(-6.0, 6.0)
 angle = st.floats(-math.pi, math.pi)

@@ -20,6 +20,7 @@ from vsx_ros.exploration.decision import (
     Action,
     Decision,
     MissionEvent,
+    MissionLog,
     MissionState,
     NavigationState,
     Outcome,
@@ -27,7 +28,6 @@ from vsx_ros.exploration.decision import (
 )
 from vsx_ros.exploration.home import Home
 from vsx_ros.exploration.initialization_drives import InitializationDrives
-from vsx_ros.exploration.mission_log import MissionLog
 from vsx_ros.exploration.recovery import SPOT_TURN, Recovery, escape_arc
 from vsx_ros.exploration.saved_mission import SavedMission
 from vsx_ros.exploration.trail import Trail

@@ -20,7 +20,7 @@ from vsx_ros.config import Config
 from vsx_ros.control.localization import MAP_FRAME, LocalizationState
 from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.navigation.follower_report import FollowerReport
+from vsx_ros.navigation.follower import FollowerReport
 from vsx_ros.navigation.goal_planner import TimedPlan
 from vsx_ros.navigation.timeouts import FOLLOWER_S, PLANNER_S
 from vsx_ros.occupancy.grid import OccupancyGrid

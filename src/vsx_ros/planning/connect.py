@@ -8,7 +8,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.planning import joint_qp
 from vsx_ros.planning.coarse_path import nanometres, shortest_word
 from vsx_ros.planning.feasibility import check_question
-from vsx_ros.planning.heading_sequences import free_space_sequences
+from vsx_ros.planning.joint_qp import free_space_sequences
 from vsx_ros.planning.path import CUSP_COST_M, Path, certified
 
 TIGHTNESS = (1.0, 0.95, 0.9, 0.8)

@@ -1,4 +1,7 @@
-"""One quadratic programme for all pieces of a heading sequence.
+"""Heading sequences, which way to drive and how far to turn piece by piece, and one quadratic programme for all pieces.
+
+A Reeds-Shepp word tells the sequence for free space. Where the word bends one way, straight or not, without changing
+direction, one piece suffices, because the programme puts the straight length where it is best.
 
 With theta(t) fixed in every piece, positions, length and the bound on the change of view are all linear in the
 coefficients of rho_k = ds/dt >= 0 of all pieces jointly. Cusp positions are not chosen: the solution places them.
@@ -10,23 +13,97 @@ coefficients of rho_k = ds/dt >= 0 of all pieces jointly. Cusp positions are not
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from vsx_ros.arrays import FloatArray
-from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se2 import SE2, wrap_angle
 from vsx_ros.kernels.planning import curves as kernels
+from vsx_ros.planning.coarse_path import CoarsePath, nanometres, words
 from vsx_ros.planning.flat_output import COARSE, COEFFICIENTS, FLAGS, Quadrature
 from vsx_ros.planning.fov_bound import RATE_ROWS, curvature_bound, least_rate
-from vsx_ros.planning.heading_sequences import HeadingSequence
-from vsx_ros.planning.path import Path, certified
+from vsx_ros.planning.path import CUSP_COST_M, Path, certified
 from vsx_ros.planning.pieces import Piece, curve_piece
 from vsx_ros.planning.qp import QpProblem, solve_qp
 
+_SHORTEST_SEGMENT = 1e-6
 _ENERGY = 0.01
 _FLOOR_M = 0.01
 _FLOOR_SHARE = 0.02
 _EXACT = 1e-9
 _LENGTH = {flags: COARSE.integral(COARSE.basis[flags]) for flags in FLAGS}
+
+
+@dataclass(frozen=True, slots=True)
+class HeadingSequence:
+    """One entry a piece: direction (+1, -1) and signed turn [rad]; joints[k] tells whether the path runs on
+    without stopping from piece k to k + 1. length_m: of the word it comes from; shortest_m: of its shortest piece.
+    members[k]: which segments of the word piece k replaces.
+    """
+
+    directions: tuple[int, ...]
+    turns: tuple[float, ...]
+    joints: tuple[bool, ...]
+    length_m: float
+    shortest_m: float
+    members: tuple[tuple[int, ...], ...]
+
+    @property
+    def cusps(self) -> int:
+        """How often the driving direction changes."""
+        return sum(not joint for joint in self.joints)
+
+    def ends(self, k: int) -> tuple[bool, bool]:
+        """Whether piece k is joined to the one before and to the one after."""
+        return k > 0 and self.joints[k - 1], k < len(self.joints) and self.joints[k]
+
+
+def merge_segments(word: CoarsePath, total_turn: float, breaks: frozenset[int] = frozenset()) -> HeadingSequence | None:
+    """The sequence of a word.
+
+    The headings are made to add up to total_turn modulo a full circle exactly. After a segment in breaks, which must be
+    straight, a new piece begins in any case. None for a word without length.
+    """
+    directions: list[int] = []
+    bends: list[int] = []
+    angles: list[float] = []
+    sizes: list[float] = []
+    joints: list[bool] = []
+    members: list[list[int]] = []
+    for index, (bend, length) in enumerate(zip(word.turns.tolist(), word.lengths.tolist())):
+        if abs(length) * word.phi < _SHORTEST_SEGMENT:
+            continue
+        direction = 1 if length > 0 else -1
+        same = bool(directions) and directions[-1] == direction
+        if same and members[-1][-1] not in breaks and (bend == 0 or bends[-1] in (0, bend)):
+            bends[-1] = bends[-1] or bend
+            angles[-1] += bend * length * word.phi
+            sizes[-1] += abs(length)
+            members[-1].append(index)
+            continue
+        if directions:
+            joints.append(same)
+        directions.append(direction)
+        bends.append(bend)
+        angles.append(bend * length * word.phi)
+        sizes.append(abs(length))
+        members.append([index])
+    if not directions:
+        return None
+    widest = int(np.argmax(np.abs(angles)))
+    angles[widest] += wrap_angle(total_turn - sum(angles))
+    return HeadingSequence(
+        tuple(directions), tuple(angles), tuple(joints), sum(sizes), min(sizes), tuple(map(tuple, members))
+    )
+
+
+def free_space_sequences(start: SE2, goal: SE2, phi: float) -> list[HeadingSequence]:
+    """The sequences of all Reeds-Shepp words between two poses at curvature phi [rad/m], cheapest first."""
+    turn = (start.inverse() @ goal).theta
+    found = [merge_segments(word, turn) for word in words(start, goal, phi)]
+    sequences = [sequence for sequence in found if sequence is not None]
+    return sorted(sequences, key=lambda sequence: nanometres(sequence.length_m + CUSP_COST_M * sequence.cusps))
 
 
 def position_rows(sequence: HeadingSequence, theta: float, rule: Quadrature) -> FloatArray:

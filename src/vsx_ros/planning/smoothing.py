@@ -17,7 +17,7 @@ from vsx_ros.planning import joint_qp
 from vsx_ros.planning.coarse_path import CoarsePath
 from vsx_ros.planning.corridor import Corridor
 from vsx_ros.planning.flat_output import Quadrature
-from vsx_ros.planning.heading_sequences import HeadingSequence, merge_segments
+from vsx_ros.planning.joint_qp import HeadingSequence, merge_segments
 from vsx_ros.planning.path import Path, certified
 from vsx_ros.planning.pieces import Piece
 from vsx_ros.planning.qp import QpProblem, solve_qp
