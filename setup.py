@@ -26,7 +26,7 @@ setup(
         "numpy>=2",
         "numba>=0.60",
         "opencv-python-headless>=4.5,<5",
-        "osqp>=1.0",
+        "scipy>=1.8",
         "daqp>=0.7",
         "ruckig>=0.14",
         "rosbags>=0.11",

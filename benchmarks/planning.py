@@ -18,13 +18,14 @@ from planning_problems import LIMITS, OMPL, ROBOT, TOPPRA, peer_rrt_connect, pee
 
 from vsx_ros.config import PlannerConfig
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.kernels.planning.reeds_shepp import reeds_shepp_lengths
 from vsx_ros.kernels.warmup import warm_up
+from vsx_ros.planning.coarse_path import shortest_word
 from vsx_ros.planning.connect import connect
 from vsx_ros.planning.feasibility import feasible
 from vsx_ros.planning.path import Path, Plan, Trajectory
 from vsx_ros.planning.planner import Planner
 from vsx_ros.planning.time_scaling import time_scale
+from vsx_ros.planning.two_level_qp import connect_paper
 from vsx_ros.planning.unconstrained import UnconstrainedPlanner
 
 PHIS = [0.5, 1.0, 2.0]
@@ -58,7 +59,7 @@ def section_connect(quick: bool, phis: list[float]) -> list[Row]:
     n, rows = 500 if quick else 10_000, []
     for phi in phis:
         goals = random_goals(n, 0)
-        shortest = reeds_shepp_lengths(np.zeros((n, 3)), goals, phi)
+        shortest = [shortest_word(SE2(), SE2(*goal.tolist()), phi).length_m for goal in goals]
         ratio, seconds, bound, end, words = [], [], 0.0, 0.0, 0
         for goal, least in zip(goals, shortest):
             begun = time.process_time()
@@ -136,17 +137,10 @@ def section_lab(quick: bool, phis: list[float]) -> list[Row]:
 
 
 def section_costs(quick: bool, phis: list[float]) -> list[Row]:
-    """Costing views: the obstacle-free bound, and every pose of a map around its obstacles."""
-    rng = np.random.default_rng(0)
-    some = np.stack([rng.uniform(-6, 6, 500), rng.uniform(-4, 4, 500), rng.uniform(-3, 3, 500)], axis=1)
+    """Costing views: every pose of a map around its obstacles."""
     axes = np.arange(-5.95, 6.0, 0.1), np.arange(-3.95, 4.0, 0.1), np.arange(24) * (np.pi / 12.0)
     every = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 3)
-    seconds = []
-    for _ in range(20):
-        begun = time.process_time()
-        reeds_shepp_lengths(np.zeros((500, 3)), some, 1.0)
-        seconds.append(time.process_time() - begun)
-    rows = [Row("500 poses, obstacle-free bound, median [ms]", 10.0, 2.0, 1e3 * float(np.median(seconds)))]
+    rows = []
     for phi in phis:
         planner = Planner(PlannerConfig(phi_rad_m=phi), ROBOT)
         seconds, ratio = [], []
@@ -208,7 +202,7 @@ def section_paper(quick: bool, phis: list[float]) -> list[Row]:
             pose = SE2(*goal.tolist())
             reachable += feasible(SE2(), pose, phi).ok or feasible(SE2(), pose, phi, reverse=True).ok
             begun = time.process_time()
-            path = connect(SE2(), pose, phi, mode="paper")
+            path = connect_paper(SE2(), pose, phi)
             if isinstance(path, Path):
                 seconds.append(time.process_time() - begun)
                 excess_.append(path.certificate.curvature_bound_rad_m / phi)

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from calibration.board_pictures import BOARD, CAMERA, Photographer, pose, poses
 
-from vsx_ros.calibration.board import Board
-from vsx_ros.calibration.board_poses import board_poses
+from vsx_ros.calibration.board import Board, board_poses
 from vsx_ros.calibration.camera import BoardView, calibrate_camera, covered
 from vsx_ros.calibration.variety import ViewChooser
 from vsx_ros.calibration.verdict import Grade

@@ -1,7 +1,7 @@
 """Dubious tracking slows the base, for a moment longer than it lasts."""
 
 from vsx_ros.config import FollowerConfig
-from vsx_ros.control.tracking_speed_limiter import TrackingSpeedLimiter
+from vsx_ros.navigation.follower import TrackingSpeedLimiter
 from vsx_ros.slam.state import TrackingState
 
 MS = 1_000_000

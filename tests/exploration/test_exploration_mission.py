@@ -7,9 +7,9 @@ import pytest
 
 from vsx_ros.config import Config
 from vsx_ros.exploration.decision import Action, MissionState, NavigationState, Outcome, Situation
-from vsx_ros.exploration.escape_arc import escape_arc
 from vsx_ros.exploration.goal_blacklist import GoalBlacklist, near_poses
 from vsx_ros.exploration.mission import Mission
+from vsx_ros.exploration.recovery import escape_arc
 from vsx_ros.exploration.saved_mission import SavedMission
 from vsx_ros.exploration.trail import Trail
 from vsx_ros.geometry.se2 import SE2

@@ -5,9 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from vsx_ros.geometry.epipolar import epipolar_error, essential_matrix, transfer_error, two_view_motions
+from vsx_ros.geometry.epipolar import (
+    epipolar_error,
+    essential_matrix,
+    reprojection_error,
+    transfer_error,
+    triangulate,
+    two_view_motions,
+)
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.geometry.triangulation import reprojection_error, triangulate
 
 SIGMA = 1.0 / 525.0
 

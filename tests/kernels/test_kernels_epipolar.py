@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.epipolar import triangulate
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.geometry.triangulation import triangulate
 from vsx_ros.kernels.geometry.projection import unproject_pixels
 from vsx_ros.kernels.slam.epipolar import search_rays
 from vsx_ros.vision.corners import CornerDetector, strongest

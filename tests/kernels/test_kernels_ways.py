@@ -1,4 +1,4 @@
-"""Words, trees and shortcuts over open ground and past a wall: every way is driven again, segment by segment."""
+"""Words and shortcuts over open ground and past a wall: every way is driven again, segment by segment."""
 
 import math
 
@@ -8,9 +8,8 @@ import pytest
 from vsx_ros.kernels.planning.lattice import reverse_run, word_is_free
 from vsx_ros.kernels.planning.motions import BENDS, MOTIONS, SIGNS, arc_places, places_are_free
 from vsx_ros.kernels.planning.primitives import cone, grow
-from vsx_ros.kernels.planning.reeds_shepp import advance
-from vsx_ros.kernels.planning.rrt import random_unit, rrt_connect
-from vsx_ros.kernels.planning.shortcuts import shorten, way_cost
+from vsx_ros.kernels.planning.reeds_shepp import MAX_WORDS, SEGMENTS, advance
+from vsx_ros.kernels.planning.shortcuts import random_unit, shorten, shortest_word, way_cost
 
 PHI, MAX_REVERSE_M = 1.0, 1.5
 START, GOAL = np.array([1.0, 1.0, 0.3]), np.array([4.2, 4.4, 1.9])
@@ -90,28 +89,29 @@ def test_a_word_is_as_free_as_its_arcs():
     assert word_is_free(*walled(), *START, turns, 0.3 * straight, PHI)
 
 
+def by_way_of(*poses):
+    """Turns and lengths of the shortest words from each pose to the next."""
+    way = []
+    for a, b in zip(poses, poses[1:]):
+        work = np.zeros((MAX_WORDS, SEGMENTS), int), np.zeros((MAX_WORDS, SEGMENTS))
+        turns, lengths = np.zeros(SEGMENTS, int), np.zeros(SEGMENTS)
+        shortest_word(a, b, PHI, *work, turns, lengths)
+        way += zip(turns.tolist(), (lengths / PHI).tolist())
+    turns, lengths = zip(*[segment for segment in way if segment[1] != 0.0])
+    return np.array(turns), np.array(lengths)
+
+
 @pytest.mark.parametrize("field", [OPEN, walled()], ids=["open", "walled"])
-def test_a_tree_leads_to_the_goal_and_its_shortcuts_too(field):
-    cells = np.flatnonzero(field[0] > 0.0)
-    turns, lengths, used = rrt_connect(*field, cells, START, GOAL, PHI, 2.0, MAX_REVERSE_M, np.uint64(7), 200)
-    assert len(turns) > 0
-    assert used <= 200
-    ways = [(turns, lengths), shorten(*field, START, turns, lengths, PHI, MAX_REVERSE_M, 0.2, np.uint64(3), 40)]
-    for way in ways:
+def test_shortcuts_lead_to_the_goal_over_free_ground(field):
+    turns, lengths = by_way_of(START, np.array([1.0, 3.5, 2.0]), np.array([2.5, 4.4, 0.0]), GOAL)
+    short = shorten(*field, START, turns, lengths, PHI, MAX_REVERSE_M, 0.2, np.uint64(3), 40)
+    for way in ((turns, lengths), short):
         places = driven(START, *way)
         assert is_at(places[-1], GOAL)
         for place, turn, length in zip(places, *way):
             assert word_is_free(*field, *place, np.array([turn, 0, 0, 0, 0]), np.array([length, 0, 0, 0, 0.0]), PHI)
-    assert way_cost(ways[1][1], 0.2) <= way_cost(lengths, 0.2) + 1e-9
-    assert reverse_run(ways[1][1]) <= max(MAX_REVERSE_M, reverse_run(lengths)) + 1e-9
-
-
-def test_no_tree_leads_through_a_wall_without_a_gap():
-    values, *rest = walled()
-    values = np.minimum(values, np.abs(np.arange(50) * 0.1 + 0.05 - 2.5) - 0.15)
-    cells = np.flatnonzero(values > 0.0)
-    turns, _, used = rrt_connect(values, *rest, cells, START, GOAL, PHI, 2.0, MAX_REVERSE_M, np.uint64(7), 30)
-    assert (len(turns), used) == (0, 30)
+    assert way_cost(short[1], 0.2) < way_cost(lengths, 0.2)
+    assert reverse_run(short[1]) <= max(MAX_REVERSE_M, reverse_run(lengths)) + 1e-9
 
 
 def test_a_way_costs_its_length_and_its_cusps():

@@ -12,8 +12,7 @@ from vsx_ros.control.stuck import Stuck
 from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.navigation.follower import Follower, MessageAges
-from vsx_ros.navigation.follower_report import decode_report
+from vsx_ros.navigation.follower import Follower, MessageAges, decode_report
 from vsx_ros.planning.path import Trajectory, certified
 from vsx_ros.planning.pieces import arc_piece
 from vsx_ros.planning.time_scaling import time_scale

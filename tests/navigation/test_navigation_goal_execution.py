@@ -9,7 +9,7 @@ from driving import CONFIG, open_floor, with_post
 from vsx_ros.control.localization import UNLOCALIZED, LocalizationState
 from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.navigation.follower_report import FollowerReport
+from vsx_ros.navigation.follower import FollowerReport
 from vsx_ros.navigation.goal_execution import Act, Brake, Done, ExecutionInput, Follow, GoalExecution, PlanRequest
 from vsx_ros.navigation.goal_planner import GoalPlanner, TimedPlan
 from vsx_ros.occupancy.grid import OccupancyGrid

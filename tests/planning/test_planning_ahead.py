@@ -25,8 +25,7 @@ def with_post(x: float, y: float, value: int = OCCUPIED) -> OccupancyGrid:
 def test_an_obstacle_on_the_way_is_told_with_its_distance(y: float):
     said = obstacle_ahead(STRAIGHT, 5.0, with_post(1.5, y), RADIUS_M)
     assert said is not None
-    assert 0.8 <= said.way_m < 0.95
-    assert "0.8 m ahead" in said.words or "0.9 m ahead" in said.words
+    assert 0.8 <= said < 0.95
 
 
 @pytest.mark.parametrize("post", [(1.5, 0.3), (1.5, -0.3), (0.2, 0.01), (3.5, 0.01)])

@@ -9,11 +9,12 @@ from hypothesis import strategies as st
 
 from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2, wrap_angle
-from vsx_ros.kernels.planning.reeds_shepp import reeds_shepp_lengths
+from vsx_ros.planning.coarse_path import shortest_word
 from vsx_ros.planning.connect import connect
 from vsx_ros.planning.feasibility import feasible
 from vsx_ros.planning.path import Path, Refusal, RefusalKind
 from vsx_ros.planning.pieces import arc_piece
+from vsx_ros.planning.two_level_qp import connect_paper
 
 poses = st.builds(SE2, st.floats(-4.0, 4.0), st.floats(-4.0, 4.0), st.floats(-math.pi, math.pi))
 bounds = st.sampled_from([0.5, 1.0, 2.0])
@@ -62,7 +63,7 @@ def test_length_is_near_the_shortest_possible(goal, phi):
     assume(abs(goal.x) + abs(goal.y) + abs(goal.theta) > 1e-6)
     path = connect(SE2(), goal, phi)
     assert isinstance(path, Path)
-    shortest = reeds_shepp_lengths(np.zeros((1, 3)), goal.as_array()[None], phi)[0]
+    shortest = shortest_word(SE2(), goal, phi).length_m
     assert path.length_m >= shortest - 1e-5  # its inverse cosines lose half the digits next to the start
     assert path.length_m <= 1.6 * shortest + 0.7  # a stop for a jump of curvature is worth a small detour
 
@@ -97,8 +98,6 @@ def test_a_bound_without_meaning_is_refused(phi):
 def test_a_pose_without_meaning_is_refused():
     with pytest.raises(PlanningError, match="goal pose"):
         connect(SE2(), SE2(1.0, math.nan, 0.0), 1.0)
-    with pytest.raises(PlanningError, match="mode"):
-        connect(SE2(), SE2(1.0, 0.0, 0.0), 1.0, mode="wish")
 
 
 def test_the_same_question_has_the_same_bits():
@@ -157,7 +156,7 @@ def test_absurd_bounds_are_kept_too(goal, phi):
 @example(SE2(3.0, 4.0, 3.0), 2.0)  # 12 m long, with its samples 13 cm apart
 @settings(max_examples=60)
 def test_paper_mode_reports_its_own_violation(goal, phi):
-    path = connect(SE2(), goal, phi, mode="paper")
+    path = connect_paper(SE2(), goal, phi)
     reachable = feasible(SE2(), goal, phi).ok or feasible(SE2(), goal, phi, reverse=True).ok
     if isinstance(path, Refusal):
         assert path.kind is RefusalKind.INFEASIBLE
@@ -196,5 +195,5 @@ def test_the_paper_solves_most_of_what_it_can_reach():
         goal = SE2(*rng.uniform(-3.0, 3.0, 3))
         if feasible(SE2(), goal, 1.0).ok:
             possible += 1
-            solved += isinstance(connect(SE2(), goal, 1.0, mode="paper"), Path)
+            solved += isinstance(connect_paper(SE2(), goal, 1.0), Path)
     assert 20 <= solved <= 30

@@ -6,33 +6,30 @@ import numpy as np
 import pytest
 
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.planning import heading_qp, position_qp
-from vsx_ros.planning.connect import connect
+from vsx_ros.planning import two_level_qp
 from vsx_ros.planning.feasibility import feasible
+from vsx_ros.planning.flat_output import profile
 from vsx_ros.planning.path import Path, Refusal, RefusalKind
-from vsx_ros.planning.position_qp import GRID_POINTS, build, displacement_rows
+from vsx_ros.planning.two_level_qp import build, connect_paper, displacement_rows
 
 REACHED = SE2(2.2, 1.8, math.pi / 2)
+ZETA_F = math.tan(math.pi / 4)
 
 
-def level_one() -> position_qp._Heading:
-    zeta = math.tan(math.pi / 4)
-    return position_qp._Heading(-zeta, heading_qp.solve_heading(-zeta, zeta, GRID_POINTS))
-
-
-def test_level_one_is_the_known_minimiser():
-    t = np.linspace(0.0, 1.0, 101)
-    s = 7.5 * t**2 - 20.0 * t**3 + 22.5 * t**4 - 9.0 * t**5  # of (7)-(8) on a fine grid
-    zeta = level_one().zeta(heading_qp.zeta_rows(t))
-    assert np.abs(zeta - (2.0 * s - 1.0)).max() < 5e-3  # of n = 50, which stops short of it
+def test_level_one_is_the_minimiser_of_its_programme():
+    t = np.linspace(0.0, 1.0, 2001)[:, None]
+    rates = np.concatenate([t**2 / 2 - t**3 / 3, t**3 / 3 - t**4 / 4, t**4 / 4 - t**5 / 5], axis=1)  # of t^k - t^(k+1)
+    steps = np.diff(rates, axis=0)
+    kkt = np.block([[steps.T @ steps, rates[-1:].T], [rates[-1:], np.zeros((1, 1))]])
+    b = np.linalg.solve(kkt, np.eye(4)[3])[:3]  # of (7)-(8) on a fine grid, zetadot zero at both ends by the basis
+    assert profile(t.ravel(), False, False) == pytest.approx(rates @ b, abs=1e-5)
 
 
 def test_level_two_is_well_conditioned_where_monomials_are_not():
-    problem = build(level_one(), 2.5, 0.0, 1.0, GRID_POINTS)
-    rows = displacement_rows(level_one())
-    free = np.linalg.svd(rows)[2][2:].T
+    problem = build(ZETA_F, 2.5, 0.0, 1.0)
+    free = np.linalg.svd(displacement_rows(ZETA_F))[2][2:].T
     assert np.linalg.cond(free.T @ problem.P @ free) < 100.0
-    t = np.linspace(0.0, 1.0, GRID_POINTS + 2)[:, None]
+    t = np.linspace(0.0, 1.0, 52)[:, None]
     steps = np.diff(t ** np.arange(3, 13), axis=0)
     assert np.linalg.cond(steps.T @ steps) > 1e9
 
@@ -41,10 +38,9 @@ def test_what_the_closed_form_excludes_is_never_solved(monkeypatch):
     def unexpected(*_):
         raise AssertionError("solved although out of reach")
 
-    monkeypatch.setattr(position_qp, "solve_osqp", unexpected)
-    monkeypatch.setattr(heading_qp, "solve_osqp", unexpected)
+    monkeypatch.setattr(two_level_qp, "solve_qp", unexpected)
     for goal in (SE2(2.0, 0.5, 0.0), SE2(0.9, 1.8, math.pi / 2), SE2(0.0, 1.0, 0.0)):
-        refusal = connect(SE2(), goal, 1.0, mode="paper")
+        refusal = connect_paper(SE2(), goal, 1.0)
         assert isinstance(refusal, Refusal)
         assert refusal.kind is RefusalKind.INFEASIBLE
         assert "forwards" in refusal.reason
@@ -53,12 +49,12 @@ def test_what_the_closed_form_excludes_is_never_solved(monkeypatch):
         assert margin < 0.0
         assert f"{-margin:.3f} m" in refusal.reason
     with pytest.raises(AssertionError, match="out of reach"):
-        connect(SE2(), REACHED, 1.0, mode="paper")
+        connect_paper(SE2(), REACHED, 1.0)
 
 
 @pytest.mark.parametrize("start", [SE2(), SE2(3.0, -2.0, 2.5)])
 def test_the_reported_violation_is_the_largest_one(start):
-    path = connect(start, start @ REACHED, 1.0, mode="paper")
+    path = connect_paper(start, start @ REACHED, 1.0)
     assert isinstance(path, Path)
     dense = np.abs(path.sample(0.001)[:, 3]).max()
     assert path.certificate.curvature_bound_rad_m == pytest.approx(dense, rel=1e-3)
@@ -67,15 +63,23 @@ def test_the_reported_violation_is_the_largest_one(start):
 
 
 def test_a_solver_that_fails_is_no_solution(monkeypatch):
-    real = position_qp.solve_osqp
-
-    def stuck(problem):
-        answer = real(problem)
-        return type(answer)(np.where(np.arange(10) == 5, 50.0, 0.0), 1.0, "maximum iterations reached")
-
-    monkeypatch.setattr(position_qp, "solve_osqp", stuck)
-    refusal = connect(SE2(), REACHED, 1.0, mode="paper")
+    monkeypatch.setattr(two_level_qp, "solve_qp", lambda problem: None)
+    refusal = connect_paper(SE2(), REACHED, 1.0)
     assert isinstance(refusal, Refusal)
     assert refusal.kind is RefusalKind.INFEASIBLE
-    assert "maximum iterations" in refusal.reason
+    assert "no polynomials" in refusal.reason
+    assert "rad/m" in refusal.reason
+
+
+def test_a_solution_that_turns_too_fast_is_none(monkeypatch):
+    real = two_level_qp.solve_qp
+
+    def wrong(problem):
+        return real(problem)._replace(x=np.where(np.arange(10) == 5, 50.0, 0.0))
+
+    monkeypatch.setattr(two_level_qp, "solve_qp", wrong)
+    refusal = connect_paper(SE2(), REACHED, 1.0)
+    assert isinstance(refusal, Refusal)
+    assert refusal.kind is RefusalKind.INFEASIBLE
+    assert "the curve turns at" in refusal.reason
     assert "rad/m" in refusal.reason

@@ -130,8 +130,8 @@ def test_clearance_along_a_path_is_a_lower_bound_near_the_truth():
     assert isinstance(plan, Plan)
     assert isinstance(corridor, Corridor)
     dense = corridor.clearance.at(plan.path.sample(0.001)[:, :2]).min()
-    assert corridor.least_clearance(plan.path) <= dense
-    assert corridor.least_clearance(plan.path) == pytest.approx(dense, abs=0.004)
+    assert corridor.measured(plan.path).certificate.min_clearance_m <= dense
+    assert corridor.measured(plan.path).certificate.min_clearance_m == pytest.approx(dense, abs=0.004)
 
 
 def test_unknown_ground_is_not_free():

@@ -14,12 +14,11 @@ from vsx_ros.kernels.planning.reeds_shepp import (
     TABLE_HEADINGS,
     TABLE_STEP,
     advance,
-    reeds_shepp_lengths,
     reeds_shepp_words,
 )
 from vsx_ros.kernels.planning.reeds_shepp_table import look_up_length
-from vsx_ros.planning.coarse_path import word_table
-from vsx_ros.planning.heading_sequences import free_space_sequences
+from vsx_ros.planning.coarse_path import shortest_word, word_table
+from vsx_ros.planning.joint_qp import free_space_sequences
 
 coordinate = st.floats(-6.0, 6.0)
 angle = st.floats(-math.pi, math.pi)
@@ -47,9 +46,8 @@ def test_every_word_ends_on_the_goal(x, y, theta):
 @given(coordinate, coordinate, angle)
 @settings(max_examples=200)
 def test_the_shortest_length_is_symmetric_and_at_least_the_straight_line(x, y, theta):
-    there = np.array([[x, y, theta]])
-    here = np.zeros((1, 3))
-    forth, back = reeds_shepp_lengths(here, there, 1.0)[0], reeds_shepp_lengths(there, here, 1.0)[0]
+    here, there = SE2(), SE2(x, y, theta)
+    forth, back = shortest_word(here, there, 1.0).length_m, shortest_word(there, here, 1.0).length_m
     assert forth == pytest.approx(back, abs=1e-6)
     assert forth >= math.hypot(x, y) - 1e-9
     assert forth >= abs(wrap_angle(theta)) - 1e-9
@@ -65,7 +63,7 @@ def test_the_shortest_length_is_symmetric_and_at_least_the_straight_line(x, y, t
     ],
 )
 def test_known_lengths(goal, length):
-    assert reeds_shepp_lengths(np.zeros((1, 3)), np.array([goal]), 1.0)[0] == pytest.approx(length, abs=1e-9)
+    assert shortest_word(SE2(), SE2(*goal), 1.0).length_m == pytest.approx(length, abs=1e-9)
 
 
 @given(coordinate, coordinate, angle, st.floats(0.2, 4.0))
@@ -83,7 +81,7 @@ def test_sequences_turn_by_the_heading_difference(x, y, theta, phi):
 def test_the_table_is_exact_at_its_places_in_every_quadrant(sx, sy):
     for i, j, k in ((0, 0, 5), (3, 7, 0), (20, 2, 31), (31, 31, 16)):
         x, y, theta = sx * i * TABLE_STEP, sy * j * TABLE_STEP, k * 2.0 * math.pi / TABLE_HEADINGS
-        length = reeds_shepp_lengths(np.zeros((1, 3)), np.array([[x, y, theta]]), 1.0)[0]
+        length = shortest_word(SE2(), SE2(x, y, theta), 1.0).length_m
         assert look_up_length(word_table(), x, y, theta) == pytest.approx(length, abs=1e-5)
     assert look_up_length(word_table(), 50.0, 0.0, 0.0) == 0.0
 
@@ -91,7 +89,7 @@ def test_the_table_is_exact_at_its_places_in_every_quadrant(sx, sy):
 def test_the_table_is_near_the_length_between_its_places():
     rng = np.random.default_rng(0)
     goals = rng.uniform((-6.0, -6.0, -9.0), (6.0, 6.0, 9.0), (500, 3))
-    exact = reeds_shepp_lengths(np.zeros((500, 3)), goals, 1.0)
+    exact = np.array([shortest_word(SE2(), SE2(*goal.tolist()), 1.0).length_m for goal in goals])
     error = np.array([look_up_length(word_table(), *goal) for goal in goals]) - exact
     assert np.abs(error).max() < 0.25
     assert 1e-4 < np.abs(error).mean() < 0.02

@@ -88,7 +88,7 @@ def test_bumpers_are_points_on_the_rim_and_silence_clears_them(hazards: Hazard, 
 
 def test_the_base_s_process_loads_no_compiler() -> None:
     """It must be up first, and small: 60 MB and half a second are not for what it never calls."""
-    code = "import sys, vsx_ros.ros.nodes.mobile_base; print(sorted({'numba', 'scipy', 'osqp'} & sys.modules.keys()))"
+    code = "import sys, vsx_ros.ros.nodes.mobile_base; print(sorted({'numba', 'scipy', 'daqp'} & sys.modules.keys()))"
     shell = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
     done = subprocess.run([sys.executable, "-c", code], env=shell, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

@@ -30,7 +30,7 @@ from vsx_ros.ros.dashboard.handler import Answer
 from vsx_ros.ros.dashboard.server import ViewServer
 from vsx_ros.ros.mission_topics import frontier_markers
 from vsx_ros.ros.preview import drawn
-from vsx_ros.slam.tracked_features import TrackedFeatures
+from vsx_ros.slam.snapshot import TrackedFeatures
 
 pytestmark = pytest.mark.skipif(EXECUTABLE is None, reason="no chromium is installed")
 

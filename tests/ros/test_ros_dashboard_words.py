@@ -27,7 +27,7 @@ from vsx_ros.ros import convert
 from vsx_ros.ros.dashboard import json_messages
 from vsx_ros.ros.mission_topics import frontier_markers
 from vsx_ros.ros.preview import drawn
-from vsx_ros.slam.tracked_features import TrackedFeatures
+from vsx_ros.slam.snapshot import TrackedFeatures
 
 
 def grid() -> OccupancyGrid:

@@ -12,7 +12,7 @@ from wires import Wires
 from vsx_ros.config import Config
 from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.navigation.follower_report import FollowerReport, decode_report
+from vsx_ros.navigation.follower import FollowerReport, decode_report
 from vsx_ros.planning.path import certified
 from vsx_ros.planning.pieces import arc_piece
 from vsx_ros.planning.time_scaling import time_scale

@@ -19,7 +19,7 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from vsx_ros.control.trajectory_tracker import FollowStatus
-from vsx_ros.navigation.follower_report import decode_report
+from vsx_ros.navigation.follower import decode_report
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 from vsx_ros.ros import convert, topics, trajectory_messages
 

@@ -7,7 +7,7 @@ from spoilt_drives import FIRST, LAST, TRACKED, between, run
 
 from vsx_ros.geometry.se2 import SE2, wrap_angle
 from vsx_ros.robot import Odometry, OdometryEpochs
-from vsx_ros.slam.continuous_odometry import ContinuousOdometry
+from vsx_ros.slam.preprocessing import ContinuousOdometry
 from vsx_ros.slam.state import TrackingState
 
 

@@ -10,10 +10,10 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.vision.patches import PATCH
 from vsx_ros.slam.culling import cull_redundant, is_redundant
 from vsx_ros.slam.keyframe import FrameData, Observations
+from vsx_ros.slam.local_map import LocalMap
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.mapper import Mapper
 from vsx_ros.slam.templates import NewTemplates
-from vsx_ros.slam.tracker import LocalMap
 
 CAMERA = PinholeCamera(640, 480, 525.0, 525.0, 319.5, 239.5)
 RULE = CullingConfig(seen_ratio=0.9, viewers=3, keep_newest=2)

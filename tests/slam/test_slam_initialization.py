@@ -109,7 +109,7 @@ def test_a_wall_and_a_scene_start_with_the_true_motion(planes):
     size = np.linalg.norm(T.translation)
     assert np.degrees(np.arccos(T.translation[0] / size)) < 3.0
     assert np.degrees(T.rotation_angle_to(SE3.identity())) < 1.0
-    points = got.matches.points_world * (steps[got.second.stamp_ns] / size)
+    points = got.matches.points_world * (steps[got.pair.second.stamp_ns] / size)
     off = [np.abs(points @ np.array(n) - d) / np.linalg.norm(n) for n, d, _ in planes]
     assert np.median(np.min(off, axis=0)) < 0.05
 
@@ -119,7 +119,7 @@ def test_a_wall_starts_with_the_wheels_scale():
     got = outcome(Initializer(MOUNT, CONFIG), WALL, [moved(z=z) for z in ways], [SE2(float(z), 0.0, 0.0) for z in ways])
     assert isinstance(got, InitialMap)
     driven = np.linalg.norm(got.poses[1].translation - got.poses[0].translation)
-    assert driven == pytest.approx(ways[got.second.stamp_ns], abs=1e-9)
+    assert driven == pytest.approx(ways[got.pair.second.stamp_ns], abs=1e-9)
 
 
 def test_a_bend_as_the_planner_drives_it_starts_with_the_true_motion():
@@ -127,7 +127,7 @@ def test_a_bend_as_the_planner_drives_it_starts_with_the_true_motion():
     cameras = [MOUNT.inverse() @ SE3.from_se2(base) @ MOUNT for base in bases]
     got = outcome(Initializer(MOUNT, CONFIG), SCENE, cameras, bases)
     assert isinstance(got, InitialMap)
-    T, true = got.poses[0].inverse() @ got.poses[1], cameras[got.second.stamp_ns]
+    T, true = got.poses[0].inverse() @ got.poses[1], cameras[got.pair.second.stamp_ns]
     assert np.linalg.norm(T.translation - true.translation) < 0.01
     assert np.degrees(T.rotation_angle_to(true)) < 0.3
 
@@ -139,7 +139,7 @@ def test_a_hiccup_of_the_wheels_starts_no_map_without_scale():
     got = outcome(Initializer(MOUNT, CONFIG), WALL, [moved(z=z) for z in ways], hiccups)
     assert isinstance(got, InitialMap)
     driven = np.linalg.norm(got.poses[1].translation - got.poses[0].translation)
-    assert driven == pytest.approx(ways[got.second.stamp_ns] - ways[1], abs=1e-9)
+    assert driven == pytest.approx(ways[got.pair.second.stamp_ns] - ways[1], abs=1e-9)
 
 
 def test_wheels_that_fall_silent_for_good_are_done_without():

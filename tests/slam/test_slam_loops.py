@@ -10,11 +10,11 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.vision.patches import PATCH
 from vsx_ros.slam.frontend import FrontEnd
 from vsx_ros.slam.keyframe import FrameData, Observations
-from vsx_ros.slam.loop_closing import LoopClosure, LoopDetector
+from vsx_ros.slam.loop_closing import LoopDetector
 from vsx_ros.slam.loop_correction import correct_loops
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.place_recognition import PlaceRecognizer, is_certain, is_sure
-from vsx_ros.slam.pose_graph import Loop, optimize_pose_graph
+from vsx_ros.slam.pose_graph import LoopClosure, optimize_pose_graph
 from vsx_ros.slam.recovery import Recovery
 from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.templates import NewTemplates
@@ -127,7 +127,7 @@ def test_a_true_loop_is_closed_and_the_error_falls_everywhere():
     seam = np.linalg.norm(world.keyframes[last].T_world_cam.translation)
     assert seam > 0.3
     relative = [k.T_world_cam.inverse() @ world.points[20 * n] for n, k in enumerate(world.keyframes)]
-    moved = optimize_pose_graph(world, 0, [Loop(0, last, true[0].inverse() @ true[last], 1.0)], free_scale=False)
+    moved = optimize_pose_graph(world, 0, [LoopClosure(0, last, true[0].inverse() @ true[last], 1.0)], free_scale=False)
     assert abs(moved - seam) < 0.05
     assert np.linalg.norm(world.keyframes[last].T_world_cam.translation) < 0.01
     assert error_m(world, true) < 0.25 * before
@@ -153,7 +153,7 @@ def test_a_culled_keyframe_is_bent_with_what_carries_it():
     world.cull_keyframe(20)
     parent = world.keyframes[20].anchor.keyframe
     held = world.keyframes[parent].T_world_cam.inverse() @ world.keyframes[20].T_world_cam
-    optimize_pose_graph(world, 0, [Loop(0, last, true[0].inverse() @ true[last], 1.0)], free_scale=False)
+    optimize_pose_graph(world, 0, [LoopClosure(0, last, true[0].inverse() @ true[last], 1.0)], free_scale=False)
     after = world.keyframes[parent].T_world_cam.inverse() @ world.keyframes[20].T_world_cam
     assert np.allclose(after.matrix(), held.matrix(), atol=1e-12)
     assert error_m(world, true) < 0.05

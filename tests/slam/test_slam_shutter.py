@@ -9,7 +9,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.geometry.projection import ideal_pixels, project_normalized, unproject_pixels
 from vsx_ros.robot import Odometry
-from vsx_ros.slam.rolling_shutter import RollingShutter
+from vsx_ros.slam.preprocessing import RollingShutter
 from vsx_ros.vision.patch_search import kernel_camera
 
 CAMERA = PinholeCamera(640, 480, 517.3, 516.5, 318.6, 255.3, (0.262383, -0.953104, -0.005358, 0.002628, 1.163314))

@@ -6,7 +6,7 @@ import time
 import pytest
 
 from vsx_ros.config import Config
-from vsx_ros.slam.bootstrap import TRIED
+from vsx_ros.slam.initialization import TRIED
 from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.state import TrackingState
 from vsx_ros.slam.threads import ThreadedSlam

@@ -6,8 +6,8 @@ import pytest
 from vsx_ros.geometry.camera import nominal_camera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.map import empty_view
+from vsx_ros.slam.snapshot import tracked_features
 from vsx_ros.slam.state import TrackingState
-from vsx_ros.slam.tracked_features import tracked_features
 from vsx_ros.slam.tracker import Track, nothing_tracked
 
 

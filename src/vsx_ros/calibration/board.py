@@ -1,8 +1,9 @@
-"""Flat patterns of known size, and finding them in a picture."""
+"""Flat patterns of known size: finding them in a picture, and where the camera is as seen from them."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -10,6 +11,8 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray, GrayImage, Pixels, Points3
 from vsx_ros.errors import ConfigError
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.se3 import SE3
 
 REFINE_SHARE, MAX_REFINE_PX = 0.3, 6
 
@@ -65,3 +68,30 @@ def _refined(image: GrayImage, corners: FloatArray, columns: int) -> FloatArray:
     radius = int(np.clip(REFINE_SHARE * along, 2, MAX_REFINE_PX))
     enough = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 30, 0.01)
     return np.asarray(cv2.cornerSubPix(image, corners, (radius, radius), (-1, -1), enough), float)
+
+
+def board_poses(board: Board, camera: PinholeCamera, views: Sequence[Pixels | None]) -> list[SE3 | None]:
+    """T_board_cam of each view [m], None where there is none.
+
+    A board that looks the same upside down is taken the way up that is nearer to the pose before.
+    """
+    poses: list[SE3 | None] = []
+    latest: SE3 | None = None
+    for pixels in views:
+        if pixels is None:
+            poses.append(None)
+            continue
+        found = [_pose(board, camera, either) for either in (pixels, pixels[::-1])]
+        before = latest or found[0]
+        latest = min(found, key=lambda T: float(np.linalg.norm((before.inverse() @ T).log())))
+        poses.append(latest)
+    return poses
+
+
+def _pose(board: Board, camera: PinholeCamera, pixels: Pixels) -> SE3:
+    """The better of the two poses from which a plane looks alike, refined."""
+    plane = np.ascontiguousarray(camera.unproject(pixels)[:, :2])
+    _, rotation, translation = cv2.solvePnP(board.points(), plane, np.eye(3), None, flags=cv2.SOLVEPNP_IPPE)
+    rotation, translation = cv2.solvePnPRefineLM(board.points(), plane, np.eye(3), None, rotation, translation)
+    T_cam_board = SE3(cv2.Rodrigues(rotation)[0], translation.ravel())
+    return T_cam_board.inverse()

@@ -8,8 +8,7 @@ import math
 from pathlib import Path
 
 from vsx_ros.arrays import Points3
-from vsx_ros.calibration.board import Board
-from vsx_ros.calibration.board_poses import board_poses
+from vsx_ros.calibration.board import Board, board_poses
 from vsx_ros.calibration.closing import closing_turn
 from vsx_ros.calibration.mount import MountCalibration, TrackedPose, calibrate_mount
 from vsx_ros.calibration.odometry import OdometryCalibration, from_camera, from_known_turns, from_known_way

@@ -17,7 +17,7 @@ _LIBRARIES = {
     "numpy": ("numpy", 2, 2),
     "numba": ("numba", 0, 0),
     "cv2": ("opencv-python-headless", 4, 4),
-    "osqp": ("osqp", 1, 1),
+    "scipy": ("scipy", 1, 1),
     "daqp": ("daqp", 0, 0),
     "ruckig": ("ruckig", 0, 0),
     "rosbags": ("rosbags", 0, 0),

@@ -14,7 +14,7 @@ from vsx_ros.experiments.drive import PHI_RAD_M
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.planning.connect import connect
 from vsx_ros.planning.path import Path
-from vsx_ros.planning.position_qp import connect_paper
+from vsx_ros.planning.two_level_qp import connect_paper
 
 _PLACE = (2.0, 1.5)
 _HEADINGS_DEG, _SHOWN_EVERY = range(0, 181, 5), 6

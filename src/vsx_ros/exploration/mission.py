@@ -20,21 +20,19 @@ from vsx_ros.exploration.decision import (
     Action,
     Decision,
     MissionEvent,
+    MissionLog,
     MissionState,
     NavigationState,
     Outcome,
     Situation,
 )
-from vsx_ros.exploration.escape_arc import SPOT_TURN, escape_arc
-from vsx_ros.exploration.expected_gain import ExpectedGain
 from vsx_ros.exploration.home import Home
 from vsx_ros.exploration.initialization_drives import InitializationDrives
-from vsx_ros.exploration.mission_log import MissionLog
-from vsx_ros.exploration.recovery import Recovery
+from vsx_ros.exploration.recovery import SPOT_TURN, Recovery, escape_arc
 from vsx_ros.exploration.saved_mission import SavedMission
 from vsx_ros.exploration.trail import Trail
 from vsx_ros.exploration.utility import Rejection, TravelCostsFrom, View
-from vsx_ros.exploration.view_selector import ViewSelector
+from vsx_ros.exploration.view_selector import ExpectedGain, ViewSelector
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.slam.state import TrackingState

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from enum import Enum
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -105,11 +105,8 @@ class RankingInput(NamedTuple):
     config: ExplorationConfig
 
 
-class Ranker(Protocol):
-    """A strategy: which view to drive to next."""
-
-    def __call__(self, asked: RankingInput) -> Ranking:
-        """Views by falling utility."""
+Ranker = Callable[[RankingInput], Ranking]
+"""A strategy: which view to drive to next."""
 
 
 def traversable_cells(grid: OccupancyGrid, radius_m: float) -> BoolArray:

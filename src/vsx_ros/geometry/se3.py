@@ -12,14 +12,15 @@ from vsx_ros.arrays import FloatArray, Points3
 from vsx_ros.geometry.se2 import SE2
 
 
-def _skew(w: FloatArray) -> FloatArray:
+def skew(w: FloatArray) -> FloatArray:
+    """(3, 3) matrix whose product with v is the cross product of w (3,) and v."""
     return np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
 
 
 def so3_exp(omega: FloatArray) -> FloatArray:
     """(3, 3) rotation by the vector omega (3,) [rad] (Rodrigues)."""
     angle = float(np.linalg.norm(omega))
-    W = _skew(omega)
+    W = skew(omega)
     if angle < 1e-8:
         return np.eye(3) + W + 0.5 * W @ W
     return np.eye(3) + math.sin(angle) / angle * W + (1.0 - math.cos(angle)) / angle**2 * W @ W
@@ -128,7 +129,7 @@ class SE3:
         """From the tangent vector (6,) = (rho [m], omega [rad])."""
         rho, omega = np.asarray(xi[:3], float), np.asarray(xi[3:], float)
         angle = float(np.linalg.norm(omega))
-        W = _skew(omega)
+        W = skew(omega)
         if angle < 1e-6:
             V = np.eye(3) + 0.5 * W + W @ W / 6.0
         else:
@@ -139,7 +140,7 @@ class SE3:
         """The tangent vector (6,) whose ``exp`` is this motion; rotation below pi."""
         omega = so3_log(self.rotation)
         angle = float(np.linalg.norm(omega))
-        W = _skew(omega)
+        W = skew(omega)
         if angle < 1e-6:
             V_inverse = np.eye(3) - 0.5 * W + W @ W / 12.0
         else:

@@ -10,7 +10,7 @@ from vsx_ros.kernels.dense import floor_contact, jlinkage, plane_fits, planes, s
 from vsx_ros.kernels.geometry import projection
 from vsx_ros.kernels.occupancy import clearance, ground_cells, ground_map, scan_casting, visibility
 from vsx_ros.kernels.occupancy.wavefront import wavefront
-from vsx_ros.kernels.planning import curves, flood, lattice, reeds_shepp, reeds_shepp_table, rrt, shortcuts
+from vsx_ros.kernels.planning import curves, flood, lattice, reeds_shepp, reeds_shepp_table, shortcuts
 from vsx_ros.kernels.slam import bundle, epipolar, pose, pose_graph, tracking
 from vsx_ros.kernels.slam.floor import no_floor
 from vsx_ros.kernels.slam.relative_pose import Factors
@@ -181,7 +181,6 @@ def _planning() -> None:
     level, step = flood.flood(*ground, start, 1.0, 24, 1, 0.1, 1.5)
     flood.flood_costs(level, step, 0.0, 0.0, 0.0, 0.1, 1.0, field, 0.1, field >= 0.0, goal[None])
     shortcuts.shorten(*ground, start, turns, lengths, 1.0, 1.5, 0.1, np.uint64(1), 4)
-    rrt.rrt_connect(*ground, np.flatnonzero(field > 0.0), start, goal, 1.0, 2.0, 1.5, np.uint64(1), 4)
     work = (
         np.zeros((reeds_shepp.MAX_WORDS, reeds_shepp.SEGMENTS), np.int64),
         np.zeros((reeds_shepp.MAX_WORDS, reeds_shepp.SEGMENTS)),

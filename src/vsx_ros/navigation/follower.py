@@ -1,21 +1,38 @@
-"""What the wheels shall do now so that the base follows its trajectory, and when it shall not go on."""
+"""What the wheels shall do now so that the base follows its trajectory, when it shall not go on, and its report."""
 
 from __future__ import annotations
 
 import math
 from typing import NamedTuple
 
-from vsx_ros.config import Config
+import msgspec
+
+from vsx_ros.config import Config, FollowerConfig
 from vsx_ros.control.localization import MAP_FRAME, ODOM_FRAME, LocalizationState
-from vsx_ros.control.tracking_speed_limiter import TrackingSpeedLimiter
 from vsx_ros.control.trajectory_tracker import FollowResult, FollowStatus, TrajectoryTracker
+from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.navigation.follower_report import FollowerReport
 from vsx_ros.navigation.timeouts import LEASE_S, ODOMETRY_S, VSLAM_GONE_S
 from vsx_ros.planning.path import Trajectory
 from vsx_ros.robot import STOP, VelocityCommand
+from vsx_ros.slam.state import TrackingState
 
 _ZERO_FOR_S = 0.3
+
+
+class TrackingSpeedLimiter:
+    """Slower while tracking is dubious and a moment longer, so that single frames do not make the speed flicker."""
+
+    def __init__(self, config: FollowerConfig) -> None:
+        self._config = config
+        self._until_ns: int | None = None
+
+    def speed_factor(self, now_ns: int, state: TrackingState) -> float:
+        """The share of the planned speed, in [0, 1]."""
+        if state is TrackingState.DUBIOUS:
+            self._until_ns = now_ns + round(self._config.dubious_hold_s * 1e9)
+        careful = self._until_ns is not None and now_ns <= self._until_ns
+        return self._config.dubious_speed_factor if careful else 1.0
 
 
 class MessageAges(NamedTuple):
@@ -130,3 +147,43 @@ def _why_stale(ages: MessageAges) -> str:
     if ages.odometry_s > ODOMETRY_S:
         return "no odometry that can be used"
     return ""
+
+
+class FollowerReport(msgspec.Struct, frozen=True):
+    """The word of the follower on a trajectory.
+
+    trajectory: its identity, 0 before the first. error: x [m], y [m], theta [rad] of the reference as seen from the
+    base, where known. at_s: how far it is in the trajectory's own time. stop: x, y, theta in ``frame`` of where the
+    base will stand, while it is stopping on the way because that was wanted.
+    """
+
+    trajectory: int
+    status: FollowStatus
+    reason: str
+    frame: str
+    error: tuple[float, float, float] | None = None
+    at_s: float = 0.0
+    stop: tuple[float, float, float] | None = None
+
+    def stop_in(self, frame: str) -> SE2 | None:
+        """Where the base will stand, in ``frame``; None where it is not stopping, or in another frame."""
+        return SE2(*self.stop) if self.stop is not None and self.frame == frame else None
+
+    def says_more_than(self, before: FollowerReport | None) -> bool:
+        """Whether anything but the progress changed."""
+        return before is None or self._words() != before._words()
+
+    def _words(self) -> tuple[object, ...]:
+        return self.trajectory, self.status, self.reason, self.stop
+
+    def encode(self) -> str:
+        """As JSON; numbers that are not finite become null."""
+        return msgspec.json.encode(self).decode()
+
+
+def decode_report(text: str) -> FollowerReport:
+    """Raises InputError for text that no follower has written."""
+    try:
+        return msgspec.json.decode(text, type=FollowerReport)
+    except msgspec.DecodeError as error:
+        raise InputError(f"this is no report of the follower: {error}; is another node publishing it?") from error

@@ -20,11 +20,11 @@ from vsx_ros.config import Config
 from vsx_ros.control.localization import MAP_FRAME, LocalizationState
 from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.navigation.follower_report import FollowerReport
+from vsx_ros.navigation.follower import FollowerReport
 from vsx_ros.navigation.goal_planner import TimedPlan
 from vsx_ros.navigation.timeouts import FOLLOWER_S, PLANNER_S
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.planning.collision_check import Obstacle, braking_before, obstacle_ahead
+from vsx_ros.planning.collision_check import braking_before, obstacle_ahead
 from vsx_ros.planning.path import Refusal
 
 _STAND_WAIT_S = 1.5
@@ -211,12 +211,12 @@ class GoalExecution:
         not to be driven to its end."""
         if self._driven is None:
             return []
-        obstacle, wanted = self._obstacle(self._driven, seen), 0.0
-        if obstacle is not None:
+        obstacle_m, wanted = self._obstacle(self._driven, seen), 0.0
+        if obstacle_m is not None:
             v_m_s = seen.where.odometry.v if seen.where.odometry is not None else 0.0
-            wanted = braking_before(obstacle, v_m_s, self._limits)
+            wanted = braking_before(obstacle_m, v_m_s, self._limits)
             if self._phase is _Phase.DRIVING:
-                self._try_again(now_ns, obstacle.words)
+                self._try_again(now_ns, f"an obstacle has come to light {obstacle_m:.1f} m ahead on the way")
         elif self._phase is not _Phase.DRIVING:
             wanted = self._limits.a_m_s2
         if wanted <= self._braking_m_s2:
@@ -224,7 +224,7 @@ class GoalExecution:
         self._braking_m_s2 = wanted
         return [Brake(wanted)]
 
-    def _obstacle(self, driven: Follow, seen: ExecutionInput) -> Obstacle | None:
+    def _obstacle(self, driven: Follow, seen: ExecutionInput) -> float | None:
         """What a map that was not yet looked at shows on the rest of the way."""
         if driven.frame != MAP_FRAME or seen.grid is None or seen.grid is self._checked:
             return None

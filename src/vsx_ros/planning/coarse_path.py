@@ -1,4 +1,4 @@
-"""A way through the map by arcs and straight lines: lattice search, RRT-Connect where that fails, then shortcuts."""
+"""A way through the map by arcs and straight lines: lattice search, then shortcuts."""
 
 from __future__ import annotations
 
@@ -12,12 +12,10 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import Float32Array, FloatArray, IntArray
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.planning.lattice import lattice_search, lattice_way, reverse_run, word_is_free
-from vsx_ros.kernels.planning.reeds_shepp import MAX_WORDS, SEGMENTS, reeds_shepp_words
+from vsx_ros.kernels.planning.reeds_shepp import MAX_WORDS, SEGMENTS, reeds_shepp_shortest, reeds_shepp_words
 from vsx_ros.kernels.planning.reeds_shepp_table import reeds_shepp_table
-from vsx_ros.kernels.planning.rrt import rrt_connect
 from vsx_ros.kernels.planning.shortcuts import shorten
 from vsx_ros.occupancy.distance import DistanceField, travel_distance, with_fringe
-from vsx_ros.planning.heading_sequences import nanometres
 from vsx_ros.planning.path import CUSP_COST_M
 from vsx_ros.planning.pieces import Piece, arc_piece
 
@@ -26,8 +24,6 @@ _SHORTEST_M = 1e-9
 _CELL_M = 0.1
 _COARSE_STATES, _BACK_STATES, _FINE_STATES, _FEW_STATES = 5_000_000, 40_000, 120_000, 200
 _SHORTCUTS = 300
-_RESTARTS = 2
-_ITERATIONS = 3000
 OCTILE = 0.924
 """A straight line is at least this share of the 8-connected way along it."""
 
@@ -95,19 +91,40 @@ class CoarsePath:
         return tuple(piece for piece in self.arcs(start) if piece.length_m >= _SHORTEST_M)
 
 
-def free_words(margin: DistanceField, start: SE2, goal: SE2, phi: float, max_reverse_m: float) -> list[CoarsePath]:
-    """The Reeds-Shepp words between two poses that stay in the margin field, shortest first."""
+def nanometres(cost_m: float) -> int:
+    """By which costs are ordered: of equal ones the first is taken, whatever rounding a processor adds."""
+    return round(1e9 * cost_m)
+
+
+def words(start: SE2, goal: SE2, phi: float) -> list[CoarsePath]:
+    """All Reeds-Shepp words between two poses at curvature phi [rad/m]."""
     relative = start.inverse() @ goal
     turns, lengths = np.zeros((MAX_WORDS, SEGMENTS), np.int64), np.zeros((MAX_WORDS, SEGMENTS))
     n = reeds_shepp_words(phi * relative.x, phi * relative.y, relative.theta, turns, lengths)
-    words = []
-    for k in range(n):
-        if reverse_run(lengths[k]) <= max_reverse_m * phi and word_is_free(
+    return [CoarsePath(turns[k], lengths[k] / phi, phi) for k in range(n)]
+
+
+def shortest_word(start: SE2, goal: SE2, phi: float) -> CoarsePath:
+    """The shortest path of curvature phi, by arcs and lines (Reeds and Shepp)."""
+    relative = start.inverse() @ goal
+    work = np.zeros((MAX_WORDS, SEGMENTS), np.int64), np.zeros((MAX_WORDS, SEGMENTS))
+    turns, lengths = np.zeros(SEGMENTS, np.int64), np.zeros(SEGMENTS)
+    reeds_shepp_shortest(phi * relative.x, phi * relative.y, relative.theta, *work, turns, lengths)
+    return CoarsePath(turns, lengths / phi, phi)
+
+
+def free_words(margin: DistanceField, start: SE2, goal: SE2, phi: float, max_reverse_m: float) -> list[CoarsePath]:
+    """The Reeds-Shepp words between two poses that stay in the margin field, shortest first."""
+    free = [
+        word
+        for word in words(start, goal, phi)
+        if word.longest_reverse_m <= max_reverse_m
+        and word_is_free(
             margin.values, margin.resolution, margin.origin_x, margin.origin_y, start.x, start.y, start.theta,
-            turns[k], lengths[k], phi,
-        ):  # fmt: skip
-            words.append(CoarsePath(turns[k], lengths[k] / phi, phi))
-    return sorted(words, key=lambda word: nanometres(word.length_m))
+            word.turns, word.lengths * phi, phi,
+        )
+    ]  # fmt: skip
+    return sorted(free, key=lambda word: nanometres(word.length_m))
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,22 +224,6 @@ def _searched(
         lattice.headings, lattice.bins, lattice.cell_m, max_reverse_m, goal.as_array(), bound, word_table(),
         lattice.most_states,
     )  # fmt: skip
-
-
-def search_tree(
-    margin: DistanceField, start: SE2, goal: SE2, phi: float, max_reverse_m: float, rng: np.random.Generator
-) -> CoarsePath | None:
-    """A way by RRT-Connect, for passages the lattice is too coarse for; None within its budget of iterations."""
-    reached = np.isfinite(travel_distance(margin, (start.x, start.y)))
-    cells = np.flatnonzero(reached)
-    for seed in rng.integers(1, 2**62, _RESTARTS):
-        turns, lengths, _ = rrt_connect(
-            margin.values, margin.resolution, margin.origin_x, margin.origin_y, cells, start.as_array(),
-            goal.as_array(), phi, 2.0 / phi, max_reverse_m, np.uint64(seed), _ITERATIONS,
-        )  # fmt: skip
-        if len(turns):
-            return CoarsePath(turns, lengths, phi)
-    return None
 
 
 def shortened(

@@ -4,7 +4,6 @@ it is not."""
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -19,19 +18,9 @@ _LEFT_M = 0.1
 _DEAD_TIME_S = 0.3  # a base's own 0.2 s, the follower's period, a message
 
 
-class Obstacle(NamedTuple):
-    """What lies on the way. way_m: how far the base may drive until it touches it [m]."""
-
-    way_m: float
-
-    @property
-    def words(self) -> str:
-        """For people."""
-        return f"an obstacle has come to light {self.way_m:.1f} m ahead on the way"
-
-
-def obstacle_ahead(trajectory: Trajectory, from_s: float, grid: OccupancyGrid, radius_m: float) -> Obstacle | None:
-    """What the base (radius_m) would touch on the next 1.5 m of a trajectory; None where nothing.
+def obstacle_ahead(trajectory: Trajectory, from_s: float, grid: OccupancyGrid, radius_m: float) -> float | None:
+    """How far the base (radius_m) may drive until it touches something, on the next 1.5 m of a trajectory [m]; None
+    where it touches nothing.
 
     from_s: how far it has come on the trajectory, in its own time [s]. Only obstacles count: what is unknown again was
     free when the plan was made. Where the base stands closer already it may leave.
@@ -43,17 +32,18 @@ def obstacle_ahead(trajectory: Trajectory, from_s: float, grid: OccupancyGrid, r
     field = clearance_field(OccupancyGrid(obstacles, grid.resolution, grid.origin_x, grid.origin_y), 2.0 * radius_m)
     clearance_m = field.at(positions[way_m <= _AHEAD_M])
     touching = np.flatnonzero(clearance_m < min(radius_m, float(clearance_m[0])) - _GIVE_M)
-    return Obstacle(float(way_m[touching[0]])) if len(touching) else None
+    return float(way_m[touching[0]]) if len(touching) else None
 
 
-def braking_before(obstacle: Obstacle, v_m_s: float, limits: LimitsConfig) -> float:
-    """How hard to brake [m/s2] from a speed so that 10 cm are left before the obstacle: as gently as usual where that
-    does, by a_stop_m_s2 where it does not; infinite where not even that does, and zero must be commanded at once.
+def braking_before(obstacle_m: float, v_m_s: float, limits: LimitsConfig) -> float:
+    """How hard to brake [m/s2] from a speed so that 10 cm are left before an obstacle so far ahead [m]: as gently as
+    usual where that does, by a_stop_m_s2 where it does not; infinite where not even that does, and zero must be
+    commanded at once.
 
     A jerk-limited stop from v takes v^2 / 2a + v a / 2j, and the base's dead time comes before it.
     """
     v = abs(v_m_s)
-    room_m = obstacle.way_m - _LEFT_M - v * _DEAD_TIME_S
+    room_m = obstacle_m - _LEFT_M - v * _DEAD_TIME_S
     for a_m_s2 in (limits.a_m_s2, limits.a_stop_m_s2):
         braking = limits.braking(a_m_s2)
         if v * v / (2.0 * braking.a_m_s2) + v * braking.a_m_s2 / (2.0 * braking.jerk_m_s3) <= room_m:

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import math
 
-from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.planning import joint_qp
-from vsx_ros.planning.feasibility import check_question, feasible
-from vsx_ros.planning.heading_sequences import free_space_sequences, nanometres, shortest_segments
-from vsx_ros.planning.path import CUSP_COST_M, Path, Refusal, certified
-from vsx_ros.planning.pieces import Piece, arc_piece
-from vsx_ros.planning.position_qp import connect_paper
-
-__all__ = ["connect", "connections", "feasible"]
+from vsx_ros.planning.coarse_path import nanometres, shortest_word
+from vsx_ros.planning.feasibility import check_question
+from vsx_ros.planning.joint_qp import free_space_sequences
+from vsx_ros.planning.path import CUSP_COST_M, Path, certified
 
 TIGHTNESS = (1.0, 0.95, 0.9, 0.8)
 """Headings are searched at these shares of phi, so that the programme at phi has room."""
@@ -21,7 +17,7 @@ TIGHTNESS = (1.0, 0.95, 0.9, 0.8)
 GOOD_ENOUGH = 1.004
 _TRIES = 5
 _SHORTEST_PIECE_M = 0.01
-_EXACT = 1e-9
+_EXACT, _NOTHING_M = 1e-9, 1e-12
 
 
 def same_pose(start: SE2, goal: SE2) -> bool:
@@ -29,20 +25,13 @@ def same_pose(start: SE2, goal: SE2) -> bool:
     return start.distance_to(goal) <= _EXACT and abs(start.angle_to(goal)) <= _EXACT
 
 
-def connect(start: SE2, goal: SE2, phi: float, mode: str = "fov") -> Path | Refusal:
-    """A path from start to goal with |dtheta/ds| <= phi everywhere, ending on the goal to a nanometre.
-
-    mode: 'fov' the certified method, with cusps where they help; 'paper' the two-level optimisation of section 4,
-    one segment without cusps, forward or reverse. Raises PlanningError for NaN, phi <= 0 or an unknown mode.
-    """
+def connect(start: SE2, goal: SE2, phi: float) -> Path:
+    """A path from start to goal with |dtheta/ds| <= phi everywhere, ending on the goal to a nanometre, with cusps
+    where they help. Raises PlanningError for NaN or phi <= 0."""
     check_question(start, goal, phi)
     if same_pose(start, goal):
         return certified(start, goal, (), "start and goal are the same")
-    if mode == "fov":
-        return connections(start, goal, phi, enough=1)[0]
-    if mode == "paper":
-        return connect_paper(start, goal, phi)
-    raise PlanningError(f"unknown connection mode {mode!r}; use 'fov' or 'paper'")
+    return connections(start, goal, phi, enough=1)[0]
 
 
 def connections(start: SE2, goal: SE2, phi: float, enough: int) -> list[Path]:
@@ -52,8 +41,8 @@ def connections(start: SE2, goal: SE2, phi: float, enough: int) -> list[Path]:
     (between poses a hair apart).
     """
     found: list[Path] = []
-    word = shortest_word(start, goal, phi)
-    optimum = word.length_m
+    arcs = tuple(arc for arc in shortest_word(start, goal, phi).arcs(start) if arc.length_m > _NOTHING_M)
+    word = certified(start, goal, arcs, "arcs and lines")
     for tight in TIGHTNESS:
         sequences = free_space_sequences(start, goal, tight * phi)
         long = [s for s in sequences if s.shortest_m >= _SHORTEST_PIECE_M or len(s.turns) == 1]
@@ -61,32 +50,10 @@ def connections(start: SE2, goal: SE2, phi: float, enough: int) -> list[Path]:
             best = min((path.cost_m for path in found), default=math.inf)
             if len(found) >= enough and tight * sequence.length_m + CUSP_COST_M * sequence.cusps >= best:
                 break
-            path = verified(start, goal, joint_qp.solve(sequence, start, goal, phi), phi)
+            path = joint_qp.solve(sequence, start, goal, phi)
             if path is not None:
                 found.append(path)
         best = min((path.length_m for path in found), default=math.inf)
-        if len(found) >= enough and best <= GOOD_ENOUGH * optimum:
+        if len(found) >= enough and best <= GOOD_ENOUGH * word.length_m:
             break
     return sorted([*found, word], key=lambda path: nanometres(path.cost_m))
-
-
-def shortest_word(start: SE2, goal: SE2, phi: float) -> Path:
-    """The shortest path of curvature phi, by arcs and lines (Reeds and Shepp)."""
-    pieces: list[Piece] = []
-    at = start
-    for turn, length in shortest_segments(start, goal, phi):
-        direction = 1 if length > 0.0 else -1
-        pieces.append(arc_piece(at, turn * direction * phi, abs(length), direction))
-        at = pieces[-1].end
-    return certified(start, goal, tuple(pieces), "arcs and lines")
-
-
-def verified(start: SE2, goal: SE2, pieces: tuple[Piece, ...] | None, phi: float) -> Path | None:
-    """The path when an integration with another rule than the solver's confirms goal and bound, else None."""
-    if pieces is None:
-        return None
-    path = certified(start, goal, pieces, "Bernstein coefficients")
-    c = path.certificate
-    sampled = max(float(abs(piece.table[:, 4]).max()) for piece in pieces)
-    ok = c.curvature_bound_rad_m <= phi and sampled <= phi * (1.0 + _EXACT)
-    return path if ok and c.end_error_m <= _EXACT and c.end_error_rad <= _EXACT else None

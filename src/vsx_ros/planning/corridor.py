@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ _GIVE_M = 0.02
 _ESCAPE_M = 0.3
 _ESCAPE_SLOPE = 2.0
 _CHECK_STEP_M = 0.005
+REVERSE_SLACK_M = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,9 +41,14 @@ class Corridor:
         """Whether the base needs nowhere more room than there is."""
         return self.least_margin(path) >= 0.0
 
-    def least_clearance(self, path: Path) -> float:
-        """A lower bound of the clearance along the path [m]."""
-        return _least(self.clearance, path) - 0.5 * _CHECK_STEP_M
+    def allows(self, path: Path, max_reverse_m: float) -> bool:
+        """Whether the path is free, with no leg in reverse longer than so much [m]."""
+        return path.longest_reverse_m <= max_reverse_m + REVERSE_SLACK_M and self.is_free(path)
+
+    def measured(self, path: Path) -> Path:
+        """The path with a lower bound of its clearance in its certificate."""
+        clearance = _least(self.clearance, path) - 0.5 * _CHECK_STEP_M
+        return replace(path, certificate=replace(path.certificate, min_clearance_m=clearance))
 
 
 def _least(field: DistanceField, path: Path) -> float:

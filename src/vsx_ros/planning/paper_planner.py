@@ -18,11 +18,12 @@ from vsx_ros.planning.feasibility import check_question
 from vsx_ros.planning.landmark_visibility import Visibility
 from vsx_ros.planning.path import Path, Plan, Refusal, RefusalKind, certified
 from vsx_ros.planning.pieces import Piece, arc_piece
-from vsx_ros.planning.position_qp import connect_paper
+from vsx_ros.planning.two_level_qp import connect_paper
 
 _STATES = 4000
 _ATTEMPTS = 20
 _STEP_RAD = 0.4
+_METHOD = "motion primitives and dense samples of the two-level optimisation"
 
 
 class PaperPlanner:
@@ -44,8 +45,8 @@ class PaperPlanner:
         if same_pose(start, goal):
             return Plan(goal, certified(start, goal, (), "start and goal are the same"), "paper")
         direct = connect_paper(start, goal, phi)
-        if isinstance(direct, Path) and self._allowed(direct, corridor):
-            return self._plan(start, goal, direct.pieces, corridor)
+        if isinstance(direct, Path) and corridor.allows(direct, self._config.max_reverse_m):
+            return Plan(goal, corridor.measured(certified(start, goal, direct.pieces, _METHOD)), "paper")
         reached = travel_distance(corridor.margin, (start.x, start.y))
         joined = with_fringe(reached, grid.resolution)
         if not math.isfinite(joined[corridor.margin.cell(goal.x, goal.y)]):
@@ -74,28 +75,15 @@ class PaperPlanner:
                 continue
             chain = []
             while candidate > 0:
-                chain.append((float(bends[candidate]), int(signs[candidate])))
+                chain.append(candidate)
                 candidate = int(parents[candidate])
-            pieces = _primitives(start, chain[::-1], phi, step) + last.pieces
-            if self._allowed(certified(start, goal, pieces, ""), corridor):
-                return self._plan(start, goal, pieces, corridor)
+            primitives: list[Piece] = []
+            for k in reversed(chain):
+                at, sign = primitives[-1].end if primitives else start, int(signs[k])
+                primitives.append(arc_piece(at, float(bends[k]) * phi * sign, step, sign))
+            path = certified(start, goal, (*primitives, *last.pieces), _METHOD)
+            if corridor.allows(path, self._config.max_reverse_m):
+                return Plan(goal, corridor.measured(path), "paper")
         return Refusal(
             RefusalKind.BUDGET, f"{size} states of motion primitives and no segment from them to the goal that is free"
         )
-
-    def _allowed(self, path: Path, corridor: Corridor) -> bool:
-        return path.longest_reverse_m <= self._config.max_reverse_m + 1e-6 and corridor.is_free(path)
-
-    def _plan(self, start: SE2, goal: SE2, pieces: tuple[Piece, ...], corridor: Corridor) -> Plan:
-        method = "motion primitives and dense samples of the two-level optimisation"
-        clearance = corridor.least_clearance(certified(start, goal, pieces, method))
-        return Plan(goal, certified(start, goal, pieces, method, clearance), "paper")
-
-
-def _primitives(start: SE2, chain: list[tuple[float, int]], phi: float, step: float) -> tuple[Piece, ...]:
-    pieces: list[Piece] = []
-    at = start
-    for bend, sign in chain:
-        pieces.append(arc_piece(at, bend * phi * sign, step, sign))
-        at = pieces[-1].end
-    return tuple(pieces)

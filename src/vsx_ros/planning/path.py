@@ -165,12 +165,12 @@ class Path:
         }
 
 
-def certified(start: SE2, goal: SE2, pieces: tuple[Piece, ...], method: str, clearance: float | None = None) -> Path:
+def certified(start: SE2, goal: SE2, pieces: tuple[Piece, ...], method: str) -> Path:
     """The path with its certificate filled in from the pieces."""
     end = pieces[-1].end if pieces else start
     bound = max((piece.curvature_bound for piece in pieces), default=0.0)
     error = end.distance_to(goal), abs(wrap_angle(end.theta - goal.theta))
-    return Path(start, pieces, Certificate(bound, method, *error, clearance))
+    return Path(start, pieces, Certificate(bound, method, *error))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

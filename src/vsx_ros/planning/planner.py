@@ -25,11 +25,10 @@ from vsx_ros.planning.coarse_path import (
     is_stuck,
     search_lattice,
     search_lattice_back,
-    search_tree,
     shortened,
 )
 from vsx_ros.planning.connect import connections, same_pose
-from vsx_ros.planning.corridor import Corridor, build_corridor
+from vsx_ros.planning.corridor import REVERSE_SLACK_M, Corridor, build_corridor
 from vsx_ros.planning.feasibility import check_question
 from vsx_ros.planning.landmark_visibility import Visibility
 from vsx_ros.planning.path import STOP_COST_M, Path, Plan, Refusal, RefusalKind, certified
@@ -42,7 +41,6 @@ _SHORTENINGS = 3
 _NEAR_BOUND = 1.15
 _BLIND_COST = 1.0
 _ANOTHER = 1.002  # a way hardly longer than the one before is most likely the same
-_REVERSE_SLACK_M = 1e-6
 _MOST_BLIND_M, _SAME_PLACE_M = 1.5, 0.02
 _DETOUR, _DETOUR_M = 1.2, 0.5  # by which a way with the preferred clearance may be longer
 
@@ -74,7 +72,7 @@ class Planner:
             return corridor
         if same_pose(start, goal):
             nothing = certified(start, goal, (), "start and goal are the same")
-            return Plan(goal, self._finished(nothing, goal, corridor), "fov")
+            return Plan(goal, corridor.measured(nothing), "fov")
         remaining = _remaining(corridor, goal, grid)
         wide = build_corridor(grid, start, goal, self._wide, self._robot)
         if isinstance(wide, Corridor):
@@ -137,7 +135,7 @@ class Planner:
         short = [path for path in paths if path.length_m <= _MOST_BLIND_M]
         if not short:
             return Refusal(RefusalKind.INFEASIBLE, f"without a map at most {_MOST_BLIND_M:g} m is driven")
-        allowed = [path for path in short if path.longest_reverse_m <= limit + _REVERSE_SLACK_M]
+        allowed = [path for path in short if path.longest_reverse_m <= limit + REVERSE_SLACK_M]
         if allowed:
             return Plan(goal, allowed[0], "fov")
         return Refusal(RefusalKind.INFEASIBLE, f"every short connection needs a reverse leg longer than {limit:g} m")
@@ -174,13 +172,13 @@ class Planner:
         if not any(free_words(corridor.margin, start, goal, bend, limit) for bend in (phi, _TIGHT * phi)):
             return []
         best = connections(start, goal, phi, enough)[:enough]
-        return [path for path in best if self._allowed(path, corridor)]
+        return [path for path in best if corridor.allows(path, limit)]
 
     def _plan(
         self, path: Path, goal: SE2, corridor: Corridor, visibility: Visibility | None, grid: OccupancyGrid
     ) -> Plan | Refusal:
         if visibility is None:
-            return Plan(goal, self._finished(path, goal, corridor), "fov")
+            return Plan(goal, corridor.measured(path), "fov")
         spans = visibility.blind_spans(path, grid)
         longest = max((last - first for first, last in spans.tolist()), default=0.0)
         if longest > self._config.max_blind_m:
@@ -190,11 +188,7 @@ class Planner:
                 f"than {visibility.least} of the {len(visibility.landmarks_world)} landmarks in view or all on "
                 f"one side (limit {self._config.max_blind_m:g} m)",
             )
-        return Plan(goal, self._finished(path, goal, corridor), "fov", spans)
-
-    def _allowed(self, path: Path, corridor: Corridor) -> bool:
-        limit = self._config.max_reverse_m + _REVERSE_SLACK_M
-        return path.longest_reverse_m <= limit and corridor.is_free(path)
+        return Plan(goal, corridor.measured(path), "fov", spans)
 
     def _through_map(
         self, start: SE2, goal: SE2, corridor: Corridor, remaining: FloatArray, rng: np.random.Generator
@@ -205,7 +199,7 @@ class Planner:
         coarse_paths = free_words(margin, start, goal, tight, limit)[:1]
         bound = OCTILE * float(remaining[margin.cell(start.x, start.y)])
         if not coarse_paths or coarse_paths[0].length_m > _NEAR_BOUND * bound + STOP_COST_M:
-            raw = self._searched(start, goal, margin, remaining, rng)
+            raw = self._searched(start, goal, margin, remaining)
             if raw is not None:
                 coarse_paths += [shortened(raw, margin, start, limit, rng) for _ in range(_SHORTENINGS)]
         found: list[Path] = []
@@ -214,16 +208,14 @@ class Planner:
             if coarse.length_m < _ANOTHER * before_m:
                 continue
             before_m = coarse.length_m
-            found += [p for p in smoothed(coarse, start, goal, phi, corridor) if self._allowed(p, corridor)]
+            found += [p for p in smoothed(coarse, start, goal, phi, corridor) if corridor.allows(p, limit)]
             best = min(found, key=lambda path: path.cost_m, default=None)
             if best is not None and not best.jumps and best.cost_m < coarse.length_m + 2.0 * STOP_COST_M:
                 break
         return found
 
-    def _searched(
-        self, start: SE2, goal: SE2, margin: DistanceField, remaining: FloatArray, rng: np.random.Generator
-    ) -> CoarsePath | None:
-        """A way over a lattice: from the start, from the goal, with arcs half as long; else one of a random tree."""
+    def _searched(self, start: SE2, goal: SE2, margin: DistanceField, remaining: FloatArray) -> CoarsePath | None:
+        """A way over a lattice: from the start, from the goal, with arcs half as long."""
         tight, limit = _TIGHT * self._config.phi_rad_m, self._config.max_reverse_m
         coarse, fine = coarse_lattice(tight), fine_lattice(tight)
         way = search_lattice(margin, start, goal, tight, limit, remaining, coarse)
@@ -232,11 +224,7 @@ class Planner:
         if way is None and not is_stuck(margin, about_turn(goal), about_turn(start), tight, limit, fine):
             way = search_lattice(margin, start, goal, tight, limit, remaining, fine)
             way = way or search_lattice_back(margin, start, goal, tight, limit, fine)
-        return way or search_tree(margin, start, goal, tight, limit, rng)
-
-    def _finished(self, path: Path, goal: SE2, corridor: Corridor) -> Path:
-        clearance = corridor.least_clearance(path)
-        return certified(path.start, goal, path.pieces, path.certificate.method, clearance)
+        return way
 
 
 def _remaining(corridor: Corridor, goal: SE2, grid: OccupancyGrid) -> FloatArray:

@@ -17,7 +17,7 @@ from vsx_ros.config import LimitsConfig
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.planning.path import Trajectory
 from vsx_ros.planning.pieces import Piece
-from vsx_ros.planning.speed_profile import Geometry, Profile, cut_speeds, excess, segment_limits
+from vsx_ros.planning.speed_profile import Geometry, Profile, excess
 
 _SAMPLE_S = 0.02
 _SEGMENTS_M = (0.12, 0.3)
@@ -87,33 +87,20 @@ class _Stretch:
             off = self.sign * ((pose.x - x) * math.cos(theta) + (pose.y - y) * math.sin(theta))
         return min(max(s + off, 0.0), self.geometry.length)
 
-    def envelope(self, cuts: FloatArray, factor: float) -> FloatArray:
-        """(n,) the planned speed's maximum over each segment, times the factor."""
+    def envelope(self, cuts: FloatArray) -> FloatArray:
+        """(n,) the planned speed's maximum over each segment."""
         inside = [self.speed[(self.s > low) & (self.s < high)].max(initial=0.0) for low, high in zip(cuts, cuts[1:])]
         at_cuts = np.interp(cuts, self.s, self.speed)
-        most: FloatArray = np.maximum(np.array(inside), np.maximum(at_cuts[1:], at_cuts[:-1]))
-        return factor * most
-
-    def onward(self, s: float, entry: float, factor: float, segment_m: float, profile: Profile) -> bool:
-        """Append the way from s to the end of the stretch, entered at a speed; whether there is one."""
-        g, jerk = self.geometry, self.limits.jerk_m_s3
-        if g.length - s < _NOTHING:
-            return entry < _NOTHING
-        cuts = np.linspace(s, g.length, max(1, math.ceil((g.length - s) / segment_m)) + 1)
-        v, a = segment_limits(g, cuts, self.limits, 0.8)
-        v = np.minimum(v, self.envelope(cuts, factor))
-        speeds = cut_speeds(np.diff(cuts), v, a, jerk, entry)
-        if speeds[0] < entry - _NOTHING:
-            return False
-        for i in range(len(v)):
-            ends, bounds = (float(speeds[i]), float(speeds[i + 1])), (max(float(v[i]), entry), float(a[i]), jerk)
-            if not profile.add_move(float(cuts[i]), float(cuts[i + 1] - cuts[i]), ends, bounds):
-                return False
-        return True
+        return np.asarray(np.maximum(np.array(inside), np.maximum(at_cuts[1:], at_cuts[:-1])), np.float64)
 
     def profile(self, s: float, u: float, a: float, factor: float) -> tuple[Profile, float] | None:
         """The fastest profile found from a place, speed and acceleration, and by how much it must be stretched."""
+        g = self.geometry
         best: tuple[Profile, float] | None = None
+
+        def envelope(cuts: FloatArray) -> FloatArray:
+            return factor * self.envelope(cuts)
+
         free = factor * float(np.interp(s, self.s, self.speed))
         entry = min(max(u + a * abs(a) / (2.0 * self.limits.jerk_m_s3), 0.0), free)
         rests = u < _NOTHING
@@ -125,13 +112,13 @@ class _Stretch:
                     if not rests and not profile.add_change(s, (u, a), entry, share * self.limits.a_m_s2, self.limits):
                         continue
                     reached = profile.end if profile.rows else s
-                    if reached > self.geometry.length + _NOTHING:
+                    if reached > g.length + _NOTHING:
                         continue
-                    if factor > 0.0 and not self.onward(reached, entry, factor, segment_m, profile):
+                    if factor > 0.0 and not profile.add_way(g, reached, segment_m, self.limits, entry, envelope):
                         continue
                     if not profile.rows:
                         continue
-                    stretch = excess(self.geometry, profile, self.limits)
+                    stretch = excess(g, profile, self.limits)
                     if stretch > 1.0 + _TOLERANCE and not rests:
                         continue
                     if best is None or stretch * profile.duration < best[1] * best[0].duration:

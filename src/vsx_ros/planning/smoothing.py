@@ -1,17 +1,155 @@
-"""From a skeleton of arcs and lines to paths that the base can drive: with stops, and smooth as far as there is one."""
+"""From a skeleton of arcs and lines to paths that the base can drive: with stops, and smooth as far as there is one.
+
+Positions are linear in the unknowns of the joint programme, so at samples of every piece the clearance is kept by
+half-planes of the margin field, linearised at the previous solution and trusted only as far as that stays valid; a few
+rounds suffice.
+"""
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from vsx_ros.arrays import BoolArray, FloatArray
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.planning import corridor_qp
+from vsx_ros.planning import joint_qp
 from vsx_ros.planning.coarse_path import CoarsePath
 from vsx_ros.planning.corridor import Corridor
+from vsx_ros.planning.flat_output import Quadrature
+from vsx_ros.planning.joint_qp import HeadingSequence, merge_segments
 from vsx_ros.planning.path import Path, certified
 from vsx_ros.planning.pieces import Piece
+from vsx_ros.planning.qp import QpProblem, solve_qp
 
+_MOST_IN_A_LEG, _MOST_PIECES = 12, 7  # the programme grows with the cube of its pieces; long ways are fitted in parts
+_SAMPLES = Quadrature(intervals=32, order=4)
+_FEW = slice(3, None, 4)  # samples that are held near where they were
+_FOLLOW = 50.0
+_TRUST_M = 0.15
+_SLACK_PRICE = 200.0
+_NEAR_M = 0.3
+_GAP_M = 0.004
+_HOPELESS_M = (0.05, 0.02, 0.0, 0.0, 0.0)
+"""Rounds, and how much room may be missing after each for another to be worth while."""
+_CONVERGED = 0.01
 _STRAIGHTS_M = (math.inf, 0.5)
+
+
+def coarse_points(sequence: HeadingSequence, pieces: list[list[Piece]]) -> FloatArray:
+    """(32 K, 2) points of the coarse path with the headings the pieces will have at their samples.
+
+    pieces[k]: arcs and lines that piece k of the sequence replaces.
+    """
+    points = []
+    for k, run in enumerate(pieces):
+        tables = [arc.table for arc in run]
+        share = _SAMPLES.knot_profile[sequence.ends(k)][1:]
+        x, y = (np.concatenate([table[:, column] for table in tables]) for column in (1, 2))
+        # Heading first, length to break the ties on straight lines.
+        s = np.cumsum(np.concatenate([np.diff(table[:, 0], prepend=0.0) for table in tables]))
+        turned = np.abs(np.concatenate([table[:, 3] for table in tables]) - tables[0][0, 3])
+        key = turned + 1e-3 * s
+        wanted = share * key[-1]
+        points.append(np.stack([np.interp(wanted, key, x), np.interp(wanted, key, y)], axis=1))
+    return np.concatenate(points)
+
+
+def fit(
+    sequence: HeadingSequence, runs: list[list[Piece]], start: SE2, goal: SE2, phi: float, corridor: Corridor
+) -> Path | None:
+    """The shortest path found with a sequence's headings that stays in the corridor, or None.
+
+    runs: the coarse path's arcs and lines, grouped by piece; it is where the search begins.
+    """
+    base = joint_qp.build(sequence, start, goal, phi)
+    X, Y = joint_qp.position_rows(sequence, start.theta, _SAMPLES)
+    guide = coarse_points(sequence, runs) - np.array([start.x, start.y])
+    first = solve_qp(_following(base, X, Y, guide))
+    if first is None:
+        return None
+    x, best = first.x, None
+    trust, gap = _TRUST_M, _GAP_M
+    # The rows of the bound that are active along the guide are a good guess of those along the shortest way.
+    duals = np.concatenate([first.duals, np.zeros(len(X) + 2 * len(X[_FEW])), [-1.0]])
+    for hopeless_m in _HOPELESS_M:
+        round_, kept = _round(base, X, Y, x, start, corridor, trust, gap)
+        answer = solve_qp(round_, duals[kept])
+        if answer is None:
+            break
+        duals = np.zeros(len(kept))
+        duals[kept] = answer.duals
+        x = answer.x[:-1]
+        path = joint_qp.verified(base, x, sequence, start, goal, phi)
+        if path is None:
+            break
+        short = -corridor.least_margin(path)
+        if short > 0.0:
+            if best is not None or short > hopeless_m:
+                break
+            gap += short + _GAP_M
+            trust *= 0.6
+        elif best is not None and path.length_m > (1.0 - _CONVERGED) * best.length_m:
+            return best if best.length_m <= path.length_m else path
+        else:
+            best = path
+    return best
+
+
+def _following(base: QpProblem, X: FloatArray, Y: FloatArray, guide: FloatArray) -> QpProblem:
+    """The programme of the curve that comes closest to the guide's points (32 K, 2)."""
+    return QpProblem(
+        P=1e-3 * base.P + _FOLLOW * (X.T @ X + Y.T @ Y),
+        q=-_FOLLOW * (X.T @ guide[:, 0] + Y.T @ guide[:, 1]),
+        A=base.A, lower=base.lower, upper=base.upper,
+    )  # fmt: skip
+
+
+def _round(
+    base: QpProblem,
+    X: FloatArray,
+    Y: FloatArray,
+    x: FloatArray,
+    start: SE2,
+    corridor: Corridor,
+    trust: float,
+    gap: float,
+) -> tuple[QpProblem, BoolArray]:
+    """The programme linearised at x, with one slack for all half-planes as the last unknown.
+
+    Half-planes are left out where the ground is open; the second value marks the rows that remain.
+    """
+    points = np.stack([X @ x, Y @ x], axis=1)
+    world = points + np.array([start.x, start.y])
+    margin = corridor.margin.at(world)
+    normal = corridor.margin.gradient(world)
+    size = np.linalg.norm(normal, axis=1)
+    near = (margin < _NEAR_M) & (size > 0.1)
+    reach = np.where(near, trust, np.maximum(trust, 0.8 * margin))
+    normal = normal[near] / size[near, None]
+    planes = normal[:, :1] * X[near] + normal[:, 1:] * Y[near]
+    least = np.sum(normal * points[near], axis=1) - margin[near] + gap
+    n = len(x)
+    tx, ty = X[_FEW], Y[_FEW]
+    low, high = points[_FEW] - reach[_FEW, None], points[_FEW] + reach[_FEW, None]
+    rows = len(base.A) + len(planes) + 2 * len(low) + 1
+    A = np.zeros((rows, n + 1))
+    np.concatenate([base.A, planes, tx, ty], out=A[:-1, :n])
+    A[len(base.A) : len(base.A) + len(planes), n] = 1.0
+    A[-1, n] = 1.0
+    P = np.eye(n + 1)
+    P[n, n] = 1.0
+    kept = np.concatenate([np.ones(len(base.A), np.bool_), near, np.ones(2 * len(low) + 1, np.bool_)])
+    problem = QpProblem(
+        P=P,
+        q=np.append(base.q, _SLACK_PRICE * float(np.abs(base.q).max())),
+        A=A,
+        lower=np.concatenate([base.lower, least, low[:, 0], low[:, 1], [0.0]]),
+        upper=np.concatenate([
+            base.upper, np.full(len(planes), np.inf), high[:, 0], high[:, 1], [np.inf],
+        ]),
+    )  # fmt: skip
+    return problem, kept
 
 
 def smoothed(coarse: CoarsePath, start: SE2, goal: SE2, phi_rad_m: float, corridor: Corridor) -> list[Path]:
@@ -46,7 +184,12 @@ def _fitted(coarse: CoarsePath, start: SE2, goal: SE2, phi_rad_m: float, corrido
     """The smooth version of a way, with its long straight lines whole or cut."""
     for longest_straight_m in _STRAIGHTS_M:
         halved, cuts = coarse.halved(longest_straight_m)
-        smooth = corridor_qp.smooth(halved, cuts, start, goal, phi_rad_m, corridor)
+        sequence = merge_segments(halved, goal.theta - start.theta, cuts)
+        if sequence is None or len(sequence.turns) > (_MOST_PIECES if sequence.cusps else _MOST_IN_A_LEG):
+            continue
+        arcs = halved.arcs(start)
+        runs = [[arcs[i] for i in members] for members in sequence.members]
+        smooth = fit(sequence, runs, start, goal, phi_rad_m, corridor)
         if smooth is not None:
             return smooth
     return None

@@ -8,6 +8,7 @@ jerk-limited move between them. (ruckig's own way-points are not used: that inte
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import ruckig
@@ -18,6 +19,8 @@ from vsx_ros.planning.pieces import Piece
 
 NOWHERE: FloatArray = np.zeros((0, 2))
 _CHECK_S = 0.002
+_SLOPE_SHARE = 0.8  # of the turn acceleration, for the change of curvature
+_NOTHING = 1e-9
 
 
 class Geometry:
@@ -47,7 +50,7 @@ class Geometry:
         return out
 
 
-def segment_limits(g: Geometry, cuts: FloatArray, limits: LimitsConfig, share: float) -> tuple[FloatArray, FloatArray]:
+def segment_limits(g: Geometry, cuts: FloatArray, limits: LimitsConfig) -> tuple[FloatArray, FloatArray]:
     """(n,) speed and (n,) acceleration allowed in each segment so that omega and alpha hold whatever the move."""
     middle = 0.5 * (g.s[1:] + g.s[:-1])
     # The square of the speed that rest allows at a distance: by the acceleration, and nearer by the jerk.
@@ -65,10 +68,10 @@ def segment_limits(g: Geometry, cuts: FloatArray, limits: LimitsConfig, share: f
         # Near a stop the curvature may change steeply, but the speed there is bounded by the way from rest.
         room = from_rest[first:last]
         steep = slope * np.minimum(v * v, room)
-        if float(steep.max()) > share * limits.alpha_rad_s2:
-            binding = slope * room > share * limits.alpha_rad_s2
+        if float(steep.max()) > _SLOPE_SHARE * limits.alpha_rad_s2:
+            binding = slope * room > _SLOPE_SHARE * limits.alpha_rad_s2
             if np.any(binding):
-                v = min(v, math.sqrt(share * limits.alpha_rad_s2 / float(slope[binding].max())))
+                v = min(v, math.sqrt(_SLOPE_SHARE * limits.alpha_rad_s2 / float(slope[binding].max())))
             steep = slope * np.minimum(v * v, room)
         left = limits.alpha_rad_s2 - float(steep.max())
         v_all[i] = v
@@ -113,6 +116,34 @@ class Profile:
     def __init__(self) -> None:
         self.rows: list[tuple[float, float, float, float, float]] = []
         self.duration = 0.0
+
+    def add_way(
+        self,
+        g: Geometry,
+        s: float,
+        segment_m: float,
+        limits: LimitsConfig,
+        entry: float = 0.0,
+        envelope: Callable[[FloatArray], FloatArray] | None = None,
+    ) -> bool:
+        """Append the way from s, entered at a speed, to rest at the end of the stretch; False where there is none.
+
+        envelope: of the cuts (n + 1,) between segments, the speeds (n,) not to be exceeded in them.
+        """
+        if g.length - s < _NOTHING:
+            return entry < _NOTHING
+        cuts = np.linspace(s, g.length, max(1, math.ceil((g.length - s) / segment_m)) + 1)
+        v, a = segment_limits(g, cuts, limits)
+        v = v if envelope is None else np.minimum(v, envelope(cuts))
+        lengths = np.diff(cuts)
+        speeds = cut_speeds(lengths, v, a, limits.jerk_m_s3, entry)
+        if speeds[0] < entry - _NOTHING:
+            return False
+        moves = zip(cuts.tolist(), lengths.tolist(), zip(speeds.tolist(), speeds[1:].tolist()), v.tolist(), a.tolist())
+        return all(
+            self.add_move(at, length, ends, (max(most, entry), a_max, limits.jerk_m_s3))
+            for at, length, ends, most, a_max in moves
+        )
 
     def add_move(self, s: float, length: float, ends: tuple[float, float], bounds: tuple[float, float, float]) -> bool:
         """Append the time-optimal move over a length between two speeds; False where there is none."""

@@ -43,10 +43,7 @@ class UnconstrainedPlanner:
                 f"no way over known free ground joins ({start.x:.2f}, {start.y:.2f}) and ({goal.x:.2f}, {goal.y:.2f})",
             )
         pieces = _turn_and_drive(start, goal, _in_sight(points, corridor))
-        path = certified(start, goal, pieces, "turns on the spot")
-        return Plan(
-            goal, certified(start, goal, pieces, "turns on the spot", corridor.least_clearance(path)), "unconstrained"
-        )
+        return Plan(goal, corridor.measured(certified(start, goal, pieces, "turns on the spot")), "unconstrained")
 
 
 def _grid_way(start: SE2, goal: SE2, corridor: Corridor) -> list[tuple[float, float]] | None:

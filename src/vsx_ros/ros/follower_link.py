@@ -10,7 +10,7 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from vsx_ros.control.trajectory_tracker import FollowStatus
-from vsx_ros.navigation.follower_report import FollowerReport, decode_report
+from vsx_ros.navigation.follower import FollowerReport, decode_report
 from vsx_ros.navigation.goal_execution import Follow
 from vsx_ros.ros import topics, trajectory_messages
 from vsx_ros.ros.callbacks import subscribe

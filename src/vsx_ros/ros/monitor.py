@@ -22,7 +22,7 @@ from std_msgs.msg import Float32, String, UInt8, UInt32
 from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.stamped import StampedPose
-from vsx_ros.navigation.follower_report import decode_report
+from vsx_ros.navigation.follower import decode_report
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.ros import clock, convert, topics
 from vsx_ros.ros.diagnostics import ERROR

@@ -12,7 +12,7 @@ from sensor_msgs.msg import CompressedImage
 from vsx_ros.arrays import ColorImage, Pixels
 from vsx_ros.robot import Frame
 from vsx_ros.ros import convert, threads, topics
-from vsx_ros.slam.tracked_features import TrackedFeatures
+from vsx_ros.slam.snapshot import TrackedFeatures
 
 _PERIOD_S = 0.1
 _QUALITY_PERCENT = 70

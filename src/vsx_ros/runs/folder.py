@@ -39,7 +39,7 @@ FILES = (
 _FRAME_COLUMNS_ONCE = 6  # older versions kept no u2_frames
 _MOST = 1e12  # of anything that is counted or measured in a frame
 _EVENT = msgspec.json.Decoder(RunEvent)
-_PACKAGES = ("numpy", "numba", "opencv-python-headless", "osqp", "daqp", "ruckig", "rosbags", "msgspec")
+_PACKAGES = ("numpy", "numba", "opencv-python-headless", "scipy", "daqp", "ruckig", "rosbags", "msgspec")
 
 
 class FrameRecord(NamedTuple):

@@ -25,8 +25,8 @@ from vsx_ros.runs.checkpoint import CheckpointData
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import FrameLine, Journal, Line, RunEvent, TruthLine, read_journal
 from vsx_ros.runs.record import RunRecord
+from vsx_ros.slam.slam import TrackerAndMapper
 from vsx_ros.slam.state import SlamEvent, TrackingResult
-from vsx_ros.slam.tracker_and_mapper import TrackerAndMapper
 from vsx_ros.system import SavedSystem
 
 CHECKPOINT_EVERY_NS = 5_000_000_000

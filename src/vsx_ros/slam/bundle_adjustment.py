@@ -12,7 +12,7 @@ from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.config import OdometryNoiseConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.geometry.se3 import SE3
+from vsx_ros.geometry.se3 import SE3, skew
 from vsx_ros.kernels.slam.bundle import START, adjust
 from vsx_ros.kernels.slam.floor import Floor, no_floor
 from vsx_ros.kernels.slam.pose import TUKEY
@@ -71,11 +71,7 @@ class Solution(NamedTuple):
 
 def adjoint(T: SE3) -> FloatArray:
     """(6, 6) matrix that moves a tangent vector (rho, omega) from the right of T to its left."""
-    R, (x, y, z) = T.rotation, T.translation
-    out = np.zeros((6, 6))
-    out[:3, :3] = out[3:, 3:] = R
-    out[:3, 3:] = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) @ R
-    return out
+    return np.block([[T.rotation, skew(T.translation) @ T.rotation], [np.zeros((3, 3)), T.rotation]])
 
 
 def odometry_factor(motion: SE2, T_base_cam: SE3, noise: OdometryNoiseConfig) -> OdometryFactor:

@@ -10,9 +10,9 @@ from vsx_ros.config import SlamConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry
-from vsx_ros.slam.bootstrap import Bootstrap
+from vsx_ros.slam.initialization import Bootstrap
 from vsx_ros.slam.keyframe import FrameData
-from vsx_ros.slam.keyframes import keyframe_reason
+from vsx_ros.slam.local_map import LocalMap, becomes_keyframe, nearest_keyframes
 from vsx_ros.slam.map import MapView, empty_view
 from vsx_ros.slam.mapper import KeyFrameRequest
 from vsx_ros.slam.motion_model import MotionModel
@@ -21,7 +21,7 @@ from vsx_ros.slam.preprocessing import Preprocessor
 from vsx_ros.slam.recovery import Recovery
 from vsx_ros.slam.relocalization import Relocalization
 from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult, TrackingState
-from vsx_ros.slam.tracker import LocalMap, Track, Tracker, nearest_keyframes, nothing_tracked
+from vsx_ros.slam.tracker import Track, Tracker, nothing_tracked
 from vsx_ros.slam.tracking_record import TrackingRecord
 from vsx_ros.slam.two_view_reconstruction import InitialPair
 
@@ -214,21 +214,13 @@ class FrontEnd:
         self._recovery.over(data)
         self._reference, self._coarse_next = reference, track.state is not TrackingState.GOOD
         self.record.tracked(data.stamp_ns, track, len(self._view.points), self._map_id == 0)
-        why = not data.blurred and keyframe_reason(
+        added = not data.blurred and becomes_keyframe(
             self._config.keyframes, self._local.linked or self._here, track, reference, self._since_keyframe
         )
-        request = self._request(data, track) if why else None
+        request = self._request(data, track) if added else None
+        searched, found = len(track.searched_rows), len(track.rows)
         result = TrackingResult(
-            data.stamp_ns,
-            track.state,
-            None,
-            len(track.searched_rows),
-            len(track.rows),
-            request is not None,
-            track.reason,
-            self._map_id,
-            None,
-            self._corrected,
+            data.stamp_ns, track.state, None, searched, found, added, track.reason, self._map_id, None, self._corrected
         )
         self._corrected = False
         return FrameOutcome(self._placed(result, track.T_world_cam), request=request)
@@ -236,19 +228,9 @@ class FrontEnd:
     def _request(self, data: FrameData, track: Track) -> KeyFrameRequest:
         self._since_keyframe = 0
         reference = self._view.keyframes[self._reference]
-        searched, found = self.record.counts()
-        return KeyFrameRequest(
-            data,
-            self._reference,
-            reference.T_world_cam.inverse() @ track.T_world_cam,
-            reference.scale,
-            self._epoch,
-            track.rows,
-            track.uv,
-            track.level,
-            searched,
-            found,
-        )
+        T_ref_cam, seen = reference.T_world_cam.inverse() @ track.T_world_cam, (track.rows, track.uv, track.level)
+        placed = self._reference, T_ref_cam, reference.scale, self._epoch
+        return KeyFrameRequest(data, *placed, *seen, *self.record.counts())
 
     def _recover(self, data: FrameData, track: Track, by_odometry: SE3 | None) -> FrameOutcome:
         """Too little was found: try everything to find the camera again, at once and in every frame."""

@@ -1,8 +1,10 @@
-"""Two frames of a straight drive for a map: corners followed from the first one until the second is far enough."""
+"""Two frames of a straight drive for a map: corners followed from the first one until the second is far enough;
+and what is said meanwhile."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import cv2
@@ -13,12 +15,15 @@ from vsx_ros.config import InitializationConfig
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import SILENCE_NS
 from vsx_ros.slam.keyframe import FrameData, KeyFrame, Observations
+from vsx_ros.slam.motion_model import motion_by_odometry
 from vsx_ros.slam.point_creation import candidates_in
 from vsx_ros.slam.two_view_reconstruction import InitialPair
 
 TRAILS = 600
 STILL_PX = 2.0
 START_PX = 10.0
+BLURRED = "the image is blurred: not used to start; move more slowly or add light"
+TRIED = "a map is being made of two frames"
 
 
 class Initializer:
@@ -40,7 +45,8 @@ class Initializer:
         wanted = max(self._config.min_matches, len(self._candidates.uv) // 4)
         if len(self._index) < wanted:
             return self._restart(data, f"sees too little: {len(self._index)} corners followed, {wanted} needed")
-        motion = self._odometry_motion(data)
+        assert self._reference is not None
+        motion = motion_by_odometry(self._T_base_cam, data, self._reference)
         refusal = self._too_early() if motion is None else self._odometry_refuses(data)
         return refusal if refusal else self._pair(data, motion)
 
@@ -79,14 +85,6 @@ class Initializer:
         self._positions = np.where(sure[:, None], direct, moved)
         self._sure: BoolArray = sure
         self._last = data
-
-    def _odometry_motion(self, data: FrameData) -> SE3 | None:
-        """T_second_first of the cameras by odometry."""
-        assert self._reference is not None
-        if self._T_base_cam is None or data.T_odom_base is None or self._reference.T_odom_base is None:
-            return None
-        motion = SE3.from_se2(data.T_odom_base.inverse() @ self._reference.T_odom_base)
-        return self._T_base_cam.inverse() @ motion @ self._T_base_cam
 
     def _odometry_refuses(self, data: FrameData) -> str:
         assert self._reference is not None
@@ -143,3 +141,51 @@ def _flow(before: GrayImage, now: GrayImage, start: Pixels, guess: Pixels) -> tu
     inside = (forward >= 4).all(axis=1) & (forward[:, 0] < width - 5) & (forward[:, 1] < height - 5)
     close = np.linalg.norm(back - a, axis=1) < 0.7
     return forward.astype(np.float64), (ok.ravel() > 0) & (ok_back.ravel() > 0) & inside & close
+
+
+class Bootstrap:
+    """One pair of frames is tried at a time, however long that takes; corners are followed all the while.
+
+    refuse: told (stamp_ns, reason) when it is another reason than before.
+    """
+
+    def __init__(
+        self, T_base_cam: SE3 | None, config: InitializationConfig, refuse: Callable[[int, str], None]
+    ) -> None:
+        self._initializer = Initializer(T_base_cam, config)
+        self._refuse = refuse
+        self._refusal, self._verdict = "", TRIED
+        self._tried: InitialPair | None = None
+
+    def next_pair(self, data: FrameData) -> tuple[str, InitialPair | None]:
+        """(why there is no map yet, the pair to make it of)."""
+        outcome = BLURRED if data.blurred else self._initializer.add(data)
+        if self._tried is not None:
+            return self._verdict, None
+        if isinstance(outcome, str):
+            self._say(data.stamp_ns, outcome)
+            return outcome, None
+        return self._verdict, self.claim(outcome)
+
+    def claim(self, pair: InitialPair | None) -> InitialPair | None:
+        """The pair, unless another one is being tried."""
+        if self._tried is not None:
+            return None
+        self._tried = pair
+        return pair
+
+    def done(self) -> InitialPair:
+        """The pair that was tried, and is no longer."""
+        pair, self._tried = self._tried, None
+        assert pair is not None
+        return pair
+
+    def refused(self, reason: str) -> None:
+        """The pair that was tried did not become a map."""
+        self._verdict = reason
+        self._say(self.done().second.stamp_ns, reason)
+
+    def _say(self, stamp_ns: int, reason: str) -> None:
+        if reason.split(":")[0] != self._refusal.split(":")[0]:
+            self._refuse(stamp_ns, reason)
+        self._refusal = reason

@@ -33,17 +33,11 @@ class Observations(NamedTuple):
     @staticmethod
     def concatenated(parts: list[Observations]) -> Observations:
         """All of them in one, in order."""
-        parts = [Observations.none(), *parts]
-        return Observations(
-            np.concatenate([part.rows for part in parts]),
-            np.concatenate([part.uv for part in parts]),
-            np.concatenate([part.ideal for part in parts]),
-            np.concatenate([part.level for part in parts]),
-        )
+        return Observations(*(np.concatenate(column) for column in zip(Observations.none(), *parts)))
 
     def where(self, mask: BoolArray) -> Observations:
         """Those the mask (n,) keeps."""
-        return Observations(self.rows[mask], self.uv[mask], self.ideal[mask], self.level[mask])
+        return Observations._make(column[mask] for column in self)
 
 
 class FrameData(NamedTuple):

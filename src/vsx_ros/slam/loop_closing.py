@@ -4,19 +4,19 @@ believed when a second keyframe agrees or the first leaves no doubt."""
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 
-from vsx_ros.arrays import FloatArray, IntArray
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels
 from vsx_ros.config import TrackerConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.slam.fusion import same_points
 from vsx_ros.slam.keyframe import KeyFrame
+from vsx_ros.slam.local_map import nearest_keyframes
 from vsx_ros.slam.map import Map, MapView
 from vsx_ros.slam.place_recognition import PlaceRecognizer, Recognition, is_certain, is_sure
-from vsx_ros.slam.tracker import Tracker, nearest_keyframes
+from vsx_ros.slam.pose_graph import LoopClosure
+from vsx_ros.slam.tracker import Tracker
 
 TRIED, DRIFTED_PX = 2, 60.0
 # A keyframe knows the neighbourhood when it shares so many points with what was seen so long ago.
@@ -28,22 +28,8 @@ DRIFT_M, DRIFT_RAD = 0.15, 0.06
 DRIFT_ODOMETRY, DRIFT_CAMERA, TURN_ODOMETRY, TURN_CAMERA = 0.03, 0.3, 0.015, 0.06
 VIEW_DEPTHS, VIEW_RAD = 0.7, 0.6
 SCALE_PAIRS, SCALE_SPREAD = 12, 0.1
+SAME_PX = 2.0
 AGREE_M, AGREE_RAD, AGREE_SCALE, AGREE_KEYFRAMES = 0.05, 0.03, 0.05, 6
-
-
-class LoopClosure(NamedTuple):
-    """Keyframe ``newer`` was recognised by ``older``: where it stands by that part of the map, how many times as large
-    its own part would have to be, and how many points were found."""
-
-    older: int
-    newer: int
-    T_older_newer: SE3
-    factor: float
-    points: int
-
-    def place(self, world: Map) -> SE3:
-        """T_world_cam of ``newer`` by ``older``'s part of the map, in the frame of ``older``'s map."""
-        return world.keyframes[self.older].T_world_cam @ self.T_older_newer
 
 
 class LoopDetector:
@@ -165,6 +151,19 @@ class LoopDetector:
         apart = float(np.linalg.norm(error.translation)) / max(b.factor * second.median_depth, 1e-6)
         angle = error.rotation_angle_to(SE3.identity())
         return apart < AGREE_M and angle < AGREE_RAD and abs(np.log(a.factor / b.factor)) < AGREE_SCALE
+
+
+def same_points(keyframe: KeyFrame, rows: IntArray, uv: Pixels, level: IntArray) -> tuple[IntArray, IntArray]:
+    """Points (mine, known) that a keyframe sees at the spots (uv, level) where other points (rows) were found in it."""
+    observed = keyframe.observations
+    if not len(rows) or not len(observed.rows):
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    apart = np.linalg.norm(uv[:, None] - observed.uv[None], axis=2)
+    near = apart.argmin(axis=1)
+    tolerance = SAME_PX * 2.0 ** np.maximum(level, observed.level[near])
+    same: BoolArray = (apart[np.arange(len(rows)), near] < tolerance) & (np.abs(level - observed.level[near]) <= 1)
+    same &= observed.rows[near] != rows
+    return observed.rows[near[same]], rows[same]
 
 
 def is_metric(world: Map, *keyframes: KeyFrame) -> bool:

@@ -1,15 +1,23 @@
-"""Correcting a place seen twice: close the loop or merge two maps, then make one point of two."""
+"""Correcting a place seen twice: close the loop or merge two maps, then make one point of two.
+
+Two points become one where keyframes look for points that the map knows from elsewhere and find them at spots where
+they have seen points of their own.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
+from vsx_ros.arrays import IntArray, Pixels
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.slam.fusion import fuse
-from vsx_ros.slam.loop_closing import LoopClosure, is_metric, neighbourhood, path_lengths
-from vsx_ros.slam.map import Map
-from vsx_ros.slam.pose_graph import Loop, move_keyframes, optimize_pose_graph
+from vsx_ros.slam.keyframe import KeyFrame
+from vsx_ros.slam.loop_closing import is_metric, neighbourhood, path_lengths, same_points
+from vsx_ros.slam.map import Map, MapView
+from vsx_ros.slam.point_creation import observations_at
+from vsx_ros.slam.pose_graph import LoopClosure, move_keyframes, optimize_pose_graph
 from vsx_ros.slam.state import SlamEvent
+from vsx_ros.slam.tracker import predicted
+from vsx_ros.vision.patch_search import Predictions, find_patches
 
 
 def correct_loops(world: Map, closures: list[LoopClosure], around: list[int]) -> SlamEvent:
@@ -21,8 +29,7 @@ def correct_loops(world: Map, closures: list[LoopClosure], around: list[int]) ->
     if older.map_id == newer.map_id:
         way = path_lengths(world)
         length = way[last.newer] - way[last.older]
-        loops = [Loop(r.older, r.newer, r.T_older_newer, r.factor) for r in closures]
-        moved = optimize_pose_graph(world, newer.map_id, loops, free_scale=not is_metric(world, older, newer))
+        moved = optimize_pose_graph(world, newer.map_id, closures, free_scale=not is_metric(world, older, newer))
         kind, what = "loop closed", f"after {length:.1f} m, {moved:.3f} m off"
     else:
         apart = newer.map_id
@@ -42,3 +49,41 @@ def _join(world: Map, closure: LoopClosure) -> None:
     poses = [T_new @ SE3(T.rotation, factor * T.translation) for T in steps]
     move_keyframes(world, nodes, poses, np.full(len(nodes), factor))
     world.join(newer.map_id, world.keyframes[closure.older].map_id)
+
+
+RADIUS_PX, REACH = 6.0, 2
+
+
+def fuse(world: Map, keyframes: list[int], rows: IntArray) -> int:
+    """Let keyframes (indices) see the points (rows) where they appear in them; their own points at the same spots
+    become these. Returns the number of points fused."""
+    votes: dict[tuple[int, int], int] = {}
+    view = world.view()
+    found_in = {k: _find(world.keyframes[k], view, rows) for k in keyframes}
+    for k, (predictions, uv) in found_in.items():
+        mine_and_known = same_points(world.keyframes[k], predictions.rows, uv, predictions.level)
+        for mine, known in zip(*(rows.tolist() for rows in mine_and_known)):
+            votes[mine, known] = votes.get((mine, known), 0) + 1
+    becomes: dict[int, int] = {}
+    for (mine, known), _ in sorted(votes.items(), key=lambda item: (-item[1], item[0])):
+        if mine not in becomes and mine not in becomes.values() and known not in becomes:
+            becomes[mine] = known
+    old = np.array(sorted(becomes), np.int64)
+    world.replace_points(old, np.array([becomes[int(k)] for k in old], np.int64))
+    for k, (predictions, uv) in found_in.items():
+        unseen = ~np.isin(predictions.rows, world.keyframes[k].observations.rows)
+        seen = predictions.rows[unseen], uv[unseen], predictions.level[unseen]
+        keyframe = world.keyframes[k]
+        world.observe(k, observations_at(keyframe.data, keyframe.T_world_cam, world.points, *seen))
+    return len(old)
+
+
+def _find(keyframe: KeyFrame, view: MapView, rows: IntArray) -> tuple[Predictions, Pixels]:
+    """Where the points appear in a keyframe that does not see them yet."""
+    wanted = rows[view.alive[rows] & ~np.isin(rows, keyframe.observations.rows)]
+    expected = predicted(keyframe.data.camera, keyframe.T_world_cam.inverse(), view, wanted)
+    templates = view.templates
+    found, uv = find_patches(
+        keyframe.data.pyramid, keyframe.data.corners, templates.patches, templates.offset, expected, RADIUS_PX, REACH
+    )
+    return expected.take(found), uv[found]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,9 +48,7 @@ class Map:
         self._carried: dict[int, list[int]] = {}
         self._observers = PointObservers()
         self.count = 0
-        self._points = np.zeros((1024, 3))
-        self._alive = np.zeros(1024, np.bool_)
-        self._source: IntArray = np.zeros(1024, np.int64)
+        self._columns: list[NDArray[Any]] = [np.zeros((1024, 3)), np.zeros(1024, np.bool_), np.zeros(1024, np.int64)]
         self._templates = TemplateStore()
 
     @staticmethod
@@ -64,24 +62,24 @@ class Map:
                 world._carried.setdefault(keyframe.anchor.keyframe, []).append(k)
             world._observers.add(k, keyframe.observations.rows)
         world.count = len(view.points)
-        world._points, world._alive, world._source = view.points.copy(), view.alive.copy(), view.source.copy()
+        world._columns = [view.points.copy(), view.alive.copy(), view.source.copy()]
         world._templates = TemplateStore.resumed(view.templates)
         return world
 
     @property
     def points(self) -> Points3:
         """(P, 3) world, a view to write into."""
-        return self._points[: self.count]
+        return self._columns[0][: self.count]
 
     @property
     def alive(self) -> BoolArray:
         """(P,) whether a row is still in the map, a view to write into."""
-        return self._alive[: self.count]
+        return self._columns[1][: self.count]
 
     @property
     def source(self) -> IntArray:
         """(P,) keyframe index each point was made in."""
-        return self._source[: self.count]
+        return self._columns[2][: self.count]
 
     def add_keyframe(self, data: FrameData, T_world_cam: SE3, observations: Observations, map_id: int = 0) -> int:
         """Append a keyframe; returns its index, which is also its id."""
@@ -94,18 +92,12 @@ class Map:
 
     def add_points(self, points_world: Points3, templates: NewTemplates, source: int) -> NDArray[np.int64]:
         """Append points (N, 3) first seen in keyframe ``source``; returns their rows."""
-        n = len(points_world)
-        self._points, self._alive, self._source = (
-            grown(self._points, self.count + n),
-            grown(self._alive, self.count + n),
-            grown(self._source, self.count + n),
-        )
-        rows = np.arange(self.count, self.count + n)
-        self._points[rows] = points_world
-        self._alive[rows] = True
-        self._source[rows] = source
-        self._templates.add_points(n)
-        self.count += n
+        rows = np.arange(self.count, self.count + len(points_world))
+        self.count += len(rows)
+        self._columns = [grown(column, self.count) for column in self._columns]
+        for column, new in zip(self._columns, (points_world, True, source)):
+            column[rows] = new
+        self._templates.add_points(len(rows))
         self.add_templates(rows, templates, source)
         return rows
 
@@ -247,14 +239,13 @@ class Map:
         5: where it stands wrong, points may lie behind it)."""
         keyframe = self.keyframes[index]
         R, t = keyframe.T_world_cam.rotation, keyframe.T_world_cam.translation
-        depths = (self._points[keyframe.observations.rows] - t) @ R[:, 2]
+        depths = (self.points[keyframe.observations.rows] - t) @ R[:, 2]
         depths = depths[depths > 0.0]
         if len(depths) >= _ENOUGH_DEPTHS:
             self.keyframes[index] = replace(keyframe, median_depth=float(np.median(depths)))
 
     def view(self) -> MapView:
         """What the tracker works on until the next version."""
-        n = self.count
         return MapView(
             self.version,
             tuple(self.keyframes),
@@ -262,9 +253,9 @@ class Map:
             np.array([k.T_world_cam.rotation for k in self.keyframes]).reshape(-1, 3, 3),
             np.array([k.T_world_cam.translation for k in self.keyframes]).reshape(-1, 3),
             np.array([k.median_depth or 1.0 for k in self.keyframes]),
-            self._points[:n].copy(),
-            self._alive[:n].copy(),
-            self._source[:n].copy(),
+            self.points.copy(),
+            self.alive.copy(),
+            self.source.copy(),
             self.templates(),
         )
 

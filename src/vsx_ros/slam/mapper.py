@@ -80,9 +80,9 @@ class Mapper:
         world = self.map
         map_id = 1 + max((keyframe.map_id for keyframe in world.keyframes), default=-1)
         world.odom_epoch = pair.odom_epoch
-        first = world.add_keyframe(_with_dense_corners(start.first), start.poses[0], Observations.none(), map_id)
-        second = world.add_keyframe(_with_dense_corners(start.second), start.poses[1], Observations.none(), map_id)
-        self._enter(first, second, start.candidates, start.matches)
+        first = world.add_keyframe(_with_dense_corners(pair.first), start.poses[0], Observations.none(), map_id)
+        second = world.add_keyframe(_with_dense_corners(pair.second), start.poses[1], Observations.none(), map_id)
+        self._enter(first, second, pair.candidates, start.matches)
         for k in (first, second):
             world.update_depth(k)
         self._adjuster.adjust(world, [second], 20)
@@ -223,7 +223,7 @@ class Mapper:
     def _make_points(self, index: int, targets: list[int]) -> IntArray:
         """Triangulate new points of a keyframe with each target in turn; returns their rows."""
         keyframe = self.map.keyframes[index]
-        candidates = candidates_in(keyframe, self._config.max_points_per_keyframe)
+        candidates, depth = candidates_in(keyframe, self._config.max_points_per_keyframe), keyframe.median_depth or 1.0
         rows = []
         for k in targets:
             if not len(candidates.uv):
@@ -232,7 +232,7 @@ class Mapper:
                 self.map.keyframes[index],
                 self.map.keyframes[k],
                 candidates,
-                self._depth_range(index),
+                (0.15 * depth, 8.0 * depth),
                 math.radians(self._config.min_parallax_deg),
             )
             rows.append(self._enter(index, k, candidates, matches))
@@ -240,10 +240,6 @@ class Mapper:
             left[matches.chosen] = False
             candidates = candidates.where(left)
         return np.concatenate(rows) if rows else np.zeros(0, np.int64)
-
-    def _depth_range(self, index: int) -> tuple[float, float]:
-        median = self.map.keyframes[index].median_depth or 1.0
-        return 0.15 * median, 8.0 * median
 
     def _enter(self, source: int, target: int, candidates: Candidates, matches: TargetMatches) -> IntArray:
         world = self.map

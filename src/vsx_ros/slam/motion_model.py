@@ -25,12 +25,18 @@ class Prediction(NamedTuple):
     information: FloatArray
 
 
+def motion_by_odometry(T_base_cam: SE3 | None, before: FrameData, now: FrameData) -> SE3 | None:
+    """T_before_now of the camera by odometry, None without."""
+    if T_base_cam is None or before.T_odom_base is None or now.T_odom_base is None:
+        return None
+    return T_base_cam.inverse() @ SE3.from_se2(before.T_odom_base.inverse() @ now.T_odom_base) @ T_base_cam
+
+
 class MotionModel:
     """Holds the last pose. ``predict`` does not change it, ``update`` does."""
 
     def __init__(self, T_base_cam: SE3 | None, focal_px: float) -> None:
         self._T_base_cam = T_base_cam
-        self._T_cam_base = SE3.identity() if T_base_cam is None else T_base_cam.inverse()
         self._focal_px = focal_px
         self._velocity: FloatArray = np.zeros(6)
         self._last: tuple[FrameData, SE3] | None = None
@@ -56,10 +62,7 @@ class MotionModel:
 
     def by_odometry(self, before: FrameData, now: FrameData) -> SE3 | None:
         """T_before_now of the camera by odometry, None without."""
-        if self._T_base_cam is None or before.T_odom_base is None or now.T_odom_base is None:
-            return None
-        base = SE3.from_se2(before.T_odom_base.inverse() @ now.T_odom_base)
-        return self._T_cam_base @ base @ self._T_base_cam
+        return motion_by_odometry(self._T_base_cam, before, now)
 
     @property
     def last_pose(self) -> SE3 | None:

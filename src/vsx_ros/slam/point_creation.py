@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points3
+from vsx_ros.geometry.epipolar import reprojection_error, triangulate
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.geometry.triangulation import reprojection_error, triangulate
 from vsx_ros.kernels.geometry.projection import ideal_pixels, unproject_pixels
 from vsx_ros.kernels.slam.epipolar import search_rays
 from vsx_ros.kernels.vision.patches import CENTRE
@@ -36,7 +36,7 @@ class Candidates(NamedTuple):
 
     def where(self, mask: BoolArray) -> Candidates:
         """Those the mask keeps."""
-        return Candidates(self.uv[mask], self.level[mask], self.rays[mask], self.basis[mask], self.patches[mask])
+        return Candidates._make(column[mask] for column in self)
 
 
 class TargetMatches(NamedTuple):
@@ -96,18 +96,9 @@ def match_in_target(
     bounds = np.tile([1.0 / depth_range[1], 1.0 / depth_range[0]], (n, 1))
     pyramid, corners = target.data.pyramid, target.data.corners
     found, uv, level = search_rays(
-        camera,
-        T_target_source.rotation,
-        T_target_source.translation,
-        candidates.rays,
-        candidates.basis,
-        candidates.patches,
-        bounds,
-        pyramid.pixels,
-        pyramid.table,
-        corners.positions,
-        corners.row_table,
-    )
+        camera, T_target_source.rotation, T_target_source.translation, candidates.rays, candidates.basis,
+        candidates.patches, bounds, pyramid.pixels, pyramid.table, corners.positions, corners.row_table,
+    )  # fmt: skip
     index = np.flatnonzero(found)
     uv, level = uv[index], level[index]
     points, keep = checked_points(

@@ -19,14 +19,19 @@ LOOP_SIGMA = np.array([0.004, 0.004, 0.004, 0.002, 0.002, 0.002, 0.003])
 ITERATIONS = 12
 
 
-class Loop(NamedTuple):
-    """Keyframe ``newer`` stands at T_older_newer of keyframe ``older``, in the unit of length of ``older``; scale: the
-    length that ``newer``'s part of the map takes for 1, measured by ``older``'s."""
+class LoopClosure(NamedTuple):
+    """Keyframe ``newer`` was recognised by ``older``: where it stands by that part of the map, how many times as large
+    its own part would have to be, and how many points were found."""
 
     older: int
     newer: int
     T_older_newer: SE3
-    scale: float
+    factor: float
+    points: int = 0
+
+    def place(self, world: Map) -> SE3:
+        """T_world_cam of ``newer`` by ``older``'s part of the map, in the frame of ``older``'s map."""
+        return world.keyframes[self.older].T_world_cam @ self.T_older_newer
 
 
 class _Edge(NamedTuple):
@@ -37,7 +42,7 @@ class _Edge(NamedTuple):
     sigma: FloatArray
 
 
-def optimize_pose_graph(world: Map, map_id: int, loops: list[Loop], free_scale: bool) -> float:
+def optimize_pose_graph(world: Map, map_id: int, loops: list[LoopClosure], free_scale: bool) -> float:
     """Move all living keyframes of a map but the first so that the loops close, each stretch giving way as far as it is
     uncertain: where successive keyframes share few points, first. free_scale: without odometry the size drifts too.
 
@@ -45,22 +50,15 @@ def optimize_pose_graph(world: Map, map_id: int, loops: list[Loop], free_scale: 
     nodes = world.living_in(map_id)
     number = {k: n for n, k in enumerate(nodes)}
     before = [world.keyframes[k].T_world_cam for k in nodes]
-    edges = [_Edge(number[e.older], number[e.newer], e.T_older_newer, e.scale, LOOP_SIGMA) for e in loops]
+    edges = [_Edge(number[e.older], number[e.newer], e.T_older_newer, e.factor, LOOP_SIGMA) for e in loops]
     edges += _edges_within(world, nodes, before)
     R, t, s, _ = optimize_graph(
-        np.array([T.rotation for T in before]),
-        np.array([T.translation for T in before]),
-        np.ones(len(nodes)),
+        np.array([T.rotation for T in before]), np.array([T.translation for T in before]), np.ones(len(nodes)),
         np.arange(len(nodes)) == 0,
-        np.array([e.a for e in edges], np.int64),
-        np.array([e.b for e in edges], np.int64),
-        np.array([e.T_a_b.rotation for e in edges]),
-        np.array([e.T_a_b.translation for e in edges]),
-        np.array([e.scale for e in edges]),
-        np.array([np.diag(e.sigma**-2.0) for e in edges]),
-        free_scale,
-        ITERATIONS,
-    )
+        np.array([e.a for e in edges], np.int64), np.array([e.b for e in edges], np.int64),
+        np.array([e.T_a_b.rotation for e in edges]), np.array([e.T_a_b.translation for e in edges]),
+        np.array([e.scale for e in edges]), np.array([np.diag(e.sigma**-2.0) for e in edges]), free_scale, ITERATIONS,
+    )  # fmt: skip
     after = [SE3(R[n], t[n]) for n in range(len(nodes))]
     move_keyframes(world, nodes, after, s)
     last = number[loops[-1].newer]

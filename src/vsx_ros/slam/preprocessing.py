@@ -1,11 +1,14 @@
-"""Each frame checked and preprocessed: image, stamp, odometry."""
+"""Each frame checked and preprocessed: image, rows one after the other, stamp, odometry."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
+from vsx_ros.arrays import FloatArray
 from vsx_ros.config import ShutterConfig
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.camera import PinholeCamera
@@ -13,18 +16,55 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.slam.calibration_check import check_calibration
-from vsx_ros.slam.continuous_odometry import ContinuousOdometry
 from vsx_ros.slam.keyframe import FrameData
-from vsx_ros.slam.rolling_shutter import RollingShutter
 from vsx_ros.vision.corners import CornerDetector, Corners, indexed
+from vsx_ros.vision.patch_search import kernel_camera, moving
 from vsx_ros.vision.pyramid import LEVELS, Pyramid, build_pyramid
 from vsx_ros.vision.sharpness import BlurDetector
 from vsx_ros.vision.small_image import small_image
 
-GAP_S = 1.0
+GAP_S, MAX_AGE_S = 1.0, 0.25
 # A base that moves less than this between two images stands.
 # What a reading that stops between two images can differ by, carried from its stamp to the image's middle row.
 STILL_M, STILL_RAD = 0.006, 0.01
+
+
+class Exposure(NamedTuple):
+    """camera (18,): the kernels' array of an image; T_middle_stamp: the camera at the image's stamp, the start of its
+    first row, as seen from the middle."""
+
+    camera: FloatArray
+    T_middle_stamp: SE3
+
+
+class RollingShutter:
+    """How a camera on wheels exposes. The map's poses and odometry are those of the middle: ``middle_ns`` after the
+    stamp, half of the middle row's time."""
+
+    def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, config: ShutterConfig) -> None:
+        self._standing = kernel_camera(camera)
+        self._T_base_cam = T_base_cam
+        self._T_cam_base = SE3.identity() if T_base_cam is None else T_base_cam.inverse()
+        self._readout_s = config.readout_s
+        self._middle_s = 0.5 * (config.exposure_s + config.readout_s)
+        self.middle_ns = round(1e9 * self._middle_s)
+
+    def exposure(self, odometry: Odometry | None) -> Exposure:
+        """Of an image taken at the speed of an odometry reading; without one, standing still."""
+        if odometry is None or self._T_base_cam is None:
+            return Exposure(self._standing, SE3.identity())
+        back = SE2.exp(-odometry.v * self._middle_s, 0.0, -odometry.omega * self._middle_s)
+        T_middle_stamp = self._T_cam_base @ SE3.from_se2(back) @ self._T_base_cam
+        return Exposure(moving(self._standing, self._motion(odometry)), T_middle_stamp)
+
+    def _motion(self, odometry: Odometry) -> FloatArray:
+        """(6,) rotation vector and way of the camera, in its own frame, during the readout."""
+        assert self._T_base_cam is not None
+        forward, left, _ = self._T_base_cam.translation.tolist()
+        turn = np.array([0.0, 0.0, odometry.omega])
+        way = np.array([odometry.v - odometry.omega * left, odometry.omega * forward, 0.0])
+        R_cam_base = self._T_base_cam.rotation.T
+        return np.concatenate([R_cam_base @ turn, R_cam_base @ way]) * self._readout_s
 
 
 class Preprocessor:
@@ -99,3 +139,42 @@ class Preprocessor:
 
 def _no_corners(pyramid: Pyramid) -> Corners:
     return indexed([np.zeros((0, 2), np.int32)] * LEVELS, pyramid)
+
+
+class ContinuousOdometry:
+    """``at`` one image after the other. gap: told (stamp_ns, reason) when a reading cannot be used as it is."""
+
+    def __init__(self, gap: Callable[[int, str], None]) -> None:
+        self._gap = gap
+        self._last: tuple[int, SE2, int] | None = None
+        self._T_continuous_odom = SE2()
+
+    def at(self, stamp_ns: int, odometry: Odometry | None) -> SE2 | None:
+        """The pose of the base as odometry has counted it up to the image, None when it cannot be told.
+
+        A new epoch is not followed: the base is taken to have moved on as fast as the reading says, and the counting
+        goes on from there.
+        """
+        if odometry is None:
+            return None
+        age = (stamp_ns - odometry.stamp_ns) * 1e-9
+        if reason := odometry.impossible or _out_of_date(age):
+            self._gap(stamp_ns, f"{reason}: ignored for this frame")
+            return None
+        raw = odometry.T_odom_base @ SE2.exp(odometry.v * age, 0.0, odometry.omega * age)
+        counted = self._T_continuous_odom @ raw
+        if self._last is not None and self._last[2] != odometry.odom_epoch:
+            last_ns, last, _ = self._last
+            elapsed = (stamp_ns - last_ns) * 1e-9
+            jump = f"{last.distance_to(counted):.2f} m and {math.degrees(abs(last.angle_to(counted))):.0f} deg"
+            self._gap(stamp_ns, f"odometry jumped by {jump} in {elapsed:.2f} s: counted on from where it was")
+            counted = last @ SE2.exp(odometry.v * elapsed, 0.0, odometry.omega * elapsed)
+            self._T_continuous_odom = counted @ raw.inverse()
+        self._last = stamp_ns, counted, odometry.odom_epoch
+        return counted
+
+
+def _out_of_date(age: float) -> str:
+    if abs(age) <= MAX_AGE_S:
+        return ""
+    return f"odometry is {abs(age):.2f} s {'older' if age > 0.0 else 'newer'} than the image"

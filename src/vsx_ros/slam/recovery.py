@@ -10,10 +10,11 @@ from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.initialization import Initializer
 from vsx_ros.slam.keyframe import FrameData
+from vsx_ros.slam.local_map import nearest_keyframes
 from vsx_ros.slam.map import MapView
 from vsx_ros.slam.motion_model import MotionModel
 from vsx_ros.slam.relocalization import ExpectedPose, PoseTolerance, Relocalization, Relocalizer
-from vsx_ros.slam.tracker import Tracker, nearest_keyframes
+from vsx_ros.slam.tracker import Tracker
 from vsx_ros.slam.two_view_reconstruction import InitialPair
 from vsx_ros.vision.small_image import rotation_between
 

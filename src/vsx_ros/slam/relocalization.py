@@ -12,11 +12,12 @@ from vsx_ros.config import TrackerConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.keyframe import FrameData
+from vsx_ros.slam.local_map import LocalMap, nearest_keyframes
 from vsx_ros.slam.map import MapView
 from vsx_ros.slam.motion_model import MotionModel
 from vsx_ros.slam.place_recognition import PlaceRecognizer, Recognition, is_certain, is_sure, occupied_cells
 from vsx_ros.slam.state import TrackingState
-from vsx_ros.slam.tracker import LocalMap, Track, Tracker, nearest_keyframes
+from vsx_ros.slam.tracker import Track, Tracker
 from vsx_ros.vision.descriptors import features_of
 
 BEST_LIKELY, IN_TURN = 3, 2

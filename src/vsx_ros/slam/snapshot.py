@@ -1,15 +1,18 @@
-"""The map as everybody outside the SLAM sees it: keyframes, points, who saw what, and nothing of how it is tracked."""
+"""What everybody outside the SLAM sees of it: keyframes, points, who saw what, what was looked for."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from vsx_ros.arrays import GrayImage, IntArray, Pixels, Points3
+from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.keyframe import Observations
 from vsx_ros.slam.map import MapView
+from vsx_ros.slam.tracker import Track
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,3 +58,20 @@ def snapshot(view: MapView) -> MapSnapshot:
         observed.uv,
         observed.level,
     )
+
+
+class TrackedFeatures(NamedTuple):
+    """found (F, 2): px where map points were found. missed (M, 2): px where others were expected and not found."""
+
+    found: Pixels
+    missed: Pixels
+
+
+def tracked_features(camera: PinholeCamera, view: MapView, track: Track) -> TrackedFeatures:
+    """The points of one track, those that were not found at the place its pose gives them.
+
+    All are missed where the pose was refused. What the pose puts behind the camera is left out.
+    """
+    missed = np.setdiff1d(track.searched_rows, track.rows)
+    uv = camera.project(track.T_world_cam.inverse() @ view.points[missed])
+    return TrackedFeatures(track.uv, uv[np.isfinite(uv).all(axis=1)])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,21 +37,17 @@ class TemplateStore:
     """Templates are written once, hence shared with views; which of them belong to a point changes."""
 
     def __init__(self) -> None:
-        self._points = 0
+        self._points = self._count = 0
         self._of_point: IntArray = np.full((1024, VIEWS), -1, np.int64)
-        self._count = 0
-        self._source: IntArray = np.zeros(1024, np.int64)
-        self._basis = np.zeros((1024, 4))
-        self._offset = np.zeros((1024, 2))
-        self._patches = np.zeros((1024, PATCH, PATCH), np.uint8)
+        basis, offset, patches = np.zeros((1024, 4)), np.zeros((1024, 2)), np.zeros((1024, PATCH, PATCH), np.uint8)
+        self._columns: list[NDArray[Any]] = [np.zeros(1024, np.int64), basis, offset, patches]
 
     @staticmethod
     def resumed(templates: Templates) -> TemplateStore:
         """The templates of a view, to go on with."""
         store = TemplateStore()
         store._points, store._of_point = len(templates.of_point), templates.of_point.copy()
-        store._count, store._source = len(templates.source), templates.source
-        store._basis, store._offset, store._patches = templates.basis, templates.offset, templates.patches
+        store._count, store._columns = len(templates.source), list(templates[1:])
         return store
 
     def add_points(self, count: int) -> None:
@@ -64,28 +60,18 @@ class TemplateStore:
         """Points (rows) also look as keyframe ``source`` shows them; the oldest look but the first gives way."""
         first = self._count
         self._count += len(rows)
-        self._source, self._basis, self._offset, self._patches = (
-            grown(self._source, self._count),
-            grown(self._basis, self._count),
-            grown(self._offset, self._count),
-            grown(self._patches, self._count),
-        )
-        numbers = np.arange(first, self._count)
-        self._source[numbers] = source
-        self._basis[numbers] = templates.basis
-        self._offset[numbers] = templates.offset
-        self._patches[numbers] = templates.patches
+        self._columns = [grown(column, self._count) for column in self._columns]
+        for column, new in zip(self._columns, (source, *templates)):
+            column[first : self._count] = new
         free = self._of_point[rows] < 0
         full = ~free.any(axis=1)
         self._of_point[rows[full], 1:-1] = self._of_point[rows[full], 2:]
         slot = np.where(full, VIEWS - 1, free.argmax(axis=1))
-        self._of_point[rows, slot] = numbers
+        self._of_point[rows, slot] = np.arange(first, self._count)
 
     def view(self) -> Templates:
         """All templates, for searching."""
-        n = self._count
-        of_point = self._of_point[: self._points].copy()
-        return Templates(of_point, self._source[:n], self._basis[:n], self._offset[:n], self._patches[:n])
+        return Templates(self._of_point[: self._points].copy(), *(column[: self._count] for column in self._columns))
 
 
 def grown(rows: NDArray[Entry], needed: int) -> NDArray[Entry]:

@@ -10,17 +10,12 @@ from __future__ import annotations
 import threading
 from collections import deque
 
-from vsx_ros.config import SlamConfig
-from vsx_ros.geometry.camera import PinholeCamera
-from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.slam.map import MapView
 from vsx_ros.slam.mapper import KeyFrameRequest
-from vsx_ros.slam.slam_map import SlamMap
+from vsx_ros.slam.slam import TrackerAndMapper
+from vsx_ros.slam.snapshot import TrackedFeatures, tracked_features
 from vsx_ros.slam.state import TrackingResult
-from vsx_ros.slam.tracked_features import TrackedFeatures, tracked_features
-from vsx_ros.slam.tracker_and_mapper import TrackerAndMapper
-from vsx_ros.slam.tracking_record import TrackingRecord
 from vsx_ros.slam.two_view_reconstruction import InitialPair
 
 MAX_WAITING = 3
@@ -32,17 +27,7 @@ class ThreadedSlam(TrackerAndMapper):
     When the mapper is three keyframes behind, further ones are not taken.
     """
 
-    def __init__(
-        self,
-        camera: PinholeCamera,
-        T_base_cam: SE3 | None,
-        config: SlamConfig,
-        seed: int = 0,
-        slam_map: SlamMap | None = None,
-        record: TrackingRecord | None = None,
-    ) -> None:
-        """As TrackerAndMapper."""
-        super().__init__(camera, T_base_cam, config, seed, slam_map, record)
+    def _begin(self) -> None:
         self._used: MapView = self._view
         self._waiting: deque[KeyFrameRequest | InitialPair] = deque()
         self._tried: MapView | str | None = None

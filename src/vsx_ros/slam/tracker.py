@@ -10,10 +10,10 @@ from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels
 from vsx_ros.config import TrackerConfig
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.geometry.projection import predict, project_rows
+from vsx_ros.kernels.slam.pose import optimize_pose
 from vsx_ros.kernels.slam.tracking import count_hidden
 from vsx_ros.slam.keyframe import FrameData
 from vsx_ros.slam.map import MapView
-from vsx_ros.slam.pose_optimization import PoseEstimate, optimized
 from vsx_ros.slam.state import TrackingState
 from vsx_ros.vision.patch_search import Predictions, WarpedTemplates, find_patches, search_templates, warped_templates
 
@@ -27,6 +27,7 @@ MIN_FIRST = 10
 HIDING_CELL_PX, BEHIND = 16, 1.25
 # (iterations that accept almost everything, iterations): the first pose only has to guide the second search.
 FIRST, SECOND = (4, 7), (1, 12)
+SIGMA_MIN_PX = 0.4
 
 
 class Track(NamedTuple):
@@ -63,6 +64,15 @@ def nothing_tracked(reason: str, T_world_cam: SE3 | None = None) -> Track:
     return Track(pose, TrackingState.LOST, none, np.zeros((0, 2)), none, none, np.zeros((6, 6)), reason)
 
 
+class PoseEstimate(NamedTuple):
+    """weights (S,): Tukey weight per prediction, 0 is an outlier or was not found. information (6, 6): inverse
+    covariance in the camera's tangent (translation, rotation)."""
+
+    T_cam_world: SE3
+    weights: FloatArray
+    information: FloatArray
+
+
 class Tracker:
     """``track`` changes nothing but the random order in which surplus points are dropped."""
 
@@ -96,7 +106,7 @@ class Tracker:
         expected = self._choose(expected)
         templates = warped_templates(view.templates.patches, view.templates.offset, expected)
         found, uv = search_templates(data.pyramid, data.corners, templates, expected.level, expected.uv, radius)
-        fit = optimized(data.camera, pose, view.points, expected, found, uv, pull, FIRST)
+        fit = optimized(data, pose, view, expected, found, uv, pull, FIRST)
         counted = np.ones(len(uv), np.bool_)
         # Where odometry holds the pose, points that are no corners in this image need none to lead to them.
         if np.count_nonzero(fit.weights) >= MIN_FIRST or pull.any():
@@ -138,7 +148,7 @@ class Tracker:
         )
         if np.count_nonzero(found) < COARSE_MIN_FOUND:
             return None
-        fit = optimized(data.camera, pose, view.points, chosen, found, uv, pull, FIRST)
+        fit = optimized(data, pose, view, chosen, found, uv, pull, FIRST)
         return fit.T_cam_world if np.count_nonzero(fit.weights) >= COARSE_MIN_FOUND else None
 
     def _choose(self, expected: Predictions) -> Predictions:
@@ -170,7 +180,7 @@ class Tracker:
             data.pyramid, data.corners, templates, expected.level, where, AGAIN_RADIUS_PX, AGAIN_REACH, inside & ~kept
         )
         uv = np.where(kept[:, None], uv, more)
-        fit = optimized(data.camera, pose, view.points, expected, kept | found, uv, pull, SECOND)
+        fit = optimized(data, pose, view, expected, kept | found, uv, pull, SECOND)
         return fit, uv, kept | inside
 
     def _judge(self, found: int, searched: int, corners: int, guided: bool) -> tuple[TrackingState, str]:
@@ -188,6 +198,26 @@ class Tracker:
         return TrackingState.GOOD, ""
 
 
+def optimized(
+    data: FrameData,
+    start: SE3,
+    view: MapView,
+    predictions: Predictions,
+    found: BoolArray,
+    uv: Pixels,
+    prior: FloatArray,
+    effort: tuple[int, int],
+) -> PoseEstimate:
+    """Gauss-Newton with Tukey weights (PTAM 1.4) from the predictions found (S,) at uv (S, 2) px of an image. prior
+    (6,): diagonal information that pulls towards the start; effort: iterations that accept residuals of many pixels,
+    and iterations in all."""
+    R, t, weights, information, _ = optimize_pose(
+        data.camera, start.rotation, start.translation, view.points, predictions.rows, uv, predictions.level, found,
+        prior, *effort, SIGMA_MIN_PX,
+    )  # fmt: skip
+    return PoseEstimate(SE3(R, t), weights, information)
+
+
 def hidden(uv: Pixels, depth: FloatArray, found: BoolArray) -> int:
     """How many points at uv (S, 2) px and depth (S,) m are not found and a quarter farther away than a found one in the
     same 16 px of the image."""
@@ -198,85 +228,7 @@ def predicted(camera: FloatArray, T_cam_world: SE3, view: MapView, rows: IntArra
     """Which of the points (rows) are visible from a pose, and where. camera (18,): the image's."""
     return Predictions(
         *predict(
-            camera,
-            T_cam_world.rotation,
-            T_cam_world.translation,
-            view.points,
-            rows,
-            view.templates.of_point,
-            view.templates.source,
-            view.templates.basis,
-            view.R_world_cam,
-            view.centres,
-            MARGIN_PX,
+            camera, T_cam_world.rotation, T_cam_world.translation, view.points, rows, view.templates.of_point,
+            view.templates.source, view.templates.basis, view.R_world_cam, view.centres, MARGIN_PX,
         )
-    )
-
-
-class LocalMap:
-    """The points worth projecting: those of keyframes that share points with, or stand near, the reference keyframe.
-    Their number does not grow with the map. linked: the map without what lies near but is a long way off and not tied
-    to it by points: the map may have drifted in between, and tracking on both would tear the camera from one to the
-    other. To join them is the loop finder's."""
-
-    NEAREST = 40
-    LINKED_POINTS, STRANGE_WAY = 15, 8.0
-    COVISIBLE = 12
-    ALWAYS = 4
-
-    def __init__(self) -> None:
-        self._key: tuple[int, int] = (-1, -1)
-        self.reference = 0
-        self.keyframes: list[int] = []
-        self.rows: IntArray = np.zeros(0, np.int64)
-        self._seen, self._seer = self.rows, self.rows
-        self.linked: MapView | None = None
-
-    def select(self, view: MapView, reference: int) -> None:
-        """Choose around a reference keyframe; cheap while neither it nor the map changed."""
-        if self._key == (view.version, reference):
-            return
-        self._key, self.reference = (view.version, reference), reference
-        near = nearest_keyframes(view, view.keyframes[reference].T_world_cam)[: self.NEAREST]
-        mark = np.zeros(len(view.points), np.bool_)
-        mark[view.keyframes[reference].observations.rows] = True
-        shared = np.array([np.count_nonzero(mark[view.keyframes[k].observations.rows]) for k in near])
-        self.linked = self._part(view, near[shared >= self.LINKED_POINTS])
-        tied = np.isin(near, self.linked.living)
-        near, shared = near[tied], shared[tied]
-        chosen = [int(k) for k in near[np.argsort(-shared, kind="stable")[: self.COVISIBLE]]]
-        chosen += [int(k) for k in near[: self.ALWAYS] if int(k) not in chosen]
-        if reference not in chosen:
-            chosen.append(reference)
-        self.keyframes = chosen
-        seen = [view.keyframes[k].observations.rows for k in chosen]
-        self._seen, self._seer = np.concatenate(seen), np.repeat(np.arange(len(chosen)), [len(rows) for rows in seen])
-        mark[self._seen] = True
-        self.rows = np.flatnonzero(mark & view.alive)
-
-    def _part(self, view: MapView, linked: IntArray) -> MapView:
-        """The map within a way of so many depths from the reference or from a keyframe linked with it."""
-        steps = np.linalg.norm(np.diff(view.centres, axis=0, prepend=view.centres[:1]), axis=1)
-        way = np.cumsum(steps)
-        known = np.sort(way[np.append(linked, self.reference)])
-        after = np.minimum(np.searchsorted(known, way[view.living]), len(known) - 1)
-        gap = np.abs(np.stack([known[after], known[np.maximum(after - 1, 0)]]) - way[view.living]).min(axis=0)
-        return view._replace(living=view.living[gap <= self.STRANGE_WAY * view.depths[self.reference]])
-
-    def follow(self, view: MapView, found: IntArray) -> int:
-        """The keyframe that sees most of the found points; the reference stays unless another one is 20 % better."""
-        mark = np.zeros(len(view.points), np.bool_)
-        mark[found] = True
-        counts = np.bincount(self._seer[mark[self._seen]], minlength=len(self.keyframes))
-        best = max(range(len(counts)), key=lambda i: (counts[i], -self.keyframes[i]))
-        current = counts[self.keyframes.index(self.reference)]
-        return self.keyframes[best] if counts[best] > 1.2 * current else self.reference
-
-
-def nearest_keyframes(view: MapView, T_world_cam: SE3) -> IntArray:
-    """Indices of the living keyframes by distance in position and viewing direction (1 rad weighs like the median
-    depth)."""
-    living = view.living
-    offset = np.linalg.norm(view.centres[living] - T_world_cam.translation, axis=1)
-    cosine = view.R_world_cam[living, :, 2] @ T_world_cam.rotation[:, 2]
-    return living[np.argsort(offset / view.depths[living] + np.arccos(np.clip(cosine, -1.0, 1.0)), kind="stable")]
+    )  # fmt: skip

@@ -141,7 +141,5 @@ class TrackingRecord:
     def _reserve(self, n: int) -> None:
         grow = n - len(self._found)
         if grow > 0:
-            self._searched = np.concatenate([self._searched, np.zeros(grow, np.int64)])
-            self._found = np.concatenate([self._found, np.zeros(grow, np.int64)])
-            self._seconds = np.concatenate([self._seconds, np.zeros(grow)])
-            self._metres = np.concatenate([self._metres, np.zeros(grow)])
+            for name, kind in _PER_POINT.items():
+                setattr(self, f"_{name}", np.concatenate([getattr(self, f"_{name}"), np.zeros(grow, kind)]))

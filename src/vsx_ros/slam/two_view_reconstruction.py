@@ -41,13 +41,11 @@ class InitialPair(NamedTuple):
 
 
 class InitialMap(NamedTuple):
-    """Two frames with poses T_world_cam, and the first one's candidates with their matches in the second."""
+    """The poses T_world_cam of a pair's frames, and the first one's candidates found in the second."""
 
-    first: FrameData
-    second: FrameData
+    pair: InitialPair
     poses: tuple[SE3, SE3]
     matches: TargetMatches
-    candidates: Candidates
 
 
 class MotionHypothesis(NamedTuple):
@@ -132,22 +130,10 @@ class TwoViewReconstruction:
         t = np.array([np.zeros(3), T_b_a.translation])
         xy = np.stack([rays_a, rays_b], axis=1).reshape(-1, 2) * f
         R, t, *_ = adjust(
-            np.array([f, f, 0.0, 0.0]),
-            R,
-            t,
-            np.array([-1, 0]),
-            points,
-            np.arange(0, 2 * n + 1, 2),
-            np.repeat(np.arange(n), 2),
-            np.tile([0, 1], n),
-            xy,
-            np.ones(2 * n),
-            no_factors(),
-            no_floor(),
-            12,
-            0.3,
+            np.array([f, f, 0.0, 0.0]), R, t, np.array([-1, 0]), points, np.arange(0, 2 * n + 1, 2),
+            np.repeat(np.arange(n), 2), np.tile([0, 1], n), xy, np.ones(2 * n), no_factors(), no_floor(), 12, 0.3,
             START,
-        )
+        )  # fmt: skip
         return SE3(R[1], t[1] / max(float(np.linalg.norm(t[1])), 1e-12))
 
 
@@ -157,7 +143,7 @@ def _initial_map(pair: InitialPair, found: MotionHypothesis, scale: float) -> In
     kept = pair.chosen[found.good]
     points = T_world_a @ (found.points_a[found.good] * scale)
     matches = TargetMatches(kept, pair.uv[found.good], pair.candidates.level[kept], points)
-    return InitialMap(pair.first, pair.second, (T_world_a, T_world_a @ T_b_a.inverse()), matches, pair.candidates)
+    return InitialMap(pair, (T_world_a, T_world_a @ T_b_a.inverse()), matches)
 
 
 def _differ(a: SE3, b: SE3) -> bool:

@@ -11,7 +11,7 @@ from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.occupancy.clearance import arc_is_free
 from vsx_ros.kernels.planning.reeds_shepp import advance
-from vsx_ros.kernels.planning.rrt import random_unit
+from vsx_ros.kernels.planning.shortcuts import random_unit
 
 BENDS = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
 _FAVOURABLE = 0.15

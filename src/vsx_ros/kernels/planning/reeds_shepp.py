@@ -209,27 +209,6 @@ def reeds_shepp_shortest(
 
 
 @kernel
-def reeds_shepp_lengths(starts: FloatArray, goals: FloatArray, phi: float) -> FloatArray:
-    """(N,) shortest lengths [m] between the poses starts (N, 3) and goals (N, 3) at curvature phi [rad/m]."""
-    n = starts.shape[0]
-    out = np.empty(n)
-    turns = np.zeros((MAX_WORDS, SEGMENTS), np.int64)
-    lengths = np.zeros((MAX_WORDS, SEGMENTS))
-    wt = np.zeros(SEGMENTS, np.int64)
-    wl = np.zeros(SEGMENTS)
-    for i in range(n):
-        dx, dy = goals[i, 0] - starts[i, 0], goals[i, 1] - starts[i, 1]
-        c, s = math.cos(starts[i, 2]), math.sin(starts[i, 2])
-        out[i] = (
-            reeds_shepp_shortest(
-                phi * (c * dx + s * dy), phi * (c * dy - s * dx), goals[i, 2] - starts[i, 2], turns, lengths, wt, wl
-            )
-            / phi
-        )
-    return out
-
-
-@kernel
 def advance(x: float, y: float, theta: float, turn: float, length: float, phi: float) -> tuple[float, float, float]:
     """The pose after one segment of signed length [m] at curvature turn * phi (turn may be any real ratio)."""
     kappa = turn * phi

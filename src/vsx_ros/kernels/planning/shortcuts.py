@@ -1,14 +1,50 @@
-"""Shortcuts: parts of a way replaced by Reeds-Shepp words. A way is a list of turns and signed lengths [m]."""
+"""Shortcuts: parts of a way replaced by Reeds-Shepp words.
+
+A way is a list of segments: turn (+1 left, -1 right, 0 straight) and signed length [m].
+"""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+from numpy.typing import NDArray
 
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.planning.lattice import reverse_run, word_is_free
-from vsx_ros.kernels.planning.reeds_shepp import MAX_WORDS, SEGMENTS, advance
-from vsx_ros.kernels.planning.rrt import MAX_SEGMENTS, random_unit, shortest_word
+from vsx_ros.kernels.planning.reeds_shepp import LONGER, MAX_WORDS, SEGMENTS, advance, reeds_shepp_shortest
+
+MAX_SEGMENTS = 512
+
+
+@kernel
+def random_unit(state: NDArray[np.uint64]) -> float:
+    """Uniform in [0, 1) from a xorshift64* generator; state (1,) uint64, never zero."""
+    x = state[0]
+    x ^= x >> np.uint64(12)
+    x ^= x << np.uint64(25)
+    x ^= x >> np.uint64(27)
+    state[0] = x
+    return float((x * np.uint64(2685821657736338717)) >> np.uint64(11)) / 9007199254740992.0
+
+
+@kernel
+def shortest_word(
+    a: FloatArray,
+    b: FloatArray,
+    phi: float,
+    work_turns: IntArray,
+    work_lengths: FloatArray,
+    turns: IntArray,
+    lengths: FloatArray,
+    below: float = LONGER,
+) -> float:
+    """Length [m] of the shortest word from pose a (3,) to b (3,); infinite where none is shorter than ``below`` [m]."""
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    c, s = math.cos(a[2]), math.sin(a[2])
+    x, y = phi * (c * dx + s * dy), phi * (c * dy - s * dx)
+    return reeds_shepp_shortest(x, y, b[2] - a[2], work_turns, work_lengths, turns, lengths, below * phi) / phi
 
 
 @kernel

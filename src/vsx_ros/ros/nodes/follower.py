@@ -24,8 +24,7 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from vsx_ros.config import Config
 from vsx_ros.control.trajectory_tracker import FollowStatus
-from vsx_ros.navigation.follower import Follower, MessageAges
-from vsx_ros.navigation.follower_report import FollowerReport
+from vsx_ros.navigation.follower import Follower, FollowerReport, MessageAges
 from vsx_ros.robot import STOP, VelocityCommand
 from vsx_ros.ros import clock, convert, frames, node, threads, topics, trajectory_messages
 from vsx_ros.ros.callbacks import offer_trigger, subscribe

@@ -1,89 +1,65 @@
-"""Level two of the paper's optimisation: the coefficients a of x(t) (paper 4.3), and the whole of its method.
+"""The paper's two-level optimisation of one segment (paper 4.2, 4.3).
 
 Read as it can work: t in [0, 1], the frame turned to the middle of both headings, the factor t (1 - t) taken out of
-both sides of (11) so that it also holds in the limit at the ends, and reverse driving as the mirrored problem.
+both sides of (11) so that it also holds in the limit at the ends, and reverse driving as the mirrored problem. Level
+one, zeta(t) = tan(theta(t)) by (7)-(8), has a closed form, zeta_f (2 S(t) - 1) with the S-curve of ``profile``; level
+two is a programme in the coefficients c (10,) of xdot.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from vsx_ros.arrays import FloatArray
 from vsx_ros.geometry.se2 import SE2, wrap_angle
 from vsx_ros.planning.feasibility import feasible
-from vsx_ros.planning.flat_output import COARSE, COEFFICIENTS, FINE, jacobi
-from vsx_ros.planning.heading_qp import (
-    HEADING_COEFFICIENTS,
-    ZETA_COARSE,
-    ZETA_FINE,
-    ZETA_KNOTS,
-    grid,
-    solve_heading,
-)
+from vsx_ros.planning.flat_output import COARSE, COEFFICIENTS, FINE
 from vsx_ros.planning.path import Path, Refusal, RefusalKind, certified
 from vsx_ros.planning.pieces import Piece
-from vsx_ros.planning.qp import QpProblem, solve_osqp
+from vsx_ros.planning.qp import QpProblem, solve_qp
 
-GRID_POINTS = 50
 _ROUNDS = 4
 _TOLERANCE = 1e-3
 _REST = (False, False)
+_GRID = np.round(np.linspace(0, len(FINE.knots) - 1, 52)).astype(np.int64)
+"""The knots of ``FINE`` nearest to an even grid t_0, t_1 .. t_50, t_f."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Heading:
-    """zeta and zetadot / (t (1 - t)) of level one, where level two needs them."""
-
-    zeta_0: float
-    b: FloatArray
-
-    def zeta(self, rows: FloatArray) -> FloatArray:
-        return np.asarray(self.zeta_0 + rows @ self.b)
-
-    def rate(self, t: FloatArray) -> FloatArray:
-        return np.asarray(jacobi(t)[:, :HEADING_COEFFICIENTS] @ self.b)
-
-
-def displacement_rows(heading: _Heading) -> FloatArray:
+def displacement_rows(zeta_f: float) -> FloatArray:
     """(2, 10) rows of x(t_f) and y(t_f): eq. (3), ydot = xdot zeta."""
-    basis = COARSE.basis[_REST]
-    return np.stack([COARSE.integral(basis), COARSE.integral(heading.zeta(ZETA_COARSE)[:, None] * basis)])
+    basis, zeta = COARSE.basis[_REST], zeta_f * (2.0 * COARSE.profile[_REST] - 1.0)
+    return np.stack([COARSE.integral(basis), COARSE.integral(zeta[:, None] * basis)])
 
 
-def build(heading: _Heading, x_f: float, y_f: float, phi: float, n: int) -> QpProblem:
-    """The programme (9)-(11) in the coefficients c (10,) of xdot.
+def build(zeta_f: float, x_f: float, y_f: float, phi: float) -> QpProblem:
+    """The programme (9)-(11).
 
     (9)   min sum_i (y(t_i+1) - y(t_i))^2 + (x(t_i+1) - x(t_i))^2
     (10)  x(t_f) = x_f, y(t_f) = y_f                                 (rest at the ends by the basis)
     (11)  +-zetadot(t_i) - (1 + zeta(t_i)^2)^(3/2) xdot(t_i) phi <= 0
     """
-    at = grid(n)
-    basis = FINE.basis[_REST]
-    x = np.stack([FINE.cumulative(basis[:, k]) for k in range(COEFFICIENTS)], axis=1)[at]
-    zeta_fine = heading.zeta(ZETA_FINE)
-    y = np.stack([FINE.cumulative(zeta_fine * basis[:, k]) for k in range(COEFFICIENTS)], axis=1)[at]
-    dx, dy = np.diff(x, axis=0), np.diff(y, axis=0)
-    t = FINE.knots[at]
-    zeta = heading.zeta(ZETA_KNOTS[at])
-    view = ((1.0 + zeta**2) ** 1.5 * phi)[:, None] * jacobi(t)
-    rate = heading.rate(t)
+    basis = FINE.basis[_REST].T
+    dx = np.diff(FINE.cumulative(basis)[:, _GRID]).T
+    dy = np.diff(FINE.cumulative(zeta_f * (2.0 * FINE.profile[_REST] - 1.0) * basis)[:, _GRID]).T
+    zeta = zeta_f * (2.0 * FINE.knot_profile[_REST][_GRID] - 1.0)
+    view = ((1.0 + zeta**2) ** 1.5 * phi)[:, None] * FINE.knot_jacobi[_GRID]
+    rate = 2.0 * zeta_f * FINE.knot_turn_rate[_REST][_GRID]
     target = np.array([x_f, y_f])
     return QpProblem(
         P=2.0 * (dx.T @ dx + dy.T @ dy) + 1e-9 * np.eye(COEFFICIENTS),
         q=np.zeros(COEFFICIENTS),
-        A=np.concatenate([displacement_rows(heading), view, view]),
+        A=np.concatenate([displacement_rows(zeta_f), view, view]),
         lower=np.concatenate([target, rate, -rate]),
-        upper=np.concatenate([target, np.full(2 * len(t), np.inf)]),
+        upper=np.concatenate([target, np.full(2 * len(_GRID), np.inf)]),
     )
 
 
-def _curve(heading: _Heading, c: FloatArray) -> FloatArray:
+def _curve(zeta_f: float, c: FloatArray) -> FloatArray:
     """(M, 5) table s, x, y, theta, kappa at the knots, in the frame of the middle heading."""
     xdot = FINE.basis[_REST] @ c
-    zeta_fine, zeta = heading.zeta(ZETA_FINE), heading.zeta(ZETA_KNOTS)
+    zeta_fine, zeta = (zeta_f * (2.0 * s - 1.0) for s in (FINE.profile[_REST], FINE.knot_profile[_REST]))
     table = np.empty((len(FINE.knots), 5))
     table[:, 0] = FINE.cumulative(xdot * np.sqrt(1.0 + zeta_fine**2))
     table[:, 1] = FINE.cumulative(xdot)
@@ -91,31 +67,29 @@ def _curve(heading: _Heading, c: FloatArray) -> FloatArray:
     table[:, 3] = np.arctan(zeta)
     p = FINE.knot_jacobi @ c
     # Eq. (6); where xdot is not positive there is no heading that fits, and no bound holds.
-    kappa = heading.rate(FINE.knots) / ((1.0 + zeta**2) ** 1.5 * np.where(p > 0.0, p, 1e-300))
-    table[:, 4] = kappa
+    rate = 2.0 * zeta_f * FINE.knot_turn_rate[_REST]
+    table[:, 4] = rate / ((1.0 + zeta**2) ** 1.5 * np.where(p > 0.0, p, 1e-300))
     return table
 
 
-def segment(relative: SE2, phi: float, n: int = GRID_POINTS) -> tuple[FloatArray, float] | str:
+def segment(relative: SE2, phi: float) -> tuple[FloatArray, float] | str:
     """One forward segment from the origin to a pose: its table (M, 5) and its densely measured bound, or why not.
 
     The grid of (11) leaves room between its points; the measured excess is taken off phi and the programme solved
     again, a few times at most.
     """
-    d = wrap_angle(relative.theta)
-    middle = 0.5 * d
-    heading = _Heading(-math.tan(middle), solve_heading(-math.tan(middle), math.tan(middle), n))
+    middle = 0.5 * wrap_angle(relative.theta)
+    zeta_f = math.tan(middle)
     c_mid, s_mid = math.cos(middle), math.sin(middle)
     x_f, y_f = c_mid * relative.x + s_mid * relative.y, c_mid * relative.y - s_mid * relative.x
-    rows, target = displacement_rows(heading), np.array([x_f, y_f])
-    tight = phi
-    worst = math.inf
-    word = ""
+    rows, target = displacement_rows(zeta_f), np.array([x_f, y_f])
+    tight, worst = phi, math.inf
     for _ in range(_ROUNDS):
-        solution = solve_osqp(build(heading, x_f, y_f, tight, n))
-        word = solution.word
+        solution = solve_qp(build(zeta_f, x_f, y_f, tight))
+        if solution is None:
+            return f"no polynomials of this degree turn at {tight:.3f} rad/m at most"
         c = solution.x + np.linalg.lstsq(rows, target - rows @ solution.x, rcond=None)[0]
-        table = _curve(heading, c)
+        table = _curve(zeta_f, c)
         worst = float(np.abs(table[:, 4]).max())
         if worst <= phi * (1.0 + _TOLERANCE):
             x, y = table[:, 1].copy(), table[:, 2].copy()
@@ -124,7 +98,7 @@ def segment(relative: SE2, phi: float, n: int = GRID_POINTS) -> tuple[FloatArray
             return table, worst
         tight = min(tight, tight * phi / min(worst, 1.2 * phi))
     shown = f"{worst:.3f} rad/m" if worst < 1e6 else "an infinite rate, because xdot is not positive everywhere,"
-    return f"the solver says {word!r}, yet the curve turns at {shown} where {phi:g} rad/m are allowed"
+    return f"the curve turns at {shown} where {phi:g} rad/m are allowed"
 
 
 def connect_paper(start: SE2, goal: SE2, phi: float) -> Path | Refusal:

@@ -1,0 +1,102 @@
+"""The part of the map around the camera, and when a tracked frame becomes a keyframe of it (paper 3.1): rarely where
+the map is known, often enough to survive a turn."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from vsx_ros.arrays import IntArray
+from vsx_ros.config import KeyframeConfig
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.slam.map import MapView
+from vsx_ros.slam.state import TrackingState
+from vsx_ros.slam.tracker import Track
+
+NEAREST, COVISIBLE, ALWAYS = 40, 12, 4
+LINKED_POINTS, STRANGE_WAY = 15, 8.0
+# Few points found nearly all still make a good keyframe: it is where new points are needed most.
+SURE_RATIO = 0.5
+
+
+class LocalMap:
+    """The points worth projecting: those of keyframes that share points with, or stand near, the reference keyframe.
+    Their number does not grow with the map. linked: the map without what lies near but is a long way off and not tied
+    to it by points: the map may have drifted in between, and tracking on both would tear the camera from one to the
+    other. To join them is the loop finder's."""
+
+    def __init__(self) -> None:
+        self._key: tuple[int, int] = (-1, -1)
+        self.reference = 0
+        self.keyframes: list[int] = []
+        self.rows: IntArray = np.zeros(0, np.int64)
+        self._seen, self._seer = self.rows, self.rows
+        self.linked: MapView | None = None
+
+    def select(self, view: MapView, reference: int) -> None:
+        """Choose around a reference keyframe; cheap while neither it nor the map changed."""
+        if self._key == (view.version, reference):
+            return
+        self._key, self.reference = (view.version, reference), reference
+        near = nearest_keyframes(view, view.keyframes[reference].T_world_cam)[:NEAREST]
+        mark = np.zeros(len(view.points), np.bool_)
+        mark[view.keyframes[reference].observations.rows] = True
+        shared = np.array([np.count_nonzero(mark[view.keyframes[k].observations.rows]) for k in near])
+        self.linked = self._part(view, near[shared >= LINKED_POINTS])
+        tied = np.isin(near, self.linked.living)
+        near, shared = near[tied], shared[tied]
+        chosen = [int(k) for k in near[np.argsort(-shared, kind="stable")[:COVISIBLE]]]
+        chosen += [int(k) for k in near[:ALWAYS] if int(k) not in chosen]
+        if reference not in chosen:
+            chosen.append(reference)
+        self.keyframes = chosen
+        seen = [view.keyframes[k].observations.rows for k in chosen]
+        self._seen, self._seer = np.concatenate(seen), np.repeat(np.arange(len(chosen)), [len(rows) for rows in seen])
+        mark[self._seen] = True
+        self.rows = np.flatnonzero(mark & view.alive)
+
+    def _part(self, view: MapView, linked: IntArray) -> MapView:
+        """The map within a way of so many depths from the reference or from a keyframe linked with it."""
+        steps = np.linalg.norm(np.diff(view.centres, axis=0, prepend=view.centres[:1]), axis=1)
+        way = np.cumsum(steps)
+        known = np.sort(way[np.append(linked, self.reference)])
+        after = np.minimum(np.searchsorted(known, way[view.living]), len(known) - 1)
+        gap = np.abs(np.stack([known[after], known[np.maximum(after - 1, 0)]]) - way[view.living]).min(axis=0)
+        return view._replace(living=view.living[gap <= STRANGE_WAY * view.depths[self.reference]])
+
+    def follow(self, view: MapView, found: IntArray) -> int:
+        """The keyframe that sees most of the found points; the reference stays unless another one is 20 % better."""
+        mark = np.zeros(len(view.points), np.bool_)
+        mark[found] = True
+        counts = np.bincount(self._seer[mark[self._seen]], minlength=len(self.keyframes))
+        best = max(range(len(counts)), key=lambda i: (counts[i], -self.keyframes[i]))
+        current = counts[self.keyframes.index(self.reference)]
+        return self.keyframes[best] if counts[best] > 1.2 * current else self.reference
+
+
+def nearest_keyframes(view: MapView, T_world_cam: SE3) -> IntArray:
+    """Indices of the living keyframes by distance in position and viewing direction (1 rad weighs like the median
+    depth)."""
+    living = view.living
+    offset = np.linalg.norm(view.centres[living] - T_world_cam.translation, axis=1)
+    cosine = view.R_world_cam[living, :, 2] @ T_world_cam.rotation[:, 2]
+    return living[np.argsort(offset / view.depths[living] + np.arccos(np.clip(cosine, -1.0, 1.0)), kind="stable")]
+
+
+def becomes_keyframe(config: KeyframeConfig, view: MapView, track: Track, reference: int, frames_since: int) -> bool:
+    """Whether this frame should enter the map.
+
+    Distance and angle are measured to the nearest keyframe of the whole map, so that explored area yields none.
+    """
+    sure = track.state is TrackingState.GOOD or track.ratio > SURE_RATIO
+    if frames_since < config.min_gap_frames or not sure:
+        return False
+    pose = track.T_world_cam
+    nearest = [view.keyframes[int(k)] for k in nearest_keyframes(view, pose)[:5]]
+    depth = nearest[0].median_depth or 1.0
+    distance = min(float(np.linalg.norm(k.T_world_cam.translation - pose.translation)) for k in nearest)
+    angle = min(k.T_world_cam.rotation_angle_to(pose) for k in nearest)
+    few = len(track.rows) < config.overlap_ratio * max(1, len(view.keyframes[reference].observations.rows))
+    far = distance > config.distance_ratio * depth or angle > math.radians(config.angle_deg)
+    return far or (few and distance > 0.2 * config.distance_ratio * depth)
