@@ -43,11 +43,7 @@ class Views(NamedTuple):
     def at(self, rows: IntArray) -> Views:
         """Only some of them."""
         return self._replace(
-            ids=self.ids[rows],
-            R=self.R[rows],
-            t=self.t[rows],
-            centres=self.centres[rows],
-            slots=self.slots[rows],
+            ids=self.ids[rows], R=self.R[rows], t=self.t[rows], centres=self.centres[rows], slots=self.slots[rows]
         )
 
 

@@ -101,17 +101,7 @@ def _tracking() -> None:
     )
     warped, usable = warping.warp_templates(templates, np.zeros((1, 2)), chosen, warp)
     epipolar.search_rays(
-        camera,
-        eye,
-        zero,
-        np.zeros((1, 2)),
-        basis,
-        templates,
-        np.array([[0.1, 1.0]]),
-        pixels,
-        table,
-        corners,
-        row_table,
+        camera, eye, zero, np.zeros((1, 2)), basis, templates, np.array([[0.1, 1.0]]), pixels, table, corners, row_table
     )
     small = np.zeros((30, 40), np.float32)
     alignment.align_small(small, small, 2)

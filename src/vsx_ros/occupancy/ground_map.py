@@ -140,15 +140,7 @@ class GroundMap:
         votes, members = ground_cells.count_hits(points, point, scans.hit, _POINT_HITS, *lattice.arguments())
         over_votes, over = ground_cells.count_hits(points, point, scans.over, _POINT_HITS, *lattice.arguments())
         return ground_cells.believed_points(
-            votes,
-            members,
-            over_votes,
-            over,
-            free_votes,
-            _MIN_POINTS,
-            _SURE_POINTS,
-            _OVERRULED_BY,
-            _FEW_OVERRULED_BY,
+            votes, members, over_votes, over, free_votes, _MIN_POINTS, _SURE_POINTS, _OVERRULED_BY, _FEW_OVERRULED_BY
         )
 
     def _touched(self, surfaces: Surfaces, n_keyframes: int) -> tuple[Surfaces, BoolArray, Points2]:

@@ -29,11 +29,7 @@ class Predictions(NamedTuple):
     def take(self, chosen: IntArray | BoolArray) -> Predictions:
         """A subset, by index or mask."""
         return Predictions(
-            self.rows[chosen],
-            self.level[chosen],
-            self.uv[chosen],
-            self.inverse_warp[chosen],
-            self.template[chosen],
+            self.rows[chosen], self.level[chosen], self.uv[chosen], self.inverse_warp[chosen], self.template[chosen]
         )
 
 

@@ -38,11 +38,7 @@ def point_information(
     d = np.empty(3)
     for o in range(obs_point.shape[0]):
         i, k = obs_point[o], obs_keyframe[o]
-        d[0], d[1], d[2] = (
-            centres[k, 0] - points[i, 0],
-            centres[k, 1] - points[i, 1],
-            centres[k, 2] - points[i, 2],
-        )
+        d[0], d[1], d[2] = (centres[k, 0] - points[i, 0], centres[k, 1] - points[i, 1], centres[k, 2] - points[i, 2])
         r = max(math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]), 1e-9)
         weight = 1.0 / (r * obs_noise[o]) ** 2
         for a in range(3):
@@ -143,13 +139,7 @@ def best_planes(
 
 @kernel
 def _choose(
-    i: int,
-    owner: IntArray,
-    size: IntArray,
-    gone: BoolArray,
-    begin: IntArray,
-    near: IntArray,
-    sigmas: FloatArray,
+    i: int, owner: IntArray, size: IntArray, gone: BoolArray, begin: IntArray, near: IntArray, sigmas: FloatArray
 ) -> None:
     """Give point i to the plane near it that it fits best, of those that are not gone."""
     best, owner[i] = np.inf, -1

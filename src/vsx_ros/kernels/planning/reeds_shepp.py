@@ -236,8 +236,4 @@ def advance(x: float, y: float, theta: float, turn: float, length: float, phi: f
     if abs(kappa) < 1e-12:
         return x + length * math.cos(theta), y + length * math.sin(theta), theta
     end = theta + kappa * length
-    return (
-        x + (math.sin(end) - math.sin(theta)) / kappa,
-        y - (math.cos(end) - math.cos(theta)) / kappa,
-        end,
-    )
+    return (x + (math.sin(end) - math.sin(theta)) / kappa, y - (math.cos(end) - math.cos(theta)) / kappa, end)

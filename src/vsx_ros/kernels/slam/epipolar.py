@@ -46,9 +46,7 @@ def _at_inverse_depth(
         if z < 0.05:
             return False, 0.0, 0.0
         uu, vv = project_normalized(
-            camera,
-            (X + R[0, 0] * bx + R[0, 1] * by) / z,
-            (Y + R[1, 0] * bx + R[1, 1] * by) / z,
+            camera, (X + R[0, 0] * bx + R[0, 1] * by) / z, (Y + R[1, 0] * bx + R[1, 1] * by) / z
         )
         A[step] = uu - u
         A[2 + step] = vv - v
@@ -125,15 +123,7 @@ def search_rays(
             if not usable:
                 continue
             score, k = best_corner(
-                pixels,
-                table,
-                corners,
-                row_table,
-                lv,
-                (u + 0.5) / scale - 0.5,
-                (v + 0.5) / scale - 0.5,
-                REACH_PX,
-                core,
+                pixels, table, corners, row_table, lv, (u + 0.5) / scale - 0.5, (v + 0.5) / scale - 0.5, REACH_PX, core
             )
             if k < 0:
                 continue
