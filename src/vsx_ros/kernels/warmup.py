@@ -10,7 +10,7 @@ from vsx_ros.kernels.dense import floor_contact, jlinkage, plane_fits, planes, s
 from vsx_ros.kernels.geometry import projection
 from vsx_ros.kernels.occupancy import clearance, ground_cells, ground_map, scan_casting
 from vsx_ros.kernels.occupancy.wavefront import wavefront
-from vsx_ros.kernels.planning import curves, flood, lattice, reeds_shepp, reeds_shepp_table, rrt, shortcuts
+from vsx_ros.kernels.planning import curves, flood, lattice, motions, reeds_shepp, reeds_shepp_table, rrt, shortcuts
 from vsx_ros.kernels.slam import bundle, epipolar, pose, pose_graph, tracking
 from vsx_ros.kernels.slam.floor import no_floor
 from vsx_ros.kernels.slam.relative_pose import Factors
@@ -140,11 +140,11 @@ def _mapping() -> None:
 def _planning() -> None:
     blocked = np.ones((12, 12), np.bool_)
     blocked[1:-1, 1:-1] = False
-    field = clearance.signed_distance(blocked, 4) * 0.1
-    clearance.interpolate_many(field, 0.1, 0.0, 0.0, np.full((1, 2), 0.5))
-    clearance.gradient_many(field, 0.1, 0.0, 0.0, np.full((1, 2), 0.5))
-    clearance.least_on_curve(field, 0.1, 0.0, 0.0, np.full((2, 5), 0.5), 1, 0.005)
-    clearance.arc_is_free(field, 0.1, 0.0, 0.0, 0.5, 0.5, 0.0, 0.0, 0.1)
+    field = clearance.DistanceField(clearance.signed_distance(blocked, 4) * 0.1, 0.1, 0.0, 0.0)
+    clearance.interpolate_many(field, np.full((1, 2), 0.5))
+    clearance.gradient_many(field, np.full((1, 2), 0.5))
+    clearance.least_on_curve(field, np.full((2, 5), 0.5), 1, 0.005)
+    clearance.arc_is_free(field, 0.5, 0.5, 0.0, 0.0, 0.1)
     start, goal = np.array([0.5, 0.5, 0.0]), np.array([0.7, 0.5, 0.0])
     curves.arc_table(0.5, 0.5, 0.0, 1.0, 0.1, 1, 2)
     nodes, knots = (np.ones((2, 10)), np.ones(2), np.ones(2), 2), (np.ones((2, 10)), np.ones(2), np.ones(2))
@@ -158,26 +158,18 @@ def _planning() -> None:
         np.ones((4, 2)),
         *nodes[2:],
     )
-    remaining = clearance.fringe(wavefront(field >= 0.0, 5, 5) * 0.1, 0.1)
-    ground = (field, 0.1, 0.0, 0.0)
-    table = reeds_shepp_table.reeds_shepp_table()
+    remaining = clearance.fringe(wavefront(field.values >= 0.0, 5, 5) * 0.1, 0.1)
+    table, arcs = reeds_shepp_table.reeds_shepp_table(), motions.Lattice(24, 1, 0.1, 1000)
     table.flags.writeable = False
-    poses, parents, motions, step, winner = lattice.lattice_search(
-        *ground, start, 1.0, 24, 1, 0.1, 1.5, goal, remaining, table, 1000
-    )
-    turns, lengths = lattice.lattice_way(poses, parents, motions, winner, step, goal, 1.0)
+    search = lattice.lattice_search(field, start, 1.0, arcs, 1.5, goal, remaining, table)
+    turns, lengths = lattice.lattice_way(*search[:3], search[4], search[3], goal, 1.0)
     lattice.reverse_run(lengths)
-    level, step = flood.flood(*ground, start, 1.0, 24, 1, 0.1, 1.5)
-    flood.flood_costs(level, step, 0.0, 0.0, 0.0, 0.1, 1.0, field, 0.1, field >= 0.0, goal[None])
-    shortcuts.shorten(*ground, start, turns, lengths, 1.0, 1.5, 0.1, np.uint64(1), 4)
-    rrt.rrt_connect(*ground, np.flatnonzero(field > 0.0), start, goal, 1.0, 2.0, 1.5, np.uint64(1), 4)
-    work = (
-        np.zeros((reeds_shepp.MAX_WORDS, reeds_shepp.SEGMENTS), np.int64),
-        np.zeros((reeds_shepp.MAX_WORDS, reeds_shepp.SEGMENTS)),
-    )
-    reeds_shepp.reeds_shepp_words(1.0, 1.0, 1.0, *work)
-    word = np.zeros(reeds_shepp.SEGMENTS, np.int64), np.zeros(reeds_shepp.SEGMENTS)
-    reeds_shepp.reeds_shepp_shortest(1.0, 1.0, 1.0, *work, *word)
+    level, step = flood.flood(field, start, 1.0, arcs, 1.5)
+    flood.flood_costs(level, step, 0.0, field, 0.1, 1.0, field.values >= 0.0, goal[None])
+    shortcuts.shorten(field, start, turns, lengths, 1.0, 1.5, 0.1, np.uint64(1), 4)
+    rrt.rrt_connect(field, np.flatnonzero(field.values > 0.0), start, goal, 1.0, 2.0, 1.5, np.uint64(1), 4)
+    reeds_shepp.reeds_shepp_words(1.0, 1.0, 1.0)
+    reeds_shepp.reeds_shepp_shortest(1.0, 1.0, 1.0, reeds_shepp.room_for(1))
 
 
 def _pyramid() -> tuple[NDArray[np.uint8], IntArray, Int32Array, IntArray]:

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import functools
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vsx_ros.arrays import Float32Array, FloatArray, IntArray
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.kernels.occupancy.clearance import DistanceField
 from vsx_ros.kernels.planning.lattice import lattice_search, lattice_way, reverse_run, word_is_free
-from vsx_ros.kernels.planning.reeds_shepp import MAX_WORDS, SEGMENTS, reeds_shepp_words
+from vsx_ros.kernels.planning.motions import Lattice
+from vsx_ros.kernels.planning.reeds_shepp import reeds_shepp_words
 from vsx_ros.kernels.planning.reeds_shepp_table import reeds_shepp_table
 from vsx_ros.kernels.planning.rrt import rrt_connect
 from vsx_ros.kernels.planning.shortcuts import shorten
-from vsx_ros.occupancy.distance import DistanceField, travel_distance, with_fringe
+from vsx_ros.occupancy.distance import travel_distance, with_fringe
 from vsx_ros.planning.heading_sequences import nanometres
 from vsx_ros.planning.path import CUSP_COST_M
 from vsx_ros.planning.pieces import Piece, arc_piece
@@ -98,29 +100,13 @@ class CoarsePath:
 def free_words(margin: DistanceField, start: SE2, goal: SE2, phi: float, max_reverse_m: float) -> list[CoarsePath]:
     """The Reeds-Shepp words between two poses that stay in the margin field, shortest first."""
     relative = start.inverse() @ goal
-    turns, lengths = np.zeros((MAX_WORDS, SEGMENTS), np.int64), np.zeros((MAX_WORDS, SEGMENTS))
-    n = reeds_shepp_words(phi * relative.x, phi * relative.y, relative.theta, turns, lengths)
-    words = []
-    for k in range(n):
-        if reverse_run(lengths[k]) <= max_reverse_m * phi and word_is_free(
-            margin.values, margin.resolution, margin.origin_x, margin.origin_y, start.x, start.y, start.theta,
-            turns[k], lengths[k], phi,
-        ):  # fmt: skip
-            words.append(CoarsePath(turns[k], lengths[k] / phi, phi))
+    words = [
+        CoarsePath(turns, lengths / phi, phi)
+        for turns, lengths in zip(*reeds_shepp_words(phi * relative.x, phi * relative.y, relative.theta))
+        if reverse_run(lengths) <= max_reverse_m * phi
+        and word_is_free(margin, start.x, start.y, start.theta, turns, lengths, phi)
+    ]
     return sorted(words, key=lambda word: nanometres(word.length_m))
-
-
-@dataclass(frozen=True, slots=True)
-class Lattice:
-    """Heading bins, bins turned by one arc, cell size [m]: every arc must leave its cell and its bin.
-
-    most_states: where the search gives up.
-    """
-
-    headings: int
-    bins: int
-    cell_m: float
-    most_states: int
 
 
 @functools.cache
@@ -140,7 +126,7 @@ def coarse_lattice(phi: float) -> Lattice:
 
 def back_lattice(phi: float) -> Lattice:
     """The coarse one with fewer states, for a start that only the word at the end may reach."""
-    return replace(coarse_lattice(phi), most_states=_BACK_STATES)
+    return coarse_lattice(phi)._replace(most_states=_BACK_STATES)
 
 
 def fine_lattice(phi: float) -> Lattice:
@@ -186,7 +172,7 @@ def about_turn(pose: SE2) -> SE2:
 
 def is_stuck(margin: DistanceField, pose: SE2, target: SE2, phi: float, max_reverse_m: float, lattice: Lattice) -> bool:
     """Whether the arcs of a lattice lead no further from a pose, towards a target, than to a few states."""
-    few = replace(lattice, most_states=_FEW_STATES)
+    few = lattice._replace(most_states=_FEW_STATES)
     nothing_known = np.zeros(margin.values.shape)
     poses, *_, winner = _searched(margin, pose, target, phi, max_reverse_m, nothing_known, few)
     return winner < 0 and len(poses) < _FEW_STATES
@@ -202,11 +188,7 @@ def _searched(
     lattice: Lattice,
 ) -> tuple[FloatArray, IntArray, NDArray[np.int8], float, int]:
     bound = np.where(np.isfinite(remaining), OCTILE * remaining, 1e6)
-    return lattice_search(
-        margin.values, margin.resolution, margin.origin_x, margin.origin_y, start.as_array(), phi,
-        lattice.headings, lattice.bins, lattice.cell_m, max_reverse_m, goal.as_array(), bound, word_table(),
-        lattice.most_states,
-    )  # fmt: skip
+    return lattice_search(margin, start.as_array(), phi, lattice, max_reverse_m, goal.as_array(), bound, word_table())
 
 
 def search_tree(
@@ -217,8 +199,8 @@ def search_tree(
     cells = np.flatnonzero(reached)
     for seed in rng.integers(1, 2**62, _RESTARTS):
         turns, lengths, _ = rrt_connect(
-            margin.values, margin.resolution, margin.origin_x, margin.origin_y, cells, start.as_array(),
-            goal.as_array(), phi, 2.0 / phi, max_reverse_m, np.uint64(seed), _ITERATIONS,
+            margin, cells, start.as_array(), goal.as_array(), phi, 2.0 / phi, max_reverse_m, np.uint64(seed),
+            _ITERATIONS,
         )  # fmt: skip
         if len(turns):
             return CoarsePath(turns, lengths, phi)
@@ -230,7 +212,7 @@ def shortened(
 ) -> CoarsePath:
     """The coarse path after random shortcuts."""
     turns, lengths = shorten(
-        margin.values, margin.resolution, margin.origin_x, margin.origin_y, start.as_array(), coarse.turns,
-        coarse.lengths, coarse.phi, max_reverse_m, CUSP_COST_M, np.uint64(rng.integers(1, 2**62)), _SHORTCUTS,
+        margin, start.as_array(), coarse.turns, coarse.lengths, coarse.phi, max_reverse_m, CUSP_COST_M,
+        np.uint64(rng.integers(1, 2**62)), _SHORTCUTS,
     )  # fmt: skip
     return CoarsePath(turns, lengths, coarse.phi)

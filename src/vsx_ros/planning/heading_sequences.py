@@ -12,7 +12,7 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.geometry.se2 import SE2, wrap_angle
-from vsx_ros.kernels.planning.reeds_shepp import MAX_WORDS, SEGMENTS, reeds_shepp_shortest, reeds_shepp_words
+from vsx_ros.kernels.planning.reeds_shepp import reeds_shepp_shortest, reeds_shepp_words, room_for
 from vsx_ros.planning.path import CUSP_COST_M
 
 _SHORTEST_SEGMENT = 1e-6
@@ -86,11 +86,9 @@ def merge_segments(
 def shortest_segments(start: SE2, goal: SE2, phi: float) -> list[tuple[int, float]]:
     """(turn, signed length [m]) of the shortest Reeds-Shepp word between two poses at curvature phi [rad/m]."""
     relative = start.inverse() @ goal
-    turns, lengths = np.zeros((MAX_WORDS, SEGMENTS), np.int64), np.zeros((MAX_WORDS, SEGMENTS))
-    word_turns, word_lengths = np.zeros(SEGMENTS, np.int64), np.zeros(SEGMENTS)
-    x, y = phi * relative.x, phi * relative.y
-    reeds_shepp_shortest(x, y, relative.theta, turns, lengths, word_turns, word_lengths)
-    segments = zip(word_turns.tolist(), (word_lengths / phi).tolist())
+    word = room_for(1)
+    reeds_shepp_shortest(phi * relative.x, phi * relative.y, relative.theta, word)
+    segments = zip(word.turns[0].tolist(), (word.lengths[0] / phi).tolist())
     return [(turn, length) for turn, length in segments if abs(length) > 1e-12]
 
 
@@ -102,12 +100,10 @@ def nanometres(cost_m: float) -> int:
 def free_space_sequences(start: SE2, goal: SE2, phi: float) -> list[HeadingSequence]:
     """The sequences of all Reeds-Shepp words between two poses at curvature phi [rad/m], cheapest first."""
     relative = start.inverse() @ goal
-    turns = np.zeros((MAX_WORDS, SEGMENTS), np.int64)
-    lengths = np.zeros((MAX_WORDS, SEGMENTS))
-    n = reeds_shepp_words(phi * relative.x, phi * relative.y, relative.theta, turns, lengths)
+    words = reeds_shepp_words(phi * relative.x, phi * relative.y, relative.theta)
     sequences = [
         sequence
-        for i in range(n)
-        if (sequence := merge_segments(turns[i], lengths[i] / phi, phi, relative.theta)) is not None
+        for turns, lengths in zip(*words)
+        if (sequence := merge_segments(turns, lengths / phi, phi, relative.theta)) is not None
     ]
     return sorted(sequences, key=lambda sequence: nanometres(sequence.length_m + CUSP_COST_M * sequence.cusps))

@@ -77,7 +77,7 @@ def _in_sight(points: list[tuple[float, float]], corridor: Corridor) -> list[tup
         while ahead > at + 1:
             dx, dy = points[ahead][0] - x, points[ahead][1] - y
             theta, length = math.atan2(dy, dx), math.hypot(dx, dy)
-            if arc_is_free(field.values, field.resolution, field.origin_x, field.origin_y, x, y, theta, 0.0, length):
+            if arc_is_free(field, x, y, theta, 0.0, length):
                 break
             ahead -= 1
         kept.append(points[ahead])
