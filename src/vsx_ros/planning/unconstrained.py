@@ -8,7 +8,7 @@ import numpy as np
 
 from vsx_ros.config import PlannerConfig, RobotConfig
 from vsx_ros.geometry.se2 import SE2, wrap_angle
-from vsx_ros.kernels.occupancy.clearance import arc_is_free
+from vsx_ros.kernels.planning.motions import arc_is_free
 from vsx_ros.occupancy.distance import travel_distance, with_fringe
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.corridor import Corridor, build_corridor

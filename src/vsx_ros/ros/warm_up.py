@@ -10,9 +10,9 @@ from vsx_ros.exploration.decision import NavigationState, Situation
 from vsx_ros.exploration.mission import Mission
 from vsx_ros.geometry.camera import PinholeCamera, mount_pose
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.kernels.occupancy.ground_map import Surfaces
 from vsx_ros.occupancy.grid import OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.occupancy.ground_map import DriveHistory, GroundMap
-from vsx_ros.occupancy.surfaces import Surfaces
 from vsx_ros.planning.landmark_visibility import Visibility
 from vsx_ros.planning.path import Plan
 from vsx_ros.planning.planner import Planner

@@ -162,30 +162,6 @@ def gradient_many(field: DistanceField, points: FloatArray) -> FloatArray:
 
 
 @kernel
-def arc_is_free(field: DistanceField, x: float, y: float, theta: float, kappa: float, length: float) -> bool:
-    """Whether an arc of signed length at curvature kappa (of the signed arc length) stays where the field is positive.
-
-    Steps as far as the field (of slope at most ``1 + ramp``) proves free, but at least a third of a cell.
-    """
-    total = abs(length)
-    sign = 1.0 if length > 0.0 else -1.0
-    s = 0.0
-    while True:
-        if abs(kappa) < 1e-12:
-            px, py = x + sign * s * math.cos(theta), y + sign * s * math.sin(theta)
-        else:
-            end = theta + kappa * sign * s
-            px = x + (math.sin(end) - math.sin(theta)) / kappa
-            py = y - (math.cos(end) - math.cos(theta)) / kappa
-        d = interpolate(field, px, py)
-        if d < 0.0:
-            return False
-        if s >= total:
-            return True
-        s = min(total, s + max(0.3 * field.resolution, 0.7 * d))
-
-
-@kernel
 def least_on_curve(field: DistanceField, table: FloatArray, direction: float, step: float) -> float:
     """Least value of the field on a curve given by knots (M, 5) of s, x, y, theta, kappa, at most ``step`` apart.
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import Float32Array, FloatArray, IntArray
 from vsx_ros.kernels import kernel
-from vsx_ros.kernels.occupancy.clearance import DistanceField, arc_is_free, interpolate
-from vsx_ros.kernels.planning.motions import BENDS, MOTIONS, SIGNS, Lattice, arc_places, places_are_free
+from vsx_ros.kernels.occupancy.clearance import DistanceField, interpolate
+from vsx_ros.kernels.planning.motions import BENDS, MOTIONS, SIGNS, Lattice, arc_is_free, arc_places, places_are_free
 from vsx_ros.kernels.planning.reeds_shepp import SEGMENTS, advance, reeds_shepp_shortest, room_for, shortest_word
 from vsx_ros.kernels.planning.reeds_shepp_table import look_up_length
 

@@ -60,3 +60,20 @@ def places_are_free(field: DistanceField, x: float, y: float, places: FloatArray
             return False
         p += max(1, int(0.7 * d * last / step))
     return True
+
+
+@kernel
+def arc_is_free(field: DistanceField, x: float, y: float, theta: float, kappa: float, length: float) -> bool:
+    """Whether an arc of signed length at curvature kappa (of the signed arc length) stays where the field is positive.
+
+    Steps as far as the field (of slope at most ``1 + ramp``) proves free, but at least a third of a cell.
+    """
+    total, sign, s = abs(length), 1.0 if length > 0.0 else -1.0, 0.0
+    while True:
+        px, py, _ = advance(x, y, theta, kappa, sign * s, 1.0)
+        d = interpolate(field, px, py)
+        if d < 0.0:
+            return False
+        if s >= total:
+            return True
+        s = min(total, s + max(0.3 * field.resolution, 0.7 * d))

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.kernels import kernel
-from vsx_ros.kernels.occupancy.clearance import DistanceField, arc_is_free
+from vsx_ros.kernels.occupancy.clearance import DistanceField
+from vsx_ros.kernels.planning.motions import arc_is_free
 from vsx_ros.kernels.planning.reeds_shepp import advance
 from vsx_ros.kernels.planning.rrt import pose_distance, random_pose, random_unit
 
