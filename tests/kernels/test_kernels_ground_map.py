@@ -112,7 +112,7 @@ def test_obstacles_are_judged_with_their_neighbours():
     enough = (points > 0) & (points_all >= 2) & (free <= np.where(points_all >= 4, 2.0, 1.0) * near_all)
     assert np.array_equal(with_over, (votes > 0) & enough)
     assert (with_over & ~believed).sum() > 10
-    solid = ground_cells.believed_spots(votes, seen, 4, 1.5)
+    solid = ground_cells.believed_points(votes, votes, nothing, nothing, seen, 4, 0, 1.5, 1.5)
     assert np.array_equal(solid, (votes > 0) & (near >= 4) & (free <= 1.5 * near))
     assert 50 < solid.sum() < 0.8 * (votes > 0).sum()
 

@@ -68,12 +68,10 @@ def _ground_map() -> None:
     surfaces, lattice = ground_map.Surfaces(points, one, np.zeros(1)), ground_cells.Lattice(4, 4, 0.05, 0.0, 0.0)
     touched, _, _ = ground_map.touchable(surfaces, 0.06, 0.6, 0.05)
     ground_map.meet_surfaces(scans, surfaces, touched, (0.04, 2.0, 0.05), (0.15, 4.5))
-    spots = ground_cells.count_spots(points, touched, lattice)
     ground_cells.cover_discs(np.zeros((1, 2)), 0.2, lattice)
     seen = scan_casting.count_free(scans, lattice)
     votes, members = ground_cells.count_hits(points, one, scans.hit, 3, lattice)
     ground_cells.believed_points(votes, members, votes, members, seen, 2, 3, 1.0, 0.25)
-    ground_cells.believed_spots(spots, seen, 6, 0.25)
 
 
 def _tracking() -> None:

@@ -194,5 +194,8 @@ class GroundMap:
 
 def _solid(spots: Surfaces, touched: BoolArray, free_votes: Int32Array, lattice: Lattice) -> BoolArray:
     """Cells under surfaces, but for those that many keyframes look through."""
-    votes = ground_cells.count_spots(spots.points, touched, lattice)
-    return ground_cells.believed_spots(votes, free_votes, _MIN_SPOTS, _SEEN_THROUGH)
+    every, nothing = np.arange(len(touched)), np.zeros((lattice.rows, lattice.columns), np.int32)
+    votes, members = ground_cells.count_hits(spots.points, every, touched.astype(np.float32), 1, lattice)
+    return ground_cells.believed_points(
+        votes, members, nothing, nothing, free_votes, _MIN_SPOTS, 0, _SEEN_THROUGH, _SEEN_THROUGH
+    )

@@ -68,17 +68,6 @@ def count_hits(
 
 
 @kernel
-def count_spots(spots: FloatArray, touched: BoolArray, lattice: Lattice) -> Int32Array:
-    """(rows, columns) int32: how many of the touched spots (N, 3) lie above each cell."""
-    votes = np.zeros((lattice.rows, lattice.columns), np.int32)
-    for i in range(spots.shape[0]):
-        row, column = _cell(lattice, spots[i, 0], spots[i, 1])
-        if touched[i] and row >= 0:
-            votes[row, column] += 1
-    return votes
-
-
-@kernel
 def believed_points(
     votes: Int32Array, members: Int32Array, over_votes: Int32Array, over_members: Int32Array, free_votes: Int32Array,
     least: int, sure: int, overruled_by: float, few_overruled_by: float,
@@ -102,23 +91,6 @@ def believed_points(
             free = around(free_votes, row, column) / 9.0
             seen = around(votes, row, column) + around(over_votes, row, column)
             believed[row, column] = points >= least and free <= limit * seen
-    return believed
-
-
-@kernel
-def believed_spots(votes: Int32Array, free_votes: Int32Array, least: int, overruled_by: float) -> BoolArray:
-    """(rows, columns) whether a cell with votes (rows, columns) of surface is solid, judged with its eight neighbours.
-
-    They hold ``least`` votes, and not more than ``overruled_by`` times as many free_votes a cell.
-    """
-    rows, columns = votes.shape
-    believed = np.zeros((rows, columns), np.bool_)
-    for row in range(rows):
-        for column in range(columns):
-            if votes[row, column] > 0:
-                near = around(votes, row, column)
-                free = around(free_votes, row, column) / 9.0
-                believed[row, column] = near >= least and free <= overruled_by * near
     return believed
 
 
