@@ -29,7 +29,7 @@ class ObservedPoints(NamedTuple):
 
     def at(self, rows: IntArray) -> ObservedPoints:
         """Those rows."""
-        return ObservedPoints(*(column[rows] for column in self))
+        return self._make(column[rows] for column in self)
 
 
 class Noise(NamedTuple):
@@ -90,7 +90,8 @@ def _off(points: ObservedPoints, i: int, plane: FloatArray, noise: Noise) -> flo
     r = abs(a * points.world[i, 0] + b * points.world[i, 1] + e * points.world[i, 2] - plane[3])
     if not r <= noise.limit:
         return np.inf
-    return r / math.sqrt(noise.floor * noise.floor + variance_along(points.covariances[i], a, b, e))
+    sigma: float = r / math.sqrt(noise.floor * noise.floor + variance_along(points.covariances[i], a, b, e))
+    return sigma
 
 
 @kernel

@@ -46,10 +46,10 @@ def random_pose(field: DistanceField, open_cells: IntArray, state: NDArray[np.ui
 @kernel
 def pose_distance(a: FloatArray, b: FloatArray, phi: float, below: float) -> float:
     """How far pose a (3,) is from b (3,) [m], a part of the turn included, unless it is not ``below`` anyway."""
-    d = math.hypot(a[0] - b[0], a[1] - b[1])
+    d: float = math.hypot(a[0] - b[0], a[1] - b[1])
     if d >= below:
         return d
-    turn = abs(a[2] - b[2]) % (2.0 * math.pi)
+    turn: float = abs(a[2] - b[2]) % (2.0 * math.pi)
     return d + 0.4 / phi * min(turn, 2.0 * math.pi - turn)
 
 
