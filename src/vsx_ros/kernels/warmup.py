@@ -87,18 +87,9 @@ def _tracking() -> None:
     projection.unproject_pixels(camera, np.zeros((1, 2)))
     projection.ideal_pixels(camera, np.zeros((1, 2)), np.ones(1))
     projection.project_rows(camera, eye, zero, points, one, 8.0)
+    of_point, R_world_cam, centres = np.zeros((1, 5), np.int64), np.zeros((1, 3, 3)), np.zeros((1, 3))
     rows, level, uv, warp, chosen = projection.predict(
-        camera,
-        eye,
-        zero,
-        points,
-        one,
-        np.zeros((1, 5), np.int64),
-        one,
-        basis,
-        np.zeros((1, 3, 3)),
-        np.zeros((1, 3)),
-        8.0,
+        camera, eye, zero, points, one, of_point, one, basis, R_world_cam, centres, 8.0
     )
     warped, usable = search.warp_templates(templates, np.zeros((1, 2)), chosen, warp)
     bounds = np.array([[0.1, 1.0]])
@@ -113,11 +104,8 @@ def _tracking() -> None:
 
 def _mapping() -> None:
     K, no_shift = np.array([100.0, 100.0, 31.5, 31.5]), np.zeros((1, 3))
-    pair, way, one = (
-        np.array([np.eye(3), np.eye(3)]),
-        np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]),
-        np.zeros(1, np.int64),
-    )
+    pair, one = np.array([np.eye(3), np.eye(3)]), np.zeros(1, np.int64)
+    way = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]])
     seen = Observations(np.array([0, 2]), np.zeros(2, np.int64), np.array([0, 1]), np.zeros((2, 2)), np.ones(2))
     factors = Factors(one, one + 1, pair[:1], no_shift, np.eye(6)[None])
     free, points = np.array([-1, 0]), np.array([[0.0, 0.0, 1.0]])
@@ -138,15 +126,8 @@ def _planning() -> None:
     curves.arc_table(0.5, 0.5, 0.0, 1.0, 0.1, 1, 2)
     nodes, knots = (np.ones((2, 10)), np.ones(2), np.ones(2), 2), (np.ones((2, 10)), np.ones(2), np.ones(2))
     curves.curve_table(start, 1.0, 1, np.ones(10), *nodes, *knots)
-    curves.position_rows(
-        np.zeros(1, np.int64),
-        np.zeros(1),
-        np.ones(1),
-        np.ones(1, np.int64),
-        np.ones((4, 2, 10)),
-        np.ones((4, 2)),
-        *nodes[2:],
-    )
+    pieces = np.zeros(1, np.int64), np.zeros(1), np.ones(1), np.ones(1, np.int64)
+    curves.position_rows(*pieces, np.ones((4, 2, 10)), np.ones((4, 2)), *nodes[2:])
     remaining = clearance.fringe(wavefront(field.values >= 0.0, 5, 5) * 0.1, 0.1)
     table, arcs = reeds_shepp_table.reeds_shepp_table(), motions.Lattice(24, 1, 0.1, 1000)
     table.flags.writeable = False
