@@ -27,7 +27,7 @@ class Predictions(NamedTuple):
 
     def take(self, chosen: IntArray | BoolArray) -> Predictions:
         """A subset, by index or mask."""
-        return self._make(column[chosen] for column in self)
+        return Predictions._make(column[chosen] for column in self)
 
 
 def to_level(uv: Pixels, level: int | IntArray) -> Pixels:

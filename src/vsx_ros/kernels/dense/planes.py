@@ -29,7 +29,7 @@ class ObservedPoints(NamedTuple):
 
     def at(self, rows: IntArray) -> ObservedPoints:
         """Those rows."""
-        return self._make(column[rows] for column in self)
+        return ObservedPoints._make(column[rows] for column in self)
 
 
 class Noise(NamedTuple):

@@ -36,7 +36,7 @@ class Views(NamedTuple):
 
     def at(self, rows: IntArray) -> Views:
         """Only some of them."""
-        return self._make([*(column[rows] for column in self[:5]), *self[5:]])
+        return Views._make([*(column[rows] for column in self[:5]), *self[5:]])
 
 
 @kernel
