@@ -25,6 +25,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.slam import bundle
 from vsx_ros.kernels.slam.floor import no_floor
 from vsx_ros.kernels.slam.relative_pose import no_factors
+from vsx_ros.kernels.slam.schur import Observations
 from vsx_ros.slam import bundle_adjustment
 from vsx_ros.slam.bundle_adjustment import BundleAdjuster
 from vsx_ros.slam.map import Map
@@ -62,10 +63,10 @@ def ours(problem: Problem, sigma_min_px: float = bundle_adjustment.SIGMA_MIN_PX)
     R, t = (np.array([getattr(T, name) for T in problem.poses]) for name in ("rotation", "translation"))
     start = np.searchsorted(problem.point, np.arange(len(problem.points) + 1))
     free = np.maximum(np.arange(len(R)) - 2, -1)
-    seen = start, problem.point, problem.frame, problem.xy, np.ones(len(problem.xy))
+    seen = Observations(start, problem.point, problem.frame, problem.xy, np.ones(len(problem.xy)))
     begun = time.process_time()
     solution = bundle.adjust(
-        K, R, t, free, problem.points, *seen, no_factors(), no_floor(), 50, sigma_min_px, bundle.START
+        K, R, t, free, problem.points, seen, no_factors(), no_floor(), 50, sigma_min_px, bundle.START
     )
     seconds = time.process_time() - begun
     return Solved(1e3 * seconds, 0.0, solution[5], [SE3(a, b) for a, b in zip(*solution[:2])], solution[2])

@@ -10,6 +10,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.slam import bundle
 from vsx_ros.kernels.slam.floor import no_floor
 from vsx_ros.kernels.slam.relative_pose import no_factors
+from vsx_ros.kernels.slam.schur import Observations
 
 
 class BundleFile(NamedTuple):
@@ -32,17 +33,14 @@ class BundleFile(NamedTuple):
 
     def residual_px(self, iterations: int, sigma_min_px: float) -> float:
         """Median residual after ``iterations`` of ``bundle.adjust`` with the first camera fixed."""
+        start = np.searchsorted(self.point, np.arange(len(self.points) + 1))
         _, _, _, squared, *_ = bundle.adjust(
             self.K,
             np.array([T.rotation for T in self.poses]),
             np.array([T.translation for T in self.poses]),
             np.arange(-1, len(self.poses) - 1),
             self.points,
-            np.searchsorted(self.point, np.arange(len(self.points) + 1)),
-            self.point,
-            self.frame,
-            self.xy,
-            self.weight,
+            Observations(start, self.point, self.frame, self.xy, self.weight),
             no_factors(),
             no_floor(),
             iterations,

@@ -3,7 +3,7 @@ import pytest
 from plane_scene import FOCAL_PX, angle_deg, looking, on_wall, seen
 
 from vsx_ros.config import PlanesConfig
-from vsx_ros.dense.observed_points import observed_points
+from vsx_ros.dense.plane_finding import observed_points
 from vsx_ros.dense.plane_fitting import Attitude, Fit, fit_plane
 from vsx_ros.dense.plane_merging import Found, merged
 from vsx_ros.dense.plane_tiles import noise_of

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels.slam import bundle, floor, relative_pose
+from vsx_ros.kernels.slam import bundle, floor, relative_pose, schur
 
 K = np.array([525.0, 525.0, 320.0, 240.0])
 DATA = Path(os.environ.get("VSX_DATA", Path(__file__).parents[2] / "../shared/data"))
@@ -65,6 +65,11 @@ class Problem:
         self.start_poses = [T if f < 2 else random_pose(rng, 0.01) @ T for f, T in enumerate(self.truth)]
         self.start_points = self.points + rng.normal(0, 0.05, self.points.shape)
 
+    @property
+    def observed(self):
+        start = np.searchsorted(self.obs_point, np.arange(len(self.points) + 1))
+        return schur.Observations(start, self.obs_point, self.obs_frame, self.obs_xy, np.ones(len(self.obs_xy)))
+
     def solve(self, free, factors=(), scale=1.0, iterations=30, ground=None, progress=bundle.START):
         poses = [SE3(T.rotation, T.translation * scale) for T in self.start_poses]
         n = len(factors)
@@ -74,11 +79,7 @@ class Problem:
             np.array([T.translation for T in poses]),
             np.array(free),
             self.start_points * scale,
-            np.searchsorted(self.obs_point, np.arange(len(self.points) + 1)),
-            self.obs_point,
-            self.obs_frame,
-            self.obs_xy,
-            np.ones(len(self.obs_xy)),
+            self.observed,
             relative_pose.Factors(
                 np.array([a for a, _ in factors], np.int64),
                 np.array([b for _, b in factors], np.int64),
@@ -140,20 +141,19 @@ def test_gradients_of_poses_and_points():
     problem, sigma, h = Problem(), 2.0, 1e-6
     R, t = (np.array([getattr(T, name) for T in problem.start_poses]) for name in ("rotation", "translation"))
     points, n_obs = problem.start_points, len(problem.obs_xy)
-    seen = problem.obs_point, problem.obs_frame, problem.obs_xy
-    weight = np.random.default_rng(0).choice([1.0, 0.5, 0.25], n_obs)
+    seen = problem.observed._replace(weight=np.random.default_rng(0).choice([1.0, 0.5, 0.25], n_obs))
     nothing = relative_pose.no_factors(), floor.no_floor()
     res, e = np.zeros((n_obs, 2)), np.empty(n_obs)
 
     def cost(R, t, points):
-        bundle._residuals(K, R, t, points, *seen, weight, res, e)
+        bundle._residuals(K, R, t, points, seen, res, e)
         return bundle._cost(e, sigma, R, t, *nothing)
 
     cost(R, t, points)
-    start, m = np.searchsorted(problem.obs_point, np.arange(len(points) + 1)), len(points)
-    g, gp, W = np.zeros((6, 6)), np.zeros((m, 3)), np.zeros((n_obs, 3, 6))
-    blocks = np.zeros((6, 6, 6)), g, np.zeros((m, 6)), gp, W
-    bundle._linearise(K, R, t, np.arange(6), points, start, seen[1], weight, res, e, sigma, *blocks)
+    m = len(points)
+    linear = schur.room_for(6, m, n_obs)
+    bundle._linearise(K, R, t, np.arange(6), points, seen, res, e, sigma, linear)
+    g, gp = linear.g, linear.gp
     for f in (0, 5):
         for k in range(6):
             ends = []

@@ -10,7 +10,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.geometry.projection import unproject_pixels
 from vsx_ros.kernels.slam.epipolar import search_rays
 from vsx_ros.vision.corners import CornerDetector, strongest
-from vsx_ros.vision.patch_search import cast_rays, cut_patches, kernel_camera
+from vsx_ros.vision.patch_search import cast_rays, cut_patches, kernel_camera, target_of
 from vsx_ros.vision.pyramid import build_pyramid
 
 CAMERA = PinholeCamera(320, 240, 260.0, 260.0, 160.0, 120.0, (-0.2, 0.05, 0.0, 0.0, 0.0))
@@ -50,10 +50,7 @@ def test_corners_are_found_along_their_rays(motion):
         rays.basis,
         cut_patches(source, corners, 0),
         np.tile([1 / 8.0, 1 / 0.8], (len(corners), 1)),
-        target.pixels,
-        target.table,
-        detected.positions,
-        detected.row_table,
+        target_of(target, detected),
     )
     true = CAMERA.project(to_target @ (np.column_stack([rays.direction, np.ones(len(corners))]) * DEPTH))
     inside = ((true > 12) & (true < [307, 227])).all(axis=1)
@@ -80,9 +77,6 @@ def test_a_depth_range_without_the_truth_finds_little():
         rays.basis,
         cut_patches(source, corners, 0),
         np.tile([1 / 1.0, 1 / 0.5], (len(corners), 1)),
-        target.pixels,
-        target.table,
-        detected.positions,
-        detected.row_table,
+        target_of(target, detected),
     )
     assert found.mean() < 0.15

@@ -12,6 +12,11 @@ from vsx_ros.kernels.occupancy.scan_casting import count_free
 HEIGHTS = (0.06, 0.60, 0.45, 1.0, 0.012)
 RANGES = (4.5, 0.0012, 0.10, 0.025, 2.0)
 BINS = 360
+NONE = np.zeros(0, np.float32)
+
+
+def scans_of(positions, headings, free):
+    return kernels.PolarScans(positions, headings, free, free, NONE, NONE)
 
 
 @pytest.fixture
@@ -64,7 +69,7 @@ def test_scans_agree_with_the_slow_twin(scene):
     parallax = kernels.point_parallax(positions, points, keyframe, point)
     headings = np.column_stack([np.cos(yaws), np.sin(yaws)])
     scans = kernels.polar_scans(positions, headings, points, parallax, keyframe, point, BINS, HEIGHTS, RANGES)
-    free, _, hit, over = scans
+    _, _, free, _, hit, over = scans
     slow_free, slow_hit, slow_over = slow_scans(positions, yaws, points, parallax, keyframe, point)
     assert np.allclose(free, slow_free, atol=1e-6)
     assert np.allclose(hit, slow_hit, atol=1e-6)
@@ -107,7 +112,7 @@ def test_obstacles_are_judged_with_their_neighbours():
     enough = (points > 0) & (points_all >= 2) & (free <= np.where(points_all >= 4, 2.0, 1.0) * near_all)
     assert np.array_equal(with_over, (votes > 0) & enough)
     assert (with_over & ~believed).sum() > 10
-    solid = ground_cells.believed_spots(votes, seen, 4, 1.5)
+    solid = ground_cells.believed_points(votes, votes, nothing, nothing, seen, 4, 0, 1.5, 1.5)
     assert np.array_equal(solid, (votes > 0) & (near >= 4) & (free <= 1.5 * near))
     assert 50 < solid.sum() < 0.8 * (votes > 0).sum()
 
@@ -128,8 +133,8 @@ def test_gaps_are_bridged_only_while_they_are_narrow():
 def test_votes_count_keyframes_not_rays():
     free = np.zeros((2, 360))
     free[:, :20] = 1.0
-    lattice = (60, 60, 0.05, -1.5, -1.5)
-    votes = count_free(np.array([[0.01, 0.01, 0.3]] * 2), np.array([[1.0, 0.0]] * 2), free, *lattice)
+    scans = scans_of(np.array([[0.01, 0.01, 0.3]] * 2), np.array([[1.0, 0.0]] * 2), free)
+    votes = count_free(scans, ground_cells.Lattice(60, 60, 0.05, -1.5, -1.5))
     x, y = np.meshgrid(-1.475 + 0.05 * np.arange(60), -1.475 + 0.05 * np.arange(60))
     r, angle = np.hypot(x - 0.01, y - 0.01), np.arctan2(y - 0.01, x - 0.01)
     inside = (r > 0.4) & (r < 0.92) & (angle > 0.08) & (angle < np.deg2rad(20) - 0.08)
@@ -143,8 +148,8 @@ def test_votes_of_scans_that_leave_the_grid_are_those_within_it():
     free = np.zeros((2, 360))
     free[:, :90] = 1.4
     at, headings = np.array([[-0.02, 0.01, 0.3], [0.4, -0.6, 0.3]]), np.array([[1.0, 0.0], [0.6, 0.8]])
-    whole = count_free(at, headings, free, 80, 80, 0.05, -2.0, -2.0)
-    part = count_free(at, headings, free, 20, 24, 0.05, -0.3, -0.1)
+    whole = count_free(scans_of(at, headings, free), ground_cells.Lattice(80, 80, 0.05, -2.0, -2.0))
+    part = count_free(scans_of(at, headings, free), ground_cells.Lattice(20, 24, 0.05, -0.3, -0.1))
     assert np.array_equal(part, whole[38:58, 34:58])
     assert set(np.unique(part)) == {0, 1, 2}
 
@@ -152,7 +157,7 @@ def test_votes_of_scans_that_leave_the_grid_are_those_within_it():
 def test_hits_count_observations_and_points(scene):
     _, _, points, _, point = scene
     hit = np.where(np.arange(len(point)) % 3, 1.0, 0.0)
-    votes, members = ground_cells.count_hits(points, point, hit, 2, 100, 90, 0.1, -4.0, -4.0)
+    votes, members = ground_cells.count_hits(points, point, hit, 2, ground_cells.Lattice(100, 90, 0.1, -4.0, -4.0))
     seen = point[hit > 0]
     cells = np.floor((points[:, [1, 0]] + 4.0) / 0.1).astype(int)
     assert set(np.bincount(seen, minlength=len(points))) > {1, 2}

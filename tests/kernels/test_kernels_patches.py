@@ -5,10 +5,9 @@ import numpy as np
 import pytest
 
 from vsx_ros.kernels.vision.patches import best_pixel, quantize, refine, zmssd
-from vsx_ros.kernels.vision.search import search
-from vsx_ros.kernels.vision.warping import warp_template, warp_templates
+from vsx_ros.kernels.vision.search import search, warp_template, warp_templates
 from vsx_ros.vision.corners import CornerDetector
-from vsx_ros.vision.patch_search import cut_patches
+from vsx_ros.vision.patch_search import cut_patches, target_of
 from vsx_ros.vision.pyramid import build_pyramid
 
 
@@ -60,7 +59,7 @@ def test_template_outside_its_patch_is_refused():
 def test_refinement_finds_the_subpixel_shift(texture, shift):
     template, *_ = template_at(shifted(texture, 0, 0), 150, 120)
     pixels = build_pyramid(shifted(texture, *shift)).pixels
-    ok, x, y, rest = refine(pixels, 0, 240, 320, template, 150.0, 120.0, 10)
+    ok, x, y, rest = refine(pixels, np.array([0, 240, 320, 0]), template, 150.0, 120.0)
     assert ok
     assert (x - 150, y - 120) == pytest.approx(shift, abs=0.08)
     assert rest < 2000
@@ -68,13 +67,13 @@ def test_refinement_finds_the_subpixel_shift(texture, shift):
 
 def test_refinement_gives_up_on_a_blank_wall():
     blank = np.full((10, 10), 16 * 90, np.int32)
-    assert not refine(np.full(240 * 320, 90, np.uint8), 0, 240, 320, blank, 150.0, 120.0, 10)[0]
+    assert not refine(np.full(240 * 320, 90, np.uint8), np.array([0, 240, 320, 0]), blank, 150.0, 120.0)[0]
 
 
 def test_best_pixel_is_the_exhaustive_minimum(texture):
     _, core, contrast = template_at(shifted(texture, 0, 0), 150, 120)
     pyramid = build_pyramid(shifted(texture, 2, -1))
-    score, x, y = best_pixel(pyramid.pixels, pyramid.table, 0, 150.2, 119.7, 3, core)
+    score, x, y = best_pixel(target_of(pyramid, CornerDetector().detect(pyramid)), 0, 150.2, 119.7, 3, core)
     assert (x, y) == (152, 119)
     assert score < 500
 
@@ -92,10 +91,7 @@ def test_search_finds_shifted_points_and_rejects_foreign_ones(texture, reach):
     patches[::2] = patches[::2][:, ::-1, ::-1]
     warped, usable = warp_templates(patches, np.zeros((n, 2)), np.arange(n), np.tile([1.0, 0.0, 0.0, 1.0], (n, 1)))
     found, position = search(
-        second.pixels,
-        second.table,
-        CornerDetector().detect(second).positions,
-        CornerDetector().detect(second).row_table,
+        target_of(second, CornerDetector().detect(second)),
         warped,
         usable,
         np.zeros(n, np.int64),

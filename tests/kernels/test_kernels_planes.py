@@ -5,6 +5,8 @@ import pytest
 
 from vsx_ros.kernels.dense.plane_fits import fit_plane, in_plane_axes, plane_moments
 from vsx_ros.kernels.dense.planes import (
+    Noise,
+    ObservedPoints,
     best_planes,
     deviations,
     first_accepted,
@@ -12,7 +14,14 @@ from vsx_ros.kernels.dense.planes import (
     point_information,
 )
 
-FLOOR_M, GATE, LIMIT_M = 0.01, 2.5, 0.2
+FLOOR_M, GATE, LIMIT_M = NOISE = Noise(0.01, 2.5, 0.2)
+
+
+def observed(points, covariances=None, views=None, sigma=None):
+    n = len(points)
+    covariances = np.zeros((n, 3, 3)) if covariances is None else covariances
+    some = np.zeros(n) if sigma is None else sigma
+    return ObservedPoints(np.arange(n), points, covariances, np.zeros((n, 3)) if views is None else views, some, some)
 
 
 def cloud(n, seed=0):
@@ -60,10 +69,10 @@ def test_deviations_and_preferences_are_distances_over_their_own_noise():
     assert 0 < np.isfinite(far).sum() < far.size
     rows = np.arange(5, 50, 3)
     for plane, expected in zip(planes, far):
-        found = deviations(points, covariances, views, rows, plane, FLOOR_M, LIMIT_M)
+        found = deviations(observed(points, covariances, views), rows, plane, NOISE)
         assert np.allclose(found, expected[rows])
     many = np.repeat(planes, 20, axis=0)
-    bits = plane_preferences(points, covariances, views, many, FLOOR_M, GATE, LIMIT_M)
+    bits = plane_preferences(observed(points, covariances, views), many, NOISE)
     assert bits.shape == (60, 2)
     told = np.unpackbits(bits.view(np.uint8), axis=1, bitorder="little")[:, : len(many)]
     assert np.array_equal(told, np.repeat(far <= GATE, 20, axis=0).T)
@@ -78,12 +87,12 @@ def test_every_point_goes_to_the_plane_it_fits_best_and_leaves_small_ones():
     far = np.where(inside, [off(points, covariances, views, plane) for plane in planes], np.inf)
     far[far >= GATE] = np.inf
     expected = np.where(np.isfinite(far.min(axis=0)), far.argmin(axis=0), -1)
-    given = points, covariances, views, planes, axes, boxes
-    assert np.array_equal(best_planes(*given, 1, np.arange(4), (FLOOR_M, GATE, LIMIT_M)), expected)
+    given = observed(points, covariances, views), planes, axes, boxes
+    assert np.array_equal(best_planes(*given, 1, np.arange(4), NOISE), expected)
     sizes = np.bincount(expected[expected >= 0], minlength=4)
     assert (np.sort(sizes)[-2:] > 3).all()
     largest = int(sizes.argmax())
-    alone = best_planes(*given, int(sizes.max()), np.argsort(sizes), (FLOOR_M, GATE, LIMIT_M))
+    alone = best_planes(*given, int(sizes.max()), np.argsort(sizes), NOISE)
     assert set(alone.tolist()) <= {-1, largest}
     assert (alone[expected == largest] == largest).all()
 
@@ -94,8 +103,11 @@ def test_the_first_candidate_near_enough_and_not_too_near_is_accepted():
     candidates, sure = np.array([[1, 2, 4, 3], [1, 2, 4, 4]]), np.zeros((2, 4)) + 1e-9
     first = np.zeros(2, np.int64)
     # 1 is too near across, 2 within two of its own standard deviations, 4 too far away.
-    assert first_accepted(points, sigmas, first, candidates, sure, 2, 0.8, 0.1).tolist() == [3, -1]
-    assert first_accepted(points, sigmas, first, candidates, sure + 1.0, 2, 0.8, 0.1).tolist() == [-1, -1]
+    assert first_accepted(observed(points, sigma=sigmas), first, candidates, sure, 2, 0.8, 0.1).tolist() == [3, -1]
+    assert first_accepted(observed(points, sigma=sigmas), first, candidates, sure + 1.0, 2, 0.8, 0.1).tolist() == [
+        -1,
+        -1,
+    ]
 
 
 @pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (0.0, 0.0, -1.0), (0.6, 0.8, 0.0), (0.48, -0.6, 0.64)])
@@ -115,11 +127,11 @@ def test_moments_are_weighted_by_variance_and_tukey():
     assert 0 < (weight == 0.0).sum() < len(rows)
     mean = weight @ points[rows] / weight.sum()
     d = points[rows] - mean
-    total, middle, scatter = plane_moments(points, covariances, rows, plane, FLOOR_M, cutoff)
+    total, middle, scatter = plane_moments(observed(points, covariances), rows, plane, FLOOR_M, cutoff)
     assert total == pytest.approx(weight.sum())
     assert np.allclose(middle, mean)
     assert np.allclose(scatter, (weight[:, None] * d).T @ d)
-    nothing = plane_moments(points, covariances, rows, plane + [0.0, 0.0, 0.0, 50.0], FLOOR_M, cutoff)
+    nothing = plane_moments(observed(points, covariances), rows, plane + [0.0, 0.0, 0.0, 50.0], FLOOR_M, cutoff)
     assert nothing[0] == 0.0
 
 
@@ -128,10 +140,10 @@ def test_a_fit_is_the_axis_of_least_scatter():
     points[::10] += 0.8 * normal  # not of this plane
     rows, guess = np.arange(80), normal + [0.1, 0.1, -0.05]
     known, plane, covariance, middle, spread = fit_plane(
-        points, covariances, rows, guess / np.linalg.norm(guess), 0, FLOOR_M, 5.0, 20
+        observed(points, covariances), rows, guess / np.linalg.norm(guess), 0, FLOOR_M, 5.0, 20
     )
     assert known
-    total, mean, scatter = plane_moments(points, covariances, rows, plane, FLOOR_M, 5.0)
+    total, mean, scatter = plane_moments(observed(points, covariances), rows, plane, FLOOR_M, 5.0)
     values, vectors = np.linalg.eigh(scatter)
     assert abs(vectors[:, 0] @ plane[:3]) == pytest.approx(1.0, abs=1e-6)
     assert plane[3] == pytest.approx(plane[:3] @ mean, abs=1e-6)
@@ -147,14 +159,14 @@ def test_a_fit_is_the_axis_of_least_scatter():
 def test_what_is_fixed_does_not_tilt():
     points, covariances, _, _ = cloud(40)
     guess, rows = np.array([0.6, -0.8, 0.0]), np.arange(40)
-    _, upright, _, _, _ = fit_plane(points, covariances, rows, guess, 1, 0.5, 5.0, 6)
+    _, upright, _, _, _ = fit_plane(observed(points, covariances), rows, guess, 1, 0.5, 5.0, 6)
     assert upright[2] == pytest.approx(0.0, abs=1e-12)
     assert abs(upright[0] - 0.6) > 1e-3
-    _, still, covariance, _, _ = fit_plane(points, covariances, rows, guess, 2, 0.5, 5.0, 6)
+    _, still, covariance, _, _ = fit_plane(observed(points, covariances), rows, guess, 2, 0.5, 5.0, 6)
     assert np.array_equal(still[:3], guess)
     assert np.count_nonzero(covariance) == 1
 
 
 def test_points_on_a_line_determine_no_plane():
     points = np.outer(np.linspace(0.0, 1.0, 9), [1.0, 0.0, 0.0])
-    assert not fit_plane(points, np.zeros((9, 3, 3)), np.arange(9), np.array([0.0, 0.0, 1.0]), 0, 0.01, 5.0, 4)[0]
+    assert not fit_plane(observed(points), np.arange(9), np.array([0.0, 0.0, 1.0]), 0, 0.01, 5.0, 4)[0]

@@ -7,7 +7,7 @@ import pytest
 
 from vsx_ros.geometry.se3 import SE3, so3_exp
 from vsx_ros.kernels.linalg.envelope import envelope, factor_envelope, solve_envelope
-from vsx_ros.kernels.slam.pose_graph import edge_jacobians, edge_residual, optimize_graph
+from vsx_ros.kernels.slam.pose_graph import Edges, edge_jacobians, edge_residual, optimize_graph
 
 RNG_SEED = 3
 
@@ -101,12 +101,14 @@ def solve(believed, steps, loops, free_scale=False, loop_scale=1.0):
         np.array([T.translation for T in believed]),
         np.ones(n),
         held,
-        np.array([e[0] for e in edges]),
-        np.array([e[1] for e in edges]),
-        np.array([e[2].rotation for e in edges]),
-        np.array([e[2].translation for e in edges]),
-        np.array([e[4] for e in edges]),
-        np.array([e[3] * info for e in edges]),
+        Edges(
+            np.array([e[0] for e in edges]),
+            np.array([e[1] for e in edges]),
+            np.array([e[2].rotation for e in edges]),
+            np.array([e[2].translation for e in edges]),
+            np.array([e[4] for e in edges]),
+            np.array([e[3] * info for e in edges]),
+        ),
         free_scale,
         30,
     )

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from vsx_ros.kernels.sim.raycast_cull import plane_forms
+from vsx_ros.kernels.sim.raycast_cull import Scene, plane_forms
+from vsx_ros.kernels.sim.raycast_pixels import View
 from vsx_ros.kernels.sim.raycast_render import render_tile_rows
 from vsx_ros.kernels.sim.raycast_shade import TILE
 
@@ -35,14 +36,15 @@ def rendered(two_sided, sub_frames=1, bayer=False):
         bounds[ty, tx] = rx[at].min(), rx[at].max(), ry[at].min(), ry[at].max()
     forms, visible = np.zeros((sub_frames, rows + 1, 3, 9)), np.zeros(3, bool)
     R = np.tile(np.eye(3), (sub_frames, rows + 1, 1, 1))
-    plane_forms(P, U, V, np.full(3, two_sided), R, np.zeros((sub_frames, rows + 1, 3)), forms, visible)
     surfaces = np.tile(np.array([1.0, 1.0, 0.0, 0.0, LIGHT_SCALE], np.float32), (3, 1))
     places = np.tile(np.array([0, 0, 0, 2, 2], np.int32), (3, 1))
     texels = np.array([TEXEL * 0x01010101], np.int32), np.full(4, LIGHT * 0x01010101, np.uint32).view(np.int32)
-    scene = *texels, surfaces, places, np.tile(TINTS.astype(np.float32), (3, 1))
+    scene = Scene(P, U, V, np.full(3, two_sided), surfaces, places, np.tile(TINTS.astype(np.float32), (3, 1)), *texels)
+    plane_forms(scene, R, np.zeros((sub_frames, rows + 1, 3)), forms, visible)
+    view = View(scene, forms, rx, ry, bayer)
     picture, depth = np.zeros((2, HEIGHT, WIDTH), np.float32)
     ident = np.full((HEIGHT, WIDTH), -1, np.int32)
-    render_tile_rows(0, rows, forms, np.flatnonzero(visible), bounds, rx, ry, scene, bayer, picture, depth, ident)
+    render_tile_rows(0, rows, view, np.flatnonzero(visible), bounds, picture, depth, ident)
     return visible, picture, depth, ident
 
 

@@ -5,9 +5,15 @@ import math
 import numpy as np
 import pytest
 
+from vsx_ros.kernels.occupancy.ground_cells import Lattice
+from vsx_ros.kernels.occupancy.ground_map import PolarScans
 from vsx_ros.kernels.occupancy.scan_casting import cast, count_free, half_bearings, scan_corners
 
 N_BEARINGS = 120
+
+
+def scans_of(positions, headings, free, hit=None):
+    return PolarScans(positions, headings, free, free, *[np.zeros(0, np.float32) if hit is None else hit] * 2)
 
 
 def middles(rows, columns, resolution, origin):
@@ -24,7 +30,7 @@ def test_a_scan_that_is_free_all_around_counts_the_cells_of_its_disc_once():
     positions, headings = np.array([[0.13, 0.07, 0.5], [0.4, -0.3, 0.5]]), np.array([[1.0, 0.0], [0.6, 0.8]])
     reach, resolution, origin = np.array([0.9, 0.6]), 0.05, (-1.0, -1.0)
     free = np.repeat(reach[:, None], N_BEARINGS, axis=1).astype(np.float32)
-    votes = count_free(positions, headings, free, 44, 40, resolution, *origin)
+    votes = count_free(scans_of(positions, headings, free), Lattice(44, 40, resolution, *origin))
     at = middles(44, 40, resolution, origin)
     distance = np.linalg.norm(at[:, :, None] - positions[:, :2], axis=-1)
     assert votes.dtype == np.int32
@@ -62,7 +68,7 @@ def test_rays_are_shared_near_the_camera_as_far_as_all_their_bins_are_free():
             if 0 <= row < 34 and 0 <= column < 32:
                 expected[row, column] += 1
     headings = np.column_stack([np.cos(angle), np.sin(angle)])
-    votes = count_free(positions, headings, free, 34, 32, resolution, *origin)
+    votes = count_free(scans_of(positions, headings, free), Lattice(34, 32, resolution, *origin))
     assert 200 < (expected > 0).sum() < 1000
     assert np.array_equal(votes, expected)
 
@@ -92,5 +98,5 @@ def test_corners_hold_cameras_ends_of_scans_and_hits():
     bearing = angle[:, None] + (np.arange(8) + 0.5) * 2.0 * math.pi / 8
     ends = positions[:, None, :2] + free[..., None] * np.stack([np.cos(bearing), np.sin(bearing)], axis=-1)
     known = np.vstack([positions[:, :2], ends[free > 0.0], points[[4, 2], :2]])
-    corners = scan_corners(positions, headings, free, points, seen, hit)
+    corners = scan_corners(scans_of(positions, headings, free, hit), points, seen)
     assert np.allclose(corners, [known.min(axis=0), known.max(axis=0)])

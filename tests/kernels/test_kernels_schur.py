@@ -10,6 +10,17 @@ from vsx_ros.kernels.slam.relative_pose import no_factors
 N, M = 4, 30
 
 
+def observed(start, frame):
+    n = len(frame)
+    return schur.Observations(
+        start, np.repeat(np.arange(len(start) - 1), np.diff(start)), frame, np.zeros((n, 2)), np.ones(n)
+    )
+
+
+def linearised(V, gp, W):
+    return schur.Blocks(np.zeros((N, 6, 6)), np.zeros((N, 6)), V, gp, W, np.zeros((len(V), 6)))
+
+
 def test_step_is_that_of_the_whole_system():
     rng, damping = np.random.default_rng(0), 1e-3
     free = np.array([-1, 0, 1, 2, 3])
@@ -31,27 +42,27 @@ def test_step_is_that_of_the_whole_system():
     damped = whole + np.diag(damping * np.diag(whole) + np.r_[np.full(6 * N, 1e-9), np.full(3 * M, 1e-12)])
     expected = np.linalg.solve(damped, down)
 
-    pattern = schur.pattern_of(free, start, frame, no_factors().a, no_factors().b)
+    pattern = schur.pattern_of(free, observed(start, frame), no_factors().a, no_factors().b)
     at = pattern.number[1:]
     W = np.einsum("oir,oik->ork", B, A)
     W[outlier] = np.nan
     V = np.array([whole[6 * N + 3 * p :, 6 * N + 3 * p :][:3, :3][np.triu_indices(3)] for p in range(M)])
     gp, b = down[6 * N :].reshape(M, 3), np.zeros((N, 6))
-    blocks, L = np.zeros((len(pattern.column), 6, 6)), np.zeros((M, 6))
+    blocks, linear = np.zeros((len(pattern.column), 6, 6)), linearised(V, gp, W)
     for f in range(N):
         blocks[pattern.begin[at[f]]] = damped[6 * f : 6 * f + 6, 6 * f : 6 * f + 6]
         b[at[f]] = down[6 * f : 6 * f + 6]
-    schur.reduce_points(pattern, start, frame, V, gp, W, damping, blocks, b, L)
+    schur.reduce_points(pattern, observed(start, frame), linear, damping, blocks, b)
     assert frontal.solve(blocks, pattern.begin, pattern.column, pattern.entry, pattern.extent, b)
     points, moved = rng.normal(size=(M, 3)), np.empty((M, 3))
-    schur.back_substitute(pattern.number, start, frame, gp, W, L, b, points, moved)
+    schur.back_substitute(pattern.number, observed(start, frame), linear, b, points, moved)
     assert b[at].ravel() == pytest.approx(expected[: 6 * N], rel=1e-6, abs=1e-9)
     assert (moved - points).ravel() == pytest.approx(expected[6 * N :], rel=1e-6, abs=1e-9)
 
 
 def test_pattern_has_blocks_where_points_or_factors_tie_frames():
-    start, frame = np.array([0, 2, 5]), np.array([0, 1, 1, 2, 3])
-    pattern = schur.pattern_of(np.array([-1, 0, 1, 2, 3]), start, frame, np.array([3]), np.array([4]))
+    seen = observed(np.array([0, 2, 5]), np.array([0, 1, 1, 2, 3]))
+    pattern = schur.pattern_of(np.array([-1, 0, 1, 2, 3]), seen, np.array([3]), np.array([4]))
     tied = {
         (min(a, b), max(a, b)) for a, b in ((1, 2), (1, 3), (2, 3), (3, 4)) for a, b in [sorted(pattern.number[[a, b]])]
     }
@@ -62,11 +73,11 @@ def test_pattern_has_blocks_where_points_or_factors_tie_frames():
 
 
 def test_a_point_without_inliers_stays():
-    pattern = schur.pattern_of(np.array([-1, 0]), np.array([0, 2]), np.array([0, 1]), *no_factors()[:2])
-    W, L, b = np.full((2, 3, 6), np.nan), np.zeros((1, 6)), np.ones((1, 6))
+    seen = observed(np.array([0, 2]), np.array([0, 1]))
+    pattern = schur.pattern_of(np.array([-1, 0]), seen, *no_factors()[:2])
+    b, linear = np.ones((1, 6)), linearised(np.zeros((1, 6)), np.zeros((1, 3)), np.full((2, 3, 6), np.nan))
     blocks, points, moved = np.eye(6)[None].copy(), np.array([[1.0, 2.0, 3.0]]), np.empty((1, 3))
-    zero = np.zeros((1, 6)), np.zeros((1, 3))
-    schur.reduce_points(pattern, np.array([0, 2]), np.array([0, 1]), *zero, W, 1e-4, blocks, b, L)
-    schur.back_substitute(pattern.number, np.array([0, 2]), np.array([0, 1]), zero[1], W, L, b, points, moved)
+    schur.reduce_points(pattern, seen, linear, 1e-4, blocks, b)
+    schur.back_substitute(pattern.number, seen, linear, b, points, moved)
     assert (blocks[0] == np.eye(6)).all()
     assert (moved == points).all()

@@ -5,22 +5,23 @@ import math
 import numpy as np
 import pytest
 
+from vsx_ros.kernels.occupancy.clearance import DistanceField
 from vsx_ros.kernels.planning.lattice import reverse_run, word_is_free
 from vsx_ros.kernels.planning.motions import BENDS, MOTIONS, SIGNS, arc_places, places_are_free
-from vsx_ros.kernels.planning.primitives import cone, grow
-from vsx_ros.kernels.planning.reeds_shepp import MAX_WORDS, SEGMENTS, advance
-from vsx_ros.kernels.planning.shortcuts import random_unit, shorten, shortest_word, way_cost
+from vsx_ros.kernels.planning.primitives import Grown, cone, grow
+from vsx_ros.kernels.planning.reeds_shepp import advance, room_for, shortest_word
+from vsx_ros.kernels.planning.shortcuts import random_unit, shorten, way_cost
 
 PHI, MAX_REVERSE_M = 1.0, 1.5
 START, GOAL = np.array([1.0, 1.0, 0.3]), np.array([4.2, 4.4, 1.9])
-OPEN = np.full((50, 50), 1.0), 0.1, 0.0, 0.0
+OPEN = DistanceField(np.full((50, 50), 1.0), 0.1, 0.0, 0.0)
 """A margin of 1 m everywhere on 5 x 5 m."""
 
 
 def walled():
     """A wall at x = 2.5 m, open above y = 3.5 m; the margin falls to it with slope one."""
     row, column = np.mgrid[:50, :50] * 0.1 + 0.05
-    return np.hypot(column - 2.5, np.maximum(0.0, row - 3.5)) - 0.15, 0.1, 0.0, 0.0
+    return DistanceField(np.hypot(column - 2.5, np.maximum(0.0, row - 3.5)) - 0.15, 0.1, 0.0, 0.0)
 
 
 def driven(start, turns, lengths):
@@ -64,10 +65,10 @@ def test_places_are_those_of_the_arcs_at_every_heading():
 
 def test_an_arc_is_free_where_no_place_of_it_is_in_the_wall():
     field, arcs = walled(), arc_places(8, 0.0, 0.4, PHI, 0.1)
-    assert places_are_free(*field, 1.5, 1.0, arcs[0, 0], 0.4)
-    assert not places_are_free(*field, 2.2, 1.0, arcs[0, 0], 0.4)  # its end is in the wall
-    assert not places_are_free(*field, 2.3, 1.0, arcs[0, 0] * 1.5, 0.6)  # only its middle is
-    assert places_are_free(*field, 2.3, 4.2, arcs[0, 0] * 1.5, 0.6)
+    assert places_are_free(field, 1.5, 1.0, arcs[0, 0], 0.4)
+    assert not places_are_free(field, 2.2, 1.0, arcs[0, 0], 0.4)  # its end is in the wall
+    assert not places_are_free(field, 2.3, 1.0, arcs[0, 0] * 1.5, 0.6)  # only its middle is
+    assert places_are_free(field, 2.3, 4.2, arcs[0, 0] * 1.5, 0.6)
 
 
 @pytest.mark.parametrize(("a", "d", "b"), [(0.4, 1.1, 0.7), (0.0, -0.6, 0.2), (1.5, 2.4, 0.3)])
@@ -84,19 +85,18 @@ def test_the_longest_run_in_reverse_passes_over_nothing():
 
 def test_a_word_is_as_free_as_its_arcs():
     turns, straight = np.array([1, 0, -1, 0, 0]), np.array([0.5, 2.0, 0.5, 0.0, 0.0])
-    assert word_is_free(*OPEN, *START, turns, straight, PHI)
-    assert not word_is_free(*walled(), *START, turns, straight, PHI)
-    assert word_is_free(*walled(), *START, turns, 0.3 * straight, PHI)
+    assert word_is_free(OPEN, *START, turns, straight, PHI)
+    assert not word_is_free(walled(), *START, turns, straight, PHI)
+    assert word_is_free(walled(), *START, turns, 0.3 * straight, PHI)
 
 
 def by_way_of(*poses):
     """Turns and lengths of the shortest words from each pose to the next."""
     way = []
     for a, b in zip(poses, poses[1:]):
-        work = np.zeros((MAX_WORDS, SEGMENTS), int), np.zeros((MAX_WORDS, SEGMENTS))
-        turns, lengths = np.zeros(SEGMENTS, int), np.zeros(SEGMENTS)
-        shortest_word(a, b, PHI, *work, turns, lengths)
-        way += zip(turns.tolist(), (lengths / PHI).tolist())
+        word = room_for(1)
+        shortest_word(a, b, PHI, word)
+        way += zip(word.turns[0].tolist(), (word.lengths[0] / PHI).tolist())
     turns, lengths = zip(*[segment for segment in way if segment[1] != 0.0])
     return np.array(turns), np.array(lengths)
 
@@ -104,12 +104,12 @@ def by_way_of(*poses):
 @pytest.mark.parametrize("field", [OPEN, walled()], ids=["open", "walled"])
 def test_shortcuts_lead_to_the_goal_over_free_ground(field):
     turns, lengths = by_way_of(START, np.array([1.0, 3.5, 2.0]), np.array([2.5, 4.4, 0.0]), GOAL)
-    short = shorten(*field, START, turns, lengths, PHI, MAX_REVERSE_M, 0.2, np.uint64(3), 40)
+    short = shorten(field, START, turns, lengths, PHI, MAX_REVERSE_M, 0.2, np.uint64(3), 40)
     for way in ((turns, lengths), short):
         places = driven(START, *way)
         assert is_at(places[-1], GOAL)
         for place, turn, length in zip(places, *way):
-            assert word_is_free(*field, *place, np.array([turn, 0, 0, 0, 0]), np.array([length, 0, 0, 0, 0.0]), PHI)
+            assert word_is_free(field, *place, np.array([turn, 0, 0, 0, 0]), np.array([length, 0, 0, 0, 0.0]), PHI)
     assert way_cost(short[1], 0.2) < way_cost(lengths, 0.2)
     assert reverse_run(short[1]) <= max(MAX_REVERSE_M, reverse_run(lengths)) + 1e-9
 
@@ -121,10 +121,10 @@ def test_a_way_costs_its_length_and_its_cusps():
 def test_primitives_grow_from_their_parents_over_free_ground():
     field, n = walled(), 400
     poses, parents = np.zeros((n, 3)), np.full(n, -1)
-    bends, signs, runs = np.zeros(n), np.zeros(n), np.zeros(n)
-    poses[0] = START
-    given = poses, parents, bends, signs, runs, 1, np.array([5], np.uint64)
-    size, winner = grow(*field, np.flatnonzero(field[0] > 0.0), GOAL, PHI, 0.3, MAX_REVERSE_M, *given)
+    bends, signs, runs = np.zeros((3, n))
+    poses[0], tree = START, Grown(poses, parents, bends, signs, runs)
+    cells = np.flatnonzero(field.values > 0.0)
+    size, winner = grow(field, cells, GOAL, PHI, 0.3, MAX_REVERSE_M, tree, 1, np.array([5], np.uint64))
     assert 1 < size <= n
     assert winner in (-1, size - 1)
     for k in range(1, size):

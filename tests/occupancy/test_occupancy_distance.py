@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vsx_ros.occupancy.distance import DistanceField, clearance_field, travel_distance, with_fringe
+from vsx_ros.kernels.occupancy.clearance import DistanceField
+from vsx_ros.occupancy.distance import clearance_field, travel_distance, with_fringe
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
 

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from vsx_ros.geometry.se2 import SE2, wrap_angle
 from vsx_ros.kernels.planning.reeds_shepp import (
-    MAX_WORDS,
     SEGMENTS,
     TABLE_HEADINGS,
     TABLE_STEP,
@@ -24,16 +23,10 @@ coordinate = st.floats(-6.0, 6.0)
 angle = st.floats(-math.pi, math.pi)
 
 
-def words(x: float, y: float, theta: float) -> tuple[np.ndarray, np.ndarray]:
-    turns, lengths = np.zeros((MAX_WORDS, SEGMENTS), np.int64), np.zeros((MAX_WORDS, SEGMENTS))
-    n = reeds_shepp_words(x, y, theta, turns, lengths)
-    return turns[:n], lengths[:n]
-
-
 @given(coordinate, coordinate, angle)
 @settings(max_examples=200)
 def test_every_word_ends_on_the_goal(x, y, theta):
-    turns, lengths = words(x, y, theta)
+    turns, lengths = reeds_shepp_words(x, y, theta)
     assert len(turns) >= 1
     for turn, length in zip(turns, lengths):
         pose = (0.0, 0.0, 0.0)

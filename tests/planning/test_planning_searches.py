@@ -8,7 +8,7 @@ from walled_rooms import with_wall
 
 from vsx_ros.config import PlannerConfig, RobotConfig
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.occupancy.distance import DistanceField
+from vsx_ros.kernels.occupancy.clearance import DistanceField
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
 from vsx_ros.planning.coarse_path import coarse_lattice, is_stuck, search_lattice_back
 from vsx_ros.planning.corridor import Corridor, build_corridor

@@ -24,7 +24,7 @@ class Create2Dialect(CreateDialect):
 
     def __init__(self, linear_scale: float = 1.0, angular_scale: float = 1.0) -> None:
         super().__init__(protocol.CREATE_2)
-        self.odometry = EncoderOdometry(linear_scale, angular_scale)
+        self.odometry: EncoderOdometry = EncoderOdometry(linear_scale, angular_scale)
         self._parser = protocol.StreamParser()
         self._refused = 0
 
@@ -56,7 +56,7 @@ class Create1Dialect(CreateDialect):
 
     def __init__(self, linear_scale: float = 1.0, angular_scale: float = 1.0) -> None:
         super().__init__(protocol.CREATE_1)
-        self.odometry = DistanceOdometry(linear_scale, angular_scale)
+        self.odometry: DistanceOdometry = DistanceOdometry(linear_scale, angular_scale)
         self._gyro = BoardGyro()
         self._gyro_heading_rad = 0.0
         self._gyro_ns = 0

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import FloatArray, Points3
 from vsx_ros.dense.densify import DenseMap
 from vsx_ros.dense.planes import Plane
-from vsx_ros.occupancy.surfaces import Surfaces
+from vsx_ros.kernels.occupancy.ground_map import Surfaces
 from vsx_ros.slam.snapshot import MapSnapshot
 
 _QUARTERS = np.array([[-0.25, -0.25], [-0.25, 0.25], [0.25, -0.25], [0.25, 0.25]])

@@ -9,12 +9,13 @@ import numpy as np
 from vsx_ros.arrays import IntArray, Points3
 from vsx_ros.config import DenseConfig
 from vsx_ros.dense.cells import Cells
-from vsx_ros.dense.photoconsistency import KeyframeImages, Views
+from vsx_ros.dense.photoconsistency import KeyframeImages
 from vsx_ros.dense.plane_finding import PlaneFinder
 from vsx_ros.dense.planes import Plane, PlaneKind
 from vsx_ros.dense.surface import Surface, moved
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
+from vsx_ros.kernels.dense.view_choice import Views
 from vsx_ros.slam.snapshot import MapSnapshot
 
 _UNSETTLED = 2

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.config import DenseConfig
-from vsx_ros.dense.photoconsistency import Views
 from vsx_ros.dense.planes import Plane
 from vsx_ros.kernels.dense import floor_contact as kernels
+from vsx_ros.kernels.dense.view_choice import Views
 
 _STRIPS_M = (0.025, 0.01, 0.05, 0.02, 0.08)
 _SHIFTS_M = np.array([0.0, -0.3, -0.2, 0.2, 0.3])
@@ -41,13 +41,10 @@ def floor_contact(views: Views, plane: Plane, columns: IntArray, config: DenseCo
     feet -= np.outer(feet[:, 2] / plane.axes[1, 2], plane.axes[1])
     front = plane.normal * np.array([1.0, 1.0, 0.0])
     front /= float(np.linalg.norm(front))
-    limits = (
-        config.min_range_m, config.max_range_m, _GRAZING_COSINE, config.contact_contrast, _MAX_VIEWS,
-    )  # fmt: skip
+    limits = (config.min_range_m, config.max_range_m, _GRAZING_COSINE, config.contact_contrast, _MAX_VIEWS)
     seen, steps, reference = kernels.contact_steps(
-        views.store, views.table, views.K, views.R, views.t, views.centres, views.slots, feet, front,
-        np.ascontiguousarray(plane.axes[0]), _STRIPS_M, _SHIFTS_M, limits,
-    )  # fmt: skip
+        views, feet, front, np.ascontiguousarray(plane.axes[0]), _STRIPS_M, _SHIFTS_M, limits
+    )
     size = np.abs(steps)
     peak = size[:, 0] >= size[:, 1:].max(axis=1, initial=0.0) - _SHIFT_TOLERANCE
     touches = (seen >= config.contact_min_views) & (size[:, 0] >= config.contact_step) & peak

@@ -14,10 +14,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import FloatArray, GrayImage, IntArray, Points3
+from vsx_ros.arrays import FloatArray, GrayImage, Points3
 from vsx_ros.config import DenseConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.kernels.dense import surface_cells as kernels
+from vsx_ros.kernels.dense.view_choice import Views
 from vsx_ros.slam.snapshot import MapSnapshot
 
 _STORE_WIDTH_PX = 320
@@ -25,30 +26,6 @@ _RIVAL_DEPTHS = np.array([0.65, 0.8, 1.2, 1.5])
 _ENOUGH_PARALLAX_DEG = 8.0
 _APART_DEG = 1.0
 _HOPELESS_ZNCC = 0.5
-
-
-class Views(NamedTuple):
-    """Keyframes to look at cells in. ids (K,), R (K, 3, 3) and t (K, 3): T_cam_world, centres (K, 3) world, slots (K,)
-    of the images; the images as kernels/dense/surface_cells.py describes."""
-
-    ids: IntArray
-    R: FloatArray
-    t: FloatArray
-    centres: Points3
-    slots: NDArray[np.int64]
-    store: NDArray[np.uint8]
-    table: NDArray[np.int64]
-    K: FloatArray
-
-    def at(self, rows: IntArray) -> Views:
-        """Only some of them."""
-        return self._replace(
-            ids=self.ids[rows],
-            R=self.R[rows],
-            t=self.t[rows],
-            centres=self.centres[rows],
-            slots=self.slots[rows],
-        )
 
 
 class Judgement(NamedTuple):
@@ -128,8 +105,7 @@ def judge(views: Views, frame: FloatArray, centres: Points3, config: DenseConfig
     enough = 1.0 - math.cos(math.radians(_ENOUGH_PARALLAX_DEG))
     limits = (config.min_range_m * unit, config.max_range_m * unit, steep, least, most, apart, enough)
     texture, score, rival, counts, reference = kernels.judge_cells(
-        views.store, views.table, views.K, views.R, views.t, views.centres, views.slots,
-        frame, centres, 0.5 * config.patch_m * unit, limits, (config.min_texture, _HOPELESS_ZNCC), _RIVAL_DEPTHS,
-    )  # fmt: skip
+        views, frame, centres, 0.5 * config.patch_m * unit, limits, (config.min_texture, _HOPELESS_ZNCC), _RIVAL_DEPTHS
+    )
     ids = np.append(views.ids, -1)
     return Judgement(texture, score, rival, counts, ids[reference].astype(np.int64))

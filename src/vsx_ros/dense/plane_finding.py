@@ -9,11 +9,11 @@ import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points3
 from vsx_ros.config import PlanesConfig
-from vsx_ros.dense.observed_points import ObservedPoints, observed_points
-from vsx_ros.dense.plane_fitting import Attitude, Fit, Noise, on_plane
+from vsx_ros.dense.plane_fitting import Attitude, Fit, on_plane
 from vsx_ros.dense.plane_merging import Found, merged
 from vsx_ros.dense.plane_tiles import noise_of, planes_of_tile
 from vsx_ros.dense.planes import Plane, PlaneKind, in_plane_axes, kind_of
+from vsx_ros.kernels.dense.planes import Noise, ObservedPoints, point_information
 from vsx_ros.slam.snapshot import MapSnapshot
 
 _MOVED_M = 0.01
@@ -139,6 +139,20 @@ class PlaneFinder:
         extent = _extent(points.world[floor] @ axes.T)
         covariance = np.diag([_FLOOR_TILT_SIGMA_RAD, _FLOOR_TILT_SIGMA_RAD, _FLOOR_OFFSET_SIGMA_M]) ** 2
         return Plane(_FLOOR_ID, normal, 0.0, covariance, PlaneKind.FLOOR, axes, extent, np.flatnonzero(floor))
+
+
+def observed_points(snapshot: MapSnapshot, focal_px: float, noise_px: float) -> ObservedPoints:
+    """All points of the snapshot, row by row. noise_px: standard deviation of an observation at level 0."""
+    world = np.ascontiguousarray(snapshot.points_world)
+    centres = np.array([T.translation for T in snapshot.T_world_cams]).reshape(-1, 3)
+    noise = np.asarray(noise_px / focal_px * 2.0**snapshot.obs_level, np.float64)
+    information, rays, distances = point_information(world, centres, snapshot.obs_keyframe, snapshot.obs_point, noise)
+    # Observations along one ray leave the depth open: it is then known to 10 m, no worse.
+    covariances = np.asarray(np.linalg.inv(information + 1e-2 * np.eye(3)), np.float64)
+    views = rays / np.maximum(np.linalg.norm(rays, axis=1), 1e-9)[:, None]
+    sigma = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
+    ranges = distances[:, 1] / np.maximum(distances[:, 0], 1.0)
+    return ObservedPoints(snapshot.point_ids, world, covariances, views, sigma, ranges)
 
 
 def _rows_of(ids: IntArray, among: IntArray) -> IntArray:

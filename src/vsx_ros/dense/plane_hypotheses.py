@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from vsx_ros.arrays import FloatArray, IntArray
-from vsx_ros.dense.observed_points import ObservedPoints
 from vsx_ros.dense.plane_fitting import Attitude
-from vsx_ros.kernels.dense.planes import first_accepted
+from vsx_ros.kernels.dense.planes import ObservedPoints, first_accepted
 
 _TRIES = 24
 _LEVEL_SHARE = 0.1
@@ -21,9 +20,7 @@ def _partners(
     """(M,) for each point another one at a distance d with probability exp(-d^2 / sigma^2), farther away than its
     noise; -1 where none was drawn. across: how many coordinates the least distance counts."""
     candidates = rng.integers(len(points.world), size=(len(first), _TRIES))
-    return first_accepted(
-        points.world, points.sigma, first, candidates, rng.random(candidates.shape), across, sigma_m, apart_m
-    )
+    return first_accepted(points, first, candidates, rng.random(candidates.shape), across, sigma_m, apart_m)
 
 
 def _facing(points: ObservedPoints, normals: FloatArray, through: list[IntArray]) -> FloatArray:

@@ -8,11 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray
-from vsx_ros.dense.observed_points import ObservedPoints
-from vsx_ros.dense.plane_fitting import Fit, Noise, deviations, fit_plane, on_plane
+from vsx_ros.dense.plane_fitting import Fit, fit_plane, on_plane
 from vsx_ros.dense.plane_tiles import is_plane
 from vsx_ros.dense.planes import in_plane_axes
-from vsx_ros.kernels.dense.planes import beside, best_planes
+from vsx_ros.kernels.dense.planes import Noise, ObservedPoints, beside, best_planes, deviations
 
 _MAX_ANGLE_COS = math.cos(math.radians(12.0))
 _SAME_SHARE = 0.8
@@ -115,12 +114,9 @@ def _owners(groups: list[Found], points: ObservedPoints, min_points: int, noise:
         return []
     axes = np.array([in_plane_axes(group.fit.normal) for group in groups])
     boxes = np.array([_box(group, points, _MARGIN_M * unit) for group in groups])
-    planes = np.array([[*group.fit.normal, group.fit.offset] for group in groups])
+    planes = np.array([group.fit.plane for group in groups])
     order = np.argsort([len(group.rows) for group in groups], kind="stable")
-    owner = best_planes(
-        points.world, points.covariances, points.views, planes, axes, boxes, min_points, order,
-        (noise.floor, noise.gate, noise.limit),
-    )  # fmt: skip
+    owner = best_planes(points, planes, axes, boxes, min_points, order, noise)
     return [np.flatnonzero(owner == k) for k in range(len(groups))]
 
 
@@ -160,7 +156,7 @@ def _stands(found: Found, points: ObservedPoints, noise: Noise, unit: float) -> 
     own, beside = len(found.rows), _within(found, points)
     size = np.ptp(points.world[found.rows] @ in_plane_axes(found.fit.normal).T, axis=0) / unit
     if own < min(_MANY_POINTS, _DENSE_PER_M2 * size[0] * size[1]):
-        far = deviations(points, beside, found.fit.normal, found.fit.offset, noise._replace(limit=_AROUND_M * unit))
+        far = deviations(points, beside, found.fit.plane, noise._replace(limit=_AROUND_M * unit))
         if own < _ALONE_SHARE * np.isfinite(far).sum():
             return False
     return bool(own >= _MIN_OWN * on_plane(points, beside, found.fit, noise).sum())

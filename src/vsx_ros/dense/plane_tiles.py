@@ -8,10 +8,9 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import BoolArray, IntArray
 from vsx_ros.config import PlanesConfig
 from vsx_ros.dense.jlinkage import cluster
-from vsx_ros.dense.observed_points import ObservedPoints
-from vsx_ros.dense.plane_fitting import Attitude, Fit, Noise, fit_plane, on_plane
+from vsx_ros.dense.plane_fitting import Attitude, Fit, fit_plane, on_plane
 from vsx_ros.dense.plane_hypotheses import draw_hypotheses
-from vsx_ros.kernels.dense.planes import plane_preferences
+from vsx_ros.kernels.dense.planes import Noise, ObservedPoints, plane_preferences
 
 _PASSES = 2
 _VOXEL_M = 0.10
@@ -73,9 +72,7 @@ def _linked(
     hypotheses, attitudes = draw_hypotheses(
         chosen, config.hypotheses, upright, config.partner_sigma_m * unit, config.min_separation_m * unit, rng
     )
-    preferences = plane_preferences(
-        chosen.world, chosen.covariances, chosen.views, hypotheses, noise.floor, noise.gate, noise.limit
-    )
+    preferences = plane_preferences(chosen, hypotheses, noise)
     labels = cluster(preferences)
     sizes = np.bincount(labels[labels >= 0], minlength=1)
     fits = []

@@ -10,10 +10,11 @@ from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2, Points3
 from vsx_ros.config import DenseConfig
 from vsx_ros.dense.cells import CellKind, Cells
 from vsx_ros.dense.floor_contact import Contact, fill_heights, floor_contact, supported_runs
-from vsx_ros.dense.photoconsistency import Judgement, Views, judge
+from vsx_ros.dense.photoconsistency import Judgement, judge
 from vsx_ros.dense.planes import Plane, PlaneKind
 from vsx_ros.dense.region_growing import consistent, enclosed, grow_regions, refuted
 from vsx_ros.kernels.dense.surface_cells import count_passing
+from vsx_ros.kernels.dense.view_choice import Views
 
 _MARGIN_M = 0.3
 _BEHIND_M, _BEHIND_SHARE = 0.15, 0.08

@@ -71,15 +71,16 @@ def map_quality(estimate: OccupancyGrid, truth: OccupancyGrid, observable: BoolA
     estimated[occupied[:, 0], occupied[:, 1]] = True
     faces = observable & (truth.data == OCCUPIED)
     return MapQuality(
-        coverage=_share(known),
-        coverage_correct=_share(right),
-        occupied_precision=_share(to_obstacle[occupied[:, 0], occupied[:, 1]] <= TOLERANCE_M),
-        occupied_recall=_share(metres_to(estimated, truth)[faces] <= TOLERANCE_M),
-        free_inside_obstacle=_share(to_free[free[:, 0], free[:, 1]] > TOLERANCE_M),
+        coverage=share(known),
+        coverage_correct=share(right),
+        occupied_precision=share(to_obstacle[occupied[:, 0], occupied[:, 1]] <= TOLERANCE_M),
+        occupied_recall=share(metres_to(estimated, truth)[faces] <= TOLERANCE_M),
+        free_inside_obstacle=share(to_free[free[:, 0], free[:, 1]] > TOLERANCE_M),
     )
 
 
-def _share(hits: BoolArray) -> float | None:
+def share(hits: BoolArray) -> float | None:
+    """Of a mask that is set; None of nothing."""
     return float(np.mean(hits)) if hits.size else None
 
 

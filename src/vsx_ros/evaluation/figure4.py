@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 
@@ -12,36 +10,26 @@ from vsx_ros.evaluation.page import Section, figures, paragraph
 from vsx_ros.evaluation.svg import png_url
 
 
-@dataclass(frozen=True)
-class Figure4:
-    """points (N, 2): where map points were found in the image; planes (N,): of which plane each is, -1 for none.
-    cells (M, 4, 2): corners of what is surface, the farthest first; cell_planes (M,). facts: how it came about, in
-    words."""
-
-    image: GrayImage
-    points: Pixels
-    planes: IntArray
-    cells: FloatArray
-    cell_planes: IntArray
-    facts: str
-
-
-def section(figure: Figure4) -> Section:
-    """Its part of a page."""
-    of_plane = {plane: figure.points[figure.planes == plane] for plane in np.unique(figure.planes).tolist()}
+def section(
+    image: GrayImage, points: Pixels, planes: IntArray, cells: FloatArray, cell_planes: IntArray, facts: str
+) -> Section:
+    """Its part of a page. points (N, 2): where map points were found in the image; planes (N,): of which plane each is,
+    -1 for none. cells (M, 4, 2): corners of what is surface, the farthest first; cell_planes (M,). facts: how it came
+    about, in words."""
+    of_plane = {plane: points[planes == plane] for plane in np.unique(planes).tolist()}
     hulls = [
-        _area(plane, cv2.convexHull(points.astype(np.float32))[:, 0], 0.35)
-        for plane, points in of_plane.items()
-        if plane >= 0 and len(points) > 2
+        _area(plane, cv2.convexHull(own.astype(np.float32))[:, 0], 0.35)
+        for plane, own in of_plane.items()
+        if plane >= 0 and len(own) > 2
     ]
-    cells = [_area(plane, corners, 0.75) for plane, corners in zip(figure.cell_planes.tolist(), figure.cells)]
+    areas = [_area(plane, corners, 0.75) for plane, corners in zip(cell_planes.tolist(), cells)]
     pictures = [
-        ("(a) a keyframe", _over(figure.image, [])),
-        ("(b) map points found in it", _over(figure.image, [_dots(-1, figure.points)])),
-        ("(c) planes by J-linkage", _over(figure.image, hulls + [_dots(*item) for item in of_plane.items()])),
-        ("(d) what of them is surface, by points and photo-consistency", _over(figure.image, cells)),
+        ("(a) a keyframe", _over(image, [])),
+        ("(b) map points found in it", _over(image, [_dots(-1, points)])),
+        ("(c) planes by J-linkage", _over(image, hulls + [_dots(*item) for item in of_plane.items()])),
+        ("(d) what of them is surface, by points and photo-consistency", _over(image, areas)),
     ]
-    return Section("Figure 4: from points to planes to surface", paragraph(figure.facts) + figures(pictures))
+    return Section("Figure 4: from points to planes to surface", paragraph(facts) + figures(pictures))
 
 
 def _over(image: GrayImage, parts: list[str]) -> str:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray
-from vsx_ros.evaluation.coverage import TOLERANCE_M, metres_to, values_at
+from vsx_ros.evaluation.coverage import TOLERANCE_M, metres_to, share, values_at
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
@@ -73,18 +73,19 @@ def obstacle_quality(grid: OccupancyGrid, truth: OccupancyGrid, faces: BoolArray
     to_obstacle, to_free = metres_to(truth.data == OCCUPIED, truth), metres_to(truth.data == FREE, truth)
     occupied, free = values == OCCUPIED, values == FREE
     wrong = occupied & (to_obstacle > TOLERANCE_M) & (truth.data == FREE)
+    in_gaps = values[narrow_gaps(truth)]
     near = metres_to(occupied, truth)[faces] <= TOLERANCE_M
     precision = 1.0 - float(wrong.sum()) / float(occupied.sum()) if occupied.any() else None
-    recall = float(near.mean()) if near.size else None
+    recall = share(near)
     total = (precision or 0.0) + (recall or 0.0)
     return ObstacleQuality(
         precision,
         recall,
         2.0 * (precision or 0.0) * (recall or 0.0) / total if total > 0.0 else None,
-        float(free[faces].mean()) if near.size else None,
-        float((to_free[free] > TOLERANCE_M).mean()) if free.any() else None,
+        share(free[faces]),
+        share(to_free[free] > TOLERANCE_M),
         float(wrong.sum()) * truth.resolution**2,
-        _share_free(values[narrow_gaps(truth)]),
+        share(in_gaps[in_gaps != UNKNOWN] == FREE),
     )
 
 
@@ -100,11 +101,6 @@ def narrow_gaps(truth: OccupancyGrid) -> BoolArray:
 
     gaps: BoolArray = filled_by(0.5 * MAX_GAP_M) & ~filled_by(0.5 * MIN_GAP_M) & (truth.data == FREE)
     return gaps & (apart > TOLERANCE_M + truth.resolution)
-
-
-def _share_free(values: IntArray) -> float | None:
-    known = values != UNKNOWN
-    return float((values[known] == FREE).mean()) if known.any() else None
 
 
 def on_truth(grid: OccupancyGrid, truth: OccupancyGrid, T_truth_map: SE2) -> IntArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -41,7 +42,7 @@ def find_breaks(
                 breaks.append(Break(result.stamp_ns, jump))
         last = result.T_world_cam, expected, epoch
     if last is not None and results[-1].state is TrackingState.LOST:
-        since = next(r for r, after in zip(results, _suffix_lost(results)) if after)
+        since = list(itertools.takewhile(lambda result: result.state is TrackingState.LOST, reversed(results)))[-1]
         breaks.append(Break(since.stamp_ns, f"lost for good: {since.reason}"))
     return breaks
 
@@ -54,12 +55,3 @@ def _jump(moved: SE3, expected: SE3) -> str:
     if metres > MAX_JUMP_M or degrees > MAX_JUMP_DEG:
         return f"the pose jumped {metres:.2f} m and {degrees:.1f} deg against odometry"
     return ""
-
-
-def _suffix_lost(results: Sequence[TrackingResult]) -> list[bool]:
-    """For each frame, whether it and all later ones are lost."""
-    lost, suffix = True, []
-    for result in reversed(results):
-        lost = lost and result.state is TrackingState.LOST
-        suffix.append(lost)
-    return suffix[::-1]

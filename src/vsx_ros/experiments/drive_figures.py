@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from vsx_ros.arrays import FloatArray
 from vsx_ros.errors import InputError
 from vsx_ros.evaluation.map_view import map_view, window_around
 from vsx_ros.evaluation.page import Section, figures, paragraph, table
@@ -16,6 +15,7 @@ from vsx_ros.experiments.table1 import Drives, faults, faults_table
 from vsx_ros.experiments.trackers import PAPER
 from vsx_ros.planning.path import Plan
 from vsx_ros.runs.world import open_world
+from vsx_ros.sim.placement import gap_to_walls
 
 _AROUND_M = 1.2
 
@@ -81,17 +81,8 @@ def deviation(planned: Sequence[Sequence[float]], estimate: Sequence[Sequence[fl
     mount = CONFIG.robot.mount
     c, s = np.cos(theta), np.sin(theta)
     camera = np.column_stack([x + c * mount.forward_m - s * mount.left_m, y + s * mount.forward_m + c * mount.left_m])
-    far = _distances(tracked, camera)
+    far = gap_to_walls(np.hstack([camera, np.vstack([camera[1:], camera[-1:]])]), tracked)
     return {"rms_m": float(np.sqrt(np.mean(far**2))), "max_m": float(far.max()), "tracked_share": share}
-
-
-def _distances(points: FloatArray, way: FloatArray) -> FloatArray:
-    """(N,) from (N, 2) points to the nearest point of a way of (M, 2) corners."""
-    begin, along = way, np.diff(way, axis=0, append=way[-1:])
-    square = np.maximum(np.sum(along**2, axis=1), 1e-12)
-    share = np.clip(np.sum((points[:, None] - begin) * along, axis=2) / square, 0.0, 1.0)
-    far: FloatArray = np.linalg.norm(begin + share[:, :, None] * along - points[:, None], axis=2).min(axis=1)
-    return far
 
 
 def _deviations(rows: Sequence[dict[str, Any]]) -> str:

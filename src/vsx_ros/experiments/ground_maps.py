@@ -12,7 +12,6 @@ from vsx_ros.config import Config
 from vsx_ros.dense.densify import DenseMap, Densifier
 from vsx_ros.dense.planes import PlaneKind
 from vsx_ros.errors import InputError
-from vsx_ros.evaluation.figure4 import Figure4
 from vsx_ros.evaluation.figure4 import section as surface_section
 from vsx_ros.evaluation.figure5 import Figure5
 from vsx_ros.evaluation.figure5 import section as maps_section
@@ -77,8 +76,8 @@ def figure4(world: str, seed: int, limit_s: float) -> tuple[Section, dict[str, A
     shown = snapshot.obs_keyframe == keyframe
     cells, planes = _cells_before(camera, snapshot.T_world_cams[keyframe], dense, config.cell_m)
     points = of_point[snapshot.obs_point[shown]]
-    figure = Figure4(snapshot.images[keyframe], snapshot.obs_uv[shown], points, cells, planes, words)
-    return surface_section(figure), {"facts": words, **numbers}
+    section = surface_section(snapshot.images[keyframe], snapshot.obs_uv[shown], points, cells, planes, words)
+    return section, {"facts": words, **numbers}
 
 
 def _explored(world: str, seed: int, limit_s: float) -> tuple[FastRun, str]:

@@ -1,4 +1,4 @@
-"""Ground floor: compiled loops over plain arrays and scalars. No classes, no files, no clock.
+"""Ground floor: compiled loops over arrays and scalars, and named tuples of them. No files, no clock.
 
 Every kernel is decorated with ``kernel``: cached on disk, free of Python's global lock, IEEE arithmetic
 (no fastmath), so the same input gives the same bits.

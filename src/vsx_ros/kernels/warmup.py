@@ -7,14 +7,17 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import Int32Array, IntArray
 from vsx_ros.kernels.dense import floor_contact, jlinkage, plane_fits, planes, surface_cells
+from vsx_ros.kernels.dense.view_choice import Views
 from vsx_ros.kernels.geometry import projection
 from vsx_ros.kernels.occupancy import clearance, ground_cells, ground_map, scan_casting, visibility
 from vsx_ros.kernels.occupancy.wavefront import wavefront
-from vsx_ros.kernels.planning import curves, flood, lattice, reeds_shepp, reeds_shepp_table, shortcuts
+from vsx_ros.kernels.planning import curves, flood, lattice, motions, reeds_shepp, reeds_shepp_table, shortcuts
 from vsx_ros.kernels.slam import bundle, epipolar, pose, pose_graph, tracking
 from vsx_ros.kernels.slam.floor import no_floor
 from vsx_ros.kernels.slam.relative_pose import Factors
-from vsx_ros.kernels.vision import alignment, search, warping
+from vsx_ros.kernels.slam.schur import Observations
+from vsx_ros.kernels.vision import alignment, search
+from vsx_ros.kernels.vision.patches import Target
 
 
 def warm_up() -> None:
@@ -29,30 +32,30 @@ def warm_up() -> None:
 
 
 def _planes() -> None:
-    points, one = np.array([[2.0, 0.0, 0.3]]), np.zeros(1, np.int64)
-    _, rays, _ = planes.point_information(points, np.zeros((1, 3)), one, one, np.ones(1))
-    wall = np.array([-1.0, 0.0, 0.0, -2.0])
-    covariances = np.eye(3)[None].copy()
-    planes.deviations(points, covariances, rays, one, wall, 0.01, 0.1)
+    world, one = np.array([[2.0, 0.0, 0.3]]), np.zeros(1, np.int64)
+    _, rays, _ = planes.point_information(world, np.zeros((1, 3)), one, one, np.ones(1))
+    points = planes.ObservedPoints(one, world, np.eye(3)[None].copy(), rays, np.ones(1), np.ones(1))
+    wall, noise = np.array([-1.0, 0.0, 0.0, -2.0]), planes.Noise(0.01, 2.5, 0.1)
+    planes.deviations(points, one, wall, noise)
     axes, boxes = np.eye(3)[:2][None].copy(), np.array([[np.zeros(2), np.ones(2)]])
-    planes.best_planes(points, covariances, rays, wall[None], axes, boxes, 1, one, (0.01, 2.5, 0.1))
-    planes.beside(points, np.eye(3)[:2], np.zeros(2), np.ones(2))
-    plane_fits.fit_plane(points, covariances, one, wall[:3], 0, 0.01, 5.0, 4)
-    planes.first_accepted(points, np.ones(1), one, one[None], np.ones((1, 1)), 2, 0.8, 0.1)
-    jlinkage.agglomerate(planes.plane_preferences(points, covariances, rays, wall[None], 0.01, 2.5, 0.1))
+    planes.best_planes(points, wall[None], axes, boxes, 1, one, noise)
+    planes.beside(world, np.eye(3)[:2], np.zeros(2), np.ones(2))
+    plane_fits.fit_plane(points, one, wall[:3], 0, 0.01, 5.0, 4)
+    planes.first_accepted(points, one, one[None], np.ones((1, 1)), 2, 0.8, 0.1)
+    jlinkage.agglomerate(planes.plane_preferences(points, wall[None], noise))
 
 
 def _surfaces() -> None:
-    table = np.array([[0, 8, 8]] * surface_cells.LEVELS)
-    views = np.zeros((1, 64), np.uint8), table, np.array([8.0, 8.0, 3.5, 3.5]), np.eye(3)[None], np.zeros((1, 3))
     eye, place, one = np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]), np.zeros(1, np.int64)
+    pixels, table = np.zeros((1, 64), np.uint8), np.array([[0, 8, 8]] * surface_cells.LEVELS)
+    views = Views(one, np.eye(3)[None], eye, eye, one, pixels, table, np.array([8.0, 8.0, 3.5, 3.5]))
     frame = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
     limits = (0.4, 4.5, 0.2, 0.999, 0.9, 0.9999, 0.01)
-    surface_cells.judge_cells(*views, eye, one, frame, place, 0.06, limits, (1.0, 0.5), np.array([0.8, 1.2]))
+    surface_cells.judge_cells(views, frame, place, 0.06, limits, (1.0, 0.5), np.array([0.8, 1.2]))
     behind, votes = np.array([0.15, 0.08]), np.zeros((2, 2), np.int64)
     surface_cells.count_passing(frame, -0.5, eye, place, one, one, behind, np.zeros(2, np.int64), 0.08, votes)
     strips, contact = (0.025, 0.01, 0.05, 0.02, 0.08), (0.4, 4.5, 0.2, 5.0, 24)
-    floor_contact.contact_steps(*views, eye, one, place, frame[2], frame[0], strips, np.zeros(5), contact)
+    floor_contact.contact_steps(views, place, frame[2], frame[0], strips, np.zeros(5), contact)
 
 
 def _ground_map() -> None:
@@ -60,23 +63,21 @@ def _ground_map() -> None:
     points, one = np.array([[1.0, 0.0, 0.3]]), np.zeros(1, np.int64)
     parallax = ground_map.point_parallax(positions, points, one, one)
     heights, ranges = (0.06, 0.6, 0.45, 1.0, 0.01), (4.5, 0.001, 0.1, 0.025, 2.0)
-    free, nearest, hit, _ = ground_map.polar_scans(positions, headings, points, parallax, one, one, 8, heights, ranges)
-    ground_map.bridge_gaps(free, 2, 0.1)
-    scan_casting.scan_corners(positions, headings, free, points, one, hit)
-    touched, _, _ = ground_map.touchable(points, np.zeros(1), 0.06, 0.6, 0.05)
-    shape, reaches = (0.04, 2.0, 0.05), (0.15, 4.5)
-    ground_map.meet_surfaces(positions, headings, free, nearest, points, one, np.zeros(1), touched, shape, reaches)
-    spots = ground_cells.count_spots(points, touched, 4, 4, 0.05, 0.0, 0.0)
-    ground_cells.cover_discs(np.zeros((1, 2)), 0.2, 4, 4, 0.05, 0.0, 0.0)
-    seen = scan_casting.count_free(positions, headings, free, 4, 4, 0.05, 0.0, 0.0)
-    votes, members = ground_cells.count_hits(points, one, hit, 3, 4, 4, 0.05, 0.0, 0.0)
+    scans = ground_map.polar_scans(positions, headings, points, parallax, one, one, 8, heights, ranges)
+    ground_map.bridge_gaps(scans.free, 2, 0.1)
+    scan_casting.scan_corners(scans, points, one)
+    surfaces, lattice = ground_map.Surfaces(points, one, np.zeros(1)), ground_cells.Lattice(4, 4, 0.05, 0.0, 0.0)
+    touched, _, _ = ground_map.touchable(surfaces, 0.06, 0.6, 0.05)
+    ground_map.meet_surfaces(scans, surfaces, touched, (0.04, 2.0, 0.05), (0.15, 4.5))
+    ground_cells.cover_discs(np.zeros((1, 2)), 0.2, lattice)
+    seen = scan_casting.count_free(scans, lattice)
+    votes, members = ground_cells.count_hits(points, one, scans.hit, 3, lattice)
     ground_cells.believed_points(votes, members, votes, members, seen, 2, 3, 1.0, 0.25)
-    ground_cells.believed_spots(spots, seen, 6, 0.25)
 
 
 def _tracking() -> None:
     camera = np.array([100.0, 100.0, 31.5, 31.5, 0.0, 0.0, 0.0, 0.0, 0.0, 10.0, 64.0, 64.0, *np.zeros(6)])
-    pixels, table, corners, row_table = _pyramid()
+    target = Target(*_pyramid())
     templates = np.zeros((1, 24, 24), np.uint8)
     eye, zero = np.eye(3), np.zeros(3)
     # Poses arrive read-only, which is a type of its own.
@@ -87,108 +88,60 @@ def _tracking() -> None:
     projection.unproject_pixels(camera, np.zeros((1, 2)))
     projection.ideal_pixels(camera, np.zeros((1, 2)), np.ones(1))
     projection.project_rows(camera, eye, zero, points, one, 8.0)
+    of_point, R_world_cam, centres = np.zeros((1, 5), np.int64), np.zeros((1, 3, 3)), np.zeros((1, 3))
     rows, level, uv, warp, chosen = projection.predict(
-        camera,
-        eye,
-        zero,
-        points,
-        one,
-        np.zeros((1, 5), np.int64),
-        one,
-        basis,
-        np.zeros((1, 3, 3)),
-        np.zeros((1, 3)),
-        8.0,
+        camera, eye, zero, points, one, of_point, one, basis, R_world_cam, centres, 8.0
     )
-    warped, usable = warping.warp_templates(templates, np.zeros((1, 2)), chosen, warp)
-    epipolar.search_rays(
-        camera,
-        eye,
-        zero,
-        np.zeros((1, 2)),
-        basis,
-        templates,
-        np.array([[0.1, 1.0]]),
-        pixels,
-        table,
-        corners,
-        row_table,
-    )
+    warped, usable = search.warp_templates(templates, np.zeros((1, 2)), chosen, warp)
+    bounds = np.array([[0.1, 1.0]])
+    epipolar.search_rays(camera, eye, zero, np.zeros((1, 2)), basis, templates, bounds, target)
     small = np.zeros((30, 40), np.float32)
     alignment.align_small(small, small, 2)
-    found, uv = search.search(pixels, table, corners, row_table, warped, usable, level, uv, 10.0, 2)
+    found, uv = search.search(target, warped, usable, level, uv, 10.0, 2)
     pose.optimize_pose(camera, eye, zero, points, rows, uv, level, found, np.zeros(6), 1, 2, 0.4)
     tracking.count_hidden(uv, np.ones(len(uv)), found, 16, 1.25)
-    tracking.index_rows(corners, np.zeros(4, np.int64), table)
+    tracking.index_rows(target.corners, np.zeros(4, np.int64), target.table)
 
 
 def _mapping() -> None:
-    K = np.array([100.0, 100.0, 31.5, 31.5])
-    pair = np.array([np.eye(3), np.eye(3)])
-    one = np.zeros(1, np.int64)
-    bundle.adjust(
-        K,
-        pair,
-        np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]),
-        np.array([-1, 0]),
-        np.array([[0.0, 0.0, 1.0]]),
-        np.array([0, 2]),
-        np.zeros(2, np.int64),
-        np.array([0, 1]),
-        np.zeros((2, 2)),
-        np.ones(2),
-        Factors(one, one + 1, pair[:1], np.zeros((1, 3)), np.eye(6)[None]),
-        no_floor(),
-        2,
-        0.4,
-        bundle.START,
-    )
-    first = np.array([True, False])
-    edge = pair[:1], np.zeros((1, 3)), np.ones(1), np.eye(pose_graph.NODE_DOF)[None]
-    pose_graph.optimize_graph(pair, np.zeros((2, 3)), np.ones(2), first, one, one + 1, *edge, False, 1)
+    K, no_shift = np.array([100.0, 100.0, 31.5, 31.5]), np.zeros((1, 3))
+    pair, one = np.array([np.eye(3), np.eye(3)]), np.zeros(1, np.int64)
+    way = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]])
+    seen = Observations(np.array([0, 2]), np.zeros(2, np.int64), np.array([0, 1]), np.zeros((2, 2)), np.ones(2))
+    factors = Factors(one, one + 1, pair[:1], no_shift, np.eye(6)[None])
+    free, points = np.array([-1, 0]), np.array([[0.0, 0.0, 1.0]])
+    bundle.adjust(K, pair, way, free, points, seen, factors, no_floor(), 2, 0.4, bundle.START)
+    edges = pose_graph.Edges(one, one + 1, pair[:1], no_shift, np.ones(1), np.eye(pose_graph.NODE_DOF)[None])
+    pose_graph.optimize_graph(pair, np.zeros((2, 3)), np.ones(2), np.array([True, False]), edges, False, 1)
 
 
 def _planning() -> None:
     blocked = np.ones((12, 12), np.bool_)
     blocked[1:-1, 1:-1] = False
-    field = clearance.signed_distance(blocked, 4) * 0.1
-    clearance.interpolate_many(field, 0.1, 0.0, 0.0, np.full((1, 2), 0.5))
-    clearance.gradient_many(field, 0.1, 0.0, 0.0, np.full((1, 2), 0.5))
-    clearance.least_on_curve(field, 0.1, 0.0, 0.0, np.full((2, 5), 0.5), 1, 0.005)
-    clearance.arc_is_free(field, 0.1, 0.0, 0.0, 0.5, 0.5, 0.0, 0.0, 0.1)
+    field = clearance.DistanceField(clearance.signed_distance(blocked, 4) * 0.1, 0.1, 0.0, 0.0)
+    clearance.interpolate_many(field, np.full((1, 2), 0.5))
+    clearance.gradient_many(field, np.full((1, 2), 0.5))
+    clearance.least_on_curve(field, np.full((2, 5), 0.5), 1, 0.005)
+    motions.arc_is_free(field, 0.5, 0.5, 0.0, 0.0, 0.1)
     start, goal = np.array([0.5, 0.5, 0.0]), np.array([0.7, 0.5, 0.0])
     curves.arc_table(0.5, 0.5, 0.0, 1.0, 0.1, 1, 2)
     nodes, knots = (np.ones((2, 10)), np.ones(2), np.ones(2), 2), (np.ones((2, 10)), np.ones(2), np.ones(2))
     curves.curve_table(start, 1.0, 1, np.ones(10), *nodes, *knots)
-    curves.position_rows(
-        np.zeros(1, np.int64),
-        np.zeros(1),
-        np.ones(1),
-        np.ones(1, np.int64),
-        np.ones((4, 2, 10)),
-        np.ones((4, 2)),
-        *nodes[2:],
-    )
-    remaining = clearance.fringe(wavefront(field >= 0.0, 5, 5) * 0.1, 0.1)
-    ground = (field, 0.1, 0.0, 0.0)
-    table = reeds_shepp_table.reeds_shepp_table()
+    pieces = np.zeros(1, np.int64), np.zeros(1), np.ones(1), np.ones(1, np.int64)
+    curves.position_rows(*pieces, np.ones((4, 2, 10)), np.ones((4, 2)), *nodes[2:])
+    remaining = clearance.fringe(wavefront(field.values >= 0.0, 5, 5) * 0.1, 0.1)
+    table, arcs = reeds_shepp_table.reeds_shepp_table(), motions.Lattice(24, 1, 0.1, 1000)
     table.flags.writeable = False
-    poses, parents, motions, step, winner = lattice.lattice_search(
-        *ground, start, 1.0, 24, 1, 0.1, 1.5, goal, remaining, table, 1000
-    )
-    turns, lengths = lattice.lattice_way(poses, parents, motions, winner, step, goal, 1.0)
+    search = lattice.lattice_search(field, start, 1.0, arcs, 1.5, goal, remaining, table)
+    turns, lengths = lattice.lattice_way(*search[:3], search[4], search[3], goal, 1.0)
     lattice.reverse_run(lengths)
-    level, step = flood.flood(*ground, start, 1.0, 24, 1, 0.1, 1.5)
-    flood.flood_costs(level, step, 0.0, 0.0, 0.0, 0.1, 1.0, field, 0.1, field >= 0.0, goal[None])
-    shortcuts.shorten(*ground, start, turns, lengths, 1.0, 1.5, 0.1, np.uint64(1), 4)
-    work = (
-        np.zeros((reeds_shepp.MAX_WORDS, reeds_shepp.SEGMENTS), np.int64),
-        np.zeros((reeds_shepp.MAX_WORDS, reeds_shepp.SEGMENTS)),
-    )
-    reeds_shepp.reeds_shepp_words(1.0, 1.0, 1.0, *work)
-    word = np.zeros(reeds_shepp.SEGMENTS, np.int64), np.zeros(reeds_shepp.SEGMENTS)
-    reeds_shepp.reeds_shepp_shortest(1.0, 1.0, 1.0, *work, *word)
-    lattice.word_is_free(*ground, 0.5, 0.5, 0.0, *word, 1.0)
+    level, step = flood.flood(field, start, 1.0, arcs, 1.5)
+    flood.flood_costs(level, step, 0.0, field, 0.1, 1.0, field.values >= 0.0, goal[None])
+    shortcuts.shorten(field, start, turns, lengths, 1.0, 1.5, 0.1, np.uint64(1), 4)
+    reeds_shepp.reeds_shepp_words(1.0, 1.0, 1.0)
+    word = reeds_shepp.room_for(1)
+    reeds_shepp.reeds_shepp_shortest(1.0, 1.0, 1.0, word)
+    lattice.word_is_free(field, 0.5, 0.5, 0.0, word.turns[0], word.lengths[0], 1.0)
 
 
 def _views() -> None:

@@ -15,12 +15,12 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.occupancy import ground_cells
 from vsx_ros.kernels.occupancy import ground_map as kernels
+from vsx_ros.kernels.occupancy.ground_cells import Lattice
+from vsx_ros.kernels.occupancy.ground_map import PolarScans, Surfaces
 from vsx_ros.kernels.occupancy.scan_casting import count_free
 from vsx_ros.occupancy.free_ground import MIN_SURE_VOTES, gaps, rims
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from vsx_ros.occupancy.lattice import Lattice
-from vsx_ros.occupancy.surfaces import Surfaces
-from vsx_ros.occupancy.virtual_scan import PolarScans, meet, virtual_scans, writable
+from vsx_ros.occupancy.virtual_scan import corners, meet, virtual_scans, writable
 from vsx_ros.occupancy.walls import walls
 
 _MIN_FREE_VOTES = 1
@@ -86,10 +86,10 @@ class GroundMap:
             scans.hit[obs_level >= _COARSE_LEVEL] = 0.0
             scans.over[obs_level >= _COARSE_LEVEL] = 0.0
         arcs = self._bump_cells(bumps)
-        seen = scans.corners(points_world, obs_point)
+        seen = corners(scans, points_world, obs_point)
         extent = np.vstack([seen, outline, self._passed(trail, start), arcs])
         lattice = Lattice.around(extent, self._config.resolution_m)
-        free_votes = count_free(scans.positions, scans.headings, scans.free, *lattice.arguments())
+        free_votes = count_free(scans, lattice)
         occupied = self._occupied(scans, points_world, obs_point, free_votes, lattice)
         occupied |= _solid(spots, touched, free_votes, lattice)
         known = self._footprints(trail, lattice)
@@ -137,18 +137,10 @@ class GroundMap:
     ) -> BoolArray:
         """Cells with enough observations of obstacle points, the few that others look through left out."""
         points, point = writable(points_world, np.float64).reshape(-1, 3), writable(obs_point, np.int64)
-        votes, members = ground_cells.count_hits(points, point, scans.hit, _POINT_HITS, *lattice.arguments())
-        over_votes, over = ground_cells.count_hits(points, point, scans.over, _POINT_HITS, *lattice.arguments())
+        votes, members = ground_cells.count_hits(points, point, scans.hit, _POINT_HITS, lattice)
+        over_votes, over = ground_cells.count_hits(points, point, scans.over, _POINT_HITS, lattice)
         return ground_cells.believed_points(
-            votes,
-            members,
-            over_votes,
-            over,
-            free_votes,
-            _MIN_POINTS,
-            _SURE_POINTS,
-            _OVERRULED_BY,
-            _FEW_OVERRULED_BY,
+            votes, members, over_votes, over, free_votes, _MIN_POINTS, _SURE_POINTS, _OVERRULED_BY, _FEW_OVERRULED_BY
         )
 
     def _touched(self, surfaces: Surfaces, n_keyframes: int) -> tuple[Surfaces, BoolArray, Points2]:
@@ -159,7 +151,8 @@ class GroundMap:
         low, high = self._config.obstacle_min_height_m, self._config.obstacle_max_height_m
         if not len(points) == len(keyframe) == len(sigma):
             raise InputError("surfaces must give a point, a keyframe and a sigma each")
-        touched, corners, finite = kernels.touchable(points, sigma, low, high, _MAX_SURFACE_SIGMA_M)
+        spots = Surfaces(points, keyframe, sigma)
+        touched, outline, finite = kernels.touchable(spots, low, high, _MAX_SURFACE_SIGMA_M)
         if not finite:
             raise InputError("surfaces must be finite points")
         if len(keyframe) and not 0 <= int(keyframe.min()) <= int(keyframe.max()) < n_keyframes:
@@ -167,7 +160,7 @@ class GroundMap:
                 f"a surface names keyframe {int(keyframe.max())} of {n_keyframes}; "
                 "surfaces and keyframes must come from one snapshot"
             )
-        return Surfaces(points, keyframe, sigma), touched, corners if touched.any() else np.zeros((0, 2))
+        return spots, touched, outline if touched.any() else np.zeros((0, 2))
 
     def _start_strip(self, start: SE2, lattice: Lattice) -> BoolArray:
         """The promised floor: from behind the robot to ``start_clear_m`` in front, a little wider than the robot."""
@@ -188,7 +181,7 @@ class GroundMap:
     def _footprints(self, trail: Sequence[SE2], lattice: Lattice) -> BoolArray:
         """Cells whose centre the robot's body has covered."""
         places = np.array([(pose.x, pose.y) for pose in trail]).reshape(-1, 2)
-        return ground_cells.cover_discs(places, self._robot.radius_m, *lattice.arguments())
+        return ground_cells.cover_discs(places, self._robot.radius_m, lattice)
 
     def _bump_cells(self, bumps: Sequence[SE2]) -> Points2:
         """(N, 2) points of the arcs just ahead of the bumper [m]."""
@@ -201,5 +194,8 @@ class GroundMap:
 
 def _solid(spots: Surfaces, touched: BoolArray, free_votes: Int32Array, lattice: Lattice) -> BoolArray:
     """Cells under surfaces, but for those that many keyframes look through."""
-    votes = ground_cells.count_spots(spots.points, touched, *lattice.arguments())
-    return ground_cells.believed_spots(votes, free_votes, _MIN_SPOTS, _SEEN_THROUGH)
+    every, nothing = np.arange(len(touched)), np.zeros((lattice.rows, lattice.columns), np.int32)
+    votes, members = ground_cells.count_hits(spots.points, every, touched.astype(np.float32), 1, lattice)
+    return ground_cells.believed_points(
+        votes, members, nothing, nothing, free_votes, _MIN_SPOTS, 0, _SEEN_THROUGH, _SEEN_THROUGH
+    )

@@ -7,7 +7,6 @@ scans are simply made anew; nothing is ever subtracted from a map.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,9 +17,9 @@ from vsx_ros.config import GroundMapConfig
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.occupancy import ground_map as kernels
+from vsx_ros.kernels.occupancy.ground_map import PolarScans, Surfaces
 from vsx_ros.kernels.occupancy.scan_casting import scan_corners
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
-from vsx_ros.occupancy.surfaces import Surfaces
 
 N_BEARINGS = 720
 """Half a degree each: 4 cm at 4.5 m, less than a cell."""
@@ -40,41 +39,18 @@ _FLOOR_GROWTH = 0.012
 """Floor points scatter with distance: pose and depth errors add about this much height per metre."""
 
 
-@dataclass(frozen=True)
-class PolarScans:
-    """Scans of K keyframes and what they hit.
-
-    positions: (K, 3) camera centres, world [m]. headings: (K, 2) cosine and sine of those of the optical axes, where
-    bearing 0 begins.
-    free: (K, N_BEARINGS) float32, passable up to this distance [m], 0 where unknown.
-    nearest: (K, N_BEARINGS) float32, how far the first obstacle point lets a ray go [m], infinite where there is none.
-    hit: (O,) float32, distance [m] of the obstacle in each observation, 0 where the observation is of none; over: of
-    what is higher than an obstacle, and may stand on one.
-    """
-
-    positions: Points3
-    headings: Points2
-    free: NDArray[np.float32]
-    nearest: NDArray[np.float32]
-    hit: NDArray[np.float32]
-    over: NDArray[np.float32]
-
-    def corners(self, points_world: Points3, obs_point: IntArray) -> Points2:
-        """(2, 2) least and greatest x and y [m] of the cameras, of all that is passable, and of the obstacles among
-        the points; (0, 2) without a scan."""
-        if not len(self.positions):
-            return np.zeros((0, 2))
-        points, point = writable(points_world, np.float64).reshape(-1, 3), writable(obs_point, np.int64)
-        return scan_corners(self.positions, self.headings, self.free, points, point, self.hit)
+def corners(scans: PolarScans, points_world: Points3, obs_point: IntArray) -> Points2:
+    """(2, 2) least and greatest x and y [m] of the cameras, of all that is passable, and of the obstacles among the
+    points; (0, 2) without a scan."""
+    if not len(scans.positions):
+        return np.zeros((0, 2))
+    return scan_corners(scans, writable(points_world, np.float64).reshape(-1, 3), writable(obs_point, np.int64))
 
 
 def virtual_scans(
-    T_world_cams: Sequence[SE3],
-    points_world: Points3,
-    obs_keyframe: IntArray,
-    obs_point: IntArray,
+    T_world_cams: Sequence[SE3], points_world: Points3, obs_keyframe: IntArray, obs_point: IntArray,
     config: GroundMapConfig,
-) -> PolarScans:
+) -> PolarScans:  # fmt: skip
     """Scans of all keyframes from their observations of map points (heights are above the floor, z = 0).
 
     A ray from the camera to a point proves the floor passable while the ray is low enough to have met an obstacle.
@@ -96,20 +72,16 @@ def virtual_scans(
     )
     ranges = config.max_range_m, _PIXEL_NOISE_RAD, _MAX_HIT_ERROR_M, 0.5 * config.resolution_m, _CAUTION
     parallax = kernels.point_parallax(positions, points, keyframe, point)
-    free, nearest, hit, over = kernels.polar_scans(
-        positions, headings, points, parallax, keyframe, point, N_BEARINGS, heights, ranges
-    )
-    kernels.bridge_gaps(free, _MAX_GAP_BINS, _MAX_GAP_M)
-    return PolarScans(positions, headings, free, nearest, hit, over)
+    scans = kernels.polar_scans(positions, headings, points, parallax, keyframe, point, N_BEARINGS, heights, ranges)
+    kernels.bridge_gaps(scans.free, _MAX_GAP_BINS, _MAX_GAP_M)
+    return scans
 
 
 def meet(scans: PolarScans, surfaces: Surfaces, touched: BoolArray, config: GroundMapConfig) -> None:
     """End each of the scans, in place, before the touched (N,) spots of surface that its own keyframe sees; who sees
     the foot of a surface sees the floor before it (the virtual laser of paper 5.2)."""
     shape, reaches = (0.5 * config.resolution_m, _CAUTION, config.resolution_m), (_FOOT_M, config.max_range_m)
-    kernels.meet_surfaces(
-        scans.positions, scans.headings, scans.free, scans.nearest, *surfaces, touched, shape, reaches
-    )
+    kernels.meet_surfaces(scans, surfaces, touched, shape, reaches)
 
 
 def writable(array: Any, dtype: Any) -> NDArray[Any]:

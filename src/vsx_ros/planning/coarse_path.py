@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import functools
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vsx_ros.arrays import Float32Array, FloatArray, IntArray
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.kernels.occupancy.clearance import DistanceField
 from vsx_ros.kernels.planning.lattice import lattice_search, lattice_way, reverse_run, word_is_free
-from vsx_ros.kernels.planning.reeds_shepp import MAX_WORDS, SEGMENTS, reeds_shepp_shortest, reeds_shepp_words
+from vsx_ros.kernels.planning.motions import Lattice
+from vsx_ros.kernels.planning.reeds_shepp import reeds_shepp_shortest, reeds_shepp_words, room_for
 from vsx_ros.kernels.planning.reeds_shepp_table import reeds_shepp_table
 from vsx_ros.kernels.planning.shortcuts import shorten
-from vsx_ros.occupancy.distance import DistanceField, travel_distance, with_fringe
+from vsx_ros.occupancy.distance import travel_distance, with_fringe
 from vsx_ros.planning.path import CUSP_COST_M
 from vsx_ros.planning.pieces import Piece, arc_piece
 
@@ -99,18 +101,15 @@ def nanometres(cost_m: float) -> int:
 def words(start: SE2, goal: SE2, phi: float) -> list[CoarsePath]:
     """All Reeds-Shepp words between two poses at curvature phi [rad/m]."""
     relative = start.inverse() @ goal
-    turns, lengths = np.zeros((MAX_WORDS, SEGMENTS), np.int64), np.zeros((MAX_WORDS, SEGMENTS))
-    n = reeds_shepp_words(phi * relative.x, phi * relative.y, relative.theta, turns, lengths)
-    return [CoarsePath(turns[k], lengths[k] / phi, phi) for k in range(n)]
+    found = reeds_shepp_words(phi * relative.x, phi * relative.y, relative.theta)
+    return [CoarsePath(turns, lengths / phi, phi) for turns, lengths in zip(*found)]
 
 
 def shortest_word(start: SE2, goal: SE2, phi: float) -> CoarsePath:
     """The shortest path of curvature phi, by arcs and lines (Reeds and Shepp)."""
-    relative = start.inverse() @ goal
-    work = np.zeros((MAX_WORDS, SEGMENTS), np.int64), np.zeros((MAX_WORDS, SEGMENTS))
-    turns, lengths = np.zeros(SEGMENTS, np.int64), np.zeros(SEGMENTS)
-    reeds_shepp_shortest(phi * relative.x, phi * relative.y, relative.theta, *work, turns, lengths)
-    return CoarsePath(turns, lengths / phi, phi)
+    relative, word = start.inverse() @ goal, room_for(1)
+    reeds_shepp_shortest(phi * relative.x, phi * relative.y, relative.theta, word)
+    return CoarsePath(word.turns[0], word.lengths[0] / phi, phi)
 
 
 def free_words(margin: DistanceField, start: SE2, goal: SE2, phi: float, max_reverse_m: float) -> list[CoarsePath]:
@@ -119,25 +118,9 @@ def free_words(margin: DistanceField, start: SE2, goal: SE2, phi: float, max_rev
         word
         for word in words(start, goal, phi)
         if word.longest_reverse_m <= max_reverse_m
-        and word_is_free(
-            margin.values, margin.resolution, margin.origin_x, margin.origin_y, start.x, start.y, start.theta,
-            word.turns, word.lengths * phi, phi,
-        )
-    ]  # fmt: skip
+        and word_is_free(margin, start.x, start.y, start.theta, word.turns, word.lengths * phi, phi)
+    ]
     return sorted(free, key=lambda word: nanometres(word.length_m))
-
-
-@dataclass(frozen=True, slots=True)
-class Lattice:
-    """Heading bins, bins turned by one arc, cell size [m]: every arc must leave its cell and its bin.
-
-    most_states: where the search gives up.
-    """
-
-    headings: int
-    bins: int
-    cell_m: float
-    most_states: int
 
 
 @functools.cache
@@ -157,7 +140,7 @@ def coarse_lattice(phi: float) -> Lattice:
 
 def back_lattice(phi: float) -> Lattice:
     """The coarse one with fewer states, for a start that only the word at the end may reach."""
-    return replace(coarse_lattice(phi), most_states=_BACK_STATES)
+    return coarse_lattice(phi)._replace(most_states=_BACK_STATES)
 
 
 def fine_lattice(phi: float) -> Lattice:
@@ -203,7 +186,7 @@ def about_turn(pose: SE2) -> SE2:
 
 def is_stuck(margin: DistanceField, pose: SE2, target: SE2, phi: float, max_reverse_m: float, lattice: Lattice) -> bool:
     """Whether the arcs of a lattice lead no further from a pose, towards a target, than to a few states."""
-    few = replace(lattice, most_states=_FEW_STATES)
+    few = lattice._replace(most_states=_FEW_STATES)
     nothing_known = np.zeros(margin.values.shape)
     poses, *_, winner = _searched(margin, pose, target, phi, max_reverse_m, nothing_known, few)
     return winner < 0 and len(poses) < _FEW_STATES
@@ -219,11 +202,7 @@ def _searched(
     lattice: Lattice,
 ) -> tuple[FloatArray, IntArray, NDArray[np.int8], float, int]:
     bound = np.where(np.isfinite(remaining), OCTILE * remaining, 1e6)
-    return lattice_search(
-        margin.values, margin.resolution, margin.origin_x, margin.origin_y, start.as_array(), phi,
-        lattice.headings, lattice.bins, lattice.cell_m, max_reverse_m, goal.as_array(), bound, word_table(),
-        lattice.most_states,
-    )  # fmt: skip
+    return lattice_search(margin, start.as_array(), phi, lattice, max_reverse_m, goal.as_array(), bound, word_table())
 
 
 def shortened(
@@ -231,7 +210,7 @@ def shortened(
 ) -> CoarsePath:
     """The coarse path after random shortcuts."""
     turns, lengths = shorten(
-        margin.values, margin.resolution, margin.origin_x, margin.origin_y, start.as_array(), coarse.turns,
-        coarse.lengths, coarse.phi, max_reverse_m, CUSP_COST_M, np.uint64(rng.integers(1, 2**62)), _SHORTCUTS,
+        margin, start.as_array(), coarse.turns, coarse.lengths, coarse.phi, max_reverse_m, CUSP_COST_M,
+        np.uint64(rng.integers(1, 2**62)), _SHORTCUTS,
     )  # fmt: skip
     return CoarsePath(turns, lengths, coarse.phi)

@@ -10,7 +10,8 @@ import numpy as np
 from vsx_ros.arrays import FloatArray
 from vsx_ros.config import PlannerConfig, RobotConfig
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.occupancy.distance import DistanceField, clearance_field
+from vsx_ros.kernels.occupancy.clearance import DistanceField, least_on_curve
+from vsx_ros.occupancy.distance import clearance_field
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.path import Path, Refusal, RefusalKind
 
@@ -54,7 +55,7 @@ class Corridor:
 def _least(field: DistanceField, path: Path) -> float:
     """The field's least value on the path, looked at every ``_CHECK_STEP_M``."""
     at_start = float(field.at(np.array([[path.start.x, path.start.y]]))[0])
-    return min([at_start, *(field.least_on(p.table, p.direction, _CHECK_STEP_M) for p in path.pieces)])
+    return min([at_start, *(least_on_curve(field, p.table, p.direction, _CHECK_STEP_M) for p in path.pieces)])
 
 
 def build_corridor(

@@ -9,7 +9,7 @@ import numpy as np
 from vsx_ros.arrays import IntArray
 from vsx_ros.config import PlannerConfig, RobotConfig
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.kernels.planning.primitives import grow
+from vsx_ros.kernels.planning.primitives import Grown, grow
 from vsx_ros.occupancy.distance import travel_distance, with_fringe
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.connect import same_pose
@@ -59,15 +59,14 @@ class PaperPlanner:
         """Primitives to a favourable state, then the optimised segment to the goal."""
         phi, field = self._config.phi_rad_m, corridor.margin
         poses, parents = np.zeros((_STATES, 3)), np.full(_STATES, -1, np.int64)
-        bends, signs, runs = np.zeros(_STATES), np.zeros(_STATES), np.zeros(_STATES)
-        poses[0] = start.as_array()
+        bends, signs, runs = np.zeros((3, _STATES))
+        poses[0], tree = start.as_array(), Grown(poses, parents, bends, signs, runs)
         state = np.array([rng.integers(1, 2**62)], np.uint64)
         size, step = 1, _STEP_RAD / phi
         for _ in range(_ATTEMPTS):
             size, candidate = grow(
-                field.values, field.resolution, field.origin_x, field.origin_y, cells, goal.as_array(), phi, step,
-                self._config.max_reverse_m, poses, parents, bends, signs, runs, size, state,
-            )  # fmt: skip
+                field, cells, goal.as_array(), phi, step, self._config.max_reverse_m, tree, size, state
+            )
             if candidate < 0:
                 break
             last = connect_paper(SE2(*poses[candidate].tolist()), goal, phi)

@@ -11,8 +11,9 @@ from vsx_ros.arrays import FloatArray
 from vsx_ros.config import PlannerConfig, RobotConfig
 from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.kernels.occupancy.clearance import DistanceField
 from vsx_ros.kernels.planning.flood import flood, flood_costs
-from vsx_ros.occupancy.distance import DistanceField, travel_distance, with_fringe
+from vsx_ros.occupancy.distance import travel_distance, with_fringe
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.coarse_path import (
     OCTILE,
@@ -155,15 +156,10 @@ class Planner:
         if isinstance(corridor, Refusal):
             return np.full(len(poses), np.inf)
         m, lattice = corridor.margin, coarse_lattice(phi)
-        level, step = flood(
-            m.values, m.resolution, m.origin_x, m.origin_y, start.as_array(), phi, lattice.headings, lattice.bins,
-            lattice.cell_m, self._config.max_reverse_m,
-        )  # fmt: skip
+        level, step = flood(m, start.as_array(), phi, lattice, self._config.max_reverse_m)
         # The estimate looks a few cells around a pose, perhaps through a thin wall: believe it only on joined ground.
         joined = np.isfinite(with_fringe(travel_distance(m, (start.x, start.y)), m.resolution))
-        return flood_costs(
-            level, step, start.theta, m.origin_x, m.origin_y, lattice.cell_m, phi, m.values, m.resolution, joined, poses
-        )
+        return flood_costs(level, step, start.theta, m, lattice.cell_m, phi, joined, poses)
 
     def _direct(self, start: SE2, goal: SE2, corridor: Corridor, enough: int) -> list[Path]:
         """The best connections that ignore the map, those that happen to be free."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from vsx_ros.config import PlannerConfig, RobotConfig
 from vsx_ros.geometry.se2 import SE2, wrap_angle
-from vsx_ros.kernels.occupancy.clearance import arc_is_free
+from vsx_ros.kernels.planning.motions import arc_is_free
 from vsx_ros.occupancy.distance import travel_distance, with_fringe
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.corridor import Corridor, build_corridor
@@ -74,7 +74,7 @@ def _in_sight(points: list[tuple[float, float]], corridor: Corridor) -> list[tup
         while ahead > at + 1:
             dx, dy = points[ahead][0] - x, points[ahead][1] - y
             theta, length = math.atan2(dy, dx), math.hypot(dx, dy)
-            if arc_is_free(field.values, field.resolution, field.origin_x, field.origin_y, x, y, theta, 0.0, length):
+            if arc_is_free(field, x, y, theta, 0.0, length):
                 break
             ahead -= 1
         kept.append(points[ahead])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable
 
@@ -12,8 +13,8 @@ from vsx_ros.arrays import FloatArray, GrayImage, IntArray
 from vsx_ros.config import MountConfig
 from vsx_ros.geometry.camera import PinholeCamera, mounted
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.sim.renderer import Picture, PoseTrack, Renderer
-from vsx_ros.sim.scene import Scene
+from vsx_ros.kernels.sim.raycast_cull import Scene
+from vsx_ros.sim.renderer import Picture, Renderer
 from vsx_ros.sim.sensor import Sensor
 from vsx_ros.sim.settings import CameraSettings
 
@@ -29,14 +30,12 @@ VIBRATION_WAVES_PER_M = np.array([7.0, 13.0, 23.0, 41.0])
 def perturbed_calibration(camera: PinholeCamera, settings: CameraSettings, rng: np.random.Generator) -> PinholeCamera:
     """The calibration a user would have: focal lengths and centre slightly wrong, distortion right."""
     fx, fy, cx, cy = rng.uniform(-1.0, 1.0, 4)
-    return PinholeCamera(
-        camera.width,
-        camera.height,
-        camera.fx * (1.0 + settings.focal_error * float(fx)),
-        camera.fy * (1.0 + settings.focal_error * float(fy)),
-        camera.cx + settings.centre_error_px * float(cx),
-        camera.cy + settings.centre_error_px * float(cy),
-        camera.distortion,
+    return dataclasses.replace(
+        camera,
+        fx=camera.fx * (1.0 + settings.focal_error * float(fx)),
+        fy=camera.fy * (1.0 + settings.focal_error * float(fy)),
+        cx=camera.cx + settings.centre_error_px * float(cx),
+        cy=camera.cy + settings.centre_error_px * float(cy),
     )
 
 
@@ -91,8 +90,8 @@ class EmulatedCamera:
         middles_ns = settings.exposure_ns * (np.arange(sub_frames) + 0.5) / sub_frames
         stamps = stamp_ns + np.rint(middles_ns[:, None] + rows_ns[None, :]).astype(np.int64)
         R, t = self.poses_cam(poses_at(stamps.ravel()))
-        track = PoseTrack(R.reshape(*stamps.shape, 3, 3), t.reshape(*stamps.shape, 3))
-        return self._renderer.render(track, bayer, want_depth)
+        R, t = R.reshape(*stamps.shape, 3, 3), t.reshape(*stamps.shape, 3)
+        return self._renderer.render(R, t, bayer, want_depth)
 
     def poses_cam(self, base: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rotations (N, 3, 3), positions (N, 3) of the camera on base poses (N, 4): the true mount, and its rattle."""

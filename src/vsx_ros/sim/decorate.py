@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -66,40 +67,43 @@ def _stretches(world: World) -> Stretches:
     return result
 
 
-def _hang_posters(rng: Rng, stretches: Stretches, spacing_m: float) -> list[Poster]:
+class _Hanging(NamedTuple):
+    """Least and greatest of what is drawn [m]: of the first one's way from the corner, of width, height, middle above
+    the floor, and way to the next one as a share of the spacing. end: nothing nearer to the far corner; raised: by so
+    much of its height a thing hangs higher."""
+
+    first: tuple[float, float]
+    width: tuple[float, float]
+    height: tuple[float, float]
+    middle: tuple[float, float]
+    spacing: tuple[float, float]
+    end: float
+    raised: float
+
+
+_POSTERS = _Hanging((0.5, 0.9), (0.5, 0.9), (0.5, 1.1), (0.55, 1.1), (0.8, 1.2), 0.5, 0.3)
+# Small things low on the walls: sockets, signs, vents.
+_NOTICES = _Hanging((0.2, 0.6), (0.12, 0.34), (0.12, 0.34), (0.3, 0.6), (0.6, 1.4), 0.2, 0.0)
+
+
+def _hung(rng: Rng, stretches: Stretches, kind: _Hanging, spacing_m: float) -> list[Poster]:
     posters: list[Poster] = []
     for (ax, ay), (bx, by) in stretches:
         length, yaw = math.hypot(bx - ax, by - ay), math.atan2(by - ay, bx - ax)
-        at = float(rng.uniform(0.5, 0.9))
-        while at < length - 0.5:
-            width, height = float(rng.uniform(0.5, 0.9)), float(rng.uniform(0.5, 1.1))
+        at = float(rng.uniform(*kind.first))
+        while at < length - kind.end:
+            width, height = float(rng.uniform(*kind.width)), float(rng.uniform(*kind.height))
             x, y = ax + at * math.cos(yaw), ay + at * math.sin(yaw)
-            z = float(rng.uniform(0.55, 1.1)) + 0.3 * height
+            z = float(rng.uniform(*kind.middle)) + kind.raised * height
             material = f"poster{int(rng.integers(POSTERS))}"
             facing = yaw + 0.5 * math.pi
             posters.append(Poster(x=x, y=y, z=z, yaw_rad=facing, width=width, height=height, material=material))
-            at += float(rng.uniform(0.8, 1.2)) * spacing_m
+            at += float(rng.uniform(*kind.spacing)) * spacing_m
     return posters
-
-
-def _hang_notices(rng: Rng, stretches: Stretches, spacing_m: float) -> list[Poster]:
-    """Small things low on the walls: sockets, signs, vents."""
-    notices: list[Poster] = []
-    for (ax, ay), (bx, by) in stretches:
-        length, yaw = math.hypot(bx - ax, by - ay), math.atan2(by - ay, bx - ax)
-        at = float(rng.uniform(0.2, 0.6))
-        while at < length - 0.2:
-            x, y = ax + at * math.cos(yaw), ay + at * math.sin(yaw)
-            width, height = (float(v) for v in rng.uniform(0.12, 0.34, 2))
-            z, material = float(rng.uniform(0.3, 0.6)), f"poster{int(rng.integers(POSTERS))}"
-            facing = yaw + 0.5 * math.pi
-            notices.append(Poster(x=x, y=y, z=z, yaw_rad=facing, width=width, height=height, material=material))
-            at += float(rng.uniform(0.6, 1.4)) * spacing_m
-    return notices
 
 
 def decorated(rng: Rng, world: World, spacing_m: float) -> World:
     """The world with posters about every spacing_m along its walls, and small notices below them."""
     stretches = _stretches(world)
-    posters = _hang_posters(rng, stretches, spacing_m)
-    return changed(world, posters=posters + _hang_notices(rng, stretches, 1.1))
+    posters = _hung(rng, stretches, _POSTERS, spacing_m)
+    return changed(world, posters=posters + _hung(rng, stretches, _NOTICES, 1.1))

@@ -31,11 +31,7 @@ def _partition(rng: Rng, x: float, y0: float, y1: float, gaps: int) -> list[Wall
         cuts += [low, low + width]
     cuts.append(y1)
     material = wall_material(rng)
-    return [
-        Wall(points=[(x, a), (x, b)], thickness=0.12, height=HEIGHT_M, material=material, skirting="skirting")
-        for a, b in zip(cuts[::2], cuts[1::2])
-        if b - a > 0.15
-    ]
+    return [_wall(material, (x, a), (x, b)) for a, b in zip(cuts[::2], cuts[1::2]) if b - a > 0.15]
 
 
 def ceiling_lights(x0: float, y0: float, x1: float, y1: float) -> list[Light]:
@@ -44,20 +40,28 @@ def ceiling_lights(x0: float, y0: float, x1: float, y1: float) -> list[Light]:
     return [Light(x=float(x), y=float(y), z=HEIGHT_M - 0.1, strength=0.9) for x in xs for y in ys]
 
 
-def _shell(rng: Rng, name: str, seed: int, width: float, depth: float) -> World:
-    corners: list[Point] = [(0.0, 0.0), (width, 0.0), (width, depth), (0.0, depth)]
-    sides = [wall_material(rng) for _ in corners]
-    room = Outline(points=corners, height=HEIGHT_M, material=sides, skirting="skirting")
+def shell(rng: Rng, origin: Origin, loops: list[list[Point]], start: Point) -> World:
+    """An empty building of outlines [m], free space to their left."""
+    rooms = [
+        Outline(points=loop, height=HEIGHT_M, material=[wall_material(rng) for _ in loop], skirting="skirting")
+        for loop in loops
+    ]
+    xs, ys = zip(*(point for loop in loops for point in loop))
     return World(
-        generator=Origin(name=name, seed=seed),
-        start=Start(x=1.2, y=depth / 2, theta_rad=0.0),
+        generator=origin,
+        start=Start(x=start[0], y=start[1], theta_rad=0.0),
         ceiling_height=HEIGHT_M,
         floor="floor",
         ceiling="ceiling",
         materials=random_materials(rng),
-        outlines=[room],
-        lights=ceiling_lights(0.0, 0.0, width, depth),
+        outlines=rooms,
+        lights=ceiling_lights(min(xs), min(ys), max(xs), max(ys)),
     )
+
+
+def _shell(rng: Rng, name: str, seed: int, width: float, depth: float) -> World:
+    corners: list[Point] = [(0.0, 0.0), (width, 0.0), (width, depth), (0.0, depth)]
+    return shell(rng, Origin(name=name, seed=seed), [corners], (1.2, depth / 2))
 
 
 def _lab(rng: Rng, seed: int) -> World:
@@ -89,8 +93,8 @@ def _building(rng: Rng, seed: int) -> World:
     for corridor in (below, above):
         for x0, x1 in ((0.0, left), (right, width)):
             walls += _room_row(rng, corridor, _MIDDLE_M, x0, x1)
-    walls += [_wall(rng, (x0, _MIDDLE_M), (x1, _MIDDLE_M)) for x0, x1 in ((0.0, left), (right, width))]
-    walls += [_wall(rng, (x, below), (x, above)) for x in (left, right)]
+    walls += [_wall(wall_material(rng), (x0, _MIDDLE_M), (x1, _MIDDLE_M)) for x0, x1 in ((0.0, left), (right, width))]
+    walls += [_wall(wall_material(rng), (x, below), (x, above)) for x in (left, right)]
     start = Start(x=3.0, y=0.5 * (low + below), theta_rad=0.0)
     world = furnished(rng, changed(world, walls=walls, start=start), 36, 8, 4)
     return decorated(rng, world, 1.6)
@@ -107,12 +111,12 @@ def _room_row(rng: Rng, y: float, y_back: float, x0: float, x1: float) -> list[W
         low = float(rng.uniform(a + 0.4, b - door - 0.4))
         cuts += [low, low + door]
     cuts.append(x1)
-    walls = [_wall(rng, (a, y), (b, y)) for a, b in zip(cuts[::2], cuts[1::2])]
-    return walls + [_wall(rng, (x, min(y, y_back)), (x, max(y, y_back))) for x in edges[1:-1].tolist()]
+    walls = [_wall(wall_material(rng), (a, y), (b, y)) for a, b in zip(cuts[::2], cuts[1::2])]
+    return walls + [_wall(wall_material(rng), (x, min(y, y_back)), (x, max(y, y_back))) for x in edges[1:-1].tolist()]
 
 
-def _wall(rng: Rng, a: Point, b: Point) -> Wall:
-    return Wall(points=[a, b], thickness=0.12, height=HEIGHT_M, material=wall_material(rng), skirting="skirting")
+def _wall(material: str, a: Point, b: Point) -> Wall:
+    return Wall(points=[a, b], thickness=0.12, height=HEIGHT_M, material=material, skirting="skirting")
 
 
 GENERATORS = {"lab": _lab, "office": _office, "corridor": _corridor, "building": _building}

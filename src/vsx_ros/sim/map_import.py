@@ -8,10 +8,11 @@ import numpy as np
 from vsx_ros.arrays import BoolArray, IntArray, Points2
 from vsx_ros.errors import MapFileError
 from vsx_ros.occupancy.grid import FREE, OccupancyGrid
-from vsx_ros.sim.decorate import decorated, random_materials, wall_material
-from vsx_ros.sim.generate import HEIGHT_M, ceiling_lights
+from vsx_ros.sim.decorate import decorated
+from vsx_ros.sim.generate import shell
 from vsx_ros.sim.placement import with_start
-from vsx_ros.sim.world import Origin, Outline, Start, World
+from vsx_ros.sim.truth import signed_area
+from vsx_ros.sim.world import Origin, Point, World
 
 TOLERANCE_M = 0.06
 MAX_OBSTACLES, MAX_SIDES = 5000, 20_000
@@ -26,28 +27,9 @@ def world_from_grid(grid: OccupancyGrid, name: str, seed: int) -> World:
     free = grid.data == FREE
     loops = free_space_outlines(grid)
     rng = np.random.default_rng([seed, 1000])
-    low = np.concatenate(loops).min(axis=0)
-    high = np.concatenate(loops).max(axis=0)
-    outlines = [
-        Outline(
-            points=[(float(x), float(y)) for x, y in loop],
-            height=HEIGHT_M,
-            material=[wall_material(rng) for _ in loop],
-            skirting="skirting",
-        )
-        for loop in loops
-    ]
     spot = grid.centres(_open_cell(free))[0]
-    world = World(
-        generator=Origin(name=name, seed=seed),
-        start=Start(x=float(spot[0]), y=float(spot[1]), theta_rad=0.0),
-        ceiling_height=HEIGHT_M,
-        floor="floor",
-        ceiling="ceiling",
-        materials=random_materials(rng),
-        outlines=outlines,
-        lights=ceiling_lights(float(low[0]), float(low[1]), float(high[0]), float(high[1])),
-    )
+    corners: list[list[Point]] = [[(float(x), float(y)) for x, y in loop] for loop in loops]
+    world = shell(rng, Origin(name=name, seed=seed), corners, (float(spot[0]), float(spot[1])))
     return with_start(rng, decorated(rng, world, 1.5))
 
 
@@ -80,10 +62,8 @@ def free_space_outlines(grid: OccupancyGrid) -> list[Points2]:
         if len(simple) < 3:
             continue
         points = (simple + 0.5) * grid.resolution + np.array([grid.origin_x, grid.origin_y])
-        x, y = points[:, 0], points[:, 1]
-        signed = float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
         is_hole = links[3] >= 0
-        outlines.append(points[::-1] if (signed > 0) == is_hole else points)
+        outlines.append(points[::-1] if (signed_area(points) > 0) == is_hole else points)
     sides = sum(len(outline) for outline in outlines)
     if sides > MAX_SIDES:
         raise MapFileError(f"the map's borders have {sides} sides, at most {MAX_SIDES} can be built; smooth it")

@@ -12,23 +12,13 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import FloatArray, Points3
 from vsx_ros.errors import CalibrationError
 from vsx_ros.geometry.camera import PinholeCamera
-from vsx_ros.kernels.sim.raycast_cull import plane_forms
+from vsx_ros.kernels.sim.raycast_cull import Scene, plane_forms
+from vsx_ros.kernels.sim.raycast_pixels import View
 from vsx_ros.kernels.sim.raycast_render import render_tile_rows
 from vsx_ros.kernels.sim.raycast_shade import TILE
-from vsx_ros.sim.scene import Scene
 
 BLUR_STEP_PX = 1.2
 MAX_SUB_FRAMES = 16
-
-
-class PoseTrack(NamedTuple):
-    """Camera poses T_world_cam at S sub-frames of the exposure and B borders of tile rows.
-
-    R: (S, B, 3, 3). t: (S, B, 3) [m].
-    """
-
-    R: FloatArray
-    t: FloatArray
 
 
 class Picture(NamedTuple):
@@ -85,7 +75,7 @@ class Renderer:
 
     @property
     def border_rows(self) -> FloatArray:
-        """(B,) image rows of the tile borders at which ``PoseTrack`` holds poses; the last may lie below the image."""
+        """(B,) image rows of the tile borders at which ``render`` takes poses; the last may lie below the image."""
         return np.arange(self.tile_rows + 1, dtype=float) * TILE
 
     def _ray_tables(self, columns: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -123,24 +113,23 @@ class Renderer:
         blur_px = float(np.hypot(shift[:, 0] * self.camera.fx, shift[:, 1] * self.camera.fy).mean())
         return int(np.clip(math.ceil(blur_px / BLUR_STEP_PX), 1, MAX_SUB_FRAMES))
 
-    def render(self, track: PoseTrack, bayer: bool = False, want_depth: bool = False) -> Picture:
-        """The picture of the scene. bayer: each pixel sees one colour of the GRBG mosaic, otherwise all see grey."""
+    def render(self, R: FloatArray, t: FloatArray, bayer: bool = False, want_depth: bool = False) -> Picture:
+        """The picture of the scene by poses T_world_cam at S sub-frames of the exposure and B borders of tile rows: R
+        (S, B, 3, 3), t (S, B, 3) [m]. bayer: each pixel sees one colour of the GRBG mosaic, otherwise all see grey."""
         scene, n = self._scene, len(self._scene.P)
-        forms = np.zeros((*track.R.shape[:2], n, 9))
+        forms = np.zeros((*R.shape[:2], n, 9))
         visible = np.zeros(n, np.bool_)
-        plane_forms(scene.P, scene.U, scene.V, scene.two_sided, track.R, track.t, forms, visible)
+        plane_forms(scene, R, t, forms, visible)
         pool = np.flatnonzero(visible)
         shape = (self.camera.height, self.camera.width)
         radiance = np.zeros(shape, np.float32)
         depth = np.zeros(shape if want_depth else (0, 0), np.float32)
         ident = np.full(shape if want_depth else (0, 0), -1, np.int32)
 
-        tables = (scene.tex, scene.light, scene.surfaces, scene.places, scene.tints)
+        view = View(scene, forms, self._rx, self._ry, bayer)
 
         def rows(first: int, last: int) -> None:
-            render_tile_rows(
-                first, last, forms, pool, self._bounds, self._rx, self._ry, tables, bayer, radiance, depth, ident,
-            )  # fmt: skip
+            render_tile_rows(first, last, view, pool, self._bounds, radiance, depth, ident)
 
         if self._pool is None:
             rows(0, self.tile_rows)

@@ -8,7 +8,6 @@ import numpy as np
 
 from vsx_ros.config import RobotConfig
 from vsx_ros.errors import ConfigError
-from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.geometry.unicycle import integrate, wheel_speeds
@@ -63,7 +62,8 @@ class WheelOdometry:
 
 
 class EmulatedRobot:
-    """A robot in a world. camera_given and T_base_cam_given are for the stack; everything called true is not."""
+    """A robot in a world. camera_given and T_base_cam_given, slightly wrong, are for the stack; what is called true is
+    what the pictures are made with. truth: at the last frame's stamp; collisions and clearance up to now."""
 
     def __init__(
         self,
@@ -86,32 +86,9 @@ class EmulatedRobot:
         self._config = config
         self._odometry = WheelOdometry(config.body.tick_m)
         self._frames = 0
-        self._truth = self._read_truth(0)
-
-    @property
-    def camera_given(self) -> PinholeCamera:
-        """The slightly wrong calibration the stack gets."""
-        return self.camera.camera_given
-
-    @property
-    def camera_true(self) -> PinholeCamera:
-        """The calibration the pictures are made with."""
-        return self.camera.camera_true
-
-    @property
-    def T_base_cam_given(self) -> SE3:
-        """The mount the stack is told."""
-        return self.camera.T_base_cam_given
-
-    @property
-    def T_base_cam_true(self) -> SE3:
-        """The mount the pictures are made with."""
-        return self.camera.T_base_cam_true
-
-    @property
-    def truth(self) -> Truth:
-        """The truth at the last frame's stamp; collisions and clearance up to now."""
-        return self._truth
+        self.camera_given, self.camera_true = self.camera.camera_given, self.camera.camera_true
+        self.T_base_cam_given, self.T_base_cam_true = self.camera.T_base_cam_given, self.camera.T_base_cam_true
+        self.truth = self._read_truth(0)
 
     def step(self, command: VelocityCommand) -> Observation:
         """Drive by the command until the next frame is read out, and observe.
@@ -125,7 +102,7 @@ class EmulatedRobot:
         odometry = self._drive_until(stamp_ns)
         self._drive_until(stamp_ns + self.camera.span_ns)
         image = self.camera.render_gray(stamp_ns, body.poses_at)
-        self._truth = self._read_truth(stamp_ns)
+        self.truth = self._read_truth(stamp_ns)
         return Observation(Frame(stamp_ns, image), odometry)
 
     def _drive_until(self, stamp_ns: int) -> Odometry:

@@ -6,10 +6,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, FloatArray, Int32Array, Points2
+from vsx_ros.arrays import FloatArray, Int32Array, Points2
 from vsx_ros.errors import ConfigError
+from vsx_ros.kernels.sim.raycast_cull import Scene
 from vsx_ros.sim.textures import packed_levels, texture, texture_size
 from vsx_ros.sim.world import Material, World, prisms
 
@@ -34,20 +34,6 @@ class Quad(NamedTuple):
     two_sided: bool = False
     along: float = 0.0
     fitted: bool = False
-
-
-class Scene(NamedTuple):
-    """Arrays of ``kernels.raycast_render``; Q quads."""
-
-    P: FloatArray
-    U: FloatArray
-    V: FloatArray
-    two_sided: BoolArray
-    surfaces: NDArray[np.float32]
-    places: NDArray[np.int32]
-    tints: NDArray[np.float32]
-    tex: Int32Array
-    light: Int32Array
 
 
 def _side(a: Points2, b: Points2, z_min: float, z_max: float, material: str, along: float) -> Quad:

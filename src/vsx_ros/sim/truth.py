@@ -30,8 +30,8 @@ def ground_truth_grid(world: World, resolution: float, z_min: float, z_max: floa
         cv2.fillPoly(solid, [np.rint(pixels).astype(np.int32)], value, cv2.LINE_8, SUBPIXEL_BITS)
 
     loops = [np.asarray(outline.points, float) for outline in world.outlines]
-    for loop in sorted(loops, key=_signed_area, reverse=True):
-        fill(loop, 0 if _signed_area(loop) > 0 else 1)
+    for loop in sorted(loops, key=signed_area, reverse=True):
+        fill(loop, 0 if signed_area(loop) > 0 else 1)
     for prism in prisms(world):
         if prism.z_min < z_max and prism.z_max > z_min:
             fill(prism.footprint, 1)
@@ -46,6 +46,7 @@ def ground_truth_grid(world: World, resolution: float, z_min: float, z_max: floa
     return OccupancyGrid(data, resolution, origin_x, origin_y)
 
 
-def _signed_area(loop: Points2) -> float:
+def signed_area(loop: Points2) -> float:
+    """Of a polygon (N, 2) [m2], positive where it runs counter-clockwise."""
     x, y = loop[:, 0], loop[:, 1]
     return float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsx_ros.arrays import BoolArray, FloatArray, IntArray
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points3
 from vsx_ros.config import OdometryNoiseConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
@@ -17,6 +17,7 @@ from vsx_ros.kernels.slam.bundle import START, adjust
 from vsx_ros.kernels.slam.floor import Floor, no_floor
 from vsx_ros.kernels.slam.pose import TUKEY
 from vsx_ros.kernels.slam.relative_pose import Factors
+from vsx_ros.kernels.slam.schur import Observations
 from vsx_ros.slam.map import Map
 
 SIGMA_MIN_PX = 0.4
@@ -43,18 +44,6 @@ class OdometryFactor(NamedTuple):
 
     T_a_b: SE3
     information: FloatArray
-
-
-class Observed(NamedTuple):
-    """Observations grouped by point. rows (M,): the points in the map; start (M + 1,), point (O,), frame (O,), xy (O,
-    2), weight (O,): see ``bundle.adjust``."""
-
-    rows: IntArray
-    start: IntArray
-    point: IntArray
-    frame: IntArray
-    xy: FloatArray
-    weight: FloatArray
 
 
 class Solution(NamedTuple):
@@ -111,18 +100,18 @@ class BundleAdjuster:
             seen[world.keyframes[index].observations.rows] = True
         frames = sorted(set(world.observers(np.flatnonzero(seen))) | set(free))
         frames = [k for k in frames if k in free or seen[world.keyframes[k].observations.rows].any()]
-        observed = _observed(world, frames, seen)
+        rows, observed = _observed(world, frames, seen)
         if not free or len(observed.frame) < 12:
             return Adjustment(0.0, 0, 0, True)
-        solution = self._solve(world, frames, free, observed, iterations, interrupted)
+        solution = self._solve(world, frames, free, world.points[rows], observed, iterations, interrupted)
         for position, k in enumerate(frames):
             if solution.free[position] >= 0:
                 world.move_keyframe(k, SE3(solution.R[position], solution.t[position]).inverse())
-        world.points[observed.rows] = solution.points
+        world.points[rows] = solution.points
         bad = solution.squared > (TUKEY * solution.sigma_px) ** 2
         dead = 0
         if solution.finished:
-            dead = _discard(world, np.array(frames)[observed.frame[bad]], observed.rows[observed.point[bad]])
+            dead = _discard(world, np.array(frames)[observed.frame[bad]], rows[observed.point[bad]])
         for k in free:
             world.update_depth(k)
         return Adjustment(solution.sigma_px, int(bad.sum()) if solution.finished else 0, dead, solution.finished)
@@ -132,7 +121,8 @@ class BundleAdjuster:
         world: Map,
         frames: list[int],
         free: list[int],
-        observed: Observed,
+        points: Points3,
+        observed: Observations,
         iterations: int,
         interrupted: Callable[[], bool],
     ) -> Solution:
@@ -141,11 +131,11 @@ class BundleAdjuster:
         T_cam_world = [world.keyframes[k].T_world_cam.inverse() for k in frames]
         R, t = np.array([T.rotation for T in T_cam_world]), np.array([T.translation for T in T_cam_world])
         factors, floor = self._factors(world, frames, set(free)), self._floor(world, frames)
-        points, squared, sigma, progress, done = world.points[observed.rows], np.zeros(0), 0.0, START, 0
+        squared, sigma, progress, done = np.zeros(0), 0.0, START, 0
         while done < iterations and not progress.done:
             trials = min(max(1, SLICE_OBSERVATIONS // len(observed.frame)), iterations - done)
             R, t, points, squared, sigma, _, progress = adjust(
-                self._K, R, t, moving, points, *observed[1:], factors, floor, trials, SIGMA_MIN_PX, progress
+                self._K, R, t, moving, points, observed, factors, floor, trials, SIGMA_MIN_PX, progress
             )
             done += trials
             if interrupted():
@@ -205,8 +195,9 @@ class BundleAdjuster:
         )
 
 
-def _observed(world: Map, frames: list[int], seen: BoolArray) -> Observed:
-    """What the keyframes ``frames`` see of the points in ``seen`` (P,), where at least two see a point."""
+def _observed(world: Map, frames: list[int], seen: BoolArray) -> tuple[IntArray, Observations]:
+    """What the keyframes ``frames`` see of the points in ``seen`` (P,), where at least two see a point: rows (M,) of
+    these points, and the observations."""
     every = [world.keyframes[k].observations for k in frames]
     rows = np.concatenate([np.zeros(0, np.int64), *(o.rows for o in every)])
     frame = np.repeat(np.arange(len(frames)), [len(o.rows) for o in every])
@@ -220,7 +211,7 @@ def _observed(world: Map, frames: list[int], seen: BoolArray) -> Observed:
     start = np.concatenate([[0], np.cumsum(counts[wanted])])
     ideal = np.concatenate([np.zeros((0, 2)), *(o.ideal for o in every)])
     level = np.concatenate([np.zeros(0, np.int64), *(o.level for o in every)])
-    return Observed(wanted, start, local[order], frame[order], ideal[order], 0.5 ** level[order])
+    return wanted, Observations(start, local[order], frame[order], ideal[order], 0.5 ** level[order])
 
 
 def _discard(world: Map, frames: IntArray, rows: IntArray) -> int:

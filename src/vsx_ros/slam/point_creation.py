@@ -16,7 +16,7 @@ from vsx_ros.kernels.vision.patches import CENTRE
 from vsx_ros.slam.keyframe import FrameData, KeyFrame, Observations
 from vsx_ros.slam.templates import NewTemplates
 from vsx_ros.vision.corners import strongest
-from vsx_ros.vision.patch_search import cast_rays, cut_patches, from_level, to_level
+from vsx_ros.vision.patch_search import cast_rays, cut_patches, from_level, target_of, to_level
 from vsx_ros.vision.pyramid import LEVELS
 
 _SHARE = (0.40, 0.30, 0.20, 0.10)
@@ -94,10 +94,9 @@ def match_in_target(
     T_target_source = target.T_world_cam.inverse() @ source.T_world_cam
     camera, n = target.data.camera, len(candidates.uv)
     bounds = np.tile([1.0 / depth_range[1], 1.0 / depth_range[0]], (n, 1))
-    pyramid, corners = target.data.pyramid, target.data.corners
     found, uv, level = search_rays(
         camera, T_target_source.rotation, T_target_source.translation, candidates.rays, candidates.basis,
-        candidates.patches, bounds, pyramid.pixels, pyramid.table, corners.positions, corners.row_table,
+        candidates.patches, bounds, target_of(target.data.pyramid, target.data.corners),
     )  # fmt: skip
     index = np.flatnonzero(found)
     uv, level = uv[index], level[index]

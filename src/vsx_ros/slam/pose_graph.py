@@ -8,7 +8,7 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels.slam.pose_graph import count_shared, optimize_graph
+from vsx_ros.kernels.slam.pose_graph import Edges, count_shared, optimize_graph
 from vsx_ros.slam.map import Map
 
 # Standard deviations of what two keyframes that share points know of one another: a constant and a share of the way.
@@ -55,9 +55,11 @@ def optimize_pose_graph(world: Map, map_id: int, loops: list[LoopClosure], free_
     R, t, s, _ = optimize_graph(
         np.array([T.rotation for T in before]), np.array([T.translation for T in before]), np.ones(len(nodes)),
         np.arange(len(nodes)) == 0,
-        np.array([e.a for e in edges], np.int64), np.array([e.b for e in edges], np.int64),
-        np.array([e.T_a_b.rotation for e in edges]), np.array([e.T_a_b.translation for e in edges]),
-        np.array([e.scale for e in edges]), np.array([np.diag(e.sigma**-2.0) for e in edges]), free_scale, ITERATIONS,
+        Edges(
+            np.array([e.a for e in edges], np.int64), np.array([e.b for e in edges], np.int64),
+            np.array([e.T_a_b.rotation for e in edges]), np.array([e.T_a_b.translation for e in edges]),
+            np.array([e.scale for e in edges]), np.array([np.diag(e.sigma**-2.0) for e in edges]),
+        ), free_scale, ITERATIONS,
     )  # fmt: skip
     after = [SE3(R[n], t[n]) for n in range(len(nodes))]
     move_keyframes(world, nodes, after, s)

@@ -17,6 +17,7 @@ from vsx_ros.kernels.geometry.projection import unproject_pixels
 from vsx_ros.kernels.slam.bundle import START, adjust
 from vsx_ros.kernels.slam.floor import no_floor
 from vsx_ros.kernels.slam.relative_pose import no_factors
+from vsx_ros.kernels.slam.schur import Observations
 from vsx_ros.slam.keyframe import FrameData
 from vsx_ros.slam.point_creation import Candidates, TargetMatches, checked_points
 
@@ -129,11 +130,10 @@ class TwoViewReconstruction:
         R = np.array([np.eye(3), T_b_a.rotation])
         t = np.array([np.zeros(3), T_b_a.translation])
         xy = np.stack([rays_a, rays_b], axis=1).reshape(-1, 2) * f
-        R, t, *_ = adjust(
-            np.array([f, f, 0.0, 0.0]), R, t, np.array([-1, 0]), points, np.arange(0, 2 * n + 1, 2),
-            np.repeat(np.arange(n), 2), np.tile([0, 1], n), xy, np.ones(2 * n), no_factors(), no_floor(), 12, 0.3,
-            START,
-        )  # fmt: skip
+        start, point, frame = np.arange(0, 2 * n + 1, 2), np.repeat(np.arange(n), 2), np.tile([0, 1], n)
+        observed = Observations(start, point, frame, xy, np.ones(2 * n))
+        K, free = np.array([f, f, 0.0, 0.0]), np.array([-1, 0])
+        R, t, *_ = adjust(K, R, t, free, points, observed, no_factors(), no_floor(), 12, 0.3, START)
         return SE3(R[1], t[1] / max(float(np.linalg.norm(t[1])), 1e-12))
 
 

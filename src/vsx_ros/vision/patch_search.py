@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.kernels.geometry.projection import unproject_pixels
-from vsx_ros.kernels.vision.patches import CENTRE, PATCH
-from vsx_ros.kernels.vision.search import search
-from vsx_ros.kernels.vision.warping import warp_templates
+from vsx_ros.kernels.vision.patches import CENTRE, PATCH, Target
+from vsx_ros.kernels.vision.search import search, warp_templates
 from vsx_ros.vision.corners import Corners
 from vsx_ros.vision.pyramid import Pyramid
 
@@ -28,13 +27,7 @@ class Predictions(NamedTuple):
 
     def take(self, chosen: IntArray | BoolArray) -> Predictions:
         """A subset, by index or mask."""
-        return Predictions(
-            self.rows[chosen],
-            self.level[chosen],
-            self.uv[chosen],
-            self.inverse_warp[chosen],
-            self.template[chosen],
-        )
+        return Predictions._make(column[chosen] for column in self)
 
 
 def to_level(uv: Pixels, level: int | IntArray) -> Pixels:
@@ -47,6 +40,11 @@ def from_level(uv: Pixels, level: int | IntArray) -> Pixels:
     """Pixels of a pyramid level at level 0."""
     scale = np.asarray(2.0 ** np.asarray(level, float)).reshape(-1, 1)
     return (uv + 0.5) * scale - 0.5
+
+
+def target_of(pyramid: Pyramid, corners: Corners) -> Target:
+    """An image as kernels search it."""
+    return Target(*pyramid, corners.positions, corners.row_table)
 
 
 class WarpedTemplates(NamedTuple):
@@ -73,19 +71,8 @@ def search_templates(
 ) -> tuple[BoolArray, Pixels]:
     """(found (S,), position (S, 2) level-0 px) of looks near uv (S, 2) level-0 px: at corners within radius_px
     (level-0 px) and, where none fits, at any pixel within ``reach`` level px. wanted (S,): None means all usable."""
-    found, position = search(
-        pyramid.pixels,
-        pyramid.table,
-        corners.positions,
-        corners.row_table,
-        templates.templates,
-        templates.usable if wanted is None else wanted & templates.usable,
-        level,
-        uv,
-        float(radius_px),
-        reach,
-    )
-    return found, position
+    usable = templates.usable if wanted is None else wanted & templates.usable
+    return search(target_of(pyramid, corners), templates.templates, usable, level, uv, float(radius_px), reach)
 
 
 def find_patches(

@@ -1,6 +1,6 @@
 """Where a wall meets the floor: the brightness steps at the line where its plane cuts z = 0, and nowhere near it.
 
-A gap in the wall has no such step: through it the floor goes on. Arrays as in kernels/dense/surface_cells.py.
+A gap in the wall has no such step: through it the floor goes on.
 """
 
 from __future__ import annotations
@@ -8,11 +8,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.kernels import kernel
-from vsx_ros.kernels.dense.surface_cells import LEVELS
+from vsx_ros.kernels.dense.surface_cells import LEVELS, sample
+from vsx_ros.kernels.dense.view_choice import Views
 
 ROWS = 4
 ACROSS = 3
@@ -20,19 +20,11 @@ ACROSS = 3
 
 @kernel
 def _strip(
-    pixels: NDArray[np.uint8],
-    table: IntArray,
-    K: FloatArray,
-    R: FloatArray,
-    t: FloatArray,
-    origin: FloatArray,
-    along: FloatArray,
-    across: FloatArray,
-    begin: float,
-    end: float,
+    views: Views, k: int, origin: FloatArray, along: FloatArray, across: FloatArray, begin: float, end: float
 ) -> tuple[float, float, bool]:
     """Mean and standard deviation [grey levels] of a rectangle: from ``begin`` to ``end`` [m] in the direction along
     (3,) from origin (3,), across (3,) [m] to both sides; and whether all of it is in the image."""
+    pixels, R, t, K = views.store[views.slots[k]], views.R[k], views.t[k], views.K
     total = squares = 0.0
     for i in range(ROWS):
         a = begin + (end - begin) * (i + 0.5) / ROWS
@@ -54,15 +46,10 @@ def _strip(
             shrink = 1.0 / (1 << level)
             u = (px / pz * K[0] + K[2] + 0.5) * shrink - 0.5
             v = (py / pz * K[1] + K[3] + 0.5) * shrink - 0.5
-            offset, height, width = table[level, 0], table[level, 1], table[level, 2]
-            if not (0.0 <= u < width - 1 and 0.0 <= v < height - 1):
+            offset, height, width = views.table[level, 0], views.table[level, 1], views.table[level, 2]
+            value = sample(pixels, offset, height, width, u, v)
+            if value < 0.0:
                 return 0.0, 0.0, False
-            c, r = int(u), int(v)
-            fu, fv = u - c, v - r
-            at = offset + r * width + c
-            top = pixels[at] * (1.0 - fu) + pixels[at + 1] * fu
-            bottom = pixels[at + width] * (1.0 - fu) + pixels[at + width + 1] * fu
-            value = top * (1.0 - fv) + bottom * fv
             total += value
             squares += value * value
     n = ROWS * ACROSS
@@ -72,8 +59,7 @@ def _strip(
 
 @kernel
 def contact_steps(
-    store: NDArray[np.uint8], table: IntArray, K: FloatArray, R: FloatArray, t: FloatArray, centres: FloatArray,
-    slots: IntArray, feet: FloatArray, front: FloatArray, right: FloatArray,
+    views: Views, feet: FloatArray, front: FloatArray, right: FloatArray,
     strips: tuple[float, float, float, float, float], shifts: FloatArray,
     limits: tuple[float, float, float, float, int],
 ) -> tuple[IntArray, FloatArray, IntArray]:  # fmt: skip
@@ -89,6 +75,7 @@ def contact_steps(
     """
     nearest, farthest, grazing, least, most = limits
     half_width, low, high, begin, length = strips
+    R, centres = views.R, views.centres
     n = feet.shape[0]
     seen, steps = np.zeros(n, np.int64), np.zeros((n, shifts.shape[0]))
     reference, witness = np.full(n, -1, np.int64), np.zeros(2, np.int64)
@@ -106,15 +93,15 @@ def contact_steps(
             depth = -(R[k, 2, 0] * dx + R[k, 2, 1] * dy + R[k, 2, 2] * dz)
             if depth < 0.5 * distance:
                 continue
-            reach = begin + max(length, 2.0 * depth * depth / (K[1] * max(dz, 0.05)))
+            reach = begin + max(length, 2.0 * depth * depth / (views.K[1] * max(dz, 0.05)))
             good = True
             for s in range(shifts.shape[0]):
                 for axis in range(3):
                     origin[axis] = feet[i, axis] + shifts[s] * front[axis]
-                above, rough, good = _strip(store[slots[k]], table, K, R[k], t[k], origin, up, across, low, high)
+                above, rough, good = _strip(views, k, origin, up, across, low, high)
                 if not good:
                     break
-                below, coarse, good = _strip(store[slots[k]], table, K, R[k], t[k], origin, front, across, begin, reach)
+                below, coarse, good = _strip(views, k, origin, front, across, begin, reach)
                 if not good:
                     break
                 found[s] = min(2.0, max(-2.0, (above - below) / (least + rough + coarse)))

@@ -61,15 +61,9 @@ def _first_largest(values: FloatArray) -> int:
 
 @kernel
 def _compact(
-    words: NDArray[np.uint64],
-    common: NDArray[np.uint16],
-    size: FloatArray,
-    bound: FloatArray,
-    nearest: IntArray,
-    stale: BoolArray,
-    row: IntArray,
-    n: int,
-) -> int:
+    words: NDArray[np.uint64], common: NDArray[np.uint16], size: FloatArray, bound: FloatArray, nearest: IntArray,
+    stale: BoolArray, row: IntArray, n: int,
+) -> int:  # fmt: skip
     """Move the rows that may still merge to the front, in their order; how many."""
     place = np.full(n, -1)
     m = 0

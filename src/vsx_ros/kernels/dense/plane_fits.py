@@ -8,7 +8,7 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.kernels import kernel
-from vsx_ros.kernels.dense.planes import variance_along
+from vsx_ros.kernels.dense.planes import ObservedPoints, variance_along
 
 _NO_CUTOFF = 1e9
 LEVEL = math.cos(math.radians(15.0))
@@ -17,23 +17,24 @@ LEVEL = math.cos(math.radians(15.0))
 
 @kernel
 def plane_moments(
-    points: FloatArray, covariances: FloatArray, rows: IntArray, plane: FloatArray, floor: float, cutoff: float
+    points: ObservedPoints, rows: IntArray, plane: FloatArray, floor: float, cutoff: float
 ) -> tuple[float, FloatArray, FloatArray]:
     """(total weight, weighted mean (3,), weighted scatter about it (3, 3)) of some points (rows), whose weights are
     inverse variances along a plane's normal (4,) and Tukey's, zero from ``cutoff`` standard deviations on."""
-    origin = points[rows[0]].copy()
+    world, covariances = points.world, points.covariances
+    origin = world[rows[0]].copy()
     total, first, second = 0.0, np.zeros(3), np.zeros((3, 3))
     d = np.empty(3)
     a, b, e = plane[0], plane[1], plane[2]
     for i in rows:
         variance = floor * floor + variance_along(covariances[i], a, b, e)
-        r = a * points[i, 0] + b * points[i, 1] + e * points[i, 2] - plane[3]
+        r = a * world[i, 0] + b * world[i, 1] + e * world[i, 2] - plane[3]
         u = 1.0 - r * r / (variance * cutoff * cutoff)
         if u <= 0.0:
             continue
         weight = u * u / variance
         for j in range(3):
-            d[j] = points[i, j] - origin[j]
+            d[j] = world[i, j] - origin[j]
         total += weight
         for j in range(3):
             first[j] += weight * d[j]
@@ -64,14 +65,7 @@ def in_plane_axes(x: float, y: float, z: float) -> FloatArray:
 
 @kernel
 def fit_plane(
-    points: FloatArray,
-    covariances: FloatArray,
-    rows: IntArray,
-    guess: FloatArray,
-    fixed: int,
-    floor: float,
-    cutoff: float,
-    rounds: int,
+    points: ObservedPoints, rows: IntArray, guess: FloatArray, fixed: int, floor: float, cutoff: float, rounds: int
 ) -> tuple[bool, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Gauss-Newton on two tilts and the offset of the plane of some points (rows), Tukey's weights from the second
     round on.
@@ -84,7 +78,7 @@ def fit_plane(
     normal, slopes, H, g = plane[:3], np.zeros((2, 3)), np.zeros((2, 2)), np.zeros(2)
     covariance, spread = np.zeros((3, 3)), np.zeros(2)
     for turn in range(rounds):
-        total, middle, scatter = plane_moments(points, covariances, rows, plane, floor, cutoff if turn else _NO_CUTOFF)
+        total, middle, scatter = plane_moments(points, rows, plane, floor, cutoff if turn else _NO_CUTOFF)
         axes = in_plane_axes(normal[0], normal[1], normal[2])
         # How the distance of a point changes as the plane tilts about right, then about up.
         slopes[0], slopes[1] = -axes[1], axes[0]

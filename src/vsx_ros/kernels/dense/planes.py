@@ -3,15 +3,42 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, FloatArray, IntArray
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points3
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.dense.jlinkage import WORD
 
 _MIN_FACING = 0.05
+
+
+class ObservedPoints(NamedTuple):
+    """ids (N,): point_ids of the snapshot. world (N, 3). covariances (N, 3, 3) [m2] of the positions, keyframes taken
+    as known. views (N, 3): mean unit direction to the observers. sigma (N,): standard deviation [m], all directions
+    together. range (N,): mean distance of the observers [m]."""
+
+    ids: IntArray
+    world: Points3
+    covariances: FloatArray
+    views: FloatArray
+    sigma: FloatArray
+    range: FloatArray
+
+    def at(self, rows: IntArray) -> ObservedPoints:
+        """Those rows."""
+        return ObservedPoints._make(column[rows] for column in self)
+
+
+class Noise(NamedTuple):
+    """What a point may be off a plane besides its own noise: floor [m], common to neighbours; gate: how many standard
+    deviations; limit [m]: never more."""
+
+    floor: float
+    gate: float
+    limit: float
 
 
 @kernel
@@ -38,11 +65,7 @@ def point_information(
     d = np.empty(3)
     for o in range(obs_point.shape[0]):
         i, k = obs_point[o], obs_keyframe[o]
-        d[0], d[1], d[2] = (
-            centres[k, 0] - points[i, 0],
-            centres[k, 1] - points[i, 1],
-            centres[k, 2] - points[i, 2],
-        )
+        d[0], d[1], d[2] = (centres[k, 0] - points[i, 0], centres[k, 1] - points[i, 1], centres[k, 2] - points[i, 2])
         r = max(math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]), 1e-9)
         weight = 1.0 / (r * obs_noise[o]) ** 2
         for a in range(3):
@@ -58,65 +81,47 @@ def point_information(
 
 
 @kernel
-def deviations(
-    points: FloatArray,
-    covariances: FloatArray,
-    views: FloatArray,
-    rows: IntArray,
-    plane: FloatArray,
-    floor: float,
-    limit: float,
-) -> FloatArray:
-    """(R,) distances of some points (rows) to a plane (4,) in standard deviations; infinite beyond ``limit`` [m] and
-    for points seen from behind. floor [m]: noise besides the points' own."""
-    out = np.full(rows.shape[0], np.inf)
+def _off(points: ObservedPoints, i: int, plane: FloatArray, noise: Noise) -> float:
+    """Distance of point i to a plane (4,) in standard deviations; infinite beyond the noise's limit and for points seen
+    from behind."""
     a, b, e = plane[0], plane[1], plane[2]
+    if a * points.views[i, 0] + b * points.views[i, 1] + e * points.views[i, 2] <= _MIN_FACING:
+        return np.inf
+    r = abs(a * points.world[i, 0] + b * points.world[i, 1] + e * points.world[i, 2] - plane[3])
+    if not r <= noise.limit:
+        return np.inf
+    sigma: float = r / math.sqrt(noise.floor * noise.floor + variance_along(points.covariances[i], a, b, e))
+    return sigma
+
+
+@kernel
+def deviations(points: ObservedPoints, rows: IntArray, plane: FloatArray, noise: Noise) -> FloatArray:
+    """(R,) distances of some points (rows) to a plane (4,) in standard deviations; infinite where a point cannot belong
+    to it: too far off, or seen from behind."""
+    out = np.empty(rows.shape[0])
     for k in range(rows.shape[0]):
-        i = rows[k]
-        if a * views[i, 0] + b * views[i, 1] + e * views[i, 2] <= _MIN_FACING:
-            continue
-        r = abs(a * points[i, 0] + b * points[i, 1] + e * points[i, 2] - plane[3])
-        if r <= limit:
-            out[k] = r / math.sqrt(floor * floor + variance_along(covariances[i], a, b, e))
+        out[k] = _off(points, rows[k], plane, noise)
     return out
 
 
 @kernel
 def best_planes(
-    points: FloatArray,
-    covariances: FloatArray,
-    views: FloatArray,
-    planes: FloatArray,
-    axes: FloatArray,
-    boxes: FloatArray,
-    few: int,
-    order: IntArray,
-    limits: tuple[float, float, float],
-) -> IntArray:
+    points: ObservedPoints, planes: FloatArray, axes: FloatArray, boxes: FloatArray, few: int, order: IntArray,
+    noise: Noise,
+) -> IntArray:  # fmt: skip
     """(N,) the plane of (G, 4) that each point fits best, of those it lies beside; -1 where it fits none.
 
     Planes with fewer than ``few`` points leave them to the others, one at a time by their place in order (G,).
-    axes: (G, 2, 3). boxes: (G, 2, 2) least and greatest coordinates along them [m]. limits: floor [m], gate, limit [m];
-    see ``deviations``.
+    axes: (G, 2, 3). boxes: (G, 2, 2) least and greatest coordinates along them [m].
     """
-    floor, gate, limit = limits
-    n, m = points.shape[0], planes.shape[0]
+    n, m = points.world.shape[0], planes.shape[0]
     begin = np.zeros(n + 1, np.int64)
     near, sigmas = np.empty(4 * n, np.int64), np.empty(4 * n)
     count = 0
     for i in range(n):
-        x, y, z = points[i, 0], points[i, 1], points[i, 2]
         for k in range(m):
-            a, b, e = planes[k, 0], planes[k, 1], planes[k, 2]
-            r = abs(a * x + b * y + e * z - planes[k, 3])
-            if r > limit or a * views[i, 0] + b * views[i, 1] + e * views[i, 2] <= _MIN_FACING:
-                continue
-            u = axes[k, 0, 0] * x + axes[k, 0, 1] * y + axes[k, 0, 2] * z
-            v = axes[k, 1, 0] * x + axes[k, 1, 1] * y + axes[k, 1, 2] * z
-            if u < boxes[k, 0, 0] or u > boxes[k, 1, 0] or v < boxes[k, 0, 1] or v > boxes[k, 1, 1]:
-                continue
-            sigma = r / math.sqrt(floor * floor + variance_along(covariances[i], a, b, e))
-            if sigma >= gate:
+            sigma = _off(points, i, planes[k], noise)
+            if sigma >= noise.gate or not _is_beside(points.world[i], axes[k], boxes[k, 0], boxes[k, 1]):
                 continue
             if count == near.shape[0]:
                 near, sigmas = np.concatenate((near, near)), np.concatenate((sigmas, sigmas))
@@ -143,13 +148,7 @@ def best_planes(
 
 @kernel
 def _choose(
-    i: int,
-    owner: IntArray,
-    size: IntArray,
-    gone: BoolArray,
-    begin: IntArray,
-    near: IntArray,
-    sigmas: FloatArray,
+    i: int, owner: IntArray, size: IntArray, gone: BoolArray, begin: IntArray, near: IntArray, sigmas: FloatArray
 ) -> None:
     """Give point i to the plane near it that it fits best, of those that are not gone."""
     best, owner[i] = np.inf, -1
@@ -161,17 +160,22 @@ def _choose(
 
 
 @kernel
+def _is_beside(point: FloatArray, axes: FloatArray, low: FloatArray, high: FloatArray) -> bool:
+    """Whether a point's (3,) coordinates along two axes (2, 3) lie between low and high (2,)."""
+    for k in range(2):
+        u = axes[k, 0] * point[0] + axes[k, 1] * point[1] + axes[k, 2] * point[2]
+        if u < low[k] or u > high[k]:
+            return False
+    return True
+
+
+@kernel
 def beside(points: FloatArray, axes: FloatArray, low: FloatArray, high: FloatArray) -> IntArray:
     """Rows of the points (N, 3) whose coordinates along two axes (2, 3) lie between low and high (2,)."""
     rows = np.empty(points.shape[0], np.int64)
     count = 0
     for i in range(points.shape[0]):
-        x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        u = axes[0, 0] * x + axes[0, 1] * y + axes[0, 2] * z
-        if u < low[0] or u > high[0]:
-            continue
-        v = axes[1, 0] * x + axes[1, 1] * y + axes[1, 2] * z
-        if v >= low[1] and v <= high[1]:
+        if _is_beside(points[i], axes, low, high):
             rows[count] = i
             count += 1
     return rows[:count]
@@ -179,15 +183,9 @@ def beside(points: FloatArray, axes: FloatArray, low: FloatArray, high: FloatArr
 
 @kernel
 def first_accepted(
-    points: FloatArray,
-    sigmas: FloatArray,
-    first: IntArray,
-    candidates: IntArray,
-    luck: FloatArray,
-    across: int,
-    reach: float,
+    points: ObservedPoints, first: IntArray, candidates: IntArray, luck: FloatArray, across: int, reach: float,
     apart: float,
-) -> IntArray:
+) -> IntArray:  # fmt: skip
     """(M,) for each point ``first`` (M,) the first of its candidates (M, T), rows of points, that is accepted; -1
     where none is.
 
@@ -200,14 +198,14 @@ def first_accepted(
         a = first[i]
         for t in range(tries):
             b = candidates[i, t]
-            least = max(apart, 2.0 * max(sigmas[a], sigmas[b]))
+            least = max(apart, 2.0 * max(points.sigma[a], points.sigma[b]))
             squares = 0.0
             for k in range(across):
-                squares += (points[b, k] - points[a, k]) ** 2
+                squares += (points.world[b, k] - points.world[a, k]) ** 2
             if squares <= least * least:
                 continue
             for k in range(across, 3):
-                squares += (points[b, k] - points[a, k]) ** 2
+                squares += (points.world[b, k] - points.world[a, k]) ** 2
             if luck[i, t] < math.exp(-squares / (reach * reach)):
                 chosen[i] = b
                 break
@@ -215,34 +213,21 @@ def first_accepted(
 
 
 @kernel
-def plane_preferences(
-    points: FloatArray,
-    covariances: FloatArray,
-    views: FloatArray,
-    planes: FloatArray,
-    floor: float,
-    gate: float,
-    limit: float,
-) -> NDArray[np.uint64]:
-    """(N, W) uint64: bit h of a point is set where it lies on plane h, as far as its own noise allows.
-
-    points: (N, 3). covariances: (N, 3, 3) of them. views: (N, 3) unit vectors towards those who saw them. planes:
-    (M, 4) unit normal and offset. A point may lie ``gate`` standard deviations off, ``limit`` [m] at most, and must
-    have been seen from the plane's front.
-    """
-    n, m = points.shape[0], planes.shape[0]
+def plane_preferences(points: ObservedPoints, planes: FloatArray, noise: Noise) -> NDArray[np.uint64]:
+    """(N, W) uint64: bit h of a point is set where it lies on plane h of (M, 4), unit normal and offset, as far as its
+    own noise allows, and was seen from the plane's front."""
+    n, m = points.world.shape[0], planes.shape[0]
+    floor, gate, limit = noise
     preferences = np.zeros((n, (m + WORD - 1) // WORD), np.uint64)
     for i in range(n):
-        x, y, z = points[i]
-        vx, vy, vz = views[i]
-        c = covariances[i]
+        x, y, z = points.world[i]
+        vx, vy, vz = points.views[i]
+        c = points.covariances[i]
         for h in range(m):
             a, b, e = planes[h, 0], planes[h, 1], planes[h, 2]
             if a * vx + b * vy + e * vz <= _MIN_FACING:
                 continue
             r = abs(a * x + b * y + e * z - planes[h, 3])
-            if r > limit:
-                continue
-            if r <= gate * math.sqrt(floor * floor + variance_along(c, a, b, e)):
+            if r <= limit and r <= gate * math.sqrt(floor * floor + variance_along(c, a, b, e)):
                 preferences[i, h // WORD] |= np.uint64(1) << np.uint64(h % WORD)
     return preferences

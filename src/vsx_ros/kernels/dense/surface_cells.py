@@ -1,10 +1,7 @@
 """Whether small squares of a plane look the same from several keyframes (paper 5.1; Argiles, Civera, Montesano, IROS
 2011), and which of them rays pass through.
 
-Images are the rows of a store (S, B) uint8: undistorted, LEVELS levels, each half as large as the one before; table
-(LEVELS, 3): offset, height, width. K (4,): fx, fy, cx, cy [px] of level 0 of the store. Cameras: R (K, 3, 3), t (K, 3):
-T_cam_world, centres (K, 3) world [m], slots (K,): their rows of the store. Frame (3, 3) of a plane: right, up, normal
-(towards its observers), world.
+Frame (3, 3) of a plane: right, up, normal (towards its observers), world.
 """
 
 from __future__ import annotations
@@ -16,7 +13,7 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.kernels import kernel
-from vsx_ros.kernels.dense.view_choice import VIEWS, Limits, choose_views
+from vsx_ros.kernels.dense.view_choice import VIEWS, Limits, Views, choose_views
 
 LEVELS = 4
 SIDE = 8
@@ -24,21 +21,26 @@ SIDE = 8
 
 
 @kernel
+def sample(pixels: NDArray[np.uint8], offset: int, height: int, width: int, u: float, v: float) -> float:
+    """Bilinear grey value at pixel (u, v) of the level that begins at an offset; negative outside of it."""
+    if not (0.0 <= u < width - 1 and 0.0 <= v < height - 1):
+        return -1.0
+    c, r = int(u), int(v)
+    fu, fv = u - c, v - r
+    at = offset + r * width + c
+    top = pixels[at] * (1.0 - fu) + pixels[at + 1] * fu
+    bottom = pixels[at + width] * (1.0 - fu) + pixels[at + width + 1] * fu
+    value: float = top * (1.0 - fv) + bottom * fv
+    return value
+
+
+@kernel
 def _sample_patch(
-    pixels: NDArray[np.uint8],
-    table: IntArray,
-    K: FloatArray,
-    R: FloatArray,
-    t: FloatArray,
-    frame: FloatArray,
-    x: float,
-    y: float,
-    z: float,
-    half: float,
-    out: FloatArray,
+    views: Views, k: int, frame: FloatArray, x: float, y: float, z: float, half: float, out: FloatArray
 ) -> bool:
     """Fill out (SIDE * SIDE,) with the grey values of a square centred at (x, y, z) [m], ``half`` [m] from its middle
     to its outer samples; False where any lies outside the image or behind the camera."""
+    pixels, R, t, K = views.store[views.slots[k]], views.R[k], views.t[k], views.K
     px = R[0, 0] * x + R[0, 1] * y + R[0, 2] * z + t[0]
     py = R[1, 0] * x + R[1, 1] * y + R[1, 2] * z + t[1]
     pz = R[2, 0] * x + R[2, 1] * y + R[2, 2] * z + t[2]
@@ -56,7 +58,7 @@ def _sample_patch(
     while level < LEVELS - 1 and spacing > 1.5:
         spacing *= 0.5
         level += 1
-    offset, height, width = table[level, 0], table[level, 1], table[level, 2]
+    offset, height, width = views.table[level, 0], views.table[level, 1], views.table[level, 2]
     shrink = 1.0 / (1 << level)
     for i in range(SIDE):
         b = half - i * step
@@ -67,14 +69,10 @@ def _sample_patch(
                 return False
             u = ((px + a * rx + b * ux) / qz * K[0] + K[2] + 0.5) * shrink - 0.5
             v = ((py + a * ry + b * uy) / qz * K[1] + K[3] + 0.5) * shrink - 0.5
-            if not (0.0 <= u < width - 1 and 0.0 <= v < height - 1):
+            value = sample(pixels, offset, height, width, u, v)
+            if value < 0.0:
                 return False
-            c, r = int(u), int(v)
-            fu, fv = u - c, v - r
-            at = offset + r * width + c
-            top = pixels[at] * (1.0 - fu) + pixels[at + 1] * fu
-            bottom = pixels[at + width] * (1.0 - fu) + pixels[at + width + 1] * fu
-            out[i * SIDE + j] = top * (1.0 - fv) + bottom * fv
+            out[i * SIDE + j] = value
     return True
 
 
@@ -122,20 +120,9 @@ def _second_best(values: FloatArray, n: int) -> float:
 
 @kernel
 def judge_cells(
-    store: NDArray[np.uint8],
-    table: IntArray,
-    K: FloatArray,
-    R: FloatArray,
-    t: FloatArray,
-    centres: FloatArray,
-    slots: IntArray,
-    frame: FloatArray,
-    cells: FloatArray,
-    half: float,
-    limits: Limits,
-    gates: tuple[float, float],
+    views: Views, frame: FloatArray, cells: FloatArray, half: float, limits: Limits, gates: tuple[float, float],
     depths: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, IntArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, IntArray]:  # fmt: skip
     """How cells (N, 3) look in the keyframes; half: of the square's side [m], limits: see choose_views.
 
     depths (D,): relative depths, in the reference, of the places a cell is compared with: where the picture is as much
@@ -147,17 +134,17 @@ def judge_cells(
     n = cells.shape[0]
     texture, score, rival = np.zeros(n), np.full(n, -1.0), np.full(n, -1.0)
     counts, reference = np.zeros(n, np.int64), np.full(n, -1, np.int64)
-    views = np.zeros(VIEWS + 1, np.int64)
+    chosen, centres = np.zeros(VIEWS + 1, np.int64), views.centres
     look, other = np.zeros(SIDE * SIDE), np.zeros(SIDE * SIDE)
     alike = np.zeros(VIEWS)
     worth = np.zeros(centres.shape[0])
     for i in range(n):
         x, y, z = cells[i, 0], cells[i, 1], cells[i, 2]
-        count = choose_views(table, K, R, centres, frame, x, y, z, half, limits, worth, views)
+        count = choose_views(views, frame, x, y, z, half, limits, worth, chosen)
         if count == 0:
             continue
-        k = views[0]
-        if not _sample_patch(store[slots[k]], table, K, R[k], t[k], frame, x, y, z, half, look):
+        k = chosen[0]
+        if not _sample_patch(views, k, frame, x, y, z, half, look):
             continue
         reference[i] = k
         texture[i] = _inner_texture(look)
@@ -172,8 +159,7 @@ def judge_cells(
             cz = centres[k, 2] + depth * (z - centres[k, 2])
             seen = 0
             for m in range(1, count):
-                o = views[m]
-                if not _sample_patch(store[slots[o]], table, K, R[o], t[o], frame, cx, cy, cz, depth * half, other):
+                if not _sample_patch(views, chosen[m], frame, cx, cy, cz, depth * half, other):
                     continue
                 _standardise(other)
                 dot = 0.0
@@ -193,17 +179,9 @@ def judge_cells(
 
 @kernel
 def count_passing(
-    frame: FloatArray,
-    offset: float,
-    centres: FloatArray,
-    points: FloatArray,
-    obs_keyframe: IntArray,
-    obs_point: IntArray,
-    behind: FloatArray,
-    low: IntArray,
-    size: float,
-    votes: IntArray,
-) -> None:
+    frame: FloatArray, offset: float, centres: FloatArray, points: FloatArray, obs_keyframe: IntArray,
+    obs_point: IntArray, behind: FloatArray, low: IntArray, size: float, votes: IntArray,
+) -> None:  # fmt: skip
     """Add to votes (W, H), the cells of a plane from index low (2,) on, how many keyframes see a point through each.
 
     Observations are in the order of keyframes. behind: least distance [m] of a point behind the plane, and least share

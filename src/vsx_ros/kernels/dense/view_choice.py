@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
-from vsx_ros.arrays import FloatArray, IntArray
+import numpy as np
+from numpy.typing import NDArray
+
+from vsx_ros.arrays import FloatArray, IntArray, Points3
 from vsx_ros.kernels import kernel
 
 VIEWS = 6
@@ -14,20 +17,43 @@ Limits: TypeAlias = tuple[float, float, float, float, float, float, float]
 """See ``choose_views``."""
 
 
+class Views(NamedTuple):
+    """Keyframes to look at cells in. ids (N,); R (N, 3, 3) and t (N, 3): T_cam_world; centres (N, 3) world [m]; slots
+    (N,): their rows of the store of images.
+
+    store (S, B) uint8: undistorted, some levels, each half as large as the one before; table (levels, 3): offset,
+    height, width; K (4,): fx, fy, cx, cy [px] of its level 0.
+    """
+
+    ids: IntArray
+    R: FloatArray
+    t: FloatArray
+    centres: Points3
+    slots: IntArray
+    store: NDArray[np.uint8]
+    table: IntArray
+    K: FloatArray
+
+    def at(self, rows: IntArray) -> Views:
+        """Only some of them."""
+        return Views._make([*(column[rows] for column in self[:5]), *self[5:]])
+
+
 @kernel
 def choose_views(
-    table: IntArray, K: FloatArray, R: FloatArray, centres: FloatArray, frame: FloatArray, x: float, y: float,
-    z: float, half: float, limits: Limits, worth: FloatArray, views: IntArray,
+    views: Views, frame: FloatArray, x: float, y: float, z: float, half: float, limits: Limits, worth: FloatArray,
+    chosen: IntArray,
 ) -> int:  # fmt: skip
-    """The keyframes to compare a cell in: views[0] is the reference, the nearest and most frontal; the others, up to
+    """The keyframes to compare a cell in: chosen[0] is the reference, the nearest and most frontal; the others, up to
     VIEWS, are the next best with parallax to it and to each other. How many, reference included; 0 without any.
 
-    worth (K,): filled here. limits: nearest, farthest [m], least cosine of incidence, cosines of the least and largest
+    worth (N,): filled here. limits: nearest, farthest [m], least cosine of incidence, cosines of the least and largest
     parallax and of the least between two views, and 1 - cosine of the parallax from which more is no better.
     """
+    R, centres, K, table = views.R, views.centres, views.K, views.table
     nearest, farthest, grazing, least, largest, apart, enough = limits
     n = centres.shape[0]
-    best, chosen = 0.0, -1
+    best, first = 0.0, -1
     for k in range(n):
         worth[k] = 0.0
         dx, dy, dz = centres[k, 0] - x, centres[k, 1] - y, centres[k, 2] - z
@@ -47,26 +73,26 @@ def choose_views(
             continue
         worth[k] = cosine / distance
         if worth[k] > best:
-            best, chosen = worth[k], k
-    if chosen < 0:
+            best, first = worth[k], k
+    if first < 0:
         return 0
-    views[0] = chosen
+    chosen[0] = first
     for k in range(n):
         if worth[k] > 0.0:
-            cosine = _cosine_between(centres, k, chosen, x, y, z)
+            cosine = _cosine_between(centres, k, first, x, y, z)
             worth[k] *= min(1.0, (1.0 - cosine) / enough) if largest <= cosine <= least else 0.0
     count = 1
     while count <= VIEWS:
-        best, chosen = 0.0, -1
+        best, following = 0.0, -1
         for k in range(n):
             if worth[k] > best:
-                best, chosen = worth[k], k
-        if chosen < 0:
+                best, following = worth[k], k
+        if following < 0:
             break
-        views[count] = chosen
+        chosen[count] = following
         count += 1
         for k in range(n):
-            if worth[k] > 0.0 and _cosine_between(centres, k, chosen, x, y, z) > apart:
+            if worth[k] > 0.0 and _cosine_between(centres, k, following, x, y, z) > apart:
                 worth[k] = 0.0
     return count
 

@@ -124,16 +124,9 @@ def project_rows(
 
 @kernel
 def best_template(
-    templates: IntArray,
-    source: IntArray,
-    source_centre: FloatArray,
-    X: float,
-    Y: float,
-    Z: float,
-    nx: float,
-    ny: float,
-    nz: float,
-) -> int:
+    templates: IntArray, source: IntArray, source_centre: FloatArray, X: float, Y: float, Z: float, nx: float,
+    ny: float, nz: float,
+) -> int:  # fmt: skip
     """Of a point's templates (V,) the one seen from the most similar direction and distance, at most 53 degrees away;
     -1 without. (nx, ny, nz): the point (X, Y, Z) minus the camera's centre."""
     n2 = nx * nx + ny * ny + nz * nz
@@ -156,18 +149,9 @@ def best_template(
 
 @kernel
 def predict(
-    camera: FloatArray,
-    R: FloatArray,
-    t: FloatArray,
-    points: FloatArray,
-    rows: IntArray,
-    templates: IntArray,
-    source: IntArray,
-    basis: FloatArray,
-    source_R: FloatArray,
-    source_centre: FloatArray,
-    margin_px: float,
-) -> tuple[IntArray, IntArray, FloatArray, FloatArray, IntArray]:
+    camera: FloatArray, R: FloatArray, t: FloatArray, points: FloatArray, rows: IntArray, templates: IntArray,
+    source: IntArray, basis: FloatArray, source_R: FloatArray, source_centre: FloatArray, margin_px: float,
+) -> tuple[IntArray, IntArray, FloatArray, FloatArray, IntArray]:  # fmt: skip
     """Where map points appear, at which level, which of their templates fits best and how it is warped.
 
     R, t: T_cam_world of the image. points (P, 3): world; rows (C,): the points to predict. templates (P, V): template

@@ -3,11 +3,40 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from vsx_ros.arrays import BoolArray, FloatArray
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2
 from vsx_ros.kernels import kernel
+
+
+class DistanceField(NamedTuple):
+    """Values (H, W) [m] at the middles of cells; origin_x, origin_y: outer corner of cell (0, 0) [m]."""
+
+    values: FloatArray
+    resolution: float
+    origin_x: float
+    origin_y: float
+
+    def at(self, points_world: Points2) -> FloatArray:
+        """(N,) bilinear values [m] at (N, 2) points; outside, the edge's value less the distance to it."""
+        return interpolate_many(self, np.ascontiguousarray(points_world, float).reshape(-1, 2))
+
+    def gradient(self, points_world: Points2) -> FloatArray:
+        """(N, 2) central differences over one cell [m/m]."""
+        return gradient_many(self, np.ascontiguousarray(points_world, float).reshape(-1, 2))
+
+    def cell(self, x: float, y: float) -> tuple[int, int]:
+        """Row and column of the cell at a position [m]; may lie outside."""
+        return math.floor((y - self.origin_y) / self.resolution), math.floor((x - self.origin_x) / self.resolution)
+
+    def cells(self, points_world: Points2) -> tuple[IntArray, IntArray]:
+        """Rows (N,) and columns (N,) of the cells at (N, 2) positions [m]; may lie outside."""
+        x, y = np.asarray(points_world, float).reshape(-1, 2).T
+        rows = np.floor((y - self.origin_y) / self.resolution).astype(np.int64)
+        columns = np.floor((x - self.origin_x) / self.resolution).astype(np.int64)
+        return rows, columns
 
 
 @kernel
@@ -90,11 +119,10 @@ def fringe(distances: FloatArray, step: float) -> FloatArray:
 
 
 @kernel
-def interpolate(values: FloatArray, resolution: float, x0: float, y0: float, x: float, y: float) -> float:
-    """Bilinear value of a field given at the middles of cells; (x0, y0) is the outer corner of cell (0, 0).
-
-    Beyond the middles of the outermost cells their value is held, minus the distance to them.
-    """
+def interpolate(field: DistanceField, x: float, y: float) -> float:
+    """Bilinear value of a field; beyond the middles of the outermost cells their value is held, minus the distance to
+    them."""
+    values, resolution, x0, y0 = field
     rows, columns = values.shape
     u = (x - x0) / resolution - 0.5
     w = (y - y0) / resolution - 0.5
@@ -113,76 +141,33 @@ def interpolate(values: FloatArray, resolution: float, x0: float, y0: float, x: 
 
 
 @kernel
-def interpolate_many(values: FloatArray, resolution: float, x0: float, y0: float, points: FloatArray) -> FloatArray:
+def interpolate_many(field: DistanceField, points: FloatArray) -> FloatArray:
     """(N,) ``interpolate`` at points (N, 2)."""
     out = np.empty(points.shape[0])
     for i in range(points.shape[0]):
-        out[i] = interpolate(values, resolution, x0, y0, points[i, 0], points[i, 1])
+        out[i] = interpolate(field, points[i, 0], points[i, 1])
     return out
 
 
 @kernel
-def gradient_many(values: FloatArray, resolution: float, x0: float, y0: float, points: FloatArray) -> FloatArray:
+def gradient_many(field: DistanceField, points: FloatArray) -> FloatArray:
     """(N, 2) central differences of ``interpolate`` over one cell at points (N, 2)."""
     out = np.empty((points.shape[0], 2))
-    h = 0.5 * resolution
+    h = 0.5 * field.resolution
     for i in range(points.shape[0]):
         x, y = points[i, 0], points[i, 1]
-        right, left = (
-            interpolate(values, resolution, x0, y0, x + h, y),
-            interpolate(values, resolution, x0, y0, x - h, y),
-        )
-        above, below = (
-            interpolate(values, resolution, x0, y0, x, y + h),
-            interpolate(values, resolution, x0, y0, x, y - h),
-        )
-        out[i, 0], out[i, 1] = (right - left) / resolution, (above - below) / resolution
+        out[i, 0] = (interpolate(field, x + h, y) - interpolate(field, x - h, y)) / field.resolution
+        out[i, 1] = (interpolate(field, x, y + h) - interpolate(field, x, y - h)) / field.resolution
     return out
 
 
 @kernel
-def arc_is_free(
-    values: FloatArray,
-    resolution: float,
-    x0: float,
-    y0: float,
-    x: float,
-    y: float,
-    theta: float,
-    kappa: float,
-    length: float,
-) -> bool:
-    """Whether an arc of signed length at curvature kappa (of the signed arc length) stays where the field is positive.
-
-    Steps as far as the field (of slope at most ``1 + ramp``) proves free, but at least a third of a cell.
-    """
-    total = abs(length)
-    sign = 1.0 if length > 0.0 else -1.0
-    s = 0.0
-    while True:
-        if abs(kappa) < 1e-12:
-            px, py = x + sign * s * math.cos(theta), y + sign * s * math.sin(theta)
-        else:
-            end = theta + kappa * sign * s
-            px = x + (math.sin(end) - math.sin(theta)) / kappa
-            py = y - (math.cos(end) - math.cos(theta)) / kappa
-        d = interpolate(values, resolution, x0, y0, px, py)
-        if d < 0.0:
-            return False
-        if s >= total:
-            return True
-        s = min(total, s + max(0.3 * resolution, 0.7 * d))
-
-
-@kernel
-def least_on_curve(
-    values: FloatArray, resolution: float, x0: float, y0: float, table: FloatArray, direction: float, step: float
-) -> float:
+def least_on_curve(field: DistanceField, table: FloatArray, direction: float, step: float) -> float:
     """Least value of the field on a curve given by knots (M, 5) of s, x, y, theta, kappa, at most ``step`` apart.
 
     Between knots that lie further apart the positions are interpolated by cubics with the knots' exact tangents.
     """
-    least = interpolate(values, resolution, x0, y0, table[0, 1], table[0, 2])
+    least = interpolate(field, table[0, 1], table[0, 2])
     for k in range(table.shape[0] - 1):
         h = table[k + 1, 0] - table[k, 0]
         n = max(1, int(math.ceil(h / step)))
@@ -194,6 +179,6 @@ def least_on_curve(
             x += before * math.cos(table[k, 3]) - after * math.cos(table[k + 1, 3])
             y = table[k, 2] + blend * (table[k + 1, 2] - table[k, 2])
             y += before * math.sin(table[k, 3]) - after * math.sin(table[k + 1, 3])
-            least = min(least, interpolate(values, resolution, x0, y0, x, y))
-        least = min(least, interpolate(values, resolution, x0, y0, table[k + 1, 1], table[k + 1, 2]))
+            least = min(least, interpolate(field, x, y))
+        least = min(least, interpolate(field, table[k + 1, 1], table[k + 1, 2]))
     return least

@@ -1,11 +1,54 @@
 """Polar scans out of point observations and surfaces, for the ground map."""
 
+from __future__ import annotations
+
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from vsx_ros.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from vsx_ros.arrays import BoolArray, Float32Array, FloatArray, IntArray, Points2, Points3
 from vsx_ros.kernels import kernel
+
+
+class PolarScans(NamedTuple):
+    """Scans of K keyframes and what they hit.
+
+    positions: (K, 3) camera centres, world [m]. headings: (K, 2) cosine and sine of those of the optical axes, from
+    which bearings count, counter-clockwise, in B equal bins around the circle.
+    free: (K, B), passable up to this distance [m], 0 where unknown.
+    nearest: (K, B), how far the first obstacle point lets a ray go [m], infinite where there is none.
+    hit: (O,), horizontal distance [m] of the obstacle in each observation, 0 where the observation is of none; over: of
+    what is higher than an obstacle, and may stand on one.
+    """
+
+    positions: Points3
+    headings: Points2
+    free: Float32Array
+    nearest: Float32Array
+    hit: Float32Array
+    over: Float32Array
+
+
+class Surfaces(NamedTuple):
+    """points (N, 3): spots of surface, world [m], no further apart than a cell of the map where the surface is whole.
+    keyframe (N,): index of the keyframe that sees each. sigma_m (N,): how uncertain its distance from there is [m]."""
+
+    points: Points3
+    keyframe: IntArray
+    sigma_m: FloatArray
+
+    @staticmethod
+    def none() -> Surfaces:
+        """No surface."""
+        return Surfaces(np.zeros((0, 3)), np.zeros(0, np.int64), np.zeros(0))
+
+
+@kernel
+def hold(corners: FloatArray, x: float, y: float) -> None:
+    """Widen corners (2, 2), least and greatest x and y, to a place."""
+    corners[0, 0], corners[0, 1] = min(corners[0, 0], x), min(corners[0, 1], y)
+    corners[1, 0], corners[1, 1] = max(corners[1, 0], x), max(corners[1, 1], y)
 
 
 @kernel
@@ -37,28 +80,15 @@ def point_parallax(
 
 @kernel
 def polar_scans(
-    positions: FloatArray,
-    headings: FloatArray,
-    points: FloatArray,
-    parallax: FloatArray,
-    obs_keyframe: IntArray,
-    obs_point: IntArray,
-    n_bearings: int,
-    heights: tuple[float, float, float, float, float],
+    positions: FloatArray, headings: FloatArray, points: FloatArray, parallax: FloatArray, obs_keyframe: IntArray,
+    obs_point: IntArray, n_bearings: int, heights: tuple[float, float, float, float, float],
     ranges: tuple[float, float, float, float, float],
-) -> tuple[Float32Array, Float32Array, Float32Array, Float32Array]:
+) -> PolarScans:  # fmt: skip
     """What each keyframe's observations say about the floor around it.
 
-    headings: (K, 2) cosine and sine; bearings count from them, counter-clockwise, in n_bearings equal bins around the
-    circle.
     heights: obstacle_min, obstacle_max, clear_max, top of what stands on an obstacle [m], floor threshold growth [m per
-    m].
-    ranges: max range [m], angular noise of a pixel [rad], largest depth error of a hit [m],
-    half a cell [m], how many depth errors short of its point a ray ends.
-    Returns free (K, n_bearings): distance [m] up to which the floor is passable, 0 where unknown; nearest
-    (K, n_bearings): how far the first obstacle lets a ray go [m], infinite where there is none; hit (O,): horizontal
-    distance [m] of the obstacle seen by each observation, 0 where it is none; and over (O,): the same of what is higher
-    than an obstacle, and may stand on one.
+    m]. ranges: max range [m], angular noise of a pixel [rad], largest depth error of a hit [m], half a cell [m], how
+    many depth errors short of its point a ray ends.
     """
     obstacle_min, obstacle_max, clear_max, top, growth = heights
     max_range, noise, max_error, half_width, caution = ranges
@@ -90,17 +120,16 @@ def polar_scans(
     for k in range(free.shape[0]):
         for b in range(n):
             free[k, b] = max(min(free[k, b], nearest[k, b]), np.float32(0.0))
-    return free, nearest, hit, over
+    return PolarScans(positions, headings, free, nearest, hit, over)
 
 
 @kernel
-def touchable(
-    spots: FloatArray, sigma: FloatArray, low: float, high: float, max_sigma: float
-) -> tuple[BoolArray, FloatArray, bool]:
-    """Which spots of surface (N, 3) lie higher than ``low`` and up to ``high`` [m] and are known to ``max_sigma`` [m].
+def touchable(surfaces: Surfaces, low: float, high: float, max_sigma: float) -> tuple[BoolArray, FloatArray, bool]:
+    """Which spots of surface lie higher than ``low`` and up to ``high`` [m] and are known to ``max_sigma`` [m].
 
     Returns (N,) bool, the (2, 2) least and greatest x and y of them [m], and whether all spots are finite.
     """
+    spots, sigma = surfaces.points, surfaces.sigma_m
     touched = np.zeros(spots.shape[0], np.bool_)
     corners = np.array([[np.inf, np.inf], [-np.inf, -np.inf]])
     finite = True
@@ -109,31 +138,24 @@ def touchable(
         finite = finite and math.isfinite(x) and math.isfinite(y) and math.isfinite(z)
         if low < z <= high and sigma[i] <= max_sigma:
             touched[i] = True
-            corners[0, 0], corners[0, 1] = min(corners[0, 0], x), min(corners[0, 1], y)
-            corners[1, 0], corners[1, 1] = max(corners[1, 0], x), max(corners[1, 1], y)
+            hold(corners, x, y)
     return touched, corners, finite
 
 
 @kernel
 def meet_surfaces(
-    positions: FloatArray,
-    headings: FloatArray,
-    free: Float32Array,
-    nearest: Float32Array,
-    spots: FloatArray,
-    keyframe: IntArray,
-    sigma: FloatArray,
-    touched: BoolArray,
-    shape: tuple[float, float, float],
+    scans: PolarScans, surfaces: Surfaces, touched: BoolArray, shape: tuple[float, float, float],
     reaches: tuple[float, float],
-) -> None:
-    """Let scans free (K, B) end, in place, at the touched spots of surface (N, 3) that their own keyframe sees.
+) -> None:  # fmt: skip
+    """Let scans end, in place, at the touched (N,) spots of surface that their own keyframe sees.
 
-    None goes farther; one to the foot of a surface goes there, unless something is nearer (K, B).
+    None goes farther; one to the foot of a surface goes there, unless something is nearer.
 
-    sigma: (N,) uncertainty of a spot's distance [m]. shape: half its width [m], how many sigmas and, besides, how far
-    [m] short of it a ray ends. reaches: height up to which a spot is a foot, longest ray [m].
+    shape: half a spot's width [m], how many sigmas and, besides, how far [m] short of it a ray ends. reaches: height up
+    to which a spot is a foot, longest ray [m].
     """
+    positions, headings, free, nearest, _, _ = scans
+    spots, keyframe, sigma = surfaces
     half_width, caution, short = shape
     foot, longest = reaches
     n = free.shape[1]

@@ -4,8 +4,10 @@ import math
 
 import numpy as np
 
-from vsx_ros.arrays import Float32Array, FloatArray, Int32Array, IntArray
+from vsx_ros.arrays import FloatArray, Int32Array, IntArray
 from vsx_ros.kernels import kernel
+from vsx_ros.kernels.occupancy.ground_cells import Lattice
+from vsx_ros.kernels.occupancy.ground_map import PolarScans, hold
 
 _FIXED_BITS = 24
 _FIXED = float(1 << _FIXED_BITS)
@@ -23,52 +25,36 @@ def half_bearings(n_bearings: int) -> FloatArray:
 
 
 @kernel
-def scan_corners(
-    positions: FloatArray,
-    headings: FloatArray,
-    free: Float32Array,
-    points: FloatArray,
-    obs_point: IntArray,
-    hit: Float32Array,
-) -> FloatArray:
+def scan_corners(scans: PolarScans, points: FloatArray, obs_point: IntArray) -> FloatArray:
     """(2, 2) least and greatest x and y [m] of camera centres, of where their scans end, and of what was hit."""
+    positions, headings, free = scans.positions, scans.headings, scans.free
     corners = np.array([[np.inf, np.inf], [-np.inf, -np.inf]])
     for o in range(obs_point.shape[0]):
-        if hit[o] > 0.0:
-            x, y = points[obs_point[o], 0], points[obs_point[o], 1]
-            corners[0, 0], corners[0, 1] = min(corners[0, 0], x), min(corners[0, 1], y)
-            corners[1, 0], corners[1, 1] = max(corners[1, 0], x), max(corners[1, 1], y)
+        if scans.hit[o] > 0.0:
+            hold(corners, points[obs_point[o], 0], points[obs_point[o], 1])
     n = free.shape[1]
     table = half_bearings(n)
     for k in range(free.shape[0]):
         c, s = headings[k]
-        for b in range(-1, n):
-            reach = free[k, b] if b >= 0 else np.float32(0.0)
-            if b >= 0 and reach <= 0.0:
-                continue
-            x = positions[k, 0] + reach * (c * table[2 * b + 1, 0] - s * table[2 * b + 1, 1])
-            y = positions[k, 1] + reach * (s * table[2 * b + 1, 0] + c * table[2 * b + 1, 1])
-            corners[0, 0], corners[0, 1] = min(corners[0, 0], x), min(corners[0, 1], y)
-            corners[1, 0], corners[1, 1] = max(corners[1, 0], x), max(corners[1, 1], y)
+        hold(corners, positions[k, 0], positions[k, 1])
+        for b in range(n):
+            reach = free[k, b]
+            if reach > 0.0:
+                x = positions[k, 0] + reach * (c * table[2 * b + 1, 0] - s * table[2 * b + 1, 1])
+                y = positions[k, 1] + reach * (s * table[2 * b + 1, 0] + c * table[2 * b + 1, 1])
+                hold(corners, x, y)
     return corners
 
 
 @kernel
-def count_free(
-    positions: FloatArray,
-    headings: FloatArray,
-    free: Float32Array,
-    rows: int,
-    columns: int,
-    resolution: float,
-    origin_x: float,
-    origin_y: float,
-) -> Int32Array:
+def count_free(scans: PolarScans, lattice: Lattice) -> Int32Array:
     """(rows, columns) int32: how many keyframes' scans pass through each cell.
 
     Near the camera, where rays lie closer than cells are wide, one ray stands for two bins, or for four, as far as all
     of them are free; the number of bins is a multiple of four.
     """
+    positions, headings, free = scans.positions, scans.headings, scans.free
+    rows, columns, resolution, origin_x, origin_y = lattice
     # The count in the lower half of each word, the keyframe that counted last in the upper.
     votes = np.zeros((rows, columns), np.int64)
     n = free.shape[1]
@@ -95,14 +81,9 @@ def count_free(
 
 @kernel
 def cast(
-    votes: IntArray,
-    number: int,
-    frame: tuple[float, float, float, float],
-    bearing: FloatArray,
-    begin: float,
-    reach: float,
-    limit: float,
-) -> float:
+    votes: IntArray, number: int, frame: tuple[float, float, float, float], bearing: FloatArray, begin: float,
+    reach: float, limit: float,
+) -> float:  # fmt: skip
     """Count the cells between ``begin`` and ``reach`` along a ray once for keyframe ``number``, up to ``limit``, all in
     cells; where it stopped, ``begin`` if that was farther.
 

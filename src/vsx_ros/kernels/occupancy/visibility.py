@@ -13,16 +13,9 @@ OCCUPIED, UNKNOWN = 100, -1
 
 @kernel
 def unknown_area_by_bearing(
-    data: NDArray[np.int8],
-    weights: FloatArray,
-    resolution: float,
-    origin_x: float,
-    origin_y: float,
-    positions: Points2,
-    bearings: FloatArray,
-    range_m: float,
-    mean_free_path_m: float,
-) -> FloatArray:
+    data: NDArray[np.int8], weights: FloatArray, resolution: float, origin_x: float, origin_y: float,
+    positions: Points2, bearings: FloatArray, range_m: float, mean_free_path_m: float,
+) -> FloatArray:  # fmt: skip
     """(N, B) area [m2], weighted by ``weights`` (S, H, W), of the unknown cells seen from each position (N, 2) around
     each of B equally spaced bearings; the weight depends on which of S equal sectors the bearing is in.
 
@@ -60,15 +53,9 @@ def unknown_area_by_bearing(
 
 @kernel
 def count_looks(
-    data: NDArray[np.int8],
-    resolution: float,
-    origin_x: float,
-    origin_y: float,
-    poses: FloatArray,
-    half_fov: float,
-    range_m: float,
-    sectors: int,
-) -> Int32Array:
+    data: NDArray[np.int8], resolution: float, origin_x: float, origin_y: float, poses: FloatArray, half_fov: float,
+    range_m: float, sectors: int,
+) -> Int32Array:  # fmt: skip
     """(S, H, W) from how many of the poses (N, 3: x, y, theta) each cell lay in the field of view, in range, unhidden,
     apart for each of S equal sectors of the bearing from pose to cell."""
     rows, columns = data.shape
@@ -111,16 +98,9 @@ def weights_of_looks(data: NDArray[np.int8], looks: Int32Array, left: FloatArray
 
 @kernel
 def visible_landmarks(
-    data: NDArray[np.int8],
-    resolution: float,
-    origin_x: float,
-    origin_y: float,
-    poses: FloatArray,
-    landmarks: Points2,
-    half_fov: float,
-    range_min: float,
-    range_max: float,
-) -> IntArray:
+    data: NDArray[np.int8], resolution: float, origin_x: float, origin_y: float, poses: FloatArray, landmarks: Points2,
+    half_fov: float, range_min: float, range_max: float,
+) -> IntArray:  # fmt: skip
     """(N,) how many landmarks (M, 2) each pose (N, 3: x, y, theta) would see: within the field of view and
     range, and not behind an occupied cell (cells within 0.2 m of the landmark do not count: it sits on them)."""
     rows, columns = data.shape

@@ -31,18 +31,9 @@ def arc_table(x: float, y: float, theta: float, kappa: float, length: float, dir
 
 @kernel
 def curve_table(
-    start: FloatArray,
-    turn: float,
-    direction: int,
-    coefficients: FloatArray,
-    basis: FloatArray,
-    profile: FloatArray,
-    weights: FloatArray,
-    order: int,
-    knot_jacobi: FloatArray,
-    knot_profile: FloatArray,
-    knot_turn_rate: FloatArray,
-) -> FloatArray:
+    start: FloatArray, turn: float, direction: int, coefficients: FloatArray, basis: FloatArray, profile: FloatArray,
+    weights: FloatArray, order: int, knot_jacobi: FloatArray, knot_profile: FloatArray, knot_turn_rate: FloatArray,
+) -> FloatArray:  # fmt: skip
     """(I + 1, 5) knots of the curve theta = theta_0 + turn S(t), ds/dt = basis @ coefficients, from a pose (3,).
 
     basis (I order, 10), profile (I order,) S, weights (I order,) at the nodes of a quadrature with I intervals;
@@ -72,15 +63,9 @@ def curve_table(
 
 @kernel
 def position_rows(
-    kinds: IntArray,
-    heads: FloatArray,
-    turns: FloatArray,
-    directions: IntArray,
-    basis: FloatArray,
-    profile: FloatArray,
-    weights: FloatArray,
-    order: int,
-) -> FloatArray:
+    kinds: IntArray, heads: FloatArray, turns: FloatArray, directions: IntArray, basis: FloatArray, profile: FloatArray,
+    weights: FloatArray, order: int,
+) -> FloatArray:  # fmt: skip
     """(2, I K, C K) rows that give x and y, relative to the start, at the ends of the I intervals of all K pieces.
 
     The pieces follow each other: kinds (K,) which of the end conditions each has, heads (K,) [rad] where it begins,

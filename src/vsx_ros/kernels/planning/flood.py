@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import BoolArray, FloatArray
 from vsx_ros.kernels import kernel
-from vsx_ros.kernels.occupancy.clearance import interpolate
-from vsx_ros.kernels.planning.motions import BENDS, MOTIONS, SIGNS, arc_places, places_are_free
+from vsx_ros.kernels.occupancy.clearance import DistanceField, interpolate
+from vsx_ros.kernels.planning.motions import BENDS, MOTIONS, SIGNS, Lattice, arc_places, places_are_free
 
 UNREACHED = 16384
 _AROUND = 8  # cells; half of it to either side, about as far as an arc
@@ -18,23 +18,16 @@ _AROUND = 8  # cells; half of it to either side, about as far as an arc
 
 @kernel
 def flood(
-    values: FloatArray,
-    resolution: float,
-    x0: float,
-    y0: float,
-    start: FloatArray,
-    phi: float,
-    headings: int,
-    bins: int,
-    cell: float,
-    max_reverse: float,
+    field: DistanceField, start: FloatArray, phi: float, lattice: Lattice, max_reverse: float
 ) -> tuple[NDArray[np.int16], float]:
-    """Breadth first from a pose by arcs of one length, turning by ``bins`` of ``headings`` bins left, right or not.
+    """Breadth first from a pose (3,) by arcs of one length, turning left, right or not by some heading bins.
 
-    values (H, W): margin field [m] in which the way must not be negative. start (3,). Every state is a heading bin and
-    a cell of size ``cell`` [m]; the position of its first arrival is kept exactly, so no error adds up. Returns level
-    (headings, R, C) int16, arcs to each state or UNREACHED, and the arcs' length [m].
+    field: margin in which the way must not be negative. Every state is a heading bin and a cell of the lattice; the
+    position of its first arrival is kept exactly, so no error adds up. Returns level (headings, R, C) int16, arcs to
+    each state or UNREACHED, and the arcs' length [m].
     """
+    values, resolution, x0, y0 = field
+    headings, bins, cell, _ = lattice
     rows = int(math.ceil(values.shape[0] * resolution / cell))
     columns = int(math.ceil(values.shape[1] * resolution / cell))
     size = rows * columns
@@ -69,9 +62,9 @@ def flood(
             if ny < y0 or nx < x0 or a >= rows or b >= columns or level[g, a, b] != UNREACHED:
                 continue
             if math.isnan(margin):
-                margin = interpolate(values, resolution, x0, y0, x, y)
+                margin = interpolate(field, x, y)
             # Open ground: the field (of slope about one) proves the whole arc free.
-            if margin < 1.3 * step and not places_are_free(values, resolution, x0, y0, x, y, arcs[h, m], step):
+            if margin < 1.3 * step and not places_are_free(field, x, y, arcs[h, m], step):
                 continue
             level[g, a, b] = arrived
             states[tail] = (g * rows + a) * columns + b
@@ -83,24 +76,16 @@ def flood(
 
 @kernel
 def flood_costs(
-    level: NDArray[np.int16],
-    step: float,
-    start_theta: float,
-    x0: float,
-    y0: float,
-    cell: float,
-    phi: float,
-    values: FloatArray,
-    resolution: float,
-    joined: BoolArray,
-    poses: FloatArray,
-) -> FloatArray:
+    level: NDArray[np.int16], step: float, start_theta: float, field: DistanceField, cell: float, phi: float,
+    joined: BoolArray, poses: FloatArray,
+) -> FloatArray:  # fmt: skip
     """(N,) travel length [m] to poses (N, 3): the least over the states around each, plus what remains from there.
 
-    level (headings, R, C) and step of ``flood``. What remains is estimated from the offset: along, aside and turn. A
-    pose where the margin field values (H, W) [m] is negative or whose cell is not in joined (H, W) bool is not reached:
-    inf. Poses that share a position are answered sooner one after the other.
+    level (headings, R, C) and step of ``flood`` in the margin field, with cells of size ``cell`` [m]. What remains is
+    estimated from the offset: along, aside and turn. A pose where the margin is negative or whose cell is not in joined
+    (H, W) bool is not reached: inf. Poses that share a position are answered sooner one after the other.
     """
+    _, resolution, x0, y0 = field
     headings, rows, columns = level.shape
     half = _AROUND // 2
     reached = np.full((headings, rows + 2 * half, columns + 2 * half), np.float32(np.inf))
@@ -119,7 +104,7 @@ def flood_costs(
     for k in range(poses.shape[0]):
         if poses[k, 0] != x or poses[k, 1] != y:
             x, y = poses[k, 0], poses[k, 1]
-            there = interpolate(values, resolution, x0, y0, x, y) >= 0.0
+            there = interpolate(field, x, y) >= 0.0
             u, v = int(math.floor((y - y0) / resolution)), int(math.floor((x - x0) / resolution))
             there = there and 0 <= u < joined.shape[0] and 0 <= v < joined.shape[1] and joined[u, v]
             # The corner of the cells around, in the padded planes, and how far the pose is from the middle of it.

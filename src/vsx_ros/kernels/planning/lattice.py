@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import Float32Array, FloatArray, IntArray
 from vsx_ros.kernels import kernel
-from vsx_ros.kernels.occupancy.clearance import arc_is_free, interpolate
-from vsx_ros.kernels.planning.motions import BENDS, MOTIONS, SIGNS, arc_places, places_are_free
-from vsx_ros.kernels.planning.reeds_shepp import MAX_WORDS, SEGMENTS, advance, reeds_shepp_shortest
+from vsx_ros.kernels.occupancy.clearance import DistanceField, interpolate
+from vsx_ros.kernels.planning.motions import BENDS, MOTIONS, SIGNS, Lattice, arc_is_free, arc_places, places_are_free
+from vsx_ros.kernels.planning.reeds_shepp import SEGMENTS, advance, reeds_shepp_shortest, room_for, shortest_word
 from vsx_ros.kernels.planning.reeds_shepp_table import look_up_length
 
 _BUCKETS = 4
@@ -23,22 +23,13 @@ _NEARER = 1.1  # by so much a word's length read from the table may fall short o
 
 @kernel
 def word_is_free(
-    values: FloatArray,
-    resolution: float,
-    x0: float,
-    y0: float,
-    x: float,
-    y: float,
-    theta: float,
-    turns: IntArray,
-    lengths: FloatArray,
-    phi: float,
+    field: DistanceField, x: float, y: float, theta: float, turns: IntArray, lengths: FloatArray, phi: float
 ) -> bool:
     """Whether a Reeds-Shepp word (lengths in radii) from a pose stays where the field is not negative."""
     for k in range(SEGMENTS):
         length = lengths[k] / phi
         if length != 0.0:
-            if not arc_is_free(values, resolution, x0, y0, x, y, theta, turns[k] * phi, length):
+            if not arc_is_free(field, x, y, theta, turns[k] * phi, length):
                 return False
             x, y, theta = advance(x, y, theta, turns[k], length, phi)
     return True
@@ -59,33 +50,22 @@ def reverse_run(lengths: FloatArray) -> float:
 
 @kernel
 def lattice_search(
-    values: FloatArray,
-    resolution: float,
-    x0: float,
-    y0: float,
-    start: FloatArray,
-    phi: float,
-    headings: int,
-    bins: int,
-    cell: float,
-    max_reverse: float,
-    goal: FloatArray,
-    remaining: FloatArray,
-    table: Float32Array,
-    most: int,
-) -> tuple[FloatArray, IntArray, NDArray[np.int8], float, int]:
-    """Search from a pose by arcs of one length, turning by ``bins`` of ``headings`` bins left, right or not, both ways.
+    field: DistanceField, start: FloatArray, phi: float, lattice: Lattice, max_reverse: float, goal: FloatArray,
+    remaining: FloatArray, table: Float32Array,
+) -> tuple[FloatArray, IntArray, NDArray[np.int8], float, int]:  # fmt: skip
+    """Search from a pose (3,) by arcs of one length, turning left, right or not by some heading bins, both ways.
 
-    values (H, W): margin field [m] in which the way must not be negative. start (3,). Every state is a cell of size
-    ``cell`` [m] and a heading bin; the pose of its cheapest arrival is kept exactly, so no error adds up. An A* search
-    to the goal (3,), greedy by a fifth: remaining (H, W) [m] is a lower bound of what is left around the obstacles and
-    ``table`` (``reeds_shepp_table``) tells what is left without any; the shortest Reeds-Shepp word to the goal is tried
-    on the way, and the search ends when no state promises to improve on the best. No more than ``most`` arrivals are
-    recorded.
+    field: margin in which the way must not be negative. Every state is a cell of the lattice and a heading bin; the
+    pose of its cheapest arrival is kept exactly, so no error adds up. An A* search to the goal (3,), greedy by a fifth:
+    remaining (H, W) [m] is a lower bound of what is left around the obstacles and ``table`` (``reeds_shepp_table``)
+    tells what is left without any; the shortest Reeds-Shepp word to the goal is tried on the way, and the search ends
+    when no state promises to improve on the best. No more than ``most_states`` arrivals are recorded.
 
     Returns poses (N, 3), parents (N,), motions (N,) of the arrivals, step [m] and the arrival from which the goal is
     reached, -1 where it is not.
     """
+    values, resolution, x0, y0 = field
+    headings, bins, cell, most = lattice
     rows = int(math.ceil(values.shape[0] * resolution / cell))
     columns = int(math.ceil(values.shape[1] * resolution / cell))
     step = bins * 2.0 * math.pi / headings / phi
@@ -100,10 +80,7 @@ def lattice_search(
     left_m = np.empty(capacity)
     hopeful = np.ones(capacity, np.bool_)  # a word no shorter than the way around the obstacles may be free
     following = np.empty(capacity, np.int64)
-    turns = np.zeros((MAX_WORDS, SEGMENTS), np.int64)
-    lengths = np.zeros((MAX_WORDS, SEGMENTS))
-    word_turns = np.zeros(SEGMENTS, np.int64)
-    word_lengths = np.zeros(SEGMENTS)
+    way = room_for(1)
     arcs = arc_places(headings, start[2], step, phi, resolution)
     last = arcs.shape[2] - 1
     width = 2.0 * math.pi / headings
@@ -145,14 +122,14 @@ def lattice_search(
             theta, c, s = poses[node, 2], cosines[h], sines[h]
             px, py = phi * (c * dx + s * dy), phi * (c * dy - s * dx)
             below = (best - reached) * phi
-            word = reeds_shepp_shortest(px, py, goal[2] - theta, turns, lengths, word_turns, word_lengths, below) / phi
+            word = reeds_shepp_shortest(px, py, goal[2] - theta, way, below) / phi
             if (
                 reached + word < best
-                and reversed_m[node] + reverse_run(word_lengths) / phi <= max_reverse + 1e-9
-                and word_is_free(values, resolution, x0, y0, x, y, theta, word_turns, word_lengths, phi)
+                and reversed_m[node] + reverse_run(way.lengths[0]) / phi <= max_reverse + 1e-9
+                and word_is_free(field, x, y, theta, way.turns[0], way.lengths[0], phi)
             ):
                 best, winner = reached + word, node
-        margin = interpolate(values, resolution, x0, y0, x, y)
+        margin = interpolate(field, x, y)
         arrived = level[i, j, h] + 1
         for m in range(MOTIONS):
             backwards = reversed_m[node] + step if SIGNS[m] < 0 else 0.0
@@ -167,7 +144,7 @@ def lattice_search(
             if before >= 0 and (before <= arrived or done[(a * columns + b) * headings + g]):
                 continue
             # Open ground: the field (of slope about one) proves the whole arc free.
-            if margin < 1.3 * step and not places_are_free(values, resolution, x0, y0, x, y, arcs[h, m], step):
+            if margin < 1.3 * step and not places_are_free(field, x, y, arcs[h, m], step):
                 continue
             v = min(int((ny - y0) / resolution), remaining.shape[0] - 1)
             u = min(int((nx - x0) / resolution), remaining.shape[1] - 1)
@@ -193,14 +170,9 @@ def lattice_search(
 
 @kernel
 def lattice_way(
-    poses: FloatArray,
-    parents: IntArray,
-    motions: NDArray[np.int8],
-    winner: int,
-    step: float,
-    goal: FloatArray,
+    poses: FloatArray, parents: IntArray, motions: NDArray[np.int8], winner: int, step: float, goal: FloatArray,
     phi: float,
-) -> tuple[IntArray, FloatArray]:
+) -> tuple[IntArray, FloatArray]:  # fmt: skip
     """Turns (S,) and signed lengths (S,) [m] from the start of a search to its winner and on to the goal (3,)."""
     hops = 0
     node = winner
@@ -213,12 +185,7 @@ def lattice_way(
     for k in range(hops - 1, -1, -1):
         turns[k], lengths[k] = BENDS[motions[node]], SIGNS[motions[node]] * step
         node = parents[node]
-    pose = poses[winner]
-    dx, dy = goal[0] - pose[0], goal[1] - pose[1]
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    work_turns = np.zeros((MAX_WORDS, SEGMENTS), np.int64)
-    work_lengths = np.zeros((MAX_WORDS, SEGMENTS))
-    px, py = phi * (c * dx + s * dy), phi * (c * dy - s * dx)
-    reeds_shepp_shortest(px, py, goal[2] - pose[2], work_turns, work_lengths, turns[hops:], lengths[hops:])
-    lengths[hops:] /= phi
+    word = room_for(1)
+    shortest_word(poses[winner], goal, phi, word)
+    turns[hops:], lengths[hops:] = word.turns[0], word.lengths[0] / phi
     return turns, lengths

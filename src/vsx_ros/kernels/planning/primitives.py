@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.kernels import kernel
-from vsx_ros.kernels.occupancy.clearance import arc_is_free
+from vsx_ros.kernels.occupancy.clearance import DistanceField
+from vsx_ros.kernels.planning.motions import arc_is_free
 from vsx_ros.kernels.planning.reeds_shepp import advance
 from vsx_ros.kernels.planning.shortcuts import random_unit
 
@@ -30,16 +32,7 @@ def cone(x: float, y: float, d: float, phi: float) -> tuple[float, float]:
 
 
 @kernel
-def _last_leg_is_free(
-    values: FloatArray,
-    resolution: float,
-    x0: float,
-    y0: float,
-    pose: FloatArray,
-    goal: FloatArray,
-    phi: float,
-    direction: float,
-) -> bool:
+def _last_leg_is_free(field: DistanceField, pose: FloatArray, goal: FloatArray, phi: float, direction: float) -> bool:
     """Whether straight, arc, straight joins two poses in one direction over free ground."""
     dx, dy = goal[0] - pose[0], goal[1] - pose[1]
     c, s = math.cos(pose[2]), math.sin(pose[2])
@@ -52,37 +45,53 @@ def _last_leg_is_free(
     bend = direction * (1.0 if direction * turn > 0.0 else -1.0)
     arc = abs(turn) / phi
     for kappa, length in ((0.0, a), (direction * bend * phi, arc), (0.0, b)):
-        if not arc_is_free(values, resolution, x0, y0, x, y, theta, kappa, direction * length):
+        if not arc_is_free(field, x, y, theta, kappa, direction * length):
             return False
         x, y, theta = advance(x, y, theta, kappa / phi, direction * length, phi)
     return True
 
 
 @kernel
-def grow(
-    values: FloatArray,
-    resolution: float,
-    x0: float,
-    y0: float,
-    open_cells: IntArray,
-    goal: FloatArray,
-    phi: float,
-    step: float,
-    max_reverse: float,
-    poses: FloatArray,
-    parents: IntArray,
-    bends: FloatArray,
-    signs: FloatArray,
-    runs: FloatArray,
-    size: int,
-    rng: NDArray[np.uint64],
-) -> tuple[int, int]:
-    """Grow a tree until a new state's last leg to the goal (3,) looks free, or the arrays are full.
+def random_pose(field: DistanceField, open_cells: IntArray, state: NDArray[np.uint64], pose: FloatArray) -> None:
+    """Fill pose (3,): somewhere in one of the cells, which are flat indices (M,), with any heading."""
+    columns = field.values.shape[1]
+    cell = open_cells[int(random_unit(state) * open_cells.shape[0])]
+    pose[0] = field.origin_x + (cell % columns + random_unit(state)) * field.resolution
+    pose[1] = field.origin_y + (cell // columns + random_unit(state)) * field.resolution
+    pose[2] = (2.0 * random_unit(state) - 1.0) * math.pi
 
-    poses (N, 3), parents (N,), bends (N,), signs (N,) of the primitive to each state, runs (N,) reverse length so far;
-    filled up to ``size``; rng (1,) uint64. Returns (size, state to try or -1).
+
+@kernel
+def pose_distance(a: FloatArray, b: FloatArray, phi: float, below: float) -> float:
+    """How far pose a (3,) is from b (3,) [m], a part of the turn included, unless it is not ``below`` anyway."""
+    d: float = math.hypot(a[0] - b[0], a[1] - b[1])
+    if d >= below:
+        return d
+    turn: float = abs(a[2] - b[2]) % (2.0 * math.pi)
+    return d + 0.4 / phi * min(turn, 2.0 * math.pi - turn)
+
+
+class Grown(NamedTuple):
+    """A tree of N states at most: poses (N, 3), parents (N,); bends (N,) and signs (N,) of the primitive to each, runs
+    (N,) in reverse so far [m]."""
+
+    poses: FloatArray
+    parents: IntArray
+    bends: FloatArray
+    signs: FloatArray
+    runs: FloatArray
+
+
+@kernel
+def grow(
+    field: DistanceField, open_cells: IntArray, goal: FloatArray, phi: float, step: float, max_reverse: float,
+    tree: Grown, size: int, rng: NDArray[np.uint64],
+) -> tuple[int, int]:  # fmt: skip
+    """Grow a tree, filled up to ``size``, until a new state's last leg to the goal (3,) looks free, or it is full.
+
+    rng (1,) uint64. Returns (size, state to try or -1).
     """
-    columns = values.shape[1]
+    poses, parents, bends, signs, runs = tree
     sample = np.empty(3)
     for _ in range(20 * poses.shape[0]):
         if size >= poses.shape[0]:
@@ -95,15 +104,10 @@ def grow(
             x, y, theta = advance(x, y, theta, direction * (1.0 if d > 0.0 else -1.0), -direction * abs(d) / phi, phi)
             sample[0], sample[1], sample[2] = advance(x, y, theta, 0.0, -direction * random_unit(rng), phi)
         else:
-            cell = open_cells[int(random_unit(rng) * open_cells.shape[0])]
-            sample[0] = x0 + (cell % columns + random_unit(rng)) * resolution
-            sample[1] = y0 + (cell // columns + random_unit(rng)) * resolution
-            sample[2] = (2.0 * random_unit(rng) - 1.0) * math.pi
+            random_pose(field, open_cells, rng, sample)
         best, near = np.inf, 0
         for k in range(size):
-            turn = abs(poses[k, 2] - sample[2]) % (2.0 * math.pi)
-            d = math.hypot(poses[k, 0] - sample[0], poses[k, 1] - sample[1])
-            d += 0.4 / phi * min(turn, 2.0 * math.pi - turn)
+            d = pose_distance(poses[k], sample, phi, best)
             if d < best:
                 best, near = d, k
         best, bend, sign = np.inf, 0.0, 0.0
@@ -115,9 +119,7 @@ def grow(
             x, y, theta = advance(poses[near, 0], poses[near, 1], poses[near, 2], kappa, way * step, phi)
             turn = abs(theta - sample[2]) % (2.0 * math.pi)
             d = math.hypot(x - sample[0], y - sample[1]) + 0.4 / phi * min(turn, 2.0 * math.pi - turn)
-            if d < best and arc_is_free(
-                values, resolution, x0, y0, poses[near, 0], poses[near, 1], poses[near, 2], kappa * phi, way * step
-            ):
+            if d < best and arc_is_free(field, poses[near, 0], poses[near, 1], poses[near, 2], kappa * phi, way * step):
                 best, bend, sign = d, kappa, way
         if sign == 0.0:
             continue
@@ -126,8 +128,8 @@ def grow(
         parents[size], bends[size], signs[size] = near, bend, sign
         runs[size] = runs[near] + step if sign < 0.0 else 0.0
         size += 1
-        if _last_leg_is_free(values, resolution, x0, y0, poses[size - 1], goal, phi, 1.0) or _last_leg_is_free(
-            values, resolution, x0, y0, poses[size - 1], goal, phi, -1.0
+        if _last_leg_is_free(field, poses[size - 1], goal, phi, 1.0) or _last_leg_is_free(
+            field, poses[size - 1], goal, phi, -1.0
         ):
             return size, size - 1
     return size, -1

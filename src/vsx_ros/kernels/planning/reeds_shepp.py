@@ -8,6 +8,7 @@ left, -1 for right, 0 for straight.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +22,19 @@ _HALF_PI = 0.5 * math.pi
 _ZERO, _NEARLY = 1e-10, 1e-8
 LONGER = 1e300
 """Than any word."""
+
+
+class Words(NamedTuple):
+    """A word a row: turns (N, SEGMENTS) +1 left, -1 right, 0 straight; lengths (N, SEGMENTS), negative in reverse."""
+
+    turns: IntArray
+    lengths: FloatArray
+
+
+@kernel
+def room_for(count: int) -> Words:
+    """So many words of no length."""
+    return Words(np.zeros((count, SEGMENTS), np.int64), np.zeros((count, SEGMENTS)))
 
 
 @kernel
@@ -41,38 +55,29 @@ def _first_arc(xi: float, eta: float, sine: float, cosine: float, same: bool) ->
 
 @kernel
 def _store(
-    turns: IntArray,
-    lengths: FloatArray,
-    n: int,
-    best: float,
-    reverse: bool,
-    flip: bool,
-    mirror: bool,
-    word_turns: tuple[int, ...],
-    word_lengths: tuple[float, ...],
-) -> tuple[int, float]:
+    words: Words, n: int, best: float, reverse: bool, flip: bool, mirror: bool, turns: tuple[int, ...],
+    lengths: tuple[float, ...],
+) -> tuple[int, float]:  # fmt: skip
     """Append a word, undoing time flip, reflection and reversal of the order; or, where best is finite, replace the
     one word there is if the new one is shorter. Returns the number of words and the best length."""
-    m = len(word_turns)
+    m = len(turns)
     total = 0.0
     for i in range(m):
-        total += abs(word_lengths[i])
+        total += abs(lengths[i])
     if not total < best:
         return n, best
     if best < np.inf:
         n, best = 0, total
-    for i in range(SEGMENTS):
-        turns[n, i] = 0
-        lengths[n, i] = 0.0
+    words.turns[n], words.lengths[n] = 0, 0.0
     for i in range(m):
         j = m - 1 - i if reverse else i
-        turns[n, i] = -word_turns[j] if mirror else word_turns[j]
-        lengths[n, i] = -word_lengths[j] if flip else word_lengths[j]
+        words.turns[n, i] = -turns[j] if mirror else turns[j]
+        words.lengths[n, i] = -lengths[j] if flip else lengths[j]
     return n + 1, best
 
 
 @kernel
-def _words(x: float, y: float, theta: float, best: float, turns: IntArray, lengths: FloatArray) -> int:
+def _words(x: float, y: float, theta: float, best: float, words: Words) -> int:
     """Words from the origin to (x, y, theta): all of them where best is infinite, else the shortest below best.
 
     What cannot be a word, or not be shorter than the best so far, is seen before any angle is computed: the first arc
@@ -103,7 +108,7 @@ def _words(x: float, y: float, theta: float, best: float, turns: IntArray, lengt
                 t = math.atan2(eta_l, xi_l)
                 v = _wrap(pt - t)
                 if t >= -_ZERO and v >= -_ZERO:
-                    n, best = _store(turns, lengths, n, best, False, flip, mirror, (1, 0, 1), (t, rho_l, v))
+                    n, best = _store(words, n, best, False, flip, mirror, (1, 0, 1), (t, rho_l, v))
             # (8.2): L+ S+ R+
             u = math.sqrt(max(rho_r * rho_r - 4.0, 0.0))
             ahead = u * eta_r + 2.0 * xi_r
@@ -111,7 +116,7 @@ def _words(x: float, y: float, theta: float, best: float, turns: IntArray, lengt
                 t = math.atan2(ahead, u * xi_r - 2.0 * eta_r)
                 v = _wrap(t - pt)
                 if t >= -_ZERO and v >= -_ZERO:
-                    n, best = _store(turns, lengths, n, best, False, flip, mirror, (1, 0, -1), (t, u, v))
+                    n, best = _store(words, n, best, False, flip, mirror, (1, 0, -1), (t, u, v))
         # (8.3), (8.4): L+ R- L
         if rho_l <= 4.0 and least < best:
             half = 0.25 * rho_l
@@ -122,7 +127,7 @@ def _words(x: float, y: float, theta: float, best: float, turns: IntArray, lengt
                 t = math.atan2(ahead, -other * xi_l - half * eta_l)
                 v = _wrap(pt - t + u)
                 if t >= -_ZERO:
-                    n, best = _store(turns, lengths, n, best, backwards, flip, mirror, (1, -1, 1), (t, u, v))
+                    n, best = _store(words, n, best, backwards, flip, mirror, (1, -1, 1), (t, u, v))
         # (8.9): L+ R-(pi/2) S- L-
         least_arcs = max(least, _HALF_PI)
         r = math.sqrt(max(rho_l * rho_l - 4.0, 0.0))
@@ -132,7 +137,7 @@ def _words(x: float, y: float, theta: float, best: float, turns: IntArray, lengt
             v = _wrap(pt - _HALF_PI - t)
             if t >= -_ZERO and v <= _ZERO:
                 word = (1, -1, 0, 1), (t, -_HALF_PI, u, v)
-                n, best = _store(turns, lengths, n, best, backwards, flip, mirror, word[0], word[1])
+                n, best = _store(words, n, best, backwards, flip, mirror, word[0], word[1])
         # (8.10): L+ R-(pi/2) S- R-
         u = 2.0 - rho_r
         if u <= _ZERO and xi_r >= -_NEARLY and least_arcs - u < best:
@@ -140,7 +145,7 @@ def _words(x: float, y: float, theta: float, best: float, turns: IntArray, lengt
             v = _wrap(t + _HALF_PI - pt)
             if t >= -_ZERO and v <= _ZERO:
                 word = (1, -1, 0, -1), (t, -_HALF_PI, u, v)
-                n, best = _store(turns, lengths, n, best, backwards, flip, mirror, word[0], word[1])
+                n, best = _store(words, n, best, backwards, flip, mirror, word[0], word[1])
         if backwards:
             continue
         # (8.7): L+ R+ L- R-
@@ -151,7 +156,7 @@ def _words(x: float, y: float, theta: float, best: float, turns: IntArray, lengt
                 u = math.acos(rho)
                 v = _wrap(t - 2.0 * u - pt)
                 if v <= _ZERO:
-                    n, best = _store(turns, lengths, n, best, False, flip, mirror, (1, -1, 1, -1), (t, u, -u, v))
+                    n, best = _store(words, n, best, False, flip, mirror, (1, -1, 1, -1), (t, u, -u, v))
         # (8.8): L+ R- L- R+
         rho = (20.0 - rho_r * rho_r) / 16.0
         if 0.0 <= rho <= 1.0 and least < best:
@@ -160,7 +165,7 @@ def _words(x: float, y: float, theta: float, best: float, turns: IntArray, lengt
                 u = -math.acos(rho)
                 v = _wrap(t - pt)
                 if v >= -_ZERO:
-                    n, best = _store(turns, lengths, n, best, False, flip, mirror, (1, -1, 1, -1), (t, u, u, v))
+                    n, best = _store(words, n, best, False, flip, mirror, (1, -1, 1, -1), (t, u, u, v))
         # (8.11): L+ R-(pi/2) S- L-(pi/2) R+
         u = 4.0 - math.sqrt(max(rho_r * rho_r - 4.0, 0.0))
         ahead = (4.0 - u) * xi_r - 2.0 * eta_r
@@ -169,43 +174,39 @@ def _words(x: float, y: float, theta: float, best: float, turns: IntArray, lengt
             v = _wrap(t - pt)
             if t >= -_ZERO and v >= -_ZERO:
                 longest = (1, -1, 0, 1, -1), (t, -_HALF_PI, u, -_HALF_PI, v)
-                n, best = _store(turns, lengths, n, best, False, flip, mirror, longest[0], longest[1])
+                n, best = _store(words, n, best, False, flip, mirror, longest[0], longest[1])
     return n
 
 
 @kernel
-def reeds_shepp_words(x: float, y: float, theta: float, turns: IntArray, lengths: FloatArray) -> int:
-    """All words from the origin to (x, y, theta), x and y in turning radii.
-
-    turns (MAX_WORDS, 5) int64 and lengths (MAX_WORDS, 5) float64 are filled; returns the number of words.
-    """
-    return _words(x, y, theta, np.inf, turns, lengths)
+def reeds_shepp_words(x: float, y: float, theta: float) -> Words:
+    """All words from the origin to (x, y, theta), x and y in turning radii."""
+    words = room_for(MAX_WORDS)
+    n = _words(x, y, theta, np.inf, words)
+    return Words(words.turns[:n], words.lengths[:n])
 
 
 @kernel
-def reeds_shepp_shortest(
-    x: float,
-    y: float,
-    theta: float,
-    turns: IntArray,
-    lengths: FloatArray,
-    word_turns: IntArray,
-    word_lengths: FloatArray,
-    below: float = LONGER,
-) -> float:
-    """Length of the shortest word in turning radii; its segments go to word_turns (5,) and word_lengths (5,).
+def reeds_shepp_shortest(x: float, y: float, theta: float, word: Words, below: float = LONGER) -> float:
+    """Length in turning radii of the shortest word, which becomes the first row of ``word``.
 
-    turns and lengths are work space, as for ``reeds_shepp_words``. Infinite where no word is shorter than ``below``,
-    which is known the sooner the less that is.
+    Infinite where none is shorter than ``below``, which is known the sooner the less that is.
     """
-    if _words(x, y, theta, min(below, LONGER), turns, lengths) == 0:
+    if _words(x, y, theta, min(below, LONGER), word) == 0:
         return np.inf
     total = 0.0
     for j in range(SEGMENTS):
-        word_turns[j] = turns[0, j]
-        word_lengths[j] = lengths[0, j]
-        total += abs(lengths[0, j])
+        total += abs(word.lengths[0, j])
     return total
+
+
+@kernel
+def shortest_word(a: FloatArray, b: FloatArray, phi: float, word: Words, below: float = LONGER) -> float:
+    """Length [m] at curvature phi of the shortest word from pose a (3,) to b (3,), as ``reeds_shepp_shortest`` gives
+    it; infinite where none is shorter than ``below`` [m]."""
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    c, s = math.cos(a[2]), math.sin(a[2])
+    return reeds_shepp_shortest(phi * (c * dx + s * dy), phi * (c * dy - s * dx), b[2] - a[2], word, below * phi) / phi
 
 
 @kernel
@@ -215,8 +216,4 @@ def advance(x: float, y: float, theta: float, turn: float, length: float, phi: f
     if abs(kappa) < 1e-12:
         return x + length * math.cos(theta), y + length * math.sin(theta), theta
     end = theta + kappa * length
-    return (
-        x + (math.sin(end) - math.sin(theta)) / kappa,
-        y - (math.cos(end) - math.cos(theta)) / kappa,
-        end,
-    )
+    return (x + (math.sin(end) - math.sin(theta)) / kappa, y - (math.cos(end) - math.cos(theta)) / kappa, end)

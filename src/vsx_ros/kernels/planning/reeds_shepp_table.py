@@ -9,12 +9,11 @@ import numpy as np
 from vsx_ros.arrays import Float32Array
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.planning.reeds_shepp import (
-    MAX_WORDS,
-    SEGMENTS,
     TABLE_HEADINGS,
     TABLE_PLACES,
     TABLE_STEP,
     reeds_shepp_shortest,
+    room_for,
 )
 
 
@@ -26,15 +25,12 @@ def reeds_shepp_table() -> Float32Array:
     others are its mirror images.
     """
     out = np.empty((TABLE_PLACES, TABLE_PLACES, TABLE_HEADINGS + 1), np.float32)
-    turns = np.zeros((MAX_WORDS, SEGMENTS), np.int64)
-    lengths = np.zeros((MAX_WORDS, SEGMENTS))
-    wt = np.zeros(SEGMENTS, np.int64)
-    wl = np.zeros(SEGMENTS)
+    word = room_for(1)
     for i in range(TABLE_PLACES):
         for j in range(TABLE_PLACES):
             for k in range(TABLE_HEADINGS + 1):
                 theta = k * 2.0 * math.pi / TABLE_HEADINGS
-                out[i, j, k] = reeds_shepp_shortest(i * TABLE_STEP, j * TABLE_STEP, theta, turns, lengths, wt, wl)
+                out[i, j, k] = reeds_shepp_shortest(i * TABLE_STEP, j * TABLE_STEP, theta, word)
     return out
 
 

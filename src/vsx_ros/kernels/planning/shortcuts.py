@@ -5,15 +5,14 @@ A way is a list of segments: turn (+1 left, -1 right, 0 straight) and signed len
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.kernels import kernel
+from vsx_ros.kernels.occupancy.clearance import DistanceField
 from vsx_ros.kernels.planning.lattice import reverse_run, word_is_free
-from vsx_ros.kernels.planning.reeds_shepp import LONGER, MAX_WORDS, SEGMENTS, advance, reeds_shepp_shortest
+from vsx_ros.kernels.planning.reeds_shepp import SEGMENTS, advance, room_for, shortest_word
 
 MAX_SEGMENTS = 512
 
@@ -27,24 +26,6 @@ def random_unit(state: NDArray[np.uint64]) -> float:
     x ^= x >> np.uint64(27)
     state[0] = x
     return float((x * np.uint64(2685821657736338717)) >> np.uint64(11)) / 9007199254740992.0
-
-
-@kernel
-def shortest_word(
-    a: FloatArray,
-    b: FloatArray,
-    phi: float,
-    work_turns: IntArray,
-    work_lengths: FloatArray,
-    turns: IntArray,
-    lengths: FloatArray,
-    below: float = LONGER,
-) -> float:
-    """Length [m] of the shortest word from pose a (3,) to b (3,); infinite where none is shorter than ``below`` [m]."""
-    dx, dy = b[0] - a[0], b[1] - a[1]
-    c, s = math.cos(a[2]), math.sin(a[2])
-    x, y = phi * (c * dx + s * dy), phi * (c * dy - s * dx)
-    return reeds_shepp_shortest(x, y, b[2] - a[2], work_turns, work_lengths, turns, lengths, below * phi) / phi
 
 
 @kernel
@@ -62,19 +43,9 @@ def way_cost(lengths: FloatArray, cusp_cost: float) -> float:
 
 @kernel
 def shorten(
-    values: FloatArray,
-    resolution: float,
-    x0: float,
-    y0: float,
-    start: FloatArray,
-    turns: IntArray,
-    lengths: FloatArray,
-    phi: float,
-    max_reverse: float,
-    cusp_cost: float,
-    seed: np.uint64,
-    tries: int,
-) -> tuple[IntArray, FloatArray]:
+    field: DistanceField, start: FloatArray, turns: IntArray, lengths: FloatArray, phi: float, max_reverse: float,
+    cusp_cost: float, seed: np.uint64, tries: int,
+) -> tuple[IntArray, FloatArray]:  # fmt: skip
     """A way with parts replaced by Reeds-Shepp words where that is cheaper and free; same start and end.
 
     turns (S,), lengths (S,) [m]. The longest reverse leg is kept below max_reverse [m] or at least not made longer.
@@ -85,10 +56,8 @@ def shorten(
     way_lengths = np.zeros(MAX_SEGMENTS)
     n: int = turns.shape[0]
     way_turns[:n], way_lengths[:n] = turns, lengths
-    work_turns = np.zeros((MAX_WORDS, SEGMENTS), np.int64)
-    work_lengths = np.zeros((MAX_WORDS, SEGMENTS))
-    word_turns = np.zeros(SEGMENTS, np.int64)
-    word_lengths = np.zeros(SEGMENTS)
+    word = room_for(1)
+    word_turns, word_lengths = word.turns[0], word.lengths[0]
     new_turns = np.zeros(MAX_SEGMENTS, np.int64)
     new_lengths = np.zeros(MAX_SEGMENTS)
     ends = np.empty((2, 3))
@@ -137,8 +106,7 @@ def shorten(
             ends[end, 0], ends[end, 1], ends[end, 2] = x, y, theta
         # What it replaces, and every stop of the way if it came to that: a longer word is no gain.
         below = second - first + cost - total
-        word = shortest_word(ends[0], ends[1], phi, work_turns, work_lengths, word_turns, word_lengths, below)
-        if word == np.inf:
+        if shortest_word(ends[0], ends[1], phi, word, below) == np.inf:
             continue
         for k in range(before):
             new_turns[count], new_lengths[count] = way_turns[k], way_lengths[k]
@@ -166,9 +134,7 @@ def shorten(
         if (
             new_cost < cost - 1e-6
             and new_run <= max(max_reverse, run) + 1e-9
-            and word_is_free(
-                values, resolution, x0, y0, ends[0, 0], ends[0, 1], ends[0, 2], word_turns, word_lengths, phi
-            )
+            and word_is_free(field, ends[0, 0], ends[0, 1], ends[0, 2], word_turns, word_lengths, phi)
         ):
             # Join neighbours that bend alike in the same direction.
             n = 0

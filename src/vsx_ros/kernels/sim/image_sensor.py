@@ -11,16 +11,9 @@ from vsx_ros.kernels import kernel
 
 @kernel
 def expose(
-    radiance: Float32Array,
-    vignette: Float32Array,
-    gain: np.float32,
-    shot: np.float32,
-    read_variance: np.float32,
-    noise: Float32Array,
-    starts: IntArray,
-    response: NDArray[np.uint8],
-    image: NDArray[np.uint8],
-) -> None:
+    radiance: Float32Array, vignette: Float32Array, gain: np.float32, shot: np.float32, read_variance: np.float32,
+    noise: Float32Array, starts: IntArray, response: NDArray[np.uint8], image: NDArray[np.uint8],
+) -> None:  # fmt: skip
     """Fill image (H, W) uint8 from radiance (H, W) float32 (1 = full scale at gain 1).
 
     noise: (L,) float32 standard normal draws; row y reads it from starts[y] on, L >= starts.max() + W.

@@ -8,29 +8,38 @@ values vary linearly between the two poses that bound a row of tiles, which give
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from vsx_ros.arrays import BoolArray, FloatArray, IntArray
+from vsx_ros.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray
 from vsx_ros.kernels import kernel
 
 
+class Scene(NamedTuple):
+    """Q quads. P, U, V (Q, 3): corner and edges [m]; two_sided (Q,). surfaces (Q, 5): texels along U, V, offsets, light
+    scale; places (Q, 5): texture base, log2 of its size, light base, light nodes along U and V; tints (Q, 4): r, g, b,
+    grey. tex, light: packed texels and packed light."""
+
+    P: FloatArray
+    U: FloatArray
+    V: FloatArray
+    two_sided: BoolArray
+    surfaces: Float32Array
+    places: Int32Array
+    tints: Float32Array
+    tex: Int32Array
+    light: Int32Array
+
+
 @kernel
-def plane_forms(
-    P: FloatArray,
-    U: FloatArray,
-    V: FloatArray,
-    two_sided: BoolArray,
-    R: FloatArray,
-    t: FloatArray,
-    forms: FloatArray,
-    visible: BoolArray,
-) -> None:
+def plane_forms(scene: Scene, R: FloatArray, t: FloatArray, forms: FloatArray, visible: BoolArray) -> None:
     """Fill forms (S, B, Q, 9) with the linear forms of each quad, visible (Q,) with whether the camera may see it.
 
-    P, U, V: (Q, 3) corner and edges [m]. R (S, B, 3, 3), t (S, B, 3): camera poses (T_world_cam) of sub-frame s
-    at tile-row border b. A one-sided quad is seen when U x V points away from the camera (u right, v down), at every
-    pose.
+    R (S, B, 3, 3), t (S, B, 3): camera poses (T_world_cam) of sub-frame s at tile-row border b. A one-sided quad is
+    seen when U x V points away from the camera (u right, v down), at every pose.
     """
+    P, U, V = scene.P, scene.U, scene.V
     for q in range(P.shape[0]):
         nx = U[q, 1] * V[q, 2] - U[q, 2] * V[q, 1]
         ny = U[q, 2] * V[q, 0] - U[q, 0] * V[q, 2]
@@ -44,7 +53,7 @@ def plane_forms(
                 height = nx * tx + ny * ty + nz * tz
                 front = front and height < -limit
                 back = back and height > limit
-        visible[q] = front or (back and two_sided[q])
+        visible[q] = front or (back and scene.two_sided[q])
         if not visible[q]:
             continue
         for s in range(R.shape[0]):

@@ -13,6 +13,7 @@ import numpy as np
 from vsx_ros.arrays import Float32Array, FloatArray, Int32Array, IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.sim.raycast_cull import candidates, overlap
+from vsx_ros.kernels.sim.raycast_pixels import View, enter, enter_rows, spread, spread_rows
 from vsx_ros.kernels.sim.raycast_shade import (
     EPS,
     F0,
@@ -23,24 +24,15 @@ from vsx_ros.kernels.sim.raycast_shade import (
     TILE,
     TOTAL,
     N,
-    enter,
-    enter_rows,
+    Scratch,
     shade,
-    spread,
-    spread_rows,
-)  # fmt: skip
+)
 
 RING = TILE + 2
 THIRD = np.float32(1.0 / 3.0)
 
 Area: TypeAlias = tuple[int, int, int, int]
 """y0, y1, x0, x1 of a tile [px], cut at the edges of the picture."""
-
-Memory: TypeAlias = tuple[Float32Array, Int32Array, Int32Array]
-"""Scratch: float rows, the same memory as bits, integer rows."""
-
-Scene: TypeAlias = tuple[Int32Array, Int32Array, Float32Array, Int32Array, Float32Array]
-"""Texels, light, surfaces, places, tints: see ``render_tile_rows``."""
 
 
 @kernel
@@ -54,17 +46,9 @@ def _tile_forms(forms: FloatArray, s: int, b: int, quads: IntArray, n: int, m: F
 
 
 @kernel
-def _visibility(
-    m: Float32Array,
-    n: int,
-    rx: Float32Array,
-    ry: Float32Array,
-    y0: int,
-    x0: int,
-    nearest: Float32Array,
-    winner: Int32Array,
-) -> None:
+def _visibility(scratch: Scratch, n: int, view: View, y0: int, x0: int) -> None:
     """Nearest quad of each ray of the tile and the ring of pixels around it; flat (RING * RING)."""
+    m, nearest, winner, rx, ry = scratch.m, scratch.nearest, scratch.winner, view.rx, view.ry
     for i in range(RING * RING):
         nearest[i] = F0
         winner[i] = np.int32(-1)
@@ -91,12 +75,12 @@ def _visibility(
 
 @kernel
 def _edge_weights(
-    m: Float32Array, n: int, rx: Float32Array, ry: Float32Array, y: int, x: int, row: np.float32, weights: Float32Array
+    m: Float32Array, n: int, view: View, y: int, x: int, ratio: np.float32, weights: Float32Array
 ) -> None:
     """Share of 3x3 sub-samples of pixel (y, x) that each of the n quads wins (weights, (n,))."""
+    rx, ry = view.rx, view.ry
     dxx, dxy = rx[y + 1, x + 2] - rx[y + 1, x + 1], ry[y + 1, x + 2] - ry[y + 1, x + 1]
     dyx, dyy = rx[y + 2, x + 1] - rx[y + 1, x + 1], ry[y + 2, x + 1] - ry[y + 1, x + 1]
-    ratio = row
     for k in range(n):
         weights[k] = F0
     for i in range(3):
@@ -129,23 +113,18 @@ def _edge_weights(
 
 
 @kernel
-def _covered_tile(
-    area: Area, m: Float32Array, forms: FloatArray, ty: int, quads: IntArray, memory: Memory, rx: Float32Array,
-    ry: Float32Array, scene: Scene, bayer: bool, picture: Float32Array,
-) -> None:  # fmt: skip
-    """Fill a tile that one quad covers alone. area: y0, y1, x0, x1."""
+def _covered_tile(area: Area, view: View, ty: int, quads: IntArray, scratch: Scratch, picture: Float32Array) -> None:
+    """Fill a tile that one quad covers alone."""
     y0, y1, x0, x1 = area
-    f, bits, g = memory
-    tex, light, surfaces, places, tints = scene
-    quad = quads[0]
-    sub_frames = forms.shape[0]
-    n = enter_rows(f, rx, ry, y0, y1, x0, x1)
+    f, sub_frames = scratch.f, view.forms.shape[0]
+    n = enter_rows(f, view, y0, y1, x0, x1)
     for s in range(sub_frames):
-        _tile_forms(forms, s, ty, quads, 1, m)
-        shade(f, bits, g, n, tex, light, m, 0, surfaces[quad], places[quad], _jitter(s, sub_frames))
+        _tile_forms(view.forms, s, ty, quads, 1, scratch.m)
+        shade(scratch, n, view.scene, 0, quads[0], _jitter(s, sub_frames))
         for i in range(n):
             f[TOTAL + i] += f[SUM + i]
-    spread_rows(f, tints[quad], bayer, y0, y1, x0, x1, F1 / np.float32(sub_frames), picture)
+    share = F1 / np.float32(sub_frames)
+    spread_rows(f, view.scene.tints[quads[0]], view.bayer, y0, y1, x0, x1, share, picture)
 
 
 @kernel
@@ -155,18 +134,10 @@ def _jitter(s: int, sub_frames: int) -> np.float32:
 
 
 @kernel
-def _mark_edges(
-    area: Area,
-    m: Float32Array,
-    n: int,
-    rx: Float32Array,
-    ry: Float32Array,
-    winner: Int32Array,
-    edge_at: Int32Array,
-    edge_weight: Float32Array,
-) -> int:
+def _mark_edges(area: Area, scratch: Scratch, n: int, view: View) -> int:
     """List the pixels with a differing neighbour and their shares; winner becomes -2 there. Returns their number."""
     y0, y1, x0, x1 = area
+    winner, edge_at, edge_weight = scratch.winner, scratch.edge_at, scratch.edge_weight
     weights = np.empty(n, dtype=np.float32)
     edges = 0
     for y in range(y0, y1):
@@ -175,7 +146,7 @@ def _mark_edges(
             who = winner[at]
             left, right, above, below = winner[at - 1], winner[at + 1], winner[at - RING], winner[at + RING]
             if left != who or right != who or above != who or below != who:
-                _edge_weights(m, n, rx, ry, y, x, np.float32((y - y0) / TILE), weights)
+                _edge_weights(scratch.m, n, view, y, x, np.float32((y - y0) / TILE), weights)
                 edge_at[edges] = at
                 for k in range(n):
                     edge_weight[k, edges] = weights[k]
@@ -187,16 +158,14 @@ def _mark_edges(
 
 @kernel
 def _mixed_tile(
-    area: Area, m: Float32Array, quads: IntArray, n: int, memory: Memory, rx: Float32Array, ry: Float32Array,
-    scene: Scene, bayer: bool, share: np.float32, jitter: np.float32, picture: Float32Array, winner: Int32Array,
-    edge_at: Int32Array, edge_weight: Float32Array,
+    area: Area, view: View, quads: IntArray, n: int, scratch: Scratch, share: np.float32, jitter: np.float32,
+    picture: Float32Array,
 ) -> None:  # fmt: skip
     """Add one sub-frame of a tile of several quads, given the winner of each ray."""
     y0, y1, x0, x1 = area
     width = picture.shape[1]
-    f, bits, g = memory
-    tex, light, surfaces, places, tints = scene
-    edges = _mark_edges(area, m, n, rx, ry, winner, edge_at, edge_weight)
+    winner, edge_at, edge_weight = scratch.winner, scratch.edge_at, scratch.edge_weight
+    edges = _mark_edges(area, scratch, n, view)
     for k in range(n):
         count = 0
         for y in range(y0, y1):
@@ -204,17 +173,17 @@ def _mixed_tile(
             at = (y - y0 + 1) * RING + 1
             for x in range(x0, x1):
                 if winner[at + x - x0] == k:
-                    enter(f, g, count, rx, ry, y, x, ratio, F1, width)
+                    enter(scratch, count, view, y, x, ratio, F1, width)
                     count += 1
         for i in range(edges):
             if edge_weight[k, i] > F0:
                 row, column = edge_at[i] // RING - 1, edge_at[i] % RING - 1
-                enter(f, g, count, rx, ry, y0 + row, x0 + column, np.float32(row / TILE), edge_weight[k, i], width)
+                ratio = np.float32(row / TILE)
+                enter(scratch, count, view, y0 + row, x0 + column, ratio, edge_weight[k, i], width)
                 count += 1
         if count > 0:
-            quad = quads[k]
-            shade(f, bits, g, count, tex, light, m, k, surfaces[quad], places[quad], jitter)
-            spread(f, g, count, tints[quad], bayer, share, picture)
+            shade(scratch, count, view.scene, k, quads[k], jitter)
+            spread(scratch, count, view.scene.tints[quads[k]], view.bayer, share, picture)
 
 
 @kernel
@@ -233,30 +202,23 @@ def _note_depth(
 
 @kernel
 def render_tile_rows(
-    first: int, last: int, forms: FloatArray, pool: IntArray, bounds: FloatArray, rx: Float32Array, ry: Float32Array,
-    scene: Scene, bayer: bool, picture: Float32Array, depth: Float32Array, ident: Int32Array,
+    first: int, last: int, view: View, pool: IntArray, bounds: FloatArray, picture: Float32Array, depth: Float32Array,
+    ident: Int32Array,
 ) -> None:  # fmt: skip
     """Render the rows of tiles first <= row < last into picture (H, W) float32, which must be zero there.
 
-    forms: (S, B, Q, 9) of ``plane_forms``. pool: (K,) visible quads. bounds: (rows, columns, 4) least and greatest rx,
-    least and greatest ry of a tile with its ring. rx, ry: rays, pixel (y, x) at [y + 1, x + 1], padded to whole tiles
-    and two more. scene: packed texels and packed light (int32); surfaces (Q, 5) float32: texels along U, V, offsets,
-    light scale; places (Q, 5) int32: texture base, log2 of its size, light base, light nodes along U and V; tints
-    (Q, 4): r, g, b, grey. depth (H, W) [m] and ident (H, W) take the pixel centre's values of the first sub-frame;
-    size 0 skips them.
+    pool: (K,) visible quads. bounds: (rows, columns, 4) least and greatest rx, least and greatest ry of a tile with its
+    ring. depth (H, W) [m] and ident (H, W) take the pixel centre's values of the first sub-frame; size 0 skips them.
     """
     height, width = picture.shape
-    f = np.zeros(FLOAT_ROWS * N, dtype=np.float32)
-    memory = (f, f.view(np.int32), np.zeros(INT_ROWS * N, dtype=np.int32))
-    strip = np.empty(len(pool) + 1, dtype=np.int64)
-    found = np.empty(len(pool) + 1, dtype=np.int64)
-    cover = np.empty(len(pool) + 1, dtype=np.bool_)
-    m = np.empty((len(pool) + 1, 18), dtype=np.float32)
-    nearest = np.empty(RING * RING, dtype=np.float32)
-    winner = np.empty(RING * RING, dtype=np.int32)
-    edge_at = np.empty(N, dtype=np.int32)
-    edge_weight = np.empty((len(pool) + 1, N), dtype=np.float32)
-    sub_frames = forms.shape[0]
+    f, most = np.zeros(FLOAT_ROWS * N, dtype=np.float32), len(pool) + 1
+    scratch = Scratch(
+        f, f.view(np.int32), np.zeros(INT_ROWS * N, dtype=np.int32), np.empty((most, 18), dtype=np.float32),
+        np.empty(RING * RING, dtype=np.float32), np.empty(RING * RING, dtype=np.int32), np.empty(N, dtype=np.int32),
+        np.empty((most, N), dtype=np.float32),
+    )  # fmt: skip
+    strip, found, cover = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64), np.empty(most, dtype=np.bool_)
+    forms, sub_frames = view.forms, view.forms.shape[0]
     share = F1 / np.float32(sub_frames)
     for ty in range(first, last):
         x_min, x_max = bounds[ty, :, 0].min(), bounds[ty, :, 1].max()
@@ -271,14 +233,11 @@ def render_tile_rows(
             y0, x0 = ty * TILE, tx * TILE
             area = (y0, min(y0 + TILE, height), x0, min(x0 + TILE, width))
             for s in range(0 if alone and depth.size == 0 else sub_frames):
-                _tile_forms(forms, s, ty, found, n, m)
-                _visibility(m, n, rx, ry, y0, x0, nearest, winner)
+                _tile_forms(forms, s, ty, found, n, scratch.m)
+                _visibility(scratch, n, view, y0, x0)
                 if s == 0 and depth.size > 0:
-                    _note_depth(area, found, nearest, winner, depth, ident)
+                    _note_depth(area, found, scratch.nearest, scratch.winner, depth, ident)
                 if not alone:
-                    _mixed_tile(
-                        area, m, found, n, memory, rx, ry, scene, bayer, share, _jitter(s, sub_frames), picture, winner,
-                        edge_at, edge_weight,
-                    )  # fmt: skip
+                    _mixed_tile(area, view, found, n, scratch, share, _jitter(s, sub_frames), picture)
             if alone:
-                _covered_tile(area, m, forms, ty, found, memory, rx, ry, scene, bayer, picture)
+                _covered_tile(area, view, ty, found, scratch, picture)

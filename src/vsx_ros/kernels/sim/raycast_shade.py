@@ -6,14 +6,16 @@ packed: an int32 holds the 2x2 neighbourhood of a texel, so that one load feeds 
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from vsx_ros.arrays import Float32Array, Int32Array
 from vsx_ros.kernels import kernel
+from vsx_ros.kernels.sim.raycast_cull import Scene
 
 TILE = 16
 N = TILE * TILE
-MAX_PROBES = 8
 
 # Rows of the float scratch memory, each N long.
 RX, RY, DXX, DXY, DYX, DYY, ROW, WEIGHT = 0, N, 2 * N, 3 * N, 4 * N, 5 * N, 6 * N, 7 * N
@@ -27,8 +29,9 @@ INT_ROWS = 5
 
 F0 = np.float32(0.0)
 F1 = np.float32(1.0)
-HALF = np.float32(0.5)
 EPS = np.float32(1e-5)
+MAX_PROBES = 8
+HALF = np.float32(0.5)
 TINY = np.float32(1e-12)
 NEAR = np.float32(1e-4)
 LOG2_SCALE = np.float32(1.0 / (1 << 23))
@@ -37,49 +40,31 @@ BYTE = np.int32(255)
 INVERSE_OF_3 = np.int32(-1431655765)
 
 
-@kernel
-def enter(
-    f: Float32Array,
-    g: Int32Array,
-    i: int,
-    rx: Float32Array,
-    ry: Float32Array,
-    y: int,
-    x: int,
-    ratio: np.float32,
-    weight: np.float32,
-    width: int,
-) -> None:
-    """Append pixel (y, x) to the shading list at place i."""
-    f[RX + i] = rx[y + 1, x + 1]
-    f[RY + i] = ry[y + 1, x + 1]
-    f[DXX + i] = rx[y + 1, x + 2] - rx[y + 1, x + 1]
-    f[DXY + i] = ry[y + 1, x + 2] - ry[y + 1, x + 1]
-    f[DYX + i] = rx[y + 2, x + 1] - rx[y + 1, x + 1]
-    f[DYY + i] = ry[y + 2, x + 1] - ry[y + 1, x + 1]
-    f[ROW + i] = ratio
-    f[WEIGHT + i] = weight
-    g[PIXEL + i] = np.int32(y * width + x)
+class Scratch(NamedTuple):
+    """Memory of one tile: float rows, the same memory as bits, integer rows; m (K, 18): forms of the quads at its upper
+    border and their change to the lower one; depth and place in m of the nearest quad of each ray; pixels at the edges
+    of quads and how much of them each quad covers."""
+
+    f: Float32Array
+    bits: Int32Array
+    g: Int32Array
+    m: Float32Array
+    nearest: Float32Array
+    winner: Int32Array
+    edge_at: Int32Array
+    edge_weight: Float32Array
 
 
 @kernel
 def _footprint(
-    f: Float32Array,
-    n: int,
-    m: Float32Array,
-    k: int,
-    su: np.float32,
-    sv: np.float32,
-    ou: np.float32,
-    ov: np.float32,
-    lu: np.float32,
-    lv: np.float32,
+    f: Float32Array, n: int, m: Float32Array, k: int, surface: Float32Array, lu: np.float32, lv: np.float32
 ) -> tuple[np.float32, np.float32]:
     """Texture coordinates and the axes of the pixel's footprint, in texels of the finest level.
 
     Leaves TU, TV, LU, LV, the major axis (MU, MV), its length in LOD and the minor length in MIX; returns the largest
     ratio of the axes and the largest major axis.
     """
+    su, sv, ou, ov = surface[0], surface[1], surface[2], surface[3]
     a0, a1, a2, b0, b1, b2, c0, c1, c2 = m[k, 0], m[k, 1], m[k, 2], m[k, 3], m[k, 4], m[k, 5], m[k, 6], m[k, 7], m[k, 8]
     p0, p1, p2, q0, q1, q2 = m[k, 9], m[k, 10], m[k, 11], m[k, 12], m[k, 13], m[k, 14]
     r0, r1, r2 = m[k, 15], m[k, 16], m[k, 17]
@@ -126,6 +111,20 @@ def _footprint(
 
 
 @kernel
+def _blended(f: Float32Array, g: Int32Array, i: int) -> np.float32:
+    """Bilinear value of the packed texel i."""
+    t = g[TEXEL + i]
+    t00 = np.float32(t & BYTE)
+    t01 = np.float32((t >> np.int32(8)) & BYTE)
+    t10 = np.float32((t >> np.int32(16)) & BYTE)
+    t11 = np.float32((t >> np.int32(24)) & BYTE)
+    upper = t00 + f[FX + i] * (t01 - t00)
+    lower = t10 + f[FX + i] * (t11 - t10)
+    value: np.float32 = upper + f[FY + i] * (lower - upper)
+    return value
+
+
+@kernel
 def _lookup(f: Float32Array, g: Int32Array, tex: Int32Array, n: int, probe: np.float32) -> None:
     """VALUE = bilinear texel at (TU, TV) + probe * (MU, MV), at the level that SCALE, SHIFT and BASE name."""
     for i in range(n):
@@ -141,15 +140,7 @@ def _lookup(f: Float32Array, g: Int32Array, tex: Int32Array, n: int, probe: np.f
     for i in range(n):
         g[TEXEL + i] = tex[np.uint32(g[INDEX + i])]
     for i in range(n):
-        t = g[TEXEL + i]
-        t00 = np.float32(t & BYTE)
-        t01 = np.float32((t >> np.int32(8)) & BYTE)
-        t10 = np.float32((t >> np.int32(16)) & BYTE)
-        t11 = np.float32((t >> np.int32(24)) & BYTE)
-        fx = f[FX + i]
-        upper = t00 + fx * (t01 - t00)
-        lower = t10 + fx * (t11 - t10)
-        f[VALUE + i] = upper + f[FY + i] * (lower - upper)
+        f[VALUE + i] = _blended(f, g, i)
 
 
 @kernel
@@ -169,28 +160,17 @@ def _level(f: Float32Array, g: Int32Array, n: int, above: np.int32, base: np.int
 
 
 @kernel
-def shade(
-    f: Float32Array,
-    bits: Int32Array,
-    g: Int32Array,
-    n: int,
-    tex: Int32Array,
-    light: Int32Array,
-    m: Float32Array,
-    k: int,
-    surface: Float32Array,
-    place: Int32Array,
-    jitter: np.float32,
-) -> None:
-    """Fill SUM with the radiance of the n listed pixels on quad k: anisotropic texture times light.
+def shade(scratch: Scratch, n: int, scene: Scene, k: int, quad: int, jitter: np.float32) -> None:
+    """Fill SUM with the radiance of the n listed pixels on a quad, in place k: anisotropic texture times light.
 
     jitter < 0 blends the two mip levels around the wanted one; otherwise the level is floor(wanted + jitter): the
     mean over sub-frames of evenly spread jitters is the blend.
     """
-    su, sv, ou, ov, light_scale = surface[0], surface[1], surface[2], surface[3], surface[4]
+    f, bits, g, surface, place = scratch.f, scratch.bits, scratch.g, scene.surfaces[quad], scene.places[quad]
+    tex, light, light_scale = scene.tex, scene.light, surface[4]
     base, size_log2, light_base, nu, nv = place[0], place[1], place[2], place[3], place[4]
     lu, lv = np.float32(nu - 1), np.float32(nv - 1)
-    widest, longest = _footprint(f, n, m, k, su, sv, ou, ov, lu, lv)
+    widest, longest = _footprint(f, n, scratch.m, k, surface, lu, lv)
     probes = max(1, min(MAX_PROBES, int(min(widest, np.float32(64.0)) + HALF)))
     probes = max(1, min(probes, int(min(longest, np.float32(64.0)) + F1)))
     share = F1 / np.float32(probes)
@@ -234,69 +214,4 @@ def shade(
     for i in range(n):
         g[TEXEL + i] = light[np.uint32(g[INDEX + i])]
     for i in range(n):
-        t = g[TEXEL + i]
-        t00 = np.float32(t & BYTE)
-        t01 = np.float32((t >> np.int32(8)) & BYTE)
-        t10 = np.float32((t >> np.int32(16)) & BYTE)
-        t11 = np.float32((t >> np.int32(24)) & BYTE)
-        upper = t00 + f[FX + i] * (t01 - t00)
-        lower = t10 + f[FX + i] * (t11 - t10)
-        f[SUM + i] *= share * light_scale * (upper + f[FY + i] * (lower - upper))
-
-
-@kernel
-def enter_rows(f: Float32Array, rx: Float32Array, ry: Float32Array, y0: int, y1: int, x0: int, x1: int) -> int:
-    """List every pixel of a tile, row by row; TOTAL becomes zero. Returns their number."""
-    n = 0
-    for y in range(y0, y1):
-        ratio = np.float32((y - y0) / (1.0 * TILE))
-        x_line, y_line, x_next, y_next = rx[y + 1], ry[y + 1], rx[y + 2], ry[y + 2]
-        for x in range(x0 + 1, x1 + 1):
-            i = n + x - x0 - 1
-            f[RX + i] = x_line[x]
-            f[RY + i] = y_line[x]
-            f[DXX + i] = x_line[x + 1] - x_line[x]
-            f[DXY + i] = y_line[x + 1] - y_line[x]
-            f[DYX + i] = x_next[x] - x_line[x]
-            f[DYY + i] = y_next[x] - y_line[x]
-            f[ROW + i] = ratio
-            f[TOTAL + i] = F0
-        n += x1 - x0
-    return n
-
-
-@kernel
-def _tint_index(y: int, x: int, bayer: bool) -> int:
-    """Which reflectance a pixel sees: 3 grey, or by the GRBG mosaic (even rows green, red; odd rows blue, green)."""
-    if not bayer:
-        return 3
-    if (y & 1) == (x & 1):
-        return 1
-    return 0 if (y & 1) == 0 else 2
-
-
-@kernel
-def spread_rows(
-    f: Float32Array, tint: Float32Array, bayer: bool, y0: int, y1: int, x0: int, x1: int, share: np.float32,
-    picture: Float32Array,
-) -> None:  # fmt: skip
-    """Write TOTAL, tinted, to the tile of the picture (H, W)."""
-    i = 0
-    for y in range(y0, y1):
-        even = share * tint[_tint_index(y, x0, bayer)]
-        odd = share * tint[_tint_index(y, x0 + 1, bayer)]
-        line = picture[y]
-        for x in range(x0, x1):
-            line[x] = f[TOTAL + i + x - x0] * (odd if (x - x0) & 1 else even)
-        i += x1 - x0
-
-
-@kernel
-def spread(
-    f: Float32Array, g: Int32Array, n: int, tint: Float32Array, bayer: bool, share: np.float32, picture: Float32Array
-) -> None:
-    """Add SUM, tinted and weighted, to the listed pixels of the picture (H, W)."""
-    width = picture.shape[1]
-    for i in range(n):
-        y, x = g[PIXEL + i] // width, g[PIXEL + i] % width
-        picture[y, x] += share * f[WEIGHT + i] * tint[_tint_index(y, x, bayer)] * f[SUM + i]
+        f[SUM + i] *= share * light_scale * _blended(f, g, i)

@@ -17,7 +17,15 @@ from vsx_ros.kernels.linalg.frontal import solve
 from vsx_ros.kernels.slam.floor import Floor, add_floor, floor_cost, hold_anchor
 from vsx_ros.kernels.slam.pose import TUKEY, add_observation, tukey_sigma
 from vsx_ros.kernels.slam.relative_pose import Factors, add_factors, factor_cost
-from vsx_ros.kernels.slam.schur import Pattern, back_substitute, pattern_of, reduce_points
+from vsx_ros.kernels.slam.schur import (
+    Blocks,
+    Observations,
+    Pattern,
+    back_substitute,
+    pattern_of,
+    reduce_points,
+    room_for,
+)
 
 
 class Progress(NamedTuple):
@@ -36,20 +44,12 @@ LEAST_GAIN = 1e-4
 
 @kernel
 def _residuals(
-    K: FloatArray,
-    R: FloatArray,
-    t: FloatArray,
-    points: FloatArray,
-    obs_point: IntArray,
-    obs_frame: IntArray,
-    obs_xy: FloatArray,
-    obs_weight: FloatArray,
-    res: FloatArray,
+    K: FloatArray, R: FloatArray, t: FloatArray, points: FloatArray, observed: Observations, res: FloatArray,
     e: FloatArray,
-) -> None:
+) -> None:  # fmt: skip
     """Fill weighted residuals (O, 2) and their squares (O,); behind the camera: infinite square."""
-    for o in range(obs_frame.shape[0]):
-        f, p = obs_frame[o], obs_point[o]
+    for o in range(e.shape[0]):
+        f, p = observed.frame[o], observed.point[o]
         X, Y, Z = points[p, 0], points[p, 1], points[p, 2]
         z = R[f, 2, 0] * X + R[f, 2, 1] * Y + R[f, 2, 2] * Z + t[f, 2]
         if z <= 1e-6:
@@ -57,8 +57,8 @@ def _residuals(
             continue
         x = R[f, 0, 0] * X + R[f, 0, 1] * Y + R[f, 0, 2] * Z + t[f, 0]
         y = R[f, 1, 0] * X + R[f, 1, 1] * Y + R[f, 1, 2] * Z + t[f, 1]
-        res[o, 0] = (obs_xy[o, 0] - K[0] * x / z - K[2]) * obs_weight[o]
-        res[o, 1] = (obs_xy[o, 1] - K[1] * y / z - K[3]) * obs_weight[o]
+        res[o, 0] = (observed.xy[o, 0] - K[0] * x / z - K[2]) * observed.weight[o]
+        res[o, 1] = (observed.xy[o, 1] - K[1] * y / z - K[3]) * observed.weight[o]
         e[o] = res[o, 0] * res[o, 0] + res[o, 1] * res[o, 1]
 
 
@@ -79,25 +79,11 @@ def _cost(e: FloatArray, sigma: float, R: FloatArray, t: FloatArray, factors: Fa
 
 @kernel
 def _linearise(
-    K: FloatArray,
-    R: FloatArray,
-    t: FloatArray,
-    number: IntArray,
-    points: FloatArray,
-    obs_start: IntArray,
-    obs_frame: IntArray,
-    obs_weight: FloatArray,
-    res: FloatArray,
-    e: FloatArray,
-    sigma: float,
-    H: FloatArray,
-    g: FloatArray,
-    V: FloatArray,
-    gp: FloatArray,
-    W: FloatArray,
-) -> None:
-    """Linearise: frame blocks H (n, 6, 6; upper), g (n, 6); point blocks V (M, 6), gp (M, 3); mixed blocks W
-    (O, 3, 6), NaN for outliers."""
+    K: FloatArray, R: FloatArray, t: FloatArray, number: IntArray, points: FloatArray, observed: Observations,
+    res: FloatArray, e: FloatArray, sigma: float, linear: Blocks,
+) -> None:  # fmt: skip
+    """Fill all blocks but L."""
+    H, g, V, gp, W, _ = linear
     limit = TUKEY * TUKEY * sigma * sigma
     inverse_variance = 1.0 / (sigma * sigma)
     H[:, :, :] = 0.0
@@ -105,12 +91,12 @@ def _linearise(
     for p in range(points.shape[0]):
         X, Y, Z = points[p, 0], points[p, 1], points[p, 2]
         v0 = v1 = v2 = v3 = v4 = v5 = g0 = g1 = g2 = 0.0
-        for o in range(obs_start[p], obs_start[p + 1]):
+        for o in range(observed.start[p], observed.start[p + 1]):
             W[o, 0, 0] = np.nan
             if e[o] >= limit:
                 continue
-            f = obs_frame[o]
-            root, weight = 1.0 - e[o] / limit, obs_weight[o]
+            f = observed.frame[o]
+            root, weight = 1.0 - e[o] / limit, observed.weight[o]
             scale = root * root * inverse_variance * weight
             wu, wv = scale * res[o, 0], scale * res[o, 1]
             scale *= weight
@@ -152,16 +138,9 @@ def _linearise(
 
 @kernel
 def _system(
-    pattern: Pattern,
-    R: FloatArray,
-    t: FloatArray,
-    factors: Factors,
-    floor: Floor,
-    H: FloatArray,
-    damping: float,
-    blocks: FloatArray,
-    rhs: FloatArray,
-) -> None:
+    pattern: Pattern, R: FloatArray, t: FloatArray, factors: Factors, floor: Floor, H: FloatArray, damping: float,
+    blocks: FloatArray, rhs: FloatArray,
+) -> None:  # fmt: skip
     """Fill blocks with the frames' own share of the system, damped; add the factors' and the floor's to rhs."""
     blocks[:, :, :] = 0.0
     for i in range(H.shape[0]):
@@ -190,40 +169,24 @@ def _move(
 
 @kernel
 def adjust(
-    K: FloatArray,
-    R0: FloatArray,
-    t0: FloatArray,
-    free: IntArray,
-    points0: FloatArray,
-    obs_start: IntArray,
-    obs_point: IntArray,
-    obs_frame: IntArray,
-    obs_xy: FloatArray,
-    obs_weight: FloatArray,
-    factors: Factors,
-    floor: Floor,
-    iterations: int,
-    sigma_min: float,
-    progress: Progress,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float, int, Progress]:
+    K: FloatArray, R0: FloatArray, t0: FloatArray, free: IntArray, points0: FloatArray, observed: Observations,
+    factors: Factors, floor: Floor, iterations: int, sigma_min: float, progress: Progress,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float, int, Progress]:  # fmt: skip
     """Refine frames T_cam_world (R0 (F, 3, 3), t0 (F, 3)) and points0 (M, 3).
 
-    free (F,): 0..n-1 for frames that move, -1 for fixed ones. Observations are sorted by point (obs_start (M + 1,));
-    obs_xy (O, 2) undistorted px, obs_weight (O,) = 2^-level. factors, floor: see ``kernels.relative_pose.Factors`` and
-    ``kernels.floor.Floor``. progress: START, or what an earlier call returned that is to be continued.
-    Returns R, t, points, squared weighted residuals (O,), sigma [px], accepted steps, progress. At most ``iterations``
-    trials, whatever happens.
+    free (F,): 0..n-1 for frames that move, -1 for fixed ones. progress: START, or what an earlier call returned that is
+    to be continued. Returns R, t, points, squared weighted residuals (O,), sigma [px], accepted steps, progress. At
+    most ``iterations`` trials, whatever happens.
     """
     R, t, points = R0.copy(), t0.copy(), points0.copy()
-    pattern = pattern_of(free, obs_start, obs_frame, factors.a, factors.b)
-    n, m, n_obs = pattern.extent.shape[0], points.shape[0], obs_frame.shape[0]
+    pattern = pattern_of(free, observed, factors.a, factors.b)
+    n_obs = observed.frame.shape[0]
     res, e = np.zeros((n_obs, 2)), np.empty(n_obs)
-    H, g, blocks = np.zeros((n, 6, 6)), np.zeros((n, 6)), np.empty((pattern.column.shape[0], 6, 6))
-    V, L, gp = np.zeros((m, 6)), np.zeros((m, 6)), np.zeros((m, 3))
-    W = np.empty((n_obs, 3, 6))
+    linear = room_for(pattern.extent.shape[0], points.shape[0], n_obs)
+    blocks = np.empty((pattern.column.shape[0], 6, 6))
     R_new, t_new, moved = R.copy(), t.copy(), points.copy()
     res_new, e_new = np.zeros((n_obs, 2)), np.empty(n_obs)
-    _residuals(K, R, t, points, obs_point, obs_frame, obs_xy, obs_weight, res, e)
+    _residuals(K, R, t, points, observed, res, e)
     damping, growth, done = progress.damping, progress.growth, progress.done
     linearise = True
     accepted = 0
@@ -234,15 +197,15 @@ def adjust(
         if linearise:
             sigma = tukey_sigma(e, n_obs, sigma_min)
             cost = _cost(e, sigma, R, t, factors, floor)
-            _linearise(K, R, t, pattern.number, points, obs_start, obs_frame, obs_weight, res, e, sigma, H, g, V, gp, W)
-        step = g.copy()
-        _system(pattern, R, t, factors, floor, H, damping, blocks, step)
-        reduce_points(pattern, obs_start, obs_frame, V, gp, W, damping, blocks, step, L)
+            _linearise(K, R, t, pattern.number, points, observed, res, e, sigma, linear)
+        step = linear.g.copy()
+        _system(pattern, R, t, factors, floor, linear.H, damping, blocks, step)
+        reduce_points(pattern, observed, linear, damping, blocks, step)
         new_cost = np.inf
         if solve(blocks, pattern.begin, pattern.column, pattern.entry, pattern.extent, step):
             _move(pattern.number, step, R, t, R_new, t_new)
-            back_substitute(pattern.number, obs_start, obs_frame, gp, W, L, step, points, moved)
-            _residuals(K, R_new, t_new, moved, obs_point, obs_frame, obs_xy, obs_weight, res_new, e_new)
+            back_substitute(pattern.number, observed, linear, step, points, moved)
+            _residuals(K, R_new, t_new, moved, observed, res_new, e_new)
             new_cost = _cost(e_new, sigma, R_new, t_new, factors, floor)
         linearise = new_cost < cost
         if linearise:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, FloatArray, Int32Array, IntArray
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.geometry.projection import project_normalized
 from vsx_ros.kernels.vision.patches import (
@@ -13,11 +13,12 @@ from vsx_ros.kernels.vision.patches import (
     MAX_SHARE,
     NOISE_FLOOR,
     TEMPLATE,
+    Target,
     best_corner,
     quantize,
     refine,
 )
-from vsx_ros.kernels.vision.warping import warp_template
+from vsx_ros.kernels.vision.search import warp_template
 
 STEP_PX = 2.5
 REACH_PX = 2.2
@@ -46,9 +47,7 @@ def _at_inverse_depth(
         if z < 0.05:
             return False, 0.0, 0.0
         uu, vv = project_normalized(
-            camera,
-            (X + R[0, 0] * bx + R[0, 1] * by) / z,
-            (Y + R[1, 0] * bx + R[1, 1] * by) / z,
+            camera, (X + R[0, 0] * bx + R[0, 1] * by) / z, (Y + R[1, 0] * bx + R[1, 1] * by) / z
         )
         A[step] = uu - u
         A[2 + step] = vv - v
@@ -57,18 +56,9 @@ def _at_inverse_depth(
 
 @kernel
 def search_rays(
-    camera: FloatArray,
-    R: FloatArray,
-    t: FloatArray,
-    rays: FloatArray,
-    basis: FloatArray,
-    patches: NDArray[np.uint8],
-    inverse_depth: FloatArray,
-    pixels: NDArray[np.uint8],
-    table: IntArray,
-    corners: Int32Array,
-    row_table: IntArray,
-) -> tuple[BoolArray, FloatArray, IntArray]:
+    camera: FloatArray, R: FloatArray, t: FloatArray, rays: FloatArray, basis: FloatArray, patches: NDArray[np.uint8],
+    inverse_depth: FloatArray, target: Target,
+) -> tuple[BoolArray, FloatArray, IntArray]:  # fmt: skip
     """Find source patches in a target image somewhere along their rays.
 
     R, t: T_target_source. rays (C, 2): on the plane z = 1 of the source; basis (C, 4) as in ``predict``; patches
@@ -124,23 +114,13 @@ def search_rays(
                     contrast = quantize(template, core)
             if not usable:
                 continue
-            score, k = best_corner(
-                pixels,
-                table,
-                corners,
-                row_table,
-                lv,
-                (u + 0.5) / scale - 0.5,
-                (v + 0.5) / scale - 0.5,
-                REACH_PX,
-                core,
-            )
+            score, k = best_corner(target, lv, (u + 0.5) / scale - 0.5, (v + 0.5) / scale - 0.5, REACH_PX, core)
             if k < 0:
                 continue
             apart = True
             if winner >= 0 and winner_level == lv:
-                dx = abs(corners[k, 0] - corners[winner, 0])
-                dy = abs(corners[k, 1] - corners[winner, 1])
+                dx = abs(target.corners[k, 0] - target.corners[winner, 0])
+                dy = abs(target.corners[k, 1] - target.corners[winner, 1])
                 apart = max(dx, dy) >= DISTINCT_PX
             if score < best:
                 if apart:
@@ -153,16 +133,8 @@ def search_rays(
                 second = score
         if winner < 0 or best > limit or second < DISTINCTION * best:
             continue
-        ok, x, y, rest = refine(
-            pixels,
-            table[winner_level, 0],
-            table[winner_level, 1],
-            table[winner_level, 2],
-            chosen,
-            float(corners[winner, 0]),
-            float(corners[winner, 1]),
-            10,
-        )
+        px, py = float(target.corners[winner, 0]), float(target.corners[winner, 1])
+        ok, x, y, rest = refine(target.pixels, target.table[winner_level], chosen, px, py)
         if ok and rest < MAX_ALIGNED_SHARE * energy + NOISE_FLOOR:
             scale = 2.0**winner_level
             found[c] = True

@@ -74,19 +74,9 @@ def add_observation(
 
 @kernel
 def optimize_pose(
-    camera: FloatArray,
-    R0: FloatArray,
-    t0: FloatArray,
-    points: FloatArray,
-    rows: IntArray,
-    uv: FloatArray,
-    level: IntArray,
-    found: BoolArray,
-    prior_information: FloatArray,
-    wide: int,
-    iterations: int,
-    sigma_min: float,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
+    camera: FloatArray, R0: FloatArray, t0: FloatArray, points: FloatArray, rows: IntArray, uv: FloatArray,
+    level: IntArray, found: BoolArray, prior_information: FloatArray, wide: int, iterations: int, sigma_min: float,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:  # fmt: skip
     """Tukey-weighted Gauss-Newton on T_cam_world, on pixels freed from distortion.
 
     points (P, 3) world; of the matches rows (S,), uv (S, 2) level-0 px, level (S,) those with found (S,) are used,

@@ -8,6 +8,7 @@ Perturbation: t <- t + rho, R <- R exp(omega), s <- s exp(sigma); tangent order 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,18 +20,22 @@ from vsx_ros.kernels.linalg.envelope import envelope, factor_envelope, solve_env
 NODE_DOF = 7
 
 
+class Edges(NamedTuple):
+    """E measurements of nodes b from nodes a (E,): R (E, 3, 3), t (E, 3), s (E,) and information (E, 7, 7)."""
+
+    a: IntArray
+    b: IntArray
+    R: FloatArray
+    t: FloatArray
+    s: FloatArray
+    information: FloatArray
+
+
 @kernel
 def edge_residual(
-    Ra: FloatArray,
-    ta: FloatArray,
-    sa: float,
-    Rb: FloatArray,
-    tb: FloatArray,
-    sb: float,
-    Zr: FloatArray,
-    zt: FloatArray,
-    zs: float,
-) -> FloatArray:
+    Ra: FloatArray, ta: FloatArray, sa: float, Rb: FloatArray, tb: FloatArray, sb: float, Zr: FloatArray,
+    zt: FloatArray, zs: float,
+) -> FloatArray:  # fmt: skip
     """(7,) what an edge finds wrong with its two nodes."""
     r = np.empty(NODE_DOF)
     E = np.zeros((3, 3))
@@ -78,48 +83,42 @@ def edge_jacobians(
 
 
 @kernel
-def graph_cost(
-    R: FloatArray,
-    t: FloatArray,
-    s: FloatArray,
-    a: IntArray,
-    b: IntArray,
-    Zr: FloatArray,
-    zt: FloatArray,
-    zs: FloatArray,
-    info: FloatArray,
-) -> float:
+def _residual(R: FloatArray, t: FloatArray, s: FloatArray, edges: Edges, e: int) -> FloatArray:
+    i, j = edges.a[e], edges.b[e]
+    return edge_residual(R[i], t[i], s[i], R[j], t[j], s[j], edges.R[e], edges.t[e], edges.s[e])
+
+
+@kernel
+def graph_cost(R: FloatArray, t: FloatArray, s: FloatArray, edges: Edges) -> float:
     """Half the weighted squared error of all edges."""
     total = 0.0
-    for e in range(a.shape[0]):
-        i, j = a[e], b[e]
-        r = edge_residual(R[i], t[i], s[i], R[j], t[j], s[j], Zr[e], zt[e], zs[e])
+    for e in range(edges.a.shape[0]):
+        r = _residual(R, t, s, edges, e)
         for p in range(NODE_DOF):
             for q in range(NODE_DOF):
-                total += 0.5 * r[p] * info[e, p, q] * r[q]
+                total += 0.5 * r[p] * edges.information[e, p, q] * r[q]
     return total
 
 
 @kernel
 def _assemble(
     blocks: FloatArray, g: FloatArray, first: IntArray, start: IntArray, free: IntArray, R: FloatArray,
-    t: FloatArray, s: FloatArray, a: IntArray, b: IntArray, Zr: FloatArray, zt: FloatArray, zs: FloatArray,
-    info: FloatArray,
+    t: FloatArray, s: FloatArray, edges: Edges,
 ) -> None:  # fmt: skip
     """Normal equations of all edges into the envelope's upper triangle; g (n, D) is the right-hand side."""
     D = blocks.shape[1]
     blocks[:] = 0.0
     g[:] = 0.0
-    for e in range(a.shape[0]):
-        i, j = a[e], b[e]
-        r = edge_residual(R[i], t[i], s[i], R[j], t[j], s[j], Zr[e], zt[e], zs[e])
-        Ja, Jb = edge_jacobians(r, R[i], s[i], R[j], zt[e])
-        weighted = info[e] @ r
+    for e in range(edges.a.shape[0]):
+        i, j, info = edges.a[e], edges.b[e], edges.information[e]
+        r = _residual(R, t, s, edges, e)
+        Ja, Jb = edge_jacobians(r, R[i], s[i], R[j], edges.t[e])
+        weighted = info @ r
         for u in range(2):
             row, Ju = (free[i], Ja) if u == 0 else (free[j], Jb)
             if row < 0:
                 continue
-            JuW = Ju.T @ info[e]
+            JuW = Ju.T @ info
             for p in range(D):
                 for q in range(NODE_DOF):
                     g[row, p] -= Ju[q, p] * weighted[q]
@@ -157,14 +156,12 @@ def _moved(
 
 @kernel
 def optimize_graph(
-    R: FloatArray, t: FloatArray, s: FloatArray, held: BoolArray, a: IntArray, b: IntArray, Zr: FloatArray,
-    zt: FloatArray, zs: FloatArray, info: FloatArray, free_scale: bool, iterations: int,
-) -> tuple[FloatArray, FloatArray, FloatArray, float]:  # fmt: skip
+    R: FloatArray, t: FloatArray, s: FloatArray, held: BoolArray, edges: Edges, free_scale: bool, iterations: int
+) -> tuple[FloatArray, FloatArray, FloatArray, float]:
     """Levenberg-Marquardt on all nodes but those ``held`` (K,).
 
-    R (K, 3, 3), t (K, 3), s (K,): T_world_node. Edges: a, b (E,) node numbers, Zr (E, 3, 3), zt (E, 3), zs (E,), info
-    (E, 7, 7). free_scale False keeps every s. Returns R, t, s and half the weighted squared error reached. A node that
-    no edge leads to a held one stays where it is.
+    R (K, 3, 3), t (K, 3), s (K,): T_world_node. free_scale False keeps every s. Returns R, t, s and half the weighted
+    squared error reached. A node that no edge leads to a held one stays where it is.
     """
     D = NODE_DOF if free_scale else NODE_DOF - 1
     free = np.full(held.shape[0], -1, np.int64)
@@ -173,14 +170,14 @@ def optimize_graph(
         if not held[k]:
             free[k] = n
             n += 1
-    cost = graph_cost(R, t, s, a, b, Zr, zt, zs, info)
+    cost = graph_cost(R, t, s, edges)
     if n == 0:
         return R, t, s, cost
-    first, start = envelope(n, free[a], free[b])
+    first, start = envelope(n, free[edges.a], free[edges.b])
     blocks, g = np.zeros((start[n], D, D)), np.zeros((n, D))
     damping = 1e-6
     for _ in range(iterations):
-        _assemble(blocks, g, first, start, free, R, t, s, a, b, Zr, zt, zs, info)
+        _assemble(blocks, g, first, start, free, R, t, s, edges)
         accepted = False
         for _ in range(6):
             factor, step = blocks.copy(), g.copy()
@@ -191,7 +188,7 @@ def optimize_graph(
             if factor_envelope(factor, first, start):
                 solve_envelope(factor, first, start, step)
                 R_new, t_new, s_new = _moved(R, t, s, free, step)
-                reached = graph_cost(R_new, t_new, s_new, a, b, Zr, zt, zs, info)
+                reached = graph_cost(R_new, t_new, s_new, edges)
                 if reached <= cost:
                     accepted = True
                     break

@@ -14,6 +14,36 @@ from vsx_ros.kernels import kernel
 from vsx_ros.kernels.linalg.frontal import elimination
 
 
+class Observations(NamedTuple):
+    """O observations sorted by point: those of point p from start[p] on (M + 1,). point, frame (O,): who sees what; xy
+    (O, 2) undistorted px; weight (O,) = 2^-level."""
+
+    start: IntArray
+    point: IntArray
+    frame: IntArray
+    xy: FloatArray
+    weight: FloatArray
+
+
+class Blocks(NamedTuple):
+    """A linearised adjustment: frame blocks H (n, 6, 6; upper), g (n, 6); point blocks V (M, 6; upper, by rows), gp
+    (M, 3), and L (M, 6) their Cholesky factors; mixed blocks W (O, 3, 6), NaN for outliers."""
+
+    H: FloatArray
+    g: FloatArray
+    V: FloatArray
+    gp: FloatArray
+    W: FloatArray
+    L: FloatArray
+
+
+@kernel
+def room_for(n: int, points: int, observations: int) -> Blocks:
+    """Blocks of so many free frames, points and observations."""
+    L, W = np.zeros((points, 6)), np.empty((observations, 3, 6))
+    return Blocks(np.zeros((n, 6, 6)), np.zeros((n, 6)), np.zeros((points, 6)), np.zeros((points, 3)), W, L)
+
+
 class Pattern(NamedTuple):
     """Where the system of n frames has blocks. number (F,): a frame's row in the order of elimination, -1 when it is
     fixed; block (n, n): number of the block in a row and column of the upper triangle, -1 where there is none; begin,
@@ -34,18 +64,17 @@ def _tie(i: int, j: int, tied: BoolArray) -> None:
 
 
 @kernel
-def pattern_of(
-    free: IntArray, obs_start: IntArray, obs_frame: IntArray, factor_a: IntArray, factor_b: IntArray
-) -> Pattern:
+def pattern_of(free: IntArray, observed: Observations, factor_a: IntArray, factor_b: IntArray) -> Pattern:
     """The ``Pattern`` of frames that are tied by points or factors. free (F,): 0..n-1, or -1 for fixed frames."""
     n = 0
     for f in range(free.shape[0]):
         n = max(n, free[f] + 1)
     tied = np.zeros((n, n), np.bool_)
-    for p in range(obs_start.shape[0] - 1):
-        for o in range(obs_start[p], obs_start[p + 1]):
-            for q in range(o + 1, obs_start[p + 1]):
-                _tie(free[obs_frame[o]], free[obs_frame[q]], tied)
+    start, frame = observed.start, observed.frame
+    for p in range(start.shape[0] - 1):
+        for o in range(start[p], start[p + 1]):
+            for q in range(o + 1, start[p + 1]):
+                _tie(free[frame[o]], free[frame[q]], tied)
     for f in range(factor_a.shape[0]):
         _tie(free[factor_a[f]], free[factor_b[f]], tied)
     order, entry, extent = elimination(tied)
@@ -110,19 +139,11 @@ def _members(number: IntArray, obs_frame: IntArray, W: FloatArray, first: int, b
 
 @kernel
 def reduce_points(
-    pattern: Pattern,
-    obs_start: IntArray,
-    obs_frame: IntArray,
-    V: FloatArray,
-    gp: FloatArray,
-    W: FloatArray,
-    damping: float,
-    blocks: FloatArray,
-    rhs: FloatArray,
-    L: FloatArray,
+    pattern: Pattern, observed: Observations, linear: Blocks, damping: float, blocks: FloatArray, rhs: FloatArray
 ) -> None:
-    """Subtract the points' share from the system's blocks and from rhs (n, 6); keep the factored point blocks L
-    (M, 6)."""
+    """Subtract the points' share from the system's blocks and from rhs (n, 6); fill L."""
+    _, _, V, gp, W, L = linear
+    obs_start, obs_frame = observed.start, observed.frame
     longest = 1
     for p in range(V.shape[0]):
         longest = max(longest, obs_start[p + 1] - obs_start[p])
@@ -164,24 +185,17 @@ def reduce_points(
 
 @kernel
 def back_substitute(
-    number: IntArray,
-    obs_start: IntArray,
-    obs_frame: IntArray,
-    gp: FloatArray,
-    W: FloatArray,
-    L: FloatArray,
-    step: FloatArray,
-    points: FloatArray,
-    moved: FloatArray,
+    number: IntArray, observed: Observations, linear: Blocks, step: FloatArray, points: FloatArray, moved: FloatArray
 ) -> None:
     """Fill moved (M, 3): points after the step that belongs to the frames' step (n, 6)."""
+    _, _, _, gp, W, L = linear
     for p in range(points.shape[0]):
         moved[p, 0], moved[p, 1], moved[p, 2] = points[p, 0], points[p, 1], points[p, 2]
         if np.isnan(L[p, 0]):
             continue
         b0, b1, b2 = gp[p, 0], gp[p, 1], gp[p, 2]
-        for o in range(obs_start[p], obs_start[p + 1]):
-            i = number[obs_frame[o]]
+        for o in range(observed.start[p], observed.start[p + 1]):
+            i = number[observed.frame[o]]
             if i < 0 or np.isnan(W[o, 0, 0]):
                 continue
             for a in range(6):

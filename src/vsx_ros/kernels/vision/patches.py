@@ -1,14 +1,13 @@
 """8x8 patches: warp, zero-mean SSD at corners, inverse-compositional sub-pixel alignment (Klein and Murray 2007, 5.4).
 
-An image pyramid is one flat (B,) uint8 buffer and a table (4, 4) int64 with rows (offset, height, width, first row
-index); its corners are (N, 2) int32 (x, y) in level pixels, sorted by level and row, with ``row_table`` giving for
-every row of every level the index of its first corner (one closing entry per level). A template of a map point is a
-24x24 uint8 patch of its source level; the point itself is at (12, 12) plus an offset within half a pixel.
+A template of a map point is a 24x24 uint8 patch of its source level; the point itself is at (12, 12) plus an offset
+within half a pixel.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +19,21 @@ I32 = np.int32
 PATCH = 24
 CENTRE = 12
 TEMPLATE = 10
+_ITERATIONS = 10
 # A match is judged against the template's own contrast: loosely at whole pixels (half a pixel of misfit costs much
 # on a sharp edge), strictly once it is aligned. The floor is what sensor noise alone costs.
 MAX_SHARE, MAX_ALIGNED_SHARE, NOISE_FLOOR = 0.6, 0.25, 2000.0
+
+
+class Target(NamedTuple):
+    """An image to search: pixels (B,), its whole pyramid; table (4, 4) with rows (offset, height, width, first row
+    index); corners (N, 2), x and y in level pixels, sorted by level and row; row_table: for every row of every level
+    the index of its first corner, one closing entry per level."""
+
+    pixels: NDArray[np.uint8]
+    table: IntArray
+    corners: Int32Array
+    row_table: IntArray
 
 
 @kernel
@@ -54,18 +65,9 @@ def zmssd(pixels: NDArray[np.uint8], start: int, width: int, core: Int32Array) -
 
 
 @kernel
-def best_corner(
-    pixels: NDArray[np.uint8],
-    table: IntArray,
-    corners: Int32Array,
-    row_table: IntArray,
-    level: int,
-    x: float,
-    y: float,
-    radius: float,
-    core: Int32Array,
-) -> tuple[float, int]:
+def best_corner(target: Target, level: int, x: float, y: float, radius: float, core: Int32Array) -> tuple[float, int]:
     """(lowest ZMSSD, its corner index or -1) among the corners of a level within a radius [level px]."""
+    pixels, table, corners, row_table = target
     offset, height, width, first = table[level, 0], table[level, 1], table[level, 2], table[level, 3]
     best = np.inf
     winner = -1
@@ -113,15 +115,9 @@ def slopes(template: Int32Array, gx: Int32Array, gy: Int32Array) -> tuple[float,
 
 @kernel
 def misfit(
-    pixels: NDArray[np.uint8],
-    start: int,
-    width: int,
-    fx: float,
-    fy: float,
-    template: Int32Array,
-    gx: Int32Array,
+    pixels: NDArray[np.uint8], start: int, width: int, fx: float, fy: float, template: Int32Array, gx: Int32Array,
     gy: Int32Array,
-) -> tuple[float, float, float, float]:
+) -> tuple[float, float, float, float]:  # fmt: skip
     """Sums over 8x8 of r gx, r gy, r and r^2, where r is the image's grey level at (fx, fy) right of and below
     ``start`` minus the template's. Grey levels and px.
 
@@ -151,22 +147,16 @@ def misfit(
 
 @kernel
 def refine(
-    pixels: NDArray[np.uint8],
-    offset: int,
-    height: int,
-    width: int,
-    template: Int32Array,
-    x: float,
-    y: float,
-    iterations: int,
+    pixels: NDArray[np.uint8], layout: IntArray, template: Int32Array, x: float, y: float
 ) -> tuple[bool, float, float, float]:
-    """Inverse-compositional alignment of the template's inner 8x8 (x, y and mean difference) from a start [level px].
+    """Inverse-compositional alignment of the template's inner 8x8 (x, y and mean difference) from a start [level px] in
+    the level whose row of the table is ``layout``.
 
     Returns (converged, x, y, zero-mean squared difference). Converged: last step below 0.03 px, at most 2 px from the
     start, patch inside the image.
     """
-    gx = np.empty(64, np.int32)
-    gy = np.empty(64, np.int32)
+    offset, height, width = layout[0], layout[1], layout[2]
+    gx, gy = np.empty(64, np.int32), np.empty(64, np.int32)
     h00, h01, h11, h02, h12 = slopes(template, gx, gy)
     # The mean difference is eliminated first, what is left is 2x2.
     s00 = h00 - h02 * h02 / 64.0
@@ -176,7 +166,7 @@ def refine(
     if det < 1e-3 * (s00 + s11) * (s00 + s11) or det < 1.0:
         return False, x, y, np.inf
     start_x, start_y = x, y
-    for _ in range(iterations):
+    for _ in range(_ITERATIONS):
         left, top = x - 4.0, y - 4.0
         if left < 0.0 or top < 0.0 or left + 8.0 >= width or top + 8.0 >= height:
             return False, x, y, np.inf
@@ -196,10 +186,9 @@ def refine(
 
 
 @kernel
-def best_pixel(
-    pixels: NDArray[np.uint8], table: IntArray, level: int, x: float, y: float, reach: int, core: Int32Array
-) -> tuple[float, int, int]:
+def best_pixel(target: Target, level: int, x: float, y: float, reach: int, core: Int32Array) -> tuple[float, int, int]:
     """(lowest ZMSSD, x, y) among the whole pixels within ``reach`` of a place, corner or not."""
+    pixels, table = target.pixels, target.table
     offset, height, width = table[level, 0], table[level, 1], table[level, 2]
     best, bx, by = np.inf, 0, 0
     cx, cy = int(math.floor(x + 0.5)), int(math.floor(y + 0.5))
