@@ -8,8 +8,6 @@ up to 5 deg, 0.25 to 0.5 m high. Told is how far what 'vsx calibrate mount' find
 wheels' own scale makes of it, too. Everything repeats exactly.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 

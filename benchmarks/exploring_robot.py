@@ -1,7 +1,5 @@
 """The stack of the live tests, for benchmarks that hurt it: real nodes explore an emulated office over real drivers."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

@@ -11,8 +11,6 @@ stood, turned before that (``moved_before``); when the robot drove again by itse
 present code is not measured again.
 """
 
-from __future__ import annotations
-
 import argparse
 import subprocess
 import sys

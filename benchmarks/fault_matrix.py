@@ -7,8 +7,6 @@ long the wheels turned after the fault set in, seen at the emulator's end of the
 Camera: the real driver over the emulated Kinect. Each repetition leaves a row; benchmarks/tables.py makes the tables.
 """
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 import threading

@@ -10,8 +10,6 @@ mobile_base ignores SIGINT, and is replaced by its node; mobile_base+watchdog ar
 Each repetition leaves a row; benchmarks/tables.py makes the table of docs/reliability.md from them.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import signal

@@ -6,8 +6,6 @@ The real driver and mux over the emulated board, in simulated time (tests/hw/hw_
 row; benchmarks/tables.py makes the tables of docs/reliability.md from them.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from pathlib import Path

@@ -1,8 +1,6 @@
 """What can be wrong in a file, drawn at random: bytes, numbers, lines, and the parts of each format with their
 checksums mended, so that the damage comes through to the reader behind them."""
 
-from __future__ import annotations
-
 import bz2
 import io
 import random

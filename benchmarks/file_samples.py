@@ -1,7 +1,5 @@
 """Small good files of every kind that this stack reads, to be damaged."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

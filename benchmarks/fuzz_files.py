@@ -7,8 +7,6 @@ Good files are damaged by bytes, by words and numbers, and part by part with len
 what is there already by the present code is not done again.
 """
 
-from __future__ import annotations
-
 import argparse
 import io
 import json

@@ -9,8 +9,6 @@ Changed frames: of a base that drives and turns, every tenth frame has two bits 
 (another contact, battery, mode, or a pose 1 mm or 1 mrad off), how many end a contact, how far the heading is off.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import random

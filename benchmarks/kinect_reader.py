@@ -8,8 +8,6 @@ USB transport's own callback and the driver above it work through that many seco
 second, 162 of every 267 filled) that lie in libusb's own structures; printed is the processor time of each second.
 """
 
-from __future__ import annotations
-
 import argparse
 import ctypes
 import multiprocessing

@@ -8,8 +8,6 @@ Both ends are compared: coverage, ATE, breaks, collisions; each pair leaves a ro
 table. No kill comes in the last minute of ``--time``: what a resumed run does first is to look for its place.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

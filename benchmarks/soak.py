@@ -8,8 +8,6 @@ the drivers, growth of memory after the first minute, threads, and how far odome
 run without faults drives as well.
 """
 
-from __future__ import annotations
-
 import argparse
 import logging
 import math

@@ -9,8 +9,6 @@ many keyframes came since; the error of the SLAM's pose and of the odometry agai
 in the nodes' words; nodes that died by themselves. That is a row, of which benchmarks/tables.py makes the table.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import random

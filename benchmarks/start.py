@@ -6,8 +6,6 @@ Each time a new 'vsx explore --world lab' with a master of its own, by the clock
 kernels. The processor time of all its processes until then says what two idle cores would have to do.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import signal

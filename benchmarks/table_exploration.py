@@ -1,7 +1,5 @@
 """Tables of explorations from their rows."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Tables of faults from their rows: how long the wheels turned."""
 
-from __future__ import annotations
-
 import math
 import statistics
 from collections.abc import Iterator, Sequence

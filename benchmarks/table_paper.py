@@ -1,7 +1,5 @@
 """Tables of the paper's experiments from their rows."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 from vsx_ros.experiments.drive import DriveTask

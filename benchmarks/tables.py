@@ -6,8 +6,6 @@
 A table is made of the newest rows: of what differs in seed and repetition alone, those of one code and configuration.
 """
 
-from __future__ import annotations
-
 import argparse
 import subprocess
 from collections import Counter

@@ -7,8 +7,6 @@ drawing the camera picture adds to the SLAM's; the rates of camera, pose and all
 --picture a headless Chromium is the viewer a third time, and what it shows is kept.
 """
 
-from __future__ import annotations
-
 import argparse
 import http.client
 import os

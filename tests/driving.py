@@ -1,7 +1,5 @@
 """A base that drives to goals over a floor on which things come to light, as lock-step drives it."""
 
-from __future__ import annotations
-
 from collections import deque
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Ports that nobody uses."""
 
-from __future__ import annotations
-
 import contextlib
 import random
 import socket

@@ -1,7 +1,5 @@
 """The base at a port, whatever it is, for the scripts beside this file."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from vsx_hw.base_driver import BaseDriver

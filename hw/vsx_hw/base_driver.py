@@ -6,8 +6,6 @@ again after three good reports in a row; a base whose report refuses to be drive
 nothing moves until a new command; closing sends the stop bytes.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable
 from typing import NamedTuple, Protocol

@@ -1,7 +1,5 @@
 """The three kinds of base by name: their speed on the wire, their language, their drivers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """What the wheels were told lately, and whether they did it. Pure; time is an argument."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 

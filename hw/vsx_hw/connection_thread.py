@@ -1,7 +1,5 @@
 """The thread of the connection to any device: opens it, serves it, lets it go, and tries again when it fails."""
 
-from __future__ import annotations
-
 import logging
 import threading
 import time

@@ -1,7 +1,5 @@
 """Which base is at a serial port: listen, then ask. No byte that is sent can turn a wheel."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 

@@ -5,8 +5,6 @@ smallest difference arrival - device time of the last seconds is the best estima
 the drift between the two crystals.
 """
 
-from __future__ import annotations
-
 WINDOW_NS = 10_000_000_000
 RESTART_NS = 1_000_000_000
 

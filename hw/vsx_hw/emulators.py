@@ -1,7 +1,5 @@
 """The three emulated bases by the names of ``vsx_hw.bases``."""
 
-from __future__ import annotations
-
 from vsx_hw.create.emulator import CreateBoard
 from vsx_hw.create.protocol import CREATE_1, CREATE_2
 from vsx_hw.kobuki.emulator import KobukiBoard

@@ -1,7 +1,5 @@
 """A camera that shows the same picture for ever: its stream looks healthy, and whoever follows it drives blind."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

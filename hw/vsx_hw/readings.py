@@ -3,8 +3,6 @@
 ``stamp_ns`` is host time (nanoseconds since the epoch), derived from the device's own clock where it has one.
 """
 
-from __future__ import annotations
-
 import enum
 from typing import NamedTuple
 

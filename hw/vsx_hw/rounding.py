@@ -1,7 +1,5 @@
 """Turn rates on a wire of whole numbers: what rounding takes from one command is added to the next."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import TypeVar
 

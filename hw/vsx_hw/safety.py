@@ -3,8 +3,6 @@
 It knows nothing of cameras, maps and plans, so that it stays right when all of those are wrong.
 """
 
-from __future__ import annotations
-
 import math
 import threading
 from typing import NamedTuple

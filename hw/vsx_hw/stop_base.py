@@ -3,8 +3,6 @@
 stop_base PORT [kobuki|create|create2]; without a kind, the stop bytes of the base that answers.
 """
 
-from __future__ import annotations
-
 import sys
 
 from vsx_hw.bases import BASES

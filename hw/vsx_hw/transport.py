@@ -1,7 +1,5 @@
 """Byte pipes to a device."""
 
-from __future__ import annotations
-
 import errno
 import termios
 from typing import Protocol

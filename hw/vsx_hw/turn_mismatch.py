@@ -1,7 +1,5 @@
 """By how much a gyro and the wheels differ although both are sound: learned while they agree."""
 
-from __future__ import annotations
-
 import math
 
 WAY_RAD_M, TURN_SHARE = 0.25, 0.1

@@ -1,7 +1,5 @@
 """Any camera that the kernel knows as /dev/videoN. With gspca_kinect that is also a Kinect, without its clock."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import Any

@@ -7,8 +7,6 @@ the driver knows that it is guarded. There are two, who know nothing of each oth
 killed or hang at once, the last one stops the wheels.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 import os

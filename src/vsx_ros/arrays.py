@@ -1,7 +1,5 @@
 """Names for the array shapes that cross room borders. Plain ndarrays; the name tells shape, dtype and unit."""
 
-from __future__ import annotations
-
 from typing import TypeAlias
 
 import numpy as np

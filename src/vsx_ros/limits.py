@@ -4,8 +4,6 @@ Every refusal is a ValueError whose text fits into its reader's sentence. Limits
 files and a building's recordings hold, and what may be unpacked grows with the file.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import stat

@@ -4,8 +4,6 @@
 before the first name is looked up (docs/how-to/extend.md).
 """
 
-from __future__ import annotations
-
 import importlib
 import os
 from collections.abc import Iterator

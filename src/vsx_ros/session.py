@@ -3,8 +3,6 @@
 Lock-step, the node vslam and replays hold one, so that all begin, resume and remember alike.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Mapping
 from typing import Any, TypeVar

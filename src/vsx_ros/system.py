@@ -3,8 +3,6 @@
 This is the lock-step run (``vsx explore --fast``), and the list of what the ROS nodes do between them.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """Pictures of a board as a known camera sees it, ray by ray."""
 
-from __future__ import annotations
-
 import math
 
 import cv2

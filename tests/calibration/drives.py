@@ -1,7 +1,5 @@
 """Drives of the emulated robot, recorded into folders as a user's are into bags."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Emulated drives on wrong wheels, with a camera that sits elsewhere than the stack is told; the commands find both."""
 
-from __future__ import annotations
-
 import math
 
 import cv2

@@ -1,7 +1,5 @@
 """What holds exactly: drives made by hand, on paper."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

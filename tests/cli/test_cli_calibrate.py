@@ -1,7 +1,5 @@
 """``vsx calibrate camera`` from files and recordings, and what it writes."""
 
-from __future__ import annotations
-
 import cv2
 import pytest
 import yaml

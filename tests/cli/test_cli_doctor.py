@@ -1,7 +1,5 @@
 """The doctor's checks against real things: a base on an emulated wire, a Kinect in an emulated sysfs."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """The doctor's checks of the ROS network against real masters, one of them with a clock of its own."""
 
-from __future__ import annotations
-
 import http.server
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Source distribution and wheel: the one builds from the other, and works from a folder with nothing else in it."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """Pictures of a few rectangles, cast ray by ray: what the dense room is shown where the truth must be exact."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """What the documents tell to type exists: commands, options, parameters, files."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The recipes of docs/how-to/extend.md: each module is run as it stands there, without a file of src/ touched."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Benchmarks of hours leave rows, also of runs that ended badly, and go on where they were interrupted."""
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

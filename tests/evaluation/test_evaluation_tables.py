@@ -1,7 +1,5 @@
 """Tables of the documents are those of their rows, and say of which tree."""
 
-from __future__ import annotations
-
 import json
 import re
 import sys

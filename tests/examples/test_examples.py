@@ -1,7 +1,5 @@
 """The examples as a reader starts them: short, and they do what they say."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

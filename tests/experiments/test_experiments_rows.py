@@ -1,7 +1,5 @@
 """Rows of results: none without its tree, none of another tree or configuration taken for one of now."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 from pathlib import Path

@@ -5,8 +5,6 @@ struct usbdevfs_urb of Linux on x86-64: u8 type, u8 endpoint, i32 status at 4, u
 actual at 28, i32 packets at 36, u64 at 48, then per packet u32 length, actual, status from 56 on.
 """
 
-from __future__ import annotations
-
 import json
 import queue
 import struct

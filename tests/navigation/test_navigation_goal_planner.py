@@ -1,7 +1,5 @@
 """Which goals the robot plans to, and in what: a goal on the map is never driven to blindly."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a bag holds for PlotJuggler and rqt_plot, read by ROS's own rosbag."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

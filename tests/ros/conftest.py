@@ -1,7 +1,5 @@
 """A whole stack for tests: own master, real nodes as processes, real drivers over an emulator whose wires we watch."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """A short emulated drive as a ROS 1 bag."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

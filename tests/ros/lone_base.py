@@ -1,7 +1,5 @@
 """A base alone at a master of its own: emulated wheels in this process, nodes as a user of ROS starts them."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

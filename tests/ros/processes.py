@@ -1,7 +1,5 @@
 """Processes of a test, with a log file each, at a master that may be elsewhere."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

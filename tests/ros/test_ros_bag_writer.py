@@ -1,7 +1,5 @@
 """Bags as other programs read them, and what happens when the disk does not take them."""
 
-from __future__ import annotations
-
 import argparse
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The page in a real browser, fed with messages as the stack sends them; no master needed."""
 
-from __future__ import annotations
-
 import base64
 import math
 import threading

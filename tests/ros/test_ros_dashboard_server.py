@@ -1,7 +1,5 @@
 """The view's HTTP side: who may look, who may command, and who hears what."""
 
-from __future__ import annotations
-
 import contextlib
 import http.client
 import json

@@ -1,7 +1,5 @@
 """Messages become what the page draws; messages that lie are refused by name."""
 
-from __future__ import annotations
-
 import base64
 import json
 import math

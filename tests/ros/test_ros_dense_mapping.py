@@ -1,7 +1,5 @@
 """What rviz and other people's navigation are shown of the dense map."""
 
-from __future__ import annotations
-
 import math
 import time
 from types import SimpleNamespace

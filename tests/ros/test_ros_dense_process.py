@@ -1,7 +1,5 @@
 """The dense map of the process beside the tracker is the one that would be made here."""
 
-from __future__ import annotations
-
 import dataclasses
 import os
 import signal

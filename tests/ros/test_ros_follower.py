@@ -1,7 +1,5 @@
 """The follower's node drives by what is new: odometry that cannot be used is as good as none."""
 
-from __future__ import annotations
-
 import pytest
 
 pytest.importorskip("rospy")

@@ -1,7 +1,5 @@
 """Nodes whose words a full disk does not take: the stop is taken and answered, and a base that comes back is driven."""
 
-from __future__ import annotations
-
 import os
 import signal
 from collections.abc import Iterator

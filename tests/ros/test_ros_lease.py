@@ -1,7 +1,5 @@
 """A lease proves that its holder's deciding thread goes on, not only that the process lives."""
 
-from __future__ import annotations
-
 import pytest
 
 pytest.importorskip("rospy")

@@ -1,7 +1,5 @@
 """What a live run leaves at a master that outlives it."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """The master is killed while a base is driven, and another one is started at its address."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

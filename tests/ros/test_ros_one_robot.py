@@ -1,8 +1,6 @@
 """What is measured in lock-step is what drives: the same scenes through the nodes and through the lock-step navigator
 end alike, with the same speeds and stops."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

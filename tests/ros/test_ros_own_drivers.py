@@ -1,7 +1,5 @@
 """Base and camera with ROS drivers of their own, by their topics: a TurtleBot3 and a webcam in miniature."""
 
-from __future__ import annotations
-
 import json
 import sys
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """A plain checkout is a ROS package: ROS_PACKAGE_PATH is all that rospack and rosrun need."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

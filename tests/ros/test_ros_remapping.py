@@ -1,7 +1,5 @@
 """A node in somebody else's robot: topics under other names, parameters from a YAML file, and one with a mistake."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

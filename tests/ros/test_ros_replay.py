@@ -1,7 +1,5 @@
 """``vsx replay --ros``: a bag in place of the robot, in real time, and what is left of it."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

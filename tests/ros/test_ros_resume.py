@@ -1,7 +1,5 @@
 """A live run, killed without warning with all its nodes, goes on in the same map."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -1,7 +1,5 @@
 """The live run as its users start it: an emulated robot explores, Ctrl-C ends it in order."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

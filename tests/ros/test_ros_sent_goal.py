@@ -1,7 +1,5 @@
 """What has become of a goal, told by actionlib's own bookkeeping, without a master."""
 
-from __future__ import annotations
-
 import pytest
 
 pytest.importorskip("rospy")

@@ -1,7 +1,5 @@
 """The base never cuts what the follower may command, unless somebody says so, and then it says so, too."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import pytest

@@ -1,7 +1,5 @@
 """One state of the tracking has one word, on the topics and in the report's legend."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What nodes do alike, without a master: threads that fail, logging that must not, diagnostics."""
 
-from __future__ import annotations
-
 import logging
 import os
 import re

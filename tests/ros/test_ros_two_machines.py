@@ -1,7 +1,5 @@
 """A robot and a laptop, as two network namespaces joined by one cable: nothing is configured but ROS_MASTER_URI."""
 
-from __future__ import annotations
-
 import json
 import os
 import pty

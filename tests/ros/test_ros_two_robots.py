@@ -1,7 +1,5 @@
 """Two robots at one master, each in its namespace: topics, commands and tf frames do not cross."""
 
-from __future__ import annotations
-
 import json
 import signal
 import sys

@@ -1,7 +1,5 @@
 """``vsx view``: before there is a stack, and across the end of one."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

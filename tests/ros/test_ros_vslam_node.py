@@ -1,7 +1,5 @@
 """What the node vslam hears and does beside its SLAM: images that do not fit, touches, and what it leaves behind."""
 
-from __future__ import annotations
-
 import errno
 from types import SimpleNamespace
 from typing import Any

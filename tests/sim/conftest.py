@@ -1,7 +1,5 @@
 """Small worlds whose geometry is known by heart."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """How tests look into an emulated world."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Would a tracker believe the pictures? Corners must repeat and optical flow must follow the true motion."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest

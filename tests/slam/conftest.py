@@ -1,7 +1,5 @@
 """Drives of the emulated robot through a generated lab, rendered once per session."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

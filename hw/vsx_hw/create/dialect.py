@@ -1,7 +1,5 @@
 """What the Create 1 and the Create 2 share: modes, hazards, battery, the way to stop."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from functools import reduce
 from operator import or_

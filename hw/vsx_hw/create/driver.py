@@ -1,7 +1,5 @@
 """The languages of the Create 1 and the Create 2."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 
 from vsx_hw.create import protocol

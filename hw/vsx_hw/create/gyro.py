@@ -4,8 +4,6 @@ Sources: Analog Devices ADXRS613 data sheet (12.5 mV per deg/s about 2.5 V, 150 
 the TurtleBot's own driver calibrates with (0.395 deg/s a count; the data sheet alone gives 0.391).
 """
 
-from __future__ import annotations
-
 import math
 
 RANGE_DEG_S = 150.0

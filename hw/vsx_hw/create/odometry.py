@@ -1,7 +1,5 @@
 """Where a Create is: Create 2 by its encoders, Create 1 by its whole millimetres and degrees."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from copy import copy

@@ -3,8 +3,6 @@
 Source: iRobot, "Create Open Interface" and "Create 2 Open Interface Specification". Big endian throughout.
 """
 
-from __future__ import annotations
-
 import enum
 import math
 import struct

@@ -1,8 +1,6 @@
 """From isochronous packets to complete images. A torn frame is counted and dropped: half an image of the past under
 half an image of now is worse for tracking than none."""
 
-from __future__ import annotations
-
 from collections import Counter
 from typing import NamedTuple
 

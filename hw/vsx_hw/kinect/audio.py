@@ -3,8 +3,6 @@
 Source: libfreenect (facts only). The camera streams without it; some units freeze unless the lamp is lit once.
 """
 
-from __future__ import annotations
-
 import logging
 import struct
 from typing import Any

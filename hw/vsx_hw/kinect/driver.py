@@ -1,7 +1,5 @@
 """The Kinect's colour camera: opens it, starts the stream, revives it, and hands over complete images."""
 
-from __future__ import annotations
-
 import logging
 import time
 from collections.abc import Callable, Iterable

@@ -5,8 +5,6 @@ Control: OUT ``47 4D`` words command tag payload, IN ``52 42`` words command tag
 Stream: packets of at most 1920 bytes, 12 of them header: ``52 42``, pad, flag, pad, sequence, 2 pad, u32 60 MHz clock.
 """
 
-from __future__ import annotations
-
 import struct
 from typing import NamedTuple
 

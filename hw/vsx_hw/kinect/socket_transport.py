@@ -1,7 +1,5 @@
 """The driver's end of an emulated Kinect."""
 
-from __future__ import annotations
-
 import contextlib
 import queue
 import socket

@@ -4,8 +4,6 @@ Source: OpenKinect protocol documentation. Control IN 0xC0, request 0x32, 10 byt
 i16 big endian x, y, z in counts of 819 per g, i8 twice the tilt in degrees, u8 motor state.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """What the Kinect driver needs of a connection; made by ``usb_transport`` and ``socket_transport``."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Protocol
 

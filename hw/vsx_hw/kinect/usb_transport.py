@@ -1,7 +1,5 @@
 """A Kinect on the USB: control transfers and 32 isochronous transfers of 32 packets in flight (128 ms), by libusb1."""
 
-from __future__ import annotations
-
 import threading
 import time
 from typing import Any

@@ -6,8 +6,6 @@ The bus time is when the packets would have been on the wire: what a host contro
 emulated image is rendered after its exposure, so its arrival on the socket says nothing about its age.
 """
 
-from __future__ import annotations
-
 import socket
 import struct
 

@@ -3,8 +3,6 @@
 Source: Yujin Robot, Kobuki "Serial Protocol" appendix, base control.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

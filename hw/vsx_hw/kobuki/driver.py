@@ -1,7 +1,5 @@
 """The language of the Kobuki."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 from vsx_hw.base_driver import Dialect

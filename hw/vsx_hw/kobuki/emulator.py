@@ -1,7 +1,5 @@
 """A Kobuki made of bytes: the board that the emulator puts behind a pseudo-terminal."""
 
-from __future__ import annotations
-
 import math
 import random
 import struct

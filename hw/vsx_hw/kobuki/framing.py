@@ -1,7 +1,5 @@
 """The envelope of Kobuki messages, the same in both directions: ``AA 55 LEN payload XOR``."""
 
-from __future__ import annotations
-
 from functools import reduce
 from operator import xor
 

@@ -4,8 +4,6 @@ Source: Yujin Robot, Kobuki "Serial Protocol" appendix, sub-payloads 4 and 13 (S
 mounted a quarter turn about the vertical).
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 

@@ -1,7 +1,5 @@
 """Where the Kobuki is, from its encoders and its gyro."""
 
-from __future__ import annotations
-
 from vsx_hw.kobuki.base_control import WHEEL_BASE_M
 from vsx_hw.kobuki.gyro import Pulse, turned_rad
 from vsx_hw.kobuki.protocol import Feedback

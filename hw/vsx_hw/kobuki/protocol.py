@@ -4,8 +4,6 @@ Source: Yujin Robot, Kobuki "Serial Protocol" appendix. A frame is ``AA 55 LEN p
 sub-payloads ``ID LEN data``, little endian. The XOR of everything from LEN to the checksum is 0. 115200 baud, 8N1.
 """
 
-from __future__ import annotations
-
 import enum
 import math
 import struct

@@ -4,8 +4,6 @@ One XOR byte lets a frame through when two bits of the same column were changed.
 frame before, and its values must be reachable from there in the time that passed.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from vsx_hw.kobuki.framing import FrameScanner

@@ -4,8 +4,6 @@ Sources: Yujin Robot, iClebo Kobuki user guide, "Firmware, Version Checking" (a 
 the firmware's changelog (1.1.4 mends the drift of the gyro); kobuki_core, packets firmware and hardware (two bytes).
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 

@@ -4,8 +4,6 @@ Z. Zhang, "A flexible new technique for camera calibration", 2000, as OpenCV has
 wider lenses than a robot has.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

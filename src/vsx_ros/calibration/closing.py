@@ -1,7 +1,5 @@
 """By how much a camera that turned on the spot looks elsewhere than before, from two pictures."""
 
-from __future__ import annotations
-
 import math
 
 import cv2

@@ -5,8 +5,6 @@ own x axis, whatever the map's scale (Hartley and Zisserman, Multiple View Geome
 plane below the camera that most map points lie on; its distance gets its metres from odometry.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -4,8 +4,6 @@ Either the operator knows how far or how often round the robot went, or the came
 knows both, seeing anything it knows the turns.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

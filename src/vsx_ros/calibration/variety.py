@@ -1,7 +1,5 @@
 """Which views of a board are worth keeping, and what is still missing."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How far a calibration can be trusted, in words."""
 
-from __future__ import annotations
-
 from enum import Enum
 from typing import NamedTuple
 

@@ -4,8 +4,6 @@ Measures what the map depends on, says how sure it is, and writes it where the n
 odometry, mount.
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 from typing import Any

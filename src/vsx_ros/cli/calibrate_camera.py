@@ -1,7 +1,5 @@
 """``vsx calibrate camera`` from pictures: files, folders, recordings."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """``vsx calibrate odometry`` and ``vsx calibrate mount``: what a recorded drive tells."""
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import math

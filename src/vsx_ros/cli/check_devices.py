@@ -1,7 +1,5 @@
 """``vsx doctor``: base, camera, permissions and calibration, as the kernel shows them; with ``--hw`` also spoken to."""
 
-from __future__ import annotations
-
 import grp
 import math
 import os

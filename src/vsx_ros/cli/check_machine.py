@@ -1,7 +1,5 @@
 """``vsx doctor``: Python, libraries, ROS packages, disk."""
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import os

@@ -1,7 +1,5 @@
 """``vsx doctor``: whether ROS nodes of this machine can find a master and be found."""
 
-from __future__ import annotations
-
 import email.utils
 import http.client
 import socket

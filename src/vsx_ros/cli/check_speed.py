@@ -1,7 +1,5 @@
 """``vsx doctor``: how fast this machine tracks, measured on a short drive of an emulated robot."""
 
-from __future__ import annotations
-
 import os
 import time
 from statistics import median

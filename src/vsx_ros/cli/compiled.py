@@ -3,8 +3,6 @@
 ``python -m vsx_ros.cli.compiled`` asks whether they are, by its exit code.
 """
 
-from __future__ import annotations
-
 import contextlib
 import importlib.metadata
 import platform

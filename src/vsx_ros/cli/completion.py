@@ -5,8 +5,6 @@ Prints a script by which bash or zsh complete the words of vsx; file names where
 add to ~/.bashrc: eval "$(vsx completion bash)" | to ~/.zshrc: eval "$(vsx completion zsh)"
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterator
 

@@ -5,8 +5,6 @@ Prints the configuration as YAML. The output can be edited and given back with -
 examples: vsx config > my.yaml | vsx config --set planner.phi_rad_m=0.5
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -6,8 +6,6 @@ TUM format (stamp tx ty tz qx qy qz qw).
 examples: vsx evaluate runs/today | vsx evaluate --estimate a.txt --truth b.txt --align sim3
 """
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import json

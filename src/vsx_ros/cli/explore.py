@@ -7,8 +7,6 @@ examples: vsx explore --world lab --seed 1 --time 240 | vsx explore --base kobuk
 --fast --seed 1 | vsx explore --resume runs/today
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import re

@@ -1,7 +1,5 @@
 """What a check of ``vsx doctor`` found, how bad it is, and what to do about it."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 OK, NOTE, WARN, FAIL = "ok", "note", "warn", "fail"

@@ -1,7 +1,5 @@
 """The ground map of a SLAM map, where nothing but the cameras tells where the base was."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 from vsx_ros.config import Config

@@ -1,7 +1,5 @@
 """What launch_py/*.py do: launch the nodes that the script is named after, and stay until Ctrl-C."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys

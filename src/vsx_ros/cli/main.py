@@ -5,8 +5,6 @@ A module's docstring is its help: a line, what the command does, and examples or
 The modules import what they need inside ``run``, so that help and mistakes are answered at once.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import os

@@ -1,7 +1,5 @@
 """The picture of ``vsx plan``: map, path coloured by direction, footprints, and the change of view below."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 ``python -m vsx_ros.cli.reference > docs/reference.md`` writes it anew; a test compares.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import pkgutil

@@ -6,8 +6,6 @@ camera's rate, who drives the wheels, hazards and battery. What nobody says is s
 exit codes: 0 somebody answers, 1 nobody does
 """
 
-from __future__ import annotations
-
 import argparse
 
 

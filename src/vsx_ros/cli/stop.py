@@ -7,8 +7,6 @@ vsx stop.
 exit codes: 0 the wheels stand (or are free again), 1 no base can be reached, 2 it does not obey
 """
 
-from __future__ import annotations
-
 import argparse
 
 

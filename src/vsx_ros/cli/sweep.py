@@ -8,8 +8,6 @@ examples: vsx sweep --worlds lab,corridor --seeds 0:20 --jobs 2 | vsx sweep --se
 --scheduler tcp://10.0.0.5:8786
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Drives while a key is held and stops when it is released. The keyboard wins over
 second after the last key; bumper and cliff sensors win over the keyboard.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import sys

@@ -7,8 +7,6 @@ holds the token that the buttons need: without it one can only look.
 examples: vsx view | vsx view --host 0.0.0.0 (whoever reaches this machine can look)
 """
 
-from __future__ import annotations
-
 import argparse
 
 from vsx_ros.errors import ConfigError

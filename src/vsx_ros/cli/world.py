@@ -5,8 +5,6 @@ Makes a building for the emulator: from a generator's name and seed, or from a m
 examples: vsx world lab --seed 3 --out world.yaml | vsx world office.yaml --picture plan.png
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

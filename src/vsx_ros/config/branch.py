@@ -1,7 +1,5 @@
 """What the branches of the configuration share."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from msgspec import Meta, Struct

@@ -1,7 +1,5 @@
 """Parameters of the dense map and the ground map (paper 5)."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from msgspec import Meta

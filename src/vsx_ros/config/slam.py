@@ -1,7 +1,5 @@
 """Parameters of the SLAM (paper 3)."""
 
-from __future__ import annotations
-
 from vsx_ros.config.branch import Branch, Count, NonNegative, Positive, Ratio
 
 

@@ -1,7 +1,5 @@
 """A keyboard that drives: a held key moves, releasing it stops the robot."""
 
-from __future__ import annotations
-
 import re
 
 KEYS = "arrows or w a s d: drive   space: stop   + -: speed   q: quit"

@@ -1,7 +1,5 @@
 """Where the base is and how well that is known: odometry, corrected by the camera."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

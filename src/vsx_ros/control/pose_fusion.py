@@ -1,7 +1,5 @@
 """Where the base is now: late SLAM poses carried forward by odometry."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 

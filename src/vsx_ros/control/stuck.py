@@ -1,7 +1,5 @@
 """Whether the wheels turn while the camera stands: then the base pushes against something that no bumper feels."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from typing import NamedTuple

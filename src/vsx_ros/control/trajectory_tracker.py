@@ -1,7 +1,5 @@
 """Following a timed path: from the pose error to the command of the wheels."""
 
-from __future__ import annotations
-
 import enum
 import math
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """The dense map: planes of the sparse map and the cells of them that are surface, kept up to date as it grows."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -3,8 +3,6 @@
 What fills plain walls without filling the gaps between them: through a gap the floor goes on.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

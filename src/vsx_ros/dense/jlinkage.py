@@ -1,7 +1,5 @@
 """Clusters of points that prefer the same models, by J-linkage (Toldo and Fusiello, ECCV 2008), exactly."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

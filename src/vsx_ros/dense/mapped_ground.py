@@ -1,7 +1,5 @@
 """The ground map of one run: what is seen, driven, bumped and known to be surface, in the map as it is now."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Mapping
 from functools import partial

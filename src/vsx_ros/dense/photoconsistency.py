@@ -5,8 +5,6 @@ seen through a gap, where the picture runs along the motion: what is alike at th
 front of it and behind.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

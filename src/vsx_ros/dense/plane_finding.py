@@ -1,7 +1,5 @@
 """The planes of the map, kept up to date while it grows (paper 5.1: dominant planes of the sparse map by J-linkage)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import NamedTuple
 

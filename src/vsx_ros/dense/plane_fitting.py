@@ -1,7 +1,5 @@
 """The plane of some points by reweighted least squares, each point with its own noise."""
 
-from __future__ import annotations
-
 from enum import IntEnum
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Planes through a few near points, drawn at random: what J-linkage lets the points choose from."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vsx_ros.arrays import FloatArray, IntArray

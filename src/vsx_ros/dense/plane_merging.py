@@ -1,7 +1,5 @@
 """Planes of overlapping tiles made into planes of the map."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

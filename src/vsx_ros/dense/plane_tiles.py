@@ -1,7 +1,5 @@
 """The planes of one tile of the map: hypotheses, J-linkage, refinement."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

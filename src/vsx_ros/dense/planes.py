@@ -1,7 +1,5 @@
 """What a plane of the building is to everybody: where it lies, how certain that is, and how far it reaches."""
 
-from __future__ import annotations
-
 import math
 from enum import Enum
 from typing import NamedTuple

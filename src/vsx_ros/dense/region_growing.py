@@ -1,8 +1,6 @@
 """Which cells of a plane are believed: those with map points first, then, from neighbour to neighbour, those that look
 consistent (paper 5.1). A cell without texture is believed only between believed ones."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

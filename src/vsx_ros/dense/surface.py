@@ -1,7 +1,5 @@
 """The grid on one plane: what is known about each of its cells, and which of them are surface."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """Two runs on one page: what differs in their numbers and settings, their maps and their tracking side by side."""
 
-from __future__ import annotations
-
 import difflib
 import html
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """How much of the world the map holds, and how much of that is right."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

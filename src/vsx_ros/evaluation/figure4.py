@@ -1,7 +1,5 @@
 """The paper's Figure 4 as a page: a picture, its sparse points, their planes, and what of those is surface."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

@@ -1,7 +1,5 @@
 """The paper's Figure 5 as a page: the same keyframes as a sparse and as a dense ground map, beside the truth."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

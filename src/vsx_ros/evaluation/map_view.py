@@ -1,7 +1,5 @@
 """A map from above with ways over it, as inline SVG."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How well a map shows the obstacles that the robot had before its camera (paper, Figure 5)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Pages that need nothing else: a title, tables, pictures."""
 
-from __future__ import annotations
-
 import csv
 import html
 import io

@@ -3,8 +3,6 @@
 All of them take their values for independent; of several runs in one world, give them the mean.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Hashable, Sequence
 from typing import Any, NamedTuple

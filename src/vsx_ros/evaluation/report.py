@@ -1,7 +1,5 @@
 """report.html: what happened in a run and why it ended, on one page that needs nothing else."""
 
-from __future__ import annotations
-
 import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

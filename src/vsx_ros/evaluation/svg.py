@@ -1,7 +1,5 @@
 """Curves and a band of states as inline SVG, and pictures as data URLs. Maps from above: ``map_view.py``."""
 
-from __future__ import annotations
-
 import base64
 import html
 import math

@@ -1,7 +1,5 @@
 """Did the tracking hold? Breaks as the interface defines them (U1 and U2 are counted while tracking, slam/)."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Errors of an estimated trajectory: alignment (Umeyama 1991), ATE and RPE (Sturm et al., IROS 2012)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,8 +1,6 @@
 """Many tasks, one after the other or on many machines; every result is written down as it comes, so that a campaign
 can be interrupted and continued."""
 
-from __future__ import annotations
-
 import os
 import sys
 import threading

@@ -5,8 +5,6 @@ to the same goal is driven, closed on odometry, so that whoever loses track stil
 one is not judged by another way. The frames of a drive go through both trackers.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

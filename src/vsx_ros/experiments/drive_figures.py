@@ -1,7 +1,5 @@
 """Figures 2 and 6 of the paper: the paths of both planners to the same goals, and what a tracker made of them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

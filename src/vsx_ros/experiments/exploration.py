@@ -1,7 +1,5 @@
 """Whole explorations: as a task of a sweep, and looked at while they go on."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, NamedTuple
 

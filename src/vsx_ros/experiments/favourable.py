@@ -1,7 +1,5 @@
 """Figure 3 of the paper: to which states one optimised segment leads, and how long it is, by the heading there."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

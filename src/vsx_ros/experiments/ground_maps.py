@@ -1,7 +1,5 @@
 """Figures 4 and 5 of the paper: what the dense planes make of the keyframes of a short exploration, and of its map."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import Any
 

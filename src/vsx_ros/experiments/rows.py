@@ -4,8 +4,6 @@ A file of rows is JSON, a line for each question that was asked, with the keys o
 again only where code and configuration are the same.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -1,7 +1,5 @@
 """Figure 7 of the paper: the map at different stages of one exploration."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What is made of many explorations: a table for each kind of world and planner, and every failure by name."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

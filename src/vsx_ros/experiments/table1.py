@@ -1,7 +1,5 @@
 """Table 1 of the paper from the drives of many worlds."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """The two trackers of the paper's comparison, fed with the same frames."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

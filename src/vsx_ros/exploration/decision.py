@@ -1,7 +1,5 @@
 """The words between the mission and whoever drives: what is known, what to do, how it ended; and a mission's log."""
 
-from __future__ import annotations
-
 from enum import Enum
 from typing import NamedTuple
 

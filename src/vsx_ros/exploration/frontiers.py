@@ -1,7 +1,5 @@
 """Frontiers: where known free space meets the unknown (paper 5.2)."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import cv2

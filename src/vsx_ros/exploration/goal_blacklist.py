@@ -1,8 +1,6 @@
 """Blacklist of failed goals: left alone for a while, longer each time, never for good while there is nothing else to
 do."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Home is where the exploration began; the way back to it may fail a few times."""
 
-from __future__ import annotations
-
 from vsx_ros.exploration.decision import Situation
 from vsx_ros.geometry.se2 import SE2
 

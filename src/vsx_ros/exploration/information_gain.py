@@ -5,8 +5,6 @@ So gaps in a long straight row of obstacle cells count as wall, and unknown cell
 them from the same side. From another side they keep it: what hid them may be a box.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from vsx_ros.arrays import FloatArray

@@ -1,7 +1,5 @@
 """Drives that start a map: the SLAM needs two frames some way apart (paper 3.1)."""
 
-from __future__ import annotations
-
 
 class InitializationDrives:
     """Straight drives of length_m [m]: one ahead, then back and ahead in turn, ``again`` more times at most."""

@@ -13,8 +13,6 @@ a second with what is known and answers with one action. Every change of state a
 reason.
 """
 
-from __future__ import annotations
-
 from vsx_ros.config import Config
 from vsx_ros.exploration.decision import (
     Action,

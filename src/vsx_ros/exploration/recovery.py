@@ -2,8 +2,6 @@
 the place on it that shows most known landmarks, then to the sides, then once around on the spot. Never over ground that
 was not driven or known."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """The way the robot came, by odometry: the one piece of ground that is surely free."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 from vsx_ros.geometry.se2 import SE2

@@ -6,8 +6,6 @@ d is the length of the motion-bounded path plus what a stop costs. A view that w
 worth less, for the tracker has to live there.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from enum import Enum

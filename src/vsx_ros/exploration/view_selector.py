@@ -1,7 +1,5 @@
 """The views worth their way, what each is to show, the goals that failed, and where the camera has looked from."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vsx_ros.arrays import FloatArray

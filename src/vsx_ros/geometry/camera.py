@@ -1,7 +1,5 @@
 """Pinhole camera with plumb-bob (Brown) distortion, as ROS camera_info and OpenCV state it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

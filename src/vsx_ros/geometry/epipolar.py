@@ -1,7 +1,5 @@
 """Two views of a rigid scene: essential matrix, homography, the motions they allow, and points from both."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import cv2

@@ -1,7 +1,5 @@
 """A pose with its time: what trajectories are made of."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from vsx_ros.geometry.se3 import SE3

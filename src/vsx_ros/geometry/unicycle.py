@@ -1,7 +1,5 @@
 """Differential drive: wheels to motion and back."""
 
-from __future__ import annotations
-
 from vsx_ros.geometry.se2 import SE2
 
 

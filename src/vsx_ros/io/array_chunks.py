@@ -4,8 +4,6 @@ A folder of .npy files, each named by the SHA-256 of its content: the same rows 
 goes unnoticed.
 """
 
-from __future__ import annotations
-
 import hashlib
 import io
 import math

@@ -1,7 +1,5 @@
 """Bags as recordings: which topics are the camera, the odometry, the calibration and the truth."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Messages of a bag, ROS 1 (format 2.0; none, bz2, lz4) or ROS 2 (sqlite3, mcap), through rosbags, without ROS."""
 
-from __future__ import annotations
-
 import re
 import sqlite3
 from collections.abc import Iterator

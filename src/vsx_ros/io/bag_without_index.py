@@ -3,8 +3,6 @@
 Records are those of the bag format 2.0 (wiki.ros.org/Bags/Format/2.0).
 """
 
-from __future__ import annotations
-
 import io
 from collections.abc import Collection, Iterator
 from pathlib import Path

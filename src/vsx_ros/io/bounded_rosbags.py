@@ -6,8 +6,6 @@ that of files and messages packed one by one, take their decompressors from thei
 quality-of-service profiles, YAML inside of YAML that nobody here needs, are not parsed.
 """
 
-from __future__ import annotations
-
 import bz2
 import io
 import sqlite3

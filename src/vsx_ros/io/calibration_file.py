@@ -1,7 +1,5 @@
 """Camera calibration on disk: ROS camera_info YAML (as camera_calibration writes it) and the plain camera.json."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

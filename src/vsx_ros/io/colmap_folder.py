@@ -4,8 +4,6 @@ Source: COLMAP documentation, "Output Format". There, poses are T_cam_world with
 centre of the top-left pixel is (0.5, 0.5).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

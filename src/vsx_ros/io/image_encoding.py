@@ -1,7 +1,5 @@
 """Pixels of a sensor_msgs/Image to grey, without cv_bridge (which pip's numpy breaks)."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

@@ -4,8 +4,6 @@ Sources: PNG (W3C), section 11.2.2; JPEG (ITU-T T.81), annex B; Netpbm's ppm(5);
 section 2.
 """
 
-from __future__ import annotations
-
 import re
 import struct
 from typing import Any

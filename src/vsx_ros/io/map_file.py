@@ -1,7 +1,5 @@
 """Maps as map_server keeps them: an image and a YAML beside it, so that every ROS navigation stack can load them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Which reader a recording wants."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Point clouds as binary PLY, which MeshLab, CloudCompare and Blender read."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

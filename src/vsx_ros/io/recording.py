@@ -1,7 +1,5 @@
 """A recording, wherever it comes from: frames, odometry, calibration and truth behind one small type."""
 
-from __future__ import annotations
-
 import heapq
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Sequence

@@ -1,8 +1,6 @@
 """Several contents in one zip file that ends with its own SHA-256: any tool opens it, and no changed byte goes
 unnoticed."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import zipfile

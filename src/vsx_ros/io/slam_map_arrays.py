@@ -3,8 +3,6 @@
 K keyframes, O observations and C corners (of one keyframe after the other), P points, T templates.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 

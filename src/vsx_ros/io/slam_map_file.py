@@ -4,8 +4,6 @@ A zip file: manifest.json (format, camera, mount), keyframes/<index>.png (grey i
 (``slam_map_arrays.LAYOUT``); its last 64 bytes are the SHA-256 of all bytes before.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager

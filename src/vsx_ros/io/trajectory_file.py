@@ -1,7 +1,5 @@
 """Trajectories as the TUM RGB-D benchmark writes them: ``stamp tx ty tz qx qy qz qw``, seconds and metres."""
 
-from __future__ import annotations
-
 import io
 import math
 from collections.abc import Iterable

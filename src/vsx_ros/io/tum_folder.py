@@ -1,7 +1,5 @@
 """Image sequences in the layout of the TUM RGB-D benchmark: rgb.txt, rgb/, groundtruth.txt, camera.json."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Iterator
 from operator import attrgetter

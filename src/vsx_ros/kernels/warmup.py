@@ -1,7 +1,5 @@
 """Compile every kernel once, on tiny arrays: at node start, never in a callback."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """What computing costs in lock-step: emulated time, from counted work, so that the same seed gives the same bits."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vsx_ros.config import ComputingConfig

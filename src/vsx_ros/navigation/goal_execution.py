@@ -11,8 +11,6 @@
 stands or brakes. Whoever steps it gives the answers of the planner to ``planned``.
 """
 
-from __future__ import annotations
-
 from enum import Enum
 from typing import NamedTuple
 

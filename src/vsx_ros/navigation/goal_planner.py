@@ -1,7 +1,5 @@
 """From a goal to a timed way there, in the newest map or by odometry alone."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The execution of a goal and the follower in one process, as the lock-step run steps them."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from vsx_ros.config import Config

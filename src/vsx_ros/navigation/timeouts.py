@@ -1,7 +1,5 @@
 """Timeouts: for how long one who must speak may be silent [s]."""
 
-from __future__ import annotations
-
 LEASE_S = 0.3
 """Whoever wants motion says so again and again; after so long it counts as gone."""
 VSLAM_GONE_S = 2.0

@@ -1,7 +1,5 @@
 """Where the base has been and where it bumped, kept relative to keyframes: both move when the map is adjusted."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """How far one is from what is not known to be free, and how far it is to drive."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The free ground's gaps and rims: what sparse rays leave open in it, and what of it too few rays passed."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """The 2-D map: free, occupied, unknown."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The 2-D map of the floor, out of the SLAM's points, the driven trail and the bumper (paper 5.2)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Where wheels turned in vain. There may be something that no bumper feels, or the floor was only slippery."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from vsx_ros.arrays import IntArray

@@ -4,8 +4,6 @@ One polar scan a keyframe, in the keyframe's own frame. When bundle adjustment m
 scans are simply made anew; nothing is ever subtracted from a map.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Obstacles where a map shows only some of their cells: a plain wall is a row of dots to a camera."""
 
-from __future__ import annotations
-
 import math
 
 import cv2

@@ -1,8 +1,6 @@
 """Whether the rest of a drive is still free on a map that has grown since it was planned, and how hard to brake where
 it is not."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

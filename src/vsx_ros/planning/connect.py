@@ -1,7 +1,5 @@
 """Two poses, free space: a path between them that never turns faster than phi per metre."""
 
-from __future__ import annotations
-
 import math
 
 from vsx_ros.geometry.se2 import SE2

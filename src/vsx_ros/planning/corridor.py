@@ -1,7 +1,5 @@
 """Where the base may go: the clearance field less what the base needs, and the check of finished paths against it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

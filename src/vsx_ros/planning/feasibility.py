@@ -1,7 +1,5 @@
 """What one segment of the paper's method can reach, in closed form."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -10,8 +10,6 @@ uses (theta, rho) with rho = ds/dt in place of (zeta, xdot): the same basis for 
 with a monotone S-curve S. There is no tangent, hence no forbidden heading.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from vsx_ros.arrays import FloatArray

@@ -5,8 +5,6 @@ phi p(t) - |q(t)| >= floor, is a polynomial of degree 9 that is linear in the co
 coefficients on sub-intervals being non-negative proves it for every t, not only on a grid.
 """
 
-from __future__ import annotations
-
 from math import comb
 
 import numpy as np

@@ -11,8 +11,6 @@ coefficients of rho_k = ds/dt >= 0 of all pieces jointly. Cusp positions are not
                 phi p_k(t) - |q_k(t)| >= phi floor  for all t       (fov_bound.py)
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

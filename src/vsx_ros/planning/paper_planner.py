@@ -1,7 +1,5 @@
 """The paper's whole planner (4.4): one optimised segment, guided by motion primitives where that leaves the map."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What planning hands on: a Path is geometry, a Plan a path to a goal, a Trajectory has time, a Refusal a reason."""
 
-from __future__ import annotations
-
 import enum
 import itertools
 from dataclasses import dataclass

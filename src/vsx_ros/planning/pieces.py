@@ -4,8 +4,6 @@ Columns of a table: arc length s from the start of the piece [m], x, y [m], thet
 kappa = dtheta/ds [rad/m] with s counted positive in both driving directions.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

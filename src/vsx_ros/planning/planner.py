@@ -1,7 +1,5 @@
 """From a question about a map to a plan or the reason why there is none."""
 
-from __future__ import annotations
-
 import math
 
 import msgspec

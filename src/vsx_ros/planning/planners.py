@@ -1,7 +1,5 @@
 """Motion planners by name: the protocol that all of them keep, and the registry that commands and nodes read."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Protocol
 

@@ -1,7 +1,5 @@
 """Small quadratic programmes, solved exactly by DAQP (Arnstrom et al. 2022), a dual active-set method."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import daqp

@@ -5,8 +5,6 @@ are at their limits already. So the speed is planned anew from the speed and acc
 change (ruckig) to a speed from which the segments of ``speed_profile`` go on. Every candidate is checked densely.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

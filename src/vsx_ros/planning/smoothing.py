@@ -5,8 +5,6 @@ half-planes of the margin field, linearised at the previous solution and trusted
 rounds suffice.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

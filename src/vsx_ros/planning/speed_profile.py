@@ -5,8 +5,6 @@ path speed, the speeds at the cuts follow from a forward and a backward pass, an
 jerk-limited move between them. (ruckig's own way-points are not used: that interface needs a network service.)
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

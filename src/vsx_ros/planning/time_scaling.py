@@ -4,8 +4,6 @@ Every stretch between stops gets the speeds of ``speed_profile``. The result is 
 it exceeds anything.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -6,8 +6,6 @@ one, zeta(t) = tan(theta(t)) by (7)-(8), has a closed form, zeta_f (2 S(t) - 1) 
 two is a programme in the coefficients c (10,) of xdot.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The generic planner of the paper's comparison: shortest grid path, turn on the spot, drive straight."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Entries of the configuration that may be changed while a node runs, by any client of dynamic_reconfigure."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """A ROS 1 bag that grows message by message, on a thread of its own; whole or named .active."""
 
-from __future__ import annotations
-
 import os
 import queue
 import threading

@@ -1,7 +1,5 @@
 """Bases by name: as the parameters of mobile_base tell them, their drivers, and emulators for the node emulator."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import NamedTuple, Protocol

@@ -1,7 +1,5 @@
 """The condition of a base in the diagnostics, what is new about it in the log, and signs of life for systemd."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import socket

@@ -1,7 +1,5 @@
 """What a base reports, as messages, and on the topics of the node mobile_base."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

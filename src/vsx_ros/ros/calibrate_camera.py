@@ -1,7 +1,5 @@
 """``vsx calibrate camera --live``."""
 
-from __future__ import annotations
-
 import signal
 import sys
 import threading

@@ -1,7 +1,5 @@
 """Subscribers and services that outlive what they cannot use, with queues as long as what they hear needs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

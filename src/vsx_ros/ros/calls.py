@@ -1,7 +1,5 @@
 """Questions to other processes that are not waited for longer than is said: rospy's own wait for ever."""
 
-from __future__ import annotations
-
 import http.client
 import threading
 import xmlrpc.client

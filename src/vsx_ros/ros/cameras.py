@@ -1,7 +1,5 @@
 """Cameras by name, for the node ``camera``: what each needs to know, how it is opened, which calibration it has."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from pathlib import Path

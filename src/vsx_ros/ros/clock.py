@@ -1,7 +1,5 @@
 """ROS time, the clock of all stamps."""
 
-from __future__ import annotations
-
 import rospy
 
 from vsx_ros.errors import InputError

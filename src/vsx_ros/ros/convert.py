@@ -3,8 +3,6 @@
 A message from outside may hold anything: what cannot be used raises InputError or MapFileError.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

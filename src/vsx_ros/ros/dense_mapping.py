@@ -1,7 +1,5 @@
 """The dense half of the vslam node: planes and surfaces of the newest map, for the ground map and for whoever looks."""
 
-from __future__ import annotations
-
 import math
 import time
 

@@ -5,8 +5,6 @@ First comes what the densifier is made of, then each snapshot without its images
 have yet, by keyframe. No ROS in here.
 """
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import os

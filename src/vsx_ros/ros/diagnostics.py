@@ -1,7 +1,5 @@
 """The condition of a node's components, as /diagnostics."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Container
 

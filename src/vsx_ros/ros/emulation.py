@@ -1,7 +1,5 @@
 """The emulated world under the emulated devices: the body as wheels for a board, the camera in a process of its own."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

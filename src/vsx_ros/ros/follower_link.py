@@ -1,7 +1,5 @@
 """What move_base and the follower say to each other, on move_base's side."""
 
-from __future__ import annotations
-
 import time
 
 import rospy

@@ -4,8 +4,6 @@ Within a node frames are called by the names of topics.py. Messages carry them w
 ``tf_prefix`` of the namespace or one above it, else the namespace itself.
 """
 
-from __future__ import annotations
-
 import rospy
 
 _prefix = ""

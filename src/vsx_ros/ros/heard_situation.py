@@ -1,7 +1,5 @@
 """What a mission decides by, as the topics tell it."""
 
-from __future__ import annotations
-
 import numpy as np
 from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
 from sensor_msgs.msg import PointCloud2

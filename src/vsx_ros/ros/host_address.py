@@ -1,7 +1,5 @@
 """The name under which nodes of this machine are found by others."""
 
-from __future__ import annotations
-
 import os
 import socket
 from urllib.parse import urlparse

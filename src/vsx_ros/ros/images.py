@@ -1,7 +1,5 @@
 """Camera messages to our types and back, without cv_bridge (its compiled half breaks under NumPy 2)."""
 
-from __future__ import annotations
-
 import numpy as np
 import rospy
 from sensor_msgs.msg import CameraInfo, Image

@@ -3,8 +3,6 @@
 launch/*.launch say the same for users of roslaunch; a test compares the two.
 """
 
-from __future__ import annotations
-
 import os
 import shlex
 import shutil

@@ -6,8 +6,6 @@ holds a lease only while the client renews it. Nor can a thread that hangs: wher
 for as long as the thread that decides has promised.
 """
 
-from __future__ import annotations
-
 import math
 import threading
 import time

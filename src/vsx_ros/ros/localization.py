@@ -1,7 +1,5 @@
 """Where the robot is, as every node but vslam knows it: odometry at 30 Hz and more, corrected by the camera."""
 
-from __future__ import annotations
-
 import math
 import threading
 import time

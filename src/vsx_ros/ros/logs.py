@@ -1,7 +1,5 @@
 """Logging that never fails, never waits for the master, and does not repeat itself."""
 
-from __future__ import annotations
-
 import logging
 import math
 import os

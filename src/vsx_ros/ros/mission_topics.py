@@ -1,7 +1,5 @@
 """What a mission says: its state, its choices; frontiers and views for rviz, in the style of explore_lite."""
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Iterable, Sequence

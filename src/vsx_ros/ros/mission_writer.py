@@ -1,7 +1,5 @@
 """What a mission needs to go on after an interruption, in the folder of its run."""
 
-from __future__ import annotations
-
 import threading
 from pathlib import Path
 

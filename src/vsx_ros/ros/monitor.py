@@ -3,8 +3,6 @@
 The monitor is the evaluator, not a part of the stack: it alone may listen to the ground truth, and publishes nothing.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import threading

@@ -1,7 +1,5 @@
 """What the monitor of a live run saw, kept as it happens, for the session that goes on after an interruption."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

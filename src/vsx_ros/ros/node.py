@@ -1,7 +1,5 @@
 """A node from start to end: configuration, signals, exit codes."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 import signal

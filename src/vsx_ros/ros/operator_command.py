@@ -1,7 +1,5 @@
 """Commands of the operator join a running ROS graph for a moment and leave it as it was. The shortest of them."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import os

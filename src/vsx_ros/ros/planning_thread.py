@@ -1,7 +1,5 @@
 """Plans are made on a thread of their own, so that who drives is watched meanwhile."""
 
-from __future__ import annotations
-
 import queue
 import threading
 import time

@@ -1,7 +1,5 @@
 """Where the camera puts the base, as a pose and in the tf tree."""
 
-from __future__ import annotations
-
 import rospy
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from tf2_msgs.msg import TFMessage

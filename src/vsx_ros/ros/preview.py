@@ -1,7 +1,5 @@
 """The camera's picture as the SLAM sees it: as often as eyes need it, and only while they look."""
 
-from __future__ import annotations
-
 import threading
 import time
 

@@ -1,7 +1,5 @@
 """One line that tells how a run is going: rewritten on a terminal, a plain line now and then otherwise."""
 
-from __future__ import annotations
-
 import shutil
 import time
 from collections.abc import Iterable

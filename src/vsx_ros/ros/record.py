@@ -1,7 +1,5 @@
 """The recorder behind ``vsx record``."""
 
-from __future__ import annotations
-
 import argparse
 import io
 import shutil

@@ -3,8 +3,6 @@
 rospy registers each name once, when it is offered, and never looks again.
 """
 
-from __future__ import annotations
-
 import socket
 import xmlrpc.client
 from collections.abc import Sequence

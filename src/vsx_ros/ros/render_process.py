@@ -5,8 +5,6 @@ is over, and sends it through the emulated Kinect at a socket. It writes one lin
 stamp, true camera pose, render time, frames skipped. It ends when its input ends. No ROS in here.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

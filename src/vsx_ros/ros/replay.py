@@ -1,7 +1,5 @@
 """The recording behind ``vsx replay --ros``: the node vslam hears it as a robot's, and time is the recording's."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import time

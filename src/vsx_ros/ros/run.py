@@ -1,7 +1,5 @@
 """The live run behind ``vsx explore``: all nodes, an emulated robot where a world is given, a run folder at the end."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import tempfile

@@ -1,7 +1,5 @@
 """The newest image together with the odometry of its instant, and whether it shows anything new."""
 
-from __future__ import annotations
-
 import threading
 from collections import deque
 

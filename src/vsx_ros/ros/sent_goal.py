@@ -1,7 +1,5 @@
 """Goals that are sent to move_base, and what has become of them."""
 
-from __future__ import annotations
-
 import time
 
 import actionlib

@@ -1,7 +1,5 @@
 """What the node vslam hears: images with the odometry of their instant, and the camera's calibration."""
 
-from __future__ import annotations
-
 import time
 
 import rospy

@@ -1,7 +1,5 @@
 """The maps that the node vslam makes of the SLAM's: ground map, points, surfaces."""
 
-from __future__ import annotations
-
 import rospy
 from geometry_msgs.msg import PoseArray
 from nav_msgs.msg import MapMetaData

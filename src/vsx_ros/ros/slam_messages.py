@@ -1,7 +1,5 @@
 """What the SLAM says about itself, as messages: its state, and the numbers a user may want to plot."""
 
-from __future__ import annotations
-
 import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
 from genpy.message import get_message_class

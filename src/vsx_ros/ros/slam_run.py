@@ -1,7 +1,5 @@
 """The run of the node vslam: what it goes on from, what it keeps on the way and what it leaves."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path

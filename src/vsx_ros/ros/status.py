@@ -1,7 +1,5 @@
 """The one screen behind ``vsx status``."""
 
-from __future__ import annotations
-
 import json
 import sys
 import time

@@ -1,7 +1,5 @@
 """Threads of a node: one that fails ends the node, and each ends with it."""
 
-from __future__ import annotations
-
 import logging
 import threading
 import time

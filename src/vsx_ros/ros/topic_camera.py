@@ -1,7 +1,5 @@
 """A camera with a ROS driver of its own: its images, raw or compressed, with their calibration, as a camera driver."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import Any

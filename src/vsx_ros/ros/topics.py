@@ -3,8 +3,6 @@
 ``PUBLISHED`` and ``SERVICES`` are the node graph: documentation and tests read it from here.
 """
 
-from __future__ import annotations
-
 # Frames (REP 103, 105, 120): map -> odom -> base_footprint -> base_link -> camera_link -> camera_rgb_frame
 # -> camera_rgb_optical_frame; base_link -> gyro_link.
 MAP_FRAME = "map"

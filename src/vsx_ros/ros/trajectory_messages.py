@@ -2,8 +2,6 @@
 and need not load what plans them.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The truth of an emulated robot on topics, for those who judge it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The live view behind ``vsx view`` and ``vsx explore --view``: an address, a token, and the node that serves it."""
 
-from __future__ import annotations
-
 import os
 import secrets
 import sys

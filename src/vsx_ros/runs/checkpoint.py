@@ -5,8 +5,6 @@ map.zip, sealed, with all that changes. Whatever the moment the program dies or 
 the new one, and the files it names are there, as are the lines that the journals beside it (*.jsonl) held before.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from contextlib import AbstractContextManager

@@ -1,8 +1,6 @@
 """Signals that wait for the end of a step. Nothing here takes a lock (threading.Event does): a second signal, in the
 midst of the answer to the first one, would wait for it for ever."""
 
-from __future__ import annotations
-
 import signal
 import threading
 from collections.abc import Callable, Iterator

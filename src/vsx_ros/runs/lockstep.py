@@ -1,7 +1,5 @@
 """``vsx explore --fast``: emulator, SLAM, planner and mission in one process, in lock-step. Same seed, same bits."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 import time

@@ -1,7 +1,5 @@
 """The parameters of a run: read from file and command line, and written with unit and bound."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Iterator, Sequence
 from pathlib import Path

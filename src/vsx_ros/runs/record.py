@@ -1,7 +1,5 @@
 """What a run leaves behind, collected while it goes on, and the judgement of its map against the emulated world."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Iterable, Iterator
 

@@ -1,7 +1,5 @@
 """What both ways of replaying share: the recording, its run folder, and how it ended."""
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import sys

@@ -1,7 +1,5 @@
 """What a run tells at its end: its exit code, its page, and the facts that people want first."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Mapping
 from pathlib import Path

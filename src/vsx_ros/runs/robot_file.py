@@ -1,7 +1,5 @@
 """The robot's own file of parameters: what calibrations found, for ``--config`` and ``config:=``."""
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path

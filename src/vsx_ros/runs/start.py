@@ -1,7 +1,5 @@
 """The start of an exploration, or of the rest of one: options made complete, run folder, configuration, world."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Emulated worlds by name or file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from vsx_ros.errors import ConfigError

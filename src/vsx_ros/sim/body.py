@@ -1,7 +1,5 @@
 """The emulated base: differential drive with lag, latency, imperfect wheels, encoders, gyro and a bumper."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """The emulated camera on the emulated base: optics, shutter and sensor together."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Callable

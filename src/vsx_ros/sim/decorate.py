@@ -1,7 +1,5 @@
 """What hangs on walls and what surfaces are made of, drawn by seed."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Furniture: boxes, tables and pillars that leave every passage open."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,8 +1,6 @@
 """Seeded buildings: lab (12 m x 8 m), office, corridor, and building (40 m x 25 m, 24 to 34 rooms). Same name and
 seed, same world. Nothing is tuned by the worlds made of maps of real buildings (``map_import``)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vsx_ros.errors import ConfigError

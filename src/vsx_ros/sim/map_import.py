@@ -1,7 +1,5 @@
 """Any building from its map: a map_server map extruded to walls, its surfaces drawn by seed."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

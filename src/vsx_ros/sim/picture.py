@@ -1,7 +1,5 @@
 """A picture of a world, for people."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

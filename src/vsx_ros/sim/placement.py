@@ -1,7 +1,5 @@
 """Where a robot fits: free space, passages and a place to start."""
 
-from __future__ import annotations
-
 import math
 
 import cv2

@@ -1,7 +1,5 @@
 """The emulated camera's optics: exact lens, rolling shutter and motion blur over the tile ray caster."""
 
-from __future__ import annotations
-
 import math
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple

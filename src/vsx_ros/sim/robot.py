@@ -1,7 +1,5 @@
 """The emulated robot in lock-step: one command in, one picture and one odometry out; truth apart."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A world made ready for the ray caster: quads, packed textures and light maps as plain arrays."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The emulated image sensor: noise, vignetting, response curve and automatic exposure."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

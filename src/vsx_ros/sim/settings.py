@@ -1,7 +1,5 @@
 """What the emulated machine is like: rates, errors and noise. The stack under test never sees these values."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from msgspec import Meta, Struct

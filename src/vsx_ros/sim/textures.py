@@ -1,7 +1,5 @@
 """Procedural textures: a kind and a seed give a square picture; no image files."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import cv2

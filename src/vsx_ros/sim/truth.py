@@ -1,7 +1,5 @@
 """The ground truth of an emulated world as a grid."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

@@ -1,7 +1,5 @@
 """The emulated building: what a world file holds, and the solids it stands for. Metres, world frame, floor at z = 0."""
 
-from __future__ import annotations
-
 import math
 from typing import Annotated, Literal, NamedTuple
 

@@ -1,7 +1,5 @@
 """world.yaml: reading, writing, and making a world out of a map_server map."""
 
-from __future__ import annotations
-
 import math
 from contextlib import suppress
 from pathlib import Path

@@ -1,8 +1,6 @@
 """Bundle adjustment of a part of the map: the n nearest keyframes (paper 3.1) or all of it, with odometry and
 floor factors."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """A calibration or a mount that no robot has would bend or tear the map in silence: refused before the first frame."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

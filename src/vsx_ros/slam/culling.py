@@ -1,8 +1,6 @@
 """Which keyframes the map can do without: where a place has been passed again and again, the map grows no more (after
 Mur-Artal et al., ORB-SLAM, T-RO 2015, VI.E; paper 3.1: fewer keyframes in explored area)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vsx_ros.arrays import IntArray

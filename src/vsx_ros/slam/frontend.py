@@ -1,7 +1,5 @@
 """What happens to every frame: start, track or recover, and say what the mapper shall do."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,8 +1,6 @@
 """Two frames of a straight drive for a map: corners followed from the first one until the second is far enough;
 and what is said meanwhile."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

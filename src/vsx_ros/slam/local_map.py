@@ -1,8 +1,6 @@
 """The part of the map around the camera, and when a tracked frame becomes a keyframe of it (paper 3.1): rarely where
 the map is known, often enough to survive a turn."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,8 +1,6 @@
 """Seeing again what the map holds elsewhere: a loop to close, or another map to join. Found for every new keyframe,
 believed when a second keyframe agrees or the first leaves no doubt."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

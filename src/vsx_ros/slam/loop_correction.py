@@ -4,8 +4,6 @@ Two points become one where keyframes look for points that the map knows from el
 they have seen points of their own.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from vsx_ros.arrays import IntArray, Pixels

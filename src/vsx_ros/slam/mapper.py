@@ -1,7 +1,5 @@
 """The mapper owns the map: it takes keyframes, makes, refines and removes points (paper 3.1)."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Where the camera should be now: by odometry where there is any, else by constant velocity and image rotation."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

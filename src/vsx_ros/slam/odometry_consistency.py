@@ -1,7 +1,5 @@
 """Whether odometry agrees with the images: where the image is sure of the camera's motion, it judges odometry."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from typing import NamedTuple

@@ -2,8 +2,6 @@
 descriptors of the keyframe's points, then the pose that explains the matches, then patch search of all that should be
 in view."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import cv2

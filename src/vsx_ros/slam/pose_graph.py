@@ -1,7 +1,5 @@
 """Pose graph optimisation, so that a place seen twice becomes one; points move with their keyframes."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Each frame checked and preprocessed: image, rows one after the other, stamp, odometry."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import NamedTuple

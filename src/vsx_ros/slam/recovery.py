@@ -1,8 +1,6 @@
 """From the first frame that cannot be tracked until the camera is found: where it may be, whether odometry bridges the
 gap, and when a map of its own shall begin."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vsx_ros.config import SlamConfig

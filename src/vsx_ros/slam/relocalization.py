@@ -1,8 +1,6 @@
 """Finding the camera again: where it is expected, then at every place that looks alike, each verified by patch search;
 a place that nothing else speaks for must be recognised beyond doubt."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

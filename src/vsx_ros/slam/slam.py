@@ -1,7 +1,5 @@
 """A tracker and a mapper over one map, and SequentialSlam, which runs them in lock-step, bit-reproducible."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """A map with what it was made by, so that another session can go on in it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

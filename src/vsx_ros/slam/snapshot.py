@@ -1,7 +1,5 @@
 """What everybody outside the SLAM sees of it: keyframes, points, who saw what, what was looked for."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

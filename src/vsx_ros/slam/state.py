@@ -1,7 +1,5 @@
 """What the SLAM says about itself: per frame, per event, per run."""
 
-from __future__ import annotations
-
 from enum import Enum
 from typing import NamedTuple
 

@@ -5,8 +5,6 @@ The tracker runs in the caller's thread on the newest finished map; nobody waits
 it works. Kernels release Python's global lock.
 """
 
-from __future__ import annotations
-
 import threading
 from collections import deque
 

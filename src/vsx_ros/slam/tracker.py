@@ -1,7 +1,5 @@
 """Pose of one image against a map: coarse then fine patch search, robust pose, a verdict (PTAM's TrackMap)."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,8 +1,6 @@
 """A map from two views: the motion between them from images and odometry, metric scale (paper 3.1). It takes longer
 than a frame may, so it is the mapper's work."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """FAST corners on every pyramid level, and the strongest of them as candidates for new map points."""
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 from typing import NamedTuple

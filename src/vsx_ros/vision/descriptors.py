@@ -1,8 +1,6 @@
 """Binary descriptors of corners: what matches images whose relative pose is unknown (Rublee et al., ORB, 2011; upright,
 because neither robots nor people hold a camera by its side)."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import cv2

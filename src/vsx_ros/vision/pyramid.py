@@ -1,7 +1,5 @@
 """Four-level image pyramid in one flat buffer, so that one kernel call can work on all levels."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import NamedTuple
 

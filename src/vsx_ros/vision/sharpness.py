@@ -1,7 +1,5 @@
 """Frames that motion or focus has blurred, told by their neighbours."""
 
-from __future__ import annotations
-
 import statistics
 from collections import deque
 

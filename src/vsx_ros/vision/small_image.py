@@ -1,7 +1,5 @@
 """Small blurry images: rotation between frames, likeness of places (PTAM's SmallBlurryImage)."""
 
-from __future__ import annotations
-
 from typing import TypeAlias
 
 import cv2

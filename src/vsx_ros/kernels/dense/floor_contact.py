@@ -3,8 +3,6 @@
 A gap in the wall has no such step: through it the floor goes on.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

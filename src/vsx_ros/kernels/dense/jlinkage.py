@@ -1,7 +1,5 @@
 """J-linkage: which points prefer the same models (Toldo and Fusiello, ECCV 2008). Preference sets are bit rows."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

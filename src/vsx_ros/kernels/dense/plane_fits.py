@@ -1,7 +1,5 @@
 """The plane of some points: the sums it is fitted from, and the fit."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

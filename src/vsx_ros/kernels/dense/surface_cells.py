@@ -4,8 +4,6 @@
 Frame (3, 3) of a plane: right, up, normal (towards its observers), world.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

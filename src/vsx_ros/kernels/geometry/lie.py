@@ -1,7 +1,5 @@
 """The group SE(3): exponential, logarithm, product. Tangent vectors are xi = (rho, omega)."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -7,8 +7,6 @@ that is 1.8 px at the edges, much more than what patches are located to. The way
 3 m) and only where the depth is known: for poses and observations, not for where to look.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

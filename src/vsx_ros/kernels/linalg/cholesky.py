@@ -1,7 +1,5 @@
 """Dense Cholesky factorisation of small symmetric systems, in place."""
 
-from __future__ import annotations
-
 import math
 
 from vsx_ros.arrays import FloatArray

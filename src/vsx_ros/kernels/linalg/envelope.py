@@ -4,8 +4,6 @@ blocks from its first row ``first[j]`` down to the diagonal, one after the other
 Keyframes along a path give a narrow band, a closed loop one tall column; nothing outside the envelope ever fills in.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from vsx_ros.arrays import FloatArray, IntArray

@@ -5,8 +5,6 @@ Frames are eliminated one after another in an order that keeps the front small (
 the view reaches, whatever the length of the path; each elimination is a dense update of the front alone.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Distance to ground that is not known to be free, and marching along curves through it."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Shortest 8-connected ways through open cells."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tables of knots along arcs, lines and polynomial curves: arc length, x, y, theta, curvature."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How far it is to every position and heading of a map by arcs of one length, and from there to any pose."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Searches over cells, and over cells and headings by arcs of bounded curvature to a goal."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

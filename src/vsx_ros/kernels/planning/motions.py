@@ -1,7 +1,5 @@
 """The arcs of one length that searches over positions and headings drive by, looked at without trigonometry."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """A tree of motion primitives of bounded change of view, grown until the last segment can be tried (paper 4.4)."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -5,8 +5,6 @@ equation numbers are theirs. Lengths are in turning radii; a segment's sign is i
 left, -1 for right, 0 for straight.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Lengths of shortest Reeds-Shepp words, looked up."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -3,8 +3,6 @@
 A way is a list of segments: turn (+1 left, -1 right, 0 straight) and signed length [m].
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """From radiance to bytes: vignetting, gain, photon and read noise, response curve."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -6,8 +6,6 @@ matrix). Being linear, their extremes over a rectangle of rays sit at its corner
 values vary linearly between the two poses that bound a row of tiles, which gives the rolling shutter.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Lists of pixels in scratch memory: filled from the rays of a tile, and laid into the picture once they are shaded."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -4,8 +4,6 @@ Each tile of 16 x 16 pixels keeps the quads it may see (raycast_cull), finds the
 weight) lists, one per quad, to raycast_shade. Pixels at the edge of a quad are divided by 3 x 3 sub-samples.
 """
 
-from __future__ import annotations
-
 from typing import TypeAlias
 
 import numpy as np

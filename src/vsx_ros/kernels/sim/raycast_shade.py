@@ -4,8 +4,6 @@ The loops run over flat scratch memory with constant offsets, so that they compi
 packed: an int32 holds the 2x2 neighbourhood of a texel, so that one load feeds a bilinear lookup.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

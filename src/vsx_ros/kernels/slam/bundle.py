@@ -4,8 +4,6 @@ re-estimated at every linearisation, relative-pose factors between frames (wheel
 Perturbation as in ``pose``: T_cam_world <- exp(xi) T_cam_world; points additively. Only free frames are moved.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Search of a patch along its viewing ray in another image, through the distorted camera model."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -4,8 +4,6 @@ Perturbation as in ``pose``: T_cam_world <- exp(xi) T_cam_world. Beyond HUBER st
 linearly, so that a sill or a lift by hand does not bend the map.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

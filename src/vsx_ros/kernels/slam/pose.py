@@ -1,8 +1,6 @@
 """Robust six-degree pose from points and pixels. Perturbation: T_cam_world <- exp(xi) T_cam_world, xi = (rho,
 omega)."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -5,8 +5,6 @@ translation R_a^T (t_b - t_a) / s_a - t_ab; rotation log(R_ab^T R_a^T R_b); scal
 Perturbation: t <- t + rho, R <- R exp(omega), s <- s exp(sigma); tangent order (rho, omega, sigma).
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

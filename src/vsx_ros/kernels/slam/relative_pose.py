@@ -5,8 +5,6 @@ Perturbation as in ``pose``: T_cam_world <- exp(xi) T_cam_world. Beyond HUBER st
 linearly.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

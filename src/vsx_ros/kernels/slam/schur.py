@@ -2,8 +2,6 @@
 that belong to its solution.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Small loops of every frame that whole-array operations would take many times as long for."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, Int32Array, IntArray

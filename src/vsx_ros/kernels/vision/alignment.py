@@ -1,7 +1,5 @@
 """Whole-image alignment of small blurry images by efficient second-order minimisation (PTAM's rotation estimate)."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

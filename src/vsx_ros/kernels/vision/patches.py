@@ -4,8 +4,6 @@ A template of a map point is a 24x24 uint8 patch of its source level; the point 
 within half a pixel.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

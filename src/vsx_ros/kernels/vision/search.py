@@ -1,7 +1,5 @@
 """Patches of a keyframe as another camera would see them, and where a frame shows them."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """The newest word on each subject, for any number of viewers that each look when they have time."""
 
-from __future__ import annotations
-
 import threading
 from typing import NamedTuple
 

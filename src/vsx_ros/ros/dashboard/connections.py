@@ -1,7 +1,5 @@
 """The open connections, bounded: who comes takes the place of who matters less, so that the operator always gets in."""
 
-from __future__ import annotations
-
 import contextlib
 import enum
 import socket

@@ -1,7 +1,5 @@
 """From topics to the board, only while somebody looks: without a viewer nothing is subscribed."""
 
-from __future__ import annotations
-
 import base64
 import threading
 from collections import deque

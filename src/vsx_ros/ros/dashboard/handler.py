@@ -5,8 +5,6 @@ commanding needs the token. What a client can hold is bounded: a request by its 
 that it takes to be read, connections by their number (``connections``).
 """
 
-from __future__ import annotations
-
 import hmac
 import io
 import json

@@ -1,7 +1,5 @@
 """Messages as the little JSON that the page draws. Pure functions; what cannot be used raises InputError."""
 
-from __future__ import annotations
-
 import base64
 import json
 import math

@@ -4,8 +4,6 @@ A page of another site reaches the view with a name of its own that it points he
 or across origins, which Origin and Sec-Fetch-Site tell (Fetch standard, section 3.2; Fetch Metadata).
 """
 
-from __future__ import annotations
-
 import ipaddress
 import os
 import re

@@ -1,7 +1,5 @@
 """The live view as a program with threads of its own, and the address under which it is opened."""
 
-from __future__ import annotations
-
 import socket
 import threading
 from collections.abc import Callable, Iterable, Mapping

@@ -11,8 +11,6 @@ Parameters: ~device (kinect): kinect, kinect:SERIAL, v4l:N or emulator:SOCKET.
     where the light changes much from room to room.
 """
 
-from __future__ import annotations
-
 import rospy
 from sensor_msgs.msg import CameraInfo, Image
 from sensor_msgs.srv import SetCameraInfo, SetCameraInfoRequest, SetCameraInfoResponse

@@ -8,8 +8,6 @@ Parameters: ~host (127.0.0.1: this machine alone), ~port (8765), ~allow (names b
 Environment: VSX_VIEW_TOKEN, which commands must show; without it one is made and printed once.
 """
 
-from __future__ import annotations
-
 import os
 import secrets
 import sys

@@ -12,8 +12,6 @@ Parameters: ~world (lab): lab, office, corridor, building, a world.yaml or a map
 The body and the board run on a thread of this process at 200 Hz; the camera renders in a child process.
 """
 
-from __future__ import annotations
-
 import os
 import tempfile
 import time

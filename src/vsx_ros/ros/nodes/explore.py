@@ -11,8 +11,6 @@ Parameters: ~config (tree of 'vsx config'), ~run_dir (folder of the run, for wha
     it is interrupted; none).
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 from functools import partial

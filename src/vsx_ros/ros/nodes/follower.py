@@ -12,8 +12,6 @@ The wheels turn only while vslam and move_base renew their leases and odometry c
 for a moment and then nothing, so that other inputs of the mux are not disturbed.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 

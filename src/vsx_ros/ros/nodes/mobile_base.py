@@ -21,8 +21,6 @@ Parameters: ~robot_type (auto: which one answers; kobuki, create, create2; ros o
     ~estopped is the emergency stop as this node remembers it.
 """
 
-from __future__ import annotations
-
 import time
 
 import rospy

@@ -14,8 +14,6 @@ Parameters: ~config (tree of 'vsx config'), ~planner (fov or unconstrained; fov)
 A client that ever renewed move_base/lease must go on doing so while its goal is pursued.
 """
 
-from __future__ import annotations
-
 import math
 import threading
 import time

@@ -6,8 +6,6 @@ Parameters: ~v_m_s (0.2), ~omega_rad_s (0.6); ``vsx teleop`` gives them as --v a
 Arrow keys or w a s d move, space stops, + and - change the speed, q ends. Releasing the key stops the robot.
 """
 
-from __future__ import annotations
-
 import atexit
 import os
 import select

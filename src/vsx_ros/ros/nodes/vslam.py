@@ -14,8 +14,6 @@ Parameters: ~config (tree of 'vsx config'), ~seed (int, 0), ~run_dir (folder for
     ~publish_tf (bool, true; false: somebody else, an EKF, says where odom is in map).
 """
 
-from __future__ import annotations
-
 import time
 
 import rospy
