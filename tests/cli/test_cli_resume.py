@@ -317,7 +317,7 @@ def test_only_the_robot_of_a_run_to_resume_can_have_been_moved(tmp_path, monkeyp
 
 def test_runs_begun_in_the_same_second_have_folders_of_their_own(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("vsx_ros.runs.start.datetime", SimpleNamespace(now=lambda: datetime(2026, 5, 4, 10, 20, 30)))
+    monkeypatch.setattr("vsx_ros.runs.folder.datetime", SimpleNamespace(now=lambda: datetime(2026, 5, 4, 10, 20, 30)))
     folders = [begin(parse(["explore", "--fast", "--seed", str(seed)]))[0] for seed in (1, 2, 3)]
     assert [folder.path.name for folder in folders] == [f"2026-05-04_10-20-30_lab{more}" for more in ("", "_2", "_3")]
     assert [folder.read_config()[1]["seed"] for folder in folders] == [1, 2, 3]
