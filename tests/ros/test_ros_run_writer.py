@@ -163,3 +163,17 @@ def test_a_run_whose_results_cannot_be_written_can_be_gone_on_with(driven, tmp_p
     monkeypatch.undo()
     monkeypatch.setattr(slam_run.rospy, "get_param", lambda name, usual: {"~run_dir": str(tmp_path)}.get(name, usual))
     assert SlamRun(Config()).first_epoch == 1
+
+
+def test_a_disk_that_takes_nothing_keeps_no_node_from_beginning(driven, tmp_path: Path, monkeypatch) -> None:
+    robot, slam, frames = driven
+    monkeypatch.setattr(slam_run.rospy, "get_param", lambda name, usual: {"~run_dir": str(tmp_path)}.get(name, usual))
+    said: list[str] = []
+    monkeypatch.setattr(logs, "due", lambda *_: True)
+    monkeypatch.setattr(logs.rospy, "logerr", lambda form, error: said.append(form % error))
+    RunFolder(tmp_path).journal.mkdir(parents=True)  # where the journal should be, so it cannot be written
+    run = SlamRun(Config())
+    assert len(said) == 1
+    assert "cannot be written" in said[0]
+    for result, odometry in frames:
+        run.frame(slam, result, odometry, 0.01)

@@ -6,7 +6,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import cached_property
 from typing import Any
 
@@ -121,16 +121,19 @@ class RunWriter:
         kept: Callable[[], AbstractContextManager[None]] | None = None,
         rest: float = 0.0,
     ) -> None:
-        """folder: where to keep what another session needs; nothing is kept there without. kept: around
-        what is written, to tell an InputError; without, the first is said on stderr. rest: so many times as long as
-        writing the map took nothing is written. Raises InputError where the folder cannot be written."""
+        """folder: where to keep what another session needs; nothing is kept there without. kept: around what is
+        written, to tell an InputError; without, the first is said on stderr, and one at the beginning is raised. rest:
+        so many times as long as writing the map took nothing is written."""
         self.record = RunRecord(T_base_cam)
         lines = before.lines if before is not None else []
         self.record.restore(lines)
         self.failure = ""
         self._kept, self._rest = kept or self._say_first, rest
         self._checkpoint = folder.checkpoint if folder is not None else None
-        self._journal = Journal(folder.journal, lines) if folder is not None else None
+        self._journal: Journal | None = None
+        if folder is not None:
+            with kept() if kept is not None else nullcontext():
+                self._journal = Journal(folder.journal, lines)
         self._lock, self._writing = threading.Lock(), threading.Lock()
         self._noted: CheckpointData | None = None
         self._due_ns = 0
