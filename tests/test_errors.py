@@ -52,3 +52,10 @@ def test_a_full_or_foreign_disk_is_named_with_its_remedy(number: int, said: str)
 def test_other_errors_of_the_system_are_no_trouble_of_the_disk() -> None:
     assert disk_trouble(OSError(errno.ENOENT, os.strerror(errno.ENOENT), "/d/f")) == ""
     assert disk_trouble(OSError("no number at all")) == ""
+
+
+def test_a_message_that_quotes_megabytes_is_cut_in_its_middle() -> None:
+    said = str(InputError("bag x: " + "9" * 100_000 + "; copy it again"))
+    assert said.startswith("bag x: 9")
+    assert said.endswith("9; copy it again")
+    assert len(said) < 1300

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import Any, TypeAlias
 
 _Causes: TypeAlias = type[Exception] | tuple[type[Exception], ...]
-_LONGEST_REASON = 300  # a file may hold megabytes where an error quotes a word of it
+_LONGEST_MESSAGE, _LONGEST_REASON = 1200, 300  # a file may hold megabytes where an error quotes a word of it
 
 _DISK_REMEDIES = {
     errno.ENOSPC: "free some space ('df -h' shows where), or choose another disk",
@@ -24,6 +24,11 @@ _DISK_REMEDIES = {
 
 class VsxError(Exception):
     """Root of everything vsx_ros raises on purpose; the command line prints it as one sentence."""
+
+    def __init__(self, message: str = "") -> None:
+        """A message that quotes a file at great length is cut in its middle."""
+        half = _LONGEST_MESSAGE // 2
+        super().__init__(message if len(message) <= 2 * half else f"{message[:half]} ... {message[-half:]}")
 
 
 class ConfigError(VsxError, ValueError):

@@ -30,7 +30,7 @@ YAML_TEXT, YAML_NUMBER = MIB, 8192
 
 DAMAGE = (
     ArithmeticError, AssertionError, AttributeError, EOFError, LookupError, MemoryError, OSError, RuntimeError,
-    TypeError, ValueError, struct.error, zlib.error,
+    SyntaxError, TypeError, ValueError, struct.error, zlib.error,
 )  # fmt: skip
 """What parsers raise where a file's content is not what they expect."""
 

@@ -1,5 +1,7 @@
 """A small part of benchmarks/fuzz_files.py: damaged files of every kind are read or refused in one sentence."""
 
+from pathlib import Path
+
 import fuzz_files
 import pytest
 
@@ -9,3 +11,18 @@ def test_damaged_files_are_read_or_refused(reader):
     outcomes = fuzz_files.fuzz_block(reader, 0, 60)["outcomes"]
     assert outcomes.keys() <= {"read", "refused"}
     assert outcomes["refused"] > 0
+
+
+@pytest.mark.parametrize(
+    ("reader", "number"),
+    [
+        ("map", 1505), ("map", 1738), ("map", 2556), ("world", 2013), ("world", 4087), ("run folder", 3208),
+        ("run folder", 5093), ("checkpoint", 6776), ("slam map", 4914), ("ros2 sqlite3", 2789),
+        ("ros2 sqlite3 message.zstd", 2430), ("calibration", 2036),
+    ],
+)  # fmt: skip
+def test_what_once_was_an_internal_error_is_one_sentence(tmp_path: Path, reader: str, number: int) -> None:
+    """Of the ten thousand damaged files of each reader."""
+    bench = fuzz_files.Bench(next(one for one in fuzz_files.READERS if one.name == reader), tmp_path)
+    bench.damage(f"{reader} {number}")
+    assert bench.outcome() in ("read", "refused")

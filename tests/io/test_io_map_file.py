@@ -59,6 +59,7 @@ def test_colour_transparency_and_sixteen_bits(tmp_path):
         ("resolution: 0.1", "", "'resolution'"),
         ("0.0, 0.0, 0.0]", "0.0, 0.0, 0.7]", "turned by 0.7"),
         ("0.0, 0.0, 0.0]", "0.0]", "malformed"),
+        ("0.0, 0.0, 0.0]", "0.0, .nan, 0.0]", "impossible"),
         ("m.png", "absent.png", r"absent\.png is missing"),
         ("image:", "image: [", "cannot be read"),
         (YAML, "- 1\n", "missing or malformed"),

@@ -62,6 +62,14 @@ def test_a_robot_can_begin_in_the_map_of_a_real_building(name: str) -> None:
     assert len(quads(world)) > 20
 
 
+def test_the_robot_begins_in_the_largest_region_and_not_in_the_roundest() -> None:
+    data = np.full((100, 320), UNKNOWN, np.int8)
+    data[10:30, 10:310] = FREE  # 15 m x 1 m
+    data[40:90, 10:60] = FREE  # 2.5 m x 2.5 m
+    world = world_from_grid(OccupancyGrid(data, 0.05, 0.0, 0.0), "passage", 1)
+    assert 0.5 < world.start.y < 1.5
+
+
 def test_a_map_without_free_space_is_refused() -> None:
     data = np.full((50, 50), OCCUPIED, np.int8)
     data[3:6, 3:6] = FREE

@@ -39,6 +39,7 @@ def broken(tmp_path: Path, path: list[str | int], value: object) -> Path:
         (["outlines", 0, "material"], ["paint", "paint"], "one per side"),
         (["materials", "paint", "kind"], "marble", "marble"),
         (["start"], None, "start"),
+        (["start", "x"], 1e4, "outside of its outlines"),
     ],
 )
 def test_wrong_values_are_named(tmp_path: Path, path: list[str | int], value: object, words: str) -> None:

@@ -57,7 +57,7 @@ class SavedMission(NamedTuple):
             home = None if tree.get("home") is None else _pose(tree["home"])
             asked = bool(tree["going_home"]), home, bool(tree.get("paused"))
             return SavedMission(looked_from, blacklist, trail, *asked)
-        except (KeyError, TypeError, ValueError, IndexError) as error:
+        except (KeyError, OverflowError, TypeError, ValueError, IndexError) as error:
             raise InputError(f"{path} holds no memory of a mission ({error}); start a new run") from error
 
 

@@ -54,6 +54,8 @@ class Messages:
         for connection, recorded_ns, raw in self._reader.messages(connections):
             message: Any = read(raw, connection.msgtype)
             stamp = message.header.stamp
+            if not isinstance(recorded_ns, int):  # a column of sqlite holds anything
+                raise ValueError(f"a time of recording is {str(recorded_ns)[:40]!r}")
             yield int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec) or recorded_ns, message
 
 

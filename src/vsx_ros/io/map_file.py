@@ -67,7 +67,9 @@ def load_map(path: Path) -> OccupancyGrid:
     if yaw != 0.0:
         raise MapFileError(f"map {text} is turned by {yaw} rad, only 0 is supported; turn the image instead")
     if not (
-        _FINEST_M <= resolution < 10 and max(abs(x), abs(y)) < MAX_EXTENT_M and 0 <= thresholds[0] <= thresholds[1] <= 1
+        _FINEST_M <= resolution < 10
+        and all(abs(metres) < MAX_EXTENT_M for metres in (x, y))
+        and 0 <= thresholds[0] <= thresholds[1] <= 1
     ):
         raise MapFileError(
             f"map {text}: resolution {resolution}, origin {x}, {y} or thresholds {thresholds} are impossible; "

@@ -31,7 +31,8 @@ class OccupancyGrid:
         data = np.array(self.data, dtype=np.int8)
         if data.ndim != 2 or data.size == 0:
             raise MapFileError(f"a grid needs two dimensions and at least one cell, got shape {data.shape}")
-        if not (0 < self.resolution < MAX_EXTENT_M and max(abs(self.origin_x), abs(self.origin_y)) < MAX_EXTENT_M):
+        metres = abs(self.resolution), abs(self.origin_x), abs(self.origin_y)
+        if not (self.resolution > 0 and all(value < MAX_EXTENT_M for value in metres)):
             raise MapFileError(
                 f"grid with resolution {self.resolution} m and origin ({self.origin_x}, {self.origin_y}): "
                 f"resolution must be positive, and both below {MAX_EXTENT_M:g} m"

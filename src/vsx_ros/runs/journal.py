@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TypeAlias
+from typing import Annotated, TypeAlias
 
 import msgspec
 import numpy as np
@@ -20,6 +20,7 @@ from vsx_ros.limits import LOG_BYTES, file_bytes
 from vsx_ros.robot import Odometry
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
+Stamp: TypeAlias = Annotated[int, msgspec.Meta(ge=-(2**62), lt=2**62)]
 Pose2: TypeAlias = tuple[float, float, float]
 Pose3: TypeAlias = tuple[float, float, float, float, float, float, float]
 
@@ -28,7 +29,7 @@ class FrameLine(Struct, frozen=True, kw_only=True, tag="frame"):
     """A tracked frame. T_world_cam: translation and quaternion. T_odom_base: x, y, theta, in the
     odometry's epoch. u2_frames: U2 so far."""
 
-    stamp_ns: int
+    stamp_ns: Stamp
     state: TrackingState
     searched: int
     found: int
@@ -77,7 +78,7 @@ class FrameLine(Struct, frozen=True, kw_only=True, tag="frame"):
 class TruthLine(Struct, frozen=True, kw_only=True, tag="truth"):
     """What really happened up to a stamp, where an emulator knows it."""
 
-    stamp_ns: int
+    stamp_ns: Stamp
     T_world_cam: Pose3
     T_world_base: Pose2
     collisions: int
@@ -86,7 +87,7 @@ class TruthLine(Struct, frozen=True, kw_only=True, tag="truth"):
 class RunEvent(Struct, frozen=True, tag="event"):
     """A change of state. source: who changed (slam, mission, navigation, safety). state: to what. reason: why."""
 
-    stamp_ns: int
+    stamp_ns: Stamp
     source: str
     state: str
     reason: str
@@ -95,7 +96,7 @@ class RunEvent(Struct, frozen=True, tag="event"):
 class ClockLine(Struct, frozen=True, kw_only=True, tag="clock"):
     """How long the run has lasted so far, and what was counted in it."""
 
-    stamp_ns: int
+    stamp_ns: Stamp
     elapsed_s: float
     plans: int
     collisions: int

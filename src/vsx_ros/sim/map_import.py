@@ -22,13 +22,24 @@ def world_from_grid(grid: OccupancyGrid, name: str, seed: int) -> World:
 
     Raises MapFileError when there is no free region of a square metre.
     """
-    free = grid.data == FREE
+    region = _largest_free_region(grid)
     loops = free_space_outlines(grid)
     rng = np.random.default_rng([seed, 1000])
-    spot = grid.centres(_open_cell(free))[0]
+    spot = grid.centres(_open_cell(region))[0]
     corners: list[list[Point]] = [[(float(x), float(y)) for x, y in loop] for loop in loops]
     world = shell(rng, Origin(name=name, seed=seed), corners, (float(spot[0]), float(spot[1])))
     return with_start(rng, decorated(rng, world, 1.5))
+
+
+def _largest_free_region(grid: OccupancyGrid) -> BoolArray:
+    """(H, W) Raises MapFileError when there is none of a square metre."""
+    free = (grid.data == FREE).astype(np.uint8)
+    count, labels, statistics, _ = cv2.connectedComponentsWithStats(free, connectivity=4)
+    areas = statistics[1:, cv2.CC_STAT_AREA] * grid.resolution**2
+    if count < 2 or float(areas.max()) < 1.0:
+        raise MapFileError("the map has no free region of at least 1 m2; are its thresholds wrong?")
+    largest: BoolArray = labels == 1 + int(np.argmax(areas))
+    return largest
 
 
 def _open_cell(free: BoolArray) -> IntArray:
@@ -42,12 +53,7 @@ def free_space_outlines(grid: OccupancyGrid) -> list[Points2]:
 
     Raises MapFileError when there is no free region of a square metre, or its borders are too many.
     """
-    free = (grid.data == FREE).astype(np.uint8)
-    count, labels, statistics, _ = cv2.connectedComponentsWithStats(free, connectivity=4)
-    areas = statistics[1:, cv2.CC_STAT_AREA] * grid.resolution**2
-    if count < 2 or float(areas.max()) < 1.0:
-        raise MapFileError("the map has no free region of at least 1 m2; are its thresholds wrong?")
-    region = (labels == 1 + int(np.argmax(areas))).astype(np.uint8)
+    region = _largest_free_region(grid).astype(np.uint8)
     pieces = cv2.connectedComponents(np.pad(1 - region, 1, constant_values=1), connectivity=8)[0] - 2
     if pieces > MAX_OBSTACLES:
         raise MapFileError(

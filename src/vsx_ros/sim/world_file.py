@@ -65,6 +65,9 @@ def checked(world: World, name: str) -> World:
     angles = [thing.yaw_rad for thing in things] + [world.start.theta_rad]
     if not all(math.isfinite(angle) for angle in angles):
         raise ConfigError(f"world {name}: an angle is not finite; write radians")
+    x0, y0, x1, y1 = world.bounds
+    if not (x0 <= world.start.x <= x1 and y0 <= world.start.y <= y1):
+        raise ConfigError(f"world {name}: it starts at {world.start.x:g}, {world.start.y:g}, outside of its outlines")
     return world
 
 
