@@ -112,7 +112,7 @@ def test_wheels_that_turn_while_the_camera_stands_are_stopped_and_the_robot_back
         f"/{topics.FOLLOWER_STATUS}", String, lambda msg: ended.append(json.loads(msg.data)["reason"])
     )
     stack.wait(lambda: listener.get_num_connections() and follower.get_num_connections(), 10.0, "their words")
-    move = stack.plant._body._move
+    move = stack.plant.body._move
     pushed: list[float] = []
 
     def against_a_box(distance: float, turn: float) -> None:
@@ -125,7 +125,7 @@ def test_wheels_that_turn_while_the_camera_stands_are_stopped_and_the_robot_back
         stack.wait_until_driving()
         stack.wait(lambda: events and events[-1].startswith("view at"), 120.0, "a new drive on the map")
         stack.wait_until_driving()
-        monkeypatch.setattr(stack.plant._body, "_move", against_a_box)
+        monkeypatch.setattr(stack.plant.body, "_move", against_a_box)
         stack.wait(
             lambda: any(reason.startswith("stuck: the wheels turned") for reason in ended), 120.0, "the complaint"
         )
