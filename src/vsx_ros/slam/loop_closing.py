@@ -11,7 +11,8 @@ from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.keyframe import KeyFrame
 from vsx_ros.slam.local_map import nearest_keyframes
-from vsx_ros.slam.map import Map, MapView
+from vsx_ros.slam.map import Map
+from vsx_ros.slam.map_view import MapView
 from vsx_ros.slam.place_recognition import PlaceRecognizer, Recognition, is_certain, is_sure
 from vsx_ros.slam.pose_graph import LoopClosure
 from vsx_ros.slam.tracker import Tracker

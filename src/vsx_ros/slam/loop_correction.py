@@ -10,7 +10,8 @@ from vsx_ros.arrays import IntArray, Pixels
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.keyframe import KeyFrame
 from vsx_ros.slam.loop_closing import is_metric, neighbourhood, path_lengths, same_points
-from vsx_ros.slam.map import Map, MapView
+from vsx_ros.slam.map import Map
+from vsx_ros.slam.map_view import MapView
 from vsx_ros.slam.point_creation import observations_at
 from vsx_ros.slam.pose_graph import LoopClosure, move_keyframes, optimize_pose_graph
 from vsx_ros.slam.state import SlamEvent

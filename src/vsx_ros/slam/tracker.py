@@ -11,7 +11,7 @@ from vsx_ros.kernels.geometry.projection import predict, project_rows
 from vsx_ros.kernels.slam.pose import optimize_pose
 from vsx_ros.kernels.slam.tracking import count_hidden
 from vsx_ros.slam.keyframe import FrameData
-from vsx_ros.slam.map import MapView
+from vsx_ros.slam.map_view import MapView
 from vsx_ros.slam.state import TrackingState
 from vsx_ros.vision.patch_search import Predictions, WarpedTemplates, find_patches, search_templates, warped_templates
 
