@@ -25,7 +25,6 @@ from vsx_ros.exploration.decision import (
     Situation,
 )
 from vsx_ros.exploration.home import Home
-from vsx_ros.exploration.initialization_drives import InitializationDrives
 from vsx_ros.exploration.recovery import Recovery
 from vsx_ros.exploration.saved_mission import SavedMission
 from vsx_ros.exploration.trail import Trail
@@ -47,7 +46,8 @@ class Mission:
         exploration, planner = config.exploration, config.planner
         self._log, self._home, self._trail = MissionLog(), Home(), Trail(spacing_m=0.05)
         self.view_selector = ViewSelector(config, travel_costs)
-        self._initialization_drives = InitializationDrives(exploration.init_drive_m, exploration.init_attempts)
+        self._drive_m, self._most_drives = exploration.init_drive_m, 1 + exploration.init_attempts
+        self._drives = 0
         self._tour = ViewTour(config, self._log, self._home, self._trail, self.view_selector)
         self._recovery = Recovery(exploration, config.robot.radius_m, planner.phi_rad_m)
         self._after_pause = MissionState.STARTING
@@ -147,7 +147,7 @@ class Mission:
         return self._tour.decide(now_ns, situation)
 
     def _start(self, now_ns: int, situation: Situation, T_odom_base: SE2) -> Decision:
-        """Drive straight until the SLAM has found its two frames (paper 3.1)."""
+        """Drive straight, ahead, then back and ahead in turn, until the SLAM has found its two frames (paper 3.1)."""
         if situation.slam_state.tracked:
             self._log.enter(now_ns, MissionState.MAPPING, "the map is initialised")
             return self._tour.decide(now_ns, situation)
@@ -157,11 +157,14 @@ class Mission:
             return self._log.answer(Action.WAIT, "driving straight to start the map: " + situation.slam_reason)
         if now_ns < self._log.wait_until_ns:
             return self._log.answer(Action.WAIT, "waiting for the map to start")
-        drive = self._initialization_drives.next(situation.slam_reason)
-        if drive is None:
+        if self._drives == self._most_drives:
             return self._log.finish(now_ns, Outcome.NOT_STARTED, f"the map did not start: {situation.slam_reason}")
+        self._drives += 1
         self._log.wait_until_ns = now_ns + _SECOND_NS
-        return self._log.go(now_ns, T_odom_base @ SE2(drive[0], 0.0, 0.0), "odom", drive[1])
+        again = f"another straight drive: {situation.slam_reason}"
+        reason = "first straight drive for two frames" if self._drives == 1 else again
+        ahead = SE2(-self._drive_m if self._drives % 2 == 0 else self._drive_m, 0.0, 0.0)
+        return self._log.go(now_ns, T_odom_base @ ahead, "odom", reason)
 
     def _look_for_a_place(self, now_ns: int, reason: str) -> Decision:
         """A map that was made before: first the camera must recognise it, then the robot looks for it."""

@@ -169,6 +169,13 @@ class Map:
             shared[k] = np.count_nonzero(wanted[self.keyframes[k].observations.rows])
         return shared
 
+    def seen_by(self, indices: list[int]) -> IntArray:
+        """Rows of the points in the map that any of the keyframes sees."""
+        mask = np.zeros(self.count, np.bool_)
+        for k in indices:
+            mask[self.keyframes[k].observations.rows] = True
+        return np.flatnonzero(mask & self.alive)
+
     def seen(self, rows: IntArray) -> IntArray:
         """(P,) how many keyframes see each of the points (rows); fewer than do, or none, for other points."""
         every = [self.keyframes[k].observations.rows for k in self.observers(rows)]

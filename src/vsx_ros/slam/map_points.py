@@ -5,9 +5,11 @@ import math
 
 import numpy as np
 
-from vsx_ros.arrays import BoolArray, FloatArray, IntArray
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels
 from vsx_ros.config import MapperConfig
+from vsx_ros.slam.keyframe import KeyFrame
 from vsx_ros.slam.map import Map
+from vsx_ros.slam.map_view import MapView
 from vsx_ros.slam.point_creation import (
     Candidates,
     TargetMatches,
@@ -18,9 +20,9 @@ from vsx_ros.slam.point_creation import (
     templates_of,
 )
 from vsx_ros.slam.tracker import predicted
-from vsx_ros.vision.patch_search import find_patches
+from vsx_ros.vision.patch_search import Predictions, find_patches
 
-REFIND_RADIUS_PX, REFIND_REACH = 4.0, 2
+REFIND_RADIUS_PX, UNSEEN_REACH = 4.0, 2
 NEW_TEMPLATE = 0.006
 
 
@@ -65,15 +67,9 @@ class MapPoints:
         if not len(rows):
             return
         view = self._world.view()
-        known = view.templates
         for index in indices:
-            data, pose = self._world.keyframes[index].data, self._world.keyframes[index].T_world_cam
-            unseen = rows[~np.isin(rows, self._world.keyframes[index].observations.rows)]
-            expected = predicted(data.camera, pose.inverse(), view, unseen)
-            found, uv = find_patches(
-                data.pyramid, data.corners, known.patches, known.offset, expected, REFIND_RADIUS_PX, REFIND_REACH
-            )
-            self._observe(index, expected.rows[found], uv[found], expected.level[found])
+            found, uv = find_unseen(self._world.keyframes[index], view, rows, REFIND_RADIUS_PX)
+            self._observe(index, found.rows, uv, found.level)
 
     def renew_templates(self, index: int) -> None:
         """Points seen here from a direction or distance that none of their templates comes near get one more."""
@@ -97,13 +93,17 @@ class MapPoints:
         bad: BoolArray = (searched[:n] >= 8) & (found[:n] < 0.25 * searched[:n]) & self._world.alive[:n]
         self._world.remove_points(np.flatnonzero(bad))
 
-    def seen_by(self, indices: list[int]) -> IntArray:
-        """Points that any of the keyframes sees."""
-        mask = np.zeros(self._world.count, np.bool_)
-        for k in indices:
-            mask[self._world.keyframes[k].observations.rows] = True
-        return np.flatnonzero(mask & self._world.alive)
-
     def _observe(self, index: int, rows: IntArray, uv: FloatArray, level: IntArray) -> None:
         world, keyframe = self._world, self._world.keyframes[index]
         world.observe(index, observations_at(keyframe.data, keyframe.T_world_cam, world.points, rows, uv, level))
+
+
+def find_unseen(keyframe: KeyFrame, view: MapView, rows: IntArray, radius_px: float) -> tuple[Predictions, Pixels]:
+    """Those of the points (rows) that appear in a keyframe that does not see them yet, and where."""
+    wanted = rows[view.alive[rows] & ~np.isin(rows, keyframe.observations.rows)]
+    data, templates = keyframe.data, view.templates
+    expected = predicted(data.camera, keyframe.T_world_cam.inverse(), view, wanted)
+    found, uv = find_patches(
+        data.pyramid, data.corners, templates.patches, templates.offset, expected, radius_px, UNSEEN_REACH
+    )
+    return expected.take(found), uv[found]

@@ -96,7 +96,7 @@ class Mapper:
         observed = observed.where(world.alive[observed.rows])
         index = world.add_keyframe(_with_dense_corners(request.data), pose, observed, reference.map_id)
         neighbours = self.neighbours(index, self._config.window_keyframes)
-        self._points.refind([index], self._points.seen_by(neighbours))
+        self._points.refind([index], world.seen_by(neighbours))
         created = self._points.make(index, self._targets(index, neighbours))
         self._points.refind(neighbours, created)
         before = list(world.keyframes), world.points.copy(), world.alive.copy()

@@ -101,8 +101,8 @@ class Tracker:
             expected = predicted(data.camera, pose, view, candidates)
         expected = self._choose(expected)
         fit, uv, counted = self._fine(data, view, pose, expected, radius, pull)
-        kept, T_cam_world = fit.weights > 0, fit.T_cam_world
-        state, reason = self._judge(data, np.count_nonzero(kept), np.count_nonzero(counted), bool(pull.any()))
+        kept, searched, T_cam_world = fit.weights > 0, expected.rows[counted], fit.T_cam_world
+        state, reason = self._judge(data, int(kept.sum()), len(searched), bool(pull.any()))
         depth = view.points[expected.rows] @ T_cam_world.rotation[2] + T_cam_world.translation[2]
         return Track(
             T_cam_world.inverse(),
@@ -110,7 +110,7 @@ class Tracker:
             expected.rows[kept],
             uv[kept],
             expected.level[kept],
-            expected.rows[counted],
+            searched,
             fit.information,
             reason,
             hidden(expected.uv[counted], depth[counted], kept[counted]),
