@@ -128,7 +128,7 @@ def test_a_resumed_map_leaves_the_view_it_came_from_alone():
     resumed.move_keyframe(1, SE3(np.eye(3), [5.0, 0.0, 0.0]))
     templates = NewTemplates(np.ones((2, 4)), np.ones((2, 2)), np.ones((2, PATCH, PATCH), np.uint8))
     resumed.add_points(np.ones((2, 3)), templates, 1)
-    resumed.add_templates(np.array([0]), NewTemplates(*(a[:1] for a in templates)), 1)
+    resumed.templates.add(np.array([0]), NewTemplates(*(a[:1] for a in templates)), 1)
     assert view.points[:, 2].tolist() == [2.0] * 12
     assert view.alive.all()
     assert view.templates.of_point[0].tolist() == [0, -1, -1, -1, -1]

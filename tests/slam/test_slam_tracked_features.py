@@ -5,7 +5,7 @@ import pytest
 
 from vsx_ros.geometry.camera import nominal_camera
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.slam.map import empty_view
+from vsx_ros.slam.map import Map
 from vsx_ros.slam.snapshot import tracked_features
 from vsx_ros.slam.state import TrackingState
 from vsx_ros.slam.tracker import Track, nothing_tracked
@@ -16,7 +16,7 @@ def test_missed_points_are_where_the_pose_puts_them():
     pixels = np.array([[100.0, 120.0], [400.0, 50.0], [320.0, 300.0]])
     pose = SE3.exp(np.array([0.3, -0.2, 0.1, 0.05, 0.1, -0.2]))
     points = pose @ np.vstack([2.0 * camera.unproject(pixels), [[0.0, 0.0, -1.0]]])
-    view = empty_view()._replace(points=points)
+    view = Map().view()._replace(points=points)
     found = np.array([1])
     track = Track(
         pose, TrackingState.GOOD, found, pixels[found] + 0.5, np.zeros(1, int), np.arange(4), np.eye(6), ""
@@ -27,5 +27,5 @@ def test_missed_points_are_where_the_pose_puts_them():
 
 
 def test_where_nothing_was_looked_for_nothing_is_seen():
-    seen = tracked_features(nominal_camera(640, 480), empty_view(), nothing_tracked("dark"))
+    seen = tracked_features(nominal_camera(640, 480), Map().view(), nothing_tracked("dark"))
     assert seen.found.shape == seen.missed.shape == (0, 2)

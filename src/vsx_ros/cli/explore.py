@@ -23,25 +23,8 @@ PLANNERS = Kinds(("fov", "unconstrained"))
 
 def add_arguments(parser: argparse.ArgumentParser, *, with_load_map: bool = True) -> None:
     """The options that the live run and the lock-step run share; without --load-map where the map is given."""
+    _add_robot(parser)
     add = parser.add_argument
-    add("--world", metavar="NAME|FILE", help="emulate: lab, office, corridor, building, a world.yaml, map.yaml or .png")
-    add("--seed", type=int, metavar="N", help="world and noise of the emulator (default 1)")
-    add(
-        "--base",
-        choices=BASES,
-        metavar="auto|kobuki|create|create2|ros[:ODOM,CMD_VEL]",
-        help="kind of base (default: the one that answers); ros: any base with a ROS driver of its own, by its topics "
-        "odom and cmd_vel or those named",
-    )
-    add("--port", metavar="DEV", help="serial port of the base (default /dev/kobuki)")
-    add(
-        "--camera",
-        type=camera,
-        metavar="kinect|v4l:N|ros[:TOPIC]",
-        help="where the pictures come from (default kinect); ros: the images of another driver, as "
-        "camera/rgb/image_raw or on that topic, raw or compressed",
-    )
-    add("--rate", type=rate, metavar="HZ", help="images a second of a live emulated camera (default 15)")
     add("--planner", choices=PLANNERS, metavar="fov|unconstrained", help="motion planner (default fov)")
     add("--phi", type=float, metavar="RAD_PER_M", help="bound on the change of view per metre")
     add(
@@ -67,6 +50,29 @@ def add_arguments(parser: argparse.ArgumentParser, *, with_load_map: bool = True
     add("--headless", action="store_true", help="open no window and no browser")
     add("--out", type=Path, metavar="RUN", help="run folder (default runs/<date>_<world>)")
     add_parameters(parser)
+
+
+def _add_robot(parser: argparse.ArgumentParser) -> None:
+    """What drives and sees, emulated or real."""
+    add = parser.add_argument
+    add("--world", metavar="NAME|FILE", help="emulate: lab, office, corridor, building, a world.yaml, map.yaml or .png")
+    add("--seed", type=int, metavar="N", help="world and noise of the emulator (default 1)")
+    add(
+        "--base",
+        choices=BASES,
+        metavar="auto|kobuki|create|create2|ros[:ODOM,CMD_VEL]",
+        help="kind of base (default: the one that answers); ros: any base with a ROS driver of its own, by its topics "
+        "odom and cmd_vel or those named",
+    )
+    add("--port", metavar="DEV", help="serial port of the base (default /dev/kobuki)")
+    add(
+        "--camera",
+        type=camera,
+        metavar="kinect|v4l:N|ros[:TOPIC]",
+        help="where the pictures come from (default kinect); ros: the images of another driver, as "
+        "camera/rgb/image_raw or on that topic, raw or compressed",
+    )
+    add("--rate", type=rate, metavar="HZ", help="images a second of a live emulated camera (default 15)")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -57,10 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Replay, write the run folder, say what happened; 3 when tracking was lost for good, 1 when it never began."""
-    if not args.ros and (args.rate is not None or args.view):
-        raise ConfigError("--rate and --view go with --ros; without it every image is tracked, in order, by no node")
-    if args.rate is not None and not 0.0 <= args.rate <= _MAX_RATE:
-        raise ConfigError(f"--rate {args.rate}: give a number from 0 (no image left out) to {_MAX_RATE:g}")
+    _refuse_pace(args)
     compile_kernels()
     if args.ros:
         from vsx_ros.ros.replay import replay
@@ -96,6 +93,14 @@ def run(args: argparse.Namespace) -> int:
         more.insert(0, lambda: folder.write_poses("groundtruth", recording.ground_truth))
     failure = keeper.finish(folder, slam, summary, None, grid, *more)
     return tell_the_end(folder, summary.as_dict(), code, failure)
+
+
+def _refuse_pace(args: argparse.Namespace) -> None:
+    """Raises ConfigError for a speed or a view without the nodes, and for an impossible speed."""
+    if not args.ros and (args.rate is not None or args.view):
+        raise ConfigError("--rate and --view go with --ros; without it every image is tracked, in order, by no node")
+    if args.rate is not None and not 0.0 <= args.rate <= _MAX_RATE:
+        raise ConfigError(f"--rate {args.rate}: give a number from 0 (no image left out) to {_MAX_RATE:g}")
 
 
 def _slam(recording: Recording, config: Config, args: argparse.Namespace) -> SequentialSlam:

@@ -90,12 +90,16 @@ class MissionEvent(NamedTuple):
 
 
 class MissionLog:
-    """state: the box of the diagram the mission is in. outcome: how it ended, if it has. reason: of the last entry."""
+    """Gives a mission's decisions and notes the choices among them. state: the box of the diagram the mission is in.
+    outcome: how it ended, if it has. reason: of the last entry. wait_until_ns: when there is something to decide again.
+    """
 
     def __init__(self) -> None:
         self.state = MissionState.STARTING
         self.outcome: Outcome | None = None
         self.reason = ""
+        self.wait_until_ns = 0
+        self._purpose = ""
         self._events: list[MissionEvent] = []
 
     def enter(self, now_ns: int, state: MissionState, reason: str) -> None:
@@ -108,11 +112,26 @@ class MissionLog:
         self.reason = reason
         self._events.append(MissionEvent(now_ns, self.state.value, reason))
 
-    def finish(self, now_ns: int, outcome: Outcome, reason: str) -> None:
+    def answer(self, action: Action, reason: str) -> Decision:
+        """Anything but a new goal."""
+        return Decision(action, None, "map", self.state.value, reason)
+
+    def go(self, now_ns: int, goal: SE2, frame: str, reason: str) -> Decision:
+        """A new goal."""
+        self._purpose = reason
+        self.note(now_ns, reason)
+        return Decision(Action.GO, goal, frame, self.state.value, reason)
+
+    def on_the_way(self) -> Decision:
+        """Leave whoever drives to the last goal alone."""
+        return self.answer(Action.WAIT, f"on the way: {self._purpose}")
+
+    def finish(self, now_ns: int, outcome: Outcome, reason: str) -> Decision:
         """The end; what ends later changes nothing."""
         if self.state is not MissionState.DONE:
             self.outcome = outcome
             self.enter(now_ns, MissionState.DONE, reason)
+        return self.answer(Action.FINISH, self.reason)
 
     def drain(self) -> list[MissionEvent]:
         """The events since the last call."""

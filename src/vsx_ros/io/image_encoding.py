@@ -46,33 +46,38 @@ def gray_image(
     shift_bits: for 16-bit images, how many low bits to drop; values above the top saturate.
     Raises InputError for an unknown encoding or too few bytes.
     """
+    rows = _rows(encoding, height, width, step, data)
+    if encoding in _LUMINANCE:
+        return np.ascontiguousarray(rows[:, _LUMINANCE[encoding] :: 2])
+    if encoding in _GRAY_16 or encoding in _BAYER_16:
+        values = rows.view(">u2" if big_endian else "<u2").astype(np.uint32) >> shift_bits
+        rows, encoding = np.asarray(np.minimum(values, 255), np.uint8), encoding.replace("16", "8")
+    if encoding in _TO_GRAY:
+        channels, conversion = _TO_GRAY[encoding]
+        pixels = rows if channels == 1 else rows.reshape(height, width, channels)
+        if channels == 1 and min(pixels.shape) < _SMALLEST_MOSAIC:
+            raise InputError(f"image {width}x{height} {encoding} is too small for a mosaic; record it again")
+        return np.asarray(cv2.cvtColor(pixels, conversion), np.uint8)
+    return rows
+
+
+def _rows(encoding: str, height: int, width: int, step: int, data: bytes | NDArray[np.uint8]) -> GrayImage:
+    """(height, bytes) of the pixels, without what pads the rows; raises as ``gray_image`` does."""
     if encoding not in SUPPORTED:
         raise InputError(f"image encoding {encoding!r} is not supported; use one of {', '.join(SUPPORTED)}")
-    wide = encoding in _GRAY_16 or encoding in _BAYER_16
-    channels = _TO_GRAY[encoding][0] if encoding in _TO_GRAY else 1
-    row_bytes = width * (2 if wide or encoding in _LUMINANCE else channels)
     if width * height > MAX_PIXELS:
         raise InputError(
             f"image says {width}x{height} pixels, of which at most {MAX_PIXELS} can be used; record it again"
         )
+    two_bytes = encoding in _GRAY_16 or encoding in _BAYER_16 or encoding in _LUMINANCE
+    row_bytes = width * (2 if two_bytes else _TO_GRAY[encoding][0] if encoding in _TO_GRAY else 1)
     flat = np.frombuffer(data, np.uint8)
     if width < 1 or height < 1 or step < row_bytes or flat.size < step * height:
         raise InputError(
             f"image {width}x{height} {encoding} with {step} bytes a row needs at least {row_bytes} bytes a row and "
             f"{max(step, row_bytes) * height} in all, got {flat.size}; the message is damaged, record it again"
         )
-    rows = np.ascontiguousarray(flat[: step * height].reshape(height, step)[:, :row_bytes])
-    if encoding in _LUMINANCE:
-        return np.ascontiguousarray(rows[:, _LUMINANCE[encoding] :: 2])
-    if wide:
-        values = rows.view(">u2" if big_endian else "<u2").astype(np.uint32) >> shift_bits
-        rows, encoding = np.asarray(np.minimum(values, 255), np.uint8), encoding.replace("16", "8")
-    if encoding in _TO_GRAY:
-        pixels = rows if channels == 1 else rows.reshape(height, width, channels)
-        if channels == 1 and min(pixels.shape) < _SMALLEST_MOSAIC:
-            raise InputError(f"image {width}x{height} {encoding} is too small for a mosaic; record it again")
-        return np.asarray(cv2.cvtColor(pixels, _TO_GRAY[encoding][1]), np.uint8)
-    return rows
+    return np.ascontiguousarray(flat[: step * height].reshape(height, step)[:, :row_bytes])
 
 
 def shift_for(data: bytes | NDArray[np.uint8], *, big_endian: bool = False) -> int:

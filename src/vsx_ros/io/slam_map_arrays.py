@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.vision.patches import PATCH
 from vsx_ros.slam.keyframe import KeyFrame
-from vsx_ros.slam.map import MapView
+from vsx_ros.slam.map_view import MapView
 from vsx_ros.slam.templates import VIEWS
 from vsx_ros.vision.pyramid import LEVELS
 

@@ -28,7 +28,7 @@ from vsx_ros.io.sealed_archive import seal, unseal
 from vsx_ros.io.slam_map_arrays import LAYOUT, Arrays, arrays_of, check
 from vsx_ros.limits import DAMAGE, DATA_BYTES, MIB, Allowance, file_bytes, json_tree
 from vsx_ros.slam.keyframe import Anchor, FrameData, KeyFrame, Observations
-from vsx_ros.slam.map import MapView
+from vsx_ros.slam.map_view import MapView
 from vsx_ros.slam.slam_map import SlamMap
 from vsx_ros.slam.templates import Templates
 from vsx_ros.vision.corners import indexed

@@ -2,9 +2,11 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vsx_ros.arrays import BoolArray, Int32Array, IntArray, Points2, Points3
 from vsx_ros.config import GroundMapConfig, RobotConfig
@@ -84,15 +86,23 @@ class GroundMap:
             scans.hit[obs_level >= _COARSE_LEVEL] = 0.0
             scans.over[obs_level >= _COARSE_LEVEL] = 0.0
         arcs = self._bump_cells(bumps)
-        seen = corners(scans, points_world, obs_point)
-        extent = np.vstack([seen, outline, self._passed(trail, start), arcs])
+        extent = np.vstack([corners(scans, points_world, obs_point), outline, self._passed(trail, start), arcs])
         lattice = Lattice.around(extent, self._config.resolution_m)
         free_votes = count_free(scans, lattice)
         occupied = self._occupied(scans, points_world, obs_point, free_votes, lattice)
         occupied |= _solid(spots, touched, free_votes, lattice)
-        known = self._footprints(trail, lattice)
-        if start is not None:
-            known |= self._start_strip(start, lattice) & ~occupied
+        data = self._judged(free_votes, occupied, self._known(trail, start, occupied, lattice), lattice)
+        grid = OccupancyGrid(data, lattice.resolution, lattice.origin_x, lattice.origin_y)
+        if len(arcs):
+            rows, columns = grid.cells(arcs).T
+            data[rows, columns] = OCCUPIED
+            grid = replace(grid, data=data)
+        return grid
+
+    def _judged(
+        self, free_votes: Int32Array, occupied: BoolArray, known: BoolArray, lattice: Lattice
+    ) -> NDArray[np.int8]:
+        """What each cell is by the evidence; known: driven or promised, free whatever else there is."""
         data = np.full((lattice.rows, lattice.columns), UNKNOWN, np.int8)
         data[(free_votes >= _MIN_FREE_VOTES) | known] = FREE
         data[occupied] = OCCUPIED
@@ -102,12 +112,7 @@ class GroundMap:
         data[unsure & solid] = OCCUPIED
         data[rims(data, free_votes)] = UNKNOWN
         data[known] = FREE
-        grid = OccupancyGrid(data, lattice.resolution, lattice.origin_x, lattice.origin_y)
-        if not len(arcs):
-            return grid
-        rows, columns = grid.cells(arcs).T
-        data[rows, columns] = OCCUPIED
-        return OccupancyGrid(data, lattice.resolution, lattice.origin_x, lattice.origin_y)
+        return data
 
     @staticmethod
     def _check(
@@ -176,10 +181,11 @@ class GroundMap:
         )
         return strip
 
-    def _footprints(self, trail: Sequence[SE2], lattice: Lattice) -> BoolArray:
-        """Cells whose centre the robot's body has covered."""
+    def _known(self, trail: Sequence[SE2], start: SE2 | None, occupied: BoolArray, lattice: Lattice) -> BoolArray:
+        """Cells whose centre the robot's body has covered, and the promised floor where nothing stands."""
         places = np.array([(pose.x, pose.y) for pose in trail]).reshape(-1, 2)
-        return ground_cells.cover_discs(places, self._robot.radius_m, lattice)
+        covered = ground_cells.cover_discs(places, self._robot.radius_m, lattice)
+        return covered if start is None else covered | (self._start_strip(start, lattice) & ~occupied)
 
     def _bump_cells(self, bumps: Sequence[SE2]) -> Points2:
         """(N, 2) points of the arcs just ahead of the bumper [m]."""

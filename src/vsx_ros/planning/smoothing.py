@@ -6,6 +6,7 @@ rounds suffice.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -71,7 +72,7 @@ def fit(
     # The rows of the bound that are active along the guide are a good guess of those along the shortest way.
     duals = np.concatenate([first.duals, np.zeros(len(X) + 2 * len(X[_FEW])), [-1.0]])
     for hopeless_m in _HOPELESS_M:
-        round_, kept = _round(base, X, Y, x, start, corridor, trust, gap)
+        round_, kept = _round(base, X, Y, _room(X, Y, x, start, corridor, trust, gap))
         answer = solve_qp(round_, duals[kept])
         if answer is None:
             break
@@ -103,50 +104,52 @@ def _following(base: QpProblem, X: FloatArray, Y: FloatArray, guide: FloatArray)
     )  # fmt: skip
 
 
-def _round(
-    base: QpProblem,
-    X: FloatArray,
-    Y: FloatArray,
-    x: FloatArray,
-    start: SE2,
-    corridor: Corridor,
-    trust: float,
-    gap: float,
-) -> tuple[QpProblem, BoolArray]:
-    """The programme linearised at x, with one slack for all half-planes as the last unknown.
+class _Room(NamedTuple):
+    """Where the samples may be in the next round. near (32 K,): where the ground is not open; there planes @ x >= least
+    (N,). Every fourth sample stays between low and high (8 K, 2)."""
 
-    Half-planes are left out where the ground is open; the second value marks the rows that remain.
-    """
+    near: BoolArray
+    planes: FloatArray
+    least: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+
+def _room(
+    X: FloatArray, Y: FloatArray, x: FloatArray, start: SE2, corridor: Corridor, trust: float, gap: float
+) -> _Room:
+    """The margin field linearised at x; where the ground is open, samples are trusted to go farther."""
     points = np.stack([X @ x, Y @ x], axis=1)
     world = points + np.array([start.x, start.y])
     margin = corridor.margin.at(world)
     normal = corridor.margin.gradient(world)
     size = np.linalg.norm(normal, axis=1)
     near = (margin < _NEAR_M) & (size > 0.1)
-    reach = np.where(near, trust, np.maximum(trust, 0.8 * margin))
+    reach = np.where(near, trust, np.maximum(trust, 0.8 * margin))[_FEW, None]
     normal = normal[near] / size[near, None]
     planes = normal[:, :1] * X[near] + normal[:, 1:] * Y[near]
     least = np.sum(normal * points[near], axis=1) - margin[near] + gap
-    n = len(x)
-    tx, ty = X[_FEW], Y[_FEW]
-    low, high = points[_FEW] - reach[_FEW, None], points[_FEW] + reach[_FEW, None]
-    rows = len(base.A) + len(planes) + 2 * len(low) + 1
-    A = np.zeros((rows, n + 1))
-    np.concatenate([base.A, planes, tx, ty], out=A[:-1, :n])
-    A[len(base.A) : len(base.A) + len(planes), n] = 1.0
+    return _Room(near, planes, least, points[_FEW] - reach, points[_FEW] + reach)
+
+
+def _round(base: QpProblem, X: FloatArray, Y: FloatArray, room: _Room) -> tuple[QpProblem, BoolArray]:
+    """The programme with the room's bounds, and one slack for all half-planes as the last unknown.
+
+    Half-planes are left out where the ground is open; the second value marks the rows that remain.
+    """
+    n, planes, few = base.A.shape[1], len(room.planes), len(room.low)
+    A = np.zeros((len(base.A) + planes + 2 * few + 1, n + 1))
+    np.concatenate([base.A, room.planes, X[_FEW], Y[_FEW]], out=A[:-1, :n])
+    A[len(base.A) : len(base.A) + planes, n] = 1.0
     A[-1, n] = 1.0
-    P = np.eye(n + 1)
-    P[n, n] = 1.0
-    kept = np.concatenate([np.ones(len(base.A), np.bool_), near, np.ones(2 * len(low) + 1, np.bool_)])
     problem = QpProblem(
-        P=P,
+        P=np.eye(n + 1),
         q=np.append(base.q, _SLACK_PRICE * float(np.abs(base.q).max())),
         A=A,
-        lower=np.concatenate([base.lower, least, low[:, 0], low[:, 1], [0.0]]),
-        upper=np.concatenate([
-            base.upper, np.full(len(planes), np.inf), high[:, 0], high[:, 1], [np.inf],
-        ]),
-    )  # fmt: skip
+        lower=np.concatenate([base.lower, room.least, room.low[:, 0], room.low[:, 1], [0.0]]),
+        upper=np.concatenate([base.upper, np.full(planes, np.inf), room.high[:, 0], room.high[:, 1], [np.inf]]),
+    )
+    kept = np.concatenate([np.ones(len(base.A), np.bool_), room.near, np.ones(2 * few + 1, np.bool_)])
     return problem, kept
 
 

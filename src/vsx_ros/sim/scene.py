@@ -136,13 +136,7 @@ def _reflectance(material: Material) -> FloatArray:
     return np.append(tint, float(tint @ GREY))
 
 
-def compile_scene(world: World) -> Scene:
-    """Textures drawn, lights baked, quads laid out. Takes about a second.
-
-    Raises ConfigError for a world whose textures and lights are more than ``MAX_BYTES``.
-    """
-    surfaces = quads(world)
-    names = sorted({quad.material for quad in surfaces})
+def _check_size(world: World, surfaces: list[Quad], names: list[str]) -> None:
     needed = sum(16 * texture_size(world.materials[name]) ** 2 // 3 for name in names)
     needed += sum(4 * math.prod(_nodes(quad)) for quad in surfaces)
     if needed > MAX_BYTES:
@@ -150,6 +144,16 @@ def compile_scene(world: World) -> Scene:
             f"world {world.generator.name}: its {len(names)} textures and {len(surfaces)} lit surfaces need {needed} "
             f"bytes, at most {MAX_BYTES} can be drawn; leave some out"
         )
+
+
+def compile_scene(world: World) -> Scene:
+    """Textures drawn, lights baked, quads laid out. Takes about a second.
+
+    Raises ConfigError for a world whose textures and lights are more than ``MAX_BYTES``.
+    """
+    surfaces = quads(world)
+    names = sorted({quad.material for quad in surfaces})
+    _check_size(world, surfaces, names)
     levels = [packed_levels(texture(world.materials[name])) for name in names]
     sizes = [int(round(math.log2(math.isqrt((3 * len(level) + 1) // 4)))) for level in levels]
     starts = np.concatenate([[0], np.cumsum([len(level) for level in levels])])
@@ -158,8 +162,7 @@ def compile_scene(world: World) -> Scene:
     tints = np.zeros((n, 4), np.float32)
     maps, at = [], 0
     for i, quad in enumerate(surfaces):
-        material = world.materials[quad.material]
-        k = names.index(quad.material)
+        material, k = world.materials[quad.material], names.index(quad.material)
         lengths = [float(np.linalg.norm(quad.edge_u)), float(np.linalg.norm(quad.edge_v))]
         nodes = _nodes(quad)
         light = _light_map(quad, world, nodes[0], nodes[1])

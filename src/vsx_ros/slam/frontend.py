@@ -8,10 +8,12 @@ from vsx_ros.config import SlamConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry
+from vsx_ros.slam.frame_tracking import FrameTracker, is_sure
 from vsx_ros.slam.initialization import Bootstrap
 from vsx_ros.slam.keyframe import FrameData
 from vsx_ros.slam.local_map import LocalMap, becomes_keyframe, nearest_keyframes
-from vsx_ros.slam.map import MapView, empty_view
+from vsx_ros.slam.map import Map
+from vsx_ros.slam.map_view import MapView
 from vsx_ros.slam.mapper import KeyFrameRequest
 from vsx_ros.slam.motion_model import MotionModel
 from vsx_ros.slam.odometry_consistency import OdometryConsistency
@@ -23,11 +25,8 @@ from vsx_ros.slam.tracker import Track, Tracker, nothing_tracked
 from vsx_ros.slam.tracking_record import TrackingRecord
 from vsx_ros.slam.two_view_reconstruction import InitialPair
 
-MAX_STEP_M, MAX_STEP_RAD = 0.08, 0.06
 # A last pose that a new map moves by more than this is a jump of the map.
 CORRECTION_M, CORRECTION_RAD = 0.05, 0.02
-# A frame with so many points, and that share of the expected ones, knows better than odometry.
-SURE_POINTS, SURE_RATIO = 100, 0.2
 
 
 class FrameOutcome(NamedTuple):
@@ -43,36 +42,34 @@ class FrontEnd:
     """``process`` one frame after the other; ``use`` a newer map between frames."""
 
     def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, config: SlamConfig, seed: int) -> None:
-        self._camera = camera
-        self._T_base_cam = T_base_cam
         self._config = config
         self._tracker = Tracker(config.tracker, np.random.default_rng(seed))
         self._motion = MotionModel(T_base_cam, camera.fx)
         self._recovery = Recovery(camera, T_base_cam, config, self._tracker, self._motion)
         self._consistency = OdometryConsistency(T_base_cam)
         self._local = LocalMap()
-        self._view = self._here = empty_view()
+        self.tracking = FrameTracker(config.tracker, self._tracker, self._motion, self._local)
+        self._view = self._here = Map().view()
         self._reference = self._map_id = self._epoch = self._epochs = 0
         self._corrected = False
         self._since_keyframe = 0
-        self._coarse_next = True
         self.record = TrackingRecord()
         self.events: list[SlamEvent] = []
-        self.last_track: tuple[MapView, Track] | None = None
         self._bootstrap = Bootstrap(T_base_cam, config.initialization, lambda ns, why: self._event(ns, "refused", why))
         self._preprocessor = Preprocessor(camera, T_base_cam, config.shutter, self._gap)
 
     def process(self, frame: Frame, odometry: Odometry | None) -> FrameOutcome:
-        """One frame, in the order of the stamps.
+        """One frame, in the order of the stamps. Inside, poses are those of the image's middle row; outside, of its
+        stamp, the start of its first row.
 
         Raises InputError for an image of the wrong size or type and for a stamp that does not advance; the frame is
         then as if it had never come.
         """
         outcome = self._process(self._consistency.admit(self._preprocessor.take(frame, odometry)))
-        return outcome._replace(result=self._at_stamp(outcome.result))
+        return outcome._replace(result=outcome.result.seen_from(self._preprocessor.T_middle_stamp))
 
     def _process(self, data: FrameData) -> FrameOutcome:
-        self.last_track = None
+        self.tracking.last = None
         if not self._view.keyframes:
             return self._start(data)
         self._since_keyframe += 1
@@ -82,16 +79,7 @@ class FrontEnd:
         if self._recovery.bad_frames and prediction.by_odometry:
             self._reference = int(nearest_keyframes(self._here, prediction.T_world_cam)[0])
         self._local.select(self._here, self._reference)
-        radius = self._config.tracker.coarse_radius_px
-        coarse = radius if self._coarse_next or not prediction.by_odometry else 0.0
-        track = self._tracker.track(
-            data, self._here, prediction.T_world_cam, self._local.rows, coarse, prediction.information
-        )
-        self.last_track = self._here, track
-        if track.state is not TrackingState.LOST and prediction.by_odometry:
-            track = self._checked(track, prediction.T_world_cam)
-        if track.state is TrackingState.LOST and prediction.by_odometry and not self._recovery.bad_frames:
-            track = self._by_image_alone(data, track)
+        track = self.tracking.track(data, self._here, prediction, tracked_before=not self._recovery.bad_frames)
         if track.state is TrackingState.LOST:
             return self._recover(data, track, prediction.T_world_cam if prediction.by_odometry else None)
         return self._tracked(data, track, self._local.follow(self._here, track.rows))
@@ -137,11 +125,11 @@ class FrontEnd:
         self._motion.update(pair.second, newest.T_world_cam, measured=False)
         self._recovery.over(pair.second)
         self._since_keyframe = 0
-        self._coarse_next = True
+        self.tracking.coarse_next = True
         result = TrackingResult(
             pair.second.stamp_ns, TrackingState.GOOD, None, found, found, True, "map started", newest.map_id
         )
-        return self._at_stamp(self._placed(result, newest.T_world_cam))
+        return result.placed(newest.T_world_cam).seen_from(self._preprocessor.T_middle_stamp)
 
     def refused(self, reason: str) -> None:
         """The mapper could not make a map of the proposed pair."""
@@ -150,22 +138,8 @@ class FrontEnd:
         else:
             self._bootstrap.refused(reason)
 
-    def _at_stamp(self, result: TrackingResult) -> TrackingResult:
-        """Inside, poses are those of the image's middle row; outside, of its stamp, the start of its first row."""
-        T = self._preprocessor.T_middle_stamp
-        local = None if result.T_map_cam is None else result.T_map_cam @ T
-        return result._replace(T_world_cam=None if result.T_world_cam is None else local, T_map_cam=local)
-
     def _enter(self, view: MapView, map_id: int) -> None:
         self._view, self._here, self._map_id = view, view.part(map_id), map_id
-
-    def _placed(self, result: TrackingResult, T_map_cam: SE3) -> TrackingResult:
-        """A result with a pose in the map it belongs to; a pose in another map than the first one is none in the
-        world."""
-        if result.map_id == 0:
-            return result._replace(T_world_cam=T_map_cam, T_map_cam=T_map_cam)
-        reason = f"in map {result.map_id}, not yet joined with the first one"
-        return result._replace(state=TrackingState.LOST, T_world_cam=None, T_map_cam=T_map_cam, reason=reason)
 
     def statistics(self) -> SlamStatistics:
         """The run so far."""
@@ -177,31 +151,9 @@ class FrontEnd:
         result = TrackingResult(data.stamp_ns, TrackingState.NOT_INITIALISED, None, 0, 0, False, reason)
         return FrameOutcome(result, start=pair)
 
-    def _checked(self, track: Track, by_odometry: SE3) -> Track:
-        """A pose far from where odometry moved the last one is a mistake, not a measurement."""
-        if self._recovery.bad_frames:
-            return track
-        step = float(np.linalg.norm(track.T_world_cam.translation - by_odometry.translation))
-        turn = track.T_world_cam.rotation_angle_to(by_odometry)
-        if step < MAX_STEP_M and turn < MAX_STEP_RAD:
-            return track
-        reason = f"contradicts odometry by {step:.2f} m and {np.degrees(turn):.1f} deg"
-        return track._replace(state=TrackingState.LOST, reason=reason)
-
-    def _by_image_alone(self, data: FrameData, track: Track) -> Track:
-        """Where the camera went on as before, the frame as tracked without odometry, which is wrong then; else the
-        track as it was."""
-        prediction = self._motion.predict(data._replace(T_odom_base=None))
-        rows, radius = self._local.rows, self._config.tracker.coarse_radius_px
-        seen = self._tracker.track(data, self._here, prediction.T_world_cam, rows, radius, prediction.information)
-        if seen.state is TrackingState.LOST or not _is_sure(seen):
-            return track
-        self.last_track = self._here, seen
-        return seen
-
     def _tracked(self, data: FrameData, track: Track, reference: int) -> FrameOutcome:
         self._motion.update(data, track.T_world_cam, measured=True)
-        if _is_sure(track):
+        if is_sure(track):
             change = self._consistency.compare(track.T_world_cam)
             if change:
                 self._event(data.stamp_ns, "gap", change)
@@ -210,7 +162,7 @@ class FrontEnd:
             self.record.relocalizations += self._map_id == 0
             self._event(data.stamp_ns, "relocalised", f"{len(track.rows)} points of the map found again{where}")
         self._recovery.over(data)
-        self._reference, self._coarse_next = reference, track.state is not TrackingState.GOOD
+        self._reference, self.tracking.coarse_next = reference, track.state is not TrackingState.GOOD
         self.record.tracked(data.stamp_ns, track, len(self._view.points), self._map_id == 0)
         added = not data.blurred and becomes_keyframe(
             self._config.keyframes, self._local.linked or self._here, track, reference, self._since_keyframe
@@ -221,7 +173,7 @@ class FrontEnd:
             data.stamp_ns, track.state, None, searched, found, added, track.reason, self._map_id, None, self._corrected
         )
         self._corrected = False
-        return FrameOutcome(self._placed(result, track.T_world_cam), request=request)
+        return FrameOutcome(result.placed(track.T_world_cam), request=request)
 
     def _request(self, data: FrameData, track: Track) -> KeyFrameRequest:
         self._since_keyframe = 0
@@ -248,15 +200,11 @@ class FrontEnd:
         request = None
         if by_odometry is not None:
             self._motion.update(data, by_odometry, measured=False)
-            if (
-                not data.blurred
-                and recovery.is_lost
-                and recovery.bridges(data, self._here, by_odometry, self._since_keyframe)
-            ):
+            if recovery.bridges(data, self._here, by_odometry, self._since_keyframe):
                 self._event(data.stamp_ns, "bridged", "keyframe placed by odometry alone")
                 self._consistency.bridge()
                 request = self._request(data, nothing_tracked(track.reason, by_odometry))
-        self._coarse_next = True
+        self.tracking.coarse_next = True
         self.record.missed(data.stamp_ns)
         trusted = by_odometry if not recovery.carried and self._map_id == 0 else None
         state = TrackingState.LOST if recovery.is_lost or self._map_id else TrackingState.DUBIOUS
@@ -275,7 +223,7 @@ class FrontEnd:
         self._enter(self._view, found.map_id)
         self._local.select(self._here, found.reference)
         outcome = self._tracked(data, found.track, found.reference)
-        self._coarse_next = True
+        self.tracking.coarse_next = True
         return outcome
 
     def _new_epoch(self) -> int:
@@ -291,12 +239,8 @@ class FrontEnd:
         return nothing_tracked(reason)
 
     def _gap(self, stamp_ns: int, reason: str) -> None:
-        self._coarse_next = True
+        self.tracking.coarse_next = True
         self._event(stamp_ns, "gap", reason)
 
     def _event(self, stamp_ns: int, kind: str, reason: str) -> None:
         self.events.append(SlamEvent(stamp_ns, kind, reason))
-
-
-def _is_sure(track: Track) -> bool:
-    return len(track.rows) >= SURE_POINTS and track.ratio > SURE_RATIO

@@ -94,13 +94,6 @@ class KeyFrame:
         return self.anchor is None
 
 
-def covisible(keyframes: tuple[KeyFrame, ...] | list[KeyFrame], rows: IntArray, n_points: int) -> IntArray:
-    """(K,) how many of the given points each keyframe sees."""
-    wanted = np.zeros(n_points, np.bool_)
-    wanted[rows] = True
-    return np.array([np.count_nonzero(wanted[k.observations.rows]) for k in keyframes], np.int64)
-
-
 class PointObservers:
     """Who may have seen which points: keyframe indices by blocks of successive rows, which are of one place. Asking
     costs as much as there are keyframes at that place, however large the map is."""

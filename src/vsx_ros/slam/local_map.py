@@ -8,7 +8,7 @@ import numpy as np
 from vsx_ros.arrays import IntArray
 from vsx_ros.config import KeyframeConfig
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.slam.map import MapView
+from vsx_ros.slam.map_view import MapView
 from vsx_ros.slam.state import TrackingState
 from vsx_ros.slam.tracker import Track
 

@@ -11,7 +11,8 @@ from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.keyframe import KeyFrame
 from vsx_ros.slam.local_map import nearest_keyframes
-from vsx_ros.slam.map import Map, MapView
+from vsx_ros.slam.map import Map
+from vsx_ros.slam.map_view import MapView
 from vsx_ros.slam.place_recognition import PlaceRecognizer, Recognition, is_certain, is_sure
 from vsx_ros.slam.pose_graph import LoopClosure
 from vsx_ros.slam.tracker import Tracker
@@ -185,13 +186,3 @@ def path_lengths(world: Map) -> FloatArray:
 def _depth(world: Map, T_world_cam: SE3, rows: IntArray) -> FloatArray:
     here = world.points[rows] - T_world_cam.translation
     return np.maximum(here @ T_world_cam.rotation[:, 2], 1e-6)
-
-
-def neighbourhood(world: Map, view: MapView, keyframe: KeyFrame) -> IntArray:
-    """Points (rows) seen by a keyframe and the living ones of its map around it."""
-    here = view.part(keyframe.map_id)
-    near = nearest_keyframes(here, keyframe.T_world_cam)[:8]
-    seen = np.zeros(world.count, np.bool_)
-    for k in (keyframe.id, *near.tolist()):
-        seen[world.keyframes[k].observations.rows] = True
-    return np.flatnonzero(seen & world.alive)

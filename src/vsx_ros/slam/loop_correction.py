@@ -6,16 +6,15 @@ they have seen points of their own.
 
 import numpy as np
 
-from vsx_ros.arrays import IntArray, Pixels
+from vsx_ros.arrays import IntArray
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.slam.keyframe import KeyFrame
-from vsx_ros.slam.loop_closing import is_metric, neighbourhood, path_lengths, same_points
-from vsx_ros.slam.map import Map, MapView
+from vsx_ros.slam.local_map import nearest_keyframes
+from vsx_ros.slam.loop_closing import is_metric, path_lengths, same_points
+from vsx_ros.slam.map import Map
+from vsx_ros.slam.map_points import find_unseen
 from vsx_ros.slam.point_creation import observations_at
 from vsx_ros.slam.pose_graph import LoopClosure, move_keyframes, optimize_pose_graph
 from vsx_ros.slam.state import SlamEvent
-from vsx_ros.slam.tracker import predicted
-from vsx_ros.vision.patch_search import Predictions, find_patches
 
 
 def correct_loops(world: Map, closures: list[LoopClosure], around: list[int]) -> SlamEvent:
@@ -23,7 +22,8 @@ def correct_loops(world: Map, closures: list[LoopClosure], around: list[int]) ->
     points. Returns what was done."""
     last = closures[-1]
     older, newer = world.keyframes[last.older], world.keyframes[last.newer]
-    known = neighbourhood(world, world.view(), older)
+    around_older = nearest_keyframes(world.view().part(older.map_id), older.T_world_cam)[:8]
+    known = world.seen_by([older.id, *around_older.tolist()])
     if older.map_id == newer.map_id:
         way = path_lengths(world)
         length = way[last.newer] - way[last.older]
@@ -49,7 +49,7 @@ def _join(world: Map, closure: LoopClosure) -> None:
     world.join(newer.map_id, world.keyframes[closure.older].map_id)
 
 
-RADIUS_PX, REACH = 6.0, 2
+RADIUS_PX = 6.0
 
 
 def fuse(world: Map, keyframes: list[int], rows: IntArray) -> int:
@@ -57,7 +57,7 @@ def fuse(world: Map, keyframes: list[int], rows: IntArray) -> int:
     become these. Returns the number of points fused."""
     votes: dict[tuple[int, int], int] = {}
     view = world.view()
-    found_in = {k: _find(world.keyframes[k], view, rows) for k in keyframes}
+    found_in = {k: find_unseen(world.keyframes[k], view, rows, RADIUS_PX) for k in keyframes}
     for k, (predictions, uv) in found_in.items():
         mine_and_known = same_points(world.keyframes[k], predictions.rows, uv, predictions.level)
         for mine, known in zip(*(rows.tolist() for rows in mine_and_known)):
@@ -74,14 +74,3 @@ def fuse(world: Map, keyframes: list[int], rows: IntArray) -> int:
         keyframe = world.keyframes[k]
         world.observe(k, observations_at(keyframe.data, keyframe.T_world_cam, world.points, *seen))
     return len(old)
-
-
-def _find(keyframe: KeyFrame, view: MapView, rows: IntArray) -> tuple[Predictions, Pixels]:
-    """Where the points appear in a keyframe that does not see them yet."""
-    wanted = rows[view.alive[rows] & ~np.isin(rows, keyframe.observations.rows)]
-    expected = predicted(keyframe.data.camera, keyframe.T_world_cam.inverse(), view, wanted)
-    templates = view.templates
-    found, uv = find_patches(
-        keyframe.data.pyramid, keyframe.data.corners, templates.patches, templates.offset, expected, RADIUS_PX, REACH
-    )
-    return expected.take(found), uv[found]

@@ -1,41 +1,20 @@
-"""Keyframes and points. The Map belongs to the mapper; everybody else gets immutable views."""
+"""Keyframes and points, as the mapper, whose they are, changes them; everybody else gets views."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points3
+from vsx_ros.arrays import BoolArray, IntArray, Points3
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.slam.keyframe import Anchor, FrameData, KeyFrame, Observations, PointObservers, covisible
-from vsx_ros.slam.templates import NewTemplates, Templates, TemplateStore, grown
+from vsx_ros.slam.keyframe import Anchor, FrameData, KeyFrame, Observations, PointObservers
+from vsx_ros.slam.map_view import MapView
+from vsx_ros.slam.templates import NewTemplates, TemplateStore, grown
 
 _ENOUGH_DEPTHS = 5
-
-
-class MapView(NamedTuple):
-    """The map at one instant, for the tracker. living (L,): indices of the keyframes that are not culled; depths (K,):
-    their median scene depths, 1 where unknown. points (P, 3) world, alive (P,), source (P,): keyframe they were made
-    in. Indices and rows never change meaning."""
-
-    version: int
-    keyframes: tuple[KeyFrame, ...]
-    living: IntArray
-    R_world_cam: FloatArray
-    centres: Points3
-    depths: FloatArray
-    points: Points3
-    alive: BoolArray
-    source: IntArray
-    templates: Templates
-
-    def part(self, map_id: int) -> MapView:
-        """The same with the keyframes of one map alone among the living."""
-        inside = np.array([self.keyframes[int(k)].map_id == map_id for k in self.living], np.bool_)
-        return self._replace(living=self.living[inside])
 
 
 class Map:
@@ -49,7 +28,7 @@ class Map:
         self._observers = PointObservers()
         self.count = 0
         self._columns: list[NDArray[Any]] = [np.zeros((1024, 3)), np.zeros(1024, np.bool_), np.zeros(1024, np.int64)]
-        self._templates = TemplateStore()
+        self.templates = TemplateStore()
 
     @staticmethod
     def resumed(view: MapView) -> Map:
@@ -63,7 +42,7 @@ class Map:
             world._observers.add(k, keyframe.observations.rows)
         world.count = len(view.points)
         world._columns = [view.points.copy(), view.alive.copy(), view.source.copy()]
-        world._templates = TemplateStore.resumed(view.templates)
+        world.templates = TemplateStore.resumed(view.templates)
         return world
 
     @property
@@ -97,14 +76,9 @@ class Map:
         self._columns = [grown(column, self.count) for column in self._columns]
         for column, new in zip(self._columns, (points_world, True, source)):
             column[rows] = new
-        self._templates.add_points(len(rows))
-        self.add_templates(rows, templates, source)
+        self.templates.add_points(len(rows))
+        self.templates.add(rows, templates, source)
         return rows
-
-    def add_templates(self, rows: IntArray, templates: NewTemplates, source: int) -> None:
-        """Let points (rows) also be looked for as keyframe ``source`` shows them; the oldest look but the first
-        gives way."""
-        self._templates.add(rows, templates, source)
 
     def observe(self, index: int, more: Observations) -> None:
         """Add observations to a keyframe."""
@@ -189,9 +163,18 @@ class Map:
 
     def covisible(self, rows: IntArray) -> IntArray:
         """(K,) how many of the points (rows) each keyframe sees."""
-        observers, shared = self.observers(rows), np.zeros(len(self.keyframes), np.int64)
-        shared[observers] = covisible([self.keyframes[k] for k in observers], rows, self.count)
+        wanted, shared = np.zeros(self.count, np.bool_), np.zeros(len(self.keyframes), np.int64)
+        wanted[rows] = True
+        for k in self.observers(rows):
+            shared[k] = np.count_nonzero(wanted[self.keyframes[k].observations.rows])
         return shared
+
+    def seen_by(self, indices: list[int]) -> IntArray:
+        """Rows of the points in the map that any of the keyframes sees."""
+        mask = np.zeros(self.count, np.bool_)
+        for k in indices:
+            mask[self.keyframes[k].observations.rows] = True
+        return np.flatnonzero(mask & self.alive)
 
     def seen(self, rows: IntArray) -> IntArray:
         """(P,) how many keyframes see each of the points (rows); fewer than do, or none, for other points."""
@@ -256,14 +239,5 @@ class Map:
             self.points.copy(),
             self.alive.copy(),
             self.source.copy(),
-            self.templates(),
+            self.templates.view(),
         )
-
-    def templates(self) -> Templates:
-        """All templates, for searching."""
-        return self._templates.view()
-
-
-def empty_view() -> MapView:
-    """The view of a map with nothing in it."""
-    return Map().view()

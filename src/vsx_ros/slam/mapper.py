@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsx_ros.arrays import BoolArray, FloatArray, IntArray
+from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.config import SlamConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
@@ -16,26 +16,18 @@ from vsx_ros.slam.culling import cull_redundant
 from vsx_ros.slam.keyframe import FrameData, Observations
 from vsx_ros.slam.loop_closing import LoopDetector
 from vsx_ros.slam.loop_correction import correct_loops
-from vsx_ros.slam.map import Map, MapView
+from vsx_ros.slam.map import Map
+from vsx_ros.slam.map_points import MapPoints
+from vsx_ros.slam.map_view import MapView
 from vsx_ros.slam.point_creation import (
-    Candidates,
-    TargetMatches,
-    candidates_in,
-    match_in_target,
     observations_at,
-    templates_in,
-    templates_of,
 )
 from vsx_ros.slam.state import SlamEvent
-from vsx_ros.slam.tracker import predicted
 from vsx_ros.slam.two_view_reconstruction import InitialPair, TwoViewReconstruction
 from vsx_ros.vision.corners import dense_corners
-from vsx_ros.vision.patch_search import find_patches
 
-REFIND_RADIUS_PX, REFIND_REACH = 4.0, 2
 # The whole map is adjusted when it has grown by so many keyframes and that share: the work per keyframe stays the same.
 GLOBAL_EVERY, GLOBAL_GROWTH = 8, 0.1
-NEW_TEMPLATE = 0.006
 VETO_OBSERVATIONS, VETO_AGE, VETO_SIGMAS = 100, 3, 6.0
 BASELINES = (0.07, 0.025, 0.12, 0.045)
 
@@ -63,6 +55,7 @@ class Mapper:
     def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, config: SlamConfig, world: Map) -> None:
         self.map = world
         self._config, self._culling = config.mapper, config.culling
+        self._points = MapPoints(world, config.mapper)
         self._reconstruction = TwoViewReconstruction(camera, config.initialization)
         self._adjuster = BundleAdjuster(camera, T_base_cam, config.wheels)
         self._since_global = 0
@@ -80,11 +73,11 @@ class Mapper:
         world.odom_epoch = pair.odom_epoch
         first = world.add_keyframe(_with_dense_corners(pair.first), start.poses[0], Observations.none(), map_id)
         second = world.add_keyframe(_with_dense_corners(pair.second), start.poses[1], Observations.none(), map_id)
-        self._enter(first, second, pair.candidates, start.matches)
+        self._points.enter(first, second, pair.candidates, start.matches)
         for k in (first, second):
             world.update_depth(k)
         self._adjuster.adjust(world, [second], 20)
-        self._make_points(second, [first])
+        self._points.make(second, [first])
         self._adjuster.adjust(world, [second], 20)
         world.version += 1
         return world.view()
@@ -99,19 +92,19 @@ class Mapper:
         world.odom_epoch = request.odom_epoch
         seen = request.rows[keep], request.uv[keep], request.level[keep]
         observed = observations_at(request.data, pose, world.points, *seen)
-        self._cull(request.searched, request.found)
+        self._points.remove_unfound(request.searched, request.found)
         observed = observed.where(world.alive[observed.rows])
         index = world.add_keyframe(_with_dense_corners(request.data), pose, observed, reference.map_id)
         neighbours = self.neighbours(index, self._config.window_keyframes)
-        self._refind([index], self._points_of(neighbours))
-        created = self._make_points(index, self._targets(index, neighbours))
-        self._refind(neighbours, created)
+        self._points.refind([index], world.seen_by(neighbours))
+        created = self._points.make(index, self._targets(index, neighbours))
+        self._points.refind(neighbours, created)
         before = list(world.keyframes), world.points.copy(), world.alive.copy()
         self._adjuster.adjust(world, self._movable([index, *neighbours]), self._config.local_iterations)
         if self._contradicts_odometry(index):
             world.keyframes[:], world.points[:], world.alive[:] = before
             self._place_by_odometry(index)
-        self._renew_templates(index)
+        self._points.renew_templates(index)
         self._since_global += 1
         self._correct_loops(index, neighbours)
         cull_redundant(world, neighbours, self._culling)
@@ -193,60 +186,6 @@ class Mapper:
                 chosen.append(min(left, key=lambda k: abs(math.log(offset[k] / depth / wanted))))
         return chosen
 
-    def _points_of(self, indices: list[int]) -> IntArray:
-        mask = np.zeros(self.map.count, np.bool_)
-        for k in indices:
-            mask[self.map.keyframes[k].observations.rows] = True
-        return np.flatnonzero(mask & self.map.alive)
-
-    def _refind(self, indices: list[int], rows: IntArray) -> None:
-        """Look for points in keyframes that have not seen them."""
-        if not len(rows):
-            return
-        view = self.map.view()
-        known = view.templates
-        for index in indices:
-            data, pose = self.map.keyframes[index].data, self.map.keyframes[index].T_world_cam
-            unseen = rows[~np.isin(rows, self.map.keyframes[index].observations.rows)]
-            expected = predicted(data.camera, pose.inverse(), view, unseen)
-            found, uv = find_patches(
-                data.pyramid, data.corners, known.patches, known.offset, expected, REFIND_RADIUS_PX, REFIND_REACH
-            )
-            self._observe(index, expected.rows[found], uv[found], expected.level[found])
-
-    def _observe(self, index: int, rows: IntArray, uv: FloatArray, level: IntArray) -> None:
-        world, keyframe = self.map, self.map.keyframes[index]
-        world.observe(index, observations_at(keyframe.data, keyframe.T_world_cam, world.points, rows, uv, level))
-
-    def _make_points(self, index: int, targets: list[int]) -> IntArray:
-        """Triangulate new points of a keyframe with each target in turn; returns their rows."""
-        keyframe = self.map.keyframes[index]
-        candidates, depth = candidates_in(keyframe, self._config.max_points_per_keyframe), keyframe.median_depth or 1.0
-        rows = []
-        for k in targets:
-            if not len(candidates.uv):
-                break
-            matches = match_in_target(
-                self.map.keyframes[index],
-                self.map.keyframes[k],
-                candidates,
-                (0.15 * depth, 8.0 * depth),
-                math.radians(self._config.min_parallax_deg),
-            )
-            rows.append(self._enter(index, k, candidates, matches))
-            left = np.ones(len(candidates.uv), np.bool_)
-            left[matches.chosen] = False
-            candidates = candidates.where(left)
-        return np.concatenate(rows) if rows else np.zeros(0, np.int64)
-
-    def _enter(self, source: int, target: int, candidates: Candidates, matches: TargetMatches) -> IntArray:
-        world = self.map
-        rows = world.add_points(matches.points_world, templates_of(candidates, matches.chosen), source)
-        chosen = matches.chosen
-        self._observe(source, rows, candidates.uv[chosen], candidates.level[chosen])
-        self._observe(target, rows, matches.uv, matches.level)
-        return rows
-
     def _contradicts_odometry(self, index: int) -> bool:
         """Whether the step from the previous keyframe is beyond what odometry can have got wrong, and few points
         that the map has known for a while vouch for it (many do when the wheels slip)."""
@@ -267,28 +206,6 @@ class Mapper:
         world.remove_points(np.flatnonzero(world.alive & (world.source == index)))
         world.forget(index, np.ones(len(world.keyframes[index].observations.rows), np.bool_))
         world.move_keyframe(index, world.keyframes[before].T_world_cam @ factor.T_a_b)
-
-    def _renew_templates(self, index: int) -> None:
-        """Points seen here from a direction or distance that none of their templates comes near get one more."""
-        world, keyframe = self.map, self.map.keyframes[index]
-        rows = keyframe.observations.rows
-        known = world.templates()
-        here = world.points[rows] - keyframe.T_world_cam.translation
-        centres = np.array([k.T_world_cam.translation for k in world.keyframes])
-        numbers = known.of_point[rows]
-        there = world.points[rows][:, None] - centres[known.source[numbers]]
-        here2, there2 = (here**2).sum(axis=1)[:, None], (there**2).sum(axis=2)
-        cosine = (here[:, None] * there).sum(axis=2) / np.sqrt(here2 * there2)
-        unlike = 2.0 * (1.0 - cosine) + 0.05 * np.log(there2 / here2) ** 2
-        unlike[numbers < 0] = np.inf
-        chosen, more = templates_in(keyframe, np.flatnonzero(unlike.min(axis=1, initial=np.inf) > NEW_TEMPLATE))
-        world.add_templates(rows[chosen], more, index)
-
-    def _cull(self, searched: IntArray, found: IntArray) -> None:
-        """Remove points the tracker keeps looking for in vain."""
-        n = min(len(searched), self.map.count)
-        bad: BoolArray = (searched[:n] >= 8) & (found[:n] < 0.25 * searched[:n]) & self.map.alive[:n]
-        self.map.remove_points(np.flatnonzero(bad))
 
 
 def _with_dense_corners(data: FrameData) -> FrameData:

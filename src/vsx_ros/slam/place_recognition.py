@@ -14,7 +14,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.geometry.projection import unproject_pixels
 from vsx_ros.slam.keyframe import FrameData, KeyFrame, Observations
 from vsx_ros.slam.local_map import LocalMap
-from vsx_ros.slam.map import MapView
+from vsx_ros.slam.map_view import MapView
 from vsx_ros.slam.tracker import Track, Tracker
 from vsx_ros.vision.descriptors import Features, describe, match
 from vsx_ros.vision.patch_search import kernel_camera

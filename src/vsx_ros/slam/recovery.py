@@ -9,7 +9,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.initialization import Initializer
 from vsx_ros.slam.keyframe import FrameData
 from vsx_ros.slam.local_map import nearest_keyframes
-from vsx_ros.slam.map import MapView
+from vsx_ros.slam.map_view import MapView
 from vsx_ros.slam.motion_model import MotionModel
 from vsx_ros.slam.relocalization import ExpectedPose, PoseTolerance, Relocalization, Relocalizer
 from vsx_ros.slam.tracker import Tracker
@@ -94,8 +94,10 @@ class Recovery:
         return None if isinstance(outcome, str) else outcome
 
     def bridges(self, data: FrameData, view: MapView, by_odometry: SE3, since_keyframe: int) -> bool:
-        """Whether odometry shall place a keyframe: the image shows something and the base moves, so that what is in
-        view becomes a map again."""
+        """Whether odometry shall place a keyframe: the camera is lost, the image shows something and the base moves, so
+        that what is in view becomes a map again."""
+        if not self.is_lost or data.blurred:
+            return False
         if self.carried or len(data.corners.positions) < ENOUGH_CORNERS or since_keyframe < BRIDGE_GAP_FRAMES:
             return False
         if self._base_stood(data):

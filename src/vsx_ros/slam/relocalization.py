@@ -11,7 +11,7 @@ from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.keyframe import FrameData
 from vsx_ros.slam.local_map import LocalMap, nearest_keyframes
-from vsx_ros.slam.map import MapView
+from vsx_ros.slam.map_view import MapView
 from vsx_ros.slam.motion_model import MotionModel
 from vsx_ros.slam.place_recognition import PlaceRecognizer, Recognition, is_certain, is_sure, occupied_cells
 from vsx_ros.slam.state import TrackingState

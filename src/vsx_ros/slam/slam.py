@@ -9,7 +9,8 @@ from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.slam.frontend import FrontEnd
-from vsx_ros.slam.map import Map, MapView
+from vsx_ros.slam.map import Map
+from vsx_ros.slam.map_view import MapView
 from vsx_ros.slam.mapper import Mapper
 from vsx_ros.slam.slam_map import SlamMap
 from vsx_ros.slam.snapshot import MapSnapshot, snapshot

@@ -7,7 +7,8 @@ import numpy as np
 from vsx_ros.errors import CalibrationError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.slam.map import Map, MapView
+from vsx_ros.slam.map import Map
+from vsx_ros.slam.map_view import MapView
 
 _SAME = 1e-6
 

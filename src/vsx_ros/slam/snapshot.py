@@ -9,7 +9,7 @@ from vsx_ros.arrays import GrayImage, IntArray, Pixels, Points3
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.keyframe import Observations
-from vsx_ros.slam.map import MapView
+from vsx_ros.slam.map_view import MapView
 from vsx_ros.slam.tracker import Track
 
 

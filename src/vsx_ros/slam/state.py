@@ -1,5 +1,7 @@
 """What the SLAM says about itself: per frame, per event, per run."""
 
+from __future__ import annotations
+
 from enum import Enum
 from typing import NamedTuple
 
@@ -54,6 +56,18 @@ class TrackingResult(NamedTuple):
     map_id: int = 0
     T_map_cam: SE3 | None = None
     corrected: bool = False
+
+    def placed(self, T_map_cam: SE3) -> TrackingResult:
+        """The same with a pose in the map it belongs to; one in another map than the first is none in the world."""
+        if self.map_id == 0:
+            return self._replace(T_world_cam=T_map_cam, T_map_cam=T_map_cam)
+        reason = f"in map {self.map_id}, not yet joined with the first one"
+        return self._replace(state=TrackingState.LOST, T_world_cam=None, T_map_cam=T_map_cam, reason=reason)
+
+    def seen_from(self, T_cam_there: SE3) -> TrackingResult:
+        """The same with the poses of another moment; T_cam_there: the camera then, seen from the camera now."""
+        there = None if self.T_map_cam is None else self.T_map_cam @ T_cam_there
+        return self._replace(T_world_cam=None if self.T_world_cam is None else there, T_map_cam=there)
 
 
 class SlamEvent(NamedTuple):

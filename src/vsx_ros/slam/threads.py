@@ -9,7 +9,7 @@ import threading
 from collections import deque
 
 from vsx_ros.robot import Frame, Odometry
-from vsx_ros.slam.map import MapView
+from vsx_ros.slam.map_view import MapView
 from vsx_ros.slam.mapper import KeyFrameRequest
 from vsx_ros.slam.slam import TrackerAndMapper
 from vsx_ros.slam.snapshot import TrackedFeatures, tracked_features
@@ -57,7 +57,7 @@ class ThreadedSlam(TrackerAndMapper):
 
     def tracked_features(self) -> TrackedFeatures | None:
         """The points looked for in the newest frame, None where there were none; from the thread that tracks."""
-        last = self._front.last_track
+        last = self._front.tracking.last
         return None if last is None else tracked_features(self._camera, *last)
 
     def close(self) -> None:

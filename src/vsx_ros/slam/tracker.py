@@ -11,7 +11,7 @@ from vsx_ros.kernels.geometry.projection import predict, project_rows
 from vsx_ros.kernels.slam.pose import optimize_pose
 from vsx_ros.kernels.slam.tracking import count_hidden
 from vsx_ros.slam.keyframe import FrameData
-from vsx_ros.slam.map import MapView
+from vsx_ros.slam.map_view import MapView
 from vsx_ros.slam.state import TrackingState
 from vsx_ros.vision.patch_search import Predictions, WarpedTemplates, find_patches, search_templates, warped_templates
 
@@ -93,33 +93,19 @@ class Tracker:
         expected pose is known, per axis of the camera's tangent; None without odometry.
         """
         pull = np.zeros(6) if information is None else information
-        pose = T_world_cam.inverse()
+        pose, radius = T_world_cam.inverse(), self._config.fine_radius_px
         expected = predicted(data.camera, pose, view, candidates)
-        radius = self._config.fine_radius_px
-        if coarse_radius_px > 0:
-            coarse = self._coarse(data, view, pose, expected, coarse_radius_px, pull)
-            if coarse is not None:
-                pose, radius = coarse, 0.5 * radius
-                expected = predicted(data.camera, pose, view, candidates)
+        coarse = self._coarse(data, view, pose, expected, coarse_radius_px, pull) if coarse_radius_px > 0 else None
+        if coarse is not None:
+            pose, radius = coarse, 0.5 * radius
+            expected = predicted(data.camera, pose, view, candidates)
         expected = self._choose(expected)
-        templates = warped_templates(view.templates.patches, view.templates.offset, expected)
-        found, uv = search_templates(data.pyramid, data.corners, templates, expected.level, expected.uv, radius)
-        fit = optimized(data, pose, view, expected, found, uv, pull, FIRST)
-        counted = np.ones(len(uv), np.bool_)
-        # Where odometry holds the pose, points that are no corners in this image need none to lead to them.
-        if np.count_nonzero(fit.weights) >= MIN_FIRST or pull.any():
-            fit, uv, counted = self._again(data, view, fit, expected, templates, uv, pull)
-        kept = fit.weights > 0
-        searched, pose = expected.rows[counted], fit.T_cam_world
-        depth = view.points[expected.rows] @ pose.rotation[2] + pose.translation[2]
-        state, reason = self._judge(
-            int(np.count_nonzero(kept)), len(searched), len(data.corners.positions), bool(pull.any())
-        )
-        if data.blurred:
-            state = TrackingState.LOST if state is TrackingState.LOST else TrackingState.DUBIOUS
-            reason = "; ".join(filter(None, ["the image is blurred", reason]))
+        fit, uv, counted = self._fine(data, view, pose, expected, radius, pull)
+        kept, searched, T_cam_world = fit.weights > 0, expected.rows[counted], fit.T_cam_world
+        state, reason = self._judge(data, int(kept.sum()), len(searched), bool(pull.any()))
+        depth = view.points[expected.rows] @ T_cam_world.rotation[2] + T_cam_world.translation[2]
         return Track(
-            fit.T_cam_world.inverse(),
+            T_cam_world.inverse(),
             state,
             expected.rows[kept],
             uv[kept],
@@ -158,6 +144,18 @@ class Tracker:
         order = order[np.argsort(-expected.level[order], kind="stable")]
         return expected.take(np.sort(order[: self._config.max_points]))
 
+    def _fine(
+        self, data: FrameData, view: MapView, pose: SE3, expected: Predictions, radius: float, pull: FloatArray
+    ) -> tuple[PoseEstimate, Pixels, BoolArray]:
+        """Pose from all of the expected: (the pose, uv (S, 2), which of them (S,) are in the image after all)."""
+        templates = warped_templates(view.templates.patches, view.templates.offset, expected)
+        found, uv = search_templates(data.pyramid, data.corners, templates, expected.level, expected.uv, radius)
+        fit = optimized(data, pose, view, expected, found, uv, pull, FIRST)
+        # Where odometry holds the pose, points that are no corners in this image need none to lead to them.
+        if np.count_nonzero(fit.weights) >= MIN_FIRST or pull.any():
+            return self._again(data, view, fit, expected, templates, uv, pull)
+        return fit, uv, np.ones(len(uv), np.bool_)
+
     def _again(
         self,
         data: FrameData,
@@ -168,8 +166,7 @@ class Tracker:
         uv: Pixels,
         pull: FloatArray,
     ) -> tuple[PoseEstimate, Pixels, BoolArray]:
-        """Search what the first pose does not explain once more around it: (better pose, uv (S, 2), which of the
-        expected (S,) are in the image after all)."""
+        """Search what the first pose does not explain once more around it; the same for the better pose."""
         kept, pose = fit.weights > 0, fit.T_cam_world
         where, inside = project_rows(
             data.camera, pose.rotation, pose.translation, view.points, expected.rows, MARGIN_PX
@@ -181,7 +178,15 @@ class Tracker:
         fit = optimized(data, pose, view, expected, kept | found, uv, pull, SECOND)
         return fit, uv, kept | inside
 
-    def _judge(self, found: int, searched: int, corners: int, guided: bool) -> tuple[TrackingState, str]:
+    def _judge(self, data: FrameData, found: int, searched: int, guided: bool) -> tuple[TrackingState, str]:
+        """A blurred image makes no good pose."""
+        state, reason = self._judge_sharp(found, searched, len(data.corners.positions), guided)
+        if not data.blurred:
+            return state, reason
+        state = TrackingState.LOST if state is TrackingState.LOST else TrackingState.DUBIOUS
+        return state, "; ".join(filter(None, ["the image is blurred", reason]))
+
+    def _judge_sharp(self, found: int, searched: int, corners: int, guided: bool) -> tuple[TrackingState, str]:
         """A pose that odometry supports needs fewer points, provided that most of them are where they should be."""
         config = self._config
         share = found / max(1, searched)

@@ -1,0 +1,159 @@
+"""The mission's state MAPPING: from view to view while one is worth its way (paper 5.2), away from what is touched, and
+home when asked."""
+
+from vsx_ros.config import Config
+from vsx_ros.exploration.decision import Action, Decision, MissionLog, NavigationState, Outcome, Situation
+from vsx_ros.exploration.home import Home
+from vsx_ros.exploration.recovery import SPOT_TURN, escape_arc
+from vsx_ros.exploration.trail import Trail
+from vsx_ros.exploration.utility import Rejection, View
+from vsx_ros.exploration.view_selector import ExpectedGain, ViewSelector
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.occupancy.grid import OccupancyGrid
+
+_SECOND_NS = 1_000_000_000
+_EMPTY_WAIT_NS = 2 * _SECOND_NS
+_SETTLE_NS, _BRAKE_NS = _SECOND_NS, _SECOND_NS // 2
+_HOME_AGAIN_NS = 5 * _SECOND_NS
+_MOST_BLOCKED = 30
+
+
+class ViewTour:
+    """``decide`` while the map is known. backing_off: whether it drives away from something, back along the trail.
+    has_gone: whether a view was ever driven to, here or in the session before."""
+
+    def __init__(self, config: Config, log: MissionLog, home: Home, trail: Trail, view_selector: ViewSelector) -> None:
+        self._config = config.exploration
+        self._body_m, self._phi_rad_m = config.robot.radius_m, config.planner.phi_rad_m
+        self._log, self._home, self._trail, self._view_selector = log, home, trail, view_selector
+        self._goal: View | None = None
+        self._gain: ExpectedGain | None = None
+        self._stopped_for = ""
+        self._empty_rankings = self._blocked = 0
+        self.backing_off = self.has_gone = False
+
+    def decide(self, now_ns: int, situation: Situation) -> Decision:
+        """Choose a view, wait until it is reached, choose the next."""
+        if not situation.hazard:
+            self._blocked = 0
+        if situation.navigation is NavigationState.ACTIVE:
+            return self._supervise(now_ns, situation)
+        if situation.navigation is NavigationState.ABORTED and (self._goal is not None or self.backing_off):
+            self.give_up_goal(now_ns, self._stopped_for or situation.navigation_reason)
+            self._log.wait_until_ns = now_ns + (_HOME_AGAIN_NS if self._home.asked else _SETTLE_NS)
+            return self._log.answer(Action.WAIT, "coming to rest")
+        if now_ns < self._log.wait_until_ns:
+            return self._log.answer(Action.WAIT, "coming to rest")
+        if situation.hazard:
+            return self._leave(now_ns, situation, situation.hazard)
+        self.backing_off = False
+        if self._home.asked and self._goal is not None:
+            return self._log.finish(now_ns, Outcome.HOME, "returned to the start")
+        if self._goal is not None:
+            self._view_selector.viewpoints.poses.append(self._goal.pose)
+        self.forget_goal()
+        if situation.grid is None or situation.T_map_base is None:
+            return self._log.answer(Action.WAIT, "waiting for the ground map")
+        return self._choose(now_ns, situation, situation.grid, situation.T_map_base)
+
+    def rest(self, now_ns: int, active: bool, reason: str) -> Decision:
+        """Leave the goal, without blame, and come to rest."""
+        self.forget_goal()
+        self.backing_off = False
+        self._log.wait_until_ns = now_ns + _BRAKE_NS
+        self._log.note(now_ns, reason)
+        return self._log.answer(Action.CANCEL if active else Action.WAIT, reason)
+
+    def forget_goal(self) -> None:
+        """Choose anew when it is time to."""
+        self._goal = self._gain = None
+
+    def give_up_goal(self, now_ns: int, reason: str) -> None:
+        """The goal, if there is one, has failed."""
+        if self._goal is not None and self._home.asked:
+            self._log.note(now_ns, self._home.failed(reason))
+        elif self._goal is not None:
+            seconds = self._view_selector.blacklist.add(now_ns, self._goal.pose)
+            self._log.note(now_ns, f"goal given up for {seconds:.0f} s: {reason}")
+        self.forget_goal()
+        self.backing_off = False
+
+    def _supervise(self, now_ns: int, situation: Situation) -> Decision:
+        if situation.hazard and not self.backing_off:
+            if not self._stopped_for:
+                self._stopped_for = situation.hazard
+                self._log.note(now_ns, f"stopping: {situation.hazard}")
+            return self._log.answer(Action.CANCEL, f"stopping: {situation.hazard}")
+        if self._home.asked and self._goal is None and not self.backing_off:
+            return self.rest(now_ns, True, "leaving the goal to drive home")
+        reason = self._gain.why_obsolete(situation.grid) if self._gain and situation.grid is not None else ""
+        return self.rest(now_ns, True, reason) if reason else self._log.on_the_way()
+
+    def _choose(self, now_ns: int, situation: Situation, grid: OccupancyGrid, T_map_base: SE2) -> Decision:
+        if self._home.asked and self._home.pose is not None:
+            if self._home.out_of_reach:
+                return self._log.finish(now_ns, Outcome.STRANDED, self._home.out_of_reach)
+            self._goal = View(self._home.pose, 0.0, 0.0, 0, 0.0)
+            return self._go(now_ns, self._goal.pose, "map", "driving home")
+        views = self._view_selector.rank(now_ns, T_map_base, grid, situation.landmarks_world).views
+        if not views:
+            return self._nothing_left(now_ns, situation, grid)
+        self._empty_rankings, self.has_gone = 0, True
+        self._goal = goal = views[0]
+        self._gain = self._view_selector.expected_gain(goal, grid)
+        return self._go(now_ns, goal.pose, "map", goal.words(self._config.stop_cost_m))
+
+    def _nothing_left(self, now_ns: int, situation: Situation, grid: OccupancyGrid) -> Decision:
+        """No view is worth its way: try again what failed, look from elsewhere; only where all of the ground is within
+        reach, or nothing helps, is it explored."""
+        ranking, blacklist = self._view_selector.ranking, self._view_selector.blacklist
+        why, boxed_in = ranking.why(), ranking.boxed_in()
+        self._empty_rankings += 1
+        self._log.wait_until_ns = now_ns + _EMPTY_WAIT_NS
+        if ranking.rejected[Rejection.BLACKLISTED] and blacklist.release(now_ns):
+            self._log.note(now_ns, f"no other view found ({why}): what was given up is tried again")
+            return self._log.answer(Action.WAIT, "trying again what was given up")
+        if self._empty_rankings > (self._config.retries_boxed_in if boxed_in else self._config.retries_without_view):
+            if boxed_in and not self.has_gone:
+                return self._log.finish(now_ns, Outcome.BOXED_IN, f"no view can be driven to from the start ({why})")
+            return self._log.finish(now_ns, Outcome.EXPLORED, f"no view is worth its way any more ({why})")
+        if boxed_in and self._empty_rankings > self._config.retries_without_view:
+            reason, ahead = f"no view found ({why}): turning to look elsewhere", self._empty_rankings % 2 == 1
+            return self._escape(now_ns, situation, grid, reason, ahead)
+        return self._back_off(now_ns, f"no view found ({why}): looking again from further back")
+
+    def _leave(self, now_ns: int, situation: Situation, hazard: str) -> Decision:
+        """Away from what was touched: along the trail, or, where there is none or it did not help, over free ground."""
+        self._blocked += 1
+        if self._blocked > _MOST_BLOCKED:
+            return self._log.finish(now_ns, Outcome.BLOCKED, f"a hazard that stays: {hazard}")
+        along_trail = self._blocked % 2 == 1 and len(self._trail) > 1
+        if along_trail or situation.grid is None or situation.T_map_base is None:
+            return self._back_off(now_ns, f"backing off: {hazard}")
+        escape = self._escape(now_ns, situation, situation.grid, f"turning away: {hazard}", self._blocked % 4 == 0)
+        self.backing_off = escape.action is Action.GO
+        return escape
+
+    def _escape(self, now_ns: int, situation: Situation, grid: OccupancyGrid, reason: str, ahead: bool) -> Decision:
+        """A short arc ahead or back, so that the camera turns; where all is blocked, back along the trail; without one,
+        and without a hazard, on the spot."""
+        assert situation.T_map_base is not None
+        assert situation.T_odom_base is not None
+        step_m = self._config.backtrack_step_m
+        arc = escape_arc(grid, situation.T_map_base, self._body_m, self._phi_rad_m, step_m, ahead)
+        if arc is None and (len(self._trail) > 1 or situation.hazard):
+            return self._back_off(now_ns, reason)
+        return self._go(now_ns, situation.T_odom_base @ (arc or SPOT_TURN), "odom", reason)
+
+    def _back_off(self, now_ns: int, reason: str) -> Decision:
+        """A step back along the ground just driven: the only way that is surely free."""
+        goal = self._trail.back(self._config.backtrack_step_m)
+        if goal is None:
+            self._log.wait_until_ns = now_ns + _EMPTY_WAIT_NS
+            return self._log.answer(Action.WAIT, "no way back along the trail")
+        self.backing_off = True
+        return self._go(now_ns, goal, "odom", reason)
+
+    def _go(self, now_ns: int, goal: SE2, frame: str, reason: str) -> Decision:
+        self._stopped_for = ""
+        return self._log.go(now_ns, goal, frame, reason)
