@@ -57,7 +57,8 @@ def _worth(views: Views, k: int, frame: FloatArray, x: float, y: float, z: float
     v = K[3] - K[1] * (R[k, 1, 0] * dx + R[k, 1, 1] * dy + R[k, 1, 2] * dz) / depth
     if not (margin <= u < table[0, 2] - margin and margin <= v < table[0, 1] - margin):
         return 0.0
-    return cosine / distance
+    worth: float = cosine / distance
+    return worth
 
 
 @kernel

@@ -163,7 +163,7 @@ def optimize_graph(
     """
     D = NODE_DOF if free_scale else NODE_DOF - 1
     free = np.where(held, -1, np.cumsum(~held) - 1)
-    n = np.count_nonzero(~held)
+    n = int(np.count_nonzero(~held))
     cost = graph_cost(R, t, s, edges)
     if n == 0:
         return R, t, s, cost
