@@ -33,6 +33,22 @@ def _common(words: NDArray[np.uint64], i: int, n: int, out: IntArray) -> None:
 
 
 @kernel
+def _all_common(words: NDArray[np.uint64]) -> tuple[NDArray[np.uint16], FloatArray]:
+    """(N, N) models that two rows both prefer, of the diagonal none; and (N,) how many each prefers."""
+    n = words.shape[1]
+    common, size, count = np.zeros((n, n), np.uint16), np.empty(n), np.empty(n, np.int64)
+    for i in range(n):
+        _common(words, i, i + 1, count)
+        size[i] = count[i]
+        for j in range(i):
+            common[i, j] = count[j]
+    for i in range(n):
+        for j in range(i):
+            common[j, i] = common[i, j]
+    return common, size
+
+
+@kernel
 def _likeness(common: NDArray[np.uint16], size: FloatArray, own: float, out: FloatArray) -> None:
     """out[j]: |i and j| / |i or j| of a row i of size ``own``. Fractions of integers below 2^17 are equal as float64
     where they are equal, and in the same order where they are not."""
@@ -86,6 +102,18 @@ def _compact(
 
 
 @kernel
+def _reconsider(
+    like: FloatArray, n: int, p: int, q: int, bound: FloatArray, nearest: IntArray, stale: BoolArray
+) -> None:
+    """The n rows' nearest after row q was merged into p, which they are ``like``."""
+    for j in range(n):
+        if like[j] > bound[j] or (like[j] == bound[j] and not stale[j] and p <= nearest[j]):
+            nearest[j], stale[j], bound[j] = p, False, like[j]
+        elif nearest[j] == p or nearest[j] == q:
+            stale[j] = True
+
+
+@kernel
 def agglomerate(preferences: NDArray[np.uint64]) -> IntArray:
     """Merge the two clusters of smallest Jaccard distance, intersect their sets, until all are disjoint.
 
@@ -95,20 +123,11 @@ def agglomerate(preferences: NDArray[np.uint64]) -> IntArray:
     looks for the nearest again (stale) only when no other row has a larger one. Rows that are merged, or disjoint to
     all, are taken out from time to time.
     """
-    n = preferences.shape[0]
+    n = live = preferences.shape[0]
     into, row, words = np.arange(n), np.arange(n), preferences.T.copy()
-    common, size, count = np.zeros((n, n), np.uint16), np.empty(n), np.empty(n, np.int64)
-    for i in range(n):
-        _common(words, i, i + 1, count)
-        size[i] = count[i]
-        for j in range(i):
-            common[i, j] = count[j]
-    for i in range(n):
-        for j in range(i):
-            common[j, i] = common[i, j]
+    common, size = _all_common(words)
     nearest, stale = np.full(n, -1), np.ones(n, np.bool_)
-    like, bound = np.empty(n), np.ones(n)
-    live = n
+    like, bound, count = np.empty(n), np.ones(n), np.empty(n, np.int64)
     while True:
         if 4 * live < 3 * n:
             live = n = _compact(words, common, size, bound, nearest, stale, row, n)
@@ -129,11 +148,7 @@ def agglomerate(preferences: NDArray[np.uint64]) -> IntArray:
                 common[j, p] = count[j]
         _likeness(common[p], size[:n], size[p], like)
         if not stale[p]:
-            for j in range(n):
-                if like[j] > bound[j] or (like[j] == bound[j] and not stale[j] and p <= nearest[j]):
-                    nearest[j], stale[j], bound[j] = p, False, like[j]
-                elif nearest[j] == p or nearest[j] == q:
-                    stale[j] = True
+            _reconsider(like, n, p, q, bound, nearest, stale)
         k = _first_largest(like[:n])
         nearest[p], stale[p], bound[p] = k, False, like[k] if k >= 0 else 0.0
         live -= k < 0

@@ -91,11 +91,7 @@ def fit_plane(
         if not (total > 0.0 and scale > 0.0 and determinant > 1e-12 * scale):
             return False, plane, covariance, middle, spread
         right, up = (H[1, 1] * g[0] - H[0, 1] * g[1]) / determinant, (H[0, 0] * g[1] - H[1, 0] * g[0]) / determinant
-        for j in range(3):
-            normal[j] -= right * slopes[0, j] + up * slopes[1, j]
-        length = math.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
-        for j in range(3):
-            normal[j] /= length
+        _tilt(normal, slopes, right, up)
         plane[3] = normal[0] * middle[0] + normal[1] * middle[1] + normal[2] * middle[2]
     if fixed < 1:
         covariance[0, 0], covariance[0, 1], covariance[1, 0] = H[1, 1], -H[0, 1], -H[1, 0]
@@ -106,6 +102,16 @@ def fit_plane(
     for a in range(2):
         spread[a] = math.sqrt(max(0.0, _between(axes[a], scatter, axes[a])) / total)
     return True, plane, covariance, middle, spread
+
+
+@kernel
+def _tilt(normal: FloatArray, slopes: FloatArray, right: float, up: float) -> None:
+    """Tilt a unit normal (3,) in place by small angles, whose slopes (2, 3) are given."""
+    for j in range(3):
+        normal[j] -= right * slopes[0, j] + up * slopes[1, j]
+    length = math.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
+    for j in range(3):
+        normal[j] /= length
 
 
 @kernel

@@ -40,6 +40,38 @@ class Views(NamedTuple):
 
 
 @kernel
+def _worth(views: Views, k: int, frame: FloatArray, x: float, y: float, z: float, half: float, limits: Limits) -> float:
+    """How near and frontal keyframe k sees a cell, 0 where it does not: see ``choose_views``."""
+    R, centres, K, table = views.R, views.centres, views.K, views.table
+    nearest, farthest, grazing, _, _, _, _ = limits
+    dx, dy, dz = centres[k, 0] - x, centres[k, 1] - y, centres[k, 2] - z
+    distance = math.sqrt(dx * dx + dy * dy + dz * dz)
+    if not nearest <= distance <= farthest:
+        return 0.0
+    cosine = (dx * frame[2, 0] + dy * frame[2, 1] + dz * frame[2, 2]) / distance
+    depth = -(R[k, 2, 0] * dx + R[k, 2, 1] * dy + R[k, 2, 2] * dz)
+    if cosine < grazing or depth < 0.5 * distance:
+        return 0.0
+    margin = 1.5 * half * K[0] / depth
+    u = K[2] - K[0] * (R[k, 0, 0] * dx + R[k, 0, 1] * dy + R[k, 0, 2] * dz) / depth
+    v = K[3] - K[1] * (R[k, 1, 0] * dx + R[k, 1, 1] * dy + R[k, 1, 2] * dz) / depth
+    if not (margin <= u < table[0, 2] - margin and margin <= v < table[0, 1] - margin):
+        return 0.0
+    worth: float = cosine / distance
+    return worth
+
+
+@kernel
+def _first_best(worth: FloatArray) -> int:
+    """The first of the largest, -1 when none is positive."""
+    best, first = 0.0, -1
+    for k in range(worth.shape[0]):
+        if worth[k] > best:
+            best, first = worth[k], k
+    return first
+
+
+@kernel
 def choose_views(
     views: Views, frame: FloatArray, x: float, y: float, z: float, half: float, limits: Limits, worth: FloatArray,
     chosen: IntArray,
@@ -50,30 +82,12 @@ def choose_views(
     worth (N,): filled here. limits: nearest, farthest [m], least cosine of incidence, cosines of the least and largest
     parallax and of the least between two views, and 1 - cosine of the parallax from which more is no better.
     """
-    R, centres, K, table = views.R, views.centres, views.K, views.table
-    nearest, farthest, grazing, least, largest, apart, enough = limits
+    centres = views.centres
+    _, _, _, least, largest, apart, enough = limits
     n = centres.shape[0]
-    best, first = 0.0, -1
     for k in range(n):
-        worth[k] = 0.0
-        dx, dy, dz = centres[k, 0] - x, centres[k, 1] - y, centres[k, 2] - z
-        distance = math.sqrt(dx * dx + dy * dy + dz * dz)
-        if not nearest <= distance <= farthest:
-            continue
-        cosine = (dx * frame[2, 0] + dy * frame[2, 1] + dz * frame[2, 2]) / distance
-        if cosine < grazing:
-            continue
-        depth = -(R[k, 2, 0] * dx + R[k, 2, 1] * dy + R[k, 2, 2] * dz)
-        if depth < 0.5 * distance:
-            continue
-        margin = 1.5 * half * K[0] / depth
-        u = K[2] - K[0] * (R[k, 0, 0] * dx + R[k, 0, 1] * dy + R[k, 0, 2] * dz) / depth
-        v = K[3] - K[1] * (R[k, 1, 0] * dx + R[k, 1, 1] * dy + R[k, 1, 2] * dz) / depth
-        if not (margin <= u < table[0, 2] - margin and margin <= v < table[0, 1] - margin):
-            continue
-        worth[k] = cosine / distance
-        if worth[k] > best:
-            best, first = worth[k], k
+        worth[k] = _worth(views, k, frame, x, y, z, half, limits)
+    first = _first_best(worth)
     if first < 0:
         return 0
     chosen[0] = first
@@ -83,10 +97,7 @@ def choose_views(
             worth[k] *= min(1.0, (1.0 - cosine) / enough) if largest <= cosine <= least else 0.0
     count = 1
     while count <= VIEWS:
-        best, following = 0.0, -1
-        for k in range(n):
-            if worth[k] > best:
-                best, following = worth[k], k
+        following = _first_best(worth)
         if following < 0:
             break
         chosen[count] = following

@@ -136,9 +136,24 @@ def _update(front: FloatArray, panel: FloatArray) -> None:
 
 
 @kernel
-def _close_gap(front: FloatArray, s: int, last: int) -> None:
-    """Move the front's rows and columns last..last+5 to s..s+5 and leave zeros there."""
+def _forward(panel: FloatArray, s: int, diagonal: FloatArray, b: FloatArray, carried: FloatArray) -> None:
+    """Overwrite b (6,) with the half-solved values of the frame in place s, and take their share from the front's."""
+    for i in range(6):
+        value = b[i] + carried[s + i]
+        for j in range(i):
+            value -= diagonal[j, i] * b[j]
+        b[i] = value / diagonal[i, i]
+    for i in range(6):
+        for c in range(panel.shape[1]):
+            carried[c] -= panel[i, c] * b[i]
+
+
+@kernel
+def _close_gap(front: FloatArray, carried: FloatArray, s: int, last: int) -> None:
+    """Move the front's rows and columns last..last+5, and what it carries, to s..s+5 and leave zeros there."""
     for a in range(6):
+        carried[s + a] = carried[last + a]
+        carried[last + a] = 0.0
         for c in range(last + a + 1):
             value = front[c, last + a]
             front[c, last + a] = 0.0
@@ -185,19 +200,9 @@ def solve(
                     panel[i, at + j] += blocks[q, i, j]
         if not _factor_rows(panel, s, diagonal[k]):
             return False
-        for i in range(6):
-            value = b[k, i] + carried[s + i]
-            for j in range(i):
-                value -= diagonal[k, j, i] * b[k, j]
-            b[k, i] = value / diagonal[k, i, i]
-        for i in range(6):
-            for c in range(panel.shape[1]):
-                carried[c] -= panel[i, c] * b[k, i]
+        _forward(panel, s, diagonal[k], b[k], carried)
         _update(front, panel)
-        _close_gap(front, s, last)
-        for i in range(6):
-            carried[s + i] = carried[last + i]
-            carried[last + i] = 0.0
+        _close_gap(front, carried, s, last)
         waiting -= 1
         occupant[place[k]] = occupant[waiting]
         place[occupant[waiting]] = place[k]

@@ -117,9 +117,7 @@ def polar_scans(
             low_until = distance * max(0.0, clear_max - camera_z) / (z - camera_z) if z > camera_z else 0.0
             proven = min(proven, low_until)
         free[k, bearing] = max(free[k, bearing], min(proven, max_range))
-    for k in range(free.shape[0]):
-        for b in range(n):
-            free[k, b] = max(min(free[k, b], nearest[k, b]), np.float32(0.0))
+    free = np.maximum(np.minimum(free, nearest), np.float32(0.0))
     return PolarScans(positions, headings, free, nearest, hit, over)
 
 

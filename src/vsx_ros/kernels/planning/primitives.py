@@ -60,6 +60,16 @@ def random_pose(field: DistanceField, open_cells: IntArray, state: NDArray[np.ui
 
 
 @kernel
+def favourable_pose(goal: FloatArray, phi: float, state: NDArray[np.uint64], pose: FloatArray) -> None:
+    """Fill pose (3,): the goal is a straight line, an arc and a straight line away, all drawn and backed out."""
+    d = (0.5 + 2.1 * random_unit(state)) * (1.0 if random_unit(state) < 0.5 else -1.0)
+    direction = 1.0 if random_unit(state) < 0.5 else -1.0
+    x, y, theta = advance(goal[0], goal[1], goal[2], 0.0, -direction * random_unit(state), phi)
+    x, y, theta = advance(x, y, theta, direction * (1.0 if d > 0.0 else -1.0), -direction * abs(d) / phi, phi)
+    pose[0], pose[1], pose[2] = advance(x, y, theta, 0.0, -direction * random_unit(state), phi)
+
+
+@kernel
 def pose_distance(a: FloatArray, b: FloatArray, phi: float, below: float) -> float:
     """How far pose a (3,) is from b (3,) [m], a part of the turn included, unless it is not ``below`` anyway."""
     d: float = math.hypot(a[0] - b[0], a[1] - b[1])
@@ -67,6 +77,16 @@ def pose_distance(a: FloatArray, b: FloatArray, phi: float, below: float) -> flo
         return d
     turn: float = abs(a[2] - b[2]) % (2.0 * math.pi)
     return d + 0.4 / phi * min(turn, 2.0 * math.pi - turn)
+
+
+@kernel
+def _nearest(poses: FloatArray, pose: FloatArray, phi: float) -> int:
+    best, near = np.inf, 0
+    for k in range(poses.shape[0]):
+        d = pose_distance(poses[k], pose, phi, best)
+        if d < best:
+            best, near = d, k
+    return near
 
 
 class Grown(NamedTuple):
@@ -95,23 +115,13 @@ def grow(
         if size >= poses.shape[0]:
             return size, -1
         if random_unit(rng) < _FAVOURABLE:
-            # A state from which goal = straight, arc, straight, by construction: d, a, b drawn, the start backed out.
-            d = (0.5 + 2.1 * random_unit(rng)) * (1.0 if random_unit(rng) < 0.5 else -1.0)
-            direction = 1.0 if random_unit(rng) < 0.5 else -1.0
-            x, y, theta = advance(goal[0], goal[1], goal[2], 0.0, -direction * random_unit(rng), phi)
-            x, y, theta = advance(x, y, theta, direction * (1.0 if d > 0.0 else -1.0), -direction * abs(d) / phi, phi)
-            sample[0], sample[1], sample[2] = advance(x, y, theta, 0.0, -direction * random_unit(rng), phi)
+            favourable_pose(goal, phi, rng, sample)
         else:
             random_pose(field, open_cells, rng, sample)
-        best, near = np.inf, 0
-        for k in range(size):
-            d = pose_distance(poses[k], sample, phi, best)
-            if d < best:
-                best, near = d, k
+        near = _nearest(poses[:size], sample, phi)
         best, bend, sign = np.inf, 0.0, 0.0
         for m in range(2 * BENDS.shape[0]):
-            way = 1.0 if m % 2 == 0 else -1.0
-            kappa = BENDS[m // 2]
+            kappa, way = BENDS[m // 2], 1.0 if m % 2 == 0 else -1.0
             if way < 0.0 and runs[near] + step > max_reverse:
                 continue
             x, y, theta = advance(poses[near, 0], poses[near, 1], poses[near, 2], kappa, way * step, phi)

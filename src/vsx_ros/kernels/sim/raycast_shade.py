@@ -158,6 +158,39 @@ def _level(f: Float32Array, g: Int32Array, n: int, above: np.int32, base: np.int
 
 
 @kernel
+def _level_of_detail(f: Float32Array, bits: Int32Array, n: int, share: np.float32, jitter: np.float32) -> None:
+    """LOD = the wanted mip level of a probe of this share of the major axis, MIX = its fraction, SUM = 0."""
+    for i in range(n):
+        f[LOD + i] = max(max(f[MIX + i], f[LOD + i] * share), F1)
+    for i in range(n):
+        # log2 from the bits of the float: piecewise linear, off by at most 0.09 levels, and continuous.
+        lod = np.float32(bits[LOD + i]) * LOG2_SCALE - LOG2_BIAS
+        lod = max(lod, F0) + max(jitter, F0)
+        f[LOD + i] = lod
+        f[MIX + i] = lod - np.floor(lod)
+        f[SUM + i] = F0
+
+
+@kernel
+def _enlighten(
+    f: Float32Array, g: Int32Array, light: Int32Array, n: int, base: np.int32, nu: np.int32, nv: np.int32,
+    scale: np.float32,
+) -> None:  # fmt: skip
+    """SUM *= scale * bilinear light at (LU, LV) of the light map of nu x nv that begins at ``base``."""
+    top_u, top_v = nu - np.int32(2), nv - np.int32(2)
+    for i in range(n):
+        column = min(np.int32(f[LU + i]), top_u)
+        row = min(np.int32(f[LV + i]), top_v)
+        f[FX + i] = f[LU + i] - np.float32(column)
+        f[FY + i] = f[LV + i] - np.float32(row)
+        g[INDEX + i] = base + row * nu + column
+    for i in range(n):
+        g[TEXEL + i] = light[np.uint32(g[INDEX + i])]
+    for i in range(n):
+        f[SUM + i] *= scale * _blended(f, g, i)
+
+
+@kernel
 def shade(scratch: Scratch, n: int, scene: Scene, k: int, quad: int, jitter: np.float32) -> None:
     """Fill SUM with the radiance of the n listed pixels on a quad, in place k: anisotropic texture times light.
 
@@ -172,15 +205,7 @@ def shade(scratch: Scratch, n: int, scene: Scene, k: int, quad: int, jitter: np.
     probes = max(1, min(MAX_PROBES, int(min(widest, np.float32(64.0)) + HALF)))
     probes = max(1, min(probes, int(min(longest, np.float32(64.0)) + F1)))
     share = F1 / np.float32(probes)
-    for i in range(n):
-        f[LOD + i] = max(max(f[MIX + i], f[LOD + i] * share), F1)
-    for i in range(n):
-        # log2 from the bits of the float: piecewise linear, off by at most 0.09 levels, and continuous.
-        lod = np.float32(bits[LOD + i]) * LOG2_SCALE - LOG2_BIAS
-        lod = max(lod, F0) + max(jitter, F0)
-        f[LOD + i] = lod
-        f[MIX + i] = lod - np.floor(lod)
-        f[SUM + i] = F0
+    _level_of_detail(f, bits, n, share, jitter)
     single = bool(jitter >= F0)
     if not single:
         single = True
@@ -202,14 +227,4 @@ def shade(scratch: Scratch, n: int, scene: Scene, k: int, quad: int, jitter: np.
             _lookup(f, g, tex, n, at)
             for i in range(n):
                 f[SUM + i] += f[MIX + i] * f[VALUE + i]
-    top_u, top_v = nu - np.int32(2), nv - np.int32(2)
-    for i in range(n):
-        column = min(np.int32(f[LU + i]), top_u)
-        row = min(np.int32(f[LV + i]), top_v)
-        f[FX + i] = f[LU + i] - np.float32(column)
-        f[FY + i] = f[LV + i] - np.float32(row)
-        g[INDEX + i] = light_base + row * nu + column
-    for i in range(n):
-        g[TEXEL + i] = light[np.uint32(g[INDEX + i])]
-    for i in range(n):
-        f[SUM + i] *= share * light_scale * _blended(f, g, i)
+    _enlighten(f, g, light, n, light_base, nu, nv, share * light_scale)

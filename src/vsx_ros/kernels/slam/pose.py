@@ -71,6 +71,84 @@ def add_observation(
 
 
 @kernel
+def _undistorted(camera: FloatArray, uv: FloatArray, index: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Pixels (N, 2) from the principal point, freed from distortion, and shares of the readout (N,) of some of uv."""
+    n = index.shape[0]
+    observed, share = np.empty((n, 2)), np.empty(n)
+    for k in range(n):
+        u, v = uv[index[k], 0], uv[index[k], 1]
+        x, y = unproject_pixel(camera, u, v)
+        observed[k, 0], observed[k, 1] = x * camera[0], y * camera[1]
+        share[k] = row_share(camera, v)
+    return observed, share
+
+
+@kernel
+def _solve_with_prior(
+    H: FloatArray, g: FloatArray, prior: FloatArray, variance: float, drift: FloatArray, A: FloatArray,
+    step: FloatArray,
+) -> bool:  # fmt: skip
+    """Fill the step of the normal equations H, g and of a diagonal pull back along the drift so far, which it moves;
+    False where A, filled with their matrix, is singular."""
+    for a in range(6):
+        for b in range(a, 6):
+            A[a, b] = H[a, b]
+        A[a, a] += prior[a] * variance + 1e-9
+        step[a] = g[a] - prior[a] * variance * drift[a]
+    if not factor_in_place(A):
+        return False
+    solve_factored(A, step)
+    for a in range(6):
+        drift[a] += step[a]
+    return True
+
+
+@kernel
+def _residuals(
+    camera: FloatArray, R: FloatArray, t: FloatArray, points: FloatArray, rows: IntArray, level: IntArray,
+    index: IntArray, observed: FloatArray, share: FloatArray, cam: FloatArray, res: FloatArray, squared: FloatArray,
+) -> int:  # fmt: skip
+    """Fill the points in the camera (N, 3), weighted residuals (N, 2) and the squares of those in front of it; how
+    many."""
+    m = 0
+    for i in range(index.shape[0]):
+        p = rows[index[i]]
+        X, Y, Z = points[p, 0], points[p, 1], points[p, 2]
+        for r in range(3):
+            cam[i, r] = R[r, 0] * X + R[r, 1] * Y + R[r, 2] * Z + t[r] - share[i] * camera[15 + r]
+        if cam[i, 2] > 1e-6:
+            weight = 1.0 / (1 << level[index[i]])
+            res[i, 0] = (observed[i, 0] - camera[0] * cam[i, 0] / cam[i, 2]) * weight
+            res[i, 1] = (observed[i, 1] - camera[1] * cam[i, 1] / cam[i, 2]) * weight
+            squared[m] = res[i, 0] * res[i, 0] + res[i, 1] * res[i, 1]
+            m += 1
+    return m
+
+
+@kernel
+def _normal_equations(
+    K: FloatArray, cam: FloatArray, res: FloatArray, level: IntArray, index: IntArray, limit: float,
+    weights: FloatArray, H: FloatArray, g: FloatArray,
+) -> None:  # fmt: skip
+    """Fill H (6, 6; upper triangle), g (6,) and Tukey's weights of the matches, zero from the square ``limit``."""
+    H[:, :] = 0.0
+    g[:] = 0.0
+    for i in range(index.shape[0]):
+        weights[index[i]] = 0.0
+        if cam[i, 2] <= 1e-6:
+            continue
+        e = res[i, 0] * res[i, 0] + res[i, 1] * res[i, 1]
+        if e >= limit:
+            continue
+        root = 1.0 - e / limit
+        weights[index[i]] = root * root
+        weight = 1.0 / (1 << level[index[i]])
+        scale = root * root * weight
+        wu, wv, iz = scale * res[i, 0], scale * res[i, 1], 1.0 / cam[i, 2]
+        add_observation(K, cam[i, 0] * iz, cam[i, 1] * iz, iz, wu, wv, scale * weight, H, g)
+
+
+@kernel
 def optimize_pose(
     camera: FloatArray, R0: FloatArray, t0: FloatArray, points: FloatArray, rows: IntArray, uv: FloatArray,
     level: IntArray, found: BoolArray, prior_information: FloatArray, wide: int, iterations: int, sigma_min: float,
@@ -82,21 +160,9 @@ def optimize_pose(
     [0, 1] (0: outlier or not found), information (6, 6), sigma [px].
     The first ``wide`` iterations keep sigma wide so that a bad start does not reject everything.
     """
-    n = 0
-    for i in range(found.shape[0]):
-        if found[i]:
-            n += 1
-    K = camera[:4]
-    index = np.empty(n, np.int64)
-    observed, share = np.empty((n, 2)), np.empty(n)
-    n = 0
-    for i in range(found.shape[0]):
-        if found[i]:
-            index[n] = i
-            x, y = unproject_pixel(camera, uv[i, 0], uv[i, 1])
-            observed[n, 0], observed[n, 1] = x * K[0], y * K[1]
-            share[n] = row_share(camera, uv[i, 1])
-            n += 1
+    K, index = camera[:4], np.flatnonzero(found)
+    n = index.shape[0]
+    observed, share = _undistorted(camera, uv, index)
     R, t = R0.copy(), t0.copy()
     weights = np.zeros(found.shape[0])
     H, A = np.zeros((6, 6)), np.zeros((6, 6))
@@ -105,46 +171,11 @@ def optimize_pose(
     res, cam = np.empty((n, 2)), np.empty((n, 3))
     sigma = sigma_min
     for iteration in range(iterations):
-        m = 0
-        for i in range(n):
-            p = rows[index[i]]
-            X, Y, Z = points[p, 0], points[p, 1], points[p, 2]
-            for r in range(3):
-                cam[i, r] = R[r, 0] * X + R[r, 1] * Y + R[r, 2] * Z + t[r] - share[i] * camera[15 + r]
-            if cam[i, 2] > 1e-6:
-                weight = 1.0 / (1 << level[index[i]])
-                res[i, 0] = (observed[i, 0] - K[0] * cam[i, 0] / cam[i, 2]) * weight
-                res[i, 1] = (observed[i, 1] - K[1] * cam[i, 1] / cam[i, 2]) * weight
-                squared[m] = res[i, 0] * res[i, 0] + res[i, 1] * res[i, 1]
-                m += 1
+        m = _residuals(camera, R, t, points, rows, level, index, observed, share, cam, res, squared)
         sigma = tukey_sigma(squared, m, max(sigma_min, 3.0) if iteration < wide else sigma_min)
-        limit = TUKEY * TUKEY * sigma * sigma
-        H[:, :] = 0.0
-        g[:] = 0.0
-        for i in range(n):
-            weights[index[i]] = 0.0
-            if cam[i, 2] <= 1e-6:
-                continue
-            e = res[i, 0] * res[i, 0] + res[i, 1] * res[i, 1]
-            if e >= limit:
-                continue
-            root = 1.0 - e / limit
-            weights[index[i]] = root * root
-            weight = 1.0 / (1 << level[index[i]])
-            scale = root * root * weight
-            wu, wv, iz = scale * res[i, 0], scale * res[i, 1], 1.0 / cam[i, 2]
-            add_observation(K, cam[i, 0] * iz, cam[i, 1] * iz, iz, wu, wv, scale * weight, H, g)
-        s2 = sigma * sigma
-        for a in range(6):
-            for b in range(a, 6):
-                A[a, b] = H[a, b]
-            A[a, a] += prior_information[a] * s2 + 1e-9
-            step[a] = g[a] - prior_information[a] * s2 * drift[a]
-        if not factor_in_place(A):
+        _normal_equations(K, cam, res, level, index, TUKEY * TUKEY * sigma * sigma, weights, H, g)
+        if not _solve_with_prior(H, g, prior_information, sigma * sigma, drift, A, step):
             break
-        solve_factored(A, step)
-        for a in range(6):
-            drift[a] += step[a]
         dR, dt = exp_se3(step)
         R, t = compose(dR, dt, R, t)
         if iteration >= wide and np.abs(step).max() < 1e-6:

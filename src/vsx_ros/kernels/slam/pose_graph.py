@@ -162,12 +162,8 @@ def optimize_graph(
     squared error reached. A node that no edge leads to a held one stays where it is.
     """
     D = NODE_DOF if free_scale else NODE_DOF - 1
-    free = np.full(held.shape[0], -1, np.int64)
-    n = 0
-    for k in range(held.shape[0]):
-        if not held[k]:
-            free[k] = n
-            n += 1
+    free = np.where(held, -1, np.cumsum(~held) - 1)
+    n = int(np.count_nonzero(~held))
     cost = graph_cost(R, t, s, edges)
     if n == 0:
         return R, t, s, cost
@@ -176,7 +172,6 @@ def optimize_graph(
     damping = 1e-6
     for _ in range(iterations):
         _assemble(blocks, g, first, start, free, R, t, s, edges)
-        accepted = False
         for _ in range(6):
             factor, step = blocks.copy(), g.copy()
             for k in range(n):
@@ -188,10 +183,9 @@ def optimize_graph(
                 R_new, t_new, s_new = _moved(R, t, s, free, step)
                 reached = graph_cost(R_new, t_new, s_new, edges)
                 if reached <= cost:
-                    accepted = True
                     break
             damping = max(damping, 1e-6) * 10.0
-        if not accepted:
+        else:
             break
         gain = cost - reached
         R, t, s, cost, damping = R_new, t_new, s_new, reached, damping * 0.1

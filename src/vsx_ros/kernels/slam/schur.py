@@ -119,6 +119,16 @@ def _factor_point(V: FloatArray, damping: float, L: FloatArray) -> bool:
 
 
 @kernel
+def _forward(
+    l0: float, l1: float, l2: float, l3: float, l4: float, l5: float, a: float, b: float, c: float
+) -> tuple[float, float, float]:
+    """(a, b, c) divided by a factor of ``_factor_point``."""
+    y0 = a * l0
+    y1 = (b - l1 * y0) * l3
+    return y0, y1, (c - l2 * y0 - l4 * y1) * l5
+
+
+@kernel
 def _members(number: IntArray, obs_frame: IntArray, W: FloatArray, first: int, beyond: int, members: IntArray) -> int:
     """Fill members with the inlying observations of one point in free frames, in the order of elimination."""
     count = 0
@@ -151,17 +161,13 @@ def reduce_points(
             L[p, 0] = np.nan
             continue
         l0, l1, l2, l3, l4, l5 = L[p, 0], L[p, 1], L[p, 2], L[p, 3], L[p, 4], L[p, 5]
-        y0 = gp[p, 0] * l0
-        y1 = (gp[p, 1] - l1 * y0) * l3
-        y2 = (gp[p, 2] - l2 * y0 - l4 * y1) * l5
+        y0, y1, y2 = _forward(l0, l1, l2, l3, l4, l5, gp[p, 0], gp[p, 1], gp[p, 2])
         count = _members(pattern.number, obs_frame, W, obs_start[p], obs_start[p + 1], members)
         for k in range(count):
             o = members[k]
             at[k] = pattern.number[obs_frame[o]]
             for a in range(6):
-                z0 = W[o, 0, a] * l0
-                z1 = (W[o, 1, a] - l1 * z0) * l3
-                z2 = (W[o, 2, a] - l2 * z0 - l4 * z1) * l5
+                z0, z1, z2 = _forward(l0, l1, l2, l3, l4, l5, W[o, 0, a], W[o, 1, a], W[o, 2, a])
                 Z[k, 0, a], Z[k, 1, a], Z[k, 2, a] = z0, z1, z2
                 rhs[at[k], a] -= z0 * y0 + z1 * y1 + z2 * y2
         for m in range(count):

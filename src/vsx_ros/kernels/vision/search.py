@@ -89,8 +89,7 @@ def search(
         scale = 2.0**lv
         x = (uv[s, 0] + 0.5) / scale - 0.5
         y = (uv[s, 1] + 0.5) / scale - 0.5
-        radius = max(1.5, radius_px / scale)
-        best, winner = best_corner(target, lv, x, y, radius, core)
+        best, winner = best_corner(target, lv, x, y, max(1.5, radius_px / scale), core)
         limit = MAX_SHARE * energy + NOISE_FLOOR
         if winner >= 0 and best < limit:
             px, py = target.corners[winner, 0], target.corners[winner, 1]
