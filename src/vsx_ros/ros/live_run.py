@@ -104,6 +104,7 @@ class LiveRun:
         rospy.init_node("run", disable_signals=True, anonymous=True)
         logs.log_without_master()
         master_watch().remember({param.key: param.value for param in self._parent.config.params.values()})
+        master_watch().keep({node.PARAMETERS_SET: True})  # written after all others
         self._zero_pub = rospy.Publisher(topics.COMMAND_SAFETY, Twist, queue_size=1)
 
     def _end(self, log: TextIO) -> None:

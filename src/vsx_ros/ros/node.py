@@ -26,6 +26,9 @@ _LET_GO_S = 5.0
 
 DIE_WITH_PARENT = "VSX_DIE_WITH_PARENT"
 """Environment variable: a node started by a run ends when the run is killed."""
+PARAMETERS_SET = "live_run/parameters_set"
+"""Parameter: the run has put those of all nodes to this master."""
+_PARAMETERS_S = 10.0
 
 
 class Node(Protocol):
@@ -78,11 +81,20 @@ def run(name: str, build: Callable[[Config], Node]) -> None:
 def _start(name: str, build: Callable[[Config], Node]) -> Node:
     rospy.init_node(name, disable_signals=True)
     master_watch()
+    _await_parameters()
     frames.adopt_prefix()
     logs.bridge_logging()
     logs.log_without_master()
     load_plugins()
     return build(configuration())
+
+
+def _await_parameters() -> None:
+    """A node of a live run that is started again may be quicker at a new master than the run, which puts the
+    parameters of all nodes there."""
+    deadline_s = time.monotonic() + _PARAMETERS_S
+    while os.environ.get(DIE_WITH_PARENT) and not rospy.has_param(PARAMETERS_SET) and time.monotonic() < deadline_s:
+        time.sleep(0.05)
 
 
 def _fail(name: str, reason: str, exit_code: int) -> NoReturn:
