@@ -140,7 +140,7 @@ def soaks(rows: Sequence[Row]) -> list[str]:
             f"| {len(of['tracebacks'])} | {len(of['died_by_themselves'])} | {of['collisions']} | {of['path_m']:.0f} m "
             f"| {', '.join(f'{100 * error:.0f} cm' for error in of['error_rms_m'].values())} |"
         )
-    lives = [life for row in rows for life in row.result.get("lives", ())]
+    lives = [life for row in rows for life in row.result["lives"]]
     if lives:
         head = "| process | lives | the longest, since it was warm | its memory then | grew by | keyframes that came |"
         lines += ["", head, "|---|---|---|---|---|---|"]
