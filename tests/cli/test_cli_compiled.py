@@ -36,6 +36,14 @@ def test_after_an_update_it_says_so_and_compiles_once(tmp_path, capfd, stamp_s, 
     assert is_compiled(folder)
 
 
+def test_callers_of_what_has_changed_are_compiled_anew(tmp_path):
+    folder = kernels_of(tmp_path, 50)
+    caller = folder / "__pycache__" / "caller.nbc"
+    caller.write_bytes(b"machine code of before")
+    compile_kernels(folder)
+    assert not caller.exists()
+
+
 def test_a_package_that_no_setup_prepared_is_compiled_too(tmp_path):
     folder = kernels_of(tmp_path, None)
     assert not is_compiled(folder)

@@ -31,10 +31,17 @@ def is_compiled(folder: Path = _FOLDER) -> bool:
 
 
 def compile_kernels(folder: Path = _FOLDER) -> None:
-    """Compile what has changed, saying so. What does not compile says why where it is used."""
+    """Compile all where something has changed, saying so. What does not compile says why where it is used.
+
+    Numba would compile only the kernels of files that have changed, and leave the old code of a kernel in those that
+    call it.
+    """
     if is_compiled(folder):
         return
     print("compiling the kernels, as after each update: up to five minutes", file=sys.stderr, flush=True)
+    for machine_code in folder.rglob("__pycache__/*.nb[ci]"):
+        with contextlib.suppress(OSError):
+            machine_code.unlink()
     command = [sys.executable, "-m", "vsx_ros.kernels.warmup"]
     # In a session of its own: a Ctrl-C reaches this process only, which ends the other one without its traceback.
     compiled = subprocess.run(command, check=False, start_new_session=True).returncode == 0
