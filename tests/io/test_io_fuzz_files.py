@@ -17,7 +17,7 @@ def test_damaged_files_are_read_or_refused(reader):
     ("reader", "number"),
     [
         ("map", 1505), ("map", 1738), ("map", 2556), ("world", 2013), ("world", 4087), ("run folder", 3208),
-        ("run folder", 5093), ("checkpoint", 6776), ("slam map", 4914), ("ros2 sqlite3", 2789),
+        ("run folder", 5062), ("run folder", 5093), ("checkpoint", 6776), ("slam map", 4914), ("ros2 sqlite3", 2789),
         ("ros2 sqlite3 message.zstd", 2430), ("calibration", 2036),
     ],
 )  # fmt: skip

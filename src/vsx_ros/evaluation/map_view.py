@@ -75,7 +75,8 @@ class _Sheet(NamedTuple):
 
     def scale_bar(self, unit: str) -> str:
         width, height = self.high - self.low
-        bar, bottom = ticks(0.0, float(width), 5)[1], height * self.scale
+        bar = ticks(0.0, float(width), 5)[:2][-1]  # one alone where far numbers leave no width
+        bottom = height * self.scale
         return (
             f'<path class="bar" d="M12 {bottom - 12:.1f}h{bar * self.scale:.1f}"/>'
             f'<text x="12" y="{bottom - 18:.1f}">{bar:g} {unit}</text>'
