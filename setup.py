@@ -34,6 +34,7 @@ setup(
         "libusb1>=2",
         "msgspec>=0.18",
         "PyYAML>=5.4",
+        "shtab>=1.7",
     ],
     extras_require={"sweep": ["distributed>=2024.1"]},
 )

@@ -11,6 +11,7 @@ import sys
 import cv2
 import numpy as np
 from ground_map import explored, words
+from msgspec.structs import replace
 from surface_cells import gap_world
 
 from vsx_ros.config import Config
@@ -19,7 +20,7 @@ from vsx_ros.robot import STOP
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.robot import EmulatedRobot
 from vsx_ros.sim.settings import SimulationConfig
-from vsx_ros.sim.world import Material, Table, World, changed
+from vsx_ros.sim.world import Material, Table, World
 from vsx_ros.system import ExplorationSystem
 
 SEED, SECONDS = 100, 40.0
@@ -32,23 +33,23 @@ def world_of(name: str) -> World:
         return gap_world(SEED, "dark")[0]
     lab = generate_world("lab", SEED)
     if name == "posters":
-        same = [changed(poster, material="poster0") for poster in lab.posters]
-        boxes = [changed(box, material="print0") for box in lab.boxes]
-        return changed(lab, posters=same, boxes=boxes)
+        same = [replace(poster, material="poster0") for poster in lab.posters]
+        boxes = [replace(box, material="print0") for box in lab.boxes]
+        return replace(lab, posters=same, boxes=boxes)
     if name == "tables":
         shell, _, _ = gap_world(SEED, "")
         tables = [
             Table(x=x, y=y, yaw_rad=0.3, length=1.0, width=0.6, leg=0.03, material="wood")
             for x, y in ((2.6, 3.4), (4.4, 3.2), (4.6, 1.4))
         ]
-        return changed(shell, boxes=[], posters=[p for p in shell.posters if p.y > 4.9 or p.x < 0.1], tables=tables)
+        return replace(shell, boxes=[], posters=[p for p in shell.posters if p.y > 4.9 or p.x < 0.1], tables=tables)
     plain = Material(kind="plain", brightness=0.6)
     walls = dict.fromkeys(("paint", "wallpaper", "brick"), plain)
     if name == "skirting":
-        return changed(
+        return replace(
             lab, materials=lab.materials | walls | {"skirting": Material(kind="plain", brightness=0.85)}, posters=[]
         )
-    return changed(lab, materials=dict.fromkeys(lab.materials, plain), posters=[])
+    return replace(lab, materials=dict.fromkeys(lab.materials, plain), posters=[])
 
 
 def blank() -> str:

@@ -20,11 +20,10 @@ from typing import NamedTuple
 import numpy as np
 from bundle_problems import CAMERA, MOUNT, K, Problem, building, driven_map, ring
 
-from vsx_ros.config import OdometryNoiseConfig
+from vsx_ros.config.maps import OdometryNoiseConfig
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.slam import bundle
-from vsx_ros.kernels.slam.floor import no_floor
-from vsx_ros.kernels.slam.relative_pose import no_factors
+from vsx_ros.kernels.slam.factors import no_factors, no_floor
 from vsx_ros.kernels.slam.schur import Observations
 from vsx_ros.slam import bundle_adjustment
 from vsx_ros.slam.bundle_adjustment import BundleAdjuster

@@ -15,7 +15,6 @@ import numpy as np
 from scipy.optimize import nnls
 
 from vsx_ros.config import Config
-from vsx_ros.navigation.computing_time import known_m2
 from vsx_ros.navigation.goal_planner import TimedPlan
 from vsx_ros.runs.lockstep import FastRun
 from vsx_ros.runs.world import open_world
@@ -31,7 +30,7 @@ def watched(run: FastRun) -> tuple[list[list[float]], list[list[float]]]:
         before, began = mission.view_selector.ranking, time.process_time()
         decision = decide(*args)
         if mission.view_selector.ranking is not before:
-            rankings.append([1.0, known_m2(system.grid), 1e3 * (time.process_time() - began)])
+            rankings.append([1.0, system.grid.known_area_m2, 1e3 * (time.process_time() - began)])
         return decision
 
     def planned(start, goal, frame):

@@ -24,19 +24,16 @@ from pathlib import Path
 from typing import NamedTuple
 
 import cv2
-import numpy as np
 from nearest_frontier import nearest_frontier
 from tables import RESULTS, rooms_of
 
 from vsx_ros.config import Config
 from vsx_ros.errors import InputError
 from vsx_ros.experiments.campaign import Engine, run_campaign
-from vsx_ros.experiments.exploration import run_whole
 from vsx_ros.experiments.rows import Store
 from vsx_ros.exploration.decision import Action
-from vsx_ros.occupancy.grid import UNKNOWN
-from vsx_ros.runs.exit_codes import STOPPED
-from vsx_ros.runs.lockstep import FastRun
+from vsx_ros.runs.lockstep import STOPPED_BY_OPERATOR, FastRun
+from vsx_ros.runs.process import STOPPED
 from vsx_ros.runs.world import open_world
 
 SAMPLE_S = 5.0
@@ -80,7 +77,9 @@ def explored(task: Exploration, pictures: Path | None = None) -> dict[str, objec
 
     decisions = decisions_of(run)
     cpu_s, wall_s = time.process_time(), time.perf_counter()
-    reason = run_whole(run, task.time_s, watch)
+    reason = run.run(task.time_s, watch)
+    if reason == STOPPED_BY_OPERATOR:
+        raise KeyboardInterrupt  # half a run is no result
     cpu_s, wall_s = time.process_time() - cpu_s, time.perf_counter() - wall_s
     if pictures is not None and run.system.grid is not None:
         pictures.mkdir(parents=True, exist_ok=True)
@@ -144,9 +143,8 @@ def decisions_of(run: FastRun) -> list[tuple[float, int, float, float]]:
         decision = decide(now_ns, *others)
         cost_ms = 1e3 * (time.process_time() - begun)
         if decision.action is Action.GO and system.grid is not None:
-            known_m2 = float(np.count_nonzero(system.grid.data != UNKNOWN)) * system.grid.resolution**2
             keyframes = len(system.slam.snapshot().keyframe_ids)
-            rows.append((round(known_m2, 1), keyframes, round(cost_ms), round(memory_mb())))
+            rows.append((round(system.grid.known_area_m2, 1), keyframes, round(cost_ms), round(memory_mb())))
         return decision
 
     system._decide = timed

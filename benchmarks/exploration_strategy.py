@@ -176,7 +176,8 @@ class Run:
         self._config, self._judge, self._landmarks = config, MapJudge(world, config), Landmarks(world, seed)
         self._planner, self._rng = Planner(config.planner, config.robot), np.random.default_rng(seed)
         planner = self._planner
-        self._mission = Mission(config, lambda a, grid: lambda poses: planner.travel_costs(a, grid, poses), rank)
+        self._mission = Mission(config, lambda a, grid: lambda poses: planner.travel_costs(a, grid, poses))
+        self._mission.view_selector._rank = rank
         self._ground = GroundMap(config.ground_map, config.robot)
         self._grid: OccupancyGrid | None = None
         self._points = np.zeros((0, 3))
@@ -227,7 +228,7 @@ class Run:
         if frame == "odom" or self._grid is None:
             plan = self._planner.plan_blind(self._pose, goal)
         else:
-            visibility = Visibility.of(self._points, config.planner)
+            visibility = Visibility(self._points, config.planner)
             plan = self._planner.plan(self._pose, goal, self._grid, self._rng, visibility)
         if isinstance(plan, Refusal):
             self._stop(NavigationState.ABORTED, plan.reason)

@@ -24,8 +24,8 @@ from exploring_robot import begin, home, new_stack, ready
 from tables import RESULTS, rooms_of
 
 from vsx_hw.errors import DeviceError
-from vsx_hw.kinect import wire
-from vsx_hw.kinect.protocol import FLAG_START, HEADER_BYTES
+from vsx_hw.kinect import socket_transport as wire
+from vsx_hw.kinect.packets import FLAG_START, HEADER_BYTES
 from vsx_ros.experiments.rows import Store
 
 FAULTS = ("unplugged", "off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent")
@@ -104,27 +104,28 @@ class FaultyCable:
 
     def _spoil(self, body: bytes) -> bytes:
         """The packets as this cable passes them on; nothing when it swallows them."""
-        start_ns, packets, lengths = wire.decode_packets(body)
+        start_ns, packets = wire.decode_packets(body)
         since_s = time.monotonic() - self.since_s
-        for packet, length in zip(packets, lengths):
+        for k, packet in enumerate(packets):
             if packet[3] == FLAG_START:
                 self._frame, self._row = self._frame + 1, 0
-            data = packet[HEADER_BYTES:length]
+            header, data = packet[:HEADER_BYTES], packet[HEADER_BYTES:]
             if self.fault == "stuck":
-                data[:] = np.frombuffer(self._picture.get(self._row, data.tobytes()), np.uint8)
+                data = self._picture.get(self._row, data)
             elif self.fault == "garbage":
-                data[:] = self._rng.integers(0, 256, len(data), np.uint8)
+                data = self._rng.bytes(len(data))
             elif self.fault == "wrong":
-                data[:] = 0
+                data = bytes(len(data))
             else:
-                self._picture[self._row] = data.tobytes()
+                self._picture[self._row] = data
+            packets[k] = header + data
             self._row += 1
         silent = (
             self.fault == "off"
             or (self.fault == "slow" and self._frame % SLOW)
             or (self.fault == "intermittent" and since_s % (ON_S + OFF_S) < OFF_S)
         )
-        return b"" if silent else wire.encode_packets(start_ns, packets, lengths)
+        return b"" if silent else wire.encode_packets(start_ns, packets)
 
 
 def _send(late: queue.Queue[tuple[float, bytes, bytes]], driver: socket.socket) -> None:

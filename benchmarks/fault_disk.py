@@ -33,8 +33,8 @@ import yaml
 from tables import RESULTS, rooms_of
 
 from vsx_ros.experiments.rows import Store
+from vsx_ros.io.map_export import read_ply
 from vsx_ros.io.map_file import load_map
-from vsx_ros.io.ply_file import read_ply
 from vsx_ros.io.sealed_archive import unseal
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import read_journal

@@ -30,7 +30,7 @@ def stop_path() -> bool:
     """Whether whoever asks the master that answers now can stop the base."""
     import rosgraph
 
-    from vsx_ros.ros.registrations import answers_at
+    from vsx_ros.ros.calls import answers_at
 
     master = rosgraph.Master("/fault_master")
     try:

@@ -16,8 +16,7 @@ from collections.abc import Callable
 import numpy as np
 from tables import RESULTS, rooms_of
 
-from vsx_hw.bases import BASES, base_driver
-from vsx_hw.emulators import base_emulator
+from vsx_hw.bases import BASES, base_driver, base_emulator
 from vsx_hw.kinect.driver import KinectCamera
 from vsx_hw.kinect.emulator import KinectEmulator
 from vsx_hw.kinect.socket_transport import SocketTransport
@@ -87,26 +86,25 @@ class Base:
                 self.supervisor.command("navi", 0.2, 0.0, time.monotonic_ns())
 
     def inject(self, fault: str) -> None:
-        faults = self.emulator.faults
         if fault == "off":
-            faults.paused = True
+            self.emulator.paused = True
         elif fault == "stuck":
             self.wheels.stuck = self.wheels.read()
         elif fault == "garbage":
-            faults.garbage_rate = 1.0
+            self.emulator.garbage_rate = 1.0
         elif fault == "wrong":
             self.wheels.scale = 1.3
         elif fault == "delayed":
-            faults.report_delay_ns = faults.command_delay_ns = 200_000_000
+            self.emulator.report_delay_ns = self.emulator.command_delay_ns = 200_000_000
         elif fault in ("slow", "intermittent"):
             on_s, off_s = (0.02, 0.1) if fault == "slow" else (0.4, 0.6)
             threading.Thread(target=self.interrupt, args=(on_s, off_s), daemon=True).start()
 
     def interrupt(self, on_s: float, off_s: float) -> None:
         while not self.closing.is_set():
-            self.emulator.faults.paused = True
+            self.emulator.paused = True
             time.sleep(off_s)
-            self.emulator.faults.paused = False
+            self.emulator.paused = False
             time.sleep(on_s)
 
 
@@ -159,12 +157,12 @@ def camera_fault(fault: str, path: str) -> str:
     camera = KinectCamera(lambda: SocketTransport(path), "camera", images.append)
     with KinectEmulator(path) as emulator, camera:
         until(lambda: emulator.streaming, 5.0)
-        emulator.faults.drop_rate = {"garbage": 1.0 / 81, "intermittent": 0.0}.get(fault, 0.0)
-        emulator.faults.silent = fault == "off"
+        emulator.drop_rate = {"garbage": 1.0 / 81, "intermittent": 0.0}.get(fault, 0.0)
+        emulator.silent = fault == "off"
         black = np.zeros_like(picture)
         period_s = 0.1 if fault == "slow" else 1 / 30
         for k in range(round(2.0 / period_s)):
-            emulator.faults.silent = fault == "off" or (fault == "intermittent" and k // 15 % 2 == 1)
+            emulator.silent = fault == "off" or (fault == "intermittent" and k // 15 % 2 == 1)
             late_s = 0.3 if fault == "delayed" else 0.0
             shown = {"wrong": black, "stuck": picture}.get(fault, np.roll(picture, k))
             emulator.send_frame(shown, time.time_ns() - round(late_s * 1e9))

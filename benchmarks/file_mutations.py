@@ -16,8 +16,7 @@ from pathlib import Path
 import lz4.frame
 import numpy as np
 
-from vsx_ros.io.array_chunks import array_bytes, array_of
-from vsx_ros.io.sealed_archive import seal, unseal
+from vsx_ros.io.sealed_archive import array_bytes, array_of, seal, unseal
 
 Mutation = Callable[[random.Random, bytes], bytes]
 

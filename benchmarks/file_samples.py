@@ -13,28 +13,25 @@ from rosbags.typesys import Stores, get_typestore
 
 from vsx_ros.config import Config
 from vsx_ros.experiments.rows import Store
-from vsx_ros.exploration.saved_mission import SavedMission
+from vsx_ros.exploration.decision import SavedMission
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.geometry.se3 import SE3
-from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.calibration_file import write_calibration
-from vsx_ros.io.ply_file import write_ply
+from vsx_ros.io.map_export import write_ply
 from vsx_ros.kernels.vision.patches import PATCH
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import Odometry
 from vsx_ros.runs.checkpoint import CheckpointData
 from vsx_ros.runs.folder import FrameRecord, RunFolder
 from vsx_ros.runs.journal import ClockLine, FrameLine, Journal, RunEvent, TruthLine, flat
-from vsx_ros.slam.keyframe import FrameData, Observations
+from vsx_ros.slam.keyframe import FrameData, NewTemplates, Observations
 from vsx_ros.slam.map import Map
-from vsx_ros.slam.slam_map import SlamMap
+from vsx_ros.slam.snapshot import SlamMap
 from vsx_ros.slam.state import TrackingResult, TrackingState
-from vsx_ros.slam.templates import NewTemplates
 from vsx_ros.vision.corners import CornerDetector
 from vsx_ros.vision.patch_search import kernel_camera, moving
-from vsx_ros.vision.pyramid import build_pyramid
-from vsx_ros.vision.small_image import small_image
+from vsx_ros.vision.pyramid import build_pyramid, small_image
 
 CAMERA = PinholeCamera(160, 120, 130.1, 131.7, 80.3, 59.9, (0.1, -0.2, 0.001, -0.002, 0.3))
 ROS1, ROS2 = get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.ROS2_HUMBLE)

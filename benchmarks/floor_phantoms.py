@@ -5,8 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from planes import Face, faces_of
 
-from vsx_ros.evaluation.coverage import metres_to
-from vsx_ros.evaluation.obstacles import TOLERANCE_M, on_truth
+from vsx_ros.evaluation.map_quality import TOLERANCE_M, metres_to, on_truth
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid

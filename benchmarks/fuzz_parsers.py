@@ -24,10 +24,9 @@ from vsx_hw.create.driver import STREAM_PACKETS
 from vsx_hw.create.protocol import METRES_PER_TICK as CREATE_METRES_PER_TICK
 from vsx_hw.create.protocol import StreamParser as CreateParser
 from vsx_hw.create.protocol import encode_stream_frame
-from vsx_hw.kinect.assembler import FrameAssembler
-from vsx_hw.kinect.emulator import packetize
-from vsx_hw.kobuki.framing import encode_frame
-from vsx_hw.kobuki.protocol import METRES_PER_TICK
+from vsx_hw.kinect.packets import PACKET_BYTES, FrameAssembler, packetize
+from vsx_hw.kobuki.feedback import METRES_PER_TICK
+from vsx_hw.kobuki.protocol import encode_frame
 from vsx_hw.kobuki.stream import StreamParser as KobukiParser
 
 CHUNK = 4096
@@ -172,39 +171,42 @@ def fuzz_kinect(size: int, seed: int) -> str:
     while fed < size:
         picture = rng.integers(0, 256, (480, 640), np.uint8)
         pictures[frames % 4] = picture
-        packets, lengths = packetize(picture, 2_000_000 * frames, sequence)
-        sequence, frames = (sequence + len(lengths)) % 256, frames + 1
+        packets = packetize(picture, 2_000_000 * frames, sequence)
+        sequence, frames = (sequence + len(packets)) % 256, frames + 1
         for _ in range(int(rng.integers(0, 3))):
-            damage(rng, packets, lengths)
-        order = np.arange(len(lengths))
+            damage(rng, packets)
+        order = np.arange(len(packets))
         if rng.random() < 0.2:
             order = np.delete(order, rng.integers(0, len(order), 3))
         if rng.random() < 0.1:
             order = np.insert(order, int(rng.integers(0, len(order))), order[: int(rng.integers(1, 9))])
         for rows in np.array_split(order, int(rng.integers(1, 12))):
-            for whole in assembler.feed(0, packets[rows], lengths[rows]):
+            for whole in assembler.feed(0, [packets[row] for row in rows]):
                 assert whole.image.shape == (480, 640)
-        fed += int(lengths.sum())
+        fed += sum(map(len, packets))
     for k in range(3):
-        packets, lengths = packetize(pictures[0], k, sequence)
-        sequence = (sequence + len(lengths)) % 256
-        last = assembler.feed(0, packets, lengths)
+        packets = packetize(pictures[0], k, sequence)
+        sequence = (sequence + len(packets)) % 256
+        last = assembler.feed(0, packets)
     assert len(last) == 1
     assert np.array_equal(last[0].image, pictures[0])
     return f"kinect: {fed} bytes, {dict(assembler.counters)}"
 
 
-def damage(rng: np.random.Generator, packets: np.ndarray, lengths: np.ndarray) -> None:
-    row = int(rng.integers(0, len(lengths)))
+def damage(rng: np.random.Generator, packets: list[bytes]) -> None:
+    row = int(rng.integers(0, len(packets)))
+    packet = packets[row].ljust(PACKET_BYTES, b"\0")
     kind = int(rng.integers(0, 4))
     if kind == 0:
-        packets[row, : int(rng.integers(1, 12))] = rng.integers(0, 256)
+        count = int(rng.integers(1, 12))
+        packet = bytes((int(rng.integers(0, 256)),)) * count + packet[count : len(packets[row])]
     elif kind == 1:
-        lengths[row] = rng.integers(0, 1921)
+        packet = packet[: int(rng.integers(0, PACKET_BYTES + 1))]
     elif kind == 2:
-        packets[row, 3] = rng.choice((0x81, 0x82, 0x85))
+        packet = packet[:3] + rng.choice((b"\x81", b"\x82", b"\x85")) + packet[4 : len(packets[row])]
     else:
-        packets[row] = rng.integers(0, 256, packets.shape[1])
+        packet = rng.bytes(len(packets[row]))
+    packets[row] = packet
 
 
 def main() -> None:

@@ -20,7 +20,7 @@ import usb1
 
 from vsx_hw.kinect.driver import KinectCamera
 from vsx_hw.kinect.emulator import KinectBoard, KinectEmulator
-from vsx_hw.kinect.protocol import PACKET_BYTES
+from vsx_hw.kinect.packets import PACKET_BYTES
 from vsx_hw.kinect.socket_transport import SocketTransport
 from vsx_hw.kinect.usb_transport import PACKETS, VIDEO_ENDPOINT, UsbTransport
 
@@ -59,10 +59,10 @@ class Transfer:
         )
         self.iterISO = kept.iterISO
 
-    def fill(self, slots: list[np.ndarray]) -> None:
+    def fill(self, slots: list[bytes]) -> None:
         for k, slot in enumerate(slots):
             self._descriptors[k].actual_length = len(slot)
-            self._bytes[k, : len(slot)] = slot
+            self._bytes[k, : len(slot)] = np.frombuffer(slot, np.uint8)
 
     def getStatus(self) -> int:  # noqa: N802 - usb1's name
         return int(usb1.TRANSFER_COMPLETED)
@@ -77,18 +77,15 @@ def read_usb(seconds: float) -> None:
     images: list[int] = []
     camera = KinectCamera(lambda: None, "camera", lambda image: images.append(image.stamp_ns))
     transport = object.__new__(UsbTransport)
-    transport._packets = np.zeros((PACKETS, PACKET_BYTES), np.uint8)
-    transport._lengths = np.zeros(PACKETS, np.int64)
     transport._handler, transport._in_flight = camera._on_packets, 1
     board, transfer = KinectBoard(), Transfer()
     picture = np.random.default_rng(0).integers(0, 256, (480, 640), np.uint8)
-    slots: list[np.ndarray] = []
+    slots: list[bytes] = []
     cpu_s, frames = 0.0, 0
     while frames < 30 * seconds or len(slots) >= PACKETS:
         if len(slots) < PACKETS:
-            packets, lengths = board.packets(picture ^ np.uint8(frames & 1), 2_000_000 * frames)
-            slots += [packet[:length] for packet, length in zip(packets, lengths)]
-            slots += [packets[0, :0]] * (SLOTS_PER_FRAME - len(lengths))
+            packets = board.packets(picture ^ np.uint8(frames & 1), 2_000_000 * frames)
+            slots += packets + [b""] * (SLOTS_PER_FRAME - len(packets))
             frames += 1
         transfer.fill(slots[:PACKETS])
         del slots[:PACKETS]

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from vsx_ros.exploration.frontiers import find_frontiers
+from vsx_ros.exploration.unknown_ground import find_frontiers
 from vsx_ros.exploration.utility import Ranking, RankingInput, Rejection, View, traversable_cells
 from vsx_ros.geometry.se2 import SE2
 

@@ -15,8 +15,8 @@ import cv2
 import numpy as np
 
 from vsx_ros.config import Config
-from vsx_ros.dense.jlinkage import cluster
 from vsx_ros.dense.plane_finding import PlaneFinder, observed_points
+from vsx_ros.dense.plane_tiles import cluster
 from vsx_ros.dense.planes import Plane, PlaneKind
 from vsx_ros.robot import STOP
 from vsx_ros.sim.generate import generate_world

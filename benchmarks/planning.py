@@ -21,12 +21,11 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.warmup import warm_up
 from vsx_ros.planning.coarse_path import shortest_word
 from vsx_ros.planning.connect import connect
-from vsx_ros.planning.feasibility import feasible
 from vsx_ros.planning.path import Path, Plan, Trajectory
 from vsx_ros.planning.planner import Planner
+from vsx_ros.planning.planners import UnconstrainedPlanner
 from vsx_ros.planning.time_scaling import time_scale
-from vsx_ros.planning.two_level_qp import connect_paper
-from vsx_ros.planning.unconstrained import UnconstrainedPlanner
+from vsx_ros.planning.two_level_qp import connect_paper, feasible
 
 PHIS = [0.5, 1.0, 2.0]
 

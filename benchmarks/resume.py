@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from tables import RESULTS, rooms_of
 
-from vsx_ros.cli.reproduce import seeds
+from vsx_ros.cli.option_values import seeds
 from vsx_ros.experiments.campaign import Engine, run_campaign
 from vsx_ros.experiments.rows import Store
 from vsx_ros.runs.journal import FrameLine, read_journal

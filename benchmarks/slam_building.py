@@ -5,12 +5,13 @@ import math
 from pathlib import Path
 
 import numpy as np
+from msgspec.structs import replace
 from slam_drives import CLEAR_M, Drive, Leg, clearest_start, kept, record
 
-from vsx_ros.sim.decorate import decorated, random_materials, wall_material
 from vsx_ros.sim.generate import HEIGHT_M, ceiling_lights, generate_world
+from vsx_ros.sim.interior import decorated, random_materials, wall_material
 from vsx_ros.sim.settings import BodySettings, SimulationConfig
-from vsx_ros.sim.world import Box, Origin, Outline, Point, Start, Wall, World, changed
+from vsx_ros.sim.world import Box, Origin, Outline, Point, Start, Wall, World
 
 WIDTH_M, DEPTH_M = 40.0, 25.0
 ROOM_M, CORRIDOR_M, WALL_M = 2.5, 2.0, 0.12
@@ -131,6 +132,6 @@ def laps_drive(seed: int, keep: Path | None) -> Drive | None:
         clearance, start = clearest_start(world, laps_legs())
         if clearance < CLEAR_M:
             return None
-        return record(changed(world, start=start), seed, laps_legs(), SimulationConfig(frame_rate_hz=RATE_HZ))
+        return record(replace(world, start=start), seed, laps_legs(), SimulationConfig(frame_rate_hz=RATE_HZ))
 
     return kept(f"laps_{seed}", keep, make)

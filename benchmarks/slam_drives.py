@@ -78,7 +78,7 @@ def seconds_to_frames(seconds: float) -> int:
 
 def driven(start: SE2, leg: Leg, share: float) -> SE2:
     """Where the leg leads after a share of it."""
-    return start @ SE2.exp(share * leg.length_m, 0.0, share * leg.turn_rad)
+    return start @ SE2.exp(share * leg.length_m, share * leg.turn_rad)
 
 
 def course(legs: list[Leg]) -> np.ndarray:

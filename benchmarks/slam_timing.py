@@ -10,10 +10,9 @@ from slam_accuracy import SLAM, TRACKED, Row, note
 from slam_drives import Drive, tour_drive
 
 from vsx_ros.robot import Frame, Odometry
-from vsx_ros.ros.sensor_sync import SensorSync
-from vsx_ros.slam.slam import SequentialSlam
+from vsx_ros.ros.slam_input import SensorSync
+from vsx_ros.slam.slam import SequentialSlam, ThreadedSlam
 from vsx_ros.slam.state import TrackingResult
-from vsx_ros.slam.threads import ThreadedSlam
 
 LIVE_S, LIVE_HZ = 60.0, 30.0
 COMPARED, SMALL_MAP = 150, 100

@@ -54,28 +54,28 @@ def command_squares(base: Base) -> None:
 
 def base_fault(base: Base, rng: random.Random) -> None:
     """One fault of a second or two; unplugging and power cycles lose motion, the others must not."""
-    faults = base.emulator.faults
+    emulator = base.emulator
     kind = rng.randrange(4)
     if kind == 0:
-        faults.drop_rate = faults.garbage_rate = 0.001
+        emulator.drop_rate = emulator.garbage_rate = 0.001
         time.sleep(2.0)
-        faults.drop_rate = faults.garbage_rate = 0.0
+        emulator.drop_rate = emulator.garbage_rate = 0.0
     elif kind == 1:
-        faults.paused = True
+        emulator.paused = True
         time.sleep(0.3)
-        faults.paused = False
+        emulator.paused = False
     elif kind == 2:
         base.supervisor.hold = "soak: standing for the cable"
         time.sleep(0.5)
-        base.emulator.unplug()
+        emulator.unplug()
         time.sleep(0.5)
-        base.emulator.replug()
+        emulator.replug()
         until(lambda: base.driver.status().connected, 10.0)
         base.supervisor.hold = ""
     else:
-        faults.command_delay_ns = 100_000_000
+        emulator.command_delay_ns = 100_000_000
         time.sleep(1.0)
-        faults.command_delay_ns = 0
+        emulator.command_delay_ns = 0
 
 
 def stream(emulator: KinectEmulator, closing: threading.Event, rng: random.Random, faulty: bool) -> None:
@@ -85,7 +85,7 @@ def stream(emulator: KinectEmulator, closing: threading.Event, rng: random.Rando
         if closing.wait(1 / 30):
             return
         if faulty and k % 300 == 299:
-            emulator.faults.drop_rate = rng.choice((0.0, 0.001))
+            emulator.drop_rate = rng.choice((0.0, 0.001))
         if faulty and k % 1800 == 1799:
             emulator.unplug()
         emulator.send_frame(picture ^ np.uint8(k & 1), time.time_ns())

@@ -138,13 +138,13 @@ class Faults:
             time.sleep(1.0)
             base.replug()
         elif what == "silence":
-            base.faults.paused = True
+            base.paused = True
             time.sleep(1.0)
-            base.faults.paused = False
+            base.paused = False
         else:
-            base.faults.drop_rate = base.faults.garbage_rate = 0.001
+            base.drop_rate = base.garbage_rate = 0.001
             time.sleep(2.0)
-            base.faults.drop_rate = base.faults.garbage_rate = 0.0
+            base.drop_rate = base.garbage_rate = 0.0
 
     def _node(self, name: str) -> None:
         self._stack.kill(name)

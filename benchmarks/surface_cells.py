@@ -17,16 +17,17 @@ import time
 from typing import NamedTuple
 
 import numpy as np
+from msgspec.structs import replace
 
 from vsx_ros.config import Config
 from vsx_ros.dense.densify import DenseMap, Densifier
 from vsx_ros.dense.planes import PlaneKind
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import STOP
-from vsx_ros.sim.decorate import decorated
 from vsx_ros.sim.generate import generate_world
+from vsx_ros.sim.interior import decorated
 from vsx_ros.sim.robot import EmulatedRobot
-from vsx_ros.sim.world import Box, Material, Poster, Start, World, changed, obstacle_segments
+from vsx_ros.sim.world import Box, Material, Poster, Start, World, obstacle_segments
 from vsx_ros.slam.snapshot import MapSnapshot
 from vsx_ros.system import ExplorationSystem
 
@@ -48,7 +49,7 @@ def gap_world(seed: int, look: str) -> tuple[World, float, list[tuple[float, flo
     rng = np.random.default_rng([77, seed])
     shell = generate_world("lab", seed)
     corners = [(0.0, 0.0), (6.5, 0.0), (6.5, 5.0), (0.0, 5.0)]
-    outline = changed(shell.outlines[0], points=corners)
+    outline = replace(shell.outlines[0], points=corners)
     x, y, boxes, notices, gaps = 0.8, float(rng.uniform(3.2, 3.6)), [], [], []
     while True:
         length, height = float(rng.uniform(0.6, 1.0)), float(rng.uniform(0.45, 1.0))
@@ -68,12 +69,12 @@ def gap_world(seed: int, look: str) -> tuple[World, float, list[tuple[float, flo
     if look == "dark":
         dark = Material(kind="plain", brightness=0.15)
         materials |= dict.fromkeys(("paint", "wallpaper", "brick", "floor", "skirting"), dark)
-    bare = changed(
+    bare = replace(
         shell, outlines=[outline], walls=[], boxes=boxes, tables=[], cylinders=[], posters=[], materials=materials,
         start=Start(x=1.0, y=1.2, theta_rad=0.5),
     )  # fmt: skip
     world = decorated(rng, bare, 1.2)
-    return changed(world, posters=world.posters + notices), y, gaps[:-1]
+    return replace(world, posters=world.posters + notices), y, gaps[:-1]
 
 
 def explored(world: World, seed: int, limit_s: float) -> Drive:

@@ -8,8 +8,7 @@ import numpy as np
 
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.slam import bundle
-from vsx_ros.kernels.slam.floor import no_floor
-from vsx_ros.kernels.slam.relative_pose import no_factors
+from vsx_ros.kernels.slam.factors import no_factors, no_floor
 from vsx_ros.kernels.slam.schur import Observations
 
 

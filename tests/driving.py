@@ -7,11 +7,9 @@ import numpy as np
 
 from vsx_ros.config import ComputingConfig, Config
 from vsx_ros.control.localization import Localization, LocalizationState
-from vsx_ros.geometry.se2 import SE2
-from vsx_ros.geometry.unicycle import integrate
-from vsx_ros.navigation.computing_time import ComputingTime
+from vsx_ros.geometry.se2 import SE2, integrate
 from vsx_ros.navigation.goal_planner import GoalPlanner
-from vsx_ros.navigation.navigator import Navigator
+from vsx_ros.navigation.navigator import ComputingTime, Navigator
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 from vsx_ros.robot import STOP, Odometry, VelocityCommand
 from vsx_ros.slam.state import TrackingState

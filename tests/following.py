@@ -6,10 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from vsx_ros.config import FollowerConfig, LimitsConfig
-from vsx_ros.control.pose_fusion import PoseFuser
+from vsx_ros.control.localization import Localization
 from vsx_ros.control.trajectory_tracker import FollowStatus, TrajectoryTracker
-from vsx_ros.geometry.se2 import SE2
-from vsx_ros.geometry.unicycle import body_twist, integrate, wheel_speeds
+from vsx_ros.geometry.se2 import SE2, body_twist, integrate, wheel_speeds
 from vsx_ros.planning.path import Trajectory
 from vsx_ros.robot import STOP, Odometry, VelocityCommand
 
@@ -41,7 +40,7 @@ def drive(
     """Either wheel is ``wheel_error`` too large or too small; SLAM at 15 Hz with 1 cm and 0.4 deg noise, commands 50 ms
     late and lagging by 80 ms."""
     rng = np.random.default_rng(seed)
-    fuser, tracker = PoseFuser(), TrajectoryTracker(follower or FollowerConfig(), LimitsConfig())
+    fuser, tracker = Localization(), TrajectoryTracker(follower or FollowerConfig(), LimitsConfig())
     left, right = 1.0 + wheel_error * rng.choice([-1, 1], 2)
     true, odom, v, omega, target = trajectory.at(0.0)[0], SE2(), 0.0, 0.0, STOP
     late: list[tuple[float, VelocityCommand]] = []
@@ -56,7 +55,7 @@ def drive(
             x, y, theta = rng.normal(0.0, NOISE)
             poses.append((t + latency_s, now, SE2(true.x + x, true.y + y, true.theta + theta)))
         while poses and poses[0][0] <= t:
-            fuser.add_slam(*poses.pop(0)[1:])
+            fuser.add_pose(*poses.pop(0)[1:])
         if k == _BEGIN:
             tracker.start(trajectory, now)
         if k >= _BEGIN and k % _CONTROL == 0 and t < ended_s:

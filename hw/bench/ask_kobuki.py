@@ -8,7 +8,7 @@ import sys
 import time
 
 from vsx_hw.kobuki import protocol
-from vsx_hw.kobuki.framing import encode_frame
+from vsx_hw.kobuki.protocol import encode_frame
 from vsx_hw.kobuki.stream import StreamParser
 from vsx_hw.transport import SerialTransport
 

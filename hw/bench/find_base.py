@@ -2,6 +2,15 @@
 
 import sys
 
-from bench_base import BenchBase
+from vsx_hw.bases import BASES, detect_base
 
-BenchBase(sys.argv[1])
+
+def find_base(port: str) -> str:
+    """Find out the kind of base at a port, and say it."""
+    kind = detect_base(port)
+    print(f"{port}: {kind} at {BASES[kind].baud} baud", flush=True)
+    return kind
+
+
+if __name__ == "__main__":
+    find_base(sys.argv[1])

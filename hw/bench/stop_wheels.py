@@ -8,15 +8,16 @@ import signal
 import sys
 import time
 
-from bench_base import BenchBase
+from find_base import find_base
 
-from vsx_hw.bases import BASES
+from vsx_hw.bases import BASES, base_driver
 from vsx_hw.watchdog import Watchdogs
 
 if os.fork() == 0:
-    base = BenchBase(sys.argv[1])
-    watchdogs = Watchdogs(base.port, BASES[base.kind].baud, BASES[base.kind].stop_bytes())
-    driver = base.driver(lambda reading: driver.drive(0.1, 0.0), watchdogs.beat)
+    port = sys.argv[1]
+    kind = find_base(port)
+    watchdogs = Watchdogs(port, BASES[kind].baud, BASES[kind].stop_bytes())
+    driver = base_driver(kind, port, lambda reading: driver.drive(0.1, 0.0), on_command=watchdogs.beat)
     driver.start()
     time.sleep(4.0)
     print("killed", flush=True)

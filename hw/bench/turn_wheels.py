@@ -6,11 +6,14 @@ Odometry is printed after each; compare it with marks on the wheels.
 import math
 import sys
 import time
+from collections import deque
 
-from bench_base import BenchBase
+from find_base import find_base
 
-last = []
-with BenchBase(sys.argv[1]).driver(lambda reading: last.__setitem__(slice(None), [reading])) as driver:
+from vsx_hw.bases import base_driver
+
+port, last = sys.argv[1], deque(maxlen=1)
+with base_driver(find_base(port), port, last.append) as driver:
     while not last:
         time.sleep(0.1)
     for v, omega in ((0.1, 0.0), (0.0, 0.5)):

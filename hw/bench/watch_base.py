@@ -1,18 +1,19 @@
 """watch_base.py PORT: you should see, once a second, the rate of readings, battery, buttons and what is touched.
 
-Press each bumper, lift each wheel, hold paper under each cliff sensor: its own name appears. No wheel turns..
+Press each bumper, lift each wheel, hold paper under each cliff sensor: its own name appears. No wheel turns.
 """
 
 import math
 import sys
 import time
 
-from bench_base import BenchBase
+from find_base import find_base
 
+from vsx_hw.bases import base_driver
 from vsx_hw.readings import Hazard
 
-readings = []
-with BenchBase(sys.argv[1]).driver(readings.append) as driver:
+port, readings = sys.argv[1], []
+with base_driver(find_base(port), port, readings.append) as driver:
     try:
         while True:
             time.sleep(1.0)

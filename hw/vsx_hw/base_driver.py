@@ -12,23 +12,26 @@ from typing import NamedTuple, Protocol
 
 from vsx_hw.connection_thread import ConnectionThread
 from vsx_hw.errors import DeviceTimeout
+from vsx_hw.odometry import WheelOdometry
 from vsx_hw.readings import BaseReading, LinkStatus, Signal
 from vsx_hw.transport import Transport
 
-KEEP_ALIVE_NS = 50_000_000
-SHORTEST_PERIOD_NS = 20_000_000
+KEEP_ALIVE_NS = 50_000_000  # several commands while a base lets one live
+SHORTEST_PERIOD_NS = 20_000_000  # 50 commands a second do for any base here
 STALE_NS = 110_000_000
 """Five reports of a Kobuki, seven of a Create 2, a lost answer of a Create 1: the wheels are told to stand."""
 TOLD_NS = 250_000_000
 """So long a silence is told."""
 ROW, ROW_NS = 3, 60_000_000
 """Good reports after a silence before the wheels may turn, and the longest time between two of them."""
-SILENT_NS = 2_000_000_000
-BACKOFF_S = (0.2, 0.5, 1.0, 2.0)
+SILENT_NS = 2_000_000_000  # then the connection is opened anew
+BACKOFF_S = (0.2, 0.5, 1.0, 2.0)  # between tries to open it
 
 
 class Dialect(Protocol):
     """How one kind of base speaks. Objects live as long as the driver; ``hello`` starts a new connection."""
+
+    odometry: WheelOdometry
 
     def hello(self) -> Iterable[tuple[bytes, float]]:
         """Opening bytes, each with the pause [s] that the base needs afterwards."""
@@ -53,9 +56,6 @@ class Dialect(Protocol):
     def farewell(self) -> bytes:
         """Stop, and leave the base in a state in which it can be left alone."""
 
-    def reset_odometry(self) -> None:
-        """Start the pose again at the origin."""
-
     def counters(self) -> dict[str, int]:
         """Frames and errors seen, for diagnostics."""
 
@@ -69,7 +69,7 @@ class _Command(NamedTuple):
     until_ns: int
 
 
-_STILL = (0.0, 0.0)
+_STILL = (0.0, 0.0)  # m/s, rad/s
 
 
 class BaseDriver(ConnectionThread):
@@ -115,7 +115,7 @@ class BaseDriver(ConnectionThread):
 
     def reset_odometry(self) -> None:
         """Start the pose again at the origin."""
-        self._dialect.reset_odometry()
+        self._dialect.odometry.reset()
 
     def status(self) -> LinkStatus:
         """Health for diagnostics: a base that has been silent for longer than TOLD_NS is not connected."""

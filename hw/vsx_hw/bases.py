@@ -1,25 +1,40 @@
-"""The three kinds of base by name: their speed on the wire, their language, their drivers."""
+"""The three kinds of base by name: their drivers, their emulators, and which one is at a serial port."""
 
+import time
 from collections.abc import Callable
+from contextlib import closing
+from functools import partial
 from typing import NamedTuple
 
 from vsx_hw.base_driver import BaseDriver, Dialect
+from vsx_hw.create.dialect import BATTERY_PACKETS, SAFETY_PACKETS, is_plausible
 from vsx_hw.create.driver import Create1Dialect, Create2Dialect
-from vsx_hw.create.protocol import CREATE_1, CREATE_2
-from vsx_hw.kobuki.base_control import WHEEL_BASE_M as KOBUKI_WHEEL_BASE_M
+from vsx_hw.create.emulator import CreateBoard
+from vsx_hw.create.protocol import CREATE_1, CREATE_2, Opcode, decode_packets, encode_query, packets_bytes
+from vsx_hw.errors import DeviceNotFound
 from vsx_hw.kobuki.driver import KobukiDialect
+from vsx_hw.kobuki.emulator import KobukiBoard
 from vsx_hw.kobuki.protocol import BAUD as KOBUKI_BAUD
+from vsx_hw.kobuki.protocol import WHEEL_BASE_M as KOBUKI_WHEEL_BASE_M
+from vsx_hw.kobuki.stream import StreamParser
 from vsx_hw.readings import BaseReading
-from vsx_hw.transport import SerialTransport
+from vsx_hw.serial_emulator import Board, Plant, SerialEmulator
+from vsx_hw.transport import SerialTransport, Transport
 from vsx_hw.watchdog import StopBytes
+
+LISTEN_S, ANSWER_S = 0.3, 0.3  # a Kobuki sends every 20 ms; a Create answers in tens of ms
+ENOUGH_FRAMES = 2  # with right checksums: one may be chance
+QUESTIONS = SAFETY_PACKETS + BATTERY_PACKETS
 
 
 class Base(NamedTuple):
-    """One kind. dialect: its language, made from the factors on measured distance and on measured turn."""
+    """One kind. dialect: its language, made from the factors on measured distance and on measured turn. board: its
+    emulated electronics on wheels, with a seed."""
 
     baud: int
     wheel_base_m: float
     dialect: Callable[[float, float], Dialect]
+    board: Callable[[Plant, int], Board]
 
     def stop_bytes(self) -> StopBytes:
         """What stops it, without a driver."""
@@ -28,9 +43,9 @@ class Base(NamedTuple):
 
 
 BASES = {
-    "kobuki": Base(KOBUKI_BAUD, KOBUKI_WHEEL_BASE_M, KobukiDialect),
-    CREATE_1.name: Base(CREATE_1.baud, CREATE_1.wheel_base_m, Create1Dialect),
-    CREATE_2.name: Base(CREATE_2.baud, CREATE_2.wheel_base_m, Create2Dialect),
+    "kobuki": Base(KOBUKI_BAUD, KOBUKI_WHEEL_BASE_M, KobukiDialect, KobukiBoard),
+    CREATE_1.name: Base(CREATE_1.baud, CREATE_1.wheel_base_m, Create1Dialect, partial(CreateBoard, CREATE_1)),
+    CREATE_2.name: Base(CREATE_2.baud, CREATE_2.wheel_base_m, Create2Dialect, partial(CreateBoard, CREATE_2)),
 }
 
 
@@ -56,3 +71,55 @@ def base_driver(
     return BaseDriver(
         dialect, lambda: SerialTransport(port, base.baud), port, on_reading, on_link, command_timeout_s, on_command
     )
+
+
+def base_emulator(kind: str, plant: Plant, link: str, seed: int = 0) -> SerialEmulator:
+    """A base on emulated wheels behind the serial port ``link``; start it, or use it as a context manager. Raises
+    KeyError for a kind that is not in BASES."""
+    return SerialEmulator(BASES[kind].board(plant, seed), plant, link, seed)
+
+
+def detect_base(port: str) -> str:
+    """kobuki, create or create2: listens, then asks; no byte that is sent can turn a wheel. Raises DeviceNotFound when
+    the port cannot be opened or nobody answers. A Kobuki speaks unasked. The Creates answer questions, each at its own
+    speed."""
+    with closing(SerialTransport(port, KOBUKI_BAUD)) as transport:
+        if _speaks_like_a_kobuki(transport):
+            return "kobuki"
+    for model in (CREATE_2, CREATE_1):
+        with closing(SerialTransport(port, model.baud)) as transport:
+            if _answers_like_a_create(transport):
+                return model.name
+    raise DeviceNotFound(
+        f"{port}: no base answers, neither a Kobuki or Create 2 at {KOBUKI_BAUD} baud nor a Create 1 at "
+        f"{CREATE_1.baud}; switch it on, check the cable, or give ~robot_type"
+    )
+
+
+def _speaks_like_a_kobuki(transport: Transport) -> bool:
+    parser = StreamParser()
+    deadline_s = time.monotonic() + LISTEN_S
+    while time.monotonic() < deadline_s and parser.frames < ENOUGH_FRAMES:
+        parser.feed(transport.read(0.05))
+    return parser.frames >= ENOUGH_FRAMES
+
+
+def _answers_like_a_create(transport: Transport) -> bool:
+    """Asked up to three times: an answer may be mixed with what the robot prints when it is switched on, or lost. A
+    stream that another program has left running is paused."""
+    transport.write(bytes((Opcode.START, Opcode.PAUSE_STREAM, 0)))
+    time.sleep(0.1)
+    for _ in range(3):
+        flushed_s = time.monotonic() + ANSWER_S
+        while transport.read(0.02) and time.monotonic() < flushed_s:
+            continue
+        transport.write(encode_query(QUESTIONS))
+        answer = b""
+        deadline_s = time.monotonic() + ANSWER_S
+        while time.monotonic() < deadline_s:
+            answer += transport.read(0.05)
+        if len(answer) == packets_bytes(QUESTIONS):
+            values = decode_packets(answer, QUESTIONS)
+            if is_plausible(values) and values[35] in (1, 2, 3) and values[26] > 0:
+                return True
+    return False

@@ -3,6 +3,7 @@
 import logging
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -17,7 +18,7 @@ STEADY_S = 5.0
 Driver = TypeVar("Driver", bound="ConnectionThread")
 
 
-class ConnectionThread:
+class ConnectionThread(ABC):
     """A driver runs its ``_serve(device)`` on a daemon thread until it returns; a DeviceError or any other exception in
     it closes the device and leads to a new attempt, after the pauses backoff_s. Usable as a context manager.
 
@@ -113,12 +114,13 @@ class ConnectionThread:
         except Exception as error:
             self.message = f"{message}; and nobody could be told ({error!r})"
 
+    @abstractmethod
     def _serve(self, device: Any) -> None:
         """One connection: until ``closing`` is set or the device fails."""
-        raise NotImplementedError
 
     def _leave(self, device: Any) -> None:
-        """The last words to a device."""
+        """The last words to a device; without an override, none."""
+        return
 
     def _let_go(self, device: Any) -> None:
         try:

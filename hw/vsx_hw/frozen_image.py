@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-ROW_STEP = 8
+ROW_STEP = 8  # for time
 REPEATS = 4
 """So many repetitions may be chance or the work of a kernel driver; a Kinect makes them in 0.13 s."""
 FROZEN = "shows the same picture again and again; uncover it, or replug it"

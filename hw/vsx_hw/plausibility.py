@@ -14,11 +14,10 @@ from collections import deque
 from operator import add
 from typing import NamedTuple
 
-from vsx_hw.command_trace import HELD, LONGEST_PAUSE_NS, CommandTrace, Span, wheel_verdict
-from vsx_hw.turn_mismatch import TurnMismatch
+from vsx_hw.expected_motion import HELD, LONGEST_PAUSE_NS, CommandTrace, Span, TurnMismatch, wheel_verdict
 
-WINDOW_NS = 1_000_000_000
-PERIOD_NS = 20_000_000
+WINDOW_NS = 1_000_000_000  # over which turns are compared
+PERIOD_NS = 20_000_000  # between two reports of a base
 
 FRAME_RAD, FRAME_RAD_S = 0.02, 1.0
 """What gyro and wheels may differ by in one report: a base that is blocked in a turn of 1.5 rad/s differs by 0.03 rad
@@ -31,7 +30,7 @@ BASE_RAD, SLIP, SIGMAS = 0.03, 0.03, 3.0
 """What they may differ by in a second, beyond what is learned: 1.7 degrees (not sampled at one instant, a wheel on a
 sill) and a share of the turn, for slip that comes and goes. A drift of 5 deg/s is beyond it, one of less than 3 deg/s
 is for the camera to see."""
-SLIP_NS = 200_000_000
+SLIP_NS = 200_000_000  # over which a turn is compared with the one before it
 AGREED_RAD, AGREED_M = 0.5, 1.0
 """Through how much of a turn both must agree again; a gyro that was believed, also along such a way. On the straight a
 gyro that stands is right too."""

@@ -3,11 +3,14 @@
 ``stamp_ns`` is host time (nanoseconds since the epoch), derived from the device's own clock where it has one.
 """
 
-import enum
-from typing import NamedTuple
+from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+import enum
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:  # a process that stops wheels is there sooner without it
+    import numpy as np
+    from numpy.typing import NDArray
 
 
 class Hazard(enum.IntFlag):

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 from vsx_hw.readings import BaseReading, Hazard, Signal
 
-ABSURD_V_M_S = 5.0
-ABSURD_OMEGA_RAD_S = 20.0
-OVERCURRENT_NS = 500_000_000
-LONGEST_STEP_NS = 100_000_000
+ABSURD_V_M_S = 5.0  # several times what any base here does: a number gone wrong
+ABSURD_OMEGA_RAD_S = 20.0  # the same
+OVERCURRENT_NS = 500_000_000  # a sill or starting draws as much for a moment
+LONGEST_STEP_NS = 100_000_000  # a decision that comes later counts as so long
 
 
 class Source(NamedTuple):
@@ -23,6 +23,7 @@ class Source(NamedTuple):
     timeout_s: float
 
 
+# Of TurtleBot's cmd_vel_mux: names and priorities; the last is how long a command lives [s].
 SOURCES = (Source("safety_controller", 10, 0.2), Source("teleop", 7, 0.5), Source("navi", 5, 0.25))
 
 
@@ -44,12 +45,6 @@ class Decision(NamedTuple):
     until_ns: int = 0
 
 
-class _Command(NamedTuple):
-    v_m_s: float
-    omega_rad_s: float
-    until_ns: int
-
-
 class Supervisor:
     """Mux, timeouts, hazards, limits and emergency stop of one base. Thread-safe.
 
@@ -66,7 +61,7 @@ class Supervisor:
     def __init__(self, limits: SpeedLimits, sources: tuple[Source, ...] = SOURCES) -> None:
         self._limits = limits
         self._sources = {s.name: s for s in sorted(sources, key=lambda s: -s.priority)}
-        self._commands: dict[str, _Command] = {}
+        self._said: dict[str, Decision] = {}
         self._latched = ""
         self._estop = False
         self._decided_ns = self._overcurrent_ns = 0
@@ -95,13 +90,13 @@ class Supervisor:
                 self.refused += 1
                 v_m_s = omega_rad_s = 0.0
             until_ns = now_ns + round(speaker.timeout_s * 1e9)
-            self._commands[speaker.name] = _Command(v_m_s, omega_rad_s, until_ns)
+            self._said[source] = Decision(v_m_s, omega_rad_s, source, "", until_ns)
         return accepted
 
     def forget_commands(self) -> None:
         """Nothing said so far counts any longer (the base was reconnected, the emergency stop cleared)."""
         with self.lock:
-            self._commands.clear()
+            self._said.clear()
 
     def emergency_stop(self, stop: bool) -> None:
         """Set the emergency stop, or clear it."""
@@ -127,29 +122,23 @@ class Supervisor:
     def decide(self, now_ns: int, hazards: Hazard) -> Decision:
         """What the wheels shall do now."""
         with self.lock:
-            return self._decide(now_ns, hazards)
-
-    def _decide(self, now_ns: int, hazards: Hazard) -> Decision:
-        source, v, omega, until_ns = self._selected(now_ns)
-        overcurrent = self._overcurrent(now_ns, hazards)
-        if hazards & Hazard.WHEEL_DROP:
-            self._latched = "wheel raised; put the robot on the floor"
-        elif overcurrent:
-            self._latched = overcurrent
-        elif self._latched and v == 0.0 and omega == 0.0:
-            self._latched = ""
-        if self._estop:
-            return Decision(0.0, 0.0, source, "emergency stop; clear it to drive")
-        if self.hold:
-            return Decision(0.0, 0.0, source, self.hold)
-        if self._latched:
-            return Decision(0.0, 0.0, source, self._latched)
-        v, omega = _limited(v, omega, self._limits)
-        if hazards & Hazard.CLIFF and (v > 0.0 or omega != 0.0):
-            return Decision(min(v, 0.0), 0.0, source, "cliff; only reversing straight is allowed", until_ns)
-        if hazards & Hazard.BUMPER and v > 0.0:
-            return Decision(0.0, omega, source, "bumper; driving forward is not allowed", until_ns)
-        return Decision(v, omega, source, "" if source else "no commands", until_ns)
+            said = self._selected(now_ns)
+            overcurrent = self._overcurrent(now_ns, hazards)
+            if hazards & Hazard.WHEEL_DROP:
+                self._latched = "wheel raised; put the robot on the floor"
+            elif overcurrent:
+                self._latched = overcurrent
+            elif said.v_m_s == said.omega_rad_s == 0.0:
+                self._latched = ""
+            estop = "emergency stop; clear it to drive" if self._estop else ""
+            if reason := estop or self.hold or self._latched:
+                return Decision(0.0, 0.0, said.source, reason)
+            v, omega = _limited(said.v_m_s, said.omega_rad_s, self._limits)
+            if hazards & Hazard.CLIFF and (v > 0.0 or omega != 0.0):
+                v, omega, reason = min(v, 0.0), 0.0, "cliff; only reversing straight is allowed"
+            elif hazards & Hazard.BUMPER and v > 0.0:
+                v, reason = 0.0, "bumper; driving forward is not allowed"
+            return said._replace(v_m_s=v, omega_rad_s=omega, reason=reason or said.reason)
 
     def _overcurrent(self, now_ns: int, hazards: Hazard) -> str:
         """Why to stand, when a wheel's motor has drawn too much for long; what comes and goes adds up."""
@@ -163,13 +152,13 @@ class Supervisor:
         wheels = " and ".join(side for bit, side in sides.items() if on & bit)
         return f"overcurrent of the {wheels} wheel; free it"
 
-    def _selected(self, now_ns: int) -> tuple[str, float, float, int]:
-        """(source, v, omega, end of validity) of the most important source that is not silent."""
-        for source in self._sources.values():
-            command = self._commands.get(source.name)
-            if command is not None and now_ns <= command.until_ns:
-                return source.name, command.v_m_s, command.omega_rad_s, command.until_ns
-        return "", 0.0, 0.0, now_ns
+    def _selected(self, now_ns: int) -> Decision:
+        """What the most important source that is not silent has said."""
+        for source in self._sources:
+            said = self._said.get(source)
+            if said is not None and now_ns <= said.until_ns:
+                return said
+        return Decision(0.0, 0.0, "", "no commands", now_ns)
 
 
 def _limited(v: float, omega: float, limits: SpeedLimits) -> tuple[float, float]:

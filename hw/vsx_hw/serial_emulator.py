@@ -14,12 +14,11 @@ import threading
 import time
 import tty
 from collections import deque
-from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 from vsx_hw.readings import Hazard
 
-STEP_NS = 5_000_000
+STEP_NS = 5_000_000  # 1.5 mm at full speed
 # A fresh pseudo-terminal stands at 38400: that is nobody's choice and counts as right.
 _SPEEDS = {termios.B19200: 19200, termios.B57600: 57600, termios.B115200: 115200}
 
@@ -55,9 +54,8 @@ class Plant(Protocol):
 class Board(Protocol):
     """The electronics of one kind of base; time_ns runs from the emulator's start."""
 
-    @property
-    def baud(self) -> int:
-        """The speed it speaks."""
+    baud: int
+    """The speed it speaks."""
 
     def receive(self, data: bytes, time_ns: int) -> None:
         """Bytes from the driver."""
@@ -69,34 +67,22 @@ class Board(Protocol):
         """Counters start again somewhere else, the wheels stop."""
 
 
-@dataclass
-class Faults:
-    """What goes wrong; may be changed while the emulator runs. Rates are per byte to the driver.
-
-    paused: the line to the driver is silent.
-    command_delay_ns: dead time between a command's arrival and its effect. report_delay_ns: age of what the driver
-    hears.
-    """
-
-    drop_rate: float = 0.0
-    garbage_rate: float = 0.0
-    paused: bool = False
-    command_delay_ns: int = 0
-    report_delay_ns: int = 0
-
-
 class SerialEmulator:
     """Runs board and plant on a thread of its own, 5 ms a step, behind the name ``link``.
 
     Bytes leave at the board's baud rate; a driver at another rate gets garbage. ``unplug`` and ``replug`` are the USB
     cable, ``power_cycle`` the base's switch. Usable as a context manager.
+
+    Faults that may be changed while it runs: drop_rate, garbage_rate per byte to the driver; paused: the line to the
+    driver is silent; command_delay_ns: dead time between a command's arrival and its effect; report_delay_ns: age of
+    what the driver hears.
     """
 
     def __init__(self, board: Board, plant: Plant, link: str, seed: int = 0) -> None:
-        self.faults = Faults()
-        self._board = board
-        self._plant = plant
-        self._link = link
+        self.drop_rate = self.garbage_rate = 0.0
+        self.paused = False
+        self.command_delay_ns = self.report_delay_ns = 0
+        self._board, self._plant, self._link = board, plant, link
         self._rng = random.Random(seed)
         self._lock = threading.Lock()
         self._closing = threading.Event()
@@ -104,7 +90,7 @@ class SerialEmulator:
         self._commands: deque[tuple[int, bytes]] = deque()
         self._reports: deque[tuple[int, bytes]] = deque()
         self._master = self._slave = -1
-        self._start_ns: int | None = None
+        self._start_ns = 0
         self._thread = threading.Thread(target=self._run, name=f"emulator {link}", daemon=True)
 
     def __enter__(self) -> SerialEmulator:
@@ -117,7 +103,7 @@ class SerialEmulator:
     def start(self, start_ns: int | None = None) -> None:
         """Create the port and start time. start_ns: when it began, by time.monotonic_ns, if not now: what has passed
         since is caught up with, so that who stamps by that instant and who stamps by arrival agree."""
-        self._start_ns = start_ns
+        self._start_ns = time.monotonic_ns() if start_ns is None else start_ns
         self.replug()
         self._thread.start()
 
@@ -155,10 +141,9 @@ class SerialEmulator:
             self._board.power_cycle()
 
     def _run(self) -> None:
-        start_ns = self._start_ns if self._start_ns is not None else time.monotonic_ns()
         elapsed_ns = 0
         while not self._closing.is_set():
-            ahead_ns = start_ns + elapsed_ns + STEP_NS - time.monotonic_ns()  # a step is over before it is told
+            ahead_ns = self._start_ns + elapsed_ns + STEP_NS - time.monotonic_ns()  # a step is over before it is told
             if ahead_ns > 0:
                 time.sleep(ahead_ns * 1e-9)
             with self._lock:
@@ -166,43 +151,37 @@ class SerialEmulator:
                 elapsed_ns += STEP_NS
 
     def _step(self, now_ns: int) -> None:
-        self._commands.append((now_ns + self.faults.command_delay_ns, self._incoming()))
+        self._commands.append((now_ns + self.command_delay_ns, self._incoming()))
         self._board.receive(_due(self._commands, now_ns), now_ns)
         self._plant.advance(STEP_NS)
-        self._reports.append((now_ns + self.faults.report_delay_ns, self._board.emit(now_ns + STEP_NS)))
+        self._reports.append((now_ns + self.report_delay_ns, self._board.emit(now_ns + STEP_NS)))
         self._outbox += _due(self._reports, now_ns)
         self._send()
 
     def _incoming(self) -> bytes:
-        if self._master < 0:
-            return b""
-        try:
-            return os.read(self._master, 4096)
-        except (BlockingIOError, OSError):
-            return b""
+        with contextlib.suppress(OSError):
+            return os.read(self._master, 4096) if self._master >= 0 else b""
+        return b""
 
     def _send(self) -> None:
         """As many bytes as the line carries in one step; when nobody reads they are lost, as on a wire."""
         budget = self._board.baud * STEP_NS // 10_000_000_000
         chunk = bytes(self._outbox[:budget])
         del self._outbox[:budget]
-        if self._master < 0 or self.faults.paused or not chunk:
+        if self._master < 0 or self.paused or not chunk:
             return
-        with contextlib.suppress(BlockingIOError, OSError):
+        with contextlib.suppress(OSError):
             os.write(self._master, self._damaged(chunk))
 
     def _damaged(self, chunk: bytes) -> bytes:
         speed = _SPEEDS.get(termios.tcgetattr(self._master)[5], self._board.baud)
         if speed != self._board.baud:
             return self._rng.randbytes(len(chunk))
-        faults, rng = self.faults, self._rng
-        if not faults.drop_rate and not faults.garbage_rate:
+        if not self.drop_rate and not self.garbage_rate:
             return chunk
-        damaged = bytearray()
-        for byte in chunk:
-            if rng.random() >= faults.drop_rate:
-                damaged.append(rng.randrange(256) if rng.random() < faults.garbage_rate else byte)
-        return bytes(damaged)
+        rng = self._rng
+        kept = (byte for byte in chunk if rng.random() >= self.drop_rate)
+        return bytes(rng.randrange(256) if rng.random() < self.garbage_rate else byte for byte in kept)
 
 
 def _due(queue: deque[tuple[int, bytes]], now_ns: int) -> bytes:

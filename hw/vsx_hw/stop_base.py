@@ -5,8 +5,7 @@ stop_base PORT [kobuki|create|create2]; without a kind, the stop bytes of the ba
 
 import sys
 
-from vsx_hw.bases import BASES
-from vsx_hw.detect import detect_base
+from vsx_hw.bases import BASES, detect_base
 from vsx_hw.errors import DeviceError
 from vsx_hw.watchdog import take_over
 

@@ -12,7 +12,7 @@ from vsx_hw.frozen_image import FROZEN, FrozenImageDetector
 from vsx_hw.readings import ImageReading, LinkStatus
 
 GRBG = cv2.VideoWriter.fourcc(*"GRBG")
-BACKOFF_S = (0.5, 2.0)
+BACKOFF_S = (0.5, 2.0)  # between tries to open it
 
 
 def open_video(number: int) -> Any:

@@ -24,10 +24,10 @@ from vsx_hw.transport import SerialTransport
 STANDING, TURNING, RELEASED = b"s", b"t", b"r"
 HUNG_AFTER_S = 0.25
 """The driver beats at least every 50 ms."""
-ANSWER_S = 0.3
+ANSWER_S = 0.3  # several beats
 PATIENCE_S = 5.0
 """A watchdog that has just been started may take so long on a busy machine."""
-ATTEMPTS, PAUSE_S = 40, 0.05
+ATTEMPTS, PAUSE_S = 40, 0.05  # two seconds, in which the dead driver's port comes free
 
 
 class StopBytes(NamedTuple):

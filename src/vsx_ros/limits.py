@@ -24,7 +24,7 @@ LOG_BYTES = 1024 * MIB
 """What grows with a run: trajectories, journals, lists of images."""
 DATA_BYTES = 8192 * MIB
 """Maps and point clouds."""
-YAML_DEPTH, YAML_NODES = 64, 300_000
+YAML_DEPTH, YAML_NODES = 64, 300_000  # several times what the largest file here has
 YAML_TEXT, YAML_NUMBER = MIB, 8192
 """Characters of a value in quotes, and of one without, which may be a number (1:59:59, say, takes its square)."""
 

@@ -6,8 +6,7 @@ before the first name is looked up (docs/how-to/extend.md).
 
 import importlib
 import os
-from collections.abc import Iterator
-from typing import Generic, TypeVar
+from typing import TypeVar
 
 from vsx_ros.errors import ConfigError
 
@@ -17,26 +16,21 @@ PLUGINS = "VSX_PLUGINS"
 T = TypeVar("T")
 
 
-class Registry(Generic[T]):
+class Registry(dict[str, T]):
     """Entries by name. what: what they are, for error messages."""
 
     def __init__(self, what: str, entries: dict[str, T]) -> None:
-        self._what, self._entries = what, entries
+        super().__init__(entries)
+        self._what = what
 
     def add(self, name: str, entry: T) -> None:
         """Raises ConfigError for a name that is taken."""
-        if name in self._entries:
+        if name in self:
             raise ConfigError(f"there is a {self._what} named {name!r} already; give this one another name")
-        self._entries[name] = entry
+        self[name] = entry
 
-    def __getitem__(self, name: str) -> T:
-        """Raises ConfigError for a name that nobody added."""
-        if name not in self._entries:
-            raise ConfigError(f"there is no {self._what} named {name!r}; give one of {', '.join(self._entries)}")
-        return self._entries[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._entries)
+    def __missing__(self, name: str) -> T:
+        raise ConfigError(f"there is no {self._what} named {name!r}; give one of {', '.join(self)}")
 
 
 class Kinds(tuple[str, ...]):

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from vsx_ros.arrays import GrayImage
 from vsx_ros.geometry.se2 import SE2
 
-_STANDS_M_S, _STANDS_RAD_S = 0.01, 0.02
+_STANDS_M_S, _STANDS_RAD_S = 0.01, 0.02  # the noise of encoders and gyro of a base that stands
 # Twice what a TurtleBot's wheels can do; what moves faster is a counter that was reset or a bit that fell over.
 _MAX_SPEED_M_S, _MAX_TURN_RAD_S, _FAR_M = 1.3, 6.0, 1e5
 _SLACK_M, _SLACK_RAD = 0.05, 0.1
@@ -64,7 +64,7 @@ class Odometry(NamedTuple):
     def carried_on(self, stamp_ns: int) -> Odometry:
         """At an instant after this reading, its speeds held."""
         seconds = (stamp_ns - self.stamp_ns) * 1e-9
-        pose = self.T_odom_base @ SE2.exp(self.v * seconds, 0.0, self.omega * seconds)
+        pose = self.T_odom_base @ SE2.exp(self.v * seconds, self.omega * seconds)
         return self._replace(stamp_ns=stamp_ns, T_odom_base=pose)
 
     @property
@@ -134,4 +134,4 @@ class VelocityCommand(NamedTuple):
     omega: float
 
 
-STOP = VelocityCommand(0.0, 0.0)
+STOP = VelocityCommand(0.0, 0.0)  # m/s, rad/s

@@ -17,7 +17,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Odometry
 from vsx_ros.slam.slam import TrackerAndMapper
-from vsx_ros.slam.slam_map import SlamMap
+from vsx_ros.slam.snapshot import SlamMap
 from vsx_ros.slam.state import TrackingResult
 from vsx_ros.slam.tracking_record import TrackingRecord
 

@@ -12,28 +12,24 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import Points3
 from vsx_ros.config import Config
 from vsx_ros.control.localization import LocalizationState
-from vsx_ros.dense.anchored_surface import AnchoredSurface
 from vsx_ros.dense.densify import DenseMap, Densifier, update_every_s
-from vsx_ros.exploration.decision import Action, Decision, NavigationState, Situation
+from vsx_ros.dense.mapped_ground import AnchoredSurface
+from vsx_ros.exploration.decision import Action, Decision, NavigationState, SavedMission, Situation
 from vsx_ros.exploration.mission import Mission
-from vsx_ros.exploration.saved_mission import SavedMission
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.navigation.computing_time import ComputingTime
 from vsx_ros.navigation.goal_planner import GoalPlanner
-from vsx_ros.navigation.navigator import Navigator
+from vsx_ros.navigation.navigator import ComputingTime, Navigator
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.planner import Planner
 from vsx_ros.robot import Frame, Odometry, OdometryEpochs, VelocityCommand
 from vsx_ros.session import SlamSession
 from vsx_ros.slam.slam import SequentialSlam
-from vsx_ros.slam.slam_map import SlamMap
-from vsx_ros.slam.snapshot import MapSnapshot
+from vsx_ros.slam.snapshot import MapSnapshot, SlamMap
 from vsx_ros.slam.state import TrackingResult
 
-_DECIDE_EVERY_NS = 200_000_000
-_MAP_EVERY_NS = 500_000_000
+_MAP_EVERY_NS = 500_000_000  # emulated; SLAM makes a keyframe or two meanwhile
 
 
 class StepResult(NamedTuple):
@@ -79,6 +75,7 @@ class ExplorationSystem:
         self.odometry = Odometry(0, SE2())
         self._decided: tuple[int, Decision] | None = None
         self._mapped = (-1, 0, 0)
+        self._decide_every_ns = round(1e9 * config.exploration.decide_s)
         self._next_map_ns = self._next_dense_ns = self._next_decision_ns = 0
         continued = (slam_map, None) if saved is None else (saved.slam_map, saved.state)
         self.session = SlamSession(T_base_cam, config, *continued)
@@ -112,7 +109,7 @@ class ExplorationSystem:
         self._refresh_map(now_ns)
         decision = None
         if self._decided is None and now_ns >= self._next_decision_ns:
-            self._next_decision_ns = now_ns + _DECIDE_EVERY_NS
+            self._next_decision_ns = now_ns + self._decide_every_ns
             if self._saved is not None:
                 self.mission.restore(now_ns, self._saved, odometry.T_odom_base)
                 self._saved = None

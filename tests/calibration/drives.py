@@ -7,8 +7,7 @@ import cv2
 import msgspec
 
 from vsx_ros.config import MountConfig, RobotConfig
-from vsx_ros.geometry.se3 import SE3
-from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.calibration_file import write_calibration
 from vsx_ros.io.trajectory_file import write_trajectory
 from vsx_ros.robot import VelocityCommand

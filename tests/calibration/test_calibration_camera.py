@@ -9,8 +9,7 @@ import pytest
 from calibration.board_pictures import BOARD, CAMERA, Photographer, pose, poses
 
 from vsx_ros.calibration.board import Board, board_poses
-from vsx_ros.calibration.camera import BoardView, calibrate_camera, covered
-from vsx_ros.calibration.variety import ViewChooser
+from vsx_ros.calibration.camera import BoardView, ViewChooser, calibrate_camera, covered
 from vsx_ros.calibration.verdict import Grade
 from vsx_ros.errors import ConfigError, InputError
 

@@ -13,8 +13,7 @@ from vsx_ros.calibration.board import Board
 from vsx_ros.cli.main import execute
 from vsx_ros.geometry.camera import mount_pose
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.geometry.se3 import SE3
-from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.calibration_file import write_calibration
 from vsx_ros.io.trajectory_file import write_trajectory
 
@@ -133,7 +132,7 @@ def test_a_board_on_the_wall_tells_way_and_turn(tmp_path):
     photographer, true, wheels, lines, odometry = Photographer(board=board), SE2(), SE2(), [], []
     (tmp_path / "rgb").mkdir()
     for k, (way, turn) in enumerate([(0.0, 0.0), *steps]):
-        true, wheels = true @ SE2.exp(way, 0.0, turn), wheels @ SE2.exp(way * 1.03, 0.0, turn * 0.96)
+        true, wheels = true @ SE2.exp(way, turn), wheels @ SE2.exp(way * 1.03, turn * 0.96)
         picture = photographer.picture((SE3.from_se2(true) @ T_base_cam).inverse() @ T_world_board)
         cv2.imwrite(str(tmp_path / f"rgb/{k:03d}.png"), picture)
         lines.append(f"{k * 0.1:.3f} rgb/{k:03d}.png")

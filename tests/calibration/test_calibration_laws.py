@@ -5,10 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from vsx_ros.calibration.closing import closing_turn
 from vsx_ros.calibration.mount import TrackedPose, calibrate_mount
-from vsx_ros.calibration.odometry import from_camera, total_turn
-from vsx_ros.calibration.verdict import Complaint, Grade, Verdict
+from vsx_ros.calibration.odometry import closing_turn, from_camera, total_turn
+from vsx_ros.calibration.verdict import Grade, Verdict
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.camera import PinholeCamera, mount_pose
 from vsx_ros.geometry.se2 import SE2
@@ -25,7 +24,7 @@ def wandering(linear=1.0, angular=1.0, steps=400):
     for k in range(steps):
         drive.append(TrackedPose(wheels, gauge @ SE3.from_se2(true) @ X))
         v, omega = 0.01, 0.0 if k % 100 < 50 else (0.02 if k % 200 < 100 else -0.02)
-        true, wheels = true @ SE2.exp(v, 0.0, omega), wheels @ SE2.exp(v / linear, 0.0, omega / angular)
+        true, wheels = true @ SE2.exp(v, omega), wheels @ SE2.exp(v / linear, omega / angular)
     return drive
 
 
@@ -142,6 +141,6 @@ def test_pictures_of_different_things_close_nothing():
 
 def test_the_verdict_is_the_worst_complaint():
     assert str(Verdict(())) == "good"
-    both = Verdict((Complaint(Grade.USABLE, "few views"), Complaint(Grade.BAD, "no corner fits")))
+    both = Verdict([(Grade.USABLE, "few views"), (Grade.GOOD, "sharp"), (Grade.BAD, "no corner fits")])
     assert both.grade is Grade.BAD
     assert str(both) == "bad: no corner fits; few views"

@@ -8,7 +8,7 @@ from calibration.board_pictures import CAMERA, Photographer, poses
 from vsx_ros.calibration.board import Board
 from vsx_ros.cli.main import execute, parse
 from vsx_ros.io.calibration_file import read_calibration
-from vsx_ros.runs.robot_file import default_robot_file, update_robot_file
+from vsx_ros.runs.parameters import default_robot_file, update_robot_file
 from vsx_ros.runs.start import begin
 
 BOARD = ["--board", "8x6x0.03"]

@@ -6,15 +6,15 @@ import subprocess
 
 import pytest
 
-from vsx_ros.cli.completion import for_zsh, script
+from vsx_ros.cli.completion import script
 from vsx_ros.cli.main import COMMANDS, parser
 
-ASK = '\nCOMP_WORDS=("$@"); COMP_CWORD=$(($#-1)); _vsx; echo "${COMPREPLY[@]}"'
+ASK = '\nCOMP_WORDS=("$@"); COMP_CWORD=$(($#-1)); _shtab_vsx; echo "${COMPREPLY[@]}"'
 
 ASK_ZSH = r"""
 zmodload zsh/zpty
 zpty shell zsh -f -i
-zpty -w shell "source $1; source $2"
+zpty -w shell 'eval "$(<'$1')"; source '$2
 zpty -w -n shell "$3"$'\t'
 zpty -r shell heard '*<END>*'
 print -r -- "${${heard##*<BEGIN>}%%<END>*}"
@@ -23,8 +23,10 @@ zpty -d shell
 TELLING = r"""
 compadd() {  # as it is, and what it would add is told
     local -a added
-    builtin compadd -O added "$@"
-    offered+=("${added[@]}")
+    if (( ! ${argv[(I)-[OAD]*]} )); then
+        builtin compadd -O added "$@"
+        offered+=("${added[@]}")
+    fi
     builtin compadd "$@"
 }
 tell() { print -rn -- "<BEGIN>${offered[*]}<END>" }
@@ -38,18 +40,21 @@ offered=() comppostfuncs=(tell)
     ("words", "offered"),
     [
         (["st"], ["status", "stop"]),
-        (["map", ""], ["--help", "info", "export", "save", "load"]),
+        (["map", ""], ["info", "export", "save", "load"]),
         (["map", "export", "a.vsxmap", "--format", "p"], ["ply", "pgm"]),
         (["explore", "--base", ""], ["auto", "kobuki", "create", "create2", "ros"]),
         (["explore", "--world", "lab", "--fa"], ["--fast"]),
         (["completion", "z"], ["zsh"]),
-        (["replay", "--out", ""], []),
-        (["fly", ""], ["--help", "--version", "--debug", *COMMANDS]),
+        (["replay", "--out", ""], ["drive.bag"]),
+        (["replay", ""], ["drive.bag"]),
+        (["fly", ""], [*COMMANDS]),
     ],
 )
-def test_bash_offers_what_the_parser_takes(words, offered):
-    command = ["bash", "--norc", "-c", script(parser()) + ASK, "bash", "vsx", *words]
-    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout.split() == offered
+def test_bash_offers_what_the_parser_takes(words, offered, tmp_path):
+    (tmp_path / "drive.bag").touch()
+    command = ["bash", "--norc", "-c", script(parser(), "bash") + ASK, "bash", "vsx", *words]
+    said = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
+    assert said.stdout.split() == offered
 
 
 @pytest.mark.skipif(shutil.which("zsh") is None, reason="needs zsh")
@@ -57,17 +62,21 @@ def test_bash_offers_what_the_parser_takes(words, offered):
     ("line", "offered"),
     [
         ("vsx st", ["status", "stop"]),
-        ("vsx map ", ["--help", "info", "export", "save", "load"]),
+        ("vsx map ", ["info", "export", "save", "load"]),
         ("vsx map export a.vsxmap --format p", ["pgm", "ply"]),
         ("vsx explore --base ", ["auto", "kobuki", "create", "create2", "ros"]),
         ("vsx explore --world lab --fa", ["--fast"]),
-        ("vsx ", ["--help", "--version", "--debug", *COMMANDS]),
+        ("vsx replay ", ["drive.bag"]),
+        ("vsx ", [*COMMANDS]),
     ],
 )
 def test_zsh_offers_the_same(line, offered, tmp_path):
-    (tmp_path / "vsx.zsh").write_text(for_zsh(parser()))
+    at = tmp_path / "folder"
+    at.mkdir()
+    (at / "drive.bag").touch()
+    (tmp_path / "vsx.zsh").write_text(script(parser(), "zsh"))
     (tmp_path / "telling.zsh").write_text(TELLING)
     command = ["zsh", "-f", "-c", ASK_ZSH, "zsh", str(tmp_path / "vsx.zsh"), str(tmp_path / "telling.zsh"), line]
     there = {**os.environ, "ZDOTDIR": str(tmp_path), "TERM": "dumb"}
-    said = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60, env=there)
+    said = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60, env=there, cwd=at)
     assert sorted(said.stdout.split()) == sorted(offered)

@@ -13,11 +13,10 @@ from pathlib import Path
 import pytest
 from free_ports import free_port
 
-from vsx_hw.emulators import base_emulator
+from vsx_hw.bases import base_emulator
 from vsx_ros.cli import check_machine, main
 from vsx_ros.cli.check_devices import check_devices as devices
-from vsx_ros.cli.check_speed import check_speed, judged
-from vsx_ros.cli.finding import FAIL, NOTE, OK, WARN, Finding
+from vsx_ros.cli.check_machine import FAIL, NOTE, OK, WARN, Finding, check_speed, judged
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 NOBODY = 65534

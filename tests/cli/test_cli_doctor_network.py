@@ -11,8 +11,8 @@ from email.utils import formatdate
 import pytest
 from free_ports import free_port
 
+from vsx_ros.cli.check_machine import FAIL, NOTE, OK, WARN, Finding
 from vsx_ros.cli.check_network import check_network
-from vsx_ros.cli.finding import FAIL, NOTE, OK, WARN, Finding
 
 
 def network(**environment: str) -> dict[str, Finding]:

@@ -6,8 +6,7 @@ import pytest
 from vsx_ros.cli.main import execute
 from vsx_ros.config import Config
 from vsx_ros.evaluation.summary import Summary
-from vsx_ros.geometry.se3 import SE3
-from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.trajectory_file import write_trajectory
 from vsx_ros.runs.folder import RunFolder
 

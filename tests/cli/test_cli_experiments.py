@@ -11,11 +11,10 @@ from vsx_ros import __version__
 from vsx_ros.cli.main import execute
 from vsx_ros.config import Config
 from vsx_ros.errors import InputError
-from vsx_ros.experiments import sweeps, table1
+from vsx_ros.experiments import exploration, table1
 from vsx_ros.experiments.drive import ARMS, DriveTask, _drive, limits_of, plan_of, question
-from vsx_ros.experiments.drive_figures import deviation, figure2, figure6
-from vsx_ros.experiments.exploration import ExplorationTask
-from vsx_ros.experiments.stages import figure7
+from vsx_ros.experiments.exploration import ExplorationTask, figure7
+from vsx_ros.experiments.path_figures import deviation, figure2, figure6
 from vsx_ros.experiments.trackers import FULL, PAPER, U2_READINGS, _u2_readings
 from vsx_ros.planning.path import Plan, Refusal, RefusalKind
 from vsx_ros.planning.planners import PLANNERS
@@ -91,7 +90,7 @@ def test_a_planner_without_a_path_is_told_and_does_not_drive(monkeypatch):
         def plan(self, *question):
             return Refusal(RefusalKind.BUDGET, "not found")
 
-    monkeypatch.setitem(PLANNERS._entries, "paper", Nowhere)
+    monkeypatch.setitem(PLANNERS, "paper", Nowhere)
     task, world = DriveTask("lab", 1, 0, 1), open_world("lab", 1)
     assert _drive(LITERAL, question(task, world, Config()), task, world, Config()) == {"refused": "not found"}
 
@@ -206,7 +205,7 @@ def test_a_world_without_a_goal_is_listed_in_figure_2(monkeypatch):
             raise InputError("there is <none>")
         return question(task, world, config)
 
-    monkeypatch.setattr("vsx_ros.experiments.drive_figures.question", asked)
+    monkeypatch.setattr("vsx_ros.experiments.path_figures.question", asked)
     body = figure2("lab", 2)[0].body
     assert body.count("<figure>") == 2
     assert "there is &lt;none&gt;" in body
@@ -227,7 +226,7 @@ def test_the_tracked_way_is_compared_with_the_camera_s_planned_one():
 
 
 def test_numbers_say_what_they_rest_on(tmp_path, monkeypatch):
-    monkeypatch.setattr("vsx_ros.cli.reproduce._drives", lambda args, seeds: drives()[:6])
+    monkeypatch.setattr("vsx_ros.cli.campaigns._drives", lambda args, seeds: drives()[:6])
     words = ["--seeds", "1:3", "--noises", "3", "--out", str(tmp_path)]
     assert execute(["reproduce", "table1", *words]) == 0
     assert execute(["reproduce", "fig6", *words]) == 0
@@ -275,7 +274,7 @@ def test_a_sweep_is_continued_and_told(tmp_path, capsys):
 
 
 def test_a_sweep_takes_a_planner_of_a_plug_in(tmp_path, monkeypatch):
-    monkeypatch.setitem(PLANNERS._entries, "mine", PLANNERS["fov"])
+    monkeypatch.setitem(PLANNERS, "mine", PLANNERS["fov"])
     words = ["sweep", "--seeds", "1:2", "--time", "1", "--planners", "mine", "--out", str(tmp_path)]
     assert execute(words) == 0
     assert json.loads((tmp_path / "results.jsonl").read_text())["result"]["planner"] == "mine"
@@ -303,9 +302,7 @@ def test_ctrl_c_interrupts_and_half_a_run_is_no_result(words, tmp_path, monkeypa
     [
         (["sweep", "--planners", "best"], "no planner named 'best'"),
         (["sweep", "--set", "no.such=1"], "no parameter 'no.such'"),
-        (["sweep", "--time", "-1"], "--time -1: give a positive number"),
         (["sweep", "--worlds", "lab,labb"], "world 'labb' is neither"),
-        (["reproduce", "table1", "--jobs", "0"], "--jobs 0: give a number of at least 1"),
         (["reproduce", "fig5", "--world", "labb"], "world 'labb' is neither"),
     ],
 )
@@ -335,7 +332,7 @@ def test_a_sweep_counts_what_went_wrong():
     bad = {**RUN, "breaks": 1, "coverage_correct": 0.5, "stop_reason": "tracking lost for good: dark"}
     results = [RUN, RUN, bad, {"failed": "no world"}]
     runs = [(ExplorationTask("lab", k, "fov", 60.0), r) for k, r in enumerate(results)]
-    body = sweeps.section(runs).body
+    body = exploration.section(runs).body
     assert "What went wrong: 3" in body
     assert "<td>lab, fov</td><td>3 of 4</td>" in body
     assert "0.33 [0.06, 0.79]" in body
@@ -345,5 +342,5 @@ def test_a_sweep_counts_what_went_wrong():
 
 def test_a_run_without_a_map_knows_nothing():
     never = {**RUN, "coverage_correct": None, "ate_rmse_m": None, "stop_reason": "the map did not start: dark"}
-    body = sweeps.section([(ExplorationTask("lab", k, "fov", 60.0), r) for k, r in enumerate([RUN, never])]).body
+    body = exploration.section([(ExplorationTask("lab", k, "fov", 60.0), r) for k, r in enumerate([RUN, never])]).body
     assert "<td>2 of 2</td><td>0.475 [0.000, 0.950]</td><td>0.50 " in body

@@ -25,14 +25,30 @@ def test_version(capsys):
     assert capsys.readouterr().out.strip() == f"vsx_ros {__version__}"
 
 
-@pytest.mark.parametrize("line", [[], ["fly"], ["replay"], ["replay", "x", "--wings"], ["explore", "--camera", "v4l"]])
-def test_wrong_usage_is_one_line_and_exit_1(line, capsys):
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ([], "COMMAND"),
+        (["fly"], "'fly'"),
+        (["replay"], "INPUT"),
+        (["replay", "x", "--wings"], "--wings"),
+        (["explore", "--camera", "v4l"], "write kinect"),
+        (["explore", "--time", "0"], "--time: 0: give a positive number"),
+        (["record", "--time", "nan"], "--time: nan: give a positive number"),
+        (["sweep", "--time", "-1"], "--time: -1: give a positive number"),
+        (["teleop", "--v", "fast"], "--v: invalid positive value: 'fast'"),
+        (["reproduce", "fig5", "--time", "0"], "--time: 0: give a positive number"),
+        (["reproduce", "table1", "--jobs", "0"], "--jobs: 0: give a number of at least 1"),
+    ],
+)
+def test_wrong_usage_is_one_line_and_exit_1(line, said, capsys):
     with pytest.raises(SystemExit) as left:
         main.execute(line)
     assert left.value.code == 1
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert "--help" in error
+    assert said in error
 
 
 @pytest.mark.parametrize(
@@ -53,7 +69,7 @@ def test_exit_codes_and_one_sentence(raised, code, said, debug, monkeypatch, cap
             raise raised
         return 0
 
-    monkeypatch.setattr("vsx_ros.cli.config.run", run)
+    monkeypatch.setattr("vsx_ros.cli.inputs.config", run)
     assert main.execute(["config", *(["--debug"] if debug else [])]) == code
     error = capsys.readouterr().err
     assert said in error

@@ -9,9 +9,8 @@ import pytest
 from vsx_ros.cli.main import execute
 from vsx_ros.config import Config
 from vsx_ros.geometry.camera import PinholeCamera
-from vsx_ros.io.colmap_folder import write_colmap
+from vsx_ros.io.map_export import read_ply, write_colmap
 from vsx_ros.io.map_file import load_map
-from vsx_ros.io.ply_file import read_ply
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
 from vsx_ros.io.trajectory_file import read_trajectory
 from vsx_ros.occupancy.grid import FREE, OCCUPIED

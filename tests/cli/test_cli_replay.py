@@ -14,8 +14,7 @@ from chromium import EXECUTABLE, Chromium
 
 from vsx_ros.cli.main import execute
 from vsx_ros.evaluation.summary import Summary
-from vsx_ros.geometry.se3 import SE3
-from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.io.trajectory_file import format_stamp, write_trajectory
 from vsx_ros.robot import VelocityCommand

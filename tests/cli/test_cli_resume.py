@@ -17,7 +17,7 @@ import pytest
 from vsx_ros.cli.main import execute, parse
 from vsx_ros.config import Config
 from vsx_ros.errors import MapFileError
-from vsx_ros.exploration.saved_mission import SavedMission
+from vsx_ros.exploration.decision import SavedMission
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.robot import Odometry

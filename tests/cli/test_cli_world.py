@@ -3,7 +3,7 @@ from pathlib import Path
 import cv2
 import pytest
 
-from vsx_ros.cli.main import parse
+from vsx_ros.cli import main
 from vsx_ros.errors import ConfigError, MapFileError
 from vsx_ros.io.map_file import load_map
 from vsx_ros.occupancy.grid import FREE
@@ -13,8 +13,7 @@ from vsx_ros.sim.world_file import load_world
 
 
 def run(*words: str) -> int:
-    args = parse(["world", *words])
-    return int(args.run(args))
+    return main.run(main.parse(["world", *words]))
 
 
 def test_writes_the_world_its_true_map_and_a_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,14 +9,13 @@ from following import drive
 from vsx_ros.config import FollowerConfig, LimitsConfig, PlannerConfig, RobotConfig
 from vsx_ros.control.trajectory_tracker import FollowStatus, TrajectoryTracker
 from vsx_ros.errors import InputError
-from vsx_ros.geometry.se2 import SE2
-from vsx_ros.geometry.unicycle import integrate
+from vsx_ros.geometry.se2 import SE2, integrate
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.connect import connect
 from vsx_ros.planning.path import Path, Plan, Trajectory, certified
 from vsx_ros.planning.pieces import arc_piece
+from vsx_ros.planning.planners import UnconstrainedPlanner
 from vsx_ros.planning.time_scaling import time_scale
-from vsx_ros.planning.unconstrained import UnconstrainedPlanner
 from vsx_ros.robot import STOP
 
 LIMITS, FOLLOWER = LimitsConfig(), FollowerConfig()

@@ -6,10 +6,9 @@ import numpy as np
 import wall_scene as scene
 
 from vsx_ros.config import DenseConfig, GroundMapConfig, RobotConfig
-from vsx_ros.dense.floor_contact import floor_contact
 from vsx_ros.dense.photoconsistency import KeyframeImages, Views, judge
 from vsx_ros.dense.planes import Plane, PlaneKind, in_plane_axes
-from vsx_ros.dense.region_growing import consistent
+from vsx_ros.dense.region_growing import floor_contact
 from vsx_ros.occupancy.grid import OCCUPIED
 from vsx_ros.occupancy.ground_map import GroundMap
 
@@ -72,7 +71,7 @@ def test_pictures_that_repeat_are_found_where_they_hang_and_not_before_the_wall(
         plane = plane_at(x)
         centres = plane.points_at((cells + 0.5) * CONFIG.cell_m)
         said = judge(views, np.vstack([plane.axes, plane.normal]), centres, CONFIG, 1.0)
-        return float(consistent(said.texture, said.score, said.rival, said.views, CONFIG).mean())
+        return float(said.consistent(CONFIG).mean())
 
     assert share(2.5) > 0.8
     assert share(1.9) < 0.05

@@ -3,7 +3,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from vsx_ros.dense.jlinkage import cluster
+from vsx_ros.dense.plane_tiles import cluster
 from vsx_ros.errors import InputError
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from plane_scene import FOCAL_PX, angle_deg, looking, on_floor, on_wall, seen
 
-from vsx_ros.config import PlanesConfig, SlamConfig
+from vsx_ros.config.maps import PlanesConfig, SlamConfig
 from vsx_ros.dense import plane_finding
 from vsx_ros.dense.plane_finding import PlaneFinder
 from vsx_ros.dense.planes import PlaneKind

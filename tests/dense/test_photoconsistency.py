@@ -4,7 +4,6 @@ import wall_scene as scene
 
 from vsx_ros.config import DenseConfig
 from vsx_ros.dense.photoconsistency import Judgement, KeyframeImages, judge
-from vsx_ros.dense.region_growing import consistent
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.kernels.dense.surface_cells import count_passing
 
@@ -22,7 +21,7 @@ def judged(world: list[scene.Rectangle], x: float, poses: list = scene.DRIVE) ->
     images = KeyframeImages(scene.CAMERA)
     views = images.views(scene.snapshot(world, poses, np.zeros((0, 3))), len(poses))
     said = judge(views, FRAME, cells_at(x), CONFIG, 1.0)
-    return consistent(said.texture, said.score, said.rival, said.views, CONFIG), said
+    return said.consistent(CONFIG), said
 
 
 def textured(x: float, **look: object) -> scene.Rectangle:

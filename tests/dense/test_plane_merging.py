@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 from plane_scene import FOCAL_PX, angle_deg, looking, on_wall, seen
 
-from vsx_ros.config import PlanesConfig
+from vsx_ros.config.maps import PlanesConfig
 from vsx_ros.dense.plane_finding import observed_points
-from vsx_ros.dense.plane_fitting import Attitude, Fit, fit_plane
 from vsx_ros.dense.plane_merging import Found, merged
 from vsx_ros.dense.plane_tiles import noise_of
+from vsx_ros.dense.planes import Attitude, Fit, fit_plane
 
 CAMERAS = [looking(0.0, 0.12 * k, 0.0) for k in range(-3, 4)]
 TOWARDS = np.array([-1.0, 0.0, 0.0])

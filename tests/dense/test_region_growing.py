@@ -1,6 +1,7 @@
 import numpy as np
 
-from vsx_ros.dense.region_growing import enclosed, grow_regions, refuted
+from vsx_ros.dense.photoconsistency import Judgement
+from vsx_ros.dense.region_growing import enclosed, grow_regions
 
 
 def mask(*rows: str) -> np.ndarray:
@@ -47,7 +48,8 @@ def test_what_many_keyframes_look_through_is_never_believed() -> None:
 def test_textured_cells_that_differ_and_cells_looked_through_are_refuted() -> None:
     texture, views = np.array([9.0, 9.0, 1.0, 9.0]), np.array([5, 5, 5, 2])
     score, passing = np.array([0.1, 0.6, 0.1, 0.1]), np.array([0, 1, 0, 0])
-    assert refuted(texture, score, views, passing).tolist() == [True, True, False, False]
+    said = Judgement(texture, score, np.zeros(4), views, np.zeros(4, np.int64))
+    assert said.refuted(passing).tolist() == [True, True, False, False]
 
 
 def test_holes_are_enclosed_up_to_four_rows_or_one_column() -> None:

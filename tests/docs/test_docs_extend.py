@@ -34,7 +34,9 @@ def test_there_is_one_of_each_kind_and_each_is_short() -> None:
 
 def in_a_program(plugins: Path, program: str) -> str:
     """What a Python of its own prints: what is added to a registry stays for the whole process."""
-    done = subprocess.run([sys.executable, "-c", program], cwd=plugins, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=plugins, capture_output=True, text=True, check=False, timeout=60
+    )
     assert done.returncode == 0, done.stderr
     return done.stdout.strip()
 
@@ -98,7 +100,7 @@ def test_a_planner(plugins: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(PLUGINS, "my_planner")
     words = ["plan", "--planner", "gentle", "--start", "0,0,0", "--goal", "3,1,0", "--json"]
     command = [sys.executable, "-m", "vsx_ros.cli.main", *words]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
     assert done.returncode == 0, done.stderr
     assert '"planner": "gentle"' in done.stdout
 

@@ -9,7 +9,7 @@ import pytest
 
 from vsx_ros.experiments.campaign import Engine
 from vsx_ros.experiments.rows import read_rows
-from vsx_ros.runs.exit_codes import STOPPED
+from vsx_ros.runs.process import STOPPED
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 
@@ -63,6 +63,12 @@ def test_runs_are_driven_again_within_other_limits_only(tmp_path: Path, monkeypa
     assert len(run(tmp_path, monkeypatch, "--seeds", "7-8")) == 2
     assert len(run(tmp_path, monkeypatch, "--seeds", "8", "--way", "300")) == 3
     assert len(run(tmp_path, monkeypatch, "--seeds", "8", "--noise", "1")) == 4
+
+
+def test_a_run_in_lock_step_ends_with_its_time_and_says_what_it_reached() -> None:
+    row = exploration.explored(exploration.Exploration("lab", 20, 0, "views", 0.9, 6.0, 120.0))
+    assert row["stop_reason"] == "time limit of 6 s"
+    assert (row["breaks"], row["collisions"], row["reached"]) == (0, 0, {})
 
 
 def test_a_live_run_is_read_from_its_folder(monkeypatch: pytest.MonkeyPatch) -> None:

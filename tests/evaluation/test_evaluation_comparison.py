@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from vsx_ros.evaluation.comparison import change, compare
-from vsx_ros.evaluation.map_view import map_view, window_around, window_of
 from vsx_ros.evaluation.page import Section, figures, interval, page, table
 from vsx_ros.evaluation.paired import Interval
 from vsx_ros.evaluation.report import ReportData
-from vsx_ros.evaluation.svg import plot
+from vsx_ros.evaluation.svg import map_view, plot, window_around, window_of
 from vsx_ros.occupancy.grid import FREE, OccupancyGrid
 
 A = ReportData(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vsx_ros.errors import InputError
-from vsx_ros.evaluation.coverage import map_quality, observable_cells
+from vsx_ros.evaluation.map_quality import map_quality, observable_cells
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 

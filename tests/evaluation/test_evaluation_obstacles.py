@@ -5,9 +5,15 @@ import re
 import numpy as np
 import pytest
 
-from vsx_ros.evaluation.figure5 import Figure5, section
-from vsx_ros.evaluation.obstacles import narrow_gaps, obstacle_quality, seen_faces
+from vsx_ros.evaluation.map_quality import (
+    map_on_truth_picture,
+    narrow_gaps,
+    obstacle_quality,
+    seen_faces,
+    truth_picture,
+)
 from vsx_ros.evaluation.page import page as page_of
+from vsx_ros.experiments.ground_maps import maps_beside_truth
 from vsx_ros.geometry.camera import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
@@ -85,9 +91,39 @@ def test_nothing_known_is_judged_by_what_is_missing():
 
 def test_the_page_shows_each_map_and_says_what_is_unknown():
     empty = shifted(np.full(TRUTH.shape, UNKNOWN, np.int8))
-    figure = Figure5(TRUTH, FACES, [("sparse", empty), ("dense", shifted(TRUTH.data))], START, "a <room>")
-    page = page_of("Figure 5", "", [section(figure)])
+    grids = {"sparse": empty, "dense": shifted(TRUTH.data)}
+    section, numbers = maps_beside_truth(TRUTH, FACES, grids, START, "a <room>")
+    page = page_of("Figure 5", "", [section])
+    assert numbers["dense"]["f1"] == pytest.approx(1.0, abs=1e-3)
     assert page.count("<img") == 3
     assert "a &lt;room&gt;" in page
     assert "<td>unknown</td><td>1.000</td>" in page
     assert not re.search(r'(src|href)="(?!data:)|url\(|<script', page)
+
+
+BLACK, RED, ORANGE, WHITE = "found", "phantom", "missed", "free"
+
+
+def colour(pixel: np.ndarray) -> str:
+    blue, green, red = (int(value) for value in pixel)
+    if max(blue, green, red) < 80:
+        return BLACK
+    if min(blue, green, red) > 240:
+        return WHITE
+    return RED if green < 100 else ORANGE
+
+
+def test_a_map_is_black_where_it_is_right_red_where_it_errs_and_orange_where_it_lacks_a_face():
+    data = np.full((40, 60), FREE, np.int8)
+    data[0, :] = data[-1, :] = OCCUPIED
+    truth, faces = OccupancyGrid(data, 0.05, 0.0, 0.0), data == OCCUPIED
+    seen = np.full((40, 60), UNKNOWN, np.int8)
+    seen[0, :] = seen[20, 30] = OCCUPIED
+    seen[1:20] = FREE
+    image = map_on_truth_picture(OccupancyGrid(seen, 0.05, -2.0, 0.0), truth, faces, SE2(2.0, 0.0, 0.0))
+    assert image.shape == (40, 60, 3)
+    assert colour(image[-1, 5]) == BLACK  # north up: the southern wall is the last row
+    assert colour(image[0, 5]) == ORANGE
+    assert colour(image[39 - 20, 30]) == RED
+    assert colour(image[39 - 10, 5]) == WHITE
+    assert colour(truth_picture(truth, faces)[0, 5]) == BLACK

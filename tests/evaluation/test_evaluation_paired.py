@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from vsx_ros.errors import InputError
 from vsx_ros.evaluation.paired import group_means, mean_interval, ratio_interval, share_interval, sign_test
 
 
@@ -46,15 +45,10 @@ def test_the_sign_test_is_the_binomial_one():
     assert sign_test([1] * 9 + [0], [0] * 9 + [1]) == pytest.approx(2 * 11 / 1024)
 
 
-@pytest.mark.parametrize(
-    "of", [lambda: mean_interval([]), lambda: ratio_interval([], []), lambda: share_interval(0, 0)]
-)
-def test_nothing_proves_nothing(of):
-    with pytest.raises(InputError, match="failures"):
-        of()
+def test_nothing_proves_nothing():
+    assert mean_interval([]) is ratio_interval([], []) is share_interval(0, 0) is None
 
 
 def test_nothing_divides_nothing():
-    with pytest.raises(InputError, match="zero in every run"):
-        ratio_interval([1.0, 2.0], [0.0, 0.0])
+    assert ratio_interval([1.0, 2.0], [0.0, 0.0]) is None
     assert np.isfinite(ratio_interval([1.0, 1.0, 1.0], [0.0, 1.0, 0.0])).all()

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from vsx_ros.evaluation import svg
-from vsx_ros.evaluation.map_view import map_view, window_around
 from vsx_ros.evaluation.report import ReportData, render
 from vsx_ros.evaluation.summary import Summary
-from vsx_ros.geometry.se3 import SE3, so3_exp
-from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.evaluation.svg import map_view, window_around
+from vsx_ros.geometry.se3 import SE3, StampedPose, so3_exp
 from vsx_ros.occupancy.grid import OccupancyGrid
 
 SECOND = 10**9

@@ -3,8 +3,7 @@ import pytest
 
 from vsx_ros import __version__
 from vsx_ros.evaluation.summary import Summary, tracking_summary, with_accuracy
-from vsx_ros.geometry.se3 import SE3
-from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.slam.state import SlamStatistics
 
 PROMISED = (

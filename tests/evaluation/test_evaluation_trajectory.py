@@ -5,8 +5,7 @@ import pytest
 
 from vsx_ros.errors import InputError
 from vsx_ros.evaluation.trajectory import align, associate, path_length, trajectory_error
-from vsx_ros.geometry.se3 import SE3, so3_exp
-from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.geometry.se3 import SE3, StampedPose, so3_exp
 
 
 @pytest.fixture

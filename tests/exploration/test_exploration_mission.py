@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from vsx_ros.config import Config
-from vsx_ros.exploration.decision import Action, MissionState, NavigationState, Outcome, Situation
-from vsx_ros.exploration.goal_blacklist import GoalBlacklist, near_poses
+from vsx_ros.exploration.decision import Action, MissionState, NavigationState, Outcome, SavedMission, Situation
 from vsx_ros.exploration.mission import Mission
-from vsx_ros.exploration.recovery import escape_arc
-from vsx_ros.exploration.saved_mission import SavedMission
-from vsx_ros.exploration.trail import Trail
+from vsx_ros.exploration.recovery import Trail, escape_arc
+from vsx_ros.exploration.utility import near_poses
+from vsx_ros.exploration.view_selector import GoalBlacklist
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import FREE, UNKNOWN, OccupancyGrid
 from vsx_ros.slam.state import TrackingState
@@ -244,7 +243,7 @@ def test_what_failed_is_tried_again_when_nothing_else_is_left_but_not_for_ever()
     only = SE2(1.0, 0.0, 0.0)
 
     def one_place(start, grid):
-        return lambda poses: np.where(near_poses(poses, [only], 0.15, 0.2), 1.0, np.inf)
+        return lambda poses: np.where(near_poses(poses, only.as_array()[None], 0.15, 0.2), 1.0, np.inf)
 
     mission = Mission(config, one_place)
     mission.decide(0, situation(slam_state=TrackingState.NOT_INITIALISED, grid=None))

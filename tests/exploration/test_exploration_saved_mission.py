@@ -8,10 +8,9 @@ import pytest
 
 from vsx_ros.config import Config
 from vsx_ros.errors import InputError
-from vsx_ros.exploration.decision import Action, MissionState, NavigationState, Outcome, Situation
-from vsx_ros.exploration.goal_blacklist import GoalBlacklist
+from vsx_ros.exploration.decision import Action, MissionState, NavigationState, Outcome, SavedMission, Situation
 from vsx_ros.exploration.mission import Mission
-from vsx_ros.exploration.saved_mission import SavedMission
+from vsx_ros.exploration.view_selector import GoalBlacklist
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.slam.state import TrackingState
 

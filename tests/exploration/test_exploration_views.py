@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from vsx_ros.config import Config
-from vsx_ros.exploration.frontiers import find_frontiers
-from vsx_ros.exploration.information_gain import SECTORS, information_weights, opaque_walls
+from vsx_ros.exploration.unknown_ground import SECTORS, find_frontiers, information_weights, opaque_walls
 from vsx_ros.exploration.utility import (
     BEARINGS,
     Ranking,
@@ -18,9 +17,9 @@ from vsx_ros.exploration.utility import (
     rank_views,
     traversable_cells,
     view_gain,
+    window_sums,
 )
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.kernels.occupancy.visibility import window_sums
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
 CONFIG = Config().exploration

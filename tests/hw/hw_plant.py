@@ -5,8 +5,7 @@ import time
 
 import pytest
 
-from vsx_hw.bases import BASES, base_driver
-from vsx_hw.emulators import base_emulator
+from vsx_hw.bases import BASES, base_driver, base_emulator
 from vsx_hw.readings import Hazard
 from vsx_hw.serial_emulator import PlantState
 

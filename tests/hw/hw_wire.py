@@ -6,10 +6,8 @@ from types import SimpleNamespace
 from hw_plant import FreeWheels
 
 from vsx_hw import base_driver
-from vsx_hw.bases import BASES
-from vsx_hw.emulators import base_emulator
-from vsx_hw.kobuki.base_control import BaseControl, twist_of
-from vsx_hw.kobuki.framing import FrameScanner, sub_payloads
+from vsx_hw.bases import BASES, base_emulator
+from vsx_hw.kobuki.protocol import BaseControl, FrameScanner, sub_payloads, twist_of
 
 MS = 1_000_000
 

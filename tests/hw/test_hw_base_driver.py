@@ -7,10 +7,16 @@ from hw_null_modem import LoopbackTransport
 from hw_wire import MS, Wire
 
 from vsx_hw.connection_thread import ConnectionThread
-from vsx_hw.create.protocol import encode_lamps, encode_play
 from vsx_hw.errors import DeviceTimeout
-from vsx_hw.kobuki.framing import FrameScanner, encode_frame, sub_payloads
-from vsx_hw.kobuki.protocol import Led, Sound, melody_payload, outputs_payload
+from vsx_hw.kobuki.protocol import (
+    ERROR_MELODY,
+    FrameScanner,
+    Led,
+    encode_frame,
+    melody_payload,
+    outputs_payload,
+    sub_payloads,
+)
 from vsx_hw.readings import Signal
 
 KINDS = ["kobuki", "create", "create2"]
@@ -89,8 +95,8 @@ def test_a_kobuki_that_has_answered_is_not_asked_again(monkeypatch):
     assert wire.driver._dialect.firmware == (1, 2, 0)
 
 
-KOBUKI_ALARM = encode_frame(outputs_payload(led1=Led.RED), melody_payload(Sound.ERROR))
-CREATE_ALARM = encode_lamps(0, 255, 255) + encode_play(0)
+KOBUKI_ALARM = encode_frame(outputs_payload(led1=Led.RED), melody_payload(ERROR_MELODY))
+CREATE_ALARM = bytes((139, 0, 255, 255)) + bytes((141, 0))
 
 
 @pytest.mark.parametrize(
@@ -177,8 +183,12 @@ def test_wheels_whose_stop_bytes_were_not_taken_are_not_said_to_stand(kind, monk
 
 def test_a_keeper_whose_thread_hangs_says_so():
     hangs = threading.Event()
-    connection = ConnectionThread("a base", LoopbackTransport, (0.0,))
-    connection._serve = lambda _: hangs.wait()
+
+    class Hanging(ConnectionThread):
+        def _serve(self, _: LoopbackTransport) -> None:
+            hangs.wait()
+
+    connection = Hanging("a base", LoopbackTransport, (0.0,))
     connection.start()
     assert not connection.close(0.05)
     hangs.set()

@@ -11,10 +11,9 @@ import pytest
 import serial
 from hw_plant import FreeWheels
 
+from vsx_hw.bases import base_emulator
 from vsx_hw.create.protocol import CREATE_2
-from vsx_hw.emulators import base_emulator
-from vsx_hw.kobuki.base_control import WHEEL_BASE_M
-from vsx_hw.kobuki.framing import encode_frame
+from vsx_hw.kobuki.protocol import WHEEL_BASE_M, encode_frame
 
 BENCH = Path(__file__).resolve().parents[2] / "hw" / "bench"
 ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p), "PYTHONUNBUFFERED": "1"}
@@ -77,3 +76,10 @@ def test_a_create_is_found_and_told_to_stop(tmp_path):
         time.sleep(0.1)
         assert bytes(emulator._board.log).endswith(bytes((145, 0, 0, 0, 0, 128, 173)))
     assert "create" in run("-c", "import vsx_hw.stop_base as s; s.main()", port, "tricycle").stderr
+
+
+@pytest.mark.parametrize("module", ["vsx_hw.stop_base", "vsx_hw.watchdog"])
+def test_what_stops_the_wheels_loads_nothing_heavy(module):
+    heavy = ("numpy", "cv2", "usb1", "rospy")
+    done = run("-c", f"import sys, {module}; print([name for name in {heavy} if name in sys.modules])")
+    assert done.stdout.strip() == "[]", done.stderr

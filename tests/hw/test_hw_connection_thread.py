@@ -13,15 +13,14 @@ class Port:
         pass
 
 
-class Told(threading.Event):
+class Told(ConnectionThread):
     """A device that cannot be opened twice and then works; who is told of it fails."""
 
     def __init__(self, error: type[BaseException]) -> None:
-        super().__init__()
+        super().__init__("port", self.open, (0.01,), self.fail)
         self.attempts = 0
+        self.served = threading.Event()
         self._error = error
-        self.connection = ConnectionThread("port", self.open, (0.01,), self.fail)
-        self.connection._serve = self.serve  # type: ignore[method-assign]
 
     def open(self) -> Port:
         self.attempts += 1
@@ -29,9 +28,9 @@ class Told(threading.Event):
             raise DeviceError(f"no such port, attempt {self.attempts}")
         return Port()
 
-    def serve(self, _: Port) -> None:
-        self.set()
-        self.connection.closing.wait(10.0)
+    def _serve(self, _: Port) -> None:
+        self.served.set()
+        self.closing.wait(10.0)
 
     def fail(self, *_: object) -> None:
         raise self._error(28, "No space left on device")
@@ -39,17 +38,17 @@ class Told(threading.Event):
 
 def test_a_listener_that_fails_leaves_no_device_without_its_driver() -> None:
     told = Told(OSError)
-    told.connection.start()
-    assert told.wait(10.0)
-    assert "nobody could be told" in told.connection.message
-    assert told.connection.alive
-    assert told.connection.close()
-    assert told.connection.alive, "it was asked to end"
+    told.start()
+    assert told.served.wait(10.0)
+    assert "nobody could be told" in told.message
+    assert told.alive
+    assert told.close()
+    assert told.alive, "it was asked to end"
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
 def test_a_keeper_that_ended_by_itself_is_known_to_be_dead() -> None:
     told = Told(SystemExit)
-    told.connection.start()
-    told.connection._thread.join(10.0)
-    assert not told.connection.alive
+    told.start()
+    told._thread.join(10.0)
+    assert not told.alive

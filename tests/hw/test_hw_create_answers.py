@@ -7,7 +7,7 @@ import pytest
 
 from vsx_hw.create.dialect import BATTERY_PACKETS, SAFETY_PACKETS
 from vsx_hw.create.driver import Create1Dialect, Create2Dialect
-from vsx_hw.create.gyro import BoardGyro, counts_of
+from vsx_hw.create.odometry import BoardGyro, counts_of
 from vsx_hw.create.protocol import Mode, Opcode, encode_packets
 
 MS = 1_000_000

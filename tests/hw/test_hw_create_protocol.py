@@ -20,7 +20,7 @@ from vsx_hw.create.protocol import (
     encode_stream_frame,
     encode_stream_request,
     mode_of,
-    packet_bytes,
+    packets_bytes,
 )
 from vsx_hw.errors import ProtocolError
 
@@ -88,9 +88,9 @@ def test_any_bytes_are_survived(junk):
 
 def test_group_sizes():
     sizes = {0: 26, 1: 10, 2: 6, 3: 10, 4: 14, 5: 12, 6: 52, 100: 80, 101: 28, 106: 12, 107: 9}
-    assert {group: packet_bytes(group) for group in GROUPS} == sizes
+    assert {group: packets_bytes([group]) for group in GROUPS} == sizes
     with pytest.raises(ProtocolError, match="no packet 59"):
-        packet_bytes(59)
+        packets_bytes([59])
 
 
 def test_packets_without_framing():

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from vsx_hw.create.protocol import GROUPS, LAYOUT, Opcode, packet_bytes
-from vsx_hw.kinect import audio, tilt, usb_transport
+from vsx_hw.create.protocol import GROUPS, LAYOUT, Opcode, packets_bytes
+from vsx_hw.kinect import packets as kinect_packets
 from vsx_hw.kinect import protocol as kinect
-from vsx_hw.kinect.emulator import packetize
-from vsx_hw.kobuki import protocol as kobuki
+from vsx_hw.kinect import tilt, usb_transport
+from vsx_hw.kobuki import feedback as kobuki
 
 TEXT = (Path(__file__).resolve().parents[2] / "docs" / "protocols.md").read_text(encoding="utf-8")
 TYPES = {"u8": "B", "i8": "b", "u16": "H", "i16": "h", "u32": "I"}
@@ -29,14 +29,14 @@ def test_every_open_interface_packet_has_its_type_and_a_source():
     told = {int(cells[0]): cells for cells in rows("From the robot") if cells[0].isdigit()}
     assert set(told) == set(LAYOUT)
     for packet, cells in told.items():
-        assert ">" + TYPES[cells[2]] == LAYOUT[packet], cells
+        assert TYPES[cells[2]] == LAYOUT[packet], cells
         assert set(cells[5].split(", ")) <= {"C1", "C2", "S", "TB"}
 
 
 def test_the_groups_are_as_long_as_told():
     told = re.findall(r"(\d+) = (\d+)-(\d+) \((\d+)\)", TEXT)
     assert {int(group): range(int(a), int(b) + 1) for group, a, b, _ in told} == GROUPS
-    assert all(packet_bytes(int(group)) == int(size) for group, _, _, size in told)
+    assert all(packets_bytes([int(group)]) == int(size) for group, _, _, size in told)
 
 
 def test_every_command_to_a_create_is_told():
@@ -91,18 +91,18 @@ def test_every_kinect_register_is_told_with_all_values_it_is_given():
 
 def test_a_kinect_packet_is_laid_out_as_told():
     told = [cells for cells in rows(PACKETS) if cells[0].isdigit()]
-    assert _ends(told[:-1]) == kinect.HEADER_BYTES == int(told[-1][0])
-    assert told[-1][2] == f"up to {kinect.PACKET_DATA_BYTES} x u8"
-    assert f"at most {kinect.PACKET_BYTES} bytes" in PACKETS
+    assert _ends(told[:-1]) == kinect_packets.HEADER_BYTES == int(told[-1][0])
+    assert told[-1][2] == f"up to {kinect_packets.PACKET_DATA_BYTES} x u8"
+    assert f"at most {kinect_packets.PACKET_BYTES} bytes" in PACKETS
     at = {cells[1]: int(cells[0]) for cells in told}
-    packets, _ = packetize(np.zeros((480, 640), np.uint8), 0x01020304, 255)
+    packets = kinect_packets.packetize(np.zeros((480, 640), np.uint8), 0x01020304, 255)
     magic, flags, clock = (next(cells[3] for cells in told if cells[1] == name) for name in ("magic", "flag", "clock"))
-    assert bytes(packets[0, : at["flag"] - 1]).hex(" ") == magic
-    assert [f"0x{packets[k, at['flag']]:02X}" for k in (0, 1, -1)] == re.findall(r"0x\w+", flags)
-    assert list(packets[:2, at["sequence"]]) == [255, 0]
-    assert bytes(packets[-1, at["clock"] : at["data"]]) == struct.pack("<I", 0x01020304)
-    assert f"{kinect.CLOCK_HZ // 10**6} MHz" in clock
-    assert f"wraps after {2**kinect.CLOCK_BITS / kinect.CLOCK_HZ:.1f} s" in clock
+    assert packets[0][: at["flag"] - 1].hex(" ") == magic
+    assert [f"0x{packets[k][at['flag']]:02X}" for k in (0, 1, -1)] == re.findall(r"0x\w+", flags)
+    assert [packet[at["sequence"]] for packet in packets[:2]] == [255, 0]
+    assert packets[-1][at["clock"] : at["data"]] == struct.pack("<I", 0x01020304)
+    assert f"{kinect_packets.CLOCK_HZ // 10**6} MHz" in clock
+    assert f"wraps after {2**kinect_packets.CLOCK_BITS / kinect_packets.CLOCK_HZ:.1f} s" in clock
 
 
 def test_the_images_of_a_kinect_are_as_large_as_told():
@@ -111,7 +111,7 @@ def test_the_images_of_a_kinect_are_as_large_as_told():
     assert [name for name, _, _ in told] == list(modes)
     for name, size, packets in told:
         assert int(size.replace(",", "")) == modes[name].frame_bytes
-        assert len(packetize(np.zeros(modes[name].frame_bytes, np.uint8), 0, 0)[0]) == int(packets)
+        assert len(kinect_packets.packetize(np.zeros(modes[name].frame_bytes, np.uint8), 0, 0)) == int(packets)
 
 
 def test_the_motor_and_the_audio_part_are_laid_out_as_told():
@@ -122,13 +122,13 @@ def test_the_motor_and_the_audio_part_are_laid_out_as_told():
     assert [cells[3].split(":")[0] for cells in motor if cells[0] == "2"] == [f"1/{tilt.COUNTS_PER_G:.0f} g"]
     lamp = [cells for cells in rows(AUDIO) if cells[0].isdigit()]
     told = [int(cells[3].split()[0], 0) for cells in lamp if cells[1] in ("magic", "data length", "command")]
-    assert _ends(lamp) == len(audio.lamp_message(7, 3))
-    assert struct.unpack("<5I", audio.lamp_message(7, 3)) == (told[0], 7, *told[1:], 3)
-    assert f"{audio.GREEN} green" in lamp[-1][3]
+    assert _ends(lamp) == len(usb_transport.lamp_message(7, 3))
+    assert struct.unpack("<5I", usb_transport.lamp_message(7, 3)) == (told[0], 7, *told[1:], 3)
+    assert f"{usb_transport.GREEN} green" in lamp[-1][3]
 
 
 def test_the_parts_of_a_kinect_have_their_ids():
-    ids = [f"{vendor:04x}:{product:04x}" for vendor, product in audio.AUDIO_PARTS]
+    ids = [f"{vendor:04x}:{product:04x}" for vendor, product in usb_transport.AUDIO_PARTS]
     assert re.findall(r"\w{4}:\w{4}|(?<=, )\w{4}", AUDIO) == [ids[0], *(one[5:] for one in ids[1:])]
     cameras = [
         f"{vendor:04x}:{product:04x}" for vendor, product in (usb_transport.XBOX, usb_transport.KINECT_FOR_WINDOWS)

@@ -1,5 +1,6 @@
 """The Kinect driver against the emulated camera: its real registers, its real packets."""
 
+import itertools
 import queue
 import threading
 import time
@@ -11,7 +12,8 @@ from hw_plant import until
 from vsx_hw.errors import DeviceNotFound, ProtocolError
 from vsx_hw.kinect import driver as driver_module
 from vsx_hw.kinect.driver import KinectCamera
-from vsx_hw.kinect.emulator import KinectBoard, KinectEmulator, packetize
+from vsx_hw.kinect.emulator import KinectBoard, KinectEmulator
+from vsx_hw.kinect.packets import packetize
 from vsx_hw.kinect.protocol import (
     EXPOSURE_MODES,
     MODES,
@@ -79,10 +81,10 @@ def test_images_arrive_byte_for_byte_with_the_stamps_of_the_camera(rig):
 
 def test_lost_packets_cost_their_frames_only(rig):
     emulator, camera, images = rig
-    emulator.faults.drop_rate = 0.01
+    emulator.drop_rate = 0.01
     for k in range(40):
         emulator.send_frame(image(k), time.time_ns())
-    emulator.faults.drop_rate = 0.0
+    emulator.drop_rate = 0.0
     emulator.send_frame(image(99), time.time_ns())
     assert until(lambda: images.qsize() > 0 and np.array_equal(images.queue[-1].image, image(99)))
     counters = camera.status().counters
@@ -180,16 +182,15 @@ def test_a_hundred_starts_and_stops_leave_nothing_behind(tmp_path):
 
 def test_the_boards_sequence_runs_on_over_frames():
     board = KinectBoard()
-    first, _ = board.packets(image(0), 0)
-    second, _ = board.packets(image(1), 1)
-    assert (int(second[0, 5]) - int(first[-1, 5])) % 256 == 1
-    np.testing.assert_array_equal(first, packetize(image(0), 0, 0)[0])
+    first, second = board.packets(image(0), 0), board.packets(image(1), 1)
+    assert (second[0][5] - first[-1][5]) % 256 == 1
+    assert first == packetize(image(0), 0, 0)
 
 
 def test_the_high_resolution_mode_wakes_the_depth_stream_first():
     addresses = [register.address for register in SXGA_BAYER.start]
     assert addresses == [0x105, 0x05, 0x13, 0x14, 0x06, 0x06, 0x0C, 0x0D, 0x0E, 0x05, 0x47]
-    packets = [len(packetize(np.zeros(mode.frame_bytes, np.uint8), 0, 0)[0]) for mode in MODES.values()]
+    packets = [len(packetize(np.zeros(mode.frame_bytes, np.uint8), 0, 0)) for mode in MODES.values()]
     assert dict(zip(MODES, packets, strict=True)) == {"vga": 162, "uyvy": 323, "sxga": 687}
     assert {register.address: register.value for register in VGA_UYVY.start}[0x0C] == 5
 
@@ -253,7 +254,8 @@ def test_a_camera_that_refuses_the_lock_is_not_said_to_be_locked(tmp_path, monke
         KinectCamera(lambda: SocketTransport(path), path, lambda reading: None, lock_exposure=True) as camera,
     ):
         assert until(lambda: emulator.streaming)
-        assert until(lambda: (emulator.send_frame(image(len(asked)), time.time_ns()), asked)[1])
+        pictures = (image(k) for k in itertools.count())
+        assert until(lambda: (emulator.send_frame(next(pictures), time.time_ns()), asked)[1])
         time.sleep(0.3)
         assert camera.status().counters["exposure_locked"] == 0
         assert camera.status().connected

@@ -9,9 +9,8 @@ import pytest
 import usb1
 
 from vsx_hw.errors import DeviceNotFound, ProtocolError
-from vsx_hw.kinect.audio import lamp_message, light_lamp
 from vsx_hw.kinect.tilt import decode_tilt_state
-from vsx_hw.kinect.usb_transport import UsbTransport, remedy
+from vsx_hw.kinect.usb_transport import UsbTransport, lamp_message, light_lamp, remedy
 
 
 @pytest.mark.parametrize(

@@ -12,14 +12,20 @@ from hw_null_modem import LoopbackTransport
 from hw_plant import FreeWheels, Rig, until
 
 from vsx_hw.base_driver import BaseDriver
-from vsx_hw.bases import base_driver
-from vsx_hw.detect import detect_base
-from vsx_hw.emulators import base_emulator
+from vsx_hw.bases import base_driver, base_emulator, detect_base
 from vsx_hw.errors import DeviceNotFound, DeviceTimeout
-from vsx_hw.kobuki.base_control import WHEEL_BASE_M, BaseControl, twist_of
 from vsx_hw.kobuki.driver import KobukiDialect
 from vsx_hw.kobuki.emulator import KobukiBoard
-from vsx_hw.kobuki.framing import FrameScanner, sub_payloads
+from vsx_hw.kobuki.protocol import (
+    WHEEL_BASE_M,
+    BaseControl,
+    FrameScanner,
+    encode_frame,
+    get_gains_payload,
+    request_versions_payload,
+    sub_payloads,
+    twist_of,
+)
 from vsx_hw.readings import Hazard
 from vsx_hw.safety import Source, SpeedLimits, Supervisor
 from vsx_hw.transport import SerialTransport
@@ -73,10 +79,10 @@ def test_unplug_and_replug_without_a_jump_and_without_motion(rig):
 
 
 def test_damaged_bytes_do_not_move_the_pose(rig):
-    rig.emulator.faults.drop_rate = 0.002
-    rig.emulator.faults.garbage_rate = 0.002
+    rig.emulator.drop_rate = 0.002
+    rig.emulator.garbage_rate = 0.002
     assert until(lambda: rig.driver.status().counters["skipped_bytes"] > 500)
-    rig.emulator.faults.drop_rate = rig.emulator.faults.garbage_rate = 0.0
+    rig.emulator.drop_rate = rig.emulator.garbage_rate = 0.0
     reading = rig.wait(lambda r: True)
     assert reading.odometry[1:4] == (0.0, 0.0, 0.0)
 
@@ -133,6 +139,16 @@ def test_silence_means_standing_still():
 
         assert until(still_driving)
         bench.allowed.release()
+
+
+def test_what_is_asked_again_and_again_is_answered_once_in_a_frame():
+    board = KobukiBoard(FreeWheels(WHEEL_BASE_M))
+    asking = encode_frame(request_versions_payload(), get_gains_payload())
+    board.receive(asking * 20, 0)
+    (payload,) = FrameScanner().feed(board.emit(20_000_000))
+    kinds = [kind for kind, _ in sub_payloads(payload)]
+    assert len(kinds) == len(set(kinds))
+    assert {10, 11, 21} <= set(kinds)
 
 
 def commands_in(data: bytes) -> list[tuple[float, float]]:
@@ -253,7 +269,7 @@ def test_a_base_is_found_by_asking(tmp_path, kind):
     port = str(tmp_path / "tty")
     plant = FreeWheels(WHEEL_BASE_M)
     emulator = base_emulator("kobuki" if kind == "nobody" else kind, plant, port)
-    emulator.faults.paused = kind == "nobody"
+    emulator.paused = kind == "nobody"
     with emulator:
         if kind == "nobody":
             with pytest.raises(DeviceNotFound, match="57600"):

@@ -7,9 +7,9 @@ import struct
 import pytest
 
 from vsx_hw.kobuki.driver import KobukiDialect
-from vsx_hw.kobuki.framing import encode_frame
-from vsx_hw.kobuki.gyro import FRAMES, Pulse
-from vsx_hw.kobuki.protocol import Core, Feedback, Inertia, RawGyro
+from vsx_hw.kobuki.feedback import Core, Feedback, Inertia, RawGyro
+from vsx_hw.kobuki.odometry import FRAMES, Pulse
+from vsx_hw.kobuki.protocol import encode_frame
 
 NOW_NS = 10**18
 CORE = bytes((1, 15)) + struct.pack("<HBBBHHbbBBBB", 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 160, 0)

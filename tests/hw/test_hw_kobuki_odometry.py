@@ -4,9 +4,9 @@ import math
 
 import pytest
 
-from vsx_hw.kobuki.base_control import WHEEL_BASE_M
+from vsx_hw.kobuki.feedback import METRES_PER_TICK, Core, Feedback, Inertia
 from vsx_hw.kobuki.odometry import KobukiOdometry
-from vsx_hw.kobuki.protocol import METRES_PER_TICK, Core, Feedback, Inertia
+from vsx_hw.kobuki.protocol import WHEEL_BASE_M
 
 
 def frame(time_ms=0, left=0, right=0, centideg=None) -> Feedback:

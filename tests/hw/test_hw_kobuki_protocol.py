@@ -9,19 +9,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vsx_hw.errors import ProtocolError
-from vsx_hw.kobuki.base_control import BaseControl, base_control, twist_of
-from vsx_hw.kobuki.framing import encode_frame, sub_payloads
+from vsx_hw.kobuki.feedback import battery_of
 from vsx_hw.kobuki.protocol import (
+    ERROR_MELODY,
+    BaseControl,
     Led,
-    Sound,
-    battery_state,
+    base_control,
     drive_payload,
+    encode_frame,
     factory_gains_payload,
     get_gains_payload,
     melody_payload,
     outputs_payload,
     request_versions_payload,
     sound_payload,
+    sub_payloads,
+    twist_of,
 )
 from vsx_hw.kobuki.stream import StreamParser
 
@@ -51,7 +54,7 @@ def check_capture(feedback, k: int = 0) -> None:
     assert feedback.inertia == (-6245, 0)
     assert feedback.cliff_adc == (1673, 1965, 1609)
     assert feedback.gyro == (0xEE, ((42, -110, -68), (35, -104, -71)))
-    assert feedback.general_input.analog == (4095,) * 4
+    assert feedback.analog == (4095,) * 4
 
 
 def test_capture_in_single_bytes_and_random_chunks():
@@ -155,8 +158,8 @@ def test_any_bytes_are_survived_and_the_next_frames_are_found(junk):
         (factory_gains_payload(), "AA550F0D0D00A086010064000000D00700009B"),
         (outputs_payload(), "AA55040C02F000FA"),
         (outputs_payload(led1=Led.GREEN), "AA55040C02F002F8"),
-        (melody_payload(Sound.ON), "AA550304010006"),
-        (melody_payload(Sound.ERROR), "AA550304010402"),
+        (melody_payload(0), "AA550304010006"),
+        (melody_payload(ERROR_MELODY), "AA550304010402"),
         (sound_payload(440.0, 200), "AA550503033A03C8F4"),
     ],
 )
@@ -211,9 +214,9 @@ def test_impossible_twists_are_refused(twist):
     ],
 )
 def test_battery(decivolt, charger, state, fraction, charging):
-    got_fraction, got_state, got_charging = battery_state(decivolt, charger)
-    assert (got_state, got_charging) == (state, charging)
-    assert got_fraction == pytest.approx(fraction, abs=0.01)
+    got = battery_of(decivolt, charger)
+    assert (got.voltage_v, got.state, got.charging) == (decivolt / 10, state, charging)
+    assert got.fraction == pytest.approx(fraction, abs=0.01)
 
 
 def test_twenty_thousand_frames_over_a_bad_line():
@@ -243,6 +246,4 @@ def test_twenty_thousand_frames_over_a_bad_line():
 
 
 def test_drives_and_lamps_never_cut_the_cameras_supply():
-    for led1 in Led:
-        for led2 in Led:
-            assert outputs_payload(led1, led2, 0x0F)[2] & 0xF0 == 0xF0
+    assert all(outputs_payload(led)[2] & 0xF0 == 0xF0 for led in Led)

@@ -7,9 +7,9 @@ import pytest
 from test_hw_kobuki_protocol import CAPTURE
 
 from vsx_hw.kobuki.driver import KobukiDialect
-from vsx_hw.kobuki.framing import encode_frame, sub_payloads
+from vsx_hw.kobuki.feedback import KNOWN_FIRMWARE, Version, decode_version, objection
+from vsx_hw.kobuki.protocol import encode_frame, sub_payloads
 from vsx_hw.kobuki.stream import StreamParser
-from vsx_hw.kobuki.versions import KNOWN_FIRMWARE, Version, decode_version, objection
 from vsx_hw.readings import Hazard
 
 

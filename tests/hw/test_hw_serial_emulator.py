@@ -4,7 +4,7 @@ import time
 
 from hw_plant import FreeWheels, until
 
-from vsx_hw.emulators import base_emulator
+from vsx_hw.bases import base_emulator
 
 
 class TimedWheels(FreeWheels):

@@ -6,7 +6,7 @@ from hw_wire import MS, Wire
 from vsx_hw.create.dialect import CHARGING
 from vsx_hw.create.protocol import Mode, Opcode
 from vsx_hw.kobuki import emulator as kobuki_emulator
-from vsx_hw.kobuki.protocol import CHARGER_STATES
+from vsx_hw.kobuki.feedback import CHARGER_STATES
 from vsx_hw.readings import Hazard, Signal
 
 CREATES = ["create", "create2"]

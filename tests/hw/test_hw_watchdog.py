@@ -11,10 +11,8 @@ from pathlib import Path
 import pytest
 from hw_plant import FreeWheels, until
 
-from vsx_hw.bases import BASES
-from vsx_hw.emulators import base_emulator
-from vsx_hw.kobuki.base_control import WHEEL_BASE_M
-from vsx_hw.kobuki.protocol import BAUD
+from vsx_hw.bases import BASES, base_emulator
+from vsx_hw.kobuki.protocol import BAUD, WHEEL_BASE_M
 from vsx_hw.watchdog import Watchdogs, take_over
 
 STOP = BASES["kobuki"].stop_bytes()

@@ -172,9 +172,8 @@ class Wire:
         if not self.slots:
             if not self.board.streaming:
                 return b""
-            packets, lengths = self.board.packets(picture(self.frames), 2_000_000 * self.frames)
-            self.slots.extend(packet[:length].tobytes() for packet, length in zip(packets, lengths))
-            self.slots.extend([b""] * (SLOTS_PER_FRAME - len(lengths)))
+            packets = self.board.packets(picture(self.frames), 2_000_000 * self.frames)
+            self.slots.extend(packets + [b""] * (SLOTS_PER_FRAME - len(packets)))
             self.frames += 1
         packet = self.slots.popleft()
         if packet and self.lose:

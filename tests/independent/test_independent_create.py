@@ -9,7 +9,7 @@ from documented_oi import OFF, PASSIVE, SAFE, OpenInterface
 from driven_create import CREATE_1, CREATE_2, KIND, both, driven, drives
 from driving_host import Host
 
-from vsx_hw.detect import detect_base
+from vsx_hw.bases import detect_base
 from vsx_hw.readings import Hazard
 
 

@@ -11,8 +11,7 @@ from documented_kobuki import Kobuki, wheel_speeds_m_s
 from documented_line import Line, until
 from driving_host import Host
 
-from vsx_hw.bases import BASES
-from vsx_hw.detect import detect_base
+from vsx_hw.bases import BASES, detect_base
 from vsx_hw.readings import Hazard, Signal
 
 _CAMERA_SUPPLIES = 0x00F0

@@ -17,8 +17,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
 
-from vsx_ros.io.array_chunks import array_bytes
-from vsx_ros.io.sealed_archive import seal, unseal
+from vsx_ros.io.sealed_archive import array_bytes, seal, unseal
 from vsx_ros.io.slam_map_arrays import LAYOUT
 
 GIB = 2**30

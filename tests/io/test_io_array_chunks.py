@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vsx_ros.io.array_chunks import ArrayChunks
+from vsx_ros.io.sealed_archive import ArrayChunks
 
 
 @pytest.mark.parametrize("cuts", [[], [3], [0, 4, 4, 10]])

@@ -114,3 +114,12 @@ def test_random_damage_never_escapes_as_another_exception(tmp_path, drive):
         except (InputError, CalibrationError):
             refused += 1
     assert 8 < refused < 60
+
+
+@pytest.mark.parametrize("topic", ["/odom", "/ground_truth/camera"])
+def test_a_pose_that_is_not_finite_is_one_sentence(tmp_path, topic):
+    moved = odometry(1, np.nan)
+    said = moved if topic == "/odom" else T["geometry_msgs/msg/PoseStamped"](header(1), moved.pose.pose)
+    messages = [("/camera/rgb/camera_info", info()), ("/camera/rgb/image_raw", image(1)), (topic, said)]
+    with pytest.raises(InputError, match=f"topic {topic} holds a pose that is not finite"):
+        open_recording(write(tmp_path / "n.bag", messages))

@@ -21,8 +21,7 @@ from vsx_ros.io.trajectory_file import read_trajectory
 from vsx_ros.runs.checkpoint import Checkpoint, CheckpointData
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import read_journal
-from vsx_ros.runs.parameters import load
-from vsx_ros.runs.robot_file import update_robot_file
+from vsx_ros.runs.parameters import load, update_robot_file
 from vsx_ros.sim.map_import import world_from_grid
 from vsx_ros.sim.scene import compile_scene
 from vsx_ros.sim.truth import ground_truth_grid

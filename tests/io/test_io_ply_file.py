@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from vsx_ros.errors import InputError
-from vsx_ros.io.ply_file import read_ply, write_ply
+from vsx_ros.io.map_export import read_ply, write_ply
 
 
 @pytest.mark.parametrize("count", [0, 1, 1000])

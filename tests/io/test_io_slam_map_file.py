@@ -15,14 +15,12 @@ from vsx_ros.io.sealed_archive import seal, unseal
 from vsx_ros.io.slam_map_arrays import LAYOUT, arrays_of
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
 from vsx_ros.kernels.vision.patches import PATCH
-from vsx_ros.slam.keyframe import FrameData, Observations
+from vsx_ros.slam.keyframe import FrameData, NewTemplates, Observations
 from vsx_ros.slam.map import Map
-from vsx_ros.slam.slam_map import SlamMap
-from vsx_ros.slam.templates import NewTemplates
+from vsx_ros.slam.snapshot import SlamMap
 from vsx_ros.vision.corners import CornerDetector
 from vsx_ros.vision.patch_search import kernel_camera, moving
-from vsx_ros.vision.pyramid import build_pyramid
-from vsx_ros.vision.small_image import small_image
+from vsx_ros.vision.pyramid import build_pyramid, small_image
 
 CAMERA = PinholeCamera(160, 120, 130.1, 131.7, 80.3, 59.9, (0.1, -0.2, 0.001, -0.002, 1 / 3))
 T_BASE_CAM = SE3.exp(np.array([0.1, 0.0, 0.3, -1.2, 1.2, -1.2]))

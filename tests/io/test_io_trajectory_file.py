@@ -4,8 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vsx_ros.errors import InputError
-from vsx_ros.geometry.se3 import SE3
-from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.trajectory_file import format_stamp, parse_stamp, read_trajectory, write_trajectory
 
 

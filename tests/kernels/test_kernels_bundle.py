@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels.slam import bundle, floor, relative_pose, schur
+from vsx_ros.kernels.slam import bundle, schur
+from vsx_ros.kernels.slam import factors as ties
 
 K = np.array([525.0, 525.0, 320.0, 240.0])
 DATA = Path(os.environ.get("VSX_DATA", Path(__file__).parents[2] / "../shared/data"))
@@ -25,11 +26,11 @@ def test_relative_pose_derivatives():
         Z = a @ b.inverse() @ random_pose(rng, 0.02)
 
         def residual(a, b, Z=Z):
-            return relative_pose.relative_residual(
+            return ties.relative_residual(
                 a.rotation, a.translation, b.rotation, b.translation, Z.rotation, Z.translation
             )
 
-        Ja, Jb = relative_pose.relative_jacobians(residual(a, b), Z.rotation, Z.translation)
+        Ja, Jb = ties.relative_jacobians(residual(a, b), Z.rotation, Z.translation)
         h = 1e-6
         for k in range(6):
             step = SE3.exp(h * np.eye(6)[k])
@@ -41,7 +42,7 @@ def test_logarithm_is_se3s():
     rng = np.random.default_rng(1)
     for scale in (1e-9, 1e-4, 0.5, 1.0):
         T = random_pose(rng, scale)
-        assert relative_pose.log_se3(T.rotation, T.translation) == pytest.approx(T.log(), rel=1e-7, abs=1e-12)
+        assert ties.log_se3(T.rotation, T.translation) == pytest.approx(T.log(), rel=1e-7, abs=1e-12)
 
 
 class Problem:
@@ -80,14 +81,14 @@ class Problem:
             np.array(free),
             self.start_points * scale,
             self.observed,
-            relative_pose.Factors(
+            ties.Factors(
                 np.array([a for a, _ in factors], np.int64),
                 np.array([b for _, b in factors], np.int64),
                 np.array([(self.truth[a] @ self.truth[b].inverse()).rotation for a, b in factors]).reshape(n, 3, 3),
                 np.array([(self.truth[a] @ self.truth[b].inverse()).translation for a, b in factors]).reshape(n, 3),
                 np.tile(np.diag([1e6, 1e4, 1e4, 1e4, 1e4, 1e4]), (n, 1, 1)),
             ),
-            ground or floor.no_floor(),
+            ground or ties.no_floor(),
             iterations,
             0.4,
             progress,
@@ -142,17 +143,19 @@ def test_gradients_of_poses_and_points():
     R, t = (np.array([getattr(T, name) for T in problem.start_poses]) for name in ("rotation", "translation"))
     points, n_obs = problem.start_points, len(problem.obs_xy)
     seen = problem.observed._replace(weight=np.random.default_rng(0).choice([1.0, 0.5, 0.25], n_obs))
-    nothing = relative_pose.no_factors(), floor.no_floor()
-    res, e = np.zeros((n_obs, 2)), np.empty(n_obs)
+    nothing = ties.no_factors(), ties.no_floor()
+
+    def estimate(R, t, points):
+        now = bundle.Estimate(R, t, points, np.zeros((n_obs, 2)), np.empty(n_obs))
+        bundle.fill_residuals(K, now, seen)
+        return now
 
     def cost(R, t, points):
-        bundle._residuals(K, R, t, points, seen, res, e)
-        return bundle._cost(e, sigma, R, t, *nothing)
+        return bundle.cost_of(estimate(R, t, points), sigma, *nothing)
 
-    cost(R, t, points)
     m = len(points)
     linear = schur.room_for(6, m, n_obs)
-    bundle._linearise(K, R, t, np.arange(6), points, seen, res, e, sigma, linear)
+    bundle.linearise(K, estimate(R, t, points), np.arange(6), seen, sigma, linear)
     g, gp = linear.g, linear.gp
     for f in (0, 5):
         for k in range(6):

@@ -39,26 +39,26 @@ def test_corners_are_found_along_their_rays(motion):
     source, target = view(SE3.identity()), view(T)
     corners = strongest(source.level(0), np.zeros((240, 320), np.bool_), 120)
     array = kernel_camera(CAMERA)
-    rays = cast_rays(array, corners, 0)
+    rays, basis = cast_rays(array, corners, 0)
     detected = CornerDetector().detect(target)
     to_target = T.inverse()
     found, uv, _ = search_rays(
         array,
         to_target.rotation,
         to_target.translation,
-        rays.direction,
-        rays.basis,
+        rays,
+        basis,
         cut_patches(source, corners, 0),
         np.tile([1 / 8.0, 1 / 0.8], (len(corners), 1)),
         target_of(target, detected),
     )
-    true = CAMERA.project(to_target @ (np.column_stack([rays.direction, np.ones(len(corners))]) * DEPTH))
+    true = CAMERA.project(to_target @ (np.column_stack([rays, np.ones(len(corners))]) * DEPTH))
     inside = ((true > 12) & (true < [307, 227])).all(axis=1)
     assert found[inside].mean() > 0.6
     error = np.linalg.norm(uv - true, axis=1)[found & inside]
     assert np.median(error) < 0.12
     assert (error < 1.0).mean() > 0.97
-    points, parallax = triangulate(to_target, rays.direction[found], unproject_pixels(array, uv[found]))
+    points, parallax = triangulate(to_target, rays[found], unproject_pixels(array, uv[found]))
     assert np.median(points[parallax > 0.02, 2]) == pytest.approx(DEPTH, rel=0.01)
 
 
@@ -67,14 +67,14 @@ def test_a_depth_range_without_the_truth_finds_little():
     source, target = view(SE3.identity()), view(T)
     corners = strongest(source.level(0), np.zeros((240, 320), np.bool_), 120)
     array = kernel_camera(CAMERA)
-    rays = cast_rays(array, corners, 0)
+    rays, basis = cast_rays(array, corners, 0)
     detected = CornerDetector().detect(target)
     found, *_ = search_rays(
         array,
         np.eye(3),
         -T.translation,
-        rays.direction,
-        rays.basis,
+        rays,
+        basis,
         cut_patches(source, corners, 0),
         np.tile([1 / 1.0, 1 / 0.5], (len(corners), 1)),
         target_of(target, detected),

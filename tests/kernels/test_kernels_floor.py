@@ -9,13 +9,13 @@ from test_kernels_bundle import Problem
 from vsx_ros.geometry.camera import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels.slam import floor
+from vsx_ros.kernels.slam import factors
 
 MOUNT = mount_pose(-0.09, 0.02, 0.31, 0.1, 0.05)
 
 
 def floor_of(mount, frames=(0,), anchor=-1):
-    return floor.Floor(
+    return factors.Floor(
         np.array(frames), np.array(mount.rotation), mount.inverse().translation, np.array([0.01, 0.02, 0.02]), anchor
     )
 
@@ -25,7 +25,7 @@ def camera_of(T_world_base, mount=MOUNT):
 
 
 def residual(T, ground):
-    return floor.floor_residual(T.rotation, T.translation, ground)
+    return factors.floor_residual(T.rotation, T.translation, ground)
 
 
 def test_derivatives():
@@ -33,7 +33,7 @@ def test_derivatives():
     ground, h = floor_of(MOUNT), 1e-6
     for _ in range(5):
         T = SE3.exp(rng.normal(0, 0.7, 6))
-        J = floor.floor_jacobian(T.rotation, ground)
+        J = factors.floor_jacobian(T.rotation, ground)
         for k in range(6):
             step = SE3.exp(h * np.eye(6)[k])
             numeric = (residual(step @ T, ground) - residual(step.inverse() @ T, ground)) / (2 * h)
@@ -56,7 +56,7 @@ def test_one_deviation_of_the_base_counts_one(axis, amount):
 def test_far_from_the_floor_the_cost_grows_linearly():
     def cost(height):
         T = camera_of(SE3(np.eye(3), np.array([0.0, 0.0, height])))
-        return floor.floor_cost(T.rotation[None], T.translation[None], floor_of(MOUNT))
+        return factors.floor_cost(T.rotation[None], T.translation[None], floor_of(MOUNT))
 
     assert cost(0.01) == pytest.approx(0.5, rel=1e-9)
     assert cost(1.0) - cost(0.9) == pytest.approx(cost(0.9) - cost(0.8), rel=1e-9)

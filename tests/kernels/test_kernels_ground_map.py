@@ -7,7 +7,8 @@ import pytest
 
 from vsx_ros.kernels.occupancy import ground_cells
 from vsx_ros.kernels.occupancy import ground_map as kernels
-from vsx_ros.kernels.occupancy.scan_casting import count_free
+from vsx_ros.kernels.occupancy.ground_cells import Counts
+from vsx_ros.occupancy import ground_map
 
 HEIGHTS = (0.06, 0.60, 0.45, 1.0, 0.012)
 RANGES = (4.5, 0.0012, 0.10, 0.025, 2.0)
@@ -100,19 +101,18 @@ def sums_around(counts):
 
 def test_obstacles_are_judged_with_their_neighbours():
     rng = np.random.default_rng(5)
-    votes, members, seen = rng.poisson([[[0.4]], [[0.3]], [[6.0]]], (3, 40, 30))
+    votes, members, seen = rng.poisson([[[0.4]], [[0.3]], [[6.0]]], (3, 40, 30)).astype(np.int32)
     near, points, free = sums_around(votes), sums_around(members), sums_around(seen) / 9.0
-    nothing = np.zeros_like(votes)
-    believed = ground_cells.believed_points(votes, members, nothing, nothing, seen, 2, 4, 2.0, 1.0)
+    believed = ground_map.believed(Counts(votes, members), None, seen, 2, 4, (2.0, 1.0))
     assert np.array_equal(believed, (votes > 0) & (points >= 2) & (free <= np.where(points >= 4, 2.0, 1.0) * near))
     assert 50 < believed.sum() < 0.8 * (votes > 0).sum()
-    over_votes, over_members = rng.poisson([[[0.3]], [[0.2]]], (2, 40, 30))
-    with_over = ground_cells.believed_points(votes, members, over_votes, over_members, seen, 2, 4, 2.0, 1.0)
+    over_votes, over_members = rng.poisson([[[0.3]], [[0.2]]], (2, 40, 30)).astype(np.int32)
+    with_over = ground_map.believed(Counts(votes, members), Counts(over_votes, over_members), seen, 2, 4, (2.0, 1.0))
     near_all, points_all = near + sums_around(over_votes), points + sums_around(over_members)
     enough = (points > 0) & (points_all >= 2) & (free <= np.where(points_all >= 4, 2.0, 1.0) * near_all)
     assert np.array_equal(with_over, (votes > 0) & enough)
     assert (with_over & ~believed).sum() > 10
-    solid = ground_cells.believed_points(votes, votes, nothing, nothing, seen, 4, 0, 1.5, 1.5)
+    solid = ground_map.believed(Counts(votes, votes), None, seen, 4, 0, (1.5, 1.5))
     assert np.array_equal(solid, (votes > 0) & (near >= 4) & (free <= 1.5 * near))
     assert 50 < solid.sum() < 0.8 * (votes > 0).sum()
 
@@ -134,7 +134,7 @@ def test_votes_count_keyframes_not_rays():
     free = np.zeros((2, 360))
     free[:, :20] = 1.0
     scans = scans_of(np.array([[0.01, 0.01, 0.3]] * 2), np.array([[1.0, 0.0]] * 2), free)
-    votes = count_free(scans, ground_cells.Lattice(60, 60, 0.05, -1.5, -1.5))
+    votes = ground_cells.count_free(scans, ground_cells.Lattice(60, 60, 0.05, -1.5, -1.5))
     x, y = np.meshgrid(-1.475 + 0.05 * np.arange(60), -1.475 + 0.05 * np.arange(60))
     r, angle = np.hypot(x - 0.01, y - 0.01), np.arctan2(y - 0.01, x - 0.01)
     inside = (r > 0.4) & (r < 0.92) & (angle > 0.08) & (angle < np.deg2rad(20) - 0.08)
@@ -148,8 +148,8 @@ def test_votes_of_scans_that_leave_the_grid_are_those_within_it():
     free = np.zeros((2, 360))
     free[:, :90] = 1.4
     at, headings = np.array([[-0.02, 0.01, 0.3], [0.4, -0.6, 0.3]]), np.array([[1.0, 0.0], [0.6, 0.8]])
-    whole = count_free(scans_of(at, headings, free), ground_cells.Lattice(80, 80, 0.05, -2.0, -2.0))
-    part = count_free(scans_of(at, headings, free), ground_cells.Lattice(20, 24, 0.05, -0.3, -0.1))
+    whole = ground_cells.count_free(scans_of(at, headings, free), ground_cells.Lattice(80, 80, 0.05, -2.0, -2.0))
+    part = ground_cells.count_free(scans_of(at, headings, free), ground_cells.Lattice(20, 24, 0.05, -0.3, -0.1))
     assert np.array_equal(part, whole[38:58, 34:58])
     assert set(np.unique(part)) == {0, 1, 2}
 

@@ -1,6 +1,6 @@
 import numpy as np
 
-from vsx_ros.kernels.occupancy.line_of_sight import seen_cells
+from vsx_ros.kernels.occupancy.visibility import seen_cells
 
 
 def test_a_wall_hides_what_is_behind_it_and_is_itself_seen():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vsx_ros.geometry.se3 import SE3, so3_exp
-from vsx_ros.kernels.linalg.envelope import envelope, factor_envelope, solve_envelope
+from vsx_ros.kernels.linalg.cholesky import envelope, factor_envelope, solve_envelope
 from vsx_ros.kernels.slam.pose_graph import Edges, edge_jacobians, edge_residual, optimize_graph
 
 RNG_SEED = 3

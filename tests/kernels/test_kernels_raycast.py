@@ -1,7 +1,6 @@
 """A small picture of a few quads, ray by ray."""
 
 import numpy as np
-import pytest
 
 from vsx_ros.kernels.sim.raycast_cull import Scene, plane_forms
 from vsx_ros.kernels.sim.raycast_pixels import View
@@ -26,7 +25,7 @@ def quads():
     return P, U, V
 
 
-def rendered(two_sided, sub_frames=1, bayer=False):
+def rendered(sub_frames=1, bayer=False):
     P, U, V = quads()
     rows, columns = -(-HEIGHT // TILE), -(-WIDTH // TILE)
     rx, ry = rays(rows, columns)
@@ -34,27 +33,26 @@ def rendered(two_sided, sub_frames=1, bayer=False):
     for ty, tx in np.ndindex(rows, columns):
         at = np.s_[ty * TILE : ty * TILE + TILE + 2, tx * TILE : tx * TILE + TILE + 2]
         bounds[ty, tx] = rx[at].min(), rx[at].max(), ry[at].min(), ry[at].max()
-    forms, visible = np.zeros((sub_frames, rows + 1, 3, 9)), np.zeros(3, bool)
     R = np.tile(np.eye(3), (sub_frames, rows + 1, 1, 1))
     surfaces = np.tile(np.array([1.0, 1.0, 0.0, 0.0, LIGHT_SCALE], np.float32), (3, 1))
     places = np.tile(np.array([0, 0, 0, 2, 2], np.int32), (3, 1))
     texels = np.array([TEXEL * 0x01010101], np.int32), np.full(4, LIGHT * 0x01010101, np.uint32).view(np.int32)
-    scene = Scene(P, U, V, np.full(3, two_sided), surfaces, places, np.tile(TINTS.astype(np.float32), (3, 1)), *texels)
-    plane_forms(scene, R, np.zeros((sub_frames, rows + 1, 3)), forms, visible)
+    scene = Scene(P, U, V, surfaces, places, np.tile(TINTS.astype(np.float32), (3, 1)), *texels)
+    forms, pool = plane_forms(scene, R, np.zeros((sub_frames, rows + 1, 3)))
     view = View(scene, forms, rx, ry, bayer)
     picture, depth = np.zeros((2, HEIGHT, WIDTH), np.float32)
     ident = np.full((HEIGHT, WIDTH), -1, np.int32)
-    render_tile_rows(0, rows, view, np.flatnonzero(visible), bounds, picture, depth, ident)
-    return visible, picture, depth, ident
+    render_tile_rows(0, rows, view, pool, bounds, picture, depth, ident)
+    return pool, picture, depth, ident
 
 
-def ray_by_ray(seen):
+def ray_by_ray(pool):
     """Depth and quad of each pixel."""
     rx, ry = (table[1 : HEIGHT + 1, 1 : WIDTH + 1].astype(float) for table in rays(2, 2))
     depth, ident = np.full((HEIGHT, WIDTH), np.inf), np.full((HEIGHT, WIDTH), -1)
-    for q, (corner, u, v) in enumerate(zip(*quads())):
-        if not seen[q]:
-            continue
+    corners, along_u, along_v = quads()
+    for q in pool:
+        corner, u, v = corners[q], along_u[q], along_v[q]
         for y, x in np.ndindex(HEIGHT, WIDTH):
             ray = np.array([rx[y, x], ry[y, x], 1.0])
             s, a, b = np.linalg.solve(np.column_stack([ray, -u, -v]), corner)
@@ -63,12 +61,11 @@ def ray_by_ray(seen):
     return depth, ident
 
 
-@pytest.mark.parametrize("two_sided", [False, True])
-def test_depth_and_quad_are_those_of_every_ray(two_sided):
-    visible, _, depth, ident = rendered(two_sided)
-    assert visible.tolist() == [True, True, two_sided]
-    expected, who = ray_by_ray(visible)
-    assert set(who.ravel().tolist()) == set(np.flatnonzero(visible).tolist())
+def test_depth_and_quad_are_those_of_every_ray():
+    pool, _, depth, ident = rendered()
+    assert pool.tolist() == [0, 1]
+    expected, who = ray_by_ray(pool)
+    assert set(who.ravel().tolist()) == {0, 1}
     assert (ident == who).mean() > 0.995  # a ray may graze an edge
     same = (ident == who) & (who >= 0)
     assert np.allclose(depth[same], expected[same], rtol=1e-5)
@@ -77,9 +74,9 @@ def test_depth_and_quad_are_those_of_every_ray(two_sided):
 def test_an_even_surface_in_even_light_has_one_brightness():
     bright = TEXEL * LIGHT * LIGHT_SCALE
     for sub_frames in (1, 2):
-        _, grey, _, _ = rendered(True, sub_frames)
+        _, grey, _, _ = rendered(sub_frames)
         assert np.allclose(grey, bright * TINTS[3], rtol=1e-4)
-    _, mosaic, _, _ = rendered(True, bayer=True)
+    _, mosaic, _, _ = rendered(bayer=True)
     assert np.allclose(mosaic[0::2, 0::2], bright * TINTS[1], rtol=1e-4)
     assert np.allclose(mosaic[0::2, 1::2], bright * TINTS[0], rtol=1e-4)
     assert np.allclose(mosaic[1::2, 0::2], bright * TINTS[2], rtol=1e-4)

@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from vsx_ros.kernels.occupancy.ground_cells import Lattice
+from vsx_ros.kernels.occupancy.ground_cells import Lattice, cast, count_free, half_bearings, scan_corners
 from vsx_ros.kernels.occupancy.ground_map import PolarScans
-from vsx_ros.kernels.occupancy.scan_casting import cast, count_free, half_bearings, scan_corners
 
 N_BEARINGS = 120
 

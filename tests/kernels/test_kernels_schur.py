@@ -5,7 +5,7 @@ import pytest
 
 from vsx_ros.kernels.linalg import frontal
 from vsx_ros.kernels.slam import schur
-from vsx_ros.kernels.slam.relative_pose import no_factors
+from vsx_ros.kernels.slam.factors import no_factors
 
 N, M = 4, 30
 

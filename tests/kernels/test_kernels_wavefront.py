@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from vsx_ros.kernels.occupancy.wavefront import wavefront
+from vsx_ros.kernels.occupancy.clearance import wavefront
 
 AROUND = [(di, dj) for di in (-1, 0, 1) for dj in (-1, 0, 1) if di or dj]
 

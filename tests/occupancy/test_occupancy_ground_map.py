@@ -8,7 +8,7 @@ from vsx_ros.errors import InputError
 from vsx_ros.geometry.camera import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.occupancy.free_ground import gaps
+from vsx_ros.occupancy.gaps import gaps
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN
 from vsx_ros.occupancy.ground_map import DriveHistory, GroundMap
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vsx_ros.occupancy.grid import OCCUPIED, UNKNOWN, OccupancyGrid
-from vsx_ros.planning.collision_check import obstacle_ahead
+from vsx_ros.planning.corridor import obstacle_ahead
 from vsx_ros.planning.path import Trajectory
 
 RADIUS_M = 0.18

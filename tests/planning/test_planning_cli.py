@@ -8,16 +8,15 @@ import cv2
 import numpy as np
 import pytest
 
-from vsx_ros.cli.main import parse
-from vsx_ros.cli.plan import PLANNERS
-from vsx_ros.errors import ConfigError, InputError, PlanningError
+from vsx_ros.cli import main
+from vsx_ros.cli.options_study import PLANNERS
+from vsx_ros.errors import ConfigError, PlanningError
 from vsx_ros.io.map_file import save_map
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 
 
 def run(*words: str) -> int:
-    args = parse(["plan", *words])
-    return int(args.run(args))
+    return main.run(main.parse(["plan", *words]))
 
 
 @pytest.fixture
@@ -50,7 +49,7 @@ def test_words_and_picture(capsys, tmp_path):
     image = cv2.imread(str(picture))
     assert image is not None
     assert image.shape[1] == 900
-    with pytest.raises(InputError, match="picture"):
+    with pytest.raises(ConfigError, match="picture .* cannot be written"):
         run("--start", "0,0,0", "--goal", "2,1,0", "--plot", str(tmp_path / "no" / "plan.png"))
 
 

@@ -11,10 +11,9 @@ from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2, wrap_angle
 from vsx_ros.planning.coarse_path import shortest_word
 from vsx_ros.planning.connect import connect
-from vsx_ros.planning.feasibility import feasible
 from vsx_ros.planning.path import Path, Refusal, RefusalKind
 from vsx_ros.planning.pieces import arc_piece
-from vsx_ros.planning.two_level_qp import connect_paper
+from vsx_ros.planning.two_level_qp import connect_paper, feasible
 
 poses = st.builds(SE2, st.floats(-4.0, 4.0), st.floats(-4.0, 4.0), st.floats(-math.pi, math.pi))
 bounds = st.sampled_from([0.5, 1.0, 2.0])

@@ -5,8 +5,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vsx_ros.planning.flat_output import COARSE, COEFFICIENTS, FINE, FLAGS, jacobi, profile, profile_rate, rest_factor
-from vsx_ros.planning.fov_bound import RATE_ROWS, curvature_bound
+from vsx_ros.planning.flat_output import (
+    COARSE,
+    COEFFICIENTS,
+    FINE,
+    FLAGS,
+    RATE_ROWS,
+    curvature_bound,
+    jacobi,
+    profile,
+    profile_rate,
+    rest_factor,
+)
 
 T = np.linspace(0.0, 1.0, 2001)
 

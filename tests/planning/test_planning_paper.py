@@ -7,10 +7,9 @@ import pytest
 
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.planning import two_level_qp
-from vsx_ros.planning.feasibility import feasible
 from vsx_ros.planning.flat_output import profile
 from vsx_ros.planning.path import Path, Refusal, RefusalKind
-from vsx_ros.planning.two_level_qp import build, connect_paper, displacement_rows
+from vsx_ros.planning.two_level_qp import build, connect_paper, displacement_rows, feasible
 
 REACHED = SE2(2.2, 1.8, math.pi / 2)
 ZETA_F = math.tan(math.pi / 4)

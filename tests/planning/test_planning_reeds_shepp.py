@@ -8,14 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vsx_ros.geometry.se2 import SE2, wrap_angle
+from vsx_ros.kernels.planning.motions import TABLE_HEADINGS, TABLE_STEP, look_up_length
 from vsx_ros.kernels.planning.reeds_shepp import (
     SEGMENTS,
-    TABLE_HEADINGS,
-    TABLE_STEP,
     advance,
     reeds_shepp_words,
 )
-from vsx_ros.kernels.planning.reeds_shepp_table import look_up_length
 from vsx_ros.planning.coarse_path import shortest_word, word_table
 from vsx_ros.planning.joint_qp import free_space_sequences
 
@@ -63,7 +61,7 @@ def test_known_lengths(goal, length):
 @settings(max_examples=100)
 def test_sequences_turn_by_the_heading_difference(x, y, theta, phi):
     start, goal = SE2(0.4, -1.0, 0.7), SE2(0.4, -1.0, 0.7) @ SE2(x, y, theta)
-    for sequence in free_space_sequences(start, goal, phi):
+    for sequence in free_space_sequences(start, goal, phi, 0.15):
         assert abs(wrap_angle(sum(sequence.turns) - theta)) < 1e-12
         assert len(sequence.joints) == len(sequence.turns) - 1
         for k, joint in enumerate(sequence.joints):

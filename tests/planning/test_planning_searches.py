@@ -10,7 +10,7 @@ from vsx_ros.config import PlannerConfig, RobotConfig
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.occupancy.clearance import DistanceField
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
-from vsx_ros.planning.coarse_path import coarse_lattice, is_stuck, search_lattice_back
+from vsx_ros.planning.coarse_path import ArcBounds, coarse_lattice, is_stuck, search_lattice_back
 from vsx_ros.planning.corridor import Corridor, build_corridor
 from vsx_ros.planning.path import Plan
 from vsx_ros.planning.planner import Planner
@@ -30,7 +30,7 @@ def test_a_way_searched_from_the_goal_leads_from_the_start_to_it(seed):
     map_ = with_wall(slice(55, 75))
     start, goal = SE2(0.5, 0.5, draw.uniform(-3.0, 3.0)), SE2(3.5, 0.5, draw.uniform(-3.0, 3.0))
     margin = margins(map_, start, goal)
-    way = search_lattice_back(margin, start, goal, 1.0, 1.5, coarse_lattice(1.0))
+    way = search_lattice_back(start, goal, ArcBounds(margin, 1.0, 1.5), coarse_lattice(1.0))
     assert way is not None
     end = way.arcs(start)[-1].end
     assert end.distance_to(goal) < 1e-9
@@ -47,8 +47,8 @@ def test_only_a_pose_without_room_for_an_arc_is_stuck():
     map_ = OccupancyGrid(data, 0.05, 0.0, 0.0)
     pocket, hall, far = SE2(1.3, 1.3, 0.4), SE2(2.0, 3.0, 0.4), SE2(3.0, 3.2, 0.0)
     margin = margins(map_, pocket, hall)
-    assert is_stuck(margin, pocket, far, 1.0, 1.5, coarse_lattice(1.0))
-    assert not is_stuck(margin, hall, pocket, 1.0, 1.5, coarse_lattice(1.0))
+    assert is_stuck(pocket, far, ArcBounds(margin, 1.0, 1.5), coarse_lattice(1.0))
+    assert not is_stuck(hall, pocket, ArcBounds(margin, 1.0, 1.5), coarse_lattice(1.0))
 
 
 def test_travel_costs_go_around_obstacles():

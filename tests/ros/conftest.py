@@ -20,9 +20,8 @@ from ros_ports import HOST, free_port
 from vsx_ros.config import RobotConfig
 from vsx_ros.ros import launch
 from vsx_ros.ros.base_drivers import base_emulator, wheel_base_m
-from vsx_ros.ros.emulation import BodyPlant, BodyState
+from vsx_ros.ros.emulation import POSE, BodyPlant, BodyState, RenderSettings
 from vsx_ros.ros.master_watch import master_watch
-from vsx_ros.ros.render_process import POSE, RenderSettings
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.world import open_world
 
@@ -93,7 +92,7 @@ class Stack:
             start_ns=start_ns,
             robot=RobotConfig(),
         )
-        child = [sys.executable, "-m", "vsx_ros.ros.render_process", msgspec.json.encode(settings).decode()]
+        child = [sys.executable, "-m", "vsx_ros.ros.emulation", msgspec.json.encode(settings).decode()]
         self._camera = subprocess.Popen(
             child, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, env=self.environment, bufsize=0
         )

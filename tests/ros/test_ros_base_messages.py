@@ -13,8 +13,8 @@ pytest.importorskip("rospy")
 from sensor_msgs.msg import BatteryState
 
 from vsx_hw.create.dialect import battery_of
-from vsx_hw.kobuki.protocol import battery_state
-from vsx_hw.readings import BatteryReading, GyroReading, Hazard, OdometryReading, RateSample
+from vsx_hw.kobuki.feedback import battery_of as kobuki_battery_of
+from vsx_hw.readings import GyroReading, Hazard, OdometryReading, RateSample
 from vsx_ros.ros import base_messages, convert
 
 
@@ -23,8 +23,7 @@ from vsx_ros.ros import base_messages, convert
     [(131, 0, True), (133, 0, True), (134, 0, False), (131, 6, False)],
 )
 def test_a_nearly_empty_battery_is_one_that_nobody_charges(decivolt: int, charger: int, empty: bool) -> None:
-    fraction, state, charging = battery_state(decivolt, charger)
-    msg = base_messages.battery(BatteryReading(decivolt / 10, fraction, charging, state), 1)
+    msg = base_messages.battery(kobuki_battery_of(decivolt, charger), 1)
     assert isinstance(msg, BatteryState)
     assert base_messages.is_nearly_empty(msg) == empty
 
@@ -41,7 +40,8 @@ def test_a_create_is_nearly_empty_below_a_tenth(charge_mah: int, charger: int, s
 
 
 def test_motion_that_nobody_measured_has_a_large_covariance() -> None:
-    sure, unsure = (base_messages.odometry(OdometryReading(1, 1.0, 0.0, 0.0, 0.0, 0.0, 0, t)) for t in (True, False))
+    readings = (OdometryReading(1, 1.0, 0.0, 0.0, 0.0, 0.0, 0, t) for t in (True, False))
+    sure, unsure = (base_messages.dead_reckoning(base_messages.odometry(reading)) for reading in readings)
     assert unsure.pose.covariance[0] == pytest.approx(100 * sure.pose.covariance[0])
     assert unsure.pose.covariance[35] == pytest.approx(100 * sure.pose.covariance[35])
     assert [convert.odometry(msg).trusted for msg in (sure, unsure)] == [True, False]

@@ -147,7 +147,7 @@ def test_a_client_of_move_base_is_driven_to_its_goal(stack: Stack, frame: str) -
         assert client.wait_for_server(rospy.Duration(10))
         fed: list[float] = []
         for way_m, turn_rad in itertools.product((AHEAD_M, -AHEAD_M), (0.0, 0.4, -0.4)):
-            goal = SE2.exp(way_m, 0.0, turn_rad)
+            goal = SE2.exp(way_m, turn_rad)
             target = convert.pose_stamped(frame, time.time_ns(), start @ goal)
             client.send_goal(MoveBaseGoal(target), feedback_cb=lambda f: fed.append(f.base_position.pose.position.x))
             assert client.wait_for_result(rospy.Duration(40)), "no result"
@@ -225,3 +225,11 @@ def test_make_plan_refuses_a_start_in_another_frame_than_its_goal(stack: Stack) 
     rospy.wait_for_service(f"/{topics.MAKE_PLAN}", 60.0)
     assert rospy.ServiceProxy(f"/{topics.MAKE_PLAN}", GetPlan)(start, goal, 0.1).plan.poses == []
     assert "make_plan: the start is in frame 'odom', the goal in 'map'" in stack.logs()
+
+
+def test_make_plan_refuses_a_goal_without_a_heading(stack: Stack) -> None:
+    start = convert.pose_stamped(topics.ODOM_FRAME, 0, SE2())
+    rospy.wait_for_service(f"/{topics.MAKE_PLAN}", 60.0)
+    assert rospy.ServiceProxy(f"/{topics.MAKE_PLAN}", GetPlan)(start, PoseStamped(), 0.1).plan.poses == []
+    assert "make_plan: pose message holds" in stack.logs()
+    assert "Error processing request" not in stack.logs()

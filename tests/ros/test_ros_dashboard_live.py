@@ -22,7 +22,7 @@ from ros_ports import free_port
 from std_msgs.msg import String
 
 from vsx_ros.ros import launch, topics
-from vsx_ros.ros.dashboard.handler import TOKEN_HEADER
+from vsx_ros.ros.dashboard.server import TOKEN_HEADER
 from vsx_ros.ros.nodes.dashboard import TOKEN
 
 if TYPE_CHECKING:

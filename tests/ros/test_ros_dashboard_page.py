@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from chromium import EXECUTABLE, Chromium
 
-from vsx_ros.exploration.frontiers import Frontier
+from vsx_ros.exploration.unknown_ground import Frontier
 from vsx_ros.exploration.utility import View
 from vsx_ros.geometry.camera import mount_pose
 from vsx_ros.geometry.se2 import SE2
@@ -22,12 +22,11 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.robot import Frame
 from vsx_ros.ros import convert
-from vsx_ros.ros.dashboard import json_messages
+from vsx_ros.ros.dashboard import feed
 from vsx_ros.ros.dashboard.board import Board
-from vsx_ros.ros.dashboard.handler import Answer
-from vsx_ros.ros.dashboard.server import ViewServer
-from vsx_ros.ros.mission_topics import frontier_markers
-from vsx_ros.ros.preview import drawn
+from vsx_ros.ros.dashboard.server import Answer, ViewServer
+from vsx_ros.ros.mission_output import frontier_markers
+from vsx_ros.ros.slam_messages import drawn
 from vsx_ros.slam.snapshot import TrackedFeatures
 
 pytestmark = pytest.mark.skipif(EXECUTABLE is None, reason="no chromium is installed")
@@ -68,24 +67,22 @@ class Robot:
         border = np.array([[row, 129] for row in range(30, 90)])
         views = [View(SE2(3.6, y, 0.0), 4.0 / k, 1.0 + k, 30, 2.5 / k) for k, y in ((1, 0.5), (2, -1.0))]
         markers = frontier_markers(grid, [Frontier(border, np.zeros(2), 3.0)], views, 1)
-        self._board.post("frontiers", json_messages.text(json_messages.frontiers(markers)))
-        self._board.post("map", json_messages.text(json_messages.grid(convert.grid_msg(grid, "map", 1))))
+        self._board.post("frontiers", feed.text(feed.frontiers(markers)))
+        self._board.post("map", feed.text(feed.grid(convert.grid_msg(grid, "map", 1))))
         path = [SE2(0.05 * k, 0.3 * math.sin(0.1 * k), 0.0) for k in range(60)]
-        self._board.post("plan", json_messages.text(json_messages.plan(convert.path_msg("map", 1, path))))
+        self._board.post("plan", feed.text(feed.plan(convert.path_msg("map", 1, path))))
         cameras = [SE3.from_se2(SE2(-1.0 + 0.4 * k, -1.5, 0.2 * k)) @ MOUNT for k in range(KEYFRAMES)]
-        self._board.post(
-            "keyframes", json_messages.text(json_messages.keyframes(convert.pose_array("map", 1, cameras)))
-        )
+        self._board.post("keyframes", feed.text(feed.keyframes(convert.pose_array("map", 1, cameras))))
         status = {"state": "mapping", "reason": "driving to a view of 4.0 m2, 2.0 m away", "goal": [3.0, 0.3, 0.0]}
-        self._board.post("mission", json_messages.text(status))
-        self._board.post("slam", json_messages.text(["TRACKING", ""]))
+        self._board.post("mission", feed.text(status))
+        self._board.post("slam", feed.text(["TRACKING", ""]))
         health = {
             "mobile_base: safety": [1, "emergency stop", {"estop": "True"}],
             "vslam: input": [0, "30 images a second", {"dropped": "4"}],
         }
-        self._board.post("health", json_messages.text(health))
+        self._board.post("health", feed.text(health))
         event = {"stamp_ns": 10**18, "state": "mapping", "reason": "<b>chosen</b>"}
-        self._board.post("events", json_messages.text([event]))
+        self._board.post("events", feed.text([event]))
         rng = np.random.default_rng(0)
         noise = cv2.GaussianBlur(rng.integers(0, 255, (480, 640), dtype=np.uint8), (31, 31), 0)
         k = 0
@@ -94,10 +91,10 @@ class Robot:
             points = rng.uniform((10, 10), (630, 470), (300, 2))
             picture = drawn(Frame(k, noise), TrackedFeatures(points[:220], points[220:]))
             _, jpeg = cv2.imencode(".jpg", picture)
-            self._board.post("camera", json_messages.text(base64.b64encode(jpeg.tobytes()).decode()))
-            self._board.post("pose", json_messages.text([0.02 * k % 3.0, 0.3 * math.sin(0.04 * k), 0.0]))
+            self._board.post("camera", feed.text(base64.b64encode(jpeg.tobytes()).decode()))
+            self._board.post("pose", feed.text([0.02 * k % 3.0, 0.3 * math.sin(0.04 * k), 0.0]))
             stats = {"tracked": 220, "attempted": 300, "latency_ms": 20.0, "keyframes": KEYFRAMES, "points": 3000}
-            self._board.post("stats", json_messages.text({**stats, "plan_ms": 180.0}))
+            self._board.post("stats", feed.text({**stats, "plan_ms": 180.0}))
 
 
 @pytest.fixture
@@ -119,14 +116,16 @@ def served(board: Board, done: list[str], port: int = 0) -> ViewServer:
         done.append("pause")
         return Answer(True, "paused")
 
-    return ViewServer(board, {"pause": command}, lambda count: None, TOKEN, port=port)
+    server = ViewServer(board, {"pause": command}, lambda count: None, TOKEN, port=port)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    return server
 
 
 def test_the_page_shows_everything_and_asks_nobody_else(browser: Chromium, board: Board, tmp_path: Path) -> None:
     server = served(board, [])
     try:
         browser.requested.clear()
-        browser.open(f"http://127.0.0.1:{server.port}/#{TOKEN}")
+        browser.open(f"http://127.0.0.1:{server.server_port}/#{TOKEN}")
         browser.wait("frames > 5 && ground !== null && series.ratio.length > 5 && $('ratioNow').textContent")
         assert browser.evaluate("$('mission').textContent") == "MAPPING"
         assert "4.0 m2" in browser.evaluate("$('why').textContent")
@@ -138,7 +137,7 @@ def test_the_page_shows_everything_and_asks_nobody_else(browser: Chromium, board
         assert browser.evaluate("$('numbers').innerText").startswith(f"{KEYFRAMES}\nkeyframes")
         browser.screenshot(tmp_path / "page.png")
         assert {url.split("/")[2] for url in browser.requested if url.startswith("http")} == {
-            f"127.0.0.1:{server.port}"
+            f"127.0.0.1:{server.server_port}"
         }
     finally:
         browser.open("about:blank")
@@ -164,7 +163,7 @@ def test_frontiers_views_plan_and_keyframes_are_drawn_on_the_map(browser: Chromi
     """Each colour is there, and goes with what it stands for."""
     server = served(board, [])
     try:
-        browser.open(f"http://127.0.0.1:{server.port}/#{TOKEN}")
+        browser.open(f"http://127.0.0.1:{server.server_port}/#{TOKEN}")
         browser.wait("ground !== null && ['frontiers', 'plan', 'keyframes', 'mission'].every(name => known[name])")
         browser.evaluate("known.mission.goal = null")  # a ring in the colour of the plan
         colours = FRONTIERS, VIEWS, KEYFRAME, PLAN
@@ -180,7 +179,7 @@ def test_frontiers_views_plan_and_keyframes_are_drawn_on_the_map(browser: Chromi
 def test_the_charts_show_latency_and_planning_time(browser: Chromium, board: Board) -> None:
     server = served(board, [])
     try:
-        browser.open(f"http://127.0.0.1:{server.port}/#{TOKEN}")
+        browser.open(f"http://127.0.0.1:{server.server_port}/#{TOKEN}")
         browser.wait("series.latency.length > 20 && $('latencyNow').textContent && $('planningNow').textContent")
         assert browser.evaluate("$('latencyNow').textContent") == "20 ms"
         assert browser.evaluate("$('planningNow').textContent") == "180 ms"
@@ -199,7 +198,7 @@ def test_the_charts_show_latency_and_planning_time(browser: Chromium, board: Boa
 def test_the_picture_changes_at_least_five_times_a_second(browser: Chromium, board: Board) -> None:
     server = served(board, [])
     try:
-        browser.open(f"http://127.0.0.1:{server.port}/#{TOKEN}")
+        browser.open(f"http://127.0.0.1:{server.server_port}/#{TOKEN}")
         browser.wait("frames > 2")
         # Counted on the browser's clock, between two pictures.
         rate_hz = browser.evaluate(
@@ -214,7 +213,7 @@ def test_the_picture_changes_at_least_five_times_a_second(browser: Chromium, boa
 
 def test_the_page_says_that_the_stack_is_away_and_comes_back_with_it(browser: Chromium, board: Board) -> None:
     server = served(board, [])
-    port = server.port
+    port = server.server_port
     browser.open(f"http://127.0.0.1:{port}/#{TOKEN}")
     browser.wait("frames > 2 && $('banner').hidden")
     server.close()
@@ -234,7 +233,7 @@ def test_buttons_need_the_token(browser: Chromium, board: Board) -> None:
     try:
         for fragment, said in (("", "Looking only"), ("#wrong", "wrong token"), (f"#{TOKEN}", "pause: done")):
             browser.open("about:blank")
-            browser.open(f"http://127.0.0.1:{server.port}/{fragment}")
+            browser.open(f"http://127.0.0.1:{server.server_port}/{fragment}")
             browser.wait("document.readyState === 'complete' && typeof frames === 'number'")
             browser.evaluate("document.querySelector('[data-command=pause]').click()")
             browser.wait(f"$('said').textContent.includes({said!r})")

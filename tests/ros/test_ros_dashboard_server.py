@@ -13,10 +13,10 @@ import pytest
 from ros_ports import HOST, free_port
 
 from vsx_ros.errors import ConfigError
-from vsx_ros.ros.dashboard import connections, handler
+from vsx_ros.ros.dashboard import server
+from vsx_ros.ros.dashboard.admission import MAX_VIEWERS
 from vsx_ros.ros.dashboard.board import Board
-from vsx_ros.ros.dashboard.handler import TOKEN_HEADER, Answer, Handler, Http
-from vsx_ros.ros.dashboard.server import ViewServer, address
+from vsx_ros.ros.dashboard.server import TOKEN_HEADER, Answer, ViewServer, address
 
 TOKEN = "the-token"
 
@@ -34,6 +34,7 @@ class Served:
         unable = Answer(False, "explore does not answer")
         commands = {"estop": self._estop, "home": lambda: unable, "wait": self._wait}
         self.server = ViewServer(self.board, commands, self._count, TOKEN, host, 0, allowed)
+        threading.Thread(target=self.server.serve_forever, daemon=True).start()
 
     def _estop(self) -> Answer:
         self.done.append("estop")
@@ -53,7 +54,7 @@ class Served:
             assert self.changed.wait_for(lambda: tuple(self.viewers) == counts, 10.0), self.viewers
 
     def ask(self, method: str, path: str, **headers: str) -> tuple[int, str]:
-        connection = http.client.HTTPConnection("127.0.0.1", self.server.port, timeout=10)
+        connection = http.client.HTTPConnection("127.0.0.1", self.server.server_port, timeout=10)
         connection.request(method, path, headers={name.replace("_", "-"): value for name, value in headers.items()})
         answer = connection.getresponse()
         text = answer.read().decode()
@@ -61,14 +62,16 @@ class Served:
         return answer.status, text
 
     def stream(self, address: str = "127.0.0.1", **headers: str) -> http.client.HTTPResponse:
-        connection = http.client.HTTPConnection("127.0.0.1", self.server.port, timeout=10, source_address=(address, 0))
+        connection = http.client.HTTPConnection(
+            "127.0.0.1", self.server.server_port, timeout=10, source_address=(address, 0)
+        )
         connection.request("GET", "/events", headers=headers)
         answer = connection.getresponse()
         assert answer.status == 200
         return answer
 
     def say(self, request: bytes) -> bytes:
-        with socket.create_connection(("127.0.0.1", self.server.port), timeout=10) as connection:
+        with socket.create_connection(("127.0.0.1", self.server.server_port), timeout=10) as connection:
             try:
                 connection.sendall(request)
                 return connection.recv(4096)
@@ -122,14 +125,14 @@ def test_only_this_machine_reaches_it(served: Served) -> None:
     """Listening on the loopback alone."""
     with socket.socket() as outside:
         outside.settimeout(5.0)
-        assert outside.connect_ex(("127.0.0.2", served.server.port)) != 0
+        assert outside.connect_ex(("127.0.0.2", served.server.server_port)) != 0
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0"])
 def test_it_answers_to_names_of_this_machine_and_to_allowed_ones_alone(host: str) -> None:
     """Whoever reaches the port: a foreign page may point a name of its own here."""
     made = Served(host, ["proxy.example", "localhost:9000"])
-    port = made.server.port
+    port = made.server.server_port
     try:
         own = ["localhost", "127.0.0.1", "[::1]", socket.gethostname(), "LOCALHOST.", "proxy.example"]
         for name in [*(f"{name}:{port}" for name in own), "localhost:9000"]:
@@ -148,14 +151,14 @@ def test_it_answers_to_names_of_this_machine_and_to_allowed_ones_alone(host: str
 
 
 def test_two_hosts_are_none(served: Served) -> None:
-    one = f"Host: localhost:{served.server.port}\r\n"
+    one = f"Host: localhost:{served.server.server_port}\r\n"
     assert served.say(f"GET / HTTP/1.1\r\n{one}\r\n".encode()).startswith(b"HTTP/1.1 200")
     for hosts in ("", one * 2, one + "Host: evil.example\r\n"):
         assert served.say(f"GET / HTTP/1.1\r\n{hosts}\r\n".encode()).startswith(b"HTTP/1.1 403")
 
 
 def test_pages_of_other_sites_get_nothing(served: Served) -> None:
-    port = served.server.port
+    port = served.server.server_port
     for origin in ("http://evil.example", f"http://evil.example:{port}", "null", "http://127.0.0.1:1", ""):
         for method, path in (("GET", "/events"), ("GET", "/x.png"), ("GET", "/"), ("POST", "/command/estop")):
             assert served.ask(method, path, Origin=origin, **{TOKEN_HEADER: TOKEN})[0] == 403, origin
@@ -170,15 +173,15 @@ def test_pages_of_other_sites_get_nothing(served: Served) -> None:
 
 
 def test_behind_eight_silent_viewers_the_operator_still_looks_and_stops(served: Served) -> None:
-    silent = [served.stream() for _ in range(connections.MAX_VIEWERS)]
+    silent = [served.stream() for _ in range(MAX_VIEWERS)]
     assert served.ask("GET", "/events")[0] == 503
-    operators = [served.stream(**{TOKEN_HEADER: TOKEN}) for _ in range(connections.MAX_VIEWERS)]
+    operators = [served.stream(**{TOKEN_HEADER: TOKEN}) for _ in range(MAX_VIEWERS)]
     assert served.ask("POST", "/command/estop", **{TOKEN_HEADER: TOKEN})[0] == 200
     for stream in silent:  # oldest first, every one of them
         assert ended(stream)
     newest = served.stream(**{TOKEN_HEADER: TOKEN})
     assert ended(operators[0])  # a page that was loaded again and again, and never closed
-    assert max(served.viewers) == connections.MAX_VIEWERS
+    assert max(served.viewers) == MAX_VIEWERS
     for stream in (*operators, newest):
         stream.close()
 
@@ -186,7 +189,7 @@ def test_behind_eight_silent_viewers_the_operator_still_looks_and_stops(served: 
 def test_one_address_does_not_take_all_places() -> None:
     made = Served("0.0.0.0")
     try:
-        crowd = [made.stream() for _ in range(connections.MAX_VIEWERS)]
+        crowd = [made.stream() for _ in range(MAX_VIEWERS)]
         other = made.stream("127.0.0.2")
         assert ended(crowd[0])
         for stream in (*crowd, other):
@@ -198,9 +201,9 @@ def test_one_address_does_not_take_all_places() -> None:
 def test_however_many_connections_stay_silent_the_emergency_stop_gets_through(
     served: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(handler, "_ASK_S", 60.0)
+    monkeypatch.setattr(server, "_ASK_S", 60.0)
     threads = threading.active_count()
-    silent = [socket.create_connection(("127.0.0.1", served.server.port), timeout=5.0) for _ in range(300)]
+    silent = [socket.create_connection(("127.0.0.1", served.server.server_port), timeout=5.0) for _ in range(300)]
     try:
         assert served.ask("POST", "/command/estop", **{TOKEN_HEADER: TOKEN})[0] == 200
         assert served.done == ["estop"]
@@ -218,7 +221,7 @@ def test_a_command_that_waits_keeps_its_place(served: Served) -> None:
     )
     asking.start()
     wait_for(lambda: served.waits)
-    silent = [socket.create_connection(("127.0.0.1", served.server.port), timeout=5.0) for _ in range(100)]
+    silent = [socket.create_connection(("127.0.0.1", served.server.server_port), timeout=5.0) for _ in range(100)]
     assert served.ask("GET", "/")[0] == 200  # accepted after all of them
     served.go_on.set()
     asking.join()
@@ -228,10 +231,10 @@ def test_a_command_that_waits_keeps_its_place(served: Served) -> None:
 
 
 def test_a_request_that_comes_byte_by_byte_does_not_last(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(handler, "_ASK_S", 0.5)
+    monkeypatch.setattr(server, "_ASK_S", 0.5)
     came = 0
     with (
-        socket.create_connection(("127.0.0.1", served.server.port), timeout=10.0) as slow,
+        socket.create_connection(("127.0.0.1", served.server.server_port), timeout=10.0) as slow,
         contextlib.suppress(ConnectionError),
     ):
         while came < 100 and not select.select([slow], [], [], 0.1)[0]:
@@ -241,7 +244,7 @@ def test_a_request_that_comes_byte_by_byte_does_not_last(served: Served, monkeyp
 
 
 def test_a_request_has_no_body_and_a_short_head(served: Served) -> None:
-    token = f"Host: localhost:{served.server.port}\r\n{TOKEN_HEADER}: {TOKEN}\r\n"
+    token = f"Host: localhost:{served.server.server_port}\r\n{TOKEN_HEADER}: {TOKEN}\r\n"
     for head, status in (
         ("Content-Length: 1000000000\r\n", 413),
         ("Transfer-Encoding: chunked\r\n", 413),
@@ -256,7 +259,7 @@ def test_a_request_has_no_body_and_a_short_head(served: Served) -> None:
 
 def test_who_does_not_read_is_dropped(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     """Many pictures of which the viewer reads none: neither the system's buffers nor a place are kept for it."""
-    monkeypatch.setattr(handler, "_SEND_S", 0.5)
+    monkeypatch.setattr(server, "_SEND_S", 0.5)
     stream = served.stream()
     served.wait_for_viewers(1)
     began_s = time.monotonic()
@@ -269,14 +272,14 @@ def test_who_does_not_read_is_dropped(served: Served, monkeypatch: pytest.Monkey
 
 def test_many_may_come_at_once() -> None:
     """Before one of them is answered."""
-    listening = Http(("127.0.0.1", 0), Handler)
+    listening = ViewServer(Board(), {}, lambda _: None, TOKEN, port=0)
     come = [socket.create_connection(listening.server_address, timeout=2.0) for _ in range(100)]  # type: ignore[arg-type]
     for connection in [listening.socket, *come]:
         connection.close()
 
 
 def test_the_page_needs_nothing_from_elsewhere(served: Served) -> None:
-    connection = http.client.HTTPConnection("127.0.0.1", served.server.port, timeout=10)
+    connection = http.client.HTTPConnection("127.0.0.1", served.server.server_port, timeout=10)
     connection.request("GET", "/")
     answer = connection.getresponse()
     page = answer.read().decode()
@@ -288,7 +291,7 @@ def test_the_page_needs_nothing_from_elsewhere(served: Served) -> None:
 
 def test_the_stream_tells_what_is_known_then_what_is_new(served: Served) -> None:
     served.board.post("pose", "[1,2,3]")
-    connection = http.client.HTTPConnection("127.0.0.1", served.server.port, timeout=10)
+    connection = http.client.HTTPConnection("127.0.0.1", served.server.server_port, timeout=10)
     connection.request("GET", "/events")
     answer = connection.getresponse()
     assert answer.headers["Content-Type"] == "text/event-stream"

@@ -14,7 +14,7 @@ from geometry_msgs.msg import PoseArray
 from std_msgs.msg import String
 
 from vsx_ros.errors import InputError
-from vsx_ros.exploration.frontiers import Frontier
+from vsx_ros.exploration.unknown_ground import Frontier
 from vsx_ros.exploration.utility import View
 from vsx_ros.geometry.camera import mount_pose
 from vsx_ros.geometry.se2 import SE2
@@ -22,9 +22,10 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.robot import Frame
 from vsx_ros.ros import convert
-from vsx_ros.ros.dashboard import json_messages
-from vsx_ros.ros.mission_topics import frontier_markers
-from vsx_ros.ros.preview import drawn
+from vsx_ros.ros.callbacks import json_object
+from vsx_ros.ros.dashboard import feed
+from vsx_ros.ros.mission_output import frontier_markers
+from vsx_ros.ros.slam_messages import drawn
 from vsx_ros.slam.snapshot import TrackedFeatures
 
 
@@ -36,7 +37,7 @@ def grid() -> OccupancyGrid:
 
 
 def test_the_map_is_cut_to_what_is_known_and_stays_in_place() -> None:
-    told = json_messages.grid(convert.grid_msg(grid(), "map", 1))
+    told = feed.grid(convert.grid_msg(grid(), "map", 1))
     assert (told["x"], told["y"], told["resolution"]) == (-3.0 + 4 * 0.5, 1.0 + 2 * 0.5, 0.5)
     png = cv2.imdecode(np.frombuffer(base64.b64decode(told["png"]), np.uint8), cv2.IMREAD_UNCHANGED)
     assert png.shape == (3, 6, 4)
@@ -47,7 +48,7 @@ def test_the_map_is_cut_to_what_is_known_and_stays_in_place() -> None:
 
 def test_a_map_without_knowledge_is_one_transparent_pixel() -> None:
     nothing = OccupancyGrid(np.full((4, 4), UNKNOWN, np.int8), 0.1, 0.0, 0.0)
-    told = json_messages.grid(convert.grid_msg(nothing, "map", 1))
+    told = feed.grid(convert.grid_msg(nothing, "map", 1))
     png = cv2.imdecode(np.frombuffer(base64.b64decode(told["png"]), np.uint8), cv2.IMREAD_UNCHANGED)
     assert png.shape == (1, 1, 4)
     assert png[0, 0, 3] == 0
@@ -56,16 +57,16 @@ def test_a_map_without_knowledge_is_one_transparent_pixel() -> None:
 @pytest.mark.parametrize("heading", [-2.5, 0.0, 1.0, 3.0])
 def test_keyframes_look_where_their_camera_looks(heading: float) -> None:
     T_world_cam = SE3.from_se2(SE2(1.0, 2.0, heading)) @ mount_pose(0.0, 0.0, 0.5, 0.2)
-    [[x, y, looks]] = json_messages.keyframes(convert.pose_array("map", 1, [T_world_cam]))
+    [[x, y, looks]] = feed.keyframes(convert.pose_array("map", 1, [T_world_cam]))
     assert (x, y) == (1.0, 2.0)
     assert math.cos(looks - heading) == pytest.approx(1.0, abs=1e-4)
-    assert json_messages.keyframes(PoseArray()) == []
+    assert feed.keyframes(PoseArray()) == []
 
 
 def test_frontiers_come_with_their_utility() -> None:
     border = Frontier(np.array([[2, 9], [3, 9]]), np.zeros(2), 1.0)
     views = [View(SE2(1.0, 2.0, 0.0), 4.0, 2.0, 30, 2.0), View(SE2(0.0, 0.0, 0.0), 1.0, 4.0, 30, 0.25)]
-    told = json_messages.frontiers(frontier_markers(grid(), [border], views, 1))
+    told = feed.frontiers(frontier_markers(grid(), [border], views, 1))
     assert told["borders"] == [[[1.75, 2.25], [1.75, 2.75]]]
     assert [view["utility"] for view in told["views"]] == [2.0, 0.25]
     assert told["views"][0]["text"] == "v 4.0 m2, d 2.0 m, U 2.00"
@@ -73,22 +74,22 @@ def test_frontiers_come_with_their_utility() -> None:
 
 def test_a_long_plan_is_thinned_and_keeps_its_ends() -> None:
     poses = [SE2(0.01 * k, 0.0, 0.0) for k in range(1001)]
-    told = json_messages.plan(convert.path_msg("map", 1, poses))
+    told = feed.plan(convert.path_msg("map", 1, poses))
     assert len(told) < 250
     assert (told[0], told[-1]) == ([0.0, 0.0], [10.0, 0.0])
-    assert json_messages.plan(convert.path_msg("odom", 1, poses)) == []
+    assert feed.plan(convert.path_msg("odom", 1, poses)) == []
 
 
-@pytest.mark.parametrize("data", ["", "{", "[1]", "null"])
+@pytest.mark.parametrize("data", ["", "{", "[1]", "null", "3", '{"state": "mapping"}', "[" * 10_000])
 def test_status_that_is_no_object_is_refused(data: str) -> None:
     with pytest.raises(InputError, match="JSON"):
-        json_messages.parsed(String(data))
+        json_object(String(data), "state", "reason")
 
 
 def test_numbers_that_are_not_finite_are_refused() -> None:
-    assert json.loads(json_messages.text({"a": [1, 2.5]})) == {"a": [1, 2.5]}
+    assert json.loads(feed.text({"a": [1, 2.5]})) == {"a": [1, 2.5]}
     with pytest.raises(InputError, match="finite"):
-        json_messages.text({"tracked_ratio": math.nan})
+        feed.text({"tracked_ratio": math.nan})
 
 
 def test_found_points_are_green_circles_and_missed_ones_red_crosses() -> None:

@@ -3,16 +3,14 @@
 import dataclasses
 import os
 import signal
-import subprocess
-import sys
 import time
 
 import numpy as np
 import pytest
 
 from vsx_ros.config import DenseConfig
-from vsx_ros.dense.anchored_surface import AnchoredSurface
 from vsx_ros.dense.densify import Densifier
+from vsx_ros.dense.mapped_ground import AnchoredSurface
 from vsx_ros.errors import VsxError
 from vsx_ros.geometry.camera import PinholeCamera, mount_pose
 from vsx_ros.geometry.se2 import SE2
@@ -43,45 +41,38 @@ def seen(n: int) -> MapSnapshot:
 def test_it_answers_as_the_densifier_would_and_is_sent_each_image_once() -> None:
     config = DenseConfig()
     beside, here = DenseProcess(CAMERA, MOUNT, config, 1), Densifier(CAMERA, MOUNT, config, 1)
-    try:
-        for n in (3, 5):
-            (dense, spots), wanted = beside.update(seen(n)), here.update(seen(n))
-            assert dense.version == n
-            assert len(dense.cells.plane) > 20
-            assert all(np.array_equal(a, b) for a, b in zip(dense.cells, wanted.cells))
-            expected = AnchoredSurface.of(wanted, seen(n), config.cell_m)
-            assert all(np.array_equal(a, b) for a, b in zip(spots, expected))
-        later = dataclasses.replace(seen(5), images=(None,) * 5)
-        assert len(beside.update(later)[0].planes) == len(dense.planes)
-    finally:
-        beside.close()
+    for n in (3, 5):
+        (dense, spots), wanted = beside.update(seen(n)), here.update(seen(n))
+        assert dense.version == n
+        assert len(dense.cells.plane) > 20
+        assert all(np.array_equal(a, b) for a, b in zip(dense.cells, wanted.cells))
+        expected = AnchoredSurface.of(wanted, seen(n), config.cell_m)
+        assert all(np.array_equal(a, b) for a, b in zip(spots, expected))
+    later = dataclasses.replace(seen(5), images=(None,) * 5)
+    assert len(beside.update(later)[0].planes) == len(dense.planes)
 
 
 def test_when_it_is_gone_one_is_told() -> None:
     beside = DenseProcess(CAMERA, MOUNT, DenseConfig(), 1)
-    os.kill(beside.pid, signal.SIGKILL)
+    os.kill(beside._child.pid, signal.SIGKILL)
     time.sleep(0.2)
     with pytest.raises(VsxError, match="has ended"):
         beside.update(seen(3))
-    beside.close()
 
 
-def test_a_reader_that_is_gone_is_the_end_without_words() -> None:
-    code = "import vsx_ros.ros.dense_process as d; d.serve = lambda _, out: (out.write(b'x'), out.flush()); d.main()"
-    reader, writer = os.pipe()
-    os.close(reader)
-    done = subprocess.run(
-        [sys.executable, "-c", code], stdout=writer, stderr=subprocess.PIPE, text=True, timeout=60, check=False
-    )
-    os.close(writer)
-    assert (done.returncode, done.stderr) == (0, "")
+def test_when_nobody_asks_any_more_it_ends_without_words(capfd: pytest.CaptureFixture[str]) -> None:
+    beside = DenseProcess(CAMERA, MOUNT, DenseConfig(), 1)
+    child = beside._child
+    beside._requests.send((dataclasses.replace(seen(3), images=()), dict(enumerate(seen(3).images))))
+    del beside  # and with it who would hear the answer
+    assert child.wait(60.0) == 0
+    assert capfd.readouterr() == ("", "")
 
 
 def test_a_process_that_hangs_is_ended_and_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
     beside = DenseProcess(CAMERA, MOUNT, DenseConfig(), 1)
-    os.kill(beside.pid, signal.SIGSTOP)
+    os.kill(beside._child.pid, signal.SIGSTOP)
     monkeypatch.setattr(dense_process, "_ANSWER_S", 0.5)
     with pytest.raises(VsxError, match="has ended"):
         beside.update(seen(3))
-    beside.close()
     assert beside._child.wait(10.0) == -signal.SIGKILL

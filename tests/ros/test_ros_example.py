@@ -37,7 +37,7 @@ def test_a_goal_nearby_is_reached_and_the_exploration_goes_on(stack: Stack) -> N
     for way_m, turn_rad in itertools.product((AHEAD_M, -AHEAD_M), (0.0, 0.4, -0.4)):
         pause(stack)  # the example lets the exploration go on
         wait_until_standing(stack)
-        done = send(stack, base_in(topics.MAP_FRAME) @ SE2.exp(way_m, 0.0, turn_rad))
+        done = send(stack, base_in(topics.MAP_FRAME) @ SE2.exp(way_m, turn_rad))
         if done.returncode == 0:
             break
     assert done.stdout.startswith("SUCCEEDED: "), done.stdout + done.stderr

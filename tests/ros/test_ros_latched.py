@@ -31,7 +31,7 @@ LATCHED = {
     topics.GLOBAL_PLAN, topics.TRAJECTORY, topics.PLAN_MS, topics.FOLLOWER_STATUS,
     topics.FRONTIERS, topics.EXPLORE_STATUS, topics.COVERAGE,
 }  # fmt: skip
-NOT_ON_A_ROBOT = {"truth_topics.py", "player.py"}
+NOT_ON_A_ROBOT = {"nodes/emulator.py", "player.py"}
 """They stand in for a robot's devices; of what they latch nothing is in the live stack of the tests."""
 
 

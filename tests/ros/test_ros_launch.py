@@ -15,7 +15,7 @@ import yaml
 from vsx_ros.config import Config, to_dict
 from vsx_ros.errors import ConfigError
 from vsx_ros.ros import launch, topics
-from vsx_ros.runs.robot_file import update_robot_file
+from vsx_ros.runs.parameters import update_robot_file
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 

@@ -18,9 +18,8 @@ import rosgraph
 from ros_ports import HOST, free_port
 from rosmaster.master_api import ROSMasterHandler
 
-from vsx_ros.ros import master_watch, registrations
-from vsx_ros.ros.master_watch import MasterWatch
-from vsx_ros.ros.registrations import Offers
+from vsx_ros.ros import master_watch
+from vsx_ros.ros.master_watch import MasterWatch, Offers
 
 pytestmark = pytest.mark.changes_rospy
 
@@ -78,7 +77,7 @@ def port(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     for name, value in (("get_name", "/base"), ("core.is_shutdown_requested", None), ("core.get_node_uri", ME)):
         monkeypatch.setattr(f"rospy.{name}", ended.is_set if value is None else lambda value=value: value)
     monkeypatch.setattr("rospy.resolve_name", lambda name: name.replace("~", "/base/"))
-    monkeypatch.setattr(registrations, "offers", lambda: OFFERS)
+    monkeypatch.setattr(master_watch, "offers", lambda: OFFERS)
     monkeypatch.setattr(master_watch, "PERIOD_S", 0.1)
     yield port
     ended.set()
@@ -127,13 +126,13 @@ def test_nothing_may_move_until_a_new_master_knows_all_of_the_node(
     watch = MasterWatch()
     assert wait(lambda: not watch.trouble)
     assert graph[0].knows_base()
-    held, register = threading.Event(), registrations.register
+    held, register = threading.Event(), master_watch.register
 
     def in_time(offers: Offers) -> None:
         held.wait(10.0)
         register(offers)
 
-    monkeypatch.setattr(registrations, "register", in_time)
+    monkeypatch.setattr(master_watch, "register", in_time)
     graph[0] = graph[0].anew()
     assert wait(lambda: "does not" in watch.trouble)
     time.sleep(0.5)

@@ -15,7 +15,7 @@ import rosgraph
 from lone_base import LoneBase
 
 from vsx_ros.ros import topics
-from vsx_ros.ros.registrations import answers_at
+from vsx_ros.ros.calls import answers_at
 
 pytestmark = pytest.mark.ros
 

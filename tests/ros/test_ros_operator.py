@@ -26,7 +26,7 @@ import numpy as np
 from vsx_ros.control.keyboard import keys
 from vsx_ros.io.open_recording import open_recording
 from vsx_ros.ros import topics
-from vsx_ros.runs.exit_codes import DONE, FAILED
+from vsx_ros.runs.process import DONE, FAILED
 
 if TYPE_CHECKING:
     from conftest import Stack

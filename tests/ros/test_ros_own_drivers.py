@@ -15,8 +15,7 @@ from ros_ports import HOST, free_port
 from sensor_msgs.msg import CompressedImage, Image
 
 from vsx_ros.errors import ConfigError, InputError
-from vsx_ros.ros.topic_base import TopicNames
-from vsx_ros.ros.topic_camera import image_of, info_topic
+from vsx_ros.ros.topic_drivers import image_of, info_topic, topic_names
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 
@@ -110,11 +109,12 @@ def test_a_base_and_a_camera_with_drivers_of_their_own_are_used_by_their_topics(
 
 
 def test_topics_of_a_base_are_two_or_the_usual_ones() -> None:
-    assert TopicNames.of("") == ("odom", "cmd_vel")
-    assert TopicNames.of("/a/odom, /a/cmd") == ("/a/odom", "/a/cmd")
+    assert topic_names("ros") == ("odom", "cmd_vel")
+    assert topic_names("ros:/a/odom, /a/cmd") == ("/a/odom", "/a/cmd")
+    assert topic_names("kobuki") is None
     for wrong in ("/odom", "/odom,", "a,b,c"):
         with pytest.raises(ConfigError, match="give two topics"):
-            TopicNames.of(wrong)
+            topic_names(f"ros:{wrong}")
 
 
 def test_the_calibration_is_looked_for_beside_the_images() -> None:

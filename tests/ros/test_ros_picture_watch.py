@@ -5,7 +5,7 @@ pytest.importorskip("rospy")
 
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Odometry
-from vsx_ros.ros.sensor_sync import RepeatedImageDetector
+from vsx_ros.ros.slam_input import RepeatedImageDetector
 
 
 def picture(k: int) -> np.ndarray:

@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("rospy")
 
-from vsx_ros.ros.progress import progress_line
+from vsx_ros.ros.monitor import progress_line
 
 
 def monitor(status):

@@ -21,8 +21,8 @@ from vsx_ros.cli import main
 from vsx_ros.config import Config
 from vsx_ros.io.calibration_file import write_calibration
 from vsx_ros.io.open_recording import open_recording
-from vsx_ros.runs.exit_codes import DONE, FAILED, STOPPED
 from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.process import DONE, FAILED, STOPPED
 from vsx_ros.slam.slam import SequentialSlam
 
 pytestmark = pytest.mark.ros

@@ -21,9 +21,9 @@ from ros_ports import free_port
 
 from vsx_ros.config import Config
 from vsx_ros.ros.run import Coverage, all_events
-from vsx_ros.runs.exit_codes import DONE, FAILED, STOPPED
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import RunEvent, read_journal
+from vsx_ros.runs.process import DONE, FAILED, STOPPED
 
 pytestmark = pytest.mark.ros
 

@@ -10,7 +10,8 @@ import rospy
 
 from vsx_hw.safety import SpeedLimits
 from vsx_ros.config import LimitsConfig
-from vsx_ros.ros.base_drivers import speed_limits
+from vsx_ros.errors import ConfigError
+from vsx_ros.ros.base_drivers import BaseSettings, Listeners, base_driver, speed_limits
 from vsx_ros.ros.nodes import mobile_base
 
 
@@ -58,3 +59,8 @@ def test_the_watchdogs_are_let_go_only_once_the_wheels_surely_stand(stands: bool
     )
     mobile_base.MobileBaseNode.close(node)  # type: ignore[arg-type]
     assert released == [True] * stands
+
+
+def test_a_base_at_a_port_takes_no_words_behind_a_colon() -> None:
+    with pytest.raises(ConfigError, match="'kobuki:left': give kobuki, "):
+        base_driver(BaseSettings("kobuki:left", "/dev/null"), Listeners(print, print, print))

@@ -16,7 +16,7 @@ from processes import Processes
 from ros_ports import HOST, free_port
 
 from vsx_ros.ros import launch, topics
-from vsx_ros.runs.exit_codes import DONE, FAILED, STOPPED
+from vsx_ros.runs.process import DONE, FAILED, STOPPED
 
 pytestmark = pytest.mark.ros
 

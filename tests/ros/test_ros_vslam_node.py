@@ -53,12 +53,13 @@ def test_an_image_of_another_size_is_as_if_it_had_never_come(monkeypatch: pytest
     monkeypatch.setattr(rospy, "get_param", lambda _, usual: usual)
     monkeypatch.setattr(threads, "is_ending", lambda: not waiting)
     status, lease = Notes(), Notes()
+    slam = SimpleNamespace(track=track, tracked_features=None)
     sync = SimpleNamespace(take=lambda timeout_s: waiting.pop(0), dropped=0)
     heard = bare(SlamInput, _sync=sync, _status=status, _used_s=1e12, camera=lambda: None)
     node = bare(
         VslamNode, _metric=True, _input=heard, _maps=Notes(), _status=status, _lease=lease, _poses=Notes(),
-        _session=SimpleNamespace(begin=lambda *_, **__: SimpleNamespace(track=track), locate=lambda *_: None),
-        _run=Notes(), _preview=SimpleNamespace(is_due=False), _pictures=SimpleNamespace(is_new=lambda *_: True),
+        _session=SimpleNamespace(begin=lambda *_, **__: slam, locate=lambda *_: None),
+        _run=Notes(), _preview=Notes(), _pictures=SimpleNamespace(is_new=lambda *_: True),
     )  # fmt: skip
     node._track()
     assert tracked == [0, 1, 3]

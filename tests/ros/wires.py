@@ -17,7 +17,7 @@ from std_msgs.msg import String
 
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import VelocityCommand
-from vsx_ros.ros import clock, convert, follower_link, lease, localization, planning_thread, threads, topics
+from vsx_ros.ros import clock, convert, follower_link, lease, planning_thread, situation, threads, topics
 from vsx_ros.ros.diagnostics import Diagnostics
 from vsx_ros.ros.nodes import follower, move_base
 from vsx_ros.slam.state import TrackingState
@@ -68,7 +68,7 @@ class Wires:
             monkeypatch.setattr(owner, name, fake)
         time = SimpleNamespace(monotonic=lambda: 1e-9 * self.base.now_ns, sleep=self.go_on)
         # others have threads, which go on
-        for module in (follower, follower_link, move_base, lease, localization, planning_thread):
+        for module in (follower, follower_link, move_base, lease, situation, planning_thread):
             if hasattr(module, "time"):
                 monkeypatch.setattr(module, "time", time)
 

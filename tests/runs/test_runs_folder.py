@@ -5,9 +5,8 @@ import pytest
 
 from vsx_ros.config import Config, overridden
 from vsx_ros.errors import InputError, VsxError
-from vsx_ros.geometry.se3 import SE3
-from vsx_ros.geometry.stamped import StampedPose
-from vsx_ros.io.ply_file import read_ply, write_ply
+from vsx_ros.geometry.se3 import SE3, StampedPose
+from vsx_ros.io.map_export import read_ply, write_ply
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.runs.folder import FILES, FrameRecord, RunFolder
 from vsx_ros.runs.journal import RunEvent

@@ -3,7 +3,7 @@ import sys
 
 INTERRUPTED_AT_EVERY_LINE = """
 import signal
-from vsx_ros.runs.interruptible import SignalFlag
+from vsx_ros.runs.process import SignalFlag
 heard = SignalFlag(signal.SIGUSR1)
 
 def again(frame, event, arg):

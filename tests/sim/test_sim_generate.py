@@ -5,7 +5,7 @@ from sim_views import still_view
 
 from vsx_ros.errors import ConfigError
 from vsx_ros.sim.generate import generate_world
-from vsx_ros.sim.placement import free_ahead, free_places, gap_to_walls, is_connected
+from vsx_ros.sim.truth import free_ahead, free_places, gap_to_walls, is_connected
 from vsx_ros.sim.world import obstacle_segments
 
 SEEDS = range(12)
@@ -32,12 +32,12 @@ def test_other_generators_are_connected(name: str) -> None:
 def test_a_building_is_large_and_every_room_has_a_door() -> None:
     world = generate_world("building", 3)
     assert world.bounds == (0.0, 0.0, 40.0, 25.0)
-    fits, xs, ys = free_places(world)
+    places = free_places(world)
     assert is_connected(world)
-    reachable = float(fits.sum()) * 0.05**2
+    reachable = len(places) * 0.05**2
     assert 450.0 < reachable < 900.0
     for x, y in ((1.0, 1.0), (38.5, 23.5), (20.0, 12.5)):  # two corner rooms and the crossing
-        assert fits[(np.abs(ys - y) < 1.0)[:, None] & (np.abs(xs - x) < 1.0)].any()
+        assert (np.abs(places - [x, y]) < 1.0).all(axis=1).any()
     assert len(world.walls) > 60
     assert len(world.boxes) > 20
 
@@ -74,15 +74,14 @@ def test_ordinary_views_hold_corners_and_plain_surfaces(seed: int) -> None:
     fast = cv2.FastFeatureDetector_create(20)
     start = world.start_pose
     assert len(fast.detect(view(start.x, start.y, start.theta))) >= 150
-    fits, xs, ys = free_places(world)
-    rows, columns = np.nonzero(fits)
+    places = free_places(world)
     rng = np.random.default_rng(1)
     counts, plain = [], []
     while len(counts) < 30:
-        k, theta = int(rng.integers(len(rows))), float(rng.uniform(-np.pi, np.pi))
-        if free_ahead(world, xs[columns[k]], ys[rows[k]], theta) < 0.8:
+        (x, y), theta = places[int(rng.integers(len(places)))].tolist(), float(rng.uniform(-np.pi, np.pi))
+        if free_ahead(world, x, y, theta) < 0.8:
             continue
-        image = view(xs[columns[k]], ys[rows[k]], theta)
+        image = view(x, y, theta)
         counts.append(len(fast.detect(image)))
         plain.append((image.reshape(60, 8, 80, 8).std(axis=(1, 3)) < 4.0).mean())
     assert np.mean(np.array(counts) >= 150) >= 0.93

@@ -8,9 +8,8 @@ from vsx_ros.errors import MapFileError
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.runs.world import open_world
 from vsx_ros.sim.map_import import free_space_outlines, world_from_grid
-from vsx_ros.sim.placement import free_ahead
 from vsx_ros.sim.scene import quads
-from vsx_ros.sim.truth import ground_truth_grid
+from vsx_ros.sim.truth import free_ahead, ground_truth_grid
 
 DATA = Path(os.environ.get("VSX_DATA", Path(__file__).parents[2] / "../shared/data"))
 REAL = ["maps/lab_ipa.png", "maps/Freiburg52_scan.png", "maps/office_b.png",

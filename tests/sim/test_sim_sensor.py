@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
 
-from vsx_ros.kernels.sim.image_sensor import expose
-from vsx_ros.sim.camera import KINECT
-from vsx_ros.sim.sensor import Sensor
+from vsx_ros.kernels.sim.raycast_pixels import expose
+from vsx_ros.sim.camera import KINECT, Sensor
 from vsx_ros.sim.settings import CameraSettings
 
 FLAT = np.full((480, 640), 0.3, np.float32)

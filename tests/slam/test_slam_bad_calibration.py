@@ -9,8 +9,7 @@ from spoilt_drives import CONFIG
 
 from vsx_ros.errors import CalibrationError, InputError
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.slam.slam import SequentialSlam
-from vsx_ros.slam.threads import ThreadedSlam
+from vsx_ros.slam.slam import SequentialSlam, ThreadedSlam
 
 
 @pytest.mark.parametrize("kind", [SequentialSlam, ThreadedSlam])

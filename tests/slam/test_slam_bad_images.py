@@ -6,9 +6,8 @@ from spoilt_drives import CONFIG, FIRST, LAST, TRACKED, between, run
 
 from vsx_ros.errors import InputError
 from vsx_ros.robot import Frame
-from vsx_ros.slam.slam import SequentialSlam
+from vsx_ros.slam.slam import SequentialSlam, ThreadedSlam
 from vsx_ros.slam.state import TrackingState
-from vsx_ros.slam.threads import ThreadedSlam
 
 
 def saturated(image):

@@ -6,17 +6,16 @@ import math
 import numpy as np
 import pytest
 
-from vsx_ros.config import OdometryNoiseConfig
+from vsx_ros.config.maps import OdometryNoiseConfig
 from vsx_ros.geometry.camera import PinholeCamera, mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.vision.patches import PATCH
 from vsx_ros.slam import bundle_adjustment
 from vsx_ros.slam.bundle_adjustment import BundleAdjuster, adjoint, odometry_factor
-from vsx_ros.slam.keyframe import FrameData, Observations
-from vsx_ros.slam.loop_closing import is_metric
+from vsx_ros.slam.keyframe import FrameData, NewTemplates, Observations
+from vsx_ros.slam.loop_correction import is_metric
 from vsx_ros.slam.map import Map
-from vsx_ros.slam.templates import NewTemplates
 
 MOUNT = mount_pose(-0.09, 0.02, 0.31, 0.1, 0.05)
 NOISE = OdometryNoiseConfig()

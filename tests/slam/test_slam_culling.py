@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from vsx_ros.config import Config, CullingConfig
+from vsx_ros.config import Config
+from vsx_ros.config.maps import CullingConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.vision.patches import PATCH
-from vsx_ros.slam.culling import cull_redundant, is_redundant
-from vsx_ros.slam.keyframe import FrameData, Observations
+from vsx_ros.slam.keyframe import FrameData, NewTemplates, Observations
 from vsx_ros.slam.local_map import LocalMap
 from vsx_ros.slam.map import Map
+from vsx_ros.slam.map_points import cull_redundant, is_redundant
 from vsx_ros.slam.mapper import Mapper
-from vsx_ros.slam.templates import NewTemplates
 
 CAMERA = PinholeCamera(640, 480, 525.0, 525.0, 319.5, 239.5)
 RULE = CullingConfig(seen_ratio=0.9, viewers=3, keep_newest=2)
@@ -120,15 +120,11 @@ def test_strangers_nearby_are_not_tracked_until_a_loop_ties_them():
     angles = np.linspace(0.0, 2.0 * np.pi, 200)
     places = np.column_stack([6.4 * np.cos(angles), 6.4 * np.sin(angles), np.zeros(200)])
     sees = [list(range(25 * k, 25 * k + 200)) for k in range(200)]
-    local = LocalMap()
-    local.select(made_map(sees, places=places).view(), 199)
+    local = LocalMap(made_map(sees, places=places).view(), 199)
     assert min(local.keyframes) > 100
     assert local.linked.living.min() > 100
     sees[199] = [*sees[199], *range(20)]
-    local = LocalMap()
-    world = made_map(sees, places=places)
-    world.version += 1
-    local.select(world.view(), 199)
+    local = LocalMap(made_map(sees, places=places).view(), 199)
     assert 0 in local.keyframes
     assert {0, 1, 2, 198, 199} <= set(local.linked.living.tolist())
     assert 100 not in local.linked.living

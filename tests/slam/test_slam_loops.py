@@ -9,17 +9,15 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.vision.patches import PATCH
 from vsx_ros.slam.frontend import FrontEnd
-from vsx_ros.slam.keyframe import FrameData, Observations
+from vsx_ros.slam.keyframe import FrameData, NewTemplates, Observations
 from vsx_ros.slam.loop_closing import LoopDetector
-from vsx_ros.slam.loop_correction import correct_loops
+from vsx_ros.slam.loop_correction import LoopClosure, correct_loops, optimize_pose_graph
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.place_recognition import PlaceRecognizer, is_certain, is_sure
-from vsx_ros.slam.pose_graph import LoopClosure, optimize_pose_graph
 from vsx_ros.slam.recovery import Recovery
 from vsx_ros.slam.slam import SequentialSlam
-from vsx_ros.slam.templates import NewTemplates
 from vsx_ros.slam.tracker import Tracker
-from vsx_ros.vision.descriptors import features_of
+from vsx_ros.vision.corners import features_of
 
 CONFIG = Config().slam
 
@@ -55,7 +53,7 @@ def test_a_place_of_the_map_is_recognised_where_it_is(arc_drive, arc, places):
     view = arc.view()
     for k in (30, 60, 90):
         seen = best(places, taken_apart(arc_drive, arc_drive.frames[k][0].image, k), view)
-        assert is_sure(seen)
+        assert is_sure(seen, CONFIG.recognition)
         truth = arc_drive.T_base_cam @ arc_drive.frames[0][2].inverse() @ arc_drive.frames[k][2]
         assert np.linalg.norm(seen.track.T_world_cam.translation - truth.translation) < 0.03
 
@@ -68,14 +66,14 @@ def test_a_poster_that_hangs_elsewhere_too_is_not_the_place(arc_drive, spin_driv
         image = spin_drive.frames[k][0].image.copy()
         image[100:340, side] = arc_drive.frames[k][0].image[100:340, side]
         seen = best(places, taken_apart(arc_drive, image, k), view)
-        assert seen is None or not is_sure(seen)
+        assert seen is None or not is_sure(seen, CONFIG.recognition)
 
 
 def test_another_lab_is_no_place_of_this_map(spin_drive, arc, places):
     view = arc.view()
     for k in range(0, len(spin_drive.frames), 20):
         seen = best(places, taken_apart(spin_drive, spin_drive.frames[k][0].image, k), view)
-        assert seen is None or not (is_sure(seen) or is_certain(seen))
+        assert seen is None or not (is_sure(seen, CONFIG.recognition) or is_certain(seen, CONFIG.recognition))
 
 
 def test_every_keyframe_gets_its_turn_when_the_likeliest_mislead(arc_drive, arc, monkeypatch):
@@ -86,7 +84,11 @@ def test_every_keyframe_gets_its_turn_when_the_likeliest_mislead(arc_drive, arc,
     data = taken_apart(arc_drive, arc_drive.frames[15][0].image, 15)
     places = recovery._relocalizer._places
     features = features_of(data.pyramid, data.corners)
-    shows = [k for k in view.living.tolist() if (s := places.recognise(data, features, view, k)) and is_certain(s)]
+    shows = [
+        k
+        for k in view.living.tolist()
+        if (s := places.recognise(data, features, view, k)) and is_certain(s, CONFIG.recognition)
+    ]
     assert 0 < len(shows) < len(view.living)
     backwards = np.array([k for k in view.living.tolist() if k not in shows] + shows)
     monkeypatch.setattr(places, "ranked", lambda small, view, among: backwards)
@@ -139,7 +141,7 @@ def test_a_true_loop_is_closed_and_the_error_falls_everywhere():
 def test_a_keyframe_that_was_culled_confirms_no_loop(arc_drive):
     world, true = ring()
     last = len(true) - 1
-    finder = LoopDetector(arc_drive.camera, CONFIG.tracker, np.random.default_rng(0))
+    finder = LoopDetector(arc_drive.camera, CONFIG, np.random.default_rng(0))
     home = true[last] @ world.keyframes[last].T_world_cam.inverse()
     one, two = (LoopClosure(0, k, home @ world.keyframes[k].T_world_cam, 1.0, 100) for k in (last - 1, last))
     assert finder._agree(world, one, two)
@@ -185,7 +187,7 @@ def test_maps_begun_apart_become_one_of_the_right_size_and_keep_their_indices():
 
 def test_what_the_map_cannot_have_drifted_is_not_believed(arc_drive):
     world, true = ring(drift=0.0)
-    finder = LoopDetector(arc_drive.camera, CONFIG.tracker, np.random.default_rng(0))
+    finder = LoopDetector(arc_drive.camera, CONFIG, np.random.default_rng(0))
     last = len(true) - 1
     way = 2.0 * np.pi * 3.0
     for off, possible in ((0.15 + 0.03 * way - 0.02, True), (0.15 + 0.03 * way + 0.02, False)):

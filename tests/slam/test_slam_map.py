@@ -16,14 +16,12 @@ from vsx_ros.robot import VelocityCommand
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.robot import EmulatedRobot
 from vsx_ros.sim.world import Start
-from vsx_ros.slam.keyframe import FrameData, Observations
+from vsx_ros.slam.keyframe import FrameData, NewTemplates, Observations
 from vsx_ros.slam.local_map import nearest_keyframes
 from vsx_ros.slam.map import Map
-from vsx_ros.slam.slam import SequentialSlam
-from vsx_ros.slam.slam_map import SlamMap
+from vsx_ros.slam.slam import SequentialSlam, ThreadedSlam
+from vsx_ros.slam.snapshot import SlamMap
 from vsx_ros.slam.state import TrackingState
-from vsx_ros.slam.templates import NewTemplates
-from vsx_ros.slam.threads import ThreadedSlam
 
 CONFIG = Config().slam
 TRACKED = (TrackingState.GOOD, TrackingState.DUBIOUS)

@@ -15,9 +15,8 @@ from vsx_ros.kernels.slam import bundle, epipolar, pose
 from vsx_ros.kernels.vision import alignment, search
 from vsx_ros.kernels.warmup import warm_up
 from vsx_ros.robot import Frame
-from vsx_ros.slam.slam import SequentialSlam
+from vsx_ros.slam.slam import SequentialSlam, ThreadedSlam
 from vsx_ros.slam.state import TrackingState
-from vsx_ros.slam.threads import ThreadedSlam
 
 DATA = Path(os.environ.get("VSX_DATA", Path(__file__).parents[2] / "../shared/data"))
 CONFIG = Config().slam
@@ -230,7 +229,7 @@ def test_warm_up_compiles_what_tracking_uses(arc_drive):
     warm_up()
     kernels = [
         bundle.adjust,
-        projection.predict,
+        search.predict,
         projection.unproject_pixels,
         search.search,
         epipolar.search_rays,

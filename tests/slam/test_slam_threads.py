@@ -7,9 +7,8 @@ import pytest
 
 from vsx_ros.config import Config
 from vsx_ros.slam.initialization import TRIED
-from vsx_ros.slam.slam import SequentialSlam
+from vsx_ros.slam.slam import SequentialSlam, ThreadedSlam
 from vsx_ros.slam.state import TrackingState
-from vsx_ros.slam.threads import ThreadedSlam
 
 
 @pytest.fixture

@@ -25,6 +25,18 @@ def test_points_behind_found_ones_are_hidden():
     assert hidden(np.zeros((0, 2)), np.zeros(0), np.zeros(0, bool)) == 0
 
 
+def test_hidden_points_are_those_behind_the_nearest_found_one_of_their_cell():
+    rng = np.random.default_rng(3)
+    uv, depth, found = rng.uniform(0.0, 80.0, (200, 2)), rng.uniform(1.0, 3.0, 200), rng.random(200) < 0.4
+    cell = [tuple(at) for at in (uv // 16).astype(int).tolist()]
+    expected = 0
+    for s in np.flatnonzero(~found):
+        before = [depth[o] for o in np.flatnonzero(found) if cell[o] == cell[s]]
+        expected += bool(before) and depth[s] > 1.25 * min(before)
+    assert 20 < expected < 120
+    assert hidden(uv, depth, found) == expected
+
+
 def test_visible_ratio_leaves_out_hidden_points_and_blurred_frames():
     record = TrackingRecord()
     record.initialised(0, np.zeros(3))

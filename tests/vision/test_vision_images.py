@@ -7,10 +7,9 @@ import pytest
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import so3_exp
-from vsx_ros.vision.corners import CornerDetector, dense_corners, strongest
-from vsx_ros.vision.patch_search import cast_rays, cut_patches, from_level, kernel_camera, to_level
-from vsx_ros.vision.pyramid import build_pyramid
-from vsx_ros.vision.small_image import rotation_between, small_image
+from vsx_ros.vision.corners import CornerDetector, dense_corners, indexed, strongest
+from vsx_ros.vision.patch_search import cast_rays, cut_patches, kernel_camera
+from vsx_ros.vision.pyramid import Pyramid, build_pyramid, from_level, rotation_between, small_image, to_level
 
 CAMERA = PinholeCamera(640, 480, 525.0, 525.0, 319.5, 239.5)
 
@@ -49,6 +48,19 @@ def test_level_coordinates_keep_the_pixel_centre():
     assert to_level(np.array([[0.5, 0.5]]), 1) == pytest.approx(np.zeros((1, 2)))
 
 
+@pytest.mark.parametrize("many", [0, 1, 40])
+def test_every_row_begins_where_a_search_finds_it(many):
+    table = np.array([[0, 12, 20, 0], [240, 6, 10, 13], [300, 3, 5, 20], [315, 1, 2, 24]])
+    rng = np.random.default_rng(many)
+    levels = []
+    for _, height, width, _ in table:
+        found = np.column_stack([rng.integers(0, width, many), np.sort(rng.integers(0, height, many))])
+        levels.append(found.astype(np.int32))
+    rows = [k * many + np.searchsorted(found[:, 1], np.arange(table[k, 1] + 1)) for k, found in enumerate(levels)]
+    corners = indexed(levels, Pyramid(np.zeros(0, np.uint8), table))
+    assert corners.row_table.tolist() == np.concatenate(rows).tolist()
+
+
 def test_row_table_finds_every_corner_of_a_row():
     pyramid = build_pyramid(noise_image())
     corners = CornerDetector().detect(pyramid)
@@ -74,7 +86,7 @@ def test_corner_counts_settle_near_their_targets():
 
 def test_dense_corners_meet_their_targets_at_once_whatever_the_contrast():
     for contrast in (1, 2, 6):
-        counts = np.array(dense_corners(build_pyramid(noise_image(4) // contrast)).counts)
+        counts = np.array(dense_corners(build_pyramid(noise_image(4) // contrast), 2600).counts)
         assert (np.abs(np.log(counts / [2600, 1400, 700, 350])) < np.log(1.5)).all()
         assert all(count > 100 for count in counts)
 
@@ -113,10 +125,10 @@ def test_rotation_is_read_from_small_images(omega):
 def test_rays_and_patches_belong_to_their_corner():
     pyramid = build_pyramid(noise_image())
     positions = np.array([[30, 40], [60, 25]], np.int32)
-    rays = cast_rays(kernel_camera(CAMERA), positions, 1)
+    rays, basis = cast_rays(kernel_camera(CAMERA), positions, 1)
     expected = CAMERA.unproject(from_level(positions.astype(float), 1))[:, :2]
-    assert rays.direction == pytest.approx(expected, abs=1e-9)
-    assert rays.basis == pytest.approx(np.tile([2 / 525.0, 0, 0, 2 / 525.0], (2, 1)), abs=1e-9)
+    assert rays == pytest.approx(expected, abs=1e-9)
+    assert basis == pytest.approx(np.tile([2 / 525.0, 0, 0, 2 / 525.0], (2, 1)), abs=1e-9)
     patches = cut_patches(pyramid, positions, 1)
     assert patches.shape == (2, 24, 24)
     assert (patches[0] == pyramid.level(1)[28:52, 18:42]).all()

@@ -4,8 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from vsx_ros.vision.pyramid import build_pyramid
-from vsx_ros.vision.sharpness import BlurDetector, sharpness
+from vsx_ros.vision.pyramid import BlurDetector, build_pyramid, sharpness
 
 
 def scene(k=0):

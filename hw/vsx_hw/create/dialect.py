@@ -5,32 +5,20 @@ from functools import reduce
 from operator import or_
 
 from vsx_hw.base_driver import Dialect
-from vsx_hw.create.protocol import (
-    CREATE_1,
-    CREATE_2,
-    Mode,
-    Model,
-    Opcode,
-    encode_drive_direct,
-    encode_lamps,
-    encode_play,
-    encode_song,
-    mode_of,
-    wheel_speeds,
-)
-from vsx_hw.odometry import WheelOdometry
+from vsx_hw.create import protocol
+from vsx_hw.create.protocol import CREATE_1, CREATE_2, Mode, Model, Opcode
 from vsx_hw.readings import BaseReading, BatteryReading, GyroReading, Hazard, OdometryReading, Signal
 from vsx_hw.rounding import TurnErrorFeedback
 
-SAFETY_PACKETS = [7, 9, 10, 11, 12, 14, 18, 35]
-BATTERY_PACKETS = [21, 22, 25, 26, 34]
+SAFETY_PACKETS = [7, 9, 10, 11, 12, 14, 18, 35]  # bumps and drops, cliffs, overcurrents, buttons, mode (Open Interface)
+BATTERY_PACKETS = [21, 22, 25, 26, 34]  # charging state, voltage, charge, capacity, chargers
 
-CYCLES_TO_RETRY_MODE = 25
+CYCLES_TO_RETRY_MODE = 25  # half a second at 20 ms each
 
 MODE_PAUSE_S = 0.05
 """Commands within 20 ms of a change of mode are lost."""
 
-CHARGING = (1, 2, 3)
+CHARGING = (1, 2, 3)  # reconditioning, full, trickle
 _KNOWN = {21: ("charging state", range(6)), 34: ("chargers", range(4))}
 """What a packet may say; anything else is told, and taken for nothing."""
 _SLOW = {18: 0, 21: 0, 22: 500, 25: 100, 26: 0, 34: 0}
@@ -44,9 +32,8 @@ _HAZARDS = (
 )  # fmt: skip
 """Packet, bit, and what it means."""
 
-BRIGHT = 255
-_COLORS = {Signal.READY: 0, Signal.HELD: 128, Signal.ALARM: 255}
-ALARM_SONG, ALARM_NOTES = 0, [(84, 0.125), (72, 0.25)]
+_COLORS = {Signal.READY: 0, Signal.HELD: 128, Signal.ALARM: 255}  # of the power lamp: green 0 to red 255
+ALARM_SONG, ALARM_NOTES = 0, [(84, 0.125), (72, 0.25)]  # its number; MIDI notes and seconds
 
 
 class CreateDialect(Dialect):
@@ -54,8 +41,6 @@ class CreateDialect(Dialect):
     They are put back to Safe when the cause is gone, or for reversing from a cliff, and a command to move arrives; from
     a mode that is not known at once, unless they charge.
     """
-
-    odometry: WheelOdometry
 
     def __init__(self, model: Model) -> None:
         self._model = model
@@ -94,41 +79,38 @@ class CreateDialect(Dialect):
         return still + (bytes((Opcode.SAFE,)) if back else b"")
 
     def _encoded(self, v_m_s: float, omega_rad_s: float) -> tuple[bytes, float]:
-        base = 1000.0 * self._model.wheel_base_m
-        left, right = wheel_speeds(1000.0 * v_m_s - 0.5 * base * omega_rad_s, 1000.0 * v_m_s + 0.5 * base * omega_rad_s)
-        return encode_drive_direct(left, right), (right - left) / base
+        base, v = 1000.0 * self._model.wheel_base_m, 1000.0 * v_m_s
+        left, right = protocol.wheel_speeds(v - 0.5 * base * omega_rad_s, v + 0.5 * base * omega_rad_s)
+        return protocol.encode_drive_direct(left, right), (right - left) / base
 
     def show(self, signal: Signal) -> bytes:
         """See Dialect. The power lamp, and in an alarm the song of ``hello``: only in Safe and Full."""
         if not self.obeys:
             return b""
-        return encode_lamps(0, _COLORS[signal], BRIGHT) + (encode_play(ALARM_SONG) if signal is Signal.ALARM else b"")
+        sound = protocol.encode_play(ALARM_SONG) if signal is Signal.ALARM else b""
+        return protocol.encode_lamps(0, _COLORS[signal], 255) + sound
 
     def hello(self) -> Iterable[tuple[bytes, float]]:
         """See Dialect. To Passive, to Safe, with the pauses that the robots need; stores the song of an alarm."""
         self._forget()
         yield bytes((Opcode.START,)), MODE_PAUSE_S
         yield bytes((Opcode.SAFE,)), MODE_PAUSE_S
-        yield encode_song(ALARM_SONG, ALARM_NOTES), 0.0
+        yield protocol.encode_song(ALARM_SONG, ALARM_NOTES), 0.0
 
     def halt(self) -> bytes:
         """See Dialect. Nothing right behind a change of mode: it is not heard, and until then the robot stands."""
-        return b"" if self.deaf else encode_drive_direct(0.0, 0.0)
+        return b"" if self.deaf else protocol.encode_drive_direct(0.0, 0.0)
 
     def farewell(self) -> bytes:
         """Wheels still, then Passive: in Safe a robot does not charge and drains its battery. Create 2 sleeps."""
         end = bytes((Opcode.STOP,)) if self._model is CREATE_2 else b""
-        return encode_drive_direct(0.0, 0.0) + bytes((Opcode.START,)) + end
-
-    def reset_odometry(self) -> None:
-        """See Dialect."""
-        self.odometry.reset()
+        return protocol.encode_drive_direct(0.0, 0.0) + bytes((Opcode.START,)) + end
 
     def base_reading(
         self, values: Mapping[int, int], odometry: OdometryReading, gyro: GyroReading | None = None
     ) -> BaseReading:
         """The reading of SAFETY_PACKETS and BATTERY_PACKETS."""
-        self._mode, self._charges = mode_of(values[35]), values[21] in CHARGING
+        self._mode, self._charges = protocol.mode_of(values[35]), values[21] in CHARGING
         hazards = hazards_of(values)  # a contact ends with the second report that says so: one may have been damaged
         held, self._hazards = hazards | self._hazards, hazards
         mode, refusal = self._mode.name.lower(), ""

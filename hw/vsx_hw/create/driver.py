@@ -1,17 +1,16 @@
 """The languages of the Create 1 and the Create 2."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 
 from vsx_hw.create import protocol
 from vsx_hw.create.dialect import BATTERY_PACKETS, SAFETY_PACKETS, CreateDialect
-from vsx_hw.create.gyro import BoardGyro
-from vsx_hw.create.odometry import DistanceOdometry, EncoderOdometry
-from vsx_hw.readings import BaseReading, GyroReading
+from vsx_hw.create.odometry import BoardGyro, DistanceOdometry, EncoderOdometry
+from vsx_hw.readings import BaseReading
 
-ENCODER_PACKETS = [43, 44]
+ENCODER_PACKETS = [43, 44]  # counts of the left and the right wheel
 STREAM_PACKETS = SAFETY_PACKETS + BATTERY_PACKETS + ENCODER_PACKETS
-MOTION_PACKETS = [19, 20]
-GYRO_PACKET = 33
+MOTION_PACKETS = [19, 20]  # distance and angle since the last request
+GYRO_PACKET = 33  # the analogue input of the cargo bay
 
 QUERIES_PER_MOTION = 25
 """Every half second: each reading of distance and angle may cut off most of a millimetre and of a degree."""
@@ -56,8 +55,6 @@ class Create1Dialect(CreateDialect):
         super().__init__(protocol.CREATE_1)
         self.odometry: DistanceOdometry = DistanceOdometry(linear_scale, angular_scale)
         self._gyro = BoardGyro()
-        self._gyro_heading_rad = 0.0
-        self._gyro_ns = 0
         self._buffer = bytearray()
         self._asked: list[int] = []
         self._queries = 0
@@ -78,7 +75,7 @@ class Create1Dialect(CreateDialect):
         if not self._asked:
             return []
         self._buffer += data
-        expected = sum(protocol.packet_bytes(p) for p in self._asked)
+        expected = protocol.packets_bytes(self._asked)
         if len(self._buffer) < expected:
             return []
         values = protocol.decode_packets(bytes(self._buffer[:expected]), self._asked)
@@ -92,20 +89,11 @@ class Create1Dialect(CreateDialect):
             if self._measured_once:
                 self.odometry.measure(values[19], values[20], now_ns)
             self._measured_once = True
-        gyro = self._turned(values, now_ns)
+        gyro = self._gyro.reading(values[GYRO_PACKET], not self.driving, now_ns)
         odometry = self.odometry.reading(now_ns, None if gyro is None else gyro.rate_rad_s)
         if gyro is not None:
             gyro = gyro._replace(trusted=self.odometry.gyro_trusted)
         return [self.base_reading(values, odometry, gyro)]
-
-    def _turned(self, values: Mapping[int, int], now_ns: int) -> GyroReading | None:
-        rate = self._gyro.rate_rad_s(values[GYRO_PACKET], not self.driving)
-        dt_s = min((now_ns - self._gyro_ns) * 1e-9, 0.1) if self._gyro_ns else 0.0
-        self._gyro_ns = now_ns
-        if rate is None:
-            return None
-        self._gyro_heading_rad += rate * dt_s
-        return GyroReading(self._gyro_heading_rad, rate)
 
     def waits(self) -> bool:
         """See Dialect. After a change of mode it is deaf for a moment."""

@@ -4,7 +4,7 @@ import math
 import random
 import struct
 
-from vsx_hw.create.gyro import counts_of
+from vsx_hw.create.odometry import counts_of
 from vsx_hw.create.protocol import (
     CREATE_1,
     LAYOUT,
@@ -19,9 +19,9 @@ from vsx_hw.create.protocol import (
 from vsx_hw.readings import Hazard
 from vsx_hw.serial_emulator import Plant, PlantState
 
-DEAF_NS = 20_000_000
+DEAF_NS = 20_000_000  # after a change of mode (Open Interface)
 BANNER = b"bl-start\r\nSTR730\r\nbootloader id: #x47186549\r\nr3_robot/tags/release-3.3.0:5058\r\n"
-_ARGUMENTS = {
+_ARGUMENTS: dict[int, int] = {
     Opcode.DRIVE: 4, Opcode.DRIVE_DIRECT: 4, Opcode.DIGITAL_OUTPUTS: 1, Opcode.LAMPS: 3, Opcode.PLAY: 1,
     Opcode.PAUSE_STREAM: 1,
 }  # fmt: skip
@@ -75,7 +75,7 @@ class CreateBoard:
             return 1 + self._incoming[1] if len(self._incoming) > 1 else 1
         if opcode == Opcode.SONG:
             return 2 + 2 * self._incoming[2] if len(self._incoming) > 2 else 2
-        return next((count for known, count in _ARGUMENTS.items() if known == opcode), 0)
+        return _ARGUMENTS.get(opcode, 0)
 
     def _obey(self, opcode: int, arguments: bytes, time_ns: int) -> None:
         active = self.mode in (Mode.SAFE, Mode.FULL)

@@ -1,4 +1,9 @@
-"""Where a Create is: Create 2 by its encoders, Create 1 by its whole millimetres and degrees."""
+"""Where a Create is: Create 2 by its encoders, Create 1 by its whole millimetres and degrees, and by the gyro of the
+TurtleBot 1's power board: one analog axis on the Create's cargo bay input (packet 33).
+
+Sources: Analog Devices ADXRS613 data sheet (12.5 mV per deg/s about 2.5 V, 150 deg/s); the factor 1.35 is the one that
+the TurtleBot's own driver calibrates with (0.395 deg/s a count; the data sheet alone gives 0.391).
+"""
 
 import math
 from collections import deque
@@ -7,17 +12,24 @@ from copy import copy
 from vsx_hw.create.protocol import CREATE_1, CREATE_2, METRES_PER_TICK
 from vsx_hw.odometry import PlanarPose, WheelOdometry, signed
 from vsx_hw.plausibility import WINDOW_NS, MotionCheck
-from vsx_hw.readings import OdometryReading
+from vsx_hw.readings import GyroReading, OdometryReading
 
-LONGEST_GAP_S = 0.5
+LONGEST_GAP_S = 0.5  # over longer ones counters may have wrapped or the robot may have been carried
 FASTEST_M_S = 0.6
 """The robot drives 0.5."""
-SPEED_WINDOW = 5
+SPEED_WINDOW = 5  # reports over which the speed is taken: encoders step coarsely
 CORRECTION_M, CORRECTION_RAD = 0.03, 0.02
 """By which a report corrects the shown pose at most: who hears of a jump takes it for a base that counts anew."""
 LOST = "a report of the motion is lost or cannot be: it is not known how far the base went"
 COASTING_NS = 500_000_000
 """After a stop the wheels roll on for a moment; later counts come from someone who pushes the robot."""
+
+RANGE_DEG_S = 150.0  # of the ADXRS613
+RANGE_FACTOR = 1.35  # see above
+ENOUGH_SAMPLES, MOST_SAMPLES = 50, 1000  # of a standing robot, to know the offset; over so many the mean goes at most
+HEALTHY_OFFSET = (425.0, 575.0)  # of 1023 counts, around the middle of the range
+STILL_COUNTS = 8.0
+"""Three deg/s: a robot that is told to stand but turns faster is being carried; its samples are no offset."""
 
 
 class EncoderOdometry(WheelOdometry):
@@ -33,12 +45,14 @@ class EncoderOdometry(WheelOdometry):
 
     def can_follow(self, left_ticks: int, right_ticks: int, now_ns: int) -> bool:
         """Whether the wheels can have rolled so far since the last report."""
-        if self._previous is None:
-            return True
-        ways_m = (
-            abs(METRES_PER_TICK * signed(n - m, 0x10000)) for n, m in zip((left_ticks, right_ticks), self._previous)
-        )
-        return max(ways_m) <= FASTEST_M_S * max((now_ns - self._previous[2]) * 1e-9, 0.03)
+        left, right, dt_s = self._rolled(left_ticks, right_ticks, now_ns)
+        return max(abs(left), abs(right)) <= FASTEST_M_S * max(dt_s, 0.03)
+
+    def _rolled(self, left_ticks: int, right_ticks: int, now_ns: int) -> tuple[float, float, float]:
+        """(way of the left wheel, of the right one [m], seconds) since the last report."""
+        left_then, right_then, then_ns = self._previous or (left_ticks, right_ticks, now_ns)
+        left, right = signed(left_ticks - left_then, 0x10000), signed(right_ticks - right_then, 0x10000)
+        return METRES_PER_TICK * left, METRES_PER_TICK * right, (now_ns - then_ns) * 1e-9
 
     def update(self, left_ticks: int, right_ticks: int, driving: bool, now_ns: int) -> OdometryReading:
         """The reading after one more pair of counts (16 bit); driving: whether the wheels were told to turn."""
@@ -47,9 +61,7 @@ class EncoderOdometry(WheelOdometry):
         v = omega = 0.0
         trusted = True
         if self._previous is not None:
-            left = METRES_PER_TICK * signed(left_ticks - self._previous[0], 0x10000)
-            right = METRES_PER_TICK * signed(right_ticks - self._previous[1], 0x10000)
-            dt_s = (now_ns - self._previous[2]) * 1e-9
+            left, right, dt_s = self._rolled(left_ticks, right_ticks, now_ns)
             if dt_s > LONGEST_GAP_S or not self.can_follow(left_ticks, right_ticks, now_ns):
                 self._gaps += 1
                 self._lost_ns = now_ns
@@ -131,7 +143,7 @@ class DistanceOdometry(WheelOdometry):
 
     def reading(self, now_ns: int, gyro_rad_s: float | None = None) -> OdometryReading:
         """The pose now; gyro_rad_s is the measured rate where there is one."""
-        dt_s = min((now_ns - self._then_ns) * 1e-9, 0.1) if self._then_ns else 0.0
+        dt_s = _since(self._then_ns, now_ns)
         self._then_ns = now_ns
         self._check.listen(now_ns)
         v, omega = self._speeds
@@ -153,3 +165,44 @@ class DistanceOdometry(WheelOdometry):
         elif not self._known or now_ns < self._unsure_until_ns:
             doubt = LOST
         return self._reading(now_ns, v, omega, doubt)
+
+
+def _since(then_ns: int, now_ns: int) -> float:
+    """Seconds to integrate over, at most a tenth: of a longer pause nothing is known."""
+    return min((now_ns - then_ns) * 1e-9, 0.1) if then_ns else 0.0
+
+
+class BoardGyro:
+    """Turns 10-bit counts into a rate and a heading; learns its zero while the wheels stand."""
+
+    def __init__(self) -> None:
+        self.offset = 0.0
+        self._samples = 0
+        self._heading_rad = 0.0
+        self._then_ns = 0
+
+    def reading(self, counts: int, standing: bool, now_ns: int) -> GyroReading | None:
+        """Heading and rate, or None where the rate is not known."""
+        rate = self.rate_rad_s(counts, standing)
+        dt_s = _since(self._then_ns, now_ns)
+        self._then_ns = now_ns
+        if rate is None:
+            return None
+        self._heading_rad += rate * dt_s
+        return GyroReading(self._heading_rad, rate)
+
+    def rate_rad_s(self, counts: int, standing: bool) -> float | None:
+        """Counter-clockwise rate, or None while the zero is unknown or outside of 425..575: the board is unpowered."""
+        learned = self._samples >= ENOUGH_SAMPLES
+        if standing and (not learned or abs(counts - self.offset) < STILL_COUNTS):
+            self._samples = min(self._samples + 1, MOST_SAMPLES)
+            self.offset += (counts - self.offset) / self._samples
+        if not learned or not HEALTHY_OFFSET[0] <= self.offset <= HEALTHY_OFFSET[1]:
+            return None
+        return -math.radians((counts - self.offset) / self.offset * RANGE_DEG_S * RANGE_FACTOR)
+
+
+def counts_of(rate_rad_s: float, offset: float = 512.0) -> int:
+    """What the converter shows for a rate; saturates."""
+    turned = math.degrees(rate_rad_s) / (RANGE_DEG_S * RANGE_FACTOR)
+    return max(0, min(1023, round(offset * (1.0 - turned))))

@@ -6,14 +6,14 @@ Source: iRobot, "Create Open Interface" and "Create 2 Open Interface Specificati
 import enum
 import math
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import NamedTuple
 
 from vsx_hw.errors import ProtocolError
 
-SPEED_LIMIT_MM_S = 500
-STREAM_HEADER = 19
-STREAM_PERIOD_NS = 15_000_000
+SPEED_LIMIT_MM_S = 500  # of a wheel (Open Interface)
+STREAM_HEADER = 19  # first byte of a stream's frames (Open Interface)
+STREAM_PERIOD_NS = 15_000_000  # of a stream (Open Interface)
 
 
 class Opcode(enum.IntEnum):
@@ -52,23 +52,21 @@ class Model(NamedTuple):
     wheel_diameter_m: float
 
 
-CREATE_1 = Model("create", 57600, 0.258, 0.078)
-CREATE_2 = Model("create2", 115200, 0.235, 0.072)
-TICKS_PER_REVOLUTION = 508.8
+CREATE_1 = Model("create", 57600, 0.258, 0.078)  # baud; wheel base and diameter of wheels, m
+CREATE_2 = Model("create2", 115200, 0.235, 0.072)  # as above
+TICKS_PER_REVOLUTION = 508.8  # of the encoders (Create 2 Open Interface)
 METRES_PER_TICK = math.pi * CREATE_2.wheel_diameter_m / TICKS_PER_REVOLUTION
 
-_U8, _I8, _U16, _I16 = ">B", ">b", ">H", ">h"
 LAYOUT: dict[int, str] = {
-    **dict.fromkeys(range(7, 19), _U8),
-    **dict.fromkeys((19, 20, 23), _I16),
-    **dict.fromkeys((22, 25, 26, 27, 28, 29, 30, 31, 33), _U16),
-    **dict.fromkeys((21, 32, 34, 35, 36, 37, 38, 45, 52, 53, 58), _U8),
-    24: _I8,
-    **dict.fromkeys((39, 40, 41, 42, 54, 55, 56, 57), _I16),
-    **dict.fromkeys((43, 44, 46, 47, 48, 49, 50, 51), _U16),
+    **dict.fromkeys((*range(7, 19), 21, 32, 34, 35, 36, 37, 38, 45, 52, 53, 58), "B"),
+    **dict.fromkeys((22, 25, 26, 27, 28, 29, 30, 31, 33, 43, 44, 46, 47, 48, 49, 50, 51), "H"),
+    **dict.fromkeys((19, 20, 23, 39, 40, 41, 42, 54, 55, 56, 57), "h"),
+    24: "b",
 }
-"""Packet id -> struct layout. 7 bumps and wheel drops, 9-12 cliffs, 18 buttons, 19 distance [mm], 20 angle [deg],
-21 charging state, 22 voltage [mV], 25 charge and 26 capacity [mAh], 34 chargers, 35 mode, 43 and 44 encoders."""
+"""Packet id -> letter of struct, big endian. 7 bumps and wheel drops, 9-12 cliffs, 18 buttons, 19 distance [mm],
+20 angle [deg], 21 charging state, 22 voltage [mV], 25 charge and 26 capacity [mAh], 34 chargers, 35 mode, 43 and 44
+encoders."""
+
 
 GROUPS: dict[int, range] = {
     0: range(7, 27), 1: range(7, 17), 2: range(17, 21), 3: range(21, 27), 4: range(27, 35), 5: range(35, 43),
@@ -77,28 +75,26 @@ GROUPS: dict[int, range] = {
 """Packet ids that stand for several packets in a row."""
 
 
-def packet_bytes(packet: int) -> int:
-    """Length of a packet or group. Raises ProtocolError for an unknown id."""
-    if packet in GROUPS:
-        return sum(packet_bytes(member) for member in GROUPS[packet])
-    if packet not in LAYOUT:
-        raise ProtocolError(f"Open Interface: there is no packet {packet}")
-    return struct.calcsize(LAYOUT[packet])
+def _layout(packets: Iterable[int]) -> str:
+    return ">" + "".join(LAYOUT[packet] for packet in packets)
 
 
-def decode_packets(data: bytes, packets: Iterable[int]) -> dict[int, int]:
+def packets_bytes(packets: Iterable[int]) -> int:
+    """Length of packets and groups sent one after the other. Raises ProtocolError for an unknown id."""
+    members = [member for packet in packets for member in GROUPS.get(packet, [packet])]
+    if unknown := set(members) - LAYOUT.keys():
+        raise ProtocolError(f"Open Interface: there is no packet {min(unknown)}")
+    return struct.calcsize(_layout(members))
+
+
+def decode_packets(data: bytes, packets: Collection[int]) -> dict[int, int]:
     """Packet id -> value of packets sent one after the other; data must be exactly as long as they are."""
-    values = {}
-    at = 0
-    for packet in packets:
-        (values[packet],) = struct.unpack_from(LAYOUT[packet], data, at)
-        at += struct.calcsize(LAYOUT[packet])
-    return values
+    return dict(zip(packets, struct.unpack(_layout(packets), data)))
 
 
 def encode_packets(values: Mapping[int, int]) -> bytes:
     """What the robot sends for these values, without their ids."""
-    return b"".join(struct.pack(LAYOUT[packet], value) for packet, value in values.items())
+    return struct.pack(_layout(values), *values.values())
 
 
 class StreamParser:
@@ -154,7 +150,7 @@ def _stream_values(content: bytes) -> dict[int, int] | None:
         layout = LAYOUT.get(content[at])
         if layout is None or at + 1 + struct.calcsize(layout) > len(content):
             return None
-        (values[content[at]],) = struct.unpack_from(layout, content, at + 1)
+        (values[content[at]],) = struct.unpack_from(">" + layout, content, at + 1)
         at += 1 + struct.calcsize(layout)
     return values or None
 
@@ -210,7 +206,7 @@ def encode_play(number: int) -> bytes:
 
 def encode_stream_request(packets: list[int], baud: int) -> bytes:
     """Ask for these packets every 15 ms. Raises ProtocolError when they do not fit into 15 ms at this baud rate."""
-    needed = 3 + len(packets) + sum(packet_bytes(p) for p in packets)
+    needed = 3 + len(packets) + packets_bytes(packets)
     room = baud * STREAM_PERIOD_NS // 10_000_000_000
     if needed > room:
         raise ProtocolError(f"stream of {needed} bytes does not fit: {room} bytes pass in 15 ms at {baud} baud")

@@ -2,30 +2,54 @@
 
 import logging
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable
+from typing import Protocol
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from vsx_hw.connection_thread import ConnectionThread
 from vsx_hw.device_clock import DeviceClock
 from vsx_hw.errors import DeviceError, DeviceTimeout
 from vsx_hw.frozen_image import FROZEN, FrozenImageDetector
 from vsx_hw.kinect import protocol
-from vsx_hw.kinect.assembler import FrameAssembler, RawFrame
-from vsx_hw.kinect.transport import KinectTransport
+from vsx_hw.kinect.packets import CLOCK_BITS, CLOCK_HZ, FrameAssembler, PacketHandler, RawFrame
 from vsx_hw.readings import ImageReading, LinkStatus
 
 logger = logging.getLogger(__name__)
 
-REPLY_TIMEOUT_S = 0.5
-REVIVE_AFTER_S = 5.0
-LOCK_AFTER_S = 2.0
-BACKOFF_S = (0.5, 1.0, 2.0)
+REPLY_TIMEOUT_S = 0.5  # of a control message
+REVIVE_AFTER_S = 5.0  # without a picture: the stream is started anew
+LOCK_AFTER_S = 2.0  # of pictures: the automatic exposure has settled
+BACKOFF_S = (0.5, 1.0, 2.0)  # between tries to open it
 
 _FULL_RANGE = np.clip((np.arange(256) - 16) * 255.0 / 219.0 + 0.5, 0, 255).astype(np.uint8)
 """Luma 16..235 of the camera's UYVY to 0..255 (ITU-R BT.601)."""
+
+
+class KinectTransport(Protocol):
+    """An open camera. Every method raises DeviceError once the camera is lost."""
+
+    serial: str
+    """Serial number, or what stands for it; names the calibration file."""
+    failure: str
+    """Why the stream has ended, empty while it has not."""
+
+    def control_out(self, data: bytes) -> None:
+        """Send a control message."""
+
+    def control_in(self, size: int) -> bytes:
+        """The answer, at most size bytes; empty while the camera has none."""
+
+    def start_iso(self, handler: PacketHandler) -> None:
+        """Begin to receive packets."""
+
+    def stop_iso(self) -> None:
+        """Receive no more; the handler is not called after the return."""
+
+    def close(self) -> None:
+        """Let go of the camera; may be called twice."""
 
 
 class KinectCamera(ConnectionThread):
@@ -46,14 +70,12 @@ class KinectCamera(ConnectionThread):
     ) -> None:
         super().__init__(device, open_transport, BACKOFF_S)
         self._on_image, self._mode = on_image, mode
-        self._wants_lock, self._asked_to_lock, self._locked = lock_exposure, False, False
+        self._lock_wanted = self._lock_pending = lock_exposure
         self._tag = 0
-        self._assembler = FrameAssembler(mode)
-        self._clock = DeviceClock(protocol.CLOCK_HZ, protocol.CLOCK_BITS)
-        self._last_image_s = self._streaming_since_s = 0.0
+        self._counters = Counter(revivals=0, frames=0, torn_frames=0, bad_packets=0, frozen_frames=0)
+        self._restart()
         self._fault: Exception | None = None
         self._frozen_detector = FrozenImageDetector()
-        self._counters = {"revivals": 0, "frames": 0, "torn_frames": 0, "bad_packets": 0, "frozen_frames": 0}
         self.serial = ""
 
     def status(self) -> LinkStatus:
@@ -72,23 +94,26 @@ class KinectCamera(ConnectionThread):
                 raise DeviceError(transport.failure)
             if time.monotonic() - self._last_image_s > REVIVE_AFTER_S:
                 self._revive(transport)
-            elif self._wants_lock and not self._asked_to_lock and self._has_settled():
-                self._asked_to_lock = True
+            elif self._lock_pending and 0.0 < self._streaming_since_s < time.monotonic() - LOCK_AFTER_S:
+                self._lock_pending = False
                 self._lock_exposure(transport)
+
+    def _restart(self) -> None:
+        """Nothing is known of the stream that begins."""
+        self._assembler = FrameAssembler(self._mode, self._counters)
+        self._clock = DeviceClock(CLOCK_HZ, CLOCK_BITS)
+        self._last_image_s, self._streaming_since_s = time.monotonic(), 0.0
+        self._lock_pending, self._locked = self._lock_wanted, False
 
     def _revive(self, transport: KinectTransport) -> None:
         self._counters["revivals"] += 1
-        message = f"{self._name}: no image for {REVIVE_AFTER_S:.0f} s; starting the stream again"
-        self.report(False, message)
+        self.report(False, f"{self._name}: no image for {REVIVE_AFTER_S:.0f} s; starting the stream again")
         self._leave(transport)
         self._begin(transport)
 
     def _begin(self, transport: KinectTransport) -> None:
         """Receive first, then switch on: the other way round the first packets are lost."""
-        self._assembler = FrameAssembler(self._mode)
-        self._clock = DeviceClock(protocol.CLOCK_HZ, protocol.CLOCK_BITS)
-        self._last_image_s = time.monotonic()
-        self._streaming_since_s, self._asked_to_lock, self._locked = 0.0, False, False
+        self._restart()
         transport.start_iso(self._on_packets)
         self._write(transport, self._mode.start)
 
@@ -99,18 +124,12 @@ class KinectCamera(ConnectionThread):
         finally:
             transport.stop_iso()
 
-    def _has_settled(self) -> bool:
-        return 0.0 < self._streaming_since_s < time.monotonic() - LOCK_AFTER_S
-
     def _lock_exposure(self, transport: KinectTransport) -> None:
         """A camera that refuses is used as it is."""
+        address, automatic = protocol.EXPOSURE_MODES, protocol.AUTOMATIC_EXPOSURE | protocol.AUTOMATIC_WHITE_BALANCE
         try:
-            modes = self._ask(
-                transport, protocol.encode_cmos_read(protocol.EXPOSURE_MODES, self._tag), protocol.CMOS_REGISTER
-            )[2]
-            fixed = protocol.Register(
-                protocol.EXPOSURE_MODES, modes & ~(protocol.AUTOMATIC_EXPOSURE | protocol.AUTOMATIC_WHITE_BALANCE)
-            )
+            reply = self._ask(transport, protocol.encode_cmos_read(address, self._tag), protocol.CMOS_REGISTER)
+            fixed = protocol.Register(address, reply[2] & ~automatic)
             self._ask(transport, protocol.encode_cmos_write(fixed, self._tag), protocol.CMOS_REGISTER)
             self._locked = True
         except (DeviceError, IndexError) as error:
@@ -134,14 +153,11 @@ class KinectCamera(ConnectionThread):
             time.sleep(0.001)
         raise DeviceTimeout(f"{self._name}: no answer in {REPLY_TIMEOUT_S} s; check its 12 V supply and replug it")
 
-    def _on_packets(self, arrival_ns: int, packets: NDArray[np.uint8], lengths: NDArray[np.int64]) -> None:
+    def _on_packets(self, arrival_ns: int, packets: list[bytes]) -> None:
         """On the transport's thread, where nobody would see an exception: the driver's own thread raises it."""
         try:
-            before = dict(self._assembler.counters)
-            for frame in self._assembler.feed(arrival_ns, packets, lengths):
+            for frame in self._assembler.feed(arrival_ns, packets):
                 self._hand_over(frame)
-            for name, value in self._assembler.counters.items():
-                self._counters[name] += value - before[name]
         except Exception as error:
             self._fault = error
 

@@ -1,5 +1,5 @@
-"""A Kinect made of registers and packets, behind a Unix socket: the driver runs its real start sequence and its real
-assembler."""
+"""A Kinect made of registers and packets, behind a Unix socket: the driver runs its real start sequence and assembles
+real packets."""
 
 from __future__ import annotations
 
@@ -7,30 +7,26 @@ import contextlib
 import logging
 import os
 import socket
+import struct
 import threading
-from dataclasses import dataclass
+from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vsx_hw.errors import DeviceError, ProtocolError
-from vsx_hw.kinect import protocol, wire
+from vsx_hw.kinect import protocol
+from vsx_hw.kinect import socket_transport as wire
+from vsx_hw.kinect.packets import CLOCK_HZ, MICROFRAME_NS, packetize
 
 logger = logging.getLogger(__name__)
 
-PACKETS_PER_TRANSFER = 32
-SEND_TIMEOUT_S = 1.0
+PACKETS_PER_TRANSFER = 32  # as usb_transport.py asks for
+_SEND_TIMEOUT = struct.pack("ll", 1, 0)
+"""struct timeval: one second."""
 
 
-@dataclass
-class KinectFaults:
-    """What goes wrong; may be changed while the emulator runs."""
-
-    drop_rate: float = 0.0
-    silent: bool = False
-
-
-_SETTINGS = (0x0C, 0x0D, 0x0E)
+_SETTINGS = (0x0C, 0x0D, 0x0E)  # registers of format, resolution and rate
 AUTOMATIC = 0x708E
 """Register EXPOSURE_MODES after power-on: everything automatic."""
 
@@ -55,8 +51,8 @@ class KinectBoard:
             self.registers[words[0]] = words[1]
             self._reply = protocol.encode_reply(command, tag, 0)
         elif command == protocol.CMOS_REGISTER and len(words) == 3:
-            address = words[1] & 0x7FFF
-            if words[1] & 0x8000:
+            address = words[1] & ~protocol.CMOS_WRITE
+            if words[1] & protocol.CMOS_WRITE:
                 self.cmos[address] = words[2]
             self._reply = protocol.encode_reply(command, tag, 1, words[1], self.cmos.get(address, 0))
 
@@ -73,27 +69,23 @@ class KinectBoard:
     @property
     def mode(self) -> protocol.StreamMode | None:
         """The mode that the registers select, None for a combination that is none."""
-        selected = [self.registers.get(address) for address in _SETTINGS]
-        for mode in protocol.MODES.values():
-            wanted = dict(mode.start)
-            if selected == [wanted[address] for address in _SETTINGS]:
-                return mode
-        return None
+        selected = {address: self.registers.get(address) for address in _SETTINGS}
+        return next((m for m in protocol.MODES.values() if selected.items() <= dict(m.start).items()), None)
 
-    def packets(self, image: NDArray[np.uint8], clock_ticks: int) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
+    def packets(self, image: NDArray[np.uint8], clock_ticks: int) -> list[bytes]:
         """The packets of the next frame."""
-        packets, lengths = packetize(image, clock_ticks, self._sequence)
-        self._sequence = (self._sequence + len(lengths)) % 256
-        return packets, lengths
+        packets = packetize(image, clock_ticks, self._sequence)
+        self._sequence += len(packets)
+        return packets
 
 
 class KinectEmulator:
     """Listens at a socket path, serves one driver at a time; ``send_frame`` gives it an image. Usable as a context
-    manager."""
+    manager. Faults that may be changed while it runs: drop_rate of packets, silent."""
 
     def __init__(self, path: str, seed: int = 0) -> None:
         self.board = KinectBoard()
-        self.faults = KinectFaults()
+        self.drop_rate, self.silent = 0.0, False
         self._path = path
         self._rng = np.random.default_rng(seed)
         self._lock = threading.Lock()
@@ -123,17 +115,17 @@ class KinectEmulator:
         another mode."""
         with self._lock:
             mode = self.board.mode
-            if self._client is None or not self.streaming or self.faults.silent or mode is None:
+            if self._client is None or not self.streaming or self.silent or mode is None:
                 return False
             if image.size != mode.frame_bytes:
                 return False
-            packets, lengths = self.board.packets(image, start_ns * (protocol.CLOCK_HZ // 1_000_000) // 1000)
-            kept = np.flatnonzero(self._rng.random(len(lengths)) >= self.faults.drop_rate)
+            packets = self.board.packets(image, start_ns * (CLOCK_HZ // 1_000_000) // 1000)
+            kept = self._rng.random(len(packets)) >= self.drop_rate
             try:
-                for first in range(0, len(lengths), PACKETS_PER_TRANSFER):
-                    rows = kept[(kept >= first) & (kept < first + PACKETS_PER_TRANSFER)]
-                    body = wire.encode_packets(start_ns + first * protocol.MICROFRAME_NS, packets[rows], lengths[rows])
-                    wire.send(self._client, wire.PACKETS, body)
+                for first in range(0, len(packets), PACKETS_PER_TRANSFER):
+                    transfer = slice(first, first + PACKETS_PER_TRANSFER)
+                    sent = list(compress(packets[transfer], kept[transfer]))
+                    wire.send(self._client, wire.PACKETS, wire.encode_packets(start_ns + first * MICROFRAME_NS, sent))
             except DeviceError as error:
                 logger.warning("%s", error)
                 return False
@@ -162,8 +154,7 @@ class KinectEmulator:
                 client, _ = self._listener.accept()
             except OSError:
                 return
-            client.settimeout(None)
-            client.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _timeval(SEND_TIMEOUT_S))
+            client.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _SEND_TIMEOUT)
             with self._lock:
                 self._client, self.board, self._receiving = client, KinectBoard(), False
             self._obey(client)
@@ -184,29 +175,3 @@ class KinectEmulator:
                     self._receiving = kind == wire.START
         except DeviceError as error:
             logger.debug("%s", error)
-
-
-def _timeval(seconds: float) -> bytes:
-    whole = int(seconds)
-    return whole.to_bytes(8, "little") + round((seconds - whole) * 1e6).to_bytes(8, "little")
-
-
-def packetize(
-    image: NDArray[np.uint8], clock_ticks: int, first_sequence: int
-) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
-    """(N, 1920) packets and their (N,) lengths for an image of any mode, 162 for a VGA mosaic; the next sequence number
-    is first_sequence + N, modulo 256."""
-    pixels = image.reshape(-1)
-    count = -(-len(pixels) // protocol.PACKET_DATA_BYTES)
-    packets = np.zeros((count, protocol.PACKET_BYTES), np.uint8)
-    packets[:, :2] = protocol.PACKET_MAGIC
-    packets[:, 3] = protocol.FLAG_MIDDLE
-    packets[0, 3], packets[-1, 3] = protocol.FLAG_START, protocol.FLAG_END
-    packets[:, 5] = (first_sequence + np.arange(count)) % 256
-    packets[:, 8:12] = np.frombuffer((clock_ticks % 2**32).to_bytes(4, "little"), np.uint8)
-    whole = (count - 1) * protocol.PACKET_DATA_BYTES
-    packets[:-1, protocol.HEADER_BYTES :] = pixels[:whole].reshape(-1, protocol.PACKET_DATA_BYTES)
-    packets[-1, protocol.HEADER_BYTES : protocol.HEADER_BYTES + len(pixels) - whole] = pixels[whole:]
-    lengths = np.full(count, protocol.PACKET_BYTES, np.int64)
-    lengths[-1] = protocol.HEADER_BYTES + len(pixels) - whole
-    return packets, lengths

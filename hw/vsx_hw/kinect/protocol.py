@@ -1,8 +1,7 @@
-"""Kinect v1 colour camera: control messages, registers and isochronous packet headers. No I/O.
+"""Kinect v1 colour camera: control messages, registers and image formats. No I/O.
 
 Sources: OpenKinect protocol documentation; libfreenect cameras.c; Linux gspca kinect.c (facts only).
 Control: OUT ``47 4D`` words command tag payload, IN ``52 42`` words command tag payload, u16 little endian.
-Stream: packets of at most 1920 bytes, 12 of them header: ``52 42``, pad, flag, pad, sequence, 2 pad, u32 60 MHz clock.
 """
 
 import struct
@@ -10,19 +9,10 @@ from typing import NamedTuple
 
 from vsx_hw.errors import ProtocolError
 
-CLOCK_HZ, CLOCK_BITS = 60_000_000, 32
-
-REPLY_BYTES = 0x200
-_REQUEST, _REPLY = 0x4D47, 0x4252
-WRITE_REGISTER, CMOS_REGISTER = 0x03, 0x95
-_CMOS_WRITE = 0x8000
-
-PACKET_BYTES = 1920
-HEADER_BYTES = 12
-PACKET_DATA_BYTES = PACKET_BYTES - HEADER_BYTES
-MICROFRAME_NS = 125_000
-PACKET_MAGIC = (0x52, 0x42)
-FLAG_START, FLAG_MIDDLE, FLAG_END = 0x81, 0x82, 0x85
+REPLY_BYTES = 0x200  # most of an answer
+_REQUEST, _REPLY = 0x4D47, 0x4252  # magic words
+WRITE_REGISTER, CMOS_REGISTER = 0x03, 0x95  # commands
+CMOS_WRITE = 0x8000  # bit of the address: write, not read
 
 
 class Register(NamedTuple):
@@ -32,11 +22,11 @@ class Register(NamedTuple):
     value: int
 
 
-STREAM_SWITCH, DEPTH_SWITCH = 0x05, 0x06
-_OFF = (Register(0x105, 0x00), Register(STREAM_SWITCH, 0x00))
+STREAM_SWITCH, DEPTH_SWITCH = 0x05, 0x06  # registers
+_OFF = (Register(0x105, 0x00), Register(STREAM_SWITCH, 0x00))  # the streams
 _ON = (Register(STREAM_SWITCH, 0x01), Register(0x47, 0x00))  # 0x47: not mirrored
 _WAKE_DEPTH = (Register(0x13, 0x01), Register(0x14, 0x1E), Register(DEPTH_SWITCH, 0x02), Register(DEPTH_SWITCH, 0x00))
-STOP = (Register(STREAM_SWITCH, 0x00),)
+STOP = (Register(STREAM_SWITCH, 0x00),)  # the video stream
 
 
 class StreamMode(NamedTuple):
@@ -60,8 +50,8 @@ def _settings(image_format: int, resolution: int, rate_hz: int) -> tuple[Registe
     return (Register(0x0C, image_format), Register(0x0D, resolution), Register(0x0E, rate_hz))
 
 
-VGA_BAYER = StreamMode("vga", 640, 480, 1, 30, (*_settings(0, 1, 30), *_ON))
-VGA_UYVY = StreamMode("uyvy", 640, 480, 2, 15, (*_settings(5, 1, 15), *_ON))
+VGA_BAYER = StreamMode("vga", 640, 480, 1, 30, (*_settings(0, 1, 30), *_ON))  # format, resolution, images a second
+VGA_UYVY = StreamMode("uyvy", 640, 480, 2, 15, (*_settings(5, 1, 15), *_ON))  # as above
 SXGA_BAYER = StreamMode("sxga", 1280, 1024, 1, 10, (*_OFF, *_WAKE_DEPTH, *_settings(0, 2, 15), *_ON))
 """Asked for 15, delivers about 10 a second. The firmware refuses it unless the depth stream was switched on and off."""
 
@@ -69,27 +59,26 @@ MODES = {mode.name: mode for mode in (VGA_BAYER, VGA_UYVY, SXGA_BAYER)}
 
 EXPOSURE_MODES = 0x0106
 """CMOS register, Micron MT9M112 data sheet: bit 14 automatic exposure, bit 1 automatic white balance."""
-AUTOMATIC_EXPOSURE, AUTOMATIC_WHITE_BALANCE = 1 << 14, 1 << 1
+AUTOMATIC_EXPOSURE, AUTOMATIC_WHITE_BALANCE = 1 << 14, 1 << 1  # bits of EXPOSURE_MODES
 
 
-def encode_message(command: int, tag: int, *words: int) -> bytes:
-    """A control message to the camera."""
-    return struct.pack(f"<{4 + len(words)}H", _REQUEST, len(words), command, tag & 0xFFFF, *words)
+def _message(magic: int, command: int, tag: int, *words: int) -> bytes:
+    return struct.pack(f"<{4 + len(words)}H", magic, len(words), command, tag & 0xFFFF, *words)
 
 
 def encode_write(register: Register, tag: int) -> bytes:
     """The control message that writes a register."""
-    return encode_message(WRITE_REGISTER, tag, *register)
+    return _message(_REQUEST, WRITE_REGISTER, tag, *register)
 
 
 def encode_cmos_read(address: int, tag: int) -> bytes:
     """The control message that reads a register of the image sensor."""
-    return encode_message(CMOS_REGISTER, tag, 1, address, 0)
+    return _message(_REQUEST, CMOS_REGISTER, tag, 1, address, 0)
 
 
 def encode_cmos_write(register: Register, tag: int) -> bytes:
     """The control message that writes a register of the image sensor."""
-    return encode_message(CMOS_REGISTER, tag, 1, register.address | _CMOS_WRITE, register.value)
+    return _message(_REQUEST, CMOS_REGISTER, tag, 1, register.address | CMOS_WRITE, register.value)
 
 
 def decode_reply(reply: bytes, command: int, tag: int) -> tuple[int, ...]:
@@ -106,9 +95,7 @@ def decode_reply(reply: bytes, command: int, tag: int) -> tuple[int, ...]:
 
 def decode_message(message: bytes) -> tuple[int, int, tuple[int, ...]]:
     """(command, tag, words) of a control message, as the camera reads it. Raises ProtocolError for anything else."""
-    if len(message) < 8:
-        raise ProtocolError(f"Kinect: control message of {len(message)} bytes")
-    magic, words, command, tag = struct.unpack_from("<4H", message)
+    magic, words, command, tag = struct.unpack_from("<4H", message.ljust(8, b"\0"))
     if magic != _REQUEST or len(message) != 8 + 2 * words:
         raise ProtocolError(f"Kinect: {message[:12].hex(' ')} is not a control message")
     return command, tag, struct.unpack_from(f"<{words}H", message, 8)

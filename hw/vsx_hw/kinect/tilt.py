@@ -12,10 +12,10 @@ import usb1
 
 from vsx_hw.errors import DeviceError, DeviceNotFound, ProtocolError
 
-MOTOR = (0x045E, 0x02B0)
-COUNTS_PER_G = 819.0
-STATE_BYTES = 10
-_UNKNOWN_TILT = -128
+MOTOR = (0x045E, 0x02B0)  # USB vendor and product
+COUNTS_PER_G = 819.0  # of its accelerometer
+STATE_BYTES = 10  # of the motor's answer
+_UNKNOWN_TILT = -128  # while the motor moves
 
 
 class TiltState(NamedTuple):

@@ -1,22 +1,34 @@
-"""A Kinect on the USB: control transfers and 32 isochronous transfers of 32 packets in flight (128 ms), by libusb1."""
+"""A Kinect on the USB: control transfers and 32 isochronous transfers of 32 packets in flight (128 ms), by libusb1.
 
+The audio part of newer models (1473, for Windows) has the lamp, and the serial number that their camera lacks. Source:
+libfreenect (facts only). The camera streams without it; some units freeze unless the lamp is lit once.
+"""
+
+import contextlib
+import logging
+import struct
 import threading
 import time
 from typing import Any
 
-import numpy as np
 import usb1
 
 from vsx_hw.errors import DeviceError, DeviceNotFound, DeviceTimeout
-from vsx_hw.kinect.audio import FIRST_MODEL, light_lamp
-from vsx_hw.kinect.protocol import PACKET_BYTES
-from vsx_hw.kinect.transport import PacketHandler
+from vsx_hw.kinect.packets import PACKET_BYTES, PacketHandler
 
-XBOX = (0x045E, 0x02AE)
-KINECT_FOR_WINDOWS = (0x045E, 0x02BF)
-VIDEO_ENDPOINT = 0x81
-TRANSFERS, PACKETS = 32, 32
-CONTROL_TIMEOUT_MS = 500
+logger = logging.getLogger(__name__)
+
+FIRST_MODEL = 0x010B
+"""bcdDevice of the camera of model 1414; every other value is a newer one."""
+AUDIO_PARTS = ((0x045E, 0x02AD), (0x045E, 0x02BE), (0x045E, 0x02BB), (0x045E, 0x02C3))  # USB ids
+_LAMP_MAGIC, _SET_LAMP, GREEN = 0x06022009, 0x10, 3  # libfreenect
+_LAMP_TIMEOUT_MS = 200  # a lamp is not worth waiting for
+
+XBOX = (0x045E, 0x02AE)  # USB vendor and product
+KINECT_FOR_WINDOWS = (0x045E, 0x02BF)  # as above
+VIDEO_ENDPOINT = 0x81  # isochronous, to the host
+TRANSFERS, PACKETS = 32, 32  # each of 4 ms: a host may be late by 128 ms
+CONTROL_TIMEOUT_MS = 500  # answers take some ms
 
 _REMEDIES = {
     usb1.USBErrorAccess: "permission denied; install the udev rule (hw/udev) and replug the camera",
@@ -34,6 +46,36 @@ def remedy(error: usb1.USBError) -> str:
     return _REMEDIES.get(type(error), f"USB error {error}; replug the camera")
 
 
+def lamp_message(tag: int, color: int) -> bytes:
+    """Five little-endian words: magic, tag, length of data, command, colour (1 off, 2 blinking, 3 green, 4 red)."""
+    return struct.pack("<5I", _LAMP_MAGIC, tag, 0, _SET_LAMP, color)
+
+
+def light_lamp(context: Any) -> str:
+    """Light the lamp; the serial number of the audio part, empty without one. Failure is told and does not matter."""
+    for device in context.getDeviceIterator(skip_on_error=True):
+        if (device.getVendorID(), device.getProductID()) in AUDIO_PARTS:
+            try:
+                return _light(device)
+            except usb1.USBError as error:
+                logger.warning("Kinect: lamp and serial number are out of reach (%s); the camera works without", error)
+                return ""
+    logger.warning("Kinect: its audio part is missing (lamp, serial number); the camera works without")
+    return ""
+
+
+def _light(device: Any) -> str:
+    handle = device.open()
+    try:
+        serial = str(handle.getSerialNumber() or "")
+        handle.claimInterface(0)
+        handle.bulkWrite(0x01, lamp_message(1, GREEN), _LAMP_TIMEOUT_MS)
+        handle.bulkRead(0x81, 512, _LAMP_TIMEOUT_MS)
+        return serial
+    finally:
+        handle.close()
+
+
 class UsbTransport:
     """The first Kinect found, or the one with the given serial number; see ``KinectTransport``. Raises DeviceNotFound
     with the remedy when there is none or it cannot be opened."""
@@ -47,8 +89,6 @@ class UsbTransport:
         except usb1.USBError as error:
             raise DeviceNotFound(f"Kinect: {remedy(error)}") from error
         self._transfers: list[Any] = []
-        self._packets = np.zeros((PACKETS, PACKET_BYTES), np.uint8)
-        self._lengths = np.zeros(PACKETS, np.int64)
         self._in_flight = 0
         self.failure = ""
         self._running = threading.Event()
@@ -129,13 +169,9 @@ class UsbTransport:
         """On the event thread: hand over, submit again."""
         arrival_ns = time.time_ns()
         status = transfer.getStatus()
-        if status == usb1.TRANSFER_COMPLETED and self._handler is not None:
-            self._lengths[:] = 0
-            for k, (packet_status, data) in enumerate(transfer.iterISO()):
-                if packet_status == usb1.TRANSFER_COMPLETED and len(data):
-                    self._lengths[k] = len(data)
-                    self._packets[k, : len(data)] = np.frombuffer(data, np.uint8)
-            self._handler(arrival_ns, self._packets, self._lengths)
+        if status == usb1.TRANSFER_COMPLETED and (handler := self._handler) is not None:
+            slots = transfer.iterISO()
+            handler(arrival_ns, [bytes(data) for slot_status, data in slots if slot_status == usb1.TRANSFER_COMPLETED])
             try:
                 transfer.submit()
                 return
@@ -151,11 +187,9 @@ class UsbTransport:
         """Cancel, and wait for every callback: freeing a transfer in flight crashes."""
         self._handler = None
         for transfer in self._transfers:
-            if transfer.isSubmitted():
-                try:
+            with contextlib.suppress(usb1.USBError):
+                if transfer.isSubmitted():
                     transfer.cancel()
-                except usb1.USBError:
-                    continue
         deadline = time.monotonic() + 2.0
         while self._in_flight > 0 and time.monotonic() < deadline and self._running.is_set():
             time.sleep(0.005)

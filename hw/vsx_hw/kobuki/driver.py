@@ -5,19 +5,18 @@ from collections.abc import Iterable
 from vsx_hw.base_driver import Dialect
 from vsx_hw.device_clock import DeviceClock
 from vsx_hw.kobuki import protocol
-from vsx_hw.kobuki.base_control import BaseControl, base_control, twist_of
-from vsx_hw.kobuki.framing import encode_frame
-from vsx_hw.kobuki.gyro import gyro_reading
-from vsx_hw.kobuki.odometry import KobukiOdometry
+from vsx_hw.kobuki.feedback import CHARGER_STATES, STEADY_GYRO, Core, Feedback, Version, battery_of, objection
+from vsx_hw.kobuki.odometry import KobukiOdometry, gyro_reading
+from vsx_hw.kobuki.protocol import BaseControl, Led, encode_frame
 from vsx_hw.kobuki.stream import StreamParser
-from vsx_hw.kobuki.versions import STEADY_GYRO, Version, objection
-from vsx_hw.readings import BaseReading, BatteryReading, Hazard, Signal
+from vsx_hw.readings import BaseReading, Hazard, Signal
 from vsx_hw.rounding import TurnErrorFeedback
 
-_LAMPS = {Signal.READY: protocol.Led.GREEN, Signal.HELD: protocol.Led.ORANGE, Signal.ALARM: protocol.Led.RED}
+_LAMPS = {Signal.READY: Led.GREEN, Signal.HELD: Led.ORANGE, Signal.ALARM: Led.RED}
+_STILL = protocol.drive_payload(BaseControl(0, 0))
 
-VERSION_REQUESTS = 10
-FRAMES_PER_REQUEST = 25
+VERSION_REQUESTS = 10  # then its firmware stays unknown
+FRAMES_PER_REQUEST = 25  # commands between two: half a second
 WIRE_NS = 7_000_000
 """A regular frame of 81 bytes takes 7 ms at 115200 baud: it was measured before its last byte arrived."""
 
@@ -44,13 +43,13 @@ class KobukiDialect(Dialect):
     def hello(self) -> Iterable[tuple[bytes, float]]:
         """Supplies on (the camera's 12 V), wheels still."""
         self._start_connection()
-        return [(encode_frame(protocol.outputs_payload(), protocol.drive_payload(BaseControl(0, 0))), 0.0)]
+        return [(encode_frame(protocol.outputs_payload(), _STILL), 0.0)]
 
     def receive(self, data: bytes, now_ns: int) -> list[BaseReading]:
         """See Dialect."""
         return [self._reading(feedback, now_ns) for feedback in self._parser.feed(data, now_ns)]
 
-    def _reading(self, feedback: protocol.Feedback, now_ns: int) -> BaseReading:
+    def _reading(self, feedback: Feedback, now_ns: int) -> BaseReading:
         core = feedback.core
         self.firmware = feedback.firmware_version or self.firmware
         self._hardware = feedback.hardware_version or self._hardware
@@ -58,22 +57,12 @@ class KobukiDialect(Dialect):
         hazards = hazards_of(core)  # a contact ends with the second frame that says so: one may have been damaged
         held, self._hazards = hazards | self._hazards, hazards
         stamp_ns = self._clock.host_ns(core.time_ms, now_ns) - WIRE_NS
-        fraction, state, charging = protocol.battery_state(core.battery_decivolt, core.charger)
         odometry = self.odometry.update(feedback, stamp_ns)
-        return BaseReading(
-            stamp_ns,
-            odometry,
-            held,
-            BatteryReading(
-                core.battery_decivolt / 10.0, fraction, charging, state, core.charger in protocol.AT_THE_DOCK
-            ),
-            core.buttons,
-            gyro=gyro_reading(feedback, stamp_ns, self.odometry.gyro_trusted),
-            refusal=refusal,
-            warnings=warnings,
-        )
+        battery = battery_of(core.battery_decivolt, core.charger)
+        gyro = gyro_reading(feedback, stamp_ns, self.odometry.gyro_trusted)
+        return BaseReading(stamp_ns, odometry, held, battery, core.buttons, "", gyro, refusal, warnings)
 
-    def _trust(self, core: protocol.Core) -> tuple[str, tuple[str, ...]]:
+    def _trust(self, core: Core) -> tuple[str, tuple[str, ...]]:
         """(refusal, warnings) of the versions and of what this frame says."""
         warnings = []
         refusal = objection(self.firmware, self._hardware)
@@ -82,7 +71,7 @@ class KobukiDialect(Dialect):
             refusal = ""
         if self.firmware is not None and self.firmware < STEADY_GYRO:
             warnings.append(f"firmware {self.firmware}: the gyro drifts; flash 1.2.0")
-        if core.charger not in protocol.CHARGER_STATES:
+        if core.charger not in CHARGER_STATES:
             warnings.append(f"charger state {core.charger} is unknown, taken for not charging; look at the charger")
         return refusal, tuple(warnings)
 
@@ -98,20 +87,16 @@ class KobukiDialect(Dialect):
 
     def halt(self) -> bytes:
         """See Dialect."""
-        return encode_frame(protocol.drive_payload(BaseControl(0, 0)))
+        return encode_frame(_STILL)
 
     def show(self, signal: Signal) -> bytes:
         """See Dialect. The first lamp."""
-        sound = [protocol.melody_payload(protocol.Sound.ERROR)] if signal is Signal.ALARM else []
+        sound = [protocol.melody_payload(protocol.ERROR_MELODY)] if signal is Signal.ALARM else []
         return encode_frame(protocol.outputs_payload(led1=_LAMPS[signal]), *sound)
 
     def farewell(self) -> bytes:
         """Stand still; the supplies stay on."""
-        return encode_frame(protocol.drive_payload(BaseControl(0, 0)), protocol.outputs_payload())
-
-    def reset_odometry(self) -> None:
-        """See Dialect."""
-        self.odometry.reset()
+        return encode_frame(_STILL, protocol.outputs_payload())
 
     def counters(self) -> dict[str, int]:
         """See Dialect."""
@@ -131,11 +116,11 @@ class KobukiDialect(Dialect):
         )
 
 
-def hazards_of(core: protocol.Core) -> Hazard:
+def hazards_of(core: Core) -> Hazard:
     """The level of each contact in this frame (not its edges: a missed edge would leave the robot blind)."""
     return Hazard(core.bumper | core.cliff << 3 | core.wheel_drop << 6 | core.overcurrent << 8)
 
 
 def _encoded(v_m_s: float, omega_rad_s: float) -> tuple[BaseControl, float]:
-    command = base_control(v_m_s, omega_rad_s)
-    return command, twist_of(command)[1]
+    command = protocol.base_control(v_m_s, omega_rad_s)
+    return command, protocol.twist_of(command)[1]

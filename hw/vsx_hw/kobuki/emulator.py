@@ -4,19 +4,18 @@ import math
 import random
 import struct
 
-from vsx_hw.kobuki.base_control import WHEEL_BASE_M, BaseControl, twist_of
-from vsx_hw.kobuki.framing import FrameScanner, encode_frame, sub_payloads
-from vsx_hw.kobuki.gyro import RAW_STEP_RAD_S
-from vsx_hw.kobuki.protocol import BAUD, METRES_PER_TICK
+from vsx_hw.kobuki.feedback import METRES_PER_TICK
+from vsx_hw.kobuki.odometry import RAW_STEP_RAD_S
+from vsx_hw.kobuki.protocol import BAUD, WHEEL_BASE_M, BaseControl, FrameScanner, encode_frame, sub_payloads, twist_of
 from vsx_hw.readings import Hazard
 from vsx_hw.serial_emulator import Plant, PlantState
 
-FRAME_NS = 20_000_000
-TOP_WHEEL_SPEED_M_S = 0.7
+FRAME_NS = 20_000_000  # 50 reports a second
+TOP_WHEEL_SPEED_M_S = 0.7  # of the data sheet
 RAW_NOISE = 20.0
 """Deviation in steps: 0.03 deg/s per root of a hertz (ST L3G4200D data sheet) at 35 Hz."""
-EXTERNAL_POWER = 0x00F0
-FACTORY_GAINS = struct.pack("<B3I", 0, 100_000, 100, 2_000)
+EXTERNAL_POWER = 0x00F0  # bits of the four supplies, on at power-on
+FACTORY_GAINS = struct.pack("<B3I", 0, 100_000, 100, 2_000)  # P, I and D of the wheels, times 1000
 VERSIONS = {1: bytes((10, 4, 4, 0, 1, 0)), 2: bytes((11, 4, 0, 2, 1, 0)), 8: struct.pack("<BB3I", 19, 12, 1, 2, 3)}
 """What is told of the hardware, the firmware and the board, by the flag that asks for it."""
 
@@ -83,7 +82,7 @@ class KobukiBoard:
             return b""
         late = time_ns - self._next_frame_ns >= FRAME_NS
         self._next_frame_ns = (time_ns if late else self._next_frame_ns) + FRAME_NS
-        parts = self._feedback(self._plant.read(), time_ns) + self._answers
+        parts = self._feedback(self._plant.read(), time_ns) + list(dict.fromkeys(self._answers))  # LEN has a limit
         self._answers = []
         return encode_frame(*parts)
 

@@ -1,17 +1,70 @@
-"""Where the Kobuki is, from its encoders and its gyro."""
+"""Where the Kobuki is, from its encoders and its gyro, and whether that is alive.
 
-from vsx_hw.kobuki.base_control import WHEEL_BASE_M
-from vsx_hw.kobuki.gyro import Pulse, turned_rad
-from vsx_hw.kobuki.protocol import Feedback
+Source: Yujin Robot, Kobuki "Serial Protocol" appendix, sub-payloads 4 and 13 (ST L3G4200D, 0.00875 deg/s a step,
+mounted a quarter turn about the vertical).
+"""
+
+import math
+from collections import deque
+
+from vsx_hw.kobuki.feedback import GYRO_STEP_RAD, Feedback
+from vsx_hw.kobuki.protocol import WHEEL_BASE_M
 from vsx_hw.kobuki.stream import rolled_m
-from vsx_hw.odometry import WheelOdometry
+from vsx_hw.odometry import WheelOdometry, signed
 from vsx_hw.plausibility import PERIOD_NS, MotionCheck
-from vsx_hw.readings import OdometryReading
+from vsx_hw.readings import GyroReading, OdometryReading, RateSample
 
 SHORT_GAP_MS = 60
 """Over so much, a refused frame or two, the gyro tells the turn although the counters jumped."""
 LOST_FRAMES = 50
 """After a gap the pose is uncertain for a second."""
+
+RAW_STEP_RAD_S = math.radians(0.00875)  # of L3G4200D at 250 deg/s (data sheet)
+SAMPLE_NS = 10_000_000  # 100 samples a second
+FRAMES = 25
+"""Half a second. The sensor's noise of 0.03 deg/s per root of a hertz is twenty steps: samples that repeat for so
+long are not measured."""
+AGREES_RAD, AGREES_SHARE = 0.02, 0.2
+"""What its angle and the sum of its samples may differ by in that time: a zero that is off by 1 deg/s, and the
+scale."""
+
+
+def gyro_reading(feedback: Feedback, stamp_ns: int, trusted: bool) -> GyroReading | None:
+    """Heading, rate and raw samples of a frame: those in the axes of the base, 10 ms apart, the newest at stamp_ns."""
+    if feedback.inertia is None:
+        return None
+    heading, rate = (math.radians(value / 100.0) for value in feedback.inertia)
+    samples = feedback.gyro.samples if feedback.gyro is not None else ()
+    oldest_ns = stamp_ns - SAMPLE_NS * (len(samples) - 1)
+    raw = (
+        RateSample(oldest_ns + k * SAMPLE_NS, -RAW_STEP_RAD_S * y, RAW_STEP_RAD_S * x, RAW_STEP_RAD_S * z)
+        for k, (x, y, z) in enumerate(samples)
+    )
+    return GyroReading(heading, rate, trusted, tuple(raw))
+
+
+class Pulse:
+    """Whether the gyro is alive, by its own samples."""
+
+    def __init__(self) -> None:
+        self._frames: deque[tuple[tuple[tuple[int, int, int], ...], float, float]] = deque(maxlen=FRAMES)
+
+    def alive(self, feedback: Feedback, turn_rad: float, dt_s: float) -> bool | None:
+        """After one more frame, whose angle turned by turn_rad: True when its samples live and agree with its angle,
+        False when they stand still, None when nobody knows."""
+        if feedback.gyro is None or not feedback.gyro.samples:
+            self._frames.clear()
+            return None
+        samples = feedback.gyro.samples
+        mean = sum(z for _, _, z in samples) / len(samples)
+        self._frames.append((samples, turn_rad, RAW_STEP_RAD_S * mean * dt_s))
+        if len(self._frames) < FRAMES:
+            return None
+        repeated, angles, sums = zip(*self._frames)
+        if len(set(repeated)) == 1:
+            return False
+        angle, summed = math.fsum(angles), math.fsum(sums)
+        return True if abs(angle - summed) < AGREES_RAD + AGREES_SHARE * abs(summed) else None
 
 
 class KobukiOdometry(WheelOdometry):
@@ -41,18 +94,21 @@ class KobukiOdometry(WheelOdometry):
     def _move(self, before: Feedback, after: Feedback) -> tuple[float, float]:
         """Count the motion between two frames; its speeds."""
         dt_ms = (after.core.time_ms - before.core.time_ms) % 0x10000
-        rolled = rolled_m(before, after)
+        rolled, turned = rolled_m(before, after), None
+        if before.inertia is not None and after.inertia is not None:
+            turned = GYRO_STEP_RAD * signed(after.inertia.angle_centideg - before.inertia.angle_centideg, 36000)
         if rolled is None:
             self._gaps += 1
             self._since_gap = 0
             self._time_ns += PERIOD_NS
-            self._pose.advance(0.0, self._turned_unrolled(before, after, dt_ms))
+            if turned is not None and self._is_turn_known(turned, dt_ms):
+                self._pose.advance(0.0, turned * self._angular_scale)
             self._checked = self._check.step(self._time_ns, 0.0, 0.0)
             return 0.0, 0.0
         self._since_gap += 1
         self._time_ns += dt_ms * 1_000_000
         left, right = rolled
-        dt_s, turned = dt_ms / 1000.0, turned_rad(before, after)
+        dt_s = dt_ms / 1000.0
         alive = None if turned is None else self._pulse.alive(after, turned, dt_s)
         self._checked = self._check.step(self._time_ns, left, right, turned, alive)
         self._roll(left, right)
@@ -60,10 +116,6 @@ class KobukiOdometry(WheelOdometry):
         self._pose.advance(distance, turn)
         return distance / dt_s, turn / dt_s
 
-    def _turned_unrolled(self, before: Feedback, after: Feedback, dt_ms: int) -> float:
-        """The turn by the gyro while the counters jumped: two frames of a turn of 1.5 rad/s are worth 3.4 degrees."""
-        turned = turned_rad(before, after)
-        known = self._checked.gyro and turned is not None and 0 < dt_ms <= SHORT_GAP_MS
-        if turned is None or not known or not self._check.can_turn(1000.0 * turned / dt_ms):
-            return 0.0
-        return turned * self._angular_scale
+    def _is_turn_known(self, turned_rad: float, dt_ms: int) -> bool:
+        """Whether the gyro is believed though the counters jumped: two frames at 1.5 rad/s are worth 3.4 degrees."""
+        return self._checked.gyro and 0 < dt_ms <= SHORT_GAP_MS and self._check.can_turn(1000.0 * turned_rad / dt_ms)

@@ -6,8 +6,8 @@ frame before, and its values must be reachable from there in the time that passe
 
 from typing import NamedTuple
 
-from vsx_hw.kobuki.framing import FrameScanner
-from vsx_hw.kobuki.protocol import METRES_PER_TICK, Feedback, decode
+from vsx_hw.kobuki.feedback import METRES_PER_TICK, Feedback, decode
+from vsx_hw.kobuki.protocol import FrameScanner
 from vsx_hw.odometry import signed
 
 USUAL_MS, LONGEST_MS = (10, 40), 500
@@ -16,7 +16,7 @@ MOST_TICKS_PER_MS = 10
 """0.85 m/s; the base drives 0.7."""
 MOST_CENTIDEG_PER_MS = 25
 """250 deg/s, where the gyro saturates; the base turns by 180."""
-MOST_DECIVOLT = 5
+MOST_DECIVOLT = 5  # from one frame to the next
 
 
 class _Received(NamedTuple):
@@ -80,25 +80,20 @@ class StreamParser:
         return True
 
 
-def _follows(before: _Received, after: _Received) -> bool:
-    frames = 1 + after.refused - before.refused
-    whole = before.skipped_bytes == after.skipped_bytes
-    at_once = after.time_ns - before.time_ns <= frames * USUAL_MS[1] * 1_000_000
-    return follows(before.feedback, after.feedback, frames if whole and at_once else 0)
-
-
-def follows(before: Feedback, after: Feedback, frames: int) -> bool:
-    """Whether a base can have sent this frame after that one; frames: how many later it is, 0 if nobody knows. What
-    only people change (buttons, charger) counts from its second frame on."""
+def _follows(heard_before: _Received, heard_after: _Received) -> bool:
+    """Whether a base can have sent this frame after that one. Where nothing else came between them, it is known how
+    many frames later this one is. What only people change (buttons, charger) counts from its second frame on."""
+    before, after = heard_before.feedback, heard_after.feedback
     a, b = before.core, after.core
     dt_ms = (b.time_ms - a.time_ms) % 0x10000
-    shortest, longest = (USUAL_MS[0], frames * USUAL_MS[1]) if frames else (1, LONGEST_MS)
-    if not shortest <= dt_ms <= longest or before.regular_parts != after.regular_parts:
+    longest_ms = (1 + heard_after.refused - heard_before.refused) * USUAL_MS[1]
+    whole = heard_before.skipped_bytes == heard_after.skipped_bytes
+    known = whole and heard_after.time_ns - heard_before.time_ns <= longest_ms * 1_000_000
+    shortest_ms, longest_ms = (USUAL_MS[0], longest_ms) if known else (1, LONGEST_MS)
+    if not shortest_ms <= dt_ms <= longest_ms or before.regular_parts != after.regular_parts:
         return False
     steady = (a.buttons, a.charger) == (b.buttons, b.charger)
-    if not steady or abs(b.battery_decivolt - a.battery_decivolt) > MOST_DECIVOLT:
-        return False
-    if rolled_m(before, after) is None:
+    if not steady or abs(b.battery_decivolt - a.battery_decivolt) > MOST_DECIVOLT or rolled_m(before, after) is None:
         return False
     if before.inertia is None or after.inertia is None:
         return True

@@ -14,7 +14,7 @@ from vsx_ros.errors import ConfigError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 
-REFINE_SHARE, MAX_REFINE_PX = 0.3, 6
+REFINE_SHARE, MAX_REFINE_PX = 0.3, 6  # of a square's side in px; a larger window sees the next corner
 
 
 @dataclass(frozen=True)
@@ -62,8 +62,7 @@ class Board:
 
 
 def _refined(image: GrayImage, corners: FloatArray, columns: int) -> FloatArray:
-    """Each corner where the edges around it meet: more exact than the search, near the border of the pattern above
-    all."""
+    """Each corner where the edges around it meet: more exact than the search, above all near the pattern's border."""
     along = np.linalg.norm(np.diff(corners.reshape(-1, columns, 2), axis=1), axis=2).min()
     radius = int(np.clip(REFINE_SHARE * along, 2, MAX_REFINE_PX))
     enough = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 30, 0.01)

@@ -1,4 +1,4 @@
-"""Focal lengths, centre and distortion of a camera from views of a flat board.
+"""Focal lengths, centre and distortion of a camera from views of a flat board, and which views are worth keeping.
 
 Z. Zhang, "A flexible new technique for camera calibration", 2000, as OpenCV has it; plumb_bob without k3, which needs
 wider lenses than a robot has.
@@ -13,17 +13,18 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray, Pixels
 from vsx_ros.calibration.board import Board
-from vsx_ros.calibration.verdict import Complaint, Grade, Verdict
+from vsx_ros.calibration.verdict import Grade, Verdict
 from vsx_ros.errors import CalibrationError, InputError
-from vsx_ros.geometry.camera import PinholeCamera
-from vsx_ros.slam.calibration_check import check_calibration
+from vsx_ros.geometry.camera import PinholeCamera, check_calibration
 
-MIN_VIEWS, GOOD_VIEWS = 4, 10
-OUTLIER_RATIO, OUTLIER_PX = 2.5, 0.5
-GOOD_RMS_PX, USABLE_RMS_PX = 0.5, 1.2
-GOOD_FOCAL_RATIO, USABLE_FOCAL_RATIO = 0.003, 0.015
-COVER_CELLS = (8, 6)
-GOOD_COVER, GOOD_TILT_RAD = 0.6, math.radians(20.0)
+MIN_VIEWS, GOOD_VIEWS = 4, 10  # three determine a camera (Zhang 2000); ten or more is common advice
+OUTLIER_RATIO, OUTLIER_PX = 2.5, 0.5  # times the median view's error, or that much: blurred or wrong
+GOOD_RMS_PX, USABLE_RMS_PX = 0.5, 1.2  # more is blur or a bent board
+GOOD_FOCAL_RATIO, USABLE_FOCAL_RATIO = 0.003, 0.015  # standard deviation: 1 cm and 5 cm in 3 m
+COVER_CELLS = (8, 6)  # of the image, columns and rows
+GOOD_COVER, GOOD_TILT_RAD = 0.6, math.radians(20.0)  # of the cells; flat views leave the focal length open
+NOVEL, MAX_VIEWS = 0.2, 40  # sum of differences of place, size and tilt (each about 0 to 1); so many views, for time
+EDGE, NEAR, FAR, TILT = 0.12, 0.4, 0.35, 0.08  # shares of the image, and of the lengths of opposite sides of the board
 
 
 class BoardView(NamedTuple):
@@ -66,14 +67,6 @@ class CameraCalibration(NamedTuple):
         return f"vsx calibrate camera: {self.rms_px:.3f} px rms over {count}\n{self.verdict}"
 
 
-class _Fit(NamedTuple):
-    camera: PinholeCamera
-    rms_px: float
-    view_rms_px: FloatArray
-    sigmas: FloatArray
-    normals: FloatArray
-
-
 def calibrate_camera(board: Board, views: Sequence[BoardView], width: int, height: int) -> CameraCalibration:
     """The camera that made the views, pictures of width x height px.
 
@@ -87,21 +80,18 @@ def calibrate_camera(board: Board, views: Sequence[BoardView], width: int, heigh
                 f"them agree; {MIN_VIEWS} are needed, {GOOD_VIEWS} or more are good: check the number of inner "
                 "corners, or show the board to the camera from more sides"
             )
-        fit = _fit(board, kept, width, height)
-        worst = int(np.argmax(fit.view_rms_px))
-        bound_px = max(OUTLIER_PX, OUTLIER_RATIO * float(np.median(fit.view_rms_px)))
-        if fit.view_rms_px[worst] <= bound_px:
+        camera, rms_px, of_views_px, sigmas, normals = _fit(board, kept, width, height)
+        worst = int(np.argmax(of_views_px))
+        if of_views_px[worst] <= max(OUTLIER_PX, OUTLIER_RATIO * float(np.median(of_views_px))):
             break
         left_out.append(kept.pop(worst).name)
-    check_calibration(fit.camera, None)
+    check_calibration(camera, None)
     cover = covered(kept, width, height)
-    cosines = np.clip(fit.normals @ fit.normals.T, -1.0, 1.0)
-    tilt = math.acos(float(cosines.min()))
-    focal, centre = float(fit.sigmas[:2].max()), float(fit.sigmas[2:4].max())
-    verdict = _verdict(fit, focal, cover, tilt)
-    return CameraCalibration(
-        fit.camera, fit.rms_px, tuple(map(float, fit.view_rms_px)), tuple(left_out), focal, centre, cover, tilt, verdict
-    )
+    tilt = math.acos(float(np.clip(normals @ normals.T, -1.0, 1.0).min()))
+    focal, centre = float(sigmas[:2].max()), float(sigmas[2:4].max())
+    verdict = _verdict(rms_px, focal / camera.fx, len(kept), cover, tilt)
+    view_rms_px = tuple(map(float, of_views_px))
+    return CameraCalibration(camera, rms_px, view_rms_px, tuple(left_out), focal, centre, cover, tilt, verdict)
 
 
 def covered(views: Sequence[BoardView], width: int, height: int) -> float:
@@ -112,7 +102,11 @@ def covered(views: Sequence[BoardView], width: int, height: int) -> float:
     return len(np.unique(at, axis=0)) / float(cells.prod())
 
 
-def _fit(board: Board, views: Sequence[BoardView], width: int, height: int) -> _Fit:
+def _fit(
+    board: Board, views: Sequence[BoardView], width: int, height: int
+) -> tuple[PinholeCamera, float, FloatArray, FloatArray, FloatArray]:
+    """The camera; what is left [px rms], in all and of each view; standard errors of fx, fy, cx, cy and more [px]; and
+    (N, 3) the board's normal in each view."""
     objects = [board.points().astype(np.float32)] * len(views)
     pixels = [view.pixels.astype(np.float32).reshape(-1, 1, 2) for view in views]
     start = np.array([[width, 0.0, 0.5 * (width - 1)], [0.0, width, 0.5 * (height - 1)], [0.0, 0.0, 1.0]])
@@ -128,26 +122,70 @@ def _fit(board: Board, views: Sequence[BoardView], width: int, height: int) -> _
     fx, fy, cx, cy = float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2])
     camera = PinholeCamera(width, height, fx, fy, cx, cy, (k1, k2, p1, p2, k3))
     normals = np.array([cv2.Rodrigues(rotation)[0][:, 2] for rotation in rotations])
-    return _Fit(camera, float(rms), view_rms.ravel(), sigmas.ravel(), normals)
+    return camera, float(rms), view_rms.ravel(), sigmas.ravel(), normals
 
 
-def _verdict(fit: _Fit, focal_sigma_px: float, cover: float, tilt: float) -> Verdict:
-    complaints = []
+def _verdict(rms_px: float, ratio: float, views: int, cover: float, tilt: float) -> Verdict:
+    """ratio: the focal length's standard error as a share of it."""
+    return Verdict(
+        [
+            (Grade.of(rms_px <= GOOD_RMS_PX, rms_px <= USABLE_RMS_PX),
+             f"the corners are {rms_px:.2f} px off: glue the board to something flat, hold it still"),
+            (Grade.of(ratio <= GOOD_FOCAL_RATIO, ratio <= USABLE_FOCAL_RATIO),
+             f"the focal length is known to {100 * ratio:.1f} % only: tilt the board more, show it nearer"),
+            (Grade.of(views >= GOOD_VIEWS), f"{views} views are few: give {GOOD_VIEWS} or more"),
+            (Grade.of(cover >= GOOD_COVER),
+             f"the board was in {100 * cover:.0f} % of the image: show it in every corner, too"),
+            (Grade.of(tilt >= GOOD_TILT_RAD),
+             f"the board was tilted by {math.degrees(tilt):.0f} deg at most: tilt it by 30 or more"),
+        ]
+    )  # fmt: skip
 
-    def complain(grade: Grade, words: str) -> None:
-        complaints.append(Complaint(grade, words))
 
-    if fit.rms_px > GOOD_RMS_PX:
-        grade = Grade.USABLE if fit.rms_px <= USABLE_RMS_PX else Grade.BAD
-        complain(grade, f"the corners are {fit.rms_px:.2f} px off: glue the board to something flat, hold it still")
-    ratio = focal_sigma_px / fit.camera.fx
-    if ratio > GOOD_FOCAL_RATIO:
-        grade = Grade.USABLE if ratio <= USABLE_FOCAL_RATIO else Grade.BAD
-        complain(grade, f"the focal length is known to {100 * ratio:.1f} % only: tilt the board more, show it nearer")
-    if len(fit.view_rms_px) < GOOD_VIEWS:
-        complain(Grade.USABLE, f"{len(fit.view_rms_px)} views are few: give {GOOD_VIEWS} or more")
-    if cover < GOOD_COVER:
-        complain(Grade.USABLE, f"the board was in {100 * cover:.0f} % of the image: show it in every corner, too")
-    if tilt < GOOD_TILT_RAD:
-        complain(Grade.USABLE, f"the board was tilted by {math.degrees(tilt):.0f} deg at most: tilt it by 30 or more")
-    return Verdict(tuple(complaints))
+class ViewChooser:
+    """Keeps views that differ in place, size or tilt: a hundred alike weigh down the few that tell something."""
+
+    def __init__(self, board: Board, width: int, height: int) -> None:
+        self._board, self._size = board, np.array([width, height], float)
+        self._features: list[FloatArray] = []
+        self.views: list[BoardView] = []
+
+    def offer(self, view: BoardView) -> bool:
+        """Keep the view if it is unlike all before. Whether it was kept."""
+        feature = self._feature(view)
+        alike = any(np.abs(feature - known).sum() < NOVEL for known in self._features)
+        if alike or len(self.views) >= MAX_VIEWS:
+            return False
+        self._features.append(feature)
+        self.views.append(view)
+        return True
+
+    def missing(self) -> list[str]:
+        """Where the board was not shown yet, in words; nothing when the views will do."""
+        if not self.views:
+            return ["the whole board"]
+        pixels = np.concatenate([view.pixels for view in self.views]) / self._size
+        _, _, size, across, along = np.array(self._features).T
+        wanted = {
+            "at the left edge": pixels[:, 0].min() > EDGE,
+            "at the right edge": pixels[:, 0].max() < 1.0 - EDGE,
+            "at the top": pixels[:, 1].min() > EDGE,
+            "at the bottom": pixels[:, 1].max() < 1.0 - EDGE,
+            "near, filling nearly half the picture": size.max() < NEAR,
+            "farther away": size.min() > FAR,
+            "tilted to the left and right": np.ptp(across) < 2.0 * TILT,
+            "tilted up and down": np.ptp(along) < 2.0 * TILT,
+        }
+        more = ["from more sides"] if len(self.views) < GOOD_VIEWS else []
+        return [words for words, lacking in wanted.items() if lacking] + more
+
+    def _feature(self, view: BoardView) -> FloatArray:
+        """Centre, size as a share of the picture, and how much one side looks longer than the other."""
+        grid = view.pixels.reshape(self._board.rows, self._board.columns, 2)
+        corners = np.array([grid[0, 0], grid[0, -1], grid[-1, -1], grid[-1, 0]])
+        top, right, bottom, left = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
+        x, y = corners[:, 0], corners[:, 1]
+        area = 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+        centre = corners.mean(axis=0) / self._size
+        size = math.sqrt(area / float(self._size.prod()))
+        return np.array([*centre, size, math.log(left / right), math.log(top / bottom)])

@@ -12,20 +12,20 @@ from typing import NamedTuple
 import numpy as np
 
 from vsx_ros.arrays import FloatArray, Points3
-from vsx_ros.calibration.verdict import Complaint, Grade, Verdict
+from vsx_ros.calibration.verdict import Grade, Verdict
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.camera import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 
-WINDOW_M, STRAIGHT_RAD = 0.3, math.radians(2.0)
-MIN_WINDOWS = 3
-GOOD_DIRECTION_RAD, USABLE_DIRECTION_RAD = math.radians(0.2), math.radians(0.6)
-FLOOR_REACH_M, FLOOR_BIN_M, FLOOR_INLIER_M = 3.0, 0.06, 0.03
-LOWEST_M, HIGHEST_M = 2.0, 0.05
-MIN_FLOOR_POINTS = 30
-LEVEL_RAD = math.radians(1.0)
-MAX_PITCH_RAD, MAX_YAW_RAD = 0.8, math.radians(30.0)
+WINDOW_M, STRAIGHT_RAD = 0.3, math.radians(2.0)  # long enough for a direction, straight enough to be one
+MIN_WINDOWS = 3  # fewer say nothing about their scatter
+GOOD_DIRECTION_RAD, USABLE_DIRECTION_RAD = math.radians(0.2), math.radians(0.6)  # 1 cm and 3 cm to a side in 3 m
+FLOOR_REACH_M, FLOOR_BIN_M, FLOOR_INLIER_M = 3.0, 0.06, 0.03  # ahead; layer with the most points; off the plane
+LOWEST_M, HIGHEST_M = 2.0, 0.05  # a floor is sought so far below the camera, and nearer than that is none
+MIN_FLOOR_POINTS = 30  # fewer are no floor but clutter
+LEVEL_RAD = math.radians(1.0)  # more than a floor or a bracket is usually off: said in the verdict
+MAX_PITCH_RAD, MAX_YAW_RAD = 0.8, math.radians(30.0)  # more does not look ahead; config bounds the pitch alike
 
 
 class TrackedPose(NamedTuple):
@@ -37,8 +37,7 @@ class TrackedPose(NamedTuple):
 
 class Floor(NamedTuple):
     """The floor as the drive shows it. height: the lens above it, with its standard error sigma [m]. pitch_off: how far
-    it falls away ahead, where it should be level [rad]. roll: how far it leans to the left [rad]. points: that lie on
-    it."""
+    it falls away ahead, where it should be level [rad]. roll: how far it leans to the left [rad]. points: on it."""
 
     height: float
     sigma: float
@@ -129,36 +128,25 @@ def _floor(points: Points3) -> Floor | None:
     off = (below[:, 2] - rows @ plane)[inlier]
     covariance = np.linalg.inv(rows[inlier].T @ rows[inlier]) * float(off @ off) / (len(off) - 3)
     level = math.sqrt(1.0 + plane[1] ** 2 + plane[2] ** 2)
-    return Floor(
-        float(-plane[0] / level),
-        float(math.sqrt(covariance[0, 0])),
-        float(-math.atan(plane[1])),
-        float(-math.atan(plane[2])),
-        int(inlier.sum()),
-    )
+    height, sigma = float(-plane[0] / level), math.sqrt(covariance[0, 0])
+    return Floor(height, sigma, -math.atan(plane[1]), -math.atan(plane[2]), int(inlier.sum()))
 
 
 def _verdict(pitch: float, yaw: float, sigma: float, floor: Floor | None) -> Verdict:
-    complaints = []
-
-    def complain(grade: Grade, words: str) -> None:
-        complaints.append(Complaint(grade, words))
-
-    if sigma > GOOD_DIRECTION_RAD:
-        grade = Grade.USABLE if sigma <= USABLE_DIRECTION_RAD else Grade.BAD
-        complain(grade, f"the direction scatters by {math.degrees(sigma):.2f} deg: drive slower and farther")
-    if abs(pitch) > MAX_PITCH_RAD or abs(yaw) > MAX_YAW_RAD:
-        looks = f"{math.degrees(pitch):.0f} deg down and {math.degrees(yaw):.0f} deg left"
-        complain(Grade.BAD, f"a camera that looks {looks} cannot map what the robot drives to: turn it ahead")
+    looks = f"{math.degrees(pitch):.0f} deg down and {math.degrees(yaw):.0f} deg left"
+    direction = [
+        (Grade.of(sigma <= GOOD_DIRECTION_RAD, sigma <= USABLE_DIRECTION_RAD),
+         f"the direction scatters by {math.degrees(sigma):.2f} deg: drive slower and farther"),
+        (Grade.of(abs(pitch) <= MAX_PITCH_RAD and abs(yaw) <= MAX_YAW_RAD, usable=False),
+         f"a camera that looks {looks} cannot map what the robot drives to: turn it ahead"),
+    ]  # fmt: skip
     if floor is None:
-        complain(Grade.USABLE, "too few points on the floor to tell the height: measure it with a ruler")
-        return Verdict(tuple(complaints))
-    if abs(floor.pitch_off) > LEVEL_RAD:
-        complain(
-            Grade.USABLE,
-            f"what seems to be the floor slopes by {math.degrees(floor.pitch_off):.1f} deg ahead: check the height "
-            "with a ruler",
-        )
-    if abs(floor.roll) > LEVEL_RAD:
-        complain(Grade.USABLE, f"the floor leans by {math.degrees(floor.roll):.1f} deg: mount the camera level")
-    return Verdict(tuple(complaints))
+        unseen = "too few points on the floor to tell the height: measure it with a ruler"
+        return Verdict([*direction, (Grade.USABLE, unseen)])
+    slopes = f"what seems to be the floor slopes by {math.degrees(floor.pitch_off):.1f} deg ahead"
+    leans = f"the floor leans by {math.degrees(floor.roll):.1f} deg: mount the camera level"
+    level = [
+        (Grade.of(abs(floor.pitch_off) <= LEVEL_RAD), f"{slopes}: check the height with a ruler"),
+        (Grade.of(abs(floor.roll) <= LEVEL_RAD), leans),
+    ]
+    return Verdict(direction + level)

@@ -1,34 +1,37 @@
 """Factors that make a base's odometry true: of the way and of the turn.
 
 Either the operator knows how far or how often round the robot went, or the camera does: seeing a board of known size it
-knows both, seeing anything it knows the turns.
+knows both, seeing anything it knows the turns, and by how much it looks elsewhere after turns on the spot.
 """
 
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 
-from vsx_ros.arrays import BoolArray, FloatArray
+from vsx_ros.arrays import BoolArray, FloatArray, GrayImage
 from vsx_ros.calibration.mount import TrackedPose
-from vsx_ros.calibration.verdict import Complaint, Grade, Verdict
+from vsx_ros.calibration.verdict import Grade, Verdict
 from vsx_ros.errors import InputError
+from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 
-RULER_M, MARK_RAD = 0.005, math.radians(1.0)
-MAX_DRIFT_RAD, MIN_TURNS, MIN_KNOWN_WAY_M = math.radians(10.0), 0.9, 0.5
-PIECE_M, PIECE_RAD = 0.15, math.radians(10.0)
-STRAIGHT_RAD, STRETCH_RAD = math.radians(3.0), 1.5
-MIN_PIECES = 3
-GOOD_SIGMA, USABLE_SIGMA = 0.005, 0.02
-POSSIBLE = (0.8, 1.25)
+RULER_M, MARK_RAD = 0.005, math.radians(1.0)  # how well a tape and a mark on the floor are read
+MAX_DRIFT_RAD, MIN_TURNS, MIN_KNOWN_WAY_M = math.radians(10.0), 0.9, 0.5  # else no straight drive, turns or way
+PIECE_M, PIECE_RAD = 0.15, math.radians(10.0)  # of one measurement: long against the noise of a pose
+STRAIGHT_RAD, STRETCH_RAD = math.radians(3.0), 1.5  # per piece of way; turning in one stretch, in which slip evens out
+MIN_PIECES = 3  # fewer say nothing about their scatter
+GOOD_SIGMA, USABLE_SIGMA = 0.005, 0.02  # of the factor: 5 mm and 2 cm per metre
+POSSIBLE = (0.8, 1.25)  # factors of a base whose wheels are the right ones
+MIN_MATCHES, RANSAC_RATIO = 25, 0.004  # of two images of the turn; of the focal length: 2 px at 500
+LOWE_RATIO = 0.8  # Lowe's ratio test (2004)
 
 
 class Factor(NamedTuple):
-    """What the odometry is to be multiplied by, its standard error, and how much was measured to know it ([m] or
-    [rad])."""
+    """What the odometry is to be multiplied by, its standard error, and how much was measured for it ([m] or [rad])."""
 
     value: float
     sigma: float
@@ -129,8 +132,7 @@ def _turns(drive: Sequence[TrackedPose], bases: Sequence[SE3]) -> list[FloatArra
 
 def _fitted(stretches: Sequence[FloatArray], piece: float) -> Factor | None:
     """The slope of camera over odometry within the stretches, by least squares without the worst rows; None where
-    little was driven. Neighbouring rows err alike: as independent counts one row for each ``piece`` of what was
-    driven."""
+    little was driven. Neighbouring rows err alike: as independent counts one row for each ``piece`` driven."""
     driven = sum(float(np.abs(np.diff(stretch[:, 0])).sum()) for stretch in stretches)
     if driven < MIN_PIECES * piece:
         return None
@@ -162,9 +164,38 @@ def _check(factor: Factor, wheels: str, truth: str) -> None:
 
 
 def _verdict(linear: Factor | None, angular: Factor | None) -> Verdict:
-    complaints = []
-    for name, factor, more in (("way", linear, "drive farther"), ("turn", angular, "turn more often")):
-        if factor is not None and factor.sigma > GOOD_SIGMA:
-            grade = Grade.USABLE if factor.sigma <= USABLE_SIGMA else Grade.BAD
-            complaints.append(Complaint(grade, f"the {name} is known to {100 * factor.sigma:.1f} % only: {more}"))
-    return Verdict(tuple(complaints))
+    factors = (("way", linear, "drive farther"), ("turn", angular, "turn more often"))
+    return Verdict(
+        [
+            (Grade.of(factor.sigma <= GOOD_SIGMA, factor.sigma <= USABLE_SIGMA),
+             f"the {name} is known to {100 * factor.sigma:.1f} % only: {more}")
+            for name, factor, more in factors
+            if factor is not None
+        ]
+    )  # fmt: skip
+
+
+def closing_turn(camera: PinholeCamera, before: GrayImage, after: GrayImage) -> float | None:
+    """How far the camera turned to the left in between [rad], both pictures showing the same far things; None where
+    too little of one is found in the other.
+
+    Of a camera that only turns, pictures are related by the homography K R K^-1 (Hartley and Zisserman, 8.4.2).
+    """
+    orb = cv2.ORB.create(2000)
+    (keypoints_a, words_a), (keypoints_b, words_b) = (orb.detectAndCompute(image, None) for image in (before, after))
+    if words_a is None or words_b is None or len(words_b) < 2:
+        return None
+    pairs = cv2.BFMatcher(cv2.NORM_HAMMING).knnMatch(words_a, words_b, k=2)
+    matches = [pair[0] for pair in pairs if len(pair) == 2 and pair[0].distance < LOWE_RATIO * pair[1].distance]
+    if len(matches) < MIN_MATCHES:
+        return None
+    rays_a = camera.unproject(np.array([keypoints_a[m.queryIdx].pt for m in matches]))
+    rays_b = camera.unproject(np.array([keypoints_b[m.trainIdx].pt for m in matches]))
+    H, inliers = cv2.findHomography(rays_a[:, :2], rays_b[:, :2], cv2.RANSAC, RANSAC_RATIO)
+    if H is None or inliers.sum() < MIN_MATCHES:
+        return None
+    kept = inliers.ravel().astype(bool)
+    unit_a, unit_b = (rays[kept] / np.linalg.norm(rays[kept], axis=1, keepdims=True) for rays in (rays_a, rays_b))
+    U, _, Vt = np.linalg.svd(unit_b.T @ unit_a)
+    R_b_a = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
+    return math.atan2(float(R_b_a[0, 2]), float(R_b_a[2, 2]))

@@ -1,37 +1,34 @@
 """How far a calibration can be trusted, in words."""
 
-from enum import Enum
+from collections.abc import Sequence
+from enum import IntEnum
 from typing import NamedTuple
 
 
-class Grade(Enum):
+class Grade(IntEnum):
     """good: use it. usable: better than none, do it again when there is time. bad: worse than none."""
 
-    GOOD = "good"
-    USABLE = "usable"
-    BAD = "bad"
+    GOOD, USABLE, BAD = range(3)
 
-
-class Complaint(NamedTuple):
-    """Something that is not as it should be, and what to do about it."""
-
-    grade: Grade
-    words: str
+    @classmethod
+    def of(cls, good: bool, usable: bool = True) -> "Grade":
+        """Good, else usable, else bad."""
+        return cls.GOOD if good else cls.USABLE if usable else cls.BAD
 
 
 class Verdict(NamedTuple):
-    """The worst of what was found; good when nothing was."""
+    """findings: the grade of each thing looked at, and what to do about it where it is not good."""
 
-    complaints: tuple[Complaint, ...]
+    findings: Sequence[tuple[Grade, str]]
 
     @property
     def grade(self) -> Grade:
-        """The worst complaint's."""
-        grades = {complaint.grade for complaint in self.complaints}
-        return next((grade for grade in (Grade.BAD, Grade.USABLE) if grade in grades), Grade.GOOD)
+        """The worst."""
+        return max((grade for grade, _ in self.findings), default=Grade.GOOD)
 
     def __str__(self) -> str:
         """One sentence, worst first."""
-        order = [Grade.BAD, Grade.USABLE, Grade.GOOD]
-        said = [c.words for c in sorted(self.complaints, key=lambda complaint: order.index(complaint.grade))]
-        return f"{self.grade.value}: {'; '.join(said)}" if said else self.grade.value
+        worst_first = sorted(self.findings, key=lambda finding: -finding[0])
+        said = [words for grade, words in worst_first if grade is not Grade.GOOD]
+        name = self.grade.name.lower()
+        return f"{name}: {'; '.join(said)}" if said else name

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from vsx_ros.cli.finding import FAIL, NOTE, OK, WARN, Finding, from_error
+from vsx_ros.cli.check_machine import FAIL, NOTE, OK, WARN, Finding, from_error
 from vsx_ros.errors import CalibrationError
 
 _KINECT_CAMERAS = {"045e:02ae": "Kinect", "045e:02bf": "Kinect for Windows"}
@@ -58,21 +58,20 @@ def _ports(ports: list[Path], absent: str) -> Iterator[Finding]:
             "base", absent, "no serial port (/dev/ttyUSB*, /dev/ttyACM*)", "plug the base in and switch it on"
         )
     for port in ports:
-        if os.access(port, os.R_OK | os.W_OK):
-            yield Finding("base", OK, f"{port} may be opened")
-        else:
-            remedy = "sudo usermod -aG dialout $USER, then log in again"
-            yield Finding("base", FAIL, f"{port} may not be opened by this user", remedy)
+        yield _access("base", port, str(port), "sudo usermod -aG dialout $USER, then log in again")
+
+
+def _access(area: str, device: Path, name: str, remedy: str) -> Finding:
+    if os.access(device, os.R_OK | os.W_OK):
+        return Finding(area, OK, f"{name} may be opened")
+    return Finding(area, FAIL, f"{name} may not be opened by this user", remedy)
 
 
 def _cameras(root: Path, kinects: list[UsbDevice], absent: str) -> Iterator[Finding]:
     videos = sorted((root / "sys/class/video4linux").glob("video*"))
     for device in kinects:
         name = f"{_KINECT_CAMERAS[device.ids]} {device.serial}".rstrip()
-        if os.access(device.node, os.R_OK | os.W_OK):
-            yield Finding("camera", OK, f"{name} at {device.node}")
-        else:
-            yield Finding("camera", FAIL, f"{name} at {device.node} may not be opened by this user", _RULE)
+        yield _access("camera", device.node, f"{name} at {device.node}", _RULE)
     for video in videos:
         yield Finding("camera", OK, f"/dev/{video.name}: {_content(video / 'name')}, as --camera v4l:{video.name[5:]}")
     if not kinects and any(device.ids in _KINECT_PARTS for device in usb_devices(root)):
@@ -100,7 +99,7 @@ def _permissions(root: Path) -> Iterator[Finding]:
 
 def _spoken_to(ports: list[Path], kinects: list[UsbDevice]) -> Iterator[Finding]:
     """No wheel turns: the base is listened to and asked who it is."""
-    from vsx_hw.detect import detect_base
+    from vsx_hw.bases import detect_base
     from vsx_hw.errors import DeviceError
     from vsx_hw.kinect.usb_transport import UsbTransport
 
@@ -147,12 +146,9 @@ def _robot_file(file: Path) -> Iterator[Finding]:
         yield from_error("calibration", FAIL, error)
         return
     mount, wheels = robot.mount, robot.odometry
-    yield Finding(
-        "calibration",
-        OK,
-        f"{file}: wheels {wheels.linear_scale:.4f}, {wheels.angular_scale:.4f}; camera {mount.height_m:.3f} m high, "
-        f"{math.degrees(mount.pitch_down_rad):.1f} deg down; used with --config {file}",
-    )
+    scales = f"wheels {wheels.linear_scale:.4f}, {wheels.angular_scale:.4f}"
+    camera = f"camera {mount.height_m:.3f} m high, {math.degrees(mount.pitch_down_rad):.1f} deg down"
+    yield Finding("calibration", OK, f"{file}: {scales}; {camera}; used with --config {file}")
 
 
 def _content(path: Path) -> str:

@@ -1,15 +1,19 @@
-"""``vsx doctor``: Python, libraries, ROS packages, disk."""
+"""``vsx doctor``: what a finding is, and those about Python, libraries, ROS packages, disk and speed."""
 
 import importlib
 import importlib.util
 import os
 import shutil
 import sys
+import time
 from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
+from statistics import median
+from typing import NamedTuple
 
-from vsx_ros.cli.finding import FAIL, OK, WARN, Finding
+OK, NOTE, WARN, FAIL = "ok", "note", "warn", "fail"
+"""Fine; nothing wrong but worth knowing; works, though worse than it could; does not work."""
 
 _LIBRARIES = {
     "numpy": ("numpy", 2, 2),
@@ -23,6 +27,7 @@ _LIBRARIES = {
     "usb1": ("libusb1", 2, 3),
     "msgspec": ("msgspec", 0, 0),
     "yaml": ("PyYAML", 5, 6),
+    "shtab": ("shtab", 1, 1),
 }
 """Module: its distribution, and the oldest and the newest major version known to work."""
 
@@ -31,19 +36,35 @@ _ROS = (
     "std_srvs", "trajectory_msgs", "visualization_msgs", "diagnostic_msgs", "move_base_msgs", "tf2_msgs",
     "dynamic_reconfigure",
 )  # fmt: skip
-_PYTHON = (3, 10)
-_FULL_GB, _TIGHT_GB = 1.0, 5.0
-_RAW_MB_S = 9.2
+_FULL_GB, _TIGHT_GB = 1.0, 5.0  # less is a fault; less is a warning: nine minutes of raw images
+_RAW_MB_S = 9.2  # 640 x 480 grey at 30 a second
 _SETUP = "run scripts/test once, or 'pip install .' in a virtual environment made with --system-site-packages"
+
+_ENOUGH, _AT_MOST = 20, 80  # frames tracked whose time is taken, of so many driven at most
+_CAMERA_MS = 1e3 / 30.0  # between two images of the Kinect
+_SPARE, _SHORT = 0.5, 1.0
+"""Of the time between two images: up to so much leaves room for map and planner, beyond so much images are dropped."""
+
+
+class Finding(NamedTuple):
+    """One line of the doctor. remedy: what to type or to do; empty where nothing is to be done."""
+
+    area: str
+    level: str
+    text: str
+    remedy: str = ""
+
+
+def from_error(area: str, level: str, error: Exception) -> Finding:
+    """The finding of an error whose sentence says what is wrong and, behind a semicolon, what to do."""
+    text, _, remedy = str(error).partition("; ")
+    return Finding(area, level, text, remedy)
 
 
 def check_machine(root: Path, folder: Path) -> Iterator[Finding]:
     """Findings about the software and the disk. root: where the file system begins; folder: where runs go."""
     version = ".".join(map(str, sys.version_info[:3]))
-    if sys.version_info >= _PYTHON:
-        yield Finding("python", OK, f"Python {version}, {os.cpu_count()} cores")
-    else:
-        yield Finding("python", FAIL, f"Python {version} is too old", "use Python 3.10 or newer (Debian 12 has 3.11)")
+    yield Finding("python", OK, f"Python {version}, {os.cpu_count()} cores")
     yield from _libraries()
     yield from _ros(root)
     yield _disk(folder)
@@ -96,3 +117,40 @@ def _disk(folder: Path) -> Finding:
         remedy = "make room, or record with 'vsx record --images jpeg'"
         return Finding("disk", FAIL if free_gb < _FULL_GB else WARN, text, remedy)
     return Finding("disk", OK, text)
+
+
+def check_speed() -> Finding:
+    """Track some rendered frames of a straight drive; the frames that make a keyframe are left out, as the live run
+    maps on a thread of its own."""
+    from vsx_ros.config import Config
+    from vsx_ros.robot import VelocityCommand
+    from vsx_ros.runs.world import open_world
+    from vsx_ros.sim.robot import EmulatedRobot
+    from vsx_ros.sim.settings import SimulationConfig
+    from vsx_ros.slam.slam import SequentialSlam
+
+    robot = EmulatedRobot(open_world("lab", 1), 1, SimulationConfig(threads=1))
+    slam = SequentialSlam(robot.camera_given, robot.T_base_cam_given, Config().slam)
+    took_ms: list[float] = []
+    for _ in range(_AT_MOST):
+        frame, odometry = robot.step(VelocityCommand(0.25, 0.0))
+        began_s = time.perf_counter()
+        result = slam.track(frame, odometry)
+        if result.state.tracked and not result.keyframe_added:
+            took_ms.append(1e3 * (time.perf_counter() - began_s))
+        if len(took_ms) == _ENOUGH:
+            break
+    return judged(took_ms, os.getloadavg()[0], os.cpu_count() or 1)
+
+
+def judged(took_ms: list[float], load: float, cores: int) -> Finding:
+    """The finding of the times per frame [ms], given the mean number of running programs and the cores."""
+    if not took_ms:
+        return Finding("tracking", FAIL, "the emulated drive was not tracked", "run scripts/test and report what fails")
+    typical_ms = median(took_ms)
+    text = f"{typical_ms:.1f} ms per image of 640x480, {_CAMERA_MS / typical_ms:.1f} times as fast as the camera"
+    if typical_ms <= _SPARE * _CAMERA_MS:
+        return Finding("tracking", OK, text)
+    busy = f"other programs are running (load {load:.1f}, {cores} cores): end them; " if load > cores else ""
+    remedy = f"{busy}use mains power and a CPU governor that does not save it, or a faster machine"
+    return Finding("tracking", FAIL if typical_ms > _SHORT * _CAMERA_MS else WARN, text, remedy)

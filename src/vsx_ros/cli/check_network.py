@@ -9,10 +9,10 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 from urllib.parse import urlsplit
 
-from vsx_ros.cli.finding import FAIL, NOTE, OK, WARN, Finding
+from vsx_ros.cli.check_machine import FAIL, NOTE, OK, WARN, Finding
 from vsx_ros.ros.host_address import DEFAULT_MASTER, MASTER_PORT
 
-_ANSWER_S = 2.0
+_ANSWER_S = 2.0  # the same machine or network answers in milliseconds
 _SKEW_S = 1.5
 """A clock this far from the master's is told; HTTP dates are whole seconds, so less cannot be seen."""
 

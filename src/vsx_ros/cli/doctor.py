@@ -1,13 +1,4 @@
-"""``vsx doctor``: check machine, ROS, devices, permissions and calibration
-
-Checks what a run needs: Python and libraries, ROS, the ROS network, base and camera, permissions, calibration, disk,
-and how fast this machine tracks. Each finding is ok, note, warn or fail and comes with what to do. No wheel turns. The
-exit code is 1 when something fails, 0 otherwise.
-
-examples: vsx doctor | vsx doctor --hw | vsx doctor --json --quick
-"""
-
-from __future__ import annotations
+"""``vsx doctor``: all checks, and how their findings are shown."""
 
 import argparse
 import json
@@ -15,30 +6,19 @@ import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from vsx_ros.cli.finding import Finding
+from vsx_ros.cli.check_devices import check_devices
+from vsx_ros.cli.check_machine import FAIL, WARN, Finding, check_machine, check_speed
+from vsx_ros.cli.check_network import check_network
+from vsx_ros.runs.process import DONE, FAILED
 
 _COLOURS = {"ok": "32", "note": "36", "warn": "33", "fail": "31"}
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Its options."""
-    parser.add_argument(
-        "--hw", action="store_true", help="a robot must be here: open base and camera, and speak to them"
-    )
-    parser.add_argument("--json", action="store_true", help="print the findings as JSON: area, level, text, remedy")
-    parser.add_argument("--quick", action="store_true", help="leave out the measurement of tracking (some seconds)")
-
-
-def run(args: argparse.Namespace) -> int:
+def doctor(args: argparse.Namespace) -> int:
     """Print every finding as soon as it is known."""
-    from vsx_ros.cli.finding import FAIL, WARN
-    from vsx_ros.runs.exit_codes import DONE, FAILED
-
     findings = []
-    for finding in examine(args.hw, args.quick):
+    for finding in _findings(args):
         findings.append(finding)
         if not args.json:
             print(line(finding, colour=sys.stdout.isatty()), flush=True)
@@ -51,17 +31,11 @@ def run(args: argparse.Namespace) -> int:
     return FAILED if failed else DONE
 
 
-def examine(speak: bool, quick: bool, root: Path = Path("/")) -> Iterator[Finding]:
-    """All checks. speak: open the devices; quick: do not measure the tracking; root: where the file system begins."""
-    from vsx_ros.cli.check_devices import check_devices
-    from vsx_ros.cli.check_machine import check_machine
-    from vsx_ros.cli.check_network import check_network
-    from vsx_ros.cli.check_speed import check_speed
-
-    yield from check_machine(root, Path.cwd())
+def _findings(args: argparse.Namespace) -> Iterator[Finding]:
+    yield from check_machine(Path("/"), Path.cwd())
     yield from check_network(os.environ)
-    yield from check_devices(root, os.environ, speak)
-    if not quick:
+    yield from check_devices(Path("/"), os.environ, args.hw)
+    if not args.quick:
         yield check_speed()
 
 

@@ -8,15 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from vsx_hw import bases
-from vsx_ros.cli.explore import BASES, PLANNERS
+from vsx_ros.cli.option_values import BASES, PLANNERS
 from vsx_ros.config import to_dict
 from vsx_ros.errors import VsxError
 from vsx_ros.ros import launch, logs
 from vsx_ros.ros.host_address import DEFAULT_MASTER
 from vsx_ros.ros.launch import LaunchNode
-from vsx_ros.runs.exit_codes import DONE, FAILED
-from vsx_ros.runs.parameters import load
-from vsx_ros.runs.robot_file import robot_file_here
+from vsx_ros.runs.parameters import load, robot_file_here
+from vsx_ros.runs.process import DONE, FAILED
 from vsx_ros.runs.world import open_world
 
 _TEXTS = {

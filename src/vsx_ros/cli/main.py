@@ -1,28 +1,46 @@
-"""``vsx``: one command line for everything. Each subcommand is a module here, with ``add_arguments`` and ``run``.
+"""``vsx``: one command line for everything.
 
-A module's docstring is its help: a line, what the command does, and examples or exit codes.
-
-The modules import what they need inside ``run``, so that help and mistakes are answered at once.
+The options of a command are a function whose docstring is its help: a line, what the command does, and examples or exit
+codes. What does it is imported when it runs, so that help and wrong usage are answered at once.
 """
 
 import argparse
 import importlib
+import inspect
 import os
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NoReturn
 
 from vsx_ros import __version__
+from vsx_ros.cli import options_robot, options_runs, options_study
 from vsx_ros.errors import VsxError, disk_trouble
 from vsx_ros.registry import load_plugins
-from vsx_ros.runs import streams
-from vsx_ros.runs.exit_codes import FAILED, HARDWARE, INTERNAL, STOPPED
+from vsx_ros.runs import process
+from vsx_ros.runs.process import FAILED, HARDWARE, INTERNAL, STOPPED
 
-COMMANDS = (
-    "explore", "replay", "record", "plan", "evaluate", "report", "reproduce", "sweep", "map", "view", "status", "stop",
-    "teleop", "calibrate", "doctor", "config", "world", "completion",
-)  # fmt: skip
+COMMANDS: dict[str, tuple[Callable[[argparse.ArgumentParser], None], str]] = {
+    "explore": (options_runs.explore, "mapping"),
+    "replay": (options_runs.replay, "mapping"),
+    "record": (options_runs.record, "operate"),
+    "plan": (options_study.plan, "plan"),
+    "evaluate": (options_study.evaluate, "results"),
+    "report": (options_study.report, "results"),
+    "reproduce": (options_study.reproduce, "campaigns"),
+    "sweep": (options_study.sweep, "campaigns"),
+    "map": (options_runs.map, "results"),
+    "view": (options_robot.view, "operate"),
+    "status": (options_robot.status, "operate"),
+    "stop": (options_robot.stop, "operate"),
+    "teleop": (options_robot.teleop, "operate"),
+    "calibrate": (options_robot.calibrate, "calibrate"),
+    "doctor": (options_robot.doctor, "doctor"),
+    "config": (options_robot.config, "inputs"),
+    "world": (options_robot.world, "inputs"),
+    "completion": (options_robot.completion, "completion"),
+}
+"""Of each its options and help, and the module here whose function of the same name does it."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -43,14 +61,9 @@ def parser() -> argparse.ArgumentParser:
     root.add_argument("--version", action="version", version=f"vsx_ros {__version__}")
     root.add_argument("--debug", action="store_true", help="show where an error came from (anywhere on the line)")
     subparsers = root.add_subparsers(dest="command", metavar="COMMAND", required=True, parser_class=_Parser)
-    for name in COMMANDS:
-        module = importlib.import_module(f"vsx_ros.cli.{name}")
-        title, description, *epilog = (module.__doc__ or "\n\n").split("\n\n")
-        command = subparsers.add_parser(
-            name, help=title.partition(": ")[2], description=description, epilog="".join(epilog) or None
-        )
-        module.add_arguments(command)
-        command.set_defaults(run=module.run)
+    for name, (add_options, _) in COMMANDS.items():
+        title, description, *epilog = inspect.cleandoc(add_options.__doc__ or "").split("\n\n")
+        add_options(subparsers.add_parser(name, help=title, description=description, epilog="".join(epilog) or None))
     return root
 
 
@@ -62,52 +75,60 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     return args
 
 
+def run(args: argparse.Namespace) -> int:
+    """Do what the options say; the exit code."""
+    module = importlib.import_module(f"vsx_ros.cli.{COMMANDS[args.command][1]}")
+    code: int = getattr(module, args.command)(args)
+    return code
+
+
 def execute(arguments: Sequence[str]) -> int:
     """Run one command line; its exit code. Errors are one sentence on stderr, with a traceback only after --debug."""
-    debug = "--debug" in arguments
     try:
         args = parse(arguments)
         load_plugins()
-        code: int = args.run(args)
-        return streams.ended(code)
-    except KeyboardInterrupt:
-        return _failed("stopped by the operator", STOPPED, debug=debug)
-    except VsxError as error:
-        return _failed(str(error), FAILED, debug=debug)
-    except ModuleNotFoundError as error:
-        return _failed(
-            f"there is no Python package {error.name!r} here; 'vsx doctor' tells what is missing, and what to type",
-            FAILED,
-            debug=debug,
-        )
-    except Exception as error:
-        if isinstance(error, OSError) and disk_trouble(error):
-            return _failed(disk_trouble(error), FAILED, debug=debug)
-        from vsx_hw.errors import DeviceError
-
-        if isinstance(error, DeviceError):
-            return _failed(str(error), HARDWARE, debug=debug)
-        place = traceback.extract_tb(error.__traceback__)[-1]
-        return _failed(
-            f"internal error, please report it: {type(error).__name__}: {error} ({os.path.basename(place.filename)}, "
-            f"line {place.lineno}); --debug shows where it came from",
-            INTERNAL,
-            debug=debug,
-        )
+        return process.ended(run(args))
+    except (KeyboardInterrupt, Exception) as error:
+        if "--debug" in arguments:
+            traceback.print_exc()
+        sentence, code = _explained(error)
+        print(f"vsx: {sentence}", file=sys.stderr)
+        return code
 
 
-def _failed(sentence: str, code: int, *, debug: bool) -> int:
-    if debug:
-        traceback.print_exc()
-    print(f"vsx: {sentence}", file=sys.stderr)
-    return code
+def _explained(error: BaseException) -> tuple[str, int]:
+    """What went wrong in a sentence, and the exit code."""
+    from vsx_hw.errors import DeviceError
+
+    match error:
+        case KeyboardInterrupt():
+            return "stopped by the operator", STOPPED
+        case VsxError():
+            return str(error), FAILED
+        case DeviceError():
+            return str(error), HARDWARE
+        case ModuleNotFoundError():
+            name = error.name
+            return (
+                f"there is no Python package {name!r} here; 'vsx doctor' tells what is missing, and what to type",
+                FAILED,
+            )
+        case OSError() if disk_trouble(error):
+            return disk_trouble(error), FAILED
+    place = traceback.extract_tb(error.__traceback__)[-1]
+    where = f"{os.path.basename(place.filename)}, line {place.lineno}"
+    return (
+        f"internal error, please report it: {type(error).__name__}: {error} ({where}); "
+        "--debug shows where it came from",
+        INTERNAL,
+    )
 
 
 def main() -> NoReturn:
     """The console script. Threads inside of small matrix products only fight for the cores, and cost bits."""
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    streams.never_fail()
+    process.never_fail()
     sys.exit(execute(sys.argv[1:]))
 
 

@@ -1,74 +1,43 @@
-"""``vsx plan``: plan one motion from pose to pose and prove what it promises
-
-Plans from pose to pose, in a map or on open floor, and prints the certificate and the time.
-
-example: vsx plan --start 0,0,0 --goal 2,-1,90 --phi 1 --plot plan.png
-"""
-
-from __future__ import annotations
+"""``vsx plan``: one motion with its certificate, and its picture: map, path coloured by direction, footprints, and the
+change of view below."""
 
 import argparse
 import json
 import math
-import re
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from vsx_ros.cli.config import add_parameters
-from vsx_ros.registry import Kinds
-from vsx_ros.runs.exit_codes import DONE, FAILED
+import cv2
+import numpy as np
 
-if TYPE_CHECKING:
-    from vsx_ros.config import Config
-    from vsx_ros.geometry.se2 import SE2
-    from vsx_ros.occupancy.grid import OccupancyGrid
-    from vsx_ros.planning.path import Plan, Trajectory
+from vsx_ros.arrays import ColorImage, FloatArray
+from vsx_ros.config import Config
+from vsx_ros.errors import PlanningError
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.io.map_file import load_map
+from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
+from vsx_ros.planning.connect import check_question
+from vsx_ros.planning.path import Plan, Refusal, Trajectory
+from vsx_ros.planning.planners import PLANNERS
+from vsx_ros.planning.time_scaling import time_scale
+from vsx_ros.runs.parameters import load
+from vsx_ros.runs.process import DONE, FAILED
+from vsx_ros.sim.picture import write_picture
 
-PLANNERS = Kinds(("fov", "unconstrained", "paper"))
-_OPEN_FLOOR_MARGIN_M = 3.0
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Its options."""
-    # Poses may begin with a minus sign.
-    parser._negative_number_matcher = re.compile(r"^-[\d.]")
-    parser.add_argument("--start", type=_pose, required=True, metavar="X,Y,DEG", help="metres and degrees")
-    parser.add_argument("--goal", type=_pose, required=True, metavar="X,Y,DEG", help="metres and degrees")
-    parser.add_argument("--map", type=Path, metavar="map.yaml", help="a map as map_server keeps it; else open floor")
-    parser.add_argument("--phi", type=float, metavar="RAD_PER_M", help="greatest change of view per metre driven")
-    parser.add_argument("--planner", choices=PLANNERS, default="fov", help="default: fov, the certified method")
-    parser.add_argument("--seed", type=int, default=0, help="of the randomised searches (default 0)")
-    parser.add_argument("--json", action="store_true", help="print everything as JSON")
-    parser.add_argument("--plot", type=Path, metavar="FILE", help="write a picture (.png)")
-    add_parameters(parser)
+_OPEN_FLOOR_MARGIN_M = 3.0  # around start and goal where no map is given: room for any bend
+_FORWARD, _REVERSE, _INK, _FAINT = (180, 90, 0), (40, 40, 220), (40, 40, 40), (200, 200, 200)  # BGR
+_LONG_SIDE_PX = 900  # of the picture
+_PROFILE_PX = 220  # height of the curve under it
+_MARGIN_M = 1.0  # around the path in the picture
 
 
-def _pose(text: str) -> tuple[float, float, float]:
-    try:
-        x, y, degrees = (float(word) for word in text.split(","))
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a pose; write X,Y,DEG, e.g. 1.5,-2,90") from None
-    return x, y, math.radians(degrees)
-
-
-def run(args: argparse.Namespace) -> int:
+def plan(args: argparse.Namespace) -> int:
     """Plan, print, and draw; 1 when the plan is refused."""
-    import numpy as np
-
-    from vsx_ros.geometry.se2 import SE2
-    from vsx_ros.io.map_file import load_map
-    from vsx_ros.planning import planners
-    from vsx_ros.planning.feasibility import check_question
-    from vsx_ros.planning.path import Refusal
-    from vsx_ros.planning.time_scaling import time_scale
-    from vsx_ros.runs.parameters import load
-
     assignments = list(args.set) + ([f"planner.phi_rad_m={args.phi!r}"] if args.phi is not None else [])
     config = load(args.config, assignments)
     start, goal = SE2(*args.start), SE2(*args.goal)
     check_question(start, goal, config.planner.phi_rad_m)
     grid = load_map(args.map) if args.map is not None else _open_floor(start, goal)
-    planner = planners.PLANNERS[args.planner](config.planner, config.robot)
+    planner = PLANNERS[args.planner](config.planner, config.robot)
     plan = planner.plan(start, goal, grid, np.random.default_rng(args.seed))
     question = {
         "start": list(args.start),
@@ -87,19 +56,14 @@ def run(args: argparse.Namespace) -> int:
     if isinstance(plan, Refusal):
         return FAILED
     if args.plot is not None:
-        from vsx_ros.cli.plan_picture import draw
-
-        draw(args.plot, grid, plan, config)
+        rows = plan.path.sample(0.01)
+        picture = np.concatenate([_map(grid, plan, rows, config), _profile(rows, config.planner.phi_rad_m)])
+        write_picture(picture, args.plot)
     return DONE
 
 
 def _open_floor(start: SE2, goal: SE2) -> OccupancyGrid:
     """Known free ground around both poses."""
-    import numpy as np
-
-    from vsx_ros.errors import PlanningError
-    from vsx_ros.occupancy.grid import OccupancyGrid
-
     resolution = 0.05
     reach = start.distance_to(goal) + _OPEN_FLOOR_MARGIN_M
     if reach > 100.0:
@@ -132,3 +96,52 @@ def _in_words(plan: Plan, trajectory: Trajectory, config: Config) -> str:
         f"clearance       {'open floor' if c.min_clearance_m is None else f'{c.min_clearance_m:.3f} m'}",
         f"time            {trajectory.duration_s:.2f} s",
     ])  # fmt: skip
+
+
+def _map(grid: OccupancyGrid, plan: Plan, rows: FloatArray, config: Config) -> ColorImage:
+    poses = np.concatenate([rows[:, :2], [[plan.goal.x, plan.goal.y]]])
+    low, high = poses.min(axis=0) - _MARGIN_M, poses.max(axis=0) + _MARGIN_M
+    scale = _LONG_SIDE_PX / float(max(high - low))
+    height = math.ceil(float(high[1] - low[1]) * scale)
+
+    def pixel(x: float, y: float) -> tuple[int, int]:
+        return round((x - float(low[0])) * scale), round((float(high[1]) - y) * scale)
+
+    # One look-up a pixel: nearest cell of the map.
+    u, v = np.meshgrid(np.arange(_LONG_SIDE_PX), np.arange(height))
+    cells = grid.cells(np.stack([low[0] + u.ravel() / scale, high[1] - v.ravel() / scale], axis=1))
+    inside = grid.contains(cells)
+    values = np.full(len(cells), -1, np.int8)
+    values[inside] = grid.data[cells[inside, 0], cells[inside, 1]]
+    shade = np.where(values == FREE, 255, np.where(values == OCCUPIED, 0, 190)).astype(np.uint8)
+    canvas = cv2.cvtColor(shade.reshape(v.shape), cv2.COLOR_GRAY2BGR)
+    radius = round(config.robot.radius_m * scale)
+    for row in rows[:: max(1, len(rows) // 12)]:
+        cv2.circle(canvas, pixel(row[0], row[1]), radius, _FAINT, 1, cv2.LINE_AA)
+    for a, b in zip(rows[:-1], rows[1:]):
+        colour = _REVERSE if b[4] < 0 else _FORWARD
+        cv2.line(canvas, pixel(a[0], a[1]), pixel(b[0], b[1]), colour, 2, cv2.LINE_AA)
+    for x, y, theta in ((rows[0, 0], rows[0, 1], rows[0, 2]), (plan.goal.x, plan.goal.y, plan.goal.theta)):
+        tip = pixel(x + 0.3 * math.cos(theta), y + 0.3 * math.sin(theta))
+        cv2.arrowedLine(canvas, pixel(x, y), tip, _INK, 2, cv2.LINE_AA, tipLength=0.3)
+        cv2.circle(canvas, pixel(x, y), radius, _INK, 1, cv2.LINE_AA)
+    text = f"{plan.planner}: {plan.path.length_m:.2f} m, {len(plan.path.cusps)} cusps (red: reverse)"
+    cv2.putText(canvas, text, (10, 22), cv2.FONT_HERSHEY_SIMPLEX, 0.55, _INK, 1, cv2.LINE_AA)
+    return np.asarray(canvas, np.uint8)
+
+
+def _profile(rows: FloatArray, phi: float) -> ColorImage:
+    """Curvature over arc length with both bounds."""
+    canvas = np.full((_PROFILE_PX, _LONG_SIDE_PX, 3), 255, np.uint8)
+    steps = np.hypot(*np.diff(rows[:, :2], axis=0).T)
+    s = np.concatenate([[0.0], np.cumsum(steps)])
+    across = (_LONG_SIDE_PX - 20) / max(float(s[-1]), 1e-9)
+    middle, unit = _PROFILE_PX // 2, 0.36 * _PROFILE_PX / phi
+    for level, colour in ((0.0, _FAINT), (phi, _REVERSE), (-phi, _REVERSE)):
+        y = round(middle - level * unit)
+        cv2.line(canvas, (10, y), (_LONG_SIDE_PX - 10, y), colour, 1)
+    points = np.stack([10 + s * across, middle - np.clip(rows[:, 3], -1.3 * phi, 1.3 * phi) * unit], axis=1)
+    cv2.polylines(canvas, [np.round(points).astype(np.int32)], False, _FORWARD, 2, cv2.LINE_AA)
+    text = f"dtheta/ds over {float(s[-1]):.2f} m; bounds +-{phi:g} rad/m"
+    cv2.putText(canvas, text, (10, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, _INK, 1, cv2.LINE_AA)
+    return canvas

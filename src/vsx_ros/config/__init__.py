@@ -10,25 +10,13 @@ from typing import Annotated, Any
 import msgspec
 from msgspec import Meta
 
-from vsx_ros.config.branch import Branch, Count, Factor, NonNegative, Positive, Ratio
-from vsx_ros.config.ground import DenseConfig, GroundMapConfig, PlanesConfig
-from vsx_ros.config.slam import (
-    CullingConfig,
-    InitializationConfig,
-    KeyframeConfig,
-    MapperConfig,
-    OdometryNoiseConfig,
-    ShutterConfig,
-    SlamConfig,
-    TrackerConfig,
-)
+from vsx_ros.config.maps import Branch, Count, DenseConfig, GroundMapConfig, NonNegative, Positive, Ratio, SlamConfig
 from vsx_ros.errors import ConfigError
 
 __all__ = [
-    "ComputingConfig", "Config", "CullingConfig", "DenseConfig", "ExplorationConfig", "FollowerConfig",
-    "GroundMapConfig", "InitializationConfig", "KeyframeConfig", "LimitsConfig", "MapperConfig", "MountConfig",
-    "OdometryConfig", "PlannerConfig", "PlanesConfig", "RobotConfig", "ShutterConfig", "SlamConfig", "TrackerConfig",
-    "OdometryNoiseConfig", "from_dict", "overridden", "to_dict",
+    "ComputingConfig", "Config", "DenseConfig", "ExplorationConfig", "FollowerConfig", "GroundMapConfig",
+    "LimitsConfig", "MountConfig", "OdometryConfig", "PlannerConfig", "RobotConfig", "RunsConfig", "SlamConfig",
+    "from_dict", "overridden", "to_dict",
 ]  # fmt: skip
 
 
@@ -69,6 +57,8 @@ class LimitsConfig(Branch, frozen=True):
     omega_rad_s: Annotated[float, Meta(gt=0, le=3.2)] = 0.4
     alpha_rad_s2: Annotated[float, Meta(gt=0, le=20)] = 1.0
     a_stop_m_s2: Annotated[float, Meta(gt=0, le=3)] = 1.0
+    # From a command to the wheels: a base's own 0.2 s, the follower's period, a message.
+    reaction_s: NonNegative = 0.3
 
     def braking(self, a_m_s2: float) -> LimitsConfig:
         """The limits while braking by a_m_s2: harder than usual it sets in more steeply, too, and where the way bends
@@ -92,17 +82,28 @@ class PlannerConfig(Branch, frozen=True):
     sight_range_m: Positive = 5.0
     blind_v_m_s: Positive = 0.2
     max_blind_m: NonNegative = 2.0
+    # What is preferred: a cusp, a stop where only the curvature jumps, and a metre driven blind count as so many metres
+    # more; a way with the preferred clearance may be longer by a share and a length.
+    cusp_cost_m: NonNegative = 0.15
+    stop_cost_m: NonNegative = 0.3
+    blind_cost_ratio: NonNegative = 1.0
+    detour_ratio: Annotated[float, Meta(ge=1)] = 1.2
+    detour_m: NonNegative = 0.5
 
 
 class FollowerConfig(Branch, frozen=True):
     """Following a timed trajectory."""
 
     stiffness_rad_m: Positive = 5.0
+    # Speed per metre behind the plan, and turn rate per radian while turning on the spot; 30 commands a second.
+    along_gain_per_s: Annotated[float, Meta(gt=0, le=10)] = 1.5
+    turn_gain_per_s: Annotated[float, Meta(gt=0, le=10)] = 2.0
+    goal_slack_m: NonNegative = 0.004
     max_lateral_error_m: Positive = 0.12
     max_heading_error_rad: Positive = 0.25
     pose_timeout_s: Positive = 0.5
     # Speed while tracking is dubious (state POOR), as a share of the planned one, and how long it stays so afterwards.
-    dubious_speed_factor: Factor = 0.5
+    dubious_speed_factor: Annotated[float, Meta(gt=0, le=1)] = 0.5
     dubious_hold_s: NonNegative = 1.0
     replans_after_divergence: Annotated[int, Meta(ge=0)] = 2
 
@@ -111,6 +112,7 @@ class ExplorationConfig(Branch, frozen=True):
     """Frontiers, views and the mission (paper 5.2)."""
 
     ranker: str = "views"
+    decide_s: Annotated[float, Meta(gt=0, le=2)] = 0.2  # live the right to drive ends 5 s after a decision
     sensor_range_m: Positive = 3.0
     sensor_fov_rad: Positive = 1.05
     mean_free_path_m: Positive = 1.0
@@ -122,7 +124,7 @@ class ExplorationConfig(Branch, frozen=True):
     stop_cost_m: Positive = 2.0
     look_range_m: Positive = 3.0
     looks_to_half: Positive = 1.5
-    wall_gap_m: Positive = 1.0
+    wall_gap_m: Positive = 1.0  # of any straight row; what it hides only counts less (ground_map.wall_gap_m: is wall)
     goal_seen_ratio: Ratio = 0.3
     look_spacing_m: Positive = 0.35
     view_spacing_m: Positive = 0.2
@@ -136,6 +138,12 @@ class ExplorationConfig(Branch, frozen=True):
     backtrack_max_m: Positive = 1.5
     retries_without_view: Count = 2
     retries_boxed_in: Count = 10
+
+
+class RunsConfig(Branch, frozen=True):
+    """The run folder: how often the map is written, to go on with should the run be cut short."""
+
+    checkpoint_s: Positive = 5.0
 
 
 class ComputingConfig(Branch, frozen=True):
@@ -161,6 +169,7 @@ class Config(Branch, frozen=True):
     ground_map: GroundMapConfig = GroundMapConfig()
     dense: DenseConfig = DenseConfig()
     exploration: ExplorationConfig = ExplorationConfig()
+    runs: RunsConfig = RunsConfig()
     computing: ComputingConfig = ComputingConfig()
 
 

@@ -1,15 +1,26 @@
-"""Where the base is and how well that is known: odometry, corrected by the camera."""
+"""Where the base is and how well that is known: late SLAM poses carried forward by odometry."""
 
 import math
+from collections import deque
 from typing import NamedTuple
 
-from vsx_ros.control.pose_fusion import PoseFuser
-from vsx_ros.control.stuck import Stuck
+import numpy as np
+
+from vsx_ros.arrays import FloatArray
+from vsx_ros.control.stuck import Stuck, StuckDetector
+from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.robot import Odometry
+from vsx_ros.robot import Odometry, odometry_at
 from vsx_ros.slam.state import TrackingState
 
 MAP_FRAME, ODOM_FRAME = "map", "odom"
+
+_MEMORY = 400  # readings of odometry: 8 s at 50 Hz, more than SLAM is ever late
+_JUMP_M, _JUMP_RAD = 0.3, 0.35  # a loop closed or a place recognised: taken at once, not smeared by a filter
+# Standard deviations: of a SLAM pose; of odometry per square root of a metre; of the bend at first and its drift.
+_SLAM_M, _SLAM_RAD = 0.01, 0.008
+_DRIFT_M, _DRIFT_RAD, _STANDING_VARIANCE = 0.02, 0.03, 1e-8
+_BEND_RAD_M, _BEND_DRIFT = 0.15, 0.05
 
 
 class LocalizationState(NamedTuple):
@@ -47,24 +58,57 @@ class LocalizationState(NamedTuple):
 
 
 class Localization:
-    """Readings and poses in, ``LocalizationState`` out. One for each who drives, plans or decides, all fed alike."""
+    """Readings and poses in, ``LocalizationState`` out. One for each who drives, plans or decides, all fed alike.
+
+    A Kalman filter of the pose at the last image and of the bend of the odometry.
+
+    A SLAM pose belongs to the instant its image was taken, so it is compared with the odometry of that instant, however
+    late it arrives. Wheels of unequal size make the base bend by an unknown angle per metre; that bend is estimated
+    too, because at the curvatures allowed here it is what leads off the path. A SLAM pose too far from the prediction
+    to be noise (a relocalisation) is taken as it is. A new odometry epoch does not move the base.
+    """
 
     def __init__(self) -> None:
-        self._fuser = PoseFuser()
-        self._odometry: Odometry | None = None
+        self._odometry: deque[Odometry] = deque(maxlen=_MEMORY)
+        self._slam_stamp_ns: int | None = None
+        self._slam_pose: SE2 | None = None
+        # The anchor: pose in the world and in odometry at the stamp of the last SLAM pose that met odometry.
+        self._anchor: tuple[SE2, SE2] | None = None
+        self._bend_rad_m = 0.0
+        self._covariance: FloatArray = np.zeros((4, 4))
+        self._stuck_detector = StuckDetector()
         self._slam = (TrackingState.NOT_INITIALISED, "waiting for vslam")
 
     def add_odometry(self, odometry: Odometry) -> bool:
         """Take a reading, or, False, ignore one that is not newer than the last. Raises InputError for an impossible
         one."""
-        if not self._fuser.add_odometry(odometry):
+        if odometry.impossible:
+            raise InputError(f"at {odometry.stamp_ns} ns {odometry.impossible}; check the base driver")
+        if self._odometry and odometry.stamp_ns <= self._odometry[-1].stamp_ns:
             return False
-        self._odometry = odometry
+        if self._odometry and odometry.odom_epoch != self._odometry[-1].odom_epoch:
+            self._enter_epoch(odometry.T_odom_base)
+        self._odometry.append(odometry)
         return True
 
-    def add_pose(self, stamp_ns: int, T_map_base: SE2) -> None:
-        """Take the pose the camera had at stamp_ns, however late. Raises InputError for NaN."""
-        self._fuser.add_slam(stamp_ns, T_map_base)
+    def add_pose(self, stamp_ns: int, T_world_base: SE2) -> None:
+        """Take the pose SLAM found for the image of stamp_ns, however late. Raises InputError for NaN."""
+        if not T_world_base.is_finite():
+            raise InputError(f"the SLAM pose at {stamp_ns} ns is not finite: {T_world_base}; it must be dropped")
+        if self._slam_stamp_ns is not None and stamp_ns <= self._slam_stamp_ns:
+            return
+        self._slam_stamp_ns, self._slam_pose = stamp_ns, T_world_base
+        odometry = odometry_at(self._odometry, stamp_ns)
+        if odometry is None:
+            return
+        self._stuck_detector.add(odometry, T_world_base)
+        T_odom_base = odometry.T_odom_base
+        if self._anchor is not None:
+            believed = self._carried(T_odom_base)
+            if believed.distance_to(T_world_base) <= _JUMP_M and abs(believed.angle_to(T_world_base)) <= _JUMP_RAD:
+                self._anchor = self._corrected(believed, T_world_base), T_odom_base
+                return
+        self._stand_at(T_world_base, T_odom_base, _SLAM_M, _SLAM_RAD)
 
     def add_state(self, state: TrackingState, reason: str) -> None:
         """Take what the SLAM says of itself."""
@@ -72,8 +116,65 @@ class Localization:
 
     def at(self, now_ns: int) -> LocalizationState:
         """What is known now."""
-        fuser, age_s = self._fuser, self._fuser.slam_age_s(now_ns)
-        return LocalizationState(fuser.pose(), self._odometry, *self._slam, age_s, fuser.stuck)
+        newest, stuck = self._odometry[-1] if self._odometry else None, self._stuck_detector.stuck
+        return LocalizationState(self.pose(), newest, *self._slam, self.slam_age_s(now_ns), stuck)
+
+    def pose(self, stamp_ns: int | None = None) -> SE2 | None:
+        """T_world_base at an instant, or the newest known; None before the first SLAM pose.
+
+        Up to 0.2 s beyond the last odometry it is extrapolated at constant twist. Without any odometry it is the last
+        SLAM pose.
+        """
+        if not self._odometry:
+            return self._slam_pose
+        odometry = odometry_at(self._odometry, self._odometry[-1].stamp_ns if stamp_ns is None else stamp_ns)
+        if self._anchor is None or odometry is None:
+            return None
+        return self._carried(odometry.T_odom_base)
+
+    def slam_age_s(self, now_ns: int) -> float:
+        """Time since the image of the last SLAM pose [s]; infinite before the first."""
+        return math.inf if self._slam_stamp_ns is None else (now_ns - self._slam_stamp_ns) * 1e-9
+
+    def _enter_epoch(self, T_odom_base: SE2) -> None:
+        """Odometry counts from elsewhere: the base is about where it stood, until the camera knows better."""
+        stood = self.pose()
+        self._odometry.clear()
+        if stood is not None and self._anchor is not None:
+            self._stand_at(stood, T_odom_base, _JUMP_M, _JUMP_RAD)
+
+    def _stand_at(self, T_world_base: SE2, T_odom_base: SE2, sigma_m: float, sigma_rad: float) -> None:
+        self._anchor = T_world_base, T_odom_base
+        bend_variance = float(self._covariance[3, 3]) or _BEND_RAD_M**2
+        self._covariance = np.diag([sigma_m**2, sigma_m**2, sigma_rad**2, bend_variance])
+
+    def _carried(self, T_odom_base: SE2) -> SE2:
+        """The anchor moved by the odometry since, bent."""
+        assert self._anchor is not None
+        T_world_anchor, T_odom_anchor = self._anchor
+        step = T_odom_anchor.inverse() @ T_odom_base
+        turn = self._bend_rad_m * math.hypot(step.x, step.y)
+        half = SE2(0.0, 0.0, 0.5 * turn)
+        return T_world_anchor @ half @ SE2(step.x, step.y, step.theta) @ half
+
+    def _corrected(self, believed: SE2, measured: SE2) -> SE2:
+        """Predict the covariance to the new stamp and take in the measurement; the pose there."""
+        assert self._anchor is not None
+        before = self._anchor[0]
+        dx, dy = believed.x - before.x, believed.y - before.y
+        way = math.hypot(dx, dy)
+        F = np.eye(4)
+        F[0, 2], F[1, 2], F[2, 3] = -dy, dx, way
+        F[0, 3], F[1, 3] = -0.5 * dy * way, 0.5 * dx * way
+        drift = np.array([_DRIFT_M**2, _DRIFT_M**2, _DRIFT_RAD**2, _BEND_DRIFT**2]) * way
+        P = F @ self._covariance @ F.T + np.diag(drift + np.array([_STANDING_VARIANCE] * 3 + [0.0]))
+        residual = np.array([measured.x - believed.x, measured.y - believed.y, believed.angle_to(measured)])
+        S = P[:3, :3] + np.diag([_SLAM_M**2, _SLAM_M**2, _SLAM_RAD**2])
+        gain = np.linalg.solve(S, P[:3, :]).T
+        change = gain @ residual
+        self._covariance = P - gain @ P[:3, :]
+        self._bend_rad_m += float(change[3])
+        return SE2(believed.x + float(change[0]), believed.y + float(change[1]), believed.theta + float(change[2]))
 
 
 UNLOCALIZED = LocalizationState(None, None, TrackingState.NOT_INITIALISED, "", math.inf, None)

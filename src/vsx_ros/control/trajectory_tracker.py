@@ -9,20 +9,16 @@ import numpy as np
 from vsx_ros.arrays import FloatArray
 from vsx_ros.config import FollowerConfig, LimitsConfig
 from vsx_ros.errors import InputError
-from vsx_ros.geometry.se2 import SE2
-from vsx_ros.geometry.unicycle import limit_twist
+from vsx_ros.geometry.se2 import SE2, limit_twist
 from vsx_ros.planning.path import Trajectory
 from vsx_ros.planning.retiming import Timing, as_planned, retime
 from vsx_ros.robot import STOP, VelocityCommand
 
-_CREEP_M_S = 0.01
-_ALONG_GAIN_PER_S = 1.5
-_TURN_GAIN_PER_S = 2.0
-_GOAL_SLACK_M = 0.004
-_GOAL_WAIT_S = 1.5
-_LONGEST_STEP_S = 0.2
-_BEHIND_FACTOR = 3.0
-_LATER_S = 0.1
+_CREEP_M_S = 0.01  # slower, omega / v says nothing about the way's curvature
+_GOAL_WAIT_S = 1.5  # to come within goal_slack_m along the way; then it has arrived all the same
+_LONGEST_STEP_S = 0.2  # a loop that paused longer must not jump ahead on the way
+_BEHIND_FACTOR = 3.0  # times max_lateral_error_m: along the way there is more room than beside it
+_LATER_S = 0.1  # step by which a later moment to stop from is sought
 
 
 class FollowStatus(enum.Enum):
@@ -190,12 +186,12 @@ class TrajectoryTracker:
 
     def _law(self, v: float, omega: float, error: SE2) -> tuple[float, float]:
         if v == 0.0 and omega != 0.0:
-            return 0.0, omega + _TURN_GAIN_PER_S * error.theta
+            return 0.0, omega + self._config.turn_gain_per_s * error.theta
         # What lies beside the path is told where the base is on it, not where the reference is, ahead on a bend.
         kappa, wn = self._curvature_here(), self._config.stiffness_rad_m
         heading = error.theta - kappa * error.x
         sideways = error.y - error.x * error.theta + 0.5 * kappa * error.x**2
-        along = v * math.cos(error.theta) + _ALONG_GAIN_PER_S * error.x
+        along = v * math.cos(error.theta) + self._config.along_gain_per_s * error.x
         return along, along * (kappa + wn * wn * sideways) + 2.0 * wn * abs(along) * heading
 
     def _curvature_here(self) -> float:
@@ -222,7 +218,7 @@ class TrajectoryTracker:
         if self._factor == 0.0 or self._clock_s < self._timing.trajectory.duration_s:
             return False
         self._waited_s += dt
-        return abs(error.x) <= _GOAL_SLACK_M or self._waited_s >= _GOAL_WAIT_S
+        return abs(error.x) <= self._config.goal_slack_m or self._waited_s >= _GOAL_WAIT_S
 
 
 def _curvature(trajectory: Trajectory) -> FloatArray:

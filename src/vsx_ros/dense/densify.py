@@ -4,13 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsx_ros.arrays import IntArray, Points3
+from vsx_ros.arrays import IntArray
 from vsx_ros.config import DenseConfig
-from vsx_ros.dense.cells import Cells
 from vsx_ros.dense.photoconsistency import KeyframeImages
 from vsx_ros.dense.plane_finding import PlaneFinder
 from vsx_ros.dense.planes import Plane, PlaneKind
-from vsx_ros.dense.surface import Surface, moved
+from vsx_ros.dense.surface import Cells, Surface, moved
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.dense.view_choice import Views
@@ -18,10 +17,10 @@ from vsx_ros.slam.snapshot import MapSnapshot
 
 _UNSETTLED = 2
 """The newest keyframes, whose poses bundle adjustment is about to move."""
-_MOVED_M = 0.02
+_MOVED_M = 0.02  # in a building; a quarter of a cell. Less does not change what its patches show
 UPDATE_EVERY_S = 1.5
 """Planes change slowly, and merging all of them costs the same for one new keyframe as for three."""
-_KEYFRAMES_OF_A_LAB = 800
+_KEYFRAMES_OF_A_LAB = 800  # beyond, updates cost more, and come as much less often
 
 
 def update_every_s(keyframes: int) -> float:
@@ -45,13 +44,6 @@ class DenseMap(NamedTuple):
         return not self.complete or int(snapshot.keyframe_ids[-1]) != self.newest_keyframe
 
 
-class _Seen(NamedTuple):
-    """Observations: keyframes (rows of the views) and points (rows of the snapshot), ordered by keyframe."""
-
-    keyframe: IntArray
-    point: IntArray
-
-
 class Densifier:
     """``update`` with each snapshot of one growing map. Work is counted in cells, never in time: same snapshots, same
     cells."""
@@ -62,7 +54,7 @@ class Densifier:
         self._finder = PlaneFinder(camera.fx, config.planes, self._has_floor, seed)
         self._images = KeyframeImages(camera)
         self._surfaces: dict[int, Surface] = {}
-        self._used: set[int] = set()
+        self._used: IntArray = np.zeros(0, np.int64)
 
     def update(self, snapshot: MapSnapshot, budget: int | None = None) -> DenseMap:
         """The dense map of a snapshot. budget: cells to judge at most, ``cells_per_update`` of the configuration by
@@ -70,35 +62,35 @@ class Densifier:
         planes = self._finder.update(snapshot)
         surfaces = [plane for plane in planes if plane.kind is not PlaneKind.FLOOR]
         views = self._images.views(snapshot, max(0, len(snapshot.images) - _UNSETTLED))
-        fresh = np.flatnonzero([number not in self._used for number in views.ids.tolist()])
-        self._used = set(views.ids.tolist())
-        settled = snapshot.obs_keyframe < len(views.ids)
-        every = _Seen(snapshot.obs_keyframe[settled], snapshot.obs_point[settled])
-        anew = np.isin(every.keyframe, fresh)
-        looks = fresh, _Seen(every.keyframe[anew], every.point[anew]), every
-        kept: dict[int, Surface] = {}
-        for plane in surfaces:
-            kept[plane.id] = self._prepared(plane, snapshot.points_world, views, *looks)
-        self._surfaces = kept
+        fresh = np.flatnonzero(~np.isin(views.ids, self._used))
+        self._used = views.ids
+        every = np.flatnonzero(snapshot.obs_keyframe < len(views.ids))
+        anew = every[np.isin(snapshot.obs_keyframe[every], fresh)]
+        self._surfaces = {plane.id: self._prepared(plane, snapshot, views, fresh, anew, every) for plane in surfaces}
         self._work(surfaces, snapshot, views, self._config.cells_per_update if budget is None else budget)
         seen_by = np.zeros(len(snapshot.points_world), np.int64)
         seen_by[snapshot.obs_point] = snapshot.keyframe_ids[snapshot.obs_keyframe]
-        cells = Cells.concatenated([self._cells(plane, snapshot, seen_by) for plane in surfaces])
-        complete = not any(surface.due.any() for surface in kept.values())
+        points, living = snapshot.points_world, snapshot.keyframe_ids
+        seen = [(self._surfaces[plane.id], plane, plane.points) for plane in surfaces]
+        cells = Cells.concatenated([on.cells(plane, points[rows], seen_by[rows], living) for on, plane, rows in seen])
+        complete = not any(surface.due.any() for surface in self._surfaces.values())
         newest = int(snapshot.keyframe_ids[-1]) if len(snapshot.keyframe_ids) else -1
         return DenseMap(snapshot.version, newest, planes, cells, complete)
 
     def _prepared(
-        self, plane: Plane, points: Points3, views: Views, fresh: IntArray, anew: _Seen, every: _Seen
+        self, plane: Plane, snapshot: MapSnapshot, views: Views, fresh: IntArray, anew: IntArray, every: IntArray
     ) -> Surface:
-        """The plane's surface with everything the fresh keyframes show marked as due; anew if the plane has moved."""
+        """The plane's surface with everything the fresh keyframes show marked as due; anew if the plane has moved.
+        anew, every: rows of the observations by the fresh and by all keyframes, which are ordered by keyframe."""
         surface, unit = self._surfaces.get(plane.id), self._finder.unit
         if surface is None or moved(surface.judged_at, plane, _MOVED_M * unit):
-            surface, anew = Surface(plane, self._config, unit, self._has_floor), every
+            surface, looks = Surface(plane, self._config, unit, self._has_floor), every
         else:
             surface.extended(plane)
             surface.mark_seen(plane, views.at(fresh))
-        surface.look_through(plane, views.centres, points, anew.keyframe, anew.point)
+            looks = anew
+        keyframe, point = snapshot.obs_keyframe[looks], snapshot.obs_point[looks]
+        surface.look_through(plane, views.centres, snapshot.points_world, keyframe, point)
         return surface
 
     def _work(self, planes: list[Plane], snapshot: MapSnapshot, views: Views, budget: int) -> None:
@@ -111,7 +103,3 @@ class Densifier:
             surface = self._surfaces[plane.id]
             if budget > 0 and surface.due.any():
                 budget -= surface.work(plane, views, budget)
-
-    def _cells(self, plane: Plane, snapshot: MapSnapshot, seen_by: IntArray) -> Cells:
-        points = snapshot.points_world[plane.points]
-        return self._surfaces[plane.id].cells(plane, points, seen_by[plane.points], snapshot.keyframe_ids)

@@ -12,29 +12,42 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import FloatArray, GrayImage, Points3
+from vsx_ros.arrays import BoolArray, FloatArray, GrayImage, IntArray, Points3
 from vsx_ros.config import DenseConfig
 from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.se3 import stacked
 from vsx_ros.kernels.dense import surface_cells as kernels
 from vsx_ros.kernels.dense.view_choice import Views
 from vsx_ros.slam.snapshot import MapSnapshot
 
-_STORE_WIDTH_PX = 320
-_RIVAL_DEPTHS = np.array([0.65, 0.8, 1.2, 1.5])
-_ENOUGH_PARALLAX_DEG = 8.0
-_APART_DEG = 1.0
-_HOPELESS_ZNCC = 0.5
+_STORE_WIDTH_PX = 320  # images are kept at about this width: a cell at 4.5 m has 5 px of it
+_RIVAL_DEPTHS = np.array([0.65, 0.8, 1.2, 1.5])  # of the cell's own: as good there, it is not believed
+_ENOUGH_PARALLAX_DEG, _APART_DEG = 8.0, 1.0  # more is no better; views nearer to each other are one
+_HOPELESS_ZNCC = 0.5  # correlation with the first view below which no more is computed
+_REFUTED_ZNCC, _REFUTED_TEXTURE, _CARVED_VOTES = 0.4, 5.0, 1  # against a cell; grey levels; rays through it
 
 
 class Judgement(NamedTuple):
-    """Of N cells: texture [grey levels], score and rival (ZNCC at the cell, and at the best of other depths), views:
-    how many compared, keyframe: id of the reference, -1 where nobody sees it. All (N,)."""
+    """Of cells, (N,) or (W, H) each: texture [grey levels], score and rival (ZNCC at the cell, and at the best of other
+    depths), views: how many compared, keyframe: id of the reference, -1 where nobody sees it."""
 
     texture: FloatArray
     score: FloatArray
     rival: FloatArray
     views: NDArray[np.int64]
     keyframe: NDArray[np.int64]
+
+    def consistent(self, config: DenseConfig) -> BoolArray:
+        """Cells that look alike at the plane's depth and less so at others, in enough keyframes beside its own."""
+        alike = (self.texture >= config.min_texture) & (self.score >= config.accept_zncc)
+        told: BoolArray = alike & (self.score > self.rival + config.rival_margin) & (self.views >= config.min_views)
+        return told
+
+    def refuted(self, passing: IntArray) -> BoolArray:
+        """Cells where the plane is not: textured and unlike, or looked through by any of ``passing`` keyframes."""
+        unlike = (self.texture >= _REFUTED_TEXTURE) & (self.views >= 3) & (self.score < _REFUTED_ZNCC)
+        through: BoolArray = unlike | (passing >= _CARVED_VOTES)
+        return through
 
 
 class KeyframeImages:
@@ -69,12 +82,11 @@ class KeyframeImages:
         for number, image in zip(ids.tolist(), snapshot.images):
             if number not in self._slot:
                 self._slot[number] = self._add(image)
-        T_cam_worlds = [T.inverse() for T in snapshot.T_world_cams[:count]]
+        T_world_cams = snapshot.T_world_cams[:count]
         return Views(
             ids,
-            np.array([T.rotation for T in T_cam_worlds]).reshape(-1, 3, 3),
-            np.array([T.translation for T in T_cam_worlds]).reshape(-1, 3),
-            np.array([T.translation for T in snapshot.T_world_cams[:count]]).reshape(-1, 3),
+            *stacked([T.inverse() for T in T_world_cams]),
+            stacked(T_world_cams)[1],
             np.array([self._slot[number] for number in ids.tolist()], np.int64),
             self._store,
             self._table,

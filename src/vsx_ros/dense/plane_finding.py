@@ -6,21 +6,21 @@ from typing import NamedTuple
 import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points3
-from vsx_ros.config import PlanesConfig
-from vsx_ros.dense.plane_fitting import Attitude, Fit, on_plane
+from vsx_ros.config.maps import PlanesConfig
 from vsx_ros.dense.plane_merging import Found, merged
 from vsx_ros.dense.plane_tiles import noise_of, planes_of_tile
-from vsx_ros.dense.planes import Plane, PlaneKind, in_plane_axes, kind_of
+from vsx_ros.dense.planes import Attitude, Fit, Plane, PlaneKind, in_plane_axes, kind_of, on_plane
+from vsx_ros.geometry.se3 import stacked
 from vsx_ros.kernels.dense.planes import Noise, ObservedPoints, point_information
 from vsx_ros.slam.snapshot import MapSnapshot
 
-_MOVED_M = 0.01
-_CHANGED = 0.05
-_TYPICAL_RANGE_M = 2.0
-_FLOOR_GATE, _FLOOR_LIMIT_M = 3.0, 0.05
-_FLOOR_TILT_SIGMA_RAD, _FLOOR_OFFSET_SIGMA_M = 0.01, 0.01
-_FLOOR_ID = 0
-_EXTENT_SHARE = 0.005
+_MOVED_M = 0.01  # in a building; points that moved less are the same ones for the planes
+_CHANGED = 0.05  # share of a tile's points; with less new or moved, its planes stay
+_TYPICAL_RANGE_M = 2.0  # in rooms; where the map is not metric, its median range is taken for this
+_FLOOR_GATE, _FLOOR_LIMIT_M = 3.0, 0.05  # standard deviations, but never so high that an obstacle begins (6 cm)
+_FLOOR_ID, _FLOOR_NORMAL = 0, np.array([0.0, 0.0, 1.0])  # the floor is plane number 0, z = 0 in the world
+_FLOOR_COVARIANCE = np.diag([0.01, 0.01, 0.01]) ** 2  # tilts [rad2], offset [m2]
+_EXTENT_SHARE = 0.005  # of the points left out at each end: outliers would stretch the plane
 
 Key = tuple[int, ...]
 
@@ -67,18 +67,20 @@ class PlaneFinder:
         floor = self._on_floor(points)
         usable = np.flatnonzero(~floor & (points.sigma < self._config.max_sigma_m * self._unit))
         candidates = points.at(usable)
-        self._redo(candidates)
         noise = noise_of(self._config, self._unit)
-        pieces = (Found(fit, _rows_of(ids, candidates.ids)) for fit, ids in self._tile_planes())
+        self._redo(candidates, noise)
+        tiled = (plane for key in sorted(self._tiles) for plane in self._tiles[key].planes)
+        pieces = (Found(fit, _rows_of(ids, candidates.ids)) for fit, ids in tiled)
         still = [piece for piece in pieces if len(piece.rows)]  # a tile is not done again for a few points that went
         found = merged(still, candidates, self._config.min_points, noise, self._unit)
-        planes = [self._floor_plane(points, floor)] if floor.sum() >= self._config.min_points else []
-        for number, each in zip(self._numbers(found, candidates), found):
-            planes.append(self._plane(number, each, candidates, usable[each.rows]))
+        planes = list[Plane]()
+        if floor.sum() >= self._config.min_points:
+            on_floor = np.flatnonzero(floor)
+            planes += [_plane(_FLOOR_ID, _FLOOR_NORMAL, 0.0, _FLOOR_COVARIANCE, PlaneKind.FLOOR, points, on_floor)]
+        for number, (fit, rows) in zip(self._numbers(found, candidates), found):
+            kind = kind_of(fit.normal, fit.offset) if fit.attitude is not Attitude.FREE else PlaneKind.OTHER
+            planes.append(_plane(number, fit.normal, fit.offset, fit.covariance, kind, points, usable[rows]))
         return tuple(planes)
-
-    def _tile_planes(self) -> list[tuple[Fit, IntArray]]:
-        return [plane for key in sorted(self._tiles) for plane in self._tiles[key].planes]
 
     def _on_floor(self, points: ObservedPoints) -> BoolArray:
         if not self._has_floor:
@@ -88,17 +90,15 @@ class PlaneFinder:
         on_floor: BoolArray = np.abs(z) < np.minimum(gate, _FLOOR_LIMIT_M)
         return on_floor
 
-    def _redo(self, points: ObservedPoints) -> None:
+    def _redo(self, points: ObservedPoints, noise: Noise) -> None:
         """Find the planes of tiles, half overlapping, whose points are no longer what they were."""
-        assert self._unit is not None
         fresh: dict[Key, _Tile] = {}
-        noise = noise_of(self._config, self._unit)
-        for key, rows in _tiled(points.world[:, : 2 if self._has_floor else 3], 0.5 * self._config.tile_m * self._unit):
+        for key, rows in _tiled(points.world[:, : 2 if self._has_floor else 3], 0.5 * self._config.tile_m * self.unit):
             old = self._tiles.get(key)
             if old is None or _changed(old, points, rows, noise, self._config.min_points):
                 inside = points.at(rows)
                 rng = np.random.default_rng([self._seed, *(2 * abs(k) + (k < 0) for k in key)])
-                planes = planes_of_tile(inside, self._config, self._has_floor, self._unit, rng)
+                planes = planes_of_tile(inside, self._config, self._has_floor, self.unit, rng)
                 old = _Tile(inside.ids, inside.world, planes)
             fresh[key] = old
         self._tiles = fresh
@@ -125,24 +125,20 @@ class PlaneFinder:
             self._owner[plane.rows] = number
         return numbers
 
-    def _plane(self, number: int, found: Found, candidates: ObservedPoints, rows: IntArray) -> Plane:
-        fit, axes = found.fit, in_plane_axes(found.fit.normal)
-        extent = _extent(candidates.world[found.rows] @ axes.T)
-        kind = kind_of(fit.normal, fit.offset) if fit.attitude is not Attitude.FREE else PlaneKind.OTHER
-        return Plane(number, fit.normal, fit.offset, fit.covariance, kind, axes, extent, rows)
 
-    def _floor_plane(self, points: ObservedPoints, floor: BoolArray) -> Plane:
-        normal = np.array([0.0, 0.0, 1.0])
-        axes = in_plane_axes(normal)
-        extent = _extent(points.world[floor] @ axes.T)
-        covariance = np.diag([_FLOOR_TILT_SIGMA_RAD, _FLOOR_TILT_SIGMA_RAD, _FLOOR_OFFSET_SIGMA_M]) ** 2
-        return Plane(_FLOOR_ID, normal, 0.0, covariance, PlaneKind.FLOOR, axes, extent, np.flatnonzero(floor))
+def _plane(
+    number: int, normal: FloatArray, offset: float, covariance: FloatArray, kind: PlaneKind, points: ObservedPoints,
+    rows: IntArray,
+) -> Plane:  # fmt: skip
+    axes = in_plane_axes(normal)
+    ends = np.quantile(points.world[rows] @ axes.T, [_EXTENT_SHARE, 1.0 - _EXTENT_SHARE], axis=0)
+    return Plane(number, normal, offset, covariance, kind, axes, ends.T.ravel(), rows)
 
 
 def observed_points(snapshot: MapSnapshot, focal_px: float, noise_px: float) -> ObservedPoints:
     """All points of the snapshot, row by row. noise_px: standard deviation of an observation at level 0."""
     world = np.ascontiguousarray(snapshot.points_world)
-    centres = np.array([T.translation for T in snapshot.T_world_cams]).reshape(-1, 3)
+    _, centres = stacked(snapshot.T_world_cams)
     noise = np.asarray(noise_px / focal_px * 2.0**snapshot.obs_level, np.float64)
     information, rays, distances = point_information(world, centres, snapshot.obs_keyframe, snapshot.obs_point, noise)
     # Observations along one ray leave the depth open: it is then known to 10 m, no worse.
@@ -189,9 +185,3 @@ def _changed(old: _Tile, points: ObservedPoints, rows: IntArray, noise: Noise, m
     for fit, _ in old.planes:
         astray = astray[~on_plane(points, astray, fit, noise)]
     return len(astray) >= min_points
-
-
-def _extent(coordinates: FloatArray) -> FloatArray:
-    """(4,) right_min, right_max, up_min, up_max of (N, 2), but for a few stragglers."""
-    low, high = np.quantile(coordinates, [_EXTENT_SHARE, 1.0 - _EXTENT_SHARE], axis=0)
-    return np.array([low[0], high[0], low[1], high[1]])

@@ -4,21 +4,22 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray
-from vsx_ros.dense.plane_fitting import Fit, fit_plane, on_plane
 from vsx_ros.dense.plane_tiles import is_plane
-from vsx_ros.dense.planes import in_plane_axes
+from vsx_ros.dense.planes import Fit, fit_plane, in_plane_axes, on_plane
 from vsx_ros.kernels.dense.planes import Noise, ObservedPoints, beside, best_planes, deviations
 
-_MAX_ANGLE_COS = math.cos(math.radians(12.0))
-_SAME_SHARE = 0.8
-_GAP_M = 1.5
-_MARGIN_M = 0.3
-_MIN_OWN = 0.5
-_CELL_M, _COMPANY, _COMPACT_SHARE = 0.25, 4, 0.7
-_MANY_POINTS, _DENSE_PER_M2 = 40, 20.0
-_AROUND_M, _ALONE_SHARE = 0.5, 0.7
+_MAX_ANGLE_COS = math.cos(math.radians(12.0))  # pieces of one wall in two tiles, each of few points, differ by less
+_SAME_SHARE, _MIN_OWN = 0.8, 0.5  # of a piece's points on the common plane; of the points on a plane
+_GAP_M, _MARGIN_M = 1.5, 0.3  # a door's width and more parts two planes; around a box its plane may still own points
+_CELL_M, _COMPANY, _COMPACT_SHARE = 0.25, 4, 0.7  # these and eight around are company; share with company
+_MANY_POINTS, _DENSE_PER_M2 = 40, 20.0  # always enough, or so many on each square metre
+_AROUND_M, _ALONE_SHARE = 0.5, 0.7  # before and behind; share of the points there that are its own
+_GROUP = np.dtype("i8, 3f8, 3f8, (2, 3)f8, (2, 2)f8")
+_GROUP.names = "attitude", "normal", "middle", "axes", "box"
+"""Planes side by side, to leave out at once those that another cannot join: a building has hundreds of them."""
 
 
 class Found(NamedTuple):
@@ -31,49 +32,33 @@ class Found(NamedTuple):
 def merged(pieces: list[Found], points: ObservedPoints, min_points: int, noise: Noise, unit: float) -> list[Found]:
     """The planes of all tiles, each once, each point on the one it fits best, those of most points first."""
     groups: list[Found] = []
-    table = _Table(len(pieces))
+    table = np.zeros(len(pieces), _GROUP)
     for piece in sorted(pieces, key=lambda piece: -len(piece.rows)):
-        low, high = points.world[piece.rows].min(axis=0), points.world[piece.rows].max(axis=0)
-        for k in table.near(piece, low, high, noise, unit):
+        for k in _near(table[: len(groups)], piece, points, noise, unit):
             joined = _joined(groups[k], piece, points, noise, unit)
             if joined is not None:
                 groups[k] = joined
-                table.enter(k, joined, points)
                 break
         else:
+            k = len(groups)
             groups.append(piece)
-            table.enter(len(groups) - 1, piece, points)
+        fit = groups[k].fit
+        table[k] = fit.attitude, fit.normal, fit.middle, in_plane_axes(fit.normal), _box(groups[k], points, 0.0)
     groups = _shared_out(groups, points, min_points, noise, unit)
     return _shared_out(groups, points, min_points, noise, unit)
 
 
-class _Table:
-    """The groups of planes so far, side by side, to leave out at once those that a piece cannot join: a building has
-    hundreds of them."""
-
-    def __init__(self, most: int) -> None:
-        self._count = 0
-        self._attitude = np.zeros(most, np.int64)
-        self._normal, self._middle = np.zeros((most, 3)), np.zeros((most, 3))
-        self._axes, self._box = np.zeros((most, 2, 3)), np.zeros((most, 2, 2))
-
-    def enter(self, k: int, group: Found, points: ObservedPoints) -> None:
-        """As group k."""
-        self._count = max(self._count, k + 1)
-        self._attitude[k], self._normal[k], self._middle[k] = group.fit.attitude, group.fit.normal, group.fit.middle
-        self._axes[k], self._box[k] = in_plane_axes(group.fit.normal), _box(group, points, 0.0)
-
-    def near(self, piece: Found, low: FloatArray, high: FloatArray, noise: Noise, unit: float) -> IntArray:
-        """The groups, in order, that lie in the plane of a piece, and may touch the piece, whose points lie between low
-        and high (3,)."""
-        n = self._count
-        alike = self._normal[:n] @ piece.fit.normal >= _MAX_ANGLE_COS
-        k = np.flatnonzero(alike & (self._attitude[:n] == piece.fit.attitude))
-        off = np.abs(((piece.fit.middle - self._middle[k]) * self._normal[k]).sum(axis=1))
-        centre, half = self._axes[k] @ (0.5 * (low + high)), np.abs(self._axes[k]) @ (0.5 * (high - low))
-        gap = np.maximum(self._box[k, 0] - (centre + half), (centre - half) - self._box[k, 1]).max(axis=1, initial=-1.0)
-        kept: IntArray = k[(off <= 4.0 * noise.limit) & (gap <= _GAP_M * unit)]
-        return kept
+def _near(table: NDArray[np.void], piece: Found, points: ObservedPoints, noise: Noise, unit: float) -> IntArray:
+    """The groups of a table, in order, that lie in the plane of a piece and may touch it."""
+    low, high = points.world[piece.rows].min(axis=0), points.world[piece.rows].max(axis=0)
+    alike = table["normal"] @ piece.fit.normal >= _MAX_ANGLE_COS
+    k = np.flatnonzero(alike & (table["attitude"] == piece.fit.attitude))
+    near = table[k]
+    off = np.abs(((piece.fit.middle - near["middle"]) * near["normal"]).sum(axis=1))
+    centre, half = near["axes"] @ (0.5 * (low + high)), np.abs(near["axes"]) @ (0.5 * (high - low))
+    gap = np.maximum(near["box"][:, 0] - (centre + half), (centre - half) - near["box"][:, 1])
+    kept: IntArray = k[(off <= 4.0 * noise.limit) & (gap.max(axis=1, initial=-1.0) <= _GAP_M * unit)]
+    return kept
 
 
 def _joined(a: Found, b: Found, points: ObservedPoints, noise: Noise, unit: float) -> Found | None:
@@ -151,19 +136,14 @@ def _stands(found: Found, points: ObservedPoints, noise: Noise, unit: float) -> 
     where they are."""
     if not is_plane(found.fit, noise):
         return False
-    own, beside = len(found.rows), _within(found, points)
-    size = np.ptp(points.world[found.rows] @ in_plane_axes(found.fit.normal).T, axis=0) / unit
+    own, (low, high) = len(found.rows), _box(found, points, 0.0)
+    around = beside(points.world, in_plane_axes(found.fit.normal), low, high)
+    size = (high - low) / unit
     if own < min(_MANY_POINTS, _DENSE_PER_M2 * size[0] * size[1]):
-        far = deviations(points, beside, found.fit.plane, noise._replace(limit=_AROUND_M * unit))
+        far = deviations(points, around, found.fit.plane, noise._replace(limit=_AROUND_M * unit))
         if own < _ALONE_SHARE * np.isfinite(far).sum():
             return False
-    return bool(own >= _MIN_OWN * on_plane(points, beside, found.fit, noise).sum())
-
-
-def _within(found: Found, points: ObservedPoints) -> IntArray:
-    """Rows of the points beside the plane's own ones."""
-    low, high = _box(found, points, 0.0)
-    return beside(points.world, in_plane_axes(found.fit.normal), low, high)
+    return bool(own >= _MIN_OWN * on_plane(points, around, found.fit, noise).sum())
 
 
 def _box(found: Found, points: ObservedPoints, margin: float) -> FloatArray:

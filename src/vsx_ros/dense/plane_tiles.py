@@ -1,20 +1,101 @@
-"""The planes of one tile of the map: hypotheses, J-linkage, refinement."""
+"""The planes of one tile of the map: planes through a few near points, drawn at random; of these J-linkage (Toldo and
+Fusiello, ECCV 2008) lets the points choose; then refinement."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, IntArray
-from vsx_ros.config import PlanesConfig
-from vsx_ros.dense.jlinkage import cluster
-from vsx_ros.dense.plane_fitting import Attitude, Fit, fit_plane, on_plane
-from vsx_ros.dense.plane_hypotheses import draw_hypotheses
-from vsx_ros.kernels.dense.planes import Noise, ObservedPoints, plane_preferences
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray
+from vsx_ros.config.maps import PlanesConfig
+from vsx_ros.dense.planes import Attitude, Fit, fit_plane, on_plane
+from vsx_ros.errors import InputError
+from vsx_ros.kernels.dense.jlinkage import WORD, agglomerate
+from vsx_ros.kernels.dense.planes import Noise, ObservedPoints, first_accepted, plane_preferences
 
-_PASSES = 2
-_VOXEL_M = 0.10
-_MIN_NEW = 0.5
-_MIN_SPREAD_M = 0.03
-_MAX_TILT_SIGMA_RAD = 0.12
+_MAX_WORDS = 65535 // WORD  # the kernel counts bits in 16-bit numbers
+_TRIES = 24  # random partners of a point of which the nearer are taken for a hypothesis
+_LEVEL_SHARE = 0.1  # of the hypotheses are level planes: tables and boxes have few points, walls many
+_MIN_FACING, _MIN_SINE = 0.05, 0.25  # cosine and sine: planes seen edge-on, and points nearly in line, fix no plane
+_PASSES, _MIN_NEW = 2, 0.5  # the second among what the first left; share of its points new
+_VOXEL_M = 0.10  # one point of each is enough: posters have hundreds
+_MIN_SPREAD_M, _MAX_TILT_SIGMA_RAD = 0.03, 0.12  # at a floor noise of 1 cm; else the tilt is a guess
+
+
+def cluster(preferences: NDArray[np.uint64]) -> NDArray[np.int64]:
+    """(N,) labels from 0, -1 for points that prefer no model.
+
+    preferences: (N, W), bit h of a row set where the point prefers model h. Of equally near clusters those of smaller
+    rows merge first, so that the order of the points does not matter. Labels are in the order of their first points.
+    Raises InputError for rows of more than 65472 models or of another type.
+    """
+    preferences = np.asarray(preferences)
+    if preferences.ndim != 2 or preferences.dtype != np.uint64 or preferences.shape[1] > _MAX_WORDS:
+        raise InputError(
+            f"preferences are {preferences.dtype} of shape {preferences.shape}; J-linkage takes (N, W) uint64 with "
+            f"W <= {_MAX_WORDS}"
+        )
+    labels = np.full(len(preferences), -1, np.int64)
+    willing = np.flatnonzero(preferences.any(axis=1))
+    if not len(willing):
+        return labels
+    # Equal rows are at distance 0 and merge first; what is left has an order of its own.
+    rows, inverse = np.unique(preferences[willing], axis=0, return_inverse=True)
+    into = agglomerate(rows)
+    while not np.array_equal(into, into[into]):
+        into = into[into]
+    _, first, found = np.unique(into[inverse.ravel()], return_index=True, return_inverse=True)
+    labels[willing] = np.argsort(np.argsort(first))[found.ravel()]
+    return labels
+
+
+def _partners(
+    points: ObservedPoints, first: IntArray, across: int, sigma_m: float, apart_m: float, rng: np.random.Generator
+) -> IntArray:
+    """(M,) for each point another one at a distance d with probability exp(-d^2 / sigma^2), farther away than its
+    noise; -1 where none was drawn. across: how many coordinates the least distance counts."""
+    candidates = rng.integers(len(points.world), size=(len(first), _TRIES))
+    return first_accepted(points, first, candidates, rng.random(candidates.shape), across, sigma_m, apart_m)
+
+
+def _facing(points: ObservedPoints, normals: FloatArray, through: list[IntArray]) -> FloatArray:
+    """(M, 4) planes through their first points, turned to those who saw it; NaN where others saw them from behind."""
+    side = (points.views[through[0]] * normals).sum(axis=1)
+    normals = normals * np.where(side < 0.0, -1.0, 1.0)[:, None]
+    for rows in through:
+        normals[(points.views[rows] * normals).sum(axis=1) <= _MIN_FACING] = np.nan
+    offsets = (points.world[through[0]] * normals).sum(axis=1)
+    return np.column_stack([normals, offsets])
+
+
+def draw_hypotheses(
+    points: ObservedPoints, count: int, upright: bool, sigma_m: float, apart_m: float, rng: np.random.Generator
+) -> tuple[FloatArray, IntArray]:
+    """(M, 4) unit normals and offsets, and (M,) their Attitude; at most ``count`` of them.
+
+    upright: z is up and surfaces are vertical, through two points, or level, through one; else planes go through three.
+    """
+    first = rng.integers(len(points.world), size=count)
+    if not upright:
+        second, third = (_partners(points, first, 3, sigma_m, apart_m, rng) for _ in range(2))
+        a, b = points.world[second] - points.world[first], points.world[third] - points.world[first]
+        normals = np.cross(a, b)
+        length = np.linalg.norm(normals, axis=1)
+        wide = length > _MIN_SINE * np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1)
+        drawn = wide & (second >= 0) & (third >= 0)
+        normals = normals / np.where(drawn, length, np.nan)[:, None]
+        planes = _facing(points, normals, [first, second, third])
+        attitudes = np.full(count, int(Attitude.FREE))
+    else:
+        level = np.arange(count) < _LEVEL_SHARE * count
+        second = _partners(points, first, 2, sigma_m, apart_m, rng)
+        way = points.world[second] - points.world[first]
+        length = np.linalg.norm(way[:, :2], axis=1)
+        across = np.column_stack([way[:, 1], -way[:, 0], np.zeros(count)])
+        normals = across / np.where(second >= 0, length, np.nan)[:, None]
+        normals[level] = [0.0, 0.0, 1.0]
+        planes = _facing(points, normals, [first, np.where(level, first, second)])
+        attitudes = np.where(level, int(Attitude.LEVEL), int(Attitude.UPRIGHT))
+    kept = np.isfinite(planes).all(axis=1)
+    return planes[kept], attitudes[kept]
 
 
 def noise_of(config: PlanesConfig, unit: float) -> Noise:
@@ -76,16 +157,12 @@ def _linked(
     fits = []
     for label in np.flatnonzero(sizes >= config.min_points // 2):
         members = np.flatnonzero(labels == label)
-        shared = np.flatnonzero(_unpacked(np.bitwise_and.reduce(preferences[members]), len(hypotheses)))[0]
+        common = np.bitwise_and.reduce(preferences[members])
+        shared = int(np.unpackbits(common.view(np.uint8), bitorder="little").argmax())
         fit = fit_plane(chosen, members, hypotheses[shared, :3], Attitude(attitudes[shared]), noise)
         if fit is not None and is_plane(fit, noise):
             fits.append(fit)
     return fits
-
-
-def _unpacked(row: NDArray[np.uint64], count: int) -> BoolArray:
-    bits: BoolArray = np.unpackbits(row.view(np.uint8), bitorder="little")[:count] > 0
-    return bits
 
 
 def _unexplained(

@@ -1,14 +1,19 @@
-"""What a plane of the building is to everybody: where it lies, how certain that is, and how far it reaches."""
+"""A plane of the building: where it lies, how certain that is, how far it reaches; and its fit to points that each have
+their own noise."""
 
 import math
-from enum import Enum
+from enum import Enum, IntEnum
 from typing import NamedTuple
 
-from vsx_ros.arrays import FloatArray, IntArray, Points2, Points3
-from vsx_ros.kernels.dense import plane_fits as kernels
+import numpy as np
 
-_UPRIGHT = math.sin(math.radians(15.0))
-_FLOOR_HEIGHT_M = 0.10
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2, Points3
+from vsx_ros.kernels.dense import plane_fits
+from vsx_ros.kernels.dense.planes import Noise, ObservedPoints, deviations
+
+_UPRIGHT = math.sin(math.radians(15.0))  # nearer to vertical than 15 deg: a wall
+_FLOOR_HEIGHT_M = 0.10  # a horizontal plane no higher is the floor, badly estimated
+_ROUNDS, _CUTOFF_GATES = 4, 2.0  # of reweighting, enough to settle; residuals beyond so many gates count for nothing
 
 
 class PlaneKind(Enum):
@@ -53,14 +58,61 @@ class Plane(NamedTuple):
 
 def in_plane_axes(normal: FloatArray) -> FloatArray:
     """(2, 3) right and up of a plane: up is the direction in the plane nearest to +z, or to +y for a level plane."""
-    return kernels.in_plane_axes(normal[0], normal[1], normal[2])
+    return plane_fits.in_plane_axes(normal[0], normal[1], normal[2])
 
 
 def kind_of(normal: FloatArray, offset: float) -> PlaneKind:
     """What a plane is, where z points up and the floor is at z = 0."""
     if abs(float(normal[2])) <= _UPRIGHT:
         return PlaneKind.WALL
-    if abs(float(normal[2])) < kernels.LEVEL:
+    if abs(float(normal[2])) < plane_fits.LEVEL:
         return PlaneKind.OTHER
     on_floor = float(normal[2]) > 0.0 and abs(offset) <= _FLOOR_HEIGHT_M
     return PlaneKind.FLOOR if on_floor else PlaneKind.TABLE
+
+
+class Attitude(IntEnum):
+    """How many of a plane's tilts, about right and about up, are known beforehand."""
+
+    FREE = 0
+    UPRIGHT = 1
+    LEVEL = 2
+
+
+class Fit(NamedTuple):
+    """A plane and how well it is known: see ``Plane``. middle (3,): the weighted mean of its points, on the plane.
+    spread (2,): standard deviations [m] of its points along right and up."""
+
+    normal: FloatArray
+    offset: float
+    attitude: Attitude
+    covariance: FloatArray
+    middle: FloatArray
+    spread: FloatArray
+
+    @property
+    def plane(self) -> FloatArray:
+        """(4,) normal and offset."""
+        return np.append(self.normal, self.offset)
+
+
+def on_plane(points: ObservedPoints, rows: IntArray, fit: Fit, noise: Noise) -> BoolArray:
+    """(R,) which of the points (rows) lie on the plane, as far as their noise allows."""
+    return deviations(points, rows, fit.plane, noise) <= noise.gate
+
+
+def fit_plane(
+    points: ObservedPoints, rows: IntArray, normal: FloatArray, attitude: Attitude, noise: Noise
+) -> Fit | None:
+    """The plane of some points (rows) near a first guess of its normal; None where they do not determine one.
+
+    Gauss-Newton on two tilts and the offset, Tukey's weights from the second round on. A vertical plane turns about
+    the vertical only, a level one not at all.
+    """
+    if not len(rows):
+        return None
+    cutoff = _CUTOFF_GATES * noise.gate
+    determined, plane, covariance, middle, spread = plane_fits.fit_plane(
+        points, rows, normal, int(attitude), noise.floor, cutoff, _ROUNDS
+    )
+    return Fit(plane[:3], float(plane[3]), attitude, covariance, middle, spread) if determined else None

@@ -1,38 +1,31 @@
-"""Which cells of a plane are believed: those with map points first, then, from neighbour to neighbour, those that look
-consistent (paper 5.1). A cell without texture is believed only between believed ones."""
+"""Which cells of a plane are believed (paper 5.1): those with map points first, then, from neighbour to neighbour, what
+looks consistent. A cell without texture is believed only between believed ones, and where a plain wall reaches the
+floor: there the brightness steps along its base line, in most keyframes alike. That fills plain walls without filling
+the gaps between them: through a gap the floor goes on."""
+
+import math
+from typing import NamedTuple
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.config import DenseConfig
+from vsx_ros.dense.planes import Plane
+from vsx_ros.kernels.dense import floor_contact as kernels
+from vsx_ros.kernels.dense.view_choice import Views
 
-_REFUTED_ZNCC = 0.4
-_REFUTED_TEXTURE = 5.0
-_CARVED_VOTES = 1
-_SURELY_CARVED_VOTES = 4
-_REACH = np.ones((5, 5), np.uint8)
-_RING = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], np.uint8)
-_WEAK_NEIGHBOURS = 2
-_COMPANY = 4
-_HOLE_ROWS = 4
-_HOLE_COLUMNS = 1
-
-
-def consistent(
-    texture: FloatArray, score: FloatArray, rival: FloatArray, views: IntArray, config: DenseConfig
-) -> BoolArray:
-    """Cells that look alike at the plane's depth and less so at others, in enough keyframes beside the reference."""
-    alike = (texture >= config.min_texture) & (score >= config.accept_zncc)
-    told: BoolArray = alike & (score > rival + config.rival_margin) & (views >= config.min_views)
-    return told
-
-
-def refuted(texture: FloatArray, score: FloatArray, views: IntArray, passing: IntArray) -> BoolArray:
-    """Cells where the plane is not: textured and unlike, or looked through by any keyframe."""
-    unlike = (texture >= _REFUTED_TEXTURE) & (views >= 3) & (score < _REFUTED_ZNCC)
-    through: BoolArray = unlike | (passing >= _CARVED_VOTES)
-    return through
+_SURELY_CARVED_VOTES = 4  # keyframes that look through a cell; fewer may be wrong points behind it
+_REACH = np.ones((5, 5), np.uint8)  # cells around believed ones: two to each side
+_RING = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], np.uint8)  # the eight neighbours
+_WEAK_NEIGHBOURS, _COMPANY = 2, 4  # of eight: beside a weak cell; beside a grown one, to stay
+_HOLE_ROWS, _HOLE_COLUMNS = 4, 1  # cells; down a wall more is guessed than along it, where doors are
+_STRIPS_M = (0.025, 0.01, 0.05, 0.02, 0.08)  # half width; begin and end on the wall; begin and least length on floor
+_SHIFTS_M = np.array([0.0, -0.3, -0.2, 0.2, 0.3])  # the foot itself, then well behind the wall and in front of it
+_SHIFT_TOLERANCE = 0.1  # of a step that just is one: what noise may make of two equal ones
+_MAX_VIEWS, _GRAZING_COSINE = 24, 0.2  # for time; the camera must look down at the floor, not along it
+_MIN_RUN = 3  # columns in a row of a wall's foot; fewer are chance
 
 
 def grow_regions(seeds: BoolArray, strong: BoolArray, weak: BoolArray, passing: IntArray) -> BoolArray:
@@ -60,10 +53,8 @@ def _neighbours(mask: BoolArray) -> IntArray:
 def enclosed(believed: BoolArray, against: BoolArray) -> BoolArray:
     """Cells (W, H), not believed and nothing ``against`` them, in short holes between believed ones: up to four rows
     of one column, or one column wide."""
-    columns = _between(believed, _HOLE_ROWS)
-    rows = _between(believed.T, _HOLE_COLUMNS).T
-    holes: BoolArray = (columns | rows) & ~believed & ~against
-    return holes
+    holes: BoolArray = _between(believed, _HOLE_ROWS) | _between(believed.T, _HOLE_COLUMNS).T
+    return holes & ~believed & ~against
 
 
 def _between(believed: BoolArray, longest: int) -> BoolArray:
@@ -74,3 +65,56 @@ def _between(believed: BoolArray, longest: int) -> BoolArray:
     after = np.minimum.accumulate(after, axis=1)[:, ::-1]
     between: BoolArray = (after - before - 1 <= longest) & (before >= 0)
     return between
+
+
+class Contact(NamedTuple):
+    """Of C columns: whether the wall meets the floor there, and in which keyframe (id, -1 where nobody looked) that
+    was seen from nearest. All (C,)."""
+
+    touches: BoolArray
+    keyframe: NDArray[np.int64]
+
+
+def floor_contact(views: Views, plane: Plane, columns: IntArray, config: DenseConfig) -> Contact:
+    """Of columns (C,), numbers of a wall's cells along its right axis: which touch the floor z = 0. The step must be
+    there in the mean over the views, all of one sign, and not be as large well in front of the wall or behind."""
+    feet = plane.points_at(np.stack([(columns + 0.5) * config.cell_m, np.zeros(len(columns))], axis=1))
+    feet -= np.outer(feet[:, 2] / plane.axes[1, 2], plane.axes[1])
+    front = plane.normal * np.array([1.0, 1.0, 0.0])
+    front /= float(np.linalg.norm(front))
+    limits = (config.min_range_m, config.max_range_m, _GRAZING_COSINE, config.contact_contrast, _MAX_VIEWS)
+    seen, steps, reference = kernels.contact_steps(
+        views, feet, front, np.ascontiguousarray(plane.axes[0]), _STRIPS_M, _SHIFTS_M, limits
+    )
+    size = np.abs(steps)
+    peak = size[:, 0] >= size[:, 1:].max(axis=1, initial=0.0) - _SHIFT_TOLERANCE
+    touches = (seen >= config.contact_min_views) & (size[:, 0] >= config.contact_step) & peak
+    ids = np.append(views.ids, -1)
+    return Contact(touches, ids[reference].astype(np.int64))
+
+
+def supported_runs(touches: BoolArray, support: BoolArray, config: DenseConfig) -> BoolArray:
+    """(C,) columns in a row that touch the floor within reach of ``support`` (C,), columns where the wall is seen;
+    holes of one column are closed, runs of fewer than three dropped."""
+    near = cv2.dilate(support.astype(np.uint8)[None], _reach(config)) > 0
+    kept = np.pad((touches & near[0]).astype(np.uint8)[None], ((0, 0), (_MIN_RUN, _MIN_RUN)))
+    kept = cv2.morphologyEx(kept, cv2.MORPH_CLOSE, np.ones((1, 3), np.uint8))
+    kept = cv2.morphologyEx(kept, cv2.MORPH_OPEN, np.ones((1, _MIN_RUN), np.uint8))
+    runs: BoolArray = kept[0, _MIN_RUN:-_MIN_RUN] > 0
+    return runs
+
+
+def fill_heights(accepted: BoolArray, runs: BoolArray, config: DenseConfig) -> FloatArray:
+    """(C,) rows to fill from the floor up in columns that touch it: to the lowest accepted cell (C, H; row 0 on the
+    floor) in the column or one in reach, at most ``max_fill_height_m``; 0 in the others."""
+    limit, any_accepted = math.ceil(config.max_fill_height_m / config.cell_m), accepted.any(axis=1)
+    lowest = np.where(any_accepted, accepted.argmax(axis=1), limit).astype(np.float32)
+    near = cv2.erode(lowest[None], _reach(config), borderType=cv2.BORDER_REPLICATE)[0]
+    own = np.where(any_accepted, lowest, near)
+    filled: FloatArray = np.where(runs, np.minimum(np.maximum(own, 1.0), limit), 0.0).astype(np.float64)
+    return filled
+
+
+def _reach(config: DenseConfig) -> NDArray[np.uint8]:
+    """The columns on either side that may support one."""
+    return np.ones((1, 2 * math.floor(config.contact_max_support_m / config.cell_m) + 1), np.uint8)

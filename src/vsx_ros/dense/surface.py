@@ -1,4 +1,9 @@
-"""The grid on one plane: what is known about each of its cells, and which of them are surface."""
+"""The grid on one plane: what is known about each of its cells, which are surface, and why they are believed."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -6,17 +11,54 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2, Points3
 from vsx_ros.config import DenseConfig
-from vsx_ros.dense.cells import CellKind, Cells
-from vsx_ros.dense.floor_contact import Contact, fill_heights, floor_contact, supported_runs
 from vsx_ros.dense.photoconsistency import Judgement, judge
 from vsx_ros.dense.planes import Plane, PlaneKind
-from vsx_ros.dense.region_growing import consistent, enclosed, grow_regions, refuted
+from vsx_ros.dense.region_growing import (
+    Contact,
+    enclosed,
+    fill_heights,
+    floor_contact,
+    grow_regions,
+    supported_runs,
+)
 from vsx_ros.kernels.dense.surface_cells import count_passing
 from vsx_ros.kernels.dense.view_choice import Views
 
-_MARGIN_M = 0.3
-_BEHIND_M, _BEHIND_SHARE = 0.15, 0.08
-_GUESSED_SCORE = 0.5
+_MARGIN_M = 0.3  # around a plane's points: what is between the last of them and its edge
+_BEHIND_M, _BEHIND_SHARE = 0.15, 0.08  # so far behind a cell, and so much of the range more, a point speaks against it
+_GUESSED_SCORE = 0.5  # of cells that were filled in and not measured: between refuted and accepted
+_UNJUDGED = (0.0, -1.0, -1.0, 0, -1)  # Judgement
+_NO_CONTACT = (False, -1)  # Contact
+
+
+class CellKind(IntEnum):
+    """Why a cell is believed. SEED: map points lie in it. PHOTO: several keyframes show the same picture there.
+    CONTACT: the wall meets the floor below it. ENCLOSED: believed cells surround it."""
+
+    SEED = 0
+    PHOTO = 1
+    CONTACT = 2
+    ENCLOSED = 3
+
+
+class Cells(NamedTuple):
+    """plane (N,): ids of planes. cell (N, 2): right and up, in cells of the plane's grid, whose origin is the
+    coordinates' origin (cell i covers [i, i + 1) times its size). centre (N, 3): world [m]. kind (N,): CellKind.
+    score (N,): 0 to 1. keyframe (N,): index, in the snapshot, of the reference keyframe it was judged in."""
+
+    plane: NDArray[np.int64]
+    cell: NDArray[np.int64]
+    centre: Points3
+    kind: NDArray[np.int64]
+    score: FloatArray
+    keyframe: NDArray[np.int64]
+
+    @staticmethod
+    def concatenated(parts: list[Cells]) -> Cells:
+        """All of them in one, in order."""
+        none = np.zeros(0, np.int64)
+        first = Cells(none, np.zeros((0, 2), np.int64), np.zeros((0, 3)), none, np.zeros(0), none)
+        return Cells(*(np.concatenate(columns) for columns in zip(first, *parts)))
 
 
 class Surface:
@@ -29,12 +71,9 @@ class Surface:
         self._config, self._unit, self._size = config, unit, config.cell_m * unit
         self._stands = has_floor and plane.kind is PlaneKind.WALL
         self.low, shape = self._bounds(plane)
-        self.due = np.ones(shape, np.bool_)
-        self._texture, self._score, self._rival = np.zeros(shape), np.full(shape, -1.0), np.full(shape, -1.0)
-        self._views, self._passing = np.zeros(shape, np.int64), np.zeros(shape, np.int64)
-        self._keyframe = np.full(shape, -1, np.int64)
-        self._touches = np.zeros(shape[0], np.bool_)
-        self._contact_keyframe = np.full(shape[0], -1, np.int64)
+        self.due, self._passing = np.ones(shape, np.bool_), np.zeros(shape, np.int64)
+        self._said = Judgement(*(np.full(shape, blank) for blank in _UNJUDGED))
+        self._contact = Contact(*(np.full(shape[0], blank) for blank in _NO_CONTACT))
 
     def _bounds(self, plane: Plane) -> tuple[NDArray[np.int64], tuple[int, int]]:
         margin = _MARGIN_M * self._unit
@@ -54,13 +93,10 @@ class Surface:
             return
         pad = [(int(before[0]), int(after[0])), (int(before[1]), int(after[1]))]
         self.low = self.low - before
-        self.due = np.pad(self.due, pad, constant_values=True)
-        self._texture = np.pad(self._texture, pad)
-        self._score, self._rival = (np.pad(a, pad, constant_values=-1.0) for a in (self._score, self._rival))
-        self._views, self._passing = np.pad(self._views, pad), np.pad(self._passing, pad)
-        self._keyframe = np.pad(self._keyframe, pad, constant_values=-1)
-        self._touches = np.pad(self._touches, pad[0])
-        self._contact_keyframe = np.pad(self._contact_keyframe, pad[0], constant_values=-1)
+        self.due, self._passing = np.pad(self.due, pad, constant_values=True), np.pad(self._passing, pad)
+        self._said = Judgement(*(np.pad(a, pad, constant_values=blank) for a, blank in zip(self._said, _UNJUDGED)))
+        contact = zip(self._contact, _NO_CONTACT)
+        self._contact = Contact(*(np.pad(a, pad[0], constant_values=blank) for a, blank in contact))
 
     def centres(self, plane: Plane, cells: IntArray) -> Points3:
         """(N, 3) world positions of cells (N, 2), rows and columns of the arrays."""
@@ -80,7 +116,7 @@ class Surface:
     def mark_seen(self, plane: Plane, views: Views) -> None:
         """Cells not yet consistent that some of the views show are due again."""
         near, (_, height_px, width_px) = self._config.max_range_m * self._unit, views.table[0]
-        open_cells = np.argwhere(~self.due & ~self._consistent())
+        open_cells = np.argwhere(~self.due & ~self._said.consistent(self._config))
         centres = self.centres(plane, open_cells)
         for R, t in zip(views.R, views.t):
             x, y, z = R @ centres.T + t[:, None]
@@ -95,11 +131,14 @@ class Surface:
         centres = self.centres(plane, cells)
         views = views.at(self._useful(plane, views, centres))
         said = judge(views, np.vstack([plane.axes, plane.normal]), centres, self._config, self._unit)
-        self._enter(tuple(cells.T), said)
+        where = tuple(cells.T)
+        self.due[where] = False
+        for known, new in zip(self._said, said):
+            known[where] = new
         if self._stands and len(cells):
             columns = np.unique(cells[:, 0])
-            contact: Contact = floor_contact(views, plane, columns + self.low[0], self._config)
-            self._touches[columns], self._contact_keyframe[columns] = contact
+            contact = floor_contact(views, plane, columns + self.low[0], self._config)
+            self._contact.touches[columns], self._contact.keyframe[columns] = contact
         return len(cells)
 
     def _useful(self, plane: Plane, views: Views, centres: Points3) -> IntArray:
@@ -108,21 +147,13 @@ class Surface:
         near = np.linalg.norm(views.centres - middle, axis=1) < reach
         return np.flatnonzero(near & (plane.distances(views.centres) > 0.0))
 
-    def _enter(self, where: tuple[IntArray, ...], said: Judgement) -> None:
-        self.due[where] = False
-        self._texture[where], self._score[where], self._rival[where] = said.texture, said.score, said.rival
-        self._views[where], self._keyframe[where] = said.views, said.keyframe
-
-    def _consistent(self) -> BoolArray:
-        return consistent(self._texture, self._score, self._rival, self._views, self._config)
-
     def cells(self, plane: Plane, points: Points3, seen_by: IntArray, living: IntArray) -> Cells:
         """The cells that are surface. points (M, 3): those of the plane, and ids (M,) of keyframes that see them.
         living: ids of all keyframes of the snapshot, ascending; cells name their places in it."""
         seed, seed_keyframe = self._seeds(plane, points, seen_by)
-        strong = self._consistent()
-        weak = (self._score >= self._config.grow_zncc) & (self._score > self._rival)
-        against = refuted(self._texture, self._score, self._views, self._passing)
+        said, strong = self._said, self._said.consistent(self._config)
+        weak = (said.score >= self._config.grow_zncc) & (said.score > said.rival)
+        against = said.refuted(self._passing)
         believed = grow_regions(seed & ~(against & ~strong), strong, weak, self._passing)
         filled = self._standing(believed, against)
         holes = enclosed(believed | filled, against)
@@ -130,11 +161,11 @@ class Surface:
         for mask, why in ((holes, CellKind.ENCLOSED), (filled, CellKind.CONTACT), (believed, CellKind.PHOTO)):
             kind[mask] = why
         kind[believed & seed] = CellKind.SEED
-        keyframe = np.where((self._keyframe < 0) | (seed & ~strong), seed_keyframe, self._keyframe)
-        keyframe = np.where(kind == CellKind.CONTACT, self._contact_keyframe[:, None], keyframe)
+        keyframe = np.where((said.keyframe < 0) | (seed & ~strong), seed_keyframe, said.keyframe)
+        keyframe = np.where(kind == CellKind.CONTACT, self._contact.keyframe[:, None], keyframe)
         keyframe = _nearest_known(keyframe, np.isin(keyframe, living))
         kind[keyframe < 0] = -1
-        score = np.where((kind == CellKind.PHOTO) | (kind == CellKind.SEED), self._score, _GUESSED_SCORE)
+        score = np.where((kind == CellKind.PHOTO) | (kind == CellKind.SEED), said.score, _GUESSED_SCORE)
         where = np.nonzero(kind >= 0)
         cells = np.stack(where, axis=1).astype(np.int64)
         return Cells(
@@ -159,7 +190,7 @@ class Surface:
         if not self._stands:
             return np.zeros_like(believed)
         support: BoolArray = np.any(believed, axis=1)
-        runs = supported_runs(self._touches, support, self._config)
+        runs = supported_runs(self._contact.touches, support, self._config)
         rows = np.arange(believed.shape[1])
         filled: BoolArray = (rows < fill_heights(believed, runs, self._config)[:, None]) & ~believed
         return filled & ~(against & (self._passing > 0))

@@ -2,13 +2,12 @@
 
 import difflib
 import html
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 from vsx_ros.evaluation.page import document
-from vsx_ros.evaluation.report import STYLE, ReportData, map_picture, section, shown, timeline
+from vsx_ros.evaluation.report import STYLE, ReportData, command, map_picture, section, shown, timeline, versions
 
-_INDENT = 2
 Named = tuple[str, ReportData]
 
 _MORE_IS_BETTER = {
@@ -19,8 +18,10 @@ _LESS_IS_BETTER = {
     "frames_lost", "breaks", "track_ms_median", "track_ms_p99", "ate_rmse_m", "ate_rmse_sim3_m", "scale_error",
     "free_inside_obstacle", "collisions", "planned_vs_executed_rms_m", "plan_ms_median", "plan_ms_p99",
 }  # fmt: skip
-_SIDE = "main{max-width:1500px}.sides{display:grid;grid-template-columns:1fr 1fr;gap:24px}.better{color:var(--green)}"
-_SIDE += ".worse{color:var(--red)}"
+_SIDE = """
+main{max-width:1500px}.sides{display:grid;grid-template-columns:1fr 1fr;gap:24px}
+.better{color:var(--green)}.worse{color:var(--red)}
+"""
 
 
 def compare(a: Named, b: Named) -> str:
@@ -33,14 +34,15 @@ def compare(a: Named, b: Named) -> str:
         section("Map and trajectory", _side_by_side(a, b, map_picture)),
         section("Tracking over time", _side_by_side(a, b, timeline)),
         section("Settings that differ", _settings(a, b)),
-        section("How to repeat them", _side_by_side(a, b, _command)),
+        section("How to repeat them", _side_by_side(a, b, command)),
     ]
     return document(title, "".join(body), STYLE + _SIDE)
 
 
 def change(key: str, before: Any, after: Any) -> tuple[str, str]:
     """The difference of two values in words, and whether it is better, worse or neither (empty)."""
-    if key == "seed" or not (_is_number(before) and _is_number(after)):
+    numbers = all(isinstance(value, int | float) and not isinstance(value, bool) for value in (before, after))
+    if key == "seed" or not numbers:
         return "", ""
     difference = after - before
     if difference == 0:
@@ -50,10 +52,6 @@ def change(key: str, before: Any, after: Any) -> tuple[str, str]:
     return f"{difference:+.4g}{share}", "better" if gain > 0 else "worse" if gain < 0 else ""
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
 def _numbers(a: Named, b: Named) -> str:
     rows = []
     for key in dict.fromkeys([*a[1].summary, *b[1].summary]):
@@ -61,15 +59,15 @@ def _numbers(a: Named, b: Named) -> str:
         if before is None and after is None:
             continue
         words, verdict = change(key, before, after)
-        cells = "".join(f"<td>{shown(value)}</td>" for value in (before, after))
-        rows.append(f'<tr><td>{html.escape(key)}</td>{cells}<td class="{verdict}">{words}</td></tr>')
+        cells = "".join(f"<td>{cell}</td>" for cell in (html.escape(key), shown(before), shown(after)))
+        rows.append(f'<tr>{cells}<td class="{verdict}">{words}</td></tr>')
     head = "".join(f"<th>{html.escape(name)}</th>" for name in ("", a[0], b[0], "change"))
     return f"<table><tr>{head}</tr>{''.join(rows)}</table>"
 
 
 def _settings(a: Named, b: Named) -> str:
     """Parameters by their full names, and versions, that are not the same."""
-    before, after = ([*_versions(data.facts), *_parameters(data.config_yaml)] for _, data in (a, b))
+    before, after = ([f"{name} {v}" for name, v in versions(d).items()] + _parameters(d.config_yaml) for _, d in (a, b))
     changed = [line for line in difflib.ndiff(before, after) if line[:2] in ("- ", "+ ")]
     if not changed:
         return "<p>None: same configuration, same versions.</p>"
@@ -84,18 +82,9 @@ def _parameters(config_yaml: str) -> list[str]:
         name, _, value = line.partition(":")
         if not name.strip() or name.lstrip().startswith("#"):
             continue
-        branch[(len(line) - len(line.lstrip())) // _INDENT :] = [name.strip()]
+        branch[(len(line) - len(line.lstrip())) // 2 :] = [name.strip()]
         lines += [f"{'.'.join(branch)}:{value}"] if value.strip() else []
     return lines
-
-
-def _versions(facts: Mapping[str, Any]) -> list[str]:
-    versions = facts.get("versions")
-    return [f"{name} {value}" for name, value in versions.items()] if isinstance(versions, Mapping) else []
-
-
-def _command(data: ReportData) -> str:
-    return f"<pre>{html.escape(str(data.facts.get('command', '')))}</pre>"
 
 
 def _side_by_side(a: Named, b: Named, drawn: Callable[[ReportData], str]) -> str:

@@ -1,19 +1,19 @@
 """What many runs prove: intervals and tests for values that were measured on the same worlds.
 
-All of them take their values for independent; of several runs in one world, give them the mean.
+All of them take their values for independent; of several runs in one world, give them the mean. An interval is None
+where there is no run to compute it from.
 """
 
 import math
-from collections.abc import Callable, Hashable, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Hashable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from vsx_ros.arrays import FloatArray
-from vsx_ros.errors import InputError
 
-_RESAMPLES = 4000
-_Z95 = 1.959963984540054
+_RESAMPLES = 4000  # of the bootstrap
+_Z95 = 1.959963984540054  # two-sided 95 % of the normal distribution
 
 
 class Interval(NamedTuple):
@@ -32,42 +32,34 @@ def group_means(groups: Sequence[Hashable], values: Sequence[float]) -> list[flo
     return [sum(of_group) / len(of_group) for of_group in members.values()]
 
 
-def mean_interval(values: Sequence[float], seed: int = 0) -> Interval:
-    """The mean and its bootstrap percentiles (Efron 1979). Raises InputError without values."""
-    return _bootstrap(np.asarray(values, float)[:, None], seed)
+def mean_interval(values: Sequence[float]) -> Interval | None:
+    """The mean and its bootstrap percentiles (Efron 1979)."""
+    return _bootstrap(np.asarray(values, float)[:, None])
 
 
-def ratio_interval(above: Sequence[float], below: Sequence[float], seed: int = 0) -> Interval:
-    """The ratio of the means of paired values: pairs are drawn together. Raises InputError without pairs."""
-    return _bootstrap(np.column_stack([above, below]), seed)
+def ratio_interval(above: Sequence[float], below: Sequence[float]) -> Interval | None:
+    """The ratio of the means of paired values: pairs are drawn together; None where all below are zero, too."""
+    return _bootstrap(np.column_stack([above, below]))
 
 
-def known(of: Callable[..., Interval], *values: Any) -> Interval | None:
-    """``of(*values)``, None where there is nothing to compute it from."""
-    try:
-        return of(*values)
-    except InputError:
-        return None
-
-
-def _bootstrap(rows: FloatArray, seed: int) -> Interval:
+def _bootstrap(rows: FloatArray) -> Interval | None:
     if not len(rows):
-        raise InputError("there is nothing to average: no run gave this number; look at the failures")
-    drawn = np.random.default_rng(seed).integers(0, len(rows), (_RESAMPLES, len(rows)))
+        return None
+    drawn = np.random.default_rng(0).integers(0, len(rows), (_RESAMPLES, len(rows)))
     means = np.vstack([rows.mean(axis=0), rows[drawn].mean(axis=1)])
     with np.errstate(divide="ignore", invalid="ignore"):
         values = means[:, 0] if means.shape[1] == 1 else means[:, 0] / means[:, 1]
     if not np.isfinite(values[0]):
-        raise InputError("there is nothing to divide by: the other value is zero in every run")
+        return None
     low, high = np.percentile(values[np.isfinite(values)], [2.5, 97.5])
     return Interval(float(values[0]), float(low), float(high))
 
 
-def share_interval(hits: float, count: int) -> Interval:
-    """A share of runs and its interval (Wilson 1927); rather wide where hits are a sum of shares, each between 0 and 1.
-    Raises InputError without runs."""
+def share_interval(hits: float, count: int) -> Interval | None:
+    """A share of runs and its interval (Wilson 1927); rather wide where hits are a sum of shares, each between 0 and
+    1."""
     if count <= 0:
-        raise InputError("there is nothing to count: no run came to an end; look at the failures")
+        return None
     p, z2 = hits / count, _Z95**2
     centre = (p + z2 / (2 * count)) / (1 + z2 / count)
     half = _Z95 * math.sqrt(p * (1 - p) / count + z2 / (4 * count**2)) / (1 + z2 / count)

@@ -10,16 +10,16 @@ import numpy as np
 from vsx_ros.arrays import FloatArray, Points2, Points3
 from vsx_ros.errors import InputError
 from vsx_ros.evaluation import svg
-from vsx_ros.evaluation.map_view import map_view, window_around, window_of
-from vsx_ros.evaluation.page import document
-from vsx_ros.evaluation.trajectory import AlignmentKind, align, associate
-from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.evaluation.page import document, table
+from vsx_ros.evaluation.svg import map_view, window_around, window_of
+from vsx_ros.evaluation.trajectory import align, associate
+from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.slam.state import TrackingState
 
-_MAX_EVENTS = 400
-_FLOOR_M = 0.06
-_FASTEST_MS = 0.1
+_MAX_EVENTS = 400  # rows; the file has all of them
+_FLOOR_M = 0.06  # points lower are floor and hide the map; ground_map.obstacle_min_height_m
+_FASTEST_MS = 0.1  # least of the axis; quicker is a frame that was refused
 
 
 @dataclass(frozen=True)
@@ -49,12 +49,13 @@ def render(data: ReportData) -> str:
     """The page."""
     title = str(data.summary.get("world") or "run")
     body = [
-        _ending(data, html.escape(title)),
+        f"<h1>{html.escape(title)}</h1>",
+        _ending(data.summary),
         _figures(data.summary),
         section("Map and trajectory", map_picture(data)),
         section("Tracking over time", timeline(data)),
         section("Events", _events(data)),
-        section("All numbers", _table(data.summary)),
+        section("All numbers", _folded("summary.json", data.summary)),
         section("How to repeat it", _repeat(data)),
     ]
     return document(title, "".join(body), STYLE)
@@ -65,10 +66,10 @@ def section(title: str, content: str) -> str:
     return f"<section><h2>{title}</h2>{content}</section>" if content else ""
 
 
-def _ending(data: ReportData, title: str) -> str:
-    reason = str(data.summary.get("stop_reason") or "the run did not say why it ended")
-    kind = {True: "fine", False: "bad", None: "unknown"}[data.summary.get("ended_well")]
-    return f'<h1>{title}</h1><p class="ending {kind}">{html.escape(reason)}</p>'
+def _ending(summary: Mapping[str, Any]) -> str:
+    reason = str(summary.get("stop_reason") or "the run did not say why it ended")
+    kind = {True: "fine", False: "bad", None: "unknown"}[summary.get("ended_well")]
+    return f'<p class="ending {kind}">{html.escape(reason)}</p>'
 
 
 def _figures(summary: Mapping[str, Any]) -> str:
@@ -129,14 +130,13 @@ def map_picture(data: ReportData) -> str:
 
 def _truth_in_map(data: ReportData) -> Points3:
     """(N, 3) true positions moved to fit the estimate; empty where they cannot be compared."""
-    kind: AlignmentKind = "yaw" if data.world_is_level else "sim3"
     try:
         pairs = associate(data.estimate, data.truth)
     except InputError:
         return np.zeros((0, 3))
-    estimate = np.array([e.translation for e, _ in pairs])
-    truth = np.array([t.translation for _, t in pairs])
-    return align(truth, estimate, kind).apply(np.array([pose.T.translation for pose in data.truth]))
+    estimate, truth = (np.array([T.translation for T in poses]) for poses in zip(*pairs))
+    alignment = align(truth, estimate, "yaw" if data.world_is_level else "sim3")
+    return alignment.apply(np.array([pose.T.translation for pose in data.truth]))
 
 
 def timeline(data: ReportData) -> str:
@@ -145,24 +145,19 @@ def timeline(data: ReportData) -> str:
         return ""
     seconds = np.array([frame[0] - data.frames[0][0] for frame in data.frames]) * 1e-9
     ratio = np.array([frame[3] / frame[2] if frame[2] else np.nan for frame in data.frames])
-    times, lives = (
-        np.array([np.nan if frame[column] is None else frame[column] for frame in data.frames], float)
-        for column in (5, 6)
-    )
+    times, lives = (np.array([frame[column] for frame in data.frames], float) for column in (5, 6))  # None is NaN
     marks = [((e[0] - data.frames[0][0]) * 1e-9, e[2], e[3]) for e in data.events if e[2] != "keyframe"]
     words = {state.value: state.word for state in TrackingState}
     states = [words.get(frame[1], frame[1]) for frame in data.frames]
     keys = "".join(
-        f'<span class="key" style="--c:{svg.STATE_COLORS.get(state, "#7a6fd0")}">{html.escape(state)}</span>'
+        f'<span class="key" style="--c:{svg.state_color(state)}">{html.escape(state)}</span>'
         for state in dict.fromkeys(states)
     )
     inside = [mark for mark in marks if 0 <= mark[0] <= float(seconds[-1])]
     parts = [svg.state_band(seconds, states, inside), f'<p class="legend">{keys}<span>&#9662; event</span></p>']
     if np.isfinite(ratio).any():
-        levels = [
-            (data.good_ratio, f"{TrackingState.GOOD.word} above"),
-            (data.lost_ratio, f"{TrackingState.LOST.word} below"),
-        ]
+        good, lost = f"{TrackingState.GOOD.word} above", f"{TrackingState.LOST.word} below"
+        levels = [(data.good_ratio, good), (data.lost_ratio, lost)]
         parts.append("<h3>share of the searched points that were found; its mean is U1</h3>")
         parts.append(svg.plot([("curve", seconds, ratio)], "found / searched", marks=levels))
     if np.isfinite(lives).any():
@@ -183,21 +178,16 @@ def _top(values: FloatArray) -> float:
 
 def _events(data: ReportData) -> str:
     told = [event for event in data.events if event[2] != "keyframe"]
-    if not told:
-        return ""
-    began = data.frames[0][0] if data.frames else told[0][0]
-    rows = "".join(
-        f"<tr><td>{(stamp - began) * 1e-9:.1f} s</td><td>{html.escape(source)}</td><td>{html.escape(state)}</td>"
-        f"<td>{html.escape(reason)}</td></tr>"
-        for stamp, source, state, reason in told[:_MAX_EVENTS]
-    )
+    began = (data.frames or told or [(0,)])[0][0]
+    rows = [(f"{(stamp - began) * 1e-9:.1f} s", *words) for stamp, *words in told[:_MAX_EVENTS]]
     more = f"<p>... and {len(told) - _MAX_EVENTS} more in events.jsonl</p>" if len(told) > _MAX_EVENTS else ""
-    return f"<table><tr><th>at</th><th>who</th><th>state</th><th>why</th></tr>{rows}</table>{more}"
+    return table(["at", "who", "state", "why"], rows) + more
 
 
-def _table(summary: Mapping[str, Any]) -> str:
-    rows = "".join(f"<tr><td>{html.escape(key)}</td><td>{shown(value)}</td></tr>" for key, value in summary.items())
-    return f"<details><summary>summary.json</summary><table>{rows}</table></details>"
+def _folded(name: str, values: Mapping[str, Any]) -> str:
+    """A table of names and values, to be opened."""
+    rows = "".join(f"<tr><td>{html.escape(key)}</td><td>{shown(value)}</td></tr>" for key, value in values.items())
+    return f"<details><summary>{name}</summary><table>{rows}</table></details>"
 
 
 def shown(value: Any) -> str:
@@ -207,17 +197,20 @@ def shown(value: Any) -> str:
     return html.escape(f"{value:.5g}" if isinstance(value, float) else str(value))
 
 
+def command(data: ReportData) -> str:
+    """That which made the run, as HTML."""
+    return f"<pre>{html.escape(str(data.facts.get('command', '')))}</pre>"
+
+
+def versions(data: ReportData) -> dict[str, str]:
+    """Of the packages that the run was made with."""
+    of = data.facts.get("versions")
+    return {str(name): str(version) for name, version in of.items()} if isinstance(of, Mapping) else {}
+
+
 def _repeat(data: ReportData) -> str:
-    versions = data.facts.get("versions")
-    rows = "".join(
-        f"<tr><td>{html.escape(str(name))}</td><td>{html.escape(str(version))}</td></tr>"
-        for name, version in (versions.items() if isinstance(versions, Mapping) else ())
-    )
-    return (
-        f"<pre>{html.escape(str(data.facts.get('command', '')))}</pre>"
-        f"<details><summary>versions</summary><table>{rows}</table></details>"
-        f"<details><summary>configuration</summary><pre>{html.escape(data.config_yaml)}</pre></details>"
-    )
+    parameters = f"<details><summary>configuration</summary><pre>{html.escape(data.config_yaml)}</pre></details>"
+    return command(data) + _folded("versions", versions(data)) + parameters
 
 
 STYLE = """

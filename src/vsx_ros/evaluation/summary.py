@@ -11,8 +11,8 @@ from msgspec import Struct
 
 from vsx_ros import __version__
 from vsx_ros.errors import InputError
-from vsx_ros.evaluation.trajectory import MIN_PAIRS, AlignmentKind, associate, path_length, trajectory_error
-from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.evaluation.trajectory import AlignmentKind, associate, path_length, trajectory_error
+from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.slam.state import SlamStatistics
 
 
@@ -64,12 +64,10 @@ class Summary(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     def as_dict(self) -> dict[str, Any]:
         """Every key, in order; not-a-number becomes None, for JSON has no such number."""
         tree: dict[str, Any] = msgspec.to_builtins(self)
-        return {
-            key: None if isinstance(value, float) and not np.isfinite(value) else value for key, value in tree.items()
-        }
+        return {key: None if isinstance(v, float) and not np.isfinite(v) else v for key, v in tree.items()}
 
     def with_values(self, **values: Any) -> Summary:
-        """A copy with these values, e.g. those of ``dataclasses.asdict(map_quality(...))``."""
+        """A copy with these values, e.g. those of ``map_quality(...)._asdict()``."""
         return msgspec.structs.replace(self, **values)
 
 
@@ -103,8 +101,6 @@ def with_accuracy(
     """
     if kind is not None:
         summary = summary.with_values(path_length_m=path_length(estimate))
-    if len(estimate) < MIN_PAIRS or len(truth) < MIN_PAIRS:
-        return summary
     try:
         pairs = associate(estimate, truth)
     except InputError:

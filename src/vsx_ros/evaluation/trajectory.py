@@ -1,25 +1,27 @@
-"""Errors of an estimated trajectory: alignment (Umeyama 1991), ATE and RPE (Sturm et al., IROS 2012)."""
+"""An estimated trajectory against the truth: alignment (Umeyama 1991), ATE and RPE (Sturm et al., IROS 2012); and
+whether the tracking held: breaks (U1 and U2 are counted while tracking, slam/)."""
 
+import itertools
 import math
+from bisect import bisect_left
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from vsx_ros.arrays import FloatArray, Points3
 from vsx_ros.errors import InputError
-from vsx_ros.geometry.se3 import SE3
-from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.geometry.se3 import SE3, StampedPose
+from vsx_ros.slam.state import TrackingResult, TrackingState
 
 AlignmentKind = Literal["se3", "sim3", "yaw"]
 Pairs = list[tuple[SE3, SE3]]
 
-MIN_PAIRS = 3
+MIN_PAIRS = 3  # poses that fix an alignment
+_MAX_JUMP_M, _MAX_JUMP_DEG = 0.15, 5.0  # between two frames, against odometry: no drift, the map moved under the camera
 
 
-@dataclass(frozen=True)
-class Alignment:
+class Alignment(NamedTuple):
     """truth ~ scale * rotation @ estimate + translation; ``scale`` is 1 unless the kind is sim3."""
 
     rotation: FloatArray
@@ -31,8 +33,7 @@ class Alignment:
         return self.scale * np.asarray(points) @ self.rotation.T + self.translation
 
 
-@dataclass(frozen=True)
-class TrajectoryError:
+class TrajectoryError(NamedTuple):
     """Errors of an estimate over associated poses.
 
     ate_rmse_m: rms distance after alignment. scale: truth's size over the estimate's (1 = right).
@@ -54,15 +55,13 @@ def associate(estimate: Sequence[StampedPose], truth: Sequence[StampedPose], max
 
     Raises InputError when fewer than three pairs are within ``max_gap_ns``.
     """
-    stamps = np.array([pose.stamp_ns for pose in truth], np.int64)
-    order = np.argsort(stamps, kind="stable")
-    best: dict[int, tuple[int, int]] = {}
+    known = sorted((pose.stamp_ns, number) for number, pose in enumerate(truth))
+    best: dict[int, tuple[float, int]] = {}
     for index, pose in enumerate(estimate):
-        after = int(np.searchsorted(stamps[order], pose.stamp_ns))
-        near = [int(order[i]) for i in (after - 1, after) if 0 <= i < len(order)]
-        gaps = [(abs(int(stamps[i]) - pose.stamp_ns), i) for i in near]
-        if gaps and min(gaps)[0] <= max_gap_ns:
-            gap, chosen = min(gaps)
+        after = bisect_left(known, (pose.stamp_ns,))
+        near = [(abs(stamp_ns - pose.stamp_ns), number) for stamp_ns, number in known[max(after - 1, 0) : after + 1]]
+        gap, chosen = min(near, default=(math.inf, 0))
+        if gap <= max_gap_ns:
             best[chosen] = min(best.get(chosen, (gap, index)), (gap, index))
     pairs = sorted((index, chosen) for chosen, (_, index) in best.items())
     if len(pairs) < MIN_PAIRS:
@@ -78,7 +77,6 @@ def align(estimate: Points3, truth: Points3, kind: AlignmentKind) -> Alignment:
 
     Umeyama (PAMI 1991), equations 40-42. Degenerate shapes (a point, a line) give one of the equally good answers.
     """
-    estimate, truth = np.asarray(estimate, float), np.asarray(truth, float)
     mean_e, mean_t = estimate.mean(axis=0), truth.mean(axis=0)
     e, t = estimate - mean_e, truth - mean_t
     if kind == "yaw":
@@ -99,8 +97,7 @@ def trajectory_error(pairs: Pairs, kind: AlignmentKind = "se3") -> TrajectoryErr
 
     For RPE the estimate is scaled with the alignment's scale (1 unless sim3).
     """
-    estimate = np.array([e.translation for e, _ in pairs])
-    truth = np.array([t.translation for _, t in pairs])
+    estimate, truth = (np.array([T.translation for T in poses]) for poses in zip(*pairs))
     alignment = align(estimate, truth, kind)
     errors = np.linalg.norm(alignment.apply(estimate) - truth, axis=1)
     scale = align(estimate, truth, "sim3").scale
@@ -136,3 +133,46 @@ def path_length(poses: Sequence[StampedPose]) -> float:
     """Sum of the distances between successive positions [m]."""
     positions = np.array([pose.T.translation for pose in poses]).reshape(-1, 3)
     return float(np.sum(np.linalg.norm(np.diff(positions, axis=0), axis=1)))
+
+
+class Break(NamedTuple):
+    """Where the tracking broke, and how."""
+
+    stamp_ns: int
+    reason: str
+
+
+def find_breaks(
+    results: Sequence[TrackingResult], reference: Sequence[SE3 | None], epochs: Sequence[int] = ()
+) -> list[Break]:
+    """Jumps of more than 0.15 m or 5 deg against the reference, and a loss that lasts to the end.
+
+    results: frames in order. reference: as many camera poses by odometry (or truth), None where unknown. epochs: of
+    the odometry, if it may have restarted. Only frames tracked from the map are compared, each with the tracked frame
+    before it in its epoch; a jump that the map made, because a loop was closed, is none of the tracking.
+    """
+    breaks = []
+    last: tuple[SE3, SE3 | None, int] | None = None
+    for result, expected, epoch in zip(results, reference, epochs or [0] * len(results), strict=True):
+        if not result.state.tracked or result.T_world_cam is None:
+            continue
+        comparable = last is not None and last[2] == epoch and not result.corrected
+        if comparable and last is not None and last[1] is not None and expected is not None:
+            jump = _jump(last[0].inverse() @ result.T_world_cam, last[1].inverse() @ expected)
+            if jump:
+                breaks.append(Break(result.stamp_ns, jump))
+        last = result.T_world_cam, expected, epoch
+    if last is not None and results[-1].state is TrackingState.LOST:
+        since = list(itertools.takewhile(lambda result: result.state is TrackingState.LOST, reversed(results)))[-1]
+        breaks.append(Break(since.stamp_ns, f"lost for good: {since.reason}"))
+    return breaks
+
+
+def _jump(moved: SE3, expected: SE3) -> str:
+    """What is wrong with a motion, in words; empty when nothing is."""
+    error = expected.inverse() @ moved
+    metres = math.hypot(*error.translation)
+    degrees = math.degrees(error.rotation_angle_to(SE3.identity()))
+    if metres > _MAX_JUMP_M or degrees > _MAX_JUMP_DEG:
+        return f"the pose jumped {metres:.2f} m and {degrees:.1f} deg against odometry"
+    return ""

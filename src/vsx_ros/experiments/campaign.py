@@ -10,13 +10,13 @@ from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures import as_completed as as_done
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import active_children, get_context, parent_process
-from typing import Any, NamedTuple, Protocol, cast
+from typing import Any, NamedTuple, Protocol
 
 from vsx_ros.errors import ConfigError, VsxError, disk_trouble
 from vsx_ros.experiments.rows import Store, tell
 
 Result = dict[str, Any]
-CONNECT_S = 10.0
+CONNECT_S = 10.0  # to a dask scheduler
 _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
@@ -27,8 +27,7 @@ class Task(Protocol):
 
 
 class Done(NamedTuple):
-    """result: of a task. final: whether it is the task's own; a full disk, a worker without memory or without a module
-    is not."""
+    """final: whether the result is the task's own; a full disk, a worker without memory or a module is not."""
 
     result: Result
     final: bool
@@ -57,7 +56,13 @@ def run_campaign(tasks: Sequence[Task], work: Work, store: Store, engine: Engine
     if known:
         tell(f"{known} of {len(tasks)} are known already")
     again: dict[Task, Result] = {}
-    for done, (task, (result, final)) in enumerate(_results(waiting, work, engine), start=1):
+    if engine.scheduler is not None:
+        results = _distributed(waiting, work, engine.scheduler)
+    elif engine.jobs > 1 or engine.apart:
+        results = _apart(waiting, work, engine.jobs)
+    else:
+        results = ((task, guarded(work, task)) for task in waiting)
+    for done, (task, (result, final)) in enumerate(results, start=1):
         if final:
             store.add(task._asdict(), result)
         else:
@@ -83,16 +88,7 @@ def guarded(work: Work, task: Task) -> Done:
         return Done({"failed": reason}, False)
 
 
-def _results(tasks: Sequence[Task], work: Work, engine: Engine) -> Iterator[tuple[Task, Done]]:
-    if engine.scheduler is not None:
-        return _distributed(tasks, work, engine.scheduler)
-    if engine.jobs > 1 or engine.apart:
-        return _apart(tasks, work, engine.jobs)
-    return ((task, guarded(work, task)) for task in tasks)
-
-
 def _apart(tasks: Sequence[Task], work: Work, jobs: int) -> Iterator[tuple[Task, Done]]:
-    """In the order in which they are done."""
     for name in _THREADS:
         os.environ.setdefault(name, "1")
     pool = ThreadPoolExecutor(jobs)
@@ -128,7 +124,6 @@ def _end_with_the_caller() -> None:
 
 
 def _distributed(tasks: Sequence[Task], work: Work, scheduler: str) -> Iterator[tuple[Task, Done]]:
-    """In the order in which they are done."""
     try:
         from distributed import Client, as_completed
     except ImportError as error:
@@ -145,14 +140,8 @@ def _distributed(tasks: Sequence[Task], work: Work, scheduler: str) -> Iterator[
                     f"the dask scheduler at {scheduler} was lost; start it again, then the same command goes on with "
                     "what is missing"
                 )
-            yield futures[future], _of_worker(future)
+            cause = future.exception()  # of a worker that died, or had not what the task needs
+            told = "" if cause is None else f"{type(cause).__name__}: {' '.join(str(cause).split())}"
+            yield futures[future], Done({"failed": f"its worker failed: {told}"}, False) if told else future.result()
     finally:
         client.close()
-
-
-def _of_worker(future: Any) -> Done:
-    """What a worker made of a task; one that died, or had not what the task needs, may be better next time."""
-    error = future.exception()
-    if error is None:
-        return cast(Done, future.result())
-    return Done({"failed": f"its worker failed: {type(error).__name__}: {' '.join(str(error).split())}"}, False)

@@ -6,6 +6,7 @@ one is not judged by another way. The frames of a drive go through both trackers
 """
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import msgspec
@@ -14,39 +15,30 @@ import numpy as np
 from vsx_ros.config import Config, LimitsConfig, overridden
 from vsx_ros.control.trajectory_tracker import FollowStatus, TrajectoryTracker
 from vsx_ros.errors import InputError
-from vsx_ros.experiments.trackers import Trackers
+from vsx_ros.experiments.trackers import Tracked, both_trackers
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.geometry.se3 import SE3
-from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.occupancy.grid import FREE, OccupancyGrid
 from vsx_ros.planning.path import Path, Plan, Refusal, Trajectory
 from vsx_ros.planning.planner import Planner
 from vsx_ros.planning.planners import PLANNERS
 from vsx_ros.planning.time_scaling import time_scale
-from vsx_ros.robot import STOP, VelocityCommand
+from vsx_ros.robot import STOP
 from vsx_ros.runs.world import open_world
 from vsx_ros.sim.robot import EmulatedRobot
 from vsx_ros.sim.truth import ground_truth_grid
 from vsx_ros.sim.world import World
 
-
-class Arm(NamedTuple):
-    """planner: one of PLANNERS. turn_rad_s: how fast it may turn; the robot's own limit where it is None."""
-
-    planner: str
-    turn_rad_s: float | None = None
-
-
-# At 0.3 rad/s no image is smeared by more than 3 px.
-ARMS = {
-    "constrained": Arm("fov"),
-    "unconstrained": Arm("unconstrained", 0.9),
-    "unconstrained, slow turns": Arm("unconstrained", 0.3),
-    "the paper's planner": Arm("paper"),
+ARMS: dict[str, tuple[str, float | None]] = {
+    "constrained": ("fov", None),
+    "unconstrained": ("unconstrained", 0.9),
+    "unconstrained, slow turns": ("unconstrained", 0.3),  # no image is smeared by more than 3 px
+    "the paper's planner": ("paper", None),
 }
+"""One of PLANNERS, and how fast it may turn [rad/s]; the robot's own limit where it is None."""
 CONSTRAINED, UNCONSTRAINED, *_ = ARMS
-START_M = 0.6
-PHI_RAD_M = 1.0
+START_M = 0.6  # driven straight before, in which the map starts
+PHI_RAD_M = 1.0  # of every drive
 # Whoever strays a little is led back, so that all arms get to the goal.
 CONFIG = overridden(
     Config(),
@@ -54,7 +46,8 @@ CONFIG = overridden(
 )
 _TURNS = {1: (math.radians(60.0), math.radians(110.0)), 2: (math.radians(150.0), math.pi)}
 _DISTANCE_M = (1.5, 3.5)
-_CLEARANCE_M, _LONGEST_PATH_M, _TRIES, _LONGEST_DRIVE_S = 0.4, 12.0, 200, 180.0
+_AROUND_M = np.linspace(-0.4, 0.4, 9)
+_LONGEST_PATH_M, _TRIES, _LONGEST_DRIVE_S = 12.0, 200, 180.0
 
 
 class DriveTask(NamedTuple):
@@ -65,11 +58,6 @@ class DriveTask(NamedTuple):
     seed: int
     noise: int
     dataset: int
-
-    @property
-    def noise_seed(self) -> int:
-        """Of the robot's and camera's errors; no other world's."""
-        return self.seed + 1000 * self.noise
 
 
 class Question(NamedTuple):
@@ -95,7 +83,7 @@ def question(task: DriveTask, world: World, config: Config) -> Question:
         turn = rng.uniform(low, high) * rng.choice([-1.0, 1.0])
         x, y = start.x + distance * math.cos(bearing), start.y + distance * math.sin(bearing)
         goal = SE2(x, y, float(start.theta + turn))
-        if not _is_wide(grid, goal):
+        if not all(grid.value_at(x + dx, y + dy) == FREE for dx in _AROUND_M for dy in _AROUND_M):
             continue
         plans = [plan_of(arm, Question(start, goal, grid), config) for arm in (CONSTRAINED, UNCONSTRAINED)]
         if all(isinstance(plan, Plan) and plan.path.length_m < _LONGEST_PATH_M for plan in plans):
@@ -103,59 +91,54 @@ def question(task: DriveTask, world: World, config: Config) -> Question:
     raise InputError(f"{task.world} {task.seed} has no goal of dataset {task.dataset} that both planners reach")
 
 
-def _is_wide(grid: OccupancyGrid, pose: SE2) -> bool:
-    reach = np.linspace(-_CLEARANCE_M, _CLEARANCE_M, 9)
-    return all(grid.value_at(pose.x + dx, pose.y + dy) == FREE for dx in reach for dy in reach)
-
-
 def plan_of(arm: str, asked: Question, config: Config) -> Plan | Refusal:
     """The arm's plan, knowing the true map."""
-    planner = PLANNERS[ARMS[arm].planner](config.planner, config.robot)
+    planner = PLANNERS[ARMS[arm][0]](config.planner, config.robot)
     return planner.plan(asked.start, asked.goal, asked.grid, np.random.default_rng(0))
 
 
 def limits_of(arm: str, config: Config) -> LimitsConfig:
     """The robot's own, but for how fast the arm may turn."""
-    turn_rad_s = ARMS[arm].turn_rad_s
-    return msgspec.structs.replace(config.limits, omega_rad_s=turn_rad_s or config.limits.omega_rad_s)
+    return msgspec.structs.replace(config.limits, omega_rad_s=ARMS[arm][1] or config.limits.omega_rad_s)
 
 
 def run_drives(task: DriveTask) -> dict[str, Any]:
     """All arms: path, duration, planned and driven way, and what each tracker made of it; of an arm that found no path,
     why."""
-    config, world = CONFIG, open_world(task.world, task.seed)
-    asked = question(task, world, config)
-    return {
-        "start": _row(asked.start),
-        "goal": _row(asked.goal),
-        "arms": {arm: _drive(arm, asked, task, world, config) for arm in ARMS},
-    }
+    world = open_world(task.world, task.seed)
+    asked = question(task, world, CONFIG)
+    arms = {arm: _drive(arm, asked, task, world, CONFIG) for arm in ARMS}
+    return {"start": _row(asked.start), "goal": _row(asked.goal), "arms": arms}
 
 
 def _drive(arm: str, asked: Question, task: DriveTask, world: World, config: Config) -> dict[str, Any]:
     plan = plan_of(arm, asked, config)
     if isinstance(plan, Refusal):
         return {"refused": plan.reason}
-    limits = limits_of(arm, config)
-    robot = EmulatedRobot(world, task.noise_seed, robot=config.robot)
-    trackers = Trackers(robot, config, task.noise_seed)
+    limits, noise_seed = limits_of(arm, config), task.seed + 1000 * task.noise  # no other world's
+    robot = EmulatedRobot(world, noise_seed, robot=config.robot)
+    trackers = both_trackers(robot, config, noise_seed)
     driver = _Driver(robot, trackers, world.start_pose)
     driver.follow(time_scale(_straight(asked, config), config.limits), config.limits, config)
     begun_ns = robot.truth.stamp_ns
-    trackers.begin()
+    for tracked in trackers:
+        tracked.begin()
     status = driver.follow(time_scale(plan.path, limits), limits, config)
     way = plan.path.sample(0.1)[:, :3]
     return {
-        "path_m": plan.path.length_m,
-        "reverse_m": plan.path.reverse_m,
-        "turn_on_spot_rad": plan.path.turn_on_spot_rad,
+        **shape_of(plan.path),
         "duration_s": (robot.truth.stamp_ns - begun_ns) * 1e-9,
         "ended": status.value,
         "collisions": robot.truth.collisions,
         "planned": way.round(3).tolist(),
         "driven": driver.driven(begun_ns),
-        "trackers": {t.name: t.judged(driver.truth, driver.odometry) for t in trackers.all},
+        "trackers": {t.name: t.judged(driver.truth, driver.odometry) for t in trackers},
     }
+
+
+def shape_of(path: Path) -> dict[str, float]:
+    """What a path is like."""
+    return {"path_m": path.length_m, "reverse_m": path.reverse_m, "turn_on_spot_rad": path.turn_on_spot_rad}
 
 
 def _straight(asked: Question, config: Config) -> Path:
@@ -169,7 +152,7 @@ def _straight(asked: Question, config: Config) -> Path:
 class _Driver:
     """Drives trajectories of the world frame by odometry, and lets the trackers watch."""
 
-    def __init__(self, robot: EmulatedRobot, trackers: Trackers, start: SE2) -> None:
+    def __init__(self, robot: EmulatedRobot, trackers: Sequence[Tracked], start: SE2) -> None:
         self._robot, self._trackers, self._start = robot, trackers, start
         self._command = STOP
         self.truth: list[StampedPose] = []
@@ -186,7 +169,7 @@ class _Driver:
             result = tracker.command(stamp_ns, pose, 0.0, True)
             self._command = result.command
             if result.status in (FollowStatus.ARRIVED, FollowStatus.DIVERGED):
-                self._command = VelocityCommand(0.0, 0.0)
+                self._command = STOP
                 return result.status
         return FollowStatus.STALE
 
@@ -197,7 +180,8 @@ class _Driver:
 
     def _step(self) -> tuple[int, SE2]:
         frame, odometry = self._robot.step(self._command)
-        self._trackers.track(frame, odometry)
+        for tracked in self._trackers:
+            tracked.track(frame, odometry)
         self.truth.append(StampedPose(frame.stamp_ns, self._robot.truth.T_world_cam))
         self._bases.append(self._robot.truth.T_world_base)
         self.odometry.append(SE3.from_se2(odometry.T_odom_base) @ self._robot.T_base_cam_given)

@@ -21,43 +21,33 @@ import msgspec
 
 import vsx_ros
 from vsx_ros.config import Config, to_dict
-from vsx_ros.errors import InputError, reason_of
+from vsx_ros.errors import InputError, explained, reason_of
 from vsx_ros.limits import LOG_BYTES, file_bytes, json_tree
 
 PACKAGE = Path(vsx_ros.__file__).parent
 _PACKAGES = ("vsx_ros", "numpy", "cv2", "numba")
-_DIGITS = 12
+_DIGITS = 12  # of hashes; enough to tell commits and configurations apart
 
 
-class Row(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """commit: git's, None outside of a checkout. dirty: whether code of the checkout was not committed; None where only
-    the commit is known by which the row came into the repository. code: hash of the sources that were run, config: of
-    the configuration; empty where unknown. machine: processor, cores, load. when: UTC."""
+class Provenance(msgspec.Struct, frozen=True):
+    """What all rows of one process rest on. commit: git's, None outside of a checkout. dirty: whether code of the
+    checkout was not committed; None where only the commit is known by which the row came into the repository. code:
+    hash of the sources that were run, config: of the configuration; empty where unknown."""
 
     commit: str | None
     dirty: bool | None
     code: str
     config: str
     versions: dict[str, str]
+
+
+class Row(Provenance, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """machine: processor, its cores, and how many processes want one (load, 1 min mean). when: UTC, to the second."""
+
     machine: dict[str, Any]
     when: str
     asked: dict[str, Any]
     result: Any
-
-
-class Provenance(msgspec.Struct, frozen=True):
-    """What all rows of one process rest on; the fields of ``Row``."""
-
-    commit: str | None
-    dirty: bool | None
-    code: str
-    config: str
-    versions: dict[str, str]
-
-
-def provenance(config: Config, rooms: Sequence[Path]) -> Provenance:
-    """Of this process, now."""
-    return Provenance(*_commit(rooms), code_hash(rooms), config_hash(config), _versions())
 
 
 def made_by() -> str:
@@ -76,7 +66,7 @@ def code_hash(rooms: Iterable[Path]) -> str:
     return digest.hexdigest()[:_DIGITS]
 
 
-def config_hash(config: Config) -> str:
+def _config_hash(config: Config) -> str:
     """Of every parameter, those that were not set too."""
     return hashlib.sha256(json.dumps(to_dict(config), sort_keys=True).encode()).hexdigest()[:_DIGITS]
 
@@ -88,10 +78,8 @@ def tell(line: str) -> None:
 
 def read_rows(path: Path, say: Callable[[str], None]) -> list[Row]:
     """All whole rows; what is none is told, a sentence each, and left out. Raises InputError if it cannot be read."""
-    try:
+    with explained(InputError, f"{path} cannot be used", "choose another --out"):
         content = file_bytes(path, LOG_BYTES) if path.exists() else b""
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path} cannot be used ({reason_of(error)}); choose another --out") from error
     rows = []
     for number, line in enumerate(content.splitlines(), start=1):
         try:
@@ -107,17 +95,14 @@ class Store:
     def __init__(self, path: Path, config: Config | None = None, rooms: Sequence[Path] = (PACKAGE,)) -> None:
         """config: that of the runs; rooms: files and folders with the code they judge. Rows that do not hold stay in
         the file, and are told in a sentence. Raises InputError when the file cannot be used."""
-        try:
+        with explained(InputError, f"{path} cannot be used", "choose another --out", OSError):
             path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"{path} cannot be used ({reason_of(error)}); choose another --out") from error
-        rests_on = provenance(config or Config(), rooms)
-        self._path, self._rests_on, self._rooms = path, rests_on, rooms
+        hashes = code_hash(rooms), _config_hash(config or Config())
+        self._path, self._rooms = path, rooms
+        self._rests_on = Provenance(*_commit(rooms), *hashes, _versions())
         rows = read_rows(path, tell)
-        of_now = [row for row in rows if (row.code, row.config) == (rests_on.code, rests_on.config)]
-        self._known = {_key(row.asked): row.result for row in of_now}
-        for told in _others(path, rows, rests_on):
-            tell(told)
+        self._known = {_key(row.asked): row.result for row in rows if (row.code, row.config) == hashes}
+        self._tell_others(rows)
 
     def __contains__(self, asked: Mapping[str, Any]) -> bool:
         return _key(asked) in self._known
@@ -132,41 +117,27 @@ class Store:
             raise InputError(
                 f"the code was changed while it was measured for {self._path}; begin again with it as it is"
             )
-        row = {**msgspec.structs.asdict(self._rests_on), "machine": machine(), "when": now()}
+        machine = {"processor": _processor(), "cores": os.cpu_count(), "load": round(os.getloadavg()[0], 1)}
+        when = datetime.now(timezone.utc).isoformat(timespec="seconds")
+        row = {**msgspec.structs.asdict(self._rests_on), "machine": machine, "when": when}
         line = json.dumps({**row, "asked": dict(asked), "result": result}, separators=(",", ":"))
-        try:
-            with self._path.open("a+b") as file:
-                file.seek(max(0, file.seek(0, os.SEEK_END) - 1))
-                torn = file.read(1) not in (b"\n", b"")
-                file.write(b"\n" * torn + line.encode() + b"\n")
-        except OSError as error:
-            raise InputError(
-                f"{self._path} cannot be written ({reason_of(error)}); free the disk, then the same command goes on"
-            ) from error
+        remedy = "free the disk, then the same command goes on"
+        with explained(InputError, f"{self._path} cannot be written", remedy, OSError), self._path.open("a+b") as file:
+            file.seek(max(0, file.seek(0, os.SEEK_END) - 1))
+            torn = file.read(1) not in (b"\n", b"")
+            file.write(b"\n" * torn + line.encode() + b"\n")
         self._known[_key(asked)] = json.loads(line)["result"]
 
-
-def machine() -> dict[str, Any]:
-    """Processor, how many cores of it, and how many processes want one [1 min mean]."""
-    return {"processor": _processor(), "cores": os.cpu_count(), "load": round(os.getloadavg()[0], 1)}
-
-
-def now() -> str:
-    """UTC, to the second."""
-    return datetime.now(timezone.utc).isoformat(timespec="seconds")
-
-
-def _others(path: Path, rows: Sequence[Row], rests_on: Provenance) -> list[str]:
-    """What does not hold now, in words."""
-    told = []
-    older = Counter(row.commit or "no commit" for row in rows if row.code != rests_on.code)
-    if older:
-        commits = ", ".join(f"{count} of {commit}" for commit, count in older.items())
-        told.append(f"{path}: rows of other code than the present one do not count ({commits})")
-    changed = sum(row.code == rests_on.code and row.config != rests_on.config for row in rows)
-    if changed:
-        told.append(f"{path}: {changed} rows of another configuration than the present one do not count")
-    return told
+    def _tell_others(self, rows: Sequence[Row]) -> None:
+        """Which rows do not hold now."""
+        code, config = self._rests_on.code, self._rests_on.config
+        older = Counter(row.commit or "no commit" for row in rows if row.code != code)
+        if older:
+            commits = ", ".join(f"{count} of {commit}" for commit, count in older.items())
+            tell(f"{self._path}: rows of other code than the present one do not count ({commits})")
+        changed = sum(row.code == code and row.config != config for row in rows)
+        if changed:
+            tell(f"{self._path}: {changed} rows of another configuration than the present one do not count")
 
 
 def _key(asked: Mapping[str, Any]) -> str:

@@ -9,7 +9,6 @@ from vsx_ros.evaluation.page import Section, csv_text, interval, paragraph, tabl
 from vsx_ros.evaluation.paired import (
     Interval,
     group_means,
-    known,
     mean_interval,
     ratio_interval,
     share_interval,
@@ -30,19 +29,21 @@ _COLUMNS = (
 
 
 class _Measure(NamedTuple):
-    """missing: what it is of a drive that has none; None leaves the drive out."""
+    """missing: what it is of a drive that has none; None leaves the drive out. is_share: of drives, without a ratio: a
+    planner that never broke divides nothing."""
 
     key: str
     name: str
     form: str
     missing: float | None = 0.0  # a tracker that never started has tracked nothing
+    is_share: bool = False
 
 
 _MEASURES = (
     _Measure("u1", "U1", ".3f"),
     *(_Measure(key, f"U2 [frames]: {words}", ".1f") for key, words in U2_READINGS.items()),
     _Measure("u2_seconds", "U2 [s]", ".2f"),
-    _Measure("broken", "broken", ".2f"),
+    _Measure("broken", "broken", ".2f", is_share=True),
     _Measure("held_share", "held until the first loss", ".2f"),
     _Measure("ate_m", "ATE [m]", ".3f", None),
 )
@@ -86,7 +87,7 @@ def _compared(drives: Drives, tracker: str) -> dict[str, Any]:
         tree[measure.key] = {
             **{arm: _mean(_by_world(worlds, of_arm[arm])[0], measure) for arm in ARMS},
             "known": {arm: sum(value is not None for value in of_arm[arm]) for arm in ARMS},
-            "ratio": {arm: None if _is_share(measure) else known(ratio_interval, *pair) for arm, pair in pairs.items()},
+            "ratio": {arm: None if measure.is_share else ratio_interval(*pair) for arm, pair in pairs.items()},
             "chance": {arm: sign_test(*pair) for arm, pair in pairs.items()},
         }
     return tree
@@ -108,14 +109,7 @@ def _by_world(worlds: Sequence[tuple[str, int]], *columns: Column) -> list[list[
 
 
 def _mean(of_worlds: list[float], measure: _Measure) -> Interval | None:
-    if _is_share(measure):
-        return known(share_interval, sum(of_worlds), len(of_worlds))
-    return known(mean_interval, of_worlds)
-
-
-def _is_share(measure: _Measure) -> bool:
-    """Of drives, without a ratio: a planner that never broke divides nothing."""
-    return measure.key == "broken"
+    return share_interval(sum(of_worlds), len(of_worlds)) if measure.is_share else mean_interval(of_worlds)
 
 
 def faults(drives: Drives) -> list[list[str]]:
@@ -138,8 +132,8 @@ def faults(drives: Drives) -> list[list[str]]:
 
 
 def faults_table(rows: Sequence[Sequence[str]]) -> str:
-    """As a part of a page; nothing where there are none."""
-    return table([*DriveTask._fields, "planner", "what"], rows) if rows else ""
+    """As a part of a page."""
+    return table([*DriveTask._fields, "planner", "what"], rows)
 
 
 def table_section(drives: Drives) -> Section:
@@ -166,7 +160,7 @@ def rows_of(tree: dict[str, Any]) -> list[list[str]]:
         some = {arm: f" ({of['known'][arm]} drives)" if of["known"][arm] < tree["drives"] else "" for arm in ARMS}
         cells = [measure.name, *(f"{interval(of[arm], measure.form)}{some[arm]}" for arm in ARMS)]
         for arm in OTHERS:
-            cells += ["" if _is_share(measure) else interval(of["ratio"][arm]), f"{of['chance'][arm]:.2g}"]
+            cells += ["" if measure.is_share else interval(of["ratio"][arm]), f"{of['chance'][arm]:.2g}"]
         rows.append(cells)
     return rows
 

@@ -1,17 +1,14 @@
 """The two trackers of the paper's comparison, fed with the same frames."""
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterable, Mapping
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vsx_ros.config import Config, overridden
-from vsx_ros.errors import InputError
-from vsx_ros.evaluation.tracking import find_breaks
-from vsx_ros.evaluation.trajectory import AlignmentKind, Pairs, align, trajectory_error
-from vsx_ros.geometry.se3 import SE3
-from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.evaluation.trajectory import AlignmentKind, Pairs, align, find_breaks, trajectory_error
+from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.sim.robot import EmulatedRobot
 from vsx_ros.slam.slam import SequentialSlam
@@ -30,8 +27,8 @@ U2_READINGS = {
 }
 """What "frames in which every point is tracked" can mean: key of the numbers, and words."""
 Record = Mapping[str, NDArray[Any]]
-WRONG_M = 0.15
-_ENOUGH_POSES = 10
+WRONG_M = 0.15  # RMS error of a drive of a few metres from which on tracking counts as broken
+_ENOUGH_POSES = 10  # to align an estimate with the truth
 
 # PTAM's rule: 20 frames of 30 Hz apart, a distance in proportion to the depth, and never for a turn.
 _PAPER = {
@@ -42,38 +39,26 @@ _PAPER = {
 }
 
 
-class Trackers:
-    """``track`` each frame by all of them."""
+class Tracked:
+    """One tracker and what it said. metric: whether it has odometry, hence metres; without, it predicts by its own
+    motion and the image's."""
 
-    def __init__(self, robot: EmulatedRobot, config: Config, seed: int) -> None:
-        paper = overridden(config, _PAPER).slam
-        self.all = (
-            Tracked(PAPER, SequentialSlam(robot.camera_given, None, paper, seed), metric=False),
-            Tracked(FULL, SequentialSlam(robot.camera_given, robot.T_base_cam_given, config.slam, seed), metric=True),
-        )
+    def __init__(self, name: str, slam: SequentialSlam, *, metric: bool) -> None:
+        self.name, self._slam, self._metric = name, slam, metric
+        self._results: list[TrackingResult] = []
+        self.begin()
 
     def begin(self) -> None:
         """From here on the frames are those of the drive; before it is the straight start."""
-        for tracked in self.all:
-            tracked.begun, tracked.before, tracked.at_loss = len(tracked.results), tracked.slam.record(), None
+        self._begun, self._before = len(self._results), self._slam.record()
+        self._at_loss: Record | None = None
 
     def track(self, frame: Frame, odometry: Odometry) -> None:
-        """One frame; the paper's tracker sees no odometry: it predicts by its own motion and the image's."""
-        for tracked in self.all:
-            result = tracked.slam.track(frame, odometry if tracked.metric else None)
-            tracked.results.append(result)
-            if result.state is TrackingState.LOST and tracked.at_loss is None:
-                tracked.at_loss = tracked.slam.record()
-
-
-class Tracked:
-    """One tracker and what it said. metric: whether it has odometry, hence metres."""
-
-    def __init__(self, name: str, slam: SequentialSlam, *, metric: bool) -> None:
-        self.name, self.slam, self.metric = name, slam, metric
-        self.results: list[TrackingResult] = []
-        self.begun, self.before = 0, slam.record()
-        self.at_loss: Record | None = None
+        """One frame, the same for all."""
+        result = self._slam.track(frame, odometry if self._metric else None)
+        self._results.append(result)
+        if result.state is TrackingState.LOST and self._at_loss is None:
+            self._at_loss = self._slam.record()
 
     def judged(self, truth: list[StampedPose], odometry: list[SE3]) -> dict[str, Any]:
         """U1, U2, losses, breaks and errors of the drive.
@@ -82,22 +67,23 @@ class Tracked:
         than 15 cm rms, or (where it knows metres) jumped against odometry. held_share: of the drive until the first
         loss.
         """
-        drive = list(zip(self.results, truth, odometry, strict=True))[self.begun :]
+        drive = list(zip(self._results, truth, odometry, strict=True))[self._begun :]
         results = [result for result, _, _ in drive]
         tracked = [result.state.tracked and result.T_world_cam is not None for result in results]
         ratios = [r.found / r.searched if ok and r.searched else 0.0 for r, ok in zip(results, tracked, strict=True)]
         lost = [result.state is TrackingState.LOST for result in results]
         first_lost = lost.index(True) if any(lost) else len(results)
-        known = [(r.T_world_cam, t.T) for r, t, _ in drive if r.state.tracked and r.T_world_cam is not None]
-        error_m = _error_m(known, "yaw" if self.metric else "sim3")
-        jumps = find_breaks(results, [w for _, _, w in drive]) if self.metric else []
-        statistics, record = self.slam.statistics(), self.slam.record()
+        known = _tracked_pairs((r, t) for r, t, _ in drive)
+        kind: AlignmentKind = "yaw" if self._metric else "sim3"
+        error_m = trajectory_error(known, kind).ate_rmse_m if len(known) >= _ENOUGH_POSES else None
+        jumps = find_breaks(results, [w for _, _, w in drive]) if self._metric else []
+        statistics, record = self._slam.statistics(), self._slam.record()
         return {
             "started": statistics.initialized_at_s is not None,
             "u1": float(np.mean(ratios)),
             "u1_until_loss": float(np.mean(ratios[:first_lost])) if first_lost else 0.0,
             "u2_seconds": statistics.u2_seconds,
-            **_u2_readings(self.before, self.at_loss or record, record),
+            **_u2_readings(self._before, self._at_loss or record, record),
             "tracked_share": float(np.mean(tracked)),
             "losses": int(np.count_nonzero(np.diff(np.array([False, *lost]).astype(int)) > 0)),
             "broken": bool(lost[-1] or not any(tracked) or error_m is None or error_m > WRONG_M or jumps),
@@ -109,36 +95,36 @@ class Tracked:
     def _estimate(self, truth: list[StampedPose]) -> list[list[float] | None]:
         """The estimated way in the world's frame, four times a second, None where it was lost: the estimate is laid on
         the truth at the start of the drive, with its scale where it has none of its own."""
-        known = [(r.T_world_cam, t.T) for r, t in zip(self.results, truth, strict=True) if r.T_world_cam is not None]
-        before = [
-            (r.T_world_cam.translation, t.T.translation)
-            for r, t in zip(self.results[: self.begun], truth)
-            if r.state.tracked and r.T_world_cam is not None
-        ]
+        known = [(r.T_world_cam, t.T) for r, t in zip(self._results, truth, strict=True) if r.T_world_cam is not None]
+        before = _tracked_pairs(zip(self._results[: self._begun], truth))
         if len(before) < 3 or not known:
             return []
-        estimate, real = (np.array(rows) for rows in zip(*before, strict=True))
+        estimate, real = (np.array([T.translation for T in poses]) for poses in zip(*before, strict=True))
         T_estimate, T_real = known[0]
-        scale = 1.0 if self.metric else align(estimate, real, "sim3").scale
+        scale = 1.0 if self._metric else align(estimate, real, "sim3").scale
         rotation = T_real.rotation @ T_estimate.rotation.T
-        way: list[list[float] | None] = []
-        for result in self.results[self.begun :: 4]:
+
+        def in_world(result: TrackingResult) -> list[float] | None:
             if result.T_world_cam is None or not result.state.tracked:
-                way.append(None)
-                continue
+                return None
             moved = scale * rotation @ (result.T_world_cam.translation - T_estimate.translation) + T_real.translation
-            way.append(moved[:2].round(3).tolist())
-        return way
+            return cast(list[float], moved[:2].round(3).tolist())
+
+        return [in_world(result) for result in self._results[self._begun :: 4]]
 
 
-def _error_m(pairs: Pairs, kind: AlignmentKind) -> float | None:
-    """ATE of tracked poses, None where they are too few."""
-    if len(pairs) < _ENOUGH_POSES:
-        return None
-    try:
-        return trajectory_error(pairs, kind).ate_rmse_m
-    except InputError:
-        return None
+def _tracked_pairs(frames: Iterable[tuple[TrackingResult, StampedPose]]) -> Pairs:
+    """The estimated and the true pose of each frame that was tracked."""
+    return [(r.T_world_cam, t.T) for r, t in frames if r.state.tracked and r.T_world_cam is not None]
+
+
+def both_trackers(robot: EmulatedRobot, config: Config, seed: int) -> tuple[Tracked, Tracked]:
+    """The paper's and the full one, with nothing seen yet."""
+    camera, paper = robot.camera_given, overridden(config, _PAPER).slam
+    return (
+        Tracked(PAPER, SequentialSlam(camera, None, paper, seed), metric=False),
+        Tracked(FULL, SequentialSlam(camera, robot.T_base_cam_given, config.slam, seed), metric=True),
+    )
 
 
 def _u2_readings(before: Record, until_loss: Record, record: Record) -> dict[str, float | None]:

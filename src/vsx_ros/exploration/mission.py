@@ -22,21 +22,19 @@ from vsx_ros.exploration.decision import (
     MissionState,
     NavigationState,
     Outcome,
+    SavedMission,
     Situation,
 )
-from vsx_ros.exploration.home import Home
-from vsx_ros.exploration.recovery import Recovery
-from vsx_ros.exploration.saved_mission import SavedMission
-from vsx_ros.exploration.trail import Trail
+from vsx_ros.exploration.recovery import Recovery, Trail
 from vsx_ros.exploration.utility import TravelCostsFrom
 from vsx_ros.exploration.view_selector import ViewSelector
-from vsx_ros.exploration.view_tour import ViewTour
+from vsx_ros.exploration.view_tour import Home, ViewTour
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.slam.state import TrackingState
 
 _SECOND_NS = 1_000_000_000
 _RELOCALISE_WAIT_NS = _SECOND_NS
-_RECOGNISE_WAIT_NS = 5 * _SECOND_NS
+_RECOGNISE_WAIT_NS = 5 * _SECOND_NS  # for the camera to be recognised before the robot moves
 
 
 class Mission:
@@ -96,7 +94,7 @@ class Mission:
     def to_save(self, now_ns: int, T_odom_base: SE2) -> SavedMission:
         """What another session needs to go on from here."""
         trail = [T_odom_base.inverse() @ pose for pose in self._trail.poses]
-        looked_from, blacklist = list(self.view_selector.viewpoints.poses), self.view_selector.blacklist.left(now_ns)
+        looked_from, blacklist = list(self.view_selector.looked_from), self.view_selector.blacklist.left(now_ns)
         paused, over = self.state is MissionState.PAUSED, self.state is MissionState.DONE
         return SavedMission(looked_from, blacklist, trail, self._home.asked and not over, self._home.pose, paused)
 
@@ -105,7 +103,7 @@ class Mission:
         it. One that was paused, before or meanwhile, stands until it is told to go on; one that was stopped meanwhile
         has ended, and remembers all the same."""
         paused = saved.paused or self.state is MissionState.PAUSED
-        self.view_selector.viewpoints.poses = list(saved.looked_from)
+        self.view_selector.looked_from = list(saved.looked_from)
         self._home.restore(saved.home, saved.going_home)
         self.view_selector.blacklist.restore(now_ns, saved.blacklist)
         for pose in saved.trail:
@@ -128,7 +126,7 @@ class Mission:
             (self._trail.driven_back_to if backing else self._trail.add)(situation.T_odom_base)
         self._home.observe(situation)
         if situation.T_map_base is not None and situation.slam_state is TrackingState.GOOD:
-            self.view_selector.viewpoints.add(situation.T_map_base)
+            self.view_selector.look_from(situation.T_map_base)
         if self.state is MissionState.DONE:
             return self._log.answer(Action.FINISH, self._log.reason)
         active = situation.navigation is NavigationState.ACTIVE

@@ -1,26 +1,97 @@
-"""What to try, step by step, when the camera is lost (the paper's robot stops there): back along the way it came, on to
-the place on it that shows most known landmarks, then to the sides, then once around on the spot. Never over ground that
-was not driven or known."""
+"""The way the robot came, and what to try, step by step, when the camera is lost (the paper's robot stops there): back
+along that way, on to the place on it that shows most known landmarks, then to the sides, then once around on the spot.
+Never over ground that was not driven or known."""
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
 from vsx_ros.config import ExplorationConfig
 from vsx_ros.exploration.decision import Situation
-from vsx_ros.exploration.trail import Trail
 from vsx_ros.exploration.utility import count_landmarks, traversable_cells
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 
+_TURN_RAD = 0.2  # between poses of the trail on a bend; with the spacing, what a radian is worth in metres
 SPOT_TURN = SE2(0.0, 0.0, math.pi / 4.0)
 """Where all arcs are blocked: a round body touches nothing new."""
-_SAMPLES = 8
+_SAMPLES = 8  # places of the arc that are checked, every 5 cm
 _ARCS, _TURNS = 4, round(2.0 * math.pi / SPOT_TURN.theta)  # turns: once around
 _MOST_STEPS = 40  # back: of a robot that does not move, or whose steps are all cut short
-_NEAR_M = 0.05
-_HOLD_NS, _AGAIN_NS = 1_000_000_000, 10_000_000_000
+_NEAR_M = 0.05  # less of the way back is not worth a drive
+_HOLD_NS, _AGAIN_NS = 1_000_000_000, 10_000_000_000  # tracked so long it is over; lost so soon again, it was not
+
+
+class Trail:
+    """The one piece of ground that is surely free, by odometry: poses at least spacing_m [m] or a turn on the spot
+    apart, oldest first; driving back along it shortens it."""
+
+    def __init__(self, spacing_m: float, length_m: float = 5.0) -> None:
+        self._spacing_m = spacing_m
+        self._capacity = max(2, int(length_m / spacing_m))
+        self._poses: list[SE2] = []
+        self._epoch: int | None = None
+
+    def __len__(self) -> int:
+        return len(self._poses)
+
+    @property
+    def poses(self) -> tuple[SE2, ...]:
+        """The trail, oldest first."""
+        return tuple(self._poses)
+
+    def enter_epoch(self, odom_epoch: int) -> bool:
+        """Whether it is another one than last time; then nobody knows where the poses lie, and they are forgotten."""
+        other = self._epoch not in (None, odom_epoch)
+        self._epoch = odom_epoch
+        if other:
+            self.clear()
+        return other
+
+    def clear(self) -> None:
+        """The base was carried: the way it came is not behind it."""
+        self._poses.clear()
+
+    def add(self, T_odom_base: SE2) -> None:
+        """Append the pose when it is far enough from the last one."""
+        last = self._poses[-1] if self._poses else None
+        near = last is not None and last.distance_to(T_odom_base) < self._spacing_m
+        if last is None or not near or abs(last.angle_to(T_odom_base)) >= _TURN_RAD:
+            self._poses.append(T_odom_base)
+            del self._poses[: -self._capacity]
+
+    @property
+    def length_m(self) -> float:
+        """The way along the trail [m]."""
+        return sum(a.distance_to(b) for a, b in pairwise(self._poses))
+
+    def driven_back_to(self, T_odom_base: SE2) -> None:
+        """Let the trail of a robot that backs along it end where the robot is by now."""
+        poses, per_rad_m = self._poses, self._spacing_m / _TURN_RAD
+
+        def off_m(pose: SE2) -> float:
+            return pose.distance_to(T_odom_base) + per_rad_m * abs(pose.angle_to(T_odom_base))
+
+        while len(poses) > 1 and off_m(poses[-2]) <= off_m(poses[-1]):
+            poses.pop()
+
+    def back(self, distance_m: float) -> SE2 | None:
+        """The pose about distance_m [m] before the end, or nearer, where the robot changed between ahead and reverse or
+        had turned on the spot: a drive that cut this corner would leave the trail. The pose before the turn, where the
+        trail ends with one. None on a short trail."""
+        if len(self._poses) < 2:
+            return None
+        at, back_m, before = len(self._poses) - 1, 0.0, 0
+        while at > 0 and back_m < distance_m - 0.5 * self._spacing_m:
+            step = self._poses[at - 1].inverse() @ self._poses[at]
+            moved_m = step.distance_to(SE2())
+            kind = 0 if moved_m < 0.5 * self._spacing_m else 1 if step.x > 0.0 else -1
+            if at < len(self._poses) - 1 and kind != before:
+                break
+            before, back_m, at = kind, back_m + moved_m, at - 1
+        return self._poses[at]
 
 
 def escape_arc(
@@ -33,7 +104,7 @@ def escape_arc(
     way = 1.0 if ahead else -1.0
     for sign, turn in ((way, 1.0), (-way, 1.0), (way, -1.0), (-way, -1.0)):
         steps = np.linspace(0.0, length_m, _SAMPLES)[1:]
-        arc = [SE2.exp(float(sign * s), 0.0, float(turn * s * bend_rad_m)) for s in steps]
+        arc = [SE2.exp(float(sign * s), float(turn * s * bend_rad_m)) for s in steps]
         places = [T_map_base @ pose for pose in arc]
         cells = grid.cells(np.array([(place.x, place.y) for place in places]))
         if grid.contains(cells).all() and room[cells[:, 0], cells[:, 1]].all():
@@ -110,18 +181,13 @@ class Recovery:
         """Over free ground to the sides; then around on the spot: a round body touches nothing new, and there is no
         tracking left to break."""
         assert situation.T_odom_base is not None
-        arc = self._free_arc(situation)
-        if arc is not None:
-            return situation.T_odom_base @ arc, "lost: turning to look elsewhere"
+        if self._arcs < _ARCS and situation.grid is not None and situation.T_map_base is not None:
+            self._arcs += 1
+            place, ahead, step_m = situation.T_map_base, self._arcs % 2 == 0, self._config.backtrack_step_m
+            arc = escape_arc(situation.grid, place, self._radius_m, self._bend_rad_m, step_m, ahead)
+            if arc is not None:
+                return situation.T_odom_base @ arc, "lost: turning to look elsewhere"
         if self._turns == _TURNS:
             return None
         self._turns += 1
         return situation.T_odom_base @ SPOT_TURN, f"lost: looking around on the spot ({self._turns} of {_TURNS})"
-
-    def _free_arc(self, situation: Situation) -> SE2 | None:
-        if self._arcs == _ARCS or situation.grid is None or situation.T_map_base is None:
-            return None
-        ahead = self._arcs % 2 == 1
-        self._arcs += 1
-        step_m = self._config.backtrack_step_m
-        return escape_arc(situation.grid, situation.T_map_base, self._radius_m, self._bend_rad_m, step_m, ahead)

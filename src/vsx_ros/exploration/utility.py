@@ -1,7 +1,7 @@
 """Which view to drive to next: utility U = v / d (paper eq. 12) over candidate views.
 
 v is the unknown area a view would show, found by ray casting within the camera's field of view, with the probability
-that nothing unknown hides it, and the information in it (``information_gain.py``).
+that nothing unknown hides it, and the information in it (``unknown_ground.py``).
 d is the length of the motion-bounded path plus what a stop costs. A view that would show too few known landmarks is
 worth less, for the tracker has to live there.
 """
@@ -13,20 +13,21 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+from scipy.spatial import cKDTree
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2
 from vsx_ros.config import ExplorationConfig
-from vsx_ros.exploration.goal_blacklist import near_poses
-from vsx_ros.exploration.information_gain import information_weights, opaque_walls
+from vsx_ros.exploration.unknown_ground import information_weights, opaque_walls
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.kernels.occupancy.visibility import unknown_area_by_bearing, visible_landmarks, window_sums
+from vsx_ros.kernels.occupancy.visibility import unknown_area_by_bearing
+from vsx_ros.occupancy.distance import landmarks_in_view
 from vsx_ros.occupancy.grid import FREE, OccupancyGrid
 from vsx_ros.registry import Registry
 
-BEARINGS = 72
-HEADINGS = 24
-_LANDMARK_RANGE = (0.5, 6.0)
-_FEWER, _MOST_ROUNDS = 3, 5
+BEARINGS = 72  # every 5 deg; at 3 m rays are 26 cm apart
+HEADINGS = 24  # of candidates, every 15 deg; a divisor of BEARINGS
+_LANDMARK_RANGE, _MOST_LANDMARKS = (0.5, 6.0), 2000  # m that points are matched from; an even part of more does
+_FEWER, _MOST_ROUNDS = 3, 5  # times fewer landmarks do where no view has enough; rounds of max_ranked_views, for time
 
 
 class View(NamedTuple):
@@ -116,6 +117,16 @@ def traversable_cells(grid: OccupancyGrid, radius_m: float) -> BoolArray:
     return room
 
 
+def near_poses(poses: FloatArray, others: FloatArray, radius_m: float, angle: float) -> BoolArray:
+    """(N,) which of the poses (N, 3) lie within radius [m] and angle [rad] of any of the others (M, 3)."""
+    near = np.zeros(len(poses), np.bool_)
+    if len(poses) and len(others):
+        pairs = cKDTree(poses[:, :2]).sparse_distance_matrix(cKDTree(others[:, :2]), radius_m, output_type="ndarray")
+        turn = (poses[pairs["i"], 2] - others[pairs["j"], 2] + np.pi) % (2 * np.pi) - np.pi
+        near[pairs["i"][(pairs["v"] < radius_m) & (np.abs(turn) < angle)]] = True
+    return near
+
+
 def view_gain(grid: OccupancyGrid, positions: Points2, weights: FloatArray, config: ExplorationConfig) -> FloatArray:
     """(N, BEARINGS) unknown area [m2], weighted by weights (S, H, W), in the field of view from each position (N, 2)
     [m], looking at each bearing k * 2 pi / BEARINGS."""
@@ -126,6 +137,15 @@ def view_gain(grid: OccupancyGrid, positions: Points2, weights: FloatArray, conf
     )  # fmt: skip
     window = max(1, round(config.sensor_fov_rad / (2 * math.pi) * BEARINGS))
     return window_sums(per_bearing, window)
+
+
+def window_sums(per_bearing: FloatArray, window: int) -> FloatArray:
+    """(N, B) sums over ``window`` neighbouring bearings (cyclic) centred on each: what a field of view covers."""
+    b = per_bearing.shape[1]
+    extended = np.concatenate([per_bearing, per_bearing[:, :window]], axis=1)
+    cumulative = np.concatenate([np.zeros((len(per_bearing), 1)), np.cumsum(extended, axis=1)], axis=1)
+    sums = cumulative[:, window : window + b] - cumulative[:, :b]
+    return np.roll(sums, window // 2, axis=1)
 
 
 def gain_at(
@@ -140,24 +160,23 @@ def gain_at(
 
 def rank_views(asked: RankingInput) -> Ranking:
     """Rank views on a raster over the standing room (eq. 12)."""
-    grid, radius_m, landmarks_world, looked_from, travel_costs, blacklist, config = asked
-    opaque = opaque_walls(grid, 2.0 * radius_m, config.wall_gap_m)
-    weights = information_weights(opaque, looked_from, config)
+    config = asked.config
+    opaque = opaque_walls(asked.grid, 2.0 * asked.radius_m, config.wall_gap_m)
     rejected = dict.fromkeys(Rejection, 0)
-    candidates, gains = _candidates(grid, opaque, radius_m, weights, config, rejected)
+    candidates, gains = _candidates(asked, opaque, rejected)
     if len(candidates) == 0:
         return Ranking([], rejected)
-    spacing, looks = config.look_spacing_m, [SE2(*pose) for pose in looked_from.tolist()]
-    looked, failed = near_poses(candidates, looks, spacing, spacing), blacklist(candidates)
+    looked = near_poses(candidates, asked.looked_from, config.look_spacing_m, config.look_spacing_m)
+    failed = asked.blacklist(candidates)
     rejected[Rejection.LOOKED], rejected[Rejection.BLACKLISTED] = int(looked.sum()), int((failed & ~looked).sum())
     candidates, gains = candidates[~looked & ~failed], gains[~looked & ~failed]
-    distances = travel_costs(candidates) if len(candidates) else np.zeros(0)
+    distances = asked.travel_costs(candidates) if len(candidates) else np.zeros(0)
     reachable = np.isfinite(distances)
     rejected[Rejection.UNREACHABLE] = int((~reachable).sum())
     worthy = reachable & (gains >= config.min_utility_m * (distances + config.stop_cost_m))
     rejected[Rejection.NOT_WORTH] = int((reachable & ~worthy).sum())
     candidates, gains, distances = candidates[worthy], gains[worthy], distances[worthy]
-    views = _with_landmarks(opaque, candidates, gains, distances, landmarks_world, config)
+    views = _with_landmarks(asked, opaque, candidates, gains, distances)
     enough = [view for view in views if view.landmarks >= config.min_landmarks]
     rejected[Rejection.FEW_LANDMARKS] = len(views) - len(enough)
     # Where nothing better is left, little to hold on to is better than to stop.
@@ -166,14 +185,10 @@ def rank_views(asked: RankingInput) -> Ranking:
 
 
 def _with_landmarks(
-    opaque: OccupancyGrid,
-    candidates: FloatArray,
-    gains: FloatArray,
-    distances: FloatArray,
-    landmarks_world: FloatArray,
-    config: ExplorationConfig,
+    asked: RankingInput, opaque: OccupancyGrid, candidates: FloatArray, gains: FloatArray, distances: FloatArray
 ) -> list[View]:
     """Views out of the candidates (N, 3), most promising first, until none that is left can be better than the best."""
+    config = asked.config
     hopes = gains / (distances + config.stop_cost_m)
     order = np.argsort(-hopes, kind="stable")
     views: list[View] = []
@@ -181,7 +196,7 @@ def _with_landmarks(
         best = max((view.utility for view in views if view.landmarks >= config.min_landmarks), default=0.0)
         if best >= hopes[chosen[0]] or (best and number == _MOST_ROUNDS):
             break
-        seen = count_landmarks(opaque, candidates[chosen], landmarks_world, config)
+        seen = count_landmarks(opaque, candidates[chosen], asked.landmarks_world, config)
         for i, count in zip(chosen.tolist(), seen.tolist(), strict=True):
             utility = float(hopes[i]) * min(1.0, count / config.good_landmarks)
             pose = SE2(*map(float, candidates[i]))
@@ -200,26 +215,17 @@ def _rounds(order: IntArray, most: int) -> list[IntArray]:
 def count_landmarks(
     grid: OccupancyGrid, poses: FloatArray, landmarks_world: FloatArray, config: ExplorationConfig
 ) -> IntArray:
-    """(N,) known landmarks that each pose (N, 3) would have in view, estimated on at most 2000 of them."""
-    stride = -(-len(landmarks_world) // 2000) or 1
-    sample = np.ascontiguousarray(landmarks_world[::stride, :2], dtype=np.float64).reshape(-1, 2)
-    counts: IntArray = stride * visible_landmarks(
-        grid.data, grid.resolution, grid.origin_x, grid.origin_y, np.ascontiguousarray(poses), sample,
-        0.5 * config.sensor_fov_rad, *_LANDMARK_RANGE,
-    )  # fmt: skip
-    return counts
+    """(N,) known landmarks that each pose (N, 3) would have in view, estimated on some of them."""
+    half_fov_rad = 0.5 * config.sensor_fov_rad
+    return landmarks_in_view(grid, poses, landmarks_world, half_fov_rad, _LANDMARK_RANGE, _MOST_LANDMARKS)
 
 
 def _candidates(
-    grid: OccupancyGrid,
-    opaque: OccupancyGrid,
-    radius_m: float,
-    weights: FloatArray,
-    config: ExplorationConfig,
-    rejected: dict[Rejection, int],
+    asked: RankingInput, opaque: OccupancyGrid, rejected: dict[Rejection, int]
 ) -> tuple[FloatArray, FloatArray]:
     """(N, 3) poses and (N,) gains [m2] worth costing: the best headings of raster cells with standing room."""
-    room = traversable_cells(grid, radius_m + config.view_margin_m)
+    grid, config = asked.grid, asked.config
+    room = traversable_cells(grid, asked.radius_m + config.view_margin_m)
     stride = max(1, round(config.view_spacing_m / grid.resolution))
     cells = np.argwhere(room)
     cells = cells[(cells[:, 0] % stride == 0) & (cells[:, 1] % stride == 0)]
@@ -227,6 +233,7 @@ def _candidates(
         rejected[Rejection.NO_ROOM] = int(room.size)
         return np.zeros((0, 3)), np.zeros(0)
     positions = grid.centres(cells)
+    weights = information_weights(opaque, asked.looked_from, config)
     gain = view_gain(opaque, positions, weights, config)[:, :: BEARINGS // HEADINGS]
     enough = gain >= config.min_gain_m2
     rejected[Rejection.NO_GAIN] = int((~enough).sum())

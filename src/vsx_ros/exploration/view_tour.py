@@ -3,19 +3,54 @@ home when asked."""
 
 from vsx_ros.config import Config
 from vsx_ros.exploration.decision import Action, Decision, MissionLog, NavigationState, Outcome, Situation
-from vsx_ros.exploration.home import Home
-from vsx_ros.exploration.recovery import SPOT_TURN, escape_arc
-from vsx_ros.exploration.trail import Trail
+from vsx_ros.exploration.recovery import SPOT_TURN, Trail, escape_arc
 from vsx_ros.exploration.utility import Rejection, View
 from vsx_ros.exploration.view_selector import ExpectedGain, ViewSelector
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 
 _SECOND_NS = 1_000_000_000
-_EMPTY_WAIT_NS = 2 * _SECOND_NS
-_SETTLE_NS, _BRAKE_NS = _SECOND_NS, _SECOND_NS // 2
-_HOME_AGAIN_NS = 5 * _SECOND_NS
-_MOST_BLOCKED = 30
+_EMPTY_WAIT_NS = 2 * _SECOND_NS  # no view: the mapper may still be making the map
+_SETTLE_NS, _BRAKE_NS = _SECOND_NS, _SECOND_NS // 2  # for the map after a goal; for the base to stand
+_HOME_AGAIN_NS = 5 * _SECOND_NS  # between tries to get home
+_MOST_BLOCKED = 30  # steps away from a hazard in vain
+_MOST_TRIES = 5  # to get home, before the run ends where it is
+
+
+class Home:
+    """Where the exploration began, and the way back to it, which may fail a few times; ``observe`` every situation.
+    pose: T_map_base; None until the camera knows the map. asked: whether to go there."""
+
+    def __init__(self) -> None:
+        self.pose: SE2 | None = None
+        self.asked = False
+        self._begun: tuple[int, SE2] | None = None
+        self._tries = 0
+        self._why = ""
+
+    def restore(self, pose: SE2 | None, asked: bool) -> None:
+        """Go on from a session before; asked: whether it was on its way home, and this one may be already."""
+        self.pose, self.asked = pose, asked or self.asked
+
+    def observe(self, situation: Situation) -> None:
+        """Odometry knows the way from where the exploration, or the odometry's epoch, began to where the camera first
+        knows the map."""
+        if self.pose is not None or situation.T_odom_base is None:
+            return
+        if self._begun is None or self._begun[0] != situation.odom_epoch:
+            self._begun = situation.odom_epoch, situation.T_odom_base
+        if situation.slam_state.tracked and situation.T_map_base is not None:
+            self.pose = situation.T_map_base @ situation.T_odom_base.inverse() @ self._begun[1]
+
+    def failed(self, reason: str) -> str:
+        """A drive home ended elsewhere, for this reason; in words, with the number of tries."""
+        self._tries, self._why = self._tries + 1, reason
+        return f"home was not reached, try {self._tries} of {_MOST_TRIES}: {reason}"
+
+    @property
+    def out_of_reach(self) -> str:
+        """Why not to try again; empty while there are tries left."""
+        return f"home was not reached in {_MOST_TRIES} tries: {self._why}" if self._tries >= _MOST_TRIES else ""
 
 
 class ViewTour:
@@ -50,7 +85,7 @@ class ViewTour:
         if self._home.asked and self._goal is not None:
             return self._log.finish(now_ns, Outcome.HOME, "returned to the start")
         if self._goal is not None:
-            self._view_selector.viewpoints.poses.append(self._goal.pose)
+            self._view_selector.looked_from.append(self._goal.pose)
         self.forget_goal()
         if situation.grid is None or situation.T_map_base is None:
             return self._log.answer(Action.WAIT, "waiting for the ground map")

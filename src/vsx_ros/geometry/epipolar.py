@@ -8,7 +8,7 @@ import numpy as np
 from vsx_ros.arrays import BoolArray, FloatArray, Points2, Points3
 from vsx_ros.geometry.se3 import SE3, skew
 
-_CHI2_LINE, _CHI2_POINT = 3.84, 5.99
+_CHI2_LINE, _CHI2_POINT = 3.84, 5.99  # 95 % of chi-squared, one and two degrees of freedom (as ORB-SLAM)
 
 
 class TwoViewMotions(NamedTuple):
@@ -31,7 +31,7 @@ def two_view_motions(rays_a: Points2, rays_b: Points2, tolerance: float) -> TwoV
     E, mask = cv2.findEssentialMat(rays_a, rays_b, np.eye(3), cv2.RANSAC, 0.999, 2.0 * tolerance)
     H, _ = cv2.findHomography(rays_a, rays_b, cv2.RANSAC, 2.5 * tolerance, maxIters=1000, confidence=0.999)
     motions: list[SE3] = []
-    score_e, score_h = 0.0, 0.0
+    score_e = score_h = 0.0
     inliers = np.zeros(len(rays_a), np.bool_)
     if E is not None and E.shape == (3, 3):
         error = epipolar_error(E, rays_a, rays_b) / tolerance**2
@@ -44,16 +44,16 @@ def two_view_motions(rays_a: Points2, rays_b: Points2, tolerance: float) -> TwoV
         score_h = _support(error, _CHI2_POINT)
         if score_h > score_e:
             inliers = error.max(axis=1) < _CHI2_POINT
-        planar = score_h / max(score_h + score_e, 1e-9)
-        if planar > 0.40:
-            motions += _of_homography(H, rays_a[inliers])
-    return TwoViewMotions(tuple(motions), score_h / max(score_h + score_e, 1e-9), inliers)
+    planar = score_h / max(score_h + score_e, 1e-9)
+    if planar > 0.40:
+        motions += _of_homography(H, rays_a[inliers])
+    return TwoViewMotions(tuple(motions), planar, inliers)
 
 
 def _of_homography(H: FloatArray, rays_a: Points2) -> list[SE3]:
     """The decompositions (Malis and Vargas 2007) that keep most points in front of the first camera."""
     _, rotations, translations, normals = cv2.decomposeHomographyMat(H, np.eye(3))
-    a = np.column_stack([rays_a, np.ones(len(rays_a))])
+    a = _homogeneous(rays_a)
     found = []
     for R, t, normal in zip(rotations, translations, normals):
         size = float(np.linalg.norm(t))
@@ -69,14 +69,12 @@ def _support(squared: FloatArray, limit: float) -> float:
 
 def epipolar_error(E: FloatArray, rays_a: Points2, rays_b: Points2) -> FloatArray:
     """(N, 2) squared distances of b's rays to their epipolar lines, and of a's to theirs."""
-    a, b = np.column_stack([rays_a, np.ones(len(rays_a))]), np.column_stack([rays_b, np.ones(len(rays_b))])
+    a, b = _homogeneous(rays_a), _homogeneous(rays_b)
     lines_b, lines_a = a @ E.T, b @ E
     product = (b * lines_b).sum(axis=1) ** 2
     with np.errstate(divide="ignore", invalid="ignore"):
-        both = np.stack(
-            [product / (lines_b[:, :2] ** 2).sum(axis=1), product / (lines_a[:, :2] ** 2).sum(axis=1)], axis=1
-        )
-    finite: FloatArray = np.nan_to_num(both, nan=np.inf, posinf=np.inf)
+        both = [product / (lines[:, :2] ** 2).sum(axis=1) for lines in (lines_b, lines_a)]
+    finite: FloatArray = np.nan_to_num(np.stack(both, axis=1), nan=np.inf, posinf=np.inf)
     return finite
 
 
@@ -84,11 +82,15 @@ def transfer_error(H: FloatArray, rays_a: Points2, rays_b: Points2) -> FloatArra
     """(N, 2) squared distances of b from H a, and of a from H^-1 b."""
     columns = []
     for M, x, y in ((H, rays_a, rays_b), (np.linalg.inv(H), rays_b, rays_a)):
-        mapped = np.column_stack([x, np.ones(len(x))]) @ M.T
+        mapped = _homogeneous(x) @ M.T
         with np.errstate(divide="ignore", invalid="ignore"):
             columns.append(((mapped[:, :2] / mapped[:, 2:] - y) ** 2).sum(axis=1))
     finite: FloatArray = np.nan_to_num(np.stack(columns, axis=1), nan=np.inf, posinf=np.inf)
     return finite
+
+
+def _homogeneous(rays: Points2) -> Points3:
+    return np.column_stack([rays, np.ones(len(rays))])
 
 
 def essential_matrix(T_b_a: SE3) -> FloatArray:
@@ -103,7 +105,7 @@ def triangulate(T_b_a: SE3, rays_a: Points2, rays_b: Points2) -> tuple[Points3, 
     behind a camera or be non-finite where the rays are parallel: the caller checks.
     """
     R, t = T_b_a.rotation, T_b_a.translation
-    a, b = np.column_stack([rays_a, np.ones(len(rays_a))]), np.column_stack([rays_b, np.ones(len(rays_b))])
+    a, b = _homogeneous(rays_a), _homogeneous(rays_b)
     turned = a @ R.T
     # z_b b = z_a R a + t: eliminate z_b by the cross product with b, least squares in 1 / z_a's reciprocal.
     left, right = np.cross(b, turned), -np.cross(b, t)
@@ -114,8 +116,7 @@ def triangulate(T_b_a: SE3, rays_a: Points2, rays_b: Points2) -> tuple[Points3, 
 
 
 def reprojection_error(T_c_w: SE3, points: Points3, rays: Points2) -> FloatArray:
-    """(N,) distance on the plane z = 1 between points (N, 3) seen from c and rays (N, 2); infinite behind the
-    camera."""
+    """(N,) distance at z = 1 between points (N, 3) seen from c and rays (N, 2); infinite behind the camera."""
     cam = T_c_w @ points
     with np.errstate(divide="ignore", invalid="ignore"):
         error: FloatArray = np.linalg.norm(cam[:, :2] / cam[:, 2:] - rays, axis=1)

@@ -1,4 +1,5 @@
-"""Poses on the floor. Conventions: docs/conventions.md; ``T_a_b`` maps coordinates in b to coordinates in a."""
+"""Poses on the floor, and how two wheels change them. Conventions: docs/conventions.md; ``T_a_b`` maps coordinates in
+b to coordinates in a."""
 
 from __future__ import annotations
 
@@ -66,13 +67,13 @@ class SE2:
         return math.isfinite(self.x) and math.isfinite(self.y) and math.isfinite(self.theta)
 
     @staticmethod
-    def exp(v: float, lateral: float, omega: float) -> SE2:
-        """Motion at constant twist (v, lateral [m/s], omega [rad/s]) for one second."""
+    def exp(v: float, omega: float) -> SE2:
+        """Motion at constant twist (v [m/s], omega [rad/s]) for one second."""
         if abs(omega) < 1e-9:
             a, b = 1.0 - omega * omega / 6.0, omega / 2.0
         else:
             a, b = math.sin(omega) / omega, (1.0 - math.cos(omega)) / omega
-        return SE2(a * v - b * lateral, b * v + a * lateral, omega)
+        return SE2(a * v, b * v, omega)
 
     def interpolate(self, other: SE2, ratio: float) -> SE2:
         """Between this pose (ratio 0) and the other (ratio 1), along the shorter turn."""
@@ -81,3 +82,24 @@ class SE2:
             self.y + ratio * (other.y - self.y),
             self.theta + ratio * self.angle_to(other),
         )
+
+
+def wheel_speeds(v: float, omega: float, wheel_base: float) -> tuple[float, float]:
+    """(left, right) wheel speeds [m/s] of the twist v [m/s], omega [rad/s]; wheel_base [m]."""
+    return v - 0.5 * wheel_base * omega, v + 0.5 * wheel_base * omega
+
+
+def body_twist(left: float, right: float, wheel_base: float) -> tuple[float, float]:
+    """(v [m/s], omega [rad/s]) of the wheel speeds [m/s]; the inverse of ``wheel_speeds``."""
+    return 0.5 * (left + right), (right - left) / wheel_base
+
+
+def integrate(pose: SE2, distance: float, turn: float) -> SE2:
+    """The pose after travelling an arc of the given length [m] that turns by ``turn`` [rad], exactly."""
+    return pose @ SE2.exp(distance, turn)
+
+
+def limit_twist(v: float, omega: float, v_max: float, omega_max: float) -> tuple[float, float]:
+    """Scale both components alike so that the limits hold and the curvature stays what it was."""
+    scale = max(1.0, abs(v) / v_max, abs(omega) / omega_max)
+    return v / scale, omega / scale

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import overload
+from typing import NamedTuple, overload
 
 import numpy as np
 
@@ -172,3 +173,16 @@ class SE3:
         """Angle of the rotation between the two poses, in [0, pi] [rad]."""
         qx, qy, qz, qw = quaternion_from_rotation(self.rotation.T @ other.rotation)
         return 2.0 * math.atan2(math.hypot(qx, qy, qz), qw)
+
+
+def stacked(poses: Sequence[SE3]) -> tuple[FloatArray, FloatArray]:
+    """(rotations (N, 3, 3), translations (N, 3)) of poses, as kernels take them."""
+    R, t = [T.rotation for T in poses], [T.translation for T in poses]
+    return np.array(R).reshape(-1, 3, 3), np.array(t).reshape(-1, 3)
+
+
+class StampedPose(NamedTuple):
+    """stamp_ns: time [ns]. T: the pose at that time; the owner says of what in what."""
+
+    stamp_ns: int
+    T: SE3

@@ -26,7 +26,7 @@ def write_bytes(path: Path, content: bytes, *, durable: bool = False) -> None:
 
 
 def write_text(path: Path, content: str, *, durable: bool = False) -> None:
-    """Replace the file in one step, UTF-8; a durable one outlives a power cut from then on."""
+    """The same with text, UTF-8."""
     write_bytes(path, content.encode("utf-8"), durable=durable)
 
 

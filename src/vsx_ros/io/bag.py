@@ -8,8 +8,7 @@ import numpy as np
 
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.camera import PinholeCamera
-from vsx_ros.geometry.se3 import SE3
-from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.bag_reader import Messages, messages
 from vsx_ros.io.calibration_file import camera_from_info
 from vsx_ros.io.image_encoding import decoded, gray_image, shift_for
@@ -19,7 +18,7 @@ from vsx_ros.robot import Frame, Odometry
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 ODOMETRY, CAMERA_INFO, POSE = "nav_msgs/msg/Odometry", "sensor_msgs/msg/CameraInfo", "geometry_msgs/msg/PoseStamped"
 _POSES = (POSE, "geometry_msgs/msg/PoseWithCovarianceStamped")
-_LONGEST_LISTING = 1000
+_LONGEST_LISTING = 1000  # characters of topics in a message
 GROUND_TRUTH_TOPIC = "ground_truth/camera"
 
 
@@ -97,10 +96,8 @@ def _camera(bag: Messages, image_topic: str, counts: dict[str, tuple[str, int]])
     infos = [t for t, (kind, count) in counts.items() if kind == CAMERA_INFO and count]
     namespace, _, name = image_topic.removesuffix("/compressed").rpartition("/")
     beside = f"{namespace}/camera_info"
-    if beside not in infos and len(infos) != 1:
-        return None
-    topic = beside if beside in infos else infos[0]
-    _, info = next(bag.of(topic), (0, None))
+    topic = beside if beside in infos else infos[0] if len(infos) == 1 else None
+    _, info = next(bag.of(topic), (0, None)) if topic else (0, None)
     if info is None:
         return None
     size, source = (info.width, info.height), f"topic {topic}"
@@ -121,8 +118,8 @@ def _odometry(bag: Messages, topic: str) -> list[Odometry]:
         reading = Odometry(stamp_ns, _se3(pose, topic).to_se2(), v, omega)
         if not with_twist and readings:
             reading = with_speeds(reading, readings[-1])
-        if not (reading.T_odom_base.is_finite() and np.isfinite(reading.v + reading.omega)):
-            raise InputError(f"topic {topic} holds a pose that is not finite; record it again or choose another topic")
+        if not np.isfinite(reading.v + reading.omega):
+            raise InputError(f"topic {topic} holds a speed that is not finite; record it again or choose another topic")
         readings.append(reading)
     return sorted(readings, key=lambda reading: reading.stamp_ns)
 
@@ -137,7 +134,10 @@ def _se3(pose: Any, topic: str) -> SE3:
     quaternion = (q.x, q.y, q.z, q.w)
     if not 0.5 < sum(value * value for value in quaternion) < 2.0:
         raise InputError(f"topic {topic} holds the quaternion {quaternion}, which is no rotation; choose another topic")
-    return SE3.from_quaternion(np.array([p.x, p.y, p.z]), quaternion)
+    translation = np.array([p.x, p.y, p.z])
+    if not np.isfinite(translation).all():
+        raise InputError(f"topic {topic} holds a pose that is not finite; record it again or choose another topic")
+    return SE3.from_quaternion(translation, quaternion)
 
 
 def _frames(path: Path, topic: str) -> Iterator[Frame]:

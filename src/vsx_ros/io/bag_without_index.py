@@ -13,7 +13,7 @@ from vsx_ros.limits import DAMAGE
 
 _MESSAGE, _CHUNK, _CONNECTION = _READ = b"\x02", b"\x05", b"\x07"
 _MAGIC_BYTES = len(b"#ROSBAG V2.0\n")
-_MAX_HEADER_BYTES = 2**20
+_MAX_HEADER_BYTES = 2**20  # rosbag's own headers have some hundred
 
 
 class UnindexedConnection(NamedTuple):

@@ -32,7 +32,7 @@ else:
 ZstdError = zstd.ZstdError
 MAX_UNPACKED = 64 * MIB
 """A packed chunk or message: a colour image of 20 megapixels."""
-_FLOOR, _RATIO = 128 * MIB, 32
+_FLOOR, _RATIO = 128 * MIB, 32  # bytes that any bag may unpack to, and times its own size
 _PASSES = 4
 """Odometry, truth and images are read one after the other."""
 

@@ -24,8 +24,7 @@ def camera_from_info(
     K: 9 numbers, row by row. D: distortion, k1 k2 p1 p2 k3. name: what an error message shall call it.
     Raises CalibrationError for a lens model this stack cannot use.
     """
-    k = [float(value) for value in K]
-    d = [float(value) for value in D]
+    k, d = [float(value) for value in K], [float(value) for value in D]
     if len(k) != 9:
         raise CalibrationError(f"{name}: the camera matrix needs 9 numbers, got {len(k)}; calibrate the camera again")
     if not any(k):
@@ -50,7 +49,7 @@ def read_calibration(path: Path) -> PinholeCamera:
     if not isinstance(tree, dict):
         raise CalibrationError(f"calibration {path} holds no names; give {_FORMATS}")
     try:
-        camera = _from_yaml_tree(tree, path) if "camera_matrix" in tree else _from_json_tree(tree, path)
+        camera = _camera_of(tree, f"calibration {path}")
     except DAMAGE as error:
         if isinstance(error, CalibrationError):
             raise
@@ -64,26 +63,18 @@ def read_calibration(path: Path) -> PinholeCamera:
     return camera
 
 
-def _from_yaml_tree(tree: dict[str, Any], path: Path) -> PinholeCamera | None:
-    return camera_from_info(
-        int(tree["image_width"]),
-        int(tree["image_height"]),
-        tree["camera_matrix"]["data"],
-        tree["distortion_coefficients"]["data"],
-        str(tree.get("distortion_model", "plumb_bob")),
-        f"calibration {path}",
-    )
-
-
-def _from_json_tree(tree: dict[str, Any], path: Path) -> PinholeCamera | None:
+def _camera_of(tree: dict[str, Any], name: str) -> PinholeCamera | None:
+    if "camera_matrix" in tree:
+        size = int(tree["image_width"]), int(tree["image_height"])
+        K, D = tree["camera_matrix"]["data"], tree["distortion_coefficients"]["data"]
+        return camera_from_info(*size, K, D, str(tree.get("distortion_model", "plumb_bob")), name)
     K = [tree["fx"], 0.0, tree["cx"], 0.0, tree["fy"], tree["cy"], 0.0, 0.0, 1.0]
     size = int(tree["width"]), int(tree["height"])
-    return camera_from_info(*size, K, tree.get("dist", []), str(tree.get("model", "pinhole")), f"calibration {path}")
+    return camera_from_info(*size, K, tree.get("dist", []), str(tree.get("model", "pinhole")), name)
 
 
 def write_calibration(path: Path, camera: PinholeCamera, camera_name: str = "camera", remark: str = "") -> None:
     """A camera_info YAML that ROS's own tools read. remark: comment on top of it."""
-    P = np.column_stack([camera.K, np.zeros(3)])
     tree = {
         "image_width": camera.width,
         "image_height": camera.height,
@@ -92,7 +83,7 @@ def write_calibration(path: Path, camera: PinholeCamera, camera_name: str = "cam
         "distortion_model": "plumb_bob",
         "distortion_coefficients": _matrix(np.array([camera.distortion])),
         "rectification_matrix": _matrix(np.eye(3)),
-        "projection_matrix": _matrix(P),
+        "projection_matrix": _matrix(np.column_stack([camera.K, np.zeros(3)])),
     }
     comment = "".join(f"# {line}\n" for line in remark.splitlines())
     write_text(path, comment + yaml.safe_dump(tree, sort_keys=False, default_flow_style=None))

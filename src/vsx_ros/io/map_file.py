@@ -10,23 +10,22 @@ from numpy.typing import NDArray
 
 from vsx_ros.errors import MapFileError, explained, reason_of
 from vsx_ros.io.atomic import write_bytes, write_text
-from vsx_ros.io.image_size import picture
+from vsx_ros.io.image_encoding import picture
 from vsx_ros.limits import DAMAGE, LOG_BYTES, TEXT_BYTES, file_bytes, file_text, yaml_tree
 from vsx_ros.occupancy.grid import FREE, MAX_CELLS, MAX_EXTENT_M, OCCUPIED, UNKNOWN, OccupancyGrid
 
-_GRAY_OF_FREE, _GRAY_OF_OCCUPIED, _GRAY_OF_UNKNOWN = 254, 0, 205
-_OCCUPIED_THRESHOLD, _FREE_THRESHOLD = 0.65, 0.196
-_FINEST_M = 1e-3
-_ROWS_AT_ONCE = 64
-_LONGEST_NAME = 1000
+_GRAY_OF_FREE, _GRAY_OF_OCCUPIED, _GRAY_OF_UNKNOWN = 254, 0, 205  # as map_server's map_saver writes them
+_OCCUPIED_THRESHOLD, _FREE_THRESHOLD = 0.65, 0.196  # map_saver's, too
+_FINEST_M = 1e-3  # per cell; finer is a unit mistaken
+_ROWS_AT_ONCE = 64  # for memory
+_LONGEST_NAME = 1000  # of a file: longer is no name
 
 
 def save_map(grid: OccupancyGrid, path: Path) -> None:
     """``path`` with the endings .pgm and .yaml, as map_server's map_saver writes them. Raises MapFileError when they
     cannot be written."""
-    gray = np.full(grid.shape, _GRAY_OF_UNKNOWN, np.uint8)
-    gray[grid.data == FREE] = _GRAY_OF_FREE
-    gray[grid.data == OCCUPIED] = _GRAY_OF_OCCUPIED
+    known = [_GRAY_OF_FREE, _GRAY_OF_OCCUPIED]
+    gray = np.select([grid.data == FREE, grid.data == OCCUPIED], known, _GRAY_OF_UNKNOWN).astype(np.uint8)
     rows, columns = grid.shape
     image, text = path.with_suffix(".pgm"), path.with_suffix(".yaml")
     tree = {
@@ -84,11 +83,11 @@ def is_map_file(path: Path) -> bool:
         return any(line.startswith(b"image:") for line in file_bytes(path, TEXT_BYTES).splitlines())
 
 
-def load_plan(path: Path, resolution: float = 0.05) -> OccupancyGrid:
-    """The grid of a picture without a YAML: bright is free, dark is occupied, grey unknown, as map_saver draws them.
-    Raises MapFileError when it is no picture."""
+def load_plan(path: Path) -> OccupancyGrid:
+    """The grid of a picture without a YAML, 5 cm a pixel: bright is free, dark is occupied, grey unknown, as map_saver
+    draws them. Raises MapFileError when it is no picture."""
     thresholds = _FREE_THRESHOLD, _OCCUPIED_THRESHOLD
-    return OccupancyGrid(_cells(path, thresholds, negate=False, raw=False)[::-1], resolution, 0.0, 0.0)
+    return OccupancyGrid(_cells(path, thresholds, negate=False, raw=False)[::-1], 0.05, 0.0, 0.0)
 
 
 def _cells(path: Path, thresholds: tuple[float, float], *, negate: bool, raw: bool) -> NDArray[np.int8]:
@@ -111,10 +110,9 @@ def _occupancy(image: NDArray[Any], *, negate: bool, raw: bool) -> NDArray[np.fl
     depth = float(np.iinfo(image.dtype).max)
     channels = image.reshape(*image.shape[:2], -1).astype(np.float64)
     colours = channels[..., : 1 if channels.shape[2] < 3 else 3].mean(axis=2)
+    occupancy: NDArray[np.float64] = colours / depth if negate else 1.0 - colours / depth
     if raw:
         occupancy = np.where(colours <= 100, colours / 100.0, np.nan)
-    else:
-        occupancy = colours / depth if negate else 1.0 - colours / depth
     if channels.shape[2] in (2, 4):
         occupancy[channels[..., -1] == 0] = np.nan
     return occupancy

@@ -8,11 +8,11 @@ from pathlib import Path
 
 from vsx_ros.errors import CalibrationError, InputError
 from vsx_ros.geometry.camera import PinholeCamera
-from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.robot import Frame, Odometry
 
-GRACE_NS = 500_000_000
-AHEAD_NS = 1_000_000_000
+GRACE_NS = 500_000_000  # odometry has gaps, images come before it begins
+AHEAD_NS = 1_000_000_000  # a stamp so far ahead of the next one is wrong
 
 
 @dataclass(frozen=True)

@@ -1,17 +1,28 @@
-"""Several contents in one zip file that ends with its own SHA-256: any tool opens it, and no changed byte goes
-unnoticed."""
+"""Files of which no changed byte goes unnoticed: several contents in one zip file that ends with its own SHA-256, which
+any tool opens; and large arrays of which most rows never change, in pieces that are written once.
+"""
 
 import hashlib
 import io
+import math
+import tokenize
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
-from vsx_ros.limits import DAMAGE, MIB, Allowance
+import numpy as np
+from numpy.typing import NDArray
 
-_SEAL = 64
+from vsx_ros.errors import reason_of
+from vsx_ros.io.atomic import write_bytes
+from vsx_ros.limits import DAMAGE, DATA_BYTES, MIB, Allowance, file_bytes
+
+_SEAL = 64  # hexadecimal digits of SHA-256
 _ZIP = b"PK\x03\x04"
 _FLOOR, _RATIO = 32 * MIB, 4
-"""What an archive may unpack to: most of it are pictures and numbers that hardly get smaller."""
+"""What an archive may unpack to: most of it are pictures and numbers that hardly get smaller. Pieces of arrays may be
+used more than once: those of culled keyframes are empty, hence the same."""
 
 
 def seal(entries: Mapping[str, bytes], *, quick: bool = False) -> bytes:
@@ -51,3 +62,69 @@ def _unpacked(archive: zipfile.ZipFile, allowance: Allowance) -> dict[str, bytes
         if len(entries[info.filename]) != info.file_size:
             raise ValueError(f"{info.filename} holds fewer bytes than it declares")
     return entries
+
+
+class ArrayChunks:
+    """A folder of .npy files, each named by the SHA-256 of its content: the same rows are the same file."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def write(self, array: NDArray[Any], cuts: Sequence[int] | NDArray[np.int64]) -> list[str]:
+        """Put what is new of an array on the disk; cuts: the rows that begin another piece, ascending. Returns the
+        names of its pieces, in order. Raises OSError."""
+        self.path.mkdir(parents=True, exist_ok=True)
+        names = []
+        for content in map(array_bytes, np.split(array, cuts)):
+            names.append(hashlib.sha256(content).hexdigest())
+            path = self.path / f"{names[-1]}.npy"
+            if not path.exists():
+                write_bytes(path, content, durable=True)
+        return names
+
+    def read(self, names: Sequence[str], allowance: Allowance) -> NDArray[Any]:
+        """The array of these pieces. Raises OSError without one of them, ValueError when one was changed, or where
+        one is used again and again and the allowance does not suffice."""
+        pieces = []
+        for name in names:
+            content = file_bytes(self.path / f"{Path(name).name}.npy", DATA_BYTES)
+            if hashlib.sha256(content).hexdigest() != name:
+                raise ValueError(f"its piece {name}.npy was changed")
+            allowance.take(len(content), f"piece {name}.npy")
+            pieces.append(array_of(content))
+        return np.concatenate(pieces)
+
+    def allowance(self) -> Allowance:
+        """For reading a map: few of its pieces are equal. Raises OSError."""
+        there = list(self.path.iterdir()) if self.path.exists() else []
+        return Allowance(_FLOOR, sum(path.stat().st_size for path in there), 1)
+
+    def keep(self, names: Collection[str]) -> None:
+        """Remove all other pieces. Raises OSError."""
+        kept = {f"{name}.npy" for name in names}
+        for path in self.path.iterdir():
+            if path.name not in kept:
+                path.unlink()
+
+
+def array_bytes(array: NDArray[Any]) -> bytes:
+    """An array as the content of a .npy file."""
+    content = io.BytesIO()
+    np.save(content, array, allow_pickle=False)
+    return content.getvalue()
+
+
+def array_of(content: bytes) -> NDArray[Any]:
+    """The array of a .npy file. Raises ValueError for anything else, and where its header promises another size."""
+    file = io.BytesIO(content)
+    try:
+        version = np.lib.format.read_magic(file)
+        read_header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+        shape, by_column, dtype = read_header[version](file)
+    except (tokenize.TokenError, *DAMAGE) as error:  # its header is a Python expression
+        raise ValueError(f"it holds no array ({reason_of(error)})") from error
+    size, held = math.prod(shape) * dtype.itemsize, len(content) - file.tell()
+    if dtype.hasobject or min(shape, default=0) < 0 or size != held:
+        raise ValueError(f"an array of {dtype} and shape {shape} does not fit {held} bytes")
+    array = np.frombuffer(content, dtype, math.prod(shape), file.tell())
+    return array.reshape(shape, order="F" if by_column else "C").copy()

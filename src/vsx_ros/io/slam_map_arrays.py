@@ -10,27 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.vision.patches import PATCH
-from vsx_ros.slam.keyframe import KeyFrame
-from vsx_ros.slam.map_view import MapView
-from vsx_ros.slam.templates import VIEWS
+from vsx_ros.slam.keyframe import VIEWS, Anchor, MapView
 from vsx_ros.vision.pyramid import LEVELS
 
 Arrays: TypeAlias = dict[str, NDArray[Any]]
-
-
-_LIVING = -1, np.eye(3), np.zeros(3)
+_LIVING = Anchor(-1, SE3.identity())  # of a keyframe that was not culled
 
 
 def _pose(T: SE2 | None) -> tuple[float, float, float]:
     return (0.0, 0.0, 0.0) if T is None else (T.x, T.y, T.theta)
 
 
-def _anchor(keyframe: KeyFrame) -> tuple[int, NDArray[np.float64], NDArray[np.float64]]:
-    if keyframe.anchor is None:
-        return _LIVING
-    T = keyframe.anchor.T_keyframe_this
-    return keyframe.anchor.keyframe, T.rotation, T.translation
+def _anchors(view: MapView) -> list[Anchor]:
+    return [keyframe.anchor or _LIVING for keyframe in view.keyframes]
 
 
 LAYOUT: dict[str, tuple[str, tuple[int | str, ...], Callable[[MapView], Any]]] = {
@@ -43,9 +37,9 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...], Callable[[MapView], Any]]] =
     "has_odometry": ("|b1", ("K",), lambda v: [k.data.T_odom_base is not None for k in v.keyframes]),
     "odometry": ("<f8", ("K", 3), lambda v: [_pose(k.data.T_odom_base) for k in v.keyframes]),
     "readout_motion": ("<f8", ("K", 6), lambda v: [k.data.camera[-6:] for k in v.keyframes]),
-    "anchor": ("<i8", ("K",), lambda v: [_anchor(k)[0] for k in v.keyframes]),
-    "anchor_rotation": ("<f8", ("K", 3, 3), lambda v: [_anchor(k)[1] for k in v.keyframes]),
-    "anchor_translation": ("<f8", ("K", 3), lambda v: [_anchor(k)[2] for k in v.keyframes]),
+    "anchor": ("<i8", ("K",), lambda v: [a.keyframe for a in _anchors(v)]),
+    "anchor_rotation": ("<f8", ("K", 3, 3), lambda v: [a.T_keyframe_this.rotation for a in _anchors(v)]),
+    "anchor_translation": ("<f8", ("K", 3), lambda v: [a.T_keyframe_this.translation for a in _anchors(v)]),
     "corner_count": ("<i8", ("K", LEVELS), lambda v: [k.data.corners.counts for k in v.keyframes]),
     "corner": ("<i4", ("C", 2), lambda v: np.concatenate([k.data.corners.positions for k in v.keyframes])),
     "observation_count": ("<i8", ("K",), lambda v: [len(k.observations.rows) for k in v.keyframes]),
@@ -67,7 +61,14 @@ where there is any, readout_motion as ``moving`` takes it, chain the odometry's 
 
 MAX_KEYFRAMES = 2**16
 """Many times those of the largest buildings."""
-_ORTHONORMAL = 1e-6
+_ORTHONORMAL = 1e-6  # rounding of rotations
+_MOST = np.iinfo(np.int64).max
+_RANGES: dict[str, tuple[float, float | str]] = {
+    "anchor": (-1, "K"), "observation_row": (0, "P"), "observation_level": (0, LEVELS), "point_source": (0, "K"),
+    "point_templates": (-1, "T"), "template_source": (0, "K"), "median_depth": (0, np.inf), "chain": (0, _MOST),
+    "map_id": (0, _MOST),
+}  # fmt: skip
+"""Lowest value of an array, and the first one above all that are allowed."""
 
 
 def arrays_of(view: MapView) -> Arrays:
@@ -86,16 +87,8 @@ def check(arrays: Mapping[str, NDArray[Any]], width: int, height: int) -> None:
         small = np.abs(R).max() <= 1.0 + _ORTHONORMAL  # the product of larger numbers may overflow
         if not small or np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max() > _ORTHONORMAL or np.linalg.det(R).min() < 0:
             raise ValueError(f"{name} holds a matrix that is no rotation")
-    K, P, T = sizes["K"], sizes["P"], sizes["T"]
-    _within(arrays, "anchor", -1, K)
-    _within(arrays, "observation_row", 0, P)
-    _within(arrays, "observation_level", 0, LEVELS)
-    _within(arrays, "point_source", 0, K)
-    _within(arrays, "point_templates", -1, T)
-    _within(arrays, "template_source", 0, K)
-    _within(arrays, "median_depth", 0, np.inf)
-    _within(arrays, "chain", 0, np.iinfo(np.int64).max)
-    _within(arrays, "map_id", 0, np.iinfo(np.int64).max)
+    for name, (lowest, end) in _RANGES.items():
+        _within(name, arrays[name], lowest, sizes[end] if isinstance(end, str) else end)
     _check_counts(arrays, sizes)
     uv = arrays["observation_uv"]
     if ((uv < -1) | (uv > [width, height])).any():
@@ -121,8 +114,7 @@ def _check_shapes(arrays: Mapping[str, NDArray[Any]]) -> dict[str, int]:
     return sizes
 
 
-def _within(arrays: Mapping[str, NDArray[Any]], name: str, lowest: float, end: float) -> None:
-    array = arrays[name]
+def _within(name: str, array: NDArray[Any], lowest: float, end: float) -> None:
     if array.size and not lowest <= array.min() <= array.max() < end:
         raise ValueError(f"{name} reaches from {array.min()} to {array.max()}, allowed is {lowest} to below {end}")
 

@@ -21,22 +21,18 @@ from vsx_ros.errors import MapFileError, explained, reason_of
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.io.array_chunks import array_bytes, array_of
 from vsx_ros.io.atomic import write_bytes
-from vsx_ros.io.image_size import check_image_size, picture
-from vsx_ros.io.sealed_archive import seal, unseal
+from vsx_ros.io.image_encoding import check_image_size, picture
+from vsx_ros.io.sealed_archive import array_bytes, array_of, seal, unseal
 from vsx_ros.io.slam_map_arrays import LAYOUT, Arrays, arrays_of, check
 from vsx_ros.limits import DAMAGE, DATA_BYTES, MIB, Allowance, file_bytes, json_tree
-from vsx_ros.slam.keyframe import Anchor, FrameData, KeyFrame, Observations
-from vsx_ros.slam.map_view import MapView
-from vsx_ros.slam.slam_map import SlamMap
-from vsx_ros.slam.templates import Templates
+from vsx_ros.slam.keyframe import Anchor, FrameData, KeyFrame, MapView, Observations, Templates
+from vsx_ros.slam.snapshot import SlamMap
 from vsx_ros.vision.corners import indexed
 from vsx_ros.vision.patch_search import kernel_camera, moving
-from vsx_ros.vision.pyramid import build_pyramid
-from vsx_ros.vision.small_image import small_image
+from vsx_ros.vision.pyramid import build_pyramid, small_image
 
-FORMAT, VERSION = "vsx_ros slam map", 1
+FORMAT, VERSION = "vsx_ros slam map", 1  # raised when an older vsx_ros could not read the file
 _PIXELS, _PIXELS_PER_BYTE = 64 * MIB, 16
 """A camera's noise leaves two to three pixels in a byte of a packed picture."""
 

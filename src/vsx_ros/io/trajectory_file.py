@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from vsx_ros.errors import InputError, explained
-from vsx_ros.geometry.se3 import SE3
-from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.atomic import write_text
 from vsx_ros.limits import LOG_BYTES, file_text
 
@@ -28,18 +27,15 @@ def format_stamp(stamp_ns: int) -> str:
 def parse_stamp(text: str) -> int:
     """Nanoseconds of a decimal number of seconds, without rounding through a float. Raises ValueError when the text is
     no number, or one that no 64 bits hold."""
-    stamp_ns = _nanoseconds(text)
+    whole, _, fraction = text.strip().partition(".")
+    if fraction.isdigit() and whole.lstrip("-").isdigit():
+        stamp_ns = int(whole.lstrip("-")) * 1_000_000_000 + int(fraction[:9].ljust(9, "0"))
+        stamp_ns = -stamp_ns if whole.startswith("-") else stamp_ns
+    else:
+        stamp_ns = round(float(text) * 1e9)
     if abs(stamp_ns) >= 2**63:
         raise ValueError(f"stamp {text[:40]} lies outside of time")
     return stamp_ns
-
-
-def _nanoseconds(text: str) -> int:
-    whole, point, fraction = text.strip().partition(".")
-    if not point or not fraction.isdigit() or not whole.lstrip("-").isdigit():
-        return round(float(text) * 1e9)
-    nanoseconds = int(whole.lstrip("-")) * 1_000_000_000 + int(fraction[:9].ljust(9, "0"))
-    return -nanoseconds if whole.startswith("-") else nanoseconds
 
 
 def write_trajectory(path: Path, poses: Iterable[StampedPose]) -> None:

@@ -21,3 +21,9 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile on first call, keep the machine code on disk, run without the global lock."""
     compiled: Callable[P, R] = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
     return compiled
+
+
+def part(function: Callable[P, R]) -> Callable[P, R]:
+    """A small kernel whose code becomes a part of those that call it."""
+    compiled: Callable[P, R] = numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=True)(function)
+    return compiled

@@ -1,18 +1,14 @@
 """Compile every kernel once, on tiny arrays: at node start, never in a callback."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from vsx_ros.arrays import Int32Array, IntArray
 from vsx_ros.kernels.dense import floor_contact, jlinkage, plane_fits, planes, surface_cells
 from vsx_ros.kernels.dense.view_choice import Views
 from vsx_ros.kernels.geometry import projection
-from vsx_ros.kernels.occupancy import clearance, ground_cells, ground_map, scan_casting, visibility
-from vsx_ros.kernels.occupancy.wavefront import wavefront
-from vsx_ros.kernels.planning import curves, flood, lattice, motions, reeds_shepp, reeds_shepp_table, shortcuts
-from vsx_ros.kernels.slam import bundle, epipolar, pose, pose_graph, tracking
-from vsx_ros.kernels.slam.floor import no_floor
-from vsx_ros.kernels.slam.relative_pose import Factors
+from vsx_ros.kernels.occupancy import clearance, ground_cells, ground_map, visibility
+from vsx_ros.kernels.planning import curves, flood, lattice, motions, reeds_shepp, shortcuts
+from vsx_ros.kernels.slam import bundle, epipolar, pose, pose_graph
+from vsx_ros.kernels.slam.factors import Factors, no_floor
 from vsx_ros.kernels.slam.schur import Observations
 from vsx_ros.kernels.vision import alignment, search
 from vsx_ros.kernels.vision.patches import Target
@@ -63,19 +59,17 @@ def _ground_map() -> None:
     heights, ranges = (0.06, 0.6, 0.45, 1.0, 0.01), (4.5, 0.001, 0.1, 0.025, 2.0)
     scans = ground_map.polar_scans(positions, headings, points, parallax, one, one, 8, heights, ranges)
     ground_map.bridge_gaps(scans.free, 2, 0.1)
-    scan_casting.scan_corners(scans, points, one)
+    ground_cells.scan_corners(scans, points, one)
     surfaces, lattice = ground_map.Surfaces(points, one, np.zeros(1)), ground_cells.Lattice(4, 4, 0.05, 0.0, 0.0)
-    touched, _, _ = ground_map.touchable(surfaces, 0.06, 0.6, 0.05)
-    ground_map.meet_surfaces(scans, surfaces, touched, (0.04, 2.0, 0.05), (0.15, 4.5))
+    ground_map.meet_surfaces(scans, surfaces, np.ones(1, np.bool_), (0.04, 2.0, 0.05), (0.15, 4.5))
     ground_cells.cover_discs(np.zeros((1, 2)), 0.2, lattice)
-    seen = scan_casting.count_free(scans, lattice)
-    votes, members = ground_cells.count_hits(points, one, scans.hit, 3, lattice)
-    ground_cells.believed_points(votes, members, votes, members, seen, 2, 3, 1.0, 0.25)
+    ground_cells.count_free(scans, lattice)
+    ground_cells.count_hits(points, one, scans.hit, 3, lattice)
 
 
 def _tracking() -> None:
     camera = np.array([100.0, 100.0, 31.5, 31.5, 0.0, 0.0, 0.0, 0.0, 0.0, 10.0, 64.0, 64.0, *np.zeros(6)])
-    target = Target(*_pyramid())
+    target = _image()
     templates = np.zeros((1, 24, 24), np.uint8)
     eye, zero = np.eye(3), np.zeros(3)
     # Poses arrive read-only, which is a type of its own.
@@ -87,7 +81,7 @@ def _tracking() -> None:
     projection.ideal_pixels(camera, np.zeros((1, 2)), np.ones(1))
     projection.project_rows(camera, eye, zero, points, one, 8.0)
     of_point, R_world_cam, centres = np.zeros((1, 5), np.int64), np.zeros((1, 3, 3)), np.zeros((1, 3))
-    rows, level, uv, warp, chosen = projection.predict(
+    rows, level, uv, warp, chosen = search.predict(
         camera, eye, zero, points, one, of_point, one, basis, R_world_cam, centres, 8.0
     )
     warped, usable = search.warp_templates(templates, np.zeros((1, 2)), chosen, warp)
@@ -97,8 +91,6 @@ def _tracking() -> None:
     alignment.align_small(small, small, 2)
     found, uv = search.search(target, warped, usable, level, uv, 10.0, 2)
     pose.optimize_pose(camera, eye, zero, points, rows, uv, level, found, np.zeros(6), 1, 2, 0.4)
-    tracking.count_hidden(uv, np.ones(len(uv)), found, 16, 1.25)
-    tracking.index_rows(target.corners, np.zeros(4, np.int64), target.table)
 
 
 def _mapping() -> None:
@@ -127,8 +119,8 @@ def _planning() -> None:
     curves.curve_table(start, 1.0, 1, np.ones(10), *nodes, *knots)
     pieces = np.zeros(1, np.int64), np.zeros(1), np.ones(1), np.ones(1, np.int64)
     curves.position_rows(*pieces, np.ones((4, 2, 10)), np.ones((4, 2)), *nodes[2:])
-    remaining = clearance.fringe(wavefront(field.values >= 0.0, 5, 5) * 0.1, 0.1)
-    table, arcs = reeds_shepp_table.reeds_shepp_table(), motions.Lattice(24, 1, 0.1, 1000)
+    remaining = clearance.wavefront(field.values >= 0.0, 5, 5) * 0.1
+    table, arcs = motions.reeds_shepp_table(), motions.Lattice(24, 1, 0.1, 1000)
     table.flags.writeable = False
     search = lattice.lattice_search(field, start, 1.0, arcs, 1.5, goal, remaining, table)
     turns, lengths = lattice.lattice_way(*search[:3], search[4], search[3], goal, 1.0)
@@ -151,15 +143,12 @@ def _views() -> None:
     visibility.unknown_area_by_bearing(data, weights, *grid[1:], places, bearings, 4.0, 1.0)
 
 
-def _pyramid() -> tuple[NDArray[np.uint8], IntArray, Int32Array, IntArray]:
-    table = np.zeros((4, 4), np.int64)
-    offset, row = 0, 0
-    for level in range(4):
-        size = 64 >> level
-        table[level] = offset, size, size, row
-        offset += size * size
-        row += size + 1
-    return np.zeros(offset, np.uint8), table, np.zeros((0, 2), np.int32), np.zeros(row, np.int64)
+def _image() -> Target:
+    """Black, without corners."""
+    sides = np.array([64, 32, 16, 8])
+    table = np.stack([np.cumsum(sides**2) - sides**2, sides, sides, np.cumsum(sides + 1) - sides - 1], axis=1)
+    pixels, row_table = np.zeros((sides**2).sum(), np.uint8), np.zeros((sides + 1).sum(), np.int64)
+    return Target(pixels, table, np.zeros((0, 2), np.int32), row_table)
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from operator import attrgetter
 from typing import NamedTuple
 
 import msgspec
@@ -12,12 +13,17 @@ from vsx_ros.control.localization import MAP_FRAME, ODOM_FRAME, LocalizationStat
 from vsx_ros.control.trajectory_tracker import FollowResult, FollowStatus, TrajectoryTracker
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.navigation.timeouts import LEASE_S, ODOMETRY_S, VSLAM_GONE_S
 from vsx_ros.planning.path import Trajectory
 from vsx_ros.robot import STOP, VelocityCommand
 from vsx_ros.slam.state import TrackingState
 
-_ZERO_FOR_S = 0.3
+LEASE_S = 0.3
+"""Whoever wants motion says so again and again; after so long it counts as gone."""
+_VSLAM_GONE_S = 2.0
+"""The base waits for a silent vslam, but not longer."""
+_ODOMETRY_S = 0.5
+"""On a busy machine an odometry reading may be late."""
+_ZERO_FOR_S = 0.3  # stops are sent so long, several times, should one be lost
 
 
 class TrackingSpeedLimiter:
@@ -113,7 +119,7 @@ class Follower:
             return STOP if 0 <= now_ns - self._rested_ns < _ZERO_FOR_S * 1e9 and self._rested_ns >= 0 else None
         if ages.executor_s > LEASE_S:
             return self.end(now_ns, "move_base is silent")
-        if ages.vslam_s > VSLAM_GONE_S and not 0 <= now_ns - self._begun_ns <= VSLAM_GONE_S * 1e9:
+        if ages.vslam_s > _VSLAM_GONE_S and not 0 <= now_ns - self._begun_ns <= _VSLAM_GONE_S * 1e9:
             return self.end(now_ns, "vslam is silent")
         if where.stuck is not None and not was_stuck:
             return self.end(now_ns, where.stuck.reason)
@@ -144,7 +150,7 @@ def _why_stale(ages: MessageAges) -> str:
     """What must come and does not: without it the pose would stand still while the base drives on."""
     if ages.vslam_s > LEASE_S:
         return "no word from vslam, which may have no images"
-    if ages.odometry_s > ODOMETRY_S:
+    if ages.odometry_s > _ODOMETRY_S:
         return "no odometry that can be used"
     return ""
 
@@ -171,10 +177,8 @@ class FollowerReport(msgspec.Struct, frozen=True):
 
     def says_more_than(self, before: FollowerReport | None) -> bool:
         """Whether anything but the progress changed."""
-        return before is None or self._words() != before._words()
-
-    def _words(self) -> tuple[object, ...]:
-        return self.trajectory, self.status, self.reason, self.stop
+        told = attrgetter("trajectory", "status", "reason", "stop")
+        return before is None or told(self) != told(before)
 
     def encode(self) -> str:
         """As JSON; numbers that are not finite become null."""

@@ -20,13 +20,16 @@ from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.navigation.follower import FollowerReport
 from vsx_ros.navigation.goal_planner import TimedPlan
-from vsx_ros.navigation.timeouts import FOLLOWER_S, PLANNER_S
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.planning.collision_check import braking_before, obstacle_ahead
+from vsx_ros.planning.corridor import braking_before, obstacle_ahead
 from vsx_ros.planning.path import Refusal
 
-_STAND_WAIT_S = 1.5
-_NEAR_ALONG_M, _NEAR_BESIDE_M, _NEAR_RAD = 0.08, 0.04, 0.06
+_FOLLOWER_S = 1.0
+"""The follower tells its status five times a second."""
+_PLANNER_S = 15.0
+"""Plans take a second or two; a planner that needs this long hangs."""
+_STAND_WAIT_S = 1.5  # for odometry to say that the base stands; then it is planned anyway
+_NEAR_ALONG_M, _NEAR_BESIDE_M, _NEAR_RAD = 0.08, 0.04, 0.06  # off a plan's start: the follower makes up for it
 
 
 class ExecutionInput(NamedTuple):
@@ -149,11 +152,11 @@ class GoalExecution:
     def _prepare(self, now_ns: int, seen: ExecutionInput) -> list[Act]:
         pose = seen.where.pose(self._frame)
         if self._waits_for_plan:
-            if now_ns - self._since_ns > PLANNER_S * 1e9:
-                return [self._done(False, f"the planner has not answered within {PLANNER_S:g} s")]
+            if now_ns - self._since_ns > _PLANNER_S * 1e9:
+                return [self._done(False, f"the planner has not answered within {_PLANNER_S:g} s")]
             return []
-        if self._answer is None and (stop := self._predicted_stop(seen)) is not None:
-            return [self._ask(now_ns, stop, predicted=True)]
+        if self._answer is None and not seen.where.stands and (stop := seen.follower.stop_in(self._frame)) is not None:
+            return [self._ask(now_ns, stop, predicted=True)]  # where the base will stand
         if not self._has_rested(now_ns, seen):
             return []
         if pose is None:
@@ -167,10 +170,6 @@ class GoalExecution:
         self._enter(_Phase.DRIVING, now_ns)
         return [follow]
 
-    def _predicted_stop(self, seen: ExecutionInput) -> SE2 | None:
-        """Where a base that is stopping will stand."""
-        return None if seen.where.stands else seen.follower.stop_in(self._frame)
-
     def _ask(self, now_ns: int, start: SE2, *, predicted: bool) -> PlanRequest:
         self._number += 1
         self._start, self._start_is_predicted = start, predicted
@@ -182,7 +181,7 @@ class GoalExecution:
     def _verdict(self, now_ns: int, seen: ExecutionInput) -> Done | None:
         """What the follower says of the trajectory, if that ends the goal."""
         assert self._driven is not None
-        if min(seen.follower_age_s, 1e-9 * (now_ns - self._driven.identity)) > FOLLOWER_S:
+        if min(seen.follower_age_s, 1e-9 * (now_ns - self._driven.identity)) > _FOLLOWER_S:
             return self._done(False, "the follower is silent")
         if seen.follower.trajectory != self._driven.identity:
             return None

@@ -16,7 +16,7 @@ from vsx_ros.planning.planner import Planner
 from vsx_ros.planning.planners import PLANNERS
 from vsx_ros.planning.time_scaling import time_scale
 
-_SAME_MAP_NS = 3_000_000_000
+_SAME_MAP_NS = 3_000_000_000  # landmarks so much older or newer than the map are not of it
 
 
 class TimedPlan(NamedTuple):
@@ -89,4 +89,4 @@ class GoalPlanner:
         """What to keep in view; None where no landmarks belong to the map at hand."""
         if len(self._landmarks) == 0 or abs(self._landmarks_ns - self._grid_ns) > _SAME_MAP_NS:
             return None
-        return Visibility.of(self._landmarks, self._config.planner)
+        return Visibility(self._landmarks, self._config.planner)

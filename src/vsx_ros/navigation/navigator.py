@@ -1,26 +1,41 @@
-"""The execution of a goal and the follower in one process, as the lock-step run steps them."""
+"""Driving to goals in one process, as the lock-step run does it, and what computing costs there."""
 
-from typing import NamedTuple
-
-from vsx_ros.config import Config
+from vsx_ros.config import ComputingConfig, Config
 from vsx_ros.control.localization import LocalizationState
 from vsx_ros.control.trajectory_tracker import FollowResult
 from vsx_ros.exploration.decision import NavigationState
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.navigation.computing_time import ComputingTime
 from vsx_ros.navigation.follower import Follower
 from vsx_ros.navigation.goal_execution import Act, Brake, Done, ExecutionInput, Follow, GoalExecution, PlanRequest
 from vsx_ros.navigation.goal_planner import GoalPlanner, TimedPlan
+from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.path import Refusal
 from vsx_ros.robot import STOP
 
 
-class _Answer(NamedTuple):
-    """A plan that is known from ready_ns on."""
+class ComputingTime:
+    """Durations in ns of one frame, one ranking of views and one plan, from counted work: so one seed gives the same
+    bytes each time."""
 
-    ready_ns: int
-    number: int
-    way: TimedPlan | Refusal
+    def __init__(self, config: ComputingConfig) -> None:
+        self._config = config
+
+    def frame_ns(self) -> int:
+        """From a frame's stamp to its pose being known."""
+        return _ns(self._config.frame_ms)
+
+    def ranking_ns(self, grid: OccupancyGrid) -> int:
+        """To rank the views that a map offers."""
+        return _ns(self._config.ranking_ms + self._config.ranking_ms_m2 * grid.known_area_m2)
+
+    def plan_ns(self, answer: TimedPlan | Refusal) -> int:
+        """To find a way, or that there is none, and its speeds."""
+        way_m = answer.plan.path.length_m if isinstance(answer, TimedPlan) else 0.0
+        return _ns(self._config.plan_ms + self._config.plan_ms_m * way_m)
+
+
+def _ns(milliseconds: float) -> int:
+    return round(1e6 * milliseconds)
 
 
 class Navigator:
@@ -29,7 +44,7 @@ class Navigator:
     def __init__(self, config: Config, planner: GoalPlanner, computing_time: ComputingTime) -> None:
         self._planner, self._computing_time = planner, computing_time
         self._execution, self._follower = GoalExecution(config), Follower(config)
-        self._answer: _Answer | None = None
+        self._answer: tuple[int, int, TimedPlan | Refusal] | None = None  # known from when on, request's number, plan
         self._busy_until_ns = 0
         self.state, self.reason = NavigationState.IDLE, ""
         self.plans = 0
@@ -45,8 +60,8 @@ class Navigator:
 
     def step(self, now_ns: int, where: LocalizationState, hazards: frozenset[str] = frozenset()) -> FollowResult:
         """The velocity for now, and how the follower came to it."""
-        if self._answer is not None and now_ns >= self._answer.ready_ns:
-            self._execution.planned(now_ns, self._answer.number, self._answer.way)
+        if self._answer is not None and now_ns >= self._answer[0]:
+            self._execution.planned(now_ns, *self._answer[1:])
             self._answer = None
         for act in self._execution.step(now_ns, ExecutionInput(where, self._planner.grid, self._follower.report)):
             self._do(now_ns, act)
@@ -71,4 +86,4 @@ class Navigator:
         self.plans += 1
         way = self._planner.timed(request.start, request.goal, request.frame)
         self._busy_until_ns = max(now_ns, self._busy_until_ns) + self._computing_time.plan_ns(way)
-        self._answer = _Answer(self._busy_until_ns, request.number, way)
+        self._answer = self._busy_until_ns, request.number, way

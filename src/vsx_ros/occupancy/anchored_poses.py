@@ -1,18 +1,26 @@
-"""Where the base has been and where it bumped, kept relative to keyframes: both move when the map is adjusted."""
+"""Where the base has been, where it bumped and where its wheels turned in vain, kept relative to keyframes: all of it
+moves when the map is adjusted."""
 
 import math
 from collections.abc import Sequence
+from itertools import compress
+from typing import NamedTuple
 
 import numpy as np
 
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.geometry.se3 import SE3
+from vsx_ros.geometry.se3 import SE3, stacked
 
-TRAIL_STEP_M = 0.05
-BUMP_STEP_M, BUMP_STEP_RAD = 0.1, 0.5
-_LOOSE = -1
+TRAIL_STEP_M = 0.05  # a cell of the map: a finer trail shows no more
+BUMP_STEP_M, BUMP_STEP_RAD = 0.1, 0.5  # bumps nearer to each other are one
+_LOOSE = -1  # anchored to no keyframe yet
+_FIRST_NS = 20_000_000_000
+"""So long a spot is left alone at first where wheels turned in vain, twice as long each further time."""
+_SAME_M, _SAME_RAD = 0.3, 0.8  # pushed again here is the same spot
+_DRIVEN_ON_M, _BESIDE_M = 0.1, 0.1
+"""Who drives so far on from where it pushed, hardly beside it, has pushed against nothing that is still there."""
 
 
 class AnchoredPoses:
@@ -76,9 +84,8 @@ class AnchoredPoses:
 
 def _headings(T_world_cams: Sequence[SE3]) -> FloatArray:
     """(K, 3) x, y [m] and heading of the optical axis [rad] of each camera."""
-    axes = np.array([T.rotation[:2, 2] for T in T_world_cams])
-    positions = np.array([T.translation[:2] for T in T_world_cams])
-    return np.column_stack([positions, np.arctan2(axes[:, 1], axes[:, 0])])
+    R, t = stacked(T_world_cams)
+    return np.column_stack([t[:, :2], np.arctan2(R[:, 1, 2], R[:, 0, 2])])
 
 
 def _composed(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -93,3 +100,56 @@ def _relative(a: FloatArray, b: FloatArray) -> FloatArray:
     c, s = np.cos(a[:, 2]), np.sin(a[:, 2])
     x, y = (b[:, :2] - a[:, :2]).T
     return np.column_stack([c * x + s * y, -s * x + c * y, b[:, 2] - a[:, 2]])
+
+
+class _Expiry(NamedTuple):
+    """Until when a spot counts, and how long it did when it was pushed at last."""
+
+    until_ns: int
+    length_ns: int
+
+
+class SuspectedObstacles:
+    """There may be something that no bumper feels, or the floor was only slippery. ``pushed`` and ``moved`` as it
+    happens; ``poses`` are those that count for now."""
+
+    def __init__(self) -> None:
+        self._spots = AnchoredPoses(BUMP_STEP_M, BUMP_STEP_RAD)
+        self._expiries: list[_Expiry] = []
+        self._latest: SE2 | None = None
+
+    def pushed(self, pose: SE2, now_ns: int) -> None:
+        """The base, here, faces what it pushes against. The same pose again is the same push."""
+        if pose == self._latest:
+            return
+        self._latest = pose
+        for k, spot in enumerate(self._spots.last_poses()):
+            if spot.distance_to(pose) < _SAME_M and abs(spot.angle_to(pose)) < _SAME_RAD:
+                until_ns, length_ns = self._expiries[k]
+                length_ns *= 1 if now_ns < until_ns else 2
+                self._expiries[k] = _Expiry(now_ns + length_ns, length_ns)
+                return
+        self._spots.add(pose)
+        self._expiries.append(_Expiry(now_ns + _FIRST_NS, _FIRST_NS))
+
+    def moved(self, pose: SE2) -> None:
+        """The base is here."""
+        if self._expiries:
+            kept = [not _driven_on(spot, pose) for spot in self._spots.last_poses()]
+            self._spots.keep(kept)
+            self._expiries = list(compress(self._expiries, kept))
+
+    def count(self, now_ns: int) -> int:
+        """How many count."""
+        return sum(now_ns < expiry.until_ns for expiry in self._expiries)
+
+    def poses(self, now_ns: int, keyframe_ids: IntArray, T_world_cams: Sequence[SE3]) -> list[SE2]:
+        """Where they are in a map of these keyframes (K,), ids ascending."""
+        spots = self._spots.poses(keyframe_ids, T_world_cams)
+        return [spot for spot, expiry in zip(spots, self._expiries, strict=True) if now_ns < expiry.until_ns]
+
+
+def _driven_on(push: SE2, pose: SE2) -> bool:
+    """Whether a base here has passed where it pushed."""
+    on = push.inverse() @ pose
+    return on.x > _DRIVEN_ON_M and abs(on.y) < _BESIDE_M

@@ -1,15 +1,16 @@
-"""How far one is from what is not known to be free, and how far it is to drive."""
+"""How far one is from what is not known to be free, how far it is to drive, and what is in view."""
 
 import math
 
+import cv2
 import numpy as np
 
-from vsx_ros.arrays import BoolArray, FloatArray
-from vsx_ros.kernels.occupancy.clearance import DistanceField, fringe, signed_distance
-from vsx_ros.kernels.occupancy.wavefront import wavefront
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray
+from vsx_ros.kernels.occupancy.clearance import DistanceField, signed_distance, wavefront
+from vsx_ros.kernels.occupancy.visibility import visible_landmarks
 from vsx_ros.occupancy.grid import FREE, OccupancyGrid
 
-CLEARANCE_REACH_M = 1.5
+CLEARANCE_REACH_M = 1.5  # farther obstacles change no plan, and cost time
 
 
 def clearance_field(grid: OccupancyGrid, reach_m: float = CLEARANCE_REACH_M) -> DistanceField:
@@ -43,4 +44,20 @@ def with_fringe(distances: FloatArray, resolution: float) -> FloatArray:
 
     A position can be open although the middle of its cell is not; its distance is that of the nearest cell beside it.
     """
-    return fringe(np.ascontiguousarray(distances, float), resolution)
+    least_around = cv2.erode(np.asarray(distances, float), np.ones((3, 3), np.uint8), borderType=cv2.BORDER_REPLICATE)
+    return np.where(np.isinf(distances), least_around + resolution, distances)
+
+
+def landmarks_in_view(
+    grid: OccupancyGrid, poses: FloatArray, landmarks_world: FloatArray, half_fov_rad: float,
+    range_m: tuple[float, float], most: int,
+) -> IntArray:  # fmt: skip
+    """(N,) how many landmarks (M, 2 or 3) [m] at least and at most so far away each pose (N, 3) would have in view,
+    estimated on at most ``most`` of them."""
+    stride = -(-len(landmarks_world) // most) or 1
+    sample = np.ascontiguousarray(landmarks_world[::stride, :2], np.float64).reshape(-1, 2)
+    counts: IntArray = stride * visible_landmarks(
+        grid.data, grid.resolution, grid.origin_x, grid.origin_y, np.ascontiguousarray(poses, np.float64), sample,
+        half_fov_rad, *range_m,
+    )  # fmt: skip
+    return counts

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import BoolArray, IntArray, Points2
 from vsx_ros.errors import MapFileError
 
-UNKNOWN, FREE, OCCUPIED = -1, 0, 100
+UNKNOWN, FREE, OCCUPIED = -1, 0, 100  # of nav_msgs/OccupancyGrid
 MAX_CELLS = 2**24
 """Of a map from outside: 200 x 200 m at 5 cm."""
-MAX_EXTENT_M = 1e6
+MAX_EXTENT_M = 1e6  # beyond any building; keeps cell numbers in their range
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,31 +15,25 @@ from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.occupancy import ground_cells
-from vsx_ros.kernels.occupancy import ground_map as kernels
-from vsx_ros.kernels.occupancy.ground_cells import Lattice
+from vsx_ros.kernels.occupancy.ground_cells import Counts, Lattice
 from vsx_ros.kernels.occupancy.ground_map import PolarScans, Surfaces
-from vsx_ros.kernels.occupancy.scan_casting import count_free
-from vsx_ros.occupancy.free_ground import MIN_SURE_VOTES, gaps, rims
+from vsx_ros.occupancy.gaps import MIN_SURE_VOTES, gaps, rims, walls
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.occupancy.virtual_scan import corners, meet, virtual_scans, writable
-from vsx_ros.occupancy.walls import walls
 
-_MIN_FREE_VOTES = 1
+_MIN_FREE_VOTES = 1  # keyframes; rims and gaps ask for more
 _MIN_POINTS, _POINT_HITS = 2, 3
 """A lone point is no obstacle, nor one that hardly anybody saw: edges before the far floor are matched wrongly."""
 _COARSE_LEVEL = 3
 """From this pyramid level on a corner may be floor as wide beside the edge that carries it as an obstacle may lie off:
 half of eight pixels of the level are 6 cm at a metre."""
-_SURE_POINTS = 3
-_OVERRULED_BY, _FEW_OVERRULED_BY = 1.0, 0.25
-"""Points, or fewer than sure ones, are noise where so many times more keyframes looked through their place."""
-_WALL_GAP_M, _WALL_SHARE = 1.0, 0.5
-"""Of a straight wall, so long a stretch that nobody saw is taken for wall; at least so much of it was seen."""
-_MIN_SPOTS = 6
-_SEEN_THROUGH = 0.25
-_MAX_SURFACE_SIGMA_M = 0.05
-_BUMP_ARC_RAD = 1.0
-_BUMP_AHEAD_M = 0.05
+_SURE_POINTS = 3  # from so many on few_overruled_ratio does not hold
+_WALL_SHARE = 0.5  # so much at least of a wall with gaps was seen
+_MIN_SPOTS = 6  # of surface, four to a cell of the dense map, in a cell and those around it
+_SEEN_THROUGH = 0.25  # votes per vote: so few keyframes that look through a surface speak against it
+_MAX_SURFACE_SIGMA_M = 0.05  # a cell; less sure surfaces would stand in the wrong one
+_BUMP_ARC_RAD = 1.0  # to each side: the bumper does not tell where it was hit more exactly
+_BUMP_AHEAD_M = 0.05  # of the body: a cell
 
 
 class DriveHistory(NamedTuple):
@@ -59,17 +54,11 @@ class GroundMap:
         self._robot = robot
 
     def build(
-        self,
-        T_world_cams: Sequence[SE3],
-        points_world: Points3,
-        obs_keyframe: IntArray,
-        obs_point: IntArray,
-        driven: DriveHistory | None = None,
-        surfaces: Surfaces | None = None,
-        obs_level: IntArray | None = None,
-    ) -> OccupancyGrid:
+        self, T_world_cams: Sequence[SE3], points_world: Points3, obs_keyframe: IntArray, obs_point: IntArray,
+        driven: DriveHistory | None = None, surfaces: Surfaces | None = None, obs_level: IntArray | None = None,
+    ) -> OccupancyGrid:  # fmt: skip
         """The grid; evidence of an obstacle beats evidence of free space, what nobody saw stays unknown, but for gaps
-        in what is seen: of walls (``walls.py``), and of the free ground.
+        in what is seen: of walls (``gaps.py``), and of the free ground.
 
         T_world_cams: K keyframes. points_world: (M, 3). obs_keyframe, obs_point: (O,) which keyframe saw which point.
         driven: where the base was, nowhere if None. surfaces: what is known to be solid besides the points; the
@@ -88,16 +77,13 @@ class GroundMap:
         arcs = self._bump_cells(bumps)
         extent = np.vstack([corners(scans, points_world, obs_point), outline, self._passed(trail, start), arcs])
         lattice = Lattice.around(extent, self._config.resolution_m)
-        free_votes = count_free(scans, lattice)
+        free_votes = ground_cells.count_free(scans, lattice)
         occupied = self._occupied(scans, points_world, obs_point, free_votes, lattice)
         occupied |= _solid(spots, touched, free_votes, lattice)
         data = self._judged(free_votes, occupied, self._known(trail, start, occupied, lattice), lattice)
         grid = OccupancyGrid(data, lattice.resolution, lattice.origin_x, lattice.origin_y)
-        if len(arcs):
-            rows, columns = grid.cells(arcs).T
-            data[rows, columns] = OCCUPIED
-            grid = replace(grid, data=data)
-        return grid
+        data[tuple(grid.cells(arcs).T)] = OCCUPIED
+        return replace(grid, data=data)
 
     def _judged(
         self, free_votes: Int32Array, occupied: BoolArray, known: BoolArray, lattice: Lattice
@@ -108,7 +94,8 @@ class GroundMap:
         data[occupied] = OCCUPIED
         data[gaps(data, known | (free_votes >= MIN_SURE_VOTES))] = FREE
         unsure = (data == UNKNOWN) | ((data == FREE) & (free_votes < MIN_SURE_VOTES))
-        solid = walls(occupied, lattice.resolution, 2 * self._robot.radius_m, _WALL_GAP_M, _WALL_SHARE)
+        gap_m = self._config.wall_gap_m
+        solid = walls(occupied, lattice.resolution, 2 * self._robot.radius_m, gap_m, _WALL_SHARE)
         data[unsure & solid] = OCCUPIED
         data[rims(data, free_votes)] = UNKNOWN
         data[known] = FREE
@@ -118,12 +105,8 @@ class GroundMap:
     def _check(
         n_keyframes: int, points_world: Points3, obs_keyframe: IntArray, obs_point: IntArray, obs_level: IntArray | None
     ) -> None:
-        for name, indices, count in (("keyframe", obs_keyframe, n_keyframes), ("point", obs_point, len(points_world))):
-            if len(indices) and not 0 <= int(np.min(indices)) <= int(np.max(indices)) < count:
-                raise InputError(
-                    f"an observation names {name} {int(np.max(indices))} of {count}; "
-                    "keyframes, points and observations must come from one snapshot"
-                )
+        _check_names("an observation names keyframe", obs_keyframe, n_keyframes)
+        _check_names("an observation names point", obs_point, len(points_world))
         if len(obs_keyframe) != len(obs_point) or not np.isfinite(points_world).all():
             raise InputError("observations must name a keyframe and a point each, and points must be finite")
         if obs_level is not None and len(obs_level) != len(obs_point):
@@ -140,11 +123,11 @@ class GroundMap:
     ) -> BoolArray:
         """Cells with enough observations of obstacle points, the few that others look through left out."""
         points, point = writable(points_world, np.float64).reshape(-1, 3), writable(obs_point, np.int64)
-        votes, members = ground_cells.count_hits(points, point, scans.hit, _POINT_HITS, lattice)
-        over_votes, over = ground_cells.count_hits(points, point, scans.over, _POINT_HITS, lattice)
-        return ground_cells.believed_points(
-            votes, members, over_votes, over, free_votes, _MIN_POINTS, _SURE_POINTS, _OVERRULED_BY, _FEW_OVERRULED_BY
+        hits, over = (
+            ground_cells.count_hits(points, point, found, _POINT_HITS, lattice) for found in (scans.hit, scans.over)
         )
+        overruled = self._config.overruled_ratio, self._config.few_overruled_ratio
+        return believed(hits, over, free_votes, _MIN_POINTS, _SURE_POINTS, overruled)
 
     def _touched(self, surfaces: Surfaces, n_keyframes: int) -> tuple[Surfaces, BoolArray, Points2]:
         """The surfaces as kernels take them, which of them the robot could touch and lie where they seem to, and the
@@ -155,15 +138,12 @@ class GroundMap:
         if not len(points) == len(keyframe) == len(sigma):
             raise InputError("surfaces must give a point, a keyframe and a sigma each")
         spots = Surfaces(points, keyframe, sigma)
-        touched, outline, finite = kernels.touchable(spots, low, high, _MAX_SURFACE_SIGMA_M)
-        if not finite:
+        touched = (low < points[:, 2]) & (points[:, 2] <= high) & (sigma <= _MAX_SURFACE_SIGMA_M)
+        if not np.isfinite(points).all():
             raise InputError("surfaces must be finite points")
-        if len(keyframe) and not 0 <= int(keyframe.min()) <= int(keyframe.max()) < n_keyframes:
-            raise InputError(
-                f"a surface names keyframe {int(keyframe.max())} of {n_keyframes}; "
-                "surfaces and keyframes must come from one snapshot"
-            )
-        return spots, touched, outline if touched.any() else np.zeros((0, 2))
+        _check_names("a surface names keyframe", keyframe, n_keyframes)
+        places = points[touched, :2]
+        return spots, touched, np.array([places.min(axis=0), places.max(axis=0)]) if len(places) else places
 
     def _start_strip(self, start: SE2, lattice: Lattice) -> BoolArray:
         """The promised floor: from behind the robot to ``start_clear_m`` in front, a little wider than the robot."""
@@ -196,10 +176,36 @@ class GroundMap:
         return np.vstack([np.zeros((0, 2)), *(pose @ arc for pose in bumps)])
 
 
+def _check_names(words: str, indices: IntArray, count: int) -> None:
+    """Raise InputError for an index that is not one of ``count``."""
+    if len(indices) and not 0 <= int(np.min(indices)) <= int(np.max(indices)) < count:
+        raise InputError(f"{words} {int(np.max(indices))} of {count}; all that is given must come from one snapshot")
+
+
 def _solid(spots: Surfaces, touched: BoolArray, free_votes: Int32Array, lattice: Lattice) -> BoolArray:
     """Cells under surfaces, but for those that many keyframes look through."""
-    every, nothing = np.arange(len(touched)), np.zeros((lattice.rows, lattice.columns), np.int32)
-    votes, members = ground_cells.count_hits(spots.points, every, touched.astype(np.float32), 1, lattice)
-    return ground_cells.believed_points(
-        votes, members, nothing, nothing, free_votes, _MIN_SPOTS, 0, _SEEN_THROUGH, _SEEN_THROUGH
-    )
+    every = np.arange(len(touched))
+    hits = ground_cells.count_hits(spots.points, every, touched.astype(np.float32), 1, lattice)
+    return believed(hits, None, free_votes, _MIN_SPOTS, 0, (_SEEN_THROUGH, _SEEN_THROUGH))
+
+
+def believed(
+    hits: Counts, over: Counts | None, free_votes: Int32Array, least: int, sure: int, shares: tuple[float, float]
+) -> BoolArray:
+    """(rows, columns) whether a cell with votes of hits is an obstacle, judged with its eight neighbours.
+
+    They hold ``least`` of the members, and free_votes (rows, columns) not more times the votes than the first of the
+    shares, or the second where there are fewer than ``sure`` members; one free vote of a cell weighs as much as nine of
+    all. What is over them counts with them: what stands on the floor goes on upwards, a wrong match before the floor
+    does not.
+    """
+    votes, points = _around(hits.votes), _around(hits.members)
+    if over is not None:
+        votes, points = votes + _around(over.votes), points + np.where(points > 0, _around(over.members), 0)
+    limit = np.where(points >= sure, *shares)
+    return (hits.votes > 0) & (points >= least) & (_around(free_votes) / 9.0 <= limit * votes)
+
+
+def _around(counts: Int32Array) -> Int32Array:
+    """The sums over each cell and its neighbours."""
+    return np.asarray(cv2.boxFilter(counts, -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT), np.int32)

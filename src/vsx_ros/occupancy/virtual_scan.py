@@ -13,28 +13,21 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2, Points3
 from vsx_ros.config import GroundMapConfig
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.geometry.se3 import SE3
+from vsx_ros.geometry.se3 import SE3, stacked
 from vsx_ros.kernels.occupancy import ground_map as kernels
+from vsx_ros.kernels.occupancy.ground_cells import scan_corners
 from vsx_ros.kernels.occupancy.ground_map import PolarScans, Surfaces
-from vsx_ros.kernels.occupancy.scan_casting import scan_corners
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 
-N_BEARINGS = 720
-"""Half a degree each: 4 cm at 4.5 m, less than a cell."""
-_MAX_GAP_BINS = 20
-_MAX_GAP_M = 0.15
+N_BEARINGS = 720  # half a degree each: 4 cm at 4.5 m, less than a cell
+_MAX_GAP_BINS, _MAX_GAP_M = 20, 0.15
 """Bearings between two rays take the shorter of both, as far out as the rays are this close to each other."""
-_PIXEL_NOISE_RAD = 0.0012
-"""0.6 pixels at a focal length of 500: how well a bearing to a point is known."""
-_MAX_HIT_ERROR_M = 0.10
-_CAUTION = 2.0
-"""A ray proves the floor free up to this many depth errors, and one cell, short of its point."""
-_TOP_M = 1.0
-"""Up to this height what is above a point speaks for it: legs and edges go on upwards."""
-_FOOT_M = 0.15
-"""A ray that ends below has met whatever is higher on its way."""
-_FLOOR_GROWTH = 0.012
-"""Floor points scatter with distance: pose and depth errors add about this much height per metre."""
+_PIXEL_NOISE_RAD = 0.0012  # 0.6 pixels at a focal length of 500: how well a bearing to a point is known
+_MAX_HIT_ERROR_M = 0.10  # two cells; points less exact along the ray make no obstacle
+_CAUTION = 2.0  # a ray proves the floor free up to this many depth errors, and one cell, short of its point
+_TOP_M = 1.0  # up to this height what is above a point speaks for it: legs and edges go on upwards
+_FOOT_M = 0.15  # a ray that ends below has met whatever is higher on its way
+_FLOOR_GROWTH = 0.012  # floor points scatter with distance: pose and depth errors add this much height per metre
 
 
 def corners(scans: PolarScans, points_world: Points3, obs_point: IntArray) -> Points2:
@@ -55,9 +48,8 @@ def virtual_scans(
     A point near the floor is floor. A point between the obstacle heights is an obstacle, unless its depth is too
     uncertain; in its bearing nothing behind it is called passable.
     """
-    positions = np.array([T.translation for T in T_world_cams]).reshape(-1, 3)
-    axes = np.array([T.rotation[:2, 2] for T in T_world_cams]).reshape(-1, 2)
-    yaws = np.arctan2(axes[:, 1], axes[:, 0])
+    rotations, positions = stacked(T_world_cams)
+    yaws = np.arctan2(rotations[:, 1, 2], rotations[:, 0, 2])
     headings = np.column_stack([np.cos(yaws), np.sin(yaws)])
     points = writable(points_world, np.float64).reshape(-1, 3)
     keyframe, point = writable(obs_keyframe, np.int64), writable(obs_point, np.int64)

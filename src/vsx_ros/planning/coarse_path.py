@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,21 +14,29 @@ from vsx_ros.arrays import Float32Array, FloatArray, IntArray
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.occupancy.clearance import DistanceField
 from vsx_ros.kernels.planning.lattice import lattice_search, lattice_way, reverse_run, word_is_free
-from vsx_ros.kernels.planning.motions import Lattice
+from vsx_ros.kernels.planning.motions import Lattice, reeds_shepp_table
 from vsx_ros.kernels.planning.reeds_shepp import reeds_shepp_shortest, reeds_shepp_words, room_for
-from vsx_ros.kernels.planning.reeds_shepp_table import reeds_shepp_table
 from vsx_ros.kernels.planning.shortcuts import shorten
 from vsx_ros.occupancy.distance import travel_distance, with_fringe
-from vsx_ros.planning.path import CUSP_COST_M
 from vsx_ros.planning.pieces import Piece, arc_piece
 
-_ARC_M = 0.27
-_SHORTEST_M = 1e-9
-_CELL_M = 0.1
+_ARC_M = 0.27  # an arc of the lattice, where that gives 16 to 32 headings: a step of some two cells
+_SHORTEST_M = 1e-9  # shorter pieces are rounding
+_CELL_M = 0.1  # of the lattice; half of it where the goal or start lies in a pocket
+# Most states of each search, for memory and time; fewer than the last are a pocket.
 _COARSE_STATES, _BACK_STATES, _FINE_STATES, _FEW_STATES = 5_000_000, 40_000, 120_000, 200
-_SHORTCUTS = 300
+_SHORTCUTS = 300  # random ones tried per way
 OCTILE = 0.924
 """A straight line is at least this share of the 8-connected way along it."""
+
+
+class ArcBounds(NamedTuple):
+    """What arcs and lines keep to: the field in which they stay, their curvature phi [rad/m], and the longest leg in
+    reverse [m]."""
+
+    margin: DistanceField
+    phi: float
+    max_reverse_m: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,34 +59,19 @@ class CoarsePath:
 
     def halved(self, longest_m: float) -> tuple[CoarsePath, frozenset[int]]:
         """The same way with longer straight lines cut in the middle, and the segments that end at such a cut."""
-        turns: list[int] = []
-        lengths: list[float] = []
-        cuts: list[int] = []
-        for turn, length in zip(self.turns.tolist(), self.lengths.tolist()):
-            if turn == 0 and abs(length) > longest_m:
-                cuts.append(len(turns))
-                turns += [0, 0]
-                lengths += [0.5 * length, 0.5 * length]
-            else:
-                turns.append(turn)
-                lengths.append(length)
-        return CoarsePath(np.array(turns, np.int64), np.array(lengths), self.phi), frozenset(cuts)
-
-    def legs(self) -> list[CoarsePath]:
-        """The ways between changes of direction."""
-        keep = np.abs(self.lengths) >= _SHORTEST_M
-        turns, lengths = self.turns[keep], self.lengths[keep]
-        cusps = np.flatnonzero(lengths[1:] * lengths[:-1] < 0.0) + 1
-        parts = zip(np.split(turns, cusps), np.split(lengths, cusps))
-        return [CoarsePath(part, size, self.phi) for part, size in parts if len(part)]
+        long = (self.turns == 0) & (np.abs(self.lengths) > longest_m)
+        parts = np.where(long, 2, 1)
+        cuts = np.flatnonzero(long) + np.arange(np.count_nonzero(long))
+        way = CoarsePath(np.repeat(self.turns, parts), np.repeat(self.lengths / parts, parts), self.phi)
+        return way, frozenset(cuts.tolist())
 
     def parted(self) -> list[CoarsePath]:
         """The way in two parts: cut at the middle one of its changes of direction, else between its segments."""
-        legs = self.legs()
-        sizes = [len(leg.turns) for leg in legs]
-        half = sum(sizes[: len(legs) // 2]) if len(legs) > 1 else sizes[0] // 2
-        turns, lengths = (np.concatenate([getattr(leg, name) for leg in legs]) for name in ("turns", "lengths"))
-        return [CoarsePath(turns[:half], lengths[:half], self.phi), CoarsePath(turns[half:], lengths[half:], self.phi)]
+        keep = np.abs(self.lengths) >= _SHORTEST_M
+        turns, lengths = self.turns[keep], self.lengths[keep]
+        cusps = np.flatnonzero(lengths[1:] * lengths[:-1] < 0.0) + 1
+        half = [cusps[(len(cusps) - 1) // 2] if len(cusps) else len(turns) // 2]
+        return [CoarsePath(*part, self.phi) for part in zip(np.split(turns, half), np.split(lengths, half))]
 
     def arcs(self, start: SE2) -> list[Piece]:
         """An arc or line for every segment."""
@@ -112,12 +106,13 @@ def shortest_word(start: SE2, goal: SE2, phi: float) -> CoarsePath:
     return CoarsePath(word.turns[0], word.lengths[0] / phi, phi)
 
 
-def free_words(margin: DistanceField, start: SE2, goal: SE2, phi: float, max_reverse_m: float) -> list[CoarsePath]:
-    """The Reeds-Shepp words between two poses that stay in the margin field, shortest first."""
+def free_words(start: SE2, goal: SE2, bounds: ArcBounds) -> list[CoarsePath]:
+    """The Reeds-Shepp words between two poses that keep the bounds, shortest first."""
+    margin, phi, limit = bounds
     free = [
         word
         for word in words(start, goal, phi)
-        if word.longest_reverse_m <= max_reverse_m
+        if word.longest_reverse_m <= limit
         and word_is_free(margin, start.x, start.y, start.theta, word.turns, word.lengths * phi, phi)
     ]
     return sorted(free, key=lambda word: nanometres(word.length_m))
@@ -138,79 +133,73 @@ def coarse_lattice(phi: float) -> Lattice:
     return Lattice(headings, bins, _CELL_M, _COARSE_STATES)
 
 
-def back_lattice(phi: float) -> Lattice:
-    """The coarse one with fewer states, for a start that only the word at the end may reach."""
-    return coarse_lattice(phi)._replace(most_states=_BACK_STATES)
-
-
 def fine_lattice(phi: float) -> Lattice:
     """Half the cells and half the arcs, for manoeuvres where there is hardly room."""
     coarse = coarse_lattice(phi)
     return Lattice(2 * coarse.headings, coarse.bins, 0.5 * coarse.cell_m, _FINE_STATES)
 
 
-def search_lattice(
-    margin: DistanceField,
-    start: SE2,
-    goal: SE2,
-    phi: float,
-    max_reverse_m: float,
-    remaining: FloatArray,
-    lattice: Lattice,
-) -> CoarsePath | None:
-    """The cheapest way over the lattice, ended exactly on the goal by a Reeds-Shepp word; None when there is none.
+def search(start: SE2, goal: SE2, bounds: ArcBounds, remaining: FloatArray) -> CoarsePath | None:
+    """A way over a lattice: from the start, from the goal, with arcs half as long; None when there is none.
 
     remaining (H, W): ``travel_distance`` from the goal.
     """
-    poses, parents, motions, step, winner = _searched(margin, start, goal, phi, max_reverse_m, remaining, lattice)
+    coarse, fine = coarse_lattice(bounds.phi), fine_lattice(bounds.phi)
+    way = search_lattice(start, goal, bounds, remaining, coarse)
+    if way is None and is_stuck(start, goal, bounds, coarse):
+        way = search_lattice_back(start, goal, bounds, coarse._replace(most_states=_BACK_STATES))
+    if way is None and not is_stuck(_about_turn(goal), _about_turn(start), bounds, fine):
+        way = search_lattice(start, goal, bounds, remaining, fine)
+        way = way or search_lattice_back(start, goal, bounds, fine)
+    return way
+
+
+def search_lattice(
+    start: SE2, goal: SE2, bounds: ArcBounds, remaining: FloatArray, lattice: Lattice
+) -> CoarsePath | None:
+    """The cheapest way over the lattice, ended exactly on the goal by a Reeds-Shepp word; None when there is none."""
+    poses, parents, motions, step, winner = _searched(start, goal, bounds, remaining, lattice)
     if winner < 0:
         return None
-    turns, lengths = lattice_way(poses, parents, motions, winner, step, goal.as_array(), phi)
-    return CoarsePath(turns, lengths, phi)
+    turns, lengths = lattice_way(poses, parents, motions, winner, step, goal.as_array(), bounds.phi)
+    return CoarsePath(turns, lengths, bounds.phi)
 
 
-def search_lattice_back(
-    margin: DistanceField, start: SE2, goal: SE2, phi: float, max_reverse_m: float, lattice: Lattice
-) -> CoarsePath | None:
+def search_lattice_back(start: SE2, goal: SE2, bounds: ArcBounds, lattice: Lattice) -> CoarsePath | None:
     """As ``search_lattice``, from the goal: the start is what the word ends on. For starts without room for an arc."""
-    remaining = with_fringe(travel_distance(margin, (start.x, start.y)), margin.resolution)
-    way = search_lattice(margin, about_turn(goal), about_turn(start), phi, max_reverse_m, remaining, lattice)
+    remaining = with_fringe(travel_distance(bounds.margin, (start.x, start.y)), bounds.margin.resolution)
+    way = search_lattice(_about_turn(goal), _about_turn(start), bounds, remaining, lattice)
     # The same curve, driven the other way by a base that faces the other way: forward stays forward.
-    return None if way is None else CoarsePath(-way.turns[::-1], way.lengths[::-1].copy(), phi)
+    return None if way is None else CoarsePath(-way.turns[::-1], way.lengths[::-1].copy(), bounds.phi)
 
 
-def about_turn(pose: SE2) -> SE2:
+def _about_turn(pose: SE2) -> SE2:
     """The pose facing the other way."""
     return SE2(pose.x, pose.y, pose.theta + math.pi)
 
 
-def is_stuck(margin: DistanceField, pose: SE2, target: SE2, phi: float, max_reverse_m: float, lattice: Lattice) -> bool:
+def is_stuck(pose: SE2, target: SE2, bounds: ArcBounds, lattice: Lattice) -> bool:
     """Whether the arcs of a lattice lead no further from a pose, towards a target, than to a few states."""
     few = lattice._replace(most_states=_FEW_STATES)
-    nothing_known = np.zeros(margin.values.shape)
-    poses, *_, winner = _searched(margin, pose, target, phi, max_reverse_m, nothing_known, few)
+    poses, *_, winner = _searched(pose, target, bounds, np.zeros(bounds.margin.values.shape), few)
     return winner < 0 and len(poses) < _FEW_STATES
 
 
 def _searched(
-    margin: DistanceField,
-    start: SE2,
-    goal: SE2,
-    phi: float,
-    max_reverse_m: float,
-    remaining: FloatArray,
-    lattice: Lattice,
+    start: SE2, goal: SE2, bounds: ArcBounds, remaining: FloatArray, lattice: Lattice
 ) -> tuple[FloatArray, IntArray, NDArray[np.int8], float, int]:
-    bound = np.where(np.isfinite(remaining), OCTILE * remaining, 1e6)
-    return lattice_search(margin, start.as_array(), phi, lattice, max_reverse_m, goal.as_array(), bound, word_table())
+    margin, phi, limit = bounds
+    hopes = np.where(np.isfinite(remaining), OCTILE * remaining, 1e6)
+    return lattice_search(margin, start.as_array(), phi, lattice, limit, goal.as_array(), hopes, word_table())
 
 
 def shortened(
-    coarse: CoarsePath, margin: DistanceField, start: SE2, max_reverse_m: float, rng: np.random.Generator
+    coarse: CoarsePath, start: SE2, bounds: ArcBounds, cusp_cost_m: float, rng: np.random.Generator
 ) -> CoarsePath:
-    """The coarse path after random shortcuts."""
+    """The coarse path after random shortcuts; a cusp counts as cusp_cost_m [m]."""
+    seed = np.uint64(rng.integers(1, 2**62))
     turns, lengths = shorten(
-        margin, start.as_array(), coarse.turns, coarse.lengths, coarse.phi, max_reverse_m, CUSP_COST_M,
-        np.uint64(rng.integers(1, 2**62)), _SHORTCUTS,
+        bounds.margin, start.as_array(), coarse.turns, coarse.lengths, coarse.phi, bounds.max_reverse_m, cusp_cost_m,
+        seed, _SHORTCUTS,
     )  # fmt: skip
     return CoarsePath(turns, lengths, coarse.phi)

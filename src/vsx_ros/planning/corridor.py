@@ -1,4 +1,5 @@
-"""Where the base may go: the clearance field less what the base needs, and the check of finished paths against it."""
+"""Where the base may go: the clearance field less what the base needs, and the check of paths against it: of finished
+ones, and of a drive whose map has grown since."""
 
 import math
 from dataclasses import dataclass, replace
@@ -6,19 +7,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vsx_ros.arrays import FloatArray
-from vsx_ros.config import PlannerConfig, RobotConfig
+from vsx_ros.config import LimitsConfig, PlannerConfig, RobotConfig
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.occupancy.clearance import DistanceField, least_on_curve
 from vsx_ros.occupancy.distance import clearance_field
-from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.planning.path import Path, Refusal, RefusalKind
+from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
+from vsx_ros.planning.path import Path, Refusal, RefusalKind, Trajectory
 
-_SEARCH_MARGIN_M = 0.01
-_GIVE_M = 0.02
-_ESCAPE_M = 0.3
-_ESCAPE_SLOPE = 2.0
-_CHECK_STEP_M = 0.005
-REVERSE_SLACK_M = 1e-6
+# Searches check points, a centimetre stands for what is between; finished paths are checked so often.
+_SEARCH_MARGIN_M, _CHECK_STEP_M = 0.01, 0.005
+_GIVE_M, _GIVE_AHEAD_M = 0.02, 0.005  # less than the base has where it stands; of a drive that goes on, hardly any
+_ESCAPE_M, _ESCAPE_SLOPE = 0.3, 2.0  # way to the full need again, and more of it per metre missing
+_AHEAD_M, _LEFT_M = 1.5, 0.1  # of the way watched, several stops long; what is left before an obstacle
+REVERSE_SLACK_M = 1e-6  # rounding
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,3 +101,36 @@ def _relax(needed: FloatArray, field: DistanceField, pose: SE2, clearance: float
     # The ramp starts a cell away, so that interpolation cannot lift the need at the pose itself.
     away = np.maximum(np.hypot(x[None, :], y[:, None]) - math.sqrt(2.0) * field.resolution, 0.0)
     np.minimum(needed, have + (need - have) * away / escape, out=needed)
+
+
+def obstacle_ahead(trajectory: Trajectory, from_s: float, grid: OccupancyGrid, radius_m: float) -> float | None:
+    """How far the base (radius_m) may drive until it touches something, on the next 1.5 m of a trajectory [m]; None
+    where it touches nothing.
+
+    from_s: how far it has come on the trajectory, in its own time [s]. Only obstacles count: what is unknown again was
+    free when the plan was made. Where the base stands closer already it may leave.
+    """
+    rest = trajectory.poses[trajectory.times_s - trajectory.times_s[0] >= from_s]
+    positions = np.vstack([trajectory.at(from_s)[0].as_array()[None, :2], rest[:, :2]])
+    way_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(positions, axis=0).T))])
+    obstacles = replace(grid, data=np.where(grid.data == OCCUPIED, OCCUPIED, FREE))
+    field = clearance_field(obstacles, 2.0 * radius_m)
+    clearance_m = field.at(positions[way_m <= _AHEAD_M])
+    touching = np.flatnonzero(clearance_m < min(radius_m, float(clearance_m[0])) - _GIVE_AHEAD_M)
+    return float(way_m[touching[0]]) if len(touching) else None
+
+
+def braking_before(obstacle_m: float, v_m_s: float, limits: LimitsConfig) -> float:
+    """How hard to brake [m/s2] from a speed so that 10 cm are left before an obstacle so far ahead [m]: as gently as
+    usual where that does, by a_stop_m_s2 where it does not; infinite where not even that does, and zero must be
+    commanded at once.
+
+    A jerk-limited stop from v takes v^2 / 2a + v a / 2j, and limits.reaction_s comes before it.
+    """
+    v = abs(v_m_s)
+    room_m = obstacle_m - _LEFT_M - v * limits.reaction_s
+    for a_m_s2 in (limits.a_m_s2, limits.a_stop_m_s2):
+        braking = limits.braking(a_m_s2)
+        if v * v / (2.0 * braking.a_m_s2) + v * braking.a_m_s2 / (2.0 * braking.jerk_m_s3) <= room_m:
+            return a_m_s2
+    return math.inf

@@ -1,4 +1,4 @@
-"""The flat outputs as polynomials (paper 4.1, eq. 1-3), in a basis that can be computed with.
+"""The flat outputs as polynomials (paper 4.1, eq. 1-3), in a basis that can be computed with, and their bound.
 
 The paper writes x(t) and zeta(t) = tan(theta(t)) as sums of powers of t, with xdot and zetadot zero at both ends. The
 same polynomials are written here with that factor taken out, on t in [0, 1]:
@@ -8,7 +8,13 @@ same polynomials are written here with that factor taken out, on t in [0, 1]:
 so the coefficients c have unit energy norm and the boundary conditions hold by construction. The certified method
 uses (theta, rho) with rho = ds/dt in place of (zeta, xdot): the same basis for rho, and theta(t) = theta_0 + d S(t)
 with a monotone S-curve S. There is no tangent, hence no forbidden heading.
+
+The bound on the change of view (eq. 5, 6, 11) then reads |thetadot| <= phi rho. Both sides share ``rest_factor``; what
+remains, phi p(t) - |q(t)| >= floor, is a polynomial of degree 9 that is linear in the coefficients of rho. Its
+Bernstein coefficients on sub-intervals being non-negative proves it for every t, not only on a grid.
 """
+
+from math import comb
 
 import numpy as np
 
@@ -20,7 +26,7 @@ COEFFICIENTS = 10
 
 def jacobi(t: FloatArray) -> FloatArray:
     """(N, 10) orthonormal P_k^(2,2) on [0, 1] at t (N,)."""
-    u = 2.0 * np.asarray(t, float) - 1.0
+    u = 2.0 * t - 1.0
     values = np.empty((len(u), COEFFICIENTS))
     values[:, 0] = 1.0
     values[:, 1] = 5.0 * u
@@ -47,7 +53,6 @@ def rest_factor(t: FloatArray, joint_before: bool, joint_after: bool) -> FloatAr
 
     At a joint the path runs on, bending the other way, and rho keeps its size.
     """
-    t = np.asarray(t, float)
     return np.asarray((1.0 if joint_before else t) * (1.0 if joint_after else 1.0 - t) * np.ones_like(t))
 
 
@@ -57,7 +62,6 @@ def profile_rate(t: FloatArray, joint_before: bool, joint_after: bool) -> FloatA
     Between two rests it is the minimiser of eq. (7)-(8), S = 7.5 t^2 - 20 t^3 + 22.5 t^4 - 9 t^5. With a joint it is
     S = 3 t^2 - 2 t^3, whose rate vanishes there more strongly than rho, so that the curvature passes through zero.
     """
-    t = np.asarray(t, float)
     if joint_before or joint_after:
         return np.asarray(6.0 * (t if joint_before else 1.0) * ((1.0 - t) if joint_after else 1.0) * np.ones_like(t))
     return np.asarray(15.0 * (1.0 - 3.0 * t + 3.0 * t * t))
@@ -65,7 +69,6 @@ def profile_rate(t: FloatArray, joint_before: bool, joint_after: bool) -> FloatA
 
 def profile(t: FloatArray, joint_before: bool, joint_after: bool) -> FloatArray:
     """(N,) S(t), the integral of ``rest_factor`` times ``profile_rate``: S(0) = 0, S(1) = 1, monotone."""
-    t = np.asarray(t, float)
     if joint_before or joint_after:
         return np.asarray(t**2 * (3.0 - 2.0 * t))
     return np.asarray(t**2 * (7.5 - 20.0 * t + 22.5 * t * t - 9.0 * t**3))
@@ -118,3 +121,50 @@ COARSE = Quadrature(intervals=1, order=48)
 
 FINE = Quadrature(intervals=256, order=3)
 """What the finished path is tabulated with: another rule than ``COARSE``, so the two check each other."""
+
+_SUB_INTERVALS = 4  # per piece: bounds by Bernstein coefficients are the tighter the shorter the interval
+_JOINT_RAMP = 8.0
+"""Per metre: through a joint the curvature goes from none to phi in an eighth of a metre at the fastest."""
+
+
+def bernstein_rows(values_at: FloatArray, nodes: FloatArray) -> FloatArray:
+    """(10, ...) Bernstein coefficients of degree 9 of polynomials with values (10, ...) at nodes (10,) in [0, 1]."""
+    n = COEFFICIENTS - 1
+    vandermonde = np.stack([comb(n, j) * nodes**j * (1.0 - nodes) ** (n - j) for j in range(n + 1)], axis=1)
+    return np.asarray(np.linalg.solve(vandermonde, values_at), np.float64)
+
+
+_NODES: FloatArray = 0.5 - 0.5 * np.cos(np.pi * (np.arange(COEFFICIENTS) + 0.5) / COEFFICIENTS)  # Chebyshev
+_PLACES = [(i + _NODES) / _SUB_INTERVALS for i in range(_SUB_INTERVALS)]
+
+RATE_ROWS: FloatArray = np.concatenate([bernstein_rows(jacobi(t), _NODES) for t in _PLACES])
+"""(40, 10): times the coefficients of rho gives the Bernstein coefficients of p = rho / rest_factor."""
+
+TURN_ROWS: dict[tuple[bool, bool], FloatArray] = {
+    flags: np.concatenate([bernstein_rows(profile_rate(t, *flags), _NODES) for t in _PLACES]) for flags in FLAGS
+}
+"""(40,) Bernstein coefficients of q = S' / rest_factor for every pair of end conditions (joint before, joint after)."""
+
+
+def least_rate(turn: float, phi: float, joints: tuple[bool, bool], floor: float) -> FloatArray:
+    """(40,) what ``RATE_ROWS`` times the coefficients must reach, so that |dtheta/ds| <= phi with a little room.
+
+    At a joint p also has to be so large that the curvature does not change faster than ``_JOINT_RAMP`` phi per metre.
+    """
+    least: FloatArray = abs(turn) / phi * TURN_ROWS[joints] + floor
+    ramp = np.sqrt(JOINT_SLOPE * abs(turn) / (_JOINT_RAMP * phi))
+    for row, joint in ((0, joints[0]), (-1, joints[1])):
+        if joint:
+            least[row] = max(float(least[row]), float(ramp))
+    return least
+
+
+def curvature_bound(coefficients: FloatArray, turn: float, joints: tuple[bool, bool]) -> float:
+    """An upper bound of |dtheta/ds| over the whole piece [rad/m]; infinite where rho is not proved positive.
+
+    Where every Bernstein coefficient of |q| is at most r times that of p > 0, |q| <= r p holds between them too.
+    """
+    p = RATE_ROWS @ coefficients
+    if float(p.min()) <= 0.0:
+        return float("inf")
+    return float(np.max(np.abs(turn) * TURN_ROWS[joints] / p, initial=0.0))

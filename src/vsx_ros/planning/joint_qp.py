@@ -8,29 +8,66 @@ coefficients of rho_k = ds/dt >= 0 of all pieces jointly. Cusp positions are not
 
     minimise    sum_k  int rho_k dt  +  w int rho_k^2 dt          (length and a little energy)
     subject to  sum_k direction_k int rho_k (cos theta_k, sin theta_k) dt = goal position
-                phi p_k(t) - |q_k(t)| >= phi floor  for all t       (fov_bound.py)
+                phi p_k(t) - |q_k(t)| >= phi floor  for all t       (flat_output.py)
+
+DAQP (Arnstrom et al. 2022), a dual active-set method, solves it exactly.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
 
+import daqp
 import numpy as np
 
 from vsx_ros.arrays import FloatArray
 from vsx_ros.geometry.se2 import SE2, wrap_angle
 from vsx_ros.kernels.planning import curves as kernels
 from vsx_ros.planning.coarse_path import CoarsePath, nanometres, words
-from vsx_ros.planning.flat_output import COARSE, COEFFICIENTS, FLAGS, Quadrature
-from vsx_ros.planning.fov_bound import RATE_ROWS, curvature_bound, least_rate
-from vsx_ros.planning.path import CUSP_COST_M, Path, certified
+from vsx_ros.planning.flat_output import COARSE, COEFFICIENTS, FLAGS, RATE_ROWS, Quadrature, curvature_bound, least_rate
+from vsx_ros.planning.path import Path, certified
 from vsx_ros.planning.pieces import Piece, curve_piece
-from vsx_ros.planning.qp import QpProblem, solve_qp
 
-_SHORTEST_SEGMENT = 1e-6
-_ENERGY = 0.01
-_FLOOR_M = 0.01
-_FLOOR_SHARE = 0.02
-_EXACT = 1e-9
+_ITERATIONS = 1000  # of the solver, so that an ill-conditioned programme ends
+_SHORTEST_SEGMENT = 1e-6  # rad at curvature phi; less is rounding
+_ENERGY = 0.01  # weight of smoothness against length: small, so that it decides only between ways of like length
+_FLOOR_M, _FLOOR_SHARE = 0.01, 0.02  # least length of a piece, m and share of the way: none may vanish
+_EXACT = 1e-9  # m, rad and share of phi: what counts as exact
 _LENGTH = {flags: COARSE.integral(COARSE.basis[flags]) for flags in FLAGS}
+
+
+class QpProblem(NamedTuple):
+    """Minimise 1/2 x'P x + q'x subject to lower <= A x <= upper.
+
+    P (n, n) symmetric positive definite, q (n,), A (m, n), lower and upper (m,), infinite where there is no bound.
+    """
+
+    P: FloatArray
+    q: FloatArray
+    A: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+
+
+class QpSolution(NamedTuple):
+    """x (n,), and duals (m,) of the rows."""
+
+    x: FloatArray
+    duals: FloatArray
+
+
+def solve_qp(problem: QpProblem, duals: FloatArray | None = None) -> QpSolution | None:
+    """The solution, or None when DAQP reports none (infeasible, or the iteration limit).
+
+    duals (m,): those of a similar problem, from whose active rows the search begins; the solution is the same.
+    """
+    sense = np.where(problem.lower == problem.upper, 5, 0).astype(np.int32)
+    x, _, flag, info = daqp.solve(
+        problem.P, problem.q, np.ascontiguousarray(problem.A), np.minimum(problem.upper, 1e30),
+        np.maximum(problem.lower, -1e30), sense, primal_tol=1e-9, iter_limit=_ITERATIONS, dual_start=duals,
+    )  # fmt: skip
+    x = np.array(x, float)
+    return QpSolution(x, np.array(info["lam"], float)) if flag >= 1 and np.all(np.isfinite(x)) else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,45 +100,33 @@ def merge_segments(word: CoarsePath, total_turn: float, breaks: frozenset[int] =
     The headings are made to add up to total_turn modulo a full circle exactly. After a segment in breaks, which must be
     straight, a new piece begins in any case. None for a word without length.
     """
-    directions: list[int] = []
-    bends: list[int] = []
-    angles: list[float] = []
-    sizes: list[float] = []
-    joints: list[bool] = []
+    turns, lengths = word.turns.tolist(), word.lengths.tolist()
     members: list[list[int]] = []
-    for index, (bend, length) in enumerate(zip(word.turns.tolist(), word.lengths.tolist())):
-        if abs(length) * word.phi < _SHORTEST_SEGMENT:
-            continue
-        direction = 1 if length > 0 else -1
-        same = bool(directions) and directions[-1] == direction
-        if same and members[-1][-1] not in breaks and (bend == 0 or bends[-1] in (0, bend)):
-            bends[-1] = bends[-1] or bend
-            angles[-1] += bend * length * word.phi
-            sizes[-1] += abs(length)
-            members[-1].append(index)
-            continue
-        if directions:
-            joints.append(same)
-        directions.append(direction)
-        bends.append(bend)
-        angles.append(bend * length * word.phi)
-        sizes.append(abs(length))
-        members.append([index])
-    if not directions:
+    for index in np.flatnonzero(np.abs(word.lengths) * word.phi >= _SHORTEST_SEGMENT).tolist():
+        last = members[-1] if members else []
+        goes_on = last and lengths[last[-1]] * lengths[index] > 0.0 and last[-1] not in breaks
+        if goes_on and len({turns[i] for i in (*last, index)} - {0}) < 2:
+            last.append(index)
+        else:
+            members.append([index])
+    if not members:
         return None
+    angles = [sum(turns[i] * lengths[i] * word.phi for i in piece) for piece in members]
     widest = int(np.argmax(np.abs(angles)))
     angles[widest] += wrap_angle(total_turn - sum(angles))
-    return HeadingSequence(
-        tuple(directions), tuple(angles), tuple(joints), sum(sizes), min(sizes), tuple(map(tuple, members))
-    )
+    sizes = [sum(abs(lengths[i]) for i in piece) for piece in members]
+    directions = tuple(1 if lengths[piece[0]] > 0 else -1 for piece in members)
+    joints = tuple(a == b for a, b in pairwise(directions))
+    return HeadingSequence(directions, tuple(angles), joints, sum(sizes), min(sizes), tuple(map(tuple, members)))
 
 
-def free_space_sequences(start: SE2, goal: SE2, phi: float) -> list[HeadingSequence]:
-    """The sequences of all Reeds-Shepp words between two poses at curvature phi [rad/m], cheapest first."""
+def free_space_sequences(start: SE2, goal: SE2, phi: float, cusp_cost_m: float) -> list[HeadingSequence]:
+    """The sequences of all Reeds-Shepp words between two poses at curvature phi [rad/m], cheapest first; a cusp counts
+    as cusp_cost_m [m]."""
     turn = (start.inverse() @ goal).theta
     found = [merge_segments(word, turn) for word in words(start, goal, phi)]
     sequences = [sequence for sequence in found if sequence is not None]
-    return sorted(sequences, key=lambda sequence: nanometres(sequence.length_m + CUSP_COST_M * sequence.cusps))
+    return sorted(sequences, key=lambda sequence: nanometres(sequence.length_m + cusp_cost_m * sequence.cusps))
 
 
 def position_rows(sequence: HeadingSequence, theta: float, rule: Quadrature) -> FloatArray:
@@ -115,24 +140,18 @@ def position_rows(sequence: HeadingSequence, theta: float, rule: Quadrature) -> 
     )  # fmt: skip
 
 
-def view_rows(sequence: HeadingSequence, phi: float) -> tuple[FloatArray, FloatArray]:
-    """Rows (40 K, 10 K) and least values (40 K,) of the bound on the change of view."""
-    k = len(sequence.turns)
-    floor = min(_FLOOR_M, _FLOOR_SHARE * sequence.length_m)
-    least = [least_rate(turn, phi, sequence.ends(i), floor) for i, turn in enumerate(sequence.turns)]
-    return np.asarray(np.kron(np.eye(k), RATE_ROWS), np.float64), np.concatenate(least)
-
-
 def build(sequence: HeadingSequence, start: SE2, goal: SE2, phi: float) -> QpProblem:
     """The programme of a sequence between two poses; unknowns are the coefficients (10 K,)."""
     k = len(sequence.turns)
-    rows, least = view_rows(sequence, phi)
+    rows = np.asarray(np.kron(np.eye(k), RATE_ROWS), np.float64)
+    floor = min(_FLOOR_M, _FLOOR_SHARE * sequence.length_m)
+    least = [least_rate(turn, phi, sequence.ends(i), floor) for i, turn in enumerate(sequence.turns)]
     target = np.array([goal.x - start.x, goal.y - start.y])
     return QpProblem(
         P=np.eye(COEFFICIENTS * k),
         q=np.concatenate([_LENGTH[sequence.ends(i)] for i in range(k)]) * (0.5 * sequence.length_m / _ENERGY),
         A=np.concatenate([position_rows(sequence, start.theta, COARSE)[:, -1], rows]),
-        lower=np.concatenate([target, least]),
+        lower=np.concatenate([target, *least]),
         upper=np.concatenate([target, np.full(len(rows), np.inf)]),
     )
 

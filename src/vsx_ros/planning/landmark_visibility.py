@@ -1,65 +1,42 @@
 """What the camera would keep in view along a path: the planner's answer to "will the map be lost on the way?"."""
 
-from __future__ import annotations
-
-import math
-from dataclasses import dataclass
-
 import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray
 from vsx_ros.config import PlannerConfig
 from vsx_ros.errors import PlanningError
-from vsx_ros.kernels.occupancy.visibility import visible_landmarks
+from vsx_ros.occupancy.distance import landmarks_in_view
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.path import Path
 
-_STEP_M = 0.1
-_MOST_LANDMARKS = 1000
-_NEAREST_M = 0.3
-_SMALLER_HALF = 0.1
+_STEP_M = 0.1  # between places looked from; the view turns 0.2 rad over it at most (phi 2 rad/m)
+_MOST_LANDMARKS = 1000  # a random or even part of more tells the same, in less time
+_NEAREST_M = 0.3  # nearer ones leave the image at once
+_SMALLER_HALF = 0.1  # of the least number: so many must be in each half of the view
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class Visibility:
-    """Known landmarks and the camera that must see them.
+    """Known landmarks (M, 2 or 3) [m] and the camera that must see them.
 
-    landmarks_world (M, 2 or 3) [m]; fov_rad: horizontal field of view; range_m: greatest useful distance; least: so
-    many are needed, and a tenth of that in either half of the picture (all on one side say little about the pose).
-    Raises PlanningError for landmarks that are not finite.
+    config.sight_landmarks are needed, and a tenth of that in either half of the picture (all on one side say little
+    about the pose). Raises PlanningError for landmarks that are not finite.
     """
 
-    landmarks_world: FloatArray
-    fov_rad: float
-    range_m: float
-    least: int
-
-    def __post_init__(self) -> None:
-        if not np.all(np.isfinite(self.landmarks_world)):
+    def __init__(self, landmarks_world: FloatArray, config: PlannerConfig) -> None:
+        if not np.all(np.isfinite(landmarks_world)):
             raise PlanningError("a landmark for planning is not finite; drop it before asking")
-
-    @classmethod
-    def of(cls, landmarks_world: FloatArray, config: PlannerConfig) -> Visibility:
-        """The visibility that the planner's configuration asks for. Raises PlanningError as the constructor does."""
-        return cls(landmarks_world, config.sight_fov_rad, config.sight_range_m, config.sight_landmarks)
+        self.landmarks_world, self.least = landmarks_world, config.sight_landmarks
+        self._fov_rad, self._near_far_m = config.sight_fov_rad, (_NEAREST_M, config.sight_range_m)
 
     def blind(self, poses: FloatArray, grid: OccupancyGrid) -> BoolArray:
         """(N,) which of the poses (N, 3) would see too little."""
-        stride = max(1, math.ceil(len(self.landmarks_world) / _MOST_LANDMARKS))
-        landmarks = np.ascontiguousarray(self.landmarks_world[::stride, :2], np.float64).reshape(-1, 2)
-        halves = []
-        for side in (-0.25, 0.25):
-            turned = np.ascontiguousarray(poses[:, :3], np.float64)
-            turned = turned + np.array([0.0, 0.0, side * self.fov_rad])
-            halves.append(
-                stride
-                * visible_landmarks(
-                    grid.data, grid.resolution, grid.origin_x, grid.origin_y, turned, landmarks,
-                    0.25 * self.fov_rad, _NEAREST_M, self.range_m,
-                )
-            )  # fmt: skip
-        few = halves[0] + halves[1] < self.least
-        return np.asarray(few | (np.minimum(*halves) < _SMALLER_HALF * self.least))
+        half_fov_rad, landmarks, near_far_m = 0.25 * self._fov_rad, self.landmarks_world, self._near_far_m
+        left, right = (
+            landmarks_in_view(grid, poses + [0.0, 0.0, turn], landmarks, half_fov_rad, near_far_m, _MOST_LANDMARKS)
+            for turn in (-half_fov_rad, half_fov_rad)
+        )
+        few = left + right < self.least
+        return np.asarray(few | (np.minimum(left, right) < _SMALLER_HALF * self.least))
 
     def blind_spans(self, path: Path, grid: OccupancyGrid) -> FloatArray:
         """(K, 2) first and last arc length [m] of every stretch along which the camera would see too little."""

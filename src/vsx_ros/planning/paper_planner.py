@@ -10,17 +10,16 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.planning.primitives import Grown, grow
 from vsx_ros.occupancy.distance import travel_distance, with_fringe
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.planning.connect import same_pose
+from vsx_ros.planning.connect import check_question, same_pose
 from vsx_ros.planning.corridor import Corridor, build_corridor
-from vsx_ros.planning.feasibility import check_question
 from vsx_ros.planning.landmark_visibility import Visibility
 from vsx_ros.planning.path import Path, Plan, Refusal, RefusalKind, certified
 from vsx_ros.planning.pieces import Piece, arc_piece
 from vsx_ros.planning.two_level_qp import connect_paper
 
-_STATES = 4000
-_ATTEMPTS = 20
-_STEP_RAD = 0.4
+_STATES = 4000  # most of one tree; then another one is grown
+_ATTEMPTS = 20  # trees, before it gives up
+_STEP_RAD = 0.4  # turn along an edge at curvature phi
 _METHOD = "motion primitives and dense samples of the two-level optimisation"
 
 

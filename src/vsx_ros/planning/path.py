@@ -2,21 +2,19 @@
 
 import enum
 import itertools
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
 from vsx_ros.arrays import FloatArray
+from vsx_ros.config import PlannerConfig
 from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2, wrap_angle
 from vsx_ros.planning.pieces import Piece
 
-CUSP_COST_M, STOP_COST_M = 0.15, 0.3
-"""What a change of direction, and a stop only because the curvature jumps, are worth in length [m]."""
-
-_CURVATURE_JUMP = 1e-6
-_TURN_STEP_RAD = 0.1
+_CURVATURE_JUMP = 1e-6  # rad/m; less is rounding, and the base goes on without a stop
+_TURN_STEP_RAD = 0.1  # between samples of a turn on the spot
 
 
 class RefusalKind(enum.Enum):
@@ -99,13 +97,7 @@ class Path:
         """Runs of pieces between stops: the base stands where direction or curvature jumps."""
         runs: list[list[Piece]] = []
         for piece in self.pieces:
-            previous = runs[-1][-1] if runs else None
-            smooth = (
-                previous is not None
-                and previous.direction == piece.direction != 0
-                and abs(previous.table[-1, 4] - piece.table[0, 4]) <= _CURVATURE_JUMP
-            )
-            if smooth:
+            if runs and _runs_on(runs[-1][-1], piece):
                 runs[-1].append(piece)
             else:
                 runs.append([piece])
@@ -116,10 +108,9 @@ class Path:
         """How often the base stops only because the curvature jumps."""
         return max(0, len(self.stretches()) - 1 - len(self.cusps))
 
-    @property
-    def cost_m(self) -> float:
+    def cost_m(self, config: PlannerConfig) -> float:
         """Length with the price of stopping, by which paths are chosen [m]."""
-        return self.length_m + CUSP_COST_M * len(self.cusps) + STOP_COST_M * self.jumps
+        return self.length_m + config.cusp_cost_m * len(self.cusps) + config.stop_cost_m * self.jumps
 
     def sample(self, step_m: float) -> FloatArray:
         """(N, 5) x, y, theta (unwrapped), kappa, direction, at most step_m apart; piece ends included.
@@ -134,9 +125,10 @@ class Path:
         for piece in self.pieces:
             if piece.direction == 0:
                 n = max(1, int(np.ceil(abs(piece.turn_rad) / _TURN_STEP_RAD)))
-                theta = np.linspace(piece.start.theta, piece.end.theta, n + 1)
-                x, y = np.full(n + 1, piece.start.x), np.full(n + 1, piece.start.y)
-                rows.append(np.stack([x, y, theta, np.zeros(n + 1), np.zeros(n + 1)], axis=1))
+                turn = np.zeros((n + 1, 5))
+                turn[:, :2] = piece.table[0, 1:3]
+                turn[:, 2] = np.linspace(piece.start.theta, piece.end.theta, n + 1)
+                rows.append(turn)
             else:
                 n = max(1, int(np.ceil(piece.length_m / step_m)))
                 rows.append(piece.at(np.linspace(0.0, piece.length_m, n + 1)))
@@ -144,23 +136,22 @@ class Path:
 
     def as_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON: totals, certificate and the poses every 5 cm."""
-        c = self.certificate
-        bound = c.curvature_bound_rad_m
+        bound = self.certificate.curvature_bound_rad_m
         return {
             "length_m": self.length_m,
             "reverse_m": self.reverse_m,
             "cusps_m": list(self.cusps),
             "turn_on_spot_rad": self.turn_on_spot_rad,
             "pieces": [{"direction": p.direction, "length_m": p.length_m, "turn_rad": p.turn_rad} for p in self.pieces],
-            "certificate": {
-                "curvature_bound_rad_m": bound if np.isfinite(bound) else None,
-                "method": c.method,
-                "end_error_m": c.end_error_m,
-                "end_error_rad": c.end_error_rad,
-                "min_clearance_m": c.min_clearance_m,
-            },
+            "certificate": {**asdict(self.certificate), "curvature_bound_rad_m": bound if np.isfinite(bound) else None},
             "poses": [[round(float(v), 6) for v in row] for row in self.sample(0.05)],
         }
+
+
+def _runs_on(before: Piece, piece: Piece) -> bool:
+    """Whether the base need not stop between two pieces."""
+    same = before.direction == piece.direction != 0
+    return bool(same and abs(before.table[-1, 4] - piece.table[0, 4]) <= _CURVATURE_JUMP)
 
 
 def certified(start: SE2, goal: SE2, pieces: tuple[Piece, ...], method: str) -> Path:
@@ -183,11 +174,6 @@ class Plan:
     path: Path
     planner: str
     blind_spans: FloatArray | None = None
-
-    @property
-    def blind_m(self) -> float | None:
-        """Length along which the camera sees too few landmarks [m], None where the planner was told of none."""
-        return None if self.blind_spans is None else float(np.sum(np.diff(self.blind_spans)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

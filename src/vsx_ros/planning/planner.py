@@ -9,39 +9,23 @@ from vsx_ros.arrays import FloatArray
 from vsx_ros.config import PlannerConfig, RobotConfig
 from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.kernels.occupancy.clearance import DistanceField
 from vsx_ros.kernels.planning.flood import flood, flood_costs
 from vsx_ros.occupancy.distance import travel_distance, with_fringe
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.planning.coarse_path import (
-    OCTILE,
-    CoarsePath,
-    about_turn,
-    back_lattice,
-    coarse_lattice,
-    fine_lattice,
-    free_words,
-    is_stuck,
-    search_lattice,
-    search_lattice_back,
-    shortened,
-)
-from vsx_ros.planning.connect import connections, same_pose
+from vsx_ros.planning.coarse_path import OCTILE, ArcBounds, coarse_lattice, free_words, search, shortened
+from vsx_ros.planning.connect import check_question, connections, same_pose
 from vsx_ros.planning.corridor import REVERSE_SLACK_M, Corridor, build_corridor
-from vsx_ros.planning.feasibility import check_question
 from vsx_ros.planning.landmark_visibility import Visibility
-from vsx_ros.planning.path import STOP_COST_M, Path, Plan, Refusal, RefusalKind, certified
+from vsx_ros.planning.path import Path, Plan, Refusal, RefusalKind, certified
 from vsx_ros.planning.pieces import turn_piece
 from vsx_ros.planning.smoothing import smoothed
 
-_TIGHT = 0.9
-_DIRECT = 4
-_SHORTENINGS = 3
-_NEAR_BOUND = 1.15
-_BLIND_COST = 1.0
+_TIGHT = 0.9  # of phi, for arcs and lines: smoothing needs what is left
+_DIRECT = 4  # connections compared by what they see, or by their legs in reverse
+_SHORTENINGS = 3  # random shortcuts end in different ways; the best of so many is smoothed first
+_NEAR_BOUND = 1.15  # times the least possible length: no search would find a much shorter way
 _ANOTHER = 1.002  # a way hardly longer than the one before is most likely the same
-_MOST_BLIND_M, _SAME_PLACE_M = 1.5, 0.02
-_DETOUR, _DETOUR_M = 1.2, 0.5  # by which a way with the preferred clearance may be longer
+_MOST_BLIND_M, _SAME_PLACE_M = 1.5, 0.02  # the first drive, or backing out; so near is where the base is
 
 
 class Planner:
@@ -77,29 +61,26 @@ class Planner:
         if isinstance(wide, Corridor):
             remaining_wide = _remaining(wide, goal, grid)
             cell = corridor.margin.cell(start.x, start.y)
-            if remaining_wide[cell] < _DETOUR * remaining[cell] + _DETOUR_M:
+            if remaining_wide[cell] < self._config.detour_ratio * remaining[cell] + self._config.detour_m:
                 plan = self._in_corridor(start, goal, wide, remaining_wide, grid, rng, visibility)
                 if isinstance(plan, Plan) or plan.kind is RefusalKind.BLIND:
                     return plan
         return self._in_corridor(start, goal, corridor, remaining, grid, rng, visibility)
 
     def _in_corridor(
-        self,
-        start: SE2,
-        goal: SE2,
-        corridor: Corridor,
-        remaining: FloatArray,
-        grid: OccupancyGrid,
-        rng: np.random.Generator,
-        visibility: Visibility | None,
-    ) -> Plan | Refusal:
+        self, start: SE2, goal: SE2, corridor: Corridor, remaining: FloatArray, grid: OccupancyGrid,
+        rng: np.random.Generator, visibility: Visibility | None,
+    ) -> Plan | Refusal:  # fmt: skip
         """remaining: the way from each cell to the goal [m]."""
 
+        config = self._config
+
         def cost(path: Path) -> float:
-            return path.cost_m + (_BLIND_COST * visibility.blind_m(path, grid) if visibility is not None else 0.0)
+            blind_m = visibility.blind_m(path, grid) if visibility is not None else 0.0
+            return path.cost_m(config) + config.blind_cost_ratio * blind_m
 
         direct = self._direct(start, goal, corridor, enough=1 if visibility is None else _DIRECT)
-        if direct and (visibility is None or cost(direct[0]) == direct[0].cost_m):
+        if direct and (visibility is None or cost(direct[0]) == direct[0].cost_m(config)):
             return self._plan(direct[0], goal, corridor, visibility, grid)
         if not math.isfinite(remaining[corridor.margin.cell(start.x, start.y)]):
             return Refusal(
@@ -130,7 +111,8 @@ class Planner:
         if way_m < _SAME_PLACE_M and abs(turn) > phi * way_m:
             return Plan(goal, certified(start, goal, (turn_piece(start, turn),), "a turn on the spot"), "fov")
         limit = self._config.max_reverse_m
-        paths = connections(start, goal, phi, enough=_DIRECT)
+        near = way_m <= _MOST_BLIND_M
+        paths = connections(start, goal, phi, enough=_DIRECT, config=self._config) if near else []
         short = [path for path in paths if path.length_m <= _MOST_BLIND_M]
         if not short:
             return Refusal(RefusalKind.INFEASIBLE, f"without a map at most {_MOST_BLIND_M:g} m is driven")
@@ -163,9 +145,9 @@ class Planner:
         """The best connections that ignore the map, those that happen to be free."""
         phi, limit = self._config.phi_rad_m, self._config.max_reverse_m
         # Where no shortest curve is free, hardly any smooth one is, and to compute it costs a hundred times as much.
-        if not any(free_words(corridor.margin, start, goal, bend, limit) for bend in (phi, _TIGHT * phi)):
+        if not any(free_words(start, goal, ArcBounds(corridor.margin, bend, limit)) for bend in (phi, _TIGHT * phi)):
             return []
-        best = connections(start, goal, phi, enough)[:enough]
+        best = connections(start, goal, phi, enough, self._config)[:enough]
         return [path for path in best if corridor.allows(path, limit)]
 
     def _plan(
@@ -188,14 +170,15 @@ class Planner:
         self, start: SE2, goal: SE2, corridor: Corridor, remaining: FloatArray, rng: np.random.Generator
     ) -> list[Path]:
         """Paths along a few coarse paths: a free Reeds-Shepp word, or what a search finds."""
-        phi, limit, margin = self._config.phi_rad_m, self._config.max_reverse_m, corridor.margin
-        tight = _TIGHT * phi
-        coarse_paths = free_words(margin, start, goal, tight, limit)[:1]
-        bound = OCTILE * float(remaining[margin.cell(start.x, start.y)])
-        if not coarse_paths or coarse_paths[0].length_m > _NEAR_BOUND * bound + STOP_COST_M:
-            raw = self._searched(start, goal, margin, remaining)
+        config = self._config
+        phi, limit = config.phi_rad_m, config.max_reverse_m
+        tight = ArcBounds(corridor.margin, _TIGHT * phi, limit)
+        coarse_paths = free_words(start, goal, tight)[:1]
+        least_m = OCTILE * float(remaining[tight.margin.cell(start.x, start.y)])
+        if not coarse_paths or coarse_paths[0].length_m > _NEAR_BOUND * least_m + config.stop_cost_m:
+            raw = search(start, goal, tight, remaining)
             if raw is not None:
-                coarse_paths += [shortened(raw, margin, start, limit, rng) for _ in range(_SHORTENINGS)]
+                coarse_paths += [shortened(raw, start, tight, config.cusp_cost_m, rng) for _ in range(_SHORTENINGS)]
         found: list[Path] = []
         before_m = 0.0
         for coarse in sorted(coarse_paths, key=lambda s: s.length_m):
@@ -203,22 +186,10 @@ class Planner:
                 continue
             before_m = coarse.length_m
             found += [p for p in smoothed(coarse, start, goal, phi, corridor) if corridor.allows(p, limit)]
-            best = min(found, key=lambda path: path.cost_m, default=None)
-            if best is not None and not best.jumps and best.cost_m < coarse.length_m + 2.0 * STOP_COST_M:
+            best = min(found, key=lambda path: path.cost_m(config), default=None)
+            if best is not None and not best.jumps and best.cost_m(config) < coarse.length_m + 2.0 * config.stop_cost_m:
                 break
         return found
-
-    def _searched(self, start: SE2, goal: SE2, margin: DistanceField, remaining: FloatArray) -> CoarsePath | None:
-        """A way over a lattice: from the start, from the goal, with arcs half as long."""
-        tight, limit = _TIGHT * self._config.phi_rad_m, self._config.max_reverse_m
-        coarse, fine = coarse_lattice(tight), fine_lattice(tight)
-        way = search_lattice(margin, start, goal, tight, limit, remaining, coarse)
-        if way is None and is_stuck(margin, start, goal, tight, limit, coarse):
-            way = search_lattice_back(margin, start, goal, tight, limit, back_lattice(tight))
-        if way is None and not is_stuck(margin, about_turn(goal), about_turn(start), tight, limit, fine):
-            way = search_lattice(margin, start, goal, tight, limit, remaining, fine)
-            way = way or search_lattice_back(margin, start, goal, tight, limit, fine)
-        return way
 
 
 def _remaining(corridor: Corridor, goal: SE2, grid: OccupancyGrid) -> FloatArray:

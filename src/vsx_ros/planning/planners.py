@@ -1,19 +1,27 @@
-"""Motion planners by name: the protocol that all of them keep, and the registry that commands and nodes read."""
+"""Motion planners by name, and the generic one of the paper's comparison: shortest grid path, turn on the spot, drive
+straight."""
 
+import math
 from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
 
 from vsx_ros.config import PlannerConfig, RobotConfig
-from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se2 import SE2, wrap_angle
+from vsx_ros.kernels.planning.motions import arc_is_free
+from vsx_ros.occupancy.distance import travel_distance, with_fringe
 from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.planning.connect import check_question
+from vsx_ros.planning.corridor import Corridor, build_corridor
 from vsx_ros.planning.landmark_visibility import Visibility
 from vsx_ros.planning.paper_planner import PaperPlanner
-from vsx_ros.planning.path import Plan, Refusal
+from vsx_ros.planning.path import Plan, Refusal, RefusalKind, certified
+from vsx_ros.planning.pieces import Piece, arc_piece, turn_piece
 from vsx_ros.planning.planner import Planner
-from vsx_ros.planning.unconstrained import UnconstrainedPlanner
 from vsx_ros.registry import Registry
+
+_SMALLEST_TURN, _SMALLEST_DRIVE_M = 1e-9, 1e-9  # rad, m: less is rounding
 
 
 class MotionPlanner(Protocol):
@@ -23,6 +31,80 @@ class MotionPlanner(Protocol):
         self, start: SE2, goal: SE2, grid: OccupancyGrid, rng: np.random.Generator, visibility: Visibility | None = None
     ) -> Plan | Refusal:
         """As ``Planner.plan``; one that knows nothing of the camera may leave ``visibility`` aside."""
+
+
+class UnconstrainedPlanner:
+    """What move_base users have: no bound on the change of view, the same robot and the same corridor."""
+
+    def __init__(self, config: PlannerConfig, robot: RobotConfig) -> None:
+        self._config = config
+        self._robot = robot
+
+    def plan(
+        self, start: SE2, goal: SE2, grid: OccupancyGrid, rng: np.random.Generator, visibility: Visibility | None = None
+    ) -> Plan | Refusal:
+        """As ``Planner.plan``, without ``visibility`` and rng. Raises PlanningError for poses that are not finite."""
+        check_question(start, goal, self._config.phi_rad_m)
+        corridor = build_corridor(grid, start, goal, self._config, self._robot)
+        if isinstance(corridor, Refusal):
+            return corridor
+        points = _grid_way(start, goal, corridor)
+        if points is None:
+            return Refusal(
+                RefusalKind.DISCONNECTED,
+                f"no way over known free ground joins ({start.x:.2f}, {start.y:.2f}) and ({goal.x:.2f}, {goal.y:.2f})",
+            )
+        pieces = _turn_and_drive(start, goal, _in_sight(points, corridor))
+        return Plan(goal, corridor.measured(certified(start, goal, pieces, "turns on the spot")), "unconstrained")
+
+
+def _grid_way(start: SE2, goal: SE2, corridor: Corridor) -> list[tuple[float, float]] | None:
+    """Points from start to goal down the travel distance; None where they are not joined."""
+    field = corridor.margin
+    distance = travel_distance(field, (goal.x, goal.y))
+    i, j = field.cell(start.x, start.y)
+    if not math.isfinite(with_fringe(distance, field.resolution)[i, j]):
+        return None
+    points = [(start.x, start.y)]
+    while distance[i, j] > 0.0:
+        a, b = max(i - 1, 0), max(j - 1, 0)
+        window = distance[a : i + 2, b : j + 2]
+        di, dj = np.unravel_index(int(np.argmin(window)), window.shape)
+        i, j = a + int(di), b + int(dj)
+        points.append((field.origin_x + (j + 0.5) * field.resolution, field.origin_y + (i + 0.5) * field.resolution))
+    return [*points[:-1], (goal.x, goal.y)] if len(points) > 1 else [points[0], (goal.x, goal.y)]
+
+
+def _in_sight(points: list[tuple[float, float]], corridor: Corridor) -> list[tuple[float, float]]:
+    """The way with every point dropped that can be bypassed in a straight line."""
+    kept, at = points[:1], 0
+    while at < len(points) - 1:
+        at = next((k for k in range(len(points) - 1, at + 1, -1) if _sees(points[at], points[k], corridor)), at + 1)
+        kept.append(points[at])
+    return kept
+
+
+def _sees(a: tuple[float, float], b: tuple[float, float], corridor: Corridor) -> bool:
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    return arc_is_free(corridor.margin, *a, math.atan2(dy, dx), 0.0, math.hypot(dx, dy))
+
+
+def _turn_and_drive(start: SE2, goal: SE2, points: list[tuple[float, float]]) -> tuple[Piece, ...]:
+    pieces: list[Piece] = []
+    at = start
+    for x, y in points[1:]:
+        length = math.hypot(x - at.x, y - at.y)
+        if length >= _SMALLEST_DRIVE_M:
+            turn = _turn(at, math.atan2(y - at.y, x - at.x))
+            pieces += [*turn, arc_piece(turn[0].end if turn else at, 0.0, length, 1)]
+            at = pieces[-1].end
+    return (*pieces, *_turn(at, goal.theta))
+
+
+def _turn(at: SE2, heading: float) -> list[Piece]:
+    """The turn on the spot to a heading [rad], if there is one to make."""
+    turn = wrap_angle(heading - at.theta)
+    return [turn_piece(at, turn)] if abs(turn) > _SMALLEST_TURN else []
 
 
 PLANNERS: Registry[Callable[[PlannerConfig, RobotConfig], MotionPlanner]] = Registry(

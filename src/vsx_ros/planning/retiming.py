@@ -5,7 +5,9 @@ are at their limits already. So the speed is planned anew from the speed and acc
 change (ruckig) to a speed from which the segments of ``speed_profile`` go on. Every candidate is checked densely.
 """
 
+import itertools
 import math
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -17,12 +19,12 @@ from vsx_ros.planning.path import Trajectory
 from vsx_ros.planning.pieces import Piece
 from vsx_ros.planning.speed_profile import Geometry, Profile, excess
 
-_SAMPLE_S = 0.02
-_SEGMENTS_M = (0.12, 0.3)
-_ENTRY_SHARES = (1.0, 0.8, 0.6, 0.4, 0.2)
-_BRAKE_SHARES = (1.0, 0.75, 0.5, 0.35)
-_TOLERANCE = 2e-3
-_NOTHING = 1e-9
+_SAMPLE_S = 0.02  # finer than the follower's 1/30 s
+_SEGMENTS_M = (0.12, 0.3)  # of the speed profile: fine ones follow bends, long ones always find a profile
+_ENTRY_SHARES = (1.0, 0.8, 0.6, 0.4, 0.2)  # of the speed now: the first from which a profile goes on
+_BRAKE_SHARES = (1.0, 0.75, 0.5, 0.35)  # of the deceleration: less jerks less where the way bends
+_TOLERANCE = 2e-3  # share over the limits that goes unpunished: sampling tells them no better
+_NOTHING = 1e-9  # m, m/s: rounding
 
 
 class Timing(NamedTuple):
@@ -85,44 +87,39 @@ class _Stretch:
             off = self.sign * ((pose.x - x) * math.cos(theta) + (pose.y - y) * math.sin(theta))
         return min(max(s + off, 0.0), self.geometry.length)
 
-    def envelope(self, cuts: FloatArray) -> FloatArray:
-        """(n,) the planned speed's maximum over each segment."""
+    def envelope(self, factor: float, cuts: FloatArray) -> FloatArray:
+        """(n,) the planned speed's maximum over each segment, times a factor."""
         inside = [self.speed[(self.s > low) & (self.s < high)].max(initial=0.0) for low, high in zip(cuts, cuts[1:])]
         at_cuts = np.interp(cuts, self.s, self.speed)
-        return np.asarray(np.maximum(np.array(inside), np.maximum(at_cuts[1:], at_cuts[:-1])), np.float64)
+        return np.asarray(factor * np.maximum(np.array(inside), np.maximum(at_cuts[1:], at_cuts[:-1])), np.float64)
 
     def profile(self, s: float, u: float, a: float, factor: float) -> tuple[Profile, float] | None:
         """The fastest profile found from a place, speed and acceleration, and by how much it must be stretched."""
         g = self.geometry
         best: tuple[Profile, float] | None = None
-
-        def envelope(cuts: FloatArray) -> FloatArray:
-            return factor * self.envelope(cuts)
-
         free = factor * float(np.interp(s, self.s, self.speed))
         entry = min(max(u + a * abs(a) / (2.0 * self.limits.jerk_m_s3), 0.0), free)
-        rests = u < _NOTHING
+        rests, envelope = u < _NOTHING, partial(self.envelope, factor)
         entries = [share * entry for share in _ENTRY_SHARES] if factor > 0.0 and not rests else [0.0]
-        for entry in entries:
-            for share in _BRAKE_SHARES:
-                for segment_m in _SEGMENTS_M:
-                    profile = Profile()
-                    if not rests and not profile.add_change(s, (u, a), entry, share * self.limits.a_m_s2, self.limits):
-                        continue
-                    reached = profile.end if profile.rows else s
-                    if reached > g.length + _NOTHING:
-                        continue
-                    if factor > 0.0 and not profile.add_way(g, reached, segment_m, self.limits, entry, envelope):
-                        continue
-                    if not profile.rows:
-                        continue
-                    stretch = excess(g, profile, self.limits)
-                    if stretch > 1.0 + _TOLERANCE and not rests:
-                        continue
-                    if best is None or stretch * profile.duration < best[1] * best[0].duration:
-                        best = profile, stretch
-                if best is not None:
-                    return best
+        for entry, share in itertools.product(entries, _BRAKE_SHARES):
+            for segment_m in _SEGMENTS_M:
+                profile = Profile()
+                if not rests and not profile.add_change(s, (u, a), entry, share * self.limits.a_m_s2, self.limits):
+                    continue
+                reached = profile.end if profile.rows else s
+                if reached > g.length + _NOTHING:
+                    continue
+                if factor > 0.0 and not profile.add_way(g, reached, segment_m, self.limits, entry, envelope):
+                    continue
+                if not profile.rows:
+                    continue
+                stretch = excess(g, profile, self.limits)
+                if stretch > 1.0 + _TOLERANCE and not rests:
+                    continue
+                if best is None or stretch * profile.duration < best[1] * best[0].duration:
+                    best = profile, stretch
+            if best is not None:
+                return best
         return best
 
 
@@ -182,12 +179,9 @@ def _sampled(
         return Timing(Trajectory(times, poses, v, turn_rate), places)
     later = slice(stretch.last + 1, None)
     after = times[-1] + (own[later] - own[stretch.last]) / factor
-    return Timing(
-        Trajectory(
-            np.concatenate([times, after]),
-            np.concatenate([poses, planned.poses[later]]),
-            np.concatenate([v, factor * planned.v[later]]),
-            np.concatenate([turn_rate, factor * planned.omega[later]]),
-        ),
-        np.concatenate([places, own[later]]),
-    )
+    columns = (
+        (times, after), (poses, planned.poses[later]), (v, factor * planned.v[later]),
+        (turn_rate, factor * planned.omega[later]),
+    )  # fmt: skip
+    joined = Trajectory(*(np.concatenate(column) for column in columns))
+    return Timing(joined, np.concatenate([places, own[later]]))

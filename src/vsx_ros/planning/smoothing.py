@@ -6,7 +6,6 @@ rounds suffice.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -16,23 +15,19 @@ from vsx_ros.planning import joint_qp
 from vsx_ros.planning.coarse_path import CoarsePath
 from vsx_ros.planning.corridor import Corridor
 from vsx_ros.planning.flat_output import Quadrature
-from vsx_ros.planning.joint_qp import HeadingSequence, merge_segments
+from vsx_ros.planning.joint_qp import HeadingSequence, QpProblem, merge_segments, solve_qp
 from vsx_ros.planning.path import Path, certified
 from vsx_ros.planning.pieces import Piece
-from vsx_ros.planning.qp import QpProblem, solve_qp
 
 _MOST_IN_A_LEG, _MOST_PIECES = 12, 7  # the programme grows with the cube of its pieces; long ways are fitted in parts
-_SAMPLES = Quadrature(intervals=32, order=4)
+_SAMPLES = Quadrature(intervals=32, order=4)  # per piece, at whose ends the way is held in the corridor
 _FEW = slice(3, None, 4)  # samples that are held near where they were
-_FOLLOW = 50.0
-_TRUST_M = 0.15
-_SLACK_PRICE = 200.0
-_NEAR_M = 0.3
-_GAP_M = 0.004
+_FOLLOW, _SLACK_PRICE = 50.0, 200.0  # of keeping to the coarse way; of leaving the corridor, the last resort
+_TRUST_M, _NEAR_M, _GAP_M = 0.15, 0.3, 0.004  # most a point moves in a round near obstacles; so near they are; gap
 _HOPELESS_M = (0.05, 0.02, 0.0, 0.0, 0.0)
 """Rounds, and how much room may be missing after each for another to be worth while."""
-_CONVERGED = 0.01
-_STRAIGHTS_M = (math.inf, 0.5)
+_CONVERGED = 0.01  # share of length; a round that gains less is the last
+_STRAIGHTS_M = (math.inf, 0.5)  # straight lines as they are, else cut into pieces so long: more pieces, more freedom
 
 
 def coarse_points(sequence: HeadingSequence, pieces: list[list[Piece]]) -> FloatArray:
@@ -72,7 +67,7 @@ def fit(
     # The rows of the bound that are active along the guide are a good guess of those along the shortest way.
     duals = np.concatenate([first.duals, np.zeros(len(X) + 2 * len(X[_FEW])), [-1.0]])
     for hopeless_m in _HOPELESS_M:
-        round_, kept = _round(base, X, Y, _room(X, Y, x, start, corridor, trust, gap))
+        round_, kept = _round(base, X, Y, x, start, corridor, trust, gap)
         answer = solve_qp(round_, duals[kept])
         if answer is None:
             break
@@ -104,63 +99,45 @@ def _following(base: QpProblem, X: FloatArray, Y: FloatArray, guide: FloatArray)
     )  # fmt: skip
 
 
-class _Room(NamedTuple):
-    """Where the samples may be in the next round. near (32 K,): where the ground is not open; there planes @ x >= least
-    (N,). Every fourth sample stays between low and high (8 K, 2)."""
+def _round(
+    base: QpProblem, X: FloatArray, Y: FloatArray, x: FloatArray, start: SE2, corridor: Corridor, trust: float,
+    gap: float,
+) -> tuple[QpProblem, BoolArray]:  # fmt: skip
+    """The programme with the margin field linearised at x, and one slack for all its half-planes as the last unknown.
 
-    near: BoolArray
-    planes: FloatArray
-    least: FloatArray
-    low: FloatArray
-    high: FloatArray
-
-
-def _room(
-    X: FloatArray, Y: FloatArray, x: FloatArray, start: SE2, corridor: Corridor, trust: float, gap: float
-) -> _Room:
-    """The margin field linearised at x; where the ground is open, samples are trusted to go farther."""
+    Half-planes are left out where the ground is open, and samples are trusted to go farther there; the second value
+    marks the rows that remain.
+    """
     points = np.stack([X @ x, Y @ x], axis=1)
     world = points + np.array([start.x, start.y])
-    margin = corridor.margin.at(world)
-    normal = corridor.margin.gradient(world)
+    margin, normal = corridor.margin.at(world), corridor.margin.gradient(world)
     size = np.linalg.norm(normal, axis=1)
     near = (margin < _NEAR_M) & (size > 0.1)
-    reach = np.where(near, trust, np.maximum(trust, 0.8 * margin))[_FEW, None]
     normal = normal[near] / size[near, None]
     planes = normal[:, :1] * X[near] + normal[:, 1:] * Y[near]
     least = np.sum(normal * points[near], axis=1) - margin[near] + gap
-    return _Room(near, planes, least, points[_FEW] - reach, points[_FEW] + reach)
-
-
-def _round(base: QpProblem, X: FloatArray, Y: FloatArray, room: _Room) -> tuple[QpProblem, BoolArray]:
-    """The programme with the room's bounds, and one slack for all half-planes as the last unknown.
-
-    Half-planes are left out where the ground is open; the second value marks the rows that remain.
-    """
-    n, planes, few = base.A.shape[1], len(room.planes), len(room.low)
-    A = np.zeros((len(base.A) + planes + 2 * few + 1, n + 1))
-    np.concatenate([base.A, room.planes, X[_FEW], Y[_FEW]], out=A[:-1, :n])
-    A[len(base.A) : len(base.A) + planes, n] = 1.0
-    A[-1, n] = 1.0
+    few, reach = points[_FEW].T, np.where(near, trust, np.maximum(trust, 0.8 * margin))[_FEW]
+    n, first, last = base.A.shape[1], len(base.A), len(base.A) + len(planes)
+    A = np.zeros((last + few.size + 1, n + 1))
+    np.concatenate([base.A, planes, X[_FEW], Y[_FEW]], out=A[:-1, :n])
+    A[first:last, n] = A[-1, n] = 1.0
     problem = QpProblem(
         P=np.eye(n + 1),
         q=np.append(base.q, _SLACK_PRICE * float(np.abs(base.q).max())),
         A=A,
-        lower=np.concatenate([base.lower, room.least, room.low[:, 0], room.low[:, 1], [0.0]]),
-        upper=np.concatenate([base.upper, np.full(planes, np.inf), room.high[:, 0], room.high[:, 1], [np.inf]]),
+        lower=np.concatenate([base.lower, least, *(few - reach), [0.0]]),
+        upper=np.concatenate([base.upper, np.full(len(planes), np.inf), *(few + reach), [np.inf]]),
     )
-    kept = np.concatenate([np.ones(len(base.A), np.bool_), room.near, np.ones(2 * few + 1, np.bool_)])
-    return problem, kept
+    return problem, np.concatenate([np.ones(first, np.bool_), near, np.ones(few.size + 1, np.bool_)])
 
 
 def smoothed(coarse: CoarsePath, start: SE2, goal: SE2, phi_rad_m: float, corridor: Corridor) -> list[Path]:
     """The coarse path, with stops where its curvature jumps, and its smooth version as far as there is one."""
-    paths = [certified(start, goal, coarse.pieces(start), "arcs and lines")]
-    whole = _fitted(coarse, start, goal, phi_rad_m, corridor)
-    if whole is not None:
-        return [*paths, whole]
-    pieces = _in_parts(coarse, start, phi_rad_m, corridor)
-    return [*paths, certified(start, goal, pieces, "Bernstein coefficients; arcs and lines")]
+    smooth = _fitted(coarse, start, goal, phi_rad_m, corridor)
+    if smooth is None:
+        pieces = _in_parts(coarse, start, phi_rad_m, corridor)
+        smooth = certified(start, goal, pieces, "Bernstein coefficients; arcs and lines")
+    return [certified(start, goal, coarse.pieces(start), "arcs and lines"), smooth]
 
 
 def _in_parts(coarse: CoarsePath, start: SE2, phi_rad_m: float, corridor: Corridor) -> tuple[Piece, ...]:

@@ -7,6 +7,7 @@ jerk-limited move between them. (ruckig's own way-points are not used: that inte
 
 import math
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 import ruckig
@@ -15,10 +16,10 @@ from vsx_ros.arrays import FloatArray
 from vsx_ros.config import LimitsConfig
 from vsx_ros.planning.pieces import Piece
 
-NOWHERE: FloatArray = np.zeros((0, 2))
-_CHECK_S = 0.002
+NOWHERE: FloatArray = np.zeros((0, 2))  # no spans
+_CHECK_S = 0.002  # between samples at which a profile is held against the limits
 _SLOPE_SHARE = 0.8  # of the turn acceleration, for the change of curvature
-_NOTHING = 1e-9
+_NOTHING = 1e-9  # m, m/s: rounding
 
 
 class Geometry:
@@ -116,14 +117,9 @@ class Profile:
         self.duration = 0.0
 
     def add_way(
-        self,
-        g: Geometry,
-        s: float,
-        segment_m: float,
-        limits: LimitsConfig,
-        entry: float = 0.0,
+        self, g: Geometry, s: float, segment_m: float, limits: LimitsConfig, entry: float = 0.0,
         envelope: Callable[[FloatArray], FloatArray] | None = None,
-    ) -> bool:
+    ) -> bool:  # fmt: skip
         """Append the way from s, entered at a speed, to rest at the end of the stretch; False where there is none.
 
         envelope: of the cuts (n + 1,) between segments, the speeds (n,) not to be exceeded in them.
@@ -133,15 +129,11 @@ class Profile:
         cuts = np.linspace(s, g.length, max(1, math.ceil((g.length - s) / segment_m)) + 1)
         v, a = segment_limits(g, cuts, limits)
         v = v if envelope is None else np.minimum(v, envelope(cuts))
-        lengths = np.diff(cuts)
-        speeds = cut_speeds(lengths, v, a, limits.jerk_m_s3, entry)
+        speeds = cut_speeds(np.diff(cuts), v, a, limits.jerk_m_s3, entry)
         if speeds[0] < entry - _NOTHING:
             return False
-        moves = zip(cuts.tolist(), lengths.tolist(), zip(speeds.tolist(), speeds[1:].tolist()), v.tolist(), a.tolist())
-        return all(
-            self.add_move(at, length, ends, (max(most, entry), a_max, limits.jerk_m_s3))
-            for at, length, ends, most, a_max in moves
-        )
+        bounds = [(max(most, entry), a_max, limits.jerk_m_s3) for most, a_max in zip(v.tolist(), a.tolist())]
+        return all(map(self.add_move, cuts.tolist(), np.diff(cuts).tolist(), pairwise(speeds.tolist()), bounds))
 
     def add_move(self, s: float, length: float, ends: tuple[float, float], bounds: tuple[float, float, float]) -> bool:
         """Append the time-optimal move over a length between two speeds; False where there is none."""

@@ -15,9 +15,9 @@ from vsx_ros.planning.path import Path, Trajectory
 from vsx_ros.planning.pieces import Piece
 from vsx_ros.planning.speed_profile import NOWHERE, Geometry, Profile, excess
 
-SAMPLE_S = 0.02
-_SEGMENT_M = (0.07, 0.12, 0.3)
-_MARGIN, _NOTHING = 1e-3, 1e-9
+SAMPLE_S = 0.02  # finer than the follower's 1/30 s
+_SEGMENT_M = (0.07, 0.12, 0.3)  # tried in turn, the quickest counts: fine ones follow bends, long ones jerk less
+_MARGIN, _NOTHING = 1e-3, 1e-9  # when a profile is stretched into the limits, for what lies between samples; rounding
 
 _Samples = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 """Times (N,), poses (N, 3), v (N,) and omega (N,)."""
@@ -25,16 +25,14 @@ _Samples = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 def _scale_stretch(g: Geometry, limits: LimitsConfig, sample_s: float) -> _Samples:
     """One stretch, from rest to rest."""
-    best: tuple[float, float, Profile] | None = None
+    found: list[tuple[float, Profile]] = []
     for segment_m in _SEGMENT_M:
         profile = Profile()
         if profile.add_way(g, 0.0, segment_m, limits):
-            stretch = excess(g, profile, limits)
-            if best is None or stretch * profile.duration < best[0]:
-                best = stretch * profile.duration, stretch, profile
-    if best is None:
+            found.append((excess(g, profile, limits), profile))
+    if not found:
         raise PlanningError(f"no speed profile over a stretch of {g.length:.4f} m; are the limits {limits} sensible?")
-    _, stretch, profile = best
+    stretch, profile = min(found, key=lambda each: each[0] * each[1].duration)
     stretch = stretch * (1.0 + _MARGIN) if stretch > 1.0 else 1.0
     times = np.linspace(0.0, profile.duration, max(2, math.ceil(profile.duration * stretch / sample_s) + 1))
     s, speed, _ = profile.at(times)
@@ -61,12 +59,9 @@ def _scale_turn(piece: Piece, limits: LimitsConfig, sample_s: float) -> _Samples
 
 
 def time_scale(
-    path: Path,
-    limits: LimitsConfig,
-    slow_spans: FloatArray | None = None,
-    slow_v_m_s: float = math.inf,
+    path: Path, limits: LimitsConfig, slow_spans: FloatArray | None = None, slow_v_m_s: float = math.inf,
     sample_s: float = SAMPLE_S,
-) -> Trajectory:
+) -> Trajectory:  # fmt: skip
     """The path in time, starting and ending at rest, standing still at cusps and curvature jumps.
 
     Speed, acceleration, jerk, turn rate and turn acceleration stay within ``limits``, and the speed within slow_v_m_s

@@ -7,22 +7,69 @@ two is a programme in the coefficients c (10,) of xdot.
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from vsx_ros.arrays import FloatArray
 from vsx_ros.geometry.se2 import SE2, wrap_angle
-from vsx_ros.planning.feasibility import feasible
+from vsx_ros.planning.connect import check_question
 from vsx_ros.planning.flat_output import COARSE, COEFFICIENTS, FINE
+from vsx_ros.planning.joint_qp import QpProblem, solve_qp
 from vsx_ros.planning.path import Path, Refusal, RefusalKind, certified
 from vsx_ros.planning.pieces import Piece
-from vsx_ros.planning.qp import QpProblem, solve_qp
 
-_ROUNDS = 4
-_TOLERANCE = 1e-3
+_ROUNDS = 4  # of linearising about the last solution, at most
+_TOLERANCE, _EXACT = 1e-3, 1e-9  # share of phi that a round may be over; rad: rounding
 _REST = (False, False)
 _GRID = np.round(np.linspace(0, len(FINE.knots) - 1, 52)).astype(np.int64)
 """The knots of ``FINE`` nearest to an even grid t_0, t_1 .. t_50, t_f."""
+
+
+@dataclass(frozen=True, slots=True)
+class Feasibility:
+    """Verdict of the closed form; margin_m: how far inside (positive) or outside the cone the goal lies."""
+
+    ok: bool
+    margin_m: float
+    reason: str
+
+
+def feasible(start: SE2, goal: SE2, phi: float, reverse: bool = False) -> Feasibility:
+    """Whether one segment in one direction with monotone heading can join the poses: the paper's reach, exactly.
+
+    Eq. (7)-(8) make the heading monotone and (11) forbids reversing, so the segment is the minimal arc
+    E = (sin|d|, sign(d) (1 - cos d)) / phi plus a (1, 0) + b (cos d, sin d) with a, b >= 0 for the heading change d:
+    the goal must lie in the cone of start and goal direction behind the arc. Raises PlanningError as ``connect``.
+    """
+    check_question(start, goal, phi)
+    relative = start.inverse() @ goal
+    x, y, d = relative.x, relative.y, wrap_angle(relative.theta)
+    if reverse:  # the mirrored problem: x -> -x, theta -> -theta
+        x, d = -x, -d
+    way = "in reverse" if reverse else "forwards"
+    half_circle = math.pi - abs(d) < _EXACT  # then either way round will do
+    sign = 1.0 if (y if half_circle else d) >= 0.0 else -1.0
+    gx = x - math.sin(abs(d)) / phi
+    gy = sign * y - (1.0 - math.cos(d)) / phi
+    angle = abs(d)
+    if math.sin(angle) < 1e-9:
+        ok = abs(gy) <= _EXACT and gx >= -_EXACT if angle < 1.0 else gy >= -_EXACT
+        margin = -math.hypot(min(gx, 0.0), gy) if angle < 1.0 else gy
+        words = "straight line" if angle < 1.0 else "half circle"
+        return Feasibility(ok, 0.0 if ok and angle < 1.0 else margin, f"{words} {way}: off by {abs(margin):.3f} m")
+    b = gy / math.sin(angle)
+    a = gx - b * math.cos(angle)
+    margin = min(a, b) * math.sin(angle)
+    if min(a, b) >= -_EXACT:
+        return Feasibility(True, margin, f"{math.degrees(angle):.1f} deg {way}, {margin:.3f} m inside the cone")
+    which = "behind the arc along the start direction" if a < b else "short of the arc along the goal direction"
+    return Feasibility(
+        False,
+        margin,
+        f"a turn of {math.degrees(d):.1f} deg {way} at phi {phi:g} rad/m needs more room: "
+        f"the goal lies {-margin:.3f} m outside the reachable cone ({which})",
+    )
 
 
 def displacement_rows(zeta_f: float) -> FloatArray:

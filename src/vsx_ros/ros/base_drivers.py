@@ -6,8 +6,7 @@ from typing import NamedTuple, Protocol
 
 import rospy
 
-from vsx_hw import bases, emulators
-from vsx_hw.detect import detect_base
+from vsx_hw import bases
 from vsx_hw.errors import DeviceError
 from vsx_hw.readings import BaseReading, LinkStatus, Signal
 from vsx_hw.safety import SOURCES, SpeedLimits, Supervisor
@@ -18,7 +17,7 @@ from vsx_ros.errors import ConfigError
 from vsx_ros.registry import Registry
 from vsx_ros.ros import logs, threads
 from vsx_ros.ros.diagnostics import ERROR, Diagnostics
-from vsx_ros.ros.topic_base import NoWatchdogs, TopicBase, TopicNames
+from vsx_ros.ros.topic_drivers import TopicBase, TopicNames, topic_names
 
 
 class Base(Protocol):
@@ -63,24 +62,20 @@ class Listeners(NamedTuple):
     on_command: Callable[[bool], None]
 
 
-def _serial(kind: str) -> Callable[[BaseSettings, Listeners], Base]:
-    def driver(settings: BaseSettings, hears: Listeners) -> Base:
-        _, port, timeout_s, linear, angular, allow = settings
-        scales = linear, angular
-        return bases.base_driver(
-            kind, port, hears.on_reading, hears.on_link, timeout_s, scales, hears.on_command, allow
-        )
-
-    return driver
+def _at_port(settings: BaseSettings, hears: Listeners) -> Base:
+    _wired(settings.robot_type)
+    kind, port, timeout_s, linear, angular, allow = settings
+    scales = linear, angular
+    return bases.base_driver(kind, port, hears.on_reading, hears.on_link, timeout_s, scales, hears.on_command, allow)
 
 
 def _over_topics(settings: BaseSettings, hears: Listeners) -> Base:
-    names = TopicNames.of(settings.robot_type.partition(":")[2])
+    names = topic_names(settings.robot_type) or TopicNames()
     return TopicBase(names, hears.on_reading, hears.on_link, settings.command_timeout_s)
 
 
 BASES: Registry[Callable[[BaseSettings, Listeners], Base]] = Registry(
-    "base", {**{kind: _serial(kind) for kind in bases.BASES}, "ros": _over_topics}
+    "base", {**dict.fromkeys(bases.BASES, _at_port), "ros": _over_topics}
 )
 
 
@@ -89,7 +84,14 @@ def base_driver(settings: BaseSettings, hears: Listeners) -> Base:
     return BASES[settings.robot_type.partition(":")[0]](settings, hears)
 
 
-def base_watchdogs(robot_type: str, port: str) -> Watchdogs | NoWatchdogs:
+class NoWatchdogs(Watchdogs):
+    """Of a base without a port that could be taken over."""
+
+    def __init__(self) -> None:
+        self._both = ()
+
+
+def base_watchdogs(robot_type: str, port: str) -> Watchdogs:
     """The processes that stop a base at a serial port should this one die or hang."""
     base = bases.BASES.get(robot_type)
     return NoWatchdogs() if base is None else Watchdogs(port, base.baud, base.stop_bytes())
@@ -98,7 +100,7 @@ def base_watchdogs(robot_type: str, port: str) -> Watchdogs | NoWatchdogs:
 def base_emulator(robot_type: str, plant: Plant, link: str, seed: int) -> SerialEmulator:
     """A base on emulated wheels behind the serial port ``link``. Raises ConfigError for one that is not emulated."""
     _wired(robot_type)
-    return emulators.base_emulator(robot_type, plant, link, seed)
+    return bases.base_emulator(robot_type, plant, link, seed)
 
 
 def wheel_base_m(robot_type: str) -> float:
@@ -130,7 +132,7 @@ def wait_for_base(settings: BaseSettings, diagnostics: Diagnostics) -> BaseSetti
         if threads.is_ending():
             raise KeyboardInterrupt
         try:
-            settings = settings._replace(robot_type=detect_base(settings.port))
+            settings = settings._replace(robot_type=bases.detect_base(settings.port))
             rospy.loginfo("%s: found a %s", settings.port, settings.robot_type)
         except DeviceError as error:
             diagnostics.set("link", ERROR, str(error), device=settings.port)

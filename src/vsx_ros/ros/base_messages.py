@@ -1,6 +1,9 @@
-"""What a base reports, as messages, and on the topics of the node mobile_base."""
+"""What a base reports: as messages, on the topics of the node mobile_base, in its diagnostics and log."""
 
+import contextlib
 import math
+import os
+import socket
 from typing import Any
 
 import numpy as np
@@ -12,10 +15,12 @@ from std_msgs.msg import String, UInt8
 from tf2_msgs.msg import TFMessage
 
 from vsx_hw.readings import BaseReading, BatteryReading, GyroReading, Hazard, OdometryReading, RateSample
+from vsx_hw.safety import Decision, Supervisor
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Odometry
 from vsx_ros.ros import convert, topics
-from vsx_ros.ros.topic_base import own_driver_odometry
+from vsx_ros.ros.diagnostics import ERROR, OK, WARN, Diagnostics
+from vsx_ros.ros.topic_drivers import topic_names
 
 # Variances of the turtlebot's own driver (kobuki_node).
 _POSITION_M2, _HEADING_RAD2 = 0.1, 0.05
@@ -24,21 +29,20 @@ _DISTRUST = 100.0
 _RAW_RATE_RAD2_S2 = math.radians(0.2) ** 2
 _WHEEL_RADIUS_M = 0.035
 _RIM_M, _FAR_M, _SIDE_RAD, _BUMPER_HEIGHT_M = 0.25, 100.0, 0.349, 0.04
+_NOT_MEASURED = [-1.0] + [0.0] * 8
+_BATTERY_LEVELS = {"low": WARN, "critical": ERROR}
 _JOINTS = ["wheel_left_joint", "wheel_right_joint"]
 
 
-def _pose(reading: OdometryReading) -> SE2:
-    return SE2(reading.x_m, reading.y_m, reading.heading_rad)
-
-
-def odometry(reading: OdometryReading) -> OdometryMsg:
-    """Dead reckoning; covariance grows where a sensor of the base contradicts the others."""
-    moved = Odometry(reading.stamp_ns, _pose(reading), reading.v_m_s, reading.omega_rad_s, reading.trusted)
-    return dead_reckoning(moved)
+def odometry(reading: OdometryReading) -> Odometry:
+    """Of a base, as all others know it."""
+    T_odom_base = SE2(reading.x_m, reading.y_m, reading.heading_rad)
+    return Odometry(reading.stamp_ns, T_odom_base, reading.v_m_s, reading.omega_rad_s, reading.trusted)
 
 
 def dead_reckoning(moved: Odometry) -> OdometryMsg:
-    """Wheel odometry of a base, or of a recording of one, with the covariance of a TurtleBot's."""
+    """Wheel odometry of a base, or of a recording of one, with the covariance of a TurtleBot's, which grows where a
+    sensor of the base contradicts the others."""
     msg = convert.odometry_msg(moved, topics.ODOM_FRAME, topics.BASE_FRAME)
     factor = 1.0 if moved.trusted else _DISTRUST
     msg.pose.covariance = convert.floor_covariance(_POSITION_M2 * factor, _HEADING_RAD2 * factor)
@@ -46,9 +50,9 @@ def dead_reckoning(moved: Odometry) -> OdometryMsg:
     return msg
 
 
-def odom_transform(reading: OdometryReading) -> TransformStamped:
+def odom_transform(moved: Odometry) -> TransformStamped:
     """odom -> base_footprint."""
-    return convert.transform_stamped(topics.ODOM_FRAME, topics.BASE_FRAME, reading.stamp_ns, _pose(reading))
+    return convert.transform_stamped(topics.ODOM_FRAME, topics.BASE_FRAME, moved.stamp_ns, moved.T_odom_base)
 
 
 def joint_states(reading: OdometryReading) -> JointState:
@@ -80,17 +84,17 @@ def imu(reading: GyroReading, stamp_ns: int) -> Imu:
     unknown, variance = convert.UNKNOWN_VARIANCE, _HEADING_RAD2 * (1.0 if reading.trusted else _DISTRUST)
     msg.orientation_covariance = np.diag([unknown, unknown, variance]).ravel().tolist()
     msg.angular_velocity_covariance = msg.orientation_covariance
-    msg.linear_acceleration_covariance = [-1.0] + [0.0] * 8
+    msg.linear_acceleration_covariance = _NOT_MEASURED
     return msg
 
 
 def raw_imu(sample: RateSample) -> Imu:
     """One sample of a gyro of three axes, as it was measured: no heading, no acceleration (REP 145)."""
     msg = Imu(header=convert.header(topics.GYRO_FRAME, sample.stamp_ns))
-    msg.orientation_covariance = [-1.0] + [0.0] * 8
+    msg.orientation_covariance = _NOT_MEASURED
     msg.angular_velocity = Vector3(sample.x, sample.y, sample.z)
     msg.angular_velocity_covariance = np.diag([_RAW_RATE_RAD2_S2] * 3).ravel().tolist()
-    msg.linear_acceleration_covariance = [-1.0] + [0.0] * 8
+    msg.linear_acceleration_covariance = _NOT_MEASURED
     return msg
 
 
@@ -118,7 +122,7 @@ class BaseTopics:
     """``tell`` every reading. Of a base with a driver of its own only what that driver does not say under our names."""
 
     def __init__(self, robot_type: str) -> None:
-        own_driver = own_driver_odometry(robot_type)
+        own_driver = topic_names(robot_type)
         ours = own_driver is None
         renamed = own_driver is not None and rospy.resolve_name(own_driver.odometry) != rospy.resolve_name(topics.ODOM)
         self._publishers: dict[str, rospy.Publisher] = {}
@@ -141,8 +145,9 @@ class BaseTopics:
 
     def tell(self, reading: BaseReading, active: str) -> None:
         """A reading, and who drives (nobody: empty)."""
-        self._tell(topics.ODOM, odometry(reading.odometry))
-        self._tell(topics.TF, TFMessage([odom_transform(reading.odometry)]))
+        moved = odometry(reading.odometry)
+        self._tell(topics.ODOM, dead_reckoning(moved))
+        self._tell(topics.TF, TFMessage([odom_transform(moved)]))
         self._tell(topics.JOINT_STATES, joint_states(reading.odometry))
         if reading.gyro is not None:
             self._tell(topics.IMU, imu(reading.gyro, reading.stamp_ns))
@@ -175,3 +180,49 @@ class BaseTopics:
         if message != self._news.get(topic):
             self._news[topic] = message
             self._tell(topic, message)
+
+
+class BaseHealth:
+    """Components battery, odometry and safety of the diagnostics, and what is new about them in the log."""
+
+    def __init__(self, diagnostics: Diagnostics, supervisor: Supervisor) -> None:
+        self._diagnostics, self._supervisor = diagnostics, supervisor
+        self._troubles: tuple[str, ...] = ()
+        self._doubt = ""
+
+    def doubt(self, doubt: str) -> None:
+        """Which sensor the others contradict; empty: none."""
+        if doubt != self._doubt:
+            self._doubt = doubt
+            rospy.logwarn("odometry: %s", doubt or "all sensors agree again")
+
+    def report(self, reading: BaseReading, decision: Decision) -> None:
+        """Once a second."""
+        battery, odometry = reading.battery, reading.odometry
+        self._diagnostics.set(
+            "battery", _BATTERY_LEVELS.get(battery.state, OK), battery.state, voltage_v=battery.voltage_v,
+            fraction=round(battery.fraction, 3), charging=battery.charging, docked=battery.docked,
+        )  # fmt: skip
+        agree = "all sensors agree" if odometry.trusted else "pushed: the direction is not known"
+        level = OK if odometry.trusted else WARN
+        self._diagnostics.set("odometry", level, odometry.doubt or agree, gaps=odometry.gaps)
+        troubles = reading.warnings + ((reading.refusal,) if reading.refusal else ())
+        for trouble in set(troubles) - set(self._troubles):
+            rospy.logwarn("%s", trouble)
+        self._troubles = troubles
+        blocked = bool(decision.reason) and decision.source != ""
+        message = "; ".join([decision.reason or f"driving for {decision.source}", *reading.warnings])
+        self._diagnostics.set(
+            "safety", WARN if blocked or reading.hazards or troubles else OK, message,
+            hazards=reading.hazards.name or "NONE", estop=self._supervisor.estopped,
+            refused_commands=self._supervisor.refused, mode=reading.mode,
+        )  # fmt: skip
+
+
+def tell_systemd(state: str) -> None:
+    """A word to the service manager (sd_notify); nobody hears it unless a unit of Type=notify started the process."""
+    address = os.environ.get("NOTIFY_SOCKET", "")
+    if not address:
+        return
+    with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as connection:
+        connection.sendto(state.encode(), "\0" + address[1:] if address.startswith("@") else address)

@@ -11,19 +11,16 @@ from sensor_msgs.srv import SetCameraInfo
 
 from vsx_ros.arrays import Pixels
 from vsx_ros.calibration.board import Board
-from vsx_ros.calibration.camera import MIN_VIEWS, BoardView, calibrate_camera
-from vsx_ros.calibration.variety import ViewChooser
+from vsx_ros.calibration.camera import MIN_VIEWS, BoardView, ViewChooser, calibrate_camera
 from vsx_ros.calibration.verdict import Grade
 from vsx_ros.errors import InputError
 from vsx_ros.robot import Frame
 from vsx_ros.ros import calls, clock, images, operator_command, topics
 from vsx_ros.ros.callbacks import image_subscriber
-from vsx_ros.ros.progress import Progress
-from vsx_ros.runs.exit_codes import DONE, FAILED
-from vsx_ros.runs.interruptible import SignalFlag
+from vsx_ros.runs.process import DONE, FAILED, Progress, SignalFlag
 
-_STILL_PX, _STILL_S = 2.0, 0.5
-_FIRST_IMAGE_S, _SERVICE_S = 10.0, 5.0
+_STILL_PX, _STILL_S = 2.0, 0.5  # more between two looks is a hand that moves; looks farther apart say nothing
+_FIRST_IMAGE_S, _SERVICE_S = 10.0, 5.0  # a driver may have to start; set_camera_info writes a file
 
 
 class BoardWatcher:
@@ -59,9 +56,8 @@ class BoardWatcher:
             self._before = None
             return "no board in sight"
         before, self._before = self._before, (frame.stamp_ns, pixels)
-        if before is None or frame.stamp_ns - before[0] > _STILL_S * 1e9:
-            return "hold it still"
-        if np.abs(pixels - before[1]).max() > _STILL_PX:
+        recent = before is not None and frame.stamp_ns - before[0] <= _STILL_S * 1e9
+        if before is None or not recent or np.abs(pixels - before[1]).max() > _STILL_PX:
             return "hold it still"
         name = f"view {len(self.chooser.views) + 1}"
         return f"{name} taken" if self.chooser.offer(BoardView(name, pixels)) else "seen like this before"
@@ -87,16 +83,13 @@ def calibrate(board: Board) -> int:
     if watcher.chooser is None or len(watcher.chooser.views) < MIN_VIEWS:
         raise InputError(f"ended with too few views of the board, {MIN_VIEWS} are needed; nothing is stored")
     result = calibrate_camera(board, watcher.chooser.views, *watcher.size)
-    sys.stdout.write("\n".join([f"{len(watcher.chooser.views)} views", *(f"  {line}" for line in result.report())]))
-    sys.stdout.write(f"\n{result.verdict}\n")
+    told = "\n  ".join([f"{len(watcher.chooser.views)} views", *result.report()])
+    sys.stdout.write(f"{told}\n{result.verdict}\n")
     if result.verdict.grade is Grade.BAD:
         sys.stdout.write("  it is not stored\n")
         return FAILED
     info = images.camera_info(result.camera, clock.now_ns(), topics.OPTICAL_FRAME)
-    return _store(rospy.resolve_name(topics.SET_CAMERA_INFO), info)
-
-
-def _store(service: str, info: object) -> int:
+    service = rospy.resolve_name(topics.SET_CAMERA_INFO)
     try:
         answer = calls.service(service, SetCameraInfo, info, within_s=_SERVICE_S)
     except (rospy.ROSException, rospy.ServiceException) as error:

@@ -7,10 +7,12 @@ import rospy
 from genpy import Message
 from nav_msgs.msg import Odometry as OdometryMsg
 from sensor_msgs.msg import Image
+from std_msgs.msg import String
 from std_srvs.srv import Trigger, TriggerRequest, TriggerResponse
 
 from vsx_hw.errors import DeviceError
-from vsx_ros.errors import VsxError
+from vsx_ros.errors import InputError, VsxError
+from vsx_ros.limits import json_tree
 from vsx_ros.robot import Odometry, OdometryEpochs
 from vsx_ros.ros import clock, convert, logs, threads, topics
 
@@ -20,7 +22,7 @@ IMAGE_BUFFER_BYTES = 2**24
 # Two seconds of odometry: a second without it looks like a base that was restarted, though only this process slept.
 ODOMETRY_QUEUE = 100
 
-_REPEAT_S = 5.0
+_REPEAT_S = 5.0  # the same complaint at most so often
 
 
 def subscribe(
@@ -39,6 +41,17 @@ def subscribe(
                 raise
 
     return rospy.Subscriber(topic, kind, guarded, queue_size=queue_size, **options)
+
+
+def json_object(msg: String, *names: str) -> dict[str, Any]:
+    """The object in a String of JSON. names: what it must have. Raises InputError for anything else."""
+    try:
+        value = json_tree(msg.data)
+    except ValueError as error:
+        raise InputError(f"{msg.data[:80]!r} is not JSON: {error}") from error
+    if not isinstance(value, dict) or not value.keys() >= set(names):
+        raise InputError(f"{msg.data[:80]!r} is not a JSON object{' with ' * bool(names)}{', '.join(names)}")
+    return value
 
 
 def image_subscriber(callback: Callable[[Image], None]) -> rospy.Subscriber:

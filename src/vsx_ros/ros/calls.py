@@ -1,9 +1,11 @@
 """Questions to other processes that are not waited for longer than is said: rospy's own wait for ever."""
 
 import http.client
+import socket
 import threading
 import xmlrpc.client
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from concurrent import futures
 from typing import Any, TypeVar
 from urllib.parse import urlparse
 
@@ -12,6 +14,8 @@ import rospy
 
 MASTER_S = 10.0
 """A master may be slow where nodes start on a busy machine; who cannot wait so long asks on a thread (``within``)."""
+ANSWER_S = 0.35
+"""Who is there and well answers within this time."""
 
 Answer = TypeVar("Answer")
 
@@ -43,23 +47,41 @@ def bound_master_calls() -> None:
 
 def within(seconds: float, ask: Callable[[], Answer], whom: str) -> Answer:
     """What ``ask`` returns, or raises; it goes on by itself when it takes longer. Raises NoAnswer then."""
-    answers: list[Answer] = []
-    failures: list[BaseException] = []
+    answer: futures.Future[Answer] = futures.Future()
 
     def call() -> None:
         try:
-            answers.append(ask())
+            answer.set_result(ask())
         except BaseException as error:
-            failures.append(error)
+            answer.set_exception(error)
 
-    thread = threading.Thread(target=call, name=f"asks {whom}", daemon=True)
-    thread.start()
-    thread.join(seconds)
-    for failure in failures:
-        raise failure
-    if not answers:
+    threading.Thread(target=call, name=f"asks {whom}", daemon=True).start()
+    if not futures.wait([answer], seconds).done:
         raise NoAnswer(f"{whom} did not answer in {seconds:g} s")
-    return answers[0]
+    return answer.result()
+
+
+def answers_at(address: str) -> bool:
+    """Whether somebody listens at the address of a node or service; one that died is at the master for ever."""
+    there = urlparse(address)
+    try:
+        socket.create_connection((there.hostname or "", there.port or 0), ANSWER_S).close()
+    except OSError:
+        return False
+    return True
+
+
+def ask_master(questions: Sequence[tuple[Any, ...]], patience_s: float = ANSWER_S) -> list[Any]:
+    """(code, words, value) of each call of the master's API, made in this node's name, in one request. The connection
+    is closed: a master that is ending answers who is connected, and nobody else."""
+    if not questions:
+        return []
+    with xmlrpc.client.ServerProxy(rosgraph.get_master_uri(), TimeoutTransport(patience_s=patience_s)) as master:
+        many = xmlrpc.client.MultiCall(master)
+        for method, *arguments in questions:
+            getattr(many, method)(rospy.get_name(), *arguments)
+        answers = many()
+        return [answers[k] for k in range(len(questions))]
 
 
 def service(name: str, kind: type[Any], *arguments: object, within_s: float) -> Any:

@@ -7,10 +7,9 @@ from typing import NamedTuple, Protocol
 
 import rospy
 
-from vsx_hw.kinect.driver import KinectCamera
+from vsx_hw.kinect.driver import KinectCamera, KinectTransport
 from vsx_hw.kinect.protocol import MODES
 from vsx_hw.kinect.socket_transport import SocketTransport
-from vsx_hw.kinect.transport import KinectTransport
 from vsx_hw.kinect.usb_transport import UsbTransport
 from vsx_hw.readings import ImageReading, LinkStatus
 from vsx_hw.v4l import V4lCamera
@@ -18,7 +17,7 @@ from vsx_ros.errors import CalibrationError, ConfigError
 from vsx_ros.geometry.camera import PinholeCamera, nominal_camera
 from vsx_ros.io.calibration_file import read_calibration, write_calibration
 from vsx_ros.registry import Registry
-from vsx_ros.ros.topic_camera import TopicCamera
+from vsx_ros.ros.topic_drivers import TopicCamera
 
 
 class Camera(Protocol):

@@ -4,7 +4,7 @@ import rospy
 
 from vsx_ros.errors import InputError
 
-_AHEAD_S = 1.0
+_AHEAD_S = 1.0  # clocks of two machines with NTP differ by less
 
 
 def now_ns() -> int:

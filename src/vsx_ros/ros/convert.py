@@ -1,4 +1,4 @@
-"""Poses, motion and maps: messages to our types and back. Pure functions; no node and no master needed.
+"""Poses, motion, states and maps: messages to our types and back. Pure functions; no node and no master needed.
 
 A message from outside may hold anything: what cannot be used raises InputError or MapFileError.
 """
@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import rospy
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import (
     Point,
     Pose,
@@ -36,13 +37,21 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.robot import Odometry, VelocityCommand
 from vsx_ros.ros import frames, topics
+from vsx_ros.slam.state import TrackingState
 
 # map_server's thresholds: what other mappers publish between 0 and 100.
 _FREE_BELOW_PERCENT = 19.6
 _OCCUPIED_ABOVE_PERCENT = 65
 
-UNKNOWN_VARIANCE = 1e10
+_STATES = {state.word: state for state in TrackingState}
+_LEVELS = {
+    TrackingState.NOT_INITIALISED: DiagnosticStatus.WARN,
+    TrackingState.GOOD: DiagnosticStatus.OK,
+    TrackingState.DUBIOUS: DiagnosticStatus.WARN,
+    TrackingState.LOST: DiagnosticStatus.ERROR,
+}
 UNSURE_HEADING_RAD2 = 1.0
+UNKNOWN_VARIANCE = 1e10
 """Of what a planar robot cannot know (z, roll, pitch): huge, for 0 would mean that it is certain."""
 
 
@@ -60,12 +69,18 @@ def quaternion_of_heading(theta: float) -> Quaternion:
 
 
 def se3(pose: Pose) -> SE3:
-    """The pose in space. Raises InputError for a number that is not finite or a zero quaternion."""
+    """The pose in space. Raises InputError for a number that is not finite or a quaternion that is no rotation."""
     p, q = pose.position, pose.orientation
-    numbers = (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
-    if not all(math.isfinite(n) for n in numbers) or q.x**2 + q.y**2 + q.z**2 + q.w**2 < 1e-6:
-        raise InputError(f"pose message holds {numbers}; positions must be finite and quaternions of length 1")
+    refuse_no_pose(p, q)
     return SE3.from_quaternion(np.array([p.x, p.y, p.z]), (q.x, q.y, q.z, q.w))
+
+
+def refuse_no_pose(p: Point | Vector3, q: Quaternion) -> None:
+    """Raises InputError for a number that is not finite or a quaternion that is no rotation: of length 0, or so long
+    that it overflows."""
+    numbers = (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
+    if not (all(map(math.isfinite, numbers)) and 1e-3 < math.hypot(*numbers[3:]) < 1e3):
+        raise InputError(f"pose message holds {numbers}; positions must be finite and quaternions of length 1")
 
 
 def se2(pose: Pose) -> SE2:
@@ -135,7 +150,7 @@ def mount_transforms(mount: MountConfig, stamp_ns: int) -> list[TransformStamped
     ]
 
 
-# Motion --------------------------------------------------------------------------------------------------------
+# Motion and states ---------------------------------------------------------------------------------------------
 
 
 def odometry(msg: OdometryMsg) -> Odometry:
@@ -159,6 +174,18 @@ def odometry_msg(reading: Odometry, frame_id: str, child_frame_id: str) -> Odome
 def twist(command: VelocityCommand) -> Twist:
     """A velocity command as a message."""
     return Twist(linear=Vector3(command.v, 0.0, 0.0), angular=Vector3(0.0, 0.0, command.omega))
+
+
+def state_msg(state: TrackingState, reason: str) -> DiagnosticStatus:
+    """What the SLAM says of itself. name: NOT_INITIALISED, TRACKING, POOR or LOST; message: the reason."""
+    return DiagnosticStatus(_LEVELS[state], state.word, reason, "vslam", [])
+
+
+def tracking_state(msg: DiagnosticStatus) -> TrackingState:
+    """The state of a message. Raises InputError for an unknown name."""
+    if msg.name not in _STATES:
+        raise InputError(f"SLAM state {msg.name!r} is unknown; expected one of {', '.join(_STATES)}")
+    return _STATES[msg.name]
 
 
 def hazard_words(mask: int) -> str:

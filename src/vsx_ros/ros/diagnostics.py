@@ -6,6 +6,8 @@ from collections.abc import Container
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from vsx_hw.errors import DeviceError
+from vsx_hw.readings import LinkStatus
 from vsx_ros.ros import threads, topics
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
@@ -28,6 +30,13 @@ class Diagnostics:
             self._components[component] = (level, message, {k: str(v) for k, v in values.items()})
         if level == ERROR and before is not None and before[0] != ERROR:
             self._publish({component})
+
+    def device(self, component: str, status: LinkStatus, **values: object) -> None:
+        """The link to a device. Raises DeviceError, which ends the node, where the driver's thread has ended."""
+        if not status.alive:
+            raise DeviceError(f"{status.device}: the driver's thread has ended; the node begins anew")
+        level = OK if status.connected else ERROR
+        self.set(component, level, status.message, device=status.device, **values, **status.counters)
 
     def _publish(self, only: Container[str] | None = None) -> None:
         array = DiagnosticArray()

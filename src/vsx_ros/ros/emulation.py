@@ -1,20 +1,48 @@
-"""The emulated world under the emulated devices: the body as wheels for a board, the camera in a process of its own."""
+"""The emulated world under the emulated devices: the body as wheels for a board, the camera as a process of its own,
+since rendering must not hold up the wheels. No ROS in here.
 
+The child reads poses of the base from standard input (``POSE``, one every 5 ms), renders each frame when its exposure
+is over, and sends it through the emulated Kinect at a socket. It writes one line of JSON per frame to standard output:
+stamp, true camera pose, render time, frames skipped. It ends when its input ends.
+"""
+
+import contextlib
+import json
+import os
+import signal
+import struct
+import subprocess
+import sys
+import threading
+import time
 from collections.abc import Callable
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple
 
 import msgspec
 import numpy as np
 
+from vsx_hw.kinect.emulator import KinectEmulator
 from vsx_hw.readings import Hazard
 from vsx_hw.serial_emulator import PlantState
+from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.config import RobotConfig
+from vsx_ros.errors import VsxError
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.io.calibration_file import write_calibration
+from vsx_ros.runs.journal import flat
+from vsx_ros.runs.world import open_world
 from vsx_ros.sim.body import Body
+from vsx_ros.sim.camera import EmulatedCamera
+from vsx_ros.sim.scene import compile_scene
 from vsx_ros.sim.settings import SimulationConfig
 from vsx_ros.sim.world import World, obstacle_segments
 
-_RATE_WINDOW_NS = 20_000_000
+POSE = struct.Struct("<q4d")
+"""Time since the emulator's start [ns], x, y [m], theta [rad], travelled path [m]."""
+_KEPT = 600  # rows of motion, for images that are rendered late
+_RATE_WINDOW_NS = 20_000_000  # emulated time over which the turn rate is taken: a period of the odometry
 _SECTORS = Hazard.BUMPER_LEFT, Hazard.BUMPER_CENTER, Hazard.BUMPER_RIGHT
 
 
@@ -66,3 +94,120 @@ class BodyPlant:
 
     def _state(self) -> BodyState:
         return BodyState(self.body.time_ns, self.body.T_world_base, self.body.path_length_m)
+
+
+class RenderSettings(msgspec.Struct, frozen=True):
+    """What the parent tells its child. start_ns: host time at the emulator's start."""
+
+    world: str
+    seed: int
+    socket: str
+    rate_hz: float
+    start_ns: int
+    robot: RobotConfig
+
+
+class RenderChild:
+    """The parent's end."""
+
+    def __init__(self, settings: RenderSettings) -> None:
+        self._closing = False
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
+        command = [sys.executable, "-m", "vsx_ros.ros.emulation", msgspec.json.encode(settings).decode()]
+        pipe = subprocess.PIPE
+        self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, env=environment, bufsize=0)
+
+    def move(self, state: BodyState) -> None:
+        """Tell the camera where the base is."""
+        assert self._process.stdin is not None
+        pose = state.T_world_base
+        with contextlib.suppress(OSError):
+            self._process.stdin.write(POSE.pack(state.time_ns, pose.x, pose.y, pose.theta, state.path_length_m))
+
+    def listen(self, on_frame: Callable[[dict[str, Any]], None]) -> None:
+        """Hand over a dictionary for each frame until the end. Raises VsxError where that was not asked for."""
+        assert self._process.stdout is not None
+        for line in iter(self._process.stdout.readline, b""):
+            on_frame(json.loads(line))
+        if not self._closing:
+            raise VsxError("the rendering process has ended")
+
+    def close(self) -> None:
+        """End the child."""
+        assert self._process.stdin is not None
+        self._closing = True
+        self._process.stdin.close()
+        try:
+            self._process.wait(timeout=2.0)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+
+
+class PoseHistory:
+    """The last three seconds of the base, filled by one thread and read by another."""
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._rows = np.empty((0, 5))
+        self._ended = False
+
+    def fill(self, stream: BinaryIO) -> None:
+        """Read until the stream ends."""
+        while len(row := stream.read(POSE.size)) == POSE.size:
+            with self._changed:
+                self._rows = np.concatenate([self._rows, [POSE.unpack(row)]])[-_KEPT:]
+                self._changed.notify_all()
+        with self._changed:
+            self._ended = True
+            self._changed.notify_all()
+
+    def wait_for(self, time_ns: int) -> int:
+        """Wait until the base has been there; the newest time then, -1 when there will be no more."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._ended or (len(self._rows) > 0 and self._rows[-1, 0] >= time_ns))
+            return -1 if self._ended else int(self._rows[-1, 0])
+
+    def poses_at(self, stamps_ns: IntArray) -> FloatArray:
+        """(N, 4) x, y, theta, path at the stamps, as ``Body.poses_at``."""
+        rows = self._rows
+        return np.column_stack([np.interp(stamps_ns, rows[:, 0], rows[:, k]) for k in range(1, 5)])
+
+
+def render(settings: RenderSettings, history: PoseHistory) -> None:
+    """Frames on a grid of 1 / rate_hz until the history ends; slots that come too late are skipped and counted."""
+    rng = np.random.default_rng([settings.seed, 2])  # as in the lock-step robot
+    world = open_world(settings.world, settings.seed)
+    camera = EmulatedCamera(compile_scene(world), settings.robot.mount, SimulationConfig().camera, rng)
+    write_calibration(Path(settings.socket + ".yaml"), camera.camera_given, "emulated")
+    history.wait_for(0)
+    camera.picture(0, history.poses_at, bayer=True)
+    period_ns = 1e9 / settings.rate_hz
+    slot = 0
+    with KinectEmulator(settings.socket, settings.seed) as kinect:
+        while (now_ns := history.wait_for(round((slot + 1) * period_ns) + camera.span_ns)) >= 0:
+            newest = int((now_ns - camera.span_ns) / period_ns)
+            skipped, slot = newest - slot - 1, newest
+            if not kinect.streaming:
+                continue
+            stamp_ns = round(slot * period_ns)
+            began_s = time.perf_counter()
+            image = camera.render_bayer(stamp_ns, history.poses_at)
+            render_ms = (time.perf_counter() - began_s) * 1e3
+            if kinect.send_frame(image, settings.start_ns + stamp_ns):
+                R, t = camera.poses_cam(history.poses_at(np.array([stamp_ns])))
+                line = {"stamp_ns": settings.start_ns + stamp_ns, "T_world_cam": flat(SE3(R[0], t[0]))}
+                sys.stdout.write(json.dumps({**line, "render_ms": render_ms, "skipped": skipped}) + "\n")
+                sys.stdout.flush()
+
+
+def main() -> None:
+    """Settings as JSON in the only argument."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    settings = msgspec.json.decode(sys.argv[1], type=RenderSettings)
+    history = PoseHistory()
+    threading.Thread(target=history.fill, args=(sys.stdin.buffer,), daemon=True).start()
+    render(settings, history)
+
+
+if __name__ == "__main__":
+    main()

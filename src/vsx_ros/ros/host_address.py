@@ -4,7 +4,7 @@ import os
 import socket
 from urllib.parse import urlparse
 
-MASTER_PORT = 11311
+MASTER_PORT = 11311  # roscore's default
 DEFAULT_MASTER = f"http://localhost:{MASTER_PORT}"
 
 

@@ -7,16 +7,12 @@ for as long as the thread that decides has promised.
 """
 
 import math
-import threading
 import time
 
 import rospy
 from std_msgs.msg import String
 
-from vsx_ros.navigation.timeouts import LEASE_S
-
-PERIOD_S = 0.05
-TIMEOUT_S = LEASE_S
+PERIOD_S = 0.05  # six to a lease of 0.3 s
 
 
 class Lease:
@@ -38,7 +34,7 @@ class Lease:
             self.renew()
 
     def renew(self) -> None:
-        """Ask for ``TIMEOUT_S`` more; call it at least every ``PERIOD_S``."""
+        """Ask for ``LEASE_S`` more (navigation/follower.py); call it at least every ``PERIOD_S``."""
         if not self._released:
             self._publisher.publish(self._message)
 
@@ -51,28 +47,17 @@ class LeaseWatch:
     """The other side: who renewed lately. Counts on the monotonic clock, whatever ROS time does."""
 
     def __init__(self, topic: str) -> None:
-        self._lock = threading.Lock()
         self._renewed_s: dict[str, float] = {}
-        rospy.Subscriber(topic, String, self._on_renewal, queue_size=20, tcp_nodelay=True)
-
-    def _on_renewal(self, msg: String) -> None:
-        self.grant(msg.data)
+        rospy.Subscriber(topic, String, lambda msg: self.grant(msg.data), queue_size=20, tcp_nodelay=True)
 
     def grant(self, holder: str) -> None:
         """Count as if the holder had just renewed: he did something else that shows he is there."""
-        with self._lock:
-            self._renewed_s[holder] = time.monotonic()
+        self._renewed_s[holder] = time.monotonic()
 
     def is_known(self, holder: str) -> bool:
         """Whether the holder ever renewed."""
-        with self._lock:
-            return holder in self._renewed_s
+        return holder in self._renewed_s
 
     def age_s(self, holder: str) -> float:
         """Time since the holder renewed [s]; infinite where it never did."""
-        with self._lock:
-            return time.monotonic() - self._renewed_s.get(holder, -math.inf)
-
-    def is_fresh(self, holder: str) -> bool:
-        """Whether the holder renewed within ``TIMEOUT_S``."""
-        return self.age_s(holder) <= TIMEOUT_S
+        return time.monotonic() - self._renewed_s.get(holder, -math.inf)

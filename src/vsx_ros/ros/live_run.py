@@ -9,26 +9,26 @@ import socket
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, TextIO
+from types import SimpleNamespace
+from typing import Any
 
 import rosgraph
-import roslaunch.pmon
 import rospy
 from geometry_msgs.msg import Twist
 from std_srvs.srv import SetBool
 
 from vsx_ros.errors import ConfigError
 from vsx_ros.ros import calls, launch, logs, node, topics
+from vsx_ros.ros.calls import answers_at
 from vsx_ros.ros.host_address import DEFAULT_MASTER
 from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.master_watch import master_watch
-from vsx_ros.ros.registrations import answers_at
-from vsx_ros.runs import streams
-from vsx_ros.runs.interruptible import SignalFlag
+from vsx_ros.runs import process
+from vsx_ros.runs.process import SignalFlag
 
-_STOP_S = 0.6
-_ESTOP_WAIT_S = 2.0
-_ANSWER_S = 1.0
+_STOP_S = 0.6  # the robot is told to stand for so long
+_ESTOP_WAIT_S = 2.0  # for the base's answer
+_ANSWER_S = 1.0  # of a master that may be gone
 _END_S = 2.0 * (launch.SIGINT_TIMEOUT_S + launch.SIGTERM_TIMEOUT_S)
 """Nodes, then the master; roslaunch has killed them by then, unless it hangs itself."""
 _ESTOPPED = "mobile_base/estopped"
@@ -52,9 +52,8 @@ class LiveRun:
         self._dead: list[str] = []
         self._to_release = ""
         self._heard: SignalFlag | None = None
-        self._log: TextIO | None = None
         self._redirected = contextlib.ExitStack()
-        self.terminal = streams.lossy(os.dup(2), close=True)
+        self.terminal = process.lossy(os.dup(2), close=True)
 
     @property
     def interrupted(self) -> bool:
@@ -72,24 +71,23 @@ class LiveRun:
         launch.package_environment()
         choose_master()
         refuse_second_robot(self._names)
-        self._log = self._silence()
+        self._silence()
         try:
             self._start()
         except BaseException:
-            self._end(self._log)
+            self._end()
             raise
         return self
 
     def __exit__(self, *_: object) -> None:
         """Stop the robot, then the processes."""
-        assert self._log is not None
         try:
             if self._replayed:
                 _tried(_ANSWER_S, lambda: rospy.delete_param("/use_sim_time"), "the ROS master")
             else:
                 self.stop_robot()
         finally:
-            self._end(self._log)
+            self._end()
 
     def _start(self) -> None:
         self._heard = SignalFlag(signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -100,31 +98,33 @@ class LiveRun:
                 raise KeyboardInterrupt from None
             raise
         self._heard.listen()  # roslaunch has put its own answers before
-        self._parent.runner.pm.add_process_listener(_Listener(self._dead))
+        self._parent.runner.pm.add_process_listener(SimpleNamespace(process_died=self._remember_dead))
         rospy.init_node("run", disable_signals=True, anonymous=True)
         logs.log_without_master()
         master_watch().remember({param.key: param.value for param in self._parent.config.params.values()})
         master_watch().keep({node.PARAMETERS_SET: True})  # written after all others
         self._zero_pub = rospy.Publisher(topics.COMMAND_SAFETY, Twist, queue_size=1)
 
-    def _end(self, log: TextIO) -> None:
+    def _remember_dead(self, process_name: str, _: int) -> None:
+        self._dead.append(process_name.rsplit("-", 1)[0])  # roslaunch numbers its processes
+
+    def _end(self) -> None:
         _tried(_ANSWER_S, lambda: rospy.signal_shutdown("the run is over"), "the ROS master")
         if self._parent is not None:
             started = list(self._parent.pm.procs) if self._parent.pm is not None else []
             _tried(_END_S, self._parent.shutdown, "roslaunch")
             _kill(started)
         self._release()
-        os.dup2(self.terminal.fileno(), 2)
         self._redirected.close()
-        log.close()
 
-    def _silence(self) -> TextIO:
+    def _silence(self) -> None:
         """The words of roslaunch, at whatever moment, and of all nodes go to a file; ``terminal`` is the terminal."""
         file = Path(os.environ["ROS_LOG_DIR"]) / "terminal.log"
-        log = streams.lossy(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644), close=True)
+        log = process.lossy(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644), close=True)
+        self._redirected.enter_context(log)
+        self._redirected.callback(os.dup2, self.terminal.fileno(), 2)
         os.dup2(log.fileno(), 2)
         self._redirected.enter_context(contextlib.redirect_stdout(log))
-        return log
 
     def stop_robot(self) -> None:
         """Zero with the highest priority and the emergency stop; either one alone is enough."""
@@ -164,16 +164,6 @@ def _kill(started: Sequence[Any]) -> None:
         if child is not None and child.poll() is None:
             with contextlib.suppress(OSError):
                 os.killpg(child.pid, signal.SIGKILL)
-
-
-class _Listener(roslaunch.pmon.ProcessListener):
-    """Remembers which nodes died; roslaunch numbers its processes."""
-
-    def __init__(self, dead: list[str]) -> None:
-        self._dead = dead
-
-    def process_died(self, process_name: str, exit_code: int) -> None:
-        self._dead.append(process_name.rsplit("-", 1)[0])
 
 
 def choose_master() -> None:

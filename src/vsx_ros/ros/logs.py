@@ -14,10 +14,10 @@ import rospy.impl.paramserver
 
 from vsx_ros.errors import VsxError, disk_trouble
 from vsx_ros.ros import calls
-from vsx_ros.runs import streams
+from vsx_ros.runs import process
 
 _OMITS_TOPICS = "/rosout_disable_topics_generation"
-_REPEAT_S = 30.0
+_REPEAT_S = 30.0  # the same trouble at most so often
 
 logger = logging.getLogger(__name__)
 _said_s: dict[str, float] = {}
@@ -26,7 +26,7 @@ _saying = threading.Lock()
 
 def quiet_failures() -> None:
     """What a node says never ends it, and what it asks the master never holds it for ever."""
-    streams.never_fail()
+    process.never_fail()
     os.environ.setdefault("ROS_PYTHON_LOG_CONFIG_FILE", str(Path(__file__).with_name("python_logging.conf")))
     calls.bound_master_calls()
 

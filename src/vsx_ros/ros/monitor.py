@@ -3,9 +3,10 @@
 The monitor is the evaluator, not a part of the stack: it alone may listen to the ground truth, and publishes nothing.
 """
 
-import json
 import math
 import threading
+from collections.abc import Iterable, Sequence
+from functools import partial
 from typing import Any
 
 import rospy
@@ -13,20 +14,25 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from genpy.message import get_message_class
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
-from nav_msgs.msg import Odometry as OdometryMsg
 from rosgraph_msgs.msg import Log
 from std_msgs.msg import Float32, String, UInt8, UInt32
 
+from vsx_ros.config import MountConfig
 from vsx_ros.control.trajectory_tracker import FollowStatus
+from vsx_ros.errors import InputError
+from vsx_ros.geometry.camera import mounted
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.navigation.follower import decode_report
 from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.robot import Odometry
 from vsx_ros.ros import clock, convert, topics
+from vsx_ros.ros.callbacks import hear_odometry, json_object, subscribe
 from vsx_ros.ros.diagnostics import ERROR
-from vsx_ros.runs.journal import RunEvent
+from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.journal import ClockLine, Journal, Line, RunEvent, TruthLine, flat, read_journal, unflat
 
-_JITTER_M = 0.002
+_JITTER_M = 0.002  # between two poses; less is no way
 _LINKS = ("mobile_base: link", "camera: stream")
 _TIMES = 3  # a link that is being made is without images, or not yet there, for a moment
 # rospy's own remarks on connections that come and go while nodes start and end.
@@ -75,7 +81,7 @@ class Monitor:
         self.distance_m = 0.0
         self.collisions = 0
         self.min_clearance_m: float | None = None
-        self._base: SE2 | None = None
+        self._base: Odometry | None = None
         self._followed: tuple[int, FollowStatus] = (0, FollowStatus.IDLE)
         self._warnings: list[str] = []
         self._warned: set[str] = set()
@@ -85,23 +91,22 @@ class Monitor:
         self.truth: list[StampedPose] = []
         self.plan_ms: list[float] = []
         self.error_m: list[float] = []
-        listen = rospy.Subscriber
-        listen(topics.EXPLORE_STATUS, String, self._on_status, queue_size=5)
-        listen(topics.EXPLORE_EVENTS, String, self._on_event, queue_size=100)
-        listen(topics.SLAM_STATE, DiagnosticStatus, self._on_slam_state, queue_size=20)
-        listen("/rosout", Log, self._on_log, queue_size=50)
-        listen(topics.DIAGNOSTICS, DiagnosticArray, self._on_diagnostics, queue_size=20)
-        listen(topics.MAP, OccupancyGridMsg, self._on_map, queue_size=1)
-        listen(topics.ODOM, OdometryMsg, self._on_odometry, queue_size=20)
-        listen(topics.FOLLOWER_STATUS, String, self._on_follower, queue_size=20)
-        listen(topics.PLAN_MS, Float32, lambda msg: self.plan_ms.append(msg.data), queue_size=20)
-        listen(topics.HAZARDS, UInt8, self._on_hazards, queue_size=20)
+        subscribe(topics.EXPLORE_STATUS, String, lambda msg: self._set(status=json_object(msg)), queue_size=5)
+        subscribe(topics.EXPLORE_EVENTS, String, self._on_event, queue_size=100)
+        subscribe(topics.SLAM_STATE, DiagnosticStatus, lambda msg: self._set(slam_state=msg.name), queue_size=20)
+        subscribe("/rosout", Log, self._on_log, queue_size=50)
+        subscribe(topics.DIAGNOSTICS, DiagnosticArray, self._on_diagnostics, queue_size=20)
+        subscribe(topics.MAP, OccupancyGridMsg, lambda msg: self._set(grid=convert.grid(msg)), queue_size=1)
+        hear_odometry(self._on_odometry)
+        subscribe(topics.FOLLOWER_STATUS, String, self._on_follower, queue_size=20)
+        subscribe(topics.PLAN_MS, Float32, lambda msg: self.plan_ms.append(msg.data), queue_size=20)
+        subscribe(topics.HAZARDS, UInt8, self._on_hazards, queue_size=20)
         for name, kind in topics.STAT_TYPES.items():
-            listen(f"{topics.STATS}/{name}", get_message_class(kind), self._on_stat, callback_args=name, queue_size=5)
+            subscribe(f"{topics.STATS}/{name}", get_message_class(kind), partial(self._on_stat, name), queue_size=5)
         if emulated:
-            listen(topics.TRUTH_CAMERA, PoseStamped, self._on_truth, queue_size=50)
-            listen(topics.TRUTH_COLLISIONS, UInt32, self._on_collisions, queue_size=5)
-            listen(topics.TRUTH_CLEARANCE, Float32, self._on_clearance, queue_size=5)
+            subscribe(topics.TRUTH_CAMERA, PoseStamped, self._on_truth, queue_size=50)
+            subscribe(topics.TRUTH_COLLISIONS, UInt32, self._on_collisions, queue_size=5)
+            subscribe(topics.TRUTH_CLEARANCE, Float32, lambda msg: self._set(min_clearance_m=msg.data), queue_size=5)
 
     def new_warnings(self) -> list[str]:
         """What nodes warned of since the last call, each sentence once."""
@@ -132,30 +137,23 @@ class Monitor:
                 self._warned.add(line)
                 self._warnings.append(line)
 
+    def _set(self, **facts: Any) -> None:
+        vars(self).update(facts)
+
     def _note(self, source: str, state: str, reason: str) -> None:
         self.events.append(RunEvent(clock.now_ns(), source, state, reason))
 
-    def _on_status(self, msg: String) -> None:
-        self.status = json.loads(msg.data)
-
     def _on_event(self, msg: String) -> None:
-        event = json.loads(msg.data)
+        event = json_object(msg, "stamp_ns", "state", "reason")
         self.events.append(RunEvent(event["stamp_ns"], "mission", event["state"], event["reason"]))
 
-    def _on_slam_state(self, msg: DiagnosticStatus) -> None:
-        self.slam_state = msg.name
-
-    def _on_map(self, msg: OccupancyGridMsg) -> None:
-        self.grid = convert.grid(msg)
-
-    def _on_odometry(self, msg: OdometryMsg) -> None:
-        pose = convert.se2(msg.pose.pose)
-        if self._base is None:
-            self._base = pose
-        step_m = self._base.distance_to(pose)
+    def _on_odometry(self, odometry: Odometry) -> None:
+        if self._base is None or self._base.odom_epoch != odometry.odom_epoch:
+            self._base = odometry
+        step_m = self._base.T_odom_base.distance_to(odometry.T_odom_base)
         if step_m > _JITTER_M:
             self.distance_m += step_m
-            self._base = pose
+            self._base = odometry
 
     def _on_follower(self, msg: String) -> None:
         report = decode_report(msg.data)
@@ -168,7 +166,7 @@ class Monitor:
     def _on_hazards(self, msg: UInt8) -> None:
         self._note("safety", "hazard" if msg.data else "clear", convert.hazard_words(msg.data))
 
-    def _on_stat(self, msg: Float32 | UInt32, name: str) -> None:
+    def _on_stat(self, name: str, msg: Float32 | UInt32) -> None:
         self.stats[name] = float(msg.data)
 
     def _on_truth(self, msg: PoseStamped) -> None:
@@ -179,5 +177,74 @@ class Monitor:
             self._note("emulator", "collision", f"collision number {msg.data}")
         self.collisions = int(msg.data)
 
-    def _on_clearance(self, msg: Float32) -> None:
-        self.min_clearance_m = float(msg.data)
+
+def progress_line(
+    monitor: Monitor, coverage: float | None, elapsed_s: float, limit_s: float | None, missing: Iterable[str] = ()
+) -> str:
+    """State, coverage, keyframes, tracked ratio, distance, time, and the reason of the state. missing: nodes known to
+    be without their device."""
+    stats, status = monitor.stats, monitor.status
+    area = monitor.grid.known_area_m2 if monitor.grid is not None else 0.0
+    covered = f"{100 * coverage:.0f} % covered" if coverage is not None else f"{area:.1f} m2 known"
+    facts = [
+        f"{elapsed_s:.0f}" + (f"/{limit_s:.0f} s" if limit_s is not None else " s"),
+        str(status.get("state", "starting")),
+        monitor.slam_state,
+        covered,
+        f"{stats.get('keyframes', 0):.0f} keyframes",
+        f"{100 * stats.get('tracked_ratio', 0.0):.0f} % of points found at {stats.get('fps', 0.0):.0f} Hz",
+        f"{monitor.distance_m:.1f} m",
+    ]
+    waiting = f"waiting for {' and '.join(missing) or 'the nodes'}"
+    return " | ".join([*facts, str(status.get("reason", waiting))])
+
+
+class MonitorJournal:
+    """What the monitor saw, kept as it happens, for the session that goes on after an interruption.
+
+    ``keep`` a few times a second. before: what the sessions before kept. clock: how far they had come. so_far: what is
+    counted up to now. failure: why not all of it is kept, or nothing; the run goes on without.
+    """
+
+    def __init__(self, folder: RunFolder, mount: MountConfig) -> None:
+        """Raises InputError when the folder holds a damaged journal or cannot be written."""
+        path = folder.checkpoint.path / "witness.jsonl"
+        self._T_cam_base = mounted(mount).inverse()
+        self.before: Sequence[Line] = read_journal(path) if folder.checkpoint.exists else []
+        self._journal = Journal(path, self.before)
+        self._truths = self._events = 0
+        clocks = [line for line in self.before if isinstance(line, ClockLine)]
+        self.clock = clocks[-1] if clocks else ClockLine(stamp_ns=0, elapsed_s=0.0, plans=0, collisions=0)
+        self.so_far = self.clock
+        self.failure = ""
+
+    @property
+    def T_world_base(self) -> SE2 | None:
+        """Where the emulated robot stood when the session before ended; None where that is not known."""
+        last = [line for line in self.before if isinstance(line, TruthLine)][-1:]
+        return SE2(*last[0].T_world_base) if last else None
+
+    def truth(self) -> list[StampedPose]:
+        """True camera poses of the sessions before."""
+        return [StampedPose(x.stamp_ns, unflat(x.T_world_cam)) for x in self.before if isinstance(x, TruthLine)]
+
+    def events(self) -> list[RunEvent]:
+        """Events of the sessions before."""
+        return [line for line in self.before if isinstance(line, RunEvent)]
+
+    def keep(self, monitor: Monitor, now_ns: int, elapsed_s: float) -> None:
+        """Write down what is new. elapsed_s: of all sessions."""
+        truths, events = monitor.truth[self._truths :], monitor.events[self._events :]
+        self._truths, self._events = self._truths + len(truths), self._events + len(events)
+        collisions = self.clock.collisions + monitor.collisions
+        lines: list[Line] = [*events]
+        for stamp_ns, T in truths:
+            base = (T @ self._T_cam_base).to_se2()
+            at, seen = (base.x, base.y, base.theta), flat(T)
+            lines.append(TruthLine(stamp_ns=stamp_ns, T_world_cam=seen, T_world_base=at, collisions=collisions))
+        plans = self.clock.plans + len(monitor.plan_ms)
+        self.so_far = ClockLine(stamp_ns=now_ns, elapsed_s=elapsed_s, plans=plans, collisions=collisions)
+        try:
+            self._journal.add(*lines, self.so_far)
+        except InputError as error:
+            self.failure = self.failure or str(error)

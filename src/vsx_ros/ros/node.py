@@ -22,13 +22,13 @@ from vsx_ros.ros.master_watch import master_watch
 
 _LOOK_S = 0.05
 """rospy.spin would sleep for half a second."""
-_LET_GO_S = 5.0
+_LET_GO_S = 5.0  # for a thread to end after the node
 
 DIE_WITH_PARENT = "VSX_DIE_WITH_PARENT"
 """Environment variable: a node started by a run ends when the run is killed."""
 PARAMETERS_SET = "live_run/parameters_set"
 """Parameter: the run has put those of all nodes to this master."""
-_PARAMETERS_S = 10.0
+_PARAMETERS_S = 10.0  # roslaunch sets them before, other masters late
 
 
 class Node(Protocol):

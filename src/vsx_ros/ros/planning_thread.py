@@ -1,29 +1,34 @@
-"""Plans are made on a thread of their own, so that who drives is watched meanwhile."""
+"""Plans are made on a thread of their own, so that who drives is watched meanwhile; how slowly and how carefully they
+are driven may be changed while the node runs, by any client of dynamic_reconfigure.
+"""
 
+import math
 import queue
 import threading
 import time
+from collections.abc import Callable, Sequence
+from types import SimpleNamespace
+from typing import Any, NamedTuple
 
 import rospy
+from dynamic_reconfigure.encoding import Config as Values
+from dynamic_reconfigure.server import Server
 from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
-from nav_msgs.msg import Path as PathMsg
 from nav_msgs.srv import GetPlan, GetPlanRequest, GetPlanResponse
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float32
 
-from vsx_ros.config import Config
-from vsx_ros.geometry.se2 import SE2
+from vsx_ros.config import Config, overridden
+from vsx_ros.errors import ConfigError, VsxError
 from vsx_ros.kernels.warmup import warm_up
 from vsx_ros.navigation.goal_execution import PlanRequest
 from vsx_ros.navigation.goal_planner import GoalPlanner, TimedPlan
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.path import Plan, Refusal
-from vsx_ros.ros import clock, convert, frames, threads, topics
-from vsx_ros.ros.adjustable import serve_adjustable
+from vsx_ros.ros import convert, frames, threads, topics
 from vsx_ros.ros.callbacks import subscribe
 from vsx_ros.ros.diagnostics import OK, Diagnostics
-
-_PLAN_STEP_M = 0.05
+from vsx_ros.ros.follower_link import path_msg
 
 
 class PlanningThread:
@@ -87,16 +92,83 @@ class PlanningThread:
         self._planner.take_landmarks(convert.cloud_points(msg), msg.header.stamp.to_nsec())
 
     def _on_make_plan(self, request: GetPlanRequest) -> GetPlanResponse:
-        start, goal = ((frames.bare(p.header.frame_id), convert.se2(p.pose)) for p in (request.start, request.goal))
-        with self._lock:
-            plan = self._planner.plan_between(start, goal)
-        if isinstance(plan, Refusal):
-            rospy.logwarn("make_plan: %s", plan.reason)
-            return GetPlanResponse()
-        return GetPlanResponse(path_msg(plan, goal[0]))
+        """Without poses where there is no plan; the log says why."""
+        try:
+            start, goal = ((frames.bare(p.header.frame_id), convert.se2(p.pose)) for p in (request.start, request.goal))
+            with self._lock:
+                plan = self._planner.plan_between(start, goal)
+            if isinstance(plan, Plan):
+                return GetPlanResponse(path_msg(plan, goal[0]))
+            refusal = plan.reason
+        except VsxError as error:
+            refusal = str(error)
+        rospy.logwarn("make_plan: %s", refusal)
+        return GetPlanResponse()
 
 
-def path_msg(plan: Plan, frame: str) -> PathMsg:
-    """The way of a plan in ``frame``, every few centimetres."""
-    poses = [SE2(*row[:3]) for row in plan.path.sample(_PLAN_STEP_M).tolist()]
-    return convert.path_msg(frame, clock.now_ns(), poses)
+class Adjustable(NamedTuple):
+    """One number. entry: its dotted name in the configuration; value: as configured."""
+
+    entry: str
+    value: float
+    low: float
+    high: float
+    meaning: str
+
+    @property
+    def name(self) -> str:
+        """What clients call it, and the private parameter that remembers it across a restart of the node."""
+        return self.entry.rpartition(".")[2]
+
+
+def adjustable_of_plans(config: Config) -> list[Adjustable]:
+    """What move_base lets be changed for the plans to come: slower than configured, but never faster."""
+    v, omega, phi = config.limits.v_m_s, config.limits.omega_rad_s, config.planner.phi_rad_m
+    return [
+        Adjustable("limits.v_m_s", v, 0.05, v, "speed [m/s]"),
+        Adjustable("limits.omega_rad_s", omega, 0.1, omega, "turn rate [rad/s]"),
+        Adjustable("planner.phi_rad_m", phi, 0.1, 10.0, "bound on the change of view per metre [rad/m]"),
+    ]
+
+
+def serve_adjustable(config: Config, on_change: Callable[[Config], None]) -> Server:
+    """Services: ~set_parameters. Publishers: ~parameter_descriptions, ~parameter_updates (latched).
+
+    ``on_change`` gets the whole configuration, on a thread of its own: at once when a private parameter was set
+    before, and whenever a client asks. Values beyond the bounds are clamped. Raises ConfigError for a private
+    parameter that is no number.
+    """
+    numbers = adjustable_of_plans(config)
+    applied = {number.name: number.value for number in numbers}
+    for number in numbers:
+        stored: Any = rospy.get_param(f"~{number.name}", None)
+        if stored is None:
+            continue
+        if type(stored) not in (int, float) or not math.isfinite(stored):
+            name = rospy.resolve_name(f"~{number.name}")
+            raise ConfigError(f"parameter {name} is {stored!r}; give a number from {number.low:g} to {number.high:g}")
+        rospy.set_param(f"~{number.name}", float(stored))
+
+    def change(values: Any, _: int) -> Any:
+        wanted = {number.name: float(values[number.name]) for number in numbers}
+        if wanted != applied:
+            applied.update(wanted)
+            on_change(overridden(config, {number.entry: wanted[number.name] for number in numbers}))
+            rospy.loginfo("from now on %s", ", ".join(f"{name} = {value:g}" for name, value in wanted.items()))
+        values.update(wanted)
+        return values
+
+    return Server(_described(numbers), change)
+
+
+def _described(numbers: Sequence[Adjustable]) -> SimpleNamespace:
+    """What a module generated from a .cfg file would hold."""
+    about = {"type": "double", "level": 1, "edit_method": ""}
+    parameters = [{"name": number.name, "description": number.meaning, **about} for number in numbers]
+    group = {"name": "Default", "type": "", "id": 0, "parent": 0, "parameters": parameters, "groups": []}
+    return SimpleNamespace(
+        config_description=group,
+        defaults=Values({number.name: number.value for number in numbers}),
+        min=Values({number.name: number.low for number in numbers}),
+        max=Values({number.name: number.high for number in numbers}),
+    )

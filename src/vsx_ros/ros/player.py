@@ -17,13 +17,13 @@ from tf2_msgs.msg import TFMessage
 
 from vsx_ros.io.recording import Recording
 from vsx_ros.robot import Frame, Odometry
-from vsx_ros.ros import base_messages, convert, frames, images, topics
+from vsx_ros.ros import base_messages, frames, images, topics
 
-_TICK_S = 0.01
-_NEVER_NS = 2**62
-_LEAD_NS = 1_000_000_000
-_HOLD_NS = 100_000_000
-_FIRST_ANSWER_S, _ANSWER_S = 30.0, 10.0
+_TICK_S = 0.01  # so that a stop is heard at once
+_NEVER_NS = 2**62  # later than any stamp
+_LEAD_NS = 1_000_000_000  # odometry before the first image
+_HOLD_NS = 100_000_000  # odometry may be recorded so much later than the image it belongs to
+_FIRST_ANSWER_S, _ANSWER_S = 30.0, 10.0  # kernels are loaded first; a frame takes far less
 _CALIBRATION_LEAD_S = 0.5
 """It comes by a connection of its own, as odometry does, and an image that overtakes it is lost."""
 _END_NS = 3_000_000_000
@@ -97,8 +97,7 @@ class Player:
 
     def _move(self, reading: Odometry) -> None:
         self._odom_pub.publish(base_messages.dead_reckoning(reading))
-        edge = topics.ODOM_FRAME, topics.BASE_FRAME, reading.stamp_ns, reading.T_odom_base
-        self._tf_pub.publish([convert.transform_stamped(*edge)])
+        self._tf_pub.publish([base_messages.odom_transform(reading)])
 
     def _show(self, frame: Frame) -> None:
         camera, optical = self._recording.camera, frames.own(topics.OPTICAL_FRAME)

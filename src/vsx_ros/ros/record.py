@@ -1,26 +1,30 @@
-"""The recorder behind ``vsx record``."""
+"""The recorder behind ``vsx record``: a ROS 1 bag that grows message by message; whole or named .active."""
 
 import argparse
 import io
+import os
+import queue
 import shutil
 import signal
 import sys
+import threading
 import time
+from collections import Counter
+from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import rospy
+from rosbags.rosbag1 import Writer
+from rosbags.rosbag1.writer import WriterError
 from sensor_msgs.msg import CompressedImage, Image
 
 from vsx_ros.errors import InputError
 from vsx_ros.ros import clock, images, operator_command, topics
-from vsx_ros.ros.bag_writer import BagWriter, Serialized
 from vsx_ros.ros.callbacks import IMAGE_BUFFER_BYTES, subscribe
-from vsx_ros.ros.progress import Progress
-from vsx_ros.runs.exit_codes import DONE, FAILED
-from vsx_ros.runs.interruptible import SignalFlag
+from vsx_ros.runs.process import DONE, FAILED, Progress, SignalFlag
 
 _TOPICS = (
     topics.CAMERA_INFO, topics.ODOM, topics.TF, topics.TF_STATIC, topics.IMU, topics.HAZARDS, topics.BUTTONS,
@@ -29,10 +33,90 @@ _TOPICS = (
     topics.PLAN_MS, topics.COVERAGE, *(f"{topics.STATS}/{name}" for name in topics.STAT_TYPES),
 )  # fmt: skip
 _NEEDED = (topics.IMAGE, topics.CAMERA_INFO, topics.ODOM)
-_WARN_AFTER_S = 3.0
-_TICK_S = 0.1
-_JPEG_QUALITY = 90
+_WARN_AFTER_S = 3.0  # without a message
+_TICK_S = 0.1  # so that Ctrl-C is heard at once
+_JPEG_QUALITY = 90  # of 100
 _ENCODING = {"png": [cv2.IMWRITE_PNG_COMPRESSION, 1], "jpeg": [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]}
+_WAITING = 500
+"""Messages that may wait for the disk: 150 MB of raw images."""
+_OVERHEAD_BYTES = 64  # of a record's header and index, about
+
+
+class Serialized(NamedTuple):
+    """A message as it came over the wire. said: by its publisher, the header of the connection."""
+
+    topic: str
+    stamp_ns: int
+    said: Mapping[str, str]
+    data: bytes
+
+
+class BagWriter:
+    """Writes on a thread of its own. ``put`` never waits; ``close`` writes the index and gives the bag its name. Raises
+    InputError when the file cannot be made. ``failure`` says, later, why writing ended early."""
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._active = path, path.with_name(f"{path.name}.active")
+        self.counts = Counter[str]()
+        self.bytes, self.dropped, self.failure = 0, 0, ""
+        self._connections: dict[tuple[str, ...], object] = {}
+        self._queue: queue.Queue[Serialized | None] = queue.Queue(_WAITING)
+        try:
+            self._writer = Writer(self._active)
+            self._writer.open()
+        except (OSError, WriterError) as error:
+            raise InputError(f"bag {path} cannot be written ({error}); choose another name or folder") from error
+        self._thread = threading.Thread(target=self._write, name="bag", daemon=True)
+        self._thread.start()
+
+    def put(self, message: Serialized) -> None:
+        """Write it soon; when the disk is too slow it is dropped and counted."""
+        try:
+            self._queue.put_nowait(message)
+        except queue.Full:
+            self.dropped += 1
+
+    def close(self) -> Path:
+        """Finish; the path of the bag. An empty one is not left behind."""
+        self._queue.put(None)
+        self._thread.join()
+        try:
+            self._writer.close()
+            if not self.counts:
+                self._active.unlink(missing_ok=True)
+            elif not self.failure:
+                os.replace(self._active, self._path)
+                return self._path
+        except OSError as error:
+            self.failure = self.failure or str(error)
+        return self._active
+
+    def _write(self) -> None:
+        while (message := self._queue.get()) is not None:
+            if self.failure:
+                continue
+            try:
+                self._writer.write(self._connection(message), message.stamp_ns, message.data)  # type: ignore[arg-type]  # bytes will do
+            except Exception as error:  # whatever it is: without this thread close would wait for ever
+                self.failure = str(error) or repr(error)
+                continue
+            self.counts[message.topic] += 1
+            self.bytes += len(message.data) + _OVERHEAD_BYTES
+
+    def _connection(self, message: Serialized) -> object:
+        """That of the topic and publisher, made when it speaks first."""
+        said = message.said
+        key = message.topic, said["type"], said.get("callerid", "")
+        if key not in self._connections:
+            self._connections[key] = self._writer.add_connection(
+                message.topic,
+                said["type"].replace("/", "/msg/"),
+                msgdef=said.get("message_definition", ""),
+                md5sum=said["md5sum"],
+                callerid=said.get("callerid", ""),
+                latching=int(said.get("latching") == "1"),
+            )
+        return self._connections[key]
 
 
 class Recorder:
@@ -116,12 +200,12 @@ def _full(args: argparse.Namespace, path: Path) -> str:
 
 def _images(writer: BagWriter) -> int:
     image = rospy.resolve_name(topics.IMAGE)
-    return writer.counts.get(image, 0) + writer.counts.get(f"{image}/compressed", 0)
+    return writer.counts[image] + writer.counts[f"{image}/compressed"]
 
 
 def _missing(writer: BagWriter) -> list[str]:
     names = [rospy.resolve_name(topic) for topic in _NEEDED]
-    silent = [n for n in names if not (writer.counts.get(n) or writer.counts.get(f"{n}/compressed"))]
+    silent = [name for name in names if not (writer.counts[name] or writer.counts[f"{name}/compressed"])]
     return [f"nothing arrives on {name}; 'rostopic info {name}' shows who publishes it" for name in silent]
 
 

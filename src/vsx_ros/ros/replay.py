@@ -13,34 +13,34 @@ from vsx_ros.errors import ConfigError
 from vsx_ros.evaluation.summary import Summary, with_accuracy
 from vsx_ros.evaluation.trajectory import AlignmentKind
 from vsx_ros.io.recording import Recording
-from vsx_ros.ros import launch, logs, topics, view
+from vsx_ros.ros import launch, logs, topics
 from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.live_run import LiveRun
 from vsx_ros.ros.monitor import Monitor
+from vsx_ros.ros.nodes.dashboard import prepare_view
 from vsx_ros.ros.player import Player
-from vsx_ros.ros.progress import Progress
-from vsx_ros.runs.exit_codes import INTERNAL, STOPPED, ended_well
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.parameters import load
-from vsx_ros.runs.replay import exit_code, new_folder, opened
+from vsx_ros.runs.process import INTERNAL, STOPPED, Progress, ended_well
 from vsx_ros.runs.report import tell_the_end, write_report
+from vsx_ros.runs.start import opened_recording, replay_code, replay_folder
 from vsx_ros.slam.state import TrackingState
 
-_READY_WAIT_S = 180.0
+_READY_WAIT_S = 180.0  # kernels may have to be compiled
 
 
 def replay(args: argparse.Namespace) -> int:
     """Play it all, write the run folder, say what happened; its exit code. args: the options of ``vsx replay``."""
     logs.quiet_failures()
-    config, recording = load(args.config, args.set), opened(args)
+    config, recording = load(args.config, args.set), opened_recording(args)
     _refuse_company()
-    folder = new_folder(args, config)
+    folder = replay_folder(args, config)
     os.environ["ROS_LOG_DIR"] = str((folder.path / "log").resolve())
     (folder.path / "log").mkdir(exist_ok=True)
     nodes = [_slam(args, recording, folder)]
     url = ""
     if args.view:
-        port, url = view.prepare()
+        port, url = prepare_view()
         nodes += launch.view(port=port)
     with LiveRun(nodes, to_dict(config), vital=("vslam",), replayed=True) as live:
         progress = Progress(live.terminal)
@@ -103,7 +103,7 @@ def _gather(
     ending = TrackingState(looked_at[-1].state) if looked_at else TrackingState.NOT_INITIALISED
     kind: AlignmentKind | None = "yaw" if recording.odometry else None
     summary = with_accuracy(Summary(**known), folder.read_poses("trajectory"), recording.ground_truth, kind)
-    code = STOPPED if interrupted else INTERNAL if failure else exit_code(ending)
+    code = STOPPED if interrupted else INTERNAL if failure else replay_code(ending)
     if interrupted:
         failure = f"stopped by the operator after {len(looked_at)} of {recording.frame_count} frames"
     summary = summary.with_values(

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from msgspec.structs import replace
 
 from vsx_ros.config import Config, MountConfig, to_dict
 from vsx_ros.errors import ConfigError
@@ -17,26 +18,25 @@ from vsx_ros.evaluation.trajectory import path_length
 from vsx_ros.exploration.decision import MissionState
 from vsx_ros.geometry.camera import mounted
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.geometry.stamped import StampedPose
-from vsx_ros.ros import clock, launch, logs, view
+from vsx_ros.geometry.se3 import StampedPose
+from vsx_ros.ros import clock, launch, logs
 from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.live_run import MASTER, LiveRun, refuse_second_robot
-from vsx_ros.ros.monitor import Monitor
-from vsx_ros.ros.monitor_journal import MonitorJournal
-from vsx_ros.ros.progress import Progress, progress_line
-from vsx_ros.runs.exit_codes import DONE, FAILED, HARDWARE, INTERNAL, STOPPED, ended_well
+from vsx_ros.ros.monitor import Monitor, MonitorJournal, progress_line
+from vsx_ros.ros.nodes.dashboard import open_browser, prepare_view
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import RunEvent
+from vsx_ros.runs.process import DONE, FAILED, HARDWARE, INTERNAL, STOPPED, Progress, ended_well
 from vsx_ros.runs.record import MapJudge
 from vsx_ros.runs.report import EXIT_CODES, tell_the_end, write_report
 from vsx_ros.runs.start import begin
-from vsx_ros.sim.world import Start, World, changed
+from vsx_ros.sim.world import Start, World
 from vsx_ros.sim.world_file import save_world
 from vsx_ros.slam.state import TrackingState
 
-_READY_WAIT_S = 180.0
-_COVERAGE_PERIOD_S = 2.0
-_TICK_S = 0.1
+_READY_WAIT_S = 180.0  # kernels may have to be compiled
+_COVERAGE_PERIOD_S = 2.0  # between looks at the truth
+_TICK_S = 0.1  # so that Ctrl-C is heard at once
 
 
 class Ending(NamedTuple):
@@ -93,7 +93,7 @@ def explore(args: argparse.Namespace) -> int:
         nodes = _nodes(args, folder, world, Path(devices), journal.T_world_base)
         url = ""
         if args.view:
-            port, url = view.prepare()
+            port, url = prepare_view()
             nodes += launch.view(port=port)
         with LiveRun(nodes, to_dict(config), vital=("mobile_base", "vslam", "explore", "emulator")) as live:
             progress = Progress(live.terminal)
@@ -101,7 +101,7 @@ def explore(args: argparse.Namespace) -> int:
             if url:
                 progress.say(f"live view: {url}")
             if url and not args.headless:
-                view.open_browser(url)
+                open_browser(url)
             monitor = Monitor(emulated=world is not None)
             ending = _watch(live, monitor, journal, Coverage(judge, args.until), progress, args.time)
             progress.say(f"stopping: {ending.reason}")
@@ -119,7 +119,7 @@ def _nodes(
     if T_world_base is not None:
         path = path.with_name("world_resumed.yaml")
         start = Start(x=T_world_base.x, y=T_world_base.y, theta_rad=T_world_base.theta)
-        save_world(changed(world, start=start), path)
+        save_world(replace(world, start=start), path)
     return [*launch.emulation(str(path), args.seed, str(devices), args.base, args.rate), *above]
 
 

@@ -1,23 +1,31 @@
 """What the node vslam hears: images with the odometry of their instant, and the camera's calibration."""
 
+import threading
 import time
+from collections import deque
 
+import numpy as np
 import rospy
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import UInt8
 
 from vsx_hw.readings import Hazard
+from vsx_ros.arrays import GrayImage
 from vsx_ros.geometry.camera import PinholeCamera
-from vsx_ros.robot import Frame, Odometry
+from vsx_ros.navigation.follower import LEASE_S
+from vsx_ros.robot import Frame, Odometry, odometry_at
 from vsx_ros.ros import clock, images, topics
 from vsx_ros.ros.callbacks import hear_odometry, image_subscriber, subscribe
-from vsx_ros.ros.lease import TIMEOUT_S
-from vsx_ros.ros.sensor_sync import SensorSync
 from vsx_ros.ros.slam_messages import SlamStatus
 from vsx_ros.ros.slam_run import SlamRun
+from vsx_ros.slam.preprocessing import STILL_M, STILL_RAD
+from vsx_ros.slam.state import TrackingResult
 
-_SILENCE_S = 3.0
-_CLOCK_BACK_S = 1.0
+_SILENCE_S = 3.0  # without images: told
+_CLOCK_BACK_S = 1.0  # a clock set back, or a recording begun again
+_KEEP_ODOMETRY = 300  # readings: 6 s at 50 Hz
+# Odometry comes 30 to 50 times a second: a reading later than the image arrives within this time, or not at all.
+_WAIT_FOR_ODOMETRY_S = 0.06
 
 
 class SlamInput:
@@ -30,7 +38,6 @@ class SlamInput:
         self._odometry: Odometry | None = None
         self._status = status
         self._used_s = time.monotonic()
-        self.period_s = 0.0
         hear_odometry(self._on_odometry, first_epoch=run.first_epoch)
         subscribe(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5)
         image_subscriber(self._on_image)
@@ -51,11 +58,6 @@ class SlamInput:
         touches = Hazard(msg.data) & (Hazard.BUMPER | Hazard.CLIFF)
         if touches and self._odometry is not None and (pose := self._session.base_at(self._odometry)) is not None:
             self._session.ground.bumped(pose)
-
-    @property
-    def dropped(self) -> int:
-        """How many images nobody looked at."""
-        return self._sync.dropped
 
     def camera(self) -> PinholeCamera:
         """The calibration, which comes with the images; until then say what is missing."""
@@ -79,17 +81,76 @@ class SlamInput:
             self._status.clock_set_back(self._sync.behind_s)
         elif silent_s > _SILENCE_S:
             self._status.waiting_for(topics.IMAGE)
-        elif silent_s > TIMEOUT_S:
+        elif silent_s > LEASE_S:
             self._status.without_images()
         return None
 
-    def used(self) -> None:
-        """The last frame was tracked; ``period_s``: how long after the one before."""
-        now_s = time.monotonic()
-        self.period_s, self._used_s = now_s - self._used_s, now_s
+    def used(self, result: TrackingResult) -> None:
+        """The last frame was tracked."""
+        before_s, self._used_s = self._used_s, time.monotonic()
+        self._status.frame(result, self._used_s - before_s, self._sync.dropped)
 
     def refused(self, reason: str) -> None:
         """The last frame could not be used, which is as if it had never come."""
         self._status.refused(reason)
-        if time.monotonic() - self._used_s > TIMEOUT_S:
+        if time.monotonic() - self._used_s > LEASE_S:
             self._status.without_images("no image comes that fits")
+
+
+class SensorSync:
+    """Two callbacks put in, one thread takes out. Images that nobody took in time are dropped and counted.
+    ``behind_s``: by how much the last image was older than one already taken, which is why it was dropped; else 0."""
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._odometry: deque[Odometry] = deque(maxlen=_KEEP_ODOMETRY)
+        self._frame: Frame | None = None
+        self._last_taken_ns = -1
+        self.dropped = 0
+        self.behind_s = 0.0
+
+    def add_odometry(self, odometry: Odometry) -> None:
+        """Remember a reading; readings out of order are left out."""
+        with self._changed:
+            if not self._odometry or odometry.stamp_ns > self._odometry[-1].stamp_ns:
+                self._odometry.append(odometry)
+                self._changed.notify_all()
+
+    def add_frame(self, frame: Frame) -> None:
+        """Offer an image; it replaces one that was not yet taken."""
+        with self._changed:
+            if self._frame is not None:
+                self.dropped += 1
+            self._frame = frame
+            self._changed.notify_all()
+
+    def take(self, timeout_s: float) -> tuple[Frame, Odometry | None] | None:
+        """The newest image and the odometry at its stamp; None when no newer image came in time. The odometry is as
+        ``odometry_at`` says."""
+        with self._changed:
+            if not self._changed.wait_for(lambda: self._frame is not None, timeout_s) or self._frame is None:
+                return None
+            frame, self._frame = self._frame, None
+            self.behind_s = max(0.0, (self._last_taken_ns - frame.stamp_ns) * 1e-9)
+            if frame.stamp_ns <= self._last_taken_ns:
+                self.dropped += 1
+                return None
+            self._last_taken_ns = frame.stamp_ns
+            if self._odometry:
+                self._changed.wait_for(lambda: self._odometry[-1].stamp_ns >= frame.stamp_ns, _WAIT_FOR_ODOMETRY_S)
+            return frame, odometry_at(self._odometry, frame.stamp_ns)
+
+
+class RepeatedImageDetector:
+    """Noise makes every picture of a living camera differ; a perfect one repeats itself only where the base stands."""
+
+    def __init__(self) -> None:
+        self._first: tuple[GrayImage, Odometry] | None = None
+
+    def is_new(self, image: GrayImage, odometry: Odometry | None) -> bool:
+        """Whether the picture differs from the one before, or the base stands where that one was first shown."""
+        if self._first is None or odometry is None or not np.array_equal(image, self._first[0]):
+            self._first = None if odometry is None else (image, odometry)
+            return True
+        then, now = self._first[1].T_odom_base, odometry.T_odom_base
+        return then.distance_to(now) < STILL_M and abs(then.angle_to(now)) < STILL_RAD

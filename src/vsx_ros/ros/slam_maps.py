@@ -1,72 +1,70 @@
-"""The maps that the node vslam makes of the SLAM's: ground map, points, surfaces."""
+"""The maps that the node vslam makes of the SLAM's: ground map, points, planes and surfaces."""
 
+import math
+import time
+
+import numpy as np
 import rospy
-from geometry_msgs.msg import PoseArray
+from geometry_msgs.msg import Point, PoseArray, Vector3
 from nav_msgs.msg import MapMetaData
 from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
 from nav_msgs.msg import Path as PathMsg
 from nav_msgs.srv import GetMap, GetMapResponse
-from sensor_msgs.msg import PointCloud2
+from sensor_msgs.msg import LaserScan, PointCloud2
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
 
 from vsx_ros.arrays import Points3
 from vsx_ros.config import Config
-from vsx_ros.dense.anchored_surface import AnchoredSurface
-from vsx_ros.dense.densify import UPDATE_EVERY_S
-from vsx_ros.dense.mapped_ground import MappedGround
+from vsx_ros.dense.densify import UPDATE_EVERY_S, DenseMap, update_every_s
+from vsx_ros.dense.mapped_ground import AnchoredSurface
+from vsx_ros.dense.planes import Plane, PlaneKind
+from vsx_ros.errors import VsxError
 from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.occupancy.virtual_scan import laser_scan
 from vsx_ros.ros import clock, convert, threads, topics
-from vsx_ros.ros.dense_mapping import DenseMapping
+from vsx_ros.ros.dense_process import DenseProcess
 from vsx_ros.ros.slam_messages import SlamStatus
 from vsx_ros.session import SlamSession
 from vsx_ros.slam.map import Map
+from vsx_ros.slam.slam import ThreadedSlam
 from vsx_ros.slam.snapshot import MapSnapshot
 from vsx_ros.slam.snapshot import snapshot as snapshot_of
-from vsx_ros.slam.threads import ThreadedSlam
 
-_PERIOD_S = 1.0
+_PERIOD_S = 1.0  # of the ground map: it grows by a keyframe or two
+_COLORS = {
+    PlaneKind.WALL: ColorRGBA(0.2, 0.5, 1.0, 0.4),
+    PlaneKind.FLOOR: ColorRGBA(0.5, 0.5, 0.5, 0.2),
+    PlaneKind.TABLE: ColorRGBA(1.0, 0.6, 0.1, 0.4),
+    PlaneKind.OTHER: ColorRGBA(0.6, 0.2, 0.8, 0.4),
+}
+_SCAN_BEARINGS = 720  # every half degree
 
 
-class GroundMapping:
-    """Publishers: map, map_metadata, vslam/map_points, vslam/keyframes, vslam/path (all latched). Services: static_map.
-    ``refresh`` from one thread."""
+class SlamMaps:
+    """Maps the ground on one thread and densifies beside it. Publishers: map, map_metadata, vslam/map_points,
+    vslam/keyframes, vslam/path (all latched), and those of ``DenseMapping``. Services: static_map.
 
-    def __init__(self, ground: MappedGround) -> None:
-        self._ground = ground
+    driven: the newest state of the session's ground.
+    """
+
+    def __init__(self, config: Config, session: SlamSession, status: SlamStatus) -> None:
+        self._session, self._status = session, status
+        self._slam: ThreadedSlam | None = None
+        self._metric = True
+        self._dense = DenseMapping(config)
         self._built: tuple[object, ...] = ()
+        self._grid: OccupancyGrid | None = None
         self._message = OccupancyGridMsg()
-        self.grid: OccupancyGrid | None = None
         self._map_pub = rospy.Publisher(topics.MAP, OccupancyGridMsg, queue_size=1, latch=True)
         self._metadata_pub = rospy.Publisher(topics.MAP_METADATA, MapMetaData, queue_size=1, latch=True)
         self._points_pub = rospy.Publisher(topics.MAP_POINTS, PointCloud2, queue_size=1, latch=True)
         self._keyframes_pub = rospy.Publisher(topics.KEYFRAMES, PoseArray, queue_size=1, latch=True)
         self._path_pub = rospy.Publisher(topics.SLAM_PATH, PathMsg, queue_size=1, latch=True)
         rospy.Service(topics.STATIC_MAP, GetMap, lambda _: GetMapResponse(self._message))
-
-    def refresh(self, snapshot: MapSnapshot, spots: AnchoredSurface | None) -> None:
-        """Build and publish again what changed; without keyframes the map is the strip assumed free at the start."""
-        made_of = snapshot.version, self._ground.start, self._ground.counts
-        if made_of == self._built and spots is self._ground.dense:
-            return
-        self._built, self._ground.dense = made_of, spots
-        self.grid = self._ground.grid(snapshot)
-        stamp_ns = clock.now_ns()
-        self._message = convert.grid_msg(self.grid, topics.MAP_FRAME, stamp_ns)
-        self._map_pub.publish(self._message)
-        self._metadata_pub.publish(self._message.info)
-        self._path_pub.publish(convert.path_msg(topics.MAP_FRAME, stamp_ns, self._ground.trail(snapshot)))
-        self._points_pub.publish(convert.cloud_msg(snapshot.points_world, topics.MAP_FRAME, stamp_ns))
-        self._keyframes_pub.publish(convert.pose_array(topics.MAP_FRAME, stamp_ns, snapshot.T_world_cams))
-
-
-class SlamMaps:
-    """Maps the ground on one thread and densifies beside it. driven: the newest state of the session's ground."""
-
-    def __init__(self, config: Config, session: SlamSession, status: SlamStatus) -> None:
-        self._session, self._status = session, status
-        self._slam: ThreadedSlam | None = None
-        self._metric = True
-        self._ground, self._dense = GroundMapping(session.ground), DenseMapping(config)
         self.driven = session.ground.state()
         self._mapping = threads.every(_PERIOD_S, "ground map", self._map)
         threads.every(UPDATE_EVERY_S, "dense map", self._densify)
@@ -79,21 +77,113 @@ class SlamMaps:
     def _map(self) -> None:
         slam, session = self._slam, self._session
         snapshot = slam.snapshot() if slam is not None else snapshot_of(Map().view())
-        self._ground.refresh(snapshot, self._dense.spots)
-        if self._ground.grid is not None:
-            self._dense.publish(snapshot, self._ground.grid, session.where.T_map_base or session.ground.start)
+        grid = self._ground(snapshot)
+        self._dense.publish(snapshot, grid, session.where.T_map_base or session.ground.start)
         self._status.map(snapshot if slam is not None else None)
         self.driven = session.ground.state()
+
+    def _ground(self, snapshot: MapSnapshot) -> OccupancyGrid:
+        """Build and publish again what changed; without keyframes the map is the strip assumed free at the start."""
+        ground, spots = self._session.ground, self._dense.spots
+        made_of = snapshot.version, ground.start, ground.counts
+        if self._grid is not None and made_of == self._built and spots is ground.dense:
+            return self._grid
+        self._built, ground.dense = made_of, spots
+        self._grid = grid = ground.grid(snapshot)
+        stamp_ns = clock.now_ns()
+        self._message = convert.grid_msg(grid, topics.MAP_FRAME, stamp_ns)
+        self._map_pub.publish(self._message)
+        self._metadata_pub.publish(self._message.info)
+        self._path_pub.publish(convert.path_msg(topics.MAP_FRAME, stamp_ns, ground.trail(snapshot)))
+        self._points_pub.publish(convert.cloud_msg(snapshot.points_world, topics.MAP_FRAME, stamp_ns))
+        self._keyframes_pub.publish(convert.pose_array(topics.MAP_FRAME, stamp_ns, snapshot.T_world_cams))
+        return grid
 
     def _densify(self) -> None:
         if self._slam is not None:
             self._dense.refresh(self._slam.snapshot())
 
     def close(self) -> tuple[Points3 | None, OccupancyGrid | None]:
-        """End densifying; the last spots of surface (N, 3) [m] and the last ground map. ``driven`` then says also what
-        was driven and bumped after it."""
-        self._dense.close()
+        """The last spots of surface (N, 3) [m] and the last ground map. ``driven`` then says also what was driven and
+        bumped after it."""
         if threads.join(self._mapping, 2.0):
             self.driven = self._session.ground.state()
         surface = None if self._slam is None else self._dense.points(self._slam.snapshot())
-        return surface, self._ground.grid if self._metric else None
+        return surface, self._grid if self._metric else None
+
+
+class DenseMapping:
+    """Publishers: vslam/planes, vslam/dense_points, scan; each is made only while someone listens. ``refresh`` from one
+    thread, every UPDATE_EVERY_S, ``publish`` from any."""
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+        self._process: DenseProcess | None = None
+        self._map: DenseMap | None = None
+        self._due_s = 0.0
+        self.spots: AnchoredSurface | None = None
+        self._planes_pub = rospy.Publisher(topics.PLANES, MarkerArray, queue_size=1)
+        self._points_pub = rospy.Publisher(topics.DENSE_POINTS, PointCloud2, queue_size=1)
+        self._scan_pub = rospy.Publisher(topics.SCAN, LaserScan, queue_size=1)
+
+    def start(self, camera: PinholeCamera, T_base_cam: SE3 | None, seed: int) -> None:
+        """Begin, now that the camera is known; without metres and a floor, or not enabled, there is nothing to do."""
+        if self._config.dense.enabled and T_base_cam is not None:
+            self._process = DenseProcess(camera, T_base_cam, self._config.dense, seed)
+
+    def refresh(self, snapshot: MapSnapshot) -> None:
+        """Densify when there is a new keyframe, or work left from the last one; the larger the map, the less often."""
+        if self._process is None or not len(snapshot.keyframe_ids) or time.monotonic() < self._due_s:
+            return
+        if self._map is not None and not self._map.is_due(snapshot):
+            return
+        # To the nearest of the calls, which come every UPDATE_EVERY_S.
+        self._due_s = time.monotonic() + update_every_s(len(snapshot.keyframe_ids)) - 0.5 * UPDATE_EVERY_S
+        try:
+            self._map, self.spots = self._process.update(snapshot)
+        except VsxError as error:
+            self._process = None
+            if not rospy.is_shutdown():
+                rospy.logerr("%s", error)
+
+    def publish(self, snapshot: MapSnapshot, grid: OccupancyGrid, T_map_base: SE2) -> None:
+        """Show what is known, to those who look."""
+        stamp_ns = clock.now_ns()
+        if self._scan_pub.get_num_connections():
+            self._scan_pub.publish(scan_msg(grid, T_map_base, self._config.ground_map.max_range_m, stamp_ns))
+        if self._map is not None and self._planes_pub.get_num_connections():
+            self._planes_pub.publish(plane_markers(self._map.planes, topics.MAP_FRAME, stamp_ns))
+        if self._points_pub.get_num_connections():
+            self._points_pub.publish(convert.cloud_msg(self.points(snapshot), topics.MAP_FRAME, stamp_ns))
+
+    def points(self, snapshot: MapSnapshot) -> Points3:
+        """(N, 3) spots of surface in the map of a snapshot [m]; none while nothing is known."""
+        return self.spots.surfaces(snapshot).points if self.spots is not None else np.zeros((0, 3))
+
+
+def plane_markers(planes: tuple[Plane, ...], frame_id: str, stamp_ns: int) -> MarkerArray:
+    """A translucent rectangle for each plane's extent; its number is the plane's id."""
+    header, pose, scale = convert.header(frame_id, stamp_ns), convert.pose_msg(SE2()), Vector3(1.0, 1.0, 1.0)
+    markers = [Marker(header=header, action=Marker.DELETEALL)]
+    for plane in planes:
+        a, b, c, d = plane.extent.tolist()
+        corners = plane.points_at(np.array([[a, c], [b, c], [b, d], [a, c], [b, d], [a, d]]))
+        marker = Marker(header=header, ns="planes", id=plane.id, type=Marker.TRIANGLE_LIST, action=Marker.ADD)
+        marker.pose, marker.scale, marker.color = pose, scale, _COLORS[plane.kind]
+        marker.points = [Point(*corner) for corner in corners.tolist()]
+        markers.append(marker)
+    return MarkerArray(markers)
+
+
+def scan_msg(grid: OccupancyGrid, T_map_base: SE2, max_range_m: float, stamp_ns: int) -> LaserScan:
+    """The virtual laser scan of the paper: the map's obstacles around the base, all around; infinite where none."""
+    ranges = laser_scan(grid, T_map_base, _SCAN_BEARINGS, max_range_m)
+    return LaserScan(
+        header=convert.header(topics.BASE_FRAME, stamp_ns),
+        angle_min=0.0,
+        angle_max=2.0 * math.pi * (1.0 - 1.0 / _SCAN_BEARINGS),
+        angle_increment=2.0 * math.pi / _SCAN_BEARINGS,
+        range_min=0.0,
+        range_max=max_range_m,
+        ranges=ranges.tolist(),
+    )

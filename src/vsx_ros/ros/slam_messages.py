@@ -1,36 +1,38 @@
-"""What the SLAM says about itself, as messages: its state, and the numbers a user may want to plot."""
+"""What the SLAM says: its state, numbers a user may want to plot, where it puts the base, and the picture it sees."""
 
+import threading
+import time
+from collections.abc import Callable
+
+import cv2
 import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
 from genpy.message import get_message_class
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from sensor_msgs.msg import CompressedImage
+from tf2_msgs.msg import TFMessage
 
-from vsx_ros.errors import InputError
-from vsx_ros.ros import clock, logs, topics
-from vsx_ros.ros.diagnostics import ERROR, OK, WARN, Diagnostics
-from vsx_ros.slam.snapshot import MapSnapshot
+from vsx_ros.arrays import ColorImage, Pixels
+from vsx_ros.config import MountConfig
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.robot import Frame, Odometry
+from vsx_ros.ros import clock, convert, logs, threads, topics
+from vsx_ros.ros.diagnostics import ERROR, OK, Diagnostics
+from vsx_ros.session import SlamSession
+from vsx_ros.slam.snapshot import MapSnapshot, TrackedFeatures
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
-_STATES = {state.word: state for state in TrackingState}
-_LEVELS = {
-    TrackingState.NOT_INITIALISED: WARN,
-    TrackingState.GOOD: OK,
-    TrackingState.DUBIOUS: WARN,
-    TrackingState.LOST: ERROR,
-}
-_FPS_MEMORY = 0.1
-_AGAIN_S = 10.0
-
-
-def state_msg(state: TrackingState, reason: str) -> DiagnosticStatus:
-    """name: NOT_INITIALISED, TRACKING, POOR or LOST; message: the reason."""
-    return DiagnosticStatus(_LEVELS[state], state.word, reason, "vslam", [])
-
-
-def tracking_state(msg: DiagnosticStatus) -> TrackingState:
-    """The state of a message. Raises InputError for an unknown name."""
-    if msg.name not in _STATES:
-        raise InputError(f"SLAM state {msg.name!r} is unknown; expected one of {', '.join(_STATES)}")
-    return _STATES[msg.name]
+_FPS_MEMORY = 0.1  # share of the newest frame in the mean
+_AGAIN_S = 10.0  # the same words at most so often
+_TF_PERIOD_S = 0.05  # with the tolerance, listeners never wait for it
+_TF_TOLERANCE_NS = 100_000_000  # transforms are stamped so far ahead, as with amcl
+# What tracking of this quality achieves against a metric map; the SLAM states no covariance of its own.
+_SIGMA = {TrackingState.GOOD: (0.02, 0.01), TrackingState.DUBIOUS: (0.06, 0.03)}
+_DISTRUST = 10.0
+_PREVIEW_PERIOD_S = 0.1
+_QUALITY_PERCENT = 70
+_FOUND_BGR, _MISSED_BGR = (90, 220, 60), (60, 60, 235)
+_FOUND_PX, _MISSED_PX = 4, 3
 
 
 class SlamStatus:
@@ -101,9 +103,86 @@ class SlamStatus:
             self._announce()
 
     def _announce(self) -> None:
-        self._state_pub.publish(state_msg(self._state, self._reason))
-        self._diagnostics.set("tracking", _LEVELS[self._state], f"{self._state.word} {self._reason}".strip())
+        msg = convert.state_msg(self._state, self._reason)
+        self._state_pub.publish(msg)
+        self._diagnostics.set("tracking", msg.level, f"{msg.name} {msg.message}".strip())
 
     def _publish(self, **values: float) -> None:
         for name, value in values.items():
             self._stats[name].publish(value)
+
+
+class PosePublisher:
+    """Publishers: vslam/pose (base_footprint in map, stamp of the image), /tf map -> odom, /tf_static (camera, gyro).
+    Parameters: ~publish_tf (bool, true; false: somebody else, an EKF, says where odom is in map)."""
+
+    def __init__(self, session: SlamSession, mount: MountConfig) -> None:
+        self._session = session
+        self._T_cam_base = session.T_base_cam.inverse()
+        self._pose_pub = rospy.Publisher(topics.POSE, PoseWithCovarianceStamped, queue_size=5, tcp_nodelay=True)
+        if rospy.get_param("~publish_tf", True):
+            self._tf_pub = rospy.Publisher(topics.TF, TFMessage, queue_size=20)
+            threads.every(_TF_PERIOD_S, "tf", self._publish_tf)
+        self._tf_static_pub = rospy.Publisher(topics.TF_STATIC, TFMessage, queue_size=1, latch=True)
+        self._tf_static_pub.publish(convert.mount_transforms(mount, clock.now_ns()))
+
+    def publish(self, result: TrackingResult, odometry: Odometry | None) -> None:
+        """The pose of a tracked frame."""
+        if result.T_world_cam is None or result.state not in _SIGMA:
+            return
+        T_map_base = (result.T_world_cam @ self._T_cam_base).to_se2()
+        sigma_m, sigma_rad = _SIGMA[result.state]
+        if result.found == 0 and odometry is not None and not odometry.trusted:  # by odometry that nobody vouches for
+            sigma_m, sigma_rad = _DISTRUST * sigma_m, _DISTRUST * sigma_rad
+        sigmas = sigma_m, sigma_rad
+        self._pose_pub.publish(convert.pose_with_covariance(topics.MAP_FRAME, result.stamp_ns, T_map_base, *sigmas))
+
+    def _publish_tf(self) -> None:
+        stamp_ns, T_map_odom = clock.now_ns() + _TF_TOLERANCE_NS, self._session.T_map_odom or SE2()
+        self._tf_pub.publish([convert.transform_stamped(topics.MAP_FRAME, topics.ODOM_FRAME, stamp_ns, T_map_odom)])
+
+
+class Preview:
+    """Publishers: vslam/preview/compressed (JPEG, at most 10 Hz, while someone subscribes)."""
+
+    def __init__(self) -> None:
+        self._publisher = rospy.Publisher(topics.PREVIEW, CompressedImage, queue_size=1)
+        self._shown_s = 0.0
+        self._newest: tuple[Frame, TrackedFeatures | None] | None = None
+        self._work = threading.Event()
+        threads.worker("preview", self._draw)
+
+    def show(self, frame: Frame, features: Callable[[], TrackedFeatures | None]) -> None:
+        """Hand over a picture if someone looks and has waited long enough; it is drawn on another thread."""
+        if time.monotonic() - self._shown_s >= _PREVIEW_PERIOD_S and self._publisher.get_num_connections() > 0:
+            self._shown_s = time.monotonic()
+            self._newest = frame, features()
+            self._work.set()
+
+    def _draw(self) -> None:
+        while not rospy.is_shutdown():
+            if not self._work.wait(timeout=1.0):
+                continue
+            self._work.clear()
+            assert self._newest is not None
+            frame, features = self._newest
+            _, jpeg = cv2.imencode(".jpg", drawn(frame, features), [cv2.IMWRITE_JPEG_QUALITY, _QUALITY_PERCENT])
+            header = convert.header(topics.OPTICAL_FRAME, frame.stamp_ns)
+            self._publisher.publish(CompressedImage(header, "bgr8; jpeg compressed bgr8", jpeg.tobytes()))
+
+
+def drawn(frame: Frame, features: TrackedFeatures | None) -> ColorImage:
+    """The (H, W, 3) picture in BGR: a green circle where a point was found, a red cross where one was missed."""
+    picture: ColorImage = cv2.cvtColor(frame.image, cv2.COLOR_GRAY2BGR)
+    if features is not None:
+        for u, v in _pixels(features.missed):
+            reach = _MISSED_PX
+            cv2.line(picture, (u - reach, v - reach), (u + reach, v + reach), _MISSED_BGR)
+            cv2.line(picture, (u - reach, v + reach), (u + reach, v - reach), _MISSED_BGR)
+        for pixel in _pixels(features.found):
+            cv2.circle(picture, pixel, _FOUND_PX, _FOUND_BGR)
+    return picture
+
+
+def _pixels(uv: Pixels) -> list[tuple[int, int]]:
+    return [(round(u), round(v)) for u, v in uv.tolist()]

@@ -18,8 +18,8 @@ from vsx_ros.ros import logs
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.session import PreviousSessions, RunWriter
 from vsx_ros.session import SlamSession
+from vsx_ros.slam.slam import ThreadedSlam
 from vsx_ros.slam.state import TrackingResult
-from vsx_ros.slam.threads import ThreadedSlam
 
 State: TypeAlias = Mapping[str, FloatArray]
 _REST = 4.0
@@ -41,7 +41,7 @@ class SlamRun:
         else:
             path = str(rospy.get_param("~load_map", ""))
             self.session = SlamSession(T_base_cam, config, load_slam_map(Path(path)) if path else None)
-        self._keeper = RunWriter(T_base_cam, self._folder, before, logs.log_errors, _REST)
+        self._keeper = RunWriter(T_base_cam, self._folder, before, logs.log_errors, _REST, config.runs)
         self.first_epoch = 1 + self._keeper.record.odom_epoch
 
     def odometry(self, odometry: Odometry) -> None:

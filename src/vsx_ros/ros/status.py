@@ -12,10 +12,11 @@ from sensor_msgs.msg import BatteryState, CameraInfo
 from std_msgs.msg import Float32, String, UInt8
 
 from vsx_ros.ros import convert, operator_command, topics
-from vsx_ros.runs import streams
-from vsx_ros.runs.exit_codes import DONE, FAILED
+from vsx_ros.ros.callbacks import json_object, subscribe
+from vsx_ros.runs import process
+from vsx_ros.runs.process import DONE, FAILED
 
-_LISTEN_S, _PERIOD_S = 2.0, 1.0
+_LISTEN_S, _PERIOD_S = 2.0, 1.0  # over which rates are taken; between two lines
 _PATIENCE_S = 4.0
 """So long is waited for what nobody has said yet."""
 
@@ -31,7 +32,6 @@ class StatusBoard:
         )  # fmt: skip
         self._safety = f"{rospy.resolve_name('mobile_base').lstrip('/')}: safety"
         self._images_s: deque[float] = deque(maxlen=200)
-        subscribe = rospy.Subscriber
         subscribe(topics.EXPLORE_STATUS, String, self._on_explore, queue_size=1)
         subscribe(topics.SLAM_STATE, DiagnosticStatus, self._on_slam, queue_size=1)
         subscribe(f"{topics.STATS}/tracked_ratio", Float32, lambda m: self._set(tracked_ratio=m.data), queue_size=1)
@@ -54,7 +54,7 @@ class StatusBoard:
         self._facts.update(facts)
 
     def _on_explore(self, msg: String) -> None:
-        status = json.loads(msg.data)
+        status = json_object(msg, "state", "reason")
         self._set(state=status["state"], reason=status["reason"])
 
     def _on_slam(self, msg: DiagnosticStatus) -> None:
@@ -107,13 +107,14 @@ def status(*, watch: bool, as_json: bool) -> int:
         facts = board.facts()
         clear = "\x1b[H\x1b[J" if watch and sys.stdout.isatty() else ""
         sys.stdout.write(json.dumps(facts) + "\n" if as_json else clear + screen(facts))
-        if streams.lost() is not None:
+        if process.lost() is not None:
             return DONE
-        if not watch:
-            return DONE if any(value is not None for value in facts.values()) else _nobody()
-        time.sleep(_PERIOD_S)
-
-
-def _nobody() -> int:
-    sys.stderr.write("vsx: a ROS master runs, but no robot; start one with 'vsx explore', or set ROS_NAMESPACE\n")
-    return FAILED
+        if watch:
+            time.sleep(_PERIOD_S)
+        elif any(value is not None for value in facts.values()):
+            return DONE
+        else:
+            sys.stderr.write(
+                "vsx: a ROS master runs, but no robot; start one with 'vsx explore', or set ROS_NAMESPACE\n"
+            )
+            return FAILED

@@ -3,6 +3,27 @@
 ``PUBLISHED`` and ``SERVICES`` are the node graph: documentation and tests read it from here.
 """
 
+_NODES = "camera", "mobile_base", "vslam", "move_base", "follower", "explore", "teleop", "emulator", "dashboard"
+PUBLISHED: dict[str, dict[str, str]] = {node: {} for node in _NODES}
+"""Node -> topic -> type. Every node but teleop and dashboard also publishes ``DIAGNOSTICS``."""
+
+SERVICES: dict[str, dict[str, str]] = {}
+"""Node -> service -> type."""
+
+
+def _topic(name: str, kind: str, *nodes: str) -> str:
+    """A topic of this type that these nodes publish."""
+    for node in nodes:
+        PUBLISHED[node][name] = kind
+    return name
+
+
+def _service(name: str, kind: str, node: str) -> str:
+    """A service of this type that a node offers."""
+    SERVICES.setdefault(node, {})[name] = kind
+    return name
+
+
 # Frames (REP 103, 105, 120): map -> odom -> base_footprint -> base_link -> camera_link -> camera_rgb_frame
 # -> camera_rgb_optical_frame; base_link -> gyro_link.
 MAP_FRAME = "map"
@@ -15,82 +36,49 @@ CAMERA_FRAME = "camera_rgb_frame"
 OPTICAL_FRAME = "camera_rgb_optical_frame"
 
 # tf is global by its own convention.
-TF = "/tf"
-TF_STATIC = "/tf_static"
+TF = _topic("/tf", "tf2_msgs/TFMessage", "mobile_base", "vslam")
+TF_STATIC = _topic("/tf_static", "tf2_msgs/TFMessage", "vslam")
 DIAGNOSTICS = "/diagnostics"
 CLOCK = "/clock"
 
 # camera
-IMAGE = "camera/rgb/image_raw"
-CAMERA_INFO = "camera/rgb/camera_info"
-SET_CAMERA_INFO = "camera/rgb/set_camera_info"
+IMAGE = _topic("camera/rgb/image_raw", "sensor_msgs/Image", "camera")
+CAMERA_INFO = _topic("camera/rgb/camera_info", "sensor_msgs/CameraInfo", "camera")
+SET_CAMERA_INFO = _service("camera/rgb/set_camera_info", "sensor_msgs/SetCameraInfo", "camera")
 
 # mobile_base: driver, mux and safety
-ODOM = "odom"
-JOINT_STATES = "joint_states"
-IMU = "mobile_base/sensors/imu_data"
-IMU_RAW = "mobile_base/sensors/imu_data_raw"
-BUMPER_CLOUD = "mobile_base/sensors/bumper_pointcloud"
-HAZARDS = "mobile_base/hazards"
-BUTTONS = "mobile_base/buttons"
-BATTERY = "battery"
-MUX_ACTIVE = "cmd_vel_mux/active"
+ODOM = _topic("odom", "nav_msgs/Odometry", "mobile_base")
+JOINT_STATES = _topic("joint_states", "sensor_msgs/JointState", "mobile_base")
+HAZARDS = _topic("mobile_base/hazards", "std_msgs/UInt8", "mobile_base")
+BUTTONS = _topic("mobile_base/buttons", "std_msgs/UInt8", "mobile_base")
+BATTERY = _topic("battery", "sensor_msgs/BatteryState", "mobile_base")
+IMU = _topic("mobile_base/sensors/imu_data", "sensor_msgs/Imu", "mobile_base")
+IMU_RAW = _topic("mobile_base/sensors/imu_data_raw", "sensor_msgs/Imu", "mobile_base")
+BUMPER_CLOUD = _topic("mobile_base/sensors/bumper_pointcloud", "sensor_msgs/PointCloud2", "mobile_base")
+MUX_ACTIVE = _topic("cmd_vel_mux/active", "std_msgs/String", "mobile_base")
 COMMAND_SAFETY = "cmd_vel_mux/input/safety_controller"
-COMMAND_TELEOP = "cmd_vel_mux/input/teleop"
-COMMAND_NAVI = "cmd_vel_mux/input/navi"
+COMMAND_TELEOP = _topic("cmd_vel_mux/input/teleop", "geometry_msgs/Twist", "teleop")
+COMMAND_NAVI = _topic("cmd_vel_mux/input/navi", "geometry_msgs/Twist", "follower")
 COMMANDS = {"safety_controller": COMMAND_SAFETY, "teleop": COMMAND_TELEOP, "navi": COMMAND_NAVI}
-ESTOP = "mobile_base/estop"
-RESET_ODOMETRY = "mobile_base/reset_odometry"
+ESTOP = _service("mobile_base/estop", "std_srvs/SetBool", "mobile_base")
+RESET_ODOMETRY = _service("mobile_base/reset_odometry", "std_srvs/Trigger", "mobile_base")
 
 # vslam
-POSE = "vslam/pose"
-SLAM_STATE = "vslam/state"
-STATS = "vslam/stats"
-MAP_POINTS = "vslam/map_points"
-PLANES = "vslam/planes"
-DENSE_POINTS = "vslam/dense_points"
-SCAN = "scan"
-KEYFRAMES = "vslam/keyframes"
-SLAM_PATH = "vslam/path"
-PREVIEW = "vslam/preview/compressed"
-MAP = "map"
-MAP_METADATA = "map_metadata"
-STATIC_MAP = "static_map"
-SAVE_MAP = "vslam/save_map"
+POSE = _topic("vslam/pose", "geometry_msgs/PoseWithCovarianceStamped", "vslam")
+SLAM_STATE = _topic("vslam/state", "diagnostic_msgs/DiagnosticStatus", "vslam")
+MAP_POINTS = _topic("vslam/map_points", "sensor_msgs/PointCloud2", "vslam")
+PLANES = _topic("vslam/planes", "visualization_msgs/MarkerArray", "vslam")
+DENSE_POINTS = _topic("vslam/dense_points", "sensor_msgs/PointCloud2", "vslam")
+SCAN = _topic("scan", "sensor_msgs/LaserScan", "vslam")
+KEYFRAMES = _topic("vslam/keyframes", "geometry_msgs/PoseArray", "vslam")
+SLAM_PATH = _topic("vslam/path", "nav_msgs/Path", "vslam")
+PREVIEW = _topic("vslam/preview/compressed", "sensor_msgs/CompressedImage", "vslam")
+MAP = _topic("map", "nav_msgs/OccupancyGrid", "vslam")
+MAP_METADATA = _topic("map_metadata", "nav_msgs/MapMetaData", "vslam")
+STATIC_MAP = _service("static_map", "nav_msgs/GetMap", "vslam")
+SAVE_MAP = _service("vslam/save_map", "std_srvs/Trigger", "vslam")
 SAVE_MAP_TO = "vslam/save_map_to"
-
-# move_base: the planner
-MOVE_BASE_ACTION = "move_base"
-SIMPLE_GOAL = "move_base_simple/goal"
-GLOBAL_PLAN = "move_base/global_plan"
-TRAJECTORY = "move_base/trajectory"
-PLAN_MS = "move_base/stats/plan_ms"
-MAKE_PLAN = "move_base/make_plan"
-NAVIGATION_LEASE = "move_base/lease"
-
-# follower
-FOLLOWER_STATUS = "follower/status"
-FOLLOWER_CANCEL = "follower/cancel"
-FOLLOWER_LEASE = "follower/lease"
-
-# explore
-FRONTIERS = "explore/frontiers"
-EXPLORE_STATUS = "explore/status"
-EXPLORE_EVENTS = "explore/events"
-COVERAGE = "explore/coverage"
-EXPLORE_PAUSE = "explore/pause"
-EXPLORE_RESUME = "explore/resume"
-EXPLORE_STOP = "explore/stop"
-EXPLORE_HOME = "explore/home"
-
-# emulator: what only an evaluator may hear
-TRUTH = "emulator/ground_truth"
-TRUTH_ODOMETRY = "emulator/ground_truth/odometry"
-TRUTH_CAMERA = "emulator/ground_truth/camera_pose"
-TRUTH_COLLISIONS = "emulator/ground_truth/collisions"
-TRUTH_CLEARANCE = "emulator/ground_truth/least_clearance_m"
-RENDER_RATE = "emulator/render_rate_hz"
-
+STATS = "vslam/stats"
 STAT_TYPES = {
     "tracked_ratio": "std_msgs/Float32",
     "tracked": "std_msgs/UInt32",
@@ -102,85 +90,44 @@ STAT_TYPES = {
     "dropped": "std_msgs/UInt32",
 }
 """Numbers a user may want to plot, one topic each below ``STATS``."""
+for _name, _kind in STAT_TYPES.items():
+    _topic(f"{STATS}/{_name}", _kind, "vslam")
 
-PUBLISHED: dict[str, dict[str, str]] = {
-    "camera": {IMAGE: "sensor_msgs/Image", CAMERA_INFO: "sensor_msgs/CameraInfo"},
-    "mobile_base": {
-        ODOM: "nav_msgs/Odometry",
-        TF: "tf2_msgs/TFMessage",
-        JOINT_STATES: "sensor_msgs/JointState",
-        HAZARDS: "std_msgs/UInt8",
-        BUTTONS: "std_msgs/UInt8",
-        BATTERY: "sensor_msgs/BatteryState",
-        IMU: "sensor_msgs/Imu",
-        IMU_RAW: "sensor_msgs/Imu",
-        BUMPER_CLOUD: "sensor_msgs/PointCloud2",
-        MUX_ACTIVE: "std_msgs/String",
-    },
-    "vslam": {
-        POSE: "geometry_msgs/PoseWithCovarianceStamped",
-        TF: "tf2_msgs/TFMessage",
-        TF_STATIC: "tf2_msgs/TFMessage",
-        SLAM_STATE: "diagnostic_msgs/DiagnosticStatus",
-        MAP_POINTS: "sensor_msgs/PointCloud2",
-        PLANES: "visualization_msgs/MarkerArray",
-        DENSE_POINTS: "sensor_msgs/PointCloud2",
-        SCAN: "sensor_msgs/LaserScan",
-        KEYFRAMES: "geometry_msgs/PoseArray",
-        SLAM_PATH: "nav_msgs/Path",
-        PREVIEW: "sensor_msgs/CompressedImage",
-        MAP: "nav_msgs/OccupancyGrid",
-        MAP_METADATA: "nav_msgs/MapMetaData",
-        FOLLOWER_LEASE: "std_msgs/String",
-        **{f"{STATS}/{name}": kind for name, kind in STAT_TYPES.items()},
-    },
-    "move_base": {
-        GLOBAL_PLAN: "nav_msgs/Path",
-        PLAN_MS: "std_msgs/Float32",
-        TRAJECTORY: "trajectory_msgs/MultiDOFJointTrajectory",
-        FOLLOWER_LEASE: "std_msgs/String",
-        f"{MOVE_BASE_ACTION}/parameter_descriptions": "dynamic_reconfigure/ConfigDescription",
-        f"{MOVE_BASE_ACTION}/parameter_updates": "dynamic_reconfigure/Config",
-        f"{MOVE_BASE_ACTION}/status": "actionlib_msgs/GoalStatusArray",
-        f"{MOVE_BASE_ACTION}/result": "move_base_msgs/MoveBaseActionResult",
-        f"{MOVE_BASE_ACTION}/feedback": "move_base_msgs/MoveBaseActionFeedback",
-    },
-    "follower": {COMMAND_NAVI: "geometry_msgs/Twist", FOLLOWER_STATUS: "std_msgs/String"},
-    "explore": {
-        FRONTIERS: "visualization_msgs/MarkerArray",
-        EXPLORE_STATUS: "std_msgs/String",
-        EXPLORE_EVENTS: "std_msgs/String",
-        COVERAGE: "std_msgs/Float32",
-        NAVIGATION_LEASE: "std_msgs/String",
-        f"{MOVE_BASE_ACTION}/goal": "move_base_msgs/MoveBaseActionGoal",
-        f"{MOVE_BASE_ACTION}/cancel": "actionlib_msgs/GoalID",
-    },
-    "teleop": {COMMAND_TELEOP: "geometry_msgs/Twist"},
-    "emulator": {
-        TRUTH_ODOMETRY: "nav_msgs/Odometry",
-        TRUTH_CAMERA: "geometry_msgs/PoseStamped",
-        TRUTH_COLLISIONS: "std_msgs/UInt32",
-        TRUTH_CLEARANCE: "std_msgs/Float32",
-        RENDER_RATE: "std_msgs/Float32",
-    },
-    "dashboard": {},
-}
-"""Node -> topic -> type. Every node but teleop and dashboard also publishes ``DIAGNOSTICS``."""
+# follower
+FOLLOWER_STATUS = _topic("follower/status", "std_msgs/String", "follower")
+FOLLOWER_CANCEL = _service("follower/cancel", "std_srvs/Trigger", "follower")
+FOLLOWER_LEASE = _topic("follower/lease", "std_msgs/String", "vslam", "move_base")
 
-SERVICES: dict[str, dict[str, str]] = {
-    "camera": {SET_CAMERA_INFO: "sensor_msgs/SetCameraInfo"},
-    "mobile_base": {ESTOP: "std_srvs/SetBool", RESET_ODOMETRY: "std_srvs/Trigger"},
-    "vslam": {STATIC_MAP: "nav_msgs/GetMap", SAVE_MAP: "std_srvs/Trigger"},
-    "move_base": {
-        MAKE_PLAN: "nav_msgs/GetPlan",
-        f"{MOVE_BASE_ACTION}/set_parameters": "dynamic_reconfigure/Reconfigure",
-    },
-    "follower": {FOLLOWER_CANCEL: "std_srvs/Trigger"},
-    "explore": {
-        EXPLORE_PAUSE: "std_srvs/Trigger",
-        EXPLORE_RESUME: "std_srvs/Trigger",
-        EXPLORE_STOP: "std_srvs/Trigger",
-        EXPLORE_HOME: "std_srvs/Trigger",
-    },
-}
-"""Node -> service -> type."""
+# move_base: the planner
+MOVE_BASE_ACTION = "move_base"
+_topic("move_base/goal", "move_base_msgs/MoveBaseActionGoal", "explore")
+_topic("move_base/cancel", "actionlib_msgs/GoalID", "explore")
+_topic("move_base/status", "actionlib_msgs/GoalStatusArray", "move_base")
+_topic("move_base/result", "move_base_msgs/MoveBaseActionResult", "move_base")
+_topic("move_base/feedback", "move_base_msgs/MoveBaseActionFeedback", "move_base")
+_topic("move_base/parameter_descriptions", "dynamic_reconfigure/ConfigDescription", "move_base")
+_topic("move_base/parameter_updates", "dynamic_reconfigure/Config", "move_base")
+_service("move_base/set_parameters", "dynamic_reconfigure/Reconfigure", "move_base")
+SIMPLE_GOAL = "move_base_simple/goal"
+GLOBAL_PLAN = _topic("move_base/global_plan", "nav_msgs/Path", "move_base")
+TRAJECTORY = _topic("move_base/trajectory", "trajectory_msgs/MultiDOFJointTrajectory", "move_base")
+PLAN_MS = _topic("move_base/stats/plan_ms", "std_msgs/Float32", "move_base")
+MAKE_PLAN = _service("move_base/make_plan", "nav_msgs/GetPlan", "move_base")
+NAVIGATION_LEASE = _topic("move_base/lease", "std_msgs/String", "explore")
+
+# explore
+FRONTIERS = _topic("explore/frontiers", "visualization_msgs/MarkerArray", "explore")
+EXPLORE_STATUS = _topic("explore/status", "std_msgs/String", "explore")
+EXPLORE_EVENTS = _topic("explore/events", "std_msgs/String", "explore")
+COVERAGE = _topic("explore/coverage", "std_msgs/Float32", "explore")
+EXPLORE_PAUSE = _service("explore/pause", "std_srvs/Trigger", "explore")
+EXPLORE_RESUME = _service("explore/resume", "std_srvs/Trigger", "explore")
+EXPLORE_STOP = _service("explore/stop", "std_srvs/Trigger", "explore")
+EXPLORE_HOME = _service("explore/home", "std_srvs/Trigger", "explore")
+
+# emulator: what only an evaluator may hear
+TRUTH_ODOMETRY = _topic("emulator/ground_truth/odometry", "nav_msgs/Odometry", "emulator")
+TRUTH_CAMERA = _topic("emulator/ground_truth/camera_pose", "geometry_msgs/PoseStamped", "emulator")
+TRUTH_COLLISIONS = _topic("emulator/ground_truth/collisions", "std_msgs/UInt32", "emulator")
+TRUTH_CLEARANCE = _topic("emulator/ground_truth/least_clearance_m", "std_msgs/Float32", "emulator")
+RENDER_RATE = _topic("emulator/render_rate_hz", "std_msgs/Float32", "emulator")

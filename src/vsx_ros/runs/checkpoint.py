@@ -15,15 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsx_ros.errors import InputError, explained
-from vsx_ros.io.array_chunks import ArrayChunks, array_bytes, array_of
 from vsx_ros.io.atomic import sync, write_bytes, write_text
-from vsx_ros.io.sealed_archive import seal, unseal
+from vsx_ros.io.sealed_archive import ArrayChunks, array_bytes, array_of, seal, unseal
 from vsx_ros.io.slam_map_arrays import Arrays, arrays_of
 from vsx_ros.io.slam_map_file import array_name, damage_explained, encoded, entries_of, image_name
 from vsx_ros.io.slam_map_file import slam_map_of as slam_map_of_entries
 from vsx_ros.limits import DATA_BYTES, file_bytes, file_text, json_tree
 from vsx_ros.slam.keyframe import KeyFrame
-from vsx_ros.slam.slam_map import SlamMap
+from vsx_ros.slam.snapshot import SlamMap
 
 _STATE, _NOTES = "state/", "checkpoint.json"
 _KEYFRAMES, _PATCHES = 64, 4096

@@ -23,7 +23,7 @@ from msgspec import structs
 from vsx_ros import __version__
 from vsx_ros.config import Config, from_dict, to_dict
 from vsx_ros.errors import InputError, VsxError, disk_trouble, explained
-from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.io.atomic import write_text
 from vsx_ros.io.map_file import load_map, save_map
 from vsx_ros.io.trajectory_file import format_stamp, parse_stamp, read_trajectory, write_trajectory
@@ -222,9 +222,8 @@ def _frame_record(row: Sequence[str]) -> FrameRecord:
 def installed_versions() -> dict[str, str]:
     """Versions of this package, Python and whatever computes."""
     versions = {"vsx_ros": __version__, "python": platform.python_version(), "machine": platform.machine()}
+    versions |= dict.fromkeys(_PACKAGES, "not installed")
     for name in _PACKAGES:
-        try:
+        with suppress(metadata.PackageNotFoundError):
             versions[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            versions[name] = "not installed"
     return versions

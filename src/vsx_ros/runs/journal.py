@@ -25,6 +25,9 @@ Pose2: TypeAlias = tuple[float, float, float]
 Pose3: TypeAlias = tuple[float, float, float, float, float, float, float]
 
 
+_AS_TRACKED = ("stamp_ns", "state", "searched", "found", "keyframe_added", "corrected", "reason")
+
+
 class FrameLine(Struct, frozen=True, kw_only=True, tag="frame"):
     """A tracked frame. T_world_cam: translation and quaternion. T_odom_base: x, y, theta, in the
     odometry's epoch. u2_frames: U2 so far."""
@@ -45,18 +48,12 @@ class FrameLine(Struct, frozen=True, kw_only=True, tag="frame"):
     @staticmethod
     def of(result: TrackingResult, odometry: Odometry | None, track_ms: float, u2_frames: float | None) -> FrameLine:
         """The line of a frame, its odometry, how long it took, and U2 so far."""
-        T = None if odometry is None else odometry.T_odom_base
+        T_world_cam, T_odom_base = result.T_world_cam, None if odometry is None else odometry.T_odom_base
         return FrameLine(
-            stamp_ns=result.stamp_ns,
-            state=result.state,
-            searched=result.searched,
-            found=result.found,
-            keyframe_added=result.keyframe_added,
-            corrected=result.corrected,
-            reason=result.reason,
+            **{name: getattr(result, name) for name in _AS_TRACKED},
             track_ms=track_ms,
-            T_world_cam=None if result.T_world_cam is None else flat(result.T_world_cam),
-            T_odom_base=None if T is None else (T.x, T.y, T.theta),
+            T_world_cam=None if T_world_cam is None else flat(T_world_cam),
+            T_odom_base=None if T_odom_base is None else (T_odom_base.x, T_odom_base.y, T_odom_base.theta),
             u2_frames=u2_frames,
             odom_epoch=0 if odometry is None else odometry.odom_epoch,
         )
@@ -130,9 +127,8 @@ class Journal:
         except OSError as error:
             with suppress(OSError):
                 os.ftruncate(self._file.fileno(), self._whole)
-            raise InputError(
-                f"journal {self._file.name} cannot be written ({error.strerror}); free the disk"
-            ) from error
+            why = f"journal {self._file.name} cannot be written ({error.strerror}); free the disk"
+            raise InputError(why) from error
 
 
 def read_journal(path: Path) -> list[Line]:

@@ -7,32 +7,31 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from msgspec.structs import replace
 
 from vsx_ros.config import Config
 from vsx_ros.errors import ConfigError
 from vsx_ros.evaluation.summary import Summary, with_accuracy
-from vsx_ros.geometry.stamped import StampedPose
+from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.robot import STOP, Frame, Odometry, VelocityCommand
-from vsx_ros.runs.exit_codes import DONE, LOST, STOPPED, ended_well
 from vsx_ros.runs.folder import RunFolder
-from vsx_ros.runs.interruptible import interruptible
 from vsx_ros.runs.journal import RunEvent, TruthLine, flat, unflat
+from vsx_ros.runs.process import DONE, LOST, STOPPED, Progress, ended_well, interruptible
 from vsx_ros.runs.record import MapJudge
 from vsx_ros.runs.report import EXIT_CODES, tell_the_end, write_report
 from vsx_ros.runs.session import PreviousSessions, RunWriter
 from vsx_ros.runs.start import begin
 from vsx_ros.sim.robot import EmulatedRobot, Observation
 from vsx_ros.sim.settings import SimulationConfig
-from vsx_ros.sim.world import Start, World, changed
-from vsx_ros.slam.slam_map import SlamMap
+from vsx_ros.sim.world import Start, World
+from vsx_ros.slam.snapshot import SlamMap
 from vsx_ros.slam.state import TrackingState
 from vsx_ros.system import ExplorationSystem
 
 STOPPED_BY_OPERATOR = "stopped by the operator"
-_DEFAULT_TIME_S = 600.0
-_PROGRESS_EVERY_S = 0.5
-_JUDGED_EVERY_NS = 2_000_000_000
+_DEFAULT_TIME_S = 600.0  # emulated; a lab takes less
+_JUDGED_EVERY_NS = 2_000_000_000  # coverage, for --until; judging costs more than a frame
 
 
 class FastRun:
@@ -53,10 +52,10 @@ class FastRun:
         self.world, self._config = world, config
         # Compares maps with the world; where a loaded map lies in it is not known.
         self.judge = MapJudge(world, config) if slam_map is None else None
-        self._before, truth = before, before.truth if before is not None else None
-        if truth is not None:
-            x, y, theta = truth.T_world_base
-            world = changed(world, start=Start(x=x, y=y, theta_rad=theta))
+        self._before, self._truth_before = before, before.truth if before is not None else None
+        if self._truth_before is not None:
+            x, y, theta = self._truth_before.T_world_base
+            world = replace(world, start=Start(x=x, y=y, theta_rad=theta))
         self.robot = EmulatedRobot(world, seed, SimulationConfig(threads=2), config.robot)
         mount = self.robot.T_base_cam_given
         saved = before.system if before is not None else None
@@ -68,14 +67,14 @@ class FastRun:
             self.truth += [StampedPose(line.stamp_ns, unflat(line.T_world_cam)) for line in known]
             self._errors_m += before.saved.state["errors_m"].tolist()
         # Last: as long as it is not ready to drive, what the interrupted run left stays as it is.
-        self.keeper = RunWriter(mount, folder, before)
+        self.keeper = RunWriter(mount, folder, before, config=config.runs)
         self.record = self.keeper.record
 
     @property
     def collisions(self) -> int:
         """So far, of all sessions."""
-        earlier = self._before.truth if self._before is not None else None
-        return self.robot.truth.collisions + (earlier.collisions if earlier is not None else 0)
+        earlier = self._truth_before.collisions if self._truth_before is not None else 0
+        return self.robot.truth.collisions + earlier
 
     @property
     def plans(self) -> int:
@@ -86,7 +85,7 @@ class FastRun:
     def run(self, limit_s: float, watch: Callable[[int], str | None] | None = None) -> str:
         """Step until the mission is done, the emulated time is over or Ctrl-C is pressed; why it ended. watch: told the
         stamp after each step; what it answers ends the run, and is why."""
-        mission, command, shown = self.system.mission, STOP, 0.0
+        mission, command, progress = self.system.mission, STOP, Progress(sys.stderr, plain=False)
         seen: Observation | None = None
         reason = STOPPED_BY_OPERATOR
         with interruptible() as stopped:
@@ -99,11 +98,9 @@ class FastRun:
                 if watch is not None and (told := watch(now.frame.stamp_ns)):
                     reason = told
                     break
-                if sys.stderr.isatty() and time.perf_counter() - shown > _PROGRESS_EVERY_S:
-                    shown = time.perf_counter()
-                    print(f"\r{self._progress(now.frame.stamp_ns)}\x1b[K", end="", file=sys.stderr, flush=True)
-        if shown:
-            print("\r\x1b[K", end="", file=sys.stderr)
+                if progress.is_due:
+                    progress.show(self._progress(now.frame.stamp_ns))
+        progress.clear()
         if seen is not None:
             self._save(seen.frame.stamp_ns, now=True)
         if mission.outcome is None:
@@ -150,21 +147,22 @@ class FastRun:
         tracking = self.system.track(frame, odometry)
         track_s = time.perf_counter() - began
         step, odometry = self.system.act(tracking, bumper), self.system.odometry
-        slam = self.system.slam
-        self.truth.append(StampedPose(frame.stamp_ns, self.robot.truth.T_world_cam))
+        slam, truth = self.system.slam, self.robot.truth
+        self.truth.append(StampedPose(frame.stamp_ns, truth.T_world_cam))
         if step.follow_error_m is not None:
             self._errors_m.append(step.follow_error_m)
         self.record.add_odometry(odometry)
         told = slam.statistics().u2_frames, slam.drain_events(), self.system.mission.drain_events()
-        self.keeper.frame(step.tracking, odometry, track_s, *told, self._truth_line(frame.stamp_ns))
+        base, camera = truth.T_world_base, flat(truth.T_world_cam)
+        truly = TruthLine(
+            stamp_ns=frame.stamp_ns,
+            T_world_cam=camera,
+            T_world_base=(base.x, base.y, base.theta),
+            collisions=self.collisions,
+        )
+        self.keeper.frame(step.tracking, odometry, track_s, *told, truly)
         self._save(frame.stamp_ns)
         return step.command
-
-    def _truth_line(self, stamp_ns: int) -> TruthLine:
-        truth = self.robot.truth
-        base = truth.T_world_base.x, truth.T_world_base.y, truth.T_world_base.theta
-        camera = flat(truth.T_world_cam)
-        return TruthLine(stamp_ns=stamp_ns, T_world_cam=camera, T_world_base=base, collisions=self.collisions)
 
     def _progress(self, now_ns: int) -> str:
         last = self.record.results[-1]
@@ -207,8 +205,7 @@ class FastRun:
     def write(self, folder: RunFolder, summary: Summary) -> str:
         """Every file of the run folder but config and world; why not all of it could be written, or nothing."""
         system, surface = self.system, self.system.surface_points()
-        truth = lambda: folder.write_poses("groundtruth", self.truth)  # noqa: E731
-        more = truth, lambda: write_report(folder)
+        more = (lambda: folder.write_poses("groundtruth", self.truth)), (lambda: write_report(folder))
         return self.keeper.finish(folder, system.slam, summary, surface, system.grid, *more)
 
 

@@ -1,6 +1,5 @@
 """What a run leaves behind, collected while it goes on, and the judgement of its map against the emulated world."""
 
-import dataclasses
 from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
@@ -8,14 +7,12 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import Points3
 from vsx_ros.config import Config
-from vsx_ros.evaluation.coverage import MapQuality, map_quality, observable_cells
-from vsx_ros.evaluation.figure5 import map_on_truth_picture
+from vsx_ros.evaluation.map_quality import MapQuality, map_on_truth_picture, map_quality, observable_cells
 from vsx_ros.evaluation.summary import Summary, tracking_summary
-from vsx_ros.evaluation.tracking import find_breaks
+from vsx_ros.evaluation.trajectory import find_breaks
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.geometry.se3 import SE3
-from vsx_ros.geometry.stamped import StampedPose
-from vsx_ros.io.ply_file import write_ply
+from vsx_ros.geometry.se3 import SE3, StampedPose
+from vsx_ros.io.map_export import write_ply
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 from vsx_ros.robot import Odometry
 from vsx_ros.runs.folder import FrameRecord, RunFolder
@@ -128,4 +125,4 @@ class MapJudge:
 
     def judged(self, summary: Summary, grid: OccupancyGrid | None) -> Summary:
         """The summary with the quality of the map."""
-        return summary if grid is None else summary.with_values(**dataclasses.asdict(self.quality(grid)))
+        return summary if grid is None else summary.with_values(**self.quality(grid)._asdict())

@@ -12,10 +12,10 @@ from vsx_ros.evaluation.report import ReportData, render
 from vsx_ros.evaluation.summary import checked_summary
 from vsx_ros.exploration.decision import Outcome
 from vsx_ros.io.atomic import write_text
-from vsx_ros.io.ply_file import read_ply
-from vsx_ros.runs.exit_codes import DONE, FAILED, LOST, STOPPED
+from vsx_ros.io.map_export import read_ply
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.parameters import commented_yaml
+from vsx_ros.runs.process import DONE, FAILED, LOST, STOPPED
 
 EXIT_CODES = {
     Outcome.EXPLORED: DONE,
@@ -59,9 +59,8 @@ def report_data(folder: RunFolder) -> ReportData:
 
 def tell_the_end(folder: RunFolder, summary: Mapping[str, Any], code: int, failure: str) -> int:
     """Say how a run ended; the exit code. failure: why not all of the run folder could be written, or nothing."""
-    facts = [f"  {line}\n" for line in one_line_facts(summary)]
-    page = [] if failure else [f"  report: {folder.path / 'report.html'}\n"]
-    sys.stdout.write("".join([f"{summary['stop_reason']}\n", *facts, *page]))
+    page = [] if failure else [f"report: {folder.path / 'report.html'}"]
+    sys.stdout.write("\n  ".join([str(summary["stop_reason"]), *one_line_facts(summary), *page]) + "\n")
     if failure:
         sys.stderr.write(f"vsx: not all of the run is kept: {failure}\n")
     return code or FAILED if failure else code

@@ -13,10 +13,10 @@ from typing import Any
 from numpy.typing import NDArray
 
 from vsx_ros.arrays import Points3
+from vsx_ros.config import RunsConfig
 from vsx_ros.errors import InputError
 from vsx_ros.evaluation.summary import Summary
-from vsx_ros.exploration.decision import MissionEvent
-from vsx_ros.exploration.saved_mission import SavedMission
+from vsx_ros.exploration.decision import MissionEvent, SavedMission
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import OccupancyGrid
@@ -29,7 +29,7 @@ from vsx_ros.slam.slam import TrackerAndMapper
 from vsx_ros.slam.state import SlamEvent, TrackingResult
 from vsx_ros.system import SavedSystem
 
-CHECKPOINT_EVERY_NS = 5_000_000_000
+_USUAL = RunsConfig()
 
 
 class PreviousSessions:
@@ -120,15 +120,17 @@ class RunWriter:
         before: PreviousSessions | None = None,
         kept: Callable[[], AbstractContextManager[None]] | None = None,
         rest: float = 0.0,
+        config: RunsConfig = _USUAL,
     ) -> None:
         """folder: where to keep what another session needs; nothing is kept there without. kept: around what is
         written, to tell an InputError; without, the first is said on stderr, and one at the beginning is raised. rest:
-        so many times as long as writing the map took nothing is written."""
+        so many times as long as writing the map took nothing is written, nor before config.checkpoint_s is over."""
         self.record = RunRecord(T_base_cam)
         lines = before.lines if before is not None else []
         self.record.restore(lines)
         self.failure = ""
         self._kept, self._rest = kept or self._say_first, rest
+        self._every_ns = round(1e9 * config.checkpoint_s)
         self._checkpoint = folder.checkpoint if folder is not None else None
         self._journal: Journal | None = None
         if folder is not None:
@@ -164,7 +166,7 @@ class RunWriter:
         slam_map = slam.slam_map() if is_due else None
         if slam_map is None:
             return False
-        self._due_ns = stamp_ns + CHECKPOINT_EVERY_NS
+        self._due_ns = stamp_ns + self._every_ns
         with self._lock:
             self._noted = CheckpointData(slam_map, stamp_ns, slam.record(), {})
         return True

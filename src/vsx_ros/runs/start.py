@@ -1,21 +1,28 @@
-"""The start of an exploration, or of the rest of one: options made complete, run folder, configuration, world."""
+"""The start of an exploration, of the rest of one, or of a replay: options made complete, folder, world, recording."""
 
 import argparse
+import dataclasses
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from vsx_ros.config import Config, overridden
-from vsx_ros.errors import ConfigError
+from vsx_ros.errors import ConfigError, InputError
+from vsx_ros.geometry.camera import PinholeCamera, nominal_camera
 from vsx_ros.io.atomic import sync
+from vsx_ros.io.calibration_file import read_calibration
+from vsx_ros.io.open_recording import open_recording
+from vsx_ros.io.recording import Recording
 from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.runs.folder import RunFolder
-from vsx_ros.runs.parameters import load
-from vsx_ros.runs.robot_file import robot_file_here
+from vsx_ros.runs.parameters import load, robot_file_here
+from vsx_ros.runs.process import DONE, FAILED, LOST
 from vsx_ros.runs.session import end_trail
 from vsx_ros.runs.world import open_world
 from vsx_ros.sim.world import World
 from vsx_ros.sim.world_file import load_world, save_world
+from vsx_ros.slam.state import TrackingState
 
 DEFAULTS = {"seed": 1, "base": "auto", "port": "/dev/kobuki", "camera": "kinect", "rate": 15.0, "planner": "fov"}
 REMEMBERED = ("world", "seed", "base", "port", "camera", "rate", "planner", "time", "until", "fast", "load_map")
@@ -80,3 +87,44 @@ def _begin_again(args: argparse.Namespace, folder: RunFolder) -> tuple[RunFolder
     if not args.fast:
         end_trail(folder, args.moved)
     return folder, parameters, world
+
+
+def opened_recording(args: argparse.Namespace) -> Recording:
+    """The recording of the options, with a camera; what is wrong with it is said. Raises InputError when it cannot be
+    used as wished, CalibrationError for a calibration that cannot be read."""
+    recording = open_recording(args.input, args.image_topic, args.odometry_topic)
+    if recording.damage:
+        print(f"vsx: {recording.damage}", file=sys.stderr)
+    if args.map and not recording.odometry:
+        raise InputError(f"{args.input} has no odometry, without which scale and floor are unknown; leave out --map")
+    return dataclasses.replace(recording, camera=_calibration(recording, args.calibration))
+
+
+def replay_folder(args: argparse.Namespace, config: Config) -> RunFolder:
+    """The run folder, with the configuration in it. Raises InputError where something else is in the way."""
+    folder = RunFolder.create(args.out) if args.out else RunFolder.create_dated(args.input.stem)
+    folder.write_config(config, args.line, seed=args.seed, input=str(args.input.resolve()))
+    return folder
+
+
+def replay_code(ending: TrackingState) -> int:
+    """What the state after the last image means."""
+    return {TrackingState.NOT_INITIALISED: FAILED, TrackingState.LOST: LOST}.get(ending, DONE)
+
+
+def _calibration(recording: Recording, file: Path | None) -> PinholeCamera:
+    """The operator's calibration, else the recording's own, else a Kinect's nominal one with a warning."""
+    if file is not None:
+        return read_calibration(file)
+    if recording.camera is not None:
+        return recording.camera
+    first = next(recording.frames(), None)
+    if first is None:
+        raise InputError(f"{recording.source} holds no image that could be used; record it again")
+    camera = nominal_camera(first.image.shape[1], first.image.shape[0])
+    print(
+        f"vsx: {recording.source} brings no camera calibration: a Kinect's nominal one is assumed ({camera.fx:g} px), "
+        "expect a bent map; give the right one with --calibration FILE (ROS camera_info YAML or camera.json)",
+        file=sys.stderr,
+    )
+    return camera

@@ -23,10 +23,6 @@ def open_world(name: str, seed: int) -> World:
         grid = load_map(path) if path.with_suffix(".yaml").exists() else load_plan(path)
         return world_from_grid(grid, path.stem, seed)
     if path.suffix not in (".yaml", ".yml") or not path.is_file():
-        names = ", ".join(GENERATORS)
-        raise ConfigError(
-            f"world {name!r} is neither a generator ({names}) nor an existing world.yaml, map.yaml or .png"
-        )
-    if is_map_file(path):
-        return world_from_grid(load_map(path), path.stem, seed)
-    return load_world(path)
+        generator = f"a generator ({', '.join(GENERATORS)})"
+        raise ConfigError(f"world {name!r} is neither {generator} nor an existing world.yaml, map.yaml or .png")
+    return world_from_grid(load_map(path), path.stem, seed) if is_map_file(path) else load_world(path)

@@ -8,15 +8,14 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.errors import InputError
-from vsx_ros.geometry.se2 import SE2, wrap_angle
-from vsx_ros.geometry.unicycle import body_twist, integrate
+from vsx_ros.geometry.se2 import SE2, body_twist, integrate, wrap_angle
 from vsx_ros.sim.settings import BodySettings
 
-SUBSTEP_NS = 5_000_000
-HISTORY = 512
-FREE_AGAIN_M = 0.003
-BUMPER_CENTRE_RAD = math.radians(25.0)
-BUMPER_SIDE_RAD = math.radians(90.0)
+SUBSTEP_NS = 5_000_000  # 1.5 mm at full speed
+HISTORY = 512  # substeps, 2.5 s: more than an image waits for its motion
+FREE_AGAIN_M = 0.003  # play of a bumper between pressed and released
+BUMPER_CENTRE_RAD = math.radians(25.0)  # of the middle one of three, to each side
+BUMPER_SIDE_RAD = math.radians(90.0)  # the bumper is the front half
 
 
 class Bumper(NamedTuple):

@@ -1,4 +1,5 @@
-"""The emulated camera on the emulated base: optics, shutter and sensor together."""
+"""The emulated camera on the emulated base: optics and shutter, then the sensor with its noise, vignetting, response
+curve and automatic exposure."""
 
 import dataclasses
 import math
@@ -6,14 +7,14 @@ from collections.abc import Callable
 
 import numpy as np
 from msgspec.structs import replace
+from numpy.typing import NDArray
 
 from vsx_ros.arrays import FloatArray, GrayImage, IntArray
 from vsx_ros.config import MountConfig
 from vsx_ros.geometry.camera import PinholeCamera, mounted
-from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.sim.raycast_cull import Scene
+from vsx_ros.kernels.sim.raycast_pixels import expose
 from vsx_ros.sim.renderer import Picture, Renderer
-from vsx_ros.sim.sensor import Sensor
 from vsx_ros.sim.settings import CameraSettings
 
 PosesAt = Callable[[IntArray], FloatArray]
@@ -22,25 +23,19 @@ PosesAt = Callable[[IntArray], FloatArray]
 KINECT = PinholeCamera(640, 480, 517.3, 516.5, 318.6, 255.3, (0.262383, -0.953104, -0.005358, 0.002628, 1.163314))
 """Colour camera of one Kinect (TUM RGB-D benchmark, sequence family fr1)."""
 
-VIBRATION_WAVES_PER_M = np.array([7.0, 13.0, 23.0, 41.0])
+VIBRATION_WAVES_PER_M = np.array([7.0, 13.0, 23.0, 41.0])  # incommensurable: joints of a floor, treads, wheels
 
 
 def perturbed_calibration(camera: PinholeCamera, settings: CameraSettings, rng: np.random.Generator) -> PinholeCamera:
     """The calibration a user would have: focal lengths and centre slightly wrong, distortion right."""
-    fx, fy, cx, cy = rng.uniform(-1.0, 1.0, 4)
+    fx, fy, cx, cy = rng.uniform(-1.0, 1.0, 4).tolist()
     return dataclasses.replace(
         camera,
-        fx=camera.fx * (1.0 + settings.focal_error * float(fx)),
-        fy=camera.fy * (1.0 + settings.focal_error * float(fy)),
-        cx=camera.cx + settings.centre_error_px * float(cx),
-        cy=camera.cy + settings.centre_error_px * float(cy),
+        fx=camera.fx * (1.0 + settings.focal_error * fx),
+        fy=camera.fy * (1.0 + settings.focal_error * fy),
+        cx=camera.cx + settings.centre_error_px * cx,
+        cy=camera.cy + settings.centre_error_px * cy,
     )
-
-
-def mount_transform(mount: MountConfig, pitch_error: float = 0.0, height_error: float = 0.0) -> SE3:
-    """T_base_cam of a mount, off by the errors [rad, m]."""
-    height_m, pitch_down_rad = mount.height_m + height_error, mount.pitch_down_rad + pitch_error
-    return mounted(replace(mount, height_m=height_m, pitch_down_rad=pitch_down_rad))
 
 
 class EmulatedCamera:
@@ -57,9 +52,10 @@ class EmulatedCamera:
     ) -> None:
         self.camera_true = camera
         self.camera_given = perturbed_calibration(camera, settings, rng)
-        pitch, height = rng.uniform(-1.0, 1.0, 2) * np.array([settings.pitch_error_rad, settings.height_error_m])
-        self.T_base_cam_given = mount_transform(mount)
-        self.T_base_cam_true = mount_transform(mount, float(pitch), float(height))
+        errors = rng.uniform(-1.0, 1.0, 2) * np.array([settings.pitch_error_rad, settings.height_error_m])
+        pitch_down_rad, height_m = (np.array([mount.pitch_down_rad, mount.height_m]) + errors).tolist()
+        self.T_base_cam_given = mounted(mount)
+        self.T_base_cam_true = mounted(replace(mount, height_m=height_m, pitch_down_rad=pitch_down_rad))
         self._vibration_phases = rng.uniform(0.0, 2.0 * math.pi, len(VIBRATION_WAVES_PER_M))
         self._settings = settings
         self._renderer = Renderer(scene, camera, threads)
@@ -103,3 +99,39 @@ class EmulatedCamera:
         rotations = yaw @ rattle @ self.T_base_cam_true.rotation
         positions = yaw @ self.T_base_cam_true.translation + np.column_stack([base[:, :2], zero])
         return rotations, positions
+
+
+NOISE_DRAWS = 1 << 18  # drawn once; rows begin anywhere among them
+GAIN_MIN, GAIN_MAX = 0.3, 6.0  # of the automatic exposure
+
+
+class Sensor:
+    """Turns radiance into 8-bit pictures; remembers the gain its automatic exposure has reached."""
+
+    def __init__(self, camera: PinholeCamera, settings: CameraSettings, rng: np.random.Generator) -> None:
+        self._settings = settings
+        self._rng = rng
+        v, u = np.mgrid[0 : camera.height, 0 : camera.width]
+        r2 = ((u - camera.cx) / camera.fx) ** 2 + ((v - camera.cy) / camera.fy) ** 2
+        self._vignette = (1.0 / (1.0 + settings.vignetting * r2)).astype(np.float32)
+        self._noise = rng.standard_normal(NOISE_DRAWS).astype(np.float32)
+        signal = np.linspace(0.0, 1.0, 4096) ** settings.response_exponent
+        self._response = np.rint(255.0 * signal).astype(np.uint8)
+        self.gain = 1.0
+        self._metered = False
+
+    def develop(self, radiance: NDArray[np.float32]) -> GrayImage:
+        """(H, W) uint8 of (H, W) radiance. The first picture meets the target at once, later ones approach it."""
+        settings = self._settings
+        ratio = settings.target_signal / max(float(radiance[4::8, 4::8].mean()), 1e-4)
+        ramp = settings.exposure_ramp if self._metered else 1.0
+        self.gain = float(np.clip(self.gain * (ratio / self.gain) ** ramp, GAIN_MIN, GAIN_MAX))
+        self._metered = True
+        height, width = radiance.shape
+        image = np.empty((height, width), np.uint8)
+        starts = self._rng.integers(0, NOISE_DRAWS - width, height)
+        expose(
+            radiance, self._vignette, np.float32(self.gain), np.float32(settings.shot_noise),
+            np.float32(settings.read_noise**2), self._noise, starts, self._response, image,
+        )  # fmt: skip
+        return image

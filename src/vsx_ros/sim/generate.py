@@ -2,16 +2,16 @@
 seed, same world. Nothing is tuned by the worlds made of maps of real buildings (``map_import``)."""
 
 import numpy as np
+from msgspec.structs import replace
 
 from vsx_ros.errors import ConfigError
-from vsx_ros.sim.decorate import decorated, random_materials, wall_material
-from vsx_ros.sim.furnish import furnished
-from vsx_ros.sim.placement import with_start
-from vsx_ros.sim.world import Light, Origin, Outline, Point, Start, Wall, World, changed
+from vsx_ros.sim.interior import decorated, furnished, random_materials, wall_material
+from vsx_ros.sim.truth import with_start
+from vsx_ros.sim.world import Light, Origin, Outline, Point, Start, Wall, World
 
 Rng = np.random.Generator
 
-HEIGHT_M = 2.6
+HEIGHT_M = 2.6  # of a storey
 # The building: two corridors with rooms on both sides, joined by a third; where its walls run across.
 _BUILDING_M = (40.0, 25.0)
 _CORRIDORS_M = ((5.6, 7.8), (17.2, 19.4))
@@ -19,15 +19,14 @@ _CROSSING_M = (19.0, 21.2)
 _MIDDLE_M = 12.5
 
 
-def _partition(rng: Rng, x: float, y0: float, y1: float, gaps: int) -> list[Wall]:
+def _partition(rng: Rng, x: float, depth: float, gaps: int) -> list[Wall]:
     """A wall across the room at x with gaps 1.1 to 1.6 m wide."""
-    cuts = [y0]
-    span = (y1 - y0) / gaps
+    cuts, span = [0.0], depth / gaps
     for k in range(gaps):
         width = float(rng.uniform(1.1, 1.6))
-        low = y0 + k * span + float(rng.uniform(0.15, max(0.2, span - width - 0.3)))
+        low = k * span + float(rng.uniform(0.15, max(0.2, span - width - 0.3)))
         cuts += [low, low + width]
-    cuts.append(y1)
+    cuts.append(depth)
     material = wall_material(rng)
     return [_wall(material, (x, a), (x, b)) for a, b in zip(cuts[::2], cuts[1::2]) if b - a > 0.15]
 
@@ -64,23 +63,19 @@ def _shell(rng: Rng, name: str, seed: int, width: float, depth: float) -> World:
 
 def _lab(rng: Rng, seed: int) -> World:
     world = _shell(rng, "lab", seed, 12.0, 8.0)
-    world = changed(world, walls=_partition(rng, float(rng.uniform(5.0, 7.5)), 0.0, 8.0, int(rng.integers(1, 3))))
+    walls = _partition(rng, float(rng.uniform(5.0, 7.5)), 8.0, int(rng.integers(1, 3)))
     numbers = int(rng.integers(6, 13)), int(rng.integers(1, 3)), int(rng.integers(1, 4))
-    world = furnished(rng, world, *numbers)
-    return decorated(rng, world, 1.5)
+    return decorated(rng, furnished(rng, replace(world, walls=walls), *numbers), 1.5)
 
 
 def _office(rng: Rng, seed: int) -> World:
     world = _shell(rng, "office", seed, 20.0, 12.0)
-    walls = [wall for x in (5.0, 10.0, 15.0) for wall in _partition(rng, x, 0.0, 12.0, 2)]
-    world = furnished(rng, changed(world, walls=walls), 14, 4, 3)
-    return decorated(rng, world, 1.7)
+    walls = [wall for x in (5.0, 10.0, 15.0) for wall in _partition(rng, x, 12.0, 2)]
+    return decorated(rng, furnished(rng, replace(world, walls=walls), 14, 4, 3), 1.7)
 
 
 def _corridor(rng: Rng, seed: int) -> World:
-    world = _shell(rng, "corridor", seed, 16.0, 2.4)
-    world = furnished(rng, world, 3, 0, 1)
-    return decorated(rng, world, 1.5)
+    return decorated(rng, furnished(rng, _shell(rng, "corridor", seed, 16.0, 2.4), 3, 0, 1), 1.5)
 
 
 def _building(rng: Rng, seed: int) -> World:
@@ -94,8 +89,7 @@ def _building(rng: Rng, seed: int) -> World:
     walls += [_wall(wall_material(rng), (x0, _MIDDLE_M), (x1, _MIDDLE_M)) for x0, x1 in ((0.0, left), (right, width))]
     walls += [_wall(wall_material(rng), (x, below), (x, above)) for x in (left, right)]
     start = Start(x=3.0, y=0.5 * (low + below), theta_rad=0.0)
-    world = furnished(rng, changed(world, walls=walls, start=start), 36, 8, 4)
-    return decorated(rng, world, 1.6)
+    return decorated(rng, furnished(rng, replace(world, walls=walls, start=start), 36, 8, 4), 1.6)
 
 
 def _room_row(rng: Rng, y: float, y_back: float, x0: float, x1: float) -> list[Wall]:

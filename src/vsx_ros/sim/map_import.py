@@ -3,16 +3,15 @@
 import cv2
 import numpy as np
 
-from vsx_ros.arrays import BoolArray, IntArray, Points2
+from vsx_ros.arrays import BoolArray, Points2
 from vsx_ros.errors import MapFileError
 from vsx_ros.occupancy.grid import FREE, OccupancyGrid
-from vsx_ros.sim.decorate import decorated
 from vsx_ros.sim.generate import shell
-from vsx_ros.sim.placement import with_start
-from vsx_ros.sim.truth import signed_area
+from vsx_ros.sim.interior import decorated
+from vsx_ros.sim.truth import signed_area, with_start
 from vsx_ros.sim.world import Origin, Point, World
 
-TOLERANCE_M = 0.06
+TOLERANCE_M = 0.06  # by which outlines are simplified: about a cell
 MAX_OBSTACLES, MAX_SIDES = 5000, 20_000
 """A robot's own map of a building has some hundreds and some thousands."""
 
@@ -22,12 +21,9 @@ def world_from_grid(grid: OccupancyGrid, name: str, seed: int) -> World:
 
     Raises MapFileError when there is no free region of a square metre.
     """
-    region = _largest_free_region(grid)
-    loops = free_space_outlines(grid)
     rng = np.random.default_rng([seed, 1000])
-    spot = grid.centres(_open_cell(region))[0]
-    corners: list[list[Point]] = [[(float(x), float(y)) for x, y in loop] for loop in loops]
-    world = shell(rng, Origin(name=name, seed=seed), corners, (float(spot[0]), float(spot[1])))
+    corners: list[list[Point]] = [[(x, y) for x, y in loop.tolist()] for loop in free_space_outlines(grid)]
+    world = shell(rng, Origin(name=name, seed=seed), corners, _open_spot(grid))
     return with_start(rng, decorated(rng, world, 1.5))
 
 
@@ -42,10 +38,12 @@ def _largest_free_region(grid: OccupancyGrid) -> BoolArray:
     return largest
 
 
-def _open_cell(free: BoolArray) -> IntArray:
-    """(1, 2) row and column of the place farthest from any obstacle."""
-    distance = cv2.distanceTransform(np.pad(free, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
-    return np.array([np.unravel_index(int(np.argmax(distance)), distance.shape)])
+def _open_spot(grid: OccupancyGrid) -> Point:
+    """The place farthest from any obstacle."""
+    free = np.pad(_largest_free_region(grid), 1).astype(np.uint8)
+    distance = cv2.distanceTransform(free, cv2.DIST_L2, 5)[1:-1, 1:-1]
+    x, y = grid.centres(np.array(np.unravel_index(int(np.argmax(distance)), distance.shape)))[0].tolist()
+    return x, y
 
 
 def free_space_outlines(grid: OccupancyGrid) -> list[Points2]:

@@ -14,8 +14,8 @@ from vsx_ros.sim.robot import EmulatedRobot
 from vsx_ros.sim.truth import ground_truth_grid
 from vsx_ros.sim.world import World
 
-BAND_M = (0.06, 0.60)
-RESOLUTION_M = 0.02
+BAND_M = (0.06, 0.60)  # heights that count as obstacle, as in ground_map
+RESOLUTION_M = 0.02  # of the picture
 
 
 def world_picture(world: World, seed: int) -> ColorImage:

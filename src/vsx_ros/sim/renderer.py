@@ -5,18 +5,21 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from vsx_ros.arrays import FloatArray, Points3
 from vsx_ros.errors import CalibrationError
 from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.kernels.geometry.projection import unproject_pixels
 from vsx_ros.kernels.sim.raycast_cull import Scene, plane_forms
 from vsx_ros.kernels.sim.raycast_pixels import View
 from vsx_ros.kernels.sim.raycast_render import render_tile_rows
 from vsx_ros.kernels.sim.raycast_shade import TILE
+from vsx_ros.vision.patch_search import kernel_camera
 
-BLUR_STEP_PX = 1.2
-MAX_SUB_FRAMES = 16
+BLUR_STEP_PX = 1.2  # between sub-frames, so that blur looks even
+MAX_SUB_FRAMES = 16  # for time
 
 
 class Picture(NamedTuple):
@@ -32,28 +35,12 @@ class Picture(NamedTuple):
 
 
 def exact_rays(camera: PinholeCamera, pixels: FloatArray) -> Points3:
-    """(N, 3) rays with z = 1 through (N, 2) pixels: Newton's method on the distortion, to rounding error.
+    """(N, 3) rays with z = 1 through (N, 2) pixels, to rounding error.
 
     Raises CalibrationError when the distortion cannot be inverted there.
     """
-    k1, k2, p1, p2, k3 = camera.distortion
-    xd, yd = (pixels[:, 0] - camera.cx) / camera.fx, (pixels[:, 1] - camera.cy) / camera.fy
-    x, y = xd.copy(), yd.copy()
-    for _ in range(30):
-        r2 = x * x + y * y
-        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-        slope = 2.0 * (k1 + r2 * (2.0 * k2 + 3.0 * r2 * k3))
-        ex = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x) - xd
-        ey = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y - yd
-        jxx = radial + x * x * slope + 2 * p1 * y + 6 * p2 * x
-        jxy = x * y * slope + 2 * p1 * x + 2 * p2 * y
-        jyy = radial + y * y * slope + 6 * p1 * y + 2 * p2 * x
-        determinant = jxx * jyy - jxy * jxy
-        x -= (jyy * ex - jxy * ey) / determinant
-        y -= (jxx * ey - jxy * ex) / determinant
-    rays = np.column_stack([x, y, np.ones_like(x)])
-    back = camera.project(rays)
-    if not np.isfinite(back).all() or np.abs(back - pixels).max() > 1e-6:
+    rays = np.column_stack([unproject_pixels(kernel_camera(camera), pixels), np.ones(len(pixels))])
+    if not np.abs(camera.project(rays) - pixels).max() <= 1e-6:
         raise CalibrationError(f"the distortion {camera.distortion} cannot be inverted over the whole image")
     return rays
 
@@ -67,17 +54,16 @@ class Renderer:
         self._threads = max(1, threads)
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
         self.tile_rows = math.ceil(camera.height / TILE)
-        columns = math.ceil(camera.width / TILE)
-        self._rx, self._ry = self._ray_tables(columns)
-        self._bounds = self._tile_bounds(columns)
+        self._rx, self._ry = self._ray_tables()
+        self._bounds = self._tile_bounds()
 
     @property
     def border_rows(self) -> FloatArray:
         """(B,) image rows of the tile borders at which ``render`` takes poses; the last may lie below the image."""
         return np.arange(self.tile_rows + 1, dtype=float) * TILE
 
-    def _ray_tables(self, columns: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        height, width = self.tile_rows * TILE + 3, columns * TILE + 3
+    def _ray_tables(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        height, width = self.tile_rows * TILE + 3, math.ceil(self.camera.width / TILE) * TILE + 3
         v, u = np.mgrid[0:height, 0:width]
         # Padding beyond the sensor repeats its border's slope: the polynomial need not be invertible there.
         inner_u = np.clip(u - 1, 0, self.camera.width - 1)
@@ -88,14 +74,12 @@ class Renderer:
         y = rays[..., 1] + (v - 1 - inner_v) / self.camera.fy
         return np.ascontiguousarray(x, np.float32), np.ascontiguousarray(y, np.float32)
 
-    def _tile_bounds(self, columns: int) -> FloatArray:
-        bounds = np.empty((self.tile_rows, columns, 4))
-        for ty in range(self.tile_rows):
-            for tx in range(columns):
-                rows, cols = slice(ty * TILE, ty * TILE + TILE + 2), slice(tx * TILE, tx * TILE + TILE + 2)
-                x, y = self._rx[rows, cols], self._ry[rows, cols]
-                bounds[ty, tx] = x.min(), x.max(), y.min(), y.max()
-        return bounds
+    def _tile_bounds(self) -> FloatArray:
+        """(rows, columns, 4) least and greatest rx, least and greatest ry of each tile and its ring."""
+        shape = (TILE + 2, TILE + 2)
+        x, y = (sliding_window_view(rays, shape)[::TILE, ::TILE] for rays in (self._rx, self._ry))
+        bounds = [x.min((2, 3)), x.max((2, 3)), y.min((2, 3)), y.max((2, 3))]
+        return np.stack(bounds, axis=-1).astype(np.float64)
 
     def sub_frames(self, R: FloatArray, t: FloatArray) -> int:
         """How many sub-frames the motion between two poses (2, 3, 3), (2, 3) during the exposure needs.
@@ -114,17 +98,12 @@ class Renderer:
     def render(self, R: FloatArray, t: FloatArray, bayer: bool = False, want_depth: bool = False) -> Picture:
         """The picture of the scene by poses T_world_cam at S sub-frames of the exposure and B borders of tile rows: R
         (S, B, 3, 3), t (S, B, 3) [m]. bayer: each pixel sees one colour of the GRBG mosaic, otherwise all see grey."""
-        scene, n = self._scene, len(self._scene.P)
-        forms = np.zeros((*R.shape[:2], n, 9))
-        visible = np.zeros(n, np.bool_)
-        plane_forms(scene, R, t, forms, visible)
-        pool = np.flatnonzero(visible)
+        forms, pool = plane_forms(self._scene, R, t)
         shape = (self.camera.height, self.camera.width)
         radiance = np.zeros(shape, np.float32)
         depth = np.zeros(shape if want_depth else (0, 0), np.float32)
         ident = np.full(shape if want_depth else (0, 0), -1, np.int32)
-
-        view = View(scene, forms, self._rx, self._ry, bayer)
+        view = View(self._scene, forms, self._rx, self._ry, bayer)
 
         def rows(first: int, last: int) -> None:
             render_tile_rows(first, last, view, pool, self._bounds, radiance, depth, ident)

@@ -6,9 +6,8 @@ import numpy as np
 
 from vsx_ros.config import RobotConfig
 from vsx_ros.errors import ConfigError
-from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se2 import SE2, integrate, wheel_speeds
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.geometry.unicycle import integrate, wheel_speeds
 from vsx_ros.robot import Frame, Odometry, VelocityCommand
 from vsx_ros.sim.body import Body
 from vsx_ros.sim.camera import EmulatedCamera
@@ -16,7 +15,7 @@ from vsx_ros.sim.scene import compile_scene
 from vsx_ros.sim.settings import SimulationConfig
 from vsx_ros.sim.world import World, obstacle_segments
 
-ODOMETRY_PERIOD_NS = 20_000_000
+ODOMETRY_PERIOD_NS = 20_000_000  # 50 Hz, as a Kobuki
 
 
 class Observation(NamedTuple):

@@ -9,17 +9,17 @@ from vsx_ros.arrays import FloatArray, Int32Array, Points2
 from vsx_ros.errors import ConfigError
 from vsx_ros.kernels.sim.raycast_cull import Scene
 from vsx_ros.sim.textures import packed_levels, texture, texture_size
-from vsx_ros.sim.world import Material, World, prisms
+from vsx_ros.sim.world import World, prisms
 
-SKIRTING_HEIGHT = 0.08
-LIGHT_SPACING = 0.25
+SKIRTING_HEIGHT = 0.08  # m
+LIGHT_SPACING = 0.25  # m between places for which light is computed
 MAX_BYTES = 2**28
 """Of textures and light maps: a building of 40 x 25 m takes a third of it."""
-GREY = np.array([0.299, 0.587, 0.114])
+GREY = np.array([0.299, 0.587, 0.114])  # of RGB, ITU-R BT.601
 
 
 class Quad(NamedTuple):
-    """corner + u edge_u + v edge_v [m], 0 <= u, v <= 1; seen from the side edge_u x edge_v points away from.
+    """corner + u edge_u + v edge_v [m], 0 <= u, v <= 1; seen from the side edge_u x edge_v points away from alone.
 
     along: where on the texture the quad starts [m], so that neighbouring faces continue each other. fitted: the texture
     stretches over the quad instead.
@@ -29,7 +29,6 @@ class Quad(NamedTuple):
     edge_u: FloatArray
     edge_v: FloatArray
     material: str
-    two_sided: bool = False
     along: float = 0.0
     fitted: bool = False
 
@@ -113,8 +112,7 @@ def _light_map(quad: Quad, world: World, nu: int, nv: int) -> FloatArray:
     for lamp in world.lights:
         to_lamp = np.array([lamp.x, lamp.y, lamp.z]) - points
         distance2 = (to_lamp**2).sum(axis=2) + 0.25
-        cosine = to_lamp @ normal / np.sqrt(distance2)
-        cosine = np.abs(cosine) if quad.two_sided else np.maximum(cosine, 0.0)
+        cosine = np.maximum(to_lamp @ normal / np.sqrt(distance2), 0.0)
         total += lamp.strength * cosine / distance2
     # A soft contact shadow: light is scarce where upright surfaces meet the floor.
     if abs(normal[2]) < 0.5:
@@ -128,12 +126,6 @@ def _pack_light(light: FloatArray, scale: float) -> Int32Array:
     t = np.pad(t, ((0, 1), (0, 1)), mode="edge")
     packed = t[:-1, :-1] | t[:-1, 1:] << 8 | t[1:, :-1] << 16 | t[1:, 1:] << 24
     return np.ascontiguousarray(packed).ravel().view(np.int32)
-
-
-def _reflectance(material: Material) -> FloatArray:
-    """(4,) r, g, b and grey."""
-    tint = np.asarray(material.tint, float)
-    return np.append(tint, float(tint @ GREY))
 
 
 def _check_size(world: World, surfaces: list[Quad], names: list[str]) -> None:
@@ -173,13 +165,12 @@ def compile_scene(world: World) -> Scene:
         offset = [0.0, 0.0] if quad.fitted else [quad.along / material.texel_m % side, 0.0]
         surface[i] = [*texels, *offset, scale / 255.0 / 255.0]
         place[i] = [starts[k], sizes[k], at, nodes[0], nodes[1]]
-        tints[i] = _reflectance(material)
+        tints[i] = *material.tint, np.asarray(material.tint, float) @ GREY
         at += len(maps[-1])
     return Scene(
         np.array([quad.corner for quad in surfaces]),
         np.array([quad.edge_u for quad in surfaces]),
         np.array([quad.edge_v for quad in surfaces]),
-        np.array([quad.two_sided for quad in surfaces]),
         surface,
         place,
         tints,

@@ -13,8 +13,6 @@ Rng = np.random.Generator
 Pattern = NDArray[np.float32]
 """(S, S) deviation from the mean reflectance; 1 is full scale."""
 
-SIZES = {"carpet": 2048, "tiles": 2048, "plain": 64, "paint": 256, "panels": 256}
-
 
 def _noise(rng: Rng, size: int, cells: int) -> Pattern:
     """(size, size) smooth noise that repeats seamlessly, ``cells`` lattice points per side, standard deviation 1."""
@@ -55,28 +53,25 @@ def _wood(rng: Rng, size: int) -> Pattern:
     grain = lines[low] * (1 - mix) + lines[(low + 1) % 64] * mix
     picture = 0.07 * grain + 0.03 * _noise(rng, size, size // 8)
     for _ in range(10):
-        centre = (int(rng.integers(24, size - 24)), int(rng.integers(24, size - 24)))
-        axes = (int(rng.integers(6, 14)), int(rng.integers(3, 8)))
+        centre = int(rng.integers(24, size - 24)), int(rng.integers(24, size - 24))
+        axes = int(rng.integers(6, 14)), int(rng.integers(3, 8))
         cv2.ellipse(picture, centre, axes, 0, 0, 360, -0.28, -1)
-    board = size // 4
-    for k in range(4):
-        picture[k * board : (k + 1) * board] += 0.08 * rng.standard_normal()
-        picture[k * board : k * board + 2] -= 0.25
+    for board in np.split(picture, 4):
+        board += 0.08 * rng.standard_normal()
+        board[:2] -= 0.25
         joint = int(rng.integers(0, size - 2))
-        picture[k * board : (k + 1) * board, joint : joint + 2] -= 0.25
+        board[:, joint : joint + 2] -= 0.25
     return picture
 
 
 def _brick(rng: Rng, size: int) -> Pattern:
     picture = np.full((size, size), 0.22, np.float32)
-    courses, per_course = 16, 8
-    height, width = size // courses, size // per_course
-    for row in range(courses):
-        for column in range(per_course):
-            left = column * width + (row % 2) * width // 2
-            value = float(0.13 * rng.standard_normal() - 0.05)
-            columns = np.arange(left + 2, left + width - 1) % size
-            picture[row * height + 2 : row * height + height - 1, columns] = value
+    height, width = size // 16, size // 8
+    for top in range(0, size, height):
+        for left in range(0, size, width):
+            shifted = left + top // height % 2 * width // 2
+            columns = np.arange(shifted + 2, shifted + width - 1) % size
+            picture[top + 2 : top + height - 1, columns] = float(0.13 * rng.standard_normal() - 0.05)
     return picture + 0.03 * _noise(rng, size, size // 4)
 
 
@@ -97,9 +92,8 @@ def _carpet(rng: Rng, size: int) -> Pattern:
 def _tiles(rng: Rng, size: int) -> Pattern:
     picture = 0.03 * _noise(rng, size, size // 8) + 0.05 * _noise(rng, size, size // 32)
     step = size // 16
-    for row in range(16):
-        for column in range(16):
-            part = picture[row * step : (row + 1) * step, column * step : (column + 1) * step]
+    for row in np.split(picture, 16):
+        for part in np.split(row, 16, axis=1):
             part += float(0.10 * rng.standard_normal())
             for _ in range(int(rng.integers(2, 9))):
                 x, y = (int(v) for v in rng.integers(8, step - 8, 2))
@@ -126,13 +120,9 @@ def _shape(picture: Pattern, rng: Rng, low: int, high: int, value: float) -> Non
     """One filled disc, triangle, quadrilateral or ring somewhere."""
     size = picture.shape[0]
     centre = rng.integers(size // 12, size - size // 12, 2)
-    radius = int(rng.integers(low, high))
-    kind = int(rng.integers(4))
-    point = (int(centre[0]), int(centre[1]))
-    if kind == 0:
-        cv2.circle(picture, point, radius, value, -1)
-    elif kind == 1:
-        cv2.circle(picture, point, radius, value, max(2, radius // 4))
+    radius, kind = int(rng.integers(low, high)), int(rng.integers(4))
+    if kind < 2:
+        cv2.circle(picture, centre.tolist(), radius, value, -1 if kind == 0 else max(2, radius // 4))
     else:
         angles = np.sort(rng.uniform(0, 2 * np.pi, kind + 1))
         corners = centre + radius * np.column_stack([np.cos(angles), np.sin(angles)])
@@ -169,9 +159,8 @@ def _print(rng: Rng, size: int) -> Pattern:
         width, height = (int(v) for v in rng.integers(size // 10, size // 4, 2))
         paper = float(rng.choice([0.35, 0.3, -0.3, -0.4]))
         cv2.rectangle(picture, (x, y), (x + width, y + height), paper, -1)
-        ink = -paper
         for line in range(y + 4, y + height - 12, 16):
-            _text_line(picture, rng, (x + 4, line, x + width - 4, line + int(rng.integers(6, 12))), ink)
+            _text_line(picture, rng, (x + 4, line, x + width - 4, line + int(rng.integers(6, 12))), -paper)
     for _ in range(16):
         _shape(picture, rng, size // 60, size // 16, float(rng.choice([-0.35, -0.25, 0.25])))
     return picture
@@ -181,28 +170,28 @@ def _panels(rng: Rng, size: int) -> Pattern:
     """Ceiling panels: a grid of joints with faint dots."""
     picture = 0.01 * _noise(rng, size, size // 2)
     step = size // 4
-    for k in range(4):
-        picture[k * step : k * step + 3] -= 0.18
-        picture[:, k * step : k * step + 3] -= 0.18
+    for joint in range(0, size, step):
+        picture[joint : joint + 3] -= 0.18
+        picture[:, joint : joint + 3] -= 0.18
     return picture
 
 
-_PATTERNS: dict[str, Callable[[Rng, int], Pattern]] = {
-    "plain": _plain, "paint": _paint, "wood": _wood, "brick": _brick, "carpet": _carpet, "tiles": _tiles,
-    "wallpaper": _wallpaper,
-    "poster": _poster, "print": _print, "panels": _panels,
+_PATTERNS: dict[str, tuple[Callable[[Rng, int], Pattern], int]] = {
+    "plain": (_plain, 64), "paint": (_paint, 256), "wood": (_wood, 512), "brick": (_brick, 512),
+    "carpet": (_carpet, 2048), "tiles": (_tiles, 2048), "wallpaper": (_wallpaper, 512), "poster": (_poster, 512),
+    "print": (_print, 512), "panels": (_panels, 256),
 }  # fmt: skip
 
 
 def texture_size(material: Material) -> int:
     """Texels along a side of its picture."""
-    return SIZES.get(material.kind, 512)
+    return _PATTERNS[material.kind][1]
 
 
 def texture(material: Material) -> GrayImage:
     """(S, S) uint8 reflectance of a material, 255 = 1.0; S is a power of two. Same material, same picture."""
-    size = texture_size(material)
-    pattern = _PATTERNS[material.kind](np.random.default_rng([material.seed, 77]), size)
+    draw, size = _PATTERNS[material.kind]
+    pattern = draw(np.random.default_rng([material.seed, 77]), size)
     picture = 255.0 * (material.brightness + material.contrast * pattern)
     return np.asarray(np.clip(np.rint(picture), 0, 255), np.uint8)
 

@@ -1,14 +1,24 @@
-"""The ground truth of an emulated world as a grid."""
+"""The ground of an emulated world: the truth as a grid, and where a robot fits: free space, passages and a place to
+start."""
+
+import math
 
 import cv2
 import numpy as np
+from msgspec.structs import replace
 
-from vsx_ros.arrays import Points2
+from vsx_ros.arrays import BoolArray, FloatArray, Points2
+from vsx_ros.errors import ConfigError
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from vsx_ros.sim.world import World, prisms
+from vsx_ros.sim.world import Start, World, obstacle_segments, prisms
 
-MARGIN_CELLS = 6
-SUBPIXEL_BITS = 8
+MARGIN_CELLS = 6  # around the world
+SUBPIXEL_BITS = 8  # OpenCV's fixed point
+PASSAGE_RADIUS_M = 0.25  # of the base and what it keeps clear
+START_AHEAD_M = 1.2  # free before the start, for the drive that starts the map
+START_GAP_M = 0.5  # and around it
+START_TRIES = 120  # places drawn
+BAND_M = 0.6  # height of what the base can touch
 
 
 def ground_truth_grid(world: World, resolution: float, z_min: float, z_max: float) -> OccupancyGrid:
@@ -48,3 +58,68 @@ def signed_area(loop: Points2) -> float:
     """Of a polygon (N, 2) [m2], positive where it runs counter-clockwise."""
     x, y = loop[:, 0], loop[:, 1]
     return float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+
+
+def _fits(world: World) -> tuple[BoolArray, OccupancyGrid]:
+    """Where the middle of a robot of radius 0.25 m fits, cell by cell of the grid."""
+    grid = ground_truth_grid(world, 0.05, 0.0, BAND_M)
+    room = (grid.data == FREE).astype(np.uint8)
+    fits: BoolArray = cv2.distanceTransform(room, cv2.DIST_L2, 5) * grid.resolution > PASSAGE_RADIUS_M + 0.05
+    return fits, grid
+
+
+def free_places(world: World) -> Points2:
+    """(N, 2) where the middle of a robot of radius 0.25 m fits [m], 5 cm apart."""
+    fits, grid = _fits(world)
+    return grid.centres(np.argwhere(fits))
+
+
+def is_connected(world: World) -> bool:
+    """Whether a robot of radius 0.25 m can reach every place it fits into, except pockets under 0.1 m2."""
+    fits, grid = _fits(world)
+    count, _, statistics, _ = cv2.connectedComponentsWithStats(fits.astype(np.uint8), connectivity=4)
+    areas = np.sort(statistics[1:, cv2.CC_STAT_AREA]) * grid.resolution**2
+    return count >= 2 and (count == 2 or float(areas[-2]) < 0.1)
+
+
+def gap_to_walls(segments: FloatArray, points: Points2) -> FloatArray:
+    """(N,) distance [m] from points (N, 2) to the nearest of the segments (M, 4)."""
+    a, edge = segments[:, :2], segments[:, 2:] - segments[:, :2]
+    offset = points[:, None, :] - a
+    ratio = np.clip((offset * edge).sum(axis=2) / np.maximum((edge**2).sum(axis=1), 1e-12), 0.0, 1.0)
+    gap = offset - ratio[..., None] * edge
+    return np.asarray(np.hypot(gap[..., 0], gap[..., 1]).min(axis=1), np.float64)
+
+
+def free_ahead(world: World, x: float, y: float, theta: float) -> float:
+    """How far a disc of radius 0.25 m can go straight from a pose before it touches something, at most 6 m [m]."""
+    steps = np.arange(0.0, 6.0, 0.05)
+    points = np.array([x, y]) + steps[:, None] * np.array([math.cos(theta), math.sin(theta)])
+    blocked = gap_to_walls(obstacle_segments(world, 0.0, BAND_M), points) < PASSAGE_RADIUS_M
+    return float(steps[np.argmax(blocked)]) if blocked.any() else 6.0
+
+
+def with_start(rng: np.random.Generator, world: World) -> World:
+    """Put the start where 1.2 m ahead are free and something printed or hung is in view.
+
+    Raises ConfigError for a world without a place for the robot.
+    """
+    places = free_places(world)
+    if not len(places):
+        raise ConfigError(f"world {world.generator.name} has no place where the robot fits; make its passages wider")
+    sights = [(p.x, p.y) for p in world.posters] + [(b.x, b.y) for b in world.boxes if b.material.startswith("print")]
+    segments = obstacle_segments(world, 0.0, BAND_M)
+    best, best_score = world.start, -1.0
+    for _ in range(START_TRIES):
+        x, y = places[int(rng.integers(len(places)))].tolist()
+        theta = float(rng.uniform(-math.pi, math.pi))
+        ahead = free_ahead(world, x, y, theta)
+        if ahead < START_AHEAD_M + 0.3 or gap_to_walls(segments, np.array([[x, y]]))[0] < START_GAP_M:
+            continue
+        angles = [math.atan2(sy - y, sx - x) - theta for sx, sy in sights]
+        distances = [math.hypot(sx - x, sy - y) for sx, sy in sights]
+        seen = sum(1.0 for a, d in zip(angles, distances) if math.cos(a) > 0.92 and 1.0 < d < 5.0)
+        score = min(seen, 5.0) + 0.5 * min(ahead, 3.0)
+        if score > best_score:
+            best, best_score = Start(x=x, y=y, theta_rad=theta), score
+    return replace(world, start=best)

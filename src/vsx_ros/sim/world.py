@@ -5,7 +5,6 @@ from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from msgspec import Meta, Struct
-from msgspec.structs import replace
 
 from vsx_ros.arrays import FloatArray, Points2
 from vsx_ros.geometry.se2 import SE2
@@ -63,11 +62,16 @@ class Wall(_Part, frozen=True, kw_only=True):
     skirting: str | None = None
 
 
-class Box(_Part, frozen=True, kw_only=True):
-    """A cuboid on the floor (or at base_z), centred at x, y, turned by yaw_rad."""
+class _Placed(_Part, frozen=True, kw_only=True):
+    """What stands, hangs or starts at a place."""
 
     x: Metres
     y: Metres
+
+
+class Box(_Placed, frozen=True, kw_only=True):
+    """A cuboid on the floor (or at base_z), centred at x, y, turned by yaw_rad."""
+
     yaw_rad: float = 0.0
     length: Positive
     width: Positive
@@ -76,11 +80,9 @@ class Box(_Part, frozen=True, kw_only=True):
     material: str
 
 
-class Table(_Part, frozen=True, kw_only=True):
+class Table(_Placed, frozen=True, kw_only=True):
     """A slab on four square legs."""
 
-    x: Metres
-    y: Metres
     yaw_rad: float = 0.0
     length: Positive
     width: Positive
@@ -90,21 +92,17 @@ class Table(_Part, frozen=True, kw_only=True):
     material: str
 
 
-class Cylinder(_Part, frozen=True, kw_only=True):
+class Cylinder(_Placed, frozen=True, kw_only=True):
     """A round pillar or bin, a prism of 16 faces."""
 
-    x: Metres
-    y: Metres
     radius: Positive
     height: Positive
     material: str
 
 
-class Poster(_Part, frozen=True, kw_only=True):
+class Poster(_Placed, frozen=True, kw_only=True):
     """A picture centred at x, y, z, facing the direction yaw_rad."""
 
-    x: Metres
-    y: Metres
     z: Metres
     yaw_rad: float
     width: Positive
@@ -112,11 +110,9 @@ class Poster(_Part, frozen=True, kw_only=True):
     material: str
 
 
-class Light(_Part, frozen=True, kw_only=True):
+class Light(_Placed, frozen=True, kw_only=True):
     """A lamp at x, y, z; strength: irradiance at 1 m, head on, in units of full-scale reflectance."""
 
-    x: Metres
-    y: Metres
     z: Metres
     strength: Annotated[float, Meta(ge=0, le=100)]
 
@@ -128,11 +124,9 @@ class Origin(_Part, frozen=True, kw_only=True):
     seed: int
 
 
-class Start(_Part, frozen=True, kw_only=True):
+class Start(_Placed, frozen=True, kw_only=True):
     """Where the robot starts."""
 
-    x: Metres
-    y: Metres
     theta_rad: float
 
 
@@ -168,11 +162,6 @@ class World(_Part, frozen=True, kw_only=True):
         return SE2(self.start.x, self.start.y, self.start.theta_rad)
 
 
-def changed(world: World, **fields: object) -> World:
-    """A copy of the world with some fields replaced."""
-    return replace(world, **fields)
-
-
 class Prism(NamedTuple):
     """A solid with a convex footprint (N, 2), counter-clockwise, from z_min to z_max [m]."""
 
@@ -191,11 +180,11 @@ def rectangle(x: float, y: float, yaw: float, length: float, width: float) -> Po
 def _wall_prisms(wall: Wall) -> list[Prism]:
     prisms = []
     for (ax, ay), (bx, by) in zip(wall.points[:-1], wall.points[1:]):
-        length, yaw = math.hypot(bx - ax, by - ay), math.atan2(by - ay, bx - ax)
-        footprint = rectangle(0.5 * (ax + bx), 0.5 * (ay + by), yaw, length, wall.thickness)
-        prisms.append(Prism(footprint, 0.0, wall.height, wall.material))
+        middle = 0.5 * (ax + bx), 0.5 * (ay + by), math.atan2(by - ay, bx - ax)
+        length = math.hypot(bx - ax, by - ay)
+        prisms.append(Prism(rectangle(*middle, length, wall.thickness), 0.0, wall.height, wall.material))
         if wall.skirting is not None:
-            footprint = rectangle(0.5 * (ax + bx), 0.5 * (ay + by), yaw, length + 0.02, wall.thickness + 0.02)
+            footprint = rectangle(*middle, length + 0.02, wall.thickness + 0.02)
             prisms.append(Prism(footprint, 0.0, 0.08, wall.skirting))
     return prisms
 

@@ -13,7 +13,7 @@ from vsx_ros.sim.world import Box, Outline, Poster, Table, Wall, World
 
 MAX_PARTS, MAX_LIGHTS = 20_000, 2000
 """A building of 40 x 25 m has some hundreds and a hundred."""
-MAX_AREA_M2 = 40_000.0
+MAX_AREA_M2 = 40_000.0  # memory of the ground truth, 5 cm a cell: 16 million
 
 
 def save_world(world: World, path: Path) -> None:
@@ -43,10 +43,7 @@ def load_world(path: Path) -> World:
 
 
 def checked(world: World, name: str) -> World:
-    """The world itself.
-
-    Raises ConfigError when a part names an unknown material or holds an angle that is not finite.
-    """
+    """The world itself. Raises ConfigError for an unknown material, an angle that is not finite or more than fits."""
     _check_size(world, name)
     edges: list[Outline | Wall] = [*world.outlines, *world.walls]
     things: list[Box | Table | Poster] = [*world.boxes, *world.tables, *world.posters]

@@ -1,5 +1,4 @@
-"""Bundle adjustment of a part of the map: the n nearest keyframes (paper 3.1) or all of it, with odometry and
-floor factors."""
+"""Bundle adjustment of the n nearest keyframes (paper 3.1) or of the whole map, with odometry and floor factors."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -7,19 +6,19 @@ from typing import NamedTuple
 import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points3
-from vsx_ros.config import OdometryNoiseConfig
+from vsx_ros.config.maps import OdometryNoiseConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.geometry.se3 import SE3, skew
+from vsx_ros.geometry.se3 import SE3, skew, stacked
 from vsx_ros.kernels.slam.bundle import START, adjust
-from vsx_ros.kernels.slam.floor import Floor, no_floor
+from vsx_ros.kernels.slam.factors import Factors, Floor, no_floor
 from vsx_ros.kernels.slam.pose import TUKEY
-from vsx_ros.kernels.slam.relative_pose import Factors
 from vsx_ros.kernels.slam.schur import Observations
+from vsx_ros.slam.keyframe import Observations as Seen
 from vsx_ros.slam.map import Map
 
-SIGMA_MIN_PX = 0.4
-SLICE_OBSERVATIONS = 160_000
+SIGMA_MIN_PX = 0.4  # px at level 0; as the tracker's: patches are not found more exactly than that
+SLICE_OBSERVATIONS = 160_000  # times steps in one call, so that the mapper can be interrupted between calls
 
 
 class Adjustment(NamedTuple):
@@ -32,11 +31,6 @@ class Adjustment(NamedTuple):
     finished: bool
 
 
-def never() -> bool:
-    """Nothing interrupts."""
-    return False
-
-
 class OdometryFactor(NamedTuple):
     """Measured T_a_b between two cameras and its information (6, 6) in the tangent of ``bundle.relative_residual``."""
 
@@ -45,9 +39,8 @@ class OdometryFactor(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """What ``bundle.adjust`` returns, with the number of each frame among those that move (-1: none)."""
+    """What ``bundle.adjust`` returns of T_cam_world, points and errors."""
 
-    free: IntArray
     R: FloatArray
     t: FloatArray
     points: FloatArray
@@ -84,7 +77,7 @@ class BundleAdjuster:
         self._made: dict[tuple[SE2, SE2], OdometryFactor] = {}
 
     def adjust(
-        self, world: Map, free: list[int], iterations: int, interrupted: Callable[[], bool] = never
+        self, world: Map, free: list[int], iterations: int, interrupted: Callable[[], bool] = lambda: False
     ) -> Adjustment:
         """Move the keyframes ``free`` (indices) and all points they see; every other keyframe that sees these points
         holds them in place. Keyframe 0 never moves, but that it is levelled where the world's floor is known: its
@@ -93,26 +86,23 @@ class BundleAdjuster:
         ``interrupted`` is asked between slices of the work: a few iterations of a small problem, one of a large one."""
         free = [k for k in free if world.keyframes[k].alive]
         free = sorted(set(free) if self._knows_floor(world) else set(free) - {0})
-        seen = np.zeros(world.count, np.bool_)
-        for index in free:
-            seen[world.keyframes[index].observations.rows] = True
+        seen = world.sees(free)
         frames = sorted(set(world.observers(np.flatnonzero(seen))) | set(free))
         frames = [k for k in frames if k in free or seen[world.keyframes[k].observations.rows].any()]
         rows, observed = _observed(world, frames, seen)
         if not free or len(observed.frame) < 12:
             return Adjustment(0.0, 0, 0, True)
         solution = self._solve(world, frames, free, world.points[rows], observed, iterations, interrupted)
-        for position, k in enumerate(frames):
-            if solution.free[position] >= 0:
-                world.move_keyframe(k, SE3(solution.R[position], solution.t[position]).inverse())
+        for k, R, t in zip(frames, solution.R, solution.t):
+            if k in free:
+                world.move_keyframe(k, SE3(R, t).inverse())
         world.points[rows] = solution.points
         bad = solution.squared > (TUKEY * solution.sigma_px) ** 2
-        dead = 0
-        if solution.finished:
-            dead = _discard(world, np.array(frames)[observed.frame[bad]], rows[observed.point[bad]])
+        bad &= solution.finished
+        dead = _discard(world, np.array(frames)[observed.frame[bad]], rows[observed.point[bad]])
         for k in free:
             world.update_depth(k)
-        return Adjustment(solution.sigma_px, int(bad.sum()) if solution.finished else 0, dead, solution.finished)
+        return Adjustment(solution.sigma_px, int(bad.sum()), dead, solution.finished)
 
     def _solve(
         self,
@@ -126,8 +116,7 @@ class BundleAdjuster:
     ) -> Solution:
         number = {k: i for i, k in enumerate(free)}
         moving = np.array([number.get(k, -1) for k in frames], np.int64)
-        T_cam_world = [world.keyframes[k].T_world_cam.inverse() for k in frames]
-        R, t = np.array([T.rotation for T in T_cam_world]), np.array([T.translation for T in T_cam_world])
+        R, t = stacked([world.keyframes[k].T_world_cam.inverse() for k in frames])
         factors, floor = self._factors(world, frames, set(free)), self._floor(world, frames)
         squared, sigma, progress, done = np.zeros(0), 0.0, START, 0
         while done < iterations and not progress.done:
@@ -138,11 +127,10 @@ class BundleAdjuster:
             done += trials
             if interrupted():
                 break
-        return Solution(moving, R, t, points, squared, float(sigma), progress.done or done >= iterations)
+        return Solution(R, t, points, squared, float(sigma), progress.done or done >= iterations)
 
     def by_odometry(self, world: Map, index: int) -> OdometryFactor | None:
-        """The odometry factor between a keyframe and its predecessor, None without odometry or in a map of another
-        size."""
+        """The factor between a keyframe and its predecessor, None without odometry or in a map of another size."""
         previous = world.predecessor(index)
         before = None if previous is None else world.keyframes[previous].data.T_odom_base
         now = world.keyframes[index].data.T_odom_base
@@ -165,12 +153,10 @@ class BundleAdjuster:
                 if factor is not None:
                     found.append((where[previous], where[k], factor))
         n = len(found)
+        pairs = np.array([(a, b) for a, b, _ in found], np.int64).reshape(n, 2)
+        information = np.array([factor.information for _, _, factor in found]).reshape(n, 6, 6)
         return Factors(
-            np.array([a for a, _, _ in found], np.int64),
-            np.array([b for _, b, _ in found], np.int64),
-            np.array([factor.T_a_b.rotation for _, _, factor in found]).reshape(n, 3, 3),
-            np.array([factor.T_a_b.translation for _, _, factor in found]).reshape(n, 3),
-            np.array([factor.information for _, _, factor in found]).reshape(n, 6, 6),
+            pairs[:, 0].copy(), pairs[:, 1].copy(), *stacked([factor.T_a_b for _, _, factor in found]), information
         )
 
     def _knows_floor(self, world: Map) -> bool:
@@ -180,12 +166,12 @@ class BundleAdjuster:
         """The floor under all keyframes with odometry, of maps whose frame has been made by it."""
         if self._T_base_cam is None or not self._knows_floor(world):
             return no_floor()
+        level = {map_id: world.is_metric(map_id) for map_id in {world.keyframes[k].map_id for k in frames}}
         keyframes = [world.keyframes[k] for k in frames]
-        level = {map_id: world.is_metric(map_id) for map_id in {keyframe.map_id for keyframe in keyframes}}
-        standing = [i for i, k in enumerate(keyframes) if k.data.T_odom_base is not None and level[k.map_id]]
+        on_wheels = [k.data.T_odom_base is not None and level[k.map_id] for k in keyframes]
         tilt = self._noise.floor_tilt_sigma_rad
         return Floor(
-            np.array(standing, np.int64),
+            np.flatnonzero(on_wheels),
             np.array(self._T_base_cam.rotation),
             np.array(self._T_base_cam.inverse().translation),
             np.array([self._noise.floor_height_sigma_m, tilt, tilt]),
@@ -194,22 +180,19 @@ class BundleAdjuster:
 
 
 def _observed(world: Map, frames: list[int], seen: BoolArray) -> tuple[IntArray, Observations]:
-    """What the keyframes ``frames`` see of the points in ``seen`` (P,), where at least two see a point: rows (M,) of
-    these points, and the observations."""
-    every = [world.keyframes[k].observations for k in frames]
-    rows = np.concatenate([np.zeros(0, np.int64), *(o.rows for o in every)])
-    frame = np.repeat(np.arange(len(frames)), [len(o.rows) for o in every])
-    counts = np.bincount(rows, minlength=world.count)
+    """Rows (M,) of the points in ``seen`` (P,) that at least two of the keyframes ``frames`` see, and how they do."""
+    parts = [world.keyframes[k].observations for k in frames]
+    every, frame = Seen.concatenated(parts), np.repeat(np.arange(len(frames)), [len(part.rows) for part in parts])
+    counts = np.bincount(every.rows, minlength=world.count)
     wanted = np.flatnonzero(seen & (counts >= 2))
     number = np.full(world.count, -1)
     number[wanted] = np.arange(len(wanted))
-    local = number[rows]
+    local = number[every.rows]
     order = np.argsort(local, kind="stable")
     order = order[np.count_nonzero(local < 0) :]
     start = np.concatenate([[0], np.cumsum(counts[wanted])])
-    ideal = np.concatenate([np.zeros((0, 2)), *(o.ideal for o in every)])
-    level = np.concatenate([np.zeros(0, np.int64), *(o.level for o in every)])
-    return wanted, Observations(start, local[order], frame[order], ideal[order], 0.5 ** level[order])
+    scale: FloatArray = np.power(0.5, every.level[order])
+    return wanted, Observations(start, local[order], frame[order], every.ideal[order], scale)
 
 
 def _discard(world: Map, frames: IntArray, rows: IntArray) -> int:

@@ -8,18 +8,14 @@ from vsx_ros.config import SlamConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry
-from vsx_ros.slam.frame_tracking import FrameTracker, is_sure
 from vsx_ros.slam.initialization import Bootstrap
-from vsx_ros.slam.keyframe import FrameData
-from vsx_ros.slam.local_map import LocalMap, becomes_keyframe, nearest_keyframes
+from vsx_ros.slam.keyframe import FrameData, MapView
+from vsx_ros.slam.local_map import FrameTracker, LocalMap, becomes_keyframe, is_sure, nearest_keyframes
 from vsx_ros.slam.map import Map
-from vsx_ros.slam.map_view import MapView
 from vsx_ros.slam.mapper import KeyFrameRequest
-from vsx_ros.slam.motion_model import MotionModel
-from vsx_ros.slam.odometry_consistency import OdometryConsistency
+from vsx_ros.slam.odometry import MotionModel, OdometryConsistency
 from vsx_ros.slam.preprocessing import Preprocessor
-from vsx_ros.slam.recovery import Recovery
-from vsx_ros.slam.relocalization import Relocalization
+from vsx_ros.slam.recovery import Recovery, Relocalization
 from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult, TrackingState
 from vsx_ros.slam.tracker import Track, Tracker, nothing_tracked
 from vsx_ros.slam.tracking_record import TrackingRecord
@@ -30,12 +26,11 @@ CORRECTION_M, CORRECTION_RAD = 0.05, 0.02
 
 
 class FrameOutcome(NamedTuple):
-    """A result and the work it gives to the mapper (at most one of the two). After a ``start`` the front end wants to
-    hear of ``started`` or ``refused``, at once or some frames later; it proposes no other before."""
+    """A result and the work it gives to the mapper. After an ``InitialPair`` the front end wants to hear of ``started``
+    or ``refused``, at once or some frames later; it proposes no other before."""
 
     result: TrackingResult
-    start: InitialPair | None = None
-    request: KeyFrameRequest | None = None
+    work: InitialPair | KeyFrameRequest | None = None
 
 
 class FrontEnd:
@@ -47,16 +42,15 @@ class FrontEnd:
         self._motion = MotionModel(T_base_cam, camera.fx)
         self._recovery = Recovery(camera, T_base_cam, config, self._tracker, self._motion)
         self._consistency = OdometryConsistency(T_base_cam)
-        self._local = LocalMap()
-        self.tracking = FrameTracker(config.tracker, self._tracker, self._motion, self._local)
+        self._local: LocalMap | None = None
+        self.tracking = FrameTracker(config.tracker, self._tracker, self._motion)
         self._view = self._here = Map().view()
         self._reference = self._map_id = self._epoch = self._epochs = 0
-        self._corrected = False
-        self._since_keyframe = 0
+        self._corrected, self._since_keyframe = False, 0
         self.record = TrackingRecord()
         self.events: list[SlamEvent] = []
         self._bootstrap = Bootstrap(T_base_cam, config.initialization, lambda ns, why: self._event(ns, "refused", why))
-        self._preprocessor = Preprocessor(camera, T_base_cam, config.shutter, self._gap)
+        self._preprocessor = Preprocessor(camera, T_base_cam, config, self._gap)
 
     def process(self, frame: Frame, odometry: Odometry | None) -> FrameOutcome:
         """One frame, in the order of the stamps. Inside, poses are those of the image's middle row; outside, of its
@@ -78,11 +72,11 @@ class FrontEnd:
         prediction = self._motion.predict(data)
         if self._recovery.bad_frames and prediction.by_odometry:
             self._reference = int(nearest_keyframes(self._here, prediction.T_world_cam)[0])
-        self._local.select(self._here, self._reference)
-        track = self.tracking.track(data, self._here, prediction, tracked_before=not self._recovery.bad_frames)
+        local = self._around(self._reference)
+        track = self.tracking.track(data, local, prediction, tracked_before=not self._recovery.bad_frames)
         if track.state is TrackingState.LOST:
             return self._recover(data, track, prediction.T_world_cam if prediction.by_odometry else None)
-        return self._tracked(data, track, self._local.follow(self._here, track.rows))
+        return self._tracked(data, track, local.follow(track.rows), local)
 
     def resume(self, view: MapView) -> None:
         """Begin in a map made before, lost: the camera is looked for everywhere in it."""
@@ -91,8 +85,7 @@ class FrontEnd:
         self._enter(view, 0)
 
     def use(self, view: MapView) -> None:
-        """Track on a newer map; the last pose follows its reference keyframe, which may have been joined to another
-        map."""
+        """Track on a newer map; the last pose follows its reference keyframe, perhaps into another map."""
         if self._reference < len(self._view.keyframes) and self._motion.last_pose is not None:
             old, new = self._view.keyframes[self._reference], view.keyframes[self._reference]
             before, factor = self._motion.last_pose, new.scale / old.scale
@@ -149,9 +142,16 @@ class FrontEnd:
         reason, pair = self._bootstrap.next_pair(data)
         self.record.frame_without_map(data.stamp_ns)
         result = TrackingResult(data.stamp_ns, TrackingState.NOT_INITIALISED, None, 0, 0, False, reason)
-        return FrameOutcome(result, start=pair)
+        return FrameOutcome(result, pair)
 
-    def _tracked(self, data: FrameData, track: Track, reference: int) -> FrameOutcome:
+    def _around(self, reference: int) -> LocalMap:
+        """The local map, made anew when the map or the reference keyframe changed."""
+        known = self._local
+        if known is None or (known.view.version, known.reference) != (self._here.version, reference):
+            self._local = known = LocalMap(self._here, reference)
+        return known
+
+    def _tracked(self, data: FrameData, track: Track, reference: int, local: LocalMap) -> FrameOutcome:
         self._motion.update(data, track.T_world_cam, measured=True)
         if is_sure(track):
             change = self._consistency.compare(track.T_world_cam)
@@ -164,16 +164,15 @@ class FrontEnd:
         self._recovery.over(data)
         self._reference, self.tracking.coarse_next = reference, track.state is not TrackingState.GOOD
         self.record.tracked(data.stamp_ns, track, len(self._view.points), self._map_id == 0)
-        added = not data.blurred and becomes_keyframe(
-            self._config.keyframes, self._local.linked or self._here, track, reference, self._since_keyframe
-        )
+        new = becomes_keyframe(self._config.keyframes, local.linked, track, reference, self._since_keyframe)
+        added = new and not data.blurred
         request = self._request(data, track) if added else None
         searched, found = len(track.searched_rows), len(track.rows)
         result = TrackingResult(
             data.stamp_ns, track.state, None, searched, found, added, track.reason, self._map_id, None, self._corrected
         )
         self._corrected = False
-        return FrameOutcome(result.placed(track.T_world_cam), request=request)
+        return FrameOutcome(result.placed(track.T_world_cam), request)
 
     def _request(self, data: FrameData, track: Track) -> KeyFrameRequest:
         self._since_keyframe = 0
@@ -211,7 +210,7 @@ class FrontEnd:
         reason = track.reason + ("; position by odometry" if trusted is not None else "")
         searched, added = len(track.searched_rows), request is not None
         result = TrackingResult(data.stamp_ns, state, trusted, searched, 0, added, reason, self._map_id, by_odometry)
-        return FrameOutcome(result, pair, request)
+        return FrameOutcome(result, pair or request)
 
     def _found_again(self, data: FrameData, found: Relocalization, by_odometry: SE3 | None) -> FrameOutcome:
         """The camera is somewhere in the maps; where odometry does not vouch for the way, its next epoch begins."""
@@ -221,8 +220,7 @@ class FrontEnd:
         if not firm and (far or by_odometry is not None):
             self._epoch = self._new_epoch()
         self._enter(self._view, found.map_id)
-        self._local.select(self._here, found.reference)
-        outcome = self._tracked(data, found.track, found.reference)
+        outcome = self._tracked(data, found.track, found.reference, self._around(found.reference))
         self.tracking.coarse_next = True
         return outcome
 

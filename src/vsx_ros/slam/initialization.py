@@ -1,25 +1,24 @@
-"""Two frames of a straight drive for a map: corners followed from the first one until the second is far enough;
-and what is said meanwhile."""
+"""Two frames of a straight drive for a map: corners followed from the first one until the second is far enough."""
 
 import math
 from collections.abc import Callable
-from typing import Any
+from functools import partial
 
 import cv2
 import numpy as np
 
 from vsx_ros.arrays import BoolArray, GrayImage, IntArray, Pixels
-from vsx_ros.config import InitializationConfig
+from vsx_ros.config.maps import InitializationConfig
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import SILENCE_NS
 from vsx_ros.slam.keyframe import FrameData, KeyFrame, Observations
-from vsx_ros.slam.motion_model import motion_by_odometry
+from vsx_ros.slam.odometry import motion_by_odometry
 from vsx_ros.slam.point_creation import candidates_in
 from vsx_ros.slam.two_view_reconstruction import InitialPair
 
-TRAILS = 600
-STILL_PX = 2.0
-START_PX = 10.0
+TRAILS = 600  # corners followed from the first frame on: several times min_matches, since many are lost on the way
+STILL_PX = 2.0  # median way of the corners; less is noise and vibration
+START_PX = 10.0  # median way; less gives no parallax to tell depths by
 BLURRED = "the image is blurred: not used to start; move more slowly or add light"
 TRIED = "a map is being made of two frames"
 
@@ -28,30 +27,32 @@ class Initializer:
     """Feed frames to ``add``: it returns a pair of them that may make a map, or why there is none yet."""
 
     def __init__(self, T_base_cam: SE3 | None, config: InitializationConfig) -> None:
-        self._T_base_cam = T_base_cam
-        self._config = config
+        self._T_base_cam, self._config = T_base_cam, config
         self._reference: FrameData | None = None
 
     def add(self, data: FrameData) -> InitialPair | str:
         """Follow the reference frame's corners into this frame and propose the two when they are far enough apart."""
-        if self._reference is None:
+        reference = self._reference
+        if reference is None:
             return self._restart(data, "the first frame was taken; drive straight ahead")
-        self._follow(data)
-        silence = self._silence(data)
+        self._follow(reference, data)
+        silence = self._silence(reference, data)
         if silence:
             return silence
         wanted = max(self._config.min_matches, len(self._candidates.uv) // 4)
         if len(self._index) < wanted:
             return self._restart(data, f"sees too little: {len(self._index)} corners followed, {wanted} needed")
-        assert self._reference is not None
-        motion = motion_by_odometry(self._T_base_cam, data, self._reference)
-        refusal = self._too_early() if motion is None else self._odometry_refuses(data)
-        return refusal if refusal else self._pair(data, motion)
+        motion = motion_by_odometry(self._T_base_cam, data, reference)
+        before, now = reference.T_odom_base, data.T_odom_base
+        if motion is None or before is None or now is None:
+            refusal = self._too_early()
+        else:
+            refusal = self._odometry_refuses(data, before.distance_to(now), math.degrees(abs(before.angle_to(now))))
+        return refusal or self._pair(reference, data, motion)
 
-    def _silence(self, data: FrameData) -> str:
+    def _silence(self, reference: FrameData, data: FrameData) -> str:
         """Of two frames of which one alone has odometry no map is made: it would have no scale."""
-        assert self._reference is not None
-        had, has = self._reference.T_odom_base is not None, data.T_odom_base is not None
+        had, has = reference.T_odom_base is not None, data.T_odom_base is not None
         if has:
             self._heard_ns = data.stamp_ns
         if self._T_base_cam is None or had == has:
@@ -71,25 +72,19 @@ class Initializer:
         self._positions: Pixels = self._candidates.uv.copy()
         return reason
 
-    def _follow(self, data: FrameData) -> None:
+    def _follow(self, reference: FrameData, data: FrameData) -> None:
         """Extend the trails by one frame, then measure them against the reference patch so that they do not drift."""
         before, now = self._last.pyramid.level(0), data.pyramid.level(0)
         moved, ok = _flow(before, now, self._positions, self._positions)
         self._index, moved = self._index[ok], moved[ok]
-        assert self._reference is not None
         start = self._candidates.uv[self._index]
-        direct, sure = _flow(self._reference.pyramid.level(0), now, start, moved)
+        direct, sure = _flow(reference.pyramid.level(0), now, start, moved)
         sure &= np.linalg.norm(direct - moved, axis=1) < 3.0
         self._positions = np.where(sure[:, None], direct, moved)
         self._sure: BoolArray = sure
         self._last = data
 
-    def _odometry_refuses(self, data: FrameData) -> str:
-        assert self._reference is not None
-        assert self._reference.T_odom_base is not None
-        assert data.T_odom_base is not None
-        driven = self._reference.T_odom_base.distance_to(data.T_odom_base)
-        turned = abs(math.degrees(self._reference.T_odom_base.angle_to(data.T_odom_base)))
+    def _odometry_refuses(self, data: FrameData, driven: float, turned: float) -> str:
         config = self._config
         if turned > config.max_turn_deg:
             return self._restart(data, f"turns: {turned:.0f} deg over {driven:.2f} m; drive straight to start")
@@ -109,9 +104,7 @@ class Initializer:
             return f"too little motion: corners moved {shift:.1f} px of the {START_PX:.0f} px needed to start"
         return ""
 
-    def _pair(self, data: FrameData, odometry: SE3 | None) -> InitialPair | str:
-        reference = self._reference
-        assert reference is not None
+    def _pair(self, reference: FrameData, data: FrameData, odometry: SE3 | None) -> InitialPair | str:
         index = self._index[self._sure]
         if len(index) < self._config.min_matches:
             return f"sees too little: {len(index)} corners match the first frame"
@@ -126,15 +119,11 @@ def _flow(before: GrayImage, now: GrayImage, start: Pixels, guess: Pixels) -> tu
     """Pyramidal Lucas-Kanade with a backward check: (positions (N, 2), kept (N,))."""
     if not len(start):
         return guess, np.zeros(0, np.bool_)
-    options: dict[str, Any] = {
-        "winSize": (15, 15),
-        "maxLevel": 3,
-        "criteria": (3, 20, 0.01),
-        "flags": cv2.OPTFLOW_USE_INITIAL_FLOW,
-    }
+    enough, flags = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 20, 0.01), cv2.OPTFLOW_USE_INITIAL_FLOW
+    flow = partial(cv2.calcOpticalFlowPyrLK, winSize=(15, 15), maxLevel=3, criteria=enough, flags=flags)
     a, b = start.astype(np.float32), guess.astype(np.float32)
-    forward, ok, _ = cv2.calcOpticalFlowPyrLK(before, now, a, b.copy(), **options)
-    back, ok_back, _ = cv2.calcOpticalFlowPyrLK(now, before, forward, a.copy(), **options)
+    forward, ok, _ = flow(before, now, a, b.copy())
+    back, ok_back, _ = flow(now, before, forward, a.copy())
     height, width = now.shape
     inside = (forward >= 4).all(axis=1) & (forward[:, 0] < width - 5) & (forward[:, 1] < height - 5)
     close = np.linalg.norm(back - a, axis=1) < 0.7

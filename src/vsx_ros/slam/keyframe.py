@@ -1,19 +1,24 @@
-"""What the map is made of: an image taken apart, the keyframe it becomes, and the points seen in it."""
+"""What the map is made of: images taken apart, the keyframes they become, the points seen in them and how these look
+from several sides; and all of it at one instant."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels, Points3
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.vision.corners import Corners
-from vsx_ros.vision.pyramid import LEVELS, Pyramid
-from vsx_ros.vision.small_image import SmallImage
+from vsx_ros.kernels.vision.patches import PATCH, Target
+from vsx_ros.vision.corners import Corners, no_corners
+from vsx_ros.vision.patch_search import target_of
+from vsx_ros.vision.pyramid import LEVELS, Pyramid, SmallImage
+
+VIEWS = 5  # templates kept of a point, from different sides; the last is replaced when another comes
+Entry = TypeVar("Entry", bound=np.generic)
 
 
 class Observations(NamedTuple):
@@ -53,12 +58,18 @@ class FrameData(NamedTuple):
     camera: FloatArray
     blurred: bool = False
 
+    @property
+    def target(self) -> Target:
+        """The image as kernels search it."""
+        return target_of(self.pyramid, self.corners)
+
     @staticmethod
     def without_image(stamp_ns: int, T_odom_base: SE2 | None) -> FrameData:
         """The instant and odometry alone."""
         nothing = Pyramid(np.zeros(0, np.uint8), np.zeros((LEVELS, 4), np.int64))
-        no_corners = Corners(np.zeros((0, 2), np.int32), np.zeros(0, np.int64), (0,) * LEVELS)
-        return FrameData(stamp_ns, nothing, no_corners, np.zeros((0, 0), np.float32), T_odom_base, np.zeros(18))
+        return FrameData(
+            stamp_ns, nothing, no_corners(nothing), np.zeros((0, 0), np.float32), T_odom_base, np.zeros(18)
+        )
 
 
 class Anchor(NamedTuple):
@@ -110,7 +121,96 @@ class PointObservers:
 
     def of(self, rows: IntArray) -> list[int]:
         """Every keyframe that has seen any of the points (rows), ascending, and some that have not."""
-        found: set[int] = set()
-        for block in np.unique(rows >> self.BLOCK_BITS).tolist():
-            found |= self._of_block.get(block, set())
-        return sorted(found)
+        blocks = np.unique(rows >> self.BLOCK_BITS).tolist()
+        return sorted(set().union(*(self._of_block.get(block, ()) for block in blocks)))
+
+
+class Templates(NamedTuple):
+    """What points look like from several directions. of_point (P, V): template numbers, -1 for none; source (T,):
+    keyframe index; basis (T, 4): see ``predict``; offset (T, 2) and patches (T, 24, 24): see ``warp_template``."""
+
+    of_point: IntArray
+    source: IntArray
+    basis: FloatArray
+    offset: FloatArray
+    patches: NDArray[np.uint8]
+
+
+class NewTemplates(NamedTuple):
+    """Looks of points about to enter the map: basis (N, 4), offset (N, 2), patches (N, 24, 24)."""
+
+    basis: FloatArray
+    offset: FloatArray
+    patches: NDArray[np.uint8]
+
+
+class TemplateStore:
+    """Templates are written once, hence shared with views; which of them belong to a point changes."""
+
+    def __init__(self) -> None:
+        self._points = self._count = 0
+        self._of_point: IntArray = np.full((1024, VIEWS), -1, np.int64)
+        basis, offset, patches = np.zeros((1024, 4)), np.zeros((1024, 2)), np.zeros((1024, PATCH, PATCH), np.uint8)
+        self._columns: list[NDArray[Any]] = [np.zeros(1024, np.int64), basis, offset, patches]
+
+    @staticmethod
+    def resumed(templates: Templates) -> TemplateStore:
+        """The templates of a view, to go on with."""
+        store = TemplateStore()
+        store._points, store._of_point = len(templates.of_point), templates.of_point.copy()
+        store._count, store._columns = len(templates.source), list(templates[1:])
+        return store
+
+    def add_points(self, count: int) -> None:
+        """So many points more, which look like nothing yet."""
+        self._points += count
+        self._of_point = grown(self._of_point, self._points)
+        self._of_point[self._points - count : self._points] = -1
+
+    def add(self, rows: IntArray, templates: NewTemplates, source: int) -> None:
+        """Points (rows) also look as keyframe ``source`` shows them; the oldest look but the first gives way."""
+        first = self._count
+        self._count += len(rows)
+        self._columns = [grown(column, self._count) for column in self._columns]
+        for column, new in zip(self._columns, (source, *templates)):
+            column[first : self._count] = new
+        free = self._of_point[rows] < 0
+        full = ~free.any(axis=1)
+        self._of_point[rows[full], 1:-1] = self._of_point[rows[full], 2:]
+        slot = np.where(full, VIEWS - 1, free.argmax(axis=1))
+        self._of_point[rows, slot] = np.arange(first, self._count)
+
+    def view(self) -> Templates:
+        """All templates, for searching."""
+        return Templates(self._of_point[: self._points].copy(), *(column[: self._count] for column in self._columns))
+
+
+def grown(rows: NDArray[Entry], needed: int) -> NDArray[Entry]:
+    """The array, or a copy of at least twice the length when it has fewer than ``needed`` rows."""
+    if needed <= len(rows):
+        return rows
+    longer = np.zeros((max(needed, 2 * len(rows)), *rows.shape[1:]), rows.dtype)
+    longer[: len(rows)] = rows
+    return longer
+
+
+class MapView(NamedTuple):
+    """The map at one instant, for the tracker. living (L,): indices of the keyframes that are not culled; depths (K,):
+    their median scene depths, 1 where unknown. points (P, 3) world, alive (P,), source (P,): keyframe they were made
+    in. Indices and rows never change meaning."""
+
+    version: int
+    keyframes: tuple[KeyFrame, ...]
+    living: IntArray
+    R_world_cam: FloatArray
+    centres: Points3
+    depths: FloatArray
+    points: Points3
+    alive: BoolArray
+    source: IntArray
+    templates: Templates
+
+    def part(self, map_id: int) -> MapView:
+        """The same with the keyframes of one map alone among the living."""
+        inside = np.array([self.keyframes[int(k)].map_id == map_id for k in self.living], np.bool_)
+        return self._replace(living=self.living[inside])

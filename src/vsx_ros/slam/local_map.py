@@ -1,21 +1,26 @@
-"""The part of the map around the camera, and when a tracked frame becomes a keyframe of it (paper 3.1): rarely where
-the map is known, often enough to survive a turn."""
+"""The part of the map around the camera, one frame after the other tracked in it, where odometry and image check each
+other, and when it becomes a keyframe (paper 3.1): rarely where the map is known, often enough to survive a turn."""
 
 import math
 
 import numpy as np
 
-from vsx_ros.arrays import IntArray
-from vsx_ros.config import KeyframeConfig
+from vsx_ros.arrays import FloatArray, IntArray, Points3
+from vsx_ros.config.maps import KeyframeConfig, TrackerConfig
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.slam.map_view import MapView
+from vsx_ros.slam.keyframe import FrameData, MapView
+from vsx_ros.slam.odometry import MotionModel, Prediction
 from vsx_ros.slam.state import TrackingState
-from vsx_ros.slam.tracker import Track
+from vsx_ros.slam.tracker import Track, Tracker
 
+# Keyframes: nearest by place; of those the ones with most shared points; and the nearest in any case.
 NEAREST, COVISIBLE, ALWAYS = 40, 12, 4
-LINKED_POINTS, STRANGE_WAY = 15, 8.0
+LINKED_POINTS, STRANGE_WAY = 15, 8.0  # shared points; and a way, in median depths, over which maps may drift
 # Few points found nearly all still make a good keyframe: it is where new points are needed most.
-SURE_RATIO = 0.5
+KEYFRAME_RATIO = 0.5
+MAX_STEP_M, MAX_STEP_RAD = 0.08, 0.06
+# A frame with so many points, and that share of the expected ones, knows better than odometry.
+SURE_POINTS, SURE_RATIO = 100, 0.2
 
 
 class LocalMap:
@@ -24,19 +29,9 @@ class LocalMap:
     to it by points: the map may have drifted in between, and tracking on both would tear the camera from one to the
     other. To join them is the loop finder's."""
 
-    def __init__(self) -> None:
-        self._key: tuple[int, int] = (-1, -1)
-        self.reference = 0
-        self.keyframes: list[int] = []
-        self.rows: IntArray = np.zeros(0, np.int64)
-        self._seen, self._seer = self.rows, self.rows
-        self.linked: MapView | None = None
-
-    def select(self, view: MapView, reference: int) -> None:
-        """Choose around a reference keyframe; cheap while neither it nor the map changed."""
-        if self._key == (view.version, reference):
-            return
-        self._key, self.reference = (view.version, reference), reference
+    def __init__(self, view: MapView, reference: int) -> None:
+        """The map around a reference keyframe."""
+        self.view, self.reference = view, reference
         near = nearest_keyframes(view, view.keyframes[reference].T_world_cam)[:NEAREST]
         mark = np.zeros(len(view.points), np.bool_)
         mark[view.keyframes[reference].observations.rows] = True
@@ -52,20 +47,19 @@ class LocalMap:
         seen = [view.keyframes[k].observations.rows for k in chosen]
         self._seen, self._seer = np.concatenate(seen), np.repeat(np.arange(len(chosen)), [len(rows) for rows in seen])
         mark[self._seen] = True
-        self.rows = np.flatnonzero(mark & view.alive)
+        self.rows: IntArray = np.flatnonzero(mark & view.alive)
 
     def _part(self, view: MapView, linked: IntArray) -> MapView:
         """The map within a way of so many depths from the reference or from a keyframe linked with it."""
-        steps = np.linalg.norm(np.diff(view.centres, axis=0, prepend=view.centres[:1]), axis=1)
-        way = np.cumsum(steps)
+        way = path_lengths(view.centres)
         known = np.sort(way[np.append(linked, self.reference)])
         after = np.minimum(np.searchsorted(known, way[view.living]), len(known) - 1)
         gap = np.abs(np.stack([known[after], known[np.maximum(after - 1, 0)]]) - way[view.living]).min(axis=0)
         return view._replace(living=view.living[gap <= STRANGE_WAY * view.depths[self.reference]])
 
-    def follow(self, view: MapView, found: IntArray) -> int:
+    def follow(self, found: IntArray) -> int:
         """The keyframe that sees most of the found points; the reference stays unless another one is 20 % better."""
-        mark = np.zeros(len(view.points), np.bool_)
+        mark = np.zeros(len(self.view.points), np.bool_)
         mark[found] = True
         counts = np.bincount(self._seer[mark[self._seen]], minlength=len(self.keyframes))
         best = max(range(len(counts)), key=lambda i: (counts[i], -self.keyframes[i]))
@@ -73,9 +67,13 @@ class LocalMap:
         return self.keyframes[best] if counts[best] > 1.2 * current else self.reference
 
 
+def path_lengths(centres: Points3) -> FloatArray:
+    """(K,) length of the way through all keyframes up to each of them, in the order in which they were made [m]."""
+    return np.cumsum(np.linalg.norm(np.diff(centres, axis=0, prepend=centres[:1]), axis=1))
+
+
 def nearest_keyframes(view: MapView, T_world_cam: SE3) -> IntArray:
-    """Indices of the living keyframes by distance in position and viewing direction (1 rad weighs like the median
-    depth)."""
+    """Indices of the living keyframes by distance and viewing direction (1 rad weighs like the median depth)."""
     living = view.living
     offset = np.linalg.norm(view.centres[living] - T_world_cam.translation, axis=1)
     cosine = view.R_world_cam[living, :, 2] @ T_world_cam.rotation[:, 2]
@@ -87,7 +85,7 @@ def becomes_keyframe(config: KeyframeConfig, view: MapView, track: Track, refere
 
     Distance and angle are measured to the nearest keyframe of the whole map, so that explored area yields none.
     """
-    sure = track.state is TrackingState.GOOD or track.ratio > SURE_RATIO
+    sure = track.state is TrackingState.GOOD or track.ratio > KEYFRAME_RATIO
     if frames_since < config.min_gap_frames or not sure:
         return False
     pose = track.T_world_cam
@@ -98,3 +96,54 @@ def becomes_keyframe(config: KeyframeConfig, view: MapView, track: Track, refere
     few = len(track.rows) < config.overlap_ratio * max(1, len(view.keyframes[reference].observations.rows))
     far = distance > config.distance_ratio * depth or angle > math.radians(config.angle_deg)
     return far or (few and distance > 0.2 * config.distance_ratio * depth)
+
+
+class FrameTracker:
+    """``track`` searches around the predicted pose. coarse_next: whether in a wide circle first although odometry
+    predicts it. last: the newest frame's track and the map it is in, None where no point was looked for."""
+
+    def __init__(self, config: TrackerConfig, tracker: Tracker, motion: MotionModel) -> None:
+        self._coarse_radius_px = config.coarse_radius_px
+        self._tracker, self._motion = tracker, motion
+        self.coarse_next = True
+        self.last: tuple[MapView, Track] | None = None
+
+    def track(self, data: FrameData, local: LocalMap, prediction: Prediction, tracked_before: bool) -> Track:
+        """tracked_before: whether the frame before was; only then odometry tells where the camera can not be."""
+        coarse = self.coarse_next or not prediction.by_odometry
+        track = self._search(data, local, prediction, coarse)
+        if not (prediction.by_odometry and tracked_before):
+            return track
+        if track.state is not TrackingState.LOST:
+            track = _checked(track, prediction.T_world_cam)
+        if track.state is not TrackingState.LOST:
+            return track
+        # Where the camera went on as before, the frame as tracked without odometry, which is wrong then.
+        last, by_image = self.last, self._motion.predict(data._replace(T_odom_base=None))
+        seen = self._search(data, local, by_image, coarse=True)
+        if seen.state is not TrackingState.LOST and is_sure(seen):
+            return seen
+        self.last = last
+        return track
+
+    def _search(self, data: FrameData, local: LocalMap, prediction: Prediction, coarse: bool) -> Track:
+        radius_px = self._coarse_radius_px if coarse else 0.0
+        expected, information = prediction.T_world_cam, prediction.information
+        track = self._tracker.track(data, local.view, expected, local.rows, radius_px, information)
+        self.last = local.view, track
+        return track
+
+
+def is_sure(track: Track) -> bool:
+    """Whether the image knows better than odometry where the camera is."""
+    return len(track.rows) >= SURE_POINTS and track.ratio > SURE_RATIO
+
+
+def _checked(track: Track, by_odometry: SE3) -> Track:
+    """A pose far from where odometry moved the last one is a mistake, not a measurement."""
+    step = float(np.linalg.norm(track.T_world_cam.translation - by_odometry.translation))
+    turn = track.T_world_cam.rotation_angle_to(by_odometry)
+    if step < MAX_STEP_M and turn < MAX_STEP_RAD:
+        return track
+    reason = f"contradicts odometry by {step:.2f} m and {np.degrees(turn):.1f} deg"
+    return track._replace(state=TrackingState.LOST, reason=reason)

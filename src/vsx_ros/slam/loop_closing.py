@@ -5,57 +5,52 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels
-from vsx_ros.config import TrackerConfig
+from vsx_ros.arrays import FloatArray, IntArray
+from vsx_ros.config.maps import DriftConfig, SlamConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.slam.keyframe import KeyFrame
-from vsx_ros.slam.local_map import nearest_keyframes
+from vsx_ros.slam.keyframe import KeyFrame, MapView
+from vsx_ros.slam.local_map import nearest_keyframes, path_lengths
+from vsx_ros.slam.loop_correction import LoopClosure, is_metric, same_points
 from vsx_ros.slam.map import Map
-from vsx_ros.slam.map_view import MapView
 from vsx_ros.slam.place_recognition import PlaceRecognizer, Recognition, is_certain, is_sure
-from vsx_ros.slam.pose_graph import LoopClosure
 from vsx_ros.slam.tracker import Tracker
 
-TRIED, DRIFTED_PX = 2, 60.0
+TRIED, DRIFTED_PX = 2, 60.0  # look-alikes per keyframe, for time; how far drift moves the points in view
 # A keyframe knows the neighbourhood when it shares so many points with what was seen so long ago.
 KNOWN_POINTS, LONG_AGO = 40, 1.5
 # After a way of so many depths it is a loop that tracking has closed, when no keyframe shortly before did.
 LOOP_WAY, LOOP_KEYFRAMES = 4.0, 20
-# How far a map can have drifted along a way: a constant and a share, with odometry and without.
-DRIFT_M, DRIFT_RAD = 0.15, 0.06
-DRIFT_ODOMETRY, DRIFT_CAMERA, TURN_ODOMETRY, TURN_CAMERA = 0.03, 0.3, 0.015, 0.06
-VIEW_DEPTHS, VIEW_RAD = 0.7, 0.6
-SCALE_PAIRS, SCALE_SPREAD = 12, 0.1
-SAME_PX = 2.0
-AGREE_M, AGREE_RAD, AGREE_SCALE, AGREE_KEYFRAMES = 0.05, 0.03, 0.05, 6
+VIEW_DEPTHS, VIEW_RAD = 0.7, 0.6  # two keyframes this near (median depths) and so turned can still show the same things
+SCALE_PAIRS, SCALE_SPREAD = 12, 0.1  # points that give the factor of size; median absolute deviation of its logarithm
+AGREE_M, AGREE_RAD, AGREE_SCALE, AGREE_KEYFRAMES = 0.05, 0.03, 0.05, 6  # per median depth; of log size; keyframes apart
 
 
 class LoopDetector:
     """``detect`` for every new keyframe once. tracked_loop: in words, that the keyframe shares points with
     keyframes of long ago, and the ones before did not: tracking alone has closed a loop; else empty."""
 
-    def __init__(self, camera: PinholeCamera, config: TrackerConfig, rng: np.random.Generator) -> None:
-        self._places = PlaceRecognizer(camera, Tracker(config, rng))
+    def __init__(self, camera: PinholeCamera, config: SlamConfig, rng: np.random.Generator) -> None:
+        self._places = PlaceRecognizer(camera, Tracker(config.tracker, rng))
+        self._recognition, self._drift = config.recognition, config.drift
         self._unconfirmed: LoopClosure | None = None
         self._last_loop = -LOOP_KEYFRAMES
         self.tracked_loop = ""
 
     def detect(self, world: Map, view: MapView, index: int) -> list[LoopClosure]:
-        """The loop closures of keyframe ``index`` and of one before that agree, empty when there is nothing to act
-        on."""
+        """The loop closures of keyframe ``index`` and of one before that agree, empty when there are none."""
         self.tracked_loop = ""
         among = self._candidates(world, view, index)
         if not len(among):
             return []
         for seen in self._recognitions(world.keyframes[index], view, among):
-            if not is_sure(seen):
+            if not is_sure(seen, self._recognition):
                 continue
             closure = self._closure(world, index, seen)
             if closure is None or not self._is_plausible(world, closure):
                 continue
             before, self._unconfirmed = self._unconfirmed, closure
-            found = [closure] if is_certain(seen) else []
+            found = [closure] if is_certain(seen, self._recognition) else []
             if before is not None and self._agree(world, before, closure):
                 found = [before, closure]
             self._last_loop = index if found else self._last_loop
@@ -83,7 +78,7 @@ class LoopDetector:
         newest = world.keyframes[index]
         if newest.map_id:
             return np.array([k for k in view.living if world.keyframes[int(k)].map_id < newest.map_id], np.int64)
-        way = path_lengths(world)
+        way = path_lengths(view.centres)
         way = way[index] - way
         mine = view.part(newest.map_id).living
         long_ago = mine[way[mine] > LONG_AGO * max(newest.median_depth, 1e-6)]
@@ -93,7 +88,7 @@ class LoopDetector:
             return np.zeros(0, np.int64)
         offset = np.linalg.norm(view.centres[long_ago] - newest.T_world_cam.translation, axis=1)
         cosine = view.R_world_cam[long_ago, :, 2] @ newest.T_world_cam.rotation[:, 2]
-        metres, angle = _drift(way[long_ago], is_metric(world, newest))
+        metres, angle = _drift(self._drift, way[long_ago], is_metric(world, newest))
         near = offset < metres + VIEW_DEPTHS * newest.median_depth
         near &= np.arccos(np.clip(cosine, -1.0, 1.0)) < angle + VIEW_RAD
         candidates: IntArray = long_ago[near]
@@ -114,8 +109,8 @@ class LoopDetector:
         older, newer = world.keyframes[closure.older], world.keyframes[closure.newer]
         if older.map_id != newer.map_id:
             return True
-        way = path_lengths(world)
-        metres, angle = _drift(way[closure.newer] - way[closure.older], is_metric(world, older, newer))
+        way = path_lengths(world.view().centres)
+        metres, angle = _drift(self._drift, way[closure.newer] - way[closure.older], is_metric(world, older, newer))
         there = closure.place(world)
         off = float(np.linalg.norm(there.translation - newer.T_world_cam.translation))
         return off < float(metres) and there.rotation_angle_to(newer.T_world_cam) < float(angle)
@@ -152,35 +147,11 @@ class LoopDetector:
         return apart < AGREE_M and angle < AGREE_RAD and abs(np.log(a.factor / b.factor)) < AGREE_SCALE
 
 
-def same_points(keyframe: KeyFrame, rows: IntArray, uv: Pixels, level: IntArray) -> tuple[IntArray, IntArray]:
-    """Points (mine, known) that a keyframe sees at the spots (uv, level) where other points (rows) were found in it."""
-    observed = keyframe.observations
-    if not len(rows) or not len(observed.rows):
-        return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    apart = np.linalg.norm(uv[:, None] - observed.uv[None], axis=2)
-    near = apart.argmin(axis=1)
-    tolerance = SAME_PX * 2.0 ** np.maximum(level, observed.level[near])
-    same: BoolArray = (apart[np.arange(len(rows)), near] < tolerance) & (np.abs(level - observed.level[near]) <= 1)
-    same &= observed.rows[near] != rows
-    return observed.rows[near[same]], rows[same]
-
-
-def is_metric(world: Map, *keyframes: KeyFrame) -> bool:
-    """Whether odometry measured the size of the map around the keyframes."""
-    return all(k.data.T_odom_base is not None and world.is_metric(k.map_id) for k in keyframes)
-
-
-def _drift(way: FloatArray, by_odometry: bool) -> tuple[FloatArray, FloatArray]:
+def _drift(config: DriftConfig, way: FloatArray, by_odometry: bool) -> tuple[FloatArray, FloatArray]:
     """How far [m, rad] the map can be off after a way [m]."""
-    share, turn = (DRIFT_ODOMETRY, TURN_ODOMETRY) if by_odometry else (DRIFT_CAMERA, TURN_CAMERA)
-    return DRIFT_M + share * way, DRIFT_RAD + turn * way
-
-
-def path_lengths(world: Map) -> FloatArray:
-    """(K,) length of the way through all keyframes up to each of them, in the order in which they were made [m]."""
-    centres = np.array([k.T_world_cam.translation for k in world.keyframes])
-    steps = np.linalg.norm(np.diff(centres, axis=0, prepend=centres[:1]), axis=1)
-    return np.cumsum(steps)
+    share = config.odometry_ratio if by_odometry else config.camera_ratio
+    turn_rad_m = config.odometry_rad_m if by_odometry else config.camera_rad_m
+    return config.distance_m + share * way, config.turn_rad + turn_rad_m * way
 
 
 def _depth(world: Map, T_world_cam: SE3, rows: IntArray) -> FloatArray:

@@ -1,20 +1,114 @@
-"""Correcting a place seen twice: close the loop or merge two maps, then make one point of two.
+"""Correcting a place seen twice: close the loop by a pose graph or merge two maps, then make one point of two.
 
 Two points become one where keyframes look for points that the map knows from elsewhere and find them at spots where
 they have seen points of their own.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
-from vsx_ros.arrays import IntArray
-from vsx_ros.geometry.se3 import SE3
-from vsx_ros.slam.local_map import nearest_keyframes
-from vsx_ros.slam.loop_closing import is_metric, path_lengths, same_points
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels
+from vsx_ros.geometry.se3 import SE3, stacked
+from vsx_ros.kernels.slam.pose_graph import Edges, count_shared, optimize_graph
+from vsx_ros.slam.keyframe import KeyFrame
+from vsx_ros.slam.local_map import nearest_keyframes, path_lengths
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.map_points import find_unseen
 from vsx_ros.slam.point_creation import observations_at
-from vsx_ros.slam.pose_graph import LoopClosure, move_keyframes, optimize_pose_graph
 from vsx_ros.slam.state import SlamEvent
+
+# Standard deviations of what two keyframes that share points know of one another: a constant and a share of the way.
+DISTANCE_M, DISTANCE_RATIO, ANGLE_RAD, ANGLE_RAD_M, SCALE, SCALE_RATIO = 0.002, 0.01, 0.001, 0.005, 0.002, 0.01
+LOOSE = 5.0
+WEAK_COVISIBILITY, STRONG_COVISIBILITY, NEIGHBOURS = 15, 60, 2
+LOOP_SIGMA = np.array([0.004, 0.004, 0.004, 0.002, 0.002, 0.002, 0.003])
+ITERATIONS = 12
+SAME_PX = 2.0
+RADIUS_PX = 6.0
+
+
+class LoopClosure(NamedTuple):
+    """Keyframe ``newer`` was recognised by ``older``: where it stands by that part of the map, how many times as large
+    its own part would have to be, and how many points were found."""
+
+    older: int
+    newer: int
+    T_older_newer: SE3
+    factor: float
+    points: int = 0
+
+    def place(self, world: Map) -> SE3:
+        """T_world_cam of ``newer`` by ``older``'s part of the map, in the frame of ``older``'s map."""
+        return world.keyframes[self.older].T_world_cam @ self.T_older_newer
+
+
+class _Edge(NamedTuple):
+    a: int
+    b: int
+    T_a_b: SE3
+    scale: float
+    sigma: FloatArray
+
+
+def optimize_pose_graph(world: Map, map_id: int, loops: list[LoopClosure], free_scale: bool) -> float:
+    """Move all living keyframes of a map but the first so that the loops close, each stretch giving way as far as it is
+    uncertain: where successive keyframes share few points, first. free_scale: without odometry the size drifts too.
+
+    Returns how far the last keyframe of the loops moved [m]."""
+    nodes = world.living_in(map_id)
+    number = {k: n for n, k in enumerate(nodes)}
+    before = [world.keyframes[k].T_world_cam for k in nodes]
+    edges = [_Edge(number[e.older], number[e.newer], e.T_older_newer, e.factor, LOOP_SIGMA) for e in loops]
+    edges += _edges_within(world, nodes, before)
+    a, b, T_a_b, scale, sigma = zip(*edges)
+    information = np.array([np.diag(s**-2.0) for s in sigma])
+    graph = Edges(np.array(a, np.int64), np.array(b, np.int64), *stacked(T_a_b), np.array(scale), information)
+    fixed = np.arange(len(nodes)) == 0
+    R, t, s, _ = optimize_graph(*stacked(before), np.ones(len(nodes)), fixed, graph, free_scale, ITERATIONS)
+    after = [SE3(*pose) for pose in zip(R, t)]
+    move_keyframes(world, nodes, after, s)
+    last = number[loops[-1].newer]
+    return float(np.linalg.norm(after[last].translation - before[last].translation))
+
+
+def move_keyframes(world: Map, nodes: list[int], poses: list[SE3], factors: FloatArray) -> None:
+    """Move keyframes (indices) to new poses, ``factors`` times as large, with the points first seen in them or in
+    culled keyframes they carry."""
+    before = [world.keyframes[k].T_world_cam for k in nodes]
+    # A culled keyframe is held by what carries it.
+    holders = [k.id if k.anchor is None else k.anchor.keyframe for k in world.keyframes]
+    holder = np.array(holders, np.int64)[world.source]
+    order = np.argsort(holder, kind="stable")
+    first, last = (np.searchsorted(holder, nodes, side, order) for side in ("left", "right"))
+    for n, (k, old, new, factor) in enumerate(zip(nodes, before, poses, factors)):
+        mine = order[first[n] : last[n]]
+        world.points[mine] = new @ (factor * (old.inverse() @ world.points[mine]))
+        world.resize_keyframe(k, new, float(factor))
+
+
+def _edges_within(world: Map, nodes: list[int], poses: list[SE3]) -> list[_Edge]:
+    """Successive keyframes, and for each the two earlier ones that share most points with it: as they stand now."""
+    rows = [world.keyframes[k].observations.rows for k in nodes]
+    ends = np.cumsum([len(mine) for mine in rows], dtype=np.int64)
+    shared = count_shared(np.concatenate([np.zeros(0, np.int64), *rows]), ends, world.count)
+    edges = []
+    for n in range(1, len(nodes)):
+        edges.append(_edge(world, nodes, poses, n - 1, n, bool(shared[n, n - 1] < WEAK_COVISIBILITY)))
+        earlier = np.argsort(-shared[n, : n - 1], kind="stable")[:NEIGHBOURS]
+        edges += [_edge(world, nodes, poses, int(m), n, False) for m in earlier if shared[n, m] >= STRONG_COVISIBILITY]
+    return edges
+
+
+def _edge(world: Map, nodes: list[int], poses: list[SE3], a: int, b: int, loose: bool) -> _Edge:
+    T_a_b = poses[a].inverse() @ poses[b]
+    distance = float(np.linalg.norm(T_a_b.translation))
+    depth = max(world.keyframes[nodes[a]].median_depth, 1e-6)
+    metres = DISTANCE_M + DISTANCE_RATIO * distance
+    angle = ANGLE_RAD + ANGLE_RAD_M * distance
+    scale = SCALE + SCALE_RATIO * distance / depth
+    sigma = np.array([metres] * 3 + [angle] * 3 + [scale])
+    return _Edge(a, b, T_a_b, 1.0, LOOSE * sigma if loose else sigma)
 
 
 def correct_loops(world: Map, closures: list[LoopClosure], around: list[int]) -> SlamEvent:
@@ -25,7 +119,7 @@ def correct_loops(world: Map, closures: list[LoopClosure], around: list[int]) ->
     around_older = nearest_keyframes(world.view().part(older.map_id), older.T_world_cam)[:8]
     known = world.seen_by([older.id, *around_older.tolist()])
     if older.map_id == newer.map_id:
-        way = path_lengths(world)
+        way = path_lengths(world.view().centres)
         length = way[last.newer] - way[last.older]
         moved = optimize_pose_graph(world, newer.map_id, closures, free_scale=not is_metric(world, older, newer))
         kind, what = "loop closed", f"after {length:.1f} m, {moved:.3f} m off"
@@ -47,9 +141,6 @@ def _join(world: Map, closure: LoopClosure) -> None:
     poses = [T_new @ SE3(T.rotation, factor * T.translation) for T in steps]
     move_keyframes(world, nodes, poses, np.full(len(nodes), factor))
     world.join(newer.map_id, world.keyframes[closure.older].map_id)
-
-
-RADIUS_PX = 6.0
 
 
 def fuse(world: Map, keyframes: list[int], rows: IntArray) -> int:
@@ -74,3 +165,21 @@ def fuse(world: Map, keyframes: list[int], rows: IntArray) -> int:
         keyframe = world.keyframes[k]
         world.observe(k, observations_at(keyframe.data, keyframe.T_world_cam, world.points, *seen))
     return len(old)
+
+
+def same_points(keyframe: KeyFrame, rows: IntArray, uv: Pixels, level: IntArray) -> tuple[IntArray, IntArray]:
+    """Points (mine, known) that a keyframe sees at the spots (uv, level) where other points (rows) were found in it."""
+    observed = keyframe.observations
+    if not len(rows) or not len(observed.rows):
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    apart = np.linalg.norm(uv[:, None] - observed.uv[None], axis=2)
+    near = apart.argmin(axis=1)
+    tolerance = SAME_PX * 2.0 ** np.maximum(level, observed.level[near])
+    same: BoolArray = (apart[np.arange(len(rows)), near] < tolerance) & (np.abs(level - observed.level[near]) <= 1)
+    same &= observed.rows[near] != rows
+    return observed.rows[near[same]], rows[same]
+
+
+def is_metric(world: Map, *keyframes: KeyFrame) -> bool:
+    """Whether odometry measured the size of the map around the keyframes."""
+    return all(k.data.T_odom_base is not None and world.is_metric(k.map_id) for k in keyframes)

@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vsx_ros.arrays import BoolArray, IntArray, Points3
-from vsx_ros.geometry.se3 import SE3
-from vsx_ros.slam.keyframe import Anchor, FrameData, KeyFrame, Observations, PointObservers
-from vsx_ros.slam.map_view import MapView
-from vsx_ros.slam.templates import NewTemplates, TemplateStore, grown
+from vsx_ros.geometry.se3 import SE3, stacked
+from vsx_ros.slam.keyframe import (
+    Anchor,
+    FrameData,
+    KeyFrame,
+    MapView,
+    NewTemplates,
+    Observations,
+    PointObservers,
+    TemplateStore,
+)
 
-_ENOUGH_DEPTHS = 5
+_ENOUGH_DEPTHS = 5  # points whose median depth can be believed; with fewer the one before stays
 
 
 class Map:
-    """The mutable map. Rows of points are never reused. odom_epoch is that of the keyframes to come."""
+    """The mutable map. points (P, 3) world; alive (P,): whether a row is still in the map; source (P,): the keyframe
+    index each was made in. Rows are never reused. odom_epoch is that of the keyframes to come."""
 
     def __init__(self) -> None:
         self.version = 0
@@ -26,8 +34,9 @@ class Map:
         self.keyframes: list[KeyFrame] = []
         self._carried: dict[int, list[int]] = {}
         self._observers = PointObservers()
-        self.count = 0
-        self._columns: list[NDArray[Any]] = [np.zeros((1024, 3)), np.zeros(1024, np.bool_), np.zeros(1024, np.int64)]
+        self.points: Points3 = np.zeros((0, 3))
+        self.alive: BoolArray = np.zeros(0, np.bool_)
+        self.source: IntArray = np.zeros(0, np.int64)
         self.templates = TemplateStore()
 
     @staticmethod
@@ -40,25 +49,14 @@ class Map:
             if keyframe.anchor is not None:
                 world._carried.setdefault(keyframe.anchor.keyframe, []).append(k)
             world._observers.add(k, keyframe.observations.rows)
-        world.count = len(view.points)
-        world._columns = [view.points.copy(), view.alive.copy(), view.source.copy()]
+        world.points, world.alive, world.source = view.points.copy(), view.alive.copy(), view.source.copy()
         world.templates = TemplateStore.resumed(view.templates)
         return world
 
     @property
-    def points(self) -> Points3:
-        """(P, 3) world, a view to write into."""
-        return self._columns[0][: self.count]
-
-    @property
-    def alive(self) -> BoolArray:
-        """(P,) whether a row is still in the map, a view to write into."""
-        return self._columns[1][: self.count]
-
-    @property
-    def source(self) -> IntArray:
-        """(P,) keyframe index each point was made in."""
-        return self._columns[2][: self.count]
+    def count(self) -> int:
+        """Rows of points so far."""
+        return len(self.points)
 
     def add_keyframe(self, data: FrameData, T_world_cam: SE3, observations: Observations, map_id: int = 0) -> int:
         """Append a keyframe; returns its index, which is also its id."""
@@ -72,10 +70,9 @@ class Map:
     def add_points(self, points_world: Points3, templates: NewTemplates, source: int) -> NDArray[np.int64]:
         """Append points (N, 3) first seen in keyframe ``source``; returns their rows."""
         rows = np.arange(self.count, self.count + len(points_world))
-        self.count += len(rows)
-        self._columns = [grown(column, self.count) for column in self._columns]
-        for column, new in zip(self._columns, (points_world, True, source)):
-            column[rows] = new
+        self.points = np.concatenate([self.points, points_world])
+        self.alive = np.append(self.alive, np.ones(len(rows), np.bool_))
+        self.source = np.append(self.source, np.full(len(rows), source))
         self.templates.add_points(len(rows))
         self.templates.add(rows, templates, source)
         return rows
@@ -144,13 +141,15 @@ class Map:
         first = next(keyframe for keyframe in self.keyframes if keyframe.map_id == map_id)
         return first.data.T_odom_base is not None
 
-    def predecessor(self, index: int) -> int | None:
-        """The living keyframe before this one in its epoch, None for the first."""
+    def predecessors(self, index: int) -> Iterator[int]:
+        """The living keyframes before this one in its epoch, latest first."""
         epoch = self.keyframes[index].odom_epoch
-        for k in range(index - 1, -1, -1):
-            if self.keyframes[k].alive and self.keyframes[k].odom_epoch == epoch:
-                return k
-        return None
+        before = range(index - 1, -1, -1)
+        return (k for k in before if self.keyframes[k].alive and self.keyframes[k].odom_epoch == epoch)
+
+    def predecessor(self, index: int) -> int | None:
+        """The first of them, None where there is none."""
+        return next(self.predecessors(index), None)
 
     def successor(self, index: int) -> int | None:
         """The living keyframe after this one in its epoch, None for the last."""
@@ -171,10 +170,14 @@ class Map:
 
     def seen_by(self, indices: list[int]) -> IntArray:
         """Rows of the points in the map that any of the keyframes sees."""
+        return np.flatnonzero(self.sees(indices) & self.alive)
+
+    def sees(self, indices: list[int]) -> BoolArray:
+        """(P,) whether any of the keyframes sees a point."""
         mask = np.zeros(self.count, np.bool_)
         for k in indices:
             mask[self.keyframes[k].observations.rows] = True
-        return np.flatnonzero(mask & self.alive)
+        return mask
 
     def seen(self, rows: IntArray) -> IntArray:
         """(P,) how many keyframes see each of the points (rows); fewer than do, or none, for other points."""
@@ -197,15 +200,12 @@ class Map:
         parent = max(others, key=lambda k: (shared[k], -abs(k - index)))
         data = FrameData.without_image(keyframe.data.stamp_ns, keyframe.data.T_odom_base)
         self.keyframes[index] = replace(keyframe, data=data, observations=Observations.none())
-        self._carry(parent, [index, *self._carried.pop(index, [])])
-        self.remove_points(rows[self.seen(rows)[rows] < 2])
-
-    def _carry(self, parent: int, carried: list[int]) -> None:
-        T_parent_world = self.keyframes[parent].T_world_cam.inverse()
+        carried, T_parent_world = [index, *self._carried.pop(index, [])], self.keyframes[parent].T_world_cam.inverse()
         for k in carried:
             anchor = Anchor(parent, T_parent_world @ self.keyframes[k].T_world_cam)
             self.keyframes[k] = replace(self.keyframes[k], anchor=anchor)
         self._carried.setdefault(parent, []).extend(carried)
+        self.remove_points(rows[self.seen(rows)[rows] < 2])
 
     def remove_points(self, rows: IntArray) -> None:
         """Take points out of the map, with all that was seen of them."""
@@ -233,8 +233,7 @@ class Map:
             self.version,
             tuple(self.keyframes),
             np.array(self.living, np.int64),
-            np.array([k.T_world_cam.rotation for k in self.keyframes]).reshape(-1, 3, 3),
-            np.array([k.T_world_cam.translation for k in self.keyframes]).reshape(-1, 3),
+            *stacked([k.T_world_cam for k in self.keyframes]),
             np.array([k.median_depth or 1.0 for k in self.keyframes]),
             self.points.copy(),
             self.alive.copy(),

@@ -1,15 +1,15 @@
-"""The points of the map: made from corners of a new keyframe, found again in others, seen from new sides, removed when
-they are looked for in vain (paper 3.1)."""
+"""What the map keeps. Points: made from corners of a new keyframe, found again in others, seen from new sides, removed
+when they are looked for in vain (paper 3.1). Keyframes: culled where a place has been passed again and again (after
+Mur-Artal et al., ORB-SLAM, T-RO 2015, VI.E)."""
 
 import math
 
 import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels
-from vsx_ros.config import MapperConfig
-from vsx_ros.slam.keyframe import KeyFrame
+from vsx_ros.config.maps import CullingConfig, MapperConfig
+from vsx_ros.slam.keyframe import KeyFrame, MapView, NewTemplates
 from vsx_ros.slam.map import Map
-from vsx_ros.slam.map_view import MapView
 from vsx_ros.slam.point_creation import (
     Candidates,
     TargetMatches,
@@ -17,13 +17,15 @@ from vsx_ros.slam.point_creation import (
     match_in_target,
     observations_at,
     templates_in,
-    templates_of,
 )
 from vsx_ros.slam.tracker import predicted
 from vsx_ros.vision.patch_search import Predictions, find_patches
 
-REFIND_RADIUS_PX, UNSEEN_REACH = 4.0, 2
-NEW_TEMPLATE = 0.006
+REFIND_RADIUS_PX, UNSEEN_REACH = 4.0, 2  # poses are known by now; px of the level beyond corners
+NEW_TEMPLATE = 0.006  # squared angle [rad2]: 4.4 deg of direction, or a fifth of the distance
+# A keyframe with fewer points is held by little else: it stays. So does one whose neighbours in its epoch would be
+# left to odometry alone without it.
+ASSESSED_POINTS, TIED_POINTS = 40, 40
 
 
 class MapPoints:
@@ -34,9 +36,9 @@ class MapPoints:
 
     def enter(self, source: int, target: int, candidates: Candidates, matches: TargetMatches) -> IntArray:
         """Points found in two keyframes enter the map; returns their rows."""
-        world = self._world
-        rows = world.add_points(matches.points_world, templates_of(candidates, matches.chosen), source)
         chosen = matches.chosen
+        looks = NewTemplates(candidates.basis[chosen], np.zeros((len(chosen), 2)), candidates.patches[chosen])
+        rows = self._world.add_points(matches.points_world, looks, source)
         self._observe(source, rows, candidates.uv[chosen], candidates.level[chosen])
         self._observe(target, rows, matches.uv, matches.level)
         return rows
@@ -103,7 +105,44 @@ def find_unseen(keyframe: KeyFrame, view: MapView, rows: IntArray, radius_px: fl
     wanted = rows[view.alive[rows] & ~np.isin(rows, keyframe.observations.rows)]
     data, templates = keyframe.data, view.templates
     expected = predicted(data.camera, keyframe.T_world_cam.inverse(), view, wanted)
-    found, uv = find_patches(
-        data.pyramid, data.corners, templates.patches, templates.offset, expected, radius_px, UNSEEN_REACH
-    )
+    found, uv = find_patches(data.target, templates.patches, templates.offset, expected, radius_px, UNSEEN_REACH)
     return expected.take(found), uv[found]
+
+
+def cull_redundant(world: Map, among: list[int], config: CullingConfig) -> list[int]:
+    """Cull those of the keyframes ``among`` (indices) that are redundant, the oldest first; returns them.
+
+    Never the first two of a map, which hold its frame and its size, nor the newest ones."""
+    held = {k for m in {world.keyframes[k].map_id for k in among} for k in world.living_in(m)[:2]}
+    newest = set(world.living[-config.keep_newest :])
+    culled = []
+    for k in sorted(set(among) - held - newest):
+        if world.keyframes[k].alive and is_redundant(world, k, config) and not _ties_its_epoch(world, k):
+            world.cull_keyframe(k)
+            culled.append(k)
+    return culled
+
+
+def is_redundant(world: Map, index: int, config: CullingConfig) -> bool:
+    """Whether so large a share of a keyframe's points is seen by so many others from as near or nearer."""
+    seen = world.keyframes[index].observations
+    if len(seen.rows) < ASSESSED_POINTS:
+        return False
+    viewers = np.zeros(world.count, np.int64)
+    finest: IntArray = np.full(world.count, -1, np.int64)
+    finest[seen.rows] = seen.level
+    for k in world.observers(seen.rows):
+        if k != index:
+            other = world.keyframes[k].observations
+            viewers[other.rows[other.level <= finest[other.rows]]] += 1
+    enough = np.count_nonzero(viewers[seen.rows] >= config.viewers)
+    return bool(enough >= config.seen_ratio * len(seen.rows))
+
+
+def _ties_its_epoch(world: Map, index: int) -> bool:
+    """Whether the keyframes before and after it share too little to be held together by images without it."""
+    before, after = world.predecessor(index), world.successor(index)
+    if before is None or after is None:
+        return False
+    rows = world.keyframes[before].observations.rows
+    return bool(np.isin(world.keyframes[after].observations.rows, rows).sum() < TIED_POINTS)

@@ -3,6 +3,7 @@
 import math
 from collections import deque
 from collections.abc import Callable
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -11,17 +12,13 @@ from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.config import SlamConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.slam.bundle_adjustment import BundleAdjuster, never
-from vsx_ros.slam.culling import cull_redundant
-from vsx_ros.slam.keyframe import FrameData, Observations
+from vsx_ros.slam.bundle_adjustment import BundleAdjuster
+from vsx_ros.slam.keyframe import FrameData, MapView, Observations
 from vsx_ros.slam.loop_closing import LoopDetector
 from vsx_ros.slam.loop_correction import correct_loops
 from vsx_ros.slam.map import Map
-from vsx_ros.slam.map_points import MapPoints
-from vsx_ros.slam.map_view import MapView
-from vsx_ros.slam.point_creation import (
-    observations_at,
-)
+from vsx_ros.slam.map_points import MapPoints, cull_redundant
+from vsx_ros.slam.point_creation import observations_at
 from vsx_ros.slam.state import SlamEvent
 from vsx_ros.slam.two_view_reconstruction import InitialPair, TwoViewReconstruction
 from vsx_ros.vision.corners import dense_corners
@@ -59,20 +56,19 @@ class Mapper:
         self._reconstruction = TwoViewReconstruction(camera, config.initialization)
         self._adjuster = BundleAdjuster(camera, T_base_cam, config.wheels)
         self._since_global = 0
-        self._loops = LoopDetector(camera, config.tracker, np.random.default_rng(0))
+        self._loops = LoopDetector(camera, config, np.random.default_rng(0))
         self.events: deque[SlamEvent] = deque()
 
     def start(self, pair: InitialPair) -> MapView | str:
-        """Make a map of two frames, the first one or one of its own; nothing changes when they do not allow it, for the
-        reason returned."""
+        """Make a map of two frames, the first one or one of its own; where they do not allow it, say why."""
         start = self._reconstruction.reconstruct(pair)
         if isinstance(start, str):
             return start
         world = self.map
         map_id = 1 + max((keyframe.map_id for keyframe in world.keyframes), default=-1)
         world.odom_epoch = pair.odom_epoch
-        first = world.add_keyframe(_with_dense_corners(pair.first), start.poses[0], Observations.none(), map_id)
-        second = world.add_keyframe(_with_dense_corners(pair.second), start.poses[1], Observations.none(), map_id)
+        first = world.add_keyframe(self._with_corners(pair.first), start.poses[0], Observations.none(), map_id)
+        second = world.add_keyframe(self._with_corners(pair.second), start.poses[1], Observations.none(), map_id)
         self._points.enter(first, second, pair.candidates, start.matches)
         for k in (first, second):
             world.update_depth(k)
@@ -94,7 +90,7 @@ class Mapper:
         observed = observations_at(request.data, pose, world.points, *seen)
         self._points.remove_unfound(request.searched, request.found)
         observed = observed.where(world.alive[observed.rows])
-        index = world.add_keyframe(_with_dense_corners(request.data), pose, observed, reference.map_id)
+        index = world.add_keyframe(self._with_corners(request.data), pose, observed, reference.map_id)
         neighbours = self.neighbours(index, self._config.window_keyframes)
         self._points.refind([index], world.seen_by(neighbours))
         created = self._points.make(index, self._targets(index, neighbours))
@@ -115,9 +111,8 @@ class Mapper:
         """Close the loop, or join the map, when a new keyframe shows a place that is known from elsewhere."""
         closures = self._loops.detect(self.map, self.map.view(), index)
         if self._loops.tracked_loop:
-            self.events.append(
-                SlamEvent(self.map.keyframes[index].data.stamp_ns, "loop closed", self._loops.tracked_loop)
-            )
+            stamp_ns = self.map.keyframes[index].data.stamp_ns
+            self.events.append(SlamEvent(stamp_ns, "loop closed", self._loops.tracked_loop))
             self._since_global = len(self.map.keyframes)
         if not closures:
             return
@@ -125,18 +120,16 @@ class Mapper:
         self.events.append(correct_loops(self.map, closures, around))
         self._loops.forget()
         there = [older, *self.neighbours(older, self._config.window_keyframes)]
-        free = self._movable(sorted({*around, *there}))
-        self._adjuster.adjust(self.map, free, self._config.local_iterations)
+        self._adjuster.adjust(self.map, self._movable(sorted({*around, *there})), self._config.local_iterations)
         self._since_global = len(self.map.keyframes)
 
     @property
     def refinement_due(self) -> bool:
-        """Whether the whole map should be adjusted: always while it is young, later when it has grown by a tenth, and
-        when a loop has been closed."""
+        """Whether the whole map should be adjusted: while it is young, has grown by a tenth, or a loop was closed."""
         young = len(self.map.keyframes) < GLOBAL_EVERY
         return self._since_global >= (1 if young else max(GLOBAL_EVERY, round(GLOBAL_GROWTH * len(self.map.living))))
 
-    def refine(self, interrupted: Callable[[], bool] = never) -> MapView:
+    def refine(self, interrupted: Callable[[], bool] = lambda: False) -> MapView:
         """Adjust the whole map; what ``interrupted`` cuts short stays due."""
         world = self.map
         free = self._movable(world.living)
@@ -152,33 +145,20 @@ class Mapper:
         return [k for k in indices if k not in {self.map.living_in(m)[0] for m in maps}]
 
     def neighbours(self, index: int, count: int) -> list[int]:
-        """Indices of the living keyframes that share most points with one, at least 15, best first; the previous one of
-        its epoch always."""
+        """Indices of the living keyframes that share most points (15 or more) with one, and the one before it."""
         shared = self.map.covisible(self.map.keyframes[index].observations.rows)
         shared[index] = 0
         ranked = [int(k) for k in np.argsort(-shared, kind="stable") if shared[k] >= 15][:count]
-        previous = [k for k in self._previous(index, 3) if k not in ranked]
+        previous = [k for k in islice(self.map.predecessors(index), 3) if k not in ranked]
         wanted = 1 if len(ranked) >= 3 else 3
         return [*ranked[: count - wanted], *previous[:wanted]]
-
-    def _previous(self, index: int, count: int) -> list[int]:
-        """Up to ``count`` living keyframes before one in its epoch, latest first."""
-        found: list[int] = []
-        before = self.map.predecessor(index)
-        while before is not None and len(found) < count:
-            found.append(before)
-            before = self.map.predecessor(before)
-        return found
 
     def _targets(self, index: int, neighbours: list[int]) -> list[int]:
         """Neighbours to triangulate with: one at a comfortable baseline, one near for what has just come into view,
         then wider ones. Baselines count relative to the depth."""
-        keyframe = self.map.keyframes[index]
-        depth = keyframe.median_depth or 1.0
-        offset = {
-            k: np.linalg.norm(self.map.keyframes[k].T_world_cam.translation - keyframe.T_world_cam.translation)
-            for k in neighbours
-        }
+        keyframes, here = self.map.keyframes, self.map.keyframes[index].T_world_cam.translation
+        depth = keyframes[index].median_depth or 1.0
+        offset = {k: np.linalg.norm(keyframes[k].T_world_cam.translation - here) for k in neighbours}
         chosen: list[int] = []
         for wanted in BASELINES[: self._config.target_keyframes]:
             left = [k for k in neighbours if k not in chosen and offset[k] > 0.2 * BASELINES[1] * depth]
@@ -207,6 +187,6 @@ class Mapper:
         world.forget(index, np.ones(len(world.keyframes[index].observations.rows), np.bool_))
         world.move_keyframe(index, world.keyframes[before].T_world_cam @ factor.T_a_b)
 
-
-def _with_dense_corners(data: FrameData) -> FrameData:
-    return data._replace(corners=dense_corners(data.pyramid))
+    def _with_corners(self, data: FrameData) -> FrameData:
+        """The image with the corners that new points are made of."""
+        return data._replace(corners=dense_corners(data.pyramid, self._config.corners))

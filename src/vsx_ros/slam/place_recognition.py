@@ -1,6 +1,5 @@
 """Which keyframes show the place an image shows, and where it was taken: likeness of the small images, then binary
-descriptors of the keyframe's points, then the pose that explains the matches, then patch search of all that should be
-in view."""
+descriptors of the keyframe's points, then the pose that explains the matches, then patch search of all in view."""
 
 from typing import NamedTuple
 
@@ -9,24 +8,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsx_ros.arrays import FloatArray, IntArray
+from vsx_ros.config.maps import RecognitionConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.geometry.projection import unproject_pixels
-from vsx_ros.slam.keyframe import FrameData, KeyFrame, Observations
+from vsx_ros.slam.keyframe import FrameData, KeyFrame, MapView, Observations
 from vsx_ros.slam.local_map import LocalMap
-from vsx_ros.slam.map_view import MapView
 from vsx_ros.slam.tracker import Track, Tracker
-from vsx_ros.vision.descriptors import Features, describe, match
+from vsx_ros.vision.corners import Features, describe, match
 from vsx_ros.vision.patch_search import kernel_camera
-from vsx_ros.vision.small_image import SmallImage
+from vsx_ros.vision.pyramid import SmallImage
 
-REMEMBERED = 400
-MIN_MATCHES, PNP_ERROR_PX, PNP_TRIALS = 12, 6.0, 200
-SEARCH_RADIUS_PX = 12.0
-SHIFT_X, SHIFT_Y = 6, 1
-CELLS = 4
-SURE_FOUND, SURE_RATIO, SURE_CELLS = 40, 0.42, 5
-CERTAIN_FOUND, CERTAIN_RATIO, CERTAIN_CELLS = 120, 0.5, 8
+REMEMBERED = 400  # keyframes whose descriptors are kept; the oldest go, for memory
+MIN_MATCHES, PNP_ERROR_PX, PNP_TRIALS = 12, 6.0, 200  # three fix a pose, more speak against chance; px at level 0
+SEARCH_RADIUS_PX = 12.0  # about twice what the pose by descriptors is off
+SHIFT_X, SHIFT_Y = 6, 1  # of the 20 x 15 image: a turn of 17 deg to a side, a nod of 3
+CELLS = 4  # across and down
 
 
 class Recognition(NamedTuple):
@@ -39,22 +36,17 @@ class Recognition(NamedTuple):
     cells: int
 
 
-def is_sure(seen: Recognition) -> bool:
+def is_sure(seen: Recognition, config: RecognitionConfig) -> bool:
     """Whether this is the place, when something else speaks for it too. A poster or a chair that hangs or stands
     elsewhere as well brings its own points, but not those around it, and fills a part of the image only."""
-    return len(seen.track.rows) >= SURE_FOUND and seen.track.ratio >= SURE_RATIO and seen.cells >= SURE_CELLS
+    found, ratio = len(seen.track.rows), seen.track.ratio
+    return found >= config.sure_found and ratio >= config.sure_ratio and seen.cells >= config.sure_cells
 
 
-def is_certain(seen: Recognition) -> bool:
+def is_certain(seen: Recognition, config: RecognitionConfig) -> bool:
     """Whether this is the place, though nothing else speaks for it."""
-    few = len(seen.track.rows) < CERTAIN_FOUND
-    return not few and seen.track.ratio >= CERTAIN_RATIO and seen.cells >= CERTAIN_CELLS
-
-
-class _KeyframeFeatures(NamedTuple):
-    of: Observations
-    rows: IntArray
-    features: Features
+    found, ratio = len(seen.track.rows), seen.track.ratio
+    return found >= config.certain_found and ratio >= config.certain_ratio and seen.cells >= config.certain_cells
 
 
 class PlaceRecognizer:
@@ -62,10 +54,8 @@ class PlaceRecognizer:
     descriptors of the keyframes it compared last."""
 
     def __init__(self, camera: PinholeCamera, tracker: Tracker) -> None:
-        self._camera = camera
-        self._array = kernel_camera(camera)
-        self._tracker = tracker
-        self._features: dict[int, _KeyframeFeatures] = {}
+        self._camera, self._array, self._tracker = camera, kernel_camera(camera), tracker
+        self._features: dict[int, tuple[Observations, IntArray, Features]] = {}
         self._tiny: dict[int, SmallImage] = {}
 
     def ranked(self, small: SmallImage, view: MapView, among: IntArray) -> IntArray:
@@ -77,7 +67,7 @@ class PlaceRecognizer:
 
     def features_seen(self, keyframe: KeyFrame) -> Features:
         """What a keyframe observes, described."""
-        return self._described(keyframe).features
+        return self._described(keyframe)[1]
 
     def recognise(self, data: FrameData, features: Features, view: MapView, index: int) -> Recognition | None:
         """The image placed by keyframe ``index``; None when its points do not appear in it in one consistent view."""
@@ -92,18 +82,15 @@ class PlaceRecognizer:
     ) -> Recognition:
         """The image placed by keyframe ``index`` and its neighbours, from a guess of T_world_cam."""
         view = view.part(view.keyframes[index].map_id)
-        local = LocalMap()
-        local.select(view, index)
-        track = self._tracker.track(data, view, pose, local.rows, radius_px)
+        track = self._tracker.track(data, view, pose, LocalMap(view, index).rows, radius_px)
         return Recognition(index, track, matches, occupied_cells(track.uv, self._camera))
 
     def _guess(self, features: Features, view: MapView, index: int) -> tuple[SE3, int] | None:
         """T_world_cam from descriptor matches with a keyframe's points (perspective three-point and consensus)."""
-        known = self._described(view.keyframes[index])
-        there, here = match(known.features, features)
-        rows = known.rows[there]
-        alive = view.alive[rows]
-        rows, here = rows[alive], here[alive]
+        seen, known = self._described(view.keyframes[index])
+        there, here = match(known, features)
+        alive = view.alive[seen[there]]
+        rows, here = seen[there[alive]], here[alive]
         if len(rows) < MIN_MATCHES:
             return None
         centre = view.centres[index]
@@ -123,16 +110,17 @@ class PlaceRecognizer:
         T_cam_local = SE3(np.asarray(cv2.Rodrigues(rotation)[0]), np.asarray(translation, float).ravel())
         return SE3(np.eye(3), centre) @ T_cam_local.inverse(), len(inliers)
 
-    def _described(self, keyframe: KeyFrame) -> _KeyframeFeatures:
+    def _described(self, keyframe: KeyFrame) -> tuple[IntArray, Features]:
+        """(rows of the points, features) of what a keyframe observes."""
         observed = keyframe.observations
         known = self._features.pop(keyframe.id, None)
-        if known is None or known.of is not observed:
+        if known is None or known[0] is not observed:
             index, features = describe(keyframe.data.pyramid, observed.uv, observed.level)
-            known = _KeyframeFeatures(observed, observed.rows[index], features)
+            known = observed, observed.rows[index], features
         self._features[keyframe.id] = known
         if len(self._features) > REMEMBERED:
             del self._features[next(iter(self._features))]
-        return known
+        return known[1:]
 
     def _shrunk(self, keyframe: KeyFrame) -> SmallImage:
         if keyframe.id not in self._tiny:

@@ -13,16 +13,15 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.geometry.projection import ideal_pixels, unproject_pixels
 from vsx_ros.kernels.slam.epipolar import search_rays
 from vsx_ros.kernels.vision.patches import CENTRE
-from vsx_ros.slam.keyframe import FrameData, KeyFrame, Observations
-from vsx_ros.slam.templates import NewTemplates
+from vsx_ros.slam.keyframe import FrameData, KeyFrame, NewTemplates, Observations
 from vsx_ros.vision.corners import strongest
-from vsx_ros.vision.patch_search import cast_rays, cut_patches, from_level, target_of, to_level
-from vsx_ros.vision.pyramid import LEVELS
+from vsx_ros.vision.patch_search import cast_rays, cut_patches
+from vsx_ros.vision.pyramid import LEVELS, from_level, to_level
 
-_SHARE = (0.40, 0.30, 0.20, 0.10)
-_SPACING_PX = (10, 8, 6, 5)
-_MAX_ERROR_PX = 2.0
-NEAREST_M = 0.1
+_SHARE = (0.40, 0.30, 0.20, 0.10)  # of the new points by level: fine ones are exact, coarse ones seen from farther off
+_SPACING_PX = (10, 8, 6, 5)  # px of the level between corners, so that points spread over the image
+_MAX_ERROR_PX = 2.0  # px of the level by which a new point may miss its two corners
+NEAREST_M = 0.1  # nothing is nearer to a camera on a robot; keeps divisions sane
 
 
 class Candidates(NamedTuple):
@@ -59,26 +58,17 @@ def observations_at(
 
 def candidates_in(keyframe: KeyFrame, budget: int) -> Candidates:
     """The strongest corners of every level that no observation of the same or the next coarser level is near to."""
-    parts = []
+    parts, pyramid, observed = [], keyframe.data.pyramid, keyframe.observations
     for level in range(LEVELS):
-        image = keyframe.data.pyramid.level(level)
+        image, radius = pyramid.level(level), _SPACING_PX[level]
         occupied = np.zeros(image.shape, np.bool_)
-        radius = _SPACING_PX[level]
-        observed = keyframe.observations
         near = observed.uv[(observed.level == level) | (observed.level == level + 1)]
         for x, y in np.rint(to_level(near, level)).astype(int):
             occupied[max(0, y - radius) : y + radius + 1, max(0, x - radius) : x + radius + 1] = True
         corners = strongest(image, occupied, int(budget * _SHARE[level]), radius)
-        rays = cast_rays(keyframe.data.camera, corners, level)
-        parts.append(
-            (
-                from_level(corners.astype(float), level),
-                np.full(len(corners), level, np.int64),
-                rays.direction,
-                rays.basis,
-                cut_patches(keyframe.data.pyramid, corners, level),
-            )
-        )
+        uv, levels = from_level(corners.astype(float), level), np.full(len(corners), level, np.int64)
+        rays, patches = cast_rays(keyframe.data.camera, corners, level), cut_patches(pyramid, corners, level)
+        parts.append((uv, levels, *rays, patches))
     return Candidates(*(np.concatenate(column) for column in zip(*parts)))
 
 
@@ -96,7 +86,7 @@ def match_in_target(
     bounds = np.tile([1.0 / depth_range[1], 1.0 / depth_range[0]], (n, 1))
     found, uv, level = search_rays(
         camera, T_target_source.rotation, T_target_source.translation, candidates.rays, candidates.basis,
-        candidates.patches, bounds, target_of(target.data.pyramid, target.data.corners),
+        candidates.patches, bounds, target.data.target,
     )  # fmt: skip
     index = np.flatnonzero(found)
     uv, level = uv[index], level[index]
@@ -128,14 +118,8 @@ def checked_points(
     return points, keep
 
 
-def templates_of(candidates: Candidates, index: IntArray) -> NewTemplates:
-    """How chosen candidates look."""
-    return NewTemplates(candidates.basis[index], np.zeros((len(index), 2)), candidates.patches[index])
-
-
 def templates_in(keyframe: KeyFrame, chosen: IntArray) -> tuple[IntArray, NewTemplates]:
-    """How points look in a keyframe that observes them: (which of ``chosen``, indices into its observations, have a
-    whole patch; their templates)."""
+    """(which of the observations ``chosen`` (indices) of a keyframe have a whole patch, how they look there)."""
     observed = keyframe.observations
     kept, parts = [], []
     for level in range(LEVELS):
@@ -145,7 +129,7 @@ def templates_in(keyframe: KeyFrame, chosen: IntArray) -> tuple[IntArray, NewTem
         height, width = keyframe.data.pyramid.level(level).shape
         inside = ((whole >= CENTRE) & (whole < np.array([width, height]) - CENTRE)).all(axis=1)
         index, at, whole = index[inside], at[inside], whole[inside]
-        rays = cast_rays(keyframe.data.camera, whole, level)
+        _, basis = cast_rays(keyframe.data.camera, whole, level)
         kept.append(index)
-        parts.append((rays.basis, at - whole, cut_patches(keyframe.data.pyramid, whole, level)))
+        parts.append((basis, at - whole, cut_patches(keyframe.data.pyramid, whole, level)))
     return np.concatenate(kept), NewTemplates(*(np.concatenate(column) for column in zip(*parts)))

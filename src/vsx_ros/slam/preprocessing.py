@@ -2,37 +2,25 @@
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
 from vsx_ros.arrays import FloatArray
-from vsx_ros.config import ShutterConfig
+from vsx_ros.config.maps import ShutterConfig, SlamConfig
 from vsx_ros.errors import InputError
-from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.camera import PinholeCamera, check_calibration
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry
-from vsx_ros.slam.calibration_check import check_calibration
 from vsx_ros.slam.keyframe import FrameData
-from vsx_ros.vision.corners import CornerDetector, Corners, indexed
+from vsx_ros.vision.corners import CornerDetector, no_corners
 from vsx_ros.vision.patch_search import kernel_camera, moving
-from vsx_ros.vision.pyramid import LEVELS, Pyramid, build_pyramid
-from vsx_ros.vision.sharpness import BlurDetector
-from vsx_ros.vision.small_image import small_image
+from vsx_ros.vision.pyramid import LEVELS, BlurDetector, Pyramid, build_pyramid, small_image
 
-GAP_S, MAX_AGE_S = 1.0, 0.25
-# A base that moves less than this between two images stands.
-# What a reading that stops between two images can differ by, carried from its stamp to the image's middle row.
+GAP_S, MAX_AGE_S = 1.0, 0.25  # between frames, told: something hangs; of odometry to its image
+# A base that moves less than this between two images stands: what a reading that stops between them can differ by,
+# carried from its stamp to the image's middle row.
 STILL_M, STILL_RAD = 0.006, 0.01
-
-
-class Exposure(NamedTuple):
-    """camera (18,): the kernels' array of an image; T_middle_stamp: the camera at the image's stamp, the start of its
-    first row, as seen from the middle."""
-
-    camera: FloatArray
-    T_middle_stamp: SE3
 
 
 class RollingShutter:
@@ -42,27 +30,22 @@ class RollingShutter:
     def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, config: ShutterConfig) -> None:
         self._standing = kernel_camera(camera)
         self._T_base_cam = T_base_cam
-        self._T_cam_base = SE3.identity() if T_base_cam is None else T_base_cam.inverse()
         self._readout_s = config.readout_s
         self._middle_s = 0.5 * (config.exposure_s + config.readout_s)
         self.middle_ns = round(1e9 * self._middle_s)
 
-    def exposure(self, odometry: Odometry | None) -> Exposure:
-        """Of an image taken at the speed of an odometry reading; without one, standing still."""
+    def exposure(self, odometry: Odometry | None) -> tuple[FloatArray, SE3]:
+        """Of an image taken at the speed of an odometry reading; without one, standing still: the kernels' array (18,)
+        of the image, and the camera at its stamp, the start of its first row, as seen from the middle."""
         if odometry is None or self._T_base_cam is None:
-            return Exposure(self._standing, SE3.identity())
-        back = SE2.exp(-odometry.v * self._middle_s, 0.0, -odometry.omega * self._middle_s)
-        T_middle_stamp = self._T_cam_base @ SE3.from_se2(back) @ self._T_base_cam
-        return Exposure(moving(self._standing, self._motion(odometry)), T_middle_stamp)
-
-    def _motion(self, odometry: Odometry) -> FloatArray:
-        """(6,) rotation vector and way of the camera, in its own frame, during the readout."""
-        assert self._T_base_cam is not None
+            return self._standing, SE3.identity()
+        back = SE2.exp(-odometry.v * self._middle_s, -odometry.omega * self._middle_s)
         forward, left, _ = self._T_base_cam.translation.tolist()
         turn = np.array([0.0, 0.0, odometry.omega])
         way = np.array([odometry.v - odometry.omega * left, odometry.omega * forward, 0.0])
         R_cam_base = self._T_base_cam.rotation.T
-        return np.concatenate([R_cam_base @ turn, R_cam_base @ way]) * self._readout_s
+        motion = np.concatenate([R_cam_base @ turn, R_cam_base @ way]) * self._readout_s
+        return moving(self._standing, motion), self._T_base_cam.inverse() @ SE3.from_se2(back) @ self._T_base_cam
 
 
 class Preprocessor:
@@ -73,19 +56,15 @@ class Preprocessor:
     """
 
     def __init__(
-        self,
-        camera: PinholeCamera,
-        T_base_cam: SE3 | None,
-        shutter: ShutterConfig,
-        gap: Callable[[int, str], None],
+        self, camera: PinholeCamera, T_base_cam: SE3 | None, config: SlamConfig, gap: Callable[[int, str], None]
     ) -> None:
         check_calibration(camera, T_base_cam)
         self._camera = camera
         self._gap = gap
-        self._shutter = RollingShutter(camera, T_base_cam, shutter)
+        self._shutter = RollingShutter(camera, T_base_cam, config.shutter)
         self.T_middle_stamp = SE3.identity()
         self._odometry = None if T_base_cam is None else ContinuousOdometry(gap)
-        self._detector = CornerDetector()
+        self._detector = CornerDetector(config.tracker.corners)
         self._blur = BlurDetector()
         self._last_stamp_ns: int | None = None
         self._last_image: tuple[Pyramid, SE2 | None] | None = None
@@ -111,15 +90,14 @@ class Preprocessor:
         self._last_stamp_ns = frame.stamp_ns
         middle_ns = frame.stamp_ns + self._shutter.middle_ns
         T_odom_base = None if self._odometry is None else self._odometry.at(middle_ns, odometry)
-        exposure = self._shutter.exposure(odometry if T_odom_base is not None else None)
-        self.T_middle_stamp = exposure.T_middle_stamp
+        array, self.T_middle_stamp = self._shutter.exposure(odometry if T_odom_base is not None else None)
         small = small_image(pyramid)
         if self._is_frozen(pyramid, T_odom_base):
             self._gap(frame.stamp_ns, "the image is the last one to the bit though the base moves: the camera hangs")
-            return FrameData(frame.stamp_ns, pyramid, _no_corners(pyramid), small, T_odom_base, exposure.camera)
+            return FrameData(frame.stamp_ns, pyramid, no_corners(pyramid), small, T_odom_base, array)
         blurred = self._blur.blurred(pyramid)
         corners = self._detector.detect(pyramid, steer=not blurred)
-        return FrameData(frame.stamp_ns, pyramid, corners, small, T_odom_base, exposure.camera, blurred)
+        return FrameData(frame.stamp_ns, pyramid, corners, small, T_odom_base, array, blurred)
 
     def _is_frozen(self, pyramid: Pyramid, T_odom_base: SE2 | None) -> bool:
         """Whether the camera repeats its last image, which noise never does, though the base has moved since."""
@@ -133,10 +111,6 @@ class Preprocessor:
             return False
         self._last_image = before
         return True
-
-
-def _no_corners(pyramid: Pyramid) -> Corners:
-    return indexed([np.zeros((0, 2), np.int32)] * LEVELS, pyramid)
 
 
 class ContinuousOdometry:
@@ -159,14 +133,14 @@ class ContinuousOdometry:
         if reason := odometry.impossible or _out_of_date(age):
             self._gap(stamp_ns, f"{reason}: ignored for this frame")
             return None
-        raw = odometry.T_odom_base @ SE2.exp(odometry.v * age, 0.0, odometry.omega * age)
+        raw = odometry.T_odom_base @ SE2.exp(odometry.v * age, odometry.omega * age)
         counted = self._T_continuous_odom @ raw
         if self._last is not None and self._last[2] != odometry.odom_epoch:
             last_ns, last, _ = self._last
             elapsed = (stamp_ns - last_ns) * 1e-9
             jump = f"{last.distance_to(counted):.2f} m and {math.degrees(abs(last.angle_to(counted))):.0f} deg"
             self._gap(stamp_ns, f"odometry jumped by {jump} in {elapsed:.2f} s: counted on from where it was")
-            counted = last @ SE2.exp(odometry.v * elapsed, 0.0, odometry.omega * elapsed)
+            counted = last @ SE2.exp(odometry.v * elapsed, odometry.omega * elapsed)
             self._T_continuous_odom = counted @ raw.inverse()
         self._last = stamp_ns, counted, odometry.odom_epoch
         return counted

@@ -1,21 +1,30 @@
-"""From the first frame that cannot be tracked until the camera is found: where it may be, whether odometry bridges the
-gap, and when a map of its own shall begin."""
+"""From the first frame that cannot be tracked until the camera is found: where it is expected, then at every place that
+looks alike, each verified by patch search; whether odometry bridges the gap, and when a map of its own shall begin."""
+
+from typing import NamedTuple
 
 import numpy as np
 
+from vsx_ros.arrays import FloatArray
 from vsx_ros.config import SlamConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.initialization import Initializer
-from vsx_ros.slam.keyframe import FrameData
-from vsx_ros.slam.local_map import nearest_keyframes
-from vsx_ros.slam.map_view import MapView
-from vsx_ros.slam.motion_model import MotionModel
-from vsx_ros.slam.relocalization import ExpectedPose, PoseTolerance, Relocalization, Relocalizer
-from vsx_ros.slam.tracker import Tracker
+from vsx_ros.slam.keyframe import FrameData, MapView
+from vsx_ros.slam.local_map import LocalMap, nearest_keyframes
+from vsx_ros.slam.odometry import MotionModel, motion_by_odometry
+from vsx_ros.slam.place_recognition import PlaceRecognizer, Recognition, is_certain, is_sure, occupied_cells
+from vsx_ros.slam.state import TrackingState
+from vsx_ros.slam.tracker import Track, Tracker
 from vsx_ros.slam.two_view_reconstruction import InitialPair
-from vsx_ros.vision.small_image import rotation_between
+from vsx_ros.vision.corners import features_of
+from vsx_ros.vision.pyramid import rotation_between
 
+BEST_LIKELY, IN_TURN = 3, 2  # keyframes tried per lost frame: as many as its time allows
+WIDE = 2.0  # times coarse_radius_px: odometry drifted while the camera was lost
+AGREE_M, AGREE_RAD, AGREE_S = 0.15, 0.15, 0.5  # two frames so near in time recognise one place, moved by odometry
+# Of a camera on wheels: more than a rug or the play of its mast.
+OFF_FLOOR_M, OFF_FLOOR_RAD = 0.03, 0.05
 # While odometry tells where the camera must be, a place elsewhere only looks alike: the next brick of a wall is 0.2 m
 # away. It is this far off per metre and radian since; after so many frames wheels may have slipped.
 REACH_M, REACH_RAD, REACH_PER_M, REACH_PER_RAD, PATIENCE_FRAMES = 0.06, 0.05, 0.1, 0.1, 120
@@ -27,6 +36,120 @@ ENOUGH_CORNERS = 150
 BRIDGE_GAP_FRAMES, BRIDGE_DISTANCE_M, BRIDGE_ANGLE_RAD = 2, 0.04, 0.07
 
 
+class PoseTolerance(NamedTuple):
+    """How far odometry, whose wheels may have slipped, allows the camera to be from where it has it: along the floor
+    they slip, off it they do not. up_cam (3,): the floor's normal in that camera."""
+
+    distance_m: float
+    angle_rad: float
+    up_cam: FloatArray
+
+    def allows(self, error: FloatArray) -> bool:
+        """error (6,): in that camera's tangent."""
+        shift, turn = error[:3], error[3:]
+        if np.linalg.norm(shift) > self.distance_m or np.linalg.norm(turn) > self.angle_rad:
+            return False
+        tilt = np.linalg.norm(np.cross(turn, self.up_cam))
+        return bool(abs(shift @ self.up_cam) <= OFF_FLOOR_M and tilt <= OFF_FLOOR_RAD)
+
+
+class ExpectedPose(NamedTuple):
+    """T_world_cam that the camera should have in map ``map_id``, and how far off it can be, None without odometry."""
+
+    T_world_cam: SE3
+    map_id: int
+    tolerance: PoseTolerance | None
+
+    @property
+    def is_firm(self) -> bool:
+        """Whether another place is out of the question."""
+        return self.tolerance is not None
+
+    def allows(self, T_world_cam: SE3, map_id: int) -> bool:
+        """Whether the camera can be there."""
+        if self.tolerance is None:
+            return True
+        return map_id == self.map_id and self.tolerance.allows((self.T_world_cam.inverse() @ T_world_cam).log())
+
+
+class Relocalization(NamedTuple):
+    """The camera in map ``map_id``. reference: keyframe index."""
+
+    track: Track
+    reference: int
+    map_id: int
+
+
+class Relocalizer:
+    """``relocalize`` each lost frame in turn: it looks at the likeliest keyframes each time, and at the others by and
+    by. ``forget`` when the camera is tracked again."""
+
+    def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, config: SlamConfig, tracker: Tracker) -> None:
+        self._camera, self._T_base_cam, self._tracker = camera, T_base_cam, tracker
+        self._radius_px, self._config = WIDE * config.tracker.coarse_radius_px, config.recognition
+        self._places = PlaceRecognizer(camera, tracker)
+        self.forget()
+
+    def forget(self) -> None:
+        """The next loss has nothing to do with this one."""
+        self._turn = 0
+        self._unconfirmed: tuple[FrameData, Relocalization] | None = None
+
+    def relocalize(self, data: FrameData, view: MapView, expected: ExpectedPose | None) -> Relocalization | None:
+        """The camera in any of the maps, None when it cannot be told."""
+        found = None if expected is None else self._where_expected(data, view, expected)
+        if found is not None:
+            return found
+        features = features_of(data.pyramid, data.corners)
+        firm = expected is not None and expected.is_firm
+        for k in self._likely(data, view, expected):
+            seen = self._places.recognise(data, features, view, k)
+            if seen is None or not is_sure(seen, self._config):
+                continue
+            found = self._found(seen.track, view, seen.keyframe)
+            if expected is not None and not expected.allows(found.track.T_world_cam, found.map_id):
+                continue
+            if firm or is_certain(seen, self._config) or self._confirms(data, found):
+                return found
+            self._unconfirmed = data, found
+        return None
+
+    def _where_expected(self, data: FrameData, view: MapView, expected: ExpectedPose) -> Relocalization | None:
+        here = view.part(expected.map_id)
+        reference = int(nearest_keyframes(here, expected.T_world_cam)[0])
+        local, radius = LocalMap(here, reference), self._radius_px
+        track = self._tracker.track(data, here, expected.T_world_cam, local.rows, radius)
+        if track.state is not TrackingState.GOOD or not expected.allows(track.T_world_cam, expected.map_id):
+            return None
+        seen = Recognition(reference, track, 0, occupied_cells(track.uv, self._camera))
+        return self._found(track, view, reference) if expected.is_firm or is_sure(seen, self._config) else None
+
+    def _likely(self, data: FrameData, view: MapView, expected: ExpectedPose | None) -> list[int]:
+        """The best look-alikes, and some of the rest in turn."""
+        among = view.living if expected is None or not expected.is_firm else view.part(expected.map_id).living
+        ranked = [int(k) for k in self._places.ranked(data.small, view, among)]
+        best, rest = ranked[:BEST_LIKELY], ranked[BEST_LIKELY:]
+        in_turn = [rest[(self._turn + n) % len(rest)] for n in range(min(IN_TURN, len(rest)))]
+        self._turn += IN_TURN
+        return best + in_turn
+
+    def _found(self, track: Track, view: MapView, keyframe: int) -> Relocalization:
+        map_id = view.keyframes[keyframe].map_id
+        return Relocalization(track, LocalMap(view.part(map_id), keyframe).follow(track.rows), map_id)
+
+    def _confirms(self, data: FrameData, found: Relocalization) -> bool:
+        """Whether a frame shortly before was recognised where the camera must then have been."""
+        if self._unconfirmed is None:
+            return False
+        before, earlier = self._unconfirmed
+        if earlier.map_id != found.map_id or (data.stamp_ns - before.stamp_ns) * 1e-9 > AGREE_S:
+            return False
+        moved = motion_by_odometry(self._T_base_cam, before, data) or SE3.identity()
+        step = (earlier.track.T_world_cam @ moved).inverse() @ found.track.T_world_cam
+        angle = step.rotation_angle_to(SE3.identity())
+        return float(np.linalg.norm(step.translation)) < AGREE_M and angle < AGREE_RAD
+
+
 class Recovery:
     """One loss after the other: ``search`` and ``missed`` every lost frame, ``over`` when the camera is found."""
 
@@ -34,9 +157,8 @@ class Recovery:
         self, camera: PinholeCamera, T_base_cam: SE3 | None, config: SlamConfig, tracker: Tracker, motion: MotionModel
     ) -> None:
         self._T_base_cam, self._focal_px = T_base_cam, camera.fx
-        self._config = config
-        self._motion = motion
-        self._relocalizer = Relocalizer(camera, config.tracker, tracker, motion)
+        self._config, self._motion = config, motion
+        self._relocalizer = Relocalizer(camera, T_base_cam, config, tracker)
         self.over(None)
 
     def over(self, data: FrameData | None) -> None:
@@ -76,9 +198,8 @@ class Recovery:
     def missed(self, data: FrameData) -> bool:
         """Count a frame in which the camera was not found; True when it has just become clear that it was carried."""
         self.bad_frames += 1
-        if self.carried or not self._base_stood(data) or len(data.corners.positions) < ENOUGH_CORNERS:
-            return False
-        if self._looks_the_same(data):
+        shows_something = len(data.corners.positions) >= ENOUGH_CORNERS
+        if self.carried or not self._base_stood(data) or not shows_something or self._looks_the_same(data):
             return False
         self._unexplained += 1
         self.carried = self._unexplained >= CARRIED_FRAMES
@@ -96,11 +217,10 @@ class Recovery:
     def bridges(self, data: FrameData, view: MapView, by_odometry: SE3, since_keyframe: int) -> bool:
         """Whether odometry shall place a keyframe: the camera is lost, the image shows something and the base moves, so
         that what is in view becomes a map again."""
-        if not self.is_lost or data.blurred:
+        useful = not data.blurred and len(data.corners.positions) >= ENOUGH_CORNERS
+        if not self.is_lost or self.carried or not useful:
             return False
-        if self.carried or len(data.corners.positions) < ENOUGH_CORNERS or since_keyframe < BRIDGE_GAP_FRAMES:
-            return False
-        if self._base_stood(data):
+        if since_keyframe < BRIDGE_GAP_FRAMES or self._base_stood(data):
             return False
         nearest = view.keyframes[int(nearest_keyframes(view, by_odometry)[0])].T_world_cam
         moved = float(np.linalg.norm(nearest.translation - by_odometry.translation))
@@ -120,7 +240,8 @@ class Recovery:
         return difference < CARRIED_CHANGE * float(np.mean(np.square(before)))
 
     def _base_stood(self, data: FrameData) -> bool:
-        moved = None if self._last_tracked is None else self._motion.by_odometry(self._last_tracked, data)
+        before = self._last_tracked
+        moved = None if before is None else motion_by_odometry(self._T_base_cam, before, data)
         if moved is None:
             return False
         turned = moved.rotation_angle_to(SE3.identity())

@@ -1,5 +1,8 @@
-"""A tracker and a mapper over one map, and SequentialSlam, which runs them in lock-step, bit-reproducible."""
+"""A tracker and a mapper over one map: SequentialSlam runs them in lock-step, bit-reproducible; ThreadedSlam gives the
+mapper a thread of its own. The only file here that may use threads."""
 
+import threading
+from collections import deque
 from typing import Any
 
 from numpy.typing import NDArray
@@ -9,13 +12,15 @@ from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.slam.frontend import FrontEnd
+from vsx_ros.slam.keyframe import MapView
 from vsx_ros.slam.map import Map
-from vsx_ros.slam.map_view import MapView
-from vsx_ros.slam.mapper import Mapper
-from vsx_ros.slam.slam_map import SlamMap
-from vsx_ros.slam.snapshot import MapSnapshot, snapshot
+from vsx_ros.slam.mapper import KeyFrameRequest, Mapper
+from vsx_ros.slam.snapshot import MapSnapshot, SlamMap, TrackedFeatures, snapshot, tracked_features
 from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult, TrackingState
 from vsx_ros.slam.tracking_record import TrackingRecord
+from vsx_ros.slam.two_view_reconstruction import InitialPair
+
+MAX_WAITING = 3  # keyframes for the mapper; more would be old before their turn comes
 
 
 class TrackerAndMapper:
@@ -84,18 +89,102 @@ class SequentialSlam(TrackerAndMapper):
 
     def track(self, frame: Frame, odometry: Odometry | None = None) -> TrackingResult:
         """The pose of one frame. Raises InputError as ``FrontEnd.process`` does."""
-        outcome = self._front.process(frame, odometry)
-        result = outcome.result
-        if outcome.start is not None:
-            made = self._mapper.start(outcome.start)
+        result, work = self._front.process(frame, odometry)
+        if isinstance(work, InitialPair):
+            made = self._mapper.start(work)
             if isinstance(made, str):
                 self._front.refused(made)
                 return result._replace(reason=made) if result.state is TrackingState.NOT_INITIALISED else result
             self._view = made
             result = self._front.started(made) or result
-        elif outcome.request is not None:
-            self._view = self._mapper.add_keyframe(outcome.request)
+        elif work is not None:
+            self._view = self._mapper.add_keyframe(work)
             if self._mapper.refinement_due:
                 self._view = self._mapper.refine()
             self._front.use(self._view)
         return result
+
+
+class ThreadedSlam(TrackerAndMapper):
+    """Live SLAM: ``track`` from one thread; ``snapshot``, ``slam_map``, ``statistics`` from any; ``close`` at the end.
+
+    When the mapper is three keyframes behind, further ones are not taken.
+    """
+
+    def _begin(self) -> None:
+        self._used: MapView = self._view
+        self._waiting: deque[KeyFrameRequest | InitialPair] = deque()
+        self._tried: MapView | str | None = None
+        self._work = threading.Condition()
+        self._closing = False
+        self._failure: BaseException | None = None
+        self._thread = threading.Thread(target=self._run, name="mapper", daemon=True)
+        self._thread.start()
+
+    def track(self, frame: Frame, odometry: Odometry | None = None) -> TrackingResult:
+        """The pose of one frame. Raises InputError as ``FrontEnd.process`` does, and whatever broke the mapper."""
+        if self._failure is not None:
+            raise self._failure
+        self._take_over()
+        result, work = self._front.process(frame, odometry)
+        if work is None:
+            return result
+        with self._work:
+            taken = isinstance(work, InitialPair) or len(self._waiting) < MAX_WAITING
+            if taken:
+                self._waiting.append(work)
+                self._work.notify()
+        return result if isinstance(work, InitialPair) else result._replace(keyframe_added=taken)
+
+    def tracked_features(self) -> TrackedFeatures | None:
+        """The points looked for in the newest frame, None where there were none; from the thread that tracks."""
+        last = self._front.tracking.last
+        return None if last is None else tracked_features(self._camera, *last)
+
+    def close(self) -> None:
+        """Stop the mapper after the step it is in. Can be called twice."""
+        with self._work:
+            self._closing = True
+            self._work.notify()
+        self._thread.join()
+
+    def _take_over(self) -> None:
+        """Go on with what the mapper has finished since the last frame."""
+        with self._work:
+            view, tried, self._tried = self._view, self._tried, None
+        if isinstance(tried, str):
+            self._front.refused(tried)
+        elif tried is not None:
+            self._front.started(tried)
+            self._used = tried
+        if view is not self._used:
+            self._front.use(view)
+            self._used = view
+
+    def _wanted(self) -> bool:
+        """Whether something waits that is more urgent than refining the map."""
+        return bool(self._waiting) or self._closing
+
+    def _run(self) -> None:
+        try:
+            while True:
+                with self._work:
+                    while not (self._waiting or self._closing or self._mapper.refinement_due):
+                        self._work.wait()
+                    if self._closing:
+                        return
+                    request = self._waiting.popleft() if self._waiting else None
+                self._step(request)
+        except BaseException as error:  # handed to the tracker's thread, which raises it
+            self._failure = error
+
+    def _step(self, request: KeyFrameRequest | InitialPair | None) -> None:
+        if isinstance(request, InitialPair):
+            tried = self._mapper.start(request)
+            with self._work:
+                self._tried = tried
+                self._view = self._view if isinstance(tried, str) else tried
+        elif request is None:
+            self._view = self._mapper.refine(self._wanted)
+        else:
+            self._view = self._mapper.add_keyframe(request)

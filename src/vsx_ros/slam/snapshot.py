@@ -1,4 +1,4 @@
-"""What everybody outside the SLAM sees of it: keyframes, points, who saw what, what was looked for."""
+"""The map for others: to look at (keyframes, points, who saw what), and to save and go on in."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -6,11 +6,14 @@ from typing import NamedTuple
 import numpy as np
 
 from vsx_ros.arrays import GrayImage, IntArray, Pixels, Points3
+from vsx_ros.errors import CalibrationError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.slam.keyframe import Observations
-from vsx_ros.slam.map_view import MapView
+from vsx_ros.slam.keyframe import MapView, Observations
+from vsx_ros.slam.map import Map
 from vsx_ros.slam.tracker import Track
+
+_SAME = 1e-6  # of calibrations: what printing numbers to files may change
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,8 +35,7 @@ class MapSnapshot:
 
 
 def snapshot(view: MapView) -> MapSnapshot:
-    """The public form of a view: the living keyframes of the first map, and points that live and are seen at least
-    twice by them, renumbered."""
+    """The living keyframes of a view's first map, and living points that they see at least twice, renumbered."""
     view = view.part(0)
     keyframes = [view.keyframes[int(k)] for k in view.living]
     every = Observations.concatenated([k.observations for k in keyframes])
@@ -73,3 +75,52 @@ def tracked_features(camera: PinholeCamera, view: MapView, track: Track) -> Trac
     missed = np.setdiff1d(track.searched_rows, track.rows)
     uv = camera.project(track.T_world_cam.inverse() @ view.points[missed])
     return TrackedFeatures(track.uv, uv[np.isfinite(uv).all(axis=1)])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SlamMap:
+    """All that is needed to continue a map. T_base_cam: the camera's mount; None for a map made without odometry, which
+    has no metric scale. view has at least one keyframe."""
+
+    camera: PinholeCamera
+    T_base_cam: SE3 | None
+    view: MapView
+
+    def resumed(self, camera: PinholeCamera, T_base_cam: SE3 | None) -> Map:
+        """The map to go on with. T_base_cam: None for a session without odometry, which any map accepts.
+
+        Raises CalibrationError when the session's calibration or mount is not the map's.
+        """
+        if not np.allclose(_numbers(camera), _numbers(self.camera), rtol=_SAME, atol=_SAME):
+            raise CalibrationError(
+                f"the map was made with the calibration {_camera_text(self.camera)}, this camera has "
+                f"{_camera_text(camera)}; use the map's calibration or start a new map"
+            )
+        if T_base_cam is not None and self.T_base_cam is None:
+            raise CalibrationError(
+                "the map was made without odometry and has no metric scale, this session has odometry; "
+                "start a new map with it"
+            )
+        made, here = self.T_base_cam, T_base_cam
+        if made is not None and here is not None and not np.allclose(made.matrix(), here.matrix(), atol=_SAME):
+            raise CalibrationError(
+                f"the map was made with the camera mounted at {_mount_text(made)}, this robot has it at "
+                f"{_mount_text(here)}; use the map's mount (robot.mount) or start a new map"
+            )
+        return Map.resumed(self.view)
+
+
+def _numbers(camera: PinholeCamera) -> list[float]:
+    return [camera.width, camera.height, *camera.parameters()]
+
+
+def _camera_text(camera: PinholeCamera) -> str:
+    lens = ", ".join(f"{k:.6g}" for k in camera.distortion)
+    focal = f"fx {camera.fx:.7g}, fy {camera.fy:.7g}, cx {camera.cx:.7g}, cy {camera.cy:.7g}"
+    return f"{camera.width}x{camera.height}, {focal}, distortion [{lens}]"
+
+
+def _mount_text(T_base_cam: SE3) -> str:
+    x, y, z = T_base_cam.translation
+    a, b, c = np.degrees(T_base_cam.log()[3:])
+    return f"x {x:.4f} y {y:.4f} z {z:.4f} m, rotation vector ({a:.3f}, {b:.3f}, {c:.3f}) deg"

@@ -24,15 +24,7 @@ class TrackingState(Enum):
     @property
     def word(self) -> str:
         """What users read, on topics and screens and in reports alike."""
-        return _WORDS[self]
-
-
-_WORDS = {
-    TrackingState.NOT_INITIALISED: "NOT_INITIALISED",
-    TrackingState.GOOD: "TRACKING",
-    TrackingState.DUBIOUS: "POOR",
-    TrackingState.LOST: "LOST",
-}
+        return {"GOOD": "TRACKING", "DUBIOUS": "POOR"}.get(self.name, self.name)
 
 
 class TrackingResult(NamedTuple):

@@ -5,24 +5,23 @@ from typing import NamedTuple
 import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels
-from vsx_ros.config import TrackerConfig
+from vsx_ros.config.maps import TrackerConfig
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels.geometry.projection import predict, project_rows
+from vsx_ros.kernels.geometry.projection import project_rows
 from vsx_ros.kernels.slam.pose import optimize_pose
-from vsx_ros.kernels.slam.tracking import count_hidden
-from vsx_ros.slam.keyframe import FrameData
-from vsx_ros.slam.map_view import MapView
+from vsx_ros.kernels.vision.search import predict, search, warp_templates
+from vsx_ros.slam.keyframe import FrameData, MapView
 from vsx_ros.slam.state import TrackingState
-from vsx_ros.vision.patch_search import Predictions, WarpedTemplates, find_patches, search_templates, warped_templates
+from vsx_ros.vision.patch_search import Predictions, find_patches
 
-COARSE_POINTS = 80
-COARSE_LEVEL = 2
-COARSE_MIN_FOUND = 10
-MARGIN_PX = 8.0
-FEW, FEW_RATIO = 12, 0.5
-AGAIN_RADIUS_PX, AGAIN_REACH = 3.0, 1
-MIN_FIRST = 10
-HIDING_CELL_PX, BEHIND = 16, 1.25
+COARSE_POINTS = 80  # enough for a first pose; all would cost the time of the fine search again
+COARSE_LEVEL = 2  # pyramid level: from here on a wide search is cheap, and blur by motion leaves something
+COARSE_MIN_FOUND = 10  # six would do without wrong ones among them
+MARGIN_PX = 8.0  # at level 0 from the border of the image, where patches are cut off
+FEW, FEW_RATIO = 12, 0.5  # points do that lie where odometry has them; that share of those looked for
+AGAIN_RADIUS_PX, AGAIN_REACH = 3.0, 1  # the pose is good now; pixels of the level searched without a corner
+MIN_FIRST = 10  # points; with fewer only what pulls towards odometry keeps the pose
+HIDING_CELL_PX, BEHIND = 16, 1.25  # side of a cell; times a found point's depth: what is hidden by it
 # (iterations that accept almost everything, iterations): the first pose only has to guide the second search.
 FIRST, SECOND = (4, 7), (1, 12)
 SIGMA_MIN_PX = 0.4
@@ -31,8 +30,7 @@ SIGMA_MIN_PX = 0.4
 class Track(NamedTuple):
     """Outcome for one frame. rows, uv, level (F,): points found where the pose puts them; searched_rows: all that were
     looked for. information (6, 6): inverse covariance of the pose in the camera's tangent. hidden: how many of the
-    searched were not found and lie behind found ones. blurred: the image was, and not finding a point in it says
-    nothing about the point."""
+    searched were not found and lie behind found ones. blurred: the image was; what is not found in it may be there."""
 
     T_world_cam: SE3
     state: TrackingState
@@ -104,18 +102,10 @@ class Tracker:
         kept, searched, T_cam_world = fit.weights > 0, expected.rows[counted], fit.T_cam_world
         state, reason = self._judge(data, int(kept.sum()), len(searched), bool(pull.any()))
         depth = view.points[expected.rows] @ T_cam_world.rotation[2] + T_cam_world.translation[2]
-        return Track(
-            T_cam_world.inverse(),
-            state,
-            expected.rows[kept],
-            uv[kept],
-            expected.level[kept],
-            searched,
-            fit.information,
-            reason,
-            hidden(expected.uv[counted], depth[counted], kept[counted]),
-            data.blurred,
-        )
+        concealed = hidden(expected.uv[counted], depth[counted], kept[counted])
+        found = expected.rows[kept], uv[kept], expected.level[kept]
+        pose = T_cam_world.inverse()
+        return Track(pose, state, *found, searched, fit.information, reason, concealed, data.blurred)
 
     def _coarse(
         self, data: FrameData, view: MapView, pose: SE3, expected: Predictions, radius: float, pull: FloatArray
@@ -127,9 +117,7 @@ class Tracker:
         if len(rows) > COARSE_POINTS:
             rows = np.sort(self._rng.permutation(rows)[:COARSE_POINTS])
         chosen = expected.take(rows)
-        found, uv = find_patches(
-            data.pyramid, data.corners, view.templates.patches, view.templates.offset, chosen, radius
-        )
+        found, uv = find_patches(data.target, view.templates.patches, view.templates.offset, chosen, radius)
         if np.count_nonzero(found) < COARSE_MIN_FOUND:
             return None
         fit = optimized(data, pose, view, chosen, found, uv, pull, FIRST)
@@ -147,36 +135,23 @@ class Tracker:
     def _fine(
         self, data: FrameData, view: MapView, pose: SE3, expected: Predictions, radius: float, pull: FloatArray
     ) -> tuple[PoseEstimate, Pixels, BoolArray]:
-        """Pose from all of the expected: (the pose, uv (S, 2), which of them (S,) are in the image after all)."""
-        templates = warped_templates(view.templates.patches, view.templates.offset, expected)
-        found, uv = search_templates(data.pyramid, data.corners, templates, expected.level, expected.uv, radius)
+        """Pose from all of the expected: (the pose, uv (S, 2), which of them (S,) are in the image after all). What the
+        first pose does not explain is searched once more around it, for a better one."""
+        looks = view.templates
+        templates, usable = warp_templates(looks.patches, looks.offset, expected.template, expected.inverse_warp)
+        found, uv = search(data.target, templates, usable, expected.level, expected.uv, radius, 0)
         fit = optimized(data, pose, view, expected, found, uv, pull, FIRST)
-        # Where odometry holds the pose, points that are no corners in this image need none to lead to them.
-        if np.count_nonzero(fit.weights) >= MIN_FIRST or pull.any():
-            return self._again(data, view, fit, expected, templates, uv, pull)
-        return fit, uv, np.ones(len(uv), np.bool_)
-
-    def _again(
-        self,
-        data: FrameData,
-        view: MapView,
-        fit: PoseEstimate,
-        expected: Predictions,
-        templates: WarpedTemplates,
-        uv: Pixels,
-        pull: FloatArray,
-    ) -> tuple[PoseEstimate, Pixels, BoolArray]:
-        """Search what the first pose does not explain once more around it; the same for the better pose."""
         kept, pose = fit.weights > 0, fit.T_cam_world
+        # Where odometry holds the pose, points that are no corners in this image need none to lead to them.
+        if np.count_nonzero(kept) < MIN_FIRST and not pull.any():
+            return fit, uv, np.ones(len(uv), np.bool_)
         where, inside = project_rows(
             data.camera, pose.rotation, pose.translation, view.points, expected.rows, MARGIN_PX
         )
-        found, more = search_templates(
-            data.pyramid, data.corners, templates, expected.level, where, AGAIN_RADIUS_PX, AGAIN_REACH, inside & ~kept
-        )
+        left = inside & ~kept & usable
+        found, more = search(data.target, templates, left, expected.level, where, AGAIN_RADIUS_PX, AGAIN_REACH)
         uv = np.where(kept[:, None], uv, more)
-        fit = optimized(data, pose, view, expected, kept | found, uv, pull, SECOND)
-        return fit, uv, kept | inside
+        return optimized(data, pose, view, expected, kept | found, uv, pull, SECOND), uv, kept | inside
 
     def _judge(self, data: FrameData, found: int, searched: int, guided: bool) -> tuple[TrackingState, str]:
         """A blurred image makes no good pose."""
@@ -211,9 +186,8 @@ def optimized(
     prior: FloatArray,
     effort: tuple[int, int],
 ) -> PoseEstimate:
-    """Gauss-Newton with Tukey weights (PTAM 1.4) from the predictions found (S,) at uv (S, 2) px of an image. prior
-    (6,): diagonal information that pulls towards the start; effort: iterations that accept residuals of many pixels,
-    and iterations in all."""
+    """Gauss-Newton with Tukey weights (PTAM 1.4) from the predictions found (S,) at uv (S, 2) px. prior (6,): diagonal
+    information that pulls towards the start; effort: iterations that accept large residuals, and iterations in all."""
     R, t, weights, information, _ = optimize_pose(
         data.camera, start.rotation, start.translation, view.points, predictions.rows, uv, predictions.level, found,
         prior, *effort, SIGMA_MIN_PX,
@@ -222,9 +196,12 @@ def optimized(
 
 
 def hidden(uv: Pixels, depth: FloatArray, found: BoolArray) -> int:
-    """How many points at uv (S, 2) px and depth (S,) m are not found and a quarter farther away than a found one in the
-    same 16 px of the image."""
-    return int(count_hidden(uv, depth, found, HIDING_CELL_PX, BEHIND))
+    """How many points at uv (S, 2) px and depth (S,) m are not found and a quarter behind a found one in its 16 px."""
+    cells = (uv // HIDING_CELL_PX).astype(np.int64)
+    at = cells @ (1, 1 + cells[:, 0].max(initial=0))
+    nearest = np.full(at.max(initial=0) + 1, np.inf)
+    np.minimum.at(nearest, at[found], depth[found])
+    return int(np.count_nonzero(~found & (depth > BEHIND * nearest[at])))
 
 
 def predicted(camera: FloatArray, T_cam_world: SE3, view: MapView, rows: IntArray) -> Predictions:

@@ -13,9 +13,10 @@ from vsx_ros.errors import InputError
 from vsx_ros.slam.state import SlamStatistics
 from vsx_ros.slam.tracker import Track
 
-LONG_LIVED = 3
+LONG_LIVED = 3  # frames a point was found in; rarer ones are mostly wrong matches
 _PER_POINT = {"searched": np.int64, "found": np.int64, "seconds": np.float64, "metres": np.float64}
-_NEVER_NS = -1
+_COUNTERS = ["relocalizations", "_frames", "_tracked", "_lost", "_uncounted", "_sharp", "_first_ns", "_initialized_ns"]
+_NEVER_NS = -1  # no stamp of a frame
 
 
 class TrackingRecord:
@@ -23,22 +24,16 @@ class TrackingRecord:
 
     def __init__(self) -> None:
         self.relocalizations = 0
-        self._frames = self._tracked = self._lost = 0
-        self._uncounted = 0
+        self._frames = self._tracked = self._lost = self._uncounted = self._sharp = 0
         self._ratio_sum = self._visible_sum = 0.0
-        self._sharp = 0
-        self._first_ns: int | None = None
-        self._initialized_ns: int | None = None
+        self._first_ns = self._initialized_ns = _NEVER_NS
         self._last: tuple[int, FloatArray] | None = None
-        self._searched = np.zeros(0, np.int64)
-        self._found = np.zeros(0, np.int64)
-        self._seconds = np.zeros(0)
-        self._metres = np.zeros(0)
+        self._of_point: dict[str, NDArray[Any]] = {name: np.zeros(0, kind) for name, kind in _PER_POINT.items()}
 
     def frame_without_map(self, stamp_ns: int) -> None:
         """A frame before the start."""
         self._frames += 1
-        self._first_ns = stamp_ns if self._first_ns is None else self._first_ns
+        self._first_ns = stamp_ns if self._first_ns == _NEVER_NS else self._first_ns
 
     def initialised(self, stamp_ns: int, position: FloatArray) -> None:
         """The frame that started the map, already counted as one without; it is tracked from here on."""
@@ -50,42 +45,42 @@ class TrackingRecord:
     def tracked(self, stamp_ns: int, track: Track, n_points: int, in_world: bool) -> None:
         """A frame with a pose from the map of n_points rows; the first one in a map made before is the start. Outside
         the world, in a map not yet joined with the first one, the frame counts as lost."""
+        self._count(track, n_points)
         if not in_world:
             self.missed(stamp_ns)
-            self._reserve(n_points)
-            self._count(track)
             return
-        if self._initialized_ns is None:
+        if self._initialized_ns == _NEVER_NS:
             self._initialized_ns, self._uncounted = stamp_ns, self._lost
-            self._first_ns = stamp_ns if self._first_ns is None else self._first_ns
-        self._frames += 1
+        self.frame_without_map(stamp_ns)
         self._tracked += 1
         self._ratio_sum += track.ratio
         if not track.blurred:
             self._sharp += 1
             self._visible_sum += track.visible_ratio
-        self._reserve(n_points)
-        self._count(track)
         if self._last is not None:
-            self._seconds[track.rows] += (stamp_ns - self._last[0]) * 1e-9
-            self._metres[track.rows] += float(np.linalg.norm(track.T_world_cam.translation - self._last[1]))
+            before_ns, before = self._last
+            self._of_point["seconds"][track.rows] += (stamp_ns - before_ns) * 1e-9
+            self._of_point["metres"][track.rows] += float(np.linalg.norm(track.T_world_cam.translation - before))
         self._last = (stamp_ns, track.T_world_cam.translation)
 
     def missed(self, stamp_ns: int) -> None:
         """A frame after the start without a pose from the map."""
-        self._frames += 1
+        self.frame_without_map(stamp_ns)
         self._lost += 1
-        self._first_ns = stamp_ns if self._first_ns is None else self._first_ns
+
+    def _count(self, track: Track, n_points: int) -> None:
+        """A point that a blurred image does not show is no worse for it."""
+        more = max(0, n_points - len(self._of_point["found"]))
+        for name, column in self._of_point.items():
+            self._of_point[name] = np.append(column, np.zeros(more, column.dtype)) if more else column
+        self._of_point["searched"][track.rows if track.blurred else track.searched_rows] += 1
+        self._of_point["found"][track.rows] += 1
 
     def state(self) -> dict[str, NDArray[Any]]:
         """All that was counted, copies, for ``restored``."""
-        never = _NEVER_NS
-        first = never if self._first_ns is None else self._first_ns
-        initialized = never if self._initialized_ns is None else self._initialized_ns
-        counters = [self.relocalizations, self._frames, self._tracked, self._lost, self._uncounted, self._sharp]
         return {
-            **{name: getattr(self, f"_{name}").copy() for name in _PER_POINT},
-            "counters": np.array([*counters, first, initialized], np.int64),
+            **{name: column.copy() for name, column in self._of_point.items()},
+            "counters": np.array([getattr(self, name) for name in _COUNTERS], np.int64),
             "sums": np.array([self._ratio_sum, self._visible_sum]),
         }
 
@@ -98,48 +93,32 @@ class TrackingRecord:
             for name, kind in _PER_POINT.items():
                 if state[name].shape != (points,):
                     raise ValueError(f"{name} is of shape {state[name].shape}, expected ({points},)")
-                setattr(record, f"_{name}", state[name].astype(kind))
-            record.relocalizations, *counters, first, initialized = (int(count) for count in state["counters"])
-            record._frames, record._tracked, record._lost, record._uncounted, record._sharp = counters
+                record._of_point[name] = state[name].astype(kind)
+            for name, count in zip(_COUNTERS, state["counters"], strict=True):
+                setattr(record, name, int(count))
             record._ratio_sum, record._visible_sum = (float(total) for total in state["sums"])
         except (KeyError, ValueError, TypeError) as error:
             raise InputError(f"the tracking record to go on with is damaged ({error}); start a new run") from error
-        record._first_ns = None if first == _NEVER_NS else first
-        record._initialized_ns = None if initialized == _NEVER_NS else initialized
         return record
 
     def counts(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """(searched, found) per map row, copies."""
-        return self._searched.copy(), self._found.copy()
+        return self._of_point["searched"].copy(), self._of_point["found"].copy()
 
     def statistics(self, keyframes: int, map_points: int) -> SlamStatistics:
         """The run so far."""
-        started = self._initialized_ns is not None
+        started = self._initialized_ns != _NEVER_NS
         after = max(1, self._tracked + self._lost - self._uncounted)
-        lived = self._found >= LONG_LIVED
-        any_lived = bool(lived.any())
+        lived = self._of_point["found"] >= LONG_LIVED
+        frames, seconds, metres = (
+            float(self._of_point[name][lived].mean()) if lived.any() else None
+            for name in ("found", "seconds", "metres")
+        )
         return SlamStatistics(
-            self._frames,
-            self._tracked,
-            self._lost,
-            self.relocalizations,
+            *(self._frames, self._tracked, self._lost, self.relocalizations),
             self._ratio_sum / after if started else None,
-            float(self._found[lived].mean()) if any_lived else None,
-            float(self._seconds[lived].mean()) if any_lived else None,
-            float(self._metres[lived].mean()) if any_lived else None,
-            keyframes,
-            map_points,
-            (self._initialized_ns - (self._first_ns or 0)) * 1e-9 if self._initialized_ns is not None else None,
+            *(frames, seconds, metres),
+            *(keyframes, map_points),
+            (self._initialized_ns - max(self._first_ns, 0)) * 1e-9 if started else None,
             self._visible_sum / self._sharp if self._sharp else None,
         )
-
-    def _count(self, track: Track) -> None:
-        """A point that a blurred image does not show is no worse for it."""
-        self._searched[track.rows if track.blurred else track.searched_rows] += 1
-        self._found[track.rows] += 1
-
-    def _reserve(self, n: int) -> None:
-        grow = n - len(self._found)
-        if grow > 0:
-            for name, kind in _PER_POINT.items():
-                setattr(self, f"_{name}", np.concatenate([getattr(self, f"_{name}"), np.zeros(grow, kind)]))

@@ -7,20 +7,20 @@ from typing import NamedTuple
 import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels, Points3
-from vsx_ros.config import InitializationConfig
+from vsx_ros.config.maps import InitializationConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.epipolar import epipolar_error, essential_matrix, two_view_motions
-from vsx_ros.geometry.se3 import SE3
+from vsx_ros.geometry.se3 import SE3, stacked
 from vsx_ros.kernels.geometry.projection import unproject_pixels
 from vsx_ros.kernels.slam.bundle import START, adjust
-from vsx_ros.kernels.slam.floor import no_floor
-from vsx_ros.kernels.slam.relative_pose import no_factors
+from vsx_ros.kernels.slam.factors import no_factors, no_floor
 from vsx_ros.kernels.slam.schur import Observations
 from vsx_ros.slam.keyframe import FrameData
 from vsx_ros.slam.point_creation import Candidates, TargetMatches, checked_points
 
-MAX_DIRECTION_ERROR_RAD = math.radians(20.0)
-MAX_ROTATION_ERROR_RAD = math.radians(4.0)
+MAX_DIRECTION_ERROR_RAD = math.radians(20.0)  # from odometry; along a short baseline images tell it loosely
+MAX_ROTATION_ERROR_RAD = math.radians(4.0)  # images tell rotation far better than direction
+# Share of the best one's support, and angle: from here on two motions explain the images alike.
 RIVAL, DIFFERENT_RAD = 0.92, math.radians(15.0)
 
 
@@ -48,8 +48,7 @@ class InitialMap(NamedTuple):
 
 
 class MotionHypothesis(NamedTuple):
-    """A motion hypothesis refined: T_b_a, support: how well it explains the matches, 1 for perfectly, points_a (N, 3),
-    good (N,): usable ones."""
+    """T_b_a refined; support: how well it explains the matches, 1 for perfectly; points_a (N, 3), good (N,): usable."""
 
     T_b_a: SE3
     support: float
@@ -61,28 +60,24 @@ class TwoViewReconstruction:
     """Makes the first two keyframes of a map, or says why the images do not allow it yet."""
 
     def __init__(self, camera: PinholeCamera, config: InitializationConfig) -> None:
-        self._camera = camera
-        self._config = config
+        self._camera, self._config = camera, config
 
     def reconstruct(self, pair: InitialPair) -> InitialMap | str:
         """Capped work: a handful of hypotheses, each adjusted in few iterations."""
-        uv_b, odometry = pair.uv, pair.odometry
-        rays_a, rays_b = pair.candidates.rays[pair.chosen], unproject_pixels(pair.second.camera, uv_b)
+        config, odometry = self._config, pair.odometry
+        rays_a, rays_b = pair.candidates.rays[pair.chosen], unproject_pixels(pair.second.camera, pair.uv)
         tolerance = 1.0 / self._camera.fx
-        motions = two_view_motions(rays_a, rays_b, tolerance)
-        hypotheses = list(motions.T_b_a)
+        hypotheses = list(two_view_motions(rays_a, rays_b, tolerance).T_b_a)
+        scale, parallax = config.unit_baseline_m, config.min_parallax_without_odometry_deg
         if odometry is not None:
-            size = float(np.linalg.norm(odometry.translation))
-            hypotheses.append(SE3(odometry.rotation, odometry.translation / size))
-        config = self._config
-        parallax = config.min_parallax_without_odometry_deg if odometry is None else config.min_parallax_deg
+            scale, parallax = float(np.linalg.norm(odometry.translation)), config.min_parallax_deg
+            hypotheses.append(SE3(odometry.rotation, odometry.translation / scale))
         maps = [self._refine(T, rays_a, rays_b, tolerance, math.radians(parallax)) for T in hypotheses]
         if not maps:
             return "no rigid motion explains the corners"
         best = self._choose(maps, odometry)
         if isinstance(best, str):
             return best
-        scale = config.unit_baseline_m if odometry is None else float(np.linalg.norm(odometry.translation))
         return _initial_map(pair, best, scale)
 
     def _choose(self, maps: list[MotionHypothesis], odometry: SE3 | None) -> MotionHypothesis | str:
@@ -95,16 +90,13 @@ class TwoViewReconstruction:
             if not agreeing:
                 return f"odometry disagrees with the images: {_disagreement(ranked[0].T_b_a, odometry)}"
             ranked = agreeing
-        best = ranked[0]
-        count = int(best.good.sum())
-        if count < needed:
-            return (
-                f"too little parallax: {count} points of the {needed} needed; the camera turns in place or has not "
-                "moved far enough"
-            )
-        for rival in ranked[1:] if odometry is None else ():
-            if _differ(best.T_b_a, rival.T_b_a) and rival.support > RIVAL * best.support:
-                return "two motions explain this flat scene equally well; move on to another viewpoint"
+        best, *rivals = ranked
+        if (count := int(best.good.sum())) < needed:
+            few = f"too little parallax: {count} points of the {needed} needed"
+            return f"{few}; the camera turns in place or has not moved far enough"
+        strong = [rival for rival in rivals if odometry is None and rival.support > RIVAL * best.support]
+        if any(_differ(best.T_b_a, rival.T_b_a) for rival in strong):
+            return "two motions explain this flat scene equally well; move on to another viewpoint"
         return best
 
     def _refine(
@@ -125,8 +117,7 @@ class TwoViewReconstruction:
 
     def _adjust(self, T_b_a: SE3, points: Points3, rays_a: FloatArray, rays_b: FloatArray) -> SE3:
         n, f = len(points), self._camera.fx
-        R = np.array([np.eye(3), T_b_a.rotation])
-        t = np.array([np.zeros(3), T_b_a.translation])
+        R, t = stacked([SE3.identity(), T_b_a])
         xy = np.stack([rays_a, rays_b], axis=1).reshape(-1, 2) * f
         start, point, frame = np.arange(0, 2 * n + 1, 2), np.repeat(np.arange(n), 2), np.tile([0, 1], n)
         observed = Observations(start, point, frame, xy, np.ones(2 * n))
@@ -146,15 +137,18 @@ def _initial_map(pair: InitialPair, found: MotionHypothesis, scale: float) -> In
 
 def _differ(a: SE3, b: SE3) -> bool:
     """Whether two motions with unit translation lead to different scenes."""
-    angle = math.acos(min(1.0, max(-1.0, float(a.translation @ b.translation))))
-    return angle > DIFFERENT_RAD or a.rotation_angle_to(b) > math.radians(2.0)
+    return _angle(a.translation, b.translation) > DIFFERENT_RAD or a.rotation_angle_to(b) > math.radians(2.0)
+
+
+def _angle(a: FloatArray, b: FloatArray) -> float:
+    """Between unit vectors (3,) [rad]."""
+    return math.acos(min(1.0, max(-1.0, float(a @ b))))
 
 
 def _disagreement(T_b_a: SE3, odometry: SE3) -> str:
     """What a visual motion (unit translation) and odometry disagree about; empty when they agree."""
     rotation = T_b_a.rotation_angle_to(odometry)
-    direction = odometry.translation / np.linalg.norm(odometry.translation)
-    angle = math.acos(min(1.0, max(-1.0, float(direction @ T_b_a.translation))))
+    angle = _angle(odometry.translation / np.linalg.norm(odometry.translation), T_b_a.translation)
     if rotation > MAX_ROTATION_ERROR_RAD:
         return f"rotation differs by {math.degrees(rotation):.1f} deg; check the odometry and the camera mount"
     if angle > MAX_DIRECTION_ERROR_RAD:

@@ -1,4 +1,6 @@
-"""FAST corners on every pyramid level, and the strongest of them as candidates for new map points."""
+"""FAST corners on every pyramid level, the strongest of them as candidates for new map points, and binary descriptors:
+what matches images whose relative pose is unknown (Rublee et al., ORB, 2011; upright, because neither robots nor
+people hold a camera by its side)."""
 
 import math
 from functools import lru_cache
@@ -8,19 +10,20 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, GrayImage
-from vsx_ros.kernels.slam.tracking import index_rows
-from vsx_ros.vision.pyramid import LEVELS, Pyramid
+from vsx_ros.arrays import BoolArray, GrayImage, IntArray, Pixels
+from vsx_ros.vision.pyramid import LEVELS, Pyramid, from_level
 
-_REFERENCE_PIXELS = 640 * 480
-_TRACKED, _DENSE = (1300, 700, 350, 175), (2600, 1400, 700, 350)
-_FIRST_THRESHOLDS = (12, 15, 15, 10)
-_THRESHOLDS = (5, 120)
+_REFERENCE_PIXELS = 640 * 480  # the image that numbers of corners are told for
+_CORNERS_AT = (1300, 700, 350, 175)  # how many corners the levels have in proportion
+_FIRST_THRESHOLDS = (12, 15, 15, 10)  # FAST, grey levels, by pyramid level: of an ordinary room; they follow the scene
+_THRESHOLDS = (5, 120)  # least, above the sensor's noise, and most
+BORDER_PX, PATCH_PX = 16, 31  # ORB (Rublee et al.): its patch has 31 px; half of it, rounded up, from the border
+MAX_DISTANCE_BITS, DISTINCT = 64, 0.9  # of 256; share of the second best's (Lowe's ratio test)
+_CORNERS, _SQUARE_PX = (220, 150, 90, 40), (20, 14, 12, 8)  # by level, to be described: one per square (px of level)
 
 
 class Corners(NamedTuple):
-    """positions (N, 2) int32 level px, sorted by level and row; row_table: index of every row's first corner;
-    counts (4,): corners per level."""
+    """positions (N, 2) level px by level and row; row_table: index of every row's first; counts (4,): per level."""
 
     positions: NDArray[np.int32]
     row_table: NDArray[np.int64]
@@ -30,19 +33,20 @@ class Corners(NamedTuple):
 class CornerDetector:
     """FAST-9 whose thresholds follow the scene: each level steers its corner count towards a target."""
 
-    def __init__(self) -> None:
+    def __init__(self, corners: int = _CORNERS_AT[0]) -> None:
+        """corners: wanted on the finest level of a VGA image."""
+        self._share = corners / _CORNERS_AT[0]
         self._thresholds = list(_FIRST_THRESHOLDS)
 
     def detect(self, pyramid: Pyramid, steer: bool = True) -> Corners:
-        """All corners of the four levels, without non-maximum suppression. steer: whether their number shall move the
-        thresholds."""
-        area = float(pyramid.table[0, 1] * pyramid.table[0, 2]) / _REFERENCE_PIXELS
+        """All corners of the four levels, none suppressed. steer: whether their number shall move the thresholds."""
+        wanted = self._share * _vga_images(pyramid)
         levels = []
         for level in range(LEVELS):
             found = _fast(pyramid.level(level), self._thresholds[level], suppress=False)
             levels.append(found)
             if steer:
-                self._steer(level, len(found), _TRACKED[level] * area)
+                self._steer(level, len(found), wanted * _CORNERS_AT[level])
         return indexed(levels, pyramid)
 
     def _steer(self, level: int, count: int, target: float) -> None:
@@ -59,10 +63,17 @@ class CornerDetector:
         self._thresholds[level] = min(max(threshold, lowest), highest)
 
 
-def dense_corners(pyramid: Pyramid) -> Corners:
-    """Twice as many corners as tracking needs, for an image in which new points are looked for."""
-    area = float(pyramid.table[0, 1] * pyramid.table[0, 2]) / _REFERENCE_PIXELS
-    return indexed([_about(pyramid.level(k), _FIRST_THRESHOLDS[k], _DENSE[k] * area) for k in range(LEVELS)], pyramid)
+def dense_corners(pyramid: Pyramid, corners: int) -> Corners:
+    """At once about as many corners as wanted, on the finest level of a VGA image: more than tracking needs, where new
+    points are looked for."""
+    wanted = corners / _CORNERS_AT[0] * _vga_images(pyramid)
+    targets = [wanted * count for count in _CORNERS_AT]
+    return indexed([_about(pyramid.level(k), _FIRST_THRESHOLDS[k], targets[k]) for k in range(LEVELS)], pyramid)
+
+
+def _vga_images(pyramid: Pyramid) -> float:
+    """The size of the image, in VGA images."""
+    return float(pyramid.table[0, 1] * pyramid.table[0, 2]) / _REFERENCE_PIXELS
 
 
 def _about(image: GrayImage, threshold: int, target: float) -> NDArray[np.int32]:
@@ -84,7 +95,14 @@ def indexed(levels: list[NDArray[np.int32]], pyramid: Pyramid) -> Corners:
     """Corners from their level px, one (n, 2) a level, sorted by row."""
     counts = tuple(len(found) for found in levels)
     positions = np.concatenate(levels)
-    return Corners(positions, index_rows(positions, np.array(counts), pyramid.table), counts)
+    heights, first_rows = pyramid.table[:, 1], pyramid.table[:, 3]
+    rows = np.repeat(first_rows, counts) + positions[:, 1]
+    return Corners(positions, np.searchsorted(rows, np.arange(first_rows[-1] + heights[-1] + 1)), counts)
+
+
+def no_corners(pyramid: Pyramid) -> Corners:
+    """Of an image in which nothing is looked for."""
+    return indexed([np.zeros((0, 2), np.int32)] * LEVELS, pyramid)
 
 
 def _fast(image: GrayImage, threshold: int, suppress: bool) -> NDArray[np.int32]:
@@ -107,16 +125,9 @@ def strongest(
 
     occupied (H, W): where no corner is wanted. min_eigenvalue in squared grey levels per px, grey in [0, 1].
     """
-    border = 14
-    found: NDArray[np.int32] = _fast(image, 7, suppress=True)
-    height, width = image.shape
-    inside = (
-        (found[:, 0] >= border)
-        & (found[:, 1] >= border)
-        & (found[:, 0] < width - border)
-        & (found[:, 1] < height - border)
-    )
-    found = found[inside]
+    border, (height, width) = 14, image.shape
+    found = _fast(image, 7, suppress=True)
+    found = found[((found >= border) & (found < [width - border, height - border])).all(axis=1)]
     found = found[~occupied[found[:, 1], found[:, 0]]]
     strength = np.asarray(cv2.cornerMinEigenVal(image, 7))[found[:, 1], found[:, 0]]
     order = np.argsort(-strength, kind="stable")
@@ -136,3 +147,56 @@ def _spread(ranked: NDArray[np.int32], count: int, spacing_px: int, shape: tuple
             break
         taken[max(0, y - spacing_px) : y + spacing_px + 1, max(0, x - spacing_px) : x + spacing_px + 1] = True
     return np.array(chosen, np.int32).reshape(-1, 2)
+
+
+class Features(NamedTuple):
+    """uv (n, 2) level-0 px, level (n,), bits (n, 32) uint8: 256-bit descriptors."""
+
+    uv: Pixels
+    level: IntArray
+    bits: NDArray[np.uint8]
+
+
+def describe(pyramid: Pyramid, uv: Pixels, level: IntArray) -> tuple[IntArray, Features]:
+    """Descriptors of the given places that are not too near to the border: (their indices, features)."""
+    orb = cv2.ORB.create(len(uv) + 1, 2.0, LEVELS, BORDER_PX, 0, 2, cv2.ORB_HARRIS_SCORE, PATCH_PX, 20)
+    points = [
+        cv2.KeyPoint(float(u), float(v), float(PATCH_PX << int(k)), 0.0, 1.0, int(k), number)
+        for number, ((u, v), k) in enumerate(zip(uv, level))
+    ]
+    kept, bits = orb.compute(pyramid.level(0), points)
+    index = np.array([point.class_id for point in kept], np.int64)
+    bits = np.zeros((0, 32), np.uint8) if bits is None else np.asarray(bits, np.uint8)
+    order = np.argsort(index, kind="stable")
+    index = index[order]
+    return index, Features(uv[index], level[index], bits[order])
+
+
+def features_of(pyramid: Pyramid, corners: Corners) -> Features:
+    """The strongest corner of every small square of the image, described."""
+    uv, level = [], []
+    first = 0
+    for k, count in enumerate(corners.counts):
+        at = corners.positions[first : first + count].astype(np.int64)
+        first += count
+        strength = np.asarray(cv2.cornerMinEigenVal(pyramid.level(k), 7))[at[:, 1], at[:, 0]]
+        square = (at[:, 1] // _SQUARE_PX[k]) * pyramid.level(k).shape[1] + at[:, 0] // _SQUARE_PX[k]
+        order = np.lexsort((-strength, square))
+        best = order[np.diff(square[order], prepend=-1) != 0]
+        best = np.sort(best[np.argsort(-strength[best], kind="stable")[: _CORNERS[k]]])
+        uv.append(from_level(at[best].astype(float), k))
+        level.append(np.full(len(best), k, np.int64))
+    return describe(pyramid, np.concatenate(uv), np.concatenate(level))[1]
+
+
+def match(a: Features, b: Features) -> tuple[IntArray, IntArray]:
+    """Indices into a and b of mutually nearest descriptors that are near enough, and nearer than the second nearest."""
+    none = np.zeros(0, np.int64)
+    if len(a.bits) < 2 or len(b.bits) < 2:
+        return none, none
+    distance, nearest = cv2.batchDistance(a.bits, b.bits, cv2.CV_32S, normType=cv2.NORM_HAMMING, K=2)
+    _, back = cv2.batchDistance(b.bits, a.bits, cv2.CV_32S, normType=cv2.NORM_HAMMING, K=1)
+    mutual = back[nearest[:, 0], 0] == np.arange(len(a.bits))
+    keep = mutual & (distance[:, 0] <= MAX_DISTANCE_BITS) & (distance[:, 0] < DISTINCT * distance[:, 1])
+    index = np.flatnonzero(keep)
+    return index, nearest[index, 0].astype(np.int64)

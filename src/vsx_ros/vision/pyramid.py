@@ -1,16 +1,33 @@
-"""Four-level image pyramid in one flat buffer, so that one kernel call can work on all levels."""
+"""An image at four sizes in one flat buffer, so that one kernel call can work on all of them; whether it is blurred,
+and a small blurry one for the rotation between frames and the likeness of places (PTAM's SmallBlurryImage)."""
 
+import statistics
+from collections import deque
 from functools import lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import GrayImage
+from vsx_ros.arrays import FloatArray, GrayImage, IntArray, Pixels
 from vsx_ros.errors import InputError
+from vsx_ros.geometry.se3 import so3_exp
+from vsx_ros.kernels.vision.alignment import align_small
 
-LEVELS = 4
+LEVELS = 4  # of half the size each: VGA down to 80 x 60
+SHRINK = 16  # of the small image: 40 x 30 for VGA
+FINE, COARSE = 0, 3  # levels compared: the first and the last
+NEIGHBOURS, LEAST = 9, 3  # frames that tell what is usual, half a second; fewer than three do not
+# A fifth of the rows tells as much as all of them.
+ROW_STEP = 5
+# A blur of 9 px leaves less than this of the gradient energy along it, a frame of a steady camera keeps more than 0.8.
+# Between them are hand-held frames, blurred a little or turned to what has less texture (down to 0.28 and 0.48 of their
+# neighbours in two recordings): some of them are called blurred too, which costs a keyframe, not the pose.
+BLURRED_SHARE = 0.45
+
+SmallImage: TypeAlias = NDArray[np.float32]
+"""(H / 16, W / 16) float32 grey values minus their mean, blurred."""
 
 
 class Pyramid(NamedTuple):
@@ -25,9 +42,20 @@ class Pyramid(NamedTuple):
         return self.pixels[offset : offset + height * width].reshape(height, width)
 
 
+def to_level(uv: Pixels, level: int | IntArray) -> Pixels:
+    """Level-0 pixels at a pyramid level."""
+    scale = np.asarray(2.0 ** np.asarray(level, float)).reshape(-1, 1)
+    return (uv + 0.5) / scale - 0.5
+
+
+def from_level(uv: Pixels, level: int | IntArray) -> Pixels:
+    """Pixels of a pyramid level at level 0."""
+    scale = np.asarray(2.0 ** np.asarray(level, float)).reshape(-1, 1)
+    return (uv + 0.5) * scale - 0.5
+
+
 def build_pyramid(image: GrayImage) -> Pyramid:
-    """Halve by 2x2 means, three times (PTAM). Raises InputError for anything but an (H, W) uint8 image of at least
-    128x96."""
+    """Halve thrice by 2x2 means (PTAM). Raises InputError for anything but an (H, W) uint8 image of 128x96 or more."""
     if not isinstance(image, np.ndarray) or image.ndim != 2 or image.dtype != np.uint8:
         kind = f"{getattr(image, 'dtype', type(image).__name__)} of shape {getattr(image, 'shape', '?')}"
         raise InputError(f"image: expected (H, W) uint8 grey values, got {kind}; convert it to mono8")
@@ -57,3 +85,54 @@ def _layout(height: int, width: int) -> tuple[NDArray[np.int64], int]:
         offset += h * w
         row += h + 1
     return table, offset
+
+
+def small_image(pyramid: Pyramid) -> SmallImage:
+    """Level 3 halved once more (40x30 for VGA), blurred by 0.75 px, zero mean."""
+    coarse = pyramid.level(3)
+    height, width = coarse.shape
+    small = cv2.resize(coarse, (width // 2, height // 2), interpolation=cv2.INTER_AREA).astype(np.float32)
+    small = cv2.GaussianBlur(small, (0, 0), 0.75)
+    centred: SmallImage = small - np.float32(small.mean(dtype=np.float64))
+    return centred
+
+
+def rotation_between(reference: SmallImage, current: SmallImage, focal_px: float) -> tuple[FloatArray, float]:
+    """(R_current_reference (3, 3), mean squared difference) explaining the motion by rotation alone.
+
+    focal_px: at level 0. The difference is infinite when the alignment leaves the image.
+    """
+    tx, ty, roll, score = align_small(reference, current, 8)
+    focal = focal_px / SHRINK
+    return so3_exp(np.array([-ty / focal, tx / focal, roll])), float(score)
+
+
+class BlurDetector:
+    """``blurred`` each frame in order. Blur takes gradients from the finest level and leaves the coarsest alone, a bare
+    wall takes both; blur by motion takes those along one axis. When most neighbours are blurred, blurred is normal."""
+
+    def __init__(self) -> None:
+        self._neighbours: deque[tuple[float, float]] = deque(maxlen=NEIGHBOURS)
+
+    def blurred(self, pyramid: Pyramid) -> bool:
+        """Whether this frame is much less sharp than the median of those before it."""
+        now, before = sharpness(pyramid), self._neighbours
+        blurred = len(before) >= LEAST and any(
+            value < BLURRED_SHARE * statistics.median(usual) for value, usual in zip(now, zip(*before))
+        )
+        before.append(now)
+        return blurred
+
+
+def sharpness(pyramid: Pyramid) -> tuple[float, float]:
+    """Mean squared difference of neighbouring pixels on the finest level (every fifth row) over that on the coarsest,
+    along the rows and along the columns."""
+    fine, coarse = _energy(pyramid.level(FINE), ROW_STEP), _energy(pyramid.level(COARSE), 1)
+    # One squared grey level: what is left of sensor noise on the coarsest level.
+    return fine[0] / (coarse[0] + 1.0), fine[1] / (coarse[1] + 1.0)
+
+
+def _energy(image: GrayImage, step: int) -> tuple[float, float]:
+    above, below = image[:-1:step], image[1::step]
+    along_row = cv2.norm(above[:, 1:], above[:, :-1], cv2.NORM_L2SQR)
+    return along_row / above[:, 1:].size, cv2.norm(below, above, cv2.NORM_L2SQR) / above.size

@@ -1,11 +1,11 @@
-"""The group SE(3): exponential, logarithm, product. Tangent vectors are xi = (rho, omega)."""
+"""The group SE(3): points, exponential, logarithm, product. Tangent vectors are xi = (rho, omega)."""
 
 import math
 
 import numpy as np
 
 from vsx_ros.arrays import FloatArray
-from vsx_ros.kernels import kernel
+from vsx_ros.kernels import kernel, part
 
 
 @kernel
@@ -30,6 +30,24 @@ def exp_se3(xi: FloatArray) -> tuple[FloatArray, FloatArray]:
             R[i, j] = unit + a * W[i, j] + b * w2
             t[i] += (unit + b * W[i, j] + c * w2) * xi[j]
     return R, t
+
+
+@part
+def transform(R: FloatArray, t: FloatArray, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """The point (x, y, z) after the rigid motion R, t."""
+    return (
+        R[0, 0] * x + R[0, 1] * y + R[0, 2] * z + t[0],
+        R[1, 0] * x + R[1, 1] * y + R[1, 2] * z + t[1],
+        R[2, 0] * x + R[2, 1] * y + R[2, 2] * z + t[2],
+    )
+
+
+@part
+def cross(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
+    """Fill out (3,) with the cross product of two vectors (3,)."""
+    out[0] = a[1] * b[2] - a[2] * b[1]
+    out[1] = a[2] * b[0] - a[0] * b[2]
+    out[2] = a[0] * b[1] - a[1] * b[0]
 
 
 @kernel

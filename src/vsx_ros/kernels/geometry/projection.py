@@ -7,12 +7,11 @@ that is 1.8 px at the edges, much more than what patches are located to. The way
 3 m) and only where the depth is known: for poses and observations, not for where to look.
 """
 
-import math
-
 import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.kernels import kernel
+from vsx_ros.kernels.geometry.lie import transform
 
 
 @kernel
@@ -106,116 +105,10 @@ def project_rows(
     inside = np.zeros(n, np.bool_)
     right, bottom = camera[10] - 1 - margin_px, camera[11] - 1 - margin_px
     for i in range(n):
-        X, Y, Z = points[rows[i], 0], points[rows[i], 1], points[rows[i], 2]
-        z = R[2, 0] * X + R[2, 1] * Y + R[2, 2] * Z + t[2]
-        if z < 1e-3:
+        x, y, z = transform(R, t, points[rows[i], 0], points[rows[i], 1], points[rows[i], 2])
+        if z < 1e-3 or (x / z) * (x / z) + (y / z) * (y / z) > camera[9]:
             continue
-        x = (R[0, 0] * X + R[0, 1] * Y + R[0, 2] * Z + t[0]) / z
-        y = (R[1, 0] * X + R[1, 1] * Y + R[1, 2] * Z + t[1]) / z
-        if x * x + y * y > camera[9]:
-            continue
-        u, v = project_normalized(camera, x, y)
+        u, v = project_normalized(camera, x / z, y / z)
         uv[i, 0], uv[i, 1] = u, v
         inside[i] = margin_px <= u <= right and margin_px <= v <= bottom
     return uv, inside
-
-
-@kernel
-def best_template(
-    templates: IntArray, source: IntArray, source_centre: FloatArray, X: float, Y: float, Z: float, nx: float,
-    ny: float, nz: float,
-) -> int:  # fmt: skip
-    """Of a point's templates (V,) the one seen from the most similar direction and distance, at most 53 degrees away;
-    -1 without. (nx, ny, nz): the point (X, Y, Z) minus the camera's centre."""
-    n2 = nx * nx + ny * ny + nz * nz
-    best, closest = -1, np.inf
-    for slot in range(templates.shape[0]):
-        candidate = templates[slot]
-        if candidate < 0:
-            continue
-        k = source[candidate]
-        sx, sy, sz = X - source_centre[k, 0], Y - source_centre[k, 1], Z - source_centre[k, 2]
-        s2 = sx * sx + sy * sy + sz * sz
-        cosine = (sx * nx + sy * ny + sz * nz) / math.sqrt(s2 * n2)
-        ratio = s2 / n2
-        # The second term is log(ratio)^2 to second order.
-        unlike = 2.0 * (1.0 - cosine) + 0.05 * (ratio + 1.0 / ratio - 2.0)
-        if cosine > 0.6 and unlike < closest:
-            best, closest = candidate, unlike
-    return best
-
-
-@kernel
-def predict(
-    camera: FloatArray, R: FloatArray, t: FloatArray, points: FloatArray, rows: IntArray, templates: IntArray,
-    source: IntArray, basis: FloatArray, source_R: FloatArray, source_centre: FloatArray, margin_px: float,
-) -> tuple[IntArray, IntArray, FloatArray, FloatArray, IntArray]:  # fmt: skip
-    """Where map points appear, at which level, which of their templates fits best and how it is warped.
-
-    R, t: T_cam_world of the image. points (P, 3): world; rows (C,): the points to predict. templates (P, V): template
-    numbers of each point, -1 for none. source (T,): the keyframe a template comes from, as row of source_R (K, 3, 3) =
-    R_world_cam and source_centre (K, 3). basis (T, 4): right and down step of one source-level pixel on the plane z
-    = 1 of the source camera.
-    Returns of the S visible ones rows (S,), level (S,), uv (S, 2) level-0 px, inverse_warp (S, 4): level px -> source
-    px, row-major, and template (S,). The level is the one where the warp's determinant lies in [0.25, 3] (PTAM's
-    rule).
-    """
-    pixels, inside = project_rows(camera, R, t, points, rows, margin_px)
-    n = rows.shape[0]
-    visible = np.empty(n, np.int64)
-    level = np.empty(n, np.int64)
-    template = np.empty(n, np.int64)
-    uv = np.empty((n, 2))
-    inverse_warp = np.empty((n, 4))
-    A = np.empty(4)
-    cx0 = -(R[0, 0] * t[0] + R[1, 0] * t[1] + R[2, 0] * t[2])
-    cy0 = -(R[0, 1] * t[0] + R[1, 1] * t[1] + R[2, 1] * t[2])
-    cz0 = -(R[0, 2] * t[0] + R[1, 2] * t[1] + R[2, 2] * t[2])
-    m = 0
-    for c in range(n):
-        if not inside[c]:
-            continue
-        i = rows[c]
-        X, Y, Z = points[i, 0], points[i, 1], points[i, 2]
-        best = best_template(templates[i], source, source_centre, X, Y, Z, X - cx0, Y - cy0, Z - cz0)
-        if best < 0:
-            continue
-        k = source[best]
-        sx, sy, sz = X - source_centre[k, 0], Y - source_centre[k, 1], Z - source_centre[k, 2]
-        depth = sx * source_R[k, 0, 2] + sy * source_R[k, 1, 2] + sz * source_R[k, 2, 2]
-        if depth <= 0.0:
-            continue
-        good = True
-        for step in range(2):
-            bx, by = basis[best, 2 * step] * depth, basis[best, 2 * step + 1] * depth
-            wx = X + source_R[k, 0, 0] * bx + source_R[k, 0, 1] * by
-            wy = Y + source_R[k, 1, 0] * bx + source_R[k, 1, 1] * by
-            wz = Z + source_R[k, 2, 0] * bx + source_R[k, 2, 1] * by
-            zz = R[2, 0] * wx + R[2, 1] * wy + R[2, 2] * wz + t[2]
-            if zz < 1e-3:
-                good = False
-                break
-            xx = (R[0, 0] * wx + R[0, 1] * wy + R[0, 2] * wz + t[0]) / zz
-            yy = (R[1, 0] * wx + R[1, 1] * wy + R[1, 2] * wz + t[1]) / zz
-            uu, vv = project_normalized(camera, xx, yy)
-            A[step] = uu - pixels[c, 0]
-            A[2 + step] = vv - pixels[c, 1]
-        if not good:
-            continue
-        full = A[0] * A[3] - A[1] * A[2]
-        det = full
-        chosen = 0
-        while det > 3.0 and chosen < 3:
-            det *= 0.25
-            chosen += 1
-        if not (0.25 <= det <= 3.0):
-            continue
-        scale = 2.0**chosen
-        visible[m], level[m], template[m] = i, chosen, best
-        uv[m, 0], uv[m, 1] = pixels[c, 0], pixels[c, 1]
-        inverse_warp[m, 0] = A[3] / full * scale
-        inverse_warp[m, 1] = -A[1] / full * scale
-        inverse_warp[m, 2] = -A[2] / full * scale
-        inverse_warp[m, 3] = A[0] / full * scale
-        m += 1
-    return visible[:m], level[:m], uv[:m], inverse_warp[:m], template[:m]

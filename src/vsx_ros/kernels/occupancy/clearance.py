@@ -1,4 +1,4 @@
-"""Distance to ground that is not known to be free, and marching along curves through it."""
+"""Distance to ground that is not known to be free, marching along curves through it, and shortest ways over cells."""
 
 import math
 from typing import NamedTuple
@@ -101,22 +101,6 @@ def signed_distance(blocked: BoolArray, reach: int) -> FloatArray:
 
 
 @kernel
-def fringe(distances: FloatArray, step: float) -> FloatArray:
-    """distances (H, W), where infinite the least of the eight around plus a step."""
-    rows, columns = distances.shape
-    out = distances.copy()
-    for i in range(rows):
-        for j in range(columns):
-            if distances[i, j] == np.inf:
-                least = np.inf
-                for a in range(max(i - 1, 0), min(i + 2, rows)):
-                    for b in range(max(j - 1, 0), min(j + 2, columns)):
-                        least = min(least, distances[a, b])
-                out[i, j] = least + step
-    return out
-
-
-@kernel
 def interpolate(field: DistanceField, x: float, y: float) -> float:
     """Bilinear value of a field; beyond the middles of the outermost cells their value is held, minus the distance to
     them."""
@@ -180,3 +164,41 @@ def least_on_curve(field: DistanceField, table: FloatArray, direction: float, st
             least = min(least, interpolate(field, x, y))
         least = min(least, interpolate(field, table[k + 1, 1], table[k + 1, 2]))
     return least
+
+
+@kernel
+def wavefront(open_cells: BoolArray, row: int, column: int) -> FloatArray:
+    """(H, W) length [cells] of the shortest 8-connected way from a cell through open cells; inf where there is none.
+
+    open_cells (H, W) bool. A diagonal step needs both cells beside it open, except from the start. Exact.
+    """
+    rows, columns = open_cells.shape
+    size = rows * columns
+    distance = np.full((rows, columns), np.inf)
+    queued = np.zeros((rows, columns), np.bool_)
+    ring = np.empty(size + 1, np.int64)
+    head, tail = 0, 1
+    ring[0] = row * columns + column
+    distance[row, column] = 0.0
+    queued[row, column] = True
+    diagonal = math.sqrt(2.0)
+    while head != tail:
+        i, j = ring[head] // columns, ring[head] % columns
+        head = head + 1 if head < size else 0
+        queued[i, j] = False
+        for di in range(-1, 2):
+            for dj in range(-1, 2):
+                a, b = i + di, j + dj
+                if (di == 0 and dj == 0) or a < 0 or b < 0 or a >= rows or b >= columns or not open_cells[a, b]:
+                    continue
+                corner = di != 0 and dj != 0
+                if corner and not (open_cells[i, b] and open_cells[a, j]) and not (i == row and j == column):
+                    continue
+                d = distance[i, j] + (diagonal if corner else 1.0)
+                if d < distance[a, b] - 1e-9:
+                    distance[a, b] = d
+                    if not queued[a, b]:
+                        queued[a, b] = True
+                        ring[tail] = a * columns + b
+                        tail = tail + 1 if tail < size else 0
+    return distance

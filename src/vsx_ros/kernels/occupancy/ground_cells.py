@@ -1,4 +1,4 @@
-"""What the scans of all keyframes say together about each cell of the ground map."""
+"""What the scans of all keyframes say together: how far they reach, which cells of the grid they pass and hit."""
 
 from __future__ import annotations
 
@@ -9,8 +9,12 @@ import numpy as np
 
 from vsx_ros.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray, Points2
 from vsx_ros.kernels import kernel
+from vsx_ros.kernels.occupancy.ground_map import PolarScans
 
 _MARGIN_M = 0.5
+_FIXED_BITS = 24
+_FIXED = float(1 << _FIXED_BITS)
+"""Rays step in fixed point: integers need no rounding at every cell."""
 
 
 class Lattice(NamedTuple):
@@ -38,19 +42,16 @@ class Lattice(NamedTuple):
         return x[None, :], y[:, None]
 
 
-@kernel
-def _cell(lattice: Lattice, x: float, y: float) -> tuple[int, int]:
-    """Row and column of a place [m], row -1 outside."""
-    column = math.floor((x - lattice.origin_x) / lattice.resolution)
-    row = math.floor((y - lattice.origin_y) / lattice.resolution)
-    return row if 0 <= row < lattice.rows and 0 <= column < lattice.columns else -1, column
-
-
-@kernel
-def count_hits(
-    points: FloatArray, obs_point: IntArray, hit: Float32Array, enough: int, lattice: Lattice
-) -> tuple[Int32Array, Int32Array]:
+class Counts(NamedTuple):
     """(rows, columns) int32 twice: observations of obstacle points in each cell, and points with enough of them."""
+
+    votes: Int32Array
+    members: Int32Array
+
+
+@kernel
+def count_hits(points: FloatArray, obs_point: IntArray, hit: Float32Array, enough: int, lattice: Lattice) -> Counts:
+    """Of points (M, 3) the observations (O,) with a positive hit (O,), and points with ``enough`` of them."""
     votes = np.zeros((lattice.rows, lattice.columns), np.int32)
     members = np.zeros_like(votes)
     counted = np.zeros(points.shape[0], np.int32)
@@ -58,50 +59,14 @@ def count_hits(
         if hit[o] <= 0.0:
             continue
         p = obs_point[o]
-        row, column = _cell(lattice, points[p, 0], points[p, 1])
-        if row >= 0:
+        column = math.floor((points[p, 0] - lattice.origin_x) / lattice.resolution)
+        row = math.floor((points[p, 1] - lattice.origin_y) / lattice.resolution)
+        if 0 <= row < lattice.rows and 0 <= column < lattice.columns:
             votes[row, column] += 1
             counted[p] += 1
             if counted[p] == enough:
                 members[row, column] += 1
-    return votes, members
-
-
-@kernel
-def believed_points(
-    votes: Int32Array, members: Int32Array, over_votes: Int32Array, over_members: Int32Array, free_votes: Int32Array,
-    least: int, sure: int, overruled_by: float, few_overruled_by: float,
-) -> BoolArray:  # fmt: skip
-    """(rows, columns) whether a cell with votes (rows, columns) is an obstacle, judged with its eight neighbours.
-
-    They hold ``least`` of the members, and free_votes not more times the votes than may overrule many, or fewer than
-    ``sure``, members; one free vote of a cell weighs as much as nine of all. What is over them counts with them: what
-    stands on the floor goes on upwards, a wrong match before the floor does not.
-    """
-    rows, columns = votes.shape
-    believed = np.zeros((rows, columns), np.bool_)
-    for row in range(rows):
-        for column in range(columns):
-            if votes[row, column] == 0:
-                continue
-            points = around(members, row, column)
-            if points > 0:
-                points += around(over_members, row, column)
-            limit = overruled_by if points >= sure else few_overruled_by
-            free = around(free_votes, row, column) / 9.0
-            seen = around(votes, row, column) + around(over_votes, row, column)
-            believed[row, column] = points >= least and free <= limit * seen
-    return believed
-
-
-@kernel
-def around(counts: Int32Array, row: int, column: int) -> int:
-    """The sum over a cell and its neighbours."""
-    total = 0
-    for r in range(max(0, row - 1), min(counts.shape[0], row + 2)):
-        for c in range(max(0, column - 1), min(counts.shape[1], column + 2)):
-            total += counts[r, c]
-    return total
+    return Counts(votes, members)
 
 
 @kernel
@@ -120,3 +85,117 @@ def cover_discs(poses: FloatArray, radius: float, lattice: Lattice) -> BoolArray
                 if dx * dx + dy * dy <= radius * radius:
                     covered[r, c] = True
     return covered
+
+
+@kernel
+def half_bearings(n_bearings: int) -> FloatArray:
+    """(2 * n_bearings, 2) cosine and sine of the edges and the middles of bins, in turn."""
+    table = np.empty((2 * n_bearings, 2))
+    for h in range(2 * n_bearings):
+        angle = h * math.pi / n_bearings
+        table[h, 0], table[h, 1] = math.cos(angle), math.sin(angle)
+    return table
+
+
+@kernel
+def _hold(corners: FloatArray, x: float, y: float) -> None:
+    """Widen corners (2, 2), least and greatest x and y, to a place."""
+    corners[0, 0], corners[0, 1] = min(corners[0, 0], x), min(corners[0, 1], y)
+    corners[1, 0], corners[1, 1] = max(corners[1, 0], x), max(corners[1, 1], y)
+
+
+@kernel
+def scan_corners(scans: PolarScans, points: FloatArray, obs_point: IntArray) -> FloatArray:
+    """(2, 2) least and greatest x and y [m] of camera centres, of where their scans end, and of what was hit."""
+    positions, headings, free = scans.positions, scans.headings, scans.free
+    corners = np.array([[np.inf, np.inf], [-np.inf, -np.inf]])
+    for o in range(obs_point.shape[0]):
+        if scans.hit[o] > 0.0:
+            _hold(corners, points[obs_point[o], 0], points[obs_point[o], 1])
+    n = free.shape[1]
+    table = half_bearings(n)
+    for k in range(free.shape[0]):
+        c, s = headings[k]
+        _hold(corners, positions[k, 0], positions[k, 1])
+        for b in range(n):
+            reach = free[k, b]
+            if reach > 0.0:
+                x = positions[k, 0] + reach * (c * table[2 * b + 1, 0] - s * table[2 * b + 1, 1])
+                y = positions[k, 1] + reach * (s * table[2 * b + 1, 0] + c * table[2 * b + 1, 1])
+                _hold(corners, x, y)
+    return corners
+
+
+@kernel
+def count_free(scans: PolarScans, lattice: Lattice) -> Int32Array:
+    """(rows, columns) int32: how many keyframes' scans pass through each cell.
+
+    Near the camera, where rays lie closer than cells are wide, one ray stands for two bins, or for four, as far as all
+    of them are free; the number of bins is a multiple of four.
+    """
+    positions, headings, free = scans.positions, scans.headings, scans.free
+    rows, columns, resolution, origin_x, origin_y = lattice
+    # The count in the lower half of each word, the keyframe that counted last in the upper.
+    votes = np.zeros((rows, columns), np.int64)
+    n = free.shape[1]
+    table = half_bearings(n)
+    # Rays 0.8 cells apart, and points half a cell apart on each, miss no cell that lies between them.
+    pair_until = 0.8 * n / (4.0 * math.pi)
+    for k in range(free.shape[0]):
+        x0, y0 = (positions[k, 0] - origin_x) / resolution, (positions[k, 1] - origin_y) / resolution
+        frame = (x0, y0, headings[k, 0], headings[k, 1])
+        for b in range(0, n, 4):
+            pairs = min(free[k, b], free[k, b + 1]), min(free[k, b + 2], free[k, b + 3])
+            if free[k, b] <= 0.0 and free[k, b + 1] <= 0.0 and free[k, b + 2] <= 0.0 and free[k, b + 3] <= 0.0:
+                continue
+            shared = cast(
+                votes, k + 1, frame, table[2 * b + 4], 0.0, min(pairs[0], pairs[1]) / resolution, 0.5 * pair_until
+            )
+            for i in range(2):
+                at = b + 2 * i
+                until = cast(votes, k + 1, frame, table[2 * at + 2], shared, pairs[i] / resolution, pair_until)
+                for j in range(at, at + 2):
+                    cast(votes, k + 1, frame, table[2 * j + 1], until, free[k, j] / resolution, np.inf)
+    return votes.astype(np.int32)
+
+
+@kernel
+def cast(
+    votes: IntArray, number: int, frame: tuple[float, float, float, float], bearing: FloatArray, begin: float,
+    reach: float, limit: float,
+) -> float:  # fmt: skip
+    """Count the cells between ``begin`` and ``reach`` along a ray once for keyframe ``number``, up to ``limit``, all in
+    cells; where it stopped, ``begin`` if that was farther.
+
+    votes: (rows, columns), see ``count_free``. frame: x, y of the camera [cells], cosine and sine of
+    its heading.
+    """
+    until = min(reach, limit)
+    if until <= begin:
+        return begin
+    x0, y0, c, s = frame
+    rows, columns = votes.shape[0], votes.shape[1]
+    dx = int(0.5 * _FIXED * (c * bearing[0] - s * bearing[1]))
+    dy = int(0.5 * _FIXED * (s * bearing[0] + c * bearing[1]))
+    first, last = int(2.0 * begin), int(2.0 * until)
+    x, y = int(_FIXED * x0) + first * dx, int(_FIXED * y0) + first * dy
+    # A straight line lies within the grid where both its ends do.
+    while first <= last and not within(x, y, rows, columns):
+        first, x, y = first + 1, x + dx, y + dy
+    while first <= last and not within(x + (last - first) * dx, y + (last - first) * dy, rows, columns):
+        last -= 1
+    counted = (number << 32) + 1
+    for _ in range(first, last + 1):
+        row, column = np.uint32(y >> _FIXED_BITS), np.uint32(x >> _FIXED_BITS)
+        said = votes[row, column]
+        # Written in any case: no branch to guess.
+        votes[row, column] = counted + (said & 0xFFFFFFFF) if said < counted else said
+        x += dx
+        y += dy
+    return until
+
+
+@kernel
+def within(x: int, y: int, rows: int, columns: int) -> bool:
+    """Whether a place in fixed point lies in the grid."""
+    return 0 <= x >> _FIXED_BITS < columns and 0 <= y >> _FIXED_BITS < rows

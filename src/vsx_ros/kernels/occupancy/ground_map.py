@@ -45,13 +45,6 @@ class Surfaces(NamedTuple):
 
 
 @kernel
-def hold(corners: FloatArray, x: float, y: float) -> None:
-    """Widen corners (2, 2), least and greatest x and y, to a place."""
-    corners[0, 0], corners[0, 1] = min(corners[0, 0], x), min(corners[0, 1], y)
-    corners[1, 0], corners[1, 1] = max(corners[1, 0], x), max(corners[1, 1], y)
-
-
-@kernel
 def point_parallax(
     positions: FloatArray, points: FloatArray, obs_keyframe: IntArray, obs_point: IntArray
 ) -> FloatArray:
@@ -119,25 +112,6 @@ def polar_scans(
         free[k, bearing] = max(free[k, bearing], min(proven, max_range))
     free = np.maximum(np.minimum(free, nearest), np.float32(0.0))
     return PolarScans(positions, headings, free, nearest, hit, over)
-
-
-@kernel
-def touchable(surfaces: Surfaces, low: float, high: float, max_sigma: float) -> tuple[BoolArray, FloatArray, bool]:
-    """Which spots of surface lie higher than ``low`` and up to ``high`` [m] and are known to ``max_sigma`` [m].
-
-    Returns (N,) bool, the (2, 2) least and greatest x and y of them [m], and whether all spots are finite.
-    """
-    spots, sigma = surfaces.points, surfaces.sigma_m
-    touched = np.zeros(spots.shape[0], np.bool_)
-    corners = np.array([[np.inf, np.inf], [-np.inf, -np.inf]])
-    finite = True
-    for i in range(spots.shape[0]):
-        x, y, z = spots[i, 0], spots[i, 1], spots[i, 2]
-        finite = finite and math.isfinite(x) and math.isfinite(y) and math.isfinite(z)
-        if low < z <= high and sigma[i] <= max_sigma:
-            touched[i] = True
-            hold(corners, x, y)
-    return touched, corners, finite
 
 
 @kernel

@@ -8,9 +8,17 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import Float32Array, FloatArray, IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.occupancy.clearance import DistanceField, interpolate
-from vsx_ros.kernels.planning.motions import BENDS, MOTIONS, SIGNS, Lattice, arc_is_free, arc_places, places_are_free
+from vsx_ros.kernels.planning.motions import (
+    BENDS,
+    MOTIONS,
+    SIGNS,
+    Lattice,
+    arc_is_free,
+    arc_places,
+    look_up_length,
+    places_are_free,
+)
 from vsx_ros.kernels.planning.reeds_shepp import SEGMENTS, advance, reeds_shepp_shortest, room_for, shortest_word
-from vsx_ros.kernels.planning.reeds_shepp_table import look_up_length
 
 _BUCKETS = 4
 _GREED = 1.2  # what is left counts so much: far fewer states for ways that are shortened afterwards anyway

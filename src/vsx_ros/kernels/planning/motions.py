@@ -1,20 +1,22 @@
-"""The arcs of one length that searches over positions and headings drive by, looked at without trigonometry."""
+"""What searches over positions and headings look up: places along the arcs of one length they drive by, and lengths of
+shortest Reeds-Shepp words."""
 
 import math
 from typing import NamedTuple
 
 import numpy as np
 
-from vsx_ros.arrays import FloatArray
+from vsx_ros.arrays import Float32Array, FloatArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.occupancy.clearance import DistanceField, interpolate
-from vsx_ros.kernels.planning.reeds_shepp import advance
+from vsx_ros.kernels.planning.reeds_shepp import advance, reeds_shepp_shortest, room_for
 
 BENDS = np.array([0, 1, -1, 0, 1, -1])
 SIGNS = np.array([1, 1, 1, -1, -1, -1])
 MOTIONS = 6
 """Straight on, to the left and to the right; forwards, then in reverse."""
 
+TABLE_PLACES, TABLE_STEP, TABLE_HEADINGS = 33, 0.2, 32
 _SPACING = 0.3  # of a cell of the margin field, at which an arc is looked at
 
 
@@ -75,3 +77,48 @@ def arc_is_free(field: DistanceField, x: float, y: float, theta: float, kappa: f
         if s >= total:
             return True
         s = min(total, s + max(0.3 * field.resolution, 0.7 * d))
+
+
+@kernel
+def reeds_shepp_table() -> Float32Array:
+    """(TABLE_PLACES, TABLE_PLACES, TABLE_HEADINGS + 1) float32: shortest lengths in radii from the origin.
+
+    x and y in steps of TABLE_STEP radii from 0 on, headings around the circle (the last as the first): a quadrant, the
+    others are its mirror images.
+    """
+    out = np.empty((TABLE_PLACES, TABLE_PLACES, TABLE_HEADINGS + 1), np.float32)
+    word = room_for(1)
+    for i in range(TABLE_PLACES):
+        for j in range(TABLE_PLACES):
+            for k in range(TABLE_HEADINGS + 1):
+                theta = k * 2.0 * math.pi / TABLE_HEADINGS
+                out[i, j, k] = reeds_shepp_shortest(i * TABLE_STEP, j * TABLE_STEP, theta, word)
+    return out
+
+
+@kernel
+def look_up_length(table: Float32Array, x: float, y: float, theta: float) -> float:
+    """About the shortest length in radii to (x, y, theta), x and y in radii; 0 outside the table.
+
+    Interpolated in ``reeds_shepp_table``: a guide for searches, neither a lower bound nor an upper.
+    """
+    if x < 0.0:
+        x, theta = -x, -theta
+    if y < 0.0:
+        y, theta = -y, -theta
+    u, v = x / TABLE_STEP, y / TABLE_STEP
+    i, j = int(u), int(v)
+    if i >= TABLE_PLACES - 1 or j >= TABLE_PLACES - 1:
+        return 0.0
+    w = theta / (2.0 * math.pi)
+    w = (w - math.floor(w)) * TABLE_HEADINGS
+    k = min(int(w), TABLE_HEADINGS - 1)
+    u, v, w = u - i, v - j, w - k
+    near = (1.0 - v) * table[i, j, k] + v * table[i, j + 1, k]
+    far = (1.0 - v) * table[i + 1, j, k] + v * table[i + 1, j + 1, k]
+    low = (1.0 - u) * near + u * far
+    near = (1.0 - v) * table[i, j, k + 1] + v * table[i, j + 1, k + 1]
+    far = (1.0 - v) * table[i + 1, j, k + 1] + v * table[i + 1, j + 1, k + 1]
+    high = (1.0 - u) * near + u * far
+    length: float = (1.0 - w) * low + w * high
+    return length

@@ -15,7 +15,6 @@ from vsx_ros.kernels import kernel
 
 MAX_WORDS = 48
 SEGMENTS = 5
-TABLE_PLACES, TABLE_STEP, TABLE_HEADINGS = 33, 0.2, 32
 _HALF_PI = 0.5 * math.pi
 _ZERO, _NEARLY = 1e-10, 1e-8
 LONGER = 1e300

@@ -15,14 +15,13 @@ from vsx_ros.kernels import kernel
 
 
 class Scene(NamedTuple):
-    """Q quads. P, U, V (Q, 3): corner and edges [m]; two_sided (Q,). surfaces (Q, 5): texels along U, V, offsets, light
-    scale; places (Q, 5): texture base, log2 of its size, light base, light nodes along U and V; tints (Q, 4): r, g, b,
-    grey. tex, light: packed texels and packed light."""
+    """Q quads. P, U, V (Q, 3): corner and edges [m]. surfaces (Q, 5): texels along U, V, offsets, light scale; places
+    (Q, 5): texture base, log2 of its size, light base, light nodes along U and V; tints (Q, 4): r, g, b, grey. tex,
+    light: packed texels and packed light."""
 
     P: FloatArray
     U: FloatArray
     V: FloatArray
-    two_sided: BoolArray
     surfaces: Float32Array
     places: Int32Array
     tints: Float32Array
@@ -31,27 +30,24 @@ class Scene(NamedTuple):
 
 
 @kernel
-def plane_forms(scene: Scene, R: FloatArray, t: FloatArray, forms: FloatArray, visible: BoolArray) -> None:
-    """Fill forms (S, B, Q, 9) with the linear forms of each quad, visible (Q,) with whether the camera may see it.
+def plane_forms(scene: Scene, R: FloatArray, t: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Linear forms (S, B, Q, 9) of the quads, and which quads (K,) the camera may see; those of others are left out.
 
-    R (S, B, 3, 3), t (S, B, 3): camera poses (T_world_cam) of sub-frame s at tile-row border b. A one-sided quad is
-    seen when U x V points away from the camera (u right, v down), at every pose.
+    R (S, B, 3, 3), t (S, B, 3): camera poses (T_world_cam) of sub-frame s at tile-row border b. A quad is seen when
+    U x V points away from the camera (u right, v down), at every pose.
     """
     P, U, V = scene.P, scene.U, scene.V
+    forms, visible = np.zeros((R.shape[0], R.shape[1], P.shape[0], 9)), np.ones(P.shape[0], np.bool_)
     for q in range(P.shape[0]):
         nx = U[q, 1] * V[q, 2] - U[q, 2] * V[q, 1]
         ny = U[q, 2] * V[q, 0] - U[q, 0] * V[q, 2]
         nz = U[q, 0] * V[q, 1] - U[q, 1] * V[q, 0]
         limit = 1e-6 * np.sqrt(nx * nx + ny * ny + nz * nz)
-        front = True
-        back = True
         for s in range(R.shape[0]):
             for b in range(R.shape[1]):
                 tx, ty, tz = t[s, b, 0] - P[q, 0], t[s, b, 1] - P[q, 1], t[s, b, 2] - P[q, 2]
                 height = nx * tx + ny * ty + nz * tz
-                front = front and height < -limit
-                back = back and height > limit
-        visible[q] = front or (back and scene.two_sided[q])
+                visible[q] = visible[q] and height < -limit
         if not visible[q]:
             continue
         for s in range(R.shape[0]):
@@ -69,6 +65,7 @@ def plane_forms(scene: Scene, R: FloatArray, t: FloatArray, forms: FloatArray, v
                     forms[s, b, q, j] = ax * r0 + ay * r1 + az * r2
                     forms[s, b, q, 3 + j] = bx * r0 + by * r1 + bz * r2
                     forms[s, b, q, 6 + j] = (nx * r0 + ny * r1 + nz * r2) * k
+    return forms, np.flatnonzero(visible)
 
 
 @kernel
@@ -122,15 +119,15 @@ def _hides(forms: FloatArray, b: int, q: int, r: int, x0: float, x1: float, y0: 
 
 @kernel
 def candidates(
-    forms: FloatArray, b: int, pool: IntArray, n_pool: int, rect: FloatArray, found: IntArray, cover: BoolArray
+    forms: FloatArray, b: int, pool: IntArray, rect: FloatArray, found: IntArray, cover: BoolArray
 ) -> tuple[int, bool]:
     """Put the quads of pool that rect may see into found; return their number and whether a single one covers it."""
     x0, x1, y0, y1 = rect[0], rect[1], rect[2], rect[3]
     n = 0
-    for i in range(n_pool):
-        kind = overlap(forms, b, pool[i], x0, x1, y0, y1)
+    for q in pool:
+        kind = overlap(forms, b, q, x0, x1, y0, y1)
         if kind > 0:
-            found[n] = pool[i]
+            found[n] = q
             cover[n] = kind == 2
             n += 1
     for i in range(n):

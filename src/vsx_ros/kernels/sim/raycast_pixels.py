@@ -1,10 +1,12 @@
-"""Lists of pixels in scratch memory: filled from the rays of a tile, and laid into the picture once they are shaded."""
+"""Lists of pixels in scratch memory, filled from the rays of a tile and laid into the picture once they are shaded, and
+the bytes that a sensor makes of the picture (vignetting, gain, photon and read noise, response curve)."""
 
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from vsx_ros.arrays import Float32Array, FloatArray
+from vsx_ros.arrays import Float32Array, FloatArray, IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.sim.raycast_cull import Scene
 from vsx_ros.kernels.sim.raycast_shade import (
@@ -12,16 +14,14 @@ from vsx_ros.kernels.sim.raycast_shade import (
     DXY,
     DYX,
     DYY,
-    F0,
-    PIXEL,
     ROW,
     RX,
     RY,
     SUM,
-    TILE,
-    TOTAL,
     WEIGHT,
     Scratch,
+    X,
+    Y,
 )
 
 
@@ -37,9 +37,7 @@ class View(NamedTuple):
 
 
 @kernel
-def enter(
-    scratch: Scratch, i: int, view: View, y: int, x: int, ratio: np.float32, weight: np.float32, width: int
-) -> None:
+def enter(scratch: Scratch, i: int, view: View, y: int, x: int, ratio: np.float32, weight: np.float32) -> None:
     """Append pixel (y, x) to the shading list at place i."""
     f, g, rx, ry = scratch.f, scratch.g, view.rx, view.ry
     f[RX + i] = rx[y + 1, x + 1]
@@ -50,29 +48,7 @@ def enter(
     f[DYY + i] = ry[y + 2, x + 1] - ry[y + 1, x + 1]
     f[ROW + i] = ratio
     f[WEIGHT + i] = weight
-    g[PIXEL + i] = np.int32(y * width + x)
-
-
-@kernel
-def enter_rows(f: Float32Array, view: View, y0: int, y1: int, x0: int, x1: int) -> int:
-    """List every pixel of a tile, row by row; TOTAL becomes zero. Returns their number."""
-    rx, ry = view.rx, view.ry
-    n = 0
-    for y in range(y0, y1):
-        ratio = np.float32((y - y0) / (1.0 * TILE))
-        x_line, y_line, x_next, y_next = rx[y + 1], ry[y + 1], rx[y + 2], ry[y + 2]
-        for x in range(x0 + 1, x1 + 1):
-            i = n + x - x0 - 1
-            f[RX + i] = x_line[x]
-            f[RY + i] = y_line[x]
-            f[DXX + i] = x_line[x + 1] - x_line[x]
-            f[DXY + i] = y_line[x + 1] - y_line[x]
-            f[DYX + i] = x_next[x] - x_line[x]
-            f[DYY + i] = y_next[x] - y_line[x]
-            f[ROW + i] = ratio
-            f[TOTAL + i] = F0
-        n += x1 - x0
-    return n
+    g[Y + i], g[X + i] = np.int32(y), np.int32(x)
 
 
 @kernel
@@ -86,26 +62,33 @@ def _tint_index(y: int, x: int, bayer: bool) -> int:
 
 
 @kernel
-def spread_rows(
-    f: Float32Array, tint: Float32Array, bayer: bool, y0: int, y1: int, x0: int, x1: int, share: np.float32,
-    picture: Float32Array,
-) -> None:  # fmt: skip
-    """Write TOTAL, tinted, to the tile of the picture (H, W)."""
-    i = 0
-    for y in range(y0, y1):
-        even = share * tint[_tint_index(y, x0, bayer)]
-        odd = share * tint[_tint_index(y, x0 + 1, bayer)]
-        line = picture[y]
-        for x in range(x0, x1):
-            line[x] = f[TOTAL + i + x - x0] * (odd if (x - x0) & 1 else even)
-        i += x1 - x0
-
-
-@kernel
 def spread(scratch: Scratch, n: int, tint: Float32Array, bayer: bool, share: np.float32, picture: Float32Array) -> None:
     """Add SUM, tinted and weighted, to the listed pixels of the picture (H, W)."""
     f, g = scratch.f, scratch.g
-    width = picture.shape[1]
     for i in range(n):
-        y, x = g[PIXEL + i] // width, g[PIXEL + i] % width
+        y, x = g[Y + i], g[X + i]
         picture[y, x] += share * f[WEIGHT + i] * tint[_tint_index(y, x, bayer)] * f[SUM + i]
+
+
+@kernel
+def expose(
+    radiance: Float32Array, vignette: Float32Array, gain: np.float32, shot: np.float32, read_variance: np.float32,
+    noise: Float32Array, starts: IntArray, response: NDArray[np.uint8], image: NDArray[np.uint8],
+) -> None:  # fmt: skip
+    """Fill image (H, W) uint8 from radiance (H, W) float32 (1 = full scale at gain 1).
+
+    noise: (L,) float32 standard normal draws; row y reads it from starts[y] on, L >= starts.max() + W.
+    response: (4096,) uint8 output for signals 0..1. shot, read_variance: noise variance per signal and at rest.
+    """
+    height, width = radiance.shape
+    last = np.float32(response.shape[0] - 1)
+    zero, half = np.float32(0.0), np.float32(0.5)
+    signal = np.empty(width, dtype=np.int32)
+    for y in range(height):
+        start = starts[y]
+        for x in range(width):
+            light = radiance[y, x] * vignette[y, x] * gain
+            noisy = light + np.sqrt(light * shot + read_variance) * noise[start + x]
+            signal[x] = np.int32(min(max(noisy * last, zero), last) + half)
+        for x in range(width):
+            image[y, x] = response[signal[x]]

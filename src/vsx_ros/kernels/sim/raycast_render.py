@@ -11,13 +11,13 @@ import numpy as np
 from vsx_ros.arrays import Float32Array, FloatArray, Int32Array, IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.sim.raycast_cull import candidates, overlap
-from vsx_ros.kernels.sim.raycast_pixels import View, enter, enter_rows, spread, spread_rows
+from vsx_ros.kernels.sim.raycast_pixels import View, enter, spread
 from vsx_ros.kernels.sim.raycast_shade import (
     EPS,
     F0,
     F1,
-    FLOAT_ROWS,
-    INT_ROWS,
+    FLOATS,
+    INTEGERS,
     SUM,
     TILE,
     TOTAL,
@@ -47,9 +47,7 @@ def _tile_forms(forms: FloatArray, s: int, b: int, quads: IntArray, n: int, m: F
 def _visibility(scratch: Scratch, n: int, view: View, y0: int, x0: int) -> None:
     """Nearest quad of each ray of the tile and the ring of pixels around it; flat (RING * RING)."""
     m, nearest, winner, rx, ry = scratch.m, scratch.nearest, scratch.winner, view.rx, view.ry
-    for i in range(RING * RING):
-        nearest[i] = F0
-        winner[i] = np.int32(-1)
+    nearest[:], winner[:] = F0, np.int32(-1)
     for k in range(n):
         label = np.int32(k)
         for i in range(RING):
@@ -79,8 +77,7 @@ def _edge_weights(
     rx, ry = view.rx, view.ry
     dxx, dxy = rx[y + 1, x + 2] - rx[y + 1, x + 1], ry[y + 1, x + 2] - ry[y + 1, x + 1]
     dyx, dyy = rx[y + 2, x + 1] - rx[y + 1, x + 1], ry[y + 2, x + 1] - ry[y + 1, x + 1]
-    for k in range(n):
-        weights[k] = F0
+    weights[:] = F0
     for i in range(3):
         oy = np.float32(i - 1) * THIRD
         for j in range(3):
@@ -111,18 +108,34 @@ def _edge_weights(
 
 
 @kernel
+def _enter_won(area: Area, view: View, k: int, scratch: Scratch) -> int:
+    """List the pixels of a tile whose rays the quad in place k wins, row by row; how many."""
+    y0, y1, x0, x1 = area
+    winner, count = scratch.winner, 0
+    for y in range(y0, y1):
+        ratio = np.float32((y - y0) / TILE)
+        at = (y - y0 + 1) * RING + 1
+        for x in range(x0, x1):
+            if winner[at + x - x0] == k:
+                enter(scratch, count, view, y, x, ratio, F1)
+                count += 1
+    return count
+
+
+@kernel
 def _covered_tile(area: Area, view: View, ty: int, quads: IntArray, scratch: Scratch, picture: Float32Array) -> None:
     """Fill a tile that one quad covers alone."""
-    y0, y1, x0, x1 = area
     f, sub_frames = scratch.f, view.forms.shape[0]
-    n = enter_rows(f, view, y0, y1, x0, x1)
+    scratch.winner[:] = np.int32(0)
+    n = _enter_won(area, view, 0, scratch)
+    f[TOTAL : TOTAL + n] = F0
     for s in range(sub_frames):
         _tile_forms(view.forms, s, ty, quads, 1, scratch.m)
         shade(scratch, n, view.scene, 0, quads[0], _jitter(s, sub_frames))
         for i in range(n):
             f[TOTAL + i] += f[SUM + i]
-    share = F1 / np.float32(sub_frames)
-    spread_rows(f, view.scene.tints[quads[0]], view.bayer, y0, y1, x0, x1, share, picture)
+    f[SUM : SUM + n] = f[TOTAL : TOTAL + n]
+    spread(scratch, n, view.scene.tints[quads[0]], view.bayer, F1 / np.float32(sub_frames), picture)
 
 
 @kernel
@@ -136,7 +149,6 @@ def _mark_edges(area: Area, scratch: Scratch, n: int, view: View) -> int:
     """List the pixels with a differing neighbour and their shares; winner becomes -2 there. Returns their number."""
     y0, y1, x0, x1 = area
     winner, edge_at, edge_weight = scratch.winner, scratch.edge_at, scratch.edge_weight
-    weights = np.empty(n, dtype=np.float32)
     edges = 0
     for y in range(y0, y1):
         for x in range(x0, x1):
@@ -144,10 +156,8 @@ def _mark_edges(area: Area, scratch: Scratch, n: int, view: View) -> int:
             who = winner[at]
             left, right, above, below = winner[at - 1], winner[at + 1], winner[at - RING], winner[at + RING]
             if left != who or right != who or above != who or below != who:
-                _edge_weights(scratch.m, n, view, y, x, np.float32((y - y0) / TILE), weights)
+                _edge_weights(scratch.m, n, view, y, x, np.float32((y - y0) / TILE), edge_weight[edges, :n])
                 edge_at[edges] = at
-                for k in range(n):
-                    edge_weight[k, edges] = weights[k]
                 edges += 1
     for i in range(edges):
         winner[edge_at[i]] = np.int32(-2)
@@ -160,24 +170,15 @@ def _mixed_tile(
     picture: Float32Array,
 ) -> None:  # fmt: skip
     """Add one sub-frame of a tile of several quads, given the winner of each ray."""
-    y0, y1, x0, x1 = area
-    width = picture.shape[1]
-    winner, edge_at, edge_weight = scratch.winner, scratch.edge_at, scratch.edge_weight
+    y0, _, x0, _ = area
+    edge_at, edge_weight = scratch.edge_at, scratch.edge_weight
     edges = _mark_edges(area, scratch, n, view)
     for k in range(n):
-        count = 0
-        for y in range(y0, y1):
-            ratio = np.float32((y - y0) / TILE)
-            at = (y - y0 + 1) * RING + 1
-            for x in range(x0, x1):
-                if winner[at + x - x0] == k:
-                    enter(scratch, count, view, y, x, ratio, F1, width)
-                    count += 1
+        count = _enter_won(area, view, k, scratch)
         for i in range(edges):
-            if edge_weight[k, i] > F0:
+            if edge_weight[i, k] > F0:
                 row, column = edge_at[i] // RING - 1, edge_at[i] % RING - 1
-                ratio = np.float32(row / TILE)
-                enter(scratch, count, view, y0 + row, x0 + column, ratio, edge_weight[k, i], width)
+                enter(scratch, count, view, y0 + row, x0 + column, np.float32(row / TILE), edge_weight[i, k])
                 count += 1
         if count > 0:
             shade(scratch, count, view.scene, k, quads[k], jitter)
@@ -209,11 +210,11 @@ def render_tile_rows(
     ring. depth (H, W) [m] and ident (H, W) take the pixel centre's values of the first sub-frame; size 0 skips them.
     """
     height, width = picture.shape
-    f, most = np.zeros(FLOAT_ROWS * N, dtype=np.float32), len(pool) + 1
+    f, most = np.zeros(FLOATS, dtype=np.float32), len(pool) + 1
     scratch = Scratch(
-        f, f.view(np.int32), np.zeros(INT_ROWS * N, dtype=np.int32), np.empty((most, 18), dtype=np.float32),
+        f, f.view(np.int32), np.zeros(INTEGERS, dtype=np.int32), np.empty((most, 18), dtype=np.float32),
         np.empty(RING * RING, dtype=np.float32), np.empty(RING * RING, dtype=np.int32), np.empty(N, dtype=np.int32),
-        np.empty((most, N), dtype=np.float32),
+        np.empty((N, most), dtype=np.float32),
     )  # fmt: skip
     strip, found, cover = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64), np.empty(most, dtype=np.bool_)
     forms, sub_frames = view.forms, view.forms.shape[0]
@@ -222,12 +223,12 @@ def render_tile_rows(
         x_min, x_max = bounds[ty, :, 0].min(), bounds[ty, :, 1].max()
         y_min, y_max = bounds[ty, :, 2].min(), bounds[ty, :, 3].max()
         n_strip = 0
-        for i in range(len(pool)):
-            if overlap(forms, ty, pool[i], x_min, x_max, y_min, y_max) > 0:
-                strip[n_strip] = pool[i]
+        for q in pool:
+            if overlap(forms, ty, q, x_min, x_max, y_min, y_max) > 0:
+                strip[n_strip] = q
                 n_strip += 1
         for tx in range(bounds.shape[1]):
-            n, alone = candidates(forms, ty, strip, n_strip, bounds[ty, tx], found, cover)
+            n, alone = candidates(forms, ty, strip[:n_strip], bounds[ty, tx], found, cover)
             y0, x0 = ty * TILE, tx * TILE
             area = (y0, min(y0 + TILE, height), x0, min(x0 + TILE, width))
             for s in range(0 if alone and depth.size == 0 else sub_frames):

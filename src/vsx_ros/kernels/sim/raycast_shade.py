@@ -16,14 +16,12 @@ TILE = 16
 N = TILE * TILE
 
 # Rows of the float scratch memory, each N long.
-RX, RY, DXX, DXY, DYX, DYY, ROW, WEIGHT = 0, N, 2 * N, 3 * N, 4 * N, 5 * N, 6 * N, 7 * N
-TU, TV, MU, MV, LOD, SUM, LIGHT, FX = 8 * N, 9 * N, 10 * N, 11 * N, 12 * N, 13 * N, 14 * N, 15 * N
-FY, SCALE, MIX, VALUE, LU, LV = 16 * N, 17 * N, 18 * N, 19 * N, 20 * N, 21 * N
-TOTAL = 22 * N
-FLOAT_ROWS = 23
+FLOATS = 22 * N
+RX, RY, DXX, DXY, DYX, DYY, ROW, WEIGHT, TU, TV, MU = range(0, FLOATS // 2, N)
+MV, LOD, SUM, FX, FY, SCALE, MIX, VALUE, LU, LV, TOTAL = range(FLOATS // 2, FLOATS, N)
 # Rows of the integer scratch memory.
-PIXEL, INDEX, SHIFT, BASE, TEXEL = 0, N, 2 * N, 3 * N, 4 * N
-INT_ROWS = 5
+INTEGERS = 6 * N
+Y, X, INDEX, SHIFT, BASE, TEXEL = range(0, INTEGERS, N)
 
 F0 = np.float32(0.0)
 F1 = np.float32(1.0)
@@ -41,7 +39,7 @@ INVERSE_OF_3 = np.int32(-1431655765)
 class Scratch(NamedTuple):
     """Memory of one tile: float rows, the same memory as bits, integer rows; m (K, 18): forms of the quads at its upper
     border and their change to the lower one; depth and place in m of the nearest quad of each ray; pixels at the edges
-    of quads and how much of them each quad covers."""
+    of quads (N,) and how much of them each quad covers (N, K)."""
 
     f: Float32Array
     bits: Int32Array
@@ -159,7 +157,8 @@ def _level(f: Float32Array, g: Int32Array, n: int, above: np.int32, base: np.int
 
 @kernel
 def _level_of_detail(f: Float32Array, bits: Int32Array, n: int, share: np.float32, jitter: np.float32) -> None:
-    """LOD = the wanted mip level of a probe of this share of the major axis, MIX = its fraction, SUM = 0."""
+    """LOD = the wanted mip level of a probe of this share of the major axis, SUM = 0; MIX = how much of the next level
+    there is to be in the blend, none where jitter >= 0."""
     for i in range(n):
         f[LOD + i] = max(max(f[MIX + i], f[LOD + i] * share), F1)
     for i in range(n):
@@ -167,7 +166,7 @@ def _level_of_detail(f: Float32Array, bits: Int32Array, n: int, share: np.float3
         lod = np.float32(bits[LOD + i]) * LOG2_SCALE - LOG2_BIAS
         lod = max(lod, F0) + max(jitter, F0)
         f[LOD + i] = lod
-        f[MIX + i] = lod - np.floor(lod)
+        f[MIX + i] = F0 if jitter >= F0 else lod - np.floor(lod)
         f[SUM + i] = F0
 
 
@@ -206,25 +205,10 @@ def shade(scratch: Scratch, n: int, scene: Scene, k: int, quad: int, jitter: np.
     probes = max(1, min(probes, int(min(longest, np.float32(64.0)) + F1)))
     share = F1 / np.float32(probes)
     _level_of_detail(f, bits, n, share, jitter)
-    single = bool(jitter >= F0)
-    if not single:
-        single = True
-        for i in range(n):
-            single = single and f[LOD + i] <= F0
-    if single:
-        for i in range(n):
-            f[MIX + i] = F0
-    _level(f, g, n, np.int32(0), base, size_log2)
-    for probe in range(probes):
-        at = (np.float32(probe) + HALF) * share - HALF
-        _lookup(f, g, tex, n, at)
-        for i in range(n):
-            f[SUM + i] += (F1 - f[MIX + i]) * f[VALUE + i]
-    if not single:
-        _level(f, g, n, np.int32(1), base, size_log2)
+    for above in range(2 if f[MIX : MIX + n].max() > F0 else 1):
+        _level(f, g, n, np.int32(above), base, size_log2)
         for probe in range(probes):
-            at = (np.float32(probe) + HALF) * share - HALF
-            _lookup(f, g, tex, n, at)
+            _lookup(f, g, tex, n, (np.float32(probe) + HALF) * share - HALF)
             for i in range(n):
-                f[SUM + i] += f[MIX + i] * f[VALUE + i]
+                f[SUM + i] += (f[MIX + i] if above == 1 else F1 - f[MIX + i]) * f[VALUE + i]
     _enlighten(f, g, light, n, light_base, nu, nv, share * light_scale)

@@ -12,9 +12,8 @@ from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.geometry.lie import compose, exp_se3, orthonormalize
 from vsx_ros.kernels.linalg.frontal import solve
-from vsx_ros.kernels.slam.floor import Floor, add_floor, floor_cost, hold_anchor
+from vsx_ros.kernels.slam.factors import Factors, Floor, add_factors, add_floor, factor_cost, floor_cost, hold_anchor
 from vsx_ros.kernels.slam.pose import TUKEY, add_observation, tukey_sigma
-from vsx_ros.kernels.slam.relative_pose import Factors, add_factors, factor_cost
 from vsx_ros.kernels.slam.schur import (
     Blocks,
     Observations,
@@ -40,12 +39,21 @@ START = Progress(1e-4, 2.0, False)
 LEAST_GAIN = 1e-4
 
 
+class Estimate(NamedTuple):
+    """T_cam_world of F frames: R (F, 3, 3), t (F, 3); points (M, 3); weighted residuals (O, 2) of the observations and
+    their squares (O,), infinite behind the camera."""
+
+    R: FloatArray
+    t: FloatArray
+    points: FloatArray
+    residuals: FloatArray
+    squares: FloatArray
+
+
 @kernel
-def _residuals(
-    K: FloatArray, R: FloatArray, t: FloatArray, points: FloatArray, observed: Observations, res: FloatArray,
-    e: FloatArray,
-) -> None:  # fmt: skip
-    """Fill weighted residuals (O, 2) and their squares (O,); behind the camera: infinite square."""
+def fill_residuals(K: FloatArray, now: Estimate, observed: Observations) -> None:
+    """Fill the residuals and squares of an estimate; residuals behind the camera are left."""
+    R, t, points, res, e = now
     for o in range(e.shape[0]):
         f, p = observed.frame[o], observed.point[o]
         X, Y, Z = points[p, 0], points[p, 1], points[p, 2]
@@ -61,29 +69,25 @@ def _residuals(
 
 
 @kernel
-def _cost(e: FloatArray, sigma: float, R: FloatArray, t: FloatArray, factors: Factors, floor: Floor) -> float:
+def cost_of(now: Estimate, sigma: float, factors: Factors, floor: Floor) -> float:
     """Half the robust squared error in units of sigma."""
     limit = TUKEY * TUKEY * sigma * sigma
     worst = TUKEY * TUKEY / 6.0
     total = 0.0
-    for o in range(e.shape[0]):
-        if e[o] >= limit:
-            total += worst
-        else:
-            root = 1.0 - e[o] / limit
-            total += worst * (1.0 - root * root * root)
-    return total + factor_cost(R, t, factors) + floor_cost(R, t, floor)
+    for square in now.squares:
+        root = 1.0 - square / limit
+        total += worst * (1.0 - root * root * root) if square < limit else worst
+    return total + factor_cost(now.R, now.t, factors) + floor_cost(now.R, now.t, floor)
 
 
 @kernel
-def _linearise(
-    K: FloatArray, R: FloatArray, t: FloatArray, number: IntArray, points: FloatArray, observed: Observations,
-    res: FloatArray, e: FloatArray, sigma: float, linear: Blocks,
-) -> None:  # fmt: skip
+def linearise(
+    K: FloatArray, now: Estimate, number: IntArray, observed: Observations, sigma: float, linear: Blocks
+) -> None:
     """Fill all blocks but L."""
+    R, t, points, res, e = now
     H, g, V, gp, W, _ = linear
-    limit = TUKEY * TUKEY * sigma * sigma
-    inverse_variance = 1.0 / (sigma * sigma)
+    limit, inverse_variance = TUKEY * TUKEY * sigma * sigma, 1.0 / (sigma * sigma)
     H[:, :, :] = 0.0
     g[:, :] = 0.0
     for p in range(points.shape[0]):
@@ -136,8 +140,8 @@ def _linearise(
 
 @kernel
 def _system(
-    pattern: Pattern, R: FloatArray, t: FloatArray, factors: Factors, floor: Floor, H: FloatArray, damping: float,
-    blocks: FloatArray, rhs: FloatArray,
+    pattern: Pattern, now: Estimate, factors: Factors, floor: Floor, H: FloatArray, damping: float, blocks: FloatArray,
+    rhs: FloatArray,
 ) -> None:  # fmt: skip
     """Fill blocks with the frames' own share of the system, damped; add the factors' and the floor's to rhs."""
     blocks[:, :, :] = 0.0
@@ -145,24 +149,22 @@ def _system(
         for a in range(6):
             for b in range(a, 6):
                 blocks[pattern.begin[i], a, b] = H[i, a, b]
-    add_factors(blocks, rhs, R, t, pattern, factors)
-    add_floor(blocks, rhs, R, t, pattern, floor)
+    add_factors(blocks, rhs, now.R, now.t, pattern, factors)
+    add_floor(blocks, rhs, now.R, now.t, pattern, floor)
     for i in range(H.shape[0]):
         diagonal = blocks[pattern.begin[i]]
         for a in range(6):
             diagonal[a, a] = diagonal[a, a] * (1.0 + damping) + 1e-9
-    hold_anchor(blocks, R, pattern, floor)
+    hold_anchor(blocks, now.R, pattern, floor)
 
 
 @kernel
-def _move(
-    number: IntArray, step: FloatArray, R: FloatArray, t: FloatArray, R_new: FloatArray, t_new: FloatArray
-) -> None:
-    """Fill R_new, t_new: the frames after their step (n, 6)."""
+def _move(number: IntArray, step: FloatArray, now: Estimate, trial: Estimate) -> None:
+    """Fill the free frames of a trial: those of now after their step (n, 6)."""
     for f in range(number.shape[0]):
         if number[f] >= 0:
             dR, dt = exp_se3(step[number[f]])
-            R_new[f], t_new[f] = compose(dR, dt, R[f], t[f])
+            trial.R[f], trial.t[f] = compose(dR, dt, now.R[f], now.t[f])
 
 
 @kernel
@@ -176,46 +178,40 @@ def adjust(
     to be continued. Returns R, t, points, squared weighted residuals (O,), sigma [px], accepted steps, progress. At
     most ``iterations`` trials, whatever happens.
     """
-    R, t, points = R0.copy(), t0.copy(), points0.copy()
     pattern = pattern_of(free, observed, factors.a, factors.b)
     n_obs = observed.frame.shape[0]
-    res, e = np.zeros((n_obs, 2)), np.empty(n_obs)
-    linear = room_for(pattern.extent.shape[0], points.shape[0], n_obs)
+    now = Estimate(R0.copy(), t0.copy(), points0.copy(), np.zeros((n_obs, 2)), np.empty(n_obs))
+    trial = Estimate(R0.copy(), t0.copy(), points0.copy(), np.zeros((n_obs, 2)), np.empty(n_obs))
+    linear = room_for(pattern.extent.shape[0], points0.shape[0], n_obs)
     blocks = np.empty((pattern.column.shape[0], 6, 6))
-    R_new, t_new, moved = R.copy(), t.copy(), points.copy()
-    res_new, e_new = np.zeros((n_obs, 2)), np.empty(n_obs)
-    _residuals(K, R, t, points, observed, res, e)
-    damping, growth, done = progress.damping, progress.growth, progress.done
-    linearise = True
-    accepted = 0
-    sigma, cost = sigma_min, 0.0
+    fill_residuals(K, now, observed)
+    damping, growth, done = progress
+    linear_here, accepted, sigma, cost = False, 0, sigma_min, 0.0
     for _ in range(iterations):
         if done:
             break
-        if linearise:
-            sigma = tukey_sigma(e, n_obs, sigma_min)
-            cost = _cost(e, sigma, R, t, factors, floor)
-            _linearise(K, R, t, pattern.number, points, observed, res, e, sigma, linear)
+        if not linear_here:
+            sigma = tukey_sigma(now.squares, n_obs, sigma_min)
+            cost = cost_of(now, sigma, factors, floor)
+            linearise(K, now, pattern.number, observed, sigma, linear)
         step = linear.g.copy()
-        _system(pattern, R, t, factors, floor, linear.H, damping, blocks, step)
+        _system(pattern, now, factors, floor, linear.H, damping, blocks, step)
         reduce_points(pattern, observed, linear, damping, blocks, step)
         new_cost = np.inf
         if solve(blocks, pattern.begin, pattern.column, pattern.entry, pattern.extent, step):
-            _move(pattern.number, step, R, t, R_new, t_new)
-            back_substitute(pattern.number, observed, linear, step, points, moved)
-            _residuals(K, R_new, t_new, moved, observed, res_new, e_new)
-            new_cost = _cost(e_new, sigma, R_new, t_new, factors, floor)
-        linearise = new_cost < cost
-        if linearise:
-            done = cost - new_cost < LEAST_GAIN * cost
-            R, R_new, t, t_new, points, moved = R_new, R, t_new, t, moved, points
-            res, res_new, e, e_new = res_new, res, e_new, e
-            damping, growth = max(1e-9, damping * 0.3), 2.0
-            accepted += 1
-        else:
+            _move(pattern.number, step, now, trial)
+            back_substitute(pattern.number, observed, linear, step, now.points, trial.points)
+            fill_residuals(K, trial, observed)
+            new_cost = cost_of(trial, sigma, factors, floor)
+        linear_here = not new_cost < cost
+        if linear_here:
             damping, growth = damping * growth, growth * 2.0
             done = damping > 1e8
+        else:
+            now, trial = trial, now
+            done = cost - new_cost < LEAST_GAIN * cost
+            damping, growth, accepted = max(1e-9, damping * 0.3), 2.0, accepted + 1
     for f in range(free.shape[0]):
-        orthonormalize(R[f])
-    sigma = tukey_sigma(e, n_obs, sigma_min)
-    return R, t, points, e, sigma, accepted, Progress(damping, growth, done)
+        orthonormalize(now.R[f])
+    sigma = tukey_sigma(now.squares, n_obs, sigma_min)
+    return now.R, now.t, now.points, now.squares, sigma, accepted, Progress(damping, growth, done)

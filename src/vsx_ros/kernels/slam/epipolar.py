@@ -1,22 +1,15 @@
 """Search of a patch along its viewing ray in another image, through the distorted camera model."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, FloatArray, IntArray
+from vsx_ros.arrays import BoolArray, FloatArray, Int32Array, IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.geometry.projection import project_normalized
-from vsx_ros.kernels.vision.patches import (
-    MAX_ALIGNED_SHARE,
-    MAX_SHARE,
-    NOISE_FLOOR,
-    TEMPLATE,
-    Target,
-    best_corner,
-    quantize,
-    refine,
-)
-from vsx_ros.kernels.vision.search import warp_template
+from vsx_ros.kernels.vision.patches import MAX_SHARE, NOISE_FLOOR, TEMPLATE, Target, best_corner, quantize
+from vsx_ros.kernels.vision.search import aligned, inverted_warp, level_of, warp_template
 
 STEP_PX = 2.5
 REACH_PX = 2.2
@@ -52,6 +45,71 @@ def _at_inverse_depth(
     return True, u, v
 
 
+class Memory(NamedTuple):
+    """Of a search: the template (10, 10) as warped last, its core (64,), no offset (2,), and three warps (4,)."""
+
+    warped: Int32Array
+    core: Int32Array
+    centred: FloatArray
+    A: FloatArray
+    B: FloatArray
+    w: FloatArray
+
+
+@kernel
+def _search_ray(
+    camera: FloatArray, R: FloatArray, t: FloatArray, ray: FloatArray, basis: FloatArray, patch: NDArray[np.uint8],
+    far: float, near: float, target: Target, template: Int32Array, memory: Memory,
+) -> tuple[int, int, float]:  # fmt: skip
+    """(corner, level, contrast of the template) where a patch is found along its ray between two inverse depths, corner
+    -1 where it is nowhere or not distinct; fills template (10, 10)."""
+    warped, core, centred, A, B, w = memory
+    best, second, winner, winner_level = np.inf, np.inf, -1, 0
+    energy, contrast, last_left, last_level, usable = 0.0, 0.0, -1.0, -1, False
+    rho, delta = far, 0.01 * (near - far)
+    for _ in range(MAX_STEPS):
+        if rho > near:
+            break
+        ok, u, v = _at_inverse_depth(camera, R, t, ray[0], ray[1], basis, rho, A)
+        ok2, u2, v2 = _at_inverse_depth(camera, R, t, ray[0], ray[1], basis, rho + delta, B)
+        if not ok or not ok2:
+            rho += delta
+            continue
+        determinant = A[0] * A[3] - A[1] * A[2]
+        level, left = level_of(determinant)
+        scale = 2.0**level
+        speed = np.sqrt((u2 - u) * (u2 - u) + (v2 - v) * (v2 - v)) / delta
+        rho += min(max(delta * 0.05, STEP_PX * scale / max(speed, 1e-9)), near - far + 1e-12)
+        if not 0.25 <= left <= 3.0 or u < 0 or v < 0 or u > camera[10] - 1 or v > camera[11] - 1:
+            continue
+        if level != last_level or left > 1.12 * last_left or left < last_left / 1.12:
+            w[0], w[1], w[2], w[3] = inverted_warp(A, determinant, level)
+            last_left, last_level = left, level
+            usable = warp_template(patch, centred, w, warped)
+            if usable:
+                contrast = quantize(warped, core)
+        if not usable:
+            continue
+        score, k = best_corner(target, level, (u + 0.5) / scale - 0.5, (v + 0.5) / scale - 0.5, REACH_PX, core)
+        if k < 0:
+            continue
+        apart = winner < 0 or winner_level != level or _apart(target.corners, k, winner)
+        if score < best:
+            second = best if apart else second
+            best, winner, winner_level, energy = score, k, level, contrast
+            template[:] = warped
+        elif apart and score < second:
+            second = score
+    alone = best <= MAX_SHARE * energy + NOISE_FLOOR and second >= DISTINCTION * best
+    return winner if alone else -1, winner_level, energy
+
+
+@kernel
+def _apart(corners: Int32Array, a: int, b: int) -> bool:
+    apart: bool = max(abs(corners[a, 0] - corners[b, 0]), abs(corners[a, 1] - corners[b, 1])) >= DISTINCT_PX
+    return apart
+
+
 @kernel
 def search_rays(
     camera: FloatArray, R: FloatArray, t: FloatArray, rays: FloatArray, basis: FloatArray, patches: NDArray[np.uint8],
@@ -66,77 +124,16 @@ def search_rays(
     Returns found (C,) bool, position (C, 2) level-0 px, level (C,).
     """
     n = rays.shape[0]
-    found = np.zeros(n, np.bool_)
-    position = np.zeros((n, 2))
-    level = np.zeros(n, np.int64)
-    template = np.empty((TEMPLATE, TEMPLATE), np.int32)
-    chosen = np.empty((TEMPLATE, TEMPLATE), np.int32)
-    core = np.empty(64, np.int32)
-    centred = np.zeros(2)
-    A, B, w = np.empty(4), np.empty(4), np.empty(4)
+    found, position, level = np.zeros(n, np.bool_), np.zeros((n, 2)), np.zeros(n, np.int64)
+    template, warped = np.empty((TEMPLATE, TEMPLATE), np.int32), np.empty((TEMPLATE, TEMPLATE), np.int32)
+    memory = Memory(warped, np.empty(64, np.int32), np.zeros(2), np.empty(4), np.empty(4), np.empty(4))
     for c in range(n):
-        far, near = inverse_depth[c, 0], inverse_depth[c, 1]
-        rho = far
-        best, second = np.inf, np.inf
-        winner, winner_level = -1, 0
-        energy, limit = 0.0, 0.0
-        last_det, last_level = -1.0, -1
-        contrast = 0.0
-        usable = False
-        for _ in range(MAX_STEPS):
-            if rho > near:
-                break
-            ok, u, v = _at_inverse_depth(camera, R, t, rays[c, 0], rays[c, 1], basis[c], rho, A)
-            delta = 0.01 * (near - far)
-            ok2, u2, v2 = _at_inverse_depth(camera, R, t, rays[c, 0], rays[c, 1], basis[c], rho + delta, B)
-            if not ok or not ok2:
-                rho += delta
-                continue
-            det = A[0] * A[3] - A[1] * A[2]
-            lv = 0
-            while det > 3.0 and lv < 3:
-                det *= 0.25
-                lv += 1
-            scale = 2.0**lv
-            speed = np.sqrt((u2 - u) * (u2 - u) + (v2 - v) * (v2 - v)) / delta
-            rho += min(max(delta * 0.05, STEP_PX * scale / max(speed, 1e-9)), near - far + 1e-12)
-            if not (0.25 <= det <= 3.0) or u < 0 or v < 0 or u > camera[10] - 1 or v > camera[11] - 1:
-                continue
-            if lv != last_level or det > 1.12 * last_det or det < last_det / 1.12:
-                full = det * scale * scale
-                w[0], w[1] = A[3] / full * scale, -A[1] / full * scale
-                w[2], w[3] = -A[2] / full * scale, A[0] / full * scale
-                last_det, last_level = det, lv
-                usable = warp_template(patches[c], centred, w, template)
-                if usable:
-                    contrast = quantize(template, core)
-            if not usable:
-                continue
-            score, k = best_corner(target, lv, (u + 0.5) / scale - 0.5, (v + 0.5) / scale - 0.5, REACH_PX, core)
-            if k < 0:
-                continue
-            apart = True
-            if winner >= 0 and winner_level == lv:
-                dx = abs(target.corners[k, 0] - target.corners[winner, 0])
-                dy = abs(target.corners[k, 1] - target.corners[winner, 1])
-                apart = max(dx, dy) >= DISTINCT_PX
-            if score < best:
-                if apart:
-                    second = best
-                best, winner, winner_level = score, k, lv
-                energy = contrast
-                limit = MAX_SHARE * energy + NOISE_FLOOR
-                chosen[:] = template
-            elif apart and score < second:
-                second = score
-        if winner < 0 or best > limit or second < DISTINCTION * best:
+        far, near = inverse_depth[c]
+        k, lv, energy = _search_ray(camera, R, t, rays[c], basis[c], patches[c], far, near, target, template, memory)
+        if k < 0:
             continue
-        px, py = float(target.corners[winner, 0]), float(target.corners[winner, 1])
-        ok, x, y, rest = refine(target.pixels, target.table[winner_level], chosen, px, py)
-        if ok and rest < MAX_ALIGNED_SHARE * energy + NOISE_FLOOR:
-            scale = 2.0**winner_level
-            found[c] = True
-            position[c, 0] = (x + 0.5) * scale - 0.5
-            position[c, 1] = (y + 0.5) * scale - 0.5
-            level[c] = winner_level
+        x, y = float(target.corners[k, 0]), float(target.corners[k, 1])
+        found[c], position[c, 0], position[c, 1] = aligned(target, lv, template, x, y, energy)
+        if found[c]:
+            level[c] = lv
     return found, position, level

@@ -7,7 +7,7 @@ import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.kernels import kernel
-from vsx_ros.kernels.geometry.lie import compose, exp_se3, orthonormalize
+from vsx_ros.kernels.geometry.lie import compose, exp_se3, orthonormalize, transform
 from vsx_ros.kernels.geometry.projection import row_share, unproject_pixel
 from vsx_ros.kernels.linalg.cholesky import factor_in_place, solve_factored
 
@@ -113,9 +113,9 @@ def _residuals(
     m = 0
     for i in range(index.shape[0]):
         p = rows[index[i]]
-        X, Y, Z = points[p, 0], points[p, 1], points[p, 2]
-        for r in range(3):
-            cam[i, r] = R[r, 0] * X + R[r, 1] * Y + R[r, 2] * Z + t[r] - share[i] * camera[15 + r]
+        x, y, z = transform(R, t, points[p, 0], points[p, 1], points[p, 2])
+        cam[i, 0], cam[i, 1] = x - share[i] * camera[15], y - share[i] * camera[16]
+        cam[i, 2] = z - share[i] * camera[17]
         if cam[i, 2] > 1e-6:
             weight = 1.0 / (1 << level[index[i]])
             res[i, 0] = (observed[i, 0] - camera[0] * cam[i, 0] / cam[i, 2]) * weight

@@ -13,7 +13,7 @@ import numpy as np
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.geometry.lie import exp_se3, log_se3, orthonormalize
-from vsx_ros.kernels.linalg.envelope import envelope, factor_envelope, solve_envelope
+from vsx_ros.kernels.linalg.cholesky import envelope, factor_envelope, solve_envelope
 
 NODE_DOF = 7
 

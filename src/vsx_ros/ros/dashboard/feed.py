@@ -1,11 +1,17 @@
-"""From topics to the board, only while somebody looks: without a viewer nothing is subscribed."""
+"""From topics to the board, as the little JSON that the page draws; only while somebody looks: without a viewer
+nothing is subscribed."""
 
 import base64
+import json
+import math
+import re
 import threading
 from collections import deque
 from collections.abc import Callable
 from typing import Any
 
+import cv2
+import numpy as np
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from genpy.message import get_message_class
@@ -14,20 +20,23 @@ from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
 from nav_msgs.msg import Path as PathMsg
 from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Float32, String, UInt8, UInt32
-from visualization_msgs.msg import MarkerArray
+from visualization_msgs.msg import Marker, MarkerArray
 
-from vsx_ros.ros import threads, topics
-from vsx_ros.ros.callbacks import subscribe
-from vsx_ros.ros.convert import hazard_words
-from vsx_ros.ros.dashboard import json_messages
+from vsx_ros.errors import InputError
+from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN
+from vsx_ros.ros import convert, frames, threads, topics
+from vsx_ros.ros.callbacks import json_object, subscribe
 from vsx_ros.ros.dashboard.board import Board
 
 _GRACE_S = 3.0
 """A page that is loaded again comes back within this time and finds everything still there."""
 
-_EVENTS = 60
+_EVENTS = 60  # the newest, for a page that is opened late
 _SHOWN_STATS = ("tracked", "attempted", "keyframes", "points", "latency_ms")
 """The others follow from these, or stand in the diagnostics, once a second instead of with every image."""
+_FREE_BGRA, _OCCUPIED_BGRA = (92, 70, 52, 255), (236, 232, 228, 255)  # of the map in the browser
+_UTILITY = re.compile(r"\bU ([0-9.]+)")
+_PLAN_POINTS = 200  # more than a screen can show
 
 
 class Feed:
@@ -67,24 +76,24 @@ class Feed:
         self._board.clear()
 
     def _subscribe(self) -> None:
-        def hear(topic: str, kind: type[Any], subject: str, convert: Callable[[Any], Any], **options: Any) -> None:
+        def hear(topic: str, kind: type[Any], subject: str, shown: Callable[[Any], Any], **options: Any) -> None:
             def on_message(msg: Any) -> None:
-                self._board.post(subject, json_messages.text(convert(msg)))
+                self._board.post(subject, text(shown(msg)))
 
             self._subscribers.append(subscribe(topic, kind, on_message, **{"queue_size": 1, **options}))
 
         hear(
             topics.PREVIEW, CompressedImage, "camera", lambda msg: base64.b64encode(msg.data).decode(), buff_size=2**20
         )
-        hear(topics.POSE, PoseWithCovarianceStamped, "pose", json_messages.pose)
+        hear(topics.POSE, PoseWithCovarianceStamped, "pose", pose)
         hear(topics.SLAM_STATE, DiagnosticStatus, "slam", lambda msg: [msg.name, msg.message])
-        hear(topics.EXPLORE_STATUS, String, "mission", json_messages.parsed)
+        hear(topics.EXPLORE_STATUS, String, "mission", json_object)
         hear(topics.EXPLORE_EVENTS, String, "events", self._event, queue_size=20)
-        hear(topics.MAP, OccupancyGridMsg, "map", json_messages.grid)
-        hear(topics.FRONTIERS, MarkerArray, "frontiers", json_messages.frontiers)
-        hear(topics.KEYFRAMES, PoseArray, "keyframes", json_messages.keyframes)
-        hear(topics.GLOBAL_PLAN, PathMsg, "plan", json_messages.plan)
-        hear(topics.HAZARDS, UInt8, "hazards", lambda msg: hazard_words(msg.data))
+        hear(topics.MAP, OccupancyGridMsg, "map", grid)
+        hear(topics.FRONTIERS, MarkerArray, "frontiers", frontiers)
+        hear(topics.KEYFRAMES, PoseArray, "keyframes", keyframes)
+        hear(topics.GLOBAL_PLAN, PathMsg, "plan", plan)
+        hear(topics.HAZARDS, UInt8, "hazards", lambda msg: convert.hazard_words(msg.data))
         hear(topics.MUX_ACTIVE, String, "driver", lambda msg: msg.data)
         hear(topics.DIAGNOSTICS, DiagnosticArray, "health", self._condition, queue_size=20)
         hear(topics.PLAN_MS, Float32, "stats", self._statistic("plan_ms"))
@@ -92,16 +101,16 @@ class Feed:
             hear(f"{topics.STATS}/{name}", get_message_class(topics.STAT_TYPES[name]), "stats", self._statistic(name))
 
     def _statistic(self, name: str) -> Callable[[Float32 | UInt32], dict[str, float]]:
-        def convert(msg: Float32 | UInt32) -> dict[str, float]:
+        def shown(msg: Float32 | UInt32) -> dict[str, float]:
             with self._lock:
                 self._stats[name] = msg.data
                 return dict(self._stats)
 
-        return convert
+        return shown
 
     def _event(self, msg: String) -> list[Any]:
         with self._lock:
-            self._events.append(json_messages.parsed(msg))
+            self._events.append(json_object(msg))
             return list(self._events)
 
     def _condition(self, msg: DiagnosticArray) -> dict[str, list[Any]]:
@@ -112,3 +121,67 @@ class Feed:
                 values = {pair.key: pair.value for pair in status.values}
                 self._health[status.name] = [int(status.level), status.message, values]
             return dict(self._health)
+
+
+def text(value: Any) -> str:
+    """One line of JSON. Raises InputError for a number that JSON cannot say."""
+    try:
+        return json.dumps(value, allow_nan=False, separators=(",", ":"))
+    except ValueError as error:
+        raise InputError(f"message with a number that is not finite: {error}") from error
+
+
+def pose(msg: PoseWithCovarianceStamped) -> list[float]:
+    """x, y [m], heading [rad]."""
+    found = convert.se2(msg.pose.pose)
+    return [round(found.x, 3), round(found.y, 3), round(found.theta, 3)]
+
+
+def grid(msg: OccupancyGridMsg) -> dict[str, Any]:
+    """A PNG of what is known, top row first, unknown transparent; resolution and lower left corner [m], area [m2]."""
+    found = convert.grid(msg)
+    rows, columns = (np.flatnonzero((found.data != UNKNOWN).any(axis=axis)) for axis in (1, 0))
+    bottom, left = (int(rows[0]), int(columns[0])) if rows.size else (0, 0)
+    cells = found.data[bottom : rows[-1] + 1, left : columns[-1] + 1] if rows.size else found.data[:1, :1]
+    picture = np.zeros((*cells.shape, 4), np.uint8)
+    picture[cells == FREE] = _FREE_BGRA
+    picture[cells == OCCUPIED] = _OCCUPIED_BGRA
+    _, png = cv2.imencode(".png", np.ascontiguousarray(picture[::-1]), [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    return {
+        "png": base64.b64encode(png.tobytes()).decode(),
+        "resolution": found.resolution,
+        "x": found.origin_x + left * found.resolution,
+        "y": found.origin_y + bottom * found.resolution,
+        "known_m2": found.known_area_m2,
+    }
+
+
+def frontiers(msg: MarkerArray) -> dict[str, Any]:
+    """borders: x, y [m] of each frontier's cells. views: x, y, U and the words of each ranked view, best first."""
+    borders, views = [], []
+    for marker in msg.markers:
+        if marker.action == Marker.ADD and marker.type == Marker.POINTS:
+            borders.append([[round(p.x, 2), round(p.y, 2)] for p in marker.points])
+        elif marker.action == Marker.ADD and marker.type == Marker.TEXT_VIEW_FACING:
+            where, found = marker.pose.position, _UTILITY.search(marker.text)
+            utility = float(found.group(1)) if found else None
+            views.append({"x": where.x, "y": where.y, "utility": utility, "text": marker.text})
+    return {"borders": borders, "views": views}
+
+
+def keyframes(msg: PoseArray) -> list[list[float]]:
+    """x, y [m] of each camera and where it looks on the floor [rad]."""
+    found = []
+    for T in map(convert.se3, msg.poses):
+        (x, y, _), (east, north, _) = T.translation.tolist(), T.rotation[:, 2].tolist()
+        found.append([round(x, 2), round(y, 2), round(math.atan2(north, east), 2)])
+    return found
+
+
+def plan(msg: PathMsg) -> list[list[float]]:
+    """x, y [m] of the path, thinned; empty for one that is not in the map's frame (driven by odometry alone)."""
+    if frames.bare(msg.header.frame_id) != topics.MAP_FRAME:
+        return []
+    step = max(1, len(msg.poses) // _PLAN_POINTS)
+    kept = [*msg.poses[::step], *msg.poses[-1:]]
+    return [[round(p.pose.position.x, 3), round(p.pose.position.y, 3)] for p in kept]

@@ -1,21 +1,65 @@
-"""The live view as a program with threads of its own, and the address under which it is opened."""
+"""The HTTP side of the live view: ``/`` the page, ``/events`` a stream of server-sent events, ``POST /command/NAME``
+with the token.
 
+Looking is free for whoever reaches the port, under a name of this machine and not from a foreign page (``Names``);
+commanding needs the token. What a client can hold is bounded: a request by its size and time, an update by the time
+that it takes to be read, connections by their number (``Connections``).
+"""
+
+import hmac
+import io
+import json
 import socket
-import threading
+import time
 from collections.abc import Callable, Iterable, Mapping
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from importlib import resources
+from typing import Any, NamedTuple
 
 from vsx_ros.errors import ConfigError
+from vsx_ros.ros.dashboard.admission import MAX_VIEWERS, Connections, Names
 from vsx_ros.ros.dashboard.board import Board
-from vsx_ros.ros.dashboard.connections import Connections
-from vsx_ros.ros.dashboard.handler import Command, Handler, Http, View
-from vsx_ros.ros.dashboard.names import Names
 
 LOOPBACK = "127.0.0.1"
-DEFAULT_PORT = 8765
+DEFAULT_PORT = 8765  # none of ROS itself
+TOKEN_HEADER = "X-Vsx-Token"
+
+_PERIOD_S = 0.1  # between pictures
+_BEAT_S = 1.0  # without news, a sign of life
+_ASK_S = 5.0
+"""A request is whole within this time, however slowly its bytes come."""
+_SEND_S = 5.0
+"""An update is read within this time, or the viewer is dropped."""
+_HEAD_BYTES = 8192  # of a request, as most servers have it
+_SEND_BUFFER_BYTES = 2**18  # a picture or two: a slow viewer gets fewer, not older ones
+_HEADERS = {
+    "Connection": "close",
+    "Cache-Control": "no-store",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Content-Security-Policy": "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
+    "img-src data:; connect-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
+}
 
 
-class ViewServer:
-    """Serves on threads of its own. viewers(n) is called when their number changes, one call at a time."""
+class Answer(NamedTuple):
+    """What became of a command, in words."""
+
+    ok: bool
+    message: str
+
+
+Command = Callable[[], Answer]
+
+
+class ViewServer(ThreadingHTTPServer):
+    """Answers each request on a thread. viewers(n) is called when their number changes, one call at a time."""
+
+    daemon_threads = True
+    block_on_close = False
+    request_queue_size = 128
+    closing = False
 
     def __init__(
         self,
@@ -28,22 +72,143 @@ class ViewServer:
         allowed: Iterable[str] = (),
     ) -> None:
         """allowed: names beside those of this machine. Raises ConfigError for a bad one, or if the address is taken."""
-        self._http = _listening(host, port)
-        self._http.connections = Connections(viewers)
+        self.board, self.commands, self.token, self.connections = board, commands, token, Connections(viewers)
+        self.address_family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        try:
+            super().__init__((host, port), Handler)
+        except OSError as error:
+            raise ConfigError(
+                f"live view: cannot listen on {host} port {port} ({error.strerror or error}); give another address or "
+                "port"
+            ) from error
         listens_as = [host] if host and ":" not in host else []
-        self._http.view = View(board, commands, Names(self.port, [*listens_as, *allowed]), token)
-        threading.Thread(target=self._http.serve_forever, args=(0.5,), name="http", daemon=True).start()
+        self.names = Names(self.server_port, [*listens_as, *allowed])
 
-    @property
-    def port(self) -> int:
-        """The port it listens on, also where 0 was asked for."""
-        return int(self._http.server_address[1])
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """On a thread of its own, once there is room."""
+        request.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER_BYTES)
+        request.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, round(1000 * _SEND_S))
+        self.connections.enter(request, client_address[0])
+        super().process_request(request, client_address)
+
+    def shutdown_request(self, request: Any) -> None:
+        """However it ended."""
+        self.connections.leave(request)
+        super().shutdown_request(request)
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """A viewer that went away is no error."""
 
     def close(self) -> None:
-        """Stop listening; open streams end."""
-        self._http.closing = True
-        self._http.shutdown()
-        self._http.server_close()
+        """End ``serve_forever`` and open streams."""
+        self.closing = True
+        self.shutdown()
+        self.server_close()
+
+
+class Handler(BaseHTTPRequestHandler):
+    """Answers one request."""
+
+    server: ViewServer
+    protocol_version = "HTTP/1.1"
+    timeout = _SEND_S
+
+    def handle(self) -> None:
+        """One request for each connection, read whole before anything is done with it."""
+        head = self._head()
+        if len(head) > _HEAD_BYTES:
+            self.requestline = self.request_version = self.command = ""
+            self._say(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE, "that request is too long")
+            return
+        self.rfile = io.BytesIO(head)
+        self.handle_one_request()
+
+    def parse_request(self) -> bool:
+        """Whatever is asked for: under a name of ours, not from a foreign page, and without a body."""
+        if not super().parse_request():
+            return False
+        reached_at = str(self.connection.getsockname()[0])
+        refusal = self.server.names.refusal(self.headers, reached_at, self.path == "/")
+        if refusal:
+            self._say(HTTPStatus.FORBIDDEN, refusal)
+        elif "Transfer-Encoding" in self.headers or self.headers.get("Content-Length", "0") != "0":
+            refusal = "a request to this view has no body"
+            self._say(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, refusal)
+        return not refusal
+
+    def do_GET(self) -> None:
+        """The page, or what there is to see."""
+        if self.path == "/":
+            page = resources.files(__package__).joinpath("page.html").read_bytes()
+            self._reply(HTTPStatus.OK, "text/html; charset=utf-8", page)
+        elif self.path == "/events":
+            self._stream()
+        else:
+            self._say(HTTPStatus.NOT_FOUND, "there is nothing here")
+
+    def do_POST(self) -> None:
+        """A command."""
+        if not self._shows_the_token():
+            self._say(HTTPStatus.FORBIDDEN, "wrong token: open the address that the terminal shows")
+            return
+        self.server.connections.command(self.connection)
+        command = self.server.commands.get(self.path.removeprefix("/command/"))
+        if command is None:
+            self._say(HTTPStatus.NOT_FOUND, f"no such command; there are {', '.join(self.server.commands)}")
+            return
+        answer = command()
+        self._say(HTTPStatus.OK if answer.ok else HTTPStatus.SERVICE_UNAVAILABLE, answer.message, ok=answer.ok)
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Requests are not worth a line."""
+
+    def handle_expect_100(self) -> bool:
+        """Nothing more is wanted."""
+        return True
+
+    def _head(self) -> bytes:
+        """The request up to its empty line. Raises OSError when it does not come in time."""
+        head, deadline_s = b"", time.monotonic() + _ASK_S
+        while not (b"\r\n\r\n" in head or b"\n\n" in head or len(head) > _HEAD_BYTES):
+            self.connection.settimeout(max(1e-3, deadline_s - time.monotonic()))
+            part = self.connection.recv(_HEAD_BYTES + 1 - len(head))
+            if not part or time.monotonic() > deadline_s:
+                raise TimeoutError("the request did not come whole")
+            head += part
+        self.connection.settimeout(_SEND_S)
+        return head
+
+    def _shows_the_token(self) -> bool:
+        given = self.headers.get(TOKEN_HEADER, "").encode("utf-8", "replace")
+        return hmac.compare_digest(given, self.server.token.encode())
+
+    def _stream(self) -> None:
+        """Everything known, then every change, ten times a second at most; a beat when nothing changes."""
+        if not self.server.connections.view(self.connection, self._shows_the_token()):
+            self._say(HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_VIEWERS} viewers are enough")
+            return
+        self._begin(HTTPStatus.OK, {"Content-Type": "text/event-stream"})
+        seen = 0
+        while not self.server.closing:
+            notes = self.server.board.newer_than(seen, _BEAT_S)
+            words = [f"event: {note.subject}\ndata: {note.text}\n\n" for note in notes]
+            self.wfile.write("".join(words or ["event: beat\ndata: 0\n\n"]).encode())
+            seen = notes[-1].number if notes else seen
+            time.sleep(_PERIOD_S)
+
+    def _say(self, status: HTTPStatus, message: str, *, ok: bool = False) -> None:
+        self._reply(status, "application/json", json.dumps({"ok": ok, "message": message}).encode())
+
+    def _reply(self, status: HTTPStatus, kind: str, body: bytes) -> None:
+        self._begin(status, {"Content-Type": kind, "Content-Length": str(len(body))})
+        self.wfile.write(body)
+
+    def _begin(self, status: HTTPStatus, headers: Mapping[str, str]) -> None:
+        self.close_connection = True
+        self.send_response(status)
+        for name, value in {**_HEADERS, **headers}.items():
+            self.send_header(name, value)
+        self.end_headers()
 
 
 def address(host: str, port: int, token: str) -> str:
@@ -55,20 +220,15 @@ def address(host: str, port: int, token: str) -> str:
 def choose_port(host: str, port: int | None) -> int:
     """The port; without one the default, or a free one if that is taken. Raises ConfigError when the address cannot be
     had."""
+    if port is not None:
+        return _free_port(host, port)
     try:
-        probe = _listening(host, DEFAULT_PORT if port is None else port)
+        return _free_port(host, DEFAULT_PORT)
     except ConfigError:
-        if port is not None:
-            raise
-        probe = _listening(host, 0)
+        return _free_port(host, 0)
+
+
+def _free_port(host: str, port: int) -> int:
+    probe = ViewServer(Board(), {}, lambda _: None, "", host, port)
     probe.server_close()
-    return int(probe.server_address[1])
-
-
-def _listening(host: str, port: int) -> Http:
-    try:
-        return Http((host, port), Handler)
-    except OSError as error:
-        raise ConfigError(
-            f"live view: cannot listen on {host} port {port} ({error.strerror or error}); give another address or port"
-        ) from error
+    return probe.server_port

@@ -15,13 +15,12 @@ import rospy
 from sensor_msgs.msg import CameraInfo, Image
 from sensor_msgs.srv import SetCameraInfo, SetCameraInfoRequest, SetCameraInfoResponse
 
-from vsx_hw.errors import DeviceError
 from vsx_hw.readings import ImageReading
 from vsx_ros.config import Config
 from vsx_ros.errors import CalibrationError
 from vsx_ros.ros import frames, images, node, threads, topics
 from vsx_ros.ros.cameras import CameraCalibration, open_camera
-from vsx_ros.ros.diagnostics import ERROR, OK, WARN, Diagnostics
+from vsx_ros.ros.diagnostics import OK, WARN, Diagnostics
 
 
 class CameraNode:
@@ -56,14 +55,11 @@ class CameraNode:
 
     def _report(self) -> None:
         status = self._source.status()
-        if not status.alive:
-            raise DeviceError(f"{status.device}: the driver's thread has ended; the node begins anew")
-        frames = status.counters["frames"]
-        rate_hz, self._frames_reported = frames - self._frames_reported, frames
-        alive = status.connected and rate_hz > 0
-        message = status.message if alive or not status.connected else "no images"
-        level = OK if alive else ERROR
-        self._diagnostics.set("stream", level, message, rate_hz=rate_hz, device=status.device, **status.counters)
+        rate_hz = status.counters["frames"] - self._frames_reported
+        self._frames_reported += rate_hz
+        if status.connected and rate_hz <= 0:
+            status = status._replace(connected=False, message="no images")
+        self._diagnostics.device("stream", status, rate_hz=rate_hz)
         known = self._calibration.known
         remedy = "calibrated" if known else "not calibrated; run 'vsx calibrate camera --live'"
         self._diagnostics.set("calibration", OK if known else WARN, remedy)

@@ -12,45 +12,41 @@ import os
 import secrets
 import sys
 import time
+import webbrowser
 from typing import Any
 
+import rosgraph
 import rospy
 from std_srvs.srv import SetBool, Trigger
 
 from vsx_ros.config import Config
-from vsx_ros.ros import calls, node, threads, topics
-from vsx_ros.ros.dashboard import json_messages
+from vsx_ros.ros import calls, logs, node, threads, topics
 from vsx_ros.ros.dashboard.board import Board
-from vsx_ros.ros.dashboard.feed import Feed
-from vsx_ros.ros.dashboard.handler import Answer, Command
-from vsx_ros.ros.dashboard.server import DEFAULT_PORT, LOOPBACK, ViewServer, address
+from vsx_ros.ros.dashboard.feed import Feed, text
+from vsx_ros.ros.dashboard.server import DEFAULT_PORT, LOOPBACK, Answer, Command, ViewServer, address, choose_port
+from vsx_ros.ros.host_address import DEFAULT_MASTER, export_ros_address
 from vsx_ros.ros.master_watch import master_watch
+from vsx_ros.runs.process import DONE
 
 TOKEN = "VSX_VIEW_TOKEN"
 
-_MASTER_PERIOD_S = 2.0
+_MASTER_PERIOD_S, _LOOK_PERIOD_S = 2.0, 0.5
 _SERVICE_WAIT_S = 2.0
 
 
 class DashboardNode:
-    """Serves the page; outlives the stack it shows."""
+    """Serves the page; outlives the stack it shows. allow: names by commas."""
 
     def __init__(self, host: str, port: int, allow: str) -> None:
-        """allow: names by commas."""
         allowed = [name.strip() for name in allow.split(",") if name.strip()]
-        self._board = Board()
+        board = Board()
         token = os.environ.get(TOKEN) or secrets.token_urlsafe(12)
-        feed = Feed(self._board)
-        self._server = ViewServer(self._board, commands(), feed.viewers, token, host, port, allowed)
+        self._server = ViewServer(board, commands(), Feed(board).viewers, token, host, port, allowed)
         if TOKEN not in os.environ:
             os.environ[TOKEN] = token
-            sys.stderr.write(f"live view: {address(host, self._server.port, token)}\n")
-        threads.worker("master", self._watch_master)
-
-    def _watch_master(self) -> None:
-        while not rospy.is_shutdown():
-            self._board.post("stack", json_messages.text(master_watch().answers))
-            time.sleep(_MASTER_PERIOD_S)
+            sys.stderr.write(f"live view: {address(host, self._server.server_port, token)}\n")
+        threads.worker("http", self._server.serve_forever)
+        threads.every(_MASTER_PERIOD_S, "master", lambda: board.post("stack", text(master_watch().answers)))
 
     def close(self) -> None:
         """No more requests."""
@@ -82,9 +78,43 @@ def _call(service: str, kind: type[Any], *arguments: object) -> Command:
 
 def main() -> None:
     """Entry point of scripts/dashboard."""
-    node.run("dashboard", _from_parameters)
+
+    def from_parameters(_: Config) -> DashboardNode:
+        host, port = str(rospy.get_param("~host", LOOPBACK)), int(rospy.get_param("~port", DEFAULT_PORT))
+        return DashboardNode(host, port, str(rospy.get_param("~allow", "")))
+
+    node.run("dashboard", from_parameters)
 
 
-def _from_parameters(_: Config) -> DashboardNode:
-    host, port = str(rospy.get_param("~host", LOOPBACK)), int(rospy.get_param("~port", DEFAULT_PORT))
-    return DashboardNode(host, port, str(rospy.get_param("~allow", "")))
+def prepare_view(host: str = LOOPBACK, port: int | None = None) -> tuple[int, str]:
+    """A port that is free and the address to open; the token goes to the environment, for the node to inherit. Raises
+    ConfigError when the address cannot be listened on."""
+    port = choose_port(host, port)
+    token = os.environ[TOKEN] = os.environ.get(TOKEN) or secrets.token_urlsafe(12)
+    return port, address(host, port, token)
+
+
+def open_browser(url: str) -> None:
+    """Show the page, where there is a screen to show it on."""
+    if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
+        webbrowser.open(url)
+
+
+def view(host: str, port: int | None, allow: str, *, headless: bool) -> int:
+    """``vsx view``: wait for a master, then be the node. Raises ConfigError when the address cannot be listened on."""
+    export_ros_address()
+    logs.quiet_failures()
+    port, url = prepare_view(host, port)
+    sys.stderr.write(f"live view: {url}\n")
+    uri = os.environ.setdefault("ROS_MASTER_URI", DEFAULT_MASTER)
+    if not rosgraph.is_master_online():
+        sys.stderr.write(f"waiting for a ROS master at {uri}; 'vsx explore' or roslaunch bring one; Ctrl-C ends\n")
+    try:
+        while not rosgraph.is_master_online():
+            time.sleep(_LOOK_PERIOD_S)
+    except KeyboardInterrupt:
+        return DONE
+    if not headless:
+        open_browser(url)
+    node.run(f"view_{os.getpid()}", lambda _: DashboardNode(host, port, allow))
+    return DONE

@@ -12,25 +12,28 @@ Parameters: ~world (lab): lab, office, corridor, building, a world.yaml or a map
 The body and the board run on a thread of this process at 200 Hz; the camera renders in a child process.
 """
 
-import os
 import tempfile
 import time
 from typing import Any
 
 import rospy
-from std_msgs.msg import Float32
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry as OdometryMsg
+from std_msgs.msg import Float32, UInt32
 
 from vsx_ros.config import Config
 from vsx_ros.errors import ConfigError
-from vsx_ros.ros import logs, node, threads, topics
+from vsx_ros.io.recording import with_speeds
+from vsx_ros.robot import Odometry
+from vsx_ros.ros import convert, logs, node, threads, topics
 from vsx_ros.ros.base_drivers import base_emulator, wheel_base_m
 from vsx_ros.ros.diagnostics import OK, WARN, Diagnostics
-from vsx_ros.ros.emulation import BodyPlant
-from vsx_ros.ros.render_process import RenderChild, RenderSettings
-from vsx_ros.ros.truth_topics import TruthTopics
+from vsx_ros.ros.emulation import BodyPlant, RenderChild, RenderSettings
+from vsx_ros.runs.journal import unflat
 from vsx_ros.runs.world import open_world
 
-_TRUTH_PERIOD_S = 1.0 / 30.0
+_TRUTH_PERIOD_S = 1.0 / 30.0  # as often as images
+_WORLD_FRAME = "world"
 
 
 class EmulatorNode:
@@ -44,23 +47,18 @@ class EmulatorNode:
             raise ConfigError(f"~rate_hz is {rate_hz:g}; give 1 to 60 images a second")
         world = open_world(world_name, seed)
         self._rate_pub = rospy.Publisher(topics.RENDER_RATE, Float32, queue_size=1)
-        self._frames = self._skipped = 0
-        self._render_ms = 0.0
+        self._frames, self._skipped, self._render_ms = 0, 0, 0.0
         self._diagnostics = Diagnostics("emulator")
         start_ns, start_monotonic_ns = time.time_ns(), time.monotonic_ns()
         self._truth = TruthTopics(start_ns)
-        settings = RenderSettings(
-            world=world_name,
-            seed=seed,
-            socket=_file_param("~camera_socket", "vsx_kinect"),
-            rate_hz=rate_hz,
-            start_ns=start_ns,
-            robot=config.robot,
-        )
+        folder = tempfile.gettempdir()
+        socket = str(rospy.get_param("~camera_socket", f"{folder}/vsx_kinect"))
+        port = str(rospy.get_param("~port", f"{folder}/ttyVSX"))
+        settings = RenderSettings(world_name, seed, socket, rate_hz, start_ns, config.robot)
         self._child = RenderChild(settings)
         threads.worker("frames", lambda: self._child.listen(self._on_frame))
         self._plant = BodyPlant(world, seed, config.robot, self._child.move, wheel_base_m(robot_type))
-        self._base = base_emulator(robot_type, self._plant, _file_param("~port", "ttyVSX"), seed)
+        self._base = base_emulator(robot_type, self._plant, port, seed)
         self._base.start(start_monotonic_ns)
         threads.every(_TRUTH_PERIOD_S, "truth", lambda: self._truth.body(self._plant))
         threads.every(1.0, "rate", self._report)
@@ -72,8 +70,8 @@ class EmulatorNode:
         self._truth.camera(frame)
 
     def _report(self) -> None:
-        rate_hz, self._frames = self._frames, 0
-        skipped, self._skipped = self._skipped, 0
+        rate_hz, skipped = self._frames, self._skipped
+        self._frames = self._skipped = 0
         self._rate_pub.publish(Float32(rate_hz))
         level = OK if rate_hz else WARN
         message = f"{rate_hz} images a second" if rate_hz else "no images; nobody listens, or the first one compiles"
@@ -87,9 +85,34 @@ class EmulatorNode:
         self._child.close()
 
 
-def _file_param(name: str, default: str) -> str:
-    """A path; the default lies in the folder for temporary files."""
-    return str(rospy.get_param(name, os.path.join(tempfile.gettempdir(), default)))
+class TruthTopics:
+    """The truth on topics, for those who judge the robot. start_ns: host time at the emulator's start [ns]."""
+
+    def __init__(self, start_ns: int) -> None:
+        self._odometry_pub = rospy.Publisher(topics.TRUTH_ODOMETRY, OdometryMsg, queue_size=10)
+        self._camera_pub = rospy.Publisher(topics.TRUTH_CAMERA, PoseStamped, queue_size=10)
+        self._collisions_pub = rospy.Publisher(topics.TRUTH_COLLISIONS, UInt32, queue_size=5, latch=True)
+        self._clearance_pub = rospy.Publisher(topics.TRUTH_CLEARANCE, Float32, queue_size=5, latch=True)
+        self._start_ns = start_ns
+        self._collisions, self._clearance_m = -1, float("inf")
+        self._before: Odometry | None = None
+
+    def camera(self, frame: dict[str, Any]) -> None:
+        """Where the camera was when it took this image (a line of the rendering process)."""
+        self._camera_pub.publish(convert.pose_stamped(_WORLD_FRAME, frame["stamp_ns"], unflat(frame["T_world_cam"])))
+
+    def body(self, plant: BodyPlant) -> None:
+        """Where the base is, and what it touched, on change."""
+        state, body = plant.state, plant.body
+        truth = Odometry(self._start_ns + state.time_ns, state.T_world_base)
+        self._before = truth = with_speeds(truth, self._before or truth)
+        self._odometry_pub.publish(convert.odometry_msg(truth, _WORLD_FRAME, topics.BASE_FRAME))
+        if body.collisions != self._collisions:
+            self._collisions = body.collisions
+            self._collisions_pub.publish(UInt32(self._collisions))
+        if body.min_clearance_m < self._clearance_m:
+            self._clearance_m = body.min_clearance_m
+            self._clearance_pub.publish(Float32(self._clearance_m))
 
 
 def main() -> None:

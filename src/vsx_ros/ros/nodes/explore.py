@@ -26,13 +26,10 @@ from vsx_ros.planning.planner import Planner
 from vsx_ros.ros import base_messages, clock, node, threads, topics
 from vsx_ros.ros.callbacks import offer_trigger, subscribe
 from vsx_ros.ros.diagnostics import OK, WARN, Diagnostics
-from vsx_ros.ros.heard_situation import HeardSituation
 from vsx_ros.ros.lease import PERIOD_S, Lease, LeaseWatch
-from vsx_ros.ros.mission_topics import MissionTopics
-from vsx_ros.ros.mission_writer import MissionWriter
-from vsx_ros.ros.sent_goal import GoalSender
+from vsx_ros.ros.mission_output import GoalSender, MissionTopics, MissionWriter
+from vsx_ros.ros.situation import HeardSituation
 
-_DECIDE_PERIOD_S = 0.2
 _DECIDE_WITHIN_S = 5.0
 """Choosing a view takes some tenths of a second; a mission that needs this long hangs, and the base stops."""
 
@@ -62,7 +59,7 @@ class ExploreNode:
             offer_trigger(name, partial(self._request, request))
         self._writer = MissionWriter(self._mission, self._lock, self._heard.where)
         threads.every(PERIOD_S, "lease", self._lease.keep)
-        threads.every(_DECIDE_PERIOD_S, "mission", self._decide)
+        threads.every(config.exploration.decide_s, "mission", self._decide)
 
     def _on_battery(self, msg: BatteryState) -> None:
         empty = base_messages.is_nearly_empty(msg)

@@ -24,14 +24,14 @@ from vsx_ros.config import Config
 from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.navigation.follower import Follower, FollowerReport, MessageAges
 from vsx_ros.robot import STOP, VelocityCommand
-from vsx_ros.ros import clock, convert, frames, node, threads, topics, trajectory_messages
+from vsx_ros.ros import clock, convert, follower_link, frames, node, threads, topics
 from vsx_ros.ros.callbacks import offer_trigger, subscribe
 from vsx_ros.ros.diagnostics import OK, WARN, Diagnostics
 from vsx_ros.ros.lease import LeaseWatch
-from vsx_ros.ros.localization import LocalizationSubscriber
+from vsx_ros.ros.situation import LocalizationSubscriber
 
-_PERIOD_S = 1.0 / 30.0
-_STATUS_PERIOD_S = 0.2
+_PERIOD_S = 1.0 / 30.0  # as often as images of 30 a second; eight commands while one lives (0.25 s)
+_STATUS_PERIOD_S = 0.2  # besides at each change
 _BAD = FollowStatus.DIVERGED, FollowStatus.STALE, FollowStatus.STOPPED
 
 
@@ -55,7 +55,7 @@ class FollowerNode:
         threads.every(_PERIOD_S, "control", self._control)
 
     def _on_trajectory(self, msg: MultiDOFJointTrajectory) -> None:
-        wanted, now_ns = trajectory_messages.wanted(msg), clock.now_ns()
+        wanted, now_ns = follower_link.wanted(msg), clock.now_ns()
         with self._lock:
             if isinstance(wanted, float):
                 self._tell(self._follower.brake(now_ns, wanted))

@@ -32,8 +32,7 @@ from vsx_hw.safety import Decision
 from vsx_ros.config import Config
 from vsx_ros.ros import clock, logs, node, threads, topics
 from vsx_ros.ros.base_drivers import Listeners, base_driver, base_settings, base_watchdogs, supervisor, wait_for_base
-from vsx_ros.ros.base_health import BaseHealth, tell_systemd
-from vsx_ros.ros.base_messages import BaseTopics
+from vsx_ros.ros.base_messages import BaseHealth, BaseTopics, tell_systemd
 from vsx_ros.ros.callbacks import offer_trigger
 from vsx_ros.ros.diagnostics import Diagnostics
 from vsx_ros.ros.master_watch import master_watch
@@ -64,7 +63,7 @@ class MobileBaseNode:
         self._driver.start()
         tell_systemd("READY=1")
         threads.every(1.0, "health", self._report)
-        threads.every(LINK_PERIOD_S, "link", lambda: self._health.link(self._driver.status()))
+        threads.every(LINK_PERIOD_S, "link", lambda: diagnostics.device("link", self._driver.status()))
 
     def _on_command(self, msg: Twist, source: str) -> None:
         accepted = self._supervisor.command(source, msg.linear.x, msg.angular.z, time.monotonic_ns())

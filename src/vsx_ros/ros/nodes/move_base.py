@@ -25,14 +25,15 @@ from move_base_msgs.msg import MoveBaseAction, MoveBaseActionGoal, MoveBaseFeedb
 
 from vsx_ros.config import Config
 from vsx_ros.errors import VsxError
+from vsx_ros.navigation.follower import LEASE_S
 from vsx_ros.navigation.goal_execution import Act, Brake, Done, ExecutionInput, Follow, GoalExecution, PlanRequest
 from vsx_ros.ros import clock, convert, frames, node, threads, topics
 from vsx_ros.ros.callbacks import subscribe
 from vsx_ros.ros.diagnostics import OK, WARN, Diagnostics
 from vsx_ros.ros.follower_link import FollowerLink
 from vsx_ros.ros.lease import PERIOD_S, Lease, LeaseWatch
-from vsx_ros.ros.localization import LocalizationSubscriber
 from vsx_ros.ros.planning_thread import PlanningThread
+from vsx_ros.ros.situation import LocalizationSubscriber
 
 _LOOK_WITHIN_S = 2.0  # looks at the drive take no time; a thread that needs this long hangs, and the base stops
 _CANCELLED = "cancelled by the client"
@@ -93,7 +94,7 @@ class MoveBaseNode:
         if (pose := where.pose(frame)) is not None:
             self._server.publish_feedback(MoveBaseFeedback(convert.pose_stamped(frame, now_ns, pose)))
         client = str(self._server.current_goal.get_goal_id().id).split("-")[0]
-        gone = self._clients.is_known(client) and not self._clients.is_fresh(client)
+        gone = LEASE_S < self._clients.age_s(client) < math.inf
         follower = self._follower
         return ExecutionInput(where, self._planner.grid, follower.report, follower.age_s, client if gone else "")
 
@@ -101,7 +102,7 @@ class MoveBaseNode:
         if isinstance(act, PlanRequest):
             self._planner.ask(act)
         elif isinstance(act, Follow):
-            self._follower.follow(act)
+            self._follower.follow(*act.way, act.frame, act.identity)
             self._diagnostics.set("goal", OK, f"driving {act.way.plan.path.length_m:.1f} m")
         elif isinstance(act, Brake):
             self._follower.brake(now_ns, act.a_m_s2)

@@ -17,15 +17,14 @@ import tty
 import rospy
 from geometry_msgs.msg import Twist
 
-from vsx_ros.config import Config
 from vsx_ros.control.keyboard import KEYS, KeyboardDrive, keys
 from vsx_ros.errors import ConfigError
 from vsx_ros.robot import STOP, VelocityCommand
 from vsx_ros.ros import convert, node, threads, topics
 from vsx_ros.ros.host_address import export_ros_address
-from vsx_ros.runs.exit_codes import DONE
+from vsx_ros.runs.process import DONE
 
-_PERIOD_S = 0.05
+_PERIOD_S = 0.05  # a command lives 0.5 s
 
 
 class TeleopNode:
@@ -84,11 +83,8 @@ class TeleopNode:
 
 def main() -> None:
     """Entry point of scripts/teleop."""
-    node.run("teleop", _from_parameters)
-
-
-def _from_parameters(_: Config) -> TeleopNode:
-    return TeleopNode(float(rospy.get_param("~v_m_s", 0.2)), float(rospy.get_param("~omega_rad_s", 0.6)))
+    speeds = ("~v_m_s", 0.2), ("~omega_rad_s", 0.6)
+    node.run("teleop", lambda _: TeleopNode(*(float(rospy.get_param(name, default)) for name, default in speeds)))
 
 
 def teleop(v_m_s: float, omega_rad_s: float) -> int:

@@ -25,16 +25,13 @@ from vsx_ros.robot import Frame, Odometry
 from vsx_ros.ros import node, threads, topics
 from vsx_ros.ros.callbacks import offer_trigger
 from vsx_ros.ros.lease import Lease
-from vsx_ros.ros.pose_publisher import PosePublisher
-from vsx_ros.ros.preview import Preview
-from vsx_ros.ros.sensor_sync import RepeatedImageDetector
-from vsx_ros.ros.slam_input import SlamInput
+from vsx_ros.ros.slam_input import RepeatedImageDetector, SlamInput
 from vsx_ros.ros.slam_maps import SlamMaps
-from vsx_ros.ros.slam_messages import SlamStatus
+from vsx_ros.ros.slam_messages import PosePublisher, Preview, SlamStatus
 from vsx_ros.ros.slam_run import SlamRun
-from vsx_ros.slam.threads import ThreadedSlam
+from vsx_ros.slam.slam import ThreadedSlam
 
-_WRITE_PERIOD_S = 1.0
+_WRITE_PERIOD_S = 1.0  # looks whether a map was noted (runs.checkpoint_s)
 
 
 class VslamNode:
@@ -79,11 +76,9 @@ class VslamNode:
             self._lease.renew()
         self._poses.publish(result, odometry)
         self._session.locate(result, odometry)
-        self._input.used()
-        self._status.frame(result, self._input.period_s, self._input.dropped)
+        self._input.used(result)
         self._run.frame(slam, result, odometry, time.monotonic() - began_s)
-        if self._preview.is_due:
-            self._preview.show(frame, slam.tracked_features())
+        self._preview.show(frame, slam.tracked_features)
         return True
 
     def close(self) -> None:

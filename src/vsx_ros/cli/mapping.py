@@ -1,0 +1,180 @@
+"""``vsx explore`` and ``vsx replay``: maps from a robot and from recordings."""
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from vsx_ros.cli.compiled import compile_kernels
+from vsx_ros.config import Config
+from vsx_ros.errors import ConfigError, MapFileError
+from vsx_ros.evaluation.summary import Summary, with_accuracy
+from vsx_ros.evaluation.trajectory import AlignmentKind
+from vsx_ros.geometry.camera import mounted
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.io.recording import Recording
+from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
+from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.occupancy.ground_map import DriveHistory, GroundMap
+from vsx_ros.runs.parameters import load
+from vsx_ros.runs.process import STOPPED, Progress, ended_well, interruptible
+from vsx_ros.runs.record import RunRecord
+from vsx_ros.runs.report import tell_the_end, write_report
+from vsx_ros.runs.session import RunWriter
+from vsx_ros.runs.start import opened_recording, replay_code, replay_folder
+from vsx_ros.session import SlamSession
+from vsx_ros.slam.slam import SequentialSlam
+from vsx_ros.slam.snapshot import MapSnapshot
+from vsx_ros.slam.state import TrackingResult, TrackingState
+
+_MAX_RATE = 100.0  # images a second, more than these cameras give
+
+
+def explore(args: argparse.Namespace) -> int:
+    """In lock-step, or live."""
+    if args.fast and args.view:
+        raise ConfigError("--view shows the live nodes, and --fast runs none; leave out one of the two")
+    if args.until is not None and ((args.world is None and args.resume is None and not args.fast) or args.load_map):
+        known = "how much is right is known of an emulated world and a new map alone"
+        raise ConfigError(f"--until {args.until:g}: {known}")
+    _refuse_wires(args)
+    if args.fast:
+        from vsx_ros.runs.lockstep import explore_fast
+
+        compile_kernels()
+        return explore_fast(args)
+    from vsx_ros.ros.launch import package_environment
+
+    package_environment()  # before minutes of compiling
+    compile_kernels()
+    from vsx_ros.ros.run import explore
+
+    return explore(args)
+
+
+def _refuse_wires(args: argparse.Namespace) -> None:
+    """Raises ConfigError for what only a real robot has, or only one with emulated wires."""
+    if args.rate is not None and args.world is None and args.resume is None and not args.fast:
+        raise ConfigError(f"--rate {args.rate:g} is for an emulated camera; give --world, or leave it out")
+    emulated, without = ("--fast", ("base", "port", "camera", "rate")) if args.fast else ("--world", ("port", "camera"))
+    for name in without if args.fast or args.world is not None else ():
+        if getattr(args, name) is not None:
+            no_meaning = f"has no meaning for the robot that {emulated} emulates; leave out one of the two"
+            raise ConfigError(f"--{name} {getattr(args, name)} {no_meaning}")
+
+
+def replay(args: argparse.Namespace) -> int:
+    """Replay, write the run folder, say what happened; 3 when tracking was lost for good, 1 when it never began."""
+    _refuse_pace(args)
+    compile_kernels()
+    if args.ros:
+        from vsx_ros.ros.replay import replay
+
+        return replay(args)
+    config = load(args.config, args.set)
+    recording = opened_recording(args)
+    T_base_cam = mounted(config.robot.mount)
+    slam = _slam(recording, config, args)
+    folder = replay_folder(args, config)
+    keeper = RunWriter(T_base_cam)
+    record, stopped = keeper.record, _track_all(slam, recording, keeper)
+    continued = str(args.load_map.resolve()) if args.load_map else None
+    ending = record.results[-1].state if record.results else TrackingState.NOT_INITIALISED
+    code = STOPPED if stopped else replay_code(ending)
+    facts = {"seed": args.seed, "continued_map": continued, "ended_well": ended_well(code)}
+    if stopped:
+        facts["stop_reason"] = f"stopped by the operator after {len(record.results)} of {recording.frame_count} frames"
+    summary = _summary(slam, recording, record).with_values(**facts)
+    poses = (pose.T for pose in record.estimate())
+    grid = ground_grid(slam.snapshot(), poses, T_base_cam, config) if args.map else None
+    more: list[Callable[[], object]] = [lambda: _save_slam_map(slam, args.save_map), lambda: write_report(folder)]
+    if recording.ground_truth:
+        more.insert(0, lambda: folder.write_poses("groundtruth", recording.ground_truth))
+    failure = keeper.finish(folder, slam, summary, None, grid, *more)
+    return tell_the_end(folder, summary.as_dict(), code, failure)
+
+
+def _refuse_pace(args: argparse.Namespace) -> None:
+    """Raises ConfigError for a speed or a view without the nodes, and for an impossible speed."""
+    if not args.ros and (args.rate is not None or args.view):
+        raise ConfigError("--rate and --view go with --ros; without it every image is tracked, in order, by no node")
+    if args.rate is not None and not 0.0 <= args.rate <= _MAX_RATE:
+        raise ConfigError(f"--rate {args.rate}: give a number from 0 (no image left out) to {_MAX_RATE:g}")
+
+
+def _slam(recording: Recording, config: Config, args: argparse.Namespace) -> SequentialSlam:
+    """A new map or the one to go on in; what cannot be read or written at the end is said now."""
+    if args.save_map and not args.save_map.resolve().parent.is_dir():
+        raise MapFileError(f"map {args.save_map} cannot be written: its folder does not exist; choose another folder")
+    loaded = load_slam_map(args.load_map) if args.load_map else None
+    assert recording.camera is not None
+    session = SlamSession(mounted(config.robot.mount), config, loaded)
+    return session.begin(SequentialSlam, recording.camera, args.seed, metric=bool(recording.odometry))
+
+
+def _track_all(slam: SequentialSlam, recording: Recording, keeper: RunWriter) -> bool:
+    """Every frame, with the odometry of its instant; on a terminal, one line tells how far it is. Whether Ctrl-C came
+    first."""
+    for reading in recording.odometry:
+        keeper.record.add_odometry(reading)
+    progress = Progress(sys.stderr, plain=False)
+    with interruptible() as stopped:
+        for number, frame in enumerate(recording.frames(), start=1):
+            odometry = recording.odometry_at(frame.stamp_ns)
+            began = time.perf_counter()
+            result = slam.track(frame, odometry)
+            track_s = time.perf_counter() - began
+            keeper.frame(result, odometry, track_s, slam.statistics().u2_frames, slam.drain_events())
+            if progress.is_due:
+                found = f"{result.found}/{result.searched} points"
+                progress.show(f"frame {number}/{recording.frame_count}  {result.state.word}  {found}")
+            if stopped():
+                break
+    progress.clear()
+    return stopped()
+
+
+def _summary(slam: SequentialSlam, recording: Recording, record: RunRecord) -> Summary:
+    results = record.results
+    kind: AlignmentKind | None = "yaw" if recording.odometry else None
+    summary = with_accuracy(record.summary(slam.statistics()), record.estimate(), recording.ground_truth, kind)
+    if kind is None:
+        summary = summary.with_values(u2_metres=None)
+    return summary.with_values(
+        duration_s=(results[-1].stamp_ns - results[0].stamp_ns) * 1e-9 if results else 0.0,
+        stop_reason=_stop_reason(results),
+        world=recording.source.name,
+    )
+
+
+def _stop_reason(results: list[TrackingResult]) -> str:
+    """How the recording ended, in words."""
+    if not results:
+        return "the recording holds no image that could be used"
+    last = results[-1]
+    if last.state is TrackingState.NOT_INITIALISED:
+        return f"the map was never started: {last.reason}"
+    if last.state is TrackingState.LOST:
+        tracked = max((i for i, r in enumerate(results) if r.state.tracked), default=-1)
+        return f"lost for good from frame {tracked + 2} of {len(results)}: {results[tracked + 1].reason}"
+    return "the recording was tracked to its end"
+
+
+def _save_slam_map(slam: SequentialSlam, path: Path | None) -> None:
+    if path is None:
+        return
+    slam_map = slam.slam_map()
+    if slam_map is None:
+        print(f"vsx: {path} is not written: there is no map, it was never started", file=sys.stderr)
+    else:
+        save_slam_map(slam_map, path)
+
+
+def ground_grid(snapshot: MapSnapshot, T_world_cams: Iterable[SE3], T_base_cam: SE3, config: Config) -> OccupancyGrid:
+    """What the keyframes saw, and free floor where the base stood when its camera, mounted at T_base_cam, was at
+    T_world_cams [m]."""
+    trail = [(T @ T_base_cam.inverse()).to_se2() for T in T_world_cams]
+    observed = snapshot.points_world, snapshot.obs_keyframe, snapshot.obs_point
+    ground_map = GroundMap(config.ground_map, config.robot)
+    return ground_map.build(snapshot.T_world_cams, *observed, DriveHistory(trail), obs_level=snapshot.obs_level)

@@ -1,0 +1,102 @@
+"""What the options of ``vsx`` take, and the options that several commands share."""
+
+import argparse
+import math
+import os
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+from vsx_ros.registry import PLUGINS, Kinds
+
+BASES = Kinds(("auto", "kobuki", "create", "create2", "ros"))
+PLANNERS = Kinds(("fov", "unconstrained"))
+_UNITS = {"kB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12}  # bytes, by SI
+
+
+def add_parameters(parser: argparse.ArgumentParser) -> None:
+    """The options by which every command takes parameters."""
+    parser.add_argument("--config", type=Path, metavar="FILE", help="YAML with parameters, as 'vsx config' prints it")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="NAME=VALUE", help="override a parameter, e.g. limits.v_m_s=0.2"
+    )
+
+
+def add_engine(parser: argparse.ArgumentParser) -> None:
+    """Where the work of many runs is done."""
+    parser.add_argument("--jobs", type=count, default=1, metavar="N", help="processes on this machine (default 1)")
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="a dask scheduler with workers on other machines")
+
+
+def positive(text: str) -> float:
+    """A number above 0."""
+    if not float(text) > 0.0:
+        raise argparse.ArgumentTypeError(f"{text}: give a positive number")
+    return float(text)
+
+
+def count(text: str) -> int:
+    """A number of things."""
+    if int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text}: give a number of at least 1")
+    return int(text)
+
+
+def share(text: str) -> float:
+    """Of a whole."""
+    if not 0.0 < float(text) <= 1.0:
+        raise argparse.ArgumentTypeError(f"{text} is no share of a whole; give more than 0 and at most 1, e.g. 0.9")
+    return float(text)
+
+
+def rate(text: str) -> float:
+    """Images a second."""
+    if not 1.0 <= float(text) <= 60.0:
+        raise argparse.ArgumentTypeError(f"{text} images a second; give 1 to 60")
+    return float(text)
+
+
+def camera(text: str) -> str:
+    """What the node camera takes as its ~device."""
+    known = re.fullmatch(r"kinect(:.+)?|v4l:\d+|emulator:.+|ros(:[\w/~]+)?", text)
+    if not known and not os.environ.get(PLUGINS):
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no camera; write kinect, kinect:SERIAL, v4l:N (e.g. v4l:0), ros or ros:TOPIC"
+        )
+    return text
+
+
+def pose(text: str) -> tuple[float, float, float]:
+    """X,Y,DEG as metres and radians."""
+    try:
+        x, y, degrees = (float(word) for word in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a pose; write X,Y,DEG, e.g. 1.5,-2,90") from None
+    return x, y, math.radians(degrees)
+
+
+def seeds(text: str) -> range:
+    """A:B as a range."""
+    match = re.fullmatch(r"(\d+):(\d+)", text)
+    if match is None or int(match[1]) >= int(match[2]):
+        raise argparse.ArgumentTypeError(f"{text!r} is no range of seeds; write A:B, e.g. 100:120")
+    return range(int(match[1]), int(match[2]))
+
+
+class Size(NamedTuple):
+    """Of a file or a disk. text: as it was given."""
+
+    text: str
+    bytes: float
+
+    @staticmethod
+    def parse(text: str) -> "Size":
+        """A size like 500MB. Raises ArgumentTypeError for anything else."""
+        number, unit = text.strip()[:-2], text.strip()[-2:]
+        try:
+            size = float(number) * _UNITS[unit]
+        except (ValueError, KeyError):
+            size = 0.0
+        if not 0.0 < size < 1e18:
+            raise argparse.ArgumentTypeError(f"size {text!r}: give a number and one of {', '.join(_UNITS)}, e.g. 4GB")
+        return Size(text, size)

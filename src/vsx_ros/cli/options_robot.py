@@ -1,0 +1,197 @@
+"""The options of the commands for a robot and its machine; the docstring of each is its help. Likewise those of
+``vsx config``, ``world`` and ``completion``, which print and write what a run and a shell can be given."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from vsx_ros.cli.option_values import add_parameters, positive
+from vsx_ros.control.keyboard import KEYS
+
+
+def view(parser: argparse.ArgumentParser) -> None:
+    """watch a running robot in a browser
+
+    Serves one page with the camera and the points it is tracked by, the map with frontiers, plan and robot, the state
+    with its reason, and buttons. Waits for a stack and outlives it; Ctrl-C ends the view, not the robot. The address it
+    prints holds the token that the buttons need: without it one can only look.
+
+    examples: vsx view | vsx view --host 0.0.0.0 (whoever reaches this machine can look)
+    """
+    add = parser.add_argument
+    add("--host", default="127.0.0.1", metavar="ADDRESS", help="listen here (default: this machine)")
+    add("--port", type=int, metavar="N", help="listen here (default 8765, another one if that is taken)")
+    add(
+        "--allow",
+        default="",
+        metavar="NAMES",
+        help="answer to these names, too, NAME or NAME:PORT, by commas (default: those of this machine)",
+    )
+    add("--headless", action="store_true", help="open no browser")
+
+
+def status(parser: argparse.ArgumentParser) -> None:
+    """what a running robot does, and why
+
+    Listens for two to four seconds and prints state and reason of exploration and SLAM, the ratio of map points found,
+    the camera's rate, who drives the wheels, hazards and battery. What nobody says is shown as -, in JSON as null.
+
+    exit codes: 0 somebody answers, 1 nobody does
+    """
+    parser.add_argument("--watch", action="store_true", help="print anew every second until Ctrl-C")
+    parser.add_argument("--json", action="store_true", help="one line of JSON each time")
+
+
+def stop(parser: argparse.ArgumentParser) -> None:
+    """emergency stop: the wheels stand until it is released
+
+    Sets the emergency stop of the base, which no other command overrides and which outlives a restart of its node, and
+    waits until the wheels stand. --release lets the robot drive again. A second robot is reached with
+    ROS_NAMESPACE=robot1 vsx stop.
+
+    exit codes: 0 the wheels stand (or are free again), 1 no base can be reached, 2 it does not obey
+    """
+    parser.add_argument("--release", action="store_true", help="release the emergency stop")
+
+
+def teleop(parser: argparse.ArgumentParser) -> None:
+    """drive with the keyboard
+
+    Drives while a key is held and stops when it is released. The keyboard wins over the exploration, which goes on half
+    a second after the last key; bumper and cliff sensors win over the keyboard.
+    """
+    parser.epilog = KEYS
+    parser.add_argument("--v", type=positive, default=0.2, metavar="M_S", help="speed ahead and back (default 0.2 m/s)")
+    parser.add_argument("--omega", type=positive, default=0.6, metavar="RAD_S", help="turn rate (default 0.6 rad/s)")
+
+
+def doctor(parser: argparse.ArgumentParser) -> None:
+    """check machine, ROS, devices, permissions and calibration
+
+    Checks what a run needs: Python and libraries, ROS, the ROS network, base and camera, permissions, calibration,
+    disk, and how fast this machine tracks. Each finding is ok, note, warn or fail and comes with what to do. No wheel
+    turns. The exit code is 1 when something fails, 0 otherwise.
+
+    examples: vsx doctor | vsx doctor --hw | vsx doctor --json --quick
+    """
+    parser.add_argument(
+        "--hw", action="store_true", help="a robot must be here: open base and camera, and speak to them"
+    )
+    parser.add_argument("--json", action="store_true", help="print the findings as JSON: area, level, text, remedy")
+    parser.add_argument("--quick", action="store_true", help="leave out the measurement of tracking (some seconds)")
+
+
+def config(parser: argparse.ArgumentParser) -> None:
+    """print every parameter with its value, unit and bound
+
+    Prints the configuration as YAML. The output can be edited and given back with --config.
+
+    examples: vsx config > my.yaml | vsx config --set planner.phi_rad_m=0.5
+    """
+    add_parameters(parser)
+    parser.add_argument(
+        "--robot", action="store_true", help="what this machine's robot goes by: with what 'vsx calibrate' found"
+    )
+
+
+def world(parser: argparse.ArgumentParser) -> None:
+    """write an emulated building to world.yaml
+
+    Makes a building for the emulator: from a generator's name and seed, or from a map_server map.
+
+    examples: vsx world lab --seed 3 --out world.yaml | vsx world office.yaml --picture plan.png
+    """
+    add = parser.add_argument
+    add("name", metavar="NAME", help="lab, office, corridor, building, a world.yaml, a map.yaml, a .png")
+    add("--seed", type=int, default=0, metavar="N", help="which of the generator's worlds (default 0)")
+    add("--out", type=Path, metavar="FILE", help="write the world to this YAML file")
+    add("--picture", type=Path, metavar="FILE.png", help="draw the plan and the first view")
+    add("--map", type=Path, metavar="FILE.pgm", help="write the true map (pgm and yaml) for map_server")
+
+
+def completion(parser: argparse.ArgumentParser) -> None:
+    """print a completion script for the shell
+
+    Prints a script by which bash or zsh complete the words of vsx; file names where a file is meant.
+
+    add to ~/.bashrc: eval "$(vsx completion bash)" | to ~/.zshrc: eval "$(vsx completion zsh)"
+    """
+    parser.add_argument("shell", choices=("bash", "zsh"), help="which shell")
+
+
+def calibrate(parser: argparse.ArgumentParser) -> None:
+    """calibrate camera, odometry and camera mount
+
+    Measures what the map depends on, says how sure it is, and writes it where the nodes read it. In this order: camera,
+    odometry, mount.
+    """
+    verbs = parser.add_subparsers(dest="verb", metavar="WHAT", required=True)
+    for add in (_camera, _odometry, _mount):
+        add(verbs)
+
+
+def _camera(verbs: Any) -> None:
+    camera = verbs.add_parser(
+        "camera",
+        help="focal lengths, centre and distortion, from pictures of a board",
+        description="Takes pictures of a flat board: files, folders, a bag, or with --live those of a running camera "
+        "node, telling what to show next. Ten pictures or more, the board in every corner, near and far, tilted by 30 "
+        "deg to all sides, held still. A bad result is not written.",
+        epilog="examples: vsx calibrate camera --live --board 8x6x0.025   |   vsx calibrate camera pictures/ --board "
+        "8x6x0.025 --name rgb_A00362",
+    )
+    add = camera.add_argument
+    add("input", nargs="*", type=Path, metavar="INPUT", help="pictures, folders of them, a ROS 1 bag")
+    add(
+        "--board",
+        required=True,
+        metavar="CxRxM",
+        help="inner corners (or circles) across x down x spacing in metres, e.g. 8x6x0.025",
+    )
+    add("--pattern", choices=("checkerboard", "circles"), default="checkerboard", help="on the board")
+    add("--image-topic", metavar="T", help="image topic of the bag (default: the only one)")
+    add("--live", action="store_true", help="from the running node 'camera', which then stores it")
+    add("--name", default="camera", metavar="NAME", help="of the camera: NAME.yaml (default camera)")
+    add("--out", type=Path, metavar="FILE", help="(default $ROS_HOME/camera_info/NAME.yaml)")
+
+
+def _odometry(verbs: Any) -> None:
+    odometry = verbs.add_parser(
+        "odometry",
+        help="factors of the wheels' way and turn, from a recorded drive",
+        description="Finds what way and turn of the wheels are to be multiplied by, from a bag ('vsx record', while "
+        "'vsx teleop' drives). With --distance: straight ahead for so many metres by a ruler. With --turns: full turns "
+        "on the spot back to where the camera looked first; it sees the rest. With --board: to and fro and turning, "
+        "with a board of known size in sight; gives both. With none of them: a drive with curves; gives the turn.",
+        epilog="examples: vsx calibrate odometry straight.bag --distance 3.02   |   vsx calibrate odometry spin.bag "
+        "--turns 5   |   vsx calibrate odometry drive.bag --board 8x6x0.025",
+    )
+    how = odometry.add_mutually_exclusive_group()
+    how.add_argument("--distance", type=float, metavar="M", help="the drive was straight and so long")
+    how.add_argument("--turns", type=float, metavar="N", help="so many full turns to the left (negative: right)")
+    how.add_argument("--board", metavar="CxRxM", help="a board in sight, as of 'vsx calibrate camera'")
+    odometry.add_argument("--pattern", choices=("checkerboard", "circles"), default="checkerboard", help="on the board")
+    _drive(odometry)
+
+
+def _mount(verbs: Any) -> None:
+    mount = verbs.add_parser(
+        "mount",
+        help="where the camera looks and how high it sits, from a straight drive",
+        description="Finds height, pitch and yaw of the camera from a bag of a drive straight ahead, 1.5 m or more, at "
+        "0.15 m/s, towards something with texture and over a floor with some. How far ahead of the wheels' axle and to "
+        "the left the camera sits is taken from the configuration (robot.mount.forward_m, left_m).",
+        epilog="example: vsx calibrate mount straight.bag --set robot.mount.forward_m=-0.09",
+    )
+    _drive(mount)
+
+
+def _drive(parser: argparse.ArgumentParser) -> None:
+    """The options of what is found from a recorded drive."""
+    add = parser.add_argument
+    add("input", type=Path, metavar="BAG", help="a ROS 1 bag or a TUM-layout folder, with odometry")
+    add("--calibration", type=Path, metavar="FILE", help="of the camera, if the bag has none")
+    add("--image-topic", metavar="T", help="image topic of the bag (default: the only one)")
+    add("--odometry-topic", metavar="T", help="odometry topic of the bag (likewise)")
+    add("--out", type=Path, metavar="FILE", help="parameters (default $ROS_HOME/vsx_ros/robot.yaml)")
+    add_parameters(parser)

@@ -1,0 +1,188 @@
+"""What all branches of the configuration share, and those of SLAM (paper 3), dense and ground map (paper 5)."""
+
+from typing import Annotated
+
+from msgspec import Meta, Struct
+
+Positive = Annotated[float, Meta(gt=0)]
+NonNegative = Annotated[float, Meta(ge=0)]
+Ratio = Annotated[float, Meta(ge=0, le=1)]
+Count = Annotated[int, Meta(ge=1)]
+
+
+class Branch(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Common policy: immutable, unknown names refused, keyword only."""
+
+
+class InitializationConfig(Branch, frozen=True):
+    """Two-frame start of the map (paper 3.1). Without odometry the baseline gets unit_baseline_m, and only parallax
+    tells whether it is long enough."""
+
+    baseline_m: Positive = 0.20
+    baseline_max_m: Positive = 0.6
+    unit_baseline_m: Positive = 0.1
+    min_matches: Count = 60
+    min_parallax_deg: Positive = 0.7
+    min_parallax_without_odometry_deg: Positive = 0.25
+    max_turn_deg: Positive = 30.0  # more than the planner bends over the baseline (phi 2 rad/m)
+
+
+class TrackerConfig(Branch, frozen=True):
+    """Per-frame tracking. corners: wanted on the finest level of a VGA image, about half as many on each coarser."""
+
+    corners: Count = 1300
+    max_points: Count = 800
+    coarse_radius_px: Positive = 30.0
+    fine_radius_px: Positive = 10.0
+    good_ratio: Ratio = 0.3
+    lost_ratio: Ratio = 0.13
+    min_found: Count = 30
+    lost_after_frames: Count = 3
+
+
+class KeyframeConfig(Branch, frozen=True):
+    """When a frame becomes a keyframe (paper 3.1: conservative where the map is already known)."""
+
+    min_gap_frames: Count = 4
+    distance_ratio: Positive = 0.06
+    angle_deg: Positive = 8.0
+    overlap_ratio: Ratio = 0.55
+
+
+class MapperConfig(Branch, frozen=True):
+    """Making, refining and removing points. corners: as the tracker's, where new points are sought."""
+
+    corners: Count = 2600
+    window_keyframes: Count = 8
+    target_keyframes: Count = 3
+    max_points_per_keyframe: Count = 400
+    min_parallax_deg: Positive = 0.8
+    local_iterations: Count = 10
+    global_iterations: Count = 10
+
+
+class CullingConfig(Branch, frozen=True):
+    """A keyframe is redundant when that share of its points is seen by so many others from as near; the newest are
+    kept. With 3 viewers, as ORB-SLAM has it, keyframes as near to each other as here are made again at once."""
+
+    seen_ratio: Ratio = 0.9
+    viewers: Count = 6
+    keep_newest: Count = 10
+
+
+class RecognitionConfig(Branch, frozen=True):
+    """A place is recognised when patch search finds so many points again, that share of those looked for, in so many of
+    4 x 4 parts of the image: sure where something else speaks for it, certain where nothing does."""
+
+    sure_found: Count = 40
+    sure_ratio: Ratio = 0.42
+    sure_cells: Annotated[int, Meta(ge=1, le=16)] = 5
+    certain_found: Count = 120
+    certain_ratio: Ratio = 0.5
+    certain_cells: Annotated[int, Meta(ge=1, le=16)] = 8
+
+
+class DriftConfig(Branch, frozen=True):
+    """How far a map can have drifted along a way, for a place seen again to close a loop: a constant, and a share of
+    the way and a turn per metre of it, with odometry and by the camera alone."""
+
+    distance_m: NonNegative = 0.15
+    turn_rad: NonNegative = 0.06
+    odometry_ratio: NonNegative = 0.03
+    camera_ratio: NonNegative = 0.3
+    odometry_rad_m: NonNegative = 0.015
+    camera_rad_m: NonNegative = 0.06
+
+
+class ShutterConfig(Branch, frozen=True):
+    """How the camera exposes: its rows one after the other (0: all at once), each for so long. With odometry, images
+    are freed from how the camera moves meanwhile. Defaults: the Kinect's colour camera indoors."""
+
+    readout_s: NonNegative = 0.026
+    exposure_s: NonNegative = 0.015
+
+
+class OdometryNoiseConfig(Branch, frozen=True):
+    """How far wheel odometry between keyframes is believed, per axis: a constant plus a share of the motion; and how
+    far the base stands level on the floor. What is wrong with the wheels' diameter is wrong everywhere alike and
+    becomes the world's size; what counts here is how unlike one stretch is to the next."""
+
+    distance_sigma_m: Positive = 0.0003
+    distance_sigma_ratio: Positive = 0.002
+    sideways_sigma_ratio: Positive = 0.006
+    turn_sigma_rad: Positive = 0.002
+    turn_sigma_ratio: Positive = 0.01
+    tilt_sigma_rad: Positive = 0.01
+    floor_height_sigma_m: Positive = 0.01
+    floor_tilt_sigma_rad: Positive = 0.02
+
+
+class SlamConfig(Branch, frozen=True):
+    """Keyframe SLAM (paper 3)."""
+
+    initialization: InitializationConfig = InitializationConfig()
+    tracker: TrackerConfig = TrackerConfig()
+    keyframes: KeyframeConfig = KeyframeConfig()
+    mapper: MapperConfig = MapperConfig()
+    culling: CullingConfig = CullingConfig()
+    recognition: RecognitionConfig = RecognitionConfig()
+    drift: DriftConfig = DriftConfig()
+    wheels: OdometryNoiseConfig = OdometryNoiseConfig()
+    shutter: ShutterConfig = ShutterConfig()
+
+
+class GroundMapConfig(Branch, frozen=True):
+    """The 2-D map (paper 5.2)."""
+
+    resolution_m: Positive = 0.05
+    obstacle_min_height_m: NonNegative = 0.06
+    obstacle_max_height_m: Positive = 0.60
+    clear_max_height_m: Positive = 0.40
+    max_range_m: Positive = 4.5
+    start_clear_m: NonNegative = 0.7
+    # So long an unseen stretch of a straight wall is wall, too. Points, or a few of them, are noise where so many times
+    # more keyframes looked through their place.
+    wall_gap_m: Positive = 1.0
+    overruled_ratio: Positive = 1.0
+    few_overruled_ratio: Positive = 0.25
+
+
+class PlanesConfig(Branch, frozen=True):
+    """Planes of the sparse map by J-linkage (paper 5.1), tile by tile."""
+
+    tile_m: Positive = 3.0
+    max_points_per_tile: Count = 1000
+    hypotheses: Count = 2000
+    noise_px: Positive = 0.4
+    floor_sigma_m: Positive = 0.01
+    inlier_sigmas: Positive = 2.5
+    max_distance_m: Positive = 0.08
+    max_sigma_m: Positive = 0.3
+    partner_sigma_m: Positive = 0.8
+    min_separation_m: Positive = 0.10
+    min_points: Count = 15
+
+
+class DenseConfig(Branch, frozen=True):
+    """Dense planar mapping (paper 5.1). Textures are standard deviations, in grey levels, of what a cell shows."""
+
+    enabled: bool = True
+    planes: PlanesConfig = PlanesConfig()
+    cell_m: Positive = 0.08
+    patch_m: Positive = 0.12
+    min_texture: NonNegative = 1.0
+    accept_zncc: Ratio = 0.75
+    grow_zncc: Ratio = 0.65
+    rival_margin: Ratio = 0.05
+    min_views: Count = 3
+    min_parallax_deg: Positive = 2.0
+    max_parallax_deg: Positive = 30.0
+    min_range_m: Positive = 0.4
+    max_range_m: Positive = 4.5
+    max_incidence_deg: Annotated[float, Meta(gt=0, lt=90)] = 80.0
+    contact_contrast: NonNegative = 5.0
+    contact_step: Positive = 1.2
+    contact_min_views: Count = 3
+    contact_max_support_m: Positive = 0.3
+    max_fill_height_m: Positive = 0.6
+    cells_per_update: Count = 3000

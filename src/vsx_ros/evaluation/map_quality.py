@@ -1,0 +1,211 @@
+"""A map against the truth: how much of the world it holds, and how much of that is right; how well it shows the
+obstacles that the robot had before its camera (paper, Figure 5); and pictures of both."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray
+from vsx_ros.errors import InputError
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.kernels.occupancy.visibility import seen_cells
+from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+
+TOLERANCE_M = 0.10
+MIN_RANGE_M, MAX_RANGE_M = 0.5, 3.5
+MIN_GAP_M, MAX_GAP_M = 0.4, 0.8
+_VIEWER_SPACING_CELLS, _RAYS_AROUND = 4, 360
+_HALF_VIEW_RAD, _RAYS_IN_VIEW = 0.45, 120
+_MIN_VIEWS = 3
+_UNKNOWN_GREY, _FREE_WHITE, _FOUND, _MISSED, _PHANTOM = 200, 255, (30, 30, 30), (40, 140, 255), (40, 40, 220)
+
+
+class MapQuality(NamedTuple):
+    """A map against the truth. None where there is nothing to divide by.
+
+    coverage: share of the observable cells that are known. coverage_correct: known and right; an occupied cell is right
+    within 10 cm of an obstacle, a free cell is right if it is not deeper than that inside one.
+    occupied_precision, occupied_recall: at 10 cm. free_inside_obstacle: share of the free cells more than 10 cm deep
+    inside an obstacle.
+    """
+
+    coverage: float | None
+    coverage_correct: float | None
+    occupied_precision: float | None
+    occupied_recall: float | None
+    free_inside_obstacle: float | None
+
+
+class ObstacleQuality(NamedTuple):
+    """Of a map against the truth, at 10 cm; shares, None where there is nothing to divide by.
+
+    precision: of occupied cells near a true obstacle. recall: of seen faces near an occupied cell. f1: of both.
+    surface_free: seen faces whose cell is called free. free_inside: free cells deeper than 10 cm inside an obstacle.
+    phantom_m2: area of occupied cells over 10 cm from any obstacle. gaps_free: known cells in gaps 0.4 to 0.8 m wide,
+    over 10 cm from their sides, that are not called occupied.
+    """
+
+    precision: float | None
+    recall: float | None
+    f1: float | None
+    surface_free: float | None
+    free_inside: float | None
+    phantom_m2: float
+    gaps_free: float | None
+
+
+def observable_cells(truth: OccupancyGrid, start: SE2, robot_radius_m: float, sensor_range_m: float) -> BoolArray:
+    """(H, W) mask of truth cells in sight, within range, of somewhere the robot can stand.
+
+    start: where the robot begins, in the truth's frame. Raises InputError when it does not begin in free space.
+    """
+    clear = cv2.distanceTransform((truth.data == FREE).astype(np.uint8), cv2.DIST_L2, 5) * truth.resolution
+    standable = (clear > robot_radius_m).astype(np.uint8)
+    _, labels = cv2.connectedComponents(standable, connectivity=4)
+    row, column = truth.cells(np.array([[start.x, start.y]]))[0]
+    if not truth.contains(np.array([[row, column]]))[0] or labels[row, column] == 0:
+        raise InputError(f"start ({start.x:.2f}, {start.y:.2f}) is not free in the true map; give the true start pose")
+    viewers = np.argwhere(labels == labels[row, column])
+    spaced = np.all(viewers % _VIEWER_SPACING_CELLS == 0, axis=1)
+    viewers = np.vstack([viewers[spaced], [[row, column]]])
+    seen = seen_cells(truth.data == OCCUPIED, viewers, sensor_range_m / truth.resolution, _RAYS_AROUND)
+    mask: BoolArray = seen & (truth.data != UNKNOWN)
+    return mask
+
+
+def map_quality(estimate: OccupancyGrid, truth: OccupancyGrid, observable: BoolArray, T_truth_map: SE2) -> MapQuality:
+    """Judge a map. observable: (H, W) mask over the truth. T_truth_map: where the map's origin truly lies."""
+    to_obstacle, to_free = metres_to(truth.data == OCCUPIED, truth), metres_to(truth.data == FREE, truth)
+    values = on_truth(estimate, truth, T_truth_map)[observable]
+    known = values != UNKNOWN
+    off_m = np.where(values == OCCUPIED, to_obstacle[observable], to_free[observable])
+
+    def under(value: int) -> tuple[IntArray, ...]:
+        """Rows and columns of the truth's cells, or those at its edge, under the estimate's cells of the value."""
+        cells = truth.cells(T_truth_map @ estimate.centres(np.argwhere(estimate.data == value)))
+        return tuple(np.clip(cells, 0, np.array(truth.shape) - 1).T)
+
+    occupied = under(OCCUPIED)
+    estimated = np.zeros(truth.shape, bool)
+    estimated[occupied] = True
+    faces = observable & (truth.data == OCCUPIED)
+    return MapQuality(
+        coverage=_share(known),
+        coverage_correct=_share((off_m <= TOLERANCE_M) & known),
+        occupied_precision=_share(to_obstacle[occupied] <= TOLERANCE_M),
+        occupied_recall=_share(metres_to(estimated, truth)[faces] <= TOLERANCE_M),
+        free_inside_obstacle=_share(to_free[under(FREE)] > TOLERANCE_M),
+    )
+
+
+def seen_faces(truth: OccupancyGrid, T_world_cams: Sequence[SE3]) -> BoolArray:
+    """(H, W) cells of obstacle surface that at least three cameras see within 3.5 m, well inside their pictures."""
+    counts = np.zeros(truth.shape, np.int64)
+    blocked = truth.data != FREE
+    for T in T_world_cams:
+        heading = math.atan2(float(T.rotation[1, 2]), float(T.rotation[0, 2]))
+        hits = _first_hits(blocked, truth, T.translation[:2], heading)
+        counts[hits[:, 0], hits[:, 1]] += 1
+    faces: BoolArray = (counts >= _MIN_VIEWS) & (truth.data == OCCUPIED)
+    return faces
+
+
+def _first_hits(blocked: BoolArray, truth: OccupancyGrid, eye: FloatArray, heading: float) -> IntArray:
+    """(N, 2) the cells where rays over the field of view end, each once."""
+    angles = heading + np.linspace(-_HALF_VIEW_RAD, _HALF_VIEW_RAD, _RAYS_IN_VIEW)
+    steps = np.arange(0.0, MAX_RANGE_M, 0.4 * truth.resolution)
+    places = eye + steps[None, :, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)[:, None, :]
+    cells = truth.cells(places.reshape(-1, 2))
+    inside = truth.contains(cells)
+    solid = np.zeros(len(cells), bool)
+    solid[inside] = blocked[tuple(cells[inside].T)]
+    stops = solid.reshape(len(angles), len(steps))
+    first = stops.argmax(axis=1)
+    good = stops.any(axis=1) & (steps[first] > MIN_RANGE_M)
+    return np.unique(cells.reshape(len(angles), len(steps), 2)[np.flatnonzero(good), first[good]], axis=0)
+
+
+def obstacle_quality(grid: OccupancyGrid, truth: OccupancyGrid, faces: BoolArray, T_truth_map: SE2) -> ObstacleQuality:
+    """Judge a map. faces: (H, W) of ``seen_faces``. T_truth_map: where the map's origin truly lies."""
+    values = on_truth(grid, truth, T_truth_map)
+    to_obstacle, to_free = metres_to(truth.data == OCCUPIED, truth), metres_to(truth.data == FREE, truth)
+    occupied, free = values == OCCUPIED, values == FREE
+    wrong = occupied & (to_obstacle > TOLERANCE_M) & (truth.data == FREE)
+    in_gaps = values[narrow_gaps(truth)]
+    precision = 1.0 - float(wrong.sum()) / float(occupied.sum()) if occupied.any() else None
+    recall = _share(metres_to(occupied, truth)[faces] <= TOLERANCE_M)
+    p, r = precision or 0.0, recall or 0.0
+    return ObstacleQuality(
+        precision,
+        recall,
+        2.0 * p * r / (p + r) if p + r > 0.0 else None,
+        _share(free[faces]),
+        _share(to_free[free] > TOLERANCE_M),
+        float(wrong.sum()) * truth.resolution**2,
+        _share(in_gaps[in_gaps != UNKNOWN] == FREE),
+    )
+
+
+def narrow_gaps(truth: OccupancyGrid) -> BoolArray:
+    """(H, W) free cells of gaps 0.4 to 0.8 m wide between obstacles deep enough that no disc of that width, outside
+    the gap, covers it; farther than 10 cm from both sides."""
+    apart = metres_to(truth.data != FREE, truth)
+
+    def filled_by(radius_m: float) -> BoolArray:
+        """Cells that no disc among the obstacles can cover."""
+        filled: BoolArray = metres_to(apart > radius_m, truth) > radius_m
+        return filled
+
+    gaps: BoolArray = filled_by(0.5 * MAX_GAP_M) & ~filled_by(0.5 * MIN_GAP_M) & (truth.data == FREE)
+    return gaps & (apart > TOLERANCE_M + truth.resolution)
+
+
+def truth_picture(truth: OccupancyGrid, faces: BoolArray) -> NDArray[np.uint8]:
+    """(H, W, 3) BGR, north up: free ground white, those faces of obstacles black."""
+    image = np.full((*truth.shape, 3), _UNKNOWN_GREY, np.uint8)
+    image[truth.data == FREE] = _FREE_WHITE
+    image[faces] = _FOUND
+    return image[::-1].copy()
+
+
+def map_on_truth_picture(
+    grid: OccupancyGrid, truth: OccupancyGrid, faces: BoolArray, T_truth_map: SE2
+) -> NDArray[np.uint8]:
+    """(H, W, 3) BGR, north up: a map whose origin truly lies at T_truth_map. Its obstacles black, those on free ground
+    red, those of the faces (H, W) that it lacks orange."""
+    image = np.full((*truth.shape, 3), _UNKNOWN_GREY, np.uint8)
+    values = on_truth(grid, truth, T_truth_map)
+    occupied = values == OCCUPIED
+    image[values == FREE] = _FREE_WHITE
+    image[faces & (metres_to(occupied, truth) > TOLERANCE_M)] = _MISSED
+    image[occupied] = _FOUND
+    far = metres_to(truth.data == OCCUPIED, truth) > TOLERANCE_M
+    image[occupied & far & (truth.data == FREE)] = _PHANTOM
+    return image[::-1].copy()
+
+
+def _share(hits: BoolArray) -> float | None:
+    """Of a mask that is set; None of nothing."""
+    return float(np.mean(hits)) if hits.size else None
+
+
+def metres_to(cells: BoolArray, grid: OccupancyGrid) -> np.ndarray[tuple[int, int], np.dtype[np.float32]]:
+    """(H, W) distance [m] of each cell to the nearest of the given cells; infinite when there is none."""
+    if not cells.any():
+        return np.full(cells.shape, math.inf, np.float32)
+    cells_away = cv2.distanceTransform((~cells).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return np.asarray(cells_away * grid.resolution, np.float32)
+
+
+def on_truth(grid: OccupancyGrid, truth: OccupancyGrid, T_truth_map: SE2) -> NDArray[np.int8]:
+    """(H, W) the map's values at the middles of the truth's cells, UNKNOWN outside."""
+    cells = grid.cells(T_truth_map.inverse() @ truth.centres(np.argwhere(np.ones(truth.shape, bool))))
+    inside = grid.contains(cells)
+    values = np.full(len(cells), UNKNOWN, np.int8)
+    values[inside] = grid.data[tuple(cells[inside].T)]
+    return values.reshape(truth.shape)

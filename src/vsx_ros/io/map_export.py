@@ -1,0 +1,109 @@
+"""A map for other programs: points as binary PLY, which MeshLab, CloudCompare and Blender read; all of it as COLMAP's
+text model (cameras.txt, images.txt, points3D.txt) with its pictures, for photogrammetry tools.
+
+Source: COLMAP documentation, "Output Format". There, poses are T_cam_world with quaternions (w, x, y, z), and the
+centre of the top-left pixel is (0.5, 0.5).
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from vsx_ros.arrays import FloatArray, Points3
+from vsx_ros.errors import InputError, explained
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.io.atomic import write_bytes, write_text
+from vsx_ros.limits import DATA_BYTES, file_bytes
+from vsx_ros.slam.snapshot import MapSnapshot
+
+_HEADER = "ply\nformat binary_little_endian 1.0\nelement vertex {count}\n{properties}end_header\n"
+_PROPERTIES = "".join(f"property float {axis}\n" for axis in "xyz")
+
+
+def write_ply(path: Path, points: Points3) -> None:
+    """(N, 3) points [m], stored as 32-bit floats."""
+    vertices = np.asarray(points, np.float64).reshape(-1, 3).astype("<f4")
+    header = _HEADER.format(count=len(vertices), properties=_PROPERTIES)
+    write_bytes(path, header.encode("ascii") + vertices.tobytes())
+
+
+def read_ply(path: Path) -> Points3:
+    """The (N, 3) points of a file that ``write_ply`` wrote. Raises InputError for anything else."""
+    with explained(InputError, f"point cloud {path} cannot be read", "check the path"):
+        header, _, body = file_bytes(path, DATA_BYTES).partition(b"end_header\n")
+    wrong = f"point cloud {path} is not a PLY that this program wrote"
+    with explained(InputError, wrong, "give one that it wrote", (IndexError, ValueError)):
+        count = int(header.split(b"element vertex")[1].split()[0])
+        expected = _HEADER.format(count=count, properties=_PROPERTIES).encode("ascii")
+        if header + b"end_header\n" != expected:
+            raise ValueError("other properties")
+        if len(body) != 12 * count:
+            raise ValueError(f"{len(body)} bytes are not {count} points")
+        return np.frombuffer(body, "<f4").reshape(-1, 3).astype(np.float64)
+
+
+_CORNER_PX = 0.5  # COLMAP's pixels have their corner at the origin, ours their centre
+_CAMERA = 1  # COLMAP's number of the only one
+_GREY = "128 128 128"
+
+
+def write_colmap(folder: Path, camera: PinholeCamera, snapshot: MapSnapshot) -> None:
+    """Make the folder and fill it; points are numbered by their ids, images by keyframe id + 1. Raises InputError when
+    it cannot be written."""
+    with explained(InputError, f"folder {folder} cannot be written", "choose another one", OSError):
+        (folder / "images").mkdir(parents=True, exist_ok=True)
+        write_text(folder / "cameras.txt", _camera_text(camera))
+        write_text(folder / "images.txt", "".join(_image_lines(snapshot)))
+        write_text(folder / "points3D.txt", "".join(_point_lines(camera, snapshot)))
+        for number, image in zip(snapshot.keyframe_ids.tolist(), snapshot.images, strict=True):
+            write_bytes(folder / "images" / f"{number:06d}.png", bytes(cv2.imencode(".png", image)[1]))
+
+
+def _camera_text(camera: PinholeCamera) -> str:
+    """OPENCV has four coefficients; a fifth needs FULL_OPENCV, whose last three divide and are zero here."""
+    k1, k2, p1, p2, k3 = camera.distortion
+    model, lens = ("OPENCV", [k1, k2, p1, p2]) if k3 == 0.0 else ("FULL_OPENCV", [k1, k2, p1, p2, k3, 0.0, 0.0, 0.0])
+    numbers = [camera.fx, camera.fy, camera.cx + _CORNER_PX, camera.cy + _CORNER_PX, *lens]
+    text = " ".join(f"{number:.12g}" for number in numbers)
+    return f"# CAMERA_ID MODEL WIDTH HEIGHT PARAMS\n{_CAMERA} {model} {camera.width} {camera.height} {text}\n"
+
+
+def _image_lines(snapshot: MapSnapshot) -> Iterator[str]:
+    """Two lines an image: its pose, and what it sees of which point."""
+    yield "# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, then X Y POINT3D_ID of each observation\n"
+    for k, (number, T_world_cam) in enumerate(zip(snapshot.keyframe_ids.tolist(), snapshot.T_world_cams, strict=True)):
+        T_cam_world = T_world_cam.inverse()
+        x, y, z, w = T_cam_world.quaternion()
+        pose = " ".join(f"{value:.12g}" for value in (w, x, y, z, *T_cam_world.translation))
+        seen = snapshot.obs_keyframe == k
+        ids, uv = snapshot.point_ids[snapshot.obs_point[seen]], snapshot.obs_uv[seen] + _CORNER_PX
+        observed = " ".join(f"{u:.4f} {v:.4f} {point}" for (u, v), point in zip(uv, ids.tolist(), strict=True))
+        yield f"{number + 1} {pose} {_CAMERA} {number:06d}.png\n{observed}\n"
+
+
+def _point_lines(camera: PinholeCamera, snapshot: MapSnapshot) -> Iterator[str]:
+    """One line a point: place, colour, mean reprojection error [px], and the observations it is made of."""
+    yield "# POINT3D_ID X Y Z R G B ERROR, then IMAGE_ID POINT2D_IDX of each observation\n"
+    count = np.bincount(snapshot.obs_keyframe, minlength=len(snapshot.keyframe_ids))
+    place = np.arange(len(snapshot.obs_keyframe)) - np.repeat(np.cumsum(count) - count, count)
+    error_px = _errors_px(camera, snapshot)
+    order = np.argsort(snapshot.obs_point, kind="stable")
+    ends = np.searchsorted(snapshot.obs_point[order], np.arange(len(snapshot.point_ids) + 1))
+    for p, number in enumerate(snapshot.point_ids.tolist()):
+        mine = order[ends[p] : ends[p + 1]]
+        images = snapshot.keyframe_ids[snapshot.obs_keyframe[mine]] + 1
+        track = " ".join(f"{i} {j}" for i, j in zip(images.tolist(), place[mine].tolist(), strict=True))
+        x, y, z = snapshot.points_world[p]
+        yield f"{number} {x:.9g} {y:.9g} {z:.9g} {_GREY} {float(error_px[mine].mean()):.4f} {track}\n"
+
+
+def _errors_px(camera: PinholeCamera, snapshot: MapSnapshot) -> FloatArray:
+    """(O,) distance of each observation from its point's projection."""
+    error_px = np.zeros(len(snapshot.obs_keyframe))
+    for k, T_world_cam in enumerate(snapshot.T_world_cams):
+        seen = snapshot.obs_keyframe == k
+        points_cam = T_world_cam.inverse() @ snapshot.points_world[snapshot.obs_point[seen]]
+        error_px[seen] = np.linalg.norm(camera.project(points_cam) - snapshot.obs_uv[seen], axis=1)
+    return error_px

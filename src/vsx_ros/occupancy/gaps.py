@@ -1,0 +1,75 @@
+"""What the evidence leaves open: gaps in the free ground between sparse rays, its rims that too few rays passed, and
+obstacles of which a map shows only some cells, as a plain wall is a row of dots to a camera."""
+
+import math
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vsx_ros.arrays import BoolArray, Int32Array
+from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN
+
+_ROW_CELLS, _ROW_LENGTH_M, _ROW_STEP_RAD = 12, 1.0, math.pi / 90
+"""So many obstacle cells in a line so long are a wall; how finely its direction is looked for."""
+_SPECK_CELLS, _SLIT_CELLS = 3, 7  # 15 cm and 35 cm of a map of 5 cm: rays lie so far apart, a robot does not fit in
+MIN_SURE_VOTES = 2
+"""So many keyframes know a cell at the rim of the free ground, or around a gap in it; where fewer do, it may be a
+face's that they graze, and the gap the shadow of a leg."""
+
+
+def gaps(data: NDArray[np.int8], sure: BoolArray) -> BoolArray:
+    """Unknown cells in gaps of at most two cells between free ones, two cells or more from any obstacle; and unknown
+    patches at most three cells wide and high whose every neighbour is free. Sparse rays leave both everywhere. Only
+    ``sure`` free cells count."""
+    free = np.pad(((data == FREE) & sure).astype(np.uint8), 2)
+    closed = cv2.morphologyEx(free, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))[2:-2, 2:-2] > 0
+    near_obstacle = cv2.dilate((data == OCCUPIED).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    found: BoolArray = closed & (data == UNKNOWN) & ~near_obstacle
+    unknown = ((data == UNKNOWN) & ~found).astype(np.uint8)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(unknown, connectivity=8)
+    small = (stats[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]] <= _SPECK_CELLS).all(axis=1)
+    small[0] = False
+    doubtful = cv2.dilate(((data == FREE) & ~sure).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    for beside in (labels[near_obstacle | doubtful], labels[0], labels[-1], labels[:, 0], labels[:, -1]):
+        small[beside] = False
+    found |= small[labels]
+    return found
+
+
+def rims(data: NDArray[np.int8], free_votes: Int32Array) -> BoolArray:
+    """Free cells beside obstacles, and beside what nobody saw, that few keyframes looked through: a ray along a face
+    passes through the face's own cells, and what nobody saw may be a face. Unknown slits narrower than seven cells
+    between free ones are not meant: they are where rays happen to lie apart."""
+    free = np.pad((data == FREE).astype(np.uint8), _SLIT_CELLS)
+    square = np.ones((_SLIT_CELLS, _SLIT_CELLS), np.uint8)
+    closed = cv2.morphologyEx(free, cv2.MORPH_CLOSE, square)[_SLIT_CELLS:-_SLIT_CELLS, _SLIT_CELLS:-_SLIT_CELLS]
+    beyond = (closed == 0) | (data == OCCUPIED)
+    found: BoolArray = (data == FREE) & (free_votes < MIN_SURE_VOTES)
+    found &= cv2.dilate(beyond.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    return found
+
+
+def walls(
+    occupied: BoolArray, resolution: float, narrow_m: float, gap_m: float, share: float = 0.0, thickness: int = 1
+) -> BoolArray:
+    """(H, W) obstacle cells with their gaps: those narrower than narrow_m [m] anywhere, those shorter than gap_m [m] in
+    straight rows. share: at least so much of a row is obstacle; with less, they may as well be things in line.
+    thickness: of the rows [cells]; rays slip through the corners of thin ones."""
+    cells = occupied.astype(np.uint8)
+    width = max(1, round(narrow_m / resolution)) | 1
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (width, width))
+    padded = cv2.copyMakeBorder(cells, width, width, width, width, cv2.BORDER_CONSTANT, value=0)
+    closed = np.ascontiguousarray(cv2.morphologyEx(padded, cv2.MORPH_CLOSE, disc)[width:-width, width:-width])
+    lines = cv2.HoughLinesP(
+        255 * cells, 1.0, _ROW_STEP_RAD, _ROW_CELLS,
+        minLineLength=_ROW_LENGTH_M / resolution, maxLineGap=gap_m / resolution,
+    )  # fmt: skip
+    beside = cv2.dilate(cells, np.ones((3, 3), np.uint8))
+    for x0, y0, x1, y1 in lines.reshape(-1, 4).tolist() if lines is not None else []:
+        n = max(abs(x1 - x0), abs(y1 - y0)) + 1
+        rows, columns = np.rint(np.linspace((y0, x0), (y1, x1), n)).astype(int).T
+        if beside[rows, columns].mean() >= share:
+            cv2.line(closed, (x0, y0), (x1, y1), 1, thickness)
+    found: BoolArray = closed > 0
+    return found

@@ -1,0 +1,200 @@
+"""What a mission says (state, choices, frontiers and views, as explore_lite does), where it sends the base and what it
+keeps of a run.
+"""
+
+import json
+import threading
+import time
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import actionlib
+import rospy
+from actionlib import CommState
+from actionlib_msgs.msg import GoalStatus
+from geometry_msgs.msg import Point, Vector3
+from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
+from std_msgs.msg import ColorRGBA, Float32, String
+from visualization_msgs.msg import Marker, MarkerArray
+
+from vsx_ros.exploration.decision import Action, Decision, MissionEvent, NavigationState, SavedMission
+from vsx_ros.exploration.mission import Mission
+from vsx_ros.exploration.unknown_ground import Frontier
+from vsx_ros.exploration.utility import View
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.ros import clock, convert, logs, threads, topics
+from vsx_ros.ros.situation import LocalizationSubscriber
+from vsx_ros.runs.folder import RunFolder
+
+_STATUS_PERIOD_S = 1.0  # also when nothing has changed
+_BLUE = ColorRGBA(0.0, 0.0, 1.0, 1.0)  # frontiers
+_GREEN = ColorRGBA(0.0, 1.0, 0.0, 1.0)  # views
+_WHITE = ColorRGBA(1.0, 1.0, 1.0, 1.0)  # their utilities
+_SHOWN_VIEWS = 10  # the best
+_BIGGEST_BALL_M = 0.3  # of the best view
+_TEXT_M = 0.15  # height
+_LIFETIME_S = 10.0  # of markers that nobody renews
+_WRITE_PERIOD_S = 1.0  # a crash costs so much of what the mission remembers
+TAKEN_WITHIN_S = 2.0
+"""actionlib waits for ever for a goal that was lost on its way, as to a move_base that died at that moment."""
+
+
+class MissionTopics:
+    """Publishers: explore/{frontiers,status,events,coverage}."""
+
+    def __init__(self, mission: Mission) -> None:
+        self._mission = mission
+        self._status, self._status_s = "", 0.0
+        self._grid: OccupancyGrid | None = None
+        self._shown: object = None
+        self._frontiers: list[Frontier] = []
+        self._frontiers_pub = rospy.Publisher(topics.FRONTIERS, MarkerArray, queue_size=1, latch=True)
+        self._status_pub = rospy.Publisher(topics.EXPLORE_STATUS, String, queue_size=5, latch=True)
+        self._events_pub = rospy.Publisher(topics.EXPLORE_EVENTS, String, queue_size=100)
+        self._coverage_pub = rospy.Publisher(topics.COVERAGE, Float32, queue_size=1, latch=True)
+
+    def events(self, events: Iterable[MissionEvent]) -> None:
+        """Changes of state and choices, in the log, too."""
+        for event in events:
+            rospy.loginfo("%s: %s", event.state, event.reason)
+            self._events_pub.publish(json.dumps(event._asdict()))
+
+    def report(self, decision: Decision, navigation: NavigationState, grid: OccupancyGrid | None) -> bool:
+        """The area of a new map; frontiers and views when these were ranked anew; the status on change and once a
+        second. Whether the status was said."""
+        if grid is not None and grid is not self._grid:
+            self._grid = grid
+            self._coverage_pub.publish(grid.known_area_m2)
+        view_selector = self._mission.view_selector
+        if view_selector.ranking is not self._shown and grid is not None:
+            self._shown, self._frontiers = view_selector.ranking, view_selector.frontiers()
+            views = view_selector.ranking.views
+            self._frontiers_pub.publish(frontier_markers(grid, self._frontiers, views, clock.now_ns()))
+        text, now_s = self._status_text(decision, navigation, grid), time.monotonic()
+        if text == self._status and now_s - self._status_s <= _STATUS_PERIOD_S:
+            return False
+        self._status, self._status_s = text, now_s
+        self._status_pub.publish(text)
+        return True
+
+    def _status_text(self, decision: Decision, navigation: NavigationState, grid: OccupancyGrid | None) -> str:
+        outcome, goal = self._mission.outcome, decision.goal
+        status = {
+            "state": decision.state,
+            "reason": decision.reason,
+            "outcome": outcome.name if outcome else None,
+            "navigation": navigation.value,
+            "goal": [goal.x, goal.y, goal.theta] if goal is not None else None,
+            "frontiers": len(self._frontiers),
+            "views": len(self._mission.view_selector.ranking.views),
+            "known_area_m2": grid.known_area_m2 if grid is not None else None,
+        }
+        return json.dumps(status)
+
+
+def frontier_markers(
+    grid: OccupancyGrid, frontiers: Sequence[Frontier], views: Sequence[View], stamp_ns: int
+) -> MarkerArray:
+    """A blue marker of points a frontier; for the best views a green ball as big as they are useful, and v, d (the stop
+    included) and U in words."""
+    about = {"header": convert.header(topics.MAP_FRAME, stamp_ns), "lifetime": rospy.Duration.from_sec(_LIFETIME_S)}
+
+    def marker(namespace: str, number: int, kind: int, color: ColorRGBA, size_m: float, pose: SE2) -> Marker:
+        shape = {"type": kind, "color": color, "scale": Vector3(size_m, size_m, size_m)}
+        return Marker(ns=namespace, id=number, action=Marker.ADD, pose=convert.pose_msg(pose), **shape, **about)
+
+    shown = views[:_SHOWN_VIEWS]
+    best = max((view.utility for view in shown), default=1.0)
+    markers = [Marker(action=Marker.DELETEALL, **about)]
+    for number, frontier in enumerate(frontiers):
+        points = marker("frontiers", number, Marker.POINTS, _BLUE, grid.resolution, SE2())
+        points.points = [Point(x, y, 0.0) for x, y in grid.centres(frontier.cells).tolist()]
+        markers.append(points)
+    for number, view in enumerate(shown):
+        size_m = _BIGGEST_BALL_M * max(0.1, view.utility / best)
+        text = marker("utilities", number, Marker.TEXT_VIEW_FACING, _WHITE, _TEXT_M, view.pose)
+        way_m = view.gain_m2 / view.utility if view.utility > 0.0 else view.distance_m
+        text.text = f"v {view.gain_m2:.1f} m2, d {way_m:.1f} m, U {view.utility:.2f}"
+        markers += [marker("views", number, Marker.SPHERE, _GREEN, size_m, view.pose), text]
+    return MarkerArray(markers)
+
+
+class MissionWriter:
+    """Writes once a second where ~run_dir is given, and restores what a session before has left there."""
+
+    def __init__(self, mission: Mission, lock: threading.Lock, where: LocalizationSubscriber) -> None:
+        """lock: of the mission."""
+        self._mission, self._lock, self._where = mission, lock, where
+        self._writing = threading.Lock()
+        self._saved: SavedMission | None = None
+        run_dir = str(rospy.get_param("~run_dir", ""))
+        self._checkpoint = RunFolder(Path(run_dir)).checkpoint if run_dir else None
+        if self._checkpoint is not None:
+            if (remembered := self._checkpoint.read_mission()) is not None:
+                self._saved = SavedMission.of(remembered, self._checkpoint.path)
+            threads.every(_WRITE_PERIOD_S, "memory", self.write)
+
+    def restore(self, now_ns: int, T_odom_base: SE2 | None) -> None:
+        """Once, as soon as there is odometry; the caller holds the lock."""
+        if self._saved is not None and T_odom_base is not None:
+            self._mission.restore(now_ns, self._saved, T_odom_base)
+            self._saved = None
+
+    def write(self) -> None:
+        """Write all of it now; may wait for the disk."""
+        now_ns = clock.now_ns()
+        T_odom_base = self._where.at(now_ns).T_odom_base
+        if self._checkpoint is None or self._saved is not None or T_odom_base is None:
+            return
+        with self._lock:
+            saved = self._mission.to_save(now_ns, T_odom_base)
+        with logs.log_errors(), self._writing:
+            self._checkpoint.write_mission(saved.tree(), now_ns)
+
+
+class GoalSender:
+    """The client of move_base: one goal at a time."""
+
+    def __init__(self) -> None:
+        self._client = actionlib.ActionClient(topics.MOVE_BASE_ACTION, MoveBaseAction)
+        self._goal: actionlib.ClientGoalHandle | None = None
+        self._sent_s = 0.0
+        self._untaken = False
+
+    @property
+    def is_served(self) -> bool:
+        """Whether an action server is connected. The client's own wait for it goes by ROS time, which may stand."""
+        ends = self._client.pub_goal, self._client.pub_cancel, self._client.result_sub, self._client.feedback_sub
+        return all(end.get_num_connections() > 0 for end in ends)
+
+    def act(self, now_ns: int, decision: Decision) -> None:
+        """Send the goal of a decision, or cancel the one under way; that one and no other: after a pause somebody else
+        may send one."""
+        if decision.action is Action.GO and decision.goal is not None:
+            goal = convert.pose_stamped(decision.frame, now_ns, decision.goal)
+            self._goal = self._client.send_goal(MoveBaseGoal(goal))
+            self._sent_s, self._untaken = time.monotonic(), False
+        elif decision.action in (Action.CANCEL, Action.FINISH) and self.state()[0] is NavigationState.ACTIVE:
+            assert self._goal is not None
+            self._goal.cancel()
+
+    def state(self) -> tuple[NavigationState, str]:
+        """What has become of the newest goal, and what move_base says of it; IDLE before the first. A goal that nobody
+        takes is cancelled."""
+        if self._goal is None:
+            return NavigationState.IDLE, ""
+        reason, comm = str(self._goal.get_goal_status_text()), self._goal.get_comm_state()
+        if comm == CommState.WAITING_FOR_GOAL_ACK and time.monotonic() - self._sent_s > TAKEN_WITHIN_S:
+            self._untaken = True
+            self._goal.cancel()
+        if self._untaken:
+            return NavigationState.ABORTED, f"move_base has not taken the goal within {TAKEN_WITHIN_S:g} s"
+        if comm != CommState.DONE:
+            return NavigationState.ACTIVE, reason
+        arrived = self._goal.get_terminal_state() == GoalStatus.SUCCEEDED
+        return NavigationState.SUCCEEDED if arrived else NavigationState.ABORTED, reason
+
+    def cancel_all(self) -> None:
+        """Those of others, too: nobody wants to drive."""
+        self._client.cancel_all_goals()

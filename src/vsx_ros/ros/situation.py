@@ -1,0 +1,99 @@
+"""Where the robot is and what is around it, as the topics tell every node but vslam."""
+
+import math
+import threading
+import time
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import UInt8
+
+from vsx_hw.readings import Hazard
+from vsx_ros.arrays import Points3
+from vsx_ros.control.localization import Localization, LocalizationState
+from vsx_ros.exploration.decision import NavigationState, Situation
+from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.robot import Odometry
+from vsx_ros.ros import clock, convert, topics
+from vsx_ros.ros.callbacks import hear_odometry, subscribe
+
+
+class LocalizationSubscriber:
+    """A ``Localization`` fed by topics. Subscribers: odom, vslam/pose, vslam/state. Thread-safe."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._localization = Localization()
+        self._taken_s = -math.inf
+        hear_odometry(self._on_odometry)
+        subscribe(topics.POSE, PoseWithCovarianceStamped, self._on_pose, queue_size=5, tcp_nodelay=True)
+        subscribe(topics.SLAM_STATE, DiagnosticStatus, self._on_state, queue_size=5, tcp_nodelay=True)
+
+    def _on_odometry(self, odometry: Odometry) -> None:
+        with self._lock:
+            if self._localization.add_odometry(odometry):
+                self._taken_s = time.monotonic()
+
+    def _on_pose(self, msg: PoseWithCovarianceStamped) -> None:
+        stamp_ns = msg.header.stamp.to_nsec()
+        clock.refuse_future(stamp_ns)
+        with self._lock:
+            self._localization.add_pose(stamp_ns, convert.se2(msg.pose.pose))
+
+    def _on_state(self, msg: DiagnosticStatus) -> None:
+        state = convert.tracking_state(msg)
+        with self._lock:
+            self._localization.add_state(state, msg.message)
+
+    def at(self, now_ns: int) -> LocalizationState:
+        """What is known now."""
+        with self._lock:
+            return self._localization.at(now_ns)
+
+    @property
+    def odometry_age_s(self) -> float:
+        """For how long no odometry came that could be used [s], on the monotonic clock; infinite before the first."""
+        return time.monotonic() - self._taken_s
+
+
+class HeardSituation:
+    """Subscribers: map, vslam/map_points, mobile_base/hazards, and those of ``LocalizationSubscriber``. grid: the
+    newest map, if any."""
+
+    def __init__(self) -> None:
+        self.grid: OccupancyGrid | None = None
+        self.where = LocalizationSubscriber()
+        self._landmarks: Points3 = np.zeros((0, 3))
+        self._hazards = 0
+        subscribe(topics.MAP, OccupancyGridMsg, self._on_map, queue_size=1)
+        subscribe(topics.MAP_POINTS, PointCloud2, self._on_points, queue_size=1, buff_size=2**22)
+        subscribe(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5)
+
+    def _on_map(self, msg: OccupancyGridMsg) -> None:
+        self.grid = convert.grid(msg)
+
+    def _on_points(self, msg: PointCloud2) -> None:
+        self._landmarks = convert.cloud_points(msg)
+
+    def _on_hazards(self, msg: UInt8) -> None:
+        self._hazards = msg.data
+
+    def at(self, now_ns: int, navigation: NavigationState, navigation_reason: str) -> Situation:
+        """With what has become of the goal."""
+        where = self.where.at(now_ns)
+        return Situation(
+            slam_state=where.slam_state,
+            slam_reason=where.slam_reason,
+            T_map_base=where.T_map_base,
+            T_odom_base=where.T_odom_base,
+            grid=self.grid,
+            navigation=navigation,
+            navigation_reason=navigation_reason,
+            lifted=Hazard(self._hazards) & Hazard.WHEEL_DROP == Hazard.WHEEL_DROP,
+            hazard=convert.hazard_words(self._hazards) or (where.stuck.reason if where.stuck is not None else None),
+            landmarks_world=self._landmarks,
+            odom_epoch=where.odom_epoch,
+        )

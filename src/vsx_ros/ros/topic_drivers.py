@@ -1,0 +1,218 @@
+"""Bases and cameras with ROS drivers of their own, by their topics.
+
+Such a base tells its odometry on one topic and obeys a Twist on another. Mux, limits, time-outs and the emergency stop
+of ``mobile_base`` stand before it as before any other. What it cannot be asked for (bumpers, cliffs, battery) nobody
+knows; and when ``mobile_base`` itself is killed, only the base's own driver can stop the wheels, as every driver should
+where commands cease.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import genpy
+import rospy
+from geometry_msgs.msg import Twist
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+
+from vsx_hw.errors import DeviceError
+from vsx_hw.frozen_image import FROZEN, FrozenImageDetector
+from vsx_hw.readings import BaseReading, BatteryReading, Hazard, ImageReading, LinkStatus, OdometryReading, Signal
+from vsx_ros.arrays import GrayImage
+from vsx_ros.errors import ConfigError, InputError
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.io.image_encoding import decoded
+from vsx_ros.robot import STOP, Odometry, VelocityCommand
+from vsx_ros.ros import clock, convert, images, threads, topics
+from vsx_ros.ros.callbacks import IMAGE_BUFFER_BYTES, hear_odometry, subscribe
+
+_PERIOD_S = 0.05  # commands are repeated: a base stops without new ones
+_ZERO_FOR_S = 0.5  # then the topic is left to others
+_ODOMETRY_WITHIN_S = 0.5
+"""Slow drivers tell their odometry ten times a second."""
+_IMAGE_WITHIN_S = 1.0  # longer without one is told
+_UNKNOWN_BATTERY = BatteryReading(float("nan"), float("nan"), False, "unknown")
+_TYPES: dict[str, type[Image] | type[CompressedImage]] = {
+    "sensor_msgs/Image": Image,
+    "sensor_msgs/CompressedImage": CompressedImage,
+}
+
+
+class TopicNames(NamedTuple):
+    """What the base's own driver calls its odometry (nav_msgs/Odometry) and its command (geometry_msgs/Twist)."""
+
+    odometry: str = topics.ODOM
+    command: str = "cmd_vel"
+
+
+def topic_names(robot_type: str) -> TopicNames | None:
+    """The topics of ``ros``, with the usual names, or ``ros:ODOMETRY,COMMAND``; None for other kinds of base. Raises
+    ConfigError for anything else behind the colon."""
+    kind, _, text = robot_type.partition(":")
+    if kind != "ros":
+        return None
+    names = [name.strip() for name in text.split(",")]
+    if text and (len(names) != 2 or not all(names)):
+        raise ConfigError(f"base ros:{text}: give two topics, e.g. ros:/robot/odom,/robot/cmd_vel, or just ros")
+    return TopicNames(*names) if text else TopicNames()
+
+
+class TopicBase:
+    """The verbs of a driver (``base_drivers.Base``), over topics."""
+
+    def __init__(
+        self,
+        names: TopicNames,
+        on_reading: Callable[[BaseReading], None],
+        on_link: Callable[[bool, str], None],
+        command_timeout_s: float,
+    ) -> None:
+        self._names, self._on_reading, self._on_link = names, on_reading, on_link
+        self._timeout_ns = round(command_timeout_s * 1e9)
+        self._lock = threading.Lock()
+        self._command, self._until_ns = STOP, 0
+        self._zero_until_s = self._heard_s = 0.0
+        self._connected = self._closed = False
+        self._readings = 0
+        self._command_pub = rospy.Publisher(names.command, Twist, queue_size=1, tcp_nodelay=True)
+
+    def start(self) -> None:
+        """Listen and obey from now on."""
+        hear_odometry(self._on_odometry, self._names.odometry)
+        threads.every(_PERIOD_S, "command", self._send)
+
+    def drive(self, v_m_s: float, omega_rad_s: float, until_ns: int | None = None) -> None:
+        """Move like this until the next command, at most until the timeout or the instant until_ns (monotonic)."""
+        latest_ns = time.monotonic_ns() + self._timeout_ns
+        with self._lock:
+            self._command = VelocityCommand(v_m_s, omega_rad_s)
+            self._until_ns = latest_ns if until_ns is None else min(until_ns, latest_ns)
+        self._send()
+
+    def show(self, signal: Signal) -> None:
+        """It has no lamp that we know of."""
+
+    def reset_odometry(self) -> None:
+        """Raises DeviceError: the counting is the base's own."""
+        raise DeviceError(f"{self._names.odometry} is told by the base's own driver; reset it there")
+
+    def status(self) -> LinkStatus:
+        """Health for diagnostics."""
+        silence = self._silence()
+        return LinkStatus(not silence, silence or "connected", self._names.odometry, {"readings": self._readings})
+
+    def close(self) -> bool:
+        """Tell the wheels to stand; whether they surely do, nobody says."""
+        with self._lock:
+            self._closed = True
+        self._command_pub.publish(Twist())
+        return True
+
+    def _silence(self) -> str:
+        """What is wrong while no odometry comes; empty while it does."""
+        if time.monotonic() - self._heard_s < _ODOMETRY_WITHIN_S:
+            return ""
+        said = f"no odometry on {rospy.resolve_name(self._names.odometry)} for {_ODOMETRY_WITHIN_S:g} s"
+        return f"{said}; start the base's own driver, or name its topics (base ros)"
+
+    def _on_odometry(self, moved: Odometry) -> None:
+        self._heard_s = time.monotonic()
+        self._readings += 1
+        self._link("")
+        T = moved.T_odom_base
+        odometry = OdometryReading(moved.stamp_ns, T.x, T.y, T.theta, moved.v, moved.omega)
+        self._on_reading(BaseReading(moved.stamp_ns, odometry, Hazard.NONE, _UNKNOWN_BATTERY))
+
+    def _link(self, silence: str) -> None:
+        if self._connected is bool(silence):
+            self._connected = not silence
+            self._on_link(self._connected, silence or "connected")
+
+    def _send(self) -> None:
+        """The command while it is good, zero for a moment after it, then nothing: others may command the base, too."""
+        now_s, silence = time.monotonic(), self._silence()
+        if silence:
+            self._link(silence)
+        with self._lock:
+            good = not (silence or self._closed) and time.monotonic_ns() < self._until_ns
+            command = self._command if good else STOP
+            if command != STOP:
+                self._zero_until_s = now_s + _ZERO_FOR_S
+            elif now_s > self._zero_until_s:
+                return
+        if not threads.is_ending():
+            self._command_pub.publish(convert.twist(command))
+
+
+class TopicCamera:
+    """Images of ``topic`` to ``on_image``, grey, with the stamps of their own driver. calibration: of the topic
+    camera_info beside the images, as told last; None before."""
+
+    def __init__(self, topic: str, on_image: Callable[[ImageReading], None]) -> None:
+        """Raises ConfigError where no topic is named, or that of our own node camera."""
+        if not topic or rospy.resolve_name(topic) == rospy.resolve_name(topics.IMAGE):
+            raise ConfigError(
+                f"camera 'ros:{topic}': give the topic of another driver, e.g. ros:/usb_cam/image_raw; images that "
+                f"come as {topics.IMAGE} already need no node camera (vsx explore --camera ros)"
+            )
+        self.serial = topic.strip("/").replace("/", "_")
+        self.calibration: PinholeCamera | None = None
+        self._topic, self._on_image = topic, on_image
+        self._counters = {"frames": 0, "frozen_frames": 0}
+        self._heard_s = 0.0
+        self._frozen, self._watch = False, FrozenImageDetector()
+
+    def start(self) -> None:
+        """Listen from now on."""
+        subscribe(info_topic(self._topic), CameraInfo, self._on_info, queue_size=1)
+        subscribe(self._topic, rospy.AnyMsg, self._on_any, queue_size=1, buff_size=IMAGE_BUFFER_BYTES, tcp_nodelay=True)
+
+    def status(self) -> LinkStatus:
+        """Health for diagnostics."""
+        topic = rospy.resolve_name(self._topic)
+        message = "streaming"
+        if time.monotonic() - self._heard_s > _IMAGE_WITHIN_S:
+            message = f"no image comes on {topic}; start the camera's own driver, or name its topic"
+        elif self._frozen:
+            message = f"{topic}: {FROZEN}"
+        return LinkStatus(message == "streaming", message, topic, dict(self._counters))
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+    def _on_info(self, msg: CameraInfo) -> None:
+        self.calibration = images.camera(msg)
+
+    def _on_any(self, msg: Any) -> None:
+        stamp_ns, image = image_of(msg._connection_header["type"], msg._buff, self._topic)
+        clock.refuse_future(stamp_ns)
+        self._heard_s = time.monotonic()
+        self._counters["frames"] += 1
+        self._frozen = self._watch.is_frozen(image)
+        if self._frozen:
+            self._counters["frozen_frames"] += 1
+            return
+        self._on_image(ImageReading(stamp_ns, image, "mono8"))
+
+
+def info_topic(image_topic: str) -> str:
+    """Where drivers tell the calibration of their images (image_transport's convention)."""
+    return f"{image_topic.removesuffix('/compressed').rpartition('/')[0]}/camera_info"
+
+
+def image_of(kind: str, data: bytes, topic: str) -> tuple[int, GrayImage]:
+    """Stamp [ns] and (H, W) uint8 of a serialized message. Raises InputError for another kind, or a damaged one."""
+    if kind not in _TYPES:
+        raise InputError(f"{topic} carries {kind}; give a topic of {' or '.join(_TYPES)}")
+    msg = _TYPES[kind]()
+    try:
+        msg.deserialize(data)
+    except genpy.DeserializationError as error:
+        raise InputError(f"a message of {topic} is damaged ({error}); it is left out") from error
+    if isinstance(msg, Image):
+        frame = images.frame(msg)
+        return frame.stamp_ns, frame.image
+    return msg.header.stamp.to_nsec(), decoded(bytes(msg.data), f"an image of {topic}", msg.format)

@@ -1,0 +1,168 @@
+"""Odometry and images together: where the camera should be now (by odometry where there is any, else by constant
+velocity and image rotation), and whether the two agree: where the image is sure of the motion, it judges odometry."""
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+
+from vsx_ros.arrays import FloatArray
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.slam.keyframe import FrameData
+from vsx_ros.vision.pyramid import rotation_between
+
+DAMPING = 0.9  # a camera is more likely to slow down than to go on alike
+MAX_GAP_S = 0.5  # after so long without a pose, the speed before tells nothing
+WINDOWS = (8, 30)  # frames back: a jump shows over the short one, drift over the long one
+# Beyond this wheels slip, spin or are disconnected: a constant, and shares of the way and of the turn.
+GAP_M, GAP_PER_M, GAP_PER_RAD = 0.008, 0.08, 0.02
+GAP_RAD, GAP_RAD_PER_RAD = 0.02, 0.06
+# A stretch of map that rests on odometry alone does not judge it until the base has gone on so far.
+UNPROVEN_M = 0.5
+
+
+class Prediction(NamedTuple):
+    """T_world_cam expected, whether by odometry, and how firmly: information (6,) per axis of the camera's tangent."""
+
+    T_world_cam: SE3
+    by_odometry: bool
+    information: FloatArray
+
+
+def motion_by_odometry(T_base_cam: SE3 | None, before: FrameData, now: FrameData) -> SE3 | None:
+    """T_before_now of the camera by odometry, None without."""
+    if T_base_cam is None or before.T_odom_base is None or now.T_odom_base is None:
+        return None
+    return T_base_cam.inverse() @ SE3.from_se2(before.T_odom_base.inverse() @ now.T_odom_base) @ T_base_cam
+
+
+class MotionModel:
+    """Holds the last pose. ``predict`` does not change it, ``update`` does."""
+
+    def __init__(self, T_base_cam: SE3 | None, focal_px: float) -> None:
+        self._T_base_cam = T_base_cam
+        self._focal_px = focal_px
+        self._velocity: FloatArray = np.zeros(6)
+        self._last: tuple[FrameData, SE3] | None = None
+
+    def predict(self, data: FrameData) -> Prediction:
+        """The expected pose of a frame. Needs an ``update`` before."""
+        assert self._last is not None
+        before, T = self._last
+        by_odometry = motion_by_odometry(self._T_base_cam, before, data)
+        if by_odometry is not None:
+            distance = float(np.linalg.norm(by_odometry.translation))
+            turn = by_odometry.rotation_angle_to(SE3.identity())
+            sigma = np.repeat([0.0006 + 0.01 * distance, 0.0006 + 0.01 * turn], 3)
+            return Prediction(T @ by_odometry, True, sigma**-2)
+        dt = (data.stamp_ns - before.stamp_ns) * 1e-9
+        if dt > MAX_GAP_S:
+            return Prediction(T, False, np.zeros(6))
+        motion = SE3.exp(self._velocity * dt * DAMPING)
+        rotation, score = rotation_between(before.small, data.small, self._focal_px)
+        if math.isfinite(score):
+            motion = SE3(rotation.T, motion.translation)
+        return Prediction(T @ motion, False, np.zeros(6))
+
+    @property
+    def last_pose(self) -> SE3 | None:
+        """T_world_cam of the latest update."""
+        return None if self._last is None else self._last[1]
+
+    def update(self, data: FrameData, T_world_cam: SE3, measured: bool) -> None:
+        """Take the pose a frame was found at; an unmeasured one keeps no velocity."""
+        self._velocity = np.zeros(6)
+        if measured and self._last is not None:
+            before, T = self._last
+            dt = (data.stamp_ns - before.stamp_ns) * 1e-9
+            if 0 < dt <= MAX_GAP_S:
+                self._velocity = (T.inverse() @ T_world_cam).log() / dt
+        self._last = (data, T_world_cam)
+
+    def move(self, T_world_cam: SE3, factor: float) -> None:
+        """The last pose after the map moved under it and became ``factor`` times as large."""
+        if self._last is not None:
+            self._last = (self._last[0], T_world_cam)
+            self._velocity[:3] *= factor
+
+
+class _PosePair(NamedTuple):
+    """The base in one frame, by odometry and as the image has it."""
+
+    odometry: SE2
+    seen: SE2
+
+
+class OdometryConsistency:
+    """``admit`` every frame, then ``compare`` it when the image is sure of it, else ``interrupt``."""
+
+    def __init__(self, T_base_cam: SE3 | None) -> None:
+        self._T_cam_base = SE3.identity() if T_base_cam is None else T_base_cam.inverse()
+        self._pairs: deque[_PosePair] = deque(maxlen=max(WINDOWS) + 1)
+        self._odometry: SE2 | None = None
+        self._T_used_odom = SE2()
+        self._last_used: _PosePair | None = None
+        self._unproven_m = 0.0
+        self.doubted = False
+
+    def admit(self, data: FrameData) -> FrameData:
+        """The frame with the odometry that may be used: none while in doubt, later as if it had counted rightly."""
+        before, self._odometry = self._odometry, data.T_odom_base
+        if self._odometry is None:
+            return data
+        if before is not None:
+            self._unproven_m = max(0.0, self._unproven_m - before.distance_to(self._odometry))
+        return data._replace(T_odom_base=None if self.doubted else self._T_used_odom @ self._odometry)
+
+    def compare(self, T_world_cam: SE3) -> str:
+        """Judge odometry by the last admitted frame's pose; what has changed about it, in words, or nothing."""
+        if self._odometry is None or self._unproven_m > 0.0:
+            self._pairs.clear()
+            return ""
+        now = _PosePair(self._odometry, (T_world_cam @ self._T_cam_base).to_se2())
+        self._pairs.append(now)
+        gaps = [self._gap(self._pairs[-1 - n], now) for n in WINDOWS if n < len(self._pairs)]
+        if self.doubted:
+            if len(gaps) == len(WINDOWS) and not any(gaps):
+                self._believe(now)
+                return "odometry agrees with the images again"
+            return ""
+        self.doubted = any(gaps)
+        if not self.doubted:
+            self._last_used = now
+        return next((f"{gap}: odometry is ignored until they agree" for gap in gaps if gap), "")
+
+    def interrupt(self) -> None:
+        """The image is not sure of this frame: it judges nothing, and doubtful odometry is better than none."""
+        self._pairs.clear()
+        self.doubted = False
+
+    def bridge(self) -> None:
+        """A keyframe was placed by odometry: the size of what is seen from there comes from it."""
+        self._unproven_m = UNPROVEN_M
+
+    def move(self, T_new_old: SE3) -> None:
+        """Follow a map that was moved under the camera."""
+        moved = T_new_old.to_se2()
+        self._pairs = deque((m._replace(seen=moved @ m.seen) for m in self._pairs), self._pairs.maxlen)
+        if self._last_used is not None:
+            self._last_used = self._last_used._replace(seen=moved @ self._last_used.seen)
+
+    def _believe(self, now: _PosePair) -> None:
+        """Go on as if odometry had moved as the image saw the base move."""
+        assert self._last_used is not None
+        used = self._T_used_odom @ self._last_used.odometry @ self._last_used.seen.inverse() @ now.seen
+        self._T_used_odom = used @ now.odometry.inverse()
+        self._last_used = now
+        self.doubted = False
+
+    def _gap(self, before: _PosePair, now: _PosePair) -> str:
+        odometry, seen = before.odometry.inverse() @ now.odometry, before.seen.inverse() @ now.seen
+        way = max(math.hypot(odometry.x, odometry.y), math.hypot(seen.x, seen.y))
+        turn = max(abs(odometry.wrapped().theta), abs(seen.wrapped().theta))
+        metres, radians = odometry.distance_to(seen), abs(odometry.angle_to(seen))
+        if metres <= GAP_M + GAP_PER_M * way + GAP_PER_RAD * turn and radians <= GAP_RAD + GAP_RAD_PER_RAD * turn:
+            return ""
+        return f"odometry contradicts the images by {metres:.2f} m and {math.degrees(radians):.0f} deg"

@@ -1,0 +1,141 @@
+"""The fused pose is SLAM's where there is one, odometry's in between, and not thrown by what comes late or never."""
+
+import math
+
+import numpy as np
+import pytest
+
+from vsx_ros.control.localization import Localization
+from vsx_ros.errors import InputError
+from vsx_ros.geometry.se2 import SE2, integrate
+from vsx_ros.robot import Odometry, OdometryEpochs
+
+MS = 1_000_000
+
+
+def close(a: SE2 | None, b: SE2, metres: float, radians: float) -> bool:
+    return a is not None and a.distance_to(b) <= metres and abs(a.angle_to(b)) <= radians
+
+
+def test_before_the_first_slam_pose_there_is_none():
+    fuser = Localization()
+    assert fuser.pose() is None
+    assert math.isinf(fuser.slam_age_s(5))
+    fuser.add_odometry(Odometry(0, SE2()))
+    assert fuser.pose() is None
+
+
+def test_without_odometry_the_last_slam_pose_is_given():
+    fuser = Localization()
+    fuser.add_pose(10 * MS, SE2(1.0, 2.0, 3.0))
+    assert fuser.pose() == SE2(1.0, 2.0, 3.0)
+    assert fuser.slam_age_s(510 * MS) == pytest.approx(0.5)
+
+
+def test_a_late_pose_is_compared_with_the_odometry_of_its_own_instant():
+    fuser = Localization()
+    T_world_odom = SE2(3.0, -1.0, 1.2)
+    odom = SE2(0.5, 0.2, -0.3)
+    poses = {}
+    for k in range(60):  # 50 Hz
+        poses[k] = odom
+        fuser.add_odometry(Odometry(k * 20 * MS, odom, 0.25, 0.2))
+        if k >= 10:
+            fuser.add_pose((k - 10) * 20 * MS, T_world_odom @ poses[k - 10])  # 200 ms late
+            assert close(fuser.pose(), T_world_odom @ odom, 1e-6, 1e-6)
+        odom = integrate(odom, 0.25 * 0.02, 0.2 * 0.02)
+    newest = 59 * 20 * MS
+    assert close(fuser.pose(newest + 100 * MS), T_world_odom @ integrate(poses[59], 0.025, 0.02), 1e-6, 1e-6)
+    assert close(fuser.pose(newest - 10 * MS), T_world_odom @ poses[58].interpolate(poses[59], 0.5), 1e-6, 1e-6)
+    assert fuser.pose(newest + 900 * MS) is None
+
+
+def test_noise_is_smoothed_and_a_bend_of_the_wheels_learnt():
+    rng = np.random.default_rng(1)
+    fuser = Localization()
+    true, odom = SE2(), SE2()
+    errors = []
+    for k in range(1500):
+        stamp = k * 20 * MS
+        fuser.add_odometry(Odometry(stamp, odom, 0.25, 0.0))
+        if k % 3 == 0:
+            seen = SE2(true.x + rng.normal(0, 0.01), true.y + rng.normal(0, 0.01), true.theta + rng.normal(0, 0.007))
+            fuser.add_pose(stamp, seen)
+        pose = fuser.pose()
+        assert pose is not None
+        if k > 500:
+            errors.append((pose.distance_to(true), abs(pose.angle_to(true))))
+        odom = integrate(odom, 0.005, 0.0)
+        true = integrate(true, 0.005, 0.15 * 0.005)  # bends by 0.15 rad per metre
+    position, heading = np.median(errors, axis=0)
+    assert 1e-4 < position < 0.008
+    assert 1e-5 < heading < 0.006
+    # Half a second without SLAM: the learnt bend carries on.
+    for k in range(1500, 1525):
+        fuser.add_odometry(Odometry(k * 20 * MS, odom, 0.25, 0.0))
+        odom, true = integrate(odom, 0.005, 0.0), integrate(true, 0.005, 0.15 * 0.005)
+    pose = fuser.pose()
+    assert pose is not None
+    assert abs(pose.angle_to(true)) < 0.012
+
+
+def test_a_relocalisation_is_believed_at_once():
+    fuser = Localization()
+    for k in range(5):
+        fuser.add_odometry(Odometry(k * 20 * MS, SE2()))
+        fuser.add_pose(k * 20 * MS, SE2(0.0, 0.0, 0.0))
+    fuser.add_odometry(Odometry(100 * MS, SE2()))
+    fuser.add_pose(100 * MS, SE2(2.0, 0.0, 0.0))
+    assert close(fuser.pose(), SE2(2.0, 0.0, 0.0), 1e-9, 1e-9)
+
+
+@pytest.mark.parametrize("silence_ns", [20 * MS, 4000 * MS])
+def test_odometry_that_restarts_does_not_move_the_base(silence_ns: int):
+    fuser, epochs, T_world_odom = Localization(), OdometryEpochs(), SE2(-4.0, 1.0, 0.3)
+    odom = SE2(5.0, 3.0, 0.4)
+    for k in range(40):
+        fuser.add_odometry(epochs.enter(Odometry(k * 20 * MS, odom, 0.2, 0.0)))
+        fuser.add_pose(k * 20 * MS, T_world_odom @ odom)
+        odom = integrate(odom, 0.004, 0.0)
+    true = fuser.pose()
+    assert true is not None
+    now = 39 * 20 * MS + silence_ns
+    fuser.add_odometry(epochs.enter(Odometry(now, SE2())))
+    assert close(fuser.pose(), true, 1e-9, 1e-9)
+    fuser.add_pose(now - silence_ns // 2, true)  # of an image between the two epochs
+    odom = SE2()
+    for k in range(1, 40):
+        odom, true = integrate(odom, 0.004, 0.0), integrate(true, 0.004, 0.0)
+        fuser.add_odometry(epochs.enter(Odometry(now + k * 20 * MS, odom, 0.2, 0.0)))
+        assert close(fuser.pose(), true, 0.01, 0.02)
+        fuser.add_pose(now + k * 20 * MS, true)
+        assert fuser.at(now).stuck is None
+    assert epochs.enter(Odometry(now + 1000 * MS, odom)).odom_epoch == 1
+    assert close(fuser.pose(), true, 0.002, 0.002)
+
+
+def test_a_base_that_was_moved_while_its_wheels_were_silent_is_found_where_the_camera_sees_it():
+    fuser, epochs = Localization(), OdometryEpochs()
+    for k in range(20):
+        fuser.add_odometry(epochs.enter(Odometry(k * 20 * MS, SE2(5.0, 3.0, 0.4))))
+        fuser.add_pose(k * 20 * MS, SE2(1.0, 0.0, 0.0))
+    fuser.add_odometry(epochs.enter(Odometry(5000 * MS, SE2())))
+    fuser.add_pose(5000 * MS, SE2(1.2, 0.1, 0.2))
+    assert close(fuser.pose(), SE2(1.2, 0.1, 0.2), 0.005, 0.005)
+
+
+def test_old_and_broken_input():
+    fuser = Localization()
+    fuser.add_odometry(Odometry(100 * MS, SE2(1.0, 0.0, 0.0)))
+    fuser.add_odometry(Odometry(50 * MS, SE2(9.0, 0.0, 0.0)))  # older: ignored
+    fuser.add_pose(10 * MS, SE2(5.0, 5.0, 0.0))  # from before the odometry: no correction
+    assert fuser.pose() is None
+    fuser.add_pose(100 * MS, SE2(0.0, 0.0, 0.0))
+    fuser.add_pose(90 * MS, SE2(7.0, 7.0, 0.0))  # out of order: ignored
+    assert close(fuser.pose(), SE2(), 1e-12, 1e-12)
+    with pytest.raises(InputError, match="odometry"):
+        fuser.add_odometry(Odometry(200 * MS, SE2(math.nan, 0.0, 0.0)))
+    with pytest.raises(InputError, match="cannot be"):
+        fuser.add_odometry(Odometry(200 * MS, SE2(1e300, 0.0, 0.0)))
+    with pytest.raises(InputError, match="SLAM"):
+        fuser.add_pose(200 * MS, SE2(0.0, math.inf, 0.0))

@@ -1,0 +1,61 @@
+import numpy as np
+import pytest
+
+from vsx_ros.evaluation.trajectory import find_breaks
+from vsx_ros.geometry.se3 import SE3, so3_exp
+from vsx_ros.slam.state import TrackingResult, TrackingState
+
+GOOD, LOST, BEFORE = TrackingState.GOOD, TrackingState.LOST, TrackingState.NOT_INITIALISED
+
+
+def drive(n=20):
+    return [SE3(so3_exp(np.array([0, 0, 0.02 * i])), np.array([0.05 * i, 0, 0])) for i in range(n)]
+
+
+def results(poses, states):
+    return [TrackingResult(i * 10**8, s, p, 100, 80, False, s.value) for i, (p, s) in enumerate(zip(poses, states))]
+
+
+def shifted(poses, start, metres=0.0, degrees=0.0):
+    jump = SE3(so3_exp(np.array([0, 0, np.deg2rad(degrees)])), np.array([metres, 0, 0]))
+    return [p @ jump if i >= start else p for i, p in enumerate(poses)]
+
+
+def test_a_faithful_run_has_no_break():
+    moved = [SE3.exp(np.array([3.0, 1, 0, 0, 0, 1.0])) @ p for p in drive()]
+    assert find_breaks(results(moved, [GOOD] * 20), drive()) == []
+
+
+@pytest.mark.parametrize(("metres", "degrees", "count"), [(0.14, 0, 0), (0.16, 0, 1), (0, 4.9, 0), (0, 5.1, 1)])
+def test_jumps_are_counted_from_the_promised_size(metres, degrees, count):
+    found = find_breaks(results(shifted(drive(), 10, metres, degrees), [GOOD] * 20), drive())
+    assert [b.stamp_ns for b in found] == [10 * 10**8] * count
+
+
+def test_a_jump_of_the_map_itself_is_no_break():
+    told = results(shifted(drive(), 10, 0.5), [GOOD] * 20)
+    told[10] = told[10]._replace(corrected=True)
+    assert find_breaks(told, drive()) == []
+
+
+def test_relocalising_at_the_right_place_is_no_break():
+    states = [GOOD] * 5 + [LOST] * 5 + [GOOD] * 10
+    assert find_breaks(results(drive(), states), drive()) == []
+    wrong = find_breaks(results(shifted(drive(), 10, 0.3), states), drive())
+    assert [b.stamp_ns for b in wrong] == [10 * 10**8]
+
+
+def test_lost_for_good_is_one_break_where_it_began():
+    states = [GOOD] * 5 + [LOST] * 2 + [GOOD] * 5 + [LOST] * 8
+    found = find_breaks(results(drive(), states), drive())
+    assert [(b.stamp_ns, "for good" in b.reason) for b in found] == [(12 * 10**8, True)]
+
+
+def test_never_started_is_no_break():
+    assert find_breaks(results([None] * 4, [BEFORE] * 4), drive(4)) == []
+    assert find_breaks([], []) == []
+
+
+def test_without_a_reference_only_the_loss_counts():
+    states = [GOOD] * 19 + [LOST]
+    assert len(find_breaks(results(shifted(drive(), 10, 1.0), states), [None] * 20)) == 1
