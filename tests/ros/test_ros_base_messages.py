@@ -19,8 +19,7 @@ from vsx_ros.ros import base_messages, convert
 
 
 @pytest.mark.parametrize(
-    ("decivolt", "charger", "empty"),
-    [(131, 0, True), (133, 0, True), (134, 0, False), (131, 6, False)],
+    ("decivolt", "charger", "empty"), [(131, 0, True), (133, 0, True), (134, 0, False), (131, 6, False)]
 )
 def test_a_nearly_empty_battery_is_one_that_nobody_charges(decivolt: int, charger: int, empty: bool) -> None:
     msg = base_messages.battery(kobuki_battery_of(decivolt, charger), 1)

@@ -31,8 +31,7 @@ def wires(monkeypatch: pytest.MonkeyPatch) -> Wires:
     wires.go_on(0.1)
     path = certified(SE2(), SE2(3.0, 0.0, 0.0), (arc_piece(SE2(), 0.0, 3.0, 1),), "arcs and lines")
     wires.say(
-        topics.TRAJECTORY,
-        follower_link.trajectory_msg(time_scale(path, LIMITS), topics.MAP_FRAME, wires.base.now_ns),
+        topics.TRAJECTORY, follower_link.trajectory_msg(time_scale(path, LIMITS), topics.MAP_FRAME, wires.base.now_ns)
     )
     wires.go_on(2.5)
     assert wires.told[-1].v == pytest.approx(LIMITS.v_m_s, abs=0.02)

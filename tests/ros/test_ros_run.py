@@ -199,10 +199,7 @@ def test_a_wrong_serial_port_is_named_and_waited_for(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("words", "sentence"),
-    [
-        (["--world", "moon"], "moon"),
-        (["--world", "lab", "--set", "planner.phi_rad_m=-1"], "phi_rad_m"),
-    ],
+    [(["--world", "moon"], "moon"), (["--world", "lab", "--set", "planner.phi_rad_m=-1"], "phi_rad_m")],
 )
 def test_mistakes_are_one_sentence_before_anything_starts(tmp_path: Path, words: list[str], sentence: str) -> None:
     command = run_command(*words, "--out", str(tmp_path / "run"))

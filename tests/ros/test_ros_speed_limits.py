@@ -54,8 +54,7 @@ def test_a_lower_cap_is_obeyed_and_told(parameters: dict[str, float], warnings: 
 def test_the_watchdogs_are_let_go_only_once_the_wheels_surely_stand(stands: bool) -> None:
     released: list[bool] = []
     node = SimpleNamespace(
-        _driver=SimpleNamespace(close=lambda: stands),
-        _watchdogs=SimpleNamespace(release=lambda: released.append(True)),
+        _driver=SimpleNamespace(close=lambda: stands), _watchdogs=SimpleNamespace(release=lambda: released.append(True))
     )
     mobile_base.MobileBaseNode.close(node)  # type: ignore[arg-type]
     assert released == [True] * stands

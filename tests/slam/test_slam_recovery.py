@@ -59,12 +59,7 @@ def test_the_way_by_the_wheels_widens_where_the_camera_can_be(lost):
 
 
 @pytest.mark.parametrize(
-    ("error", "allowed"),
-    [
-        (SE2(0.05, 0.0, 0.04), True),
-        (SE2(0.1, 0.0, 0.0), False),
-        (SE2(0.0, 0.0, 0.1), False),
-    ],
+    ("error", "allowed"), [(SE2(0.05, 0.0, 0.04), True), (SE2(0.1, 0.0, 0.0), False), (SE2(0.0, 0.0, 0.1), False)]
 )
 def test_a_camera_on_wheels_errs_along_the_floor(lost, error, allowed):
     recovery, frame = lost

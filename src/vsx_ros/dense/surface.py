@@ -13,14 +13,7 @@ from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2, Points3
 from vsx_ros.config import DenseConfig
 from vsx_ros.dense.photoconsistency import Judgement, judge
 from vsx_ros.dense.planes import Plane, PlaneKind
-from vsx_ros.dense.region_growing import (
-    Contact,
-    enclosed,
-    fill_heights,
-    floor_contact,
-    grow_regions,
-    supported_runs,
-)
+from vsx_ros.dense.region_growing import Contact, enclosed, fill_heights, floor_contact, grow_regions, supported_runs
 from vsx_ros.kernels.dense.surface_cells import count_passing
 from vsx_ros.kernels.dense.view_choice import Views
 

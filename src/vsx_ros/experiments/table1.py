@@ -6,14 +6,7 @@ from typing import Any, NamedTuple
 from vsx_ros import __version__
 from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.evaluation.page import Section, csv_text, interval, paragraph, table
-from vsx_ros.evaluation.paired import (
-    Interval,
-    group_means,
-    mean_interval,
-    ratio_interval,
-    share_interval,
-    sign_test,
-)
+from vsx_ros.evaluation.paired import Interval, group_means, mean_interval, ratio_interval, share_interval, sign_test
 from vsx_ros.experiments.campaign import Result
 from vsx_ros.experiments.drive import ARMS, CONSTRAINED, PHI_RAD_M, DriveTask
 from vsx_ros.experiments.trackers import FULL, PAPER, U2_READINGS

@@ -33,11 +33,7 @@ class SE2:
         """Compose with a pose, or map (N, 2) points."""
         c, s = math.cos(self.theta), math.sin(self.theta)
         if isinstance(other, SE2):
-            return SE2(
-                self.x + c * other.x - s * other.y,
-                self.y + s * other.x + c * other.y,
-                self.theta + other.theta,
-            )
+            return SE2(self.x + c * other.x - s * other.y, self.y + s * other.x + c * other.y, self.theta + other.theta)
         mapped: Points2 = np.asarray(other) @ np.array([[c, s], [-s, c]]) + np.array([self.x, self.y])
         return mapped
 

@@ -9,20 +9,7 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import Float32Array, FloatArray, IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.sim.raycast_cull import Scene
-from vsx_ros.kernels.sim.raycast_shade import (
-    DXX,
-    DXY,
-    DYX,
-    DYY,
-    ROW,
-    RX,
-    RY,
-    SUM,
-    WEIGHT,
-    Scratch,
-    X,
-    Y,
-)
+from vsx_ros.kernels.sim.raycast_shade import DXX, DXY, DYX, DYY, ROW, RX, RY, SUM, WEIGHT, Scratch, X, Y
 
 
 class View(NamedTuple):

@@ -12,19 +12,7 @@ from vsx_ros.arrays import Float32Array, FloatArray, Int32Array, IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.sim.raycast_cull import candidates, overlap
 from vsx_ros.kernels.sim.raycast_pixels import View, enter, spread
-from vsx_ros.kernels.sim.raycast_shade import (
-    EPS,
-    F0,
-    F1,
-    FLOATS,
-    INTEGERS,
-    SUM,
-    TILE,
-    TOTAL,
-    N,
-    Scratch,
-    shade,
-)
+from vsx_ros.kernels.sim.raycast_shade import EPS, F0, F1, FLOATS, INTEGERS, SUM, TILE, TOTAL, N, Scratch, shade
 
 RING = TILE + 2
 THIRD = np.float32(1.0 / 3.0)
