@@ -144,3 +144,40 @@ def test_an_error_is_told_at_once_and_the_rest_once_a_second(monkeypatch: pytest
         diagnostics.set("battery", OK, "words")
     assert arrays == [[("mobile_base: link", ERROR)]]
     assert base_driver.TOLD_NS * 1e-9 + mobile_base.LINK_PERIOD_S < 1.0, "a silent base is told within a second"
+
+
+HEARS_MAPS = """
+import sys, threading
+import numpy as np
+from vsx_ros.ros import node
+
+def anonymous_mb():
+    line = next(line for line in open("/proc/self/status") if line.startswith("RssAnon:"))
+    return int(line.split()[1]) / 1024
+
+def hear(small):
+    for _ in range(60):
+        maps = [np.ones(200_000 * (1 + k % 4), np.uint8) for k in range(8)]
+        small.append(bytearray(20_000))
+        del maps
+
+if sys.argv[1] == "returns":
+    node.return_freed_memory()
+before_mb, small = anonymous_mb(), []
+threads = [threading.Thread(target=hear, args=(small,)) for _ in range(6)]
+for thread in threads:
+    thread.start()
+for thread in threads:
+    thread.join()
+print(anonymous_mb() - before_mb - sum(map(len, small)) / 2**20)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="glibc's malloc")
+def test_a_node_that_hears_maps_keeps_no_memory_of_the_old_ones() -> None:
+    paths = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    grown_mb = {
+        how: float(subprocess.check_output([sys.executable, "-c", HEARS_MAPS, how], env=paths, text=True))
+        for how in ("keeps", "returns")
+    }
+    assert grown_mb["returns"] < 6.0 < grown_mb["keeps"]
