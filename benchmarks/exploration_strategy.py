@@ -32,7 +32,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels import kernel
 from vsx_ros.occupancy.grid import FREE, OccupancyGrid
 from vsx_ros.occupancy.ground_map import DriveHistory, GroundMap
-from vsx_ros.planning.landmark_visibility import Visibility
+from vsx_ros.planning.corridor import Visibility
 from vsx_ros.planning.path import Refusal, Trajectory
 from vsx_ros.planning.planner import Planner
 from vsx_ros.planning.time_scaling import time_scale

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
-from vsx_ros.exploration.unknown_ground import find_frontiers
 from vsx_ros.exploration.utility import Ranking, RankingInput, Rejection, View, traversable_cells
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.occupancy.unknown_ground import find_frontiers
 
 POTENTIAL_SCALE, GAIN_SCALE = 3.0, 1.0  # explore_lite's defaults
 

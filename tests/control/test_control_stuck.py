@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from vsx_ros.control.stuck import StuckDetector
+from vsx_ros.control.localization import StuckDetector
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Odometry
 

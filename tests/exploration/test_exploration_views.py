@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from vsx_ros.config import Config
-from vsx_ros.exploration.unknown_ground import SECTORS, find_frontiers, information_weights, opaque_walls
 from vsx_ros.exploration.utility import (
     BEARINGS,
     Ranking,
@@ -21,6 +20,7 @@ from vsx_ros.exploration.utility import (
 )
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from vsx_ros.occupancy.unknown_ground import SECTORS, find_frontiers, information_weights, opaque_walls
 
 CONFIG = Config().exploration
 NO_LANDMARKS_NEEDED = Config().exploration.__class__(min_landmarks=0)

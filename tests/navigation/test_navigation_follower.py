@@ -7,8 +7,7 @@ import pytest
 from driving import POSE_LATE_NS, Base
 
 from vsx_ros.config import Config
-from vsx_ros.control.localization import UNLOCALIZED, Localization, LocalizationState
-from vsx_ros.control.stuck import Stuck
+from vsx_ros.control.localization import UNLOCALIZED, Localization, LocalizationState, Stuck
 from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2

@@ -1,6 +1,6 @@
 import numpy as np
 
-from vsx_ros.occupancy.gaps import walls
+from vsx_ros.occupancy.unknown_ground import walls
 
 RESOLUTION = 0.05
 

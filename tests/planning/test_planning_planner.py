@@ -12,10 +12,9 @@ from vsx_ros.geometry.se2 import SE2, wrap_angle
 from vsx_ros.occupancy.distance import clearance_field
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.planning.corridor import Corridor, build_corridor
-from vsx_ros.planning.paper_planner import PaperPlanner
 from vsx_ros.planning.path import Path, Plan, Refusal, RefusalKind
 from vsx_ros.planning.planner import Planner
-from vsx_ros.planning.planners import UnconstrainedPlanner
+from vsx_ros.planning.planners import PaperPlanner, UnconstrainedPlanner
 from vsx_ros.planning.time_scaling import time_scale
 
 ROBOT, CONFIG = RobotConfig(), PlannerConfig()

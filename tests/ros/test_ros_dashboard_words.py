@@ -14,12 +14,12 @@ from geometry_msgs.msg import PoseArray
 from std_msgs.msg import String
 
 from vsx_ros.errors import InputError
-from vsx_ros.exploration.unknown_ground import Frontier
 from vsx_ros.exploration.utility import View
 from vsx_ros.geometry.camera import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from vsx_ros.occupancy.unknown_ground import Frontier
 from vsx_ros.robot import Frame
 from vsx_ros.ros import convert
 from vsx_ros.ros.callbacks import json_object

@@ -17,11 +17,11 @@ from scipy.spatial import cKDTree
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2
 from vsx_ros.config import ExplorationConfig
-from vsx_ros.exploration.unknown_ground import information_weights, opaque_walls
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.occupancy.visibility import unknown_area_by_bearing
 from vsx_ros.occupancy.distance import landmarks_in_view
 from vsx_ros.occupancy.grid import FREE, OccupancyGrid
+from vsx_ros.occupancy.unknown_ground import information_weights, opaque_walls
 from vsx_ros.registry import Registry
 
 BEARINGS = 72  # every 5 deg; at 3 m rays are 26 cm apart

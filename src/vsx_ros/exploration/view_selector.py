@@ -9,10 +9,10 @@ import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray
 from vsx_ros.config import Config, ExplorationConfig
-from vsx_ros.exploration.unknown_ground import Frontier, find_frontiers
 from vsx_ros.exploration.utility import RANKERS, Ranking, RankingInput, TravelCostsFrom, View, gain_at, near_poses
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.occupancy.unknown_ground import Frontier, find_frontiers
 
 _SECOND_NS = 1_000_000_000
 _NEAR_RAD = 0.8  # a goal this like one that failed, within the base's radius, is the same one

@@ -10,7 +10,7 @@ from vsx_ros.control.localization import MAP_FRAME, ODOM_FRAME
 from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.planning.landmark_visibility import Visibility
+from vsx_ros.planning.corridor import Visibility
 from vsx_ros.planning.path import Plan, Refusal, RefusalKind, Trajectory
 from vsx_ros.planning.planner import Planner
 from vsx_ros.planning.planners import PLANNERS

@@ -48,6 +48,11 @@ def with_fringe(distances: FloatArray, resolution: float) -> FloatArray:
     return np.where(np.isinf(distances), least_around + resolution, distances)
 
 
+def joined_distance(field: DistanceField, start: tuple[float, float]) -> FloatArray:
+    """``travel_distance`` with its fringe."""
+    return with_fringe(travel_distance(field, start), field.resolution)
+
+
 def landmarks_in_view(
     grid: OccupancyGrid, poses: FloatArray, landmarks_world: FloatArray, half_fov_rad: float,
     range_m: tuple[float, float], most: int,

@@ -17,8 +17,8 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.occupancy import ground_cells
 from vsx_ros.kernels.occupancy.ground_cells import Counts, Lattice
 from vsx_ros.kernels.occupancy.ground_map import PolarScans, Surfaces
-from vsx_ros.occupancy.gaps import MIN_SURE_VOTES, gaps, rims, walls
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from vsx_ros.occupancy.unknown_ground import MIN_SURE_VOTES, gaps, rims, walls
 from vsx_ros.occupancy.virtual_scan import corners, meet, virtual_scans, writable
 
 _MIN_FREE_VOTES = 1  # keyframes; rims and gaps ask for more
@@ -58,7 +58,7 @@ class GroundMap:
         driven: DriveHistory | None = None, surfaces: Surfaces | None = None, obs_level: IntArray | None = None,
     ) -> OccupancyGrid:  # fmt: skip
         """The grid; evidence of an obstacle beats evidence of free space, what nobody saw stays unknown, but for gaps
-        in what is seen: of walls (``gaps.py``), and of the free ground.
+        in what is seen: of walls (``unknown_ground.py``), and of the free ground.
 
         T_world_cams: K keyframes. points_world: (M, 3). obs_keyframe, obs_point: (O,) which keyframe saw which point.
         driven: where the base was, nowhere if None. surfaces: what is known to be solid besides the points; the

@@ -17,7 +17,7 @@ from vsx_ros.kernels.planning.lattice import lattice_search, lattice_way, revers
 from vsx_ros.kernels.planning.motions import Lattice, reeds_shepp_table
 from vsx_ros.kernels.planning.reeds_shepp import reeds_shepp_shortest, reeds_shepp_words, room_for
 from vsx_ros.kernels.planning.shortcuts import shorten
-from vsx_ros.occupancy.distance import travel_distance, with_fringe
+from vsx_ros.occupancy.distance import joined_distance
 from vsx_ros.planning.pieces import Piece, arc_piece
 
 _ARC_M = 0.27  # an arc of the lattice, where that gives 16 to 32 headings: a step of some two cells
@@ -167,7 +167,7 @@ def search_lattice(
 
 def search_lattice_back(start: SE2, goal: SE2, bounds: ArcBounds, lattice: Lattice) -> CoarsePath | None:
     """As ``search_lattice``, from the goal: the start is what the word ends on. For starts without room for an arc."""
-    remaining = with_fringe(travel_distance(bounds.margin, (start.x, start.y)), bounds.margin.resolution)
+    remaining = joined_distance(bounds.margin, (start.x, start.y))
     way = search_lattice(_about_turn(goal), _about_turn(start), bounds, remaining, lattice)
     # The same curve, driven the other way by a base that faces the other way: forward stays forward.
     return None if way is None else CoarsePath(-way.turns[::-1], way.lengths[::-1].copy(), bounds.phi)

@@ -10,12 +10,11 @@ from vsx_ros.config import PlannerConfig, RobotConfig
 from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.planning.flood import flood, flood_costs
-from vsx_ros.occupancy.distance import travel_distance, with_fringe
+from vsx_ros.occupancy.distance import joined_distance
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.coarse_path import OCTILE, ArcBounds, coarse_lattice, free_words, search, shortened
 from vsx_ros.planning.connect import check_question, connections, same_pose
-from vsx_ros.planning.corridor import REVERSE_SLACK_M, Corridor, build_corridor
-from vsx_ros.planning.landmark_visibility import Visibility
+from vsx_ros.planning.corridor import REVERSE_SLACK_M, Corridor, Visibility, build_corridor
 from vsx_ros.planning.path import Path, Plan, Refusal, RefusalKind, certified
 from vsx_ros.planning.pieces import turn_piece
 from vsx_ros.planning.smoothing import smoothed
@@ -56,10 +55,10 @@ class Planner:
         if same_pose(start, goal):
             nothing = certified(start, goal, (), "start and goal are the same")
             return Plan(goal, corridor.measured(nothing), "fov")
-        remaining = _remaining(corridor, goal, grid)
+        remaining = joined_distance(corridor.margin, (goal.x, goal.y))
         wide = build_corridor(grid, start, goal, self._wide, self._robot)
         if isinstance(wide, Corridor):
-            remaining_wide = _remaining(wide, goal, grid)
+            remaining_wide = joined_distance(wide.margin, (goal.x, goal.y))
             cell = corridor.margin.cell(start.x, start.y)
             if remaining_wide[cell] < self._config.detour_ratio * remaining[cell] + self._config.detour_m:
                 plan = self._in_corridor(start, goal, wide, remaining_wide, grid, rng, visibility)
@@ -138,7 +137,7 @@ class Planner:
         m, lattice = corridor.margin, coarse_lattice(phi)
         level, step = flood(m, start.as_array(), phi, lattice, self._config.max_reverse_m)
         # The estimate looks a few cells around a pose, perhaps through a thin wall: believe it only on joined ground.
-        joined = np.isfinite(with_fringe(travel_distance(m, (start.x, start.y)), m.resolution))
+        joined = np.isfinite(joined_distance(m, (start.x, start.y)))
         return flood_costs(level, step, start.theta, m, lattice.cell_m, phi, joined, poses)
 
     def _direct(self, start: SE2, goal: SE2, corridor: Corridor, enough: int) -> list[Path]:
@@ -190,8 +189,3 @@ class Planner:
             if best is not None and not best.jumps and best.cost_m(config) < coarse.length_m + 2.0 * config.stop_cost_m:
                 break
         return found
-
-
-def _remaining(corridor: Corridor, goal: SE2, grid: OccupancyGrid) -> FloatArray:
-    """The way from each cell to the goal [m]."""
-    return with_fringe(travel_distance(corridor.margin, (goal.x, goal.y)), grid.resolution)

@@ -19,10 +19,10 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from vsx_ros.exploration.decision import Action, Decision, MissionEvent, NavigationState, SavedMission
 from vsx_ros.exploration.mission import Mission
-from vsx_ros.exploration.unknown_ground import Frontier
 from vsx_ros.exploration.utility import View
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.occupancy.unknown_ground import Frontier
 from vsx_ros.ros import clock, convert, logs, threads, topics
 from vsx_ros.ros.situation import LocalizationSubscriber
 from vsx_ros.runs.folder import RunFolder

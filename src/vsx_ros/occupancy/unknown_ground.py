@@ -1,14 +1,23 @@
-"""What the evidence leaves open: gaps in the free ground between sparse rays, its rims that too few rays passed, and
-obstacles of which a map shows only some cells, as a plain wall is a row of dots to a camera."""
+"""The unknown ground: gaps in the free ground between sparse rays, its rims that too few rays passed, and obstacles of
+which a map shows only some cells; where known free space meets it (frontiers, paper 5.2), and how much seeing it tells.
+
+A sparse map shows a plain wall as a row of dots, and ground behind them stays unknown however often it is looked at.
+So gaps in a long straight row of obstacle cells count as wall, and unknown cells lose information with every look at
+them from the same side. From another side they keep it: what hid them may be a box.
+"""
 
 import math
+from dataclasses import replace
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, Int32Array
-from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN
+from vsx_ros.arrays import BoolArray, FloatArray, Int32Array, IntArray, Points2
+from vsx_ros.config import ExplorationConfig
+from vsx_ros.kernels.occupancy.visibility import count_looks, weights_of_looks
+from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
 _ROW_CELLS, _ROW_LENGTH_M, _ROW_STEP_RAD = 12, 1.0, math.pi / 90
 """So many obstacle cells in a line so long are a wall; how finely its direction is looked for."""
@@ -16,6 +25,8 @@ _SPECK_CELLS, _SLIT_CELLS = 3, 7  # 15 cm and 35 cm of a map of 5 cm: rays lie s
 MIN_SURE_VOTES = 2
 """So many keyframes know a cell at the rim of the free ground, or around a gap in it; where fewer do, it may be a
 face's that they graze, and the gap the shadow of a leg."""
+SECTORS = 8  # of 45 deg: what was looked at in vain from one side keeps its worth from others
+_WALL_THICKNESS = 2  # cells; rays slip through the corners of thinner lines
 
 
 def gaps(data: NDArray[np.int8], sure: BoolArray) -> BoolArray:
@@ -73,3 +84,51 @@ def walls(
             cv2.line(closed, (x0, y0), (x1, y1), 1, thickness)
     found: BoolArray = closed > 0
     return found
+
+
+class Frontier(NamedTuple):
+    """A connected border of free cells that touch unknown ones.
+
+    cells: (K, 2) row, column. centroid: (2,) mean position [m]. length_m: K cells as a length [m].
+    """
+
+    cells: IntArray
+    centroid: Points2
+    length_m: float
+
+
+def find_frontiers(grid: OccupancyGrid, min_length_m: float) -> list[Frontier]:
+    """The frontiers of a grid, longest first; shorter ones than min_length_m [m] are left out."""
+    unknown = (grid.data == UNKNOWN).astype(np.uint8)
+    cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
+    border = (grid.data == FREE) & (cv2.dilate(unknown, cross) > 0)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(border.astype(np.uint8), connectivity=8)
+    frontiers = []
+    for label, (left, top, width, height, size) in enumerate(stats.tolist()):
+        if label and size * grid.resolution >= min_length_m:
+            inside = labels[top : top + height, left : left + width] == label
+            cells = np.argwhere(inside) + (top, left)
+            frontiers.append(Frontier(cells, grid.centres(cells).mean(axis=0), size * grid.resolution))
+    return sorted(frontiers, key=lambda f: -f.length_m)
+
+
+def opaque_walls(grid: OccupancyGrid, gap_m: float, wall_gap_m: float) -> OccupancyGrid:
+    """The grid with unknown gaps between obstacle cells as obstacle: those narrower than gap_m [m] anywhere, those
+    shorter than wall_gap_m [m] along straight walls."""
+    solid = walls(grid.data == OCCUPIED, grid.resolution, gap_m, wall_gap_m, thickness=_WALL_THICKNESS)
+    return replace(grid, data=np.where(solid & (grid.data == UNKNOWN), OCCUPIED, grid.data))
+
+
+def information_weights(grid: OccupancyGrid, looked_from: FloatArray, config: ExplorationConfig) -> FloatArray:
+    """(SECTORS, H, W) weight of each unknown cell: the information in a look from a sector of bearings, in (0, 1]; 0
+    where the ground is known.
+
+    Half for every ``looks_to_half`` looks in that sector from within ``look_range_m`` among the poses looked_from
+    (N, 3); looks in the sectors beside it count half.
+    """
+    looks = count_looks(
+        grid.data, grid.resolution, grid.origin_x, grid.origin_y, np.ascontiguousarray(looked_from).reshape(-1, 3),
+        0.5 * config.sensor_fov_rad, config.look_range_m, SECTORS,
+    )  # fmt: skip
+    left: FloatArray = np.exp2(-0.5 * np.arange(2 * len(looked_from) + 1) / config.looks_to_half)
+    return weights_of_looks(grid.data, looks, left)
