@@ -20,7 +20,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.path import Trajectory
 from vsx_ros.robot import Odometry
-from vsx_ros.ros import convert, follower_link, images, topics
+from vsx_ros.ros import convert, driving, images, topics
 
 STAMP_NS = 1_700_000_000_123_456_789
 metres = st.floats(-50, 50)
@@ -113,10 +113,10 @@ NO_ROTATIONS = [(0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1e200), (math.inf, 0.0, 0.
 def test_quaternions_that_are_no_rotations_are_refused(numbers: tuple[float, ...]) -> None:
     with pytest.raises(InputError, match="pose message holds"):
         convert.se2(Pose(orientation=Quaternion(*numbers)))
-    msg = follower_link.trajectory_msg(Trajectory(np.zeros(1), np.zeros((1, 3)), np.zeros(1), np.zeros(1)), "map", 0)
+    msg = driving.trajectory_msg(Trajectory(np.zeros(1), np.zeros((1, 3)), np.zeros(1), np.zeros(1)), "map", 0)
     msg.points[0].transforms[0].rotation = Quaternion(*numbers)
     with pytest.raises(InputError, match="pose message holds"):
-        follower_link.wanted(msg)
+        driving.wanted(msg)
 
 
 @given(metres, metres, angles, st.floats(-1, 1), st.floats(-3, 3))
@@ -174,9 +174,9 @@ def test_trajectories_survive_with_their_headings_unwrapped() -> None:
     theta = np.linspace(2.5, 5.0, 41)  # passes pi, where a quaternion jumps
     poses = np.stack([np.cos(theta), np.sin(theta), theta], axis=1)
     sent = Trajectory(times, poses, np.linspace(0.0, -0.2, 41), np.full(41, 0.3))
-    msg = follower_link.trajectory_msg(sent, topics.ODOM_FRAME, STAMP_NS)
+    msg = driving.trajectory_msg(sent, topics.ODOM_FRAME, STAMP_NS)
     assert msg.header.frame_id == topics.ODOM_FRAME
-    back = follower_link.wanted(msg)
+    back = driving.wanted(msg)
     assert isinstance(back, Trajectory)
     np.testing.assert_allclose(back.times_s, times, atol=1e-9)
     np.testing.assert_allclose(back.poses, poses, atol=1e-9)
@@ -186,23 +186,23 @@ def test_trajectories_survive_with_their_headings_unwrapped() -> None:
 
 @pytest.mark.parametrize("a_m_s2", [0.4, math.inf])
 def test_how_hard_to_brake_survives(a_m_s2: float) -> None:
-    assert follower_link.wanted(follower_link.brake_msg(a_m_s2, "map", 0)) == a_m_s2
+    assert driving.wanted(driving.brake_msg(a_m_s2, "map", 0)) == a_m_s2
 
 
 @pytest.mark.parametrize("a_m_s2", [0.0, -0.4, math.nan])
 def test_a_deceleration_that_is_none_is_refused(a_m_s2: float) -> None:
-    msg = follower_link.brake_msg(0.4, "map", 0)
+    msg = driving.brake_msg(0.4, "map", 0)
     msg.points[0].accelerations[0].linear.x = -a_m_s2
     with pytest.raises(InputError, match="to brake by"):
-        follower_link.wanted(msg)
+        driving.wanted(msg)
 
 
 def test_a_trajectory_without_speeds_is_refused() -> None:
     trajectory = Trajectory(np.array([0.0, 1.0]), np.zeros((2, 3)), np.zeros(2), np.zeros(2))
-    msg = follower_link.trajectory_msg(trajectory, "map", 0)
+    msg = driving.trajectory_msg(trajectory, "map", 0)
     msg.points[1].velocities = []
     with pytest.raises(InputError):
-        follower_link.wanted(msg)
+        driving.wanted(msg)
 
 
 def test_hazards_in_words() -> None:

@@ -23,7 +23,7 @@ from vsx_ros.occupancy.unknown_ground import Frontier
 from vsx_ros.robot import Frame
 from vsx_ros.ros import convert
 from vsx_ros.ros.dashboard import feed
-from vsx_ros.ros.dashboard.board import Board
+from vsx_ros.ros.dashboard.feed import Board
 from vsx_ros.ros.dashboard.server import Answer, ViewServer
 from vsx_ros.ros.mission_output import frontier_markers
 from vsx_ros.ros.slam_messages import drawn

@@ -15,7 +15,7 @@ from ros_ports import HOST, free_port
 from vsx_ros.errors import ConfigError
 from vsx_ros.ros.dashboard import server
 from vsx_ros.ros.dashboard.admission import MAX_VIEWERS
-from vsx_ros.ros.dashboard.board import Board
+from vsx_ros.ros.dashboard.feed import Board
 from vsx_ros.ros.dashboard.server import TOKEN_HEADER, Answer, ViewServer, address
 
 TOKEN = "the-token"

@@ -6,7 +6,7 @@ pytest.importorskip("rospy")
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from vsx_ros.ros.diagnostics import ERROR, OK
+from vsx_ros.ros.logs import ERROR, OK
 from vsx_ros.ros.monitor import DeviceTrouble
 
 MISSING = "no such port; plug the base in"

@@ -14,7 +14,7 @@ from vsx_ros.navigation.follower import FollowerReport, decode_report
 from vsx_ros.planning.path import certified
 from vsx_ros.planning.pieces import arc_piece
 from vsx_ros.planning.time_scaling import time_scale
-from vsx_ros.ros import follower_link, topics
+from vsx_ros.ros import driving, topics
 from vsx_ros.ros.nodes.follower import FollowerNode
 
 pytestmark = pytest.mark.changes_rospy
@@ -30,9 +30,7 @@ def wires(monkeypatch: pytest.MonkeyPatch) -> Wires:
     wires.at_each_step = lambda: wires.say(topics.FOLLOWER_LEASE, String("move_base"))
     wires.go_on(0.1)
     path = certified(SE2(), SE2(3.0, 0.0, 0.0), (arc_piece(SE2(), 0.0, 3.0, 1),), "arcs and lines")
-    wires.say(
-        topics.TRAJECTORY, follower_link.trajectory_msg(time_scale(path, LIMITS), topics.MAP_FRAME, wires.base.now_ns)
-    )
+    wires.say(topics.TRAJECTORY, driving.trajectory_msg(time_scale(path, LIMITS), topics.MAP_FRAME, wires.base.now_ns))
     wires.go_on(2.5)
     assert wires.told[-1].v == pytest.approx(LIMITS.v_m_s, abs=0.02)
     return wires
@@ -62,12 +60,12 @@ def test_odometry_that_is_refused_or_ignored_is_as_good_as_none(wires: Wires, ah
 
 
 def test_a_message_without_points_stops_at_once_and_a_deceleration_on_the_way(wires: Wires) -> None:
-    wires.say(topics.TRAJECTORY, follower_link.brake_msg(LIMITS.a_m_s2, topics.MAP_FRAME, wires.base.now_ns))
+    wires.say(topics.TRAJECTORY, driving.brake_msg(LIMITS.a_m_s2, topics.MAP_FRAME, wires.base.now_ns))
     stop = report(wires).stop_in(topics.MAP_FRAME)
     assert stop is not None
     wires.go_on(0.3)
     assert 0.1 < wires.told[-1].v < 0.29
-    wires.say(topics.TRAJECTORY, follower_link.brake_msg(float("inf"), topics.MAP_FRAME, wires.base.now_ns))
+    wires.say(topics.TRAJECTORY, driving.brake_msg(float("inf"), topics.MAP_FRAME, wires.base.now_ns))
     wires.go_on(0.04)
     assert wires.told[-1].v == 0.0
     assert report(wires).status is FollowStatus.STOPPED

@@ -7,21 +7,21 @@ pytest.importorskip("rospy")
 from geometry_msgs.msg import PoseStamped
 
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.ros import convert, frames
+from vsx_ros.ros import convert, headers
 
 
 @pytest.fixture(params=["", "a", "fleet/a"])
 def prefix(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    monkeypatch.setattr(frames, "_prefix", request.param)
+    monkeypatch.setattr(headers, "_prefix", request.param)
     return str(request.param)
 
 
 def test_what_is_said_is_understood(prefix: str) -> None:
     for name in ("map", "odom", "base_footprint"):
-        assert frames.bare(frames.own(name)) == name
-        assert frames.bare(f"/{frames.own(name)}") == name
-        assert frames.bare(name) == name
-    assert frames.own("") == ""
+        assert headers.bare(headers.own(name)) == name
+        assert headers.bare(f"/{headers.own(name)}") == name
+        assert headers.bare(name) == name
+    assert headers.own("") == ""
 
 
 def test_messages_carry_the_prefix(prefix: str) -> None:
@@ -33,8 +33,8 @@ def test_messages_carry_the_prefix(prefix: str) -> None:
 
 
 def test_another_robots_map_is_not_ours(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(frames, "_prefix", "a")
-    assert frames.bare("b/map") == "b/map"
+    monkeypatch.setattr(headers, "_prefix", "a")
+    assert headers.bare("b/map") == "b/map"
 
 
 @pytest.mark.parametrize(
@@ -44,9 +44,9 @@ def test_another_robots_map_is_not_ours(monkeypatch: pytest.MonkeyPatch) -> None
 def test_the_parameter_goes_before_the_namespace(
     namespace: str, parameter: str | None, expected: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(frames, "_prefix", "before")
+    monkeypatch.setattr(headers, "_prefix", "before")
     monkeypatch.setattr("rospy.get_namespace", lambda: namespace)
     monkeypatch.setattr("rospy.search_param", lambda _: None if parameter is None else "/tf_prefix")
     monkeypatch.setattr("rospy.get_param", lambda _: parameter)
-    frames.adopt_prefix()
-    assert frames.own("map") == (f"{expected}/map" if expected else "map")
+    headers.adopt_prefix()
+    assert headers.own("map") == (f"{expected}/map" if expected else "map")

@@ -6,8 +6,8 @@ pytest.importorskip("rospy")
 
 from std_msgs.msg import String
 
-from vsx_ros.ros import lease
-from vsx_ros.ros.lease import Lease
+from vsx_ros.ros import driving
+from vsx_ros.ros.driving import Lease
 
 
 class Topic:
@@ -23,13 +23,13 @@ class Topic:
 @pytest.fixture
 def topic(monkeypatch: pytest.MonkeyPatch) -> Topic:
     heard = Topic()
-    monkeypatch.setattr(lease.rospy, "Publisher", lambda *_, **__: heard)
+    monkeypatch.setattr(driving.rospy, "Publisher", lambda *_, **__: heard)
     return heard
 
 
 def test_a_lease_is_kept_only_as_long_as_it_was_promised(topic: Topic, monkeypatch: pytest.MonkeyPatch) -> None:
     now_s = [100.0]
-    monkeypatch.setattr(lease.time, "monotonic", lambda: now_s[0])
+    monkeypatch.setattr(driving.time, "monotonic", lambda: now_s[0])
     held = Lease("any/lease", "explore")
     held.keep()
     assert topic.said == [], "nobody has decided anything yet"

@@ -21,7 +21,7 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.navigation.follower import decode_report
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
-from vsx_ros.ros import convert, follower_link, topics
+from vsx_ros.ros import convert, driving, topics
 
 if TYPE_CHECKING:
     from conftest import Stack
@@ -111,7 +111,7 @@ def blocked_ahead(ways: list[MultiDOFJointTrajectory], grid: OccupancyGrid) -> O
     way = next((msg for msg in reversed(ways) if msg.header.stamp.to_nsec() == report.trajectory), None)
     if way is None or way.header.frame_id != topics.MAP_FRAME or report.status is not FollowStatus.FOLLOWING:
         return None
-    trajectory = follower_link.wanted(way)
+    trajectory = driving.wanted(way)
     if isinstance(trajectory, float) or trajectory.duration_s < report.at_s + 4.0:
         return None
     post = trajectory.at(report.at_s + 2.0)[0]

@@ -16,8 +16,8 @@ import rospy.core
 
 from vsx_hw import base_driver
 from vsx_ros.errors import InputError
-from vsx_ros.ros import clock, logs, threads
-from vsx_ros.ros.diagnostics import ERROR, OK, WARN, DiagnosticArray, Diagnostics
+from vsx_ros.ros import headers, logs, threads
+from vsx_ros.ros.logs import ERROR, OK, WARN, DiagnosticArray, Diagnostics
 from vsx_ros.ros.nodes import mobile_base
 
 
@@ -82,8 +82,8 @@ def test_no_node_waits_for_ros_time() -> None:
 NODE = """
 import logging, logging.config, os, sys
 import rospy
-from vsx_ros.ros import clock, logs, threads
-from vsx_ros.ros.diagnostics import DiagnosticArray, Diagnostics, ERROR, OK, WARN
+from vsx_ros.ros import headers, logs, threads
+from vsx_ros.ros.logs import DiagnosticArray, Diagnostics, ERROR, OK, WARN
 
 logs.quiet_failures()
 os.environ["ROS_LOG_FILENAME"] = sys.argv[1]
@@ -117,11 +117,11 @@ def test_a_line_that_is_logged_asks_no_master(monkeypatch: pytest.MonkeyPatch) -
 def test_a_reading_from_the_future_is_refused_and_one_from_a_clock_a_little_ahead_is_not(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(clock, "now_ns", lambda: 5_000_000_000)
+    monkeypatch.setattr(headers, "now_ns", lambda: 5_000_000_000)
     for stamp_ns in (0, 5_000_000_000, 6_000_000_000):
-        clock.refuse_future(stamp_ns)
+        headers.refuse_future(stamp_ns)
     with pytest.raises(InputError, match=r"stamp 1\.5 s ahead"):
-        clock.refuse_future(6_500_000_000)
+        headers.refuse_future(6_500_000_000)
 
 
 def test_an_error_is_told_at_once_and_the_rest_once_a_second(monkeypatch: pytest.MonkeyPatch) -> None:

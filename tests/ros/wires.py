@@ -17,8 +17,8 @@ from std_msgs.msg import String
 
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import VelocityCommand
-from vsx_ros.ros import clock, convert, follower_link, lease, planning_thread, situation, threads, topics
-from vsx_ros.ros.diagnostics import Diagnostics
+from vsx_ros.ros import convert, driving, headers, planning_thread, situation, threads, topics
+from vsx_ros.ros.logs import Diagnostics
 from vsx_ros.ros.nodes import follower, move_base
 from vsx_ros.slam.state import TrackingState
 
@@ -58,7 +58,7 @@ class Wires:
             (rospy, "logerr", self._log_error),
             (threads, "every", lambda period_s, _, step: self._periodic.append([round(1e9 * period_s), 0, step])),
             (threads, "worker", lambda *_: None),
-            (clock, "now_ns", lambda: self.base.now_ns),
+            (headers, "now_ns", lambda: self.base.now_ns),
             (Diagnostics, "__init__", lambda _: None),
             (Diagnostics, "set", lambda *_, **__: None),
             (planning_thread, "serve_adjustable", lambda *_: None),
@@ -68,7 +68,7 @@ class Wires:
             monkeypatch.setattr(owner, name, fake)
         time = SimpleNamespace(monotonic=lambda: 1e-9 * self.base.now_ns, sleep=self.go_on)
         # others have threads, which go on
-        for module in (follower, follower_link, move_base, lease, situation, planning_thread):
+        for module in (follower, driving, move_base, situation, planning_thread):
             if hasattr(module, "time"):
                 monkeypatch.setattr(module, "time", time)
 

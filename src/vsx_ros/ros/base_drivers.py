@@ -16,7 +16,7 @@ from vsx_ros.config import Config, LimitsConfig
 from vsx_ros.errors import ConfigError
 from vsx_ros.registry import Registry
 from vsx_ros.ros import logs, threads
-from vsx_ros.ros.diagnostics import ERROR, Diagnostics
+from vsx_ros.ros.logs import ERROR, Diagnostics
 from vsx_ros.ros.topic_drivers import TopicBase, TopicNames, topic_names
 
 

@@ -18,8 +18,8 @@ from vsx_hw.readings import BaseReading, BatteryReading, GyroReading, Hazard, Od
 from vsx_hw.safety import Decision, Supervisor
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Odometry
-from vsx_ros.ros import convert, topics
-from vsx_ros.ros.diagnostics import ERROR, OK, WARN, Diagnostics
+from vsx_ros.ros import convert, headers, topics
+from vsx_ros.ros.logs import ERROR, OK, WARN, Diagnostics
 from vsx_ros.ros.topic_drivers import topic_names
 
 # Variances of the turtlebot's own driver (kobuki_node).
@@ -58,12 +58,12 @@ def odom_transform(moved: Odometry) -> TransformStamped:
 def joint_states(reading: OdometryReading) -> JointState:
     """The wheels' angles, for a robot model."""
     angles = [travel / _WHEEL_RADIUS_M for travel in reading.wheels_m]
-    return JointState(header=convert.header("", reading.stamp_ns), name=_JOINTS, position=angles)
+    return JointState(header=headers.header("", reading.stamp_ns), name=_JOINTS, position=angles)
 
 
 def battery(reading: BatteryReading, stamp_ns: int) -> BatteryState:
     """The base's battery; what it does not measure is NaN."""
-    msg = BatteryState(header=convert.header("", stamp_ns), voltage=reading.voltage_v, percentage=reading.fraction)
+    msg = BatteryState(header=headers.header("", stamp_ns), voltage=reading.voltage_v, percentage=reading.fraction)
     msg.temperature = msg.current = msg.charge = msg.capacity = msg.design_capacity = math.nan
     msg.present = True
     if reading.state == "charged":
@@ -78,7 +78,7 @@ def battery(reading: BatteryReading, stamp_ns: int) -> BatteryState:
 def imu(reading: GyroReading, stamp_ns: int) -> Imu:
     """Heading and rate of the base's gyro; the axes that it does not have are marked unknown. Covariance grows while
     the wheels contradict it."""
-    msg = Imu(header=convert.header(topics.GYRO_FRAME, stamp_ns))
+    msg = Imu(header=headers.header(topics.GYRO_FRAME, stamp_ns))
     msg.orientation.z, msg.orientation.w = math.sin(0.5 * reading.heading_rad), math.cos(0.5 * reading.heading_rad)
     msg.angular_velocity.z = reading.rate_rad_s
     unknown, variance = convert.UNKNOWN_VARIANCE, _HEADING_RAD2 * (1.0 if reading.trusted else _DISTRUST)
@@ -90,7 +90,7 @@ def imu(reading: GyroReading, stamp_ns: int) -> Imu:
 
 def raw_imu(sample: RateSample) -> Imu:
     """One sample of a gyro of three axes, as it was measured: no heading, no acceleration (REP 145)."""
-    msg = Imu(header=convert.header(topics.GYRO_FRAME, sample.stamp_ns))
+    msg = Imu(header=headers.header(topics.GYRO_FRAME, sample.stamp_ns))
     msg.orientation_covariance = _NOT_MEASURED
     msg.angular_velocity = Vector3(sample.x, sample.y, sample.z)
     msg.angular_velocity_covariance = np.diag([_RAW_RATE_RAD2_S2] * 3).ravel().tolist()

@@ -15,7 +15,7 @@ from vsx_ros.calibration.camera import MIN_VIEWS, BoardView, ViewChooser, calibr
 from vsx_ros.calibration.verdict import Grade
 from vsx_ros.errors import InputError
 from vsx_ros.robot import Frame
-from vsx_ros.ros import calls, clock, images, operator_command, topics
+from vsx_ros.ros import calls, headers, images, operator_command, topics
 from vsx_ros.ros.callbacks import image_subscriber
 from vsx_ros.runs.process import DONE, FAILED, Progress, SignalFlag
 
@@ -88,7 +88,7 @@ def calibrate(board: Board) -> int:
     if result.verdict.grade is Grade.BAD:
         sys.stdout.write("  it is not stored\n")
         return FAILED
-    info = images.camera_info(result.camera, clock.now_ns(), topics.OPTICAL_FRAME)
+    info = images.camera_info(result.camera, headers.now_ns(), topics.OPTICAL_FRAME)
     service = rospy.resolve_name(topics.SET_CAMERA_INFO)
     try:
         answer = calls.service(service, SetCameraInfo, info, within_s=_SERVICE_S)

@@ -14,7 +14,7 @@ from vsx_hw.errors import DeviceError
 from vsx_ros.errors import InputError, VsxError
 from vsx_ros.limits import json_tree
 from vsx_ros.robot import Odometry, OdometryEpochs
-from vsx_ros.ros import clock, convert, logs, threads, topics
+from vsx_ros.ros import convert, headers, logs, threads, topics
 
 # Bigger than any image: with rospy's default of 64 kB a slow callback sees images of a second ago (ros_comm #536).
 IMAGE_BUFFER_BYTES = 2**24
@@ -66,7 +66,7 @@ def hear_odometry(callback: Callable[[Odometry], None], topic: str = topics.ODOM
 
     def take(msg: OdometryMsg) -> None:
         odometry = convert.odometry(msg)
-        clock.refuse_future(odometry.stamp_ns)
+        headers.refuse_future(odometry.stamp_ns)
         callback(epochs.enter(odometry))
 
     subscribe(topic, OdometryMsg, take, queue_size=ODOMETRY_QUEUE, tcp_nodelay=True)

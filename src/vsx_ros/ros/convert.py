@@ -7,7 +7,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import (
     Point,
@@ -25,7 +24,6 @@ from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
 from nav_msgs.msg import Odometry as OdometryMsg
 from nav_msgs.msg import Path as PathMsg
 from sensor_msgs.msg import PointCloud2, PointField
-from std_msgs.msg import Header
 
 from vsx_hw.readings import Hazard
 from vsx_ros.arrays import FloatArray, Points3
@@ -36,7 +34,8 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.robot import Odometry, VelocityCommand
-from vsx_ros.ros import frames, topics
+from vsx_ros.ros import topics
+from vsx_ros.ros.headers import header, own
 from vsx_ros.slam.state import TrackingState
 
 # map_server's thresholds: what other mappers publish between 0 and 100.
@@ -53,11 +52,6 @@ _LEVELS = {
 UNSURE_HEADING_RAD2 = 1.0
 UNKNOWN_VARIANCE = 1e10
 """Of what a planar robot cannot know (z, roll, pitch): huge, for 0 would mean that it is certain."""
-
-
-def header(frame_id: str, stamp_ns: int) -> Header:
-    """A message header; the frame is called as others know it (ros/frames.py)."""
-    return Header(stamp=rospy.Time(0, stamp_ns), frame_id=frames.own(frame_id))
 
 
 # Poses ---------------------------------------------------------------------------------------------------------
@@ -131,7 +125,7 @@ def transform_stamped(parent: str, child: str, stamp_ns: int, T_parent_child: SE
     """One edge of the tf tree."""
     pose = pose_msg(T_parent_child)
     translation = Vector3(pose.position.x, pose.position.y, pose.position.z)
-    return TransformStamped(header(parent, stamp_ns), frames.own(child), Transform(translation, pose.orientation))
+    return TransformStamped(header(parent, stamp_ns), own(child), Transform(translation, pose.orientation))
 
 
 def mount_transforms(mount: MountConfig, stamp_ns: int) -> list[TransformStamped]:
@@ -165,7 +159,7 @@ def odometry(msg: OdometryMsg) -> Odometry:
 
 def odometry_msg(reading: Odometry, frame_id: str, child_frame_id: str) -> OdometryMsg:
     """The message of wheel odometry; covariances are left to the caller, who knows the base."""
-    msg = OdometryMsg(header=header(frame_id, reading.stamp_ns), child_frame_id=frames.own(child_frame_id))
+    msg = OdometryMsg(header=header(frame_id, reading.stamp_ns), child_frame_id=own(child_frame_id))
     msg.pose.pose = pose_msg(reading.T_odom_base)
     msg.twist.twist = twist(VelocityCommand(reading.v, reading.omega))
     return msg

@@ -23,7 +23,7 @@ from vsx_ros.exploration.utility import View
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.unknown_ground import Frontier
-from vsx_ros.ros import clock, convert, logs, threads, topics
+from vsx_ros.ros import convert, headers, logs, threads, topics
 from vsx_ros.ros.situation import LocalizationSubscriber
 from vsx_ros.runs.folder import RunFolder
 
@@ -70,7 +70,7 @@ class MissionTopics:
         if view_selector.ranking is not self._shown and grid is not None:
             self._shown, self._frontiers = view_selector.ranking, view_selector.frontiers()
             views = view_selector.ranking.views
-            self._frontiers_pub.publish(frontier_markers(grid, self._frontiers, views, clock.now_ns()))
+            self._frontiers_pub.publish(frontier_markers(grid, self._frontiers, views, headers.now_ns()))
         text, now_s = self._status_text(decision, navigation, grid), time.monotonic()
         if text == self._status and now_s - self._status_s <= _STATUS_PERIOD_S:
             return False
@@ -98,7 +98,7 @@ def frontier_markers(
 ) -> MarkerArray:
     """A blue marker of points a frontier; for the best views a green ball as big as they are useful, and v, d (the stop
     included) and U in words."""
-    about = {"header": convert.header(topics.MAP_FRAME, stamp_ns), "lifetime": rospy.Duration.from_sec(_LIFETIME_S)}
+    about = {"header": headers.header(topics.MAP_FRAME, stamp_ns), "lifetime": rospy.Duration.from_sec(_LIFETIME_S)}
 
     def marker(namespace: str, number: int, kind: int, color: ColorRGBA, size_m: float, pose: SE2) -> Marker:
         shape = {"type": kind, "color": color, "scale": Vector3(size_m, size_m, size_m)}
@@ -143,7 +143,7 @@ class MissionWriter:
 
     def write(self) -> None:
         """Write all of it now; may wait for the disk."""
-        now_ns = clock.now_ns()
+        now_ns = headers.now_ns()
         T_odom_base = self._where.at(now_ns).T_odom_base
         if self._checkpoint is None or self._saved is not None or T_odom_base is None:
             return

@@ -26,9 +26,9 @@ from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.navigation.follower import decode_report
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import Odometry
-from vsx_ros.ros import clock, convert, topics
+from vsx_ros.ros import convert, headers, topics
 from vsx_ros.ros.callbacks import hear_odometry, json_object, subscribe
-from vsx_ros.ros.diagnostics import ERROR
+from vsx_ros.ros.logs import ERROR
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import ClockLine, Journal, Line, RunEvent, TruthLine, flat, read_journal, unflat
 
@@ -141,7 +141,7 @@ class Monitor:
         vars(self).update(facts)
 
     def _note(self, source: str, state: str, reason: str) -> None:
-        self.events.append(RunEvent(clock.now_ns(), source, state, reason))
+        self.events.append(RunEvent(headers.now_ns(), source, state, reason))
 
     def _on_event(self, msg: String) -> None:
         event = json_object(msg, "stamp_ns", "state", "reason")

@@ -17,7 +17,7 @@ from vsx_hw.errors import DeviceError
 from vsx_ros.config import Config, from_dict
 from vsx_ros.errors import ConfigError, VsxError
 from vsx_ros.registry import load_plugins
-from vsx_ros.ros import frames, logs
+from vsx_ros.ros import headers, logs
 from vsx_ros.ros.master_watch import master_watch
 
 _LOOK_S = 0.05
@@ -85,7 +85,7 @@ def _start(name: str, build: Callable[[Config], Node]) -> Node:
     rospy.init_node(name, disable_signals=True)
     master_watch()
     _await_parameters()
-    frames.adopt_prefix()
+    headers.adopt_prefix()
     logs.bridge_logging()
     logs.log_without_master()
     load_plugins()

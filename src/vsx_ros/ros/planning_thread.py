@@ -25,10 +25,10 @@ from vsx_ros.navigation.goal_execution import PlanRequest
 from vsx_ros.navigation.goal_planner import GoalPlanner, TimedPlan
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.path import Plan, Refusal
-from vsx_ros.ros import convert, frames, threads, topics
+from vsx_ros.ros import convert, headers, threads, topics
 from vsx_ros.ros.callbacks import subscribe
-from vsx_ros.ros.diagnostics import OK, Diagnostics
-from vsx_ros.ros.follower_link import path_msg
+from vsx_ros.ros.driving import path_msg
+from vsx_ros.ros.logs import OK, Diagnostics
 
 
 class PlanningThread:
@@ -94,7 +94,8 @@ class PlanningThread:
     def _on_make_plan(self, request: GetPlanRequest) -> GetPlanResponse:
         """Without poses where there is no plan; the log says why."""
         try:
-            start, goal = ((frames.bare(p.header.frame_id), convert.se2(p.pose)) for p in (request.start, request.goal))
+            ends = request.start, request.goal
+            start, goal = ((headers.bare(end.header.frame_id), convert.se2(end.pose)) for end in ends)
             with self._lock:
                 plan = self._planner.plan_between(start, goal)
             if isinstance(plan, Plan):

@@ -17,7 +17,7 @@ from tf2_msgs.msg import TFMessage
 
 from vsx_ros.io.recording import Recording
 from vsx_ros.robot import Frame, Odometry
-from vsx_ros.ros import base_messages, frames, images, topics
+from vsx_ros.ros import base_messages, headers, images, topics
 
 _TICK_S = 0.01  # so that a stop is heard at once
 _NEVER_NS = 2**62  # later than any stamp
@@ -100,7 +100,7 @@ class Player:
         self._tf_pub.publish([base_messages.odom_transform(reading)])
 
     def _show(self, frame: Frame) -> None:
-        camera, optical = self._recording.camera, frames.own(topics.OPTICAL_FRAME)
+        camera, optical = self._recording.camera, headers.own(topics.OPTICAL_FRAME)
         assert camera is not None
         self._info_pub.publish(images.camera_info(camera, frame.stamp_ns, optical))
         if not self.sent:

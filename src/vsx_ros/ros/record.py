@@ -22,7 +22,7 @@ from rosbags.rosbag1.writer import WriterError
 from sensor_msgs.msg import CompressedImage, Image
 
 from vsx_ros.errors import InputError
-from vsx_ros.ros import clock, images, operator_command, topics
+from vsx_ros.ros import headers, images, operator_command, topics
 from vsx_ros.ros.callbacks import IMAGE_BUFFER_BYTES, subscribe
 from vsx_ros.runs.process import DONE, FAILED, Progress, SignalFlag
 
@@ -131,7 +131,7 @@ class Recorder:
             subscribe(topics.IMAGE, Image, self._on_image, queue_size=5, buff_size=IMAGE_BUFFER_BYTES)
 
     def _on_any(self, msg: Any, topic: str) -> None:
-        self._writer.put(Serialized(topic, clock.now_ns(), msg._connection_header, msg._buff))
+        self._writer.put(Serialized(topic, headers.now_ns(), msg._connection_header, msg._buff))
 
     def _on_image(self, msg: Image) -> None:
         """Grey, as the SLAM sees it. Raises InputError for an image that cannot be used."""
@@ -143,7 +143,7 @@ class Recorder:
         packed.serialize(data)
         topic = f"{rospy.resolve_name(topics.IMAGE)}/compressed"
         said = {"type": packed._type, "md5sum": packed._md5sum, "message_definition": packed._full_text}
-        self._writer.put(Serialized(topic, clock.now_ns(), {**said, "callerid": "/vsx_record"}, data.getvalue()))
+        self._writer.put(Serialized(topic, headers.now_ns(), {**said, "callerid": "/vsx_record"}, data.getvalue()))
 
 
 @operator_command.command

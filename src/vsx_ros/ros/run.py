@@ -19,7 +19,7 @@ from vsx_ros.exploration.decision import MissionState
 from vsx_ros.geometry.camera import mounted
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import StampedPose
-from vsx_ros.ros import clock, launch, logs
+from vsx_ros.ros import headers, launch, logs
 from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.live_run import MASTER, LiveRun, refuse_second_robot
 from vsx_ros.ros.monitor import Monitor, MonitorJournal, progress_line
@@ -148,7 +148,7 @@ def _watch(
         if ending is None and began_s is None and now_s - started_s > _READY_WAIT_S:
             why = "; ".join(trouble.values()) or "see the run's log folder"
             ending = Ending(f"the robot was not ready within {_READY_WAIT_S:.0f} s: {why}", HARDWARE)
-        journal.keep(monitor, clock.now_ns(), elapsed_s)
+        journal.keep(monitor, headers.now_ns(), elapsed_s)
         if ending is not None:
             return ending
         warnings = monitor.new_warnings()

@@ -17,7 +17,7 @@ from vsx_ros.control.localization import Localization, LocalizationState
 from vsx_ros.exploration.decision import NavigationState, Situation
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import Odometry
-from vsx_ros.ros import clock, convert, topics
+from vsx_ros.ros import convert, headers, topics
 from vsx_ros.ros.callbacks import hear_odometry, subscribe
 
 
@@ -39,7 +39,7 @@ class LocalizationSubscriber:
 
     def _on_pose(self, msg: PoseWithCovarianceStamped) -> None:
         stamp_ns = msg.header.stamp.to_nsec()
-        clock.refuse_future(stamp_ns)
+        headers.refuse_future(stamp_ns)
         with self._lock:
             self._localization.add_pose(stamp_ns, convert.se2(msg.pose.pose))
 

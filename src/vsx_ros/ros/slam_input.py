@@ -14,7 +14,7 @@ from vsx_ros.arrays import GrayImage
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.navigation.follower import LEASE_S
 from vsx_ros.robot import Frame, Odometry, odometry_at
-from vsx_ros.ros import clock, images, topics
+from vsx_ros.ros import headers, images, topics
 from vsx_ros.ros.callbacks import hear_odometry, image_subscriber, subscribe
 from vsx_ros.ros.slam_messages import SlamStatus
 from vsx_ros.ros.slam_run import SlamRun
@@ -44,7 +44,7 @@ class SlamInput:
 
     def _on_image(self, msg: Image) -> None:
         frame = images.frame(msg)
-        clock.refuse_future(frame.stamp_ns)
+        headers.refuse_future(frame.stamp_ns)
         self._sync.add_frame(frame)
 
     def _on_odometry(self, odometry: Odometry) -> None:

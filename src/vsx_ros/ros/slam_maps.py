@@ -25,7 +25,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.virtual_scan import laser_scan
-from vsx_ros.ros import clock, convert, threads, topics
+from vsx_ros.ros import convert, headers, threads, topics
 from vsx_ros.ros.dense_process import DenseProcess
 from vsx_ros.ros.slam_messages import SlamStatus
 from vsx_ros.session import SlamSession
@@ -90,7 +90,7 @@ class SlamMaps:
             return self._grid
         self._built, ground.dense = made_of, spots
         self._grid = grid = ground.grid(snapshot)
-        stamp_ns = clock.now_ns()
+        stamp_ns = headers.now_ns()
         self._message = convert.grid_msg(grid, topics.MAP_FRAME, stamp_ns)
         self._map_pub.publish(self._message)
         self._metadata_pub.publish(self._message.info)
@@ -148,7 +148,7 @@ class DenseMapping:
 
     def publish(self, snapshot: MapSnapshot, grid: OccupancyGrid, T_map_base: SE2) -> None:
         """Show what is known, to those who look."""
-        stamp_ns = clock.now_ns()
+        stamp_ns = headers.now_ns()
         if self._scan_pub.get_num_connections():
             self._scan_pub.publish(scan_msg(grid, T_map_base, self._config.ground_map.max_range_m, stamp_ns))
         if self._map is not None and self._planes_pub.get_num_connections():
@@ -163,7 +163,7 @@ class DenseMapping:
 
 def plane_markers(planes: tuple[Plane, ...], frame_id: str, stamp_ns: int) -> MarkerArray:
     """A translucent rectangle for each plane's extent; its number is the plane's id."""
-    header, pose, scale = convert.header(frame_id, stamp_ns), convert.pose_msg(SE2()), Vector3(1.0, 1.0, 1.0)
+    header, pose, scale = headers.header(frame_id, stamp_ns), convert.pose_msg(SE2()), Vector3(1.0, 1.0, 1.0)
     markers = [Marker(header=header, action=Marker.DELETEALL)]
     for plane in planes:
         a, b, c, d = plane.extent.tolist()
@@ -179,7 +179,7 @@ def scan_msg(grid: OccupancyGrid, T_map_base: SE2, max_range_m: float, stamp_ns:
     """The virtual laser scan of the paper: the map's obstacles around the base, all around; infinite where none."""
     ranges = laser_scan(grid, T_map_base, _SCAN_BEARINGS, max_range_m)
     return LaserScan(
-        header=convert.header(topics.BASE_FRAME, stamp_ns),
+        header=headers.header(topics.BASE_FRAME, stamp_ns),
         angle_min=0.0,
         angle_max=2.0 * math.pi * (1.0 - 1.0 / _SCAN_BEARINGS),
         angle_increment=2.0 * math.pi / _SCAN_BEARINGS,

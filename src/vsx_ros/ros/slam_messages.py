@@ -16,8 +16,8 @@ from vsx_ros.arrays import ColorImage, Pixels
 from vsx_ros.config import MountConfig
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Frame, Odometry
-from vsx_ros.ros import clock, convert, logs, threads, topics
-from vsx_ros.ros.diagnostics import ERROR, OK, Diagnostics
+from vsx_ros.ros import convert, headers, logs, threads, topics
+from vsx_ros.ros.logs import ERROR, OK, Diagnostics
 from vsx_ros.session import SlamSession
 from vsx_ros.slam.snapshot import MapSnapshot, TrackedFeatures
 from vsx_ros.slam.state import TrackingResult, TrackingState
@@ -85,7 +85,7 @@ class SlamStatus:
             tracked=result.found,
             attempted=result.searched,
             fps=self._fps,
-            latency_ms=(clock.now_ns() - result.stamp_ns) * 1e-6,
+            latency_ms=(headers.now_ns() - result.stamp_ns) * 1e-6,
             dropped=dropped,
         )
 
@@ -124,7 +124,7 @@ class PosePublisher:
             self._tf_pub = rospy.Publisher(topics.TF, TFMessage, queue_size=20)
             threads.every(_TF_PERIOD_S, "tf", self._publish_tf)
         self._tf_static_pub = rospy.Publisher(topics.TF_STATIC, TFMessage, queue_size=1, latch=True)
-        self._tf_static_pub.publish(convert.mount_transforms(mount, clock.now_ns()))
+        self._tf_static_pub.publish(convert.mount_transforms(mount, headers.now_ns()))
 
     def publish(self, result: TrackingResult, odometry: Odometry | None) -> None:
         """The pose of a tracked frame."""
@@ -138,7 +138,7 @@ class PosePublisher:
         self._pose_pub.publish(convert.pose_with_covariance(topics.MAP_FRAME, result.stamp_ns, T_map_base, *sigmas))
 
     def _publish_tf(self) -> None:
-        stamp_ns, T_map_odom = clock.now_ns() + _TF_TOLERANCE_NS, self._session.T_map_odom or SE2()
+        stamp_ns, T_map_odom = headers.now_ns() + _TF_TOLERANCE_NS, self._session.T_map_odom or SE2()
         self._tf_pub.publish([convert.transform_stamped(topics.MAP_FRAME, topics.ODOM_FRAME, stamp_ns, T_map_odom)])
 
 
@@ -167,7 +167,7 @@ class Preview:
             assert self._newest is not None
             frame, features = self._newest
             _, jpeg = cv2.imencode(".jpg", drawn(frame, features), [cv2.IMWRITE_JPEG_QUALITY, _QUALITY_PERCENT])
-            header = convert.header(topics.OPTICAL_FRAME, frame.stamp_ns)
+            header = headers.header(topics.OPTICAL_FRAME, frame.stamp_ns)
             self._publisher.publish(CompressedImage(header, "bgr8; jpeg compressed bgr8", jpeg.tobytes()))
 
 

@@ -26,7 +26,7 @@ from vsx_ros.errors import ConfigError, InputError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.io.image_encoding import decoded
 from vsx_ros.robot import STOP, Odometry, VelocityCommand
-from vsx_ros.ros import clock, convert, images, threads, topics
+from vsx_ros.ros import convert, headers, images, threads, topics
 from vsx_ros.ros.callbacks import IMAGE_BUFFER_BYTES, hear_odometry, subscribe
 
 _PERIOD_S = 0.05  # commands are repeated: a base stops without new ones
@@ -188,7 +188,7 @@ class TopicCamera:
 
     def _on_any(self, msg: Any) -> None:
         stamp_ns, image = image_of(msg._connection_header["type"], msg._buff, self._topic)
-        clock.refuse_future(stamp_ns)
+        headers.refuse_future(stamp_ns)
         self._heard_s = time.monotonic()
         self._counters["frames"] += 1
         self._frozen = self._watch.is_frozen(image)

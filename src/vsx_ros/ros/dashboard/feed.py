@@ -8,7 +8,7 @@ import re
 import threading
 from collections import deque
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -24,9 +24,8 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from vsx_ros.errors import InputError
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN
-from vsx_ros.ros import convert, frames, threads, topics
+from vsx_ros.ros import convert, headers, threads, topics
 from vsx_ros.ros.callbacks import json_object, subscribe
-from vsx_ros.ros.dashboard.board import Board
 
 _GRACE_S = 3.0
 """A page that is loaded again comes back within this time and finds everything still there."""
@@ -37,6 +36,41 @@ _SHOWN_STATS = ("tracked", "attempted", "keyframes", "points", "latency_ms")
 _FREE_BGRA, _OCCUPIED_BGRA = (92, 70, 52, 255), (236, 232, 228, 255)  # of the map in the browser
 _UTILITY = re.compile(r"\bU ([0-9.]+)")
 _PLAN_POINTS = 200  # more than a screen can show
+
+
+class Note(NamedTuple):
+    """One subject's newest word. number: counts all words ever posted. text: JSON, one line."""
+
+    number: int
+    subject: str
+    text: str
+
+
+class Board:
+    """Words replace older ones on the same subject, so a slow viewer skips but never lags. Thread-safe."""
+
+    def __init__(self) -> None:
+        self._news = threading.Condition()
+        self._notes: dict[str, Note] = {}
+        self._number = 0
+
+    def post(self, subject: str, text: str) -> None:
+        """Replace what is known of a subject."""
+        with self._news:
+            self._number += 1
+            self._notes[subject] = Note(self._number, subject, text)
+            self._news.notify_all()
+
+    def clear(self) -> None:
+        """Forget everything: what is old when the next viewer comes would look new."""
+        with self._news:
+            self._notes.clear()
+
+    def newer_than(self, number: int, timeout_s: float) -> list[Note]:
+        """What was posted after the note of that number, oldest first; empty when nothing comes within the time."""
+        with self._news:
+            self._news.wait_for(lambda: self._number > number, timeout_s)
+            return sorted(note for note in self._notes.values() if note.number > number)
 
 
 class Feed:
@@ -180,7 +214,7 @@ def keyframes(msg: PoseArray) -> list[list[float]]:
 
 def plan(msg: PathMsg) -> list[list[float]]:
     """x, y [m] of the path, thinned; empty for one that is not in the map's frame (driven by odometry alone)."""
-    if frames.bare(msg.header.frame_id) != topics.MAP_FRAME:
+    if headers.bare(msg.header.frame_id) != topics.MAP_FRAME:
         return []
     step = max(1, len(msg.poses) // _PLAN_POINTS)
     kept = [*msg.poses[::step], *msg.poses[-1:]]

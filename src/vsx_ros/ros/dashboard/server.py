@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 from vsx_ros.errors import ConfigError
 from vsx_ros.ros.dashboard.admission import MAX_VIEWERS, Connections, Names
-from vsx_ros.ros.dashboard.board import Board
+from vsx_ros.ros.dashboard.feed import Board
 
 LOOPBACK = "127.0.0.1"
 DEFAULT_PORT = 8765  # none of ROS itself

@@ -18,9 +18,9 @@ from sensor_msgs.srv import SetCameraInfo, SetCameraInfoRequest, SetCameraInfoRe
 from vsx_hw.readings import ImageReading
 from vsx_ros.config import Config
 from vsx_ros.errors import CalibrationError
-from vsx_ros.ros import frames, images, node, threads, topics
+from vsx_ros.ros import headers, images, node, threads, topics
 from vsx_ros.ros.cameras import CameraCalibration, open_camera
-from vsx_ros.ros.diagnostics import OK, WARN, Diagnostics
+from vsx_ros.ros.logs import OK, WARN, Diagnostics
 
 
 class CameraNode:
@@ -28,7 +28,7 @@ class CameraNode:
 
     def __init__(self, config: Config) -> None:
         self._device = str(rospy.get_param("~device", "kinect"))
-        self._frame_id = str(rospy.get_param("~frame_id", frames.own(topics.OPTICAL_FRAME)))
+        self._frame_id = str(rospy.get_param("~frame_id", headers.own(topics.OPTICAL_FRAME)))
         self._calibration = CameraCalibration(self._device, str(rospy.get_param("~camera_info_url", "")))
         self._frames_reported = 0
         self._image_pub = rospy.Publisher(topics.IMAGE, Image, queue_size=5, tcp_nodelay=True)

@@ -21,8 +21,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from vsx_ros.config import Config
 from vsx_ros.ros import calls, logs, node, threads, topics
-from vsx_ros.ros.dashboard.board import Board
-from vsx_ros.ros.dashboard.feed import Feed, text
+from vsx_ros.ros.dashboard.feed import Board, Feed, text
 from vsx_ros.ros.dashboard.server import DEFAULT_PORT, LOOPBACK, Answer, Command, ViewServer, address, choose_port
 from vsx_ros.ros.host_address import DEFAULT_MASTER, export_ros_address
 from vsx_ros.ros.master_watch import master_watch

@@ -27,8 +27,8 @@ from vsx_ros.io.recording import with_speeds
 from vsx_ros.robot import Odometry
 from vsx_ros.ros import convert, logs, node, threads, topics
 from vsx_ros.ros.base_drivers import base_emulator, wheel_base_m
-from vsx_ros.ros.diagnostics import OK, WARN, Diagnostics
 from vsx_ros.ros.emulation import BodyPlant, RenderChild, RenderSettings
+from vsx_ros.ros.logs import OK, WARN, Diagnostics
 from vsx_ros.runs.journal import unflat
 from vsx_ros.runs.world import open_world
 

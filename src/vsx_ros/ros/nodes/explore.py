@@ -23,10 +23,10 @@ from vsx_ros.errors import InputError
 from vsx_ros.exploration.mission import Mission
 from vsx_ros.kernels.warmup import warm_up
 from vsx_ros.planning.planner import Planner
-from vsx_ros.ros import base_messages, clock, node, threads, topics
+from vsx_ros.ros import base_messages, headers, node, threads, topics
 from vsx_ros.ros.callbacks import offer_trigger, subscribe
-from vsx_ros.ros.diagnostics import OK, WARN, Diagnostics
-from vsx_ros.ros.lease import PERIOD_S, Lease, LeaseWatch
+from vsx_ros.ros.driving import PERIOD_S, Lease, LeaseWatch
+from vsx_ros.ros.logs import OK, WARN, Diagnostics
 from vsx_ros.ros.mission_output import GoalSender, MissionTopics, MissionWriter
 from vsx_ros.ros.situation import HeardSituation
 
@@ -66,14 +66,14 @@ class ExploreNode:
         if empty and not self._battery_empty:
             rospy.logwarn("battery at %.1f V is nearly empty: going home", msg.voltage)
             with self._lock:
-                self._mission.home(clock.now_ns())
+                self._mission.home(headers.now_ns())
         self._battery_empty = self._battery_empty or empty
 
     def _request(self, request: Callable[[int], None]) -> str:
         with self._lock:
             if self._mission.outcome is not None:
                 raise InputError(f"the exploration is over: {self._mission.outcome.value}")
-            request(clock.now_ns())
+            request(headers.now_ns())
             return self._mission.state.value
 
     def _decide(self) -> None:
@@ -82,7 +82,7 @@ class ExploreNode:
         if not ready and self._mission.outcome is None:
             self._diagnostics.set("mission", WARN, "waiting for vslam to see images and for move_base")
             return
-        now_ns = clock.now_ns()
+        now_ns = headers.now_ns()
         situation = self._heard.at(now_ns, *self._goals.state())
         with self._lock:
             self._writer.restore(now_ns, situation.T_odom_base)

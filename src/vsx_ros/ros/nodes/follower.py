@@ -24,10 +24,10 @@ from vsx_ros.config import Config
 from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.navigation.follower import Follower, FollowerReport, MessageAges
 from vsx_ros.robot import STOP, VelocityCommand
-from vsx_ros.ros import clock, convert, follower_link, frames, node, threads, topics
+from vsx_ros.ros import convert, driving, headers, node, threads, topics
 from vsx_ros.ros.callbacks import offer_trigger, subscribe
-from vsx_ros.ros.diagnostics import OK, WARN, Diagnostics
-from vsx_ros.ros.lease import LeaseWatch
+from vsx_ros.ros.driving import LeaseWatch
+from vsx_ros.ros.logs import OK, WARN, Diagnostics
 from vsx_ros.ros.situation import LocalizationSubscriber
 
 _PERIOD_S = 1.0 / 30.0  # as often as images of 30 a second; eight commands while one lives (0.25 s)
@@ -55,27 +55,27 @@ class FollowerNode:
         threads.every(_PERIOD_S, "control", self._control)
 
     def _on_trajectory(self, msg: MultiDOFJointTrajectory) -> None:
-        wanted, now_ns = follower_link.wanted(msg), clock.now_ns()
+        wanted, now_ns = driving.wanted(msg), headers.now_ns()
         with self._lock:
             if isinstance(wanted, float):
                 self._tell(self._follower.brake(now_ns, wanted))
             else:
                 self._leases.grant("move_base")
-                self._follower.follow(now_ns, wanted, frames.bare(msg.header.frame_id), msg.header.stamp.to_nsec())
+                self._follower.follow(now_ns, wanted, headers.bare(msg.header.frame_id), msg.header.stamp.to_nsec())
 
     def _on_hazards(self, msg: UInt8) -> None:
         words = convert.hazard_words(msg.data)
         with self._lock:
-            self._tell(self._follower.take_hazards(clock.now_ns(), frozenset(words.split(", ") if words else [])))
+            self._tell(self._follower.take_hazards(headers.now_ns(), frozenset(words.split(", ") if words else [])))
 
     def _cancel(self) -> str:
         with self._lock:
-            self._tell(self._follower.end(clock.now_ns(), "cancelled by service"))
+            self._tell(self._follower.end(headers.now_ns(), "cancelled by service"))
         return "stopped"
 
     def _control(self) -> None:
         with self._lock:
-            now_ns, age_s = clock.now_ns(), self._leases.age_s
+            now_ns, age_s = headers.now_ns(), self._leases.age_s
             ages = MessageAges(age_s("vslam"), self._where.odometry_age_s, age_s("move_base"))
             self._tell(self._follower.step(now_ns, self._where.at(now_ns), ages))
 

@@ -30,11 +30,11 @@ from std_srvs.srv import SetBool, SetBoolRequest, SetBoolResponse
 from vsx_hw.readings import BaseReading, Hazard
 from vsx_hw.safety import Decision
 from vsx_ros.config import Config
-from vsx_ros.ros import clock, logs, node, threads, topics
+from vsx_ros.ros import headers, logs, node, threads, topics
 from vsx_ros.ros.base_drivers import Listeners, base_driver, base_settings, base_watchdogs, supervisor, wait_for_base
 from vsx_ros.ros.base_messages import BaseHealth, BaseTopics, tell_systemd
 from vsx_ros.ros.callbacks import offer_trigger
-from vsx_ros.ros.diagnostics import Diagnostics
+from vsx_ros.ros.logs import Diagnostics
 from vsx_ros.ros.master_watch import master_watch
 
 LINK_PERIOD_S = 0.2  # a silent base is to be known within a second
@@ -84,7 +84,7 @@ class MobileBaseNode:
         """On the driver's thread. Old commands do not count any longer; a base that is away touches nothing."""
         self._supervisor.forget_commands()
         if not connected:
-            self._topics.tell_hazards(Hazard.NONE, clock.now_ns())
+            self._topics.tell_hazards(Hazard.NONE, headers.now_ns())
 
     def _on_estop(self, request: SetBoolRequest) -> SetBoolResponse:
         self._supervisor.emergency_stop(bool(request.data))

@@ -27,11 +27,10 @@ from vsx_ros.config import Config
 from vsx_ros.errors import VsxError
 from vsx_ros.navigation.follower import LEASE_S
 from vsx_ros.navigation.goal_execution import Act, Brake, Done, ExecutionInput, Follow, GoalExecution, PlanRequest
-from vsx_ros.ros import clock, convert, frames, node, threads, topics
+from vsx_ros.ros import convert, headers, node, threads, topics
 from vsx_ros.ros.callbacks import subscribe
-from vsx_ros.ros.diagnostics import OK, WARN, Diagnostics
-from vsx_ros.ros.follower_link import FollowerLink
-from vsx_ros.ros.lease import PERIOD_S, Lease, LeaseWatch
+from vsx_ros.ros.driving import PERIOD_S, FollowerLink, Lease, LeaseWatch
+from vsx_ros.ros.logs import OK, WARN, Diagnostics
 from vsx_ros.ros.planning_thread import PlanningThread
 from vsx_ros.ros.situation import LocalizationSubscriber
 
@@ -67,14 +66,14 @@ class MoveBaseNode:
 
     def _pursue(self, target: PoseStamped) -> Done:
         """Step the execution until the goal has ended; one that makes way for the next ends while the base brakes."""
-        frame = frames.bare(target.header.frame_id)
+        frame = headers.bare(target.header.frame_id)
         try:
-            self._execution.begin(clock.now_ns(), convert.se2(target.pose), frame)
+            self._execution.begin(headers.now_ns(), convert.se2(target.pose), frame)
         except VsxError as error:
             return Done(False, str(error))
         while not threads.is_ending():
             self._lease.promise(_LOOK_WITHIN_S)
-            now_ns = clock.now_ns()
+            now_ns = headers.now_ns()
             if self._server.is_preempt_requested():
                 self._execution.cancel(now_ns, _CANCELLED)
                 if self._server.is_new_goal_available():
@@ -109,7 +108,7 @@ class MoveBaseNode:
 
     def close(self) -> None:
         """A last word to the follower, or to one that starts anew; and the goal's end is told while topics are open."""
-        self._follower.brake(clock.now_ns(), math.inf)
+        self._follower.brake(headers.now_ns(), math.inf)
         self._pursuing.acquire(timeout=0.5)
         self._server.action_server.status_timer.shutdown()
 

@@ -24,7 +24,7 @@ from vsx_ros.kernels.warmup import warm_up
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.ros import node, threads, topics
 from vsx_ros.ros.callbacks import offer_trigger
-from vsx_ros.ros.lease import Lease
+from vsx_ros.ros.driving import Lease
 from vsx_ros.ros.slam_input import RepeatedImageDetector, SlamInput
 from vsx_ros.ros.slam_maps import SlamMaps
 from vsx_ros.ros.slam_messages import PosePublisher, Preview, SlamStatus

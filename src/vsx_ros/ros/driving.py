@@ -1,4 +1,10 @@
-"""What move_base and the follower say to each other: timed trajectories, how to brake, reports.
+"""What nodes say to each other about driving: leases, timed trajectories, how to brake, reports.
+
+A lease is a dead man's handle: whoever wants motion says so again and again; silence stops the robot. A killed process
+cannot say that it is gone. So nothing in this stack moves because of one message alone: the follower drives only while
+vslam and move_base renew their leases, move_base pursues a goal of a client that holds a lease only while the client
+renews it. Nor can a thread that hangs: where another one renews, it does so only for as long as the thread that decides
+has promised.
 
 Apart from ``convert``: the base's process knows no trajectories, and need not load what plans them.
 """
@@ -19,10 +25,59 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.navigation.follower import FollowerReport, decode_report
 from vsx_ros.planning.path import Plan, Trajectory
 from vsx_ros.robot import VelocityCommand
-from vsx_ros.ros import clock, convert, topics
+from vsx_ros.ros import convert, headers, topics
 from vsx_ros.ros.callbacks import subscribe
 
+PERIOD_S = 0.05  # between renewals of a lease: six to one of 0.3 s
 _PLAN_STEP_M = 0.05  # a cell of the map, for who draws it
+
+
+class Lease:
+    """One holder's side."""
+
+    def __init__(self, topic: str, holder: str) -> None:
+        self._publisher = rospy.Publisher(topic, String, queue_size=1, tcp_nodelay=True)
+        self._message = String(holder)
+        self._released = False
+        self._until_s = 0.0
+
+    def promise(self, seconds: float) -> None:
+        """``keep`` may renew for so long from now: said again and again by the thread that decides."""
+        self._until_s = time.monotonic() + seconds
+
+    def keep(self) -> None:
+        """Renew as long as it was promised; for a thread that does nothing else."""
+        if time.monotonic() < self._until_s:
+            self.renew()
+
+    def renew(self) -> None:
+        """Ask for ``LEASE_S`` more (navigation/follower.py); call it at least every ``PERIOD_S``."""
+        if not self._released:
+            self._publisher.publish(self._message)
+
+    def release(self) -> None:
+        """Never ask again: the holder is leaving, which takes a while."""
+        self._released = True
+
+
+class LeaseWatch:
+    """The other side: who renewed lately. Counts on the monotonic clock, whatever ROS time does."""
+
+    def __init__(self, topic: str) -> None:
+        self._renewed_s: dict[str, float] = {}
+        rospy.Subscriber(topic, String, lambda msg: self.grant(msg.data), queue_size=20, tcp_nodelay=True)
+
+    def grant(self, holder: str) -> None:
+        """Count as if the holder had just renewed: he did something else that shows he is there."""
+        self._renewed_s[holder] = time.monotonic()
+
+    def is_known(self, holder: str) -> bool:
+        """Whether the holder ever renewed."""
+        return holder in self._renewed_s
+
+    def age_s(self, holder: str) -> float:
+        """Time since the holder renewed [s]; infinite where it never did."""
+        return time.monotonic() - self._renewed_s.get(holder, -math.inf)
 
 
 class FollowerLink:
@@ -55,12 +110,12 @@ class FollowerLink:
 def path_msg(plan: Plan, frame: str) -> PathMsg:
     """The way of a plan in ``frame``, every few centimetres."""
     poses = [SE2(*row[:3]) for row in plan.path.sample(_PLAN_STEP_M).tolist()]
-    return convert.path_msg(frame, clock.now_ns(), poses)
+    return convert.path_msg(frame, headers.now_ns(), poses)
 
 
 def trajectory_msg(trajectory: Trajectory, frame_id: str, stamp_ns: int) -> MultiDOFJointTrajectory:
     """Timed poses and body speeds of base_footprint."""
-    msg = MultiDOFJointTrajectory(header=convert.header(frame_id, stamp_ns), joint_names=[topics.BASE_FRAME])
+    msg = MultiDOFJointTrajectory(header=headers.header(frame_id, stamp_ns), joint_names=[topics.BASE_FRAME])
     rows = zip(trajectory.times_s, trajectory.poses, trajectory.v, trajectory.omega)
     for t, (x, y, theta), v, omega in rows:
         transform = Transform(Vector3(x, y, 0.0), convert.quaternion_of_heading(theta))
@@ -71,7 +126,7 @@ def trajectory_msg(trajectory: Trajectory, frame_id: str, stamp_ns: int) -> Mult
 
 def brake_msg(a_m_s2: float, frame_id: str, stamp_ns: int) -> MultiDOFJointTrajectory:
     """Stop on the way: one point with nothing but that deceleration. Stop at once (infinite): no point."""
-    msg = MultiDOFJointTrajectory(header=convert.header(frame_id, stamp_ns), joint_names=[topics.BASE_FRAME])
+    msg = MultiDOFJointTrajectory(header=headers.header(frame_id, stamp_ns), joint_names=[topics.BASE_FRAME])
     if math.isfinite(a_m_s2):
         deceleration = [convert.twist(VelocityCommand(-a_m_s2, 0.0))]
         msg.points.append(MultiDOFJointTrajectoryPoint([], [], deceleration, rospy.Duration()))
