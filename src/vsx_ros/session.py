@@ -31,12 +31,9 @@ class SlamSession:
     """
 
     def __init__(
-        self,
-        T_base_cam: SE3,
-        config: Config,
-        slam_map: SlamMap | None = None,
+        self, T_base_cam: SE3, config: Config, slam_map: SlamMap | None = None,
         state: Mapping[str, NDArray[Any]] | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """slam_map: a map to go on in, the base anywhere in it. state: what was driven and counted while it was made;
         None: free is where its first keyframe stood. Raises InputError when the state is damaged."""
         self.T_base_cam, self._T_cam_base = T_base_cam, T_base_cam.inverse()

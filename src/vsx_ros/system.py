@@ -55,15 +55,9 @@ class ExplorationSystem:
     """SLAM, dense map, ground map, mission, planner and follower in lock-step: same frames, same seed, same bits."""
 
     def __init__(
-        self,
-        camera: PinholeCamera,
-        T_base_cam: SE3,
-        config: Config,
-        seed: int,
-        planner: str = "fov",
-        saved: SavedSystem | None = None,
-        slam_map: SlamMap | None = None,
-    ) -> None:
+        self, camera: PinholeCamera, T_base_cam: SE3, config: Config, seed: int, planner: str = "fov",
+        saved: SavedSystem | None = None, slam_map: SlamMap | None = None,
+    ) -> None:  # fmt: skip
         """saved: of a run to go on with, the base standing where it stood; slam_map: a map to go on in, the base
         anywhere in it. Raises CalibrationError when either was made with another camera or mount, InputError when
         memory is damaged."""
@@ -152,21 +146,12 @@ class ExplorationSystem:
 
     def _decide(self, now_ns: int, T_odom_base: SE2, where: LocalizationState, hazard: str | None) -> Decision:
         ranked_before = self.mission.view_selector.ranking
-        decision = self.mission.decide(
-            now_ns,
-            Situation(
-                where.slam_state,
-                where.slam_reason,
-                where.T_map_base,
-                T_odom_base,
-                self.grid,
-                self.navigator.state,
-                self.navigator.reason,
-                hazard or (where.stuck.reason if where.stuck is not None else None),
-                self.slam.snapshot().points_world,
-                where.odom_epoch,
-            ),
-        )
+        situation = Situation(
+            where.slam_state, where.slam_reason, where.T_map_base, T_odom_base, self.grid, self.navigator.state,
+            self.navigator.reason, hazard or (where.stuck.reason if where.stuck is not None else None),
+            self.slam.snapshot().points_world, where.odom_epoch,
+        )  # fmt: skip
+        decision = self.mission.decide(now_ns, situation)
         cost_ns = 0
         if self.grid is not None and self.mission.view_selector.ranking is not ranked_before:
             cost_ns = self._computing_time.ranking_ns(self.grid)

@@ -65,6 +65,18 @@ def drive() -> Drive:
     return begun
 
 
+def test_dubious_tracking_slows_the_base_for_a_moment_longer_than_it_lasts(drive: Drive) -> None:
+    slow = pytest.approx(Config().follower.dubious_speed_factor * LIMITS.v_m_s, abs=0.02)
+    drive.state = TrackingState.DUBIOUS
+    drive.go_on(1.5)
+    assert drive.told[-1] == slow
+    drive.state = TrackingState.GOOD
+    drive.go_on(Config().follower.dubious_hold_s - 0.1)
+    assert drive.told[-1] == slow
+    drive.go_on(1.0)
+    assert drive.told[-1] == pytest.approx(LIMITS.v_m_s, abs=0.02)
+
+
 @pytest.mark.parametrize(
     ("ages", "reason"),
     [(MessageAges(vslam_s=0.31), "no word from vslam"), (MessageAges(odometry_s=0.51), "no odometry")],

@@ -10,7 +10,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.planning.connect import connect
 from vsx_ros.planning.path import Path, Trajectory, certified
 from vsx_ros.planning.pieces import arc_piece, turn_piece
-from vsx_ros.planning.retiming import as_planned, retime
+from vsx_ros.planning.retiming import Timing, retime
 from vsx_ros.planning.time_scaling import time_scale
 
 LIMITS = LimitsConfig()
@@ -26,7 +26,7 @@ def random_plan(rng: np.random.Generator) -> Trajectory:
 def play(planned: Trajectory, rng: np.random.Generator, factors: list[float]) -> tuple[np.ndarray, float]:
     """(N, 6) x, y, theta, v, omega, place at 1 kHz until the end, another factor wanted every now and then; and the
     longest wait for a change."""
-    timing, t, want, have, asked, longest = as_planned(planned), 0.0, 1.0, 1.0, 0, 0.0
+    timing, t, want, have, asked, longest = Timing(planned, planned.times_s - planned.times_s[0]), 0.0, 1.0, 1.0, 0, 0.0
     rows, k, change = [], 0, rng.uniform(0.0, 3.0)
     while want == 0.0 or have == 0.0 or t < timing.trajectory.duration_s:
         if k * TICK_S > change:
@@ -71,13 +71,13 @@ def test_hold_slow_and_resume_at_random_moments_keep_the_five_limits(seed):
 def test_a_hold_on_a_straight_takes_the_known_way_and_slowing_holds_the_speed():
     line = certified(SE2(), SE2(2.0, 0.0, 0.0), (arc_piece(SE2(), 0.0, 2.0, 1),), "arcs and lines")
     planned = time_scale(line, LIMITS)
-    held = retime(planned, as_planned(planned), 4.0, 0.0, LIMITS)
+    held = retime(planned, Timing(planned, planned.times_s - planned.times_s[0]), 4.0, 0.0, LIMITS)
     assert held is not None
     v, a, j = LIMITS.v_m_s, LIMITS.a_m_s2, LIMITS.jerk_m_s3
     assert held.trajectory.duration_s == pytest.approx(v / a + a / j, abs=0.01)
     way = held.trajectory.poses[-1, 0] - held.trajectory.poses[0, 0]
     assert way == pytest.approx(0.5 * v * (v / a + a / j), abs=0.005)
-    slow = retime(planned, as_planned(planned), 3.0, 0.5, LIMITS)
+    slow = retime(planned, Timing(planned, planned.times_s - planned.times_s[0]), 3.0, 0.5, LIMITS)
     assert slow is not None
     assert np.median(slow.trajectory.v) == pytest.approx(0.5 * v, rel=1e-3)
     assert slow.trajectory.poses[-1] == pytest.approx([2.0, 0.0, 0.0], abs=1e-6)
@@ -85,7 +85,7 @@ def test_a_hold_on_a_straight_takes_the_known_way_and_slowing_holds_the_speed():
 
 def test_turns_on_the_spot_are_held_too():
     planned = time_scale(certified(SE2(), SE2(0.0, 0.0, 2.0), (turn_piece(SE2(), 2.0),), "turns on the spot"), LIMITS)
-    held = retime(planned, as_planned(planned), 2.0, 0.0, LIMITS)
+    held = retime(planned, Timing(planned, planned.times_s - planned.times_s[0]), 2.0, 0.0, LIMITS)
     assert held is not None
     assert held.trajectory.omega[0] == pytest.approx(LIMITS.omega_rad_s, rel=1e-3)
     assert held.trajectory.omega[-1] == 0.0
@@ -101,6 +101,6 @@ def test_turns_on_the_spot_are_held_too():
 def test_at_the_end_and_without_a_way_it_stands():
     planned = time_scale(certified(SE2(1, 2, 3), SE2(1, 2, 3), (), "nothing"), LIMITS)
     for factor in (0.0, 1.0):
-        standing = retime(planned, as_planned(planned), 0.0, factor, LIMITS)
+        standing = retime(planned, Timing(planned, planned.times_s - planned.times_s[0]), 0.0, factor, LIMITS)
         assert standing is not None
         assert standing.trajectory.at(1.0) == (SE2(1.0, 2.0, 3.0), 0.0, 0.0)

@@ -196,8 +196,8 @@ def test_a_node_ends_in_the_middle_of_a_question_to_the_master(stack: Stack) -> 
     ("text", "pressed"),
     [
         ("w", ["w"]),
-        ("\x1b[A\x1b[A", ["\x1b[A", "\x1b[A"]),
-        ("\x1bOD+", ["\x1b[D", "+"]),
+        ("\x1b[A\x1b[A", ["w", "w"]),
+        ("\x1bOD+", ["a", "+"]),
         ("\x1b", ["\x1b"]),
         ("\x1b[", ["\x1b", "["]),
         ("", []),

@@ -205,8 +205,7 @@ def _given(tree: Any, message: str) -> str:
 
 def to_dict(config: Config) -> dict[str, Any]:
     """The nested dict that ``from_dict`` reads back to the same configuration."""
-    tree: dict[str, Any] = msgspec.to_builtins(config)
-    return tree
+    return dict(msgspec.to_builtins(config))
 
 
 def overridden(config: Config, assignments: dict[str, Any]) -> Config:

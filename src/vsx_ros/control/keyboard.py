@@ -7,22 +7,14 @@ KEYS = "arrows or w a s d: drive   space: stop   + -: speed   q: quit"
 # A held key repeats 10 to 30 times a second, after a first pause of up to half a second.
 _FIRST_HELD_FOR_S, _HELD_FOR_S = 0.55, 0.25
 _FASTER = 1.1
-_MOVES = {
-    "w": (1.0, 0.0),
-    "s": (-1.0, 0.0),
-    "a": (0.0, 1.0),
-    "d": (0.0, -1.0),
-    "\x1b[A": (1.0, 0.0),
-    "\x1b[B": (-1.0, 0.0),
-    "\x1b[D": (0.0, 1.0),
-    "\x1b[C": (0.0, -1.0),
-}
+_MOVES = {"w": (1.0, 0.0), "s": (-1.0, 0.0), "a": (0.0, 1.0), "d": (0.0, -1.0)}
+_ARROWS = {"A": "w", "B": "s", "C": "d", "D": "a"}
 _ARROW = re.compile(r"\x1b[\[O]([A-D])|.", re.DOTALL)
 
 
 def keys(text: str) -> list[str]:
-    """The keys of what a terminal sent; arrows are three characters, in either of a terminal's two modes."""
-    return [f"\x1b[{match[1]}" if match[1] else match[0] for match in _ARROW.finditer(text)]
+    """The keys of what a terminal sent; w a s d for arrows, three characters in either of a terminal's two modes."""
+    return [_ARROWS.get(match[1], match[0]) for match in _ARROW.finditer(text)]
 
 
 class KeyboardDrive:
@@ -33,7 +25,7 @@ class KeyboardDrive:
         self._speeds, self._until_s = (0.0, 0.0), 0.0
 
     def press(self, key: str, now_s: float) -> None:
-        """Arrow keys or w a s d move, space stops, + and - change the speeds."""
+        """w a s d move, space stops, + and - change the speeds."""
         if key in _MOVES:
             forward, left = _MOVES[key]
             self._speeds = forward * self.v_m_s, left * self.omega_rad_s

@@ -11,7 +11,7 @@ from vsx_ros.config import FollowerConfig, LimitsConfig
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2, limit_twist
 from vsx_ros.planning.path import Trajectory
-from vsx_ros.planning.retiming import Timing, as_planned, retime
+from vsx_ros.planning.retiming import Timing, retime
 from vsx_ros.robot import STOP, VelocityCommand
 
 _CREEP_M_S = 0.01  # slower, omega / v says nothing about the way's curvature
@@ -53,8 +53,9 @@ class TrajectoryTracker:
         self._config = config
         self._comfort = self._limits = limits
         self._braking = self._harder = False
-        self._trajectory: Trajectory | None = None
-        self._timing: Timing | None = None
+        self._active = False
+        self._trajectory = Trajectory(np.zeros(1), np.zeros((1, 3)), np.zeros(1), np.zeros(1))
+        self._timing = Timing(self._trajectory, np.zeros(1))
         self._factor = 1.0
         self._clock_s = 0.0
         self._rate = 1.0
@@ -66,19 +67,18 @@ class TrajectoryTracker:
     @property
     def progress_s(self) -> float:
         """The trajectory's own time reached so far [s]; it stands while the follower holds."""
-        if self._timing is None:
-            return 0.0
         own = self._timing.trajectory.times_s
         return float(np.interp(self._clock_s, own - own[0], self._timing.places_s))
 
     @property
     def stands(self) -> bool:
         """Whether it was held and the reference rests."""
-        return self._factor == 0.0 and self._timing is not None and self._clock_s >= self._timing.trajectory.duration_s
+        return self._factor == 0.0 and self._clock_s >= self._timing.trajectory.duration_s
 
     def start(self, trajectory: Trajectory, now_ns: int) -> None:
         """Follow from its beginning, from rest."""
-        self._trajectory, self._timing, self._factor = trajectory, as_planned(trajectory), 1.0
+        self._trajectory, self._active, self._factor = trajectory, True, 1.0
+        self._timing = Timing(trajectory, trajectory.times_s - trajectory.times_s[0])
         self._curvature = _curvature(trajectory)
         self._clock_s, self._rate, self._waited_s, self._last_ns = 0.0, 1.0, 0.0, now_ns
         self._sent, self._limits = STOP, self._comfort
@@ -92,7 +92,7 @@ class TrajectoryTracker:
 
     def cancel(self) -> None:
         """Forget the trajectory; the next command is a stop."""
-        self._trajectory = None
+        self._active = False
 
     def halted(self) -> None:
         """The base was told to stand instead of the last command: go on from rest."""
@@ -100,7 +100,7 @@ class TrajectoryTracker:
 
     def predicted_stop(self) -> SE2 | None:
         """Where the base would stand if held now: the pose to plan from while still moving; None when idle."""
-        if self._trajectory is None or self._timing is None:
+        if not self._active:
             return None
         timing, clock_s = self._timing, self._clock_s
         while (self._factor > 0.0 or self._harder) and clock_s < timing.trajectory.duration_s:
@@ -122,7 +122,7 @@ class TrajectoryTracker:
         """
         if pose is not None and not pose.is_finite():
             raise InputError(f"the pose to follow from is not finite: {pose}; pass None when it is unknown")
-        if self._trajectory is None or self._timing is None:
+        if not self._active:
             return FollowResult(STOP, FollowStatus.IDLE, "nothing to follow")
         stale = self._why_stale(pose, pose_age_s, tracking_ok)
         dt = min(max((now_ns - self._last_ns) * 1e-9, 0.0), _LONGEST_STEP_S)
@@ -173,8 +173,6 @@ class TrajectoryTracker:
 
     def _advance(self, dt: float, factor: float) -> None:
         """Change the timing if another speed is wanted, and move the clock along it."""
-        assert self._trajectory is not None
-        assert self._timing is not None
         if factor != self._factor or self._harder:
             timing = retime(self._trajectory, self._timing, self._clock_s, factor, self._limits)
             if timing is not None:
@@ -195,7 +193,6 @@ class TrajectoryTracker:
         return along, along * (kappa + wn * wn * sideways) + 2.0 * wn * abs(along) * heading
 
     def _curvature_here(self) -> float:
-        assert self._trajectory is not None
         times = self._trajectory.times_s
         i = int(np.searchsorted(times, times[0] + self.progress_s, side="right")) - 1
         return float(self._curvature[i])
@@ -214,7 +211,6 @@ class TrajectoryTracker:
         return self._sent
 
     def _arrived(self, error: SE2, dt: float) -> bool:
-        assert self._timing is not None
         if self._factor == 0.0 or self._clock_s < self._timing.trajectory.duration_s:
             return False
         self._waited_s += dt
@@ -228,5 +224,4 @@ def _curvature(trajectory: Trajectory) -> FloatArray:
         return np.zeros(len(trajectory.v))
     last = np.maximum.accumulate(np.where(moves, np.arange(len(moves)), -1))
     last[last < 0] = int(np.argmax(moves))
-    kappa: FloatArray = trajectory.omega[last] / trajectory.v[last]
-    return kappa
+    return trajectory.omega[last] / trajectory.v[last]

@@ -160,9 +160,7 @@ class SavedMission(NamedTuple):
     paused: bool = False
 
     def carried(self, since: Sequence[SE2]) -> SavedMission:
-        """The same with a longer trail: the base has since stood at these poses, seen from where it stood last."""
-        if not since:
-            return self
+        """With a longer trail: the base has since stood at these poses, one at least, seen from where it stood last."""
         here = since[-1].inverse()
         return self._replace(trail=[here @ pose for pose in (*self.trail, *since)])
 

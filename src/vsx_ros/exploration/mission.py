@@ -104,7 +104,7 @@ class Mission:
         has ended, and remembers all the same."""
         paused = saved.paused or self.state is MissionState.PAUSED
         self.view_selector.looked_from = list(saved.looked_from)
-        self._home.restore(saved.home, saved.going_home)
+        self._home.pose, self._home.asked = saved.home, saved.going_home or self._home.asked
         self.view_selector.blacklist.restore(now_ns, saved.blacklist)
         for pose in saved.trail:
             self._trail.add(T_odom_base @ pose)

@@ -34,9 +34,6 @@ class Trail:
         self._poses: list[SE2] = []
         self._epoch: int | None = None
 
-    def __len__(self) -> int:
-        return len(self._poses)
-
     @property
     def poses(self) -> tuple[SE2, ...]:
         """The trail, oldest first."""

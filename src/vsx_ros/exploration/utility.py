@@ -113,8 +113,7 @@ def traversable_cells(grid: OccupancyGrid, radius_m: float) -> BoolArray:
     free = (grid.data == FREE).astype(np.uint8)
     padded = cv2.copyMakeBorder(free, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
     clearance = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1] * grid.resolution
-    room: BoolArray = clearance - 0.5 * grid.resolution > radius_m
-    return room
+    return np.asarray(clearance - 0.5 * grid.resolution > radius_m)
 
 
 def near_poses(poses: FloatArray, others: FloatArray, radius_m: float, angle: float) -> BoolArray:

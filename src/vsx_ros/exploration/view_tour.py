@@ -28,10 +28,6 @@ class Home:
         self._tries = 0
         self._why = ""
 
-    def restore(self, pose: SE2 | None, asked: bool) -> None:
-        """Go on from a session before; asked: whether it was on its way home, and this one may be already."""
-        self.pose, self.asked = pose, asked or self.asked
-
     def observe(self, situation: Situation) -> None:
         """Odometry knows the way from where the exploration, or the odometry's epoch, began to where the camera first
         knows the map."""
@@ -162,7 +158,7 @@ class ViewTour:
         self._blocked += 1
         if self._blocked > _MOST_BLOCKED:
             return self._log.finish(now_ns, Outcome.BLOCKED, f"a hazard that stays: {hazard}")
-        along_trail = self._blocked % 2 == 1 and len(self._trail) > 1
+        along_trail = self._blocked % 2 == 1 and len(self._trail.poses) > 1
         if along_trail or situation.grid is None or situation.T_map_base is None:
             return self._back_off(now_ns, f"backing off: {hazard}")
         escape = self._escape(now_ns, situation, situation.grid, f"turning away: {hazard}", self._blocked % 4 == 0)
@@ -176,7 +172,7 @@ class ViewTour:
         assert situation.T_odom_base is not None
         step_m = self._config.backtrack_step_m
         arc = escape_arc(grid, situation.T_map_base, self._body_m, self._phi_rad_m, step_m, ahead)
-        if arc is None and (len(self._trail) > 1 or situation.hazard):
+        if arc is None and (len(self._trail.poses) > 1 or situation.hazard):
             return self._back_off(now_ns, reason)
         return self._go(now_ns, situation.T_odom_base @ (arc or SPOT_TURN), "odom", reason)
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from vsx_ros.config import Config, FollowerConfig
+from vsx_ros.config import Config
 from vsx_ros.control.localization import MAP_FRAME, ODOM_FRAME, LocalizationState
 from vsx_ros.control.trajectory_tracker import FollowResult, FollowStatus, TrajectoryTracker
 from vsx_ros.errors import InputError
@@ -24,21 +24,6 @@ _VSLAM_GONE_S = 2.0
 _ODOMETRY_S = 0.5
 """On a busy machine an odometry reading may be late."""
 _ZERO_FOR_S = 0.3  # stops are sent so long, several times, should one be lost
-
-
-class TrackingSpeedLimiter:
-    """Slower while tracking is dubious and a moment longer, so that single frames do not make the speed flicker."""
-
-    def __init__(self, config: FollowerConfig) -> None:
-        self._config = config
-        self._until_ns: int | None = None
-
-    def speed_factor(self, now_ns: int, state: TrackingState) -> float:
-        """The share of the planned speed, in [0, 1]."""
-        if state is TrackingState.DUBIOUS:
-            self._until_ns = now_ns + round(self._config.dubious_hold_s * 1e9)
-        careful = self._until_ns is not None and now_ns <= self._until_ns
-        return self._config.dubious_speed_factor if careful else 1.0
 
 
 class MessageAges(NamedTuple):
@@ -62,7 +47,7 @@ class Follower:
 
     def __init__(self, config: Config) -> None:
         self._tracker = TrajectoryTracker(config.follower, config.limits)
-        self._speed_limiter = TrackingSpeedLimiter(config.follower)
+        self._config, self._careful_until_ns = config.follower, -1
         self._hazards: frozenset[str] = frozenset()
         self._is_stuck = False
         self._id, self._frame = 0, MAP_FRAME
@@ -134,12 +119,18 @@ class Follower:
         blind = self._frame == ODOM_FRAME
         age_s = 0.0 if blind else where.slam_age_s
         tracking_ok = not stale and (blind or where.slam_state.tracked)
-        factor = 1.0 if blind else self._speed_limiter.speed_factor(now_ns, where.slam_state)
+        factor = 1.0 if blind else self._speed_factor(now_ns, where.slam_state)
         result = self._tracker.command(now_ns, where.pose(self._frame), age_s, tracking_ok, factor)
         if stale:
             self._tracker.halted()
             return result._replace(command=STOP, reason=stale)
         return result
+
+    def _speed_factor(self, now_ns: int, state: TrackingState) -> float:
+        """Slower while tracking is dubious and a moment longer, so that single frames do not make the speed flicker."""
+        if state is TrackingState.DUBIOUS:
+            self._careful_until_ns = now_ns + round(self._config.dubious_hold_s * 1e9)
+        return self._config.dubious_speed_factor if now_ns <= self._careful_until_ns else 1.0
 
     def _rest(self, now_ns: int) -> VelocityCommand:
         self._following, self._stop, self._rested_ns = False, None, now_ns

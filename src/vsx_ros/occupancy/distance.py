@@ -61,8 +61,7 @@ def landmarks_in_view(
     estimated on at most ``most`` of them."""
     stride = -(-len(landmarks_world) // most) or 1
     sample = np.ascontiguousarray(landmarks_world[::stride, :2], np.float64).reshape(-1, 2)
-    counts: IntArray = stride * visible_landmarks(
+    return stride * visible_landmarks(
         grid.data, grid.resolution, grid.origin_x, grid.origin_y, np.ascontiguousarray(poses, np.float64), sample,
         half_fov_rad, *range_m,
     )  # fmt: skip
-    return counts

@@ -62,10 +62,7 @@ class OccupancyGrid:
     def contains(self, cells: IntArray) -> BoolArray:
         """(N,) whether each (row, column) lies inside."""
         cells = np.asarray(cells).reshape(-1, 2)
-        inside: BoolArray = (
-            (cells[:, 0] >= 0) & (cells[:, 0] < self.shape[0]) & (cells[:, 1] >= 0) & (cells[:, 1] < self.shape[1])
-        )
-        return inside
+        return (cells[:, 0] >= 0) & (cells[:, 0] < self.shape[0]) & (cells[:, 1] >= 0) & (cells[:, 1] < self.shape[1])
 
     def value_at(self, x: float, y: float) -> int:
         """The cell's value at a world position [m]; UNKNOWN outside."""

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -19,7 +19,7 @@ from vsx_ros.kernels.occupancy.ground_cells import Counts, Lattice
 from vsx_ros.kernels.occupancy.ground_map import PolarScans, Surfaces
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.occupancy.unknown_ground import MIN_SURE_VOTES, gaps, rims, walls
-from vsx_ros.occupancy.virtual_scan import corners, meet, virtual_scans, writable
+from vsx_ros.occupancy.virtual_scan import meet, virtual_scans
 
 _MIN_FREE_VOTES = 1  # keyframes; rims and gaps ask for more
 _MIN_POINTS, _POINT_HITS = 2, 3
@@ -68,17 +68,20 @@ class GroundMap:
         """
         trail, bumps, start = driven or DriveHistory()
         self._check(len(T_world_cams), points_world, obs_keyframe, obs_point, obs_level)
-        scans = virtual_scans(T_world_cams, points_world, obs_keyframe, obs_point, self._config)
+        points = writable(points_world, np.float64).reshape(-1, 3)
+        keyframe, point = writable(obs_keyframe, np.int64), writable(obs_point, np.int64)
+        scans = virtual_scans(T_world_cams, points, keyframe, point, self._config)
         spots, touched, outline = self._touched(surfaces or Surfaces.none(), len(T_world_cams))
         meet(scans, spots, touched, self._config)
         if obs_level is not None:
             scans.hit[obs_level >= _COARSE_LEVEL] = 0.0
             scans.over[obs_level >= _COARSE_LEVEL] = 0.0
         arcs = self._bump_cells(bumps)
-        extent = np.vstack([corners(scans, points_world, obs_point), outline, self._passed(trail, start), arcs])
+        reached = ground_cells.scan_corners(scans, points, point) if len(T_world_cams) else np.zeros((0, 2))
+        extent = np.vstack([reached, outline, self._passed(trail, start), arcs])
         lattice = Lattice.around(extent, self._config.resolution_m)
         free_votes = ground_cells.count_free(scans, lattice)
-        occupied = self._occupied(scans, points_world, obs_point, free_votes, lattice)
+        occupied = self._occupied(scans, points, point, free_votes, lattice)
         occupied |= _solid(spots, touched, free_votes, lattice)
         data = self._judged(free_votes, occupied, self._known(trail, start, occupied, lattice), lattice)
         grid = OccupancyGrid(data, lattice.resolution, lattice.origin_x, lattice.origin_y)
@@ -119,10 +122,9 @@ class GroundMap:
         return np.array([*poses, *ahead]).reshape(-1, 2)
 
     def _occupied(
-        self, scans: PolarScans, points_world: Points3, obs_point: IntArray, free_votes: Int32Array, lattice: Lattice
+        self, scans: PolarScans, points: Points3, point: IntArray, free_votes: Int32Array, lattice: Lattice
     ) -> BoolArray:
         """Cells with enough observations of obstacle points, the few that others look through left out."""
-        points, point = writable(points_world, np.float64).reshape(-1, 3), writable(obs_point, np.int64)
         hits, over = (
             ground_cells.count_hits(points, point, found, _POINT_HITS, lattice) for found in (scans.hit, scans.over)
         )
@@ -174,6 +176,11 @@ class GroundMap:
         angles = np.linspace(-_BUMP_ARC_RAD, _BUMP_ARC_RAD, n)
         arc = radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
         return np.vstack([np.zeros((0, 2)), *(pose @ arc for pose in bumps)])
+
+
+def writable(array: Any, dtype: Any) -> NDArray[Any]:
+    """The array as a kernel takes it; a copy if it is read-only, which is a type of its own to the compiler."""
+    return np.require(array, dtype, ["C", "W"])
 
 
 def _check_names(words: str, indices: IntArray, count: int) -> None:

@@ -82,8 +82,7 @@ def walls(
         rows, columns = np.rint(np.linspace((y0, x0), (y1, x1), n)).astype(int).T
         if beside[rows, columns].mean() >= share:
             cv2.line(closed, (x0, y0), (x1, y1), 1, thickness)
-    found: BoolArray = closed > 0
-    return found
+    return closed > 0
 
 
 class Frontier(NamedTuple):

@@ -5,17 +5,14 @@ scans are simply made anew; nothing is ever subtracted from a map.
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2, Points3
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points3
 from vsx_ros.config import GroundMapConfig
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, stacked
 from vsx_ros.kernels.occupancy import ground_map as kernels
-from vsx_ros.kernels.occupancy.ground_cells import scan_corners
 from vsx_ros.kernels.occupancy.ground_map import PolarScans, Surfaces
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 
@@ -30,19 +27,10 @@ _FOOT_M = 0.15  # a ray that ends below has met whatever is higher on its way
 _FLOOR_GROWTH = 0.012  # floor points scatter with distance: pose and depth errors add this much height per metre
 
 
-def corners(scans: PolarScans, points_world: Points3, obs_point: IntArray) -> Points2:
-    """(2, 2) least and greatest x and y [m] of the cameras, of all that is passable, and of the obstacles among the
-    points; (0, 2) without a scan."""
-    if not len(scans.positions):
-        return np.zeros((0, 2))
-    return scan_corners(scans, writable(points_world, np.float64).reshape(-1, 3), writable(obs_point, np.int64))
-
-
 def virtual_scans(
-    T_world_cams: Sequence[SE3], points_world: Points3, obs_keyframe: IntArray, obs_point: IntArray,
-    config: GroundMapConfig,
-) -> PolarScans:  # fmt: skip
-    """Scans of all keyframes from their observations of map points (heights are above the floor, z = 0).
+    T_world_cams: Sequence[SE3], points: Points3, keyframe: IntArray, point: IntArray, config: GroundMapConfig
+) -> PolarScans:
+    """Scans of all keyframes from their observations, keyframe and point (O,), of map points (M, 3), z above the floor.
 
     A ray from the camera to a point proves the floor passable while the ray is low enough to have met an obstacle.
     A point near the floor is floor. A point between the obstacle heights is an obstacle, unless its depth is too
@@ -51,8 +39,6 @@ def virtual_scans(
     rotations, positions = stacked(T_world_cams)
     yaws = np.arctan2(rotations[:, 1, 2], rotations[:, 0, 2])
     headings = np.column_stack([np.cos(yaws), np.sin(yaws)])
-    points = writable(points_world, np.float64).reshape(-1, 3)
-    keyframe, point = writable(obs_keyframe, np.int64), writable(obs_point, np.int64)
     heights = (
         config.obstacle_min_height_m,
         config.obstacle_max_height_m,
@@ -72,11 +58,6 @@ def meet(scans: PolarScans, surfaces: Surfaces, touched: BoolArray, config: Grou
     the foot of a surface sees the floor before it (the virtual laser of paper 5.2)."""
     shape, reaches = (0.5 * config.resolution_m, _CAUTION, config.resolution_m), (_FOOT_M, config.max_range_m)
     kernels.meet_surfaces(scans, surfaces, touched, shape, reaches)
-
-
-def writable(array: Any, dtype: Any) -> NDArray[Any]:
-    """The array as a kernel takes it; a copy if it is read-only, which is a type of its own to the compiler."""
-    return np.require(array, dtype, ["C", "W"])
 
 
 def laser_scan(grid: OccupancyGrid, pose: SE2, n_bearings: int, max_range_m: float) -> FloatArray:

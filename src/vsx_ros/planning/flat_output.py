@@ -32,16 +32,14 @@ def jacobi(t: FloatArray) -> FloatArray:
     values[:, 1] = 5.0 * u
     for k in range(2, COEFFICIENTS):  # Gegenbauer with lambda = 5/2 is Jacobi (2, 2) up to a factor
         values[:, k] = (2.0 * u * (k + 1.5) * values[:, k - 1] - (k + 3.0) * values[:, k - 2]) / k
-    scaled: FloatArray = values * _NORMS
-    return scaled
+    return values * _NORMS
 
 
 def _norms() -> FloatArray:
     nodes, weights = np.polynomial.legendre.leggauss(16)
     t = 0.5 * (nodes + 1.0)
     squared = (0.5 * weights * (t * (1.0 - t)) ** 2) @ jacobi(t) ** 2
-    inverse: FloatArray = 1.0 / np.sqrt(squared)
-    return inverse
+    return 1.0 / np.sqrt(squared)
 
 
 _NORMS: FloatArray = np.ones(COEFFICIENTS)
@@ -105,8 +103,7 @@ class Quadrature:
 
     def integral(self, values: FloatArray) -> FloatArray:
         """(...,) integral over [0, 1] of values (M, ...) given at the nodes."""
-        total: FloatArray = np.tensordot(self.weights, values, axes=(0, 0))
-        return total
+        return np.tensordot(self.weights, values, axes=(0, 0))
 
     def cumulative(self, values: FloatArray) -> FloatArray:
         """(..., intervals + 1) integral from 0 to every knot of values (..., M) given at the nodes."""

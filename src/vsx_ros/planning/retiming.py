@@ -28,15 +28,10 @@ _NOTHING = 1e-9  # m, m/s: rounding
 
 
 class Timing(NamedTuple):
-    """A trajectory over the way of a planned one. places_s (N,): where its samples are, in the planned one's time."""
+    """A trajectory over the way of a planned one. places_s (N,): where its samples are, in seconds since that began."""
 
     trajectory: Trajectory
     places_s: FloatArray
-
-
-def as_planned(planned: Trajectory) -> Timing:
-    """The planned trajectory itself."""
-    return Timing(planned, planned.times_s - planned.times_s[0])
 
 
 class _Stretch:

@@ -72,12 +72,6 @@ def feasible(start: SE2, goal: SE2, phi: float, reverse: bool = False) -> Feasib
     )
 
 
-def displacement_rows(zeta_f: float) -> FloatArray:
-    """(2, 10) rows of x(t_f) and y(t_f): eq. (3), ydot = xdot zeta."""
-    basis, zeta = COARSE.basis[_REST], zeta_f * (2.0 * COARSE.profile[_REST] - 1.0)
-    return np.stack([COARSE.integral(basis), COARSE.integral(zeta[:, None] * basis)])
-
-
 def build(zeta_f: float, x_f: float, y_f: float, phi: float) -> QpProblem:
     """The programme (9)-(11).
 
@@ -85,6 +79,8 @@ def build(zeta_f: float, x_f: float, y_f: float, phi: float) -> QpProblem:
     (10)  x(t_f) = x_f, y(t_f) = y_f                                 (rest at the ends by the basis)
     (11)  +-zetadot(t_i) - (1 + zeta(t_i)^2)^(3/2) xdot(t_i) phi <= 0
     """
+    coarse, zeta = COARSE.basis[_REST], zeta_f * (2.0 * COARSE.profile[_REST] - 1.0)
+    ends = np.stack([COARSE.integral(coarse), COARSE.integral(zeta[:, None] * coarse)])  # eq. (3), ydot = xdot zeta
     basis = FINE.basis[_REST].T
     dx = np.diff(FINE.cumulative(basis)[:, _GRID]).T
     dy = np.diff(FINE.cumulative(zeta_f * (2.0 * FINE.profile[_REST] - 1.0) * basis)[:, _GRID]).T
@@ -95,7 +91,7 @@ def build(zeta_f: float, x_f: float, y_f: float, phi: float) -> QpProblem:
     return QpProblem(
         P=2.0 * (dx.T @ dx + dy.T @ dy) + 1e-9 * np.eye(COEFFICIENTS),
         q=np.zeros(COEFFICIENTS),
-        A=np.concatenate([displacement_rows(zeta_f), view, view]),
+        A=np.concatenate([ends, view, view]),
         lower=np.concatenate([target, rate, -rate]),
         upper=np.concatenate([target, np.full(2 * len(_GRID), np.inf)]),
     )
@@ -127,13 +123,13 @@ def segment(relative: SE2, phi: float) -> tuple[FloatArray, float] | str:
     zeta_f = math.tan(middle)
     c_mid, s_mid = math.cos(middle), math.sin(middle)
     x_f, y_f = c_mid * relative.x + s_mid * relative.y, c_mid * relative.y - s_mid * relative.x
-    rows, target = displacement_rows(zeta_f), np.array([x_f, y_f])
     tight, worst = phi, math.inf
     for _ in range(_ROUNDS):
-        solution = solve_qp(build(zeta_f, x_f, y_f, tight))
+        problem = build(zeta_f, x_f, y_f, tight)
+        solution = solve_qp(problem)
         if solution is None:
             return f"no polynomials of this degree turn at {tight:.3f} rad/m at most"
-        c = solution.x + np.linalg.lstsq(rows, target - rows @ solution.x, rcond=None)[0]
+        c = solution.x + np.linalg.lstsq(problem.A[:2], problem.lower[:2] - problem.A[:2] @ solution.x, rcond=None)[0]
         table = _curve(zeta_f, c)
         worst = float(np.abs(table[:, 4]).max())
         if worst <= phi * (1.0 + _TOLERANCE):

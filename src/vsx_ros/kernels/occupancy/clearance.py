@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2
+from vsx_ros.arrays import BoolArray, FloatArray, Points2
 from vsx_ros.kernels import kernel
 
 
@@ -28,13 +28,6 @@ class DistanceField(NamedTuple):
     def cell(self, x: float, y: float) -> tuple[int, int]:
         """Row and column of the cell at a position [m]; may lie outside."""
         return math.floor((y - self.origin_y) / self.resolution), math.floor((x - self.origin_x) / self.resolution)
-
-    def cells(self, points_world: Points2) -> tuple[IntArray, IntArray]:
-        """Rows (N,) and columns (N,) of the cells at (N, 2) positions [m]; may lie outside."""
-        x, y = np.asarray(points_world, float).reshape(-1, 2).T
-        rows = np.floor((y - self.origin_y) / self.resolution).astype(np.int64)
-        columns = np.floor((x - self.origin_x) / self.resolution).astype(np.int64)
-        return rows, columns
 
 
 @kernel

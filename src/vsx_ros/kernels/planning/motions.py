@@ -120,5 +120,4 @@ def look_up_length(table: Float32Array, x: float, y: float, theta: float) -> flo
     near = (1.0 - v) * table[i, j, k + 1] + v * table[i, j + 1, k + 1]
     far = (1.0 - v) * table[i + 1, j, k + 1] + v * table[i + 1, j + 1, k + 1]
     high = (1.0 - u) * near + u * far
-    length: float = (1.0 - w) * low + w * high
-    return length
+    return float((1.0 - w) * low + w * high)

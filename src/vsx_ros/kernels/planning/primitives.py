@@ -136,8 +136,7 @@ def grow(
         parents[size], bends[size], signs[size] = near, bend, sign
         runs[size] = runs[near] + step if sign < 0.0 else 0.0
         size += 1
-        if _last_leg_is_free(field, poses[size - 1], goal, phi, 1.0) or _last_leg_is_free(
-            field, poses[size - 1], goal, phi, -1.0
-        ):
-            return size, size - 1
+        for direction in (1.0, -1.0):
+            if _last_leg_is_free(field, poses[size - 1], goal, phi, direction):
+                return size, size - 1
     return size, -1

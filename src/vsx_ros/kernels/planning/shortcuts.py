@@ -85,8 +85,7 @@ def shorten(
             continue
         # The segments at both places.
         s, count = 0.0, 0
-        before, after, after_part = 0, n, 0.0
-        before_part = 0.0
+        before, after, before_part, after_part = 0, n, 0.0, 0.0
         for k in range(n):
             size = abs(way_lengths[k])
             if s <= first < s + size:
