@@ -25,7 +25,7 @@ from tables import RESULTS, rooms_of
 
 from vsx_hw.errors import DeviceError
 from vsx_hw.kinect import socket_transport as wire
-from vsx_hw.kinect.packets import FLAG_START, HEADER_BYTES
+from vsx_hw.kinect.protocol import FLAG_START, HEADER_BYTES
 from vsx_ros.experiments.rows import Store
 
 FAULTS = ("unplugged", "off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent")

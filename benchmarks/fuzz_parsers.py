@@ -24,7 +24,7 @@ from vsx_hw.create.driver import STREAM_PACKETS
 from vsx_hw.create.protocol import METRES_PER_TICK as CREATE_METRES_PER_TICK
 from vsx_hw.create.protocol import StreamParser as CreateParser
 from vsx_hw.create.protocol import encode_stream_frame
-from vsx_hw.kinect.packets import PACKET_BYTES, FrameAssembler, packetize
+from vsx_hw.kinect.protocol import PACKET_BYTES, FrameAssembler, packetize
 from vsx_hw.kobuki.feedback import METRES_PER_TICK
 from vsx_hw.kobuki.protocol import encode_frame
 from vsx_hw.kobuki.stream import StreamParser as KobukiParser

@@ -20,7 +20,7 @@ import usb1
 
 from vsx_hw.kinect.driver import KinectCamera
 from vsx_hw.kinect.emulator import KinectBoard, KinectEmulator
-from vsx_hw.kinect.packets import PACKET_BYTES
+from vsx_hw.kinect.protocol import PACKET_BYTES
 from vsx_hw.kinect.socket_transport import SocketTransport
 from vsx_hw.kinect.usb_transport import PACKETS, VIDEO_ENDPOINT, UsbTransport
 

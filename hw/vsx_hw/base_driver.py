@@ -8,13 +8,13 @@ nothing moves until a new command; closing sends the stop bytes.
 
 import time
 from collections.abc import Callable, Iterable
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, TypeVar
 
 from vsx_hw.connection_thread import ConnectionThread
 from vsx_hw.errors import DeviceTimeout
 from vsx_hw.odometry import WheelOdometry
 from vsx_hw.readings import BaseReading, LinkStatus, Signal
-from vsx_hw.transport import Transport
+from vsx_hw.transport import SerialTransport
 
 KEEP_ALIVE_NS = 50_000_000  # several commands while a base lets one live
 SHORTEST_PERIOD_NS = 20_000_000  # 50 commands a second do for any base here
@@ -26,6 +26,10 @@ ROW, ROW_NS = 3, 60_000_000
 """Good reports after a silence before the wheels may turn, and the longest time between two of them."""
 SILENT_NS = 2_000_000_000  # then the connection is opened anew
 BACKOFF_S = (0.2, 0.5, 1.0, 2.0)  # between tries to open it
+COARSEST_RAD_S = 0.02
+"""The widest step of the wires: more than this is a limit that was met, not rounding."""
+
+Command = TypeVar("Command")
 
 
 class Dialect(Protocol):
@@ -63,6 +67,26 @@ class Dialect(Protocol):
         """What to check when an open port stays silent."""
 
 
+class TurnErrorFeedback:
+    """Turn rates on a wire of whole numbers: what rounding takes from one command is added to the next.
+
+    Error feedback over commands that follow each other evenly (one a report): their mean turn is what was asked for.
+    Straight on and at standstill the error is forgotten: nothing is made up for then.
+    """
+
+    def __init__(self) -> None:
+        self._error_rad_s = 0.0
+
+    def command(
+        self, v_m_s: float, omega_rad_s: float, encode: Callable[[float, float], tuple[Command, float]]
+    ) -> Command:
+        """encode: from (v, omega) to what goes on the wire and the turn rate that this really drives."""
+        wanted = omega_rad_s + self._error_rad_s if omega_rad_s else 0.0
+        command, driven = encode(v_m_s, wanted)
+        self._error_rad_s = max(-COARSEST_RAD_S, min(COARSEST_RAD_S, wanted - driven)) if omega_rad_s else 0.0
+        return command
+
+
 class _Command(NamedTuple):
     v_m_s: float
     omega_rad_s: float
@@ -83,7 +107,7 @@ class BaseDriver(ConnectionThread):
     def __init__(
         self,
         dialect: Dialect,
-        open_transport: Callable[[], Transport],
+        open_transport: Callable[[], SerialTransport],
         device: str,
         on_reading: Callable[[BaseReading], None],
         on_link: Callable[[bool, str], None] = lambda connected, message: None,
@@ -130,7 +154,7 @@ class BaseDriver(ConnectionThread):
         """Stop the wheels, leave the base safe and release the port; whether the wheels surely stand."""
         return super().close(timeout_s) and self._sent == _STILL
 
-    def _serve(self, transport: Transport) -> None:
+    def _serve(self, transport: SerialTransport) -> None:
         self._command, self._shown, self._heard_bytes, self._row = None, "", 0, 0
         for data, pause_s in self._dialect.hello():
             transport.write(data)
@@ -161,14 +185,14 @@ class BaseDriver(ConnectionThread):
         """From one command to the next."""
         return KEEP_ALIVE_NS if self._dialect.waits() and not answered else SHORTEST_PERIOD_NS
 
-    def _show(self, transport: Transport) -> None:
+    def _show(self, transport: SerialTransport) -> None:
         signal = self._signal
         data = self._dialect.show(signal)
         if data and signal.value != self._shown:
             transport.write(data)
         self._shown = signal.value if data else ""
 
-    def _listen(self, transport: Transport, due_ns: int) -> list[BaseReading]:
+    def _listen(self, transport: SerialTransport, due_ns: int) -> list[BaseReading]:
         """Wait for bytes until a command is due or the one that was sent expires."""
         if self._sent != _STILL and self._command is not None:
             end_ns = min(self._command.until_ns, self._last_reading_ns + STALE_NS)
@@ -206,7 +230,7 @@ class BaseDriver(ConnectionThread):
             return _STILL
         return command.v_m_s, command.omega_rad_s
 
-    def _leave(self, transport: Transport) -> None:
+    def _leave(self, transport: SerialTransport) -> None:
         """Stop bytes on every way out; a base that did not take them may still drive."""
         transport.write(self._dialect.farewell())
         self._sent = _STILL

@@ -1,5 +1,6 @@
 """The three kinds of base by name: their drivers, their emulators, and which one is at a serial port."""
 
+import sys
 import time
 from collections.abc import Callable
 from contextlib import closing
@@ -11,7 +12,7 @@ from vsx_hw.create.dialect import BATTERY_PACKETS, SAFETY_PACKETS, is_plausible
 from vsx_hw.create.driver import Create1Dialect, Create2Dialect
 from vsx_hw.create.emulator import CreateBoard
 from vsx_hw.create.protocol import CREATE_1, CREATE_2, Opcode, decode_packets, encode_query, packets_bytes
-from vsx_hw.errors import DeviceNotFound
+from vsx_hw.errors import DeviceError, DeviceNotFound
 from vsx_hw.kobuki.driver import KobukiDialect
 from vsx_hw.kobuki.emulator import KobukiBoard
 from vsx_hw.kobuki.protocol import BAUD as KOBUKI_BAUD
@@ -19,8 +20,8 @@ from vsx_hw.kobuki.protocol import WHEEL_BASE_M as KOBUKI_WHEEL_BASE_M
 from vsx_hw.kobuki.stream import StreamParser
 from vsx_hw.readings import BaseReading
 from vsx_hw.serial_emulator import Board, Plant, SerialEmulator
-from vsx_hw.transport import SerialTransport, Transport
-from vsx_hw.watchdog import StopBytes
+from vsx_hw.transport import SerialTransport
+from vsx_hw.watchdog import StopBytes, take_over
 
 LISTEN_S, ANSWER_S = 0.3, 0.3  # a Kobuki sends every 20 ms; a Create answers in tens of ms
 ENOUGH_FRAMES = 2  # with right checksums: one may be chance
@@ -96,7 +97,7 @@ def detect_base(port: str) -> str:
     )
 
 
-def _speaks_like_a_kobuki(transport: Transport) -> bool:
+def _speaks_like_a_kobuki(transport: SerialTransport) -> bool:
     parser = StreamParser()
     deadline_s = time.monotonic() + LISTEN_S
     while time.monotonic() < deadline_s and parser.frames < ENOUGH_FRAMES:
@@ -104,7 +105,7 @@ def _speaks_like_a_kobuki(transport: Transport) -> bool:
     return parser.frames >= ENOUGH_FRAMES
 
 
-def _answers_like_a_create(transport: Transport) -> bool:
+def _answers_like_a_create(transport: SerialTransport) -> bool:
     """Asked up to three times: an answer may be mixed with what the robot prints when it is switched on, or lost. A
     stream that another program has left running is paused."""
     transport.write(bytes((Opcode.START, Opcode.PAUSE_STREAM, 0)))
@@ -123,3 +124,19 @@ def _answers_like_a_create(transport: Transport) -> bool:
             if is_plausible(values) and values[35] in (1, 2, 3) and values[26] > 0:
                 return True
     return False
+
+
+def main() -> None:
+    """Stop the wheels of a base that nobody drives any longer, as systemd does after the driver's end: stop_base PORT
+    [KIND]; without a kind, that of the base that answers. Exit code 0 when the stop bytes were sent, 1 for wrong
+    arguments, 2 when the port could not be had."""
+    arguments = sys.argv[1:]
+    if len(arguments) not in (1, 2) or not BASES.keys() >= set(arguments[1:]):
+        sys.exit(f"stop_base PORT [{'|'.join(BASES)}]")
+    port = arguments[0]
+    try:
+        base = BASES[arguments[1] if len(arguments) == 2 else detect_base(port)]
+    except DeviceError as error:
+        sys.stderr.write(f"stop_base: {error}\n")
+        sys.exit(2)
+    sys.exit(0 if take_over(port, base.baud, base.stop_bytes().farewell) else 2)

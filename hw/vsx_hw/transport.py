@@ -1,8 +1,7 @@
-"""Byte pipes to a device."""
+"""The byte pipe to a base."""
 
 import errno
 import termios
-from typing import Protocol
 
 import serial
 
@@ -18,22 +17,10 @@ _REMEDIES = {
 }
 
 
-class Transport(Protocol):
-    """An open connection. Every method raises DeviceError once the device is lost."""
-
-    def read(self, timeout_s: float) -> bytes:
-        """Whatever has arrived; waits for the first byte at most timeout_s; empty when none came."""
-
-    def write(self, data: bytes) -> None:
-        """Send everything or raise; never blocks longer than WRITE_TIMEOUT_S."""
-
-    def close(self) -> None:
-        """Release the device; may be called twice."""
-
-
 class SerialTransport:
     """A serial port, locked for this process. RTS and DTR stay low: on a Create, RTS moves the wake-up line. Raises
-    DeviceNotFound with the remedy when the port is absent, forbidden or in use."""
+    DeviceNotFound with the remedy when the port is absent, forbidden or in use; every method DeviceError once it is
+    lost."""
 
     def __init__(self, port: str, baud: int) -> None:
         self.port = port
@@ -48,7 +35,7 @@ class SerialTransport:
             raise DeviceNotFound(f"{port}: {remedy}") from error
 
     def read(self, timeout_s: float) -> bytes:
-        """See Transport."""
+        """Whatever has arrived; waits for the first byte at most timeout_s; empty when none came."""
         try:
             self._serial.timeout = timeout_s
             first: bytes = self._serial.read(1)
@@ -57,7 +44,7 @@ class SerialTransport:
             raise DeviceError(f"{self.port}: lost while reading ({error}); check cable and power") from error
 
     def write(self, data: bytes) -> None:
-        """See Transport."""
+        """Send everything or raise; never blocks longer than WRITE_TIMEOUT_S."""
         try:
             self._serial.write(data)
         except serial.SerialTimeoutException as error:
@@ -68,7 +55,7 @@ class SerialTransport:
             raise DeviceError(f"{self.port}: lost while writing ({error}); check cable and power") from error
 
     def close(self) -> None:
-        """See Transport."""
+        """Release the device; may be called twice."""
         try:
             self._serial.close()
         except (OSError, termios.error):

@@ -24,7 +24,7 @@ class LoopbackTransport:
         return a, b
 
     def read(self, timeout_s: float) -> bytes:
-        """See Transport."""
+        """See SerialTransport."""
         with self._arrived:
             self._arrived.wait_for(lambda: bool(self._buffer) or self._severed, timeout_s)
             if self._severed:
@@ -34,7 +34,7 @@ class LoopbackTransport:
             return data
 
     def write(self, data: bytes) -> None:
-        """See Transport."""
+        """See SerialTransport."""
         peer = self._peer
         if self._severed or peer is None:
             raise DeviceError("null modem: severed")
@@ -51,5 +51,5 @@ class LoopbackTransport:
                     end._arrived.notify_all()
 
     def close(self) -> None:
-        """See Transport."""
+        """See SerialTransport."""
         self.sever()

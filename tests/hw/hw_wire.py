@@ -50,7 +50,7 @@ class Wire:
         return self.now_ns >= self._end_ns
 
     def read(self, timeout_s: float) -> bytes:
-        """See Transport."""
+        """See SerialTransport."""
         end_ns = self.now_ns + max(1, round(timeout_s * 1e9))
         while not self._inbox and self.now_ns < end_ns:
             self._advance(end_ns)
@@ -58,7 +58,7 @@ class Wire:
         return data
 
     def write(self, data: bytes) -> None:
-        """See Transport."""
+        """See SerialTransport."""
         self.written.append((self.now_ns, data))
         self.board.receive(data, self.now_ns)
 

@@ -1,4 +1,4 @@
-"""The scripts for the first hour with a robot, beside an emulated one; and the stop bytes of the service manager."""
+"""The commands for the first hour with a robot, beside an emulated one; and the stop bytes of the service manager."""
 
 import os
 import struct
@@ -15,7 +15,7 @@ from vsx_hw.bases import base_emulator
 from vsx_hw.create.protocol import CREATE_2
 from vsx_hw.kobuki.protocol import WHEEL_BASE_M, encode_frame
 
-BENCH = Path(__file__).resolve().parents[2] / "hw" / "bench"
+BENCH = str(Path(__file__).resolve().parents[2] / "hw" / "bench.py")
 ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p), "PYTHONUNBUFFERED": "1"}
 
 
@@ -34,7 +34,7 @@ def kobuki(tmp_path):
 
 def test_the_wheels_turn_as_announced(kobuki):
     plant, port = kobuki
-    done = run(str(BENCH / "turn_wheels.py"), port)
+    done = run(BENCH, "turn", port)
     assert done.returncode == 0, done.stderr
     assert plant.speeds == (0.0, 0.0)
     left, right = plant.travel
@@ -44,7 +44,7 @@ def test_the_wheels_turn_as_announced(kobuki):
 
 def test_a_killed_driver_is_shown_to_stop(kobuki):
     plant, port = kobuki
-    done = run(str(BENCH / "stop_wheels.py"), port)
+    done = run(BENCH, "stop", port)
     assert "killed" in done.stdout, done.stderr
     assert plant.travel[0] > 0.1
     assert plant.speeds == (0.0, 0.0)
@@ -54,7 +54,7 @@ def test_a_kobuki_tells_what_it_is_and_takes_back_the_gains_of_the_factory(kobuk
     _, port = kobuki
     with serial.Serial(port) as line:
         line.write(encode_frame(struct.pack("<BBB3I", 13, 13, 1, 50_000, 200, 3_000)))
-    asked = run(str(BENCH / "ask_kobuki.py"), port)
+    asked = run(BENCH, "ask", port)
     assert asked.stdout.splitlines() == [
         "hardware_version: 1.0.4",
         "firmware_version: 1.2.0",
@@ -63,22 +63,22 @@ def test_a_kobuki_tells_what_it_is_and_takes_back_the_gains_of_the_factory(kobuk
         "cliff_adc: (1600, 1900, 1600)",
         "gains: kind 1, 50, 0.2, 3",
     ], asked.stderr
-    assert "gains: kind 0, 100, 0.1, 2" in run(str(BENCH / "ask_kobuki.py"), port, "--factory-gains").stdout
+    assert "gains: kind 0, 100, 0.1, 2" in run(BENCH, "ask", port, "--factory-gains").stdout
 
 
 def test_a_create_is_found_and_told_to_stop(tmp_path):
     plant, port = FreeWheels(CREATE_2.wheel_base_m), str(tmp_path / "ttyCREATE")
     with base_emulator("create2", plant, port) as emulator:
-        assert "create2" in run(str(BENCH / "find_base.py"), port).stdout
+        assert "create2" in run(BENCH, "find", port).stdout
         plant.speeds = (0.1, 0.1)
-        done = run("-c", "import vsx_hw.stop_base as s; s.main()", port, "create2")
+        done = run("-c", "import vsx_hw.bases as b; b.main()", port, "create2")
         assert done.returncode == 0, done.stderr
         time.sleep(0.1)
         assert bytes(emulator._board.log).endswith(bytes((145, 0, 0, 0, 0, 128, 173)))
-    assert "create" in run("-c", "import vsx_hw.stop_base as s; s.main()", port, "tricycle").stderr
+    assert "create" in run("-c", "import vsx_hw.bases as b; b.main()", port, "tricycle").stderr
 
 
-@pytest.mark.parametrize("module", ["vsx_hw.stop_base", "vsx_hw.watchdog"])
+@pytest.mark.parametrize("module", ["vsx_hw.bases", "vsx_hw.watchdog"])
 def test_what_stops_the_wheels_loads_nothing_heavy(module):
     heavy = ("numpy", "cv2", "usb1", "rospy")
     done = run("-c", f"import sys, {module}; print([name for name in {heavy} if name in sys.modules])")

@@ -15,7 +15,6 @@ from vsx_hw.create.protocol import (
     encode_drive_direct,
     encode_lamps,
     encode_packets,
-    encode_play,
     encode_song,
     encode_stream_frame,
     encode_stream_request,
@@ -122,7 +121,6 @@ def test_undocumented_modes_are_unknown():
 
 def test_songs_are_sent_whole_or_not_at_all():
     assert encode_song(1, [(69, 0.5), (72, 1.0)]) == bytes((140, 1, 2, 69, 32, 72, 64))
-    assert encode_play(1) == bytes((141, 1))
     assert encode_lamps(8, 0, 255) == bytes((139, 8, 0, 255))
     for notes in ([(60, 0.1)] * 17, [(130, 0.5)], [(60, 5.0)], [(60, math.nan)], []):
         with pytest.raises(ProtocolError, match="notes"):

@@ -2,7 +2,7 @@
 
 import random
 
-from vsx_hw.device_clock import DeviceClock
+from vsx_hw.readings import DeviceClock
 
 MS = 1_000_000
 

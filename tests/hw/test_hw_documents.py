@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from vsx_hw.create.protocol import GROUPS, LAYOUT, Opcode, packets_bytes
-from vsx_hw.kinect import packets as kinect_packets
 from vsx_hw.kinect import protocol as kinect
 from vsx_hw.kinect import tilt, usb_transport
+from vsx_hw.kinect.emulator import KinectBoard
 from vsx_hw.kobuki import feedback as kobuki
 
 TEXT = (Path(__file__).resolve().parents[2] / "docs" / "protocols.md").read_text(encoding="utf-8")
@@ -61,15 +61,13 @@ def test_every_kobuki_part_is_as_long_as_told():
 
 def test_every_kinect_command_is_as_long_as_told():
     told = {int(cells[0].split()[0], 16): cells[1].count("u16") for cells in rows(CONTROL) if "regist" in cells[0][4:]}
-    some = kinect.Register(kinect.EXPOSURE_MODES, 0)
-    messages = (
-        kinect.encode_write(some, 7),
-        kinect.encode_cmos_write(some, 7),
-        kinect.encode_cmos_read(some.address, 7),
-    )
-    sent = [kinect.decode_message(message) for message in messages]
-    assert set(told) == {command for command, _, _ in sent}
-    assert all((len(words), tag) == (told[command], 7) for command, tag, words in sent)
+    board, sent = KinectBoard(), {kinect.WRITE_REGISTER: (5, 1), kinect.CMOS_REGISTER: (1, kinect.EXPOSURE_MODES, 0)}
+    assert told == {command: len(words) for command, words in sent.items()}
+    for command, words in sent.items():
+        message = kinect.encode_message(command, 7, *words)
+        assert kinect.decode_message(message) == (command, 7, words)
+        board.control_out(message)
+        assert board.control_in(), "obeyed"
 
 
 def test_every_kinect_register_is_told_with_all_values_it_is_given():
@@ -91,18 +89,18 @@ def test_every_kinect_register_is_told_with_all_values_it_is_given():
 
 def test_a_kinect_packet_is_laid_out_as_told():
     told = [cells for cells in rows(PACKETS) if cells[0].isdigit()]
-    assert _ends(told[:-1]) == kinect_packets.HEADER_BYTES == int(told[-1][0])
-    assert told[-1][2] == f"up to {kinect_packets.PACKET_DATA_BYTES} x u8"
-    assert f"at most {kinect_packets.PACKET_BYTES} bytes" in PACKETS
+    assert _ends(told[:-1]) == kinect.HEADER_BYTES == int(told[-1][0])
+    assert told[-1][2] == f"up to {kinect.PACKET_DATA_BYTES} x u8"
+    assert f"at most {kinect.PACKET_BYTES} bytes" in PACKETS
     at = {cells[1]: int(cells[0]) for cells in told}
-    packets = kinect_packets.packetize(np.zeros((480, 640), np.uint8), 0x01020304, 255)
+    packets = kinect.packetize(np.zeros((480, 640), np.uint8), 0x01020304, 255)
     magic, flags, clock = (next(cells[3] for cells in told if cells[1] == name) for name in ("magic", "flag", "clock"))
     assert packets[0][: at["flag"] - 1].hex(" ") == magic
     assert [f"0x{packets[k][at['flag']]:02X}" for k in (0, 1, -1)] == re.findall(r"0x\w+", flags)
     assert [packet[at["sequence"]] for packet in packets[:2]] == [255, 0]
     assert packets[-1][at["clock"] : at["data"]] == struct.pack("<I", 0x01020304)
-    assert f"{kinect_packets.CLOCK_HZ // 10**6} MHz" in clock
-    assert f"wraps after {2**kinect_packets.CLOCK_BITS / kinect_packets.CLOCK_HZ:.1f} s" in clock
+    assert f"{kinect.CLOCK_HZ // 10**6} MHz" in clock
+    assert f"wraps after {2**kinect.CLOCK_BITS / kinect.CLOCK_HZ:.1f} s" in clock
 
 
 def test_the_images_of_a_kinect_are_as_large_as_told():
@@ -111,7 +109,7 @@ def test_the_images_of_a_kinect_are_as_large_as_told():
     assert [name for name, _, _ in told] == list(modes)
     for name, size, packets in told:
         assert int(size.replace(",", "")) == modes[name].frame_bytes
-        assert len(kinect_packets.packetize(np.zeros(modes[name].frame_bytes, np.uint8), 0, 0)) == int(packets)
+        assert len(kinect.packetize(np.zeros(modes[name].frame_bytes, np.uint8), 0, 0)) == int(packets)
 
 
 def test_the_motor_and_the_audio_part_are_laid_out_as_told():

@@ -13,21 +13,21 @@ from vsx_hw.errors import DeviceNotFound, ProtocolError
 from vsx_hw.kinect import driver as driver_module
 from vsx_hw.kinect.driver import KinectCamera
 from vsx_hw.kinect.emulator import KinectBoard, KinectEmulator
-from vsx_hw.kinect.packets import packetize
 from vsx_hw.kinect.protocol import (
+    CMOS_REGISTER,
+    CMOS_WRITE,
     EXPOSURE_MODES,
     MODES,
     STOP,
     SXGA_BAYER,
     VGA_BAYER,
     VGA_UYVY,
-    Register,
+    WRITE_REGISTER,
     decode_message,
     decode_reply,
-    encode_cmos_read,
-    encode_cmos_write,
+    encode_message,
     encode_reply,
-    encode_write,
+    packetize,
 )
 from vsx_hw.kinect.socket_transport import SocketTransport
 
@@ -49,10 +49,10 @@ def rig(tmp_path):
 
 def test_register_writes_are_byte_exact_with_consecutive_tags():
     expected = ["0C000000", "0D000100", "0E001E00", "05000100", "47000000"]
-    writes = [encode_write(register, 7 + k) for k, register in enumerate(VGA_BAYER.start)]
+    writes = [encode_message(WRITE_REGISTER, 7 + k, *register) for k, register in enumerate(VGA_BAYER.start)]
     for k, (write, payload) in enumerate(zip(writes, expected)):
         assert write == bytes.fromhex(f"474D02000300{7 + k:02X}00{payload}")
-    assert encode_write(STOP[0], 0x1234) == bytes.fromhex("474D02000300341205000000")
+    assert encode_message(WRITE_REGISTER, 0x1234, *STOP[0]) == bytes.fromhex("474D02000300341205000000")
     assert encode_reply(3, 0x1234, 0) == bytes.fromhex("52420100030034120000")
 
 
@@ -241,13 +241,17 @@ def test_exposure_and_white_balance_are_locked_when_the_picture_has_settled(tmp_
 
 def test_a_camera_that_refuses_the_lock_is_not_said_to_be_locked(tmp_path, monkeypatch):
     monkeypatch.setattr(driver_module, "LOCK_AFTER_S", 0.1)
-    asked: list[bytes] = []
+    asked: list[tuple[int, ...]] = []
 
-    def refuse(message, tag):
-        asked.append(message)
-        raise ProtocolError("no such register")
+    ask = KinectCamera._ask
 
-    monkeypatch.setattr(driver_module.protocol, "encode_cmos_write", refuse)
+    def refuse(camera, transport, command, *words):
+        if command == CMOS_REGISTER:
+            asked.append(words)
+            raise ProtocolError("no such register")
+        return ask(camera, transport, command, *words)
+
+    monkeypatch.setattr(KinectCamera, "_ask", refuse)
     path = str(tmp_path / "kinect")
     with (
         KinectEmulator(path) as emulator,
@@ -263,12 +267,13 @@ def test_a_camera_that_refuses_the_lock_is_not_said_to_be_locked(tmp_path, monke
 
 
 def test_sensor_registers_are_read_and_written():
-    assert encode_cmos_read(0x0106, 9) == bytes.fromhex("474D0300950009000100060100 00")
-    assert encode_cmos_write(Register(0x0106, 0x308C), 10) == bytes.fromhex("474D030095000A00010006818C30")
-    assert decode_message(encode_cmos_read(0x0106, 9)) == (0x95, 9, (1, 0x0106, 0))
+    read, write = (1, 0x0106, 0), (1, 0x0106 | CMOS_WRITE, 0x308C)
+    assert encode_message(CMOS_REGISTER, 9, *read) == bytes.fromhex("474D0300950009000100060100 00")
+    assert encode_message(CMOS_REGISTER, 10, *write) == bytes.fromhex("474D030095000A00010006818C30")
+    assert decode_message(encode_message(CMOS_REGISTER, 9, *read)) == (0x95, 9, read)
     board = KinectBoard()
-    board.control_out(encode_cmos_write(Register(0x0106, 0x308C), 1))
-    board.control_out(encode_cmos_read(0x0106, 2))
+    board.control_out(encode_message(CMOS_REGISTER, 1, *write))
+    board.control_out(encode_message(CMOS_REGISTER, 2, *read))
     assert decode_reply(board.control_in(), 0x95, 2)[2] == 0x308C
 
 

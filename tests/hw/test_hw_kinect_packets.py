@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vsx_hw.kinect.packets import FrameAssembler, packetize
+from vsx_hw.kinect.protocol import FrameAssembler, packetize
 
 PER_TRANSFER = 32
 

@@ -4,11 +4,10 @@ from collections.abc import Iterable, Mapping
 from functools import reduce
 from operator import or_
 
-from vsx_hw.base_driver import Dialect
+from vsx_hw.base_driver import Dialect, TurnErrorFeedback
 from vsx_hw.create import protocol
 from vsx_hw.create.protocol import CREATE_1, CREATE_2, Mode, Model, Opcode
 from vsx_hw.readings import BaseReading, BatteryReading, GyroReading, Hazard, OdometryReading, Signal
-from vsx_hw.rounding import TurnErrorFeedback
 
 SAFETY_PACKETS = [7, 9, 10, 11, 12, 14, 18, 35]  # bumps and drops, cliffs, overcurrents, buttons, mode (Open Interface)
 BATTERY_PACKETS = [21, 22, 25, 26, 34]  # charging state, voltage, charge, capacity, chargers
@@ -87,7 +86,7 @@ class CreateDialect(Dialect):
         """See Dialect. The power lamp, and in an alarm the song of ``hello``: only in Safe and Full."""
         if not self.obeys:
             return b""
-        sound = protocol.encode_play(ALARM_SONG) if signal is Signal.ALARM else b""
+        sound = bytes((Opcode.PLAY, ALARM_SONG)) if signal is Signal.ALARM else b""
         return protocol.encode_lamps(0, _COLORS[signal], 255) + sound
 
     def hello(self) -> Iterable[tuple[bytes, float]]:

@@ -199,11 +199,6 @@ def encode_song(number: int, notes: list[tuple[int, float]]) -> bytes:
     return bytes((Opcode.SONG, number, len(notes))) + content
 
 
-def encode_play(number: int) -> bytes:
-    """Play a stored song, in Safe or Full mode only."""
-    return bytes((Opcode.PLAY, number))
-
-
 def encode_stream_request(packets: list[int], baud: int) -> bytes:
     """Ask for these packets every 15 ms. Raises ProtocolError when they do not fit into 15 ms at this baud rate."""
     needed = 3 + len(packets) + packets_bytes(packets)

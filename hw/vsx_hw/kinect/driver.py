@@ -10,12 +10,11 @@ import cv2
 import numpy as np
 
 from vsx_hw.connection_thread import ConnectionThread
-from vsx_hw.device_clock import DeviceClock
 from vsx_hw.errors import DeviceError, DeviceTimeout
 from vsx_hw.frozen_image import FROZEN, FrozenImageDetector
 from vsx_hw.kinect import protocol
-from vsx_hw.kinect.packets import CLOCK_BITS, CLOCK_HZ, FrameAssembler, PacketHandler, RawFrame
-from vsx_hw.readings import ImageReading, LinkStatus
+from vsx_hw.kinect.protocol import CLOCK_BITS, CLOCK_HZ, FrameAssembler, PacketHandler, RawFrame
+from vsx_hw.readings import DeviceClock, ImageReading, LinkStatus
 
 logger = logging.getLogger(__name__)
 
@@ -128,28 +127,27 @@ class KinectCamera(ConnectionThread):
         """A camera that refuses is used as it is."""
         address, automatic = protocol.EXPOSURE_MODES, protocol.AUTOMATIC_EXPOSURE | protocol.AUTOMATIC_WHITE_BALANCE
         try:
-            reply = self._ask(transport, protocol.encode_cmos_read(address, self._tag), protocol.CMOS_REGISTER)
-            fixed = protocol.Register(address, reply[2] & ~automatic)
-            self._ask(transport, protocol.encode_cmos_write(fixed, self._tag), protocol.CMOS_REGISTER)
+            reply = self._ask(transport, protocol.CMOS_REGISTER, 1, address, 0)
+            self._ask(transport, protocol.CMOS_REGISTER, 1, address | protocol.CMOS_WRITE, reply[2] & ~automatic)
             self._locked = True
         except (DeviceError, IndexError) as error:
             logger.warning("%s: exposure stays automatic (%s)", self._name, error)
 
     def _write(self, transport: KinectTransport, registers: Iterable[protocol.Register]) -> None:
         for register in registers:
-            self._ask(transport, protocol.encode_write(register, self._tag), protocol.WRITE_REGISTER)
+            self._ask(transport, protocol.WRITE_REGISTER, *register)
 
-    def _ask(self, transport: KinectTransport, message: bytes, command: int) -> tuple[int, ...]:
-        """Send a message with the present tag; the words of its reply. The camera says nothing until it is done: ask
+    def _ask(self, transport: KinectTransport, command: int, *words: int) -> tuple[int, ...]:
+        """Send a message; the words of its reply. The camera says nothing until it is done: ask
         again, but not for ever."""
-        transport.control_out(message)
+        transport.control_out(protocol.encode_message(command, self._tag, *words))
         deadline = time.monotonic() + REPLY_TIMEOUT_S
         while time.monotonic() < deadline:
             reply = transport.control_in(protocol.REPLY_BYTES)
             if reply:
-                words = protocol.decode_reply(reply, command, self._tag)
+                answer = protocol.decode_reply(reply, command, self._tag)
                 self._tag = (self._tag + 1) & 0xFFFF
-                return words
+                return answer
             time.sleep(0.001)
         raise DeviceTimeout(f"{self._name}: no answer in {REPLY_TIMEOUT_S} s; check its 12 V supply and replug it")
 

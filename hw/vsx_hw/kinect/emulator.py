@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from vsx_hw.errors import DeviceError, ProtocolError
 from vsx_hw.kinect import protocol
 from vsx_hw.kinect import socket_transport as wire
-from vsx_hw.kinect.packets import CLOCK_HZ, MICROFRAME_NS, packetize
+from vsx_hw.kinect.protocol import CLOCK_HZ, MICROFRAME_NS, packetize
 
 logger = logging.getLogger(__name__)
 

@@ -14,7 +14,7 @@ import threading
 from itertools import accumulate, pairwise
 
 from vsx_hw.errors import DeviceError, DeviceNotFound, ProtocolError
-from vsx_hw.kinect.packets import PACKET_BYTES, PacketHandler
+from vsx_hw.kinect.protocol import PACKET_BYTES, PacketHandler
 
 CONTROL_OUT, CONTROL_IN, START, STOP, REPLY, PACKETS = b"O", b"I", b"S", b"X", b"R", b"P"
 REPLY_WAIT_S = 0.5  # as the wire's CONTROL_TIMEOUT_MS

@@ -6,6 +6,7 @@ i16 big endian x, y, z in counts of 819 per g, i8 twice the tilt in degrees, u8 
 
 import math
 import struct
+from contextlib import closing
 from typing import NamedTuple
 
 import usb1
@@ -53,9 +54,8 @@ def read_tilt_state() -> TiltState:
         handle = context.openByVendorIDAndProductID(*MOTOR, skip_on_error=True)
         if handle is None:
             raise DeviceNotFound("no Kinect motor on the USB; only model 1414 has one, and its 12 V must be on")
-        try:
-            return decode_tilt_state(bytes(handle.controlRead(0xC0, 0x32, 0, 0, STATE_BYTES, 500)))
-        except usb1.USBError as error:
-            raise DeviceError(f"Kinect motor: {error}; replug it") from error
-        finally:
-            handle.close()
+        with closing(handle):
+            try:
+                return decode_tilt_state(bytes(handle.controlRead(0xC0, 0x32, 0, 0, STATE_BYTES, 500)))
+            except usb1.USBError as error:
+                raise DeviceError(f"Kinect motor: {error}; replug it") from error

@@ -14,7 +14,7 @@ from typing import Any
 import usb1
 
 from vsx_hw.errors import DeviceError, DeviceNotFound, DeviceTimeout
-from vsx_hw.kinect.packets import PACKET_BYTES, PacketHandler
+from vsx_hw.kinect.protocol import PACKET_BYTES, PacketHandler
 
 logger = logging.getLogger(__name__)
 
@@ -56,24 +56,17 @@ def light_lamp(context: Any) -> str:
     for device in context.getDeviceIterator(skip_on_error=True):
         if (device.getVendorID(), device.getProductID()) in AUDIO_PARTS:
             try:
-                return _light(device)
+                with contextlib.closing(device.open()) as handle:
+                    serial = str(handle.getSerialNumber() or "")
+                    handle.claimInterface(0)
+                    handle.bulkWrite(0x01, lamp_message(1, GREEN), _LAMP_TIMEOUT_MS)
+                    handle.bulkRead(0x81, 512, _LAMP_TIMEOUT_MS)
+                    return serial
             except usb1.USBError as error:
                 logger.warning("Kinect: lamp and serial number are out of reach (%s); the camera works without", error)
                 return ""
     logger.warning("Kinect: its audio part is missing (lamp, serial number); the camera works without")
     return ""
-
-
-def _light(device: Any) -> str:
-    handle = device.open()
-    try:
-        serial = str(handle.getSerialNumber() or "")
-        handle.claimInterface(0)
-        handle.bulkWrite(0x01, lamp_message(1, GREEN), _LAMP_TIMEOUT_MS)
-        handle.bulkRead(0x81, 512, _LAMP_TIMEOUT_MS)
-        return serial
-    finally:
-        handle.close()
 
 
 class UsbTransport:
