@@ -20,7 +20,7 @@ from vsx_ros.config import PlannerConfig
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.warmup import warm_up
 from vsx_ros.planning.coarse_path import shortest_word
-from vsx_ros.planning.connect import connect
+from vsx_ros.planning.joint_qp import connect
 from vsx_ros.planning.path import Path, Plan, Trajectory
 from vsx_ros.planning.planner import Planner
 from vsx_ros.planning.planners import UnconstrainedPlanner

@@ -61,12 +61,6 @@ class Odometry(NamedTuple):
         omega = self.omega + ratio * (later.omega - self.omega)
         return Odometry(stamp_ns, pose, v, omega, self.trusted and later.trusted, self.odom_epoch)
 
-    def carried_on(self, stamp_ns: int) -> Odometry:
-        """At an instant after this reading, its speeds held."""
-        seconds = (stamp_ns - self.stamp_ns) * 1e-9
-        pose = self.T_odom_base @ SE2.exp(self.v * seconds, self.omega * seconds)
-        return self._replace(stamp_ns=stamp_ns, T_odom_base=pose)
-
     @property
     def impossible(self) -> str:
         """Why no base can be there or move so, in words; empty when one can."""
@@ -124,7 +118,11 @@ def odometry_at(readings: Sequence[Odometry], stamp_ns: int) -> Odometry | None:
     before = readings[i - 1]
     if i < len(readings) and readings[i].odom_epoch == before.odom_epoch:
         return before.towards(readings[i], stamp_ns)
-    return before.carried_on(stamp_ns) if stamp_ns - before.stamp_ns <= _CARRIED_NS else None
+    if stamp_ns - before.stamp_ns > _CARRIED_NS:
+        return None
+    seconds = (stamp_ns - before.stamp_ns) * 1e-9
+    step = SE2.exp(before.v * seconds, before.omega * seconds)
+    return before._replace(stamp_ns=stamp_ns, T_odom_base=before.T_odom_base @ step)
 
 
 class VelocityCommand(NamedTuple):

@@ -10,7 +10,7 @@ from following import drive
 from vsx_ros.config import LimitsConfig
 from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.planning.connect import connect
+from vsx_ros.planning.joint_qp import connect
 from vsx_ros.planning.path import Path
 from vsx_ros.planning.time_scaling import time_scale
 

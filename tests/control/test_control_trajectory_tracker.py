@@ -11,7 +11,7 @@ from vsx_ros.control.trajectory_tracker import FollowStatus, TrajectoryTracker
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2, integrate
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.planning.connect import connect
+from vsx_ros.planning.joint_qp import connect
 from vsx_ros.planning.path import Path, Plan, Trajectory, certified
 from vsx_ros.planning.pieces import arc_piece
 from vsx_ros.planning.planners import UnconstrainedPlanner

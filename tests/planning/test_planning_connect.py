@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2, wrap_angle
 from vsx_ros.planning.coarse_path import shortest_word
-from vsx_ros.planning.connect import connect
+from vsx_ros.planning.joint_qp import connect
 from vsx_ros.planning.path import Path, Refusal, RefusalKind
 from vsx_ros.planning.pieces import arc_piece
 from vsx_ros.planning.two_level_qp import connect_paper, feasible

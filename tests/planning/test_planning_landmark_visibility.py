@@ -9,8 +9,8 @@ from vsx_ros.config import LimitsConfig, PlannerConfig, RobotConfig
 from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
-from vsx_ros.planning.connect import connections
 from vsx_ros.planning.corridor import Visibility
+from vsx_ros.planning.joint_qp import connections
 from vsx_ros.planning.path import Plan, Refusal, RefusalKind, certified
 from vsx_ros.planning.pieces import arc_piece, turn_piece
 from vsx_ros.planning.planner import Planner

@@ -7,7 +7,7 @@ import pytest
 
 from vsx_ros.config import LimitsConfig
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.planning.connect import connect
+from vsx_ros.planning.joint_qp import connect
 from vsx_ros.planning.path import Path, Trajectory, certified
 from vsx_ros.planning.pieces import arc_piece, turn_piece
 from vsx_ros.planning.retiming import Timing, retime

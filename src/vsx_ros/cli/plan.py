@@ -15,7 +15,7 @@ from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.map_file import load_map
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
-from vsx_ros.planning.connect import check_question
+from vsx_ros.planning.joint_qp import check_question
 from vsx_ros.planning.path import Plan, Refusal, Trajectory
 from vsx_ros.planning.planners import PLANNERS
 from vsx_ros.planning.time_scaling import time_scale

@@ -141,16 +141,15 @@ class TrajectoryTracker:
         if diverged:
             self.cancel()
             return FollowResult(STOP, FollowStatus.DIVERGED, diverged, error)
-        if stale:
-            if self.stands:
-                self.halted()
-                return FollowResult(STOP, FollowStatus.STALE, stale, error)
-            return FollowResult(self._limited(*self._law(v, omega, error), dt), FollowStatus.STALE, stale, error)
-        if self._arrived(error, dt):
+        if stale and self.stands:
+            self.halted()
+            return FollowResult(STOP, FollowStatus.STALE, stale, error)
+        if not stale and self._arrived(error, dt):
             self.cancel()
             reason = f"arrived {100 * math.hypot(error.x, error.y):.1f} cm, {math.degrees(error.theta):.1f} deg off"
             return FollowResult(STOP, FollowStatus.ARRIVED, reason, error)
-        return FollowResult(self._limited(*self._law(v, omega, error), dt), FollowStatus.FOLLOWING, "", error)
+        status = FollowStatus.STALE if stale else FollowStatus.FOLLOWING
+        return FollowResult(self._limited(*self._law(v, omega, error), dt), status, stale, error)
 
     def _why_stale(self, pose: SE2 | None, pose_age_s: float, tracking_ok: bool) -> str:
         if pose is None:
@@ -186,16 +185,12 @@ class TrajectoryTracker:
         if v == 0.0 and omega != 0.0:
             return 0.0, omega + self._config.turn_gain_per_s * error.theta
         # What lies beside the path is told where the base is on it, not where the reference is, ahead on a bend.
-        kappa, wn = self._curvature_here(), self._config.stiffness_rad_m
+        times, wn = self._trajectory.times_s, self._config.stiffness_rad_m
+        kappa = float(self._curvature[np.searchsorted(times, times[0] + self.progress_s, side="right") - 1])
         heading = error.theta - kappa * error.x
         sideways = error.y - error.x * error.theta + 0.5 * kappa * error.x**2
         along = v * math.cos(error.theta) + self._config.along_gain_per_s * error.x
         return along, along * (kappa + wn * wn * sideways) + 2.0 * wn * abs(along) * heading
-
-    def _curvature_here(self) -> float:
-        times = self._trajectory.times_s
-        i = int(np.searchsorted(times, times[0] + self.progress_s, side="right")) - 1
-        return float(self._curvature[i])
 
     def _limited(self, v: float, omega: float, dt: float) -> VelocityCommand:
         """Within the limits, keeping the curvature; the clock waits for what was cut off."""

@@ -23,7 +23,7 @@ from vsx_ros.experiments.drive import (
 from vsx_ros.experiments.table1 import Drives, faults, faults_table
 from vsx_ros.experiments.trackers import PAPER
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.planning.connect import connect
+from vsx_ros.planning.joint_qp import connect
 from vsx_ros.planning.path import Path, Plan
 from vsx_ros.planning.two_level_qp import connect_paper
 from vsx_ros.runs.world import open_world

@@ -133,18 +133,13 @@ def coarse_lattice(phi: float) -> Lattice:
     return Lattice(headings, bins, _CELL_M, _COARSE_STATES)
 
 
-def fine_lattice(phi: float) -> Lattice:
-    """Half the cells and half the arcs, for manoeuvres where there is hardly room."""
-    coarse = coarse_lattice(phi)
-    return Lattice(2 * coarse.headings, coarse.bins, 0.5 * coarse.cell_m, _FINE_STATES)
-
-
 def search(start: SE2, goal: SE2, bounds: ArcBounds, remaining: FloatArray) -> CoarsePath | None:
     """A way over a lattice: from the start, from the goal, with arcs half as long; None when there is none.
 
     remaining (H, W): ``travel_distance`` from the goal.
     """
-    coarse, fine = coarse_lattice(bounds.phi), fine_lattice(bounds.phi)
+    coarse = coarse_lattice(bounds.phi)
+    fine = Lattice(2 * coarse.headings, coarse.bins, 0.5 * coarse.cell_m, _FINE_STATES)  # where there is hardly room
     way = search_lattice(start, goal, bounds, remaining, coarse)
     if way is None and is_stuck(start, goal, bounds, coarse):
         way = search_lattice_back(start, goal, bounds, coarse._replace(most_states=_BACK_STATES))

@@ -1,4 +1,5 @@
-"""Heading sequences, which way to drive and how far to turn piece by piece, and one quadratic programme for all pieces.
+"""Two poses, free space: a path between them that never turns faster than phi per metre. It is made of a heading
+sequence, which way to drive and how far to turn piece by piece, and one quadratic programme for all pieces.
 
 A Reeds-Shepp word tells the sequence for free space. Where the word bends one way, straight or not, without changing
 direction, one piece suffices, because the programme puts the straight length where it is best.
@@ -13,6 +14,7 @@ coefficients of rho_k = ds/dt >= 0 of all pieces jointly. Cusp positions are not
 DAQP (Arnstrom et al. 2022), a dual active-set method, solves it exactly.
 """
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -21,9 +23,11 @@ import daqp
 import numpy as np
 
 from vsx_ros.arrays import FloatArray
+from vsx_ros.config import PlannerConfig
+from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2, wrap_angle
 from vsx_ros.kernels.planning import curves as kernels
-from vsx_ros.planning.coarse_path import CoarsePath, nanometres, words
+from vsx_ros.planning.coarse_path import CoarsePath, nanometres, shortest_word, words
 from vsx_ros.planning.flat_output import COARSE, COEFFICIENTS, FLAGS, RATE_ROWS, Quadrature, curvature_bound, least_rate
 from vsx_ros.planning.path import Path, certified
 from vsx_ros.planning.pieces import Piece, curve_piece
@@ -34,6 +38,14 @@ _ENERGY = 0.01  # weight of smoothness against length: small, so that it decides
 _FLOOR_M, _FLOOR_SHARE = 0.01, 0.02  # least length of a piece, m and share of the way: none may vanish
 _EXACT = 1e-9  # m, rad and share of phi: what counts as exact
 _LENGTH = {flags: COARSE.integral(COARSE.basis[flags]) for flags in FLAGS}
+TIGHTNESS = (1.0, 0.95, 0.9, 0.8)
+"""Headings are searched at these shares of phi, so that the programme at phi has room."""
+
+GOOD_ENOUGH = 1.004  # times the shortest word's length: tighter headings can gain no more than that
+_TRIES = 5  # sequences solved per tightness, for time
+_SHORTEST_PIECE_M = 0.01  # shorter pieces make the programme ill-conditioned; used only where there are no others
+_NOTHING_M = 1e-12  # what rounding leaves of an arc
+_USUAL = PlannerConfig()
 
 
 class QpProblem(NamedTuple):
@@ -185,3 +197,51 @@ def verified(
     c = path.certificate
     ok = sampled <= phi * (1.0 + _EXACT) and c.end_error_m <= _EXACT and c.end_error_rad <= _EXACT
     return path if ok else None
+
+
+def check_question(start: SE2, goal: SE2, phi: float) -> None:
+    """Raise PlanningError for poses that are not finite or a phi that is not positive."""
+    for name, pose in (("start", start), ("goal", goal)):
+        if not pose.is_finite():
+            raise PlanningError(f"{name} pose ({pose.x}, {pose.y}, {pose.theta}) is not finite; give three numbers")
+    if not (math.isfinite(phi) and phi > 0.0):
+        raise PlanningError(f"phi = {phi} rad/m: the bound on the change of view must be positive and finite")
+
+
+def same_pose(start: SE2, goal: SE2) -> bool:
+    """Whether nothing remains to be driven (to a nanometre and nanoradian)."""
+    return start.distance_to(goal) <= _EXACT and abs(start.angle_to(goal)) <= _EXACT
+
+
+def connect(start: SE2, goal: SE2, phi: float) -> Path:
+    """A path from start to goal with |dtheta/ds| <= phi everywhere, ending on the goal to a nanometre, with cusps
+    where they help. Raises PlanningError for NaN or phi <= 0."""
+    check_question(start, goal, phi)
+    if same_pose(start, goal):
+        return certified(start, goal, (), "start and goal are the same")
+    return connections(start, goal, phi, enough=1)[0]
+
+
+def connections(start: SE2, goal: SE2, phi: float, enough: int, config: PlannerConfig = _USUAL) -> list[Path]:
+    """Verified paths, cheapest by config first, never none; searches on until ``enough`` smooth ones are found.
+
+    The shortest Reeds-Shepp word itself, arcs with stops between them, stands in where no smooth path comes near it
+    (between poses a hair apart).
+    """
+    found: list[Path] = []
+    arcs = tuple(arc for arc in shortest_word(start, goal, phi).arcs(start) if arc.length_m > _NOTHING_M)
+    word = certified(start, goal, arcs, "arcs and lines")
+    for tight in TIGHTNESS:
+        sequences = free_space_sequences(start, goal, tight * phi, config.cusp_cost_m)
+        long = [s for s in sequences if s.shortest_m >= _SHORTEST_PIECE_M or len(s.turns) == 1]
+        for sequence in (long or sequences)[: max(_TRIES, enough)]:
+            best = min((path.cost_m(config) for path in found), default=math.inf)
+            if len(found) >= enough and tight * sequence.length_m + config.cusp_cost_m * sequence.cusps >= best:
+                break
+            path = solve(sequence, start, goal, phi)
+            if path is not None:
+                found.append(path)
+        best = min((path.length_m for path in found), default=math.inf)
+        if len(found) >= enough and best <= GOOD_ENOUGH * word.length_m:
+            break
+    return sorted([*found, word], key=lambda path: nanometres(path.cost_m(config)))

@@ -16,8 +16,8 @@ from vsx_ros.kernels.planning.motions import arc_is_free
 from vsx_ros.kernels.planning.primitives import Grown, grow
 from vsx_ros.occupancy.distance import travel_distance, with_fringe
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.planning.connect import check_question, same_pose
 from vsx_ros.planning.corridor import Corridor, Visibility, build_corridor
+from vsx_ros.planning.joint_qp import check_question, same_pose
 from vsx_ros.planning.path import Path, Plan, Refusal, RefusalKind, certified
 from vsx_ros.planning.pieces import Piece, arc_piece, turn_piece
 from vsx_ros.planning.planner import Planner

@@ -13,9 +13,8 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray
 from vsx_ros.geometry.se2 import SE2, wrap_angle
-from vsx_ros.planning.connect import check_question
 from vsx_ros.planning.flat_output import COARSE, COEFFICIENTS, FINE
-from vsx_ros.planning.joint_qp import QpProblem, solve_qp
+from vsx_ros.planning.joint_qp import QpProblem, check_question, solve_qp
 from vsx_ros.planning.path import Path, Refusal, RefusalKind, certified
 from vsx_ros.planning.pieces import Piece
 
