@@ -17,9 +17,9 @@ pytest.importorskip("rospy")
 
 from ros_ports import HOST, free_port
 
+from vsx_hw.bases import BASES, base_emulator
 from vsx_ros.config import RobotConfig
 from vsx_ros.ros import launch
-from vsx_ros.ros.base_drivers import base_emulator, wheel_base_m
 from vsx_ros.ros.emulation import POSE, BodyPlant, BodyState, RenderSettings
 from vsx_ros.ros.master_watch import master_watch
 from vsx_ros.runs.folder import RunFolder
@@ -69,7 +69,7 @@ class Stack:
         self._folder = folder
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         world = open_world(WORLD, SEED)
-        self.plant = WatchedPlant(world, SEED, RobotConfig(), self._on_step, wheel_base_m("kobuki"))
+        self.plant = WatchedPlant(world, SEED, RobotConfig(), self._on_step, BASES["kobuki"].wheel_base_m)
         self._base = base_emulator("kobuki", self.plant, str(folder / "base"), SEED)
         self._camera: subprocess.Popen[bytes] | None = None
         self._watchers: list[Callable[[BodyState], None]] = []

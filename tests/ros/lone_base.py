@@ -11,8 +11,8 @@ import rosgraph
 from processes import Processes
 from ros_ports import HOST, free_port
 
+from vsx_hw.bases import BASES, base_emulator
 from vsx_ros.config import RobotConfig
-from vsx_ros.ros.base_drivers import base_emulator, wheel_base_m
 from vsx_ros.ros.emulation import BodyPlant
 from vsx_ros.runs.world import open_world
 
@@ -45,7 +45,7 @@ class LoneBase:
     def __init__(self, folder: Path) -> None:
         self.processes = Processes(folder, f"http://{HOST}:{free_port()}", ROS_HOSTNAME=HOST)
         self.port = str(folder / "base")
-        self.plant = CountedPlant(open_world("lab", 1), 1, RobotConfig(), lambda _: None, wheel_base_m("kobuki"))
+        self.plant = CountedPlant(open_world("lab", 1), 1, RobotConfig(), lambda _: None, BASES["kobuki"].wheel_base_m)
         self._emulator = base_emulator("kobuki", self.plant, self.port, 1)
         self._emulator.start(time.monotonic_ns())
         self.uri = self.processes.environment["ROS_MASTER_URI"]

@@ -13,6 +13,7 @@ pytest.importorskip("rospy")
 import cv2
 import numpy as np
 from chromium import EXECUTABLE, Chromium
+from geometry_msgs.msg import PoseArray
 
 from vsx_ros.exploration.utility import View
 from vsx_ros.geometry.camera import mount_pose
@@ -72,7 +73,7 @@ class Robot:
         path = [SE2(0.05 * k, 0.3 * math.sin(0.1 * k), 0.0) for k in range(60)]
         self._board.post("plan", feed.text(feed.plan(convert.path_msg("map", 1, path))))
         cameras = [SE3.from_se2(SE2(-1.0 + 0.4 * k, -1.5, 0.2 * k)) @ MOUNT for k in range(KEYFRAMES)]
-        self._board.post("keyframes", feed.text(feed.keyframes(convert.pose_array("map", 1, cameras))))
+        self._board.post("keyframes", feed.text(feed.keyframes(PoseArray(poses=list(map(convert.pose_msg, cameras))))))
         status = {"state": "mapping", "reason": "driving to a view of 4.0 m2, 2.0 m away", "goal": [3.0, 0.3, 0.0]}
         self._board.post("mission", feed.text(status))
         self._board.post("slam", feed.text(["TRACKING", ""]))

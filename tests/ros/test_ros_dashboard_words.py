@@ -57,7 +57,7 @@ def test_a_map_without_knowledge_is_one_transparent_pixel() -> None:
 @pytest.mark.parametrize("heading", [-2.5, 0.0, 1.0, 3.0])
 def test_keyframes_look_where_their_camera_looks(heading: float) -> None:
     T_world_cam = SE3.from_se2(SE2(1.0, 2.0, heading)) @ mount_pose(0.0, 0.0, 0.5, 0.2)
-    [[x, y, looks]] = feed.keyframes(convert.pose_array("map", 1, [T_world_cam]))
+    [[x, y, looks]] = feed.keyframes(PoseArray(poses=[convert.pose_msg(T_world_cam)]))
     assert (x, y) == (1.0, 2.0)
     assert math.cos(looks - heading) == pytest.approx(1.0, abs=1e-4)
     assert feed.keyframes(PoseArray()) == []

@@ -34,12 +34,16 @@ while True:
 """Knows nothing of masters: its connection to the base outlives them."""
 
 LIVE = """
-import sys, time
+import os, sys, time
+from pathlib import Path
+from vsx_ros.config import from_dict
 from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.live_run import LiveRun
 
 base = LaunchNode("mobile_base", {"robot_type": "kobuki", "port": sys.argv[1]}, respawn=True)
-with LiveRun([base], {"robot": {"odometry": {"linear_scale": 1.25}}}, ("mobile_base",)) as live:
+config = from_dict({"robot": {"odometry": {"linear_scale": 1.25}}})
+log = Path(os.environ["ROS_LOG_DIR"])
+with LiveRun([base], config, ("mobile_base",), log, view=False, replayed=False) as live:
     while not live.interrupted:
         time.sleep(0.1)
 """

@@ -17,7 +17,7 @@ from std_msgs.msg import String
 
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import VelocityCommand
-from vsx_ros.ros import convert, driving, headers, planning_thread, situation, threads, topics
+from vsx_ros.ros import convert, driving, headers, planning_thread, situation, slam_messages, threads, topics
 from vsx_ros.ros.logs import Diagnostics
 from vsx_ros.ros.nodes import follower, move_base
 from vsx_ros.slam.state import TrackingState
@@ -123,7 +123,7 @@ class Wires:
             self.say(topics.FOLLOWER_LEASE, String("vslam"))
             self.say(topics.SLAM_STATE, DiagnosticStatus(name=self.state.word))
             if self.state.tracked:
-                self.say(topics.POSE, convert.pose_with_covariance(topics.MAP_FRAME, stamp_ns, pose, 0.01, 0.01))
+                self.say(topics.POSE, slam_messages.located(stamp_ns, pose, 0.01, 0.01))
 
 
 class ActionServer:

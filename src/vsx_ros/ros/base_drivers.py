@@ -10,7 +10,6 @@ from vsx_hw import bases
 from vsx_hw.errors import DeviceError
 from vsx_hw.readings import BaseReading, LinkStatus, Signal
 from vsx_hw.safety import SOURCES, SpeedLimits, Supervisor
-from vsx_hw.serial_emulator import Plant, SerialEmulator
 from vsx_hw.watchdog import Watchdogs
 from vsx_ros.config import Config, LimitsConfig
 from vsx_ros.errors import ConfigError
@@ -63,7 +62,7 @@ class Listeners(NamedTuple):
 
 
 def _at_port(settings: BaseSettings, hears: Listeners) -> Base:
-    _wired(settings.robot_type)
+    wired(settings.robot_type)
     kind, port, timeout_s, linear, angular, allow = settings
     scales = linear, angular
     return bases.base_driver(kind, port, hears.on_reading, hears.on_link, timeout_s, scales, hears.on_command, allow)
@@ -97,18 +96,8 @@ def base_watchdogs(robot_type: str, port: str) -> Watchdogs:
     return NoWatchdogs() if base is None else Watchdogs(port, base.baud, base.stop_bytes())
 
 
-def base_emulator(robot_type: str, plant: Plant, link: str, seed: int) -> SerialEmulator:
-    """A base on emulated wheels behind the serial port ``link``. Raises ConfigError for one that is not emulated."""
-    _wired(robot_type)
-    return bases.base_emulator(robot_type, plant, link, seed)
-
-
-def wheel_base_m(robot_type: str) -> float:
-    """Distance between the wheels [m]. Raises ConfigError for a base that is not emulated."""
-    return _wired(robot_type).wheel_base_m
-
-
-def _wired(robot_type: str) -> bases.Base:
+def wired(robot_type: str) -> bases.Base:
+    """A base at a serial port; each has an emulator, too. Raises ConfigError for another."""
     if robot_type not in bases.BASES:
         raise ConfigError(f"~robot_type {robot_type!r}: give {', '.join(bases.BASES)} or auto")
     return bases.BASES[robot_type]

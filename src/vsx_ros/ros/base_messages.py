@@ -66,12 +66,10 @@ def battery(reading: BatteryReading, stamp_ns: int) -> BatteryState:
     msg = BatteryState(header=headers.header("", stamp_ns), voltage=reading.voltage_v, percentage=reading.fraction)
     msg.temperature = msg.current = msg.charge = msg.capacity = msg.design_capacity = math.nan
     msg.present = True
+    charging, discharging = BatteryState.POWER_SUPPLY_STATUS_CHARGING, BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
+    msg.power_supply_status = charging if reading.charging else discharging
     if reading.state == "charged":
         msg.power_supply_status = BatteryState.POWER_SUPPLY_STATUS_FULL
-    elif reading.charging:
-        msg.power_supply_status = BatteryState.POWER_SUPPLY_STATUS_CHARGING
-    else:
-        msg.power_supply_status = BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
     return msg
 
 

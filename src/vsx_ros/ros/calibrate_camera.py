@@ -83,8 +83,7 @@ def calibrate(board: Board) -> int:
     if watcher.chooser is None or len(watcher.chooser.views) < MIN_VIEWS:
         raise InputError(f"ended with too few views of the board, {MIN_VIEWS} are needed; nothing is stored")
     result = calibrate_camera(board, watcher.chooser.views, *watcher.size)
-    told = "\n  ".join([f"{len(watcher.chooser.views)} views", *result.report()])
-    sys.stdout.write(f"{told}\n{result.verdict}\n")
+    sys.stdout.write("\n  ".join([f"{len(watcher.chooser.views)} views", *result.report()]) + f"\n{result.verdict}\n")
     if result.verdict.grade is Grade.BAD:
         sys.stdout.write("  it is not stored\n")
         return FAILED

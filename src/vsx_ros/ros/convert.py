@@ -8,18 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import (
-    Point,
-    Pose,
-    PoseArray,
-    PoseStamped,
-    PoseWithCovarianceStamped,
-    Quaternion,
-    Transform,
-    TransformStamped,
-    Twist,
-    Vector3,
-)
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Transform, TransformStamped, Twist, Vector3
 from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
 from nav_msgs.msg import Odometry as OdometryMsg
 from nav_msgs.msg import Path as PathMsg
@@ -94,26 +83,11 @@ def pose_stamped(frame_id: str, stamp_ns: int, T: SE2 | SE3) -> PoseStamped:
     return PoseStamped(header(frame_id, stamp_ns), pose_msg(T))
 
 
-def pose_with_covariance(
-    frame_id: str, stamp_ns: int, T: SE2, sigma_m: float, sigma_rad: float
-) -> PoseWithCovarianceStamped:
-    """A pose on the floor with independent standard deviations of position and heading; the rest is unknown."""
-    msg = PoseWithCovarianceStamped(header=header(frame_id, stamp_ns))
-    msg.pose.pose = pose_msg(T)
-    msg.pose.covariance = floor_covariance(sigma_m**2, sigma_rad**2)
-    return msg
-
-
 def floor_covariance(position_m2: float, heading_rad2: float) -> list[float]:
     """The 6x6 covariance, row by row, of x, y, z, roll, pitch, yaw (or their speeds) of a robot on the floor."""
     covariance = [0.0] * 36
     covariance[::7] = [position_m2] * 2 + [UNKNOWN_VARIANCE] * 3 + [heading_rad2]
     return covariance
-
-
-def pose_array(frame_id: str, stamp_ns: int, poses: Sequence[SE3]) -> PoseArray:
-    """Many poses."""
-    return PoseArray(header(frame_id, stamp_ns), [pose_msg(T) for T in poses])
 
 
 def path_msg(frame_id: str, stamp_ns: int, poses: Sequence[SE2]) -> PathMsg:

@@ -116,8 +116,7 @@ def path_msg(plan: Plan, frame: str) -> PathMsg:
 def trajectory_msg(trajectory: Trajectory, frame_id: str, stamp_ns: int) -> MultiDOFJointTrajectory:
     """Timed poses and body speeds of base_footprint."""
     msg = MultiDOFJointTrajectory(header=headers.header(frame_id, stamp_ns), joint_names=[topics.BASE_FRAME])
-    rows = zip(trajectory.times_s, trajectory.poses, trajectory.v, trajectory.omega)
-    for t, (x, y, theta), v, omega in rows:
+    for t, (x, y, theta), v, omega in zip(trajectory.times_s, trajectory.poses, trajectory.v, trajectory.omega):
         transform = Transform(Vector3(x, y, 0.0), convert.quaternion_of_heading(theta))
         speeds = [convert.twist(VelocityCommand(float(v), float(omega)))]
         msg.points.append(MultiDOFJointTrajectoryPoint([transform], speeds, [], rospy.Duration.from_sec(float(t))))
@@ -134,8 +133,9 @@ def brake_msg(a_m_s2: float, frame_id: str, stamp_ns: int) -> MultiDOFJointTraje
 
 
 def wanted(msg: MultiDOFJointTrajectory) -> Trajectory | float:
-    """The trajectory of a message, or how hard to brake [m/s2], infinite for at once. Raises InputError when a point
-    lacks its pose or speed, or holds none, or the deceleration is none, PlanningError when times are impossible."""
+    """The trajectory of a message, its headings unwrapped, or how hard to brake [m/s2], infinite for at once. Raises
+    InputError when a point lacks its pose or speed, or holds none, or the deceleration is none, PlanningError when
+    times are impossible."""
     if not msg.points:
         return math.inf
     first = msg.points[0]
@@ -144,11 +144,6 @@ def wanted(msg: MultiDOFJointTrajectory) -> Trajectory | float:
         if not (math.isfinite(a_m_s2) and a_m_s2 > 0.0):
             raise InputError(f"trajectory message: to brake by {a_m_s2} m/s2 is impossible; give a number above 0")
         return a_m_s2
-    return _trajectory(msg)
-
-
-def _trajectory(msg: MultiDOFJointTrajectory) -> Trajectory:
-    """Headings unwrapped."""
     if any(len(point.transforms) != 1 or len(point.velocities) != 1 for point in msg.points):
         raise InputError("trajectory message: every point needs one transform and one velocity, those of the base")
     places = [point.transforms[0] for point in msg.points]

@@ -17,8 +17,7 @@ _prefix = ""
 
 def now_ns() -> int:
     """ROS time, the clock of all stamps [ns]."""
-    nanoseconds: int = rospy.Time.now().to_nsec()
-    return nanoseconds
+    return int(rospy.Time.now().to_nsec())
 
 
 def refuse_future(stamp_ns: int) -> None:

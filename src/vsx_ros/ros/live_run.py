@@ -17,12 +17,14 @@ import rospy
 from geometry_msgs.msg import Twist
 from std_srvs.srv import SetBool
 
+from vsx_ros.config import Config, to_dict
 from vsx_ros.errors import ConfigError
 from vsx_ros.ros import calls, launch, logs, node, topics
 from vsx_ros.ros.calls import answers_at
 from vsx_ros.ros.host_address import DEFAULT_MASTER
 from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.master_watch import master_watch
+from vsx_ros.ros.nodes.dashboard import prepare_view
 from vsx_ros.runs import process
 from vsx_ros.runs.process import SignalFlag
 
@@ -40,12 +42,19 @@ class LiveRun:
     """Usable as a context manager: whatever happens inside, the robot is stopped and every process is ended."""
 
     def __init__(
-        self, nodes: list[LaunchNode], config: dict[str, Any], vital: tuple[str, ...], *, replayed: bool = False
+        self, nodes: list[LaunchNode], config: Config, vital: tuple[str, ...], log: Path, *, view: bool, replayed: bool
     ) -> None:
-        """vital: names of nodes without which it cannot go on. replayed: a recording gives the time, and there is no
-        robot to stop."""
+        """vital: names of nodes without which it cannot go on. log: folder of what they say. view: with the live view
+        at ``url``. replayed: a recording gives the time, and there is no robot to stop. Raises ConfigError when the
+        view cannot be shown."""
+        os.environ["ROS_LOG_DIR"] = str(log.resolve())
+        log.mkdir(exist_ok=True)
+        self.url = ""
+        if view:
+            port, self.url = prepare_view()
+            nodes = nodes + launch.view(port=port)
         self._names = [node.name for node in nodes]
-        self._text = launch.xml(nodes, config, {"/use_sim_time": True} if replayed else None)
+        self._text = launch.xml(nodes, to_dict(config), {"/use_sim_time": True} if replayed else None)
         self._vital, self._replayed = vital, replayed
         self._parent: Any = None
         self._zero_pub: Any = None
@@ -53,7 +62,8 @@ class LiveRun:
         self._to_release = ""
         self._heard: SignalFlag | None = None
         self._redirected = contextlib.ExitStack()
-        self.terminal = process.lossy(os.dup(2), close=True)
+        self._terminal = process.lossy(os.dup(2), close=True)
+        self.progress = process.Progress(self._terminal)
 
     @property
     def interrupted(self) -> bool:
@@ -77,6 +87,10 @@ class LiveRun:
         except BaseException:
             self._end()
             raise
+        ends = "ends the replay" if self._replayed else "stops the robot"
+        self.progress.say(f"nodes are starting at ROS_MASTER_URI={os.environ['ROS_MASTER_URI']}; Ctrl-C {ends}")
+        if self.url:
+            self.progress.say(f"live view: {self.url}")
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -118,11 +132,11 @@ class LiveRun:
         self._redirected.close()
 
     def _silence(self) -> None:
-        """The words of roslaunch, at whatever moment, and of all nodes go to a file; ``terminal`` is the terminal."""
+        """The words of roslaunch, at whatever moment, and of all nodes go to a file; ``progress`` is the terminal's."""
         file = Path(os.environ["ROS_LOG_DIR"]) / "terminal.log"
         log = process.lossy(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644), close=True)
         self._redirected.enter_context(log)
-        self._redirected.callback(os.dup2, self.terminal.fileno(), 2)
+        self._redirected.callback(os.dup2, self._terminal.fileno(), 2)
         os.dup2(log.fileno(), 2)
         self._redirected.enter_context(contextlib.redirect_stdout(log))
 

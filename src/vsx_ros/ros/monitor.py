@@ -203,13 +203,13 @@ class MonitorJournal:
     """What the monitor saw, kept as it happens, for the session that goes on after an interruption.
 
     ``keep`` a few times a second. before: what the sessions before kept. clock: how far they had come. so_far: what is
-    counted up to now. failure: why not all of it is kept, or nothing; the run goes on without.
+    counted up to now. T_cam_base: as mounted. failure: why not all of it is kept, or nothing; the run goes on without.
     """
 
     def __init__(self, folder: RunFolder, mount: MountConfig) -> None:
         """Raises InputError when the folder holds a damaged journal or cannot be written."""
         path = folder.checkpoint.path / "witness.jsonl"
-        self._T_cam_base = mounted(mount).inverse()
+        self.T_cam_base = mounted(mount).inverse()
         self.before: Sequence[Line] = read_journal(path) if folder.checkpoint.exists else []
         self._journal = Journal(path, self.before)
         self._truths = self._events = 0
@@ -239,7 +239,7 @@ class MonitorJournal:
         collisions = self.clock.collisions + monitor.collisions
         lines: list[Line] = [*events]
         for stamp_ns, T in truths:
-            base = (T @ self._T_cam_base).to_se2()
+            base = (T @ self.T_cam_base).to_se2()
             at, seen = (base.x, base.y, base.theta), flat(T)
             lines.append(TruthLine(stamp_ns=stamp_ns, T_world_cam=seen, T_world_base=at, collisions=collisions))
         plans = self.clock.plans + len(monitor.plan_ms)

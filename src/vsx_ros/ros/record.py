@@ -164,10 +164,10 @@ def record(args: argparse.Namespace) -> int:
         reason = _limit(args, writer, elapsed_s, path)
         if not warned and elapsed_s > _WARN_AFTER_S:
             warned = True
-            for line in _missing(writer):
-                progress.say(line)
+            for name in map(rospy.resolve_name, [topic for topic in _NEEDED if not _heard(writer, topic)]):
+                progress.say(f"nothing arrives on {name}; 'rostopic info {name}' shows who publishes it")
         if progress.is_due:
-            progress.show(f"{elapsed_s:5.0f} s  {writer.bytes / 1e6:.0f} MB  {_images(writer)} images  Ctrl-C ends it")
+            progress.show(f"{elapsed_s:5.0f} s  {writer.bytes / 1e6:.0f} MB  {_heard(writer)} images  Ctrl-C ends it")
     elapsed_s = time.monotonic() - began_s
     rospy.signal_shutdown("recorded")
     path = writer.close()
@@ -198,15 +198,9 @@ def _full(args: argparse.Namespace, path: Path) -> str:
     return f"{free / 1e9:.1f} GB left on the disk (--keep-free {args.keep_free.text})" if few else ""
 
 
-def _images(writer: BagWriter) -> int:
-    image = rospy.resolve_name(topics.IMAGE)
-    return writer.counts[image] + writer.counts[f"{image}/compressed"]
-
-
-def _missing(writer: BagWriter) -> list[str]:
-    names = [rospy.resolve_name(topic) for topic in _NEEDED]
-    silent = [name for name in names if not (writer.counts[name] or writer.counts[f"{name}/compressed"])]
-    return [f"nothing arrives on {name}; 'rostopic info {name}' shows who publishes it" for name in silent]
+def _heard(writer: BagWriter, topic: str = topics.IMAGE) -> int:
+    name = rospy.resolve_name(topic)
+    return writer.counts[name] + writer.counts[f"{name}/compressed"]
 
 
 def _say(writer: BagWriter, path: Path, elapsed_s: float) -> int:
@@ -216,12 +210,12 @@ def _say(writer: BagWriter, path: Path, elapsed_s: float) -> int:
         return FAILED
     dropped = f", {writer.dropped} messages dropped because the disk is too slow" if writer.dropped else ""
     sys.stdout.write(
-        f"{path}: {elapsed_s:.1f} s, {_images(writer)} images, {sum(writer.counts.values())} messages, "
+        f"{path}: {elapsed_s:.1f} s, {_heard(writer)} images, {sum(writer.counts.values())} messages, "
         f"{writer.bytes / 1e6:.1f} MB{dropped}\n"
     )
     if writer.failure:
         return FAILED
-    if not _images(writer):
+    if not _heard(writer):
         sys.stderr.write(
             "vsx: the bag has no image and cannot be replayed; is the camera running? 'vsx status' tells\n"
         )

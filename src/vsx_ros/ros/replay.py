@@ -1,27 +1,24 @@
 """The recording behind ``vsx replay --ros``: the node vslam hears it as a robot's, and time is the recording's."""
 
 import argparse
-import os
 import time
 from collections.abc import Callable
 
 import rosgraph
 import rospy
 
-from vsx_ros.config import to_dict
 from vsx_ros.errors import ConfigError
 from vsx_ros.evaluation.summary import Summary, with_accuracy
 from vsx_ros.evaluation.trajectory import AlignmentKind
 from vsx_ros.io.recording import Recording
-from vsx_ros.ros import launch, logs, topics
+from vsx_ros.ros import logs, topics
 from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.live_run import LiveRun
 from vsx_ros.ros.monitor import Monitor
-from vsx_ros.ros.nodes.dashboard import prepare_view
 from vsx_ros.ros.player import Player
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.parameters import load
-from vsx_ros.runs.process import INTERNAL, STOPPED, Progress, ended_well
+from vsx_ros.runs.process import INTERNAL, STOPPED, ended_well
 from vsx_ros.runs.report import tell_the_end, write_report
 from vsx_ros.runs.start import opened_recording, replay_code, replay_folder
 from vsx_ros.slam.state import TrackingState
@@ -35,20 +32,10 @@ def replay(args: argparse.Namespace) -> int:
     config, recording = load(args.config, args.set), opened_recording(args)
     _refuse_company()
     folder = replay_folder(args, config)
-    os.environ["ROS_LOG_DIR"] = str((folder.path / "log").resolve())
-    (folder.path / "log").mkdir(exist_ok=True)
-    nodes = [_slam(args, recording, folder)]
-    url = ""
-    if args.view:
-        port, url = prepare_view()
-        nodes += launch.view(port=port)
-    with LiveRun(nodes, to_dict(config), vital=("vslam",), replayed=True) as live:
-        progress = Progress(live.terminal)
-        progress.say(f"nodes are starting at ROS_MASTER_URI={os.environ['ROS_MASTER_URI']}; Ctrl-C ends the replay")
-        if url:
-            progress.say(f"live view: {url}")
+    slam = _slam(args, recording, folder)
+    with LiveRun([slam], config, (slam.name,), folder.path / "log", view=args.view, replayed=True) as live:
         monitor, player = Monitor(emulated=False), Player(recording)
-        _play(live, monitor, player, progress, 1.0 if args.rate is None else args.rate)
+        _play(live, monitor, player, 1.0 if args.rate is None else args.rate)
         interrupted, dead = live.interrupted, live.dead
     return _gather(folder, recording, monitor, args, f"node {dead} died" if dead else "", interrupted)
 
@@ -75,16 +62,16 @@ def _slam(args: argparse.Namespace, recording: Recording, folder: RunFolder) -> 
     return LaunchNode("vslam", params)
 
 
-def _play(live: LiveRun, monitor: Monitor, player: Player, progress: Progress, rate: float) -> None:
+def _play(live: LiveRun, monitor: Monitor, player: Player, rate: float) -> None:
     """Wait for the SLAM and play. Raises ConfigError when it never gets ready."""
     deadline_s = time.monotonic() + _READY_WAIT_S
 
     def goes_on() -> bool:
-        if progress.is_due and player.sent:
+        if live.progress.is_due and player.sent:
             stats = monitor.stats
             found = f"{stats.get('tracked', 0):.0f}/{stats.get('attempted', 0):.0f} points"
             dropped = f"{stats.get('dropped', 0):.0f} dropped"
-            progress.show(f"image {player.sent}/{player.count}  {monitor.slam_state}  {found}  {dropped}")
+            live.progress.show(f"image {player.sent}/{player.count}  {monitor.slam_state}  {found}  {dropped}")
         return not live.interrupted and not live.dead
 
     while goes_on() and not player.ready:

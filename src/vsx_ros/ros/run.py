@@ -1,7 +1,6 @@
 """The live run behind ``vsx explore``: all nodes, an emulated robot where a world is given, a run folder at the end."""
 
 import argparse
-import os
 import tempfile
 import time
 from collections.abc import Callable, Sequence
@@ -11,22 +10,21 @@ from typing import NamedTuple
 import numpy as np
 from msgspec.structs import replace
 
-from vsx_ros.config import Config, MountConfig, to_dict
+from vsx_ros.config import Config
 from vsx_ros.errors import ConfigError
 from vsx_ros.evaluation.summary import Summary, with_accuracy
 from vsx_ros.evaluation.trajectory import path_length
 from vsx_ros.exploration.decision import MissionState
-from vsx_ros.geometry.camera import mounted
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.ros import headers, launch, logs
 from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.live_run import MASTER, LiveRun, refuse_second_robot
 from vsx_ros.ros.monitor import Monitor, MonitorJournal, progress_line
-from vsx_ros.ros.nodes.dashboard import open_browser, prepare_view
+from vsx_ros.ros.nodes.dashboard import open_browser
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import RunEvent
-from vsx_ros.runs.process import DONE, FAILED, HARDWARE, INTERNAL, STOPPED, Progress, ended_well
+from vsx_ros.runs.process import DONE, FAILED, HARDWARE, INTERNAL, STOPPED, ended_well
 from vsx_ros.runs.record import MapJudge
 from vsx_ros.runs.report import EXIT_CODES, tell_the_end, write_report
 from vsx_ros.runs.start import begin
@@ -36,6 +34,7 @@ from vsx_ros.slam.state import TrackingState
 
 _READY_WAIT_S = 180.0  # kernels may have to be compiled
 _COVERAGE_PERIOD_S = 2.0  # between looks at the truth
+_VITAL = "mobile_base", "vslam", "explore", "emulator"
 _TICK_S = 0.1  # so that Ctrl-C is heard at once
 
 
@@ -82,8 +81,6 @@ def explore(args: argparse.Namespace) -> int:
     logs.quiet_failures()
     refuse_second_robot([node.name for node in (*launch.bringup(), *launch.exploration())])
     folder, config, world = begin(args)
-    os.environ["ROS_LOG_DIR"] = str((folder.path / "log").resolve())
-    (folder.path / "log").mkdir(exist_ok=True)
     # Where a loaded map lies in the world is not known.
     judge = MapJudge(world, config) if world is not None and not args.load_map else None
     journal = MonitorJournal(folder, config.robot.mount)
@@ -91,20 +88,12 @@ def explore(args: argparse.Namespace) -> int:
         raise ConfigError(f"{folder.path} has lasted {journal.clock.elapsed_s:.0f} s; to go on give more with --time")
     with tempfile.TemporaryDirectory(prefix="vsx-", ignore_cleanup_errors=True) as devices:
         nodes = _nodes(args, folder, world, Path(devices), journal.T_world_base)
-        url = ""
-        if args.view:
-            port, url = prepare_view()
-            nodes += launch.view(port=port)
-        with LiveRun(nodes, to_dict(config), vital=("mobile_base", "vslam", "explore", "emulator")) as live:
-            progress = Progress(live.terminal)
-            progress.say(f"nodes are starting at ROS_MASTER_URI={os.environ['ROS_MASTER_URI']}; Ctrl-C stops the robot")
-            if url:
-                progress.say(f"live view: {url}")
-            if url and not args.headless:
-                open_browser(url)
+        with LiveRun(nodes, config, _VITAL, folder.path / "log", view=args.view, replayed=False) as live:
+            if live.url and not args.headless:
+                open_browser(live.url)
             monitor = Monitor(emulated=world is not None)
-            ending = _watch(live, monitor, journal, Coverage(judge, args.until), progress, args.time)
-            progress.say(f"stopping: {ending.reason}")
+            ending = _watch(live, monitor, journal, Coverage(judge, args.until), args.time)
+            live.progress.say(f"stopping: {ending.reason}")
     return _gather(folder, config, monitor, journal, judge, ending, args)
 
 
@@ -124,12 +113,7 @@ def _nodes(
 
 
 def _watch(
-    live: LiveRun,
-    monitor: Monitor,
-    journal: MonitorJournal,
-    coverage: Coverage,
-    progress: Progress,
-    limit_s: float | None,
+    live: LiveRun, monitor: Monitor, journal: MonitorJournal, coverage: Coverage, limit_s: float | None
 ) -> Ending:
     """Until the mission, the time, the operator or a failure ends it. Time counts from the mission's first word, and
     from where an earlier session was interrupted."""
@@ -154,11 +138,11 @@ def _watch(
         warnings = monitor.new_warnings()
         if began_s is not None or not monitor.emulated:  # emulated devices appear while their drivers already look
             for warning in warnings:
-                progress.say(warning)
+                live.progress.say(warning)
                 if (node := warning.partition(":")[0]) in ("mobile_base", "camera"):
                     trouble[node] = warning
-        if progress.is_due:
-            progress.show(progress_line(monitor, coverage.of(monitor), elapsed_s, limit_s, trouble))
+        if live.progress.is_due:
+            live.progress.show(progress_line(monitor, coverage.of(monitor), elapsed_s, limit_s, trouble))
 
 
 def _ending(live: LiveRun, monitor: Monitor, elapsed_s: float, limit_s: float | None) -> Ending | None:
@@ -196,7 +180,7 @@ def _gather(
         summary = judge.judged(summary, monitor.grid)
     plan_ms, error_m = np.array(monitor.plan_ms), np.array(monitor.error_m)
     summary = summary.with_values(
-        **_told_by_truth(monitor, journal, truth, config.robot.mount),
+        **_told_by_truth(monitor, journal, truth),
         duration_s=so_far.elapsed_s,
         plans=so_far.plans,
         plan_ms_median=float(np.median(plan_ms)) if plan_ms.size else None,
@@ -220,16 +204,13 @@ def _gather(
     return tell_the_end(folder, summary.as_dict(), ending.code, failure)
 
 
-def _told_by_truth(
-    monitor: Monitor, journal: MonitorJournal, truth: Sequence[StampedPose], mount: MountConfig
-) -> dict[str, float | None]:
+def _told_by_truth(monitor: Monitor, journal: MonitorJournal, truth: Sequence[StampedPose]) -> dict[str, float | None]:
     """How the emulated body fared; its way and clearance where no session was before."""
     if not truth or journal.before:
         return {"collisions": journal.so_far.collisions if monitor.emulated else None}
-    T_cam_base = mounted(mount).inverse()
     return {
         "collisions": journal.so_far.collisions,
-        "driven_m": path_length([StampedPose(ns, T @ T_cam_base) for ns, T in truth]),
+        "driven_m": path_length([StampedPose(ns, T @ journal.T_cam_base) for ns, T in truth]),
         "min_clearance_m": monitor.min_clearance_m,
     }
 

@@ -96,7 +96,8 @@ class SlamMaps:
         self._metadata_pub.publish(self._message.info)
         self._path_pub.publish(convert.path_msg(topics.MAP_FRAME, stamp_ns, ground.trail(snapshot)))
         self._points_pub.publish(convert.cloud_msg(snapshot.points_world, topics.MAP_FRAME, stamp_ns))
-        self._keyframes_pub.publish(convert.pose_array(topics.MAP_FRAME, stamp_ns, snapshot.T_world_cams))
+        cameras = [convert.pose_msg(T) for T in snapshot.T_world_cams]
+        self._keyframes_pub.publish(PoseArray(headers.header(topics.MAP_FRAME, stamp_ns), cameras))
         return grid
 
     def _densify(self) -> None:

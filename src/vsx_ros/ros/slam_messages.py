@@ -64,10 +64,9 @@ class SlamStatus:
     def clock_set_back(self, seconds: float) -> None:
         """Images come, but with stamps from before those already seen, so they cannot be used."""
         self.without_images("the clock was set back")
-        reason = (
+        self.refused(
             f"images are stamped {seconds:.1f} s before those seen already: the clock was set back; start vslam anew"
         )
-        self.refused(reason)
 
     def refused(self, reason: str) -> None:
         """An image came that cannot be used."""
@@ -131,15 +130,21 @@ class PosePublisher:
         if result.T_world_cam is None or result.state not in _SIGMA:
             return
         T_map_base = (result.T_world_cam @ self._T_cam_base).to_se2()
-        sigma_m, sigma_rad = _SIGMA[result.state]
-        if result.found == 0 and odometry is not None and not odometry.trusted:  # by odometry that nobody vouches for
-            sigma_m, sigma_rad = _DISTRUST * sigma_m, _DISTRUST * sigma_rad
-        sigmas = sigma_m, sigma_rad
-        self._pose_pub.publish(convert.pose_with_covariance(topics.MAP_FRAME, result.stamp_ns, T_map_base, *sigmas))
+        blind = result.found == 0 and odometry is not None and not odometry.trusted  # odometry nobody vouches for
+        sigma_m, sigma_rad = (_DISTRUST * sigma if blind else sigma for sigma in _SIGMA[result.state])
+        self._pose_pub.publish(located(result.stamp_ns, T_map_base, sigma_m, sigma_rad))
 
     def _publish_tf(self) -> None:
         stamp_ns, T_map_odom = headers.now_ns() + _TF_TOLERANCE_NS, self._session.T_map_odom or SE2()
         self._tf_pub.publish([convert.transform_stamped(topics.MAP_FRAME, topics.ODOM_FRAME, stamp_ns, T_map_odom)])
+
+
+def located(stamp_ns: int, T_map_base: SE2, sigma_m: float, sigma_rad: float) -> PoseWithCovarianceStamped:
+    """A pose on the floor with independent standard deviations of position and heading; the rest is unknown."""
+    msg = PoseWithCovarianceStamped(header=headers.header(topics.MAP_FRAME, stamp_ns))
+    msg.pose.pose = convert.pose_msg(T_map_base)
+    msg.pose.covariance = convert.floor_covariance(sigma_m**2, sigma_rad**2)
+    return msg
 
 
 class Preview:

@@ -44,10 +44,9 @@ class StatusBoard:
     def facts(self) -> dict[str, Any]:
         """What is known now; None for what nobody said."""
         recent = [s for s in list(self._images_s) if time.monotonic() - s < _LISTEN_S]
+        rate_hz = 0.0 if self._images_s else None
         if len(recent) > 1:
-            rate_hz: float | None = round((len(recent) - 1) / (recent[-1] - recent[0]), 1)
-        else:
-            rate_hz = 0.0 if self._images_s else None
+            rate_hz = round((len(recent) - 1) / (recent[-1] - recent[0]), 1)
         return {**self._facts, "camera_hz": rate_hz}
 
     def _set(self, **facts: Any) -> None:

@@ -48,9 +48,8 @@ class Names:
         host = hosts[0].strip() if len(hosts) == 1 else ""
         if not _NAME.fullmatch(host) or not self._is_ours(*_split(host, _HTTP_PORT), reached_at):
             return f"this view is not called {host[:80]!r}: open the address that the terminal shows, or allow the name"
-        if any(origin.partition("://")[2].lower() != host.lower() for origin in origins):
-            return "pages of other sites may not use this view"
-        if not is_page and headers.get("Sec-Fetch-Site", "none") not in ("same-origin", "none"):
+        foreign = any(origin.partition("://")[2].lower() != host.lower() for origin in origins)
+        if foreign or not is_page and headers.get("Sec-Fetch-Site", "none") not in ("same-origin", "none"):
             return "pages of other sites may not use this view"
         return ""
 

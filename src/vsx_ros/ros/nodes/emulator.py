@@ -21,12 +21,13 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry as OdometryMsg
 from std_msgs.msg import Float32, UInt32
 
+from vsx_hw.bases import base_emulator
 from vsx_ros.config import Config
 from vsx_ros.errors import ConfigError
 from vsx_ros.io.recording import with_speeds
 from vsx_ros.robot import Odometry
 from vsx_ros.ros import convert, logs, node, threads, topics
-from vsx_ros.ros.base_drivers import base_emulator, wheel_base_m
+from vsx_ros.ros.base_drivers import wired
 from vsx_ros.ros.emulation import BodyPlant, RenderChild, RenderSettings
 from vsx_ros.ros.logs import OK, WARN, Diagnostics
 from vsx_ros.runs.journal import unflat
@@ -57,7 +58,7 @@ class EmulatorNode:
         settings = RenderSettings(world_name, seed, socket, rate_hz, start_ns, config.robot)
         self._child = RenderChild(settings)
         threads.worker("frames", lambda: self._child.listen(self._on_frame))
-        self._plant = BodyPlant(world, seed, config.robot, self._child.move, wheel_base_m(robot_type))
+        self._plant = BodyPlant(world, seed, config.robot, self._child.move, wired(robot_type).wheel_base_m)
         self._base = base_emulator(robot_type, self._plant, port, seed)
         self._base.start(start_monotonic_ns)
         threads.every(_TRUTH_PERIOD_S, "truth", lambda: self._truth.body(self._plant))
