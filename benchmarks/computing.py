@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from vsx_ros.config import Config
-from vsx_ros.navigation.goal_planner import TimedPlan
+from vsx_ros.planning.path import TimedPlan
 from vsx_ros.runs.lockstep import FastRun
 from vsx_ros.runs.world import open_world
 

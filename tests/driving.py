@@ -8,8 +8,7 @@ import numpy as np
 from vsx_ros.config import ComputingConfig, Config
 from vsx_ros.control.localization import Localization, LocalizationState
 from vsx_ros.geometry.se2 import SE2, integrate
-from vsx_ros.navigation.goal_planner import GoalPlanner
-from vsx_ros.navigation.navigator import ComputingTime, Navigator
+from vsx_ros.navigation.navigator import ComputingTime, GoalPlanner, Navigator
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 from vsx_ros.robot import STOP, Odometry, VelocityCommand
 from vsx_ros.slam.state import TrackingState

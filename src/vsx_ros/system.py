@@ -19,8 +19,7 @@ from vsx_ros.exploration.mission import Mission
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.navigation.goal_planner import GoalPlanner
-from vsx_ros.navigation.navigator import ComputingTime, Navigator
+from vsx_ros.navigation.navigator import ComputingTime, GoalPlanner, Navigator
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.planner import Planner
 from vsx_ros.robot import Frame, Odometry, OdometryEpochs, VelocityCommand

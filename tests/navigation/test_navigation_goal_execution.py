@@ -11,9 +11,9 @@ from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.navigation.follower import FollowerReport
 from vsx_ros.navigation.goal_execution import Act, Brake, Done, ExecutionInput, Follow, GoalExecution, PlanRequest
-from vsx_ros.navigation.goal_planner import GoalPlanner, TimedPlan
+from vsx_ros.navigation.navigator import GoalPlanner
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.planning.path import Refusal, RefusalKind
+from vsx_ros.planning.path import Refusal, RefusalKind, TimedPlan
 from vsx_ros.robot import Odometry
 
 SECOND = 10**9

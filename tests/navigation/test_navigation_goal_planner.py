@@ -8,7 +8,7 @@ import pytest
 from vsx_ros.config import Config
 from vsx_ros.errors import ConfigError
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.navigation.goal_planner import GoalPlanner
+from vsx_ros.navigation.navigator import GoalPlanner
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 from vsx_ros.planning.path import Plan, Refusal
 

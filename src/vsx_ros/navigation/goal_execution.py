@@ -19,10 +19,9 @@ from vsx_ros.control.localization import MAP_FRAME, LocalizationState
 from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.navigation.follower import FollowerReport
-from vsx_ros.navigation.goal_planner import TimedPlan
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.corridor import braking_before, obstacle_ahead
-from vsx_ros.planning.path import Refusal
+from vsx_ros.planning.path import Refusal, TimedPlan
 
 _FOLLOWER_S = 1.0
 """The follower tells its status five times a second."""

@@ -3,7 +3,7 @@
 import enum
 import itertools
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -225,6 +225,13 @@ class Trajectory:
         pose, slope = _cubic(self.poses[i], self.poses[j], slopes[0], slopes[-1], u)
         turn_rate = float(slope[2]) / span if span > 0.0 else float(omega[0])
         return SE2(*(float(c) for c in pose)), float((1.0 - u) * v[0] + u * v[-1]), turn_rate
+
+
+class TimedPlan(NamedTuple):
+    """A way and how fast it is driven."""
+
+    plan: Plan
+    trajectory: Trajectory
 
 
 def _cubic(a: FloatArray, b: FloatArray, da: FloatArray, db: FloatArray, u: float) -> tuple[FloatArray, FloatArray]:

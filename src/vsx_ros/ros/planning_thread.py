@@ -22,9 +22,9 @@ from vsx_ros.config import Config, overridden
 from vsx_ros.errors import ConfigError, VsxError
 from vsx_ros.kernels.warmup import warm_up
 from vsx_ros.navigation.goal_execution import PlanRequest
-from vsx_ros.navigation.goal_planner import GoalPlanner, TimedPlan
+from vsx_ros.navigation.navigator import GoalPlanner
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.planning.path import Plan, Refusal
+from vsx_ros.planning.path import Plan, Refusal, TimedPlan
 from vsx_ros.ros import convert, headers, threads, topics
 from vsx_ros.ros.callbacks import subscribe
 from vsx_ros.ros.driving import path_msg
