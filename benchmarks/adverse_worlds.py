@@ -18,8 +18,7 @@ from vsx_ros.config import Config
 from vsx_ros.occupancy.grid import FREE
 from vsx_ros.robot import STOP
 from vsx_ros.sim.generate import generate_world
-from vsx_ros.sim.robot import EmulatedRobot
-from vsx_ros.sim.settings import SimulationConfig
+from vsx_ros.sim.robot import EmulatedRobot, SimulationConfig
 from vsx_ros.sim.world import Material, Table, World
 from vsx_ros.system import ExplorationSystem
 

@@ -39,8 +39,8 @@ from vsx_ros.planning.time_scaling import time_scale
 from vsx_ros.runs.record import MapJudge
 from vsx_ros.sim.camera import EmulatedCamera
 from vsx_ros.sim.generate import generate_world
+from vsx_ros.sim.robot import SimulationConfig
 from vsx_ros.sim.scene import compile_scene
-from vsx_ros.sim.settings import SimulationConfig
 from vsx_ros.sim.truth import ground_truth_grid
 from vsx_ros.sim.world import World, prisms
 from vsx_ros.slam.state import TrackingState

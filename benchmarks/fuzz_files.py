@@ -37,13 +37,13 @@ from vsx_ros.cli.results import facts
 from vsx_ros.errors import InputError, VsxError
 from vsx_ros.evaluation.trajectory import associate, trajectory_error
 from vsx_ros.experiments.rows import Store, read_rows
+from vsx_ros.io.bag import open_recording
 from vsx_ros.io.bag_reader import messages
 from vsx_ros.io.bag_without_index import UnindexedBag
 from vsx_ros.io.calibration_file import read_calibration
 from vsx_ros.io.image_encoding import SUPPORTED, decoded, gray_image
 from vsx_ros.io.map_export import read_ply
 from vsx_ros.io.map_file import load_map, load_plan
-from vsx_ros.io.open_recording import open_recording
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
 from vsx_ros.io.trajectory_file import read_trajectory
 from vsx_ros.runs.folder import RunFolder
@@ -52,8 +52,7 @@ from vsx_ros.runs.parameters import load as load_config
 from vsx_ros.runs.parameters import update_robot_file
 from vsx_ros.runs.report import write_report
 from vsx_ros.runs.session import PreviousSessions, end_trail
-from vsx_ros.sim.generate import generate_world
-from vsx_ros.sim.map_import import world_from_grid
+from vsx_ros.sim.generate import generate_world, world_from_grid
 from vsx_ros.sim.truth import ground_truth_grid
 from vsx_ros.sim.world_file import load_world, save_world
 

@@ -32,8 +32,7 @@ from vsx_ros.kernels.occupancy.ground_map import Surfaces
 from vsx_ros.occupancy.ground_map import DriveHistory, GroundMap
 from vsx_ros.robot import STOP
 from vsx_ros.sim.generate import generate_world
-from vsx_ros.sim.robot import EmulatedRobot
-from vsx_ros.sim.settings import SimulationConfig
+from vsx_ros.sim.robot import EmulatedRobot, SimulationConfig
 from vsx_ros.sim.truth import ground_truth_grid
 from vsx_ros.sim.world import World
 from vsx_ros.system import ExplorationSystem

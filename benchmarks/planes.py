@@ -20,8 +20,7 @@ from vsx_ros.dense.plane_tiles import cluster
 from vsx_ros.dense.planes import Plane, PlaneKind
 from vsx_ros.robot import STOP
 from vsx_ros.sim.generate import generate_world
-from vsx_ros.sim.robot import EmulatedRobot
-from vsx_ros.sim.settings import SimulationConfig
+from vsx_ros.sim.robot import EmulatedRobot, SimulationConfig
 from vsx_ros.sim.world import World, prisms
 from vsx_ros.slam.snapshot import MapSnapshot
 from vsx_ros.system import ExplorationSystem

@@ -8,9 +8,10 @@ import numpy as np
 from msgspec.structs import replace
 from slam_drives import CLEAR_M, Drive, Leg, clearest_start, kept, record
 
+from vsx_ros.sim.body import BodySettings
 from vsx_ros.sim.generate import HEIGHT_M, ceiling_lights, generate_world
 from vsx_ros.sim.interior import decorated, random_materials, wall_material
-from vsx_ros.sim.settings import BodySettings, SimulationConfig
+from vsx_ros.sim.robot import SimulationConfig
 from vsx_ros.sim.world import Box, Origin, Outline, Point, Start, Wall, World
 
 WIDTH_M, DEPTH_M = 40.0, 25.0

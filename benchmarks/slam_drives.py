@@ -25,8 +25,7 @@ from vsx_ros.planning.path import Plan
 from vsx_ros.planning.planner import Planner
 from vsx_ros.robot import Frame, Odometry, VelocityCommand
 from vsx_ros.sim.generate import generate_world
-from vsx_ros.sim.robot import EmulatedRobot
-from vsx_ros.sim.settings import SimulationConfig
+from vsx_ros.sim.robot import EmulatedRobot, SimulationConfig
 from vsx_ros.sim.truth import ground_truth_grid
 from vsx_ros.sim.world import Start, World, obstacle_segments
 

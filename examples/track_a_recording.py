@@ -9,7 +9,7 @@ from pathlib import Path
 from vsx_ros.config import Config
 from vsx_ros.geometry.camera import mounted
 from vsx_ros.geometry.se3 import StampedPose
-from vsx_ros.io.open_recording import open_recording
+from vsx_ros.io.bag import open_recording
 from vsx_ros.io.trajectory_file import write_trajectory
 from vsx_ros.slam.slam import SequentialSlam
 

@@ -11,9 +11,10 @@ from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.calibration_file import write_calibration
 from vsx_ros.io.trajectory_file import write_trajectory
 from vsx_ros.robot import VelocityCommand
+from vsx_ros.sim.body import BodySettings
+from vsx_ros.sim.camera import CameraSettings
 from vsx_ros.sim.generate import generate_world
-from vsx_ros.sim.robot import EmulatedRobot
-from vsx_ros.sim.settings import BodySettings, CameraSettings, SimulationConfig
+from vsx_ros.sim.robot import EmulatedRobot, SimulationConfig
 from vsx_ros.sim.world import Start
 
 SEED, START = 3, Start(x=10.48, y=3.78, theta_rad=2.59)

@@ -6,8 +6,8 @@ import subprocess
 
 import pytest
 
-from vsx_ros.cli.completion import script
 from vsx_ros.cli.main import COMMANDS, parser
+from vsx_ros.cli.short import script
 
 ASK = '\nCOMP_WORDS=("$@"); COMP_CWORD=$(($#-1)); _shtab_vsx; echo "${COMPREPLY[@]}"'
 

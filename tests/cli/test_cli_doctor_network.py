@@ -12,7 +12,7 @@ import pytest
 from free_ports import free_port
 
 from vsx_ros.cli.check_machine import FAIL, NOTE, OK, WARN, Finding
-from vsx_ros.cli.check_network import check_network
+from vsx_ros.cli.doctor import check_network
 
 
 def network(**environment: str) -> dict[str, Finding]:

@@ -11,7 +11,7 @@ from vsx_ros.dense import plane_finding
 from vsx_ros.dense.plane_finding import PlaneFinder
 from vsx_ros.dense.planes import PlaneKind
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.io.open_recording import open_recording
+from vsx_ros.io.bag import open_recording
 from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.snapshot import MapSnapshot
 

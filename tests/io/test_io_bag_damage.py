@@ -8,7 +8,7 @@ from ros1_bags import T, compressed, header, image, info, odometry, write, write
 from rosbags.rosbag1 import Writer
 
 from vsx_ros.errors import CalibrationError, InputError
-from vsx_ros.io.open_recording import open_recording
+from vsx_ros.io.bag import open_recording
 
 
 @pytest.fixture

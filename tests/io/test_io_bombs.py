@@ -12,17 +12,17 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from vsx_ros.cli.main import execute
 from vsx_ros.errors import InputError, VsxError
 from vsx_ros.experiments.rows import read_rows
+from vsx_ros.io.bag import open_recording
 from vsx_ros.io.calibration_file import read_calibration
 from vsx_ros.io.image_encoding import decoded, gray_image
 from vsx_ros.io.map_file import load_map, load_plan
-from vsx_ros.io.open_recording import open_recording
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
 from vsx_ros.io.trajectory_file import read_trajectory
 from vsx_ros.runs.checkpoint import Checkpoint, CheckpointData
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import read_journal
 from vsx_ros.runs.parameters import load, update_robot_file
-from vsx_ros.sim.map_import import world_from_grid
+from vsx_ros.sim.generate import world_from_grid
 from vsx_ros.sim.scene import compile_scene
 from vsx_ros.sim.truth import ground_truth_grid
 from vsx_ros.sim.world_file import load_world, save_world

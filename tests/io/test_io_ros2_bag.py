@@ -6,7 +6,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import Stores, get_typestore
 
 from vsx_ros.errors import CalibrationError, InputError
-from vsx_ros.io.open_recording import open_recording
+from vsx_ros.io.bag import open_recording
 
 TYPES = get_typestore(Stores.ROS2_HUMBLE)
 T = TYPES.types

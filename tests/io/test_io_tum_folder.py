@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from vsx_ros.errors import CalibrationError, InputError
-from vsx_ros.io.open_recording import open_recording
+from vsx_ros.io.bag import open_recording
 
 
 @pytest.fixture

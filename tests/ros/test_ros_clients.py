@@ -30,7 +30,7 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from vsx_ros.config import LimitsConfig
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.io.open_recording import open_recording
+from vsx_ros.io.bag import open_recording
 from vsx_ros.ros import convert, topics
 
 if TYPE_CHECKING:

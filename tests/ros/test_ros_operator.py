@@ -24,7 +24,7 @@ import bag_numbers
 import numpy as np
 
 from vsx_ros.control.keyboard import keys
-from vsx_ros.io.open_recording import open_recording
+from vsx_ros.io.bag import open_recording
 from vsx_ros.ros import topics
 from vsx_ros.runs.process import DONE, FAILED
 

@@ -19,8 +19,8 @@ from ros_ports import free_port
 
 from vsx_ros.cli import main
 from vsx_ros.config import Config
+from vsx_ros.io.bag import open_recording
 from vsx_ros.io.calibration_file import write_calibration
-from vsx_ros.io.open_recording import open_recording
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.process import DONE, FAILED, STOPPED
 from vsx_ros.slam.slam import SequentialSlam

@@ -6,9 +6,8 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray, GrayImage, IntArray
 from vsx_ros.config import MountConfig
-from vsx_ros.sim.camera import EmulatedCamera
+from vsx_ros.sim.camera import CameraSettings, EmulatedCamera
 from vsx_ros.sim.scene import Scene, compile_scene
-from vsx_ros.sim.settings import CameraSettings
 from vsx_ros.sim.world import World
 
 PERFECT = CameraSettings(

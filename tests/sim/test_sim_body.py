@@ -5,8 +5,7 @@ import pytest
 
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.sim.body import Body, Bumper
-from vsx_ros.sim.settings import BodySettings
+from vsx_ros.sim.body import Body, BodySettings, Bumper
 
 PERFECT = BodySettings(wheel_scale_error=0.0, slip=0.0, gyro_scale_error=0.0, gyro_bias_rad_s=0.0)
 WALL_AHEAD = np.array([[1.0, -5.0, 1.0, 5.0]])

@@ -7,7 +7,7 @@ import pytest
 from vsx_ros.errors import MapFileError
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.runs.world import open_world
-from vsx_ros.sim.map_import import free_space_outlines, world_from_grid
+from vsx_ros.sim.generate import free_space_outlines, world_from_grid
 from vsx_ros.sim.scene import quads
 from vsx_ros.sim.truth import free_ahead, ground_truth_grid
 

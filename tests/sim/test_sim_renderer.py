@@ -7,10 +7,9 @@ from sim_views import PERFECT, camera_in, standing
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.errors import CalibrationError
 from vsx_ros.geometry.camera import PinholeCamera
-from vsx_ros.sim.camera import KINECT, PosesAt
+from vsx_ros.sim.camera import KINECT, CameraSettings, PosesAt
 from vsx_ros.sim.renderer import Renderer, exact_rays
 from vsx_ros.sim.scene import Scene, compile_scene, quads
-from vsx_ros.sim.settings import CameraSettings
 from vsx_ros.sim.textures import packed_levels, texture
 from vsx_ros.sim.world import Box, Material, Outline, World
 

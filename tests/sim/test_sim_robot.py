@@ -7,8 +7,8 @@ from vsx_ros.errors import ConfigError, InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import STOP, VelocityCommand
-from vsx_ros.sim.robot import EmulatedRobot, WheelOdometry
-from vsx_ros.sim.settings import CameraSettings, SimulationConfig
+from vsx_ros.sim.camera import CameraSettings
+from vsx_ros.sim.robot import EmulatedRobot, SimulationConfig, WheelOdometry
 from vsx_ros.sim.world import World
 
 

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from vsx_ros.kernels.sim.raycast_pixels import expose
-from vsx_ros.sim.camera import KINECT, Sensor
-from vsx_ros.sim.settings import CameraSettings
+from vsx_ros.sim.camera import KINECT, CameraSettings, Sensor
 
 FLAT = np.full((480, 640), 0.3, np.float32)
 

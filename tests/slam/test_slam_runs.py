@@ -9,7 +9,7 @@ import pytest
 from vsx_ros.config import Config
 from vsx_ros.errors import InputError
 from vsx_ros.evaluation.trajectory import trajectory_error
-from vsx_ros.io.open_recording import open_recording
+from vsx_ros.io.bag import open_recording
 from vsx_ros.kernels.geometry import projection
 from vsx_ros.kernels.slam import bundle, epipolar, pose
 from vsx_ros.kernels.vision import alignment, search

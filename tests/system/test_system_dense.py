@@ -5,8 +5,7 @@ import numpy as np
 from vsx_ros.config import Config
 from vsx_ros.robot import STOP, VelocityCommand
 from vsx_ros.sim.generate import generate_world
-from vsx_ros.sim.robot import EmulatedRobot
-from vsx_ros.sim.settings import SimulationConfig
+from vsx_ros.sim.robot import EmulatedRobot, SimulationConfig
 from vsx_ros.system import ExplorationSystem
 
 SECONDS = 5.0

@@ -15,9 +15,9 @@ from vsx_ros.calibration.verdict import Grade, Verdict
 from vsx_ros.config import Config, MountConfig, SlamConfig
 from vsx_ros.errors import CalibrationError, ConfigError, InputError, explained
 from vsx_ros.geometry.camera import PinholeCamera, mounted
+from vsx_ros.io.bag import open_recording
 from vsx_ros.io.calibration_file import read_calibration, write_calibration
 from vsx_ros.io.image_encoding import decoded
-from vsx_ros.io.open_recording import open_recording
 from vsx_ros.io.recording import Recording
 from vsx_ros.limits import LOG_BYTES, file_bytes
 from vsx_ros.runs.parameters import default_robot_file, load, ros_home, update_robot_file

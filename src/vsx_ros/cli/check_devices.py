@@ -4,11 +4,12 @@ import grp
 import math
 import os
 from collections.abc import Iterator, Mapping
+from contextlib import closing
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from vsx_ros.cli.check_machine import FAIL, NOTE, OK, WARN, Finding, from_error
-from vsx_ros.errors import CalibrationError
+from vsx_ros.cli.check_machine import FAIL, NOTE, OK, WARN, Finding, tried
 
 _KINECT_CAMERAS = {"045e:02ae": "Kinect", "045e:02bf": "Kinect for Windows"}
 _KINECT_PARTS = {"045e:02b0", "045e:02c2", "045e:02ad", "045e:02be", "045e:02bb", "045e:02c3"}
@@ -48,8 +49,13 @@ def check_devices(root: Path, environment: Mapping[str, str], speak: bool) -> It
     if speak:
         yield from _spoken_to(ports, kinects)
     home = Path(environment.get("ROS_HOME") or Path(environment.get("HOME", "/")) / ".ros")
-    yield from _calibration(home / "camera_info")
-    yield from _robot_file(home / "vsx_ros/robot.yaml")
+    files = sorted((home / "camera_info").glob("*.yaml"))
+    if not files:
+        remedy = "vsx calibrate camera --live --board 8x6x0.025 (docs/how-to/calibrate.md); without it the map is bent"
+        yield Finding("calibration", WARN, f"{home / 'camera_info'} holds none, nominal values will be used", remedy)
+    yield from (tried("calibration", partial(_calibration, file)) for file in files)
+    if (home / "vsx_ros/robot.yaml").exists():
+        yield tried("calibration", partial(_robot, home / "vsx_ros/robot.yaml"))
 
 
 def _ports(ports: list[Path], absent: str) -> Iterator[Finding]:
@@ -100,55 +106,37 @@ def _permissions(root: Path) -> Iterator[Finding]:
 def _spoken_to(ports: list[Path], kinects: list[UsbDevice]) -> Iterator[Finding]:
     """No wheel turns: the base is listened to and asked who it is."""
     from vsx_hw.bases import detect_base
-    from vsx_hw.errors import DeviceError
     from vsx_hw.kinect.usb_transport import UsbTransport
 
+    def named(port: Path) -> str:
+        return f"{port} is a {detect_base(str(port))}"
+
+    def serial() -> str:
+        with closing(UsbTransport()) as transport:
+            return f"the Kinect opens, serial number {transport.serial}"
+
     for port in {path.resolve(): path for path in ports}.values():
-        try:
-            yield Finding("base", OK, f"{port} is a {detect_base(str(port))}")
-        except DeviceError as error:
-            yield from_error("base", FAIL, error)
+        yield tried("base", partial(named, port))
     if kinects:
-        try:
-            transport = UsbTransport()
-            yield Finding("camera", OK, f"the Kinect opens, serial number {transport.serial}")
-            transport.close()
-        except DeviceError as error:
-            yield from_error("camera", FAIL, error)
+        yield tried("camera", serial)
 
 
-def _calibration(folder: Path) -> Iterator[Finding]:
+def _calibration(file: Path) -> str:
     from vsx_ros.io.calibration_file import read_calibration
 
-    files = sorted(folder.glob("*.yaml"))
-    if not files:
-        remedy = "vsx calibrate camera --live --board 8x6x0.025 (docs/how-to/calibrate.md); without it the map is bent"
-        yield Finding("calibration", WARN, f"{folder} holds none, nominal values will be used", remedy)
-    for file in files:
-        try:
-            camera = read_calibration(file)
-        except CalibrationError as error:
-            yield from_error("calibration", FAIL, error)
-        else:
-            yield Finding("calibration", OK, f"{file}: {camera.width}x{camera.height}, {camera.fx:.1f} px")
+    camera = read_calibration(file)
+    return f"{file}: {camera.width}x{camera.height}, {camera.fx:.1f} px"
 
 
-def _robot_file(file: Path) -> Iterator[Finding]:
+def _robot(file: Path) -> str:
     """What 'vsx calibrate odometry' and 'mount' wrote; without it the robot is taken as built."""
-    from vsx_ros.errors import ConfigError
     from vsx_ros.runs.parameters import load
 
-    if not file.exists():
-        return
-    try:
-        robot = load(file, []).robot
-    except ConfigError as error:
-        yield from_error("calibration", FAIL, error)
-        return
+    robot = load(file, []).robot
     mount, wheels = robot.mount, robot.odometry
     scales = f"wheels {wheels.linear_scale:.4f}, {wheels.angular_scale:.4f}"
     camera = f"camera {mount.height_m:.3f} m high, {math.degrees(mount.pitch_down_rad):.1f} deg down"
-    yield Finding("calibration", OK, f"{file}: {scales}; {camera}; used with --config {file}")
+    return f"{file}: {scales}; {camera}; used with --config {file}"
 
 
 def _content(path: Path) -> str:

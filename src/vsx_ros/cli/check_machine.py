@@ -6,29 +6,23 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib import metadata
 from pathlib import Path
 from statistics import median
 from typing import NamedTuple
 
+from vsx_ros.errors import VsxError
+
 OK, NOTE, WARN, FAIL = "ok", "note", "warn", "fail"
 """Fine; nothing wrong but worth knowing; works, though worse than it could; does not work."""
 
 _LIBRARIES = {
-    "numpy": ("numpy", 2, 2),
-    "numba": ("numba", 0, 0),
-    "cv2": ("opencv-python-headless", 4, 4),
-    "scipy": ("scipy", 1, 1),
-    "daqp": ("daqp", 0, 0),
-    "ruckig": ("ruckig", 0, 0),
-    "rosbags": ("rosbags", 0, 0),
-    "serial": ("pyserial", 3, 3),
-    "usb1": ("libusb1", 2, 3),
-    "msgspec": ("msgspec", 0, 0),
-    "yaml": ("PyYAML", 5, 6),
-    "shtab": ("shtab", 1, 1),
-}
+    "numpy": ("numpy", 2, 2), "numba": ("numba", 0, 0), "cv2": ("opencv-python-headless", 4, 4),
+    "scipy": ("scipy", 1, 1), "daqp": ("daqp", 0, 0), "ruckig": ("ruckig", 0, 0), "rosbags": ("rosbags", 0, 0),
+    "serial": ("pyserial", 3, 3), "usb1": ("libusb1", 2, 3), "msgspec": ("msgspec", 0, 0),
+    "yaml": ("PyYAML", 5, 6), "shtab": ("shtab", 1, 1),
+}  # fmt: skip
 """Module: its distribution, and the oldest and the newest major version known to work."""
 
 _ROS = (
@@ -55,10 +49,15 @@ class Finding(NamedTuple):
     remedy: str = ""
 
 
-def from_error(area: str, level: str, error: Exception) -> Finding:
-    """The finding of an error whose sentence says what is wrong and, behind a semicolon, what to do."""
-    text, _, remedy = str(error).partition("; ")
-    return Finding(area, level, text, remedy)
+def tried(area: str, look: Callable[[], str]) -> Finding:
+    """What a look says, or its error, whose sentence says what is wrong and, behind a semicolon, what to do."""
+    from vsx_hw.errors import DeviceError
+
+    try:
+        return Finding(area, OK, look())
+    except (DeviceError, VsxError) as error:
+        text, _, remedy = str(error).partition("; ")
+        return Finding(area, FAIL, text, remedy)
 
 
 def check_machine(root: Path, folder: Path) -> Iterator[Finding]:
@@ -125,8 +124,7 @@ def check_speed() -> Finding:
     from vsx_ros.config import Config
     from vsx_ros.robot import VelocityCommand
     from vsx_ros.runs.world import open_world
-    from vsx_ros.sim.robot import EmulatedRobot
-    from vsx_ros.sim.settings import SimulationConfig
+    from vsx_ros.sim.robot import EmulatedRobot, SimulationConfig
     from vsx_ros.slam.slam import SequentialSlam
 
     robot = EmulatedRobot(open_world("lab", 1), 1, SimulationConfig(threads=1))

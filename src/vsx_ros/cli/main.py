@@ -23,22 +23,22 @@ from vsx_ros.runs.process import FAILED, HARDWARE, INTERNAL, STOPPED
 COMMANDS: dict[str, tuple[Callable[[argparse.ArgumentParser], None], str]] = {
     "explore": (options_runs.explore, "mapping"),
     "replay": (options_runs.replay, "mapping"),
-    "record": (options_runs.record, "operate"),
+    "record": (options_runs.record, "short"),
     "plan": (options_study.plan, "plan"),
     "evaluate": (options_study.evaluate, "results"),
     "report": (options_study.report, "results"),
     "reproduce": (options_study.reproduce, "campaigns"),
     "sweep": (options_study.sweep, "campaigns"),
     "map": (options_runs.map, "results"),
-    "view": (options_robot.view, "operate"),
-    "status": (options_robot.status, "operate"),
-    "stop": (options_robot.stop, "operate"),
-    "teleop": (options_robot.teleop, "operate"),
+    "view": (options_robot.view, "short"),
+    "status": (options_robot.status, "short"),
+    "stop": (options_robot.stop, "short"),
+    "teleop": (options_robot.teleop, "short"),
     "calibrate": (options_robot.calibrate, "calibrate"),
     "doctor": (options_robot.doctor, "doctor"),
-    "config": (options_robot.config, "inputs"),
-    "world": (options_robot.world, "inputs"),
-    "completion": (options_robot.completion, "completion"),
+    "config": (options_robot.config, "short"),
+    "world": (options_robot.world, "short"),
+    "completion": (options_robot.completion, "short"),
 }
 """Of each its options and help, and the module here whose function of the same name does it."""
 
@@ -108,20 +108,14 @@ def _explained(error: BaseException) -> tuple[str, int]:
         case DeviceError():
             return str(error), HARDWARE
         case ModuleNotFoundError():
-            name = error.name
-            return (
-                f"there is no Python package {name!r} here; 'vsx doctor' tells what is missing, and what to type",
-                FAILED,
-            )
+            remedy = "'vsx doctor' tells what is missing, and what to type"
+            return f"there is no Python package {error.name!r} here; {remedy}", FAILED
         case OSError() if disk_trouble(error):
             return disk_trouble(error), FAILED
     place = traceback.extract_tb(error.__traceback__)[-1]
     where = f"{os.path.basename(place.filename)}, line {place.lineno}"
-    return (
-        f"internal error, please report it: {type(error).__name__}: {error} ({where}); "
-        "--debug shows where it came from",
-        INTERNAL,
-    )
+    what = f"internal error, please report it: {type(error).__name__}: {error} ({where})"
+    return f"{what}; --debug shows where it came from", INTERNAL
 
 
 def main() -> NoReturn:

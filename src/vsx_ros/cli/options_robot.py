@@ -21,12 +21,8 @@ def view(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("--host", default="127.0.0.1", metavar="ADDRESS", help="listen here (default: this machine)")
     add("--port", type=int, metavar="N", help="listen here (default 8765, another one if that is taken)")
-    add(
-        "--allow",
-        default="",
-        metavar="NAMES",
-        help="answer to these names, too, NAME or NAME:PORT, by commas (default: those of this machine)",
-    )
+    names = "answer to these names, too, NAME or NAME:PORT, by commas (default: those of this machine)"
+    add("--allow", default="", metavar="NAMES", help=names)
     add("--headless", action="store_true", help="open no browser")
 
 
@@ -142,12 +138,8 @@ def _camera(verbs: Any) -> None:
     )
     add = camera.add_argument
     add("input", nargs="*", type=Path, metavar="INPUT", help="pictures, folders of them, a ROS 1 bag")
-    add(
-        "--board",
-        required=True,
-        metavar="CxRxM",
-        help="inner corners (or circles) across x down x spacing in metres, e.g. 8x6x0.025",
-    )
+    size = "inner corners (or circles) across x down x spacing in metres, e.g. 8x6x0.025"
+    add("--board", required=True, metavar="CxRxM", help=size)
     add("--pattern", choices=("checkerboard", "circles"), default="checkerboard", help="on the board")
     add("--image-topic", metavar="T", help="image topic of the bag (default: the only one)")
     add("--live", action="store_true", help="from the running node 'camera', which then stores it")

@@ -39,13 +39,8 @@ def plan(args: argparse.Namespace) -> int:
     grid = load_map(args.map) if args.map is not None else _open_floor(start, goal)
     planner = PLANNERS[args.planner](config.planner, config.robot)
     plan = planner.plan(start, goal, grid, np.random.default_rng(args.seed))
-    question = {
-        "start": list(args.start),
-        "goal": list(args.goal),
-        "planner": args.planner,
-        "phi_rad_m": config.planner.phi_rad_m,
-        "map": None if args.map is None else str(args.map),
-    }
+    question = {"start": list(args.start), "goal": list(args.goal), "planner": args.planner}
+    question |= {"phi_rad_m": config.planner.phi_rad_m, "map": None if args.map is None else str(args.map)}
     if isinstance(plan, Refusal):
         tree = {"solved": False, "refusal": {"kind": plan.kind.value, "reason": plan.reason}}
         words = f"no plan ({plan.kind.value}): {plan.reason}"

@@ -24,18 +24,8 @@ error.
 
 def reference() -> str:
     """The whole page."""
-    parts = [
-        _ABOUT,
-        "## Commands\n",
-        *_commands(parser(), "vsx"),
-        "## Nodes\n",
-        *_nodes(),
-        "## Topics\n",
-        _topics(),
-        "## Services\n",
-        _table("offers", topics.SERVICES),
-    ]
-    return "\n".join(parts)
+    parts = [_ABOUT, "## Commands\n", *_commands(parser(), "vsx"), "## Nodes\n", *_nodes(), "## Topics\n", _topics()]
+    return "\n".join([*parts, "## Services\n", _table("offers", topics.SERVICES)])
 
 
 def _commands(level: argparse.ArgumentParser, path: str) -> Iterator[str]:

@@ -74,8 +74,7 @@ def observable_cells(truth: OccupancyGrid, start: SE2, robot_radius_m: float, se
     spaced = np.all(viewers % _VIEWER_SPACING_CELLS == 0, axis=1)
     viewers = np.vstack([viewers[spaced], [[row, column]]])
     seen = seen_cells(truth.data == OCCUPIED, viewers, sensor_range_m / truth.resolution, _RAYS_AROUND)
-    mask: BoolArray = seen & (truth.data != UNKNOWN)
-    return mask
+    return np.asarray(seen & (truth.data != UNKNOWN))
 
 
 def map_quality(estimate: OccupancyGrid, truth: OccupancyGrid, observable: BoolArray, T_truth_map: SE2) -> MapQuality:
@@ -111,8 +110,7 @@ def seen_faces(truth: OccupancyGrid, T_world_cams: Sequence[SE3]) -> BoolArray:
         heading = math.atan2(float(T.rotation[1, 2]), float(T.rotation[0, 2]))
         hits = _first_hits(blocked, truth, T.translation[:2], heading)
         counts[hits[:, 0], hits[:, 1]] += 1
-    faces: BoolArray = (counts >= _MIN_VIEWS) & (truth.data == OCCUPIED)
-    return faces
+    return np.asarray((counts >= _MIN_VIEWS) & (truth.data == OCCUPIED))
 
 
 def _first_hits(blocked: BoolArray, truth: OccupancyGrid, eye: FloatArray, heading: float) -> IntArray:
@@ -140,15 +138,10 @@ def obstacle_quality(grid: OccupancyGrid, truth: OccupancyGrid, faces: BoolArray
     precision = 1.0 - float(wrong.sum()) / float(occupied.sum()) if occupied.any() else None
     recall = _share(metres_to(occupied, truth)[faces] <= TOLERANCE_M)
     p, r = precision or 0.0, recall or 0.0
-    return ObstacleQuality(
-        precision,
-        recall,
-        2.0 * p * r / (p + r) if p + r > 0.0 else None,
-        _share(free[faces]),
-        _share(to_free[free] > TOLERANCE_M),
-        float(wrong.sum()) * truth.resolution**2,
-        _share(in_gaps[in_gaps != UNKNOWN] == FREE),
-    )
+    f1 = 2.0 * p * r / (p + r) if p + r > 0.0 else None
+    free_inside, phantom_m2 = _share(to_free[free] > TOLERANCE_M), float(wrong.sum()) * truth.resolution**2
+    gaps_free = _share(in_gaps[in_gaps != UNKNOWN] == FREE)
+    return ObstacleQuality(precision, recall, f1, _share(free[faces]), free_inside, phantom_m2, gaps_free)
 
 
 def narrow_gaps(truth: OccupancyGrid) -> BoolArray:
@@ -158,8 +151,7 @@ def narrow_gaps(truth: OccupancyGrid) -> BoolArray:
 
     def filled_by(radius_m: float) -> BoolArray:
         """Cells that no disc among the obstacles can cover."""
-        filled: BoolArray = metres_to(apart > radius_m, truth) > radius_m
-        return filled
+        return np.asarray(metres_to(apart > radius_m, truth) > radius_m)
 
     gaps: BoolArray = filled_by(0.5 * MAX_GAP_M) & ~filled_by(0.5 * MIN_GAP_M) & (truth.data == FREE)
     return gaps & (apart > TOLERANCE_M + truth.resolution)

@@ -12,7 +12,6 @@ from vsx_ros.evaluation.svg import FIGURE_PX, Way, map_view, plot, window_around
 from vsx_ros.experiments.drive import (
     CONFIG,
     CONSTRAINED,
-    PHI_RAD_M,
     UNCONSTRAINED,
     DriveTask,
     Question,
@@ -30,6 +29,7 @@ from vsx_ros.runs.world import open_world
 from vsx_ros.sim.truth import gap_to_walls
 
 _AROUND_M = 1.2  # the shown ways
+_PHI_RAD_M = CONFIG.planner.phi_rad_m  # of every drive
 
 
 def figure2(world: str, seed: int) -> tuple[Section, dict[str, Any]]:
@@ -125,9 +125,9 @@ def figure3(seed: int) -> tuple[Section, dict[str, Any]]:
     rows, ways, views = [], list[tuple[str, Way]](), []
     for heading in _HEADINGS_DEG:
         goal = SE2(*_PLACE, math.radians(heading))
-        segment, default = connect_paper(SE2(), goal, PHI_RAD_M), connect(SE2(), goal, PHI_RAD_M)
+        segment, default = connect_paper(SE2(), goal, _PHI_RAD_M), connect(SE2(), goal, _PHI_RAD_M)
         lengths_m = [way.length_m if isinstance(way, Path) else math.nan for way in (segment, default)]
-        led = [isinstance(connect_paper(SE2(), SE2(x, y, goal.theta), PHI_RAD_M), Path) for x, y in places]
+        led = [isinstance(connect_paper(SE2(), SE2(x, y, goal.theta), _PHI_RAD_M), Path) for x, y in places]
         rows.append([float(heading), *lengths_m, sum(led) / _PLACES])
         if heading % (_SHOWN_EVERY * _HEADINGS_DEG.step) == 0:
             name, way = ("planned", segment) if isinstance(segment, Path) else ("driven", default)
@@ -145,7 +145,7 @@ def figure3(seed: int) -> tuple[Section, dict[str, Any]]:
          plot([("first", x, share)], "share", unit="deg", size=size)),
     ]  # fmt: skip
     words = (
-        f"No obstacles; change of view at most {PHI_RAD_M:g} rad/m. Blue: one segment of the two-level optimisation "
+        f"No obstacles; change of view at most {_PHI_RAD_M:g} rad/m. Blue: one segment of the two-level optimisation "
         "(4.2, 4.3), where there is one. Dashed, and red in the curves: the default planner, which answers everywhere. "
         "A segment turns one way only, so the heading has to differ by more than the place's bearing: that makes it "
         "favourable. More than that makes it longer again."

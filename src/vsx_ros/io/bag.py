@@ -1,6 +1,7 @@
-"""Bags as recordings: which topics are the camera, the odometry, the calibration and the truth."""
+"""A recording by its path; bags as such: which topics are the camera, the odometry, the calibration and the truth."""
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,17 +10,30 @@ import numpy as np
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3, StampedPose
-from vsx_ros.io.bag_reader import Messages, messages
+from vsx_ros.io.bag_reader import METADATA, Messages, messages
 from vsx_ros.io.calibration_file import camera_from_info
 from vsx_ros.io.image_encoding import decoded, gray_image, shift_for
-from vsx_ros.io.recording import Recording, with_speeds
-from vsx_ros.robot import Frame, Odometry
+from vsx_ros.io.recording import Recording, open_folder, with_speeds
+from vsx_ros.robot import Frame, Odometry, OdometryEpochs
 
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 ODOMETRY, CAMERA_INFO, POSE = "nav_msgs/msg/Odometry", "sensor_msgs/msg/CameraInfo", "geometry_msgs/msg/PoseStamped"
 _POSES = (POSE, "geometry_msgs/msg/PoseWithCovarianceStamped")
 _LONGEST_LISTING = 1000  # characters of topics in a message
 GROUND_TRUTH_TOPIC = "ground_truth/camera"
+
+
+def open_recording(path: Path, image_topic: str | None = None, odometry_topic: str | None = None) -> Recording:
+    """A ROS 1 or ROS 2 bag, or a folder in the TUM RGB-D layout (rgb.txt, rgb/, groundtruth.txt, camera.json). Raises
+    InputError saying what is wrong with the input and what to do."""
+    if path.is_dir() and not (path / METADATA).exists():
+        recording = open_folder(path)
+    elif not path.exists():
+        raise InputError(f"there is no {path}; give a bag or a folder with rgb.txt")
+    else:
+        recording = open_bag(path, image_topic, odometry_topic)
+    epochs = OdometryEpochs()
+    return replace(recording, odometry=[epochs.enter(reading) for reading in recording.odometry])
 
 
 def open_bag(path: Path, image_topic: str | None = None, odometry_topic: str | None = None) -> Recording:

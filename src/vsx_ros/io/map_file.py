@@ -28,14 +28,9 @@ def save_map(grid: OccupancyGrid, path: Path) -> None:
     gray = np.select([grid.data == FREE, grid.data == OCCUPIED], known, _GRAY_OF_UNKNOWN).astype(np.uint8)
     rows, columns = grid.shape
     image, text = path.with_suffix(".pgm"), path.with_suffix(".yaml")
-    tree = {
-        "image": image.name,
-        "resolution": grid.resolution,
-        "origin": [grid.origin_x, grid.origin_y, 0.0],
-        "negate": 0,
-        "occupied_thresh": _OCCUPIED_THRESHOLD,
-        "free_thresh": _FREE_THRESHOLD,
-    }
+    origin = [grid.origin_x, grid.origin_y, 0.0]
+    tree = {"image": image.name, "resolution": grid.resolution, "origin": origin, "negate": 0}
+    tree |= {"occupied_thresh": _OCCUPIED_THRESHOLD, "free_thresh": _FREE_THRESHOLD}
     with explained(MapFileError, f"map {path} cannot be written", "choose another folder", OSError):
         write_bytes(image, f"P5\n{columns} {rows}\n255\n".encode() + gray[::-1].tobytes())
         write_text(text, yaml.safe_dump(tree, sort_keys=False, default_flow_style=None))

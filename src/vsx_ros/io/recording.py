@@ -1,18 +1,29 @@
-"""A recording, wherever it comes from: frames, odometry, calibration and truth behind one small type."""
+"""A recording, wherever it comes from: frames, odometry, calibration and truth behind one small type; and one of images
+in the layout of the TUM RGB-D benchmark (rgb.txt, rgb/, groundtruth.txt, camera.json)."""
 
 import heapq
+import io
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from pathlib import Path
 
-from vsx_ros.errors import CalibrationError, InputError
+from vsx_ros.errors import CalibrationError, InputError, explained
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import StampedPose
+from vsx_ros.io.calibration_file import read_calibration
+from vsx_ros.io.image_encoding import decoded
+from vsx_ros.io.trajectory_file import parse_stamp, read_trajectory
+from vsx_ros.limits import LOG_BYTES, file_bytes
 from vsx_ros.robot import Frame, Odometry
 
 GRACE_NS = 500_000_000  # odometry has gaps, images come before it begins
 AHEAD_NS = 1_000_000_000  # a stamp so far ahead of the next one is wrong
+_MOST_IMAGES = 2**20  # nine hours at 30 a second
+_LONGEST_NAME = 1000  # of a file: longer is no name
+_STAMP = attrgetter("stamp_ns")
+CALIBRATION_NAMES = ("camera.json", "camera.yaml", "calibration.yaml", "camera_info.yaml")
 
 
 @dataclass(frozen=True)
@@ -63,11 +74,11 @@ class Recording:
     def messages(self) -> Iterator[Frame | Odometry]:
         """Images and odometry in one stream, by stamp; odometry first where stamps are equal."""
         streams: list[Iterable[Frame | Odometry]] = [self.odometry, self.frames()]
-        yield from heapq.merge(*streams, key=lambda message: message.stamp_ns)
+        yield from heapq.merge(*streams, key=_STAMP)
 
     def odometry_at(self, stamp_ns: int) -> Odometry | None:
         """Odometry interpolated to the instant; None more than ``GRACE_NS`` away from what was recorded."""
-        after = bisect_right(self.odometry, stamp_ns, key=lambda reading: reading.stamp_ns)
+        after = bisect_right(self.odometry, stamp_ns, key=_STAMP)
         near = self.odometry[max(after - 1, 0) : after + 1]
         if not near or min(abs(reading.stamp_ns - stamp_ns) for reading in near) > GRACE_NS:
             return None
@@ -92,3 +103,66 @@ def with_speeds(reading: Odometry, before: Odometry) -> Odometry:
     if seconds <= 0.0:
         return reading._replace(v=before.v, omega=before.omega)
     return reading._replace(v=moved.x / seconds, omega=moved.wrapped().theta / seconds)
+
+
+def open_folder(folder: Path) -> Recording:
+    """Images listed in rgb.txt; groundtruth.txt (T_world_cam), odometry.txt (T_odom_base) and calibration if there.
+    Raises InputError when rgb.txt is missing, empty or malformed."""
+    listed = _listed_images(folder)
+
+    def frames() -> Iterator[Frame]:
+        for stamp_ns, name in listed:
+            path = folder / name
+            what = f"image {path} named in {folder / 'rgb.txt'} cannot be read"
+            with explained(InputError, what, "copy the folder again or delete its line"):
+                content = file_bytes(path, LOG_BYTES)
+            yield Frame(stamp_ns, decoded(content, f"image {path}"))
+
+    truth = folder / "groundtruth.txt"
+    calibration = next((folder / name for name in CALIBRATION_NAMES if (folder / name).exists()), None)
+    return Recording(
+        source=folder,
+        image_topic=None,
+        odometry_topic=None,
+        frame_count=len(listed),
+        camera=read_calibration(calibration) if calibration is not None else None,
+        odometry=_odometry(folder / "odometry.txt"),
+        ground_truth=sorted(read_trajectory(truth), key=_STAMP) if truth.exists() else [],
+        open_frames=frames,
+    )
+
+
+def _listed_images(folder: Path) -> list[tuple[int, str]]:
+    index = folder / "rgb.txt"
+    if not index.exists():
+        raise InputError(
+            f"folder {folder} has no rgb.txt and no metadata.yaml; give a bag or a folder in the TUM RGB-D layout"
+        )
+    with explained(InputError, f"{index} cannot be read", "give a text file of lines 'stamp file'"):
+        text = file_bytes(index, LOG_BYTES).decode(errors="replace")
+    listed: list[tuple[int, str]] = []
+    for number, line in enumerate(io.StringIO(text), start=1):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        stamp, _, name = line.strip().partition(" ")
+        try:
+            if len(name) > _LONGEST_NAME:
+                raise ValueError("no file has so long a name")
+            listed.append((parse_stamp(stamp), name.strip()))
+        except (ValueError, OverflowError) as error:
+            raise InputError(f"{index}, line {number}: expected 'stamp file', got {line.strip()[:80]!r}") from error
+        if len(listed) > _MOST_IMAGES:
+            raise InputError(f"{index} lists more than {_MOST_IMAGES} images; cut the recording into parts")
+    if not listed:
+        raise InputError(f"{index} lists no image; each line shall be 'stamp file'")
+    return listed
+
+
+def _odometry(path: Path) -> list[Odometry]:
+    if not path.exists():
+        return []
+    readings: list[Odometry] = []
+    for stamp_ns, T in sorted(read_trajectory(path), key=_STAMP):
+        reading = Odometry(stamp_ns, T.to_se2())
+        readings.append(with_speeds(reading, readings[-1]) if readings else reading)
+    return readings

@@ -55,14 +55,9 @@ def entries_of(slam_map: SlamMap, arrays: Arrays) -> dict[str, bytes]:
     """Manifest and arrays, some of ``arrays_of``, of a map."""
     mount = slam_map.T_base_cam
     camera = {name: getattr(slam_map.camera, name) for name in PinholeCamera.__slots__}
-    manifest = {
-        "format": FORMAT,
-        "version": VERSION,
-        "written_by": f"vsx_ros {__version__}",
-        "camera": camera,
-        "T_base_cam": None if mount is None else mount.matrix().tolist(),
-        "map_version": slam_map.view.version,
-    }
+    manifest = {"format": FORMAT, "version": VERSION, "written_by": f"vsx_ros {__version__}", "camera": camera}
+    T_base_cam = None if mount is None else mount.matrix().tolist()
+    manifest |= {"T_base_cam": T_base_cam, "map_version": slam_map.view.version}
     contents = {array_name(name): array_bytes(array) for name, array in arrays.items()}
     return {"manifest.json": json.dumps(manifest, indent=1).encode()} | contents
 
@@ -130,19 +125,11 @@ def _view(arrays: Arrays, entries: Mapping[str, bytes], camera: PinholeCamera, v
     ends = np.concatenate([[0], np.cumsum(arrays["observation_count"])]).tolist()
     parts = (slice(*pair) for pair in pairwise(ends))
     frames = tuple(_keyframe(k, part, arrays, entries, camera) for k, part in enumerate(parts))
-    templates = (arrays[f"template_{name}"] for name in ("source", "basis", "offset", "patch"))
-    return MapView(
-        version,
-        frames,
-        np.flatnonzero(arrays["anchor"] < 0),
-        arrays["rotation"],
-        arrays["translation"],
-        np.array([k.median_depth or 1.0 for k in frames]),
-        arrays["point"],
-        arrays["point_alive"],
-        arrays["point_source"],
-        Templates(arrays["point_templates"], *templates),
-    )
+    living, depths = np.flatnonzero(arrays["anchor"] < 0), np.array([k.median_depth or 1.0 for k in frames])
+    poses, points = (arrays["rotation"], arrays["translation"]), (arrays["point"], arrays["point_alive"])
+    parts_of = (arrays[f"template_{name}"] for name in ("source", "basis", "offset", "patch"))
+    templates = Templates(arrays["point_templates"], *parts_of)
+    return MapView(version, frames, living, *poses, depths, *points, arrays["point_source"], templates)
 
 
 def _keyframe(k: int, part: slice, arrays: Arrays, entries: Mapping[str, bytes], camera: PinholeCamera) -> KeyFrame:
@@ -152,16 +139,9 @@ def _keyframe(k: int, part: slice, arrays: Arrays, entries: Mapping[str, bytes],
     if arrays["anchor"][k] >= 0:
         T = SE3(arrays["anchor_rotation"][k], arrays["anchor_translation"][k])
         anchor = Anchor(int(arrays["anchor"][k]), T)
-    return KeyFrame(
-        k,
-        _frame_data(k, arrays, entries, camera),
-        SE3(arrays["rotation"][k], arrays["translation"][k]),
-        observed,
-        float(arrays["median_depth"][k]),
-        int(arrays["chain"][k]),
-        anchor,
-        int(arrays["map_id"][k]),
-    )
+    T_world_cam = SE3(arrays["rotation"][k], arrays["translation"][k])
+    depth, epoch, map_id = float(arrays["median_depth"][k]), int(arrays["chain"][k]), int(arrays["map_id"][k])
+    return KeyFrame(k, _frame_data(k, arrays, entries, camera), T_world_cam, observed, depth, epoch, anchor, map_id)
 
 
 def _frame_data(k: int, arrays: Arrays, entries: Mapping[str, bytes], camera: PinholeCamera) -> FrameData:

@@ -35,8 +35,8 @@ from vsx_ros.runs.journal import flat
 from vsx_ros.runs.world import open_world
 from vsx_ros.sim.body import Body
 from vsx_ros.sim.camera import EmulatedCamera
+from vsx_ros.sim.robot import SimulationConfig
 from vsx_ros.sim.scene import compile_scene
-from vsx_ros.sim.settings import SimulationConfig
 from vsx_ros.sim.world import World, obstacle_segments
 
 POSE = struct.Struct("<q4d")

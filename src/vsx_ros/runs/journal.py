@@ -72,7 +72,7 @@ class FrameLine(Struct, frozen=True, kw_only=True, tag="frame"):
         return TrackingResult(self.stamp_ns, self.state, T, *counts, self.reason, corrected=self.corrected)
 
 
-class TruthLine(Struct, frozen=True, kw_only=True, tag="truth"):
+class TruthLine(Struct, frozen=True, tag="truth"):
     """What really happened up to a stamp, where an emulator knows it."""
 
     stamp_ns: Stamp

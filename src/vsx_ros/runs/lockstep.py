@@ -22,8 +22,7 @@ from vsx_ros.runs.record import MapJudge
 from vsx_ros.runs.report import EXIT_CODES, tell_the_end, write_report
 from vsx_ros.runs.session import PreviousSessions, RunWriter
 from vsx_ros.runs.start import begin
-from vsx_ros.sim.robot import EmulatedRobot, Observation
-from vsx_ros.sim.settings import SimulationConfig
+from vsx_ros.sim.robot import EmulatedRobot, Observation, SimulationConfig
 from vsx_ros.sim.world import Start, World
 from vsx_ros.slam.snapshot import SlamMap
 from vsx_ros.slam.state import TrackingState
@@ -154,12 +153,7 @@ class FastRun:
         self.record.add_odometry(odometry)
         told = slam.statistics().u2_frames, slam.drain_events(), self.system.mission.drain_events()
         base, camera = truth.T_world_base, flat(truth.T_world_cam)
-        truly = TruthLine(
-            stamp_ns=frame.stamp_ns,
-            T_world_cam=camera,
-            T_world_base=(base.x, base.y, base.theta),
-            collisions=self.collisions,
-        )
+        truly = TruthLine(frame.stamp_ns, camera, (base.x, base.y, base.theta), self.collisions)
         self.keeper.frame(step.tracking, odometry, track_s, *told, truly)
         self._save(frame.stamp_ns)
         return step.command

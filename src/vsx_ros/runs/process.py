@@ -30,18 +30,9 @@ if TYPE_CHECKING:
 _TERMINAL_PERIOD_S, _PLAIN_PERIOD_S = 0.5, 5.0
 """Between two lines of progress: for eyes, and in a file."""
 
-DONE = 0
-"""The job is done."""
-FAILED = 1
-"""Wrong usage, unusable input or a failed check."""
-HARDWARE = 2
-"""A device is missing or misbehaves."""
-LOST = 3
-"""Tracking was lost for good."""
-STOPPED = 4
-"""The operator stopped it."""
-INTERNAL = 5
-"""A mistake in this program."""
+DONE, FAILED, HARDWARE, LOST, STOPPED, INTERNAL = range(6)
+"""The job is done; wrong usage, unusable input or a failed check; a device is missing or misbehaves; tracking was lost
+for good; the operator stopped it; a mistake in this program."""
 
 
 def ended_well(code: int) -> bool:

@@ -17,16 +17,8 @@ from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.parameters import commented_yaml
 from vsx_ros.runs.process import DONE, FAILED, LOST, STOPPED
 
-EXIT_CODES = {
-    Outcome.EXPLORED: DONE,
-    Outcome.HOME: DONE,
-    Outcome.STOPPED: STOPPED,
-    Outcome.BOXED_IN: FAILED,
-    Outcome.NOT_STARTED: FAILED,
-    Outcome.LOST: LOST,
-    Outcome.STRANDED: FAILED,
-    Outcome.BLOCKED: FAILED,
-}
+_OTHERS = {Outcome.EXPLORED: DONE, Outcome.HOME: DONE, Outcome.STOPPED: STOPPED, Outcome.LOST: LOST}
+EXIT_CODES = dict.fromkeys(Outcome, FAILED) | _OTHERS
 """Of each way an exploration ends, live or in lock-step."""
 
 

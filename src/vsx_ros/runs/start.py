@@ -11,8 +11,8 @@ from vsx_ros.config import Config, overridden
 from vsx_ros.errors import ConfigError, InputError
 from vsx_ros.geometry.camera import PinholeCamera, nominal_camera
 from vsx_ros.io.atomic import sync
+from vsx_ros.io.bag import open_recording
 from vsx_ros.io.calibration_file import read_calibration
-from vsx_ros.io.open_recording import open_recording
 from vsx_ros.io.recording import Recording
 from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.runs.folder import RunFolder

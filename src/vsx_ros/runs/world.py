@@ -4,8 +4,7 @@ from pathlib import Path
 
 from vsx_ros.errors import ConfigError
 from vsx_ros.io.map_file import is_map_file, load_map, load_plan
-from vsx_ros.sim.generate import GENERATORS, generate_world
-from vsx_ros.sim.map_import import world_from_grid
+from vsx_ros.sim.generate import GENERATORS, generate_world, world_from_grid
 from vsx_ros.sim.world import World
 from vsx_ros.sim.world_file import load_world
 

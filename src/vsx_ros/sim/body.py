@@ -2,20 +2,36 @@
 
 import math
 from collections import deque
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from msgspec import Meta, Struct
 
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2, body_twist, integrate, wrap_angle
-from vsx_ros.sim.settings import BodySettings
 
 SUBSTEP_NS = 5_000_000  # 1.5 mm at full speed
 HISTORY = 512  # substeps, 2.5 s: more than an image waits for its motion
 FREE_AGAIN_M = 0.003  # play of a bumper between pressed and released
 BUMPER_CENTRE_RAD = math.radians(25.0)  # of the middle one of three, to each side
 BUMPER_SIDE_RAD = math.radians(90.0)  # the bumper is the front half
+Positive = Annotated[float, Meta(gt=0)]
+NonNegative = Annotated[float, Meta(ge=0)]
+
+
+class BodySettings(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A Kobuki by default: wheel base, encoder step and gyro step are its own; errors are half-widths or deviations."""
+
+    wheel_base_m: Positive = 0.230
+    tick_m: Positive = 0.000085292
+    lag_s: Positive = 0.08
+    latency_ns: Annotated[int, Meta(ge=0)] = 60_000_000
+    wheel_scale_error: NonNegative = 0.005
+    slip: NonNegative = 0.02
+    gyro_scale_error: NonNegative = 0.003
+    gyro_bias_rad_s: NonNegative = 0.0003
+    gyro_step_rad: Positive = 0.00017453
 
 
 class Bumper(NamedTuple):

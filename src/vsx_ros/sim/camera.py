@@ -4,8 +4,10 @@ curve and automatic exposure."""
 import dataclasses
 import math
 from collections.abc import Callable
+from typing import Annotated
 
 import numpy as np
+from msgspec import Meta, Struct
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
@@ -14,8 +16,8 @@ from vsx_ros.config import MountConfig
 from vsx_ros.geometry.camera import PinholeCamera, mounted
 from vsx_ros.kernels.sim.raycast_cull import Scene
 from vsx_ros.kernels.sim.raycast_pixels import expose
+from vsx_ros.sim.body import NonNegative, Positive
 from vsx_ros.sim.renderer import Picture, Renderer
-from vsx_ros.sim.settings import CameraSettings
 
 PosesAt = Callable[[IntArray], FloatArray]
 """(N,) stamps [ns] to (N, 4) x, y [m], theta [rad] and travelled path [m] of the base, as ``Body.poses_at``."""
@@ -26,16 +28,30 @@ KINECT = PinholeCamera(640, 480, 517.3, 516.5, 318.6, 255.3, (0.262383, -0.95310
 VIBRATION_WAVES_PER_M = np.array([7.0, 13.0, 23.0, 41.0])  # incommensurable: joints of a floor, treads, wheels
 
 
+class CameraSettings(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A Kinect's colour camera: rolling shutter of 26 ms, indoor exposure, noise of its small pixels."""
+
+    readout_ns: Annotated[int, Meta(ge=0)] = 26_000_000
+    exposure_ns: Annotated[int, Meta(ge=0)] = 15_000_000
+    shot_noise: NonNegative = 1.2e-4
+    read_noise: NonNegative = 0.004
+    vignetting: NonNegative = 0.35
+    response_exponent: Positive = 0.6
+    target_signal: Positive = 0.30
+    exposure_ramp: Annotated[float, Meta(ge=0, le=1)] = 0.15
+    vibration_rad: NonNegative = 0.0008
+    focal_error: NonNegative = 0.003
+    centre_error_px: NonNegative = 1.0
+    pitch_error_rad: NonNegative = 0.0087
+    height_error_m: NonNegative = 0.005
+
+
 def perturbed_calibration(camera: PinholeCamera, settings: CameraSettings, rng: np.random.Generator) -> PinholeCamera:
     """The calibration a user would have: focal lengths and centre slightly wrong, distortion right."""
-    fx, fy, cx, cy = rng.uniform(-1.0, 1.0, 4).tolist()
-    return dataclasses.replace(
-        camera,
-        fx=camera.fx * (1.0 + settings.focal_error * fx),
-        fy=camera.fy * (1.0 + settings.focal_error * fy),
-        cx=camera.cx + settings.centre_error_px * cx,
-        cy=camera.cy + settings.centre_error_px * cy,
-    )
+    off = rng.uniform(-1.0, 1.0, 4).tolist()
+    fx, fy = camera.fx * (1.0 + settings.focal_error * off[0]), camera.fy * (1.0 + settings.focal_error * off[1])
+    cx, cy = camera.cx + settings.centre_error_px * off[2], camera.cy + settings.centre_error_px * off[3]
+    return dataclasses.replace(camera, fx=fx, fy=fy, cx=cx, cy=cy)
 
 
 class EmulatedCamera:

@@ -1,21 +1,30 @@
 """The emulated robot in lock-step: one command in, one picture and one odometry out; truth apart."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from msgspec import Meta, Struct
 
 from vsx_ros.config import RobotConfig
 from vsx_ros.errors import ConfigError
 from vsx_ros.geometry.se2 import SE2, integrate, wheel_speeds
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry, VelocityCommand
-from vsx_ros.sim.body import Body
-from vsx_ros.sim.camera import EmulatedCamera
+from vsx_ros.sim.body import Body, BodySettings
+from vsx_ros.sim.camera import CameraSettings, EmulatedCamera
 from vsx_ros.sim.scene import compile_scene
-from vsx_ros.sim.settings import SimulationConfig
 from vsx_ros.sim.world import World, obstacle_segments
 
 ODOMETRY_PERIOD_NS = 20_000_000  # 50 Hz, as a Kobuki
+
+
+class SimulationConfig(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What the emulated robot is like, which the stack under test never sees. frame_rate_hz applies in lock-step."""
+
+    frame_rate_hz: Annotated[float, Meta(ge=1, le=20)] = 15.0
+    threads: Annotated[int, Meta(ge=1, le=64)] = 1
+    body: BodySettings = BodySettings()
+    camera: CameraSettings = CameraSettings()
 
 
 class Observation(NamedTuple):

@@ -167,13 +167,5 @@ def compile_scene(world: World) -> Scene:
         place[i] = [starts[k], sizes[k], at, nodes[0], nodes[1]]
         tints[i] = *material.tint, np.asarray(material.tint, float) @ GREY
         at += len(maps[-1])
-    return Scene(
-        np.array([quad.corner for quad in surfaces]),
-        np.array([quad.edge_u for quad in surfaces]),
-        np.array([quad.edge_v for quad in surfaces]),
-        surface,
-        place,
-        tints,
-        np.concatenate(levels),
-        np.concatenate(maps),
-    )
+    P, U, V = (np.array(part) for part in list(zip(*surfaces))[:3])
+    return Scene(P, U, V, surface, place, tints, np.concatenate(levels), np.concatenate(maps))
