@@ -70,10 +70,8 @@ def _refined(image: GrayImage, corners: FloatArray, columns: int) -> FloatArray:
 
 
 def board_poses(board: Board, camera: PinholeCamera, views: Sequence[Pixels | None]) -> list[SE3 | None]:
-    """T_board_cam of each view [m], None where there is none.
-
-    A board that looks the same upside down is taken the way up that is nearer to the pose before.
-    """
+    """T_board_cam of each view [m], None where there is none. A board that looks the same upside down is taken the way
+    up that is nearer to the pose before."""
     poses: list[SE3 | None] = []
     latest: SE3 | None = None
     for pixels in views:

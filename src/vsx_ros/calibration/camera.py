@@ -68,10 +68,8 @@ class CameraCalibration(NamedTuple):
 
 
 def calibrate_camera(board: Board, views: Sequence[BoardView], width: int, height: int) -> CameraCalibration:
-    """The camera that made the views, pictures of width x height px.
-
-    Raises InputError for fewer than ``MIN_VIEWS`` views, CalibrationError when they determine no camera.
-    """
+    """The camera that made the views, pictures of width x height px. Raises InputError for fewer than ``MIN_VIEWS``
+    views, CalibrationError when they determine no camera."""
     kept, left_out = list(views), []
     while True:
         if len(kept) < MIN_VIEWS:

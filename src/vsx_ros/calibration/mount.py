@@ -59,11 +59,9 @@ class MountCalibration(NamedTuple):
 
 
 def calibrate_mount(drive: Sequence[TrackedPose], points_ref: Points3, forward: float, left: float) -> MountCalibration:
-    """The mount of a camera whose place over the floor (forward, left [m]) is known.
-
-    drive: the images in order. points_ref: (N, 3) map points in the frame of the drive's reference.
-    Raises InputError when less than ``MIN_WINDOWS`` times ``WINDOW_M`` was driven straight ahead.
-    """
+    """The mount of a camera whose place over the floor (forward, left [m]) is known. drive: the images in order.
+    points_ref: (N, 3) map points in the frame of the drive's reference. Raises InputError when less than
+    ``MIN_WINDOWS`` times ``WINDOW_M`` was driven straight ahead."""
     moved_base, moved_cam = _straight_windows(drive, np.array([forward, left]))
     if len(moved_base) < MIN_WINDOWS:
         raise InputError(

@@ -47,10 +47,8 @@ class OdometryCalibration(NamedTuple):
 
 
 def from_known_way(poses: Sequence[SE2], distance: float) -> OdometryCalibration:
-    """From a straight drive of so many metres as the ruler says. poses: T_odom_base in order.
-
-    Raises InputError when the wheels did not drive straight ahead over anything like it.
-    """
+    """From a straight drive of so many metres as the ruler says. poses: T_odom_base in order. Raises InputError when
+    the wheels did not drive straight ahead over anything like it."""
     first, last = poses[0], poses[-1]
     way = first.distance_to(last)
     if distance < MIN_KNOWN_WAY_M:
@@ -68,10 +66,8 @@ def from_known_way(poses: Sequence[SE2], distance: float) -> OdometryCalibration
 
 def from_known_turns(poses: Sequence[SE2], turns: float, closing: float | None = None) -> OdometryCalibration:
     """From so many full turns on the spot, counter-clockwise positive. closing: how far the last picture is turned
-    against the first one [rad], None where it was turned back to a mark by eye.
-
-    Raises InputError when the wheels did not turn anything like it.
-    """
+    against the first one [rad], None where it was turned back to a mark by eye. Raises InputError when the wheels did
+    not turn anything like it."""
     turned = total_turn(poses)
     if abs(turns) < MIN_TURNS:
         raise InputError(f"{turns:g} turns are too few to be measured; turn 3 times or more")
@@ -83,10 +79,8 @@ def from_known_turns(poses: Sequence[SE2], turns: float, closing: float | None =
 
 
 def from_camera(drive: Sequence[TrackedPose], T_base_cam: SE3, metric: bool) -> OdometryCalibration:
-    """From where the camera says it went. metric: whether that is in metres; if not, only turns are told.
-
-    Raises InputError when neither enough ways nor enough turns are in it.
-    """
+    """From where the camera says it went. metric: whether that is in metres; if not, only turns are told. Raises
+    InputError when neither enough ways nor enough turns are in it."""
     if not drive:
         raise InputError("the camera knew its place in no picture; drive in sight of the board, or of texture")
     bases = [pose.T_ref_cam @ T_base_cam.inverse() for pose in drive]
@@ -176,11 +170,9 @@ def _verdict(linear: Factor | None, angular: Factor | None) -> Verdict:
 
 
 def closing_turn(camera: PinholeCamera, before: GrayImage, after: GrayImage) -> float | None:
-    """How far the camera turned to the left in between [rad], both pictures showing the same far things; None where
-    too little of one is found in the other.
-
-    Of a camera that only turns, pictures are related by the homography K R K^-1 (Hartley and Zisserman, 8.4.2).
-    """
+    """How far the camera turned to the left in between [rad], both pictures showing the same far things; None where too
+    little of one is found in the other. Of a camera that only turns, pictures are related by the homography K R K^-1
+    (Hartley and Zisserman, 8.4.2)."""
     orb = cv2.ORB.create(2000)
     (keypoints_a, words_a), (keypoints_b, words_b) = (orb.detectAndCompute(image, None) for image in (before, after))
     if words_a is None or words_b is None or len(words_b) < 2:

@@ -1,6 +1,7 @@
 """``vsx reproduce`` and ``vsx sweep``: many runs, and the pages made of them."""
 
 import argparse
+import itertools
 import json
 from typing import Any
 
@@ -91,12 +92,8 @@ def sweep(args: argparse.Namespace) -> int:
     for world in worlds:
         open_world(world, args.seeds[0])
     settings = tuple(args.set)
-    tasks = [
-        exploration.ExplorationTask(world, seed, planner, args.time, settings)
-        for seed in args.seeds
-        for world in worlds
-        for planner in planners
-    ]
+    chosen = itertools.product(args.seeds, worlds, planners)
+    tasks = [exploration.ExplorationTask(world, seed, planner, args.time, settings) for seed, world, planner in chosen]
     store, engine = Store(args.out / "results.jsonl", config), Engine(args.jobs, args.scheduler)
     runs = list(zip(tasks, run_campaign(tasks, exploration.explore, store, engine), strict=True))
     write_text(args.out / "sweep.csv", exploration.as_csv(runs))

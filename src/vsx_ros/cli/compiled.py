@@ -31,11 +31,8 @@ def is_compiled(folder: Path = _FOLDER) -> bool:
 
 
 def compile_kernels(folder: Path = _FOLDER) -> None:
-    """Compile all where something has changed, saying so. What does not compile says why where it is used.
-
-    Numba would compile only the kernels of files that have changed, and leave the old code of a kernel in those that
-    call it.
-    """
+    """Compile all where something has changed, saying so. What does not compile says why where it is used. Numba would
+    compile only the kernels of files that have changed, and leave the old code of a kernel in those that call it."""
     if is_compiled(folder):
         return
     print("compiling the kernels, as after each update: up to five minutes", file=sys.stderr, flush=True)

@@ -60,10 +60,8 @@ class ObstacleQuality(NamedTuple):
 
 
 def observable_cells(truth: OccupancyGrid, start: SE2, robot_radius_m: float, sensor_range_m: float) -> BoolArray:
-    """(H, W) mask of truth cells in sight, within range, of somewhere the robot can stand.
-
-    start: where the robot begins, in the truth's frame. Raises InputError when it does not begin in free space.
-    """
+    """(H, W) mask of truth cells in sight, within range, of somewhere the robot can stand. start: where the robot
+    begins, in the truth's frame. Raises InputError when it does not begin in free space."""
     clear = cv2.distanceTransform((truth.data == FREE).astype(np.uint8), cv2.DIST_L2, 5) * truth.resolution
     standable = (clear > robot_radius_m).astype(np.uint8)
     _, labels = cv2.connectedComponents(standable, connectivity=4)

@@ -67,10 +67,8 @@ def share_interval(hits: float, count: int) -> Interval | None:
 
 
 def sign_test(above: Sequence[float], below: Sequence[float]) -> float:
-    """Two-sided probability that pairs differ so one-sidedly by chance (exact sign test; ties are left out).
-
-    For pairs of 0 and 1 it is McNemar's exact test.
-    """
+    """Two-sided probability that pairs differ so one-sidedly by chance (exact sign test; ties are left out). For pairs
+    of 0 and 1 it is McNemar's exact test."""
     signs = np.sign(np.asarray(above, float) - np.asarray(below, float))
     n, k = int(np.count_nonzero(signs)), int(np.count_nonzero(signs > 0))
     tail = sum(math.comb(n, i) for i in range(min(k, n - k) + 1)) / 2.0**n

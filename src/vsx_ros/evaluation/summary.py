@@ -94,11 +94,9 @@ def tracking_summary(statistics: SlamStatistics, track_ms: Sequence[float]) -> S
 def with_accuracy(
     summary: Summary, estimate: Sequence[StampedPose], truth: Sequence[StampedPose], kind: AlignmentKind | None
 ) -> Summary:
-    """ATE and scale error against the truth, and the length of the estimated way.
-
-    kind: how ``ate_rmse_m`` is aligned (se3; yaw where gravity is known); None for a map without metric scale, whose
-    scale-free error alone means something. Where the two do not overlap in time the errors stay None.
-    """
+    """ATE and scale error against the truth, and the length of the estimated way. kind: how ``ate_rmse_m`` is aligned
+    (se3; yaw where gravity is known); None for a map without metric scale, whose scale-free error alone means
+    something. Where the two do not overlap in time the errors stay None."""
     if kind is not None:
         summary = summary.with_values(path_length_m=path_length(estimate))
     try:

@@ -46,11 +46,9 @@ class Engine(NamedTuple):
 
 
 def run_campaign(tasks: Sequence[Task], work: Work, store: Store, engine: Engine) -> list[Result]:
-    """Results of the tasks, in their order; those that the store knows are not done again.
-
-    A task that fails has the result {"failed": reason}; a failure that is not the task's own is not stored, so that the
-    next call tries it again. Raises ConfigError when the engine cannot be had, or is lost.
-    """
+    """Results of the tasks, in their order; those that the store knows are not done again. A task that fails has the
+    result {"failed": reason}; a failure that is not the task's own is not stored, so that the next call tries it again.
+    Raises ConfigError when the engine cannot be had, or is lost."""
     waiting = [task for task in tasks if task._asdict() not in store]
     began_s, known = time.monotonic(), len(tasks) - len(waiting)
     if known:

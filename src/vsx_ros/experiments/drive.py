@@ -70,9 +70,7 @@ class Question(NamedTuple):
 
 def question(task: DriveTask, world: World, config: Config) -> Question:
     """A goal of the dataset's kind that the constrained and the unconstrained planner reach, drawn by the world's seed.
-
-    Raises InputError when the world offers none.
-    """
+    Raises InputError when the world offers none."""
     ground = config.ground_map
     grid = ground_truth_grid(world, ground.resolution_m, ground.obstacle_min_height_m, ground.obstacle_max_height_m)
     start = world.start_pose @ SE2(START_M, 0.0, 0.0)
@@ -125,15 +123,10 @@ def _drive(arm: str, asked: Question, task: DriveTask, world: World, config: Con
         tracked.begin()
     status = driver.follow(time_scale(plan.path, limits), limits, config)
     way = plan.path.sample(0.1)[:, :3]
-    return {
-        **shape_of(plan.path),
-        "duration_s": (robot.truth.stamp_ns - begun_ns) * 1e-9,
-        "ended": status.value,
-        "collisions": robot.truth.collisions,
-        "planned": way.round(3).tolist(),
-        "driven": driver.driven(begun_ns),
-        "trackers": {t.name: t.judged(driver.truth, driver.odometry) for t in trackers},
-    }
+    lasted = {"duration_s": (robot.truth.stamp_ns - begun_ns) * 1e-9, "ended": status.value}
+    ways = {"planned": way.round(3).tolist(), "driven": driver.driven(begun_ns)}
+    judged = {t.name: t.judged(driver.truth, driver.odometry) for t in trackers}
+    return {**shape_of(plan.path), **lasted, "collisions": robot.truth.collisions, **ways, "trackers": judged}
 
 
 def shape_of(path: Path) -> dict[str, float]:

@@ -66,8 +66,8 @@ def figure4(world: str, seed: int, limit_s: float) -> tuple[Section, dict[str, A
     surface = _cells_before(camera, snapshot.T_world_cams[keyframe], dense, config.cell_m)
     points = of_point[snapshot.obs_point[shown]]
     pictures = _plane_pictures(snapshot.images[keyframe], snapshot.obs_uv[shown], points, *surface)
-    section = Section("Figure 4: from points to planes to surface", paragraph(words) + figures(pictures))
-    return section, {"facts": words, **numbers}
+    body = paragraph(words) + figures(pictures)
+    return Section("Figure 4: from points to planes to surface", body), {"facts": words, **numbers}
 
 
 def _cells_before(
@@ -134,9 +134,8 @@ def figure5(world: str, seed: int, limit_s: float) -> tuple[Section, dict[str, A
     run, facts = _explored(world, seed, limit_s)
     ground, snapshot = run.system.ground, run.system.slam.snapshot()
     true_poses, config = {pose.stamp_ns: pose.T for pose in run.truth}, Config().ground_map
-    truth = ground_truth_grid(
-        run.world, config.resolution_m, config.obstacle_min_height_m, config.obstacle_max_height_m
-    )
+    band = config.obstacle_min_height_m, config.obstacle_max_height_m
+    truth = ground_truth_grid(run.world, config.resolution_m, *band)
     faces = seen_faces(truth, [true_poses[stamp] for stamp in snapshot.keyframe_stamps_ns.tolist()])
     grids = {"sparse points": ground.grid(snapshot, False), "dense planes": ground.grid(snapshot)}
     facts += " Faces count that three keyframes saw within 3.5 m."

@@ -61,12 +61,9 @@ class Tracked:
             self._at_loss = self._slam.record()
 
     def judged(self, truth: list[StampedPose], odometry: list[SE3]) -> dict[str, Any]:
-        """U1, U2, losses, breaks and errors of the drive.
-
-        u1: found of searched, a lost frame counts 0. broken: lost at the end, or somewhere else than it says by more
-        than 15 cm rms, or (where it knows metres) jumped against odometry. held_share: of the drive until the first
-        loss.
-        """
+        """U1, U2, losses, breaks and errors of the drive. u1: found of searched, a lost frame counts 0. broken: lost at
+        the end, or somewhere else than it says by more than 15 cm rms, or (where it knows metres) jumped against
+        odometry. held_share: of the drive until the first loss."""
         drive = list(zip(self._results, truth, odometry, strict=True))[self._begun :]
         results = [result for result, _, _ in drive]
         tracked = [result.state.tracked and result.T_world_cam is not None for result in results]

@@ -55,9 +55,8 @@ def _exactly(kind: str, data: bytes, size: int) -> bytes:
         raise ValueError(f"a packed chunk says it has {size} bytes, at most {MAX_UNPACKED} can be used")
     content = unpacked(kind, data, size + 1)
     if len(content) != size:
-        raise ValueError(
-            f"a packed chunk says it has {size} bytes but has {'more' if len(content) > size else 'fewer'}"
-        )
+        really = "more" if len(content) > size else "fewer"
+        raise ValueError(f"a packed chunk says it has {size} bytes but has {really}")
     return content
 
 

@@ -19,11 +19,9 @@ _FORMATS = "a ROS camera_info YAML or a camera.json"
 def camera_from_info(
     width: int, height: int, K: Sequence[float], D: Sequence[float], model: str, name: str
 ) -> PinholeCamera | None:
-    """The camera of a sensor_msgs/CameraInfo's fields; None when K is all zero, ROS's word for uncalibrated.
-
-    K: 9 numbers, row by row. D: distortion, k1 k2 p1 p2 k3. name: what an error message shall call it.
-    Raises CalibrationError for a lens model this stack cannot use.
-    """
+    """The camera of a sensor_msgs/CameraInfo's fields; None when K is all zero, ROS's word for uncalibrated. K: 9
+    numbers, row by row. D: distortion, k1 k2 p1 p2 k3. name: what an error message shall call it. Raises
+    CalibrationError for a lens model this stack cannot use."""
     k, d = [float(value) for value in K], [float(value) for value in D]
     if len(k) != 9:
         raise CalibrationError(f"{name}: the camera matrix needs 9 numbers, got {len(k)}; calibrate the camera again")

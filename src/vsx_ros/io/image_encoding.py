@@ -43,11 +43,9 @@ _Bytes: TypeAlias = bytes | NDArray[np.uint8]
 def gray_image(
     encoding: str, height: int, width: int, step: int, data: _Bytes, *, big_endian: bool = False, shift_bits: int = 8
 ) -> GrayImage:
-    """(height, width) uint8 from the fields of a sensor_msgs/Image; ``step`` is bytes per row.
-
-    shift_bits: for 16-bit images, how many low bits to drop; values above the top saturate.
-    Raises InputError for an unknown encoding or too few bytes.
-    """
+    """(height, width) uint8 from the fields of a sensor_msgs/Image; ``step`` is bytes per row. shift_bits: for 16-bit
+    images, how many low bits to drop; values above the top saturate. Raises InputError for an unknown encoding or too
+    few bytes."""
     rows = _rows(encoding, height, width, step, data)
     if encoding in _LUMINANCE:
         return np.ascontiguousarray(rows[:, _LUMINANCE[encoding] :: 2])
@@ -89,11 +87,9 @@ def shift_for(data: _Bytes, *, big_endian: bool = False) -> int:
 
 
 def decoded(compressed: bytes, name: str, said: str = "") -> GrayImage:
-    """(H, W) uint8 of a JPEG, PNG, PGM, PPM, BMP or TIFF.
-
-    said: the format of a sensor_msgs/CompressedImage; where it begins with a Bayer encoding, an image of one channel
-    is a mosaic. Raises InputError with the name of the image when its bytes are not an image.
-    """
+    """(H, W) uint8 of a JPEG, PNG, PGM, PPM, BMP or TIFF. said: the format of a sensor_msgs/CompressedImage; where it
+    begins with a Bayer encoding, an image of one channel is a mosaic. Raises InputError with the name of the image when
+    its bytes are not an image."""
     mosaic = said.partition(";")[0].strip()
     how = cv2.IMREAD_UNCHANGED if mosaic.startswith("bayer") else cv2.IMREAD_GRAYSCALE
     with explained(InputError, f"{name} ({len(compressed)} bytes) cannot be used", "give a whole JPEG or PNG"):

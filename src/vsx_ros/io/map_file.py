@@ -37,11 +37,9 @@ def save_map(grid: OccupancyGrid, path: Path) -> None:
 
 
 def load_map(path: Path) -> OccupancyGrid:
-    """The grid of a map YAML (or of an image with its YAML beside it): free, occupied, and unknown in between.
-
-    PGM and PNG of any depth, grey or colour; fully transparent pixels are unknown.
-    Raises MapFileError naming what is missing or wrong.
-    """
+    """The grid of a map YAML (or of an image with its YAML beside it): free, occupied, and unknown in between. PGM and
+    PNG of any depth, grey or colour; fully transparent pixels are unknown. Raises MapFileError naming what is missing
+    or wrong."""
     text = path if path.suffix in (".yaml", ".yml") else path.with_suffix(".yaml")
     with explained(MapFileError, f"map {text} cannot be read", "give a map_server YAML"):
         tree = yaml_tree(file_text(text))

@@ -48,10 +48,8 @@ class Recording:
 
     def frames(self) -> Iterator[Frame]:
         """The images, each later than the one before: one out of order or doubled is left out, and so is one more than
-        a second ahead of the image after it, beside which all others would be out of date.
-
-        Raises InputError where the recording is damaged, CalibrationError where an image has not the camera's size.
-        """
+        a second ahead of the image after it, beside which all others would be out of date. Raises InputError where the
+        recording is damaged, CalibrationError where an image has not the camera's size."""
         last_ns, waiting, damage = -1, None, None
         images = self.open_frames()
         while True:
@@ -120,16 +118,10 @@ def open_folder(folder: Path) -> Recording:
 
     truth = folder / "groundtruth.txt"
     calibration = next((folder / name for name in CALIBRATION_NAMES if (folder / name).exists()), None)
-    return Recording(
-        source=folder,
-        image_topic=None,
-        odometry_topic=None,
-        frame_count=len(listed),
-        camera=read_calibration(calibration) if calibration is not None else None,
-        odometry=_odometry(folder / "odometry.txt"),
-        ground_truth=sorted(read_trajectory(truth), key=_STAMP) if truth.exists() else [],
-        open_frames=frames,
-    )
+    camera = read_calibration(calibration) if calibration is not None else None
+    odometry = _odometry(folder / "odometry.txt")
+    known = sorted(read_trajectory(truth), key=_STAMP) if truth.exists() else []
+    return Recording(folder, None, None, len(listed), camera, odometry, known, frames)
 
 
 def _listed_images(folder: Path) -> list[tuple[int, str]]:

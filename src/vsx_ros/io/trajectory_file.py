@@ -49,10 +49,8 @@ def write_trajectory(path: Path, poses: Iterable[StampedPose]) -> None:
 
 
 def read_trajectory(path: Path) -> list[StampedPose]:
-    """All poses of a file, in its order.
-
-    Raises InputError naming file and line when a line is no stamp, position within FARTHEST_M, unit quaternion.
-    """
+    """All poses of a file, in its order. Raises InputError naming file and line when a line is no stamp, position
+    within FARTHEST_M, unit quaternion."""
     with explained(InputError, f"trajectory {path} cannot be read", "give a text file in TUM format"):
         text = file_text(path, LOG_BYTES)
     poses = []

@@ -68,11 +68,8 @@ class RunRecord:
 
     def estimate(self) -> list[StampedPose]:
         """T_world_cam of every frame tracked from the map."""
-        return [
-            StampedPose(r.stamp_ns, r.T_world_cam)
-            for r in self.results
-            if r.state.tracked and r.T_world_cam is not None
-        ]
+        known = ((r.stamp_ns, r.T_world_cam) for r in self.results if r.state.tracked)
+        return [StampedPose(stamp_ns, T) for stamp_ns, T in known if T is not None]
 
     def summary(self, statistics: SlamStatistics) -> Summary:
         """What is known without any truth."""
@@ -107,12 +104,10 @@ class MapJudge:
     def __init__(self, world: World, config: Config) -> None:
         ground = config.ground_map
         self._start = world.start_pose
-        self._truth = ground_truth_grid(
-            world, ground.resolution_m, ground.obstacle_min_height_m, ground.obstacle_max_height_m
-        )
-        self._observable = observable_cells(
-            self._truth, self._start, config.robot.radius_m, config.exploration.sensor_range_m
-        )
+        band = ground.obstacle_min_height_m, ground.obstacle_max_height_m
+        self._truth = ground_truth_grid(world, ground.resolution_m, *band)
+        reach = config.robot.radius_m, config.exploration.sensor_range_m
+        self._observable = observable_cells(self._truth, self._start, *reach)
 
     def quality(self, grid: OccupancyGrid) -> MapQuality:
         """Coverage, precision and recall, free cells inside obstacles."""

@@ -78,10 +78,8 @@ class PreviousSessions:
 
 def end_trail(folder: RunFolder, moved: bool) -> None:
     """Let the trail that a live mission remembers end where the base stood last: what it drove after the mission's last
-    word is in the journal. moved: it has been put elsewhere since, and the way it came is not behind it.
-
-    Raises InputError when one of them is damaged.
-    """
+    word is in the journal. moved: it has been put elsewhere since, and the way it came is not behind it. Raises
+    InputError when one of them is damaged."""
     remembered = folder.checkpoint.read_mission()
     if remembered is None:
         return

@@ -30,10 +30,8 @@ REMEMBERED = ("world", "seed", "base", "port", "camera", "rate", "planner", "tim
 
 def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, World | None]:
     """The run folder, its configuration, and the emulated world if there is one; what was not said becomes the default,
-    or what the run to resume had. Nothing is written before all of it is known to be right.
-
-    Raises InputError, ConfigError or MapFileError when there is no such run, world or map, or an option contradicts it.
-    """
+    or what the run to resume had. Nothing is written before all of it is known to be right. Raises InputError,
+    ConfigError or MapFileError when there is no such run, world or map, or an option contradicts it."""
     if args.resume is not None:
         return _begin_again(args, RunFolder.open(args.resume))
     if args.moved:

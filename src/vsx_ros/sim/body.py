@@ -43,10 +43,8 @@ class Bumper(NamedTuple):
 
 
 class Body:
-    """A disc of the given radius [m] among wall segments (N, 4) [m]; not thread-safe: one owner advances it.
-
-    Public state: time_ns, T_world_base, path_length_m, collisions, min_clearance_m, bumper.
-    """
+    """A disc of the given radius [m] among wall segments (N, 4) [m]; not thread-safe: one owner advances it. Public
+    state: time_ns, T_world_base, path_length_m, collisions, min_clearance_m, bumper."""
 
     def __init__(
         self, segments: FloatArray, start: SE2, radius: float, settings: BodySettings, rng: np.random.Generator
@@ -101,10 +99,8 @@ class Body:
         return self._nearest(x, y)[0] - self._radius
 
     def poses_at(self, stamps_ns: IntArray) -> FloatArray:
-        """(N, 4) x, y, theta and travelled path at the stamps (N,), by interpolation.
-
-        Raises InputError when a stamp lies outside the remembered 2.5 s or in the future.
-        """
+        """(N, 4) x, y, theta and travelled path at the stamps (N,), by interpolation. Raises InputError when a stamp
+        lies outside the remembered 2.5 s or in the future."""
         past = np.array(self._history)
         first, last = int(past[0, 0]), self.time_ns
         if len(stamps_ns) and (int(stamps_ns.min()) < first or int(stamps_ns.max()) > last):

@@ -132,10 +132,8 @@ def generate_world(name: str, seed: int) -> World:
 
 
 def world_from_grid(grid: OccupancyGrid, name: str, seed: int) -> World:
-    """The largest free region of a map as a building whose surfaces are drawn by seed.
-
-    Raises MapFileError when there is no free region of a square metre.
-    """
+    """The largest free region of a map as a building whose surfaces are drawn by seed. Raises MapFileError when there
+    is no free region of a square metre."""
     rng = np.random.default_rng([seed, 1000])
     corners: list[list[Point]] = [[(x, y) for x, y in loop.tolist()] for loop in free_space_outlines(grid)]
     world = shell(rng, Origin(name=name, seed=seed), corners, _open_spot(grid))
@@ -149,8 +147,7 @@ def _largest_free_region(grid: OccupancyGrid) -> BoolArray:
     areas = statistics[1:, cv2.CC_STAT_AREA] * grid.resolution**2
     if count < 2 or float(areas.max()) < 1.0:
         raise MapFileError("the map has no free region of at least 1 m2; are its thresholds wrong?")
-    largest: BoolArray = labels == 1 + int(np.argmax(areas))
-    return largest
+    return np.asarray(labels == 1 + int(np.argmax(areas)))
 
 
 def _open_spot(grid: OccupancyGrid) -> Point:
@@ -162,10 +159,8 @@ def _open_spot(grid: OccupancyGrid) -> Point:
 
 
 def free_space_outlines(grid: OccupancyGrid) -> list[Points2]:
-    """Borders of the largest free region as closed polygons [m], free space to the left, simplified by 6 cm.
-
-    Raises MapFileError when there is no free region of a square metre, or its borders are too many.
-    """
+    """Borders of the largest free region as closed polygons [m], free space to the left, simplified by 6 cm. Raises
+    MapFileError when there is no free region of a square metre, or its borders are too many."""
     region = _largest_free_region(grid).astype(np.uint8)
     pieces = cv2.connectedComponents(np.pad(1 - region, 1, constant_values=1), connectivity=8)[0] - 2
     if pieces > MAX_OBSTACLES:

@@ -23,11 +23,9 @@ MAX_SUB_FRAMES = 16  # for time
 
 
 class Picture(NamedTuple):
-    """Radiance before the sensor.
-
-    radiance: (H, W) float32, 1 = white paper at unit irradiance. depth: (H, W) float32 distance along the optical axis
-    [m], 0 where nothing is hit, and ident: (H, W) int32 quad, -1 for nothing; both empty unless asked for.
-    """
+    """Radiance before the sensor. radiance: (H, W) float32, 1 = white paper at unit irradiance. depth: (H, W) float32
+    distance along the optical axis [m], 0 where nothing is hit, and ident: (H, W) int32 quad, -1 for nothing; both
+    empty unless asked for."""
 
     radiance: NDArray[np.float32]
     depth: NDArray[np.float32]
@@ -35,10 +33,8 @@ class Picture(NamedTuple):
 
 
 def exact_rays(camera: PinholeCamera, pixels: FloatArray) -> Points3:
-    """(N, 3) rays with z = 1 through (N, 2) pixels, to rounding error.
-
-    Raises CalibrationError when the distortion cannot be inverted there.
-    """
+    """(N, 3) rays with z = 1 through (N, 2) pixels, to rounding error. Raises CalibrationError when the distortion
+    cannot be inverted there."""
     rays = np.column_stack([unproject_pixels(kernel_camera(camera), pixels), np.ones(len(pixels))])
     if not np.abs(camera.project(rays) - pixels).max() <= 1e-6:
         raise CalibrationError(f"the distortion {camera.distortion} cannot be inverted over the whole image")
@@ -82,10 +78,8 @@ class Renderer:
         return np.stack(bounds, axis=-1).astype(np.float64)
 
     def sub_frames(self, R: FloatArray, t: FloatArray) -> int:
-        """How many sub-frames the motion between two poses (2, 3, 3), (2, 3) during the exposure needs.
-
-        One per 1.2 px of blur, the mean over the image's corners and centre for things 1 m away.
-        """
+        """How many sub-frames the motion between two poses (2, 3, 3), (2, 3) during the exposure needs. One per 1.2 px
+        of blur, the mean over the image's corners and centre for things 1 m away."""
         u, v = self.camera.width - 1.0, self.camera.height - 1.0
         pixels = np.array([[0, 0], [u, 0], [0, v], [u, v], [u / 2, v / 2]])
         rays = np.column_stack([(pixels[:, 0] - self.camera.cx) / self.camera.fx,

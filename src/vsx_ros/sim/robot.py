@@ -97,10 +97,8 @@ class EmulatedRobot:
         self.truth = self._read_truth(0)
 
     def step(self, command: VelocityCommand) -> Observation:
-        """Drive by the command until the next frame is read out, and observe.
-
-        The command is sent once the last frame has been read out. Raises InputError when it is not finite.
-        """
+        """Drive by the command until the next frame is read out, and observe. The command is sent once the last frame
+        has been read out. Raises InputError when it is not finite."""
         body, base = self.body, self._config.body
         body.set_wheel_speeds(*wheel_speeds(command.v, command.omega, base.wheel_base_m))
         self._frames += 1

@@ -20,10 +20,8 @@ GREY = np.array([0.299, 0.587, 0.114])  # of RGB, ITU-R BT.601
 
 class Quad(NamedTuple):
     """corner + u edge_u + v edge_v [m], 0 <= u, v <= 1; seen from the side edge_u x edge_v points away from alone.
-
     along: where on the texture the quad starts [m], so that neighbouring faces continue each other. fitted: the texture
-    stretches over the quad instead.
-    """
+    stretches over the quad instead."""
 
     corner: FloatArray
     edge_u: FloatArray
@@ -139,10 +137,8 @@ def _check_size(world: World, surfaces: list[Quad], names: list[str]) -> None:
 
 
 def compile_scene(world: World) -> Scene:
-    """Textures drawn, lights baked, quads laid out. Takes about a second.
-
-    Raises ConfigError for a world whose textures and lights are more than ``MAX_BYTES``.
-    """
+    """Textures drawn, lights baked, quads laid out. Takes about a second. Raises ConfigError for a world whose textures
+    and lights are more than ``MAX_BYTES``."""
     surfaces = quads(world)
     names = sorted({quad.material for quad in surfaces})
     _check_size(world, surfaces, names)

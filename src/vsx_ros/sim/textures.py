@@ -197,10 +197,8 @@ def texture(material: Material) -> GrayImage:
 
 
 def packed_levels(picture: GrayImage) -> Int32Array:
-    """All mip levels of a square power-of-two texture, finest first, flat int32.
-
-    Each entry packs the 2x2 texels starting there (right, below, below right in the higher bytes), with wrap-around.
-    """
+    """All mip levels of a square power-of-two texture, finest first, flat int32. Each entry packs the 2x2 texels
+    starting there (right, below, below right in the higher bytes), with wrap-around."""
     levels = []
     level = picture.astype(np.float32)
     while True:

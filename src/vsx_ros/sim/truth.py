@@ -22,11 +22,8 @@ BAND_M = 0.6  # height of what the base can touch
 
 
 def ground_truth_grid(world: World, resolution: float, z_min: float, z_max: float) -> OccupancyGrid:
-    """What is solid between the heights [m]; resolution in metres per cell.
-
-    Free: reachable on foot from the start. Occupied: solid within two cells of free space. Unknown: inside solids and
-    outside the building.
-    """
+    """What is solid between the heights [m]; resolution in metres per cell. Free: reachable on foot from the start.
+    Occupied: solid within two cells of free space. Unknown: inside solids and outside the building."""
     x0, y0, x1, y1 = world.bounds
     columns = int(np.ceil((x1 - x0) / resolution)) + 2 * MARGIN_CELLS
     rows = int(np.ceil((y1 - y0) / resolution)) + 2 * MARGIN_CELLS
@@ -100,10 +97,8 @@ def free_ahead(world: World, x: float, y: float, theta: float) -> float:
 
 
 def with_start(rng: np.random.Generator, world: World) -> World:
-    """Put the start where 1.2 m ahead are free and something printed or hung is in view.
-
-    Raises ConfigError for a world without a place for the robot.
-    """
+    """Put the start where 1.2 m ahead are free and something printed or hung is in view. Raises ConfigError for a world
+    without a place for the robot."""
     places = free_places(world)
     if not len(places):
         raise ConfigError(f"world {world.generator.name} has no place where the robot fits; make its passages wider")

@@ -22,10 +22,8 @@ class _Part(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Material(_Part, frozen=True, kw_only=True):
-    """A procedural surface: kind and seed fix its pattern; brightness its mean; contrast scales the pattern.
-
-    texel_m: metres per texel of a repeating texture (posters stretch over their frame). tint: r, g, b reflectance.
-    """
+    """A procedural surface: kind and seed fix its pattern; brightness its mean; contrast scales the pattern. texel_m:
+    metres per texel of a repeating texture (posters stretch over their frame). tint: r, g, b reflectance."""
 
     kind: TextureKind
     seed: Annotated[int, Meta(ge=0)] = 0
@@ -36,10 +34,8 @@ class Material(_Part, frozen=True, kw_only=True):
 
 
 class Outline(_Part, frozen=True, kw_only=True):
-    """A closed polygon with free space to the left of its direction and solid building to its right.
-
-    material: one name for all sides, or one per side.
-    """
+    """A closed polygon with free space to the left of its direction and solid building to its right. material: one name
+    for all sides, or one per side."""
 
     points: Annotated[list[Point], Meta(min_length=3)]
     height: Positive
@@ -217,10 +213,8 @@ def prisms(world: World) -> list[Prism]:
 
 
 def obstacle_segments(world: World, z_min: float, z_max: float) -> FloatArray:
-    """(N, 4) walls of everything solid between the heights: segments x0, y0, x1, y1 [m], solid to their left.
-
-    For the emulated body's bumper and clearance.
-    """
+    """(N, 4) walls of everything solid between the heights: segments x0, y0, x1, y1 [m], solid to their left. For the
+    emulated body's bumper and clearance."""
     loops = [np.asarray(outline.points, float)[::-1] for outline in world.outlines if outline.height > z_min]
     loops += [p.footprint for p in prisms(world) if p.z_min < z_max and p.z_max > z_min]
     return np.concatenate([np.hstack([loop, np.roll(loop, -1, axis=0)]) for loop in loops])

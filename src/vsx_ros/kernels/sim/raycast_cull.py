@@ -31,11 +31,9 @@ class Scene(NamedTuple):
 
 @kernel
 def plane_forms(scene: Scene, R: FloatArray, t: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Linear forms (S, B, Q, 9) of the quads, and which quads (K,) the camera may see; those of others are left out.
-
-    R (S, B, 3, 3), t (S, B, 3): camera poses (T_world_cam) of sub-frame s at tile-row border b. A quad is seen when
-    U x V points away from the camera (u right, v down), at every pose.
-    """
+    """Linear forms (S, B, Q, 9) of the quads, and which quads (K,) the camera may see; those of others are left out. R
+    (S, B, 3, 3), t (S, B, 3): camera poses (T_world_cam) of sub-frame s at tile-row border b. A quad is seen when U x V
+    points away from the camera (u right, v down), at every pose."""
     P, U, V = scene.P, scene.U, scene.V
     forms, visible = np.zeros((R.shape[0], R.shape[1], P.shape[0], 9)), np.ones(P.shape[0], np.bool_)
     for q in range(P.shape[0]):

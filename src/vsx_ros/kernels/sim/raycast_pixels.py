@@ -62,11 +62,9 @@ def expose(
     radiance: Float32Array, vignette: Float32Array, gain: np.float32, shot: np.float32, read_variance: np.float32,
     noise: Float32Array, starts: IntArray, response: NDArray[np.uint8], image: NDArray[np.uint8],
 ) -> None:  # fmt: skip
-    """Fill image (H, W) uint8 from radiance (H, W) float32 (1 = full scale at gain 1).
-
-    noise: (L,) float32 standard normal draws; row y reads it from starts[y] on, L >= starts.max() + W.
-    response: (4096,) uint8 output for signals 0..1. shot, read_variance: noise variance per signal and at rest.
-    """
+    """Fill image (H, W) uint8 from radiance (H, W) float32 (1 = full scale at gain 1). noise: (L,) float32 standard
+    normal draws; row y reads it from starts[y] on, L >= starts.max() + W. response: (4096,) uint8 output for signals
+    0..1. shot, read_variance: noise variance per signal and at rest."""
     height, width = radiance.shape
     last = np.float32(response.shape[0] - 1)
     zero, half = np.float32(0.0), np.float32(0.5)

@@ -192,11 +192,9 @@ def render_tile_rows(
     first: int, last: int, view: View, pool: IntArray, bounds: FloatArray, picture: Float32Array, depth: Float32Array,
     ident: Int32Array,
 ) -> None:  # fmt: skip
-    """Render the rows of tiles first <= row < last into picture (H, W) float32, which must be zero there.
-
-    pool: (K,) visible quads. bounds: (rows, columns, 4) least and greatest rx, least and greatest ry of a tile with its
-    ring. depth (H, W) [m] and ident (H, W) take the pixel centre's values of the first sub-frame; size 0 skips them.
-    """
+    """Render the rows of tiles first <= row < last into picture (H, W) float32, which must be zero there. pool: (K,)
+    visible quads. bounds: (rows, columns, 4) least and greatest rx, least and greatest ry of a tile with its ring.
+    depth (H, W) [m] and ident (H, W) take the pixel centre's values of the first sub-frame; size 0 skips them."""
     height, width = picture.shape
     f, most = np.zeros(FLOATS, dtype=np.float32), len(pool) + 1
     scratch = Scratch(

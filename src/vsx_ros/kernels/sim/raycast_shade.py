@@ -55,11 +55,9 @@ class Scratch(NamedTuple):
 def _footprint(
     f: Float32Array, n: int, m: Float32Array, k: int, surface: Float32Array, lu: np.float32, lv: np.float32
 ) -> tuple[np.float32, np.float32]:
-    """Texture coordinates and the axes of the pixel's footprint, in texels of the finest level.
-
-    Leaves TU, TV, LU, LV, the major axis (MU, MV), its length in LOD and the minor length in MIX; returns the largest
-    ratio of the axes and the largest major axis.
-    """
+    """Texture coordinates and the axes of the pixel's footprint, in texels of the finest level. Leaves TU, TV, LU, LV,
+    the major axis (MU, MV), its length in LOD and the minor length in MIX; returns the largest ratio of the axes and
+    the largest major axis."""
     su, sv, ou, ov = surface[0], surface[1], surface[2], surface[3]
     a0, a1, a2, b0, b1, b2, c0, c1, c2 = m[k, 0], m[k, 1], m[k, 2], m[k, 3], m[k, 4], m[k, 5], m[k, 6], m[k, 7], m[k, 8]
     p0, p1, p2, q0, q1, q2 = m[k, 9], m[k, 10], m[k, 11], m[k, 12], m[k, 13], m[k, 14]
@@ -191,11 +189,9 @@ def _enlighten(
 
 @kernel
 def shade(scratch: Scratch, n: int, scene: Scene, k: int, quad: int, jitter: np.float32) -> None:
-    """Fill SUM with the radiance of the n listed pixels on a quad, in place k: anisotropic texture times light.
-
-    jitter < 0 blends the two mip levels around the wanted one; otherwise the level is floor(wanted + jitter): the
-    mean over sub-frames of evenly spread jitters is the blend.
-    """
+    """Fill SUM with the radiance of the n listed pixels on a quad, in place k: anisotropic texture times light. jitter
+    < 0 blends the two mip levels around the wanted one; otherwise the level is floor(wanted + jitter): the mean over
+    sub-frames of evenly spread jitters is the blend."""
     f, bits, g, surface, place = scratch.f, scratch.bits, scratch.g, scene.surfaces[quad], scene.places[quad]
     tex, light, light_scale = scene.tex, scene.light, surface[4]
     base, size_log2, light_base, nu, nv = place[0], place[1], place[2], place[3], place[4]
