@@ -5,8 +5,8 @@ import queue
 import numpy as np
 import pytest
 
+from vsx_hw.cameras import V4lCamera, open_video
 from vsx_hw.errors import DeviceNotFound
-from vsx_hw.v4l import V4lCamera, open_video
 
 
 class ScriptedCapture:

@@ -67,7 +67,6 @@ LAYOUT: dict[int, str] = {
 20 angle [deg], 21 charging state, 22 voltage [mV], 25 charge and 26 capacity [mAh], 34 chargers, 35 mode, 43 and 44
 encoders."""
 
-
 GROUPS: dict[int, range] = {
     0: range(7, 27), 1: range(7, 17), 2: range(17, 21), 3: range(21, 27), 4: range(27, 35), 5: range(35, 43),
     6: range(7, 43), 100: range(7, 59), 101: range(43, 59), 106: range(46, 52), 107: range(54, 59),

@@ -9,9 +9,9 @@ from typing import Protocol
 import cv2
 import numpy as np
 
+from vsx_hw.cameras import FROZEN, FrozenImageDetector
 from vsx_hw.connection_thread import ConnectionThread
 from vsx_hw.errors import DeviceError, DeviceTimeout
-from vsx_hw.frozen_image import FROZEN, FrozenImageDetector
 from vsx_hw.kinect import protocol
 from vsx_hw.kinect.protocol import CLOCK_BITS, CLOCK_HZ, FrameAssembler, PacketHandler, RawFrame
 from vsx_hw.readings import DeviceClock, ImageReading, LinkStatus

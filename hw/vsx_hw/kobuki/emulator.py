@@ -42,7 +42,6 @@ class KobukiBoard:
         self._answers: list[bytes] = []
         self._next_frame_ns = 0
         self._scanner = FrameScanner()
-        self._counter_origins = (0, 0, 0)
         self._restart_counters()
 
     def _restart_counters(self) -> None:

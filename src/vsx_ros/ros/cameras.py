@@ -7,12 +7,12 @@ from typing import NamedTuple, Protocol
 
 import rospy
 
+from vsx_hw.cameras import V4lCamera
 from vsx_hw.kinect.driver import KinectCamera, KinectTransport
 from vsx_hw.kinect.protocol import MODES
 from vsx_hw.kinect.socket_transport import SocketTransport
 from vsx_hw.kinect.usb_transport import UsbTransport
 from vsx_hw.readings import ImageReading, LinkStatus
-from vsx_hw.v4l import V4lCamera
 from vsx_ros.errors import CalibrationError, ConfigError
 from vsx_ros.geometry.camera import PinholeCamera, nominal_camera
 from vsx_ros.io.calibration_file import read_calibration, write_calibration

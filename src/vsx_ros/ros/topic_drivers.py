@@ -18,8 +18,8 @@ import rospy
 from geometry_msgs.msg import Twist
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
+from vsx_hw.cameras import FROZEN, FrozenImageDetector
 from vsx_hw.errors import DeviceError
-from vsx_hw.frozen_image import FROZEN, FrozenImageDetector
 from vsx_hw.readings import BaseReading, BatteryReading, Hazard, ImageReading, LinkStatus, OdometryReading, Signal
 from vsx_ros.arrays import GrayImage
 from vsx_ros.errors import ConfigError, InputError
