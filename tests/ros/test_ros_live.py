@@ -13,20 +13,24 @@ pytest.importorskip("rospy")
 
 from lone_base import LoneBase
 
+from vsx_ros.config import Config
 from vsx_ros.ros import live_run, topics
 
 pytestmark = pytest.mark.ros
 
 LIVE = f"""
-import json, sys
+import json, os, sys
+from pathlib import Path
 import rosgraph, rospy
 from std_srvs.srv import SetBool
+from vsx_ros.config import Config
 from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.live_run import LiveRun
 
 port, operator = sys.argv[1:]
 base = LaunchNode("mobile_base", {{"robot_type": "kobuki", "port": port}}, respawn=True)
-with LiveRun([base], {{}}, ("mobile_base",)) as live:
+log = Path(os.environ["ROS_LOG_DIR"])
+with LiveRun([base], Config(), ("mobile_base",), log, view=False, replayed=False) as live:
     rospy.wait_for_service("{topics.ESTOP}", 60.0)
     stop = rospy.ServiceProxy("{topics.ESTOP}", SetBool)
     began = rospy.get_param("/mobile_base/estopped", False)
@@ -40,11 +44,14 @@ print(json.dumps([began, before, stopped, after]))
 """
 
 
-def test_a_launcher_that_hangs_is_left_behind_and_its_nodes_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_launcher_that_hangs_is_left_behind_and_its_nodes_ended(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROS_LOG_DIR", "")  # as it was, afterwards
     monkeypatch.setattr(live_run, "_END_S", 0.1)
     monkeypatch.setattr(live_run.rospy, "signal_shutdown", lambda _: None)
     with subprocess.Popen(["sleep", "600"], start_new_session=True) as node:
-        run = live_run.LiveRun([], {}, ())
+        run = live_run.LiveRun([], Config(), (), tmp_path, view=False, replayed=False)
         hangs = threading.Event()
         processes = SimpleNamespace(procs=[SimpleNamespace(popen=node), SimpleNamespace(popen=None)])
         run._parent = SimpleNamespace(pm=processes, shutdown=hangs.wait)
