@@ -50,19 +50,9 @@ class TrajectoryTracker:
     """
 
     def __init__(self, config: FollowerConfig, limits: LimitsConfig) -> None:
-        self._config = config
-        self._comfort = self._limits = limits
-        self._braking = self._harder = False
+        self._config, self._comfort = config, limits
+        self.start(Trajectory(np.zeros(1), np.zeros((1, 3)), np.zeros(1), np.zeros(1)), 0)
         self._active = False
-        self._trajectory = Trajectory(np.zeros(1), np.zeros((1, 3)), np.zeros(1), np.zeros(1))
-        self._timing = Timing(self._trajectory, np.zeros(1))
-        self._factor = 1.0
-        self._clock_s = 0.0
-        self._rate = 1.0
-        self._waited_s = 0.0
-        self._last_ns = 0
-        self._sent = STOP
-        self._curvature: FloatArray = np.zeros(1)
 
     @property
     def progress_s(self) -> float:

@@ -50,8 +50,7 @@ class GroundMap:
     """Builds the whole grid at each call: no residue of old poses, the same input gives the same grid."""
 
     def __init__(self, config: GroundMapConfig, robot: RobotConfig) -> None:
-        self._config = config
-        self._robot = robot
+        self._config, self._robot = config, robot
 
     def build(
         self, T_world_cams: Sequence[SE3], points_world: Points3, obs_keyframe: IntArray, obs_point: IntArray,

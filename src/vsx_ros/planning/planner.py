@@ -31,8 +31,7 @@ class Planner:
     """Plans whose change of view is bounded by config.phi_rad_m everywhere (paper 4)."""
 
     def __init__(self, config: PlannerConfig, robot: RobotConfig) -> None:
-        self._config = config
-        self._robot = robot
+        self._config, self._robot = config, robot
         preferred_m = max(config.clearance_m, config.preferred_clearance_m)
         self._wide = msgspec.structs.replace(config, clearance_m=preferred_m)
 
@@ -71,7 +70,6 @@ class Planner:
         rng: np.random.Generator, visibility: Visibility | None,
     ) -> Plan | Refusal:  # fmt: skip
         """remaining: the way from each cell to the goal [m]."""
-
         config = self._config
 
         def cost(path: Path) -> float:
