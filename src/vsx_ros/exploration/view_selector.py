@@ -109,8 +109,7 @@ class GoalBlacklist:
     """Failed goals stand for all poses within radius_m [m]; the first failure counts for first_s [s]."""
 
     def __init__(self, radius_m: float, first_s: float) -> None:
-        self._radius_m = radius_m
-        self._first_s = first_s
+        self._radius_m, self._first_s = radius_m, first_s
         self._failures: list[_Failure] = []
 
     def add(self, now_ns: int, pose: SE2) -> float:

@@ -98,20 +98,16 @@ class ComputingTime:
 
     def frame_ns(self) -> int:
         """From a frame's stamp to its pose being known."""
-        return _ns(self._config.frame_ms)
+        return round(1e6 * self._config.frame_ms)
 
     def ranking_ns(self, grid: OccupancyGrid) -> int:
         """To rank the views that a map offers."""
-        return _ns(self._config.ranking_ms + self._config.ranking_ms_m2 * grid.known_area_m2)
+        return round(1e6 * (self._config.ranking_ms + self._config.ranking_ms_m2 * grid.known_area_m2))
 
     def plan_ns(self, answer: TimedPlan | Refusal) -> int:
         """To find a way, or that there is none, and its speeds."""
         way_m = answer.plan.path.length_m if isinstance(answer, TimedPlan) else 0.0
-        return _ns(self._config.plan_ms + self._config.plan_ms_m * way_m)
-
-
-def _ns(milliseconds: float) -> int:
-    return round(1e6 * milliseconds)
+        return round(1e6 * (self._config.plan_ms + self._config.plan_ms_m * way_m))
 
 
 class Navigator:
