@@ -125,19 +125,17 @@ def _fit(
 
 def _verdict(rms_px: float, ratio: float, views: int, cover: float, tilt: float) -> Verdict:
     """ratio: the focal length's standard error as a share of it."""
-    return Verdict(
-        [
-            (Grade.of(rms_px <= GOOD_RMS_PX, rms_px <= USABLE_RMS_PX),
-             f"the corners are {rms_px:.2f} px off: glue the board to something flat, hold it still"),
-            (Grade.of(ratio <= GOOD_FOCAL_RATIO, ratio <= USABLE_FOCAL_RATIO),
-             f"the focal length is known to {100 * ratio:.1f} % only: tilt the board more, show it nearer"),
-            (Grade.of(views >= GOOD_VIEWS), f"{views} views are few: give {GOOD_VIEWS} or more"),
-            (Grade.of(cover >= GOOD_COVER),
-             f"the board was in {100 * cover:.0f} % of the image: show it in every corner, too"),
-            (Grade.of(tilt >= GOOD_TILT_RAD),
-             f"the board was tilted by {math.degrees(tilt):.0f} deg at most: tilt it by 30 or more"),
-        ]
-    )  # fmt: skip
+    return Verdict([
+        (Grade.of(rms_px <= GOOD_RMS_PX, rms_px <= USABLE_RMS_PX),
+         f"the corners are {rms_px:.2f} px off: glue the board to something flat, hold it still"),
+        (Grade.of(ratio <= GOOD_FOCAL_RATIO, ratio <= USABLE_FOCAL_RATIO),
+         f"the focal length is known to {100 * ratio:.1f} % only: tilt the board more, show it nearer"),
+        (Grade.of(views >= GOOD_VIEWS), f"{views} views are few: give {GOOD_VIEWS} or more"),
+        (Grade.of(cover >= GOOD_COVER),
+         f"the board was in {100 * cover:.0f} % of the image: show it in every corner, too"),
+        (Grade.of(tilt >= GOOD_TILT_RAD),
+         f"the board was tilted by {math.degrees(tilt):.0f} deg at most: tilt it by 30 or more"),
+    ])  # fmt: skip
 
 
 class ViewChooser:

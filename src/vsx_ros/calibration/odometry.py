@@ -159,14 +159,11 @@ def _check(factor: Factor, wheels: str, truth: str) -> None:
 
 def _verdict(linear: Factor | None, angular: Factor | None) -> Verdict:
     factors = (("way", linear, "drive farther"), ("turn", angular, "turn more often"))
-    return Verdict(
-        [
-            (Grade.of(factor.sigma <= GOOD_SIGMA, factor.sigma <= USABLE_SIGMA),
-             f"the {name} is known to {100 * factor.sigma:.1f} % only: {more}")
-            for name, factor, more in factors
-            if factor is not None
-        ]
-    )  # fmt: skip
+    return Verdict([
+        (Grade.of(factor.sigma <= GOOD_SIGMA, factor.sigma <= USABLE_SIGMA),
+         f"the {name} is known to {100 * factor.sigma:.1f} % only: {more}")
+        for name, factor, more in factors if factor is not None
+    ])  # fmt: skip
 
 
 def closing_turn(camera: PinholeCamera, before: GrayImage, after: GrayImage) -> float | None:

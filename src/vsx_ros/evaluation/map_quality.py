@@ -26,13 +26,10 @@ _UNKNOWN_GREY, _FREE_WHITE, _FOUND, _MISSED, _PHANTOM = 200, 255, (30, 30, 30), 
 
 
 class MapQuality(NamedTuple):
-    """A map against the truth. None where there is nothing to divide by.
-
-    coverage: share of the observable cells that are known. coverage_correct: known and right; an occupied cell is right
-    within 10 cm of an obstacle, a free cell is right if it is not deeper than that inside one.
-    occupied_precision, occupied_recall: at 10 cm. free_inside_obstacle: share of the free cells more than 10 cm deep
-    inside an obstacle.
-    """
+    """A map against the truth. None where there is nothing to divide by. coverage: share of the observable cells that
+    are known. coverage_correct: known and right; an occupied cell is right within 10 cm of an obstacle, a free cell is
+    right if it is not deeper than that inside one. occupied_precision, occupied_recall: at 10 cm. free_inside_obstacle:
+    share of the free cells more than 10 cm deep inside an obstacle."""
 
     coverage: float | None
     coverage_correct: float | None
@@ -42,13 +39,11 @@ class MapQuality(NamedTuple):
 
 
 class ObstacleQuality(NamedTuple):
-    """Of a map against the truth, at 10 cm; shares, None where there is nothing to divide by.
-
-    precision: of occupied cells near a true obstacle. recall: of seen faces near an occupied cell. f1: of both.
-    surface_free: seen faces whose cell is called free. free_inside: free cells deeper than 10 cm inside an obstacle.
-    phantom_m2: area of occupied cells over 10 cm from any obstacle. gaps_free: known cells in gaps 0.4 to 0.8 m wide,
-    over 10 cm from their sides, that are not called occupied.
-    """
+    """Of a map against the truth, at 10 cm; shares, None where there is nothing to divide by. precision: of occupied
+    cells near a true obstacle. recall: of seen faces near an occupied cell. f1: of both. surface_free: seen faces whose
+    cell is called free. free_inside: free cells deeper than 10 cm inside an obstacle. phantom_m2: area of occupied
+    cells over 10 cm from any obstacle. gaps_free: known cells in gaps 0.4 to 0.8 m wide, over 10 cm from their sides,
+    that are not called occupied."""
 
     precision: float | None
     recall: float | None

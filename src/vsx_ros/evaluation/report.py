@@ -25,11 +25,9 @@ _FASTEST_MS = 0.1  # least of the axis; quicker is a frame that was refused
 @dataclass(frozen=True)
 class ReportData:
     """What a run folder holds. world_is_level: z is up, so the map is seen along z; else the first camera's x and z.
-
-    good_ratio, lost_ratio: shares of found points above and below which tracking is good and lost.
-    events: (stamp_ns, source, state, reason). frames: (stamp_ns, value of the state, searched, found,
-    keyframe_added, track_ms, U2 so far).
-    """
+    good_ratio, lost_ratio: shares of found points above and below which tracking is good and lost. events: (stamp_ns,
+    source, state, reason). frames: (stamp_ns, value of the state, searched, found, keyframe_added, track_ms, U2 so
+    far)."""
 
     summary: Mapping[str, Any]
     facts: Mapping[str, Any]

@@ -130,12 +130,10 @@ class Break(NamedTuple):
 def find_breaks(
     results: Sequence[TrackingResult], reference: Sequence[SE3 | None], epochs: Sequence[int] = ()
 ) -> list[Break]:
-    """Jumps of more than 0.15 m or 5 deg against the reference, and a loss that lasts to the end.
-
-    results: frames in order. reference: as many camera poses by odometry (or truth), None where unknown. epochs: of
-    the odometry, if it may have restarted. Only frames tracked from the map are compared, each with the tracked frame
-    before it in its epoch; a jump that the map made, because a loop was closed, is none of the tracking.
-    """
+    """Jumps of more than 0.15 m or 5 deg against the reference, and a loss that lasts to the end. results: frames in
+    order. reference: as many camera poses by odometry (or truth), None where unknown. epochs: of the odometry, if it
+    may have restarted. Only frames tracked from the map are compared, each with the tracked frame before it in its
+    epoch; a jump that the map made, because a loop was closed, is none of the tracking."""
     breaks = []
     last: tuple[SE3, SE3 | None, int] | None = None
     for result, expected, epoch in zip(results, reference, epochs or [0] * len(results), strict=True):

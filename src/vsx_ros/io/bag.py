@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -37,29 +38,20 @@ def open_recording(path: Path, image_topic: str | None = None, odometry_topic: s
 
 
 def open_bag(path: Path, image_topic: str | None = None, odometry_topic: str | None = None) -> Recording:
-    """The recording in a bag; topics are found by type when not given.
-
-    Ground truth is a PoseStamped topic ending in ground_truth/camera (T_world_cam).
-    Stamped poses of the base serve as odometry when they are asked for; their speeds are differences.
-    The calibration is the camera_info beside the images, else the only one of the bag; rectified images take its P.
-    Raises InputError for a file that is not a readable bag or lacks the topic.
-    """
+    """The recording in a bag; topics are found by type when not given. Ground truth is a PoseStamped topic ending in
+    ground_truth/camera (T_world_cam). Stamped poses of the base serve as odometry when they are asked for; their speeds
+    are differences. The calibration is the camera_info beside the images, else the only one of the bag; rectified
+    images take its P. Raises InputError for a file that is not a readable bag or lacks the topic."""
     with messages(path) as bag:
         counts = bag.counts()
         images = _image_topic(path, counts, image_topic)
         odometry_from = _odometry_topic(path, counts, odometry_topic)
         truth_from = [t for t, (kind, _) in counts.items() if kind == POSE and t.endswith(GROUND_TRUTH_TOPIC)]
-        return Recording(
-            source=path,
-            image_topic=images,
-            odometry_topic=odometry_from,
-            frame_count=counts[images][1],
-            camera=_camera(bag, images, counts),
-            odometry=_odometry(bag, odometry_from) if odometry_from else [],
-            ground_truth=_ground_truth(bag, truth_from[0]) if truth_from else [],
-            open_frames=lambda: _frames(path, images),
-            damage=bag.damage,
-        )
+        camera, count = _camera(bag, images, counts), counts[images][1]
+        odometry = _odometry(bag, odometry_from) if odometry_from else []
+        truth = _ground_truth(bag, truth_from[0]) if truth_from else []
+        frames = partial(_frames, path, images)
+        return Recording(path, images, odometry_from, count, camera, odometry, truth, frames, bag.damage)
 
 
 def _listing(counts: dict[str, tuple[str, int]]) -> str:

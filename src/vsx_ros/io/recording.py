@@ -28,13 +28,10 @@ CALIBRATION_NAMES = ("camera.json", "camera.yaml", "calibration.yaml", "camera_i
 
 @dataclass(frozen=True)
 class Recording:
-    """What was recorded, and where it was found.
-
-    source: file or folder. image_topic, odometry_topic: None in a folder or where there is no odometry.
-    frame_count: images there are. camera: its calibration, if found. odometry: all of it, by stamp.
-    ground_truth: T_world_cam by stamp, empty where unknown. open_frames: starts reading the images, in order.
-    damage: what is wrong with a recording that can be used in part, in words; nothing for a good one.
-    """
+    """What was recorded, and where it was found. source: file or folder. image_topic, odometry_topic: None in a folder
+    or where there is no odometry. frame_count: images there are. camera: its calibration, if found. odometry: all of
+    it, by stamp. ground_truth: T_world_cam by stamp, empty where unknown. open_frames: starts reading the images, in
+    order. damage: what is wrong with a recording that can be used in part, in words; nothing for a good one."""
 
     source: Path
     image_topic: str | None

@@ -104,12 +104,9 @@ def _driven(lines: Sequence[Line]) -> list[tuple[int, SE2]]:
 
 class RunWriter:
     """What a run keeps: every frame and event, for its results, and in its folder as it happens, with the map every few
-    seconds, so that another session can go on with it. Lock-step, replays and the node vslam have one.
-
-    ``frame`` and ``note`` on the thread that tracks; ``write`` on any, which may wait for the disk for seconds. A disk
-    that takes no more ends nothing: ``failure`` says what could not be kept, and the run could not be gone on with from
-    there.
-    """
+    seconds, so that another session can go on with it. Lock-step, replays and the node vslam have one. ``frame`` and
+    ``note`` on the thread that tracks; ``write`` on any, which may wait for the disk for seconds. A disk that takes no
+    more ends nothing: ``failure`` says what could not be kept, and the run could not be gone on with from there."""
 
     def __init__(
         self,
