@@ -7,8 +7,9 @@ import wall_scene as scene
 
 from vsx_ros.config import DenseConfig, GroundMapConfig, RobotConfig
 from vsx_ros.dense.photoconsistency import KeyframeImages, Views, judge
-from vsx_ros.dense.planes import Plane, PlaneKind, in_plane_axes
+from vsx_ros.dense.planes import Plane, PlaneKind
 from vsx_ros.dense.region_growing import floor_contact
+from vsx_ros.kernels.dense.plane_fits import in_plane_axes
 from vsx_ros.occupancy.grid import OCCUPIED
 from vsx_ros.occupancy.ground_map import GroundMap
 

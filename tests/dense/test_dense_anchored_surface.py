@@ -8,10 +8,11 @@ import wall_scene as scene
 
 from vsx_ros.dense.densify import DenseMap
 from vsx_ros.dense.mapped_ground import AnchoredSurface
-from vsx_ros.dense.planes import Plane, PlaneKind, in_plane_axes
+from vsx_ros.dense.planes import Plane, PlaneKind
 from vsx_ros.dense.surface import Cells
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
+from vsx_ros.kernels.dense.plane_fits import in_plane_axes
 
 NORMAL = np.array([-1.0, 0.0, 0.0])
 CELL_M = 0.08

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from vsx_ros.dense.planes import Plane, PlaneKind, in_plane_axes, kind_of
+from vsx_ros.dense.planes import Plane, PlaneKind, kind_of
+from vsx_ros.kernels.dense.plane_fits import in_plane_axes
 
 
 @pytest.mark.parametrize("seed", range(20))

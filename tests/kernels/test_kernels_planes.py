@@ -44,7 +44,7 @@ def off(points, covariances, views, plane):
 
 def some_planes(normal):
     planes = np.array([[*normal, 0.0], [*normal, 0.05], [*-normal, 0.0], [0.0, 0.0, 1.0, 0.1]])
-    return planes, np.array([in_plane_axes(*plane[:3]) for plane in planes])
+    return planes, np.array([in_plane_axes(plane[:3]) for plane in planes])
 
 
 def test_information_is_blind_along_the_ray():
@@ -112,7 +112,7 @@ def test_the_first_candidate_near_enough_and_not_too_near_is_accepted():
 
 @pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (0.0, 0.0, -1.0), (0.6, 0.8, 0.0), (0.48, -0.6, 0.64)])
 def test_axes_are_right_up_and_normal_of_a_right_handed_frame(normal):
-    right, up = in_plane_axes(*normal)
+    right, up = in_plane_axes(normal)
     assert np.allclose(np.cross(right, up), normal)
     assert np.allclose([right @ up, right @ right, up @ up], [0.0, 1.0, 1.0])
     assert up @ ([0.0, 1.0, 0.0] if abs(normal[2]) > 0.97 else [0.0, 0.0, 1.0]) > 0.0
@@ -149,7 +149,7 @@ def test_a_fit_is_the_axis_of_least_scatter():
     assert plane[3] == pytest.approx(plane[:3] @ mean, abs=1e-6)
     assert plane[:3] @ normal > 0.999
     assert np.allclose(middle, mean, atol=1e-5)
-    axes = in_plane_axes(*plane[:3])
+    axes = in_plane_axes(plane[:3])
     slopes = np.cross(axes, plane[:3])  # of the normal, as the plane turns about right and about up
     assert np.allclose(covariance[:2, :2], np.linalg.inv(slopes @ scatter @ slopes.T), rtol=1e-3)
     assert covariance[2, 2] == pytest.approx(1.0 / total + FLOOR_M**2, rel=1e-3)

@@ -21,20 +21,33 @@ def perturbed(node, x):
     return R @ so3_exp(x[3:6]), t + x[:3], s * math.exp(x[6])
 
 
+def edge(a, b, z):
+    """Two nodes as the kernels take them: (their rotations, translations, sizes), the edge that measured z."""
+    one = np.zeros(1, np.int64)
+    return tuple(map(np.array, zip(a, b))), Edges(
+        one, one + 1, z[0][None], z[1][None], z[2] * np.ones(1), np.eye(7)[None]
+    )
+
+
+def residual(a, b, z):
+    nodes, measured = edge(a, b, z)
+    return edge_residual(*nodes, measured, 0)
+
+
 @pytest.mark.parametrize("error", [0.0, 1e-5, 0.3, 1.5])
 def test_jacobians_are_the_finite_differences(error):
     rng = np.random.default_rng(RNG_SEED)
     a, z = similarity(rng), similarity(rng)
     b = (a[0] @ z[0] @ so3_exp(error * np.array([0.6, 0.0, 0.8])), rng.normal(0, 1, 3), 1.7)
-    r = edge_residual(*a, *b, *z)
-    Ja, Jb = edge_jacobians(r, a[0], a[2], b[0], z[1])
+    (R, _, s), measured = edge(a, b, z)
+    Ja, Jb = edge_jacobians(residual(a, b, z), R, s, measured, 0)
     for which, J in ((0, Ja), (1, Jb)):
         for k in range(7):
             ends = []
             for h in (1e-6, -1e-6):
                 x = h * np.eye(7)[k]
                 nodes = (perturbed(a, x), b) if which == 0 else (a, perturbed(b, x))
-                ends.append(edge_residual(*nodes[0], *nodes[1], *z))
+                ends.append(residual(*nodes, z))
             numeric = (ends[0] - ends[1]) / 2e-6
             assert J[:, k] == pytest.approx(numeric, abs=2e-6), (which, k)
 
@@ -43,7 +56,7 @@ def test_residual_vanishes_where_the_measurement_holds():
     rng = np.random.default_rng(RNG_SEED)
     (Ra, ta, sa), (Zr, zt, zs) = similarity(rng), similarity(rng)
     b = Ra @ Zr, ta + sa * Ra @ zt, sa * zs
-    assert edge_residual(Ra, ta, sa, *b, Zr, zt, zs) == pytest.approx(np.zeros(7), abs=1e-12)
+    assert residual((Ra, ta, sa), b, (Zr, zt, zs)) == pytest.approx(np.zeros(7), abs=1e-12)
 
 
 def test_envelope_solves_as_the_dense_matrix_does():

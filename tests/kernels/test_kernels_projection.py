@@ -6,7 +6,7 @@ import pytest
 
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels.geometry.projection import project_normalized, unproject_pixels
+from vsx_ros.kernels.geometry import project_normalized, unproject_pixels
 from vsx_ros.kernels.vision.search import predict
 from vsx_ros.vision.patch_search import kernel_camera
 

@@ -11,8 +11,9 @@ pytest.importorskip("rospy")
 
 from vsx_ros.config import Config
 from vsx_ros.dense.densify import UPDATE_EVERY_S
-from vsx_ros.dense.planes import Plane, PlaneKind, in_plane_axes
+from vsx_ros.dense.planes import Plane, PlaneKind
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.kernels.dense.plane_fits import in_plane_axes
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 from vsx_ros.ros import slam_maps, topics
 from vsx_ros.ros.slam_maps import DenseMapping, plane_markers, scan_msg

@@ -85,19 +85,17 @@ def test_adjusted_keyframes_come_near_the_truth_and_wrong_observations_go():
     observed = world.keyframes[3].observations
     observed.ideal[5] += 40.0
     before = max(offsets(world, poses))
-    done = adjuster().adjust(world, list(range(8)), 20)
-    assert done.finished
+    assert adjuster().adjust(world, list(range(8)), 20)
     assert max(offsets(world, poses)) < 0.004 < before
     assert 5 not in world.keyframes[3].observations.rows
     assert 5 in world.keyframes[4].observations.rows
-    assert 1 <= done.outliers <= 5
-    assert done.dead == np.count_nonzero(~world.alive)
+    assert np.count_nonzero(~world.alive) <= 5
 
 
 def test_a_point_goes_with_the_observation_it_was_made_of():
     world, _ = driven_map()
     world.keyframes[0].observations.ideal[5] += 40.0
-    assert adjuster().adjust(world, list(range(8)), 20).dead >= 1
+    adjuster().adjust(world, list(range(8)), 20)
     assert not world.alive[5]
     assert all(5 not in keyframe.observations.rows for keyframe in world.keyframes)
 
@@ -114,7 +112,7 @@ def test_culled_keyframes_are_carried_not_adjusted():
     world, _ = driven_map()
     world.cull_keyframe(4)
     anchor = world.keyframes[4].anchor
-    assert adjuster().adjust(world, list(range(8)), 10).finished
+    assert adjuster().adjust(world, list(range(8)), 10)
     carried = world.keyframes[anchor.keyframe].T_world_cam @ anchor.T_keyframe_this
     assert world.keyframes[4].T_world_cam.matrix() == pytest.approx(carried.matrix(), abs=1e-12)
     assert adjuster().by_odometry(world, 5).T_a_b.matrix() == pytest.approx(
@@ -158,12 +156,12 @@ def test_interrupted_work_is_kept_nothing_is_removed_and_it_goes_on(monkeypatch)
         asked.append(len(asked))
         return len(asked) == 2
 
-    stopped = adjuster().adjust(world, list(range(8)), 20, second_time)
-    assert (stopped.finished, stopped.outliers, stopped.dead) == (False, 0, 0)
+    finished = adjuster().adjust(world, list(range(8)), 20, second_time)
+    assert not finished
     assert len(asked) == 2
     assert 5 in world.keyframes[3].observations.rows
     assert max(offsets(world, poses)) < max(before)
-    assert adjuster().adjust(world, list(range(8)), 20).finished
+    assert adjuster().adjust(world, list(range(8)), 20)
     assert 5 not in world.keyframes[3].observations.rows
 
 
@@ -179,4 +177,4 @@ def test_slices_do_not_change_the_result(monkeypatch):
 
 def test_nothing_to_adjust_is_no_work():
     world, _ = driven_map(wheels=False)
-    assert adjuster().adjust(world, [0], 10) == (0.0, 0, 0, True)
+    assert adjuster().adjust(world, [0], 10)

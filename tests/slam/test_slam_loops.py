@@ -13,7 +13,7 @@ from vsx_ros.slam.keyframe import FrameData, NewTemplates, Observations
 from vsx_ros.slam.loop_closing import LoopDetector
 from vsx_ros.slam.loop_correction import LoopClosure, correct_loops, optimize_pose_graph
 from vsx_ros.slam.map import Map
-from vsx_ros.slam.place_recognition import PlaceRecognizer, is_certain, is_sure
+from vsx_ros.slam.place_recognition import PlaceRecognizer
 from vsx_ros.slam.recovery import Recovery
 from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.tracker import Tracker
@@ -53,7 +53,7 @@ def test_a_place_of_the_map_is_recognised_where_it_is(arc_drive, arc, places):
     view = arc.view()
     for k in (30, 60, 90):
         seen = best(places, taken_apart(arc_drive, arc_drive.frames[k][0].image, k), view)
-        assert is_sure(seen, CONFIG.recognition)
+        assert seen.is_sure(CONFIG.recognition)
         truth = arc_drive.T_base_cam @ arc_drive.frames[0][2].inverse() @ arc_drive.frames[k][2]
         assert np.linalg.norm(seen.track.T_world_cam.translation - truth.translation) < 0.03
 
@@ -66,14 +66,14 @@ def test_a_poster_that_hangs_elsewhere_too_is_not_the_place(arc_drive, spin_driv
         image = spin_drive.frames[k][0].image.copy()
         image[100:340, side] = arc_drive.frames[k][0].image[100:340, side]
         seen = best(places, taken_apart(arc_drive, image, k), view)
-        assert seen is None or not is_sure(seen, CONFIG.recognition)
+        assert seen is None or not seen.is_sure(CONFIG.recognition)
 
 
 def test_another_lab_is_no_place_of_this_map(spin_drive, arc, places):
     view = arc.view()
     for k in range(0, len(spin_drive.frames), 20):
         seen = best(places, taken_apart(spin_drive, spin_drive.frames[k][0].image, k), view)
-        assert seen is None or not (is_sure(seen, CONFIG.recognition) or is_certain(seen, CONFIG.recognition))
+        assert seen is None or not (seen.is_sure(CONFIG.recognition) or seen.is_certain(CONFIG.recognition))
 
 
 def test_every_keyframe_gets_its_turn_when_the_likeliest_mislead(arc_drive, arc, monkeypatch):
@@ -87,7 +87,7 @@ def test_every_keyframe_gets_its_turn_when_the_likeliest_mislead(arc_drive, arc,
     shows = [
         k
         for k in view.living.tolist()
-        if (s := places.recognise(data, features, view, k)) and is_certain(s, CONFIG.recognition)
+        if (s := places.recognise(data, features, view, k)) and s.is_certain(CONFIG.recognition)
     ]
     assert 0 < len(shows) < len(view.living)
     backwards = np.array([k for k in view.living.tolist() if k not in shows] + shows)
@@ -171,7 +171,7 @@ def test_maps_begun_apart_become_one_of_the_right_size_and_keep_their_indices():
         world.add_keyframe(FrameData.without_image(n + k, None), T, Observations.none(), 1)
     ahead = [(T @ np.array([0.0, 0.0, 1.0]))[None] for T in small]
     rows = np.concatenate([world.add_points(p, one, n + k) for k, p in enumerate(ahead)])
-    count = world.count
+    count = len(world.points)
     closure = LoopClosure(3, n + 3, SE3.identity(), 2.0, 100)
     event = correct_loops(world, [closure], [])
     assert event.kind == "merged"
@@ -180,7 +180,7 @@ def test_maps_begun_apart_become_one_of_the_right_size_and_keep_their_indices():
     assert {k.map_id for k in world.keyframes} == {0}
     assert {k.scale for k in world.keyframes[n:]} == {2.0}
     assert error_m(world, true + true) < 1e-9
-    assert world.count == count
+    assert len(world.points) == count
     expected = [T @ np.array([0.0, 0.0, 2.0]) for T in true]
     assert np.allclose(world.points[rows], expected, atol=1e-9)
 

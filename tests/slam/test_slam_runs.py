@@ -10,7 +10,7 @@ from vsx_ros.config import Config
 from vsx_ros.errors import InputError
 from vsx_ros.evaluation.trajectory import trajectory_error
 from vsx_ros.io.bag import open_recording
-from vsx_ros.kernels.geometry import projection
+from vsx_ros.kernels import geometry
 from vsx_ros.kernels.slam import bundle, epipolar, pose
 from vsx_ros.kernels.vision import alignment, search
 from vsx_ros.kernels.warmup import warm_up
@@ -230,7 +230,7 @@ def test_warm_up_compiles_what_tracking_uses(arc_drive):
     kernels = [
         bundle.adjust,
         search.predict,
-        projection.unproject_pixels,
+        geometry.unproject_pixels,
         search.search,
         epipolar.search_rays,
         alignment.align_small,

@@ -7,7 +7,7 @@ from vsx_ros.config.maps import ShutterConfig
 from vsx_ros.geometry.camera import PinholeCamera, mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels.geometry.projection import ideal_pixels, project_normalized, unproject_pixels
+from vsx_ros.kernels.geometry import ideal_pixels, project_normalized, unproject_pixels
 from vsx_ros.robot import Odometry
 from vsx_ros.slam.preprocessing import RollingShutter
 from vsx_ros.vision.patch_search import kernel_camera

@@ -15,11 +15,9 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.dense.view_choice import Views
 from vsx_ros.slam.snapshot import MapSnapshot
 
-_UNSETTLED = 2
-"""The newest keyframes, whose poses bundle adjustment is about to move."""
+_UNSETTLED = 2  # the newest keyframes, whose poses bundle adjustment is about to move
 _MOVED_M = 0.02  # in a building; a quarter of a cell. Less does not change what its patches show
-UPDATE_EVERY_S = 1.5
-"""Planes change slowly, and merging all of them costs the same for one new keyframe as for three."""
+UPDATE_EVERY_S = 1.5  # planes change slowly, and merging all costs the same for one new keyframe as for three
 _KEYFRAMES_OF_A_LAB = 800  # beyond, updates cost more, and come as much less often
 
 

@@ -64,8 +64,7 @@ def _off_plane(plane: Plane, points: Points3) -> FloatArray:
     middle = np.array([0.5 * (plane.extent[0] + plane.extent[1]), 0.5 * (plane.extent[2] + plane.extent[3])])
     right, up = (plane.coordinates(points) - middle).T
     lever = np.column_stack([up, -right, np.ones(len(points))])
-    sigma: FloatArray = np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", lever, plane.covariance, lever), 0.0))
-    return sigma
+    return np.asarray(np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", lever, plane.covariance, lever), 0.0)))
 
 
 class MappedGround:

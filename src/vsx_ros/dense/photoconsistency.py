@@ -19,6 +19,7 @@ from vsx_ros.geometry.se3 import stacked
 from vsx_ros.kernels.dense import surface_cells as kernels
 from vsx_ros.kernels.dense.view_choice import Views
 from vsx_ros.slam.snapshot import MapSnapshot
+from vsx_ros.vision.pyramid import layout
 
 _STORE_WIDTH_PX = 320  # images are kept at about this width: a cell at 4.5 m has 5 px of it
 _RIVAL_DEPTHS = np.array([0.65, 0.8, 1.2, 1.5])  # of the cell's own: as good there, it is not believed
@@ -40,14 +41,12 @@ class Judgement(NamedTuple):
     def consistent(self, config: DenseConfig) -> BoolArray:
         """Cells that look alike at the plane's depth and less so at others, in enough keyframes beside its own."""
         alike = (self.texture >= config.min_texture) & (self.score >= config.accept_zncc)
-        told: BoolArray = alike & (self.score > self.rival + config.rival_margin) & (self.views >= config.min_views)
-        return told
+        return np.asarray(alike & (self.score > self.rival + config.rival_margin) & (self.views >= config.min_views))
 
     def refuted(self, passing: IntArray) -> BoolArray:
         """Cells where the plane is not: textured and unlike, or looked through by any of ``passing`` keyframes."""
         unlike = (self.texture >= _REFUTED_TEXTURE) & (self.views >= 3) & (self.score < _REFUTED_ZNCC)
-        through: BoolArray = unlike | (passing >= _CARVED_VOTES)
-        return through
+        return np.asarray(unlike | (passing >= _CARVED_VOTES))
 
 
 class KeyframeImages:
@@ -57,7 +56,6 @@ class KeyframeImages:
     def __init__(self, camera: PinholeCamera) -> None:
         shrink = max(0, round(math.log2(camera.width / _STORE_WIDTH_PX)))
         factor = 0.5**shrink
-        size = camera.width >> shrink, camera.height >> shrink
         self._K = np.array(
             [camera.fx, camera.fy, (camera.cx + 0.5) - 0.5 / factor, (camera.cy + 0.5) - 0.5 / factor]
         ) * factor  # fmt: skip
@@ -65,13 +63,8 @@ class KeyframeImages:
         self._maps = cv2.initUndistortRectifyMap(
             camera.K, np.array(camera.distortion), np.eye(3), camera.K, self._size, cv2.CV_16SC2
         )
-        rows, offset = [], 0
-        for level in range(kernels.LEVELS):
-            width, height = size[0] >> level, size[1] >> level
-            rows.append((offset, height, width))
-            offset += width * height
-        self._table = np.array(rows, np.int64)
-        self._store = np.zeros((16, offset), np.uint8)
+        table, pixels = layout(camera.height >> shrink, camera.width >> shrink)
+        self._table, self._store = table[:, :3].copy(), np.zeros((16, pixels), np.uint8)
         self._slot: dict[int, int] = {}
 
     def views(self, snapshot: MapSnapshot, count: int) -> Views:

@@ -9,8 +9,9 @@ from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points3
 from vsx_ros.config.maps import PlanesConfig
 from vsx_ros.dense.plane_merging import Found, merged
 from vsx_ros.dense.plane_tiles import noise_of, planes_of_tile
-from vsx_ros.dense.planes import Attitude, Fit, Plane, PlaneKind, in_plane_axes, kind_of, on_plane
+from vsx_ros.dense.planes import Attitude, Fit, Plane, PlaneKind, kind_of, on_plane
 from vsx_ros.geometry.se3 import stacked
+from vsx_ros.kernels.dense.plane_fits import in_plane_axes
 from vsx_ros.kernels.dense.planes import Noise, ObservedPoints, point_information
 from vsx_ros.slam.snapshot import MapSnapshot
 
@@ -37,8 +38,7 @@ class PlaneFinder:
     """``update`` with each snapshot of one growing map; only tiles whose points moved or changed are done again.
 
     With a floor (a map made with odometry) z is up, z = 0 the floor, lengths are metres, and planes are vertical or
-    level. Without, planes have any direction and lengths are told by the typical distance of the points.
-    """
+    level. Without, planes have any direction and lengths are told by the typical distance of the points."""
 
     def __init__(self, focal_px: float, config: PlanesConfig, has_floor: bool, seed: int = 0) -> None:
         self._focal_px = focal_px
@@ -87,8 +87,7 @@ class PlaneFinder:
             return np.zeros(len(points.world), np.bool_)
         z = points.world[:, 2]
         gate = _FLOOR_GATE * np.sqrt(points.covariances[:, 2, 2] + self._config.floor_sigma_m**2)
-        on_floor: BoolArray = np.abs(z) < np.minimum(gate, _FLOOR_LIMIT_M)
-        return on_floor
+        return np.asarray(np.abs(z) < np.minimum(gate, _FLOOR_LIMIT_M))
 
     def _redo(self, points: ObservedPoints, noise: Noise) -> None:
         """Find the planes of tiles, half overlapping, whose points are no longer what they were."""
@@ -153,8 +152,7 @@ def _rows_of(ids: IntArray, among: IntArray) -> IntArray:
     """Rows of those ids that are still among the ascending ones."""
     rows = np.searchsorted(among, ids)
     inside = rows < len(among)
-    kept: IntArray = rows[inside][among[rows[inside]] == ids[inside]]
-    return kept
+    return np.asarray(rows[inside][among[rows[inside]] == ids[inside]])
 
 
 def _tiled(points: FloatArray, stride: float) -> Iterator[tuple[Key, IntArray]]:

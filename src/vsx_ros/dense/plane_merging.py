@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.dense.plane_tiles import is_plane
-from vsx_ros.dense.planes import Fit, fit_plane, in_plane_axes, on_plane
+from vsx_ros.dense.planes import Fit, fit_plane, on_plane
+from vsx_ros.kernels.dense.plane_fits import in_plane_axes
 from vsx_ros.kernels.dense.planes import Noise, ObservedPoints, beside, best_planes, deviations
 
 _MAX_ANGLE_COS = math.cos(math.radians(12.0))  # pieces of one wall in two tiles, each of few points, differ by less
@@ -57,8 +58,7 @@ def _near(table: NDArray[np.void], piece: Found, points: ObservedPoints, noise: 
     off = np.abs(((piece.fit.middle - near["middle"]) * near["normal"]).sum(axis=1))
     centre, half = near["axes"] @ (0.5 * (low + high)), np.abs(near["axes"]) @ (0.5 * (high - low))
     gap = np.maximum(near["box"][:, 0] - (centre + half), (centre - half) - near["box"][:, 1])
-    kept: IntArray = k[(off <= 4.0 * noise.limit) & (gap.max(axis=1, initial=-1.0) <= _GAP_M * unit)]
-    return kept
+    return np.asarray(k[(off <= 4.0 * noise.limit) & (gap.max(axis=1, initial=-1.0) <= _GAP_M * unit)])
 
 
 def _joined(a: Found, b: Found, points: ObservedPoints, noise: Noise, unit: float) -> Found | None:
@@ -126,8 +126,7 @@ def _in_company(coordinates: FloatArray, unit: float) -> BoolArray:
     counts = np.zeros(cells.max(axis=0) + 2)
     np.add.at(counts, (cells[:, 0], cells[:, 1]), 1.0)
     around = sum(counts[cells[:, 0] + i, cells[:, 1] + j] for i in (-1, 0, 1) for j in (-1, 0, 1))
-    company: BoolArray = np.asarray(around) >= _COMPANY
-    return company
+    return np.asarray(np.asarray(around) >= _COMPANY)
 
 
 def _stands(found: Found, points: ObservedPoints, noise: Noise, unit: float) -> bool:

@@ -25,8 +25,7 @@ def cluster(preferences: NDArray[np.uint64]) -> NDArray[np.int64]:
 
     preferences: (N, W), bit h of a row set where the point prefers model h. Of equally near clusters those of smaller
     rows merge first, so that the order of the points does not matter. Labels are in the order of their first points.
-    Raises InputError for rows of more than 65472 models or of another type.
-    """
+    Raises InputError for rows of more than 65472 models or of another type."""
     preferences = np.asarray(preferences)
     if preferences.ndim != 2 or preferences.dtype != np.uint64 or preferences.shape[1] > _MAX_WORDS:
         raise InputError(
@@ -127,8 +126,7 @@ def planes_of_tile(
     """Planes and their points' ids. The points: of one tile, the floor's taken out.
 
     The points that no plane explains are asked again: among fewer points, pairs from one small face are drawn more
-    often.
-    """
+    often."""
     planes = list[tuple[Fit, IntArray]]()
     for _ in range(_PASSES):
         if len(points.world) < config.min_points:

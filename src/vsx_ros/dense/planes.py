@@ -31,8 +31,7 @@ class Plane(NamedTuple):
     id: kept from update to update. covariance (3, 3) of (tilt about axes[0], tilt about axes[1] [rad], offset at the
     middle of the extent along the normal [m]). axes (2, 3): in-plane right and up (up = +z for walls, right = up x
     normal, as the observer sees it). extent (4,): right_min, right_max, up_min, up_max [m], coordinates x . axes.
-    points: rows of the snapshot.
-    """
+    points: rows of the snapshot."""
 
     id: int
     normal: FloatArray
@@ -54,11 +53,6 @@ class Plane(NamedTuple):
     def distances(self, points_world: Points3) -> FloatArray:
         """(N,) signed distances [m] of (N, 3) points, positive on the observers' side."""
         return points_world @ self.normal - self.offset
-
-
-def in_plane_axes(normal: FloatArray) -> FloatArray:
-    """(2, 3) right and up of a plane: up is the direction in the plane nearest to +z, or to +y for a level plane."""
-    return plane_fits.in_plane_axes(normal[0], normal[1], normal[2])
 
 
 def kind_of(normal: FloatArray, offset: float) -> PlaneKind:
@@ -107,8 +101,7 @@ def fit_plane(
     """The plane of some points (rows) near a first guess of its normal; None where they do not determine one.
 
     Gauss-Newton on two tilts and the offset, Tukey's weights from the second round on. A vertical plane turns about
-    the vertical only, a level one not at all.
-    """
+    the vertical only, a level one not at all."""
     if not len(rows):
         return None
     cutoff = _CUTOFF_GATES * noise.gate

@@ -40,8 +40,7 @@ def grow_regions(seeds: BoolArray, strong: BoolArray, weak: BoolArray, passing: 
         if (more == believed).all():
             break
         believed = more
-    kept: BoolArray = believed & (seeds | (_neighbours(believed) >= _COMPANY))
-    return kept
+    return np.asarray(believed & (seeds | (_neighbours(believed) >= _COMPANY)))
 
 
 def _neighbours(mask: BoolArray) -> IntArray:
@@ -63,8 +62,7 @@ def _between(believed: BoolArray, longest: int) -> BoolArray:
     before = np.maximum.accumulate(np.where(believed, number, -(longest + 2)), axis=1)
     after = np.where(believed, number, 2 * believed.shape[1] + longest)[:, ::-1]
     after = np.minimum.accumulate(after, axis=1)[:, ::-1]
-    between: BoolArray = (after - before - 1 <= longest) & (before >= 0)
-    return between
+    return np.asarray((after - before - 1 <= longest) & (before >= 0))
 
 
 class Contact(NamedTuple):
@@ -100,8 +98,7 @@ def supported_runs(touches: BoolArray, support: BoolArray, config: DenseConfig) 
     kept = np.pad((touches & near[0]).astype(np.uint8)[None], ((0, 0), (_MIN_RUN, _MIN_RUN)))
     kept = cv2.morphologyEx(kept, cv2.MORPH_CLOSE, np.ones((1, 3), np.uint8))
     kept = cv2.morphologyEx(kept, cv2.MORPH_OPEN, np.ones((1, _MIN_RUN), np.uint8))
-    runs: BoolArray = kept[0, _MIN_RUN:-_MIN_RUN] > 0
-    return runs
+    return np.asarray(kept[0, _MIN_RUN:-_MIN_RUN] > 0)
 
 
 def fill_heights(accepted: BoolArray, runs: BoolArray, config: DenseConfig) -> FloatArray:
@@ -111,8 +108,7 @@ def fill_heights(accepted: BoolArray, runs: BoolArray, config: DenseConfig) -> F
     lowest = np.where(any_accepted, accepted.argmax(axis=1), limit).astype(np.float32)
     near = cv2.erode(lowest[None], _reach(config), borderType=cv2.BORDER_REPLICATE)[0]
     own = np.where(any_accepted, lowest, near)
-    filled: FloatArray = np.where(runs, np.minimum(np.maximum(own, 1.0), limit), 0.0).astype(np.float64)
-    return filled
+    return np.asarray(np.where(runs, np.minimum(np.maximum(own, 1.0), limit), 0.0).astype(np.float64))
 
 
 def _reach(config: DenseConfig) -> NDArray[np.uint8]:

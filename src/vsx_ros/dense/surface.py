@@ -205,5 +205,4 @@ def _nearest_known(values: NDArray[np.int64], known: BoolArray) -> NDArray[np.in
     )
     of_label = np.zeros(int(labels.max()) + 1, np.int64)
     of_label[labels[known]] = values[known]
-    nearest: NDArray[np.int64] = of_label[labels]
-    return nearest
+    return np.asarray(of_label[labels])

@@ -11,8 +11,7 @@ from vsx_ros.config import MountConfig
 from vsx_ros.errors import CalibrationError
 from vsx_ros.geometry.se3 import SE3
 
-MAX_PIXELS = 2**25
-"""No image is larger: twice that of a 16 megapixel camera."""
+MAX_PIXELS = 2**25  # no image is larger: twice that of a 16 megapixel camera
 VIEW_MIN_DEG, VIEW_MAX_DEG = 10.0, 150.0  # horizontal: what the models of lenses here hold for
 ROUND_TRIP_PX = 1.0  # projected and back, median; distortion that cannot be inverted is off by far more
 MOUNT_REACH_M = 5.0  # farther from its base no camera is: another unit, most likely
@@ -23,8 +22,7 @@ ROTATION_ERROR = 1e-6  # rounding of six digits in a file
 class PinholeCamera:
     """Intrinsics [px] and distortion (k1, k2, p1, p2, k3). Integer pixel coordinates are pixel centres.
 
-    Raises CalibrationError when a value cannot be a camera's.
-    """
+    Raises CalibrationError when a value cannot be a camera's."""
 
     width: int
     height: int
@@ -54,11 +52,6 @@ class PinholeCamera:
         """(3, 3) intrinsic matrix [px]."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
-    @property
-    def is_distorted(self) -> bool:
-        """Whether any distortion coefficient differs from zero."""
-        return any(self.distortion)
-
     def parameters(self) -> FloatArray:
         """(9,) fx, fy, cx, cy, k1, k2, p1, p2, k3: what kernels take."""
         return np.array([self.fx, self.fy, self.cx, self.cy, *self.distortion])
@@ -78,7 +71,7 @@ class PinholeCamera:
     def unproject(self, pixels: Pixels) -> Points3:
         """(N, 3) points on the plane z = 1 that project to the (N, 2) pixels."""
         pixels = np.asarray(pixels, float).reshape(-1, 2)
-        if not self.is_distorted or not len(pixels):
+        if not any(self.distortion) or not len(pixels):
             x = (pixels[:, 0] - self.cx) / self.fx
             y = (pixels[:, 1] - self.cy) / self.fy
             return np.stack([x, y, np.ones_like(x)], axis=1)
@@ -98,8 +91,7 @@ def nominal_camera(width: int, height: int) -> PinholeCamera:
 def mount_pose(forward: float, left: float, height: float, pitch: float, yaw: float = 0.0) -> SE3:
     """T_base_cam of a camera on a robot: position [m] in the base frame, pitch down and yaw left positive [rad].
 
-    Base: x forward, z up. Camera (optical): z forward, x right, y down (REP 103).
-    """
+    Base: x forward, z up. Camera (optical): z forward, x right, y down (REP 103)."""
     optical = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
     cp, sp, cy, sy = math.cos(pitch), math.sin(pitch), math.cos(yaw), math.sin(yaw)
     Rz = np.array([[cy, -sy, 0.0], [sy, cy, 0.0], [0.0, 0.0, 1.0]])

@@ -1,33 +1,21 @@
 """Two views of a rigid scene: essential matrix, homography, the motions they allow, and points from both."""
 
-from typing import NamedTuple
-
 import cv2
 import numpy as np
 
-from vsx_ros.arrays import BoolArray, FloatArray, Points2, Points3
+from vsx_ros.arrays import FloatArray, Points2, Points3
 from vsx_ros.geometry.se3 import SE3, skew
 
 _CHI2_LINE, _CHI2_POINT = 3.84, 5.99  # 95 % of chi-squared, one and two degrees of freedom (as ORB-SLAM)
 
 
-class TwoViewMotions(NamedTuple):
-    """Hypotheses T_b_a with unit translation, best supported first; planar: how much a homography explains, in [0, 1]
-    (0.5: as well as the essential matrix); inliers (N,): matches the better model explains."""
-
-    T_b_a: tuple[SE3, ...]
-    planar: float
-    inliers: BoolArray
-
-
-def two_view_motions(rays_a: Points2, rays_b: Points2, tolerance: float) -> TwoViewMotions:
-    """Motions that explain matched rays (N, 2) on the planes z = 1, N >= 8; tolerance: standard deviation on that
-    plane.
+def two_view_motions(rays_a: Points2, rays_b: Points2, tolerance: float) -> list[SE3]:
+    """Motions T_b_a with unit translation that explain matched rays (N, 2) on the planes z = 1, N >= 8, the essential
+    matrix's first; tolerance: standard deviation on that plane.
 
     Five-point essential matrix (Nister 2004) and homography, both by RANSAC with OpenCV's fixed seed, weighed
     against each other by truncated chi-square scores (Mur-Artal et al. 2015). A planar scene yields the homography's
-    decompositions too.
-    """
+    decompositions too."""
     E, mask = cv2.findEssentialMat(rays_a, rays_b, np.eye(3), cv2.RANSAC, 0.999, 2.0 * tolerance)
     H, _ = cv2.findHomography(rays_a, rays_b, cv2.RANSAC, 2.5 * tolerance, maxIters=1000, confidence=0.999)
     motions: list[SE3] = []
@@ -44,10 +32,9 @@ def two_view_motions(rays_a: Points2, rays_b: Points2, tolerance: float) -> TwoV
         score_h = _support(error, _CHI2_POINT)
         if score_h > score_e:
             inliers = error.max(axis=1) < _CHI2_POINT
-    planar = score_h / max(score_h + score_e, 1e-9)
-    if planar > 0.40:
+    if score_h / max(score_h + score_e, 1e-9) > 0.40:
         motions += _of_homography(H, rays_a[inliers])
-    return TwoViewMotions(tuple(motions), planar, inliers)
+    return motions
 
 
 def _of_homography(H: FloatArray, rays_a: Points2) -> list[SE3]:
@@ -74,8 +61,7 @@ def epipolar_error(E: FloatArray, rays_a: Points2, rays_b: Points2) -> FloatArra
     product = (b * lines_b).sum(axis=1) ** 2
     with np.errstate(divide="ignore", invalid="ignore"):
         both = [product / (lines[:, :2] ** 2).sum(axis=1) for lines in (lines_b, lines_a)]
-    finite: FloatArray = np.nan_to_num(np.stack(both, axis=1), nan=np.inf, posinf=np.inf)
-    return finite
+    return np.asarray(np.nan_to_num(np.stack(both, axis=1), nan=np.inf, posinf=np.inf))
 
 
 def transfer_error(H: FloatArray, rays_a: Points2, rays_b: Points2) -> FloatArray:
@@ -85,8 +71,7 @@ def transfer_error(H: FloatArray, rays_a: Points2, rays_b: Points2) -> FloatArra
         mapped = _homogeneous(x) @ M.T
         with np.errstate(divide="ignore", invalid="ignore"):
             columns.append(((mapped[:, :2] / mapped[:, 2:] - y) ** 2).sum(axis=1))
-    finite: FloatArray = np.nan_to_num(np.stack(columns, axis=1), nan=np.inf, posinf=np.inf)
-    return finite
+    return np.asarray(np.nan_to_num(np.stack(columns, axis=1), nan=np.inf, posinf=np.inf))
 
 
 def _homogeneous(rays: Points2) -> Points3:
@@ -102,8 +87,7 @@ def triangulate(T_b_a: SE3, rays_a: Points2, rays_b: Points2) -> tuple[Points3, 
     """Linear triangulation of rays on the planes z = 1 of two cameras.
 
     T_b_a: camera a in b. rays (N, 2). Returns (points_a (N, 3) in camera a, parallax (N,) [rad]). Points may lie
-    behind a camera or be non-finite where the rays are parallel: the caller checks.
-    """
+    behind a camera or be non-finite where the rays are parallel: the caller checks."""
     R, t = T_b_a.rotation, T_b_a.translation
     a, b = _homogeneous(rays_a), _homogeneous(rays_b)
     turned = a @ R.T

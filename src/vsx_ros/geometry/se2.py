@@ -34,8 +34,7 @@ class SE2:
         c, s = math.cos(self.theta), math.sin(self.theta)
         if isinstance(other, SE2):
             return SE2(self.x + c * other.x - s * other.y, self.y + s * other.x + c * other.y, self.theta + other.theta)
-        mapped: Points2 = np.asarray(other) @ np.array([[c, s], [-s, c]]) + np.array([self.x, self.y])
-        return mapped
+        return np.asarray(np.asarray(other) @ np.array([[c, s], [-s, c]]) + np.array([self.x, self.y]))
 
     def inverse(self) -> SE2:
         """The pose that undoes this one."""

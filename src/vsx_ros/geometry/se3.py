@@ -113,12 +113,13 @@ class SE3:
         turned = self.rotation.T
         return SE3._of(turned.copy(), -turned @ self.translation)
 
+    def scaled(self, factor: float) -> SE3:
+        """The same turn, the way ``factor`` times as long."""
+        return SE3(self.rotation, factor * self.translation)
+
     def matrix(self) -> FloatArray:
         """(4, 4) homogeneous matrix."""
-        T = np.eye(4)
-        T[:3, :3] = self.rotation
-        T[:3, 3] = self.translation
-        return T
+        return np.vstack([np.column_stack([self.rotation, self.translation]), [0.0, 0.0, 0.0, 1.0]])
 
     @staticmethod
     def from_matrix(T: FloatArray) -> SE3:
@@ -173,6 +174,11 @@ class SE3:
         """Angle of the rotation between the two poses, in [0, pi] [rad]."""
         qx, qy, qz, qw = quaternion_from_rotation(self.rotation.T @ other.rotation)
         return 2.0 * math.atan2(math.hypot(qx, qy, qz), qw)
+
+    def is_near(self, other: SE3, distance: float, angle: float) -> bool:
+        """Whether the two poses are less than a distance [m] and an angle [rad] apart."""
+        near = float(np.linalg.norm(self.translation - other.translation)) < distance
+        return near and self.rotation_angle_to(other) < angle
 
 
 def stacked(poses: Sequence[SE3]) -> tuple[FloatArray, FloatArray]:

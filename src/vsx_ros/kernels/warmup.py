@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from vsx_ros.kernels import geometry
 from vsx_ros.kernels.dense import floor_contact, jlinkage, plane_fits, planes, surface_cells
 from vsx_ros.kernels.dense.view_choice import Views
-from vsx_ros.kernels.geometry import projection
 from vsx_ros.kernels.occupancy import clearance, ground_cells, ground_map, visibility
 from vsx_ros.kernels.planning import curves, flood, lattice, motions, reeds_shepp, shortcuts
 from vsx_ros.kernels.slam import bundle, epipolar, pose, pose_graph
@@ -77,9 +77,9 @@ def _tracking() -> None:
     points = np.array([[0.0, 0.0, 1.0]])
     basis = np.array([[0.01, 0.0, 0.0, 0.01]])
     one = np.zeros(1, np.int64)
-    projection.unproject_pixels(camera, np.zeros((1, 2)))
-    projection.ideal_pixels(camera, np.zeros((1, 2)), np.ones(1))
-    projection.project_rows(camera, eye, zero, points, one, 8.0)
+    geometry.unproject_pixels(camera, np.zeros((1, 2)))
+    geometry.ideal_pixels(camera, np.zeros((1, 2)), np.ones(1))
+    geometry.project_rows(camera, eye, zero, points, one, 8.0)
     of_point, R_world_cam, centres = np.zeros((1, 5), np.int64), np.zeros((1, 3, 3)), np.zeros((1, 3))
     rows, level, uv, warp, chosen = search.predict(
         camera, eye, zero, points, one, of_point, one, basis, R_world_cam, centres, 8.0

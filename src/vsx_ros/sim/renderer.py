@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import FloatArray, Points3
 from vsx_ros.errors import CalibrationError
 from vsx_ros.geometry.camera import PinholeCamera
-from vsx_ros.kernels.geometry.projection import unproject_pixels
+from vsx_ros.kernels.geometry import unproject_pixels
 from vsx_ros.kernels.sim.raycast_cull import Scene, plane_forms
 from vsx_ros.kernels.sim.raycast_pixels import View
 from vsx_ros.kernels.sim.raycast_render import render_tile_rows

@@ -21,32 +21,11 @@ SIGMA_MIN_PX = 0.4  # px at level 0; as the tracker's: patches are not found mor
 SLICE_OBSERVATIONS = 160_000  # times steps in one call, so that the mapper can be interrupted between calls
 
 
-class Adjustment(NamedTuple):
-    """sigma_px: robust residual scale reached. outliers: observations removed. dead: points removed. finished: False
-    when it was interrupted; what had been gained by then is in the map, nothing is removed."""
-
-    sigma_px: float
-    outliers: int
-    dead: int
-    finished: bool
-
-
 class OdometryFactor(NamedTuple):
     """Measured T_a_b between two cameras and its information (6, 6) in the tangent of ``bundle.relative_residual``."""
 
     T_a_b: SE3
     information: FloatArray
-
-
-class Solution(NamedTuple):
-    """What ``bundle.adjust`` returns of T_cam_world, points and errors."""
-
-    R: FloatArray
-    t: FloatArray
-    points: FloatArray
-    squared: FloatArray
-    sigma_px: float
-    finished: bool
 
 
 def adjoint(T: SE3) -> FloatArray:
@@ -78,12 +57,13 @@ class BundleAdjuster:
 
     def adjust(
         self, world: Map, free: list[int], iterations: int, interrupted: Callable[[], bool] = lambda: False
-    ) -> Adjustment:
+    ) -> bool:
         """Move the keyframes ``free`` (indices) and all points they see; every other keyframe that sees these points
         holds them in place. Keyframe 0 never moves, but that it is levelled where the world's floor is known: its
         first tilt is the mount's, which is wrong by a little, and would lean the world.
 
-        ``interrupted`` is asked between slices of the work: a few iterations of a small problem, one of a large one."""
+        ``interrupted`` is asked between slices of the work: a few iterations of a small problem, one of a large one.
+        Returns whether it never said so; else what had been gained by then is in the map, and nothing is removed."""
         free = [k for k in free if world.keyframes[k].alive]
         free = sorted(set(free) if self._knows_floor(world) else set(free) - {0})
         seen = world.sees(free)
@@ -91,34 +71,35 @@ class BundleAdjuster:
         frames = [k for k in frames if k in free or seen[world.keyframes[k].observations.rows].any()]
         rows, observed = _observed(world, frames, seen)
         if not free or len(observed.frame) < 12:
-            return Adjustment(0.0, 0, 0, True)
-        solution = self._solve(world, frames, free, world.points[rows], observed, iterations, interrupted)
-        for k, R, t in zip(frames, solution.R, solution.t):
+            return True
+        R, t, points, bad, finished = self._solve(world, frames, free, rows, observed, iterations, interrupted)
+        for k, pose in zip(frames, zip(R, t)):
             if k in free:
-                world.move_keyframe(k, SE3(R, t).inverse())
-        world.points[rows] = solution.points
-        bad = solution.squared > (TUKEY * solution.sigma_px) ** 2
-        bad &= solution.finished
-        dead = _discard(world, np.array(frames)[observed.frame[bad]], rows[observed.point[bad]])
+                world.move_keyframe(k, SE3(*pose).inverse())
+        world.points[rows] = points
+        if finished:
+            _discard(world, np.array(frames)[observed.frame[bad]], rows[observed.point[bad]])
         for k in free:
             world.update_depth(k)
-        return Adjustment(solution.sigma_px, int(bad.sum()), dead, solution.finished)
+        return finished
 
     def _solve(
         self,
         world: Map,
         frames: list[int],
         free: list[int],
-        points: Points3,
+        rows: IntArray,
         observed: Observations,
         iterations: int,
         interrupted: Callable[[], bool],
-    ) -> Solution:
+    ) -> tuple[FloatArray, FloatArray, Points3, BoolArray, bool]:
+        """T_cam_world of the frames (R, t), the points (rows), which observations (O,) are outliers, and whether it was
+        not interrupted."""
         number = {k: i for i, k in enumerate(free)}
         moving = np.array([number.get(k, -1) for k in frames], np.int64)
         R, t = stacked([world.keyframes[k].T_world_cam.inverse() for k in frames])
         factors, floor = self._factors(world, frames, set(free)), self._floor(world, frames)
-        squared, sigma, progress, done = np.zeros(0), 0.0, START, 0
+        points, squared, sigma, progress, done = world.points[rows], np.zeros(0), 0.0, START, 0
         while done < iterations and not progress.done:
             trials = min(max(1, SLICE_OBSERVATIONS // len(observed.frame)), iterations - done)
             R, t, points, squared, sigma, _, progress = adjust(
@@ -127,7 +108,7 @@ class BundleAdjuster:
             done += trials
             if interrupted():
                 break
-        return Solution(R, t, points, squared, float(sigma), progress.done or done >= iterations)
+        return R, t, points, squared > (TUKEY * sigma) ** 2, progress.done or done >= iterations
 
     def by_odometry(self, world: Map, index: int) -> OdometryFactor | None:
         """The factor between a keyframe and its predecessor, None without odometry or in a map of another size."""
@@ -183,9 +164,9 @@ def _observed(world: Map, frames: list[int], seen: BoolArray) -> tuple[IntArray,
     """Rows (M,) of the points in ``seen`` (P,) that at least two of the keyframes ``frames`` see, and how they do."""
     parts = [world.keyframes[k].observations for k in frames]
     every, frame = Seen.concatenated(parts), np.repeat(np.arange(len(frames)), [len(part.rows) for part in parts])
-    counts = np.bincount(every.rows, minlength=world.count)
+    counts = np.bincount(every.rows, minlength=len(world.points))
     wanted = np.flatnonzero(seen & (counts >= 2))
-    number = np.full(world.count, -1)
+    number = np.full(len(world.points), -1)
     number[wanted] = np.arange(len(wanted))
     local = number[every.rows]
     order = np.argsort(local, kind="stable")
@@ -195,9 +176,9 @@ def _observed(world: Map, frames: list[int], seen: BoolArray) -> tuple[IntArray,
     return wanted, Observations(start, local[order], frame[order], every.ideal[order], scale)
 
 
-def _discard(world: Map, frames: IntArray, rows: IntArray) -> int:
+def _discard(world: Map, frames: IntArray, rows: IntArray) -> None:
     """Forget the given observations; remove points left with fewer than two or without their source."""
-    marked = np.zeros(world.count, np.bool_)
+    marked = np.zeros(len(world.points), np.bool_)
     for k in np.unique(frames):
         here = rows[frames == k]
         marked[here] = True
@@ -206,6 +187,4 @@ def _discard(world: Map, frames: IntArray, rows: IntArray) -> int:
     touched = np.unique(rows)
     left = world.seen(touched)
     lost_source = rows[frames == world.source[rows]]
-    dead = np.union1d(touched[left[touched] < 2], lost_source)
-    world.remove_points(dead)
-    return len(dead)
+    world.remove_points(np.union1d(touched[left[touched] < 2], lost_source))

@@ -1,6 +1,7 @@
 """What happens to every frame: start, track or recover, and say what the mapper shall do."""
 
-from typing import NamedTuple
+from itertools import count
+from typing import TypeAlias
 
 import numpy as np
 
@@ -23,14 +24,7 @@ from vsx_ros.slam.two_view_reconstruction import InitialPair
 
 # A last pose that a new map moves by more than this is a jump of the map.
 CORRECTION_M, CORRECTION_RAD = 0.05, 0.02
-
-
-class FrameOutcome(NamedTuple):
-    """A result and the work it gives to the mapper. After an ``InitialPair`` the front end wants to hear of ``started``
-    or ``refused``, at once or some frames later; it proposes no other before."""
-
-    result: TrackingResult
-    work: InitialPair | KeyFrameRequest | None = None
+Outcome: TypeAlias = tuple[TrackingResult, InitialPair | KeyFrameRequest | None]
 
 
 class FrontEnd:
@@ -45,24 +39,25 @@ class FrontEnd:
         self._local: LocalMap | None = None
         self.tracking = FrameTracker(config.tracker, self._tracker, self._motion)
         self._view = self._here = Map().view()
-        self._reference = self._map_id = self._epoch = self._epochs = 0
+        self._reference = self._map_id = self._epoch = 0
+        self._epochs = count(1)
         self._corrected, self._since_keyframe = False, 0
         self.record = TrackingRecord()
         self.events: list[SlamEvent] = []
         self._bootstrap = Bootstrap(T_base_cam, config.initialization, lambda ns, why: self._event(ns, "refused", why))
         self._preprocessor = Preprocessor(camera, T_base_cam, config, self._gap)
 
-    def process(self, frame: Frame, odometry: Odometry | None) -> FrameOutcome:
-        """One frame, in the order of the stamps. Inside, poses are those of the image's middle row; outside, of its
-        stamp, the start of its first row.
+    def process(self, frame: Frame, odometry: Odometry | None) -> Outcome:
+        """One frame, in the order of the stamps: its result, and work for the mapper. After an ``InitialPair`` it wants
+        to hear of ``started`` or ``refused``, at once or some frames later; it proposes no other before.
 
+        Inside, poses are those of the image's middle row; outside, of its stamp, the start of its first row.
         Raises InputError for an image of the wrong size or type and for a stamp that does not advance; the frame is
-        then as if it had never come.
-        """
-        outcome = self._process(self._consistency.admit(self._preprocessor.take(frame, odometry)))
-        return outcome._replace(result=outcome.result.seen_from(self._preprocessor.T_middle_stamp))
+        then as if it had never come."""
+        result, work = self._process(self._consistency.admit(self._preprocessor.take(frame, odometry)))
+        return result.seen_from(self._preprocessor.T_middle_stamp), work
 
-    def _process(self, data: FrameData) -> FrameOutcome:
+    def _process(self, data: FrameData) -> Outcome:
         self.tracking.last = None
         if not self._view.keyframes:
             return self._start(data)
@@ -80,8 +75,8 @@ class FrontEnd:
 
     def resume(self, view: MapView) -> None:
         """Begin in a map made before, lost: the camera is looked for everywhere in it."""
-        self._epochs = max(keyframe.odom_epoch for keyframe in view.keyframes)
-        self._epoch = self._new_epoch()
+        self._epochs = count(1 + max(keyframe.odom_epoch for keyframe in view.keyframes))
+        self._epoch = next(self._epochs)
         self._enter(view, 0)
 
     def use(self, view: MapView) -> None:
@@ -89,12 +84,10 @@ class FrontEnd:
         if self._reference < len(self._view.keyframes) and self._motion.last_pose is not None:
             old, new = self._view.keyframes[self._reference], view.keyframes[self._reference]
             before, factor = self._motion.last_pose, new.scale / old.scale
-            T_old_cam = old.T_world_cam.inverse() @ before
-            moved = new.T_world_cam @ SE3(T_old_cam.rotation, factor * T_old_cam.translation)
+            moved = new.T_world_cam @ (old.T_world_cam.inverse() @ before).scaled(factor)
             self._motion.move(moved, factor)
             self._consistency.move(moved @ before.inverse())
-            far = float(np.linalg.norm(moved.translation - before.translation)) > CORRECTION_M
-            self._corrected |= far or moved.rotation_angle_to(before) > CORRECTION_RAD
+            self._corrected |= not moved.is_near(before, CORRECTION_M, CORRECTION_RAD)
             self._reference = self._reference if new.anchor is None else new.anchor.keyframe
             self._map_id = new.map_id
         self._enter(view, self._map_id)
@@ -138,11 +131,11 @@ class FrontEnd:
         """The run so far."""
         return self.record.statistics(len(self._view.living), int(np.count_nonzero(self._view.alive)))
 
-    def _start(self, data: FrameData) -> FrameOutcome:
+    def _start(self, data: FrameData) -> Outcome:
         reason, pair = self._bootstrap.next_pair(data)
         self.record.frame_without_map(data.stamp_ns)
         result = TrackingResult(data.stamp_ns, TrackingState.NOT_INITIALISED, None, 0, 0, False, reason)
-        return FrameOutcome(result, pair)
+        return result, pair
 
     def _around(self, reference: int) -> LocalMap:
         """The local map, made anew when the map or the reference keyframe changed."""
@@ -151,7 +144,7 @@ class FrontEnd:
             self._local = known = LocalMap(self._here, reference)
         return known
 
-    def _tracked(self, data: FrameData, track: Track, reference: int, local: LocalMap) -> FrameOutcome:
+    def _tracked(self, data: FrameData, track: Track, reference: int, local: LocalMap) -> Outcome:
         self._motion.update(data, track.T_world_cam, measured=True)
         if is_sure(track):
             change = self._consistency.compare(track.T_world_cam)
@@ -172,7 +165,7 @@ class FrontEnd:
             data.stamp_ns, track.state, None, searched, found, added, track.reason, self._map_id, None, self._corrected
         )
         self._corrected = False
-        return FrameOutcome(result.placed(track.T_world_cam), request)
+        return result.placed(track.T_world_cam), request
 
     def _request(self, data: FrameData, track: Track) -> KeyFrameRequest:
         self._since_keyframe = 0
@@ -181,7 +174,7 @@ class FrontEnd:
         placed = self._reference, T_ref_cam, reference.scale, self._epoch
         return KeyFrameRequest(data, *placed, *seen, *self.record.counts())
 
-    def _recover(self, data: FrameData, track: Track, by_odometry: SE3 | None) -> FrameOutcome:
+    def _recover(self, data: FrameData, track: Track, by_odometry: SE3 | None) -> Outcome:
         """Too little was found: try everything to find the camera again, at once and in every frame."""
         recovery = self._recovery
         if recovery.is_lost:
@@ -195,7 +188,7 @@ class FrontEnd:
         if recovery.is_lost and not was_lost:
             self._event(data.stamp_ns, "lost", track.reason)
         pair = None if data.blurred else self._bootstrap.claim(recovery.second_map(data, by_odometry is not None))
-        pair = pair._replace(odom_epoch=self._new_epoch()) if pair is not None else None
+        pair = pair._replace(odom_epoch=next(self._epochs)) if pair is not None else None
         request = None
         if by_odometry is not None:
             self._motion.update(data, by_odometry, measured=False)
@@ -210,23 +203,19 @@ class FrontEnd:
         reason = track.reason + ("; position by odometry" if trusted is not None else "")
         searched, added = len(track.searched_rows), request is not None
         result = TrackingResult(data.stamp_ns, state, trusted, searched, 0, added, reason, self._map_id, by_odometry)
-        return FrameOutcome(result, pair or request)
+        return result, pair or request
 
-    def _found_again(self, data: FrameData, found: Relocalization, by_odometry: SE3 | None) -> FrameOutcome:
+    def _found_again(self, data: FrameData, found: Relocalization, by_odometry: SE3 | None) -> Outcome:
         """The camera is somewhere in the maps; where odometry does not vouch for the way, its next epoch begins."""
         expected = self._recovery.expected_pose(by_odometry, self._map_id)
         firm = expected is not None and expected.is_firm
         far = self._recovery.is_lost or found.map_id != self._map_id
         if not firm and (far or by_odometry is not None):
-            self._epoch = self._new_epoch()
+            self._epoch = next(self._epochs)
         self._enter(self._view, found.map_id)
         outcome = self._tracked(data, found.track, found.reference, self._around(found.reference))
         self.tracking.coarse_next = True
         return outcome
-
-    def _new_epoch(self) -> int:
-        self._epochs += 1
-        return self._epochs
 
     def _unplaced(self, data: FrameData) -> Track:
         """Where the camera is in the map made before is not known yet; odometry counts from elsewhere."""

@@ -133,8 +133,7 @@ def _flow(before: GrayImage, now: GrayImage, start: Pixels, guess: Pixels) -> tu
 class Bootstrap:
     """One pair of frames is tried at a time, however long that takes; corners are followed all the while.
 
-    refuse: told (stamp_ns, reason) when it is another reason than before.
-    """
+    refuse: told (stamp_ns, reason) when it is another reason than before."""
 
     def __init__(
         self, T_base_cam: SE3 | None, config: InitializationConfig, refuse: Callable[[int, str], None]

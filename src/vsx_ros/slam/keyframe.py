@@ -86,8 +86,7 @@ class KeyFrame:
     odom_epoch: odometry tells the way between successive living keyframes of one epoch, never between two. A culled
     keyframe has an anchor, no image and no observations; its pose is still that of the templates cut from it. map_id:
     0 is the first map, whose frame is the world; others, begun where the first was out of sight, have frames of their
-    own until they are joined with it. scale: the length now of what was 1 when the keyframe was made.
-    """
+    own until they are joined with it. scale: the length now of what was 1 when the keyframe was made."""
 
     id: int
     data: FrameData

@@ -83,8 +83,7 @@ def nearest_keyframes(view: MapView, T_world_cam: SE3) -> IntArray:
 def becomes_keyframe(config: KeyframeConfig, view: MapView, track: Track, reference: int, frames_since: int) -> bool:
     """Whether this frame should enter the map.
 
-    Distance and angle are measured to the nearest keyframe of the whole map, so that explored area yields none.
-    """
+    Distance and angle are measured to the nearest keyframe of the whole map, so that explored area yields none."""
     sure = track.state is TrackingState.GOOD or track.ratio > KEYFRAME_RATIO
     if frames_since < config.min_gap_frames or not sure:
         return False

@@ -13,7 +13,7 @@ from vsx_ros.slam.keyframe import KeyFrame, MapView
 from vsx_ros.slam.local_map import nearest_keyframes, path_lengths
 from vsx_ros.slam.loop_correction import LoopClosure, is_metric, same_points
 from vsx_ros.slam.map import Map
-from vsx_ros.slam.place_recognition import PlaceRecognizer, Recognition, is_certain, is_sure
+from vsx_ros.slam.place_recognition import PlaceRecognizer, Recognition
 from vsx_ros.slam.tracker import Tracker
 
 TRIED, DRIFTED_PX = 2, 60.0  # look-alikes per keyframe, for time; how far drift moves the points in view
@@ -44,13 +44,13 @@ class LoopDetector:
         if not len(among):
             return []
         for seen in self._recognitions(world.keyframes[index], view, among):
-            if not is_sure(seen, self._recognition):
+            if not seen.is_sure(self._recognition):
                 continue
             closure = self._closure(world, index, seen)
             if closure is None or not self._is_plausible(world, closure):
                 continue
             before, self._unconfirmed = self._unconfirmed, closure
-            found = [closure] if is_certain(seen, self._recognition) else []
+            found = [closure] if seen.is_certain(self._recognition) else []
             if before is not None and self._agree(world, before, closure):
                 found = [before, closure]
             self._last_loop = index if found else self._last_loop
@@ -59,7 +59,7 @@ class LoopDetector:
 
     def _recognitions(self, newest: KeyFrame, view: MapView, among: IntArray) -> Iterator[Recognition]:
         """By the keyframes that look most alike; then by the nearest one of the same map, the drift being small."""
-        features = self._places.features_seen(newest)
+        features = self._places.described(newest)[1]
         for k in self._places.ranked(newest.data.small, view, among)[:TRIED]:
             seen = self._places.recognise(newest.data, features, view, int(k))
             if seen is not None:
@@ -91,8 +91,7 @@ class LoopDetector:
         metres, angle = _drift(self._drift, way[long_ago], is_metric(world, newest))
         near = offset < metres + VIEW_DEPTHS * newest.median_depth
         near &= np.arccos(np.clip(cosine, -1.0, 1.0)) < angle + VIEW_RAD
-        candidates: IntArray = long_ago[near]
-        return candidates
+        return np.asarray(long_ago[near])
 
     def _notice_tracked_loop(self, index: int, known: IntArray, way: FloatArray, newest: KeyFrame) -> None:
         oldest = max(known.tolist(), key=lambda k: float(way[k]), default=index)
@@ -111,9 +110,7 @@ class LoopDetector:
             return True
         way = path_lengths(world.view().centres)
         metres, angle = _drift(self._drift, way[closure.newer] - way[closure.older], is_metric(world, older, newer))
-        there = closure.place(world)
-        off = float(np.linalg.norm(there.translation - newer.T_world_cam.translation))
-        return off < float(metres) and there.rotation_angle_to(newer.T_world_cam) < float(angle)
+        return closure.place(world).is_near(newer.T_world_cam, float(metres), float(angle))
 
     def _closure(self, world: Map, index: int, seen: Recognition) -> LoopClosure | None:
         """With the factor of size: 1 by odometry, else from the depths of points that both parts see at one spot."""
@@ -139,12 +136,10 @@ class LoopDetector:
         older = [world.keyframes[r.older].map_id for r in (a, b)]
         if b.newer - a.newer > AGREE_KEYFRAMES or first.map_id != second.map_id or older[0] != older[1]:
             return False
-        step = first.T_world_cam.inverse() @ second.T_world_cam
-        moved = SE3(step.rotation, b.factor * step.translation)
-        error = (a.place(world) @ moved).inverse() @ b.place(world)
-        apart = float(np.linalg.norm(error.translation)) / max(b.factor * second.median_depth, 1e-6)
-        angle = error.rotation_angle_to(SE3.identity())
-        return apart < AGREE_M and angle < AGREE_RAD and abs(np.log(a.factor / b.factor)) < AGREE_SCALE
+        expected = a.place(world) @ (first.T_world_cam.inverse() @ second.T_world_cam).scaled(b.factor)
+        reach = AGREE_M * max(b.factor * second.median_depth, 1e-6)
+        near = b.place(world).is_near(expected, reach, AGREE_RAD)
+        return near and bool(abs(np.log(a.factor / b.factor)) < AGREE_SCALE)
 
 
 def _drift(config: DriftConfig, way: FloatArray, by_odometry: bool) -> tuple[FloatArray, FloatArray]:

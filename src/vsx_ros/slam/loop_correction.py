@@ -14,8 +14,7 @@ from vsx_ros.kernels.slam.pose_graph import Edges, count_shared, optimize_graph
 from vsx_ros.slam.keyframe import KeyFrame
 from vsx_ros.slam.local_map import nearest_keyframes, path_lengths
 from vsx_ros.slam.map import Map
-from vsx_ros.slam.map_points import find_unseen
-from vsx_ros.slam.point_creation import observations_at
+from vsx_ros.slam.map_points import find_unseen, observe_at
 from vsx_ros.slam.state import SlamEvent
 
 # Standard deviations of what two keyframes that share points know of one another: a constant and a share of the way.
@@ -91,7 +90,7 @@ def _edges_within(world: Map, nodes: list[int], poses: list[SE3]) -> list[_Edge]
     """Successive keyframes, and for each the two earlier ones that share most points with it: as they stand now."""
     rows = [world.keyframes[k].observations.rows for k in nodes]
     ends = np.cumsum([len(mine) for mine in rows], dtype=np.int64)
-    shared = count_shared(np.concatenate([np.zeros(0, np.int64), *rows]), ends, world.count)
+    shared = count_shared(np.concatenate([np.zeros(0, np.int64), *rows]), ends, len(world.points))
     edges = []
     for n in range(1, len(nodes)):
         edges.append(_edge(world, nodes, poses, n - 1, n, bool(shared[n, n - 1] < WEAK_COVISIBILITY)))
@@ -137,8 +136,7 @@ def _join(world: Map, closure: LoopClosure) -> None:
     newer, factor = world.keyframes[closure.newer], closure.factor
     nodes = world.living_in(newer.map_id)
     T_old, T_new = newer.T_world_cam.inverse(), closure.place(world)
-    steps = [T_old @ world.keyframes[k].T_world_cam for k in nodes]
-    poses = [T_new @ SE3(T.rotation, factor * T.translation) for T in steps]
+    poses = [T_new @ (T_old @ world.keyframes[k].T_world_cam).scaled(factor) for k in nodes]
     move_keyframes(world, nodes, poses, np.full(len(nodes), factor))
     world.join(newer.map_id, world.keyframes[closure.older].map_id)
 
@@ -161,9 +159,7 @@ def fuse(world: Map, keyframes: list[int], rows: IntArray) -> int:
     world.replace_points(old, np.array([becomes[int(k)] for k in old], np.int64))
     for k, (predictions, uv) in found_in.items():
         unseen = ~np.isin(predictions.rows, world.keyframes[k].observations.rows)
-        seen = predictions.rows[unseen], uv[unseen], predictions.level[unseen]
-        keyframe = world.keyframes[k]
-        world.observe(k, observations_at(keyframe.data, keyframe.T_world_cam, world.points, *seen))
+        observe_at(world, k, predictions.rows[unseen], uv[unseen], predictions.level[unseen])
     return len(old)
 
 

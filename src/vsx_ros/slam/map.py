@@ -53,11 +53,6 @@ class Map:
         world.templates = TemplateStore.resumed(view.templates)
         return world
 
-    @property
-    def count(self) -> int:
-        """Rows of points so far."""
-        return len(self.points)
-
     def add_keyframe(self, data: FrameData, T_world_cam: SE3, observations: Observations, map_id: int = 0) -> int:
         """Append a keyframe; returns its index, which is also its id."""
         index = len(self.keyframes)
@@ -69,7 +64,7 @@ class Map:
 
     def add_points(self, points_world: Points3, templates: NewTemplates, source: int) -> NDArray[np.int64]:
         """Append points (N, 3) first seen in keyframe ``source``; returns their rows."""
-        rows = np.arange(self.count, self.count + len(points_world))
+        rows = len(self.points) + np.arange(len(points_world))
         self.points = np.concatenate([self.points, points_world])
         self.alive = np.append(self.alive, np.ones(len(rows), np.bool_))
         self.source = np.append(self.source, np.full(len(rows), source))
@@ -101,8 +96,7 @@ class Map:
         for k in (index, *self._carried.get(index, ())):
             keyframe, anchor = self.keyframes[k], self.keyframes[k].anchor
             if anchor is not None:
-                T = anchor.T_keyframe_this
-                anchor = anchor._replace(T_keyframe_this=SE3(T.rotation, factor * T.translation))
+                anchor = anchor._replace(T_keyframe_this=anchor.T_keyframe_this.scaled(factor))
             depth = factor * keyframe.median_depth
             self.keyframes[k] = replace(keyframe, anchor=anchor, scale=factor * keyframe.scale, median_depth=depth)
         self.move_keyframe(index, T_world_cam)
@@ -113,7 +107,7 @@ class Map:
 
     def replace_points(self, old: IntArray, new: IntArray) -> None:
         """Whoever saw the points ``old`` (rows) has seen ``new`` (as many) instead; the old ones leave the map."""
-        becomes = np.arange(self.count)
+        becomes = np.arange(len(self.points))
         becomes[old] = new
         for index in self._observers.of(old):
             keyframe = self.keyframes[index]
@@ -162,7 +156,7 @@ class Map:
 
     def covisible(self, rows: IntArray) -> IntArray:
         """(K,) how many of the points (rows) each keyframe sees."""
-        wanted, shared = np.zeros(self.count, np.bool_), np.zeros(len(self.keyframes), np.int64)
+        wanted, shared = np.zeros(len(self.points), np.bool_), np.zeros(len(self.keyframes), np.int64)
         wanted[rows] = True
         for k in self.observers(rows):
             shared[k] = np.count_nonzero(wanted[self.keyframes[k].observations.rows])
@@ -174,7 +168,7 @@ class Map:
 
     def sees(self, indices: list[int]) -> BoolArray:
         """(P,) whether any of the keyframes sees a point."""
-        mask = np.zeros(self.count, np.bool_)
+        mask = np.zeros(len(self.points), np.bool_)
         for k in indices:
             mask[self.keyframes[k].observations.rows] = True
         return mask
@@ -182,15 +176,14 @@ class Map:
     def seen(self, rows: IntArray) -> IntArray:
         """(P,) how many keyframes see each of the points (rows); fewer than do, or none, for other points."""
         every = [self.keyframes[k].observations.rows for k in self.observers(rows)]
-        return np.bincount(np.concatenate([np.zeros(0, np.int64), *every]), minlength=self.count)
+        return np.bincount(np.concatenate([np.zeros(0, np.int64), *every]), minlength=len(self.points))
 
     def cull_keyframe(self, index: int) -> None:
         """Take a living keyframe out for good; keyframe 0, which holds the world, cannot be.
 
         It keeps its index and is carried from now on by the living keyframe that shares most points with it. Its image
         and observations are gone, and so are points that fewer than two other keyframes see; those first seen in it
-        live on.
-        """
+        live on."""
         keyframe = self.keyframes[index]
         assert index > 0, "keyframe 0 holds the world"
         assert keyframe.alive, f"keyframe {index} is culled already"

@@ -39,8 +39,8 @@ class MapPoints:
         chosen = matches.chosen
         looks = NewTemplates(candidates.basis[chosen], np.zeros((len(chosen), 2)), candidates.patches[chosen])
         rows = self._world.add_points(matches.points_world, looks, source)
-        self._observe(source, rows, candidates.uv[chosen], candidates.level[chosen])
-        self._observe(target, rows, matches.uv, matches.level)
+        observe_at(self._world, source, rows, candidates.uv[chosen], candidates.level[chosen])
+        observe_at(self._world, target, rows, matches.uv, matches.level)
         return rows
 
     def make(self, index: int, targets: list[int]) -> IntArray:
@@ -71,7 +71,7 @@ class MapPoints:
         view = self._world.view()
         for index in indices:
             found, uv = find_unseen(self._world.keyframes[index], view, rows, REFIND_RADIUS_PX)
-            self._observe(index, found.rows, uv, found.level)
+            observe_at(self._world, index, found.rows, uv, found.level)
 
     def renew_templates(self, index: int) -> None:
         """Points seen here from a direction or distance that none of their templates comes near get one more."""
@@ -91,13 +91,15 @@ class MapPoints:
 
     def remove_unfound(self, searched: IntArray, found: IntArray) -> None:
         """Remove points the tracker keeps looking for in vain."""
-        n = min(len(searched), self._world.count)
+        n = min(len(searched), len(self._world.points))
         bad: BoolArray = (searched[:n] >= 8) & (found[:n] < 0.25 * searched[:n]) & self._world.alive[:n]
         self._world.remove_points(np.flatnonzero(bad))
 
-    def _observe(self, index: int, rows: IntArray, uv: FloatArray, level: IntArray) -> None:
-        world, keyframe = self._world, self._world.keyframes[index]
-        world.observe(index, observations_at(keyframe.data, keyframe.T_world_cam, world.points, rows, uv, level))
+
+def observe_at(world: Map, index: int, rows: IntArray, uv: FloatArray, level: IntArray) -> None:
+    """A keyframe sees points (rows) at these places (uv (N, 2) level-0 px, level (N,))."""
+    keyframe = world.keyframes[index]
+    world.observe(index, observations_at(keyframe.data, keyframe.T_world_cam, world.points, rows, uv, level))
 
 
 def find_unseen(keyframe: KeyFrame, view: MapView, rows: IntArray, radius_px: float) -> tuple[Predictions, Pixels]:
@@ -128,8 +130,8 @@ def is_redundant(world: Map, index: int, config: CullingConfig) -> bool:
     seen = world.keyframes[index].observations
     if len(seen.rows) < ASSESSED_POINTS:
         return False
-    viewers = np.zeros(world.count, np.int64)
-    finest: IntArray = np.full(world.count, -1, np.int64)
+    viewers = np.zeros(len(world.points), np.int64)
+    finest: IntArray = np.full(len(world.points), -1, np.int64)
     finest[seen.rows] = seen.level
     for k in world.observers(seen.rows):
         if k != index:

@@ -81,13 +81,10 @@ class Mapper:
     def add_keyframe(self, request: KeyFrameRequest) -> MapView:
         """Take a frame into the map: measurements, more of them, new points, local adjustment, culling."""
         world = self.map
-        keep = world.alive[request.rows]
-        reference, T_ref_cam = world.keyframes[request.reference], request.T_ref_cam
-        grown = reference.scale / request.scale
-        pose = reference.T_world_cam @ SE3(T_ref_cam.rotation, grown * T_ref_cam.translation)
+        reference = world.keyframes[request.reference]
+        pose = reference.T_world_cam @ request.T_ref_cam.scaled(reference.scale / request.scale)
         world.odom_epoch = request.odom_epoch
-        seen = request.rows[keep], request.uv[keep], request.level[keep]
-        observed = observations_at(request.data, pose, world.points, *seen)
+        observed = observations_at(request.data, pose, world.points, request.rows, request.uv, request.level)
         self._points.remove_unfound(request.searched, request.found)
         observed = observed.where(world.alive[observed.rows])
         index = world.add_keyframe(self._with_corners(request.data), pose, observed, reference.map_id)
@@ -97,9 +94,10 @@ class Mapper:
         self._points.refind(neighbours, created)
         before = list(world.keyframes), world.points.copy(), world.alive.copy()
         self._adjuster.adjust(world, self._movable([index, *neighbours]), self._config.local_iterations)
-        if self._contradicts_odometry(index):
+        step = self._contradicted_step(index)
+        if step is not None:
             world.keyframes[:], world.points[:], world.alive[:] = before
-            self._place_by_odometry(index)
+            self._place_by_odometry(index, step)
         self._points.renew_templates(index)
         self._since_global += 1
         self._correct_loops(index, neighbours)
@@ -133,7 +131,7 @@ class Mapper:
         """Adjust the whole map; what ``interrupted`` cuts short stays due."""
         world = self.map
         free = self._movable(world.living)
-        if self._adjuster.adjust(world, free, self._config.global_iterations, interrupted).finished:
+        if self._adjuster.adjust(world, free, self._config.global_iterations, interrupted):
             self._since_global = 0
         world.version += 1
         return world.view()
@@ -166,26 +164,24 @@ class Mapper:
                 chosen.append(min(left, key=lambda k: abs(math.log(offset[k] / depth / wanted))))
         return chosen
 
-    def _contradicts_odometry(self, index: int) -> bool:
-        """Whether the step from the previous keyframe is beyond what odometry can have got wrong, and few points
-        that the map has known for a while vouch for it (many do when the wheels slip)."""
+    def _contradicted_step(self, index: int) -> tuple[int, SE3] | None:
+        """The previous keyframe and the step from it by odometry, where the map has it beyond what odometry can have
+        got wrong, and few points that the map has known for a while vouch for it (many do when the wheels slip)."""
         factor, before = self._adjuster.by_odometry(self.map, index), self.map.predecessor(index)
         known = self.map.source[self.map.keyframes[index].observations.rows] < index - VETO_AGE
         if factor is None or before is None or np.count_nonzero(known) >= VETO_OBSERVATIONS:
-            return False
+            return None
         previous, newest = (self.map.keyframes[k].T_world_cam for k in (before, index))
         error = (factor.T_a_b.inverse() @ previous.inverse() @ newest).log()
-        return float(error @ factor.information @ error) > VETO_SIGMAS**2
+        return (before, factor.T_a_b) if error @ factor.information @ error > VETO_SIGMAS**2 else None
 
-    def _place_by_odometry(self, index: int) -> None:
+    def _place_by_odometry(self, index: int, step: tuple[int, SE3]) -> None:
         """Few points that contradict odometry are not believed: they can pull the map into another scale. The
         keyframe stands where odometry puts it, without them."""
-        world, factor, before = self.map, self._adjuster.by_odometry(self.map, index), self.map.predecessor(index)
-        assert factor is not None
-        assert before is not None
+        world, (before, T_before_here) = self.map, step
         world.remove_points(np.flatnonzero(world.alive & (world.source == index)))
         world.forget(index, np.ones(len(world.keyframes[index].observations.rows), np.bool_))
-        world.move_keyframe(index, world.keyframes[before].T_world_cam @ factor.T_a_b)
+        world.move_keyframe(index, world.keyframes[before].T_world_cam @ T_before_here)
 
     def _with_corners(self, data: FrameData) -> FrameData:
         """The image with the corners that new points are made of."""

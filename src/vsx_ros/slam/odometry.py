@@ -126,7 +126,11 @@ class OdometryConsistency:
         gaps = [self._gap(self._pairs[-1 - n], now) for n in WINDOWS if n < len(self._pairs)]
         if self.doubted:
             if len(gaps) == len(WINDOWS) and not any(gaps):
-                self._believe(now)
+                # Go on as if odometry had moved as the image saw the base move.
+                assert self._last_used is not None
+                used = self._T_used_odom @ self._last_used.odometry @ self._last_used.seen.inverse() @ now.seen
+                self._T_used_odom, self._last_used = used @ now.odometry.inverse(), now
+                self.doubted = False
                 return "odometry agrees with the images again"
             return ""
         self.doubted = any(gaps)
@@ -149,14 +153,6 @@ class OdometryConsistency:
         self._pairs = deque((m._replace(seen=moved @ m.seen) for m in self._pairs), self._pairs.maxlen)
         if self._last_used is not None:
             self._last_used = self._last_used._replace(seen=moved @ self._last_used.seen)
-
-    def _believe(self, now: _PosePair) -> None:
-        """Go on as if odometry had moved as the image saw the base move."""
-        assert self._last_used is not None
-        used = self._T_used_odom @ self._last_used.odometry @ self._last_used.seen.inverse() @ now.seen
-        self._T_used_odom = used @ now.odometry.inverse()
-        self._last_used = now
-        self.doubted = False
 
     def _gap(self, before: _PosePair, now: _PosePair) -> str:
         odometry, seen = before.odometry.inverse() @ now.odometry, before.seen.inverse() @ now.seen

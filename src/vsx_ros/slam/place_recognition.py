@@ -11,7 +11,7 @@ from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.config.maps import RecognitionConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels.geometry.projection import unproject_pixels
+from vsx_ros.kernels.geometry import unproject_pixels
 from vsx_ros.slam.keyframe import FrameData, KeyFrame, MapView, Observations
 from vsx_ros.slam.local_map import LocalMap
 from vsx_ros.slam.tracker import Track, Tracker
@@ -35,18 +35,16 @@ class Recognition(NamedTuple):
     matches: int
     cells: int
 
+    def is_sure(self, config: RecognitionConfig) -> bool:
+        """Whether this is the place, when something else speaks for it too. A poster or a chair that hangs or stands
+        elsewhere as well brings its own points, but not those around it, and fills a part of the image only."""
+        found, ratio = len(self.track.rows), self.track.ratio
+        return found >= config.sure_found and ratio >= config.sure_ratio and self.cells >= config.sure_cells
 
-def is_sure(seen: Recognition, config: RecognitionConfig) -> bool:
-    """Whether this is the place, when something else speaks for it too. A poster or a chair that hangs or stands
-    elsewhere as well brings its own points, but not those around it, and fills a part of the image only."""
-    found, ratio = len(seen.track.rows), seen.track.ratio
-    return found >= config.sure_found and ratio >= config.sure_ratio and seen.cells >= config.sure_cells
-
-
-def is_certain(seen: Recognition, config: RecognitionConfig) -> bool:
-    """Whether this is the place, though nothing else speaks for it."""
-    found, ratio = len(seen.track.rows), seen.track.ratio
-    return found >= config.certain_found and ratio >= config.certain_ratio and seen.cells >= config.certain_cells
+    def is_certain(self, config: RecognitionConfig) -> bool:
+        """Whether this is the place, though nothing else speaks for it."""
+        found, ratio = len(self.track.rows), self.track.ratio
+        return found >= config.certain_found and ratio >= config.certain_ratio and self.cells >= config.certain_cells
 
 
 class PlaceRecognizer:
@@ -64,10 +62,6 @@ class PlaceRecognizer:
             return among
         places = np.stack([self._shrunk(view.keyframes[int(k)]) for k in among])
         return among[np.argsort(-likeness(halved(small), places), kind="stable")]
-
-    def features_seen(self, keyframe: KeyFrame) -> Features:
-        """What a keyframe observes, described."""
-        return self._described(keyframe)[1]
 
     def recognise(self, data: FrameData, features: Features, view: MapView, index: int) -> Recognition | None:
         """The image placed by keyframe ``index``; None when its points do not appear in it in one consistent view."""
@@ -87,7 +81,7 @@ class PlaceRecognizer:
 
     def _guess(self, features: Features, view: MapView, index: int) -> tuple[SE3, int] | None:
         """T_world_cam from descriptor matches with a keyframe's points (perspective three-point and consensus)."""
-        seen, known = self._described(view.keyframes[index])
+        seen, known = self.described(view.keyframes[index])
         there, here = match(known, features)
         alive = view.alive[seen[there]]
         rows, here = seen[there[alive]], here[alive]
@@ -110,7 +104,7 @@ class PlaceRecognizer:
         T_cam_local = SE3(np.asarray(cv2.Rodrigues(rotation)[0]), np.asarray(translation, float).ravel())
         return SE3(np.eye(3), centre) @ T_cam_local.inverse(), len(inliers)
 
-    def _described(self, keyframe: KeyFrame) -> tuple[IntArray, Features]:
+    def described(self, keyframe: KeyFrame) -> tuple[IntArray, Features]:
         """(rows of the points, features) of what a keyframe observes."""
         observed = keyframe.observations
         known = self._features.pop(keyframe.id, None)
@@ -138,8 +132,7 @@ def occupied_cells(uv: NDArray[np.float64], camera: PinholeCamera) -> int:
 def halved(small: SmallImage) -> SmallImage:
     """A small image at half its size (20 x 15 for VGA)."""
     height, width = small.shape
-    tiny: SmallImage = cv2.resize(small, (width // 2, height // 2), interpolation=cv2.INTER_AREA)
-    return tiny
+    return np.asarray(cv2.resize(small, (width // 2, height // 2), interpolation=cv2.INTER_AREA))
 
 
 def likeness(query: SmallImage, places: NDArray[np.float32]) -> FloatArray:
@@ -156,5 +149,4 @@ def likeness(query: SmallImage, places: NDArray[np.float32]) -> FloatArray:
         inside[n][to] = 1.0
     flat, there = shifted.reshape(len(shifts), -1), places.reshape(count, -1).astype(float)
     power = np.sqrt((flat**2).sum(axis=1)[:, None] * (inside.reshape(len(shifts), -1) @ (there**2).T))
-    best: FloatArray = np.max((flat @ there.T) / (power + 1e-6), axis=0)
-    return best
+    return np.asarray(np.max((flat @ there.T) / (power + 1e-6), axis=0))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points3
 from vsx_ros.geometry.epipolar import reprojection_error, triangulate
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels.geometry.projection import ideal_pixels, unproject_pixels
+from vsx_ros.kernels.geometry import ideal_pixels, unproject_pixels
 from vsx_ros.kernels.slam.epipolar import search_rays
 from vsx_ros.kernels.vision.patches import CENTRE
 from vsx_ros.slam.keyframe import FrameData, KeyFrame, NewTemplates, Observations

@@ -52,8 +52,7 @@ class Preprocessor:
     """``take`` one frame after the other. T_middle_stamp: the camera at the latest frame's stamp, seen from the middle
     of its exposure. gap: told (stamp_ns, reason) when time, images or odometry have a hole.
 
-    Raises CalibrationError for a camera or a mount that cannot be.
-    """
+    Raises CalibrationError for a camera or a mount that cannot be."""
 
     def __init__(
         self, camera: PinholeCamera, T_base_cam: SE3 | None, config: SlamConfig, gap: Callable[[int, str], None]
@@ -125,8 +124,7 @@ class ContinuousOdometry:
         """The pose of the base as odometry has counted it up to the image, None when it cannot be told.
 
         A new epoch is not followed: the base is taken to have moved on as fast as the reading says, and the counting
-        goes on from there.
-        """
+        goes on from there."""
         if odometry is None:
             return None
         age = (stamp_ns - odometry.stamp_ns) * 1e-9

@@ -1,6 +1,7 @@
 """From the first frame that cannot be tracked until the camera is found: where it is expected, then at every place that
 looks alike, each verified by patch search; whether odometry bridges the gap, and when a map of its own shall begin."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from vsx_ros.slam.initialization import Initializer
 from vsx_ros.slam.keyframe import FrameData, MapView
 from vsx_ros.slam.local_map import LocalMap, nearest_keyframes
 from vsx_ros.slam.odometry import MotionModel, motion_by_odometry
-from vsx_ros.slam.place_recognition import PlaceRecognizer, Recognition, is_certain, is_sure, occupied_cells
+from vsx_ros.slam.place_recognition import PlaceRecognizer, Recognition, occupied_cells
 from vsx_ros.slam.state import TrackingState
 from vsx_ros.slam.tracker import Track, Tracker
 from vsx_ros.slam.two_view_reconstruction import InitialPair
@@ -36,40 +37,31 @@ ENOUGH_CORNERS = 150
 BRIDGE_GAP_FRAMES, BRIDGE_DISTANCE_M, BRIDGE_ANGLE_RAD = 2, 0.04, 0.07
 
 
-class PoseTolerance(NamedTuple):
-    """How far odometry, whose wheels may have slipped, allows the camera to be from where it has it: along the floor
-    they slip, off it they do not. up_cam (3,): the floor's normal in that camera."""
-
-    distance_m: float
-    angle_rad: float
-    up_cam: FloatArray
-
-    def allows(self, error: FloatArray) -> bool:
-        """error (6,): in that camera's tangent."""
-        shift, turn = error[:3], error[3:]
-        if np.linalg.norm(shift) > self.distance_m or np.linalg.norm(turn) > self.angle_rad:
-            return False
-        tilt = np.linalg.norm(np.cross(turn, self.up_cam))
-        return bool(abs(shift @ self.up_cam) <= OFF_FLOOR_M and tilt <= OFF_FLOOR_RAD)
-
-
 class ExpectedPose(NamedTuple):
-    """T_world_cam that the camera should have in map ``map_id``, and how far off it can be, None without odometry."""
+    """T_world_cam that the camera should have in map ``map_id``. slip: how far [m, rad] odometry, whose wheels may have
+    slipped, allows it to be from there: along the floor they slip, off it they do not; infinite without odometry.
+    up_cam (3,): the floor's normal in that camera."""
 
     T_world_cam: SE3
     map_id: int
-    tolerance: PoseTolerance | None
+    slip: float = math.inf
+    up_cam: FloatArray = np.zeros(3)
 
     @property
     def is_firm(self) -> bool:
         """Whether another place is out of the question."""
-        return self.tolerance is not None
+        return self.slip < math.inf
 
     def allows(self, T_world_cam: SE3, map_id: int) -> bool:
         """Whether the camera can be there."""
-        if self.tolerance is None:
+        if not self.is_firm:
             return True
-        return map_id == self.map_id and self.tolerance.allows((self.T_world_cam.inverse() @ T_world_cam).log())
+        error = (self.T_world_cam.inverse() @ T_world_cam).log()
+        shift, turn = error[:3], error[3:]
+        near = np.linalg.norm(shift) <= REACH_M + self.slip and np.linalg.norm(turn) <= REACH_RAD + self.slip
+        tilt = np.linalg.norm(np.cross(turn, self.up_cam))
+        upright = abs(shift @ self.up_cam) <= OFF_FLOOR_M and tilt <= OFF_FLOOR_RAD
+        return bool(map_id == self.map_id and near and upright)
 
 
 class Relocalization(NamedTuple):
@@ -104,12 +96,12 @@ class Relocalizer:
         firm = expected is not None and expected.is_firm
         for k in self._likely(data, view, expected):
             seen = self._places.recognise(data, features, view, k)
-            if seen is None or not is_sure(seen, self._config):
+            if seen is None or not seen.is_sure(self._config):
                 continue
             found = self._found(seen.track, view, seen.keyframe)
             if expected is not None and not expected.allows(found.track.T_world_cam, found.map_id):
                 continue
-            if firm or is_certain(seen, self._config) or self._confirms(data, found):
+            if firm or seen.is_certain(self._config) or self._confirms(data, found):
                 return found
             self._unconfirmed = data, found
         return None
@@ -122,7 +114,7 @@ class Relocalizer:
         if track.state is not TrackingState.GOOD or not expected.allows(track.T_world_cam, expected.map_id):
             return None
         seen = Recognition(reference, track, 0, occupied_cells(track.uv, self._camera))
-        return self._found(track, view, reference) if expected.is_firm or is_sure(seen, self._config) else None
+        return self._found(track, view, reference) if expected.is_firm or seen.is_sure(self._config) else None
 
     def _likely(self, data: FrameData, view: MapView, expected: ExpectedPose | None) -> list[int]:
         """The best look-alikes, and some of the rest in turn."""
@@ -145,9 +137,7 @@ class Relocalizer:
         if earlier.map_id != found.map_id or (data.stamp_ns - before.stamp_ns) * 1e-9 > AGREE_S:
             return False
         moved = motion_by_odometry(self._T_base_cam, before, data) or SE3.identity()
-        step = (earlier.track.T_world_cam @ moved).inverse() @ found.track.T_world_cam
-        angle = step.rotation_angle_to(SE3.identity())
-        return float(np.linalg.norm(step.translation)) < AGREE_M and angle < AGREE_RAD
+        return (earlier.track.T_world_cam @ moved).is_near(found.track.T_world_cam, AGREE_M, AGREE_RAD)
 
 
 class Recovery:
@@ -189,11 +179,10 @@ class Recovery:
         """Where the camera should be in map ``map_id``, None before it was ever tracked."""
         patient = self.bad_frames < PATIENCE_FRAMES and not self.carried
         if by_odometry is not None and self._T_base_cam is not None and patient:
-            error = REACH_PER_M * self._way_m + REACH_PER_RAD * self._turn_rad
-            tolerance = PoseTolerance(REACH_M + error, REACH_RAD + error, self._T_base_cam.rotation[2])
-            return ExpectedPose(by_odometry, map_id, tolerance)
+            slip = REACH_PER_M * self._way_m + REACH_PER_RAD * self._turn_rad
+            return ExpectedPose(by_odometry, map_id, slip, self._T_base_cam.rotation[2])
         expected = by_odometry or self._motion.last_pose
-        return None if expected is None else ExpectedPose(expected, map_id, None)
+        return None if expected is None else ExpectedPose(expected, map_id)
 
     def missed(self, data: FrameData) -> bool:
         """Count a frame in which the camera was not found; True when it has just become clear that it was carried."""
@@ -223,8 +212,7 @@ class Recovery:
         if since_keyframe < BRIDGE_GAP_FRAMES or self._base_stood(data):
             return False
         nearest = view.keyframes[int(nearest_keyframes(view, by_odometry)[0])].T_world_cam
-        moved = float(np.linalg.norm(nearest.translation - by_odometry.translation))
-        return moved >= BRIDGE_DISTANCE_M or nearest.rotation_angle_to(by_odometry) >= BRIDGE_ANGLE_RAD
+        return not nearest.is_near(by_odometry, BRIDGE_DISTANCE_M, BRIDGE_ANGLE_RAD)
 
     def _travel(self, by_odometry: SE3 | None) -> None:
         before = self._motion.last_pose
@@ -242,7 +230,4 @@ class Recovery:
     def _base_stood(self, data: FrameData) -> bool:
         before = self._last_tracked
         moved = None if before is None else motion_by_odometry(self._T_base_cam, before, data)
-        if moved is None:
-            return False
-        turned = moved.rotation_angle_to(SE3.identity())
-        return float(np.linalg.norm(moved.translation)) < STOOD_M and turned < STOOD_RAD
+        return moved is not None and moved.is_near(SE3.identity(), STOOD_M, STOOD_RAD)

@@ -108,8 +108,7 @@ class SequentialSlam(TrackerAndMapper):
 class ThreadedSlam(TrackerAndMapper):
     """Live SLAM: ``track`` from one thread; ``snapshot``, ``slam_map``, ``statistics`` from any; ``close`` at the end.
 
-    When the mapper is three keyframes behind, further ones are not taken.
-    """
+    When the mapper is three keyframes behind, further ones are not taken."""
 
     def _begin(self) -> None:
         self._used: MapView = self._view
@@ -161,10 +160,6 @@ class ThreadedSlam(TrackerAndMapper):
             self._front.use(view)
             self._used = view
 
-    def _wanted(self) -> bool:
-        """Whether something waits that is more urgent than refining the map."""
-        return bool(self._waiting) or self._closing
-
     def _run(self) -> None:
         try:
             while True:
@@ -185,6 +180,7 @@ class ThreadedSlam(TrackerAndMapper):
                 self._tried = tried
                 self._view = self._view if isinstance(tried, str) else tried
         elif request is None:
-            self._view = self._mapper.refine(self._wanted)
+            # What waits is more urgent than refining the map.
+            self._view = self._mapper.refine(lambda: bool(self._waiting) or self._closing)
         else:
             self._view = self._mapper.add_keyframe(request)

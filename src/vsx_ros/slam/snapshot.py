@@ -70,8 +70,7 @@ class TrackedFeatures(NamedTuple):
 def tracked_features(camera: PinholeCamera, view: MapView, track: Track) -> TrackedFeatures:
     """The points of one track, those that were not found at the place its pose gives them.
 
-    All are missed where the pose was refused. What the pose puts behind the camera is left out.
-    """
+    All are missed where the pose was refused. What the pose puts behind the camera is left out."""
     missed = np.setdiff1d(track.searched_rows, track.rows)
     uv = camera.project(track.T_world_cam.inverse() @ view.points[missed])
     return TrackedFeatures(track.uv, uv[np.isfinite(uv).all(axis=1)])
@@ -89,8 +88,7 @@ class SlamMap:
     def resumed(self, camera: PinholeCamera, T_base_cam: SE3 | None) -> Map:
         """The map to go on with. T_base_cam: None for a session without odometry, which any map accepts.
 
-        Raises CalibrationError when the session's calibration or mount is not the map's.
-        """
+        Raises CalibrationError when the session's calibration or mount is not the map's."""
         if not np.allclose(_numbers(camera), _numbers(self.camera), rtol=_SAME, atol=_SAME):
             raise CalibrationError(
                 f"the map was made with the calibration {_camera_text(self.camera)}, this camera has "

@@ -35,8 +35,7 @@ class TrackingResult(NamedTuple):
     predicts. reason: why the state is not GOOD, in words. map_id: the map the camera is tracked in; 0 is the first one,
     whose frame is the world. In another one the state is LOST, because the place in the world is not known, and
     T_map_cam is the pose in that map's own frame. corrected: the map moved under the camera since the frame before
-    (a loop was closed, maps were joined): the jump is the map's, not the camera's.
-    """
+    (a loop was closed, maps were joined): the jump is the map's, not the camera's."""
 
     stamp_ns: int
     state: TrackingState

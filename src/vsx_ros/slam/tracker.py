@@ -7,7 +7,7 @@ import numpy as np
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels
 from vsx_ros.config.maps import TrackerConfig
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels.geometry.projection import project_rows
+from vsx_ros.kernels.geometry import project_rows
 from vsx_ros.kernels.slam.pose import optimize_pose
 from vsx_ros.kernels.vision.search import predict, search, warp_templates
 from vsx_ros.slam.keyframe import FrameData, MapView
@@ -88,8 +88,7 @@ class Tracker:
         """Look for the candidate points (rows) around their place at the expected pose.
 
         coarse_radius_px: 0 leaves the coarse stage out. information (6,): how firmly the
-        expected pose is known, per axis of the camera's tangent; None without odometry.
-        """
+        expected pose is known, per axis of the camera's tangent; None without odometry."""
         pull = np.zeros(6) if information is None else information
         pose, radius = T_world_cam.inverse(), self._config.fine_radius_px
         expected = predicted(data.camera, pose, view, candidates)

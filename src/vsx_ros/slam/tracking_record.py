@@ -45,7 +45,12 @@ class TrackingRecord:
     def tracked(self, stamp_ns: int, track: Track, n_points: int, in_world: bool) -> None:
         """A frame with a pose from the map of n_points rows; the first one in a map made before is the start. Outside
         the world, in a map not yet joined with the first one, the frame counts as lost."""
-        self._count(track, n_points)
+        more = max(0, n_points - len(self._of_point["found"]))
+        for name, column in self._of_point.items():
+            self._of_point[name] = np.append(column, np.zeros(more, column.dtype)) if more else column
+        # A point that a blurred image does not show is no worse for it.
+        self._of_point["searched"][track.rows if track.blurred else track.searched_rows] += 1
+        self._of_point["found"][track.rows] += 1
         if not in_world:
             self.missed(stamp_ns)
             return
@@ -67,14 +72,6 @@ class TrackingRecord:
         """A frame after the start without a pose from the map."""
         self.frame_without_map(stamp_ns)
         self._lost += 1
-
-    def _count(self, track: Track, n_points: int) -> None:
-        """A point that a blurred image does not show is no worse for it."""
-        more = max(0, n_points - len(self._of_point["found"]))
-        for name, column in self._of_point.items():
-            self._of_point[name] = np.append(column, np.zeros(more, column.dtype)) if more else column
-        self._of_point["searched"][track.rows if track.blurred else track.searched_rows] += 1
-        self._of_point["found"][track.rows] += 1
 
     def state(self) -> dict[str, NDArray[Any]]:
         """All that was counted, copies, for ``restored``."""

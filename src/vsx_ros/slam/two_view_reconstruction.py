@@ -11,7 +11,7 @@ from vsx_ros.config.maps import InitializationConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.epipolar import epipolar_error, essential_matrix, two_view_motions
 from vsx_ros.geometry.se3 import SE3, stacked
-from vsx_ros.kernels.geometry.projection import unproject_pixels
+from vsx_ros.kernels.geometry import unproject_pixels
 from vsx_ros.kernels.slam.bundle import START, adjust
 from vsx_ros.kernels.slam.factors import no_factors, no_floor
 from vsx_ros.kernels.slam.schur import Observations
@@ -67,7 +67,7 @@ class TwoViewReconstruction:
         config, odometry = self._config, pair.odometry
         rays_a, rays_b = pair.candidates.rays[pair.chosen], unproject_pixels(pair.second.camera, pair.uv)
         tolerance = 1.0 / self._camera.fx
-        hypotheses = list(two_view_motions(rays_a, rays_b, tolerance).T_b_a)
+        hypotheses = two_view_motions(rays_a, rays_b, tolerance)
         scale, parallax = config.unit_baseline_m, config.min_parallax_without_odometry_deg
         if odometry is not None:
             scale, parallax = float(np.linalg.norm(odometry.translation)), config.min_parallax_deg
@@ -78,7 +78,10 @@ class TwoViewReconstruction:
         best = self._choose(maps, odometry)
         if isinstance(best, str):
             return best
-        return _initial_map(pair, best, scale)
+        kept, T_world_a = pair.chosen[best.good], pair.T_world_first
+        points = T_world_a @ (best.points_a[best.good] * scale)
+        matches = TargetMatches(kept, pair.uv[best.good], pair.candidates.level[kept], points)
+        return InitialMap(pair, (T_world_a, T_world_a @ best.T_b_a.scaled(scale).inverse()), matches)
 
     def _choose(self, maps: list[MotionHypothesis], odometry: SE3 | None) -> MotionHypothesis | str:
         """The hypothesis that explains the matches best, if it has enough usable points and is not contradicted by
@@ -124,15 +127,6 @@ class TwoViewReconstruction:
         K, free = np.array([f, f, 0.0, 0.0]), np.array([-1, 0])
         R, t, *_ = adjust(K, R, t, free, points, observed, no_factors(), no_floor(), 12, 0.3, START)
         return SE3(R[1], t[1] / max(float(np.linalg.norm(t[1])), 1e-12))
-
-
-def _initial_map(pair: InitialPair, found: MotionHypothesis, scale: float) -> InitialMap:
-    T_world_a = pair.T_world_first
-    T_b_a = SE3(found.T_b_a.rotation, found.T_b_a.translation * scale)
-    kept = pair.chosen[found.good]
-    points = T_world_a @ (found.points_a[found.good] * scale)
-    matches = TargetMatches(kept, pair.uv[found.good], pair.candidates.level[kept], points)
-    return InitialMap(pair, (T_world_a, T_world_a @ T_b_a.inverse()), matches)
 
 
 def _differ(a: SE3, b: SE3) -> bool:

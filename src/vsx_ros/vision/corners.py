@@ -109,8 +109,7 @@ def _fast(image: GrayImage, threshold: int, suppress: bool) -> NDArray[np.int32]
     keypoints = _fast_detector(threshold, suppress).detect(image)
     if not keypoints:
         return np.zeros((0, 2), np.int32)
-    positions: NDArray[np.int32] = np.asarray(cv2.KeyPoint.convert(keypoints)).astype(np.int32)
-    return positions
+    return np.asarray(np.asarray(cv2.KeyPoint.convert(keypoints)).astype(np.int32))
 
 
 @lru_cache(maxsize=256)
@@ -123,8 +122,7 @@ def strongest(
 ) -> NDArray[np.int32]:
     """Up to ``count`` well-spread corners (N, 2) of one level, best first: FAST maxima by their smaller eigenvalue.
 
-    occupied (H, W): where no corner is wanted. min_eigenvalue in squared grey levels per px, grey in [0, 1].
-    """
+    occupied (H, W): where no corner is wanted. min_eigenvalue in squared grey levels per px, grey in [0, 1]."""
     border, (height, width) = 14, image.shape
     found = _fast(image, 7, suppress=True)
     found = found[((found >= border) & (found < [width - border, height - border])).all(axis=1)]

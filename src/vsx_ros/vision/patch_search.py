@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels
 from vsx_ros.geometry.camera import PinholeCamera
-from vsx_ros.kernels.geometry.projection import unproject_pixels
+from vsx_ros.kernels.geometry import unproject_pixels
 from vsx_ros.kernels.vision.patches import CENTRE, PATCH, Target
 from vsx_ros.kernels.vision.search import search, warp_templates
 from vsx_ros.vision.corners import Corners

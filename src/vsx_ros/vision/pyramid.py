@@ -62,7 +62,7 @@ def build_pyramid(image: GrayImage) -> Pyramid:
     height, width = image.shape
     if height < 96 or width < 128:
         raise InputError(f"image: {width}x{height} is too small for a four-level pyramid; use at least 128x96")
-    table, size = _layout(height, width)
+    table, size = layout(height, width)
     pyramid = Pyramid(np.empty(size, np.uint8), table)
     finer = pyramid.level(0)
     finer[:] = image
@@ -75,7 +75,7 @@ def build_pyramid(image: GrayImage) -> Pyramid:
 
 
 @lru_cache(maxsize=4)
-def _layout(height: int, width: int) -> tuple[NDArray[np.int64], int]:
+def layout(height: int, width: int) -> tuple[NDArray[np.int64], int]:
     """(table, size of the buffer), the same for all images of a size."""
     table = np.zeros((LEVELS, 4), np.int64)
     offset, row = 0, 0
@@ -93,15 +93,13 @@ def small_image(pyramid: Pyramid) -> SmallImage:
     height, width = coarse.shape
     small = cv2.resize(coarse, (width // 2, height // 2), interpolation=cv2.INTER_AREA).astype(np.float32)
     small = cv2.GaussianBlur(small, (0, 0), 0.75)
-    centred: SmallImage = small - np.float32(small.mean(dtype=np.float64))
-    return centred
+    return np.asarray(small - np.float32(small.mean(dtype=np.float64)))
 
 
 def rotation_between(reference: SmallImage, current: SmallImage, focal_px: float) -> tuple[FloatArray, float]:
     """(R_current_reference (3, 3), mean squared difference) explaining the motion by rotation alone.
 
-    focal_px: at level 0. The difference is infinite when the alignment leaves the image.
-    """
+    focal_px: at level 0. The difference is infinite when the alignment leaves the image."""
     tx, ty, roll, score = align_small(reference, current, 8)
     focal = focal_px / SHRINK
     return so3_exp(np.array([-ty / focal, tx / focal, roll])), float(score)

@@ -11,6 +11,7 @@ from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.dense.surface_cells import LEVELS, sample
 from vsx_ros.kernels.dense.view_choice import Views
+from vsx_ros.kernels.geometry import transform
 
 ROWS = 4
 ACROSS = 3
@@ -31,9 +32,7 @@ def _strip(
             x = origin[0] + a * along[0] + b * across[0]
             y = origin[1] + a * along[1] + b * across[1]
             z = origin[2] + a * along[2] + b * across[2]
-            px = R[0, 0] * x + R[0, 1] * y + R[0, 2] * z + t[0]
-            py = R[1, 0] * x + R[1, 1] * y + R[1, 2] * z + t[1]
-            pz = R[2, 0] * x + R[2, 1] * y + R[2, 2] * z + t[2]
+            px, py, pz = transform(R, t, x, y, z)
             if pz < 0.1:
                 return 0.0, 0.0, False
             level = 0
@@ -69,8 +68,7 @@ def contact_steps(
     least cosine of incidence, grey levels beside the strips' own roughness that make a step, most keyframes (the
     newest are asked first).
     Returns seen (C,): how many keyframes; steps (C, S): mean signed step over them, 1 where it just is one; reference
-    (C,): the nearest of those in which it is one itself, of the mean's sign; -1 without.
-    """
+    (C,): the nearest of those in which it is one itself, of the mean's sign; -1 without."""
     nearest, farthest, grazing, least, most = limits
     half_width, low, high, begin, length = strips
     R, centres = views.R, views.centres

@@ -58,7 +58,7 @@ def _likeness(common: NDArray[np.uint16], size: FloatArray, own: float, out: Flo
 
 
 @kernel
-def _first_largest(values: FloatArray) -> int:
+def first_largest(values: FloatArray) -> int:
     """The first of the largest of values >= 0, -1 when all are 0. As integers they are in the same order, and the
     compiler takes many at a time."""
     bits = values.view(np.int64)
@@ -121,8 +121,7 @@ def agglomerate(preferences: NDArray[np.uint64]) -> IntArray:
     it was not; of equally near pairs the first is taken. Exact: the intersection may bring a cluster nearer to a third
     one, so every merged one is compared with all. A row whose nearest was merged keeps its likeness as a bound, and
     looks for the nearest again (stale) only when no other row has a larger one. Rows that are merged, or disjoint to
-    all, are taken out from time to time.
-    """
+    all, are taken out from time to time."""
     n = live = preferences.shape[0]
     into, row, words = np.arange(n), np.arange(n), preferences.T.copy()
     common, size = _all_common(words)
@@ -131,7 +130,7 @@ def agglomerate(preferences: NDArray[np.uint64]) -> IntArray:
     while True:
         if 4 * live < 3 * n:
             live = n = _compact(words, common, size, bound, nearest, stale, row, n)
-        p = _first_largest(bound[:n])
+        p = first_largest(bound[:n])
         if p < 0:
             return into
         q = nearest[p]
@@ -149,6 +148,6 @@ def agglomerate(preferences: NDArray[np.uint64]) -> IntArray:
         _likeness(common[p], size[:n], size[p], like)
         if not stale[p]:
             _reconsider(like, n, p, q, bound, nearest, stale)
-        k = _first_largest(like[:n])
+        k = first_largest(like[:n])
         nearest[p], stale[p], bound[p] = k, False, like[k] if k >= 0 else 0.0
         live -= k < 0

@@ -9,8 +9,7 @@ from vsx_ros.kernels import kernel
 from vsx_ros.kernels.dense.planes import ObservedPoints, variance_along
 
 _NO_CUTOFF = 1e9
-LEVEL = math.cos(math.radians(15.0))
-"""Planes whose normal is this much upwards are level."""
+LEVEL = math.cos(math.radians(15.0))  # planes whose normal is this much upwards
 
 
 @kernel
@@ -49,9 +48,10 @@ def plane_moments(
 
 
 @kernel
-def in_plane_axes(x: float, y: float, z: float) -> FloatArray:
-    """(2, 3) right and up of a plane with the unit normal (x, y, z): up is the direction in the plane nearest to +z, or
-    to +y for a level plane."""
+def in_plane_axes(normal: FloatArray) -> FloatArray:
+    """(2, 3) right and up of a plane with a unit normal (3,): up is the direction in the plane nearest to +z, or to +y
+    for a level plane."""
+    x, y, z = normal[0], normal[1], normal[2]
     if abs(z) >= LEVEL:
         ux, uy, uz = -x * y, 1.0 - y * y, -z * y
     else:
@@ -70,14 +70,13 @@ def fit_plane(
 
     guess: (3,) unit normal. fixed: 0 where the plane may tilt about right and about up, 1 about up only, 2 not at all.
     floor, cutoff: see ``plane_moments``. Returns whether the points determine a plane, plane (4,), covariance (3, 3) of
-    tilts and offset, weighted middle (3,), and standard deviations [m] of the points along right and up (2,).
-    """
+    tilts and offset, weighted middle (3,), and standard deviations [m] of the points along right and up (2,)."""
     plane = np.array([guess[0], guess[1], guess[2], 0.0])
     normal, slopes, H, g = plane[:3], np.zeros((2, 3)), np.zeros((2, 2)), np.zeros(2)
     covariance, spread = np.zeros((3, 3)), np.zeros(2)
     for turn in range(rounds):
         total, middle, scatter = plane_moments(points, rows, plane, floor, cutoff if turn else _NO_CUTOFF)
-        axes = in_plane_axes(normal[0], normal[1], normal[2])
+        axes = in_plane_axes(normal)
         # How the distance of a point changes as the plane tilts about right, then about up.
         slopes[0], slopes[1] = -axes[1], axes[0]
         for a in range(2):

@@ -58,8 +58,7 @@ def point_information(
     """(N, 3, 3) information [1/m2], (N, 3) sums of unit rays to the observers and (N, 2) counts and sums of distances.
 
     An observation from distance r along the unit ray d adds (I - d d^T) / (r s)^2, s its noise [rad] obs_noise (O,):
-    across the ray it is sharp, along the ray it is blind, so that parallax alone tells the depth.
-    """
+    across the ray it is sharp, along the ray it is blind, so that parallax alone tells the depth."""
     n = points.shape[0]
     information, rays, distances = np.zeros((n, 3, 3)), np.zeros((n, 3)), np.zeros((n, 2))
     d = np.empty(3)
@@ -90,8 +89,7 @@ def _off(points: ObservedPoints, i: int, plane: FloatArray, noise: Noise) -> flo
     r = abs(a * points.world[i, 0] + b * points.world[i, 1] + e * points.world[i, 2] - plane[3])
     if not r <= noise.limit:
         return np.inf
-    sigma: float = r / math.sqrt(noise.floor * noise.floor + variance_along(points.covariances[i], a, b, e))
-    return sigma
+    return float(r / math.sqrt(noise.floor * noise.floor + variance_along(points.covariances[i], a, b, e)))
 
 
 @kernel
@@ -112,8 +110,7 @@ def best_planes(
     """(N,) the plane of (G, 4) that each point fits best, of those it lies beside; -1 where it fits none.
 
     Planes with fewer than ``few`` points leave them to the others, one at a time by their place in order (G,).
-    axes: (G, 2, 3). boxes: (G, 2, 2) least and greatest coordinates along them [m].
-    """
+    axes: (G, 2, 3). boxes: (G, 2, 2) least and greatest coordinates along them [m]."""
     n, m = points.world.shape[0], planes.shape[0]
     begin = np.zeros(n + 1, np.int64)
     near, sigmas = np.empty(4 * n, np.int64), np.empty(4 * n)
@@ -190,8 +187,7 @@ def first_accepted(
     where none is.
 
     One at a distance d is when its luck (M, T), from 0 to 1, is below exp(-d^2 / reach^2) and it is farther off than
-    ``apart`` and than two standard deviations of both, over the first ``across`` coordinates.
-    """
+    ``apart`` and than two standard deviations of both, over the first ``across`` coordinates."""
     m, tries = candidates.shape
     chosen = np.full(m, -1)
     for i in range(m):

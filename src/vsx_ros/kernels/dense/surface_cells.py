@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.dense.view_choice import VIEWS, Limits, Views, choose_views
+from vsx_ros.kernels.geometry import transform
 
 LEVELS = 4
-SIDE = 8
-"""Samples a side of the square that is compared."""
+SIDE = 8  # samples along the square that is compared
 
 
 @kernel
@@ -28,8 +28,7 @@ def sample(pixels: NDArray[np.uint8], offset: int, height: int, width: int, u: f
     at = offset + r * width + c
     top = pixels[at] * (1.0 - fu) + pixels[at + 1] * fu
     bottom = pixels[at + width] * (1.0 - fu) + pixels[at + width + 1] * fu
-    value: float = top * (1.0 - fv) + bottom * fv
-    return value
+    return float(top * (1.0 - fv) + bottom * fv)
 
 
 @kernel
@@ -39,9 +38,7 @@ def _sample_patch(
     """Fill out (SIDE * SIDE,) with the grey values of a square centred at (x, y, z) [m], ``half`` [m] from its middle
     to its outer samples; False where any lies outside the image or behind the camera."""
     pixels, R, t, K = views.store[views.slots[k]], views.R[k], views.t[k], views.K
-    px = R[0, 0] * x + R[0, 1] * y + R[0, 2] * z + t[0]
-    py = R[1, 0] * x + R[1, 1] * y + R[1, 2] * z + t[1]
-    pz = R[2, 0] * x + R[2, 1] * y + R[2, 2] * z + t[2]
+    px, py, pz = transform(R, t, x, y, z)
     if pz < 0.1:
         return False
     rx = R[0, 0] * frame[0, 0] + R[0, 1] * frame[0, 1] + R[0, 2] * frame[0, 2]
@@ -127,8 +124,7 @@ def judge_cells(
     alike there, it says nothing. gates: least texture [grey levels] and score worth asking that.
     Returns texture (N,) [grey levels], score (N,) and rival (N,): second best ZNCC over the views at the cell and at
     the best of the other depths, -1 where fewer than two views see it; views (N,): how many, the reference left out;
-    reference (N,): keyframe, -1 without.
-    """
+    reference (N,): keyframe, -1 without."""
     n = cells.shape[0]
     texture, score, rival = np.zeros(n), np.full(n, -1.0), np.full(n, -1.0)
     counts, reference = np.zeros(n, np.int64), np.full(n, -1, np.int64)
@@ -183,8 +179,7 @@ def count_passing(
     """Add to votes (W, H), the cells of a plane from index low (2,) on, how many keyframes see a point through each.
 
     Observations are in the order of keyframes. behind: least distance [m] of a point behind the plane, and least share
-    of its distance from the camera.
-    """
+    of its distance from the camera."""
     width, height = votes.shape
     last = np.full((width, height), -1, np.int64)
     for o in range(obs_point.shape[0]):

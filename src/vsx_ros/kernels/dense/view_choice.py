@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import FloatArray, IntArray, Points3
 from vsx_ros.kernels import kernel
+from vsx_ros.kernels.dense.jlinkage import first_largest
 
 VIEWS = 6
 
@@ -22,8 +23,7 @@ class Views(NamedTuple):
     (N,): their rows of the store of images.
 
     store (S, B) uint8: undistorted, some levels, each half as large as the one before; table (levels, 3): offset,
-    height, width; K (4,): fx, fy, cx, cy [px] of its level 0.
-    """
+    height, width; K (4,): fx, fy, cx, cy [px] of its level 0."""
 
     ids: IntArray
     R: FloatArray
@@ -57,18 +57,7 @@ def _worth(views: Views, k: int, frame: FloatArray, x: float, y: float, z: float
     v = K[3] - K[1] * (R[k, 1, 0] * dx + R[k, 1, 1] * dy + R[k, 1, 2] * dz) / depth
     if not (margin <= u < table[0, 2] - margin and margin <= v < table[0, 1] - margin):
         return 0.0
-    worth: float = cosine / distance
-    return worth
-
-
-@kernel
-def _first_best(worth: FloatArray) -> int:
-    """The first of the largest, -1 when none is positive."""
-    best, first = 0.0, -1
-    for k in range(worth.shape[0]):
-        if worth[k] > best:
-            best, first = worth[k], k
-    return first
+    return float(cosine / distance)
 
 
 @kernel
@@ -80,14 +69,13 @@ def choose_views(
     VIEWS, are the next best with parallax to it and to each other. How many, reference included; 0 without any.
 
     worth (N,): filled here. limits: nearest, farthest [m], least cosine of incidence, cosines of the least and largest
-    parallax and of the least between two views, and 1 - cosine of the parallax from which more is no better.
-    """
+    parallax and of the least between two views, and 1 - cosine of the parallax from which more is no better."""
     centres = views.centres
     _, _, _, least, largest, apart, enough = limits
     n = centres.shape[0]
     for k in range(n):
         worth[k] = _worth(views, k, frame, x, y, z, half, limits)
-    first = _first_best(worth)
+    first = first_largest(worth)
     if first < 0:
         return 0
     chosen[0] = first
@@ -97,7 +85,7 @@ def choose_views(
             worth[k] *= min(1.0, (1.0 - cosine) / enough) if largest <= cosine <= least else 0.0
     count = 1
     while count <= VIEWS:
-        following = _first_best(worth)
+        following = first_largest(worth)
         if following < 0:
             break
         chosen[count] = following
@@ -113,5 +101,4 @@ def _cosine_between(centres: FloatArray, k: int, m: int, x: float, y: float, z: 
     ax, ay, az = centres[k, 0] - x, centres[k, 1] - y, centres[k, 2] - z
     bx, by, bz = centres[m, 0] - x, centres[m, 1] - y, centres[m, 2] - z
     norm = math.sqrt((ax * ax + ay * ay + az * az) * (bx * bx + by * by + bz * bz))
-    cosine: float = (ax * bx + ay * by + az * bz) / norm
-    return cosine
+    return float((ax * bx + ay * by + az * bz) / norm)

@@ -18,8 +18,7 @@ def factor_in_place(A: FloatArray) -> bool:
     """Upper Cholesky factor of the symmetric A (upper triangle read and overwritten); False when not positive
     definite.
 
-    Right-looking with contiguous row updates: vectorises without reassociating sums, hence reproducible.
-    """
+    Right-looking with contiguous row updates: vectorises without reassociating sums, hence reproducible."""
     n = A.shape[0]
     for k in range(n):
         pivot = A[k, k]
@@ -56,8 +55,7 @@ def solve_factored(U: FloatArray, b: FloatArray) -> None:
 def envelope(n: int, a: IntArray, b: IntArray) -> tuple[IntArray, IntArray]:
     """first (n,) and start (n + 1,) of the envelope that holds the blocks (a, b), in either order, and the diagonal.
 
-    A negative index stands for a block that is not in the matrix.
-    """
+    A negative index stands for a block that is not in the matrix."""
     first = np.arange(n)
     for e in range(a.shape[0]):
         low, high = min(a[e], b[e]), max(a[e], b[e])

@@ -62,8 +62,7 @@ def elimination(tied: BoolArray) -> tuple[IntArray, IntArray, IntArray]:
     """In which order to eliminate n frames, given which are tied: tied (n, n) bool, its upper triangle is read.
 
     Returns order (n,): the frame eliminated at each step; entry (n,): the frames as they enter the front; extent (n,):
-    width of the front at each step. The place of an eliminated frame is taken by the last of the front.
-    """
+    width of the front at each step. The place of an eliminated frame is taken by the last of the front."""
     n = tied.shape[0]
     begin, neighbours = _neighbours(tied)
     fresh, entered = begin[1:] - begin[:-1], np.full(n, -1)
@@ -174,8 +173,7 @@ def solve(
     """Overwrite b (n, 6) with the solution of S x = b; False when S is not positive definite.
 
     All frames are numbered in the order of elimination: row k of S's upper triangle are blocks (B, 6, 6)
-    begin[k]..begin[k + 1], the diagonal first, in the columns ``column`` (B,). entry, extent: see ``elimination``.
-    """
+    begin[k]..begin[k + 1], the diagonal first, in the columns ``column`` (B,). entry, extent: see ``elimination``."""
     n, widest = extent.shape[0], 0
     room = np.zeros(n + 1, np.int64)
     for k in range(n):

@@ -10,7 +10,7 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.kernels import kernel
-from vsx_ros.kernels.geometry.lie import compose, exp_se3, orthonormalize
+from vsx_ros.kernels.geometry import compose, exp_se3, orthonormalize
 from vsx_ros.kernels.linalg.frontal import solve
 from vsx_ros.kernels.slam.factors import Factors, Floor, add_factors, add_floor, factor_cost, floor_cost, hold_anchor
 from vsx_ros.kernels.slam.pose import TUKEY, add_observation, tukey_sigma
@@ -176,8 +176,7 @@ def adjust(
 
     free (F,): 0..n-1 for frames that move, -1 for fixed ones. progress: START, or what an earlier call returned that is
     to be continued. Returns R, t, points, squared weighted residuals (O,), sigma [px], accepted steps, progress. At
-    most ``iterations`` trials, whatever happens.
-    """
+    most ``iterations`` trials, whatever happens."""
     pattern = pattern_of(free, observed, factors.a, factors.b)
     n_obs = observed.frame.shape[0]
     now = Estimate(R0.copy(), t0.copy(), points0.copy(), np.zeros((n_obs, 2)), np.empty(n_obs))

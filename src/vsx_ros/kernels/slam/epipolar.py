@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import BoolArray, FloatArray, Int32Array, IntArray
 from vsx_ros.kernels import kernel
-from vsx_ros.kernels.geometry.projection import project_normalized
+from vsx_ros.kernels.geometry import project_normalized
 from vsx_ros.kernels.vision.patches import MAX_SHARE, NOISE_FLOOR, TEMPLATE, Target, best_corner, quantize
 from vsx_ros.kernels.vision.search import aligned, inverted_warp, level_of, warp_template
 
@@ -106,8 +106,7 @@ def _search_ray(
 
 @kernel
 def _apart(corners: Int32Array, a: int, b: int) -> bool:
-    apart: bool = max(abs(corners[a, 0] - corners[b, 0]), abs(corners[a, 1] - corners[b, 1])) >= DISTINCT_PX
-    return apart
+    return bool(max(abs(corners[a, 0] - corners[b, 0]), abs(corners[a, 1] - corners[b, 1])) >= DISTINCT_PX)
 
 
 @kernel
@@ -121,8 +120,7 @@ def search_rays(
     (C, 24, 24); inverse_depth (C, 2): (far, near) bounds [1/m]. The image is walked in steps of 2.5 level px; the
     patch is warped again whenever its scale changed by 12 %. A match must be 1.25 times better than any other corner
     at least 4 level px away.
-    Returns found (C,) bool, position (C, 2) level-0 px, level (C,).
-    """
+    Returns found (C,) bool, position (C, 2) level-0 px, level (C,)."""
     n = rays.shape[0]
     found, position, level = np.zeros(n, np.bool_), np.zeros((n, 2)), np.zeros(n, np.int64)
     template, warped = np.empty((TEMPLATE, TEMPLATE), np.int32), np.empty((TEMPLATE, TEMPLATE), np.int32)

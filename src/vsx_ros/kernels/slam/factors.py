@@ -12,7 +12,7 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.kernels import kernel
-from vsx_ros.kernels.geometry.lie import cross, log_se3
+from vsx_ros.kernels.geometry import cross, log_se3
 from vsx_ros.kernels.slam.schur import Pattern
 
 HUBER, HOLD = 5.0, 1e12

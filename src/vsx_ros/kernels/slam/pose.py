@@ -7,8 +7,7 @@ import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.kernels import kernel
-from vsx_ros.kernels.geometry.lie import compose, exp_se3, orthonormalize, transform
-from vsx_ros.kernels.geometry.projection import row_share, unproject_pixel
+from vsx_ros.kernels.geometry import compose, exp_se3, orthonormalize, row_share, transform, unproject_pixel
 from vsx_ros.kernels.linalg.cholesky import factor_in_place, solve_factored
 
 TUKEY = 4.6851
@@ -158,8 +157,7 @@ def optimize_pose(
     points (P, 3) world; of the matches rows (S,), uv (S, 2) level-0 px, level (S,) those with found (S,) are used,
     each with sigma 2^level. prior_information (6,): diagonal pull towards the start. Returns R, t, weights (S,) in
     [0, 1] (0: outlier or not found), information (6, 6), sigma [px].
-    The first ``wide`` iterations keep sigma wide so that a bad start does not reject everything.
-    """
+    The first ``wide`` iterations keep sigma wide so that a bad start does not reject everything."""
     K, index = camera[:4], np.flatnonzero(found)
     n = index.shape[0]
     observed, share = _undistorted(camera, uv, index)

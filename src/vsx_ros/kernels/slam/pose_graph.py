@@ -12,7 +12,7 @@ import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.kernels import kernel
-from vsx_ros.kernels.geometry.lie import exp_se3, log_se3, orthonormalize
+from vsx_ros.kernels.geometry import exp_se3, log_se3, orthonormalize
 from vsx_ros.kernels.linalg.cholesky import envelope, factor_envelope, solve_envelope
 
 NODE_DOF = 7
@@ -30,28 +30,26 @@ class Edges(NamedTuple):
 
 
 @kernel
-def edge_residual(
-    Ra: FloatArray, ta: FloatArray, sa: float, Rb: FloatArray, tb: FloatArray, sb: float, Zr: FloatArray,
-    zt: FloatArray, zs: float,
-) -> FloatArray:  # fmt: skip
-    """(7,) what an edge finds wrong with its two nodes."""
+def edge_residual(R: FloatArray, t: FloatArray, s: FloatArray, edges: Edges, e: int) -> FloatArray:
+    """(7,) what edge e finds wrong with its two nodes."""
+    a, b = edges.a[e], edges.b[e]
+    Ra, ta, Rb, tb, Zr, zt = R[a], t[a], R[b], t[b], edges.R[e], edges.t[e]
     r = np.empty(NODE_DOF)
     E = np.zeros((3, 3))
     for i in range(3):
-        r[i] = (Ra[0, i] * (tb[0] - ta[0]) + Ra[1, i] * (tb[1] - ta[1]) + Ra[2, i] * (tb[2] - ta[2])) / sa - zt[i]
+        r[i] = (Ra[0, i] * (tb[0] - ta[0]) + Ra[1, i] * (tb[1] - ta[1]) + Ra[2, i] * (tb[2] - ta[2])) / s[a] - zt[i]
         for j in range(3):
             for k in range(3):
                 E[i, j] += Zr[k, i] * (Ra[0, k] * Rb[0, j] + Ra[1, k] * Rb[1, j] + Ra[2, k] * Rb[2, j])
     r[3:6] = log_se3(E, np.zeros(3))[3:]
-    r[6] = math.log(sb / sa) - math.log(zs)
+    r[6] = math.log(s[b] / s[a]) - math.log(edges.s[e])
     return r
 
 
 @kernel
-def edge_jacobians(
-    r: FloatArray, Ra: FloatArray, sa: float, Rb: FloatArray, zt: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """(7, 7) exact derivatives of ``edge_residual`` (value r) by the perturbations of nodes a and b."""
+def edge_jacobians(r: FloatArray, R: FloatArray, s: FloatArray, edges: Edges, e: int) -> tuple[FloatArray, FloatArray]:
+    """(7, 7) exact derivatives of ``edge_residual`` (value r) by the perturbations of the edge's nodes a and b."""
+    Ra, Rb, sa, zt = R[edges.a[e]], R[edges.b[e]], s[edges.a[e]], edges.t[e]
     Ja, Jb = np.zeros((NODE_DOF, NODE_DOF)), np.zeros((NODE_DOF, NODE_DOF))
     p0, p1, p2 = r[0] + zt[0], r[1] + zt[1], r[2] + zt[2]
     for i in range(3):
@@ -81,17 +79,11 @@ def edge_jacobians(
 
 
 @kernel
-def _residual(R: FloatArray, t: FloatArray, s: FloatArray, edges: Edges, e: int) -> FloatArray:
-    i, j = edges.a[e], edges.b[e]
-    return edge_residual(R[i], t[i], s[i], R[j], t[j], s[j], edges.R[e], edges.t[e], edges.s[e])
-
-
-@kernel
 def graph_cost(R: FloatArray, t: FloatArray, s: FloatArray, edges: Edges) -> float:
     """Half the weighted squared error of all edges."""
     total = 0.0
     for e in range(edges.a.shape[0]):
-        r = _residual(R, t, s, edges, e)
+        r = edge_residual(R, t, s, edges, e)
         for p in range(NODE_DOF):
             for q in range(NODE_DOF):
                 total += 0.5 * r[p] * edges.information[e, p, q] * r[q]
@@ -109,8 +101,8 @@ def _assemble(
     g[:] = 0.0
     for e in range(edges.a.shape[0]):
         i, j, info = edges.a[e], edges.b[e], edges.information[e]
-        r = _residual(R, t, s, edges, e)
-        Ja, Jb = edge_jacobians(r, R[i], s[i], R[j], edges.t[e])
+        r = edge_residual(R, t, s, edges, e)
+        Ja, Jb = edge_jacobians(r, R, s, edges, e)
         weighted = info @ r
         for u in range(2):
             row, Ju = (free[i], Ja) if u == 0 else (free[j], Jb)
@@ -159,8 +151,7 @@ def optimize_graph(
     """Levenberg-Marquardt on all nodes but those ``held`` (K,).
 
     R (K, 3, 3), t (K, 3), s (K,): T_world_node. free_scale False keeps every s. Returns R, t, s and half the weighted
-    squared error reached. A node that no edge leads to a held one stays where it is.
-    """
+    squared error reached. A node that no edge leads to a held one stays where it is."""
     D = NODE_DOF if free_scale else NODE_DOF - 1
     free = np.where(held, -1, np.cumsum(~held) - 1)
     n = int(np.count_nonzero(~held))

@@ -208,9 +208,8 @@ def back_substitute(
                 b1 -= W[o, 1, a] * s
                 b2 -= W[o, 2, a] * s
         l0, l1, l2, l3, l4, l5 = L[p, 0], L[p, 1], L[p, 2], L[p, 3], L[p, 4], L[p, 5]
-        y0 = b0 * l0
-        y1 = (b1 - l1 * y0) * l3
-        x2 = (b2 - l2 * y0 - l4 * y1) * l5 * l5
+        y0, y1, y2 = _forward(l0, l1, l2, l3, l4, l5, b0, b1, b2)
+        x2 = y2 * l5
         x1 = (y1 - l4 * x2) * l3
         moved[p, 0] += (y0 - l1 * x1 - l2 * x2) * l0
         moved[p, 1] += x1

@@ -73,8 +73,7 @@ def align_small(reference: Float32Array, current: Float32Array, iterations: int)
 
     x is measured from the image centre. At most ``iterations`` steps. Returns tx, ty [small px], a [rad] and the mean
     squared difference over the overlap (but for a last step below 0.01 px). Efficient second-order: mean of both
-    gradients (Benhimane and Malis 2004).
-    """
+    gradients (Benhimane and Malis 2004)."""
     height, width = reference.shape
     tx, ty, a, mean = 0.0, 0.0, 0.0, 0.0
     score = np.inf

@@ -120,8 +120,7 @@ def misfit(
     ``start`` minus the template's. Grey levels and px.
 
     In whole numbers (1/16 grey levels, weights of 1/4096 px), whose sums the compiler may reorder and vectorise; none
-    of them reaches 2^31. It does so only where every product is cut to 32 bits at once.
-    """
+    of them reaches 2^31. It does so only where every product is cut to 32 bits at once."""
     w11 = I32(fx * fy * 4096.0)
     w10 = I32(I32(fx * 4096.0) - w11)
     w01 = I32(I32(fy * 4096.0) - w11)
@@ -151,8 +150,7 @@ def refine(
     the level whose row of the table is ``layout``.
 
     Returns (converged, x, y, zero-mean squared difference). Converged: last step below 0.03 px, at most 2 px from the
-    start, patch inside the image.
-    """
+    start, patch inside the image."""
     offset, height, width = layout[0], layout[1], layout[2]
     gx, gy = np.empty(64, np.int32), np.empty(64, np.int32)
     h00, h01, h11, h02, h12 = slopes(template, gx, gy)

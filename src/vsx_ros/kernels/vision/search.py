@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import BoolArray, FloatArray, Int32Array, IntArray
 from vsx_ros.kernels import kernel, part
-from vsx_ros.kernels.geometry.lie import transform
-from vsx_ros.kernels.geometry.projection import project_normalized, project_rows
+from vsx_ros.kernels.geometry import project_normalized, project_rows, transform
 from vsx_ros.kernels.vision.patches import (
     CENTRE,
     MAX_ALIGNED_SHARE,
@@ -83,8 +82,7 @@ def predict(
     = 1 of the source camera.
     Returns of the S visible ones rows (S,), level (S,), uv (S, 2) level-0 px, inverse_warp (S, 4): level px -> source
     px, row-major, and template (S,). The level is the one where the warp's determinant lies in [0.25, 3] (PTAM's
-    rule).
-    """
+    rule)."""
     pixels, inside = project_rows(camera, R, t, points, rows, margin_px)
     n, m = rows.shape[0], 0
     visible, level, template = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64)
@@ -134,8 +132,7 @@ def warp_template(patch: NDArray[np.uint8], offset: FloatArray, w: FloatArray, t
     """Fill the (10, 10) int32 template, in 1/16 grey levels, from the (24, 24) patch; w (4,): template px -> patch px,
     offset (2,).
 
-    Template pixel (5, 5) is the point. False when a corner of the template lies outside the patch.
-    """
+    Template pixel (5, 5) is the point. False when a corner of the template lies outside the patch."""
     x0 = CENTRE + offset[0] - 5.0 * (w[0] + w[1])
     y0 = CENTRE + offset[1] - 5.0 * (w[2] + w[3])
     for corner in range(4):
@@ -196,8 +193,7 @@ def search(
 
     templates (S, 10, 10): see ``warp_templates``; wanted (S,): which to look for; level (S,), uv (S, 2) as
     ``predict`` returns them.
-    Returns found (S,) bool and position (S, 2) level-0 px, sub-pixel.
-    """
+    Returns found (S,) bool and position (S, 2) level-0 px, sub-pixel."""
     n = templates.shape[0]
     found = np.zeros(n, np.bool_)
     position = np.zeros((n, 2))

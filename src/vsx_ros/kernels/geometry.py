@@ -1,24 +1,118 @@
-"""Points into pixels and back, one point or many. Camera arrays are (18,): fx, fy, cx, cy, k1, k2, p1, p2, k3,
-largest valid squared radius on the plane z = 1, width, height; then the rotation vector [rad] by which the camera turns
-and the way [m] it goes, in its own frame, while the rows of the image are read out from top to bottom.
+"""Rigid motions (tangent vectors are xi = (rho, omega)), and points into pixels and back, one point or many.
+
+Camera arrays are (18,): fx, fy, cx, cy, k1, k2, p1, p2, k3, largest valid squared radius on the plane z = 1, width,
+height; then the rotation vector [rad] by which the camera turns and the way [m] it goes, in its own frame, while the
+rows of the image are read out from top to bottom.
 
 A row is seen from where the camera was at that row's own time; all else refers to the middle row. At 15 deg/s and 26 ms
 that is 1.8 px at the edges, much more than what patches are located to. The way matters less (0.3 px at 0.3 m/s and
 3 m) and only where the depth is known: for poses and observations, not for where to look.
 """
 
+import math
+
 import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray
-from vsx_ros.kernels import kernel
-from vsx_ros.kernels.geometry.lie import transform
+from vsx_ros.kernels import kernel, part
+
+
+@kernel
+def exp_se3(xi: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Rotation (3, 3) and translation (3,) of the tangent vector (6,)."""
+    wx, wy, wz = xi[3], xi[4], xi[5]
+    angle2 = wx * wx + wy * wy + wz * wz
+    if angle2 < 1e-10:
+        a, b, c = 1.0 - angle2 / 6.0, 0.5 - angle2 / 24.0, 1.0 / 6.0 - angle2 / 120.0
+    else:
+        angle = math.sqrt(angle2)
+        a = math.sin(angle) / angle
+        b = (1.0 - math.cos(angle)) / angle2
+        c = (1.0 - a) / angle2
+    W = np.array([[0.0, -wz, wy], [wz, 0.0, -wx], [-wy, wx, 0.0]])
+    R = np.empty((3, 3))
+    t = np.zeros(3)
+    for i in range(3):
+        for j in range(3):
+            w2 = W[i, 0] * W[0, j] + W[i, 1] * W[1, j] + W[i, 2] * W[2, j]
+            unit = 1.0 if i == j else 0.0
+            R[i, j] = unit + a * W[i, j] + b * w2
+            t[i] += (unit + b * W[i, j] + c * w2) * xi[j]
+    return R, t
+
+
+@part
+def transform(R: FloatArray, t: FloatArray, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """The point (x, y, z) after the rigid motion R, t."""
+    return (
+        R[0, 0] * x + R[0, 1] * y + R[0, 2] * z + t[0],
+        R[1, 0] * x + R[1, 1] * y + R[1, 2] * z + t[1],
+        R[2, 0] * x + R[2, 1] * y + R[2, 2] * z + t[2],
+    )
+
+
+@part
+def cross(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
+    """Fill out (3,) with the cross product of two vectors (3,)."""
+    out[0] = a[1] * b[2] - a[2] * b[1]
+    out[1] = a[2] * b[0] - a[0] * b[2]
+    out[2] = a[0] * b[1] - a[1] * b[0]
+
+
+@kernel
+def compose(Ra: FloatArray, ta: FloatArray, Rb: FloatArray, tb: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(R, t) of the product of two rigid motions."""
+    R = np.empty((3, 3))
+    t = np.empty(3)
+    for i in range(3):
+        for j in range(3):
+            R[i, j] = Ra[i, 0] * Rb[0, j] + Ra[i, 1] * Rb[1, j] + Ra[i, 2] * Rb[2, j]
+        t[i] = Ra[i, 0] * tb[0] + Ra[i, 1] * tb[1] + Ra[i, 2] * tb[2] + ta[i]
+    return R, t
+
+
+@kernel
+def orthonormalize(R: FloatArray) -> None:
+    """Make the rows of a nearly orthonormal (3, 3) matrix exactly so, in place.
+
+    Poses are composed thousands of times from one another; without this the rounding errors multiply.
+    """
+    for i in range(3):
+        for k in range(i):
+            dot = R[i, 0] * R[k, 0] + R[i, 1] * R[k, 1] + R[i, 2] * R[k, 2]
+            for j in range(3):
+                R[i, j] -= dot * R[k, j]
+        norm = math.sqrt(R[i, 0] * R[i, 0] + R[i, 1] * R[i, 1] + R[i, 2] * R[i, 2])
+        for j in range(3):
+            R[i, j] /= norm
+
+
+@kernel
+def log_se3(R: FloatArray, t: FloatArray) -> FloatArray:
+    """Tangent vector (6,) of a rigid motion whose rotation stays well below pi."""
+    xi = np.empty(6)
+    sx, sy, sz = 0.5 * (R[2, 1] - R[1, 2]), 0.5 * (R[0, 2] - R[2, 0]), 0.5 * (R[1, 0] - R[0, 1])
+    sine = math.sqrt(sx * sx + sy * sy + sz * sz)
+    cosine = 0.5 * (R[0, 0] + R[1, 1] + R[2, 2] - 1.0)
+    angle = math.atan2(sine, cosine)
+    k = 1.0 if sine < 1e-9 else angle / sine
+    wx, wy, wz = k * sx, k * sy, k * sz
+    if angle < 1e-5:
+        c = 1.0 / 12.0
+    else:
+        c = (1.0 - 0.5 * angle / math.tan(0.5 * angle)) / (angle * angle)
+    cx, cy, cz = wy * t[2] - wz * t[1], wz * t[0] - wx * t[2], wx * t[1] - wy * t[0]
+    xi[0] = t[0] - 0.5 * cx + c * (wy * cz - wz * cy)
+    xi[1] = t[1] - 0.5 * cy + c * (wz * cx - wx * cz)
+    xi[2] = t[2] - 0.5 * cz + c * (wx * cy - wy * cx)
+    xi[3], xi[4], xi[5] = wx, wy, wz
+    return xi
 
 
 @kernel
 def row_share(camera: FloatArray, v: float) -> float:
     """What part of the readout after the middle row, in [-0.5, 0.5], the row v [px] is exposed."""
-    share: float = (v + 0.5) / camera[11] - 0.5
-    return share
+    return float((v + 0.5) / camera[11] - 0.5)
 
 
 @kernel
