@@ -6,8 +6,7 @@ ask PORT [--factory-gains]: of a Kobuki, by which it plays a note: versions, ide
 turn PORT: the wheels turn 2 s ahead (0.2 m), 2 s to the left, and stop; compare odometry with marks on the wheels.
 stop PORT: the wheels turn 3 s; then SIGKILL ends the driver's process, and its watchdogs stop them within a second.
 kinect [SERIAL]: rate, brightness, counters (Ctrl-C ends). A Kinect 1414 also tells gravity, (0, 1, 0) g when it stands
-    level, and how its base leans: 0 and 0 degrees.
-"""
+    level, and how its base leans: 0 and 0 degrees."""
 
 import math
 import os

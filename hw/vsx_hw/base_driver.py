@@ -3,8 +3,7 @@
 What differs between bases is in their Dialect; the rules of safety are here, once:
 a command is good for ``command_timeout_s``, then the wheels stop; without fresh reports they are told to stop, and turn
 again after three good reports in a row; a base whose report refuses to be driven stands; after a lost connection
-nothing moves until a new command; closing sends the stop bytes.
-"""
+nothing moves until a new command; closing sends the stop bytes."""
 
 import time
 from collections.abc import Callable, Iterable
@@ -20,14 +19,12 @@ KEEP_ALIVE_NS = 50_000_000  # several commands while a base lets one live
 SHORTEST_PERIOD_NS = 20_000_000  # 50 commands a second do for any base here
 STALE_NS = 110_000_000
 """Five reports of a Kobuki, seven of a Create 2, a lost answer of a Create 1: the wheels are told to stand."""
-TOLD_NS = 250_000_000
-"""So long a silence is told."""
+TOLD_NS = 250_000_000  # So long a silence is told
 ROW, ROW_NS = 3, 60_000_000
 """Good reports after a silence before the wheels may turn, and the longest time between two of them."""
 SILENT_NS = 2_000_000_000  # then the connection is opened anew
 BACKOFF_S = (0.2, 0.5, 1.0, 2.0)  # between tries to open it
-COARSEST_RAD_S = 0.02
-"""The widest step of the wires: more than this is a limit that was met, not rounding."""
+COARSEST_RAD_S = 0.02  # The widest step of the wires: more than this is a limit that was met, not rounding
 
 Command = TypeVar("Command")
 
@@ -71,8 +68,7 @@ class TurnErrorFeedback:
     """Turn rates on a wire of whole numbers: what rounding takes from one command is added to the next.
 
     Error feedback over commands that follow each other evenly (one a report): their mean turn is what was asked for.
-    Straight on and at standstill the error is forgotten: nothing is made up for then.
-    """
+    Straight on and at standstill the error is forgotten: nothing is made up for then."""
 
     def __init__(self) -> None:
         self._error_rad_s = 0.0
@@ -101,8 +97,7 @@ class BaseDriver(ConnectionThread):
 
     ``on_link`` is told (connected, message) at every change. Within ``on_reading`` a call of ``drive`` reaches the
     wheels in the same cycle. ``on_command`` hears after each command whether it lets the wheels turn: the pulse of a
-    watchdog.
-    """
+    watchdog."""
 
     def __init__(
         self,

@@ -63,8 +63,7 @@ def base_driver(
     """A driver for the base of this kind at a serial port such as /dev/kobuki; call ``start`` on it.
 
     scales: factors on measured distance and on measured turn. allow_unknown_firmware: of a Kobuki; otherwise it stands.
-    Raises KeyError for a kind that is not in BASES.
-    """
+    Raises KeyError for a kind that is not in BASES."""
     base = BASES[kind]
     dialect = base.dialect(*scales)
     if isinstance(dialect, KobukiDialect):

@@ -15,8 +15,7 @@ from vsx_hw.readings import ImageReading, LinkStatus
 GRBG = cv2.VideoWriter.fourcc(*"GRBG")
 BACKOFF_S = (0.5, 2.0)  # between tries to open it
 ROW_STEP = 8  # for time
-REPEATS = 4
-"""So many repetitions may be chance or the work of a kernel driver; a Kinect makes them in 0.13 s."""
+REPEATS = 4  # So many repetitions may be chance or the work of a kernel driver; a Kinect makes them in 0.13 s
 FROZEN = "shows the same picture again and again; uncover it, or replug it"
 
 
@@ -24,8 +23,7 @@ class FrozenImageDetector:
     """Finds a camera whose stream looks healthy while whoever follows it drives blind.
 
     Compares each picture with the one before, every eighth row bit by bit: noise makes those of a living camera
-    differ, even of a scene in which nothing moves. A covered lens is as black in each picture, and frozen as well.
-    """
+    differ, even of a scene in which nothing moves. A covered lens is as black in each picture, and frozen as well."""
 
     def __init__(self) -> None:
         self._rows: NDArray[np.uint8] = np.empty(0, np.uint8)

@@ -12,8 +12,7 @@ the reports may be delayed too."""
 LONGEST_PAUSE_NS = 2_000_000_000
 """Between reports; after a longer one nothing is known of what was before. A Create 1 tells its motion twice a second,
 less often on a busy machine."""
-MEMORY_NS = 4_500_000_000
-"""Window, longest lag and longest pause."""
+MEMORY_NS = 4_500_000_000  # Window, longest lag and longest pause
 
 FOLLOWS, RUNS_AWAY = 0.1, 1.5
 """Shares of the commanded way. A sound wheel, whose speed is controlled, makes 0.7 to 1.1 of it; one that is blocked or
@@ -21,8 +20,7 @@ whose encoder stands 0, one that counts each edge twice 2, one whose phases are 
 WAY_M, SLACK_M = 0.02, 0.015
 """Slower wheels are not judged: friction may hold them. Slack: two reports of a Create 1 are rounded by 7 mm; as much
 again for the roll after a command was lowered."""
-BEGUN = 0.5
-"""The least way told, by the longest lag, has this share of the most: the start-up is over."""
+BEGUN = 0.5  # The least way told, by the longest lag, has this share of the most: the start-up is over
 
 WAY_RAD_M, TURN_SHARE = 0.25, 0.1
 """Deviations before anything is learned: wheels that differ by 6 % bend a way of a metre by 0.25 rad; wheels, wheel

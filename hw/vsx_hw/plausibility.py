@@ -4,8 +4,7 @@ Three sources tell of one motion: each wheel of its way, the gyro of the turn, t
 
 - A wheel whose way over a second is not what it was told is at fault: the base cannot be steered, it must stand.
 - Gyro and wheels that tell different turns, in one report or over a second, cannot both be right. The one farther from
-  the command is left out and the pose is uncertain until both have agreed through a turn and a way.
-"""
+  the command is left out and the pose is uncertain until both have agreed through a turn and a way."""
 
 from __future__ import annotations
 
@@ -23,8 +22,7 @@ FRAME_RAD, FRAME_RAD_S = 0.02, 1.0
 """What gyro and wheels may differ by in one report: a base that is blocked in a turn of 1.5 rad/s differs by 0.03 rad
 in 20 ms; there the bound, 0.04 rad, also keeps the heading from jumping by 3 degrees, and refuses a changed bit of 2.56
 degrees."""
-REFUSED_REPORTS = 5
-"""So many such reports in a second, of one of the two, are no accident."""
+REFUSED_REPORTS = 5  # So many such reports in a second, of one of the two, are no accident
 
 BASE_RAD, SLIP, SIGMAS = 0.03, 0.03, 3.0
 """What they may differ by in a second, beyond what is learned: 1.7 degrees (not sampled at one instant, a wheel on a

@@ -1,7 +1,6 @@
 """What the drivers report: values with units in their names and the instant they belong to.
 
-``stamp_ns`` is host time (nanoseconds since the epoch), derived from the device's own clock where it has one.
-"""
+``stamp_ns`` is host time (nanoseconds since the epoch), derived from the device's own clock where it has one."""
 
 from __future__ import annotations
 
@@ -55,8 +54,7 @@ class OdometryReading(NamedTuple):
     trusted: False where the encoders cannot know the direction of the motion, or a sensor contradicts the others.
     wheels_m: (left, right) distance rolled since the start.
     doubt: which sensor is not believed, and why; fault: why the base must stand, as its wheels do not what they are
-    told; in words, empty while all is well.
-    """
+    told; in words, empty while all is well."""
 
     stamp_ns: int
     x_m: float
@@ -84,8 +82,7 @@ class GyroReading(NamedTuple):
     """Heading since the gyro was switched on and its rate, counter-clockwise; the heading may wrap at +-pi.
 
     trusted: False while the wheels contradict it. raw: what the sensor measured since the last report, newest last, as
-    it is: not filtered, its zero not taken off.
-    """
+    it is: not filtered, its zero not taken off."""
 
     heading_rad: float
     rate_rad_s: float
@@ -109,8 +106,7 @@ class BaseReading(NamedTuple):
 
     mode names the operating mode where the base has several; buttons is the protocol's bit mask; gyro is None for a
     base without one, or before its zero is known. refusal: why this base must not be driven as it is, with the remedy.
-    warnings: what it said that the driver does not know.
-    """
+    warnings: what it said that the driver does not know."""
 
     stamp_ns: int
     odometry: OdometryReading
@@ -148,8 +144,7 @@ class DeviceClock:
 
     A device stamps evenly; the arrival on the host is late by a varying amount (USB scheduling, a busy machine). The
     smallest difference arrival - device time of the last seconds is the best estimate of the clocks' offset. Windows
-    follow the drift between the two crystals.
-    """
+    follow the drift between the two crystals."""
 
     def __init__(self, tick_hz: int, bits: int) -> None:
         self._tick_hz = tick_hz
@@ -162,8 +157,7 @@ class DeviceClock:
         """Host time of the counter value raw that arrived at arrival_ns; strictly increasing between restarts.
 
         A jump against the host's clock of more than a second (the device restarted, was silent for long, or the host's
-        clock was set) starts anew.
-        """
+        clock was set) starts anew."""
         ticks = 0 if self._raw is None else (raw - self._raw) % self._modulus
         jump_ns = arrival_ns - self._arrival_ns - self._ns(ticks)
         if self._raw is None or abs(jump_ns) > RESTART_NS:

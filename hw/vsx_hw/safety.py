@@ -1,7 +1,6 @@
 """The last decision before the wheels: who commands, may he, how fast. Pure; time is an argument.
 
-It knows nothing of cameras, maps and plans, so that it stays right when all of those are wrong.
-"""
+It knows nothing of cameras, maps and plans, so that it stays right when all of those are wrong."""
 
 import math
 import threading
@@ -55,8 +54,7 @@ class Supervisor:
       that was carried away must not drive off when it is put down.
     - The emergency stop forbids everything until it is cleared, and then a new command is needed.
     - ``hold``, a reason that its owner sets and clears, forbids everything while it is set.
-    - A command that is not finite or is absurd counts as a command to stand still.
-    """
+    - A command that is not finite or is absurd counts as a command to stand still."""
 
     def __init__(self, limits: SpeedLimits, sources: tuple[Source, ...] = SOURCES) -> None:
         self._limits = limits

@@ -1,7 +1,6 @@
 """A base that exists only as bytes on a pseudo-terminal, in real time, with faults on demand.
 
-The board speaks the base's protocol, the plant has the wheels; this file owns the cable between them and the driver.
-"""
+The board speaks the base's protocol, the plant has the wheels; this file owns the cable between them and the driver."""
 
 from __future__ import annotations
 
@@ -27,8 +26,7 @@ class PlantState(NamedTuple):
     """What the sensors of a base can feel.
 
     left_m, right_m: distance that each wheel has rolled. gyro_rad, gyro_rate_rad_s: heading and rate as the gyro has
-    them, counter-clockwise, not wrapped. buttons: those that are pressed, by the base's own bits.
-    """
+    them, counter-clockwise, not wrapped. buttons: those that are pressed, by the base's own bits."""
 
     left_m: float
     right_m: float
@@ -75,8 +73,7 @@ class SerialEmulator:
 
     Faults that may be changed while it runs: drop_rate, garbage_rate per byte to the driver; paused: the line to the
     driver is silent; command_delay_ns: dead time between a command's arrival and its effect; report_delay_ns: age of
-    what the driver hears.
-    """
+    what the driver hears."""
 
     def __init__(self, board: Board, plant: Plant, link: str, seed: int = 0) -> None:
         self.drop_rate = self.garbage_rate = 0.0

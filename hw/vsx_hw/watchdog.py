@@ -4,8 +4,7 @@ A base may go on driving by its last command for ever. The driver beats on a pip
 cease while the wheels turn, a watchdog writes standstill to the port (the driver may still hold it and go on later);
 when the pipe breaks without a word, the driver is dead and the base is left for good. It answers each beat, so that
 the driver knows that it is guarded. There are two, who know nothing of each other: whichever of the three processes are
-killed or hang at once, the last one stops the wheels.
-"""
+killed or hang at once, the last one stops the wheels."""
 
 import contextlib
 import math
@@ -22,11 +21,9 @@ from vsx_hw.errors import DeviceError
 from vsx_hw.transport import SerialTransport
 
 STANDING, TURNING, RELEASED = b"s", b"t", b"r"
-HUNG_AFTER_S = 0.25
-"""The driver beats at least every 50 ms."""
+HUNG_AFTER_S = 0.25  # The driver beats at least every 50 ms
 ANSWER_S = 0.3  # several beats
-PATIENCE_S = 5.0
-"""A watchdog that has just been started may take so long on a busy machine."""
+PATIENCE_S = 5.0  # A watchdog that has just been started may take so long on a busy machine
 ATTEMPTS, PAUSE_S = 40, 0.05  # two seconds, in which the dead driver's port comes free
 
 

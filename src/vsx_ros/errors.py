@@ -1,7 +1,6 @@
 """Broken promises. Expected outcomes (lost, refused, unreachable) are values, never exceptions.
 
-Every message names the thing, the value found and the remedy.
-"""
+Every message names the thing, the value found and the remedy."""
 
 import errno
 from collections.abc import Iterator

@@ -1,8 +1,7 @@
 """How much a file may ask for: what it declares is compared with a limit before memory is taken.
 
 Every refusal is a ValueError whose text fits into its reader's sentence. Limits are far above what this stack's own
-files and a building's recordings hold, and what may be unpacked grows with the file.
-"""
+files and a building's recordings hold, and what may be unpacked grows with the file."""
 
 import json
 import os
@@ -18,12 +17,9 @@ import yaml
 from vsx_ros.errors import reason_of
 
 MIB = 2**20
-TEXT_BYTES = 16 * MIB
-"""Parameters, worlds, calibrations: a building's world has a quarter of a MiB."""
-LOG_BYTES = 1024 * MIB
-"""What grows with a run: trajectories, journals, lists of images."""
-DATA_BYTES = 8192 * MIB
-"""Maps and point clouds."""
+TEXT_BYTES = 16 * MIB  # Parameters, worlds, calibrations: a building's world has a quarter of a MiB
+LOG_BYTES = 1024 * MIB  # What grows with a run: trajectories, journals, lists of images
+DATA_BYTES = 8192 * MIB  # Maps and point clouds
 YAML_DEPTH, YAML_NODES = 64, 300_000  # several times what the largest file here has
 YAML_TEXT, YAML_NUMBER = MIB, 8192
 """Characters of a value in quotes, and of one without, which may be a number (1:59:59, say, takes its square)."""

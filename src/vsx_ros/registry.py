@@ -1,8 +1,7 @@
 """Kinds of things by name: bases, cameras, view rankers. A module of a user's adds its own on import.
 
 ``VSX_PLUGINS=my_base,my_ranker vsx explore --base mine``: the modules are imported by the command and by every node
-before the first name is looked up (docs/how-to/extend.md).
-"""
+before the first name is looked up (docs/how-to/extend.md)."""
 
 import importlib
 import os
@@ -10,8 +9,7 @@ from typing import TypeVar
 
 from vsx_ros.errors import ConfigError
 
-PLUGINS = "VSX_PLUGINS"
-"""Environment variable: modules to import, separated by commas."""
+PLUGINS = "VSX_PLUGINS"  # Environment variable: modules to import, separated by commas
 
 T = TypeVar("T")
 

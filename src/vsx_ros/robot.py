@@ -25,8 +25,7 @@ class Frame(NamedTuple):
     """One image of the camera.
 
     stamp_ns: start of exposure of the first row, in the clock of the odometry [ns].
-    image: (H, W) uint8, not undistorted.
-    """
+    image: (H, W) uint8, not undistorted."""
 
     stamp_ns: int
     image: GrayImage
@@ -38,8 +37,7 @@ class Odometry(NamedTuple):
     T_odom_base: pose of the base in the odometry frame. It drifts, and jumps where the base's counting restarts.
     v: forward speed [m/s]. omega: turn rate, counter-clockwise positive [rad/s].
     trusted: False where the base says that its sensors contradict each other.
-    odom_epoch: increases where counting restarts (``OdometryEpochs``); poses of two epochs must not be compared.
-    """
+    odom_epoch: increases where counting restarts (``OdometryEpochs``); poses of two epochs must not be compared."""
 
     stamp_ns: int
     T_odom_base: SE2

@@ -1,7 +1,6 @@
 """SLAM with what belongs to it: where the base is by it, the ground that was driven on, and what another session left.
 
-Lock-step, the node vslam and replays hold one, so that all begin, resume and remember alike.
-"""
+Lock-step, the node vslam and replays hold one, so that all begin, resume and remember alike."""
 
 from collections import deque
 from collections.abc import Mapping
@@ -27,8 +26,7 @@ SlamT = TypeVar("SlamT", bound=TrackerAndMapper)
 class SlamSession:
     """``begin`` when the camera is known, then ``locate`` after every tracked frame.
 
-    ground: what is driven, bumped and pushed. where: what ``locate`` said last. From any thread: ``base_at``.
-    """
+    ground: what is driven, bumped and pushed. where: what ``locate`` said last. From any thread: ``base_at``."""
 
     def __init__(
         self, T_base_cam: SE3, config: Config, slam_map: SlamMap | None = None,

@@ -1,7 +1,6 @@
 """The whole explorer as one object and one verb: a frame and the odometry in, a velocity out.
 
-This is the lock-step run (``vsx explore --fast``), and the list of what the ROS nodes do between them.
-"""
+This is the lock-step run (``vsx explore --fast``), and the list of what the ROS nodes do between them."""
 
 import math
 from typing import Any, NamedTuple

@@ -14,8 +14,7 @@ BATTERY_PACKETS = [21, 22, 25, 26, 34]  # charging state, voltage, charge, capac
 
 CYCLES_TO_RETRY_MODE = 25  # half a second at 20 ms each
 
-MODE_PAUSE_S = 0.05
-"""Commands within 20 ms of a change of mode are lost."""
+MODE_PAUSE_S = 0.05  # Commands within 20 ms of a change of mode are lost
 
 CHARGING = (1, 2, 3)  # reconditioning, full, trickle
 _KNOWN = {21: ("charging state", range(6)), 34: ("chargers", range(4))}
@@ -38,8 +37,7 @@ ALARM_SONG, ALARM_NOTES = 0, [(84, 0.125), (72, 0.25)]  # its number; MIDI notes
 class CreateDialect(Dialect):
     """Both robots are driven in Safe mode: at a cliff or a raised wheel they stop by themselves and fall to Passive.
     They are put back to Safe when the cause is gone, or for reversing from a cliff, and a command to move arrives; from
-    a mode that is not known at once, unless they charge.
-    """
+    a mode that is not known at once, unless they charge."""
 
     def __init__(self, model: Model) -> None:
         self._model = model

@@ -2,8 +2,7 @@
 TurtleBot 1's power board: one analog axis on the Create's cargo bay input (packet 33).
 
 Sources: Analog Devices ADXRS613 data sheet (12.5 mV per deg/s about 2.5 V, 150 deg/s); the factor 1.35 is the one that
-the TurtleBot's own driver calibrates with (0.395 deg/s a count; the data sheet alone gives 0.391).
-"""
+the TurtleBot's own driver calibrates with (0.395 deg/s a count; the data sheet alone gives 0.391)."""
 
 import math
 from collections import deque
@@ -15,8 +14,7 @@ from vsx_hw.plausibility import WINDOW_NS, MotionCheck
 from vsx_hw.readings import GyroReading, OdometryReading
 
 LONGEST_GAP_S = 0.5  # over longer ones counters may have wrapped or the robot may have been carried
-FASTEST_M_S = 0.6
-"""The robot drives 0.5."""
+FASTEST_M_S = 0.6  # The robot drives 0.5
 SPEED_WINDOW = 5  # reports over which the speed is taken: encoders step coarsely
 CORRECTION_M, CORRECTION_RAD = 0.03, 0.02
 """By which a report corrects the shown pose at most: who hears of a jump takes it for a base that counts anew."""

@@ -1,7 +1,6 @@
 """iRobot Open Interface of the Create 1 and of the Create 2 (Roomba 600): bytes to values and back, no I/O.
 
-Source: iRobot, "Create Open Interface" and "Create 2 Open Interface Specification". Big endian throughout.
-"""
+Source: iRobot, "Create Open Interface" and "Create 2 Open Interface Specification". Big endian throughout."""
 
 import enum
 import math
@@ -100,8 +99,7 @@ class StreamParser:
     """Turns the byte stream of opcode 148 into {packet: value} frames; recovers after lost, added or changed bytes.
 
     The two manuals disagree whether the checksum includes the header byte. Either is accepted until LOCK_AFTER frames
-    agreed; then the other one is an error. ``refused`` counts frames with a wrong checksum or unknown packets.
-    """
+    agreed; then the other one is an error. ``refused`` counts frames with a wrong checksum or unknown packets."""
 
     LOCK_AFTER = 3
 

@@ -56,8 +56,7 @@ class KinectCamera(ConnectionThread):
 
     A stream that delivers nothing new for five seconds is stopped and started again; a camera that vanishes is opened
     again with growing pauses; a picture that repeats itself is not delivered. lock_exposure: after two seconds of
-    images, exposure and white balance stay as they are.
-    """
+    images, exposure and white balance stay as they are."""
 
     def __init__(
         self,

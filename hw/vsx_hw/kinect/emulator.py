@@ -22,11 +22,9 @@ from vsx_hw.kinect.protocol import CLOCK_HZ, MICROFRAME_NS, packetize
 logger = logging.getLogger(__name__)
 
 PACKETS_PER_TRANSFER = 32  # as usb_transport.py asks for
-_SEND_TIMEOUT = struct.pack("ll", 1, 0)
-"""struct timeval: one second."""
+_SEND_TIMEOUT = struct.pack("ll", 1, 0)  # struct timeval: one second
 _SETTINGS = (0x0C, 0x0D, 0x0E)  # registers of format, resolution and rate
-AUTOMATIC = 0x708E
-"""Register EXPOSURE_MODES after power-on: everything automatic."""
+AUTOMATIC = 0x708E  # Register EXPOSURE_MODES after power-on: everything automatic
 
 
 class KinectBoard:

@@ -3,8 +3,7 @@
 Sources: OpenKinect protocol documentation; libfreenect cameras.c; Linux gspca kinect.c (facts only).
 Control: OUT ``47 4D`` words command tag payload, IN ``52 42`` words command tag payload, u16 little endian.
 Packets: isochronous, at most 1920 bytes, 12 of them header: ``52 42``, pad, flag, pad, sequence, 2 pad, u32 60 MHz
-clock, little endian.
-"""
+clock, little endian."""
 
 import struct
 from collections import Counter

@@ -1,8 +1,7 @@
 """A Kinect on the USB: control transfers and 32 isochronous transfers of 32 packets in flight (128 ms), by libusb1.
 
 The audio part of newer models (1473, for Windows) has the lamp, and the serial number that their camera lacks. Source:
-libfreenect (facts only). The camera streams without it; some units freeze unless the lamp is lit once.
-"""
+libfreenect (facts only). The camera streams without it; some units freeze unless the lamp is lit once."""
 
 import contextlib
 import logging
@@ -18,8 +17,7 @@ from vsx_hw.kinect.protocol import PACKET_BYTES, PacketHandler
 
 logger = logging.getLogger(__name__)
 
-FIRST_MODEL = 0x010B
-"""bcdDevice of the camera of model 1414; every other value is a newer one."""
+FIRST_MODEL = 0x010B  # bcdDevice of the camera of model 1414; every other value is a newer one
 AUDIO_PARTS = ((0x045E, 0x02AD), (0x045E, 0x02BE), (0x045E, 0x02BB), (0x045E, 0x02C3))  # USB ids
 _LAMP_MAGIC, _SET_LAMP, GREEN = 0x06022009, 0x10, 3  # libfreenect
 _LAMP_TIMEOUT_MS = 200  # a lamp is not worth waiting for

@@ -12,8 +12,7 @@ from vsx_hw.serial_emulator import Plant, PlantState
 
 FRAME_NS = 20_000_000  # 50 reports a second
 TOP_WHEEL_SPEED_M_S = 0.7  # of the data sheet
-RAW_NOISE = 20.0
-"""Deviation in steps: 0.03 deg/s per root of a hertz (ST L3G4200D data sheet) at 35 Hz."""
+RAW_NOISE = 20.0  # Deviation in steps: 0.03 deg/s per root of a hertz (ST L3G4200D data sheet) at 35 Hz
 EXTERNAL_POWER = 0x00F0  # bits of the four supplies, on at power-on
 FACTORY_GAINS = struct.pack("<B3I", 0, 100_000, 100, 2_000)  # P, I and D of the wheels, times 1000
 VERSIONS = {1: bytes((10, 4, 4, 0, 1, 0)), 2: bytes((11, 4, 0, 2, 1, 0)), 8: struct.pack("<BB3I", 19, 12, 1, 2, 3)}
@@ -26,8 +25,7 @@ class KobukiBoard:
     As long as nobody says otherwise it keeps its last command: what the firmware does when commands cease is not
     documented, and the driver must be safe in the worst case. battery_volt, charger and gyro_stands (it repeats what it
     told last, to the bit) may be changed while it runs; ``outputs`` is the register of lamps and supplies as the driver
-    last wrote it.
-    """
+    last wrote it."""
 
     baud = BAUD
 

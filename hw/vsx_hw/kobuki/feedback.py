@@ -2,8 +2,7 @@
 
 Sources: Yujin Robot, Kobuki "Serial Protocol" appendix; kobuki_core, packets firmware and hardware (two bytes); iClebo
 Kobuki user guide, "Firmware, Version Checking" (a major version breaks the protocol), and the firmware's changelog
-(1.1.4 mends the drift of the gyro).
-"""
+(1.1.4 mends the drift of the gyro)."""
 
 import math
 import struct
@@ -21,8 +20,7 @@ PART_BYTES = {
     1: (15,), 3: (3,), 4: (7,), 5: (6,), 6: (2,), 10: (2, 4), 11: (2, 4), 15: (17,), 16: (16,), 19: (12,), 21: (13,),
 }  # fmt: skip
 """Sub-payload -> its lengths; that of 13, the gyro, is in its own second byte."""
-ANSWERS = {10, 11, 15, 19, 21}
-"""Sub-payloads that come when asked for."""
+ANSWERS = {10, 11, 15, 19, 21}  # Sub-payloads that come when asked for
 BATTERY_EMPTY_V, BATTERY_LOW_V, BATTERY_FULL_V = 13.2, 14.0, 16.5  # of four lithium-ion cells
 
 
@@ -89,8 +87,7 @@ class Feedback(NamedTuple):
     """One verified frame; parts that the frame did not carry are None.
 
     dock_ir, cliff_adc: right, centre, left. current: left, right [10 mA]. analog: inputs 0-3, 12 bits of 3.3 V.
-    regular_parts: ids of what each frame of a base carries, without the answers to questions.
-    """
+    regular_parts: ids of what each frame of a base carries, without the answers to questions."""
 
     core: Core
     inertia: Inertia | None = None

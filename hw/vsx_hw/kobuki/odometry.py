@@ -1,8 +1,7 @@
 """Where the Kobuki is, from its encoders and its gyro, and whether that is alive.
 
 Source: Yujin Robot, Kobuki "Serial Protocol" appendix, sub-payloads 4 and 13 (ST L3G4200D, 0.00875 deg/s a step,
-mounted a quarter turn about the vertical).
-"""
+mounted a quarter turn about the vertical)."""
 
 import math
 from collections import deque
@@ -14,10 +13,8 @@ from vsx_hw.odometry import WheelOdometry, signed
 from vsx_hw.plausibility import PERIOD_NS, MotionCheck
 from vsx_hw.readings import GyroReading, OdometryReading, RateSample
 
-SHORT_GAP_MS = 60
-"""Over so much, a refused frame or two, the gyro tells the turn although the counters jumped."""
-LOST_FRAMES = 50
-"""After a gap the pose is uncertain for a second."""
+SHORT_GAP_MS = 60  # Over so much, a refused frame or two, the gyro tells the turn although the counters jumped
+LOST_FRAMES = 50  # After a gap the pose is uncertain for a second
 
 RAW_STEP_RAD_S = math.radians(0.00875)  # of L3G4200D at 250 deg/s (data sheet)
 SAMPLE_NS = 10_000_000  # 100 samples a second
@@ -72,8 +69,7 @@ class KobukiOdometry(WheelOdometry):
     the ``MotionCheck`` believes it, else from the encoders.
 
     After a gap, a power cycle or an impossible step the counters are taken as a new base line: the pose stays
-    continuous and ``gaps`` counts the loss.
-    """
+    continuous and ``gaps`` counts the loss."""
 
     def __init__(self, linear_scale: float = 1.0, angular_scale: float = 1.0) -> None:
         super().__init__(MotionCheck(WHEEL_BASE_M), linear_scale, angular_scale)

@@ -1,8 +1,7 @@
 """Kobuki serial protocol: the frames of both directions, and the commands. No I/O; ``feedback`` is what the base says.
 
 Source: Yujin Robot, Kobuki "Serial Protocol" appendix. A frame is ``AA 55 LEN payload XOR``; the payload is a row of
-sub-payloads ``ID LEN data``, little endian. The XOR of everything from LEN to the checksum is 0. 115200 baud, 8N1.
-"""
+sub-payloads ``ID LEN data``, little endian. The XOR of everything from LEN to the checksum is 0. 115200 baud, 8N1."""
 
 import enum
 import math
@@ -90,8 +89,7 @@ def base_control(v_m_s: float, omega_rad_s: float) -> BaseControl:
     """The pair of integers whose motion is nearest to the twist.
 
     Arcs wider than the wire's 32.767 m become the straight line or the widest arc, whichever curvature is nearer.
-    Raises ProtocolError for values that are not finite or that the wire cannot carry.
-    """
+    Raises ProtocolError for values that are not finite or that the wire cannot carry."""
     if not (math.isfinite(v_m_s) and math.isfinite(omega_rad_s)):
         raise ProtocolError(f"base control: v={v_m_s}, omega={omega_rad_s} is not finite; send numbers")
     v, half = 1000.0 * v_m_s, 500.0 * WHEEL_BASE_M

@@ -1,8 +1,7 @@
 """Kobuki frames out of a stream of bytes: those that are whole, documented, and possible after the one before.
 
 One XOR byte lets a frame through when two bits of the same column were changed. So the structure must be that of the
-frame before, and its values must be reachable from there in the time that passed.
-"""
+frame before, and its values must be reachable from there in the time that passed."""
 
 from typing import NamedTuple
 
@@ -12,10 +11,8 @@ from vsx_hw.odometry import signed
 
 USUAL_MS, LONGEST_MS = (10, 40), 500
 """From one frame to the next (20 ms), and the longest time that is compared over when frames were lost."""
-MOST_TICKS_PER_MS = 10
-"""0.85 m/s; the base drives 0.7."""
-MOST_CENTIDEG_PER_MS = 25
-"""250 deg/s, where the gyro saturates; the base turns by 180."""
+MOST_TICKS_PER_MS = 10  # 0.85 m/s; the base drives 0.7
+MOST_CENTIDEG_PER_MS = 25  # 250 deg/s, where the gyro saturates; the base turns by 180
 MOST_DECIVOLT = 5  # from one frame to the next
 
 
@@ -33,8 +30,7 @@ class StreamParser:
 
     A frame counts when it can follow the last that counted, or the one that was refused just before it: a base that
     was switched off and on costs one frame, one whose clock stands or jumps is silent. ``refused`` counts frames with
-    a right checksum that failed.
-    """
+    a right checksum that failed."""
 
     def __init__(self) -> None:
         self.frames = 0

@@ -1,8 +1,7 @@
 """Focal lengths, centre and distortion of a camera from views of a flat board, and which views are worth keeping.
 
 Z. Zhang, "A flexible new technique for camera calibration", 2000, as OpenCV has it; plumb_bob without k3, which needs
-wider lenses than a robot has.
-"""
+wider lenses than a robot has."""
 
 import math
 from collections.abc import Sequence

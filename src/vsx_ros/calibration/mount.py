@@ -2,8 +2,7 @@
 
 A camera that moves without turning moves towards the focus of expansion; straight ahead on wheels that is the base's
 own x axis, whatever the map's scale (Hartley and Zisserman, Multiple View Geometry, 11.7.2). The floor is the level
-plane below the camera that most map points lie on; its distance gets its metres from odometry.
-"""
+plane below the camera that most map points lie on; its distance gets its metres from odometry."""
 
 import math
 from collections.abc import Sequence

@@ -1,8 +1,7 @@
 """Factors that make a base's odometry true: of the way and of the turn.
 
 Either the operator knows how far or how often round the robot went, or the camera does: seeing a board of known size it
-knows both, seeing anything it knows the turns, and by how much it looks elsewhere after turns on the spot.
-"""
+knows both, seeing anything it knows the turns, and by how much it looks elsewhere after turns on the spot."""
 
 import math
 from collections.abc import Sequence

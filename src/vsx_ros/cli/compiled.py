@@ -1,7 +1,6 @@
 """The kernels compiled before anything waits for them: after an update of the checkout that takes minutes.
 
-``python -m vsx_ros.cli.compiled`` asks whether they are, by its exit code.
-"""
+``python -m vsx_ros.cli.compiled`` asks whether they are, by its exit code."""
 
 import contextlib
 import importlib.metadata
@@ -13,8 +12,7 @@ from pathlib import Path
 import vsx_ros
 
 _FOLDER = Path(vsx_ros.__file__).parent / "kernels"
-_STAMP = Path("__pycache__") / "warm.stamp"
-"""Written when all kernels are compiled; tells by what."""
+_STAMP = Path("__pycache__") / "warm.stamp"  # Written when all kernels are compiled; tells by what
 
 
 def compiler() -> str:

@@ -23,8 +23,7 @@ from vsx_ros.runs.process import DONE, FAILED
 
 _COLOURS = {"ok": "32", "note": "36", "warn": "33", "fail": "31"}
 _ANSWER_S = 2.0  # the same machine or network answers in milliseconds
-_SKEW_S = 1.5
-"""A clock this far from the master's is told; HTTP dates are whole seconds, so less cannot be seen."""
+_SKEW_S = 1.5  # A clock this far from the master's is told; HTTP dates are whole seconds, so less cannot be seen
 
 _LOOPBACK = ("127.", "::1")
 

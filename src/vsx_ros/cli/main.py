@@ -1,8 +1,7 @@
 """``vsx``: one command line for everything.
 
 The options of a command are a function whose docstring is its help: a line, what the command does, and examples or exit
-codes. What does it is imported when it runs, so that help and wrong usage are answered at once.
-"""
+codes. What does it is imported when it runs, so that help and wrong usage are answered at once."""
 
 import argparse
 import importlib

@@ -16,8 +16,7 @@ def view(parser: argparse.ArgumentParser) -> None:
     with its reason, and buttons. Waits for a stack and outlives it; Ctrl-C ends the view, not the robot. The address it
     prints holds the token that the buttons need: without it one can only look.
 
-    examples: vsx view | vsx view --host 0.0.0.0 (whoever reaches this machine can look)
-    """
+    examples: vsx view | vsx view --host 0.0.0.0 (whoever reaches this machine can look)"""
     add = parser.add_argument
     add("--host", default="127.0.0.1", metavar="ADDRESS", help="listen here (default: this machine)")
     add("--port", type=int, metavar="N", help="listen here (default 8765, another one if that is taken)")
@@ -32,8 +31,7 @@ def status(parser: argparse.ArgumentParser) -> None:
     Listens for two to four seconds and prints state and reason of exploration and SLAM, the ratio of map points found,
     the camera's rate, who drives the wheels, hazards and battery. What nobody says is shown as -, in JSON as null.
 
-    exit codes: 0 somebody answers, 1 nobody does
-    """
+    exit codes: 0 somebody answers, 1 nobody does"""
     parser.add_argument("--watch", action="store_true", help="print anew every second until Ctrl-C")
     parser.add_argument("--json", action="store_true", help="one line of JSON each time")
 
@@ -45,8 +43,7 @@ def stop(parser: argparse.ArgumentParser) -> None:
     waits until the wheels stand. --release lets the robot drive again. A second robot is reached with
     ROS_NAMESPACE=robot1 vsx stop.
 
-    exit codes: 0 the wheels stand (or are free again), 1 no base can be reached, 2 it does not obey
-    """
+    exit codes: 0 the wheels stand (or are free again), 1 no base can be reached, 2 it does not obey"""
     parser.add_argument("--release", action="store_true", help="release the emergency stop")
 
 
@@ -54,8 +51,7 @@ def teleop(parser: argparse.ArgumentParser) -> None:
     """drive with the keyboard
 
     Drives while a key is held and stops when it is released. The keyboard wins over the exploration, which goes on half
-    a second after the last key; bumper and cliff sensors win over the keyboard.
-    """
+    a second after the last key; bumper and cliff sensors win over the keyboard."""
     parser.epilog = KEYS
     parser.add_argument("--v", type=positive, default=0.2, metavar="M_S", help="speed ahead and back (default 0.2 m/s)")
     parser.add_argument("--omega", type=positive, default=0.6, metavar="RAD_S", help="turn rate (default 0.6 rad/s)")
@@ -68,8 +64,7 @@ def doctor(parser: argparse.ArgumentParser) -> None:
     disk, and how fast this machine tracks. Each finding is ok, note, warn or fail and comes with what to do. No wheel
     turns. The exit code is 1 when something fails, 0 otherwise.
 
-    examples: vsx doctor | vsx doctor --hw | vsx doctor --json --quick
-    """
+    examples: vsx doctor | vsx doctor --hw | vsx doctor --json --quick"""
     parser.add_argument(
         "--hw", action="store_true", help="a robot must be here: open base and camera, and speak to them"
     )
@@ -82,8 +77,7 @@ def config(parser: argparse.ArgumentParser) -> None:
 
     Prints the configuration as YAML. The output can be edited and given back with --config.
 
-    examples: vsx config > my.yaml | vsx config --set planner.phi_rad_m=0.5
-    """
+    examples: vsx config > my.yaml | vsx config --set planner.phi_rad_m=0.5"""
     add_parameters(parser)
     parser.add_argument(
         "--robot", action="store_true", help="what this machine's robot goes by: with what 'vsx calibrate' found"
@@ -95,8 +89,7 @@ def world(parser: argparse.ArgumentParser) -> None:
 
     Makes a building for the emulator: from a generator's name and seed, or from a map_server map.
 
-    examples: vsx world lab --seed 3 --out world.yaml | vsx world office.yaml --picture plan.png
-    """
+    examples: vsx world lab --seed 3 --out world.yaml | vsx world office.yaml --picture plan.png"""
     add = parser.add_argument
     add("name", metavar="NAME", help="lab, office, corridor, building, a world.yaml, a map.yaml, a .png")
     add("--seed", type=int, default=0, metavar="N", help="which of the generator's worlds (default 0)")
@@ -119,8 +112,7 @@ def calibrate(parser: argparse.ArgumentParser) -> None:
     """calibrate camera, odometry and camera mount
 
     Measures what the map depends on, says how sure it is, and writes it where the nodes read it. In this order: camera,
-    odometry, mount.
-    """
+    odometry, mount."""
     verbs = parser.add_subparsers(dest="verb", metavar="WHAT", required=True)
     for add in (_camera, _odometry, _mount):
         add(verbs)

@@ -17,8 +17,7 @@ def explore(parser: argparse.ArgumentParser, *, with_load_map: bool = True) -> N
     real devices are used.
 
     examples: vsx explore --world lab --seed 1 --time 240 | vsx explore --base kobuki --port /dev/kobuki | vsx explore
-    --fast --seed 1 | vsx explore --resume runs/today
-    """
+    --fast --seed 1 | vsx explore --resume runs/today"""
     _robot(parser)
     add = parser.add_argument
     add("--planner", choices=PLANNERS, metavar="fov|unconstrained", help="motion planner (default fov)")
@@ -70,8 +69,7 @@ def replay(parser: argparse.ArgumentParser) -> None:
     with what there is.
 
     examples: vsx replay drive.bag --map | vsx replay rgbd_freiburg1_xyz --calibration fr1.yaml | vsx replay drive.bag
-    --ros --view
-    """
+    --ros --view"""
     add = parser.add_argument
     bags = "ROS 1: .bag; ROS 2: folder, .db3 or .mcap"
     add("input", type=Path, metavar="INPUT", help=f"a bag ({bags}) or a folder with rgb.txt")
@@ -97,8 +95,7 @@ def record(parser: argparse.ArgumentParser) -> None:
     png is half of that and loses nothing of the grey picture that the SLAM sees; jpeg is a fifteenth. While it is
     written the bag is called NAME.bag.active.
 
-    examples: vsx record | vsx record --images jpeg --time 600 --out office.bag | then: vsx replay office.bag --map
-    """
+    examples: vsx record | vsx record --images jpeg --time 600 --out office.bag | then: vsx replay office.bag --map"""
     add = parser.add_argument
     add("--out", type=Path, metavar="FILE", help="the bag (default <date>_<time>.bag)")
     add("--images", choices=("raw", "png", "jpeg"), default="raw", help="how images are kept (raw)")
@@ -114,8 +111,7 @@ def map(parser: argparse.ArgumentParser) -> None:
     Works on SLAM maps (.vsxmap), which another session can go on in. The ground map of a run is map.pgm with map.yaml
     in its folder.
 
-    examples: vsx map save --out lab.vsxmap | vsx map load lab.vsxmap | vsx map export lab.vsxmap --format colmap
-    """
+    examples: vsx map save --out lab.vsxmap | vsx map load lab.vsxmap | vsx map export lab.vsxmap --format colmap"""
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
     info = verbs.add_parser("info", help="print what is in it", description="Prints what is in a SLAM map.")
     info.add_argument("file", type=Path, metavar="FILE", help="a .vsxmap")

@@ -16,8 +16,7 @@ def plan(parser: argparse.ArgumentParser) -> None:
 
     Plans from pose to pose, in a map or on open floor, and prints the certificate and the time.
 
-    example: vsx plan --start 0,0,0 --goal 2,-1,90 --phi 1 --plot plan.png
-    """
+    example: vsx plan --start 0,0,0 --goal 2,-1,90 --phi 1 --plot plan.png"""
     # Poses may begin with a minus sign.
     parser._negative_number_matcher = re.compile(r"^-[\d.]")
     add = parser.add_argument
@@ -38,8 +37,7 @@ def evaluate(parser: argparse.ArgumentParser) -> None:
     Compares a run folder with its ground truth, or any estimated trajectory with a true one. Trajectories are text
     files in TUM format (stamp tx ty tz qx qy qz qw).
 
-    examples: vsx evaluate runs/today | vsx evaluate --estimate a.txt --truth b.txt --align sim3
-    """
+    examples: vsx evaluate runs/today | vsx evaluate --estimate a.txt --truth b.txt --align sim3"""
     add = parser.add_argument
     add("run_folder", type=Path, nargs="?", metavar="RUN", help="a run folder")
     add("--estimate", type=Path, metavar="F", help="estimated trajectory")
@@ -59,8 +57,7 @@ def report(parser: argparse.ArgumentParser) -> None:
     over time, every number, and the command that repeats the run. With a second run, a page that shows both side by
     side, and what differs in numbers and settings.
 
-    examples: vsx report runs/today | vsx report runs/before runs/after --out compared.html
-    """
+    examples: vsx report runs/today | vsx report runs/before runs/after --out compared.html"""
     parser.add_argument("run_folder", type=Path, metavar="RUN", help="a run folder")
     parser.add_argument("other", type=Path, nargs="?", metavar="OTHER", help="another one, to compare with")
     parser.add_argument("--out", type=Path, metavar="FILE", help="the comparison (default compared.html in OTHER)")
@@ -76,8 +73,7 @@ def reproduce(parser: argparse.ArgumentParser) -> None:
     and its numbers. Ctrl-C interrupts, the same command continues.
 
     examples: vsx reproduce all --quick | vsx reproduce table1 --seeds 100:120 --jobs 2 | vsx reproduce fig5 --seeds
-    101:102 --time 90
-    """
+    101:102 --time 90"""
     add = parser.add_argument
     add("what", metavar="WHAT", choices=(*EXPERIMENTS, "all"), help=", ".join((*EXPERIMENTS, "all")))
     add("--world", default="lab", metavar="NAME", help="lab, office, corridor, building or a file")
@@ -98,8 +94,7 @@ def sweep(parser: argparse.ArgumentParser) -> None:
     ends), sweep.csv and sweep.html. Ctrl-C interrupts, the same command continues with what is missing.
 
     examples: vsx sweep --worlds lab,corridor --seeds 0:20 --jobs 2 | vsx sweep --seeds 100:400 --planners
-    fov,unconstrained --scheduler tcp://10.0.0.5:8786
-    """
+    fov,unconstrained --scheduler tcp://10.0.0.5:8786"""
     add = parser.add_argument
     add("--worlds", default="lab", metavar="NAME,...", help="lab, office, corridor, building, or files")
     add("--seeds", type=seeds, default=range(20), metavar="A:B", help="A to B - 1 (default 0:20)")

@@ -176,8 +176,7 @@ class Config(Branch, frozen=True):
 def from_dict(tree: dict[str, Any]) -> Config:
     """The configuration of a nested dict; missing entries take their default.
 
-    Raises ConfigError naming the entry, e.g. ``Expected `float` > 0.0 - at `$.planner.phi_rad_m`, not -1``.
-    """
+    Raises ConfigError naming the entry, e.g. ``Expected `float` > 0.0 - at `$.planner.phi_rad_m`, not -1``."""
     try:
         config: Config = msgspec.convert(tree, Config)
     except msgspec.ValidationError as error:
@@ -211,8 +210,7 @@ def to_dict(config: Config) -> dict[str, Any]:
 def overridden(config: Config, assignments: dict[str, Any]) -> Config:
     """A copy with dotted names replaced, e.g. ``{"planner.phi_rad_m": 0.5}``.
 
-    Raises ConfigError for an unknown name or an impossible value.
-    """
+    Raises ConfigError for an unknown name or an impossible value."""
     tree = to_dict(config)
     for name, value in assignments.items():
         *branches, leaf = name.split(".")

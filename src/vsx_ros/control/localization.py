@@ -117,8 +117,7 @@ class Localization:
     A SLAM pose belongs to the instant its image was taken, so it is compared with the odometry of that instant, however
     late it arrives. Wheels of unequal size make the base bend by an unknown angle per metre; that bend is estimated
     too, because at the curvatures allowed here it is what leads off the path. A SLAM pose too far from the prediction
-    to be noise (a relocalisation) is taken as it is. A new odometry epoch does not move the base.
-    """
+    to be noise (a relocalisation) is taken as it is. A new odometry epoch does not move the base."""
 
     def __init__(self) -> None:
         self._odometry: deque[Odometry] = deque(maxlen=_MEMORY)
@@ -175,8 +174,7 @@ class Localization:
         """T_world_base at an instant, or the newest known; None before the first SLAM pose.
 
         Up to 0.2 s beyond the last odometry it is extrapolated at constant twist. Without any odometry it is the last
-        SLAM pose.
-        """
+        SLAM pose."""
         if not self._odometry:
             return self._slam_pose
         odometry = odometry_at(self._odometry, self._odometry[-1].stamp_ns if stamp_ns is None else stamp_ns)

@@ -46,8 +46,7 @@ class TrajectoryTracker:
 
     C. Samson, "Control of chained systems", IEEE TAC 40 (1995), with gains per metre, so that it corrects alike at any
     speed and in both directions: v = v_r cos e_theta + k e_x, omega = v (kappa + wn^2 e_y) + 2 wn |v| e_theta. A base
-    that stands is not turned to correct an error; only a reference that turns on the spot does that.
-    """
+    that stands is not turned to correct an error; only a reference that turns on the spot does that."""
 
     def __init__(self, config: FollowerConfig, limits: LimitsConfig) -> None:
         self._config, self._comfort = config, limits
@@ -108,8 +107,7 @@ class TrajectoryTracker:
 
         pose: T_world_base, None where unknown. pose_age_s: age of the SLAM pose behind it. tracking_ok: whether SLAM
         holds. Without a fresh pose the base slows to a stop along the path and resumes when it is back.
-        speed_factor in [0, 1] slows the way ahead. Raises InputError for a pose that is not finite.
-        """
+        speed_factor in [0, 1] slows the way ahead. Raises InputError for a pose that is not finite."""
         if pose is not None and not pose.is_finite():
             raise InputError(f"the pose to follow from is not finite: {pose}; pass None when it is unknown")
         if not self._active:

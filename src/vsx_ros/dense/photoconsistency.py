@@ -2,8 +2,7 @@
 
 Paper 5.1, after Argiles, Civera, Montesano (IROS 2011). A high correlation alone does not tell a surface from the floor
 seen through a gap, where the picture runs along the motion: what is alike at the plane's depth must be less alike in
-front of it and behind.
-"""
+front of it and behind."""
 
 import math
 from typing import NamedTuple

@@ -1,8 +1,7 @@
 """What many runs prove: intervals and tests for values that were measured on the same worlds.
 
 All of them take their values for independent; of several runs in one world, give them the mean. An interval is None
-where there is no run to compute it from.
-"""
+where there is no run to compute it from."""
 
 import math
 from collections.abc import Hashable, Sequence

@@ -2,8 +2,7 @@
 
 The drives of one world begin alike, to the bit: same world, same noise, same straight start. Then each planner's path
 to the same goal is driven, closed on odometry, so that whoever loses track still gets there and the next
-one is not judged by another way. The frames of a drive go through both trackers.
-"""
+one is not judged by another way. The frames of a drive go through both trackers."""
 
 import math
 from collections.abc import Sequence

@@ -1,8 +1,7 @@
 """Rows of results, and what each rests on: no figure without its tree.
 
 A file of rows is JSON, a line for each question that was asked, with the keys of ``Row``. A row answers its question
-again only where code and configuration are the same.
-"""
+again only where code and configuration are the same."""
 
 import hashlib
 import json

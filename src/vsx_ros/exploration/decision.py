@@ -30,8 +30,7 @@ class Situation(NamedTuple):
 
     T_map_base is None while no map exists. hazard names a pressed bumper or the like. landmarks_world: (M, 3).
     odom_epoch: that of T_odom_base, which has nothing to do with one of another epoch.
-    lifted: whether the robot is held in the air.
-    """
+    lifted: whether the robot is held in the air."""
 
     slam_state: TrackingState
     slam_reason: str

@@ -10,8 +10,7 @@
 
 From any state the operator may pause it, PAUSED, until it goes on in the state before. ``decide`` is called a few times
 a second with what is known and answers with one action. Every change of state and every choice is an event with its
-reason.
-"""
+reason."""
 
 from vsx_ros.config import Config
 from vsx_ros.exploration.decision import (

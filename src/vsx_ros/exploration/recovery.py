@@ -15,8 +15,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 
 _TURN_RAD = 0.2  # between poses of the trail on a bend; with the spacing, what a radian is worth in metres
-SPOT_TURN = SE2(0.0, 0.0, math.pi / 4.0)
-"""Where all arcs are blocked: a round body touches nothing new."""
+SPOT_TURN = SE2(0.0, 0.0, math.pi / 4.0)  # Where all arcs are blocked: a round body touches nothing new
 _SAMPLES = 8  # places of the arc that are checked, every 5 cm
 _ARCS, _TURNS = 4, round(2.0 * math.pi / SPOT_TURN.theta)  # turns: once around
 _MOST_STEPS = 40  # back: of a robot that does not move, or whose steps are all cut short

@@ -3,8 +3,7 @@
 v is the unknown area a view would show, found by ray casting within the camera's field of view, with the probability
 that nothing unknown hides it, and the information in it (``unknown_ground.py``).
 d is the length of the motion-bounded path plus what a stop costs. A view that would show too few known landmarks is
-worth less, for the tracker has to live there.
-"""
+worth less, for the tracker has to live there."""
 
 import math
 from collections.abc import Callable
@@ -78,22 +77,19 @@ class Ranking(NamedTuple):
         return any(self.rejected[reason] for reason in _ELSEWHERE)
 
 
-TravelCosts = Callable[[FloatArray], FloatArray]
-"""(N, 3) poses to (N,) path lengths [m], infinite where no path exists."""
+TravelCosts = Callable[[FloatArray], FloatArray]  # (N, 3) poses to (N,) path lengths [m], infinite where no path exists
 
 TravelCostsFrom = Callable[[SE2, OccupancyGrid], TravelCosts]
 """Start pose and grid to the function that costs many poses in one call."""
 
-BlacklistedPoses = Callable[[FloatArray], BoolArray]
-"""(N, 3) poses to (N,) True where a goal failed a while ago."""
+BlacklistedPoses = Callable[[FloatArray], BoolArray]  # (N, 3) poses to (N,) True where a goal failed a while ago
 
 
 class RankingInput(NamedTuple):
     """What a ranking is made from.
 
     radius_m: of the robot with its clearance. landmarks_world: (M, 2) or (M, 3) map points [m]. looked_from: (L, 3)
-    poses that the camera has looked from. travel_costs: path lengths from here. blacklist: poses near failed goals.
-    """
+    poses that the camera has looked from. travel_costs: path lengths from here. blacklist: poses near failed goals."""
 
     grid: OccupancyGrid
     radius_m: float
@@ -104,8 +100,7 @@ class RankingInput(NamedTuple):
     config: ExplorationConfig
 
 
-Ranker = Callable[[RankingInput], Ranking]
-"""A strategy: which view to drive to next."""
+Ranker = Callable[[RankingInput], Ranking]  # A strategy: which view to drive to next
 
 
 def traversable_cells(grid: OccupancyGrid, radius_m: float) -> BoolArray:

@@ -18,8 +18,7 @@ _SECOND_NS = 1_000_000_000
 _NEAR_RAD = 0.8  # a goal this like one that failed, within the base's radius, is the same one
 _MOST_FAILURES = 3  # after so many a goal stays given up
 _MOST_DOUBLINGS = 7  # of blacklist_s: two hours, longer than a run
-_MAPS_AGREE = 3
-"""So many maps in a row say that it has been seen: what is a wall to one may be a gap to the next."""
+_MAPS_AGREE = 3  # So many maps in a row say that it has been seen: what is a wall to one may be a gap to the next
 
 
 class ExpectedGain:

@@ -19,8 +19,7 @@ from vsx_ros.io.bag_without_index import UnindexedBag
 from vsx_ros.io.bounded_rosbags import BoundedRos1, BoundedRos2, ZstdError
 from vsx_ros.limits import DAMAGE
 
-METADATA = "metadata.yaml"
-"""What makes a folder a ROS 2 bag."""
+METADATA = "metadata.yaml"  # What makes a folder a ROS 2 bag
 
 _ROS1_MAGIC = b"#ROSBAG V2.0\n"
 _ROS2_MAGIC = {b"\x89MCAP0\r\n": ".mcap", b"SQLite format 3\x00": ".db3"}

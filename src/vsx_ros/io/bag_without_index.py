@@ -1,7 +1,6 @@
 """ROS 1 bags whose index is missing or wrong, read record by record: what was written before the cut is there.
 
-Records are those of the bag format 2.0 (wiki.ros.org/Bags/Format/2.0).
-"""
+Records are those of the bag format 2.0 (wiki.ros.org/Bags/Format/2.0)."""
 
 import io
 from collections.abc import Collection, Iterator

@@ -3,8 +3,7 @@
 A packed chunk holds at least one message, hence an image: its limit is that of a large raw image. What is unpacked of
 a bag may be a multiple of its size, so that a bag of many gigabytes streams as it always did. The reader of MCAP, and
 that of files and messages packed one by one, take their decompressors from their modules, where these are put;
-quality-of-service profiles, YAML inside of YAML that nobody here needs, are not parsed.
-"""
+quality-of-service profiles, YAML inside of YAML that nobody here needs, are not parsed."""
 
 import bz2
 import io
@@ -30,11 +29,9 @@ else:
     from backports import zstd
 
 ZstdError = zstd.ZstdError
-MAX_UNPACKED = 64 * MIB
-"""A packed chunk or message: a colour image of 20 megapixels."""
+MAX_UNPACKED = 64 * MIB  # A packed chunk or message: a colour image of 20 megapixels
 _FLOOR, _RATIO = 128 * MIB, 32  # bytes that any bag may unpack to, and times its own size
-_PASSES = 4
-"""Odometry, truth and images are read one after the other."""
+_PASSES = 4  # Odometry, truth and images are read one after the other
 
 
 def unpacked(kind: str, data: bytes, most: int) -> bytes:

@@ -2,8 +2,7 @@
 
 How large an image file says it is, is read from its first bytes: what is too large is refused before it is decoded.
 Sources: PNG (W3C), section 11.2.2; JPEG (ITU-T T.81), annex B; Netpbm's ppm(5); BMP (BITMAPINFOHEADER); TIFF 6.0,
-section 2.
-"""
+section 2."""
 
 import re
 import struct
@@ -105,8 +104,7 @@ def decoded(compressed: bytes, name: str, said: str = "") -> GrayImage:
 
 
 FORMATS = "JPEG, PNG, PGM, PPM, BMP or TIFF"
-MAX_JPEG_SCANS = 200
-"""Progressive files have ten; each is a walk over all pixels."""
+MAX_JPEG_SCANS = 200  # Progressive files have ten; each is a walk over all pixels
 
 # As OpenCV reads them: one character ends a number.
 _PNM_NUMBER = rb"(?:\s|#[^\r\n]*[\r\n])*(\d{1,9})[^\d]"

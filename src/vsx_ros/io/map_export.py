@@ -2,8 +2,7 @@
 text model (cameras.txt, images.txt, points3D.txt) with its pictures, for photogrammetry tools.
 
 Source: COLMAP documentation, "Output Format". There, poses are T_cam_world with quaternions (w, x, y, z), and the
-centre of the top-left pixel is (0.5, 0.5).
-"""
+centre of the top-left pixel is (0.5, 0.5)."""
 
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,6 +1,5 @@
 """Files of which no changed byte goes unnoticed: several contents in one zip file that ends with its own SHA-256, which
-any tool opens; and large arrays of which most rows never change, in pieces that are written once.
-"""
+any tool opens; and large arrays of which most rows never change, in pieces that are written once."""
 
 import hashlib
 import io

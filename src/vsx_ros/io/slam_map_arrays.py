@@ -1,7 +1,6 @@
 """A map of the SLAM as arrays: their names, types and shapes, and what must hold between them.
 
-K keyframes, O observations and C corners (of one keyframe after the other), P points, T templates.
-"""
+K keyframes, O observations and C corners (of one keyframe after the other), P points, T templates."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
@@ -59,8 +58,7 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...], Callable[[MapView], Any]]] =
 """Type and shape of every array, and what of a view it is; anchor is -1 for a living keyframe, odometry is x, y, theta
 where there is any, readout_motion as ``moving`` takes it, chain the odometry's epoch."""
 
-MAX_KEYFRAMES = 2**16
-"""Many times those of the largest buildings."""
+MAX_KEYFRAMES = 2**16  # Many times those of the largest buildings
 _ORTHONORMAL = 1e-6  # rounding of rotations
 _MOST = np.iinfo(np.int64).max
 _RANGES: dict[str, tuple[float, float | str]] = {

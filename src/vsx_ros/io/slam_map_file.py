@@ -1,8 +1,7 @@
 """A map of the SLAM on disk, with all that is needed to continue it (``.vsxmap``).
 
 A zip file: manifest.json (format, camera, mount), keyframes/<index>.png (grey images), arrays/<name>.npy
-(``slam_map_arrays.LAYOUT``); its last 64 bytes are the SHA-256 of all bytes before.
-"""
+(``slam_map_arrays.LAYOUT``); its last 64 bytes are the SHA-256 of all bytes before."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -33,8 +32,7 @@ from vsx_ros.vision.patch_search import kernel_camera, moving
 from vsx_ros.vision.pyramid import build_pyramid, small_image
 
 FORMAT, VERSION = "vsx_ros slam map", 1  # raised when an older vsx_ros could not read the file
-_PIXELS, _PIXELS_PER_BYTE = 64 * MIB, 16
-"""A camera's noise leaves two to three pixels in a byte of a packed picture."""
+_PIXELS, _PIXELS_PER_BYTE = 64 * MIB, 16  # A camera's noise leaves two to three pixels in a byte of a packed picture
 
 
 def save_slam_map(slam_map: SlamMap, path: Path) -> None:

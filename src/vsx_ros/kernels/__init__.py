@@ -1,8 +1,7 @@
 """Ground floor: compiled loops over arrays and scalars, and named tuples of them. No files, no clock.
 
 Every kernel is decorated with ``kernel``: cached on disk, free of Python's global lock, IEEE arithmetic
-(no fastmath), so the same input gives the same bits.
-"""
+(no fastmath), so the same input gives the same bits."""
 
 from collections.abc import Callable
 from typing import ParamSpec, TypeVar

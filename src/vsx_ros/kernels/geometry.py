@@ -6,8 +6,7 @@ rows of the image are read out from top to bottom.
 
 A row is seen from where the camera was at that row's own time; all else refers to the middle row. At 15 deg/s and 26 ms
 that is 1.8 px at the edges, much more than what patches are located to. The way matters less (0.3 px at 0.3 m/s and
-3 m) and only where the depth is known: for poses and observations, not for where to look.
-"""
+3 m) and only where the depth is known: for poses and observations, not for where to look."""
 
 import math
 
@@ -75,8 +74,7 @@ def compose(Ra: FloatArray, ta: FloatArray, Rb: FloatArray, tb: FloatArray) -> t
 def orthonormalize(R: FloatArray) -> None:
     """Make the rows of a nearly orthonormal (3, 3) matrix exactly so, in place.
 
-    Poses are composed thousands of times from one another; without this the rounding errors multiply.
-    """
+    Poses are composed thousands of times from one another; without this the rounding errors multiply."""
     for i in range(3):
         for k in range(i):
             dot = R[i, 0] * R[k, 0] + R[i, 1] * R[k, 1] + R[i, 2] * R[k, 2]

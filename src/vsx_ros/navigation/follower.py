@@ -17,12 +17,9 @@ from vsx_ros.planning.path import Trajectory
 from vsx_ros.robot import STOP, VelocityCommand
 from vsx_ros.slam.state import TrackingState
 
-LEASE_S = 0.3
-"""Whoever wants motion says so again and again; after so long it counts as gone."""
-_VSLAM_GONE_S = 2.0
-"""The base waits for a silent vslam, but not longer."""
-_ODOMETRY_S = 0.5
-"""On a busy machine an odometry reading may be late."""
+LEASE_S = 0.3  # Whoever wants motion says so again and again; after so long it counts as gone
+_VSLAM_GONE_S = 2.0  # The base waits for a silent vslam, but not longer
+_ODOMETRY_S = 0.5  # On a busy machine an odometry reading may be late
 _ZERO_FOR_S = 0.3  # stops are sent so long, several times, should one be lost
 
 
@@ -42,8 +39,7 @@ class Follower:
 
     A trajectory in the frame map needs a tracked camera, one in odom odometry alone. Silence of vslam or of odometry
     stops at once and is waited for, the former not for long. A hazard that was not there before, a base that gets stuck
-    and silence of whoever gave the trajectory end the drive at once. All else slows on the path.
-    """
+    and silence of whoever gave the trajectory end the drive at once. All else slows on the path."""
 
     def __init__(self, config: Config) -> None:
         self._tracker = TrajectoryTracker(config.follower, config.limits)
@@ -151,8 +147,7 @@ class FollowerReport(msgspec.Struct, frozen=True):
 
     trajectory: its identity, 0 before the first. error: x [m], y [m], theta [rad] of the reference as seen from the
     base, where known. at_s: how far it is in the trajectory's own time. stop: x, y, theta in ``frame`` of where the
-    base will stand, while it is stopping on the way because that was wanted.
-    """
+    base will stand, while it is stopping on the way because that was wanted."""
 
     trajectory: int
     status: FollowStatus

@@ -8,8 +8,7 @@
       +<---- RESTING <----(cancelled: brake; nothing left to try)-------+
 
 ``step`` is told what is known and answers with what is to be done; planning takes its time meanwhile, and the base
-stands or brakes. Whoever steps it gives the answers of the planner to ``planned``.
-"""
+stands or brakes. Whoever steps it gives the answers of the planner to ``planned``."""
 
 from enum import Enum
 from typing import NamedTuple
@@ -23,10 +22,8 @@ from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.corridor import braking_before, obstacle_ahead
 from vsx_ros.planning.path import Refusal, TimedPlan
 
-_FOLLOWER_S = 1.0
-"""The follower tells its status five times a second."""
-_PLANNER_S = 15.0
-"""Plans take a second or two; a planner that needs this long hangs."""
+_FOLLOWER_S = 1.0  # The follower tells its status five times a second
+_PLANNER_S = 15.0  # Plans take a second or two; a planner that needs this long hangs
 _STAND_WAIT_S = 1.5  # for odometry to say that the base stands; then it is planned anyway
 _NEAR_ALONG_M, _NEAR_BESIDE_M, _NEAR_RAD = 0.08, 0.04, 0.06  # off a plan's start: the follower makes up for it
 

@@ -63,8 +63,7 @@ class GoalPlanner:
     def plan(self, start: SE2, goal: SE2, frame: str) -> Plan | Refusal:
         """From start to goal, both in ``frame``: in map by the newest map, in odom blindly.
 
-        Raises PlanningError for poses that are not finite.
-        """
+        Raises PlanningError for poses that are not finite."""
         grid = self.grid
         if frame == ODOM_FRAME:
             return self.blind.plan_blind(start, goal)

@@ -16,8 +16,7 @@ CLEARANCE_REACH_M = 1.5  # farther obstacles change no plan, and cost time
 def clearance_field(grid: OccupancyGrid, reach_m: float = CLEARANCE_REACH_M) -> DistanceField:
     """Distance to the nearest cell that is occupied, unknown or outside the map; negative inside such a cell.
 
-    Distances go to the edges of the cells, exactly at the middles of cells, and are cut off at reach_m.
-    """
+    Distances go to the edges of the cells, exactly at the middles of cells, and are cut off at reach_m."""
     blocked = np.ones((grid.shape[0] + 2, grid.shape[1] + 2), np.bool_)
     blocked[1:-1, 1:-1] = grid.data != FREE
     values = signed_distance(blocked, math.ceil(reach_m / grid.resolution))
@@ -28,8 +27,7 @@ def clearance_field(grid: OccupancyGrid, reach_m: float = CLEARANCE_REACH_M) -> 
 def travel_distance(field: DistanceField, start: tuple[float, float]) -> FloatArray:
     """(H, W) length [m] of the shortest 8-connected way from start through cells whose field value is not negative.
 
-    Infinite where there is none. The start's own cell is always entered.
-    """
+    Infinite where there is none. The start's own cell is always entered."""
     open_cells: BoolArray = field.values >= 0.0
     row, column = field.cell(*start)
     if not (0 <= row < open_cells.shape[0] and 0 <= column < open_cells.shape[1]):

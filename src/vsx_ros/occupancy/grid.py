@@ -9,8 +9,7 @@ from vsx_ros.arrays import BoolArray, IntArray, Points2
 from vsx_ros.errors import MapFileError
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100  # of nav_msgs/OccupancyGrid
-MAX_CELLS = 2**24
-"""Of a map from outside: 200 x 200 m at 5 cm."""
+MAX_CELLS = 2**24  # Of a map from outside: 200 x 200 m at 5 cm
 MAX_EXTENT_M = 1e6  # beyond any building; keeps cell numbers in their range
 
 
@@ -19,8 +18,7 @@ class OccupancyGrid:
     """Cells as in nav_msgs/OccupancyGrid: -1 unknown, 0 free, 100 occupied.
 
     data: (H, W) int8, row 0 at the smallest y; read-only. resolution: metres per cell.
-    origin_x, origin_y: world position of the outer corner of cell (0, 0) [m]; axes parallel to the world's.
-    """
+    origin_x, origin_y: world position of the outer corner of cell (0, 0) [m]; axes parallel to the world's."""
 
     data: NDArray[np.int8]
     resolution: float

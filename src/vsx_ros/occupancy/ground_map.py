@@ -63,8 +63,7 @@ class GroundMap:
         driven: where the base was, nowhere if None. surfaces: what is known to be solid besides the points; the
         floor before their feet is free. obs_level: (O,) pyramid level of each observation, fine ones if None; coarse
         ones show no obstacle but end what is free.
-        Raises InputError when an observation or a surface names a keyframe or point that is not there.
-        """
+        Raises InputError when an observation or a surface names a keyframe or point that is not there."""
         trail, bumps, start = driven or DriveHistory()
         self._check(len(T_world_cams), points_world, obs_keyframe, obs_point, obs_level)
         points = writable(points_world, np.float64).reshape(-1, 3)
@@ -203,8 +202,7 @@ def believed(
     They hold ``least`` of the members, and free_votes (rows, columns) not more times the votes than the first of the
     shares, or the second where there are fewer than ``sure`` members; one free vote of a cell weighs as much as nine of
     all. What is over them counts with them: what stands on the floor goes on upwards, a wrong match before the floor
-    does not.
-    """
+    does not."""
     votes, points = _around(hits.votes), _around(hits.members)
     if over is not None:
         votes, points = votes + _around(over.votes), points + np.where(points > 0, _around(over.members), 0)

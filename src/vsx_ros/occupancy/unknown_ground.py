@@ -3,8 +3,7 @@ which a map shows only some cells; where known free space meets it (frontiers, p
 
 A sparse map shows a plain wall as a row of dots, and ground behind them stays unknown however often it is looked at.
 So gaps in a long straight row of obstacle cells count as wall, and unknown cells lose information with every look at
-them from the same side. From another side they keep it: what hid them may be a box.
-"""
+them from the same side. From another side they keep it: what hid them may be a box."""
 
 import math
 from dataclasses import replace
@@ -88,8 +87,7 @@ def walls(
 class Frontier(NamedTuple):
     """A connected border of free cells that touch unknown ones.
 
-    cells: (K, 2) row, column. centroid: (2,) mean position [m]. length_m: K cells as a length [m].
-    """
+    cells: (K, 2) row, column. centroid: (2,) mean position [m]. length_m: K cells as a length [m]."""
 
     cells: IntArray
     centroid: Points2
@@ -123,8 +121,7 @@ def information_weights(grid: OccupancyGrid, looked_from: FloatArray, config: Ex
     where the ground is known.
 
     Half for every ``looks_to_half`` looks in that sector from within ``look_range_m`` among the poses looked_from
-    (N, 3); looks in the sectors beside it count half.
-    """
+    (N, 3); looks in the sectors beside it count half."""
     looks = count_looks(
         grid.data, grid.resolution, grid.origin_x, grid.origin_y, np.ascontiguousarray(looked_from).reshape(-1, 3),
         0.5 * config.sensor_fov_rad, config.look_range_m, SECTORS,

@@ -1,8 +1,7 @@
 """The virtual laser scanner: what a keyframe's points say about the floor around it (paper 5.2).
 
 One polar scan a keyframe, in the keyframe's own frame. When bundle adjustment moves keyframes and points, the
-scans are simply made anew; nothing is ever subtracted from a map.
-"""
+scans are simply made anew; nothing is ever subtracted from a map."""
 
 from collections.abc import Sequence
 
@@ -34,8 +33,7 @@ def virtual_scans(
 
     A ray from the camera to a point proves the floor passable while the ray is low enough to have met an obstacle.
     A point near the floor is floor. A point between the obstacle heights is an obstacle, unless its depth is too
-    uncertain; in its bearing nothing behind it is called passable.
-    """
+    uncertain; in its bearing nothing behind it is called passable."""
     rotations, positions = stacked(T_world_cams)
     yaws = np.arctan2(rotations[:, 1, 2], rotations[:, 0, 2])
     headings = np.column_stack([np.cos(yaws), np.sin(yaws)])

@@ -26,8 +26,7 @@ _CELL_M = 0.1  # of the lattice; half of it where the goal or start lies in a po
 # Most states of each search, for memory and time; fewer than the last are a pocket.
 _COARSE_STATES, _BACK_STATES, _FINE_STATES, _FEW_STATES = 5_000_000, 40_000, 120_000, 200
 _SHORTCUTS = 300  # random ones tried per way
-OCTILE = 0.924
-"""A straight line is at least this share of the 8-connected way along it."""
+OCTILE = 0.924  # A straight line is at least this share of the 8-connected way along it
 
 
 class ArcBounds(NamedTuple):
@@ -136,8 +135,7 @@ def coarse_lattice(phi: float) -> Lattice:
 def search(start: SE2, goal: SE2, bounds: ArcBounds, remaining: FloatArray) -> CoarsePath | None:
     """A way over a lattice: from the start, from the goal, with arcs half as long; None when there is none.
 
-    remaining (H, W): ``travel_distance`` from the goal.
-    """
+    remaining (H, W): ``travel_distance`` from the goal."""
     coarse = coarse_lattice(bounds.phi)
     fine = Lattice(2 * coarse.headings, coarse.bins, 0.5 * coarse.cell_m, _FINE_STATES)  # where there is hardly room
     way = search_lattice(start, goal, bounds, remaining, coarse)

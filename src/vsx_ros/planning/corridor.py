@@ -32,8 +32,7 @@ class Corridor:
     """The ground the base's centre may use.
 
     clearance: distance to ground not known to be free [m]. margin: that less the clearance the base needs there, less a
-    centimetre for the gaps between checked points; searches stay where it is not negative.
-    """
+    centimetre for the gaps between checked points; searches stay where it is not negative."""
 
     clearance: DistanceField
     margin: DistanceField
@@ -113,8 +112,7 @@ def obstacle_ahead(trajectory: Trajectory, from_s: float, grid: OccupancyGrid, r
     where it touches nothing.
 
     from_s: how far it has come on the trajectory, in its own time [s]. Only obstacles count: what is unknown again was
-    free when the plan was made. Where the base stands closer already it may leave.
-    """
+    free when the plan was made. Where the base stands closer already it may leave."""
     rest = trajectory.poses[trajectory.times_s - trajectory.times_s[0] >= from_s]
     positions = np.vstack([trajectory.at(from_s)[0].as_array()[None, :2], rest[:, :2]])
     way_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(positions, axis=0).T))])
@@ -130,8 +128,7 @@ def braking_before(obstacle_m: float, v_m_s: float, limits: LimitsConfig) -> flo
     usual where that does, by a_stop_m_s2 where it does not; infinite where not even that does, and zero must be
     commanded at once.
 
-    A jerk-limited stop from v takes v^2 / 2a + v a / 2j, and limits.reaction_s comes before it.
-    """
+    A jerk-limited stop from v takes v^2 / 2a + v a / 2j, and limits.reaction_s comes before it."""
     v = abs(v_m_s)
     room_m = obstacle_m - _LEFT_M - v * limits.reaction_s
     for a_m_s2 in (limits.a_m_s2, limits.a_stop_m_s2):
@@ -145,8 +142,7 @@ class Visibility:
     """Known landmarks (M, 2 or 3) [m] and the camera that must see them.
 
     config.sight_landmarks are needed, and a tenth of that in either half of the picture (all on one side say little
-    about the pose). Raises PlanningError for landmarks that are not finite.
-    """
+    about the pose). Raises PlanningError for landmarks that are not finite."""
 
     def __init__(self, landmarks_world: FloatArray, config: PlannerConfig) -> None:
         if not np.all(np.isfinite(landmarks_world)):

@@ -11,8 +11,7 @@ with a monotone S-curve S. There is no tangent, hence no forbidden heading.
 
 The bound on the change of view (eq. 5, 6, 11) then reads |thetadot| <= phi rho. Both sides share ``rest_factor``; what
 remains, phi p(t) - |q(t)| >= floor, is a polynomial of degree 9 that is linear in the coefficients of rho. Its
-Bernstein coefficients on sub-intervals being non-negative proves it for every t, not only on a grid.
-"""
+Bernstein coefficients on sub-intervals being non-negative proves it for every t, not only on a grid."""
 
 from math import comb
 
@@ -20,8 +19,7 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray
 
-COEFFICIENTS = 10
-"""Free coefficients of a rate: x(t) has degree 12, as in the paper's eq. (2)."""
+COEFFICIENTS = 10  # Free coefficients of a rate: x(t) has degree 12, as in the paper's eq. (2).
 
 
 def jacobi(t: FloatArray) -> FloatArray:
@@ -49,8 +47,7 @@ _NORMS = _norms()
 def rest_factor(t: FloatArray, joint_before: bool, joint_after: bool) -> FloatArray:
     """(N,) the factor of rho that vanishes at the ends where the base rests; t (1 - t) between two rests.
 
-    At a joint the path runs on, bending the other way, and rho keeps its size.
-    """
+    At a joint the path runs on, bending the other way, and rho keeps its size."""
     return np.asarray((1.0 if joint_before else t) * (1.0 if joint_after else 1.0 - t) * np.ones_like(t))
 
 
@@ -58,8 +55,7 @@ def profile_rate(t: FloatArray, joint_before: bool, joint_after: bool) -> FloatA
     """(N,) S'(t) / ``rest_factor`` of the S-curve from 0 to 1.
 
     Between two rests it is the minimiser of eq. (7)-(8), S = 7.5 t^2 - 20 t^3 + 22.5 t^4 - 9 t^5. With a joint it is
-    S = 3 t^2 - 2 t^3, whose rate vanishes there more strongly than rho, so that the curvature passes through zero.
-    """
+    S = 3 t^2 - 2 t^3, whose rate vanishes there more strongly than rho, so that the curvature passes through zero."""
     if joint_before or joint_after:
         return np.asarray(6.0 * (t if joint_before else 1.0) * ((1.0 - t) if joint_after else 1.0) * np.ones_like(t))
     return np.asarray(15.0 * (1.0 - 3.0 * t + 3.0 * t * t))
@@ -72,8 +68,7 @@ def profile(t: FloatArray, joint_before: bool, joint_after: bool) -> FloatArray:
     return np.asarray(t**2 * (7.5 - 20.0 * t + 22.5 * t * t - 9.0 * t**3))
 
 
-JOINT_SLOPE = 6.0
-"""|q| leaves a joint with this slope per radian of turn, so dkappa/ds = 6 |d| / p^2 there."""
+JOINT_SLOPE = 6.0  # |q| leaves a joint with this slope per radian of turn, so dkappa/ds = 6 |d| / p^2 there
 
 FLAGS = [(a, b) for a in (False, True) for b in (False, True)]
 """Every pair of end conditions (joint before, joint after)."""
@@ -83,8 +78,7 @@ class Quadrature:
     """Composite Gauss-Legendre rule on [0, 1]; its tables are shared by all pieces.
 
     t (M,) nodes, weights (M,); knots (intervals + 1,). basis[flags] (M, 10): rho is its product with the coefficients.
-    every_basis (4, M, 10), every_profile (4, M): the same in the order of ``FLAGS``.
-    """
+    every_basis (4, M, 10), every_profile (4, M): the same in the order of ``FLAGS``."""
 
     def __init__(self, intervals: int, order: int) -> None:
         nodes, weights = np.polynomial.legendre.leggauss(order)
@@ -159,8 +153,7 @@ def least_rate(turn: float, phi: float, joints: tuple[bool, bool], floor: float)
 def curvature_bound(coefficients: FloatArray, turn: float, joints: tuple[bool, bool]) -> float:
     """An upper bound of |dtheta/ds| over the whole piece [rad/m]; infinite where rho is not proved positive.
 
-    Where every Bernstein coefficient of |q| is at most r times that of p > 0, |q| <= r p holds between them too.
-    """
+    Where every Bernstein coefficient of |q| is at most r times that of p > 0, |q| <= r p holds between them too."""
     p = RATE_ROWS @ coefficients
     if float(p.min()) <= 0.0:
         return float("inf")

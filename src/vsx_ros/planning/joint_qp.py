@@ -11,8 +11,7 @@ coefficients of rho_k = ds/dt >= 0 of all pieces jointly. Cusp positions are not
     subject to  sum_k direction_k int rho_k (cos theta_k, sin theta_k) dt = goal position
                 phi p_k(t) - |q_k(t)| >= phi floor  for all t       (flat_output.py)
 
-DAQP (Arnstrom et al. 2022), a dual active-set method, solves it exactly.
-"""
+DAQP (Arnstrom et al. 2022), a dual active-set method, solves it exactly."""
 
 import math
 from dataclasses import dataclass
@@ -38,8 +37,7 @@ _ENERGY = 0.01  # weight of smoothness against length: small, so that it decides
 _FLOOR_M, _FLOOR_SHARE = 0.01, 0.02  # least length of a piece, m and share of the way: none may vanish
 _EXACT = 1e-9  # m, rad and share of phi: what counts as exact
 _LENGTH = {flags: COARSE.integral(COARSE.basis[flags]) for flags in FLAGS}
-TIGHTNESS = (1.0, 0.95, 0.9, 0.8)
-"""Headings are searched at these shares of phi, so that the programme at phi has room."""
+TIGHTNESS = (1.0, 0.95, 0.9, 0.8)  # Headings are searched at these shares of phi, so that the programme at phi has room
 
 GOOD_ENOUGH = 1.004  # times the shortest word's length: tighter headings can gain no more than that
 _TRIES = 5  # sequences solved per tightness, for time
@@ -51,8 +49,7 @@ _USUAL = PlannerConfig()
 class QpProblem(NamedTuple):
     """Minimise 1/2 x'P x + q'x subject to lower <= A x <= upper.
 
-    P (n, n) symmetric positive definite, q (n,), A (m, n), lower and upper (m,), infinite where there is no bound.
-    """
+    P (n, n) symmetric positive definite, q (n,), A (m, n), lower and upper (m,), infinite where there is no bound."""
 
     P: FloatArray
     q: FloatArray
@@ -71,8 +68,7 @@ class QpSolution(NamedTuple):
 def solve_qp(problem: QpProblem, duals: FloatArray | None = None) -> QpSolution | None:
     """The solution, or None when DAQP reports none (infeasible, or the iteration limit).
 
-    duals (m,): those of a similar problem, from whose active rows the search begins; the solution is the same.
-    """
+    duals (m,): those of a similar problem, from whose active rows the search begins; the solution is the same."""
     sense = np.where(problem.lower == problem.upper, 5, 0).astype(np.int32)
     x, _, flag, info = daqp.solve(
         problem.P, problem.q, np.ascontiguousarray(problem.A), np.minimum(problem.upper, 1e30),
@@ -86,8 +82,7 @@ def solve_qp(problem: QpProblem, duals: FloatArray | None = None) -> QpSolution 
 class HeadingSequence:
     """One entry a piece: direction (+1, -1) and signed turn [rad]; joints[k] tells whether the path runs on
     without stopping from piece k to k + 1. length_m: of the word it comes from; shortest_m: of its shortest piece.
-    members[k]: which segments of the word piece k replaces.
-    """
+    members[k]: which segments of the word piece k replaces."""
 
     directions: tuple[int, ...]
     turns: tuple[float, ...]
@@ -110,8 +105,7 @@ def merge_segments(word: CoarsePath, total_turn: float, breaks: frozenset[int] =
     """The sequence of a word.
 
     The headings are made to add up to total_turn modulo a full circle exactly. After a segment in breaks, which must be
-    straight, a new piece begins in any case. None for a word without length.
-    """
+    straight, a new piece begins in any case. None for a word without length."""
     turns, lengths = word.turns.tolist(), word.lengths.tolist()
     members: list[list[int]] = []
     for index in np.flatnonzero(np.abs(word.lengths) * word.phi >= _SHORTEST_SEGMENT).tolist():
@@ -226,8 +220,7 @@ def connections(start: SE2, goal: SE2, phi: float, enough: int, config: PlannerC
     """Verified paths, cheapest by config first, never none; searches on until ``enough`` smooth ones are found.
 
     The shortest Reeds-Shepp word itself, arcs with stops between them, stands in where no smooth path comes near it
-    (between poses a hair apart).
-    """
+    (between poses a hair apart)."""
     found: list[Path] = []
     arcs = tuple(arc for arc in shortest_word(start, goal, phi).arcs(start) if arc.length_m > _NOTHING_M)
     word = certified(start, goal, arcs, "arcs and lines")

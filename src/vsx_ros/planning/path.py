@@ -115,8 +115,7 @@ class Path:
     def sample(self, step_m: float) -> FloatArray:
         """(N, 5) x, y, theta (unwrapped), kappa, direction, at most step_m apart; piece ends included.
 
-        Turns on the spot are sampled every 0.1 rad. Raises PlanningError for a step that is not positive.
-        """
+        Turns on the spot are sampled every 0.1 rad. Raises PlanningError for a step that is not positive."""
         if not step_m > 0.0:
             raise PlanningError(f"cannot sample a path every {step_m} m; the step must be positive")
         if not self.pieces:
@@ -167,8 +166,7 @@ class Plan:
     """A path to a goal and the name of the planner that made it.
 
     blind_spans (K, 2): first and last arc length [m] of every stretch along which the camera sees too few landmarks,
-    None where the planner was told of none.
-    """
+    None where the planner was told of none."""
 
     goal: SE2
     path: Path
@@ -181,8 +179,7 @@ class Trajectory:
     """A path in time, as samples.
 
     times_s (N,) not decreasing; poses (N, 3) x, y [m], theta [rad, unwrapped]; v (N,) [m/s], negative in reverse;
-    omega (N,) [rad/s]. Raises PlanningError for arrays that do not fit together.
-    """
+    omega (N,) [rad/s]. Raises PlanningError for arrays that do not fit together."""
 
     times_s: FloatArray
     poses: FloatArray
@@ -212,8 +209,7 @@ class Trajectory:
         """Pose, v [m/s] and omega [rad/s] at t_s after the start, held at both ends.
 
         The pose is cubic between the samples, with their speeds as its slopes, and omega is the slope of its heading:
-        on straight lines between them the turn rate would jump at each sample.
-        """
+        on straight lines between them the turn rate would jump at each sample."""
         t = float(np.clip(t_s, 0.0, self.duration_s)) + float(self.times_s[0])
         i = int(np.clip(np.searchsorted(self.times_s, t, side="right") - 1, 0, max(0, len(self.times_s) - 2)))
         j = min(i + 1, len(self.times_s) - 1)

@@ -1,8 +1,7 @@
 """The pieces a path is made of: a table of exact knots between which it is interpolated.
 
 Columns of a table: arc length s from the start of the piece [m], x, y [m], theta [rad, unwrapped], and curvature
-kappa = dtheta/ds [rad/m] with s counted positive in both driving directions.
-"""
+kappa = dtheta/ds [rad/m] with s counted positive in both driving directions."""
 
 import math
 from dataclasses import dataclass
@@ -22,8 +21,7 @@ class Piece:
     """A stretch driven in one direction: +1 forward, -1 reverse, 0 turning on the spot.
 
     table (M >= 2, 5): s, x, y, theta, kappa at knots, s not decreasing; kappa is 0 in a turn on the spot.
-    curvature_bound: proved upper bound of |kappa| over the piece [rad/m], infinite in a turn on the spot.
-    """
+    curvature_bound: proved upper bound of |kappa| over the piece [rad/m], infinite in a turn on the spot."""
 
     direction: int
     table: FloatArray
@@ -52,8 +50,7 @@ class Piece:
     def at(self, s: FloatArray) -> FloatArray:
         """(N, 5) x, y, theta, kappa, direction at arc lengths s (N,) [m], held at the ends.
 
-        Cubic Hermite between the knots, whose tangents are exact; not for turns on the spot.
-        """
+        Cubic Hermite between the knots, whose tangents are exact; not for turns on the spot."""
         s = np.clip(np.asarray(s, float), 0.0, self.length_m)
         knots = self.table[:, 0]
         i = np.clip(np.searchsorted(knots, s, side="right") - 1, 0, len(knots) - 2)
@@ -90,8 +87,7 @@ def curve_piece(
 ) -> Piece:
     """The polynomial curve of the certified method: theta = theta_0 + turn S(t), rho = basis @ coefficients (10,).
 
-    joints: whether the path runs on, bending the other way, before and after. bound: proved by ``curvature_bound``.
-    """
+    joints: whether the path runs on, bending the other way, before and after. bound: proved by ``curvature_bound``."""
     table = curve_table(
         start.as_array(), turn, direction, np.ascontiguousarray(coefficients), FINE.basis[joints],
         FINE.profile[joints], FINE.weights, FINE.order, FINE.knot_jacobi, FINE.knot_profile[joints],

@@ -45,8 +45,7 @@ class Planner:
         With ``visibility`` the way along which too few landmarks are in view counts several times, so that a path which
         keeps the map in view is preferred to a shorter one that loses it; ``Plan.blind_spans`` says what remains, and a
         way with more of it in one go than config.max_blind_m is not taken. The same question with the same state of rng
-        gives the same answer to the last bit. Raises PlanningError for poses that are not finite.
-        """
+        gives the same answer to the last bit. Raises PlanningError for poses that are not finite."""
         check_question(start, goal, self._config.phi_rad_m)
         corridor = build_corridor(grid, start, goal, self._config, self._robot)
         if isinstance(corridor, Refusal):
@@ -122,8 +121,7 @@ class Planner:
         """(N,) estimated travel lengths [m] from start to poses (N, 3) around the obstacles; inf where unreachable.
 
         One search over positions and headings with arcs of curvature phi, forwards and in reverse, serves all poses.
-        Raises PlanningError for poses that are not finite.
-        """
+        Raises PlanningError for poses that are not finite."""
         phi = self._config.phi_rad_m
         check_question(start, start, phi)
         poses = np.ascontiguousarray(poses, float).reshape(-1, 3)

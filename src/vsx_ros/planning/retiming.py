@@ -2,8 +2,7 @@
 
 Playing a time-optimal plan slower by a changing factor adds the change of the factor to accelerations and jerks that
 are at their limits already. So the speed is planned anew from the speed and acceleration there are now: a jerk-limited
-change (ruckig) to a speed from which the segments of ``speed_profile`` go on. Every candidate is checked densely.
-"""
+change (ruckig) to a speed from which the segments of ``speed_profile`` go on. Every candidate is checked densely."""
 
 import itertools
 import math
@@ -122,8 +121,7 @@ def retime(planned: Trajectory, current: Timing, t_s: float, factor: float, limi
     """What follows the instant t_s of ``current``: the rest of the way at ``factor`` times the planned speeds.
 
     It begins with the speed and acceleration of the instant; factor 0 ends at rest as soon as may be, on the way. None
-    where no such change keeps the limits just now: the current timing does, so go on with it and ask again.
-    """
+    where no such change keeps the limits just now: the current timing does, so go on with it and ask again."""
     t = float(np.clip(t_s, 0.0, current.trajectory.duration_s))
     times = current.trajectory.times_s - current.trajectory.times_s[0]
     place = float(np.interp(t, times, current.places_s))

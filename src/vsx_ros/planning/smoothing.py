@@ -2,8 +2,7 @@
 
 Positions are linear in the unknowns of the joint programme, so at samples of every piece the clearance is kept by
 half-planes of the margin field, linearised at the previous solution and trusted only as far as that stays valid; a few
-rounds suffice.
-"""
+rounds suffice."""
 
 import math
 
@@ -33,8 +32,7 @@ _STRAIGHTS_M = (math.inf, 0.5)  # straight lines as they are, else cut into piec
 def coarse_points(sequence: HeadingSequence, pieces: list[list[Piece]]) -> FloatArray:
     """(32 K, 2) points of the coarse path with the headings the pieces will have at their samples.
 
-    pieces[k]: arcs and lines that piece k of the sequence replaces.
-    """
+    pieces[k]: arcs and lines that piece k of the sequence replaces."""
     points = []
     for k, run in enumerate(pieces):
         tables = [arc.table for arc in run]
@@ -54,8 +52,7 @@ def fit(
 ) -> Path | None:
     """The shortest path found with a sequence's headings that stays in the corridor, or None.
 
-    runs: the coarse path's arcs and lines, grouped by piece; it is where the search begins.
-    """
+    runs: the coarse path's arcs and lines, grouped by piece; it is where the search begins."""
     base = joint_qp.build(sequence, start, goal, phi)
     X, Y = joint_qp.position_rows(sequence, start.theta, _SAMPLES)
     guide = coarse_points(sequence, runs) - np.array([start.x, start.y])
@@ -106,8 +103,7 @@ def _round(
     """The programme with the margin field linearised at x, and one slack for all its half-planes as the last unknown.
 
     Half-planes are left out where the ground is open, and samples are trusted to go farther there; the second value
-    marks the rows that remain.
-    """
+    marks the rows that remain."""
     points = np.stack([X @ x, Y @ x], axis=1)
     world = points + np.array([start.x, start.y])
     margin, normal = corridor.margin.at(world), corridor.margin.gradient(world)
@@ -143,8 +139,7 @@ def smoothed(coarse: CoarsePath, start: SE2, goal: SE2, phi_rad_m: float, corrid
 def _in_parts(coarse: CoarsePath, start: SE2, phi_rad_m: float, corridor: Corridor) -> tuple[Piece, ...]:
     """A way that cannot be fitted as a whole, in two halves, and these again: the base stops in between.
 
-    It is cut where it stops anyway, as long as there are such places.
-    """
+    It is cut where it stops anyway, as long as there are such places."""
     pieces: tuple[Piece, ...] = ()
     at = start
     for part in coarse.parted():

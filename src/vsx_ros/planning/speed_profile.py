@@ -2,8 +2,7 @@
 
 The stretch is cut into segments. In each, the curvature's size and slope turn the limits of the body into limits of the
 path speed, the speeds at the cuts follow from a forward and a backward pass, and ruckig gives the time-optimal
-jerk-limited move between them. (ruckig's own way-points are not used: that interface needs a network service.)
-"""
+jerk-limited move between them. (ruckig's own way-points are not used: that interface needs a network service.)"""
 
 import math
 from collections.abc import Callable
@@ -98,8 +97,7 @@ def _reach(v: float, length: float, a: float, jerk: float, v_max: float) -> floa
 def cut_speeds(lengths: FloatArray, v: FloatArray, a: FloatArray, jerk: float, entry: float = 0.0) -> FloatArray:
     """(n + 1,) speeds at the cuts, the entry's and zero at the ends, reachable from each other.
 
-    Where the entry is too fast for what follows, the first speed is less.
-    """
+    Where the entry is too fast for what follows, the first speed is less."""
     n = len(lengths)
     speeds = np.concatenate([[min(entry, float(v[0]))], np.minimum(v[1:], v[:-1]), [0.0]])
     for i in range(n):
@@ -122,8 +120,7 @@ class Profile:
     ) -> bool:  # fmt: skip
         """Append the way from s, entered at a speed, to rest at the end of the stretch; False where there is none.
 
-        envelope: of the cuts (n + 1,) between segments, the speeds (n,) not to be exceeded in them.
-        """
+        envelope: of the cuts (n + 1,) between segments, the speeds (n,) not to be exceeded in them."""
         if g.length - s < _NOTHING:
             return entry < _NOTHING
         cuts = np.linspace(s, g.length, max(1, math.ceil((g.length - s) / segment_m)) + 1)

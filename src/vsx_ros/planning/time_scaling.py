@@ -1,8 +1,7 @@
 """Time along a path under limits of speed, acceleration, jerk, turn rate and turn acceleration (paper 4.3, last lines).
 
 Every stretch between stops gets the speeds of ``speed_profile``. The result is checked densely and slowed as a whole if
-it exceeds anything.
-"""
+it exceeds anything."""
 
 import math
 
@@ -19,8 +18,7 @@ SAMPLE_S = 0.02  # finer than the follower's 1/30 s
 _SEGMENT_M = (0.07, 0.12, 0.3)  # tried in turn, the quickest counts: fine ones follow bends, long ones jerk less
 _MARGIN, _NOTHING = 1e-3, 1e-9  # when a profile is stretched into the limits, for what lies between samples; rounding
 
-_Samples = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
-"""Times (N,), poses (N, 3), v (N,) and omega (N,)."""
+_Samples = tuple[FloatArray, FloatArray, FloatArray, FloatArray]  # Times (N,), poses (N, 3), v (N,) and omega (N,)
 
 
 def _scale_stretch(g: Geometry, limits: LimitsConfig, sample_s: float) -> _Samples:
@@ -65,8 +63,7 @@ def time_scale(
     """The path in time, starting and ending at rest, standing still at cusps and curvature jumps.
 
     Speed, acceleration, jerk, turn rate and turn acceleration stay within ``limits``, and the speed within slow_v_m_s
-    along slow_spans (K, 2), arc lengths from and to [m]; samples are sample_s apart. An empty path gives one.
-    """
+    along slow_spans (K, 2), arc lengths from and to [m]; samples are sample_s apart. An empty path gives one."""
     slow = NOWHERE if slow_spans is None else slow_spans
     driven_m, now = 0.0, 0.0
     parts: list[_Samples] = [(np.zeros(1), path.start.as_array()[None], np.zeros(1), np.zeros(1))]

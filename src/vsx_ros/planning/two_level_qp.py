@@ -3,8 +3,7 @@
 Read as it can work: t in [0, 1], the frame turned to the middle of both headings, the factor t (1 - t) taken out of
 both sides of (11) so that it also holds in the limit at the ends, and reverse driving as the mirrored problem. Level
 one, zeta(t) = tan(theta(t)) by (7)-(8), has a closed form, zeta_f (2 S(t) - 1) with the S-curve of ``profile``; level
-two is a programme in the coefficients c (10,) of xdot.
-"""
+two is a programme in the coefficients c (10,) of xdot."""
 
 import math
 from dataclasses import dataclass
@@ -39,8 +38,7 @@ def feasible(start: SE2, goal: SE2, phi: float, reverse: bool = False) -> Feasib
 
     Eq. (7)-(8) make the heading monotone and (11) forbids reversing, so the segment is the minimal arc
     E = (sin|d|, sign(d) (1 - cos d)) / phi plus a (1, 0) + b (cos d, sin d) with a, b >= 0 for the heading change d:
-    the goal must lie in the cone of start and goal direction behind the arc. Raises PlanningError as ``connect``.
-    """
+    the goal must lie in the cone of start and goal direction behind the arc. Raises PlanningError as ``connect``."""
     check_question(start, goal, phi)
     relative = start.inverse() @ goal
     x, y, d = relative.x, relative.y, wrap_angle(relative.theta)
@@ -76,8 +74,7 @@ def build(zeta_f: float, x_f: float, y_f: float, phi: float) -> QpProblem:
 
     (9)   min sum_i (y(t_i+1) - y(t_i))^2 + (x(t_i+1) - x(t_i))^2
     (10)  x(t_f) = x_f, y(t_f) = y_f                                 (rest at the ends by the basis)
-    (11)  +-zetadot(t_i) - (1 + zeta(t_i)^2)^(3/2) xdot(t_i) phi <= 0
-    """
+    (11)  +-zetadot(t_i) - (1 + zeta(t_i)^2)^(3/2) xdot(t_i) phi <= 0"""
     coarse, zeta = COARSE.basis[_REST], zeta_f * (2.0 * COARSE.profile[_REST] - 1.0)
     ends = np.stack([COARSE.integral(coarse), COARSE.integral(zeta[:, None] * coarse)])  # eq. (3), ydot = xdot zeta
     basis = FINE.basis[_REST].T
@@ -116,8 +113,7 @@ def segment(relative: SE2, phi: float) -> tuple[FloatArray, float] | str:
     """One forward segment from the origin to a pose: its table (M, 5) and its densely measured bound, or why not.
 
     The grid of (11) leaves room between its points; the measured excess is taken off phi and the programme solved
-    again, a few times at most.
-    """
+    again, a few times at most."""
     middle = 0.5 * wrap_angle(relative.theta)
     zeta_f = math.tan(middle)
     c_mid, s_mid = math.cos(middle), math.sin(middle)
@@ -144,8 +140,7 @@ def segment(relative: SE2, phi: float) -> tuple[FloatArray, float] | str:
 def connect_paper(start: SE2, goal: SE2, phi: float) -> Path | Refusal:
     """The paper's method between two poses in free space: one segment, forwards or else in reverse.
 
-    The certificate's bound is the largest value measured at 257 points, at most 0.1 % above phi.
-    """
+    The certificate's bound is the largest value measured at 257 points, at most 0.1 % above phi."""
     reasons = []
     found: list[Path] = []
     for reverse in (False, True):

@@ -14,8 +14,7 @@ import rospy
 
 MASTER_S = 10.0
 """A master may be slow where nodes start on a busy machine; who cannot wait so long asks on a thread (``within``)."""
-ANSWER_S = 0.35
-"""Who is there and well answers within this time."""
+ANSWER_S = 0.35  # Who is there and well answers within this time
 
 Answer = TypeVar("Answer")
 

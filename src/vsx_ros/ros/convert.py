@@ -1,7 +1,6 @@
 """Poses, motion, states and maps: messages to our types and back. Pure functions; no node and no master needed.
 
-A message from outside may hold anything: what cannot be used raises InputError or MapFileError.
-"""
+A message from outside may hold anything: what cannot be used raises InputError or MapFileError."""
 
 import math
 from collections.abc import Sequence

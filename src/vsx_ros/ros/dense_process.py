@@ -1,8 +1,7 @@
 """The densifier as a process of its own: what of it holds Python's global lock must not hold up the tracker.
 
 The child answers each request and ends when nobody can ask any more. First comes what the densifier is made of, then
-each snapshot without its images, and the images that the child does not have yet, by keyframe. No ROS in here.
-"""
+each snapshot without its images, and the images that the child does not have yet, by keyframe. No ROS in here."""
 
 import contextlib
 import dataclasses
@@ -26,8 +25,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.snapshot import MapSnapshot
 
 _NICE = 5  # SLAM comes first
-_ANSWER_S = 60.0
-"""A map of a large building takes some seconds on a slow machine."""
+_ANSWER_S = 60.0  # A map of a large building takes some seconds on a slow machine
 
 
 class DenseProcess:

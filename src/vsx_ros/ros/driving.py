@@ -6,8 +6,7 @@ vslam and move_base renew their leases, move_base pursues a goal of a client tha
 renews it. Nor can a thread that hangs: where another one renews, it does so only for as long as the thread that decides
 has promised.
 
-Apart from ``convert``: the base's process knows no trajectories, and need not load what plans them.
-"""
+Apart from ``convert``: the base's process knows no trajectories, and need not load what plans them."""
 
 import math
 import time

@@ -3,8 +3,7 @@ since rendering must not hold up the wheels. No ROS in here.
 
 The child reads poses of the base from standard input (``POSE``, one every 5 ms), renders each frame when its exposure
 is over, and sends it through the emulated Kinect at a socket. It writes one line of JSON per frame to standard output:
-stamp, true camera pose, render time, frames skipped. It ends when its input ends.
-"""
+stamp, true camera pose, render time, frames skipped. It ends when its input ends."""
 
 import contextlib
 import json
@@ -39,8 +38,7 @@ from vsx_ros.sim.robot import SimulationConfig
 from vsx_ros.sim.scene import compile_scene
 from vsx_ros.sim.world import World, obstacle_segments
 
-POSE = struct.Struct("<q4d")
-"""Time since the emulator's start [ns], x, y [m], theta [rad], travelled path [m]."""
+POSE = struct.Struct("<q4d")  # Time since the emulator's start [ns], x, y [m], theta [rad], travelled path [m]
 _KEPT = 600  # rows of motion, for images that are rendered late
 _RATE_WINDOW_NS = 20_000_000  # emulated time over which the turn rate is taken: a period of the odometry
 _SECTORS = Hazard.BUMPER_LEFT, Hazard.BUMPER_CENTER, Hazard.BUMPER_RIGHT

@@ -2,8 +2,7 @@
 
 tf is one tree for all robots of a master, so a robot in a namespace has a prefix. Within a node frames are called by
 the names of topics.py; messages carry them with the prefix: the parameter ``tf_prefix`` of the namespace or one above
-it, else the namespace itself.
-"""
+it, else the namespace itself."""
 
 import rospy
 from std_msgs.msg import Header

@@ -1,7 +1,6 @@
 """Which nodes make a robot, with which parameters: one table for Python, tests and documentation.
 
-launch/*.launch say the same for users of roslaunch; a test compares the two.
-"""
+launch/*.launch say the same for users of roslaunch; a test compares the two."""
 
 import os
 import shlex

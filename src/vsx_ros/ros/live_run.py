@@ -34,8 +34,7 @@ _ANSWER_S = 1.0  # of a master that may be gone
 _END_S = 2.0 * (launch.SIGINT_TIMEOUT_S + launch.SIGTERM_TIMEOUT_S)
 """Nodes, then the master; roslaunch has killed them by then, unless it hangs itself."""
 _ESTOPPED = "mobile_base/estopped"
-MASTER = "master"
-"""What roslaunch calls the process of the master that it started."""
+MASTER = "master"  # What roslaunch calls the process of the master that it started
 
 
 class LiveRun:

@@ -2,8 +2,7 @@
 
 A master that was started anew knows nobody: connections between nodes outlive it, none of its answers says that it is
 another one, and rospy registers each name once, when it is offered. So each node asks whether all that it offers is
-still registered, and registers it again, with the parameters that it needs, where it is not.
-"""
+still registered, and registers it again, with the parameters that it needs, where it is not."""
 
 from __future__ import annotations
 
@@ -22,13 +21,11 @@ from rospy.impl import registration
 
 from vsx_ros.ros.calls import answers_at, ask_master
 
-REGISTER_S = 5.0
-"""All nodes register at a new master at once."""
+REGISTER_S = 5.0  # All nodes register at a new master at once
 PERIOD_S = 0.5  # between questions to the master
 TOPICS_EVERY = 10
 """Services are looked for in each period; topics, which only a list of the whole graph tells, in one of so many."""
-SILENT_AFTER_S = 0.3
-"""Beyond the period."""
+SILENT_AFTER_S = 0.3  # Beyond the period
 
 
 class Offers(NamedTuple):

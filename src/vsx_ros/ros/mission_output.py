@@ -1,6 +1,5 @@
 """What a mission says (state, choices, frontiers and views, as explore_lite does), where it sends the base and what it
-keeps of a run.
-"""
+keeps of a run."""
 
 import json
 import threading

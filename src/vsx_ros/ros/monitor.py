@@ -68,8 +68,7 @@ class Monitor:
     emulator.
 
     events: every change of state. truth: true camera poses in the emulated world. plan_ms: time of each plan. error_m:
-    distance to the reference while following. These only grow.
-    """
+    distance to the reference while following. These only grow."""
 
     def __init__(self, *, emulated: bool) -> None:
         self._lock = threading.Lock()

@@ -20,14 +20,11 @@ from vsx_ros.registry import load_plugins
 from vsx_ros.ros import headers, logs
 from vsx_ros.ros.master_watch import master_watch
 
-_LOOK_S = 0.05
-"""rospy.spin would sleep for half a second."""
+_LOOK_S = 0.05  # rospy.spin would sleep for half a second
 _LET_GO_S = 5.0  # for a thread to end after the node
 
-DIE_WITH_PARENT = "VSX_DIE_WITH_PARENT"
-"""Environment variable: a node started by a run ends when the run is killed."""
-PARAMETERS_SET = "live_run/parameters_set"
-"""Parameter: the run has put those of all nodes to this master."""
+DIE_WITH_PARENT = "VSX_DIE_WITH_PARENT"  # Environment variable: a node started by a run ends when the run is killed
+PARAMETERS_SET = "live_run/parameters_set"  # Parameter: the run has put those of all nodes to this master
 _PARAMETERS_S = 10.0  # roslaunch sets them before, other masters late
 _MALLOC = {"M_TRIM_THRESHOLD": (-1, 2**18), "M_MMAP_THRESHOLD": (-3, 2**18), "M_ARENA_MAX": (-8, 1)}
 """Settings of glibc's malloc (mallopt(3)), bytes: maps and images are larger than this, messages are not."""
@@ -110,8 +107,7 @@ def _close_on_signals() -> Callable[[], None]:
     """Shut down on SIGINT, SIGTERM and SIGHUP, on a thread; what waits until that is done, if a signal came.
 
     rospy does it in the handler, on top of whatever the main thread is at: if that is a question to the master, the
-    handler waits for the question's lock for ever.
-    """
+    handler waits for the question's lock for ever."""
     heard, told = os.pipe()
     os.set_blocking(told, False)
     signal.set_wakeup_fd(told)

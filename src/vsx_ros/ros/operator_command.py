@@ -26,8 +26,7 @@ P = ParamSpec("P")
 _LEAVE_S = 3.0  # to take leave of the master
 _STOP_S, _STAND_S = 6.0, 2.0  # for the emergency stop to be answered; for the base to stand then
 _STANDING_M_S, _STANDING_RAD_S = 0.01, 0.02  # as vsx_ros.robot has it
-_OFFERED_S, _SAVED_S = 5.0, 120.0
-"""The map of a large building is 120 MB, and its disk may be slow."""
+_OFFERED_S, _SAVED_S = 5.0, 120.0  # The map of a large building is 120 MB, and its disk may be slow
 
 
 def join(name: str) -> None:

@@ -1,6 +1,5 @@
 """Plans are made on a thread of their own, so that who drives is watched meanwhile; how slowly and how carefully they
-are driven may be changed while the node runs, by any client of dynamic_reconfigure.
-"""
+are driven may be changed while the node runs, by any client of dynamic_reconfigure."""
 
 import math
 import queue
@@ -137,8 +136,7 @@ def serve_adjustable(config: Config, on_change: Callable[[Config], None]) -> Ser
 
     ``on_change`` gets the whole configuration, on a thread of its own: at once when a private parameter was set
     before, and whenever a client asks. Values beyond the bounds are clamped. Raises ConfigError for a private
-    parameter that is no number.
-    """
+    parameter that is no number."""
     numbers = adjustable_of_plans(config)
     applied = {number.name: number.value for number in numbers}
     for number in numbers:

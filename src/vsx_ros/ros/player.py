@@ -26,14 +26,12 @@ _HOLD_NS = 100_000_000  # odometry may be recorded so much later than the image 
 _FIRST_ANSWER_S, _ANSWER_S = 30.0, 10.0  # kernels are loaded first; a frame takes far less
 _CALIBRATION_LEAD_S = 0.5
 """It comes by a connection of its own, as odometry does, and an image that overtakes it is lost."""
-_END_NS = 3_000_000_000
-"""So long time goes on after the last image, for maps that are made once a second."""
+_END_NS = 3_000_000_000  # So long time goes on after the last image, for maps that are made once a second
 
 
 class Player:
     """Publishers: /clock, camera/rgb/image_raw (mono8), camera/rgb/camera_info (latched), odom, /tf odom ->
-    base_footprint. Subscribers: vslam/stats/latency_ms, which comes once an image.
-    """
+    base_footprint. Subscribers: vslam/stats/latency_ms, which comes once an image."""
 
     def __init__(self, recording: Recording) -> None:
         self._recording = recording
@@ -60,8 +58,7 @@ class Player:
         """Everything in its order until the end, or until not ``goes_on()``.
 
         rate: recorded seconds a second; 0: as fast as the SLAM answers, and no image is left out. The first image is
-        waited for, whatever the rate: by then everybody has found everybody.
-        """
+        waited for, whatever the rate: by then everybody has found everybody."""
         messages = _deliveries(self._recording)
         first = next(messages, None)
         if first is None:

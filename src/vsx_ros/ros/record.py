@@ -37,8 +37,7 @@ _WARN_AFTER_S = 3.0  # without a message
 _TICK_S = 0.1  # so that Ctrl-C is heard at once
 _JPEG_QUALITY = 90  # of 100
 _ENCODING = {"png": [cv2.IMWRITE_PNG_COMPRESSION, 1], "jpeg": [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]}
-_WAITING = 500
-"""Messages that may wait for the disk: 150 MB of raw images."""
+_WAITING = 500  # Messages that may wait for the disk: 150 MB of raw images
 _OVERHEAD_BYTES = 64  # of a record's header and index, about
 
 

@@ -48,8 +48,7 @@ class SlamMaps:
     """Maps the ground on one thread and densifies beside it. Publishers: map, map_metadata, vslam/map_points,
     vslam/keyframes, vslam/path (all latched), and those of ``DenseMapping``. Services: static_map.
 
-    driven: the newest state of the session's ground.
-    """
+    driven: the newest state of the session's ground."""
 
     def __init__(self, config: Config, session: SlamSession, status: SlamStatus) -> None:
         self._session, self._status = session, status

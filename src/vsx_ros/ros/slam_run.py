@@ -22,8 +22,7 @@ from vsx_ros.slam.slam import ThreadedSlam
 from vsx_ros.slam.state import TrackingResult
 
 State: TypeAlias = Mapping[str, FloatArray]
-_REST = 4.0
-"""So many times as long as writing took nothing is written: 120 MB each time in a building of 40 m x 25 m."""
+_REST = 4.0  # So many times as long as writing took nothing is written: 120 MB each time in a building of 40 m x 25 m
 
 
 class SlamRun:

@@ -17,8 +17,7 @@ from vsx_ros.runs import process
 from vsx_ros.runs.process import DONE, FAILED
 
 _LISTEN_S, _PERIOD_S = 2.0, 1.0  # over which rates are taken; between two lines
-_PATIENCE_S = 4.0
-"""So long is waited for what nobody has said yet."""
+_PATIENCE_S = 4.0  # So long is waited for what nobody has said yet
 
 
 class StatusBoard:

@@ -3,8 +3,7 @@
 Such a base tells its odometry on one topic and obeys a Twist on another. Mux, limits, time-outs and the emergency stop
 of ``mobile_base`` stand before it as before any other. What it cannot be asked for (bumpers, cliffs, battery) nobody
 knows; and when ``mobile_base`` itself is killed, only the base's own driver can stop the wheels, as every driver should
-where commands cease.
-"""
+where commands cease."""
 
 from __future__ import annotations
 
@@ -31,8 +30,7 @@ from vsx_ros.ros.callbacks import IMAGE_BUFFER_BYTES, hear_odometry, subscribe
 
 _PERIOD_S = 0.05  # commands are repeated: a base stops without new ones
 _ZERO_FOR_S = 0.5  # then the topic is left to others
-_ODOMETRY_WITHIN_S = 0.5
-"""Slow drivers tell their odometry ten times a second."""
+_ODOMETRY_WITHIN_S = 0.5  # Slow drivers tell their odometry ten times a second
 _IMAGE_WITHIN_S = 1.0  # longer without one is told
 _UNKNOWN_BATTERY = BatteryReading(float("nan"), float("nan"), False, "unknown")
 _TYPES: dict[str, type[Image] | type[CompressedImage]] = {

@@ -1,14 +1,12 @@
 """Every topic, service, frame and parameter name, once. Names are relative, so a namespace gives a second robot.
 
-``PUBLISHED`` and ``SERVICES`` are the node graph: documentation and tests read it from here.
-"""
+``PUBLISHED`` and ``SERVICES`` are the node graph: documentation and tests read it from here."""
 
 _NODES = "camera", "mobile_base", "vslam", "move_base", "follower", "explore", "teleop", "emulator", "dashboard"
 PUBLISHED: dict[str, dict[str, str]] = {node: {} for node in _NODES}
 """Node -> topic -> type. Every node but teleop and dashboard also publishes ``DIAGNOSTICS``."""
 
-SERVICES: dict[str, dict[str, str]] = {}
-"""Node -> service -> type."""
+SERVICES: dict[str, dict[str, str]] = {}  # Node -> service -> type
 
 
 def _topic(name: str, kind: str, *nodes: str) -> str:

@@ -2,8 +2,7 @@
 
 A folder: keyframes/<index>_<stamp>.png and pieces/<hash>.npy (corners, and what points look like), each written once;
 map.zip, sealed, with all that changes. Whatever the moment the program dies or the power goes, map.zip is the old or
-the new one, and the files it names are there, as are the lines that the journals beside it (*.jsonl) held before.
-"""
+the new one, and the files it names are there, as are the lines that the journals beside it (*.jsonl) held before."""
 
 import json
 from collections.abc import Mapping
@@ -25,8 +24,7 @@ from vsx_ros.slam.keyframe import KeyFrame
 from vsx_ros.slam.snapshot import SlamMap
 
 _STATE, _NOTES = "state/", "checkpoint.json"
-_KEYFRAMES, _PATCHES = 64, 4096
-"""The corners of so many keyframes, and so many patches, make a piece: some megabytes."""
+_KEYFRAMES, _PATCHES = 64, 4096  # The corners of so many keyframes, and so many patches, make a piece: some megabytes
 
 
 class CheckpointData(NamedTuple):

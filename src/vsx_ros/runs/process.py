@@ -3,8 +3,7 @@ output that never fails.
 
 Where a disk is full or a reader gone, words are lost and work goes on. Python's own streams raise in whoever prints,
 logs or shows a traceback, and once more at the end of the program; under rospy's logging that is in the midst of
-callbacks and services.
-"""
+callbacks and services."""
 
 from __future__ import annotations
 
@@ -27,8 +26,7 @@ from vsx_ros.errors import disk_trouble
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
-_TERMINAL_PERIOD_S, _PLAIN_PERIOD_S = 0.5, 5.0
-"""Between two lines of progress: for eyes, and in a file."""
+_TERMINAL_PERIOD_S, _PLAIN_PERIOD_S = 0.5, 5.0  # Between two lines of progress: for eyes, and in a file
 
 DONE, FAILED, HARDWARE, LOST, STOPPED, INTERNAL = range(6)
 """The job is done; wrong usage, unusable input or a failed check; a device is missing or misbehaves; tracking was lost

@@ -18,8 +18,7 @@ from vsx_ros.runs.parameters import commented_yaml
 from vsx_ros.runs.process import DONE, FAILED, LOST, STOPPED
 
 _OTHERS = {Outcome.EXPLORED: DONE, Outcome.HOME: DONE, Outcome.STOPPED: STOPPED, Outcome.LOST: LOST}
-EXIT_CODES = dict.fromkeys(Outcome, FAILED) | _OTHERS
-"""Of each way an exploration ends, live or in lock-step."""
+EXIT_CODES = dict.fromkeys(Outcome, FAILED) | _OTHERS  # Of each way an exploration ends, live or in lock-step
 
 
 def write_report(folder: RunFolder) -> Path:

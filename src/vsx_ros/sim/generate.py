@@ -22,8 +22,7 @@ _CORRIDORS_M = ((5.6, 7.8), (17.2, 19.4))
 _CROSSING_M = (19.0, 21.2)
 _MIDDLE_M = 12.5
 TOLERANCE_M = 0.06  # by which outlines are simplified: about a cell
-MAX_OBSTACLES, MAX_SIDES = 5000, 20_000
-"""A robot's own map of a building has some hundreds and some thousands."""
+MAX_OBSTACLES, MAX_SIDES = 5000, 20_000  # A robot's own map of a building has some hundreds and some thousands
 
 
 def _partition(rng: Rng, x: float, depth: float, gaps: int) -> list[Wall]:

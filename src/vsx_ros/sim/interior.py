@@ -18,8 +18,7 @@ POSTERS = 12  # different ones
 WARM: list[Tint] = [(1.0, 0.95, 0.85), (0.9, 0.95, 1.0), (1.0, 1.0, 0.96), (0.93, 1.0, 0.92), (1.0, 0.9, 0.88)]
 VIVID: list[Tint] = [(1.0, 0.8, 0.6), (0.7, 0.85, 1.0), (0.9, 1.0, 0.75), (1.0, 0.75, 0.8), (1.0, 1.0, 1.0)]
 
-Stretches = list[tuple[Point, Point]]
-"""Straight stretches of wall to hang things on; the free side is to the left."""
+Stretches = list[tuple[Point, Point]]  # Straight stretches of wall to hang things on; the free side is to the left
 
 
 def _box(rng: Rng, x: float, y: float) -> Box:

@@ -13,8 +13,7 @@ from vsx_ros.sim.world import World, prisms
 
 SKIRTING_HEIGHT = 0.08  # m
 LIGHT_SPACING = 0.25  # m between places for which light is computed
-MAX_BYTES = 2**28
-"""Of textures and light maps: a building of 40 x 25 m takes a third of it."""
+MAX_BYTES = 2**28  # Of textures and light maps: a building of 40 x 25 m takes a third of it
 GREY = np.array([0.299, 0.587, 0.114])  # of RGB, ITU-R BT.601
 
 

@@ -10,8 +10,7 @@ from vsx_ros.arrays import GrayImage, Int32Array
 from vsx_ros.sim.world import Material
 
 Rng = np.random.Generator
-Pattern = NDArray[np.float32]
-"""(S, S) deviation from the mean reflectance; 1 is full scale."""
+Pattern = NDArray[np.float32]  # (S, S) deviation from the mean reflectance; 1 is full scale
 
 
 def _noise(rng: Rng, size: int, cells: int) -> Pattern:

@@ -11,8 +11,7 @@ from vsx_ros.errors import ConfigError, reason_of
 from vsx_ros.limits import file_text, yaml_tree
 from vsx_ros.sim.world import Box, Outline, Poster, Table, Wall, World
 
-MAX_PARTS, MAX_LIGHTS = 20_000, 2000
-"""A building of 40 x 25 m has some hundreds and a hundred."""
+MAX_PARTS, MAX_LIGHTS = 20_000, 2000  # A building of 40 x 25 m has some hundreds and a hundred
 MAX_AREA_M2 = 40_000.0  # memory of the ground truth, 5 cm a cell: 16 million
 
 

@@ -1,8 +1,7 @@
 """Correcting a place seen twice: close the loop by a pose graph or merge two maps, then make one point of two.
 
 Two points become one where keyframes look for points that the map knows from elsewhere and find them at spots where
-they have seen points of their own.
-"""
+they have seen points of their own."""
 
 from typing import NamedTuple
 

@@ -26,8 +26,7 @@ ROW_STEP = 5
 # neighbours in two recordings): some of them are called blurred too, which costs a keyframe, not the pose.
 BLURRED_SHARE = 0.45
 
-SmallImage: TypeAlias = NDArray[np.float32]
-"""(H / 16, W / 16) float32 grey values minus their mean, blurred."""
+SmallImage: TypeAlias = NDArray[np.float32]  # (H / 16, W / 16) float32 grey values minus their mean, blurred
 
 
 class Pyramid(NamedTuple):

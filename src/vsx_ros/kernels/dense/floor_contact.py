@@ -1,7 +1,6 @@
 """Where a wall meets the floor: the brightness steps at the line where its plane cuts z = 0, and nowhere near it.
 
-A gap in the wall has no such step: through it the floor goes on.
-"""
+A gap in the wall has no such step: through it the floor goes on."""
 
 import math
 

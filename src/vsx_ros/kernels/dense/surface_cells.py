@@ -1,8 +1,7 @@
 """Whether small squares of a plane look the same from several keyframes (paper 5.1; Argiles, Civera, Montesano, IROS
 2011), and which of them rays pass through.
 
-Frame (3, 3) of a plane: right, up, normal (towards its observers), world.
-"""
+Frame (3, 3) of a plane: right, up, normal (towards its observers), world."""
 
 import math
 

@@ -14,8 +14,7 @@ from vsx_ros.kernels.dense.jlinkage import first_largest
 
 VIEWS = 6
 
-Limits: TypeAlias = tuple[float, float, float, float, float, float, float]
-"""See ``choose_views``."""
+Limits: TypeAlias = tuple[float, float, float, float, float, float, float]  # See ``choose_views``
 
 
 class Views(NamedTuple):

@@ -2,8 +2,7 @@
 stored by their envelope: column j keeps the blocks from its first row ``first[j]`` down to the diagonal, one after the
 other from ``start[j]`` on.
 
-Keyframes along a path give a narrow band, a closed loop one tall column; nothing outside the envelope ever fills in.
-"""
+Keyframes along a path give a narrow band, a closed loop one tall column; nothing outside the envelope ever fills in."""
 
 import math
 

@@ -2,8 +2,7 @@
 
 Frames are eliminated one after another in an order that keeps the front small (King, Int. J. Numer. Meth. Eng. 2,
 1970): the front is the set of frames that are not eliminated but tied to one that is. Along a path it is as wide as
-the view reaches, whatever the length of the path; each elimination is a dense update of the front alone.
-"""
+the view reaches, whatever the length of the path; each elimination is a dense update of the front alone."""
 
 import math
 

@@ -82,8 +82,7 @@ def _distance_to(mask: BoolArray, reach: int) -> FloatArray:
 def signed_distance(blocked: BoolArray, reach: int) -> FloatArray:
     """(H, W) distance [cells] to the nearest blocked square, negative inside by the distance to the nearest open one.
 
-    blocked (H, W) bool. Distances are measured from the middle of the cell and cut off at ``reach`` cells.
-    """
+    blocked (H, W) bool. Distances are measured from the middle of the cell and cut off at ``reach`` cells."""
     outside = _distance_to(blocked, reach)
     inside = _distance_to(~blocked, reach)
     for i in range(blocked.shape[0]):
@@ -140,8 +139,7 @@ def gradient_many(field: DistanceField, points: FloatArray) -> FloatArray:
 def least_on_curve(field: DistanceField, table: FloatArray, direction: float, step: float) -> float:
     """Least value of the field on a curve given by knots (M, 5) of s, x, y, theta, kappa, at most ``step`` apart.
 
-    Between knots that lie further apart the positions are interpolated by cubics with the knots' exact tangents.
-    """
+    Between knots that lie further apart the positions are interpolated by cubics with the knots' exact tangents."""
     least = interpolate(field, table[0, 1], table[0, 2])
     for k in range(table.shape[0] - 1):
         h = table[k + 1, 0] - table[k, 0]
@@ -163,8 +161,7 @@ def least_on_curve(field: DistanceField, table: FloatArray, direction: float, st
 def wavefront(open_cells: BoolArray, row: int, column: int) -> FloatArray:
     """(H, W) length [cells] of the shortest 8-connected way from a cell through open cells; inf where there is none.
 
-    open_cells (H, W) bool. A diagonal step needs both cells beside it open, except from the start. Exact.
-    """
+    open_cells (H, W) bool. A diagonal step needs both cells beside it open, except from the start. Exact."""
     rows, columns = open_cells.shape
     size = rows * columns
     distance = np.full((rows, columns), np.inf)

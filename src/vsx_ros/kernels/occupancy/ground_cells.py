@@ -13,8 +13,7 @@ from vsx_ros.kernels.occupancy.ground_map import PolarScans
 
 _MARGIN_M = 0.5
 _FIXED_BITS = 24
-_FIXED = float(1 << _FIXED_BITS)
-"""Rays step in fixed point: integers need no rounding at every cell."""
+_FIXED = float(1 << _FIXED_BITS)  # Rays step in fixed point: integers need no rounding at every cell
 
 
 class Lattice(NamedTuple):
@@ -131,8 +130,7 @@ def count_free(scans: PolarScans, lattice: Lattice) -> Int32Array:
     """(rows, columns) int32: how many keyframes' scans pass through each cell.
 
     Near the camera, where rays lie closer than cells are wide, one ray stands for two bins, or for four, as far as all
-    of them are free; the number of bins is a multiple of four.
-    """
+    of them are free; the number of bins is a multiple of four."""
     positions, headings, free = scans.positions, scans.headings, scans.free
     rows, columns, resolution, origin_x, origin_y = lattice
     # The count in the lower half of each word, the keyframe that counted last in the upper.
@@ -168,8 +166,7 @@ def cast(
     cells; where it stopped, ``begin`` if that was farther.
 
     votes: (rows, columns), see ``count_free``. frame: x, y of the camera [cells], cosine and sine of
-    its heading.
-    """
+    its heading."""
     until = min(reach, limit)
     if until <= begin:
         return begin

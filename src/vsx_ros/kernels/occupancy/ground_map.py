@@ -19,8 +19,7 @@ class PolarScans(NamedTuple):
     free: (K, B), passable up to this distance [m], 0 where unknown.
     nearest: (K, B), how far the first obstacle point lets a ray go [m], infinite where there is none.
     hit: (O,), horizontal distance [m] of the obstacle in each observation, 0 where the observation is of none; over: of
-    what is higher than an obstacle, and may stand on one.
-    """
+    what is higher than an obstacle, and may stand on one."""
 
     positions: Points3
     headings: Points2
@@ -50,8 +49,7 @@ def point_parallax(
 ) -> FloatArray:
     """(M,) widest angle [rad] between the first ray to each point and any other; 0 for points seen once.
 
-    positions: (K, 3) camera centres. points: (M, 3). obs_keyframe, obs_point: (O,) indices of each observation.
-    """
+    positions: (K, 3) camera centres. points: (M, 3). obs_keyframe, obs_point: (O,) indices of each observation."""
     first = np.full(points.shape[0], -1, np.int64)
     cosine = np.ones(points.shape[0])
     for o in range(obs_point.shape[0]):
@@ -81,8 +79,7 @@ def polar_scans(
 
     heights: obstacle_min, obstacle_max, clear_max, top of what stands on an obstacle [m], floor threshold growth [m per
     m]. ranges: max range [m], angular noise of a pixel [rad], largest depth error of a hit [m], half a cell [m], how
-    many depth errors short of its point a ray ends.
-    """
+    many depth errors short of its point a ray ends."""
     obstacle_min, obstacle_max, clear_max, top, growth = heights
     max_range, noise, max_error, half_width, caution = ranges
     n, bins_per_rad = n_bearings, n_bearings / (2.0 * math.pi)
@@ -124,8 +121,7 @@ def meet_surfaces(
     None goes farther; one to the foot of a surface goes there, unless something is nearer.
 
     shape: half a spot's width [m], how many sigmas and, besides, how far [m] short of it a ray ends. reaches: height up
-    to which a spot is a foot, longest ray [m].
-    """
+    to which a spot is a foot, longest ray [m]."""
     positions, headings, free, nearest, _, _ = scans
     spots, keyframe, sigma = surfaces
     half_width, caution, short = shape
@@ -165,8 +161,7 @@ def shorten(scans: Float32Array, k: int, bearing: int, reach: int, until: float)
 def bearing_bin(c: float, s: float, dx: float, dy: float, n_bearings: int) -> int:
     """The bin of a direction, counted from a heading of cosine c and sine s; bin 0 begins there.
 
-    The arctangent is Abramowitz and Stegun 4.4.47, good to 1e-5 rad and a third of the library's time.
-    """
+    The arctangent is Abramowitz and Stegun 4.4.47, good to 1e-5 rad and a third of the library's time."""
     ahead, left = c * dx + s * dy, c * dy - s * dx
     wide, narrow = max(abs(ahead), abs(left)), min(abs(ahead), abs(left))
     t = narrow / wide if wide > 0.0 else 0.0
@@ -185,8 +180,7 @@ def bearing_bin(c: float, s: float, dx: float, dy: float, n_bearings: int) -> in
 def bridge_gaps(free: Float32Array, max_gap: int, max_width: float) -> None:
     """Give the empty bins of free (K, B) between two filled ones the smaller of the two, in place.
 
-    Only where at most max_gap bins are empty, and only as far out as they are at most max_width [m] wide.
-    """
+    Only where at most max_gap bins are empty, and only as far out as they are at most max_width [m] wide."""
     n = free.shape[1]
     for k in range(free.shape[0]):
         for b in range(n):

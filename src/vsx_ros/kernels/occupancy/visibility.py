@@ -21,8 +21,7 @@ def unknown_area_by_bearing(
 
     A ray runs to the first occupied cell, the edge of the grid or range_m. Unknown cells may turn out to be obstacles:
     what lies behind them counts by the probability that it is seen, exp(-s / mean_free_path_m) after s metres of
-    unknown ground. Each step counts the area of its ring sector, so near cells are not counted twice.
-    """
+    unknown ground. Each step counts the area of its ring sector, so near cells are not counted twice."""
     rows, columns = data.shape
     n, b, sectors = positions.shape[0], bearings.shape[0], weights.shape[0]
     width = 2.0 * math.pi / b
@@ -134,8 +133,7 @@ def visible_landmarks(
 def seen_cells(opaque: BoolArray, viewers: IntArray, reach: float, n_rays: int) -> BoolArray:
     """(H, W) bool: cells that a ray from any viewer (V, 2: row, column) meets within ``reach`` cells.
 
-    opaque: (H, W) bool; a ray sees the first opaque cell it meets and ends there.
-    """
+    opaque: (H, W) bool; a ray sees the first opaque cell it meets and ends there."""
     rows, columns = opaque.shape
     seen = np.zeros((rows, columns), np.bool_)
     for v in range(viewers.shape[0]):

@@ -35,8 +35,7 @@ def curve_table(
     """(I + 1, 5) knots of the curve theta = theta_0 + turn S(t), ds/dt = basis @ coefficients, from a pose (3,).
 
     basis (I order, 10), profile (I order,) S, weights (I order,) at the nodes of a quadrature with I intervals;
-    knot_jacobi (I + 1, 10), knot_profile (I + 1,) and knot_turn_rate (I + 1,) at its knots.
-    """
+    knot_jacobi (I + 1, 10), knot_profile (I + 1,) and knot_turn_rate (I + 1,) at its knots."""
     intervals = knot_profile.shape[0] - 1
     table = np.empty((intervals + 1, 5))
     length, x, y = 0.0, 0.0, 0.0

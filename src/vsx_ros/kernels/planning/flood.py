@@ -22,8 +22,7 @@ def flood(
 
     field: margin in which the way must not be negative. Every state is a heading bin and a cell of the lattice; the
     position of its first arrival is kept exactly, so no error adds up. Returns level (headings, R, C) int16, arcs to
-    each state or UNREACHED, and the arcs' length [m].
-    """
+    each state or UNREACHED, and the arcs' length [m]."""
     values, resolution, x0, y0 = field
     headings, bins, cell, _ = lattice
     rows = int(math.ceil(values.shape[0] * resolution / cell))
@@ -81,8 +80,7 @@ def flood_costs(
 
     level (headings, R, C) and step of ``flood`` in the margin field, with cells of size ``cell`` [m]. What remains is
     estimated from the offset: along, aside and turn. A pose where the margin is negative or whose cell is not in joined
-    (H, W) bool is not reached: inf. Poses that share a position are answered sooner one after the other.
-    """
+    (H, W) bool is not reached: inf. Poses that share a position are answered sooner one after the other."""
     _, resolution, x0, y0 = field
     headings, rows, columns = level.shape
     half = _AROUND // 2

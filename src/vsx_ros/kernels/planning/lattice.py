@@ -68,8 +68,7 @@ def lattice_search(
     when no state promises to improve on the best. No more than ``most_states`` arrivals are recorded.
 
     Returns poses (N, 3), parents (N,), motions (N,) of the arrivals, step [m] and the arrival from which the goal is
-    reached, -1 where it is not.
-    """
+    reached, -1 where it is not."""
     values, resolution, x0, y0 = field
     headings, bins, cell, most = lattice
     rows = int(math.ceil(values.shape[0] * resolution / cell))

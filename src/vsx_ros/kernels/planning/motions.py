@@ -13,8 +13,7 @@ from vsx_ros.kernels.planning.reeds_shepp import advance, reeds_shepp_shortest, 
 
 BENDS = np.array([0, 1, -1, 0, 1, -1])
 SIGNS = np.array([1, 1, 1, -1, -1, -1])
-MOTIONS = 6
-"""Straight on, to the left and to the right; forwards, then in reverse."""
+MOTIONS = 6  # Straight on, to the left and to the right; forwards, then in reverse
 
 TABLE_PLACES, TABLE_STEP, TABLE_HEADINGS = 33, 0.2, 32
 _SPACING = 0.3  # of a cell of the margin field, at which an arc is looked at
@@ -48,8 +47,7 @@ def arc_places(headings: int, theta: float, step: float, phi: float, resolution:
 def places_are_free(field: DistanceField, x: float, y: float, places: FloatArray, step: float) -> bool:
     """Whether an arc of length ``step`` from (x, y) by ``places`` (P, 2) stays where the field is not negative.
 
-    Places that the field proves free are passed over; the last one is looked at first.
-    """
+    Places that the field proves free are passed over; the last one is looked at first."""
     last = places.shape[0] - 1
     if interpolate(field, x + places[last, 0], y + places[last, 1]) < 0.0:
         return False
@@ -66,8 +64,7 @@ def places_are_free(field: DistanceField, x: float, y: float, places: FloatArray
 def arc_is_free(field: DistanceField, x: float, y: float, theta: float, kappa: float, length: float) -> bool:
     """Whether an arc of signed length at curvature kappa (of the signed arc length) stays where the field is positive.
 
-    Steps as far as the field (of slope at most ``1 + ramp``) proves free, but at least a third of a cell.
-    """
+    Steps as far as the field (of slope at most ``1 + ramp``) proves free, but at least a third of a cell."""
     total, sign, s = abs(length), 1.0 if length > 0.0 else -1.0, 0.0
     while True:
         px, py, _ = advance(x, y, theta, kappa, sign * s, 1.0)
@@ -84,8 +81,7 @@ def reeds_shepp_table() -> Float32Array:
     """(TABLE_PLACES, TABLE_PLACES, TABLE_HEADINGS + 1) float32: shortest lengths in radii from the origin.
 
     x and y in steps of TABLE_STEP radii from 0 on, headings around the circle (the last as the first): a quadrant, the
-    others are its mirror images.
-    """
+    others are its mirror images."""
     out = np.empty((TABLE_PLACES, TABLE_PLACES, TABLE_HEADINGS + 1), np.float32)
     word = room_for(1)
     for i in range(TABLE_PLACES):
@@ -100,8 +96,7 @@ def reeds_shepp_table() -> Float32Array:
 def look_up_length(table: Float32Array, x: float, y: float, theta: float) -> float:
     """About the shortest length in radii to (x, y, theta), x and y in radii; 0 outside the table.
 
-    Interpolated in ``reeds_shepp_table``: a guide for searches, neither a lower bound nor an upper.
-    """
+    Interpolated in ``reeds_shepp_table``: a guide for searches, neither a lower bound nor an upper."""
     if x < 0.0:
         x, theta = -x, -theta
     if y < 0.0:

@@ -107,8 +107,7 @@ def grow(
 ) -> tuple[int, int]:  # fmt: skip
     """Grow a tree, filled up to ``size``, until a new state's last leg to the goal (3,) looks free, or it is full.
 
-    rng (1,) uint64. Returns (size, state to try or -1).
-    """
+    rng (1,) uint64. Returns (size, state to try or -1)."""
     poses, parents, bends, signs, runs = tree
     sample = np.empty(3)
     for _ in range(20 * poses.shape[0]):

@@ -2,8 +2,7 @@
 
 J. A. Reeds, L. A. Shepp, "Optimal paths for a car that goes both forwards and backwards", Pacific J. Math. 145 (1990);
 equation numbers are theirs. Lengths are in turning radii; a segment's sign is its driving direction; its turn is +1 for
-left, -1 for right, 0 for straight.
-"""
+left, -1 for right, 0 for straight."""
 
 import math
 from typing import NamedTuple
@@ -17,8 +16,7 @@ MAX_WORDS = 48
 SEGMENTS = 5
 _HALF_PI = 0.5 * math.pi
 _ZERO, _NEARLY = 1e-10, 1e-8
-LONGER = 1e300
-"""Than any word."""
+LONGER = 1e300  # Than any word
 
 
 class Words(NamedTuple):
@@ -78,8 +76,7 @@ def _words(x: float, y: float, theta: float, best: float, words: Words) -> int:
     """Words from the origin to (x, y, theta): all of them where best is infinite, else the shortest below best.
 
     What cannot be a word, or not be shorter than the best so far, is seen before any angle is computed: the first arc
-    must not turn by less than nothing, and all arcs turn by ``least`` together.
-    """
+    must not turn by less than nothing, and all arcs turn by ``least`` together."""
     n = 0
     theta = _wrap(theta)
     sine, cosine, least = math.sin(theta), math.cos(theta), abs(theta)
@@ -187,8 +184,7 @@ def reeds_shepp_words(x: float, y: float, theta: float) -> Words:
 def reeds_shepp_shortest(x: float, y: float, theta: float, word: Words, below: float = LONGER) -> float:
     """Length in turning radii of the shortest word, which becomes the first row of ``word``.
 
-    Infinite where none is shorter than ``below``, which is known the sooner the less that is.
-    """
+    Infinite where none is shorter than ``below``, which is known the sooner the less that is."""
     if _words(x, y, theta, min(below, LONGER), word) == 0:
         return np.inf
     total = 0.0

@@ -1,7 +1,6 @@
 """Shortcuts: parts of a way replaced by Reeds-Shepp words.
 
-A way is a list of segments: turn (+1 left, -1 right, 0 straight) and signed length [m].
-"""
+A way is a list of segments: turn (+1 left, -1 right, 0 straight) and signed length [m]."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,8 +46,7 @@ def shorten(
     """A way with parts replaced by Reeds-Shepp words where that is cheaper and free; same start and end.
 
     turns (S,), lengths (S,) [m]. The longest reverse leg is kept below max_reverse [m] or at least not made longer.
-    Returns new turns and lengths.
-    """
+    Returns new turns and lengths."""
     state = np.array([seed], np.uint64)
     way_turns = np.zeros(MAX_SEGMENTS, np.int64)
     way_lengths = np.zeros(MAX_SEGMENTS)

@@ -3,8 +3,7 @@
 A quad P + u U + v V (0 <= u, v <= 1) seen along the ray d (camera frame, z = 1) is hit at u = a/c, v = b/c, inverse
 depth c, where (a, b, c) = M d: three linear forms per quad and pose (Moeller and Trumbore's solution written as a
 matrix). Being linear, their extremes over a rectangle of rays sit at its corners, which makes culling exact, and their
-values vary linearly between the two poses that bound a row of tiles, which gives the rolling shutter.
-"""
+values vary linearly between the two poses that bound a row of tiles, which gives the rolling shutter."""
 
 from typing import NamedTuple
 

@@ -1,8 +1,7 @@
 """Tile-binned ray caster for textured quads: the emulated camera's picture before the sensor.
 
 Each tile of 16 x 16 pixels keeps the quads it may see (raycast_cull), finds the nearest per ray, and hands (pixel,
-weight) lists, one per quad, to raycast_shade. Pixels at the edge of a quad are divided by 3 x 3 sub-samples.
-"""
+weight) lists, one per quad, to raycast_shade. Pixels at the edge of a quad are divided by 3 x 3 sub-samples."""
 
 from typing import TypeAlias
 
@@ -17,8 +16,7 @@ from vsx_ros.kernels.sim.raycast_shade import EPS, F0, F1, FLOATS, INTEGERS, SUM
 RING = TILE + 2
 THIRD = np.float32(1.0 / 3.0)
 
-Area: TypeAlias = tuple[int, int, int, int]
-"""y0, y1, x0, x1 of a tile [px], cut at the edges of the picture."""
+Area: TypeAlias = tuple[int, int, int, int]  # y0, y1, x0, x1 of a tile [px], cut at the edges of the picture
 
 
 @kernel

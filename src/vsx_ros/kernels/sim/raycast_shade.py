@@ -1,8 +1,7 @@
 """Texture and light of listed pixels: the shading half of the ray caster.
 
 The loops run over flat scratch memory with constant offsets, so that they compile to vector instructions. Texels are
-packed: an int32 holds the 2x2 neighbourhood of a texel, so that one load feeds a bilinear lookup.
-"""
+packed: an int32 holds the 2x2 neighbourhood of a texel, so that one load feeds a bilinear lookup."""
 
 from typing import NamedTuple
 

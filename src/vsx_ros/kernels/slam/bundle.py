@@ -1,8 +1,7 @@
 """Bundle adjustment: Levenberg-Marquardt on the reduced camera system (Schur complement), Tukey weights with the scale
 re-estimated at every linearisation, relative-pose factors between frames (wheel odometry) and the floor under them.
 
-Perturbation as in ``pose``: T_cam_world <- exp(xi) T_cam_world; points additively. Only free frames are moved.
-"""
+Perturbation as in ``pose``: T_cam_world <- exp(xi) T_cam_world; points additively. Only free frames are moved."""
 
 from typing import NamedTuple
 

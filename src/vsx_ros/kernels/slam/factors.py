@@ -2,8 +2,7 @@
 floor that a robot's wheels never leave (height, roll and pitch of its base against zero).
 
 Perturbation as in ``pose``: T_cam_world <- exp(xi) T_cam_world. Beyond HUBER standard deviations a factor pulls
-linearly, so that a slip, a sill or a lift by hand does not bend the map.
-"""
+linearly, so that a slip, a sill or a lift by hand does not bend the map."""
 
 import math
 from typing import NamedTuple

@@ -2,8 +2,7 @@
 
 An edge measures b from a: R_ab, t_ab in a's unit of length, and s_ab = s_b / s_a. Residual (7,), exact:
 translation R_a^T (t_b - t_a) / s_a - t_ab; rotation log(R_ab^T R_a^T R_b); scale log(s_b / s_a) - log s_ab.
-Perturbation: t <- t + rho, R <- R exp(omega), s <- s exp(sigma); tangent order (rho, omega, sigma).
-"""
+Perturbation: t <- t + rho, R <- R exp(omega), s <- s exp(sigma); tangent order (rho, omega, sigma)."""
 
 import math
 from typing import NamedTuple

@@ -1,6 +1,5 @@
 """Points eliminated from a bundle adjustment (Schur complement): the sparse system of the frames alone, and the points
-that belong to its solution.
-"""
+that belong to its solution."""
 
 import math
 from typing import NamedTuple

@@ -1,8 +1,7 @@
 """8x8 patches: warp, zero-mean SSD at corners, inverse-compositional sub-pixel alignment (Klein and Murray 2007, 5.4).
 
 A template of a map point is a 24x24 uint8 patch of its source level; the point itself is at (12, 12) plus an offset
-within half a pixel.
-"""
+within half a pixel."""
 
 import math
 from typing import NamedTuple

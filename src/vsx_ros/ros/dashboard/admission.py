@@ -3,8 +3,7 @@
 A browser tells names and pages with every request. A page of another site reaches the view with a name of its own that
 it points here (DNS rebinding), which Host tells, or across origins, which Origin and Sec-Fetch-Site tell (Fetch
 standard, section 3.2; Fetch Metadata). Of too many connections those that matter less make room, so that the operator
-always gets in.
-"""
+always gets in."""
 
 import contextlib
 import enum

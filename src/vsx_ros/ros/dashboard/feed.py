@@ -27,8 +27,7 @@ from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN
 from vsx_ros.ros import convert, headers, threads, topics
 from vsx_ros.ros.callbacks import json_object, subscribe
 
-_GRACE_S = 3.0
-"""A page that is loaded again comes back within this time and finds everything still there."""
+_GRACE_S = 3.0  # A page that is loaded again comes back within this time and finds everything still there
 
 _EVENTS = 60  # the newest, for a page that is opened late
 _SHOWN_STATS = ("tracked", "attempted", "keyframes", "points", "latency_ms")

@@ -3,8 +3,7 @@ with the token.
 
 Looking is free for whoever reaches the port, under a name of this machine and not from a foreign page (``Names``);
 commanding needs the token. What a client can hold is bounded: a request by its size and time, an update by the time
-that it takes to be read, connections by their number (``Connections``).
-"""
+that it takes to be read, connections by their number (``Connections``)."""
 
 import hmac
 import io
@@ -27,10 +26,8 @@ TOKEN_HEADER = "X-Vsx-Token"
 
 _PERIOD_S = 0.1  # between pictures
 _BEAT_S = 1.0  # without news, a sign of life
-_ASK_S = 5.0
-"""A request is whole within this time, however slowly its bytes come."""
-_SEND_S = 5.0
-"""An update is read within this time, or the viewer is dropped."""
+_ASK_S = 5.0  # A request is whole within this time, however slowly its bytes come
+_SEND_S = 5.0  # An update is read within this time, or the viewer is dropped
 _HEAD_BYTES = 8192  # of a request, as most servers have it
 _SEND_BUFFER_BYTES = 2**18  # a picture or two: a slow viewer gets fewer, not older ones
 _HEADERS = {

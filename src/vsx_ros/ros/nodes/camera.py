@@ -8,8 +8,7 @@ Parameters: ~device (kinect): kinect, kinect:SERIAL, v4l:N or emulator:SOCKET.
     camera SOCKET.yaml, and if that is missing too nominal values with a warning.
     ~frame_id (camera_rgb_optical_frame). ~mode (vga): of a Kinect, vga (30 Hz), uyvy (15 Hz) or sxga (1280x1024,
     10 Hz). ~lock_exposure (true): a Kinect keeps exposure and white balance as they are after two seconds; give false
-    where the light changes much from room to room.
-"""
+    where the light changes much from room to room."""
 
 import rospy
 from sensor_msgs.msg import CameraInfo, Image

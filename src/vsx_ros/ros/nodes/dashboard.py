@@ -5,8 +5,7 @@ Subscribers, while somebody looks: vslam/{preview/compressed,pose,state,keyframe
 Services called: explore/{pause,resume,home,stop}, mobile_base/estop.
 Parameters: ~host (127.0.0.1: this machine alone), ~port (8765), ~allow (names beside those of this machine under which
     the view is opened, NAME or NAME:PORT, by commas).
-Environment: VSX_VIEW_TOKEN, which commands must show; without it one is made and printed once.
-"""
+Environment: VSX_VIEW_TOKEN, which commands must show; without it one is made and printed once."""
 
 import os
 import secrets

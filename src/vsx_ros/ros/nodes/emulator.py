@@ -9,8 +9,7 @@ Parameters: ~world (lab): lab, office, corridor, building, a world.yaml or a map
     ~camera_socket (vsx_kinect, same folder): the socket it makes; the camera's calibration is written beside it, with
     .yaml appended. ~rate_hz (15.0): images a second at most. ~config (tree of 'vsx config').
 
-The body and the board run on a thread of this process at 200 Hz; the camera renders in a child process.
-"""
+The body and the board run on a thread of this process at 200 Hz; the camera renders in a child process."""
 
 import tempfile
 import time

@@ -8,8 +8,7 @@ Publishers: explore/frontiers (as explore_lite), explore/status (latched String,
 Services: explore/pause, explore/resume, explore/stop, explore/home.
 Actions: client of move_base.
 Parameters: ~config (tree of 'vsx config'), ~run_dir (folder of the run, for what the mission shall remember of it when
-    it is interrupted; none).
-"""
+    it is interrupted; none)."""
 
 import threading
 from collections.abc import Callable

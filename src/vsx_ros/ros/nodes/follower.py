@@ -9,8 +9,7 @@ Services: follower/cancel.
 Parameters: ~config (tree of 'vsx config').
 
 The wheels turn only while vslam and move_base renew their leases and odometry comes. After a stop the node sends zero
-for a moment and then nothing, so that other inputs of the mux are not disturbed.
-"""
+for a moment and then nothing, so that other inputs of the mux are not disturbed."""
 
 import threading
 import time

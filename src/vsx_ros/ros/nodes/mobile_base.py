@@ -18,8 +18,7 @@ Parameters: ~robot_type (auto: which one answers; kobuki, create, create2; ros o
     ~odom_linear_scale_correction, ~odom_angular_scale_correction (as configured under robot.odometry),
     ~publish_tf (bool, true; false: somebody else, an EKF, says where base_footprint is in odom),
     ~allow_unknown_firmware (bool, false: a Kobuki with firmware, hardware or a protocol that is not known stands).
-    ~estopped is the emergency stop as this node remembers it.
-"""
+    ~estopped is the emergency stop as this node remembers it."""
 
 import time
 

@@ -11,8 +11,7 @@ Actions: move_base. Goals in frame map are planned in the newest map from the fu
 Parameters: ~config (tree of 'vsx config'), ~planner (fov or unconstrained; fov), ~seed (int, 0). While it runs, for the
     plans to come, by dynamic_reconfigure: ~v_m_s and ~omega_rad_s (up to the configured limits), ~phi_rad_m.
 
-A client that ever renewed move_base/lease must go on doing so while its goal is pursued.
-"""
+A client that ever renewed move_base/lease must go on doing so while its goal is pursued."""
 
 import math
 import threading

@@ -3,8 +3,7 @@
 Publishers: cmd_vel_mux/input/teleop, only while a key is held.
 Parameters: ~v_m_s (0.2), ~omega_rad_s (0.6); ``vsx teleop`` gives them as --v and --omega.
 
-Arrow keys or w a s d move, space stops, + and - change the speed, q ends. Releasing the key stops the robot.
-"""
+Arrow keys or w a s d move, space stops, + and - change the speed, q ends. Releasing the key stops the robot."""
 
 import atexit
 import os

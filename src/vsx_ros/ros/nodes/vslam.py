@@ -11,8 +11,7 @@ Parameters: ~config (tree of 'vsx config'), ~seed (int, 0), ~run_dir (folder for
     ~load_map (SLAM map to go on in, the robot anywhere in it; none; not read where ~run_dir is gone on with),
     ~save_map (file to save it to at the end; none),
     ~save_map_to (file the service saves to; default map.vsxmap in ~run_dir, else in the folder for temporary files),
-    ~publish_tf (bool, true; false: somebody else, an EKF, says where odom is in map).
-"""
+    ~publish_tf (bool, true; false: somebody else, an EKF, says where odom is in map)."""
 
 import time
 
