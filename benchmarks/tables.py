@@ -88,6 +88,7 @@ TABLES: dict[str, Table] = {
     "table 1": Table("docs/results.md", "drives", table_paper.table1),
     "U2": Table("docs/paper.md", "drives", table_paper.u2),
     "totals": Table("README.md", "exploration", table_exploration.brief, _LAB),
+    "live brief": Table("README.md", "exploration_live", table_exploration.brief, _LAB),
     "strategies": Table("docs/results.md", "exploration_strategy", table_exploration.strategies),
     "exploration": Table("docs/results.md", "exploration", table_exploration.runs, _LAB),
     "exploration totals": Table("docs/results.md", "exploration", table_exploration.totals, _LAB),

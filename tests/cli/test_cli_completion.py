@@ -7,7 +7,7 @@ import subprocess
 import pytest
 
 from vsx_ros.cli.main import COMMANDS, parser
-from vsx_ros.cli.short import script
+from vsx_ros.cli.small_commands import script
 
 ASK = '\nCOMP_WORDS=("$@"); COMP_CWORD=$(($#-1)); _shtab_vsx; echo "${COMPREPLY[@]}"'
 

@@ -69,7 +69,7 @@ def test_exit_codes_and_one_sentence(raised, code, said, debug, monkeypatch, cap
             raise raised
         return 0
 
-    monkeypatch.setattr("vsx_ros.cli.short.config", run)
+    monkeypatch.setattr("vsx_ros.cli.small_commands.config", run)
     assert main.execute(["config", *(["--debug"] if debug else [])]) == code
     error = capsys.readouterr().err
     assert said in error

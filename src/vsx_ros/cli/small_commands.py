@@ -1,4 +1,4 @@
-"""The short commands: ``vsx view``, ``status``, ``stop``, ``teleop`` and ``record`` for a robot that runs; ``config``,
+"""The small commands: ``vsx view``, ``status``, ``stop``, ``teleop`` and ``record`` for a robot that runs; ``config``,
 ``world`` and ``completion``, which print and write what a run and a shell can be given."""
 
 import argparse
