@@ -246,7 +246,7 @@ def test_a_camera_that_refuses_the_lock_is_not_said_to_be_locked(tmp_path, monke
     ask = KinectCamera._ask
 
     def refuse(camera, transport, command, *words):
-        if command == CMOS_REGISTER:
+        if command == CMOS_REGISTER and words[1] & CMOS_WRITE:
             asked.append(words)
             raise ProtocolError("no such register")
         return ask(camera, transport, command, *words)

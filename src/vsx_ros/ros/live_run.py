@@ -83,13 +83,13 @@ class LiveRun:
         self._silence()
         try:
             self._start()
+            ends = "ends the replay" if self._replayed else "stops the robot"
+            self.progress.say(f"nodes are starting at ROS_MASTER_URI={os.environ['ROS_MASTER_URI']}; Ctrl-C {ends}")
+            if self.url:
+                self.progress.say(f"live view: {self.url}")
         except BaseException:
             self._end()
             raise
-        ends = "ends the replay" if self._replayed else "stops the robot"
-        self.progress.say(f"nodes are starting at ROS_MASTER_URI={os.environ['ROS_MASTER_URI']}; Ctrl-C {ends}")
-        if self.url:
-            self.progress.say(f"live view: {self.url}")
         return self
 
     def __exit__(self, *_: object) -> None:
