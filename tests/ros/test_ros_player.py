@@ -42,3 +42,25 @@ def test_an_image_follows_the_odometry_of_its_instant(
     images_ms: list[int], odometry_ms: list[int], expected: str
 ) -> None:
     assert order(images_ms, odometry_ms) == expected.split()
+
+
+def test_a_recording_waits_for_the_slam_and_not_for_others_who_listen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The run's own monitor hears odometry, too; what is played before vslam does is lost."""
+    listeners = {"/monitor"}
+
+    class Topic:
+        def __init__(self, *_: object, **__: object) -> None:
+            self.impl = self
+
+        def get_stats_info(self) -> list[tuple[int, str, str]]:
+            return [(number, name, "o") for number, name in enumerate(listeners)]
+
+        def get_num_connections(self) -> int:
+            return len(listeners)
+
+    monkeypatch.setattr(player.rospy, "Publisher", Topic)
+    monkeypatch.setattr(player.rospy, "Subscriber", Topic)
+    played = player.Player(recording([0], [0]))
+    assert not played.ready
+    listeners.add("/vslam")
+    assert played.ready

@@ -26,6 +26,7 @@ _HOLD_NS = 100_000_000  # odometry may be recorded so much later than the image 
 _FIRST_ANSWER_S, _ANSWER_S = 30.0, 10.0  # kernels are loaded first; a frame takes far less
 _CALIBRATION_LEAD_S = 0.5
 """It comes by a connection of its own, as odometry does, and an image that overtakes it is lost."""
+SLAM_NODE = "vslam"
 _END_NS = 3_000_000_000  # So long time goes on after the last image, for maps that are made once a second
 
 
@@ -50,9 +51,13 @@ class Player:
 
     @property
     def ready(self) -> bool:
-        """Whether the SLAM listens and will be heard."""
-        links = self._image_pub, self._info_pub, self._odom_pub, self._answers
-        return all(link.get_num_connections() > 0 for link in links)
+        """Whether the SLAM listens and will be heard; that others listen says nothing."""
+        slam = rospy.resolve_name(SLAM_NODE)
+        listeners = [
+            {name for _, name, *_ in publisher.impl.get_stats_info()}
+            for publisher in (self._clock_pub, self._image_pub, self._info_pub, self._odom_pub)
+        ]
+        return self._answers.get_num_connections() > 0 and all(slam in names for names in listeners)
 
     def play(self, rate: float, goes_on: Callable[[], bool]) -> None:
         """Everything in its order until the end, or until not ``goes_on()``.
