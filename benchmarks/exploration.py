@@ -19,11 +19,13 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import cv2
+from msgspec.structs import asdict
 from nearest_frontier import nearest_frontier
 from tables import RESULTS, rooms_of
 
@@ -85,8 +87,7 @@ def explored(task: Exploration, pictures: Path | None = None) -> dict[str, objec
         pictures.mkdir(parents=True, exist_ok=True)
         cv2.imwrite(str(pictures / f"{task.world}_{task.seed}_{task.noise}.png"), run.judge.picture(run.system.grid))
     summary = run.summary(reason).as_dict()
-    reasons = [event.reason for event in run.record.events if event.source == "mission"]
-    return told(summary, reasons, task.until, reached) | {
+    return told(summary, list(map(asdict, run.record.events)), task.until, reached) | {
         "cpu_s": round(cpu_s, 1), "wall_s": round(wall_s, 1), "decisions": decisions,
     }  # fmt: skip
 
@@ -104,9 +105,8 @@ def explored_live(task: Exploration) -> dict[str, object]:
             raise InputError(f"vsx explore ended with code {code}: {(said.splitlines() or ['nothing was said'])[-1]}")
         summary = json.loads((out / "summary.json").read_text())
         events = [json.loads(line) for line in (out / "events.jsonl").read_text().splitlines()]
-    reasons = [event["reason"] for event in events if event["source"] == "mission"]
     wall_s = round(time.perf_counter() - began_s, 1)
-    return told(summary, reasons, task.until, {}) | {"exit": code, "wall_s": wall_s}
+    return told(summary, events, task.until, {}) | {"exit": code, "wall_s": wall_s}
 
 
 def vsx_explore(words: list[str]) -> tuple[int, str]:
@@ -123,13 +123,16 @@ def vsx_explore(words: list[str]) -> tuple[int, str]:
 
 
 def told(
-    summary: dict[str, object], reasons: list[str], until: float, reached: dict[str, list[float]]
+    summary: dict[str, object], events: list[dict[str, object]], until: float, reached: dict[str, list[float]]
 ) -> dict[str, object]:
-    """What a row says of a run. Where enough is known at the end it was reached, then if not before."""
+    """What a row says of a run. Where enough is known at the end it was reached, then if not before. slam: how often
+    each of its events happened."""
     if (summary["coverage_correct"] or 0.0) >= until:
         reached.setdefault(f"{100 * until:.0f}", [round(summary["driven_m"], 2), round(summary["duration_s"], 1)])
     kept = {name: round(value, 4) if isinstance(value := summary[name], float) else value for name in KEPT}
-    return {**kept, "times_lost": sum(reason.startswith("tracking lost") for reason in reasons), "reached": reached}
+    lost = sum(event["source"] == "mission" and event["reason"].startswith("tracking lost") for event in events)
+    slam = Counter(event["state"] for event in events if event["source"] == "slam" and event["state"] != "refused")
+    return {**kept, "times_lost": lost, "slam": dict(sorted(slam.items())), "reached": reached}
 
 
 def decisions_of(run: FastRun) -> list[tuple[float, int, float, float]]:
