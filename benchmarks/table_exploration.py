@@ -22,10 +22,11 @@ def runs(rows: Runs) -> list[str]:
         if "failed" in run:
             lines.append(f"| {row.asked['seed']} | {row.asked['noise']} | {run['failed']} |" + " |" * (len(head) - 3))
             continue
-        ways = (_form(run["reached"].get(level, [None])[0], ".0f") for level in ("50", "70", "80", _UNTIL))
+        reached = _reached(run)
+        ways = (_form(reached.get(level, [None])[0], ".0f") for level in ("50", "70", "80", _UNTIL))
         least_cm, ate_cm = _cm(run["min_clearance_m"]), _cm(run["ate_rmse_m"])
         cells = (
-            row.asked["seed"], row.asked["noise"], *ways, _form(run["reached"].get(_UNTIL, [0, None])[1], ".0f"),
+            row.asked["seed"], row.asked["noise"], *ways, _form(reached.get(_UNTIL, [0, None])[1], ".0f"),
             run["times_lost"], _form(run["breaks"], "d"), _form(run["collisions"], "d"),
             f"{_form(least_cm, '.0f')} cm", f"{_form(ate_cm, '.1f')} cm",
         )  # fmt: skip
@@ -68,10 +69,17 @@ def _of(rows: Runs) -> list[str]:
     return [f"of {len(rows)} runs in {len(worlds)} worlds"]
 
 
+def _reached(run: dict[str, Any]) -> dict[str, list[float]]:
+    """Metres and seconds until each share. A live run that ended because enough was known had reached it, though the
+    map that it left a moment later may know a little less."""
+    enough = run["stop_reason"] == f"{_UNTIL} % is known"
+    return ({_UNTIL: [run["driven_m"], run["duration_s"]]} if enough else {}) | run["reached"]
+
+
 def _figures(rows: Runs) -> list[tuple[str, tuple[str, str], str, str]]:
     """Name, median and worst, must, aim."""
     done = [row.result for row in rows if "failed" not in row.result]
-    ends = [run["reached"][_UNTIL] for run in done if _UNTIL in run["reached"]]
+    ends = [reached[_UNTIL] for run in done if _UNTIL in (reached := _reached(run))]
 
     def of(key: str, scale: float, form: str) -> tuple[str, str]:
         return _worst([abs(scale * run[key]) for run in done if run[key] is not None], form)
@@ -84,6 +92,7 @@ def _figures(rows: Runs) -> list[tuple[str, tuple[str, str], str, str]]:
         ("ATE without scale alignment [cm]", of("ate_rmse_m", 100, ".1f"), "10 (25)", "5 (12)"),
         ("scale error [%]", of("scale_error", 100, ".1f"), "2", "1"),
         ("runs with unrecovered breaks", ("", str(sum(bool(run["breaks"]) for run in done))), "0", "0"),
+        ("runs that began a second map", ("", str(sum("second map" in run["slam"] for run in done))), "", ""),
         ("runs that touched something", ("", str(sum(bool(run["collisions"]) for run in done))), "0", "0"),
         ("least distance to anything [cm]", ("", _form(_cm(least_m), ".0f")), "", "5"),
     ]
