@@ -41,11 +41,11 @@ def test_a_pair_says_when_it_was_killed_and_what_both_reached(monkeypatch: pytes
 
 
 def test_a_row_says_when_enough_was_known() -> None:
-    row = exploration.told(
-        SUMMARY, ["tracking lost: dark", "mapping", "tracking lost: plain"], 0.9, {"50": [20.0, 90.0]}
-    )
+    told = ("mission", "tracking lost: dark"), ("mission", "mapping"), ("mission", "tracking lost: plain"), ("slam", "")
+    events = [{"source": source, "state": "lost", "reason": reason} for source, reason in told]
+    row = exploration.told(SUMMARY, events, 0.9, {"50": [20.0, 90.0]})
     assert row["reached"] == {"50": [20.0, 90.0], "90": [61.24, 400.0]}
-    assert (row["times_lost"], row["scale_error"]) == (2, 0.0021)
+    assert (row["times_lost"], row["slam"], row["scale_error"]) == (2, {"lost": 1}, 0.0021)
     nowhere = exploration.told({**SUMMARY, "coverage_correct": None, "ate_rmse_m": None}, [], 0.9, {})
     assert (nowhere["reached"], nowhere["ate_rmse_m"]) == ({}, None)
 

@@ -29,6 +29,7 @@ def row(seed: int, code: str = "a", config: str = "c", commit: str = "0123456789
         "coverage_correct": 0.9, "breaks": 0, "relocalizations": 0, "collisions": 0, "ate_rmse_m": 0.01,
         "scale_error": -0.002, "driven_m": 60.0, "min_clearance_m": 0.1, "duration_s": 400.0, "times_lost": 1,
         "reached": {"50": [20.0, 90.0], "90": [60.0, 400.0]}, "decisions": [[3.0, 8, 50, 400]],
+        "slam": {}, "stop_reason": "90 % is known",
     }  # fmt: skip
     asked = {"world": "lab", "seed": seed, "noise": 0, "until": 0.9, "strategy": "views", **asked}
     return Row(
@@ -141,7 +142,8 @@ def test_strategies_stand_side_by_side() -> None:
 
 def test_runs_that_know_nothing_have_a_dash_and_failures_their_reason() -> None:
     run = row(2)
-    nowhere = {**run.result, "ate_rmse_m": None, "min_clearance_m": None, "scale_error": None, "reached": {}}
+    unknown = {"ate_rmse_m": None, "min_clearance_m": None, "scale_error": None}
+    nowhere = {**run.result, **unknown, "reached": {}, "stop_reason": "nothing is worth its way"}
     rows = [row(1), Row(**{f: getattr(run, f) for f in Row.__struct_fields__} | {"result": nowhere})]
     failed = Row(**{f: getattr(run, f) for f in Row.__struct_fields__} | {"result": {"failed": "no camera"}})
     lines = tables.TABLES["exploration"].made([*rows, failed])
