@@ -88,6 +88,29 @@ def test_ctrl_c_stops_the_robot_ends_every_process_and_leaves_a_run_folder(tmp_p
     assert folder.read_map() is not None
 
 
+def test_a_slam_that_hangs_at_the_end_is_told_and_its_journal_kept(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    with exploring(tmp_path, free_port(), out) as (run, _):
+        named = Path("/proc").glob("[0-9]*/cmdline")
+        (vslam,) = (entry for entry in named if is_node(entry, "vslam", str(out)))
+        os.kill(int(vslam.parent.name), signal.SIGSTOP)
+        run.send_signal(signal.SIGINT)
+        assert run.stderr is not None
+        assert run.wait(30.0) == STOPPED
+    said = (out / "summary.json").read_text(encoding="utf-8")
+    assert json.loads(said)["frames_tracked"] > 0
+    assert json.loads(said)["ate_rmse_m"] < 0.1
+    assert RunFolder.open(out).read_poses("trajectory")
+    assert not processes_that_name(str(out))
+
+
+def is_node(entry: Path, name: str, text: str) -> bool:
+    with contextlib.suppress(OSError):
+        words = entry.read_bytes()
+        return f"__name:={name}".encode() in words.split(b"\0") and text.encode() in words
+    return False
+
+
 def test_a_run_whose_own_master_is_killed_ends_in_one_sentence_with_every_process(tmp_path: Path) -> None:
     port, out = free_port(), tmp_path / "run"
     with exploring(tmp_path, port, out) as (run, lines):

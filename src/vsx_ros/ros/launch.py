@@ -18,7 +18,8 @@ from vsx_ros.errors import ConfigError
 from vsx_ros.ros import topics
 from vsx_ros.ros.host_address import export_ros_address
 
-SIGINT_TIMEOUT_S, SIGTERM_TIMEOUT_S = 3.0, 1.0  # to the next stronger signal; roslaunch's own: 15 and 2 s
+# To the next stronger signal; roslaunch's own: 15 and 2 s. On a busy machine vslam needs seconds to write its results.
+SIGINT_TIMEOUT_S, SIGTERM_TIMEOUT_S = 6.0, 1.0
 
 # Parallelism is by process; threads of libraries inside of them only fight for the same cores.
 ENVIRONMENT = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}

@@ -31,7 +31,7 @@ from vsx_ros.runs.process import SignalFlag
 _STOP_S = 0.6  # the robot is told to stand for so long
 _ESTOP_WAIT_S = 2.0  # for the base's answer
 _ANSWER_S = 1.0  # of a master that may be gone
-_END_S = 2.0 * (launch.SIGINT_TIMEOUT_S + launch.SIGTERM_TIMEOUT_S)
+_END_S = launch.SIGINT_TIMEOUT_S + launch.SIGTERM_TIMEOUT_S + 1.0
 """Nodes, then the master; roslaunch has killed them by then, unless it hangs itself."""
 _ESTOPPED = "mobile_base/estopped"
 MASTER = "master"  # What roslaunch calls the process of the master that it started

@@ -8,8 +8,10 @@ import rosgraph
 import rospy
 
 from vsx_ros.errors import ConfigError
-from vsx_ros.evaluation.summary import Summary, with_accuracy
+from vsx_ros.evaluation.summary import with_accuracy
 from vsx_ros.evaluation.trajectory import AlignmentKind
+from vsx_ros.geometry.camera import mounted
+from vsx_ros.geometry.se3 import SE3
 from vsx_ros.io.recording import Recording
 from vsx_ros.ros import logs, topics
 from vsx_ros.ros.launch import LaunchNode
@@ -20,6 +22,7 @@ from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.parameters import load
 from vsx_ros.runs.process import INTERNAL, STOPPED, ended_well
 from vsx_ros.runs.report import tell_the_end, write_report
+from vsx_ros.runs.session import results_of_slam
 from vsx_ros.runs.start import opened_recording, replay_code, replay_folder
 from vsx_ros.slam.state import TrackingState
 
@@ -37,7 +40,8 @@ def replay(args: argparse.Namespace) -> int:
         monitor, player = Monitor(emulated=False), Player(recording)
         _play(live, monitor, player, 1.0 if args.rate is None else args.rate)
         interrupted, dead = live.interrupted, live.dead
-    return _gather(folder, recording, monitor, args, f"node {dead} died" if dead else "", interrupted)
+    failure, T_base_cam = f"node {dead} died" if dead else "", mounted(config.robot.mount)
+    return _gather(folder, recording, monitor, args, failure, interrupted, T_base_cam)
 
 
 def _refuse_company() -> None:
@@ -82,14 +86,15 @@ def _play(live: LiveRun, monitor: Monitor, player: Player, rate: float) -> None:
 
 
 def _gather(
-    folder: RunFolder, recording: Recording, monitor: Monitor, args: argparse.Namespace, failure: str, interrupted: bool
-) -> int:
+    folder: RunFolder, recording: Recording, monitor: Monitor, args: argparse.Namespace, failure: str,
+    interrupted: bool, T_base_cam: SE3,
+) -> int:  # fmt: skip
     """Complete what vslam wrote, and tell it."""
-    known = folder.read_summary() if (folder.path / "summary.json").exists() else {}
+    known, missing = results_of_slam(folder, T_base_cam)
     looked_at = folder.read_frames()
     ending = TrackingState(looked_at[-1].state) if looked_at else TrackingState.NOT_INITIALISED
     kind: AlignmentKind | None = "yaw" if recording.odometry else None
-    summary = with_accuracy(Summary(**known), folder.read_poses("trajectory"), recording.ground_truth, kind)
+    summary = with_accuracy(known, folder.read_poses("trajectory"), recording.ground_truth, kind)
     code = STOPPED if interrupted else INTERNAL if failure else replay_code(ending)
     if interrupted:
         failure = f"stopped by the operator after {len(looked_at)} of {recording.frame_count} frames"
@@ -107,7 +112,7 @@ def _gather(
         writes.append(lambda: folder.write_poses("groundtruth", recording.ground_truth))
     if args.map and (grid := monitor.grid) is not None:
         writes.append(lambda: folder.write_map(grid))
-    kept = folder.write_what_fits(*writes, lambda: write_report(folder))
+    kept = folder.write_what_fits(*writes, lambda: write_report(folder)) or missing
     return tell_the_end(folder, summary.as_dict(), code, kept)
 
 

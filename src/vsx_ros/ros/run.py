@@ -12,9 +12,10 @@ from msgspec.structs import replace
 
 from vsx_ros.config import Config
 from vsx_ros.errors import ConfigError
-from vsx_ros.evaluation.summary import Summary, with_accuracy
+from vsx_ros.evaluation.summary import with_accuracy
 from vsx_ros.evaluation.trajectory import path_length
 from vsx_ros.exploration.decision import MissionState
+from vsx_ros.geometry.camera import mounted
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.ros import headers, launch, logs
@@ -27,6 +28,7 @@ from vsx_ros.runs.journal import RunEvent
 from vsx_ros.runs.process import DONE, FAILED, HARDWARE, INTERNAL, STOPPED, ended_well
 from vsx_ros.runs.record import MapJudge
 from vsx_ros.runs.report import EXIT_CODES, tell_the_end, write_report
+from vsx_ros.runs.session import results_of_slam
 from vsx_ros.runs.start import begin
 from vsx_ros.sim.world import Start, World
 from vsx_ros.sim.world_file import save_world
@@ -173,9 +175,9 @@ def _gather(
     args: argparse.Namespace,
 ) -> int:
     """Complete what vslam wrote with what the monitor saw, and tell it; the exit code."""
-    known = folder.read_summary() if (folder.path / "summary.json").exists() else {}
+    known, missing = results_of_slam(folder, mounted(config.robot.mount))
     truth, so_far = [*journal.truth(), *monitor.truth], journal.so_far
-    summary = with_accuracy(Summary(**known), folder.read_poses("trajectory"), truth, "yaw")
+    summary = with_accuracy(known, folder.read_poses("trajectory"), truth, "yaw")
     if judge is not None:
         summary = judge.judged(summary, monitor.grid)
     plan_ms, error_m = np.array(monitor.plan_ms), np.array(monitor.error_m)
@@ -200,7 +202,7 @@ def _gather(
     writes.append(lambda: folder.write_events(all_events(folder, journal, monitor)))
     if truth:
         writes.append(lambda: folder.write_poses("groundtruth", truth))
-    failure = folder.write_what_fits(*writes, lambda: write_report(folder)) or journal.failure
+    failure = folder.write_what_fits(*writes, lambda: write_report(folder)) or journal.failure or missing
     return tell_the_end(folder, summary.as_dict(), ending.code, failure)
 
 

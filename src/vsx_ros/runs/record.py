@@ -20,7 +20,7 @@ from vsx_ros.runs.journal import FrameLine, Line, RunEvent
 from vsx_ros.sim.truth import ground_truth_grid
 from vsx_ros.sim.world import World
 from vsx_ros.slam.snapshot import MapSnapshot
-from vsx_ros.slam.state import SlamStatistics, TrackingResult
+from vsx_ros.slam.state import SlamStatistics, TrackingResult, TrackingState
 
 
 class RunRecord:
@@ -73,12 +73,22 @@ class RunRecord:
 
     def summary(self, statistics: SlamStatistics) -> Summary:
         """What is known without any truth."""
+        return tracking_summary(statistics, self.track_ms).with_values(breaks=self._breaks())
+
+    def counted(self) -> Summary:
+        """What the frames alone tell, without the SLAM that tracked them."""
+        if not self.results:
+            return Summary()
+        states = [result.state for result in self.results]
+        tracked, lost = sum(state.tracked for state in states), states.count(TrackingState.LOST)
+        return Summary(frames=len(states), frames_tracked=tracked, frames_lost=lost, breaks=self._breaks())
+
+    def _breaks(self) -> int:
         cameras = [None if T is None else SE3.from_se2(T) @ self._T_base_cam for T in self._T_odom_bases]
-        breaks = len(find_breaks(self.results, cameras, self._epochs))
-        return tracking_summary(statistics, self.track_ms).with_values(breaks=breaks)
+        return len(find_breaks(self.results, cameras, self._epochs))
 
     def writes(
-        self, folder: RunFolder, snapshot: MapSnapshot, surface: Points3 | None = None
+        self, folder: RunFolder, snapshot: MapSnapshot | None = None, surface: Points3 | None = None
     ) -> Iterator[Callable[[], None]]:
         """How to write events.jsonl, trajectory.txt (camera in the map, as tracked), frames.csv, odometry.txt and
         sparse.ply; with spots of surface (N, 3), dense.ply too. What matters most where there is little room is first.
@@ -92,7 +102,7 @@ class RunRecord:
         if self._odometry:
             T_odom_base = [StampedPose(ns, SE3.from_se2(T)) for ns, T in self._odometry]
             yield lambda: folder.write_poses("odometry", T_odom_base)
-        if len(snapshot.points_world):
+        if snapshot is not None and len(snapshot.points_world):
             yield lambda: write_ply(folder.path / "sparse.ply", snapshot.points_world)
         if surface is not None and len(surface):
             yield lambda: write_ply(folder.path / "dense.ply", surface)

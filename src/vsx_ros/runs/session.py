@@ -96,6 +96,20 @@ def end_trail(folder: RunFolder, moved: bool) -> None:
     folder.checkpoint.write_mission(saved.tree(), driven[-1][0] if driven else 0)
 
 
+def results_of_slam(folder: RunFolder, T_base_cam: SE3) -> tuple[Summary, str]:
+    """The summary that the node vslam left in a run folder. Where it was ended before it could write, what its journal
+    knows instead, with the trajectory, and a sentence that says so."""
+    if (folder.path / "summary.json").exists():
+        return Summary(**folder.read_summary()), ""
+    record = RunRecord(T_base_cam)
+    try:
+        record.restore(read_journal(folder.journal))
+    except InputError as error:
+        return Summary(), str(error)
+    said = folder.write_what_fits(*record.writes(folder))
+    return record.counted(), said or "vslam ended before it had written its results; kept is what its journal knows"
+
+
 def _driven(lines: Sequence[Line]) -> list[tuple[int, SE2]]:
     """Stamp and T_odom_base of every frame that has both, in the last epoch of the odometry."""
     readings = [line.odometry for line in lines if isinstance(line, FrameLine) and line.odometry is not None]

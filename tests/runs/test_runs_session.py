@@ -1,0 +1,53 @@
+"""What a run folder still tells when the SLAM that filled it did not come to its end."""
+
+from pathlib import Path
+
+import pytest
+
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.robot import Odometry
+from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.journal import FrameLine, Journal
+from vsx_ros.runs.session import results_of_slam
+from vsx_ros.slam.state import TrackingResult, TrackingState
+
+MOUNT = SE3.identity()
+
+
+def frame(k: int, state: TrackingState) -> FrameLine:
+    at = SE2(0.1 * k, 0.0, 0.0)
+    pose = SE3.from_se2(at) if state.tracked else None
+    result = TrackingResult(
+        stamp_ns=k * 10**8, state=state, T_world_cam=pose, searched=100, found=90, keyframe_added=False, reason=""
+    )
+    return FrameLine.of(result, Odometry(k * 10**8, at), 5.0, None)
+
+
+def test_without_a_summary_the_journal_tells_what_it_knows(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    states = [TrackingState.NOT_INITIALISED, TrackingState.GOOD, TrackingState.DUBIOUS, TrackingState.LOST]
+    Journal(folder.journal).add(*(frame(k, state) for k, state in enumerate(states)))
+    summary, said = results_of_slam(folder, MOUNT)
+    assert (summary.frames, summary.frames_tracked, summary.frames_lost, summary.u1) == (4, 2, 1, None)
+    assert summary.breaks == 1, "lost for good"
+    assert "before it had written its results" in said
+    assert [pose.stamp_ns for pose in folder.read_poses("trajectory")] == [10**8, 2 * 10**8]
+
+
+@pytest.mark.parametrize("content", [b"", b"{\n", b"\0" * 100 + b"\n"])
+def test_a_journal_that_tells_nothing_leaves_all_unknown(tmp_path: Path, content: bytes) -> None:
+    folder = RunFolder(tmp_path)
+    folder.journal.parent.mkdir(parents=True)
+    folder.journal.write_bytes(content)
+    summary, said = results_of_slam(folder, MOUNT)
+    assert summary.frames_tracked in (None, 0)
+    assert summary.breaks is None
+    assert said
+
+
+def test_a_summary_that_is_there_is_taken_as_it_is(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    folder.write_summary({"frames": 3})
+    summary, said = results_of_slam(folder, MOUNT)
+    assert (summary.frames, said) == (3, "")
