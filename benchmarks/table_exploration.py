@@ -1,7 +1,7 @@
 """Tables of explorations from their rows."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -84,6 +84,11 @@ def _figures(rows: Runs) -> list[tuple[str, tuple[str, str], str, str]]:
     def of(key: str, scale: float, form: str) -> tuple[str, str]:
         return _worst([abs(scale * run[key]) for run in done if run[key] is not None], form)
 
+    def counted(key: str, happened: Callable[[Any], bool] = bool) -> tuple[str, str]:
+        known = [run for run in done if run["breaks"] is not None]  # the others' SLAM left no results
+        of_known = "" if len(known) == len(done) else f" of {len(known)} known"
+        return "", f"{sum(happened(run[key]) for run in known)}{of_known}"
+
     least_m = min((run["min_clearance_m"] for run in done if run["min_clearance_m"] is not None), default=None)
     return [
         (f"reach {_UNTIL} %, known and right", (str(len(ends)), ""), f"{math.ceil(0.95 * len(rows))}", f"{len(rows)}"),
@@ -91,8 +96,8 @@ def _figures(rows: Runs) -> list[tuple[str, tuple[str, str], str, str]]:
         ("minutes until then", _worst([seconds / 60 for _, seconds in ends], ".1f"), "", ""),
         ("ATE without scale alignment [cm]", of("ate_rmse_m", 100, ".1f"), "10 (25)", "5 (12)"),
         ("scale error [%]", of("scale_error", 100, ".1f"), "2", "1"),
-        ("runs with unrecovered breaks", ("", str(sum(bool(run["breaks"]) for run in done))), "0", "0"),
-        ("runs that began a second map", ("", str(sum("second map" in run["slam"] for run in done))), "", ""),
+        ("runs with unrecovered breaks", counted("breaks"), "0", "0"),
+        ("runs that began a second map", counted("slam", lambda events: "second map" in events), "", ""),
         ("runs that touched something", ("", str(sum(bool(run["collisions"]) for run in done))), "0", "0"),
         ("least distance to anything [cm]", ("", _form(_cm(least_m), ".0f")), "", "5"),
     ]

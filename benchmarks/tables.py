@@ -3,7 +3,7 @@
     python benchmarks/tables.py render     puts the tables between their marks in the documents, as their rows are now
     python benchmarks/tables.py stale      lists the tables whose rows are older than the code they judge
 
-A table is made of the newest rows: of what differs in seed and repetition alone, those of one code and configuration.
+A table is made of the rows of one code and configuration: those of its last row.
 """
 
 import argparse
@@ -17,7 +17,8 @@ import table_exploration
 import table_faults
 import table_paper
 
-from vsx_ros.experiments.rows import Row, code_hash, read_rows, tell
+from vsx_ros.config import Config
+from vsx_ros.experiments.rows import Row, code_hash, config_hash, read_rows, tell
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "benchmarks" / "results"
@@ -58,8 +59,6 @@ ROOMS: dict[str, tuple[str, ...]] = {
     "soak_stack": ("src/vsx_ros", "hw/vsx_hw", "benchmarks/soak_stack", "benchmarks/exploring_robot"),
 }
 """What the rows of a file judge: folders, and files without their .py."""
-
-_REPEATED = ("seed", "repetition")
 
 
 class Table(NamedTuple):
@@ -106,18 +105,11 @@ def rooms_of(rows: str) -> list[Path]:
 
 
 def newest(rows: Iterable[Row], of: dict[str, Any]) -> list[Row]:
-    """One row for each question; of those alike but for seed and repetition, the code and configuration of the last."""
-    parts: dict[str, list[Row]] = {}
-    for row in rows:
-        if all(row.asked.get(name) == value for name, value in of.items()):
-            part = {name: value for name, value in row.asked.items() if name not in _REPEATED}
-            parts.setdefault(str(sorted(part.items())), []).append(row)
-    chosen = []
-    for part in parts.values():
-        last = part[-1]
-        of_last = [row for row in part if (row.code, row.config) == (last.code, last.config)]
-        chosen += {str(sorted(row.asked.items())): row for row in of_last}.values()
-    return chosen
+    """One row for each question, all of the code and configuration of the last row: others are never mixed in."""
+    fitting = [row for row in rows if all(row.asked.get(name) == value for name, value in of.items())]
+    last = fitting[-1:]
+    of_last = [row for row in fitting if (row.code, row.config) == (last[0].code, last[0].config)]
+    return list({str(sorted(row.asked.items())): row for row in of_last}.values())
 
 
 def caption(rows: Sequence[Row], file: str) -> str:
@@ -167,7 +159,7 @@ def stale(name: str) -> str:
     table = TABLES[name]
     rows = newest(read_rows(RESULTS / f"{table.rows}.jsonl", tell), table.of)
     rooms = rooms_of(table.rows)
-    old = [row for row in rows if row.code != code_hash(rooms)]
+    old = [row for row in rows if (row.code, row.config) != (code_hash(rooms), config_hash(Config()))]
     if rows and not old:
         return ""
     if not rows:
@@ -180,7 +172,8 @@ def stale(name: str) -> str:
         )  # fmt: skip
         since = f"{len(log.stdout.splitlines())} commits" if log.returncode == 0 else "an unknown number of commits"
         changes.append(f"{since} since {commit[:7]}")
-    return f"{name} ({table.document}): {len(old)} of {len(rows)} rows are of other code; {', '.join(changes)}"
+    count = f"{len(old)} of {len(rows)} rows"
+    return f"{name} ({table.document}): {count} are of other code or configuration; {', '.join(changes)}"
 
 
 def main() -> None:

@@ -91,12 +91,21 @@ def test_a_table_is_of_one_code_and_configuration_the_last() -> None:
     old, new = [row(seed, "a") for seed in (1, 2, 3)], [row(seed, "b", commit="fedcba987654") for seed in (1, 2)]
     assert [r.code for r in tables.newest([*old, *new], {})] == ["b", "b"]
     assert [r.config for r in tables.newest([row(1, config="x"), row(2)], {})] == ["c"]
-    assert [r.code for r in tables.newest([*old, row(1, "b", noise=1)], {})] == ["a", "a", "a", "b"]
+    assert [r.code for r in tables.newest([*old, row(1, "b", noise=1)], {})] == ["b"]
     assert tables.newest(old, {"world": "building"}) == []
     assert len(tables.newest([row(1), row(1)], {})) == 1
     said = tables.caption([*old, *new], "exploration")
     assert "commit 0123456 (2026-11-23), fedcba9 (2026-11-23)" in said
     assert CAPTION.fullmatch(said)
+
+
+def test_what_a_run_did_not_leave_is_told_as_unknown() -> None:
+    lost = row(2)
+    lost.result.update(breaks=None, slam={}, ate_rmse_m=None)
+    lines = {line.split("|")[1].strip(): line for line in tables.table_exploration.totals([row(1), lost])}
+    assert "| 0 of 1 known |" in lines["runs with unrecovered breaks"]
+    assert "| 0 of 1 known |" in lines["runs that began a second map"]
+    assert "| 0 |" in lines["runs that touched something"]
 
 
 def test_rows_and_their_tables_go_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -129,7 +138,9 @@ def test_tables_older_than_their_code_are_listed(tmp_path: Path, monkeypatch: py
     assert tables.stale("resumed") == ""
     line = json.loads((tmp_path / "resume.jsonl").read_text())
     (tmp_path / "resume.jsonl").write_text(json.dumps({**line, "code": "another"}) + "\n")
-    assert tables.stale("resumed").startswith("resumed (docs/results.md): 1 of 1 rows are of other code; ")
+    assert tables.stale("resumed").startswith(
+        "resumed (docs/results.md): 1 of 1 rows are of other code or configuration; "
+    )
 
 
 def test_strategies_stand_side_by_side() -> None:

@@ -65,7 +65,7 @@ def code_hash(rooms: Iterable[Path]) -> str:
     return digest.hexdigest()[:_DIGITS]
 
 
-def _config_hash(config: Config) -> str:
+def config_hash(config: Config) -> str:
     """Of every parameter, those that were not set too."""
     return hashlib.sha256(json.dumps(to_dict(config), sort_keys=True).encode()).hexdigest()[:_DIGITS]
 
@@ -96,7 +96,7 @@ class Store:
         the file, and are told in a sentence. Raises InputError when the file cannot be used."""
         with explained(InputError, f"{path} cannot be used", "choose another --out", OSError):
             path.parent.mkdir(parents=True, exist_ok=True)
-        hashes = code_hash(rooms), _config_hash(config or Config())
+        hashes = code_hash(rooms), config_hash(config or Config())
         self._path, self._rooms = path, rooms
         self._rests_on = Provenance(*_commit(rooms), *hashes, _versions())
         rows = read_rows(path, tell)
