@@ -8,6 +8,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import actionlib
+import numpy as np
 import pytest
 import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -123,7 +124,7 @@ class Wires:
             self.say(topics.FOLLOWER_LEASE, String("vslam"))
             self.say(topics.SLAM_STATE, DiagnosticStatus(name=self.state.word))
             if self.state.tracked:
-                self.say(topics.POSE, slam_messages.located(stamp_ns, pose, 0.01, 0.01))
+                self.say(topics.POSE, slam_messages.located(stamp_ns, pose, 1e-4 * np.eye(6)))
 
 
 class ActionServer:

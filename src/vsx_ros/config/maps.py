@@ -117,6 +117,20 @@ class OdometryNoiseConfig(Branch, frozen=True):
     floor_tilt_sigma_rad: Positive = 0.02
 
 
+class UncertaintyConfig(Branch, frozen=True):
+    """How well the SLAM knows its poses (standard deviations). Two keyframes know each other by the points they share:
+    shared_*: by one point, a share of its depth and a turn; by n points, less by the root of n. *_sqrt_m: what grows
+    with the root of the way between them. image_factor: by which the variance is larger than the image alone tells,
+    whose points err alike. size_sigma_ratio: of the whole map, which odometry measured."""
+
+    shared_depth_ratio: Positive = 0.002
+    shared_turn_rad: Positive = 0.01
+    distance_sigma_sqrt_m: NonNegative = 0.0015
+    turn_sigma_rad_sqrt_m: NonNegative = 0.0015
+    image_factor: Positive = 2.0
+    size_sigma_ratio: NonNegative = 0.002
+
+
 class SlamConfig(Branch, frozen=True):
     """Keyframe SLAM (paper 3)."""
 
@@ -129,6 +143,7 @@ class SlamConfig(Branch, frozen=True):
     drift: DriftConfig = DriftConfig()
     wheels: OdometryNoiseConfig = OdometryNoiseConfig()
     shutter: ShutterConfig = ShutterConfig()
+    uncertainty: UncertaintyConfig = UncertaintyConfig()
 
 
 class GroundMapConfig(Branch, frozen=True):

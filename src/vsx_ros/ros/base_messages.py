@@ -45,7 +45,7 @@ def dead_reckoning(moved: Odometry) -> OdometryMsg:
     sensor of the base contradicts the others."""
     msg = convert.odometry_msg(moved, topics.ODOM_FRAME, topics.BASE_FRAME)
     factor = 1.0 if moved.trusted else _DISTRUST
-    msg.pose.covariance = convert.floor_covariance(_POSITION_M2 * factor, _HEADING_RAD2 * factor)
+    msg.pose.covariance = convert.floor_covariance(SE2(), factor * np.diag([_POSITION_M2] * 3 + [_HEADING_RAD2] * 3))
     msg.twist.covariance = msg.pose.covariance
     return msg
 

@@ -82,11 +82,15 @@ def pose_stamped(frame_id: str, stamp_ns: int, T: SE2 | SE3) -> PoseStamped:
     return PoseStamped(header(frame_id, stamp_ns), pose_msg(T))
 
 
-def floor_covariance(position_m2: float, heading_rad2: float) -> list[float]:
-    """The 6x6 covariance, row by row, of x, y, z, roll, pitch, yaw (or their speeds) of a robot on the floor."""
-    covariance = [0.0] * 36
-    covariance[::7] = [position_m2] * 2 + [UNKNOWN_VARIANCE] * 3 + [heading_rad2]
-    return covariance
+def floor_covariance(T_frame_base: SE2, covariance: FloatArray) -> list[float]:
+    """The 6x6 covariance of x, y, z, roll, pitch, yaw (or their speeds) of a robot on the floor, along the axes of the
+    frame and row by row. covariance (6, 6): in the base's axes, of which x, y and yaw count."""
+    c, s = math.cos(T_frame_base.theta), math.sin(T_frame_base.theta)
+    axes = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    on_floor = np.array([0, 1, 5])
+    told = UNKNOWN_VARIANCE * np.eye(6)
+    told[np.ix_(on_floor, on_floor)] = axes @ covariance[np.ix_(on_floor, on_floor)] @ axes.T
+    return [float(value) for value in told.ravel()]
 
 
 def path_msg(frame_id: str, stamp_ns: int, poses: Sequence[SE2]) -> PathMsg:

@@ -12,7 +12,7 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from sensor_msgs.msg import CompressedImage
 from tf2_msgs.msg import TFMessage
 
-from vsx_ros.arrays import ColorImage, Pixels
+from vsx_ros.arrays import ColorImage, FloatArray, Pixels
 from vsx_ros.config import MountConfig
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Frame, Odometry
@@ -21,14 +21,13 @@ from vsx_ros.ros.logs import ERROR, OK, Diagnostics
 from vsx_ros.session import SlamSession
 from vsx_ros.slam.snapshot import MapSnapshot, TrackedFeatures
 from vsx_ros.slam.state import TrackingResult, TrackingState
+from vsx_ros.slam.uncertainty import carried
 
 _FPS_MEMORY = 0.1  # share of the newest frame in the mean
 _AGAIN_S = 10.0  # the same words at most so often
 _TF_PERIOD_S = 0.05  # with the tolerance, listeners never wait for it
 _TF_TOLERANCE_NS = 100_000_000  # transforms are stamped so far ahead, as with amcl
-# What tracking of this quality achieves against a metric map; the SLAM states no covariance of its own.
-_SIGMA = {TrackingState.GOOD: (0.02, 0.01), TrackingState.DUBIOUS: (0.06, 0.03)}
-_DISTRUST = 10.0
+_DISTRUST = 10.0  # times the standard deviations, where odometry alone is the source and nobody vouches for it
 _PREVIEW_PERIOD_S = 0.1
 _QUALITY_PERCENT = 70
 _FOUND_BGR, _MISSED_BGR = (90, 220, 60), (60, 60, 235)
@@ -127,23 +126,25 @@ class PosePublisher:
 
     def publish(self, result: TrackingResult, odometry: Odometry | None) -> None:
         """The pose of a tracked frame."""
-        if result.T_world_cam is None or result.state not in _SIGMA:
+        if result.T_world_cam is None or result.covariance is None or not result.state.tracked:
             return
         T_map_base = (result.T_world_cam @ self._T_cam_base).to_se2()
-        blind = result.found == 0 and odometry is not None and not odometry.trusted  # odometry nobody vouches for
-        sigma_m, sigma_rad = (_DISTRUST * sigma if blind else sigma for sigma in _SIGMA[result.state])
-        self._pose_pub.publish(located(result.stamp_ns, T_map_base, sigma_m, sigma_rad))
+        covariance = carried(result.covariance, self._T_cam_base)
+        if result.found == 0 and odometry is not None and not odometry.trusted:
+            covariance = _DISTRUST**2 * covariance
+        self._pose_pub.publish(located(result.stamp_ns, T_map_base, covariance))
 
     def _publish_tf(self) -> None:
         stamp_ns, T_map_odom = headers.now_ns() + _TF_TOLERANCE_NS, self._session.T_map_odom or SE2()
         self._tf_pub.publish([convert.transform_stamped(topics.MAP_FRAME, topics.ODOM_FRAME, stamp_ns, T_map_odom)])
 
 
-def located(stamp_ns: int, T_map_base: SE2, sigma_m: float, sigma_rad: float) -> PoseWithCovarianceStamped:
-    """A pose on the floor with independent standard deviations of position and heading; the rest is unknown."""
+def located(stamp_ns: int, T_map_base: SE2, covariance: FloatArray) -> PoseWithCovarianceStamped:
+    """A pose on the floor. covariance (6, 6): of translation and rotation in the base's axes; height and tilt, of which
+    a robot on the floor has none, are told as unknown."""
     msg = PoseWithCovarianceStamped(header=headers.header(topics.MAP_FRAME, stamp_ns))
     msg.pose.pose = convert.pose_msg(T_map_base)
-    msg.pose.covariance = convert.floor_covariance(sigma_m**2, sigma_rad**2)
+    msg.pose.covariance = convert.floor_covariance(T_map_base, covariance)
     return msg
 
 

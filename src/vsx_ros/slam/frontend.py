@@ -21,6 +21,7 @@ from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult, Tracki
 from vsx_ros.slam.tracker import Track, Tracker, nothing_tracked
 from vsx_ros.slam.tracking_record import TrackingRecord
 from vsx_ros.slam.two_view_reconstruction import InitialPair
+from vsx_ros.slam.uncertainty import PoseUncertainty
 
 # A last pose that a new map moves by more than this is a jump of the map.
 CORRECTION_M, CORRECTION_RAD = 0.05, 0.02
@@ -36,6 +37,7 @@ class FrontEnd:
         self._motion = MotionModel(T_base_cam, camera.fx)
         self._recovery = Recovery(camera, T_base_cam, config, self._tracker, self._motion)
         self._consistency = OdometryConsistency(T_base_cam)
+        self._uncertainty = PoseUncertainty(config.uncertainty)
         self._local: LocalMap | None = None
         self.tracking = FrameTracker(config.tracker, self._tracker, self._motion)
         self._view = self._here = Map().view()
@@ -70,6 +72,9 @@ class FrontEnd:
         local = self._around(self._reference)
         track = self.tracking.track(data, local, prediction, tracked_before=not self._recovery.bad_frames)
         if track.state is TrackingState.LOST:
+            if prediction.by_odometry:
+                T_before_now = self._motion.last_pose.inverse() @ prediction.T_world_cam
+                self._uncertainty.moved(T_before_now, prediction.information)
             return self._recover(data, track, prediction.T_world_cam if prediction.by_odometry else None)
         return self._tracked(data, track, local.follow(track.rows), local)
 
@@ -142,6 +147,7 @@ class FrontEnd:
         known = self._local
         if known is None or (known.view.version, known.reference) != (self._here.version, reference):
             self._local = known = LocalMap(self._here, reference)
+            self._uncertainty.enter(known)
         return known
 
     def _tracked(self, data: FrameData, track: Track, reference: int, local: LocalMap) -> Outcome:
@@ -162,8 +168,9 @@ class FrontEnd:
         request = self._request(data, track) if added else None
         searched, found = len(track.searched_rows), len(track.rows)
         result = TrackingResult(
-            data.stamp_ns, track.state, None, searched, found, added, track.reason, self._map_id, None, self._corrected
-        )
+            data.stamp_ns, track.state, None, searched, found, added, track.reason, self._map_id, None, self._corrected,
+            self._uncertainty.tracked(track, local),
+        )  # fmt: skip
         self._corrected = False
         return result.placed(track.T_world_cam), request
 
@@ -202,7 +209,10 @@ class FrontEnd:
         state = TrackingState.LOST if recovery.is_lost or self._map_id else TrackingState.DUBIOUS
         reason = track.reason + ("; position by odometry" if trusted is not None else "")
         searched, added = len(track.searched_rows), request is not None
-        result = TrackingResult(data.stamp_ns, state, trusted, searched, 0, added, reason, self._map_id, by_odometry)
+        known = None if trusted is None else self._uncertainty.covariance
+        result = TrackingResult(
+            data.stamp_ns, state, trusted, searched, 0, added, reason, self._map_id, by_odometry, covariance=known
+        )
         return result, pair or request
 
     def _found_again(self, data: FrameData, found: Relocalization, by_odometry: SE3 | None) -> Outcome:

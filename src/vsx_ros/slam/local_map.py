@@ -25,9 +25,12 @@ SURE_POINTS, SURE_RATIO = 100, 0.2
 
 class LocalMap:
     """The points worth projecting: those of keyframes that share points with, or stand near, the reference keyframe.
-    Their number does not grow with the map. linked: the map without what lies near but is a long way off and not tied
-    to it by points: the map may have drifted in between, and tracking on both would tear the camera from one to the
-    other. To join them is the loop finder's."""
+    Their number does not grow with the map. near (N,): keyframes around it, nearest first; shared (N,): how many points
+    each has in common with it.
+
+    linked: the view restricted to keyframes reached from the reference through shared points or a short way. Nearby
+    keyframes that are reached only around a loop are left out: the map may have drifted in between, and they would be
+    a second copy that contradicts the first. LoopFinder joins them."""
 
     def __init__(self, view: MapView, reference: int) -> None:
         """The map around a reference keyframe."""
@@ -38,7 +41,7 @@ class LocalMap:
         shared = np.array([np.count_nonzero(mark[view.keyframes[k].observations.rows]) for k in near])
         self.linked = self._part(view, near[shared >= LINKED_POINTS])
         tied = np.isin(near, self.linked.living)
-        near, shared = near[tied], shared[tied]
+        self.near, self.shared = near, shared = near[tied], shared[tied]
         chosen = [int(k) for k in near[np.argsort(-shared, kind="stable")[:COVISIBLE]]]
         chosen += [int(k) for k in near[:ALWAYS] if int(k) not in chosen]
         if reference not in chosen:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from enum import Enum
 from typing import NamedTuple
 
+from vsx_ros.arrays import FloatArray
 from vsx_ros.geometry.se3 import SE3
 
 
@@ -35,7 +36,8 @@ class TrackingResult(NamedTuple):
     predicts. reason: why the state is not GOOD, in words. map_id: the map the camera is tracked in; 0 is the first one,
     whose frame is the world. In another one the state is LOST, because the place in the world is not known, and
     T_map_cam is the pose in that map's own frame. corrected: the map moved under the camera since the frame before
-    (a loop was closed, maps were joined): the jump is the map's, not the camera's."""
+    (a loop was closed, maps were joined): the jump is the map's, not the camera's. covariance (6, 6): of the pose, see
+    slam/uncertainty.py; None where there is no pose."""
 
     stamp_ns: int
     state: TrackingState
@@ -47,6 +49,7 @@ class TrackingResult(NamedTuple):
     map_id: int = 0
     T_map_cam: SE3 | None = None
     corrected: bool = False
+    covariance: FloatArray | None = None
 
     def placed(self, T_map_cam: SE3) -> TrackingResult:
         """The same with a pose in the map it belongs to; one in another map than the first is none in the world."""
