@@ -11,10 +11,12 @@ from vsx_ros.config.maps import InitializationConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.epipolar import epipolar_error, essential_matrix, two_view_motions
 from vsx_ros.geometry.se3 import SE3, stacked
+from vsx_ros.geometry.two_view_certainty import certainty
 from vsx_ros.kernels.geometry import unproject_pixels
 from vsx_ros.kernels.slam.bundle import START, adjust
 from vsx_ros.kernels.slam.factors import no_factors, no_floor
 from vsx_ros.kernels.slam.schur import Observations
+from vsx_ros.slam.bundle_adjustment import SIGMA_MIN_PX
 from vsx_ros.slam.keyframe import FrameData
 from vsx_ros.slam.point_creation import Candidates, TargetMatches, checked_points
 
@@ -78,6 +80,8 @@ class TwoViewReconstruction:
         best = self._choose(maps, odometry)
         if isinstance(best, str):
             return best
+        if odometry is None and (doubt := self._doubt(best, rays_a, rays_b)):
+            return doubt
         kept, T_world_a = pair.chosen[best.good], pair.T_world_first
         points = T_world_a @ (best.points_a[best.good] * scale)
         matches = TargetMatches(kept, pair.uv[best.good], pair.candidates.level[kept], points)
@@ -101,6 +105,16 @@ class TwoViewReconstruction:
         if any(_differ(best.T_b_a, rival.T_b_a) for rival in strong):
             return "two motions explain this flat scene equally well; move on to another viewpoint"
         return best
+
+    def _doubt(self, best: MotionHypothesis, rays_a: FloatArray, rays_b: FloatArray) -> str:
+        """Why the images do not determine this motion and its depths, empty when they do."""
+        config, sigma = self._config, SIGMA_MIN_PX / self._camera.fx
+        found = certainty(best.T_b_a, rays_a[best.good], rays_b[best.good], sigma)
+        direction_deg, depth = math.degrees(found.direction_rad), float(np.median(found.log_depth))
+        if direction_deg <= config.max_direction_sigma_deg and depth <= config.max_depth_sigma_ratio:
+            return ""
+        told = f"the direction of motion within {direction_deg:.1f} deg, depths within {100.0 * depth:.0f} %"
+        return f"too uncertain: the images tell {told}; move the camera on sideways"
 
     def _refine(
         self, T_b_a: SE3, rays_a: FloatArray, rays_b: FloatArray, tolerance: float, parallax: float
