@@ -145,7 +145,7 @@ def test_wheels_that_fall_silent_for_good_are_done_without():
     initializer = Initializer(MOUNT, CONFIG)
     said = [
         initializer.add(frame(k * 300_000_000, picture(moved(x=0.05 * k), SCENE), SE2() if k == 0 else None))
-        for k in range(8)
+        for k in range(11)
     ]
     assert ["waiting for it" in str(word) for word in said[1:4]] == [True] * 3
     assert "starting again without it" in said[4]

@@ -17,10 +17,12 @@ MAD = 1.4826  # standard deviation of Gaussian noise over its median absolute va
 
 class Certainty(NamedTuple):
     """Standard deviations of a two-view motion of unit baseline: of its direction along the worst axis [rad], and (N,)
-    of the logarithm of each point's depth over the baseline, with what the motion leaves open."""
+    of the logarithm of each point's depth over the baseline, with what the motion leaves open. noise: of the rays, on
+    the plane z = 1."""
 
     direction_rad: float
     log_depth: FloatArray
+    noise: float
 
 
 def pure_rotation(rays_a: Points2, rays_b: Points2) -> tuple[FloatArray, FloatArray]:
@@ -62,4 +64,4 @@ def certainty(T_b_a: SE3, rays_a: Points2, rays_b: Points2, sigma_min: float) ->
     D = np.column_stack([by_direction, -np.cross(a, lever) / squared[:, None]])
     parallax = np.sqrt(squared) / (np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1))
     variance = ((D @ covariance) * D).sum(axis=1) + (sigma / parallax) ** 2
-    return Certainty(float(np.sqrt(np.linalg.eigvalsh(covariance[:2, :2])[-1])), np.sqrt(variance))
+    return Certainty(float(np.sqrt(np.linalg.eigvalsh(covariance[:2, :2])[-1])), np.sqrt(variance), sigma)

@@ -16,7 +16,7 @@ from vsx_ros.robot import SILENCE_NS
 from vsx_ros.slam.keyframe import FrameData, KeyFrame, Observations
 from vsx_ros.slam.odometry import motion_by_odometry
 from vsx_ros.slam.point_creation import candidates_in
-from vsx_ros.slam.two_view_reconstruction import InitialPair
+from vsx_ros.slam.two_view_reconstruction import TRAIL_SIGMA_PX, InitialPair
 
 TRAILS = 600  # corners followed from the first frame on: several times min_matches, since many are lost on the way
 STILL_PX = 2.0  # median way of the corners; less is noise and vibration
@@ -105,11 +105,13 @@ class Initializer:
         rays = unproject_pixels(data.camera, np.ascontiguousarray(self._positions))
         R, left = pure_rotation(self._candidates.rays[self._index], rays)
         turned = math.degrees(SE3.identity().rotation_angle_to(SE3(R, np.zeros(3))))
-        flow, wanted = float(np.median(left)) * float(data.camera[0]), self._config.min_flow_px
+        flow, wanted = float(np.median(left)) * float(data.camera[0]), self._config.min_flow_sigmas * TRAIL_SIGMA_PX
         if turned > self._config.max_turn_deg:
             return self._restart(data, f"turns: {turned:.0f} deg and not aside; move the camera sideways to start")
         if flow < wanted:
-            told = f"corners moved {flow:.1f} px of the {wanted:.1f} px needed to start, beyond a turn by {turned:.0f} deg"
+            told = (
+                f"corners moved {flow:.1f} px of the {wanted:.1f} px needed to start, beyond a turn by {turned:.0f} deg"
+            )
             return f"too little motion: {told}"
         return ""
 

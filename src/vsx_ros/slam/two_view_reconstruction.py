@@ -11,12 +11,11 @@ from vsx_ros.config.maps import InitializationConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.epipolar import epipolar_error, essential_matrix, two_view_motions
 from vsx_ros.geometry.se3 import SE3, stacked
-from vsx_ros.geometry.two_view_certainty import certainty
+from vsx_ros.geometry.two_view_certainty import certainty, pure_rotation
 from vsx_ros.kernels.geometry import unproject_pixels
 from vsx_ros.kernels.slam.bundle import START, adjust
 from vsx_ros.kernels.slam.factors import no_factors, no_floor
 from vsx_ros.kernels.slam.schur import Observations
-from vsx_ros.slam.bundle_adjustment import SIGMA_MIN_PX
 from vsx_ros.slam.keyframe import FrameData
 from vsx_ros.slam.point_creation import Candidates, TargetMatches, checked_points
 
@@ -24,6 +23,9 @@ MAX_DIRECTION_ERROR_RAD = math.radians(20.0)  # from odometry; along a short bas
 MAX_ROTATION_ERROR_RAD = math.radians(4.0)  # images tell rotation far better than direction
 # Share of the best one's support, and angle: from here on two motions explain the images alike.
 RIVAL, DIFFERENT_RAD = 0.92, math.radians(15.0)
+
+
+TRAIL_SIGMA_PX = 0.3  # corners are not followed more exactly, the lens and the shutter not known better
 
 
 class InitialPair(NamedTuple):
@@ -108,8 +110,12 @@ class TwoViewReconstruction:
 
     def _doubt(self, best: MotionHypothesis, rays_a: FloatArray, rays_b: FloatArray) -> str:
         """Why the images do not determine this motion and its depths, empty when they do."""
-        config, sigma = self._config, SIGMA_MIN_PX / self._camera.fx
-        found = certainty(best.T_b_a, rays_a[best.good], rays_b[best.good], sigma)
+        config, focal = self._config, self._camera.fx
+        found = certainty(best.T_b_a, rays_a[best.good], rays_b[best.good], TRAIL_SIGMA_PX / focal)
+        flow = float(np.median(pure_rotation(rays_a, rays_b)[1]))
+        if flow < config.min_flow_sigmas * found.noise:
+            told = f"{focal * flow:.1f} px beyond a rotation, with noise of {focal * found.noise:.1f} px"
+            return f"too little motion: corners moved {told}; move the camera on sideways"
         direction_deg, depth = math.degrees(found.direction_rad), float(np.median(found.log_depth))
         if direction_deg <= config.max_direction_sigma_deg and depth <= config.max_depth_sigma_ratio:
             return ""
@@ -139,7 +145,7 @@ class TwoViewReconstruction:
         start, point, frame = np.arange(0, 2 * n + 1, 2), np.repeat(np.arange(n), 2), np.tile([0, 1], n)
         observed = Observations(start, point, frame, xy, np.ones(2 * n))
         K, free = np.array([f, f, 0.0, 0.0]), np.array([-1, 0])
-        R, t, *_ = adjust(K, R, t, free, points, observed, no_factors(), no_floor(), 12, 0.3, START)
+        R, t, *_ = adjust(K, R, t, free, points, observed, no_factors(), no_floor(), 12, TRAIL_SIGMA_PX, START)
         return SE3(R[1], t[1] / max(float(np.linalg.norm(t[1])), 1e-12))
 
 
