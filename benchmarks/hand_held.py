@@ -162,7 +162,9 @@ def main() -> None:
         line = f"{section}: {len(begun)} of {len(found)} clips start"
         if begun and not never:
             frames, off = np.array([o.began for o in begun]), np.array([o.direction_deg for o in begun])
-            line += f", after {np.median(frames) / RATE_HZ:.1f} s in the median and {frames.max() / RATE_HZ:.1f} s at most"
+            line += (
+                f", after {np.median(frames) / RATE_HZ:.1f} s in the median and {frames.max() / RATE_HZ:.1f} s at most"
+            )
             line += f"; direction off by {np.median(off):.1f} deg, at most {off.max():.1f}"
             line += f"; begun again {sum(o.restarted for o in begun)}; collapsed {sum(o.collapsed for o in begun)}"
         print(line, flush=True)

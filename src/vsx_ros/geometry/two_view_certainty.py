@@ -63,5 +63,5 @@ def certainty(T_b_a: SE3, rays_a: Points2, rays_b: Points2, sigma_min: float) ->
     by_direction = -(lever @ across) / (depth * squared)[:, None]
     D = np.column_stack([by_direction, -np.cross(a, lever) / squared[:, None]])
     parallax = np.sqrt(squared) / (np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1))
-    variance = ((D @ covariance) * D).sum(axis=1) + (sigma / parallax) ** 2
+    variance = ((D @ covariance) * D).sum(axis=1) + 2.0 * (sigma / parallax) ** 2
     return Certainty(float(np.sqrt(np.linalg.eigvalsh(covariance[:2, :2])[-1])), np.sqrt(variance), sigma)

@@ -109,10 +109,8 @@ class Initializer:
         if turned > self._config.max_turn_deg:
             return self._restart(data, f"turns: {turned:.0f} deg and not aside; move the camera sideways to start")
         if flow < wanted:
-            told = (
-                f"corners moved {flow:.1f} px of the {wanted:.1f} px needed to start, beyond a turn by {turned:.0f} deg"
-            )
-            return f"too little motion: {told}"
+            told = f"corners moved {flow:.1f} px of the {wanted:.1f} px needed beyond a turn by {turned:.0f} deg"
+            return f"too little motion: {told}; the camera turns in place or has not moved far enough"
         return ""
 
     def _pair(self, reference: FrameData, data: FrameData, odometry: SE3 | None) -> InitialPair | str:
@@ -149,10 +147,15 @@ class Bootstrap:
     def __init__(
         self, T_base_cam: SE3 | None, config: InitializationConfig, refuse: Callable[[int, str], None]
     ) -> None:
-        self._initializer = Initializer(T_base_cam, config)
+        self._new_initializer = partial(Initializer, T_base_cam, config)
         self._refuse = refuse
-        self._refusal, self._verdict = "", TRIED
         self._tried: InitialPair | None = None
+        self.begin_again()
+
+    def begin_again(self) -> None:
+        """Take the next frame for the first one."""
+        self._initializer = self._new_initializer()
+        self._refusal, self._verdict = "", TRIED
 
     def next_pair(self, data: FrameData) -> tuple[str, InitialPair | None]:
         """(why there is no map yet, the pair to make it of)."""
