@@ -55,7 +55,7 @@ def variants(frames: list[Frame], starts: int, spacing: int) -> dict[str, list[l
 
 
 def outcome(camera, sequence: list[Frame], truth: dict[int, SE3]) -> Outcome:
-    slam, pairs, began, lost, direction_deg = SequentialSlam(camera, None, Config().slam, 1), [], None, 0, math.nan
+    slam, pairs, began, lost, off_deg = SequentialSlam(camera, None, Config().slam, 1), [], None, 0, math.nan
     turn = abs(sequence[0].stamp_ns) + abs(sequence[-1].stamp_ns)
     backwards = sequence[0].stamp_ns > sequence[-1].stamp_ns
     for k, frame in enumerate(sequence):
@@ -69,19 +69,19 @@ def outcome(camera, sequence: list[Frame], truth: dict[int, SE3]) -> Outcome:
         if began is None:
             began, snapshot = k, slam.snapshot()
             stamps = [turn - ns if backwards else int(ns) for ns in map(int, snapshot.keyframe_stamps_ns[:2])]
-            direction_deg = _direction_deg(snapshot.T_world_cams[:2], [truth.get(ns) for ns in stamps])
+            off_deg = direction_deg(snapshot.T_world_cams[:2], [truth.get(ns) for ns in stamps])
     if len(pairs) < 3:
-        return Outcome(len(sequence), began, len(pairs), lost, direction_deg, math.nan, math.nan)
+        return Outcome(len(sequence), began, len(pairs), lost, off_deg, math.nan, math.nan)
     error = trajectory_error(pairs, "sim3")
     alignment = error.scale
     steps = [
         float(np.linalg.norm((t0.inverse() @ t1).translation - alignment * (e0.inverse() @ e1).translation))
         for (e0, t0), (e1, t1) in itertools.pairwise(pairs)
     ]
-    return Outcome(len(sequence), began, len(pairs), lost, direction_deg, error.ate_rmse_m, max(steps))
+    return Outcome(len(sequence), began, len(pairs), lost, off_deg, error.ate_rmse_m, max(steps))
 
 
-def _direction_deg(estimate, truth) -> float:
+def direction_deg(estimate, truth) -> float:
     """Between the baselines of two poses, each seen from its own first camera."""
     if any(T is None for T in truth) or len(estimate) < 2:
         return math.nan

@@ -6,8 +6,10 @@ import pytest
 
 from vsx_ros.config import Config
 from vsx_ros.geometry.camera import PinholeCamera, mount_pose
+from vsx_ros.geometry.epipolar import two_view_motions
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
+from vsx_ros.geometry.two_view_certainty import certainty, pure_rotation
 from vsx_ros.slam.initialization import Initializer
 from vsx_ros.slam.keyframe import FrameData
 from vsx_ros.slam.two_view_reconstruction import InitialMap, InitialPair, MotionHypothesis, TwoViewReconstruction
@@ -145,7 +147,7 @@ def test_wheels_that_fall_silent_for_good_are_done_without():
     initializer = Initializer(MOUNT, CONFIG)
     said = [
         initializer.add(frame(k * 300_000_000, picture(moved(x=0.05 * k), SCENE), SE2() if k == 0 else None))
-        for k in range(8)
+        for k in range(11)
     ]
     assert ["waiting for it" in str(word) for word in said[1:4]] == [True] * 3
     assert "starting again without it" in said[4]
@@ -171,3 +173,67 @@ def test_the_wheels_refuse_by_name():
     ahead = [SE2(2.0 * x, 0.0, 0.0) for x in ways]
     disagreeing = outcome(Initializer(MOUNT, CONFIG), SCENE, [moved(x=x) for x in ways], ahead)
     assert "odometry disagrees" in disagreeing
+
+
+def pairs_of(motion, depths=(1.5, 4.0), noise_px=0.2, seed=0):
+    """Rays (400, 2) of two views of a room's depths, T_b_a the motion, and a twentieth of them wrong."""
+    rng = np.random.default_rng(seed)
+    rays_a = rng.uniform((-0.6, -0.45), (0.6, 0.45), (400, 2))
+    points = np.column_stack([rays_a, np.ones(400)]) * rng.uniform(*depths, 400)[:, None]
+    there = SE3.exp(np.array(motion)) @ points
+    rays_b = there[:, :2] / there[:, 2:] + rng.normal(0.0, noise_px / 525.0, (400, 2))
+    rays_b[:20] += rng.uniform(-0.05, 0.05, (20, 2))
+    return rays_a, rays_b
+
+
+def verdict(rays_a, rays_b):
+    """The best motion, and why it is none to start with (empty: it is one)."""
+    best = TWO_VIEWS._choose(
+        [TWO_VIEWS._refine(T, rays_a, rays_b, 1 / 525.0, 0.004) for T in two_view_motions(rays_a, rays_b, 1 / 525.0)],
+        None,
+    )
+    return (None, best) if isinstance(best, str) else (best, TWO_VIEWS._doubt(best, rays_a, rays_b))
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_rotation_and_a_tiny_baseline_never_start(seed):
+    turn = np.random.default_rng(seed).normal(0.0, 0.03, 3)
+    tiny = np.random.default_rng(seed).normal(0.0, 1.0, 3)
+    tiny *= 0.005 * 2.5 / np.linalg.norm(tiny)  # 0.5 % of the median depth
+    assert verdict(*pairs_of([0.0, 0.0, 0.0, *turn], seed=seed))[1]
+    assert verdict(*pairs_of([*tiny, *turn], seed=seed))[1]
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_good_baseline_starts_in_its_direction(seed):
+    rng = np.random.default_rng(seed)
+    turn, way = rng.normal(0.0, 0.03, 3), rng.normal(0.0, 1.0, 3)
+    way *= 0.25 / np.linalg.norm(way)
+    best, doubt = verdict(*pairs_of([*way, *turn], seed=seed))
+    assert doubt == ""
+    true = SE3.exp(np.array([*way, *turn])).translation
+    assert np.degrees(np.arccos(best.T_b_a.translation @ true / np.linalg.norm(true))) < 2.0
+
+
+def test_predicted_deviations_are_those_of_repeated_noise():
+    motion = [0.12, 0.02, 0.03, 0.01, -0.03, 0.02]
+    true = SE3.exp(np.array(motion)).translation
+    true = true / np.linalg.norm(true)
+    off, told, across, level = [], [], np.linalg.svd(true[:, None])[0][:, 1:], []
+    for seed in range(40):
+        rays_a, rays_b = pairs_of(motion, noise_px=0.5, seed=seed)
+        best, _ = verdict(rays_a, rays_b)
+        found = certainty(best.T_b_a, rays_a[best.good], rays_b[best.good], 0.1 / 525.0)
+        off.append(best.T_b_a.translation @ across)
+        told.append(found.direction_rad)
+        level.append(found.noise * 525.0)
+    worst = np.sqrt(np.linalg.eigvalsh(np.cov(np.array(off).T))[-1])
+    assert 0.3 < np.median(level) < 0.42  # the noise is of one image, told is what each of two would have
+    assert 0.6 < worst / np.median(told) < 1.6
+
+
+def test_what_a_rotation_leaves_is_the_noise():
+    rays_a, rays_b = pairs_of([0.0, 0.0, 0.0, 0.05, -0.1, 0.02], noise_px=0.3)
+    R, left = pure_rotation(rays_a, rays_b)
+    assert SE3(R, np.zeros(3)).rotation_angle_to(SE3.exp(np.array([0.0, 0.0, 0.0, 0.05, -0.1, 0.02]))) < 1e-3
+    assert 0.2 < 525.0 * np.median(left) < 0.5

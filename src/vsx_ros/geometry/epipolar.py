@@ -13,10 +13,11 @@ def two_view_motions(rays_a: Points2, rays_b: Points2, tolerance: float) -> list
     """Motions T_b_a with unit translation that explain matched rays (N, 2) on the planes z = 1, N >= 8, the essential
     matrix's first; tolerance: standard deviation on that plane.
 
-    Five-point essential matrix (Nister 2004) and homography, both by RANSAC with OpenCV's fixed seed, weighed
-    against each other by truncated chi-square scores (Mur-Artal et al. 2015). A planar scene yields the homography's
+    Five-point essential matrix (Nister 2004) with local optimisation (Barath and Matas 2018), which finds the true one
+    where plain RANSAC stops at a wrong one, and homography, both with OpenCV's fixed seed, weighed against each other
+    by truncated chi-square scores (Mur-Artal et al. 2015). A planar scene yields the homography's
     decompositions too."""
-    E, mask = cv2.findEssentialMat(rays_a, rays_b, np.eye(3), cv2.RANSAC, 0.999, 2.0 * tolerance)
+    E, mask = cv2.findEssentialMat(rays_a, rays_b, np.eye(3), cv2.USAC_ACCURATE, 0.999, tolerance)
     H, _ = cv2.findHomography(rays_a, rays_b, cv2.RANSAC, 2.5 * tolerance, maxIters=1000, confidence=0.999)
     motions: list[SE3] = []
     score_e = score_h = 0.0
@@ -40,7 +41,7 @@ def two_view_motions(rays_a: Points2, rays_b: Points2, tolerance: float) -> list
 def _of_homography(H: FloatArray, rays_a: Points2) -> list[SE3]:
     """The decompositions (Malis and Vargas 2007) that keep most points in front of the first camera."""
     _, rotations, translations, normals = cv2.decomposeHomographyMat(H, np.eye(3))
-    a = _homogeneous(rays_a)
+    a = homogeneous(rays_a)
     found = []
     for R, t, normal in zip(rotations, translations, normals):
         size = float(np.linalg.norm(t))
@@ -56,7 +57,7 @@ def _support(squared: FloatArray, limit: float) -> float:
 
 def epipolar_error(E: FloatArray, rays_a: Points2, rays_b: Points2) -> FloatArray:
     """(N, 2) squared distances of b's rays to their epipolar lines, and of a's to theirs."""
-    a, b = _homogeneous(rays_a), _homogeneous(rays_b)
+    a, b = homogeneous(rays_a), homogeneous(rays_b)
     lines_b, lines_a = a @ E.T, b @ E
     product = (b * lines_b).sum(axis=1) ** 2
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -68,13 +69,14 @@ def transfer_error(H: FloatArray, rays_a: Points2, rays_b: Points2) -> FloatArra
     """(N, 2) squared distances of b from H a, and of a from H^-1 b."""
     columns = []
     for M, x, y in ((H, rays_a, rays_b), (np.linalg.inv(H), rays_b, rays_a)):
-        mapped = _homogeneous(x) @ M.T
+        mapped = homogeneous(x) @ M.T
         with np.errstate(divide="ignore", invalid="ignore"):
             columns.append(((mapped[:, :2] / mapped[:, 2:] - y) ** 2).sum(axis=1))
     return np.asarray(np.nan_to_num(np.stack(columns, axis=1), nan=np.inf, posinf=np.inf))
 
 
-def _homogeneous(rays: Points2) -> Points3:
+def homogeneous(rays: Points2) -> Points3:
+    """(N, 3) rays with z = 1."""
     return np.column_stack([rays, np.ones(len(rays))])
 
 
@@ -89,7 +91,7 @@ def triangulate(T_b_a: SE3, rays_a: Points2, rays_b: Points2) -> tuple[Points3, 
     T_b_a: camera a in b. rays (N, 2). Returns (points_a (N, 3) in camera a, parallax (N,) [rad]). Points may lie
     behind a camera or be non-finite where the rays are parallel: the caller checks."""
     R, t = T_b_a.rotation, T_b_a.translation
-    a, b = _homogeneous(rays_a), _homogeneous(rays_b)
+    a, b = homogeneous(rays_a), homogeneous(rays_b)
     turned = a @ R.T
     # z_b b = z_a R a + t: eliminate z_b by the cross product with b, least squares in 1 / z_a's reciprocal.
     left, right = np.cross(b, turned), -np.cross(b, t)

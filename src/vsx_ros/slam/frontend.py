@@ -1,5 +1,6 @@
 """What happens to every frame: start, track or recover, and say what the mapper shall do."""
 
+from functools import partial
 from itertools import count
 from typing import TypeAlias
 
@@ -35,7 +36,8 @@ class FrontEnd:
         self._config = config
         self._tracker = Tracker(config.tracker, np.random.default_rng(seed))
         self._motion = MotionModel(T_base_cam, camera.fx)
-        self._recovery = Recovery(camera, T_base_cam, config, self._tracker, self._motion)
+        self._new_recovery = partial(Recovery, camera, T_base_cam, config, self._tracker, self._motion)
+        self._recovery = self._new_recovery()
         self._consistency = OdometryConsistency(T_base_cam)
         self._uncertainty = PoseUncertainty(config.uncertainty)
         self._local: LocalMap | None = None
@@ -85,7 +87,14 @@ class FrontEnd:
         self._enter(view, 0)
 
     def use(self, view: MapView) -> None:
-        """Track on a newer map; the last pose follows its reference keyframe, perhaps into another map."""
+        """Track on a newer map; the last pose follows its reference keyframe, perhaps into another map. After an empty
+        one, whose start has turned out wrong, all begins again."""
+        if not view.keyframes:
+            self._recovery, self._corrected = self._new_recovery(), False
+            self._bootstrap.begin_again()
+            self.record.forget_points()
+            self._enter(view, 0)
+            return
         if self._reference < len(self._view.keyframes) and self._motion.last_pose is not None:
             old, new = self._view.keyframes[self._reference], view.keyframes[self._reference]
             before, factor = self._motion.last_pose, new.scale / old.scale

@@ -10,15 +10,16 @@ import numpy as np
 from vsx_ros.arrays import BoolArray, GrayImage, IntArray, Pixels
 from vsx_ros.config.maps import InitializationConfig
 from vsx_ros.geometry.se3 import SE3
+from vsx_ros.geometry.two_view_certainty import pure_rotation
+from vsx_ros.kernels.geometry import unproject_pixels
 from vsx_ros.robot import SILENCE_NS
 from vsx_ros.slam.keyframe import FrameData, KeyFrame, Observations
 from vsx_ros.slam.odometry import motion_by_odometry
 from vsx_ros.slam.point_creation import candidates_in
-from vsx_ros.slam.two_view_reconstruction import InitialPair
+from vsx_ros.slam.two_view_reconstruction import TRAIL_SIGMA_PX, InitialPair
 
 TRAILS = 600  # corners followed from the first frame on: several times min_matches, since many are lost on the way
 STILL_PX = 2.0  # median way of the corners; less is noise and vibration
-START_PX = 10.0  # median way; less gives no parallax to tell depths by
 BLURRED = "the image is blurred: not used to start; move more slowly or add light"
 TRIED = "a map is being made of two frames"
 
@@ -45,7 +46,7 @@ class Initializer:
         motion = motion_by_odometry(self._T_base_cam, data, reference)
         before, now = reference.T_odom_base, data.T_odom_base
         if motion is None or before is None or now is None:
-            refusal = self._too_early()
+            refusal = self._too_early(data)
         else:
             refusal = self._odometry_refuses(data, before.distance_to(now), math.degrees(abs(before.angle_to(now))))
         return refusal or self._pair(reference, data, motion)
@@ -96,12 +97,20 @@ class Initializer:
             return f"not far enough: has driven {driven:.2f} m of the {config.baseline_m:.2f} m needed to start"
         return ""
 
-    def _too_early(self) -> str:
+    def _too_early(self, data: FrameData) -> str:
+        """Why the corners cannot have parallax yet: they rest, or a rotation explains how they moved."""
         shift = float(np.median(np.linalg.norm(self._positions - self._candidates.uv[self._index], axis=1)))
         if shift < STILL_PX:
             return f"camera stands still: corners moved {shift:.1f} px in all; move it sideways or ahead"
-        if shift < START_PX:
-            return f"too little motion: corners moved {shift:.1f} px of the {START_PX:.0f} px needed to start"
+        rays = unproject_pixels(data.camera, np.ascontiguousarray(self._positions))
+        R, left = pure_rotation(self._candidates.rays[self._index], rays)
+        turned = math.degrees(SE3.identity().rotation_angle_to(SE3(R, np.zeros(3))))
+        flow, wanted = float(np.median(left)) * float(data.camera[0]), self._config.min_flow_sigmas * TRAIL_SIGMA_PX
+        if turned > self._config.max_turn_deg:
+            return self._restart(data, f"turns: {turned:.0f} deg and not aside; move the camera sideways to start")
+        if flow < wanted:
+            told = f"corners moved {flow:.1f} px of the {wanted:.1f} px needed beyond a turn by {turned:.0f} deg"
+            return f"too little motion: {told}; the camera turns in place or has not moved far enough"
         return ""
 
     def _pair(self, reference: FrameData, data: FrameData, odometry: SE3 | None) -> InitialPair | str:
@@ -138,10 +147,15 @@ class Bootstrap:
     def __init__(
         self, T_base_cam: SE3 | None, config: InitializationConfig, refuse: Callable[[int, str], None]
     ) -> None:
-        self._initializer = Initializer(T_base_cam, config)
+        self._new_initializer = partial(Initializer, T_base_cam, config)
         self._refuse = refuse
-        self._refusal, self._verdict = "", TRIED
         self._tried: InitialPair | None = None
+        self.begin_again()
+
+    def begin_again(self) -> None:
+        """Take the next frame for the first one."""
+        self._initializer = self._new_initializer()
+        self._refusal, self._verdict = "", TRIED
 
     def next_pair(self, data: FrameData) -> tuple[str, InitialPair | None]:
         """(why there is no map yet, the pair to make it of)."""

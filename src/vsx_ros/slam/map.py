@@ -53,6 +53,10 @@ class Map:
         world.templates = TemplateStore.resumed(view.templates)
         return world
 
+    def clear(self) -> None:
+        """Forget everything; the versions go on."""
+        vars(self).update(vars(Map()), version=self.version + 1)
+
     def add_keyframe(self, data: FrameData, T_world_cam: SE3, observations: Observations, map_id: int = 0) -> int:
         """Append a keyframe; returns its index, which is also its id."""
         index = len(self.keyframes)

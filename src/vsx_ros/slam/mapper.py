@@ -3,6 +3,7 @@
 import math
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from itertools import islice
 from typing import NamedTuple
 
@@ -19,6 +20,7 @@ from vsx_ros.slam.loop_correction import correct_loops
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.map_points import MapPoints, cull_redundant
 from vsx_ros.slam.point_creation import observations_at
+from vsx_ros.slam.start_watch import StartWatch
 from vsx_ros.slam.state import SlamEvent
 from vsx_ros.slam.two_view_reconstruction import InitialPair, TwoViewReconstruction
 from vsx_ros.vision.corners import dense_corners
@@ -56,7 +58,10 @@ class Mapper:
         self._reconstruction = TwoViewReconstruction(camera, config.initialization)
         self._adjuster = BundleAdjuster(camera, T_base_cam, config.wheels)
         self._since_global = 0
-        self._loops = LoopDetector(camera, config, np.random.default_rng(0))
+        self._initialization = config.initialization
+        self._new_loops = partial(LoopDetector, camera, config)
+        self._loops = self._new_loops(np.random.default_rng(0))
+        self._watch: StartWatch | None = None
         self.events: deque[SlamEvent] = deque()
 
     def start(self, pair: InitialPair) -> MapView | str:
@@ -75,12 +80,17 @@ class Mapper:
         self._adjuster.adjust(world, [second], 20)
         self._points.make(second, [first])
         self._adjuster.adjust(world, [second], 20)
+        if pair.odometry is None and first == 0:
+            self._watch = StartWatch(world, self._initialization)
         world.version += 1
         return world.view()
 
     def add_keyframe(self, request: KeyFrameRequest) -> MapView:
-        """Take a frame into the map: measurements, more of them, new points, local adjustment, culling."""
+        """Take a frame into the map: measurements, more of them, new points, local adjustment, culling. The map is
+        empty where its start has turned out wrong: it wants another one, and requests made before are void."""
         world = self.map
+        if not world.keyframes:
+            return world.view()
         reference = world.keyframes[request.reference]
         pose = reference.T_world_cam @ request.T_ref_cam.scaled(reference.scale / request.scale)
         world.odom_epoch = request.odom_epoch
@@ -102,8 +112,7 @@ class Mapper:
         self._since_global += 1
         self._correct_loops(index, neighbours)
         cull_redundant(world, neighbours, self._culling)
-        world.version += 1
-        return world.view()
+        return self._watched()
 
     def _correct_loops(self, index: int, neighbours: list[int]) -> None:
         """Close the loop, or join the map, when a new keyframe shows a place that is known from elsewhere."""
@@ -133,6 +142,19 @@ class Mapper:
         free = self._movable(world.living)
         if self._adjuster.adjust(world, free, self._config.global_iterations, interrupted):
             self._since_global = 0
+        return self._watched()
+
+    def _watched(self) -> MapView:
+        """The map after a change, empty where its start has turned out wrong."""
+        world, watch = self.map, self._watch
+        if watch is not None and watch.is_over(world):
+            self._watch = watch = None
+        reason = watch.collapse(world) if watch is not None else ""
+        if reason:
+            self.events.append(SlamEvent(world.keyframes[-1].data.stamp_ns, "restarted", reason))
+            world.clear()
+            self._watch, self._since_global = None, 0
+            self._loops = self._new_loops(np.random.default_rng(0))
         world.version += 1
         return world.view()
 

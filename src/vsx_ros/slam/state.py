@@ -65,9 +65,10 @@ class TrackingResult(NamedTuple):
 
 
 class SlamEvent(NamedTuple):
-    """A change of state. kind: refused, initialised, lost, bridged (a keyframe placed by odometry alone), carried
-    (the image changed though the base stood), relocalised, second map (begun where the first is out of sight), loop
-    closed, merged (a second map was joined with the first), gap."""
+    """A change of state. kind: refused, initialised, restarted (the map's start has turned out wrong: it is begun
+    again), lost, bridged (a keyframe placed by odometry alone), carried (the image changed though the base stood),
+    relocalised, second map (begun where the first is out of sight), loop closed, merged (a second map was joined with
+    the first), gap."""
 
     stamp_ns: int
     kind: str

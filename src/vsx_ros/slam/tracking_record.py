@@ -42,6 +42,11 @@ class TrackingRecord:
         self._tracked += 1
         self._last = (stamp_ns, position)
 
+    def forget_points(self) -> None:
+        """The map is begun again: its rows count other points."""
+        self._of_point = {name: np.zeros(0, kind) for name, kind in _PER_POINT.items()}
+        self._last = None
+
     def tracked(self, stamp_ns: int, track: Track, n_points: int, in_world: bool) -> None:
         """A frame with a pose from the map of n_points rows; the first one in a map made before is the start. Outside
         the world, in a map not yet joined with the first one, the frame counts as lost."""

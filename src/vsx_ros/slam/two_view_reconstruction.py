@@ -11,6 +11,7 @@ from vsx_ros.config.maps import InitializationConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.epipolar import epipolar_error, essential_matrix, two_view_motions
 from vsx_ros.geometry.se3 import SE3, stacked
+from vsx_ros.geometry.two_view_certainty import certainty, pure_rotation
 from vsx_ros.kernels.geometry import unproject_pixels
 from vsx_ros.kernels.slam.bundle import START, adjust
 from vsx_ros.kernels.slam.factors import no_factors, no_floor
@@ -22,6 +23,9 @@ MAX_DIRECTION_ERROR_RAD = math.radians(20.0)  # from odometry; along a short bas
 MAX_ROTATION_ERROR_RAD = math.radians(4.0)  # images tell rotation far better than direction
 # Share of the best one's support, and angle: from here on two motions explain the images alike.
 RIVAL, DIFFERENT_RAD = 0.92, math.radians(15.0)
+
+
+TRAIL_SIGMA_PX = 0.3  # corners are not followed more exactly, the lens and the shutter not known better
 
 
 class InitialPair(NamedTuple):
@@ -78,6 +82,8 @@ class TwoViewReconstruction:
         best = self._choose(maps, odometry)
         if isinstance(best, str):
             return best
+        if odometry is None and (doubt := self._doubt(best, rays_a, rays_b)):
+            return doubt
         kept, T_world_a = pair.chosen[best.good], pair.T_world_first
         points = T_world_a @ (best.points_a[best.good] * scale)
         matches = TargetMatches(kept, pair.uv[best.good], pair.candidates.level[kept], points)
@@ -102,6 +108,20 @@ class TwoViewReconstruction:
             return "two motions explain this flat scene equally well; move on to another viewpoint"
         return best
 
+    def _doubt(self, best: MotionHypothesis, rays_a: FloatArray, rays_b: FloatArray) -> str:
+        """Why the images do not determine this motion and its depths, empty when they do."""
+        config, focal = self._config, self._camera.fx
+        found = certainty(best.T_b_a, rays_a[best.good], rays_b[best.good], TRAIL_SIGMA_PX / focal)
+        flow = float(np.median(pure_rotation(rays_a, rays_b)[1]))
+        if flow < config.min_flow_sigmas * found.noise:
+            told = f"{focal * flow:.1f} px beyond a rotation, with noise of {focal * found.noise:.1f} px"
+            return f"too little motion: corners moved {told}; move the camera on sideways"
+        direction_deg, depth = math.degrees(found.direction_rad), float(np.median(found.log_depth))
+        if direction_deg <= config.max_direction_sigma_deg and depth <= config.max_depth_sigma_ratio:
+            return ""
+        told = f"the direction of motion within {direction_deg:.1f} deg, depths within {100.0 * depth:.0f} %"
+        return f"too uncertain: the images tell {told}; move the camera on sideways"
+
     def _refine(
         self, T_b_a: SE3, rays_a: FloatArray, rays_b: FloatArray, tolerance: float, parallax: float
     ) -> MotionHypothesis:
@@ -125,7 +145,7 @@ class TwoViewReconstruction:
         start, point, frame = np.arange(0, 2 * n + 1, 2), np.repeat(np.arange(n), 2), np.tile([0, 1], n)
         observed = Observations(start, point, frame, xy, np.ones(2 * n))
         K, free = np.array([f, f, 0.0, 0.0]), np.array([-1, 0])
-        R, t, *_ = adjust(K, R, t, free, points, observed, no_factors(), no_floor(), 12, 0.3, START)
+        R, t, *_ = adjust(K, R, t, free, points, observed, no_factors(), no_floor(), 12, TRAIL_SIGMA_PX, START)
         return SE3(R[1], t[1] / max(float(np.linalg.norm(t[1])), 1e-12))
 
 
