@@ -11,7 +11,7 @@ from vsx_ros.cli.mapping import explore, ground_grid
 from vsx_ros.cli.options_runs import MAP_FORMATS
 from vsx_ros.errors import ConfigError, InputError, explained
 from vsx_ros.evaluation.comparison import compare
-from vsx_ros.evaluation.summary import checked_summary
+from vsx_ros.evaluation.summary import LIVE, checked_summary
 from vsx_ros.evaluation.trajectory import associate, trajectory_error
 from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.io.atomic import write_text
@@ -57,7 +57,9 @@ def _of_run(args: argparse.Namespace) -> dict[str, Any]:
     elif not folder.read_poses("trajectory"):
         raise InputError(f"run {folder.path} holds no trajectory: {summary.get('stop_reason')}")
     else:
-        numbers = _of_files(args, folder.path / "trajectory.txt", truth)
+        numbers = {"ate_of": LIVE, **_of_files(args, folder.path / "trajectory.txt", truth)}
+        if (final := folder.path / "trajectory_final.txt").exists():
+            numbers["ate_final_rmse_m"] = _of_files(args, final, truth)["ate_rmse_m"]
     return {**numbers, **{key: summary.get(key) for key in _FROM_SUMMARY}}
 
 

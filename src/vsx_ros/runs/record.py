@@ -19,7 +19,8 @@ from vsx_ros.runs.folder import FrameRecord, RunFolder
 from vsx_ros.runs.journal import FrameLine, Line, RunEvent
 from vsx_ros.sim.truth import ground_truth_grid
 from vsx_ros.sim.world import World
-from vsx_ros.slam.snapshot import MapSnapshot
+from vsx_ros.slam.slam import TrackerAndMapper
+from vsx_ros.slam.snapshot import SlamMap
 from vsx_ros.slam.state import SlamStatistics, TrackingResult
 
 
@@ -71,6 +72,15 @@ class RunRecord:
         known = ((r.stamp_ns, r.T_world_cam) for r in self.results if r.state.tracked)
         return [StampedPose(stamp_ns, T) for stamp_ns, T in known if T is not None]
 
+    def final(self, slam_map: SlamMap | None) -> list[StampedPose]:
+        """The same frames where the keyframes they were tracked from put them now, culled ones where their heirs do."""
+        keyframes = () if slam_map is None else slam_map.view.keyframes
+        held = {r.stamp_ns: r.anchor for r in self.results if r.anchor and r.anchor.keyframe < len(keyframes)}
+        return [
+            StampedPose(ns, held[ns].pose(keyframes) if ns in held else T_world_cam)
+            for ns, T_world_cam in self.estimate()
+        ]
+
     def summary(self, statistics: SlamStatistics) -> Summary:
         """What is known without any truth."""
         cameras = [None if T is None else SE3.from_se2(T) @ self._T_base_cam for T in self._T_odom_bases]
@@ -78,13 +88,15 @@ class RunRecord:
         return tracking_summary(statistics, self.track_ms).with_values(breaks=breaks)
 
     def writes(
-        self, folder: RunFolder, snapshot: MapSnapshot, surface: Points3 | None = None
+        self, folder: RunFolder, slam: TrackerAndMapper, surface: Points3 | None = None
     ) -> Iterator[Callable[[], None]]:
-        """How to write events.jsonl, trajectory.txt (camera in the map, as tracked), frames.csv, odometry.txt and
-        sparse.ply; with spots of surface (N, 3), dense.ply too. What matters most where there is little room is first.
-        """
+        """How to write events.jsonl, trajectory.txt (camera in the map, as tracked), trajectory_final.txt, frames.csv,
+        odometry.txt and sparse.ply; with spots of surface (N, 3), dense.ply too. What matters most where there is
+        little room is first."""
+        snapshot = slam.snapshot()
         yield lambda: folder.write_events(self.events)
         yield lambda: folder.write_poses("trajectory", self.estimate())
+        yield lambda: folder.write_poses("trajectory_final", self.final(slam.slam_map()))
         yield lambda: folder.write_frames(
             FrameRecord(r.stamp_ns, r.state.value, r.searched, r.found, r.keyframe_added, ms, u2)
             for r, ms, u2 in zip(self.results, self.track_ms, self.u2_frames, strict=True)

@@ -10,7 +10,7 @@ from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.slam.initialization import Bootstrap
-from vsx_ros.slam.keyframe import FrameData, MapView
+from vsx_ros.slam.keyframe import Anchor, FrameData, MapView
 from vsx_ros.slam.local_map import FrameTracker, LocalMap, becomes_keyframe, is_sure, nearest_keyframes
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.mapper import KeyFrameRequest
@@ -55,7 +55,16 @@ class FrontEnd:
         Raises InputError for an image of the wrong size or type and for a stamp that does not advance; the frame is
         then as if it had never come."""
         result, work = self._process(self._consistency.admit(self._preprocessor.take(frame, odometry)))
-        return result.seen_from(self._preprocessor.T_middle_stamp), work
+        return self._told(result), work
+
+    def _told(self, result: TrackingResult) -> TrackingResult:
+        """The poses of the frame's stamp, and what carries them from now on."""
+        result = result.seen_from(self._preprocessor.T_middle_stamp)
+        return result if result.T_map_cam is None else result._replace(anchor=self._anchor(result.T_map_cam))
+
+    def _anchor(self, T_map_cam: SE3) -> Anchor:
+        reference = self._view.keyframes[self._reference]
+        return Anchor(self._reference, reference.T_world_cam.inverse() @ T_map_cam, reference.scale)
 
     def _process(self, data: FrameData) -> Outcome:
         self.tracking.last = None
@@ -83,9 +92,9 @@ class FrontEnd:
         """Track on a newer map; the last pose follows its reference keyframe, perhaps into another map."""
         if self._reference < len(self._view.keyframes) and self._motion.last_pose is not None:
             old, new = self._view.keyframes[self._reference], view.keyframes[self._reference]
-            before, factor = self._motion.last_pose, new.scale / old.scale
-            moved = new.T_world_cam @ (old.T_world_cam.inverse() @ before).scaled(factor)
-            self._motion.move(moved, factor)
+            before = self._motion.last_pose
+            moved = self._anchor(before).pose(view.keyframes)
+            self._motion.move(moved, new.scale / old.scale)
             self._consistency.move(moved @ before.inverse())
             self._corrected |= not moved.is_near(before, CORRECTION_M, CORRECTION_RAD)
             self._reference = self._reference if new.anchor is None else new.anchor.keyframe
@@ -115,7 +124,7 @@ class FrontEnd:
         result = TrackingResult(
             pair.second.stamp_ns, TrackingState.GOOD, None, found, found, True, "map started", newest.map_id
         )
-        return result.placed(newest.T_world_cam).seen_from(self._preprocessor.T_middle_stamp)
+        return self._told(result.placed(newest.T_world_cam))
 
     def refused(self, reason: str) -> None:
         """The mapper could not make a map of the proposed pair."""
@@ -169,10 +178,8 @@ class FrontEnd:
 
     def _request(self, data: FrameData, track: Track) -> KeyFrameRequest:
         self._since_keyframe = 0
-        reference = self._view.keyframes[self._reference]
-        T_ref_cam, seen = reference.T_world_cam.inverse() @ track.T_world_cam, (track.rows, track.uv, track.level)
-        placed = self._reference, T_ref_cam, reference.scale, self._epoch
-        return KeyFrameRequest(data, *placed, *seen, *self.record.counts())
+        seen = track.rows, track.uv, track.level
+        return KeyFrameRequest(data, self._anchor(track.T_world_cam), self._epoch, *seen, *self.record.counts())
 
     def _recover(self, data: FrameData, track: Track, by_odometry: SE3 | None) -> Outcome:
         """Too little was found: try everything to find the camera again, at once and in every frame."""

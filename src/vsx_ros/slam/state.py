@@ -6,6 +6,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from vsx_ros.geometry.se3 import SE3
+from vsx_ros.slam.keyframe import Anchor
 
 
 class TrackingState(Enum):
@@ -35,7 +36,8 @@ class TrackingResult(NamedTuple):
     predicts. reason: why the state is not GOOD, in words. map_id: the map the camera is tracked in; 0 is the first one,
     whose frame is the world. In another one the state is LOST, because the place in the world is not known, and
     T_map_cam is the pose in that map's own frame. corrected: the map moved under the camera since the frame before
-    (a loop was closed, maps were joined): the jump is the map's, not the camera's."""
+    (a loop was closed, maps were joined): the jump is the map's, not the camera's. anchor: what carries the pose when
+    the map changes later."""
 
     stamp_ns: int
     state: TrackingState
@@ -47,6 +49,7 @@ class TrackingResult(NamedTuple):
     map_id: int = 0
     T_map_cam: SE3 | None = None
     corrected: bool = False
+    anchor: Anchor | None = None
 
     def placed(self, T_map_cam: SE3) -> TrackingResult:
         """The same with a pose in the map it belongs to; one in another map than the first is none in the world."""
