@@ -41,7 +41,7 @@ class FrontEnd:
         self._view = self._here = Map().view()
         self._reference = self._map_id = self._epoch = 0
         self._epochs = count(1)
-        self._corrected, self._since_keyframe = False, 0
+        self._corrected, self._since_keyframe, self._keyframe_ns = False, 0, 0
         self.record = TrackingRecord()
         self.events: list[SlamEvent] = []
         self._bootstrap = Bootstrap(T_base_cam, config.initialization, lambda ns, why: self._event(ns, "refused", why))
@@ -119,7 +119,7 @@ class FrontEnd:
         self._reference = len(view.keyframes) - 1
         self._motion.update(pair.second, newest.T_world_cam, measured=False)
         self._recovery.over(pair.second)
-        self._since_keyframe = 0
+        self._since_keyframe, self._keyframe_ns = 0, pair.second.stamp_ns
         self.tracking.coarse_next = True
         result = TrackingResult(
             pair.second.stamp_ns, TrackingState.GOOD, None, found, found, True, "map started", newest.map_id
@@ -166,7 +166,7 @@ class FrontEnd:
         self._recovery.over(data)
         self._reference, self.tracking.coarse_next = reference, track.state is not TrackingState.GOOD
         self.record.tracked(data.stamp_ns, track, len(self._view.points), self._map_id == 0)
-        new = becomes_keyframe(self._config.keyframes, local.linked, track, reference, self._since_keyframe)
+        new = self._has_waited(data) and becomes_keyframe(self._config.keyframes, local.linked, track, reference)
         added = new and not data.blurred
         request = self._request(data, track) if added else None
         searched, found = len(track.searched_rows), len(track.rows)
@@ -176,8 +176,13 @@ class FrontEnd:
         self._corrected = False
         return result.placed(track.T_world_cam), request
 
+    def _has_waited(self, data: FrameData) -> bool:
+        """Whether the last keyframe is long enough ago for another one."""
+        config, seconds = self._config.keyframes, (data.stamp_ns - self._keyframe_ns) * 1e-9
+        return self._since_keyframe >= config.min_gap_frames or seconds >= config.min_gap_s
+
     def _request(self, data: FrameData, track: Track) -> KeyFrameRequest:
-        self._since_keyframe = 0
+        self._since_keyframe, self._keyframe_ns = 0, data.stamp_ns
         seen = track.rows, track.uv, track.level
         return KeyFrameRequest(data, self._anchor(track.T_world_cam), self._epoch, *seen, *self.record.counts())
 
