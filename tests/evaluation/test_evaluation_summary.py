@@ -7,7 +7,7 @@ from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.slam.state import SlamStatistics
 
 PROMISED = (
-    "frames frames_tracked frames_lost breaks relocalizations initialized_at_s keyframes map_points "
+    "frames frames_tracked frames_lost breaks odometry_jumps relocalizations initialized_at_s keyframes map_points "
     "u1 u2_frames u2_seconds u2_metres visible_ratio track_ms_median track_ms_p99 ate_rmse_m ate_rmse_sim3_m "
     "ate_final_rmse_m ate_final_rmse_sim3_m ate_of scale_error path_length_m duration_s coverage coverage_correct occupied_precision "
     "occupied_recall free_inside_obstacle collisions driven_m min_clearance_m planned_vs_executed_rms_m plans "

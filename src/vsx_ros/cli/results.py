@@ -27,7 +27,8 @@ from vsx_ros.slam.snapshot import MapSnapshot, SlamMap, snapshot
 
 _FROM_SUMMARY = (
     "coverage", "coverage_correct", "occupied_precision", "occupied_recall", "free_inside_obstacle",
-    "frames", "frames_tracked", "u1", "u2_frames", "u2_seconds", "u2_metres", "breaks", "relocalizations",
+    "frames", "frames_tracked", "u1", "u2_frames", "u2_seconds", "u2_metres", "breaks", "odometry_jumps",
+    "relocalizations",
 )  # fmt: skip
 _LENGTHS = ("extent", "way_between_keyframes")
 

@@ -85,6 +85,7 @@ def _figures(summary: Mapping[str, Any]) -> str:
         ("points found (U1)", share("u1")),
         ("a point is tracked (U2)", number("u2_frames", ".0f", "frames")),
         ("breaks", number("breaks", "d", "")),
+        ("jumps of odometry", number("odometry_jumps", "d", "") if summary.get("odometry_jumps") else None),
         ("coverage", share("coverage")),
         ("collisions", number("collisions", "d", "")),
         ("ATE, live poses", number("ate_rmse_m", ".3f", "m")),

@@ -27,6 +27,7 @@ class Summary(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     frames_tracked: int | None = None
     frames_lost: int | None = None
     breaks: int | None = None
+    odometry_jumps: int | None = None
     relocalizations: int | None = None
     initialized_at_s: float | None = None
     keyframes: int | None = None

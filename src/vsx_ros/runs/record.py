@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import Points3
 from vsx_ros.config import Config
+from vsx_ros.evaluation.breaks import find_breaks, find_odometry_jumps
 from vsx_ros.evaluation.map_quality import MapQuality, map_on_truth_picture, map_quality, observable_cells
 from vsx_ros.evaluation.summary import Summary, tracking_summary
-from vsx_ros.evaluation.trajectory import find_breaks
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.map_export import write_ply
@@ -83,9 +83,18 @@ class RunRecord:
 
     def summary(self, statistics: SlamStatistics) -> Summary:
         """What is known without any truth."""
-        cameras = [None if T is None else SE3.from_se2(T) @ self._T_base_cam for T in self._T_odom_bases]
-        breaks = len(find_breaks(self.results, cameras, self._epochs))
-        return tracking_summary(statistics, self.track_ms).with_values(breaks=breaks)
+        compared = self.results, self._cameras(), self._epochs
+        breaks, jumps = len(find_breaks(*compared)), len(find_odometry_jumps(*compared))
+        return tracking_summary(statistics, self.track_ms).with_values(breaks=breaks, odometry_jumps=jumps)
+
+    def _cameras(self) -> list[SE3 | None]:
+        """By odometry, in its own frame."""
+        return [None if T is None else SE3.from_se2(T) @ self._T_base_cam for T in self._T_odom_bases]
+
+    def _told(self) -> list[RunEvent]:
+        """All events, and what only the whole run shows."""
+        jumps = find_odometry_jumps(self.results, self._cameras(), self._epochs)
+        return [*self.events, *(RunEvent(jump.stamp_ns, "odometry", "jumped", jump.reason) for jump in jumps)]
 
     def writes(
         self, folder: RunFolder, slam: TrackerAndMapper, surface: Points3 | None = None
@@ -94,7 +103,7 @@ class RunRecord:
         odometry.txt and sparse.ply; with spots of surface (N, 3), dense.ply too. What matters most where there is
         little room is first."""
         snapshot = slam.snapshot()
-        yield lambda: folder.write_events(self.events)
+        yield lambda: folder.write_events(self._told())
         yield lambda: folder.write_poses("trajectory", self.estimate())
         yield lambda: folder.write_poses("trajectory_final", self.final(slam.slam_map()))
         yield lambda: folder.write_frames(

@@ -73,6 +73,8 @@ def one_line_facts(summary: Mapping[str, Any]) -> list[str]:
         lines.append(f"tracked {summary['frames_tracked']} of {summary['frames']} frames{since}")
     if known("u1"):
         lines.append(f"found {100 * summary['u1']:.0f} % of the points searched, {summary.get('breaks')} breaks")
+    if summary.get("odometry_jumps"):
+        lines.append(f"odometry jumped {summary['odometry_jumps']} times, see events.jsonl")
     if known("keyframes", "map_points") and summary["keyframes"]:
         lines.append(f"map of {summary['keyframes']} keyframes and {summary['map_points']} points")
     if known("ate_rmse_m", "scale_error"):
