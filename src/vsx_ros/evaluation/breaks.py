@@ -87,7 +87,8 @@ def _steps(
         if T is None or S is None or epoch != next_epoch or now.corrected:
             steps.append(None)
             continue
-        assert before.T_world_cam is not None and now.T_world_cam is not None
+        assert before.T_world_cam is not None
+        assert now.T_world_cam is not None
         sure = before.state is now.state is TrackingState.GOOD
         motions = _motion(before.T_world_cam, now.T_world_cam), _motion(T, S)
         steps.append(_Step(now.stamp_ns, (now.stamp_ns - before.stamp_ns) * 1e-9, *motions, sure))

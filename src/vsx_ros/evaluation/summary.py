@@ -21,7 +21,8 @@ LIVE = "live poses (trajectory.txt)"
 class Summary(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """SI units; None (null in the file) where nothing is known. ate_of: the trajectory that ate_rmse_m,
     ate_rmse_sim3_m, scale_error and path_length_m are of; the ate_final ones are of trajectory_final.txt, the same
-    frames by the finished map. path_length_m: of the estimated way; driven_m: of the true one; min_clearance_m: the emulated hull's least distance to anything."""
+    frames by the finished map. path_length_m: of the estimated way; driven_m: of the true one; min_clearance_m: the
+    emulated hull's least distance to anything."""
 
     frames: int | None = None
     frames_tracked: int | None = None
