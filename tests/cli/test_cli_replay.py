@@ -100,6 +100,7 @@ def test_the_run_folder_holds_what_it_promises(replayed):
     for name in (
         "config.yaml",
         "trajectory.txt",
+        "trajectory_final.txt",
         "odometry.txt",
         "groundtruth.txt",
         "map.pgm",
@@ -108,6 +109,12 @@ def test_the_run_folder_holds_what_it_promises(replayed):
     ):
         assert (replayed.path / name).stat().st_size > 0
     assert len(replayed.read_poses("trajectory")) == replayed.read_summary()["frames_tracked"]
+    live, final = replayed.read_trajectories()
+    assert [pose.stamp_ns for pose in final] == [pose.stamp_ns for pose in live]
+    moved_m = [float(np.linalg.norm(a.T.translation - b.T.translation)) for a, b in zip(live, final)]
+    assert 1e-5 < max(moved_m) < 0.05, "adjustments moved the keyframes"
+    summary = replayed.read_summary()
+    assert 0 < summary["ate_final_rmse_m"] < 1.2 * summary["ate_rmse_m"]
     assert any(event.state == "initialised" for event in replayed.read_events())
     assert len(replayed.read_frames()) == 60
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from vsx_ros.evaluation.trajectory import find_breaks
+from vsx_ros.evaluation.breaks import find_breaks, find_odometry_jumps
 from vsx_ros.geometry.se3 import SE3, so3_exp
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
@@ -30,6 +30,24 @@ def test_a_faithful_run_has_no_break():
 def test_jumps_are_counted_from_the_promised_size(metres, degrees, count):
     found = find_breaks(results(shifted(drive(), 10, metres, degrees), [GOOD] * 20), drive())
     assert [b.stamp_ns for b in found] == [10 * 10**8] * count
+
+
+def test_where_odometry_leaves_its_course_and_the_image_does_not_odometry_jumped():
+    told = results(drive(), [GOOD] * 20)
+    for metres, degrees in ((0.3, 0.0), (0.0, 12.0)):
+        reference = shifted(drive(), 10, metres, degrees)
+        assert find_breaks(told, reference) == []
+        jumps = find_odometry_jumps(told, reference)
+        assert [(jump.stamp_ns, "odometry jumped" in jump.reason) for jump in jumps] == [(10 * 10**8, True)]
+    assert find_odometry_jumps(results(shifted(drive(), 10, 0.3), [GOOD] * 20), drive()) == []
+
+
+@pytest.mark.parametrize(("state", "count"), [(GOOD, 0), (TrackingState.DUBIOUS, 2)])
+def test_a_tilt_that_the_image_is_sure_of_is_no_jump_against_odometry_which_measures_none(state, count):
+    """A drone banks in a turn."""
+    bank = SE3(so3_exp(np.array([np.deg2rad(9.0), 0, 0])), np.zeros(3))
+    told = results([p @ bank if i == 10 else p for i, p in enumerate(drive())], [state] * 20)
+    assert len(find_breaks(told, drive())) == count
 
 
 def test_a_jump_of_the_map_itself_is_no_break():

@@ -7,9 +7,10 @@ from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.slam.state import SlamStatistics
 
 PROMISED = (
-    "frames frames_tracked frames_lost breaks relocalizations initialized_at_s keyframes map_points "
+    "frames frames_tracked frames_lost breaks odometry_jumps relocalizations initialized_at_s keyframes map_points "
     "u1 u2_frames u2_seconds u2_metres visible_ratio track_ms_median track_ms_p99 ate_rmse_m ate_rmse_sim3_m "
-    "scale_error path_length_m duration_s coverage coverage_correct occupied_precision "
+    "ate_final_rmse_m ate_final_rmse_sim3_m ate_of scale_error path_length_m duration_s "
+    "coverage coverage_correct occupied_precision "
     "occupied_recall free_inside_obstacle collisions driven_m min_clearance_m planned_vs_executed_rms_m plans "
     "plan_ms_median plan_ms_p99 stop_reason ended_well world seed planner phi continued_map version"
 )
@@ -41,19 +42,23 @@ def walk():
 
 def test_accuracy_of_a_metric_map(walk):
     small = [StampedPose(s, SE3(T.rotation, 0.9 * T.translation)) for s, T in walk]
-    summary = with_accuracy(Summary(), small, walk, "yaw")
+    summary = with_accuracy(Summary(), small, walk, walk, "yaw")
     assert summary.ate_rmse_sim3_m < 1e-9 < summary.ate_rmse_m
     assert summary.scale_error == pytest.approx(0.1)
+    assert summary.ate_of == "live poses (trajectory.txt)"
+    assert summary.ate_final_rmse_m < 1e-9, "the final poses are right"
     assert summary.path_length_m > 1
 
 
 def test_a_map_without_scale_claims_none(walk):
-    summary = with_accuracy(Summary(), walk, walk, None)
+    summary = with_accuracy(Summary(), walk, walk, walk, None)
     assert (summary.ate_rmse_m, summary.scale_error, summary.path_length_m) == (None, None, None)
+    assert summary.ate_final_rmse_m is None
+    assert summary.ate_final_rmse_sim3_m < 1e-9
     assert summary.ate_rmse_sim3_m < 1e-9
 
 
 def test_no_truth_no_error(walk):
-    assert with_accuracy(Summary(), walk, [], "se3").ate_rmse_m is None
+    assert with_accuracy(Summary(), walk, walk, [], "se3").ate_rmse_m is None
     late = [StampedPose(s + 10**15, T) for s, T in walk]
-    assert with_accuracy(Summary(), walk, late, "se3").ate_rmse_m is None
+    assert with_accuracy(Summary(), walk, walk, late, "se3").ate_of is None

@@ -13,6 +13,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.vision.patches import PATCH
 from vsx_ros.slam import bundle_adjustment
 from vsx_ros.slam.bundle_adjustment import BundleAdjuster, adjoint, odometry_factor
+from vsx_ros.slam.gauge import size_kept
 from vsx_ros.slam.keyframe import FrameData, NewTemplates, Observations
 from vsx_ros.slam.loop_correction import is_metric
 from vsx_ros.slam.map import Map
@@ -106,6 +107,28 @@ def test_only_the_given_keyframes_move():
     adjuster().adjust(world, [5, 6], 10)
     moved = [bool((k.T_world_cam.matrix() != T).any()) for k, T in zip(world.keyframes, before)]
     assert moved == [False, False, False, False, False, True, True, False]
+
+
+def test_without_odometry_a_map_stays_as_large_as_it_was():
+    rng = np.random.default_rng(1)
+    world, _ = driven_map(wheels=False)
+    for k in range(1, 8):
+        T = world.keyframes[k].T_world_cam
+        world.move_keyframe(k, SE3(T.rotation, T.translation + [0.004 * k, *rng.normal(0.0, 0.002, 2)]))
+    before = np.array([k.T_world_cam.translation for k in world.keyframes])
+    assert BundleAdjuster(CAMERA, None, NOISE).adjust(world, list(range(8)), 20)
+    after = np.array([k.T_world_cam.translation for k in world.keyframes])
+    assert after[0] == pytest.approx(before[0], abs=0.0)
+    assert np.linalg.norm(after - before, axis=1).max() < 0.03
+    assert size_kept(before, after, 0) == pytest.approx(1.0, abs=1e-9)
+
+
+def test_one_keyframe_that_jumps_does_not_change_the_size_of_the_map():
+    before = np.cumsum(np.random.default_rng(2).uniform(0.05, 0.15, (20, 3)), axis=0)
+    after = before[3] + 0.8 * (before - before[3])
+    assert size_kept(before, after, 3) == pytest.approx(1.25, rel=1e-9)
+    after[12] += [1.0, -2.0, 0.5]
+    assert size_kept(before, after, 3) == pytest.approx(1.25, rel=2e-3)
 
 
 def test_culled_keyframes_are_carried_not_adjusted():

@@ -16,7 +16,7 @@ from vsx_ros.robot import VelocityCommand
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.robot import EmulatedRobot
 from vsx_ros.sim.world import Start
-from vsx_ros.slam.keyframe import FrameData, NewTemplates, Observations
+from vsx_ros.slam.keyframe import Anchor, FrameData, NewTemplates, Observations
 from vsx_ros.slam.local_map import nearest_keyframes
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.slam import SequentialSlam, ThreadedSlam
@@ -94,6 +94,32 @@ def test_a_culled_keyframe_moves_with_the_one_that_shares_most_and_with_its_heir
     assert np.allclose(held, (move @ before[1]).matrix(), atol=1e-12), "an heir alone moves nothing"
     world.move_keyframe(3, move @ before[3])
     assert np.allclose(world.keyframes[1].T_world_cam.matrix(), (move @ move @ before[1]).matrix(), atol=1e-12)
+
+
+def test_a_frame_follows_its_keyframe_moved_resized_and_culled_and_then_the_heir():
+    world = made_map([range(12), range(12), range(12), range(8)])
+    T = SE3.exp(np.array([0.02, 0.01, 0.03, 0.0, 0.1, 0.0]))
+    frame = Anchor(1, T, world.keyframes[1].scale)
+    move = SE3.exp(np.array([0.3, -0.1, 0.2, 0.1, 0.5, -0.2]))
+    world.resize_keyframe(1, move @ world.keyframes[1].T_world_cam, 2.0)
+    there = move @ SE3(np.eye(3), [0.1, 0.0, 0.0]) @ T.scaled(2.0)
+    assert np.allclose(frame.pose(world.keyframes).matrix(), there.matrix(), atol=1e-12)
+    world.cull_keyframe(1)
+    assert np.allclose(frame.pose(world.keyframes).matrix(), there.matrix(), atol=1e-12), "an heir alone moves nothing"
+    heir = world.keyframes[1].anchor.keyframe
+    before = world.keyframes[heir].T_world_cam
+    world.resize_keyframe(heir, move @ before, 0.5)
+    there = move @ before @ (before.inverse() @ there).scaled(0.5)
+    assert np.allclose(frame.pose(world.keyframes).matrix(), there.matrix(), atol=1e-12)
+
+
+def test_what_carries_a_resized_keyframe_is_the_same_after_the_map_was_saved():
+    world = made_map([range(12), range(12), range(12)])
+    world.cull_keyframe(1)
+    heir = world.keyframes[1].anchor.keyframe
+    world.resize_keyframe(heir, world.keyframes[heir].T_world_cam, 3.0)
+    T = world.keyframes[heir].T_world_cam.inverse() @ world.keyframes[1].T_world_cam
+    assert np.allclose(arrays_of(world.view())["anchor_translation"][1], T.translation, atol=1e-12)
 
 
 def test_the_first_keyframe_and_culled_ones_cannot_be_culled():

@@ -138,7 +138,8 @@ def _track_all(slam: SequentialSlam, recording: Recording, keeper: RunWriter) ->
 def _summary(slam: SequentialSlam, recording: Recording, record: RunRecord) -> Summary:
     results = record.results
     kind: AlignmentKind | None = "yaw" if recording.odometry else None
-    summary = with_accuracy(record.summary(slam.statistics()), record.estimate(), recording.ground_truth, kind)
+    poses = record.estimate(), record.final(slam.slam_map())
+    summary = with_accuracy(record.summary(slam.statistics()), *poses, recording.ground_truth, kind)
     if kind is None:
         summary = summary.with_values(u2_metres=None)
     return summary.with_values(

@@ -11,7 +11,7 @@ from vsx_ros.cli.mapping import explore, ground_grid
 from vsx_ros.cli.options_runs import MAP_FORMATS
 from vsx_ros.errors import ConfigError, InputError, explained
 from vsx_ros.evaluation.comparison import compare
-from vsx_ros.evaluation.summary import checked_summary
+from vsx_ros.evaluation.summary import LIVE, checked_summary
 from vsx_ros.evaluation.trajectory import associate, trajectory_error
 from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.io.atomic import write_text
@@ -27,7 +27,8 @@ from vsx_ros.slam.snapshot import MapSnapshot, SlamMap, snapshot
 
 _FROM_SUMMARY = (
     "coverage", "coverage_correct", "occupied_precision", "occupied_recall", "free_inside_obstacle",
-    "frames", "frames_tracked", "u1", "u2_frames", "u2_seconds", "u2_metres", "breaks", "relocalizations",
+    "frames", "frames_tracked", "u1", "u2_frames", "u2_seconds", "u2_metres", "breaks", "odometry_jumps",
+    "relocalizations",
 )  # fmt: skip
 _LENGTHS = ("extent", "way_between_keyframes")
 
@@ -57,7 +58,9 @@ def _of_run(args: argparse.Namespace) -> dict[str, Any]:
     elif not folder.read_poses("trajectory"):
         raise InputError(f"run {folder.path} holds no trajectory: {summary.get('stop_reason')}")
     else:
-        numbers = _of_files(args, folder.path / "trajectory.txt", truth)
+        numbers = {"ate_of": LIVE, **_of_files(args, folder.path / "trajectory.txt", truth)}
+        if (final := folder.path / "trajectory_final.txt").exists():
+            numbers["ate_final_rmse_m"] = _of_files(args, final, truth)["ate_rmse_m"]
     return {**numbers, **{key: summary.get(key) for key in _FROM_SUMMARY}}
 
 

@@ -50,9 +50,11 @@ class TrackerConfig(Branch, frozen=True):
 
 
 class KeyframeConfig(Branch, frozen=True):
-    """When a frame becomes a keyframe (paper 3.1: conservative where the map is already known)."""
+    """When a frame becomes a keyframe (paper 3.1: conservative where the map is already known). So many frames or so
+    much time after the last one: few images a second must all count, many are much alike."""
 
     min_gap_frames: Count = 4
+    min_gap_s: Positive = 0.25
     distance_ratio: Positive = 0.06
     angle_deg: Positive = 8.0
     overlap_ratio: Ratio = 0.55

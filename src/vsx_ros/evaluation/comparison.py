@@ -15,7 +15,8 @@ _MORE_IS_BETTER = {
     "occupied_precision", "occupied_recall",
 }  # fmt: skip
 _LESS_IS_BETTER = {
-    "frames_lost", "breaks", "track_ms_median", "track_ms_p99", "ate_rmse_m", "ate_rmse_sim3_m", "scale_error",
+    "frames_lost", "breaks", "track_ms_median", "track_ms_p99", "ate_rmse_m", "ate_rmse_sim3_m",
+    "ate_final_rmse_m", "ate_final_rmse_sim3_m", "scale_error",
     "free_inside_obstacle", "collisions", "planned_vs_executed_rms_m", "plan_ms_median", "plan_ms_p99",
 }  # fmt: skip
 _SIDE = """

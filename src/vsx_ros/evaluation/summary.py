@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -15,15 +15,20 @@ from vsx_ros.evaluation.trajectory import AlignmentKind, associate, path_length,
 from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.slam.state import SlamStatistics
 
+LIVE = "live poses (trajectory.txt)"
+
 
 class Summary(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """SI units; None (null in the file) where nothing is known. path_length_m: of the estimated way; driven_m: of the
-    true one; min_clearance_m: the emulated hull's least distance to anything."""
+    """SI units; None (null in the file) where nothing is known. ate_of: the trajectory that ate_rmse_m,
+    ate_rmse_sim3_m, scale_error and path_length_m are of; the ate_final ones are of trajectory_final.txt, the same
+    frames by the finished map. path_length_m: of the estimated way; driven_m: of the true one; min_clearance_m: the
+    emulated hull's least distance to anything."""
 
     frames: int | None = None
     frames_tracked: int | None = None
     frames_lost: int | None = None
     breaks: int | None = None
+    odometry_jumps: int | None = None
     relocalizations: int | None = None
     initialized_at_s: float | None = None
     keyframes: int | None = None
@@ -37,6 +42,9 @@ class Summary(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     track_ms_p99: float | None = None
     ate_rmse_m: float | None = None
     ate_rmse_sim3_m: float | None = None
+    ate_final_rmse_m: float | None = None
+    ate_final_rmse_sim3_m: float | None = None
+    ate_of: str | None = None
     scale_error: float | None = None
     path_length_m: float | None = None
     duration_s: float | None = None
@@ -92,19 +100,43 @@ def tracking_summary(statistics: SlamStatistics, track_ms: Sequence[float]) -> S
 
 
 def with_accuracy(
-    summary: Summary, estimate: Sequence[StampedPose], truth: Sequence[StampedPose], kind: AlignmentKind | None
+    summary: Summary,
+    estimate: Sequence[StampedPose],
+    final: Sequence[StampedPose],
+    truth: Sequence[StampedPose],
+    kind: AlignmentKind | None,
 ) -> Summary:
-    """ATE and scale error against the truth, and the length of the estimated way. kind: how ``ate_rmse_m`` is aligned
-    (se3; yaw where gravity is known); None for a map without metric scale, whose scale-free error alone means
-    something. Where the two do not overlap in time the errors stay None."""
+    """ATE and scale error against the truth, of the estimate as it was told live and of the final one, and the length
+    of the estimated way. kind: how ``ate_rmse_m`` is aligned (se3; yaw where gravity is known); None for a map without
+    metric scale, whose scale-free error alone means something. Where the two do not overlap in time the errors stay
+    None."""
     if kind is not None:
         summary = summary.with_values(path_length_m=path_length(estimate))
+    live, last = _errors(estimate, truth, kind), _errors(final, truth, kind)
+    if live is not None:
+        values = {"ate_rmse_m": live.ate_m, "ate_rmse_sim3_m": live.ate_sim3_m, "scale_error": live.scale_error}
+        summary = summary.with_values(**values, ate_of=LIVE)
+    if last is not None:
+        summary = summary.with_values(ate_final_rmse_m=last.ate_m, ate_final_rmse_sim3_m=last.ate_sim3_m)
+    return summary
+
+
+class _Errors(NamedTuple):
+    ate_m: float | None
+    ate_sim3_m: float
+    scale_error: float | None
+
+
+def _errors(
+    estimate: Sequence[StampedPose], truth: Sequence[StampedPose], kind: AlignmentKind | None
+) -> _Errors | None:
+    """None where the two do not overlap in time."""
     try:
         pairs = associate(estimate, truth)
     except InputError:
-        return summary
-    summary = summary.with_values(ate_rmse_sim3_m=trajectory_error(pairs, "sim3").ate_rmse_m)
+        return None
+    free = trajectory_error(pairs, "sim3").ate_rmse_m
     if kind is None:
-        return summary
+        return _Errors(None, free, None)
     error = trajectory_error(pairs, kind)
-    return summary.with_values(ate_rmse_m=error.ate_rmse_m, scale_error=error.scale_error)
+    return _Errors(error.ate_rmse_m, free, error.scale_error)

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsx_ros.config import Config, overridden
-from vsx_ros.evaluation.trajectory import AlignmentKind, Pairs, align, find_breaks, trajectory_error
+from vsx_ros.evaluation.breaks import find_breaks
+from vsx_ros.evaluation.trajectory import AlignmentKind, Pairs, align, trajectory_error
 from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.sim.robot import EmulatedRobot

@@ -23,7 +23,10 @@ def _pose(T: SE2 | None) -> tuple[float, float, float]:
 
 
 def _anchors(view: MapView) -> list[Anchor]:
-    return [keyframe.anchor or _LIVING for keyframe in view.keyframes]
+    """What carries each keyframe; a map that is read begins with keyframes of scale 1."""
+    carried = [keyframe.anchor or _LIVING for keyframe in view.keyframes]
+    sizes = [view.keyframes[anchor.keyframe].scale / anchor.scale for anchor in carried]
+    return [a._replace(T_keyframe_this=a.T_keyframe_this.scaled(size)) for a, size in zip(carried, sizes)]
 
 
 LAYOUT: dict[str, tuple[str, tuple[int | str, ...], Callable[[MapView], Any]]] = {

@@ -94,7 +94,7 @@ def _gather(
     looked_at = folder.read_frames()
     ending = TrackingState(looked_at[-1].state) if looked_at else TrackingState.NOT_INITIALISED
     kind: AlignmentKind | None = "yaw" if recording.odometry else None
-    summary = with_accuracy(known, folder.read_poses("trajectory"), recording.ground_truth, kind)
+    summary = with_accuracy(known, *folder.read_trajectories(), recording.ground_truth, kind)
     code = STOPPED if interrupted else INTERNAL if failure else replay_code(ending)
     if interrupted:
         failure = f"stopped by the operator after {len(looked_at)} of {recording.frame_count} frames"

@@ -177,7 +177,7 @@ def _gather(
     """Complete what vslam wrote with what the monitor saw, and tell it; the exit code."""
     known, missing = results_of_slam(folder, mounted(config.robot.mount))
     truth, so_far = [*journal.truth(), *monitor.truth], journal.so_far
-    summary = with_accuracy(known, folder.read_poses("trajectory"), truth, "yaw")
+    summary = with_accuracy(known, *folder.read_trajectories(), truth, "yaw")
     if judge is not None:
         summary = judge.judged(summary, monitor.grid)
     plan_ms, error_m = np.array(monitor.plan_ms), np.array(monitor.error_m)

@@ -33,8 +33,8 @@ from vsx_ros.runs.checkpoint import Checkpoint
 from vsx_ros.runs.journal import RunEvent
 
 FILES = (
-    "summary.json", "config.yaml", "trajectory.txt", "odometry.txt", "groundtruth.txt", "map.pgm", "map.yaml",
-    "sparse.ply", "dense.ply", "events.jsonl", "frames.csv", "report.html", "map.vsxmap",
+    "summary.json", "config.yaml", "trajectory.txt", "trajectory_final.txt", "odometry.txt", "groundtruth.txt",
+    "map.pgm", "map.yaml", "sparse.ply", "dense.ply", "events.jsonl", "frames.csv", "report.html", "map.vsxmap",
 )  # fmt: skip
 _FRAME_COLUMNS_ONCE = 6  # older versions kept no u2_frames
 _MOST = 1e12  # of anything that is counted or measured in a frame
@@ -170,13 +170,17 @@ class RunFolder:
             return [_frame_record(row) for row in islice(rows, 1, None)]
 
     def write_poses(self, name: str, poses: Iterable[StampedPose]) -> None:
-        """name: trajectory (T_world_cam), odometry (T_odom_base) or groundtruth (T_world_cam)."""
+        """name: trajectory, trajectory_final, groundtruth (T_world_cam) or odometry (T_odom_base)."""
         write_trajectory(self.path / f"{name}.txt", poses)
 
     def read_poses(self, name: str) -> list[StampedPose]:
         """What ``write_poses`` wrote; none where there is no file."""
         path = self.path / f"{name}.txt"
         return read_trajectory(path) if path.exists() else []
+
+    def read_trajectories(self) -> tuple[list[StampedPose], list[StampedPose]]:
+        """T_world_cam of the tracked frames, live and final."""
+        return self.read_poses("trajectory"), self.read_poses("trajectory_final")
 
     def write_map(self, grid: OccupancyGrid) -> None:
         """map.pgm and map.yaml."""

@@ -18,9 +18,12 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.io.atomic import write_bytes
 from vsx_ros.limits import LOG_BYTES, file_bytes
 from vsx_ros.robot import Odometry
+from vsx_ros.slam.keyframe import Anchor
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
 Stamp: TypeAlias = Annotated[int, msgspec.Meta(ge=-(2**62), lt=2**62)]
+Index: TypeAlias = Annotated[int, msgspec.Meta(ge=0)]
+Size: TypeAlias = Annotated[float, msgspec.Meta(gt=0)]
 Pose2: TypeAlias = tuple[float, float, float]
 Pose3: TypeAlias = tuple[float, float, float, float, float, float, float]
 
@@ -30,7 +33,8 @@ _AS_TRACKED = ("stamp_ns", "state", "searched", "found", "keyframe_added", "corr
 
 class FrameLine(Struct, frozen=True, kw_only=True, tag="frame"):
     """A tracked frame. T_world_cam: translation and quaternion. T_odom_base: x, y, theta, in the
-    odometry's epoch. u2_frames: U2 so far."""
+    odometry's epoch. u2_frames: U2 so far. anchor: what carries the pose when the map changes, see ``Anchor``; None
+    without a pose and in runs of older versions."""
 
     stamp_ns: Stamp
     state: TrackingState
@@ -44,11 +48,13 @@ class FrameLine(Struct, frozen=True, kw_only=True, tag="frame"):
     T_odom_base: Pose2 | None
     u2_frames: float | None = None
     odom_epoch: int = 0
+    anchor: tuple[Index, Pose3, Size] | None = None
 
     @staticmethod
     def of(result: TrackingResult, odometry: Odometry | None, track_ms: float, u2_frames: float | None) -> FrameLine:
         """The line of a frame, its odometry, how long it took, and U2 so far."""
         T_world_cam, T_odom_base = result.T_world_cam, None if odometry is None else odometry.T_odom_base
+        held = result.anchor
         return FrameLine(
             **{name: getattr(result, name) for name in _AS_TRACKED},
             track_ms=track_ms,
@@ -56,6 +62,7 @@ class FrameLine(Struct, frozen=True, kw_only=True, tag="frame"):
             T_odom_base=None if T_odom_base is None else (T_odom_base.x, T_odom_base.y, T_odom_base.theta),
             u2_frames=u2_frames,
             odom_epoch=0 if odometry is None else odometry.odom_epoch,
+            anchor=None if held is None else (held.keyframe, flat(held.T_keyframe_this), held.scale),
         )
 
     @property
@@ -68,8 +75,9 @@ class FrameLine(Struct, frozen=True, kw_only=True, tag="frame"):
     def result(self) -> TrackingResult:
         """The frame as it was tracked, but for its place in maps not joined with the first."""
         T = None if self.T_world_cam is None else unflat(self.T_world_cam)
+        anchor = None if self.anchor is None else Anchor(self.anchor[0], unflat(self.anchor[1]), self.anchor[2])
         counts = self.searched, self.found, self.keyframe_added
-        return TrackingResult(self.stamp_ns, self.state, T, *counts, self.reason, corrected=self.corrected)
+        return TrackingResult(self.stamp_ns, self.state, T, *counts, self.reason, 0, None, self.corrected, anchor)
 
 
 class TruthLine(Struct, frozen=True, tag="truth"):
@@ -141,9 +149,12 @@ def read_journal(path: Path) -> list[Line]:
 
 
 def _checked(line: Line) -> Line:
-    pose = line.T_world_cam if isinstance(line, FrameLine | TruthLine) else None
-    if pose is not None and not 0.9 < sum(q * q for q in pose[3:]) < 1.1:
-        raise ValueError(f"at {line.stamp_ns} ns the quaternion {pose[3:]} is no rotation")
+    poses = [line.T_world_cam] if isinstance(line, FrameLine | TruthLine) else []
+    if isinstance(line, FrameLine) and line.anchor is not None:
+        poses.append(line.anchor[1])
+    for pose in poses:
+        if pose is not None and not 0.9 < sum(q * q for q in pose[3:]) < 1.1:
+            raise ValueError(f"at {line.stamp_ns} ns the quaternion {pose[3:]} is no rotation")
     return line
 
 

@@ -178,8 +178,8 @@ class FastRun:
     def summary(self, reason: str, **facts: str | int | None) -> Summary:
         """The numbers of the run. reason: why it ended; facts: what else the summary shall say."""
         system, errors = self.system, np.array(self._errors_m)
-        summary = self.record.summary(system.slam.statistics())
-        summary = with_accuracy(summary, self.record.estimate(), self.truth, "yaw")
+        summary, final = self.record.summary(system.slam.statistics()), self.record.final(system.slam.slam_map())
+        summary = with_accuracy(summary, self.record.estimate(), final, self.truth, "yaw")
         if self.judge is not None:
             summary = self.judge.judged(summary, system.grid)
         truth = self.robot.truth if self._before is None else None

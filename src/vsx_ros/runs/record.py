@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import Points3
 from vsx_ros.config import Config
+from vsx_ros.evaluation.breaks import find_breaks, find_odometry_jumps
 from vsx_ros.evaluation.map_quality import MapQuality, map_on_truth_picture, map_quality, observable_cells
 from vsx_ros.evaluation.summary import Summary, tracking_summary
-from vsx_ros.evaluation.trajectory import find_breaks
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.map_export import write_ply
@@ -19,7 +19,8 @@ from vsx_ros.runs.folder import FrameRecord, RunFolder
 from vsx_ros.runs.journal import FrameLine, Line, RunEvent
 from vsx_ros.sim.truth import ground_truth_grid
 from vsx_ros.sim.world import World
-from vsx_ros.slam.snapshot import MapSnapshot
+from vsx_ros.slam.slam import TrackerAndMapper
+from vsx_ros.slam.snapshot import SlamMap
 from vsx_ros.slam.state import SlamStatistics, TrackingResult, TrackingState
 
 
@@ -71,9 +72,19 @@ class RunRecord:
         known = ((r.stamp_ns, r.T_world_cam) for r in self.results if r.state.tracked)
         return [StampedPose(stamp_ns, T) for stamp_ns, T in known if T is not None]
 
+    def final(self, slam_map: SlamMap | None) -> list[StampedPose]:
+        """The same frames where the keyframes they were tracked from put them now, culled ones where their heirs do."""
+        keyframes = () if slam_map is None else slam_map.view.keyframes
+        held = {r.stamp_ns: r.anchor for r in self.results if r.anchor and r.anchor.keyframe < len(keyframes)}
+        return [
+            StampedPose(ns, held[ns].pose(keyframes) if ns in held else T_world_cam)
+            for ns, T_world_cam in self.estimate()
+        ]
+
     def summary(self, statistics: SlamStatistics) -> Summary:
         """What is known without any truth."""
-        return tracking_summary(statistics, self.track_ms).with_values(breaks=self._breaks())
+        breaks, jumps = self._breaks(), len(find_odometry_jumps(self.results, self._cameras(), self._epochs))
+        return tracking_summary(statistics, self.track_ms).with_values(breaks=breaks, odometry_jumps=jumps)
 
     def counted(self) -> Summary:
         """What the frames alone tell, without the SLAM that tracked them."""
@@ -84,17 +95,27 @@ class RunRecord:
         return Summary(frames=len(states), frames_tracked=tracked, frames_lost=lost, breaks=self._breaks())
 
     def _breaks(self) -> int:
-        cameras = [None if T is None else SE3.from_se2(T) @ self._T_base_cam for T in self._T_odom_bases]
-        return len(find_breaks(self.results, cameras, self._epochs))
+        return len(find_breaks(self.results, self._cameras(), self._epochs))
+
+    def _cameras(self) -> list[SE3 | None]:
+        """By odometry, in its own frame."""
+        return [None if T is None else SE3.from_se2(T) @ self._T_base_cam for T in self._T_odom_bases]
+
+    def _told(self) -> list[RunEvent]:
+        """All events, and what only the whole run shows."""
+        jumps = find_odometry_jumps(self.results, self._cameras(), self._epochs)
+        return [*self.events, *(RunEvent(jump.stamp_ns, "odometry", "jumped", jump.reason) for jump in jumps)]
 
     def writes(
-        self, folder: RunFolder, snapshot: MapSnapshot | None = None, surface: Points3 | None = None
+        self, folder: RunFolder, slam: TrackerAndMapper | None = None, surface: Points3 | None = None
     ) -> Iterator[Callable[[], None]]:
-        """How to write events.jsonl, trajectory.txt (camera in the map, as tracked), frames.csv, odometry.txt and
-        sparse.ply; with spots of surface (N, 3), dense.ply too. What matters most where there is little room is first.
-        """
-        yield lambda: folder.write_events(self.events)
+        """How to write events.jsonl, trajectory.txt (camera in the map, as tracked), trajectory_final.txt, frames.csv,
+        odometry.txt and sparse.ply; with spots of surface (N, 3), dense.ply too. What matters most where there is
+        little room is first."""
+        yield lambda: folder.write_events(self._told())
         yield lambda: folder.write_poses("trajectory", self.estimate())
+        if slam is not None:
+            yield lambda: folder.write_poses("trajectory_final", self.final(slam.slam_map()))
         yield lambda: folder.write_frames(
             FrameRecord(r.stamp_ns, r.state.value, r.searched, r.found, r.keyframe_added, ms, u2)
             for r, ms, u2 in zip(self.results, self.track_ms, self.u2_frames, strict=True)
@@ -102,8 +123,9 @@ class RunRecord:
         if self._odometry:
             T_odom_base = [StampedPose(ns, SE3.from_se2(T)) for ns, T in self._odometry]
             yield lambda: folder.write_poses("odometry", T_odom_base)
-        if snapshot is not None and len(snapshot.points_world):
-            yield lambda: write_ply(folder.path / "sparse.ply", snapshot.points_world)
+        points_world = slam.snapshot().points_world if slam is not None else ()
+        if len(points_world):
+            yield lambda: write_ply(folder.path / "sparse.ply", points_world)
         if surface is not None and len(surface):
             yield lambda: write_ply(folder.path / "dense.ply", surface)
 

@@ -63,6 +63,9 @@ def one_line_facts(summary: Mapping[str, Any]) -> list[str]:
     def known(*keys: str) -> bool:
         return all(summary.get(key) is not None for key in keys)
 
+    def final(key: str, factor: float, form: str) -> str:
+        return f" live, {factor * summary[key]:{form}} by the final map" if known(key) else " live"
+
     lines = []
     if known("frames_tracked", "frames"):
         begun = "continued" if known("continued_map") else "started"
@@ -70,12 +73,16 @@ def one_line_facts(summary: Mapping[str, Any]) -> list[str]:
         lines.append(f"tracked {summary['frames_tracked']} of {summary['frames']} frames{since}")
     if known("u1"):
         lines.append(f"found {100 * summary['u1']:.0f} % of the points searched, {summary.get('breaks')} breaks")
+    if summary.get("odometry_jumps"):
+        lines.append(f"odometry jumped {summary['odometry_jumps']} times, see events.jsonl")
     if known("keyframes", "map_points") and summary["keyframes"]:
         lines.append(f"map of {summary['keyframes']} keyframes and {summary['map_points']} points")
     if known("ate_rmse_m", "scale_error"):
-        lines.append(f"ATE {summary['ate_rmse_m']:.3f} m rms, scale error {100 * summary['scale_error']:.1f} %")
+        scale = f"scale error {100 * summary['scale_error']:.1f} %"
+        lines.append(f"ATE {summary['ate_rmse_m']:.3f} m rms{final('ate_final_rmse_m', 1, '.3f')}, {scale}")
     if known("ate_rmse_sim3_m"):
-        lines.append(f"ATE after scale alignment {1000 * summary['ate_rmse_sim3_m']:.1f} mm rms")
+        live = f"{1000 * summary['ate_rmse_sim3_m']:.1f} mm rms"
+        lines.append(f"ATE after scale alignment {live}{final('ate_final_rmse_sim3_m', 1000, '.1f')}")
     if known("coverage"):
         lines.append(f"coverage {100 * summary['coverage']:.0f} %")
     if known("track_ms_median", "track_ms_p99"):

@@ -210,7 +210,7 @@ class RunWriter:
         writes: list[Callable[[], object]] = [lambda: folder.write_summary(told)]
         if grid is not None:
             writes.append(lambda: folder.write_map(grid))
-        said = folder.write_what_fits(*writes, *record.writes(folder, slam.snapshot(), surface), *more)
+        said = folder.write_what_fits(*writes, *record.writes(folder, slam, surface), *more)
         return said or self.failure
 
     @contextmanager

@@ -14,6 +14,7 @@ from vsx_ros.kernels.slam.bundle import START, adjust
 from vsx_ros.kernels.slam.factors import Factors, Floor, no_floor
 from vsx_ros.kernels.slam.pose import TUKEY
 from vsx_ros.kernels.slam.schur import Observations
+from vsx_ros.slam.gauge import size_kept
 from vsx_ros.slam.keyframe import Observations as Seen
 from vsx_ros.slam.map import Map
 
@@ -73,6 +74,8 @@ class BundleAdjuster:
         if not free or len(observed.frame) < 12:
             return True
         R, t, points, bad, finished = self._solve(world, frames, free, rows, observed, iterations, interrupted)
+        if self._floats(world, frames, free):
+            R, t, points = _resized(world, frames, free, R, t, points)
         for k, pose in zip(frames, zip(R, t)):
             if k in free:
                 world.move_keyframe(k, SE3(*pose).inverse())
@@ -82,6 +85,11 @@ class BundleAdjuster:
         for k in free:
             world.update_depth(k)
         return finished
+
+    def _floats(self, world: Map, frames: list[int], free: list[int]) -> bool:
+        """Whether nothing holds the size: one keyframe at most stands, and none has odometry."""
+        measured = any(world.keyframes[k].data.T_odom_base is not None for k in frames)
+        return len(frames) - len(free) < 2 and not (self._T_base_cam is not None and measured)
 
     def _solve(
         self,
@@ -158,6 +166,18 @@ class BundleAdjuster:
             np.array([self._noise.floor_height_sigma_m, tilt, tilt]),
             frames.index(0) if 0 in frames else -1,
         )
+
+
+def _resized(
+    world: Map, frames: list[int], free: list[int], R: FloatArray, t: FloatArray, points: Points3
+) -> tuple[FloatArray, FloatArray, Points3]:
+    """Adjusted keyframes (T_cam_world) and points, about the one that stands as large as the keyframes were before."""
+    held = next((i for i, k in enumerate(frames) if k not in free), 0)
+    before = np.array([world.keyframes[k].T_world_cam.translation for k in frames])
+    after = -np.einsum("kji,kj->ki", R, t)
+    factor, centre = size_kept(before, after, held), after[held]
+    t = -np.einsum("kij,kj->ki", R, centre + factor * (after - centre))
+    return R, t, centre + factor * (points - centre)
 
 
 def _observed(world: Map, frames: list[int], seen: BoolArray) -> tuple[IntArray, Observations]:

@@ -11,7 +11,7 @@ from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.slam.initialization import Bootstrap
-from vsx_ros.slam.keyframe import FrameData, MapView
+from vsx_ros.slam.keyframe import Anchor, FrameData, MapView
 from vsx_ros.slam.local_map import FrameTracker, LocalMap, becomes_keyframe, is_sure, nearest_keyframes
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.mapper import KeyFrameRequest
@@ -45,7 +45,7 @@ class FrontEnd:
         self._view = self._here = Map().view()
         self._reference = self._map_id = self._epoch = 0
         self._epochs = count(1)
-        self._corrected, self._since_keyframe = False, 0
+        self._corrected, self._since_keyframe, self._keyframe_ns = False, 0, 0
         self.record = TrackingRecord()
         self.events: list[SlamEvent] = []
         self._bootstrap = Bootstrap(T_base_cam, config.initialization, lambda ns, why: self._event(ns, "refused", why))
@@ -59,7 +59,16 @@ class FrontEnd:
         Raises InputError for an image of the wrong size or type and for a stamp that does not advance; the frame is
         then as if it had never come."""
         result, work = self._process(self._consistency.admit(self._preprocessor.take(frame, odometry)))
-        return result.seen_from(self._preprocessor.T_middle_stamp), work
+        return self._told(result), work
+
+    def _told(self, result: TrackingResult) -> TrackingResult:
+        """The poses of the frame's stamp, and what carries them from now on."""
+        result = result.seen_from(self._preprocessor.T_middle_stamp)
+        return result if result.T_map_cam is None else result._replace(anchor=self._anchor(result.T_map_cam))
+
+    def _anchor(self, T_map_cam: SE3) -> Anchor:
+        reference = self._view.keyframes[self._reference]
+        return Anchor(self._reference, reference.T_world_cam.inverse() @ T_map_cam, reference.scale)
 
     def _process(self, data: FrameData) -> Outcome:
         self.tracking.last = None
@@ -97,9 +106,9 @@ class FrontEnd:
             return
         if self._reference < len(self._view.keyframes) and self._motion.last_pose is not None:
             old, new = self._view.keyframes[self._reference], view.keyframes[self._reference]
-            before, factor = self._motion.last_pose, new.scale / old.scale
-            moved = new.T_world_cam @ (old.T_world_cam.inverse() @ before).scaled(factor)
-            self._motion.move(moved, factor)
+            before = self._motion.last_pose
+            moved = self._anchor(before).pose(view.keyframes)
+            self._motion.move(moved, new.scale / old.scale)
             self._consistency.move(moved @ before.inverse())
             self._corrected |= not moved.is_near(before, CORRECTION_M, CORRECTION_RAD)
             self._reference = self._reference if new.anchor is None else new.anchor.keyframe
@@ -124,12 +133,12 @@ class FrontEnd:
         self._reference = len(view.keyframes) - 1
         self._motion.update(pair.second, newest.T_world_cam, measured=False)
         self._recovery.over(pair.second)
-        self._since_keyframe = 0
+        self._since_keyframe, self._keyframe_ns = 0, pair.second.stamp_ns
         self.tracking.coarse_next = True
         result = TrackingResult(
             pair.second.stamp_ns, TrackingState.GOOD, None, found, found, True, "map started", newest.map_id
         )
-        return result.placed(newest.T_world_cam).seen_from(self._preprocessor.T_middle_stamp)
+        return self._told(result.placed(newest.T_world_cam))
 
     def refused(self, reason: str) -> None:
         """The mapper could not make a map of the proposed pair."""
@@ -172,23 +181,26 @@ class FrontEnd:
         self._recovery.over(data)
         self._reference, self.tracking.coarse_next = reference, track.state is not TrackingState.GOOD
         self.record.tracked(data.stamp_ns, track, len(self._view.points), self._map_id == 0)
-        new = becomes_keyframe(self._config.keyframes, local.linked, track, reference, self._since_keyframe)
+        new = self._has_waited(data) and becomes_keyframe(self._config.keyframes, local.linked, track, reference)
         added = new and not data.blurred
         request = self._request(data, track) if added else None
         searched, found = len(track.searched_rows), len(track.rows)
         result = TrackingResult(
-            data.stamp_ns, track.state, None, searched, found, added, track.reason, self._map_id, None, self._corrected,
-            self._uncertainty.tracked(track, local),
+            data.stamp_ns, track.state, None, searched, found, added, track.reason, map_id=self._map_id,
+            corrected=self._corrected, covariance=self._uncertainty.tracked(track, local),
         )  # fmt: skip
         self._corrected = False
         return result.placed(track.T_world_cam), request
 
+    def _has_waited(self, data: FrameData) -> bool:
+        """Whether the last keyframe is long enough ago for another one."""
+        config, seconds = self._config.keyframes, (data.stamp_ns - self._keyframe_ns) * 1e-9
+        return self._since_keyframe >= config.min_gap_frames or seconds >= config.min_gap_s
+
     def _request(self, data: FrameData, track: Track) -> KeyFrameRequest:
-        self._since_keyframe = 0
-        reference = self._view.keyframes[self._reference]
-        T_ref_cam, seen = reference.T_world_cam.inverse() @ track.T_world_cam, (track.rows, track.uv, track.level)
-        placed = self._reference, T_ref_cam, reference.scale, self._epoch
-        return KeyFrameRequest(data, *placed, *seen, *self.record.counts())
+        self._since_keyframe, self._keyframe_ns = 0, data.stamp_ns
+        seen = track.rows, track.uv, track.level
+        return KeyFrameRequest(data, self._anchor(track.T_world_cam), self._epoch, *seen, *self.record.counts())
 
     def _recover(self, data: FrameData, track: Track, by_odometry: SE3 | None) -> Outcome:
         """Too little was found: try everything to find the camera again, at once and in every frame."""

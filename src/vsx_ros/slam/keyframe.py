@@ -3,6 +3,7 @@ from several sides; and all of it at one instant."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeVar
 
@@ -73,10 +74,17 @@ class FrameData(NamedTuple):
 
 
 class Anchor(NamedTuple):
-    """What carries a culled keyframe: the index of a living one, and the culled one's pose in its camera."""
+    """What carries a pose wherever the map goes: a keyframe (index), the pose in its camera, and its scale then. A
+    culled keyframe is carried by a living one, a frame by the one it was tracked from."""
 
     keyframe: int
     T_keyframe_this: SE3
+    scale: float = 1.0
+
+    def pose(self, keyframes: Sequence[KeyFrame]) -> SE3:
+        """T_world_this, now that the keyframes stand as they do."""
+        holder = keyframes[self.keyframe]
+        return holder.T_world_cam @ self.T_keyframe_this.scaled(holder.scale / self.scale)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

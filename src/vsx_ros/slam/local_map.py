@@ -83,12 +83,12 @@ def nearest_keyframes(view: MapView, T_world_cam: SE3) -> IntArray:
     return living[np.argsort(offset / view.depths[living] + np.arccos(np.clip(cosine, -1.0, 1.0)), kind="stable")]
 
 
-def becomes_keyframe(config: KeyframeConfig, view: MapView, track: Track, reference: int, frames_since: int) -> bool:
+def becomes_keyframe(config: KeyframeConfig, view: MapView, track: Track, reference: int) -> bool:
     """Whether this frame should enter the map.
 
     Distance and angle are measured to the nearest keyframe of the whole map, so that explored area yields none."""
     sure = track.state is TrackingState.GOOD or track.ratio > KEYFRAME_RATIO
-    if frames_since < config.min_gap_frames or not sure:
+    if not sure:
         return False
     pose = track.T_world_cam
     nearest = [view.keyframes[int(k)] for k in nearest_keyframes(view, pose)[:5]]

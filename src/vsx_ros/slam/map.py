@@ -93,16 +93,14 @@ class Map:
         for k in self._carried.get(index, ()):
             anchor = self.keyframes[k].anchor
             assert anchor is not None
-            self.keyframes[k] = replace(self.keyframes[k], T_world_cam=T_world_cam @ anchor.T_keyframe_this)
+            self.keyframes[k] = replace(self.keyframes[k], T_world_cam=anchor.pose(self.keyframes))
 
     def resize_keyframe(self, index: int, T_world_cam: SE3, factor: float) -> None:
         """Move a living keyframe and all that it carries into a frame where it is ``factor`` times as large."""
         for k in (index, *self._carried.get(index, ())):
-            keyframe, anchor = self.keyframes[k], self.keyframes[k].anchor
-            if anchor is not None:
-                anchor = anchor._replace(T_keyframe_this=anchor.T_keyframe_this.scaled(factor))
+            keyframe = self.keyframes[k]
             depth = factor * keyframe.median_depth
-            self.keyframes[k] = replace(keyframe, anchor=anchor, scale=factor * keyframe.scale, median_depth=depth)
+            self.keyframes[k] = replace(keyframe, scale=factor * keyframe.scale, median_depth=depth)
         self.move_keyframe(index, T_world_cam)
 
     def join(self, map_id: int, into: int) -> None:
@@ -197,9 +195,9 @@ class Map:
         parent = max(others, key=lambda k: (shared[k], -abs(k - index)))
         data = FrameData.without_image(keyframe.data.stamp_ns, keyframe.data.T_odom_base)
         self.keyframes[index] = replace(keyframe, data=data, observations=Observations.none())
-        carried, T_parent_world = [index, *self._carried.pop(index, [])], self.keyframes[parent].T_world_cam.inverse()
+        carried, heir = [index, *self._carried.pop(index, [])], self.keyframes[parent]
         for k in carried:
-            anchor = Anchor(parent, T_parent_world @ self.keyframes[k].T_world_cam)
+            anchor = Anchor(parent, heir.T_world_cam.inverse() @ self.keyframes[k].T_world_cam, heir.scale)
             self.keyframes[k] = replace(self.keyframes[k], anchor=anchor)
         self._carried.setdefault(parent, []).extend(carried)
         self.remove_points(rows[self.seen(rows)[rows] < 2])

@@ -14,7 +14,7 @@ from vsx_ros.config import SlamConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.bundle_adjustment import BundleAdjuster
-from vsx_ros.slam.keyframe import FrameData, MapView, Observations
+from vsx_ros.slam.keyframe import Anchor, FrameData, MapView, Observations
 from vsx_ros.slam.loop_closing import LoopDetector
 from vsx_ros.slam.loop_correction import correct_loops
 from vsx_ros.slam.map import Map
@@ -32,14 +32,11 @@ BASELINES = (0.07, 0.025, 0.12, 0.045)
 
 
 class KeyFrameRequest(NamedTuple):
-    """A tracked frame that shall enter the map. T_ref_cam: its pose in keyframe ``reference``, which may have moved
-    since, and been resized from ``scale``. odom_epoch: see KeyFrame.
-    searched, found (P,): the tracker's counts per point so far."""
+    """A tracked frame that shall enter the map. anchor: its pose by its reference keyframe, which may have moved since.
+    odom_epoch: see KeyFrame. searched, found (P,): the tracker's counts per point so far."""
 
     data: FrameData
-    reference: int
-    T_ref_cam: SE3
-    scale: float
+    anchor: Anchor
     odom_epoch: int
     rows: IntArray
     uv: FloatArray
@@ -91,13 +88,12 @@ class Mapper:
         world = self.map
         if not world.keyframes:
             return world.view()
-        reference = world.keyframes[request.reference]
-        pose = reference.T_world_cam @ request.T_ref_cam.scaled(reference.scale / request.scale)
+        pose, map_id = request.anchor.pose(world.keyframes), world.keyframes[request.anchor.keyframe].map_id
         world.odom_epoch = request.odom_epoch
         observed = observations_at(request.data, pose, world.points, request.rows, request.uv, request.level)
         self._points.remove_unfound(request.searched, request.found)
         observed = observed.where(world.alive[observed.rows])
-        index = world.add_keyframe(self._with_corners(request.data), pose, observed, reference.map_id)
+        index = world.add_keyframe(self._with_corners(request.data), pose, observed, map_id)
         neighbours = self.neighbours(index, self._config.window_keyframes)
         self._points.refind([index], world.seen_by(neighbours))
         created = self._points.make(index, self._targets(index, neighbours))

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from vsx_ros.arrays import FloatArray
 from vsx_ros.geometry.se3 import SE3
+from vsx_ros.slam.keyframe import Anchor
 
 
 class TrackingState(Enum):
@@ -37,7 +38,7 @@ class TrackingResult(NamedTuple):
     whose frame is the world. In another one the state is LOST, because the place in the world is not known, and
     T_map_cam is the pose in that map's own frame. corrected: the map moved under the camera since the frame before
     (a loop was closed, maps were joined): the jump is the map's, not the camera's. covariance (6, 6): of the pose, see
-    slam/uncertainty.py; None where there is no pose."""
+    slam/uncertainty.py; None where there is no pose. anchor: what carries the pose when the map changes later."""
 
     stamp_ns: int
     state: TrackingState
@@ -50,6 +51,7 @@ class TrackingResult(NamedTuple):
     T_map_cam: SE3 | None = None
     corrected: bool = False
     covariance: FloatArray | None = None
+    anchor: Anchor | None = None
 
     def placed(self, T_map_cam: SE3) -> TrackingResult:
         """The same with a pose in the map it belongs to; one in another map than the first is none in the world."""

@@ -1,0 +1,120 @@
+"""Whether the tracking held: where it jumped or was lost for good, and where odometry jumped instead."""
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from vsx_ros.arrays import FloatArray
+from vsx_ros.geometry.se3 import SE3, so3_log
+from vsx_ros.slam.state import TrackingResult, TrackingState
+
+_MAX_JUMP_M, _MAX_JUMP_DEG = 0.15, 5.0  # between two frames, against odometry: no drift, the map moved under the camera
+_ITS_OWN = 2.0  # so many times as far from its own course as the other: that one jumped
+
+
+class Break(NamedTuple):
+    """Where the tracking, or odometry, broke, and how."""
+
+    stamp_ns: int
+    reason: str
+
+
+class _Step(NamedTuple):
+    """The motion up to a tracked frame from the one before, after so many seconds: by the image and by the reference.
+    Motions (6,): way in the camera before [m], turn in the world, whose z is up [rad]. sure: both frames were GOOD."""
+
+    stamp_ns: int
+    seconds: float
+    seen: FloatArray
+    expected: FloatArray
+    sure: bool
+
+
+def find_breaks(
+    results: Sequence[TrackingResult], reference: Sequence[SE3 | None], epochs: Sequence[int] = ()
+) -> list[Break]:
+    """Jumps of more than 0.15 m or 5 deg against the reference, and a loss that lasts to the end. results: frames in
+    order. reference: as many camera poses by odometry (or truth), None where unknown. epochs: of the odometry, if it
+    may have restarted. Only frames tracked from the map are compared, each with the tracked frame before it in its
+    epoch; a jump that the map made, because a loop was closed, is none of the tracking, and one that odometry made
+    neither. Odometry does not measure tilt: where the image is sure of it, it is no jump."""
+    breaks = [jump for jump, by_odometry in _jumps(results, reference, epochs) if not by_odometry]
+    tracked = any(result.state.tracked and result.T_world_cam is not None for result in results)
+    if tracked and results[-1].state is TrackingState.LOST:
+        since = list(itertools.takewhile(lambda result: result.state is TrackingState.LOST, reversed(results)))[-1]
+        breaks.append(Break(since.stamp_ns, f"lost for good: {since.reason}"))
+    return breaks
+
+
+def find_odometry_jumps(
+    results: Sequence[TrackingResult], reference: Sequence[SE3 | None], epochs: Sequence[int] = ()
+) -> list[Break]:
+    """Where the two part like that, but the image shows the camera going on as before and odometry does not."""
+    return [jump for jump, by_odometry in _jumps(results, reference, epochs) if by_odometry]
+
+
+def _jumps(
+    results: Sequence[TrackingResult], reference: Sequence[SE3 | None], epochs: Sequence[int]
+) -> Iterator[tuple[Break, bool]]:
+    """Every step that contradicts the reference, and whether that jumped and not the image."""
+    steps = _steps(results, reference, epochs)
+    for n, step in enumerate(steps):
+        if step is None or not _contradicts(step.seen, step.expected, step.sure):
+            continue
+        near = [other for other in (steps[n - 1] if n else None, *steps[n + 1 : n + 2]) if other is not None]
+        seen, expected = (
+            [np.abs(motion(step) - motion(other) * step.seconds / other.seconds) for other in near]
+            for motion in (lambda s: s.seen, lambda s: s.expected)
+        )
+        its_own = bool(near) and all(_is_far(e) and _size(e) > _ITS_OWN * _size(s) for s, e in zip(seen, expected))
+        metres, degrees = _difference(step.seen, step.expected)
+        apart = f"jumped {metres:.2f} m and {degrees:.1f} deg against"
+        reason = f"odometry {apart} the images" if its_own else f"the pose {apart} odometry"
+        yield Break(step.stamp_ns, reason), its_own
+
+
+def _steps(
+    results: Sequence[TrackingResult], reference: Sequence[SE3 | None], epochs: Sequence[int]
+) -> list[_Step | None]:
+    """One for each tracked frame but the first, None where the two cannot be compared."""
+    known = zip(results, reference, epochs or [0] * len(results), strict=True)
+    tracked = [frame for frame in known if frame[0].state.tracked and frame[0].T_world_cam is not None]
+    steps: list[_Step | None] = []
+    for (before, T, epoch), (now, S, next_epoch) in itertools.pairwise(tracked):
+        if T is None or S is None or epoch != next_epoch or now.corrected:
+            steps.append(None)
+            continue
+        assert before.T_world_cam is not None
+        assert now.T_world_cam is not None
+        sure = before.state is now.state is TrackingState.GOOD
+        motions = _motion(before.T_world_cam, now.T_world_cam), _motion(T, S)
+        steps.append(_Step(now.stamp_ns, (now.stamp_ns - before.stamp_ns) * 1e-9, *motions, sure))
+    return steps
+
+
+def _motion(before: SE3, now: SE3) -> FloatArray:
+    way = (before.inverse() @ now).translation
+    return np.concatenate([way, so3_log(now.rotation @ before.rotation.T)])
+
+
+def _contradicts(seen: FloatArray, expected: FloatArray, sure: bool) -> bool:
+    metres, degrees = _difference(seen, expected)
+    tilt = abs(math.hypot(*seen[3:5]) - math.hypot(*expected[3:5]))
+    return metres > _MAX_JUMP_M or degrees > _MAX_JUMP_DEG or (not sure and math.degrees(tilt) > _MAX_JUMP_DEG)
+
+
+def _difference(seen: FloatArray, expected: FloatArray) -> tuple[float, float]:
+    """Of the way [m] and of the heading [deg]."""
+    return math.hypot(*(seen - expected)[:3]), math.degrees(abs(seen[5] - expected[5]))
+
+
+def _is_far(off: FloatArray) -> bool:
+    return _size(off) > 1.0
+
+
+def _size(off: FloatArray) -> float:
+    """Of what a motion is off, in largest steps that are no jump."""
+    return max(math.hypot(*off[:3]) / _MAX_JUMP_M, math.degrees(off[5]) / _MAX_JUMP_DEG)
