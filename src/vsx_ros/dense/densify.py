@@ -54,12 +54,13 @@ class Densifier:
         self._surfaces: dict[int, Surface] = {}
         self._used: IntArray = np.zeros(0, np.int64)
 
-    def update(self, snapshot: MapSnapshot, budget: int | None = None) -> DenseMap:
+    def update(self, snapshot: MapSnapshot, budget: int | None = None, settled: bool = False) -> DenseMap:
         """The dense map of a snapshot. budget: cells to judge at most, ``cells_per_update`` of the configuration by
-        default; what it does not suffice for waits."""
+        default; what it does not suffice for waits. settled: the map will not change any more, so that the newest
+        keyframes can be used, too."""
         planes = self._finder.update(snapshot)
         surfaces = [plane for plane in planes if plane.kind is not PlaneKind.FLOOR]
-        views = self._images.views(snapshot, max(0, len(snapshot.images) - _UNSETTLED))
+        views = self._images.views(snapshot, max(0, len(snapshot.images) - (0 if settled else _UNSETTLED)))
         fresh = np.flatnonzero(~np.isin(views.ids, self._used))
         self._used = views.ids
         every = np.flatnonzero(snapshot.obs_keyframe < len(views.ids))
@@ -70,6 +71,9 @@ class Densifier:
         seen_by[snapshot.obs_point] = snapshot.keyframe_ids[snapshot.obs_keyframe]
         points, living = snapshot.points_world, snapshot.keyframe_ids
         seen = [(self._surfaces[plane.id], plane, plane.points) for plane in surfaces]
+        seen = [(on, plane, rows) for on, plane, rows in seen if on.evidence(plane, points[rows]) >= 0.0]
+        refuted = {plane.id for plane in surfaces} - {plane.id for _, plane, _ in seen}
+        planes = tuple(plane for plane in planes if plane.id not in refuted)
         cells = Cells.concatenated([on.cells(plane, points[rows], seen_by[rows], living) for on, plane, rows in seen])
         complete = not any(surface.due.any() for surface in self._surfaces.values())
         newest = int(snapshot.keyframe_ids[-1]) if len(snapshot.keyframe_ids) else -1
