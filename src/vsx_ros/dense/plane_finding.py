@@ -7,6 +7,7 @@ import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points3
 from vsx_ros.config.maps import PlanesConfig
+from vsx_ros.dense.levelling import held_up
 from vsx_ros.dense.plane_merging import Found, merged
 from vsx_ros.dense.plane_noise import common_sigma
 from vsx_ros.dense.plane_tiles import planes_of_tile
@@ -67,7 +68,7 @@ class PlaneFinder:
             return ()
         if self._unit is None:
             self._unit = float(np.median(points.range)) / _TYPICAL_RANGE_M
-        up = self._up(snapshot)
+        up = _FLOOR_NORMAL if self._has_floor else held_up(snapshot.T_world_cams)
         for _ in range(_NOISE_ROUNDS):
             noise, used = self._noise(), self._sigma_m
             floor = self._on_floor(points)
@@ -102,13 +103,6 @@ class PlaneFinder:
         """How far a point may lie off its plane."""
         sigma, config = self._sigma_m * self.unit, self._config
         return Noise(sigma, config.inlier_sigmas, max(config.max_distance_m * self.unit, _LIMIT_SIGMAS * sigma))
-
-    def _up(self, snapshot: MapSnapshot) -> FloatArray:
-        """(3,) up in the world; without a floor roughly, as people hold cameras."""
-        if self._has_floor:
-            return _FLOOR_NORMAL
-        mean = -np.sum([T.rotation[:, 1] for T in snapshot.T_world_cams], axis=0)
-        return np.asarray(mean / max(float(np.linalg.norm(mean)), 1e-9))
 
     def _redo(self, points: ObservedPoints, up: FloatArray, noise: Noise) -> None:
         """Find the planes of tiles, half overlapping, whose points are no longer what they were."""
