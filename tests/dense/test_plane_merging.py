@@ -5,8 +5,8 @@ from plane_scene import FOCAL_PX, angle_deg, looking, on_wall, seen
 from vsx_ros.config.maps import PlanesConfig
 from vsx_ros.dense.plane_finding import observed_points
 from vsx_ros.dense.plane_merging import Found, merged
-from vsx_ros.kernels.dense.planes import Noise
 from vsx_ros.dense.planes import Attitude, Fit, fit_plane
+from vsx_ros.kernels.dense.planes import Noise
 
 CAMERAS = [looking(0.0, 0.12 * k, 0.0) for k in range(-3, 4)]
 TOWARDS = np.array([-1.0, 0.0, 0.0])

@@ -57,6 +57,11 @@ class Densifier:
         self._surfaces: dict[int, Surface] = {}
         self._used: IntArray = np.zeros(0, np.int64)
 
+    @property
+    def unit(self) -> float:
+        """Length of a metre in the map; guessed where the map has none."""
+        return self._finder.unit
+
     def update(self, snapshot: MapSnapshot, budget: int | None = None, settled: bool = False) -> DenseMap:
         """The dense map of a snapshot. budget: cells to judge at most, ``cells_per_update`` of the configuration by
         default; what it does not suffice for waits. settled: the map will not change any more, so that the newest

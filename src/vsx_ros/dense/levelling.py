@@ -31,7 +31,9 @@ class Level(NamedTuple):
     def of(self, snapshot: MapSnapshot) -> MapSnapshot:
         """The snapshot stood upright, its lengths those of a building."""
         poses = tuple((self.T_level_world @ T).scaled(1.0 / self.unit) for T in snapshot.T_world_cams)
-        return replace(snapshot, T_world_cams=poses, points_world=self.T_level_world @ snapshot.points_world / self.unit)
+        return replace(
+            snapshot, T_world_cams=poses, points_world=self.T_level_world @ snapshot.points_world / self.unit
+        )
 
 
 def held_up(T_world_cams: Sequence[SE3]) -> FloatArray:

@@ -14,9 +14,7 @@ _LEAST_POINTS = 60  # on planes; of fewer the noise is not told
 _SHARES = np.array([0.5, 0.7, 0.85, 0.95])  # of the points near a plane that may be its own
 
 
-def common_sigma(
-    found: list[Found], points: ObservedPoints, before: float, config: PlanesConfig, unit: float
-) -> float:
+def common_sigma(found: list[Found], points: ObservedPoints, before: float, config: PlanesConfig, unit: float) -> float:
     """Standard deviation [m] that explains best how points lie about their planes, with their own noise.
 
     Near a plane a share of the points is its own, normal, the others lie anywhere: the likeliest share and noise, for
