@@ -55,7 +55,7 @@ def gravity(planes: Sequence[Plane], T_world_cams: Sequence[SE3]) -> FloatArray:
     candidates = [held, *(u * math.copysign(1.0, u @ held) for u in told)]
 
     def score(up: FloatArray) -> float:
-        off = math.acos(min(1.0, up @ held)) / _HELD_RAD
+        off = math.acos(min(1.0, float(up @ held))) / _HELD_RAD
         return _ALIGNED_LOG * float(weights[aligned(normals, up)].sum()) - 0.5 * off * off
 
     up = max(candidates, key=score)

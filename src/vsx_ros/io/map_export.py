@@ -38,7 +38,7 @@ def write_ply(path: Path, points: Points3, grey: NDArray[np.uint8] | None = None
 
 
 def read_ply(path: Path) -> Points3:
-    """The (N, 3) points, without their colours, of a file that ``write_ply`` wrote. Raises InputError for anything else."""
+    """The (N, 3) points, without colours, of a file that ``write_ply`` wrote. Raises InputError for anything else."""
     with explained(InputError, f"point cloud {path} cannot be read", "check the path"):
         header, _, body = file_bytes(path, DATA_BYTES).partition(b"end_header\n")
     wrong = f"point cloud {path} is not a PLY that this program wrote"
