@@ -5,8 +5,8 @@ from plane_scene import FOCAL_PX, angle_deg, looking, on_wall, seen
 from vsx_ros.config.maps import PlanesConfig
 from vsx_ros.dense.plane_finding import observed_points
 from vsx_ros.dense.plane_merging import Found, merged
-from vsx_ros.dense.plane_tiles import noise_of
 from vsx_ros.dense.planes import Attitude, Fit, fit_plane
+from vsx_ros.kernels.dense.planes import Noise
 
 CAMERAS = [looking(0.0, 0.12 * k, 0.0) for k in range(-3, 4)]
 TOWARDS = np.array([-1.0, 0.0, 0.0])
@@ -23,7 +23,7 @@ def test_a_smaller_plane_that_crosses_a_face_does_not_spoil_it(seed):
     rng = np.random.default_rng(seed)
     config = PlanesConfig()
     points = observed_points(seen(on_wall((1.5, -0.3), (1.5, 0.3), 17, rng), CAMERAS, rng), FOCAL_PX, config.noise_px)
-    noise, rows = noise_of(config, 1.0), np.arange(17)
+    noise, rows = Noise(config.floor_sigma_m, config.inlier_sigmas, config.max_distance_m), np.arange(17)
     fit = fit_plane(points, rows, TOWARDS, Attitude.UPRIGHT, noise)
     assert fit is not None
     face = Found(turned(fit, 0.07, 0.0), rows)

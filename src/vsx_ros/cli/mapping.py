@@ -3,20 +3,20 @@
 import argparse
 import sys
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
 
 from vsx_ros.cli.compiled import compile_kernels
 from vsx_ros.config import Config
+from vsx_ros.dense.finished_map import FinishedMap
 from vsx_ros.errors import ConfigError, MapFileError
 from vsx_ros.evaluation.summary import Summary, with_accuracy
 from vsx_ros.evaluation.trajectory import AlignmentKind
 from vsx_ros.geometry.camera import mounted
-from vsx_ros.geometry.se3 import SE3
+from vsx_ros.io.map_export import write_planes, write_ply
 from vsx_ros.io.recording import Recording
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
-from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.occupancy.ground_map import DriveHistory, GroundMap
+from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.parameters import load
 from vsx_ros.runs.process import STOPPED, Progress, ended_well, interruptible
 from vsx_ros.runs.record import RunRecord
@@ -25,7 +25,7 @@ from vsx_ros.runs.session import RunWriter
 from vsx_ros.runs.start import opened_recording, replay_code, replay_folder
 from vsx_ros.session import SlamSession
 from vsx_ros.slam.slam import SequentialSlam
-from vsx_ros.slam.snapshot import MapSnapshot
+from vsx_ros.slam.snapshot import SlamMap, snapshot
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
 _MAX_RATE = 100.0  # images a second, more than these cameras give
@@ -85,10 +85,13 @@ def replay(args: argparse.Namespace) -> int:
     facts = {"seed": args.seed, "continued_map": continued, "ended_well": ended_well(code)}
     if stopped:
         facts["stop_reason"] = f"stopped by the operator after {len(record.results)} of {recording.frame_count} frames"
-    summary = _summary(slam, recording, record).with_values(**facts)
-    poses = (pose.T for pose in record.estimate())
-    grid = ground_grid(slam.snapshot(), poses, T_base_cam, config) if args.map else None
+    finished = finished_map(slam.slam_map(), config, args.seed) if args.map else None
+    grid = finished.grid([pose.T for pose in record.estimate()]) if finished is not None else None
+    note = finished.note or None if finished is not None else None
+    summary = _summary(slam, recording, record).with_values(**facts, map_note=note)
     more: list[Callable[[], object]] = [lambda: _save_slam_map(slam, args.save_map), lambda: write_report(folder)]
+    if finished is not None:
+        more[:0] = _surface_files(folder, finished)
     if recording.ground_truth:
         more.insert(0, lambda: folder.write_poses("groundtruth", recording.ground_truth))
     failure = keeper.finish(folder, slam, summary, None, grid, *more)
@@ -172,10 +175,17 @@ def _save_slam_map(slam: SequentialSlam, path: Path | None) -> None:
         save_slam_map(slam_map, path)
 
 
-def ground_grid(snapshot: MapSnapshot, T_world_cams: Iterable[SE3], T_base_cam: SE3, config: Config) -> OccupancyGrid:
-    """What the keyframes saw, and free floor where the base stood when its camera, mounted at T_base_cam, was at
-    T_world_cams [m]."""
-    trail = [(T @ T_base_cam.inverse()).to_se2() for T in T_world_cams]
-    observed = snapshot.points_world, snapshot.obs_keyframe, snapshot.obs_point
-    ground_map = GroundMap(config.ground_map, config.robot)
-    return ground_map.build(snapshot.T_world_cams, *observed, DriveHistory(trail), obs_level=snapshot.obs_level)
+def finished_map(slam_map: SlamMap | None, config: Config, seed: int = 0) -> FinishedMap | None:
+    """Surfaces and ground of a SLAM map; None where there is none, or nothing in it."""
+    if slam_map is None:
+        return None
+    return FinishedMap(snapshot(slam_map.view), slam_map.camera, slam_map.T_base_cam, config, seed)
+
+
+def _surface_files(folder: RunFolder, finished: FinishedMap) -> list[Callable[[], object]]:
+    """What writes planes.json and dense.ply."""
+    cloud = finished.cloud
+    writes: list[Callable[[], object]] = [lambda: write_planes(folder.path / "planes.json", finished.facts())]
+    if cloud is not None:
+        writes.append(lambda: write_ply(folder.path / "dense.ply", *cloud))
+    return writes

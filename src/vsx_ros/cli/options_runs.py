@@ -6,7 +6,10 @@ from typing import Any
 
 from vsx_ros.cli.option_values import BASES, PLANNERS, Size, add_parameters, camera, positive, rate, share
 
-MAP_FORMATS = {"tum": ".txt", "ply": ".ply", "colmap": "_colmap", "pgm": "_ground.yaml"}
+MAP_FORMATS = {
+    "tum": ".txt", "ply": ".ply", "colmap": "_colmap", "pgm": "_ground.yaml", "dense": "_dense.ply",
+    "planes": "_planes.json",
+}  # fmt: skip
 """What ``vsx map export`` writes, and how the names of its files end."""
 
 
@@ -76,7 +79,7 @@ def replay(parser: argparse.ArgumentParser) -> None:
     add("--calibration", type=Path, metavar="FILE", help="ROS camera_info YAML or camera.json")
     add("--image-topic", metavar="T", help="image topic of the bag (default: the only one)")
     add("--odometry-topic", metavar="T", help="odometry or base poses (default: the only Odometry)")
-    add("--map", action="store_true", help="also build the ground map (needs odometry)")
+    add("--map", action="store_true", help="also find surfaces and build the ground map")
     add("--load-map", type=Path, metavar="FILE", help="go on in a SLAM map that --save-map wrote")
     add("--save-map", type=Path, metavar="FILE", help="at the end, save the SLAM map to go on in it")
     add("--out", type=Path, metavar="RUN", help="run folder (default runs/<date>_<name>)")
@@ -122,8 +125,10 @@ def map(parser: argparse.ArgumentParser) -> None:
         description="tum: the keyframes' camera poses in the map, as evo and the TUM tools read them. ply: the points, "
         "for MeshLab, CloudCompare, Blender. colmap: a folder with COLMAP's text model (cameras.txt, images.txt, "
         "points3D.txt) and the keyframes' pictures, for COLMAP and what reads it: dense stereo, meshing, splatting. "
-        "pgm: the ground map of the points and the keyframes' places, a picture and a YAML as map_server and every ROS "
-        "navigation stack load them; the map.pgm of a run knows more, its surfaces and bumps.",
+        "pgm: the ground map of points, surfaces and the keyframes' places, a picture and a YAML as map_server and "
+        "every ROS navigation stack load them, without odometry in the map's own unit; the map.pgm of a run knows its "
+        "bumps, too. dense: the surfaces as a cloud of points with their grey values (PLY). planes: JSON, of each "
+        "plane the normal, offset, extent, supporting points and standard deviations.",
     )
     export.add_argument("file", type=Path, metavar="FILE", help="a .vsxmap")
     export.add_argument("--format", choices=tuple(MAP_FORMATS), required=True, help="what to write")

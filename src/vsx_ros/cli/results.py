@@ -2,12 +2,13 @@
 
 import argparse
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from vsx_ros.cli.mapping import explore, ground_grid
+from vsx_ros.cli.mapping import explore, finished_map
 from vsx_ros.cli.options_runs import MAP_FORMATS
 from vsx_ros.errors import ConfigError, InputError, explained
 from vsx_ros.evaluation.comparison import compare
@@ -15,15 +16,14 @@ from vsx_ros.evaluation.summary import LIVE, checked_summary
 from vsx_ros.evaluation.trajectory import associate, trajectory_error
 from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.io.atomic import write_text
-from vsx_ros.io.map_export import write_colmap, write_ply
+from vsx_ros.io.map_export import write_colmap, write_planes, write_ply
 from vsx_ros.io.map_file import save_map
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
 from vsx_ros.io.trajectory_file import read_trajectory, write_trajectory
-from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.parameters import load
 from vsx_ros.runs.report import report_data, write_report
-from vsx_ros.slam.snapshot import MapSnapshot, SlamMap, snapshot
+from vsx_ros.slam.snapshot import SlamMap, snapshot
 
 _FROM_SUMMARY = (
     "coverage", "coverage_correct", "occupied_precision", "occupied_recall", "free_inside_obstacle",
@@ -147,18 +147,28 @@ def _export(args: argparse.Namespace) -> int:
             write_trajectory(out, (StampedPose(*pose) for pose in zip(stamps, seen.T_world_cams, strict=True)))
         elif args.format == "ply":
             write_ply(out, seen.points_world)
-        elif args.format == "pgm":
-            save_map(_ground(args, slam_map, seen), out)
+        elif args.format in ("pgm", "dense", "planes"):
+            _export_surfaces(args, slam_map, out)
         else:
             write_colmap(out, slam_map.camera, seen)
     print(out)
     return 0
 
 
-def _ground(args: argparse.Namespace, slam_map: SlamMap, seen: MapSnapshot) -> OccupancyGrid:
-    """Raises InputError for a map that has no floor."""
-    if slam_map.T_base_cam is None:
-        raise InputError(
-            f"{args.file} was made without odometry, scale and floor are unknown; export it as tum, ply or colmap"
-        )
-    return ground_grid(seen, seen.T_world_cams, slam_map.T_base_cam, load(args.config, args.set))
+def _export_surfaces(args: argparse.Namespace, slam_map: SlamMap, out: Path) -> None:
+    """Raises InputError for a map that shows no floor, or no surface."""
+    finished = finished_map(slam_map, load(args.config, args.set))
+    assert finished is not None
+    if finished.note:
+        print(f"vsx: {args.file} was {finished.note}", file=sys.stderr)
+    if args.format == "planes":
+        write_planes(out, finished.facts())
+    elif args.format == "dense":
+        if finished.cloud is None:
+            raise InputError(f"{args.file} has no surfaces: dense.enabled is false, or it has no points; export ply")
+        write_ply(out, *finished.cloud)
+    else:
+        grid = finished.grid(snapshot(slam_map.view).T_world_cams)
+        if grid is None:
+            raise InputError(f"{args.file} shows no floor to map; export it as tum, ply, dense, planes or colmap")
+        save_map(grid, out)

@@ -1,11 +1,13 @@
 """The dense map: planes of the sparse map and the cells of them that are surface, kept up to date as it grows."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from vsx_ros.arrays import IntArray
 from vsx_ros.config import DenseConfig
+from vsx_ros.dense.levelling import aligned, gravity
 from vsx_ros.dense.photoconsistency import KeyframeImages
 from vsx_ros.dense.plane_finding import PlaneFinder
 from vsx_ros.dense.planes import Plane, PlaneKind
@@ -16,6 +18,7 @@ from vsx_ros.kernels.dense.view_choice import Views
 from vsx_ros.slam.snapshot import MapSnapshot
 
 _UNSETTLED = 2  # the newest keyframes, whose poses bundle adjustment is about to move
+_OBLIQUE = math.log(1e4)  # so much likelier must the pictures make a plane that is neither level nor vertical
 _MOVED_M = 0.02  # in a building; a quarter of a cell. Less does not change what its patches show
 UPDATE_EVERY_S = 1.5  # planes change slowly, and merging all costs the same for one new keyframe as for three
 _KEYFRAMES_OF_A_LAB = 800  # beyond, updates cost more, and come as much less often
@@ -54,12 +57,18 @@ class Densifier:
         self._surfaces: dict[int, Surface] = {}
         self._used: IntArray = np.zeros(0, np.int64)
 
-    def update(self, snapshot: MapSnapshot, budget: int | None = None) -> DenseMap:
+    @property
+    def unit(self) -> float:
+        """Length of a metre in the map; guessed where the map has none."""
+        return self._finder.unit
+
+    def update(self, snapshot: MapSnapshot, budget: int | None = None, settled: bool = False) -> DenseMap:
         """The dense map of a snapshot. budget: cells to judge at most, ``cells_per_update`` of the configuration by
-        default; what it does not suffice for waits."""
+        default; what it does not suffice for waits. settled: the map will not change any more, so that the newest
+        keyframes can be used, too."""
         planes = self._finder.update(snapshot)
         surfaces = [plane for plane in planes if plane.kind is not PlaneKind.FLOOR]
-        views = self._images.views(snapshot, max(0, len(snapshot.images) - _UNSETTLED))
+        views = self._images.views(snapshot, max(0, len(snapshot.images) - (0 if settled else _UNSETTLED)))
         fresh = np.flatnonzero(~np.isin(views.ids, self._used))
         self._used = views.ids
         every = np.flatnonzero(snapshot.obs_keyframe < len(views.ids))
@@ -69,11 +78,22 @@ class Densifier:
         seen_by = np.zeros(len(snapshot.points_world), np.int64)
         seen_by[snapshot.obs_point] = snapshot.keyframe_ids[snapshot.obs_keyframe]
         points, living = snapshot.points_world, snapshot.keyframe_ids
-        seen = [(self._surfaces[plane.id], plane, plane.points) for plane in surfaces]
+        planes = self._believed(planes, snapshot)
+        seen = [(self._surfaces[p.id], p, p.points) for p in planes if p.kind is not PlaneKind.FLOOR]
         cells = Cells.concatenated([on.cells(plane, points[rows], seen_by[rows], living) for on, plane, rows in seen])
         complete = not any(surface.due.any() for surface in self._surfaces.values())
         newest = int(snapshot.keyframe_ids[-1]) if len(snapshot.keyframe_ids) else -1
         return DenseMap(snapshot.version, newest, planes, cells, complete)
+
+    def _believed(self, planes: tuple[Plane, ...], snapshot: MapSnapshot) -> tuple[Plane, ...]:
+        """The planes for which the pictures speak: those that are neither level nor vertical want more of it."""
+        points, up = snapshot.points_world, np.array([0.0, 0.0, 1.0])
+        surfaces = [(self._surfaces[plane.id], plane) for plane in planes if plane.id in self._surfaces]
+        said = {plane.id: on.evidence(plane, points[plane.points]) for on, plane in surfaces}
+        if not self._has_floor:
+            up = gravity([plane for plane in planes if said[plane.id] >= 0.0], snapshot.T_world_cams)
+        wanted = {plane.id: 0.0 if aligned(plane.normal, up) else _OBLIQUE for plane in planes}
+        return tuple(plane for plane in planes if said.get(plane.id, 0.0) >= wanted[plane.id])
 
     def _prepared(
         self, plane: Plane, snapshot: MapSnapshot, views: Views, fresh: IntArray, anew: IntArray, every: IntArray

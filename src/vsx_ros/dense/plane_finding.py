@@ -7,8 +7,10 @@ import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points3
 from vsx_ros.config.maps import PlanesConfig
+from vsx_ros.dense.levelling import held_up
 from vsx_ros.dense.plane_merging import Found, merged
-from vsx_ros.dense.plane_tiles import noise_of, planes_of_tile
+from vsx_ros.dense.plane_noise import common_sigma
+from vsx_ros.dense.plane_tiles import planes_of_tile
 from vsx_ros.dense.planes import Attitude, Fit, Plane, PlaneKind, kind_of, on_plane
 from vsx_ros.geometry.se3 import stacked
 from vsx_ros.kernels.dense.plane_fits import in_plane_axes
@@ -18,6 +20,7 @@ from vsx_ros.slam.snapshot import MapSnapshot
 _MOVED_M = 0.01  # in a building; points that moved less are the same ones for the planes
 _CHANGED = 0.05  # share of a tile's points; with less new or moved, its planes stay
 _TYPICAL_RANGE_M = 2.0  # in rooms; where the map is not metric, its median range is taken for this
+_NOISE_ROUNDS, _LIMIT_SIGMAS = 3, 4.0  # of estimating the noise and finding the planes by it; beyond, no noise
 _FLOOR_GATE, _FLOOR_LIMIT_M = 3.0, 0.05  # standard deviations, but never so high that an obstacle begins (6 cm)
 _FLOOR_ID, _FLOOR_NORMAL = 0, np.array([0.0, 0.0, 1.0])  # the floor is plane number 0, z = 0 in the world
 _FLOOR_COVARIANCE = np.diag([0.01, 0.01, 0.01]) ** 2  # tilts [rad2], offset [m2]
@@ -46,6 +49,7 @@ class PlaneFinder:
         self._has_floor = has_floor
         self._seed = seed
         self._unit: float | None = 1.0 if has_floor else None
+        self._sigma_m = config.floor_sigma_m
         self._tiles: dict[Key, _Tile] = {}
         self._ids: IntArray = np.zeros(0, np.int64)
         self._owner: IntArray = np.zeros(0, np.int64)
@@ -64,15 +68,21 @@ class PlaneFinder:
             return ()
         if self._unit is None:
             self._unit = float(np.median(points.range)) / _TYPICAL_RANGE_M
-        floor = self._on_floor(points)
-        usable = np.flatnonzero(~floor & (points.sigma < self._config.max_sigma_m * self._unit))
-        candidates = points.at(usable)
-        noise = noise_of(self._config, self._unit)
-        self._redo(candidates, noise)
-        tiled = (plane for key in sorted(self._tiles) for plane in self._tiles[key].planes)
-        pieces = (Found(fit, _rows_of(ids, candidates.ids)) for fit, ids in tiled)
-        still = [piece for piece in pieces if len(piece.rows)]  # a tile is not done again for a few points that went
-        found = merged(still, candidates, self._config.min_points, noise, self._unit)
+        up = _FLOOR_NORMAL if self._has_floor else held_up(snapshot.T_world_cams)
+        for _ in range(_NOISE_ROUNDS):
+            noise, used = self._noise(), self._sigma_m
+            floor = self._on_floor(points)
+            usable = np.flatnonzero(~floor & (points.sigma < self._config.max_sigma_m * self._unit))
+            candidates = points.at(usable)
+            self._redo(candidates, up, noise)
+            tiled = (plane for key in sorted(self._tiles) for plane in self._tiles[key].planes)
+            pieces = (Found(fit, _rows_of(ids, candidates.ids)) for fit, ids in tiled)
+            still = [piece for piece in pieces if len(piece.rows)]  # a tile is not done again for few points that went
+            found = merged(still, candidates, self._config.min_points, noise, self._unit)
+            self._sigma_m = common_sigma(found, candidates, used, self._config, self._unit)
+            if self._sigma_m == used:
+                break
+            self._tiles = {}
         planes = list[Plane]()
         if floor.sum() >= self._config.min_points:
             on_floor = np.flatnonzero(floor)
@@ -86,10 +96,15 @@ class PlaneFinder:
         if not self._has_floor:
             return np.zeros(len(points.world), np.bool_)
         z = points.world[:, 2]
-        gate = _FLOOR_GATE * np.sqrt(points.covariances[:, 2, 2] + self._config.floor_sigma_m**2)
+        gate = _FLOOR_GATE * np.sqrt(points.covariances[:, 2, 2] + self._sigma_m**2)
         return np.asarray(np.abs(z) < np.minimum(gate, _FLOOR_LIMIT_M))
 
-    def _redo(self, points: ObservedPoints, noise: Noise) -> None:
+    def _noise(self) -> Noise:
+        """How far a point may lie off its plane."""
+        sigma, config = self._sigma_m * self.unit, self._config
+        return Noise(sigma, config.inlier_sigmas, max(config.max_distance_m * self.unit, _LIMIT_SIGMAS * sigma))
+
+    def _redo(self, points: ObservedPoints, up: FloatArray, noise: Noise) -> None:
         """Find the planes of tiles, half overlapping, whose points are no longer what they were."""
         fresh: dict[Key, _Tile] = {}
         for key, rows in _tiled(points.world[:, : 2 if self._has_floor else 3], 0.5 * self._config.tile_m * self.unit):
@@ -97,7 +112,7 @@ class PlaneFinder:
             if old is None or _changed(old, points, rows, noise, self._config.min_points):
                 inside = points.at(rows)
                 rng = np.random.default_rng([self._seed, *(2 * abs(k) + (k < 0) for k in key)])
-                planes = planes_of_tile(inside, self._config, self._has_floor, self.unit, rng)
+                planes = planes_of_tile(inside, self._config, up, self._has_floor, noise, self.unit, rng)
                 old = _Tile(inside.ids, inside.world, planes)
             fresh[key] = old
         self._tiles = fresh

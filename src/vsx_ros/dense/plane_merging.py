@@ -45,6 +45,7 @@ def merged(pieces: list[Found], points: ObservedPoints, min_points: int, noise: 
             groups.append(piece)
         fit = groups[k].fit
         table[k] = fit.attitude, fit.normal, fit.middle, in_plane_axes(fit.normal), _box(groups[k], points, 0.0)
+    groups = _distinct(groups, points, min_points, noise, unit)
     groups = _shared_out(groups, points, min_points, noise, unit)
     return _shared_out(groups, points, min_points, noise, unit)
 
@@ -76,6 +77,19 @@ def _joined(a: Found, b: Found, points: ObservedPoints, noise: Noise, unit: floa
         if on_plane(points, part.rows, fit, noise).mean() < _SAME_SHARE:
             return None
     return Found(fit, rows)
+
+
+def _distinct(groups: list[Found], points: ObservedPoints, min_points: int, noise: Noise, unit: float) -> list[Found]:
+    """The groups, of most points first, without those whose points mostly lie on earlier ones, too: as far as their
+    noise tells it is the same surface, and each would take points from the other until neither is left."""
+    explained, kept = np.zeros(len(points.world), np.bool_), list[Found]()
+    for group in sorted(groups, key=lambda group: -len(group.rows)):
+        if np.count_nonzero(~explained[group.rows]) < max(min_points, _MIN_OWN * len(group.rows)):
+            continue
+        kept.append(group)
+        near = beside(points.world, in_plane_axes(group.fit.normal), *_box(group, points, _MARGIN_M * unit))
+        explained[near[on_plane(points, near, group.fit, noise)]] = True
+    return kept
 
 
 def _shared_out(groups: list[Found], points: ObservedPoints, min_points: int, noise: Noise, unit: float) -> list[Found]:

@@ -66,40 +66,39 @@ def _facing(points: ObservedPoints, normals: FloatArray, through: list[IntArray]
 
 
 def draw_hypotheses(
-    points: ObservedPoints, count: int, upright: bool, sigma_m: float, apart_m: float, rng: np.random.Generator
-) -> tuple[FloatArray, IntArray]:
+    points: ObservedPoints, count: int, up: FloatArray, tied: bool, sigma_m: float, apart_m: float,
+    rng: np.random.Generator,
+) -> tuple[FloatArray, IntArray]:  # fmt: skip
     """(M, 4) unit normals and offsets, and (M,) their Attitude; at most ``count`` of them.
 
-    upright: z is up and surfaces are vertical, through two points, or level, through one; else planes go through three.
-    """
-    first = rng.integers(len(points.world), size=count)
-    if not upright:
-        second, third = (_partners(points, first, 3, sigma_m, apart_m, rng) for _ in range(2))
-        a, b = points.world[second] - points.world[first], points.world[third] - points.world[first]
-        normals = np.cross(a, b)
-        length = np.linalg.norm(normals, axis=1)
-        wide = length > _MIN_SINE * np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1)
-        drawn = wide & (second >= 0) & (third >= 0)
-        normals = normals / np.where(drawn, length, np.nan)[:, None]
-        planes = _facing(points, normals, [first, second, third])
-        attitudes = np.full(count, int(Attitude.FREE))
-    else:
-        level = np.arange(count) < _LEVEL_SHARE * count
-        second = _partners(points, first, 2, sigma_m, apart_m, rng)
-        way = points.world[second] - points.world[first]
-        length = np.linalg.norm(way[:, :2], axis=1)
-        across = np.column_stack([way[:, 1], -way[:, 0], np.zeros(count)])
-        normals = across / np.where(second >= 0, length, np.nan)[:, None]
-        normals[level] = [0.0, 0.0, 1.0]
-        planes = _facing(points, normals, [first, np.where(level, first, second)])
-        attitudes = np.where(level, int(Attitude.LEVEL), int(Attitude.UPRIGHT))
+    up: (3,), exactly where tied. Level planes go through one point, vertical ones through two; where not tied, half of
+    all go through three, and every plane may tilt afterwards."""
+    first, number = rng.integers(len(points.world), size=count), np.arange(count)
+    level = number < _LEVEL_SHARE * count
+    second = _partners(points, first, 2 if tied else 3, sigma_m, apart_m, rng)
+    across = np.cross(points.world[second] - points.world[first], up)
+    length = np.linalg.norm(across, axis=1)
+    normals = across / np.where((second >= 0) & (length > 0.0), length, np.nan)[:, None]
+    normals[level] = up
+    through = [first, np.where(level, first, second)]
+    if not tied:
+        free = number >= 0.5 * count
+        third = _partners(points, first, 3, sigma_m, apart_m, rng)
+        normals[free] = _through_three(points, first[free], second[free], third[free])
+        through.append(np.where(free, third, first))
+    planes = _facing(points, normals, through)
     kept = np.isfinite(planes).all(axis=1)
+    attitudes = np.where(level, int(Attitude.LEVEL), int(Attitude.UPRIGHT)) if tied else np.zeros(count, np.int64)
     return planes[kept], attitudes[kept]
 
 
-def noise_of(config: PlanesConfig, unit: float) -> Noise:
-    """How far a point may lie off its plane; unit: length [m or the map's] of what is 1 m in a building."""
-    return Noise(config.floor_sigma_m * unit, config.inlier_sigmas, config.max_distance_m * unit)
+def _through_three(points: ObservedPoints, first: IntArray, second: IntArray, third: IntArray) -> FloatArray:
+    """(M, 3) unit normals of the planes through them; NaN where they are nearly in line, or not drawn."""
+    a, b = points.world[second] - points.world[first], points.world[third] - points.world[first]
+    normals = np.cross(a, b)
+    length = np.linalg.norm(normals, axis=1)
+    wide = length > _MIN_SINE * np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1)
+    return np.asarray(normals / np.where(wide & (second >= 0) & (third >= 0), length, np.nan)[:, None])
 
 
 def is_plane(fit: Fit, noise: Noise) -> bool:
@@ -121,9 +120,11 @@ def spread_out(points: ObservedPoints, count: int, voxel: float) -> IntArray:
 
 
 def planes_of_tile(
-    points: ObservedPoints, config: PlanesConfig, upright: bool, unit: float, rng: np.random.Generator
-) -> list[tuple[Fit, IntArray]]:
-    """Planes and their points' ids. The points: of one tile, the floor's taken out.
+    points: ObservedPoints, config: PlanesConfig, up: FloatArray, tied: bool, noise: Noise, unit: float,
+    rng: np.random.Generator,
+) -> list[tuple[Fit, IntArray]]:  # fmt: skip
+    """Planes and their points' ids. The points: of one tile, the floor's taken out. up, tied: see
+    ``draw_hypotheses``; unit: length of a metre in the map.
 
     The points that no plane explains are asked again: among fewer points, pairs from one small face are drawn more
     often."""
@@ -131,8 +132,8 @@ def planes_of_tile(
     for _ in range(_PASSES):
         if len(points.world) < config.min_points:
             break
-        fits = _linked(points, config, upright, unit, rng)
-        fresh, explained = _unexplained(points, fits, config.min_points, noise_of(config, unit))
+        fits = _linked(points, config, up, tied, noise, unit, rng)
+        fresh, explained = _unexplained(points, fits, config.min_points, noise)
         if not fresh:
             break
         planes += fresh
@@ -141,14 +142,13 @@ def planes_of_tile(
 
 
 def _linked(
-    points: ObservedPoints, config: PlanesConfig, upright: bool, unit: float, rng: np.random.Generator
-) -> list[Fit]:
+    points: ObservedPoints, config: PlanesConfig, up: FloatArray, tied: bool, noise: Noise, unit: float,
+    rng: np.random.Generator,
+) -> list[Fit]:  # fmt: skip
     """The planes of the clusters that J-linkage makes of some points."""
-    noise = noise_of(config, unit)
     chosen = points.at(spread_out(points, config.max_points_per_tile, _VOXEL_M * unit))
-    hypotheses, attitudes = draw_hypotheses(
-        chosen, config.hypotheses, upright, config.partner_sigma_m * unit, config.min_separation_m * unit, rng
-    )
+    reach, apart = config.partner_sigma_m * unit, config.min_separation_m * unit
+    hypotheses, attitudes = draw_hypotheses(chosen, config.hypotheses, up, tied, reach, apart, rng)
     preferences = plane_preferences(chosen, hypotheses, noise)
     labels = cluster(preferences)
     sizes = np.bincount(labels[labels >= 0], minlength=1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -20,6 +21,7 @@ from vsx_ros.kernels.dense.view_choice import Views
 _MARGIN_M = 0.3  # around a plane's points: what is between the last of them and its edge
 _BEHIND_M, _BEHIND_SHARE = 0.15, 0.08  # so far behind a cell, and so much of the range more, a point speaks against it
 _GUESSED_SCORE = 0.5  # of cells that were filled in and not measured: between refuted and accepted
+_ALIKE, _LOOKED_THROUGH = (0.75, 0.35), (0.05, 0.30)  # shares of cells with points: of true planes, of others
 _UNJUDGED = (0.0, -1.0, -1.0, 0, -1)  # Judgement
 _NO_CONTACT = (False, -1)  # Contact
 
@@ -170,6 +172,15 @@ class Surface:
             np.searchsorted(living, keyframe[where]).astype(np.int64),
         )
 
+    def evidence(self, plane: Plane, points: Points3) -> float:
+        """Log likelihood of the pictures and rays at the plane's own points (M, 3) where it is a surface, against a
+        plane that meets other surfaces there: then most cells look unlike, or keyframes look through them."""
+        seed, _ = self._seeds(plane, points, np.zeros(len(points), np.int64))
+        said, through = self._said, self._passing > 0
+        judged = seed & (said.texture >= self._config.min_texture) & (said.views >= 2) & ~through
+        alike = (said.score >= self._config.grow_zncc) & (said.score > said.rival)
+        return _log_ratio(judged, alike, _ALIKE) + _log_ratio(seed, through, _LOOKED_THROUGH)
+
     def _seeds(self, plane: Plane, points: Points3, seen_by: IntArray) -> tuple[BoolArray, NDArray[np.int64]]:
         cells = np.floor(plane.coordinates(points) / self._size).astype(np.int64) - self.low
         inside = ((cells >= 0) & (cells < self.due.shape)).all(axis=1)
@@ -187,6 +198,13 @@ class Surface:
         rows = np.arange(believed.shape[1])
         filled: BoolArray = (rows < fill_heights(believed, runs, self._config)[:, None]) & ~believed
         return filled & ~(against & (self._passing > 0))
+
+
+def _log_ratio(asked: BoolArray, yes: BoolArray, shares: tuple[float, float]) -> float:
+    """How much likelier as many yes among those asked are with the first share than with the second."""
+    agree, all_of = np.count_nonzero(asked & yes), np.count_nonzero(asked)
+    first, second = shares
+    return agree * math.log(first / second) + (all_of - agree) * math.log((1.0 - first) / (1.0 - second))
 
 
 def moved(before: Plane, now: Plane, limit: float) -> bool:

@@ -22,7 +22,8 @@ class Summary(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """SI units; None (null in the file) where nothing is known. ate_of: the trajectory that ate_rmse_m,
     ate_rmse_sim3_m, scale_error and path_length_m are of; the ate_final ones are of trajectory_final.txt, the same
     frames by the finished map. path_length_m: of the estimated way; driven_m: of the true one; min_clearance_m: the
-    emulated hull's least distance to anything."""
+    emulated hull's least distance to anything. map_note: in what lengths the ground map is, where these are not
+    metres."""
 
     frames: int | None = None
     frames_tracked: int | None = None
@@ -60,6 +61,7 @@ class Summary(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     plans: int | None = None
     plan_ms_median: float | None = None
     plan_ms_p99: float | None = None
+    map_note: str | None = None
     stop_reason: str | None = None
     ended_well: bool | None = None
     world: str | None = None

@@ -4,11 +4,14 @@ text model (cameras.txt, images.txt, points3D.txt) with its pictures, for photog
 Source: COLMAP documentation, "Output Format". There, poses are T_cam_world with quaternions (w, x, y, z), and the
 centre of the top-left pixel is (0.5, 0.5)."""
 
-from collections.abc import Iterator
+import json
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from vsx_ros.arrays import FloatArray, Points3
 from vsx_ros.errors import InputError, explained
@@ -18,29 +21,44 @@ from vsx_ros.limits import DATA_BYTES, file_bytes
 from vsx_ros.slam.snapshot import MapSnapshot
 
 _HEADER = "ply\nformat binary_little_endian 1.0\nelement vertex {count}\n{properties}end_header\n"
-_PROPERTIES = "".join(f"property float {axis}\n" for axis in "xyz")
+_PLACE = "".join(f"property float {axis}\n" for axis in "xyz")
+_COLOURED = _PLACE + "".join(f"property uchar {colour}\n" for colour in ("red", "green", "blue"))
+_VERTEX = np.dtype([("at", "<f4", 3), ("colour", "u1", 3)])
 
 
-def write_ply(path: Path, points: Points3) -> None:
-    """(N, 3) points [m], stored as 32-bit floats."""
-    vertices = np.asarray(points, np.float64).reshape(-1, 3).astype("<f4")
-    header = _HEADER.format(count=len(vertices), properties=_PROPERTIES)
-    write_bytes(path, header.encode("ascii") + vertices.tobytes())
+def write_ply(path: Path, points: Points3, grey: NDArray[np.uint8] | None = None) -> None:
+    """(N, 3) points, stored as 32-bit floats, coloured by their grey values (N,) where these are given."""
+    places = np.asarray(points, np.float64).reshape(-1, 3).astype("<f4")
+    header = _HEADER.format(count=len(places), properties=_PLACE if grey is None else _COLOURED)
+    vertices = np.zeros(len(places), _VERTEX)
+    vertices["at"] = places
+    if grey is not None:
+        vertices["colour"] = grey[:, None]
+    write_bytes(path, header.encode("ascii") + (places if grey is None else vertices).tobytes())
 
 
 def read_ply(path: Path) -> Points3:
-    """The (N, 3) points of a file that ``write_ply`` wrote. Raises InputError for anything else."""
+    """The (N, 3) points, without colours, of a file that ``write_ply`` wrote. Raises InputError for anything else."""
     with explained(InputError, f"point cloud {path} cannot be read", "check the path"):
         header, _, body = file_bytes(path, DATA_BYTES).partition(b"end_header\n")
     wrong = f"point cloud {path} is not a PLY that this program wrote"
     with explained(InputError, wrong, "give one that it wrote", (IndexError, ValueError)):
         count = int(header.split(b"element vertex")[1].split()[0])
-        expected = _HEADER.format(count=count, properties=_PROPERTIES).encode("ascii")
-        if header + b"end_header\n" != expected:
+        known = {
+            _HEADER.format(count=count, properties=p).encode(): size for p, size in ((_PLACE, 12), (_COLOURED, 15))
+        }
+        size = known.get(header + b"end_header\n")
+        if size is None:
             raise ValueError("other properties")
-        if len(body) != 12 * count:
+        if len(body) != size * count:
             raise ValueError(f"{len(body)} bytes are not {count} points")
-        return np.frombuffer(body, "<f4").reshape(-1, 3).astype(np.float64)
+        places = np.frombuffer(body, _VERTEX)["at"] if size == _VERTEX.itemsize else np.frombuffer(body, "<f4")
+        return places.reshape(-1, 3).astype(np.float64)
+
+
+def write_planes(path: Path, facts: Mapping[str, Any]) -> None:
+    """Planes as JSON: what ``FinishedMap.facts`` says of them."""
+    write_text(path, json.dumps(facts, indent=1, allow_nan=False) + "\n")
 
 
 _CORNER_PX = 0.5  # COLMAP's pixels have their corner at the origin, ours their centre

@@ -77,7 +77,9 @@ class FrameLine(Struct, frozen=True, kw_only=True, tag="frame"):
         T = None if self.T_world_cam is None else unflat(self.T_world_cam)
         anchor = None if self.anchor is None else Anchor(self.anchor[0], unflat(self.anchor[1]), self.anchor[2])
         counts = self.searched, self.found, self.keyframe_added
-        return TrackingResult(self.stamp_ns, self.state, T, *counts, self.reason, 0, None, self.corrected, anchor)
+        return TrackingResult(
+            self.stamp_ns, self.state, T, *counts, self.reason, corrected=self.corrected, anchor=anchor
+        )
 
 
 class TruthLine(Struct, frozen=True, tag="truth"):

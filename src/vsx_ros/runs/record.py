@@ -123,8 +123,8 @@ class RunRecord:
         if self._odometry:
             T_odom_base = [StampedPose(ns, SE3.from_se2(T)) for ns, T in self._odometry]
             yield lambda: folder.write_poses("odometry", T_odom_base)
-        points_world = slam.snapshot().points_world if slam is not None else ()
-        if len(points_world):
+        points_world = slam.snapshot().points_world if slam is not None else None
+        if points_world is not None and len(points_world):
             yield lambda: write_ply(folder.path / "sparse.ply", points_world)
         if surface is not None and len(surface):
             yield lambda: write_ply(folder.path / "dense.ply", surface)

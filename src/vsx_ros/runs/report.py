@@ -85,6 +85,8 @@ def one_line_facts(summary: Mapping[str, Any]) -> list[str]:
         lines.append(f"ATE after scale alignment {live}{final('ate_final_rmse_sim3_m', 1000, '.1f')}")
     if known("coverage"):
         lines.append(f"coverage {100 * summary['coverage']:.0f} %")
+    if known("map_note"):
+        lines.append(f"map {summary['map_note']}")
     if known("track_ms_median", "track_ms_p99"):
         lines.append(f"{summary['track_ms_median']:.1f} ms per frame (99 %: {summary['track_ms_p99']:.0f} ms)")
     return lines

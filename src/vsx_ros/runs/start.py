@@ -93,8 +93,6 @@ def opened_recording(args: argparse.Namespace) -> Recording:
     recording = open_recording(args.input, args.image_topic, args.odometry_topic)
     if recording.damage:
         print(f"vsx: {recording.damage}", file=sys.stderr)
-    if args.map and not recording.odometry:
-        raise InputError(f"{args.input} has no odometry, without which scale and floor are unknown; leave out --map")
     return dataclasses.replace(recording, camera=_calibration(recording, args.calibration))
 
 

@@ -103,6 +103,20 @@ def deviations(points: ObservedPoints, rows: IntArray, plane: FloatArray, noise:
 
 
 @kernel
+def residuals(points: ObservedPoints, rows: IntArray, plane: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(R,) signed distances [m] of some points (rows) to a plane (4,), infinite for those seen from behind, and (R,)
+    variances [m2] of their own noise along its normal."""
+    off, variance = np.full(rows.shape[0], np.inf), np.zeros(rows.shape[0])
+    a, b, e = plane[0], plane[1], plane[2]
+    for k in range(rows.shape[0]):
+        i = rows[k]
+        variance[k] = variance_along(points.covariances[i], a, b, e)
+        if a * points.views[i, 0] + b * points.views[i, 1] + e * points.views[i, 2] > _MIN_FACING:
+            off[k] = a * points.world[i, 0] + b * points.world[i, 1] + e * points.world[i, 2] - plane[3]
+    return off, variance
+
+
+@kernel
 def best_planes(
     points: ObservedPoints, planes: FloatArray, axes: FloatArray, boxes: FloatArray, few: int, order: IntArray,
     noise: Noise,

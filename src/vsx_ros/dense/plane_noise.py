@@ -1,0 +1,45 @@
+"""The noise that neighbouring points of the map have in common, seen in how they scatter about the planes."""
+
+import numpy as np
+
+from vsx_ros.arrays import FloatArray
+from vsx_ros.config.maps import PlanesConfig
+from vsx_ros.dense.plane_merging import Found
+from vsx_ros.kernels.dense.plane_fits import in_plane_axes
+from vsx_ros.kernels.dense.planes import ObservedPoints, beside, residuals
+
+_STEP, _STEPS = 1.25, 6  # the estimate is one of a few, so that it does not change with every point
+_LOOK_M = 0.08  # before and behind; what is farther off is something else
+_LEAST_POINTS = 60  # on planes; of fewer the noise is not told
+_SHARES = np.array([0.5, 0.7, 0.85, 0.95])  # of the points near a plane that may be its own
+
+
+def common_sigma(found: list[Found], points: ObservedPoints, before: float, config: PlanesConfig, unit: float) -> float:
+    """Standard deviation [m] that explains best how points lie about their planes, with their own noise.
+
+    Near a plane a share of the points is its own, normal, the others lie anywhere: the likeliest share and noise, for
+    all planes together. Never less than the configuration's; ``before`` where there are too few planes."""
+    if sum(len(plane.rows) for plane in found) < _LEAST_POINTS:
+        return before
+    choices = config.floor_sigma_m * _STEP ** np.arange(_STEPS)
+    limit = _LOOK_M * unit
+    off, variance = (np.concatenate(parts) for parts in zip(*(_about(plane, points, limit) for plane in found)))
+    likely = [_log_likelihood(off, variance, sigma * unit, limit) for sigma in choices.tolist()]
+    return float(choices[int(np.argmax(likely))])
+
+
+def _about(plane: Found, points: ObservedPoints, limit: float) -> tuple[FloatArray, FloatArray]:
+    """Distances to a plane of the points before and behind it, and their own variances along its normal."""
+    axes = in_plane_axes(plane.fit.normal)
+    own = points.world[plane.rows] @ axes.T
+    rows = beside(points.world, axes, own.min(axis=0), own.max(axis=0))
+    off, variance = residuals(points, rows, plane.fit.plane)
+    near = np.abs(off) < limit
+    return off[near], variance[near]
+
+
+def _log_likelihood(off: FloatArray, variance: FloatArray, sigma: float, limit: float) -> float:
+    total = variance + sigma * sigma
+    own = np.exp(-0.5 * off * off / total) / np.sqrt(2.0 * np.pi * total)
+    other = 0.5 / limit
+    return float(max(np.log(share * own + (1.0 - share) * other).sum() for share in _SHARES))
