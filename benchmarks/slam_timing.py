@@ -21,7 +21,7 @@ ORB_EVERY = 3
 
 def timed(slam: SequentialSlam, drive: Drive, k: int) -> tuple[TrackingResult, float]:
     """The result of frame k and this thread's processor time [ms]. The image has just been written, as by a driver."""
-    frame, odometry = drive.frame(k), drive.odometry(k)
+    frame, odometry = drive.frame(k), drive.odometry_at(k)
     frame = frame._replace(image=frame.image.copy())
     begun = time.thread_time()
     result = slam.track(frame, odometry)
@@ -69,7 +69,7 @@ def live(seeds: range, keep: Path | None) -> list[Row]:
         begun = time.perf_counter()
         for k in range(n):
             time.sleep(max(0.0, begun + k / LIVE_HZ - time.perf_counter()))
-            odometry = drive.odometry(k)
+            odometry = drive.odometry_at(k)
             stamp_ns, faster = round(k * 1e9 / LIVE_HZ), LIVE_HZ / (1e9 / (drive.stamps_ns[1] - drive.stamps_ns[0]))
             offered[k] = time.perf_counter()
             sync.add_odometry(Odometry(stamp_ns, odometry.T_odom_base, faster * odometry.v, faster * odometry.omega))

@@ -69,7 +69,7 @@ def scene():
     return T, points, observed
 
 
-def optimize(start, points, observed, prior=0.0):
+def optimize(start, points, observed, prior=0.0, sigma_max=0.7):
     every = np.arange(len(points))
     return pose.optimize_pose(
         np.concatenate([K, np.zeros(5), [9.0, 640.0, 480.0], np.zeros(6)]),
@@ -84,6 +84,7 @@ def optimize(start, points, observed, prior=0.0):
         4,
         12,
         0.4,
+        sigma_max,
     )
 
 
@@ -96,6 +97,21 @@ def test_a_quarter_of_outliers_does_no_harm(scene):
     assert (weights[:50] > 0).mean() < 0.15
     assert 0.4 <= sigma < 1.5
     assert np.linalg.eigvalsh(information).min() > 0
+
+
+def test_matches_from_a_small_circle_can_still_be_wrong(scene):
+    """Two in five lie anywhere within 5 px, as a search in a circle leaves them, most of them to one side."""
+    T, points, _ = scene
+    rng = np.random.default_rng(7)
+    observed = pixels(T, points) + rng.normal(0, 0.4, (200, 2))
+    observed[:80] += rng.uniform([0.0, -3.5], [5.0, 3.5], (80, 2))
+    wrong = np.linalg.norm(observed - pixels(T, points), axis=1) > 3.5
+    *_, free, _, sigma = optimize(T, points, observed, sigma_max=10.0)
+    R, t, weights, _, shown = optimize(T, points, observed)
+    assert shown > 0.7
+    assert np.count_nonzero(free[wrong] > 0) > 3 * np.count_nonzero(weights[wrong] > 0)
+    assert np.abs(t - T.translation).max() < 0.005
+    assert (weights[~wrong] > 0).mean() > 0.85
 
 
 def test_covariance_matches_the_scatter(scene):

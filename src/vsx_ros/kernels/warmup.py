@@ -90,7 +90,7 @@ def _tracking() -> None:
     small = np.zeros((30, 40), np.float32)
     alignment.align_small(small, small, 2)
     found, uv = search.search(target, warped, usable, level, uv, 10.0, 2)
-    pose.optimize_pose(camera, eye, zero, points, rows, uv, level, found, np.zeros(6), 1, 2, 0.4)
+    pose.optimize_pose(camera, eye, zero, points, rows, uv, level, found, np.zeros(6), 1, 2, 0.4, 0.7)
 
 
 def _mapping() -> None:

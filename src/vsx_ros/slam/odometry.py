@@ -9,7 +9,7 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.geometry.se3 import SE3
+from vsx_ros.geometry.se3 import SE3, so3_exp
 from vsx_ros.slam.keyframe import FrameData
 from vsx_ros.vision.pyramid import rotation_between
 
@@ -39,12 +39,18 @@ def motion_by_odometry(T_base_cam: SE3 | None, before: FrameData, now: FrameData
 
 
 class MotionModel:
-    """Holds the last pose. ``predict`` does not change it, ``update`` does."""
+    """Holds the last pose. ``predict`` does not change it, ``update`` does.
+
+    Images show more than rotation: what the camera's way adds to it, it adds again in the next frame, nearly."""
 
     def __init__(self, T_base_cam: SE3 | None, focal_px: float) -> None:
         self._T_base_cam = T_base_cam
         self._focal_px = focal_px
         self._velocity: FloatArray = np.zeros(6)
+        # Of the frame predicted last: its stamp, and T_before_now as its image shows it; and by how much faster [rad/s]
+        # than that the camera turned in the frame before.
+        self._shown: tuple[int, SE3] | None = None
+        self._unshown: FloatArray = np.zeros(3)
         self._last: tuple[FrameData, SE3] | None = None
 
     def predict(self, data: FrameData) -> Prediction:
@@ -63,7 +69,8 @@ class MotionModel:
         motion = SE3.exp(self._velocity * dt * DAMPING)
         rotation, score = rotation_between(before.small, data.small, self._focal_px)
         if math.isfinite(score):
-            motion = SE3(rotation.T, motion.translation)
+            self._shown = data.stamp_ns, SE3(rotation.T, np.zeros(3))
+            motion = SE3(so3_exp(self._unshown * dt * DAMPING) @ rotation.T, motion.translation)
         return Prediction(T @ motion, False, np.zeros(6))
 
     @property
@@ -73,12 +80,14 @@ class MotionModel:
 
     def update(self, data: FrameData, T_world_cam: SE3, measured: bool) -> None:
         """Take the pose a frame was found at; an unmeasured one keeps no velocity."""
-        self._velocity = np.zeros(6)
+        self._velocity, self._unshown = np.zeros(6), np.zeros(3)
         if measured and self._last is not None:
             before, T = self._last
-            dt = (data.stamp_ns - before.stamp_ns) * 1e-9
+            dt, motion = (data.stamp_ns - before.stamp_ns) * 1e-9, T.inverse() @ T_world_cam
             if 0 < dt <= MAX_GAP_S:
-                self._velocity = (T.inverse() @ T_world_cam).log() / dt
+                self._velocity = motion.log() / dt
+                if self._shown is not None and self._shown[0] == data.stamp_ns:
+                    self._unshown = (motion @ self._shown[1].inverse()).log()[3:] / dt
         self._last = (data, T_world_cam)
 
     def move(self, T_world_cam: SE3, factor: float) -> None:

@@ -16,15 +16,17 @@ from vsx_ros.vision.patch_search import Predictions, find_patches
 
 COARSE_POINTS = 80  # enough for a first pose; all would cost the time of the fine search again
 COARSE_LEVEL = 2  # pyramid level: from here on a wide search is cheap, and blur by motion leaves something
-COARSE_MIN_FOUND = 10  # six would do without wrong ones among them
+COARSE_MIN_FOUND = 20  # PTAM's; so wide a circle shows something like a point by chance, for one in ten of them
 MARGIN_PX = 8.0  # at level 0 from the border of the image, where patches are cut off
 FEW, FEW_RATIO = 12, 0.5  # points do that lie where odometry has them; that share of those looked for
 AGAIN_RADIUS_PX, AGAIN_REACH = 3.0, 1  # the pose is good now; pixels of the level searched without a corner
+SETTLED = 0.5  # Tukey weight: residual below 2.5 sigma; what misses the pose by more is another thing of the same look
 MIN_FIRST = 10  # points; with fewer only what pulls towards odometry keeps the pose
 HIDING_CELL_PX, BEHIND = 16, 1.25  # side of a cell; times a found point's depth: what is hidden by it
 # (iterations that accept almost everything, iterations): the first pose only has to guide the second search.
 FIRST, SECOND = (4, 7), (1, 12)
-SIGMA_MIN_PX = 0.4
+# Of a found patch at its level: alignment leaves as much, and no more than that even where the map is bent.
+SIGMA_MIN_PX, SIGMA_MAX_PX = 0.4, 0.7
 
 
 class Track(NamedTuple):
@@ -62,11 +64,17 @@ def nothing_tracked(reason: str, T_world_cam: SE3 | None = None) -> Track:
 
 class PoseEstimate(NamedTuple):
     """weights (S,): Tukey weight per prediction, 0 is an outlier or was not found. information (6, 6): inverse
-    covariance in the camera's tangent (translation, rotation)."""
+    covariance in the camera's tangent (translation, rotation). sigma_px: what the matches show, px of their level."""
 
     T_cam_world: SE3
     weights: FloatArray
     information: FloatArray
+    sigma_px: float
+
+    @property
+    def settled(self) -> BoolArray:
+        """Which of the predictions were found where the pose puts them."""
+        return np.asarray(self.weights > SETTLED)
 
 
 class Tracker:
@@ -92,13 +100,14 @@ class Tracker:
         pull = np.zeros(6) if information is None else information
         pose, radius = T_world_cam.inverse(), self._config.fine_radius_px
         expected = predicted(data.camera, pose, view, candidates)
-        coarse = self._coarse(data, view, pose, expected, coarse_radius_px, pull) if coarse_radius_px > 0 else None
-        if coarse is not None:
-            pose, radius = coarse, 0.5 * radius
-            expected = predicted(data.camera, pose, view, candidates)
+        guided = self._coarse(data, view, pose, expected, coarse_radius_px, pull) if coarse_radius_px > 0 else None
+        if guided is not None:
+            radius *= 0.5
+            expected = expected if guided is pose else predicted(data.camera, guided, view, candidates)
+            pose = guided
         expected = self._choose(expected)
         fit, uv, counted = self._fine(data, view, pose, expected, radius, pull)
-        kept, searched, T_cam_world = fit.weights > 0, expected.rows[counted], fit.T_cam_world
+        kept, searched, T_cam_world = fit.settled, expected.rows[counted], fit.T_cam_world
         state, reason = self._judge(data, int(kept.sum()), len(searched), bool(pull.any()))
         depth = view.points[expected.rows] @ T_cam_world.rotation[2] + T_cam_world.translation[2]
         concealed = hidden(expected.uv[counted], depth[counted], kept[counted])
@@ -109,7 +118,8 @@ class Tracker:
     def _coarse(
         self, data: FrameData, view: MapView, pose: SE3, expected: Predictions, radius: float, pull: FloatArray
     ) -> SE3 | None:
-        """Pose from up to 80 points of the coarse levels in a wide circle; None when too few are found."""
+        """The expected pose, or the one that up to 80 points of the coarse levels give in a wide circle where it
+        explains more of what was found in it; None when neither explains enough."""
         rows = np.flatnonzero(expected.level >= COARSE_LEVEL)
         if len(rows) < COARSE_MIN_FOUND:
             rows = np.flatnonzero(expected.level >= 1)
@@ -119,8 +129,15 @@ class Tracker:
         found, uv = find_patches(data.target, view.templates.patches, view.templates.offset, chosen, radius)
         if np.count_nonzero(found) < COARSE_MIN_FOUND:
             return None
-        fit = optimized(data, pose, view, chosen, found, uv, pull, FIRST)
-        return fit.T_cam_world if np.count_nonzero(fit.weights) >= COARSE_MIN_FOUND else None
+        fitted = optimized(data, pose, view, chosen, found, uv, pull, FIRST).T_cam_world
+        moved, _ = project_rows(data.camera, fitted.rotation, fitted.translation, view.points, chosen.rows, 0.0)
+        before, after = (
+            np.count_nonzero(np.linalg.norm(at - uv, axis=1)[found] < 0.5 * self._config.fine_radius_px)
+            for at in (chosen.uv, moved)
+        )
+        if max(before, after) < COARSE_MIN_FOUND:
+            return None
+        return fitted if after > before else pose
 
     def _choose(self, expected: Predictions) -> Predictions:
         """At most ``max_points``: coarse levels first, the rest at random."""
@@ -135,22 +152,26 @@ class Tracker:
         self, data: FrameData, view: MapView, pose: SE3, expected: Predictions, radius: float, pull: FloatArray
     ) -> tuple[PoseEstimate, Pixels, BoolArray]:
         """Pose from all of the expected: (the pose, uv (S, 2), which of them (S,) are in the image after all). What the
-        first pose does not explain is searched once more around it, for a better one."""
+        first pose does not explain is searched once more around it, for a better one; everything, where it lies far
+        from where the search began."""
         looks = view.templates
         templates, usable = warp_templates(looks.patches, looks.offset, expected.template, expected.inverse_warp)
         found, uv = search(data.target, templates, usable, expected.level, expected.uv, radius, 0)
         fit = optimized(data, pose, view, expected, found, uv, pull, FIRST)
-        kept, pose = fit.weights > 0, fit.T_cam_world
+        settled, pose = fit.settled, fit.T_cam_world
         # Where odometry holds the pose, points that are no corners in this image need none to lead to them.
-        if np.count_nonzero(kept) < MIN_FIRST and not pull.any():
+        if np.count_nonzero(settled) < MIN_FIRST and not pull.any():
             return fit, uv, np.ones(len(uv), np.bool_)
         where, inside = project_rows(
             data.camera, pose.rotation, pose.translation, view.points, expected.rows, MARGIN_PX
         )
-        left = inside & ~kept & usable
+        shift = np.abs(where - expected.uv)[inside]
+        if shift.sum() > AGAIN_RADIUS_PX * shift.size:
+            settled = np.zeros(len(uv), np.bool_)
+        left = inside & ~settled & usable
         found, more = search(data.target, templates, left, expected.level, where, AGAIN_RADIUS_PX, AGAIN_REACH)
-        uv = np.where(kept[:, None], uv, more)
-        return optimized(data, pose, view, expected, kept | found, uv, pull, SECOND), uv, kept | inside
+        uv = np.where(settled[:, None], uv, more)
+        return optimized(data, pose, view, expected, settled | found, uv, pull, SECOND), uv, settled | inside
 
     def _judge(self, data: FrameData, found: int, searched: int, guided: bool) -> tuple[TrackingState, str]:
         """A blurred image makes no good pose."""
@@ -187,11 +208,11 @@ def optimized(
 ) -> PoseEstimate:
     """Gauss-Newton with Tukey weights (PTAM 1.4) from the predictions found (S,) at uv (S, 2) px. prior (6,): diagonal
     information that pulls towards the start; effort: iterations that accept large residuals, and iterations in all."""
-    R, t, weights, information, _ = optimize_pose(
+    R, t, *rest = optimize_pose(
         data.camera, start.rotation, start.translation, view.points, predictions.rows, uv, predictions.level, found,
-        prior, *effort, SIGMA_MIN_PX,
+        prior, *effort, SIGMA_MIN_PX, SIGMA_MAX_PX,
     )  # fmt: skip
-    return PoseEstimate(SE3(R, t), weights, information)
+    return PoseEstimate(SE3(R, t), *rest)
 
 
 def hidden(uv: Pixels, depth: FloatArray, found: BoolArray) -> int:

@@ -151,13 +151,16 @@ def _normal_equations(
 def optimize_pose(
     camera: FloatArray, R0: FloatArray, t0: FloatArray, points: FloatArray, rows: IntArray, uv: FloatArray,
     level: IntArray, found: BoolArray, prior_information: FloatArray, wide: int, iterations: int, sigma_min: float,
+    sigma_max: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:  # fmt: skip
     """Tukey-weighted Gauss-Newton on T_cam_world, on pixels freed from distortion.
 
     points (P, 3) world; of the matches rows (S,), uv (S, 2) level-0 px, level (S,) those with found (S,) are used,
     each with sigma 2^level. prior_information (6,): diagonal pull towards the start. Returns R, t, weights (S,) in
     [0, 1] (0: outlier or not found), information (6, 6), sigma [px].
-    The first ``wide`` iterations keep sigma wide so that a bad start does not reject everything."""
+    The first ``wide`` iterations keep sigma wide so that a bad start does not reject everything. Then what is an
+    outlier is told by a sigma of at most ``sigma_max``: residuals of matches from a small circle are all small, and
+    their median says that wrong ones fit. The sigma returned is the one that they show."""
     K, index = camera[:4], np.flatnonzero(found)
     n = index.shape[0]
     observed, share = _undistorted(camera, uv, index)
@@ -167,11 +170,12 @@ def optimize_pose(
     g, step, drift = np.zeros(6), np.zeros(6), np.zeros(6)
     squared = np.empty(n)
     res, cam = np.empty((n, 2)), np.empty((n, 3))
-    sigma = sigma_min
+    sigma = believed = sigma_min
     for iteration in range(iterations):
         m = _residuals(camera, R, t, points, rows, level, index, observed, share, cam, res, squared)
         sigma = tukey_sigma(squared, m, max(sigma_min, 3.0) if iteration < wide else sigma_min)
-        _normal_equations(K, cam, res, level, index, TUKEY * TUKEY * sigma * sigma, weights, H, g)
+        believed = sigma if iteration < wide else min(sigma, sigma_max)
+        _normal_equations(K, cam, res, level, index, TUKEY * TUKEY * believed * believed, weights, H, g)
         if not _solve_with_prior(H, g, prior_information, sigma * sigma, drift, A, step):
             break
         dR, dt = exp_se3(step)
@@ -182,4 +186,4 @@ def optimize_pose(
     for a in range(6):
         for b in range(a + 1, 6):
             H[b, a] = H[a, b]
-    return R, t, weights, H / (sigma * sigma), sigma
+    return R, t, weights, H / (believed * believed), sigma
