@@ -51,3 +51,11 @@ def test_a_summary_that_is_there_is_taken_as_it_is(tmp_path: Path) -> None:
     folder.write_summary({"frames": 3})
     summary, said = results_of_slam(folder, MOUNT)
     assert (summary.frames, said) == (3, "")
+
+
+def test_poses_of_a_map_that_was_begun_again_are_no_part_of_the_trajectory(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    states = [TrackingState.GOOD, TrackingState.GOOD, TrackingState.NOT_INITIALISED, TrackingState.GOOD]
+    Journal(folder.journal).add(*(frame(k, state) for k, state in enumerate(states)))
+    results_of_slam(folder, MOUNT)
+    assert [pose.stamp_ns for pose in folder.read_poses("trajectory")] == [3 * 10**8]

@@ -68,8 +68,10 @@ class RunRecord:
         return self._epochs[-1] if self._epochs else -1
 
     def estimate(self) -> list[StampedPose]:
-        """T_world_cam of every frame tracked from the map."""
-        known = ((r.stamp_ns, r.T_world_cam) for r in self.results if r.state.tracked)
+        """T_world_cam of every frame tracked from the map; of a map that was begun again, since then."""
+        states = [result.state for result in self.results]
+        begun = len(states) - [*reversed(states), TrackingState.NOT_INITIALISED].index(TrackingState.NOT_INITIALISED)
+        known = ((r.stamp_ns, r.T_world_cam) for r in self.results[begun:] if r.state.tracked)
         return [StampedPose(stamp_ns, T) for stamp_ns, T in known if T is not None]
 
     def final(self, slam_map: SlamMap | None) -> list[StampedPose]:
