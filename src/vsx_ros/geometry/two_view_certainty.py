@@ -18,7 +18,7 @@ DIRECTIONS = np.array(
     [v for v in itertools.product((-1.0, 0.0, 1.0), repeat=3) if v > (0.0,) * 3 and sum(map(abs, v)) != 2]
 )
 DIRECTIONS /= np.linalg.norm(DIRECTIONS, axis=1, keepdims=True)
-STEPS, MAX_STEP, DAMPING = 12, 0.5, 1e-3  # of the descent; rad
+STEPS, MAX_STEP, DAMPING = 12, 0.5, 1e-3  # of the descent: enough to settle; rad, where it is no longer linear; ratio
 MAD = 1.4826  # standard deviation of Gaussian noise over its median absolute value
 
 
