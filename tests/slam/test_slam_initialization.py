@@ -12,6 +12,8 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.geometry.two_view_certainty import certainty, pure_rotation
 from vsx_ros.slam.initialization import Initializer
 from vsx_ros.slam.keyframe import FrameData
+from vsx_ros.slam.slam import SequentialSlam
+from vsx_ros.slam.state import TrackingState
 from vsx_ros.slam.two_view_reconstruction import InitialMap, InitialPair, MotionHypothesis, TwoViewReconstruction
 from vsx_ros.vision.corners import CornerDetector
 from vsx_ros.vision.patch_search import kernel_camera
@@ -237,3 +239,18 @@ def test_what_a_rotation_leaves_is_the_noise():
     R, left = pure_rotation(rays_a, rays_b)
     assert SE3(R, np.zeros(3)).rotation_angle_to(SE3.exp(np.array([0.0, 0.0, 0.0, 0.05, -0.1, 0.02]))) < 1e-3
     assert 0.2 < 525.0 * np.median(left) < 0.5
+
+
+def test_a_start_whose_depths_turn_out_wrong_is_begun_again(arc_drive):
+    slam, events, states = SequentialSlam(arc_drive.camera, None, Config().slam), [], []
+    for frame, _, _ in arc_drive.frames:
+        result = slam.track(frame)
+        states.append(result.state)
+        watch = slam._mapper._watch
+        if watch is not None and not events:
+            watch._began = watch._began + np.log(2.0)  # as if all had begun twice as far away
+        events += [event for event in slam.drain_events() if event.kind in ("initialised", "restarted")]
+    assert [event.kind for event in events[:3]] == ["initialised", "restarted", "initialised"]
+    assert "0.5" in events[1].reason
+    assert states[-1] is TrackingState.GOOD
+    assert slam.snapshot().keyframe_ids[0] == 0

@@ -32,7 +32,7 @@ class InitializationConfig(Branch, frozen=True):
     max_depth_sigma_ratio: Positive = 0.08  # the map mends itself from here on
     watched_keyframes: Count = 10
     min_surviving_ratio: Ratio = 0.3
-    max_depth_change: Annotated[float, Meta(gt=1)] = 1.5  # five sigmas
+    max_depth_change: Annotated[float, Meta(gt=1)] = 1.7  # seven sigmas; good starts change by up to 1.5
     max_turn_deg: Positive = 30.0  # more than the planner bends over the baseline (phi 2 rad/m)
 
 

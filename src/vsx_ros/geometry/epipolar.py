@@ -15,8 +15,8 @@ def two_view_motions(rays_a: Points2, rays_b: Points2, tolerance: float) -> list
 
     Five-point essential matrix (Nister 2004) with local optimisation (Barath and Matas 2018), which finds the true one
     where plain RANSAC stops at a wrong one, and homography, both with OpenCV's fixed seed, weighed against each other
-    by truncated chi-square scores (Mur-Artal et al. 2015). A planar scene yields the homography's
-    decompositions too."""
+    by truncated chi-square scores (Mur-Artal et al. 2015). A planar scene yields the homography's decompositions
+    too."""
     E, mask = cv2.findEssentialMat(rays_a, rays_b, np.eye(3), cv2.USAC_ACCURATE, 0.999, tolerance)
     H, _ = cv2.findHomography(rays_a, rays_b, cv2.RANSAC, 2.5 * tolerance, maxIters=1000, confidence=0.999)
     motions: list[SE3] = []

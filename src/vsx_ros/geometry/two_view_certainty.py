@@ -1,17 +1,24 @@
 """How well two views determine their motion and the depths: what a pure rotation leaves of the flow, and the standard
 deviations from the Hessian of the adjustment (Triggs et al. 2000, section 9)."""
 
+import itertools
 from typing import NamedTuple
 
 import numpy as np
 
-from vsx_ros.arrays import FloatArray, Points2
+from vsx_ros.arrays import FloatArray, Points2, Points3
 from vsx_ros.geometry.epipolar import essential_matrix, homogeneous
 from vsx_ros.geometry.se3 import SE3
 
 ROUNDS = 8  # reweighted fits; the rotation is settled to a hundredth of a pixel after five
 NEAR = 0.3  # of the median error: what is smaller weighs alike, so that no weight is infinite
 TUKEY = 4.6851  # sigmas, beyond which a residual is an outlier's: 95 % efficient for Gaussian noise
+# The axes and the diagonals of half a sphere: from one of them each minimum is reached.
+DIRECTIONS = np.array(
+    [v for v in itertools.product((-1.0, 0.0, 1.0), repeat=3) if v > (0.0,) * 3 and sum(map(abs, v)) != 2]
+)
+DIRECTIONS /= np.linalg.norm(DIRECTIONS, axis=1, keepdims=True)
+STEPS, MAX_STEP, DAMPING = 12, 0.5, 1e-3  # of the descent: enough to settle; rad, where it is no longer linear; ratio
 MAD = 1.4826  # standard deviation of Gaussian noise over its median absolute value
 
 
@@ -40,28 +47,70 @@ def pure_rotation(rays_a: Points2, rays_b: Points2) -> tuple[FloatArray, FloatAr
     return R, np.linalg.norm(turned[:, :2] / turned[:, 2:] - rays_b, axis=1)
 
 
-def certainty(T_b_a: SE3, rays_a: Points2, rays_b: Points2, sigma_min: float) -> Certainty:
-    """Of a motion with unit translation that explains matched rays (N, 2) on the planes z = 1, N >= 5 with parallax.
+class _Linearised(NamedTuple):
+    """Sampson errors (N,) of matched rays, their derivatives J (N, 5) by the direction across itself (3, 2) and by the
+    rotation from the left; a turned and b (N, 3)."""
 
-    The noise is what the residuals show, but no less than sigma_min. With the depths eliminated what is left of the
-    adjustment is the Sampson error of five unknowns: the direction across itself, and the rotation."""
+    error: FloatArray
+    J: FloatArray
+    across: FloatArray
+    a: Points3
+    b: Points3
+
+    def weights(self, sigma: float) -> FloatArray:
+        """Tukey's (N,)."""
+        return np.maximum(0.0, 1.0 - (self.error / (TUKEY * sigma)) ** 2) ** 2
+
+    def sigma(self, least: float) -> float:
+        """The noise that the errors show, if it is more than ``least``."""
+        return max(MAD * float(np.median(np.abs(self.error))), least)
+
+
+def _linearised(T_b_a: SE3, rays_a: Points2, rays_b: Points2) -> _Linearised:
+    """What is left of the two-view adjustment when the depths are eliminated, to first order."""
     a, b, t = homogeneous(rays_a) @ T_b_a.rotation.T, homogeneous(rays_b), T_b_a.translation
     E = essential_matrix(T_b_a)
-    lines = homogeneous(rays_a) @ E.T, b @ E
-    size = np.sqrt((lines[0][:, :2] ** 2).sum(axis=1) + (lines[1][:, :2] ** 2).sum(axis=1))
-    residual = (b * lines[0]).sum(axis=1) / size
-    sigma = max(MAD * float(np.median(np.abs(residual))), sigma_min)
-    weight = np.maximum(0.0, 1.0 - (residual / (TUKEY * sigma)) ** 2) ** 2
+    lines_b, lines_a = homogeneous(rays_a) @ E.T, b @ E
+    size = np.sqrt((lines_b[:, :2] ** 2).sum(axis=1) + (lines_a[:, :2] ** 2).sum(axis=1)) + 1e-12
     across = np.linalg.svd(t[:, None])[0][:, 1:]
     J = np.column_stack([np.cross(a, b) @ across, np.cross(a, np.cross(b, t))]) / size[:, None]
-    covariance = np.linalg.pinv((J * weight[:, None]).T @ J, hermitian=True) * sigma**2
+    return _Linearised((b * lines_b).sum(axis=1) / size, J, across, a, b)
+
+
+def certainty(T_b_a: SE3, rays_a: Points2, rays_b: Points2, sigma_min: float) -> Certainty:
+    """Of a motion with unit translation that explains matched rays (N, 2) on the planes z = 1, N >= 5 with parallax.
+    The noise is what the errors show, but no less than sigma_min."""
+    linear = _linearised(T_b_a, rays_a, rays_b)
+    _, J, across, a, b = linear
+    sigma = linear.sigma(sigma_min)
+    covariance = np.linalg.pinv((J * linear.weights(sigma)[:, None]).T @ J, hermitian=True) * sigma**2
     # The depth z of a in the equation z (b x a) = -(b x t), and how its logarithm changes with the motion.
     normal = np.cross(b, a)
     squared = np.maximum((normal * normal).sum(axis=1), 1e-18)
-    depth = -(normal * np.cross(b, t)).sum(axis=1) / squared
+    depth = -(normal * np.cross(b, T_b_a.translation)).sum(axis=1) / squared
     lever = np.cross(normal, b)
     by_direction = -(lever @ across) / (depth * squared)[:, None]
     D = np.column_stack([by_direction, -np.cross(a, lever) / squared[:, None]])
     parallax = np.sqrt(squared) / (np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1))
     variance = ((D @ covariance) * D).sum(axis=1) + 2.0 * (sigma / parallax) ** 2
     return Certainty(float(np.sqrt(np.linalg.eigvalsh(covariance[:2, :2])[-1])), np.sqrt(variance), sigma)
+
+
+def every_motion(R_b_a: FloatArray, rays_a: Points2, rays_b: Points2, sigma_min: float) -> list[SE3]:
+    """The minima of the robust Sampson error near a rotation, one of unit translation from each of the DIRECTIONS: of a
+    short baseline the matches often allow several, of which a random search finds any."""
+    return [_descended(SE3(R_b_a, t), rays_a, rays_b, sigma_min) for t in DIRECTIONS]
+
+
+def _descended(T: SE3, rays_a: Points2, rays_b: Points2, sigma_min: float) -> SE3:
+    """Reweighted Gauss-Newton; of the two signs of the translation the one that has more points in front."""
+    for _ in range(STEPS):
+        linear = _linearised(T, rays_a, rays_b)
+        JW = linear.J * linear.weights(linear.sigma(sigma_min))[:, None]
+        H = JW.T @ linear.J
+        step = -np.linalg.solve(H + np.diag(DAMPING * np.diag(H) + 1e-12), JW.T @ linear.error)
+        t = T.translation + linear.across @ np.clip(step[:2], -MAX_STEP, MAX_STEP)
+        turn = SE3.exp(np.concatenate([np.zeros(3), np.clip(step[2:], -MAX_STEP, MAX_STEP)]))
+        T = SE3(turn.rotation @ T.rotation, t / np.linalg.norm(t))
+    in_front = (np.cross(linear.b, linear.a) * -np.cross(linear.b, T.translation)).sum(axis=1) > 0.0
+    return T if 2 * np.count_nonzero(in_front) >= len(in_front) else SE3(T.rotation, -T.translation)

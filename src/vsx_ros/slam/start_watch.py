@@ -28,7 +28,7 @@ class StartWatch:
     def collapse(self, world: Map) -> str:
         """What has become of the start that cannot be mended, in words; empty when it holds."""
         config, alive = self._config, world.alive[self._rows]
-        if np.count_nonzero(alive) < config.min_surviving_ratio * len(alive):
+        if np.count_nonzero(alive) <= config.min_surviving_ratio * len(alive):
             return f"only {np.count_nonzero(alive)} of the first {len(alive)} points have proved true"
         factor = math.exp(float(np.median(_log_depths(world, self._rows[alive]) - self._began[alive])))
         if max(factor, 1.0 / factor) <= config.max_depth_change:

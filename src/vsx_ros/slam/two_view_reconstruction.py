@@ -11,7 +11,7 @@ from vsx_ros.config.maps import InitializationConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.epipolar import epipolar_error, essential_matrix, two_view_motions
 from vsx_ros.geometry.se3 import SE3, stacked
-from vsx_ros.geometry.two_view_certainty import certainty, pure_rotation
+from vsx_ros.geometry.two_view_certainty import certainty, every_motion, pure_rotation
 from vsx_ros.kernels.geometry import unproject_pixels
 from vsx_ros.kernels.slam.bundle import START, adjust
 from vsx_ros.kernels.slam.factors import no_factors, no_floor
@@ -76,6 +76,8 @@ class TwoViewReconstruction:
         if odometry is not None:
             scale, parallax = float(np.linalg.norm(odometry.translation)), config.min_parallax_deg
             hypotheses.append(SE3(odometry.rotation, odometry.translation / scale))
+        else:
+            hypotheses += every_motion(pure_rotation(rays_a, rays_b)[0], rays_a, rays_b, TRAIL_SIGMA_PX * tolerance)
         maps = [self._refine(T, rays_a, rays_b, tolerance, math.radians(parallax)) for T in hypotheses]
         if not maps:
             return "no rigid motion explains the corners"
