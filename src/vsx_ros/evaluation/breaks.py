@@ -24,8 +24,8 @@ class Break(NamedTuple):
 
 class _Step(NamedTuple):
     """The motion up to a tracked frame from the one before, after so many seconds: by the image and by the reference.
-    Motions (6,): way in the camera before [m], turn in the world, whose z is up [rad]. tilt_counts: whether the image is
-    not sure of a tilt; odometry measures none, also where it places a frame."""
+    Motions (6,): way in the camera before [m], turn in the world, whose z is up [rad]. tilt_counts: whether the image
+    is not sure of a tilt; odometry measures none, also where it places a frame."""
 
     stamp_ns: int
     seconds: float
