@@ -24,14 +24,12 @@ class Break(NamedTuple):
 
 class _Step(NamedTuple):
     """The motion up to a tracked frame from the one before, after so many seconds: by the image and by the reference.
-    Motions (6,): way in the camera before [m], turn in the world, whose z is up [rad]. tilt_counts: whether the image
-    is not sure of a tilt; odometry measures none, also where it places a frame."""
+    Motions (6,): way in the camera before [m], turn in the world, whose z is up [rad]."""
 
     stamp_ns: int
     seconds: float
     seen: FloatArray
     expected: FloatArray
-    tilt_counts: bool
 
 
 def find_breaks(
@@ -41,7 +39,7 @@ def find_breaks(
     order. reference: as many camera poses by odometry (or truth), None where unknown. epochs: of the odometry, if it
     may have restarted. Only frames tracked from the map are compared, each with the tracked frame before it in its
     epoch; a jump that the map made, because a loop was closed, is none of the tracking, and one that odometry made
-    neither. Odometry does not measure tilt: where the image is sure of it, it is no jump."""
+    neither. Turns are compared by their heading: odometry knows no tilt, and a drone banks."""
     breaks = [jump for jump, by_odometry in _jumps(results, reference, epochs) if not by_odometry]
     tracked = any(result.state.tracked and result.T_world_cam is not None for result in results)
     if tracked and results[-1].state is TrackingState.LOST:
@@ -89,16 +87,8 @@ def _steps(
             continue
         assert before.T_world_cam is not None
         assert now.T_world_cam is not None
-        good = before.state is now.state is TrackingState.GOOD
         motions = _motion(before.T_world_cam, now.T_world_cam), _motion(T, S)
-        steps.append(
-            _Step(
-                now.stamp_ns,
-                (now.stamp_ns - before.stamp_ns) * 1e-9,
-                *motions,
-                not good and before.found > 0 and now.found > 0,
-            )
-        )
+        steps.append(_Step(now.stamp_ns, (now.stamp_ns - before.stamp_ns) * 1e-9, *motions))
     return steps
 
 
@@ -113,10 +103,9 @@ def _contradicts(step: _Step) -> bool:
 
 
 def _difference(step: _Step) -> tuple[float, float]:
-    """Of the way [m], and of the heading, or the tilt where that counts and is more [deg]."""
-    seen, expected = step.seen, step.expected
-    tilt = abs(math.hypot(*seen[3:5]) - math.hypot(*expected[3:5])) if step.tilt_counts else 0.0
-    return math.hypot(*(seen - expected)[:3]), math.degrees(max(abs(seen[5] - expected[5]), tilt))
+    """Of the way [m] and of the heading [deg]: odometry measures no tilt."""
+    off = step.seen - step.expected
+    return math.hypot(*off[:3]), math.degrees(abs(off[5]))
 
 
 def _size(off: FloatArray) -> float:
