@@ -48,6 +48,10 @@ def test_a_run_adds_what_its_summary_knows(tmp_path, walk, half, capsys):
     both = numbers(capsys, folder.path)
     assert (both["breaks"], both["coverage"]) == (2, None)
     assert both["scale_error"] == pytest.approx(0.5)
+    assert both["ate_of"] == "live poses (trajectory.txt)"
+    assert "ate_final_rmse_m" not in both, "a run of an older version"
+    folder.write_poses("trajectory_final", walk)
+    assert numbers(capsys, folder.path)["ate_final_rmse_m"] < 1e-6 < both["ate_rmse_m"]
 
 
 def test_the_table_says_unknown(tmp_path, capsys):

@@ -8,10 +8,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from unittest.mock import Mock
 
+import numpy as np
 import pytest
 
 from vsx_ros.errors import InputError
-from vsx_ros.runs.journal import Journal, RunEvent, read_journal
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.runs.journal import FrameLine, Journal, RunEvent, read_journal
+from vsx_ros.slam.keyframe import Anchor
+from vsx_ros.slam.state import TrackingResult, TrackingState
 
 LINES = [RunEvent(stamp_ns=i, source="mission", state="mapping", reason="x" * 100) for i in range(5)]
 
@@ -33,6 +37,20 @@ def test_lines_are_read_back_and_gone_on_with(tmp_path: Path) -> None:
     Journal(path).add(*LINES[:2])
     Journal(path, LINES[:2]).add(LINES[2])
     assert read_journal(path) == LINES[:3]
+
+
+def test_a_frame_is_read_back_with_what_carries_its_pose(tmp_path: Path) -> None:
+    path, T = tmp_path / "journal.jsonl", SE3.exp(np.array([0.1, 0.2, 0.3, 0.4, -0.5, 0.6]))
+    told = TrackingResult(7, TrackingState.GOOD, T, 9, 8, False, "", T_map_cam=T, anchor=Anchor(3, T.inverse(), 0.5))
+    lost = TrackingResult(8, TrackingState.LOST, None, 9, 0, False, "dark")
+    Journal(path).add(*(FrameLine.of(result, None, 1.0, None) for result in (told, lost)))
+    first, second = (line.result() for line in read_journal(path) if isinstance(line, FrameLine))
+    assert first.anchor is not None
+    assert (first.anchor.keyframe, first.anchor.scale, second.anchor) == (3, 0.5, None)
+    assert np.allclose(first.anchor.T_keyframe_this.matrix(), T.inverse().matrix(), atol=1e-12)
+    path.write_text(path.read_text().replace("[3,[", "[-3,["))
+    with pytest.raises(InputError, match="is damaged"):
+        read_journal(path)
 
 
 def test_half_a_line_on_a_full_disk_is_taken_back_and_told(tmp_path: Path) -> None:

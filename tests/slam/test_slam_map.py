@@ -16,7 +16,7 @@ from vsx_ros.robot import VelocityCommand
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.robot import EmulatedRobot
 from vsx_ros.sim.world import Start
-from vsx_ros.slam.keyframe import Anchor, FrameData, NewTemplates, Observations
+from vsx_ros.slam.keyframe import Anchor, FrameData, KeyFrame, NewTemplates, Observations, unit_of
 from vsx_ros.slam.local_map import nearest_keyframes
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.slam import SequentialSlam, ThreadedSlam
@@ -120,6 +120,19 @@ def test_what_carries_a_resized_keyframe_is_the_same_after_the_map_was_saved():
     world.resize_keyframe(heir, world.keyframes[heir].T_world_cam, 3.0)
     T = world.keyframes[heir].T_world_cam.inverse() @ world.keyframes[1].T_world_cam
     assert np.allclose(arrays_of(world.view())["anchor_translation"][1], T.translation, atol=1e-12)
+
+
+def test_a_metre_of_a_map_without_odometry_grows_with_it():
+    def metre(depth, *odometry):
+        data = [FrameData.without_image(k, T) for k, T in enumerate(odometry)]
+        keyframes = [KeyFrame(k, d, SE3.identity(), Observations.none(), depth) for k, d in enumerate(data)]
+        return unit_of(keyframes, len(keyframes) - 1)
+
+    assert metre(2.5, None, None) == (1.0, "units of the map")
+    assert metre(0.4, None, None).metre == pytest.approx(0.16)
+    assert metre(0.8, None, None).metre == pytest.approx(0.32)
+    assert metre(0.8, SE2(), SE2()) == (1.0, "m")
+    assert metre(0.8, SE2(), None).word == metre(0.8, None, SE2()).word == "units of the map"
 
 
 def test_the_first_keyframe_and_culled_ones_cannot_be_culled():

@@ -24,13 +24,12 @@ class Break(NamedTuple):
 
 class _Step(NamedTuple):
     """The motion up to a tracked frame from the one before, after so many seconds: by the image and by the reference.
-    Motions (6,): way in the camera before [m], turn in the world, whose z is up [rad]. sure: both frames were GOOD."""
+    Motions (6,): way in the camera before [m], turn in the world, whose z is up [rad]."""
 
     stamp_ns: int
     seconds: float
     seen: FloatArray
     expected: FloatArray
-    sure: bool
 
 
 def find_breaks(
@@ -40,7 +39,7 @@ def find_breaks(
     order. reference: as many camera poses by odometry (or truth), None where unknown. epochs: of the odometry, if it
     may have restarted. Only frames tracked from the map are compared, each with the tracked frame before it in its
     epoch; a jump that the map made, because a loop was closed, is none of the tracking, and one that odometry made
-    neither. Odometry does not measure tilt: where the image is sure of it, it is no jump."""
+    neither. Turns are compared by their heading: odometry knows no tilt, and a drone banks."""
     breaks = [jump for jump, by_odometry in _jumps(results, reference, epochs) if not by_odometry]
     tracked = any(result.state.tracked and result.T_world_cam is not None for result in results)
     if tracked and results[-1].state is TrackingState.LOST:
@@ -62,15 +61,14 @@ def _jumps(
     """Every step that contradicts the reference, and whether that jumped and not the image."""
     steps = _steps(results, reference, epochs)
     for n, step in enumerate(steps):
-        if step is None or not _contradicts(step.seen, step.expected, step.sure):
+        if step is None or not _contradicts(step):
             continue
         near = [other for other in (steps[n - 1] if n else None, *steps[n + 1 : n + 2]) if other is not None]
-        seen, expected = (
-            [np.abs(motion(step) - motion(other) * step.seconds / other.seconds) for other in near]
-            for motion in (lambda s: s.seen, lambda s: s.expected)
-        )
-        its_own = bool(near) and all(_is_far(e) and _size(e) > _ITS_OWN * _size(s) for s, e in zip(seen, expected))
-        metres, degrees = _difference(step.seen, step.expected)
+        longer = [step.seconds / other.seconds for other in near]
+        seen = [_size(step.seen - times * other.seen) for times, other in zip(longer, near)]
+        expected = [_size(step.expected - times * other.expected) for times, other in zip(longer, near)]
+        its_own = bool(near) and all(e > max(1.0, _ITS_OWN * s) for s, e in zip(seen, expected))
+        metres, degrees = _difference(step)
         apart = f"jumped {metres:.2f} m and {degrees:.1f} deg against"
         reason = f"odometry {apart} the images" if its_own else f"the pose {apart} odometry"
         yield Break(step.stamp_ns, reason), its_own
@@ -89,9 +87,8 @@ def _steps(
             continue
         assert before.T_world_cam is not None
         assert now.T_world_cam is not None
-        sure = before.state is now.state is TrackingState.GOOD
         motions = _motion(before.T_world_cam, now.T_world_cam), _motion(T, S)
-        steps.append(_Step(now.stamp_ns, (now.stamp_ns - before.stamp_ns) * 1e-9, *motions, sure))
+        steps.append(_Step(now.stamp_ns, (now.stamp_ns - before.stamp_ns) * 1e-9, *motions))
     return steps
 
 
@@ -100,21 +97,17 @@ def _motion(before: SE3, now: SE3) -> FloatArray:
     return np.concatenate([way, so3_log(now.rotation @ before.rotation.T)])
 
 
-def _contradicts(seen: FloatArray, expected: FloatArray, sure: bool) -> bool:
-    metres, degrees = _difference(seen, expected)
-    tilt = abs(math.hypot(*seen[3:5]) - math.hypot(*expected[3:5]))
-    return metres > _MAX_JUMP_M or degrees > _MAX_JUMP_DEG or (not sure and math.degrees(tilt) > _MAX_JUMP_DEG)
+def _contradicts(step: _Step) -> bool:
+    metres, degrees = _difference(step)
+    return metres > _MAX_JUMP_M or degrees > _MAX_JUMP_DEG
 
 
-def _difference(seen: FloatArray, expected: FloatArray) -> tuple[float, float]:
-    """Of the way [m] and of the heading [deg]."""
-    return math.hypot(*(seen - expected)[:3]), math.degrees(abs(seen[5] - expected[5]))
-
-
-def _is_far(off: FloatArray) -> bool:
-    return _size(off) > 1.0
+def _difference(step: _Step) -> tuple[float, float]:
+    """Of the way [m] and of the heading [deg]: odometry measures no tilt."""
+    off = step.seen - step.expected
+    return math.hypot(*off[:3]), math.degrees(abs(off[5]))
 
 
 def _size(off: FloatArray) -> float:
     """Of what a motion is off, in largest steps that are no jump."""
-    return max(math.hypot(*off[:3]) / _MAX_JUMP_M, math.degrees(off[5]) / _MAX_JUMP_DEG)
+    return max(math.hypot(*off[:3]) / _MAX_JUMP_M, math.degrees(abs(off[5])) / _MAX_JUMP_DEG)

@@ -11,7 +11,7 @@ from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.slam.initialization import Bootstrap
-from vsx_ros.slam.keyframe import Anchor, FrameData, MapView
+from vsx_ros.slam.keyframe import Anchor, FrameData, MapView, unit_of
 from vsx_ros.slam.local_map import FrameTracker, LocalMap, becomes_keyframe, is_sure, nearest_keyframes
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.mapper import KeyFrameRequest
@@ -110,7 +110,8 @@ class FrontEnd:
             moved = self._anchor(before).pose(view.keyframes)
             self._motion.move(moved, new.scale / old.scale)
             self._consistency.move(moved @ before.inverse())
-            self._corrected |= not moved.is_near(before, CORRECTION_M, CORRECTION_RAD)
+            metre = unit_of(view.keyframes, self._reference).metre
+            self._corrected |= not moved.is_near(before, CORRECTION_M * metre, CORRECTION_RAD)
             self._reference = self._reference if new.anchor is None else new.anchor.keyframe
             self._map_id = new.map_id
         self._enter(view, self._map_id)

@@ -18,6 +18,7 @@ from vsx_ros.vision.corners import Corners, no_corners
 from vsx_ros.vision.patch_search import target_of
 from vsx_ros.vision.pyramid import LEVELS, Pyramid, SmallImage
 
+ROOM_DEPTH_M = 2.5  # median distance of what a camera sees in a room; lengths in metres are meant for that
 VIEWS = 5  # templates kept of a point, from different sides; the last is replaced when another comes
 Entry = TypeVar("Entry", bound=np.generic)
 
@@ -110,6 +111,26 @@ class KeyFrame:
     def alive(self) -> bool:
         """Whether it is still part of what is ranked, searched and adjusted."""
         return self.anchor is None
+
+
+class Unit(NamedTuple):
+    """What a length of the map is. metre: how long a metre is in it; without odometry what it is where points are as
+    far away as in a room. word: for people."""
+
+    metre: float
+    word: str
+
+
+METRIC = Unit(1.0, "m")
+
+
+def unit_of(keyframes: Sequence[KeyFrame], *indices: int) -> Unit:
+    """That of the map around some keyframes: metric where its first keyframe and all of these have odometry."""
+    near = [keyframes[k] for k in indices]
+    first = next(k for k in keyframes if k.map_id == near[0].map_id)
+    if all(k.data.T_odom_base is not None for k in (first, *near)):
+        return METRIC
+    return Unit(max(near[0].median_depth, 1e-6) / ROOM_DEPTH_M, "units of the map")
 
 
 class PointObservers:

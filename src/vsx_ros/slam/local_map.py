@@ -21,6 +21,7 @@ KEYFRAME_RATIO = 0.5
 MAX_STEP_M, MAX_STEP_RAD = 0.08, 0.06
 # A frame with so many points, and that share of the expected ones, knows better than odometry.
 SURE_POINTS, SURE_RATIO = 100, 0.2
+ALONE_POINTS = 50  # of a good pose where odometry leads to none
 
 
 class LocalMap:
@@ -123,7 +124,7 @@ class FrameTracker:
         # Where the camera went on as before, the frame as tracked without odometry, which is wrong then.
         last, by_image = self.last, self._motion.predict(data._replace(T_odom_base=None))
         seen = self._search(data, local, by_image, coarse=True)
-        if seen.state is not TrackingState.LOST and is_sure(seen):
+        if seen.state is TrackingState.GOOD and len(seen.rows) >= ALONE_POINTS:
             return seen
         self.last = last
         return track

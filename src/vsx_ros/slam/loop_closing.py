@@ -9,7 +9,7 @@ from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.config.maps import DriftConfig, SlamConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.slam.keyframe import KeyFrame, MapView
+from vsx_ros.slam.keyframe import METRIC, KeyFrame, MapView, Unit, unit_of
 from vsx_ros.slam.local_map import nearest_keyframes, path_lengths
 from vsx_ros.slam.loop_correction import LoopClosure, is_metric, same_points
 from vsx_ros.slam.map import Map
@@ -84,23 +84,22 @@ class LoopDetector:
         long_ago = mine[way[mine] > LONG_AGO * max(newest.median_depth, 1e-6)]
         shared = world.covisible(newest.observations.rows)[long_ago]
         if not len(long_ago) or shared.max() >= KNOWN_POINTS:
-            self._notice_tracked_loop(index, long_ago[shared >= KNOWN_POINTS], way, newest)
+            self._notice_tracked_loop(view, index, long_ago[shared >= KNOWN_POINTS], way)
             return np.zeros(0, np.int64)
         offset = np.linalg.norm(view.centres[long_ago] - newest.T_world_cam.translation, axis=1)
         cosine = view.R_world_cam[long_ago, :, 2] @ newest.T_world_cam.rotation[:, 2]
-        metres, angle = _drift(self._drift, way[long_ago], is_metric(world, newest))
-        near = offset < metres + VIEW_DEPTHS * newest.median_depth
+        reach, angle = _drift(self._drift, way[long_ago], unit_of(world.keyframes, index))
+        near = offset < reach + VIEW_DEPTHS * newest.median_depth
         near &= np.arccos(np.clip(cosine, -1.0, 1.0)) < angle + VIEW_RAD
         return np.asarray(long_ago[near])
 
-    def _notice_tracked_loop(self, index: int, known: IntArray, way: FloatArray, newest: KeyFrame) -> None:
+    def _notice_tracked_loop(self, view: MapView, index: int, known: IntArray, way: FloatArray) -> None:
         oldest = max(known.tolist(), key=lambda k: float(way[k]), default=index)
-        if way[oldest] < LOOP_WAY * newest.median_depth:
+        if way[oldest] < LOOP_WAY * view.keyframes[index].median_depth:
             return
         if index - self._last_loop > LOOP_KEYFRAMES:
-            self.tracked_loop = (
-                f"after {way[oldest]:.1f} m, by tracking alone: keyframe {index} sees points of {oldest}"
-            )
+            length = f"{way[oldest]:.1f} {unit_of(view.keyframes, index).word}"
+            self.tracked_loop = f"after {length}, by tracking alone: keyframe {index} sees points of {oldest}"
         self._last_loop = index
 
     def _is_plausible(self, world: Map, closure: LoopClosure) -> bool:
@@ -109,8 +108,9 @@ class LoopDetector:
         if older.map_id != newer.map_id:
             return True
         way = path_lengths(world.view().centres)
-        metres, angle = _drift(self._drift, way[closure.newer] - way[closure.older], is_metric(world, older, newer))
-        return closure.place(world).is_near(newer.T_world_cam, float(metres), float(angle))
+        unit = unit_of(world.keyframes, closure.newer, closure.older)
+        reach, angle = _drift(self._drift, way[closure.newer] - way[closure.older], unit)
+        return closure.place(world).is_near(newer.T_world_cam, float(reach), float(angle))
 
     def _closure(self, world: Map, index: int, seen: Recognition) -> LoopClosure | None:
         """With the factor of size: 1 by odometry, else from the depths of points that both parts see at one spot."""
@@ -142,11 +142,12 @@ class LoopDetector:
         return near and bool(abs(np.log(a.factor / b.factor)) < AGREE_SCALE)
 
 
-def _drift(config: DriftConfig, way: FloatArray, by_odometry: bool) -> tuple[FloatArray, FloatArray]:
-    """How far [m, rad] the map can be off after a way [m]."""
+def _drift(config: DriftConfig, way: FloatArray, unit: Unit) -> tuple[FloatArray, FloatArray]:
+    """How far [the map's unit, rad] the map can be off after a way [its unit]."""
+    by_odometry = unit == METRIC
     share = config.odometry_ratio if by_odometry else config.camera_ratio
     turn_rad_m = config.odometry_rad_m if by_odometry else config.camera_rad_m
-    return config.distance_m + share * way, config.turn_rad + turn_rad_m * way
+    return config.distance_m * unit.metre + share * way, config.turn_rad + turn_rad_m * way / unit.metre
 
 
 def _depth(world: Map, T_world_cam: SE3, rows: IntArray) -> FloatArray:

@@ -10,7 +10,7 @@ import numpy as np
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels
 from vsx_ros.geometry.se3 import SE3, stacked
 from vsx_ros.kernels.slam.pose_graph import Edges, count_shared, optimize_graph
-from vsx_ros.slam.keyframe import KeyFrame
+from vsx_ros.slam.keyframe import METRIC, KeyFrame, unit_of
 from vsx_ros.slam.local_map import nearest_keyframes, path_lengths
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.map_points import find_unseen, observe_at
@@ -53,14 +53,16 @@ def optimize_pose_graph(world: Map, map_id: int, loops: list[LoopClosure], free_
     """Move all living keyframes of a map but the first so that the loops close, each stretch giving way as far as it is
     uncertain: where successive keyframes share few points, first. free_scale: without odometry the size drifts too.
 
-    Returns how far the last keyframe of the loops moved [m]."""
+    Returns how far the last keyframe of the loops moved [the map's unit]."""
     nodes = world.living_in(map_id)
     number = {k: n for n, k in enumerate(nodes)}
     before = [world.keyframes[k].T_world_cam for k in nodes]
-    edges = [_Edge(number[e.older], number[e.newer], e.T_older_newer, e.factor, LOOP_SIGMA) for e in loops]
+    metre = unit_of(world.keyframes, loops[-1].newer, loops[-1].older).metre
+    sigma = LOOP_SIGMA * np.repeat([metre, 1.0], [3, 4])
+    edges = [_Edge(number[e.older], number[e.newer], e.T_older_newer, e.factor, sigma) for e in loops]
     edges += _edges_within(world, nodes, before)
-    a, b, T_a_b, scale, sigma = zip(*edges)
-    information = np.array([np.diag(s**-2.0) for s in sigma])
+    a, b, T_a_b, scale, sigmas = zip(*edges)
+    information = np.array([np.diag(s**-2.0) for s in sigmas])
     graph = Edges(np.array(a, np.int64), np.array(b, np.int64), *stacked(T_a_b), np.array(scale), information)
     fixed = np.arange(len(nodes)) == 0
     R, t, s, _ = optimize_graph(*stacked(before), np.ones(len(nodes)), fixed, graph, free_scale, ITERATIONS)
@@ -102,10 +104,11 @@ def _edge(world: Map, nodes: list[int], poses: list[SE3], a: int, b: int, loose:
     T_a_b = poses[a].inverse() @ poses[b]
     distance = float(np.linalg.norm(T_a_b.translation))
     depth = max(world.keyframes[nodes[a]].median_depth, 1e-6)
-    metres = DISTANCE_M + DISTANCE_RATIO * distance
-    angle = ANGLE_RAD + ANGLE_RAD_M * distance
+    metre = unit_of(world.keyframes, nodes[b], nodes[a]).metre
+    off = DISTANCE_M * metre + DISTANCE_RATIO * distance
+    angle = ANGLE_RAD + ANGLE_RAD_M * distance / metre
     scale = SCALE + SCALE_RATIO * distance / depth
-    sigma = np.array([metres] * 3 + [angle] * 3 + [scale])
+    sigma = np.array([off] * 3 + [angle] * 3 + [scale])
     return _Edge(a, b, T_a_b, 1.0, LOOSE * sigma if loose else sigma)
 
 
@@ -120,7 +123,8 @@ def correct_loops(world: Map, closures: list[LoopClosure], around: list[int]) ->
         way = path_lengths(world.view().centres)
         length = way[last.newer] - way[last.older]
         moved = optimize_pose_graph(world, newer.map_id, closures, free_scale=not is_metric(world, older, newer))
-        kind, what = "loop closed", f"after {length:.1f} m, {moved:.3f} m off"
+        unit = unit_of(world.keyframes, last.newer, last.older).word
+        kind, what = "loop closed", f"after {length:.1f} {unit}, {moved:.3f} {unit} off"
     else:
         apart = newer.map_id
         _join(world, last)
@@ -177,4 +181,4 @@ def same_points(keyframe: KeyFrame, rows: IntArray, uv: Pixels, level: IntArray)
 
 def is_metric(world: Map, *keyframes: KeyFrame) -> bool:
     """Whether odometry measured the size of the map around the keyframes."""
-    return all(k.data.T_odom_base is not None and world.is_metric(k.map_id) for k in keyframes)
+    return all(unit_of(world.keyframes, keyframe.id) == METRIC for keyframe in keyframes)

@@ -11,7 +11,7 @@ from vsx_ros.config import SlamConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.initialization import Initializer
-from vsx_ros.slam.keyframe import FrameData, MapView
+from vsx_ros.slam.keyframe import FrameData, MapView, unit_of
 from vsx_ros.slam.local_map import LocalMap, nearest_keyframes
 from vsx_ros.slam.odometry import MotionModel, motion_by_odometry
 from vsx_ros.slam.place_recognition import PlaceRecognizer, Recognition, occupied_cells
@@ -101,7 +101,7 @@ class Relocalizer:
             found = self._found(seen.track, view, seen.keyframe)
             if expected is not None and not expected.allows(found.track.T_world_cam, found.map_id):
                 continue
-            if firm or seen.is_certain(self._config) or self._confirms(data, found):
+            if firm or seen.is_certain(self._config) or self._confirms(data, view, found):
                 return found
             self._unconfirmed = data, found
         return None
@@ -129,7 +129,7 @@ class Relocalizer:
         map_id = view.keyframes[keyframe].map_id
         return Relocalization(track, LocalMap(view.part(map_id), keyframe).follow(track.rows), map_id)
 
-    def _confirms(self, data: FrameData, found: Relocalization) -> bool:
+    def _confirms(self, data: FrameData, view: MapView, found: Relocalization) -> bool:
         """Whether a frame shortly before was recognised where the camera must then have been."""
         if self._unconfirmed is None:
             return False
@@ -137,7 +137,8 @@ class Relocalizer:
         if earlier.map_id != found.map_id or (data.stamp_ns - before.stamp_ns) * 1e-9 > AGREE_S:
             return False
         moved = motion_by_odometry(self._T_base_cam, before, data) or SE3.identity()
-        return (earlier.track.T_world_cam @ moved).is_near(found.track.T_world_cam, AGREE_M, AGREE_RAD)
+        reach = AGREE_M * unit_of(view.keyframes, found.reference).metre
+        return (earlier.track.T_world_cam @ moved).is_near(found.track.T_world_cam, reach, AGREE_RAD)
 
 
 class Recovery:
