@@ -109,8 +109,10 @@ class FrameTracker:
 
     def track(self, data: FrameData, local: LocalMap, prediction: Prediction, tracked_before: bool) -> Track:
         """tracked_before: whether the frame before was; only then odometry tells where the camera can not be."""
-        coarse = self.coarse_next or not prediction.by_odometry
+        coarse = self.coarse_next
         track = self._search(data, local, prediction, coarse)
+        if not (coarse or prediction.by_odometry or track.state is TrackingState.GOOD or data.blurred):
+            track = self._search(data, local, prediction, coarse=True)
         if not (prediction.by_odometry and tracked_before):
             return track
         if track.state is not TrackingState.LOST:

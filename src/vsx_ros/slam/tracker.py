@@ -1,5 +1,6 @@
 """Pose of one image against a map: coarse then fine patch search, robust pose, a verdict (PTAM's TrackMap)."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +28,7 @@ HIDING_CELL_PX, BEHIND = 16, 1.25  # side of a cell; times a found point's depth
 FIRST, SECOND = (4, 7), (1, 12)
 # Of a found patch at its level: alignment leaves as much, and no more than that even where the map is bent.
 SIGMA_MIN_PX, SIGMA_MAX_PX = 0.4, 0.7
+TINY = 1e-6  # information of nothing at all, so that every pose has a covariance
 
 
 class Track(NamedTuple):
@@ -108,8 +110,10 @@ class Tracker:
         expected = self._choose(expected)
         fit, uv, counted = self._fine(data, view, pose, expected, radius, pull)
         kept, searched, T_cam_world = fit.settled, expected.rows[counted], fit.T_cam_world
-        state, reason = self._judge(data, int(kept.sum()), len(searched), bool(pull.any()))
         depth = view.points[expected.rows] @ T_cam_world.rotation[2] + T_cam_world.translation[2]
+        state, reason = self._judge(data, int(kept.sum()), len(searched), bool(pull.any()))
+        if state is TrackingState.GOOD and (reason := self._doubt(fit, pull, depth[kept])):
+            state = TrackingState.DUBIOUS
         concealed = hidden(expected.uv[counted], depth[counted], kept[counted])
         found = expected.rows[kept], uv[kept], expected.level[kept]
         pose = T_cam_world.inverse()
@@ -180,6 +184,16 @@ class Tracker:
             return state, reason
         state = TrackingState.LOST if state is TrackingState.LOST else TrackingState.DUBIOUS
         return state, "; ".join(filter(None, ["the image is blurred", reason]))
+
+    def _doubt(self, fit: PoseEstimate, pull: FloatArray, depth: FloatArray) -> str:
+        """Why a pose is not to be trusted though its points, at these depths (F,), were found; empty when it is."""
+        if fit.sigma_px > self._config.max_residual_px:
+            return f"found points miss their places by {fit.sigma_px:.1f} px"
+        covariance = np.linalg.inv(fit.information + np.diag(pull + TINY))
+        share = math.sqrt(np.trace(covariance[:3, :3])) / float(np.median(depth))
+        if share > self._config.max_sigma_ratio:
+            return f"found points leave the position open by {100.0 * share:.0f} % of their distance"
+        return ""
 
     def _judge_sharp(self, found: int, searched: int, corners: int, guided: bool) -> tuple[TrackingState, str]:
         """A pose that odometry supports needs fewer points, provided that most of them are where they should be."""
