@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from vsx_ros.arrays import FloatArray, IntArray, Points3
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points3
 from vsx_ros.config.maps import KeyframeConfig, TrackerConfig
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.keyframe import FrameData, MapView
@@ -56,6 +56,10 @@ class LocalMap:
         after = np.minimum(np.searchsorted(known, way[view.living]), len(known) - 1)
         gap = np.abs(np.stack([known[after], known[np.maximum(after - 1, 0)]]) - way[view.living]).min(axis=0)
         return view._replace(living=view.living[gap <= STRANGE_WAY * view.depths[self.reference]])
+
+    def leave_out(self, points: BoolArray) -> None:
+        """Points (P,) that are looked for in vain are not worth it until the map removes them."""
+        self.rows = self.rows[~points[self.rows]]
 
     def follow(self, found: IntArray) -> int:
         """The keyframe that sees most of the found points; the reference stays unless another one is 20 % better."""

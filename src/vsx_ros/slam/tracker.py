@@ -33,8 +33,8 @@ TINY = 1e-6  # information of nothing at all, so that every pose has a covarianc
 
 class Track(NamedTuple):
     """Outcome for one frame. rows, uv, level (F,): points found where the pose puts them; searched_rows: all that were
-    looked for. information (6, 6): inverse covariance of the pose in the camera's tangent. hidden: how many of the
-    searched were not found and lie behind found ones. blurred: the image was; what is not found in it may be there."""
+    looked for. information (6, 6): inverse covariance of the pose in the camera's tangent. hidden_rows: those of the
+    searched that were not found and lie behind found ones. blurred: the image was; what is not found in it may be there."""
 
     T_world_cam: SE3
     state: TrackingState
@@ -44,7 +44,7 @@ class Track(NamedTuple):
     searched_rows: IntArray
     information: FloatArray
     reason: str
-    hidden: int = 0
+    hidden_rows: IntArray = np.zeros(0, np.int64)
     blurred: bool = False
 
     @property
@@ -55,7 +55,7 @@ class Track(NamedTuple):
     @property
     def visible_ratio(self) -> float:
         """Found over those of the searched that no found point hides."""
-        return len(self.rows) / max(1, len(self.searched_rows) - self.hidden)
+        return len(self.rows) / max(1, len(self.searched_rows) - len(self.hidden_rows))
 
 
 def nothing_tracked(reason: str, T_world_cam: SE3 | None = None) -> Track:
@@ -114,7 +114,7 @@ class Tracker:
         state, reason = self._judge(data, int(kept.sum()), len(searched), bool(pull.any()))
         if state is TrackingState.GOOD and (reason := self._doubt(fit, pull, depth[kept])):
             state = TrackingState.DUBIOUS
-        concealed = hidden(expected.uv[counted], depth[counted], kept[counted])
+        concealed = searched[hidden(expected.uv[counted], depth[counted], kept[counted])]
         found = expected.rows[kept], uv[kept], expected.level[kept]
         pose = T_cam_world.inverse()
         return Track(pose, state, *found, searched, fit.information, reason, concealed, data.blurred)
@@ -229,13 +229,13 @@ def optimized(
     return PoseEstimate(SE3(R, t), *rest)
 
 
-def hidden(uv: Pixels, depth: FloatArray, found: BoolArray) -> int:
-    """How many points at uv (S, 2) px and depth (S,) m are not found and a quarter behind a found one in its 16 px."""
+def hidden(uv: Pixels, depth: FloatArray, found: BoolArray) -> BoolArray:
+    """Which points at uv (S, 2) px and depth (S,) m are not found and a quarter behind a found one in its 16 px."""
     cells = (uv // HIDING_CELL_PX).astype(np.int64)
     at = cells @ (1, 1 + cells[:, 0].max(initial=0))
     nearest = np.full(at.max(initial=0) + 1, np.inf)
     np.minimum.at(nearest, at[found], depth[found])
-    return int(np.count_nonzero(~found & (depth > BEHIND * nearest[at])))
+    return np.asarray(~found & (depth > BEHIND * nearest[at]))
 
 
 def predicted(camera: FloatArray, T_cam_world: SE3, view: MapView, rows: IntArray) -> Predictions:
