@@ -34,7 +34,8 @@ TINY = 1e-6  # information of nothing at all, so that every pose has a covarianc
 class Track(NamedTuple):
     """Outcome for one frame. rows, uv, level (F,): points found where the pose puts them; searched_rows: all that were
     looked for. information (6, 6): inverse covariance of the pose in the camera's tangent. hidden_rows: those of the
-    searched that were not found and lie behind found ones. blurred: the image was; what is not found in it may be there."""
+    searched that were not found and lie behind found ones. blurred: the image was; what is not found in it may be
+    there."""
 
     T_world_cam: SE3
     state: TrackingState

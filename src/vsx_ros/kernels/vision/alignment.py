@@ -10,6 +10,7 @@ from vsx_ros.kernels.linalg.cholesky import factor_in_place, solve_factored
 
 ONE = np.uint64(1)
 CONVERGED_PX = 0.01
+GAINS = (0.4, 2.5)  # what light may have done from one to the other; a negative is another image
 # Times the mean difference, from where a pixel counts by half; and the least of it, in grey levels: noise of the image.
 ROBUST, LEAST_DIFFERENCE = 1.5, 0.5
 
@@ -109,6 +110,7 @@ def align_small(reference: Float32Array, current: Float32Array, iterations: int)
         solve_factored(H, step)
         for k in range(5):
             motion[k] += step[k]
+        motion[4] = min(max(motion[4], GAINS[0]), GAINS[1])
         if abs(step[0]) + abs(step[1]) + width * abs(step[2]) < CONVERGED_PX:
             break
     return motion[0], motion[1], motion[2], score
