@@ -32,6 +32,22 @@ def test_brightness_does_not_matter():
     assert brighter[:3] == pytest.approx(plain[:3], abs=0.01)
 
 
+@pytest.mark.parametrize("gain", [0.75, 1.25])
+def test_gain_does_not_matter(gain):
+    plain = align_small(small(), small(0.02, (0.5, 0.5)), 10)
+    lit = align_small(small(), np.float32(gain) * small(0.02, (0.5, 0.5)), 10)
+    assert lit[:3] == pytest.approx(plain[:3], abs=0.02)
+
+
+def test_blobs_that_stand_in_the_image_do_not_hold_it():
+    """Lamps reflected by the lens: the scene moves behind them."""
+    images = [small(), small(0.0, (1.2, -0.6))]
+    for image in images:
+        image[8:12, 5:10] = image[20:24, 28:33] = 200.0
+    tx, ty, *_ = align_small(*images, 12)
+    assert (tx, ty) == pytest.approx((1.2, -0.6), abs=0.2)
+
+
 def test_images_that_leave_each_other_have_no_score():
     flat = np.zeros((30, 40), np.float32)
     ramp = np.tile(np.arange(40, dtype=np.float32), (30, 1))

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from vsx_ros.kernels.vision.patches import best_pixel, quantize, refine, zmssd
+from vsx_ros.kernels.vision.patches import GAINS, best_pixel, quantize, refine, relit_ssd
 from vsx_ros.kernels.vision.search import search, warp_template, warp_templates
 from vsx_ros.vision.corners import CornerDetector
 from vsx_ros.vision.patch_search import cut_patches, target_of
@@ -31,23 +31,49 @@ def template_at(image, x, y):
     return template, core, quantize(template, core)
 
 
-def test_zmssd_is_the_variance_of_the_difference(texture):
+def relit(window, core):
+    """The same with NumPy, by least squares."""
+    image, wanted = window - window.mean(), core.reshape(8, 8) / 16.0
+    gain = np.clip((image * wanted).sum() / (image**2).sum(), *GAINS)
+    return ((gain * image - wanted) ** 2).sum()
+
+
+def test_core_is_the_patch_without_its_mean(texture):
+    template, core, contrast = template_at(shifted(texture, 0, 0), 100, 80)
+    inner = template[1:9, 1:9] / 16.0
+    assert core.sum() == 0
+    assert np.abs(core.reshape(8, 8) / 16.0 - (inner - inner.mean())).max() <= 1.0 / 16.0
+    assert contrast == pytest.approx(((inner - inner.mean()) ** 2).sum(), rel=1e-3)
+
+
+@pytest.mark.parametrize(("x", "y"), [(150, 60), (150, 61), (60, 150)])
+def test_difference_is_what_gain_and_offset_leave(texture, x, y):
     image = shifted(texture, 0, 0)
-    _, core, contrast = template_at(image, 100, 80)
-    window = image[56:64, 146:154].astype(float)
-    difference = window - core.reshape(8, 8)
-    expected = ((difference - difference.mean()) ** 2).sum()
-    pixels = build_pyramid(image).pixels
-    assert zmssd(pixels, 56 * 320 + 146, 320, core) == pytest.approx(expected, rel=1e-9)
-    own = core.astype(float)
-    assert contrast == pytest.approx(((own - own.mean()) ** 2).sum(), rel=1e-9)
+    _, core, contrast = template_at(image, 150, 60)
+    score = relit_ssd(build_pyramid(image).pixels, (y - 4) * 320 + x - 4, 320, core, contrast)
+    # Template pixel (5, 5), the core's (4, 4), is the point.
+    assert score == pytest.approx(relit(image[y - 4 : y + 4, x - 4 : x + 4].astype(float), core), rel=1e-6, abs=30)
+    assert (score < 200) == ((x, y) == (150, 60))
 
 
-def test_zmssd_ignores_brightness(texture):
-    image = shifted(texture, 0, 0) // 2
-    _, core, contrast = template_at(image, 100, 80)
-    brighter = build_pyramid((image + 40).astype(np.uint8)).pixels
-    assert zmssd(brighter, 76 * 320 + 96, 320, core) == pytest.approx(0.0, abs=1e-6)
+@pytest.mark.parametrize(("gain", "offset"), [(1.0, 40.0), (0.75, 0.0), (1.25, -30.0), (0.5, 90.0)])
+def test_light_does_not_matter(texture, gain, offset):
+    image = np.clip(shifted(texture, 0, 0).astype(float) * 0.5 + 50, 0, 255).astype(np.uint8)
+    lit = np.clip(np.rint(image * gain + offset), 0, 255).astype(np.uint8)
+    template, core, contrast = template_at(image, 100, 80)
+    pixels, layout = build_pyramid(lit).pixels, np.array([0, 240, 320, 0])
+    assert relit_ssd(pixels, 76 * 320 + 96, 320, core, contrast) < 0.02 * contrast
+    ok, x, y, rest = refine(pixels, layout, template, core, contrast, 100.6, 79.6)
+    assert ok
+    assert (x, y) == pytest.approx((100.0, 80.0), abs=0.05)
+    assert rest < 0.02 * contrast
+
+
+def test_a_bare_wall_is_not_a_faint_patch(texture):
+    _, core, contrast = template_at(shifted(texture, 0, 0), 100, 80)
+    noise = np.random.default_rng(0).normal(90.0, 2.0, (240, 320))
+    wall = build_pyramid(np.rint(noise).astype(np.uint8)).pixels
+    assert relit_ssd(wall, 76 * 320 + 96, 320, core, contrast) > 0.8 * contrast
 
 
 def test_template_outside_its_patch_is_refused():
@@ -57,23 +83,25 @@ def test_template_outside_its_patch_is_refused():
 
 @pytest.mark.parametrize("shift", [(0.4, -0.3), (0.0, 0.5), (-0.7, 0.6)])
 def test_refinement_finds_the_subpixel_shift(texture, shift):
-    template, *_ = template_at(shifted(texture, 0, 0), 150, 120)
+    template, core, contrast = template_at(shifted(texture, 0, 0), 150, 120)
     pixels = build_pyramid(shifted(texture, *shift)).pixels
-    ok, x, y, rest = refine(pixels, np.array([0, 240, 320, 0]), template, 150.0, 120.0)
+    ok, x, y, rest = refine(pixels, np.array([0, 240, 320, 0]), template, core, contrast, 150.0, 120.0)
     assert ok
     assert (x - 150, y - 120) == pytest.approx(shift, abs=0.08)
     assert rest < 2000
 
 
 def test_refinement_gives_up_on_a_blank_wall():
-    blank = np.full((10, 10), 16 * 90, np.int32)
-    assert not refine(np.full(240 * 320, 90, np.uint8), np.array([0, 240, 320, 0]), blank, 150.0, 120.0)[0]
+    blank, core = np.full((10, 10), 16 * 90, np.int32), np.empty(64, np.int32)
+    contrast, wall = quantize(blank, core), np.full(240 * 320, 90, np.uint8)
+    assert contrast == 0.0
+    assert not refine(wall, np.array([0, 240, 320, 0]), blank, core, contrast, 150.0, 120.0)[0]
 
 
 def test_best_pixel_is_the_exhaustive_minimum(texture):
     _, core, contrast = template_at(shifted(texture, 0, 0), 150, 120)
     pyramid = build_pyramid(shifted(texture, 2, -1))
-    score, x, y = best_pixel(target_of(pyramid, CornerDetector().detect(pyramid)), 0, 150.2, 119.7, 3, core)
+    score, x, y = best_pixel(target_of(pyramid, CornerDetector().detect(pyramid)), 0, 150.2, 119.7, 3, core, contrast)
     assert (x, y) == (152, 119)
     assert score < 500
 

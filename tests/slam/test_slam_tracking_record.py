@@ -6,13 +6,24 @@ import pytest
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.state import TrackingState
 from vsx_ros.slam.tracker import Track, hidden
-from vsx_ros.slam.tracking_record import TrackingRecord
+from vsx_ros.slam.tracking_record import TrackingRecord, is_hopeless
 
 
 def track(found, searched, concealed=0, blurred=False, x=0.0):
     pose, rows = SE3(np.eye(3), np.array([x, 0.0, 0.0])), np.arange(found)
     every = np.arange(searched)
-    return Track(pose, TrackingState.GOOD, rows, np.zeros((found, 2)), rows, every, np.eye(6), "", concealed, blurred)
+    return Track(
+        pose,
+        TrackingState.GOOD,
+        rows,
+        np.zeros((found, 2)),
+        rows,
+        every,
+        np.eye(6),
+        "",
+        every[found : found + concealed],
+        blurred,
+    )
 
 
 def test_points_behind_found_ones_are_hidden():
@@ -20,9 +31,9 @@ def test_points_behind_found_ones_are_hidden():
     depth = np.array([1.0, 2.0, 1.2, 5.0, 9.0])
     found = np.array([True, False, False, False, True])
     # Hidden: the second; the third is hardly behind, the fourth stands alone, the last is found.
-    assert hidden(uv, depth, found) == 1
-    assert hidden(uv, depth, np.zeros(5, bool)) == 0
-    assert hidden(np.zeros((0, 2)), np.zeros(0), np.zeros(0, bool)) == 0
+    assert hidden(uv, depth, found).tolist() == [False, True, False, False, False]
+    assert not hidden(uv, depth, np.zeros(5, bool)).any()
+    assert hidden(np.zeros((0, 2)), np.zeros(0), np.zeros(0, bool)).shape == (0,)
 
 
 def test_hidden_points_are_those_behind_the_nearest_found_one_of_their_cell():
@@ -34,7 +45,7 @@ def test_hidden_points_are_those_behind_the_nearest_found_one_of_their_cell():
         before = [depth[o] for o in np.flatnonzero(found) if cell[o] == cell[s]]
         expected += bool(before) and depth[s] > 1.25 * min(before)
     assert 20 < expected < 120
-    assert hidden(uv, depth, found) == expected
+    assert np.count_nonzero(hidden(uv, depth, found)) == expected
 
 
 def test_visible_ratio_leaves_out_hidden_points_and_blurred_frames():
@@ -57,6 +68,26 @@ def test_a_blurred_frame_does_not_speak_against_a_point():
     assert searched[:10].tolist() == found[:10].tolist() == [2] * 10
     assert set(searched[10:]) == {1}
     assert found.sum() == 50
+
+
+def test_neither_doubt_nor_what_hides_a_point_speaks_against_it():
+    record = TrackingRecord()
+    record.initialised(0, np.zeros(3))
+    record.tracked(1, track(40, 100, concealed=30), 100, True)
+    record.tracked(2, track(40, 100)._replace(state=TrackingState.DUBIOUS), 100, True)
+    searched, found = record.counts()
+    assert set(searched[:40]) == set(found[:40]) == {2}
+    assert set(searched[40:70]) == {0}
+    assert set(searched[70:]) == {1}
+
+
+def test_points_looked_for_in_vain_are_hopeless():
+    searched, found = np.array([4, 5, 5, 7, 8, 8, 100, 100]), np.array([0, 0, 1, 1, 1, 2, 24, 25])
+    assert is_hopeless(searched, found).tolist() == [False, True, False, False, True, False, True, False]
+    record = TrackingRecord()
+    for k in range(1, 6):
+        record.tracked(k, track(1, 2), 2, True)
+    assert record.hopeless().tolist() == [False, True]
 
 
 def test_lifetimes_in_frames_seconds_and_metres():

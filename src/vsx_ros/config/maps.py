@@ -37,7 +37,11 @@ class InitializationConfig(Branch, frozen=True):
 
 
 class TrackerConfig(Branch, frozen=True):
-    """Per-frame tracking. corners: wanted on the finest level of a VGA image, about half as many on each coarser."""
+    """Per-frame tracking. corners: wanted on the finest level of a VGA image, about half as many on each coarser.
+
+    A pose is in doubt, though enough points were found, where they miss their places by more than max_residual_px
+    (robust standard deviation, px of their pyramid level), or leave the position open by more than max_sigma_ratio of
+    their distance (standard deviation)."""
 
     corners: Count = 1300
     max_points: Count = 800
@@ -46,6 +50,8 @@ class TrackerConfig(Branch, frozen=True):
     good_ratio: Ratio = 0.3
     lost_ratio: Ratio = 0.13
     min_found: Count = 30
+    max_residual_px: Positive = 1.5
+    max_sigma_ratio: Positive = 0.01
     lost_after_frames: Count = 3
 
 

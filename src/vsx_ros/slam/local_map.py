@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from vsx_ros.arrays import FloatArray, IntArray, Points3
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points3
 from vsx_ros.config.maps import KeyframeConfig, TrackerConfig
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.keyframe import FrameData, MapView
@@ -61,6 +61,10 @@ class LocalMap:
         gap = np.abs(np.stack([known[after], known[np.maximum(after - 1, 0)]]) - way[view.living]).min(axis=0)
         return view._replace(living=view.living[gap <= STRANGE_WAY * view.depths[self.reference]])
 
+    def leave_out(self, points: BoolArray) -> None:
+        """Points (P,) that are looked for in vain are not worth it until the map removes them."""
+        self.rows = self.rows[~points[self.rows]]
+
     def follow(self, found: IntArray) -> int:
         """The keyframe that sees most of the found points; the reference stays unless another one is 20 % better."""
         mark = np.zeros(len(self.view.points), np.bool_)
@@ -113,8 +117,10 @@ class FrameTracker:
 
     def track(self, data: FrameData, local: LocalMap, prediction: Prediction, tracked_before: bool) -> Track:
         """tracked_before: whether the frame before was; only then odometry tells where the camera can not be."""
-        coarse = self.coarse_next or not prediction.by_odometry
+        coarse = self.coarse_next
         track = self._search(data, local, prediction, coarse)
+        if not (coarse or prediction.by_odometry or track.state is TrackingState.GOOD or data.blurred):
+            track = self._search(data, local, prediction, coarse=True)
         if not (prediction.by_odometry and tracked_before):
             return track
         if track.state is not TrackingState.LOST:

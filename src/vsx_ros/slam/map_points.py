@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels
+from vsx_ros.arrays import FloatArray, IntArray, Pixels
 from vsx_ros.config.maps import CullingConfig, MapperConfig
 from vsx_ros.slam.keyframe import KeyFrame, MapView, NewTemplates
 from vsx_ros.slam.map import Map
@@ -19,6 +19,7 @@ from vsx_ros.slam.point_creation import (
     templates_in,
 )
 from vsx_ros.slam.tracker import predicted
+from vsx_ros.slam.tracking_record import is_hopeless
 from vsx_ros.vision.patch_search import Predictions, find_patches
 
 REFIND_RADIUS_PX, UNSEEN_REACH = 4.0, 2  # poses are known by now; px of the level beyond corners
@@ -92,7 +93,7 @@ class MapPoints:
     def remove_unfound(self, searched: IntArray, found: IntArray) -> None:
         """Remove points the tracker keeps looking for in vain."""
         n = min(len(searched), len(self._world.points))
-        bad: BoolArray = (searched[:n] >= 8) & (found[:n] < 0.25 * searched[:n]) & self._world.alive[:n]
+        bad = is_hopeless(searched[:n], found[:n]) & self._world.alive[:n]
         self._world.remove_points(np.flatnonzero(bad))
 
 

@@ -226,7 +226,8 @@ class Recovery:
         assert self._last_tracked is not None
         before = self._last_tracked.small
         _, difference = rotation_between(before, data.small, self._focal_px)
-        return difference < CARRIED_CHANGE * float(np.mean(np.square(before)))
+        contrast = min(float(np.mean(np.square(small))) for small in (before, data.small))
+        return difference < CARRIED_CHANGE * contrast
 
     def _base_stood(self, data: FrameData) -> bool:
         before = self._last_tracked

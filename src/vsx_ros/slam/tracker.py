@@ -1,5 +1,6 @@
 """Pose of one image against a map: coarse then fine patch search, robust pose, a verdict (PTAM's TrackMap)."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -27,12 +28,14 @@ HIDING_CELL_PX, BEHIND = 16, 1.25  # side of a cell; times a found point's depth
 FIRST, SECOND = (4, 7), (1, 12)
 # Of a found patch at its level: alignment leaves as much, and no more than that even where the map is bent.
 SIGMA_MIN_PX, SIGMA_MAX_PX = 0.4, 0.7
+TINY = 1e-6  # information of nothing at all, so that every pose has a covariance
 
 
 class Track(NamedTuple):
     """Outcome for one frame. rows, uv, level (F,): points found where the pose puts them; searched_rows: all that were
-    looked for. information (6, 6): inverse covariance of the pose in the camera's tangent. hidden: how many of the
-    searched were not found and lie behind found ones. blurred: the image was; what is not found in it may be there."""
+    looked for. information (6, 6): inverse covariance of the pose in the camera's tangent. hidden_rows: those of the
+    searched that were not found and lie behind found ones. blurred: the image was; what is not found in it may be
+    there."""
 
     T_world_cam: SE3
     state: TrackingState
@@ -42,7 +45,7 @@ class Track(NamedTuple):
     searched_rows: IntArray
     information: FloatArray
     reason: str
-    hidden: int = 0
+    hidden_rows: IntArray = np.zeros(0, np.int64)
     blurred: bool = False
 
     @property
@@ -53,7 +56,7 @@ class Track(NamedTuple):
     @property
     def visible_ratio(self) -> float:
         """Found over those of the searched that no found point hides."""
-        return len(self.rows) / max(1, len(self.searched_rows) - self.hidden)
+        return len(self.rows) / max(1, len(self.searched_rows) - len(self.hidden_rows))
 
 
 def nothing_tracked(reason: str, T_world_cam: SE3 | None = None) -> Track:
@@ -108,9 +111,11 @@ class Tracker:
         expected = self._choose(expected)
         fit, uv, counted = self._fine(data, view, pose, expected, radius, pull)
         kept, searched, T_cam_world = fit.settled, expected.rows[counted], fit.T_cam_world
-        state, reason = self._judge(data, int(kept.sum()), len(searched), bool(pull.any()))
         depth = view.points[expected.rows] @ T_cam_world.rotation[2] + T_cam_world.translation[2]
-        concealed = hidden(expected.uv[counted], depth[counted], kept[counted])
+        state, reason = self._judge(data, int(kept.sum()), len(searched), bool(pull.any()))
+        if state is TrackingState.GOOD and (reason := self._doubt(fit, pull, depth[kept])):
+            state = TrackingState.DUBIOUS
+        concealed = searched[hidden(expected.uv[counted], depth[counted], kept[counted])]
         found = expected.rows[kept], uv[kept], expected.level[kept]
         pose = T_cam_world.inverse()
         return Track(pose, state, *found, searched, fit.information, reason, concealed, data.blurred)
@@ -181,6 +186,16 @@ class Tracker:
         state = TrackingState.LOST if state is TrackingState.LOST else TrackingState.DUBIOUS
         return state, "; ".join(filter(None, ["the image is blurred", reason]))
 
+    def _doubt(self, fit: PoseEstimate, pull: FloatArray, depth: FloatArray) -> str:
+        """Why a pose is not to be trusted though its points, at these depths (F,), were found; empty when it is."""
+        if fit.sigma_px > self._config.max_residual_px:
+            return f"found points miss their places by {fit.sigma_px:.1f} px"
+        covariance = np.linalg.inv(fit.information + np.diag(pull + TINY))
+        share = math.sqrt(np.trace(covariance[:3, :3])) / float(np.median(depth))
+        if share > self._config.max_sigma_ratio:
+            return f"found points leave the position open by {100.0 * share:.0f} % of their distance"
+        return ""
+
     def _judge_sharp(self, found: int, searched: int, corners: int, guided: bool) -> tuple[TrackingState, str]:
         """A pose that odometry supports needs fewer points, provided that most of them are where they should be."""
         config = self._config
@@ -215,13 +230,13 @@ def optimized(
     return PoseEstimate(SE3(R, t), *rest)
 
 
-def hidden(uv: Pixels, depth: FloatArray, found: BoolArray) -> int:
-    """How many points at uv (S, 2) px and depth (S,) m are not found and a quarter behind a found one in its 16 px."""
+def hidden(uv: Pixels, depth: FloatArray, found: BoolArray) -> BoolArray:
+    """Which points at uv (S, 2) px and depth (S,) m are not found and a quarter behind a found one in its 16 px."""
     cells = (uv // HIDING_CELL_PX).astype(np.int64)
     at = cells @ (1, 1 + cells[:, 0].max(initial=0))
     nearest = np.full(at.max(initial=0) + 1, np.inf)
     np.minimum.at(nearest, at[found], depth[found])
-    return int(np.count_nonzero(~found & (depth > BEHIND * nearest[at])))
+    return np.asarray(~found & (depth > BEHIND * nearest[at]))
 
 
 def predicted(camera: FloatArray, T_cam_world: SE3, view: MapView, rows: IntArray) -> Predictions:

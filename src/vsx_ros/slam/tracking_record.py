@@ -8,15 +8,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import FloatArray
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.errors import InputError
-from vsx_ros.slam.state import SlamStatistics
+from vsx_ros.slam.state import SlamStatistics, TrackingState
 from vsx_ros.slam.tracker import Track
 
 LONG_LIVED = 3  # frames a point was found in; rarer ones are mostly wrong matches
+# Frames. A right point is found in more than every second: five times in vain is one of fifty of them.
+OFTEN, HARDLY, FEW_IN_VAIN = 8, 0.25, 5
 _PER_POINT = {"searched": np.int64, "found": np.int64, "seconds": np.float64, "metres": np.float64}
 _COUNTERS = ["relocalizations", "_frames", "_tracked", "_lost", "_uncounted", "_sharp", "_first_ns", "_initialized_ns"]
 _NEVER_NS = -1  # no stamp of a frame
+
+
+def is_hopeless(searched: IntArray, found: IntArray) -> BoolArray:
+    """Which points were searched often and found in under a quarter (PTAM, ORB-SLAM), or never in the first few."""
+    return np.asarray((searched >= OFTEN) & (found < HARDLY * searched) | (searched >= FEW_IN_VAIN) & (found == 0))
 
 
 class TrackingRecord:
@@ -53,8 +60,12 @@ class TrackingRecord:
         more = max(0, n_points - len(self._of_point["found"]))
         for name, column in self._of_point.items():
             self._of_point[name] = np.append(column, np.zeros(more, column.dtype)) if more else column
-        # A point that a blurred image does not show is no worse for it.
-        self._of_point["searched"][track.rows if track.blurred else track.searched_rows] += 1
+        # A point that a blurred image, or one seen from a doubtful place, does not show is no worse for it; nor is one
+        # that others hide.
+        clear = track.state is TrackingState.GOOD and not track.blurred
+        self._of_point["searched"][track.searched_rows if clear else track.rows] += 1
+        if clear:
+            self._of_point["searched"][track.hidden_rows] -= 1
         self._of_point["found"][track.rows] += 1
         if not in_world:
             self.missed(stamp_ns)
@@ -106,6 +117,10 @@ class TrackingRecord:
     def counts(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """(searched, found) per map row, copies."""
         return self._of_point["searched"].copy(), self._of_point["found"].copy()
+
+    def hopeless(self) -> BoolArray:
+        """(P,) points that are looked for in vain."""
+        return is_hopeless(self._of_point["searched"], self._of_point["found"])
 
     def statistics(self, keyframes: int, map_points: int) -> SlamStatistics:
         """The run so far."""

@@ -60,9 +60,9 @@ class Memory(NamedTuple):
 def _search_ray(
     camera: FloatArray, R: FloatArray, t: FloatArray, ray: FloatArray, basis: FloatArray, patch: NDArray[np.uint8],
     far: float, near: float, target: Target, template: Int32Array, memory: Memory,
-) -> tuple[int, int, float]:  # fmt: skip
-    """(corner, level, contrast of the template) where a patch is found along its ray between two inverse depths, corner
-    -1 where it is nowhere or not distinct; fills template (10, 10)."""
+) -> tuple[int, int]:  # fmt: skip
+    """(corner, level) where a patch is found along its ray between two inverse depths, corner -1 where it is nowhere or
+    not distinct; fills template (10, 10)."""
     warped, core, centred, A, B, w = memory
     best, second, winner, winner_level = np.inf, np.inf, -1, 0
     energy, contrast, last_left, last_level, usable = 0.0, 0.0, -1.0, -1, False
@@ -90,7 +90,9 @@ def _search_ray(
                 contrast = quantize(warped, core)
         if not usable:
             continue
-        score, k = best_corner(target, level, (u + 0.5) / scale - 0.5, (v + 0.5) / scale - 0.5, REACH_PX, core)
+        score, k = best_corner(
+            target, level, (u + 0.5) / scale - 0.5, (v + 0.5) / scale - 0.5, REACH_PX, core, contrast
+        )
         if k < 0:
             continue
         apart = winner < 0 or winner_level != level or _apart(target.corners, k, winner)
@@ -101,7 +103,7 @@ def _search_ray(
         elif apart and score < second:
             second = score
     alone = best <= MAX_SHARE * energy + NOISE_FLOOR and second >= DISTINCTION * best
-    return winner if alone else -1, winner_level, energy
+    return winner if alone else -1, winner_level
 
 
 @kernel
@@ -127,11 +129,12 @@ def search_rays(
     memory = Memory(warped, np.empty(64, np.int32), np.zeros(2), np.empty(4), np.empty(4), np.empty(4))
     for c in range(n):
         far, near = inverse_depth[c]
-        k, lv, energy = _search_ray(camera, R, t, rays[c], basis[c], patches[c], far, near, target, template, memory)
+        k, lv = _search_ray(camera, R, t, rays[c], basis[c], patches[c], far, near, target, template, memory)
         if k < 0:
             continue
         x, y = float(target.corners[k, 0]), float(target.corners[k, 1])
-        found[c], position[c, 0], position[c, 1] = aligned(target, lv, template, x, y, energy)
+        contrast = quantize(template, memory.core)
+        found[c], position[c, 0], position[c, 1] = aligned(target, lv, template, memory.core, contrast, x, y)
         if found[c]:
             level[c] = lv
     return found, position, level

@@ -10,6 +10,9 @@ from vsx_ros.kernels.linalg.cholesky import factor_in_place, solve_factored
 
 ONE = np.uint64(1)
 CONVERGED_PX = 0.01
+GAINS = (0.4, 2.5)  # what light may have done from one to the other; a negative is another image
+# Times the mean difference, from where a pixel counts by half; and the least of it, in grey levels: noise of the image.
+ROBUST, LEAST_DIFFERENCE = 1.5, 0.5
 
 
 @kernel
@@ -26,14 +29,18 @@ def _sample(image: Float32Array, x: float, y: float) -> tuple[float, float, floa
 
 @kernel
 def _linearise(
-    reference: Float32Array, current: Float32Array, tx: float, ty: float, a: float, mean: float, H: FloatArray,
-    b: FloatArray,
-) -> tuple[float, int]:  # fmt: skip
-    """Fill the normal equations H (4, 4; upper triangle), b (4,); sum of squared differences and number of pixels."""
+    reference: Float32Array, current: Float32Array, motion: FloatArray, scale: float, H: FloatArray, b: FloatArray
+) -> tuple[float, float, int]:  # fmt: skip
+    """Fill the normal equations H (5, 5; upper triangle), b (5,) at a motion (5,): tx, ty, a, mean, gain.
+
+    Pixels count the less the more they differ from what is expected (Cauchy weights; scale: infinite, all alike).
+    Returns the sums of squares and of absolute differences, and the number of pixels."""
     height, width = reference.shape
+    tx, ty, a, mean, gain = motion[0], motion[1], motion[2], motion[3], motion[4]
     cx, cy, c, s = 0.5 * (width - 1), 0.5 * (height - 1), math.cos(a), math.sin(a)
-    h00 = h01 = h02 = h03 = h11 = h12 = h13 = h22 = h23 = b0 = b1 = b2 = b3 = squares = 0.0
-    count = 0
+    h00 = h01 = h02 = h03 = h04 = h11 = h12 = h13 = h14 = h22 = h23 = h24 = h33 = h34 = h44 = 0.0
+    b0 = b1 = b2 = b3 = b4 = squares = absolute = 0.0
+    narrow, count = 1.0 / (scale * scale), 0
     for y in range(1, height - 1):
         for x in range(1, width - 1):
             dx, dy, p, q = x - cx, y - cy, np.uint64(x), np.uint64(y)
@@ -41,59 +48,69 @@ def _linearise(
             if not (1.0 <= wx < width - 2.0 and 1.0 <= wy < height - 2.0):
                 continue
             value, gx2, gy2 = _sample(current, wx, wy)
-            gx = 0.5 * (gx2 + 0.5 * (reference[q, p + ONE] - reference[q, p - ONE]))
-            gy = 0.5 * (gy2 + 0.5 * (reference[q + ONE, p] - reference[q - ONE, p]))
+            level = reference[q, p]
+            gx = 0.5 * (gx2 + 0.5 * gain * (reference[q, p + ONE] - reference[q, p - ONE]))
+            gy = 0.5 * (gy2 + 0.5 * gain * (reference[q + ONE, p] - reference[q - ONE, p]))
             ga = gx * (-s * dx - c * dy) + gy * (c * dx - s * dy)
-            r = value - reference[q, p] - mean
-            h00 += gx * gx
-            h01 += gx * gy
-            h02 += gx * ga
-            h03 -= gx
-            h11 += gy * gy
-            h12 += gy * ga
-            h13 -= gy
-            h22 += ga * ga
-            h23 -= ga
-            b0 -= gx * r
-            b1 -= gy * r
-            b2 -= ga * r
-            b3 += r
+            r = value - gain * level - mean
+            w = 1.0 / (1.0 + r * r * narrow)
+            wgx, wgy, wga, wr, wl = w * gx, w * gy, w * ga, w * r, w * level
+            h00 += wgx * gx
+            h01 += wgx * gy
+            h02 += wgx * ga
+            h03 -= wgx
+            h04 -= wgx * level
+            h11 += wgy * gy
+            h12 += wgy * ga
+            h13 -= wgy
+            h14 -= wgy * level
+            h22 += wga * ga
+            h23 -= wga
+            h24 -= wga * level
+            h33 += w
+            h34 += wl
+            h44 += wl * level
+            b0 -= wr * gx
+            b1 -= wr * gy
+            b2 -= wr * ga
+            b3 += wr
+            b4 += wr * level
             squares += r * r
+            absolute += abs(r)
             count += 1
-    H[0, 0], H[0, 1], H[0, 2], H[0, 3] = h00, h01, h02, h03
-    H[1, 1], H[1, 2], H[1, 3] = h11, h12, h13
-    H[2, 2], H[2, 3], H[3, 3] = h22, h23, count
-    b[0], b[1], b[2], b[3] = b0, b1, b2, b3
-    return squares, count
+    H[0, 0], H[0, 1], H[0, 2], H[0, 3], H[0, 4] = h00, h01, h02, h03, h04
+    H[1, 1], H[1, 2], H[1, 3], H[1, 4] = h11, h12, h13, h14
+    H[2, 2], H[2, 3], H[2, 4], H[3, 3], H[3, 4], H[4, 4] = h22, h23, h24, h33, h34, h44
+    b[0], b[1], b[2], b[3], b[4] = b0, b1, b2, b3, b4
+    return squares, absolute, count
 
 
 @kernel
 def align_small(reference: Float32Array, current: Float32Array, iterations: int) -> tuple[float, float, float, float]:
-    """Planar motion from one (h, w) float32 image to another: current(Rot(a) x + (tx, ty)) = reference(x) + mean.
+    """Planar motion from one (h, w) float32 image to another: current(Rot(a) x + (tx, ty)) = gain reference(x) + mean.
 
     x is measured from the image centre. At most ``iterations`` steps. Returns tx, ty [small px], a [rad] and the mean
     squared difference over the overlap (but for a last step below 0.01 px). Efficient second-order: mean of both
-    gradients (Benhimane and Malis 2004)."""
+    gradients (Benhimane and Malis 2004). What moves otherwise, or stands in the image like a reflection, counts little:
+    pixels that differ by more than is usual (the mean of the step before) are weighed down."""
     height, width = reference.shape
-    tx, ty, a, mean = 0.0, 0.0, 0.0, 0.0
-    score = np.inf
+    motion, step, H = np.zeros(5), np.zeros(5), np.zeros((5, 5))
+    motion[4], score, scale = 1.0, np.inf, np.inf
     for iteration in range(iterations + 1):
-        H, b = np.zeros((4, 4)), np.zeros(4)
-        squares, count = _linearise(reference, current, tx, ty, a, mean, H, b)
+        squares, absolute, count = _linearise(reference, current, motion, scale, H, step)
         if count < (width * height) // 4:
             return 0.0, 0.0, 0.0, np.inf
-        score = squares / count
+        score, scale = squares / count, max(ROBUST * absolute / count, LEAST_DIFFERENCE)
         if iteration == iterations:
             break
-        for k in range(4):
+        for k in range(5):
             H[k, k] = H[k, k] * 1.0001 + 1e-6
         if not factor_in_place(H):
             return 0.0, 0.0, 0.0, np.inf
-        solve_factored(H, b)
-        tx += b[0]
-        ty += b[1]
-        a += b[2]
-        mean += b[3]
-        if abs(b[0]) + abs(b[1]) + width * abs(b[2]) < CONVERGED_PX:
+        solve_factored(H, step)
+        for k in range(5):
+            motion[k] += step[k]
+        motion[4] = min(max(motion[4], GAINS[0]), GAINS[1])
+        if abs(step[0]) + abs(step[1]) + width * abs(step[2]) < CONVERGED_PX:
             break
-    return tx, ty, a, score
+    return motion[0], motion[1], motion[2], score

@@ -173,11 +173,12 @@ def warp_templates(
 
 @part
 def aligned(
-    target: Target, level: int, template: Int32Array, x: float, y: float, energy: float
+    target: Target, level: int, template: Int32Array, core: Int32Array, contrast: float, x: float, y: float
 ) -> tuple[bool, float, float]:
-    """(found, x, y [level-0 px], 0 where not found) of a template near a place [level px]. energy: see ``quantize``."""
-    ok, x, y, rest = refine(target.pixels, target.table[level], template, x, y)
-    if not (ok and rest < MAX_ALIGNED_SHARE * energy + NOISE_FLOOR):
+    """(found, x, y [level-0 px], 0 where not found) of a template near a place [level px]. core, contrast: see
+    ``quantize``."""
+    ok, x, y, rest = refine(target.pixels, target.table[level], template, core, contrast, x, y)
+    if not (ok and rest < MAX_ALIGNED_SHARE * contrast + NOISE_FLOOR):
         return False, 0.0, 0.0
     scale = 2.0**level
     return True, (x + 0.5) * scale - 0.5, (y + 0.5) * scale - 0.5
@@ -202,20 +203,20 @@ def search(
         if not wanted[s]:
             continue
         lv, template = level[s], templates[s]
-        energy = quantize(template, core)
+        contrast = quantize(template, core)
         scale = 2.0**lv
         x = (uv[s, 0] + 0.5) / scale - 0.5
         y = (uv[s, 1] + 0.5) / scale - 0.5
-        best, winner = best_corner(target, lv, x, y, max(1.5, radius_px / scale), core)
-        limit = MAX_SHARE * energy + NOISE_FLOOR
+        best, winner = best_corner(target, lv, x, y, max(1.5, radius_px / scale), core, contrast)
+        limit = MAX_SHARE * contrast + NOISE_FLOOR
         if winner >= 0 and best < limit:
             px, py = target.corners[winner, 0], target.corners[winner, 1]
         elif reach > 0:
-            best, dx, dy = best_pixel(target, lv, x, y, reach, core)
+            best, dx, dy = best_pixel(target, lv, x, y, reach, core, contrast)
             if best >= limit:
                 continue
             px, py = np.int32(dx), np.int32(dy)
         else:
             continue
-        found[s], position[s, 0], position[s, 1] = aligned(target, lv, template, float(px), float(py), energy)
+        found[s], position[s, 0], position[s, 1] = aligned(target, lv, template, core, contrast, float(px), float(py))
     return found, position
