@@ -1,8 +1,7 @@
 """How well and how fast the SLAM works: ``PYTHONPATH=src:hw python benchmarks/slam.py [section ...]``.
 
-Sections: loops, arcs, turns, kidnap, tour, laps, recordings, timing, live (all when none or ``all`` is given). The
-table goes to stdout, progress to stderr. Everything but timing, live and the times of tour repeats exactly. Recordings
-are looked for in $VSX_DATA.
+Sections: loops, arcs, turns, kidnap, tour, laps, timing, live (all when none or ``all`` is given). The
+table goes to stdout, progress to stderr. Everything but timing, live and the times of tour repeats exactly.
 See benchmarks/README.md for what is driven and how each figure is taken.
 """
 
@@ -14,7 +13,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from slam_accuracy import Row, arcs, kidnappings, loops, recordings, turns
+from slam_accuracy import Row, arcs, kidnappings, loops, turns
 from slam_large import laps, tour
 from slam_timing import live, timing
 
@@ -27,7 +26,6 @@ SECTIONS = {
     "kidnap": kidnappings,
     "tour": tour,
     "laps": laps,
-    "recordings": recordings,
     "timing": timing,
     "live": live,
 }

@@ -1,7 +1,6 @@
-"""Loops, arcs, turns, kidnappings and recordings: is the camera tracked, and how far from the truth."""
+"""Loops, arcs, turns and kidnappings: is the camera tracked, and how far from the truth."""
 
 import math
-import os
 import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -13,13 +12,11 @@ from slam_drives import Drive, Leg, lab_drive, seconds_to_frames
 from vsx_ros.config import Config
 from vsx_ros.evaluation.trajectory import Pairs, TrajectoryError, align, trajectory_error
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.io.bag import open_recording
 from vsx_ros.robot import Frame
 from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.state import SlamEvent, TrackingResult, TrackingState
 
 SLAM = Config().slam
-DATA = Path(os.environ.get("VSX_DATA", Path(__file__).parents[1] / "../shared/data"))
 RADII_M = (1.0, 0.5, 0.3, 0.2, 0.15)
 TRACKED = (TrackingState.GOOD, TrackingState.DUBIOUS)
 
@@ -218,39 +215,3 @@ def jump_m(drive: Drive, done: Run, first: int, back: int) -> float:
     pose = done.results[back].T_world_cam
     assert pose is not None
     return float(np.linalg.norm(to_truth.apply(pose.translation[None])[0] - drive.truth[back][:3, 3]))
-
-
-def recordings(_seeds: range, _keep: Path | None) -> list[Row]:
-    """Monocular, without wheels; ATE after alignment of scale too."""
-    wanted = {
-        "new_tsukuba_150": (130, 145, 1.5, 0.9, "cm", 100.0),
-        "vamr_checkerboard": (85, 92, 1.0, 0.6, "mm", 1000.0),
-        "visp_rbt_desk": (80, None, 2.5, None, "cm", 100.0),
-    }
-    rows = []
-    for name, (must, aim, must_ate, aim_ate, unit, size) in wanted.items():
-        if not (DATA / name).exists():
-            note(f"{DATA / name} is absent (set VSX_DATA): left out")
-            continue
-        source = open_recording(DATA / name)
-        assert source.camera is not None
-        slam, truth, pairs = SequentialSlam(source.camera, None, SLAM, 1), dict[int, SE3](), []
-        truth.update({p.stamp_ns: p.T for p in source.ground_truth})
-        for frame in source.frames():
-            result = slam.track(frame)
-            if result.T_world_cam is not None and frame.stamp_ns in truth:
-                pairs.append((result.T_world_cam, truth[frame.stamp_ns]))
-        rows.append(
-            Row(f"{name}: tracked of {source.frame_count}", "", must, aim, [slam.statistics().frames_tracked], True)
-        )
-        rows.append(
-            Row(
-                f"{name}: ATE, scale aligned",
-                unit,
-                must_ate,
-                aim_ate,
-                [size * trajectory_error(pairs, "sim3").ate_rmse_m],
-            )
-        )
-        note(f"{name}: {rows[-2].worst():.0f} tracked, {rows[-1].worst():.2f} {unit}")
-    return rows
