@@ -11,7 +11,6 @@ from slam_drives import Drive, Leg, lab_drive, seconds_to_frames
 
 from vsx_ros.config import Config
 from vsx_ros.evaluation.trajectory import Pairs, TrajectoryError, align, trajectory_error
-from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame
 from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.state import SlamEvent, TrackingResult, TrackingState

@@ -2,8 +2,8 @@
 
     PYTHONPATH=src:hw python benchmarks/slam_recordings.py [NAME ...] [--spacing 10] [--starts 10] [--each]
 
-One run says little: two starts of one recording differ by a factor of two. Told are, over all starts of a variant: the
-ATE of the poses as they were told live (after alignment with scale), the largest error of the motion between two frames,
+One run says little: two starts of one recording differ by a factor of two. Told are, over all starts of a variant:
+the ATE of the live poses (after alignment with scale), the largest error of the motion between two frames,
 the share of the frames that were tracked from the first start that any variant of the same frames had on, and by how
 much the baseline of the first two keyframes points elsewhere than the truth's. Recordings are looked for in $VSX_DATA.
 """
